@@ -90,11 +90,7 @@ mod tests {
     #[test]
     fn a_transformed_box_holds_the_exact_images_of_its_corners() {
         let b = Aabb { min: Vec3::new(1.0e6, -3.0, 0.1), max: Vec3::new(1.0e6 + 1.0, 7.0, 0.3) };
-        let linear = Mat3::from_cols(
-            Vec3::new(0.3, -1.7, 0.2),
-            Vec3::new(11.0, 0.01, -3.0),
-            Vec3::new(0.4, 0.5, -0.6),
-        );
+        let linear = Mat3::from_cols(Vec3::new(0.3, -1.7, 0.2), Vec3::new(11.0, 0.01, -3.0), Vec3::new(0.4, 0.5, -0.6));
         let t = Vec3::new(-3.0e5, 12.0, 9.0);
         let moved = b.transformed(&linear, t);
         for corner in 0..8u32 {

@@ -69,11 +69,14 @@ impl Cone {
         if self.is_empty() {
             return 0.0;
         }
+        if self.is_full() {
+            return 4.0 * PI;
+        }
         let emission = self.half_angle.min(0.5 * PI);
         let normals = self.half_angle - emission;
-        let widest = self.half_angle.min(PI);
         let (sin_o, cos_o) = normals.sin_cos();
-        let ring = 2.0 * widest * sin_o - (normals - 2.0 * widest).cos() - 2.0 * normals * sin_o + cos_o;
+        let ring =
+            2.0 * self.half_angle * sin_o - (normals - 2.0 * self.half_angle).cos() - 2.0 * normals * sin_o + cos_o;
         (2.0 * PI * (1.0 - cos_o) + 0.5 * PI * ring).max(0.0)
     }
 }

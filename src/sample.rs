@@ -1,0 +1,200 @@
+//! Sampling and probabilities on the CPU: the top level, then one tree, directional lights beside them.
+//!
+//! Twin of `shaders/sample.wgsl`.
+
+use crate::emit::{Incident, sample_light};
+use crate::importance::{Receiver, View};
+use crate::light::{DirectionalLight, luminance};
+use crate::top::TopLevel;
+use crate::tree::LightTree;
+use crate::walk::{Dice, ascend, descend, importances};
+use crate::world::{DirectionalKey, InstanceKey, World, slot_of};
+
+/// Names a light that can be sampled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum LightId {
+    /// A light of an instance's tree.
+    Local {
+        /// The instance.
+        instance: InstanceKey,
+        /// The light's index in the tree.
+        light: u32,
+    },
+    /// A light at infinity.
+    Directional(DirectionalKey),
+}
+
+/// A chosen light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightPick {
+    /// Which.
+    pub light: LightId,
+    /// The chance of this choice, in (0, 1].
+    pub pmf: f32,
+}
+
+/// A chosen light and a point on it. Its share of the light that arrives is estimated by
+/// `brdf * cosine * incident.radiance / (pmf * incident.pdf)`, if nothing stands between.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightSample {
+    /// Which.
+    pub light: LightId,
+    /// The chance of the light, in (0, 1].
+    pub pmf: f32,
+    /// What arrives from the point.
+    pub incident: Incident,
+}
+
+/// Samples a world as it is now. Cheap to make once the top level stands; any number of threads may share it.
+#[derive(Clone, Copy)]
+pub struct Sampler<'a> {
+    world: &'a World,
+    top: &'a TopLevel,
+}
+
+impl World {
+    /// A sampler of the world as of the last update. The first call after a change builds the top level,
+    /// O(n log n) in instances; engines that sample on the GPU only never pay for it.
+    pub fn sampler(&self) -> Sampler<'_> {
+        Sampler { world: self, top: self.top_level() }
+    }
+}
+
+impl<'a> Sampler<'a> {
+    /// Chooses a light and a point on it. `u` in [0, 1): two numbers choose the light, two the point.
+    ///
+    /// `None` if no light can reach the receiver, or if the chosen point does not: both are ordinary, and count as black.
+    pub fn sample(&self, receiver: &Receiver, u: [f32; 4]) -> Option<LightSample> {
+        let LightPick { light, pmf } = self.pick(receiver, [u[0], u[1]])?;
+        let incident = self.sample_light(receiver, light, [u[2], u[3]])?;
+        Some(LightSample { light, pmf, incident })
+    }
+
+    /// Chooses a light; `None` where bounds prove that there is none to choose.
+    ///
+    /// One pass over eight children per level. Source: [CK18] 5, wide nodes after `docs/decisions.md`.
+    pub fn pick(&self, receiver: &Receiver, u: [f32; 2]) -> Option<LightPick> {
+        let view = View::of(receiver);
+        let mut dice = Dice::new(u[0], u[1]);
+        let (local, directional) = self.totals(receiver, &view);
+        let total = local + directional;
+        if total <= 0.0 {
+            return None;
+        }
+        let mut chance = 1.0;
+        if directional > 0.0 {
+            let point = dice.point(total);
+            if point >= local {
+                return self.pick_directional(receiver, point - local, total);
+            }
+            chance = local / total;
+            dice.stretch(point / total, chance);
+        }
+        let (slot, pmf) = descend(&self.top.nodes, &view, &mut dice)?;
+        let instance = self.world.instance_at(slot)?;
+        let (tree, view) = self.enter(instance, receiver)?;
+        let (light, within) = descend(tree.nodes(), &view, &mut Dice::new(u[1], u[0]))?;
+        Some(LightPick { light: LightId::Local { instance, light }, pmf: chance * pmf * within })
+    }
+
+    /// The chance that [`Sampler::pick`] chooses this light; 0 for a light that is dark, unreachable, or not there.
+    pub fn pmf(&self, receiver: &Receiver, light: LightId) -> f32 {
+        let view = View::of(receiver);
+        let (local, directional) = self.totals(receiver, &view);
+        let total = local + directional;
+        if total <= 0.0 {
+            return 0.0;
+        }
+        match light {
+            LightId::Directional(key) => {
+                self.world.directional(key).map_or(0.0, |light| illuminance(light, receiver) / total)
+            }
+            LightId::Local { instance, light } => {
+                let Some((tree, inner)) = self.enter(instance, receiver) else { return 0.0 };
+                let Some(leaf) = tree.leaves().get(light as usize) else { return 0.0 };
+                let chance = if directional > 0.0 { local / total } else { 1.0 };
+                let place = self.top.places[slot_of(instance) as usize];
+                chance * ascend(&self.top.nodes, &view, place) * ascend(tree.nodes(), &inner, *leaf)
+            }
+        }
+    }
+
+    /// A point on a given light; `None` if that point sends nothing to the receiver or the light is not there.
+    pub fn sample_light(&self, receiver: &Receiver, light: LightId, u: [f32; 2]) -> Option<Incident> {
+        match light {
+            LightId::Directional(key) => {
+                let light = self.world.directional(key)?;
+                (illuminance(light, receiver) > 0.0).then(|| Incident {
+                    direction: -light.direction.normalize(),
+                    distance: f32::INFINITY,
+                    radiance: light.illuminance,
+                    pdf: 1.0,
+                    is_delta: true,
+                })
+            }
+            LightId::Local { instance, light } => {
+                let placed = self.world.instance(instance)?;
+                let light = self.world.tree(placed.tree)?.lights().get(light as usize)?;
+                sample_light(light, &placed.placed.frame, receiver, u)
+            }
+        }
+    }
+
+    /// Every light that can be sampled, for sums over all of them.
+    pub fn all_lights(&self) -> impl Iterator<Item = LightId> + use<'a> {
+        let world = self.world;
+        let local = world.instances().flat_map(move |instance| {
+            let lights = world.instance(instance).and_then(|i| world.tree(i.tree)).map_or(0, |t| t.lights().len());
+            (0..lights as u32).map(move |light| LightId::Local { instance, light })
+        });
+        local.chain(world.directionals().map(|(key, _)| LightId::Directional(key)))
+    }
+
+    /// Estimated illuminance by the trees, and illuminance by directional lights. The first is only computed where it
+    /// decides anything, and is 1 otherwise.
+    fn totals(&self, receiver: &Receiver, view: &View) -> (f32, f32) {
+        let directional: f32 = self.world.directionals().map(|(_, light)| illuminance(light, receiver)).sum();
+        if directional <= 0.0 {
+            return (1.0, 0.0);
+        }
+        let local = self.top.nodes.first().map_or(0.0, |root| importances(root, view).1);
+        (local, directional)
+    }
+
+    fn pick_directional(&self, receiver: &Receiver, point: f32, total: f32) -> Option<LightPick> {
+        let mut chosen = None;
+        let mut before = 0.0;
+        for (key, light) in self.world.directionals() {
+            let value = illuminance(light, receiver);
+            if value > 0.0 && point >= before {
+                chosen = Some(LightPick { light: LightId::Directional(key), pmf: value / total });
+            }
+            before += value;
+        }
+        chosen
+    }
+
+    fn enter(&self, instance: InstanceKey, receiver: &Receiver) -> Option<(&'a LightTree, View)> {
+        let instance = self.world.instance(instance)?;
+        Some((self.world.tree(instance.tree)?, instance.placed.view(receiver)))
+    }
+}
+
+/// Luminance of what a directional light brings to a receiver, in lux.
+fn illuminance(light: &DirectionalLight, receiver: &Receiver) -> f32 {
+    let cosine =
+        if receiver.normal == glam::Vec3::ZERO { 1.0 } else { -receiver.normal.dot(light.direction.normalize()) };
+    luminance(light.illuminance) * cosine.max(0.0)
+}
+
+impl LightTree {
+    /// Chooses a light of one tree, in the tree's own space. As [`Sampler::pick`].
+    pub fn pick(&self, receiver: &Receiver, u: [f32; 2]) -> Option<(u32, f32)> {
+        descend(self.nodes(), &View::of(receiver), &mut Dice::new(u[0], u[1]))
+    }
+
+    /// The chance that [`LightTree::pick`] chooses this light; 0 for an index that the tree does not have.
+    pub fn pmf(&self, receiver: &Receiver, light: u32) -> f32 {
+        self.leaves().get(light as usize).map_or(0.0, |leaf| ascend(self.nodes(), &View::of(receiver), *leaf))
+    }
+}

@@ -1,0 +1,137 @@
+//! The bottom level: one light tree per object.
+
+mod attributes;
+mod build;
+mod check;
+mod node;
+mod refit;
+
+pub use attributes::{Attribute, Attributes};
+pub use check::CheckError;
+pub(crate) use node::unpack_direction;
+pub use node::{Child, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_PARENT, Node, Target, WIDTH};
+
+use crate::error::WorldError;
+use crate::light::Light;
+
+/// Lights and the wide tree over them. Nodes lie level by level, the root first, children behind their parents.
+///
+/// A tree is bound to its number of lights; [`LightTree::set`] changes lights in place and [`LightTree::refit`] brings
+/// the nodes up to date. [`World`](crate::World) does both for the trees that it holds.
+#[derive(Clone, Debug, Default)]
+pub struct LightTree {
+    lights: Vec<Light>,
+    nodes: Vec<Node>,
+    /// First node of each level; one more entry for the end.
+    levels: Vec<u32>,
+    /// For each light `node * WIDTH + slot` of its leaf.
+    leaves: Vec<u32>,
+    /// Per node, its unnormalised part of each attribute; kept so that a refit allocates nothing.
+    terms: Vec<attributes::Terms>,
+    attributes: Attributes,
+    /// Lumens of points and spots, and of surfaces: an instance's scale changes only the second.
+    flux: FluxByKind,
+}
+
+/// A tree's flux, by how a transform changes it. Lumens.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FluxByKind {
+    /// Of points and spots.
+    pub punctual: f32,
+    /// Of rectangles, triangles and spheres.
+    pub area: f32,
+}
+
+impl LightTree {
+    /// Builds a tree. Lights keep their order; a tree of no lights is fine.
+    ///
+    /// # Errors
+    /// [`WorldError::Light`] for the first bad light, [`WorldError::TooManyLights`] past [`MAX_LIGHTS`].
+    ///
+    /// O(n log n). Source: [CK18] 4.2-4.4, see `tree/build.rs`.
+    pub fn new(lights: Vec<Light>) -> Result<Self, WorldError> {
+        check_light_count(lights.len())?;
+        check_lights(lights.iter().enumerate().map(|(i, l)| (i, l)))?;
+        Ok(Self::build(lights))
+    }
+
+    /// The lights, in the order they were given.
+    pub fn lights(&self) -> &[Light] {
+        &self.lights
+    }
+
+    /// The nodes, the root first.
+    pub fn nodes(&self) -> &[Node] {
+        &self.nodes
+    }
+
+    /// `node * WIDTH + slot` of each light's leaf.
+    pub fn leaves(&self) -> &[u32] {
+        &self.leaves
+    }
+
+    /// The four attributes of [SS] as of the last build or refit.
+    pub fn attributes(&self) -> Attributes {
+        self.attributes
+    }
+
+    /// The flux of all lights by kind, in lumens.
+    pub fn flux(&self) -> FluxByKind {
+        self.flux
+    }
+
+    /// Replaces lights; the nodes follow at the next [`LightTree::refit`].
+    ///
+    /// # Errors
+    /// [`WorldError::NoSuchLight`] or [`WorldError::Light`]; then no light has changed.
+    pub fn set(&mut self, changes: &[(u32, Light)]) -> Result<(), WorldError> {
+        self.check_changes(changes)?;
+        self.apply(changes);
+        Ok(())
+    }
+
+    /// [`LightTree::set`] for changes that are known to be fine.
+    pub(crate) fn apply(&mut self, changes: &[(u32, Light)]) {
+        for (index, light) in changes {
+            self.lights[*index as usize] = *light;
+        }
+    }
+
+    /// Whether [`LightTree::set`] would take these changes.
+    pub(crate) fn check_changes(&self, changes: &[(u32, Light)]) -> Result<(), WorldError> {
+        let count = self.lights.len();
+        if let Some((index, _)) = changes.iter().find(|(index, _)| *index as usize >= count) {
+            return Err(WorldError::NoSuchLight { index: *index, count });
+        }
+        check_lights(changes.iter().map(|(i, l)| (*i as usize, l)))
+    }
+
+    /// Builds the nodes anew from the present lights.
+    pub fn rebuild(&mut self) {
+        *self = Self::build(std::mem::take(&mut self.lights));
+    }
+}
+
+fn check_light_count(given: usize) -> Result<(), WorldError> {
+    if given > MAX_LIGHTS { Err(WorldError::TooManyLights { given, limit: MAX_LIGHTS }) } else { Ok(()) }
+}
+
+fn check_lights<'a>(mut lights: impl Iterator<Item = (usize, &'a Light)>) -> Result<(), WorldError> {
+    lights.try_for_each(|(index, light)| light.validate().map_err(|source| WorldError::Light { index, source }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_light_limit_follows_from_the_leaf_bit_and_is_tested_on_both_sides() {
+        assert!(check_light_count(MAX_LIGHTS).is_ok());
+        assert_eq!(
+            check_light_count(MAX_LIGHTS + 1),
+            Err(WorldError::TooManyLights { given: MAX_LIGHTS + 1, limit: MAX_LIGHTS })
+        );
+        // The largest index, with the leaf bit, is not the mark of an empty slot.
+        assert_ne!((MAX_LIGHTS - 1) as u32 | LEAF, EMPTY_SLOT);
+    }
+}

@@ -1,0 +1,271 @@
+//! Trees, instances of them, directional lights: edits in, one [`FrameDelta`] out.
+
+mod delta;
+mod edit;
+mod update;
+
+use std::sync::{Arc, OnceLock};
+
+use glam::DVec3;
+use slotmap::{Key, SlotMap, new_key_type};
+
+pub(crate) use delta::Changes;
+pub use delta::FrameDelta;
+pub use update::FrameReport;
+
+use crate::light::{DirectionalLight, Light};
+use crate::placement::{Placed, Placement};
+use crate::policy::{History, Policy};
+use crate::scheduler::{Clock, CostModel, SystemClock};
+use crate::top::TopLevel;
+use crate::tree::{Child, LEAF, LightTree};
+
+new_key_type! {
+    /// Names a light tree of a world; never reused.
+    pub struct TreeKey;
+    /// Names an instance of a tree; never reused.
+    pub struct InstanceKey;
+    /// Names a directional light of a world; never reused.
+    pub struct DirectionalKey;
+}
+
+/// Everything that shines: light trees, instances of them, directional lights.
+///
+/// Calls that fail change nothing. Edits of lights take effect at [`World::update`]; moves, additions and removals at once.
+pub struct World {
+    trees: SlotMap<TreeKey, TreeEntry>,
+    instances: SlotMap<InstanceKey, Instance>,
+    directionals: SlotMap<DirectionalKey, DirectionalLight>,
+    /// The live instance of each slot; an instance keeps its slot while it lives.
+    slots: Vec<Option<InstanceKey>>,
+    /// The live tree of each slot.
+    tree_slots: Vec<Option<TreeKey>>,
+    origin: DVec3,
+    light_count: usize,
+    /// Trees with staged lights, each once.
+    edited: Vec<TreeKey>,
+    /// Trees that asked for a rebuild and got none yet, each once.
+    waiting: Vec<TreeKey>,
+    moved_since_update: usize,
+    changes: Changes,
+    cost_model: CostModel,
+    clock: Arc<dyn Clock>,
+    top: OnceLock<TopLevel>,
+}
+
+pub(crate) struct TreeEntry {
+    pub tree: LightTree,
+    pub instances: Vec<InstanceKey>,
+    /// The instances' distinct policies and how many want each.
+    policies: Vec<(Policy, u32)>,
+    history: History,
+    staged: Vec<(u32, Light)>,
+    is_edited: bool,
+    is_waiting: bool,
+    /// Updates since it first asked for a rebuild in vain.
+    waited: u32,
+}
+
+pub(crate) struct Instance {
+    pub tree: TreeKey,
+    pub placement: Placement,
+    pub policy: Policy,
+    pub placed: Placed,
+    /// Its place in its tree's list of instances.
+    place: usize,
+}
+
+impl TreeEntry {
+    fn new(tree: LightTree) -> Self {
+        Self {
+            history: History::start(tree.attributes()),
+            tree,
+            instances: Vec::new(),
+            policies: Vec::new(),
+            staged: Vec::new(),
+            is_edited: false,
+            is_waiting: false,
+            waited: 0,
+        }
+    }
+
+    fn add_policy(&mut self, policy: Policy) {
+        match self.policies.iter_mut().find(|(p, _)| *p == policy) {
+            Some((_, count)) => *count += 1,
+            None => self.policies.push((policy, 1)),
+        }
+    }
+
+    fn remove_policy(&mut self, policy: Policy) {
+        if let Some(place) = self.policies.iter().position(|(p, _)| *p == policy) {
+            self.policies[place].1 -= 1;
+            if self.policies[place].1 == 0 {
+                self.policies.remove(place);
+            }
+        }
+    }
+
+    /// All instances promised that the lights do not change.
+    fn is_static(&self) -> bool {
+        !self.policies.is_empty() && self.policies.iter().all(|(p, _)| *p == Policy::Static)
+    }
+}
+
+impl Default for World {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl World {
+    /// An empty world that measures rebuilds with the machine's clock.
+    pub fn new() -> Self {
+        Self::with_clock(Arc::new(SystemClock::default()))
+    }
+
+    /// An empty world with a clock of your own, for tests and replays.
+    pub fn with_clock(clock: Arc<dyn Clock>) -> Self {
+        Self {
+            trees: SlotMap::with_key(),
+            instances: SlotMap::with_key(),
+            directionals: SlotMap::with_key(),
+            slots: Vec::new(),
+            tree_slots: Vec::new(),
+            origin: DVec3::ZERO,
+            light_count: 0,
+            edited: Vec::new(),
+            waiting: Vec::new(),
+            moved_since_update: 0,
+            changes: Changes::default(),
+            cost_model: CostModel::default(),
+            clock,
+            top: OnceLock::new(),
+        }
+    }
+
+    /// Trees, with or without instances.
+    pub fn tree_count(&self) -> usize {
+        self.trees.len()
+    }
+
+    /// Instances.
+    pub fn instance_count(&self) -> usize {
+        self.instances.len()
+    }
+
+    /// Lights that can be sampled: those of a tree once per instance, and directional lights.
+    pub fn light_count(&self) -> usize {
+        self.light_count + self.directionals.len()
+    }
+
+    /// The point that sampling coordinates are relative to, in metres.
+    pub fn origin(&self) -> DVec3 {
+        self.origin
+    }
+
+    /// A tree as of the last update; `None` for a stale key.
+    pub fn tree(&self, tree: TreeKey) -> Option<&LightTree> {
+        self.trees.get(tree).map(|entry| &entry.tree)
+    }
+
+    /// The keys of all trees.
+    pub fn trees(&self) -> impl Iterator<Item = TreeKey> {
+        self.trees.keys()
+    }
+
+    /// The keys of all instances.
+    pub fn instances(&self) -> impl Iterator<Item = InstanceKey> {
+        self.instances.keys()
+    }
+
+    /// A directional light; `None` for a stale key.
+    pub fn directional(&self, key: DirectionalKey) -> Option<&DirectionalLight> {
+        self.directionals.get(key)
+    }
+
+    /// All directional lights.
+    pub fn directionals(&self) -> impl Iterator<Item = (DirectionalKey, &DirectionalLight)> {
+        self.directionals.iter()
+    }
+
+    /// Where an instance stands; `None` for a stale key.
+    pub fn placement(&self, instance: InstanceKey) -> Option<Placement> {
+        self.instances.get(instance).map(|i| i.placement)
+    }
+
+    /// Which tree an instance shows; `None` for a stale key.
+    pub fn instance_tree(&self, instance: InstanceKey) -> Option<TreeKey> {
+        self.instances.get(instance).map(|i| i.tree)
+    }
+
+    /// What an instance wants for its tree; `None` for a stale key.
+    pub fn policy(&self, instance: InstanceKey) -> Option<Policy> {
+        self.instances.get(instance).map(|i| i.policy)
+    }
+
+    /// The number by which shaders know an instance; `None` for a stale key.
+    pub fn slot(&self, instance: InstanceKey) -> Option<u32> {
+        self.instances.contains_key(instance).then(|| slot_of(instance))
+    }
+
+    /// The live instance that shaders know by this number.
+    pub fn instance_at(&self, slot: u32) -> Option<InstanceKey> {
+        self.slots.get(slot as usize).copied().flatten()
+    }
+
+    /// Slots that are or were in use.
+    pub(crate) fn slot_count(&self) -> usize {
+        self.slots.len()
+    }
+
+    /// The live tree of a slot.
+    pub(crate) fn tree_at(&self, slot: u32) -> Option<TreeKey> {
+        self.tree_slots.get(slot as usize).copied().flatten()
+    }
+
+    pub(crate) fn tree_entry(&self, tree: TreeKey) -> Option<&TreeEntry> {
+        self.trees.get(tree)
+    }
+
+    pub(crate) fn instance(&self, instance: InstanceKey) -> Option<&Instance> {
+        self.instances.get(instance)
+    }
+
+    /// The CPU's top level, built when first asked for after a change.
+    pub(crate) fn top_level(&self) -> &TopLevel {
+        self.top.get_or_init(|| {
+            let leaf = |slot: u32| self.instance_at(slot).map_or(Child::EMPTY, |key| self.leaf(key));
+            let leaves: Vec<Child> = (0..self.slots.len() as u32).map(leaf).collect();
+            TopLevel::build(&leaves)
+        })
+    }
+
+    /// An instance as the top level sees it.
+    fn leaf(&self, key: InstanceKey) -> Child {
+        let instance = &self.instances[key];
+        let tree = &self.trees[instance.tree].tree;
+        let Some(root) = tree.nodes().first() else { return Child::EMPTY };
+        let cluster = root.cluster();
+        let linear = &instance.placed.linear;
+        let flux = linear.flux(tree.flux().punctual, tree.flux().area, cluster.axis);
+        // A tree whose lights all shine by their least flux only may sum to 0 by kind.
+        let flux = if cluster.flux > 0.0 { flux.max(crate::light::MIN_FLUX) } else { 0.0 };
+        if flux <= 0.0 {
+            return Child::EMPTY;
+        }
+        Child::pack(&cluster.transformed(linear, instance.placed.frame.translation, flux), LEAF | slot_of(key))
+    }
+}
+
+/// Notes who lives in a slot now.
+fn set_slot<K: Copy>(slots: &mut Vec<Option<K>>, slot: u32, owner: Option<K>) {
+    if slots.len() <= slot as usize {
+        slots.resize(slot as usize + 1, None);
+    }
+    slots[slot as usize] = owner;
+}
+
+/// Slot numbers of slotmap keys; small, dense, and reused with a new version after removal.
+pub(crate) fn slot_of(key: impl Key) -> u32 {
+    (key.data().as_ffi() & 0xffff_ffff) as u32
+}

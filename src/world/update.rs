@@ -1,0 +1,139 @@
+//! One frame's work on the trees: refit what was edited, decide, rebuild what the budget allows.
+
+use std::time::Duration;
+
+use super::{TreeEntry, TreeKey, World, slot_of};
+use crate::policy::{History, Policy, wants_rebuild};
+use crate::scheduler::{FrameBudget, Job, rank};
+use crate::tree::LightTree;
+
+/// What [`World::update`] did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FrameReport {
+    /// Instances added, moved or removed since the last update.
+    pub moved_instances: usize,
+    /// Trees refitted because their lights changed.
+    pub refit_trees: usize,
+    /// Trees rebuilt.
+    pub rebuilt_trees: usize,
+    /// Trees that ask for a rebuild and must wait for a later frame.
+    pub waiting_trees: usize,
+    /// What rebuilds were allowed to take.
+    pub budget: Duration,
+    /// What rebuilds took.
+    pub spent: Duration,
+    /// What refits took; they are not optional.
+    pub refit_time: Duration,
+}
+
+impl World {
+    /// Brings trees up to date with the edits since the last call. O(lights of edited trees).
+    ///
+    /// Edited trees are refitted, in parallel. Those whose policy asks for a rebuild are then rebuilt, the most
+    /// worthwhile first, as long as the predicted time of the next one fits into what is left of the budget.
+    pub fn update(&mut self, budget: FrameBudget) -> FrameReport {
+        let mut report = FrameReport {
+            moved_instances: std::mem::take(&mut self.moved_since_update),
+            budget: budget.time(),
+            ..FrameReport::default()
+        };
+        let start = self.clock.now();
+        report.refit_trees = self.refit_edited();
+        report.refit_time = self.clock.now().saturating_sub(start);
+        self.rebuild_waiting(budget, &mut report);
+        report
+    }
+
+    fn refit_edited(&mut self) -> usize {
+        if self.edited.is_empty() {
+            return 0;
+        }
+        // Trees leave the map while threads work on them; a moved-from tree is empty and costs nothing.
+        let edited = std::mem::take(&mut self.edited);
+        let mut work: Vec<(TreeKey, LightTree, Vec<(u32, crate::light::Light)>)> = edited
+            .iter()
+            .map(|key| {
+                let entry = &mut self.trees[*key];
+                entry.is_edited = false;
+                (*key, std::mem::take(&mut entry.tree), std::mem::take(&mut entry.staged))
+            })
+            .collect();
+        let refit = |(_, tree, staged): &mut (_, LightTree, Vec<_>)| {
+            tree.apply(staged);
+            tree.refit();
+            staged.clear();
+        };
+        #[cfg(feature = "parallel")]
+        {
+            use rayon::prelude::*;
+            work.par_iter_mut().for_each(refit);
+        }
+        #[cfg(not(feature = "parallel"))]
+        work.iter_mut().for_each(refit);
+
+        let count = work.len();
+        for (key, tree, staged) in work {
+            let entry = &mut self.trees[key];
+            entry.tree = tree;
+            entry.staged = staged;
+            let now = entry.tree.attributes();
+            entry.history.observe(&now);
+            let wants = entry.policies.iter().any(|(policy, _)| wants_rebuild(policy, &entry.history, &now));
+            if wants && !entry.is_waiting {
+                entry.is_waiting = true;
+                entry.waited = 0;
+                self.waiting.push(key);
+            }
+            self.changes.tree(slot_of(key));
+        }
+        self.top.take();
+        count
+    }
+
+    fn rebuild_waiting(&mut self, budget: FrameBudget, report: &mut FrameReport) {
+        if self.waiting.is_empty() {
+            return;
+        }
+        let mut jobs: Vec<Job<TreeKey>> = self.waiting.iter().map(|key| job(*key, &self.trees[*key])).collect();
+        rank(&mut jobs, &self.cost_model);
+        self.waiting.clear();
+        for Job { key, lights, .. } in jobs {
+            let entry = &mut self.trees[key];
+            // Meanwhile its instances may have changed their minds, or gone.
+            if !entry.policies.iter().any(|(policy, _)| policy.may_rebuild()) {
+                entry.is_waiting = false;
+                continue;
+            }
+            if report.spent.saturating_add(self.cost_model.predict(lights)) > budget.time() {
+                entry.waited = entry.waited.saturating_add(1);
+                self.waiting.push(key);
+                continue;
+            }
+            let start = self.clock.now();
+            entry.tree.rebuild();
+            let took = self.clock.now().saturating_sub(start);
+            self.cost_model.learn(lights, took);
+            entry.history = History::start(entry.tree.attributes());
+            entry.is_waiting = false;
+            report.spent += took;
+            report.rebuilt_trees += 1;
+            self.changes.tree(slot_of(key));
+        }
+        report.waiting_trees = self.waiting.len();
+        if report.rebuilt_trees > 0 {
+            self.top.take();
+        }
+    }
+}
+
+fn job(key: TreeKey, entry: &TreeEntry) -> Job<TreeKey> {
+    let flux = entry.tree.flux();
+    let shown = entry.instances.len() as f32;
+    Job {
+        key,
+        first: entry.policies.iter().any(|(policy, _)| *policy == Policy::AlwaysRebuild),
+        gain: entry.history.worsening(&entry.tree.attributes()) * (flux.punctual + flux.area) * shown,
+        lights: entry.tree.lights().len(),
+        waited: entry.waited,
+    }
+}
