@@ -5,6 +5,8 @@ pub mod cluster;
 pub mod cone;
 mod emit;
 pub mod error;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 mod importance;
 pub mod light;
 mod placement;

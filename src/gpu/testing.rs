@@ -1,0 +1,45 @@
+//! One device for all GPU tests of the library, with WebGPU's default limits and nothing more.
+
+use std::sync::OnceLock;
+
+/// The device and its queue, made once in a process.
+///
+/// Panics where no adapter is found: a GPU test never passes by not running.
+pub(crate) fn gpu() -> (wgpu::Device, wgpu::Queue) {
+    static GPU: OnceLock<(wgpu::Device, wgpu::Queue)> = OnceLock::new();
+    GPU.get_or_init(|| {
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
+            backends: wgpu::Backends::PRIMARY,
+            ..wgpu::InstanceDescriptor::new_without_display_handle()
+        });
+        let adapter = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default()))
+            .unwrap_or_else(|e| {
+                panic!(
+                    "the GPU tests found no adapter ({e}). A software one does: run scripts/test.sh, \
+                     or on Debian and Ubuntu: apt install mesa-vulkan-drivers libvulkan1"
+                )
+            });
+        pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor::default()))
+            .expect("an adapter with WebGPU's default limits")
+    })
+    .clone()
+}
+
+/// What a buffer with `COPY_SRC` holds once all work submitted so far is done.
+pub(crate) fn read<T: bytemuck::Pod>(device: &wgpu::Device, queue: &wgpu::Queue, buffer: &wgpu::Buffer) -> Vec<T> {
+    let copy = device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("test read-back"),
+        size: buffer.size(),
+        usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    });
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, buffer.size());
+    let submitted = queue.submit([encoder.finish()]);
+    copy.map_async(wgpu::MapMode::Read, .., |done| done.expect("the buffer maps"));
+    device
+        .poll(wgpu::PollType::Wait { submission_index: Some(submitted), timeout: None })
+        .expect("the device finishes its work");
+    let bytes = copy.get_mapped_range(..).expect("the buffer is mapped");
+    bytemuck::pod_collect_to_vec(&bytes)
+}
