@@ -2,6 +2,7 @@
 
 mod error;
 mod pool;
+mod sort;
 #[cfg(test)]
 mod testing;
 

@@ -1,0 +1,53 @@
+// Radix sort, stage 3 of 3: every key goes to its place: keys of lower digits, plus keys of its digit in earlier
+// blocks, plus those in earlier rounds of this block, plus those in lower lanes of this round. The last term reads
+// a bit a lane, set by atomics that commute, so the place depends on nothing but the keys.
+
+@group(0) @binding(0) var<uniform> pass_: SortPass;
+@group(0) @binding(1) var<storage, read> keys_in: array<u32>;
+@group(0) @binding(2) var<storage, read> values_in: array<u32>;
+@group(0) @binding(3) var<storage, read_write> keys_out: array<u32>;
+@group(0) @binding(4) var<storage, read_write> values_out: array<u32>;
+@group(0) @binding(5) var<storage, read_write> histogram: array<u32>;
+
+// Where the next key of each digit goes.
+var<workgroup> next: array<u32, SORT_LANES>;
+// [word][digit]: the lanes whose key has that digit. Words first, so that neighbouring digits lie in different banks.
+var<workgroup> lanes_of: array<array<atomic<u32>, SORT_LANES>, SORT_WORDS>;
+
+@compute @workgroup_size(SORT_LANES)
+fn sort_scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let block = group.x;
+    let lower_digits = sort_prefix(lane, histogram[SORT_LANES * pass_.blocks + lane]).x;
+    next[lane] = lower_digits + histogram[lane * pass_.blocks + block];
+    let first = block * pass_.rounds * SORT_LANES + lane;
+    let own_word = lane / 32u;
+    let own_bit = 1u << (lane % 32u);
+    for (var round = 0u; round < pass_.rounds; round++) {
+        let i = first + round * SORT_LANES;
+        var key = 0u;
+        var digit = 0u;
+        if i < pass_.count {
+            key = keys_in[i];
+            digit = sort_digit(key, pass_.shift);
+            atomicOr(&lanes_of[own_word][digit], own_bit);
+        }
+        workgroupBarrier();
+        if i < pass_.count {
+            var place = next[digit];
+            for (var word = 0u; word < own_word; word++) {
+                place += countOneBits(atomicLoad(&lanes_of[word][digit]));
+            }
+            place += countOneBits(atomicLoad(&lanes_of[own_word][digit]) & (own_bit - 1u));
+            keys_out[place] = key;
+            values_out[place] = values_in[i];
+        }
+        workgroupBarrier();
+        // This lane owns digit `lane`: count it and clear it for the next round.
+        var seen = 0u;
+        for (var word = 0u; word < SORT_WORDS; word++) {
+            seen += countOneBits(atomicExchange(&lanes_of[word][lane], 0u));
+        }
+        next[lane] += seen;
+        workgroupBarrier();
+    }
+}
