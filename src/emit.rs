@@ -76,7 +76,7 @@ fn delta(light: &Light, at: Vec3, falloff: f32, receiver: &Receiver) -> Option<I
     let share = falloff * range_window(dist_sq, light.range) / dist_sq;
     let distance = dist_sq.sqrt();
     // A receiver on the light itself gets infinitely much: no number can say that, so it counts as nothing.
-    (share > 0.0 && share.is_finite()).then_some(())?;
+    (dist_sq >= f32::MIN_POSITIVE && share > 0.0 && share.is_finite()).then_some(())?;
     arriving(receiver, toward / distance, distance, light.emission * share, 1.0, true)
 }
 

@@ -6,7 +6,7 @@
 
 use glam::Vec3;
 
-use crate::tree::Child;
+use crate::tree::{Child, FARTHEST, unpack_direction};
 
 /// Where light arrives.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,21 +49,21 @@ impl View {
 }
 
 /// Share of the variance of position that is added to the squared distance.
-const VARIANCE_SHARE: f32 = 0.28;
+pub(crate) const VARIANCE_SHARE: f32 = 0.28;
 /// Width of the smooth cosine at the receiver, per unit of the cluster's angular size.
-const COSINE_WIDTH: f32 = 0.9;
+pub(crate) const COSINE_WIDTH: f32 = 0.9;
 /// Least cosine and least lobe (times 4 pi): what the bounds cannot exclude keeps a chance.
-const FLOOR: f32 = 1.0e-3;
+pub(crate) const FLOOR: f32 = 1.0e-3;
 /// Clusters whose mean direction is longer than this have a lobe this narrow: exponent 2 r / (1 - r) = 1998.
-const LONGEST_LOBE: f32 = 0.999;
+pub(crate) const LONGEST_LOBE: f32 = 0.999;
 /// Importances stay inside this span, so that a sum of eight is finite and positive whatever the scene's units.
-const LEAST: f32 = 1.0e-30;
+pub(crate) const LEAST: f32 = 1.0e-30;
 /// See [`LEAST`].
-const MOST: f32 = 1.0e36;
+pub(crate) const MOST: f32 = 1.0e36;
 /// Rounding of horizon and range tests, relative to the terms that are summed.
-const POSITION_MARGIN: f32 = 1.0e-6;
+pub(crate) const POSITION_MARGIN: f32 = 1.0e-6;
 /// Rounding of cosines between unpacked axes and normalised directions, and what a similarity may be off by.
-const COSINE_MARGIN: f32 = 1.0e-4;
+pub(crate) const COSINE_MARGIN: f32 = 1.0e-4;
 
 /// Estimated illuminance in lux that a cluster causes at a receiver; 0 only if box, cone or range prove that it is 0.
 pub(crate) fn importance(child: &Child, view: &View) -> f32 {
@@ -87,7 +87,7 @@ pub(crate) fn importance(child: &Child, view: &View) -> f32 {
     // the mean says little, so the lobe opens.
     let length = (child.lobe_length() * (1.0 - spread)).min(LONGEST_LOBE);
     let exponent = 2.0 * length / (1.0 - length);
-    let cos = -crate::tree::unpack_direction(child.lobe_axis).dot(direction);
+    let cos = -unpack_direction(child.lobe_axis).dot(direction);
     let lobe = (exponent + 1.0) * (0.5 + 0.5 * cos).clamp(1.0e-6, 1.0).powf(exponent);
 
     let solid_angle = 4.0 * std::f32::consts::PI;
@@ -112,7 +112,7 @@ fn provably_dark(child: &Child, view: &View) -> bool {
 
     // Everything out of range.
     let outside = (center.abs() - half - size * POSITION_MARGIN).max(Vec3::ZERO);
-    let reach = child.range * view.range_scale;
+    let reach = (child.range * view.range_scale).min(FARTHEST);
     if outside.length_squared() > reach * reach * (1.0 + COSINE_MARGIN) {
         return true;
     }
@@ -127,7 +127,7 @@ fn provably_dark(child: &Child, view: &View) -> bool {
     if dist_sq <= radius_sq + size.length_squared() * POSITION_MARGIN {
         return false;
     }
-    let cos_axis = -crate::tree::unpack_direction(child.cone_axis).dot(center) / dist_sq.sqrt();
+    let cos_axis = -unpack_direction(child.cone_axis).dot(center) / dist_sq.sqrt();
     let sin_box_sq = radius_sq / dist_sq;
     let cos_box = (1.0 - sin_box_sq).max(0.0).sqrt();
     if cos_axis >= cos_box {

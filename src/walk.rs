@@ -11,7 +11,7 @@ use crate::tree::{Node, Target, WIDTH};
 pub(crate) const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
 
 /// Spacing of the random numbers in [0.5, 1).
-const U_STEP: f32 = f32::EPSILON / 2.0;
+pub(crate) const U_STEP: f32 = f32::EPSILON / 2.0;
 
 /// A random number that can be used for any number of choices.
 #[derive(Clone, Copy, Debug)]

@@ -1,6 +1,6 @@
 //! Proves that a tree keeps its promises; every tree test calls it after every step.
 
-use super::node::{EMPTY_SLOT, NO_PARENT, Node, WIDTH};
+use super::node::{EMPTY_SLOT, FARTHEST, NO_PARENT, Node, WIDTH};
 use super::{Child, LightTree, Target};
 use crate::cluster::Cluster;
 use crate::cone::angle;
@@ -108,7 +108,7 @@ fn covers(child: &Child, inner: &Cluster) -> Option<&'static str> {
     if !cone_holds {
         return Some("the cone does not cover what is below");
     }
-    if outer.range < inner.range {
+    if outer.range < inner.range.min(FARTHEST) {
         return Some("the range is shorter than below");
     }
     let finite = [outer.flux, outer.variance].into_iter().chain(outer.mean.to_array()).chain(outer.axis.to_array());

@@ -8,8 +8,8 @@ mod refit;
 
 pub use attributes::{Attribute, Attributes};
 pub use check::CheckError;
-pub(crate) use node::unpack_direction;
 pub use node::{Child, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_PARENT, Node, Target, WIDTH};
+pub(crate) use node::{FARTHEST, unpack_direction};
 
 use crate::error::WorldError;
 use crate::light::Light;

@@ -25,6 +25,10 @@ pub const EMPTY_SLOT: u32 = u32::MAX;
 /// [`Node::parent`] of the root.
 pub const NO_PARENT: u32 = u32::MAX;
 
+/// Stands for no range, in metres: shaders may not rely on infinity. Its square fits into f32 and is farther than any
+/// two places of a world.
+pub(crate) const FARTHEST: f32 = 1.0e18;
+
 /// Half-angle added to a packed cone, in radians. An axis of two 16-bit octahedral coordinates is off by up to 7e-5;
 /// the rest covers rounding in the decoded axis.
 const CONE_PADDING: f32 = 1.0e-4;
@@ -118,7 +122,7 @@ impl Child {
             box_min: cluster.aabb.min.to_array(),
             variance: cluster.variance,
             box_max: cluster.aabb.max.to_array(),
-            range: cluster.range,
+            range: cluster.range.min(FARTHEST),
             lobe_axis: pack_direction(lobe),
             cone_axis: pack_direction(cluster.cone.axis),
             angles: ((length * UNORM + 0.5) as u32)

@@ -1,0 +1,155 @@
+// From a chosen light to the light that arrives. Twin of src/emit.rs, which explains it. Binds nothing.
+
+struct LightIncident {
+    // Unit vector from the receiver to the light.
+    direction: vec3<f32>,
+    // Metres; LIGHT_FARTHEST for a directional light.
+    distance: f32,
+    // Nits for surfaces, lux for lights without size; zero if nothing arrives.
+    radiance: vec3<f32>,
+    // Per steradian for surfaces, 1 for lights without size.
+    pdf: f32,
+    is_delta: bool,
+}
+
+fn light_nothing() -> LightIncident {
+    return LightIncident(vec3(0.0), 0.0, vec3(0.0), 0.0, false);
+}
+
+fn light_linear(rows: array<vec4<f32>, 3>, v: vec3<f32>) -> vec3<f32> {
+    return vec3(dot(rows[0].xyz, v), dot(rows[1].xyz, v), dot(rows[2].xyz, v));
+}
+
+fn light_transposed(rows: array<vec4<f32>, 3>, v: vec3<f32>) -> vec3<f32> {
+    return rows[0].xyz * v.x + rows[1].xyz * v.y + rows[2].xyz * v.z;
+}
+
+fn light_translation(rows: array<vec4<f32>, 3>) -> vec3<f32> {
+    return vec3(rows[0].w, rows[1].w, rows[2].w);
+}
+
+fn light_normalize_or_zero(v: vec3<f32>) -> vec3<f32> {
+    let length_sq = dot(v, v);
+    if length_sq > 0.0 {
+        return v / sqrt(length_sq);
+    }
+    return vec3(0.0);
+}
+
+fn light_window(dist_sq: f32, range: f32) -> f32 {
+    let range_sq = min(range, LIGHT_FARTHEST) * min(range, LIGHT_FARTHEST);
+    if dist_sq >= range_sq {
+        return 0.0;
+    }
+    let ratio_sq = dist_sq / range_sq;
+    return 1.0 - ratio_sq * ratio_sq;
+}
+
+fn light_arriving(receiver: LightReceiver, direction: vec3<f32>, distance: f32, radiance: vec3<f32>, pdf: f32, is_delta: bool) -> LightIncident {
+    let above = all(receiver.normal == vec3(0.0)) || dot(receiver.normal, direction) > 0.0;
+    if above && any(radiance != vec3(0.0)) {
+        return LightIncident(direction, distance, radiance, pdf, is_delta);
+    }
+    return light_nothing();
+}
+
+fn light_from_delta(light: LightRecord, at: vec3<f32>, falloff: f32, receiver: LightReceiver) -> LightIncident {
+    let toward = at - receiver.position;
+    let dist_sq = dot(toward, toward);
+    if dist_sq < LIGHT_TINY {
+        return light_nothing();
+    }
+    let share = falloff * light_window(dist_sq, light.range) / dist_sq;
+    let distance = sqrt(dist_sq);
+    return light_arriving(receiver, toward / distance, distance, light.emission * share, 1.0, true);
+}
+
+// `normal_area` is the front normal times the area.
+fn light_from_surface(light: LightRecord, at: vec3<f32>, normal_area: vec3<f32>, receiver: LightReceiver) -> LightIncident {
+    let toward = at - receiver.position;
+    let dist_sq = dot(toward, toward);
+    if dist_sq < LIGHT_TINY {
+        return light_nothing();
+    }
+    let distance = sqrt(dist_sq);
+    let direction = toward / distance;
+    var facing_area = -dot(normal_area, direction);
+    if (light.kind & LIGHT_TWO_SIDED) != 0u {
+        facing_area = abs(facing_area);
+    }
+    // The density must be a finite number: a surface seen from the edge sends nothing.
+    if facing_area <= 0.0 || facing_area < dist_sq * LIGHT_TINY_RATIO {
+        return light_nothing();
+    }
+    let radiance = light.emission * light_window(dist_sq, light.range);
+    return light_arriving(receiver, direction, distance, radiance, dist_sq / facing_area, false);
+}
+
+fn light_orthonormal(v: vec3<f32>) -> vec3<f32> {
+    let sign = select(-1.0, 1.0, v.z >= 0.0);
+    let a = -1.0 / (sign + v.z);
+    return vec3(v.x * v.y * a, sign + v.y * v.y * a, -v.y);
+}
+
+fn light_from_sphere(light: LightRecord, instance: LightInstance, receiver: LightReceiver, u: vec2<f32>) -> LightIncident {
+    let center = light_linear(instance.to_world, light.a) + light_translation(instance.to_world);
+    let to_center = light_linear(instance.to_local, center - receiver.position);
+    let radius_sq = light.c.x * light.c.x;
+    let dist_sq = dot(to_center, to_center);
+    if radius_sq >= dist_sq {
+        return light_nothing();
+    }
+    let sin_max_sq = radius_sq / dist_sq;
+    let one_minus_cos_max = sin_max_sq / (1.0 + sqrt(1.0 - sin_max_sq));
+    let one_minus_cos = u.x * one_minus_cos_max;
+    let cosine = 1.0 - one_minus_cos;
+    let sin_sq = one_minus_cos * (2.0 - one_minus_cos);
+    let axis = to_center / sqrt(dist_sq);
+    let side = light_orthonormal(axis);
+    let phi = 0.5 * LIGHT_FOUR_PI * u.y;
+    let around = side * cos(phi) + cross(axis, side) * sin(phi);
+    let local = axis * cosine + around * sqrt(max(sin_sq, 0.0));
+    let hit = sqrt(dist_sq) * cosine - sqrt(max(radius_sq - dist_sq * sin_sq, 0.0));
+    let world = light_linear(instance.to_world, local);
+    let stretch = length(world);
+    let distance = hit * stretch;
+    let solid_angle = 0.5 * LIGHT_FOUR_PI * one_minus_cos_max * abs(instance.to_local[0].w);
+    if solid_angle < LIGHT_TINY || distance <= 0.0 {
+        return light_nothing();
+    }
+    let radiance = light.emission * light_window(distance * distance, light.range);
+    return light_arriving(receiver, world / stretch, distance, radiance, stretch * stretch * stretch / solid_angle, false);
+}
+
+fn light_incident(light: LightRecord, instance: LightInstance, receiver: LightReceiver, u: vec2<f32>) -> LightIncident {
+    let kind = light.kind & LIGHT_KIND_MASK;
+    if kind == LIGHT_KIND_DIRECTIONAL {
+        return light_arriving(receiver, -light.b, LIGHT_FARTHEST, light.emission, 1.0, true);
+    }
+    if kind == LIGHT_KIND_SPHERE {
+        return light_from_sphere(light, instance, receiver, u);
+    }
+    let translation = light_translation(instance.to_world);
+    let at = light_linear(instance.to_world, light.a) + translation;
+    if kind == LIGHT_KIND_POINT {
+        return light_from_delta(light, at, 1.0, receiver);
+    }
+    if kind == LIGHT_KIND_SPOT {
+        let axis = light_normalize_or_zero(light_linear(instance.to_world, light.b));
+        let cos = dot(axis, light_normalize_or_zero(receiver.position - at));
+        let falloff = clamp(cos * light.c.x + light.c.y, 0.0, 1.0);
+        return light_from_delta(light, at, falloff * falloff, receiver);
+    }
+    let mirrored = sign(instance.to_local[0].w);
+    if kind == LIGHT_KIND_RECTANGLE {
+        let half_u = light_linear(instance.to_world, light.b);
+        let half_v = light_linear(instance.to_world, light.c);
+        let point = at + half_u * (2.0 * u.x - 1.0) + half_v * (2.0 * u.y - 1.0);
+        return light_from_surface(light, point, cross(half_u, half_v) * 4.0 * mirrored, receiver);
+    }
+    let edge_q = light_linear(instance.to_world, light.b) + translation - at;
+    let edge_r = light_linear(instance.to_world, light.c) + translation - at;
+    let root = sqrt(u.x);
+    let point = at + edge_q * (root * (1.0 - u.y)) + edge_r * (root * u.y);
+    return light_from_surface(light, point, cross(edge_q, edge_r) * 0.5 * mirrored, receiver);
+}

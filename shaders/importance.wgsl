@@ -1,0 +1,82 @@
+// How much light a cluster probably sends to a receiver; zero only where its bounds prove it. Twin of
+// src/importance.rs, which explains it and owns the constants. Binds nothing.
+
+struct LightReceiver {
+    // Metres, relative to the world's origin.
+    position: vec3<f32>,
+    // Unit normal of the side that light arrives at; zero for a point in a volume.
+    normal: vec3<f32>,
+}
+
+// A receiver in the space of the nodes that are walked.
+struct LightView {
+    position: vec3<f32>,
+    normal: vec3<f32>,
+    range_scale: f32,
+    keeps_angles: bool,
+}
+
+fn light_importance(child: LightChild, view: LightView) -> f32 {
+    if child.flux <= 0.0 || light_provably_dark(child, view) {
+        return 0.0;
+    }
+    let toward = child.mean - view.position;
+    let dist_sq = dot(toward, toward);
+    let spread = child.variance / max(dist_sq + child.variance, LIGHT_TINY);
+    var direction = vec3(0.0);
+    if dist_sq > 0.0 {
+        direction = toward / sqrt(dist_sq);
+    }
+
+    var cosine = 1.0;
+    if any(view.normal != vec3(0.0)) {
+        let cos = dot(view.normal, direction);
+        let width = LIGHT_COSINE_WIDTH * LIGHT_COSINE_WIDTH * spread;
+        cosine = max(0.5 * (cos + sqrt(cos * cos + width)), LIGHT_FLOOR);
+    }
+
+    let length = min(light_lobe_length(child) * (1.0 - spread), LIGHT_LONGEST_LOBE);
+    let exponent = 2.0 * length / (1.0 - length);
+    let cos = -dot(light_unpack_direction(child.lobe_axis), direction);
+    let lobe = (exponent + 1.0) * pow(clamp(0.5 + 0.5 * cos, 1.0e-6, 1.0), exponent);
+
+    let reach = LIGHT_FOUR_PI * max(dist_sq + LIGHT_VARIANCE_SHARE * child.variance, LIGHT_LEAST);
+    return clamp(child.flux * max(lobe, LIGHT_FLOOR) * cosine / reach, LIGHT_LEAST, LIGHT_MOST);
+}
+
+fn light_provably_dark(child: LightChild, view: LightView) -> bool {
+    let half = 0.5 * (child.box_max - child.box_min);
+    let center = child.box_min + half - view.position;
+    let size = abs(child.box_min) + abs(child.box_max) + abs(view.position);
+
+    let highest = dot(view.normal, center) + dot(abs(view.normal), half);
+    let margin = dot(abs(view.normal), size) * LIGHT_POSITION_MARGIN;
+    if highest + margin <= 0.0 && any(view.normal != vec3(0.0)) {
+        return true;
+    }
+
+    let outside = max(abs(center) - half - size * LIGHT_POSITION_MARGIN, vec3(0.0));
+    let reach = min(child.range * view.range_scale, LIGHT_FARTHEST);
+    if dot(outside, outside) > reach * reach * (1.0 + LIGHT_COSINE_MARGIN) {
+        return true;
+    }
+
+    let cos_half_angle = light_cos_half_angle(child);
+    if !view.keeps_angles || cos_half_angle <= -1.0 {
+        return false;
+    }
+    let radius_sq = dot(half, half) * (1.0 + LIGHT_COSINE_MARGIN);
+    let dist_sq = dot(center, center);
+    if dist_sq <= radius_sq + dot(size, size) * LIGHT_POSITION_MARGIN {
+        return false;
+    }
+    let cos_axis = -dot(light_unpack_direction(child.cone_axis), center) / sqrt(dist_sq);
+    let sin_box_sq = radius_sq / dist_sq;
+    let cos_box = sqrt(max(1.0 - sin_box_sq, 0.0));
+    if cos_axis >= cos_box {
+        return false;
+    }
+    let sin_axis = sqrt(max(1.0 - cos_axis * cos_axis, 0.0));
+    let cos_nearest = cos_axis * cos_box + sin_axis * sqrt(sin_box_sq);
+    return cos_nearest + LIGHT_COSINE_MARGIN < cos_half_angle;
+}

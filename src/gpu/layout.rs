@@ -1,0 +1,218 @@
+//! The records that the host uploads. `shaders/types.wgsl` has their twins; the test below compares them.
+//!
+//! Nodes are uploaded as the CPU walks them: see [`Node`] and [`Child`].
+
+use bytemuck::{Pod, Zeroable};
+use glam::{Mat3, Vec3};
+
+use crate::light::{DirectionalLight, Light, Shape, spot_falloff};
+use crate::placement::Placed;
+use crate::tree::{Child, FARTHEST, LightTree};
+
+/// [`LightRecord::kind`]: the low bits name the kind.
+pub(crate) const KIND_MASK: u32 = 0xff;
+/// A point: `a` its position.
+pub(crate) const KIND_POINT: u32 = 0;
+/// A spot: `a` its position, `b` its direction, `c.x` and `c.y` scale and offset of its falloff.
+pub(crate) const KIND_SPOT: u32 = 1;
+/// A parallelogram: `a` its centre, `b` and `c` its half edges.
+pub(crate) const KIND_RECTANGLE: u32 = 2;
+/// A triangle: `a`, `b` and `c` its vertices.
+pub(crate) const KIND_TRIANGLE: u32 = 3;
+/// A sphere: `a` its centre, `c.x` its radius.
+pub(crate) const KIND_SPHERE: u32 = 4;
+/// A directional light: `b` the direction that its light travels along.
+pub(crate) const KIND_DIRECTIONAL: u32 = 5;
+/// Added to the kind of a surface that emits from its back too.
+pub(crate) const TWO_SIDED: u32 = 0x100;
+
+/// [`InstanceRecord::flags`]: the slot has an instance.
+pub(crate) const LIVE: u32 = 1;
+/// [`InstanceRecord::flags`]: its placement keeps angles, so cones hold in its tree's space.
+pub(crate) const KEEPS_ANGLES: u32 = 2;
+
+/// Stands for an instance slot in the name of a directional light.
+pub(crate) const DIRECTIONAL: u32 = u32::MAX;
+
+/// One light; `LightRecord` in WGSL. 64 bytes.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct LightRecord {
+    pub a: [f32; 3],
+    pub kind: u32,
+    pub b: [f32; 3],
+    pub range: f32,
+    pub c: [f32; 3],
+    pub place: u32,
+    pub emission: [f32; 3],
+    pub padding: u32,
+}
+
+/// One instance slot; `LightInstance` in WGSL. 128 bytes.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct InstanceRecord {
+    /// Rows; the fourth column is the translation.
+    pub to_world: [[f32; 4]; 3],
+    /// Rows; the fourth column is determinant, range scale and mean squared scale of `to_world`.
+    pub to_local: [[f32; 4]; 3],
+    pub flags: u32,
+    /// Its tree's slot.
+    pub tree: u32,
+    /// First node of its tree in the node pool.
+    pub node_base: u32,
+    /// First light of its tree in the light pool.
+    pub light_base: u32,
+    /// Written by the GPU's top-level build.
+    pub top_place: u32,
+    pub padding_a: u32,
+    pub padding_b: u32,
+    pub padding_c: u32,
+}
+
+/// What the top level needs of a tree; `LightTree` in WGSL. 80 bytes.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct TreeRecord {
+    /// The whole tree; flux 0 for a dark or empty one.
+    pub root: Child,
+    pub punctual_flux: f32,
+    pub area_flux: f32,
+    pub padding: [f32; 2],
+}
+
+/// `LightParams` in WGSL. 16 bytes.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct ParamsRecord {
+    pub slots: u32,
+    pub directional_base: u32,
+    pub directional_count: u32,
+    pub padding: u32,
+}
+
+impl LightRecord {
+    /// A light of a tree and the place of its leaf.
+    pub fn of(light: &Light, place: u32) -> Self {
+        let (kind, a, b, c) = match light.shape {
+            Shape::Point { position } => (KIND_POINT, position, Vec3::ZERO, Vec3::ZERO),
+            Shape::Spot { position, direction, inner_angle, outer_angle } => {
+                let (scale, offset) = spot_falloff(inner_angle, outer_angle);
+                (KIND_SPOT, position, direction, Vec3::new(scale, offset, 0.0))
+            }
+            Shape::Rectangle { center, half_u, half_v, two_sided } => {
+                (KIND_RECTANGLE | side_bit(two_sided), center, half_u, half_v)
+            }
+            Shape::Triangle { vertices: [a, b, c], two_sided } => (KIND_TRIANGLE | side_bit(two_sided), a, b, c),
+            Shape::Sphere { center, radius } => (KIND_SPHERE, center, Vec3::ZERO, Vec3::new(radius, 0.0, 0.0)),
+        };
+        Self {
+            a: a.to_array(),
+            kind,
+            b: b.to_array(),
+            range: light.range.min(FARTHEST),
+            c: c.to_array(),
+            place,
+            emission: light.emission.to_array(),
+            padding: 0,
+        }
+    }
+
+    /// A light at infinity.
+    pub fn directional(light: &DirectionalLight) -> Self {
+        Self {
+            kind: KIND_DIRECTIONAL,
+            b: light.direction.normalize().to_array(),
+            emission: light.illuminance.to_array(),
+            range: FARTHEST,
+            ..Self::default()
+        }
+    }
+}
+
+fn side_bit(two_sided: bool) -> u32 {
+    if two_sided { TWO_SIDED } else { 0 }
+}
+
+impl InstanceRecord {
+    /// A placed tree whose nodes and lights start at these records of their pools.
+    pub fn of(placed: &Placed, tree: u32, node_base: u32, light_base: u32) -> Self {
+        let frame = &placed.frame;
+        let [x, y, z] = [frame.determinant, placed.range_scale(), placed.linear.mean_square_scale];
+        Self {
+            to_world: rows(&frame.to_world, frame.translation),
+            to_local: rows(&frame.to_local, Vec3::new(x, y, z)),
+            flags: LIVE | if placed.linear.is_similarity { KEEPS_ANGLES } else { 0 },
+            tree,
+            node_base,
+            light_base,
+            ..Self::default()
+        }
+    }
+}
+
+fn rows(m: &Mat3, last: Vec3) -> [[f32; 4]; 3] {
+    std::array::from_fn(|i| m.row(i).extend(last[i]).to_array())
+}
+
+impl TreeRecord {
+    /// A tree as instances of it see it.
+    pub fn of(tree: &LightTree) -> Self {
+        let root = tree.nodes().first().map_or(Child::EMPTY, |node| Child::pack(&node.cluster(), 0));
+        let flux = tree.flux();
+        Self { root, punctual_flux: flux.punctual, area_flux: flux.area, padding: [0.0; 2] }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashMap;
+    use std::mem::offset_of;
+
+    use naga::TypeInner;
+
+    use super::*;
+    use crate::tree::Node;
+
+    /// Size, and offset of each member, of the structs of a WGSL text.
+    fn structs(text: &str) -> HashMap<String, (u32, Vec<(String, u32)>)> {
+        let module = naga::front::wgsl::parse_str(text).expect("the text is WGSL");
+        let of = |(_, t): (_, &naga::Type)| match &t.inner {
+            TypeInner::Struct { members, span } => {
+                let members = members.iter().map(|m| (m.name.clone().unwrap_or_default(), m.offset)).collect();
+                Some((t.name.clone()?, (*span, members)))
+            }
+            _ => None,
+        };
+        module.types.iter().filter_map(of).collect()
+    }
+
+    macro_rules! record {
+        ($structs:ident, $rust:ty, $wgsl:literal, [$($field:ident $(as $other:literal)?),*]) => {{
+            let (size, members) = &$structs[$wgsl];
+            assert_eq!(*size as usize, size_of::<$rust>(), "size of {}", $wgsl);
+            let ours = [$((record!(@name $field $($other)?), offset_of!($rust, $field))),*];
+            let theirs: Vec<_> = members.iter().map(|(n, o)| (n.as_str(), *o as usize)).collect();
+            assert_eq!(theirs, ours, "{}", $wgsl);
+        }};
+        (@name $field:ident $other:literal) => { $other };
+        (@name $field:ident) => { stringify!($field) };
+    }
+
+    #[test]
+    fn records_have_the_same_layout_in_rust_and_wgsl() {
+        let structs = structs(&crate::gpu::text::pure());
+        record!(structs, Child, "LightChild", [mean, flux, box_min, variance, box_max, range, lobe_axis, cone_axis,
+            angles, target as "target_bits"]);
+        record!(structs, Node, "LightNode", [children, parent, count, padding]);
+        record!(structs, LightRecord, "LightRecord", [a, kind, b, range, c, place, emission, padding]);
+        record!(
+            structs,
+            InstanceRecord,
+            "LightInstance",
+            [to_world, to_local, flags, tree, node_base, light_base, top_place, padding_a, padding_b, padding_c]
+        );
+        record!(structs, TreeRecord, "LightTree", [root, punctual_flux, area_flux, padding]);
+        record!(structs, ParamsRecord, "LightParams", [slots, directional_base, directional_count, padding]);
+    }
+}
