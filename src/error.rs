@@ -1,6 +1,6 @@
 //! Every refusal, with what was given and what the limit is.
 
-use crate::world::{DirectionalKey, InstanceKey, TreeKey};
+use crate::keys::{DirectionalKey, InstanceKey, TreeKey};
 
 /// Why a light was refused.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -64,13 +64,13 @@ pub enum WorldError {
         /// How many lights the tree has.
         count: usize,
     },
-    /// A removed or foreign tree.
+    /// A removed tree. A key of another world is not told apart: it may name something else here.
     #[error("no tree {0:?} in this world")]
     NoSuchTree(TreeKey),
-    /// A removed or foreign instance.
+    /// A removed instance.
     #[error("no instance {0:?} in this world")]
     NoSuchInstance(InstanceKey),
-    /// A removed or foreign directional light.
+    /// A removed directional light.
     #[error("no directional light {0:?} in this world")]
     NoSuchDirectional(DirectionalKey),
     /// The tree still has instances.

@@ -1,27 +1,96 @@
-//! lib
+//! Chooses *which light to sample*, for every shading point and every frame, out of millions that move.
+//!
+//! One light tree per object (the bottom level) is refitted or rebuilt under a policy of each instance; one tree over
+//! the instances (the top level) is made anew every frame, on the GPU; a WGSL function walks both and returns a light
+//! with its exact probability; a scheduler spends a small time budget on the rebuilds that buy most.
+//!
+//! ```
+//! use girandole::glam::{DVec3, Vec3};
+//! use girandole::{FrameBudget, Light, Placement, Policy, Receiver, World};
+//! use std::time::Duration;
+//!
+//! let mut world = World::new();
+//! let lamp = world.add_tree(vec![Light::point(Vec3::new(0.0, 6.0, 0.0), Vec3::splat(800.0))])?;
+//! let post = world.add_instance(lamp, Placement::at(DVec3::new(10.0, 0.0, 0.0)), Policy::Budgeted)?;
+//! world.move_instance(post, Placement::at(DVec3::new(12.0, 0.0, 0.0)))?;
+//! world.set_lights(lamp, &[(0, Light::point(Vec3::new(0.0, 6.0, 0.0), Vec3::splat(400.0)))])?;
+//! let report = world.update(FrameBudget::new(Duration::from_micros(300)));
+//! assert_eq!(report.refit_trees, 1);
+//!
+//! let ground = Receiver::surface(Vec3::new(11.0, 0.0, 1.0), Vec3::Y);
+//! let sample = world.sampler().sample(&ground, [0.1, 0.2, 0.3, 0.4]).expect("the lamp is in sight");
+//! assert_eq!(sample.pmf, world.sampler().pmf(&ground, sample.light));
+//! # Ok::<(), girandole::WorldError>(())
+//! ```
+#![cfg_attr(
+    feature = "gpu",
+    doc = "
+On the GPU, with the engine's own device, queue and encoder (see [`gpu`]):
+
+```no_run
+# fn frame(device: wgpu::Device, queue: wgpu::Queue, mut world: girandole::World) -> Result<(), girandole::gpu::GpuError> {
+# use girandole::wgpu;
+let mut lights = girandole::gpu::GpuLights::new(&device, &queue)?;
+// Every frame:
+lights.upload(&world, &world_delta(&mut world))?;
+let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+lights.build_top(&mut encoder);
+// ... the engine's own passes, whose shader starts with `girandole::gpu::wgsl(1)` and which bind
+// `lights.bind_group()` at group 1, call `light_sample(receiver, u)`.
+queue.submit([encoder.finish()]);
+# Ok(())
+# }
+# fn world_delta(world: &mut girandole::World) -> girandole::FrameDelta { world.take_delta() }
+```
+"
+)]
+//!
+//! # Conventions
+//!
+//! Metres, seconds, lumens, candela, nits, lux; linear Rec. 709 colours. Right-handed. Random numbers `u` in [0, 1).
+//! Trees live in a space of their own, instances carry them to the world with an f64 translation, and sampling happens
+//! relative to [`World::origin`] in f32. A *pmf* is the chance of choosing a light; a *pdf* is a density per steradian.
+//! The sum of all pmf and the chance of "no light" is 1. Bad input gets a typed error and changes nothing.
+//!
+//! Data moves one way, and the modules read in that order: lights, cones and boxes, clusters, trees, policies,
+//! scheduler, world, top level, sampling, GPU. `docs/architecture.md` draws it; `docs/math.md` derives the formulas.
+
+// In the order data passes through them; `tests/all/dependencies.rs` checks that imports point up this list only.
+mod keys;
+
+pub mod error;
 
 pub mod bounds;
-pub mod cluster;
+
 pub mod cone;
+
+pub mod cluster;
+
+pub mod light;
+
+pub mod tree;
+
+mod policy;
+mod scheduler;
+
+mod importance;
+
 mod emit;
-pub mod error;
+mod placement;
+mod walk;
+
+mod top;
+mod world;
+
 #[cfg(feature = "gpu")]
 pub mod gpu;
-mod importance;
-pub mod light;
-mod placement;
-mod policy;
 mod sample;
-mod scheduler;
-mod top;
-pub mod tree;
-mod walk;
-mod world;
 
 pub use emit::Incident;
 pub use error::{LightError, PlacementError, WorldError};
 pub use glam;
 pub use importance::Receiver;
+pub use keys::{DirectionalKey, InstanceKey, TreeKey};
 pub use light::{DirectionalLight, Light, Shape};
 pub use placement::{MAX_DISTANCE, Placement};
 pub use policy::{ATTRIBUTE_FLOOR, History, Policy, wants_rebuild};
@@ -30,4 +99,4 @@ pub use scheduler::{Clock, FrameBudget, SystemClock};
 pub use tree::{Attribute, Attributes, LightTree};
 #[cfg(feature = "gpu")]
 pub use wgpu;
-pub use world::{DirectionalKey, FrameDelta, FrameReport, InstanceKey, TreeKey, World};
+pub use world::{FrameDelta, FrameReport, World};

@@ -4,11 +4,12 @@
 
 use crate::emit::{Incident, sample_light};
 use crate::importance::{Receiver, View};
+use crate::keys::{DirectionalKey, InstanceKey, slot_of};
 use crate::light::{DirectionalLight, luminance};
 use crate::top::TopLevel;
 use crate::tree::LightTree;
 use crate::walk::{Dice, ascend, descend, importances};
-use crate::world::{DirectionalKey, InstanceKey, World, slot_of};
+use crate::world::World;
 
 /// Names a light that can be sampled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

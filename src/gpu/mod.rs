@@ -1,12 +1,186 @@
-//! The only place that knows wgpu.
+//! The GPU side: upload, the top level rebuilt every frame, and sampling. The only place that knows wgpu.
+//!
+//! Everything happens on the engine's own device and queue and in its own command encoder; nothing is read back and
+//! nothing waits. A frame is [`GpuLights::upload`], [`GpuLights::build_top`], and then any number of shaders that bind
+//! [`GpuLights::bind_group`] and call the functions of [`wgsl`], or [`GpuLights::sample`] for those who want no shader.
 
 mod error;
 mod layout;
 mod pool;
+mod sampling;
 mod sort;
 #[cfg(test)]
 mod testing;
 mod text;
+mod top;
+mod upload;
+
+use std::ops::Range;
 
 pub use error::GpuError;
+use error::check_limits;
+use layout::{InstanceRecord, LightRecord, ParamsRecord, TreeRecord};
+use pool::Pool;
+use sampling::BatchKernel;
+pub use sampling::{SampleRecord, SampleRequest};
 pub use text::wgsl;
+use top::TopBuild;
+use upload::TreeRanges;
+pub use upload::UploadReport;
+
+use crate::tree::Node;
+
+/// A world's lights on a GPU.
+pub struct GpuLights {
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    nodes: Pool<Node>,
+    lights: Pool<LightRecord>,
+    /// Tables by slot.
+    instances: Pool<InstanceRecord>,
+    instance_count: u32,
+    trees: Pool<TreeRecord>,
+    tree_count: u32,
+    tree_ranges: Vec<TreeRanges>,
+    /// Of the light pool.
+    directionals: Range<u32>,
+    params: ParamsRecord,
+    params_buffer: wgpu::Buffer,
+    top: TopBuild,
+    top_is_stale: bool,
+    batch: BatchKernel,
+    layout: wgpu::BindGroupLayout,
+    bind_group: wgpu::BindGroup,
+    /// Of the buffers that the bind group was made for.
+    bound: [u64; 4],
+}
+
+impl GpuLights {
+    /// Makes pipelines and small buffers on the engine's device; both handles are cloned, nothing is submitted.
+    ///
+    /// # Errors
+    /// [`GpuError::Limit`] names the first limit that is below WebGPU's default.
+    pub fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Self, GpuError> {
+        check_limits(&device.limits())?;
+        let nodes = Pool::new(device, queue, "light tree nodes", 64)?;
+        let lights = Pool::new(device, queue, "lights", 64)?;
+        let instances = Pool::new(device, queue, "instances", 64)?;
+        let trees = Pool::new(device, queue, "light trees", 16)?;
+        let params_buffer = device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("girandole params"),
+            size: size_of::<ParamsRecord>() as u64,
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let top = TopBuild::new(device, queue)?;
+        let layout = bind_group_layout(device);
+        let batch = BatchKernel::new(device, &layout);
+        let buffers = [&params_buffer, top.nodes(), nodes.buffer(), instances.buffer(), lights.buffer()];
+        let bind_group = bind_group(device, &layout, buffers);
+        let bound = [top.generation(), nodes.generation(), instances.generation(), lights.generation()];
+        Ok(Self {
+            device: device.clone(),
+            queue: queue.clone(),
+            nodes,
+            lights,
+            instances,
+            instance_count: 0,
+            trees,
+            tree_count: 0,
+            tree_ranges: Vec::new(),
+            directionals: 0..0,
+            params: ParamsRecord::default(),
+            params_buffer,
+            top,
+            top_is_stale: true,
+            batch,
+            layout,
+            bind_group,
+            bound,
+        })
+    }
+
+    /// Records the build of the top level into the engine's encoder: about a dozen dispatches and one per level, none
+    /// if nothing was uploaded since the last build.
+    pub fn build_top(&mut self, encoder: &mut wgpu::CommandEncoder) {
+        if std::mem::take(&mut self.top_is_stale) {
+            self.top.record(encoder, self.params.slots);
+        }
+    }
+
+    /// For the pipeline layouts of the engine's shaders: one uniform buffer and four read-only storage buffers.
+    pub fn bind_group_layout(&self) -> &wgpu::BindGroupLayout {
+        &self.layout
+    }
+
+    /// To be bound at the group that [`wgsl`] was asked for. An upload that makes a buffer grow replaces it: ask each frame.
+    pub fn bind_group(&self) -> &wgpu::BindGroup {
+        &self.bind_group
+    }
+
+    /// Binds again what was replaced.
+    fn refresh_bind_groups(&mut self) {
+        let bound =
+            [self.top.generation(), self.nodes.generation(), self.instances.generation(), self.lights.generation()];
+        self.top.bind(&self.instances, &self.trees);
+        if bound != self.bound {
+            let buffers = [
+                &self.params_buffer,
+                self.top.nodes(),
+                self.nodes.buffer(),
+                self.instances.buffer(),
+                self.lights.buffer(),
+            ];
+            self.bind_group = bind_group(&self.device, &self.layout, buffers);
+            self.bound = bound;
+        }
+    }
+}
+
+fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    let uniform = wgpu::BindGroupLayoutEntry {
+        binding: 0,
+        visibility: wgpu::ShaderStages::COMPUTE | wgpu::ShaderStages::FRAGMENT,
+        ty: wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Uniform,
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        },
+        count: None,
+    };
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: Some("girandole lights"),
+        entries: &[
+            uniform,
+            storage_entry(1, true),
+            storage_entry(2, true),
+            storage_entry(3, true),
+            storage_entry(4, true),
+        ],
+    })
+}
+
+/// A whole storage buffer, for any stage if it is only read.
+fn storage_entry(binding: u32, read_only: bool) -> wgpu::BindGroupLayoutEntry {
+    let visibility = if read_only {
+        wgpu::ShaderStages::COMPUTE | wgpu::ShaderStages::FRAGMENT
+    } else {
+        wgpu::ShaderStages::COMPUTE
+    };
+    wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility,
+        ty: wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Storage { read_only },
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        },
+        count: None,
+    }
+}
+
+fn bind_group(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, buffers: [&wgpu::Buffer; 5]) -> wgpu::BindGroup {
+    let entries: [_; 5] =
+        std::array::from_fn(|i| wgpu::BindGroupEntry { binding: i as u32, resource: buffers[i].as_entire_binding() });
+    device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some("girandole lights"), layout, entries: &entries })
+}

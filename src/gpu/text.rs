@@ -3,7 +3,10 @@
 use std::fmt::Write;
 
 use super::layout;
-use crate::{importance, light, tree, walk};
+use crate::importance;
+use crate::light;
+use crate::tree;
+use crate::walk;
 
 /// The WGSL that an engine joins into a shader of its own: `light_sample`, `light_pick`, `light_pmf` and what they need.
 ///

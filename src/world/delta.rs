@@ -1,6 +1,7 @@
 //! What changed since the GPU was last told.
 
-use super::{World, slot_of};
+use super::World;
+use crate::keys::slot_of;
 
 /// What [`World::take_delta`] hands over: enough for `GpuLights::upload` to bring a GPU up to date.
 #[derive(Clone, Debug, Default, PartialEq)]

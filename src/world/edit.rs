@@ -2,8 +2,9 @@
 
 use glam::DVec3;
 
-use super::{DirectionalKey, Instance, InstanceKey, TreeEntry, TreeKey, World, set_slot, slot_of};
+use super::{Instance, TreeEntry, World, set_slot};
 use crate::error::WorldError;
+use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
 use crate::light::{DirectionalLight, Light};
 use crate::placement::{Placed, Placement};
 use crate::policy::Policy;

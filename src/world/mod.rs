@@ -7,27 +7,19 @@ mod update;
 use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
-use slotmap::{Key, SlotMap, new_key_type};
+use slotmap::SlotMap;
 
 pub(crate) use delta::Changes;
 pub use delta::FrameDelta;
 pub use update::FrameReport;
 
+use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
 use crate::light::{DirectionalLight, Light};
 use crate::placement::{Placed, Placement};
 use crate::policy::{History, Policy};
 use crate::scheduler::{Clock, CostModel, SystemClock};
 use crate::top::TopLevel;
 use crate::tree::{Child, LEAF, LightTree};
-
-new_key_type! {
-    /// Names a light tree of a world; never reused.
-    pub struct TreeKey;
-    /// Names an instance of a tree; never reused.
-    pub struct InstanceKey;
-    /// Names a directional light of a world; never reused.
-    pub struct DirectionalKey;
-}
 
 /// Everything that shines: light trees, instances of them, directional lights.
 ///
@@ -263,9 +255,4 @@ fn set_slot<K: Copy>(slots: &mut Vec<Option<K>>, slot: u32, owner: Option<K>) {
         slots.resize(slot as usize + 1, None);
     }
     slots[slot as usize] = owner;
-}
-
-/// Slot numbers of slotmap keys; small, dense, and reused with a new version after removal.
-pub(crate) fn slot_of(key: impl Key) -> u32 {
-    (key.data().as_ffi() & 0xffff_ffff) as u32
 }

@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use super::{TreeEntry, TreeKey, World, slot_of};
+use super::{TreeEntry, World};
+use crate::keys::{TreeKey, slot_of};
 use crate::policy::{History, Policy, wants_rebuild};
 use crate::scheduler::{FrameBudget, Job, rank};
 use crate::tree::LightTree;

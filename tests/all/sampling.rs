@@ -2,8 +2,8 @@
 
 use std::collections::HashMap;
 
-use girandole::glam::Vec3;
-use girandole::{Light, LightId, Policy, Receiver, World};
+use girandole::glam::{DVec3, Mat3, Vec3};
+use girandole::{Light, LightId, Placement, Policy, Receiver, World};
 
 use crate::support::{Rng, all_chances};
 
@@ -125,7 +125,7 @@ fn area_lights_integrate_to_their_irradiance() {
     let expected = 4.0 * corner(0.25, 0.25);
     let mut world = World::new();
     let key = world.add_tree(tree).expect("valid");
-    world.add_instance(key, girandole::Placement::IDENTITY, Policy::Static).expect("valid");
+    world.add_instance(key, Placement::IDENTITY, Policy::Static).expect("valid");
     let estimate = irradiance(&world, &Receiver::surface(Vec3::ZERO, Vec3::Y), 20_000);
     assert!((estimate / expected - 1.0).abs() < 0.01, "{estimate} {expected}");
 }
@@ -135,14 +135,14 @@ fn a_sphere_and_its_stretched_instance_integrate_to_their_irradiance() {
     // A sphere of radius r at distance d straight above: E = pi L (r / d)^2.
     let mut world = World::new();
     let key = world.add_tree(vec![Light::sphere(Vec3::ZERO, 0.5, Vec3::ONE)]).expect("valid");
-    let at = girandole::glam::DVec3::new(0.0, 2.0, 0.0);
-    let instance = world.add_instance(key, girandole::Placement::at(at), Policy::Static).expect("valid");
+    let at = DVec3::new(0.0, 2.0, 0.0);
+    let instance = world.add_instance(key, Placement::at(at), Policy::Static).expect("valid");
     let receiver = Receiver::surface(Vec3::ZERO, Vec3::Y);
     let expected = std::f64::consts::PI * 0.25_f64.powi(2);
     assert!((irradiance(&world, &receiver, 20_000) / expected - 1.0).abs() < 0.01);
     // Stretched along the axis of view to an ellipsoid, against a plain sum over its surface.
-    let linear = girandole::glam::Mat3::from_diagonal(Vec3::new(2.0, 0.5, 1.0));
-    world.move_instance(instance, girandole::Placement { linear, translation: at }).expect("valid");
+    let linear = Mat3::from_diagonal(Vec3::new(2.0, 0.5, 1.0));
+    world.move_instance(instance, Placement { linear, translation: at }).expect("valid");
     let mut rng = Rng(15);
     let mut sum = 0.0;
     let draws = 400_000;

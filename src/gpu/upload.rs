@@ -1,0 +1,200 @@
+//! Brings the GPU's buffers up to date with a world: what changed, and nothing else.
+
+use std::collections::BTreeSet;
+use std::ops::Range;
+
+use super::GpuLights;
+use super::error::GpuError;
+use super::layout::{InstanceRecord, LightRecord, ParamsRecord, TreeRecord};
+use super::pool::Pool;
+use crate::keys::slot_of;
+use crate::tree::LightTree;
+use crate::world::{FrameDelta, World};
+
+/// What [`GpuLights::upload`] sent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct UploadReport {
+    /// Bytes written to buffers; 0 if nothing changed.
+    pub bytes: u64,
+    /// Trees whose nodes and lights were written.
+    pub trees: usize,
+    /// Instances whose records were written.
+    pub instances: usize,
+}
+
+/// Where a tree lies in the pools.
+#[derive(Clone, Debug, Default)]
+pub(super) struct TreeRanges {
+    nodes: Range<u32>,
+    lights: Range<u32>,
+}
+
+impl TreeRanges {
+    fn fits(&self, tree: &LightTree) -> bool {
+        self.nodes.len() == tree.nodes().len() && self.lights.len() == tree.lights().len()
+    }
+}
+
+impl GpuLights {
+    /// Writes what `delta` names, as `world` has it now. Give it every delta that [`World::take_delta`] returned, in order,
+    /// or [`FrameDelta::everything`] once.
+    ///
+    /// # Errors
+    /// [`GpuError::Full`] if something would outgrow its buffer; then nothing was written, and the same delta may be
+    /// tried again once the world holds less.
+    ///
+    /// O(what changed). Writes go through the queue, ahead of the next submission.
+    pub fn upload(&mut self, world: &World, delta: &FrameDelta) -> Result<UploadReport, GpuError> {
+        let mut report = UploadReport::default();
+        if delta.is_empty() {
+            return Ok(report);
+        }
+        let placed = self.reserve(world, delta)?;
+
+        // Trees that moved within the pools take their instances along.
+        let mut slots: BTreeSet<u32> = delta.instances.iter().copied().collect();
+        for (slot, ranges) in placed {
+            let former = std::mem::replace(self.tree_ranges_mut(slot), ranges);
+            self.release(former);
+            if let Some(entry) = world.tree_at(slot).and_then(|key| world.tree_entry(key)) {
+                slots.extend(entry.instances.iter().map(|key| slot_of(*key)));
+            }
+        }
+        for slot in &delta.trees {
+            report.bytes += self.write_tree(*slot, world);
+            report.trees += 1;
+        }
+        report.instances = slots.len();
+        report.bytes += self.write_instances(&slots, world);
+        if delta.directionals {
+            let records: Vec<_> = world.directionals().map(|(_, light)| LightRecord::directional(light)).collect();
+            report.bytes += self.lights.write(self.directionals.start, &records);
+        }
+        report.bytes += self.write_params(world);
+        self.refresh_bind_groups();
+        self.top_is_stale = true;
+        Ok(report)
+    }
+
+    /// Finds room for all that grew, or takes nothing. Returns the trees that need a new place; a removed tree's is empty.
+    fn reserve(&mut self, world: &World, delta: &FrameDelta) -> Result<Vec<(u32, TreeRanges)>, GpuError> {
+        let mut placed = Vec::new();
+        let reserved = self.reserve_all(world, delta, &mut placed);
+        if reserved.is_err() {
+            for (_, ranges) in placed.drain(..) {
+                self.release(ranges);
+            }
+        }
+        reserved.map(|()| placed)
+    }
+
+    fn reserve_all(
+        &mut self,
+        world: &World,
+        delta: &FrameDelta,
+        placed: &mut Vec<(u32, TreeRanges)>,
+    ) -> Result<(), GpuError> {
+        for slot in delta.trees.iter().copied() {
+            match world.tree_at(slot).and_then(|key| world.tree(key)) {
+                Some(tree) if self.tree_ranges_mut(slot).fits(tree) => {}
+                Some(tree) => {
+                    let nodes = self.nodes.alloc(tree.nodes().len() as u32)?;
+                    match self.lights.alloc(tree.lights().len() as u32) {
+                        Ok(lights) => placed.push((slot, TreeRanges { nodes, lights })),
+                        Err(error) => {
+                            self.nodes.free(nodes);
+                            return Err(error);
+                        }
+                    }
+                }
+                None => placed.push((slot, TreeRanges::default())),
+            }
+        }
+        let highest = delta.trees.iter().max().map_or(0, |slot| slot + 1);
+        grow_table(&mut self.trees, &mut self.tree_count, highest)?;
+        grow_table(&mut self.instances, &mut self.instance_count, world.slot_count() as u32)?;
+        self.top.reserve(world.slot_count() as u32)?;
+        if delta.directionals {
+            let count = world.directionals().count() as u32;
+            if count as usize != self.directionals.len() {
+                let range = self.lights.alloc(count)?;
+                self.lights.free(std::mem::replace(&mut self.directionals, range));
+            }
+        }
+        Ok(())
+    }
+
+    fn release(&mut self, ranges: TreeRanges) {
+        self.nodes.free(ranges.nodes);
+        self.lights.free(ranges.lights);
+    }
+
+    fn tree_ranges_mut(&mut self, slot: u32) -> &mut TreeRanges {
+        let slot = slot as usize;
+        if self.tree_ranges.len() <= slot {
+            self.tree_ranges.resize_with(slot + 1, TreeRanges::default);
+        }
+        &mut self.tree_ranges[slot]
+    }
+
+    fn write_tree(&mut self, slot: u32, world: &World) -> u64 {
+        let Some(tree) = world.tree_at(slot).and_then(|key| world.tree(key)) else { return 0 };
+        let lights: Vec<_> =
+            tree.lights().iter().zip(tree.leaves()).map(|(light, place)| LightRecord::of(light, *place)).collect();
+        let ranges = &self.tree_ranges[slot as usize];
+        self.nodes.write(ranges.nodes.start, tree.nodes())
+            + self.lights.write(ranges.lights.start, &lights)
+            + self.trees.write(slot, &[TreeRecord::of(tree)])
+    }
+
+    /// Writes neighbouring slots together.
+    fn write_instances(&mut self, slots: &BTreeSet<u32>, world: &World) -> u64 {
+        let mut bytes = 0;
+        let mut run: Vec<InstanceRecord> = Vec::new();
+        let mut first = 0;
+        for slot in slots {
+            if first + run.len() as u32 != *slot {
+                bytes += self.instances.write(first, &run);
+                run.clear();
+                first = *slot;
+            }
+            run.push(self.instance_record(*slot, world));
+        }
+        bytes + self.instances.write(first, &run)
+    }
+
+    fn instance_record(&self, slot: u32, world: &World) -> InstanceRecord {
+        let Some(instance) = world.instance_at(slot).and_then(|key| world.instance(key)) else {
+            return InstanceRecord::default();
+        };
+        let tree = slot_of(instance.tree);
+        let ranges = &self.tree_ranges[tree as usize];
+        InstanceRecord::of(&instance.placed, tree, ranges.nodes.start, ranges.lights.start)
+    }
+
+    fn write_params(&mut self, world: &World) -> u64 {
+        let params = ParamsRecord {
+            slots: world.slot_count() as u32,
+            directional_base: self.directionals.start,
+            directional_count: self.directionals.len() as u32,
+            padding: 0,
+        };
+        if params == self.params {
+            return 0;
+        }
+        self.params = params;
+        self.queue.write_buffer(&self.params_buffer, 0, bytemuck::bytes_of(&params));
+        size_of::<ParamsRecord>() as u64
+    }
+}
+
+/// Makes room for records 0 to `count` of a pool that is used as a table: nothing is ever given back, so every
+/// reservation continues the last.
+fn grow_table<T: bytemuck::NoUninit>(pool: &mut Pool<T>, used: &mut u32, count: u32) -> Result<(), GpuError> {
+    if count > *used {
+        let range = pool.alloc(count - *used)?;
+        debug_assert_eq!(range.start, *used, "a table has no gaps");
+        *used = range.end;
+    }
+    Ok(())
+}

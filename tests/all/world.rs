@@ -1,0 +1,229 @@
+//! The world takes edits whole or not at all, and a frame costs what changed.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use girandole::glam::{DVec3, Mat3, Vec3};
+use girandole::{
+    Attribute, Clock, DirectionalLight, FrameBudget, Light, LightId, Placement, PlacementError, Policy, Receiver,
+    World, WorldError,
+};
+
+use crate::support::Rng;
+
+fn lamp(x: f32) -> Light {
+    Light::point(Vec3::new(x, 0.0, 0.0), Vec3::ONE)
+}
+
+fn at(x: f64) -> Placement {
+    Placement::at(DVec3::new(x, 0.0, 0.0))
+}
+
+/// Everything about a world that a refused call must leave alone.
+fn fingerprint(world: &mut World) -> String {
+    let placements: Vec<_> = world.instances().map(|i| (i, world.placement(i), world.policy(i))).collect();
+    let trees: Vec<_> = world.trees().map(|t| (t, world.tree(t).map(|t| t.nodes().to_vec()))).collect();
+    let directionals: Vec<_> = world.directionals().map(|(k, l)| (k, *l)).collect();
+    let counts = (world.light_count(), world.origin());
+    format!("{placements:?} {trees:?} {directionals:?} {counts:?} {:?}", world.take_delta())
+}
+
+#[test]
+fn a_refused_call_leaves_the_world_as_it_was() {
+    let mut world = Rng(20).world(2, 20, 3, 10.0);
+    let tree = world.trees().next().expect("a tree");
+    let instance = world.instances().next().expect("an instance");
+    let gone = {
+        let tree = world.add_tree(vec![lamp(0.0)]).expect("valid");
+        let instance = world.add_instance(tree, at(0.0), Policy::Static).expect("valid");
+        world.remove_instance(instance).expect("it lives");
+        world.remove_tree(tree).expect("unused");
+        (tree, instance)
+    };
+    world.update(FrameBudget::NONE);
+    world.take_delta();
+    let before = fingerprint(&mut world);
+
+    let bad_light = Light::point(Vec3::ZERO, Vec3::new(0.0, -1.0, 0.0));
+    let nan = Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, f32::NAN, 1.0)), ..Placement::IDENTITY };
+    let flat = Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, 1.0, 0.0)), ..Placement::IDENTITY };
+    let bad_policy = Policy::Ratio { attribute: Attribute::Overlap, factor: f32::NAN };
+    let bad_moon = DirectionalLight { direction: Vec3::ZERO, illuminance: Vec3::ONE };
+    let refusals = [
+        world.add_tree(vec![lamp(0.0), bad_light]).err(),
+        world.add_tree(vec![lamp(0.0).with_range(f32::NAN)]).err(),
+        world.replace_lights(tree, vec![bad_light]).err(),
+        world.set_lights(tree, &[(0, lamp(0.0)), (1, bad_light)]).err(),
+        world.set_lights(tree, &[(0, lamp(0.0)), (20, lamp(0.0))]).err(),
+        world.set_lights(gone.0, &[]).err(),
+        world.add_instance(tree, nan, Policy::Static).err(),
+        world.add_instance(tree, flat, Policy::Static).err(),
+        world.add_instance(tree, at(0.0), bad_policy).err(),
+        world.add_instance(gone.0, at(0.0), Policy::Static).err(),
+        world.move_instance(instance, nan).err(),
+        world.move_instance(instance, at(f64::INFINITY)).err(),
+        world.move_instance(gone.1, at(0.0)).err(),
+        world.set_policy(instance, bad_policy).err(),
+        world.remove_tree(tree).err(),
+        world.remove_tree(gone.0).err(),
+        world.remove_instance(gone.1).err(),
+        world.make_unique(gone.1).err(),
+        world.add_directional(bad_moon).err(),
+        world.set_origin(DVec3::splat(1.0e12)).err(),
+    ];
+    for (number, refusal) in refusals.iter().enumerate() {
+        let refusal = refusal.as_ref().unwrap_or_else(|| panic!("call {number} was accepted"));
+        assert!(!refusal.to_string().is_empty());
+    }
+    assert_eq!(fingerprint(&mut world), before);
+    assert!(matches!(refusals[6], Some(WorldError::Placement(PlacementError::NotFinite { .. }))));
+    assert!(matches!(refusals[0], Some(WorldError::Light { index: 1, .. })));
+}
+
+#[test]
+fn a_frame_in_which_nothing_moved_refits_and_hands_over_nothing() {
+    let mut world = Rng(21).world(3, 20, 4, 10.0);
+    world.update(FrameBudget::UNLIMITED);
+    assert!(!world.take_delta().is_empty());
+    let report = world.update(FrameBudget::UNLIMITED);
+    assert_eq!((report.refit_trees, report.rebuilt_trees, report.moved_instances), (0, 0, 0));
+    assert!(world.take_delta().is_empty());
+    // Moving something to where it is already is no move.
+    let instance = world.instances().next().expect("an instance");
+    let here = world.placement(instance).expect("it lives");
+    world.move_instance(instance, here).expect("valid");
+    assert!(world.take_delta().is_empty());
+}
+
+#[test]
+fn edits_take_effect_at_the_update_and_moves_at_once() {
+    let mut world = World::new();
+    let tree = world.add_tree(vec![lamp(0.0)]).expect("valid");
+    let instance = world.add_instance(tree, at(0.0), Policy::Budgeted).expect("valid");
+    let receiver = Receiver::volume(Vec3::new(0.0, 3.0, 0.0));
+    let distance = |world: &World| {
+        let id = LightId::Local { instance, light: 0 };
+        world.sampler().sample_light(&receiver, id, [0.0; 2]).map_or(f32::NAN, |i| i.distance)
+    };
+    world.set_lights(tree, &[(0, lamp(4.0))]).expect("valid");
+    assert_eq!(distance(&world), 3.0);
+    world.update(FrameBudget::NONE);
+    assert_eq!(distance(&world), 5.0);
+    world.move_instance(instance, at(-4.0)).expect("valid");
+    assert_eq!(distance(&world), 3.0);
+}
+
+#[test]
+fn a_shared_tree_follows_the_most_demanding_policy_and_can_be_split_off() {
+    let mut world = World::new();
+    let tree = world.add_tree((0..20).map(|i| lamp(i as f32)).collect()).expect("valid");
+    let still = world.add_instance(tree, at(0.0), Policy::Static).expect("valid");
+    let scatter = |seed| {
+        let mut rng = Rng(seed);
+        (0..20).map(|i| (i, Light::point(rng.place(50.0), Vec3::ONE))).collect::<Vec<_>>()
+    };
+    assert_eq!(world.set_lights(tree, &scatter(1)), Err(WorldError::StaticTree(tree)));
+    let keen = world.add_instance(tree, at(5.0), Policy::AlwaysRebuild).expect("valid");
+    world.set_lights(tree, &scatter(1)).expect("one instance allows it");
+    let report = world.update(FrameBudget::UNLIMITED);
+    assert_eq!((report.refit_trees, report.rebuilt_trees), (1, 1));
+
+    let own = world.make_unique(keen).expect("valid");
+    assert_ne!(own, tree);
+    assert_eq!(world.instance_tree(still), Some(tree));
+    assert_eq!(world.set_lights(tree, &scatter(2)), Err(WorldError::StaticTree(tree)));
+    world.set_lights(own, &scatter(2)).expect("the copy is free");
+    assert_eq!(world.update(FrameBudget::UNLIMITED).rebuilt_trees, 1);
+    assert_ne!(world.tree(own).map(|t| t.lights().to_vec()), world.tree(tree).map(|t| t.lights().to_vec()));
+    assert_eq!(world.make_unique(keen), Ok(own), "it has its tree for itself already");
+}
+
+/// A clock that moves by a fixed step whenever it is read.
+struct StepClock(AtomicU64, Duration);
+
+impl Clock for StepClock {
+    fn now(&self) -> Duration {
+        self.1 * self.0.fetch_add(1, Ordering::Relaxed) as u32
+    }
+}
+
+#[test]
+fn rebuilds_wait_for_a_budget_and_all_of_them_get_their_turn() {
+    // Every rebuild takes one millisecond on this clock: a budget of 2.5 ms has room for at most two.
+    let clock = StepClock(AtomicU64::new(0), Duration::from_millis(1));
+    let mut world = World::with_clock(Arc::new(clock));
+    let trees: Vec<_> = (0..10)
+        .map(|i| {
+            let tree = world.add_tree(Rng(i).lights(50, 5.0)).expect("valid");
+            world.add_instance(tree, at(0.0), Policy::Budgeted).expect("valid");
+            tree
+        })
+        .collect();
+    for (tree, seed) in trees.iter().zip(100..) {
+        let lights: Vec<_> = (0..).zip(Rng(seed).lights(50, 50.0)).collect();
+        world.set_lights(*tree, &lights).expect("valid");
+    }
+    let none = world.update(FrameBudget::NONE);
+    assert_eq!((none.refit_trees, none.rebuilt_trees, none.waiting_trees), (10, 0, 10));
+    let mut rebuilt = 0;
+    let mut frames = 0;
+    while rebuilt < 10 {
+        let report = world.update(FrameBudget::new(Duration::from_micros(2500)));
+        // The first prediction is a guess; after a few rebuilds the model knows what one costs.
+        assert!(frames < 3 || report.spent <= report.budget, "{report:?}");
+        assert_eq!(report.waiting_trees, 10 - rebuilt - report.rebuilt_trees);
+        rebuilt += report.rebuilt_trees;
+        frames += 1;
+        assert!(frames < 50, "rebuilds starve");
+    }
+    for tree in trees {
+        world.tree(tree).expect("it lives").check().expect("sound");
+    }
+}
+
+#[test]
+fn what_goes_comes_back_under_a_new_name_and_is_counted() {
+    let mut world = World::new();
+    let tree = world.add_tree(vec![lamp(0.0), lamp(1.0)]).expect("valid");
+    let first = world.add_instance(tree, at(0.0), Policy::Static).expect("valid");
+    let second = world.add_instance(tree, at(9.0), Policy::Static).expect("valid");
+    assert_eq!(world.light_count(), 4);
+    world.remove_instance(first).expect("it lives");
+    assert_eq!(world.remove_instance(first), Err(WorldError::NoSuchInstance(first)));
+    assert_eq!((world.light_count(), world.instance_count()), (2, 1));
+    let third = world.add_instance(tree, at(1.0), Policy::Static).expect("valid");
+    assert_ne!(first, third);
+    assert_eq!(world.placement(first), None);
+    for key in [second, third] {
+        world.remove_instance(key).expect("it lives");
+    }
+    world.remove_tree(tree).expect("unused");
+    assert_eq!((world.tree_count(), world.light_count()), (0, 0));
+    assert_eq!(world.sampler().pick(&Receiver::volume(Vec3::ZERO), [0.5; 2]), None);
+}
+
+#[test]
+fn rebasing_the_origin_changes_coordinates_and_nothing_else() {
+    let far = DVec3::new(1.0e7, 0.0, -1.0e7);
+    let mut world = World::new();
+    let tree = world.add_tree(vec![lamp(0.0), lamp(0.01)]).expect("valid");
+    world.set_origin(far).expect("empty world");
+    for i in 0..5 {
+        world.add_instance(tree, Placement::at(far + DVec3::X * 0.02 * f64::from(i)), Policy::Static).expect("valid");
+    }
+    let receiver = Receiver::volume(Vec3::new(0.0, 0.05, 0.0));
+    let sampler = world.sampler();
+    let near: Vec<_> = sampler.all_lights().filter_map(|l| sampler.sample_light(&receiver, l, [0.0; 2])).collect();
+    // Centimetres are told apart 10^7 m out.
+    let mut distances: Vec<_> = near.iter().map(|i| i.distance).collect();
+    distances.dedup();
+    assert_eq!(distances.len(), 10);
+    world.set_origin(far + DVec3::Y).expect("close enough");
+    let receiver = Receiver::volume(Vec3::new(0.0, -0.95, 0.0));
+    let sampler = world.sampler();
+    let again = sampler.all_lights().filter_map(|l| sampler.sample_light(&receiver, l, [0.0; 2]));
+    for (a, b) in near.iter().zip(again) {
+        assert!((a.distance - b.distance).abs() < 1e-6);
+    }
+}
