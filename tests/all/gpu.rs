@@ -1,0 +1,319 @@
+//! The GPU samples as the CPU does: same numbers in, same lights out, up to float rounding.
+
+use std::sync::OnceLock;
+
+use girandole::glam::{DVec3, Vec3};
+use girandole::gpu::{GpuLights, SampleRecord, SampleRequest, wgsl};
+use girandole::{FrameBudget, FrameDelta, Light, LightId, Placement, Policy, Receiver, World};
+
+use crate::support::Rng;
+
+/// Where a pick lands within rounding of the border between two lights the GPU may take the neighbour: WGSL allows
+/// division 2.5 ulp and `pow` far more. About ten choices of a rounding of 1e-5 each.
+const OTHER_PICKS: f64 = 2.0e-3;
+
+/// Chances and radiance are products of some twenty terms; `pow` of the narrowest lobes is good to 1e-3 only.
+const TOLERANCE: f32 = 2.0e-3;
+
+/// One device for all tests. GPU tests fail without an adapter; they never pass by not running.
+pub fn gpu() -> (wgpu::Device, wgpu::Queue) {
+    static GPU: OnceLock<(wgpu::Device, wgpu::Queue)> = OnceLock::new();
+    GPU.get_or_init(|| {
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
+            backends: wgpu::Backends::PRIMARY,
+            ..wgpu::InstanceDescriptor::new_without_display_handle()
+        });
+        let adapter = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default()))
+            .unwrap_or_else(|e| panic!("no GPU adapter ({e}); run scripts/test.sh, which installs a software one"));
+        pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor::default())).expect("default limits")
+    })
+    .clone()
+}
+
+fn buffer(device: &wgpu::Device, queue: &wgpu::Queue, content: &[u8]) -> wgpu::Buffer {
+    let buffer = device.create_buffer(&wgpu::BufferDescriptor {
+        label: None,
+        size: content.len() as u64,
+        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
+        mapped_at_creation: false,
+    });
+    queue.write_buffer(&buffer, 0, content);
+    buffer
+}
+
+fn read<T: bytemuck::Pod>(device: &wgpu::Device, queue: &wgpu::Queue, buffer: &wgpu::Buffer) -> Vec<T> {
+    let copy = device.create_buffer(&wgpu::BufferDescriptor {
+        label: None,
+        size: buffer.size(),
+        usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    });
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, buffer.size());
+    queue.submit([encoder.finish()]);
+    copy.map_async(wgpu::MapMode::Read, .., |done| done.expect("it maps"));
+    device.poll(wgpu::PollType::wait_indefinitely()).expect("the device works");
+    bytemuck::pod_collect_to_vec(&copy.get_mapped_range(..).expect("it is mapped"))
+}
+
+fn requests(rng: &mut Rng, count: usize, size: f32) -> Vec<SampleRequest> {
+    let request = |_| {
+        let receiver = rng.receiver(size);
+        let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit()];
+        SampleRequest {
+            position: receiver.position.to_array(),
+            normal: receiver.normal.to_array(),
+            u,
+            ..SampleRequest::default()
+        }
+    };
+    (0..count).map(request).collect()
+}
+
+fn receiver(request: &SampleRequest) -> Receiver {
+    Receiver { position: request.position.into(), normal: request.normal.into() }
+}
+
+/// Uploads, builds the top level, and samples on the GPU.
+fn sample(lights: &mut GpuLights, world: &mut World, requests: &[SampleRequest]) -> Vec<SampleRecord> {
+    let (device, queue) = gpu();
+    let delta = world.take_delta();
+    lights.upload(world, &delta).expect("room enough");
+    let input = buffer(&device, &queue, bytemuck::cast_slice(requests));
+    let output = buffer(&device, &queue, &vec![0; size_of_val(requests)]);
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    lights.build_top(&mut encoder);
+    lights.sample(&mut encoder, &input, &output, requests.len() as u32);
+    queue.submit([encoder.finish()]);
+    read(&device, &queue, &output)
+}
+
+fn close(a: f32, b: f32) -> bool {
+    (a - b).abs() <= TOLERANCE * a.abs().max(b.abs()).max(1.0e-20)
+}
+
+/// How many of the GPU's samples name another light than the CPU's; those that name the same must agree in everything.
+fn compare(world: &World, requests: &[SampleRequest], records: &[SampleRecord]) -> usize {
+    let sampler = world.sampler();
+    let directionals: Vec<_> = world.directionals().map(|(key, _)| key).collect();
+    let mut others = 0;
+    for (request, record) in requests.iter().zip(records) {
+        let receiver = receiver(request);
+        let twin = sampler.sample(&receiver, request.u);
+        let named = (record.pmf > 0.0).then(|| match record.instance {
+            u32::MAX => LightId::Directional(directionals[record.light as usize]),
+            slot => LightId::Local { instance: world.instance_at(slot).expect("a live slot"), light: record.light },
+        });
+        match (named, twin) {
+            (None, None) => {}
+            (Some(light), Some(twin)) if light == twin.light => {
+                assert!(close(record.pmf, twin.pmf), "{record:?} {twin:?}");
+                assert!(close(record.pdf, twin.incident.pdf), "{record:?} {twin:?} {request:?}");
+                let radiance = Vec3::from(record.radiance);
+                let difference = (radiance - twin.incident.radiance).length();
+                assert!(difference <= TOLERANCE * radiance.length(), "{record:?} {twin:?}");
+                let turn = (Vec3::from(record.direction) - twin.incident.direction).length();
+                assert!(turn < TOLERANCE, "{record:?} {twin:?}");
+                assert_eq!(record.is_delta == 1, twin.incident.is_delta);
+            }
+            _ => others += 1,
+        }
+    }
+    others
+}
+
+#[test]
+fn the_gpu_picks_the_same_lights_with_the_same_chances() {
+    let (device, queue) = gpu();
+    for (seed, trees, count, instances) in [(40, 6, 60, 5), (41, 1, 1, 1), (42, 1, 300, 9), (43, 90, 3, 2)] {
+        let mut rng = Rng(seed);
+        let mut world = rng.world(trees, count, instances, 30.0);
+        let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+        let requests = requests(&mut rng, 4096, 40.0);
+        let records = sample(&mut lights, &mut world, &requests);
+        let others = compare(&world, &requests, &records);
+        assert!(others as f64 <= OTHER_PICKS * 4096.0, "seed {seed}: {others} of 4096 name another light");
+        assert!(records.iter().filter(|r| r.pmf > 0.0).count() > 200, "seed {seed}: too few samples to compare");
+    }
+}
+
+#[test]
+fn an_empty_world_gives_no_light_and_no_error() {
+    let (device, queue) = gpu();
+    let mut rng = Rng(44);
+    let mut world = World::new();
+    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let requests = requests(&mut rng, 64, 10.0);
+    assert!(sample(&mut lights, &mut world, &requests).iter().all(|r| r.pmf == 0.0));
+    // A tree of no lights, a dark tree, and an instance that went.
+    let empty = world.add_tree(vec![]).expect("fine");
+    let dark = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ZERO)]).expect("fine");
+    for tree in [empty, dark] {
+        world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
+    }
+    let tree = world.add_tree(rng.lights(5, 5.0)).expect("valid");
+    let gone = world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
+    assert!(sample(&mut lights, &mut world, &requests).iter().any(|r| r.pmf > 0.0));
+    world.remove_instance(gone).expect("it lives");
+    assert!(sample(&mut lights, &mut world, &requests).iter().all(|r| r.pmf == 0.0));
+}
+
+#[test]
+fn a_world_that_changes_and_grows_stays_the_same_on_both_sides() {
+    let (device, queue) = gpu();
+    let mut rng = Rng(45);
+    let mut world = rng.world(3, 30, 4, 20.0);
+    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let requests = requests(&mut rng, 2048, 25.0);
+    for round in 0..6 {
+        let records = sample(&mut lights, &mut world, &requests);
+        let others = compare(&world, &requests, &records);
+        assert!(others as f64 <= OTHER_PICKS * 2048.0 + 1.0, "round {round}: {others} of 2048 name another light");
+        // Grow past the first buffers, edit, move and remove.
+        let tree = world.add_tree(rng.lights(200, 3.0)).expect("valid");
+        for _ in 0..20 {
+            world.add_instance(tree, rng.affine(20.0), Policy::AlwaysRebuild).expect("valid");
+        }
+        let instances: Vec<_> = world.instances().collect();
+        world.move_instance(instances[round], rng.affine(20.0)).expect("valid");
+        world.remove_instance(instances[instances.len() / 2]).expect("it lives");
+        world.set_lights(tree, &[(7, rng.light(3.0)), (99, rng.light(3.0))]).expect("valid");
+        world
+            .replace_lights(world.instance_tree(instances[1]).expect("it lives"), rng.lights(10 + round, 5.0))
+            .expect("valid");
+        world.set_origin(DVec3::splat(round as f64)).expect("near");
+        world.update(FrameBudget::UNLIMITED);
+    }
+}
+
+#[test]
+fn a_frame_uploads_what_changed_and_nothing_else() {
+    let (device, queue) = gpu();
+    let mut world = Rng(46).world(3, 30, 4, 20.0);
+    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let mut upload = |world: &mut World| {
+        world.update(FrameBudget::NONE);
+        let delta = world.take_delta();
+        lights.upload(world, &delta).expect("room enough")
+    };
+    assert!(upload(&mut world).bytes > 3 * 30 * 64);
+    let still = upload(&mut world);
+    assert_eq!((still.bytes, still.trees, still.instances), (0, 0, 0));
+    let mover = world.instances().nth(5).expect("twelve instances");
+    world.move_instance(mover, Placement::at(DVec3::ONE)).expect("valid");
+    let moved = upload(&mut world);
+    assert_eq!((moved.bytes, moved.trees, moved.instances), (128, 0, 1));
+    let tree = world.trees().next().expect("a tree");
+    world.set_lights(tree, &[(0, Light::point(Vec3::ONE, Vec3::ONE))]).expect("valid");
+    let edited = upload(&mut world);
+    let nodes = world.tree(tree).expect("it lives").nodes().len() as u64;
+    assert_eq!((edited.bytes, edited.trees, edited.instances), (nodes * 528 + 30 * 64 + 80, 1, 0));
+}
+
+#[test]
+fn a_gpu_that_comes_late_gets_everything() {
+    let (device, queue) = gpu();
+    let mut rng = Rng(47);
+    let mut world = rng.world(2, 20, 3, 10.0);
+    world.take_delta();
+    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    lights.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
+    let requests = requests(&mut rng, 512, 10.0);
+    let records = sample(&mut lights, &mut world, &requests);
+    assert!(compare(&world, &requests, &records) <= 2);
+}
+
+#[test]
+fn an_engines_own_shader_asks_for_chances_as_the_cpu_does() {
+    let (device, queue) = gpu();
+    let mut rng = Rng(48);
+    let mut world = rng.world(4, 25, 3, 15.0);
+    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let delta = world.take_delta();
+    lights.upload(&world, &delta).expect("room enough");
+
+    // Every light at a few receivers: position, normal, instance, light.
+    let sampler = world.sampler();
+    let directionals: Vec<_> = world.directionals().map(|(key, _)| key).collect();
+    let mut questions: Vec<[u32; 8]> = Vec::new();
+    let mut expected = Vec::new();
+    for _ in 0..6 {
+        let receiver = rng.receiver(20.0);
+        for light in sampler.all_lights() {
+            let (instance, index) = match light {
+                LightId::Local { instance, light } => (world.slot(instance).expect("it lives"), light),
+                LightId::Directional(key) => {
+                    (u32::MAX, directionals.iter().position(|k| *k == key).expect("listed") as u32)
+                }
+            };
+            let [x, y, z] = receiver.position.to_array().map(f32::to_bits);
+            let [p, q, r] = receiver.normal.to_array().map(f32::to_bits);
+            questions.push([x, y, z, instance, p, q, r, index]);
+            expected.push(sampler.pmf(&receiver, light));
+        }
+    }
+    let text = wgsl(1)
+        + "struct Question { position: vec3<f32>, instance: u32, normal: vec3<f32>, light: u32 }
+        @group(0) @binding(0) var<storage, read> questions: array<Question>;
+        @group(0) @binding(1) var<storage, read_write> answers: array<f32>;
+        @compute @workgroup_size(64) fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
+            if id.x >= arrayLength(&questions) { return; }
+            let q = questions[id.x];
+            answers[id.x] = light_pmf(LightReceiver(q.position, q.normal), q.instance, q.light);
+        }";
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: None,
+        source: wgpu::ShaderSource::Wgsl(text.into()),
+    });
+    let entry = |binding, read_only| wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::COMPUTE,
+        ty: wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Storage { read_only },
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        },
+        count: None,
+    };
+    let own = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: None,
+        entries: &[entry(0, true), entry(1, false)],
+    });
+    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        bind_group_layouts: &[Some(&own), Some(lights.bind_group_layout())],
+        ..Default::default()
+    });
+    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: None,
+        layout: Some(&layout),
+        module: &module,
+        entry_point: Some("ask"),
+        compilation_options: wgpu::PipelineCompilationOptions::default(),
+        cache: None,
+    });
+    let input = buffer(&device, &queue, bytemuck::cast_slice(&questions));
+    let output = buffer(&device, &queue, &vec![0; expected.len() * 4]);
+    let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: None,
+        layout: &own,
+        entries: &[
+            wgpu::BindGroupEntry { binding: 0, resource: input.as_entire_binding() },
+            wgpu::BindGroupEntry { binding: 1, resource: output.as_entire_binding() },
+        ],
+    });
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    lights.build_top(&mut encoder);
+    {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(&pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        pass.set_bind_group(1, lights.bind_group(), &[]);
+        pass.dispatch_workgroups(expected.len().div_ceil(64) as u32, 1, 1);
+    }
+    queue.submit([encoder.finish()]);
+    let answers: Vec<f32> = read(&device, &queue, &output);
+    for (cpu, gpu) in expected.iter().zip(&answers) {
+        assert!(close(*cpu, *gpu), "{cpu} {gpu}");
+    }
+    assert!(expected.iter().filter(|p| **p > 0.0).count() > 300);
+}
