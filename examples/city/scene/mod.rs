@@ -3,6 +3,23 @@
 //! Loaders (`procedural`, `gltf_scene`, `real_city`) each return a [`Stage`]; renderers read it and know nothing of
 //! where it came from. Metres, right-handed, Y up. Radiance and emission in nits, per linear Rec. 709 channel.
 
+pub mod assembly;
+pub mod buildings;
+pub mod facade;
+pub mod furniture;
+pub mod ground;
+pub mod layout;
+pub mod meshes;
+pub mod palette;
+pub mod procedural;
+pub mod rng;
+pub mod roads;
+pub mod signs;
+pub mod strings;
+pub mod swarm;
+pub mod traffic_sim;
+pub mod vehicles;
+
 use girandole::World;
 use girandole::glam::{Affine3A, Vec3};
 
@@ -133,3 +150,9 @@ impl std::fmt::Display for SceneError {
 }
 
 impl std::error::Error for SceneError {}
+
+impl From<girandole::WorldError> for SceneError {
+    fn from(error: girandole::WorldError) -> Self {
+        Self(error.to_string())
+    }
+}

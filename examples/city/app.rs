@@ -1,0 +1,149 @@
+//! The loop: move the world, let its light trees follow, tell the GPU what changed, render.
+//!
+//! [`Session`] renders frames and hands them out; it neither prints nor writes, so that tests run the very same path.
+
+use super::backend::{Backend, Chosen};
+use super::geometry::Geometry;
+use super::render_cpu::{self, LightChoice};
+use super::scene::{Scene, SceneError, Stage};
+use super::shading::frame_seed;
+use girandole::FrameBudget;
+use girandole::glam::Vec3;
+use std::time::{Duration, Instant};
+
+/// How to render.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Pixels.
+    pub width: u32,
+    /// Pixels.
+    pub height: u32,
+    /// Samples a pixel: more is less noise, as its square root.
+    pub spp: u32,
+    /// Of the noise.
+    pub seed: u64,
+    /// What light trees may spend on rebuilds each frame.
+    pub budget: FrameBudget,
+    /// Frames a second of the world's time.
+    pub fps: f64,
+    /// The CPU backend can sum over all lights instead, for tests.
+    pub light_choice: LightChoice,
+}
+
+/// Radiance in nits, linear Rec. 709, row by row from the top.
+#[derive(Clone, Debug)]
+pub struct Image {
+    /// Pixels.
+    pub width: u32,
+    /// Pixels.
+    pub height: u32,
+    /// `width` times `height` of them.
+    pub pixels: Vec<Vec3>,
+}
+
+/// A frame's line in `frames.csv`.
+#[derive(Clone, Debug)]
+pub struct Record {
+    /// Counted from 0.
+    pub frame: u32,
+    /// In the light world.
+    pub instances: usize,
+    /// Summed over instances.
+    pub lights: usize,
+    /// Light instances that moved.
+    pub moved_instances: usize,
+    /// Light trees that were refitted.
+    pub refit_trees: usize,
+    /// Light trees that were rebuilt.
+    pub rebuilt_trees: usize,
+    /// Light trees that want a rebuild and must wait.
+    pub waiting_trees: usize,
+    /// None where the budget has no limit.
+    pub budget: Option<Duration>,
+    /// Time that rebuilds took.
+    pub spent: Duration,
+    /// Light data that went to the GPU; 0 on the CPU backend.
+    pub upload_bytes: u64,
+    /// Of the light world's top level; None where it cannot be timed.
+    pub top_build: Option<Duration>,
+    /// Everything but writing files.
+    pub frame_time: Duration,
+}
+
+/// A rendered frame.
+pub struct Frame {
+    /// The picture.
+    pub image: Image,
+    /// What it cost.
+    pub record: Record,
+    /// Objects and upper nodes of the geometry that went to the GPU.
+    pub geometry_bytes: u64,
+}
+
+enum Renderer {
+    Cpu,
+}
+
+/// A stage, a backend, and the number of the next frame.
+pub struct Session {
+    stage: Stage,
+    geometry: Geometry,
+    renderer: Renderer,
+    settings: Settings,
+    next: u32,
+}
+
+impl Session {
+    /// Builds the geometry's hierarchies and, on a GPU, uploads them.
+    pub fn new(stage: Stage, settings: Settings, chosen: Chosen) -> Result<Self, SceneError> {
+        let geometry = Geometry::new(&stage.scene)?;
+        let renderer = match chosen.backend {
+            Backend::Cpu => Renderer::Cpu,
+            Backend::Gpu(_) => return Err(SceneError("the GPU backend is not there yet".into())),
+        };
+        Ok(Self { stage, geometry, renderer, settings, next: 0 })
+    }
+
+    /// What is drawn.
+    pub fn scene(&self) -> &Scene {
+        &self.stage.scene
+    }
+
+    /// Renders the next frame; `progress` hears its finished share now and then.
+    pub fn frame(&mut self, progress: &(dyn Fn(f64) + Sync)) -> Result<Frame, SceneError> {
+        let start = Instant::now();
+        let Self { stage: Stage { scene, world, animation }, geometry, settings, .. } = self;
+        let number = self.next;
+        animation.advance(f64::from(number) / settings.fps, scene, world)?;
+        let report = world.update(settings.budget);
+        let _change = geometry.update(scene)?;
+        let seed = frame_seed(settings.seed, number);
+        let (image, upload_bytes, geometry_bytes, top_build) = match &mut self.renderer {
+            Renderer::Cpu => {
+                // Nobody reads it here, but it must not grow from frame to frame.
+                world.take_delta();
+                let before = Instant::now();
+                let sampler = world.sampler();
+                let top_build = before.elapsed();
+                let image = render_cpu::render(scene, geometry, &sampler, settings, seed, progress);
+                (image, 0, 0, Some(top_build))
+            }
+        };
+        self.next += 1;
+        let record = Record {
+            frame: number,
+            instances: world.instance_count(),
+            lights: world.light_count(),
+            moved_instances: report.moved_instances,
+            refit_trees: report.refit_trees,
+            rebuilt_trees: report.rebuilt_trees,
+            waiting_trees: report.waiting_trees,
+            budget: (report.budget != Duration::MAX).then_some(report.budget),
+            spent: report.spent,
+            upload_bytes,
+            top_build,
+            frame_time: start.elapsed(),
+        };
+        Ok(Frame { image, record, geometry_bytes })
+    }
+}

@@ -1,0 +1,185 @@
+//! The command line, checked as far as it can be without opening anything.
+
+use super::app::Settings;
+use super::render_cpu::LightChoice;
+use super::scene::Camera;
+use super::scene::procedural::Size;
+use clap::{Parser, ValueEnum};
+use girandole::FrameBudget;
+use girandole::glam::Vec3;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Longest side of a picture.
+const MAX_SIDE: u32 = 16_384;
+/// A day at this rate is a run that nobody means.
+const MAX_FRAMES: u32 = 100_000;
+const MAX_SPP: u32 = 1 << 20;
+
+/// Renders a night city, a glTF scene or a real city's lamps, lit through two-level light trees.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "city", version)]
+pub struct Options {
+    /// Pictures to render
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_FRAMES)))]
+    pub frames: u32,
+    /// Width and height in pixels
+    #[arg(long, value_name = "WxH", default_value = "640x360", value_parser = parse_size)]
+    pub size: (u32, u32),
+    /// Samples a pixel, each with one light
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SPP)))]
+    pub spp: u32,
+    /// How large the procedural city is: about 1 000, 10 000 or 100 000 instances
+    #[arg(long, value_enum, ignore_case = true, default_value_t = Size::S, conflicts_with_all = ["gltf", "lamps"])]
+    pub world: Size,
+    /// Cars on the streets [default: as many as the city's size calls for]
+    #[arg(long, conflicts_with_all = ["gltf", "traffic"])]
+    pub cars: Option<usize>,
+    /// Another seed is another city and other noise
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Milliseconds a frame that light trees may be rebuilt for [default: as long as they want]
+    #[arg(long, value_name = "X", value_parser = parse_budget, allow_negative_numbers = true)]
+    pub budget_ms: Option<f64>,
+    /// Where to render
+    #[arg(long, value_enum, default_value_t = BackendChoice::Cpu)]
+    pub backend: BackendChoice,
+    /// Folder for the pictures and frames.csv
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    pub out: PathBuf,
+    /// Light this glTF scene instead of the procedural city
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["lamps", "traffic"])]
+    pub gltf: Option<PathBuf>,
+    /// Street lamps of a real city: a CSV with columns x_m, y_m, est_height_m, est_lumens
+    #[arg(long, value_name = "FILE.csv")]
+    pub lamps: Option<PathBuf>,
+    /// Vehicles of a SUMO simulation: the XML that its fcd-export writes
+    #[arg(long, value_name = "FILE.xml")]
+    pub traffic: Option<PathBuf>,
+    /// Eye and target, in metres
+    #[arg(long, value_name = "x,y,z,x,y,z", value_parser = parse_camera, allow_hyphen_values = true)]
+    pub camera: Option<(Vec3, Vec3)>,
+    /// Frames a second of the world's time
+    #[arg(long, default_value_t = 24.0, value_parser = parse_fps, allow_negative_numbers = true)]
+    pub fps: f64,
+}
+
+/// What `--backend` takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum BackendChoice {
+    /// A GPU or software Vulkan adapter if there is one, otherwise the CPU
+    #[default]
+    Auto,
+    /// Through wgpu
+    Gpu,
+    /// Rayon and obvhs
+    Cpu,
+}
+
+impl Options {
+    /// What a session needs to know of them.
+    pub fn settings(&self) -> Settings {
+        Settings {
+            width: self.size.0,
+            height: self.size.1,
+            spp: self.spp,
+            seed: self.seed,
+            budget: self
+                .budget_ms
+                .map_or(FrameBudget::UNLIMITED, |ms| FrameBudget::new(Duration::from_secs_f64(ms * 1e-3))),
+            fps: self.fps,
+            light_choice: LightChoice::Tree,
+        }
+    }
+
+    /// Points a camera as asked.
+    pub fn aim(&self, camera: &mut Camera) {
+        if let Some((eye, target)) = self.camera {
+            camera.eye = eye;
+            camera.target = target;
+        }
+    }
+}
+
+fn parse_size(text: &str) -> Result<(u32, u32), String> {
+    let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    match sides {
+        Some((w, h)) if (1..=MAX_SIDE).contains(&w) && (1..=MAX_SIDE).contains(&h) => Ok((w, h)),
+        Some(_) => Err(format!("each side must be from 1 to {MAX_SIDE}")),
+        None => Err("expected a width and a height, such as 640x360".into()),
+    }
+}
+
+fn parse_budget(text: &str) -> Result<f64, String> {
+    // An hour is more than any frame may take, and keeps the duration far from overflow.
+    match text.parse::<f64>() {
+        Ok(ms) if (0.0..=3.6e6).contains(&ms) => Ok(ms),
+        _ => Err("expected milliseconds, from 0 to 3600000".into()),
+    }
+}
+
+fn parse_fps(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(fps) if (1e-3..=1e6).contains(&fps) => Ok(fps),
+        _ => Err("expected frames a second, from 0.001 to 1000000".into()),
+    }
+}
+
+fn parse_camera(text: &str) -> Result<(Vec3, Vec3), String> {
+    let numbers: Option<Vec<f32>> = text.split(',').map(|x| x.trim().parse().ok()).collect();
+    let Some(&[ex, ey, ez, tx, ty, tz]) = numbers.as_deref() else {
+        return Err("expected six numbers: the eye's x,y,z and the target's x,y,z".into());
+    };
+    let (eye, target) = (Vec3::new(ex, ey, ez), Vec3::new(tx, ty, tz));
+    if !eye.is_finite() || !target.is_finite() || eye.max(target).abs().max_element() > 1e7 {
+        return Err("coordinates must be finite and below 10000000".into());
+    }
+    if (target - eye).length() < 1e-3 {
+        return Err("the eye and the target must differ".into());
+    }
+    Ok((eye, target))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(args: &str) -> Result<Options, clap::Error> {
+        Options::try_parse_from(std::iter::once("city").chain(args.split_whitespace()))
+    }
+
+    #[test]
+    fn senseless_values_are_refused() {
+        for bad in [
+            "--size 0x5",
+            "--size 5",
+            "--size 16385x1",
+            "--size -1x4",
+            "--spp 0",
+            "--frames 0",
+            "--budget-ms nan",
+            "--budget-ms -1",
+            "--budget-ms inf",
+            "--fps 0",
+            "--camera 1,2,3",
+            "--camera 1,2,3,1,2,3",
+            "--camera 1,2,nan,1,2,4",
+            "--world XL",
+            "--backend gl",
+            "--gltf a.glb --lamps b.csv",
+            "--gltf a.glb --cars 5",
+            "--unknown",
+        ] {
+            assert!(parse(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn sensible_values_are_taken() {
+        let options = parse("--size 64x36 --camera -8,2,6,2,3.5,-14 --budget-ms 0.5 --world m").unwrap();
+        assert_eq!(options.size, (64, 36));
+        assert_eq!(options.camera, Some((Vec3::new(-8.0, 2.0, 6.0), Vec3::new(2.0, 3.5, -14.0))));
+        assert_eq!(options.world, Size::M);
+        assert_eq!(parse("").unwrap().backend, BackendChoice::Auto);
+    }
+}

@@ -1,0 +1,128 @@
+//! The CPU backend: rayon over rows, the library's sampler, the same estimator as `render.wgsl`.
+
+use super::app::{Image, Settings};
+use super::geometry::Geometry;
+use super::scene::{Material, Scene};
+use super::shading::{Dimension, View, brdf, random, shadow_offset, sky_radiance};
+use girandole::glam::{Vec2, Vec3};
+use girandole::{Incident, Receiver, Sampler};
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// How light reaches a surface point.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LightChoice {
+    /// One light a sample, chosen through the light trees.
+    #[default]
+    Tree,
+    /// Every light, each with one sample: slow, and what the trees must agree with.
+    Exhaustive,
+}
+
+/// Area lights are left just before their surface, which would shadow itself.
+const STOP_BEFORE_LIGHT: f32 = 1.0 - 1e-3;
+
+/// Renders one frame; `progress` hears the finished share now and then, from any thread.
+pub fn render(
+    scene: &Scene,
+    geometry: &Geometry,
+    sampler: &Sampler<'_>,
+    settings: &Settings,
+    seed: u32,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Image {
+    let (width, height) = (settings.width as usize, settings.height as usize);
+    let view = View::new(&scene.camera, settings.width, settings.height);
+    let integrator = Integrator { scene, geometry, sampler, choice: settings.light_choice };
+    let size = Vec2::new(width as f32, height as f32);
+    let mut pixels = vec![Vec3::ZERO; width * height];
+    let done = AtomicUsize::new(0);
+    pixels.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+        for (x, pixel) in row.iter_mut().enumerate() {
+            let index = (y * width + x) as u32;
+            let corner = Vec2::new(x as f32, y as f32);
+            let mut sum = Vec3::ZERO;
+            for sample in 0..settings.spp {
+                let [jitter_x, jitter_y, ..] = random(index, sample, seed, Dimension::Pixel);
+                let direction = view.direction(corner + Vec2::new(jitter_x, jitter_y), size);
+                sum += integrator.radiance(view.eye, direction, random(index, sample, seed, Dimension::Light));
+            }
+            *pixel = sum / settings.spp as f32;
+        }
+        progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / height as f64);
+    });
+    Image { width: settings.width, height: settings.height, pixels }
+}
+
+struct Integrator<'a> {
+    scene: &'a Scene,
+    geometry: &'a Geometry,
+    sampler: &'a Sampler<'a>,
+    choice: LightChoice,
+}
+
+/// A point that light falls on.
+struct Surface<'a> {
+    material: &'a Material,
+    receiver: Receiver,
+    view: Vec3,
+}
+
+impl Integrator<'_> {
+    fn radiance(&self, eye: Vec3, direction: Vec3, u: [f32; 4]) -> Vec3 {
+        let Some(hit) = self.geometry.nearest(eye, direction) else {
+            return sky_radiance(&self.scene.sky, direction);
+        };
+        let triangle = &self.geometry.triangles[hit.triangle as usize];
+        let placed = &self.geometry.objects[hit.object as usize];
+        let material = &self.scene.materials[triangle.material as usize];
+        // Normals go to world space by the transpose of world to mesh.
+        let mesh_normal = triangle.edge1.cross(triangle.edge2);
+        let front = (placed.inverse.matrix3.transpose() * mesh_normal).normalize_or_zero();
+        let view = -direction;
+        let seen_from_front = front.dot(view) >= 0.0;
+        let normal = if seen_from_front { front } else { -front };
+
+        let mut sum = self.scene.sky.ambient * material.base_color;
+        if seen_from_front || material.two_sided_emission {
+            sum += material.emission * placed.emission_scale;
+        }
+
+        let surface = eye + direction * hit.distance;
+        let position = surface + normal * shadow_offset(surface, hit.distance);
+        let surface = Surface { material, receiver: Receiver { position, normal }, view };
+        sum + match self.choice {
+            LightChoice::Tree => match self.sampler.sample(&surface.receiver, u) {
+                Some(sample) => self.arriving(&surface, &sample.incident) / sample.pmf,
+                None => Vec3::ZERO,
+            },
+            LightChoice::Exhaustive => self
+                .sampler
+                .all_lights()
+                .filter_map(|light| self.sampler.sample_light(&surface.receiver, light, [u[2], u[3]]))
+                .map(|incident| self.arriving(&surface, &incident))
+                .sum(),
+        }
+    }
+
+    /// What one sample of one light adds, before the chance of having chosen that light.
+    fn arriving(&self, surface: &Surface, incident: &Incident) -> Vec3 {
+        let Receiver { position, normal } = surface.receiver;
+        let cosine = normal.dot(incident.direction);
+        if cosine <= 0.0 {
+            return Vec3::ZERO;
+        }
+        let contribution = brdf(surface.material, normal, surface.view, incident.direction)
+            * incident.radiance
+            * (cosine / incident.pdf);
+        if contribution.max_element() <= 0.0 {
+            return Vec3::ZERO;
+        }
+        let limit = if incident.is_delta {
+            incident.distance - self.scene.lamp_clearance
+        } else {
+            incident.distance * STOP_BEFORE_LIGHT
+        };
+        if self.geometry.occluded(position, incident.direction, limit) { Vec3::ZERO } else { contribution }
+    }
+}

@@ -1,0 +1,79 @@
+//! Puts parts into a scene and a light world together: one mesh and one light tree a design, any number of placements.
+
+use girandole::glam::{Affine3A, Vec3};
+use girandole::{InstanceKey, Policy, TreeKey, World};
+
+use super::meshes::Part;
+use super::{Camera, Mesh, Object, Scene, SceneError, Sky};
+
+/// A stage in the making.
+pub struct Assembly {
+    /// Geometry so far.
+    pub scene: Scene,
+    /// Lights so far.
+    pub world: World,
+}
+
+/// A part that has its mesh and, if it glows, its light tree.
+#[derive(Clone, Copy, Debug)]
+pub struct Design {
+    /// Index into [`Scene::meshes`].
+    pub mesh: u32,
+    /// `None` for matter that does not glow.
+    pub tree: Option<TreeKey>,
+}
+
+/// One placement of a design.
+#[derive(Clone, Copy, Debug)]
+pub struct Placed {
+    /// Index into [`Scene::objects`].
+    pub object: usize,
+    /// Its lights, if its design glows.
+    pub instance: Option<InstanceKey>,
+}
+
+impl Assembly {
+    /// An empty night.
+    pub fn new() -> Self {
+        let camera = Camera { eye: Vec3::Y, target: Vec3::Z, vertical_fov: 1.0 };
+        let sky = Sky { zenith: Vec3::ZERO, horizon: Vec3::ZERO, ambient: Vec3::ZERO };
+        let scene = Scene {
+            materials: Vec::new(),
+            meshes: Vec::new(),
+            objects: Vec::new(),
+            camera,
+            sky,
+            lamp_clearance: 0.1,
+            exposure: 1.0,
+        };
+        Self { scene, world: World::new() }
+    }
+
+    /// Keeps a mesh and gives its index.
+    pub fn mesh(&mut self, mesh: Mesh) -> u32 {
+        self.scene.meshes.push(mesh);
+        (self.scene.meshes.len() - 1) as u32
+    }
+
+    /// Places a mesh and gives the object's index.
+    pub fn object(&mut self, mesh: u32, transform: Affine3A) -> usize {
+        self.scene.objects.push(Object { mesh, transform, emission_scale: 1.0, visible: true });
+        self.scene.objects.len() - 1
+    }
+
+    /// Keeps a part: its mesh, and a tree if it has lights.
+    pub fn design(&mut self, part: Part) -> Result<Design, SceneError> {
+        let tree = if part.lights.is_empty() { None } else { Some(self.world.add_tree(part.lights)?) };
+        Ok(Design { mesh: self.mesh(part.mesh), tree })
+    }
+
+    /// Places a design.
+    pub fn place(&mut self, design: Design, transform: Affine3A, policy: Policy) -> Result<Placed, SceneError> {
+        let object = self.object(design.mesh, transform);
+        let instance = match design.tree {
+            Some(tree) => Some(self.world.add_instance(tree, transform, policy)?),
+            None => None,
+        };
+        Ok(Placed { object, instance })
+    }
+}

@@ -1,0 +1,75 @@
+//! The procedural city's materials, each listed once and reached by its index.
+
+use girandole::glam::{Vec3, vec3};
+
+use super::Material;
+
+/// An emissive material and the radiance its lights must have.
+#[derive(Clone, Copy, Debug)]
+pub struct Glow {
+    /// Index into the scene's materials.
+    pub material: u32,
+    /// Nits.
+    pub radiance: Vec3,
+}
+
+/// Collects materials while parts are built.
+#[derive(Clone, Debug, Default)]
+pub struct Palette {
+    /// What becomes [`super::Scene::materials`].
+    pub materials: Vec<Material>,
+}
+
+impl Palette {
+    fn index_of(&mut self, material: Material) -> u32 {
+        // A few hundred materials at most: a search is cheaper than a key that floats can hash to.
+        let found = self.materials.iter().position(|known| *known == material);
+        found.unwrap_or_else(|| {
+            self.materials.push(material);
+            self.materials.len() - 1
+        }) as u32
+    }
+
+    /// A matt surface.
+    pub fn matt(&mut self, red: f32, green: f32, blue: f32) -> u32 {
+        self.glossy([red, green, blue], 0.85)
+    }
+
+    /// A surface with a chosen roughness.
+    pub fn glossy(&mut self, color: [f32; 3], roughness: f32) -> u32 {
+        self.index_of(Material { base_color: color.into(), roughness, ..Material::default() })
+    }
+
+    /// A metal.
+    pub fn metal(&mut self, color: [f32; 3], roughness: f32) -> u32 {
+        self.index_of(Material { base_color: color.into(), roughness, metallic: 1.0, ..Material::default() })
+    }
+
+    /// A surface that glows in `color`, whose largest channel becomes `nits`.
+    pub fn glow(&mut self, color: Vec3, nits: f32) -> Glow {
+        let radiance = color / color.max_element() * nits;
+        let material = Material { base_color: Vec3::splat(0.1), emission: radiance, ..Material::default() };
+        Glow { material: self.index_of(material), radiance }
+    }
+}
+
+/// Tungsten, about 2,700 K.
+pub const WARM: Vec3 = vec3(1.0, 0.56, 0.22);
+/// Halogen, about 3,300 K.
+pub const SOFT: Vec3 = vec3(1.0, 0.68, 0.38);
+/// Fluorescent tubes, about 4,500 K.
+pub const NEUTRAL: Vec3 = vec3(1.0, 0.88, 0.72);
+/// Screens and cold LED, about 7,000 K.
+pub const COOL: Vec3 = vec3(0.66, 0.84, 1.0);
+/// High-pressure sodium.
+pub const SODIUM: Vec3 = vec3(1.0, 0.5, 0.14);
+/// Saturated sign colours: pink, cyan, amber, green, violet, red, blue.
+pub const NEON: [Vec3; 7] = [
+    vec3(1.0, 0.06, 0.42),
+    vec3(0.05, 0.85, 1.0),
+    vec3(1.0, 0.42, 0.03),
+    vec3(0.12, 1.0, 0.25),
+    vec3(0.5, 0.12, 1.0),
+    vec3(1.0, 0.05, 0.04),
+    vec3(0.08, 0.2, 1.0),
+];
