@@ -1,10 +1,7 @@
-// What the three stages of the radix sort share. src/gpu/sort.rs has the Rust twins; its test
-// `the_shaders_agree_with_the_host_about_sizes_and_bindings` compares them.
-
-// Invocations in a workgroup; one digit has as many values, so lane d can own digit d.
-const SORT_LANES: u32 = 256u;
-// 32-bit words that hold one bit for each lane.
-const SORT_WORDS: u32 = SORT_LANES / 32u;
+// What the three stages of the radix sort share. Twin of `SortPass` in src/gpu/sort.rs, whose test
+// `the_shaders_agree_with_the_host_about_sizes` compares them. Two constants come from there: SORT_LANES, the
+// invocations of a workgroup, which a digit has as many values as, so lane d can own digit d; and SORT_WORDS, the
+// words that hold a bit for each lane.
 
 struct SortPass {
     // Keys to sort.

@@ -9,6 +9,7 @@ mod layout;
 mod pool;
 mod sampling;
 mod sort;
+mod stages;
 #[cfg(test)]
 mod testing;
 mod text;

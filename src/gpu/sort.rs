@@ -10,6 +10,7 @@
 //! they stop growing at [`MOST_ROUNDS`], where the counts are a sixteenth of the keys.
 
 use super::error::{GpuError, largest_storage_buffer};
+use super::stages::{Access, MOST_WORKGROUPS, PASS_STRIDE, Stages, pass_bytes};
 
 /// Invocations in a workgroup, and values of a digit.
 const LANES: u32 = 256;
@@ -20,16 +21,24 @@ const PASSES: u32 = u32::BITS / DIGIT_BITS;
 const TARGET_BLOCKS: u32 = 256;
 /// Keys a lane of a block, unless there are more blocks than one dispatch may have.
 const MOST_ROUNDS: u32 = 16;
-/// WebGPU's default limit of workgroups along one dimension.
-const MOST_WORKGROUPS: u32 = 65_535;
-/// WebGPU's default alignment of dynamic uniform offsets.
-const PASS_STRIDE: u32 = 256;
 
-const TYPES: &str = include_str!("../../shaders/sort_types.wgsl");
-const PREFIX: &str = include_str!("../../shaders/sort_prefix.wgsl");
-const COUNT: &[&str] = &[TYPES, include_str!("../../shaders/sort_count.wgsl")];
-const SCAN: &[&str] = &[TYPES, PREFIX, include_str!("../../shaders/sort_scan.wgsl")];
-const SCATTER: &[&str] = &[TYPES, PREFIX, include_str!("../../shaders/sort_scatter.wgsl")];
+/// The text of a stage: Rust's constants, what the stages share, and the stage's own file.
+fn text(parts: &[&str]) -> String {
+    let constants = format!("const SORT_LANES: u32 = {LANES}u;\nconst SORT_WORDS: u32 = {}u;\n", LANES / u32::BITS);
+    constants + include_str!("../../shaders/sort_types.wgsl") + &parts.concat()
+}
+
+fn count_text() -> String {
+    text(&[include_str!("../../shaders/sort_count.wgsl")])
+}
+
+fn scan_text() -> String {
+    text(&[include_str!("../../shaders/sort_prefix.wgsl"), include_str!("../../shaders/sort_scan.wgsl")])
+}
+
+fn scatter_text() -> String {
+    text(&[include_str!("../../shaders/sort_prefix.wgsl"), include_str!("../../shaders/sort_scatter.wgsl")])
+}
 
 /// Twin of `SortPass` in `shaders/sort_types.wgsl`.
 #[repr(C)]
@@ -43,7 +52,7 @@ struct SortPass {
 
 /// The pipelines; one set serves any number of buffers.
 pub(crate) struct RadixSort {
-    layout: wgpu::BindGroupLayout,
+    stages: Stages,
     count: wgpu::ComputePipeline,
     scan: wgpu::ComputePipeline,
     scatter: wgpu::ComputePipeline,
@@ -51,61 +60,14 @@ pub(crate) struct RadixSort {
 
 impl RadixSort {
     pub(crate) fn new(device: &wgpu::Device) -> Self {
-        let storage = |binding, read_only| wgpu::BindGroupLayoutEntry {
-            binding,
-            visibility: wgpu::ShaderStages::COMPUTE,
-            ty: wgpu::BindingType::Buffer {
-                ty: wgpu::BufferBindingType::Storage { read_only },
-                has_dynamic_offset: false,
-                min_binding_size: None,
-            },
-            count: None,
-        };
-        let uniform = wgpu::BindGroupLayoutEntry {
-            binding: 0,
-            visibility: wgpu::ShaderStages::COMPUTE,
-            ty: wgpu::BindingType::Buffer {
-                ty: wgpu::BufferBindingType::Uniform,
-                has_dynamic_offset: true,
-                min_binding_size: wgpu::BufferSize::new(size_of::<SortPass>() as u64),
-            },
-            count: None,
-        };
-        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: Some("sort"),
-            entries: &[
-                uniform,
-                storage(1, true),
-                storage(2, true),
-                storage(3, false),
-                storage(4, false),
-                storage(5, false),
-            ],
-        });
-        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("sort"),
-            bind_group_layouts: &[Some(&layout)],
-            immediate_size: 0,
-        });
-        let pipeline = |entry, pieces: &[&str]| {
-            let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some(entry),
-                source: wgpu::ShaderSource::Wgsl(pieces.concat().into()),
-            });
-            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(entry),
-                layout: Some(&pipeline_layout),
-                module: &module,
-                entry_point: Some(entry),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                cache: None,
-            })
-        };
+        // Keys and values in, keys and values out, histogram.
+        let storage = [Access::Read, Access::Read, Access::Write, Access::Write, Access::Write];
+        let stages = Stages::new(device, "sort", size_of::<SortPass>() as u64, &storage);
         Self {
-            count: pipeline("sort_count", COUNT),
-            scan: pipeline("sort_scan", SCAN),
-            scatter: pipeline("sort_scatter", SCATTER),
-            layout,
+            count: stages.pipeline(device, "sort_count", count_text()),
+            scan: stages.pipeline(device, "sort_scan", scan_text()),
+            scatter: stages.pipeline(device, "sort_scatter", scatter_text()),
+            stages,
         }
     }
 
@@ -162,26 +124,10 @@ impl SortBuffers {
         let histogram = buffer("sort histogram", words * 4, wgpu::BufferUsages::STORAGE);
         let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let passes = buffer("sort passes", u64::from(PASSES * PASS_STRIDE), uniform);
-        let pass = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-            buffer: &passes,
-            offset: 0,
-            size: wgpu::BufferSize::new(size_of::<SortPass>() as u64),
-        });
-        let group = |storage: [&wgpu::Buffer; 4]| {
-            let mut entries = vec![wgpu::BindGroupEntry { binding: 0, resource: pass.clone() }];
-            entries.extend(
-                (1..)
-                    .zip(storage.into_iter().chain([&histogram]))
-                    .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() }),
-            );
-            device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: Some("sort"),
-                layout: &sort.layout,
-                entries: &entries,
-            })
-        };
-        let groups =
-            [group([&keys, &values, &other_keys, &other_values]), group([&other_keys, &other_values, &keys, &values])];
+        let groups = [
+            sort.stages.bind(device, &passes, &[&keys, &values, &other_keys, &other_values, &histogram]),
+            sort.stages.bind(device, &passes, &[&other_keys, &other_values, &keys, &values, &histogram]),
+        ];
         Ok(Self { keys, values, passes, groups, capacity, count: 0 })
     }
 
@@ -194,11 +140,9 @@ impl SortBuffers {
         }
         self.count = count;
         let (blocks, rounds) = split(count);
-        let mut bytes = [0u8; (PASSES * PASS_STRIDE) as usize];
-        for (turn, slot) in (0..PASSES).zip(bytes.chunks_exact_mut(PASS_STRIDE as usize)) {
-            let pass = SortPass { count, blocks, rounds, shift: turn * DIGIT_BITS };
-            slot[..size_of::<SortPass>()].copy_from_slice(bytemuck::bytes_of(&pass));
-        }
+        let passes: [SortPass; PASSES as usize] =
+            std::array::from_fn(|turn| SortPass { count, blocks, rounds, shift: turn as u32 * DIGIT_BITS });
+        let bytes = pass_bytes(&passes);
         queue.write_buffer(&self.passes, 0, &bytes);
         bytes.len() as u64
     }
@@ -352,18 +296,11 @@ mod tests {
     }
 
     #[test]
-    fn the_shaders_agree_with_the_host_about_sizes_and_bindings() {
-        for (entry, pieces) in [("sort_count", COUNT), ("sort_scan", SCAN), ("sort_scatter", SCATTER)] {
-            let module = naga::front::wgsl::parse_str(&pieces.concat()).expect(entry);
-            let constant = |name: &str| {
-                let (_, found) = module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name)).expect(name);
-                match module.global_expressions[found.init] {
-                    naga::Expression::Literal(naga::Literal::U32(value)) => value,
-                    ref other => panic!("{name} is {other:?}"),
-                }
-            };
-            assert_eq!(constant("SORT_LANES"), LANES);
-            assert_eq!(constant("SORT_WORDS"), LANES / u32::BITS);
+    fn the_shaders_agree_with_the_host_about_sizes() {
+        for (entry, text) in
+            [("sort_count", count_text()), ("sort_scan", scan_text()), ("sort_scatter", scatter_text())]
+        {
+            let module = naga::front::wgsl::parse_str(&text).expect(entry);
             assert_eq!(module.entry_points.len(), 1);
             assert_eq!(module.entry_points[0].name, entry);
             assert_eq!(module.entry_points[0].workgroup_size, [LANES, 1, 1]);

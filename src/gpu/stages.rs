@@ -1,0 +1,106 @@
+//! Compute stages that share one bind group layout: a uniform that is stepped through by a dynamic offset, then
+//! storage buffers.
+
+/// WebGPU's default alignment of dynamic uniform offsets; devices may allow less, none may ask for more.
+pub(crate) const PASS_STRIDE: u32 = 256;
+
+/// WebGPU's default limit of workgroups along one dimension.
+pub(crate) const MOST_WORKGROUPS: u32 = 65_535;
+
+/// What the stages of one file do to a storage buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Access {
+    /// All of them only read it.
+    Read,
+    /// At least one writes it.
+    Write,
+}
+
+/// The layout of binding 0, the uniform, and of the storage buffers from binding 1 on.
+pub(crate) struct Stages {
+    label: &'static str,
+    bindings: wgpu::BindGroupLayout,
+    pipelines: wgpu::PipelineLayout,
+    uniform_bytes: u64,
+}
+
+impl Stages {
+    /// `uniform_bytes` is the size of one step of the uniform.
+    pub(crate) fn new(device: &wgpu::Device, label: &'static str, uniform_bytes: u64, storage: &[Access]) -> Self {
+        let entry = |binding, ty, has_dynamic_offset, bytes| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: wgpu::ShaderStages::COMPUTE,
+            ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset, min_binding_size: wgpu::BufferSize::new(bytes) },
+            count: None,
+        };
+        let mut entries = vec![entry(0, wgpu::BufferBindingType::Uniform, true, uniform_bytes)];
+        entries.extend((1..).zip(storage).map(|(binding, access)| {
+            let read_only = *access == Access::Read;
+            entry(binding, wgpu::BufferBindingType::Storage { read_only }, false, 0)
+        }));
+        let bindings =
+            device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries });
+        let pipelines = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(label),
+            bind_group_layouts: &[Some(&bindings)],
+            immediate_size: 0,
+        });
+        Self { label, bindings, pipelines, uniform_bytes }
+    }
+
+    /// The stage of this name, from its whole text.
+    pub(crate) fn pipeline(&self, device: &wgpu::Device, entry: &str, text: String) -> wgpu::ComputePipeline {
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some(entry),
+            source: wgpu::ShaderSource::Wgsl(text.into()),
+        });
+        device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(entry),
+            layout: Some(&self.pipelines),
+            module: &module,
+            entry_point: Some(entry),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        })
+    }
+
+    /// Buffers in the order of the layout.
+    pub(crate) fn bind(
+        &self,
+        device: &wgpu::Device,
+        uniform: &wgpu::Buffer,
+        storage: &[&wgpu::Buffer],
+    ) -> wgpu::BindGroup {
+        let resource = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+            buffer: uniform,
+            offset: 0,
+            size: wgpu::BufferSize::new(self.uniform_bytes),
+        });
+        let mut entries = vec![wgpu::BindGroupEntry { binding: 0, resource }];
+        entries.extend(
+            (1..)
+                .zip(storage)
+                .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() }),
+        );
+        device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(self.label),
+            layout: &self.bindings,
+            entries: &entries,
+        })
+    }
+}
+
+/// The bytes of a uniform that is stepped through: one record every [`PASS_STRIDE`].
+pub(crate) fn pass_bytes<T: bytemuck::NoUninit>(passes: &[T]) -> Vec<u8> {
+    let mut bytes = vec![0; passes.len() * PASS_STRIDE as usize];
+    for (pass, slot) in passes.iter().zip(bytes.chunks_exact_mut(PASS_STRIDE as usize)) {
+        slot[..size_of::<T>()].copy_from_slice(bytemuck::bytes_of(pass));
+    }
+    bytes
+}
+
+/// A dispatch of at least so many workgroups, in two dimensions where one is too short.
+pub(crate) fn dispatch(pass: &mut wgpu::ComputePass<'_>, groups: u32) {
+    let x = groups.clamp(1, MOST_WORKGROUPS);
+    pass.dispatch_workgroups(x, groups.div_ceil(x).max(1), 1);
+}
