@@ -4,7 +4,7 @@ use glam::{Mat3, Vec3};
 
 /// Relative outward padding of a transformed box. Three products and sums in f32 lose at most 4 ulp
 /// (2.4e-7) of the largest term; twice that covers the caller's own rounding of the transform.
-const TRANSFORM_PADDING: f32 = 5.0e-7;
+pub(crate) const TRANSFORM_PADDING: f32 = 5.0e-7;
 
 /// An axis-aligned box in metres. [`Aabb::EMPTY`] holds nothing and is the identity of [`Aabb::union`].
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -9,7 +9,7 @@ use std::f32::consts::PI;
 use glam::Vec3;
 
 /// Added to the half-angle of every union, in radians: atan2, sin and cos are good to a few 1e-7.
-const UNION_PADDING: f32 = 1.0e-6;
+pub(crate) const UNION_PADDING: f32 = 1.0e-6;
 
 /// All directions within `half_angle` of `axis`.
 #[derive(Clone, Copy, Debug, PartialEq)]

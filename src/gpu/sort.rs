@@ -71,7 +71,7 @@ impl RadixSort {
         }
     }
 
-    /// Records the sort of the first [`SortBuffers::count`] keys and their values, in place. Twelve dispatches,
+    /// Records the sort of the first keys, as many as [`SortBuffers::set_count`] was told, and their values, in place. Twelve dispatches,
     /// whatever the count; none for fewer than two keys.
     pub(crate) fn record(&self, pass: &mut wgpu::ComputePass<'_>, buffers: &SortBuffers) {
         if buffers.count < 2 {
@@ -131,7 +131,7 @@ impl SortBuffers {
         Ok(Self { keys, values, passes, groups, capacity, count: 0 })
     }
 
-    /// Keys to sort from the next submission on; at most [`SortBuffers::capacity`]. Returns the bytes sent, none where
+    /// Keys to sort from the next submission on; at most the capacity. Returns the bytes sent, none where
     /// the count is as before.
     pub(crate) fn set_count(&mut self, queue: &wgpu::Queue, count: u32) -> u64 {
         assert!(count <= self.capacity, "{count} keys in buffers for {}", self.capacity);
@@ -145,16 +145,6 @@ impl SortBuffers {
         let bytes = pass_bytes(&passes);
         queue.write_buffer(&self.passes, 0, &bytes);
         bytes.len() as u64
-    }
-
-    /// Keys that [`RadixSort::record`] sorts.
-    pub(crate) fn count(&self) -> u32 {
-        self.count
-    }
-
-    /// Keys that there is room for.
-    pub(crate) fn capacity(&self) -> u32 {
-        self.capacity
     }
 
     /// The keys, as u32: unsorted before the sort, ascending after it.

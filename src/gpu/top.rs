@@ -1,20 +1,256 @@
-//! stub
-use super::{error::GpuError, layout::*, pool::Pool};
-use crate::tree::Node;
-pub(super) struct TopBuild(Pool<Node>);
+//! Builds the top level on the GPU, from instances and the roots of their trees. Nothing is read back.
+//!
+//! Twin of `src/top.rs` and of what `World` makes of an instance; the tests below compare both, and check the GPU's
+//! bounds for themselves. Stages: leaves and their bounds, keys, sort, lowest nodes, then one dispatch a level. The
+//! sources are `shaders/top_*.wgsl`. Nothing waits for another workgroup: bounds are maxima, which commute.
+
+use std::fmt::Write;
+
+use super::error::{GpuError, largest_storage_buffer};
+use super::layout::{InstanceRecord, TreeRecord};
+use super::pool::Pool;
+use super::sort::{RadixSort, SortBuffers};
+use super::stages::{Access, PASS_STRIDE, Stages, dispatch, pass_bytes};
+use crate::top::level_starts;
+use crate::tree::{Child, Node, WIDTH};
+use crate::{bounds, cone, top, tree};
+
+/// Invocations in a workgroup. Half of what WebGPU allows: merging clusters takes many registers.
+const LANES: u32 = 128;
+
+/// No tree over 31-bit slots is higher.
+const MOST_LEVELS: u32 = 31u32.div_ceil(WIDTH.ilog2());
+
+/// Least and greatest coordinates.
+const BOUNDS_BYTES: u64 = 24;
+
+/// Twin of `TopPass` in `shaders/top_types.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+struct TopPass {
+    slots: u32,
+    first: u32,
+    count: u32,
+    first_above: u32,
+    count_above: u32,
+    padding_a: u32,
+    padding_b: u32,
+    padding_c: u32,
+}
+
+/// The pipelines and buffers of the top level.
+pub(crate) struct TopBuild {
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    stages: Stages,
+    leaves: wgpu::ComputePipeline,
+    keys: wgpu::ComputePipeline,
+    place: wgpu::ComputePipeline,
+    level: wgpu::ComputePipeline,
+    sort: RadixSort,
+    passes: wgpu::Buffer,
+    buffers: TopBuffers,
+    /// The lowest first; none before the first build.
+    levels: Vec<TopPass>,
+    generation: u64,
+    /// With the generations of the instances and trees that it was made for.
+    bound: Option<([u64; 2], wgpu::BindGroup)>,
+}
+
+/// What grows with the number of slots.
+struct TopBuffers {
+    capacity: u32,
+    leaves: wgpu::Buffer,
+    bounds: wgpu::Buffer,
+    nodes: wgpu::Buffer,
+    sort: SortBuffers,
+}
+
 impl TopBuild {
-    pub fn new(d: &wgpu::Device, q: &wgpu::Queue) -> Result<Self, GpuError> {
-        Ok(Self(Pool::new(d, q, "top", 1)?))
+    /// Pipelines, and room for a few slots.
+    pub(crate) fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Self, GpuError> {
+        // Instances, trees, leaves, bounds, keys, slots, nodes.
+        let mut storage = [Access::Write; 7];
+        storage[1] = Access::Read;
+        let stages = Stages::new(device, "top level", size_of::<TopPass>() as u64, &storage);
+        let pipeline = |stage: &Stage| stages.pipeline(device, stage.entry, stage.text());
+        let sort = RadixSort::new(device);
+        let passes = device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("top level passes"),
+            size: u64::from(MOST_LEVELS * PASS_STRIDE),
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let buffers = TopBuffers::new(device, &sort, 64)?;
+        Ok(Self {
+            device: device.clone(),
+            queue: queue.clone(),
+            leaves: pipeline(&LEAVES),
+            keys: pipeline(&KEYS),
+            place: pipeline(&PLACE),
+            level: pipeline(&LEVEL),
+            stages,
+            sort,
+            passes,
+            buffers,
+            levels: Vec::new(),
+            generation: 0,
+            bound: None,
+        })
     }
-    pub fn reserve(&mut self, _s: u32) -> Result<(), GpuError> {
+
+    /// Makes room for so many instance slots.
+    ///
+    /// Fails with [`GpuError::Full`] and changes nothing where the device cannot bind as many.
+    pub(crate) fn reserve(&mut self, slots: u32) -> Result<(), GpuError> {
+        if slots > self.buffers.capacity {
+            let roomy = slots.max(self.buffers.capacity.saturating_mul(2));
+            self.buffers = TopBuffers::new(&self.device, &self.sort, roomy)
+                .or_else(|_| TopBuffers::new(&self.device, &self.sort, slots))?;
+            self.generation += 1;
+            self.bound = None;
+        }
         Ok(())
     }
-    pub fn nodes(&self) -> &wgpu::Buffer {
-        self.0.buffer()
+
+    /// Names the records to build from, both by slot. The build writes the instances' `top_place`. To be called after
+    /// [`TopBuild::reserve`] and whenever a pool grew.
+    pub(crate) fn bind(&mut self, instances: &Pool<InstanceRecord>, trees: &Pool<TreeRecord>) {
+        let generations = [instances.generation(), trees.generation()];
+        if self.bound.as_ref().is_some_and(|(bound, _)| *bound == generations) {
+            return;
+        }
+        let TopBuffers { leaves, bounds, nodes, sort, .. } = &self.buffers;
+        let storage = [instances.buffer(), trees.buffer(), leaves, bounds, sort.keys(), sort.values(), nodes];
+        self.bound = Some((generations, self.stages.bind(&self.device, &self.passes, &storage)));
     }
-    pub fn generation(&self) -> u64 {
-        self.0.generation()
+
+    /// Records the build over the first `slots` slots; nothing before the first [`TopBuild::bind`], when all nodes are
+    /// zero, which is no light.
+    ///
+    /// 3 dispatches, 12 more for the sort, and one a level of eight. Sends a few hundred bytes if the number of slots
+    /// is another than in the last build, else none.
+    pub(crate) fn record(&mut self, encoder: &mut wgpu::CommandEncoder, slots: u32) {
+        if self.bound.is_none() {
+            return;
+        }
+        self.set_slots(slots);
+        let Some((_, group)) = &self.bound else { return };
+        encoder.clear_buffer(&self.buffers.bounds, 0, None);
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("girandole top level"),
+            timestamp_writes: None,
+        });
+        let run = |pass: &mut wgpu::ComputePass<'_>, pipeline, level: usize, invocations: u32| {
+            pass.set_bind_group(0, group, &[level as u32 * PASS_STRIDE]);
+            pass.set_pipeline(pipeline);
+            dispatch(pass, invocations.div_ceil(LANES));
+        };
+        run(&mut pass, &self.leaves, 0, slots);
+        run(&mut pass, &self.keys, 0, slots);
+        self.sort.record(&mut pass, &self.buffers.sort);
+        run(&mut pass, &self.place, 0, self.levels[0].count * WIDTH as u32);
+        for (index, level) in self.levels.iter().enumerate().filter(|(_, level)| level.count_above > 0) {
+            run(&mut pass, &self.level, index, level.count_above * WIDTH as u32);
+        }
     }
-    pub fn bind(&mut self, _i: &Pool<InstanceRecord>, _t: &Pool<TreeRecord>) {}
-    pub fn record(&mut self, _e: &mut wgpu::CommandEncoder, _s: u32) {}
+
+    fn set_slots(&mut self, slots: u32) {
+        self.buffers.sort.set_count(&self.queue, slots);
+        if self.levels.first().is_some_and(|level| level.slots == slots) {
+            return;
+        }
+        let starts = level_starts(slots as usize);
+        let level = |index: usize| (starts[index], starts[index + 1] - starts[index]);
+        self.levels.clear();
+        self.levels.extend((0..starts.len() - 1).rev().map(|index| {
+            let (first, count) = level(index);
+            let (first_above, count_above) = index.checked_sub(1).map_or((0, 0), level);
+            TopPass { slots, first, count, first_above, count_above, ..TopPass::default() }
+        }));
+        self.queue.write_buffer(&self.passes, 0, &pass_bytes(&self.levels));
+    }
+
+    /// The top level's nodes, the root first; another object after each change of [`TopBuild::generation`].
+    pub(crate) fn nodes(&self) -> &wgpu::Buffer {
+        &self.buffers.nodes
+    }
+
+    /// Changes when the nodes' buffer is replaced, so that whoever bound the old one binds again.
+    pub(crate) fn generation(&self) -> u64 {
+        self.generation
+    }
 }
+
+impl TopBuffers {
+    fn new(device: &wgpu::Device, sort: &RadixSort, capacity: u32) -> Result<Self, GpuError> {
+        let limit = largest_storage_buffer(device);
+        let starts = level_starts(capacity as usize);
+        let nodes = u64::from(starts[starts.len() - 1]) * size_of::<Node>() as u64;
+        let leaves = u64::from(capacity.max(1)) * size_of::<Child>() as u64;
+        for (what, needed) in [("top-level nodes", nodes), ("instances' clusters", leaves)] {
+            if needed > limit {
+                return Err(GpuError::Full { what, needed, limit });
+            }
+        }
+        let buffer = |label, size| {
+            device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size,
+                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        };
+        Ok(Self {
+            capacity,
+            sort: SortBuffers::new(device, sort, capacity)?,
+            leaves: buffer("top level leaves", leaves),
+            bounds: buffer("top level bounds", BOUNDS_BYTES),
+            nodes: buffer("top level nodes", nodes),
+        })
+    }
+}
+
+/// A stage's name and its own file.
+struct Stage {
+    entry: &'static str,
+    source: &'static str,
+}
+
+const LEAVES: Stage = Stage { entry: "top_leaves", source: include_str!("../../shaders/top_leaves.wgsl") };
+const KEYS: Stage = Stage { entry: "top_keys", source: include_str!("../../shaders/top_keys.wgsl") };
+const PLACE: Stage = Stage { entry: "top_place", source: include_str!("../../shaders/top_place.wgsl") };
+const LEVEL: Stage = Stage { entry: "top_level", source: include_str!("../../shaders/top_level.wgsl") };
+
+impl Stage {
+    /// The whole text: Rust's constants, records, pure functions, the stage.
+    fn text(&self) -> String {
+        let mut text = super::text::constants();
+        for (name, value) in [("LANES", LANES), ("KEY_BITS", top::KEY_BITS), ("NO_KEY", top::NO_KEY)] {
+            let _ = writeln!(text, "const TOP_{name}: u32 = {value}u;");
+        }
+        for (name, value) in [
+            ("UNION_PADDING", cone::UNION_PADDING),
+            ("TRANSFORM_PADDING", bounds::TRANSFORM_PADDING),
+            ("CONE_PADDING", tree::CONE_PADDING),
+            ("COSINE_ROUNDING", tree::COSINE_ROUNDING),
+            ("SNORM", tree::SNORM),
+            ("UNORM", tree::UNORM),
+        ] {
+            let _ = writeln!(text, "const {name}: f32 = {value:e};");
+        }
+        for part in [
+            include_str!("../../shaders/types.wgsl"),
+            include_str!("../../shaders/node.wgsl"),
+            include_str!("../../shaders/top_types.wgsl"),
+            include_str!("../../shaders/top_cluster.wgsl"),
+            self.source,
+        ] {
+            text += part;
+        }
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests;

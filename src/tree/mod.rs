@@ -8,6 +8,8 @@ mod refit;
 
 pub use attributes::{Attribute, Attributes};
 pub use check::CheckError;
+#[cfg(feature = "gpu")]
+pub(crate) use node::{CONE_PADDING, COSINE_ROUNDING, SNORM, UNORM};
 pub use node::{Child, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_PARENT, Node, Target, WIDTH};
 pub(crate) use node::{FARTHEST, unpack_direction};
 

@@ -31,16 +31,16 @@ pub(crate) const FARTHEST: f32 = 1.0e18;
 
 /// Half-angle added to a packed cone, in radians. An axis of two 16-bit octahedral coordinates is off by up to 7e-5;
 /// the rest covers rounding in the decoded axis.
-const CONE_PADDING: f32 = 1.0e-4;
+pub(crate) const CONE_PADDING: f32 = 1.0e-4;
 
 /// Taken off a cosine before it is rounded down, in steps of 1/32767: f32 rounds the cosine of a small angle up to 1,
 /// by up to 0.002 steps.
-const COSINE_ROUNDING: f32 = 0.01;
+pub(crate) const COSINE_ROUNDING: f32 = 0.01;
 
 /// Steps of a signed 16-bit fraction.
-const SNORM: f32 = 32767.0;
+pub(crate) const SNORM: f32 = 32767.0;
 /// Steps of an unsigned 16-bit fraction.
-const UNORM: f32 = 65535.0;
+pub(crate) const UNORM: f32 = 65535.0;
 
 /// One child of a node: a cluster in 60 bytes and where it leads. 64 bytes.
 #[repr(C)]

@@ -1,0 +1,51 @@
+// Top level, stage 1: each instance as the top level sees it, and the bounds of their means. Twin of `World::leaf`.
+// One invocation a slot.
+
+@group(0) @binding(0) var<uniform> top_pass: TopPass;
+@group(0) @binding(1) var<storage, read_write> instances: array<LightInstance>;
+@group(0) @binding(2) var<storage, read> trees: array<LightTree>;
+@group(0) @binding(3) var<storage, read_write> leaves: array<LightChild>;
+// Greatest `top_ordered` coordinates, then greatest complements of them: both start from the zeros of a cleared buffer.
+@group(0) @binding(4) var<storage, read_write> bounds: array<atomic<u32>, 6>;
+
+// The same of this workgroup. Maxima commute, so neither depends on who comes first.
+var<workgroup> group_bounds: array<atomic<u32>, 6>;
+
+fn leaf_of(slot: u32) -> LightChild {
+    let instance = instances[slot];
+    if (instance.flags & LIGHT_LIVE) == 0u {
+        return CHILD_EMPTY;
+    }
+    let tree = trees[instance.tree];
+    if tree.root.flux <= 0.0 {
+        return CHILD_EMPTY;
+    }
+    let map = linear_of(instance);
+    let cluster = child_cluster(tree.root);
+    let flux = max(linear_flux(map, tree.punctual_flux, tree.area_flux, cluster.axis), LIGHT_LEAST_FLUX);
+    return child_pack(cluster_transformed(cluster, map, flux), LIGHT_LEAF | slot);
+}
+
+@compute @workgroup_size(TOP_LANES)
+fn top_leaves(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let slot = top_index(id, groups);
+    if slot < top_pass.slots {
+        let leaf = leaf_of(slot);
+        leaves[slot] = leaf;
+        if leaf.flux > 0.0 {
+            for (var axis = 0u; axis < 3u; axis++) {
+                let place = top_ordered(leaf.mean[axis]);
+                atomicMax(&group_bounds[axis], place);
+                atomicMax(&group_bounds[axis + 3u], ~place);
+            }
+        }
+    }
+    workgroupBarrier();
+    if lane < 6u {
+        atomicMax(&bounds[lane], atomicLoad(&group_bounds[lane]));
+    }
+}
