@@ -39,8 +39,9 @@ impl Dice {
     }
 }
 
+/// NaN becomes 0: `max` returns the other operand, while `clamp` would keep it.
+#[allow(clippy::manual_clamp, reason = "not the same for NaN")]
 fn clamp_unit(u: f32) -> f32 {
-    // NaN becomes 0: `max` returns the other operand.
     u.max(0.0).min(BELOW_ONE)
 }
 

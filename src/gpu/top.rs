@@ -11,9 +11,12 @@ use super::layout::{InstanceRecord, TreeRecord};
 use super::pool::Pool;
 use super::sort::{RadixSort, SortBuffers};
 use super::stages::{Access, PASS_STRIDE, Stages, dispatch, pass_bytes};
+use crate::bounds;
+use crate::cone;
+use crate::top;
 use crate::top::level_starts;
+use crate::tree;
 use crate::tree::{Child, Node, WIDTH};
-use crate::{bounds, cone, top, tree};
 
 /// Invocations in a workgroup. Half of what WebGPU allows: merging clusters takes many registers.
 const LANES: u32 = 128;

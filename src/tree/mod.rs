@@ -53,7 +53,7 @@ impl LightTree {
     /// O(n log n). Source: [CK18] 4.2-4.4, see `tree/build.rs`.
     pub fn new(lights: Vec<Light>) -> Result<Self, WorldError> {
         check_light_count(lights.len())?;
-        check_lights(lights.iter().enumerate().map(|(i, l)| (i, l)))?;
+        check_lights(lights.iter().enumerate())?;
         Ok(Self::build(lights))
     }
 

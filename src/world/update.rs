@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use super::{TreeEntry, World};
 use crate::keys::{TreeKey, slot_of};
+use crate::light::Light;
 use crate::policy::{History, Policy, wants_rebuild};
 use crate::scheduler::{FrameBudget, Job, rank};
 use crate::tree::LightTree;
@@ -51,15 +52,15 @@ impl World {
         }
         // Trees leave the map while threads work on them; a moved-from tree is empty and costs nothing.
         let edited = std::mem::take(&mut self.edited);
-        let mut work: Vec<(TreeKey, LightTree, Vec<(u32, crate::light::Light)>)> = edited
-            .iter()
+        let mut work: Vec<Edited> = edited
+            .into_iter()
             .map(|key| {
-                let entry = &mut self.trees[*key];
+                let entry = &mut self.trees[key];
                 entry.is_edited = false;
-                (*key, std::mem::take(&mut entry.tree), std::mem::take(&mut entry.staged))
+                Edited { key, tree: std::mem::take(&mut entry.tree), staged: std::mem::take(&mut entry.staged) }
             })
             .collect();
-        let refit = |(_, tree, staged): &mut (_, LightTree, Vec<_>)| {
+        let refit = |Edited { tree, staged, .. }: &mut Edited| {
             tree.apply(staged);
             tree.refit();
             staged.clear();
@@ -73,7 +74,7 @@ impl World {
         work.iter_mut().for_each(refit);
 
         let count = work.len();
-        for (key, tree, staged) in work {
+        for Edited { key, tree, staged } in work {
             let entry = &mut self.trees[key];
             entry.tree = tree;
             entry.staged = staged;
@@ -125,6 +126,13 @@ impl World {
             self.top.take();
         }
     }
+}
+
+/// A tree that left the map to be refitted.
+struct Edited {
+    key: TreeKey,
+    tree: LightTree,
+    staged: Vec<(u32, Light)>,
 }
 
 fn job(key: TreeKey, entry: &TreeEntry) -> Job<TreeKey> {
