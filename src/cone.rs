@@ -1,6 +1,6 @@
 //! Cones of directions (spherical caps): where a group of lights sends light.
 //!
-//! Based on [CK18] 4.1 and the cone union of pbrt-v4. Differs: one cap of *emission* directions instead of a normal
+//! Based on CK18 4.1 and the cone union of pbrt-v4. Differs: one cap of *emission* directions instead of a normal
 //! cone and an emission angle (docs/math.md); angles by atan2, so that neither narrow cones nor opposite axes lose
 //! digits; opposite axes give a cap about a perpendicular, never a half sphere that misses one of the two.
 
@@ -61,7 +61,7 @@ impl Cone {
         !self.is_empty() && (self.is_full() || angle(self.axis, direction) <= self.half_angle)
     }
 
-    /// The orientation measure of [CK18] equation 1: the solid angle of emission, weighted by a cosine.
+    /// The orientation measure of CK18 equation 1: the solid angle of emission, weighted by a cosine.
     ///
     /// The cap is split into a normal cone and an emission angle of at most a right angle. 4 pi for the full sphere,
     /// pi for one flat emitter, 0 for the empty cone and for a spot without width.

@@ -111,6 +111,14 @@ pub enum PlacementError {
         /// What was given.
         value: f64,
     },
+    /// An entry of the linear part is too large.
+    #[error("an entry of the linear part is {value}; the limit is {limit}")]
+    TooLarge {
+        /// What was given.
+        value: f32,
+        /// The largest allowed size.
+        limit: f32,
+    },
     /// Its linear part has no inverse in single precision: a scale of zero, or nearly so.
     #[error("the linear part flattens space (determinant {determinant})")]
     Singular {

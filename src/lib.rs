@@ -92,7 +92,7 @@ pub use glam;
 pub use importance::Receiver;
 pub use keys::{DirectionalKey, InstanceKey, TreeKey};
 pub use light::{DirectionalLight, Light, Shape};
-pub use placement::{MAX_DISTANCE, Placement};
+pub use placement::{MAX_DISTANCE, MAX_SCALE, Placement};
 pub use policy::{ATTRIBUTE_FLOOR, History, Policy, wants_rebuild};
 pub use sample::{LightId, LightPick, LightSample, Sampler};
 pub use scheduler::{Clock, FrameBudget, SystemClock};

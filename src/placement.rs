@@ -10,6 +10,9 @@ use crate::importance::{Receiver, View};
 /// Farthest an instance may stand from the world's origin, per axis, in metres.
 pub const MAX_DISTANCE: f64 = 1.0e9;
 
+/// Largest entry of a linear part, and the inverse of the least scale: squares of cofactors stay inside f32.
+pub const MAX_SCALE: f32 = 1.0e9;
+
 /// A rotation, scale, mirror or shear, and a place. From tree space to the world.
 ///
 /// Points and spots keep their intensity and range whatever the scale, as glTF has it; surfaces keep their radiance.
@@ -69,6 +72,9 @@ impl Placed {
         if let Some(value) = entries.into_iter().find(|e| !e.is_finite()) {
             return Err(PlacementError::NotFinite { what: "an entry of the linear part", value: value.into() });
         }
+        if let Some(value) = entries.into_iter().find(|e| e.abs() > MAX_SCALE) {
+            return Err(PlacementError::TooLarge { value, limit: MAX_SCALE });
+        }
         if let Some(value) = placement.translation.to_array().into_iter().find(|e| !e.is_finite()) {
             return Err(PlacementError::NotFinite { what: "a coordinate of the translation", value });
         }
@@ -80,11 +86,7 @@ impl Placed {
         let linear = Linear::new(placement.linear);
         let to_local = placement.linear.inverse();
         // Normal numbers only: a denormal determinant has lost the digits that its inverse needs.
-        let usable = linear.determinant.is_normal()
-            && to_local.is_finite()
-            && linear.cofactor.is_finite()
-            && linear.least_scale.is_normal();
-        if !usable {
+        if !(linear.determinant.is_normal() && to_local.is_finite() && linear.least_scale >= 1.0 / MAX_SCALE) {
             return Err(PlacementError::Singular { determinant: linear.determinant });
         }
         let frame = Frame {
@@ -121,6 +123,13 @@ mod tests {
     fn placements_that_flatten_space_or_leave_it_are_refused() {
         let flat = Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, 0.0, 1.0)), ..Placement::IDENTITY };
         assert!(matches!(Placed::new(&flat, DVec3::ZERO), Err(PlacementError::Singular { .. })));
+        let scaled = |s| Placement { linear: Mat3::from_diagonal(Vec3::splat(s)), ..Placement::IDENTITY };
+        assert!(
+            Placed::new(&scaled(MAX_SCALE), DVec3::ZERO).is_ok_and(|p| p.linear.flux(1.0, 1.0, Vec3::X).is_finite())
+        );
+        assert!(matches!(Placed::new(&scaled(MAX_SCALE.next_up()), DVec3::ZERO), Err(PlacementError::TooLarge { .. })));
+        assert!(Placed::new(&scaled(1.001 / MAX_SCALE), DVec3::ZERO).is_ok_and(|p| p.linear.is_similarity));
+        assert!(matches!(Placed::new(&scaled(0.9 / MAX_SCALE), DVec3::ZERO), Err(PlacementError::Singular { .. })));
         let nan = Placement::at(DVec3::new(0.0, f64::NAN, 0.0));
         assert!(matches!(Placed::new(&nan, DVec3::ZERO), Err(PlacementError::NotFinite { .. })));
         let limit = Placement::at(DVec3::X * MAX_DISTANCE);

@@ -1,6 +1,6 @@
 //! From the attributes' history to a decision: is a rebuild worth its time?
 //!
-//! Algorithms 1 and 2 of [SS]. Pure: nothing here knows of trees, time or budgets.
+//! Algorithms 1 and 2 of SS. Pure: nothing here knows of trees, time or budgets.
 
 use crate::error::WorldError;
 use crate::tree::{Attribute, Attributes};
@@ -24,20 +24,20 @@ pub enum Policy {
     /// The scheduler weighs what a rebuild buys against all others.
     #[default]
     Budgeted,
-    /// Algorithm 1 of [SS]: asks for a rebuild when the attribute exceeds its least value by `factor` standard deviations.
+    /// Algorithm 1 of SS: asks for a rebuild when the attribute exceeds its least value by `factor` standard deviations.
     Deviation {
         /// Which attribute is watched.
         attribute: Attribute,
         /// Its standard deviation over rebuilt trees, at least 0.
         deviation: f32,
-        /// S of [SS], at least 0.
+        /// S of SS, at least 0.
         factor: f32,
     },
-    /// Algorithm 2 of [SS]: asks for a rebuild when the attribute exceeds `factor` times its least value.
+    /// Algorithm 2 of SS: asks for a rebuild when the attribute exceeds `factor` times its least value.
     Ratio {
         /// Which attribute is watched.
         attribute: Attribute,
-        /// S of [SS], at least 1; 1.1 is ten percent.
+        /// S of SS, at least 1; 1.1 is ten percent.
         factor: f32,
     },
     /// Rebuilt whenever its lights change, before all others.

@@ -73,7 +73,7 @@ impl<'a> Sampler<'a> {
 
     /// Chooses a light; `None` where bounds prove that there is none to choose.
     ///
-    /// One pass over eight children per level. Source: [CK18] 5, wide nodes after `docs/decisions.md`.
+    /// One pass over eight children per level. Source: CK18 5, wide nodes after `docs/decisions.md`.
     pub fn pick(&self, receiver: &Receiver, u: [f32; 2]) -> Option<LightPick> {
         let view = View::of(receiver);
         let mut dice = Dice::new(u[0], u[1]);

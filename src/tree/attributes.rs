@@ -1,6 +1,6 @@
-//! The four attributes of [SS] that tell how far a refitted tree has drifted from a good one.
+//! The four attributes of SS that tell how far a refitted tree has drifted from a good one.
 //!
-//! [SS] names them and gives no formulas; ours are in `docs/math.md`. Each is a sum over nodes, weighted by the node's
+//! SS names them and gives no formulas; ours are in `docs/math.md`. Each is a sum over nodes, weighted by the node's
 //! share of the flux, of a ratio without units: moving, scaling or dimming the whole object changes none of them.
 
 use super::build::group_cost;

@@ -1,6 +1,6 @@
 //! Builds a tree top down: each node's lights are split in two again and again until there are eight groups.
 //!
-//! Based on [CK18] 4.2-4.4 (surface area orientation heuristic, binned). Differs: splits in two are collected into wide
+//! Based on CK18 4.2-4.4 (surface area orientation heuristic, binned). Differs: splits in two are collected into wide
 //! nodes by always splitting the costliest group; a group's size is measured so that a street of collinear lamps, whose
 //! box has no area, still has a cost; nodes are laid out level by level, which makes the tree the same for any number of
 //! threads and a refit a plain sweep from the last node to the first.
@@ -204,7 +204,7 @@ fn merge(items: &[Item]) -> Cluster {
     items.iter().fold(Cluster::EMPTY, |all, item| all.merge(&item.cluster))
 }
 
-/// Flux, size and orientation of a group: the surface area orientation heuristic of [CK18] equation 2.
+/// Flux, size and orientation of a group: the surface area orientation heuristic of CK18 equation 2.
 pub(super) fn group_cost(cluster: &Cluster) -> f32 {
     cluster.flux * size(&cluster.aabb) * cluster.cone.orientation_measure()
 }

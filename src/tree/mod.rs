@@ -50,7 +50,7 @@ impl LightTree {
     /// # Errors
     /// [`WorldError::Light`] for the first bad light, [`WorldError::TooManyLights`] past [`MAX_LIGHTS`].
     ///
-    /// O(n log n). Source: [CK18] 4.2-4.4, see `tree/build.rs`.
+    /// O(n log n). Source: CK18 4.2-4.4, see `tree/build.rs`.
     pub fn new(lights: Vec<Light>) -> Result<Self, WorldError> {
         check_light_count(lights.len())?;
         check_lights(lights.iter().enumerate())?;
@@ -72,7 +72,7 @@ impl LightTree {
         &self.leaves
     }
 
-    /// The four attributes of [SS] as of the last build or refit.
+    /// The four attributes of SS as of the last build or refit.
     pub fn attributes(&self) -> Attributes {
         self.attributes
     }
