@@ -10,8 +10,11 @@ pub mod shading;
 
 pub mod backend;
 pub mod render_cpu;
+pub mod render_gpu;
 
 pub mod app;
 pub mod options;
 pub mod output;
 pub mod tone;
+
+pub mod run;

@@ -2,11 +2,12 @@
 
 use super::app::Settings;
 use super::render_cpu::LightChoice;
-use super::scene::Camera;
 use super::scene::procedural::Size;
+use super::scene::{Camera, SceneError};
 use clap::{Parser, ValueEnum};
 use girandole::FrameBudget;
 use girandole::glam::Vec3;
+use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -38,11 +39,11 @@ pub struct Options {
     /// Another seed is another city and other noise
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Milliseconds a frame that light trees may be rebuilt for [default: as long as they want]
-    #[arg(long, value_name = "X", value_parser = parse_budget, allow_negative_numbers = true)]
-    pub budget_ms: Option<f64>,
+    /// Milliseconds a frame that light trees may be rebuilt for
+    #[arg(long, value_name = "X", default_value_t = 0.5, value_parser = parse_budget, allow_negative_numbers = true)]
+    pub budget_ms: f64,
     /// Where to render
-    #[arg(long, value_enum, default_value_t = BackendChoice::Cpu)]
+    #[arg(long, value_enum, default_value_t = BackendChoice::Auto)]
     pub backend: BackendChoice,
     /// Folder for the pictures and frames.csv
     #[arg(long, value_name = "DIR", default_value = "out")]
@@ -76,7 +77,28 @@ pub enum BackendChoice {
     Cpu,
 }
 
+/// What the arguments amount to.
+pub enum Parsed {
+    /// A run.
+    Run(Box<Options>),
+    /// A text to print: help or the version.
+    Help(String),
+}
+
 impl Options {
+    /// Reads the arguments, the program's name first. An error is one line, without clap's hints.
+    pub fn read(args: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Result<Parsed, SceneError> {
+        match Self::try_parse_from(args) {
+            Ok(options) => Ok(Parsed::Run(Box::new(options))),
+            Err(error) if error.use_stderr() => {
+                let text = error.to_string();
+                let line = text.lines().next().unwrap_or_default();
+                Err(SceneError(line.trim_start_matches("error: ").into()))
+            }
+            Err(help) => Ok(Parsed::Help(help.to_string())),
+        }
+    }
+
     /// What a session needs to know of them.
     pub fn settings(&self) -> Settings {
         Settings {
@@ -84,9 +106,7 @@ impl Options {
             height: self.size.1,
             spp: self.spp,
             seed: self.seed,
-            budget: self
-                .budget_ms
-                .map_or(FrameBudget::UNLIMITED, |ms| FrameBudget::new(Duration::from_secs_f64(ms * 1e-3))),
+            budget: FrameBudget::new(Duration::from_secs_f64(self.budget_ms * 1e-3)),
             fps: self.fps,
             light_choice: LightChoice::Tree,
         }
@@ -144,8 +164,11 @@ fn parse_camera(text: &str) -> Result<(Vec3, Vec3), String> {
 mod tests {
     use super::*;
 
-    fn parse(args: &str) -> Result<Options, clap::Error> {
-        Options::try_parse_from(std::iter::once("city").chain(args.split_whitespace()))
+    fn parse(args: &str) -> Result<Options, SceneError> {
+        match Options::read(std::iter::once("city").chain(args.split_whitespace()))? {
+            Parsed::Run(options) => Ok(*options),
+            Parsed::Help(text) => panic!("{text}"),
+        }
     }
 
     #[test]
@@ -170,7 +193,8 @@ mod tests {
             "--gltf a.glb --cars 5",
             "--unknown",
         ] {
-            assert!(parse(bad).is_err(), "{bad}");
+            let line = parse(bad).unwrap_err().0;
+            assert!(!line.is_empty() && !line.contains('\n'), "{bad}: {line}");
         }
     }
 

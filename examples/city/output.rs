@@ -102,8 +102,7 @@ fn row(record: &Record) -> [String; 12] {
         record.refit_trees.to_string(),
         record.rebuilt_trees.to_string(),
         record.waiting_trees.to_string(),
-        // Without a limit there is no number to give.
-        record.budget.map(micros).unwrap_or_default(),
+        micros(record.budget),
         micros(record.spent),
         record.upload_bytes.to_string(),
         record.top_build.map(micros).unwrap_or_default(),

@@ -15,6 +15,7 @@ pub enum LightChoice {
     /// One light a sample, chosen through the light trees.
     #[default]
     Tree,
+    #[cfg_attr(not(test), allow(dead_code, reason = "tests compare with it"))]
     /// Every light, each with one sample: slow, and what the trees must agree with.
     Exhaustive,
 }

@@ -1,0 +1,299 @@
+// One pixel an invocation: camera ray, nearest hit, one light through the library, shadow ray, shading.
+//
+// Joined after the library's text (group 1), which brings `light_sample`; `STACK_SIZE` is defined by `render_gpu.rs`.
+// Random numbers, sky and BRDF are twins of `shading.rs`, nodes and the walk of `geometry_nodes.rs`; the test
+// `both_backends_give_the_same_picture` compares them.
+
+struct Frame {
+    eye: vec3<f32>,
+    width: u32,
+    // Half the picture, one unit ahead.
+    right: vec3<f32>,
+    height: u32,
+    up: vec3<f32>,
+    seed: u32,
+    forward: vec3<f32>,
+    lamp_clearance: f32,
+    zenith: vec3<f32>,
+    top_root: u32,
+    horizon: vec3<f32>,
+    // Records before it are materials.
+    first_object: u32,
+    ambient: vec3<f32>,
+    padding: u32,
+    // What this dispatch does: samples [begin, end) of rows [begin, end).
+    sample_begin: u32,
+    sample_end: u32,
+    row_begin: u32,
+    row_end: u32,
+}
+
+struct Node {
+    min0: vec3<f32>,
+    child0: u32,
+    max0: vec3<f32>,
+    padding0: u32,
+    min1: vec3<f32>,
+    child1: u32,
+    max1: vec3<f32>,
+    padding1: u32,
+}
+
+struct Triangle {
+    corner: vec3<f32>,
+    material: u32,
+    edge1: vec3<f32>,
+    flags: u32,
+    edge2: vec3<f32>,
+    padding: u32,
+}
+
+// A material (base color and roughness; emission and metallic; nothing; two_sided, 0, 0, 0),
+// or an object (rows of world to mesh; root, emission scale's bits, 0, 0). One buffer, as WebGPU grants eight.
+struct Record {
+    row0: vec4<f32>,
+    row1: vec4<f32>,
+    row2: vec4<f32>,
+    words: vec4<u32>,
+}
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<storage, read> nodes: array<Node>;
+@group(0) @binding(2) var<storage, read> triangles: array<Triangle>;
+@group(0) @binding(3) var<storage, read> records: array<Record>;
+@group(0) @binding(4) var<storage, read_write> image: array<vec4<f32>>;
+
+const PI: f32 = 3.14159265358979;
+const LEAF: u32 = 0x80000000u;
+const NOTHING: u32 = 0xffffffffu;
+const SEE_THROUGH: u32 = 1u;
+const FAR: f32 = 3.0e38;
+const SLAB_ROUNDING: f32 = 1.0000004;
+
+fn pcg4d(seed: vec4<u32>) -> vec4<u32> {
+    var v = seed * 1664525u + 1013904223u;
+    v.x += v.y * v.w;
+    v.y += v.z * v.x;
+    v.z += v.x * v.y;
+    v.w += v.y * v.z;
+    v ^= v >> vec4<u32>(16u);
+    v.x += v.y * v.w;
+    v.y += v.z * v.x;
+    v.z += v.x * v.y;
+    v.w += v.y * v.z;
+    return v;
+}
+
+fn random(pixel: u32, index: u32, dimension: u32, steps: vec4<u32>) -> vec4<f32> {
+    let bits = pcg4d(vec4<u32>(pixel, frame.seed, dimension, 0x9e3779b9u)) + index * steps;
+    return vec4<f32>(bits >> vec4<u32>(8u)) * (1.0 / 16777216.0);
+}
+
+struct Hit {
+    distance: f32,
+    object: u32,
+    triangle: u32,
+}
+
+// A huge number where a component is zero: infinity would make 0 * infinity of an origin on a box's side.
+fn safe_inverse(v: vec3<f32>) -> vec3<f32> {
+    return select(1.0 / v, select(vec3<f32>(1e20), vec3<f32>(-1e20), v < vec3<f32>(0.0)), abs(v) < vec3<f32>(1e-20));
+}
+
+// Where a ray enters a box, or FAR.
+fn enter_box(low: vec3<f32>, high: vec3<f32>, origin: vec3<f32>, inverse: vec3<f32>, limit: f32) -> f32 {
+    let t0 = (low - origin) * inverse;
+    let t1 = (high - origin) * inverse;
+    let near3 = min(t0, t1);
+    let far3 = max(t0, t1);
+    let near = max(max(near3.x, near3.y), max(near3.z, 0.0));
+    let far = min(min(far3.x, min(far3.y, far3.z)) * SLAB_ROUNDING, limit);
+    return select(FAR, near, near <= far);
+}
+
+fn trace(world_origin: vec3<f32>, world_direction: vec3<f32>, limit: f32, any_opaque: bool) -> Hit {
+    var hit = Hit(limit, NOTHING, 0u);
+    var stack: array<u32, STACK_SIZE>;
+    var height = 0u;
+    // Where the stack stood on entering the object.
+    var base = 0u;
+    var object = NOTHING;
+    var origin = world_origin;
+    var direction = world_direction;
+    var inverse = safe_inverse(direction);
+    var reference = frame.top_root;
+    if reference == NOTHING {
+        return hit;
+    }
+    loop {
+        var descend = false;
+        if (reference & LEAF) == 0u {
+            let node = nodes[reference];
+            let enter0 = enter_box(node.min0, node.max0, origin, inverse, hit.distance);
+            let enter1 = enter_box(node.min1, node.max1, origin, inverse, hit.distance);
+            let first_nearer = enter0 <= enter1;
+            if max(enter0, enter1) < FAR {
+                stack[height] = select(node.child0, node.child1, first_nearer);
+                height += 1u;
+            }
+            if min(enter0, enter1) < FAR {
+                reference = select(node.child1, node.child0, first_nearer);
+                descend = true;
+            }
+        } else {
+            let first = reference & 0x0fffffffu;
+            if object == NOTHING {
+                object = first;
+                base = height;
+                let placed = records[frame.first_object + first];
+                let origin4 = vec4<f32>(world_origin, 1.0);
+                origin = vec3<f32>(dot(placed.row0, origin4), dot(placed.row1, origin4), dot(placed.row2, origin4));
+                direction = vec3<f32>(
+                    dot(placed.row0.xyz, world_direction),
+                    dot(placed.row1.xyz, world_direction),
+                    dot(placed.row2.xyz, world_direction),
+                );
+                inverse = safe_inverse(direction);
+                reference = placed.words.x;
+                descend = true;
+            } else {
+                let end = first + ((reference >> 28u) & 7u) + 1u;
+                for (var index = first; index < end; index += 1u) {
+                    let corner = triangles[index];
+                    let p = cross(direction, corner.edge2);
+                    let determinant = dot(corner.edge1, p);
+                    if determinant == 0.0 {
+                        continue;
+                    }
+                    let scale = 1.0 / determinant;
+                    let s = origin - corner.corner;
+                    let u = dot(s, p) * scale;
+                    let q = cross(s, corner.edge1);
+                    let v = dot(direction, q) * scale;
+                    let t = dot(corner.edge2, q) * scale;
+                    let inside = u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < hit.distance;
+                    if inside && !(any_opaque && (corner.flags & SEE_THROUGH) != 0u) {
+                        hit = Hit(t, object, index);
+                        if any_opaque {
+                            return hit;
+                        }
+                    }
+                }
+            }
+        }
+        if descend {
+            continue;
+        }
+        if object != NOTHING && height == base {
+            object = NOTHING;
+            origin = world_origin;
+            direction = world_direction;
+            inverse = safe_inverse(direction);
+        }
+        if height == 0u {
+            break;
+        }
+        height -= 1u;
+        reference = stack[height];
+    }
+    return hit;
+}
+
+fn sky_radiance(direction: vec3<f32>) -> vec3<f32> {
+    return mix(frame.horizon, frame.zenith, sqrt(max(direction.y, 0.0)));
+}
+
+fn brdf(material: Record, normal: vec3<f32>, view: vec3<f32>, light: vec3<f32>) -> vec3<f32> {
+    let base_color = material.row0.xyz;
+    let roughness = material.row0.w;
+    let metallic = material.row1.w;
+    let halfway = normalize(view + light);
+    let n_dot_l = max(dot(normal, light), 0.0);
+    let n_dot_v = max(dot(normal, view), 1e-4);
+    let n_dot_h = dot(normal, halfway);
+    let v_dot_h = clamp(dot(view, halfway), 0.0, 1.0);
+
+    let alpha = max(roughness * roughness, 1e-3);
+    let alpha_sq = alpha * alpha;
+    let n_cross_h = cross(normal, halfway);
+    let scaled = n_dot_h * alpha;
+    let k = alpha / (dot(n_cross_h, n_cross_h) + scaled * scaled);
+    let distribution = k * k / PI;
+    let lambda_v = n_dot_l * sqrt(n_dot_v * n_dot_v * (1.0 - alpha_sq) + alpha_sq);
+    let lambda_l = n_dot_v * sqrt(n_dot_l * n_dot_l * (1.0 - alpha_sq) + alpha_sq);
+    let visibility = 0.5 / max(lambda_v + lambda_l, 1e-12);
+
+    let f0 = mix(vec3<f32>(0.04), base_color, metallic);
+    let grazing = 1.0 - v_dot_h;
+    let grazing_sq = grazing * grazing;
+    let fresnel = f0 + (1.0 - f0) * (grazing_sq * grazing_sq * grazing);
+    let diffuse = base_color * ((1.0 - metallic) / PI);
+    return (1.0 - fresnel) * diffuse + fresnel * (distribution * visibility);
+}
+
+fn radiance(pixel: u32, corner: vec2<f32>, index: u32) -> vec3<f32> {
+    let jitter = random(pixel, index, 1u, vec4<u32>(0xc13fa9a9u, 0x91e10da6u, 0xc13fa9a9u, 0x91e10da6u)).xy;
+    let across = (corner + jitter) / vec2<f32>(f32(frame.width), f32(frame.height)) * 2.0 - 1.0;
+    let direction = normalize(frame.forward + frame.right * across.x - frame.up * across.y);
+    let hit = trace(frame.eye, direction, FAR, false);
+    if hit.object == NOTHING {
+        return sky_radiance(direction);
+    }
+
+    let facet = triangles[hit.triangle];
+    let placed = records[frame.first_object + hit.object];
+    let material = records[facet.material];
+    // Normals go to world space by the transpose of world to mesh.
+    let mesh_normal = cross(facet.edge1, facet.edge2);
+    let front = normalize(placed.row0.xyz * mesh_normal.x + placed.row1.xyz * mesh_normal.y + placed.row2.xyz * mesh_normal.z);
+    let view = -direction;
+    let seen_from_front = dot(front, view) >= 0.0;
+    let normal = select(-front, front, seen_from_front);
+
+    var sum = frame.ambient * material.row0.xyz;
+    if seen_from_front || material.words.x != 0u {
+        sum += material.row1.xyz * bitcast<f32>(placed.words.y);
+    }
+
+    let surface = frame.eye + direction * hit.distance;
+    let extent = max(max(abs(surface.x), abs(surface.y)), max(abs(surface.z), hit.distance));
+    let position = surface + normal * (max(extent, 1.0) * 2e-5);
+    let u = random(pixel, index, 0u, vec4<u32>(0xdb4f0b91u, 0xbbe05633u, 0xa0f2ec76u, 0x89e18285u));
+    let light = light_sample(LightReceiver(position, normal), u);
+    let cosine = dot(normal, light.direction);
+    if light.pmf <= 0.0 || cosine <= 0.0 {
+        return sum;
+    }
+    let weight = cosine / (light.pmf * light.pdf);
+    let contribution = brdf(material, normal, view, light.direction) * light.radiance * weight;
+    if all(contribution <= vec3<f32>(0.0)) {
+        return sum;
+    }
+    var limit = light.distance * (1.0 - 1e-3);
+    if light.is_delta != 0u {
+        limit = light.distance - frame.lamp_clearance;
+    }
+    if limit > 0.0 && trace(position, light.direction, min(limit, FAR), true).object != NOTHING {
+        return sum;
+    }
+    return sum + contribution;
+}
+
+@compute @workgroup_size(8, 8)
+fn render(@builtin(global_invocation_id) id: vec3<u32>) {
+    let row = frame.row_begin + id.y;
+    if id.x >= frame.width || row >= frame.row_end {
+        return;
+    }
+    let pixel = row * frame.width + id.x;
+    let slot = id.y * frame.width + id.x;
+    // The first dispatch of a band starts its sums.
+    var sum = vec3<f32>(0.0);
+    if frame.sample_begin > 0u {
+        sum = image[slot].xyz;
+    }
+    for (var index = frame.sample_begin; index < frame.sample_end; index += 1u) {
+        sum += radiance(pixel, vec2<f32>(f32(id.x), f32(row)), index);
+    }
+    image[slot] = vec4<f32>(sum, 0.0);
+}

@@ -1,0 +1,53 @@
+//! The whole program behind the command line: load, choose a backend, render, write.
+
+use super::app::Session;
+use super::backend;
+use super::options::Options;
+use super::output::Output;
+use super::scene::procedural::{self, CityOptions};
+use super::scene::{SceneError, Stage};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::time::Duration;
+
+/// Steps of the progress bar in one frame.
+const TICKS: u64 = 1000;
+
+/// Renders what was asked for; `say` hears lines for the user. Everything that can be refused is refused before the
+/// first file is written.
+pub fn run(options: &Options, say: &mut dyn FnMut(&str)) -> Result<(), SceneError> {
+    let mut stage = load(options)?;
+    options.aim(&mut stage.scene.camera);
+    let chosen = backend::choose(options.backend)?;
+    say(&chosen.to_string());
+    let mut session = Session::new(stage, options.settings(), chosen)?;
+    let mut output = Output::new(&options.out)?;
+
+    let bar = ProgressBar::new(u64::from(options.frames) * TICKS);
+    let template = "{msg} [{bar:40}] {percent}% {elapsed}, {eta} to go";
+    bar.set_style(ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()));
+    bar.enable_steady_tick(Duration::from_millis(250));
+    let (mut lights, mut total) = (0, Duration::ZERO);
+    for number in 0..options.frames {
+        bar.set_message(format!("frame {number}"));
+        let base = u64::from(number) * TICKS;
+        let frame = session.frame(&|share| bar.set_position(base + (share * TICKS as f64) as u64))?;
+        output.write(&frame, session.scene().exposure)?;
+        lights = frame.record.lights;
+        total += frame.record.frame_time;
+    }
+    bar.finish_and_clear();
+    output.finish()?;
+    let (width, height) = options.size;
+    say(&format!(
+        "{} frames of {width}x{height}, {} samples a pixel, {lights} lights: {:.2} s a frame; pictures in {}",
+        options.frames,
+        options.spp,
+        total.as_secs_f64() / f64::from(options.frames),
+        options.out.display(),
+    ));
+    Ok(())
+}
+
+fn load(options: &Options) -> Result<Stage, SceneError> {
+    procedural::stage(&CityOptions { size: options.world, cars: options.cars, seed: options.seed })
+}
