@@ -11,6 +11,7 @@ use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
+use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -18,6 +19,9 @@ use std::time::Duration;
 
 /// A leaf reference has three bits for its count.
 const MAX_LEAF_TRIANGLES: u32 = 4;
+/// Objects that a build of the upper hierarchy takes out and puts back better: a sixth fewer boxes to test per ray for
+/// under a millisecond in a small city, and no more time than that in a large one.
+const REINSERTIONS: f32 = 500.0;
 /// Set in [`PackedTriangle::flags`]: shadow rays pass.
 pub const SEE_THROUGH: u32 = 1;
 
@@ -177,7 +181,9 @@ impl Geometry {
             _ => {
                 let boxes: Vec<Aabb> = visible.iter().map(|&i| self.object_bounds(i as usize)).collect();
                 let indices = (0..boxes.len() as u32).collect();
-                let bvh = self.builder.build(PlocSearchDistance::Low, &boxes, indices, SortPrecision::U64, 0);
+                let mut bvh = self.builder.build(PlocSearchDistance::Low, &boxes, indices, SortPrecision::U64, 0);
+                let share = (REINSERTIONS / visible.len() as f32).min(0.15);
+                ReinsertionOptimizer::default().run(&mut bvh, share, None);
                 let mut top = Vec::with_capacity(visible.len());
                 let subtree = collect_nodes(&bvh, &mut top, |node| {
                     leaf_reference(visible[bvh.primitive_indices[node.first_index as usize] as usize], 1)
@@ -232,7 +238,7 @@ fn build_mesh(mesh: &Mesh) -> BuiltMesh {
     if boxes.len() <= MAX_LEAF_TRIANGLES as usize {
         return BuiltMesh { bvh: None, order: (0..boxes.len() as u32).collect(), bounds };
     }
-    let params = BvhBuildParams { max_prims_per_leaf: MAX_LEAF_TRIANGLES, ..BvhBuildParams::fast_build() };
+    let params = BvhBuildParams { max_prims_per_leaf: MAX_LEAF_TRIANGLES, ..BvhBuildParams::medium_build() };
     let bvh = build_bvh2(&boxes, params, &mut Duration::default());
     let order = bvh.primitive_indices.clone();
     BuiltMesh { bvh: Some(bvh), order, bounds }

@@ -4,7 +4,7 @@
 
 use super::geometry::{Geometry, PackedTriangle, SEE_THROUGH};
 use bytemuck::{Pod, Zeroable};
-use girandole::glam::{Vec3, Vec3A};
+use girandole::glam::{Vec3, Vec3A, Vec4};
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::node::Bvh2Node;
 
@@ -126,9 +126,9 @@ impl Ray {
 
     /// Where it enters a box, or infinity.
     #[inline(always)]
-    fn enter(&self, min: Vec3, max: Vec3, limit: f32) -> f32 {
-        let t0 = (Vec3A::from(min) - self.origin) * self.inverse;
-        let t1 = (Vec3A::from(max) - self.origin) * self.inverse;
+    fn enter(&self, min: Vec4, max: Vec4, limit: f32) -> f32 {
+        let t0 = (Vec3A::from_vec4(min) - self.origin) * self.inverse;
+        let t1 = (Vec3A::from_vec4(max) - self.origin) * self.inverse;
         let near = t0.min(t1).max_element().max(0.0);
         // Widened by the rounding of the slab test (Ize, JCGT 2013), so that no hit on a box's side is lost.
         let far = (t0.max(t1).min_element() * SLAB_ROUNDING).min(limit);
@@ -137,15 +137,14 @@ impl Ray {
 
     #[inline(always)]
     fn intersect(&self, triangle: &PackedTriangle) -> f32 {
-        let edge1 = Vec3A::from(triangle.edge1);
-        let edge2 = Vec3A::from(triangle.edge2);
+        let [corner, edge1, edge2] = bytemuck::cast_ref::<_, [Vec4; 3]>(triangle).map(Vec3A::from_vec4);
         let p = self.direction.cross(edge2);
         let determinant = edge1.dot(p);
         if determinant == 0.0 {
             return f32::INFINITY;
         }
         let inverse = 1.0 / determinant;
-        let s = self.origin - Vec3A::from(triangle.corner);
+        let s = self.origin - corner;
         let u = s.dot(p) * inverse;
         let q = s.cross(edge1);
         let v = self.direction.dot(q) * inverse;
@@ -205,8 +204,10 @@ impl Geometry {
         loop {
             if reference & LEAF == 0 {
                 let node = &self.nodes[reference as usize];
-                let enter0 = ray.enter(node.min0, node.max0, hit.distance);
-                let enter1 = ray.enter(node.min1, node.max1, hit.distance);
+                // Whole vectors, which load at once; the references beside the corners ride along.
+                let [min0, max0, min1, max1] = *bytemuck::cast_ref::<_, [Vec4; 4]>(node);
+                let enter0 = ray.enter(min0, max0, hit.distance);
+                let enter1 = ray.enter(min1, max1, hit.distance);
                 let (near, far) =
                     if enter0 <= enter1 { (node.child0, node.child1) } else { (node.child1, node.child0) };
                 if enter0.max(enter1) < f32::INFINITY {
