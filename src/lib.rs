@@ -57,34 +57,25 @@ queue.submit([encoder.finish()]);
 
 // In the order data passes through them; `tests/all/dependencies.rs` checks that imports point up this list only.
 mod keys;
-
 pub mod error;
-
 pub mod bounds;
-
 pub mod cone;
-
 pub mod cluster;
-
 pub mod light;
-
 pub mod tree;
-
 mod policy;
 mod scheduler;
-
 mod importance;
-
 mod emit;
 mod placement;
 mod walk;
-
 mod top;
 mod world;
-
+mod sample;
 #[cfg(feature = "gpu")]
 pub mod gpu;
-mod sample;
+#[cfg(feature = "gltf")]
+pub mod gltf;
 
 pub use emit::Incident;
 pub use error::{LightError, PlacementError, WorldError};

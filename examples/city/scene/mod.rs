@@ -7,6 +7,10 @@ pub mod assembly;
 pub mod buildings;
 pub mod facade;
 pub mod furniture;
+pub mod gltf_animation;
+pub mod gltf_file;
+pub mod gltf_scene;
+pub mod gltf_sway;
 pub mod ground;
 pub mod layout;
 pub mod meshes;
@@ -19,6 +23,7 @@ pub mod strings;
 pub mod swarm;
 pub mod traffic_sim;
 pub mod vehicles;
+pub mod viewpoint;
 
 use girandole::World;
 use girandole::glam::{Affine3A, Vec3};

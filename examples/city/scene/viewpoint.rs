@@ -1,0 +1,195 @@
+//! Finds a camera and an exposure for scenes that bring none.
+
+use std::f32::consts::{PI, TAU};
+
+use girandole::glam::{Vec2, Vec3, vec2, vec3};
+use girandole::{Receiver, Shape, World};
+use rayon::prelude::*;
+
+use super::rng::Rng;
+use super::{Camera, Scene};
+
+/// Vertical, radians.
+pub const FIELD_OF_VIEW: f32 = PI / 3.0;
+/// Eyes are this far above the ground.
+const EYE_HEIGHT: f32 = 2.0;
+/// Views are looked through this far, metres.
+const REACH: f32 = 40.0;
+/// They rise a little: lamps hang above eyes.
+const SLOPE: f32 = 0.06;
+
+/// Middles of the brightest lights and their fluxes.
+fn bright_lights(world: &World) -> Vec<(Vec3, f32)> {
+    let mut lights = Vec::new();
+    for instance in world.instances() {
+        let (Some(tree), Some(placement)) = (world.instance_tree(instance), world.placement(instance)) else {
+            continue;
+        };
+        let Some(tree) = world.tree(tree) else { continue };
+        for light in tree.lights() {
+            let middle = match light.shape {
+                Shape::Point { position } | Shape::Spot { position, .. } => position,
+                Shape::Rectangle { center, .. } | Shape::Sphere { center, .. } => center,
+                Shape::Triangle { vertices, .. } => (vertices[0] + vertices[1] + vertices[2]) / 3.0,
+            };
+            lights.push((placement.linear * middle + placement.translation.as_vec3(), light.flux()));
+        }
+    }
+    lights.sort_by(|a, b| b.1.total_cmp(&a.1));
+    lights.truncate(4000);
+    lights
+}
+
+/// Triangles in world space.
+fn triangles(scene: &Scene) -> Vec<[Vec3; 3]> {
+    let placed = |object: &super::Object| {
+        let transform = object.transform;
+        let mesh = &scene.meshes[object.mesh as usize];
+        mesh.triangles.iter().map(move |t| t.vertices.map(|vertex| transform.transform_point3(vertex)))
+    };
+    scene.objects.iter().filter(|object| object.visible).flat_map(placed).collect()
+}
+
+/// The distance to the first triangle along a ray, up to [`REACH`].
+fn clear_distance(triangles: &[[Vec3; 3]], eye: Vec3, direction: Vec3) -> f32 {
+    let hit = |[a, b, c]: &[Vec3; 3]| {
+        let (u, v) = (*b - *a, *c - *a);
+        let p = direction.cross(v);
+        let inverse = 1.0 / u.dot(p);
+        let from = eye - *a;
+        let x = from.dot(p) * inverse;
+        let q = from.cross(u);
+        let y = direction.dot(q) * inverse;
+        let distance = v.dot(q) * inverse;
+        if x >= 0.0 && y >= 0.0 && x + y <= 1.0 && distance > 0.0 { distance } else { REACH }
+    };
+    triangles.iter().map(hit).fold(REACH, f32::min)
+}
+
+/// Stands two metres above the ground near where most light is, looking where the view is free and lit.
+pub fn among_lights(scene: &Scene, world: &World) -> Camera {
+    let all = triangles(scene);
+    let (low, high) = all.iter().flatten().fold((Vec3::MAX, Vec3::MIN), |(low, high), v| (low.min(*v), high.max(*v)));
+    let mut lights = bright_lights(world);
+    if lights.is_empty() {
+        lights.push(((low + high) * 0.5, 1.0));
+    }
+    let total: f32 = lights.iter().map(|light| light.1.max(1e-6)).sum();
+    // The light whose flux-weighted distance to the others is least: a median, deaf to outliers.
+    let cost = |at: Vec3| lights.iter().map(|light| light.0.distance(at) * light.1.max(1e-6)).sum::<f32>() / total;
+    let candidates: Vec<Vec3> = lights.iter().step_by(lights.len().div_ceil(200)).map(|light| light.0).collect();
+    let middle = candidates.iter().copied().min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(Vec3::ZERO);
+    let spread = cost(middle).clamp(1.0, 25.0);
+    let within = |t: &[Vec3; 3], reach: f32| t.iter().any(|v| vec2(v.x - middle.x, v.z - middle.z).length() < reach);
+    let near: Vec<[Vec3; 3]> = all.into_iter().filter(|t| within(t, REACH + 2.0 * spread)).collect();
+    let eyes = (0..25).map(|i| vec2((i % 5) as f32 - 2.0, (i / 5) as f32 - 2.0) * (spread * 0.4));
+    let eyes: Vec<Vec3> = eyes
+        .filter_map(|step| {
+            let at = vec2(middle.x, middle.z) + step;
+            let ground = ground(&near, at, middle.y)?;
+            Some(vec3(at.x, ground + EYE_HEIGHT, at.y))
+        })
+        .collect();
+    // Only what crosses the views' heights can stop them.
+    let heights = eyes.iter().fold((f32::MAX, f32::MIN), |(low, high), eye| (low.min(eye.y), high.max(eye.y)));
+    let crosses = |t: &&[Vec3; 3]| {
+        let ys = t.map(|v| v.y);
+        ys.into_iter().fold(f32::MAX, f32::min) < heights.1 + REACH * SLOPE
+            && ys.into_iter().fold(f32::MIN, f32::max) > heights.0
+    };
+    let near: Vec<[Vec3; 3]> = near.iter().filter(crosses).copied().collect();
+    let views = eyes.iter().flat_map(|&eye| {
+        (0..12).map(move |turn| {
+            let (sin, cos) = (turn as f32 / 12.0 * TAU).sin_cos();
+            (eye, vec3(cos, SLOPE, sin).normalize())
+        })
+    });
+    let views: Vec<(Vec3, Vec3)> = views.collect();
+    let score = |&(eye, direction): &(Vec3, Vec3)| {
+        let clear = clear_distance(&near, eye, direction);
+        let aside = vec3(-direction.z, 0.0, direction.x) * 0.35;
+        let open = [aside, -aside].map(|aside| clear_distance(&near, eye, (direction + aside).normalize()));
+        let seen = |(at, flux): &(Vec3, f32)| {
+            let to = *at - eye;
+            let distance = to.length().max(3.0);
+            let inside = to.dot(direction) > 0.8 * to.length() && distance < 1.5 * clear;
+            if inside { flux.sqrt() / distance } else { 0.0 }
+        };
+        let lit: f32 = lights.iter().map(seen).sum();
+        let free = clear.min(open[0] * 2.0).min(open[1] * 2.0);
+        if free < 3.0 { 0.0 } else { (lit + 1e-6) * free.sqrt() }
+    };
+    let scores: Vec<f32> = views.par_iter().map(score).collect();
+    let best = (0..views.len()).max_by(|a, b| scores[*a].total_cmp(&scores[*b])).filter(|&best| scores[best] > 0.0);
+    match best {
+        Some(best) => {
+            let (eye, direction) = views[best];
+            Camera { eye, target: eye + direction * 10.0, vertical_fov: FIELD_OF_VIEW }
+        }
+        None => outside(low, high),
+    }
+}
+
+/// The highest surface below `top` at a place.
+fn ground(triangles: &[[Vec3; 3]], at: Vec2, top: f32) -> Option<f32> {
+    let height = |[a, b, c]: &[Vec3; 3]| {
+        let flat = |v: Vec3| vec2(v.x, v.z) - at;
+        let (p, q, r) = (flat(*a), flat(*b), flat(*c));
+        let area = (q - p).perp_dot(r - p);
+        let (u, v, w) = (q.perp_dot(r) / area, r.perp_dot(p) / area, p.perp_dot(q) / area);
+        let y = u * a.y + v * b.y + w * c.y;
+        (u >= 0.0 && v >= 0.0 && w >= 0.0 && y < top - 0.5).then_some(y)
+    };
+    triangles.iter().filter_map(height).max_by(f32::total_cmp)
+}
+
+/// A view of everything from outside and above.
+fn outside(low: Vec3, high: Vec3) -> Camera {
+    let (middle, size) = ((low + high) * 0.5, (high - low).length().max(0.1));
+    Camera { eye: middle + vec3(0.35, 0.3, 0.6) * size * 1.4, target: middle, vertical_fov: FIELD_OF_VIEW }
+}
+
+/// An exposure for what the camera sees: from the mean of the logarithm of unshadowed reflected light around it.
+pub fn exposure(scene: &Scene, world: &World) -> f32 {
+    let sampler = world.sampler();
+    let mut rng = Rng::new(1, 0xe5b0);
+    let camera = &scene.camera;
+    let forward = (camera.target - camera.eye).normalize_or(Vec3::NEG_Z);
+    // Every so many-th triangle in view, each weighted alike: near ones are many.
+    let all: Vec<([Vec3; 3], u32)> = scene
+        .objects
+        .iter()
+        .flat_map(|object| {
+            let mesh = &scene.meshes[object.mesh as usize];
+            mesh.triangles.iter().map(|t| (t.vertices.map(|v| object.transform.transform_point3(v)), t.material))
+        })
+        .filter(|(t, _)| {
+            let to = t[0] - camera.eye;
+            to.dot(forward) > 0.7 * to.length() && to.length() < 80.0
+        })
+        .collect();
+    let (mut sum, mut count) = (0.0, 0);
+    for _ in 0..2000.min(all.len() * 4) {
+        let ([a, b, c], material) = all[rng.below(all.len())];
+        let Some(normal) = (b - a).cross(c - a).try_normalize() else { continue };
+        let position = (a + b + c) / 3.0;
+        let normal = if normal.dot(camera.eye - position) < 0.0 { -normal } else { normal };
+        let receiver = Receiver { position: position + normal * 1e-3, normal };
+        let samples = 4;
+        let mut light = 0.0;
+        for _ in 0..samples {
+            let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit()];
+            let Some(sample) = sampler.sample(&receiver, u) else { continue };
+            let incident = sample.incident;
+            let arriving = incident.radiance * (incident.direction.dot(normal).max(0.0) / (sample.pmf * incident.pdf));
+            light += arriving.dot(vec3(0.2126, 0.7152, 0.0722)) / samples as f32;
+        }
+        let albedo = scene.materials[material as usize].base_color.element_sum() / 3.0;
+        let reflected = albedo / PI * light + albedo * scene.sky.ambient.y;
+        if reflected.is_finite() && reflected > 1e-9 {
+            sum += reflected.ln();
+            count += 1;
+        }
+    }
+    if count == 0 { 1.0 } else { (0.1 / (sum / count as f32).exp()).clamp(1e-6, 1e6) }
+}
