@@ -14,6 +14,7 @@ pub mod gltf_sway;
 pub mod ground;
 pub mod layout;
 pub mod meshes;
+pub mod occupancy;
 pub mod palette;
 pub mod procedural;
 pub mod rng;

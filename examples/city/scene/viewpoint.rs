@@ -4,8 +4,8 @@ use std::f32::consts::{PI, TAU};
 
 use girandole::glam::{Vec2, Vec3, vec2, vec3};
 use girandole::{Receiver, Shape, World};
-use rayon::prelude::*;
 
+use super::occupancy::Occupancy;
 use super::rng::Rng;
 use super::{Camera, Scene};
 
@@ -50,22 +50,6 @@ fn triangles(scene: &Scene) -> Vec<[Vec3; 3]> {
     scene.objects.iter().filter(|object| object.visible).flat_map(placed).collect()
 }
 
-/// The distance to the first triangle along a ray, up to [`REACH`].
-fn clear_distance(triangles: &[[Vec3; 3]], eye: Vec3, direction: Vec3) -> f32 {
-    let hit = |[a, b, c]: &[Vec3; 3]| {
-        let (u, v) = (*b - *a, *c - *a);
-        let p = direction.cross(v);
-        let inverse = 1.0 / u.dot(p);
-        let from = eye - *a;
-        let x = from.dot(p) * inverse;
-        let q = from.cross(u);
-        let y = direction.dot(q) * inverse;
-        let distance = v.dot(q) * inverse;
-        if x >= 0.0 && y >= 0.0 && x + y <= 1.0 && distance > 0.0 { distance } else { REACH }
-    };
-    triangles.iter().map(hit).fold(REACH, f32::min)
-}
-
 /// Stands two metres above the ground near where most light is, looking where the view is free and lit.
 pub fn among_lights(scene: &Scene, world: &World) -> Camera {
     let all = triangles(scene);
@@ -90,14 +74,13 @@ pub fn among_lights(scene: &Scene, world: &World) -> Camera {
             Some(vec3(at.x, ground + EYE_HEIGHT, at.y))
         })
         .collect();
-    // Only what crosses the views' heights can stop them.
     let heights = eyes.iter().fold((f32::MAX, f32::MIN), |(low, high), eye| (low.min(eye.y), high.max(eye.y)));
-    let crosses = |t: &&[Vec3; 3]| {
-        let ys = t.map(|v| v.y);
-        ys.into_iter().fold(f32::MAX, f32::min) < heights.1 + REACH * SLOPE
-            && ys.into_iter().fold(f32::MIN, f32::max) > heights.0
-    };
-    let near: Vec<[Vec3; 3]> = near.iter().filter(crosses).copied().collect();
+    let around = Vec3::splat(REACH + spread);
+    let mut solid = Occupancy::new(
+        (middle - around).with_y(heights.0 - 0.5),
+        (middle + around).with_y(heights.1 + 0.5 + REACH * SLOPE),
+    );
+    near.into_iter().for_each(|triangle| solid.add(triangle));
     let views = eyes.iter().flat_map(|&eye| {
         (0..12).map(move |turn| {
             let (sin, cos) = (turn as f32 / 12.0 * TAU).sin_cos();
@@ -106,9 +89,9 @@ pub fn among_lights(scene: &Scene, world: &World) -> Camera {
     });
     let views: Vec<(Vec3, Vec3)> = views.collect();
     let score = |&(eye, direction): &(Vec3, Vec3)| {
-        let clear = clear_distance(&near, eye, direction);
+        let clear = solid.clear_distance(eye, direction, REACH);
         let aside = vec3(-direction.z, 0.0, direction.x) * 0.35;
-        let open = [aside, -aside].map(|aside| clear_distance(&near, eye, (direction + aside).normalize()));
+        let open = [aside, -aside].map(|aside| solid.clear_distance(eye, (direction + aside).normalize(), REACH));
         let seen = |(at, flux): &(Vec3, f32)| {
             let to = *at - eye;
             let distance = to.length().max(3.0);
@@ -119,7 +102,7 @@ pub fn among_lights(scene: &Scene, world: &World) -> Camera {
         let free = clear.min(open[0] * 2.0).min(open[1] * 2.0);
         if free < 3.0 { 0.0 } else { (lit + 1e-6) * free.sqrt() }
     };
-    let scores: Vec<f32> = views.par_iter().map(score).collect();
+    let scores: Vec<f32> = views.iter().map(score).collect();
     let best = (0..views.len()).max_by(|a, b| scores[*a].total_cmp(&scores[*b])).filter(|&best| scores[best] > 0.0);
     match best {
         Some(best) => {
