@@ -30,10 +30,11 @@ pub use nodes::{local_transform, scene_nodes, world_transforms};
 pub use read::{accessor_values, primitive_triangles};
 
 use crate::error::WorldError;
+use crate::keys::{DirectionalKey, InstanceKey, TreeKey};
 use crate::light::{DirectionalLight, Light};
 use crate::placement::Placement;
 use crate::policy::Policy;
-use crate::world::{DirectionalKey, InstanceKey, TreeKey, World};
+use crate::world::World;
 
 /// Which sides of emissive triangles shine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
