@@ -14,7 +14,7 @@ use super::roads::{PITCH, Roads, Signal, heading_vector, signal, signal_group};
 use super::strings::{LightString, StringKit};
 use super::swarm::{self, Swarm};
 use super::traffic_sim::Traffic;
-use super::vehicles::{self, BODIES, Body};
+use super::vehicles::{self, BODIES, Body, PAINTS};
 use super::{Animation, Camera, Scene, SceneError, Sky, Stage};
 
 /// How large a city is: about 1 k, 10 k or 100 k instances and 20 k, 300 k or 3 M lights.
@@ -202,24 +202,12 @@ struct Cars {
     placed: Vec<super::assembly::Placed>,
 }
 
-const PAINTS: [[f32; 3]; 8] = [
-    [0.55, 0.55, 0.56],
-    [0.04, 0.04, 0.045],
-    [0.45, 0.03, 0.03],
-    [0.03, 0.08, 0.28],
-    [0.7, 0.7, 0.68],
-    [0.12, 0.13, 0.14],
-    [0.05, 0.2, 0.12],
-    [0.35, 0.3, 0.22],
-];
-
 /// One design a body and paint; all of a body share its tree.
 pub fn car_designs(assembly: &mut Assembly, palette: &mut Palette) -> Result<Vec<(Body, Vec<Design>)>, SceneError> {
     let mut kinds = Vec::new();
     for body in BODIES {
-        let paints = if matches!(body, Body::Taxi | Body::Bus) { &PAINTS[..1] } else { &PAINTS[..] };
         let mut designs: Vec<Design> = Vec::new();
-        for &paint in paints {
+        for &paint in &PAINTS[..body.paints()] {
             let part = vehicles::vehicle(body, paint, palette);
             designs.push(match designs.first() {
                 Some(first) => Design { mesh: assembly.mesh(part.mesh), tree: first.tree },

@@ -7,7 +7,7 @@ use super::meshes::Part;
 use super::palette::Palette;
 
 /// Body shapes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Body {
     /// Three boxes.
     Sedan,
@@ -26,6 +26,27 @@ pub const BODIES: [Body; 5] = [Body::Sedan, Body::Hatch, Body::Van, Body::Taxi, 
 /// Peak intensity of each of two headlights, candela.
 const HEADLIGHT: f32 = 5_000.0;
 
+/// Colours of private cars; taxis and buses have their own.
+pub const PAINTS: [[f32; 3]; 8] = [
+    [0.55, 0.55, 0.56],
+    [0.04, 0.04, 0.045],
+    [0.45, 0.03, 0.03],
+    [0.03, 0.08, 0.28],
+    [0.7, 0.7, 0.68],
+    [0.12, 0.13, 0.14],
+    [0.05, 0.2, 0.12],
+    [0.35, 0.3, 0.22],
+];
+
+/// A body in one of its paints.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct CarDesign {
+    /// Shape.
+    pub body: Body,
+    /// Below [`Body::paints`].
+    pub paint: usize,
+}
+
 impl Body {
     /// Bumper to bumper, metres.
     pub fn length(self) -> f32 {
@@ -34,6 +55,14 @@ impl Body {
             Body::Hatch => 3.9,
             Body::Van => 5.2,
             Body::Bus => 11.0,
+        }
+    }
+
+    /// Number of [`PAINTS`] that it comes in.
+    pub fn paints(self) -> usize {
+        match self {
+            Body::Taxi | Body::Bus => 1,
+            _ => PAINTS.len(),
         }
     }
 
