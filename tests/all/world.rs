@@ -6,9 +6,11 @@ use std::time::Duration;
 
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::{
-    Attribute, Clock, DirectionalLight, FrameBudget, Light, LightId, Placement, PlacementError, Policy, Receiver,
-    World, WorldError,
+    Attribute, Clock, DirectionalLight, FrameBudget, InstanceKey, Light, LightId, Placement, PlacementError, Policy,
+    Receiver, TreeKey, World, WorldError,
 };
+
+use proptest::prelude::*;
 
 use crate::support::Rng;
 
@@ -225,5 +227,76 @@ fn rebasing_the_origin_changes_coordinates_and_nothing_else() {
     let again = sampler.all_lights().filter_map(|l| sampler.sample_light(&receiver, l, [0.0; 2]));
     for (a, b) in near.iter().zip(again) {
         assert!((a.distance - b.distance).abs() < 1e-6);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 32, ..ProptestConfig::default() })]
+
+    /// Random edits against a plain list of (instance, placement, lights).
+    #[test]
+    fn random_edits_keep_the_world_as_a_plain_list_has_it(seed in any::<u64>(), steps in 1_usize..60) {
+        let mut rng = Rng(seed);
+        let mut world = World::new();
+        let mut trees: Vec<(TreeKey, Vec<Light>)> = Vec::new();
+        let mut instances: Vec<(InstanceKey, usize, Placement)> = Vec::new();
+        for _ in 0..steps {
+            let any = |count: usize, bits: u64| bits as usize % count.max(1);
+            match rng.bits() % 8 {
+                0 => {
+                    let count = any(30, rng.bits());
+                    let lights = rng.lights(count, 5.0);
+                    trees.push((world.add_tree(lights.clone()).expect("valid"), lights));
+                }
+                1 | 2 if !trees.is_empty() => {
+                    let tree = any(trees.len(), rng.bits());
+                    let placement = Placement::from(rng.affine(50.0));
+                    let key = world.add_instance(trees[tree].0, placement, Policy::Budgeted).expect("valid");
+                    instances.push((key, tree, placement));
+                }
+                3 if !instances.is_empty() => {
+                    let place = any(instances.len(), rng.bits());
+                    instances[place].2 = rng.affine(50.0).into();
+                    world.move_instance(instances[place].0, instances[place].2).expect("valid");
+                }
+                4 if !instances.is_empty() => {
+                    let (key, ..) = instances.swap_remove(any(instances.len(), rng.bits()));
+                    world.remove_instance(key).expect("it lives");
+                }
+                5 if !trees.is_empty() => {
+                    let tree = any(trees.len(), rng.bits());
+                    let (key, lights) = &mut trees[tree];
+                    let changes: Vec<_> = (0..lights.len() as u32).step_by(3).map(|i| (i, rng.light(9.0))).collect();
+                    changes.iter().for_each(|(i, light)| lights[*i as usize] = *light);
+                    world.set_lights(*key, &changes).expect("valid");
+                }
+                6 if !trees.is_empty() => {
+                    let tree = any(trees.len(), rng.bits());
+                    let count = any(30, rng.bits());
+                    trees[tree].1 = rng.lights(count, 5.0);
+                    world.replace_lights(trees[tree].0, trees[tree].1.clone()).expect("valid");
+                }
+                _ => {
+                    world.update(FrameBudget::UNLIMITED);
+                }
+            }
+        }
+        world.update(FrameBudget::UNLIMITED);
+        for (key, lights) in &trees {
+            let tree = world.tree(*key).expect("it lives");
+            prop_assert_eq!(tree.lights(), &lights[..]);
+            prop_assert!(tree.check().is_ok());
+        }
+        let lights: usize = instances.iter().map(|(_, tree, _)| trees[*tree].1.len()).sum();
+        prop_assert_eq!(world.light_count(), lights);
+        prop_assert_eq!(world.instance_count(), instances.len());
+        for (key, tree, placement) in &instances {
+            prop_assert_eq!(world.placement(*key), Some(*placement));
+            prop_assert_eq!(world.instance_tree(*key), Some(trees[*tree].0));
+        }
+        let receiver = rng.receiver(40.0);
+        let sampler = world.sampler();
+        let sum: f64 = sampler.all_lights().map(|light| f64::from(sampler.pmf(&receiver, light))).sum();
+        prop_assert!(sum <= 1.0 + 1.0e-4);
     }
 }
