@@ -45,7 +45,7 @@ impl Volume {
 }
 
 fn style(rng: &mut Rng, floors: usize, palette: &mut Palette) -> Style {
-    let office = floors > 9 || rng.chance(0.2);
+    let office = floors > 9 || rng.chance(0.12);
     let walls = [
         [0.30, 0.13, 0.09],
         [0.36, 0.19, 0.13],
@@ -71,7 +71,7 @@ fn style(rng: &mut Rng, floors: usize, palette: &mut Palette) -> Style {
             window_width: 0.9,
             window_height: rng.pick(&[0.6, 0.7, 0.8]),
             depth: 0.15,
-            lit: rng.range(0.3, 0.55),
+            lit: rng.range(0.2, 0.4),
             office,
             balconies: false,
         }
@@ -85,7 +85,7 @@ fn style(rng: &mut Rng, floors: usize, palette: &mut Palette) -> Style {
             window_width: rng.pick(&[0.46, 0.52, 0.6]),
             window_height: rng.pick(&[0.52, 0.58]),
             depth: 0.24,
-            lit: rng.range(0.3, 0.5),
+            lit: rng.range(0.22, 0.4),
             office,
             balconies: rng.chance(0.35),
         }

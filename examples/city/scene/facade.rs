@@ -90,7 +90,7 @@ fn room(palette: &mut Palette, rng: &mut Rng, office: bool) -> (Vec3, f32, Glow)
         (false, roll) if roll < 0.93 => NEUTRAL,
         (false, _) => COOL,
     };
-    let nits = rng.pick(&[18.0, 30.0, 45.0, 60.0, 85.0]);
+    let nits = rng.pick(&[2.0, 3.2, 4.8, 7.0, 11.0]);
     (color, nits, palette.glow(color, nits))
 }
 
@@ -147,7 +147,7 @@ pub fn windows(
         plane.rectangle(part, [0.0, plane.width], [base, low], 0.0, style.wall);
         plane.rectangle(part, [0.0, plane.width], [high, base + floor], 0.0, style.wall);
         // Offices light up by the floor: some are at work, most are not.
-        let lit = share * if style.office { if rng.chance(style.lit) { 0.85 } else { 0.12 } } else { style.lit };
+        let lit = share * if style.office { if rng.chance(style.lit) { 0.72 } else { 0.1 } } else { style.lit };
         let margin = bay * (1.0 - style.window_width) * 0.5;
         for column in 0..bays {
             let x = [column as f32 * bay + margin, (column + 1) as f32 * bay - margin];
@@ -191,7 +191,7 @@ pub fn shops(part: &mut Part, plane: &Plane, height: f32, style: &Style, palette
         let (pane, pane_height) = ([x0 + 0.45, x0 + width - 0.45], [0.5, height - 1.25]);
         let open = rng.chance(0.72);
         let color = rng.pick(&[WARM, SOFT, SOFT, NEUTRAL, NEUTRAL, COOL]);
-        let nits = rng.pick(&[70.0, 110.0, 170.0]);
+        let nits = rng.pick(&[12.0, 18.0, 28.0]);
         let glow = palette.glow(color, nits);
         // The wall around the pane.
         plane.rectangle(part, [x0, x0 + width], [0.0, pane_height[0]], 0.0, style.trim);
@@ -209,7 +209,7 @@ pub fn shops(part: &mut Part, plane: &Plane, height: f32, style: &Style, palette
         plane.relief(part, [x0 + 0.3, x0 + width - 0.3], [height - 1.1, height - 0.35], [0.0, 0.12], frame);
         if rng.chance(if open { 0.9 } else { 0.35 }) {
             let sign = if rng.chance(0.3) { color } else { rng.pick(&NEON) };
-            let glow = palette.glow(sign, rng.pick(&[120.0, 200.0, 320.0]));
+            let glow = palette.glow(sign, rng.pick(&[24.0, 40.0, 60.0]));
             let reach = width * rng.range(0.24, 0.4);
             let middle = x0 + width * 0.5;
             plane.glow(part, [middle - reach, middle + reach], [height - 0.9, height - 0.55], 0.14, glow);

@@ -36,7 +36,7 @@ pub fn tile(usage: Use, palette: &mut Palette, rng: &mut Rng) -> Part {
     for quarter in 0..4 {
         part.add_moved(&side, Affine3A::from_rotation_y(quarter as f32 * FRAC_PI_2));
     }
-    let paving = palette.matt(0.2, 0.19, 0.18);
+    let paving = palette.matt(0.13, 0.125, 0.12);
     match usage {
         Use::Houses => part.floor([-FRONT; 2], [FRONT; 2], PAVEMENT, palette.matt(0.13, 0.13, 0.13)),
         Use::Park => {
@@ -46,7 +46,7 @@ pub fn tile(usage: Use, palette: &mut Palette, rng: &mut Rng) -> Part {
             }
         }
         Use::Market => {
-            let slabs = [paving, palette.glossy([0.16, 0.14, 0.12], 0.5), palette.matt(0.23, 0.21, 0.19)];
+            let slabs = [paving, palette.glossy([0.11, 0.1, 0.09], 0.45), palette.matt(0.15, 0.14, 0.13)];
             let (count, size) = (20, FRONT * 2.0 / 20.0);
             for (x, z) in (0..count).flat_map(|x| (0..count).map(move |z| (x, z))) {
                 let min = [x as f32 * size - FRONT, z as f32 * size - FRONT];
@@ -75,7 +75,7 @@ fn side(palette: &mut Palette, rng: &mut Rng) -> Part {
     markings(&mut part, palette);
     // Pavement slabs, the corner's pentagon, and the kerb.
     let slabs =
-        [palette.matt(0.24, 0.23, 0.22), palette.glossy([0.2, 0.195, 0.19], 0.55), palette.matt(0.27, 0.26, 0.25)];
+        [palette.matt(0.17, 0.165, 0.16), palette.glossy([0.14, 0.137, 0.133], 0.5), palette.matt(0.2, 0.195, 0.19)];
     let cells = 32;
     for (row, cell) in (0..2).flat_map(|row| (0..cells).map(move |cell| (row, cell))) {
         let size = [(KERB - FRONT) * 0.5, FRONT * 2.0 / cells as f32];

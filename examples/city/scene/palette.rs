@@ -54,13 +54,13 @@ impl Palette {
 }
 
 /// Tungsten, about 2,700 K.
-pub const WARM: Vec3 = vec3(1.0, 0.56, 0.22);
+pub const WARM: Vec3 = vec3(1.0, 0.46, 0.13);
 /// Halogen, about 3,300 K.
-pub const SOFT: Vec3 = vec3(1.0, 0.68, 0.38);
+pub const SOFT: Vec3 = vec3(1.0, 0.58, 0.24);
 /// Fluorescent tubes, about 4,500 K.
-pub const NEUTRAL: Vec3 = vec3(1.0, 0.88, 0.72);
+pub const NEUTRAL: Vec3 = vec3(1.0, 0.84, 0.62);
 /// Screens and cold LED, about 7,000 K.
-pub const COOL: Vec3 = vec3(0.66, 0.84, 1.0);
+pub const COOL: Vec3 = vec3(0.55, 0.79, 1.0);
 /// High-pressure sodium.
 pub const SODIUM: Vec3 = vec3(1.0, 0.5, 0.14);
 /// Saturated sign colours: pink, cyan, amber, green, violet, red, blue.

@@ -55,7 +55,7 @@ struct Plan {
 impl Size {
     fn plan(self) -> Plan {
         match self {
-            Size::S => Plan { blocks: 5, cars: 240, festoons: 1, drones: 600, towers: [0.0, 0.1] },
+            Size::S => Plan { blocks: 5, cars: 300, festoons: 1, drones: 600, towers: [0.0, 0.1] },
             Size::M => Plan { blocks: 16, cars: 2_800, festoons: 8, drones: 3_000, towers: [0.08, 0.3] },
             Size::L => Plan { blocks: 50, cars: 28_000, festoons: 30, drones: 10_000, towers: [0.08, 0.3] },
         }
@@ -77,7 +77,7 @@ pub fn stage(options: &CityOptions) -> Result<Stage, SceneError> {
     let cars = Cars::new(&mut assembly, &mut palette, roads, options.cars.unwrap_or(plan.cars), options.seed)?;
     let festoons = Festoons::new(&mut assembly, &mut palette, &roads, &plan, options.seed)?;
     let glows = swarm::glows(&mut palette);
-    let swarm = Swarm::new(&mut assembly, &glows, vec3(-4.0, 76.0, -50.0), 27.0, plan.drones)?;
+    let swarm = Swarm::new(&mut assembly, &glows, vec3(2.0, 78.0, -60.0), 30.0, plan.drones)?;
     let signs = Signs::new(kit.signs);
     assembly.world.add_directional(DirectionalLight {
         direction: vec3(0.42, -0.8, -0.43).normalize(),
@@ -85,7 +85,7 @@ pub fn stage(options: &CityOptions) -> Result<Stage, SceneError> {
     })?;
     let Assembly { mut scene, world } = assembly;
     scene.materials = palette.materials;
-    scene.camera = Camera { eye: vec3(-3.2, 6.4, 131.0), target: vec3(0.6, 12.2, 40.0), vertical_fov: 0.93 };
+    scene.camera = Camera { eye: vec3(-3.4, 4.4, 126.0), target: vec3(0.8, 11.4, 30.0), vertical_fov: 0.93 };
     scene.sky =
         Sky { zenith: vec3(0.006, 0.011, 0.03), horizon: vec3(0.07, 0.05, 0.05), ambient: vec3(0.03, 0.035, 0.05) };
     scene.lamp_clearance = 0.1;
@@ -100,13 +100,15 @@ fn blocks(assembly: &mut Assembly, kit: &mut Kit, plan: &Plan, seed: u64) -> Res
         let place = |index: usize| (index as f32 - middle as f32 + 0.5) * PITCH;
         let center = vec2(place(column), place(row));
         let usage = match (column, row) {
-            (x, z) if (x, z) == (middle, middle) => Use::Market,
+            (x, z) if (x, z + 1) == (middle, middle) => Use::Market,
             (x, z) if (x + 1, z + 2) == (middle, middle) => Use::Park,
             _ if plan.blocks > 5 && rng.chance(0.03) => Use::Park,
             _ => Use::Houses,
         };
         let far = center.length() / (plan.blocks as f32 * PITCH * 0.35);
-        let downtown = plan.towers[0] + plan.towers[1] * (-far * far).exp();
+        // The avenue in front of the camera keeps its old houses, and its view of the sky.
+        let is_old = column + 1 >= middle && column <= middle && row + 3 >= middle && row <= middle + 1;
+        let downtown = if is_old { 0.0 } else { plan.towers[0] + plan.towers[1] * (-far * far).exp() };
         kit.block(assembly, center, usage, downtown, &mut rng)?;
     }
     Ok(())
@@ -278,7 +280,7 @@ struct Festoons {
     over_market: Vec<LightString>,
 }
 
-const BULB_NITS: f32 = 1_300.0;
+const BULB_NITS: f32 = 700.0;
 
 impl Festoons {
     fn new(
@@ -323,7 +325,7 @@ impl Festoons {
             }
         }
         let mut over_market = Vec::new();
-        let market = vec3(PITCH * 0.5, PAVEMENT + 7.6, PITCH * 0.5);
+        let market = vec3(PITCH * 0.5, PAVEMENT + 7.6, -PITCH * 0.5);
         pole(assembly, market);
         for spoke in 0..10 {
             let (sin, cos) = (spoke as f32 / 10.0 * std::f32::consts::TAU).sin_cos();

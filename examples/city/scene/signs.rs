@@ -94,8 +94,8 @@ pub const WORDS: [&str; 14] = [
 pub fn blade(word: &str, palette: &mut Palette, rng: &mut Rng) -> Part {
     let mut part = Part::default();
     let color = rng.below(NEON.len());
-    let glow = palette.glow(NEON[color], rng.pick(&[380.0, 520.0, 700.0]));
-    let rim = palette.glow(NEON[(color + 1 + rng.below(NEON.len() - 1)) % NEON.len()], 260.0);
+    let glow = palette.glow(NEON[color], rng.pick(&[80.0, 110.0, 150.0]));
+    let rim = palette.glow(NEON[(color + 1 + rng.below(NEON.len() - 1)) % NEON.len()], 60.0);
     let board = palette.glossy([0.03, 0.03, 0.035], 0.35);
     let dot = 0.14;
     let (pitch, width) = (dot * (ROWS as f32 + 1.3), dot * (COLUMNS as f32 + 2.0));
@@ -121,7 +121,7 @@ pub fn blade(word: &str, palette: &mut Palette, rng: &mut Rng) -> Part {
 /// A board along the wall that looks towards +Z, its lower edge on y = 0 and its middle at x = 0.
 pub fn board(word: &str, palette: &mut Palette, rng: &mut Rng) -> Part {
     let mut part = Part::default();
-    let glow = palette.glow(rng.pick(&NEON), rng.pick(&[380.0, 520.0, 700.0]));
+    let glow = palette.glow(rng.pick(&NEON), rng.pick(&[80.0, 110.0, 150.0]));
     let back = palette.glossy([0.03, 0.03, 0.035], 0.35);
     let dot = 0.17;
     let pitch = dot * (COLUMNS as f32 + 1.3);

@@ -13,7 +13,7 @@ use super::{Scene, SceneError};
 const ARMS: usize = 7;
 const COLORS: usize = 16;
 /// Peak nits of a drone's lamp.
-const NITS: f32 = 900.0;
+const NITS: f32 = 120.0;
 
 /// The swarm's state.
 pub struct Swarm {
