@@ -5,7 +5,8 @@ use super::backend;
 use super::options::Options;
 use super::output::Output;
 use super::scene::procedural::{self, CityOptions};
-use super::scene::{SceneError, Stage};
+use super::scene::real_city::{self, RealCityOptions};
+use super::scene::{SceneError, Stage, gltf_scene};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::time::Duration;
 
@@ -48,6 +49,18 @@ pub fn run(options: &Options, say: &mut dyn FnMut(&str)) -> Result<(), SceneErro
     Ok(())
 }
 
+/// A glTF scene, a real city, or the procedural one.
 fn load(options: &Options) -> Result<Stage, SceneError> {
+    if let Some(path) = &options.gltf {
+        return gltf_scene::stage(path, None);
+    }
+    if options.lamps.is_some() || options.traffic.is_some() {
+        return real_city::stage(&RealCityOptions {
+            lamps: options.lamps.clone(),
+            traffic: options.traffic.clone(),
+            cars: options.cars,
+            seed: options.seed,
+        });
+    }
     procedural::stage(&CityOptions { size: options.world, cars: options.cars, seed: options.seed })
 }
