@@ -5,6 +5,7 @@
 mod city;
 mod city_images;
 mod dependencies;
+mod gltf;
 mod gpu;
 mod sampling;
 mod support;

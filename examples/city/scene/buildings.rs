@@ -18,6 +18,8 @@ pub enum Lot {
     Narrow,
     /// 32 m wide, 24 m deep, from (-16, -24) to (16, 0).
     Wide,
+    /// As narrow, but with windows on all sides: it stands alone.
+    Detached,
 }
 
 /// Depth of all lots, and the width of a corner lot.
@@ -148,7 +150,7 @@ pub fn building(lot: Lot, floors: usize, palette: &mut Palette, rng: &mut Rng) -
     let ground = 4.8;
     let plan = match lot {
         Lot::Corner => ([-LOT_DEPTH, -LOT_DEPTH], [0.0, 0.0]),
-        Lot::Narrow => ([-8.0, -LOT_DEPTH], [8.0, 0.0]),
+        Lot::Narrow | Lot::Detached => ([-8.0, -LOT_DEPTH], [8.0, 0.0]),
         Lot::Wide => ([-16.0, -LOT_DEPTH], [16.0, 0.0]),
     };
     // Towers step back from a base of five floors, so that the street keeps its scale.
@@ -161,7 +163,7 @@ pub fn building(lot: Lot, floors: usize, palette: &mut Palette, rng: &mut Rng) -
         if fronts.contains(&quarter) {
             facade::shops(&mut part, &plane, ground, &style, palette, rng);
             facade::windows(&mut part, &plane, base.y, &style, 1.0, palette, rng);
-        } else if quarter == 2 && lot != Lot::Corner {
+        } else if lot == Lot::Detached || (quarter == 2 && lot != Lot::Corner) {
             wall(&mut part, &plane, [0.0, ground], style.wall);
             facade::windows(&mut part, &plane, base.y, &style, 0.7, palette, rng);
         } else {

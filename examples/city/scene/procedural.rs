@@ -55,7 +55,7 @@ struct Plan {
 impl Size {
     fn plan(self) -> Plan {
         match self {
-            Size::S => Plan { blocks: 5, cars: 300, festoons: 1, drones: 600, towers: [0.0, 0.1] },
+            Size::S => Plan { blocks: 5, cars: 230, festoons: 1, drones: 560, towers: [0.0, 0.04] },
             Size::M => Plan { blocks: 16, cars: 2_800, festoons: 8, drones: 3_000, towers: [0.08, 0.3] },
             Size::L => Plan { blocks: 50, cars: 28_000, festoons: 30, drones: 10_000, towers: [0.08, 0.3] },
         }
@@ -390,5 +390,97 @@ impl Signs {
             sign.objects.iter().for_each(|&object| scene.objects[object].emission_scale = level);
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn city(size: Size) -> Stage {
+        stage(&CityOptions { size, cars: None, seed: 1 }).unwrap()
+    }
+
+    #[test]
+    fn sizes_are_what_they_promise() {
+        for (size, instances, lights) in
+            [(Size::S, 1_000.0, 20_000.0), (Size::M, 10_000.0, 300_000.0), (Size::L, 100_000.0, 3_000_000.0)]
+        {
+            let world = city(size).world;
+            let share = [world.instance_count() as f64 / instances, world.light_count() as f64 / lights];
+            assert!(share.iter().all(|share| (0.85..1.15).contains(share)), "{size:?}: {share:?}");
+        }
+    }
+
+    #[test]
+    fn the_same_seed_builds_the_same_city() {
+        let (mut first, mut second) = (city(Size::S), city(Size::S));
+        let other = stage(&CityOptions { size: Size::S, cars: None, seed: 2 }).unwrap();
+        assert_ne!(first.world.light_count(), other.world.light_count());
+        for frame in 0..3 {
+            for stage in [&mut first, &mut second] {
+                stage.animation.advance(f64::from(frame) * 0.7, &mut stage.scene, &mut stage.world).unwrap();
+            }
+            let transforms = |stage: &Stage| -> Vec<Affine3A> {
+                stage.scene.objects.iter().map(|object| object.transform).collect()
+            };
+            assert_eq!(transforms(&first), transforms(&second));
+        }
+        let lights = |stage: &Stage| -> Vec<Light> {
+            stage.world.trees().flat_map(|tree| stage.world.tree(tree).unwrap().lights().to_vec()).collect()
+        };
+        assert_eq!(lights(&first), lights(&second));
+    }
+
+    #[test]
+    fn only_what_moves_is_touched() {
+        let mut stage = city(Size::S);
+        stage.world.update(girandole::FrameBudget::UNLIMITED);
+        stage.animation.advance(0.0, &mut stage.scene, &mut stage.world).unwrap();
+        let before: Vec<Affine3A> = stage.scene.objects.iter().map(|object| object.transform).collect();
+        stage.animation.advance(0.04, &mut stage.scene, &mut stage.world).unwrap();
+        let report = stage.world.update(girandole::FrameBudget::UNLIMITED);
+        assert!((60..=230).contains(&report.moved_instances), "{report:?}");
+        // 6 strings, 10 spokes and the swarm.
+        assert!((17..60).contains(&report.refit_trees), "{report:?}");
+        let moved = stage.scene.objects.iter().zip(&before).filter(|(object, before)| object.transform != **before);
+        assert!(moved.count() < 2_000);
+    }
+
+    #[test]
+    fn no_cars_is_a_quiet_city_and_too_many_are_refused() {
+        let with = |cars| stage(&CityOptions { size: Size::S, cars: Some(cars), seed: 1 });
+        assert!(with(0).is_ok());
+        assert!(with(1_000_000).is_err());
+    }
+
+    #[test]
+    fn every_glowing_face_has_a_light() {
+        let stage = city(Size::S);
+        let area = |t: &super::super::Triangle| {
+            0.5 * (t.vertices[1] - t.vertices[0]).cross(t.vertices[2] - t.vertices[0]).length()
+        };
+        // Flux of glowing faces against flux of the rectangle lights of the world, instance by instance.
+        let mut faces = 0.0;
+        for object in &stage.scene.objects {
+            for triangle in &stage.scene.meshes[object.mesh as usize].triangles {
+                let emission = stage.scene.materials[triangle.material as usize].emission * object.emission_scale;
+                faces += f64::from(area(triangle) * emission.element_sum());
+            }
+        }
+        let mut lights = 0.0;
+        for instance in stage.world.instances() {
+            let tree = stage.world.tree(stage.world.instance_tree(instance).unwrap()).unwrap();
+            for light in tree.lights() {
+                let area = match light.shape {
+                    girandole::Shape::Rectangle { half_u, half_v, .. } => 4.0 * half_u.cross(half_v).length(),
+                    girandole::Shape::Sphere { radius, .. } => 4.0 * std::f32::consts::PI * radius * radius,
+                    _ => 0.0,
+                };
+                lights += f64::from(area * light.emission.element_sum());
+            }
+        }
+        // Balls are polyhedra within their spheres, and headlights' lenses only depict the spots in front of them.
+        assert!((0.85..1.05).contains(&(faces / lights)), "{}", faces / lights);
     }
 }

@@ -67,7 +67,7 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
     assembly.object(land, Affine3A::IDENTITY);
     // Where traffic is known the view goes to it, else to the most lamps.
     let driven: Vec<Vec2> = if traces.is_empty() { spots.clone() } else { busy[spots.len()..].to_vec() };
-    let middle = Grid::new(driven, 150.0).densest().map_or(Vec2::ZERO, |(middle, _)| middle);
+    let middle = Grid::new(driven, 240.0).densest().map_or(Vec2::ZERO, |(middle, _)| middle);
     let lamp_grid = Grid::new(spots.clone(), 90.0);
     houses(&mut assembly, &mut palette, &lamp_grid, &strips, &traces, middle, options.seed)?;
 
@@ -108,9 +108,8 @@ fn camera(strips: &[Strip], middle: Vec2) -> Camera {
     let nearest = strips.iter().min_by(|a, b| a.distance(middle).total_cmp(&b.distance(middle)));
     let along = nearest.map_or(vec2(0.0, -1.0), |strip| (strip.to - strip.from).normalize_or(vec2(0.0, -1.0)));
     let center = nearest.map_or(middle, |strip| (strip.from + strip.to) * 0.5);
-    let eye = center - along * 75.0;
-    let target = center + along * 35.0;
-    Camera { eye: vec3(eye.x, 17.0, eye.y), target: vec3(target.x, 3.0, target.y), vertical_fov: 0.9 }
+    let eye = center - along * 110.0 + vec2(-along.y, along.x) * 30.0;
+    Camera { eye: vec3(eye.x, 52.0, eye.y), target: vec3(center.x, 0.0, center.y), vertical_fov: 0.8 }
 }
 
 fn place_lamps(
@@ -156,7 +155,7 @@ fn houses(
     let mut designs = Vec::new();
     for (index, floors) in [1, 1, 2, 2, 3, 4].into_iter().enumerate() {
         let mut rng = Rng::new(seed, 0x6000 + index as u64);
-        designs.push(assembly.design(buildings::building(Lot::Narrow, floors, palette, &mut rng))?);
+        designs.push(assembly.design(buildings::building(Lot::Detached, floors, palette, &mut rng))?);
     }
     let mut rng = Rng::new(seed, 0x6fff);
     for place in places {
@@ -391,5 +390,72 @@ struct Still;
 impl Animation for Still {
     fn advance(&mut self, _: f64, _: &mut Scene, _: &mut World) -> Result<(), SceneError> {
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample(name: &str) -> Option<PathBuf> {
+        Some(PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/")).join(name))
+    }
+
+    fn load(lamps: bool, traffic: bool) -> Result<Stage, SceneError> {
+        let lamps = lamps.then(|| sample("lamps_small.csv")).flatten();
+        let traffic = traffic.then(|| sample("fcd_small.xml")).flatten();
+        stage(&RealCityOptions { lamps, traffic, cars: Some(0), seed: 1 })
+    }
+
+    #[test]
+    fn lamps_stand_where_the_file_says_and_give_what_it_says() {
+        let stage = load(true, false).unwrap();
+        let all: Vec<_> = stage.world.instances().map(|instance| stage.world.placement(instance).unwrap()).collect();
+        // The first lamp: 135 m west and 7 m north of the origin.
+        assert!(all.iter().any(|place| place.translation.as_vec3().abs_diff_eq(vec3(-135.0, 0.0, -7.0), 1e-3)));
+        let fluxes: Vec<f32> = stage
+            .world
+            .trees()
+            .filter_map(|tree| stage.world.tree(tree).filter(|tree| tree.lights().len() == 1))
+            .map(|tree| tree.lights()[0].flux())
+            .collect();
+        for lumens in [23_750.0, 14_250.0, 9_500.0, 4_125.0] {
+            assert!(fluxes.iter().any(|flux| (flux / lumens - 1.0).abs() < 0.01), "{lumens} in {fluxes:?}");
+        }
+    }
+
+    #[test]
+    fn vehicles_come_drive_and_go() {
+        let mut stage = load(false, true).unwrap();
+        let quiet = |stage: &Stage| stage.scene.objects.iter().filter(|object| !object.visible).count();
+        let houses = stage.world.instance_count() - 1;
+        let pool = quiet(&stage) + 1;
+        let mut counts = Vec::new();
+        for tenth in 0..=120 {
+            stage.animation.advance(f64::from(tenth) * 0.1, &mut stage.scene, &mut stage.world).unwrap();
+            let shown = stage.world.instance_count() - houses;
+            assert_eq!(shown, pool - quiet(&stage));
+            counts.push(shown);
+        }
+        // One at first, three from 2 s, two from 7 s, none from 9 s on.
+        assert_eq!([0, 15, 25, 75, 95, 120].map(|tenth| counts[tenth]), [1, 2, 3, 2, 0, 0]);
+    }
+
+    #[test]
+    fn vehicles_drive_between_time_steps_with_their_nose_ahead() {
+        let mut stage = load(false, true).unwrap();
+        stage.animation.advance(0.5, &mut stage.scene, &mut stage.world).unwrap();
+        let car = stage.scene.objects.iter().rfind(|object| object.visible).unwrap();
+        // Half way from x = -60 to -51, half a car's length behind its bumper, on the southern lane.
+        let nose = car.transform.transform_point3(vec3(0.0, 0.0, -1.0)) - Vec3::from(car.transform.translation);
+        assert!(nose.abs_diff_eq(Vec3::X, 1e-4), "{nose}");
+        assert!(
+            (-58.1..-57.2).contains(&car.transform.translation.x) && (car.transform.translation.z - 1.6).abs() < 1e-3
+        );
+    }
+
+    #[test]
+    fn nothing_given_is_an_error() {
+        assert!(load(false, false).is_err());
     }
 }

@@ -165,7 +165,7 @@ pub fn house_places(
         let jitter = vec2(rng.range(-2.0, 2.0), rng.range(-2.0, 2.0));
         let at = middle + vec2(x as f32, z as f32) * pitch + jitter;
         let chance = rng.unit();
-        if lamps.near(at, half + free).next().is_some() || chance > 0.8 || at.distance(middle) > reach {
+        if lamps.near(at, half + free).next().is_some() || chance > 0.92 || at.distance(middle) > reach {
             continue;
         }
         let Some(closest) = near.iter().min_by(|a, b| a.distance(at).total_cmp(&b.distance(at))) else { continue };

@@ -185,7 +185,7 @@ fn turn_radius(lane: u32, turn: Turn) -> f32 {
 }
 
 /// Seconds for which each approach in turn is green, amber, and all are red.
-const PHASES: [f64; 3] = [7.0, 2.0, 1.5];
+const PHASES: [f64; 3] = [8.0, 1.5, 1.5];
 
 /// What a traffic light shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
