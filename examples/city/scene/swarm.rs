@@ -13,7 +13,7 @@ use super::{Scene, SceneError};
 const ARMS: usize = 7;
 const COLORS: usize = 16;
 /// Peak nits of a drone's lamp.
-const NITS: f32 = 120.0;
+const NITS: f32 = 170.0;
 
 /// The swarm's state.
 pub struct Swarm {
@@ -48,7 +48,7 @@ impl Swarm {
         count: usize,
     ) -> Result<Self, SceneError> {
         // As many drones as there are, their lamps cover about the same share of the sky.
-        let drone_radius = (radius * 0.32 / (count.max(1) as f32).sqrt()).clamp(0.08, 0.4);
+        let drone_radius = (radius * 0.2 / (count.max(1) as f32).sqrt()).clamp(0.05, 0.4);
         let mesh = |glow: &super::palette::Glow| {
             let mut part = Part::default();
             part.ball(Vec3::ZERO, Vec3::splat(drone_radius), 8, glow.material);
