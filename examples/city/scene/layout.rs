@@ -1,6 +1,6 @@
 //! Where the procedural city's buildings, lamps, signs and trees stand: one block at a time, each side alike.
 
-use std::f32::consts::FRAC_PI_2;
+use std::f32::consts::{FRAC_PI_2, TAU};
 
 use girandole::glam::{Affine3A, Quat, Vec2, Vec3, vec3};
 use girandole::{Light, Policy};
@@ -145,7 +145,7 @@ impl Kit {
     }
 
     fn plant(&self, assembly: &mut Assembly, frame: Affine3A, at: Vec3, rng: &mut Rng) -> Result<(), SceneError> {
-        let turn = Quat::from_rotation_y(rng.range(0.0, 6.28));
+        let turn = Quat::from_rotation_y(rng.range(0.0, TAU));
         let size = Vec3::splat(rng.range(0.85, 1.25));
         let place = frame * Affine3A::from_scale_rotation_translation(size, turn, at);
         assembly.place(rng.pick(&self.trees), place, Policy::Static).map(drop)

@@ -181,7 +181,7 @@ fn park(
         let strip = near[car % near.len()];
         let along = (strip.to - strip.from).normalize_or(vec2(1.0, 0.0));
         // Every other car on the other side, facing the other way.
-        let along = if car / near.len() % 2 == 0 { along } else { -along };
+        let along = if (car / near.len()).is_multiple_of(2) { along } else { -along };
         let at = strip.from.lerp(strip.to, rng.range(0.25, 0.75)) + vec2(-along.y, along.x) * 2.2;
         let kind = rng.below(3);
         let design = rng.pick(&kinds[kind].1);

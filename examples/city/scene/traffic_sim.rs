@@ -108,11 +108,6 @@ impl Traffic {
         Ok(traffic)
     }
 
-    /// Number of cars.
-    pub fn len(&self) -> usize {
-        self.cars.len()
-    }
-
     /// Drives up to `time`, seconds.
     pub fn advance(&mut self, time: f64) {
         while self.time + STEP <= time + 1e-9 {
@@ -278,7 +273,7 @@ mod tests {
             travelled += traffic.cars.iter().map(|car| car.speed * 0.1).sum::<f32>();
             standing += traffic.cars.iter().filter(|car| car.speed < 0.05).count();
         }
-        let mean = travelled / traffic.len() as f32 / 60.0;
+        let mean = travelled / traffic.cars.len() as f32 / 60.0;
         assert!((1.5..9.0).contains(&mean), "mean speed {mean}");
         assert!(standing > 1000);
     }
@@ -288,7 +283,7 @@ mod tests {
         let (mut smooth, mut jerky) = (busy(), busy());
         (1..=400).for_each(|frame| smooth.advance(frame as f64 * 0.025));
         jerky.advance(10.0);
-        assert!((0..smooth.len()).all(|car| smooth.pose(car, 10.0) == jerky.pose(car, 10.0)));
+        assert!((0..smooth.cars.len()).all(|car| smooth.pose(car, 10.0) == jerky.pose(car, 10.0)));
     }
 
     #[test]
