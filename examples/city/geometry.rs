@@ -3,7 +3,7 @@
 //! obvhs builds both; [`super::geometry_nodes`] lays them out for both backends. An object that moves rebuilds the upper one
 //! only, over boxes of objects; its triangles stay as they are.
 
-use super::geometry_nodes::{Node, Subtree, collect_nodes, leaf_reference};
+use super::geometry_nodes::{MAX_REFERENCE, Node, Subtree, collect_nodes, leaf_reference};
 use super::scene::{Mesh, Object, Scene, SceneError};
 use bytemuck::{Pod, Zeroable};
 use girandole::glam::{Affine3A, Vec3, Vec3A};
@@ -208,6 +208,13 @@ impl Geometry {
 }
 
 fn check(scene: &Scene) -> Result<(), SceneError> {
+    let triangles: usize = scene.meshes.iter().map(|mesh| mesh.triangles.len()).sum();
+    if triangles.max(scene.objects.len()) > MAX_REFERENCE {
+        let objects = scene.objects.len();
+        return Err(SceneError(format!(
+            "{triangles} triangles and {objects} objects: at most {MAX_REFERENCE} of each"
+        )));
+    }
     for (i, mesh) in scene.meshes.iter().enumerate() {
         if mesh.triangles.is_empty() {
             return Err(SceneError(format!("mesh {i} has no triangles")));

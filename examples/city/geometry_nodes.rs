@@ -12,8 +12,12 @@ use obvhs::bvh2::node::Bvh2Node;
 pub const LEAF: u32 = 1 << 31;
 const COUNT_SHIFT: u32 = 28;
 const FIRST_MASK: u32 = (1 << COUNT_SHIFT) - 1;
-/// A world without objects.
+/// How many triangles, or objects, leaves can tell apart.
+pub const MAX_REFERENCE: usize = 1 << COUNT_SHIFT;
+/// A world without objects; the end of a walk.
 pub const NOTHING: u32 = u32::MAX;
+/// The end of an object's part of a walk.
+const LEAVE: u32 = u32::MAX - 1;
 
 const SLAB_ROUNDING: f32 = 1.0 + 4e-7;
 
@@ -173,7 +177,8 @@ impl Geometry {
 
     /// How many references a walk's stack may hold.
     pub fn stack_size(&self) -> usize {
-        (self.top.depth + self.mesh_depth) as usize
+        // Two more for the marks.
+        (self.top.depth + self.mesh_depth) as usize + 2
     }
 
     #[inline(always)]
@@ -190,21 +195,18 @@ impl Geometry {
 
     #[inline(always)]
     fn trace_with(&self, stack: &mut [u32], origin: Vec3, direction: Vec3, limit: f32, want: Want) -> Option<Hit> {
-        if self.top.root == NOTHING {
-            return None;
-        }
         let world_ray = Ray::new(origin.into(), direction.into());
         let mut ray = world_ray;
         let mut hit = Hit { distance: limit, object: NOTHING, triangle: 0 };
         let mut object = NOTHING;
-        let mut height = 0;
-        // Where the stack stood on entering the object.
-        let mut base = 0;
+        // Entered from the bottom: NOTHING ends the walk, LEAVE ends the part within an object.
+        stack[0] = NOTHING;
+        let mut height = 1;
         let mut reference = self.top.root;
         loop {
-            if reference & LEAF == 0 {
-                let node = &self.nodes[reference as usize];
+            while reference & LEAF == 0 {
                 // Whole vectors, which load at once; the references beside the corners ride along.
+                let node = &self.nodes[reference as usize];
                 let [min0, max0, min1, max1] = *bytemuck::cast_ref::<_, [Vec4; 4]>(node);
                 let enter0 = ray.enter(min0, max0, hit.distance);
                 let enter1 = ray.enter(min1, max1, hit.distance);
@@ -216,21 +218,30 @@ impl Geometry {
                 }
                 if enter0.min(enter1) < f32::INFINITY {
                     reference = near;
-                    continue;
+                } else {
+                    height -= 1;
+                    reference = stack[height];
                 }
+            }
+            if reference == NOTHING {
+                return (hit.object != NOTHING).then_some(hit);
+            }
+            let first = reference & FIRST_MASK;
+            if reference == LEAVE {
+                object = NOTHING;
+                ray = world_ray;
+            } else if object == NOTHING {
+                object = first;
+                let placed = &self.objects[object as usize];
+                ray = Ray::new(
+                    placed.inverse.transform_point3a(world_ray.origin),
+                    placed.inverse.transform_vector3a(world_ray.direction),
+                );
+                stack[height] = LEAVE;
+                height += 1;
+                reference = placed.root;
+                continue;
             } else {
-                let first = reference & FIRST_MASK;
-                if object == NOTHING {
-                    object = first;
-                    base = height;
-                    let placed = &self.objects[first as usize];
-                    ray = Ray::new(
-                        placed.inverse.transform_point3a(world_ray.origin),
-                        placed.inverse.transform_vector3a(world_ray.direction),
-                    );
-                    reference = placed.root;
-                    continue;
-                }
                 let count = (reference >> COUNT_SHIFT & 7) + 1;
                 for index in first..first + count {
                     let triangle = &self.triangles[index as usize];
@@ -242,13 +253,6 @@ impl Geometry {
                         }
                     }
                 }
-            }
-            if object != NOTHING && height == base {
-                object = NOTHING;
-                ray = world_ray;
-            }
-            if height == 0 {
-                return (hit.object != NOTHING).then_some(hit);
             }
             height -= 1;
             reference = stack[height];

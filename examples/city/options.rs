@@ -15,6 +15,8 @@ use std::time::Duration;
 const MAX_SIDE: u32 = 16_384;
 /// A day at this rate is a run that nobody means.
 const MAX_FRAMES: u32 = 100_000;
+/// Of cameras from the command line: 60 degrees.
+const FIELD_OF_VIEW: f32 = std::f32::consts::FRAC_PI_3;
 const MAX_SPP: u32 = 1 << 20;
 
 /// Renders a night city, a glTF scene or a real city's lamps, lit through two-level light trees.
@@ -112,12 +114,9 @@ impl Options {
         }
     }
 
-    /// Points a camera as asked.
-    pub fn aim(&self, camera: &mut Camera) {
-        if let Some((eye, target)) = self.camera {
-            camera.eye = eye;
-            camera.target = target;
-        }
+    /// The camera that was asked for.
+    pub fn camera(&self) -> Option<Camera> {
+        self.camera.map(|(eye, target)| Camera { eye, target, vertical_fov: FIELD_OF_VIEW })
     }
 }
 

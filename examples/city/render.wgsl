@@ -66,6 +66,8 @@ struct Record {
 const PI: f32 = 3.14159265358979;
 const LEAF: u32 = 0x80000000u;
 const NOTHING: u32 = 0xffffffffu;
+const LEAVE: u32 = 0xfffffffeu;
+const FIRST_MASK: u32 = 0x0fffffffu;
 const SEE_THROUGH: u32 = 1u;
 const FAR: f32 = 3.0e38;
 const SLAB_ROUNDING: f32 = 1.0000004;
@@ -113,21 +115,18 @@ fn enter_box(low: vec3<f32>, high: vec3<f32>, origin: vec3<f32>, inverse: vec3<f
 
 fn trace(world_origin: vec3<f32>, world_direction: vec3<f32>, limit: f32, any_opaque: bool) -> Hit {
     var hit = Hit(limit, NOTHING, 0u);
+    // Entered from the bottom: NOTHING ends the walk, LEAVE ends the part within an object.
     var stack: array<u32, STACK_SIZE>;
-    var height = 0u;
-    // Where the stack stood on entering the object.
-    var base = 0u;
+    stack[0] = NOTHING;
+    var height = 1u;
     var object = NOTHING;
     var origin = world_origin;
     var direction = world_direction;
     var inverse = safe_inverse(direction);
     var reference = frame.top_root;
-    if reference == NOTHING {
-        return hit;
-    }
     loop {
-        var descend = false;
-        if (reference & LEAF) == 0u {
+        // All invocations of a wave test boxes until each has a leaf, rather than some boxes and some triangles.
+        while (reference & LEAF) == 0u {
             let node = nodes[reference];
             let enter0 = enter_box(node.min0, node.max0, origin, inverse, hit.distance);
             let enter1 = enter_box(node.min1, node.max1, origin, inverse, hit.distance);
@@ -138,60 +137,55 @@ fn trace(world_origin: vec3<f32>, world_direction: vec3<f32>, limit: f32, any_op
             }
             if min(enter0, enter1) < FAR {
                 reference = select(node.child1, node.child0, first_nearer);
-                descend = true;
-            }
-        } else {
-            let first = reference & 0x0fffffffu;
-            if object == NOTHING {
-                object = first;
-                base = height;
-                let placed = records[frame.first_object + first];
-                let origin4 = vec4<f32>(world_origin, 1.0);
-                origin = vec3<f32>(dot(placed.row0, origin4), dot(placed.row1, origin4), dot(placed.row2, origin4));
-                direction = vec3<f32>(
-                    dot(placed.row0.xyz, world_direction),
-                    dot(placed.row1.xyz, world_direction),
-                    dot(placed.row2.xyz, world_direction),
-                );
-                inverse = safe_inverse(direction);
-                reference = placed.words.x;
-                descend = true;
             } else {
-                let end = first + ((reference >> 28u) & 7u) + 1u;
-                for (var index = first; index < end; index += 1u) {
-                    let corner = triangles[index];
-                    let p = cross(direction, corner.edge2);
-                    let determinant = dot(corner.edge1, p);
-                    if determinant == 0.0 {
-                        continue;
-                    }
-                    let scale = 1.0 / determinant;
-                    let s = origin - corner.corner;
-                    let u = dot(s, p) * scale;
-                    let q = cross(s, corner.edge1);
-                    let v = dot(direction, q) * scale;
-                    let t = dot(corner.edge2, q) * scale;
-                    let inside = u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < hit.distance;
-                    if inside && !(any_opaque && (corner.flags & SEE_THROUGH) != 0u) {
-                        hit = Hit(t, object, index);
-                        if any_opaque {
-                            return hit;
-                        }
-                    }
-                }
+                height -= 1u;
+                reference = stack[height];
             }
         }
-        if descend {
-            continue;
+        if reference == NOTHING {
+            break;
         }
-        if object != NOTHING && height == base {
+        if reference == LEAVE {
             object = NOTHING;
             origin = world_origin;
             direction = world_direction;
             inverse = safe_inverse(direction);
-        }
-        if height == 0u {
-            break;
+        } else if object == NOTHING {
+            object = reference & FIRST_MASK;
+            let placed = records[frame.first_object + object];
+            let origin4 = vec4<f32>(world_origin, 1.0);
+            origin = vec3<f32>(dot(placed.row0, origin4), dot(placed.row1, origin4), dot(placed.row2, origin4));
+            direction = vec3<f32>(
+                dot(placed.row0.xyz, world_direction),
+                dot(placed.row1.xyz, world_direction),
+                dot(placed.row2.xyz, world_direction),
+            );
+            inverse = safe_inverse(direction);
+            stack[height] = LEAVE;
+            height += 1u;
+            reference = placed.words.x;
+            continue;
+        } else {
+            let first = reference & FIRST_MASK;
+            let end = first + ((reference >> 28u) & 7u) + 1u;
+            for (var index = first; index < end; index += 1u) {
+                let corner = triangles[index];
+                let p = cross(direction, corner.edge2);
+                let determinant = dot(corner.edge1, p);
+                let scale = 1.0 / select(determinant, 1.0, determinant == 0.0);
+                let s = origin - corner.corner;
+                let u = dot(s, p) * scale;
+                let q = cross(s, corner.edge1);
+                let v = dot(direction, q) * scale;
+                let t = dot(corner.edge2, q) * scale;
+                let inside = determinant != 0.0 && u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < hit.distance;
+                if inside && !(any_opaque && (corner.flags & SEE_THROUGH) != 0u) {
+                    hit = Hit(t, object, index);
+                    if any_opaque {
+                        return hit;
+                    }
+                }
+            }
         }
         height -= 1u;
         reference = stack[height];

@@ -4,9 +4,10 @@ use super::app::Session;
 use super::backend;
 use super::options::Options;
 use super::output::Output;
+use super::scene::gltf_scene;
 use super::scene::procedural::{self, CityOptions};
 use super::scene::real_city::{self, RealCityOptions};
-use super::scene::{SceneError, Stage, gltf_scene};
+use super::scene::{SceneError, Stage};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::time::Duration;
 
@@ -16,8 +17,7 @@ const TICKS: u64 = 1000;
 /// Renders what was asked for; `say` hears lines for the user. Everything that can be refused is refused before the
 /// first file is written.
 pub fn run(options: &Options, say: &mut dyn FnMut(&str)) -> Result<(), SceneError> {
-    let mut stage = load(options)?;
-    options.aim(&mut stage.scene.camera);
+    let stage = load(options)?;
     let chosen = backend::choose(options.backend)?;
     say(&chosen.to_string());
     let mut session = Session::new(stage, options.settings(), chosen)?;
@@ -49,18 +49,17 @@ pub fn run(options: &Options, say: &mut dyn FnMut(&str)) -> Result<(), SceneErro
     Ok(())
 }
 
-/// A glTF scene, a real city, or the procedural one.
 fn load(options: &Options) -> Result<Stage, SceneError> {
-    if let Some(path) = &options.gltf {
-        return gltf_scene::stage(path, None);
+    let Options { gltf, lamps, traffic, seed, cars, .. } = options.clone();
+    let mut stage = if let Some(path) = gltf {
+        return gltf_scene::stage(&path, options.camera());
+    } else if lamps.is_some() || traffic.is_some() {
+        real_city::stage(&RealCityOptions { lamps, traffic, cars, seed })?
+    } else {
+        procedural::stage(&CityOptions { size: options.world, cars, seed })?
+    };
+    if let Some(camera) = options.camera() {
+        stage.scene.camera = camera;
     }
-    if options.lamps.is_some() || options.traffic.is_some() {
-        return real_city::stage(&RealCityOptions {
-            lamps: options.lamps.clone(),
-            traffic: options.traffic.clone(),
-            cars: options.cars,
-            seed: options.seed,
-        });
-    }
-    procedural::stage(&CityOptions { size: options.world, cars: options.cars, seed: options.seed })
+    Ok(stage)
 }
