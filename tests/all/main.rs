@@ -4,6 +4,7 @@
 #[allow(dead_code, missing_docs, reason = "the example's main uses what the tests do not")]
 mod city;
 mod city_images;
+mod city_refusals;
 mod dependencies;
 mod gltf;
 mod gpu;
