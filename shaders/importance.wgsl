@@ -35,13 +35,15 @@ fn light_importance(child: LightChild, view: LightView) -> f32 {
         cosine = max(0.5 * (cos + sqrt(cos * cos + width)), LIGHT_FLOOR);
     }
 
-    let length = min(light_lobe_length(child) * (1.0 - spread), LIGHT_LONGEST_LOBE);
-    let exponent = 2.0 * length / (1.0 - length);
+    let length = min(light_lobe_length(child), LIGHT_LONGEST_LOBE);
+    let share = LIGHT_LOBE_SHARE * min(length / LIGHT_LAMBERTIAN, 1.0) * (1.0 - spread);
+    let exponent = max(2.0 * length / (1.0 - length), LIGHT_LAMBERTIAN_EXPONENT);
     let cos = -dot(light_unpack_direction(child.lobe_axis), direction);
-    let lobe = (exponent + 1.0) * pow(clamp(0.5 + 0.5 * cos, 1.0e-6, 1.0), exponent);
+    let peak = (exponent + 1.0) * pow(clamp(0.5 + 0.5 * cos, 1.0e-6, 1.0), exponent);
+    let lobe = 1.0 - share + share * peak;
 
     let reach = LIGHT_FOUR_PI * max(dist_sq + LIGHT_VARIANCE_SHARE * child.variance, LIGHT_LEAST);
-    return clamp(child.flux * max(lobe, LIGHT_FLOOR) * cosine / reach, LIGHT_LEAST, LIGHT_MOST);
+    return clamp(child.flux * lobe * cosine / reach, LIGHT_LEAST, LIGHT_MOST);
 }
 
 fn light_provably_dark(child: LightChild, view: LightView) -> bool {

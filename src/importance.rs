@@ -49,11 +49,17 @@ impl View {
 }
 
 /// Share of the variance of position that is added to the squared distance.
-pub(crate) const VARIANCE_SHARE: f32 = 0.28;
+pub(crate) const VARIANCE_SHARE: f32 = 0.4;
 /// Width of the smooth cosine at the receiver, per unit of the cluster's angular size.
 pub(crate) const COSINE_WIDTH: f32 = 0.9;
-/// Least cosine and least lobe (times 4 pi): what the bounds cannot exclude keeps a chance.
+/// Least cosine: what the bounds cannot exclude keeps a chance.
 pub(crate) const FLOOR: f32 = 1.0e-3;
+/// Length of the mean direction of one Lambertian emitter.
+pub(crate) const LAMBERTIAN: f32 = 2.0 / 3.0;
+/// The lobe's exponent with that mean cosine: n / (n + 2) = 2/3.
+pub(crate) const LAMBERTIAN_EXPONENT: f32 = 4.0;
+/// The most that goes along the lobe. The rest halves the mean standard deviation of the city, compared with all (docs/decisions.md).
+pub(crate) const LOBE_SHARE: f32 = 0.9;
 /// Clusters whose mean direction is longer than this have a lobe this narrow: exponent 2 r / (1 - r) = 1998.
 pub(crate) const LONGEST_LOBE: f32 = 0.999;
 /// Importances stay inside this span, so that a sum of eight is finite and positive whatever the scene's units.
@@ -83,16 +89,17 @@ pub(crate) fn importance(child: &Child, view: &View) -> f32 {
         cosine = (0.5 * (cos + (cos * cos + width).sqrt())).max(FLOOR);
     }
 
-    // ((1 + cos) / 2)^n, normalised over the sphere; its mean cosine is n / (n + 2). Seen from nearby the direction of
-    // the mean says little, so the lobe opens.
-    let length = (child.lobe_length() * (1.0 - spread)).min(LONGEST_LOBE);
-    let exponent = 2.0 * length / (1.0 - length);
+    // A share of the light goes along a lobe ((1 + cos) / 2)^n about the mean direction, the rest to all sides: emitters
+    // that disagree, or are seen from nearby, are no broad lobe but a mixture, whose back must not be starved.
+    let length = child.lobe_length().min(LONGEST_LOBE);
+    let share = LOBE_SHARE * (length / LAMBERTIAN).min(1.0) * (1.0 - spread);
+    let exponent = (2.0 * length / (1.0 - length)).max(LAMBERTIAN_EXPONENT);
     let cos = -unpack_direction(child.lobe_axis).dot(direction);
-    let lobe = (exponent + 1.0) * (0.5 + 0.5 * cos).clamp(1.0e-6, 1.0).powf(exponent);
+    let peak = (exponent + 1.0) * (0.5 + 0.5 * cos).clamp(1.0e-6, 1.0).powf(exponent);
+    let lobe = 1.0 - share + share * peak;
 
     let solid_angle = 4.0 * std::f32::consts::PI;
-    let lux =
-        child.flux * lobe.max(FLOOR) * cosine / (solid_angle * (dist_sq + VARIANCE_SHARE * child.variance).max(LEAST));
+    let lux = child.flux * lobe * cosine / (solid_angle * (dist_sq + VARIANCE_SHARE * child.variance).max(LEAST));
     lux.clamp(LEAST, MOST)
 }
 

@@ -69,6 +69,7 @@ mod importance;
 mod emit;
 mod placement;
 mod walk;
+mod curve;
 mod top;
 mod world;
 mod sample;

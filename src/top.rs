@@ -3,18 +3,13 @@
 //! Twin of the stages in `gpu/top.rs`, which builds the same tree on the GPU; a test there compares them. Instances are
 //! sorted along a curve through space and every eight neighbours become a node, every eight nodes the next. Based on
 //! linear BVHs (Lauterbach et al. 2009). Differs: nodes are eight wide and implicit, so every level is one pass without
-//! pointers; the curve halves the longest axis first, so that a flat city spends no bits on height (docs/math.md).
+//! pointers; the curve is Hilbert's, since eight neighbours along Morton's often lie far apart (docs/decisions.md).
 
 use glam::Vec3;
 
 use crate::bounds::Aabb;
+use crate::curve::{Curve, NO_KEY};
 use crate::tree::{Child, NO_PARENT, Node, WIDTH};
-
-/// Halvings of space in a key. One bit is left for "no instance", which sorts behind all others.
-pub(crate) const KEY_BITS: u32 = 31;
-
-/// The key of a slot without a shining instance.
-pub(crate) const NO_KEY: u32 = u32::MAX;
 
 /// A tree over instance slots.
 #[derive(Clone, Debug)]
@@ -43,8 +38,8 @@ impl TopLevel {
     /// Builds over the leaves of all slots; slots without an instance hold [`Child::EMPTY`]. O(n log n).
     pub fn build(leaves: &[Child]) -> Self {
         let bounds = Aabb::around(leaves.iter().filter(|c| c.flux > 0.0).map(|c| Vec3::from(c.mean)));
-        let axes = key_axes(bounds.extent());
-        let key = |leaf: &Child| if leaf.flux > 0.0 { key(leaf.mean.into(), &bounds, &axes) } else { NO_KEY };
+        let curve = Curve::new(&bounds);
+        let key = |leaf: &Child| if leaf.flux > 0.0 { curve.key(leaf.mean.into()) } else { NO_KEY };
         let mut order: Vec<(u32, u32)> = leaves.iter().zip(0..).map(|(leaf, slot)| (key(leaf), slot)).collect();
         order.sort_unstable();
 
@@ -72,39 +67,6 @@ impl TopLevel {
     }
 }
 
-/// Which axis each bit of a key halves: always the one that is longest by then, x before y before z.
-pub(crate) fn key_axes(extent: Vec3) -> [u8; KEY_BITS as usize] {
-    let mut left = extent;
-    std::array::from_fn(|_| {
-        let axis = if left.x >= left.y && left.x >= left.z {
-            0
-        } else if left.y >= left.z {
-            1
-        } else {
-            2
-        };
-        left[axis] *= 0.5;
-        axis as u8
-    })
-}
-
-/// The key of a position: one bit per halving. Halves and sums only, so that the GPU gets the same bits.
-pub(crate) fn key(position: Vec3, bounds: &Aabb, axes: &[u8; KEY_BITS as usize]) -> u32 {
-    let mut low = bounds.min;
-    let mut extent = bounds.extent();
-    let mut key = 0;
-    for axis in axes.iter().map(|a| usize::from(*a)) {
-        extent[axis] *= 0.5;
-        let middle = low[axis] + extent[axis];
-        let upper = position[axis] >= middle;
-        if upper {
-            low[axis] = middle;
-        }
-        key = key << 1 | u32::from(upper);
-    }
-    key
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -121,15 +83,5 @@ mod tests {
         ] {
             assert_eq!(level_starts(slots), starts, "{slots}");
         }
-    }
-
-    #[test]
-    fn a_flat_world_spends_its_first_bits_on_the_long_axes() {
-        let axes = key_axes(Vec3::new(1000.0, 20.0, 900.0));
-        assert_eq!(axes[..6], [0, 2, 0, 2, 0, 2]);
-        assert!(axes.contains(&1));
-        let bounds = Aabb { min: Vec3::ZERO, max: Vec3::new(1000.0, 20.0, 900.0) };
-        assert_eq!(key(Vec3::ZERO, &bounds, &axes), 0);
-        assert_eq!(key(bounds.max, &bounds, &axes), u32::MAX >> 1);
     }
 }

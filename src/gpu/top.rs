@@ -13,7 +13,7 @@ use super::sort::{RadixSort, SortBuffers};
 use super::stages::{Access, PASS_STRIDE, Stages, dispatch, pass_bytes};
 use crate::bounds;
 use crate::cone;
-use crate::top;
+use crate::curve;
 use crate::top::level_starts;
 use crate::tree;
 use crate::tree::{Child, Node, WIDTH};
@@ -229,7 +229,7 @@ impl Stage {
     /// The whole text: Rust's constants, records, pure functions, the stage.
     fn text(&self) -> String {
         let mut text = super::text::constants();
-        for (name, value) in [("LANES", LANES), ("KEY_BITS", top::KEY_BITS), ("NO_KEY", top::NO_KEY)] {
+        for (name, value) in [("LANES", LANES), ("KEY_BITS", curve::KEY_BITS), ("NO_KEY", curve::NO_KEY)] {
             let _ = writeln!(text, "const TOP_{name}: u32 = {value}u;");
         }
         for (name, value) in [
