@@ -138,7 +138,7 @@ fn roof(part: &mut Part, volume: &Volume, style: &Style, rng: &mut Rng, palette:
     } else if volume.y[1] >= 40.0 {
         let base = vec3(min[0] + width * 0.5, y, min[1] + depth * 0.5);
         part.beam(base, base + Vec3::Y * 14.0, 0.12, metal);
-        let red = palette.glow(NEON[5], 900.0);
+        let red = palette.glow(NEON[5], 150.0);
         part.bulb(base + Vec3::Y * 14.3, 0.22, 6, red);
     }
 }

@@ -90,7 +90,7 @@ fn room(palette: &mut Palette, rng: &mut Rng, office: bool) -> (Vec3, f32, Glow)
         (false, roll) if roll < 0.93 => NEUTRAL,
         (false, _) => COOL,
     };
-    let nits = rng.pick(&[2.0, 3.2, 4.8, 7.0, 11.0]);
+    let nits = rng.pick(&[1.6, 2.6, 4.0, 6.0, 9.0]);
     (color, nits, palette.glow(color, nits))
 }
 
@@ -191,7 +191,7 @@ pub fn shops(part: &mut Part, plane: &Plane, height: f32, style: &Style, palette
         let (pane, pane_height) = ([x0 + 0.45, x0 + width - 0.45], [0.5, height - 1.25]);
         let open = rng.chance(0.72);
         let color = rng.pick(&[WARM, SOFT, SOFT, NEUTRAL, NEUTRAL, COOL]);
-        let nits = rng.pick(&[12.0, 18.0, 28.0]);
+        let nits = rng.pick(&[8.0, 12.0, 19.0]);
         let glow = palette.glow(color, nits);
         // The wall around the pane.
         plane.rectangle(part, [x0, x0 + width], [0.0, pane_height[0]], 0.0, style.trim);

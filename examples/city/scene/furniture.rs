@@ -78,7 +78,7 @@ pub fn signal_body(palette: &mut Palette) -> Part {
 /// The lens with the given index, alone: red, amber or green. The other two are dark at that time.
 pub fn signal_lens(index: usize, palette: &mut Palette) -> (Part, Glow) {
     let color = [vec3(1.0, 0.04, 0.02), vec3(1.0, 0.45, 0.02), vec3(0.03, 1.0, 0.45)][index];
-    let glow = palette.glow(color, 2600.0);
+    let glow = palette.glow(color, 130.0);
     let mut part = Part::default();
     part.bulb(vec3(0.0, SIGNAL_HEIGHT + LENS_OFFSETS[index], 0.33), 0.13, 10, glow);
     (part, glow)

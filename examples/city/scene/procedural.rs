@@ -163,12 +163,12 @@ impl Signals {
         }
         let mut lenses = vec![Vec::new(); 4];
         for (node, heading) in (0..roads.nodes()).flat_map(|node| (0..4).map(move |heading| (node, heading))) {
-            // A light stands where cars come from another crossing.
+            // A light stands beyond the crossing, for those who come from another one.
             if roads.neighbor(node, heading + 2).is_none() {
                 continue;
             }
             let group = signal_group(node, roads.side, heading) as usize;
-            let at = roads.position(node) - heading_vector(heading) * 11.2 + heading_vector(heading + 3) * 7.6;
+            let at = roads.position(node) + heading_vector(heading) * 10.8 + heading_vector(heading + 3) * 7.7;
             let turn = Quat::from_rotation_y((heading as f32 + 2.0) * std::f32::consts::FRAC_PI_2);
             let place = Affine3A::from_rotation_translation(turn, vec3(at.x, PAVEMENT, at.y));
             assembly.place(body, place, Policy::Static)?;
@@ -280,7 +280,7 @@ struct Festoons {
     over_market: Vec<LightString>,
 }
 
-const BULB_NITS: f32 = 700.0;
+const BULB_NITS: f32 = 320.0;
 
 impl Festoons {
     fn new(

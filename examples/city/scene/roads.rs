@@ -186,6 +186,8 @@ fn turn_radius(lane: u32, turn: Turn) -> f32 {
 
 /// Seconds for which each approach in turn is green, amber, and all are red.
 const PHASES: [f64; 3] = [8.0, 1.5, 1.5];
+/// Where the lights' round begins at time 0: the first picture shows cars that have just got green.
+const ROUND_START: f64 = 18.0;
 
 /// What a traffic light shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -206,7 +208,7 @@ pub fn signal_group(node: u32, side: u32, heading: u32) -> u32 {
 /// What a group shows at a time: one approach of each crossing after the other, so that turning cars never meet.
 pub fn signal(group: u32, time: f64) -> Signal {
     let slot: f64 = PHASES.iter().sum();
-    let local = (time + slot * group as f64).rem_euclid(4.0 * slot);
+    let local = (time + ROUND_START + slot * f64::from(group)).rem_euclid(4.0 * slot);
     match local {
         t if t < PHASES[0] => Signal::Green,
         t if t < PHASES[0] + PHASES[1] => Signal::Amber,

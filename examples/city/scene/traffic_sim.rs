@@ -102,7 +102,7 @@ impl Traffic {
             }
         }
         let accelerations = vec![0.0; cars.len()];
-        let warm_up = 25.0;
+        let warm_up = 43.0;
         let mut traffic = Self { roads, cars, queues, paths, accelerations, time: -warm_up };
         traffic.advance(0.0);
         Ok(traffic)

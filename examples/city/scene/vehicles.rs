@@ -173,7 +173,7 @@ fn wheel_at(part: &mut Part, center: Vec3, half: f32, radius: f32, [rubber, rim]
 
 /// A bus's side windows, lit from inside.
 fn lit_sides(part: &mut Part, half_width: f32, palette: &mut Palette) {
-    let glow = palette.glow(super::palette::NEUTRAL, 60.0);
+    let glow = palette.glow(super::palette::NEUTRAL, 7.0);
     for (side, right) in [(1.0, Vec3::NEG_Z), (-1.0, Vec3::Z)] {
         for window in 0..4 {
             let z = -3.6 + window as f32 * 2.4;
@@ -183,8 +183,8 @@ fn lit_sides(part: &mut Part, half_width: f32, palette: &mut Palette) {
 }
 
 fn lights(part: &mut Part, body: Body, half_length: f32, half_width: f32, palette: &mut Palette) {
-    let white = palette.glow(vec3(1.0, 0.95, 0.86), 4_000.0);
-    let red = palette.glow(vec3(1.0, 0.03, 0.015), 650.0);
+    let white = palette.glow(vec3(1.0, 0.95, 0.86), 900.0);
+    let red = palette.glow(vec3(1.0, 0.03, 0.015), 90.0);
     let height = if body == Body::Bus { 0.8 } else { 0.68 };
     for side in [-1.0, 1.0] {
         let x = side * (half_width - 0.24);
@@ -200,7 +200,7 @@ fn lights(part: &mut Part, body: Body, half_length: f32, half_width: f32, palett
         part.glow(tail, vec3(0.17, 0.0, 0.0), vec3(0.0, 0.075, 0.0), red);
     }
     if body == Body::Taxi {
-        let sign = palette.glow(vec3(1.0, 0.75, 0.25), 300.0);
+        let sign = palette.glow(vec3(1.0, 0.75, 0.25), 40.0);
         let board = palette.matt(0.05, 0.05, 0.05);
         part.cuboid(vec3(-0.35, 1.44, 0.18), vec3(0.35, 1.66, 0.38), board);
         part.glow(vec3(0.0, 1.55, 0.385), Vec3::X * 0.33, Vec3::Y * 0.09, sign);
