@@ -132,8 +132,9 @@ impl Session {
                 (image, 0, 0, Some(top_build))
             }
             Renderer::Gpu(renderer) => {
-                let frame = renderer.render(scene, geometry, &change, world, settings, seed, progress)?;
-                (frame.image, frame.light_bytes, frame.geometry_bytes, frame.top_build)
+                let update = renderer.update(geometry, &change, world)?;
+                let image = renderer.render(scene, geometry, settings, seed, progress)?;
+                (image, update.light_bytes, update.geometry_bytes, update.top_build)
             }
         };
         self.next += 1;

@@ -57,10 +57,8 @@ struct Record {
     words: [u32; 4],
 }
 
-/// What a frame took besides its picture.
-pub struct GpuFrame {
-    /// The picture.
-    pub image: Image,
+/// What it took to bring the device up to date.
+pub struct GpuUpdate {
     /// Bytes of light data that the library uploaded.
     pub light_bytes: u64,
     /// Bytes of objects and upper nodes that this file uploaded.
@@ -190,17 +188,13 @@ impl GpuRenderer {
         })
     }
 
-    /// Brings the device up to date and renders one frame.
-    pub fn render(
+    /// Brings the device up to date with what moved.
+    pub fn update(
         &mut self,
-        scene: &Scene,
         geometry: &Geometry,
         change: &GeometryChange,
         world: &mut World,
-        settings: &Settings,
-        seed: u32,
-        progress: &(dyn Fn(f64) + Sync),
-    ) -> Result<GpuFrame, SceneError> {
+    ) -> Result<GpuUpdate, SceneError> {
         let geometry_bytes = self.upload_geometry(geometry, change);
         let delta = world.take_delta();
         let light_bytes = self.lights.upload(world, &delta).map_err(|e| SceneError(e.to_string()))?.bytes;
@@ -208,8 +202,18 @@ impl GpuRenderer {
             self.stack_size = stack_size(geometry);
             self.pipeline = pipeline(&self.gpu.device, &self.layout, &self.lights, self.stack_size);
         }
-        let top_build = self.build_top()?;
+        Ok(GpuUpdate { light_bytes, geometry_bytes, top_build: self.build_top()? })
+    }
 
+    /// Renders one frame.
+    pub fn render(
+        &self,
+        scene: &Scene,
+        geometry: &Geometry,
+        settings: &Settings,
+        seed: u32,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Image, SceneError> {
         let view = View::new(&scene.camera, settings.width, settings.height);
         let mut frame = FrameUniform {
             eye: view.eye,
@@ -250,8 +254,7 @@ impl GpuRenderer {
             let sums: &[Vec4] = bytemuck::cast_slice(&bytes);
             pixels.extend(sums.iter().map(|sum| sum.truncate() / settings.spp as f32));
         }
-        let image = Image { width: settings.width, height: settings.height, pixels };
-        Ok(GpuFrame { image, light_bytes, geometry_bytes, top_build })
+        Ok(Image { width: settings.width, height: settings.height, pixels })
     }
 
     fn upload_geometry(&self, geometry: &Geometry, change: &GeometryChange) -> u64 {
