@@ -3,13 +3,14 @@
 //! [`Session`] renders frames and hands them out; it neither prints nor writes, so that tests run the very same path.
 
 use super::backend::{Backend, Chosen};
+use super::denoise::denoise;
 use super::geometry::Geometry;
 use super::render_cpu::{self, LightChoice};
 use super::render_gpu::GpuRenderer;
 use super::scene::{Scene, SceneError, Stage};
 use super::shading::frame_seed;
 use girandole::FrameBudget;
-use girandole::glam::Vec3;
+use girandole::glam::{Vec3, Vec4};
 use std::time::{Duration, Instant};
 
 /// How to render.
@@ -40,6 +41,30 @@ pub struct Image {
     pub height: u32,
     /// `width` times `height` of them.
     pub pixels: Vec<Vec3>,
+    /// The square of each pixel's standard error, in luminance: how noisy it is.
+    pub variance: Vec<f32>,
+}
+
+impl Image {
+    /// From each pixel's summed radiance and summed squared luminance over `spp` samples.
+    pub fn from_sums(width: u32, height: u32, spp: u32, sums: impl Iterator<Item = Vec4>) -> Self {
+        let count = spp as f32;
+        let (pixels, variance) = sums
+            .map(|sum| {
+                let mean = sum.truncate() / count;
+                let square = luminance(mean).powi(2);
+                // One sample says nothing about its noise: then it is as large as the sample.
+                let variance = if spp > 1 { (sum.w / count - square).max(0.0) / (count - 1.0) } else { square };
+                (mean, variance)
+            })
+            .unzip();
+        Self { width, height, pixels, variance }
+    }
+}
+
+/// Of linear Rec. 709.
+pub fn luminance(color: Vec3) -> f32 {
+    color.dot(Vec3::new(0.2126, 0.7152, 0.0722))
 }
 
 /// A frame's line in `frames.csv`.
@@ -110,6 +135,11 @@ impl Session {
     /// What is drawn.
     pub fn scene(&self) -> &Scene {
         &self.stage.scene
+    }
+
+    /// A frame of this session's view for the eye, with less noise.
+    pub fn denoise(&self, image: &Image) -> Image {
+        denoise(image, &self.stage.scene, &self.geometry)
     }
 
     /// Renders the next frame; `progress` hears its finished share now and then.

@@ -175,6 +175,14 @@ impl Geometry {
         limit > 0.0 && self.trace(origin, direction, limit, Want::AnyOpaque).is_some()
     }
 
+    /// Unit normal in world space, out of the front of what was hit.
+    pub fn normal(&self, hit: &Hit) -> Vec3 {
+        let triangle = &self.triangles[hit.triangle as usize];
+        // Normals go to world space by the transpose of world to mesh.
+        let to_world = self.objects[hit.object as usize].inverse.matrix3.transpose();
+        (to_world * triangle.edge1.cross(triangle.edge2)).normalize_or_zero()
+    }
+
     /// How many references a walk's stack may hold.
     pub fn stack_size(&self) -> usize {
         // Two more for the marks.

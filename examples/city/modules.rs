@@ -13,6 +13,7 @@ pub mod render_cpu;
 pub mod render_gpu;
 
 pub mod app;
+pub mod denoise;
 pub mod options;
 pub mod output;
 pub mod tone;

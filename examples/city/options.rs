@@ -59,6 +59,9 @@ pub struct Options {
     /// Vehicles of a SUMO simulation: the XML that its fcd-export writes
     #[arg(long, value_name = "FILE.xml")]
     pub traffic: Option<PathBuf>,
+    /// Show the samples' noise in the PNG too, instead of filtering it for the eye
+    #[arg(long)]
+    pub keep_noise: bool,
     /// Eye and target, in metres
     #[arg(long, value_name = "x,y,z,x,y,z", value_parser = parse_camera, allow_hyphen_values = true)]
     pub camera: Option<(Vec3, Vec3)>,

@@ -44,11 +44,11 @@ impl Output {
         Ok(Self { folder: folder.into(), table })
     }
 
-    /// Writes a frame's two pictures and its line in the table.
-    pub fn write(&mut self, frame: &Frame, exposure: f32) -> Result<(), SceneError> {
+    /// Writes a frame's radiance, its picture for the eye, and its line in the table.
+    pub fn write(&mut self, frame: &Frame, picture: &Image, exposure: f32) -> Result<(), SceneError> {
         let number = frame.record.frame;
         self.whole_file(&format!("frame_{number:04}.exr"), |file| write_exr(file, &frame.image))?;
-        self.whole_file(&format!("frame_{number:04}.png"), |file| write_png(file, &frame.image, exposure))?;
+        self.whole_file(&format!("frame_{number:04}.png"), |file| write_png(file, picture, exposure))?;
         self.table
             .write_record(row(&frame.record))
             .and_then(|()| Ok(self.table.flush()?))

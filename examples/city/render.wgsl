@@ -282,12 +282,14 @@ fn render(@builtin(global_invocation_id) id: vec3<u32>) {
     let pixel = row * frame.width + id.x;
     let slot = id.y * frame.width + id.x;
     // The first dispatch of a band starts its sums.
-    var sum = vec3<f32>(0.0);
+    var sum = vec4<f32>(0.0);
     if frame.sample_begin > 0u {
-        sum = image[slot].xyz;
+        sum = image[slot];
     }
     for (var index = frame.sample_begin; index < frame.sample_end; index += 1u) {
-        sum += radiance(pixel, vec2<f32>(f32(id.x), f32(row)), index);
+        let color = radiance(pixel, vec2<f32>(f32(id.x), f32(row)), index);
+        let luminance = dot(color, vec3<f32>(0.2126, 0.7152, 0.0722));
+        sum += vec4<f32>(color, luminance * luminance);
     }
-    image[slot] = vec4<f32>(sum, 0.0);
+    image[slot] = sum;
 }

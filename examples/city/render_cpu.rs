@@ -1,10 +1,10 @@
 //! The CPU backend: rayon over rows, the library's sampler, the same estimator as `render.wgsl`.
 
-use super::app::{Image, Settings};
+use super::app::{Image, Settings, luminance};
 use super::geometry::Geometry;
 use super::scene::{Material, Scene};
 use super::shading::{Dimension, View, brdf, random, shadow_offset, sky_radiance};
-use girandole::glam::{Vec2, Vec3};
+use girandole::glam::{Vec2, Vec3, Vec4};
 use girandole::{Incident, Receiver, Sampler};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -36,23 +36,22 @@ pub fn render(
     let view = View::new(&scene.camera, settings.width, settings.height);
     let integrator = Integrator { scene, geometry, sampler, choice: settings.light_choice };
     let size = Vec2::new(width as f32, height as f32);
-    let mut pixels = vec![Vec3::ZERO; width * height];
+    let mut sums = vec![Vec4::ZERO; width * height];
     let done = AtomicUsize::new(0);
-    pixels.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-        for (x, pixel) in row.iter_mut().enumerate() {
+    sums.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+        for (x, sum) in row.iter_mut().enumerate() {
             let index = (y * width + x) as u32;
             let corner = Vec2::new(x as f32, y as f32);
-            let mut sum = Vec3::ZERO;
             for sample in 0..settings.spp {
                 let [jitter_x, jitter_y, ..] = random(index, sample, seed, Dimension::Pixel);
                 let direction = view.direction(corner + Vec2::new(jitter_x, jitter_y), size);
-                sum += integrator.radiance(view.eye, direction, random(index, sample, seed, Dimension::Light));
+                let color = integrator.radiance(view.eye, direction, random(index, sample, seed, Dimension::Light));
+                *sum += color.extend(luminance(color).powi(2));
             }
-            *pixel = sum / settings.spp as f32;
         }
         progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / height as f64);
     });
-    Image { width: settings.width, height: settings.height, pixels }
+    Image::from_sums(settings.width, settings.height, settings.spp, sums.into_iter())
 }
 
 struct Integrator<'a> {
@@ -77,9 +76,7 @@ impl Integrator<'_> {
         let triangle = &self.geometry.triangles[hit.triangle as usize];
         let placed = &self.geometry.objects[hit.object as usize];
         let material = &self.scene.materials[triangle.material as usize];
-        // Normals go to world space by the transpose of world to mesh.
-        let mesh_normal = triangle.edge1.cross(triangle.edge2);
-        let front = (placed.inverse.matrix3.transpose() * mesh_normal).normalize_or_zero();
+        let front = self.geometry.normal(&hit);
         let view = -direction;
         let seen_from_front = front.dot(view) >= 0.0;
         let normal = if seen_from_front { front } else { -front };

@@ -235,7 +235,7 @@ impl GpuRenderer {
             row_begin: 0,
             row_end: 0,
         };
-        let mut pixels = Vec::with_capacity(settings.width as usize * settings.height as usize);
+        let mut sums: Vec<Vec4> = Vec::with_capacity(settings.width as usize * settings.height as usize);
         while frame.row_end < settings.height {
             frame.row_begin = frame.row_end;
             frame.row_end = (frame.row_begin + self.band_rows).min(settings.height);
@@ -251,10 +251,9 @@ impl GpuRenderer {
                 progress(rows / f64::from(settings.height));
             }
             let bytes = self.read(&self.image, &self.readback, u64::from(band) * 16)?;
-            let sums: &[Vec4] = bytemuck::cast_slice(&bytes);
-            pixels.extend(sums.iter().map(|sum| sum.truncate() / settings.spp as f32));
+            sums.extend_from_slice(bytemuck::cast_slice(&bytes));
         }
-        Ok(Image { width: settings.width, height: settings.height, pixels })
+        Ok(Image::from_sums(settings.width, settings.height, settings.spp, sums.into_iter()))
     }
 
     fn upload_geometry(&self, geometry: &Geometry, change: &GeometryChange) -> u64 {

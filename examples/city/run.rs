@@ -32,7 +32,8 @@ pub fn run(options: &Options, say: &mut dyn FnMut(&str)) -> Result<(), SceneErro
         bar.set_message(format!("frame {number}"));
         let base = u64::from(number) * TICKS;
         let frame = session.frame(&|share| bar.set_position(base + (share * TICKS as f64) as u64))?;
-        output.write(&frame, session.scene().exposure)?;
+        let clean = (!options.keep_noise).then(|| session.denoise(&frame.image));
+        output.write(&frame, clean.as_ref().unwrap_or(&frame.image), session.scene().exposure)?;
         lights = frame.record.lights;
         total += frame.record.frame_time;
     }
