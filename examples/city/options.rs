@@ -24,7 +24,7 @@ const MAX_SPP: u32 = 1 << 20;
 #[command(name = "city", version)]
 pub struct Options {
     /// Pictures to render
-    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_FRAMES)))]
+    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_FRAMES)))]
     pub frames: u32,
     /// Width and height in pixels
     #[arg(long, value_name = "WxH", default_value = "640x360", value_parser = parse_size)]

@@ -162,6 +162,23 @@ fn tile_means(image: &Image) -> Vec<Vec3> {
 }
 
 #[test]
+fn the_filter_for_the_eye_brings_a_noisy_picture_closer_to_the_truth() {
+    let render = |spp| {
+        let mut session = session(true, settings(96, 54, spp, 9), BackendChoice::Cpu);
+        let image = frame(&mut session).image;
+        let filtered = session.denoise(&image);
+        (image, filtered)
+    };
+    let (truth, filtered_truth) = render(512);
+    let (noisy, filtered) = render(8);
+    let (before, after) = (rel_mse(&noisy, &truth), rel_mse(&filtered, &truth));
+    assert!(after < 0.7 * before, "relMSE {before} before, {after} after");
+    // Where there is little noise the filter does little.
+    let change = rel_mse(&filtered_truth, &truth);
+    assert!(change < 0.4 * after, "relMSE {change} from filtering what had converged, {after} from 8 samples");
+}
+
+#[test]
 fn bad_input_is_one_line_and_leaves_no_folder() {
     let temporary = |extension: &str| {
         std::env::temp_dir().join(format!("girandole-city-{}", std::process::id())).with_extension(extension)
