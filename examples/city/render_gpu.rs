@@ -399,3 +399,59 @@ fn object_record(placed: &Placed) -> Record {
         words: [placed.root, placed.emission_scale.to_bits(), 0, 0],
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::geometry::PackedTriangle;
+    use super::super::geometry_nodes::Node;
+    use super::*;
+    use std::mem::offset_of;
+
+    /// Offsets of a struct's named members, and its size.
+    fn layout(module: &naga::Module, name: &str) -> (Vec<(String, usize)>, usize) {
+        let ty = module.types.iter().map(|(_, ty)| ty).find(|ty| ty.name.as_deref() == Some(name));
+        let Some(naga::TypeInner::Struct { members, span }) = ty.map(|ty| &ty.inner) else {
+            panic!("no struct {name}")
+        };
+        let named = members.iter().map(|m| (m.name.clone().unwrap_or_default(), m.offset as usize));
+        (named.collect(), *span as usize)
+    }
+
+    #[test]
+    fn records_lie_in_the_shader_as_they_do_here() {
+        let module = naga::front::wgsl::parse_str(&shader_source(32)).unwrap_or_else(|e| panic!("{e:?}"));
+        macro_rules! same {
+            ($name:literal, $ty:ty, $($field:ident),+) => {
+                let expected = vec![$((stringify!($field).to_owned(), offset_of!($ty, $field))),+];
+                assert_eq!(layout(&module, $name), (expected, size_of::<$ty>()), $name);
+            };
+        }
+        same!(
+            "Frame",
+            FrameUniform,
+            eye,
+            width,
+            right,
+            height,
+            up,
+            seed,
+            forward,
+            lamp_clearance,
+            zenith,
+            top_root,
+            horizon,
+            first_object,
+            ambient,
+            padding,
+            sample_begin,
+            sample_end,
+            row_begin,
+            row_end
+        );
+        same!("Node", Node, min0, child0, max0, padding0, min1, child1, max1, padding1);
+        same!("Triangle", PackedTriangle, corner, material, edge1, flags, edge2, padding);
+        // A record's three rows are one array here.
+        let (members, size) = layout(&module, "Record");
+        assert_eq!((members[1].1, members[3].1, size), (16, offset_of!(Record, words), size_of::<Record>()));
+    }
+}
