@@ -87,7 +87,7 @@ pub fn stage(options: &CityOptions) -> Result<Stage, SceneError> {
     scene.materials = palette.materials;
     scene.camera = Camera { eye: vec3(-3.4, 4.4, 126.0), target: vec3(0.8, 11.4, 30.0), vertical_fov: 0.93 };
     scene.sky =
-        Sky { zenith: vec3(0.045, 0.085, 0.27), horizon: vec3(0.42, 0.29, 0.33), ambient: vec3(0.03, 0.035, 0.05) };
+        Sky { zenith: vec3(0.02, 0.042, 0.14), horizon: vec3(0.2, 0.14, 0.17), ambient: vec3(0.03, 0.035, 0.05) };
     scene.lamp_clearance = 0.1;
     scene.exposure = 0.5;
     Ok(Stage { scene, world, animation: Box::new(City { signals, cars, festoons, swarm, signs }) })
