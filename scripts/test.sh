@@ -31,6 +31,9 @@ Linux)
     ;;
 esac
 
+# Mesa complains where this is unset, on every device that a test opens.
+export XDG_RUNTIME_DIR="${XDG_RUNTIME_DIR:-$(mktemp -d)}"
+
 step() {
     printf '\n== %s\n' "$*"
     "$@"

@@ -58,7 +58,7 @@ pub(crate) const FLOOR: f32 = 1.0e-3;
 pub(crate) const LAMBERTIAN: f32 = 2.0 / 3.0;
 /// The lobe's exponent with that mean cosine: n / (n + 2) = 2/3.
 pub(crate) const LAMBERTIAN_EXPONENT: f32 = 4.0;
-/// The most that goes along the lobe. The rest halves the mean standard deviation of the city, compared with all (docs/decisions.md).
+/// The most that goes along the lobe: measured in docs/decisions.md, 5.
 pub(crate) const LOBE_SHARE: f32 = 0.9;
 /// Clusters whose mean direction is longer than this have a lobe this narrow: exponent 2 r / (1 - r) = 1998.
 pub(crate) const LONGEST_LOBE: f32 = 0.999;

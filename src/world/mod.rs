@@ -206,15 +206,18 @@ impl World {
     }
 
     /// Slots that are or were in use.
+    #[cfg(feature = "gpu")]
     pub(crate) fn slot_count(&self) -> usize {
         self.slots.len()
     }
 
     /// The live tree of a slot.
+    #[cfg(feature = "gpu")]
     pub(crate) fn tree_at(&self, slot: u32) -> Option<TreeKey> {
         self.tree_slots.get(slot as usize).copied().flatten()
     }
 
+    #[cfg(feature = "gpu")]
     pub(crate) fn tree_entry(&self, tree: TreeKey) -> Option<&TreeEntry> {
         self.trees.get(tree)
     }
