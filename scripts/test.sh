@@ -44,3 +44,4 @@ step cargo clippy --locked --all-targets -- -D warnings
 step cargo clippy --locked --no-default-features --lib -- -D warnings
 RUSTDOCFLAGS='-D warnings' step cargo doc --locked --no-deps --features gltf
 step cargo test --locked
+step cargo test --locked --benches
