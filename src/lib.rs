@@ -22,28 +22,23 @@
 //! assert_eq!(sample.pmf, world.sampler().pmf(&ground, sample.light));
 //! # Ok::<(), girandole::WorldError>(())
 //! ```
-#![cfg_attr(
-    feature = "gpu",
-    doc = "
-On the GPU, with the engine's own device, queue and encoder (see [`gpu`]):
-
-```no_run
-# fn frame(device: wgpu::Device, queue: wgpu::Queue, mut world: girandole::World) -> Result<(), girandole::gpu::GpuError> {
-# use girandole::wgpu;
-let mut lights = girandole::gpu::GpuLights::new(&device, &queue)?;
-// Every frame:
-lights.upload(&world, &world_delta(&mut world))?;
-let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-lights.build_top(&mut encoder);
-// ... the engine's own passes, whose shader starts with `girandole::gpu::wgsl(1)` and which bind
-// `lights.bind_group()` at group 1, call `light_sample(receiver, u)`.
-queue.submit([encoder.finish()]);
-# Ok(())
-# }
-# fn world_delta(world: &mut girandole::World) -> girandole::FrameDelta { world.take_delta() }
-```
-"
-)]
+//!
+//! On the GPU, with the engine's own device, queue and encoder (see the `gpu` module):
+//!
+//! ```
+//! # #[cfg(feature = "gpu")] mod engine {
+//! use girandole::{World, gpu::{GpuError, GpuLights}, wgpu};
+//!
+//! fn frame(lights: &mut GpuLights, world: &mut World, encoder: &mut wgpu::CommandEncoder) -> Result<(), GpuError> {
+//!     let delta = world.take_delta();
+//!     lights.upload(world, &delta)?;
+//!     lights.build_top(encoder);
+//!     // Then the engine's own passes, whose shader starts with `girandole::gpu::wgsl(1)` and which bind
+//!     // `lights.bind_group()` at group 1, call `light_sample(receiver, u)`.
+//!     Ok(())
+//! }
+//! # }
+//! ```
 //!
 //! # Conventions
 //!
@@ -92,3 +87,8 @@ pub use tree::{Attribute, Attributes, LightTree};
 #[cfg(feature = "gpu")]
 pub use wgpu;
 pub use world::{FrameDelta, FrameReport, World};
+
+/// The README's programs, compiled and run as documentation tests.
+#[cfg(all(doctest, feature = "gpu"))]
+#[doc = include_str!("../README.md")]
+struct Readme;
