@@ -60,25 +60,6 @@ impl Cone {
     pub fn contains(&self, direction: Vec3) -> bool {
         !self.is_empty() && (self.is_full() || angle(self.axis, direction) <= self.half_angle)
     }
-
-    /// The orientation measure of CK18 equation 1: the solid angle of emission, weighted by a cosine.
-    ///
-    /// The cap is split into a normal cone and an emission angle of at most a right angle. 4 pi for the full sphere,
-    /// pi for one flat emitter, 0 for the empty cone and for a spot without width.
-    pub fn orientation_measure(&self) -> f32 {
-        if self.is_empty() {
-            return 0.0;
-        }
-        if self.is_full() {
-            return 4.0 * PI;
-        }
-        let emission = self.half_angle.min(0.5 * PI);
-        let normals = self.half_angle - emission;
-        let (sin_o, cos_o) = normals.sin_cos();
-        let ring =
-            2.0 * self.half_angle * sin_o - (normals - 2.0 * self.half_angle).cos() - 2.0 * normals * sin_o + cos_o;
-        (2.0 * PI * (1.0 - cos_o) + 0.5 * PI * ring).max(0.0)
-    }
 }
 
 /// The angle between two unit vectors, accurate everywhere.
@@ -125,15 +106,5 @@ mod tests {
         assert!(up.union(&down).is_full());
         assert_eq!(Cone::EMPTY.union(&up), up);
         assert_eq!(up.union(&Cone::EMPTY), up);
-    }
-
-    #[test]
-    fn the_orientation_measure_has_the_values_of_the_paper() {
-        let cap = |half_angle| Cone { axis: Vec3::Z, half_angle }.orientation_measure();
-        assert!((cap(PI) - 4.0 * PI).abs() < 1e-4);
-        assert!((cap(0.5 * PI) - PI).abs() < 1e-5);
-        assert_eq!(cap(0.0), 0.0);
-        assert_eq!(Cone::EMPTY.orientation_measure(), 0.0);
-        assert!(cap(0.3) < cap(0.4));
     }
 }

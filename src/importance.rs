@@ -6,6 +6,7 @@
 
 use glam::Vec3;
 
+use crate::light::LAMBERTIAN;
 use crate::tree::{Child, FARTHEST, unpack_direction};
 
 /// Where light arrives.
@@ -54,8 +55,6 @@ pub(crate) const VARIANCE_SHARE: f32 = 0.4;
 pub(crate) const COSINE_WIDTH: f32 = 0.9;
 /// Least cosine: what the bounds cannot exclude keeps a chance.
 pub(crate) const FLOOR: f32 = 1.0e-3;
-/// Length of the mean direction of one Lambertian emitter.
-pub(crate) const LAMBERTIAN: f32 = 2.0 / 3.0;
 /// The lobe's exponent with that mean cosine: n / (n + 2) = 2/3.
 pub(crate) const LAMBERTIAN_EXPONENT: f32 = 4.0;
 /// The most that goes along the lobe: measured in docs/decisions.md, 5.

@@ -21,6 +21,9 @@ pub const MAX_EMISSION: f32 = 1.0e15;
 /// some GPUs when divided by a squared distance, and a light that can contribute must keep a chance above zero.
 pub(crate) const MIN_FLUX: f32 = 1.0e-18;
 
+/// Length of the mean direction of emission of one flat emitter, that is the mean cosine of Lambert's law.
+pub(crate) const LAMBERTIAN: f32 = 2.0 / 3.0;
+
 /// Narrowest falloff between the cosines of a spot's angles, as KHR_lights_punctual has it.
 const MIN_SPOT_FALLOFF: f32 = 1.0e-3;
 
@@ -243,9 +246,9 @@ impl Light {
         }
         let axis = match self.shape {
             Shape::Spot { inner_angle, outer_angle, .. } => cone.axis * spot_lobe(inner_angle, outer_angle).mean_cosine,
-            // The mean direction of a Lambertian emitter is 2/3 of its normal; two sides cancel.
+            // Two sides cancel, and so do all sides of a sphere.
             _ if cone.is_full() => Vec3::ZERO,
-            _ => cone.axis * (2.0 / 3.0),
+            _ => cone.axis * LAMBERTIAN,
         };
         Cluster { aabb: self.aabb(), cone, flux: flux.max(MIN_FLUX), mean, variance, axis, range: self.range }
     }

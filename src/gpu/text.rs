@@ -58,7 +58,7 @@ pub(crate) fn constants() -> String {
         ("VARIANCE_SHARE", importance::VARIANCE_SHARE),
         ("COSINE_WIDTH", importance::COSINE_WIDTH),
         ("FLOOR", importance::FLOOR),
-        ("LAMBERTIAN", importance::LAMBERTIAN),
+        ("LAMBERTIAN", light::LAMBERTIAN),
         ("LAMBERTIAN_EXPONENT", importance::LAMBERTIAN_EXPONENT),
         ("LOBE_SHARE", importance::LOBE_SHARE),
         ("LONGEST_LOBE", importance::LONGEST_LOBE),

@@ -3,7 +3,7 @@
 //! SS names them and gives no formulas; ours are in `docs/math.md`. Each is a sum over nodes, weighted by the node's
 //! share of the flux, of a ratio without units: moving, scaling or dimming the whole object changes none of them.
 
-use super::build::group_cost;
+use super::build::cluster_cost;
 use super::node::Node;
 use crate::cluster::Cluster;
 
@@ -72,7 +72,7 @@ impl Terms {
             let cluster = child.cluster();
             spread += child.flux * (cluster.mean - all.mean).length_squared();
             within += child.flux * child.variance;
-            cost += group_cost(&cluster);
+            cost += cluster_cost(&cluster);
             for other in node.used()[..i].iter().filter(|c| c.flux > 0.0) {
                 shared += cluster.aabb.intersection(&other.cluster().aabb).half_perimeter();
             }
@@ -91,7 +91,7 @@ impl Terms {
 pub(super) fn sum(terms: &[Terms], root: &Cluster) -> Attributes {
     let diagonal = f64::from(root.aabb.extent().length());
     let flux = f64::from(root.flux);
-    let root_cost = f64::from(group_cost(root));
+    let root_cost = f64::from(cluster_cost(root));
     let total = |part: fn(&Terms) -> f32| terms.iter().map(|t| f64::from(part(t))).sum::<f64>();
     let ratio = |sum: f64, unit: f64| if unit > 0.0 { (sum / unit) as f32 } else { 0.0 };
     Attributes {

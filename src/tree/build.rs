@@ -1,7 +1,8 @@
 //! Builds a tree top down: each node's lights are split in two again and again until there are eight groups.
 //!
 //! Based on CK18 4.2-4.4 (surface area orientation heuristic, binned). Differs: splits in two are collected into wide
-//! nodes by always splitting the costliest group; a group's size is measured so that a street of collinear lamps, whose
+//! nodes by always splitting the costliest group; orientation is measured by the mean direction, which adds up over bins,
+//! instead of by cones, which need trigonometry (docs/decisions.md); a group's size is measured so that a street of collinear lamps, whose
 //! box has no area, still has a cost; nodes are laid out level by level, which makes the tree the same for any number of
 //! threads and a refit a plain sweep from the last node to the first.
 
@@ -12,7 +13,7 @@ use super::node::{LEAF, NO_PARENT, Node, WIDTH};
 use super::{FluxByKind, LightTree};
 use crate::bounds::Aabb;
 use crate::cluster::Cluster;
-use crate::light::Light;
+use crate::light::{LAMBERTIAN, Light};
 
 /// Bins along each axis. 12 is pbrt-v4's number; 16 costs little more and fills two 8-wide registers.
 const BINS: usize = 16;
@@ -100,7 +101,7 @@ fn split_wide(items: &mut [Item]) -> Vec<&mut [Item]> {
     if items.len() <= WIDTH {
         return items.chunks_mut(1).collect();
     }
-    let cost = group_cost(&merge(items));
+    let cost = Group::around(items).cost();
     let mut groups = vec![(items, cost)];
     while groups.len() < WIDTH {
         // The costliest group that can be split; the first of equals.
@@ -112,7 +113,7 @@ fn split_wide(items: &mut [Item]) -> Vec<&mut [Item]> {
         let Some((place, _)) = costliest else { break };
         let (items, _) = groups.remove(place);
         let (left, right) = split_in_two(items);
-        let costs = [group_cost(&merge(left)), group_cost(&merge(right))];
+        let costs = [Group::around(left).cost(), Group::around(right).cost()];
         groups.insert(place, (right, costs[1]));
         groups.insert(place, (left, costs[0]));
     }
@@ -130,28 +131,23 @@ fn split_in_two(items: &mut [Item]) -> (&mut [Item], &mut [Item]) {
         let Some(binning) = Binning::new(&means, axis) else { continue };
         // Thin slices are worse than their area says; [CK18] equation 3.
         let regularity = longest / extent[axis];
-        let mut bins = [Cluster::EMPTY; BINS];
-        let mut counts = [0_u32; BINS];
+        let mut bins = [Group::EMPTY; BINS];
         for item in items.iter() {
-            let bin = binning.bin(item.cluster.mean);
-            bins[bin] = bins[bin].merge(&item.cluster);
-            counts[bin] += 1;
+            bins[binning.bin(item.cluster.mean)].add(&Group::of(&item.cluster));
         }
         let mut right_costs = [0.0; BINS];
-        let mut right = Cluster::EMPTY;
+        let mut right = Group::EMPTY;
         for cut in (1..BINS).rev() {
-            right = right.merge(&bins[cut]);
-            right_costs[cut] = group_cost(&right);
+            right.add(&bins[cut]);
+            right_costs[cut] = right.cost();
         }
-        let mut left = Cluster::EMPTY;
-        let mut left_count = 0;
+        let mut left = Group::EMPTY;
         for cut in 1..BINS {
-            left = left.merge(&bins[cut - 1]);
-            left_count += counts[cut - 1];
-            if left_count == 0 || left_count as usize == items.len() {
+            left.add(&bins[cut - 1]);
+            if left.lights == 0 || left.lights == items.len() {
                 continue;
             }
-            let cost = regularity * (group_cost(&left) + right_costs[cut]);
+            let cost = regularity * (left.cost() + right_costs[cut]);
             if best.is_none_or(|(least, ..)| cost < least) {
                 best = Some((cost, binning, cut));
             }
@@ -200,13 +196,57 @@ fn partition(items: &mut [Item], is_left: impl Fn(&Item) -> bool) -> usize {
     left
 }
 
-fn merge(items: &[Item]) -> Cluster {
-    items.iter().fold(Cluster::EMPTY, |all, item| all.merge(&item.cluster))
+/// What a split needs to know of a group: sums and a box, cheaper to collect than clusters with their cones.
+#[derive(Clone, Copy)]
+struct Group {
+    aabb: Aabb,
+    flux: f32,
+    /// Sum of flux times mean direction.
+    axis: Vec3,
+    lights: usize,
 }
 
-/// Flux, size and orientation of a group: the surface area orientation heuristic of CK18 equation 2.
-pub(super) fn group_cost(cluster: &Cluster) -> f32 {
-    cluster.flux * size(&cluster.aabb) * cluster.cone.orientation_measure()
+impl Group {
+    const EMPTY: Self = Self { aabb: Aabb::EMPTY, flux: 0.0, axis: Vec3::ZERO, lights: 0 };
+
+    fn of(light: &Cluster) -> Self {
+        Self { aabb: light.aabb, flux: light.flux, axis: light.axis * light.flux, lights: 1 }
+    }
+
+    fn around(items: &[Item]) -> Self {
+        let mut all = Self::EMPTY;
+        items.iter().for_each(|item| all.add(&Self::of(&item.cluster)));
+        all
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.aabb = self.aabb.union(&other.aabb);
+        self.flux += other.flux;
+        self.axis += other.axis;
+        self.lights += other.lights;
+    }
+
+    fn cost(&self) -> f32 {
+        if self.flux > 0.0 { cost(self.flux, &self.aabb, self.axis.length() / self.flux) } else { 0.0 }
+    }
+}
+
+/// The build's cost of a cluster.
+pub(super) fn cluster_cost(cluster: &Cluster) -> f32 {
+    cost(cluster.flux, &cluster.aabb, cluster.axis.length())
+}
+
+/// Flux, size and orientation of a group, as in CK18 equation 2.
+fn cost(flux: f32, aabb: &Aabb, axis_length: f32) -> f32 {
+    flux * size(aabb) * orientation(axis_length)
+}
+
+/// How widely a group emits, from the length of its mean direction: 4 pi to all sides, pi for flat emitters that agree
+/// (length 2/3), 0 for a beam. Meets the orientation measure of CK18 equation 1 at these three; needs no cone.
+fn orientation(axis_length: f32) -> f32 {
+    let spread =
+        if axis_length <= LAMBERTIAN { 4.0 - 3.0 * axis_length / LAMBERTIAN } else { 3.0 * (1.0 - axis_length) };
+    std::f32::consts::PI * spread.max(0.0)
 }
 
 fn size(aabb: &Aabb) -> f32 {
