@@ -25,7 +25,8 @@ impl Clock for SystemClock {
     }
 }
 
-/// The time that one frame may spend on rebuilds. Refits are not optional and not counted.
+/// The time that one frame may spend on rebuilds. Refits are not optional and not counted. A tree whose rebuild is
+/// predicted to take longer than the whole budget waits until a frame has a larger one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameBudget(Duration);
 

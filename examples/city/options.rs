@@ -42,7 +42,7 @@ pub struct Options {
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
     /// Milliseconds a frame that light trees may be rebuilt for
-    #[arg(long, value_name = "X", default_value_t = 0.5, value_parser = parse_budget, allow_negative_numbers = true)]
+    #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = parse_budget, allow_negative_numbers = true)]
     pub budget_ms: f64,
     /// Where to render
     #[arg(long, value_enum, default_value_t = BackendChoice::Auto)]
