@@ -37,9 +37,13 @@ fn light_importance(child: LightChild, view: LightView) -> f32 {
 
     let length = min(light_lobe_length(child), LIGHT_LONGEST_LOBE);
     let share = LIGHT_LOBE_SHARE * min(length / LIGHT_LAMBERTIAN, 1.0) * (1.0 - spread);
-    let exponent = max(2.0 * length / (1.0 - length), LIGHT_LAMBERTIAN_EXPONENT);
     let cos = -dot(light_unpack_direction(child.lobe_axis), direction);
-    let peak = (exponent + 1.0) * pow(clamp(0.5 + 0.5 * cos, 1.0e-6, 1.0), exponent);
+    let half = clamp(0.5 + 0.5 * cos, 1.0e-6, 1.0);
+    var peak = 5.0 * (half * half) * (half * half);
+    if length > LIGHT_LAMBERTIAN {
+        let exponent = 2.0 * length / (1.0 - length);
+        peak = (exponent + 1.0) * pow(half, exponent);
+    }
     let lobe = 1.0 - share + share * peak;
 
     let reach = LIGHT_FOUR_PI * max(dist_sq + LIGHT_VARIANCE_SHARE * child.variance, LIGHT_LEAST);

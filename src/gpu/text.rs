@@ -59,7 +59,6 @@ pub(crate) fn constants() -> String {
         ("COSINE_WIDTH", importance::COSINE_WIDTH),
         ("FLOOR", importance::FLOOR),
         ("LAMBERTIAN", light::LAMBERTIAN),
-        ("LAMBERTIAN_EXPONENT", importance::LAMBERTIAN_EXPONENT),
         ("LOBE_SHARE", importance::LOBE_SHARE),
         ("LONGEST_LOBE", importance::LONGEST_LOBE),
         ("LEAST", importance::LEAST),
