@@ -33,53 +33,72 @@ impl FrameDelta {
 /// Collects changes, each once however often it happens: what nobody takes stays bounded by the number of slots.
 #[derive(Debug, Default)]
 pub(crate) struct Changes {
-    trees: Vec<u32>,
-    instances: Vec<u32>,
+    trees: SlotSet,
+    instances: SlotSet,
+    /// Instances since the last update, for its report.
+    moved: SlotSet,
     pub directionals: bool,
-    tree_marks: Marks,
-    instance_marks: Marks,
 }
 
 impl Changes {
     pub fn tree(&mut self, slot: u32) {
-        if self.tree_marks.set(slot) {
-            self.trees.push(slot);
-        }
+        self.trees.insert(slot);
     }
 
+    /// Its record on the GPU is stale.
     pub fn instance(&mut self, slot: u32) {
-        if self.instance_marks.set(slot) {
-            self.instances.push(slot);
-        }
+        self.instances.insert(slot);
+    }
+
+    /// It was added, moved or removed.
+    pub fn moved(&mut self, slot: u32) {
+        self.instance(slot);
+        self.moved.insert(slot);
+    }
+
+    /// How many instances were added, moved or removed since the last call.
+    pub fn take_moved(&mut self) -> usize {
+        self.moved.clear()
     }
 
     fn take(&mut self) -> FrameDelta {
-        self.trees.iter().for_each(|slot| self.tree_marks.clear(*slot));
-        self.instances.iter().for_each(|slot| self.instance_marks.clear(*slot));
         FrameDelta {
-            trees: std::mem::take(&mut self.trees),
-            instances: std::mem::take(&mut self.instances),
+            trees: self.trees.take(),
+            instances: self.instances.take(),
             directionals: std::mem::take(&mut self.directionals),
         }
     }
 }
 
-/// A set of small numbers.
+/// A set of small numbers that remembers the order of insertion.
 #[derive(Debug, Default)]
-struct Marks(Vec<bool>);
+struct SlotSet {
+    slots: Vec<u32>,
+    contains: Vec<bool>,
+}
 
-impl Marks {
-    /// True if the number was not in the set.
-    fn set(&mut self, number: u32) -> bool {
-        let number = number as usize;
-        if self.0.len() <= number {
-            self.0.resize(number + 1, false);
+impl SlotSet {
+    fn insert(&mut self, slot: u32) {
+        let index = slot as usize;
+        if self.contains.len() <= index {
+            self.contains.resize(index + 1, false);
         }
-        !std::mem::replace(&mut self.0[number], true)
+        if !std::mem::replace(&mut self.contains[index], true) {
+            self.slots.push(slot);
+        }
     }
 
-    fn clear(&mut self, number: u32) {
-        self.0[number as usize] = false;
+    /// Empties the set and says how many it held.
+    fn clear(&mut self) -> usize {
+        self.slots.iter().for_each(|slot| self.contains[*slot as usize] = false);
+        let count = self.slots.len();
+        self.slots.clear();
+        count
+    }
+
+    fn take(&mut self) -> Vec<u32> {
+        self.slots.iter().for_each(|slot| self.contains[*slot as usize] = false);
+        std::mem::take(&mut self.slots)
     }
 }
 

@@ -257,8 +257,7 @@ impl World {
     }
 
     fn instance_changed(&mut self, key: InstanceKey) {
-        self.changes.instance(slot_of(key));
-        self.moved_since_update += 1;
+        self.changes.moved(slot_of(key));
         self.top.take();
     }
 }

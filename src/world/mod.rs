@@ -38,7 +38,6 @@ pub struct World {
     edited: Vec<TreeKey>,
     /// Trees that asked for a rebuild and got none yet, each once.
     waiting: Vec<TreeKey>,
-    moved_since_update: usize,
     changes: Changes,
     cost_model: CostModel,
     clock: Arc<dyn Clock>,
@@ -127,7 +126,6 @@ impl World {
             light_count: 0,
             edited: Vec::new(),
             waiting: Vec::new(),
-            moved_since_update: 0,
             changes: Changes::default(),
             cost_model: CostModel::default(),
             clock,

@@ -12,7 +12,7 @@ use crate::tree::LightTree;
 /// What [`World::update`] did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FrameReport {
-    /// Instances added, moved or removed since the last update.
+    /// Instances added, moved or removed since the last update, each once.
     pub moved_instances: usize,
     /// Trees refitted because their lights changed.
     pub refit_trees: usize,
@@ -34,11 +34,8 @@ impl World {
     /// Edited trees are refitted, in parallel. Those whose policy asks for a rebuild are then rebuilt, the most
     /// worthwhile first, as long as the predicted time of the next one fits into what is left of the budget.
     pub fn update(&mut self, budget: FrameBudget) -> FrameReport {
-        let mut report = FrameReport {
-            moved_instances: std::mem::take(&mut self.moved_since_update),
-            budget: budget.time(),
-            ..FrameReport::default()
-        };
+        let mut report =
+            FrameReport { moved_instances: self.changes.take_moved(), budget: budget.time(), ..FrameReport::default() };
         let start = self.clock.now();
         report.refit_trees = self.refit_edited();
         report.refit_time = self.clock.now().saturating_sub(start);

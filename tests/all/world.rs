@@ -91,7 +91,12 @@ fn a_frame_in_which_nothing_moved_refits_and_hands_over_nothing() {
     let report = world.update(FrameBudget::UNLIMITED);
     assert_eq!((report.refit_trees, report.rebuilt_trees, report.moved_instances), (0, 0, 0));
     assert!(world.take_delta().is_empty());
-    // Moving something to where it is already is no move.
+    // What moves twice counts once; moving something to where it is already is no move.
+    let mover = world.instances().nth(2).expect("twelve instances");
+    world.move_instance(mover, at(1.0)).expect("valid");
+    world.move_instance(mover, at(2.0)).expect("valid");
+    assert_eq!(world.update(FrameBudget::UNLIMITED).moved_instances, 1);
+    assert!(!world.take_delta().is_empty());
     let instance = world.instances().next().expect("an instance");
     let here = world.placement(instance).expect("it lives");
     world.move_instance(instance, here).expect("valid");
