@@ -1,7 +1,7 @@
 //! The GPU side: upload, the top level rebuilt every frame, and sampling. The only place that knows wgpu.
 //!
-//! Everything happens on the engine's own device and queue and in its own command encoder; nothing is read back and
-//! nothing waits. A frame is [`GpuLights::upload`], [`GpuLights::build_top`], and then any number of shaders that bind
+//! Everything happens on the engine's own device and queue and in its own command encoder (but for the copy of a buffer
+//! that outgrew its size, which is submitted at once); nothing is read back and nothing waits. A frame is [`GpuLights::upload`], [`GpuLights::build_top`], and then any number of shaders that bind
 //! [`GpuLights::bind_group`] and call the functions of [`wgsl`], or [`GpuLights::sample`] for those who want no shader.
 
 mod error;
@@ -26,8 +26,8 @@ use sampling::BatchKernel;
 pub use sampling::{SampleRecord, SampleRequest};
 pub use text::wgsl;
 use top::TopBuild;
-use upload::TreeRanges;
 pub use upload::UploadReport;
+use upload::{TreeRanges, Unsent};
 
 use crate::tree::Node;
 
@@ -43,6 +43,8 @@ pub struct GpuLights {
     trees: Pool<TreeRecord>,
     tree_count: u32,
     tree_ranges: Vec<TreeRanges>,
+    /// What failed uploads left.
+    unsent: Unsent,
     /// Of the light pool.
     directionals: Range<u32>,
     params: ParamsRecord,
@@ -89,6 +91,7 @@ impl GpuLights {
             trees,
             tree_count: 0,
             tree_ranges: Vec::new(),
+            unsent: Unsent::default(),
             directionals: 0..0,
             params: ParamsRecord::default(),
             params_buffer,
@@ -102,7 +105,7 @@ impl GpuLights {
     }
 
     /// Records the build of the top level into the engine's encoder: about a dozen dispatches and one per level, none
-    /// if nothing was uploaded since the last build.
+    /// if nothing was uploaded since the last build. The encoder must be submitted: it is not recorded twice.
     pub fn build_top(&mut self, encoder: &mut wgpu::CommandEncoder) {
         if std::mem::take(&mut self.top_is_stale) {
             self.top.record(encoder, self.params.slots);

@@ -7,7 +7,7 @@ use super::GpuLights;
 use super::error::GpuError;
 use super::layout::{InstanceRecord, LightRecord, ParamsRecord, TreeRecord};
 use super::pool::Pool;
-use crate::keys::slot_of;
+use crate::keys::{TreeKey, slot_of};
 use crate::tree::LightTree;
 use crate::world::{FrameDelta, World};
 
@@ -22,9 +22,10 @@ pub struct UploadReport {
     pub instances: usize,
 }
 
-/// Where a tree lies in the pools.
+/// Which tree a slot holds on the GPU, and where it lies in the pools.
 #[derive(Clone, Debug, Default)]
 pub(super) struct TreeRanges {
+    key: Option<TreeKey>,
     nodes: Range<u32>,
     lights: Range<u32>,
 }
@@ -36,37 +37,44 @@ impl TreeRanges {
 }
 
 impl GpuLights {
-    /// Writes what `delta` names, as `world` has it now. Give it every delta that [`World::take_delta`] returned, in order,
-    /// or [`FrameDelta::everything`] once.
+    /// Writes what `delta` names, as `world` has it now. Give it every delta that [`World::take_delta`] returned, or
+    /// [`FrameDelta::everything`] once. Trees that an instance needs and that never came are sent along.
     ///
     /// # Errors
-    /// [`GpuError::Full`] if something would outgrow its buffer; then nothing was written, and the same delta may be
-    /// tried again once the world holds less.
+    /// [`GpuError::Full`] if something would outgrow its buffer. Then nothing was written; what the delta names is
+    /// remembered and goes with the next upload, once the world holds less.
     ///
     /// O(what changed). Writes go through the queue, ahead of the next submission.
     pub fn upload(&mut self, world: &World, delta: &FrameDelta) -> Result<UploadReport, GpuError> {
         let mut report = UploadReport::default();
-        if delta.is_empty() {
+        if delta.is_empty() && self.unsent.is_empty() {
             return Ok(report);
         }
-        let placed = self.reserve(world, delta)?;
+        let mut changes = std::mem::take(&mut self.unsent);
+        changes.add(delta);
+        let placed = match self.reserve(world, &mut changes) {
+            Ok(placed) => placed,
+            Err(error) => {
+                self.unsent = changes;
+                return Err(error);
+            }
+        };
 
         // Trees that moved within the pools take their instances along.
-        let mut slots: BTreeSet<u32> = delta.instances.iter().copied().collect();
         for (slot, ranges) in placed {
             let former = std::mem::replace(self.tree_ranges_mut(slot), ranges);
             self.release(former);
             if let Some(entry) = world.tree_at(slot).and_then(|key| world.tree_entry(key)) {
-                slots.extend(entry.instances.iter().map(|key| slot_of(*key)));
+                changes.instances.extend(entry.instances.iter().map(|key| slot_of(*key)));
             }
         }
-        for slot in &delta.trees {
+        for slot in &changes.trees {
             report.bytes += self.write_tree(*slot, world);
-            report.trees += 1;
         }
-        report.instances = slots.len();
-        report.bytes += self.write_instances(&slots, world);
-        if delta.directionals {
+        report.trees = changes.trees.len();
+        report.instances = changes.instances.len();
+        report.bytes += self.write_instances(&changes.instances, world);
+        if changes.directionals {
             let records: Vec<_> = world.directionals().map(|(_, light)| LightRecord::directional(light)).collect();
             report.bytes += self.lights.write(self.directionals.start, &records);
         }
@@ -77,9 +85,17 @@ impl GpuLights {
     }
 
     /// Finds room for all that grew, or takes nothing. Returns the trees that need a new place; a removed tree's is empty.
-    fn reserve(&mut self, world: &World, delta: &FrameDelta) -> Result<Vec<(u32, TreeRanges)>, GpuError> {
+    fn reserve(&mut self, world: &World, changes: &mut Unsent) -> Result<Vec<(u32, TreeRanges)>, GpuError> {
+        for slot in &changes.instances {
+            let tree = world.instance_at(*slot).and_then(|key| world.instance_tree(key));
+            if let Some(tree) = tree
+                && self.tree_ranges_mut(slot_of(tree)).key != Some(tree)
+            {
+                changes.trees.insert(slot_of(tree));
+            }
+        }
         let mut placed = Vec::new();
-        let reserved = self.reserve_all(world, delta, &mut placed);
+        let reserved = self.reserve_all(world, changes, &mut placed);
         if reserved.is_err() {
             for (_, ranges) in placed.drain(..) {
                 self.release(ranges);
@@ -91,16 +107,17 @@ impl GpuLights {
     fn reserve_all(
         &mut self,
         world: &World,
-        delta: &FrameDelta,
+        changes: &Unsent,
         placed: &mut Vec<(u32, TreeRanges)>,
     ) -> Result<(), GpuError> {
-        for slot in delta.trees.iter().copied() {
-            match world.tree_at(slot).and_then(|key| world.tree(key)) {
-                Some(tree) if self.tree_ranges_mut(slot).fits(tree) => {}
+        for slot in changes.trees.iter().copied() {
+            let key = world.tree_at(slot);
+            match key.and_then(|key| world.tree(key)) {
+                Some(tree) if self.tree_ranges_mut(slot).key == key && self.tree_ranges_mut(slot).fits(tree) => {}
                 Some(tree) => {
                     let nodes = self.nodes.alloc(tree.nodes().len() as u32)?;
                     match self.lights.alloc(tree.lights().len() as u32) {
-                        Ok(lights) => placed.push((slot, TreeRanges { nodes, lights })),
+                        Ok(lights) => placed.push((slot, TreeRanges { key, nodes, lights })),
                         Err(error) => {
                             self.nodes.free(nodes);
                             return Err(error);
@@ -110,11 +127,11 @@ impl GpuLights {
                 None => placed.push((slot, TreeRanges::default())),
             }
         }
-        let highest = delta.trees.iter().max().map_or(0, |slot| slot + 1);
+        let highest = changes.trees.iter().max().map_or(0, |slot| slot + 1);
         grow_table(&mut self.trees, &mut self.tree_count, highest)?;
         grow_table(&mut self.instances, &mut self.instance_count, world.slot_count() as u32)?;
         self.top.reserve(world.slot_count() as u32)?;
-        if delta.directionals {
+        if changes.directionals {
             let count = world.directionals().count() as u32;
             if count as usize != self.directionals.len() {
                 let range = self.lights.alloc(count)?;
@@ -185,6 +202,26 @@ impl GpuLights {
         self.params = params;
         self.queue.write_buffer(&self.params_buffer, 0, bytemuck::bytes_of(&params));
         size_of::<ParamsRecord>() as u64
+    }
+}
+
+/// Slots to be written: a delta's, those of deltas that failed before it, and what follows from them.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Unsent {
+    trees: BTreeSet<u32>,
+    instances: BTreeSet<u32>,
+    directionals: bool,
+}
+
+impl Unsent {
+    fn is_empty(&self) -> bool {
+        self.trees.is_empty() && self.instances.is_empty() && !self.directionals
+    }
+
+    fn add(&mut self, delta: &FrameDelta) {
+        self.trees.extend(&delta.trees);
+        self.instances.extend(&delta.instances);
+        self.directionals |= delta.directionals;
     }
 }
 

@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use girandole::glam::{DVec3, Vec3};
-use girandole::gpu::{GpuLights, SampleRecord, SampleRequest, wgsl};
+use girandole::gpu::{GpuError, GpuLights, SampleRecord, SampleRequest, wgsl};
 use girandole::{FrameBudget, FrameDelta, Light, LightId, Placement, Policy, Receiver, World};
 
 use crate::support::Rng;
@@ -22,16 +22,20 @@ const RIM: f32 = 1.0e-7;
 /// One device for all tests. GPU tests fail without an adapter; they never pass by not running.
 pub fn gpu() -> (wgpu::Device, wgpu::Queue) {
     static GPU: OnceLock<(wgpu::Device, wgpu::Queue)> = OnceLock::new();
-    GPU.get_or_init(|| {
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
-            backends: wgpu::Backends::PRIMARY,
-            ..wgpu::InstanceDescriptor::new_without_display_handle()
-        });
-        let adapter = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default()))
-            .unwrap_or_else(|e| panic!("no GPU adapter ({e}); run scripts/test.sh, which installs a software one"));
-        pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor::default())).expect("default limits")
-    })
-    .clone()
+    GPU.get_or_init(|| limited_gpu(wgpu::Limits::default().max_storage_buffer_binding_size)).clone()
+}
+
+/// A device whose storage buffers have at most so many bytes.
+fn limited_gpu(bytes: u64) -> (wgpu::Device, wgpu::Queue) {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
+        backends: wgpu::Backends::PRIMARY,
+        ..wgpu::InstanceDescriptor::new_without_display_handle()
+    });
+    let adapter = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default()))
+        .unwrap_or_else(|e| panic!("no GPU adapter ({e}); run scripts/test.sh, which installs a software one"));
+    let required_limits = wgpu::Limits { max_storage_buffer_binding_size: bytes, ..wgpu::Limits::default() };
+    let descriptor = wgpu::DeviceDescriptor { required_limits, ..wgpu::DeviceDescriptor::default() };
+    pollster::block_on(adapter.request_device(&descriptor)).expect("less than the default limits")
 }
 
 fn buffer(device: &wgpu::Device, queue: &wgpu::Queue, content: &[u8]) -> wgpu::Buffer {
@@ -239,6 +243,46 @@ fn a_gpu_that_comes_late_gets_everything() {
     let requests = requests(&mut rng, 512, 10.0);
     let records = sample(&mut lights, &mut world, &requests);
     assert!(compare(&world, &requests, &records) <= 2);
+}
+
+#[test]
+fn a_lost_delta_does_not_leave_an_instance_without_its_tree() {
+    let (device, queue) = gpu();
+    let mut rng = Rng(49);
+    let mut world = World::new();
+    let tree = world.add_tree(rng.lights(20, 5.0)).expect("valid");
+    // Nobody uploads this one.
+    world.take_delta();
+    world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
+    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let requests = requests(&mut rng, 512, 10.0);
+    let records = sample(&mut lights, &mut world, &requests);
+    assert!(compare(&world, &requests, &records) <= 2);
+}
+
+#[test]
+fn what_does_not_fit_is_refused_and_goes_with_the_next_upload_that_fits() {
+    let (device, queue) = limited_gpu(1 << 20);
+    let mut rng = Rng(50);
+    let mut world = rng.world(2, 20, 3, 10.0);
+    let mut lights = GpuLights::new(&device, &queue).expect("such limits are enough");
+    let first = world.take_delta();
+    lights.upload(&world, &first).expect("room enough");
+    // 20,000 lights of 64 bytes are more than a mebibyte.
+    let large = world.add_tree(rng.lights(20_000, 5.0)).expect("valid");
+    let instance = world.add_instance(large, Placement::IDENTITY, Policy::Static).expect("valid");
+    let mover = world.instances().next().expect("seven instances");
+    world.move_instance(mover, Placement::at(DVec3::X)).expect("valid");
+    let delta = world.take_delta();
+    for _ in 0..2 {
+        let refused = lights.upload(&world, &delta).err();
+        assert!(matches!(refused, Some(GpuError::Full { .. })), "{refused:?}");
+    }
+    world.remove_instance(instance).expect("it lives");
+    world.remove_tree(large).expect("unused");
+    let delta = world.take_delta();
+    let report = lights.upload(&world, &delta).expect("room enough again");
+    assert_eq!(report.instances, 2, "the one that went, and the one that moved in the refused delta");
 }
 
 #[test]
