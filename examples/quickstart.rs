@@ -40,7 +40,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         sum += sampler.sample(&road, u).map_or(0.0, |s| f64::from(lux(s.incident) / s.pmf));
     }
     let estimate = sum / f64::from(DRAWS);
-    println!("{} lights, {} instances moved", world.light_count(), report.moved_instances);
+    println!("{} lights, {} instances added or moved", world.light_count(), report.moved_instances);
     println!("illuminance {estimate:.4} lux sampled, {exact:.4} lux summed over all lights");
     Ok(())
 }

@@ -12,7 +12,7 @@
 struct LightSample {
     // Unit vector from the receiver to the light.
     direction: vec3<f32>,
-    // Metres; at least 1e19 for a directional light.
+    // Metres; 1e18 for a directional light.
     distance: f32,
     // Nits for surfaces; for lights without size the illuminance in lux of a surface that faces them.
     radiance: vec3<f32>,

@@ -1,6 +1,6 @@
 //! How much light a cluster probably sends to a receiver, as seen from its moments; zero only where its bounds prove it.
 //!
-//! Twin of `shaders/importance.wgsl`; `gpu/sampling.rs` tests both on the same inputs. Starts from CK18 5.1 and
+//! Twin of `shaders/importance.wgsl`; `tests/all/gpu.rs` runs both on the same inputs. Starts from CK18 5.1 and
 //! pbrt-v4's light bounds. Differs: flux-weighted mean and variance of position in place of the box's centre, a smooth
 //! cosine at the receiver, one smooth lobe about the mean direction of emission (docs/math.md).
 

@@ -54,7 +54,7 @@ pub struct Sampler<'a> {
 }
 
 impl World {
-    /// A sampler of the world as of the last update. The first call after a change builds the top level,
+    /// A sampler of the world as it is now, its lights as of the last update. The first call after a change builds the top level,
     /// O(n log n) in instances; engines that sample on the GPU only never pay for it.
     pub fn sampler(&self) -> Sampler<'_> {
         Sampler { world: self, top: self.top_level() }

@@ -97,8 +97,10 @@ impl Options {
             Ok(options) => Ok(Parsed::Run(Box::new(options))),
             Err(error) if error.use_stderr() => {
                 let text = error.to_string();
-                let line = text.lines().next().unwrap_or_default();
-                Err(SceneError(line.trim_start_matches("error: ").into()))
+                let line = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
+                // The values that clap lists on a line of their own belong to the complaint.
+                let values = text.lines().map(str::trim).find(|l| l.starts_with("[possible values"));
+                Err(SceneError(format!("{line} {}; see --help", values.unwrap_or_default()).replace(" ;", ";")))
             }
             Err(help) => Ok(Parsed::Help(help.to_string())),
         }

@@ -41,7 +41,7 @@ pub fn run(options: &Options, say: &mut dyn FnMut(&str)) -> Result<(), SceneErro
     output.finish()?;
     let (width, height) = options.size;
     say(&format!(
-        "{} frames of {width}x{height}, {} samples a pixel, {lights} lights: {:.2} s a frame; pictures in {}",
+        "{} frame(s) of {width}x{height}, {} samples a pixel, {lights} lights: {:.2} s a frame; pictures in {}",
         options.frames,
         options.spp,
         total.as_secs_f64() / f64::from(options.frames),

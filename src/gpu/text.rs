@@ -8,10 +8,25 @@ use crate::light;
 use crate::tree;
 use crate::walk;
 
-/// The WGSL that an engine joins into a shader of its own: `light_sample`, `light_pick`, `light_pmf` and what they need.
+/// The WGSL that an engine puts before its own, after `enable` and `requires` lines if it has any.
 ///
-/// Its bindings sit in `@group(group)`, laid out as `GpuLights::bind_group_layout` has them: one uniform and four
-/// read-only storage buffers. All names start with `light_`, `Light` or `LIGHT_`. Source: `shaders/sample.wgsl`.
+/// ```wgsl
+/// struct LightReceiver { position: vec3<f32>, normal: vec3<f32> }       // relative to the origin; normal 0: in a volume
+/// struct LightSample { direction: vec3<f32>, distance: f32, radiance: vec3<f32>, pdf: f32, pmf: f32,
+///                      instance: u32, light: u32, is_delta: u32 }
+/// struct LightPick { instance: u32, light: u32, pmf: f32 }
+/// fn light_sample(receiver: LightReceiver, u: vec4<f32>) -> LightSample  // u in [0, 1)
+/// fn light_pick(receiver: LightReceiver, u: vec2<f32>) -> LightPick      // the light without a point on it
+/// fn light_pmf(receiver: LightReceiver, instance: u32, light: u32) -> f32
+/// ```
+///
+/// A surface adds `brdf * cosine * s.radiance / (s.pmf * s.pdf)` if `s.pmf > 0` and nothing stands within `s.distance`;
+/// with `is_delta` 1 there is nothing to hit at its end. `instance` is a slot (`World::instance_at`), or
+/// `u32::MAX` with `light` the place among `World::directionals` at the last upload.
+///
+/// The bindings sit in `@group(group)`, laid out as `GpuLights::bind_group_layout` has them for compute and fragment
+/// stages: one uniform and four read-only storage buffers, of the eight that WebGPU grants a stage. All names start with
+/// `light_`, `Light` or `LIGHT_`.
 pub fn wgsl(group: u32) -> String {
     let sample = include_str!("../../shaders/sample.wgsl").replace("LIGHT_GROUP", &group.to_string());
     pure() + &sample
