@@ -127,7 +127,7 @@ fn cluster_merge(a: Cluster, b: Cluster) -> Cluster {
     both.box_min = min(a.box_min, b.box_min);
     both.box_max = max(a.box_max, b.box_max);
     both.cone = cone_union(a.cone, b.cone);
-    both.flux = flux;
+    both.flux = min(flux, LIGHT_MOST_FLUX);
     both.mean = select(a.mean + apart * share, b.mean, share == 1.0);
     both.variance = (1.0 - share) * a.variance + share * b.variance + share * (1.0 - share) * dot(apart, apart);
     both.axis = a.axis * (1.0 - share) + b.axis * share;
@@ -169,7 +169,7 @@ fn linear_flux(map: Linear, punctual: f32, area: f32, axis: vec3<f32>) -> f32 {
     let agreement = min(1.5 * length(axis), 1.0);
     let normal = normalize_or(axis, vec3(0.0));
     let along = safe_length(map.area_x * normal.x + map.area_y * normal.y + map.area_z * normal.z);
-    return punctual + area * (agreement * along + (1.0 - agreement) * all_sides);
+    return min(punctual + area * (agreement * along + (1.0 - agreement) * all_sides), LIGHT_MOST_FLUX);
 }
 
 // Twin of `Cluster::transformed`; the cluster is not empty.

@@ -10,6 +10,10 @@ use crate::cone::Cone;
 /// which is inside the margin that the sampling code leaves around every cone.
 const SIMILARITY_TOLERANCE: f32 = 1.0e-5;
 
+/// The most flux that one light or many count as, in lumens: products of it with every factor of the importance stay
+/// inside f32. Only wrong units get there; what is above it is still sampled, by position alone.
+pub(crate) const MOST_FLUX: f32 = 1.0e34;
+
 /// A group of lights. Box and cone are conservative; mean, variance and axis are weighted by flux.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cluster {
@@ -47,6 +51,7 @@ impl Cluster {
     pub fn merge(&self, other: &Self) -> Self {
         let flux = self.flux + other.flux;
         let share = if flux > 0.0 { other.flux / flux } else { 0.0 };
+        let flux = flux.min(MOST_FLUX);
         let apart = other.mean - self.mean;
         Self {
             aabb: self.aabb.union(&other.aabb),
@@ -107,7 +112,9 @@ impl Linear {
     /// Derives the rest from a matrix with an inverse.
     pub fn new(linear: Mat3) -> Self {
         let (x, y, z) = (linear.x_axis, linear.y_axis, linear.z_axis);
-        let determinant = linear.determinant();
+        // In f64: an inverse that lost its digits would bound nothing.
+        let exact = linear.as_dmat3();
+        let determinant = exact.determinant() as f32;
         let cofactor = Mat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * determinant.signum();
         let mean_square_scale = (x.length_squared() + y.length_squared() + z.length_squared()) / 3.0;
         let gram = linear.transpose() * linear;
@@ -117,8 +124,8 @@ impl Linear {
             mean_square_scale.sqrt() * (1.0 - SIMILARITY_TOLERANCE)
         } else {
             // The inverse's Frobenius norm bounds its largest singular value.
-            let inverse = linear.inverse().to_cols_array();
-            1.0 / inverse.iter().map(|e| e * e).sum::<f32>().sqrt()
+            let inverse = exact.inverse().to_cols_array();
+            (1.0 / inverse.iter().map(|e| e * e).sum::<f64>().sqrt()) as f32
         };
         Self { linear, cofactor, determinant, is_similarity, mean_square_scale, least_scale }
     }
@@ -132,7 +139,7 @@ impl Linear {
         // A flat emitter has a mean direction of length 2/3.
         let agreement = (1.5 * axis.length()).min(1.0);
         let along = (self.cofactor * axis.normalize_or_zero()).length();
-        punctual + area * (agreement * along + (1.0 - agreement) * all_sides)
+        (punctual + area * (agreement * along + (1.0 - agreement) * all_sides)).min(MOST_FLUX)
     }
 }
 

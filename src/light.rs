@@ -7,7 +7,7 @@ use std::f32::consts::PI;
 use glam::Vec3;
 
 use crate::bounds::Aabb;
-use crate::cluster::Cluster;
+use crate::cluster::{Cluster, MOST_FLUX};
 use crate::cone::Cone;
 use crate::error::LightError;
 
@@ -23,6 +23,12 @@ pub(crate) const MIN_FLUX: f32 = 1.0e-18;
 
 /// Length of the mean direction of emission of one flat emitter, that is the mean cosine of Lambert's law.
 pub(crate) const LAMBERTIAN: f32 = 2.0 / 3.0;
+
+/// Sine of the angle between a flat emitter's edges below which rounding could turn its normal by more than 1e-5 rad.
+const LEAST_SINE: f32 = 1.0e-2;
+
+/// Least entry of a cross product, in square metres, whose square is a normal f32.
+const LEAST_CROSS: f32 = 1.0e-18;
 
 /// Narrowest falloff between the cosines of a spot's angles, as KHR_lights_punctual has it.
 const MIN_SPOT_FALLOFF: f32 = 1.0e-3;
@@ -187,25 +193,35 @@ impl Light {
 
     /// Emitting area in square metres, both sides counted; `None` for points and spots.
     pub fn area(&self) -> Option<f32> {
+        self.exact_area().map(|area| area as f32)
+    }
+
+    /// In f64: squares of a micrometre's area are gone in f32.
+    fn exact_area(&self) -> Option<f64> {
+        let parallelogram = |u: Vec3, v: Vec3| u.as_dvec3().cross(v.as_dvec3()).length();
         match self.shape {
             Shape::Point { .. } | Shape::Spot { .. } => None,
             Shape::Rectangle { half_u, half_v, two_sided, .. } => {
-                Some(4.0 * half_u.cross(half_v).length() * sides(two_sided))
+                Some(4.0 * parallelogram(half_u, half_v) * sides(two_sided))
             }
             Shape::Triangle { vertices: [a, b, c], two_sided } => {
-                Some(0.5 * (b - a).cross(c - a).length() * sides(two_sided))
+                Some(0.5 * parallelogram(b - a, c - a) * sides(two_sided))
             }
-            Shape::Sphere { radius, .. } => Some(4.0 * PI * radius * radius),
+            Shape::Sphere { radius, .. } => Some(4.0 * std::f64::consts::PI * f64::from(radius).powi(2)),
         }
     }
 
     /// Emitted flux in lumens, as the Rec. 709 luminance of `emission` over all directions and area; range ignored.
+    /// At most 1e34. A light whose flux is zero, or rounds to it, is dark: it sends nothing and is never chosen.
     pub fn flux(&self) -> f32 {
         let luminance = luminance(self.emission);
         match self.shape {
             Shape::Point { .. } => 4.0 * PI * luminance,
             Shape::Spot { inner_angle, outer_angle, .. } => luminance * spot_lobe(inner_angle, outer_angle).solid_angle,
-            _ => PI * luminance * self.area().unwrap_or(0.0),
+            _ => {
+                let flux = std::f64::consts::PI * f64::from(luminance) * self.exact_area().unwrap_or(0.0);
+                flux.min(f64::from(MOST_FLUX)) as f32
+            }
         }
     }
 
@@ -219,8 +235,8 @@ impl Light {
             Shape::Spot { direction, outer_angle, .. } => {
                 Cone { axis: direction.normalize_or(Vec3::Z), half_angle: (outer_angle + SPOT_RIM).min(PI) }
             }
-            Shape::Rectangle { half_u, half_v, .. } => half_space(half_u.cross(half_v)),
-            Shape::Triangle { vertices: [a, b, c], .. } => half_space((b - a).cross(c - a)),
+            Shape::Rectangle { half_u, half_v, .. } => half_space(half_u, half_v),
+            Shape::Triangle { vertices: [a, b, c], .. } => half_space(b - a, c - a),
         }
     }
 
@@ -322,16 +338,18 @@ fn spot_lobe(inner_angle: f32, outer_angle: f32) -> SpotLobe {
     SpotLobe { solid_angle: 2.0 * PI * integral, mean_cosine: (1.0 - moment / integral).clamp(-1.0, 1.0) }
 }
 
-fn sides(two_sided: bool) -> f32 {
+fn sides(two_sided: bool) -> f64 {
     if two_sided { 2.0 } else { 1.0 }
 }
 
-fn half_space(normal: Vec3) -> Cone {
-    match normal.try_normalize() {
-        Some(axis) => Cone { axis, half_angle: 0.5 * PI },
-        // Too small to have a normal that can be trusted: prove nothing.
-        None => Cone::FULL,
+/// What the front of a flat emitter sees; all sides if it is too thin or too small for a normal that can be trusted.
+fn half_space(u: Vec3, v: Vec3) -> Cone {
+    let normal = u.cross(v);
+    let is_thin = normal.length_squared() < LEAST_SINE * LEAST_SINE * u.length_squared() * v.length_squared();
+    if is_thin || normal.abs().max_element() < LEAST_CROSS {
+        return Cone::FULL;
     }
+    Cone { axis: normal.normalize(), half_angle: 0.5 * PI }
 }
 
 fn check_between(what: &'static str, value: f32, min: f32, max: f32) -> Result<(), LightError> {

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use super::layout;
+use crate::cluster;
 use crate::importance;
 use crate::light;
 use crate::tree;
@@ -81,6 +82,7 @@ pub(crate) fn constants() -> String {
         ("POSITION_MARGIN", importance::POSITION_MARGIN),
         ("COSINE_MARGIN", importance::COSINE_MARGIN),
         ("LEAST_FLUX", light::MIN_FLUX),
+        ("MOST_FLUX", cluster::MOST_FLUX),
         ("FARTHEST", tree::FARTHEST),
         ("TINY", f32::MIN_POSITIVE),
         // Densities of more than 1e30 per steradian belong to surfaces seen from their edge.

@@ -45,17 +45,17 @@ impl Attributes {
     }
 }
 
-/// One node's part of each sum, still in metres and lumens.
+/// One node's part of each sum, still in metres and lumens: in f64, since a flux squared times an area leaves f32.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Terms {
     /// Flux times root mean square distance of the children's means from the node's.
-    distance: f32,
+    distance: f64,
     /// Flux times overlapping fraction; without units already.
-    overlap: f32,
+    overlap: f64,
     /// Flux times variance of position.
-    variance: f32,
+    variance: f64,
     /// Summed cost of the children.
-    cost: f32,
+    cost: f64,
 }
 
 impl Terms {
@@ -70,17 +70,18 @@ impl Terms {
         let mut shared = 0.0;
         for (i, child) in node.used().iter().enumerate().filter(|(_, c)| c.flux > 0.0) {
             let cluster = child.cluster();
-            spread += child.flux * (cluster.mean - all.mean).length_squared();
-            within += child.flux * child.variance;
+            spread += f64::from(child.flux) * (cluster.mean - all.mean).as_dvec3().length_squared();
+            within += f64::from(child.flux) * f64::from(child.variance);
             cost += cluster_cost(&cluster);
             for other in node.used()[..i].iter().filter(|c| c.flux > 0.0) {
-                shared += cluster.aabb.intersection(&other.cluster().aabb).half_perimeter();
+                shared += f64::from(cluster.aabb.intersection(&other.cluster().aabb).half_perimeter());
             }
         }
-        let size = all.aabb.half_perimeter();
+        let size = f64::from(all.aabb.half_perimeter());
+        let flux = f64::from(all.flux);
         Self {
-            distance: (spread * all.flux).sqrt(),
-            overlap: if size > 0.0 { all.flux * shared / size } else { 0.0 },
+            distance: (spread * flux).sqrt(),
+            overlap: if size > 0.0 { flux * shared / size } else { 0.0 },
             variance: spread + within,
             cost,
         }
@@ -89,10 +90,10 @@ impl Terms {
 
 /// Sums the nodes' parts, in their order, and makes them free of units by the root's flux and size.
 pub(super) fn sum(terms: &[Terms], root: &Cluster) -> Attributes {
-    let diagonal = f64::from(root.aabb.extent().length());
+    let diagonal = root.aabb.extent().as_dvec3().length();
     let flux = f64::from(root.flux);
-    let root_cost = f64::from(cluster_cost(root));
-    let total = |part: fn(&Terms) -> f32| terms.iter().map(|t| f64::from(part(t))).sum::<f64>();
+    let root_cost = cluster_cost(root);
+    let total = |part: fn(&Terms) -> f64| terms.iter().map(part).sum::<f64>();
     let ratio = |sum: f64, unit: f64| if unit > 0.0 { (sum / unit) as f32 } else { 0.0 };
     Attributes {
         distance: ratio(total(|t| t.distance), flux * diagonal),

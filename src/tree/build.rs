@@ -6,7 +6,7 @@
 //! box has no area, still has a cost; nodes are laid out level by level, which makes the tree the same for any number of
 //! threads and a refit a plain sweep from the last node to the first.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::attributes::{Attributes, Terms};
 use super::node::{LEAF, NO_PARENT, Node, WIDTH};
@@ -20,7 +20,7 @@ const BINS: usize = 16;
 
 /// Weight of the squared diagonal beside the half area in a group's size. Small, so that it decides only where the
 /// areas vanish.
-const DIAGONAL_WEIGHT: f32 = 0.05;
+const DIAGONAL_WEIGHT: f64 = 0.05;
 
 /// Below this many lights a level is built on one thread.
 #[cfg(feature = "parallel")]
@@ -125,12 +125,12 @@ fn split_in_two(items: &mut [Item]) -> (&mut [Item], &mut [Item]) {
     let means = Aabb::around(items.iter().map(|item| item.cluster.mean));
     let extent = means.extent();
     let longest = extent.max_element();
-    let mut best: Option<(f32, Binning, usize)> = None;
+    let mut best: Option<(f64, Binning, usize)> = None;
     for axis in 0..3 {
         // An axis too short to tell bins apart in f32 cannot split.
         let Some(binning) = Binning::new(&means, axis) else { continue };
         // Thin slices are worse than their area says; [CK18] equation 3.
-        let regularity = longest / extent[axis];
+        let regularity = f64::from(longest) / f64::from(extent[axis]);
         let mut bins = [Group::EMPTY; BINS];
         for item in items.iter() {
             bins[binning.bin(item.cluster.mean)].add(&Group::of(&item.cluster));
@@ -200,17 +200,18 @@ fn partition(items: &mut [Item], is_left: impl Fn(&Item) -> bool) -> usize {
 #[derive(Clone, Copy)]
 struct Group {
     aabb: Aabb,
-    flux: f32,
-    /// Sum of flux times mean direction.
-    axis: Vec3,
+    flux: f64,
+    /// Sum of flux times mean direction; in f64, as its length squares fluxes.
+    axis: DVec3,
     lights: usize,
 }
 
 impl Group {
-    const EMPTY: Self = Self { aabb: Aabb::EMPTY, flux: 0.0, axis: Vec3::ZERO, lights: 0 };
+    const EMPTY: Self = Self { aabb: Aabb::EMPTY, flux: 0.0, axis: DVec3::ZERO, lights: 0 };
 
     fn of(light: &Cluster) -> Self {
-        Self { aabb: light.aabb, flux: light.flux, axis: light.axis * light.flux, lights: 1 }
+        let flux = f64::from(light.flux);
+        Self { aabb: light.aabb, flux, axis: light.axis.as_dvec3() * flux, lights: 1 }
     }
 
     fn around(items: &[Item]) -> Self {
@@ -226,30 +227,31 @@ impl Group {
         self.lights += other.lights;
     }
 
-    fn cost(&self) -> f32 {
+    fn cost(&self) -> f64 {
         if self.flux > 0.0 { cost(self.flux, &self.aabb, self.axis.length() / self.flux) } else { 0.0 }
     }
 }
 
 /// The build's cost of a cluster.
-pub(super) fn cluster_cost(cluster: &Cluster) -> f32 {
-    cost(cluster.flux, &cluster.aabb, cluster.axis.length())
+pub(super) fn cluster_cost(cluster: &Cluster) -> f64 {
+    cost(cluster.flux.into(), &cluster.aabb, cluster.axis.length().into())
 }
 
-/// Flux, size and orientation of a group, as in CK18 equation 2.
-fn cost(flux: f32, aabb: &Aabb, axis_length: f32) -> f32 {
+/// Flux, size and orientation of a group, as in CK18 equation 2. In f64: costs of large bright groups would all be
+/// infinite in f32, those of small dim ones all zero.
+fn cost(flux: f64, aabb: &Aabb, axis_length: f64) -> f64 {
     flux * size(aabb) * orientation(axis_length)
 }
 
 /// How widely a group emits, from the length of its mean direction: 4 pi to all sides, pi for flat emitters that agree
 /// (length 2/3), 0 for a beam. Meets the orientation measure of CK18 equation 1 at these three; needs no cone.
-fn orientation(axis_length: f32) -> f32 {
-    let spread =
-        if axis_length <= LAMBERTIAN { 4.0 - 3.0 * axis_length / LAMBERTIAN } else { 3.0 * (1.0 - axis_length) };
-    std::f32::consts::PI * spread.max(0.0)
+fn orientation(axis_length: f64) -> f64 {
+    let flat = f64::from(LAMBERTIAN);
+    let spread = if axis_length <= flat { 4.0 - 3.0 * axis_length / flat } else { 3.0 * (1.0 - axis_length) };
+    std::f64::consts::PI * spread.max(0.0)
 }
 
-fn size(aabb: &Aabb) -> f32 {
-    let e = aabb.extent();
+fn size(aabb: &Aabb) -> f64 {
+    let e = aabb.extent().as_dvec3();
     e.x * e.y + e.y * e.z + e.z * e.x + DIAGONAL_WEIGHT * e.length_squared()
 }

@@ -2,7 +2,7 @@
 
 use super::node::{EMPTY_SLOT, FARTHEST, NO_PARENT, Node, WIDTH};
 use super::{Child, LightTree, Target};
-use crate::cluster::Cluster;
+use crate::cluster::{Cluster, MOST_FLUX};
 use crate::cone::angle;
 use crate::light::MIN_FLUX;
 
@@ -73,7 +73,7 @@ impl LightTree {
         if seen.contains(&false) {
             return end("a light has no leaf");
         }
-        let total = f64::from(self.flux.area) + f64::from(self.flux.punctual);
+        let total = (f64::from(self.flux.area) + f64::from(self.flux.punctual)).min(f64::from(MOST_FLUX));
         let root = f64::from(self.nodes.first().map_or(0.0, |n| n.cluster().flux));
         let floors = f64::from(MIN_FLUX) * self.lights.len() as f64;
         if (total - root).abs() > total * f64::from(FLUX_TOLERANCE) + floors {
@@ -85,7 +85,7 @@ impl LightTree {
 
 fn covers_node(child: &Child, node: &Node) -> Option<&'static str> {
     node.used().iter().find_map(|lower| covers(child, &lower.cluster())).or_else(|| {
-        let sum = node.used().iter().map(|c| f64::from(c.flux)).sum::<f64>();
+        let sum = node.used().iter().map(|c| f64::from(c.flux)).sum::<f64>().min(f64::from(MOST_FLUX));
         ((f64::from(child.flux) - sum).abs() > sum * f64::from(FLUX_TOLERANCE)).then_some("the flux is not the sum")
     })
 }

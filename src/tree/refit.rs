@@ -3,7 +3,7 @@
 use super::attributes::{self, Terms};
 use super::node::{Child, LEAF, Node};
 use super::{FluxByKind, LightTree};
-use crate::cluster::Cluster;
+use crate::cluster::{Cluster, MOST_FLUX};
 use crate::light::Light;
 
 /// Levels with fewer nodes are refitted on one thread: a node takes about a microsecond, waking a thread several.
@@ -56,5 +56,6 @@ fn flux_by_kind(lights: &[Light]) -> FluxByKind {
         let flux = f64::from(light.flux());
         if light.area().is_some() { area += flux } else { punctual += flux }
     }
-    FluxByKind { punctual: punctual as f32, area: area as f32 }
+    let most = f64::from(MOST_FLUX);
+    FluxByKind { punctual: punctual.min(most) as f32, area: area.min(most) as f32 }
 }

@@ -22,7 +22,8 @@ pub fn open(path: &Path) -> Result<GltfFile, SceneError> {
     let fail = |what: String| SceneError(format!("{}: {what}", path.display()));
     let bytes = fs::read(path).map_err(|error| fail(error.to_string()))?;
     check_header(&bytes).map_err(&fail)?;
-    let file = Gltf::from_slice(&bytes).map_err(|error| fail(format!("not a sound glTF file: {}", one_line(&error.to_string()))))?;
+    let file = Gltf::from_slice(&bytes)
+        .map_err(|error| fail(format!("not a sound glTF file: {}", one_line(&error.to_string()))))?;
     let (document, mut blob) = (file.document, file.blob);
     let mut buffers = Vec::new();
     for buffer in document.buffers() {
