@@ -13,6 +13,7 @@ struct LightView {
     position: vec3<f32>,
     normal: vec3<f32>,
     range_scale: f32,
+    margin: f32,
     keeps_angles: bool,
 }
 
@@ -54,16 +55,17 @@ fn light_provably_dark(child: LightChild, view: LightView) -> bool {
     let half = 0.5 * (child.box_max - child.box_min);
     let center = child.box_min + half - view.position;
     let size = abs(child.box_min) + abs(child.box_max) + abs(view.position);
+    let margin = (size.x + size.y + size.z) * view.margin;
 
     let highest = dot(view.normal, center) + dot(abs(view.normal), half);
-    let margin = dot(abs(view.normal), size) * LIGHT_POSITION_MARGIN;
-    if highest + margin <= 0.0 && any(view.normal != vec3(0.0)) {
+    let normal_sum = abs(view.normal.x) + abs(view.normal.y) + abs(view.normal.z);
+    if highest + normal_sum * margin <= 0.0 && any(view.normal != vec3(0.0)) {
         return true;
     }
 
-    let outside = max(abs(center) - half - size * LIGHT_POSITION_MARGIN, vec3(0.0));
-    let reach = min(child.range * view.range_scale, LIGHT_FARTHEST);
-    if dot(outside, outside) > reach * reach * (1.0 + LIGHT_COSINE_MARGIN) {
+    let outside = max(abs(center) - half - vec3(margin), vec3(0.0));
+    let reach = child.range * view.range_scale * (1.0 + LIGHT_COSINE_MARGIN);
+    if child.range < LIGHT_FARTHEST && length(outside) > reach {
         return true;
     }
 
@@ -71,18 +73,18 @@ fn light_provably_dark(child: LightChild, view: LightView) -> bool {
     if !view.keeps_angles || cos_half_angle <= -1.0 {
         return false;
     }
-    let radius_sq = dot(half, half) * (1.0 + LIGHT_COSINE_MARGIN);
-    let dist_sq = dot(center, center);
-    if dist_sq <= radius_sq + dot(size, size) * LIGHT_POSITION_MARGIN {
+    let radius = length(half) * (1.0 + LIGHT_COSINE_MARGIN) + margin;
+    let distance = length(center);
+    if distance <= radius {
         return false;
     }
-    let cos_axis = -dot(light_unpack_direction(child.cone_axis), center) / sqrt(dist_sq);
-    let sin_box_sq = radius_sq / dist_sq;
-    let cos_box = sqrt(max(1.0 - sin_box_sq, 0.0));
+    let cos_axis = -dot(light_unpack_direction(child.cone_axis), center) / distance;
+    let sin_box = radius / distance;
+    let cos_box = sqrt(max(1.0 - sin_box * sin_box, 0.0));
     if cos_axis >= cos_box {
         return false;
     }
     let sin_axis = sqrt(max(1.0 - cos_axis * cos_axis, 0.0));
-    let cos_nearest = cos_axis * cos_box + sin_axis * sqrt(sin_box_sq);
+    let cos_nearest = cos_axis * cos_box + sin_axis * sin_box;
     return cos_nearest + LIGHT_COSINE_MARGIN < cos_half_angle;
 }

@@ -114,6 +114,11 @@ fn light_ascend(in_top: bool, base: u32, view: LightView, leaf_place: u32) -> f3
     return pmf;
 }
 
+// A receiver seen in the top level.
+fn light_view_of_world(receiver: LightReceiver) -> LightView {
+    return LightView(receiver.position, light_normalize_or_zero(receiver.normal), 1.0, LIGHT_POSITION_MARGIN, true);
+}
+
 // A receiver seen in an instance's tree.
 fn light_view(instance: u32, receiver: LightReceiver) -> LightView {
     let to_world = light_instances[instance].to_world;
@@ -122,6 +127,7 @@ fn light_view(instance: u32, receiver: LightReceiver) -> LightView {
         light_linear(to_local, receiver.position - light_translation(to_world)),
         light_normalize_or_zero(light_transposed(to_world, receiver.normal)),
         to_local[1].w,
+        LIGHT_POSITION_MARGIN * max(sqrt(to_local[2].w) * to_local[1].w, 1.0),
         (light_instances[instance].flags & LIGHT_KEEPS_ANGLES) != 0u,
     );
 }
@@ -164,7 +170,7 @@ fn light_pick_directional(receiver: LightReceiver, point: f32, total: f32) -> Li
 // Chooses a light. `u` in [0, 1).
 fn light_pick(receiver: LightReceiver, u: vec2<f32>) -> LightPick {
     let none = LightPick(0u, 0u, 0.0);
-    let view = LightView(receiver.position, receiver.normal, 1.0, true);
+    let view = light_view_of_world(receiver);
     var dice = light_dice(u.x, u.y);
     let totals = light_totals(receiver, view);
     let total = totals.x + totals.y;
@@ -192,7 +198,7 @@ fn light_pick(receiver: LightReceiver, u: vec2<f32>) -> LightPick {
 
 // The chance that light_sample chooses this light; `instance` is LIGHT_DIRECTIONAL for directional lights.
 fn light_pmf(receiver: LightReceiver, instance: u32, light: u32) -> f32 {
-    let view = LightView(receiver.position, receiver.normal, 1.0, true);
+    let view = light_view_of_world(receiver);
     let totals = light_totals(receiver, view);
     let total = totals.x + totals.y;
     if total <= 0.0 {

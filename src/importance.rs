@@ -38,6 +38,8 @@ pub(crate) struct View {
     pub normal: Vec3,
     /// Metres of this space per metre of the world, at most: ranges are metres of the world.
     pub range_scale: f32,
+    /// What rounding of positions may add up to, per metre of coordinates: more where the space is squeezed.
+    pub margin: f32,
     /// False where the space is sheared or scaled unevenly, so that angles and cones mean nothing.
     pub keeps_angles: bool,
 }
@@ -45,7 +47,14 @@ pub(crate) struct View {
 impl View {
     /// The view of a receiver in the nodes' own space.
     pub fn of(receiver: &Receiver) -> Self {
-        Self { position: receiver.position, normal: receiver.normal, range_scale: 1.0, keeps_angles: true }
+        Self {
+            position: receiver.position,
+            // A normal too short to have a direction proves nothing.
+            normal: receiver.normal.normalize_or_zero(),
+            range_scale: 1.0,
+            margin: POSITION_MARGIN,
+            keeps_angles: true,
+        }
     }
 }
 
@@ -63,7 +72,8 @@ pub(crate) const LONGEST_LOBE: f32 = 0.999;
 pub(crate) const LEAST: f32 = 1.0e-30;
 /// See [`LEAST`].
 pub(crate) const MOST: f32 = 1.0e36;
-/// Rounding of horizon and range tests, relative to the terms that are summed.
+/// Rounding of positions, relative to the sum of all coordinates that are added and turned: each transform, at either
+/// end, loses at most 3e-7 of the largest. Not of the coordinate at hand: turns mix all three.
 pub(crate) const POSITION_MARGIN: f32 = 1.0e-6;
 /// Rounding of cosines between unpacked axes and normalised directions, and what a similarity may be off by.
 pub(crate) const COSINE_MARGIN: f32 = 1.0e-4;
@@ -104,7 +114,13 @@ pub(crate) fn importance(child: &Child, view: &View) -> f32 {
 
     let solid_angle = 4.0 * std::f32::consts::PI;
     let lux = child.flux * lobe * cosine / (solid_angle * (dist_sq + VARIANCE_SHARE * child.variance).max(LEAST));
-    lux.clamp(LEAST, MOST)
+    clamp_lux(lux)
+}
+
+/// NaN, which only a receiver that is no place can cause, becomes the least: `clamp` would keep it.
+#[allow(clippy::manual_clamp, reason = "not the same for NaN")]
+fn clamp_lux(lux: f32) -> f32 {
+    lux.max(LEAST).min(MOST)
 }
 
 /// Whether the bounds prove that no light below reaches the receiver.
@@ -112,19 +128,17 @@ fn provably_dark(child: &Child, view: &View) -> bool {
     let (min, max) = (Vec3::from(child.box_min), Vec3::from(child.box_max));
     let half = 0.5 * (max - min);
     let center = min + half - view.position;
-    let size = min.abs() + max.abs() + view.position.abs();
+    let margin = (min.abs() + max.abs() + view.position.abs()).element_sum() * view.margin;
 
     // Everything below the horizon.
     let highest = view.normal.dot(center) + view.normal.abs().dot(half);
-    let margin = view.normal.abs().dot(size) * POSITION_MARGIN;
-    if highest + margin <= 0.0 && view.normal != Vec3::ZERO {
+    if highest + view.normal.abs().element_sum() * margin <= 0.0 && view.normal != Vec3::ZERO {
         return true;
     }
 
     // Everything out of range.
-    let outside = (center.abs() - half - size * POSITION_MARGIN).max(Vec3::ZERO);
-    let reach = (child.range * view.range_scale).min(FARTHEST);
-    if outside.length_squared() > reach * reach * (1.0 + COSINE_MARGIN) {
+    let outside = (center.abs() - half - margin).max(Vec3::ZERO);
+    if child.range < FARTHEST && outside.length() > child.range * view.range_scale * (1.0 + COSINE_MARGIN) {
         return true;
     }
 
@@ -133,18 +147,18 @@ fn provably_dark(child: &Child, view: &View) -> bool {
     if !view.keeps_angles || cos_half_angle <= -1.0 {
         return false;
     }
-    let radius_sq = half.length_squared() * (1.0 + COSINE_MARGIN);
-    let dist_sq = center.length_squared();
-    if dist_sq <= radius_sq + size.length_squared() * POSITION_MARGIN {
+    let radius = half.length() * (1.0 + COSINE_MARGIN) + margin;
+    let distance = center.length();
+    if distance <= radius {
         return false;
     }
-    let cos_axis = -unpack_direction(child.cone_axis).dot(center) / dist_sq.sqrt();
-    let sin_box_sq = radius_sq / dist_sq;
-    let cos_box = (1.0 - sin_box_sq).max(0.0).sqrt();
+    let cos_axis = -unpack_direction(child.cone_axis).dot(center) / distance;
+    let sin_box = radius / distance;
+    let cos_box = (1.0 - sin_box * sin_box).max(0.0).sqrt();
     if cos_axis >= cos_box {
         return false;
     }
     let sin_axis = (1.0 - cos_axis * cos_axis).max(0.0).sqrt();
-    let cos_nearest = cos_axis * cos_box + sin_axis * sin_box_sq.sqrt();
+    let cos_nearest = cos_axis * cos_box + sin_axis * sin_box;
     cos_nearest + COSINE_MARGIN < cos_half_angle
 }

@@ -5,7 +5,7 @@ use glam::{Affine3A, DAffine3, DVec3, Mat3, Mat4, Vec3};
 use crate::cluster::Linear;
 use crate::emit::Frame;
 use crate::error::PlacementError;
-use crate::importance::{Receiver, View};
+use crate::importance::{POSITION_MARGIN, Receiver, View};
 
 /// Farthest an instance may stand from the world's origin, per axis, in metres.
 pub const MAX_DISTANCE: f64 = 1.0e9;
@@ -84,7 +84,7 @@ impl Placed {
             return Err(PlacementError::TooFar { distance, limit: MAX_DISTANCE });
         }
         let linear = Linear::new(placement.linear);
-        let to_local = placement.linear.inverse();
+        let to_local = placement.linear.as_dmat3().inverse().as_mat3();
         // Normal numbers only: a denormal determinant has lost the digits that its inverse needs.
         if !(linear.determinant.is_normal() && to_local.is_finite() && linear.least_scale >= 1.0 / MAX_SCALE) {
             return Err(PlacementError::Singular { determinant: linear.determinant });
@@ -105,6 +105,7 @@ impl Placed {
             // Normals are carried back by the transpose: the horizon stays the horizon under any linear map.
             normal: (self.linear.linear.transpose() * receiver.normal).normalize_or_zero(),
             range_scale: self.range_scale(),
+            margin: POSITION_MARGIN * (self.linear.mean_square_scale.sqrt() * self.range_scale()).max(1.0),
             keeps_angles: self.linear.is_similarity,
         }
     }
