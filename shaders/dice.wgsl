@@ -12,7 +12,8 @@ fn light_hash(x: u32) -> u32 {
 }
 
 fn light_clamp_unit(u: f32) -> f32 {
-    return min(max(u, 0.0), LIGHT_BELOW_ONE);
+    // NaN is not above 0; WGSL's max may keep it.
+    return select(0.0, min(u, LIGHT_BELOW_ONE), u > 0.0);
 }
 
 fn light_dice(u: f32, more: f32) -> LightDice {
@@ -24,4 +25,14 @@ fn light_stretch(dice: LightDice, offset: f32, length: f32) -> LightDice {
     let state = light_hash(dice.state);
     let fresh = f32(state >> 8u) * LIGHT_U_STEP * LIGHT_U_STEP;
     return LightDice(light_clamp_unit((offset + fresh) / length), state);
+}
+
+// The chance of two choices; 0 only if one of them is impossible. Twin of `joint`.
+fn light_joint(a: f32, b: f32) -> f32 {
+    return select(0.0, max(a * b, LIGHT_LEAST_CHANCE), a > 0.0 && b > 0.0);
+}
+
+// The chance of a choice of weight `value`, which is part of `total`. Twin of `share`.
+fn light_share(value: f32, total: f32) -> f32 {
+    return select(0.0, max(value / total, LIGHT_LEAST_CHANCE), value > 0.0);
 }

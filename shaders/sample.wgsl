@@ -81,8 +81,8 @@ fn light_descend(in_top: bool, base: u32, view: LightView, first_dice: LightDice
             }
             before += all.each[slot];
         }
-        let share = all.each[chosen] / all.total;
-        pmf *= share;
+        let share = light_share(all.each[chosen], all.total);
+        pmf = light_joint(pmf, share);
         dice = light_stretch(dice, (point - chosen_before) / all.total, share);
         var bits: u32;
         if in_top { bits = light_top[node].children[chosen].target_bits; } else { bits = light_nodes[node].children[chosen].target_bits; }
@@ -105,7 +105,7 @@ fn light_ascend(in_top: bool, base: u32, view: LightView, leaf_place: u32) -> f3
         if value <= 0.0 {
             return 0.0;
         }
-        pmf *= value / all.total;
+        pmf = light_joint(pmf, light_share(value, all.total));
         if in_top { place = light_top[node].parent; } else { place = light_nodes[node].parent; }
         if place == LIGHT_NO_PARENT {
             return pmf;
@@ -160,7 +160,7 @@ fn light_pick_directional(receiver: LightReceiver, point: f32, total: f32) -> Li
     for (var i = 0u; i < light_params.directional_count; i++) {
         let value = light_illuminance(i, receiver);
         if value > 0.0 && point >= before {
-            pick = LightPick(LIGHT_DIRECTIONAL, i, value / total);
+            pick = LightPick(LIGHT_DIRECTIONAL, i, light_share(value, total));
         }
         before += value;
     }
@@ -183,7 +183,7 @@ fn light_pick(receiver: LightReceiver, u: vec2<f32>) -> LightPick {
         if point >= totals.x {
             return light_pick_directional(receiver, point - totals.x, total);
         }
-        chance = totals.x / total;
+        chance = light_share(totals.x, total);
         dice = light_stretch(dice, point / total, chance);
     }
     let instance = light_descend(true, 0u, view, dice);
@@ -193,7 +193,7 @@ fn light_pick(receiver: LightReceiver, u: vec2<f32>) -> LightPick {
     let inner = light_view(instance.index, receiver);
     let base = light_instances[instance.index].node_base;
     let light = light_descend(false, base, inner, light_dice(u.y, u.x));
-    return LightPick(instance.index, light.index, chance * instance.pmf * light.pmf);
+    return LightPick(instance.index, light.index, light_joint(chance, light_joint(instance.pmf, light.pmf)));
 }
 
 // The chance that light_sample chooses this light; `instance` is LIGHT_DIRECTIONAL for directional lights.
@@ -205,15 +205,16 @@ fn light_pmf(receiver: LightReceiver, instance: u32, light: u32) -> f32 {
         return 0.0;
     }
     if instance == LIGHT_DIRECTIONAL {
-        return light_illuminance(light, receiver) / total;
+        return light_share(light_illuminance(light, receiver), total);
     }
-    let chance = select(1.0, totals.x / total, totals.y > 0.0);
+    let chance = select(1.0, light_share(totals.x, total), totals.y > 0.0);
     let outer = light_ascend(true, 0u, view, light_instances[instance].top_place);
     if outer <= 0.0 {
         return 0.0;
     }
     let leaf = light_records[light_instances[instance].light_base + light].place;
-    return chance * outer * light_ascend(false, light_instances[instance].node_base, light_view(instance, receiver), leaf);
+    let inner = light_ascend(false, light_instances[instance].node_base, light_view(instance, receiver), leaf);
+    return light_joint(chance, light_joint(outer, inner));
 }
 
 // Chooses a light and a point on it. `u` in [0, 1): two numbers choose the light, two the point.

@@ -8,7 +8,7 @@ use crate::keys::{DirectionalKey, InstanceKey, slot_of};
 use crate::light::{DirectionalLight, luminance};
 use crate::top::TopLevel;
 use crate::tree::LightTree;
-use crate::walk::{Dice, ascend, descend, importances};
+use crate::walk::{Dice, ascend, descend, importances, joint, share};
 use crate::world::World;
 
 /// Names a light that can be sampled.
@@ -88,14 +88,14 @@ impl<'a> Sampler<'a> {
             if point >= local {
                 return self.pick_directional(receiver, point - local, total);
             }
-            chance = local / total;
+            chance = share(local, total);
             dice.stretch(point / total, chance);
         }
         let (slot, pmf) = descend(&self.top.nodes, &view, &mut dice)?;
         let instance = self.world.instance_at(slot)?;
         let (tree, view) = self.enter(instance, receiver)?;
         let (light, within) = descend(tree.nodes(), &view, &mut Dice::new(u[1], u[0]))?;
-        Some(LightPick { light: LightId::Local { instance, light }, pmf: chance * pmf * within })
+        Some(LightPick { light: LightId::Local { instance, light }, pmf: joint(chance, joint(pmf, within)) })
     }
 
     /// The chance that [`Sampler::pick`] chooses this light; 0 for a light that is dark, unreachable, or not there.
@@ -108,14 +108,14 @@ impl<'a> Sampler<'a> {
         }
         match light {
             LightId::Directional(key) => {
-                self.world.directional(key).map_or(0.0, |light| illuminance(light, receiver) / total)
+                self.world.directional(key).map_or(0.0, |light| share(illuminance(light, receiver), total))
             }
             LightId::Local { instance, light } => {
                 let Some((tree, inner)) = self.enter(instance, receiver) else { return 0.0 };
                 let Some(leaf) = tree.leaves().get(light as usize) else { return 0.0 };
-                let chance = if directional > 0.0 { local / total } else { 1.0 };
+                let chance = if directional > 0.0 { share(local, total) } else { 1.0 };
                 let place = self.top.places[slot_of(instance) as usize];
-                chance * ascend(&self.top.nodes, &view, place) * ascend(tree.nodes(), &inner, *leaf)
+                joint(chance, joint(ascend(&self.top.nodes, &view, place), ascend(tree.nodes(), &inner, *leaf)))
             }
         }
     }
@@ -168,7 +168,7 @@ impl<'a> Sampler<'a> {
         for (key, light) in self.world.directionals() {
             let value = illuminance(light, receiver);
             if value > 0.0 && point >= before {
-                chosen = Some(LightPick { light: LightId::Directional(key), pmf: value / total });
+                chosen = Some(LightPick { light: LightId::Directional(key), pmf: share(value, total) });
             }
             before += value;
         }

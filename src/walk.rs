@@ -13,6 +13,20 @@ pub(crate) const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
 /// Spacing of the random numbers in [0.5, 1).
 pub(crate) const U_STEP: f32 = f32::EPSILON / 2.0;
 
+/// Chances below this count as this: a chance that rounds to zero would divide by zero, or hide a light that contributes.
+/// Far below what random numbers of 24 bits can tell, so no sum of chances notices.
+pub(crate) const LEAST_CHANCE: f32 = 1.0e-30;
+
+/// The chance of two choices; 0 only if one of them is impossible. The floor is the same in whatever order chances are joined.
+pub(crate) fn joint(a: f32, b: f32) -> f32 {
+    if a > 0.0 && b > 0.0 { (a * b).max(LEAST_CHANCE) } else { 0.0 }
+}
+
+/// The chance of a choice of weight `value`, which is part of `total`; 0 only if the weight is.
+pub(crate) fn share(value: f32, total: f32) -> f32 {
+    if value > 0.0 { (value / total).max(LEAST_CHANCE) } else { 0.0 }
+}
+
 /// A random number that can be used for any number of choices.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Dice {
@@ -84,8 +98,9 @@ pub(crate) fn descend(nodes: &[Node], view: &View, dice: &mut Dice) -> Option<(u
             }
             before += value;
         }
-        pmf *= each[chosen] / total;
-        dice.stretch((point - chosen_before) / total, each[chosen] / total);
+        let chance = share(each[chosen], total);
+        pmf = joint(pmf, chance);
+        dice.stretch((point - chosen_before) / total, chance);
         match node.children[chosen].target()? {
             Target::Leaf(leaf) => return Some((leaf, pmf)),
             Target::Node(below) => node = &nodes[below as usize],
@@ -103,7 +118,7 @@ pub(crate) fn ascend(nodes: &[Node], view: &View, mut place: u32) -> f32 {
         if value <= 0.0 {
             return 0.0;
         }
-        pmf *= value / total;
+        pmf = joint(pmf, share(value, total));
         if node.parent == crate::tree::NO_PARENT {
             return pmf;
         }

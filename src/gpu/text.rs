@@ -85,6 +85,7 @@ pub(crate) fn constants() -> String {
         ("MOST_FLUX", cluster::MOST_FLUX),
         ("FARTHEST", tree::FARTHEST),
         ("TINY", f32::MIN_POSITIVE),
+        ("LEAST_CHANCE", walk::LEAST_CHANCE),
         // Densities of more than 1e30 per steradian belong to surfaces seen from their edge.
         ("TINY_RATIO", 1.0e-30),
         ("FOUR_PI", 4.0 * std::f32::consts::PI),
