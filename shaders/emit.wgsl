@@ -37,7 +37,10 @@ fn light_normalize_or_zero(v: vec3<f32>) -> vec3<f32> {
 }
 
 fn light_window(dist_sq: f32, range: f32) -> f32 {
-    let range_sq = min(range, LIGHT_FARTHEST) * min(range, LIGHT_FARTHEST);
+    if range >= LIGHT_FARTHEST {
+        return 1.0;
+    }
+    let range_sq = range * range;
     if dist_sq >= range_sq {
         return 0.0;
     }
@@ -53,10 +56,14 @@ fn light_arriving(receiver: LightReceiver, direction: vec3<f32>, distance: f32, 
     return light_nothing();
 }
 
-fn light_from_delta(light: LightRecord, at: vec3<f32>, falloff: f32, receiver: LightReceiver) -> LightIncident {
-    let toward = at - receiver.position;
+// Whether a quotient is a density that f32 can work with.
+fn light_is_density(dividend: f32, divisor: f32) -> bool {
+    return divisor >= dividend * LIGHT_LEAST_INVERSE_PDF && dividend >= divisor * LIGHT_LEAST_PDF;
+}
+
+fn light_from_delta(light: LightRecord, toward: vec3<f32>, falloff: f32, receiver: LightReceiver) -> LightIncident {
     let dist_sq = dot(toward, toward);
-    if dist_sq < LIGHT_TINY {
+    if dist_sq < LIGHT_NEAREST_SQ {
         return light_nothing();
     }
     let share = falloff * light_window(dist_sq, light.range) / dist_sq;
@@ -65,10 +72,9 @@ fn light_from_delta(light: LightRecord, at: vec3<f32>, falloff: f32, receiver: L
 }
 
 // `normal_area` is the front normal times the area.
-fn light_from_surface(light: LightRecord, at: vec3<f32>, normal_area: vec3<f32>, receiver: LightReceiver) -> LightIncident {
-    let toward = at - receiver.position;
+fn light_from_surface(light: LightRecord, toward: vec3<f32>, normal_area: vec3<f32>, receiver: LightReceiver) -> LightIncident {
     let dist_sq = dot(toward, toward);
-    if dist_sq < LIGHT_TINY {
+    if dist_sq < LIGHT_NEAREST_SQ {
         return light_nothing();
     }
     let distance = sqrt(dist_sq);
@@ -77,8 +83,7 @@ fn light_from_surface(light: LightRecord, at: vec3<f32>, normal_area: vec3<f32>,
     if (light.kind & LIGHT_TWO_SIDED) != 0u {
         facing_area = abs(facing_area);
     }
-    // The density must be a finite number: a surface seen from the edge sends nothing.
-    if facing_area <= 0.0 || facing_area < dist_sq * LIGHT_TINY_RATIO {
+    if facing_area <= 0.0 || !light_is_density(dist_sq, facing_area) {
         return light_nothing();
     }
     let radiance = light.emission * light_window(dist_sq, light.range);
@@ -92,33 +97,59 @@ fn light_orthonormal(v: vec3<f32>) -> vec3<f32> {
 }
 
 fn light_from_sphere(light: LightRecord, instance: LightInstance, receiver: LightReceiver, u: vec2<f32>) -> LightIncident {
-    let center = light_linear(instance.to_world, light.a) + light_translation(instance.to_world);
-    let to_center = light_linear(instance.to_local, center - receiver.position);
-    let radius_sq = light.c.x * light.c.x;
+    let world_center = light_toward(light.a, instance, receiver);
+    let to_center = light_linear(instance.to_local, world_center);
+    let radius = light.c.x;
     let dist_sq = dot(to_center, to_center);
-    if radius_sq >= dist_sq {
+    if dist_sq < LIGHT_TINY || radius * radius >= dist_sq {
         return light_nothing();
     }
-    let sin_max_sq = radius_sq / dist_sq;
+    let to_center_length = sqrt(dist_sq);
+    let sin_max_sq = radius * radius / dist_sq;
     let one_minus_cos_max = sin_max_sq / (1.0 + sqrt(1.0 - sin_max_sq));
     let one_minus_cos = u.x * one_minus_cos_max;
     let cosine = 1.0 - one_minus_cos;
-    let sin_sq = one_minus_cos * (2.0 - one_minus_cos);
-    let axis = to_center / sqrt(dist_sq);
+    let sin_sq = clamp(one_minus_cos * (2.0 - one_minus_cos), 0.0, sin_max_sq);
+    let axis = to_center / to_center_length;
     let side = light_orthonormal(axis);
     let phi = 0.5 * LIGHT_FOUR_PI * u.y;
     let around = side * cos(phi) + cross(axis, side) * sin(phi);
-    let local = axis * cosine + around * sqrt(max(sin_sq, 0.0));
-    let hit = sqrt(dist_sq) * cosine - sqrt(max(radius_sq - dist_sq * sin_sq, 0.0));
-    let world = light_linear(instance.to_world, local);
-    let stretch = length(world);
-    let distance = hit * stretch;
+    var root = 0.0;
+    if sin_max_sq > 0.0 {
+        root = sqrt(max(1.0 - sin_sq / sin_max_sq, 0.0));
+    }
+    let hit = (to_center_length - radius) * (to_center_length + radius) / (to_center_length * cosine + radius * root);
     let solid_angle = 0.5 * LIGHT_FOUR_PI * one_minus_cos_max * abs(instance.to_local[0].w);
-    if solid_angle < LIGHT_TINY || distance <= 0.0 {
+    if hit <= 0.0 || solid_angle < LIGHT_TINY {
         return light_nothing();
     }
-    let radiance = light.emission * light_window(distance * distance, light.range);
-    return light_arriving(receiver, world / stretch, distance, radiance, stretch * stretch * stretch / solid_angle, false);
+    let ray = light_linear(instance.to_world, axis * cosine + around * sqrt(sin_sq));
+    var toward = ray * hit;
+    var stretch = length(ray);
+    if hit > LIGHT_CLOSE * to_center_length {
+        let cos_normal = min(sin_sq / sqrt(sin_max_sq) + cosine * root, 1.0);
+        let normal = around * sqrt(max(1.0 - cos_normal * cos_normal, 0.0)) - axis * cos_normal;
+        toward = world_center + light_linear(instance.to_world, normal * radius);
+        stretch = length(toward) / hit;
+    }
+    let world_dist_sq = dot(toward, toward);
+    let cubed = stretch * stretch * stretch;
+    if world_dist_sq < LIGHT_NEAREST_SQ || !light_is_density(cubed, solid_angle) {
+        return light_nothing();
+    }
+    let distance = sqrt(world_dist_sq);
+    let radiance = light.emission * light_window(world_dist_sq, light.range);
+    return light_arriving(receiver, toward / distance, distance, radiance, cubed / solid_angle, false);
+}
+
+// From a receiver to a place in tree space. The translations first.
+fn light_toward(p: vec3<f32>, instance: LightInstance, receiver: LightReceiver) -> vec3<f32> {
+    return light_linear(instance.to_world, p) + (light_translation(instance.to_world) - receiver.position);
+}
+
+// A normal times an area, carried along by the cofactors.
+fn light_normal_area(normal_area: vec3<f32>, instance: LightInstance) -> vec3<f32> {
+    return light_transposed(instance.to_local, normal_area) * abs(instance.to_local[0].w);
 }
 
 fn light_incident(light: LightRecord, instance: LightInstance, receiver: LightReceiver, u: vec2<f32>) -> LightIncident {
@@ -129,27 +160,26 @@ fn light_incident(light: LightRecord, instance: LightInstance, receiver: LightRe
     if kind == LIGHT_KIND_SPHERE {
         return light_from_sphere(light, instance, receiver, u);
     }
-    let translation = light_translation(instance.to_world);
-    let at = light_linear(instance.to_world, light.a) + translation;
+    let toward = light_toward(light.a, instance, receiver);
     if kind == LIGHT_KIND_POINT {
-        return light_from_delta(light, at, 1.0, receiver);
+        return light_from_delta(light, toward, 1.0, receiver);
     }
     if kind == LIGHT_KIND_SPOT {
         let axis = light_normalize_or_zero(light_linear(instance.to_world, light.b));
-        let cos = dot(axis, light_normalize_or_zero(receiver.position - at));
+        let cos = -dot(axis, light_normalize_or_zero(toward));
         let falloff = clamp(cos * light.c.x + light.c.y, 0.0, 1.0);
-        return light_from_delta(light, at, falloff * falloff, receiver);
+        return light_from_delta(light, toward, falloff * falloff, receiver);
     }
-    let mirrored = sign(instance.to_local[0].w);
     if kind == LIGHT_KIND_RECTANGLE {
         let half_u = light_linear(instance.to_world, light.b);
         let half_v = light_linear(instance.to_world, light.c);
-        let point = at + half_u * (2.0 * u.x - 1.0) + half_v * (2.0 * u.y - 1.0);
-        return light_from_surface(light, point, cross(half_u, half_v) * 4.0 * mirrored, receiver);
+        let point = toward + half_u * (2.0 * u.x - 1.0) + half_v * (2.0 * u.y - 1.0);
+        return light_from_surface(light, point, light_normal_area(cross(light.b, light.c) * 4.0, instance), receiver);
     }
-    let edge_q = light_linear(instance.to_world, light.b) + translation - at;
-    let edge_r = light_linear(instance.to_world, light.c) + translation - at;
+    let edge_q = light_linear(instance.to_world, light.b - light.a);
+    let edge_r = light_linear(instance.to_world, light.c - light.a);
     let root = sqrt(u.x);
-    let point = at + edge_q * (root * (1.0 - u.y)) + edge_r * (root * u.y);
-    return light_from_surface(light, point, cross(edge_q, edge_r) * 0.5 * mirrored, receiver);
+    let point = toward + edge_q * (root * (1.0 - u.y)) + edge_r * (root * u.y);
+    let normal_area = cross(light.b - light.a, light.c - light.a) * 0.5;
+    return light_from_surface(light, point, light_normal_area(normal_area, instance), receiver);
 }

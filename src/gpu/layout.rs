@@ -113,7 +113,8 @@ impl LightRecord {
             range: light.range.min(FARTHEST),
             c: c.to_array(),
             place,
-            emission: light.emission.to_array(),
+            // Dark is dark in both places: shaders do not see a light's flux.
+            emission: if light.flux() > 0.0 { light.emission.to_array() } else { [0.0; 3] },
             padding: 0,
         }
     }

@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use super::layout;
 use crate::cluster;
+use crate::emit;
 use crate::importance;
 use crate::light;
 use crate::tree;
@@ -85,9 +86,11 @@ pub(crate) fn constants() -> String {
         ("MOST_FLUX", cluster::MOST_FLUX),
         ("FARTHEST", tree::FARTHEST),
         ("TINY", f32::MIN_POSITIVE),
+        ("NEAREST_SQ", emit::NEAREST_SQ),
+        ("LEAST_PDF", emit::LEAST_PDF),
+        ("LEAST_INVERSE_PDF", emit::LEAST_INVERSE_PDF),
+        ("CLOSE", emit::CLOSE),
         ("LEAST_CHANCE", walk::LEAST_CHANCE),
-        // Densities of more than 1e30 per steradian belong to surfaces seen from their edge.
-        ("TINY_RATIO", 1.0e-30),
         ("FOUR_PI", 4.0 * std::f32::consts::PI),
         ("BELOW_ONE", walk::BELOW_ONE),
         ("U_STEP", walk::U_STEP),
