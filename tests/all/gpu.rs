@@ -10,7 +10,7 @@ use crate::support::Rng;
 
 /// Where a pick lands within rounding of the border between two lights the GPU may take the neighbour: WGSL allows
 /// division 2.5 ulp and `pow` far more. About ten choices of a rounding of 1e-5 each.
-const OTHER_PICKS: f64 = 2.0e-3;
+pub(crate) const OTHER_PICKS: f64 = 2.0e-3;
 
 /// Chances and radiance are products of some twenty terms; `pow` of the narrowest lobes is good to 1e-3 only.
 const TOLERANCE: f32 = 2.0e-3;
@@ -83,7 +83,7 @@ fn receiver(request: &SampleRequest) -> Receiver {
 }
 
 /// Uploads, builds the top level, and samples on the GPU.
-fn sample(lights: &mut GpuLights, world: &mut World, requests: &[SampleRequest]) -> Vec<SampleRecord> {
+pub(crate) fn sample(lights: &mut GpuLights, world: &mut World, requests: &[SampleRequest]) -> Vec<SampleRecord> {
     let (device, queue) = gpu();
     let delta = world.take_delta();
     lights.upload(world, &delta).expect("room enough");
@@ -112,7 +112,7 @@ fn emission(world: &World, light: LightId) -> f32 {
 }
 
 /// How many of the GPU's samples name another light than the CPU's; those that name the same must agree in everything.
-fn compare(world: &World, requests: &[SampleRequest], records: &[SampleRecord]) -> usize {
+pub(crate) fn compare(world: &World, requests: &[SampleRequest], records: &[SampleRecord]) -> usize {
     let sampler = world.sampler();
     let directionals: Vec<_> = world.directionals().map(|(key, _)| key).collect();
     let mut others = 0;

@@ -8,6 +8,7 @@ mod city_refusals;
 mod dependencies;
 mod gltf;
 mod gpu;
+mod hard_cases;
 mod sampling;
 mod support;
 mod tree;

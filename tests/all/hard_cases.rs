@@ -1,0 +1,732 @@
+//! Cases that other light samplers got wrong: ends of every allowed range, degenerate shapes, and far too much of one thing.
+
+use std::f32::consts::PI;
+
+use girandole::glam::{DVec3, Mat3, Quat, Vec3};
+use girandole::gpu::{GpuLights, SampleRequest};
+use girandole::light::{MAX_COORDINATE, MAX_EMISSION};
+use girandole::{
+    DirectionalLight, FrameBudget, FrameDelta, Light, LightId, LightTree, MAX_SCALE, Placement, Policy, Receiver, World,
+};
+
+use crate::gpu::{OTHER_PICKS, compare, gpu, sample};
+use crate::support::{Rng, all_chances};
+
+/// Chances are products of ratios of sums of eight, each rounded by a few 6e-8, summed over thousands of lights.
+const SUM_TOLERANCE: f64 = 1.0e-4;
+
+const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
+
+fn placed(lights: Vec<Light>, placements: impl IntoIterator<Item = Placement>) -> World {
+    let mut world = World::new();
+    let tree = world.add_tree(lights).expect("allowed lights");
+    world.tree(tree).expect("just added").check().expect("a sound tree");
+    for placement in placements {
+        world.add_instance(tree, placement, Policy::Budgeted).expect("an allowed placement");
+    }
+    world
+}
+
+fn alone(lights: Vec<Light>) -> World {
+    placed(lights, [Placement::IDENTITY])
+}
+
+fn linear(linear: Mat3) -> Placement {
+    Placement { linear, ..Placement::IDENTITY }
+}
+
+/// Every light that sends anything has a chance; chances are chances, sum to at most 1, and picks carry theirs.
+/// Returns how many contributions were seen.
+fn prove(world: &World, receivers: &[Receiver], seed: u64) -> usize {
+    let mut rng = Rng(seed);
+    let sampler = world.sampler();
+    let mut reached = 0;
+    for receiver in receivers {
+        let mut sum = 0.0;
+        for (light, pmf) in all_chances(world, receiver) {
+            assert!((0.0..=1.0).contains(&pmf), "{light:?} has the chance {pmf} at {receiver:?}");
+            sum += f64::from(pmf);
+            for u in [[0.0, 0.0], [BELOW_ONE, BELOW_ONE], [rng.unit(), rng.unit()]] {
+                if let Some(incident) = sampler.sample_light(receiver, light, u) {
+                    assert!(pmf > 0.0, "{light:?} sends {incident:?} to {receiver:?} but is never chosen");
+                    assert!(incident.radiance.is_finite() && incident.radiance.min_element() >= 0.0, "{incident:?}");
+                    assert!(incident.pdf.is_normal() && incident.pdf > 0.0, "{incident:?}");
+                    assert!((incident.direction.length() - 1.0).abs() < 1.0e-4, "{incident:?}");
+                    assert!(incident.distance > 0.0, "{incident:?}");
+                    reached += 1;
+                }
+            }
+        }
+        assert!(sum <= 1.0 + SUM_TOLERANCE, "chances sum to {sum} at {receiver:?}");
+        for u in [0.0, 0.5, BELOW_ONE, rng.unit(), 1.0, -1.0, f32::NAN, f32::INFINITY] {
+            for v in [0.0, BELOW_ONE, rng.unit(), f32::NAN] {
+                let Some(pick) = sampler.pick(receiver, [u, v]) else { continue };
+                let pmf = sampler.pmf(receiver, pick.light);
+                assert!(pick.pmf > 0.0 && pmf > 0.0, "{pick:?} {pmf} at {receiver:?}");
+                assert!((pick.pmf / pmf - 1.0).abs() < 1.0e-4, "{pick:?} {pmf}");
+            }
+        }
+    }
+    reached
+}
+
+/// The GPU names the same lights as the CPU.
+fn prove_on_gpu(world: &mut World, receivers: &[Receiver], seed: u64) {
+    let mut rng = Rng(seed);
+    let (device, queue) = gpu();
+    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let requests: Vec<_> = (0..1024)
+        .map(|i| {
+            let receiver = receivers[i % receivers.len()];
+            SampleRequest {
+                position: receiver.position.to_array(),
+                normal: receiver.normal.to_array(),
+                u: [rng.unit(), rng.unit(), rng.unit(), rng.unit()],
+                ..SampleRequest::default()
+            }
+        })
+        .collect();
+    lights.upload(world, &FrameDelta::everything(world)).expect("room enough");
+    let records = sample(&mut lights, world, &requests);
+    assert!(records.iter().all(|r| r.pmf.is_finite() && r.pdf.is_finite() && Vec3::from(r.radiance).is_finite()));
+    let others = compare(world, &requests, &records);
+    assert!(others as f64 <= OTHER_PICKS * 1024.0 + 1.0, "{others} of 1024 name another light");
+}
+
+fn receivers(rng: &mut Rng, count: usize, size: f32) -> Vec<Receiver> {
+    (0..count).map(|_| rng.receiver(size)).collect()
+}
+
+/// Receivers that face along the axes, where f32 meets horizons exactly.
+fn at_point(position: Vec3) -> Vec<Receiver> {
+    let normals = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_X, Vec3::NEG_Y, Vec3::NEG_Z];
+    normals.map(|normal| Receiver { position, normal }).to_vec()
+}
+
+/// One light of every kind, about a metre large.
+fn one_of_each(rng: &mut Rng, at: Vec3, size: f32) -> Vec<Light> {
+    let (u, v) = (rng.direction() * size, rng.direction() * size);
+    let bright = Vec3::splat(10.0);
+    vec![
+        Light::point(at, bright),
+        Light::spot(at, rng.direction(), 0.2, 0.6, bright),
+        Light::spot(at, rng.direction(), 0.2, 2.2, bright),
+        Light::rectangle(at, u, v, bright),
+        Light::rectangle(at, u, v, bright).two_sided(),
+        Light::triangle([at, at + u, at + v], bright),
+        Light::triangle([at, at + u, at + v], bright).two_sided(),
+        Light::sphere(at, size, bright),
+    ]
+}
+
+#[test]
+fn emitters_back_to_back_light_both_sides() {
+    let mut rng = Rng(100);
+    for _ in 0..20 {
+        let (u, v) = (rng.direction(), rng.direction());
+        let mut lights = vec![];
+        for i in 0..30 {
+            let at = rng.place(1.0e-3);
+            lights.push(if i % 2 == 0 {
+                Light::rectangle(at, u, v, Vec3::ONE)
+            } else {
+                Light::rectangle(at, v, u, Vec3::ONE)
+            });
+            let axis = u * if i % 2 == 0 { 1.0 } else { -1.0 };
+            lights.push(Light::spot(at, axis, 0.0, 0.3, Vec3::ONE));
+        }
+        let mut world = alone(lights);
+        let all = receivers(&mut rng, 40, 5.0);
+        assert!(prove(&world, &all, 1) > 500);
+        prove_on_gpu(&mut world, &all, 1);
+    }
+}
+
+#[test]
+fn a_receiver_on_a_light_or_inside_many_boxes_gets_finite_answers() {
+    let mut rng = Rng(101);
+    let spots = [Vec3::ZERO, Vec3::splat(1.0), Vec3::new(-1000.0, 0.1, 7.3)];
+    for at in spots {
+        let mut lights: Vec<Light> = (0..12).flat_map(|_| one_of_each(&mut rng, at, 3.0)).collect();
+        lights.extend(rng.lights(100, 5.0));
+        let mut world = alone(lights);
+        let mut all = at_point(at);
+        for k in 0..45 {
+            let near = at + rng.direction() * 10.0_f32.powi(-k);
+            all.extend(at_point(near));
+        }
+        assert!(prove(&world, &all, 2) > 1000);
+        prove_on_gpu(&mut world, &all, 2);
+    }
+}
+
+#[test]
+fn the_brightest_lamp_right_beside_a_receiver_is_no_infinity() {
+    let lamp = Light::point(Vec3::ZERO, Vec3::splat(MAX_EMISSION));
+    let mut world = alone(vec![lamp, Light::sphere(Vec3::ZERO, 1.0e-20, Vec3::splat(MAX_EMISSION))]);
+    let all: Vec<_> = (0..46).flat_map(|k| at_point(Vec3::X * 10.0_f32.powi(-k))).collect();
+    assert!(prove(&world, &all, 3) > 10);
+    prove_on_gpu(&mut world, &all, 3);
+}
+
+#[test]
+fn chances_do_not_depend_on_the_unit_of_length() {
+    let mut rng = Rng(102);
+    let base = rng.lights(300, 20.0);
+    let all = receivers(&mut rng, 30, 25.0);
+    // Powers of two: every rounding is the same, so every chance is; points need the square of the unit for the same lux.
+    let scaled = |s: f32| {
+        let lights = base.iter().map(|light| scale_light(light, s)).collect();
+        LightTree::new(lights).expect("allowed")
+    };
+    let metre = scaled(1.0);
+    for s in [1.0 / 1024.0, 1024.0, 1.0 / 1_048_576.0] {
+        let other = scaled(s);
+        for receiver in &all {
+            let moved = Receiver { position: receiver.position * s, ..*receiver };
+            for light in 0..300 {
+                let (a, b) = (metre.pmf(receiver, light), other.pmf(&moved, light));
+                // `sin` of nothing and `powf` of the same numbers: equal but for denormals.
+                assert!((a - b).abs() <= 1.0e-6 * a, "unit {s}: {a} {b} of {:?}", base[light as usize]);
+            }
+        }
+    }
+}
+
+fn scale_light(light: &Light, s: f32) -> Light {
+    use girandole::Shape;
+    let mut scaled = *light;
+    scaled.range *= s;
+    match &mut scaled.shape {
+        Shape::Point { position } | Shape::Spot { position, .. } => {
+            *position *= s;
+            scaled.emission *= s * s;
+        }
+        Shape::Rectangle { center, half_u, half_v, .. } => {
+            (*center, *half_u, *half_v) = (*center * s, *half_u * s, *half_v * s);
+        }
+        Shape::Triangle { vertices, .. } => *vertices = vertices.map(|v| v * s),
+        Shape::Sphere { center, radius } => (*center, *radius) = (*center * s, *radius * s),
+    }
+    scaled
+}
+
+#[test]
+fn a_street_of_lamps_lights_its_own_line() {
+    let lamps = (0..2000).map(|i| {
+        let at = Vec3::new(i as f32 * 10.0, 6.0, 0.0);
+        if i % 2 == 0 {
+            Light::point(at, Vec3::splat(500.0))
+        } else {
+            Light::spot(at, Vec3::NEG_Y, 0.3, 0.9, Vec3::splat(500.0)).with_range(60.0)
+        }
+    });
+    let mut world = alone(lamps.collect());
+    let all: Vec<_> = [-5.0, 0.0, 1234.0, 9999.5, 19990.0, 25000.0]
+        .into_iter()
+        .flat_map(|x| [0.0, 6.0].map(|y| Vec3::new(x, y, 0.0)))
+        .flat_map(at_point)
+        .collect();
+    assert!(prove(&world, &all, 4) > 1000);
+    prove_on_gpu(&mut world, &all, 4);
+}
+
+#[test]
+fn every_kind_of_light_survives_every_kind_of_placement() {
+    let mut rng = Rng(103);
+    for round in 0..400 {
+        let size = 10.0_f32.powf(rng.between(-3.0, 3.0));
+        let at = rng.place(10.0 * size);
+        let mut lights = one_of_each(&mut rng, at, size);
+        let with_range: Vec<_> = lights.iter().map(|l| l.with_range(rng.between(0.5, 20.0) * size)).collect();
+        lights.extend(with_range);
+        let turn = |rng: &mut Rng| Mat3::from_quat(Quat::from_axis_angle(rng.direction(), rng.between(0.0, 6.0)));
+        // Stretched by up to 10^4, mirrored, turned before and after.
+        let stretch = [0, 1, 2, 4][round % 4] as f32;
+        let mut power = || 10.0_f32.powf(rng.between(-0.5, 0.5) * stretch);
+        let diagonal = Vec3::new(power(), power(), power()) * if round % 3 == 0 { -1.0 } else { 1.0 };
+        let shape = turn(&mut rng) * Mat3::from_diagonal(diagonal) * turn(&mut rng);
+        let far = 10.0_f64.powf(f64::from(rng.between(0.0, 7.0)));
+        let translation = rng.direction().as_dvec3() * far;
+        let mut world = placed(lights, [Placement { linear: shape, translation }]);
+        let middle = shape * at + translation.as_vec3();
+        // Many receivers nearby, half of them almost exactly in planes and on horizons of the lights.
+        let mut all = Vec::new();
+        for i in 0..60 {
+            let away = rng.place(3.0 * size);
+            let mut receiver = Receiver::surface(middle + shape * away, rng.direction());
+            if i % 2 == 0 {
+                let toward = (shape * away).normalize_or(Vec3::X);
+                receiver.normal = toward.cross(receiver.normal).normalize_or(Vec3::Y);
+            }
+            all.push(receiver);
+        }
+        prove(&world, &all, round as u64);
+        if round % 40 < 4 {
+            prove_on_gpu(&mut world, &all, round as u64);
+        }
+    }
+}
+
+#[test]
+fn slivers_and_degenerate_triangles_that_are_turned_keep_their_sides() {
+    let mut rng = Rng(104);
+    for round in 0..300 {
+        let at = rng.place(10.0);
+        let edge = rng.direction();
+        let mut lights = Vec::new();
+        for k in 0..8 {
+            let other = edge * rng.between(0.3, 3.0) + rng.direction() * 10.0_f32.powi(-k);
+            lights.push(Light::triangle([at, at + edge, at + other], Vec3::ONE));
+            lights.push(Light::rectangle(at, edge, other, Vec3::ONE));
+        }
+        lights.push(Light::triangle([at, at + edge, at + edge * 2.0], Vec3::ONE));
+        lights.push(Light::rectangle(at, edge, edge * 3.0, Vec3::ONE));
+        lights.push(Light::triangle([at, at, at], Vec3::ONE));
+        let turn = Mat3::from_quat(Quat::from_axis_angle(rng.direction(), rng.between(0.0, 6.0)));
+        let mut world = placed(lights, [Placement { linear: turn, translation: rng.place(100.0).as_dvec3() }]);
+        let middle = world.placement(world.instances().next().expect("one")).expect("it lives").translation.as_vec3();
+        let all: Vec<_> = (0..20).map(|_| Receiver::volume(middle + turn * (at + rng.place(3.0)))).collect();
+        prove(&world, &all, round);
+        if round % 50 == 0 {
+            prove_on_gpu(&mut world, &all, round);
+        }
+    }
+}
+
+#[test]
+fn spots_of_every_width_keep_their_promises() {
+    let mut rng = Rng(105);
+    let widths = [0.0, 1.0e-30, 1.0e-9, 1.0e-6, 1.0e-4, 5.0e-4, 1.0e-3, 2.0e-3, 0.03, 0.5 * PI, 3.1, PI - 1.0e-6, PI];
+    for _ in 0..20 {
+        let mut lights = Vec::new();
+        let axis = rng.direction();
+        for outer in widths {
+            for inner in [0.0, 0.5 * outer, outer] {
+                lights.push(Light::spot(rng.place(1.0e-3), axis, inner, outer, Vec3::splat(1000.0)));
+            }
+        }
+        let turn = Mat3::from_quat(Quat::from_axis_angle(rng.direction(), rng.between(0.0, 6.0)));
+        let mut world = placed(lights, [Placement::IDENTITY, linear(turn), linear(turn * 3.0)]);
+        let side = axis.any_orthonormal_vector();
+        let mut all = Vec::new();
+        for tree in [Mat3::IDENTITY, turn] {
+            for outer in widths {
+                // On the axis, and within rounding of the rim.
+                for angle in [0.0, outer, outer + 3.0e-4, outer + 9.0e-4, outer - 3.0e-4] {
+                    let direction = tree * (axis * angle.cos() + side * angle.sin());
+                    all.push(Receiver::volume(direction * rng.between(1.0, 100.0)));
+                }
+            }
+        }
+        assert!(prove(&world, &all, 6) > 1000);
+        // Away from the rims: there the falloff is a difference of two cosines, of which f32 leaves a digit or two.
+        let side_lights = receivers(&mut rng, 40, 30.0);
+        prove_on_gpu(&mut world, &side_lights, 6);
+    }
+}
+
+#[test]
+fn tiny_and_huge_lights_stand_side_by_side() {
+    let mut rng = Rng(106);
+    for round in 0..30 {
+        let mut lights = Vec::new();
+        for k in -44..=8 {
+            let at = rng.place(10.0);
+            let size = 10.0_f32.powi(k);
+            let (u, v) = (rng.direction() * size, rng.direction() * size);
+            let emission = Vec3::splat(10.0_f32.powf(rng.between(-12.0, 12.0)));
+            lights.push(Light::rectangle(at, u, v, emission));
+            lights.push(Light::triangle([at, at + u, at + v], emission));
+            lights.push(Light::triangle([Vec3::ZERO, u, v], emission));
+            lights.push(Light::sphere(at, size, emission));
+            lights.push(Light::point(at, emission).with_range(size.max(1.0e-44)));
+        }
+        let scales = [1.0, 1.0e3, 1.0e-3, 1.0e9, 1.1e-9];
+        let mut world = placed(lights, [linear(Mat3::from_diagonal(Vec3::splat(scales[round % scales.len()])))]);
+        let mut all = receivers(&mut rng, 10, 20.0);
+        all.extend(receivers(&mut rng, 10, 1.0e-6));
+        all.extend(receivers(&mut rng, 10, 1.0e9));
+        assert!(prove(&world, &all, 7) > 100);
+        prove_on_gpu(&mut world, &all, 7);
+    }
+}
+
+#[test]
+fn thousands_of_lights_at_one_point_are_all_alike() {
+    let mut world = alone((0..6000).map(|_| Light::point(Vec3::splat(3.0), Vec3::ONE)).collect());
+    let all = [Receiver::volume(Vec3::ZERO), Receiver::volume(Vec3::splat(3.0))];
+    prove(&world, &all, 8);
+    let sum: f64 = all_chances(&world, &all[0]).iter().map(|(_, p)| f64::from(*p)).sum();
+    assert!((sum - 1.0).abs() < SUM_TOLERANCE, "{sum}");
+    // Many instances of it at that point as well.
+    let tree = world.trees().next().expect("a tree");
+    for _ in 0..500 {
+        world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("allowed");
+    }
+    let pick = world.sampler().pick(&all[0], [0.3, 0.7]).expect("it shines");
+    assert!((f64::from(pick.pmf) * 6000.0 * 501.0 - 1.0).abs() < 1.0e-3, "{pick:?}");
+    prove_on_gpu(&mut world, &all, 8);
+}
+
+#[test]
+fn twenty_four_decades_in_one_tree_leave_nobody_without_a_chance() {
+    let mut rng = Rng(107);
+    for spread in [12.0, 15.0, 40.0] {
+        let lights: Vec<_> = (0..400)
+            .map(|i| {
+                let power = (spread * (i as f32 / 199.5 - 1.0)).clamp(-44.9, 15.0);
+                let emission = Vec3::splat(10.0_f32.powf(power).min(MAX_EMISSION));
+                match i % 3 {
+                    0 => Light::point(rng.place(10.0), emission),
+                    1 => Light::sphere(rng.place(10.0), 0.1, emission),
+                    _ => Light::rectangle(rng.place(10.0), rng.direction(), rng.direction(), emission).two_sided(),
+                }
+            })
+            .collect();
+        let first = lights[399];
+        let mut world = alone(lights);
+        let mut all = receivers(&mut rng, 20, 15.0);
+        all.push(Receiver::volume(first.aabb().center() + Vec3::X * 1.0e-9));
+        assert!(prove(&world, &all, 9) > 1000);
+        if spread < 40.0 {
+            // Below 1e-38 a GPU may call a light dark that the CPU does not.
+            prove_on_gpu(&mut world, &all, 9);
+        }
+    }
+}
+
+#[test]
+fn emissions_too_small_to_weigh_are_dark_for_all() {
+    let faint = f32::from_bits(1);
+    let emissions = [Vec3::splat(faint), Vec3::new(0.0, 0.0, faint), Vec3::new(faint, 0.0, 0.0), Vec3::splat(1.0e-40)];
+    let lights = emissions.into_iter().flat_map(|e| {
+        [Light::point(Vec3::ZERO, e), Light::sphere(Vec3::X, 0.1, e), Light::rectangle(Vec3::Y, Vec3::X, Vec3::Z, e)]
+    });
+    let mut world = alone(lights.collect());
+    world
+        .add_directional(DirectionalLight { direction: Vec3::NEG_Y, illuminance: Vec3::new(0.0, 0.0, faint) })
+        .expect("allowed");
+    let all: Vec<_> = [1.0e-10, 1.0e-3, 1.0, 1.0e6].into_iter().flat_map(|d| at_point(Vec3::splat(d))).collect();
+    prove(&world, &all, 10);
+}
+
+#[test]
+fn faint_lamps_beside_a_bright_moon_keep_a_chance() {
+    let mut world = alone((0..20).map(|i| Light::point(Vec3::X * i as f32, Vec3::splat(1.0e-14))).collect());
+    for illuminance in [Vec3::splat(MAX_EMISSION), Vec3::splat(f32::from_bits(1)), Vec3::splat(1.0e-30)] {
+        world.add_directional(DirectionalLight { direction: Vec3::NEG_Y, illuminance }).expect("allowed");
+    }
+    let all: Vec<_> = [Vec3::ZERO, Vec3::splat(1.0e6), Vec3::splat(1.0e9)].into_iter().flat_map(at_point).collect();
+    assert!(prove(&world, &all, 11) > 100);
+}
+
+#[test]
+fn lights_at_distances_of_halving_powers_make_a_deep_tree_and_keep_their_chances() {
+    for falling in [1.0_f32, 0.5, 0.1] {
+        let lights: Vec<_> = (0..140)
+            .map(|k| {
+                let place = Vec3::new(0.5_f32.powi(k), 0.0, 0.0);
+                Light::point(place, Vec3::splat((1.0e15 * falling.powi(k)).max(1.0e-15)))
+            })
+            .collect();
+        let mut world = alone(lights);
+        let mut all: Vec<_> = [1.0, 1.0 + 1.0e-6, 0.0, 0.25, 1.0e-9, 1.0e-18, 1.0e3]
+            .into_iter()
+            .flat_map(|x| at_point(Vec3::X * x))
+            .collect();
+        all.extend(at_point(Vec3::new(1.0, 1.0e-7, 0.0)));
+        assert!(prove(&world, &all, 12) > 1000);
+        prove_on_gpu(&mut world, &all, 12);
+    }
+}
+
+#[test]
+fn ten_thousand_kilometres_out_a_centimetre_still_counts() {
+    let mut rng = Rng(108);
+    let origin = DVec3::new(1.0e7, -3.0, 1.0e7);
+    let mut world = World::new();
+    let tree = world.add_tree(rng.lights(40, 0.05)).expect("allowed");
+    for i in 0..100 {
+        let at = origin + DVec3::new(f64::from(i) * 0.01, 0.0, f64::from(i % 7) * 0.01);
+        world.add_instance(tree, Placement::at(at), Policy::Static).expect("allowed");
+    }
+    // Without a near origin positions are a metre apart: coarse, but nobody loses its chance.
+    let far: Vec<_> = (0..10).map(|_| Receiver::surface(origin.as_vec3() + rng.place(3.0), rng.direction())).collect();
+    prove(&world, &far, 13);
+    prove_on_gpu(&mut world, &far, 13);
+    world.set_origin(origin).expect("near enough");
+    let near = receivers(&mut rng, 20, 0.5);
+    assert!(prove(&world, &near, 13) > 1000);
+    prove_on_gpu(&mut world, &near, 13);
+    // The neighbour a centimetre away is told apart.
+    let sampler = world.sampler();
+    let mut ids = world.instances();
+    let mut distance = || {
+        let id = LightId::Local { instance: ids.next().expect("a hundred"), light: 0 };
+        (0..100).find_map(|i| sampler.sample_light(&Receiver::volume(Vec3::Y * (0.5 + i as f32)), id, [0.5; 2]))
+    };
+    assert_ne!(distance().map(|i| i.direction), distance().map(|i| i.direction));
+}
+
+#[test]
+fn a_lamp_post_far_from_the_origin_keeps_its_horizon_and_its_range() {
+    let mut rng = Rng(109);
+    for round in 0..200 {
+        let far = 10.0_f32.powf(rng.between(3.0, 8.0));
+        let translation = (rng.direction() * far).as_dvec3();
+        let turn = Mat3::from_quat(Quat::from_axis_angle(rng.direction(), rng.between(0.0, 6.0)));
+        let mut lights = one_of_each(&mut rng, Vec3::Y, 0.3);
+        lights.push(Light::point(Vec3::Y, Vec3::ONE).with_range(0.5));
+        let world = placed(lights, [Placement { linear: turn, translation }]);
+        // f32 can hold only some places here; all offsets within two metres are tried at any scale.
+        let all: Vec<_> = (0..60)
+            .map(|_| {
+                let offset = rng.place(2.0);
+                let place = translation.as_vec3() + offset;
+                Receiver::surface(place, rng.direction())
+            })
+            .collect();
+        prove(&world, &all, round);
+    }
+}
+
+#[test]
+fn the_largest_coordinates_and_scales_are_as_good_as_any() {
+    let mut rng = Rng(110);
+    let m = MAX_COORDINATE;
+    let bright = Vec3::splat(MAX_EMISSION);
+    let mut lights = Vec::new();
+    for corner in [Vec3::splat(m), Vec3::splat(-m), Vec3::new(m, -m, m), Vec3::ZERO] {
+        lights.push(Light::point(corner, bright));
+        lights.push(Light::spot(corner, Vec3::X, 0.1, 1.0, bright));
+        lights.push(Light::rectangle(corner, Vec3::X * m, Vec3::Y * m, bright));
+        lights.push(Light::rectangle(corner, Vec3::new(m, m, m), Vec3::new(-m, m, m), bright).two_sided());
+        lights.push(Light::triangle([corner, -corner, Vec3::new(-m, m, 0.0)], bright).two_sided());
+        lights.push(Light::sphere(corner, m, bright));
+        lights.push(Light::sphere(corner, 1.0, bright).with_range(1.0e30));
+    }
+    lights.extend((0..60).map(|_| Light::rectangle(rng.place(m), Vec3::X * m, Vec3::Y * m, bright)));
+    let turn = Mat3::from_quat(Quat::from_axis_angle(rng.direction(), 1.0));
+    let even = |s: f32| Mat3::from_diagonal(Vec3::splat(s));
+    let least = 1.001 / MAX_SCALE;
+    for linear in [
+        Mat3::IDENTITY,
+        even(MAX_SCALE),
+        even(-MAX_SCALE),
+        even(least),
+        turn * even(0.9 * MAX_SCALE),
+        turn * even(least),
+        Mat3::from_diagonal(Vec3::new(1.0, MAX_SCALE, MAX_SCALE)),
+        Mat3::from_diagonal(Vec3::new(1.0, 1.0, 1.0e-8)),
+        Mat3::from_cols(Vec3::splat(MAX_SCALE), Vec3::new(-MAX_SCALE, MAX_SCALE, 0.0), Vec3::new(0.0, 0.0, MAX_SCALE)),
+    ] {
+        for translation in [DVec3::ZERO, DVec3::splat(1.0e9), DVec3::new(-1.0e9, 1.0e9, 0.0)] {
+            let mut world = placed(lights.clone(), [Placement { linear, translation }]);
+            let tree = world.trees().next().expect("a tree");
+            world.add_instance(tree, Placement::at(-translation), Policy::Budgeted).expect("allowed");
+            let tree = world.tree(tree).expect("it lives");
+            let flux = tree.flux();
+            assert!(flux.area.is_finite() && flux.punctual.is_finite(), "{flux:?}");
+            let a = tree.attributes();
+            assert!([a.distance, a.overlap, a.variance, a.splitting_cost].into_iter().all(f32::is_finite), "{a:?}");
+            let mut all = receivers(&mut rng, 8, 1.0);
+            all.extend(receivers(&mut rng, 8, m));
+            all.extend([m, -m].into_iter().flat_map(|x| at_point(Vec3::splat(x))));
+            assert!(prove(&world, &all, 14) > 0);
+            prove_on_gpu(&mut world, &all, 14);
+        }
+    }
+}
+
+#[test]
+fn ill_conditioned_placements_keep_every_light_or_are_refused() {
+    let mut rng = Rng(111);
+    for round in 0..200 {
+        let turn = |rng: &mut Rng| Mat3::from_quat(Quat::from_axis_angle(rng.direction(), rng.between(0.0, 6.0)));
+        let thin = 10.0_f32.powf(rng.between(-9.0, 0.0));
+        let shape = turn(&mut rng) * Mat3::from_diagonal(Vec3::new(1.0, 1.0, thin)) * turn(&mut rng);
+        let mut lights = one_of_each(&mut rng, Vec3::ZERO, 0.3);
+        let ranged: Vec<_> = lights.iter().map(|l| l.with_range(1.0)).collect();
+        lights.extend(ranged);
+        let mut world = World::new();
+        let tree = world.add_tree(lights).expect("allowed");
+        let placement = Placement { linear: shape, translation: rng.place(100.0).as_dvec3() };
+        if world.add_instance(tree, placement, Policy::Static).is_err() {
+            continue;
+        }
+        let middle = placement.translation.as_vec3();
+        let all: Vec<_> = (0..40).map(|_| Receiver::surface(middle + rng.place(1.2), rng.direction())).collect();
+        prove(&world, &all, round);
+    }
+}
+
+#[test]
+fn twenty_thousand_refits_leave_a_tree_no_looser_than_its_lights() {
+    let mut rng = Rng(112);
+    let mut lights = rng.lights(40, 5.0);
+    let mut tree = LightTree::new(lights.clone()).expect("allowed");
+    for round in 0..20_000_u32 {
+        let index = (rng.bits() % 40) as usize;
+        let step = rng.place(0.05);
+        lights[index] = moved(&lights[index], step);
+        tree.set(&[(index as u32, lights[index])]).expect("allowed");
+        tree.refit();
+        if round % 1000 == 0 {
+            tree.check().expect("sound all the way");
+        }
+    }
+    tree.check().expect("sound at the end");
+    // The same shape over the same lights, refitted once: no trace of the way there.
+    let mut fresh = LightTree::new(lights.clone()).expect("allowed");
+    let fresh_root = fresh.nodes()[0].cluster();
+    let root = tree.nodes()[0].cluster();
+    assert_eq!((root.aabb, root.range), (fresh_root.aabb, fresh_root.range));
+    // Sums of 40 terms in another order.
+    assert!((root.flux / fresh_root.flux - 1.0).abs() < 1.0e-5, "{root:?} {fresh_root:?}");
+    assert!(root.mean.distance(fresh_root.mean) < 1.0e-4, "{root:?} {fresh_root:?}");
+    assert!((root.variance / fresh_root.variance - 1.0).abs() < 1.0e-4, "{root:?} {fresh_root:?}");
+    let before = tree.nodes().to_vec();
+    tree.refit();
+    assert_eq!(tree.nodes(), before, "a refit without a change changes nothing");
+    tree.rebuild();
+    fresh.rebuild();
+    assert_eq!(tree.nodes(), fresh.nodes());
+}
+
+fn moved(light: &Light, step: Vec3) -> Light {
+    use girandole::Shape;
+    let mut light = *light;
+    match &mut light.shape {
+        Shape::Point { position } | Shape::Spot { position, .. } => *position += step,
+        Shape::Rectangle { center, .. } | Shape::Sphere { center, .. } => *center += step,
+        Shape::Triangle { vertices, .. } => *vertices = vertices.map(|v| v + step),
+    }
+    light
+}
+
+#[test]
+fn a_world_that_is_switched_off_and_on_again_shines_as_before() {
+    let mut rng = Rng(113);
+    let mut world = rng.world(2, 30, 3, 10.0);
+    let trees: Vec<_> = world.trees().collect();
+    let all = receivers(&mut rng, 10, 12.0);
+    let before: Vec<_> = all.iter().map(|r| all_chances(&world, r)).collect();
+    for tree in &trees {
+        let lights = world.tree(*tree).expect("it lives").lights().to_vec();
+        let off: Vec<_> = (0..).zip(&lights).map(|(i, l)| (i, Light { emission: Vec3::ZERO, ..*l })).collect();
+        world.set_lights(*tree, &off).expect("dark is allowed");
+        world.update(FrameBudget::NONE);
+        prove(&world, &all, 15);
+        prove_on_gpu(&mut world, &all, 15);
+        let on: Vec<_> = (0..).zip(lights).collect();
+        world.set_lights(*tree, &on).expect("allowed");
+        world.update(FrameBudget::NONE);
+    }
+    let after: Vec<_> = all.iter().map(|r| all_chances(&world, r)).collect();
+    assert_eq!(before, after);
+}
+
+#[test]
+fn receivers_with_odd_normals_get_valid_chances() {
+    let mut rng = Rng(114);
+    let world = rng.world(3, 40, 3, 10.0);
+    let mut all = Vec::new();
+    for length in [0.0, 1.0e-44, 1.0e-30, 1.0e-20, 1.0e-3, 0.5, 2.0, 1.0e6, 1.0e15] {
+        all.extend((0..5).map(|_| Receiver::surface(rng.place(12.0), rng.direction() * length)));
+    }
+    assert!(prove(&world, &all, 16) > 1000);
+}
+
+#[test]
+fn receivers_that_are_not_numbers_get_no_nonsense() {
+    let mut rng = Rng(115);
+    let world = rng.world(3, 40, 3, 10.0);
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX] {
+        let all = [
+            Receiver::volume(Vec3::splat(bad)),
+            Receiver::volume(Vec3::X * bad),
+            Receiver::surface(Vec3::ONE, Vec3::splat(bad)),
+            Receiver::surface(Vec3::splat(bad), Vec3::Y),
+        ];
+        prove(&world, &all, 17);
+    }
+}
+
+/// Log-uniform, of either sign.
+fn any_size(rng: &mut Rng, least: f32, most: f32) -> f32 {
+    let size = 10.0_f32.powf(rng.between(least, most));
+    if rng.bits().is_multiple_of(2) { size } else { -size }
+}
+
+fn any_place(rng: &mut Rng, least: f32, most: f32) -> Vec3 {
+    let largest = any_size(rng, least, most).abs();
+    rng.direction() * largest
+}
+
+#[test]
+fn whatever_is_allowed_keeps_every_promise() {
+    let mut reached = 0;
+    for round in 0..600 {
+        let mut rng = Rng(2000 + round);
+        let size = any_size(&mut rng, -6.0, 6.0).abs();
+        let middle = any_place(&mut rng, -3.0, 8.0);
+        let lights: Vec<Light> = (0..30)
+            .map(|i| {
+                let at = if i % 7 == 0 { middle } else { middle + rng.place(size) };
+                let (u, v) = (any_place(&mut rng, -9.0, 1.0) * size, any_place(&mut rng, -9.0, 1.0) * size);
+                let emission = Vec3::new(rng.unit(), rng.unit(), rng.unit()) * any_size(&mut rng, -20.0, 14.9).abs();
+                let outer = any_size(&mut rng, -6.0, 0.49).abs();
+                let light = match rng.bits() % 6 {
+                    0 => Light::point(at, emission),
+                    1 => Light::spot(at, rng.direction(), outer * rng.unit(), outer, emission),
+                    2 => Light::rectangle(at, u, v, emission),
+                    3 => Light::triangle([at, at + u, at + v], emission),
+                    4 => Light::triangle([at, at + u, at + v], emission).two_sided(),
+                    _ => Light::sphere(at, u.length(), emission),
+                };
+                if rng.bits().is_multiple_of(3) { light.with_range(any_size(&mut rng, -9.0, 9.0).abs()) } else { light }
+            })
+            .collect();
+        let mut world = World::new();
+        let tree = world.add_tree(lights.clone()).expect("allowed lights");
+        world.tree(tree).expect("just added").check().expect("a sound tree");
+        let mut targets = Vec::new();
+        for _ in 0..3 {
+            let turn = |rng: &mut Rng| Mat3::from_quat(Quat::from_axis_angle(rng.direction(), rng.between(0.0, 6.0)));
+            let even = any_size(&mut rng, -8.0, 8.0);
+            let uneven =
+                Vec3::new(any_size(&mut rng, -1.0, 1.0), any_size(&mut rng, -1.0, 1.0), any_size(&mut rng, -1.0, 1.0));
+            let linear = match rng.bits() % 4 {
+                0 => Mat3::IDENTITY,
+                1 => turn(&mut rng),
+                2 => turn(&mut rng) * even,
+                _ => turn(&mut rng) * Mat3::from_diagonal(uneven) * turn(&mut rng),
+            };
+            let translation = if rng.bits().is_multiple_of(3) {
+                // The lights come to lie near the origin.
+                -(linear.as_dmat3() * middle.as_dvec3())
+            } else {
+                any_place(&mut rng, -3.0, 8.9).as_dvec3()
+            };
+            // Far scales may carry the translation out of the world: an ordinary refusal.
+            if world.add_instance(tree, Placement { linear, translation }, Policy::Static).is_ok() {
+                targets.push((linear, translation.as_vec3()));
+            }
+        }
+        let mut all = Vec::new();
+        for (linear, translation) in targets {
+            for _ in 0..8 {
+                let light = &lights[(rng.bits() % 30) as usize];
+                let away = rng.direction() * any_size(&mut rng, -6.0, 3.0) * size;
+                let position = linear * (light.aabb().center() + away) + translation;
+                let toward = (linear * away).normalize_or(Vec3::X);
+                // Every other one with the light on its horizon.
+                let side = toward.cross(rng.direction()).normalize_or(Vec3::Y);
+                all.push(Receiver { position, normal: if rng.bits().is_multiple_of(2) { side } else { -toward } });
+            }
+        }
+        reached += prove(&world, &all, round);
+    }
+    assert!(reached > 100_000, "{reached}");
+}
