@@ -65,7 +65,8 @@ fn light_provably_dark(child: LightChild, view: LightView) -> bool {
 
     let outside = max(abs(center) - half - vec3(margin), vec3(0.0));
     let reach = child.range * view.range_scale * (1.0 + LIGHT_COSINE_MARGIN);
-    if child.range < LIGHT_FARTHEST && length(outside) > reach {
+    let gap = length(outside);
+    if child.range < LIGHT_FARTHEST && gap > reach && gap <= LIGHT_LONGEST {
         return true;
     }
 
@@ -75,7 +76,7 @@ fn light_provably_dark(child: LightChild, view: LightView) -> bool {
     }
     let radius = length(half) * (1.0 + LIGHT_COSINE_MARGIN) + margin;
     let distance = length(center);
-    if distance <= radius {
+    if distance <= radius || distance > LIGHT_LONGEST {
         return false;
     }
     let cos_axis = -dot(light_unpack_direction(child.cone_axis), center) / distance;

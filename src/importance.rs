@@ -75,6 +75,8 @@ pub(crate) const MOST: f32 = 1.0e36;
 /// Rounding of positions, relative to the sum of all coordinates that are added and turned: each transform, at either
 /// end, loses at most 3e-7 of the largest. Not of the coordinate at hand: turns mix all three.
 pub(crate) const POSITION_MARGIN: f32 = 1.0e-6;
+/// Metres beyond which squares leave f32, and prove nothing: far receivers seen from small instances get there.
+pub(crate) const LONGEST: f32 = 1.0e19;
 /// Rounding of cosines between unpacked axes and normalised directions, and what a similarity may be off by.
 pub(crate) const COSINE_MARGIN: f32 = 1.0e-4;
 
@@ -138,7 +140,8 @@ fn provably_dark(child: &Child, view: &View) -> bool {
 
     // Everything out of range.
     let outside = (center.abs() - half - margin).max(Vec3::ZERO);
-    if child.range < FARTHEST && outside.length() > child.range * view.range_scale * (1.0 + COSINE_MARGIN) {
+    let (gap, reach) = (outside.length(), child.range * view.range_scale * (1.0 + COSINE_MARGIN));
+    if child.range < FARTHEST && gap > reach && gap <= LONGEST {
         return true;
     }
 
@@ -149,7 +152,7 @@ fn provably_dark(child: &Child, view: &View) -> bool {
     }
     let radius = half.length() * (1.0 + COSINE_MARGIN) + margin;
     let distance = center.length();
-    if distance <= radius {
+    if distance <= radius || distance > LONGEST {
         return false;
     }
     let cos_axis = -unpack_direction(child.cone_axis).dot(center) / distance;

@@ -81,6 +81,7 @@ pub(crate) fn constants() -> String {
         ("LEAST", importance::LEAST),
         ("MOST", importance::MOST),
         ("POSITION_MARGIN", importance::POSITION_MARGIN),
+        ("LONGEST", importance::LONGEST),
         ("COSINE_MARGIN", importance::COSINE_MARGIN),
         ("LEAST_FLUX", light::MIN_FLUX),
         ("MOST_FLUX", cluster::MOST_FLUX),

@@ -653,6 +653,23 @@ fn receivers_that_are_not_numbers_get_no_nonsense() {
     }
 }
 
+#[test]
+fn a_receiver_at_the_edge_of_numbers_sees_small_instances() {
+    let mut rng = Rng(116);
+    for scale in [1.0, 1.0e-3, 1.0e-8] {
+        let at = Placement { linear: Mat3::from_diagonal(Vec3::splat(scale)), translation: DVec3::ONE };
+        let lights = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z]
+            .map(|d| Light::spot(Vec3::ZERO, d, 0.5, 1.0, Vec3::splat(MAX_EMISSION)).with_range(1.0e17));
+        let mut world = placed(lights.to_vec(), [at]);
+        let all: Vec<_> = (9..18)
+            .flat_map(|k| (0..10).map(move |_| k))
+            .map(|k| Receiver::volume(rng.direction() * 10.0_f32.powi(k)))
+            .collect();
+        assert!(prove(&world, &all, 18) > 50);
+        prove_on_gpu(&mut world, &all, 18);
+    }
+}
+
 /// Log-uniform, of either sign.
 fn any_size(rng: &mut Rng, least: f32, most: f32) -> f32 {
     let size = 10.0_f32.powf(rng.between(least, most));
