@@ -12,4 +12,5 @@ mod hard_cases;
 mod sampling;
 mod support;
 mod tree;
+mod variance;
 mod world;

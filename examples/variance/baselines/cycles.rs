@@ -1,0 +1,217 @@
+//! The importance of the light tree of Cycles, Blender's path tracer, on a binary tree.
+//!
+//! Source: the light tree of Cycles (kernel/light/tree.h; "Light Tree" in Blender's manual), after Conty Estevez and Kulla
+//! (2018): the chance of a child is the mean of its shares of the greatest and of the least light that can arrive, the
+//! second even among children where it is 0. Differs: one light a leaf where Cycles may keep several; no instances; peak
+//! intensity in candela as energy.
+
+use super::bounds::LightBounds;
+use super::tree::Formula;
+use girandole::bounds::Aabb;
+use girandole::glam::Vec3;
+use girandole::light::luminance;
+use girandole::{Light, Receiver, Shape};
+use std::f32::consts::PI;
+
+/// Distances are held above this, in metres, so that no importance is infinite.
+const MIN_DISTANCE: f32 = 1.0e-6;
+
+/// The formula.
+pub struct Cycles;
+
+/// A node's bounds.
+#[derive(Clone, Copy)]
+pub struct CyclesBounds {
+    aabb: Aabb,
+    cone: Emission,
+    energy: f32,
+}
+
+/// The cone of normals and the emission angle about it.
+#[derive(Clone, Copy)]
+struct Emission {
+    axis: Vec3,
+    sin_o: f32,
+    cos_o: f32,
+    /// Of the sum of both angles; below -1 where that is more than half a turn.
+    cos_reach: f32,
+    /// Of the emission angle less the normals'; above 1 where that is negative.
+    cos_core: f32,
+}
+
+impl Emission {
+    fn new(axis: Vec3, theta_o: f32, theta_e: f32) -> Self {
+        let (sin_o, cos_o) = theta_o.sin_cos();
+        let cos_reach = if theta_o + theta_e > PI { -2.0 } else { (theta_o + theta_e).cos() };
+        let cos_core = if theta_e < theta_o { 2.0 } else { (theta_e - theta_o).cos() };
+        Self { axis, sin_o, cos_o, cos_reach, cos_core }
+    }
+}
+
+/// Where a group of lights is seen.
+struct Seen {
+    /// Unit vector from the receiver.
+    direction: Vec3,
+    /// Cosine of the half-angle that it covers.
+    cos_u: f32,
+    nearest: f32,
+    farthest: f32,
+}
+
+/// The greatest and least light that can arrive.
+#[derive(Clone, Copy, Default)]
+struct Range {
+    most: f32,
+    least: f32,
+}
+
+impl Formula for Cycles {
+    type Bounds = CyclesBounds;
+
+    fn bounds(light: &Light) -> LightBounds {
+        let emission = luminance(light.emission);
+        match light.shape {
+            Shape::Point { .. } => LightBounds::all_round(light, emission),
+            Shape::Sphere { radius, .. } => LightBounds::all_round(light, emission * PI * radius * radius),
+            Shape::Spot { direction, outer_angle, .. } => {
+                let energy = if outer_angle > 0.0 { emission } else { 0.0 };
+                LightBounds::spot(light, direction, [0.0, outer_angle], energy)
+            }
+            Shape::Rectangle { two_sided, .. } | Shape::Triangle { two_sided, .. } => {
+                let sides = if two_sided { 2.0 } else { 1.0 };
+                let bounds = LightBounds::flat(light, emission * light.area().unwrap_or(0.0) / sides);
+                if two_sided { LightBounds { theta_o: PI, ..bounds } } else { bounds }
+            }
+        }
+    }
+
+    fn pack(bounds: &LightBounds) -> CyclesBounds {
+        let cone = Emission::new(bounds.axis, bounds.theta_o, bounds.theta_e);
+        CyclesBounds { aabb: bounds.aabb, cone, energy: bounds.power }
+    }
+
+    fn first_chance(&self, children: [(&CyclesBounds, Option<&Light>); 2], receiver: &Receiver) -> Option<f32> {
+        let [a, b] = children.map(|(bounds, light)| match light {
+            Some(light) => light_range(bounds, light, receiver),
+            None => node_range(bounds, receiver),
+        });
+        if a.most + b.most <= 0.0 {
+            return None;
+        }
+        let by_most = a.most / (a.most + b.most);
+        let by_least = match (a.least + b.least > 0.0, a.most > 0.0, b.most > 0.0) {
+            (true, ..) => a.least / (a.least + b.least),
+            (_, true, true) => 0.5,
+            (_, first, _) => f32::from(u8::from(first)),
+        };
+        Some(0.5 * (by_most + by_least))
+    }
+}
+
+fn node_range(bounds: &CyclesBounds, receiver: &Receiver) -> Range {
+    let Aabb { min, max } = bounds.aabb;
+    let half = 0.5 * (max - min);
+    let toward = bounds.aabb.center() - receiver.position;
+    let highest = receiver.normal.dot(toward) + receiver.normal.abs().dot(half);
+    if receiver.normal != Vec3::ZERO && highest <= 0.0 {
+        return Range::default();
+    }
+    let direction = toward.normalize_or_zero();
+    let is_inside = receiver.position.cmpgt(min).all() && receiver.position.cmplt(max).all();
+    let corners = (0..8).map(|corner| {
+        let pick = |axis: usize| if corner >> axis & 1 == 0 { min[axis] } else { max[axis] };
+        Vec3::new(pick(0), pick(1), pick(2))
+    });
+    let cos_u = if is_inside { -1.0 } else { cos_cover(direction, corners, receiver) };
+    let distance = toward.length().max(0.5 * half.length());
+    range(&bounds.cone, bounds.energy, &Seen { direction, cos_u, nearest: distance, farthest: distance }, receiver)
+}
+
+fn light_range(bounds: &CyclesBounds, light: &Light, receiver: &Receiver) -> Range {
+    match light.shape {
+        Shape::Point { position } => round_range(bounds, None, position, 0.0, receiver),
+        Shape::Sphere { center, radius } => round_range(bounds, None, center, radius, receiver),
+        Shape::Spot { position, .. } => round_range(bounds, Some(&bounds.cone), position, 0.0, receiver),
+        Shape::Triangle { vertices, .. } => flat_range(bounds, &vertices, receiver),
+        Shape::Rectangle { center, half_u: u, half_v: v, .. } => {
+            flat_range(bounds, &[center - u - v, center - u + v, center + u - v, center + u + v], receiver)
+        }
+    }
+}
+
+/// Points, spots and spheres; without a cone the light faces the receiver.
+fn round_range(
+    bounds: &CyclesBounds,
+    cone: Option<&Emission>,
+    center: Vec3,
+    radius: f32,
+    receiver: &Receiver,
+) -> Range {
+    let toward = center - receiver.position;
+    let direction = toward.normalize_or_zero();
+    let reach = toward.length().hypot(radius).max(MIN_DISTANCE);
+    let facing = Emission { axis: -direction, sin_o: 0.0, cos_o: 1.0, cos_reach: 0.0, cos_core: 0.0 };
+    let seen = Seen { direction, cos_u: toward.length() / reach, nearest: reach, farthest: reach };
+    range(cone.unwrap_or(&facing), bounds.energy, &seen, receiver)
+}
+
+fn flat_range(bounds: &CyclesBounds, corners: &[Vec3], receiver: &Receiver) -> Range {
+    let center = corners.iter().sum::<Vec3>() / corners.len() as f32;
+    let toward = center - receiver.position;
+    let direction = toward.normalize_or_zero();
+    let is_above = receiver.normal == Vec3::ZERO
+        || corners.iter().any(|corner| (*corner - receiver.position).dot(receiver.normal) > 0.0);
+    // A cone of all directions stands for two sides.
+    let is_front = bounds.cone.cos_o < 1.0 || bounds.cone.axis.dot(direction) < 0.0;
+    if !is_above || !is_front {
+        return Range::default();
+    }
+    let farthest = corners.iter().map(|corner| corner.distance(receiver.position)).fold(0.0, f32::max);
+    let cos_u = cos_cover(direction, corners.iter().copied(), receiver);
+    range(&bounds.cone, bounds.energy, &Seen { direction, cos_u, nearest: toward.length(), farthest }, receiver)
+}
+
+/// Cosine of the greatest angle between a direction and those to the corners.
+fn cos_cover(direction: Vec3, corners: impl Iterator<Item = Vec3>, receiver: &Receiver) -> f32 {
+    let cosines = corners.map(|corner| direction.dot((corner - receiver.position).normalize_or_zero()));
+    cosines.fold(1.0, f32::min)
+}
+
+fn range(cone: &Emission, energy: f32, seen: &Seen, receiver: &Receiver) -> Range {
+    let (cos_u, sin_u) = (seen.cos_u, sine(seen.cos_u));
+    let (mut cos_best, mut cos_worst) = (1.0, 1.0);
+    if receiver.normal != Vec3::ZERO {
+        let cos = receiver.normal.dot(seen.direction).clamp(-1.0, 1.0);
+        let sin = sine(cos);
+        cos_best = if cos >= cos_u { 1.0 } else { cos * cos_u + sin * sin_u };
+        if cos_best < 0.0 {
+            return Range::default();
+        }
+        cos_worst = (cos * cos_u - sin * sin_u).max(0.0);
+    }
+
+    let cos = (-cone.axis.dot(seen.direction)).clamp(-1.0, 1.0);
+    let sin = sine(cos);
+    let cos_near = cos * cos_u + sin * sin_u;
+    let emission_best = if cos >= cos_u || cos_near >= cone.cos_o {
+        1.0
+    } else if cos_near > cone.cos_reach {
+        cos_near * cone.cos_o + sine(cos_near) * cone.sin_o
+    } else {
+        return Range::default();
+    };
+    let nearest = seen.nearest.max(MIN_DISTANCE);
+    let most = (cos_best * energy * emission_best / (nearest * nearest)).abs();
+
+    let cos_far = cos * cos_u - sin * sin_u;
+    if cos < 0.0 || cos_u < 0.0 || cos_far < cone.cos_core {
+        return Range { most, least: 0.0 };
+    }
+    let emission_worst = cos_far * cone.cos_o - sine(cos_far) * cone.sin_o;
+    let farthest = seen.farthest.max(MIN_DISTANCE);
+    Range { most, least: (cos_worst * energy * emission_worst / (farthest * farthest)).abs() }
+}
+
+fn sine(cos: f32) -> f32 {
+    (1.0 - cos * cos).max(0.0).sqrt()
+}

@@ -1,0 +1,114 @@
+//! The importance of pbrt-v4's light BVH.
+//!
+//! Source: Pharr, Jakob and Humphreys, Physically Based Rendering (4th edition), 12.6.3, with the light bounds of 12.2
+//! to 12.4. As published: the squared distance is held above half the box's diagonal, lengths and squares mixed, and the
+//! receiver's cosine has no sign, because surfaces may let light through. Differs: bounds are not quantised.
+
+use super::bounds::LightBounds;
+use super::tree::Formula;
+use girandole::bounds::Aabb;
+use girandole::glam::Vec3;
+use girandole::light::luminance;
+use girandole::{Light, Receiver, Shape};
+use std::f32::consts::PI;
+
+/// The formula.
+pub struct Pbrt {
+    /// Ours: the cosine keeps its sign, so that nothing is spent on lights behind an opaque surface.
+    pub is_opaque: bool,
+}
+
+/// A node's bounds.
+#[derive(Clone, Copy)]
+pub struct PbrtBounds {
+    aabb: Aabb,
+    axis: Vec3,
+    power: f32,
+    cos_o: f32,
+    cos_e: f32,
+    is_two_sided: bool,
+}
+
+impl Formula for Pbrt {
+    type Bounds = PbrtBounds;
+
+    fn bounds(light: &Light) -> LightBounds {
+        let intensity = luminance(light.emission);
+        match light.shape {
+            Shape::Point { .. } | Shape::Sphere { .. } => LightBounds::all_round(light, light.flux()),
+            Shape::Spot { direction, inner_angle, outer_angle, .. } => {
+                let power = if outer_angle > 0.0 { 4.0 * PI * intensity } else { 0.0 };
+                LightBounds::spot(light, direction, [inner_angle, outer_angle], power)
+            }
+            Shape::Rectangle { two_sided, .. } | Shape::Triangle { two_sided, .. } => {
+                LightBounds { is_two_sided: two_sided, ..LightBounds::flat(light, light.flux()) }
+            }
+        }
+    }
+
+    fn pack(bounds: &LightBounds) -> PbrtBounds {
+        let LightBounds { aabb, axis, power, is_two_sided, .. } = *bounds;
+        PbrtBounds { aabb, axis, power, cos_o: bounds.theta_o.cos(), cos_e: bounds.theta_e.cos(), is_two_sided }
+    }
+
+    fn first_chance(&self, children: [(&PbrtBounds, Option<&Light>); 2], receiver: &Receiver) -> Option<f32> {
+        let [a, b] = children.map(|(bounds, _)| self.importance(bounds, receiver));
+        (a + b > 0.0).then(|| a / (a + b))
+    }
+}
+
+impl Pbrt {
+    fn importance(&self, bounds: &PbrtBounds, receiver: &Receiver) -> f32 {
+        let from_center = receiver.position - bounds.aabb.center();
+        let diagonal = bounds.aabb.extent().length();
+        let dist_sq = from_center.length_squared().max(0.5 * diagonal).max(f32::MIN_POSITIVE);
+        let direction = from_center.normalize_or_zero();
+
+        let mut cos_w = bounds.axis.dot(direction).clamp(-1.0, 1.0);
+        if bounds.is_two_sided {
+            cos_w = cos_w.abs();
+        }
+        let to_normals = Angle::from_cos(cos_w).minus(Angle::from_cos(bounds.cos_o));
+        let box_angle = Angle::from_cos(cos_subtended(&bounds.aabb, from_center));
+        let cos_emission = to_normals.minus(box_angle).cos;
+        if cos_emission <= bounds.cos_e {
+            return 0.0;
+        }
+
+        let mut cosine = 1.0;
+        if receiver.normal != Vec3::ZERO {
+            let cos = -receiver.normal.dot(direction).clamp(-1.0, 1.0);
+            let cos = if self.is_opaque { cos } else { cos.abs() };
+            cosine = Angle::from_cos(cos).minus(box_angle).cos;
+        }
+        (bounds.power * cos_emission * cosine / dist_sq).max(0.0)
+    }
+}
+
+/// Cosine of the angle that the box's bounding sphere covers; -1 from within.
+fn cos_subtended(aabb: &Aabb, from_center: Vec3) -> f32 {
+    let radius_sq = 0.25 * aabb.extent().length_squared();
+    let dist_sq = from_center.length_squared();
+    if dist_sq <= radius_sq { -1.0 } else { (1.0 - radius_sq / dist_sq).max(0.0).sqrt() }
+}
+
+/// An angle in [0, pi].
+#[derive(Clone, Copy)]
+struct Angle {
+    sin: f32,
+    cos: f32,
+}
+
+impl Angle {
+    fn from_cos(cos: f32) -> Self {
+        Self { sin: (1.0 - cos * cos).max(0.0).sqrt(), cos }
+    }
+
+    /// The difference, 0 if `other` is larger.
+    fn minus(self, other: Self) -> Self {
+        if self.cos > other.cos {
+            return Self { sin: 0.0, cos: 1.0 };
+        }
+        Self { sin: self.sin * other.cos - self.cos * other.sin, cos: self.cos * other.cos + self.sin * other.sin }
+    }
+}

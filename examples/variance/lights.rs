@@ -1,0 +1,56 @@
+//! The same lights for every sampler: those of a world one by one, carried out of their instances.
+
+use girandole::glam::Vec3;
+use girandole::light::luminance;
+use girandole::{Light, LightId, Placement, Receiver, Sampler, Shape, World};
+
+/// Every light of a world in the world's space, in the order of [`Sampler::all_lights`].
+pub fn carried(world: &World) -> Vec<Light> {
+    let mut lights = Vec::with_capacity(world.light_count());
+    for instance in world.instances() {
+        let tree = world.instance_tree(instance).and_then(|tree| world.tree(tree));
+        if let (Some(placement), Some(tree)) = (world.placement(instance), tree) {
+            lights.extend(tree.lights().iter().map(|light| carry(light, &placement)));
+        }
+    }
+    lights
+}
+
+/// Illuminance by each light at a receiver, in lux: exact for points and spots, and what the point at u = (0.5, 0.5) would
+/// bring if it stood for all of the surface (radiance * cosine / pdf) for the others. Without shadows.
+pub fn contributions(sampler: &Sampler<'_>, lights: &[LightId], receiver: &Receiver) -> Vec<f32> {
+    let one = |light: &LightId| {
+        let incident = sampler.sample_light(receiver, *light, [0.5, 0.5])?;
+        Some(luminance(incident.radiance) * incident.direction.dot(receiver.normal).max(0.0) / incident.pdf)
+    };
+    lights.iter().map(|light| one(light).unwrap_or(0.0)).collect()
+}
+
+/// A sphere that an instance flattens becomes the sphere of the same volume; everything else is exact.
+fn carry(light: &Light, placement: &Placement) -> Light {
+    let linear = placement.linear;
+    let point = |p: Vec3| (placement.translation + (linear * p).as_dvec3()).as_vec3();
+    let is_mirrored = linear.determinant() < 0.0;
+    let shape = match light.shape {
+        Shape::Point { position } => Shape::Point { position: point(position) },
+        Shape::Spot { position, direction, inner_angle, outer_angle } => Shape::Spot {
+            position: point(position),
+            direction: (linear * direction).normalize_or(Vec3::Z),
+            inner_angle,
+            outer_angle,
+        },
+        // A mirror swaps two corners, or the front would become the back.
+        Shape::Rectangle { center, half_u, half_v, two_sided } => {
+            let (u, v) = if is_mirrored { (half_v, half_u) } else { (half_u, half_v) };
+            Shape::Rectangle { center: point(center), half_u: linear * u, half_v: linear * v, two_sided }
+        }
+        Shape::Triangle { vertices: [a, b, c], two_sided } => {
+            let vertices = if is_mirrored { [a, c, b] } else { [a, b, c] };
+            Shape::Triangle { vertices: vertices.map(point), two_sided }
+        }
+        Shape::Sphere { center, radius } => {
+            Shape::Sphere { center: point(center), radius: radius * linear.determinant().abs().cbrt() }
+        }
+    };
+    Light { shape, ..*light }
+}

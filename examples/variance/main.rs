@@ -1,0 +1,72 @@
+//! How noisy one light sample is, without noise in the answer: this library beside published samplers.
+//!
+//! ```text
+//! cargo run --release --example variance -- --out variance.csv [--gltf FILE] [--receivers N] [--world S|M]
+//! ```
+//!
+//! prints a table and writes it as CSV: for each scene and sampler the exact relative standard deviation of one sample
+//! over fixed receivers (`sigma.rs`), nanoseconds a draw, and bytes of tree a light. Expect `girandole` well below `pbrt`
+//! and `cycles`. `docs/benchmarks.md` holds a measured table and its rules.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program talks to its user")]
+
+mod baselines;
+mod lights;
+mod measure;
+mod receivers;
+mod report;
+mod samplers;
+#[path = "../city/scene/mod.rs"]
+#[allow(dead_code, reason = "the city draws what is only measured here")]
+mod scene;
+mod sigma;
+mod stages;
+mod timing;
+
+use clap::Parser;
+use scene::SceneError;
+use scene::procedural::Size;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Measures the noise of one light sample.
+#[derive(Parser)]
+#[command(name = "variance", version)]
+struct Options {
+    /// The table, as CSV
+    #[arg(long, value_name = "FILE.csv")]
+    out: PathBuf,
+    /// A glTF scene to measure too
+    #[arg(long, value_name = "FILE")]
+    gltf: Option<PathBuf>,
+    /// Points that light arrives at
+    #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    receivers: u32,
+    /// How large the procedural city is
+    #[arg(long, value_enum, ignore_case = true, default_value_t = Size::S)]
+    world: Size,
+}
+
+fn run(options: &Options) -> Result<(), SceneError> {
+    let count = options.receivers as usize;
+    let mut scenes = Vec::from(stages::city(options.world, count)?);
+    if let Some(path) = &options.gltf {
+        scenes.push(stages::gltf(path, count)?);
+    }
+    let mut rows = Vec::new();
+    for scene in &scenes {
+        let measured = measure::measure(scene)?;
+        report::print(&measured);
+        rows.extend(measured.rows);
+    }
+    report::write(&options.out, &rows)
+}
+
+fn main() -> ExitCode {
+    match run(&Options::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(2)
+        }
+    }
+}

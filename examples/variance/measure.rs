@@ -1,0 +1,54 @@
+//! One scene's lines of the table.
+
+use super::lights::{carried, contributions};
+use super::samplers;
+use super::scene::SceneError;
+use super::sigma::{Noise, Summary};
+use super::stages::Lit;
+use super::timing::nanoseconds;
+use girandole::{LightId, Receiver};
+use rayon::prelude::*;
+
+/// A line.
+pub struct Row {
+    pub scene: String,
+    pub sampler: &'static str,
+    pub sigma: Summary,
+    pub ns_per_sample: f64,
+    pub bytes_per_light: f64,
+}
+
+/// A scene's lines and what they were measured on.
+pub struct Measured {
+    pub rows: Vec<Row>,
+    pub lights: usize,
+    pub instances: usize,
+    /// Receivers that any light reaches; the others say nothing about a choice of light.
+    pub lit_receivers: usize,
+}
+
+/// Measures all samplers on a scene.
+pub fn measure(lit: &Lit) -> Result<Measured, SceneError> {
+    let lights = carried(&lit.world);
+    let choosers = samplers::all(&lit.world, &lights)?;
+    let sampler = lit.world.sampler();
+    let ids: Vec<LightId> = sampler.all_lights().collect();
+    let lux: Vec<Vec<f32>> = lit.receivers.par_iter().map(|at| contributions(&sampler, &ids, at)).collect();
+    let lit_receivers = lux.iter().filter(|lux| lux.iter().any(|lux| *lux > 0.0)).count();
+    if lit_receivers == 0 {
+        return Err(SceneError(format!("{}: no light reaches any receiver", lit.name)));
+    }
+    let times = nanoseconds(&choosers, &lit.receivers);
+    let rows = choosers.iter().zip(times).map(|(chooser, ns_per_sample)| {
+        let of_receiver = |(at, lux): (&Receiver, &Vec<f32>)| Noise::of(lux, &chooser.chances(at, lux));
+        let noises: Vec<Noise> = lit.receivers.par_iter().zip(&lux).filter_map(of_receiver).collect();
+        Row {
+            scene: lit.name.clone(),
+            sampler: chooser.name(),
+            sigma: Summary::of(&noises),
+            ns_per_sample,
+            bytes_per_light: chooser.bytes() as f64 / lights.len() as f64,
+        }
+    });
+    Ok(Measured { rows: rows.collect(), lights: lights.len(), instances: lit.world.instance_count(), lit_receivers })
+}

@@ -1,0 +1,48 @@
+//! Points on a scene's surfaces, spread evenly over their area, always the same.
+
+use super::scene::rng::Rng;
+use super::scene::{Scene, SceneError};
+use girandole::Receiver;
+use girandole::bounds::Aabb;
+use girandole::glam::Vec3;
+
+/// Receivers lie this far in front of their surface, in metres.
+const OFFSET: f32 = 1.0e-3;
+/// Of the places of receivers.
+const SEED: u64 = 12_345;
+/// Tries a receiver before the bounds count as empty.
+const TRIES: usize = 10_000;
+
+/// `count` points on visible surfaces within `bounds`, with the normals of the triangles' fronts.
+pub fn receivers(scene: &Scene, bounds: &Aabb, count: usize) -> Result<Vec<Receiver>, SceneError> {
+    let mut triangles: Vec<(f64, [Vec3; 3])> = Vec::new();
+    let mut area = 0.0;
+    for object in scene.objects.iter().filter(|object| object.visible) {
+        for triangle in &scene.meshes[object.mesh as usize].triangles {
+            let [a, b, c] = triangle.vertices.map(|vertex| object.transform.transform_point3(vertex));
+            if !bounds.intersection(&Aabb::around([a, b, c])).is_empty() {
+                area += f64::from((b - a).cross(c - a).length());
+                triangles.push((area, [a, b, c]));
+            }
+        }
+    }
+    let mut rng = Rng::new(SEED, 0);
+    let mut found = Vec::with_capacity(count);
+    for _ in 0..count * TRIES {
+        if found.len() == count || triangles.is_empty() {
+            break;
+        }
+        // Two numbers: one of 24 bits would miss most of a million triangles' places.
+        let at = (f64::from(rng.unit()) + f64::from(rng.unit()) / f64::from(1 << 24)) * area;
+        let index = triangles.partition_point(|(end, _)| *end <= at).min(triangles.len() - 1);
+        let [a, b, c] = triangles[index].1;
+        let (root, v) = (rng.unit().sqrt(), rng.unit());
+        let place = a * (1.0 - root) + b * (root * (1.0 - v)) + c * (root * v);
+        let normal = (b - a).cross(c - a).normalize_or_zero();
+        if normal != Vec3::ZERO && bounds.contains(&Aabb::point(place)) {
+            found.push(Receiver::surface(place + normal * OFFSET, normal));
+        }
+    }
+    let wanted = found.len() == count;
+    wanted.then_some(found).ok_or_else(|| SceneError("the scene has too few surfaces to stand on".into()))
+}

@@ -1,0 +1,59 @@
+//! The measure: the exact relative standard deviation of one sample, and its spread over receivers.
+
+/// A light that brings less than this share of a receiver's light and is never chosen is lost to rounding: published
+/// formulas have no margins, so that a light on the horizon within f32's last digits may get no chance. It is counted,
+/// but leaves sigma finite, in favour of those formulas.
+const ROUNDING_SHARE: f64 = 1.0e-6;
+
+/// At one receiver.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Noise {
+    /// Relative standard deviation of one sample.
+    pub sigma: f64,
+    /// Some light contributes and is never chosen.
+    pub has_unreached: bool,
+}
+
+impl Noise {
+    /// `sigma = sqrt(sum f^2 / p / (sum f)^2 - 1)` of contributions f chosen with chances p, infinite where a light that
+    /// contributes is never chosen (but see [`ROUNDING_SHARE`]); `None` where nothing contributes.
+    pub fn of(contributions: &[f32], chances: &[f32]) -> Option<Self> {
+        let sum: f64 = contributions.iter().map(|f| f64::from(*f)).sum();
+        let (mut second, mut has_unreached) = (0.0, false);
+        for (f, p) in contributions.iter().zip(chances).filter(|(f, _)| **f > 0.0) {
+            has_unreached |= *p <= 0.0;
+            if *p > 0.0 || f64::from(*f) > ROUNDING_SHARE * sum {
+                second += f64::from(*f).powi(2) / f64::from(*p);
+            }
+        }
+        let sigma = (second / (sum * sum) - 1.0).max(0.0).sqrt();
+        (sum > 0.0).then_some(Self { sigma, has_unreached })
+    }
+}
+
+/// Of one sampler over all receivers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Summary {
+    pub mean: f64,
+    pub median: f64,
+    /// 95th percentile.
+    pub p95: f64,
+    /// Receivers where some light contributes and is never chosen.
+    pub unreached: usize,
+}
+
+impl Summary {
+    /// Of at least one value. A percentile is the least value that so many do not exceed.
+    pub fn of(noises: &[Noise]) -> Self {
+        let mut sigmas: Vec<f64> = noises.iter().map(|noise| noise.sigma).collect();
+        sigmas.sort_by(f64::total_cmp);
+        let count = sigmas.len();
+        let percentile = |percent: usize| sigmas[(count * percent).div_ceil(100).max(1) - 1];
+        Self {
+            mean: sigmas.iter().sum::<f64>() / count as f64,
+            median: percentile(50),
+            p95: percentile(95),
+            unreached: noises.iter().filter(|noise| noise.has_unreached).count(),
+        }
+    }
+}

@@ -1,0 +1,84 @@
+//! The measure of the variance example and the published samplers that it compares with.
+
+use crate::support::Rng;
+use girandole::{Light, Placement, Policy, Receiver, World};
+
+#[path = "../../examples/variance/baselines/mod.rs"]
+#[allow(dead_code, missing_docs, reason = "the example's main uses what the tests do not")]
+mod baselines;
+#[path = "../../examples/variance/sigma.rs"]
+#[allow(missing_docs, reason = "part of a program")]
+mod sigma;
+
+use baselines::{BinaryTree, Cycles, Formula, Pbrt};
+use sigma::{Noise, Summary};
+
+/// Rounding of a sum of a few hundred products of chances, each of about ten f32 factors.
+const SUM_TOLERANCE: f64 = 1.0e-4;
+
+fn is_fair<F: Formula>(formula: F, lights: &[Light], rng: &mut Rng) {
+    let mut world = World::new();
+    let tree = world.add_tree(lights.to_vec()).expect("valid lights");
+    world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("a valid placement");
+    let sampler = world.sampler();
+    let binary = BinaryTree::new(formula, lights.to_vec());
+    for _ in 0..60 {
+        let receiver: Receiver = rng.receiver(12.0);
+        let pmfs = binary.pmfs(&receiver);
+        let sum: f64 = pmfs.iter().map(|p| f64::from(*p)).sum();
+        assert!(sum <= 1.0 + SUM_TOLERANCE, "{sum}");
+        for (light, id) in sampler.all_lights().enumerate() {
+            let contributes = sampler.sample_light(&receiver, id, [0.5, 0.5]).is_some();
+            assert!(!contributes || pmfs[light] > 0.0, "{:?} at {receiver:?}", lights[light]);
+        }
+        for _ in 0..60 {
+            if let Some((light, pmf)) = binary.pick(&receiver, f64::from(rng.unit())) {
+                assert_eq!(pmf, pmfs[light as usize]);
+            }
+        }
+    }
+}
+
+#[test]
+fn published_samplers_reach_every_light_that_contributes_and_pick_by_their_chances() {
+    let mut rng = Rng(41);
+    for count in [1, 2, 3, 40, 300] {
+        let lights = rng.lights(count, 10.0);
+        is_fair(Pbrt { is_opaque: false }, &lights, &mut rng);
+        is_fair(Pbrt { is_opaque: true }, &lights, &mut rng);
+        is_fair(Cycles, &lights, &mut rng);
+    }
+}
+
+#[test]
+fn picks_are_as_frequent_as_their_chances_say() {
+    let mut rng = Rng(42);
+    let binary = BinaryTree::new(Cycles, rng.lights(12, 10.0));
+    let receiver = Receiver::volume(rng.place(10.0));
+    let pmfs = binary.pmfs(&receiver);
+    let mut counts = [0_u32; 12];
+    let draws = 40_000;
+    for _ in 0..draws {
+        let (light, _) = binary.pick(&receiver, f64::from(rng.unit())).expect("a light");
+        counts[light as usize] += 1;
+    }
+    for (count, p) in counts.iter().zip(pmfs) {
+        // Five standard deviations: a false alarm in fewer than one of 100,000 runs.
+        let (share, p) = (f64::from(*count) / f64::from(draws), f64::from(p));
+        assert!((share - p).abs() <= 5.0 * (p * (1.0 - p) / f64::from(draws)).sqrt() + 1e-9, "{share} {p}");
+    }
+}
+
+#[test]
+fn sigma_has_values_computed_by_hand() {
+    let noise = |contributions: &[f32], chances: &[f32]| Noise::of(contributions, chances);
+    let sigma = |sigma: f64, has_unreached: bool| Some(Noise { sigma, has_unreached });
+    // (1 / .5 + 9 / .5) / 16 - 1 = 0.25.
+    assert_eq!(noise(&[1.0, 3.0], &[0.5, 0.5]), sigma(0.5, false));
+    assert_eq!(noise(&[1.0, 3.0], &[0.25, 0.75]), sigma(0.0, false));
+    assert_eq!(noise(&[1.0, 3.0], &[0.0, 1.0]), sigma(f64::INFINITY, true));
+    assert_eq!(noise(&[1.0e-9, 1.0], &[0.0, 1.0]), sigma(0.0, true));
+    assert_eq!(noise(&[0.0, 0.0], &[0.5, 0.5]), None);
+    let hundred: Vec<Noise> = (1..=100).map(|i| Noise { sigma: f64::from(i), has_unreached: i == 7 }).collect();
+    assert_eq!(Summary::of(&hundred), Summary { mean: 50.5, median: 50.0, p95: 95.0, unreached: 1 });
+}
