@@ -1,25 +1,30 @@
 //! The measure of the variance example and the published samplers that it compares with.
 
 use crate::support::Rng;
-use girandole::{Light, Placement, Policy, Receiver, World};
+use girandole::{Light, LightId, Placement, Policy, Receiver, Shape, World};
 
 #[path = "../../examples/variance/baselines/mod.rs"]
 #[allow(dead_code, missing_docs, reason = "the example's main uses what the tests do not")]
 mod baselines;
+#[path = "../../examples/variance/lights.rs"]
+#[allow(missing_docs, reason = "part of a program")]
+mod lights;
 #[path = "../../examples/variance/sigma.rs"]
 #[allow(missing_docs, reason = "part of a program")]
 mod sigma;
 
 use baselines::{BinaryTree, Cycles, Formula, Pbrt};
+use lights::{carried, contributions};
 use sigma::{Noise, Summary};
+
+/// Share of a receiver's light by which one light may differ between both spaces: rounding near the horizon.
+const CARRY_TOLERANCE: f32 = 1.0e-3;
 
 /// Rounding of a sum of a few hundred products of chances, each of about ten f32 factors.
 const SUM_TOLERANCE: f64 = 1.0e-4;
 
 fn is_fair<F: Formula>(formula: F, lights: &[Light], rng: &mut Rng) {
-    let mut world = World::new();
-    let tree = world.add_tree(lights.to_vec()).expect("valid lights");
-    world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("a valid placement");
+    let world = in_place(lights.to_vec());
     let sampler = world.sampler();
     let binary = BinaryTree::new(formula, lights.to_vec());
     for _ in 0..60 {
@@ -47,6 +52,39 @@ fn published_samplers_reach_every_light_that_contributes_and_pick_by_their_chanc
         is_fair(Pbrt { is_opaque: false }, &lights, &mut rng);
         is_fair(Pbrt { is_opaque: true }, &lights, &mut rng);
         is_fair(Cycles, &lights, &mut rng);
+    }
+}
+
+/// One instance that stands where its lights are.
+fn in_place(lights: Vec<Light>) -> World {
+    let mut world = World::new();
+    let tree = world.add_tree(lights).expect("valid lights");
+    world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("a valid placement");
+    world
+}
+
+#[test]
+fn lights_carried_out_of_their_instances_shine_as_before() {
+    let mut rng = Rng(43);
+    let mut world = rng.world(3, 20, 6, 10.0);
+    let directionals: Vec<_> = world.directionals().map(|(key, _)| key).collect();
+    directionals.into_iter().for_each(|key| world.remove_directional(key).expect("a live key"));
+    let flat = carried(&world);
+    let flat_world = in_place(flat.clone());
+    let (sampler, flat_sampler) = (world.sampler(), flat_world.sampler());
+    let ids: Vec<LightId> = sampler.all_lights().collect();
+    let flat_ids: Vec<LightId> = flat_sampler.all_lights().collect();
+    assert_eq!((ids.len(), flat_ids.len()), (flat.len(), flat.len()));
+    for _ in 0..50 {
+        let receiver = Receiver::surface(rng.place(10.0), rng.direction());
+        let before = contributions(&sampler, &ids, &receiver);
+        let after = contributions(&flat_sampler, &flat_ids, &receiver);
+        let sum: f32 = before.iter().sum();
+        // Spheres become ellipsoids in uneven instances, which no carried sphere is.
+        for (light, (a, b)) in flat.iter().zip(before.iter().zip(after)) {
+            let is_sphere = matches!(light.shape, Shape::Sphere { .. });
+            assert!(is_sphere || (a - b).abs() <= CARRY_TOLERANCE * sum, "{light:?} {a} {b} of {sum}");
+        }
     }
 }
 
