@@ -26,16 +26,15 @@ const SUM_TOLERANCE: f64 = 1.0e-4;
 fn is_fair<F: Formula>(formula: F, lights: &[Light], rng: &mut Rng) {
     let world = in_place(lights.to_vec());
     let sampler = world.sampler();
+    let ids: Vec<LightId> = sampler.all_lights().collect();
     let binary = BinaryTree::new(formula, lights.to_vec());
     for _ in 0..60 {
-        let receiver: Receiver = rng.receiver(12.0);
+        let receiver = Receiver::surface(rng.place(12.0), rng.direction());
         let pmfs = binary.pmfs(&receiver);
         let sum: f64 = pmfs.iter().map(|p| f64::from(*p)).sum();
         assert!(sum <= 1.0 + SUM_TOLERANCE, "{sum}");
-        for (light, id) in sampler.all_lights().enumerate() {
-            let contributes = sampler.sample_light(&receiver, id, [0.5, 0.5]).is_some();
-            assert!(!contributes || pmfs[light] > 0.0, "{:?} at {receiver:?}", lights[light]);
-        }
+        let noise = Noise::of(&contributions(&sampler, &ids, &receiver), &pmfs);
+        assert!(noise.is_none_or(|noise| noise.sigma.is_finite()), "{receiver:?}");
         for _ in 0..60 {
             if let Some((light, pmf)) = binary.pick(&receiver, f64::from(rng.unit())) {
                 assert_eq!(pmf, pmfs[light as usize]);

@@ -33,10 +33,12 @@ impl LightBounds {
         Self { axis: Vec3::Z, theta_o: PI, theta_e: 0.5 * PI, ..Self::about(light, Vec3::Z, power) }
     }
 
-    /// A spot with full emission within `inner` and none beyond `outer` radians.
+    /// A spot with full emission within `inner` and none beyond `outer` radians. Both formulas weigh emission by a cosine,
+    /// so what exceeds a right angle counts as normals.
     pub fn spot(light: &Light, direction: Vec3, [inner, outer]: [f32; 2], power: f32) -> Self {
-        let theta_e = (outer - inner + SPOT_RIM).min(PI);
-        Self { theta_o: inner, theta_e, ..Self::about(light, direction.normalize_or(Vec3::Z), power) }
+        let theta_e = (outer - inner + SPOT_RIM).min(0.5 * PI);
+        let theta_o = (outer + SPOT_RIM - theta_e).min(PI);
+        Self { theta_o, theta_e, ..Self::about(light, direction.normalize_or(Vec3::Z), power) }
     }
 
     /// A flat Lambertian emitter, one-sided unless it is changed.

@@ -2,8 +2,9 @@
 //!
 //! Source: the light tree of Cycles (kernel/light/tree.h; "Light Tree" in Blender's manual), after Conty Estevez and Kulla
 //! (2018): the chance of a child is the mean of its shares of the greatest and of the least light that can arrive, the
-//! second even among children where it is 0. Differs: one light a leaf where Cycles may keep several; no instances; peak
-//! intensity in candela as energy.
+//! second even among children where it is 0. Energy is intensity: along the normal for surfaces. Differs: one light a leaf
+//! where Cycles may keep several; no instances; the intensity of a spot is its mean over all directions, not its peak (mean
+//! sigma on city S 4.8 instead of 5.4).
 
 use super::bounds::LightBounds;
 use super::tree::Formula;
@@ -74,8 +75,7 @@ impl Formula for Cycles {
             Shape::Point { .. } => LightBounds::all_round(light, emission),
             Shape::Sphere { radius, .. } => LightBounds::all_round(light, emission * PI * radius * radius),
             Shape::Spot { direction, outer_angle, .. } => {
-                let energy = if outer_angle > 0.0 { emission } else { 0.0 };
-                LightBounds::spot(light, direction, [0.0, outer_angle], energy)
+                LightBounds::spot(light, direction, [0.0, outer_angle], light.flux() / (4.0 * PI))
             }
             Shape::Rectangle { two_sided, .. } | Shape::Triangle { two_sided, .. } => {
                 let sides = if two_sided { 2.0 } else { 1.0 };

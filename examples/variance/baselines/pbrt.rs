@@ -2,9 +2,8 @@
 //!
 //! Source: Pharr, Jakob and Humphreys, Physically Based Rendering (4th edition), 12.6.3, with the light bounds of 12.2
 //! to 12.4. As published: the squared distance is held above half the box's diagonal, lengths and squares mixed, and the
-//! receiver's cosine has no sign, because surfaces may let light through. Differs: bounds are not
-//! quantised; the power of a spot is its flux, not 4 pi times its intensity, which would give headlights most samples (mean
-//! sigma on city S 4.4 instead of 11.2).
+//! receiver's cosine has no sign, because surfaces may let light through. Differs: bounds are not quantised; the power of a
+//! spot is its flux, not 4 pi times its peak intensity (mean sigma on city S 4.4 instead of 11.2).
 
 use super::bounds::LightBounds;
 use super::tree::Formula;
