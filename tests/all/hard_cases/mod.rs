@@ -1,0 +1,123 @@
+//! Cases that other light samplers got wrong: ends of every allowed range, degenerate shapes, and far too much of one thing.
+
+mod extremes;
+mod shapes;
+
+use std::f32::consts::PI;
+
+use girandole::glam::{DVec3, Mat3, Quat, Vec3};
+use girandole::gpu::{GpuLights, SampleRequest};
+use girandole::light::{MAX_COORDINATE, MAX_EMISSION};
+use girandole::{
+    DirectionalLight, FrameBudget, FrameDelta, Light, LightId, LightTree, MAX_SCALE, Placement, Policy, Receiver, World,
+};
+
+use crate::gpu::{OTHER_PICKS, compare, gpu, sample};
+use crate::support::{Rng, all_chances};
+
+/// Chances are products of ratios of sums of eight, each rounded by a few 6e-8, summed over thousands of lights.
+const SUM_TOLERANCE: f64 = 1.0e-4;
+
+const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
+
+fn placed(lights: Vec<Light>, placements: impl IntoIterator<Item = Placement>) -> World {
+    let mut world = World::new();
+    let tree = world.add_tree(lights).expect("allowed lights");
+    world.tree(tree).expect("just added").check().expect("a sound tree");
+    for placement in placements {
+        world.add_instance(tree, placement, Policy::Budgeted).expect("an allowed placement");
+    }
+    world
+}
+
+fn alone(lights: Vec<Light>) -> World {
+    placed(lights, [Placement::IDENTITY])
+}
+
+fn linear(linear: Mat3) -> Placement {
+    Placement { linear, ..Placement::IDENTITY }
+}
+
+/// Every light that sends anything has a chance; chances are chances, sum to at most 1, and picks carry theirs.
+/// Returns how many contributions were seen.
+fn prove(world: &World, receivers: &[Receiver], seed: u64) -> usize {
+    let mut rng = Rng(seed);
+    let sampler = world.sampler();
+    let mut reached = 0;
+    for receiver in receivers {
+        let mut sum = 0.0;
+        for (light, pmf) in all_chances(world, receiver) {
+            assert!((0.0..=1.0).contains(&pmf), "{light:?} has the chance {pmf} at {receiver:?}");
+            sum += f64::from(pmf);
+            for u in [[0.0, 0.0], [BELOW_ONE, BELOW_ONE], [rng.unit(), rng.unit()]] {
+                if let Some(incident) = sampler.sample_light(receiver, light, u) {
+                    assert!(pmf > 0.0, "{light:?} sends {incident:?} to {receiver:?} but is never chosen");
+                    assert!(incident.radiance.is_finite() && incident.radiance.min_element() >= 0.0, "{incident:?}");
+                    assert!(incident.pdf.is_normal() && incident.pdf > 0.0, "{incident:?}");
+                    assert!((incident.direction.length() - 1.0).abs() < 1.0e-4, "{incident:?}");
+                    assert!(incident.distance > 0.0, "{incident:?}");
+                    reached += 1;
+                }
+            }
+        }
+        assert!(sum <= 1.0 + SUM_TOLERANCE, "chances sum to {sum} at {receiver:?}");
+        for u in [0.0, 0.5, BELOW_ONE, rng.unit(), 1.0, -1.0, f32::NAN, f32::INFINITY] {
+            for v in [0.0, BELOW_ONE, rng.unit(), f32::NAN] {
+                let Some(pick) = sampler.pick(receiver, [u, v]) else { continue };
+                let pmf = sampler.pmf(receiver, pick.light);
+                assert!(pick.pmf > 0.0 && pmf > 0.0, "{pick:?} {pmf} at {receiver:?}");
+                assert!((pick.pmf / pmf - 1.0).abs() < 1.0e-4, "{pick:?} {pmf}");
+            }
+        }
+    }
+    reached
+}
+
+/// The GPU names the same lights as the CPU.
+fn prove_on_gpu(world: &mut World, receivers: &[Receiver], seed: u64) {
+    let mut rng = Rng(seed);
+    let (device, queue) = gpu();
+    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let requests: Vec<_> = (0..1024)
+        .map(|i| {
+            let receiver = receivers[i % receivers.len()];
+            SampleRequest {
+                position: receiver.position.to_array(),
+                normal: receiver.normal.to_array(),
+                u: [rng.unit(), rng.unit(), rng.unit(), rng.unit()],
+                ..SampleRequest::default()
+            }
+        })
+        .collect();
+    lights.upload(world, &FrameDelta::everything(world)).expect("room enough");
+    let records = sample(&mut lights, world, &requests);
+    assert!(records.iter().all(|r| r.pmf.is_finite() && r.pdf.is_finite() && Vec3::from(r.radiance).is_finite()));
+    let others = compare(world, &requests, &records);
+    assert!(others as f64 <= OTHER_PICKS * 1024.0 + 1.0, "{others} of 1024 name another light");
+}
+
+fn receivers(rng: &mut Rng, count: usize, size: f32) -> Vec<Receiver> {
+    (0..count).map(|_| rng.receiver(size)).collect()
+}
+
+/// Receivers that face along the axes, where f32 meets horizons exactly.
+fn at_point(position: Vec3) -> Vec<Receiver> {
+    let normals = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_X, Vec3::NEG_Y, Vec3::NEG_Z];
+    normals.map(|normal| Receiver { position, normal }).to_vec()
+}
+
+/// One light of every kind, about a metre large.
+fn one_of_each(rng: &mut Rng, at: Vec3, size: f32) -> Vec<Light> {
+    let (u, v) = (rng.direction() * size, rng.direction() * size);
+    let bright = Vec3::splat(10.0);
+    vec![
+        Light::point(at, bright),
+        Light::spot(at, rng.direction(), 0.2, 0.6, bright),
+        Light::spot(at, rng.direction(), 0.2, 2.2, bright),
+        Light::rectangle(at, u, v, bright),
+        Light::rectangle(at, u, v, bright).two_sided(),
+        Light::triangle([at, at + u, at + v], bright),
+        Light::triangle([at, at + u, at + v], bright).two_sided(),
+        Light::sphere(at, size, bright),
+    ]
+}
