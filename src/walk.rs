@@ -1,6 +1,6 @@
 //! Walks wide nodes down to a leaf and up again. Trees and the top level are walked alike.
 //!
-//! Twin of `shaders/walk.wgsl`. No trail is recorded: the way up is read from the nodes, so depth has no cap. A random
+//! Twin of `shaders/dice.wgsl` and of the walks in `shaders/sample.wgsl`. No trail is recorded: the way up is read from the nodes, so depth has no cap. A random
 //! number is stretched at every choice, as usual, but the bits lost by that are replaced from a hash of all its bits:
 //! otherwise choices past the 24th bit would all be the same.
 

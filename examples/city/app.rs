@@ -11,6 +11,7 @@ use super::scene::{Scene, SceneError, Stage};
 use super::shading::frame_seed;
 use girandole::FrameBudget;
 use girandole::glam::{Vec3, Vec4};
+use girandole::light::luminance;
 use std::time::{Duration, Instant};
 
 /// How to render.
@@ -60,11 +61,6 @@ impl Image {
             .unzip();
         Self { width, height, pixels, variance }
     }
-}
-
-/// Of linear Rec. 709.
-pub fn luminance(color: Vec3) -> f32 {
-    color.dot(Vec3::new(0.2126, 0.7152, 0.0722))
 }
 
 /// A frame's line in `frames.csv`.

@@ -4,11 +4,12 @@
 //! [Schied et al. 2017] has it. Differs: the noise is measured from the samples of the frame itself, so that the filter
 //! fades as samples grow, and nothing is taken from earlier frames.
 
-use super::app::{Image, luminance};
+use super::app::Image;
 use super::geometry::Geometry;
 use super::scene::Scene;
 use super::shading::View;
 use girandole::glam::{IVec2, Vec2, Vec3};
+use girandole::light::luminance;
 use rayon::prelude::*;
 
 /// Wavelet levels: the last reaches 2^5 pixels.

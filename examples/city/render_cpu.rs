@@ -1,10 +1,11 @@
 //! The CPU backend: rayon over rows, the library's sampler, the same estimator as `render.wgsl`.
 
-use super::app::{Image, Settings, luminance};
+use super::app::{Image, Settings};
 use super::geometry::Geometry;
 use super::scene::{Material, Scene};
 use super::shading::{Dimension, View, brdf, random, shadow_offset, sky_radiance};
 use girandole::glam::{Vec2, Vec3, Vec4};
+use girandole::light::luminance;
 use girandole::{Incident, Receiver, Sampler};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -173,6 +173,7 @@ mod tests {
     use naga::TypeInner;
 
     use super::*;
+    use crate::gpu::{SampleRecord, SampleRequest};
     use crate::tree::Node;
 
     /// Size, and offset of each member, of the structs of a WGSL text.
@@ -202,7 +203,8 @@ mod tests {
 
     #[test]
     fn records_have_the_same_layout_in_rust_and_wgsl() {
-        let structs = structs(&crate::gpu::text::pure());
+        let text = crate::gpu::wgsl(0) + include_str!("../../shaders/batch.wgsl");
+        let structs = structs(&text);
         record!(structs, Child, "LightChild", [mean, flux, box_min, variance, box_max, range, lobe_axis, cone_axis,
             angles, target as "target_bits"]);
         record!(structs, Node, "LightNode", [children, parent, count, padding]);
@@ -214,6 +216,13 @@ mod tests {
             [to_world, to_local, flags, tree, node_base, light_base, top_place, padding_a, padding_b, padding_c]
         );
         record!(structs, TreeRecord, "LightTree", [root, punctual_flux, area_flux, padding]);
+        record!(structs, SampleRequest, "Request", [position, padding_a, normal, padding_b, u]);
+        record!(
+            structs,
+            SampleRecord,
+            "LightSample",
+            [direction, distance, radiance, pdf, pmf, instance, light, is_delta]
+        );
         record!(structs, ParamsRecord, "LightParams", [slots, directional_base, directional_count, padding]);
     }
 }

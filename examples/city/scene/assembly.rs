@@ -1,7 +1,7 @@
 //! Puts parts into a scene and a light world together: one mesh and one light tree a design, any number of placements.
 
-use girandole::glam::{Affine3A, Vec3};
-use girandole::{InstanceKey, Policy, TreeKey, World};
+use girandole::glam::{Affine3A, Vec3, vec3};
+use girandole::{DirectionalLight, InstanceKey, Policy, TreeKey, World};
 
 use super::meshes::Part;
 use super::{Camera, Mesh, Object, Scene, SceneError, Sky};
@@ -47,6 +47,15 @@ impl Assembly {
             exposure: 1.0,
         };
         Self { scene, world: World::new() }
+    }
+
+    /// A deep blue sky with a city's glow at its horizon, and a dim moon.
+    pub fn add_night(&mut self) -> Result<(), SceneError> {
+        self.scene.sky =
+            Sky { zenith: vec3(0.02, 0.042, 0.14), horizon: vec3(0.2, 0.14, 0.17), ambient: vec3(0.03, 0.035, 0.05) };
+        let direction = vec3(0.42, -0.8, -0.43).normalize();
+        self.world.add_directional(DirectionalLight { direction, illuminance: vec3(0.16, 0.21, 0.32) })?;
+        Ok(())
     }
 
     /// Keeps a mesh and gives its index.

@@ -1,7 +1,7 @@
 //! The procedural night city: streets, houses, lamps, traffic, signs, strings of lights and a drone swarm.
 
 use girandole::glam::{Affine3A, Quat, Vec2, Vec3, vec2, vec3};
-use girandole::{DirectionalLight, Light, Policy, TreeKey, World};
+use girandole::{Light, Policy, TreeKey, World};
 
 use super::assembly::{Assembly, Design};
 use super::furniture;
@@ -15,7 +15,7 @@ use super::strings::{LightString, StringKit};
 use super::swarm::{self, Swarm};
 use super::traffic_sim::Traffic;
 use super::vehicles::{self, BODIES, Body, PAINTS};
-use super::{Animation, Camera, Scene, SceneError, Sky, Stage};
+use super::{Animation, Camera, Scene, SceneError, Stage};
 
 /// How large a city is: about 1 k, 10 k or 100 k instances and 20 k, 300 k or 3 M lights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -79,15 +79,10 @@ pub fn stage(options: &CityOptions) -> Result<Stage, SceneError> {
     let glows = swarm::glows(&mut palette);
     let swarm = Swarm::new(&mut assembly, &glows, vec3(2.0, 78.0, -60.0), 30.0, plan.drones)?;
     let signs = Signs::new(kit.signs);
-    assembly.world.add_directional(DirectionalLight {
-        direction: vec3(0.42, -0.8, -0.43).normalize(),
-        illuminance: vec3(0.16, 0.21, 0.32),
-    })?;
+    assembly.add_night()?;
     let Assembly { mut scene, world } = assembly;
     scene.materials = palette.materials;
     scene.camera = Camera { eye: vec3(-3.4, 4.4, 126.0), target: vec3(0.8, 11.4, 30.0), vertical_fov: 0.93 };
-    scene.sky =
-        Sky { zenith: vec3(0.02, 0.042, 0.14), horizon: vec3(0.2, 0.14, 0.17), ambient: vec3(0.03, 0.035, 0.05) };
     scene.lamp_clearance = 0.1;
     scene.exposure = 0.5;
     Ok(Stage { scene, world, animation: Box::new(City { signals, cars, festoons, swarm, signs }) })

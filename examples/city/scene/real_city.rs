@@ -6,7 +6,7 @@ use std::io::BufReader;
 use std::path::PathBuf;
 
 use girandole::glam::{Affine3A, DVec2, Quat, Vec2, Vec3, dvec2, vec2, vec3};
-use girandole::{DirectionalLight, InstanceKey, Policy, World};
+use girandole::{InstanceKey, Policy, World};
 
 use super::assembly::{Assembly, Design};
 use super::buildings::{self, Lot};
@@ -18,7 +18,7 @@ use super::procedural::{car_designs, car_transform};
 use super::real_ground::{self, Grid, Strip, TRACE_CELL};
 use super::rng::Rng;
 use super::vehicles::{Body, CarDesign};
-use super::{Animation, Camera, Scene, SceneError, Sky, Stage};
+use super::{Animation, Camera, Scene, SceneError, Stage};
 
 /// What the city is made from; at least one of the two files.
 #[derive(Clone, Debug, Default)]
@@ -79,15 +79,10 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
             None
         }
     };
-    assembly.world.add_directional(DirectionalLight {
-        direction: vec3(0.42, -0.8, -0.43).normalize(),
-        illuminance: vec3(0.16, 0.21, 0.32),
-    })?;
+    assembly.add_night()?;
     let Assembly { mut scene, world } = assembly;
     scene.materials = palette.materials;
     scene.camera = camera(&strips, middle);
-    scene.sky =
-        Sky { zenith: vec3(0.02, 0.042, 0.14), horizon: vec3(0.2, 0.14, 0.17), ambient: vec3(0.03, 0.035, 0.05) };
     scene.lamp_clearance = 0.1;
     scene.exposure = 0.5;
     let mut stage = Stage { scene, world, animation: Box::new(Still) };
