@@ -4,7 +4,7 @@
 
 use criterion::{BatchSize, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use girandole::glam::Vec3;
-use girandole::{Light, LightTree, Receiver};
+use girandole::{DEFAULT_OPENINGS, Light, LightTree, Receiver};
 
 #[path = "../tests/all/support.rs"]
 #[allow(dead_code, reason = "tests use more of it")]
@@ -49,10 +49,12 @@ fn trees(c: &mut Criterion) {
         group.bench_function(BenchmarkId::new("refit", count), |b| b.iter(|| tree.refit()));
         group.throughput(Throughput::Elements(1));
         group.bench_function(BenchmarkId::new("pick", count), |b| {
-            b.iter(|| turns.next().map(|(receiver, u)| tree.pick(&receiver, u)));
+            b.iter(|| turns.next().map(|(receiver, u)| tree.pick(&receiver, u, DEFAULT_OPENINGS)));
         });
         group.bench_function(BenchmarkId::new("pmf", count), |b| {
-            b.iter(|| turns.next().map(|(receiver, u)| tree.pmf(&receiver, (u[0] * count as f32) as u32)));
+            b.iter(|| {
+                turns.next().map(|(receiver, u)| tree.pmf(&receiver, (u[0] * count as f32) as u32, DEFAULT_OPENINGS))
+            });
         });
         group.finish();
     }

@@ -1,5 +1,5 @@
-// How much light a cluster probably sends to a receiver; zero only where its bounds prove it. Twin of
-// src/importance.rs, which explains it and owns the constants. Binds nothing.
+// How much light a node's children probably send to a receiver; zero only where their bounds prove it. Twin of
+// src/importance.rs, which explains it and owns the constants. Four children at a time, one in each lane. Binds nothing.
 
 struct LightReceiver {
     // Metres, relative to the world's origin.
@@ -11,81 +11,109 @@ struct LightReceiver {
 // A receiver in the space of the nodes that are walked.
 struct LightView {
     position: vec3<f32>,
+    // Unit, or zero.
     normal: vec3<f32>,
+    // False in a volume.
+    has_normal: bool,
     range_scale: f32,
     margin: f32,
     keeps_angles: bool,
 }
 
-fn light_importance(child: LightChild, view: LightView) -> f32 {
-    if child.flux <= 0.0 || light_provably_dark(child, view) {
-        return 0.0;
-    }
-    let toward = child.mean - view.position;
-    let dist_sq = dot(toward, toward);
-    let spread = child.variance / max(dist_sq + child.variance, LIGHT_TINY);
-    var direction = vec3(0.0);
-    if dist_sq > 0.0 {
-        direction = toward / sqrt(dist_sq);
-    }
-
-    var cosine = 1.0;
-    if any(view.normal != vec3(0.0)) {
-        let cos = dot(view.normal, direction);
-        let width = LIGHT_COSINE_WIDTH * LIGHT_COSINE_WIDTH * spread;
-        cosine = max(0.5 * (cos + sqrt(cos * cos + width)), LIGHT_FLOOR);
-    }
-
-    let length = min(light_lobe_length(child), LIGHT_LONGEST_LOBE);
-    let share = LIGHT_LOBE_SHARE * min(length / LIGHT_LAMBERTIAN, 1.0) * (1.0 - spread);
-    let cos = -dot(light_unpack_direction(child.lobe_axis), direction);
-    let half = clamp(0.5 + 0.5 * cos, 1.0e-6, 1.0);
-    var peak = 5.0 * (half * half) * (half * half);
-    if length > LIGHT_LAMBERTIAN {
-        let exponent = 2.0 * length / (1.0 - length);
-        peak = (exponent + 1.0) * pow(half, exponent);
-    }
-    let lobe = 1.0 - share + share * peak;
-
-    let reach = LIGHT_FOUR_PI * max(dist_sq + LIGHT_VARIANCE_SHARE * child.variance, LIGHT_LEAST);
-    return clamp(child.flux * lobe * cosine / reach, LIGHT_LEAST, LIGHT_MOST);
+struct LightSeenFour {
+    importance: vec4<f32>,
+    spread: vec4<f32>,
 }
 
-fn light_provably_dark(child: LightChild, view: LightView) -> bool {
-    let half = 0.5 * (child.box_max - child.box_min);
-    let center = child.box_min + half - view.position;
-    let size = abs(child.box_min) + abs(child.box_max) + abs(view.position);
-    let margin = (size.x + size.y + size.z) * view.margin;
+// Of all eight: the columns are children 0 to 3 and 4 to 7.
+struct LightSeen {
+    importance: mat2x4<f32>,
+    spread: mat2x4<f32>,
+    total: f32,
+}
 
-    let highest = dot(view.normal, center) + dot(abs(view.normal), half);
-    let normal_sum = abs(view.normal.x) + abs(view.normal.y) + abs(view.normal.z);
-    if highest + normal_sum * margin <= 0.0 && any(view.normal != vec3(0.0)) {
-        return true;
-    }
+fn light_see(node: LightNode, view: LightView) -> LightSeen {
+    let origin = node.origin - view.position;
+    let half_step = light_half_steps(node.steps);
+    let far = abs(node.origin) + 2.0 * LIGHT_STEPS * half_step + abs(view.position);
+    let margin = (far.x + far.y + far.z) * view.margin;
+    let first = light_see_four(light_unpack(light_first_four(node), origin, half_step), view, margin);
+    let last = light_see_four(light_unpack(light_last_four(node), origin, half_step), view, margin);
+    let importance = mat2x4(first.importance, last.importance);
+    return LightSeen(importance, mat2x4(first.spread, last.spread), light_sum(importance));
+}
 
-    let outside = max(abs(center) - half - vec3(margin), vec3(0.0));
-    let reach = child.range * view.range_scale * (1.0 + LIGHT_COSINE_MARGIN);
-    let gap = length(outside);
-    if child.range < LIGHT_FARTHEST && gap > reach && gap <= LIGHT_LONGEST {
-        return true;
-    }
+// Halves first, as `running_sums` adds them.
+fn light_sum(v: mat2x4<f32>) -> f32 {
+    return ((v[1].w + v[1].z) + (v[1].y + v[1].x)) + ((v[0].w + v[0].z) + (v[0].y + v[0].x));
+}
 
-    let cos_half_angle = light_cos_half_angle(child);
-    if !view.keeps_angles || cos_half_angle <= -1.0 {
-        return false;
-    }
-    let radius = length(half) * (1.0 + LIGHT_COSINE_MARGIN) + margin;
-    let distance = length(center);
-    if distance <= radius || distance > LIGHT_LONGEST {
-        return false;
-    }
-    let cos_axis = -dot(light_unpack_direction(child.cone_axis), center) / distance;
-    let sin_box = radius / distance;
-    let cos_box = sqrt(max(1.0 - sin_box * sin_box, 0.0));
-    if cos_axis >= cos_box {
-        return false;
-    }
-    let sin_axis = sqrt(max(1.0 - cos_axis * cos_axis, 0.0));
-    let cos_nearest = cos_axis * cos_box + sin_axis * sin_box;
-    return cos_nearest + LIGHT_COSINE_MARGIN < cos_half_angle;
+fn light_see_four(four: LightFour, view: LightView, margin: f32) -> LightSeenFour {
+    let seen = light_estimate(four, view);
+    let is_lit = (four.flux > vec4(0.0)) & !light_provably_dark(four, view, margin);
+    return LightSeenFour(select(vec4(0.0), seen.importance, is_lit), seen.spread);
+}
+
+fn light_estimate(four: LightFour, view: LightView) -> LightSeenFour {
+    let x = four.toward[0];
+    let y = four.toward[1];
+    let z = four.toward[2];
+    let dist_sq = max(x * x + y * y + z * z, vec4(LIGHT_LEAST));
+    let distance = sqrt(dist_sq);
+    let spread = four.variance / (dist_sq + four.variance);
+
+    let along = view.normal.x * x + view.normal.y * y + view.normal.z * z;
+    let rounded = 0.5 * (along + sqrt(along * along + LIGHT_COSINE_WIDTH_SQ * spread * dist_sq));
+    let cosine = select(distance, max(rounded, LIGHT_FLOOR * distance), view.has_normal);
+
+    let length = min(four.length, vec4(LIGHT_LONGEST_LOBE));
+    let share = LIGHT_LOBE_SHARE * min(length * (1.0 / LIGHT_LAMBERTIAN), vec4(1.0)) * (1.0 - spread);
+    let least_cos = max(3.0 * length - 2.0, vec4(0.0));
+    let width_sq = (1.0 - least_cos) * (1.0 - least_cos);
+    let above = -(four.axis[0] * x + four.axis[1] * y + four.axis[2] * z) - least_cos * distance;
+    let rim = (LIGHT_RIM_WIDTH_SQ * spread + LIGHT_RIM_LEAST_SQ * width_sq) * dist_sq;
+    let lobe = (1.0 - share) * width_sq * distance + 2.0 * share * (above + sqrt(above * above + rim));
+
+    let inverse = 1.0 / distance;
+    let reach = width_sq * (dist_sq + LIGHT_VARIANCE_SHARE * four.variance);
+    let lux = four.flux * (1.0 / LIGHT_FOUR_PI) * ((lobe * inverse) * (cosine * inverse) / reach);
+    // NaN is not above the least; WGSL's max may keep it.
+    let above_least = select(vec4(LIGHT_LEAST), lux, lux > vec4(LIGHT_LEAST));
+    return LightSeenFour(min(above_least, vec4(LIGHT_MOST)), spread);
+}
+
+fn light_provably_dark(four: LightFour, view: LightView, margin: f32) -> vec4<bool> {
+    let x = four.center[0];
+    let y = four.center[1];
+    let z = four.center[2];
+
+    // Everything below the horizon.
+    let n = view.normal;
+    let steep = abs(n);
+    let highest = margin * (steep.x + steep.y + steep.z)
+        + (n.x * x + steep.x * four.half[0]) + (n.y * y + steep.y * four.half[1]) + (n.z * z + steep.z * four.half[2]);
+    let is_below = vec4(view.has_normal) & (highest <= vec4(0.0));
+
+    // Everything out of range.
+    let out_x = max(abs(x) - (four.half[0] + margin), vec4(0.0));
+    let out_y = max(abs(y) - (four.half[1] + margin), vec4(0.0));
+    let out_z = max(abs(z) - (four.half[2] + margin), vec4(0.0));
+    let gap_sq = out_x * out_x + out_y * out_y + out_z * out_z;
+    let reach = four.range * (view.range_scale * (1.0 + LIGHT_COSINE_MARGIN));
+    let is_out_of_range = (four.range < vec4(LIGHT_FARTHEST)) & (gap_sq > reach * reach) & (gap_sq <= vec4(LIGHT_LONGEST_SQ));
+
+    // Everything turned away.
+    let dist_sq = x * x + y * y + z * z;
+    let along = -(four.axis[0] * x + four.axis[1] * y + four.axis[2] * z);
+    let across = sqrt(max(dist_sq - along * along, vec4(0.0)));
+    let cos = four.cos_half_angle;
+    let sin = sqrt(max(1.0 - cos * cos, vec4(0.0)));
+    let slack = LIGHT_ANGLE_MARGIN * (abs(along) + across) + margin;
+    let radius = sqrt(four.radius_sq) + slack;
+    let beside = across * cos - along * sin;
+    let is_behind = (beside > vec4(0.0)) & (along * cos + across * sin < -slack) & (dist_sq > radius * radius);
+    let is_turned_away = vec4(view.keeps_angles) & (cos > vec4(-1.0)) & ((beside > radius) | is_behind)
+        & (dist_sq <= vec4(LIGHT_LONGEST_SQ));
+
+    return is_below | is_out_of_range | is_turned_away;
 }

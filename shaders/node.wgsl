@@ -1,19 +1,108 @@
-// Reads the packed fields of a node. Twin of src/tree/node.rs. Binds nothing.
+// Unpacks four children of a node at a time, one in each lane. Twin of `Node::unpack` in src/tree/node.rs. Binds nothing.
 
-fn light_unpack_direction(bits: u32) -> vec3<f32> {
-    let oct = unpack2x16snorm(bits);
-    let z = 1.0 - abs(oct.x) - abs(oct.y);
-    let fold = max(-z, 0.0);
-    let sign = select(vec2(-1.0), vec2(1.0), oct >= vec2(0.0));
-    return normalize(vec3(oct - fold * sign, z));
+// What is packed of four children, as it lies in `LightNode`: one word along each axis.
+struct LightPackedFour {
+    low: vec3<u32>,
+    high: vec3<u32>,
+    mean: vec3<u32>,
+    axis: vec3<u32>,
+    flux: vec2<u32>,
+    range: vec2<u32>,
+    deviation: u32,
+    shortness: u32,
+    cap: u32,
 }
 
-// Cosine of the half-angle of the cone of emission; -1 proves nothing.
-fn light_cos_half_angle(child: LightChild) -> f32 {
-    return unpack2x16snorm(child.angles).y;
+// Four children as seen from a point. The columns of matrices are x, y and z.
+struct LightFour {
+    // From the point to the mean position, and to the middle of the box.
+    toward: mat3x4<f32>,
+    center: mat3x4<f32>,
+    // Half the box's edges, and their squared length.
+    half: mat3x4<f32>,
+    radius_sq: vec4<f32>,
+    variance: vec4<f32>,
+    // Unit vectors.
+    axis: mat3x4<f32>,
+    // Of the mean direction of emission, in [0, 1].
+    length: vec4<f32>,
+    cos_half_angle: vec4<f32>,
+    flux: vec4<f32>,
+    range: vec4<f32>,
 }
 
-// Length of the mean direction, in [0, 1].
-fn light_lobe_length(child: LightChild) -> f32 {
-    return unpack2x16unorm(child.angles).x;
+fn light_first_four(node: LightNode) -> LightPackedFour {
+    return LightPackedFour(
+        vec3(node.low[0], node.low[2], node.low[4]),
+        vec3(node.high[0], node.high[2], node.high[4]),
+        vec3(node.mean[0], node.mean[2], node.mean[4]),
+        vec3(node.axis[0], node.axis[2], node.axis[4]),
+        vec2(node.flux[0], node.flux[1]),
+        vec2(node.range[0], node.range[1]),
+        node.deviation[0], node.shortness[0], node.cap[0],
+    );
+}
+
+fn light_last_four(node: LightNode) -> LightPackedFour {
+    return LightPackedFour(
+        vec3(node.low[1], node.low[3], node.low[5]),
+        vec3(node.high[1], node.high[3], node.high[5]),
+        vec3(node.mean[1], node.mean[3], node.mean[5]),
+        vec3(node.axis[1], node.axis[3], node.axis[5]),
+        vec2(node.flux[2], node.flux[3]),
+        vec2(node.range[2], node.range[3]),
+        node.deviation[1], node.shortness[1], node.cap[1],
+    );
+}
+
+fn light_bytes(word: u32) -> vec4<f32> {
+    return vec4<f32>((vec4(word) >> vec4(0u, 8u, 16u, 24u)) & vec4(0xffu));
+}
+
+fn light_signed_bytes(word: u32) -> vec4<f32> {
+    return vec4<f32>(bitcast<vec4<i32>>(vec4(word) << vec4(24u, 16u, 8u, 0u)) >> vec4(24u));
+}
+
+// From the upper halves of four floats.
+fn light_halves(words: vec2<u32>) -> vec4<f32> {
+    return bitcast<vec4<f32>>(vec4(words.x << 16u, words.x & 0xffff0000u, words.y << 16u, words.y & 0xffff0000u));
+}
+
+// The power of two that is a node's step along an axis.
+fn light_step(steps: u32, axis: u32) -> f32 {
+    return bitcast<f32>(((steps >> (8u * axis)) & 0xffu) << 23u);
+}
+
+// Half the steps of a node's grid, in metres.
+fn light_half_steps(steps: u32) -> vec3<f32> {
+    return 0.5 * vec3(light_step(steps, 0u), light_step(steps, 1u), light_step(steps, 2u));
+}
+
+// `origin` is the node's, from the point.
+fn light_unpack(packed: LightPackedFour, origin: vec3<f32>, half_step: vec3<f32>) -> LightFour {
+    let low = mat3x4(light_bytes(packed.low.x), light_bytes(packed.low.y), light_bytes(packed.low.z));
+    let high = mat3x4(light_bytes(packed.high.x), light_bytes(packed.high.y), light_bytes(packed.high.z));
+    let mean = mat3x4(light_bytes(packed.mean.x), light_bytes(packed.mean.y), light_bytes(packed.mean.z));
+    var four: LightFour;
+    for (var k = 0u; k < 3u; k++) {
+        let width = high[k] - low[k];
+        four.half[k] = width * half_step[k];
+        four.center[k] = origin[k] + (high[k] + low[k]) * half_step[k];
+        four.toward[k] = origin[k] + (low[k] + width * (mean[k] * (1.0 / LIGHT_STEPS))) * (2.0 * half_step[k]);
+    }
+    four.radius_sq = four.half[0] * four.half[0] + four.half[1] * four.half[1] + four.half[2] * four.half[2];
+    let deviation = light_bytes(packed.deviation) * (1.0 / LIGHT_STEPS);
+    four.variance = deviation * deviation * four.radius_sq;
+    let x = light_signed_bytes(packed.axis.x);
+    let y = light_signed_bytes(packed.axis.y);
+    let z = light_signed_bytes(packed.axis.z);
+    let inverse = 1.0 / sqrt(max(x * x + y * y + z * z, vec4(1.0)));
+    four.axis = mat3x4(x * inverse, y * inverse, z * inverse);
+    let shortness = light_bytes(packed.shortness) * (1.0 / LIGHT_STEPS);
+    four.length = 1.0 - shortness * shortness;
+    let cap = light_bytes(packed.cap);
+    four.cos_half_angle = select(1.0 - cap * (1.0 / LIGHT_CAP_STEPS), vec4(-1.0), cap >= vec4(2.0 * LIGHT_CAP_STEPS));
+    four.flux = light_halves(packed.flux);
+    four.range = light_halves(packed.range);
+    return four;
 }

@@ -2,7 +2,7 @@
 // which explains it. Subtraction, powers of two and integers only, so both get the same bits. One invocation a slot.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
-@group(0) @binding(3) var<storage, read_write> leaves: array<LightChild>;
+@group(0) @binding(3) var<storage, read_write> leaves: array<LightCluster>;
 @group(0) @binding(4) var<storage, read_write> bounds: array<u32, 6>;
 @group(0) @binding(5) var<storage, read_write> keys: array<u32>;
 @group(0) @binding(6) var<storage, read_write> slots: array<u32>;

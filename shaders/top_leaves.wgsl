@@ -1,29 +1,28 @@
-// Top level, stage 1: each instance as the top level sees it, and the bounds of their means. Twin of `World::leaf`.
+// Top level, stage 1: each instance as the top level sees it, and the bounds of their means. Twin of `World::cluster`.
 // One invocation a slot.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
 @group(0) @binding(1) var<storage, read_write> instances: array<LightInstance>;
 @group(0) @binding(2) var<storage, read> trees: array<LightTree>;
-@group(0) @binding(3) var<storage, read_write> leaves: array<LightChild>;
+@group(0) @binding(3) var<storage, read_write> leaves: array<LightCluster>;
 // Greatest `top_ordered` coordinates, then greatest complements of them: both start from the zeros of a cleared buffer.
 @group(0) @binding(4) var<storage, read_write> bounds: array<atomic<u32>, 6>;
 
 // The same of this workgroup. Maxima commute, so neither depends on who comes first.
 var<workgroup> group_bounds: array<atomic<u32>, 6>;
 
-fn leaf_of(slot: u32) -> LightChild {
+fn leaf_of(slot: u32) -> LightCluster {
     let instance = instances[slot];
     if (instance.flags & LIGHT_LIVE) == 0u {
-        return CHILD_EMPTY;
+        return CLUSTER_EMPTY;
     }
     let tree = trees[instance.tree];
     if tree.root.flux <= 0.0 {
-        return CHILD_EMPTY;
+        return CLUSTER_EMPTY;
     }
     let map = linear_of(instance);
-    let cluster = child_cluster(tree.root);
-    let flux = max(linear_flux(map, tree.punctual_flux, tree.area_flux, cluster.axis), LIGHT_LEAST_FLUX);
-    return child_pack(cluster_transformed(cluster, map, flux), LIGHT_LEAF | slot);
+    let flux = max(linear_flux(map, tree.punctual_flux, tree.area_flux, tree.root.axis), LIGHT_LEAST_FLUX);
+    return cluster_transformed(tree.root, map, flux);
 }
 
 @compute @workgroup_size(TOP_LANES)

@@ -1,27 +1,44 @@
-// Top level, stage 4, one dispatch a level, the lowest first: each node is merged into a child of the level above.
-// One invocation a child there; those past the last node empty theirs. Twin of `TopLevel::build`.
+// Top level, stage 4, one dispatch a level, the lowest first: each node is packed from its children's clusters and merged
+// into a child of the level above. One invocation a child there; those past the last node empty theirs. Twin of
+// `TopLevel::build`.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
 @group(0) @binding(7) var<storage, read_write> nodes: array<LightNode>;
+@group(0) @binding(8) var<storage, read_write> clusters: array<LightCluster>;
 
 @compute @workgroup_size(TOP_LANES)
 fn top_level(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let index = top_index(id, groups);
-    if index >= top_pass.count_above * LIGHT_WIDTH {
-        return;
-    }
-    let above = top_pass.first_above + index / LIGHT_WIDTH;
-    let child = index % LIGHT_WIDTH;
-    if index >= top_pass.count {
-        nodes[above].children[child] = CHILD_EMPTY;
-        return;
-    }
+    let is_root = top_pass.count_above == 0u;
+    let place = top_pass.first_above * LIGHT_WIDTH + index;
+    let is_node = index < top_pass.count;
     let node = top_pass.first + index;
-    var all = cluster_empty(vec3(0.0));
-    for (var slot = 0u; slot < LIGHT_WIDTH; slot++) {
-        all = cluster_merge(all, child_cluster(nodes[node].children[slot]));
+    var merged = CLUSTER_EMPTY;
+    if is_node {
+        let first = node * LIGHT_WIDTH;
+        let eight = ClusterEight(
+            cluster_four(clusters[first], clusters[first + 1u], clusters[first + 2u], clusters[first + 3u]),
+            cluster_four(clusters[first + 4u], clusters[first + 5u], clusters[first + 6u], clusters[first + 7u]),
+        );
+        merged = cluster_merged(eight);
+        // All but the targets, which the level below has written.
+        let packed = node_packed(eight, merged);
+        nodes[node].origin = packed.origin;
+        nodes[node].steps = packed.steps;
+        nodes[node].parent = select(place, LIGHT_NO_PARENT, is_root);
+        nodes[node].padding = 0u;
+        nodes[node].flux = packed.flux;
+        nodes[node].range = packed.range;
+        nodes[node].low = packed.low;
+        nodes[node].high = packed.high;
+        nodes[node].mean = packed.mean;
+        nodes[node].deviation = packed.deviation;
+        nodes[node].axis = packed.axis;
+        nodes[node].shortness = packed.shortness;
+        nodes[node].cap = packed.cap;
     }
-    nodes[above].children[child] = child_pack(all, node);
-    nodes[node].parent = above * LIGHT_WIDTH + child;
-    nodes[node].count = LIGHT_WIDTH;
+    if index < top_pass.count_above * LIGHT_WIDTH {
+        clusters[place] = merged;
+        nodes[place / LIGHT_WIDTH].targets[place % LIGHT_WIDTH] = select(LIGHT_EMPTY_SLOT, node, merged.flux > 0.0);
+    }
 }

@@ -3,9 +3,11 @@
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
 @group(0) @binding(1) var<storage, read_write> instances: array<LightInstance>;
-@group(0) @binding(3) var<storage, read_write> leaves: array<LightChild>;
+@group(0) @binding(3) var<storage, read_write> leaves: array<LightCluster>;
 @group(0) @binding(6) var<storage, read_write> slots: array<u32>;
 @group(0) @binding(7) var<storage, read_write> nodes: array<LightNode>;
+// Of every node's children, at `node * LIGHT_WIDTH + child`.
+@group(0) @binding(8) var<storage, read_write> clusters: array<LightCluster>;
 
 @compute @workgroup_size(TOP_LANES)
 fn top_place(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
@@ -13,17 +15,17 @@ fn top_place(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgrou
     if position >= top_pass.count * LIGHT_WIDTH {
         return;
     }
-    let node = top_pass.first + position / LIGHT_WIDTH;
-    let child = position % LIGHT_WIDTH;
+    let place = top_pass.first * LIGHT_WIDTH + position;
+    var cluster = CLUSTER_EMPTY;
+    var bits = LIGHT_EMPTY_SLOT;
     if position < top_pass.slots {
         let slot = slots[position];
-        nodes[node].children[child] = leaves[slot];
-        instances[slot].top_place = node * LIGHT_WIDTH + child;
-    } else {
-        nodes[node].children[child] = CHILD_EMPTY;
+        cluster = leaves[slot];
+        instances[slot].top_place = place;
+        if cluster.flux > 0.0 {
+            bits = LIGHT_LEAF | slot;
+        }
     }
-    if position == 0u {
-        nodes[0].parent = LIGHT_NO_PARENT;
-        nodes[0].count = LIGHT_WIDTH;
-    }
+    clusters[place] = cluster;
+    nodes[place / LIGHT_WIDTH].targets[place % LIGHT_WIDTH] = bits;
 }

@@ -1,26 +1,36 @@
 // The records that the host uploads and the stages share. src/gpu/layout.rs has their Rust twins, and its test
 // `records_have_the_same_layout_in_rust_and_wgsl` compares every offset and stride. Binds nothing.
 
-// A cluster and where it leads: `Child` in src/tree/node.rs.
-struct LightChild {
+// Eight children, packed, and the way up: `Node` in src/tree/node.rs, which explains the fields. Words of four bytes or
+// of two halves, the lowest bits first.
+struct LightNode {
+    origin: vec3<f32>,
+    steps: u32,
+    parent: u32,
+    padding: u32,
+    targets: array<u32, LIGHT_WIDTH>,
+    flux: array<u32, 4>,
+    range: array<u32, 4>,
+    // Children 0 to 3 and 4 to 7 along x, then along y, then along z; so are the next three.
+    low: array<u32, 6>,
+    high: array<u32, 6>,
+    mean: array<u32, 6>,
+    deviation: array<u32, 2>,
+    axis: array<u32, 6>,
+    shortness: array<u32, 2>,
+    cap: array<u32, 2>,
+}
+
+// A cluster at full precision: `Cluster` in src/cluster.rs. All zero but for the mean if it is dark.
+struct LightCluster {
     mean: vec3<f32>,
     flux: f32,
     box_min: vec3<f32>,
     variance: f32,
     box_max: vec3<f32>,
     range: f32,
-    lobe_axis: u32,
-    cone_axis: u32,
-    angles: u32,
-    target_bits: u32,
-}
-
-// Eight children and the way up: `Node` in src/tree/node.rs.
-struct LightNode {
-    children: array<LightChild, LIGHT_WIDTH>,
-    parent: u32,
-    count: u32,
-    padding: vec2<u32>,
+    axis: vec3<f32>,
+    cos_half_angle: f32,
 }
 
 // One light in its tree's space; which fields mean what depends on the kind, see src/gpu/layout.rs.
@@ -54,7 +64,7 @@ struct LightInstance {
 
 // What the top level needs of a tree.
 struct LightTree {
-    root: LightChild,
+    root: LightCluster,
     punctual_flux: f32,
     area_flux: f32,
     padding: vec2<f32>,
@@ -66,5 +76,6 @@ struct LightParams {
     // Directional lights are the records from here on.
     directional_base: u32,
     directional_count: u32,
-    padding: u32,
+    // Clusters that are opened at most.
+    openings: u32,
 }

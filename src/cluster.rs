@@ -4,7 +4,6 @@
 use glam::{Mat3, Vec3};
 
 use crate::bounds::Aabb;
-use crate::cone::Cone;
 
 /// Columns of a matrix whose scaled Gram matrix is this close to the identity preserve angles to about 1e-5 rad,
 /// which is inside the margin that the sampling code leaves around every cone.
@@ -14,80 +13,63 @@ const SIMILARITY_TOLERANCE: f32 = 1.0e-5;
 /// inside f32. Only wrong units get there; what is above it is still sampled, by position alone.
 pub(crate) const MOST_FLUX: f32 = 1.0e34;
 
-/// A group of lights. Box and cone are conservative; mean, variance and axis are weighted by flux.
+/// A group of lights. Box, cap of directions and range are conservative; mean, variance and axis are weighted by flux.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cluster {
     /// Holds every emitting point, in metres.
     pub aabb: Aabb,
-    /// Holds every direction that any of them emits to.
-    pub cone: Cone,
-    /// Lumens.
+    /// Lumens; 0 means that nothing of it shines.
     pub flux: f32,
+    /// Lumens of surfaces among them: an instance's scale changes these only.
+    pub area_flux: f32,
     /// Mean position.
     pub mean: Vec3,
     /// Trace of the covariance of position about `mean`, in square metres.
     pub variance: f32,
     /// Mean direction of emission. Length 0 (to all sides alike) to 1 (a beam).
     pub axis: Vec3,
+    /// Cosine of the half-angle of the cap about `axis` that holds every direction that any of them emits to; -1 is all
+    /// directions.
+    pub cos_half_angle: f32,
     /// The largest range, in metres.
     pub range: f32,
 }
 
 impl Cluster {
-    /// No light: the identity of [`Cluster::merge`] (but for the mean of groups without flux).
+    /// No light.
     pub const EMPTY: Self = Self {
         aabb: Aabb::EMPTY,
-        cone: Cone::EMPTY,
         flux: 0.0,
+        area_flux: 0.0,
         mean: Vec3::ZERO,
         variance: 0.0,
         axis: Vec3::ZERO,
+        cos_half_angle: 1.0,
         range: 0.0,
     };
 
-    /// The cluster of both groups.
-    ///
-    /// Means and variances by the pairwise update of Chan, Golub and LeVeque (1979), which does not cancel far from the origin.
-    pub fn merge(&self, other: &Self) -> Self {
-        let flux = self.flux + other.flux;
-        let share = if flux > 0.0 { other.flux / flux } else { 0.0 };
-        let flux = flux.min(MOST_FLUX);
-        let apart = other.mean - self.mean;
-        Self {
-            aabb: self.aabb.union(&other.aabb),
-            cone: self.cone.union(&other.cone),
-            flux,
-            mean: if share == 1.0 { other.mean } else { self.mean + apart * share },
-            variance: (1.0 - share) * self.variance
-                + share * other.variance
-                + share * (1.0 - share) * apart.length_squared(),
-            axis: self.axis * (1.0 - share) + other.axis * share,
-            range: self.range.max(other.range),
-        }
-    }
-
     /// The cluster carried by `x -> linear * x + translation`.
     ///
-    /// `flux` is what the moved lights emit, see [`Linear::flux`]. Boxes stay conservative; the cone too: it is turned
-    /// by transforms that keep angles and given up (full sphere) by all others. Ranges are metres of the world and stay.
+    /// `flux` is what the moved lights emit, see [`Linear::flux`]. Boxes stay conservative; the cap too: it is turned
+    /// by transforms that keep angles and given up (all directions) by all others. Ranges are metres of the world and stay.
     pub fn transformed(&self, map: &Linear, translation: Vec3, flux: f32) -> Self {
-        let cone = if self.cone.is_empty() || self.cone.is_full() {
-            self.cone
-        } else if map.is_similarity {
-            Cone { axis: (map.linear * self.cone.axis).normalize_or(self.cone.axis), ..self.cone }
-        } else {
-            Cone::FULL
-        };
         let axis = map.cofactor * self.axis;
         Self {
             aabb: self.aabb.transformed(&map.linear, translation),
-            cone,
             flux,
+            area_flux: self.area_flux.min(flux),
             mean: map.linear * self.mean + translation,
             variance: self.variance * map.mean_square_scale,
             axis: axis.normalize_or_zero() * self.axis.length(),
+            cos_half_angle: if map.is_similarity { self.cos_half_angle } else { -1.0 },
             range: self.range,
         }
+    }
+}
+
+impl Default for Cluster {
+    fn default() -> Self {
+        Self::EMPTY
     }
 }
 
@@ -146,28 +128,6 @@ impl Linear {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::light::Light;
-
-    #[test]
-    fn merging_matches_sums_over_the_lights_far_from_the_origin() {
-        // Positions there are 8 mm apart, the lights 1 m: what merging adds to that must stay small.
-        let far = Vec3::new(1.0e5, -1.0e5, 1.0e5);
-        let lights: Vec<_> = (0..50)
-            .map(|i| Light::point(far + Vec3::new(i as f32, 0.25 * i as f32, 0.0), Vec3::splat(1.0 + i as f32)))
-            .collect();
-        let all = lights.iter().map(Light::cluster).reduce(|a, b| a.merge(&b)).unwrap();
-        let weight: f64 = lights.iter().map(|l| f64::from(l.flux())).sum();
-        let mean =
-            lights.iter().map(|l| l.cluster().mean.as_dvec3() * f64::from(l.flux())).sum::<glam::DVec3>() / weight;
-        let variance = lights
-            .iter()
-            .map(|l| (l.cluster().mean.as_dvec3() - mean).length_squared() * f64::from(l.flux()))
-            .sum::<f64>()
-            / weight;
-        assert!((f64::from(all.variance) / variance - 1.0).abs() < 1e-2, "{} {variance}", all.variance);
-        assert!(all.mean.as_dvec3().distance(mean) < 0.05);
-        assert!((f64::from(all.flux) / weight - 1.0).abs() < 1e-5);
-    }
 
     #[test]
     fn a_uniform_scale_changes_area_flux_by_its_square_and_a_mirror_by_nothing() {

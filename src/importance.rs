@@ -2,12 +2,13 @@
 //!
 //! Twin of `shaders/importance.wgsl`; `tests/all/gpu.rs` runs both on the same inputs. Starts from CK18 5.1 and
 //! pbrt-v4's light bounds. Differs: flux-weighted mean and variance of position in place of the box's centre, a smooth
-//! cosine at the receiver, one smooth lobe about the mean direction of emission (docs/math.md).
+//! cosine at the receiver, a lobe about the mean direction of emission (docs/math.md); all eight children of a node at
+//! once, without branches, so that the compiler can use vectors.
 
 use glam::Vec3;
 
 use crate::light::LAMBERTIAN;
-use crate::tree::{Child, FARTHEST, unpack_direction};
+use crate::tree::{FARTHEST, Lanes, Node, Unpacked, WIDTH};
 
 /// Where light arrives.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,6 +37,8 @@ pub(crate) struct View {
     pub position: Vec3,
     /// Unit, or zero.
     pub normal: Vec3,
+    /// False in a volume.
+    pub has_normal: bool,
     /// Metres of this space per metre of the world, at most: ranges are metres of the world.
     pub range_scale: f32,
     /// What rounding of positions may add up to, per metre of coordinates: more where the space is squeezed.
@@ -47,10 +50,12 @@ pub(crate) struct View {
 impl View {
     /// The view of a receiver in the nodes' own space.
     pub fn of(receiver: &Receiver) -> Self {
+        // A normal too short to have a direction proves nothing.
+        let normal = receiver.normal.normalize_or_zero();
         Self {
             position: receiver.position,
-            // A normal too short to have a direction proves nothing.
-            normal: receiver.normal.normalize_or_zero(),
+            normal,
+            has_normal: normal != Vec3::ZERO,
             range_scale: 1.0,
             margin: POSITION_MARGIN,
             keeps_angles: true,
@@ -60,108 +65,147 @@ impl View {
 
 /// Share of the variance of position that is added to the squared distance.
 pub(crate) const VARIANCE_SHARE: f32 = 0.4;
-/// Width of the smooth cosine at the receiver, per unit of the cluster's angular size.
-pub(crate) const COSINE_WIDTH: f32 = 0.9;
+/// Width of the smooth cosine at the receiver, squared, per unit of the cluster's angular size.
+pub(crate) const COSINE_WIDTH_SQ: f32 = 0.81;
 /// Least cosine: what the bounds cannot exclude keeps a chance.
 pub(crate) const FLOOR: f32 = 1.0e-3;
 /// The most that goes along the lobe: measured in docs/decisions.md, 5.
 pub(crate) const LOBE_SHARE: f32 = 0.9;
-/// Clusters whose mean direction is longer than this have a lobe this narrow: exponent 2 r / (1 - r) = 1998.
+/// Width of the smooth rim of the lobe, squared, per unit of the cluster's angular size.
+pub(crate) const RIM_WIDTH_SQ: f32 = 0.06;
+/// The same for a cluster without size, per unit of the lobe's own width, squared.
+pub(crate) const RIM_LEAST_SQ: f32 = 0.002;
+/// Clusters whose mean direction is longer than this have a lobe this narrow.
 pub(crate) const LONGEST_LOBE: f32 = 0.999;
-/// Importances stay inside this span, so that a sum of eight is finite and positive whatever the scene's units.
+/// Importances stay inside this span, so that a sum of them is finite and positive whatever the scene's units.
 pub(crate) const LEAST: f32 = 1.0e-30;
 /// See [`LEAST`].
 pub(crate) const MOST: f32 = 1.0e36;
 /// Rounding of positions, relative to the sum of all coordinates that are added and turned: each transform, at either
 /// end, loses at most 3e-7 of the largest. Not of the coordinate at hand: turns mix all three.
 pub(crate) const POSITION_MARGIN: f32 = 1.0e-6;
-/// Metres beyond which squares leave f32, and prove nothing: far receivers seen from small instances get there.
-pub(crate) const LONGEST: f32 = 1.0e19;
-/// Rounding of cosines between unpacked axes and normalised directions, and what a similarity may be off by.
+/// Square metres beyond which squares leave f32, and prove nothing: far receivers seen from small instances get there.
+pub(crate) const LONGEST_SQ: f32 = 1.0e38;
+/// What a similarity may be off by, and rounding of lengths.
 pub(crate) const COSINE_MARGIN: f32 = 1.0e-4;
+/// Rounding of angles, as a share of the distance: the sine of a small angle, from its cosine, is good to 3.5e-4.
+pub(crate) const ANGLE_MARGIN: f32 = 1.0e-3;
 
-/// Estimated illuminance in lux that a cluster causes at a receiver; 0 only if box, cone or range prove that it is 0.
-pub(crate) fn importance(child: &Child, view: &View) -> f32 {
-    if child.flux <= 0.0 || provably_dark(child, view) {
-        return 0.0;
-    }
-    let toward = Vec3::from(child.mean) - view.position;
-    let dist_sq = toward.length_squared();
-    let spread = child.variance / (dist_sq + child.variance).max(f32::MIN_POSITIVE);
-    let direction = if dist_sq > 0.0 { toward / dist_sq.sqrt() } else { Vec3::ZERO };
-
-    let mut cosine = 1.0;
-    if view.normal != Vec3::ZERO {
-        // A hyperbola that follows max(cos, 0) and is rounded off as wide as the cluster is seen.
-        let cos = view.normal.dot(direction);
-        let width = COSINE_WIDTH * COSINE_WIDTH * spread;
-        cosine = (0.5 * (cos + (cos * cos + width).sqrt())).max(FLOOR);
-    }
-
-    // A share of the light goes along a lobe ((1 + cos) / 2)^n about the mean direction, with n = 4 (whose mean cosine
-    // is that of one Lambertian emitter, n / (n + 2)) or more for beams, the rest to all sides: emitters
-    // that disagree, or are seen from nearby, are no broad lobe but a mixture, whose back must not be starved.
-    let length = child.lobe_length().min(LONGEST_LOBE);
-    let share = LOBE_SHARE * (length / LAMBERTIAN).min(1.0) * (1.0 - spread);
-    let cos = -unpack_direction(child.lobe_axis).dot(direction);
-    let half = (0.5 + 0.5 * cos).clamp(1.0e-6, 1.0);
-    // The usual exponent needs no power function, which took a tenth of the time.
-    let peak = if length > LAMBERTIAN {
-        let exponent = 2.0 * length / (1.0 - length);
-        (exponent + 1.0) * half.powf(exponent)
-    } else {
-        5.0 * (half * half) * (half * half)
-    };
-    let lobe = 1.0 - share + share * peak;
-
-    let solid_angle = 4.0 * std::f32::consts::PI;
-    let lux = child.flux * lobe * cosine / (solid_angle * (dist_sq + VARIANCE_SHARE * child.variance).max(LEAST));
-    clamp_lux(lux)
+/// What a receiver sees of a node's children.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Seen {
+    /// Estimated illuminance in lux; 0 only if box, cap or range prove that it is 0.
+    pub importance: Lanes,
+    /// How large a child looks: 0 far away, 1 from inside. The estimate is the worse for it.
+    pub spread: Lanes,
 }
 
-/// NaN, which only a receiver that is no place can cause, becomes the least: `clamp` would keep it.
-#[allow(clippy::manual_clamp, reason = "not the same for NaN")]
-fn clamp_lux(lux: f32) -> f32 {
-    lux.max(LEAST).min(MOST)
+/// The importances of a node's children.
+#[inline(always)]
+pub(crate) fn see(node: &Node, view: &View) -> Seen {
+    let grid = node.grid(view.position);
+    let margin = (node.reach(&grid) + view.position.abs().element_sum()) * view.margin;
+    let mut seen = Seen { importance: [0.0; WIDTH], spread: [0.0; WIDTH] };
+    for i in 0..WIDTH {
+        let child = node.unpack(i, &grid);
+        let (importance, spread) = estimate(&child, view);
+        let is_lit = (child.flux > 0.0) & !provably_dark(&child, view, margin);
+        seen.importance[i] = if is_lit { importance } else { 0.0 };
+        seen.spread[i] = spread;
+    }
+    seen
 }
 
-/// Whether the bounds prove that no light below reaches the receiver.
-fn provably_dark(child: &Child, view: &View) -> bool {
-    let (min, max) = (Vec3::from(child.box_min), Vec3::from(child.box_max));
-    let half = 0.5 * (max - min);
-    let center = min + half - view.position;
-    let margin = (min.abs() + max.abs() + view.position.abs()).element_sum() * view.margin;
+/// The estimate for one child, in lux, and how large it looks.
+#[inline(always)]
+fn estimate(child: &Unpacked, view: &View) -> (f32, f32) {
+    let [x, y, z] = child.toward;
+    let dist_sq = max(x * x + y * y + z * z, LEAST);
+    let distance = dist_sq.sqrt();
+    let variance = child.variance;
+    let spread = variance / (dist_sq + variance);
+
+    // Cosines are kept times the distance until the end, which does not have to wait for a division. At the receiver a hyperbola follows max(cos, 0) and is rounded off as
+    // wide as the cluster is seen.
+    let normal = view.normal;
+    let along = normal.x * x + normal.y * y + normal.z * z;
+    let cosine = 0.5 * (along + (along * along + COSINE_WIDTH_SQ * spread * dist_sq).sqrt());
+    let cosine = if view.has_normal { max(cosine, FLOOR * distance) } else { distance };
+
+    // A share of the light goes along a lobe about the mean direction, the rest to all sides: emitters that disagree, or
+    // are seen from nearby, are no broad lobe but a mixture, whose back must not be starved. The lobe is a cosine,
+    // clamped at 0 for a Lambertian emitter and higher for beams, such that its mean cosine is the emitters' own.
+    let length = min(child.length, LONGEST_LOBE);
+    let share = LOBE_SHARE * min(length * (1.0 / LAMBERTIAN), 1.0) * (1.0 - spread);
+    let least_cos = max(3.0 * length - 2.0, 0.0);
+    let width_sq = (1.0 - least_cos) * (1.0 - least_cos);
+    let above = -(child.axis[0] * x + child.axis[1] * y + child.axis[2] * z) - least_cos * distance;
+    let rim = (RIM_WIDTH_SQ * spread + RIM_LEAST_SQ * width_sq) * dist_sq;
+    let lobe = (1.0 - share) * width_sq * distance + 2.0 * share * (above + (above * above + rim).sqrt());
+
+    // Divided by one distance each, since the fourth power of a long one leaves f32.
+    let inverse = 1.0 / distance;
+    let reach = width_sq * (dist_sq + VARIANCE_SHARE * variance);
+    let lux = child.flux * (0.25 * std::f32::consts::FRAC_1_PI) * ((lobe * inverse) * (cosine * inverse) / reach);
+    (min(max(lux, LEAST), MOST), spread)
+}
+
+/// Whether the bounds prove that no light of a child reaches the receiver. `margin` is what rounding may add to positions.
+#[inline(always)]
+fn provably_dark(child: &Unpacked, view: &View, margin: f32) -> bool {
+    let normal = view.normal.to_array();
+    let mut highest = margin * (normal[0].abs() + normal[1].abs() + normal[2].abs());
+    let (mut gap_sq, mut dist_sq, mut along) = (0.0, 0.0, 0.0);
+    for k in 0..3 {
+        highest += normal[k] * child.center[k] + normal[k].abs() * child.half[k];
+        let outside = max(child.center[k].abs() - (child.half[k] + margin), 0.0);
+        gap_sq += outside * outside;
+        dist_sq += child.center[k] * child.center[k];
+        along -= child.axis[k] * child.center[k];
+    }
 
     // Everything below the horizon.
-    let highest = view.normal.dot(center) + view.normal.abs().dot(half);
-    if highest + view.normal.abs().element_sum() * margin <= 0.0 && view.normal != Vec3::ZERO {
-        return true;
-    }
+    let is_below = view.has_normal & (highest <= 0.0);
 
     // Everything out of range.
-    let outside = (center.abs() - half - margin).max(Vec3::ZERO);
-    let (gap, reach) = (outside.length(), child.range * view.range_scale * (1.0 + COSINE_MARGIN));
-    if child.range < FARTHEST && gap > reach && gap <= LONGEST {
-        return true;
-    }
+    let reach = child.range * (view.range_scale * (1.0 + COSINE_MARGIN));
+    let is_out_of_range = (child.range < FARTHEST) & (gap_sq > reach * reach) & (gap_sq <= LONGEST_SQ);
 
-    // Everything turned away: the angle to the cone's axis, less what the box's sphere covers, beyond the cone.
-    let cos_half_angle = child.cos_half_angle();
-    if !view.keeps_angles || cos_half_angle <= -1.0 {
-        return false;
+    // Everything turned away: with the angle b beyond the cap at which the box's middle sees the receiver, and the
+    // box's sphere of radius r at distance d, sin(b) d > r, or b is beyond a right angle and the receiver outside.
+    let across = max(dist_sq - along * along, 0.0).sqrt();
+    let cos = child.cos_half_angle;
+    let sin = max(1.0 - cos * cos, 0.0).sqrt();
+    let slack = ANGLE_MARGIN * (along.abs() + across) + margin;
+    let radius = child.radius_sq.sqrt() + slack;
+    let beside = across * cos - along * sin;
+    let is_behind = (beside > 0.0) & (along * cos + across * sin < -slack) & (dist_sq > radius * radius);
+    let is_turned_away = view.keeps_angles & (cos > -1.0) & ((beside > radius) | is_behind) & (dist_sq <= LONGEST_SQ);
+
+    is_below | is_out_of_range | is_turned_away
+}
+
+/// Sums of the first one, two, ... of some numbers, in three steps instead of seven; the last is the sum of all.
+#[inline(always)]
+pub(crate) fn running_sums(values: &Lanes) -> Lanes {
+    let mut sums = *values;
+    for turn in [1, 2, 4] {
+        let before = sums;
+        for i in turn..WIDTH {
+            sums[i] = before[i] + before[i - turn];
+        }
     }
-    let radius = half.length() * (1.0 + COSINE_MARGIN) + margin;
-    let distance = center.length();
-    if distance <= radius || distance > LONGEST {
-        return false;
-    }
-    let cos_axis = -unpack_direction(child.cone_axis).dot(center) / distance;
-    let sin_box = radius / distance;
-    let cos_box = (1.0 - sin_box * sin_box).max(0.0).sqrt();
-    if cos_axis >= cos_box {
-        return false;
-    }
-    let sin_axis = (1.0 - cos_axis * cos_axis).max(0.0).sqrt();
-    let cos_nearest = cos_axis * cos_box + sin_axis * sin_box;
-    cos_nearest + COSINE_MARGIN < cos_half_angle
+    sums
+}
+
+/// Not [`f32::max`], which takes several instructions to let NaN give way from either side. Here it gives way if it is
+/// `a`: only a receiver that is no place makes one, and gets the least importance.
+#[inline(always)]
+fn max(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+#[inline(always)]
+fn min(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
 }

@@ -51,6 +51,7 @@
 //! scheduler, world, top level, sampling, GPU. `docs/architecture.md` draws it; `docs/math.md` derives the formulas.
 
 // In the order data passes through them; `tests/all/dependencies.rs` checks that imports point up this list only.
+mod simd;
 mod keys;
 pub mod error;
 pub mod bounds;
@@ -84,6 +85,7 @@ pub use policy::{ATTRIBUTE_FLOOR, History, Policy, wants_rebuild};
 pub use sample::{LightId, LightPick, LightSample, Sampler};
 pub use scheduler::{Clock, FrameBudget, SystemClock};
 pub use tree::{Attribute, Attributes, LightTree};
+pub use walk::{DEFAULT_OPENINGS, MOST_OPENINGS};
 #[cfg(feature = "gpu")]
 pub use wgpu;
 pub use world::{FrameDelta, FrameReport, World};

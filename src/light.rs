@@ -8,7 +8,7 @@ use glam::Vec3;
 
 use crate::bounds::Aabb;
 use crate::cluster::{Cluster, MOST_FLUX};
-use crate::cone::Cone;
+use crate::cone::{CAP_PADDING, Cone};
 use crate::error::LightError;
 
 /// Largest coordinate, radius or edge of a light, in metres. Squares and fourth powers of it stay far inside f32.
@@ -240,7 +240,7 @@ impl Light {
         }
     }
 
-    /// The cluster of this light alone. A dark light (zero flux) has an empty box and an empty cone, but keeps its place as mean.
+    /// The cluster of this light alone. A dark light (zero flux) has an empty box, but keeps its place as mean.
     pub fn cluster(&self) -> Cluster {
         let cone = self.emission_cone();
         let flux = self.flux();
@@ -260,13 +260,30 @@ impl Light {
         if flux <= 0.0 {
             return Cluster { mean, ..Cluster::EMPTY };
         }
-        let axis = match self.shape {
-            Shape::Spot { inner_angle, outer_angle, .. } => cone.axis * spot_lobe(inner_angle, outer_angle).mean_cosine,
+        let length = match self.shape {
+            Shape::Spot { inner_angle, outer_angle, .. } => spot_lobe(inner_angle, outer_angle).mean_cosine,
             // Two sides cancel, and so do all sides of a sphere.
-            _ if cone.is_full() => Vec3::ZERO,
-            _ => cone.axis * LAMBERTIAN,
+            _ if cone.is_full() => 0.0,
+            _ => LAMBERTIAN,
         };
-        Cluster { aabb: self.aabb(), cone, flux: flux.max(MIN_FLUX), mean, variance, axis, range: self.range }
+        // A spot may emit more to its back than to its front: the cap is about the axis that is kept.
+        let holds = length > 0.0 && !cone.is_full();
+        let flux = flux.max(MIN_FLUX);
+        Cluster {
+            aabb: self.aabb(),
+            flux,
+            area_flux: if self.is_punctual() { 0.0 } else { flux },
+            mean,
+            variance,
+            axis: cone.axis * length,
+            cos_half_angle: if holds { cone.half_angle.cos() - CAP_PADDING } else { -1.0 },
+            range: self.range,
+        }
+    }
+
+    /// Without extent: a point or a spot.
+    fn is_punctual(&self) -> bool {
+        matches!(self.shape, Shape::Point { .. } | Shape::Spot { .. })
     }
 }
 

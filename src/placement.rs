@@ -100,10 +100,12 @@ impl Placed {
 
     /// A receiver of the world seen in the tree's space.
     pub fn view(&self, receiver: &Receiver) -> View {
+        // Normals are carried back by the transpose: the horizon stays the horizon under any linear map.
+        let normal = (self.linear.linear.transpose() * receiver.normal).normalize_or_zero();
         View {
             position: self.frame.to_local * (receiver.position - self.frame.translation),
-            // Normals are carried back by the transpose: the horizon stays the horizon under any linear map.
-            normal: (self.linear.linear.transpose() * receiver.normal).normalize_or_zero(),
+            normal,
+            has_normal: normal != Vec3::ZERO,
             range_scale: self.range_scale(),
             margin: POSITION_MARGIN * (self.linear.mean_square_scale.sqrt() * self.range_scale()).max(1.0),
             keeps_angles: self.linear.is_similarity,

@@ -8,7 +8,7 @@ use crate::keys::{DirectionalKey, InstanceKey, slot_of};
 use crate::light::{DirectionalLight, luminance};
 use crate::top::TopLevel;
 use crate::tree::LightTree;
-use crate::walk::{Dice, ascend, descend, importances, joint, share};
+use crate::walk::{Cut, DEFAULT_OPENINGS, Dice, Forest, MOST_OPENINGS, NO_INSTANCE, NoForest, Scene, joint, share};
 use crate::world::World;
 
 /// Names a light that can be sampled.
@@ -51,13 +51,21 @@ pub struct LightSample {
 pub struct Sampler<'a> {
     world: &'a World,
     top: &'a TopLevel,
+    openings: usize,
+}
+
+impl<'a> Forest<'a> for (&Sampler<'a>, &Receiver) {
+    fn enter(&self, slot: u32) -> Option<Scene<'a>> {
+        let (sampler, receiver) = self;
+        sampler.scene(sampler.world.instance_at(slot)?, receiver).map(|(_, scene)| scene)
+    }
 }
 
 impl World {
     /// A sampler of the world as it is now, its lights as of the last update. The first call after a change builds the top level,
     /// O(n log n) in instances; engines that sample on the GPU only never pay for it.
     pub fn sampler(&self) -> Sampler<'_> {
-        Sampler { world: self, top: self.top_level() }
+        Sampler { world: self, top: self.top_level(), openings: DEFAULT_OPENINGS }
     }
 }
 
@@ -71,38 +79,43 @@ impl<'a> Sampler<'a> {
         Some(LightSample { light, pmf, incident })
     }
 
+    /// The same sampler with another bound on the clusters that are opened before the choice, at most [`MOST_OPENINGS`]. Each takes
+    /// the time of one node and lowers the noise near lights; 0 is a plain walk. `docs/benchmarks.md` has the curve.
+    pub fn with_openings(self, openings: usize) -> Self {
+        Self { openings: openings.min(MOST_OPENINGS), ..self }
+    }
+
     /// Chooses a light; `None` where bounds prove that there is none to choose.
     ///
-    /// One pass over eight children per level. Source: CK18 5, wide nodes after `docs/decisions.md`.
+    /// One pass over eight children per opened cluster and per level below. Source: CK18 5, see `walk.rs`.
     pub fn pick(&self, receiver: &Receiver, u: [f32; 2]) -> Option<LightPick> {
-        let view = View::of(receiver);
-        let mut dice = Dice::new(u[0], u[1]);
-        let (local, directional) = self.totals(receiver, &view);
-        let total = local + directional;
+        let forest = (self, receiver);
+        let cut = Cut::new(self.root(receiver), self.openings, &forest);
+        let directional = self.directional(receiver);
+        let total = cut.total + directional;
         if total <= 0.0 {
             return None;
         }
+        let mut dice = Dice::new(u[0], u[1]);
         let mut chance = 1.0;
         if directional > 0.0 {
             let point = dice.point(total);
-            if point >= local {
-                return self.pick_directional(receiver, point - local, total);
+            if point >= cut.total {
+                return self.pick_directional(receiver, point - cut.total, total);
             }
-            chance = share(local, total);
+            chance = share(cut.total, total);
             dice.stretch(point / total, chance);
         }
-        let (slot, pmf) = descend(&self.top.nodes, &view, &mut dice)?;
-        let instance = self.world.instance_at(slot)?;
-        let (tree, view) = self.enter(instance, receiver)?;
-        let (light, within) = descend(tree.nodes(), &view, &mut Dice::new(u[1], u[0]))?;
-        Some(LightPick { light: LightId::Local { instance, light }, pmf: joint(chance, joint(pmf, within)) })
+        let picked = cut.pick(&mut dice, Dice::new(u[1], u[0]), &forest)?;
+        let instance = self.world.instance_at(picked.instance)?;
+        Some(LightPick { light: LightId::Local { instance, light: picked.light }, pmf: joint(chance, picked.pmf) })
     }
 
     /// The chance that [`Sampler::pick`] chooses this light; 0 for a light that is dark, unreachable, or not there.
     pub fn pmf(&self, receiver: &Receiver, light: LightId) -> f32 {
-        let view = View::of(receiver);
-        let (local, directional) = self.totals(receiver, &view);
-        let total = local + directional;
+        let cut = Cut::new(self.root(receiver), self.openings, &(self, receiver));
+        let directional = self.directional(receiver);
+        let total = cut.total + directional;
         if total <= 0.0 {
             return 0.0;
         }
@@ -111,11 +124,11 @@ impl<'a> Sampler<'a> {
                 self.world.directional(key).map_or(0.0, |light| share(illuminance(light, receiver), total))
             }
             LightId::Local { instance, light } => {
-                let Some((tree, inner)) = self.enter(instance, receiver) else { return 0.0 };
+                let Some((tree, scene)) = self.scene(instance, receiver) else { return 0.0 };
                 let Some(leaf) = tree.leaves().get(light as usize) else { return 0.0 };
-                let chance = if directional > 0.0 { share(local, total) } else { 1.0 };
+                let chance = if directional > 0.0 { share(cut.total, total) } else { 1.0 };
                 let place = self.top.places[slot_of(instance) as usize];
-                joint(chance, joint(ascend(&self.top.nodes, &view, place), ascend(tree.nodes(), &inner, *leaf)))
+                joint(chance, cut.pmf(scene, *leaf, Some((self.root(receiver), place))))
             }
         }
     }
@@ -151,15 +164,14 @@ impl<'a> Sampler<'a> {
         local.chain(world.directionals().map(|(key, _)| LightId::Directional(key)))
     }
 
-    /// Estimated illuminance by the trees, and illuminance by directional lights. The first is only computed where it
-    /// decides anything, and is 1 otherwise.
-    fn totals(&self, receiver: &Receiver, view: &View) -> (f32, f32) {
-        let directional: f32 = self.world.directionals().map(|(_, light)| illuminance(light, receiver)).sum();
-        if directional <= 0.0 {
-            return (1.0, 0.0);
-        }
-        let local = self.top.nodes.first().map_or(0.0, |root| importances(root, view).1);
-        (local, directional)
+    /// Illuminance by directional lights, in lux.
+    fn directional(&self, receiver: &Receiver) -> f32 {
+        self.world.directionals().map(|(_, light)| illuminance(light, receiver)).sum()
+    }
+
+    /// The top level.
+    fn root(&self, receiver: &Receiver) -> Scene<'a> {
+        Scene { nodes: &self.top.nodes, view: View::of(receiver), instance: NO_INSTANCE, is_top: true }
     }
 
     fn pick_directional(&self, receiver: &Receiver, point: f32, total: f32) -> Option<LightPick> {
@@ -175,9 +187,11 @@ impl<'a> Sampler<'a> {
         chosen
     }
 
-    fn enter(&self, instance: InstanceKey, receiver: &Receiver) -> Option<(&'a LightTree, View)> {
-        let instance = self.world.instance(instance)?;
-        Some((self.world.tree(instance.tree)?, instance.placed.view(receiver)))
+    fn scene(&self, key: InstanceKey, receiver: &Receiver) -> Option<(&'a LightTree, Scene<'a>)> {
+        let instance = self.world.instance(key)?;
+        let tree = self.world.tree(instance.tree)?;
+        let view = instance.placed.view(receiver);
+        Some((tree, Scene { nodes: tree.nodes(), view, instance: slot_of(key), is_top: false }))
     }
 }
 
@@ -189,13 +203,21 @@ fn illuminance(light: &DirectionalLight, receiver: &Receiver) -> f32 {
 }
 
 impl LightTree {
-    /// Chooses a light of one tree, in the tree's own space. As [`Sampler::pick`].
-    pub fn pick(&self, receiver: &Receiver, u: [f32; 2]) -> Option<(u32, f32)> {
-        descend(self.nodes(), &View::of(receiver), &mut Dice::new(u[0], u[1]))
+    /// Chooses a light of one tree, in the tree's own space. As [`Sampler::pick`]; `openings` as in [`Sampler::with_openings`].
+    pub fn pick(&self, receiver: &Receiver, u: [f32; 2], openings: usize) -> Option<(u32, f32)> {
+        let dice = Dice::new(u[0], u[1]);
+        let picked = Cut::new(self.scene(receiver), openings, &NoForest).pick(&mut dice.clone(), dice, &NoForest)?;
+        Some((picked.light, picked.pmf))
     }
 
     /// The chance that [`LightTree::pick`] chooses this light; 0 for an index that the tree does not have.
-    pub fn pmf(&self, receiver: &Receiver, light: u32) -> f32 {
-        self.leaves().get(light as usize).map_or(0.0, |leaf| ascend(self.nodes(), &View::of(receiver), *leaf))
+    pub fn pmf(&self, receiver: &Receiver, light: u32, openings: usize) -> f32 {
+        let Some(leaf) = self.leaves().get(light as usize) else { return 0.0 };
+        let scene = self.scene(receiver);
+        Cut::new(scene, openings, &NoForest).pmf(scene, *leaf, None)
+    }
+
+    fn scene(&self, receiver: &Receiver) -> Scene<'_> {
+        Scene { nodes: self.nodes(), view: View::of(receiver), instance: NO_INSTANCE, is_top: false }
     }
 }

@@ -5,11 +5,10 @@
 //! linear BVHs (Lauterbach et al. 2009). Differs: nodes are eight wide and implicit, so every level is one pass without
 //! pointers; the curve is Hilbert's, since eight neighbours along Morton's often lie far apart (docs/decisions.md).
 
-use glam::Vec3;
-
 use crate::bounds::Aabb;
+use crate::cluster::Cluster;
 use crate::curve::{Curve, NO_KEY};
-use crate::tree::{Child, NO_PARENT, Node, WIDTH};
+use crate::tree::{EMPTY_SLOT, LEAF, NO_PARENT, Node, WIDTH, WideCluster};
 
 /// A tree over instance slots.
 #[derive(Clone, Debug)]
@@ -35,34 +34,42 @@ pub(crate) fn level_starts(slots: usize) -> Vec<u32> {
 }
 
 impl TopLevel {
-    /// Builds over the leaves of all slots; slots without an instance hold [`Child::EMPTY`]. O(n log n).
-    pub fn build(leaves: &[Child]) -> Self {
-        let bounds = Aabb::around(leaves.iter().filter(|c| c.flux > 0.0).map(|c| Vec3::from(c.mean)));
+    /// Builds over the instances of all slots; those of slots without one are dark. O(n log n).
+    pub fn build(instances: &[Cluster]) -> Self {
+        let bounds = Aabb::around(instances.iter().filter(|c| c.flux > 0.0).map(|c| c.mean));
         let curve = Curve::new(&bounds);
-        let key = |leaf: &Child| if leaf.flux > 0.0 { curve.key(leaf.mean.into()) } else { NO_KEY };
-        let mut order: Vec<(u32, u32)> = leaves.iter().zip(0..).map(|(leaf, slot)| (key(leaf), slot)).collect();
+        let key = |c: &Cluster| if c.flux > 0.0 { curve.key(c.mean) } else { NO_KEY };
+        let mut order: Vec<(u32, u32)> = instances.iter().zip(0..).map(|(c, slot)| (key(c), slot)).collect();
         order.sort_unstable();
 
-        let starts = level_starts(leaves.len());
-        let mut nodes = vec![Node { count: WIDTH as u32, ..Node::EMPTY }; starts[starts.len() - 1] as usize];
-        let mut places = vec![0; leaves.len()];
+        let starts = level_starts(instances.len());
+        let count = starts[starts.len() - 1] as usize;
+        let mut nodes = vec![Node::EMPTY; count];
+        let mut wide = vec![WideCluster::EMPTY; count];
+        let mut places = vec![0; instances.len()];
         for (position, (_, slot)) in order.iter().enumerate() {
             let place = starts[starts.len() - 2] as usize * WIDTH + position;
-            nodes[place / WIDTH].children[place % WIDTH] = leaves[*slot as usize];
+            let instance = &instances[*slot as usize];
             places[*slot as usize] = place as u32;
+            if instance.flux > 0.0 {
+                wide[place / WIDTH].set(place % WIDTH, instance);
+                nodes[place / WIDTH].targets[place % WIDTH] = LEAF | slot;
+            }
         }
         for level in (0..starts.len() - 1).rev() {
             for index in starts[level]..starts[level + 1] {
-                nodes[index as usize].parent = if level == 0 {
-                    NO_PARENT
-                } else {
+                let cluster = wide[index as usize].merged().cluster;
+                nodes[index as usize].pack(&wide[index as usize], &cluster.aabb, WIDTH);
+                if level > 0 {
                     let place = starts[level - 1] * WIDTH as u32 + (index - starts[level]);
-                    let cluster = nodes[index as usize].cluster();
-                    nodes[place as usize / WIDTH].children[place as usize % WIDTH] = Child::pack(&cluster, index);
-                    place
-                };
+                    nodes[index as usize].parent = place;
+                    let (node, slot) = (place as usize / WIDTH, place as usize % WIDTH);
+                    wide[node].set(slot, &cluster);
+                    nodes[node].targets[slot] = if cluster.flux > 0.0 { index } else { EMPTY_SLOT };
+                }
             }
         }
+        debug_assert!(nodes[0].parent == NO_PARENT);
         Self { nodes, places }
     }
 }

@@ -1,11 +1,27 @@
-//! Walks wide nodes down to a leaf and up again. Trees and the top level are walked alike.
+//! Chooses a light: opens the clusters that matter most near the receiver, chooses among all that are left, and walks
+//! down wide nodes from there. Trees and the top level are walked alike, and opened across.
 //!
-//! Twin of `shaders/dice.wgsl` and of the walks in `shaders/sample.wgsl`. No trail is recorded: the way up is read from the nodes, so depth has no cap. A random
-//! number is stretched at every choice, as usual, but the bits lost by that are replaced from a hash of all its bits:
-//! otherwise choices past the 24th bit would all be the same.
+//! Twin of `shaders/dice.wgsl` and `shaders/walk.wgsl`. Starts from CK18 5 (adaptive tree splitting). Differs: what is split is not
+//! sampled from every part but is one larger choice of one light, and the number of splits is fixed, so that the time
+//! is. No trail is recorded: the way up is read from the nodes, so depth has no cap. A random number is stretched at
+//! every choice, as usual, but the bits lost by that are replaced from a hash of all its bits: otherwise choices past the
+//! 24th bit would all be the same.
 
-use crate::importance::{View, importance};
-use crate::tree::{Node, Target, WIDTH};
+use crate::importance::{Seen, View, running_sums, see};
+use crate::simd::{Job, with_vectors};
+use crate::tree::{LEAF, Lanes, NO_PARENT, Node, Target, WIDTH};
+
+/// Clusters that are opened at most, whatever is asked for: GPUs keep them in registers.
+pub const MOST_OPENINGS: usize = 8;
+
+/// Clusters that are opened unless something else is asked for.
+pub const DEFAULT_OPENINGS: usize = 6;
+
+/// Clusters are opened only while the doubt about one of them is more than this share of everything.
+pub(crate) const LEAST_DOUBT: f32 = 0.002;
+
+/// [`Scene::instance`] of the top level, and of a tree that is walked by itself.
+pub(crate) const NO_INSTANCE: u32 = u32::MAX;
 
 /// The largest f32 below 1.
 pub(crate) const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
@@ -66,63 +82,314 @@ pub(crate) fn hash(x: u32) -> u32 {
     (word >> 22) ^ word
 }
 
-/// The importances of a node's children and their sum. 0 means that nothing below reaches the receiver.
-pub(crate) fn importances(node: &Node, view: &View) -> ([f32; WIDTH], f32) {
-    let mut each = [0.0; WIDTH];
-    let mut total = 0.0;
-    for (value, child) in each.iter_mut().zip(node.used()) {
-        *value = importance(child, view);
-        total += *value;
-    }
-    (each, total)
+/// A tree's nodes, and the receiver as it is seen in their space.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Scene<'a> {
+    pub nodes: &'a [Node],
+    pub view: View,
+    /// The slot of the instance whose tree it is, or [`NO_INSTANCE`].
+    pub instance: u32,
+    /// Leaves are instances.
+    pub is_top: bool,
 }
 
-/// Walks down from the root to a leaf, with the chance of getting there; `None` where the light is proved to be none.
-pub(crate) fn descend(nodes: &[Node], view: &View, dice: &mut Dice) -> Option<(u32, f32)> {
-    let mut pmf = 1.0;
-    let mut node = nodes.first()?;
-    loop {
-        let (each, total) = importances(node, view);
-        if total <= 0.0 {
+/// Knows the trees behind the leaves of a top level.
+pub(crate) trait Forest<'a> {
+    /// The tree that the instance in a slot shows; `None` if there is none.
+    fn enter(&self, slot: u32) -> Option<Scene<'a>>;
+}
+
+/// A forest of one tree.
+#[derive(Clone, Copy)]
+pub(crate) struct NoForest;
+
+impl<'a> Forest<'a> for NoForest {
+    fn enter(&self, _: u32) -> Option<Scene<'a>> {
+        None
+    }
+}
+
+/// The candidates of a receiver: the children of the opened nodes. The same for every random number, so that the chance
+/// of any light can be told. One array for each property: nothing but numbers is moved about.
+pub(crate) struct Cut<'a> {
+    /// Trees that were entered, the root's first.
+    scenes: [Option<Scene<'a>>; MOST_NODES],
+    scene_count: usize,
+    /// Opened nodes.
+    count: usize,
+    /// Of each opened node its scene.
+    places: [usize; MOST_NODES],
+    nodes: [u32; MOST_NODES],
+    /// Importance of each child; 0 for one that was opened itself.
+    values: [Lanes; MOST_NODES],
+    /// Importance times spread: how much light the estimate may be wrong by. 0 for what cannot be opened.
+    doubts: [Lanes; MOST_NODES],
+    /// Sums of the values.
+    totals: [f32; MOST_NODES],
+    /// The greatest doubt of a node as an integer, which orders alike, with 7 less its slot in the last bits: a maximum of
+    /// integers is found in three steps.
+    keys: [u32; MOST_NODES],
+    /// Estimated illuminance of all candidates, in lux.
+    pub total: f32,
+}
+
+/// The root and what is opened after it.
+const MOST_NODES: usize = MOST_OPENINGS + 1;
+
+/// The bits of a key that name a slot.
+const SLOT_BITS: u32 = WIDTH as u32 - 1;
+
+/// A light of a tree and the chance of its choice.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Picked {
+    /// See [`Scene::instance`].
+    pub instance: u32,
+    pub light: u32,
+    pub pmf: f32,
+}
+
+impl<'a> Cut<'a> {
+    /// Opens the root and then, up to `openings` times, the candidate in most doubt.
+    pub fn new(root: Scene<'a>, openings: usize, forest: &impl Forest<'a>) -> Self {
+        with_vectors(Open { root, openings, forest })
+    }
+
+    /// Chooses a light. `dice` decide in the root's tree, `inner` in an instance's. `None` if all candidates are proved dark.
+    pub fn pick(&self, dice: &mut Dice, inner: Dice, forest: &impl Forest<'a>) -> Option<Picked> {
+        with_vectors(Pick { cut: self, dice, inner, forest })
+    }
+
+    /// The chance that [`Cut::pick`] ends at the leaf in `place` (`node * WIDTH + slot`) of a tree; `top` is the top level with
+    /// the place of the tree's instance, if there is one.
+    pub fn pmf(&self, scene: Scene<'a>, place: u32, top: Option<(Scene<'a>, u32)>) -> f32 {
+        with_vectors(Climb { cut: self, scene, place, top })
+    }
+
+    /// The place of a node among the opened ones.
+    #[inline(always)]
+    fn find(&self, scene: &Scene, node: u32) -> Option<usize> {
+        (0..self.count).find(|i| self.nodes[*i] == node && self.scene(*i).is_some_and(|s| s.instance == scene.instance))
+    }
+
+    fn scene(&self, index: usize) -> Option<&Scene<'a>> {
+        self.scenes[self.places[index]].as_ref()
+    }
+
+    /// Adds a tree, unless it is there: an instance's root is opened once.
+    #[inline(always)]
+    fn enter(&mut self, scene: Scene<'a>) -> usize {
+        self.scenes[self.scene_count] = Some(scene);
+        self.scene_count += 1;
+        self.scene_count - 1
+    }
+
+    /// Makes a node's children candidates. `None` and no change if there is no such node.
+    #[inline(always)]
+    fn open(&mut self, place: usize, node: u32) -> Option<()> {
+        let scene = self.scenes[place].as_ref()?;
+        let record = scene.nodes.get(node as usize)?;
+        let Seen { importance, spread } = see(record, &scene.view);
+        let index = self.count;
+        for i in 0..WIDTH {
+            let can_open = scene.is_top | (record.targets[i] & LEAF == 0);
+            self.doubts[index][i] = if can_open { importance[i] * spread[i] } else { 0.0 };
+        }
+        self.values[index] = importance;
+        self.places[index] = place;
+        self.nodes[index] = node;
+        self.count += 1;
+        self.count_up(index);
+        Some(())
+    }
+
+    /// Takes out a child, whose own children are candidates from now on.
+    #[inline(always)]
+    fn take_out(&mut self, index: usize, slot: usize) {
+        self.values[index][slot] = 0.0;
+        self.doubts[index][slot] = 0.0;
+        self.count_up(index);
+    }
+
+    #[inline(always)]
+    fn count_up(&mut self, index: usize) {
+        self.totals[index] = running_sums(&self.values[index])[WIDTH - 1];
+        let mut most = 0;
+        for slot in 0..WIDTH {
+            let key = (self.doubts[index][slot].to_bits() & !SLOT_BITS) | (SLOT_BITS - slot as u32);
+            most = if key > most { key } else { most };
+        }
+        self.keys[index] = most;
+        self.total = 0.0;
+        for total in &self.totals[..self.count] {
+            self.total += total;
+        }
+    }
+
+    /// The candidate in most doubt, the first of equals, as node and slot; `None` if nothing is worth opening.
+    #[inline(always)]
+    fn most_doubtful(&self) -> Option<(usize, usize)> {
+        let (mut index, mut most) = (0, self.keys[0]);
+        for (other, key) in self.keys[..self.count].iter().enumerate() {
+            // Without the slots, which say nothing across nodes.
+            if *key & !SLOT_BITS > most & !SLOT_BITS {
+                (index, most) = (other, *key);
+            }
+        }
+        let is_worth = f32::from_bits(most & !SLOT_BITS) > LEAST_DOUBT * self.total;
+        is_worth.then_some((index, (SLOT_BITS - (most & SLOT_BITS)) as usize))
+    }
+}
+
+struct Open<'a, 'f, F> {
+    root: Scene<'a>,
+    openings: usize,
+    forest: &'f F,
+}
+
+impl<'a, F: Forest<'a>> Job for Open<'a, '_, F> {
+    type Output = Cut<'a>;
+
+    #[inline(always)]
+    fn run(self) -> Cut<'a> {
+        let mut cut = Cut {
+            scenes: [const { None }; MOST_NODES],
+            scene_count: 0,
+            count: 0,
+            places: [0; MOST_NODES],
+            nodes: [0; MOST_NODES],
+            values: [[0.0; WIDTH]; MOST_NODES],
+            doubts: [[0.0; WIDTH]; MOST_NODES],
+            totals: [0.0; MOST_NODES],
+            keys: [0; MOST_NODES],
+            total: 0.0,
+        };
+        let mut next = (cut.enter(self.root), 0);
+        loop {
+            let (place, node) = next;
+            if cut.open(place, node).is_none() || cut.count > self.openings.min(MOST_OPENINGS) {
+                return cut;
+            }
+            let Some((index, slot)) = cut.most_doubtful() else { return cut };
+            let place = cut.places[index];
+            let target = cut.scene(index).and_then(|scene| scene.nodes[cut.nodes[index] as usize].target(slot));
+            next = match target {
+                Some(Target::Node(node)) => (place, node),
+                Some(Target::Leaf(leaf)) => match self.forest.enter(leaf) {
+                    Some(scene) if !scene.nodes.is_empty() => (cut.enter(scene), 0),
+                    _ => return cut,
+                },
+                None => return cut,
+            };
+            cut.take_out(index, slot);
+        }
+    }
+}
+
+struct Pick<'a, 'c, 'd, F> {
+    cut: &'c Cut<'a>,
+    dice: &'d mut Dice,
+    inner: Dice,
+    forest: &'c F,
+}
+
+impl<'a, F: Forest<'a>> Job for Pick<'a, '_, '_, F> {
+    type Output = Option<Picked>;
+
+    #[inline(always)]
+    fn run(self) -> Option<Picked> {
+        let Self { cut, dice, mut inner, forest } = self;
+        if cut.total <= 0.0 {
             return None;
         }
-        let point = dice.point(total);
+        let point = dice.point(cut.total);
         let mut before = 0.0;
-        let mut chosen = 0;
-        let mut chosen_before = 0.0;
-        for (slot, value) in each.into_iter().enumerate() {
-            // The last child with a chance is taken if rounding let the point pass all of them.
-            if value > 0.0 && point >= before {
-                chosen = slot;
-                chosen_before = before;
+        let mut chosen = (0, 0.0);
+        for (index, total) in cut.totals[..cut.count].iter().enumerate() {
+            // The last with a chance is taken if rounding let the point pass all of them.
+            if *total > 0.0 && point >= before {
+                chosen = (index, before);
             }
-            before += value;
+            before += total;
         }
-        let chance = share(each[chosen], total);
-        pmf = joint(pmf, chance);
-        dice.stretch((point - chosen_before) / total, chance);
-        match node.children[chosen].target()? {
-            Target::Leaf(leaf) => return Some((leaf, pmf)),
-            Target::Node(below) => node = &nodes[below as usize],
+        let (index, before) = chosen;
+        let values = &cut.values[index];
+        let (slot, offset) = pick_lane(values, &running_sums(values), point - before);
+        let mut pmf = share(values[slot], cut.total);
+        dice.stretch(offset / cut.total, pmf);
+        let mut scene = *cut.scene(index)?;
+        let mut target = scene.nodes[cut.nodes[index] as usize].target(slot)?;
+        loop {
+            let node = match target {
+                Target::Leaf(leaf) if scene.is_top => {
+                    scene = forest.enter(leaf)?;
+                    0
+                }
+                Target::Leaf(light) => return Some(Picked { instance: scene.instance, light, pmf }),
+                Target::Node(node) => node,
+            };
+            let dice = if scene.instance == NO_INSTANCE { &mut *dice } else { &mut inner };
+            let record = scene.nodes.get(node as usize)?;
+            let values = see(record, &scene.view).importance;
+            let sums = running_sums(&values);
+            let total = sums[WIDTH - 1];
+            if total <= 0.0 {
+                return None;
+            }
+            let (slot, offset) = pick_lane(&values, &sums, dice.point(total));
+            let chance = share(values[slot], total);
+            pmf = joint(pmf, chance);
+            dice.stretch(offset / total, chance);
+            target = record.target(slot)?;
         }
     }
 }
 
-/// The chance that [`descend`] ends at the leaf in `place` (`node * WIDTH + slot`).
-pub(crate) fn ascend(nodes: &[Node], view: &View, mut place: u32) -> f32 {
-    let mut pmf = 1.0;
-    loop {
-        let node = &nodes[place as usize / WIDTH];
-        let (each, total) = importances(node, view);
-        let value = each[place as usize % WIDTH];
-        if value <= 0.0 {
-            return 0.0;
+/// The lane whose share of the line from 0 to the sum of all holds `point`, and how far into it that is.
+#[inline(always)]
+fn pick_lane(values: &Lanes, sums: &Lanes, point: f32) -> (usize, f32) {
+    let mut slot = 0;
+    for sum in &sums[..WIDTH - 1] {
+        slot += usize::from(*sum <= point);
+    }
+    // Rounding of the sums may let the point fall between two lanes, on one without a chance.
+    if values[slot] <= 0.0 {
+        let lit = |slot: &usize| values[*slot] > 0.0;
+        slot = (0..slot).rev().find(lit).or_else(|| (slot..WIDTH).find(lit)).unwrap_or(slot);
+    }
+    (slot, point - (sums[slot] - values[slot]))
+}
+
+struct Climb<'a, 'c> {
+    cut: &'c Cut<'a>,
+    scene: Scene<'a>,
+    place: u32,
+    top: Option<(Scene<'a>, u32)>,
+}
+
+impl Job for Climb<'_, '_> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn run(self) -> f32 {
+        let Self { cut, mut scene, mut place, mut top } = self;
+        let mut pmf = 1.0;
+        loop {
+            let (node, slot) = (place / WIDTH as u32, place as usize % WIDTH);
+            if let Some(index) = cut.find(&scene, node) {
+                return joint(pmf, share(cut.values[index][slot], cut.total));
+            }
+            let record = &scene.nodes[node as usize];
+            let values = see(record, &scene.view).importance;
+            pmf = joint(pmf, share(values[slot], running_sums(&values)[WIDTH - 1]));
+            if pmf <= 0.0 {
+                return 0.0;
+            }
+            place = record.parent;
+            if place == NO_PARENT {
+                let Some(above) = top.take() else { return 0.0 };
+                (scene, place) = above;
+            }
         }
-        pmf = joint(pmf, share(value, total));
-        if node.parent == crate::tree::NO_PARENT {
-            return pmf;
-        }
-        place = node.parent;
     }
 }
 

@@ -1,7 +1,7 @@
 //! What is compared, behind one interface: the chance of each light at a receiver, and single draws to be timed.
 
 use super::baselines::{BinaryTree, Cycles, Formula, Pbrt};
-use girandole::{Light, LightId, LightTree, Receiver, Sampler, World, WorldError};
+use girandole::{DEFAULT_OPENINGS, Light, LightId, LightTree, Receiver, Sampler, World, WorldError};
 
 /// A way to choose one of many lights.
 pub trait Chooser: Sync {
@@ -144,21 +144,24 @@ impl Chooser for TwoLevel<'_> {
 
 /// The library's tree, one over all lights, without instances.
 struct Flat {
+    name: &'static str,
     tree: LightTree,
+    openings: usize,
 }
 
 impl Chooser for Flat {
     fn name(&self) -> &'static str {
-        "girandole flat"
+        self.name
     }
 
     fn chances(&self, receiver: &Receiver, contributions: &[f32]) -> Vec<f32> {
-        let pmf = |(light, lux): (u32, &f32)| if *lux > 0.0 { self.tree.pmf(receiver, light) } else { 0.0 };
+        let pmf =
+            |(light, lux): (u32, &f32)| if *lux > 0.0 { self.tree.pmf(receiver, light, self.openings) } else { 0.0 };
         (0..).zip(contributions).map(pmf).collect()
     }
 
     fn draw(&self, receiver: &Receiver, u: [f32; 2]) -> f32 {
-        std::hint::black_box(self.tree.pick(receiver, u)).map_or(0.0, |(_, pmf)| pmf)
+        std::hint::black_box(self.tree.pick(receiver, u, self.openings)).map_or(0.0, |(_, pmf)| pmf)
     }
 
     fn bytes(&self) -> usize {
@@ -175,6 +178,7 @@ fn wide(u: [f32; 2]) -> f64 {
 pub fn all<'a>(world: &'a World, lights: &[Light]) -> Result<Vec<Box<dyn Chooser + 'a>>, WorldError> {
     let sampler = world.sampler();
     let opaque = BinaryTree::new(Pbrt { is_opaque: true }, lights.to_vec());
+    let tree = LightTree::new(lights.to_vec())?;
     Ok(vec![
         Box::new(Uniform { count: lights.len() }),
         Box::new(ByFlux::new(lights)),
@@ -182,6 +186,8 @@ pub fn all<'a>(world: &'a World, lights: &[Light]) -> Result<Vec<Box<dyn Chooser
         Box::new(Published { name: "pbrt opaque", tree: opaque }),
         Box::new(Published { name: "cycles", tree: BinaryTree::new(Cycles, lights.to_vec()) }),
         Box::new(TwoLevel { world, sampler, lights: sampler.all_lights().collect() }),
-        Box::new(Flat { tree: LightTree::new(lights.to_vec())? }),
+        Box::new(Flat { name: "girandole flat", tree: tree.clone(), openings: DEFAULT_OPENINGS }),
+        Box::new(Flat { name: "flat, 4 opened", tree: tree.clone(), openings: 4 }),
+        Box::new(Flat { name: "flat, 0 opened", tree, openings: 0 }),
     ])
 }

@@ -1,13 +1,14 @@
 //! The records that the host uploads. `shaders/types.wgsl` has their twins; the test below compares them.
 //!
-//! Nodes are uploaded as the CPU walks them: see [`Node`] and [`Child`].
+//! Nodes are uploaded as the CPU walks them: see [`Node`](crate::tree::Node).
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat3, Vec3};
 
+use crate::cluster::Cluster;
 use crate::light::{DirectionalLight, Light, Shape, spot_falloff};
 use crate::placement::Placed;
-use crate::tree::{Child, FARTHEST, LightTree};
+use crate::tree::{FARTHEST, LightTree};
 
 /// [`LightRecord::kind`]: the low bits name the kind.
 pub(crate) const KIND_MASK: u32 = 0xff;
@@ -28,7 +29,7 @@ pub(crate) const TWO_SIDED: u32 = 0x100;
 
 /// [`InstanceRecord::flags`]: the slot has an instance.
 pub(crate) const LIVE: u32 = 1;
-/// [`InstanceRecord::flags`]: its placement keeps angles, so cones hold in its tree's space.
+/// [`InstanceRecord::flags`]: its placement keeps angles, so caps hold in its tree's space.
 pub(crate) const KEEPS_ANGLES: u32 = 2;
 
 /// Stands for an instance slot in the name of a directional light.
@@ -70,12 +71,26 @@ pub(crate) struct InstanceRecord {
     pub padding_c: u32,
 }
 
+/// A cluster at full precision; `LightCluster` in WGSL. 64 bytes, all zero but for the mean if it is dark.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct ClusterRecord {
+    pub mean: [f32; 3],
+    pub flux: f32,
+    pub box_min: [f32; 3],
+    pub variance: f32,
+    pub box_max: [f32; 3],
+    pub range: f32,
+    pub axis: [f32; 3],
+    pub cos_half_angle: f32,
+}
+
 /// What the top level needs of a tree; `LightTree` in WGSL. 80 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct TreeRecord {
     /// The whole tree; flux 0 for a dark or empty one.
-    pub root: Child,
+    pub root: ClusterRecord,
     pub punctual_flux: f32,
     pub area_flux: f32,
     pub padding: [f32; 2],
@@ -88,7 +103,7 @@ pub(crate) struct ParamsRecord {
     pub slots: u32,
     pub directional_base: u32,
     pub directional_count: u32,
-    pub padding: u32,
+    pub openings: u32,
 }
 
 impl LightRecord {
@@ -156,12 +171,35 @@ fn rows(m: &Mat3, last: Vec3) -> [[f32; 4]; 3] {
     std::array::from_fn(|i| m.row(i).extend(last[i]).to_array())
 }
 
+impl ClusterRecord {
+    /// A cluster, its range cut off: shaders may not rely on infinity, nor on an inverted box.
+    pub fn of(cluster: &Cluster) -> Self {
+        if cluster.flux <= 0.0 {
+            return Self { mean: cluster.mean.to_array(), ..Self::default() };
+        }
+        Self {
+            mean: cluster.mean.to_array(),
+            flux: cluster.flux,
+            box_min: cluster.aabb.min.to_array(),
+            variance: cluster.variance,
+            box_max: cluster.aabb.max.to_array(),
+            range: cluster.range.min(FARTHEST),
+            axis: cluster.axis.to_array(),
+            cos_half_angle: cluster.cos_half_angle,
+        }
+    }
+}
+
 impl TreeRecord {
     /// A tree as instances of it see it.
     pub fn of(tree: &LightTree) -> Self {
-        let root = tree.nodes().first().map_or(Child::EMPTY, |node| Child::pack(&node.cluster(), 0));
         let flux = tree.flux();
-        Self { root, punctual_flux: flux.punctual, area_flux: flux.area, padding: [0.0; 2] }
+        Self {
+            root: ClusterRecord::of(&tree.cluster()),
+            punctual_flux: flux.punctual,
+            area_flux: flux.area,
+            padding: [0.0; 2],
+        }
     }
 }
 
@@ -205,9 +243,18 @@ mod tests {
     fn records_have_the_same_layout_in_rust_and_wgsl() {
         let text = crate::gpu::wgsl(0) + include_str!("../../shaders/batch.wgsl");
         let structs = structs(&text);
-        record!(structs, Child, "LightChild", [mean, flux, box_min, variance, box_max, range, lobe_axis, cone_axis,
-            angles, target as "target_bits"]);
-        record!(structs, Node, "LightNode", [children, parent, count, padding]);
+        record!(
+            structs,
+            Node,
+            "LightNode",
+            [origin, steps, parent, padding, targets, flux, range, low, high, mean, deviation, axis, shortness, cap]
+        );
+        record!(
+            structs,
+            ClusterRecord,
+            "LightCluster",
+            [mean, flux, box_min, variance, box_max, range, axis, cos_half_angle]
+        );
         record!(structs, LightRecord, "LightRecord", [a, kind, b, range, c, place, emission, padding]);
         record!(
             structs,
@@ -223,6 +270,6 @@ mod tests {
             "LightSample",
             [direction, distance, radiance, pdf, pmf, instance, light, is_delta]
         );
-        record!(structs, ParamsRecord, "LightParams", [slots, directional_base, directional_count, padding]);
+        record!(structs, ParamsRecord, "LightParams", [slots, directional_base, directional_count, openings]);
     }
 }

@@ -30,6 +30,7 @@ pub use upload::UploadReport;
 use upload::{TreeRanges, Unsent};
 
 use crate::tree::Node;
+use crate::walk::{DEFAULT_OPENINGS, MOST_OPENINGS};
 
 /// A world's lights on a GPU.
 pub struct GpuLights {
@@ -75,6 +76,8 @@ impl GpuLights {
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
+        let params = ParamsRecord { openings: DEFAULT_OPENINGS as u32, ..ParamsRecord::default() };
+        queue.write_buffer(&params_buffer, 0, bytemuck::bytes_of(&params));
         let top = TopBuild::new(device, queue)?;
         let layout = bind_group_layout(device);
         let batch = BatchKernel::new(device, &layout);
@@ -93,7 +96,7 @@ impl GpuLights {
             tree_ranges: Vec::new(),
             unsent: Unsent::default(),
             directionals: 0..0,
-            params: ParamsRecord::default(),
+            params,
             params_buffer,
             top,
             top_is_stale: true,
@@ -110,6 +113,22 @@ impl GpuLights {
         if std::mem::take(&mut self.top_is_stale) {
             self.top.record(encoder, self.params.slots);
         }
+    }
+
+    /// Another bound on the clusters that are opened before a choice, at most [`MOST_OPENINGS`]; [`DEFAULT_OPENINGS`] at first.
+    /// As [`Sampler::with_openings`](crate::Sampler::with_openings). Writes 16 bytes ahead of the next submission.
+    pub fn set_openings(&mut self, openings: u32) {
+        self.send_params(ParamsRecord { openings: openings.min(MOST_OPENINGS as u32), ..self.params });
+    }
+
+    /// Returns the bytes sent.
+    fn send_params(&mut self, params: ParamsRecord) -> u64 {
+        if params == self.params {
+            return 0;
+        }
+        self.params = params;
+        self.queue.write_buffer(&self.params_buffer, 0, bytemuck::bytes_of(&params));
+        size_of::<ParamsRecord>() as u64
     }
 
     /// For the pipeline layouts of the engine's shaders: one uniform buffer and four read-only storage buffers.

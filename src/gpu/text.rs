@@ -31,7 +31,7 @@ use crate::walk;
 /// `light_`, `Light` or `LIGHT_`.
 pub fn wgsl(group: u32) -> String {
     let sample = include_str!("../../shaders/sample.wgsl").replace("LIGHT_GROUP", &group.to_string());
-    pure() + &sample
+    pure() + &sample + include_str!("../../shaders/walk.wgsl")
 }
 
 /// Constants, records and pure functions: everything that binds nothing.
@@ -68,21 +68,29 @@ pub(crate) fn constants() -> String {
         ("LIVE", layout::LIVE),
         ("KEEPS_ANGLES", layout::KEEPS_ANGLES),
         ("DIRECTIONAL", layout::DIRECTIONAL),
+        ("NO_INSTANCE", walk::NO_INSTANCE),
+        ("MOST_OPENINGS", walk::MOST_OPENINGS as u32),
     ] {
         let _ = writeln!(text, "const LIGHT_{name}: u32 = {value}u;");
     }
     for (name, value) in [
         ("VARIANCE_SHARE", importance::VARIANCE_SHARE),
-        ("COSINE_WIDTH", importance::COSINE_WIDTH),
+        ("COSINE_WIDTH_SQ", importance::COSINE_WIDTH_SQ),
         ("FLOOR", importance::FLOOR),
         ("LAMBERTIAN", light::LAMBERTIAN),
         ("LOBE_SHARE", importance::LOBE_SHARE),
+        ("RIM_WIDTH_SQ", importance::RIM_WIDTH_SQ),
+        ("RIM_LEAST_SQ", importance::RIM_LEAST_SQ),
         ("LONGEST_LOBE", importance::LONGEST_LOBE),
         ("LEAST", importance::LEAST),
         ("MOST", importance::MOST),
         ("POSITION_MARGIN", importance::POSITION_MARGIN),
-        ("LONGEST", importance::LONGEST),
+        ("LONGEST_SQ", importance::LONGEST_SQ),
         ("COSINE_MARGIN", importance::COSINE_MARGIN),
+        ("ANGLE_MARGIN", importance::ANGLE_MARGIN),
+        ("STEPS", tree::STEPS),
+        ("DIRECTION_STEPS", tree::DIRECTION_STEPS),
+        ("CAP_STEPS", tree::CAP_STEPS),
         ("LEAST_FLUX", light::MIN_FLUX),
         ("MOST_FLUX", cluster::MOST_FLUX),
         ("FARTHEST", tree::FARTHEST),
@@ -92,6 +100,7 @@ pub(crate) fn constants() -> String {
         ("LEAST_INVERSE_PDF", emit::LEAST_INVERSE_PDF),
         ("CLOSE", emit::CLOSE),
         ("LEAST_CHANCE", walk::LEAST_CHANCE),
+        ("LEAST_DOUBT", walk::LEAST_DOUBT),
         ("FOUR_PI", 4.0 * std::f32::consts::PI),
         ("BELOW_ONE", walk::BELOW_ONE),
         ("U_STEP", walk::U_STEP),

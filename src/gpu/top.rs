@@ -1,13 +1,14 @@
 //! Builds the top level on the GPU, from instances and the roots of their trees. Nothing is read back.
 //!
 //! Twin of `src/top.rs` and of what `World` makes of an instance; the tests below compare both, and check the GPU's
-//! bounds for themselves. Stages: leaves and their bounds, keys, sort, lowest nodes, then one dispatch a level. The
+//! bounds for themselves. Stages: leaves and their bounds, keys, sort, children of the lowest nodes, then one
+//! dispatch a level. The
 //! sources are `shaders/top_*.wgsl`. Nothing waits for another workgroup: bounds are maxima, which commute.
 
 use std::fmt::Write;
 
 use super::error::{GpuError, largest_storage_buffer};
-use super::layout::{InstanceRecord, TreeRecord};
+use super::layout::{ClusterRecord, InstanceRecord, TreeRecord};
 use super::pool::Pool;
 use super::sort::{RadixSort, SortBuffers};
 use super::stages::{Access, PASS_STRIDE, Stages, dispatch, pass_bytes};
@@ -15,8 +16,7 @@ use crate::bounds;
 use crate::cone;
 use crate::curve;
 use crate::top::level_starts;
-use crate::tree;
-use crate::tree::{Child, Node, WIDTH};
+use crate::tree::{Node, WIDTH};
 
 /// Invocations in a workgroup. Half of what WebGPU allows: merging clusters takes many registers.
 const LANES: u32 = 128;
@@ -66,14 +66,16 @@ struct TopBuffers {
     leaves: wgpu::Buffer,
     bounds: wgpu::Buffer,
     nodes: wgpu::Buffer,
+    /// Of every node's children.
+    clusters: wgpu::Buffer,
     sort: SortBuffers,
 }
 
 impl TopBuild {
     /// Pipelines, and room for a few slots.
     pub(crate) fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Self, GpuError> {
-        // Instances, trees, leaves, bounds, keys, slots, nodes.
-        let mut storage = [Access::Write; 7];
+        // Instances, trees, leaves, bounds, keys, slots, nodes, clusters: as many as WebGPU grants a stage.
+        let mut storage = [Access::Write; 8];
         storage[1] = Access::Read;
         let stages = Stages::new(device, "top level", size_of::<TopPass>() as u64, &storage);
         let pipeline = |stage: &Stage| stages.pipeline(device, stage.entry, stage.text());
@@ -123,8 +125,8 @@ impl TopBuild {
         if self.bound.as_ref().is_some_and(|(bound, _)| *bound == generations) {
             return;
         }
-        let TopBuffers { leaves, bounds, nodes, sort, .. } = &self.buffers;
-        let storage = [instances.buffer(), trees.buffer(), leaves, bounds, sort.keys(), sort.values(), nodes];
+        let TopBuffers { leaves, bounds, nodes, clusters, sort, .. } = &self.buffers;
+        let storage = [instances.buffer(), trees.buffer(), leaves, bounds, sort.keys(), sort.values(), nodes, clusters];
         self.bound = Some((generations, self.stages.bind(&self.device, &self.passes, &storage)));
     }
 
@@ -153,8 +155,8 @@ impl TopBuild {
         run(&mut pass, &self.keys, 0, slots);
         self.sort.record(&mut pass, &self.buffers.sort);
         run(&mut pass, &self.place, 0, self.levels[0].count * WIDTH as u32);
-        for (index, level) in self.levels.iter().enumerate().filter(|(_, level)| level.count_above > 0) {
-            run(&mut pass, &self.level, index, level.count_above * WIDTH as u32);
+        for (index, level) in self.levels.iter().enumerate() {
+            run(&mut pass, &self.level, index, (level.count_above * WIDTH as u32).max(level.count));
         }
     }
 
@@ -190,8 +192,11 @@ impl TopBuffers {
         let limit = largest_storage_buffer(device);
         let starts = level_starts(capacity as usize);
         let nodes = u64::from(starts[starts.len() - 1]) * size_of::<Node>() as u64;
-        let leaves = u64::from(capacity.max(1)) * size_of::<Child>() as u64;
-        for (what, needed) in [("top-level nodes", nodes), ("instances' clusters", leaves)] {
+        let clusters = u64::from(starts[starts.len() - 1]) * (WIDTH * size_of::<ClusterRecord>()) as u64;
+        let leaves = u64::from(capacity.max(1)) * size_of::<ClusterRecord>() as u64;
+        for (what, needed) in
+            [("top-level clusters", clusters), ("top-level nodes", nodes), ("instances' clusters", leaves)]
+        {
             if needed > limit {
                 return Err(GpuError::Full { what, needed, limit });
             }
@@ -210,6 +215,7 @@ impl TopBuffers {
             leaves: buffer("top level leaves", leaves),
             bounds: buffer("top level bounds", BOUNDS_BYTES),
             nodes: buffer("top level nodes", nodes),
+            clusters: buffer("top level clusters", clusters),
         })
     }
 }
@@ -232,21 +238,14 @@ impl Stage {
         for (name, value) in [("LANES", LANES), ("KEY_BITS", curve::KEY_BITS), ("NO_KEY", curve::NO_KEY)] {
             let _ = writeln!(text, "const TOP_{name}: u32 = {value}u;");
         }
-        for (name, value) in [
-            ("UNION_PADDING", cone::UNION_PADDING),
-            ("TRANSFORM_PADDING", bounds::TRANSFORM_PADDING),
-            ("CONE_PADDING", tree::CONE_PADDING),
-            ("COSINE_ROUNDING", tree::COSINE_ROUNDING),
-            ("SNORM", tree::SNORM),
-            ("UNORM", tree::UNORM),
-        ] {
+        for (name, value) in [("CAP_PADDING", cone::CAP_PADDING), ("TRANSFORM_PADDING", bounds::TRANSFORM_PADDING)] {
             let _ = writeln!(text, "const {name}: f32 = {value:e};");
         }
         for part in [
             include_str!("../../shaders/types.wgsl"),
             include_str!("../../shaders/node.wgsl"),
             include_str!("../../shaders/top_types.wgsl"),
-            include_str!("../../shaders/top_cluster.wgsl"),
+            include_str!("../../shaders/cluster.wgsl"),
             self.source,
         ] {
             text += part;

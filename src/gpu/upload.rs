@@ -190,18 +190,12 @@ impl GpuLights {
     }
 
     fn write_params(&mut self, world: &World) -> u64 {
-        let params = ParamsRecord {
+        self.send_params(ParamsRecord {
             slots: world.slot_count() as u32,
             directional_base: self.directionals.start,
             directional_count: self.directionals.len() as u32,
-            padding: 0,
-        };
-        if params == self.params {
-            return 0;
-        }
-        self.params = params;
-        self.queue.write_buffer(&self.params_buffer, 0, bytemuck::bytes_of(&params));
-        size_of::<ParamsRecord>() as u64
+            openings: self.params.openings,
+        })
     }
 }
 

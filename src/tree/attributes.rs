@@ -3,8 +3,9 @@
 //! SS names them and gives no formulas; ours are in `docs/math.md`. Each is a sum over nodes, weighted by the node's
 //! share of the flux, of a ratio without units: moving, scaling or dimming the whole object changes none of them.
 
-use super::build::cluster_cost;
-use super::node::Node;
+use super::cost::{orientation, size};
+use super::node::WIDTH;
+use super::wide::{Lanes, Merged, WideCluster, sum};
 use crate::cluster::Cluster;
 
 /// Names one of the four attributes.
@@ -45,12 +46,12 @@ impl Attributes {
     }
 }
 
-/// One node's part of each sum, still in metres and lumens: in f64, since a flux squared times an area leaves f32.
+/// A subtree's part of each sum, still in metres and lumens: in f64, since a flux times an area leaves f32.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Terms {
     /// Flux times root mean square distance of the children's means from the node's.
     distance: f64,
-    /// Flux times overlapping fraction; without units already.
+    /// Flux times overlapping fraction.
     overlap: f64,
     /// Flux times variance of position.
     variance: f64,
@@ -59,46 +60,111 @@ pub(super) struct Terms {
 }
 
 impl Terms {
-    /// The part of one node whose children are up to date; `all` is the node's own cluster.
-    pub(super) fn of(node: &Node, all: &Cluster) -> Self {
-        if all.flux <= 0.0 {
+    /// The part of one node.
+    #[inline(always)]
+    pub(super) fn of(wide: &WideCluster, all: &Merged) -> Self {
+        let flux = all.cluster.flux;
+        if flux <= 0.0 {
             return Self::default();
         }
-        let mut spread = 0.0;
-        let mut within = 0.0;
-        let mut cost = 0.0;
-        let mut shared = 0.0;
-        for (i, child) in node.used().iter().enumerate().filter(|(_, c)| c.flux > 0.0) {
-            let cluster = child.cluster();
-            spread += f64::from(child.flux) * (cluster.mean - all.mean).as_dvec3().length_squared();
-            within += f64::from(child.flux) * f64::from(child.variance);
-            cost += cluster_cost(&cluster);
-            for other in node.used()[..i].iter().filter(|c| c.flux > 0.0) {
-                shared += f64::from(cluster.aabb.intersection(&other.cluster().aabb).half_perimeter());
-            }
+        let per_flux = 1.0 / flux;
+        let edges = edges(wide);
+        let mut costs = [0.0; WIDTH];
+        for i in 0..WIDTH {
+            let [x, y, z] = [wide.axis[0][i], wide.axis[1][i], wide.axis[2][i]];
+            let length = (x * x + y * y + z * z).sqrt();
+            costs[i] = wide.flux[i] * per_flux * size([edges[0][i], edges[1][i], edges[2][i]]) * orientation(length);
         }
-        let size = f64::from(all.aabb.half_perimeter());
-        let flux = f64::from(all.flux);
+        let perimeter = all.cluster.aabb.half_perimeter();
+        let overlap = if perimeter > 0.0 { overlap(wide) / perimeter } else { 0.0 };
+        let flux = f64::from(flux);
         Self {
-            distance: (spread * flux).sqrt(),
-            overlap: if size > 0.0 { flux * shared / size } else { 0.0 },
-            variance: spread + within,
-            cost,
+            distance: flux * f64::from(all.between.sqrt()),
+            overlap: flux * f64::from(overlap),
+            variance: flux * f64::from(all.cluster.variance),
+            cost: flux * f64::from(sum(&costs)),
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn add(&mut self, other: &Self) {
+        self.distance += other.distance;
+        self.overlap += other.overlap;
+        self.variance += other.variance;
+        self.cost += other.cost;
+    }
+
+    /// The splitting cost of a subtree relative to that of its own cluster; 0 if there is none.
+    pub(super) fn cost_ratio(&self, all: &Cluster) -> f32 {
+        let cost = own_cost(all);
+        if cost > 0.0 { (self.cost / cost) as f32 } else { 0.0 }
+    }
+
+    /// The part of the splitting cost that a rise by `loss` has added.
+    pub(super) fn cost_share(&self, loss: f32) -> f64 {
+        self.cost * f64::from(loss / (1.0 + loss))
+    }
+
+    /// Free of units, by flux and size of the cluster of all.
+    pub(super) fn relative_to(&self, all: &Cluster) -> Attributes {
+        let diagonal = all.aabb.extent().as_dvec3().length();
+        let flux = f64::from(all.flux);
+        let ratio = |sum: f64, unit: f64| if unit > 0.0 { (sum / unit) as f32 } else { 0.0 };
+        Attributes {
+            distance: ratio(self.distance, flux * diagonal),
+            overlap: ratio(self.overlap, flux),
+            variance: ratio(self.variance, flux * diagonal * diagonal),
+            splitting_cost: self.cost_ratio(all),
         }
     }
 }
 
-/// Sums the nodes' parts, in their order, and makes them free of units by the root's flux and size.
-pub(super) fn sum(terms: &[Terms], root: &Cluster) -> Attributes {
-    let diagonal = root.aabb.extent().as_dvec3().length();
-    let flux = f64::from(root.flux);
-    let root_cost = cluster_cost(root);
-    let total = |part: fn(&Terms) -> f64| terms.iter().map(part).sum::<f64>();
-    let ratio = |sum: f64, unit: f64| if unit > 0.0 { (sum / unit) as f32 } else { 0.0 };
-    Attributes {
-        distance: ratio(total(|t| t.distance), flux * diagonal),
-        overlap: ratio(total(|t| t.overlap), flux),
-        variance: ratio(total(|t| t.variance), flux * diagonal * diagonal),
-        splitting_cost: ratio(total(|t| t.cost), root_cost),
+fn own_cost(all: &Cluster) -> f64 {
+    f64::from(all.flux) * f64::from(size(all.aabb.extent().to_array()) * orientation(all.axis.length()))
+}
+
+/// Edge lengths of the boxes, 0 for dark lanes.
+#[inline(always)]
+fn edges(wide: &WideCluster) -> [Lanes; 3] {
+    let mut edges = [[0.0; WIDTH]; 3];
+    for k in 0..3 {
+        for i in 0..WIDTH {
+            let edge = wide.max[k][i] - wide.min[k][i];
+            edges[k][i] = if edge > 0.0 { edge } else { 0.0 };
+        }
     }
+    edges
+}
+
+/// Half perimeters of the intersections of all pairs of boxes, summed.
+#[inline(always)]
+fn overlap(wide: &WideCluster) -> f32 {
+    // Half of the lanes once more behind the last, so that the partners of all lanes lie in one piece.
+    let mut again = [[[0.0; WIDTH + WIDTH / 2]; 3]; 2];
+    for k in 0..3 {
+        for (corner, lanes) in [&wide.min[k], &wide.max[k]].into_iter().enumerate() {
+            again[corner][k][..WIDTH].copy_from_slice(lanes);
+            again[corner][k][WIDTH..].copy_from_slice(&lanes[..WIDTH / 2]);
+        }
+    }
+    let mut shared = [0.0; WIDTH];
+    // Lane i with lane i + turn: all pairs once, and those half a turn apart twice.
+    for turn in 1..=WIDTH / 2 {
+        let weight = if turn == WIDTH / 2 { 0.5 } else { 1.0 };
+        for i in 0..WIDTH {
+            let mut edges = 0.0;
+            let mut least = f32::INFINITY;
+            for k in 0..3 {
+                let (a, b) = (wide.min[k][i], again[0][k][i + turn]);
+                let min = if a > b { a } else { b };
+                let (a, b) = (wide.max[k][i], again[1][k][i + turn]);
+                let max = if a < b { a } else { b };
+                let edge = max - min;
+                edges += edge;
+                least = if edge < least { edge } else { least };
+            }
+            shared[i] += if least >= 0.0 { weight * edges } else { 0.0 };
+        }
+    }
+    sum(&shared)
 }

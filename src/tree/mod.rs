@@ -3,36 +3,57 @@
 mod attributes;
 mod build;
 mod check;
+mod cost;
+mod dirty;
 mod node;
+mod rebuild;
 mod refit;
+mod shape;
+mod wide;
 
 pub use attributes::{Attribute, Attributes};
 pub use check::CheckError;
+pub use node::{Bytes, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_PARENT, Node, Target, WIDTH};
 #[cfg(feature = "gpu")]
-pub(crate) use node::{CONE_PADDING, COSINE_ROUNDING, SNORM, UNORM};
-pub use node::{Child, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_PARENT, Node, Target, WIDTH};
-pub(crate) use node::{FARTHEST, unpack_direction};
+pub(crate) use node::{CAP_STEPS, DIRECTION_STEPS, STEPS};
+pub(crate) use node::{FARTHEST, Unpacked};
+pub(crate) use wide::{Lanes, WideCluster};
 
+use dirty::Dirty;
+
+use crate::cluster::Cluster;
 use crate::error::WorldError;
 use crate::light::Light;
 
-/// Lights and the wide tree over them. Nodes lie level by level, the root first, children behind their parents.
+/// Lights and the wide tree over them. Nodes lie depth first: a parent before its children, every subtree in one piece.
 ///
 /// A tree is bound to its number of lights; [`LightTree::set`] changes lights in place and [`LightTree::refit`] brings
 /// the nodes up to date. [`World`](crate::World) does both for the trees that it holds.
 #[derive(Clone, Debug, Default)]
 pub struct LightTree {
     lights: Vec<Light>,
-    nodes: Vec<Node>,
-    /// First node of each level; one more entry for the end.
-    levels: Vec<u32>,
     /// For each light `node * WIDTH + slot` of its leaf.
     leaves: Vec<u32>,
-    /// Per node, its unnormalised part of each attribute; kept so that a refit allocates nothing.
+    /// What is sampled.
+    nodes: Vec<Node>,
+    /// What each node is packed from; lights' lanes follow `set`, nodes' lanes the refit.
+    wide: Vec<WideCluster>,
+    /// Nodes that belong to each node's subtree, itself and spare ones included; 0 for a spare node.
+    spans: Vec<u32>,
+    /// Lights in each node's subtree.
+    sizes: Vec<u32>,
+    /// Relative splitting cost of each subtree when it was built.
+    fresh: Vec<f32>,
+    /// Lights that [`LightTree::rebuild_worst`] may still rebuild.
+    credit: usize,
+    /// Each subtree's part of the attributes.
     terms: Vec<attributes::Terms>,
+    /// Nodes with lanes that changed since the last refit.
+    dirty: Dirty,
+    tasks: refit::Tasks,
+    /// All lights.
+    root: Cluster,
     attributes: Attributes,
-    /// Lumens of points and spots, and of surfaces: an instance's scale changes only the second.
-    flux: FluxByKind,
 }
 
 /// A tree's flux, by how a transform changes it. Lumens.
@@ -79,7 +100,13 @@ impl LightTree {
 
     /// The flux of all lights by kind, in lumens.
     pub fn flux(&self) -> FluxByKind {
-        self.flux
+        let Cluster { flux, area_flux, .. } = self.cluster();
+        FluxByKind { punctual: (flux - area_flux).max(0.0), area: area_flux }
+    }
+
+    /// All lights as one cluster, exactly: the root's children are packed wider.
+    pub fn cluster(&self) -> Cluster {
+        if self.nodes.is_empty() { Cluster::EMPTY } else { self.root }
     }
 
     /// Replaces lights; the nodes follow at the next [`LightTree::refit`].
@@ -96,6 +123,9 @@ impl LightTree {
     pub(crate) fn apply(&mut self, changes: &[(u32, Light)]) {
         for (index, light) in changes {
             self.lights[*index as usize] = *light;
+            let place = self.leaves[*index as usize] as usize;
+            self.wide[place / WIDTH].set(place % WIDTH, &light.cluster());
+            self.dirty.insert(place / WIDTH);
         }
     }
 

@@ -13,13 +13,14 @@ pub(crate) use delta::Changes;
 pub use delta::FrameDelta;
 pub use update::FrameReport;
 
+use crate::cluster::Cluster;
 use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
-use crate::light::{DirectionalLight, Light};
+use crate::light::{DirectionalLight, Light, MIN_FLUX};
 use crate::placement::{Placed, Placement};
 use crate::policy::{History, Policy};
 use crate::scheduler::{Clock, CostModel, SystemClock};
 use crate::top::TopLevel;
-use crate::tree::{Child, LEAF, LightTree};
+use crate::tree::LightTree;
 
 /// Everything that shines: light trees, instances of them, directional lights.
 ///
@@ -227,26 +228,24 @@ impl World {
     /// The CPU's top level, built when first asked for after a change.
     pub(crate) fn top_level(&self) -> &TopLevel {
         self.top.get_or_init(|| {
-            let leaf = |slot: u32| self.instance_at(slot).map_or(Child::EMPTY, |key| self.leaf(key));
-            let leaves: Vec<Child> = (0..self.slots.len() as u32).map(leaf).collect();
-            TopLevel::build(&leaves)
+            let cluster = |slot: u32| self.instance_at(slot).map_or(Cluster::EMPTY, |key| self.cluster(key));
+            let instances: Vec<Cluster> = (0..self.slots.len() as u32).map(cluster).collect();
+            TopLevel::build(&instances)
         })
     }
 
     /// An instance as the top level sees it.
-    fn leaf(&self, key: InstanceKey) -> Child {
+    pub(crate) fn cluster(&self, key: InstanceKey) -> Cluster {
         let instance = &self.instances[key];
         let tree = &self.trees[instance.tree].tree;
-        let Some(root) = tree.nodes().first() else { return Child::EMPTY };
-        let cluster = root.cluster();
+        let cluster = tree.cluster();
+        if cluster.flux <= 0.0 {
+            return Cluster::EMPTY;
+        }
         let linear = &instance.placed.linear;
         let flux = linear.flux(tree.flux().punctual, tree.flux().area, cluster.axis);
-        // A tree whose lights all shine by their least flux only may sum to 0 by kind.
-        let flux = if cluster.flux > 0.0 { flux.max(crate::light::MIN_FLUX) } else { 0.0 };
-        if flux <= 0.0 {
-            return Child::EMPTY;
-        }
-        Child::pack(&cluster.transformed(linear, instance.placed.frame.translation, flux), LEAF | slot_of(key))
+        // Scaled down far enough, what shines would round to dark.
+        cluster.transformed(linear, instance.placed.frame.translation, flux.max(MIN_FLUX))
     }
 }
 

@@ -4,9 +4,9 @@ use std::sync::OnceLock;
 
 use girandole::glam::{DVec3, Vec3};
 use girandole::gpu::{GpuError, GpuLights, SampleRecord, SampleRequest, wgsl};
-use girandole::{FrameBudget, FrameDelta, Light, LightId, Placement, Policy, Receiver, World};
+use girandole::{DEFAULT_OPENINGS, FrameBudget, FrameDelta, Light, LightId, Placement, Policy, Receiver, World};
 
-use crate::support::Rng;
+use crate::support::{OPENINGS, Rng};
 
 /// Where a pick lands within rounding of the border between two lights the GPU may take the neighbour: WGSL allows
 /// division 2.5 ulp and `pow` far more. About ten choices of a rounding of 1e-5 each.
@@ -83,8 +83,14 @@ fn receiver(request: &SampleRequest) -> Receiver {
 }
 
 /// Uploads, builds the top level, and samples on the GPU.
-pub(crate) fn sample(lights: &mut GpuLights, world: &mut World, requests: &[SampleRequest]) -> Vec<SampleRecord> {
+pub(crate) fn sample(
+    lights: &mut GpuLights,
+    world: &mut World,
+    openings: usize,
+    requests: &[SampleRequest],
+) -> Vec<SampleRecord> {
     let (device, queue) = gpu();
+    lights.set_openings(openings as u32);
     let delta = world.take_delta();
     lights.upload(world, &delta).expect("room enough");
     let input = buffer(&device, &queue, bytemuck::cast_slice(requests));
@@ -112,8 +118,8 @@ fn emission(world: &World, light: LightId) -> f32 {
 }
 
 /// How many of the GPU's samples name another light than the CPU's; those that name the same must agree in everything.
-pub(crate) fn compare(world: &World, requests: &[SampleRequest], records: &[SampleRecord]) -> usize {
-    let sampler = world.sampler();
+pub(crate) fn compare(world: &World, openings: usize, requests: &[SampleRequest], records: &[SampleRecord]) -> usize {
+    let sampler = world.sampler().with_openings(openings);
     let directionals: Vec<_> = world.directionals().map(|(key, _)| key).collect();
     let mut others = 0;
     for (request, record) in requests.iter().zip(records) {
@@ -152,10 +158,19 @@ fn the_gpu_picks_the_same_lights_with_the_same_chances() {
         let mut world = rng.world(trees, count, instances, 30.0);
         let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
         let requests = requests(&mut rng, 4096, 40.0);
-        let records = sample(&mut lights, &mut world, &requests);
-        let others = compare(&world, &requests, &records);
-        assert!(others as f64 <= OTHER_PICKS * 4096.0, "seed {seed}: {others} of 4096 name another light");
-        assert!(records.iter().filter(|r| r.pmf > 0.0).count() > 200, "seed {seed}: too few samples to compare");
+        for has_directionals in [true, false] {
+            if !has_directionals {
+                let keys: Vec<_> = world.directionals().map(|(key, _)| key).collect();
+                keys.into_iter().for_each(|key| world.remove_directional(key).expect("a live key"));
+            }
+            for openings in OPENINGS {
+                let records = sample(&mut lights, &mut world, openings, &requests);
+                let others = compare(&world, openings, &requests, &records);
+                assert!(others as f64 <= OTHER_PICKS * 4096.0, "seed {seed}: {others} of 4096 name another light");
+                let count = records.iter().filter(|r| r.pmf > 0.0).count();
+                assert!(count > 200, "seed {seed}: {count} are too few to compare");
+            }
+        }
     }
 }
 
@@ -166,7 +181,7 @@ fn an_empty_world_gives_no_light_and_no_error() {
     let mut world = World::new();
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let requests = requests(&mut rng, 64, 10.0);
-    assert!(sample(&mut lights, &mut world, &requests).iter().all(|r| r.pmf == 0.0));
+    assert!(sample(&mut lights, &mut world, DEFAULT_OPENINGS, &requests).iter().all(|r| r.pmf == 0.0));
     // A tree of no lights, a dark tree, and an instance that went.
     let empty = world.add_tree(vec![]).expect("fine");
     let dark = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ZERO)]).expect("fine");
@@ -175,9 +190,9 @@ fn an_empty_world_gives_no_light_and_no_error() {
     }
     let tree = world.add_tree(rng.lights(5, 5.0)).expect("valid");
     let gone = world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
-    assert!(sample(&mut lights, &mut world, &requests).iter().any(|r| r.pmf > 0.0));
+    assert!(sample(&mut lights, &mut world, DEFAULT_OPENINGS, &requests).iter().any(|r| r.pmf > 0.0));
     world.remove_instance(gone).expect("it lives");
-    assert!(sample(&mut lights, &mut world, &requests).iter().all(|r| r.pmf == 0.0));
+    assert!(sample(&mut lights, &mut world, DEFAULT_OPENINGS, &requests).iter().all(|r| r.pmf == 0.0));
 }
 
 #[test]
@@ -188,9 +203,11 @@ fn a_world_that_changes_and_grows_stays_the_same_on_both_sides() {
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let requests = requests(&mut rng, 2048, 25.0);
     for round in 0..6 {
-        let records = sample(&mut lights, &mut world, &requests);
-        let others = compare(&world, &requests, &records);
-        assert!(others as f64 <= OTHER_PICKS * 2048.0 + 1.0, "round {round}: {others} of 2048 name another light");
+        for openings in OPENINGS {
+            let records = sample(&mut lights, &mut world, openings, &requests);
+            let others = compare(&world, openings, &requests, &records);
+            assert!(others as f64 <= OTHER_PICKS * 2048.0 + 1.0, "round {round}: {others} of 2048 name another light");
+        }
         // Grow past the first buffers, edit, move and remove.
         let tree = world.add_tree(rng.lights(200, 3.0)).expect("valid");
         for _ in 0..20 {
@@ -229,7 +246,7 @@ fn a_frame_uploads_what_changed_and_nothing_else() {
     world.set_lights(tree, &[(0, Light::point(Vec3::ONE, Vec3::ONE))]).expect("valid");
     let edited = upload(&mut world);
     let nodes = world.tree(tree).expect("it lives").nodes().len() as u64;
-    assert_eq!((edited.bytes, edited.trees, edited.instances), (nodes * 528 + 30 * 64 + 80, 1, 0));
+    assert_eq!((edited.bytes, edited.trees, edited.instances), (nodes * 208 + 30 * 64 + 80, 1, 0));
 }
 
 #[test]
@@ -241,8 +258,10 @@ fn a_gpu_that_comes_late_gets_everything() {
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     lights.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
     let requests = requests(&mut rng, 512, 10.0);
-    let records = sample(&mut lights, &mut world, &requests);
-    assert!(compare(&world, &requests, &records) <= 2);
+    for openings in OPENINGS {
+        let records = sample(&mut lights, &mut world, openings, &requests);
+        assert!(compare(&world, openings, &requests, &records) <= 2);
+    }
 }
 
 #[test]
@@ -256,8 +275,10 @@ fn a_lost_delta_does_not_leave_an_instance_without_its_tree() {
     world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let requests = requests(&mut rng, 512, 10.0);
-    let records = sample(&mut lights, &mut world, &requests);
-    assert!(compare(&world, &requests, &records) <= 2);
+    for openings in OPENINGS {
+        let records = sample(&mut lights, &mut world, openings, &requests);
+        assert!(compare(&world, openings, &requests, &records) <= 2);
+    }
 }
 
 #[test]
@@ -298,7 +319,8 @@ fn an_engines_own_shader_asks_for_chances_as_the_cpu_does() {
     let sampler = world.sampler();
     let directionals: Vec<_> = world.directionals().map(|(key, _)| key).collect();
     let mut questions: Vec<[u32; 8]> = Vec::new();
-    let mut expected = Vec::new();
+    // With each bound on openings.
+    let mut expected: Vec<[f32; 2]> = Vec::new();
     for _ in 0..6 {
         let receiver = rng.receiver(20.0);
         for light in sampler.all_lights() {
@@ -311,7 +333,7 @@ fn an_engines_own_shader_asks_for_chances_as_the_cpu_does() {
             let [x, y, z] = receiver.position.to_array().map(f32::to_bits);
             let [p, q, r] = receiver.normal.to_array().map(f32::to_bits);
             questions.push([x, y, z, instance, p, q, r, index]);
-            expected.push(sampler.pmf(&receiver, light));
+            expected.push(OPENINGS.map(|openings| sampler.with_openings(openings).pmf(&receiver, light)));
         }
     }
     let text = wgsl(1)
@@ -363,19 +385,22 @@ fn an_engines_own_shader_asks_for_chances_as_the_cpu_does() {
             wgpu::BindGroupEntry { binding: 1, resource: output.as_entire_binding() },
         ],
     });
-    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    lights.build_top(&mut encoder);
-    {
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        pass.set_pipeline(&pipeline);
-        pass.set_bind_group(0, &group, &[]);
-        pass.set_bind_group(1, lights.bind_group(), &[]);
-        pass.dispatch_workgroups(expected.len().div_ceil(64) as u32, 1, 1);
+    for (which, openings) in OPENINGS.into_iter().enumerate() {
+        lights.set_openings(openings as u32);
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        lights.build_top(&mut encoder);
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_pipeline(&pipeline);
+            pass.set_bind_group(0, &group, &[]);
+            pass.set_bind_group(1, lights.bind_group(), &[]);
+            pass.dispatch_workgroups(expected.len().div_ceil(64) as u32, 1, 1);
+        }
+        queue.submit([encoder.finish()]);
+        let answers: Vec<f32> = read(&device, &queue, &output);
+        for (cpu, gpu) in expected.iter().zip(&answers) {
+            assert!(close(cpu[which], *gpu), "{openings} openings: {cpu:?} {gpu}");
+        }
     }
-    queue.submit([encoder.finish()]);
-    let answers: Vec<f32> = read(&device, &queue, &output);
-    for (cpu, gpu) in expected.iter().zip(&answers) {
-        assert!(close(*cpu, *gpu), "{cpu} {gpu}");
-    }
-    assert!(expected.iter().filter(|p| **p > 0.0).count() > 300);
+    assert!(expected.iter().filter(|p| p[0] > 0.0).count() > 300);
 }

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::{Light, LightId, Placement, Policy, Receiver, World};
 
-use crate::support::{Rng, all_chances};
+use crate::support::{OPENINGS, Rng, all_chances};
 
 /// Chances are products of at most two dozen ratios of sums of eight: each rounds by a few 6e-8.
 const SUM_TOLERANCE: f64 = 1.0e-4;
@@ -15,12 +15,12 @@ fn chances_sum_to_one_or_to_what_dead_ends_leave() {
     let mut rng = Rng(10);
     for _ in 0..10 {
         let world = rng.world(4, 40, 5, 40.0);
-        for _ in 0..20 {
+        for round in 0..20 {
             let receiver = rng.receiver(60.0);
-            let sum: f64 = all_chances(&world, &receiver).iter().map(|(_, p)| f64::from(*p)).sum();
+            let sampler = world.sampler().with_openings(OPENINGS[round % OPENINGS.len()]);
+            let sum: f64 = all_chances(&sampler, &receiver).iter().map(|(_, p)| f64::from(*p)).sum();
             assert!(sum <= 1.0 + SUM_TOLERANCE, "{sum}");
             // What is missing must be the share of draws that end without a light: at most a few in a hundred here.
-            let sampler = world.sampler();
             let draws = 2000;
             let none = (0..draws).filter(|_| sampler.pick(&receiver, [rng.unit(), rng.unit()]).is_none()).count();
             let missing = 1.0 - sum;
@@ -35,9 +35,9 @@ fn chances_sum_to_one_or_to_what_dead_ends_leave() {
 fn picked_lights_carry_their_own_chance() {
     let mut rng = Rng(11);
     let world = rng.world(5, 60, 4, 30.0);
-    let sampler = world.sampler();
-    for _ in 0..2000 {
+    for round in 0..4000 {
         let receiver = rng.receiver(40.0);
+        let sampler = world.sampler().with_openings(OPENINGS[round % OPENINGS.len()]);
         if let Some(pick) = sampler.pick(&receiver, [rng.unit(), rng.unit()]) {
             let pmf = sampler.pmf(&receiver, pick.light);
             assert!(pick.pmf > 0.0 && (pick.pmf / pmf - 1.0).abs() < 1.0e-4, "{} {pmf}", pick.pmf);
@@ -49,9 +49,9 @@ fn picked_lights_carry_their_own_chance() {
 fn frequencies_fit_the_chances() {
     let mut rng = Rng(12);
     let world = rng.world(3, 15, 3, 10.0);
-    let sampler = world.sampler();
-    for _ in 0..5 {
+    for round in 0..10 {
         let receiver = rng.receiver(12.0);
+        let sampler = world.sampler().with_openings(OPENINGS[round % OPENINGS.len()]);
         let draws = 100_000;
         let mut counts: HashMap<Option<LightId>, u32> = HashMap::new();
         for _ in 0..draws {
@@ -59,7 +59,7 @@ fn frequencies_fit_the_chances() {
         }
         let mut chi_sq = 0.0;
         let mut cells = 0.0;
-        for (light, pmf) in all_chances(&world, &receiver) {
+        for (light, pmf) in all_chances(&sampler, &receiver) {
             let expected = f64::from(pmf) * f64::from(draws);
             if expected >= 5.0 {
                 let seen = f64::from(counts.get(&Some(light)).copied().unwrap_or(0));
@@ -78,10 +78,10 @@ fn every_light_that_reaches_a_receiver_has_a_chance() {
     let mut reached = 0;
     for _ in 0..20 {
         let world = rng.world(4, 50, 4, 20.0);
-        let sampler = world.sampler();
-        for _ in 0..40 {
+        for round in 0..40 {
             let receiver = rng.receiver(25.0);
-            for (light, pmf) in all_chances(&world, &receiver) {
+            let sampler = world.sampler().with_openings(OPENINGS[round % OPENINGS.len()]);
+            for (light, pmf) in all_chances(&sampler, &receiver) {
                 let u = [rng.unit(), rng.unit()];
                 if let Some(incident) = sampler.sample_light(&receiver, light, u) {
                     assert!(incident.radiance.is_finite() && incident.pdf > 0.0 && incident.pdf.is_finite());
@@ -99,10 +99,10 @@ fn every_light_that_reaches_a_receiver_has_a_chance() {
 fn the_ends_of_the_unit_interval_give_valid_picks() {
     let mut rng = Rng(14);
     let world = rng.world(3, 30, 3, 10.0);
-    let sampler = world.sampler();
     let below_one = 1.0 - f32::EPSILON / 2.0;
-    for _ in 0..200 {
+    for round in 0..200 {
         let receiver = rng.receiver(10.0);
+        let sampler = world.sampler().with_openings(OPENINGS[round % OPENINGS.len()]);
         for u in [0.0, below_one] {
             for v in [0.0, below_one] {
                 if let Some(pick) = sampler.pick(&receiver, [u, v]) {

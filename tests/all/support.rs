@@ -1,7 +1,7 @@
 //! Random lights and receivers that several tests use.
 
 use girandole::glam::{Affine3A, Mat3, Quat, Vec3};
-use girandole::{DirectionalLight, Light, LightId, Policy, Receiver, World};
+use girandole::{DEFAULT_OPENINGS, DirectionalLight, Light, LightId, Policy, Receiver, Sampler, World};
 
 /// A small random number generator (SplitMix64), so that every test has its own fixed stream.
 pub struct Rng(pub u64);
@@ -99,8 +99,10 @@ impl Rng {
     }
 }
 
+/// Bounds on opened clusters that tests of chances run with: a plain walk, and what callers get.
+pub const OPENINGS: [usize; 2] = [0, DEFAULT_OPENINGS];
+
 /// Every light of a world with its chance at a receiver.
-pub fn all_chances(world: &World, receiver: &Receiver) -> Vec<(LightId, f32)> {
-    let sampler = world.sampler();
+pub fn all_chances(sampler: &Sampler, receiver: &Receiver) -> Vec<(LightId, f32)> {
     sampler.all_lights().map(|light| (light, sampler.pmf(receiver, light))).collect()
 }

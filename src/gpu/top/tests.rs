@@ -2,38 +2,28 @@ use glam::{Affine3A, DVec3, EulerRot, Mat3, Quat, Vec3};
 use naga::TypeInner;
 
 use super::*;
+use crate::bounds::Aabb;
+use crate::cluster::Cluster;
 use crate::cone::angle;
 use crate::gpu::testing::{gpu, read};
 use crate::keys::slot_of;
 use crate::placement::Placed;
 use crate::top::TopLevel;
-use crate::tree::{EMPTY_SLOT, LEAF, NO_PARENT};
+use crate::tree::{self, EMPTY_SLOT, LEAF, NO_PARENT};
 use crate::{InstanceKey, Light, Placement, Policy, World};
 
 /// Relative difference of sums of up to eight products in f32, taken in different orders or with fused multiply-adds.
 const SUMS: f32 = 4.0e-6;
 
-/// How far a packed child may be from its twin.
-struct Tolerance {
-    /// Of flux, relative.
-    flux: f32,
-    /// Of the cosine of the cone's half-angle, in the 1/32767 that it is packed in.
-    cone_steps: i32,
-    /// Of the mean direction.
-    axis: f32,
-}
+/// Steps by which a packed share, deviation, length or coordinate of a direction may differ: its twin lies across a border
+/// between two steps. Caps differ by one more, since they are about the direction that was packed.
+const STEP: u8 = 1;
 
-/// Nodes over the same leaves: the last step of what is packed.
-const SAME_LEAVES: Tolerance = Tolerance { flux: SUMS, cone_steps: 1, axis: 2.0e-4 };
-
-/// An instance's root is packed once more on its way to the GPU, in its tree's record. That widens the cone by 1e-4
-/// radians and a step, and rounds the mean direction to 16 bits, which decides how uneven scales change flux.
-const PACKED_AGAIN: Tolerance = Tolerance { flux: 2.0e-4, cone_steps: 6, axis: 6.0e-4 };
-
-/// The GPU's instances and nodes after one build, of the slots in use.
+/// The GPU's instances, nodes and their children's clusters after one build, of the slots in use.
 struct Built {
     instances: Vec<InstanceRecord>,
-    leaves: Vec<Child>,
+    leaves: Vec<Cluster>,
+    clusters: Vec<Cluster>,
     nodes: Vec<Node>,
 }
 
@@ -124,9 +114,33 @@ fn build(top: &mut TopBuild, world: &World) -> Built {
     let starts = level_starts(slots);
     let mut nodes: Vec<Node> = read(&device, &queue, top.nodes());
     nodes.truncate(starts[starts.len() - 1] as usize);
-    let mut leaves: Vec<Child> = read(&device, &queue, &top.buffers.leaves);
-    leaves.truncate(slots);
-    Built { instances: read(&device, &queue, instances.buffer()), leaves, nodes }
+    let clusters = |buffer, count| {
+        let records: Vec<ClusterRecord> = read(&device, &queue, buffer);
+        records[..count].iter().map(cluster_of).collect()
+    };
+    Built {
+        instances: read(&device, &queue, instances.buffer()),
+        leaves: clusters(&top.buffers.leaves, slots),
+        clusters: clusters(&top.buffers.clusters, nodes.len() * WIDTH),
+        nodes,
+    }
+}
+
+fn cluster_of(record: &ClusterRecord) -> Cluster {
+    if record.flux <= 0.0 {
+        assert_eq!(*record, ClusterRecord::default(), "dark clusters of the top level are zeros");
+        return Cluster::EMPTY;
+    }
+    Cluster {
+        aabb: Aabb { min: record.box_min.into(), max: record.box_max.into() },
+        flux: record.flux,
+        area_flux: 0.0,
+        mean: record.mean.into(),
+        variance: record.variance,
+        axis: record.axis.into(),
+        cos_half_angle: record.cos_half_angle,
+        range: record.range,
+    }
 }
 
 fn close(a: f32, b: f32, scale: f32) -> bool {
@@ -134,39 +148,70 @@ fn close(a: f32, b: f32, scale: f32) -> bool {
 }
 
 /// The same cluster, to float rounding.
-fn assert_alike(ours: &Child, twin: &Child, tolerance: &Tolerance, what: &str) {
-    assert_eq!(ours.target, twin.target, "{what}");
-    assert!((ours.flux - twin.flux).abs() <= tolerance.flux * twin.flux, "{what}: flux {} {}", ours.flux, twin.flux);
+fn assert_alike(ours: &Cluster, twin: &Cluster, what: &str) {
+    assert!((ours.flux - twin.flux).abs() <= SUMS * twin.flux, "{what}: flux {} {}", ours.flux, twin.flux);
     if twin.flux <= 0.0 {
-        assert_eq!(ours.flux, twin.flux, "{what}");
         return;
     }
-    let (a, b) = (ours.cluster(), twin.cluster());
+    let (a, b) = (ours, twin);
     let size = b.aabb.min.abs().max(b.aabb.max.abs()).max_element();
     assert!((a.aabb.min - b.aabb.min).abs().max_element() <= SUMS * size, "{what}: {a:?} {b:?}");
     assert!((a.aabb.max - b.aabb.max).abs().max_element() <= SUMS * size, "{what}: {a:?} {b:?}");
     assert!((a.mean - b.mean).abs().max_element() <= SUMS * size, "{what}: {a:?} {b:?}");
     let spread = b.aabb.extent().length_squared();
     assert!(close(a.variance, b.variance, b.variance + spread), "{what}: variance {} {}", a.variance, b.variance);
-    assert_eq!(a.range, b.range, "{what}");
-    assert!((a.axis - b.axis).length() <= tolerance.axis, "{what}: axis {} {}", a.axis, b.axis);
-    let steps = |child: &Child| child.angles as i32 >> 16;
-    assert!((steps(ours) - steps(twin)).abs() <= tolerance.cone_steps, "{what}: cone {:?} {:?}", a.cone, b.cone);
-    let turned = angle(a.cone.axis, b.cone.axis);
-    assert!(a.cone.is_full() || turned < 3.0e-4, "{what}: cone {:?} {:?}", a.cone, b.cone);
+    assert_eq!(a.range, b.range.min(tree::FARTHEST), "{what}");
+    assert!((a.axis - b.axis).length() <= SUMS, "{what}: axis {} {}", a.axis, b.axis);
+    assert_eq!(a.cos_half_angle, b.cos_half_angle, "{what}");
 }
 
-/// Each child's box, cone and range lie inside those of its node's own child above, as walks decode them.
-fn assert_bounds_hold(nodes: &[Node]) {
-    for (index, node) in nodes.iter().enumerate().skip(1) {
-        let outer = nodes[node.parent as usize / WIDTH].children[node.parent as usize % WIDTH];
-        assert_eq!(outer.target as usize, index, "the way up and the way down differ");
-        let outer = outer.cluster();
-        for inner in node.used().iter().filter(|c| c.flux > 0.0).map(Child::cluster) {
-            assert!(outer.aabb.contains(&inner.aabb), "node {index}: {outer:?} {inner:?}");
-            assert!(outer.range >= inner.range);
-            let reach = angle(outer.cone.axis, inner.cone.axis) + inner.cone.half_angle;
-            assert!(outer.cone.is_full() || reach <= outer.cone.half_angle, "node {index}: {outer:?} {inner:?}");
+/// The same node of the same leaves. Boxes, ranges and fluxes are least, greatest and sums in one order: equal bit for bit.
+fn assert_same_node(ours: &Node, twin: &Node, index: usize) {
+    assert_eq!((ours.parent, ours.steps, ours.targets), (twin.parent, twin.steps, twin.targets), "node {index}");
+    assert_eq!((ours.origin, ours.low, ours.high), (twin.origin, twin.low, twin.high), "node {index}");
+    assert_eq!((ours.flux, ours.range), (twin.flux, twin.range), "node {index}");
+    for slot in 0..WIDTH {
+        let near =
+            |a: u8, b: u8, steps: u8| assert!(a.abs_diff(b) <= steps, "node {index}, child {slot}: {ours:?} {twin:?}");
+        for k in 0..3 {
+            near(ours.mean[k][slot], twin.mean[k][slot], STEP);
+            assert!(ours.axis[k][slot].abs_diff(twin.axis[k][slot]) <= STEP, "node {index}, child {slot}");
+        }
+        near(ours.deviation[slot], twin.deviation[slot], STEP);
+        near(ours.shortness[slot], twin.shortness[slot], STEP);
+        near(ours.cap[slot], twin.cap[slot], 2 * STEP);
+    }
+}
+
+/// Why a cluster, as walks decode it, does not hold another, if so.
+fn is_outside(outer: &Cluster, inner: &Cluster) -> Option<&'static str> {
+    let turn = f64::from(angle(outer.axis.normalize_or_zero(), inner.axis.normalize_or_zero()));
+    let half_angle = |c: &Cluster| f64::from(c.cos_half_angle).acos();
+    let is_all = outer.cos_half_angle <= -1.0;
+    [
+        (!outer.aabb.contains(&inner.aabb), "box"),
+        (outer.range < inner.range.min(tree::FARTHEST), "range"),
+        (!is_all && (inner.cos_half_angle <= -1.0 || turn + half_angle(inner) > half_angle(outer)), "cap"),
+    ]
+    .into_iter()
+    .find_map(|(is_broken, what)| is_broken.then_some(what))
+}
+
+/// The way up and the way down agree, and each child as it is packed, and its node's own child above, hold what it was
+/// packed from.
+fn assert_bounds_hold(built: &Built) {
+    for (place, inner) in built.clusters.iter().enumerate().filter(|(_, cluster)| cluster.flux > 0.0) {
+        let mut place = place;
+        loop {
+            let node = &built.nodes[place / WIDTH];
+            let outer = node.cluster(place % WIDTH);
+            assert_eq!(is_outside(&outer, inner), None, "place {place}: {outer:?} {inner:?}");
+            if node.parent == NO_PARENT {
+                break;
+            }
+            let above = node.parent as usize;
+            assert_eq!(built.nodes[above / WIDTH].targets[above % WIDTH] as usize, place / WIDTH);
+            place = above;
         }
     }
 }
@@ -174,26 +219,21 @@ fn assert_bounds_hold(nodes: &[Node]) {
 fn check(top: &mut TopBuild, world: &World) -> Built {
     let built = build(top, world);
     // An instance is what the CPU makes of it.
-    let twin = world.top_level();
     for key in world.instances() {
         let slot = slot_of(key) as usize;
-        let place = twin.places[slot] as usize;
-        let leaf = &twin.nodes[place / WIDTH].children[place % WIDTH];
-        assert_alike(&built.leaves[slot], leaf, &PACKED_AGAIN, &format!("instance in slot {slot}"));
+        assert_alike(&built.leaves[slot], &world.cluster(key), &format!("instance in slot {slot}"));
     }
     // Of the GPU's own leaves the CPU makes the same tree, place by place.
     let twin = TopLevel::build(&built.leaves);
     assert_eq!(built.nodes.len(), twin.nodes.len());
     for (slot, place) in twin.places.iter().enumerate() {
         assert_eq!(built.instances[slot].top_place, *place, "slot {slot}");
+        assert_eq!(built.clusters[*place as usize], built.leaves[slot], "slot {slot}");
     }
     for (index, (ours, other)) in built.nodes.iter().zip(&twin.nodes).enumerate() {
-        assert_eq!((ours.parent, ours.count), (other.parent, other.count), "node {index}");
-        for (slot, (a, b)) in ours.children.iter().zip(&other.children).enumerate() {
-            assert_alike(a, b, &SAME_LEAVES, &format!("node {index}, child {slot}"));
-        }
+        assert_same_node(ours, other, index);
     }
-    assert_bounds_hold(&built.nodes);
+    assert_bounds_hold(&built);
     built
 }
 
@@ -229,9 +269,15 @@ fn cones_of_beams_that_agree_stay_narrow_all_the_way_up() {
             world.add_instance(tree, at, Policy::default()).unwrap();
         }
         let built = check(&mut top, &world);
-        let root = built.nodes[0].cluster().cone;
-        // Turns of at most sqrt(3) * 0.05 either way, the beam, and what packing adds on four levels.
-        assert!(widest > 0.05 || root.half_angle < 0.2, "{widest}: {root:?}");
+        for slot in (0..WIDTH).filter(|slot| built.nodes[0].flux[*slot] > 0) {
+            // Turns of at most sqrt(3) * 0.05 either way, the beam, and the padding of four levels.
+            let half_angle = built.clusters[slot].cos_half_angle.acos();
+            assert!(widest > 0.05 || half_angle < 0.2, "{widest}: {half_angle}");
+            // Packed: the axis turns by half a step in each coordinate, and the cosine loses at most a step of 1/127.
+            let packed = built.nodes[0].cluster(slot).cos_half_angle.acos();
+            let cos = (half_angle + 7.0e-3).cos() - 1.0 / tree::CAP_STEPS - 1.0e-3;
+            assert!(widest > 0.05 || packed <= cos.acos(), "{widest}: {packed} of {half_angle}");
+        }
     }
 }
 
@@ -245,7 +291,7 @@ fn a_world_without_light_is_a_tree_of_empty_slots() {
         world.add_instance(dark, placement(i), Policy::default()).unwrap();
     }
     let built = check(&mut top, &world);
-    assert!(built.nodes[1..].iter().flat_map(|n| n.children).all(|c| c.flux == 0.0 && c.target == EMPTY_SLOT));
+    assert!(built.nodes.iter().all(|n| n.flux == [0; WIDTH] && n.targets == [EMPTY_SLOT; WIDTH]));
     assert_eq!(built.nodes[0].parent, NO_PARENT);
 }
 
@@ -260,32 +306,42 @@ fn two_builds_of_one_world_are_the_same_bit_for_bit() {
 }
 
 #[test]
-fn a_leaf_holds_every_light_of_its_instance() {
+fn every_child_on_the_way_up_holds_every_light_of_an_instance() {
     let (device, queue) = gpu();
     let mut top = TopBuild::new(&device, &queue).unwrap();
     let world = world_of(400, placement);
     let built = build(&mut top, &world);
+    let mut caps = 0;
     for key in world.instances() {
-        let leaf = built.leaves[slot_of(key) as usize];
+        let slot = slot_of(key) as usize;
         let instance = world.instance(key).unwrap();
         let Placed { frame, linear } = instance.placed;
         for light in world.tree(instance.tree).unwrap().lights().iter().filter(|l| l.flux() > 0.0) {
-            assert_eq!(leaf.target, LEAF | slot_of(key));
-            let (outer, inner) = (leaf.cluster(), light.cluster());
-            for corner in [inner.aabb.min, inner.aabb.max, inner.aabb.center()] {
-                let exact = frame.to_world.as_dmat3() * corner.as_dvec3() + frame.translation.as_dvec3();
-                assert!(exact.cmpge(outer.aabb.min.as_dvec3()).all() && exact.cmple(outer.aabb.max.as_dvec3()).all());
-            }
-            assert!(outer.range >= inner.range.min(tree::FARTHEST));
-            if linear.is_similarity {
-                let axis = (frame.to_world * inner.cone.axis).normalize();
-                let reach = angle(outer.cone.axis, axis) + inner.cone.half_angle;
-                assert!(outer.cone.is_full() || reach <= outer.cone.half_angle, "{outer:?} {inner:?}");
-            } else {
-                assert!(outer.cone.is_full());
+            let inner = light.cluster();
+            let mut place = built.instances[slot].top_place as usize;
+            assert_eq!(built.nodes[place / WIDTH].targets[place % WIDTH], LEAF | slot as u32);
+            while place != NO_PARENT as usize {
+                let node = &built.nodes[place / WIDTH];
+                let outer = node.cluster(place % WIDTH);
+                for corner in [inner.aabb.min, inner.aabb.max, inner.aabb.center()] {
+                    let exact = frame.to_world.as_dmat3() * corner.as_dvec3() + frame.translation.as_dvec3();
+                    assert!(
+                        exact.cmpge(outer.aabb.min.as_dvec3()).all() && exact.cmple(outer.aabb.max.as_dvec3()).all()
+                    );
+                }
+                assert!(outer.range >= inner.range.min(tree::FARTHEST));
+                assert!(outer.cos_half_angle <= -1.0 || linear.is_similarity);
+                if outer.cos_half_angle > -1.0 {
+                    let axis = (frame.to_world * inner.axis).normalize();
+                    let reach = f64::from(angle(outer.axis.normalize(), axis)) + f64::from(inner.cos_half_angle).acos();
+                    assert!(reach <= f64::from(outer.cos_half_angle).acos(), "{outer:?} {inner:?}");
+                    caps += 1;
+                }
+                place = node.parent as usize;
             }
         }
     }
+    assert!(caps > 100, "the test must see many caps, not {caps}");
 }
 
 #[test]
@@ -296,15 +352,16 @@ fn more_slots_than_the_device_binds_are_refused_and_change_nothing() {
     assert_eq!(top.generation(), 1);
     top.reserve(100).unwrap();
     let before = (top.generation(), top.buffers.capacity, top.nodes().clone());
-    // Nodes take the most: the largest number of slots whose nodes fit, and one whole node more.
+    // Clusters take the most: the largest number of slots whose nodes' fit, and one whole node more.
     let limit = largest_storage_buffer(&device);
-    let nodes = |slots: u32| *level_starts(slots as usize).last().unwrap_or(&0) as u64 * size_of::<Node>() as u64;
+    let bytes = (WIDTH * size_of::<ClusterRecord>()) as u64;
+    let clusters = |slots: u32| u64::from(*level_starts(slots as usize).last().unwrap_or(&0)) * bytes;
     let (mut fits, mut fails) = (0u32, 1 << 24);
     while fails - fits > 1 {
         let middle = fits.midpoint(fails);
-        if nodes(middle) <= limit { fits = middle } else { fails = middle }
+        if clusters(middle) <= limit { fits = middle } else { fails = middle }
     }
-    assert_eq!(top.reserve(fails), Err(GpuError::Full { what: "top-level nodes", needed: nodes(fails), limit }));
+    assert_eq!(top.reserve(fails), Err(GpuError::Full { what: "top-level clusters", needed: clusters(fails), limit }));
     assert_eq!(before, (top.generation(), top.buffers.capacity, top.nodes().clone()));
     top.reserve(fits).unwrap();
     assert_eq!((top.generation(), top.buffers.capacity), (2, fits));

@@ -9,11 +9,12 @@ use girandole::glam::{DVec3, Mat3, Quat, Vec3};
 use girandole::gpu::{GpuLights, SampleRequest};
 use girandole::light::{MAX_COORDINATE, MAX_EMISSION};
 use girandole::{
-    DirectionalLight, FrameBudget, FrameDelta, Light, LightId, LightTree, MAX_SCALE, Placement, Policy, Receiver, World,
+    DirectionalLight, FrameBudget, FrameDelta, Light, LightId, LightTree, MAX_SCALE, Placement, Policy, Receiver,
+    Sampler, World,
 };
 
 use crate::gpu::{OTHER_PICKS, compare, gpu, sample};
-use crate::support::{Rng, all_chances};
+use crate::support::{OPENINGS, Rng, all_chances};
 
 /// Chances are products of ratios of sums of eight, each rounded by a few 6e-8, summed over thousands of lights.
 const SUM_TOLERANCE: f64 = 1.0e-4;
@@ -39,14 +40,20 @@ fn linear(linear: Mat3) -> Placement {
 }
 
 /// Every light that sends anything has a chance; chances are chances, sum to at most 1, and picks carry theirs.
-/// Returns how many contributions were seen.
+/// With every bound on openings alike. Returns how many contributions were seen with each.
 fn prove(world: &World, receivers: &[Receiver], seed: u64) -> usize {
+    let [plain, opened] =
+        OPENINGS.map(|openings| prove_with(&world.sampler().with_openings(openings), receivers, seed));
+    assert_eq!(plain, opened, "what arrives has nothing to do with openings");
+    plain
+}
+
+fn prove_with(sampler: &Sampler, receivers: &[Receiver], seed: u64) -> usize {
     let mut rng = Rng(seed);
-    let sampler = world.sampler();
     let mut reached = 0;
     for receiver in receivers {
         let mut sum = 0.0;
-        for (light, pmf) in all_chances(world, receiver) {
+        for (light, pmf) in all_chances(sampler, receiver) {
             assert!((0.0..=1.0).contains(&pmf), "{light:?} has the chance {pmf} at {receiver:?}");
             sum += f64::from(pmf);
             for u in [[0.0, 0.0], [BELOW_ONE, BELOW_ONE], [rng.unit(), rng.unit()]] {
@@ -90,10 +97,12 @@ fn prove_on_gpu(world: &mut World, receivers: &[Receiver], seed: u64) {
         })
         .collect();
     lights.upload(world, &FrameDelta::everything(world)).expect("room enough");
-    let records = sample(&mut lights, world, &requests);
-    assert!(records.iter().all(|r| r.pmf.is_finite() && r.pdf.is_finite() && Vec3::from(r.radiance).is_finite()));
-    let others = compare(world, &requests, &records);
-    assert!(others as f64 <= OTHER_PICKS * 1024.0 + 1.0, "{others} of 1024 name another light");
+    for openings in OPENINGS {
+        let records = sample(&mut lights, world, openings, &requests);
+        assert!(records.iter().all(|r| r.pmf.is_finite() && r.pdf.is_finite() && Vec3::from(r.radiance).is_finite()));
+        let others = compare(world, openings, &requests, &records);
+        assert!(others as f64 <= OTHER_PICKS * 1024.0 + 1.0, "{others} of 1024 name another light");
+    }
 }
 
 fn receivers(rng: &mut Rng, count: usize, size: f32) -> Vec<Receiver> {

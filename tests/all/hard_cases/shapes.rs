@@ -68,9 +68,11 @@ fn chances_do_not_depend_on_the_unit_of_length() {
         for receiver in &all {
             let moved = Receiver { position: receiver.position * s, ..*receiver };
             for light in 0..300 {
-                let (a, b) = (metre.pmf(receiver, light), other.pmf(&moved, light));
-                // `sin` of nothing and `powf` of the same numbers: equal but for denormals.
-                assert!((a - b).abs() <= 1.0e-6 * a, "unit {s}: {a} {b} of {:?}", base[light as usize]);
+                for openings in OPENINGS {
+                    let (a, b) = (metre.pmf(receiver, light, openings), other.pmf(&moved, light, openings));
+                    // Equal but for denormals.
+                    assert!((a - b).abs() <= 1.0e-6 * a, "unit {s}: {a} {b} of {:?}", base[light as usize]);
+                }
             }
         }
     }

@@ -1,0 +1,328 @@
+// Clusters of the top level: moving, merging and packing them. Twin of src/cluster.rs, of `WideCluster` in
+// src/tree/wide.rs and of `Node::pack`; tests in src/gpu/top/tests.rs compare both. Binds nothing.
+
+// WGSL has no infinity; no box reaches farther.
+const NOWHERE: f32 = 3.4e38;
+
+// Nothing shines.
+const CLUSTER_EMPTY = LightCluster(vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0);
+
+// Length without squares that overflow: areas grow with the square of a scale, and this is asked of areas.
+fn safe_length(v: vec3<f32>) -> f32 {
+    let largest = max(abs(v.x), max(abs(v.y), abs(v.z)));
+    if largest <= 0.0 {
+        return 0.0;
+    }
+    return largest * length(v / largest);
+}
+
+fn normalize_or(v: vec3<f32>, other: vec3<f32>) -> vec3<f32> {
+    let largest = max(abs(v.x), max(abs(v.y), abs(v.z)));
+    if largest <= 0.0 {
+        return other;
+    }
+    return normalize(v / largest);
+}
+
+// Twin of `Linear`.
+struct Linear {
+    x: vec3<f32>,
+    y: vec3<f32>,
+    z: vec3<f32>,
+    translation: vec3<f32>,
+    // The matrix of cofactors, its sign changed for mirrors.
+    area_x: vec3<f32>,
+    area_y: vec3<f32>,
+    area_z: vec3<f32>,
+    keeps_angles: bool,
+    mean_square_scale: f32,
+}
+
+fn linear_of(instance: LightInstance) -> Linear {
+    let rows = instance.to_world;
+    let x = vec3(rows[0].x, rows[1].x, rows[2].x);
+    let y = vec3(rows[0].y, rows[1].y, rows[2].y);
+    let z = vec3(rows[0].z, rows[1].z, rows[2].z);
+    let mirrored = select(1.0, -1.0, instance.to_local[0].w < 0.0);
+    return Linear(
+        x, y, z, vec3(rows[0].w, rows[1].w, rows[2].w),
+        cross(y, z) * mirrored, cross(z, x) * mirrored, cross(x, y) * mirrored,
+        (instance.flags & LIGHT_KEEPS_ANGLES) != 0u, instance.to_local[2].w,
+    );
+}
+
+// Twin of `Linear::flux`.
+fn linear_flux(map: Linear, punctual: f32, area: f32, axis: vec3<f32>) -> f32 {
+    let lengths = vec3(safe_length(map.area_x), safe_length(map.area_y), safe_length(map.area_z));
+    let all_sides = safe_length(lengths) * sqrt(1.0 / 3.0);
+    let agreement = min(1.5 * length(axis), 1.0);
+    let normal = normalize_or(axis, vec3(0.0));
+    let along = safe_length(map.area_x * normal.x + map.area_y * normal.y + map.area_z * normal.z);
+    return min(punctual + area * (agreement * along + (1.0 - agreement) * all_sides), LIGHT_MOST_FLUX);
+}
+
+// Twin of `Cluster::transformed`; the cluster is not empty.
+fn cluster_transformed(cluster: LightCluster, map: Linear, flux: f32) -> LightCluster {
+    let center = 0.5 * (cluster.box_min + cluster.box_max);
+    let half = max(cluster.box_max - center, center - cluster.box_min);
+    let moved_center = map.x * center.x + map.y * center.y + map.z * center.z + map.translation;
+    let reach = abs(map.x) * half.x + abs(map.y) * half.y + abs(map.z) * half.z;
+    let far = abs(center) + half;
+    let size = abs(map.x) * far.x + abs(map.y) * far.y + abs(map.z) * far.z + abs(map.translation);
+    let axis = map.area_x * cluster.axis.x + map.area_y * cluster.axis.y + map.area_z * cluster.axis.z;
+    var moved: LightCluster;
+    moved.mean = map.x * cluster.mean.x + map.y * cluster.mean.y + map.z * cluster.mean.z + map.translation;
+    moved.flux = flux;
+    moved.box_min = moved_center - (reach + size * TRANSFORM_PADDING);
+    moved.variance = cluster.variance * map.mean_square_scale;
+    moved.box_max = moved_center + (reach + size * TRANSFORM_PADDING);
+    moved.range = cluster.range;
+    moved.axis = normalize_or(axis, vec3(0.0)) * length(cluster.axis);
+    moved.cos_half_angle = select(-1.0, cluster.cos_half_angle, map.keeps_angles);
+    return moved;
+}
+
+// Four clusters side by side; the columns of matrices are x, y and z. A dark one has an inverted box.
+struct ClusterFour {
+    box_min: mat3x4<f32>,
+    box_max: mat3x4<f32>,
+    mean: mat3x4<f32>,
+    axis: mat3x4<f32>,
+    flux: vec4<f32>,
+    variance: vec4<f32>,
+    cos_half_angle: vec4<f32>,
+    range: vec4<f32>,
+}
+
+// Twin of `WideCluster`.
+struct ClusterEight {
+    first: ClusterFour,
+    last: ClusterFour,
+}
+
+fn cluster_four(a: LightCluster, b: LightCluster, c: LightCluster, d: LightCluster) -> ClusterFour {
+    let flux = vec4(a.flux, b.flux, c.flux, d.flux);
+    let is_lit = flux > vec4(0.0);
+    let box_min = transpose(mat4x3(a.box_min, b.box_min, c.box_min, d.box_min));
+    let box_max = transpose(mat4x3(a.box_max, b.box_max, c.box_max, d.box_max));
+    let nowhere = vec4(NOWHERE);
+    return ClusterFour(
+        mat3x4(select(nowhere, box_min[0], is_lit), select(nowhere, box_min[1], is_lit), select(nowhere, box_min[2], is_lit)),
+        mat3x4(select(-nowhere, box_max[0], is_lit), select(-nowhere, box_max[1], is_lit), select(-nowhere, box_max[2], is_lit)),
+        transpose(mat4x3(a.mean, b.mean, c.mean, d.mean)),
+        transpose(mat4x3(a.axis, b.axis, c.axis, d.axis)),
+        flux,
+        vec4(a.variance, b.variance, c.variance, d.variance),
+        vec4(a.cos_half_angle, b.cos_half_angle, c.cos_half_angle, d.cos_half_angle),
+        vec4(a.range, b.range, c.range, d.range),
+    );
+}
+
+// Sum of eight numbers in the order of `sum` in src/tree/wide.rs.
+fn sum_of_eight(first: vec4<f32>, last: vec4<f32>) -> f32 {
+    let pairs = first + last;
+    return (pairs.x + pairs.z) + (pairs.y + pairs.w);
+}
+
+fn least_of_eight(first: vec4<f32>, last: vec4<f32>) -> f32 {
+    let least = min(first, last);
+    return min(min(least.x, least.y), min(least.z, least.w));
+}
+
+fn greatest_of_eight(first: vec4<f32>, last: vec4<f32>) -> f32 {
+    let greatest = max(first, last);
+    return max(max(greatest.x, greatest.y), max(greatest.z, greatest.w));
+}
+
+// For each cluster the cosine of the cap about a unit vector (a row of `units`) that holds the cluster's cap; 1 for dark
+// ones. Twin of `cap_about` in src/cone.rs.
+fn cap_about(units: mat3x4<f32>, four: ClusterFour) -> vec4<f32> {
+    let axis = four.axis;
+    let length = sqrt(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]);
+    let inverse = 1.0 / select(vec4(1.0), length, length > vec4(0.0));
+    let x = axis[0] * inverse;
+    let y = axis[1] * inverse;
+    let z = axis[2] * inverse;
+    let cos = units[0] * x + units[1] * y + units[2] * z;
+    let cross_x = units[1] * z - units[2] * y;
+    let cross_y = units[2] * x - units[0] * z;
+    let cross_z = units[0] * y - units[1] * x;
+    let sin = sqrt(cross_x * cross_x + cross_y * cross_y + cross_z * cross_z);
+    let cos_half = four.cos_half_angle;
+    let sin_half = sqrt(max(1.0 - cos_half * cos_half, vec4(0.0)));
+    let reach = cos * cos_half - sin * sin_half - CAP_PADDING;
+    let is_beyond = sin * cos_half + cos * sin_half < vec4(0.0);
+    let is_all = is_beyond | (cos_half <= vec4(-1.0)) | (reach < vec4(-1.0));
+    return select(vec4(1.0), select(reach, vec4(-1.0), is_all), four.flux > vec4(0.0));
+}
+
+// Twin of `WideCluster::merged`.
+fn cluster_merged(eight: ClusterEight) -> LightCluster {
+    let a = eight.first;
+    let b = eight.last;
+    let total = sum_of_eight(a.flux, b.flux);
+    if total <= 0.0 {
+        return CLUSTER_EMPTY;
+    }
+    let share_a = a.flux * (1.0 / total);
+    let share_b = b.flux * (1.0 / total);
+    let start = vec3(a.mean[0].x, a.mean[1].x, a.mean[2].x);
+    var merged: LightCluster;
+    merged.mean = start + vec3(
+        sum_of_eight(share_a * (a.mean[0] - start.x), share_b * (b.mean[0] - start.x)),
+        sum_of_eight(share_a * (a.mean[1] - start.y), share_b * (b.mean[1] - start.y)),
+        sum_of_eight(share_a * (a.mean[2] - start.z), share_b * (b.mean[2] - start.z)),
+    );
+    merged.flux = min(total, LIGHT_MOST_FLUX);
+    merged.box_min = vec3(
+        least_of_eight(a.box_min[0], b.box_min[0]),
+        least_of_eight(a.box_min[1], b.box_min[1]),
+        least_of_eight(a.box_min[2], b.box_min[2]),
+    );
+    merged.box_max = vec3(
+        greatest_of_eight(a.box_max[0], b.box_max[0]),
+        greatest_of_eight(a.box_max[1], b.box_max[1]),
+        greatest_of_eight(a.box_max[2], b.box_max[2]),
+    );
+    let between = sum_of_eight(share_a * apart_sq(a.mean, merged.mean), share_b * apart_sq(b.mean, merged.mean));
+    merged.variance = between + sum_of_eight(share_a * a.variance, share_b * b.variance);
+    merged.range = greatest_of_eight(a.range, b.range);
+    merged.axis = vec3(
+        sum_of_eight(share_a * a.axis[0], share_b * b.axis[0]),
+        sum_of_eight(share_a * a.axis[1], share_b * b.axis[1]),
+        sum_of_eight(share_a * a.axis[2], share_b * b.axis[2]),
+    );
+    let length = length(merged.axis);
+    merged.cos_half_angle = -1.0;
+    if length > 0.0 {
+        let unit = merged.axis / length;
+        let units = mat3x4(vec4(unit.x), vec4(unit.y), vec4(unit.z));
+        merged.cos_half_angle = least_of_eight(cap_about(units, a), cap_about(units, b));
+    }
+    return merged;
+}
+
+fn apart_sq(means: mat3x4<f32>, mean: vec3<f32>) -> vec4<f32> {
+    let x = means[0] - mean.x;
+    let y = means[1] - mean.y;
+    let z = means[2] - mean.z;
+    return x * x + y * y + z * z;
+}
+
+// Biased exponent of the least power of two of which LIGHT_STEPS reach from `least` to `most`; 0 if they are equal.
+// Twin of `step_bits`. Differs: looks further, since WGSL's division may be off where Rust's is not.
+fn step_bits(least: f32, most: f32) -> u32 {
+    if most <= least {
+        return 0u;
+    }
+    var bits = max(bitcast<u32>((most - least) / LIGHT_STEPS) >> 23u, 1u);
+    for (var i = 0u; i < 4u && least + LIGHT_STEPS * bitcast<f32>(bits << 23u) < most; i++) {
+        bits++;
+    }
+    return bits;
+}
+
+// Bytes from whole numbers; what is left of their range by rounding is cut off.
+fn pack_bytes(v: vec4<f32>) -> u32 {
+    let bytes = vec4<u32>(clamp(v, vec4(0.0), vec4(LIGHT_STEPS))) << vec4(0u, 8u, 16u, 24u);
+    return bytes.x | bytes.y | bytes.z | bytes.w;
+}
+
+fn pack_signed_bytes(v: vec4<f32>) -> u32 {
+    let bytes = (bitcast<vec4<u32>>(vec4<i32>(v)) & vec4(0xffu)) << vec4(0u, 8u, 16u, 24u);
+    return bytes.x | bytes.y | bytes.z | bytes.w;
+}
+
+// Upper halves of floats; `more` is added to their bits before the lower are cut off.
+fn pack_halves(v: vec4<f32>, more: u32) -> vec2<u32> {
+    let bits = (bitcast<vec4<u32>>(v) + vec4(more)) >> vec4(16u);
+    return vec2(bits.x | (bits.y << 16u), bits.z | (bits.w << 16u));
+}
+
+// Boxes and means of four clusters along one axis.
+struct PackedAxis {
+    low: u32,
+    high: u32,
+    mean: u32,
+    size: vec4<f32>,
+}
+
+fn pack_axis(origin: f32, bits: u32, box_min: vec4<f32>, box_max: vec4<f32>, mean: vec4<f32>, is_lit: vec4<bool>) -> PackedAxis {
+    let step = bitcast<f32>(bits << 23u);
+    // The inverse of a power of two, from its exponent: exact, which a division may not be.
+    let per_step = select(0.0, bitcast<f32>((254u - bits) << 23u), bits > 0u);
+    let least = select(vec4(origin), box_min, is_lit);
+    let most = select(vec4(origin), box_max, is_lit);
+    var low = trunc((least - origin) * per_step);
+    low -= select(vec4(0.0), vec4(1.0), origin + low * step > least);
+    var high = trunc((most - origin) * per_step);
+    high += select(vec4(0.0), vec4(1.0), origin + high * step < most);
+    let start = origin + low * step;
+    let size = (origin + high * step) - start;
+    let share = (mean - start) / select(vec4(1.0), size, size > vec4(0.0));
+    let steps = select(vec4(0.0), trunc(share * LIGHT_STEPS + 0.5), is_lit);
+    return PackedAxis(pack_bytes(low), pack_bytes(high), pack_bytes(steps), size);
+}
+
+fn rounded_signed(v: vec4<f32>) -> vec4<f32> {
+    return trunc(v + select(vec4(0.5), vec4(-0.5), v < vec4(0.0)));
+}
+
+// Packs four clusters whose boxes lie in a node's.
+fn pack_four(four: ClusterFour, origin: vec3<f32>, bits: vec3<u32>) -> LightPackedFour {
+    let is_lit = four.flux > vec4(0.0);
+    let x = pack_axis(origin.x, bits.x, four.box_min[0], four.box_max[0], four.mean[0], is_lit);
+    let y = pack_axis(origin.y, bits.y, four.box_min[1], four.box_max[1], four.mean[1], is_lit);
+    let z = pack_axis(origin.z, bits.z, four.box_min[2], four.box_max[2], four.mean[2], is_lit);
+    let half_diagonal_sq = 0.25 * x.size * x.size + 0.25 * y.size * y.size + 0.25 * z.size * z.size;
+    let ratio_sq = four.variance / select(vec4(1.0), half_diagonal_sq, half_diagonal_sq > vec4(0.0));
+
+    let length = sqrt(four.axis[0] * four.axis[0] + four.axis[1] * four.axis[1] + four.axis[2] * four.axis[2]);
+    let has_axis = length > vec4(0.0);
+    let to_steps = LIGHT_DIRECTION_STEPS / select(vec4(1.0), length, has_axis);
+    let axis_x = select(vec4(0.0), rounded_signed(four.axis[0] * to_steps), has_axis);
+    let axis_y = select(vec4(0.0), rounded_signed(four.axis[1] * to_steps), has_axis);
+    let axis_z = select(vec4(LIGHT_DIRECTION_STEPS), rounded_signed(four.axis[2] * to_steps), has_axis);
+    let inverse = 1.0 / sqrt(axis_x * axis_x + axis_y * axis_y + axis_z * axis_z);
+    let caps = cap_about(mat3x4(axis_x * inverse, axis_y * inverse, axis_z * inverse), four);
+
+    return LightPackedFour(
+        vec3(x.low, y.low, z.low),
+        vec3(x.high, y.high, z.high),
+        vec3(x.mean, y.mean, z.mean),
+        vec3(pack_signed_bytes(axis_x), pack_signed_bytes(axis_y), pack_signed_bytes(axis_z)),
+        pack_halves(four.flux, 0x8000u),
+        pack_halves(min(four.range, vec4(LIGHT_FARTHEST)), 0xffffu),
+        pack_bytes(trunc(sqrt(ratio_sq) * LIGHT_STEPS + 0.5)),
+        pack_bytes(trunc(sqrt(1.0 - min(length, vec4(1.0))) * LIGHT_STEPS + 0.5)),
+        pack_bytes(ceil((1.0 - caps) * LIGHT_CAP_STEPS)),
+    );
+}
+
+// Twin of `Node::pack`: eight clusters and their node's own. Targets and parent are left at zero.
+fn node_packed(eight: ClusterEight, merged: LightCluster) -> LightNode {
+    var node: LightNode;
+    node.steps = LIGHT_WIDTH << 24u;
+    if merged.flux <= 0.0 {
+        return node;
+    }
+    node.origin = merged.box_min;
+    let bits = vec3(
+        step_bits(merged.box_min.x, merged.box_max.x),
+        step_bits(merged.box_min.y, merged.box_max.y),
+        step_bits(merged.box_min.z, merged.box_max.z),
+    );
+    node.steps |= bits.x | (bits.y << 8u) | (bits.z << 16u);
+    let a = pack_four(eight.first, node.origin, bits);
+    let b = pack_four(eight.last, node.origin, bits);
+    node.flux = array(a.flux.x, a.flux.y, b.flux.x, b.flux.y);
+    node.range = array(a.range.x, a.range.y, b.range.x, b.range.y);
+    node.low = array(a.low.x, b.low.x, a.low.y, b.low.y, a.low.z, b.low.z);
+    node.high = array(a.high.x, b.high.x, a.high.y, b.high.y, a.high.z, b.high.z);
+    node.mean = array(a.mean.x, b.mean.x, a.mean.y, b.mean.y, a.mean.z, b.mean.z);
+    node.deviation = array(a.deviation, b.deviation);
+    node.axis = array(a.axis.x, b.axis.x, a.axis.y, b.axis.y, a.axis.z, b.axis.z);
+    node.shortness = array(a.shortness, b.shortness);
+    node.cap = array(a.cap, b.cap);
+    return node;
+}

@@ -1,0 +1,237 @@
+//! Eight clusters side by side, at full precision: what a node is packed from, and what its parent sees of it.
+//!
+//! Twin of the merging in `shaders/cluster.wgsl`; `gpu/top/tests.rs` compares both. Plain loops over the lanes, so that
+//! the compiler turns each into a few vector instructions.
+
+use glam::Vec3;
+
+use super::node::WIDTH;
+use crate::bounds::Aabb;
+use crate::cluster::{Cluster, MOST_FLUX};
+use crate::cone::cap_about;
+
+/// One number for each child.
+pub(crate) type Lanes = [f32; WIDTH];
+
+/// Eight clusters; unused lanes are dark. A dark lane (flux 0) has an inverted box, which unions ignore.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct WideCluster {
+    pub min: [Lanes; 3],
+    pub max: [Lanes; 3],
+    pub mean: [Lanes; 3],
+    pub axis: [Lanes; 3],
+    pub flux: Lanes,
+    pub area_flux: Lanes,
+    pub variance: Lanes,
+    pub cos_half_angle: Lanes,
+    pub range: Lanes,
+}
+
+/// A node's own cluster, and what merging its children tells about it besides.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Merged {
+    pub cluster: Cluster,
+    /// Variance of the children's means about the node's, in square metres.
+    pub between: f32,
+}
+
+impl WideCluster {
+    /// Nothing shines.
+    pub const EMPTY: Self = {
+        let (zero, inf, neg) = ([0.0; WIDTH], [f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]);
+        Self {
+            min: [inf; 3],
+            max: [neg; 3],
+            mean: [zero; 3],
+            axis: [zero; 3],
+            flux: zero,
+            area_flux: zero,
+            variance: zero,
+            cos_half_angle: [1.0; WIDTH],
+            range: zero,
+        }
+    };
+
+    /// Puts a cluster into a lane.
+    pub fn set(&mut self, lane: usize, cluster: &Cluster) {
+        for k in 0..3 {
+            self.min[k][lane] = cluster.aabb.min[k];
+            self.max[k][lane] = cluster.aabb.max[k];
+            self.mean[k][lane] = cluster.mean[k];
+            self.axis[k][lane] = cluster.axis[k];
+        }
+        self.flux[lane] = cluster.flux;
+        self.area_flux[lane] = cluster.area_flux;
+        self.variance[lane] = cluster.variance;
+        self.cos_half_angle[lane] = cluster.cos_half_angle;
+        self.range[lane] = cluster.range;
+    }
+
+    /// The cluster of a lane.
+    pub fn get(&self, lane: usize) -> Cluster {
+        let point = |v: &[Lanes; 3]| Vec3::new(v[0][lane], v[1][lane], v[2][lane]);
+        Cluster {
+            aabb: Aabb { min: point(&self.min), max: point(&self.max) },
+            flux: self.flux[lane],
+            area_flux: self.area_flux[lane],
+            mean: point(&self.mean),
+            variance: self.variance[lane],
+            axis: point(&self.axis),
+            cos_half_angle: self.cos_half_angle[lane],
+            range: self.range[lane],
+        }
+    }
+
+    /// All lanes as one cluster.
+    ///
+    /// Moments about the first lane's mean, then about the true one: neither cancels far from the origin.
+    #[inline(always)]
+    pub fn merged(&self) -> Merged {
+        let total = sum(&self.flux);
+        let scale = if total > 0.0 { 1.0 / total } else { 0.0 };
+        let mut share = [0.0; WIDTH];
+        for i in 0..WIDTH {
+            share[i] = self.flux[i] * scale;
+        }
+        let mut mean = Vec3::ZERO;
+        let mut axis = Vec3::ZERO;
+        for k in 0..3 {
+            let reference = self.mean[k][0];
+            let (mut moved, mut turned) = ([0.0; WIDTH], [0.0; WIDTH]);
+            for i in 0..WIDTH {
+                // Unused lanes have a mean of zero and no share.
+                moved[i] = share[i] * (self.mean[k][i] - reference);
+                turned[i] = share[i] * self.axis[k][i];
+            }
+            mean[k] = reference + sum(&moved);
+            axis[k] = sum(&turned);
+        }
+        let (mut apart, mut within) = ([0.0; WIDTH], [0.0; WIDTH]);
+        for i in 0..WIDTH {
+            let [x, y, z] = [0, 1, 2].map(|k| self.mean[k][i] - mean[k]);
+            apart[i] = share[i] * (x * x + y * y + z * z);
+            within[i] = share[i] * self.variance[i];
+        }
+        let between = sum(&apart);
+        let cluster = Cluster {
+            aabb: Aabb {
+                min: Vec3::from([0, 1, 2].map(|k| least(&self.min[k]))),
+                max: Vec3::from([0, 1, 2].map(|k| greatest(&self.max[k]))),
+            },
+            flux: total.min(MOST_FLUX),
+            area_flux: sum(&self.area_flux).min(MOST_FLUX),
+            mean,
+            variance: between + sum(&within),
+            axis,
+            cos_half_angle: self.cap_about(axis),
+            range: greatest(&self.range),
+        };
+        Merged { cluster: if total > 0.0 { cluster } else { Cluster { mean, ..Cluster::EMPTY } }, between }
+    }
+
+    /// Cosine of the cap about a direction of any length that holds the caps of all lanes.
+    #[inline(always)]
+    fn cap_about(&self, axis: Vec3) -> f32 {
+        let length = axis.length();
+        if length <= 0.0 {
+            return -1.0;
+        }
+        let unit = (axis / length).to_array();
+        let caps = self.caps_about([[unit[0]; WIDTH], [unit[1]; WIDTH], [unit[2]; WIDTH]]);
+        least(&caps)
+    }
+
+    /// For each lane the cosine of the cap about a unit vector that holds the lane's cap; 1 for dark lanes.
+    #[inline(always)]
+    pub fn caps_about(&self, units: [Lanes; 3]) -> Lanes {
+        let mut caps = [0.0; WIDTH];
+        for i in 0..WIDTH {
+            let [x, y, z] = [self.axis[0][i], self.axis[1][i], self.axis[2][i]];
+            let length = (x * x + y * y + z * z).sqrt();
+            let inverse = 1.0 / if length > 0.0 { length } else { 1.0 };
+            let cap = cap_about(
+                [units[0][i], units[1][i], units[2][i]],
+                [x * inverse, y * inverse, z * inverse],
+                self.cos_half_angle[i],
+            );
+            caps[i] = if self.flux[i] > 0.0 { cap } else { 1.0 };
+        }
+        caps
+    }
+}
+
+/// All lanes joined two by two: halves first, so that vectors do it in three steps, and always in this order.
+#[inline(always)]
+fn join(v: &Lanes, both: impl Fn(f32, f32) -> f32) -> f32 {
+    let v = [both(v[0], v[4]), both(v[1], v[5]), both(v[2], v[6]), both(v[3], v[7])];
+    both(both(v[0], v[2]), both(v[1], v[3]))
+}
+
+#[inline(always)]
+pub(super) fn sum(v: &Lanes) -> f32 {
+    join(v, |a, b| a + b)
+}
+
+#[inline(always)]
+fn least(v: &Lanes) -> f32 {
+    join(v, |a, b| if b < a { b } else { a })
+}
+
+#[inline(always)]
+fn greatest(v: &Lanes) -> f32 {
+    join(v, |a, b| if b > a { b } else { a })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::light::Light;
+
+    fn merged(lights: &[Light]) -> Cluster {
+        let mut wide = WideCluster::EMPTY;
+        lights.iter().enumerate().for_each(|(lane, light)| wide.set(lane, &light.cluster()));
+        wide.merged().cluster
+    }
+
+    #[test]
+    fn merging_matches_sums_over_the_lights_far_from_the_origin() {
+        // Positions there are 8 mm apart, the lights 1 m: what merging adds to that must stay small.
+        let far = Vec3::new(1.0e5, -1.0e5, 1.0e5);
+        let lights: Vec<_> = (0..8)
+            .map(|i| Light::point(far + Vec3::new(i as f32, 0.25 * i as f32, 0.0), Vec3::splat(1.0 + i as f32)))
+            .collect();
+        let all = merged(&lights);
+        let weight: f64 = lights.iter().map(|l| f64::from(l.flux())).sum();
+        let mean =
+            lights.iter().map(|l| l.cluster().mean.as_dvec3() * f64::from(l.flux())).sum::<glam::DVec3>() / weight;
+        let variance = lights
+            .iter()
+            .map(|l| (l.cluster().mean.as_dvec3() - mean).length_squared() * f64::from(l.flux()))
+            .sum::<f64>()
+            / weight;
+        assert!((f64::from(all.variance) / variance - 1.0).abs() < 1e-2, "{} {variance}", all.variance);
+        assert!(all.mean.as_dvec3().distance(mean) < 0.02);
+        assert!((f64::from(all.flux) / weight - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn opposite_half_spheres_make_all_directions_and_equal_ones_stay() {
+        let facing = |v: Vec3| Light::rectangle(Vec3::ZERO, Vec3::X, v, Vec3::ONE);
+        let (up, down) = (facing(Vec3::Y), facing(Vec3::NEG_Y));
+        assert_eq!(merged(&[up, down]).cos_half_angle, -1.0);
+        let same = merged(&[up, up, up]);
+        assert!(same.cos_half_angle <= up.cluster().cos_half_angle && same.cos_half_angle > -2.0e-3);
+        assert!((same.axis - up.cluster().axis).length() < 1e-6);
+    }
+
+    #[test]
+    fn dark_lanes_widen_nothing() {
+        let lamp = Light::spot(Vec3::ONE, Vec3::X, 0.1, 0.2, Vec3::ONE);
+        let dark = Light::rectangle(Vec3::splat(-50.0), Vec3::X, Vec3::Y, Vec3::ZERO);
+        let both = merged(&[dark, lamp, dark]);
+        assert_eq!(both.aabb, lamp.aabb());
+        assert!((both.cos_half_angle - lamp.cluster().cos_half_angle).abs() < 2.0e-3);
+        let none = merged(&[dark, dark]);
+        assert!(none.flux == 0.0 && none.aabb.is_empty() && none.mean.is_finite());
+    }
+}
