@@ -243,7 +243,14 @@ impl Light {
     /// The cluster of this light alone. A dark light (zero flux) has an empty box, but keeps its place as mean.
     pub fn cluster(&self) -> Cluster {
         let cone = self.emission_cone();
-        let flux = self.flux();
+        let (flux, length) = match self.shape {
+            Shape::Spot { inner_angle, outer_angle, .. } => {
+                let lobe = spot_lobe(inner_angle, outer_angle);
+                (luminance(self.emission) * lobe.solid_angle, lobe.mean_cosine)
+            }
+            // Two sides cancel, and so do all sides of a sphere.
+            _ => (self.flux(), if cone.is_full() { 0.0 } else { LAMBERTIAN }),
+        };
         let (mean, variance) = match self.shape {
             Shape::Point { position } | Shape::Spot { position, .. } => (position, 0.0),
             Shape::Rectangle { center, half_u, half_v, .. } => {
@@ -260,12 +267,6 @@ impl Light {
         if flux <= 0.0 {
             return Cluster { mean, ..Cluster::EMPTY };
         }
-        let length = match self.shape {
-            Shape::Spot { inner_angle, outer_angle, .. } => spot_lobe(inner_angle, outer_angle).mean_cosine,
-            // Two sides cancel, and so do all sides of a sphere.
-            _ if cone.is_full() => 0.0,
-            _ => LAMBERTIAN,
-        };
         // A spot may emit more to its back than to its front: the cap is about the axis that is kept.
         let holds = length > 0.0 && !cone.is_full();
         let flux = flux.max(MIN_FLUX);
@@ -345,13 +346,13 @@ fn spot_lobe(inner_angle: f32, outer_angle: f32) -> SpotLobe {
     }
     let (scale, _) = spot_falloff(inner_angle, outer_angle);
     // 1 - cos without cancellation; the falloff is cut off at c = 1 when it is wider than the whole spot.
-    let one_minus_cos = |a: f32| 2.0 * (0.5 * a).sin().powi(2);
-    let width = (1.0 / scale).min(one_minus_cos(outer_angle));
+    let one_minus_cos = 2.0 * (0.5 * outer_angle).sin().powi(2);
+    let width = (1.0 / scale).min(one_minus_cos);
     let t = width * scale;
-    let flat = (one_minus_cos(outer_angle) - width).max(0.0);
+    let flat = (one_minus_cos - width).max(0.0);
     let integral = flat + width * t * t / 3.0;
     // First moment about c = 1, so that narrow spots do not cancel.
-    let moment = flat * flat * 0.5 + t * t * (width * one_minus_cos(outer_angle) / 3.0 - width * width / 4.0);
+    let moment = flat * flat * 0.5 + t * t * (width * one_minus_cos / 3.0 - width * width / 4.0);
     SpotLobe { solid_angle: 2.0 * PI * integral, mean_cosine: (1.0 - moment / integral).clamp(-1.0, 1.0) }
 }
 

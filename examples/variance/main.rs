@@ -1,15 +1,16 @@
 //! How noisy one light sample is, without noise in the answer: this library beside published samplers.
 //!
 //! ```text
-//! cargo run --release --example variance -- --out variance.csv [--gltf FILE] [--receivers N] [--world S|M]
+//! cargo run --release --example variance -- --out variance.csv [--gltf FILE] [--receivers N] [--world S|M] [--deform]
 //! ```
 //!
-//! prints a table and writes it as CSV: for each scene and sampler the exact relative standard deviation of one sample
+//! prints a table and writes it as CSV (with `--deform` another table, see `deform.rs`): for each scene and sampler the exact relative standard deviation of one sample
 //! over fixed receivers (`sigma.rs`), nanoseconds a draw, and bytes of tree a light. Expect `girandole` well below `pbrt`
 //! and `cycles`. `docs/benchmarks.md` holds a measured table and its rules.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program talks to its user")]
 
 mod baselines;
+mod deform;
 mod lights;
 mod measure;
 mod receivers;
@@ -38,6 +39,9 @@ struct Options {
     /// A glTF scene to measure too
     #[arg(long, value_name = "FILE")]
     gltf: Option<PathBuf>,
+    /// Measure what moving lights cost a tree instead, in time and noise
+    #[arg(long)]
+    deform: bool,
     /// Points that light arrives at
     #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     receivers: u32,
@@ -48,6 +52,9 @@ struct Options {
 
 fn run(options: &Options) -> Result<(), SceneError> {
     let count = options.receivers as usize;
+    if options.deform {
+        return deform::run(options.gltf.as_deref(), count, &options.out);
+    }
     let mut scenes = Vec::from(stages::city(options.world, count)?);
     if let Some(path) = &options.gltf {
         scenes.push(stages::gltf(path, count)?);

@@ -187,7 +187,9 @@ pub fn all<'a>(world: &'a World, lights: &[Light]) -> Result<Vec<Box<dyn Chooser
         Box::new(Published { name: "cycles", tree: BinaryTree::new(Cycles, lights.to_vec()) }),
         Box::new(TwoLevel { world, sampler, lights: sampler.all_lights().collect() }),
         Box::new(Flat { name: "girandole flat", tree: tree.clone(), openings: DEFAULT_OPENINGS }),
+        Box::new(Flat { name: "flat, 0 opened", tree: tree.clone(), openings: 0 }),
+        Box::new(Flat { name: "flat, 2 opened", tree: tree.clone(), openings: 2 }),
         Box::new(Flat { name: "flat, 4 opened", tree: tree.clone(), openings: 4 }),
-        Box::new(Flat { name: "flat, 0 opened", tree, openings: 0 }),
+        Box::new(Flat { name: "flat, 8 opened", tree, openings: 8 }),
     ])
 }

@@ -23,7 +23,7 @@ pub struct Lit {
 const TIME: f64 = 1.0;
 
 /// The city within 300 m of its middle and up to 30 m high.
-const CITY_BOUNDS: Aabb = Aabb { min: vec3(-300.0, -1.0, -300.0), max: vec3(300.0, 30.0, 300.0) };
+pub const CITY_BOUNDS: Aabb = Aabb { min: vec3(-300.0, -1.0, -300.0), max: vec3(300.0, 30.0, 300.0) };
 
 /// The procedural city; then its swarm alone, over the same receivers.
 pub fn city(size: Size, count: usize) -> Result<[Lit; 2], SceneError> {
@@ -57,10 +57,15 @@ fn swarm(size: Size) -> Result<World, SceneError> {
         Size::M => 3_000,
         Size::L => 10_000,
     };
+    swarm_at(drones, TIME)
+}
+
+/// A swarm alone.
+pub fn swarm_at(drones: usize, time: f64) -> Result<World, SceneError> {
     let mut assembly = Assembly::new();
     let glows = swarm::glows(&mut Palette::default());
     let mut swarm = Swarm::new(&mut assembly, &glows, vec3(2.0, 78.0, -60.0), 30.0, drones)?;
-    swarm.fly(TIME, &mut assembly.scene, &mut assembly.world)?;
+    swarm.fly(time, &mut assembly.scene, &mut assembly.world)?;
     assembly.world.update(FrameBudget::UNLIMITED);
     Ok(assembly.world)
 }

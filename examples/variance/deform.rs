@@ -1,0 +1,199 @@
+//! What refits lose while lights move, and what rebuilding the worst subtrees wins back, beside what both cost. One flat
+//! tree over all lights of a scene, each in its place of every frame.
+
+use super::lights::{carried, contributions};
+use super::receivers::receivers;
+use super::scene::procedural::{self, CityOptions, Size};
+use super::scene::rng::Rng;
+use super::scene::{SceneError, Stage, gltf_scene};
+use super::sigma::{Noise, Summary};
+use super::stages::{CITY_BOUNDS, swarm_at};
+use girandole::bounds::Aabb;
+use girandole::glam::{Vec3, vec3};
+use girandole::{DEFAULT_OPENINGS, FrameBudget, Light, LightTree, Placement, Policy, Receiver, World};
+use rayon::prelude::*;
+use std::path::Path;
+use std::time::Instant;
+
+/// Frames that are played, at 60 a second.
+const FRAMES: usize = 240;
+/// Noise is measured every so many frames.
+const EVERY: usize = 12;
+
+/// Lights of one tree, frame by frame, and who receives them.
+struct Motion {
+    name: String,
+    frames: Vec<Vec<Light>>,
+    receivers: Vec<Receiver>,
+}
+
+/// What is done after each refit.
+#[derive(Clone, Copy)]
+enum Strategy {
+    Refit,
+    RebuildEvery(usize),
+    /// So many lights a frame, as a share of all.
+    Worst(usize),
+}
+
+/// A line of the table.
+struct Row {
+    scene: String,
+    strategy: String,
+    /// Mean over receivers and frames.
+    sigma: f64,
+    /// How much larger it is than that of a fresh build, relative; mean over frames.
+    loss: f64,
+    /// Time of refits and rebuilds, as a multiple of that of plain refits.
+    cost: f64,
+    /// Lights in what was rebuilt, as a share of all, per frame.
+    rebuilt: f64,
+}
+
+fn frames(mut stage: Stage) -> Result<(Stage, Vec<Vec<Light>>), SceneError> {
+    let mut frames = Vec::with_capacity(FRAMES);
+    for frame in 0..FRAMES {
+        stage.animation.advance(frame as f64 / 60.0, &mut stage.scene, &mut stage.world)?;
+        stage.world.update(FrameBudget::new(std::time::Duration::ZERO));
+        frames.push(carried(&stage.world));
+    }
+    Ok((stage, frames))
+}
+
+fn city(count: usize) -> Result<Motion, SceneError> {
+    let (stage, frames) = frames(procedural::stage(&CityOptions { size: Size::S, cars: None, seed: 1 })?)?;
+    Ok(Motion { name: "city S".into(), frames, receivers: receivers(&stage.scene, &CITY_BOUNDS, count)? })
+}
+
+fn gltf(path: &Path, count: usize) -> Result<Motion, SceneError> {
+    let (stage, frames) = frames(gltf_scene::stage(path, None)?)?;
+    let name = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+    let everywhere = Aabb { min: Vec3::NEG_INFINITY, max: Vec3::INFINITY };
+    Ok(Motion { name, frames, receivers: receivers(&stage.scene, &everywhere, count)? })
+}
+
+/// 3,000 drones seen from among them.
+fn swarm(count: usize) -> Result<Motion, SceneError> {
+    let frame = |frame: usize| Ok(carried(&swarm_at(3_000, 8.0 + frame as f64 / 60.0)?));
+    let mut rng = Rng::new(3, 0);
+    let mut signed = || 2.0 * rng.unit() - 1.0;
+    let mut point = || vec3(signed(), signed(), signed());
+    let receiver = |_| Receiver::surface(vec3(2.0, 78.0, -60.0) + 30.0 * point(), point().normalize_or(Vec3::Y));
+    let receivers = (0..count).map(receiver).collect();
+    Ok(Motion { name: "swarm".into(), frames: (0..FRAMES).map(frame).collect::<Result<_, SceneError>>()?, receivers })
+}
+
+/// Mean noise of a tree over receivers.
+fn noise(tree: &LightTree, lux: &[Vec<f32>], receivers: &[Receiver]) -> f64 {
+    let one = |(at, lux): (&Receiver, &Vec<f32>)| {
+        let chance = |(light, lux): (u32, &f32)| if *lux > 0.0 { tree.pmf(at, light, DEFAULT_OPENINGS) } else { 0.0 };
+        let chances: Vec<f32> = (0..).zip(lux).map(chance).collect();
+        Noise::of(lux, &chances)
+    };
+    let noises: Vec<Noise> = receivers.par_iter().zip(lux).filter_map(one).collect();
+    Summary::of(&noises).mean
+}
+
+fn measure(motion: &Motion) -> Result<Vec<Row>, SceneError> {
+    let strategies = [
+        Strategy::Refit,
+        Strategy::RebuildEvery(1),
+        Strategy::RebuildEvery(10),
+        Strategy::Worst(4),
+        Strategy::Worst(8),
+        Strategy::Worst(16),
+        Strategy::Worst(32),
+    ];
+    // The noise of a fresh build, and each light's part at each receiver, for the frames at which noise is measured.
+    let mut fresh = Vec::new();
+    for lights in motion.frames.iter().skip(EVERY - 1).step_by(EVERY) {
+        let mut world = World::new();
+        let tree = world.add_tree(lights.clone())?;
+        world.add_instance(tree, Placement::IDENTITY, Policy::Static)?;
+        let sampler = world.sampler();
+        let ids: Vec<_> = sampler.all_lights().collect();
+        let lux: Vec<Vec<f32>> = motion.receivers.par_iter().map(|at| contributions(&sampler, &ids, at)).collect();
+        let built = LightTree::new(lights.clone())?;
+        fresh.push((noise(&built, &lux, &motion.receivers), lux));
+    }
+    let mut rows: Vec<Row> = Vec::new();
+    for strategy in strategies {
+        let played = play(motion, strategy, &fresh)?;
+        let plain = rows.first().map_or(played.cost, |row| row.cost);
+        rows.push(Row { scene: motion.name.clone(), ..played });
+        let last = rows.len() - 1;
+        if last > 0 {
+            rows[last].cost /= plain;
+        }
+    }
+    rows[0].cost = 1.0;
+    Ok(rows)
+}
+
+/// Plays all frames; the cost is in seconds.
+fn play(motion: &Motion, strategy: Strategy, fresh: &[(f64, Vec<Vec<f32>>)]) -> Result<Row, SceneError> {
+    let count = motion.frames[0].len();
+    let mut tree = LightTree::new(motion.frames[0].clone())?;
+    let (mut cost, mut rebuilt, mut sigma, mut loss) = (0.0, 0, 0.0, 0.0);
+    for (frame, lights) in motion.frames.iter().enumerate() {
+        let is_new = |(index, light): &(u32, Light)| tree.lights()[*index as usize] != *light;
+        let changes: Vec<(u32, Light)> = (0..).zip(lights.iter().copied()).filter(is_new).collect();
+        tree.set(&changes)?;
+        let start = Instant::now();
+        tree.refit();
+        match strategy {
+            Strategy::RebuildEvery(every) if frame % every == every - 1 => {
+                tree.rebuild();
+                rebuilt += count;
+            }
+            Strategy::Worst(share) => rebuilt += tree.rebuild_worst(count / share),
+            Strategy::Refit | Strategy::RebuildEvery(_) => {}
+        }
+        cost += start.elapsed().as_secs_f64();
+        if frame % EVERY == EVERY - 1 {
+            let (best, lux) = &fresh[frame / EVERY];
+            let now = noise(&tree, lux, &motion.receivers);
+            sigma += now / fresh.len() as f64;
+            loss += (now / best - 1.0) / fresh.len() as f64;
+        }
+    }
+    tree.check().map_err(|error| SceneError(error.to_string()))?;
+    let strategy = match strategy {
+        Strategy::Refit => "refit".to_owned(),
+        Strategy::RebuildEvery(1) => "rebuild".to_owned(),
+        Strategy::RebuildEvery(every) => format!("rebuild every {every}"),
+        Strategy::Worst(share) => format!("worst, 1/{share} of the lights a frame"),
+    };
+    let rebuilt = rebuilt as f64 / (count * FRAMES) as f64;
+    Ok(Row { scene: String::new(), strategy, sigma, loss, cost, rebuilt })
+}
+
+const COLUMNS: [&str; 6] = ["scene", "strategy", "sigma_mean", "sigma_loss", "time_per_refit", "rebuilt_per_frame"];
+
+impl Row {
+    fn fields(&self) -> [String; 6] {
+        let Self { scene, strategy, sigma, loss, cost, rebuilt } = self;
+        let numbers = [format!("{sigma:.4}"), format!("{loss:.4}"), format!("{cost:.2}"), format!("{rebuilt:.4}")];
+        let [sigma, loss, cost, rebuilt] = numbers;
+        [scene.clone(), strategy.clone(), sigma, loss, cost, rebuilt]
+    }
+}
+
+/// Measures all, prints the table and writes it.
+pub fn run(gltf_path: Option<&Path>, count: usize, out: &Path) -> Result<(), SceneError> {
+    let refuse = |error: csv::Error| SceneError(format!("cannot write {}: {error}", out.display()));
+    let mut table = csv::Writer::from_path(out).map_err(refuse)?;
+    table.write_record(COLUMNS).map_err(refuse)?;
+    println!("| {} |\n|{}", COLUMNS.join(" | "), "---|".repeat(COLUMNS.len()));
+    let mut motions = vec![swarm(count)?, city(count)?];
+    if let Some(path) = gltf_path {
+        motions.push(gltf(path, count)?);
+    }
+    for motion in &motions {
+        for row in measure(motion)? {
+            println!("| {} |", row.fields().join(" | "));
+            table.write_record(row.fields()).map_err(refuse)?;
+        }
+    }
+    table.flush().map_err(|error| refuse(error.into()))
+}
