@@ -4,9 +4,9 @@ use super::LightTree;
 use super::attributes::{Attributes, Terms};
 use super::dirty::Dirty;
 use super::node::Node;
-use super::rebuild::with_spare;
+use super::rebuild::{Member, items, with_spare};
 use super::refit::Tasks;
-use super::shape::{Item, shape};
+use super::shape::shape;
 use super::wide::WideCluster;
 use crate::cluster::Cluster;
 use crate::light::Light;
@@ -18,7 +18,8 @@ const PARALLEL_LIGHTS: usize = 4096;
 impl LightTree {
     /// Builds from valid lights.
     pub(super) fn build(lights: Vec<Light>) -> Self {
-        let shapes = shape(&mut items(&lights));
+        let members = members(&lights);
+        let shapes = shape(&mut items(&members));
         let count = with_spare(shapes.len());
         let mut tree = Self {
             leaves: vec![0; lights.len()],
@@ -36,19 +37,19 @@ impl LightTree {
             attributes: Attributes::default(),
         };
         if count > 0 {
-            tree.place(&shapes, 0, count);
+            tree.place(&shapes, &members, 0, count);
         }
         tree
     }
 }
 
-fn items(lights: &[Light]) -> Vec<Item> {
-    let item = |(index, light): (usize, &Light)| Item::new(&light.cluster(), index as u32);
+fn members(lights: &[Light]) -> Vec<Member> {
+    let member = |(index, light): (usize, &Light)| Member { light: index as u32, cluster: light.cluster() };
     #[cfg(feature = "parallel")]
     {
         use rayon::prelude::*;
-        lights.par_iter().enumerate().with_min_len(PARALLEL_LIGHTS).map(item).collect()
+        lights.par_iter().enumerate().with_min_len(PARALLEL_LIGHTS).map(member).collect()
     }
     #[cfg(not(feature = "parallel"))]
-    lights.iter().enumerate().map(item).collect()
+    lights.iter().enumerate().map(member).collect()
 }

@@ -4,10 +4,11 @@
 
 use super::LightTree;
 use super::attributes::Terms;
-use super::node::{LEAF, NO_PARENT, Node, WIDTH};
+use super::node::{EMPTY_SLOT, LEAF, NO_PARENT, Node, WIDTH};
 use super::refit::Tasks;
 use super::shape::{Item, ShapeNode, shape};
 use super::wide::WideCluster;
+use crate::cluster::Cluster;
 
 /// One node in so many is left unused by a build: later shapes of a subtree need a few more or less.
 const SPARE: usize = 24;
@@ -72,45 +73,49 @@ impl LightTree {
     /// Builds a subtree anew. False, and no change, if the new shape needs more nodes than the old one left.
     pub(super) fn rebuild_subtree(&mut self, root: usize) -> bool {
         let span = self.spans[root] as usize;
-        let mut items = Vec::with_capacity(self.sizes[root] as usize);
+        let mut members = Vec::with_capacity(self.sizes[root] as usize);
         for node in root..root + span {
             for slot in 0..self.nodes[node].count() {
                 let target = self.nodes[node].targets[slot];
                 if target & LEAF != 0 {
-                    items.push(Item::new(&self.wide[node].get(slot), target & !LEAF));
+                    members.push(Member { light: target & !LEAF, cluster: self.wide[node].get(slot) });
                 }
             }
         }
-        let shapes = shape(&mut items);
+        let shapes = shape(&mut items(&members));
         if shapes.len() > span {
             // As good as it gets without moving others.
             self.fresh[root] = self.terms[root].cost_ratio(&self.cluster_of(root));
             return false;
         }
-        self.place(&shapes, root, span);
+        let parent = self.nodes[root].parent;
+        self.nodes[root..root + span].fill(Node::EMPTY);
+        self.wide[root..root + span].fill(WideCluster::EMPTY);
+        self.terms[root..root + span].fill(Terms::default());
+        self.spans[root..root + span].fill(0);
+        self.sizes[root..root + span].fill(0);
+        self.nodes[root].parent = parent;
+        self.place(&shapes, &members, root, span);
         true
     }
 
-    /// Lays out a shape of lights with valid clusters in the nodes from `root` on, with the spare ones spread among them, and refits.
-    pub(super) fn place(&mut self, shapes: &[ShapeNode], root: usize, span: usize) {
-        let clusters = &self.lights;
+    /// Lays out a shape of some lights in empty nodes from `root` on, with the spare ones spread among them, and refits.
+    pub(super) fn place(&mut self, shapes: &[ShapeNode], members: &[Member], root: usize, span: usize) {
         let position = |i: usize| root + i + (span - shapes.len()) * i / shapes.len().max(1);
         let parent = self.nodes[root].parent;
-        for node in root..root + span {
-            self.nodes[node] = Node::EMPTY;
-            self.wide[node] = WideCluster::EMPTY;
-            self.terms[node] = Terms::default();
-            self.spans[node] = 0;
-            self.sizes[node] = 0;
-        }
         for (i, shape) in shapes.iter().enumerate() {
             let node = position(i);
             let mut targets = shape.targets;
+            // All at once: they lie anywhere in memory, and waiting for one after the other takes longer than all the rest.
+            let is_light = |target: u32| target != EMPTY_SLOT && target & LEAF != 0;
+            let found: [Member; WIDTH] =
+                targets.map(|target| if is_light(target) { members[(target & !LEAF) as usize] } else { Member::NONE });
             for (slot, target) in targets[..shape.count as usize].iter_mut().enumerate() {
                 if *target & LEAF != 0 {
-                    let light = (*target & !LEAF) as usize;
-                    self.leaves[light] = (node * WIDTH + slot) as u32;
-                    self.wide[node].set(slot, &clusters[light].cluster());
+                    let Member { light, cluster } = &found[slot];
+                    self.leaves[*light as usize] = (node * WIDTH + slot) as u32;
+                    self.wide[node].set(slot, cluster);
+                    *target = light | LEAF;
                 } else {
                     *target = position(*target as usize) as u32;
                 }
@@ -121,7 +126,7 @@ impl LightTree {
             };
             self.nodes[node] = Node { targets, parent: above, steps: shape.count << 24, ..Node::EMPTY };
             self.spans[node] = (position(i + shape.span as usize) - node) as u32;
-            self.dirty.insert(node);
+            self.dirty.flags_mut()[node] = true;
         }
         for node in (root..root + span).rev() {
             self.sizes[node] = self.nodes[node].targets[..self.nodes[node].count()]
@@ -130,6 +135,7 @@ impl LightTree {
                 .sum();
         }
         self.tasks = Tasks::new(&self.spans);
+        self.refit_subtree(root);
         self.refit();
         for node in root..root + span {
             self.fresh[node] = self.terms[node].cost_ratio(&self.cluster_of(node));
@@ -137,12 +143,29 @@ impl LightTree {
     }
 
     /// A node's own cluster.
-    fn cluster_of(&self, node: usize) -> crate::cluster::Cluster {
+    fn cluster_of(&self, node: usize) -> Cluster {
         match self.nodes[node].parent {
             NO_PARENT => self.root,
             place => self.wide[place as usize / WIDTH].get(place as usize % WIDTH),
         }
     }
+}
+
+/// A light that is placed.
+#[derive(Clone, Copy)]
+pub(super) struct Member {
+    /// Its index.
+    pub light: u32,
+    pub cluster: Cluster,
+}
+
+impl Member {
+    const NONE: Self = Self { light: u32::MAX, cluster: Cluster::EMPTY };
+}
+
+/// What a shape is made of: members by their place in the list.
+pub(super) fn items(members: &[Member]) -> Vec<Item> {
+    (0..).zip(members).map(|(index, member)| Item::new(&member.cluster, index)).collect()
 }
 
 /// Nodes to be kept for a shape of so many, with some to spare.

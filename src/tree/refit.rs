@@ -38,6 +38,24 @@ impl LightTree {
     }
 }
 
+impl LightTree {
+    /// Refits a subtree all of whose nodes are marked, and marks what is above it.
+    pub(super) fn refit_subtree(&mut self, root: usize) {
+        if root == 0 {
+            return self.refit_all();
+        }
+        let Self { nodes, wide, terms, dirty, spans, .. } = self;
+        let end = root + spans[root] as usize;
+        let (_, part) = Part { base: 0, nodes, wide, terms, is_dirty: dirty.flags_mut() }.split(root);
+        let (part, _) = part.split(end);
+        let parent = part.nodes[0].parent as usize;
+        if let Some(cluster) = with_vectors(Sweep(part)) {
+            self.wide[parent / WIDTH].set(parent % WIDTH, &cluster);
+            self.dirty.insert(parent / WIDTH);
+        }
+    }
+}
+
 /// The subtrees that are refitted by themselves and the nodes above them, for a shape.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tasks {

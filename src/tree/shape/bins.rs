@@ -157,7 +157,7 @@ fn partition<const AXIS: usize>(items: &mut [Item], grid: &Grid, cut: usize, cou
     let (front, back) = items.split_at_mut(count);
     let (mut lefts, mut rights) = (Side::EMPTY, Side::EMPTY);
     loop {
-        // Which is not worth a type: glam's masks have other names without SIMD.
+        // Glam's masks have another type without SIMD: they are turned into numbers here.
         lefts.look(front, |item| {
             let is_right = along(item).cmpge(limit);
             (Vec4::select(is_right, Vec4::INFINITY, Vec4::ZERO), is_right.bitmask())

@@ -20,8 +20,8 @@ use split::split;
 #[cfg(feature = "parallel")]
 const PARALLEL_ITEMS: usize = 4096;
 
-/// Nodes this deep are split into halves, which bounds the depth of any tree by 32 and the bits of a count. A million
-/// lights need 7 levels at least and 9 as a rule; deeper than this only gets what shrinks geometrically.
+/// Nodes this deep are split into halves, so that no tree is deeper than this and the bits of a count. A million lights
+/// make 8 or 9 levels, at geometric distances from 1e-9 to 1e9 m 16.
 const DEEPEST: u32 = 32;
 
 /// One node of a shape. Nodes lie depth first: a parent before its children, every subtree contiguous.
@@ -47,12 +47,22 @@ impl ShapeNode {
 
 /// Shapes a tree and puts the items into the order of its leaves. The same for any number of threads.
 pub(super) fn shape(items: &mut [Item]) -> Vec<ShapeNode> {
-    // 5.8 lights a node as a rule.
-    let mut nodes = Vec::with_capacity(items.len() / 5 + 1);
+    let mut nodes = Vec::with_capacity(likely_nodes(items));
     if !items.is_empty() {
         let whole = Group::around(items);
         shape_below(items, &whole, 0, &mut nodes);
     }
+    link(&mut nodes);
+    nodes
+}
+
+/// A little more than the nodes of 5.5 to 6 lights that are the rule.
+fn likely_nodes(items: &[Item]) -> usize {
+    items.len() / 5 + 1
+}
+
+/// Makes distances to child nodes indices, and tells them their parents.
+fn link(nodes: &mut [ShapeNode]) {
     for node in 0..nodes.len() {
         for slot in 0..nodes[node].count as usize {
             let target = nodes[node].targets[slot];
@@ -63,7 +73,6 @@ pub(super) fn shape(items: &mut [Item]) -> Vec<ShapeNode> {
             }
         }
     }
-    nodes
 }
 
 /// Appends a subtree. Its nodes name their child nodes by the distance, so that it can be appended anywhere.
@@ -77,7 +86,7 @@ fn shape_below(items: &mut [Item], whole: &Group, depth: u32, nodes: &mut Vec<Sh
         return;
     }
     let groups = Groups::of(items, whole, depth >= DEEPEST);
-    let mut children: [Option<(u32, &mut [Item], &Group)>; WIDTH] = Default::default();
+    let mut children = Children::default();
     let mut rest = items;
     for (group, is_open) in groups.groups[..groups.count].iter().zip(groups.is_open) {
         let (items, behind) = rest.split_at_mut(group.count);
@@ -85,36 +94,39 @@ fn shape_below(items: &mut [Item], whole: &Group, depth: u32, nodes: &mut Vec<Sh
         if is_open || items.len() == 1 {
             items.iter().for_each(|item| node.push(LEAF | item.index()));
         } else {
-            children[node.count as usize] = Some((node.count, items, group));
+            let slot = node.count as usize;
+            children[slot] = Some((slot, items, group));
             node.push(EMPTY_SLOT);
         }
     }
     #[cfg(feature = "parallel")]
     if whole.count >= PARALLEL_ITEMS {
-        use rayon::prelude::*;
-        let subtrees: Vec<(u32, Vec<ShapeNode>)> = children
-            .into_par_iter()
-            .flatten()
-            .map(|(slot, items, group)| {
-                let mut nodes = Vec::with_capacity(items.len() / 5 + 1);
-                shape_below(items, group, depth + 1, &mut nodes);
-                (slot, nodes)
-            })
-            .collect();
-        for (slot, subtree) in subtrees {
-            node.targets[slot as usize] = (nodes.len() - own) as u32;
+        for (slot, subtree) in shape_apart(std::mem::take(&mut children), depth + 1) {
+            node.targets[slot] = (nodes.len() - own) as u32;
             nodes.extend(subtree);
         }
-        node.span = (nodes.len() - own) as u32;
-        nodes[own] = node;
-        return;
     }
     for (slot, items, group) in children.into_iter().flatten() {
-        node.targets[slot as usize] = (nodes.len() - own) as u32;
+        node.targets[slot] = (nodes.len() - own) as u32;
         shape_below(items, group, depth + 1, nodes);
     }
     node.span = (nodes.len() - own) as u32;
     nodes[own] = node;
+}
+
+/// Child nodes to be: slots and what lies below.
+type Children<'a> = [Option<(usize, &'a mut [Item], &'a Group)>; WIDTH];
+
+/// Shapes subtrees on rayon's threads, for their slots.
+#[cfg(feature = "parallel")]
+fn shape_apart(children: Children<'_>, depth: u32) -> Vec<(usize, Vec<ShapeNode>)> {
+    use rayon::prelude::*;
+    let apart = |(slot, items, group): (usize, &mut [Item], &Group)| {
+        let mut nodes = Vec::with_capacity(likely_nodes(items));
+        shape_below(items, group, depth, &mut nodes);
+        (slot, nodes)
+    };
+    children.into_par_iter().flatten().map(apart).collect()
 }
 
 /// What a node's items are split into, in their order.

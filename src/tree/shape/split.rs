@@ -10,9 +10,11 @@ use super::bins::{Grid, split_binned};
 use super::group::{Group, Item, Means, Sums, costs};
 
 /// Up to this many lights all cuts are tried. At most five are allowed on each axis, and bins would miss most of them.
+/// 24 takes 10 % longer and gains nothing.
 const FEW: usize = 16;
 
-/// From this many lights on, there are 16 bins instead of 8.
+/// From this many lights on, there are 16 bins instead of 8. Eight for all make a city of 10,000 lights cost 5 % more;
+/// 16 from 32 lights on gain nothing over this and take 2 to 5 % longer.
 const MANY: usize = 128;
 
 /// Metres below which lights are at one place: steps along the thinnest axis that is cut have a finite scale above.
@@ -60,10 +62,9 @@ pub(super) fn split(items: &mut [Item], whole: &Group, halve: bool) -> [Group; 2
 
 /// Near the middle of the longest axis; what lies at one place, in the order at hand.
 fn split_middle(items: &mut [Item], means: &Means) -> [Group; 2] {
-    let extent = means.extent();
+    let extent = means.extent().to_array();
     let left = middle(items.len());
-    if extent.max_element() > 0.0 {
-        let axis = extent.max_position();
+    if let Some(axis) = (0..3).filter(|axis| extent[*axis] > 0.0).max_by(|a, b| extent[*a].total_cmp(&extent[*b])) {
         items
             .select_nth_unstable_by(left, |a, b| a.mean[axis].total_cmp(&b.mean[axis]).then(a.index().cmp(&b.index())));
     }

@@ -8,6 +8,9 @@ use super::*;
 use crate::bounds::Aabb;
 use crate::cluster::{Cluster, MOST_FLUX};
 
+/// Fewest children of a node that is not sparse.
+const FULL: u32 = 6;
+
 /// SplitMix64.
 struct Rng(u64);
 
@@ -67,8 +70,8 @@ fn sound_shape(clusters: &[Cluster]) -> Vec<ShapeNode> {
     nodes
 }
 
-/// One leaf a light, links up and down, subtrees contiguous, no node emptier than it must be, depth.
-fn check(nodes: &[ShapeNode], lights: usize) {
+/// One leaf a light, links up and down, subtrees contiguous, no node emptier than it must be. Returns the depth.
+fn check(nodes: &[ShapeNode], lights: usize) -> u32 {
     let mut has_leaf = vec![false; lights];
     let mut depths = vec![0; nodes.len()];
     for (index, node) in nodes.iter().enumerate() {
@@ -101,10 +104,10 @@ fn check(nodes: &[ShapeNode], lights: usize) {
     }
     assert!(has_leaf.iter().all(|has| *has));
     assert_eq!(nodes.first().map_or(0, |root| root.span as usize), nodes.len());
-    assert!(depths.iter().all(|depth| *depth <= DEEPEST + 32));
+    let depth = depths.into_iter().max().unwrap_or(0);
+    assert!(depth <= DEEPEST + u32::BITS);
+    depth
 }
-
-const FULL: u32 = 6;
 
 fn fill(nodes: &[ShapeNode]) -> f64 {
     nodes.iter().map(|node| f64::from(node.count)).sum::<f64>() / nodes.len() as f64
@@ -160,12 +163,21 @@ fn a_million_lights_at_geometric_distances_stay_within_the_depth() {
 }
 
 #[test]
-fn lights_that_peel_off_one_by_one_stay_within_the_depth() {
-    // Each is as costly as all that are nearer.
-    let lights: Vec<_> = (0..60_000)
-        .map(|i| light(Vec3::X * 1.0e9 * 0.5_f32.powf(i as f32 / 500.0), 1.0e-18 * 4.0_f32.powf(i as f32 / 1000.0)))
-        .collect();
+fn lights_that_grow_brighter_inward_stay_within_the_depth() {
+    let at = |i: i32| Vec3::X * 1.0e9 * 0.5_f32.powf(i as f32 / 500.0);
+    let lights: Vec<_> = (0..60_000).map(|i| light(at(i), 1.0e-18 * 4.0_f32.powf(i as f32 / 1000.0))).collect();
     sound_shape(&lights);
+}
+
+#[test]
+fn below_the_deepest_level_lights_are_halved() {
+    let lights = city(50_000, 0.9);
+    let mut items = items(&lights);
+    let whole = Group::around(&items);
+    let mut nodes = Vec::new();
+    shape_below(&mut items, &whole, DEEPEST, &mut nodes);
+    link(&mut nodes);
+    assert!(check(&nodes, lights.len()) < 16, "50,000 lights have 16 bits");
 }
 
 #[test]
