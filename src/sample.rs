@@ -8,7 +8,10 @@ use crate::keys::{DirectionalKey, InstanceKey, slot_of};
 use crate::light::{DirectionalLight, luminance};
 use crate::top::TopLevel;
 use crate::tree::LightTree;
-use crate::walk::{Cut, DEFAULT_OPENINGS, Dice, Forest, MOST_OPENINGS, NO_INSTANCE, NoForest, Scene, joint, share};
+use crate::walk::{
+    Chance, DEFAULT_OPENINGS, Draw, Drawn, Forest, Leaf, MOST_OPENINGS, NO_INSTANCE, NoForest, Picked, Scene, Wanted,
+    share,
+};
 use crate::world::World;
 
 /// Names a light that can be sampled.
@@ -89,48 +92,39 @@ impl<'a> Sampler<'a> {
     ///
     /// One pass over eight children per opened cluster and per level below. Source: CK18 5, see `walk.rs`.
     pub fn pick(&self, receiver: &Receiver, u: [f32; 2]) -> Option<LightPick> {
-        let forest = (self, receiver);
-        let cut = Cut::new(self.root(receiver), self.openings, &forest);
-        let directional = self.directional(receiver);
-        let total = cut.total + directional;
-        if total <= 0.0 {
-            return None;
-        }
-        let mut dice = Dice::new(u[0], u[1]);
-        let mut chance = 1.0;
-        if directional > 0.0 {
-            let point = dice.point(total);
-            if point >= cut.total {
-                return self.pick_directional(receiver, point - cut.total, total);
+        let draw = Draw {
+            root: self.root(receiver),
+            openings: self.openings,
+            beside: self.directional(receiver),
+            u,
+            forest: &(self, receiver),
+        };
+        match draw.run() {
+            Drawn::Light(Picked { instance, light, pmf }) => {
+                Some(LightPick { light: LightId::Local { instance: self.world.instance_at(instance)?, light }, pmf })
             }
-            chance = share(cut.total, total);
-            dice.stretch(point / total, chance);
+            Drawn::Beside { offset, total } => self.pick_directional(receiver, offset, total),
+            Drawn::Nothing => None,
         }
-        let picked = cut.pick(&mut dice, Dice::new(u[1], u[0]), &forest)?;
-        let instance = self.world.instance_at(picked.instance)?;
-        Some(LightPick { light: LightId::Local { instance, light: picked.light }, pmf: joint(chance, picked.pmf) })
     }
 
     /// The chance that [`Sampler::pick`] chooses this light; 0 for a light that is dark, unreachable, or not there.
     pub fn pmf(&self, receiver: &Receiver, light: LightId) -> f32 {
-        let cut = Cut::new(self.root(receiver), self.openings, &(self, receiver));
-        let directional = self.directional(receiver);
-        let total = cut.total + directional;
-        if total <= 0.0 {
-            return 0.0;
-        }
-        match light {
-            LightId::Directional(key) => {
-                self.world.directional(key).map_or(0.0, |light| share(illuminance(light, receiver), total))
-            }
+        let root = self.root(receiver);
+        let of = match light {
+            LightId::Directional(key) => match self.world.directional(key) {
+                Some(light) => Wanted::Beside(illuminance(light, receiver)),
+                None => return 0.0,
+            },
             LightId::Local { instance, light } => {
                 let Some((tree, scene)) = self.scene(instance, receiver) else { return 0.0 };
                 let Some(leaf) = tree.leaves().get(light as usize) else { return 0.0 };
-                let chance = if directional > 0.0 { share(cut.total, total) } else { 1.0 };
                 let place = self.top.places[slot_of(instance) as usize];
-                joint(chance, cut.pmf(scene, *leaf, Some((self.root(receiver), place))))
+                Wanted::Light(Leaf { scene, place: *leaf, top: Some((root, place)) })
             }
-        }
+        };
+        let beside = self.directional(receiver);
+        Chance { root, openings: self.openings, beside, of, forest: &(self, receiver) }.run()
     }
 
     /// A point on a given light; `None` if that point sends nothing to the receiver or the light is not there.
@@ -205,16 +199,19 @@ fn illuminance(light: &DirectionalLight, receiver: &Receiver) -> f32 {
 impl LightTree {
     /// Chooses a light of one tree, in the tree's own space. As [`Sampler::pick`]; `openings` as in [`Sampler::with_openings`].
     pub fn pick(&self, receiver: &Receiver, u: [f32; 2], openings: usize) -> Option<(u32, f32)> {
-        let dice = Dice::new(u[0], u[1]);
-        let picked = Cut::new(self.scene(receiver), openings, &NoForest).pick(&mut dice.clone(), dice, &NoForest)?;
-        Some((picked.light, picked.pmf))
+        let draw = Draw { root: self.scene(receiver), openings, beside: 0.0, u, forest: &NoForest };
+        match draw.run() {
+            Drawn::Light(Picked { light, pmf, .. }) => Some((light, pmf)),
+            Drawn::Beside { .. } | Drawn::Nothing => None,
+        }
     }
 
     /// The chance that [`LightTree::pick`] chooses this light; 0 for an index that the tree does not have.
     pub fn pmf(&self, receiver: &Receiver, light: u32, openings: usize) -> f32 {
-        let Some(leaf) = self.leaves().get(light as usize) else { return 0.0 };
-        let scene = self.scene(receiver);
-        Cut::new(scene, openings, &NoForest).pmf(scene, *leaf, None)
+        let Some(place) = self.leaves().get(light as usize) else { return 0.0 };
+        let root = self.scene(receiver);
+        let of = Wanted::Light(Leaf { scene: root, place: *place, top: None });
+        Chance { root, openings, beside: 0.0, of, forest: &NoForest }.run()
     }
 
     fn scene(&self, receiver: &Receiver) -> Scene<'_> {

@@ -130,7 +130,7 @@ pub(crate) struct Cut<'a> {
     /// integers is found in three steps.
     keys: [u32; MOST_NODES],
     /// Estimated illuminance of all candidates, in lux.
-    pub total: f32,
+    total: f32,
 }
 
 /// The root and what is opened after it.
@@ -139,30 +139,113 @@ const MOST_NODES: usize = MOST_OPENINGS + 1;
 /// The bits of a key that name a slot.
 const SLOT_BITS: u32 = WIDTH as u32 - 1;
 
-/// A light of a tree and the chance of its choice.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Picked {
-    /// See [`Scene::instance`].
-    pub instance: u32,
-    pub light: u32,
-    pub pmf: f32,
-}
-
 impl<'a> Cut<'a> {
     /// Opens the root and then, up to `openings` times, the candidate in most doubt.
-    pub fn new(root: Scene<'a>, openings: usize, forest: &impl Forest<'a>) -> Self {
-        with_vectors(Open { root, openings, forest })
+    #[inline(always)]
+    fn new(root: Scene<'a>, openings: usize, forest: &impl Forest<'a>) -> Self {
+        let mut cut = Cut {
+            scenes: [const { None }; MOST_NODES],
+            scene_count: 0,
+            count: 0,
+            places: [0; MOST_NODES],
+            nodes: [0; MOST_NODES],
+            values: [[0.0; WIDTH]; MOST_NODES],
+            doubts: [[0.0; WIDTH]; MOST_NODES],
+            totals: [0.0; MOST_NODES],
+            keys: [0; MOST_NODES],
+            total: 0.0,
+        };
+        let mut next = (cut.enter(root), 0);
+        loop {
+            let (place, node) = next;
+            if cut.open(place, node).is_none() || cut.count > openings.min(MOST_OPENINGS) {
+                return cut;
+            }
+            let Some((index, slot)) = cut.most_doubtful() else { return cut };
+            let place = cut.places[index];
+            let target = cut.scene(index).and_then(|scene| scene.nodes[cut.nodes[index] as usize].target(slot));
+            next = match target {
+                Some(Target::Node(node)) => (place, node),
+                Some(Target::Leaf(leaf)) => match forest.enter(leaf) {
+                    Some(scene) if !scene.nodes.is_empty() => (cut.enter(scene), 0),
+                    _ => return cut,
+                },
+                None => return cut,
+            };
+            cut.take_out(index, slot);
+        }
     }
 
     /// Chooses a light. `dice` decide in the root's tree, `inner` in an instance's. `None` if all candidates are proved dark.
-    pub fn pick(&self, dice: &mut Dice, inner: Dice, forest: &impl Forest<'a>) -> Option<Picked> {
-        with_vectors(Pick { cut: self, dice, inner, forest })
+    #[inline(always)]
+    fn pick(&self, dice: &mut Dice, inner: &mut Dice, forest: &impl Forest<'a>) -> Option<Picked> {
+        if self.total <= 0.0 {
+            return None;
+        }
+        let point = dice.point(self.total);
+        let mut before = 0.0;
+        let mut chosen = (0, 0.0);
+        for (index, total) in self.totals[..self.count].iter().enumerate() {
+            // The last with a chance is taken if rounding let the point pass all of them.
+            if *total > 0.0 && point >= before {
+                chosen = (index, before);
+            }
+            before += total;
+        }
+        let (index, before) = chosen;
+        let values = &self.values[index];
+        let (slot, offset) = pick_lane(values, &running_sums(values), point - before);
+        let mut pmf = share(values[slot], self.total);
+        dice.stretch(offset / self.total, pmf);
+        let mut scene = *self.scene(index)?;
+        let mut target = scene.nodes[self.nodes[index] as usize].target(slot)?;
+        loop {
+            let node = match target {
+                Target::Leaf(leaf) if scene.is_top => {
+                    scene = forest.enter(leaf)?;
+                    0
+                }
+                Target::Leaf(light) => return Some(Picked { instance: scene.instance, light, pmf }),
+                Target::Node(node) => node,
+            };
+            let dice = if scene.instance == NO_INSTANCE { &mut *dice } else { &mut *inner };
+            let record = scene.nodes.get(node as usize)?;
+            let values = see(record, &scene.view).importance;
+            let sums = running_sums(&values);
+            let total = sums[WIDTH - 1];
+            if total <= 0.0 {
+                return None;
+            }
+            let (slot, offset) = pick_lane(&values, &sums, dice.point(total));
+            let chance = share(values[slot], total);
+            pmf = joint(pmf, chance);
+            dice.stretch(offset / total, chance);
+            target = record.target(slot)?;
+        }
     }
 
-    /// The chance that [`Cut::pick`] ends at the leaf in `place` (`node * WIDTH + slot`) of a tree; `top` is the top level with
-    /// the place of the tree's instance, if there is one.
-    pub fn pmf(&self, scene: Scene<'a>, place: u32, top: Option<(Scene<'a>, u32)>) -> f32 {
-        with_vectors(Climb { cut: self, scene, place, top })
+    /// The chance that [`Cut::pick`] ends at a leaf.
+    #[inline(always)]
+    fn pmf(&self, leaf: &Leaf<'a>) -> f32 {
+        let Leaf { mut scene, mut place, mut top } = *leaf;
+        let mut pmf = 1.0;
+        loop {
+            let (node, slot) = (place / WIDTH as u32, place as usize % WIDTH);
+            if let Some(index) = self.find(&scene, node) {
+                return joint(pmf, share(self.values[index][slot], self.total));
+            }
+            let record = &scene.nodes[node as usize];
+            let values = see(record, &scene.view).importance;
+            pmf = joint(pmf, share(values[slot], running_sums(&values)[WIDTH - 1]));
+            if pmf <= 0.0 {
+                return 0.0;
+            }
+            place = record.parent;
+            if place == NO_PARENT {
+                let Some(above) = top.take() else { return 0.0 };
+                (scene, place) = above;
+            }
+        }
     }
 
     /// The place of a node among the opened ones.
@@ -240,110 +323,6 @@ impl<'a> Cut<'a> {
     }
 }
 
-struct Open<'a, 'f, F> {
-    root: Scene<'a>,
-    openings: usize,
-    forest: &'f F,
-}
-
-impl<'a, F: Forest<'a>> Job for Open<'a, '_, F> {
-    type Output = Cut<'a>;
-
-    #[inline(always)]
-    fn run(self) -> Cut<'a> {
-        let mut cut = Cut {
-            scenes: [const { None }; MOST_NODES],
-            scene_count: 0,
-            count: 0,
-            places: [0; MOST_NODES],
-            nodes: [0; MOST_NODES],
-            values: [[0.0; WIDTH]; MOST_NODES],
-            doubts: [[0.0; WIDTH]; MOST_NODES],
-            totals: [0.0; MOST_NODES],
-            keys: [0; MOST_NODES],
-            total: 0.0,
-        };
-        let mut next = (cut.enter(self.root), 0);
-        loop {
-            let (place, node) = next;
-            if cut.open(place, node).is_none() || cut.count > self.openings.min(MOST_OPENINGS) {
-                return cut;
-            }
-            let Some((index, slot)) = cut.most_doubtful() else { return cut };
-            let place = cut.places[index];
-            let target = cut.scene(index).and_then(|scene| scene.nodes[cut.nodes[index] as usize].target(slot));
-            next = match target {
-                Some(Target::Node(node)) => (place, node),
-                Some(Target::Leaf(leaf)) => match self.forest.enter(leaf) {
-                    Some(scene) if !scene.nodes.is_empty() => (cut.enter(scene), 0),
-                    _ => return cut,
-                },
-                None => return cut,
-            };
-            cut.take_out(index, slot);
-        }
-    }
-}
-
-struct Pick<'a, 'c, 'd, F> {
-    cut: &'c Cut<'a>,
-    dice: &'d mut Dice,
-    inner: Dice,
-    forest: &'c F,
-}
-
-impl<'a, F: Forest<'a>> Job for Pick<'a, '_, '_, F> {
-    type Output = Option<Picked>;
-
-    #[inline(always)]
-    fn run(self) -> Option<Picked> {
-        let Self { cut, dice, mut inner, forest } = self;
-        if cut.total <= 0.0 {
-            return None;
-        }
-        let point = dice.point(cut.total);
-        let mut before = 0.0;
-        let mut chosen = (0, 0.0);
-        for (index, total) in cut.totals[..cut.count].iter().enumerate() {
-            // The last with a chance is taken if rounding let the point pass all of them.
-            if *total > 0.0 && point >= before {
-                chosen = (index, before);
-            }
-            before += total;
-        }
-        let (index, before) = chosen;
-        let values = &cut.values[index];
-        let (slot, offset) = pick_lane(values, &running_sums(values), point - before);
-        let mut pmf = share(values[slot], cut.total);
-        dice.stretch(offset / cut.total, pmf);
-        let mut scene = *cut.scene(index)?;
-        let mut target = scene.nodes[cut.nodes[index] as usize].target(slot)?;
-        loop {
-            let node = match target {
-                Target::Leaf(leaf) if scene.is_top => {
-                    scene = forest.enter(leaf)?;
-                    0
-                }
-                Target::Leaf(light) => return Some(Picked { instance: scene.instance, light, pmf }),
-                Target::Node(node) => node,
-            };
-            let dice = if scene.instance == NO_INSTANCE { &mut *dice } else { &mut inner };
-            let record = scene.nodes.get(node as usize)?;
-            let values = see(record, &scene.view).importance;
-            let sums = running_sums(&values);
-            let total = sums[WIDTH - 1];
-            if total <= 0.0 {
-                return None;
-            }
-            let (slot, offset) = pick_lane(&values, &sums, dice.point(total));
-            let chance = share(values[slot], total);
-            pmf = joint(pmf, chance);
-            dice.stretch(offset / total, chance);
-            target = record.target(slot)?;
-        }
-    }
-}
-
 /// The lane whose share of the line from 0 to the sum of all holds `point`, and how far into it that is.
 #[inline(always)]
 fn pick_lane(values: &Lanes, sums: &Lanes, point: f32) -> (usize, f32) {
@@ -359,36 +338,118 @@ fn pick_lane(values: &Lanes, sums: &Lanes, point: f32) -> (usize, f32) {
     (slot, point - (sums[slot] - values[slot]))
 }
 
-struct Climb<'a, 'c> {
-    cut: &'c Cut<'a>,
-    scene: Scene<'a>,
-    place: u32,
-    top: Option<(Scene<'a>, u32)>,
+/// A light of a tree and the chance of its choice.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Picked {
+    /// See [`Scene::instance`].
+    pub instance: u32,
+    pub light: u32,
+    pub pmf: f32,
 }
 
-impl Job for Climb<'_, '_> {
+/// What a draw ended at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Drawn {
+    Light(Picked),
+    /// What stands beside the trees, so far into it, out of a sum of all.
+    Beside {
+        offset: f32,
+        total: f32,
+    },
+    /// Bounds prove that there is nothing to choose.
+    Nothing,
+}
+
+/// Draws a light of the root's tree and those behind it, or what stands `beside` it with so many lux.
+pub(crate) struct Draw<'a, 'f, F> {
+    pub root: Scene<'a>,
+    pub openings: usize,
+    pub beside: f32,
+    pub u: [f32; 2],
+    pub forest: &'f F,
+}
+
+impl<'a, F: Forest<'a>> Draw<'a, '_, F> {
+    pub fn run(self) -> Drawn {
+        with_vectors(self)
+    }
+}
+
+impl<'a, F: Forest<'a>> Job for Draw<'a, '_, F> {
+    type Output = Drawn;
+
+    #[inline(always)]
+    fn run(self) -> Drawn {
+        let Self { root, openings, beside, u, forest } = self;
+        let cut = Cut::new(root, openings, forest);
+        let total = cut.total + beside;
+        if total <= 0.0 {
+            return Drawn::Nothing;
+        }
+        let (mut dice, mut inner) = (Dice::new(u[0], u[1]), Dice::new(u[1], u[0]));
+        let mut chance = 1.0;
+        if beside > 0.0 {
+            let point = dice.point(total);
+            if point >= cut.total {
+                return Drawn::Beside { offset: point - cut.total, total };
+            }
+            chance = share(cut.total, total);
+            dice.stretch(point / total, chance);
+        }
+        match cut.pick(&mut dice, &mut inner, forest) {
+            Some(picked) => Drawn::Light(Picked { pmf: joint(chance, picked.pmf), ..picked }),
+            None => Drawn::Nothing,
+        }
+    }
+}
+
+/// Where a light hangs.
+#[derive(Clone, Copy)]
+pub(crate) struct Leaf<'a> {
+    pub scene: Scene<'a>,
+    /// `node * WIDTH + slot`.
+    pub place: u32,
+    /// The top level with the place of the tree's instance, if there is one.
+    pub top: Option<(Scene<'a>, u32)>,
+}
+
+/// Whose chance is asked for.
+pub(crate) enum Wanted<'a> {
+    Light(Leaf<'a>),
+    /// Something beside the trees, of so many lux.
+    Beside(f32),
+}
+
+/// Asks for the chance that a [`Draw`] ends at a leaf, or at something of so many lux beside the trees.
+pub(crate) struct Chance<'a, 'f, F> {
+    pub root: Scene<'a>,
+    pub openings: usize,
+    pub beside: f32,
+    pub of: Wanted<'a>,
+    pub forest: &'f F,
+}
+
+impl<'a, F: Forest<'a>> Chance<'a, '_, F> {
+    pub fn run(self) -> f32 {
+        with_vectors(self)
+    }
+}
+
+impl<'a, F: Forest<'a>> Job for Chance<'a, '_, F> {
     type Output = f32;
 
     #[inline(always)]
     fn run(self) -> f32 {
-        let Self { cut, mut scene, mut place, mut top } = self;
-        let mut pmf = 1.0;
-        loop {
-            let (node, slot) = (place / WIDTH as u32, place as usize % WIDTH);
-            if let Some(index) = cut.find(&scene, node) {
-                return joint(pmf, share(cut.values[index][slot], cut.total));
+        let Self { root, openings, beside, of, forest } = self;
+        let cut = Cut::new(root, openings, forest);
+        let total = cut.total + beside;
+        match of {
+            _ if total <= 0.0 => 0.0,
+            Wanted::Light(leaf) => {
+                let chance = if beside > 0.0 { share(cut.total, total) } else { 1.0 };
+                joint(chance, cut.pmf(&leaf))
             }
-            let record = &scene.nodes[node as usize];
-            let values = see(record, &scene.view).importance;
-            pmf = joint(pmf, share(values[slot], running_sums(&values)[WIDTH - 1]));
-            if pmf <= 0.0 {
-                return 0.0;
-            }
-            place = record.parent;
-            if place == NO_PARENT {
-                let Some(above) = top.take() else { return 0.0 };
-                (scene, place) = above;
-            }
+            Wanted::Beside(lux) => share(lux, total),
         }
     }
 }
