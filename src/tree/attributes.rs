@@ -100,9 +100,9 @@ impl Terms {
         if cost > 0.0 { (self.cost / cost) as f32 } else { 0.0 }
     }
 
-    /// The part of the splitting cost that a rise by `loss` has added.
+    /// The part of the splitting cost that a rise by `loss` has added: all of it if that is infinite, from nothing.
     pub(super) fn cost_share(&self, loss: f32) -> f64 {
-        self.cost * f64::from(loss / (1.0 + loss))
+        self.cost * (1.0 - 1.0 / (1.0 + f64::from(loss)))
     }
 
     /// Free of units, by flux and size of the cluster of all.
@@ -167,4 +167,15 @@ fn overlap(wide: &WideCluster) -> f32 {
         }
     }
     sum(&shared)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cost_that_rose_from_nothing_has_been_added_whole() {
+        let terms = Terms { cost: 8.0, ..Terms::default() };
+        assert_eq!([0.0, 1.0, f32::INFINITY].map(|loss| terms.cost_share(loss)), [0.0, 4.0, 8.0]);
+    }
 }

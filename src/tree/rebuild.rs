@@ -27,19 +27,20 @@ impl LightTree {
     /// it was built, again and again while `lights` last. What is left of them is kept for later calls, up to a rebuild of the
     /// whole tree: where the upper levels went bad, nothing less helps. Returns how many lights were in what was rebuilt.
     ///
-    /// To be called after a refit, once a frame; leaves everything up to date. O(n log n) in the lights that are rebuilt.
+    /// To be called once a frame; refits first what a refit was not called for. O(n log n) in the lights that are rebuilt.
     /// `docs/benchmarks.md` has what it wins back.
     pub fn rebuild_worst(&mut self, lights: usize) -> usize {
-        self.credit = (self.credit + lights).min(self.lights.len());
+        self.refit();
+        self.credit = self.credit.saturating_add(lights).min(self.lights.len());
         let mut rebuilt = 0;
         while let Some(node) = self.worst().filter(|node| self.sizes[*node] as usize <= self.credit) {
             let size = self.sizes[node] as usize;
             self.credit -= size;
-            rebuilt += size;
             if node == 0 {
                 self.rebuild();
-            } else {
-                self.rebuild_subtree(node);
+                rebuilt += size;
+            } else if self.rebuild_subtree(node) {
+                rebuilt += size;
             }
         }
         rebuilt
@@ -171,4 +172,122 @@ pub(super) fn items(members: &[Member]) -> Vec<Item> {
 /// Nodes to be kept for a shape of so many, with some to spare.
 pub(super) fn with_spare(nodes: usize) -> usize {
     nodes + nodes / SPARE
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::light::Light;
+    use crate::tree::Target;
+
+    /// Random numbers in [0, 1); any will do.
+    struct Numbers(u32);
+
+    impl Numbers {
+        fn next(&mut self) -> f32 {
+            self.0 = self.0.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+            (self.0 >> 8) as f32 / 16_777_216.0
+        }
+
+        fn place(&mut self) -> Vec3 {
+            Vec3::new(self.next(), self.next(), self.next())
+        }
+    }
+
+    fn lamp(position: Vec3) -> Light {
+        Light::point(position, Vec3::splat(1.0 + position.x))
+    }
+
+    fn block(numbers: &mut Numbers, count: usize) -> LightTree {
+        LightTree::build((0..count).map(|_| lamp(100.0 * numbers.place())).collect())
+    }
+
+    /// The lights below a node, moved.
+    fn change_below(tree: &mut LightTree, root: usize, mut place: impl FnMut(usize) -> Vec3) {
+        let below = root..root + tree.spans[root] as usize;
+        let lights: Vec<u32> =
+            (0..).zip(&tree.leaves).filter(|(_, p)| below.contains(&(**p as usize / WIDTH))).map(|(i, _)| i).collect();
+        assert_eq!(lights.len(), tree.sizes[root] as usize);
+        let changes: Vec<_> = lights.into_iter().enumerate().map(|(i, light)| (light, lamp(place(i)))).collect();
+        tree.apply(&changes);
+        tree.refit();
+    }
+
+    fn ancestors(tree: &LightTree, node: usize) -> Vec<usize> {
+        let above =
+            |node: &usize| Some(tree.nodes[*node].parent).filter(|p| *p != NO_PARENT).map(|p| p as usize / WIDTH);
+        std::iter::successors(above(&node), above).collect()
+    }
+
+    /// Everything about a node, as text: floats print as what they are, and NaN equals itself.
+    fn all_of(tree: &LightTree, node: usize) -> String {
+        let bits = bytemuck::bytes_of(&tree.nodes[node]);
+        let LightTree { wide, spans, sizes, fresh, terms, .. } = tree;
+        format!("{bits:?} {:?} {} {} {} {:?}", wide[node], spans[node], sizes[node], fresh[node], terms[node])
+    }
+
+    #[test]
+    fn a_rebuilt_subtree_changes_nothing_beside_it() {
+        let mut numbers = Numbers(1);
+        let mut tree = block(&mut numbers, 3000);
+        let children: Vec<_> = tree.nodes[0].targets.iter().filter_map(|target| Target::of(*target)).collect();
+        let mut seen = 0;
+        for child in children {
+            let Target::Node(child) = child else { continue };
+            let lower = tree.nodes[child as usize].targets.iter().filter_map(|target| Target::of(*target)).next();
+            let lower = if let Some(Target::Node(node)) = lower { node } else { child };
+            for root in [child as usize, lower as usize] {
+                change_below(&mut tree, root, |_| 100.0 * numbers.place());
+                tree.check().expect("sound");
+                let before = tree.clone();
+                let span = tree.spans[root] as usize;
+                if !tree.rebuild_subtree(root) {
+                    continue;
+                }
+                tree.check().expect("sound");
+                seen += 1;
+                assert_ne!(tree.nodes[root..root + span], before.nodes[root..root + span]);
+                let above = ancestors(&tree, root);
+                for node in (0..tree.nodes.len()).filter(|node| !(root..root + span).contains(node)) {
+                    if above.contains(&node) {
+                        let [now, then] =
+                            [&tree, &before].map(|tree| (tree.nodes[node].targets, tree.nodes[node].parent));
+                        assert_eq!(now, then);
+                        assert_eq!((tree.spans[node], tree.sizes[node]), (before.spans[node], before.sizes[node]));
+                    } else {
+                        assert_eq!(all_of(&tree, node), all_of(&before, node), "node {node} beside {root}");
+                    }
+                }
+                let inside = |place: u32| (root..root + span).contains(&(place as usize / WIDTH));
+                for (now, then) in tree.leaves.iter().zip(&before.leaves) {
+                    assert!(if inside(*then) { inside(*now) } else { now == then });
+                }
+                assert_eq!(tree.spans[root] as usize, span);
+                assert_eq!(tree.sizes[root], before.sizes[root]);
+            }
+        }
+        assert!(seen >= 8, "only {seen} subtrees rebuilt");
+    }
+
+    #[test]
+    fn a_shape_that_needs_more_nodes_than_there_are_is_not_used() {
+        let mut numbers = Numbers(2);
+        // Eight times eight times eight: full nodes. Lights at halving distances make a deep tree of emptier ones.
+        let corner = |i: usize| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2 & 1) as f32);
+        let place = |i: usize| 1000.0 * corner(i >> 6) + 50.0 * corner(i >> 3) + corner(i);
+        let mut tree = LightTree::build((0..512).map(|i| lamp(place(i) + 0.1 * numbers.place())).collect());
+        let root = tree.nodes[0].targets[0] as usize;
+        assert_eq!(tree.sizes[root], 64);
+        change_below(&mut tree, root, |i| Vec3::X * 0.5_f32.powi(i as i32 % 24) * 100.0 + numbers.place() * 1.0e-5);
+        let before = tree.clone();
+        assert!(tree.loss(root) > LEAST_LOSS);
+        assert!(!tree.rebuild_subtree(root));
+        tree.check().expect("sound");
+        assert_eq!(tree.nodes, before.nodes);
+        assert_eq!(tree.leaves, before.leaves);
+        // It does not ask again until it is worse still.
+        assert!(tree.loss(root).abs() < 1.0e-6);
+    }
 }
