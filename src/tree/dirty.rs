@@ -3,7 +3,7 @@
 use std::collections::BinaryHeap;
 
 /// A set of node indices, taken out from the last to the first: children before their parents.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 pub(super) struct Dirty {
     /// For each node, whether it is in the set.
     flags: Vec<bool>,
@@ -43,6 +43,15 @@ impl Dirty {
     /// For each node, whether it is in the set.
     pub fn flags_mut(&mut self) -> &mut [bool] {
         &mut self.flags
+    }
+}
+
+impl Clone for Dirty {
+    /// With room for all nodes, which a derived clone would not keep: refits of a clone allocate no more than others.
+    fn clone(&self) -> Self {
+        let mut heap = BinaryHeap::with_capacity(self.flags.len());
+        heap.extend(&self.heap);
+        Self { flags: self.flags.clone(), heap }
     }
 }
 
