@@ -19,7 +19,7 @@ const WORSE: f32 = 0.02;
 pub enum Policy {
     /// Its lights never change: an attempt to change them is refused while all instances are static.
     Static,
-    /// Only ever refitted: cheap lights, or lights that move as one.
+    /// Only ever refitted: cheap lights, or lights that move as one. The attributes are not measured.
     RefitOnly,
     /// The scheduler weighs what a rebuild buys against all others.
     #[default]

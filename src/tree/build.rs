@@ -31,6 +31,7 @@ impl LightTree {
             fresh: vec![0.0; count],
             credit: 0,
             terms: vec![Terms::default(); count],
+            is_unmeasured: false,
             dirty: Dirty::none(count),
             tasks: Tasks::default(),
             root: Cluster::EMPTY,

@@ -48,6 +48,8 @@ pub struct LightTree {
     credit: usize,
     /// Each subtree's part of the attributes.
     terms: Vec<attributes::Terms>,
+    /// Some of the terms are older than the nodes.
+    is_unmeasured: bool,
     /// Nodes with lanes that changed since the last refit.
     dirty: Dirty,
     tasks: refit::Tasks,
@@ -93,7 +95,7 @@ impl LightTree {
         &self.leaves
     }
 
-    /// The four attributes of SS as of the last build or refit.
+    /// The four attributes of SS as of the last build or refit, but for [`LightTree::refit_without_attributes`].
     pub fn attributes(&self) -> Attributes {
         self.attributes
     }

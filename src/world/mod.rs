@@ -97,6 +97,11 @@ impl TreeEntry {
         }
     }
 
+    /// Some instance has a policy that can lead to a rebuild.
+    fn may_rebuild(&self) -> bool {
+        self.policies.iter().any(|(policy, _)| policy.may_rebuild())
+    }
+
     /// All instances promised that the lights do not change.
     fn is_static(&self) -> bool {
         !self.policies.is_empty() && self.policies.iter().all(|(p, _)| *p == Policy::Static)

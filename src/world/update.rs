@@ -54,12 +54,21 @@ impl World {
             .map(|key| {
                 let entry = &mut self.trees[key];
                 entry.is_edited = false;
-                Edited { key, tree: std::mem::take(&mut entry.tree), staged: std::mem::take(&mut entry.staged) }
+                Edited {
+                    key,
+                    tree: std::mem::take(&mut entry.tree),
+                    staged: std::mem::take(&mut entry.staged),
+                    is_measured: entry.may_rebuild(),
+                }
             })
             .collect();
-        let refit = |Edited { tree, staged, .. }: &mut Edited| {
+        let refit = |Edited { tree, staged, is_measured, .. }: &mut Edited| {
             tree.apply(staged);
-            tree.refit();
+            if *is_measured {
+                tree.refit();
+            } else {
+                tree.refit_without_attributes();
+            }
             staged.clear();
         };
         #[cfg(feature = "parallel")]
@@ -71,7 +80,7 @@ impl World {
         work.iter_mut().for_each(refit);
 
         let count = work.len();
-        for Edited { key, tree, staged } in work {
+        for Edited { key, tree, staged, .. } in work {
             let entry = &mut self.trees[key];
             entry.tree = tree;
             entry.staged = staged;
@@ -99,7 +108,7 @@ impl World {
         for Job { key, lights, .. } in jobs {
             let entry = &mut self.trees[key];
             // Meanwhile its instances may have changed their minds, or gone.
-            if !entry.policies.iter().any(|(policy, _)| policy.may_rebuild()) {
+            if !entry.may_rebuild() {
                 entry.is_waiting = false;
                 continue;
             }
@@ -130,6 +139,8 @@ struct Edited {
     key: TreeKey,
     tree: LightTree,
     staged: Vec<(u32, Light)>,
+    /// Some policy reads the attributes.
+    is_measured: bool,
 }
 
 fn job(key: TreeKey, entry: &TreeEntry) -> Job<TreeKey> {

@@ -305,3 +305,31 @@ proptest! {
         prop_assert!(sum <= 1.0 + 1.0e-4);
     }
 }
+
+#[test]
+fn attributes_are_measured_only_for_policies_that_may_rebuild() {
+    let mut rng = Rng(29);
+    let lights = rng.lights(300, 20.0);
+    let mut world = World::new();
+    let [plain, watched] = [Policy::RefitOnly, Policy::Budgeted].map(|policy| {
+        let tree = world.add_tree(lights.clone()).expect("valid");
+        (tree, world.add_instance(tree, at(0.0), policy).expect("valid"))
+    });
+    let built = world.tree(plain.0).expect("it lives").attributes();
+    let mut step = |world: &mut World| {
+        let changes: Vec<_> = (0..100).map(|index| (index, rng.light(40.0))).collect();
+        for (tree, _) in [plain, watched] {
+            world.set_lights(tree, &changes).expect("valid");
+        }
+        world.update(FrameBudget::NONE);
+        [plain, watched].map(|(tree, _)| world.tree(tree).expect("it lives").clone())
+    };
+    let [unmeasured, measured] = step(&mut world);
+    assert_eq!(unmeasured.nodes(), measured.nodes());
+    assert_eq!(unmeasured.attributes(), built);
+    assert_ne!(measured.attributes(), built);
+    // Whoever asks for rebuilds later gets attributes of all that has happened.
+    world.set_policy(plain.1, Policy::Budgeted).expect("a valid policy");
+    let [unmeasured, measured] = step(&mut world);
+    assert_eq!(unmeasured.attributes(), measured.attributes());
+}
