@@ -209,3 +209,45 @@ fn max(a: f32, b: f32) -> f32 {
 fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::light::Light;
+    use crate::simd::{Job, with_vectors};
+    use crate::tree::LightTree;
+
+    struct See<'a>(&'a Node, &'a View);
+
+    impl Job for See<'_> {
+        type Output = Seen;
+
+        #[inline(always)]
+        fn run(self) -> Seen {
+            see(self.0, self.1)
+        }
+    }
+
+    #[test]
+    fn importances_are_the_same_bits_with_vectors_and_without() {
+        let turn = |i: usize, speed: f32| (i as f32 * speed).sin();
+        let place = |i: usize| Vec3::new(turn(i, 0.7), turn(i, 1.3), turn(i, 2.1)) * 30.0;
+        let light = |i: usize| {
+            let direction = place(i + 1).normalize();
+            let emission = Vec3::splat(1.0 + turn(i, 3.7));
+            match i % 3 {
+                0 => Light::rectangle(place(i), direction, place(i + 2) * 0.01, emission),
+                1 => Light::spot(place(i), direction, 0.1, 0.1 + turn(i, 0.3).abs(), emission).with_range(20.0),
+                _ => Light::point(place(i), emission),
+            }
+        };
+        let tree = LightTree::new((0..2000).map(light).collect()).expect("valid lights");
+        let bits = |seen: Seen| [seen.importance, seen.spread].map(|lanes| lanes.map(f32::to_bits));
+        for (i, node) in tree.nodes().iter().enumerate() {
+            for receiver in [Receiver::surface(place(i + 7), place(i + 9)), Receiver::volume(place(i + 7))] {
+                let view = View::of(&receiver);
+                assert_eq!(bits(with_vectors(See(node, &view))), bits(See(node, &view).run()));
+            }
+        }
+    }
+}
