@@ -1,0 +1,136 @@
+//! The four attributes: what they are, and what changes none of them.
+
+use girandole::glam::Vec3;
+use girandole::{Attribute, Light, Shape};
+
+use super::{checked, mapped};
+use crate::support::Rng;
+
+#[test]
+fn attributes_do_not_change_when_everything_is_moved_scaled_or_dimmed() {
+    let mut rng = Rng(6);
+    let base: Vec<_> = (0..200).map(|_| (rng.place(10.0), rng.between(1.0, 100.0))).collect();
+    let tree = |scale: f32, shift: Vec3, dim: f32| {
+        checked(base.iter().map(|(p, i)| Light::point(*p * scale + shift, Vec3::splat(i * dim))).collect()).attributes()
+    };
+    let first = tree(1.0, Vec3::ZERO, 1.0);
+    for other in
+        [tree(64.0, Vec3::ZERO, 1.0), tree(1.0, Vec3::new(300.0, -20.0, 7.0), 1.0), tree(1.0, Vec3::ZERO, 1e-6)]
+    {
+        for (a, b) in [
+            (first.distance, other.distance),
+            (first.overlap, other.overlap),
+            (first.variance, other.variance),
+            (first.splitting_cost, other.splitting_cost),
+        ] {
+            // The moved tree rounds its positions to 3e-5 m and may bin one light differently.
+            assert!((a - b).abs() <= 0.01 * a.abs().max(0.01), "{first:?} {other:?}");
+        }
+    }
+}
+
+/// Moments are relative to a place; rounding of that place and of turned or scaled sums is far below this.
+const SAME: f32 = 1.0e-4;
+
+/// Lights on a grid of 2^-6 m and of all kinds, so that moving them by whole metres rounds nothing.
+fn grid_lights(count: usize) -> Vec<Light> {
+    let mut rng = Rng(60);
+    let snap = |v: Vec3| (v * 64.0).round() / 64.0;
+    let mut light = || mapped(&rng.light(8.0).with_range(f32::INFINITY), snap, |v| v);
+    (0..count).map(|_| light()).collect()
+}
+
+#[test]
+fn a_refit_measures_the_same_of_lights_that_are_moved_turned_scaled_or_dimmed_together() {
+    let mut tree = checked(grid_lights(500));
+    let lights = tree.lights().to_vec();
+    let first = tree.attributes();
+    let quarter = |v: Vec3| Vec3::new(v.x, -v.z, v.y);
+    let shift = Vec3::new(300.0, -20.0, 7.0);
+    let scaled = |light: &Light, factor: f32| {
+        // The flux of areas grows with them; that of points and spots has to be told.
+        let is_area = light.area().is_some();
+        let emission = light.emission * if is_area { 1.0 } else { factor * factor };
+        let grown = mapped(light, |p| p * factor, |v| v * factor);
+        Light { emission, ..grown }
+    };
+    let dimmed = |light: &Light| Light { emission: light.emission * 1.0e-6, ..*light };
+    let all = |change: &dyn Fn(&Light) -> Light| -> Vec<_> { (0..).zip(lights.iter().map(change)).collect() };
+    for (name, changes) in [
+        ("moved", all(&|light| mapped(light, |p| p + shift, |v| v))),
+        ("turned", all(&|light| mapped(light, quarter, quarter))),
+        ("mirrored", all(&mirrored)),
+        ("scaled up", all(&|light| scaled(light, 64.0))),
+        ("scaled down", all(&|light| scaled(light, 0.1))),
+        ("dimmed", all(&dimmed)),
+        ("as before", all(&|light| *light)),
+    ] {
+        tree.set(&changes).expect("valid");
+        tree.refit();
+        tree.check().expect("sound");
+        let now = tree.attributes();
+        for attribute in [Attribute::Distance, Attribute::Overlap, Attribute::Variance, Attribute::SplittingCost] {
+            let (a, b) = (first.get(attribute), now.get(attribute));
+            assert!(a > 0.0 && (a - b).abs() <= SAME * a, "{name}: {first:?} {now:?}");
+        }
+    }
+    assert_eq!(tree.attributes(), first);
+}
+
+/// A light mirrored in x; flat ones emit to the mirrored side.
+fn mirrored(light: &Light) -> Light {
+    let flip = |v: Vec3| Vec3::new(-v.x, v.y, v.z);
+    let mut light = mapped(light, flip, flip);
+    match &mut light.shape {
+        Shape::Rectangle { half_u, half_v, .. } => std::mem::swap(half_u, half_v),
+        Shape::Triangle { vertices, .. } => vertices.swap(1, 2),
+        _ => {}
+    }
+    light
+}
+
+#[test]
+fn attributes_have_the_values_worked_out_by_hand() {
+    // Two equal points 2 m apart: means 1 m from the middle; the box's diagonal and half perimeter are 2 m.
+    let pair = checked(vec![Light::point(Vec3::NEG_X, Vec3::ONE), Light::point(Vec3::X, Vec3::ONE)]).attributes();
+    assert!((pair.distance - 0.5).abs() < 1e-6);
+    assert!((pair.variance - 0.25).abs() < 1e-6);
+    assert_eq!((pair.overlap, pair.splitting_cost), (0.0, 0.0));
+    // Two equal unit squares on one another, half shifted: boxes 1 x 1 at x 0..1 and 0.5..1.5 share 0.5 + 1 of the
+    // node's 1.5 + 1.
+    let square = |x| Light::rectangle(Vec3::new(x, 0.0, 0.0), Vec3::X * 0.5, Vec3::Y * 0.5, Vec3::ONE);
+    let squares = checked(vec![square(0.0), square(0.5)]).attributes();
+    assert!((squares.overlap - 1.5 / 2.5).abs() < 1e-6);
+    // Means 0.25 m from the middle; each square's own variance is (0.25 + 0.25) / 3; the diagonal squared is 3.25.
+    assert!((squares.distance - 0.25 / 3.25_f32.sqrt()).abs() < 1e-6);
+    assert!((squares.variance - (0.0625 + 0.5 / 3.0) / 3.25).abs() < 1e-6);
+    // Cost: flux x (half area + 0.05 diagonal^2) x pi each; half areas 1 and 1.5, diagonals^2 2 and 3.25; both fluxes halved.
+    let expected = (1.0 + 0.05 * 2.0) / (1.5 + 0.05 * 3.25);
+    assert!((squares.splitting_cost - expected).abs() < 1e-4, "{}", squares.splitting_cost);
+}
+
+#[test]
+fn attributes_of_two_nodes_have_the_values_worked_out_by_hand() {
+    // Four unit squares at x = 0, four at 0.5 and one at 100, all facing z and of the same flux. The far one is split off, the
+    // other eight fill a node.
+    let square = |x| Light::rectangle(Vec3::new(x, 0.0, 0.0), Vec3::X * 0.5, Vec3::Y * 0.5, Vec3::ONE);
+    let tree = checked([[0.0; 4], [0.5; 4]].concat().into_iter().chain([100.0]).map(square).collect());
+    assert_eq!(tree.nodes().iter().map(|node| node.count()).collect::<Vec<_>>(), [2, 8]);
+    let all = tree.attributes();
+    let close = |a: f32, b: f64| assert!((f64::from(a) / b - 1.0).abs() < 1e-5, "{a} {b}");
+    // Of nine fluxes the lower node has eight. The root's box is 101 x 1, the lower node's 1.5 x 1.
+    let diagonal_sq = 101.0 * 101.0 + 1.0;
+    // Means: 0.25 m from the lower node's; at the root the standard deviation of 8/9 at 0.25 and 1/9 at 100.
+    let apart = 99.75 * 99.75 * 8.0 / 81.0;
+    close(all.distance, (8.0 / 9.0 * 0.25 + f64::sqrt(apart)) / f64::sqrt(diagonal_sq));
+    // Each square's own variance is (0.25 + 0.25) / 3.
+    let lower = 0.0625 + 0.5 / 3.0;
+    let upper = apart + 8.0 / 9.0 * lower + 1.0 / 9.0 * 0.5 / 3.0;
+    close(all.variance, (8.0 / 9.0 * lower + upper) / diagonal_sq);
+    // Twelve pairs coincide and share 1 + 1, sixteen are shifted and share 0.5 + 1, of the lower node's 1.5 + 1. None at the root.
+    close(all.overlap, 8.0 / 9.0 * (12.0 * 2.0 + 16.0 * 1.5) / 2.5);
+    // Flux x (half area + 0.05 diagonal^2), all with the same orientation: eight squares, then the root's two children.
+    let unit = 1.0 + 0.05 * 2.0;
+    let children = 8.0 * unit + 8.0 * (1.5 + 0.05 * 3.25) + unit;
+    close(all.splitting_cost, children / (9.0 * (101.0 + 0.05 * diagonal_sq)));
+}

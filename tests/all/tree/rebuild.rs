@@ -1,0 +1,177 @@
+//! Rebuilds of the worst subtrees while lights move about.
+
+use girandole::glam::{Quat, Vec3};
+use girandole::tree::{Target, WIDTH};
+use girandole::{Light, LightTree, Receiver};
+
+use super::{changed, checked, moved};
+use crate::support::{OPENINGS, Rng};
+
+/// What is rebuilt has lost 5 %, and may have to wait for credit while it loses more.
+const AT_MOST_ABOVE_FRESH: f32 = 1.1;
+
+/// Points in an upright cylinder of radius 20.
+fn points(rng: &mut Rng, count: usize) -> LightTree {
+    let mut light = || {
+        let place = Quat::from_rotation_y(rng.between(0.0, 6.3)) * Vec3::X * 20.0 * rng.unit().sqrt();
+        Light::point(place + Vec3::Y * rng.between(-5.0, 5.0), Vec3::splat(rng.between(1.0, 10.0)))
+    };
+    checked((0..count).map(|_| light()).collect())
+}
+
+/// Turns every light about the cylinder's axis, the nearer the faster: neighbours drift apart, and the cylinder stays.
+fn swirl(tree: &mut LightTree, step: f32) {
+    let changes = changed(tree, |light| {
+        let place = light.cluster().mean;
+        moved(light, Quat::from_rotation_y(step / (1.0 + 0.1 * place.length())) * place - place)
+    });
+    tree.set(&changes).expect("valid");
+}
+
+fn fresh(tree: &LightTree) -> LightTree {
+    checked(tree.lights().to_vec())
+}
+
+#[test]
+fn subtrees_that_went_bad_are_rebuilt_within_the_credit_and_to_the_good() {
+    let mut tree = points(&mut Rng(40), 3000);
+    let mut refitted = tree.clone();
+    let (mut given, mut rebuilt) = (0, 0);
+    for frame in 0..120 {
+        swirl(&mut tree, 0.02);
+        swirl(&mut refitted, 0.02);
+        refitted.refit();
+        tree.refit();
+        tree.check().expect("sound after the refit");
+        given += 200;
+        rebuilt += tree.rebuild_worst(200);
+        tree.check().expect("sound after the rebuild");
+        assert!(rebuilt <= given, "frame {frame}: {rebuilt} lights for {given}");
+    }
+    assert_eq!(tree.lights(), refitted.lights());
+    let [kept, drifted, best] = [&tree, &refitted, &fresh(&tree)].map(|tree| tree.attributes().splitting_cost);
+    assert!(rebuilt > given / 2);
+    assert!(drifted > 1.3 * best, "nothing went bad: {drifted} {best}");
+    assert!(kept < AT_MOST_ABOVE_FRESH * best, "{kept} {best}");
+}
+
+#[test]
+fn nothing_is_rebuilt_without_need_or_without_credit() {
+    let mut tree = points(&mut Rng(41), 2000);
+    let nodes = tree.nodes().to_vec();
+    assert_eq!(tree.rebuild_worst(usize::MAX), 0);
+    assert_eq!(tree.rebuild_worst(usize::MAX), 0);
+    assert_eq!(tree.nodes(), nodes);
+
+    // A fresh one, without the credit of those calls.
+    let mut tree = fresh(&tree);
+    (0..40).for_each(|_| swirl(&mut tree, 0.1));
+    tree.refit();
+    let nodes = tree.nodes().to_vec();
+    assert_eq!(tree.rebuild_worst(0), 0);
+    assert_eq!(tree.nodes(), nodes);
+    assert!(tree.rebuild_worst(2000) > 0);
+}
+
+#[test]
+fn a_tree_that_changed_all_over_becomes_a_fresh_one_once_the_credit_is_enough() {
+    let mut rng = Rng(42);
+    let mut tree = points(&mut rng, 2000);
+    tree.set(&changed(&tree, |light| moved(light, rng.place(20.0) - light.cluster().mean))).expect("valid");
+    tree.refit();
+    let mut given = 0;
+    while tree.rebuild_worst(500) < 2000 {
+        given += 500;
+        assert!(given <= 2000, "never rebuilt as a whole");
+    }
+    assert_eq!(tree.nodes(), fresh(&tree).nodes());
+}
+
+/// Lets the lights below one child of the root change places.
+fn scramble_child(rng: &mut Rng, tree: &mut LightTree) {
+    let child = |slot| match tree.nodes()[0].target(slot) {
+        Some(Target::Node(node)) => node,
+        other => panic!("a tree of so many lights has {other:?}"),
+    };
+    let below = child(3)..child(4);
+    let lights: Vec<u32> =
+        (0..).zip(tree.leaves()).filter(|(_, p)| below.contains(&(**p / WIDTH as u32))).map(|(i, _)| i).collect();
+    let mut places = lights.clone();
+    (1..places.len()).for_each(|i| places.swap(i, rng.bits() as usize % (i + 1)));
+    let changes: Vec<_> = lights.iter().zip(&places).map(|(i, j)| (*i, tree.lights()[*j as usize])).collect();
+    tree.set(&changes).expect("valid");
+}
+
+#[test]
+fn what_went_bad_in_one_place_is_mended_with_less_credit_than_a_rebuild_takes() {
+    let mut rng = Rng(46);
+    let mut tree = points(&mut rng, 4000);
+    scramble_child(&mut rng, &mut tree);
+    tree.refit();
+    let drifted = tree.attributes().splitting_cost;
+    let rebuilt = tree.rebuild_worst(1500);
+    tree.check().expect("sound");
+    let [kept, best] = [&tree, &fresh(&tree)].map(|tree| tree.attributes().splitting_cost);
+    assert!((1..=1500).contains(&rebuilt));
+    assert!(kept - best < 0.1 * (drifted - best), "{drifted} {kept} {best}");
+}
+
+#[test]
+fn changes_that_were_not_refitted_are_so_before_a_rebuild() {
+    let mut rng = Rng(43);
+    for count in [500, 4000, 20_000] {
+        let mut tree = points(&mut rng, count);
+        scramble_child(&mut rng, &mut tree);
+        assert!(tree.rebuild_worst(count) > 0);
+        tree.check().expect("sound");
+    }
+}
+
+#[test]
+fn tiny_and_dark_trees_can_be_asked_to_rebuild() {
+    let mut rng = Rng(44);
+    for count in [0, 1, 8, 9, 32] {
+        let mut tree = points(&mut rng, count);
+        for _ in 0..20 {
+            tree.set(&changed(&tree, |light| moved(light, rng.place(100.0)))).expect("valid");
+            tree.refit();
+            assert!(tree.rebuild_worst(count) <= count);
+            tree.check().expect("sound");
+        }
+    }
+    let mut tree = points(&mut rng, 1000);
+    let lit = changed(&tree, |light| *light);
+    tree.set(&changed(&tree, |light| Light { emission: Vec3::ZERO, ..*light })).expect("valid");
+    tree.refit();
+    assert_eq!(tree.rebuild_worst(1000), 0);
+    tree.check().expect("sound in the dark");
+    // Built in the dark, it has no cost to compare with.
+    tree.rebuild();
+    tree.set(&lit).expect("valid");
+    tree.refit();
+    assert_eq!(tree.rebuild_worst(1000), 1000);
+    assert_eq!(tree.nodes(), fresh(&tree).nodes());
+}
+
+#[test]
+fn a_swarm_stays_sound_and_its_chances_stay_whole_for_a_thousand_frames() {
+    let mut rng = Rng(45);
+    let mut tree = points(&mut rng, 250);
+    let mut rebuilt = 0;
+    for frame in 1..=1000 {
+        swirl(&mut tree, 0.05);
+        tree.refit();
+        rebuilt += tree.rebuild_worst(10);
+        if frame % 50 != 0 {
+            continue;
+        }
+        tree.check().expect("sound");
+        // In a volume nobody proves a light dark, so no chance is left for none.
+        let receiver = Receiver::volume(rng.place(20.0));
+        for openings in OPENINGS {
+            let sum: f64 = (0..250).map(|light| f64::from(tree.pmf(&receiver, light, openings))).sum();
+            assert!((sum - 1.0).abs() < 1e-5, "frame {frame}: {sum}");
+        }
+    }
+    assert!(rebuilt > 0 && rebuilt <= 10_000, "{rebuilt}");
+}
