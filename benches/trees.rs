@@ -1,15 +1,37 @@
-//! Bottom-level trees by stage and size: build, refit (with attributes), pick, pmf.
+//! Bottom-level trees by stage and size: build (beside a published binary build), refit in its parts (beside a copy of as
+//! many bytes), rebuild of a subtree, pick, pmf.
 //!
-//! `cargo bench --bench trees`. As a test (`cargo test --benches`) every case runs once, at the smallest size.
+//! `cargo bench --bench trees`, with `RAYON_NUM_THREADS=1` for one core's figures. As a test (`cargo test --benches`) every
+//! case runs once, at the smallest size.
 
-use criterion::{BatchSize, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use std::time::{Duration, Instant};
+
+use criterion::measurement::WallTime;
+use criterion::{
+    BatchSize, Bencher, BenchmarkGroup, BenchmarkId, Criterion, SamplingMode, Throughput, criterion_group,
+    criterion_main,
+};
 use girandole::glam::Vec3;
-use girandole::{DEFAULT_OPENINGS, Light, LightTree, Receiver};
+use girandole::tree::{Node, Target, WIDTH};
+use girandole::{DEFAULT_OPENINGS, Light, LightTree, Receiver, Shape};
 
+#[path = "../examples/variance/baselines/mod.rs"]
+#[allow(dead_code, unused_imports, reason = "the example uses more of it")]
+mod baselines;
 #[path = "../tests/all/support.rs"]
 #[allow(dead_code, reason = "tests use more of it")]
 mod support;
+use baselines::{BinaryTree, Pbrt};
 use support::Rng;
+
+/// What a refit reads and writes of a node besides what is sampled: 17 properties of eight children, in f32.
+const FULL_PRECISION_BYTES: usize = 17 * WIDTH * size_of::<f32>();
+
+/// The published build takes seconds for more.
+const MOST_BASELINE_LIGHTS: usize = 100_000;
+
+/// A pick multiplies chances on the way down, a pmf on the way up: they round differently.
+const PMF_TOLERANCE: f32 = 1.0e-5;
 
 /// Lights of several kinds in a flat block, ten times as wide as high, as in a city.
 fn lights(count: usize) -> Vec<Light> {
@@ -26,37 +48,168 @@ fn lights(count: usize) -> Vec<Light> {
     (0..count).map(|_| light()).collect()
 }
 
+/// The same light somewhere else.
+fn at(mut light: Light, place: Vec3) -> Light {
+    match &mut light.shape {
+        Shape::Point { position } | Shape::Spot { position, .. } => *position = place,
+        Shape::Rectangle { center, .. } => *center = place,
+        other => unreachable!("no {other:?} among these lights"),
+    }
+    light
+}
+
 /// Criterion measures only when `cargo bench` asks it to.
 fn sizes() -> &'static [usize] {
     if std::env::args().any(|a| a == "--bench") { &[1_000, 10_000, 100_000, 1_000_000] } else { &[1_000] }
 }
 
+fn built(lights: &[Light]) -> LightTree {
+    let tree = LightTree::new(lights.to_vec()).expect("valid lights");
+    tree.check().expect("a sound tree, before its building is timed");
+    tree
+}
+
 fn trees(c: &mut Criterion) {
     for &count in sizes() {
         let lights = lights(count);
-        let mut tree = LightTree::new(lights.clone()).expect("valid lights");
-        tree.check().expect("a sound tree, before its building is timed");
-        let mut rng = Rng(7);
-        let receivers: Vec<Receiver> = (0..1024).map(|_| rng.receiver(500.0)).collect();
-        let numbers = |i: usize| [0.618_034, 0.754_878].map(|s: f64| (i as f64 * s).fract() as f32);
-        let mut turns = (0..).map(|i| (receivers[i % receivers.len()], numbers(i)));
-
         let mut group = c.benchmark_group("tree");
-        group.sample_size(10).throughput(Throughput::Elements(count as u64));
-        group.bench_function(BenchmarkId::new("build", count), |b| {
-            b.iter_batched(|| lights.clone(), |l| LightTree::new(l).expect("valid"), BatchSize::LargeInput);
-        });
-        group.bench_function(BenchmarkId::new("refit", count), |b| b.iter(|| tree.refit()));
+        group.sample_size(10).sampling_mode(SamplingMode::Flat);
+        group.warm_up_time(Duration::from_millis(200)).measurement_time(Duration::from_millis(500));
+        group.throughput(Throughput::Elements(count as u64));
+        builds(&mut group, &lights);
+        refits(&mut group, &lights);
+        rebuilds(&mut group, &lights);
         group.throughput(Throughput::Elements(1));
-        group.bench_function(BenchmarkId::new("pick", count), |b| {
-            b.iter(|| turns.next().map(|(receiver, u)| tree.pick(&receiver, u, DEFAULT_OPENINGS)));
-        });
-        group.bench_function(BenchmarkId::new("pmf", count), |b| {
-            b.iter(|| {
-                turns.next().map(|(receiver, u)| tree.pmf(&receiver, (u[0] * count as f32) as u32, DEFAULT_OPENINGS))
-            });
-        });
+        choices(&mut group, &lights);
         group.finish();
+    }
+}
+
+fn builds(group: &mut BenchmarkGroup<WallTime>, lights: &[Light]) {
+    let count = lights.len();
+    built(lights);
+    group.bench_function(BenchmarkId::new("build", count), |b| {
+        b.iter_batched(|| lights.to_vec(), |l| LightTree::new(l).expect("valid"), BatchSize::PerIteration);
+    });
+    if count > MOST_BASELINE_LIGHTS {
+        return;
+    }
+    let published = |lights| BinaryTree::new(Pbrt { is_opaque: true }, lights);
+    let chances = published(lights.to_vec()).pmfs(&Receiver::volume(Vec3::ZERO));
+    let is_reached = |(light, chance): (&Light, &f32)| !matches!(light.shape, Shape::Point { .. }) || *chance > 0.0;
+    assert!(lights.iter().zip(&chances).all(is_reached), "points shine everywhere, before a build over them is timed");
+    group.bench_function(BenchmarkId::new("build of pbrt's tree", count), |b| {
+        b.iter_batched(|| lights.to_vec(), published, BatchSize::PerIteration);
+    });
+}
+
+fn refits(group: &mut BenchmarkGroup<WallTime>, lights: &[Light]) {
+    let count = lights.len();
+    let mut rng = Rng(8);
+    let mut tree = built(lights);
+    let near = |light: &Light, rng: &mut Rng| at(*light, light.cluster().mean + rng.place(0.5));
+    let here: Vec<(u32, Light)> = (0..).zip(lights.iter().copied()).collect();
+    let there: Vec<(u32, Light)> = here.iter().map(|(index, light)| (*index, near(light, &mut rng))).collect();
+    let few = |lights: &[(u32, Light)]| lights.iter().copied().skip(7).step_by(100).collect();
+    let both_few: [Vec<(u32, Light)>; 2] = [few(&here), few(&there)];
+    let both = [here, there];
+
+    for changes in [&both[1], &both_few[0], &both[0]] {
+        tree.set(changes).expect("valid");
+        tree.refit();
+        tree.check().expect("sound, before its refit is timed");
+    }
+    assert_eq!(tree.nodes(), built(lights).nodes());
+
+    let name = |name: &str| BenchmarkId::new(name, count);
+    group.bench_function(name("refit"), |b| time_refits(b, &mut tree, &both, LightTree::refit));
+    group.bench_function(name("refit without attributes"), |b| {
+        time_refits(b, &mut tree, &both, LightTree::refit_without_attributes);
+    });
+    tree.refit();
+    let mut turn = 0;
+    group.bench_function(name("set and refit"), |b| {
+        b.iter(|| {
+            turn ^= 1;
+            tree.set(&both[turn]).expect("valid");
+            tree.refit();
+        });
+    });
+    group.bench_function(name("refit of 1 %"), |b| time_refits(b, &mut tree, &both_few, LightTree::refit));
+    let from = vec![1_u8; tree.nodes().len() * (size_of::<Node>() + FULL_PRECISION_BYTES)];
+    let mut to = from.clone();
+    group.bench_function(name("copy of a refit's bytes"), |b| {
+        b.iter(|| {
+            to.copy_from_slice(std::hint::black_box(&from));
+            std::hint::black_box(&mut to);
+        });
+    });
+}
+
+/// Times refits alone, after one set of changes and after the other by turns: without changes there is nothing to do.
+fn time_refits(b: &mut Bencher, tree: &mut LightTree, both: &[Vec<(u32, Light)>; 2], refit: fn(&mut LightTree)) {
+    let mut turn = 0;
+    b.iter_custom(|rounds| {
+        let round = |_| {
+            turn ^= 1;
+            tree.set(&both[turn]).expect("valid");
+            let start = Instant::now();
+            refit(tree);
+            start.elapsed()
+        };
+        (0..rounds).map(round).sum()
+    });
+}
+
+/// Lights below one child of the root change places; what is rebuilt is that child or less.
+fn rebuilds(group: &mut BenchmarkGroup<WallTime>, lights: &[Light]) {
+    let mut rng = Rng(9);
+    let mut tree = built(lights);
+    let child = |slot| match tree.nodes()[0].target(slot) {
+        Some(Target::Node(node)) => node,
+        other => panic!("a tree of so many lights has {other:?}"),
+    };
+    let below = child(3)..child(4);
+    let below: Vec<usize> = (0..lights.len()).filter(|i| below.contains(&(tree.leaves()[*i] / WIDTH as u32))).collect();
+    let mut places: Vec<Vec3> = below.iter().map(|i| lights[*i].cluster().mean).collect();
+    (1..places.len()).for_each(|i| places.swap(i, rng.bits() as usize % (i + 1)));
+    let changes: Vec<_> = below.iter().zip(places).map(|(i, place)| (*i as u32, at(lights[*i], place))).collect();
+    tree.set(&changes).expect("valid");
+    tree.refit();
+
+    let credit = lights.len() / 2;
+    let mut mended = tree.clone();
+    let rebuilt = mended.rebuild_worst(credit);
+    mended.check().expect("sound, before its rebuild is timed");
+    assert!((1..=credit).contains(&rebuilt));
+    assert!(mended.attributes().splitting_cost < tree.attributes().splitting_cost);
+
+    group.throughput(Throughput::Elements(rebuilt as u64));
+    group.bench_function(BenchmarkId::new("rebuild_worst", format!("{rebuilt} of {}", lights.len())), |b| {
+        b.iter_batched_ref(|| tree.clone(), |tree| tree.rebuild_worst(credit), BatchSize::PerIteration);
+    });
+}
+
+fn choices(group: &mut BenchmarkGroup<WallTime>, lights: &[Light]) {
+    let count = lights.len();
+    let tree = built(lights);
+    let mut rng = Rng(7);
+    let receivers: Vec<Receiver> = (0..1024).map(|_| rng.receiver(500.0)).collect();
+    let numbers = |i: usize| [0.618_034, 0.754_878].map(|s: f64| (i as f64 * s).fract() as f32);
+    let mut turns = (0..).map(|i| (receivers[i % receivers.len()], numbers(i)));
+    for openings in [0, DEFAULT_OPENINGS] {
+        for (receiver, u) in turns.by_ref().take(100) {
+            if let Some((light, pmf)) = tree.pick(&receiver, u, openings) {
+                let told = tree.pmf(&receiver, light, openings);
+                assert!((told - pmf).abs() <= PMF_TOLERANCE * pmf, "{told} {pmf}, before either is timed");
+            }
+        }
+        group.bench_function(BenchmarkId::new(format!("pick, {openings} openings"), count), |b| {
+            b.iter(|| turns.next().map(|(receiver, u)| tree.pick(&receiver, u, openings)));
+        });
+        group.bench_function(BenchmarkId::new(format!("pmf, {openings} openings"), count), |b| {
+            b.iter(|| turns.next().map(|(receiver, u)| tree.pmf(&receiver, (u[0] * count as f32) as u32, openings)));
+        });
     }
 }
 
