@@ -258,7 +258,7 @@ impl<'a> Cut<'a> {
         self.scenes[self.places[index]].as_ref()
     }
 
-    /// Adds a tree, unless it is there: an instance's root is opened once.
+    /// Adds a tree. It is not there yet: behind a leaf of the top level is a tree of its own, which is opened once.
     #[inline(always)]
     fn enter(&mut self, scene: Scene<'a>) -> usize {
         self.scenes[self.scene_count] = Some(scene);

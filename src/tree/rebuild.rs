@@ -27,6 +27,8 @@ impl LightTree {
     /// it was built, again and again while `lights` last. What is left of them is kept for later calls, up to a rebuild of the
     /// whole tree: where the upper levels went bad, nothing less helps. Returns how many lights were in what was rebuilt.
     ///
+    /// Trees of fewer than 32 lights are never worth it; [`LightTree::rebuild`] takes them microseconds.
+    ///
     /// To be called once a frame; refits first what a refit was not called for. O(n log n) in the lights that are rebuilt.
     /// `docs/benchmarks.md` has what it wins back.
     pub fn rebuild_worst(&mut self, lights: usize) -> usize {
