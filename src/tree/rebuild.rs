@@ -68,9 +68,9 @@ impl LightTree {
         worst.1
     }
 
-    /// How much the splitting cost of a subtree has risen since it was built, relative.
+    /// How much the splitting cost of a subtree has risen since it was built, relative to how its lights lie.
     fn loss(&self, node: usize) -> f32 {
-        self.terms[node].cost_ratio(&self.cluster_of(node)) / self.fresh[node].max(f32::MIN_POSITIVE) - 1.0
+        self.terms[node].cost_per_spread(&self.cluster_of(node)) / self.fresh[node].max(f32::MIN_POSITIVE) - 1.0
     }
 
     /// Builds a subtree anew. False, and no change, if the new shape needs more nodes than the old one left.
@@ -88,7 +88,7 @@ impl LightTree {
         let shapes = shape(&mut items(&members));
         if shapes.len() > span {
             // As good as it gets without moving others.
-            self.fresh[root] = self.terms[root].cost_ratio(&self.cluster_of(root));
+            self.fresh[root] = self.terms[root].cost_per_spread(&self.cluster_of(root));
             return false;
         }
         let parent = self.nodes[root].parent;
@@ -141,7 +141,7 @@ impl LightTree {
         self.refit_subtree(root);
         self.refit();
         for node in root..root + span {
-            self.fresh[node] = self.terms[node].cost_ratio(&self.cluster_of(node));
+            self.fresh[node] = self.terms[node].cost_per_spread(&self.cluster_of(node));
         }
     }
 

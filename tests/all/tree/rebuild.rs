@@ -56,6 +56,27 @@ fn subtrees_that_went_bad_are_rebuilt_within_the_credit_and_to_the_good() {
 }
 
 #[test]
+fn a_box_that_grows_as_lights_turn_hides_nothing() {
+    // A cube that turns about its diagonal, within faster than without: a measure relative to its box would see the box grow.
+    let mut rng = Rng(47);
+    let mut tree = checked((0..3000).map(|_| Light::point(rng.place(10.0), Vec3::ONE)).collect());
+    let mut refitted = tree.clone();
+    for _ in 0..120 {
+        let changes = changed(&tree, |light| {
+            let place = light.cluster().mean;
+            let turn = Quat::from_axis_angle(Vec3::ONE.normalize(), 0.02 / (1.0 + 0.1 * place.length()));
+            moved(light, turn * place - place)
+        });
+        [&mut tree, &mut refitted].map(|tree| tree.set(&changes).expect("valid"));
+        refitted.refit();
+        tree.rebuild_worst(300);
+    }
+    let [kept, drifted, best] = [&tree, &refitted, &fresh(&tree)].map(|tree| tree.attributes().splitting_cost);
+    assert!(drifted > 1.12 * best, "nothing went bad: {drifted} {best}");
+    assert!(kept < AT_MOST_ABOVE_FRESH * best, "{kept} {best}");
+}
+
+#[test]
 fn nothing_is_rebuilt_without_need_or_without_credit() {
     let mut tree = points(&mut Rng(41), 2000);
     let nodes = tree.nodes().to_vec();
