@@ -194,7 +194,9 @@ fn cluster_merged(eight: ClusterEight) -> LightCluster {
     );
     let length = length(merged.axis);
     merged.cos_half_angle = -1.0;
-    if length > 0.0 {
+    if length <= LEAST_AXIS {
+        merged.axis = vec3(0.0);
+    } else {
         let unit = merged.axis / length;
         let units = mat3x4(vec4(unit.x), vec4(unit.y), vec4(unit.z));
         merged.cos_half_angle = least_of_eight(cap_about(units, a), cap_about(units, b));

@@ -13,6 +13,10 @@ const SIMILARITY_TOLERANCE: f32 = 1.0e-5;
 /// inside f32. Only wrong units get there; what is above it is still sampled, by position alone.
 pub(crate) const MOST_FLUX: f32 = 1.0e34;
 
+/// A mean direction shorter than this counts as none: the squares of what is left after emitters cancelled would be
+/// below f32, and a cap about what is no unit vector proves nothing.
+pub(crate) const LEAST_AXIS: f32 = 1.0e-12;
+
 /// A group of lights. Box, cap of directions and range are conservative; mean, variance and axis are weighted by flux.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cluster {
@@ -53,7 +57,8 @@ impl Cluster {
     /// `flux` is what the moved lights emit, see [`Linear::flux`]. Boxes stay conservative; the cap too: it is turned
     /// by transforms that keep angles and given up (all directions) by all others. Ranges are metres of the world and stay.
     pub fn transformed(&self, map: &Linear, translation: Vec3, flux: f32) -> Self {
-        let axis = map.cofactor * self.axis;
+        // Of unit length first: areas at the least scale times a short mean direction have squares below f32.
+        let axis = map.cofactor * self.axis.normalize_or_zero();
         Self {
             aabb: self.aabb.transformed(&map.linear, translation),
             flux,

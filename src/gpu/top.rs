@@ -13,6 +13,7 @@ use super::pool::Pool;
 use super::sort::{RadixSort, SortBuffers};
 use super::stages::{Access, PASS_STRIDE, Stages, dispatch, pass_bytes};
 use crate::bounds;
+use crate::cluster;
 use crate::cone;
 use crate::curve;
 use crate::top::level_starts;
@@ -238,7 +239,11 @@ impl Stage {
         for (name, value) in [("LANES", LANES), ("KEY_BITS", curve::KEY_BITS), ("NO_KEY", curve::NO_KEY)] {
             let _ = writeln!(text, "const TOP_{name}: u32 = {value}u;");
         }
-        for (name, value) in [("CAP_PADDING", cone::CAP_PADDING), ("TRANSFORM_PADDING", bounds::TRANSFORM_PADDING)] {
+        for (name, value) in [
+            ("CAP_PADDING", cone::CAP_PADDING),
+            ("LEAST_AXIS", cluster::LEAST_AXIS),
+            ("TRANSFORM_PADDING", bounds::TRANSFORM_PADDING),
+        ] {
             let _ = writeln!(text, "const {name}: f32 = {value:e};");
         }
         for part in [

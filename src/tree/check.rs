@@ -135,7 +135,9 @@ fn covers(outer: &Cluster, inner: &Cluster) -> Option<&'static str> {
     }
     let half_angle = |c: &Cluster| f64::from(c.cos_half_angle.clamp(-1.0, 1.0)).acos();
     let turn = || f64::from(angle(outer.axis.normalize(), inner.axis.normalize()));
-    if outer.cos_half_angle > -1.0 && (inner.cos_half_angle <= -1.0 || turn() + half_angle(inner) > half_angle(outer)) {
+    // A cap about no direction is none: the angle is NaN then and covers nothing.
+    let is_within = || inner.cos_half_angle > -1.0 && turn() + half_angle(inner) <= half_angle(outer);
+    if outer.cos_half_angle > -1.0 && !is_within() {
         return Some("the cap does not cover what is below");
     }
     if outer.range < inner.range.min(FARTHEST) {

@@ -10,7 +10,7 @@ use glam::Vec3;
 
 use super::wide::WideCluster;
 use crate::bounds::Aabb;
-use crate::cluster::Cluster;
+use crate::cluster::{Cluster, LEAST_AXIS};
 
 /// Children of a node. Eight fill a vector register; `docs/decisions.md` has the noise of 8, 16 and 32.
 pub const WIDTH: usize = 8;
@@ -170,7 +170,8 @@ impl Node {
             area_flux: 0.0,
             mean: child.toward.into(),
             variance: child.variance,
-            axis: Vec3::from(child.axis) * child.length,
+            // A length that packs to nothing leaves the cap its direction.
+            axis: Vec3::from(child.axis) * child.length.max(LEAST_AXIS),
             cos_half_angle: child.cos_half_angle,
             range: child.range,
         }

@@ -7,7 +7,7 @@ use glam::Vec3;
 
 use super::node::WIDTH;
 use crate::bounds::Aabb;
-use crate::cluster::{Cluster, MOST_FLUX};
+use crate::cluster::{Cluster, LEAST_AXIS, MOST_FLUX};
 use crate::cone::cap_about;
 
 /// One number for each child.
@@ -106,6 +106,7 @@ impl WideCluster {
             mean[k] = reference + sum(&moved);
             axis[k] = sum(&turned);
         }
+        let axis = if axis.length() > LEAST_AXIS { axis } else { Vec3::ZERO };
         let (mut apart, mut within) = ([0.0; WIDTH], [0.0; WIDTH]);
         for i in 0..WIDTH {
             let [x, y, z] = [0, 1, 2].map(|k| self.mean[k][i] - mean[k]);

@@ -26,6 +26,33 @@ fn emitters_back_to_back_light_both_sides() {
 }
 
 #[test]
+fn beams_that_cancel_keep_their_chances_at_every_scale() {
+    // Two equal beams are opposite, so the mean direction is what a faint third one adds: from a millionth down to
+    // lengths whose squares leave f32, alone and times the areas of small instances.
+    let mut rng = Rng(117);
+    for k in 0..18 {
+        let (axis, third) = (Vec3::X, Vec3::Y);
+        let bright = Vec3::splat(MAX_EMISSION);
+        let faint = Light::spot(Vec3::ZERO, third, 0.1, 0.3, Vec3::splat(10.0_f32.powi(8 - k)));
+        let beam = |axis| Light::spot(Vec3::ZERO, axis, 0.1, 0.2, bright);
+        // The others put the beams below the root.
+        let others = (0..12).map(|_| Light::spot(rng.place(1.0) + 99.0, axis, 0.4, 0.5, faint.emission));
+        let below: Vec<_> = [beam(axis), beam(-axis), faint].into_iter().chain(others).collect();
+        for lights in [below[..3].to_vec(), below] {
+            for scale in [1.0, 1.0e-2, 1.0e-4, 1.0e-6, 1.0e-8] {
+                let turn = Mat3::from_quat(Quat::from_axis_angle(rng.direction(), rng.between(0.0, 6.0)));
+                let mut world = placed(lights.clone(), [linear(turn * scale)]);
+                let on_axes = [axis, -axis, third].map(|d| Receiver::volume(turn * d * (scale * 10.0)));
+                assert!(prove(&world, &on_axes, k as u64) >= 9);
+                if k % 9 == 8 {
+                    prove_on_gpu(&mut world, &on_axes, k as u64);
+                }
+            }
+        }
+    }
+}
+
+#[test]
 fn a_receiver_on_a_light_or_inside_many_boxes_gets_finite_answers() {
     let mut rng = Rng(101);
     let spots = [Vec3::ZERO, Vec3::splat(1.0), Vec3::new(-1000.0, 0.1, 7.3)];
