@@ -166,13 +166,7 @@ fn cluster_merged(eight: ClusterEight) -> LightCluster {
     }
     let share_a = a.flux * (1.0 / total);
     let share_b = b.flux * (1.0 / total);
-    let start = vec3(a.mean[0].x, a.mean[1].x, a.mean[2].x);
     var merged: LightCluster;
-    merged.mean = start + vec3(
-        sum_of_eight(share_a * (a.mean[0] - start.x), share_b * (b.mean[0] - start.x)),
-        sum_of_eight(share_a * (a.mean[1] - start.y), share_b * (b.mean[1] - start.y)),
-        sum_of_eight(share_a * (a.mean[2] - start.z), share_b * (b.mean[2] - start.z)),
-    );
     merged.flux = min(total, LIGHT_MOST_FLUX);
     merged.box_min = vec3(
         least_of_eight(a.box_min[0], b.box_min[0]),
@@ -183,6 +177,12 @@ fn cluster_merged(eight: ClusterEight) -> LightCluster {
         greatest_of_eight(a.box_max[0], b.box_max[0]),
         greatest_of_eight(a.box_max[1], b.box_max[1]),
         greatest_of_eight(a.box_max[2], b.box_max[2]),
+    );
+    let middle = 0.5 * (merged.box_min + merged.box_max);
+    merged.mean = middle + vec3(
+        sum_of_eight(share_a * (a.mean[0] - middle.x), share_b * (b.mean[0] - middle.x)),
+        sum_of_eight(share_a * (a.mean[1] - middle.y), share_b * (b.mean[1] - middle.y)),
+        sum_of_eight(share_a * (a.mean[2] - middle.z), share_b * (b.mean[2] - middle.z)),
     );
     let between = sum_of_eight(share_a * apart_sq(a.mean, merged.mean), share_b * apart_sq(b.mean, merged.mean));
     merged.variance = between + sum_of_eight(share_a * a.variance, share_b * b.variance);

@@ -84,26 +84,34 @@ impl WideCluster {
 
     /// All lanes as one cluster.
     ///
-    /// Moments about the first lane's mean, then about the true one: neither cancels far from the origin.
+    /// Moments about the middle of the box, then about the mean: neither cancels far from the origin.
     #[inline(always)]
     pub fn merged(&self) -> Merged {
         let total = sum(&self.flux);
-        let scale = if total > 0.0 { 1.0 / total } else { 0.0 };
+        if total <= 0.0 {
+            let [x, y, z] = [0, 1, 2].map(|k| self.mean[k][0]);
+            return Merged { cluster: Cluster { mean: Vec3::new(x, y, z), ..Cluster::EMPTY }, between: 0.0 };
+        }
+        let scale = 1.0 / total;
         let mut share = [0.0; WIDTH];
         for i in 0..WIDTH {
             share[i] = self.flux[i] * scale;
         }
+        let aabb = Aabb {
+            min: Vec3::from([0, 1, 2].map(|k| least(&self.min[k]))),
+            max: Vec3::from([0, 1, 2].map(|k| greatest(&self.max[k]))),
+        };
+        let middle = aabb.center();
         let mut mean = Vec3::ZERO;
         let mut axis = Vec3::ZERO;
         for k in 0..3 {
-            let reference = self.mean[k][0];
             let (mut moved, mut turned) = ([0.0; WIDTH], [0.0; WIDTH]);
             for i in 0..WIDTH {
-                // Unused lanes have a mean of zero and no share.
-                moved[i] = share[i] * (self.mean[k][i] - reference);
+                // Dark lanes may lie anywhere, and have no share.
+                moved[i] = share[i] * (self.mean[k][i] - middle[k]);
                 turned[i] = share[i] * self.axis[k][i];
             }
-            mean[k] = reference + sum(&moved);
+            mean[k] = middle[k] + sum(&moved);
             axis[k] = sum(&turned);
         }
         let axis = if axis.length() > LEAST_AXIS { axis } else { Vec3::ZERO };
@@ -115,10 +123,7 @@ impl WideCluster {
         }
         let between = sum(&apart);
         let cluster = Cluster {
-            aabb: Aabb {
-                min: Vec3::from([0, 1, 2].map(|k| least(&self.min[k]))),
-                max: Vec3::from([0, 1, 2].map(|k| greatest(&self.max[k]))),
-            },
+            aabb,
             flux: total.min(MOST_FLUX),
             area_flux: sum(&self.area_flux).min(MOST_FLUX),
             mean,
@@ -127,7 +132,7 @@ impl WideCluster {
             cos_half_angle: self.cap_about(axis),
             range: greatest(&self.range),
         };
-        Merged { cluster: if total > 0.0 { cluster } else { Cluster { mean, ..Cluster::EMPTY } }, between }
+        Merged { cluster, between }
     }
 
     /// Cosine of the cap about a direction of any length that holds the caps of all lanes.

@@ -67,7 +67,9 @@ fn a_box_that_grows_as_lights_turn_hides_nothing() {
             let turn = Quat::from_axis_angle(Vec3::ONE.normalize(), 0.02 / (1.0 + 0.1 * place.length()));
             moved(light, turn * place - place)
         });
-        [&mut tree, &mut refitted].map(|tree| tree.set(&changes).expect("valid"));
+        for tree in [&mut tree, &mut refitted] {
+            tree.set(&changes).expect("valid");
+        }
         refitted.refit();
         tree.rebuild_worst(300);
     }
