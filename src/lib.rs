@@ -48,7 +48,8 @@
 //! The sum of all pmf and the chance of "no light" is 1. Bad input gets a typed error and changes nothing.
 //!
 //! Data moves one way, and the modules read in that order: lights, cones and boxes, clusters, trees, policies,
-//! scheduler, world, top level, sampling, GPU. `docs/architecture.md` draws it; `docs/math.md` derives the formulas.
+//! scheduler, world, top level, sampling, GPU. `docs/architecture.md` draws it; `docs/math.md` derives the formulas
+//! and names the papers behind keys such as CK18 and SS.
 
 // In the order data passes through them; `tests/all/dependencies.rs` checks that imports point up this list only.
 mod simd;

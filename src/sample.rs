@@ -65,8 +65,8 @@ impl<'a> Forest<'a> for (&Sampler<'a>, &Receiver) {
 }
 
 impl World {
-    /// A sampler of the world as it is now, its lights as of the last update. The first call after a change builds the top level,
-    /// O(n log n) in instances; engines that sample on the GPU only never pay for it.
+    /// A sampler of the world as it is now, its lights as of the last update. The first call after a change builds the
+    /// top level, O(n log n) in instances; engines that sample on the GPU only never pay for it.
     pub fn sampler(&self) -> Sampler<'_> {
         Sampler { world: self, top: self.top_level(), openings: DEFAULT_OPENINGS }
     }
@@ -82,8 +82,9 @@ impl<'a> Sampler<'a> {
         Some(LightSample { light, pmf, incident })
     }
 
-    /// The same sampler with another bound on the clusters that are opened before the choice, at most [`MOST_OPENINGS`]. Each takes
-    /// the time of one node and lowers the noise near lights; 0 is a plain walk. `docs/benchmarks.md` has the curve.
+    /// The same sampler with another bound on the clusters that are opened before the choice: [`DEFAULT_OPENINGS`] at
+    /// first, and [`MOST_OPENINGS`] if more is asked for. Each takes the time of one node and lowers the noise near
+    /// lights; 0 is a plain walk. `docs/benchmarks.md` has the curve.
     pub fn with_openings(self, openings: usize) -> Self {
         Self { openings: openings.min(MOST_OPENINGS), ..self }
     }
@@ -197,7 +198,8 @@ fn illuminance(light: &DirectionalLight, receiver: &Receiver) -> f32 {
 }
 
 impl LightTree {
-    /// Chooses a light of one tree, in the tree's own space. As [`Sampler::pick`]; `openings` as in [`Sampler::with_openings`].
+    /// Chooses a light of one tree, in the tree's own space: its index and the chance of that. As [`Sampler::pick`];
+    /// `openings` as in [`Sampler::with_openings`].
     pub fn pick(&self, receiver: &Receiver, u: [f32; 2], openings: usize) -> Option<(u32, f32)> {
         let draw = Draw { root: self.scene(receiver), openings, beside: 0.0, u, forest: &NoForest };
         match draw.run() {
