@@ -1,4 +1,4 @@
-//! How much light a cluster probably sends to a receiver, as seen from its moments; zero only where its bounds prove it.
+//! How much light a cluster probably sends to a receiver, judged by its moments; zero only where its bounds prove it.
 //!
 //! Twin of `shaders/importance.wgsl`; `tests/all/gpu.rs` runs both on the same inputs. Starts from CK18 5.1 and
 //! pbrt-v4's light bounds. Differs: flux-weighted mean and variance of position in place of the box's centre, a smooth
@@ -43,7 +43,7 @@ pub(crate) struct View {
     pub range_scale: f32,
     /// What rounding of positions may add up to, per metre of coordinates: more where the space is squeezed.
     pub margin: f32,
-    /// False where the space is sheared or scaled unevenly, so that angles and cones mean nothing.
+    /// False where the space is sheared or scaled unevenly, so that angles and caps mean nothing.
     pub keeps_angles: bool,
 }
 
@@ -125,15 +125,15 @@ fn estimate(child: &Unpacked, view: &View) -> (f32, f32) {
     let variance = child.variance;
     let spread = variance / (dist_sq + variance);
 
-    // Cosines are kept times the distance until the end, which does not have to wait for a division. At the receiver a hyperbola follows max(cos, 0) and is rounded off as
-    // wide as the cluster is seen.
+    // Cosines are kept times the distance until the end, which does not have to wait for a division. At the receiver a
+    // hyperbola follows max(cos, 0) and is rounded off as wide as the cluster is seen.
     let normal = view.normal;
     let along = normal.x * x + normal.y * y + normal.z * z;
     let cosine = 0.5 * (along + (along * along + COSINE_WIDTH_SQ * spread * dist_sq).sqrt());
     let cosine = if view.has_normal { max(cosine, FLOOR * distance) } else { distance };
 
-    // A share of the light goes along a lobe about the mean direction, the rest to all sides: emitters that disagree, or
-    // are seen from nearby, are no broad lobe but a mixture, whose back must not be starved. The lobe is a cosine,
+    // A share of the light goes along a lobe about the mean direction, the rest to all sides: emitters that disagree,
+    // or are seen from nearby, are no broad lobe but a mixture, whose back must not be starved. The lobe is a cosine,
     // clamped at 0 for a Lambertian emitter and higher for beams, such that its mean cosine is the emitters' own.
     let length = min(child.length, LONGEST_LOBE);
     let share = LOBE_SHARE * min(length * (1.0 / LAMBERTIAN), 1.0) * (1.0 - spread);
@@ -150,7 +150,8 @@ fn estimate(child: &Unpacked, view: &View) -> (f32, f32) {
     (min(max(lux, LEAST), MOST), spread)
 }
 
-/// Whether the bounds prove that no light of a child reaches the receiver. `margin` is what rounding may add to positions.
+/// Whether the bounds prove that no light of a child reaches the receiver. `margin` is what rounding may add to
+/// positions.
 #[inline(always)]
 fn provably_dark(child: &Unpacked, view: &View, margin: f32) -> bool {
     let normal = view.normal.to_array();

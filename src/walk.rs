@@ -1,11 +1,11 @@
 //! Chooses a light: opens the clusters that matter most near the receiver, chooses among all that are left, and walks
 //! down wide nodes from there. Trees and the top level are walked alike, and opened across.
 //!
-//! Twin of `shaders/dice.wgsl` and `shaders/walk.wgsl`. Starts from CK18 5 (adaptive tree splitting). Differs: what is split is not
-//! sampled from every part but is one larger choice of one light, and the number of splits is fixed, so that the time
-//! is. No trail is recorded: the way up is read from the nodes, so depth has no cap. A random number is stretched at
-//! every choice, as usual, but the bits lost by that are replaced from a hash of all its bits: otherwise choices past the
-//! 24th bit would all be the same.
+//! Twin of `shaders/dice.wgsl` and `shaders/walk.wgsl`. Starts from CK18 5 (adaptive tree splitting). Differs: not
+//! every part of what is split gets a sample, but all parts together are one larger choice of one light; and the number
+//! of splits is bounded, so that the time is. No trail is recorded: the way up is read from the nodes, so depth has no
+//! cap. A random number is stretched at every choice, as usual, but the bits lost by that are replaced from a hash of
+//! all its bits: otherwise choices past the 24th bit would all be the same.
 
 use crate::importance::{Seen, View, running_sums, see};
 use crate::simd::{Job, with_vectors};
@@ -29,11 +29,12 @@ pub(crate) const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
 /// Spacing of the random numbers in [0.5, 1).
 pub(crate) const U_STEP: f32 = f32::EPSILON / 2.0;
 
-/// Chances below this count as this: a chance that rounds to zero would divide by zero, or hide a light that contributes.
-/// Far below what random numbers of 24 bits can tell, so no sum of chances notices.
+/// Chances below this count as this: a chance that rounds to zero would divide by zero, or hide a light that
+/// contributes. Far below what random numbers of 24 bits can tell, so no sum of chances notices.
 pub(crate) const LEAST_CHANCE: f32 = 1.0e-30;
 
-/// The chance of two choices; 0 only if one of them is impossible. The floor is the same in whatever order chances are joined.
+/// The chance of two choices; 0 only if one of them is impossible. The floor is the same in whatever order chances are
+/// joined.
 pub(crate) fn joint(a: f32, b: f32) -> f32 {
     if a > 0.0 && b > 0.0 { (a * b).max(LEAST_CHANCE) } else { 0.0 }
 }
@@ -126,8 +127,8 @@ pub(crate) struct Cut<'a> {
     doubts: [Lanes; MOST_NODES],
     /// Sums of the values.
     totals: [f32; MOST_NODES],
-    /// The greatest doubt of a node as an integer, which orders alike, with 7 less its slot in the last bits: a maximum of
-    /// integers is found in three steps.
+    /// The greatest doubt of a node as an integer, which orders alike, with 7 less its slot in the last bits: a maximum
+    /// of integers is found in three steps.
     keys: [u32; MOST_NODES],
     /// Estimated illuminance of all candidates, in lux.
     total: f32,
@@ -176,7 +177,8 @@ impl<'a> Cut<'a> {
         }
     }
 
-    /// Chooses a light. `dice` decide in the root's tree, `inner` in an instance's. `None` if all candidates are proved dark.
+    /// Chooses a light. `dice` decide in the root's tree, `inner` in an instance's. `None` if all candidates are proved
+    /// dark.
     #[inline(always)]
     fn pick(&self, dice: &mut Dice, inner: &mut Dice, forest: &impl Forest<'a>) -> Option<Picked> {
         if self.total <= 0.0 {

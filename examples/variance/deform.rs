@@ -1,5 +1,5 @@
-//! What refits lose while lights move, and what rebuilding the worst subtrees wins back, beside what both cost. One flat
-//! tree over all lights of a scene, each in its place of every frame.
+//! What refits lose while lights move, and what rebuilding the worst subtrees wins back, beside what both cost. One
+//! flat tree over all lights of a scene, each where it is in every frame.
 
 use super::lights::{carried, contributions};
 use super::receivers::receivers;
@@ -32,7 +32,7 @@ struct Motion {
 enum Strategy {
     Refit,
     RebuildEvery(usize),
-    /// So many lights a frame, as a share of all.
+    /// Each frame, with credit for one in so many of the lights.
     Worst(usize),
 }
 

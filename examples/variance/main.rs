@@ -4,9 +4,10 @@
 //! cargo run --release --example variance -- --out variance.csv [--gltf FILE] [--receivers N] [--world S|M] [--deform]
 //! ```
 //!
-//! prints a table and writes it as CSV (with `--deform` another table, see `deform.rs`): for each scene and sampler the exact relative standard deviation of one sample
-//! over fixed receivers (`sigma.rs`), nanoseconds a draw, and bytes of tree a light. Expect `girandole` well below `pbrt`
-//! and `cycles`. `docs/benchmarks.md` holds a measured table and its rules.
+//! prints a table and writes it as CSV: for each scene and sampler the exact relative standard deviation of one sample
+//! over fixed receivers (`sigma.rs`), nanoseconds a draw, and bytes of tree a light. Expect `girandole` well below
+//! `pbrt` and `cycles`. With `--deform` another table, of moving lights (`deform.rs`), whose city is always S.
+//! `docs/benchmarks.md` holds both tables, measured, and their rules.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program talks to its user")]
 
 mod baselines;

@@ -100,8 +100,8 @@ impl Terms {
         if cost > 0.0 { (self.cost / cost) as f32 } else { 0.0 }
     }
 
-    /// The splitting cost of a subtree relative to its lights' flux and variance of position; 0 if there is none. These belong to the
-    /// lights alone: a box would grow with what is wrong, or with lights that only turn.
+    /// The splitting cost of a subtree relative to its lights' flux and variance of position; 0 if there is none. These
+    /// belong to the lights alone: a box would grow with what is wrong, or with lights that only turn.
     pub(super) fn cost_per_spread(&self, all: &Cluster) -> f32 {
         let spread = f64::from(all.flux) * f64::from(all.variance);
         if spread > 0.0 { (self.cost / spread) as f32 } else { 0.0 }

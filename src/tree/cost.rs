@@ -1,8 +1,9 @@
-//! What a group of lights costs, as an attribute of a tree. `shape/group.rs` has the same measure for four groups at once.
+//! What a group of lights costs, as an attribute of a tree. `shape/group.rs` has the same measure for four groups at
+//! once.
 //!
-//! Source: CK18 4.2 (surface area orientation heuristic). Differs: orientation is measured by the mean direction, which adds
-//! up over bins, instead of by cones, which need trigonometry; a group's size is measured so that a street of collinear
-//! lamps, whose box has no area, still has a cost (docs/decisions.md, 2).
+//! Source: CK18 4.2 (surface area orientation heuristic). Differs: orientation is measured by the mean direction, which
+//! adds up over bins, instead of by cones, which need trigonometry (docs/decisions.md, 2); a group's size is measured
+//! so that a street of collinear lamps, whose box has no area, still has a cost.
 
 use crate::light::LAMBERTIAN;
 

@@ -42,7 +42,7 @@ pub struct LightTree {
     spans: Vec<u32>,
     /// Lights in each node's subtree.
     sizes: Vec<u32>,
-    /// Relative splitting cost of each subtree when it was built.
+    /// Splitting cost of each subtree relative to how its lights lie, when it was built.
     fresh: Vec<f32>,
     /// Lights that [`LightTree::rebuild_worst`] may still rebuild.
     credit: usize,
@@ -73,7 +73,7 @@ impl LightTree {
     /// # Errors
     /// [`WorldError::Light`] for the first bad light, [`WorldError::TooManyLights`] past [`MAX_LIGHTS`].
     ///
-    /// O(n log n). Source: CK18 4.2-4.4, see `tree/build.rs`.
+    /// O(n log n). Source: CK18 4.2-4.4, see `tree/shape`.
     pub fn new(lights: Vec<Light>) -> Result<Self, WorldError> {
         check_light_count(lights.len())?;
         check_lights(lights.iter().enumerate())?;

@@ -1,9 +1,9 @@
 //! The wide node that is sampled: eight children in 208 bytes.
 //!
-//! The same bytes are read on the CPU and, uploaded as they are, by `shaders/node.wgsl`; only these two files know how a
-//! cluster is packed. `gpu/layout.rs` compares the records, `gpu/top/tests.rs` what is packed. Boxes are quantised as in
-//! Ylitie, Karras and Laine (2017), and everything else to a byte or two: at the leaves, where most bytes are, the importance
-//! needs no more (docs/decisions.md, 1). Rounding is outward wherever it could hide a light.
+//! The same bytes are read on the CPU and, uploaded as they are, by `shaders/node.wgsl`; only these two files know how
+//! a cluster is packed. `gpu/layout.rs` compares the records, `gpu/top/tests.rs` what is packed. Boxes are quantised as
+//! in Ylitie, Karras and Laine (2017), and everything else to a byte or two: at the leaves, where most bytes are, the
+//! importance needs no more (docs/decisions.md, 1). Rounding is outward wherever it could hide a light.
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
@@ -47,7 +47,8 @@ pub type Bytes = [u8; WIDTH];
 pub struct Node {
     /// Least corner of all children's boxes.
     pub origin: [f32; 3],
-    /// Bytes, the lowest first: biased exponents of the steps along x, y and z, which are powers of two; children in use.
+    /// Bytes, the lowest first: biased exponents of the steps along x, y and z, which are powers of two; children in
+    /// use.
     pub steps: u32,
     /// `parent node * WIDTH + slot`, or [`NO_PARENT`].
     pub parent: u32,

@@ -13,24 +13,25 @@ use crate::cluster::Cluster;
 /// One node in so many is left unused by a build: later shapes of a subtree need a few more or less.
 const SPARE: usize = 24;
 
-/// Subtrees of fewer lights are not rebuilt by themselves, nor are those below so small a share of the tree: what they could gain is
-/// not worth looking for.
+/// Subtrees of fewer lights are not rebuilt by themselves: what they could gain is not worth looking for.
 const LEAST_LIGHTS: u32 = 32;
-/// See [`LEAST_LIGHTS`].
+/// Nor are subtrees of less than one in so many of the tree's lights.
 const LEAST_SHARE: u32 = 256;
 
 /// A rebuild is worth it once a subtree's splitting cost has risen by this share.
 const LEAST_LOSS: f32 = 0.05;
 
 impl LightTree {
-    /// Rebuilds what gains most: of all subtrees, the whole tree among them, the one whose splitting cost has risen most per light since
-    /// it was built, again and again while `lights` last. What is left of them is kept for later calls, up to a rebuild of the
-    /// whole tree: where the upper levels went bad, nothing less helps. Returns how many lights were in what was rebuilt.
+    /// Rebuilds what gains most: of all subtrees, the whole tree among them, the one whose splitting cost has risen
+    /// most per light since it was built, again and again while `lights` last. What is left of them is kept for later
+    /// calls, up to a rebuild of the whole tree: where the upper levels went bad, nothing less helps. Returns how many
+    /// lights were in what was rebuilt.
     ///
     /// Trees of fewer than 32 lights are never worth it; [`LightTree::rebuild`] takes them microseconds.
     ///
-    /// To be called once a frame; refits first what a refit was not called for. O(n log n) in the lights that are rebuilt.
-    /// `docs/benchmarks.md` has what it wins back.
+    /// To be called once a frame; refits first what a refit was not called for. O(n log n) in the lights that are
+    /// rebuilt, besides a search among subtrees of 1/256 of the tree and more. `docs/benchmarks.md` has what it wins
+    /// back.
     pub fn rebuild_worst(&mut self, lights: usize) -> usize {
         self.refit();
         self.credit = self.credit.saturating_add(lights).min(self.lights.len());
@@ -102,14 +103,16 @@ impl LightTree {
         true
     }
 
-    /// Lays out a shape of some lights in empty nodes from `root` on, with the spare ones spread among them, and refits.
+    /// Lays out a shape of some lights in empty nodes from `root` on, with the spare ones spread among them, and
+    /// refits.
     pub(super) fn place(&mut self, shapes: &[ShapeNode], members: &[Member], root: usize, span: usize) {
         let position = |i: usize| root + i + (span - shapes.len()) * i / shapes.len().max(1);
         let parent = self.nodes[root].parent;
         for (i, shape) in shapes.iter().enumerate() {
             let node = position(i);
             let mut targets = shape.targets;
-            // All at once: they lie anywhere in memory, and waiting for one after the other takes longer than all the rest.
+            // All at once: they lie anywhere in memory, and waiting for one after the other takes longer than all the
+            // rest.
             let is_light = |target: u32| target != EMPTY_SLOT && target & LEAF != 0;
             let found: [Member; WIDTH] =
                 targets.map(|target| if is_light(target) { members[(target & !LEAF) as usize] } else { Member::NONE });

@@ -11,12 +11,13 @@ use crate::simd::{Job, with_vectors};
 /// costs about as much as a node.
 const FEW: usize = 8;
 
-/// Subtrees of up to so many nodes are refitted by one thread: some hundred microseconds, while waking a thread takes several.
+/// Subtrees of up to so many nodes are refitted by one thread: some hundred microseconds, while waking a thread takes
+/// several.
 const TASK_NODES: u32 = 1024;
 
 impl LightTree {
-    /// Brings every node above a changed light up to date. The shape of the tree stays; nothing is allocated, but for what
-    /// rayon needs to share large trees among threads.
+    /// Brings every node above a changed light up to date. The shape of the tree stays; nothing is allocated, but for
+    /// what rayon needs to share large trees among threads.
     ///
     /// Every cluster is made from its children anew, so a million refits drift no further than one. O(changed lights x
     /// depth), and never more than all nodes.
@@ -31,8 +32,8 @@ impl LightTree {
         self.attributes = self.terms.first().copied().unwrap_or_default().relative_to(&self.cluster());
     }
 
-    /// [`LightTree::refit`] for trees that are never rebuilt, whose attributes nobody reads: those stay as they are until the
-    /// next [`LightTree::refit`], which then visits all nodes. The nodes are the same to the last bit.
+    /// [`LightTree::refit`] for trees that are never rebuilt, whose attributes nobody reads: those stay as they are
+    /// until the next [`LightTree::refit`], which then visits all nodes. The nodes are the same to the last bit.
     pub fn refit_without_attributes(&mut self) {
         self.is_unmeasured |= self.dirty.len() > 0;
         self.refit_dirty::<false>();
