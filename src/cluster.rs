@@ -6,7 +6,7 @@ use glam::{Mat3, Vec3};
 use crate::bounds::Aabb;
 
 /// Columns of a matrix whose scaled Gram matrix is this close to the identity preserve angles to about 1e-5 rad,
-/// which is inside the margin that the sampling code leaves around every cone.
+/// which is inside the margin that the sampling code leaves around every cap.
 const SIMILARITY_TOLERANCE: f32 = 1.0e-5;
 
 /// The most flux that one light or many count as, in lumens: products of it with every factor of the importance stay

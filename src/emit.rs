@@ -42,7 +42,7 @@ impl Frame {
     }
 
     /// A normal times an area, carried along by the cofactors. Not a cross product of carried edges: a sliver's would
-    /// round to another side than its cone.
+    /// round to another side than its cap.
     fn normal_area(&self, normal_area: Vec3) -> Vec3 {
         self.to_local.transpose() * normal_area * self.determinant.abs()
     }

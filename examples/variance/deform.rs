@@ -3,6 +3,7 @@
 
 use super::lights::{carried, contributions};
 use super::receivers::receivers;
+use super::report::Table;
 use super::scene::procedural::{self, CityOptions, Size};
 use super::scene::rng::Rng;
 use super::scene::{SceneError, Stage, gltf_scene};
@@ -181,19 +182,17 @@ impl Row {
 
 /// Measures all, prints the table and writes it.
 pub fn run(gltf_path: Option<&Path>, count: usize, out: &Path) -> Result<(), SceneError> {
-    let refuse = |error: csv::Error| SceneError(format!("cannot write {}: {error}", out.display()));
-    let mut table = csv::Writer::from_path(out).map_err(refuse)?;
-    table.write_record(COLUMNS).map_err(refuse)?;
-    println!("| {} |\n|{}", COLUMNS.join(" | "), "---|".repeat(COLUMNS.len()));
     let mut motions = vec![swarm(count)?, city(count)?];
     if let Some(path) = gltf_path {
         motions.push(gltf(path, count)?);
     }
+    let mut table = Table::create(out, &COLUMNS)?;
+    println!("| {} |\n|{}", COLUMNS.join(" | "), "---|".repeat(COLUMNS.len()));
     for motion in &motions {
         for row in measure(motion)? {
             println!("| {} |", row.fields().join(" | "));
-            table.write_record(row.fields()).map_err(refuse)?;
+            table.line(row.fields())?;
         }
     }
-    table.flush().map_err(|error| refuse(error.into()))
+    Ok(())
 }

@@ -41,7 +41,7 @@ struct Options {
     #[arg(long, value_name = "FILE")]
     gltf: Option<PathBuf>,
     /// Measure what moving lights cost a tree instead, in time and noise
-    #[arg(long)]
+    #[arg(long, conflicts_with = "world")]
     deform: bool,
     /// Points that light arrives at
     #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
@@ -60,13 +60,12 @@ fn run(options: &Options) -> Result<(), SceneError> {
     if let Some(path) = &options.gltf {
         scenes.push(stages::gltf(path, count)?);
     }
-    let mut rows = Vec::new();
-    for scene in &scenes {
+    let mut table = report::Table::create(&options.out, &report::COLUMNS)?;
+    scenes.iter().try_for_each(|scene| {
         let measured = measure::measure(scene)?;
         report::print(&measured);
-        rows.extend(measured.rows);
-    }
-    report::write(&options.out, &rows)
+        report::write(&mut table, &measured.rows)
+    })
 }
 
 fn main() -> ExitCode {

@@ -2,9 +2,11 @@
 
 use super::measure::{Measured, Row};
 use super::scene::SceneError;
-use std::path::Path;
+use std::fs::File;
+use std::path::{Path, PathBuf};
 
-const COLUMNS: [&str; 7] =
+/// Of the table of noise.
+pub const COLUMNS: [&str; 7] =
     ["scene", "sampler", "sigma_mean", "sigma_median", "sigma_p95", "ns_per_sample", "bytes_per_light"];
 
 fn numbers(row: &Row) -> [String; 5] {
@@ -23,14 +25,38 @@ pub fn print(measured: &Measured) {
     }
 }
 
-/// Writes all scenes' lines.
-pub fn write(path: &Path, rows: &[Row]) -> Result<(), SceneError> {
-    let refuse = |error: csv::Error| SceneError(format!("cannot write {}: {error}", path.display()));
-    let mut table = csv::Writer::from_path(path).map_err(refuse)?;
-    table.write_record(COLUMNS).map_err(refuse)?;
-    for row in rows {
-        let names = [row.scene.clone(), row.sampler.to_owned()];
-        table.write_record(names.into_iter().chain(numbers(row))).map_err(refuse)?;
+/// The CSV file. To be opened before anything is measured: what cannot be written is better known then.
+pub struct Table {
+    path: PathBuf,
+    writer: csv::Writer<File>,
+}
+
+impl Table {
+    /// Creates or empties the file, and writes its head.
+    pub fn create(path: &Path, columns: &[&str]) -> Result<Self, SceneError> {
+        let path = path.to_owned();
+        let refuse = |error| refusal(&path, &error);
+        let mut writer = csv::Writer::from_path(&path).map_err(refuse)?;
+        writer.write_record(columns).map_err(refuse)?;
+        writer.flush().map_err(|error| refuse(error.into()))?;
+        Ok(Self { path, writer })
     }
-    table.flush().map_err(|error| refuse(error.into()))
+
+    /// Adds a line.
+    pub fn line(&mut self, fields: impl IntoIterator<Item = String>) -> Result<(), SceneError> {
+        self.writer.write_record(fields).map_err(|error| refusal(&self.path, &error))?;
+        self.writer.flush().map_err(|error| refusal(&self.path, &error.into()))
+    }
+}
+
+fn refusal(path: &Path, error: &csv::Error) -> SceneError {
+    SceneError(format!("cannot write {}: {error}", path.display()))
+}
+
+/// Writes a scene's lines.
+pub fn write(table: &mut Table, rows: &[Row]) -> Result<(), SceneError> {
+    rows.iter().try_for_each(|row| {
+        let names = [row.scene.clone(), row.sampler.to_owned()];
+        table.line(names.into_iter().chain(numbers(row)))
+    })
 }
