@@ -6,6 +6,7 @@ use crate::emit::{Incident, sample_light};
 use crate::importance::{Receiver, View};
 use crate::keys::{DirectionalKey, InstanceKey, slot_of};
 use crate::light::{DirectionalLight, luminance};
+use crate::simd::with_vectors;
 use crate::top::TopLevel;
 use crate::tree::LightTree;
 use crate::walk::{
@@ -100,7 +101,7 @@ impl<'a> Sampler<'a> {
             u,
             forest: &(self, receiver),
         };
-        match draw.run() {
+        match with_vectors(draw) {
             Drawn::Light(Picked { instance, light, pmf }) => {
                 Some(LightPick { light: LightId::Local { instance: self.world.instance_at(instance)?, light }, pmf })
             }
@@ -125,7 +126,7 @@ impl<'a> Sampler<'a> {
             }
         };
         let beside = self.directional(receiver);
-        Chance { root, openings: self.openings, beside, of, forest: &(self, receiver) }.run()
+        with_vectors(Chance { root, openings: self.openings, beside, of, forest: &(self, receiver) })
     }
 
     /// A point on a given light; `None` if that point sends nothing to the receiver or the light is not there.
@@ -202,7 +203,7 @@ impl LightTree {
     /// `openings` as in [`Sampler::with_openings`].
     pub fn pick(&self, receiver: &Receiver, u: [f32; 2], openings: usize) -> Option<(u32, f32)> {
         let draw = Draw { root: self.scene(receiver), openings, beside: 0.0, u, forest: &NoForest };
-        match draw.run() {
+        match with_vectors(draw) {
             Drawn::Light(Picked { light, pmf, .. }) => Some((light, pmf)),
             Drawn::Beside { .. } | Drawn::Nothing => None,
         }
@@ -213,7 +214,7 @@ impl LightTree {
         let Some(place) = self.leaves().get(light as usize) else { return 0.0 };
         let root = self.scene(receiver);
         let of = Wanted::Light(Leaf { scene: root, place: *place, top: None });
-        Chance { root, openings, beside: 0.0, of, forest: &NoForest }.run()
+        with_vectors(Chance { root, openings, beside: 0.0, of, forest: &NoForest })
     }
 
     fn scene(&self, receiver: &Receiver) -> Scene<'_> {

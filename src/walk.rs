@@ -8,7 +8,7 @@
 //! all its bits: otherwise choices past the 24th bit would all be the same.
 
 use crate::importance::{Seen, View, running_sums, see};
-use crate::simd::{Job, with_vectors};
+use crate::simd::Job;
 use crate::tree::{LEAF, Lanes, NO_PARENT, Node, Target, WIDTH};
 
 /// Clusters that are opened at most, whatever is asked for: GPUs keep them in registers.
@@ -35,7 +35,7 @@ pub(crate) const LEAST_CHANCE: f32 = 1.0e-30;
 
 /// The chance of two choices; 0 only if one of them is impossible. The floor is the same in whatever order chances are
 /// joined.
-pub(crate) fn joint(a: f32, b: f32) -> f32 {
+fn joint(a: f32, b: f32) -> f32 {
     if a > 0.0 && b > 0.0 { (a * b).max(LEAST_CHANCE) } else { 0.0 }
 }
 
@@ -101,7 +101,6 @@ pub(crate) trait Forest<'a> {
 }
 
 /// A forest of one tree.
-#[derive(Clone, Copy)]
 pub(crate) struct NoForest;
 
 impl<'a> Forest<'a> for NoForest {
@@ -112,14 +111,14 @@ impl<'a> Forest<'a> for NoForest {
 
 /// The candidates of a receiver: the children of the opened nodes. The same for every random number, so that the chance
 /// of any light can be told. One array for each property: nothing but numbers is moved about.
-pub(crate) struct Cut<'a> {
+struct Cut<'a> {
     /// Trees that were entered, the root's first.
     scenes: [Option<Scene<'a>>; MOST_NODES],
     scene_count: usize,
     /// Opened nodes.
     count: usize,
     /// Of each opened node its scene.
-    places: [usize; MOST_NODES],
+    scene_of: [usize; MOST_NODES],
     nodes: [u32; MOST_NODES],
     /// Importance of each child; 0 for one that was opened itself.
     values: [Lanes; MOST_NODES],
@@ -148,7 +147,7 @@ impl<'a> Cut<'a> {
             scenes: [const { None }; MOST_NODES],
             scene_count: 0,
             count: 0,
-            places: [0; MOST_NODES],
+            scene_of: [0; MOST_NODES],
             nodes: [0; MOST_NODES],
             values: [[0.0; WIDTH]; MOST_NODES],
             doubts: [[0.0; WIDTH]; MOST_NODES],
@@ -158,17 +157,17 @@ impl<'a> Cut<'a> {
         };
         let mut next = (cut.enter(root), 0);
         loop {
-            let (place, node) = next;
-            if cut.open(place, node).is_none() || cut.count > openings.min(MOST_OPENINGS) {
+            let (scene, node) = next;
+            if cut.open(scene, node).is_none() || cut.count > openings.min(MOST_OPENINGS) {
                 return cut;
             }
             let Some((index, slot)) = cut.most_doubtful() else { return cut };
-            let place = cut.places[index];
-            let target = cut.scene(index).and_then(|scene| scene.nodes[cut.nodes[index] as usize].target(slot));
+            let scene = cut.scene_of[index];
+            let target = cut.scene(index).and_then(|tree| tree.nodes[cut.nodes[index] as usize].target(slot));
             next = match target {
-                Some(Target::Node(node)) => (place, node),
+                Some(Target::Node(node)) => (scene, node),
                 Some(Target::Leaf(leaf)) => match forest.enter(leaf) {
-                    Some(scene) if !scene.nodes.is_empty() => (cut.enter(scene), 0),
+                    Some(tree) if !tree.nodes.is_empty() => (cut.enter(tree), 0),
                     _ => return cut,
                 },
                 None => return cut,
@@ -257,7 +256,7 @@ impl<'a> Cut<'a> {
     }
 
     fn scene(&self, index: usize) -> Option<&Scene<'a>> {
-        self.scenes[self.places[index]].as_ref()
+        self.scenes[self.scene_of[index]].as_ref()
     }
 
     /// Adds a tree. It is not there yet: behind a leaf of the top level is a tree of its own, which is opened once.
@@ -270,17 +269,17 @@ impl<'a> Cut<'a> {
 
     /// Makes a node's children candidates. `None` and no change if there is no such node.
     #[inline(always)]
-    fn open(&mut self, place: usize, node: u32) -> Option<()> {
-        let scene = self.scenes[place].as_ref()?;
-        let record = scene.nodes.get(node as usize)?;
-        let Seen { importance, spread } = see(record, &scene.view);
+    fn open(&mut self, scene: usize, node: u32) -> Option<()> {
+        let tree = self.scenes[scene].as_ref()?;
+        let record = tree.nodes.get(node as usize)?;
+        let Seen { importance, spread } = see(record, &tree.view);
         let index = self.count;
         for i in 0..WIDTH {
-            let can_open = scene.is_top | (record.targets[i] & LEAF == 0);
+            let can_open = tree.is_top | (record.targets[i] & LEAF == 0);
             self.doubts[index][i] = if can_open { importance[i] * spread[i] } else { 0.0 };
         }
         self.values[index] = importance;
-        self.places[index] = place;
+        self.scene_of[index] = scene;
         self.nodes[index] = node;
         self.count += 1;
         self.count_up(index);
@@ -371,12 +370,6 @@ pub(crate) struct Draw<'a, 'f, F> {
     pub forest: &'f F,
 }
 
-impl<'a, F: Forest<'a>> Draw<'a, '_, F> {
-    pub fn run(self) -> Drawn {
-        with_vectors(self)
-    }
-}
-
 impl<'a, F: Forest<'a>> Job for Draw<'a, '_, F> {
     type Output = Drawn;
 
@@ -429,12 +422,6 @@ pub(crate) struct Chance<'a, 'f, F> {
     pub beside: f32,
     pub of: Wanted<'a>,
     pub forest: &'f F,
-}
-
-impl<'a, F: Forest<'a>> Chance<'a, '_, F> {
-    pub fn run(self) -> f32 {
-        with_vectors(self)
-    }
 }
 
 impl<'a, F: Forest<'a>> Job for Chance<'a, '_, F> {

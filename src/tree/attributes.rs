@@ -94,12 +94,6 @@ impl Terms {
         self.cost += other.cost;
     }
 
-    /// The splitting cost of a subtree relative to that of its own cluster; 0 if there is none.
-    pub(super) fn cost_ratio(&self, all: &Cluster) -> f32 {
-        let cost = own_cost(all);
-        if cost > 0.0 { (self.cost / cost) as f32 } else { 0.0 }
-    }
-
     /// The splitting cost of a subtree relative to its lights' flux and variance of position; 0 if there is none. These
     /// belong to the lights alone: a box would grow with what is wrong, or with lights that only turn.
     pub(super) fn cost_per_spread(&self, all: &Cluster) -> f32 {
@@ -116,18 +110,15 @@ impl Terms {
     pub(super) fn relative_to(&self, all: &Cluster) -> Attributes {
         let diagonal = all.aabb.extent().as_dvec3().length();
         let flux = f64::from(all.flux);
+        let cost = flux * f64::from(size(all.aabb.extent().to_array()) * orientation(all.axis.length()));
         let ratio = |sum: f64, unit: f64| if unit > 0.0 { (sum / unit) as f32 } else { 0.0 };
         Attributes {
             distance: ratio(self.distance, flux * diagonal),
             overlap: ratio(self.overlap, flux),
             variance: ratio(self.variance, flux * diagonal * diagonal),
-            splitting_cost: self.cost_ratio(all),
+            splitting_cost: ratio(self.cost, cost),
         }
     }
-}
-
-fn own_cost(all: &Cluster) -> f64 {
-    f64::from(all.flux) * f64::from(size(all.aabb.extent().to_array()) * orientation(all.axis.length()))
 }
 
 /// Edge lengths of the boxes, 0 for dark lanes.

@@ -108,7 +108,7 @@ impl LightTree {
 
     /// All lights as one cluster, exactly: the root's children are packed wider.
     pub fn cluster(&self) -> Cluster {
-        if self.nodes.is_empty() { Cluster::EMPTY } else { self.root }
+        self.root
     }
 
     /// Replaces lights; the nodes follow at the next [`LightTree::refit`].

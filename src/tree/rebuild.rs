@@ -106,7 +106,7 @@ impl LightTree {
     /// Lays out a shape of some lights in empty nodes from `root` on, with the spare ones spread among them, and
     /// refits.
     pub(super) fn place(&mut self, shapes: &[ShapeNode], members: &[Member], root: usize, span: usize) {
-        let position = |i: usize| root + i + (span - shapes.len()) * i / shapes.len().max(1);
+        let position = |i: usize| root + i + (span - shapes.len()) * i / shapes.len();
         let parent = self.nodes[root].parent;
         for (i, shape) in shapes.iter().enumerate() {
             let node = position(i);
