@@ -33,7 +33,7 @@
 //!     let delta = world.take_delta();
 //!     lights.upload(world, &delta)?;
 //!     lights.build_top(encoder);
-//!     // Then the engine's own passes, whose shader starts with `girandole::gpu::wgsl(1)` and which bind
+//!     // Then the engine's own passes, whose shader starts with `girandole::gpu::wgsl(1, Effects::all())` and which bind
 //!     // `lights.bind_group()` at group 1, call `light_sample(receiver, u)`.
 //!     Ok(())
 //! }
@@ -68,6 +68,7 @@ mod placement;
 mod walk;
 mod curve;
 mod top;
+mod effects;
 mod world;
 mod sample;
 #[cfg(feature = "gpu")]
@@ -75,6 +76,7 @@ pub mod gpu;
 #[cfg(feature = "gltf")]
 pub mod gltf;
 
+pub use effects::Effects;
 pub use emit::Incident;
 pub use error::{LightError, PlacementError, WorldError};
 pub use glam;

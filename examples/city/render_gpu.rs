@@ -336,7 +336,7 @@ impl GpuRenderer {
 
 /// The shader as the device compiles it.
 pub fn shader_source(stack_size: usize) -> String {
-    let light = girandole::gpu::wgsl(LIGHT_GROUP);
+    let light = girandole::gpu::wgsl(LIGHT_GROUP, girandole::Effects::all());
     format!("{light}\nconst STACK_SIZE: u32 = {stack_size}u;\n{}", include_str!("render.wgsl"))
 }
 

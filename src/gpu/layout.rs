@@ -241,7 +241,7 @@ mod tests {
 
     #[test]
     fn records_have_the_same_layout_in_rust_and_wgsl() {
-        let text = crate::gpu::wgsl(0) + include_str!("../../shaders/batch.wgsl");
+        let text = crate::gpu::wgsl(0, crate::effects::Effects::all()) + include_str!("../../shaders/batch.wgsl");
         let structs = structs(&text);
         record!(
             structs,

@@ -56,7 +56,9 @@ impl BatchKernel {
     pub fn new(device: &wgpu::Device, lights: &wgpu::BindGroupLayout) -> Self {
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("girandole batch"),
-            source: wgpu::ShaderSource::Wgsl((text::wgsl(0) + include_str!("../../shaders/batch.wgsl")).into()),
+            source: wgpu::ShaderSource::Wgsl(
+                (text::wgsl(0, crate::effects::Effects::all()) + include_str!("../../shaders/batch.wgsl")).into(),
+            ),
         });
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("girandole batch"),

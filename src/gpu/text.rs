@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use super::layout;
 use crate::cluster;
+use crate::effects::Effects;
 use crate::emit;
 use crate::importance;
 use crate::light;
@@ -29,9 +30,11 @@ use crate::walk;
 /// The bindings sit in `@group(group)`, laid out as `GpuLights::bind_group_layout` has them for compute and fragment
 /// stages: one uniform and four read-only storage buffers, of the eight that WebGPU grants a stage. All names start with
 /// `light_`, `Light` or `LIGHT_`.
-pub fn wgsl(group: u32) -> String {
+///
+/// `effects` says what the text can do: it must contain what the world calls for.
+pub fn wgsl(group: u32, effects: Effects) -> String {
     let sample = include_str!("../../shaders/sample.wgsl").replace("LIGHT_GROUP", &group.to_string());
-    pure() + &sample + include_str!("../../shaders/walk.wgsl")
+    variant(&(pure() + &sample + include_str!("../../shaders/walk.wgsl")), effects, false)
 }
 
 /// Constants, records and pure functions: everything that binds nothing.
@@ -110,11 +113,51 @@ pub(crate) fn constants() -> String {
     text
 }
 
+/// The lines of a text that a variant needs. `// #if NAME` and `// #endif` enclose what only worlds with an effect of that
+/// name need; they nest, and whatever is kept, the text is WGSL. `// #if COUNTS` encloses what counts nodes.
+///
+/// Panics on a name that is no effect and on an end without a beginning: the texts are ours.
+pub(crate) fn variant(text: &str, effects: Effects, counts: bool) -> String {
+    let mut kept = String::with_capacity(text.len());
+    let mut open: Vec<bool> = Vec::new();
+    for line in text.lines() {
+        match line.trim_start().strip_prefix("// #") {
+            Some("endif") => assert!(open.pop().is_some(), "an end without a beginning"),
+            Some(directive) => {
+                let name = directive.strip_prefix("if ").unwrap_or_else(|| panic!("no directive: {line}"));
+                let effect = Effects::from_name(name);
+                assert!(effect.is_some() || name == "COUNTS", "no effect: {name}");
+                open.push(effect.map_or(counts, |effect| effects.contains(effect)));
+            }
+            None if open.iter().all(|kept| *kept) => {
+                kept += line;
+                kept.push('\n');
+            }
+            None => {}
+        }
+    }
+    assert!(open.is_empty(), "a beginning without an end");
+    kept
+}
+
 #[cfg(test)]
 mod tests {
+    use super::*;
+
+    #[test]
+    fn a_variant_keeps_what_its_effects_need() {
+        let text =
+            "a\n// #if CONES\nb\n    // #if RANGES\nc\n    // #endif\n// #endif\n// #if COUNTS\nd\n// #endif\ne\n";
+        let all = |effects, counts| variant(text, effects, counts).replace('\n', "");
+        assert_eq!(all(Effects::empty(), false), "ae");
+        assert_eq!(all(Effects::CONES, false), "abe");
+        assert_eq!(all(Effects::RANGES, true), "ade");
+        assert_eq!(all(Effects::all(), true), "abcde");
+    }
+
     #[test]
     fn the_joined_text_is_valid_wgsl() {
-        let text = super::wgsl(3);
+        let text = wgsl(3, Effects::all());
         let module = naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("it parses");
         naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::default())
             .validate(&module)

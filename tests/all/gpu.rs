@@ -336,7 +336,7 @@ fn an_engines_own_shader_asks_for_chances_as_the_cpu_does() {
             expected.push(OPENINGS.map(|openings| sampler.with_openings(openings).pmf(&receiver, light)));
         }
     }
-    let text = wgsl(1)
+    let text = wgsl(1, girandole::Effects::all())
         + "struct Question { position: vec3<f32>, instance: u32, normal: vec3<f32>, light: u32 }
         @group(0) @binding(0) var<storage, read> questions: array<Question>;
         @group(0) @binding(1) var<storage, read_write> answers: array<f32>;
