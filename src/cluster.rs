@@ -89,6 +89,8 @@ pub struct Linear {
     pub determinant: f32,
     /// Keeps angles (rotation, mirror, uniform scale).
     pub is_similarity: bool,
+    /// Keeps lengths and sides too (rotation).
+    pub is_rigid: bool,
     /// Mean of the squared singular values.
     pub mean_square_scale: f32,
     /// A lower bound of the least singular value.
@@ -107,6 +109,7 @@ impl Linear {
         let gram = linear.transpose() * linear;
         let off = (gram - Mat3::from_diagonal(Vec3::splat(mean_square_scale))).to_cols_array();
         let is_similarity = off.iter().all(|e| e.abs() <= SIMILARITY_TOLERANCE * mean_square_scale);
+        let is_rigid = is_similarity && (mean_square_scale - 1.0).abs() <= SIMILARITY_TOLERANCE && determinant > 0.0;
         let least_scale = if is_similarity {
             mean_square_scale.sqrt() * (1.0 - SIMILARITY_TOLERANCE)
         } else {
@@ -114,7 +117,7 @@ impl Linear {
             let inverse = exact.inverse().to_cols_array();
             (1.0 / inverse.iter().map(|e| e * e).sum::<f64>().sqrt()) as f32
         };
-        Self { linear, cofactor, determinant, is_similarity, mean_square_scale, least_scale }
+        Self { linear, cofactor, determinant, is_similarity, is_rigid, mean_square_scale, least_scale }
     }
 
     /// What a cluster emits when it is carried along: points and spots keep their flux, areas change.
@@ -139,10 +142,13 @@ mod tests {
         let axis = Vec3::new(0.0, 2.0 / 3.0, 0.0);
         let triple = Linear::new(Mat3::from_diagonal(Vec3::splat(3.0)));
         assert!((triple.flux(5.0, 2.0, axis) - 23.0).abs() < 1e-4);
-        assert!(triple.is_similarity);
+        assert!(triple.is_similarity && !triple.is_rigid);
         let mirror = Linear::new(Mat3::from_diagonal(Vec3::new(-1.0, 1.0, 1.0)));
         assert!((mirror.flux(5.0, 2.0, Vec3::ZERO) - 7.0).abs() < 1e-5);
-        assert!(mirror.is_similarity);
+        assert!(mirror.is_similarity && !mirror.is_rigid);
+        // Products of many rotations are still rotations.
+        let steps = (0..100).fold(Mat3::IDENTITY, |turned, i| turned * Mat3::from_rotation_y(0.1 * i as f32));
+        assert!(Linear::new(steps).is_rigid);
         // A mirrored emitter that faces x faces -x afterwards, as its mirrored geometry does.
         assert!((mirror.cofactor * Vec3::X + Vec3::X).length() < 1e-6);
         let flat = Linear::new(Mat3::from_diagonal(Vec3::new(2.0, 7.0, 3.0)));

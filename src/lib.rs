@@ -47,13 +47,14 @@
 //! relative to [`World::origin`] in f32. A *pmf* is the chance of choosing a light; a *pdf* is a density per steradian.
 //! The sum of all pmf and the chance of "no light" is 1. Bad input gets a typed error and changes nothing.
 //!
-//! Data moves one way, and the modules read in that order: lights, cones and boxes, clusters, trees, policies,
+//! Data moves one way, and the modules read in that order: effects, lights, cones and boxes, clusters, trees, policies,
 //! scheduler, world, top level, sampling, GPU. `docs/architecture.md` draws it; `docs/math.md` derives the formulas
 //! and names the papers behind keys such as CK18 and SS.
 
 // In the order data passes through them; `tests/all/dependencies.rs` checks that imports point up this list only.
 mod simd;
 mod keys;
+mod effects;
 pub mod error;
 pub mod bounds;
 pub mod cone;
@@ -68,7 +69,6 @@ mod placement;
 mod walk;
 mod curve;
 mod top;
-mod effects;
 mod world;
 mod sample;
 #[cfg(feature = "gpu")]
@@ -76,7 +76,7 @@ pub mod gpu;
 #[cfg(feature = "gltf")]
 pub mod gltf;
 
-pub use effects::Effects;
+pub use effects::{DAMPING, EffectCounts, Effects};
 pub use emit::Incident;
 pub use error::{LightError, PlacementError, WorldError};
 pub use glam;

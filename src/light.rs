@@ -9,6 +9,7 @@ use glam::Vec3;
 use crate::bounds::Aabb;
 use crate::cluster::{Cluster, MOST_FLUX};
 use crate::cone::{CAP_PADDING, Cone};
+use crate::effects::Effects;
 use crate::error::LightError;
 
 /// Largest coordinate, radius or edge of a light, in metres. Squares and fourth powers of it stay far inside f32.
@@ -280,6 +281,19 @@ impl Light {
             cos_half_angle: if holds { cone.half_angle.cos() - CAP_PADDING } else { -1.0 },
             range: self.range,
         }
+    }
+
+    /// What the light calls for: its kind, whether or not it shines.
+    pub fn effects(&self) -> Effects {
+        let kind = match self.shape {
+            Shape::Point { .. } => Effects::empty(),
+            Shape::Spot { .. } => Effects::CONES,
+            Shape::Sphere { .. } => Effects::AREAS,
+            Shape::Rectangle { two_sided, .. } | Shape::Triangle { two_sided, .. } => {
+                Effects::AREAS | if two_sided { Effects::TWO_SIDED } else { Effects::CONES }
+            }
+        };
+        if self.range < f32::INFINITY { kind | Effects::RANGES } else { kind }
     }
 
     /// Without extent: a point or a spot.

@@ -3,6 +3,7 @@
 use glam::{Affine3A, DAffine3, DVec3, Mat3, Mat4, Vec3};
 
 use crate::cluster::Linear;
+use crate::effects::Effects;
 use crate::emit::Frame;
 use crate::error::PlacementError;
 use crate::importance::{POSITION_MARGIN, Receiver, View};
@@ -96,6 +97,11 @@ impl Placed {
             determinant: linear.determinant,
         };
         Ok(Self { linear, frame })
+    }
+
+    /// What an instance that stands here calls for.
+    pub fn effects(&self) -> Effects {
+        if self.linear.is_rigid { Effects::empty() } else { Effects::NON_RIGID }
     }
 
     /// A receiver of the world seen in the tree's space.

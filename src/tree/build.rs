@@ -9,6 +9,7 @@ use super::refit::Tasks;
 use super::shape::shape;
 use super::wide::WideCluster;
 use crate::cluster::Cluster;
+use crate::effects::EffectCounts;
 use crate::light::Light;
 
 /// Fewer lights are not worth another thread.
@@ -23,6 +24,7 @@ impl LightTree {
         let count = with_spare(shapes.len());
         let mut tree = Self {
             leaves: vec![0; lights.len()],
+            effects: effects_of(&lights),
             lights,
             nodes: vec![Node::EMPTY; count],
             wide: vec![WideCluster::EMPTY; count],
@@ -42,6 +44,12 @@ impl LightTree {
         }
         tree
     }
+}
+
+fn effects_of(lights: &[Light]) -> EffectCounts {
+    let mut counts = EffectCounts::default();
+    lights.iter().for_each(|light| counts.add(light.effects()));
+    counts
 }
 
 fn members(lights: &[Light]) -> Vec<Member> {

@@ -1,6 +1,6 @@
 //! Proves that a tree keeps its promises; every tree test calls it after every step.
 
-use super::node::{EMPTY_SLOT, FARTHEST, NO_PARENT, WIDTH};
+use super::node::{EMPTY_SLOT, FARTHEST, NO_PARENT, Node, WIDTH};
 use super::{LightTree, Target};
 use crate::cluster::{Cluster, MOST_FLUX};
 use crate::cone::angle;
@@ -30,6 +30,14 @@ impl LightTree {
     /// # Errors
     /// The first broken promise. A correct library never returns one; this is for tests and for suspicious minds. O(n).
     pub fn check(&self) -> Result<(), CheckError> {
+        if self.is_frozen() {
+            let thawed = self.thawed();
+            let differs = |(node, (now, then)): (usize, (&Node, &Node))| (now != then).then_some(node);
+            return match self.nodes.iter().zip(&thawed.nodes).enumerate().find_map(differs) {
+                Some(node) => Err(CheckError { node, slot: 0, what: "not what its lights make" }),
+                None => thawed.check(),
+            };
+        }
         let mut seen = vec![false; self.lights.len()];
         let mut reached = usize::from(!self.nodes.is_empty());
         let mut spares = 0;

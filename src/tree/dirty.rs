@@ -16,6 +16,11 @@ impl Dirty {
         Self { flags: vec![false; count], heap: BinaryHeap::with_capacity(count) }
     }
 
+    /// Bytes.
+    pub fn memory(&self) -> usize {
+        self.flags.capacity() + size_of::<u32>() * self.heap.capacity()
+    }
+
     /// How many are in the set.
     pub fn len(&self) -> usize {
         self.heap.len()

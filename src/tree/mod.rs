@@ -5,6 +5,7 @@ mod build;
 mod check;
 mod cost;
 mod dirty;
+mod freeze;
 mod node;
 mod rebuild;
 mod refit;
@@ -22,6 +23,7 @@ pub(crate) use wide::{Lanes, WideCluster};
 use dirty::Dirty;
 
 use crate::cluster::Cluster;
+use crate::effects::EffectCounts;
 use crate::error::WorldError;
 use crate::light::Light;
 
@@ -32,11 +34,13 @@ use crate::light::Light;
 #[derive(Clone, Debug, Default)]
 pub struct LightTree {
     lights: Vec<Light>,
+    /// What the lights call for.
+    effects: EffectCounts,
     /// For each light `node * WIDTH + slot` of its leaf.
     leaves: Vec<u32>,
     /// What is sampled.
     nodes: Vec<Node>,
-    /// What each node is packed from; lights' lanes follow `set`, nodes' lanes the refit.
+    /// What each node is packed from; lights' lanes follow `set`, nodes' lanes the refit. A frozen tree has none.
     wide: Vec<WideCluster>,
     /// Nodes that belong to each node's subtree, itself and spare ones included; 0 for a spare node.
     spans: Vec<u32>,
@@ -85,6 +89,11 @@ impl LightTree {
         &self.lights
     }
 
+    /// How many of the lights have each effect.
+    pub fn effects(&self) -> &EffectCounts {
+        &self.effects
+    }
+
     /// The nodes, the root first.
     pub fn nodes(&self) -> &[Node] {
         &self.nodes
@@ -123,8 +132,13 @@ impl LightTree {
 
     /// [`LightTree::set`] for changes that are known to be fine.
     pub(crate) fn apply(&mut self, changes: &[(u32, Light)]) {
+        if !changes.is_empty() {
+            self.thaw();
+        }
         for (index, light) in changes {
-            self.lights[*index as usize] = *light;
+            let former = std::mem::replace(&mut self.lights[*index as usize], *light);
+            self.effects.remove(former.effects());
+            self.effects.add(light.effects());
             let place = self.leaves[*index as usize] as usize;
             self.wide[place / WIDTH].set(place % WIDTH, &light.cluster());
             self.dirty.insert(place / WIDTH);

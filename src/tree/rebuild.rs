@@ -33,6 +33,7 @@ impl LightTree {
     /// rebuilt, besides a search among subtrees of 1/256 of the tree and more. `docs/benchmarks.md` has what it wins
     /// back.
     pub fn rebuild_worst(&mut self, lights: usize) -> usize {
+        self.thaw();
         self.refit();
         self.credit = self.credit.saturating_add(lights).min(self.lights.len());
         let mut rebuilt = 0;

@@ -22,6 +22,12 @@ impl LightTree {
     /// Every cluster is made from its children anew, so a million refits drift no further than one. O(changed lights x
     /// depth), and never more than all nodes.
     pub fn refit(&mut self) {
+        if self.is_frozen() {
+            if !self.is_unmeasured {
+                return;
+            }
+            self.thaw();
+        }
         if std::mem::take(&mut self.is_unmeasured) {
             let is_used = self.spans.iter().map(|span| *span > 0);
             self.dirty.flags_mut().iter_mut().zip(is_used).for_each(|(flag, is_used)| *flag = is_used);
@@ -106,6 +112,11 @@ impl Tasks {
             }
         }
         tasks
+    }
+
+    /// Bytes.
+    pub fn memory(&self) -> usize {
+        size_of::<Subtree>() * self.subtrees.capacity() + size_of::<u32>() * self.upper.capacity()
     }
 }
 

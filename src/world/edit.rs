@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::{Instance, TreeEntry, World, set_slot};
+use crate::effects::Effects;
 use crate::error::WorldError;
 use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
 use crate::light::{DirectionalLight, Light};
@@ -21,7 +22,9 @@ impl World {
     }
 
     fn insert_tree(&mut self, tree: LightTree) -> TreeKey {
+        self.effects.change(|counts| counts.add_all(tree.effects()));
         let key = self.trees.insert(TreeEntry::new(tree));
+        self.wake(key);
         set_slot(&mut self.tree_slots, slot_of(key), Some(key));
         self.changes.tree(slot_of(key));
         key
@@ -36,7 +39,10 @@ impl World {
         if instances > 0 {
             return Err(WorldError::TreeInUse { tree, instances });
         }
-        self.trees.remove(tree);
+        self.let_rest(tree);
+        if let Some(entry) = self.trees.remove(tree) {
+            self.effects.change(|counts| counts.remove_all(entry.tree.effects()));
+        }
         self.edited.retain(|k| *k != tree);
         self.waiting.retain(|k| *k != tree);
         set_slot(&mut self.tree_slots, slot_of(tree), None);
@@ -77,9 +83,14 @@ impl World {
         let entry = &mut self.trees[tree];
         self.light_count -= entry.tree.lights().len() * entry.instances.len();
         self.light_count += built.lights().len() * entry.instances.len();
+        self.effects.change(|counts| {
+            counts.add_all(built.effects());
+            counts.remove_all(entry.tree.effects());
+        });
         entry.history = crate::policy::History::start(built.attributes());
         entry.tree = built;
         entry.staged.clear();
+        self.has_moved(tree);
         self.changes.tree(slot_of(tree));
         self.top.take();
         Ok(())
@@ -99,6 +110,7 @@ impl World {
         policy.validate()?;
         let placement = placement.into();
         let placed = Placed::new(&placement, self.origin)?;
+        self.effects.change(|counts| counts.add(placed.effects()));
         let key = self.instances.insert(Instance { tree, placement, policy, placed, place: 0 });
         set_slot(&mut self.slots, slot_of(key), Some(key));
         self.attach(key, tree, policy);
@@ -117,8 +129,15 @@ impl World {
         if placement == instance.placement {
             return Ok(());
         }
-        instance.placed = Placed::new(&placement, origin)?;
+        let former = std::mem::replace(&mut instance.placed, Placed::new(&placement, origin)?).effects();
+        let present = instance.placed.effects();
         instance.placement = placement;
+        if former != present {
+            self.effects.change(|counts| {
+                counts.add(present);
+                counts.remove(former);
+            });
+        }
         self.instance_changed(key);
         Ok(())
     }
@@ -129,6 +148,7 @@ impl World {
     /// [`WorldError::NoSuchInstance`].
     pub fn remove_instance(&mut self, key: InstanceKey) -> Result<(), WorldError> {
         let instance = self.instances.remove(key).ok_or(WorldError::NoSuchInstance(key))?;
+        self.effects.change(|counts| counts.remove(instance.placed.effects()));
         set_slot(&mut self.slots, slot_of(key), None);
         self.detach(instance.tree, instance.place, instance.policy);
         self.instance_changed(key);
@@ -184,6 +204,7 @@ impl World {
     pub fn add_directional(&mut self, light: DirectionalLight) -> Result<DirectionalKey, WorldError> {
         check_directional(&light)?;
         self.changes.directionals = true;
+        self.effects.change(|counts| counts.add(Effects::DIRECTIONAL));
         Ok(self.directionals.insert(light))
     }
 
@@ -208,6 +229,7 @@ impl World {
     pub fn remove_directional(&mut self, key: DirectionalKey) -> Result<(), WorldError> {
         self.directionals.remove(key).ok_or(WorldError::NoSuchDirectional(key))?;
         self.changes.directionals = true;
+        self.effects.change(|counts| counts.remove(Effects::DIRECTIONAL));
         Ok(())
     }
 

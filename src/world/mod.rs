@@ -2,6 +2,7 @@
 
 mod delta;
 mod edit;
+mod rest;
 mod update;
 
 use std::sync::{Arc, OnceLock};
@@ -14,6 +15,7 @@ pub use delta::FrameDelta;
 pub use update::FrameReport;
 
 use crate::cluster::Cluster;
+use crate::effects::{Damped, EffectCounts, Effects};
 use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
 use crate::light::{DirectionalLight, Light, MIN_FLUX};
 use crate::placement::{Placed, Placement};
@@ -35,6 +37,9 @@ pub struct World {
     tree_slots: Vec<Option<TreeKey>>,
     origin: DVec3,
     light_count: usize,
+    effects: Damped,
+    /// Trees that are not frozen, each once.
+    awake: Vec<TreeKey>,
     /// Trees with staged lights, each once.
     edited: Vec<TreeKey>,
     /// Trees that asked for a rebuild and got none yet, each once.
@@ -56,6 +61,7 @@ pub(crate) struct TreeEntry {
     is_waiting: bool,
     /// Updates since it first asked for a rebuild in vain.
     waited: u32,
+    rest: rest::Rest,
 }
 
 pub(crate) struct Instance {
@@ -78,6 +84,7 @@ impl TreeEntry {
             is_edited: false,
             is_waiting: false,
             waited: 0,
+            rest: rest::Rest::default(),
         }
     }
 
@@ -130,6 +137,8 @@ impl World {
             tree_slots: Vec::new(),
             origin: DVec3::ZERO,
             light_count: 0,
+            effects: Damped::default(),
+            awake: Vec::new(),
             edited: Vec::new(),
             waiting: Vec::new(),
             changes: Changes::default(),
@@ -152,6 +161,22 @@ impl World {
     /// Lights that can be sampled: those of a tree once per instance, and directional lights.
     pub fn light_count(&self) -> usize {
         self.light_count + self.directionals.len()
+    }
+
+    /// How many lights (of trees, each once, with instances or without), instances and trees have each effect, now. O(1).
+    pub fn effect_counts(&self) -> &EffectCounts {
+        self.effects.counts()
+    }
+
+    /// The effects of what the world holds now; staged edits count from [`World::update`] on. O(1).
+    pub fn called_for(&self) -> Effects {
+        self.effects.counts().effects()
+    }
+
+    /// What shaders and layouts should be made for: all that [`World::called_for`] has, at once, and what it had within
+    /// the last [`DAMPING`](crate::DAMPING) calls of [`World::update`], so that flicker changes nothing. O(1).
+    pub fn effects(&self) -> Effects {
+        self.effects.effects()
     }
 
     /// The point that sampling coordinates are relative to, in metres.

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use super::{TreeEntry, World};
+use crate::effects::EffectCounts;
 use crate::keys::{TreeKey, slot_of};
 use crate::light::Light;
 use crate::policy::{History, Policy, wants_rebuild};
@@ -29,7 +30,10 @@ pub struct FrameReport {
 }
 
 impl World {
-    /// Brings trees up to date with the edits since the last call. O(lights of edited trees).
+    /// Brings trees up to date with the edits since the last call. O(lights of edited trees), and O(1) for each tree that
+    /// was edited or added lately. To be called once a frame: what has not been called for or not changed for
+    /// [`DAMPING`](crate::DAMPING) calls leaves [`World::effects`], and trees give up what only refits need
+    /// ([`LightTree::freeze`]).
     ///
     /// Edited trees are refitted, in parallel. Those whose policy asks for a rebuild are then rebuilt, the most
     /// worthwhile first, as long as the predicted time of the next one fits into what is left of the budget.
@@ -40,6 +44,8 @@ impl World {
         report.refit_trees = self.refit_edited();
         report.refit_time = self.clock.now().saturating_sub(start);
         self.rebuild_waiting(budget, &mut report);
+        self.effects.fade();
+        self.freeze_resting();
         report
     }
 
@@ -56,6 +62,7 @@ impl World {
                 entry.is_edited = false;
                 Edited {
                     key,
+                    former: *entry.tree.effects(),
                     tree: std::mem::take(&mut entry.tree),
                     staged: std::mem::take(&mut entry.staged),
                     is_measured: entry.may_rebuild(),
@@ -80,7 +87,14 @@ impl World {
         work.iter_mut().for_each(refit);
 
         let count = work.len();
-        for Edited { key, tree, staged, .. } in work {
+        for Edited { key, former, tree, staged, .. } in work {
+            if *tree.effects() != former {
+                self.effects.change(|counts| {
+                    counts.add_all(tree.effects());
+                    counts.remove_all(&former);
+                });
+            }
+            self.has_moved(key);
             let entry = &mut self.trees[key];
             entry.tree = tree;
             entry.staged = staged;
@@ -137,6 +151,8 @@ impl World {
 /// A tree that left the map to be refitted.
 struct Edited {
     key: TreeKey,
+    /// What its lights called for before the edits.
+    former: EffectCounts,
     tree: LightTree,
     staged: Vec<(u32, Light)>,
     /// Some policy reads the attributes.

@@ -4,7 +4,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use girandole::glam::{DVec3, Vec3};
-use girandole::{FrameBudget, Light, LightTree, Placement, Policy};
+use girandole::{DAMPING, FrameBudget, Light, LightTree, Placement, Policy, World};
 
 use crate::support::Rng;
 
@@ -98,5 +98,11 @@ fn an_update_of_a_world_that_stands_still_asks_for_no_memory() {
     world.add_instance(tree, Placement::at(DVec3::ONE), Policy::AlwaysRebuild).expect("valid");
     world.update(FrameBudget::UNLIMITED);
     world.take_delta();
-    assert_eq!(requests(|| drop((world.update(FrameBudget::UNLIMITED), world.take_delta()))), 0);
+    // While its trees come to rest, and after that.
+    let tree_is_frozen = |world: &World| world.tree(tree).is_some_and(LightTree::is_frozen);
+    assert!(!tree_is_frozen(&world));
+    for _ in 0..2 * DAMPING {
+        assert_eq!(requests(|| drop((world.update(FrameBudget::UNLIMITED), world.take_delta()))), 0);
+    }
+    assert!(tree_is_frozen(&world));
 }

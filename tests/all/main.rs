@@ -7,6 +7,7 @@ mod city;
 mod city_images;
 mod city_refusals;
 mod dependencies;
+mod effects;
 mod gltf;
 mod gpu;
 mod hard_cases;

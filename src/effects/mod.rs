@@ -1,4 +1,16 @@
 //! Which effects a world calls for: what no light has is neither stored, nor tested, nor uploaded.
+//!
+//! A world counts what it holds ([`EffectCounts`]): each light that comes, changes or goes moves some counts by one, a
+//! tree keeps those of its own lights, and nobody ever looks through all of them. What the counts call for is
+//! [`World::called_for`](crate::World::called_for). [`World::effects`](crate::World::effects) is what shaders should be
+//! made for: it grows at once, since shaders must know what lies in the buffers, and shrinks [`DAMPING`] updates late.
+//!
+//! A light that is off counts as what it is: its record lies in the buffers, and it may be on again in the next frame.
+
+mod counts;
+
+pub(crate) use counts::Damped;
+pub use counts::{DAMPING, EffectCounts};
 
 bitflags::bitflags! {
     /// A set of effects. Shaders made for a set serve every world that calls for no other.
@@ -14,9 +26,9 @@ bitflags::bitflags! {
         const TWO_SIDED = 1 << 3;
         /// There is a light at infinity.
         const DIRECTIONAL = 1 << 4;
-        /// Some instance is scaled, sheared or mirrored, not only turned and moved.
+        /// Some instance is scaled, sheared or mirrored, not only turned and moved (to rounding).
         const NON_RIGID = 1 << 5;
-        /// The lights of some tree change.
+        /// The lights of some tree changed within the last [`DAMPING`] updates.
         const MOVING = 1 << 6;
     }
 }

@@ -1,0 +1,85 @@
+//! Which trees move and which rest: those that rest are frozen.
+
+use super::World;
+use crate::effects::{DAMPING, Effects};
+use crate::keys::TreeKey;
+
+/// A tree's part in it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rest {
+    /// Its place in the world's list of trees that are awake, if it is.
+    place: Option<usize>,
+    /// Its lights changed less than [`DAMPING`] updates ago.
+    is_moving: bool,
+    /// Updates since its lights changed, or since it came.
+    still: u32,
+    /// Updates of stillness after which it is frozen. Twice as many after each thaw, so that a large tree one of whose
+    /// lamps flickers now and then is not computed anew each time.
+    patience: u32,
+}
+
+impl Default for Rest {
+    fn default() -> Self {
+        Self { place: None, is_moving: false, still: 0, patience: DAMPING }
+    }
+}
+
+impl World {
+    /// A tree's rest starts anew.
+    pub(super) fn wake(&mut self, tree: TreeKey) {
+        let place = self.awake.len();
+        let rest = &mut self.trees[tree].rest;
+        rest.still = 0;
+        if rest.place.is_none() {
+            rest.place = Some(place);
+            self.awake.push(tree);
+        }
+    }
+
+    /// A tree's lights have changed.
+    pub(super) fn has_moved(&mut self, tree: TreeKey) {
+        let rest = &mut self.trees[tree].rest;
+        if rest.place.is_none() {
+            rest.patience = rest.patience.saturating_mul(2);
+        }
+        if !std::mem::replace(&mut rest.is_moving, true) {
+            self.effects.change(|counts| counts.add(Effects::MOVING));
+        }
+        self.wake(tree);
+    }
+
+    /// A tree is no longer awake, nor moving. O(1).
+    pub(super) fn let_rest(&mut self, tree: TreeKey) {
+        self.stand_still(tree);
+        let Some(place) = self.trees[tree].rest.place.take() else { return };
+        self.awake.swap_remove(place);
+        if let Some(moved) = self.awake.get(place) {
+            self.trees[*moved].rest.place = Some(place);
+        }
+    }
+
+    /// A tree does not move any more.
+    fn stand_still(&mut self, tree: TreeKey) {
+        if std::mem::take(&mut self.trees[tree].rest.is_moving) {
+            self.effects.change(|counts| counts.remove(Effects::MOVING));
+        }
+    }
+
+    /// An update has passed. O(trees that are awake).
+    pub(super) fn freeze_resting(&mut self) {
+        // From the last on: who takes the place of one that leaves has had its turn.
+        for place in (0..self.awake.len()).rev() {
+            let tree = self.awake[place];
+            let rest = &mut self.trees[tree].rest;
+            rest.still = rest.still.saturating_add(1);
+            let (still, patience) = (rest.still, rest.patience);
+            if still > DAMPING {
+                self.stand_still(tree);
+            }
+            if still > patience {
+                self.trees[tree].tree.freeze();
+                self.let_rest(tree);
+            }
+        }
+    }
+}

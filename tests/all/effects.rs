@@ -1,0 +1,217 @@
+//! What a world calls for, kept up by counting.
+
+use girandole::glam::{DVec3, Mat3, Vec3};
+use girandole::{
+    DAMPING, DirectionalKey, DirectionalLight, EffectCounts, Effects, FrameBudget, InstanceKey, Light, Placement,
+    Policy, World,
+};
+use proptest::prelude::*;
+
+use crate::support::Rng;
+
+fn moon() -> DirectionalLight {
+    DirectionalLight { direction: Vec3::NEG_Y, illuminance: Vec3::ONE }
+}
+
+/// All but what moves, from scratch.
+fn counted(world: &World) -> EffectCounts {
+    let mut counts = EffectCounts::default();
+    for tree in world.trees() {
+        let tree = world.tree(tree).expect("it lives");
+        tree.lights().iter().for_each(|light| counts.add(light.effects()));
+    }
+    for instance in world.instances() {
+        let linear = world.placement(instance).expect("it lives").linear;
+        let gram = linear.transpose() * linear;
+        if !gram.abs_diff_eq(Mat3::IDENTITY, 1.0e-4) || linear.determinant() < 0.0 {
+            counts.add(Effects::NON_RIGID);
+        }
+    }
+    world.directionals().for_each(|_| counts.add(Effects::DIRECTIONAL));
+    counts
+}
+
+#[test]
+fn each_kind_of_light_calls_for_what_it_is_even_if_it_is_dark() {
+    let [x, y, one] = [Vec3::X, Vec3::Y, Vec3::ONE];
+    for emission in [one, Vec3::ZERO] {
+        for (light, effects) in [
+            (Light::point(one, emission), Effects::empty()),
+            (Light::spot(one, x, 0.1, 0.2, emission), Effects::CONES),
+            (Light::sphere(one, 0.1, emission), Effects::AREAS),
+            (Light::rectangle(one, x, y, emission), Effects::AREAS | Effects::CONES),
+            (Light::rectangle(one, x, y, emission).two_sided(), Effects::AREAS | Effects::TWO_SIDED),
+            (Light::triangle([one, x, y], emission), Effects::AREAS | Effects::CONES),
+            (Light::triangle([one, x, y], emission).two_sided(), Effects::AREAS | Effects::TWO_SIDED),
+        ] {
+            assert_eq!(light.effects(), effects, "{light:?}");
+            assert_eq!(light.with_range(5.0).effects(), effects | Effects::RANGES, "{light:?}");
+        }
+    }
+}
+
+#[test]
+fn a_lamp_that_flickers_between_two_sets_changes_the_set_once() {
+    let lamp = |frame: u32| {
+        let plain = Light::point(Vec3::ZERO, Vec3::ONE);
+        if frame / 10 % 2 == 0 { plain } else { plain.with_range(5.0) }
+    };
+    let mut world = World::new();
+    let tree = world.add_tree(vec![lamp(0)]).expect("valid");
+    world.add_instance(tree, Placement::IDENTITY, Policy::RefitOnly).expect("valid");
+    let mut sets = vec![world.effects()];
+    let mut exact_changes = 0;
+    for frame in 0..1000 {
+        let before = world.called_for();
+        world.set_lights(tree, &[(0, lamp(frame))]).expect("valid");
+        assert_eq!(world.called_for(), before, "edits count from the update on");
+        world.update(FrameBudget::NONE);
+        // Growth is there in the same frame.
+        assert_eq!(world.called_for(), lamp(frame).effects() | Effects::MOVING);
+        assert!(world.effects().contains(world.called_for()), "frame {frame}");
+        exact_changes += u32::from(world.called_for() != before);
+        if sets.last() != Some(&world.effects()) {
+            sets.push(world.effects());
+        }
+    }
+    assert_eq!(sets, [Effects::empty(), Effects::MOVING, Effects::MOVING | Effects::RANGES]);
+    assert_eq!(exact_changes, 100);
+    // At the end the lamp has its range; after the flicker all that is left is that.
+    for _ in 0..DAMPING {
+        world.update(FrameBudget::NONE);
+    }
+    assert_eq!(world.effects(), Effects::RANGES);
+}
+
+#[test]
+fn what_nothing_calls_for_stays_for_a_while_and_what_comes_back_never_left() {
+    let mut world = World::new();
+    let tree = world.add_tree(vec![Light::sphere(Vec3::ZERO, 1.0, Vec3::ONE)]).expect("valid");
+    let squashed = Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, 2.0, 1.0)), ..Placement::IDENTITY };
+    let instance = world.add_instance(tree, squashed, Policy::Static).expect("valid");
+    let key = world.add_directional(moon()).expect("valid");
+    let all = Effects::AREAS | Effects::NON_RIGID | Effects::DIRECTIONAL;
+    assert_eq!((world.called_for(), world.effects()), (all, all));
+    world.move_instance(instance, Placement::at(DVec3::ONE)).expect("valid");
+    world.remove_directional(key).expect("it lives");
+    assert_eq!((world.called_for(), world.effects()), (Effects::AREAS, all));
+    for frame in 0..DAMPING {
+        assert_eq!(world.effects(), all, "frame {frame}");
+        world.update(FrameBudget::NONE);
+    }
+    assert_eq!(world.effects(), Effects::AREAS);
+    // A light that is there for part of a frame only, each frame.
+    for _ in 0..3 {
+        let key = world.add_directional(moon()).expect("valid");
+        world.remove_directional(key).expect("it lives");
+        world.update(FrameBudget::NONE);
+        assert_eq!(world.effects(), Effects::AREAS | Effects::DIRECTIONAL);
+    }
+}
+
+#[test]
+fn trees_that_rest_are_frozen_once_and_thaw_when_they_are_edited() {
+    let mut rng = Rng(90);
+    let lights = rng.lights(200, 10.0);
+    let mut world = World::new();
+    let [resting, flickering] = [0, 1].map(|_| {
+        let tree = world.add_tree(lights.clone()).expect("valid");
+        world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+        tree
+    });
+    let is_frozen = |world: &World, tree| world.tree(tree).expect("it lives").is_frozen();
+    for frame in 0..=DAMPING {
+        assert!(!is_frozen(&world, resting), "frame {frame}");
+        assert!(!world.effects().contains(Effects::MOVING));
+        world.update(FrameBudget::UNLIMITED);
+    }
+    assert!(is_frozen(&world, resting) && is_frozen(&world, flickering));
+    // Three edits, each after a freeze: after each the tree waits twice as long.
+    for patience in [2 * DAMPING, 4 * DAMPING, 8 * DAMPING] {
+        world.set_lights(flickering, &[(3, rng.light(10.0))]).expect("valid");
+        for frame in 0..patience {
+            world.update(FrameBudget::UNLIMITED);
+            assert!(!is_frozen(&world, flickering));
+            assert_eq!(world.called_for().contains(Effects::MOVING), frame < DAMPING, "frame {frame}");
+        }
+        world.update(FrameBudget::UNLIMITED);
+        assert!(is_frozen(&world, flickering) && is_frozen(&world, resting));
+        world.tree(flickering).expect("it lives").check().expect("sound");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 48, ..ProptestConfig::default() })]
+
+    /// Random edits, some of them refused, against counting from scratch.
+    #[test]
+    fn counts_are_what_counting_finds(seed in any::<u64>(), steps in 1_usize..80) {
+        let mut rng = Rng(seed);
+        let mut world = World::new();
+        let mut instances: Vec<InstanceKey> = Vec::new();
+        let mut directionals: Vec<DirectionalKey> = Vec::new();
+        let mut any = |count: usize| (rng.bits() % count.max(1) as u64) as usize;
+        let mut numbers = Rng(!seed);
+        for _ in 0..steps {
+            let trees: Vec<_> = world.trees().collect();
+            let tree = trees.get(any(trees.len())).copied();
+            let instance = instances.get(any(instances.len())).copied();
+            let bad = Light::point(Vec3::NAN, Vec3::ONE).with_range(2.0);
+            match (any(12), tree, instance) {
+                (0, ..) => drop(world.add_tree(numbers.lights(any(30), 5.0))),
+                (1, Some(tree), _) => {
+                    let _ = world.remove_tree(tree);
+                }
+                (2 | 3, Some(tree), _) => {
+                    let policy = [Policy::Static, Policy::RefitOnly, Policy::Budgeted][any(3)];
+                    instances.push(world.add_instance(tree, numbers.affine(50.0), policy).expect("valid"));
+                }
+                (4, _, Some(instance)) => world.move_instance(instance, numbers.affine(50.0)).expect("valid"),
+                (5, _, Some(instance)) => {
+                    instances.retain(|key| *key != instance);
+                    world.remove_instance(instance).expect("it lives");
+                }
+                (6, Some(tree), _) => {
+                    let count = world.tree(tree).expect("it lives").lights().len() as u32;
+                    let changes: Vec<_> = (0..count).step_by(3).map(|i| (i, numbers.light(9.0))).collect();
+                    let _ = world.set_lights(tree, &changes);
+                    prop_assert!(world.set_lights(tree, &[(0, numbers.light(9.0)), (0, bad)]).is_err());
+                }
+                (7, Some(tree), _) => {
+                    let _ = world.replace_lights(tree, numbers.lights(any(30), 5.0));
+                    prop_assert!(world.replace_lights(tree, vec![numbers.light(9.0), bad]).is_err());
+                }
+                (8, _, Some(instance)) => drop(world.make_unique(instance)),
+                (9, ..) => directionals.push(world.add_directional(moon()).expect("valid")),
+                (10, ..) if !directionals.is_empty() => {
+                    let key = directionals.swap_remove(any(directionals.len()));
+                    world.remove_directional(key).expect("it lives");
+                    prop_assert!(world.remove_directional(key).is_err());
+                }
+                _ => {
+                    // Often enough for some trees to freeze.
+                    for _ in 0..[1, DAMPING][any(2)] {
+                        world.update(FrameBudget::NONE);
+                    }
+                }
+            }
+            let counts = world.effect_counts();
+            let mut expected = counted(&world);
+            (0..counts.of(Effects::MOVING)).for_each(|_| expected.add(Effects::MOVING));
+            prop_assert_eq!(counts, &expected);
+            prop_assert!(counts.of(Effects::MOVING) <= world.tree_count() as u64);
+            prop_assert!(world.effects().contains(world.called_for()));
+            prop_assert_eq!(world.called_for(), counts.effects());
+        }
+        for instance in instances {
+            world.remove_instance(instance).expect("it lives");
+        }
+        for tree in world.trees().collect::<Vec<_>>() {
+            world.remove_tree(tree).expect("unused");
+        }
+        for key in directionals {
+            world.remove_directional(key).expect("it lives");
+        }
+        prop_assert_eq!(world.effect_counts(), &EffectCounts::default());
+    }
+}
