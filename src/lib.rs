@@ -76,7 +76,7 @@ pub mod gpu;
 #[cfg(feature = "gltf")]
 pub mod gltf;
 
-pub use effects::{DAMPING, EffectCounts, Effects};
+pub use effects::{DAMPING, EffectCounts, Effects, MOST_VARIANTS, Variants};
 pub use emit::Incident;
 pub use error::{LightError, PlacementError, WorldError};
 pub use glam;

@@ -4,13 +4,16 @@
 //! tree keeps those of its own lights, and nobody ever looks through all of them. What the counts call for is
 //! [`World::called_for`](crate::World::called_for). [`World::effects`](crate::World::effects) is what shaders should be
 //! made for: it grows at once, since shaders must know what lies in the buffers, and shrinks [`DAMPING`] updates late.
+//! [`Variants`] keeps the shaders.
 //!
 //! A light that is off counts as what it is: its record lies in the buffers, and it may be on again in the next frame.
 
 mod counts;
+mod variants;
 
 pub(crate) use counts::Damped;
 pub use counts::{DAMPING, EffectCounts};
+pub use variants::{MOST_VARIANTS, Variants};
 
 bitflags::bitflags! {
     /// A set of effects. Shaders made for a set serve every world that calls for no other.
