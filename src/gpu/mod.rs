@@ -29,6 +29,7 @@ use top::TopBuild;
 pub use upload::UploadReport;
 use upload::{TreeRanges, Unsent};
 
+use crate::effects::Effects;
 use crate::tree::Node;
 use crate::walk::{DEFAULT_OPENINGS, MOST_OPENINGS};
 
@@ -53,6 +54,8 @@ pub struct GpuLights {
     top: TopBuild,
     top_is_stale: bool,
     batch: BatchKernel,
+    /// What the world called for at the last upload: of all that lies in the buffers.
+    effects: Effects,
     layout: wgpu::BindGroupLayout,
     bind_group: wgpu::BindGroup,
     /// Of the buffers that the bind group was made for.
@@ -101,6 +104,7 @@ impl GpuLights {
             top,
             top_is_stale: true,
             batch,
+            effects: Effects::all(),
             layout,
             bind_group,
             bound,

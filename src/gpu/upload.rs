@@ -48,6 +48,7 @@ impl GpuLights {
     pub fn upload(&mut self, world: &World, delta: &FrameDelta) -> Result<UploadReport, GpuError> {
         let mut report = UploadReport::default();
         if delta.is_empty() && self.unsent.is_empty() {
+            self.effects = world.effects();
             return Ok(report);
         }
         let mut changes = std::mem::take(&mut self.unsent);
@@ -81,6 +82,7 @@ impl GpuLights {
         report.bytes += self.write_params(world);
         self.refresh_bind_groups();
         self.top_is_stale = true;
+        self.effects = world.effects();
         Ok(report)
     }
 
