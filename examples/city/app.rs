@@ -4,14 +4,15 @@
 
 use super::backend::{Backend, Chosen};
 use super::denoise::denoise;
-use super::geometry::Geometry;
+use super::geometry::{Geometry, GeometryChange};
 use super::render_cpu::{self, LightChoice};
-use super::render_gpu::GpuRenderer;
+use super::render_gpu::{GpuRenderer, GpuUpdate};
 use super::scene::{Scene, SceneError, Stage};
 use super::shading::frame_seed;
-use girandole::FrameBudget;
 use girandole::glam::{Vec3, Vec4};
 use girandole::light::luminance;
+use girandole::{Effects, FrameBudget};
+use std::ops::Add;
 use std::time::{Duration, Instant};
 
 /// How to render.
@@ -63,6 +64,23 @@ impl Image {
     }
 }
 
+/// How many samples of lights asked what stands between.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ShadowRays {
+    /// Rays that were traced.
+    pub traced: u64,
+    /// Those that nothing could have stood in the way of.
+    pub skipped: u64,
+}
+
+impl Add for ShadowRays {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self { traced: self.traced + other.traced, skipped: self.skipped + other.skipped }
+    }
+}
+
 /// A frame's line in `frames.csv`.
 #[derive(Clone, Debug)]
 pub struct Record {
@@ -88,6 +106,10 @@ pub struct Record {
     pub upload_bytes: u64,
     /// Of the light world's top level; None where it cannot be timed.
     pub top_build: Option<Duration>,
+    /// What the light world calls for.
+    pub effects: Effects,
+    /// Shadow rays of the picture.
+    pub shadow_rays: ShadowRays,
     /// Everything but writing files.
     pub frame_time: Duration,
 }
@@ -123,7 +145,10 @@ impl Session {
         let geometry = Geometry::new(&stage.scene)?;
         let renderer = match chosen.backend {
             Backend::Cpu => Renderer::Cpu,
-            Backend::Gpu(gpu) => Renderer::Gpu(Box::new(GpuRenderer::new(gpu, &stage.scene, &geometry, &settings)?)),
+            Backend::Gpu(gpu) => {
+                let effects = stage.world.effects();
+                Renderer::Gpu(Box::new(GpuRenderer::new(gpu, &stage.scene, &geometry, effects, &settings)?))
+            }
         };
         Ok(Self { stage, geometry, renderer, settings, next: 0 })
     }
@@ -143,24 +168,32 @@ impl Session {
         let start = Instant::now();
         let Self { stage: Stage { scene, world, animation }, geometry, settings, .. } = self;
         let number = self.next;
-        animation.advance(f64::from(number) / settings.fps, scene, world)?;
+        // What moves nothing is not asked, and nothing is looked through for what moved.
+        let moves = number == 0 || !animation.is_still();
+        if moves {
+            animation.advance(f64::from(number) / settings.fps, scene, world)?;
+        }
         let report = world.update(settings.budget);
-        let change = geometry.update(scene)?;
+        let change = if moves { geometry.update(scene)? } else { GeometryChange::default() };
+        let delta = world.take_delta();
         let seed = frame_seed(settings.seed, number);
-        let (image, upload_bytes, geometry_bytes, top_build) = match &mut self.renderer {
+        let (image, shadow_rays, update) = match &mut self.renderer {
             Renderer::Cpu => {
-                // Nobody reads it here, but it must not grow from frame to frame.
-                world.take_delta();
                 let before = Instant::now();
                 let sampler = world.sampler();
                 let top_build = before.elapsed();
-                let image = render_cpu::render(scene, geometry, &sampler, settings, seed, progress);
-                (image, 0, 0, Some(top_build))
+                let (image, rays) = render_cpu::render(scene, geometry, &sampler, settings, seed, progress);
+                (image, rays, GpuUpdate { top_build: Some(top_build), ..GpuUpdate::default() })
             }
             Renderer::Gpu(renderer) => {
-                let update = renderer.update(geometry, &change, world)?;
-                let image = renderer.render(scene, geometry, settings, seed, progress)?;
-                (image, update.light_bytes, update.geometry_bytes, update.top_build)
+                let is_up_to_date = number > 0 && change.is_empty() && delta.is_empty();
+                let update = if is_up_to_date {
+                    GpuUpdate::default()
+                } else {
+                    renderer.update(geometry, &change, world, &delta)?
+                };
+                let (image, rays) = renderer.render(scene, geometry, settings, seed, progress)?;
+                (image, rays, update)
             }
         };
         self.next += 1;
@@ -174,10 +207,12 @@ impl Session {
             waiting_trees: report.waiting_trees,
             budget: report.budget,
             spent: report.spent,
-            upload_bytes,
-            top_build,
+            upload_bytes: update.light_bytes,
+            top_build: update.top_build,
+            effects: world.effects(),
+            shadow_rays,
             frame_time: start.elapsed(),
         };
-        Ok(Frame { image, record, geometry_bytes })
+        Ok(Frame { image, record, geometry_bytes: update.geometry_bytes })
     }
 }

@@ -22,6 +22,8 @@ const MAX_LEAF_TRIANGLES: u32 = 4;
 /// Objects that a build of the upper hierarchy takes out and puts back better: a sixth fewer boxes to test per ray for
 /// under a millisecond in a small city, and no more time than that in a large one.
 const REINSERTIONS: f32 = 500.0;
+/// Metres: farther than anything; `FAR` in `render.wgsl`.
+const FAR: f32 = 3.0e38;
 /// Set in [`PackedTriangle::flags`]: shadow rays pass.
 pub const SEE_THROUGH: u32 = 1;
 
@@ -56,6 +58,28 @@ pub struct Placed {
     pub visible: bool,
 }
 
+/// The box of all that casts shadows; inside out if nothing does.
+#[derive(Clone, Copy, Debug)]
+pub struct Occluders {
+    /// Lower corner.
+    pub min: Vec3,
+    /// Upper corner.
+    pub max: Vec3,
+}
+
+impl Occluders {
+    /// Nothing casts shadows.
+    const NONE: Self = Self { min: Vec3::MAX, max: Vec3::MIN };
+
+    /// Whether something may stand within `limit`: no shadow ray is needed where not. The box of the ray's part is held
+    /// against that of all occluders: cheap enough for every sample, and right wherever they are. Twin of
+    /// `may_be_occluded` in `render.wgsl`.
+    pub fn may_block(&self, origin: Vec3, direction: Vec3, limit: f32) -> bool {
+        let end = origin + direction * limit.min(FAR);
+        limit > 0.0 && origin.min(end).cmple(self.max).all() && origin.max(end).cmpge(self.min).all()
+    }
+}
+
 /// What an [`Geometry::update`] changed.
 #[derive(Clone, Debug, Default)]
 pub struct GeometryChange {
@@ -77,8 +101,12 @@ pub struct Geometry {
     pub triangles: Vec<PackedTriangle>,
     /// Parallel to the scene's objects.
     pub objects: Vec<Placed>,
+    /// What shadows can come from.
+    pub occluders: Occluders,
     top_count: usize,
     bounds: Vec<Aabb>,
+    /// For each mesh, whether any of it is opaque.
+    casts_shadows: Vec<bool>,
     roots: Vec<u32>,
     last: Vec<Object>,
     builder: PlocBuilder,
@@ -88,6 +116,13 @@ struct BuiltMesh {
     bvh: Option<Bvh2>,
     order: Vec<u32>,
     bounds: Aabb,
+}
+
+impl GeometryChange {
+    /// Nothing changed.
+    pub fn is_empty(&self) -> bool {
+        self.objects.is_empty() && !self.top
+    }
 }
 
 impl Geometry {
@@ -119,6 +154,8 @@ impl Geometry {
             mesh_depth,
             triangles,
             objects: Vec::new(),
+            occluders: Occluders::NONE,
+            casts_shadows: scene.meshes.iter().map(|mesh| casts_shadows(scene, mesh)).collect(),
             bounds: built.iter().map(|mesh| mesh.bounds).collect(),
             roots,
             last: Vec::new(),
@@ -175,6 +212,14 @@ impl Geometry {
     fn build_top(&mut self) {
         let visible: Vec<u32> = (0..self.objects.len() as u32).filter(|&i| self.objects[i as usize].visible).collect();
         self.top_count = visible.len().saturating_sub(1);
+        self.occluders = visible
+            .iter()
+            .filter(|&&i| self.casts_shadows[self.last[i as usize].mesh as usize])
+            .map(|&i| self.object_bounds(i as usize))
+            .fold(Occluders::NONE, |all, one| Occluders {
+                min: all.min.min(one.min.into()),
+                max: all.max.max(one.max.into()),
+            });
         self.top = match visible[..] {
             [] => Subtree::EMPTY,
             [only] => Subtree { root: leaf_reference(only, 1), depth: 1 },
@@ -249,6 +294,10 @@ fn build_mesh(mesh: &Mesh) -> BuiltMesh {
     let bvh = build_bvh2(&boxes, params, &mut Duration::default());
     let order = bvh.primitive_indices.clone();
     BuiltMesh { bvh: Some(bvh), order, bounds }
+}
+
+fn casts_shadows(scene: &Scene, mesh: &Mesh) -> bool {
+    mesh.triangles.iter().any(|triangle| !scene.materials[triangle.material as usize].see_through)
 }
 
 fn pack(scene: &Scene, mesh: &Mesh, index: usize) -> PackedTriangle {

@@ -6,13 +6,14 @@ use super::app::{Frame, Image, Record};
 use super::scene::SceneError;
 use super::tone::tone_map;
 use exr::prelude::{Encoding, Image as ExrImage, SpecificChannels, WritableImage};
+use girandole::Effects;
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// The table's first line.
-pub const CSV_HEADER: [&str; 12] = [
+pub const CSV_HEADER: [&str; 15] = [
     "frame",
     "instances",
     "lights",
@@ -24,6 +25,9 @@ pub const CSV_HEADER: [&str; 12] = [
     "spent_us",
     "upload_bytes",
     "top_build_us",
+    "effects",
+    "shadow_rays",
+    "shadow_rays_skipped",
     "frame_ms",
 ];
 
@@ -88,11 +92,17 @@ impl Drop for Output {
     }
 }
 
+/// The names of effects in lower case, with spaces between; `none` for none.
+pub fn effect_names(effects: Effects) -> String {
+    let names: Vec<_> = effects.iter_names().map(|(name, _)| name.to_lowercase().replace('_', "-")).collect();
+    if names.is_empty() { "none".into() } else { names.join(" ") }
+}
+
 fn temporary(name: &str) -> String {
     format!(".{name}.part")
 }
 
-fn row(record: &Record) -> [String; 12] {
+fn row(record: &Record) -> [String; 15] {
     let micros = |d: Duration| format!("{:.1}", d.as_secs_f64() * 1e6);
     [
         record.frame.to_string(),
@@ -106,6 +116,9 @@ fn row(record: &Record) -> [String; 12] {
         micros(record.spent),
         record.upload_bytes.to_string(),
         record.top_build.map(micros).unwrap_or_default(),
+        effect_names(record.effects),
+        record.shadow_rays.traced.to_string(),
+        record.shadow_rays.skipped.to_string(),
         format!("{:.2}", record.frame_time.as_secs_f64() * 1e3),
     ]
 }

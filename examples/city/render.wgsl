@@ -21,6 +21,11 @@ struct Frame {
     first_object: u32,
     ambient: vec3<f32>,
     padding: u32,
+    // The box of all that casts shadows.
+    occluder_min: vec3<f32>,
+    padding_a: u32,
+    occluder_max: vec3<f32>,
+    padding_b: u32,
     // What this dispatch does: samples [begin, end) of rows [begin, end).
     sample_begin: u32,
     sample_end: u32,
@@ -225,6 +230,15 @@ fn brdf(material: Record, normal: vec3<f32>, view: vec3<f32>, light: vec3<f32>) 
     return (1.0 - fresnel) * diffuse + fresnel * (distribution * visibility);
 }
 
+// Whether something may stand within a distance. Twin of `Occluders::may_block` in `geometry.rs`.
+fn may_be_occluded(origin: vec3<f32>, direction: vec3<f32>, limit: f32) -> bool {
+    let end = origin + direction * min(limit, FAR);
+    return limit > 0.0 && all(min(origin, end) <= frame.occluder_max) && all(max(origin, end) >= frame.occluder_min);
+}
+
+// Shadow rays that this invocation traced, and those that nothing could have stood in the way of.
+var<private> shadow_rays: vec2<f32>;
+
 fn radiance(pixel: u32, corner: vec2<f32>, index: u32) -> vec3<f32> {
     let jitter = random(pixel, index, 1u, vec4<u32>(0xc13fa9a9u, 0x91e10da6u, 0xc13fa9a9u, 0x91e10da6u)).xy;
     let across = (corner + jitter) / vec2<f32>(f32(frame.width), f32(frame.height)) * 2.0 - 1.0;
@@ -267,7 +281,12 @@ fn radiance(pixel: u32, corner: vec2<f32>, index: u32) -> vec3<f32> {
     if light.is_delta != 0u {
         limit = light.distance - frame.lamp_clearance;
     }
-    if limit > 0.0 && trace(position, light.direction, min(limit, FAR), true).object != NOTHING {
+    if !may_be_occluded(position, light.direction, limit) {
+        shadow_rays.y += 1.0;
+        return sum + contribution;
+    }
+    shadow_rays.x += 1.0;
+    if trace(position, light.direction, min(limit, FAR), true).object != NOTHING {
         return sum;
     }
     return sum + contribution;
@@ -282,9 +301,12 @@ fn render(@builtin(global_invocation_id) id: vec3<u32>) {
     let pixel = row * frame.width + id.x;
     let slot = id.y * frame.width + id.x;
     // The first dispatch of a band starts its sums.
+    // The rays' counts lie behind the sums of the whole band.
+    let counts_slot = (frame.row_end - frame.row_begin) * frame.width + slot;
     var sum = vec4<f32>(0.0);
     if frame.sample_begin > 0u {
         sum = image[slot];
+        shadow_rays = image[counts_slot].xy;
     }
     for (var index = frame.sample_begin; index < frame.sample_end; index += 1u) {
         let color = radiance(pixel, vec2<f32>(f32(id.x), f32(row)), index);
@@ -292,4 +314,5 @@ fn render(@builtin(global_invocation_id) id: vec3<u32>) {
         sum += vec4<f32>(color, luminance * luminance);
     }
     image[slot] = sum;
+    image[counts_slot] = vec4<f32>(shadow_rays, 0.0, 0.0);
 }

@@ -1,6 +1,6 @@
 //! The CPU backend: rayon over rows, the library's sampler, the same estimator as `render.wgsl`.
 
-use super::app::{Image, Settings};
+use super::app::{Image, Settings, ShadowRays};
 use super::geometry::Geometry;
 use super::scene::{Material, Scene};
 use super::shading::{Dimension, View, brdf, random, shadow_offset, sky_radiance};
@@ -32,27 +32,31 @@ pub fn render(
     settings: &Settings,
     seed: u32,
     progress: &(dyn Fn(f64) + Sync),
-) -> Image {
+) -> (Image, ShadowRays) {
     let (width, height) = (settings.width as usize, settings.height as usize);
     let view = View::new(&scene.camera, settings.width, settings.height);
     let integrator = Integrator { scene, geometry, sampler, choice: settings.light_choice };
     let size = Vec2::new(width as f32, height as f32);
     let mut sums = vec![Vec4::ZERO; width * height];
     let done = AtomicUsize::new(0);
-    sums.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+    let rows = sums.par_chunks_mut(width).enumerate().map(|(y, row)| {
+        let mut rays = ShadowRays::default();
         for (x, sum) in row.iter_mut().enumerate() {
             let index = (y * width + x) as u32;
             let corner = Vec2::new(x as f32, y as f32);
             for sample in 0..settings.spp {
                 let [jitter_x, jitter_y, ..] = random(index, sample, seed, Dimension::Pixel);
                 let direction = view.direction(corner + Vec2::new(jitter_x, jitter_y), size);
-                let color = integrator.radiance(view.eye, direction, random(index, sample, seed, Dimension::Light));
+                let color =
+                    integrator.radiance(view.eye, direction, random(index, sample, seed, Dimension::Light), &mut rays);
                 *sum += color.extend(luminance(color).powi(2));
             }
         }
         progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / height as f64);
+        rays
     });
-    Image::from_sums(settings.width, settings.height, settings.spp, sums.into_iter())
+    let rays = rows.reduce(ShadowRays::default, |a, b| a + b);
+    (Image::from_sums(settings.width, settings.height, settings.spp, sums.into_iter()), rays)
 }
 
 struct Integrator<'a> {
@@ -70,7 +74,7 @@ struct Surface<'a> {
 }
 
 impl Integrator<'_> {
-    fn radiance(&self, eye: Vec3, direction: Vec3, u: [f32; 4]) -> Vec3 {
+    fn radiance(&self, eye: Vec3, direction: Vec3, u: [f32; 4], rays: &mut ShadowRays) -> Vec3 {
         let Some(hit) = self.geometry.nearest(eye, direction) else {
             return sky_radiance(&self.scene.sky, direction);
         };
@@ -92,20 +96,20 @@ impl Integrator<'_> {
         let surface = Surface { material, receiver: Receiver { position, normal }, view };
         sum + match self.choice {
             LightChoice::Tree => match self.sampler.sample(&surface.receiver, u) {
-                Some(sample) => self.arriving(&surface, &sample.incident) / sample.pmf,
+                Some(sample) => self.arriving(&surface, &sample.incident, rays) / sample.pmf,
                 None => Vec3::ZERO,
             },
             LightChoice::Exhaustive => self
                 .sampler
                 .all_lights()
                 .filter_map(|light| self.sampler.sample_light(&surface.receiver, light, [u[2], u[3]]))
-                .map(|incident| self.arriving(&surface, &incident))
+                .map(|incident| self.arriving(&surface, &incident, rays))
                 .sum(),
         }
     }
 
     /// What one sample of one light adds, before the chance of having chosen that light.
-    fn arriving(&self, surface: &Surface, incident: &Incident) -> Vec3 {
+    fn arriving(&self, surface: &Surface, incident: &Incident, rays: &mut ShadowRays) -> Vec3 {
         let Receiver { position, normal } = surface.receiver;
         let cosine = normal.dot(incident.direction);
         if cosine <= 0.0 {
@@ -122,6 +126,11 @@ impl Integrator<'_> {
         } else {
             incident.distance * STOP_BEFORE_LIGHT
         };
+        if !self.geometry.occluders.may_block(position, incident.direction, limit) {
+            rays.skipped += 1;
+            return contribution;
+        }
+        rays.traced += 1;
         if self.geometry.occluded(position, incident.direction, limit) { Vec3::ZERO } else { contribution }
     }
 }

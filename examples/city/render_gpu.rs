@@ -3,16 +3,16 @@
 //! Geometry goes up once; after that only objects that changed and, if any of them moved, the upper nodes. The picture
 //! comes back in bands of rows, so that no picture is too large, and each dispatch is short enough for every watchdog.
 
-use super::app::{Image, Settings};
+use super::app::{Image, Settings, ShadowRays};
 use super::backend::Gpu;
 use super::geometry::{Geometry, GeometryChange, Placed};
 use super::scene::{Scene, SceneError};
 use super::shading::View;
 use bytemuck::{Pod, Zeroable};
-use girandole::World;
 use girandole::glam::{Vec3, Vec4};
 use girandole::gpu::GpuLights;
 use girandole::wgpu::{self, util::DeviceExt};
+use girandole::{Effects, FrameDelta, World};
 use std::time::Duration;
 
 /// Where the library's text is joined.
@@ -22,6 +22,8 @@ const WORKGROUP: u32 = 8;
 const BAND_PIXELS: u32 = 1 << 20;
 /// Samples a dispatch takes: a fraction of a second on the slowest driver, which is a processor.
 const DISPATCH_SAMPLES: u32 = 1 << 18;
+/// Sums of radiance and shadow rays.
+const PIXEL_BYTES: u64 = 32;
 /// Two timestamps.
 const QUERY_BYTES: u64 = 16;
 
@@ -43,6 +45,10 @@ struct FrameUniform {
     first_object: u32,
     ambient: Vec3,
     padding: u32,
+    occluder_min: Vec3,
+    padding_a: u32,
+    occluder_max: Vec3,
+    padding_b: u32,
     sample_begin: u32,
     sample_end: u32,
     row_begin: u32,
@@ -58,6 +64,7 @@ struct Record {
 }
 
 /// What it took to bring the device up to date.
+#[derive(Clone, Copy, Debug, Default)]
 pub struct GpuUpdate {
     /// Bytes of light data that the library uploaded.
     pub light_bytes: u64,
@@ -74,6 +81,8 @@ pub struct GpuRenderer {
     layout: wgpu::BindGroupLayout,
     bind_group: wgpu::BindGroup,
     pipeline: wgpu::ComputePipeline,
+    /// What it was made for.
+    effects: Effects,
     stack_size: usize,
     uniform: wgpu::Buffer,
     nodes: wgpu::Buffer,
@@ -92,11 +101,17 @@ struct Timer {
 }
 
 impl GpuRenderer {
-    /// Uploads the geometry. Refuses a scene that the device's limits do not admit.
-    pub fn new(gpu: Box<Gpu>, scene: &Scene, geometry: &Geometry, settings: &Settings) -> Result<Self, SceneError> {
+    /// Uploads the geometry, and makes a shader for a light world with these effects. Refuses a scene that the device's limits do not admit.
+    pub fn new(
+        gpu: Box<Gpu>,
+        scene: &Scene,
+        geometry: &Geometry,
+        effects: Effects,
+        settings: &Settings,
+    ) -> Result<Self, SceneError> {
         let device = &gpu.device;
         let band_rows = (BAND_PIXELS / settings.width).clamp(1, settings.height);
-        let band_bytes = u64::from(settings.width) * u64::from(band_rows) * 16;
+        let band_bytes = u64::from(settings.width) * u64::from(band_rows) * PIXEL_BYTES;
         let first_object = scene.materials.len();
         let records: Vec<Record> = material_records(scene).chain(geometry.objects.iter().map(object_record)).collect();
         let checked = |what: &str, bytes: usize| {
@@ -169,12 +184,14 @@ impl GpuRenderer {
             entries: &entries,
         });
         let stack_size = stack_size(geometry);
-        let pipeline = pipeline(device, &layout, &lights, stack_size);
+        let effects = effects - Effects::MOVING;
+        let pipeline = pipeline(device, &layout, &lights, effects, stack_size);
         Ok(Self {
             lights,
             layout,
             bind_group,
             pipeline,
+            effects,
             stack_size,
             uniform,
             nodes,
@@ -193,14 +210,18 @@ impl GpuRenderer {
         &mut self,
         geometry: &Geometry,
         change: &GeometryChange,
-        world: &mut World,
+        world: &World,
+        delta: &FrameDelta,
     ) -> Result<GpuUpdate, SceneError> {
         let geometry_bytes = self.upload_geometry(geometry, change);
-        let delta = world.take_delta();
-        let light_bytes = self.lights.upload(world, &delta).map_err(|e| SceneError(e.to_string()))?.bytes;
-        if stack_size(geometry) > self.stack_size {
-            self.stack_size = stack_size(geometry);
-            self.pipeline = pipeline(&self.gpu.device, &self.layout, &self.lights, self.stack_size);
+        let light_bytes = self.lights.upload(world, delta).map_err(|e| SceneError(e.to_string()))?.bytes;
+        // Whether lights move is nothing to the shader. A program that must not wait would use `girandole::Variants`;
+        // this one would rather have the same picture from the same seed.
+        let effects = world.effects() - Effects::MOVING;
+        if stack_size(geometry) > self.stack_size || effects != self.effects {
+            self.stack_size = self.stack_size.max(stack_size(geometry));
+            self.effects = effects;
+            self.pipeline = pipeline(&self.gpu.device, &self.layout, &self.lights, effects, self.stack_size);
         }
         Ok(GpuUpdate { light_bytes, geometry_bytes, top_build: self.build_top()? })
     }
@@ -213,7 +234,7 @@ impl GpuRenderer {
         settings: &Settings,
         seed: u32,
         progress: &(dyn Fn(f64) + Sync),
-    ) -> Result<Image, SceneError> {
+    ) -> Result<(Image, ShadowRays), SceneError> {
         let view = View::new(&scene.camera, settings.width, settings.height);
         let mut frame = FrameUniform {
             eye: view.eye,
@@ -230,11 +251,16 @@ impl GpuRenderer {
             first_object: self.first_object as u32,
             ambient: scene.sky.ambient,
             padding: 0,
+            occluder_min: geometry.occluders.min,
+            padding_a: 0,
+            occluder_max: geometry.occluders.max,
+            padding_b: 0,
             sample_begin: 0,
             sample_end: 0,
             row_begin: 0,
             row_end: 0,
         };
+        let mut rays = ShadowRays::default();
         let mut sums: Vec<Vec4> = Vec::with_capacity(settings.width as usize * settings.height as usize);
         while frame.row_end < settings.height {
             frame.row_begin = frame.row_end;
@@ -250,10 +276,14 @@ impl GpuRenderer {
                 let rows = f64::from(frame.row_begin) + band_share * f64::from(frame.row_end - frame.row_begin);
                 progress(rows / f64::from(settings.height));
             }
-            let bytes = self.read(&self.image, &self.readback, u64::from(band) * 16)?;
-            sums.extend_from_slice(bytemuck::cast_slice(&bytes));
+            let bytes = self.read(&self.image, &self.readback, u64::from(band) * PIXEL_BYTES)?;
+            let (colors, counts) = bytemuck::cast_slice::<_, Vec4>(&bytes).split_at(band as usize);
+            sums.extend_from_slice(colors);
+            // Whole numbers of at most the samples of a pixel.
+            let count = |pixel: &Vec4| ShadowRays { traced: pixel.x as u64, skipped: pixel.y as u64 };
+            rays = counts.iter().map(count).fold(rays, |a, b| a + b);
         }
-        Ok(Image::from_sums(settings.width, settings.height, settings.spp, sums.into_iter()))
+        Ok((Image::from_sums(settings.width, settings.height, settings.spp, sums.into_iter()), rays))
     }
 
     fn upload_geometry(&self, geometry: &Geometry, change: &GeometryChange) -> u64 {
@@ -335,8 +365,8 @@ impl GpuRenderer {
 }
 
 /// The shader as the device compiles it.
-pub fn shader_source(stack_size: usize) -> String {
-    let light = girandole::gpu::wgsl(LIGHT_GROUP, girandole::Effects::all());
+pub fn shader_source(effects: Effects, stack_size: usize) -> String {
+    let light = girandole::gpu::wgsl(LIGHT_GROUP, effects);
     format!("{light}\nconst STACK_SIZE: u32 = {stack_size}u;\n{}", include_str!("render.wgsl"))
 }
 
@@ -349,11 +379,12 @@ fn pipeline(
     device: &wgpu::Device,
     layout: &wgpu::BindGroupLayout,
     lights: &GpuLights,
+    effects: Effects,
     stack_size: usize,
 ) -> wgpu::ComputePipeline {
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("city render"),
-        source: wgpu::ShaderSource::Wgsl(shader_source(stack_size).into()),
+        source: wgpu::ShaderSource::Wgsl(shader_source(effects, stack_size).into()),
     });
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("city render"),
@@ -419,7 +450,8 @@ mod tests {
 
     #[test]
     fn records_lie_in_the_shader_as_they_do_here() {
-        let module = naga::front::wgsl::parse_str(&shader_source(32)).unwrap_or_else(|e| panic!("{e:?}"));
+        let module =
+            naga::front::wgsl::parse_str(&shader_source(Effects::all(), 32)).unwrap_or_else(|e| panic!("{e:?}"));
         macro_rules! same {
             ($name:literal, $ty:ty, $($field:ident),+) => {
                 let expected = vec![$((stringify!($field).to_owned(), offset_of!($ty, $field))),+];
@@ -443,6 +475,10 @@ mod tests {
             first_object,
             ambient,
             padding,
+            occluder_min,
+            padding_a,
+            occluder_max,
+            padding_b,
             sample_begin,
             sample_end,
             row_begin,

@@ -1,13 +1,14 @@
 //! The whole program behind the command line: load, choose a backend, render, write.
 
-use super::app::Session;
+use super::app::{Session, ShadowRays};
 use super::backend;
 use super::options::Options;
-use super::output::Output;
+use super::output::{Output, effect_names};
 use super::scene::gltf_scene;
 use super::scene::procedural::{self, CityOptions};
 use super::scene::real_city::{self, RealCityOptions};
 use super::scene::{SceneError, Stage};
+use girandole::Effects;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::time::Duration;
 
@@ -28,6 +29,7 @@ pub fn run(options: &Options, say: &mut dyn FnMut(&str)) -> Result<(), SceneErro
     bar.set_style(ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()));
     bar.enable_steady_tick(Duration::from_millis(250));
     let (mut lights, mut total) = (0, Duration::ZERO);
+    let (mut effects, mut rays) = (Effects::empty(), ShadowRays::default());
     for number in 0..options.frames {
         bar.set_message(format!("frame {number}"));
         let base = u64::from(number) * TICKS;
@@ -35,6 +37,8 @@ pub fn run(options: &Options, say: &mut dyn FnMut(&str)) -> Result<(), SceneErro
         let clean = (!options.keep_noise).then(|| session.denoise(&frame.image));
         output.write(&frame, clean.as_ref().unwrap_or(&frame.image), session.scene().exposure)?;
         lights = frame.record.lights;
+        effects |= frame.record.effects;
+        rays = rays + frame.record.shadow_rays;
         total += frame.record.frame_time;
     }
     bar.finish_and_clear();
@@ -46,6 +50,12 @@ pub fn run(options: &Options, say: &mut dyn FnMut(&str)) -> Result<(), SceneErro
         options.spp,
         total.as_secs_f64() / f64::from(options.frames),
         options.out.display(),
+    ));
+    say(&format!(
+        "effects: {}; shadow rays: {} traced, {} skipped where nothing could stand in the way",
+        effect_names(effects),
+        rays.traced,
+        rays.skipped,
     ));
     Ok(())
 }

@@ -208,6 +208,10 @@ impl Animation for Motion {
     fn advance(&mut self, time: f64, scene: &mut Scene, world: &mut World) -> Result<(), SceneError> {
         if self.still { Ok(()) } else { self.pose(time, scene, world).map_err(|e| SceneError(e.to_string())) }
     }
+
+    fn is_still(&self) -> bool {
+        self.still
+    }
 }
 
 fn material(scene: &mut Scene, base_color: Vec3, roughness: f32, metallic: f32) -> u32 {

@@ -2,12 +2,14 @@
 
 use crate::city::app::{Frame, Image, Session, Settings};
 use crate::city::backend;
+use crate::city::geometry::{Geometry, Occluders};
 use crate::city::options::{BackendChoice, Options, Parsed};
 use crate::city::render_cpu::LightChoice;
 use crate::city::run::run;
 use crate::city::scene::procedural::{self, CityOptions, Size};
 use crate::city::scene::{Stage, gltf_scene};
 use crate::city::small_scene;
+use crate::support::Rng;
 use std::path::Path;
 
 use girandole::FrameBudget;
@@ -62,6 +64,11 @@ fn assert_same_pictures(name: &str, stage: impl Fn() -> Stage, frames: u32) {
         assert!(on_cpu.image.pixels.iter().any(|p| p.max_element() > 0.0), "{name} is black");
         let difference = rel_mse(&on_gpu.image, &on_cpu.image);
         assert!(difference < SAME_PICTURE, "{name}, frame {number}: relMSE {difference}");
+        // As many shadow rays, but where a sample tipped.
+        let [there, here] = [&on_gpu.record, &on_cpu.record].map(|record| record.shadow_rays);
+        let apart = there.traced.abs_diff(here.traced) + there.skipped.abs_diff(here.skipped);
+        assert!(here.traced > 1000 && 200 * apart < here.traced, "{name}, frame {number}: {there:?} and {here:?}");
+        assert_eq!(on_gpu.record.effects, on_cpu.record.effects);
     }
 }
 
@@ -90,6 +97,41 @@ fn a_frame_in_which_nothing_moves_uploads_nothing() {
     for _ in 0..2 {
         let Frame { record, geometry_bytes, .. } = frame(&mut session);
         assert_eq!((record.upload_bytes, geometry_bytes, record.moved_instances, record.refit_trees), (0, 0, 0, 0));
+        assert_eq!(record.top_build, None);
+    }
+}
+
+#[test]
+fn where_nothing_casts_shadows_no_shadow_ray_is_traced() {
+    for choice in [BackendChoice::Cpu, BackendChoice::Gpu] {
+        let mut stage = small_scene::stage(true).expect("the small scene is sound");
+        stage.scene.materials.iter_mut().for_each(|material| material.see_through = true);
+        let Frame { record, .. } = frame(&mut session_of(stage, settings(48, 27, 16, 5), choice));
+        assert_eq!(record.shadow_rays.traced, 0);
+        assert!(record.shadow_rays.skipped > 1000, "{:?}", record.shadow_rays);
+    }
+}
+
+#[test]
+fn no_shadow_ray_that_is_skipped_would_have_met_anything() {
+    let city = procedural::stage(&CityOptions { size: Size::S, cars: None, seed: 1 }).expect("sound");
+    for scene in [city.scene, small_scene::stage(true).expect("the small scene is sound").scene] {
+        let geometry = Geometry::new(&scene).expect("a sound scene");
+        let mut rng = Rng(91);
+        let (mut skipped, mut blocked) = (0, 0);
+        for _ in 0..20_000 {
+            // About as often inside the box of all occluders as beside it, and close to its sides.
+            let Occluders { min, max } = geometry.occluders;
+            let share = Vec3::from([0; 3].map(|_| rng.between(-0.3, 1.3)));
+            let (origin, direction) = (min + (max - min) * share, rng.direction());
+            let limit = 10.0_f32.powf(rng.between(-2.0, 4.0));
+            let is_blocked = geometry.occluded(origin, direction, limit);
+            let is_skipped = !geometry.occluders.may_block(origin, direction, limit);
+            assert!(!(is_blocked && is_skipped), "from {origin} along {direction} for {limit}");
+            skipped += usize::from(is_skipped);
+            blocked += usize::from(is_blocked);
+        }
+        assert!(skipped > 2000 && blocked > 1000, "{skipped} skipped, {blocked} blocked");
     }
 }
 

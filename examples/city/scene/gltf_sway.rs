@@ -114,6 +114,10 @@ impl Group {
 }
 
 impl Animation for Sway {
+    fn is_still(&self) -> bool {
+        self.groups.is_empty()
+    }
+
     fn advance(&mut self, time: f64, scene: &mut Scene, world: &mut World) -> Result<(), SceneError> {
         for group in &self.groups {
             let swing = group.swing(time as f32);

@@ -137,6 +137,11 @@ pub struct Scene {
 pub trait Animation {
     /// Brings objects and lights to `time`. Touches only what moves.
     fn advance(&mut self, time: f64, scene: &mut Scene, world: &mut World) -> Result<(), SceneError>;
+
+    /// Nothing moves after the first call, however late: there is no need for another.
+    fn is_still(&self) -> bool {
+        false
+    }
 }
 
 /// A scene, its lights and what moves them.

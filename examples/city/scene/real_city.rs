@@ -386,6 +386,10 @@ impl Animation for Still {
     fn advance(&mut self, _: f64, _: &mut Scene, _: &mut World) -> Result<(), SceneError> {
         Ok(())
     }
+
+    fn is_still(&self) -> bool {
+        true
+    }
 }
 
 #[cfg(test)]
