@@ -54,7 +54,6 @@ impl LightTree {
             self.wide[place / WIDTH].set(place % WIDTH, &light.cluster());
         }
         self.terms = vec![Terms::default(); count];
-        self.is_unmeasured = true;
         self.dirty = Dirty::none(count);
         (0..count).filter(|node| self.spans[*node] > 0).for_each(|node| self.dirty.insert(node));
         self.tasks = Tasks::new(&self.spans);
