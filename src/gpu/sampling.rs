@@ -212,6 +212,14 @@ mod tests {
     }
 
     #[test]
+    fn threads_may_share_the_lights() {
+        fn shared<T: Send + Sync>() -> usize {
+            size_of::<T>()
+        }
+        assert!(shared::<GpuLights>() > 0);
+    }
+
+    #[test]
     fn the_text_is_the_same_for_lights_that_move() {
         assert_eq!(text::wgsl(0, Effects::MOVING), text::wgsl(0, Effects::empty()));
         assert_eq!(text::wgsl(0, Effects::all()), text::wgsl(0, Effects::all() - Effects::MOVING));

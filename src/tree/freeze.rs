@@ -89,9 +89,8 @@ mod tests {
     fn all_of(tree: &LightTree) -> String {
         let LightTree { nodes, wide, spans, sizes, fresh, terms, leaves, credit, root, attributes, effects, .. } = tree;
         let bits: &[u8] = bytemuck::cast_slice(nodes);
-        format!(
-            "{bits:?} {wide:?} {spans:?} {sizes:?} {fresh:?} {terms:?} {leaves:?} {credit} {root:?} {attributes:?} {effects:?}"
-        )
+        let shape = format!("{bits:?} {spans:?} {sizes:?} {leaves:?} {root:?}");
+        format!("{shape} {wide:?} {fresh:?} {terms:?} {credit} {attributes:?} {effects:?}")
     }
 
     #[test]

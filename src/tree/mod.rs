@@ -120,7 +120,7 @@ impl LightTree {
         self.root
     }
 
-    /// Replaces lights; the nodes follow at the next [`LightTree::refit`].
+    /// Replaces lights; the nodes follow at the next [`LightTree::refit`]. A frozen tree thaws, which allocates.
     ///
     /// # Errors
     /// [`WorldError::NoSuchLight`] or [`WorldError::Light`]; then no light has changed.

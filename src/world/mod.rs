@@ -163,7 +163,8 @@ impl World {
         self.light_count + self.directionals.len()
     }
 
-    /// How many lights (of trees, each once, with instances or without), instances and trees have each effect, now. O(1).
+    /// How many lights (of trees, each once, with instances or without), instances and trees have each effect, now.
+    /// O(1).
     pub fn effect_counts(&self) -> &EffectCounts {
         self.effects.counts()
     }

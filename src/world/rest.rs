@@ -4,6 +4,9 @@ use super::World;
 use crate::effects::{DAMPING, Effects};
 use crate::keys::TreeKey;
 
+/// Trees that are frozen in one update: to give memory back takes time too, and many trees may come at once.
+const MOST_FREEZES: usize = 64;
+
 /// A tree's part in it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rest {
@@ -25,13 +28,13 @@ impl Default for Rest {
 }
 
 impl World {
-    /// A tree's rest starts anew.
+    /// A tree has what refits need; its rest begins, if it has not yet.
     pub(super) fn wake(&mut self, tree: TreeKey) {
         let place = self.awake.len();
         let rest = &mut self.trees[tree].rest;
-        rest.still = 0;
         if rest.place.is_none() {
             rest.place = Some(place);
+            rest.still = 0;
             self.awake.push(tree);
         }
     }
@@ -42,6 +45,7 @@ impl World {
         if rest.place.is_none() {
             rest.patience = rest.patience.saturating_mul(2);
         }
+        rest.still = 0;
         if !std::mem::replace(&mut rest.is_moving, true) {
             self.effects.change(|counts| counts.add(Effects::MOVING));
         }
@@ -67,6 +71,7 @@ impl World {
 
     /// An update has passed. O(trees that are awake).
     pub(super) fn freeze_resting(&mut self) {
+        let mut frozen = 0;
         // From the last on: who takes the place of one that leaves has had its turn.
         for place in (0..self.awake.len()).rev() {
             let tree = self.awake[place];
@@ -76,7 +81,8 @@ impl World {
             if still > DAMPING {
                 self.stand_still(tree);
             }
-            if still > patience {
+            if still > patience && frozen < MOST_FREEZES {
+                frozen += 1;
                 self.trees[tree].tree.freeze();
                 self.let_rest(tree);
             }

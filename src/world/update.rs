@@ -30,8 +30,8 @@ pub struct FrameReport {
 }
 
 impl World {
-    /// Brings trees up to date with the edits since the last call. O(lights of edited trees), and O(1) for each tree that
-    /// was edited or added lately. To be called once a frame: what has not been called for or not changed for
+    /// Brings trees up to date with the edits since the last call. O(lights of edited trees), and O(1) for each tree
+    /// that was edited or added lately. To be called once a frame: what has not been called for or not changed for
     /// [`DAMPING`](crate::DAMPING) calls leaves [`World::effects`], and trees give up what only refits need
     /// ([`LightTree::freeze`]).
     ///
@@ -140,6 +140,7 @@ impl World {
             report.spent += took;
             report.rebuilt_trees += 1;
             self.changes.tree(slot_of(key));
+            self.wake(key);
         }
         report.waiting_trees = self.waiting.len();
         if report.rebuilt_trees > 0 {

@@ -54,7 +54,7 @@ fn each_kind_of_light_calls_for_what_it_is_even_if_it_is_dark() {
 fn a_lamp_that_flickers_between_two_sets_changes_the_set_once() {
     let lamp = |frame: u32| {
         let plain = Light::point(Vec3::ZERO, Vec3::ONE);
-        if frame / 10 % 2 == 0 { plain } else { plain.with_range(5.0) }
+        if (frame / 10).is_multiple_of(2) { plain } else { plain.with_range(5.0) }
     };
     let mut world = World::new();
     let tree = world.add_tree(vec![lamp(0)]).expect("valid");
@@ -137,6 +137,36 @@ fn trees_that_rest_are_frozen_once_and_thaw_when_they_are_edited() {
         world.update(FrameBudget::UNLIMITED);
         assert!(is_frozen(&world, flickering) && is_frozen(&world, resting));
         world.tree(flickering).expect("it lives").check().expect("sound");
+    }
+}
+
+#[test]
+fn trees_freeze_again_after_a_rebuild_that_waited_and_not_all_in_one_frame() {
+    let mut rng = Rng(92);
+    let mut world = World::new();
+    let tree = world.add_tree(rng.lights(100, 10.0)).expect("valid");
+    world.add_instance(tree, Placement::IDENTITY, Policy::AlwaysRebuild).expect("valid");
+    world.set_lights(tree, &[(3, rng.light(10.0))]).expect("valid");
+    let is_frozen = |world: &World| world.tree(tree).expect("it lives").is_frozen();
+    let updates = |world: &mut World, count: u32, budget| (0..count).for_each(|_| drop(world.update(budget)));
+    updates(&mut world, 2 * DAMPING, FrameBudget::NONE);
+    assert!(is_frozen(&world));
+    assert_eq!(world.update(FrameBudget::UNLIMITED).rebuilt_trees, 1);
+    assert!(!is_frozen(&world));
+    assert_eq!(world.called_for() & Effects::MOVING, Effects::empty(), "a rebuild is no change of lights");
+    updates(&mut world, DAMPING, FrameBudget::NONE);
+    assert!(is_frozen(&world));
+
+    let frozen = |world: &World| world.trees().filter(|tree| world.tree(*tree).is_some_and(|t| t.is_frozen())).count();
+    (0..999).for_each(|_| drop(world.add_tree(rng.lights(2, 1.0)).expect("valid")));
+    updates(&mut world, DAMPING, FrameBudget::NONE);
+    let mut former = frozen(&world);
+    assert_eq!(former, 1);
+    while former < 1000 {
+        world.update(FrameBudget::NONE);
+        let now = frozen(&world);
+        assert!(now > former && now <= former + 64, "from {former} to {now} at once");
+        former = now;
     }
 }
 
