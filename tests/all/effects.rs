@@ -148,7 +148,11 @@ fn trees_freeze_again_after_a_rebuild_that_waited_and_not_all_in_one_frame() {
     world.add_instance(tree, Placement::IDENTITY, Policy::AlwaysRebuild).expect("valid");
     world.set_lights(tree, &[(3, rng.light(10.0))]).expect("valid");
     let is_frozen = |world: &World| world.tree(tree).expect("it lives").is_frozen();
-    let updates = |world: &mut World, count: u32, budget| (0..count).for_each(|_| drop(world.update(budget)));
+    let updates = |world: &mut World, count: u32, budget| {
+        for _ in 0..count {
+            world.update(budget);
+        }
+    };
     updates(&mut world, 2 * DAMPING, FrameBudget::NONE);
     assert!(is_frozen(&world));
     assert_eq!(world.update(FrameBudget::UNLIMITED).rebuilt_trees, 1);
@@ -158,7 +162,9 @@ fn trees_freeze_again_after_a_rebuild_that_waited_and_not_all_in_one_frame() {
     assert!(is_frozen(&world));
 
     let frozen = |world: &World| world.trees().filter(|tree| world.tree(*tree).is_some_and(|t| t.is_frozen())).count();
-    (0..999).for_each(|_| drop(world.add_tree(rng.lights(2, 1.0)).expect("valid")));
+    for _ in 0..999 {
+        world.add_tree(rng.lights(2, 1.0)).expect("valid");
+    }
     updates(&mut world, DAMPING, FrameBudget::NONE);
     let mut former = frozen(&world);
     assert_eq!(former, 1);
