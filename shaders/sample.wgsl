@@ -70,8 +70,12 @@ fn light_pick_directional(receiver: LightReceiver, point: f32, total: f32) -> Li
 fn light_pick(receiver: LightReceiver, u: vec2<f32>) -> LightPick {
     var cut: LightCut;
     light_open(&cut, receiver);
-    let directional = light_directional(receiver);
-    let total = cut.total + directional;
+    return light_draw(&cut, light_directional(receiver), receiver, u);
+}
+
+// Chooses one of a cut's lights, or a directional one; those bring `directional` lux. Twin of `Cut::draw`.
+fn light_draw(cut: ptr<function, LightCut>, directional: f32, receiver: LightReceiver, u: vec2<f32>) -> LightPick {
+    let total = (*cut).total + directional;
     if total <= 0.0 {
         return LightPick(0u, 0u, 0.0);
     }
@@ -79,13 +83,13 @@ fn light_pick(receiver: LightReceiver, u: vec2<f32>) -> LightPick {
     var chance = 1.0;
     if directional > 0.0 {
         let point = dice.u * total;
-        if point >= cut.total {
-            return light_pick_directional(receiver, point - cut.total, total);
+        if point >= (*cut).total {
+            return light_pick_directional(receiver, point - (*cut).total, total);
         }
-        chance = light_share(cut.total, total);
+        chance = light_share((*cut).total, total);
         dice = light_stretch(dice, point / total, chance);
     }
-    let pick = light_descend(&cut, receiver, dice, light_dice(u.y, u.x));
+    let pick = light_descend(cut, receiver, dice, light_dice(u.y, u.x));
     return LightPick(pick.instance, pick.light, light_joint(chance, pick.pmf));
 }
 
@@ -107,14 +111,18 @@ fn light_pmf(receiver: LightReceiver, instance: u32, light: u32) -> f32 {
 
 // Chooses a light and a point on it. `u` in [0, 1): two numbers choose the light, two the point.
 fn light_sample(receiver: LightReceiver, u: vec4<f32>) -> LightSample {
-    let pick = light_pick(receiver, u.xy);
+    return light_sample_picked(receiver, light_pick(receiver, u.xy), u.zw);
+}
+
+// A point on a light that was picked.
+fn light_sample_picked(receiver: LightReceiver, pick: LightPick, u: vec2<f32>) -> LightSample {
     if pick.pmf <= 0.0 {
         return LightSample(vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0u, 0u, 0u);
     }
     let is_directional = pick.instance == LIGHT_DIRECTIONAL;
     let slot = select(pick.instance, 0u, is_directional);
     let base = select(light_instances[slot].light_base, light_params.directional_base, is_directional);
-    let incident = light_incident(light_records[base + pick.light], light_instances[slot], receiver, u.zw);
+    let incident = light_incident(light_records[base + pick.light], light_instances[slot], receiver, u);
     let pmf = select(0.0, pick.pmf, any(incident.radiance != vec3(0.0)));
     return LightSample(
         incident.direction, incident.distance, incident.radiance, incident.pdf,

@@ -37,13 +37,13 @@ pub(crate) struct Frame {
 impl Frame {
     /// From a receiver to a place in tree space. The translations first: what is near each other far from the origin
     /// keeps its digits, and lies where the walk's bounds see it.
-    fn toward(&self, p: Vec3, receiver: &Receiver) -> Vec3 {
+    pub fn toward(&self, p: Vec3, receiver: &Receiver) -> Vec3 {
         self.to_world * p + (self.translation - receiver.position)
     }
 
     /// A normal times an area, carried along by the cofactors. Not a cross product of carried edges: a sliver's would
     /// round to another side than its cap.
-    fn normal_area(&self, normal_area: Vec3) -> Vec3 {
+    pub fn normal_area(&self, normal_area: Vec3) -> Vec3 {
         self.to_local.transpose() * normal_area * self.determinant.abs()
     }
 }
@@ -117,7 +117,7 @@ fn surface(light: &Light, toward: Vec3, normal_area: Vec3, two_sided: bool, rece
 }
 
 /// Whether a quotient is a density that f32 can work with.
-fn is_density(dividend: f32, divisor: f32) -> bool {
+pub(crate) fn is_density(dividend: f32, divisor: f32) -> bool {
     divisor >= dividend * LEAST_INVERSE_PDF && dividend >= divisor * LEAST_PDF
 }
 

@@ -71,6 +71,8 @@ mod curve;
 mod top;
 mod world;
 mod sample;
+mod resample;
+mod pdf;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 #[cfg(feature = "gltf")]
@@ -85,6 +87,7 @@ pub use keys::{DirectionalKey, InstanceKey, TreeKey};
 pub use light::{DirectionalLight, Light, Shape};
 pub use placement::{MAX_DISTANCE, MAX_SCALE, Placement};
 pub use policy::{ATTRIBUTE_FLOOR, History, Policy, wants_rebuild};
+pub use resample::{MOST_CANDIDATES, Resampled};
 pub use sample::{LightId, LightPick, LightSample, Sampler};
 pub use scheduler::{Clock, FrameBudget, SystemClock};
 pub use tree::{Attribute, Attributes, LightTree};

@@ -53,9 +53,9 @@ pub struct LightSample {
 /// Samples a world as it is now. Cheap to make once the top level stands; any number of threads may share it.
 #[derive(Clone, Copy)]
 pub struct Sampler<'a> {
-    world: &'a World,
-    top: &'a TopLevel,
-    openings: usize,
+    pub(crate) world: &'a World,
+    pub(crate) top: &'a TopLevel,
+    pub(crate) openings: usize,
 }
 
 impl<'a> Forest<'a> for (&Sampler<'a>, &Receiver) {
@@ -78,8 +78,13 @@ impl<'a> Sampler<'a> {
     ///
     /// `None` if no light can reach the receiver, or if the chosen point does not: both are ordinary, and count as black.
     pub fn sample(&self, receiver: &Receiver, u: [f32; 4]) -> Option<LightSample> {
-        let LightPick { light, pmf } = self.pick(receiver, [u[0], u[1]])?;
-        let incident = self.sample_light(receiver, light, [u[2], u[3]])?;
+        self.sample_picked(receiver, self.pick(receiver, [u[0], u[1]])?, [u[2], u[3]])
+    }
+
+    /// A point on a light that was picked.
+    pub(crate) fn sample_picked(&self, receiver: &Receiver, pick: LightPick, u: [f32; 2]) -> Option<LightSample> {
+        let LightPick { light, pmf } = pick;
+        let incident = self.sample_light(receiver, light, u)?;
         Some(LightSample { light, pmf, incident })
     }
 
@@ -101,7 +106,12 @@ impl<'a> Sampler<'a> {
             u,
             forest: &(self, receiver),
         };
-        match with_vectors(draw) {
+        self.named(receiver, with_vectors(draw))
+    }
+
+    /// The keys of what was drawn.
+    pub(crate) fn named(&self, receiver: &Receiver, drawn: Drawn) -> Option<LightPick> {
+        match drawn {
             Drawn::Light(Picked { instance, light, pmf }) => {
                 Some(LightPick { light: LightId::Local { instance: self.world.instance_at(instance)?, light }, pmf })
             }
@@ -161,12 +171,12 @@ impl<'a> Sampler<'a> {
     }
 
     /// Illuminance by directional lights, in lux.
-    fn directional(&self, receiver: &Receiver) -> f32 {
+    pub(crate) fn directional(&self, receiver: &Receiver) -> f32 {
         self.world.directionals().map(|(_, light)| illuminance(light, receiver)).sum()
     }
 
     /// The top level.
-    fn root(&self, receiver: &Receiver) -> Scene<'a> {
+    pub(crate) fn root(&self, receiver: &Receiver) -> Scene<'a> {
         Scene { nodes: &self.top.nodes, view: View::of(receiver), instance: NO_INSTANCE, is_top: true }
     }
 

@@ -72,7 +72,7 @@ impl Dice {
 
 /// NaN becomes 0: `max` returns the other operand, while `clamp` would keep it.
 #[allow(clippy::manual_clamp, reason = "not the same for NaN")]
-fn clamp_unit(u: f32) -> f32 {
+pub(crate) fn clamp_unit(u: f32) -> f32 {
     u.max(0.0).min(BELOW_ONE)
 }
 
@@ -111,7 +111,7 @@ impl<'a> Forest<'a> for NoForest {
 
 /// The candidates of a receiver: the children of the opened nodes. The same for every random number, so that the chance
 /// of any light can be told. One array for each property: nothing but numbers is moved about.
-struct Cut<'a> {
+pub(crate) struct Cut<'a> {
     /// Trees that were entered, the root's first.
     scenes: [Option<Scene<'a>>; MOST_NODES],
     scene_count: usize,
@@ -142,7 +142,7 @@ const SLOT_BITS: u32 = WIDTH as u32 - 1;
 impl<'a> Cut<'a> {
     /// Opens the root and then, up to `openings` times, the candidate in most doubt.
     #[inline(always)]
-    fn new(root: Scene<'a>, openings: usize, forest: &impl Forest<'a>) -> Self {
+    pub fn new(root: Scene<'a>, openings: usize, forest: &impl Forest<'a>) -> Self {
         let mut cut = Cut {
             scenes: [const { None }; MOST_NODES],
             scene_count: 0,
@@ -173,6 +173,29 @@ impl<'a> Cut<'a> {
                 None => return cut,
             };
             cut.take_out(index, slot);
+        }
+    }
+
+    /// Chooses a light, or what stands `beside` the trees with so many lux.
+    #[inline(always)]
+    pub fn draw(&self, beside: f32, u: [f32; 2], forest: &impl Forest<'a>) -> Drawn {
+        let total = self.total + beside;
+        if total <= 0.0 {
+            return Drawn::Nothing;
+        }
+        let (mut dice, mut inner) = (Dice::new(u[0], u[1]), Dice::new(u[1], u[0]));
+        let mut chance = 1.0;
+        if beside > 0.0 {
+            let point = dice.point(total);
+            if point >= self.total {
+                return Drawn::Beside { offset: point - self.total, total };
+            }
+            chance = share(self.total, total);
+            dice.stretch(point / total, chance);
+        }
+        match self.pick(&mut dice, &mut inner, forest) {
+            Some(picked) => Drawn::Light(Picked { pmf: joint(chance, picked.pmf), ..picked }),
+            None => Drawn::Nothing,
         }
     }
 
@@ -376,25 +399,7 @@ impl<'a, F: Forest<'a>> Job for Draw<'a, '_, F> {
     #[inline(always)]
     fn run(self) -> Drawn {
         let Self { root, openings, beside, u, forest } = self;
-        let cut = Cut::new(root, openings, forest);
-        let total = cut.total + beside;
-        if total <= 0.0 {
-            return Drawn::Nothing;
-        }
-        let (mut dice, mut inner) = (Dice::new(u[0], u[1]), Dice::new(u[1], u[0]));
-        let mut chance = 1.0;
-        if beside > 0.0 {
-            let point = dice.point(total);
-            if point >= cut.total {
-                return Drawn::Beside { offset: point - cut.total, total };
-            }
-            chance = share(cut.total, total);
-            dice.stretch(point / total, chance);
-        }
-        match cut.pick(&mut dice, &mut inner, forest) {
-            Some(picked) => Drawn::Light(Picked { pmf: joint(chance, picked.pmf), ..picked }),
-            None => Drawn::Nothing,
-        }
+        Cut::new(root, openings, forest).draw(beside, u, forest)
     }
 }
 

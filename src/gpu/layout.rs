@@ -211,7 +211,7 @@ mod tests {
     use naga::TypeInner;
 
     use super::*;
-    use crate::gpu::{SampleRecord, SampleRequest};
+    use crate::gpu::{ResampledRecord, SampleRecord, SampleRequest};
     use crate::tree::Node;
 
     /// Size, and offset of each member, of the structs of a WGSL text.
@@ -270,6 +270,9 @@ mod tests {
             "LightSample",
             [direction, distance, radiance, pdf, pmf, instance, light, is_delta]
         );
+        // WGSL pads it without a name.
+        assert_eq!(structs["LightResampled"], (64, vec![("sample".into(), 0), ("weight".into(), 48)]));
+        assert_eq!((size_of::<ResampledRecord>(), offset_of!(ResampledRecord, weight)), (64, 48));
         record!(structs, ParamsRecord, "LightParams", [slots, directional_base, directional_count, openings]);
     }
 }

@@ -2,12 +2,15 @@
 //!
 //! Everything happens on the engine's own device and queue and in its own command encoder (but for the copy of a buffer
 //! that outgrew its size, which is submitted at once); nothing is read back and nothing waits. A frame is [`GpuLights::upload`], [`GpuLights::build_top`], and then any number of shaders that bind
-//! [`GpuLights::bind_group`] and call the functions of [`wgsl`], or [`GpuLights::sample`] for those who want no shader.
+//! [`GpuLights::bind_group`] and call the functions of [`LightShader`], or [`GpuLights::sample`] and
+//! [`GpuLights::resample`] for those who want no shader.
 
 mod error;
 mod layout;
 mod pool;
+mod resampling;
 mod sampling;
+mod shader;
 mod sort;
 mod stages;
 #[cfg(test)]
@@ -17,13 +20,17 @@ mod top;
 mod upload;
 
 use std::ops::Range;
+use std::sync::OnceLock;
 
 pub use error::GpuError;
 use error::check_limits;
 use layout::{InstanceRecord, LightRecord, ParamsRecord, TreeRecord};
 use pool::Pool;
+use resampling::ResampleKernel;
+pub use resampling::ResampledRecord;
 use sampling::BatchKernel;
 pub use sampling::{SampleRecord, SampleRequest};
+pub use shader::LightShader;
 pub use text::wgsl;
 use top::TopBuild;
 pub use upload::UploadReport;
@@ -56,6 +63,8 @@ pub struct GpuLights {
     batch: BatchKernel,
     /// What the world called for at the last upload: of all that lies in the buffers.
     effects: Effects,
+    /// Made when first asked for.
+    resampling: OnceLock<ResampleKernel>,
     layout: wgpu::BindGroupLayout,
     bind_group: wgpu::BindGroup,
     /// Of the buffers that the bind group was made for.
@@ -105,6 +114,7 @@ impl GpuLights {
             top_is_stale: true,
             batch,
             effects: Effects::all(),
+            resampling: OnceLock::new(),
             layout,
             bind_group,
             bound,

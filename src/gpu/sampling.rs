@@ -8,9 +8,9 @@ use super::{GpuLights, text};
 use crate::effects::{Effects, Variants};
 
 /// Invocations of a workgroup.
-const LANES: u32 = 64;
+pub(super) const LANES: u32 = 64;
 /// Workgroups along one dimension, as WebGPU allows.
-const ROW: u32 = 65535;
+pub(super) const ROW: u32 = 65535;
 
 /// A receiver and its four random numbers in [0, 1). 48 bytes; `Request` in `shaders/batch.wgsl`.
 #[repr(C)]

@@ -8,33 +8,28 @@ use crate::effects::Effects;
 use crate::emit;
 use crate::importance;
 use crate::light;
+use crate::resample;
 use crate::tree;
 use crate::walk;
 
 /// The WGSL that an engine puts before its own, after `enable` and `requires` lines if it has any.
 ///
-/// ```wgsl
-/// struct LightReceiver { position: vec3<f32>, normal: vec3<f32> }       // relative to the origin; normal 0: in a volume
-/// struct LightSample { direction: vec3<f32>, distance: f32, radiance: vec3<f32>, pdf: f32, pmf: f32,
-///                      instance: u32, light: u32, is_delta: u32 }
-/// struct LightPick { instance: u32, light: u32, pmf: f32 }
-/// fn light_sample(receiver: LightReceiver, u: vec4<f32>) -> LightSample  // u in [0, 1)
-/// fn light_pick(receiver: LightReceiver, u: vec2<f32>) -> LightPick      // the light without a point on it
-/// fn light_pmf(receiver: LightReceiver, instance: u32, light: u32) -> f32
-/// ```
-///
-/// A surface adds `brdf * cosine * s.radiance / (s.pmf * s.pdf)` if `s.pmf > 0` and nothing stands within `s.distance`;
-/// with `is_delta` 1 there is nothing to hit at its end. `instance` is a slot (`World::instance_at`), or
-/// `u32::MAX` with `light` the place among `World::directionals` at the last upload.
-///
-/// The bindings sit in `@group(group)`, laid out as `GpuLights::bind_group_layout` has them for compute and fragment
-/// stages: one uniform and four read-only storage buffers, of the eight that WebGPU grants a stage. All names start with
-/// `light_`, `Light` or `LIGHT_`.
+/// [`LightShader`](super::LightShader) lists its functions, with their measures. The bindings sit in `@group(group)`, laid out
+/// as `GpuLights::bind_group_layout` has them for compute and fragment stages: one uniform and four read-only storage
+/// buffers, of the eight that WebGPU grants a stage. All names start with `light_`, `Light` or `LIGHT_`.
 ///
 /// `effects` says what the text can do: it must contain what the world calls for.
 pub fn wgsl(group: u32, effects: Effects) -> String {
     let sample = include_str!("../../shaders/sample.wgsl").replace("LIGHT_GROUP", &group.to_string());
-    variant(&(pure() + &sample + include_str!("../../shaders/walk.wgsl")), effects, false)
+    let mut text = pure() + &sample;
+    for part in [
+        include_str!("../../shaders/walk.wgsl"),
+        include_str!("../../shaders/pdf.wgsl"),
+        include_str!("../../shaders/resample.wgsl"),
+    ] {
+        text += part;
+    }
+    variant(&text, effects, false)
 }
 
 /// Constants, records and pure functions: everything that binds nothing.
@@ -73,6 +68,10 @@ pub(crate) fn constants() -> String {
         ("DIRECTIONAL", layout::DIRECTIONAL),
         ("NO_INSTANCE", walk::NO_INSTANCE),
         ("MOST_OPENINGS", walk::MOST_OPENINGS as u32),
+        ("MOST_CANDIDATES", resample::MOST_CANDIDATES),
+        ("LATTICE_Y", resample::LATTICE[0]),
+        ("LATTICE_Z", resample::LATTICE[1]),
+        ("LATTICE_W", resample::LATTICE[2]),
     ] {
         let _ = writeln!(text, "const LIGHT_{name}: u32 = {value}u;");
     }
@@ -107,6 +106,8 @@ pub(crate) fn constants() -> String {
         ("FOUR_PI", 4.0 * std::f32::consts::PI),
         ("BELOW_ONE", walk::BELOW_ONE),
         ("U_STEP", walk::U_STEP),
+        ("LEAST_WEIGHT", resample::LEAST_WEIGHT),
+        ("MOST_WEIGHT", resample::MOST_WEIGHT),
     ] {
         let _ = writeln!(text, "const LIGHT_{name}: f32 = {value:e};");
     }

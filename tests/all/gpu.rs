@@ -38,7 +38,7 @@ fn limited_gpu(bytes: u64) -> (wgpu::Device, wgpu::Queue) {
     pollster::block_on(adapter.request_device(&descriptor)).expect("less than the default limits")
 }
 
-fn buffer(device: &wgpu::Device, queue: &wgpu::Queue, content: &[u8]) -> wgpu::Buffer {
+pub(crate) fn buffer(device: &wgpu::Device, queue: &wgpu::Queue, content: &[u8]) -> wgpu::Buffer {
     let buffer = device.create_buffer(&wgpu::BufferDescriptor {
         label: None,
         size: content.len() as u64,
@@ -49,7 +49,7 @@ fn buffer(device: &wgpu::Device, queue: &wgpu::Queue, content: &[u8]) -> wgpu::B
     buffer
 }
 
-fn read<T: bytemuck::Pod>(device: &wgpu::Device, queue: &wgpu::Queue, buffer: &wgpu::Buffer) -> Vec<T> {
+pub(crate) fn read<T: bytemuck::Pod>(device: &wgpu::Device, queue: &wgpu::Queue, buffer: &wgpu::Buffer) -> Vec<T> {
     let copy = device.create_buffer(&wgpu::BufferDescriptor {
         label: None,
         size: buffer.size(),
@@ -64,7 +64,7 @@ fn read<T: bytemuck::Pod>(device: &wgpu::Device, queue: &wgpu::Queue, buffer: &w
     bytemuck::pod_collect_to_vec(&copy.get_mapped_range(..).expect("it is mapped"))
 }
 
-fn requests(rng: &mut Rng, count: usize, size: f32) -> Vec<SampleRequest> {
+pub(crate) fn requests(rng: &mut Rng, count: usize, size: f32) -> Vec<SampleRequest> {
     let request = |_| {
         let receiver = rng.receiver(size);
         let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit()];
@@ -78,7 +78,7 @@ fn requests(rng: &mut Rng, count: usize, size: f32) -> Vec<SampleRequest> {
     (0..count).map(request).collect()
 }
 
-fn receiver(request: &SampleRequest) -> Receiver {
+pub(crate) fn receiver(request: &SampleRequest) -> Receiver {
     Receiver { position: request.position.into(), normal: request.normal.into() }
 }
 
@@ -102,7 +102,7 @@ pub(crate) fn sample(
     read(&device, &queue, &output)
 }
 
-fn close(a: f32, b: f32) -> bool {
+pub(crate) fn close(a: f32, b: f32) -> bool {
     (a - b).abs() <= TOLERANCE * a.abs().max(b.abs()).max(1.0e-20)
 }
 
@@ -306,6 +306,68 @@ fn what_does_not_fit_is_refused_and_goes_with_the_next_upload_that_fits() {
     assert_eq!(report.instances, 2, "the one that went, and the one that moved in the refused delta");
 }
 
+/// Runs an engine's own shader, which has the lights at group 1 and one invocation of `ask` for each answer, in workgroups
+/// of 64; `questions` and `answers` are the bindings of group 0.
+pub(crate) fn ask<Q: bytemuck::Pod, A: bytemuck::Pod>(
+    lights: &mut GpuLights,
+    text: String,
+    questions: &[Q],
+    count: usize,
+) -> Vec<A> {
+    let (device, queue) = gpu();
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: None,
+        source: wgpu::ShaderSource::Wgsl(text.into()),
+    });
+    let entry = |binding, read_only| wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::COMPUTE,
+        ty: wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Storage { read_only },
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        },
+        count: None,
+    };
+    let own = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: None,
+        entries: &[entry(0, true), entry(1, false)],
+    });
+    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        bind_group_layouts: &[Some(&own), Some(lights.bind_group_layout())],
+        ..Default::default()
+    });
+    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: None,
+        layout: Some(&layout),
+        module: &module,
+        entry_point: Some("ask"),
+        compilation_options: wgpu::PipelineCompilationOptions::default(),
+        cache: None,
+    });
+    let input = buffer(&device, &queue, bytemuck::cast_slice(questions));
+    let output = buffer(&device, &queue, &vec![0; count * size_of::<A>()]);
+    let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: None,
+        layout: &own,
+        entries: &[
+            wgpu::BindGroupEntry { binding: 0, resource: input.as_entire_binding() },
+            wgpu::BindGroupEntry { binding: 1, resource: output.as_entire_binding() },
+        ],
+    });
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    lights.build_top(&mut encoder);
+    {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(&pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        pass.set_bind_group(1, lights.bind_group(), &[]);
+        pass.dispatch_workgroups(count.div_ceil(64) as u32, 1, 1);
+    }
+    queue.submit([encoder.finish()]);
+    read(&device, &queue, &output)
+}
+
 #[test]
 fn an_engines_own_shader_asks_for_chances_as_the_cpu_does() {
     let (device, queue) = gpu();
@@ -345,59 +407,9 @@ fn an_engines_own_shader_asks_for_chances_as_the_cpu_does() {
             let q = questions[id.x];
             answers[id.x] = light_pmf(LightReceiver(q.position, q.normal), q.instance, q.light);
         }";
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: None,
-        source: wgpu::ShaderSource::Wgsl(text.into()),
-    });
-    let entry = |binding, read_only| wgpu::BindGroupLayoutEntry {
-        binding,
-        visibility: wgpu::ShaderStages::COMPUTE,
-        ty: wgpu::BindingType::Buffer {
-            ty: wgpu::BufferBindingType::Storage { read_only },
-            has_dynamic_offset: false,
-            min_binding_size: None,
-        },
-        count: None,
-    };
-    let own = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: None,
-        entries: &[entry(0, true), entry(1, false)],
-    });
-    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        bind_group_layouts: &[Some(&own), Some(lights.bind_group_layout())],
-        ..Default::default()
-    });
-    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: None,
-        layout: Some(&layout),
-        module: &module,
-        entry_point: Some("ask"),
-        compilation_options: wgpu::PipelineCompilationOptions::default(),
-        cache: None,
-    });
-    let input = buffer(&device, &queue, bytemuck::cast_slice(&questions));
-    let output = buffer(&device, &queue, &vec![0; expected.len() * 4]);
-    let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: None,
-        layout: &own,
-        entries: &[
-            wgpu::BindGroupEntry { binding: 0, resource: input.as_entire_binding() },
-            wgpu::BindGroupEntry { binding: 1, resource: output.as_entire_binding() },
-        ],
-    });
     for (which, openings) in OPENINGS.into_iter().enumerate() {
         lights.set_openings(openings as u32);
-        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        lights.build_top(&mut encoder);
-        {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            pass.set_pipeline(&pipeline);
-            pass.set_bind_group(0, &group, &[]);
-            pass.set_bind_group(1, lights.bind_group(), &[]);
-            pass.dispatch_workgroups(expected.len().div_ceil(64) as u32, 1, 1);
-        }
-        queue.submit([encoder.finish()]);
-        let answers: Vec<f32> = read(&device, &queue, &output);
+        let answers: Vec<f32> = ask(&mut lights, text.clone(), &questions, expected.len());
         for (cpu, gpu) in expected.iter().zip(&answers) {
             assert!(close(cpu[which], *gpu), "{openings} openings: {cpu:?} {gpu}");
         }

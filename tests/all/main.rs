@@ -8,9 +8,15 @@ mod city_images;
 mod city_refusals;
 mod dependencies;
 mod effects;
+#[path = "../../examples/engine_shader.rs"]
+#[allow(dead_code, missing_docs, reason = "a program; its main is not called")]
+mod engine_shader;
+mod engine_shader_runs;
 mod gltf;
 mod gpu;
 mod hard_cases;
+mod pdf;
+mod resample;
 mod sampling;
 mod support;
 mod tree;

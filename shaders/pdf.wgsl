@@ -1,0 +1,83 @@
+// With which density light_sample would have chosen the direction to a point of a light. Twin of src/pdf.rs, which explains it.
+
+// #if AREAS
+// `to_plane` leads from the receiver to any point of the surface.
+fn light_surface_pdf(to_plane: vec3<f32>, normal_area: vec3<f32>, kind: u32, dist_sq: f32) -> f32 {
+    var facing_area = -dot(normal_area, to_plane) / sqrt(dist_sq);
+    if (kind & LIGHT_TWO_SIDED) != 0u {
+        facing_area = abs(facing_area);
+    }
+    if facing_area <= 0.0 || !light_is_density(dist_sq, facing_area) {
+        return 0.0;
+    }
+    return dist_sq / facing_area;
+}
+
+fn light_sphere_pdf(light: LightRecord, instance: LightInstance, receiver: LightReceiver, point: vec3<f32>) -> f32 {
+    let radius = light.c.x;
+    let to_center = light_linear(instance.to_local, light_toward(light.a, instance, receiver));
+    let dist_sq = dot(to_center, to_center);
+    if dist_sq < LIGHT_TINY || radius * radius >= dist_sq {
+        return 0.0;
+    }
+    let sin_max_sq = radius * radius / dist_sq;
+    let one_minus_cos_max = sin_max_sq / (1.0 + sqrt(1.0 - sin_max_sq));
+    let from_center = light_linear(instance.to_local, point - light_translation(instance.to_world)) - light.a;
+    let hit = length(to_center + light_normalize_or_zero(from_center) * radius);
+    let toward = point - receiver.position;
+    var local = hit;
+    if hit <= LIGHT_CLOSE * sqrt(dist_sq) {
+        local = length(light_linear(instance.to_local, toward));
+    }
+    let solid_angle = 0.5 * LIGHT_FOUR_PI * one_minus_cos_max * abs(instance.to_local[0].w);
+    if local <= 0.0 || solid_angle < LIGHT_TINY {
+        return 0.0;
+    }
+    let stretch = length(toward) / local;
+    let cubed = stretch * stretch * stretch;
+    if !light_is_density(cubed, solid_angle) {
+        return 0.0;
+    }
+    return cubed / solid_angle;
+}
+
+// Of a light that was chosen. Twin of `point_pdf`.
+fn light_point_pdf(light: LightRecord, instance: LightInstance, receiver: LightReceiver, point: vec3<f32>) -> f32 {
+    let toward = point - receiver.position;
+    let dist_sq = dot(toward, toward);
+    let is_above = all(receiver.normal == vec3(0.0)) || dot(receiver.normal, toward) > 0.0;
+    let is_in_range = dist_sq >= LIGHT_NEAREST_SQ && light_window(dist_sq, light.range) > 0.0;
+    if !is_above || !is_in_range || all(light.emission == vec3(0.0)) {
+        return 0.0;
+    }
+    let kind = light.kind & LIGHT_KIND_MASK;
+    if kind == LIGHT_KIND_SPHERE {
+        return light_sphere_pdf(light, instance, receiver, point);
+    }
+    if kind != LIGHT_KIND_RECTANGLE && kind != LIGHT_KIND_TRIANGLE {
+        return 0.0;
+    }
+    var normal_area = cross(light.b, light.c) * 4.0;
+    if kind == LIGHT_KIND_TRIANGLE {
+        normal_area = cross(light.b - light.a, light.c - light.a) * 0.5;
+    }
+    let to_plane = light_toward(light.a, instance, receiver);
+    return light_surface_pdf(to_plane, light_normal_area(normal_area, instance), light.kind, dist_sq);
+}
+// #endif
+
+// The density per steradian with which light_sample chooses this light and the direction to `point`, which lies on it
+// (relative to the world's origin): pmf * pdf, for multiple importance sampling of rays that hit lights. 0 for lights
+// without size, and where light_sample would find nothing.
+fn light_pdf(receiver: LightReceiver, instance: u32, light: u32, point: vec3<f32>) -> f32 {
+    // #if AREAS
+    if instance != LIGHT_DIRECTIONAL {
+        let record = light_records[light_instances[instance].light_base + light];
+        let pdf = light_point_pdf(record, light_instances[instance], receiver, point);
+        if pdf > 0.0 {
+            return pdf * light_pmf(receiver, instance, light);
+        }
+    }
+    // #endif
+    return 0.0;
+}

@@ -1,0 +1,103 @@
+//! What an engine needs to call our functions from a shader of its own, in one struct.
+
+use super::{GpuLights, text};
+use crate::effects::Effects;
+
+/// The text, the bind group and the functions that an engine's shader needs to choose lights.
+///
+/// For compute and fragment shaders. Rays that are traced in WebGPU are ray queries inside these, so there is no stage
+/// beside them. Vertex shaders cannot: the layout is not visible there.
+///
+/// The functions, all in the space of [`World::origin`](crate::World::origin); random numbers `u` in [0, 1):
+///
+/// ```wgsl
+/// struct LightReceiver { position: vec3<f32>, normal: vec3<f32> }        // metres; unit, or zero in a volume
+/// struct LightSample { direction: vec3<f32>, distance: f32,             // unit, from the receiver; metres
+///                      radiance: vec3<f32>, pdf: f32,                   // see below
+///                      pmf: f32, instance: u32, light: u32, is_delta: u32 }
+/// struct LightResampled { sample: LightSample, weight: f32 }
+/// struct LightPick { instance: u32, light: u32, pmf: f32 }
+///
+/// fn light_sample(receiver: LightReceiver, u: vec4<f32>) -> LightSample                     // a light and a point on it
+/// fn light_resample(receiver: LightReceiver, u: vec4<f32>, candidates: u32) -> LightResampled
+/// fn light_pick(receiver: LightReceiver, u: vec2<f32>) -> LightPick                         // a light without a point
+/// fn light_pmf(receiver: LightReceiver, instance: u32, light: u32) -> f32                   // the chance of a light
+/// fn light_pdf(receiver: LightReceiver, instance: u32, light: u32, point: vec3<f32>) -> f32 // density of a point
+/// fn light_hash(bits: u32) -> u32                                                           // for random numbers
+/// ```
+///
+/// Measures: a `pmf` is the chance of the light among all, in [0, 1]; 0 in a sample means that nothing arrives. With
+/// `is_delta` 0 `radiance` is in nits and `pdf` a density per steradian, seen from the receiver; with `is_delta` 1 (points,
+/// spots, directional lights) `radiance` is the illuminance, in lux, of a surface that faces the light, and `pdf` is 1. In
+/// both cases `brdf * cosine * radiance / (pmf * pdf)` estimates the radiance that leaves the receiver, if nothing stands
+/// within `distance`; so does `brdf * cosine * sample.radiance * weight`. `light_pdf` is per steradian, and has the pmf in it.
+///
+/// `instance` is a slot ([`World::instance_at`](crate::World::instance_at), [`World::slot`](crate::World::slot)), the same
+/// while the instance lives; `LIGHT_DIRECTIONAL` (`u32::MAX`) with `light` the place among
+/// [`World::directionals`](crate::World::directionals) at the last upload.
+///
+/// The text binds one uniform buffer and four read-only storage buffers, at `group`; of WebGPU's default limits that leaves
+/// an engine three bind groups, and four storage and eleven uniform buffers a stage. All names in it start with `light_`,
+/// `Light` or `LIGHT_`. `docs/integration.md` goes through all of it step by step.
+#[derive(Clone, Debug)]
+pub struct LightShader {
+    /// To be put before the engine's own text, after its directives: see [`LightShader::join`].
+    pub wgsl: String,
+    /// Where the engine's pipeline layouts need [`LightShader::layout`] and its passes [`GpuLights::bind_group`].
+    pub group: u32,
+    /// What the text can do; it serves as long as the world calls for nothing else.
+    pub effects: Effects,
+    /// Of the bind group, for compute and fragment stages.
+    pub layout: wgpu::BindGroupLayout,
+}
+
+impl LightShader {
+    /// The engine's shader with ours before it, but after its `enable`, `requires` and `diagnostic` directives, which WGSL
+    /// wants first. Line numbers of errors in the engine's part move by the lines of ours.
+    pub fn join(&self, engine: &str) -> String {
+        let is_directive = |line: &str| {
+            let word = line.trim_start().split([' ', '\t', '(']).next();
+            matches!(word, Some("enable" | "requires" | "diagnostic"))
+        };
+        let mut start = 0;
+        let mut end = 0;
+        for line in engine.split_inclusive('\n') {
+            if is_directive(line) {
+                end = engine[start..].find(';').map_or(engine.len(), |length| start + length + 1);
+            }
+            start += line.len();
+        }
+        format!("{}\n{}{}", &engine[..end], self.wgsl, &engine[end..])
+    }
+}
+
+impl GpuLights {
+    /// What an engine's shader needs, for the group at which it binds the lights (0 to 3 by WebGPU's default) and the
+    /// effects that the text is to serve; with [`Effects::all`] it serves every world. Joins texts, compiles nothing.
+    pub fn shader(&self, group: u32, effects: Effects) -> LightShader {
+        LightShader { wgsl: text::wgsl(group, effects), group, effects, layout: self.layout.clone() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::testing::gpu;
+
+    #[test]
+    fn an_engines_directives_stay_first() {
+        let (device, queue) = gpu();
+        let shader = GpuLights::new(&device, &queue).expect("default limits are enough").shader(2, Effects::all());
+        let body = "@compute @workgroup_size(1) fn main() { let p = light_pmf(LightReceiver(), 0u, 0u); }\n";
+        for head in [
+            "",
+            "// A comment.\n",
+            "diagnostic(off, derivative_uniformity);\n",
+            "// One.\ndiagnostic(off,\n    derivative_uniformity);\n// Two.\ndiagnostic(off, subgroup_uniformity); // Three.\n",
+        ] {
+            let text = shader.join(&format!("{head}{body}"));
+            naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("directives come first");
+            assert!(text.contains(body) && text.contains("@group(2)"), "nothing is lost");
+        }
+    }
+}

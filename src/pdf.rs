@@ -1,0 +1,80 @@
+//! With which density sampling would have chosen the direction to a point of a light that a ray happened to hit.
+//!
+//! Twin of `shaders/pdf.wgsl`. The inverse of `emit.rs`: the same densities, from a point instead of from random numbers.
+
+use std::f32::consts::PI;
+
+use glam::Vec3;
+
+use crate::emit::{CLOSE, Frame, NEAREST_SQ, is_density};
+use crate::importance::Receiver;
+use crate::light::{Light, Shape, range_window};
+use crate::sample::{LightId, Sampler};
+
+impl Sampler<'_> {
+    /// The density per steradian, in the world, with which [`Sampler::sample`] chooses this light and the direction to
+    /// `point`: `pmf * pdf`, for multiple importance sampling of rays that hit lights.
+    ///
+    /// `point` lies on the light, in metres relative to the world's origin; that is not checked. 0 for lights without size,
+    /// where sampling would find nothing (behind a one-sided light, below the receiver's horizon, out of range, inside a
+    /// sphere), and for a light that is not there. Costs what [`Sampler::pmf`] does.
+    pub fn pdf(&self, receiver: &Receiver, light: LightId, point: Vec3) -> f32 {
+        let LightId::Local { instance, light: index } = light else { return 0.0 };
+        let Some(placed) = self.world.instance(instance) else { return 0.0 };
+        let tree = self.world.tree(placed.tree);
+        let Some(record) = tree.and_then(|tree| tree.lights().get(index as usize)) else { return 0.0 };
+        let pdf = point_pdf(record, &placed.placed.frame, receiver, point);
+        if pdf > 0.0 { pdf * self.pmf(receiver, light) } else { 0.0 }
+    }
+}
+
+/// The density per steradian of the direction to a point of a light that was chosen; 0 if sampling never gives it.
+fn point_pdf(light: &Light, frame: &Frame, receiver: &Receiver, point: Vec3) -> f32 {
+    let toward = point - receiver.position;
+    let dist_sq = toward.length_squared();
+    let is_above = receiver.normal == Vec3::ZERO || receiver.normal.dot(toward) > 0.0;
+    let is_in_range = dist_sq >= NEAREST_SQ && range_window(dist_sq, light.range) > 0.0;
+    if !(is_above && is_in_range && light.flux() > 0.0) {
+        return 0.0;
+    }
+    match light.shape {
+        Shape::Point { .. } | Shape::Spot { .. } => 0.0,
+        Shape::Rectangle { center, half_u, half_v, two_sided } => {
+            let normal_area = frame.normal_area(half_u.cross(half_v) * 4.0);
+            surface_pdf(frame.toward(center, receiver), normal_area, two_sided, dist_sq)
+        }
+        Shape::Triangle { vertices: [p, q, r], two_sided } => {
+            let normal_area = frame.normal_area((q - p).cross(r - p) * 0.5);
+            surface_pdf(frame.toward(p, receiver), normal_area, two_sided, dist_sq)
+        }
+        Shape::Sphere { center, radius } => sphere_pdf(center, radius, frame, receiver, point),
+    }
+}
+
+/// `to_plane` leads from the receiver to any point of the surface: its distance from the plane needs no digits of the
+/// point that was hit, which has few where it lies far from the origin.
+fn surface_pdf(to_plane: Vec3, normal_area: Vec3, two_sided: bool, dist_sq: f32) -> f32 {
+    let height_area = -normal_area.dot(to_plane);
+    let facing_area = (if two_sided { height_area.abs() } else { height_area }) / dist_sq.sqrt();
+    if facing_area > 0.0 && is_density(dist_sq, facing_area) { dist_sq / facing_area } else { 0.0 }
+}
+
+fn sphere_pdf(center: Vec3, radius: f32, frame: &Frame, receiver: &Receiver, point: Vec3) -> f32 {
+    let to_center = frame.to_local * frame.toward(center, receiver);
+    let dist_sq = to_center.length_squared();
+    let sin_max_sq = radius * radius / dist_sq;
+    if !(dist_sq >= f32::MIN_POSITIVE && sin_max_sq < 1.0) {
+        return 0.0;
+    }
+    let one_minus_cos_max = sin_max_sq / (1.0 + (1.0 - sin_max_sq).sqrt());
+    // Put back onto the sphere, so that what the point lost to rounding is not stretched by a flat instance.
+    let normal = (frame.to_local * (point - frame.translation) - center).normalize_or_zero();
+    let hit = (to_center + normal * radius).length();
+    let toward = point - receiver.position;
+    let is_close = hit <= CLOSE * dist_sq.sqrt();
+    let local = if is_close { (frame.to_local * toward).length() } else { hit };
+    let stretch = toward.length() / local;
+    let (cubed, solid_angle) = (stretch * stretch * stretch, 2.0 * PI * one_minus_cos_max * frame.determinant.abs());
+    let is_lit = solid_angle >= f32::MIN_POSITIVE && local > 0.0;
+    if is_lit && is_density(cubed, solid_angle) { cubed / solid_angle } else { 0.0 }
+}

@@ -1,0 +1,259 @@
+//! The density of a point that a ray hit is the one that sampling would have told.
+
+use girandole::glam::{DMat3, DVec3, Mat3, Vec3};
+use girandole::gpu::GpuLights;
+use girandole::{Effects, Light, LightId, Placement, Policy, Receiver, Sampler, Shape, World};
+
+use crate::gpu::{ask, gpu};
+use crate::support::{OPENINGS, Rng};
+
+/// Products of some forty factors on both ways.
+const TOLERANCE: f32 = 1.0e-4;
+/// Roundings of coordinates that pile up in a distance or in the height above a surface.
+const ROUNDINGS: f32 = 32.0;
+/// As in `gpu.rs`: chances are products of some twenty terms that GPUs round otherwise.
+const GPU_TOLERANCE: f32 = 2.0e-3;
+
+/// Cosine at a surface, in f64: near its edge the density is the inverse of a small difference.
+fn cosine(world: &World, light: LightId, direction: Vec3) -> f32 {
+    let LightId::Local { instance, light } = light else { return 1.0 };
+    let tree = world.instance_tree(instance).and_then(|tree| world.tree(tree)).expect("a live instance");
+    let normal = match tree.lights()[light as usize].shape {
+        Shape::Rectangle { half_u, half_v, .. } => half_u.as_dvec3().cross(half_v.as_dvec3()),
+        Shape::Triangle { vertices: [a, b, c], .. } => (b - a).as_dvec3().cross((c - a).as_dvec3()),
+        _ => return 1.0,
+    };
+    let linear: DMat3 = world.placement(instance).expect("a live instance").linear.as_dmat3();
+    let normal = (linear.inverse().transpose() * normal).normalize();
+    normal.dot(direction.as_dvec3()).abs() as f32
+}
+
+/// How far two densities may be apart, relatively, at a point of which only the f32 coordinates are known.
+fn tolerance(world: &World, receiver: &Receiver, light: LightId, point: Vec3) -> f32 {
+    let toward = point - receiver.position;
+    let coordinates = receiver.position.abs().element_sum() + point.abs().element_sum() + 1.0;
+    let height = toward.length() * cosine(world, light, toward.normalize());
+    TOLERANCE + ROUNDINGS * f32::EPSILON * coordinates / height
+}
+
+/// Compares at one sampled point; whether there was one worth comparing.
+fn holds(sampler: &Sampler<'_>, world: &World, receiver: &Receiver, u: [f32; 4]) -> bool {
+    let Some(sample) = sampler.sample(receiver, u) else { return false };
+    let point = receiver.position + sample.incident.direction * sample.incident.distance;
+    if sample.incident.is_delta {
+        assert_eq!(sampler.pdf(receiver, sample.light, point), 0.0);
+        return false;
+    }
+    let told = sample.pmf * sample.incident.pdf;
+    let tolerance = tolerance(world, receiver, sample.light, point);
+    let pdf = sampler.pdf(receiver, sample.light, point);
+    // Where nothing of a distance or a height is left, nothing can be asked.
+    let is_fair = tolerance < 0.05;
+    assert!(!is_fair || (pdf / told - 1.0).abs() <= tolerance, "{pdf} {told} {tolerance} {receiver:?} {sample:?}");
+    is_fair
+}
+
+#[test]
+fn densities_at_sampled_points_are_those_that_sampling_tells() {
+    let mut rng = Rng(60);
+    let mut compared = 0;
+    for far in [0.0, 1.0e4] {
+        for round in 0..6 {
+            let mut world = rng.world(5, 40, 5, 15.0);
+            let instances: Vec<_> = world.instances().collect();
+            for instance in instances {
+                let placement = world.placement(instance).expect("it lives");
+                let translation = placement.translation + DVec3::splat(far);
+                world.move_instance(instance, Placement { translation, ..placement }).expect("valid");
+            }
+            let sampler = world.sampler().with_openings(OPENINGS[round % OPENINGS.len()]);
+            for _ in 0..2500 {
+                let mut receiver = rng.receiver(20.0);
+                receiver.position += far as f32;
+                let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit()];
+                compared += usize::from(holds(&sampler, &world, &receiver, u));
+            }
+        }
+    }
+    assert!(compared > 3000, "{compared} are too few to compare");
+}
+
+#[test]
+fn densities_hold_very_near_to_lights() {
+    let mut rng = Rng(61);
+    let mut compared = 0;
+    for _ in 0..20 {
+        let world = rng.world(2, 12, 3, 4.0);
+        let sampler = world.sampler();
+        for _ in 0..400 {
+            let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit()];
+            let Some(sample) = sampler.sample(&Receiver::volume(rng.place(5.0)), u) else { continue };
+            if sample.incident.is_delta {
+                continue;
+            }
+            // A point of a light, and a receiver up to a decimetre from it.
+            let from = rng.direction() * 10.0_f32.powf(rng.between(-4.0, -1.0));
+            let at = Receiver::volume(rng.place(5.0));
+            if let Some(near) = sampler.sample_light(&at, sample.light, [rng.unit(), rng.unit()]) {
+                let receiver = Receiver::volume(at.position + near.direction * near.distance + from);
+                for _ in 0..4 {
+                    let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit()];
+                    compared += usize::from(holds(&sampler, &world, &receiver, u));
+                }
+            }
+        }
+    }
+    assert!(compared > 3000, "{compared} are too few to compare");
+}
+
+/// Where a ray first meets a light, in the light's space and in metres of the ray.
+fn hit(light: &Light, origin: DVec3, direction: DVec3) -> Option<f64> {
+    let flat = |corner: DVec3, a: DVec3, b: DVec3, inside: &dyn Fn(f64, f64) -> bool| {
+        let inverse = DMat3::from_cols(a, b, -direction).inverse();
+        let DVec3 { x, y, z } = inverse * (origin - corner);
+        (inverse.is_finite() && z > 0.0 && inside(x, y)).then_some(z)
+    };
+    match light.shape {
+        Shape::Rectangle { center, half_u, half_v, .. } => {
+            let inside = |x: f64, y: f64| x.abs() <= 1.0 && y.abs() <= 1.0;
+            flat(center.as_dvec3(), half_u.as_dvec3(), half_v.as_dvec3(), &inside)
+        }
+        Shape::Triangle { vertices: [p, q, r], .. } => {
+            let inside = |x: f64, y: f64| x >= 0.0 && y >= 0.0 && x + y <= 1.0;
+            flat(p.as_dvec3(), (q - p).as_dvec3(), (r - p).as_dvec3(), &inside)
+        }
+        Shape::Sphere { center, radius } => {
+            let (from, a) = (origin - center.as_dvec3(), direction.length_squared());
+            let (b, c) = (from.dot(direction), from.length_squared() - f64::from(radius).powi(2));
+            let root = b * b - a * c;
+            (root >= 0.0 && b < 0.0).then(|| (-b - root.sqrt()) / a)
+        }
+        Shape::Point { .. } | Shape::Spot { .. } => None,
+    }
+}
+
+#[test]
+fn densities_sum_to_the_chance_of_a_sample() {
+    let mut rng = Rng(62);
+    let triangle = [Vec3::new(-1.0, -0.7, 0.2), Vec3::new(1.2, -0.8, 0.0), Vec3::new(0.1, 1.1, 0.3)];
+    let shapes = [
+        Light::rectangle(Vec3::ZERO, Vec3::X, Vec3::new(0.3, 0.8, 0.0), Vec3::ONE),
+        Light::rectangle(Vec3::ZERO, Vec3::X, Vec3::new(0.3, 0.8, 0.0), Vec3::ONE).two_sided(),
+        Light::triangle(triangle, Vec3::ONE),
+        Light::triangle(triangle, Vec3::ONE).two_sided(),
+        Light::sphere(Vec3::ZERO, 0.9, Vec3::ONE),
+    ];
+    let linears = [
+        Mat3::IDENTITY,
+        Mat3::from_diagonal(Vec3::splat(0.7)),
+        Mat3::from_diagonal(Vec3::new(-1.0, 1.0, 1.0)),
+        Mat3::from_cols(Vec3::X, Vec3::new(0.6, 1.0, 0.2), Vec3::new(0.0, 0.3, 1.4)),
+        Mat3::from_diagonal(Vec3::new(1.5, 0.4, 0.8)),
+    ];
+    let mut lit = 0;
+    for light in shapes {
+        for linear in linears {
+            let mut world = World::new();
+            let tree = world.add_tree(vec![light]).expect("valid");
+            let placement = Placement { linear, translation: DVec3::new(0.5, -0.2, 0.3) };
+            let instance = world.add_instance(tree, placement, Policy::Static).expect("valid");
+            let id = LightId::Local { instance, light: 0 };
+            let sampler = world.sampler();
+            let at = rng.direction() * rng.between(1.7, 2.5);
+            for receiver in [Receiver::volume(at), Receiver::surface(at, (rng.direction() - 0.6 * at).normalize())] {
+                let draws = 40_000;
+                let to_local = linear.as_dmat3().inverse();
+                let origin = to_local * (at.as_dvec3() - placement.translation);
+                let (mut sum, mut squares, mut chosen) = (0.0, 0.0, 0);
+                for _ in 0..draws {
+                    let direction = rng.direction();
+                    if let Some(distance) = hit(&light, origin, to_local * direction.as_dvec3()) {
+                        let point = at + direction * distance as f32;
+                        let over = f64::from(sampler.pdf(&receiver, id, point)) * 4.0 * std::f64::consts::PI;
+                        sum += over;
+                        squares += over * over;
+                    }
+                    let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit()];
+                    chosen += u32::from(sampler.sample(&receiver, u).is_some());
+                }
+                let n = f64::from(draws);
+                let (mean, chance) = (sum / n, f64::from(chosen) / n);
+                // Five standard deviations of both: a false alarm in one of 10^6 checks, of 50 here.
+                let variance = (squares / n - mean * mean + chance * (1.0 - chance)) / n;
+                let difference = (mean - chance).abs();
+                assert!(difference <= 5.0 * variance.sqrt() + 1e-6, "{mean} {chance} {light:?} {linear:?}");
+                lit += u32::from(chosen > 0);
+            }
+        }
+    }
+    assert!(lit >= 25, "only {lit} of 50 receivers are lit");
+}
+
+#[test]
+fn what_sampling_never_gives_has_no_density() {
+    let mut world = World::new();
+    let lights = vec![
+        Light::rectangle(Vec3::ZERO, Vec3::X, Vec3::Z, Vec3::ONE).with_range(2.0),
+        Light::sphere(Vec3::new(5.0, 0.0, 0.0), 1.0, Vec3::ONE),
+        Light::point(Vec3::new(9.0, 0.0, 0.0), Vec3::ONE),
+    ];
+    let tree = world.add_tree(lights).expect("valid");
+    let instance = world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
+    let sampler = world.sampler();
+    let pdf = |receiver: Receiver, light, point| sampler.pdf(&receiver, LightId::Local { instance, light }, point);
+    let below = Receiver::volume(Vec3::new(0.1, -1.0, 0.1));
+    // X x Z points down.
+    assert!(pdf(below, 0, Vec3::ZERO) > 0.0);
+    assert_eq!(pdf(Receiver::volume(Vec3::Y), 0, Vec3::ZERO), 0.0, "behind");
+    assert_eq!(pdf(Receiver { normal: Vec3::NEG_Y, ..below }, 0, Vec3::ZERO), 0.0, "below the horizon");
+    assert_eq!(pdf(Receiver::volume(Vec3::Y * -2.1), 0, Vec3::ZERO), 0.0, "out of range");
+    assert_eq!(pdf(Receiver::volume(Vec3::ZERO), 0, Vec3::ZERO), 0.0, "on the light");
+    assert_eq!(pdf(Receiver::volume(Vec3::X * 5.5), 1, Vec3::X * 6.0), 0.0, "inside");
+    assert_eq!(pdf(below, 2, Vec3::X * 9.0), 0.0, "no size");
+    assert_eq!(pdf(below, 3, Vec3::ZERO), 0.0, "no such light");
+}
+
+#[test]
+fn an_engines_own_shader_asks_for_densities_as_the_cpu_does() {
+    let (device, queue) = gpu();
+    let mut rng = Rng(63);
+    let mut world = rng.world(4, 25, 4, 12.0);
+    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let delta = world.take_delta();
+    lights.upload(&world, &delta).expect("room enough");
+    let sampler = world.sampler();
+    let mut questions: Vec<[u32; 12]> = Vec::new();
+    let mut expected = Vec::new();
+    while expected.len() < 2000 {
+        let receiver = rng.receiver(15.0);
+        let Some(pick) = sampler.pick(&receiver, [rng.unit(), rng.unit()]) else { continue };
+        let LightId::Local { instance, light } = pick.light else { continue };
+        // From elsewhere, so that some points lie on backs and below horizons.
+        let at = Receiver::volume(rng.place(15.0));
+        let Some(incident) = sampler.sample_light(&at, pick.light, [rng.unit(), rng.unit()]) else { continue };
+        let point = at.position + incident.direction * incident.distance;
+        let [x, y, z] = receiver.position.to_array().map(f32::to_bits);
+        let [p, q, r] = receiver.normal.to_array().map(f32::to_bits);
+        let [a, b, c] = point.to_array().map(f32::to_bits);
+        questions.push([x, y, z, world.slot(instance).expect("it lives"), p, q, r, light, a, b, c, 0]);
+        let tolerance = GPU_TOLERANCE + tolerance(&world, &receiver, pick.light, point);
+        expected.push((sampler.pdf(&receiver, pick.light, point), tolerance));
+    }
+    let text = lights.shader(1, Effects::all()).join(
+        "struct Question { position: vec3<f32>, instance: u32, normal: vec3<f32>, light: u32, point: vec3<f32> }
+        @group(0) @binding(0) var<storage, read> questions: array<Question>;
+        @group(0) @binding(1) var<storage, read_write> answers: array<f32>;
+        @compute @workgroup_size(64) fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
+            if id.x >= arrayLength(&questions) { return; }
+            let q = questions[id.x];
+            answers[id.x] = light_pdf(LightReceiver(q.position, q.normal), q.instance, q.light, q.point);
+        }",
+    );
+    let answers: Vec<f32> = ask(&mut lights, text, &questions, expected.len());
+    for ((cpu, tolerance), gpu) in expected.iter().zip(&answers) {
+        let is_fair = *tolerance < 0.05;
+        assert!(!is_fair || (cpu - gpu).abs() <= tolerance * cpu.max(*gpu), "{cpu} {gpu} {tolerance}");
+    }
+    let (lit, dark) = (expected.iter().filter(|e| e.0 > 0.0).count(), expected.iter().filter(|e| e.0 == 0.0).count());
+    assert!(lit > 400 && dark > 400, "{lit} {dark}");
+}

@@ -1,0 +1,203 @@
+//! One of several candidates: the mean stays true, the noise falls, and the GPU keeps the same.
+
+use girandole::glam::Vec3;
+use girandole::gpu::{GpuLights, ResampledRecord, SampleRequest};
+use girandole::light::luminance;
+use girandole::{Light, LightId, MOST_CANDIDATES, Placement, Policy, Receiver, Resampled, Sampler, Shape, World};
+
+use crate::gpu::{OTHER_PICKS, buffer, close, gpu, read, receiver, requests};
+use crate::support::Rng;
+
+fn numbers(rng: &mut Rng) -> [f32; 4] {
+    [rng.unit(), rng.unit(), rng.unit(), rng.unit()]
+}
+
+fn cosine(receiver: &Receiver, direction: Vec3) -> f32 {
+    if receiver.normal == Vec3::ZERO { 1.0 } else { receiver.normal.dot(direction).max(0.0) }
+}
+
+#[test]
+fn one_candidate_is_a_plain_sample_and_counts_have_limits() {
+    let mut rng = Rng(70);
+    let world = rng.world(4, 30, 4, 15.0);
+    let sampler = world.sampler();
+    let mut lit = 0;
+    for _ in 0..3000 {
+        let (receiver, u) = (rng.receiver(20.0), numbers(&mut rng));
+        let one = sampler.resample(&receiver, u, 1);
+        let plain = sampler.sample(&receiver, u);
+        assert_eq!(one.map(|r| r.sample), plain);
+        if let Some(Resampled { sample, weight }) = one {
+            assert_eq!(weight, 1.0 / (sample.pmf * sample.incident.pdf));
+            lit += 1;
+        }
+        assert_eq!(sampler.resample(&receiver, u, 0), one);
+        let most = sampler.resample(&receiver, u, MOST_CANDIDATES);
+        assert_eq!(sampler.resample(&receiver, u, u32::MAX), most);
+    }
+    assert!(lit > 1000, "{lit}");
+}
+
+/// Something that differs from what candidates are weighed by, as shadows do: the red light of every second light.
+fn red_of_even(light: LightId, radiance: Vec3) -> f64 {
+    let is_even = matches!(light, LightId::Local { light, .. } if light % 2 == 0);
+    if is_even { f64::from(radiance.x) } else { 0.0 }
+}
+
+fn without_size(rng: &mut Rng) -> Vec<Light> {
+    let all = rng.lights(90, 4.0);
+    all.into_iter().filter(|light| matches!(light.shape, Shape::Point { .. } | Shape::Spot { .. })).collect()
+}
+
+#[test]
+fn the_mean_is_the_sum_over_all_lights() {
+    let mut rng = Rng(71);
+    let mut world = rng.world(0, 0, 0, 1.0);
+    for _ in 0..4 {
+        let tree = world.add_tree(without_size(&mut rng)).expect("valid");
+        for _ in 0..4 {
+            world.add_instance(tree, rng.affine(10.0), Policy::Static).expect("valid");
+        }
+    }
+    let sampler = world.sampler();
+    let mut checks = 0;
+    for _ in 0..10 {
+        let receiver = rng.receiver(10.0);
+        let part = |light, incident: girandole::Incident| {
+            red_of_even(light, incident.radiance) * f64::from(cosine(&receiver, incident.direction))
+        };
+        let of = |light| sampler.sample_light(&receiver, light, [0.5, 0.5]).map_or(0.0, |i| part(light, i));
+        let exact: f64 = sampler.all_lights().map(of).sum();
+        for candidates in [1, 2, 3, 8, MOST_CANDIDATES] {
+            let draws = 6000;
+            let (mut sum, mut squares) = (0.0, 0.0);
+            for _ in 0..draws {
+                let kept = sampler.resample(&receiver, numbers(&mut rng), candidates);
+                let value = kept.map_or(0.0, |r| part(r.sample.light, r.sample.incident) * f64::from(r.weight));
+                sum += value;
+                squares += value * value;
+            }
+            let n = f64::from(draws);
+            let (mean, deviation) = (sum / n, ((squares / n - (sum / n).powi(2)) / n).sqrt());
+            // Five standard deviations: a false alarm in one of 10^6 checks, of 50 here.
+            assert!((mean - exact).abs() <= 5.0 * deviation, "{candidates}: {mean} {exact} {deviation}");
+            // And not for want of precision.
+            checks += u32::from(deviation < 0.05 * exact);
+        }
+    }
+    assert!(checks >= 25, "only {checks} of 50 checks say much");
+}
+
+/// Relative variance of the light that one sample tells, surfaces included, without shadows.
+fn variance(sampler: &Sampler<'_>, receiver: &Receiver, candidates: u32, rng: &mut Rng) -> f64 {
+    let draws = 3000;
+    let (mut sum, mut squares) = (0.0, 0.0);
+    for _ in 0..draws {
+        let kept = sampler.resample(receiver, numbers(rng), candidates);
+        let value = kept.map_or(0.0, |Resampled { sample, weight }| {
+            let lux = luminance(sample.incident.radiance) * cosine(receiver, sample.incident.direction);
+            f64::from(lux) * f64::from(weight)
+        });
+        sum += value;
+        squares += value * value;
+    }
+    if sum > 0.0 { squares * f64::from(draws) / (sum * sum) - 1.0 } else { 0.0 }
+}
+
+#[test]
+fn candidates_from_parts_of_their_own_have_less_noise_than_independent_ones() {
+    let mut rng = Rng(72);
+    let world = rng.world(6, 40, 4, 20.0);
+    let sampler = world.sampler();
+    let (mut one, mut eight) = (0.0, 0.0);
+    for _ in 0..60 {
+        let receiver = rng.receiver(20.0);
+        one += variance(&sampler, &receiver, 1, &mut rng).sqrt();
+        eight += variance(&sampler, &receiver, 8, &mut rng).sqrt();
+    }
+    // Independent ones would have one's deviation over the root of eight.
+    assert!(eight < 0.9 * one / 8.0_f64.sqrt(), "{one} {eight}");
+}
+
+#[test]
+fn extremes_and_emptiness_give_numbers() {
+    let mut rng = Rng(73);
+    let mut world = World::new();
+    let ground = Receiver::surface(Vec3::ZERO, Vec3::Y);
+    assert_eq!(world.sampler().resample(&ground, [0.5; 4], 8), None);
+    let mut add = |height: f32, candela: f32| {
+        let tree = world.add_tree(vec![Light::point(Vec3::Y * height, Vec3::splat(candela))]).expect("valid");
+        world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid")
+    };
+    add(-3.0, 1.0);
+    let dim = add(2.0, 1.0e-15);
+    let bright = add(1.0e-10, 1.0e15);
+    for candidates in [1, 2, 8, 32] {
+        for _ in 0..200 {
+            let kept = world.sampler().resample(&ground, numbers(&mut rng), candidates).expect("a light in sight");
+            assert!(kept.weight.is_finite() && kept.weight > 0.0, "{kept:?}");
+        }
+    }
+    world.remove_instance(bright).expect("it lives");
+    assert!(world.sampler().resample(&ground, [0.5; 4], 8).is_some_and(|r| r.weight > 0.0));
+    world.remove_instance(dim).expect("it lives");
+    // Only what lies below the ground is left.
+    assert_eq!(world.sampler().resample(&ground, [0.5; 4], 8), None);
+}
+
+/// Of records that tell another light or another weight than the CPU.
+fn others(world: &World, requests: &[SampleRequest], records: &[ResampledRecord], candidates: u32) -> usize {
+    let sampler = world.sampler();
+    let directionals: Vec<_> = world.directionals().map(|(key, _)| key).collect();
+    let differs = |(request, record): (&SampleRequest, &ResampledRecord)| {
+        let twin = sampler.resample(&receiver(request), request.u, candidates);
+        let (Some(twin), true) = (twin, record.weight > 0.0) else { return twin.is_some() != (record.weight > 0.0) };
+        let light = match record.sample.instance {
+            u32::MAX => LightId::Directional(directionals[record.sample.light as usize]),
+            slot => {
+                LightId::Local { instance: world.instance_at(slot).expect("a live slot"), light: record.sample.light }
+            }
+        };
+        let turn = (Vec3::from(record.sample.direction) - twin.sample.incident.direction).length();
+        light != twin.sample.light
+            || turn > 2.0e-3
+            || !close(record.weight, twin.weight)
+            || !close(record.sample.pmf, twin.sample.pmf)
+            || !close(record.sample.pdf, twin.sample.incident.pdf)
+    };
+    requests.iter().zip(records).filter(|pair| differs(*pair)).count()
+}
+
+#[test]
+fn the_gpu_keeps_the_same_candidates_with_the_same_weights() {
+    let (device, queue) = gpu();
+    let mut rng = Rng(74);
+    let count = 2048;
+    let requests = requests(&mut rng, count, 25.0);
+    let mut lit = 0;
+    for (trees, per_tree, instances) in [(5, 50, 5), (0, 0, 0)] {
+        let mut world = rng.world(trees, per_tree, instances, 20.0);
+        if trees == 0 {
+            let keys: Vec<_> = world.directionals().map(|(key, _)| key).collect();
+            keys.into_iter().for_each(|key| world.remove_directional(key).expect("a live key"));
+        }
+        let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+        let delta = world.take_delta();
+        lights.upload(&world, &delta).expect("room enough");
+        let input = buffer(&device, &queue, bytemuck::cast_slice(&requests));
+        for candidates in [0, 1, 2, 5, 8, 33] {
+            let output = buffer(&device, &queue, &vec![0; count * size_of::<ResampledRecord>()]);
+            let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            lights.build_top(&mut encoder);
+            lights.resample(&mut encoder, &input, &output, count as u32, candidates);
+            queue.submit([encoder.finish()]);
+            let records: Vec<ResampledRecord> = read(&device, &queue, &output);
+            let others = others(&world, &requests, &records, candidates);
+            // Each candidate may fall on the other side of a border; one that does changes the weight.
+            let allowed = OTHER_PICKS * f64::from(candidates.clamp(1, MOST_CANDIDATES)) * count as f64;
+            assert!(others as f64 <= allowed, "{candidates}: {others} of {count} differ");
+            lit += records.iter().filter(|r| r.weight > 0.0).count();
+        }
+    }
+    assert!(lit > 3000, "{lit} are too few to compare");
+}
