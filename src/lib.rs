@@ -33,8 +33,8 @@
 //!     let delta = world.take_delta();
 //!     lights.upload(world, &delta)?;
 //!     lights.build_top(encoder);
-//!     // Then the engine's own passes, whose shader starts with `girandole::gpu::wgsl(1, Effects::all())` and which bind
-//!     // `lights.bind_group()` at group 1, call `light_sample(receiver, u)`.
+//!     // Then the engine's own passes, whose shader was joined to `lights.shader(1, Effects::all())` and which bind
+//!     // `lights.bind_group()` at group 1, call `light_sample(receiver, u)`; `docs/integration.md` goes through it.
 //!     Ok(())
 //! }
 //! # }
@@ -100,3 +100,8 @@ pub use world::{FrameDelta, FrameReport, World};
 #[cfg(all(doctest, feature = "gpu"))]
 #[doc = include_str!("../README.md")]
 struct Readme;
+
+/// The programs of the guide for engines, likewise; a test of `gpu/shader.rs` checks its shaders.
+#[cfg(all(doctest, feature = "gpu"))]
+#[doc = include_str!("../docs/integration.md")]
+struct Integration;

@@ -1,16 +1,18 @@
 //! How noisy one light sample is, without noise in the answer: this library beside published samplers.
 //!
 //! ```text
-//! cargo run --release --example variance -- --out variance.csv [--gltf FILE] [--receivers N] [--world S|M] [--deform]
+//! cargo run --release --example variance -- --out variance.csv [--gltf FILE] [--receivers N] [--world S|M] [--deform | --candidates]
 //! ```
 //!
 //! prints a table and writes it as CSV: for each scene and sampler the exact relative standard deviation of one sample
 //! over fixed receivers (`sigma.rs`), nanoseconds a draw, and bytes of tree a light. Expect `girandole` well below
-//! `pbrt` and `cycles`. With `--deform` another table, of moving lights (`deform.rs`), whose city is always S.
-//! `docs/benchmarks.md` holds both tables, measured, and their rules.
+//! `pbrt` and `cycles`. With `--deform` another table, of moving lights (`deform.rs`), whose city is always S; with
+//! `--candidates` one of several candidates for a sample (`candidates.rs`). `docs/benchmarks.md` holds all tables, measured,
+//! and their rules.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program talks to its user")]
 
 mod baselines;
+mod candidates;
 mod deform;
 mod lights;
 mod measure;
@@ -43,6 +45,9 @@ struct Options {
     /// Measure what moving lights cost a tree instead, in time and noise
     #[arg(long, conflicts_with = "world")]
     deform: bool,
+    /// Measure what several candidates for a sample bring instead
+    #[arg(long, conflicts_with = "deform")]
+    candidates: bool,
     /// Points that light arrives at
     #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     receivers: u32,
@@ -55,6 +60,9 @@ fn run(options: &Options) -> Result<(), SceneError> {
     let count = options.receivers as usize;
     if options.deform {
         return deform::run(options.gltf.as_deref(), count, &options.out);
+    }
+    if options.candidates {
+        return candidates::run(options.world, options.gltf.as_deref(), count, &options.out);
     }
     let mut scenes = Vec::from(stages::city(options.world, count)?);
     if let Some(path) = &options.gltf {

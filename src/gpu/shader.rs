@@ -23,6 +23,7 @@ use crate::effects::Effects;
 /// fn light_pick(receiver: LightReceiver, u: vec2<f32>) -> LightPick                         // a light without a point
 /// fn light_pmf(receiver: LightReceiver, instance: u32, light: u32) -> f32                   // the chance of a light
 /// fn light_pdf(receiver: LightReceiver, instance: u32, light: u32, point: vec3<f32>) -> f32 // density of a point
+/// fn light_sample_picked(receiver: LightReceiver, pick: LightPick, u: vec2<f32>) -> LightSample // a light of your choice
 /// fn light_hash(bits: u32) -> u32                                                           // for random numbers
 /// ```
 ///
@@ -98,6 +99,37 @@ mod tests {
             let text = shader.join(&format!("{head}{body}"));
             naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("directives come first");
             assert!(text.contains(body) && text.contains("@group(2)"), "nothing is lost");
+        }
+    }
+
+    /// What the guide leaves to engines.
+    const STUBS: &str = "
+        struct EngineSurface { position: vec3<f32>, normal: vec3<f32> }
+        struct EngineHit { position: vec3<f32>, is_light: bool, radiance: vec3<f32>, instance: u32, light: u32 }
+        fn engine_surface(pixel: vec2<u32>) -> EngineSurface { return EngineSurface(); }
+        fn engine_random(seed: u32) -> vec4<f32> { return vec4(0.5); }
+        fn engine_brdf(normal: vec3<f32>, direction: vec3<f32>) -> vec3<f32> { return vec3(0.3); }
+        fn engine_brdf_pdf(normal: vec3<f32>, direction: vec3<f32>) -> f32 { return 0.3; }
+        fn engine_sample_brdf(normal: vec3<f32>, v: vec2<f32>) -> vec3<f32> { return normal; }
+        fn engine_is_occluded(from_: vec3<f32>, direction: vec3<f32>, distance: f32) -> bool { return false; }
+        fn engine_trace(from_: vec3<f32>, direction: vec3<f32>) -> EngineHit { return EngineHit(); }
+    ";
+
+    #[test]
+    fn the_shaders_of_the_guide_are_valid_for_all_effects_and_for_none() {
+        let guide = include_str!("../../docs/integration.md");
+        let blocks: Vec<_> = guide.split("```wgsl").skip(1).filter_map(|rest| rest.split("```").next()).collect();
+        assert_eq!(blocks.len(), 4);
+        for effects in [Effects::all(), Effects::empty()] {
+            for block in &blocks {
+                let text = text::wgsl(1, effects) + STUBS + block;
+                let module =
+                    naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("it parses");
+                naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::default())
+                    .validate(&module)
+                    .map_err(|e| e.emit_to_string(&text))
+                    .expect("it is valid");
+            }
         }
     }
 }

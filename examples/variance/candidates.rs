@@ -1,0 +1,103 @@
+//! What several candidates for one sample bring: the noise of the light that the kept one tells without shadows, and time.
+
+use super::report::Table;
+use super::scene::SceneError;
+use super::scene::procedural::Size;
+use super::scene::rng::Rng;
+use super::stages::{self, Lit};
+use girandole::light::luminance;
+use girandole::{Receiver, Sampler};
+use rayon::prelude::*;
+use std::hint::black_box;
+use std::path::Path;
+use std::time::Instant;
+
+/// Candidates of each line.
+const CANDIDATES: [u32; 6] = [1, 2, 4, 8, 16, 32];
+/// Estimates at each receiver: a deviation is known to about 2 %, the mean of 400 far better.
+const ESTIMATES: u32 = 2_000;
+/// Counts of candidates take turns for this many rounds of so many estimates; the fastest counts.
+const ROUNDS: usize = 15;
+const TIMED: usize = 4_000;
+
+const COLUMNS: [&str; 5] = ["scene", "candidates", "rmse", "rmse_independent", "ns_per_estimate"];
+
+fn numbers(rng: &mut Rng) -> [f32; 4] {
+    std::array::from_fn(|_| rng.unit())
+}
+
+/// Unshadowed illuminance in lux, estimated by one kept candidate.
+fn estimate(sampler: &Sampler<'_>, receiver: &Receiver, u: [f32; 4], candidates: u32) -> f64 {
+    sampler.resample(receiver, u, candidates).map_or(0.0, |kept| {
+        let incident = kept.sample.incident;
+        let lux = luminance(incident.radiance) * incident.direction.dot(receiver.normal).max(0.0);
+        f64::from(lux) * f64::from(kept.weight)
+    })
+}
+
+/// Root mean square error of one estimate at a receiver relative to the mean of all, for each count of candidates; `None`
+/// where no light arrives.
+fn errors(sampler: &Sampler<'_>, receiver: &Receiver, stream: u64) -> Option<[f64; CANDIDATES.len()]> {
+    let mut rng = Rng::new(11, stream);
+    let moments = CANDIDATES.map(|candidates| {
+        let values = (0..ESTIMATES).map(|_| estimate(sampler, receiver, numbers(&mut rng), candidates));
+        let (sum, squares) = values.fold((0.0, 0.0), |(sum, squares), v| (sum + v, squares + v * v));
+        (sum / f64::from(ESTIMATES), squares / f64::from(ESTIMATES))
+    });
+    // More candidates, less noise: means count by their candidates.
+    let weights = CANDIDATES.map(f64::from);
+    let mean = moments.iter().zip(weights).map(|((mean, _), w)| mean * w).sum::<f64>() / weights.iter().sum::<f64>();
+    (mean > 0.0).then(|| moments.map(|(own, square)| (square - own * own).max(0.0).sqrt() / mean))
+}
+
+fn nanoseconds(sampler: &Sampler<'_>, receivers: &[Receiver]) -> [f64; CANDIDATES.len()] {
+    let mut rng = Rng::new(12, 0);
+    let asked: Vec<_> = (0..TIMED).map(|i| (receivers[i % receivers.len()], numbers(&mut rng))).collect();
+    let mut fastest = [f64::INFINITY; CANDIDATES.len()];
+    for _ in 0..ROUNDS {
+        for (candidates, fastest) in CANDIDATES.into_iter().zip(&mut fastest) {
+            let start = Instant::now();
+            for (receiver, u) in &asked {
+                black_box(sampler.resample(receiver, *u, candidates));
+            }
+            *fastest = fastest.min(start.elapsed().as_secs_f64() * 1.0e9 / TIMED as f64);
+        }
+    }
+    fastest
+}
+
+fn measure(lit: &Lit) -> Result<Vec<[String; 5]>, SceneError> {
+    let sampler = lit.world.sampler();
+    let one = |(stream, at): (usize, &Receiver)| errors(&sampler, at, stream as u64);
+    let all: Vec<_> = lit.receivers.par_iter().enumerate().filter_map(one).collect();
+    if all.is_empty() {
+        return Err(SceneError(format!("{}: no light reaches any receiver", lit.name)));
+    }
+    let times = nanoseconds(&sampler, &lit.receivers);
+    let mean = |which: usize| all.iter().map(|errors| errors[which]).sum::<f64>() / all.len() as f64;
+    let row = |(which, candidates): (usize, &u32)| {
+        // Independent samples would add up so.
+        let independent = mean(0) / f64::from(*candidates).sqrt();
+        let [rmse, independent] = [mean(which), independent].map(|rmse| format!("{rmse:.3}"));
+        [lit.name.clone(), candidates.to_string(), rmse, independent, format!("{:.0}", times[which])]
+    };
+    Ok(CANDIDATES.iter().enumerate().map(row).collect())
+}
+
+/// Measures, prints the table and writes it.
+pub fn run(size: Size, gltf: Option<&Path>, count: usize, out: &Path) -> Result<(), SceneError> {
+    let mut table = Table::create(out, &COLUMNS)?;
+    let [city, _] = stages::city(size, count)?;
+    let mut scenes = vec![city];
+    if let Some(path) = gltf {
+        scenes.push(stages::gltf(path, count)?);
+    }
+    println!("| {} |\n|{}", COLUMNS.join(" | "), "---|".repeat(COLUMNS.len()));
+    for scene in &scenes {
+        for row in measure(scene)? {
+            println!("| {} |", row.join(" | "));
+            table.line(row)?;
+        }
+    }
+    Ok(())
+}
