@@ -1,8 +1,8 @@
 //! A small engine with a shader of its own: a square of ground under 4,000 lamps, 64 samples a pixel.
 //!
 //! Run with `cargo run --release --example engine_shader`. It prints the ground's mean illuminance, once sampled by the
-//! shader on the GPU and once summed over all lights on the CPU: they must agree within 2 % (about ten times the noise of
-//! 262,144 samples), or it fails. It needs an adapter; software Vulkan will do (`bash scripts/test.sh` installs it).
+//! shader on the GPU and once summed over all lights on the CPU: they must agree within 2 % (ten times the noise of
+//! 262,144 samples), or it fails. It needs an adapter; software Vulkan will do (`scripts/test.sh` installs it).
 
 use std::error::Error;
 

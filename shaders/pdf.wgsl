@@ -1,4 +1,5 @@
-// With which density light_sample would have chosen the direction to a point of a light. Twin of src/pdf.rs, which explains it.
+// With which density light_sample would have chosen the direction to a point of a light. Twin of src/pdf.rs, which
+// explains it.
 
 // #if AREAS
 // `to_plane` leads from the receiver to any point of the surface.

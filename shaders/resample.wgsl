@@ -1,7 +1,7 @@
 // Several candidates for one sample. Twin of src/resample.rs, which explains it.
 
-// One of several candidates. brdf * cosine * sample.radiance * weight estimates the light that arrives, if nothing stands
-// between: `weight` is in place of 1 / (pmf * pdf).
+// One of several candidates. brdf * cosine * sample.radiance * weight estimates the light that arrives, if nothing
+// stands between: `weight` is in place of 1 / (pmf * pdf).
 struct LightResampled {
     // The candidate that was kept, with its own pmf and pdf; its pmf is 0 if none brings anything.
     sample: LightSample,
@@ -41,8 +41,9 @@ fn light_weigh(receiver: LightReceiver, sample: LightSample) -> f32 {
     return min(select(LIGHT_LEAST_WEIGHT, weight, weight > LIGHT_LEAST_WEIGHT), LIGHT_MOST_WEIGHT);
 }
 
-// Chooses one of several candidates, in proportion to the light that each would bring without shadows. `u` in [0, 1) as for
-// light_sample, which this equals for one candidate; `candidates` counts as 1 below, as LIGHT_MOST_CANDIDATES above.
+// Chooses one of several candidates, in proportion to the light that each would bring without shadows. `u` in [0, 1) as
+// for light_sample, which this equals for one candidate; `candidates` counts as 1 below, as LIGHT_MOST_CANDIDATES
+// above.
 fn light_resample(receiver: LightReceiver, u: vec4<f32>, candidates: u32) -> LightResampled {
     let count = clamp(candidates, 1u, LIGHT_MOST_CANDIDATES);
     var cut: LightCut;

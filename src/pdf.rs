@@ -1,6 +1,7 @@
 //! With which density sampling would have chosen the direction to a point of a light that a ray happened to hit.
 //!
-//! Twin of `shaders/pdf.wgsl`. The inverse of `emit.rs`: the same densities, from a point instead of from random numbers.
+//! Twin of `shaders/pdf.wgsl`. The inverse of `emit.rs`: the same densities, from a point instead of from random
+//! numbers.
 
 use std::f32::consts::PI;
 
@@ -15,9 +16,9 @@ impl Sampler<'_> {
     /// The density per steradian, in the world, with which [`Sampler::sample`] chooses this light and the direction to
     /// `point`: `pmf * pdf`, for multiple importance sampling of rays that hit lights.
     ///
-    /// `point` lies on the light, in metres relative to the world's origin; that is not checked. 0 for lights without size,
-    /// where sampling would find nothing (behind a one-sided light, below the receiver's horizon, out of range, inside a
-    /// sphere), and for a light that is not there. Costs what [`Sampler::pmf`] does.
+    /// `point` lies on the light, in metres relative to the world's origin; that is not checked. 0 for lights without
+    /// size, where sampling would find nothing (behind a one-sided light, below the receiver's horizon, out of range,
+    /// inside a sphere), and for a light that is not there. Costs what [`Sampler::pmf`] does.
     pub fn pdf(&self, receiver: &Receiver, light: LightId, point: Vec3) -> f32 {
         let LightId::Local { instance, light: index } = light else { return 0.0 };
         let Some(placed) = self.world.instance(instance) else { return 0.0 };

@@ -1,8 +1,8 @@
 //! Several candidates for one sample: the one that probably brings most is kept, weighed so that the mean stays true.
 //!
-//! Twin of `shaders/resample.wgsl`. Source: Talbot, Cline and Egbert, Importance Resampling for Global Illumination (2005);
-//! one pass and the weight W as in Bitterli et al., Spatiotemporal Reservoir Resampling (2020). Differs: all candidates
-//! come from one cut, each from a part of its line of its own (docs/math.md says why that is unbiased).
+//! Twin of `shaders/resample.wgsl`. Source: Talbot, Cline and Egbert, Importance Resampling for Global Illumination
+//! (2005); one pass and the weight W as in Bitterli et al., Spatiotemporal Reservoir Resampling (2020). Differs: all
+//! candidates come from one cut, each from a part of its line of its own (docs/math.md says why that is unbiased).
 
 use crate::emit::LEAST_PDF;
 use crate::importance::Receiver;
@@ -14,8 +14,9 @@ use crate::walk::{Cut, Drawn, Forest, Scene, U_STEP, clamp_unit, hash};
 /// Candidates that one sample is chosen from at most, whatever is asked for.
 pub const MOST_CANDIDATES: u32 = 32;
 
-/// Steps of the candidates' other random numbers, in 2^-32: the powers of 1 / 1.2207440846, the root of x^4 = x + 1, that
-/// spread points evenly in three dimensions (Roberts, The Unreasonable Effectiveness of Quasirandom Sequences, 2018).
+/// Steps of the candidates' other random numbers, in 2^-32: the powers of 1 / 1.2207440846, the root of x^4 = x + 1,
+/// that spread points evenly in three dimensions (Roberts, The Unreasonable Effectiveness of Quasirandom Sequences,
+/// 2018).
 pub(crate) const LATTICE: [u32; 3] = [3_518_319_155, 2_882_110_345, 2_360_945_575];
 
 /// Weights of candidates are kept inside f32. Which weights are used changes the noise only, never the mean.
@@ -35,11 +36,12 @@ pub struct Resampled {
 }
 
 impl Sampler<'_> {
-    /// Chooses one of several candidates, in proportion to the light that each would bring without shadows: the luminance
-    /// of `radiance * cosine / (pmf * pdf)`. One shadow ray then has the noise of many where little is shadowed.
+    /// Chooses one of several candidates, in proportion to the light that each would bring without shadows: the
+    /// luminance of `radiance * cosine / (pmf * pdf)`. One shadow ray then has the noise of many where little is
+    /// shadowed.
     ///
-    /// `u` in [0, 1) as for [`Sampler::sample`], which this equals for one candidate. `candidates` counts as 1 below and as
-    /// [`MOST_CANDIDATES`] above. `None` if none of them brings anything, which counts as black.
+    /// `u` in [0, 1) as for [`Sampler::sample`], which this equals for one candidate. `candidates` counts as 1 below
+    /// and as [`MOST_CANDIDATES`] above. `None` if none of them brings anything, which counts as black.
     ///
     /// Clusters are opened once; each candidate costs a walk down and a point on a light. No memory is allocated.
     pub fn resample(&self, receiver: &Receiver, u: [f32; 4], candidates: u32) -> Option<Resampled> {

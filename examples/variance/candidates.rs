@@ -1,4 +1,5 @@
-//! What several candidates for one sample bring: the noise of the light that the kept one tells without shadows, and time.
+//! What several candidates for one sample bring: the noise of the light that the kept one tells without shadows, and
+//! time.
 
 use super::report::Table;
 use super::scene::SceneError;
@@ -35,8 +36,8 @@ fn estimate(sampler: &Sampler<'_>, receiver: &Receiver, u: [f32; 4], candidates:
     })
 }
 
-/// Root mean square error of one estimate at a receiver relative to the mean of all, for each count of candidates; `None`
-/// where no light arrives.
+/// Root mean square error of one estimate at a receiver relative to the mean of all, for each count of candidates;
+/// `None` where no light arrives.
 fn errors(sampler: &Sampler<'_>, receiver: &Receiver, stream: u64) -> Option<[f64; CANDIDATES.len()]> {
     let mut rng = Rng::new(11, stream);
     let moments = CANDIDATES.map(|candidates| {

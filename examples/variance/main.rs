@@ -7,8 +7,8 @@
 //! prints a table and writes it as CSV: for each scene and sampler the exact relative standard deviation of one sample
 //! over fixed receivers (`sigma.rs`), nanoseconds a draw, and bytes of tree a light. Expect `girandole` well below
 //! `pbrt` and `cycles`. With `--deform` another table, of moving lights (`deform.rs`), whose city is always S; with
-//! `--candidates` one of several candidates for a sample (`candidates.rs`). `docs/benchmarks.md` holds all tables, measured,
-//! and their rules.
+//! `--candidates` one of several candidates for a sample (`candidates.rs`). `docs/benchmarks.md` holds all tables,
+//! measured, and their rules.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program talks to its user")]
 
 mod baselines;

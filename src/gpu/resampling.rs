@@ -67,8 +67,8 @@ impl GpuLights {
     /// [`ResampledRecord`]); both are storage buffers of the engine with room for `count` records. Records into the
     /// engine's encoder.
     ///
-    /// The top level must have been built after the last upload. The first call makes the pipeline; each makes a bind group
-    /// and a buffer of 16 bytes.
+    /// The top level must have been built after the last upload. The first call makes the pipeline; each makes a bind
+    /// group and a buffer of 16 bytes.
     pub fn resample(
         &self,
         encoder: &mut wgpu::CommandEncoder,

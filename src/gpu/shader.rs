@@ -11,35 +11,43 @@ use crate::effects::Effects;
 /// The functions, all in the space of [`World::origin`](crate::World::origin); random numbers `u` in [0, 1):
 ///
 /// ```wgsl
-/// struct LightReceiver { position: vec3<f32>, normal: vec3<f32> }        // metres; unit, or zero in a volume
-/// struct LightSample { direction: vec3<f32>, distance: f32,             // unit, from the receiver; metres
-///                      radiance: vec3<f32>, pdf: f32,                   // see below
-///                      pmf: f32, instance: u32, light: u32, is_delta: u32 }
-/// struct LightResampled { sample: LightSample, weight: f32 }
+/// struct LightReceiver { position: vec3<f32>, normal: vec3<f32> } // metres; unit, or zero in a volume
 /// struct LightPick { instance: u32, light: u32, pmf: f32 }
+/// struct LightSample {
+///     direction: vec3<f32>, distance: f32,                       // unit, from the receiver; metres
+///     radiance: vec3<f32>, pdf: f32, pmf: f32,                   // see below
+///     instance: u32, light: u32, is_delta: u32,
+/// }
+/// struct LightResampled { sample: LightSample, weight: f32 }
 ///
-/// fn light_sample(receiver: LightReceiver, u: vec4<f32>) -> LightSample                     // a light and a point on it
+/// // A light and a point on it.
+/// fn light_sample(receiver: LightReceiver, u: vec4<f32>) -> LightSample
+/// // One of up to LIGHT_MOST_CANDIDATES such, kept in proportion to its light without shadows.
 /// fn light_resample(receiver: LightReceiver, u: vec4<f32>, candidates: u32) -> LightResampled
-/// fn light_pick(receiver: LightReceiver, u: vec2<f32>) -> LightPick                         // a light without a point
-/// fn light_pmf(receiver: LightReceiver, instance: u32, light: u32) -> f32                   // the chance of a light
-/// fn light_pdf(receiver: LightReceiver, instance: u32, light: u32, point: vec3<f32>) -> f32 // density of a point
-/// fn light_sample_picked(receiver: LightReceiver, pick: LightPick, u: vec2<f32>) -> LightSample // a light of your choice
-/// fn light_hash(bits: u32) -> u32                                                           // for random numbers
+/// // A light alone; then a point on a light that was picked, by this or by you (with a pmf above 0).
+/// fn light_pick(receiver: LightReceiver, u: vec2<f32>) -> LightPick
+/// fn light_sample_picked(receiver: LightReceiver, pick: LightPick, u: vec2<f32>) -> LightSample
+/// // The chance of a light, and the density of a point on it.
+/// fn light_pmf(receiver: LightReceiver, instance: u32, light: u32) -> f32
+/// fn light_pdf(receiver: LightReceiver, instance: u32, light: u32, point: vec3<f32>) -> f32
+/// // Well-mixed bits, for random numbers.
+/// fn light_hash(bits: u32) -> u32
 /// ```
 ///
 /// Measures: a `pmf` is the chance of the light among all, in [0, 1]; 0 in a sample means that nothing arrives. With
-/// `is_delta` 0 `radiance` is in nits and `pdf` a density per steradian, seen from the receiver; with `is_delta` 1 (points,
-/// spots, directional lights) `radiance` is the illuminance, in lux, of a surface that faces the light, and `pdf` is 1. In
-/// both cases `brdf * cosine * radiance / (pmf * pdf)` estimates the radiance that leaves the receiver, if nothing stands
-/// within `distance`; so does `brdf * cosine * sample.radiance * weight`. `light_pdf` is per steradian, and has the pmf in it.
+/// `is_delta` 0 `radiance` is in nits and `pdf` a density per steradian, seen from the receiver; with `is_delta` 1
+/// (points, spots, directional lights) `radiance` is the illuminance, in lux, of a surface that faces the light, and
+/// `pdf` is 1. In both cases `brdf * cosine * radiance / (pmf * pdf)` estimates the radiance that leaves the receiver,
+/// if nothing stands within `distance`; so does `brdf * cosine * sample.radiance * weight`. `light_pdf` is per
+/// steradian, and has the pmf in it.
 ///
-/// `instance` is a slot ([`World::instance_at`](crate::World::instance_at), [`World::slot`](crate::World::slot)), the same
-/// while the instance lives; `LIGHT_DIRECTIONAL` (`u32::MAX`) with `light` the place among
+/// `instance` is a slot ([`World::instance_at`](crate::World::instance_at), [`World::slot`](crate::World::slot)), the
+/// same while the instance lives; `LIGHT_DIRECTIONAL` (`u32::MAX`) with `light` the place among
 /// [`World::directionals`](crate::World::directionals) at the last upload.
 ///
-/// The text binds one uniform buffer and four read-only storage buffers, at `group`; of WebGPU's default limits that leaves
-/// an engine three bind groups, and four storage and eleven uniform buffers a stage. All names in it start with `light_`,
-/// `Light` or `LIGHT_`. `docs/integration.md` goes through all of it step by step.
+/// The text binds one uniform buffer and four read-only storage buffers, at `group`; of WebGPU's default limits that
+/// leaves an engine three bind groups, and four storage and eleven uniform buffers a stage. All names in it start with
+/// `light_`, `Light` or `LIGHT_`. `docs/integration.md` goes through all of it step by step.
 #[derive(Clone, Debug)]
 pub struct LightShader {
     /// To be put before the engine's own text, after its directives: see [`LightShader::join`].
@@ -53,8 +61,8 @@ pub struct LightShader {
 }
 
 impl LightShader {
-    /// The engine's shader with ours before it, but after its `enable`, `requires` and `diagnostic` directives, which WGSL
-    /// wants first. Line numbers of errors in the engine's part move by the lines of ours.
+    /// The engine's shader with ours before it, but after its `enable`, `requires` and `diagnostic` directives, which
+    /// WGSL wants first. Line numbers of errors in the engine's part move by the lines of ours.
     pub fn join(&self, engine: &str) -> String {
         let is_directive = |line: &str| {
             let word = line.trim_start().split([' ', '\t', '(']).next();

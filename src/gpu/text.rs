@@ -14,9 +14,9 @@ use crate::walk;
 
 /// The WGSL that an engine puts before its own, after `enable` and `requires` lines if it has any.
 ///
-/// [`LightShader`](super::LightShader) lists its functions, with their measures. The bindings sit in `@group(group)`, laid out
-/// as `GpuLights::bind_group_layout` has them for compute and fragment stages: one uniform and four read-only storage
-/// buffers, of the eight that WebGPU grants a stage. All names start with `light_`, `Light` or `LIGHT_`.
+/// [`LightShader`](super::LightShader) lists its functions, with their measures. The bindings sit in `@group(group)`,
+/// laid out as `GpuLights::bind_group_layout` has them for compute and fragment stages: one uniform and four read-only
+/// storage buffers, of the eight that WebGPU grants a stage. All names start with `light_`, `Light` or `LIGHT_`.
 ///
 /// `effects` says what the text can do: it must contain what the world calls for.
 pub fn wgsl(group: u32, effects: Effects) -> String {

@@ -53,19 +53,24 @@ fn holds(sampler: &Sampler<'_>, world: &World, receiver: &Receiver, u: [f32; 4])
     is_fair
 }
 
+/// The same world elsewhere.
+fn moved(mut world: World, far: f64) -> World {
+    let instances: Vec<_> = world.instances().collect();
+    for instance in instances {
+        let placement = world.placement(instance).expect("it lives");
+        let translation = placement.translation + DVec3::splat(far);
+        world.move_instance(instance, Placement { translation, ..placement }).expect("valid");
+    }
+    world
+}
+
 #[test]
 fn densities_at_sampled_points_are_those_that_sampling_tells() {
     let mut rng = Rng(60);
     let mut compared = 0;
     for far in [0.0, 1.0e4] {
         for round in 0..6 {
-            let mut world = rng.world(5, 40, 5, 15.0);
-            let instances: Vec<_> = world.instances().collect();
-            for instance in instances {
-                let placement = world.placement(instance).expect("it lives");
-                let translation = placement.translation + DVec3::splat(far);
-                world.move_instance(instance, Placement { translation, ..placement }).expect("valid");
-            }
+            let world = moved(rng.world(5, 40, 5, 15.0), far);
             let sampler = world.sampler().with_openings(OPENINGS[round % OPENINGS.len()]);
             for _ in 0..2500 {
                 let mut receiver = rng.receiver(20.0);
@@ -215,23 +220,34 @@ fn what_sampling_never_gives_has_no_density() {
 
 #[test]
 fn an_engines_own_shader_asks_for_densities_as_the_cpu_does() {
-    let (device, queue) = gpu();
     let mut rng = Rng(63);
-    let mut world = rng.world(4, 25, 4, 12.0);
+    for far in [0.0, 1.0e4] {
+        asks_for_densities(&mut rng, far);
+    }
+}
+
+fn asks_for_densities(rng: &mut Rng, far: f64) {
+    let (device, queue) = gpu();
+    let mut world = moved(rng.world(4, 25, 4, 12.0), far);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let delta = world.take_delta();
     lights.upload(&world, &delta).expect("room enough");
     let sampler = world.sampler();
     let mut questions: Vec<[u32; 12]> = Vec::new();
     let mut expected = Vec::new();
-    while expected.len() < 2000 {
-        let receiver = rng.receiver(15.0);
+    while expected.len() < 4000 {
+        let mut receiver = rng.receiver(15.0);
+        receiver.position += far as f32;
         let Some(pick) = sampler.pick(&receiver, [rng.unit(), rng.unit()]) else { continue };
         let LightId::Local { instance, light } = pick.light else { continue };
         // From elsewhere, so that some points lie on backs and below horizons.
-        let at = Receiver::volume(rng.place(15.0));
+        let at = Receiver::volume(rng.place(15.0) + far as f32);
         let Some(incident) = sampler.sample_light(&at, pick.light, [rng.unit(), rng.unit()]) else { continue };
         let point = at.position + incident.direction * incident.distance;
+        if expected.len() % 3 == 0 {
+            // Up to a decimetre from it.
+            receiver.position = point + rng.direction() * 10.0_f32.powf(rng.between(-4.0, -1.0));
+        }
         let [x, y, z] = receiver.position.to_array().map(f32::to_bits);
         let [p, q, r] = receiver.normal.to_array().map(f32::to_bits);
         let [a, b, c] = point.to_array().map(f32::to_bits);
@@ -250,10 +266,12 @@ fn an_engines_own_shader_asks_for_densities_as_the_cpu_does() {
         }",
     );
     let answers: Vec<f32> = ask(&mut lights, text, &questions, expected.len());
+    let (mut lit, mut dark) = (0, 0);
     for ((cpu, tolerance), gpu) in expected.iter().zip(&answers) {
         let is_fair = *tolerance < 0.05;
         assert!(!is_fair || (cpu - gpu).abs() <= tolerance * cpu.max(*gpu), "{cpu} {gpu} {tolerance}");
+        lit += u32::from(is_fair && *cpu > 0.0);
+        dark += u32::from(is_fair && *cpu == 0.0);
     }
-    let (lit, dark) = (expected.iter().filter(|e| e.0 > 0.0).count(), expected.iter().filter(|e| e.0 == 0.0).count());
-    assert!(lit > 400 && dark > 400, "{lit} {dark}");
+    assert!(lit > 200 && dark > 200, "{lit} {dark}");
 }
