@@ -264,6 +264,9 @@ mod tests {
         );
         record!(structs, TreeRecord, "LightTree", [root, punctual_flux, area_flux, padding]);
         record!(structs, SampleRequest, "Request", [position, padding_a, normal, padding_b, u]);
+        let text = crate::gpu::wgsl(0, crate::effects::Effects::all());
+        let resampling = self::structs(&(text + include_str!("../../shaders/batch_resample.wgsl")));
+        record!(resampling, SampleRequest, "Request", [position, padding_a, normal, padding_b, u]);
         record!(
             structs,
             SampleRecord,

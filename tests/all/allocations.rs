@@ -4,7 +4,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use girandole::glam::{DVec3, Vec3};
-use girandole::{DAMPING, FrameBudget, Light, LightTree, Placement, Policy, World};
+use girandole::{DAMPING, FrameBudget, Light, LightTree, MOST_CANDIDATES, Placement, Policy, World};
 
 use crate::support::Rng;
 
@@ -105,4 +105,23 @@ fn an_update_of_a_world_that_stands_still_asks_for_no_memory() {
         assert_eq!(requests(|| drop((world.update(FrameBudget::UNLIMITED), world.take_delta()))), 0);
     }
     assert!(tree_is_frozen(&world));
+}
+
+#[test]
+fn sampling_asks_for_no_memory() {
+    let mut rng = Rng(83);
+    let world = rng.world(3, 30, 4, 10.0);
+    // Builds the top level.
+    let sampler = world.sampler();
+    let receivers: Vec<_> = (0..50).map(|_| rng.receiver(12.0)).collect();
+    let asked = requests(|| {
+        for receiver in &receivers {
+            let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit()];
+            if let Some(kept) = sampler.resample(receiver, u, MOST_CANDIDATES) {
+                std::hint::black_box(sampler.pdf(receiver, kept.sample.light, Vec3::ZERO));
+            }
+            std::hint::black_box(sampler.sample(receiver, u));
+        }
+    });
+    assert_eq!(asked, 0);
 }
