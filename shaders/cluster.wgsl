@@ -280,7 +280,7 @@ fn pack_four(four: ClusterFour, origin: vec3<f32>, bits: vec3<u32>) -> LightPack
     let ratio_sq = four.variance / select(vec4(1.0), half_diagonal_sq, half_diagonal_sq > vec4(0.0));
 
     let length = sqrt(four.axis[0] * four.axis[0] + four.axis[1] * four.axis[1] + four.axis[2] * four.axis[2]);
-    let has_axis = length > vec4(0.0);
+    let has_axis = is_lit & (length > vec4(0.0));
     let to_steps = LIGHT_DIRECTION_STEPS / select(vec4(1.0), length, has_axis);
     let axis_x = select(vec4(0.0), rounded_signed(four.axis[0] * to_steps), has_axis);
     let axis_y = select(vec4(0.0), rounded_signed(four.axis[1] * to_steps), has_axis);
@@ -292,39 +292,43 @@ fn pack_four(four: ClusterFour, origin: vec3<f32>, bits: vec3<u32>) -> LightPack
         vec3(x.low, y.low, z.low),
         vec3(x.high, y.high, z.high),
         vec3(x.mean, y.mean, z.mean),
-        vec3(pack_signed_bytes(axis_x), pack_signed_bytes(axis_y), pack_signed_bytes(axis_z)),
-        pack_halves(four.flux, 0x8000u),
-        pack_halves(min(four.range, vec4(LIGHT_FARTHEST)), 0xffffu),
         pack_bytes(trunc(sqrt(ratio_sq) * LIGHT_STEPS + 0.5)),
-        pack_bytes(trunc(sqrt(1.0 - min(length, vec4(1.0))) * LIGHT_STEPS + 0.5)),
-        pack_bytes(ceil((1.0 - caps) * LIGHT_CAP_STEPS)),
+        pack_halves(four.flux, 0x8000u),
+        pack_bytes(trunc(sqrt(1.0 - select(vec4(0.0), min(length, vec4(1.0)), is_lit)) * LIGHT_STEPS + 0.5)),
+        vec3(pack_signed_bytes(axis_x), pack_signed_bytes(axis_y), pack_signed_bytes(axis_z)),
+        pack_bytes(select(vec4(2.0 * LIGHT_CAP_STEPS), ceil((1.0 - caps) * LIGHT_CAP_STEPS), is_lit)),
+        pack_halves(select(vec4(LIGHT_FARTHEST), min(four.range, vec4(LIGHT_FARTHEST)), is_lit), 0xffffu),
     );
 }
 
-// Twin of `Node::pack`: eight clusters and their node's own. Targets and parent are left at zero.
+// Twin of `Node::pack`: eight clusters and their node's own. Targets and parent are left at zero. Dark clusters and a dark
+// node have what lights without cone and range have.
 fn node_packed(eight: ClusterEight, merged: LightCluster) -> LightNode {
-    var node: LightNode;
-    node.steps = LIGHT_WIDTH << 24u;
-    if merged.flux <= 0.0 {
-        return node;
-    }
-    node.origin = merged.box_min;
     let bits = vec3(
         step_bits(merged.box_min.x, merged.box_max.x),
         step_bits(merged.box_min.y, merged.box_max.y),
         step_bits(merged.box_min.z, merged.box_max.z),
     );
-    node.steps |= bits.x | (bits.y << 8u) | (bits.z << 16u);
-    let a = pack_four(eight.first, node.origin, bits);
-    let b = pack_four(eight.last, node.origin, bits);
-    node.flux = array(a.flux.x, a.flux.y, b.flux.x, b.flux.y);
-    node.range = array(a.range.x, a.range.y, b.range.x, b.range.y);
-    node.low = array(a.low.x, b.low.x, a.low.y, b.low.y, a.low.z, b.low.z);
-    node.high = array(a.high.x, b.high.x, a.high.y, b.high.y, a.high.z, b.high.z);
-    node.mean = array(a.mean.x, b.mean.x, a.mean.y, b.mean.y, a.mean.z, b.mean.z);
-    node.deviation = array(a.deviation, b.deviation);
-    node.axis = array(a.axis.x, b.axis.x, a.axis.y, b.axis.y, a.axis.z, b.axis.z);
-    node.shortness = array(a.shortness, b.shortness);
-    node.cap = array(a.cap, b.cap);
+    let a = pack_four(eight.first, merged.box_min, bits);
+    let b = pack_four(eight.last, merged.box_min, bits);
+    var node: LightNode;
+    node.head = vec4(
+        bitcast<vec3<u32>>(merged.box_min),
+        (LIGHT_WIDTH << 24u) | bits.x | (bits.y << 8u) | (bits.z << 16u),
+    );
+    node.flux = vec4(a.flux, b.flux);
+    node.boxes = array(
+        vec4(a.low.x, b.low.x, a.low.y, b.low.y),
+        vec4(a.low.z, b.low.z, a.high.x, b.high.x),
+        vec4(a.high.y, b.high.y, a.high.z, b.high.z),
+        vec4(a.mean.x, b.mean.x, a.mean.y, b.mean.y),
+        vec4(a.mean.z, b.mean.z, a.deviation, b.deviation),
+    );
+    node.tail = vec4(0u, 0u, a.shortness, b.shortness);
+    node.cones = array(
+        vec4(a.axis.x, b.axis.x, a.axis.y, b.axis.y),
+        vec4(a.axis.z, b.axis.z, a.cap, b.cap),
+    );
+    node.range = vec4(a.range, b.range);
     return node;
 }

@@ -15,9 +15,13 @@ struct LightView {
     normal: vec3<f32>,
     // False in a volume.
     has_normal: bool,
-    range_scale: f32,
     margin: f32,
+    // #if RANGES
+    range_scale: f32,
+    // #endif
+    // #if CONES
     keeps_angles: bool,
+    // #endif
 }
 
 struct LightSeenFour {
@@ -33,9 +37,10 @@ struct LightSeen {
 }
 
 fn light_see(node: LightNode, view: LightView) -> LightSeen {
-    let origin = node.origin - view.position;
-    let half_step = light_half_steps(node.steps);
-    let far = abs(node.origin) + 2.0 * LIGHT_STEPS * half_step + abs(view.position);
+    let least = bitcast<vec3<f32>>(node.head.xyz);
+    let origin = least - view.position;
+    let half_step = light_half_steps(node.head.w);
+    let far = abs(least) + 2.0 * LIGHT_STEPS * half_step + abs(view.position);
     let margin = (far.x + far.y + far.z) * view.margin;
     let first = light_see_four(light_unpack(light_first_four(node), origin, half_step), view, margin);
     let last = light_see_four(light_unpack(light_last_four(node), origin, half_step), view, margin);
@@ -66,13 +71,14 @@ fn light_estimate(four: LightFour, view: LightView) -> LightSeenFour {
     let rounded = 0.5 * (along + sqrt(along * along + LIGHT_COSINE_WIDTH_SQ * spread * dist_sq));
     let cosine = select(distance, max(rounded, LIGHT_FLOOR * distance), view.has_normal);
 
-    let length = min(four.length, vec4(LIGHT_LONGEST_LOBE));
-    let share = LIGHT_LOBE_SHARE * min(length * (1.0 / LIGHT_LAMBERTIAN), vec4(1.0)) * (1.0 - spread);
-    let least_cos = max(3.0 * length - 2.0, vec4(0.0));
-    let width_sq = (1.0 - least_cos) * (1.0 - least_cos);
-    let above = -(four.axis[0] * x + four.axis[1] * y + four.axis[2] * z) - least_cos * distance;
-    let rim = (LIGHT_RIM_WIDTH_SQ * spread + LIGHT_RIM_LEAST_SQ * width_sq) * dist_sq;
-    let lobe = (1.0 - share) * width_sq * distance + 2.0 * share * (above + sqrt(above * above + rim));
+    // To all sides alike.
+    var lobe = distance;
+    var width_sq = vec4(1.0);
+    // #if CONES
+    let peak = light_lobe(four, spread, dist_sq, distance);
+    lobe = peak.value;
+    width_sq = peak.width_sq;
+    // #endif
 
     let inverse = 1.0 / distance;
     let reach = width_sq * (dist_sq + LIGHT_VARIANCE_SHARE * four.variance);
@@ -83,26 +89,59 @@ fn light_estimate(four: LightFour, view: LightView) -> LightSeenFour {
 }
 
 fn light_provably_dark(four: LightFour, view: LightView, margin: f32) -> vec4<bool> {
-    let x = four.center[0];
-    let y = four.center[1];
-    let z = four.center[2];
-
     // Everything below the horizon.
     let n = view.normal;
     let steep = abs(n);
     let highest = margin * (steep.x + steep.y + steep.z)
-        + (n.x * x + steep.x * four.half[0]) + (n.y * y + steep.y * four.half[1]) + (n.z * z + steep.z * four.half[2]);
-    let is_below = vec4(view.has_normal) & (highest <= vec4(0.0));
+        + (n.x * four.center[0] + steep.x * four.half[0])
+        + (n.y * four.center[1] + steep.y * four.half[1])
+        + (n.z * four.center[2] + steep.z * four.half[2]);
+    var is_dark = vec4(view.has_normal) & (highest <= vec4(0.0));
+    // #if RANGES
+    is_dark = is_dark | light_out_of_range(four, view, margin);
+    // #endif
+    // #if CONES
+    is_dark = is_dark | light_turned_away(four, view, margin);
+    // #endif
+    return is_dark;
+}
 
-    // Everything out of range.
-    let out_x = max(abs(x) - (four.half[0] + margin), vec4(0.0));
-    let out_y = max(abs(y) - (four.half[1] + margin), vec4(0.0));
-    let out_z = max(abs(z) - (four.half[2] + margin), vec4(0.0));
+// #if RANGES
+// Whether everything is out of range.
+fn light_out_of_range(four: LightFour, view: LightView, margin: f32) -> vec4<bool> {
+    let out_x = max(abs(four.center[0]) - (four.half[0] + margin), vec4(0.0));
+    let out_y = max(abs(four.center[1]) - (four.half[1] + margin), vec4(0.0));
+    let out_z = max(abs(four.center[2]) - (four.half[2] + margin), vec4(0.0));
     let gap_sq = out_x * out_x + out_y * out_y + out_z * out_z;
     let reach = four.range * (view.range_scale * (1.0 + LIGHT_COSINE_MARGIN));
-    let is_out_of_range = (four.range < vec4(LIGHT_FARTHEST)) & (gap_sq > reach * reach) & (gap_sq <= vec4(LIGHT_LONGEST_SQ));
+    return (four.range < vec4(LIGHT_FARTHEST)) & (gap_sq > reach * reach) & (gap_sq <= vec4(LIGHT_LONGEST_SQ));
+}
+// #endif
 
-    // Everything turned away.
+// #if CONES
+// The mixture of a clamped cosine and all sides, times the distance, and the squared width that it is still to be divided by.
+struct LightLobe {
+    value: vec4<f32>,
+    width_sq: vec4<f32>,
+}
+
+fn light_lobe(four: LightFour, spread: vec4<f32>, dist_sq: vec4<f32>, distance: vec4<f32>) -> LightLobe {
+    let length = min(four.length, vec4(LIGHT_LONGEST_LOBE));
+    let share = LIGHT_LOBE_SHARE * min(length * (1.0 / LIGHT_LAMBERTIAN), vec4(1.0)) * (1.0 - spread);
+    let least_cos = max(3.0 * length - 2.0, vec4(0.0));
+    let width_sq = (1.0 - least_cos) * (1.0 - least_cos);
+    let facing = four.axis[0] * four.toward[0] + four.axis[1] * four.toward[1] + four.axis[2] * four.toward[2];
+    let above = -facing - least_cos * distance;
+    let rim = (LIGHT_RIM_WIDTH_SQ * spread + LIGHT_RIM_LEAST_SQ * width_sq) * dist_sq;
+    let value = (1.0 - share) * width_sq * distance + 2.0 * share * (above + sqrt(above * above + rim));
+    return LightLobe(value, width_sq);
+}
+
+// Whether everything is turned away.
+fn light_turned_away(four: LightFour, view: LightView, margin: f32) -> vec4<bool> {
+    let x = four.center[0];
+    let y = four.center[1];
+    let z = four.center[2];
     let dist_sq = x * x + y * y + z * z;
     let along = -(four.axis[0] * x + four.axis[1] * y + four.axis[2] * z);
     let across = sqrt(max(dist_sq - along * along, vec4(0.0)));
@@ -112,8 +151,7 @@ fn light_provably_dark(four: LightFour, view: LightView, margin: f32) -> vec4<bo
     let radius = sqrt(four.radius_sq) + slack;
     let beside = across * cos - along * sin;
     let is_behind = (beside > vec4(0.0)) & (along * cos + across * sin < -slack) & (dist_sq > radius * radius);
-    let is_turned_away = vec4(view.keeps_angles) & (cos > vec4(-1.0)) & ((beside > radius) | is_behind)
+    return vec4(view.keeps_angles) & (cos > vec4(-1.0)) & ((beside > radius) | is_behind)
         & (dist_sq <= vec4(LIGHT_LONGEST_SQ));
-
-    return is_below | is_out_of_range | is_turned_away;
 }
+// #endif

@@ -5,12 +5,16 @@ struct LightPackedFour {
     low: vec3<u32>,
     high: vec3<u32>,
     mean: vec3<u32>,
-    axis: vec3<u32>,
-    flux: vec2<u32>,
-    range: vec2<u32>,
     deviation: u32,
+    flux: vec2<u32>,
+    // #if CONES
     shortness: u32,
+    axis: vec3<u32>,
     cap: u32,
+    // #endif
+    // #if RANGES
+    range: vec2<u32>,
+    // #endif
 }
 
 // Four children as seen from a point. The columns of matrices are x, y and z.
@@ -22,45 +26,59 @@ struct LightFour {
     half: mat3x4<f32>,
     radius_sq: vec4<f32>,
     variance: vec4<f32>,
+    flux: vec4<f32>,
+    // #if CONES
     // Unit vectors.
     axis: mat3x4<f32>,
     // Of the mean direction of emission, in [0, 1].
     length: vec4<f32>,
     cos_half_angle: vec4<f32>,
-    flux: vec4<f32>,
+    // #endif
+    // #if RANGES
     range: vec4<f32>,
+    // #endif
 }
 
 fn light_first_four(node: LightNode) -> LightPackedFour {
-    return LightPackedFour(
-        vec3(node.low[0], node.low[2], node.low[4]),
-        vec3(node.high[0], node.high[2], node.high[4]),
-        vec3(node.mean[0], node.mean[2], node.mean[4]),
-        vec3(node.axis[0], node.axis[2], node.axis[4]),
-        vec2(node.flux[0], node.flux[1]),
-        vec2(node.range[0], node.range[1]),
-        node.deviation[0], node.shortness[0], node.cap[0],
-    );
+    let b = node.boxes;
+    var four: LightPackedFour;
+    four.low = vec3(b[0].x, b[0].z, b[1].x);
+    four.high = vec3(b[1].z, b[2].x, b[2].z);
+    four.mean = vec3(b[3].x, b[3].z, b[4].x);
+    four.deviation = b[4].z;
+    four.flux = node.flux.xy;
+    // #if CONES
+    four.shortness = node.tail.z;
+    four.axis = vec3(node.cones[0].x, node.cones[0].z, node.cones[1].x);
+    four.cap = node.cones[1].z;
+    // #endif
+    // #if RANGES
+    four.range = node.range.xy;
+    // #endif
+    return four;
 }
 
 fn light_last_four(node: LightNode) -> LightPackedFour {
-    return LightPackedFour(
-        vec3(node.low[1], node.low[3], node.low[5]),
-        vec3(node.high[1], node.high[3], node.high[5]),
-        vec3(node.mean[1], node.mean[3], node.mean[5]),
-        vec3(node.axis[1], node.axis[3], node.axis[5]),
-        vec2(node.flux[2], node.flux[3]),
-        vec2(node.range[2], node.range[3]),
-        node.deviation[1], node.shortness[1], node.cap[1],
-    );
+    let b = node.boxes;
+    var four: LightPackedFour;
+    four.low = vec3(b[0].y, b[0].w, b[1].y);
+    four.high = vec3(b[1].w, b[2].y, b[2].w);
+    four.mean = vec3(b[3].y, b[3].w, b[4].y);
+    four.deviation = b[4].w;
+    four.flux = node.flux.zw;
+    // #if CONES
+    four.shortness = node.tail.w;
+    four.axis = vec3(node.cones[0].y, node.cones[0].w, node.cones[1].y);
+    four.cap = node.cones[1].w;
+    // #endif
+    // #if RANGES
+    four.range = node.range.zw;
+    // #endif
+    return four;
 }
 
 fn light_bytes(word: u32) -> vec4<f32> {
     return vec4<f32>((vec4(word) >> vec4(0u, 8u, 16u, 24u)) & vec4(0xffu));
-}
-
-fn light_signed_bytes(word: u32) -> vec4<f32> {
-    return vec4<f32>(bitcast<vec4<i32>>(vec4(word) << vec4(24u, 16u, 8u, 0u)) >> vec4(24u));
 }
 
 // From the upper halves of four floats.
@@ -93,16 +111,30 @@ fn light_unpack(packed: LightPackedFour, origin: vec3<f32>, half_step: vec3<f32>
     four.radius_sq = four.half[0] * four.half[0] + four.half[1] * four.half[1] + four.half[2] * four.half[2];
     let deviation = light_bytes(packed.deviation) * (1.0 / LIGHT_STEPS);
     four.variance = deviation * deviation * four.radius_sq;
-    let x = light_signed_bytes(packed.axis.x);
-    let y = light_signed_bytes(packed.axis.y);
-    let z = light_signed_bytes(packed.axis.z);
-    let inverse = 1.0 / sqrt(max(x * x + y * y + z * z, vec4(1.0)));
-    four.axis = mat3x4(x * inverse, y * inverse, z * inverse);
+    four.flux = light_halves(packed.flux);
+    // #if CONES
+    four.axis = light_unit_axes(packed.axis);
     let shortness = light_bytes(packed.shortness) * (1.0 / LIGHT_STEPS);
     four.length = 1.0 - shortness * shortness;
     let cap = light_bytes(packed.cap);
     four.cos_half_angle = select(1.0 - cap * (1.0 / LIGHT_CAP_STEPS), vec4(-1.0), cap >= vec4(2.0 * LIGHT_CAP_STEPS));
-    four.flux = light_halves(packed.flux);
+    // #endif
+    // #if RANGES
     four.range = light_halves(packed.range);
+    // #endif
     return four;
 }
+
+// #if CONES
+fn light_signed_bytes(word: u32) -> vec4<f32> {
+    return vec4<f32>(bitcast<vec4<i32>>(vec4(word) << vec4(24u, 16u, 8u, 0u)) >> vec4(24u));
+}
+
+fn light_unit_axes(packed: vec3<u32>) -> mat3x4<f32> {
+    let x = light_signed_bytes(packed.x);
+    let y = light_signed_bytes(packed.y);
+    let z = light_signed_bytes(packed.z);
+    let inverse = 1.0 / sqrt(max(x * x + y * y + z * z, vec4(1.0)));
+    return mat3x4(x * inverse, y * inverse, z * inverse);
+}
+// #endif

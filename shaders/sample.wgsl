@@ -1,8 +1,8 @@
 // What an engine calls: choose a light for a receiver, and ask for a light's chance. Twin of src/sample.rs. The bindings sit in the group that `girandole::gpu::wgsl` was asked for.
 
 @group(LIGHT_GROUP) @binding(0) var<uniform> light_params: LightParams;
-@group(LIGHT_GROUP) @binding(1) var<storage, read> light_top: array<LightNode>;
-@group(LIGHT_GROUP) @binding(2) var<storage, read> light_nodes: array<LightNode>;
+@group(LIGHT_GROUP) @binding(1) var<storage, read> light_top: array<vec4<u32>>;
+@group(LIGHT_GROUP) @binding(2) var<storage, read> light_nodes: array<vec4<u32>>;
 @group(LIGHT_GROUP) @binding(3) var<storage, read> light_instances: array<LightInstance>;
 @group(LIGHT_GROUP) @binding(4) var<storage, read> light_records: array<LightRecord>;
 

@@ -3,12 +3,13 @@
 // `TopLevel::build`.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
-@group(0) @binding(7) var<storage, read_write> nodes: array<LightNode>;
+@group(0) @binding(7) var<storage, read_write> nodes: array<u32>;
 @group(0) @binding(8) var<storage, read_write> clusters: array<LightCluster>;
 
 @compute @workgroup_size(TOP_LANES)
 fn top_level(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let index = top_index(id, groups);
+    let stored = NodeLayout(top_pass.node_stride, top_pass.node_cones, top_pass.node_range);
     let is_root = top_pass.count_above == 0u;
     let place = top_pass.first_above * LIGHT_WIDTH + index;
     let is_node = index < top_pass.count;
@@ -22,23 +23,10 @@ fn top_level(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgrou
         );
         merged = cluster_merged(eight);
         // All but the targets, which the level below has written.
-        let packed = node_packed(eight, merged);
-        nodes[node].origin = packed.origin;
-        nodes[node].steps = packed.steps;
-        nodes[node].parent = select(place, LIGHT_NO_PARENT, is_root);
-        nodes[node].padding = 0u;
-        nodes[node].flux = packed.flux;
-        nodes[node].range = packed.range;
-        nodes[node].low = packed.low;
-        nodes[node].high = packed.high;
-        nodes[node].mean = packed.mean;
-        nodes[node].deviation = packed.deviation;
-        nodes[node].axis = packed.axis;
-        nodes[node].shortness = packed.shortness;
-        nodes[node].cap = packed.cap;
+        node_store(stored, node, node_packed(eight, merged), select(place, LIGHT_NO_PARENT, is_root));
     }
     if index < top_pass.count_above * LIGHT_WIDTH {
         clusters[place] = merged;
-        nodes[place / LIGHT_WIDTH].targets[place % LIGHT_WIDTH] = select(LIGHT_EMPTY_SLOT, node, merged.flux > 0.0);
+        node_store_target(stored, place, select(LIGHT_EMPTY_SLOT, node, merged.flux > 0.0));
     }
 }

@@ -5,7 +5,7 @@
 @group(0) @binding(1) var<storage, read_write> instances: array<LightInstance>;
 @group(0) @binding(3) var<storage, read_write> leaves: array<LightCluster>;
 @group(0) @binding(6) var<storage, read_write> slots: array<u32>;
-@group(0) @binding(7) var<storage, read_write> nodes: array<LightNode>;
+@group(0) @binding(7) var<storage, read_write> nodes: array<u32>;
 // Of every node's children, at `node * LIGHT_WIDTH + child`.
 @group(0) @binding(8) var<storage, read_write> clusters: array<LightCluster>;
 
@@ -27,5 +27,5 @@ fn top_place(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgrou
         }
     }
     clusters[place] = cluster;
-    nodes[place / LIGHT_WIDTH].targets[place % LIGHT_WIDTH] = bits;
+    node_store_target(NodeLayout(top_pass.node_stride, top_pass.node_cones, top_pass.node_range), place, bits);
 }

@@ -1,24 +1,24 @@
 // The records that the host uploads and the stages share. src/gpu/layout.rs has their Rust twins, and its test
 // `records_have_the_same_layout_in_rust_and_wgsl` compares every offset and stride. Binds nothing.
 
-// Eight children, packed, and the way up: `Node` in src/tree/node.rs, which explains the fields. Words of four bytes or
-// of two halves, the lowest bits first.
+// Eight children, packed, and the way up: `Node` in src/tree/node.rs, which explains what is in it, in the same order.
+// Words of four bytes or of two halves, the lowest bits first. In buffers the last two lie where LightParams says.
 struct LightNode {
-    origin: vec3<f32>,
-    steps: u32,
-    parent: u32,
-    padding: u32,
-    targets: array<u32, LIGHT_WIDTH>,
-    flux: array<u32, 4>,
-    range: array<u32, 4>,
-    // Children 0 to 3 and 4 to 7 along x, then along y, then along z; so are the next three.
-    low: array<u32, 6>,
-    high: array<u32, 6>,
-    mean: array<u32, 6>,
-    deviation: array<u32, 2>,
-    axis: array<u32, 6>,
-    shortness: array<u32, 2>,
-    cap: array<u32, 2>,
+    // Least corner of all boxes, as bits of floats; steps.
+    head: vec4<u32>,
+    targets: array<vec4<u32>, 2>,
+    flux: vec4<u32>,
+    // Least corners, greatest corners, means: children 0 to 3 and 4 to 7 along x, then along y, then along z. Deviation.
+    boxes: array<vec4<u32>, 5>,
+    // Parent, padding, shortness.
+    tail: vec4<u32>,
+    // #if CONES
+    // Axis, along x, y and z as above; cap.
+    cones: array<vec4<u32>, 2>,
+    // #endif
+    // #if RANGES
+    range: vec4<u32>,
+    // #endif
 }
 
 // A cluster at full precision: `Cluster` in src/cluster.rs. All zero but for the mean if it is dark.
@@ -78,4 +78,9 @@ struct LightParams {
     directional_count: u32,
     // Clusters that are opened at most.
     openings: u32,
+    // Of a node, in 16 bytes: from one to the next, and where its cones and its ranges are; 0 if none has any.
+    node_stride: u32,
+    node_cones: u32,
+    node_range: u32,
+    padding: u32,
 }

@@ -29,40 +29,113 @@ struct LightLane {
     value: f32,
 }
 
-// `index` counts from the buffer's start.
+// #if COUNTS
+// Nodes that this invocation has read.
+var<private> light_nodes_read: u32;
+// #endif
+
+// `index` counts from the buffer's start. What is not stored is as it is where nothing has it: no cone, no range.
 fn light_node(in_top: bool, index: u32) -> LightNode {
+    // #if COUNTS
+    light_nodes_read++;
+    // #endif
     if in_top {
-        return light_top[index];
+        return light_top_node(index * light_params.node_stride);
     }
-    return light_nodes[index];
+    return light_tree_node(index * light_params.node_stride);
+}
+
+fn light_top_node(at: u32) -> LightNode {
+    var node: LightNode;
+    node.head = light_top[at];
+    node.targets = array(light_top[at + LIGHT_NODE_TARGETS], light_top[at + LIGHT_NODE_TARGETS + 1u]);
+    node.flux = light_top[at + LIGHT_NODE_FLUX];
+    node.boxes = array(
+        light_top[at + LIGHT_NODE_BOXES], light_top[at + LIGHT_NODE_BOXES + 1u], light_top[at + LIGHT_NODE_BOXES + 2u],
+        light_top[at + LIGHT_NODE_BOXES + 3u], light_top[at + LIGHT_NODE_BOXES + 4u],
+    );
+    node.tail = light_top[at + LIGHT_NODE_TAIL];
+    // #if CONES
+    node.cones = LIGHT_NO_CONES;
+    if light_params.node_cones != 0u {
+        node.cones = array(light_top[at + light_params.node_cones], light_top[at + light_params.node_cones + 1u]);
+    }
+    // #endif
+    // #if RANGES
+    node.range = LIGHT_NO_RANGES[0];
+    if light_params.node_range != 0u {
+        node.range = light_top[at + light_params.node_range];
+    }
+    // #endif
+    return node;
+}
+
+// The same of the other buffer: WGSL has no pointers to choose one by.
+fn light_tree_node(at: u32) -> LightNode {
+    var node: LightNode;
+    node.head = light_nodes[at];
+    node.targets = array(light_nodes[at + LIGHT_NODE_TARGETS], light_nodes[at + LIGHT_NODE_TARGETS + 1u]);
+    node.flux = light_nodes[at + LIGHT_NODE_FLUX];
+    node.boxes = array(
+        light_nodes[at + LIGHT_NODE_BOXES], light_nodes[at + LIGHT_NODE_BOXES + 1u], light_nodes[at + LIGHT_NODE_BOXES + 2u],
+        light_nodes[at + LIGHT_NODE_BOXES + 3u], light_nodes[at + LIGHT_NODE_BOXES + 4u],
+    );
+    node.tail = light_nodes[at + LIGHT_NODE_TAIL];
+    // #if CONES
+    node.cones = LIGHT_NO_CONES;
+    if light_params.node_cones != 0u {
+        node.cones = array(light_nodes[at + light_params.node_cones], light_nodes[at + light_params.node_cones + 1u]);
+    }
+    // #endif
+    // #if RANGES
+    node.range = LIGHT_NO_RANGES[0];
+    if light_params.node_range != 0u {
+        node.range = light_nodes[at + light_params.node_range];
+    }
+    // #endif
+    return node;
 }
 
 fn light_target(in_top: bool, index: u32, slot: u32) -> u32 {
+    let at = index * light_params.node_stride + LIGHT_NODE_TARGETS + slot / 4u;
     if in_top {
-        return light_top[index].targets[slot];
+        return light_top[at][slot % 4u];
     }
-    return light_nodes[index].targets[slot];
+    return light_nodes[at][slot % 4u];
 }
 
 // A receiver seen in the top level.
 fn light_view_of_world(receiver: LightReceiver) -> LightView {
-    let normal = light_normalize_or_zero(receiver.normal);
-    return LightView(receiver.position, normal, any(normal != vec3(0.0)), 1.0, LIGHT_POSITION_MARGIN, true);
+    var view: LightView;
+    view.position = receiver.position;
+    view.normal = light_normalize_or_zero(receiver.normal);
+    view.has_normal = any(view.normal != vec3(0.0));
+    view.margin = LIGHT_POSITION_MARGIN;
+    // #if RANGES
+    view.range_scale = 1.0;
+    // #endif
+    // #if CONES
+    view.keeps_angles = true;
+    // #endif
+    return view;
 }
 
 // A receiver seen in an instance's tree.
 fn light_view_of_tree(instance: u32, receiver: LightReceiver) -> LightView {
     let to_world = light_instances[instance].to_world;
     let to_local = light_instances[instance].to_local;
-    let normal = light_normalize_or_zero(light_transposed(to_world, receiver.normal));
-    return LightView(
-        light_linear(to_local, receiver.position - light_translation(to_world)),
-        normal,
-        any(normal != vec3(0.0)),
-        to_local[1].w,
-        LIGHT_POSITION_MARGIN * max(sqrt(to_local[2].w) * to_local[1].w, 1.0),
-        (light_instances[instance].flags & LIGHT_KEEPS_ANGLES) != 0u,
-    );
+    var view: LightView;
+    view.position = light_linear(to_local, receiver.position - light_translation(to_world));
+    view.normal = light_normalize_or_zero(light_transposed(to_world, receiver.normal));
+    view.has_normal = any(view.normal != vec3(0.0));
+    view.margin = LIGHT_POSITION_MARGIN * max(sqrt(to_local[2].w) * to_local[1].w, 1.0);
+    // #if RANGES
+    view.range_scale = to_local[1].w;
+    // #endif
+    // #if CONES
+    view.keeps_angles = (light_instances[instance].flags & LIGHT_KEEPS_ANGLES) != 0u;
+    // #endif
+    return view;
 }
 
 fn light_view(instance: u32, receiver: LightReceiver) -> LightView {
@@ -94,8 +167,6 @@ fn light_add_block(cut: ptr<function, LightCut>, instance: u32, index: u32, rece
     let in_top = instance == LIGHT_NO_INSTANCE;
     let node = light_node(in_top, index);
     let seen = light_see(node, light_view(instance, receiver));
-    let first = vec4(node.targets[0], node.targets[1], node.targets[2], node.targets[3]);
-    let last = vec4(node.targets[4], node.targets[5], node.targets[6], node.targets[7]);
     let can_open = vec4(in_top);
     let block = (*cut).count;
     (*cut).count = block + 1u;
@@ -103,8 +174,8 @@ fn light_add_block(cut: ptr<function, LightCut>, instance: u32, index: u32, rece
     (*cut).nodes[block] = index;
     (*cut).values[block] = seen.importance;
     (*cut).doubts[block] = mat2x4(
-        select(vec4(0.0), seen.importance[0] * seen.spread[0], can_open | ((first & vec4(LIGHT_LEAF)) == vec4(0u))),
-        select(vec4(0.0), seen.importance[1] * seen.spread[1], can_open | ((last & vec4(LIGHT_LEAF)) == vec4(0u))),
+        select(vec4(0.0), seen.importance[0] * seen.spread[0], can_open | ((node.targets[0] & vec4(LIGHT_LEAF)) == vec4(0u))),
+        select(vec4(0.0), seen.importance[1] * seen.spread[1], can_open | ((node.targets[1] & vec4(LIGHT_LEAF)) == vec4(0u))),
     );
     light_count_block(cut, block);
 }
@@ -254,7 +325,7 @@ fn light_climb(cut: ptr<function, LightCut>, receiver: LightReceiver, slot_of_in
         if pmf <= 0.0 {
             return 0.0;
         }
-        place = node.parent;
+        place = node.tail.x;
         if place == LIGHT_NO_PARENT {
             if in_top {
                 return 0.0;

@@ -5,6 +5,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat3, Vec3};
 
+use super::stored::NodeLayout;
 use crate::cluster::Cluster;
 use crate::light::{DirectionalLight, Light, Shape, spot_falloff};
 use crate::placement::Placed;
@@ -96,7 +97,7 @@ pub(crate) struct TreeRecord {
     pub padding: [f32; 2],
 }
 
-/// `LightParams` in WGSL. 16 bytes.
+/// `LightParams` in WGSL. 32 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct ParamsRecord {
@@ -104,6 +105,8 @@ pub(crate) struct ParamsRecord {
     pub directional_base: u32,
     pub directional_count: u32,
     pub openings: u32,
+    pub nodes: NodeLayout,
+    pub padding: u32,
 }
 
 impl LightRecord {
@@ -228,10 +231,10 @@ mod tests {
     }
 
     macro_rules! record {
-        ($structs:ident, $rust:ty, $wgsl:literal, [$($field:ident $(as $other:literal)?),*]) => {{
+        ($structs:ident, $rust:ty, $wgsl:literal, [$($field:ident $(. $inner:ident)? $(as $other:literal)?),*]) => {{
             let (size, members) = &$structs[$wgsl];
             assert_eq!(*size as usize, size_of::<$rust>(), "size of {}", $wgsl);
-            let ours = [$((record!(@name $field $($other)?), offset_of!($rust, $field))),*];
+            let ours = [$((record!(@name $field $($other)?), offset_of!($rust, $field $(.$inner)?))),*];
             let theirs: Vec<_> = members.iter().map(|(n, o)| (n.as_str(), *o as usize)).collect();
             assert_eq!(theirs, ours, "{}", $wgsl);
         }};
@@ -247,7 +250,15 @@ mod tests {
             structs,
             Node,
             "LightNode",
-            [origin, steps, parent, padding, targets, flux, range, low, high, mean, deviation, axis, shortness, cap]
+            [
+                origin as "head",
+                targets,
+                flux,
+                low as "boxes",
+                parent as "tail",
+                axis as "cones",
+                range
+            ]
         );
         record!(
             structs,
@@ -276,6 +287,20 @@ mod tests {
         // WGSL pads it without a name.
         assert_eq!(structs["LightResampled"], (64, vec![("sample".into(), 0), ("weight".into(), 48)]));
         assert_eq!((size_of::<ResampledRecord>(), offset_of!(ResampledRecord, weight)), (64, 48));
-        record!(structs, ParamsRecord, "LightParams", [slots, directional_base, directional_count, openings]);
+        record!(
+            structs,
+            ParamsRecord,
+            "LightParams",
+            [
+                slots,
+                directional_base,
+                directional_count,
+                openings,
+                nodes.stride as "node_stride",
+                nodes.cones as "node_cones",
+                nodes.range as "node_range",
+                padding
+            ]
+        );
     }
 }

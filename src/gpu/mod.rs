@@ -13,6 +13,7 @@ mod sampling;
 mod shader;
 mod sort;
 mod stages;
+mod stored;
 #[cfg(test)]
 mod testing;
 mod text;
@@ -31,6 +32,7 @@ pub use resampling::ResampledRecord;
 use sampling::BatchKernel;
 pub use sampling::{SampleRecord, SampleRequest};
 pub use shader::LightShader;
+use stored::NodeLayout;
 pub use text::wgsl;
 use top::TopBuild;
 pub use upload::UploadReport;
@@ -88,7 +90,11 @@ impl GpuLights {
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        let params = ParamsRecord { openings: DEFAULT_OPENINGS as u32, ..ParamsRecord::default() };
+        let params = ParamsRecord {
+            openings: DEFAULT_OPENINGS as u32,
+            nodes: NodeLayout::of(Effects::all()),
+            ..ParamsRecord::default()
+        };
         queue.write_buffer(&params_buffer, 0, bytemuck::bytes_of(&params));
         let top = TopBuild::new(device, queue)?;
         let layout = bind_group_layout(device);
@@ -130,7 +136,7 @@ impl GpuLights {
     }
 
     /// Another bound on the clusters that are opened before a choice, at most [`MOST_OPENINGS`]; [`DEFAULT_OPENINGS`] at first.
-    /// As [`Sampler::with_openings`](crate::Sampler::with_openings). Writes 16 bytes ahead of the next submission.
+    /// As [`Sampler::with_openings`](crate::Sampler::with_openings). Writes 32 bytes ahead of the next submission.
     pub fn set_openings(&mut self, openings: u32) {
         self.send_params(ParamsRecord { openings: openings.min(MOST_OPENINGS as u32), ..self.params });
     }

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::layout;
+use super::{layout, stored};
 use crate::cluster;
 use crate::effects::Effects;
 use crate::emit;
@@ -72,6 +72,10 @@ pub(crate) fn constants() -> String {
         ("LATTICE_Y", resample::LATTICE[0]),
         ("LATTICE_Z", resample::LATTICE[1]),
         ("LATTICE_W", resample::LATTICE[2]),
+        ("NODE_TARGETS", stored::NODE_TARGETS as u32),
+        ("NODE_FLUX", stored::NODE_FLUX as u32),
+        ("NODE_BOXES", stored::NODE_BOXES as u32),
+        ("NODE_TAIL", stored::NODE_TAIL as u32),
     ] {
         let _ = writeln!(text, "const LIGHT_{name}: u32 = {value}u;");
     }
@@ -110,6 +114,12 @@ pub(crate) fn constants() -> String {
         ("MOST_WEIGHT", resample::MOST_WEIGHT),
     ] {
         let _ = writeln!(text, "const LIGHT_{name}: f32 = {value:e};");
+    }
+    let [axis_and_cap, range] = stored::node_without();
+    for (name, words) in [("CONES", &axis_and_cap[..]), ("RANGES", &range[..])] {
+        let quads: Vec<_> =
+            words.chunks(4).map(|w| format!("vec4({}u, {}u, {}u, {}u)", w[0], w[1], w[2], w[3])).collect();
+        let _ = writeln!(text, "const LIGHT_NO_{name} = array({});", quads.join(", "));
     }
     text
 }

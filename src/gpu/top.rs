@@ -12,10 +12,12 @@ use super::layout::{ClusterRecord, InstanceRecord, TreeRecord};
 use super::pool::Pool;
 use super::sort::{RadixSort, SortBuffers};
 use super::stages::{Access, PASS_STRIDE, Stages, dispatch, pass_bytes};
+use super::stored::NodeLayout;
 use crate::bounds;
 use crate::cluster;
 use crate::cone;
 use crate::curve;
+use crate::effects::Effects;
 use crate::top::level_starts;
 use crate::tree::{Node, WIDTH};
 
@@ -37,9 +39,7 @@ struct TopPass {
     count: u32,
     first_above: u32,
     count_above: u32,
-    padding_a: u32,
-    padding_b: u32,
-    padding_c: u32,
+    nodes: NodeLayout,
 }
 
 /// The pipelines and buffers of the top level.
@@ -56,6 +56,8 @@ pub(crate) struct TopBuild {
     buffers: TopBuffers,
     /// The lowest first; none before the first build.
     levels: Vec<TopPass>,
+    /// How nodes are to be stored.
+    layout: NodeLayout,
     generation: u64,
     /// With the generations of the instances and trees that it was made for.
     bound: Option<([u64; 2], wgpu::BindGroup)>,
@@ -100,6 +102,7 @@ impl TopBuild {
             passes,
             buffers,
             levels: Vec::new(),
+            layout: NodeLayout::of(Effects::all()),
             generation: 0,
             bound: None,
         })
@@ -163,7 +166,7 @@ impl TopBuild {
 
     fn set_slots(&mut self, slots: u32) {
         self.buffers.sort.set_count(&self.queue, slots);
-        if self.levels.first().is_some_and(|level| level.slots == slots) {
+        if self.levels.first().is_some_and(|level| (level.slots, level.nodes) == (slots, self.layout)) {
             return;
         }
         let starts = level_starts(slots as usize);
@@ -172,9 +175,14 @@ impl TopBuild {
         self.levels.extend((0..starts.len() - 1).rev().map(|index| {
             let (first, count) = level(index);
             let (first_above, count_above) = index.checked_sub(1).map_or((0, 0), level);
-            TopPass { slots, first, count, first_above, count_above, ..TopPass::default() }
+            TopPass { slots, first, count, first_above, count_above, nodes: self.layout }
         }));
         self.queue.write_buffer(&self.passes, 0, &pass_bytes(&self.levels));
+    }
+
+    /// Stores nodes in another layout from the next build on.
+    pub(crate) fn set_layout(&mut self, layout: NodeLayout) {
+        self.layout = layout;
     }
 
     /// The top level's nodes, the root first; another object after each change of [`TopBuild::generation`].
@@ -225,12 +233,17 @@ impl TopBuffers {
 struct Stage {
     entry: &'static str,
     source: &'static str,
+    stores_nodes: bool,
 }
 
-const LEAVES: Stage = Stage { entry: "top_leaves", source: include_str!("../../shaders/top_leaves.wgsl") };
-const KEYS: Stage = Stage { entry: "top_keys", source: include_str!("../../shaders/top_keys.wgsl") };
-const PLACE: Stage = Stage { entry: "top_place", source: include_str!("../../shaders/top_place.wgsl") };
-const LEVEL: Stage = Stage { entry: "top_level", source: include_str!("../../shaders/top_level.wgsl") };
+const LEAVES: Stage =
+    Stage { entry: "top_leaves", source: include_str!("../../shaders/top_leaves.wgsl"), stores_nodes: false };
+const KEYS: Stage =
+    Stage { entry: "top_keys", source: include_str!("../../shaders/top_keys.wgsl"), stores_nodes: false };
+const PLACE: Stage =
+    Stage { entry: "top_place", source: include_str!("../../shaders/top_place.wgsl"), stores_nodes: true };
+const LEVEL: Stage =
+    Stage { entry: "top_level", source: include_str!("../../shaders/top_level.wgsl"), stores_nodes: true };
 
 impl Stage {
     /// The whole text: Rust's constants, records, pure functions, the stage.
@@ -254,6 +267,9 @@ impl Stage {
             self.source,
         ] {
             text += part;
+        }
+        if self.stores_nodes {
+            text += include_str!("../../shaders/top_nodes.wgsl");
         }
         text
     }

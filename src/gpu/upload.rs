@@ -196,7 +196,7 @@ impl GpuLights {
             slots: world.slot_count() as u32,
             directional_base: self.directionals.start,
             directional_count: self.directionals.len() as u32,
-            openings: self.params.openings,
+            ..self.params
         })
     }
 }

@@ -42,6 +42,9 @@ pub(crate) const CAP_STEPS: f32 = 127.0;
 pub type Bytes = [u8; WIDTH];
 
 /// A node: up to eight children and the way up. 208 bytes, of which a child has 23 and the node 24.
+///
+/// What a GPU may leave out comes last, in pieces of 16 bytes: `axis` and `cap` where nothing has a cone, `range` where
+/// nothing has one (`gpu/stored.rs`). A dark child has what a light without either has.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Node {
@@ -50,16 +53,10 @@ pub struct Node {
     /// Bytes, the lowest first: biased exponents of the steps along x, y and z, which are powers of two; children in
     /// use.
     pub steps: u32,
-    /// `parent node * WIDTH + slot`, or [`NO_PARENT`].
-    pub parent: u32,
-    /// To a multiple of 16 bytes.
-    pub padding: u32,
     /// A node's index; or [`LEAF`] with a light's index; or [`EMPTY_SLOT`].
     pub targets: [u32; WIDTH],
     /// Lumens, the upper half of an f32; 0 means that nothing below shines.
     pub flux: [u16; WIDTH],
-    /// Largest range in metres, the upper half of an f32, rounded up.
-    pub range: [u16; WIDTH],
     /// Least corner of the box, in steps from `origin`, rounded down.
     pub low: [Bytes; 3],
     /// Greatest corner, rounded up.
@@ -68,13 +65,19 @@ pub struct Node {
     pub mean: [Bytes; 3],
     /// Standard deviation of position, as a share of half the box's diagonal.
     pub deviation: Bytes,
-    /// Direction of the mean direction of emission, each coordinate signed. Not of unit length.
-    pub axis: [[i8; WIDTH]; 3],
+    /// `parent node * WIDTH + slot`, or [`NO_PARENT`].
+    pub parent: u32,
+    /// To a multiple of 16 bytes.
+    pub padding: u32,
     /// How much the mean direction is shorter than 1: its square is 1 minus the length.
     pub shortness: Bytes,
+    /// Direction of the mean direction of emission, each coordinate signed. Not of unit length.
+    pub axis: [[i8; WIDTH]; 3],
     /// 1 minus the cosine of the half-angle of the cap of emission about `axis`, in steps of 1/127, rounded up; from
     /// 254 on it is all directions.
     pub cap: Bytes,
+    /// Largest range in metres, the upper half of an f32, rounded up.
+    pub range: [u16; WIDTH],
 }
 
 /// Where a child leads.
@@ -131,18 +134,18 @@ impl Node {
     pub const EMPTY: Self = Self {
         origin: [0.0; 3],
         steps: 0,
-        parent: NO_PARENT,
-        padding: 0,
         targets: [EMPTY_SLOT; WIDTH],
         flux: [0; WIDTH],
-        range: [0; WIDTH],
         low: [[0; WIDTH]; 3],
         high: [[0; WIDTH]; 3],
         mean: [[0; WIDTH]; 3],
         deviation: [0; WIDTH],
-        axis: [[0; WIDTH]; 3],
-        shortness: [0; WIDTH],
-        cap: [0; WIDTH],
+        parent: NO_PARENT,
+        padding: 0,
+        shortness: [STEPS as u8; WIDTH],
+        axis: [[0; WIDTH], [0; WIDTH], [DIRECTION_STEPS as i8; WIDTH]],
+        cap: [2 * CAP_STEPS as u8; WIDTH],
+        range: [packed_range(FARTHEST); WIDTH],
     };
 
     /// Children in use; they are the first.
@@ -215,6 +218,7 @@ impl Node {
         for i in 0..WIDTH {
             let [x, y, z] = [wide.axis[0][i], wide.axis[1][i], wide.axis[2][i]];
             let length = (x * x + y * y + z * z).sqrt();
+            let length = if wide.flux[i] > 0.0 { length } else { 0.0 };
             let inverse = if length > 0.0 { 1.0 / length } else { 0.0 };
             let quantised = [x, y, z].map(|v| nearest_signed(v * inverse * DIRECTION_STEPS));
             // A direction even where there is none, so that nobody divides by zero.
@@ -232,11 +236,12 @@ impl Node {
         }
         let caps = wide.caps_about(axis);
         for i in 0..WIDTH {
-            let steps = (1.0 - caps[i]) * CAP_STEPS;
+            let is_lit = wide.flux[i] > 0.0;
+            let steps = if is_lit { (1.0 - caps[i]) * CAP_STEPS } else { 2.0 * CAP_STEPS };
             let whole = nearest(steps);
             self.cap[i] = byte(if whole < steps { whole + 1.0 } else { whole });
-            let range = if wide.range[i] < FARTHEST { wide.range[i] } else { FARTHEST };
-            self.range[i] = ((range.to_bits() + 0xffff) >> 16) as u16;
+            let has_range = is_lit & (wide.range[i] < FARTHEST);
+            self.range[i] = packed_range(if has_range { wide.range[i] } else { FARTHEST });
             self.flux[i] = ((wide.flux[i].to_bits() + 0x8000) >> 16) as u16;
         }
     }
@@ -309,6 +314,12 @@ fn step_bits(min: f32, max: f32) -> u32 {
     } else {
         bits + 2
     }
+}
+
+/// The upper half of a range, rounded up.
+#[inline(always)]
+const fn packed_range(range: f32) -> u16 {
+    ((range.to_bits() + 0xffff) >> 16) as u16
 }
 
 /// Added to a number in [0, 2^22], leaves the nearest whole number in the last bits: conversions that check their range
@@ -421,6 +432,14 @@ mod tests {
         assert_eq!((node.flux[0], node.count()), (0, 2));
         assert!(node.cluster(0).aabb.is_empty() && node.cluster(1).flux > 0.0);
         assert_eq!(pack(&[Cluster::EMPTY]).flux, [0; WIDTH]);
+        // Like a light without cone and range, so that what is not stored can be told without looking at the flux.
+        let dark = Cluster { axis: Vec3::X, range: 1.0, ..Cluster::EMPTY };
+        let node = pack(&[dark, lamp, Cluster { range: f32::INFINITY, cos_half_angle: -1.0, ..lamp }]);
+        assert_eq!(
+            (node.axis, node.shortness, node.range[0]),
+            (Node::EMPTY.axis, Node::EMPTY.shortness, node.range[2])
+        );
+        assert_eq!((node.cap[0], node.cap[2], node.range[0]), (254, 254, Node::EMPTY.range[0]));
         assert_eq!(Node::EMPTY.target(0), None);
     }
 }

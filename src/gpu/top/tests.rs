@@ -306,6 +306,31 @@ fn two_builds_of_one_world_are_the_same_bit_for_bit() {
 }
 
 #[test]
+fn every_layout_stores_the_pieces_of_the_same_nodes() {
+    let (device, queue) = gpu();
+    let mut top = TopBuild::new(&device, &queue).unwrap();
+    let world = world_of(600, placement);
+    let nodes = build(&mut top, &world).nodes;
+    for effects in [Effects::empty(), Effects::CONES, Effects::RANGES, Effects::all()] {
+        let layout = NodeLayout::of(effects);
+        top.set_layout(layout);
+        build(&mut top, &world);
+        let stored: Vec<[u32; 4]> = read(&device, &queue, top.nodes());
+        let full: &[[[u32; 4]; 13]] = bytemuck::cast_slice(&nodes);
+        for (ours, full) in stored.chunks(layout.stride as usize).zip(full) {
+            let (core, rest) = full.split_at(10);
+            assert_eq!(&ours[..10], core);
+            if layout.cones > 0 {
+                assert_eq!(ours[layout.cones as usize..][..2], rest[..2]);
+            }
+            if layout.range > 0 {
+                assert_eq!(ours[layout.range as usize], rest[2]);
+            }
+        }
+    }
+}
+
+#[test]
 fn every_child_on_the_way_up_holds_every_light_of_an_instance() {
     let (device, queue) = gpu();
     let mut top = TopBuild::new(&device, &queue).unwrap();
@@ -389,13 +414,16 @@ fn the_stages_are_valid_and_agree_with_the_host_about_sizes() {
         assert_eq!(*span as usize, size_of::<TopPass>());
         let names: Vec<_> = members.iter().map(|m| (m.name.as_deref().unwrap(), m.offset as usize)).collect();
         assert_eq!(
-            names[..5],
+            names,
             [
                 ("slots", std::mem::offset_of!(TopPass, slots)),
                 ("first", std::mem::offset_of!(TopPass, first)),
                 ("count", std::mem::offset_of!(TopPass, count)),
                 ("first_above", std::mem::offset_of!(TopPass, first_above)),
                 ("count_above", std::mem::offset_of!(TopPass, count_above)),
+                ("node_stride", std::mem::offset_of!(TopPass, nodes.stride)),
+                ("node_cones", std::mem::offset_of!(TopPass, nodes.cones)),
+                ("node_range", std::mem::offset_of!(TopPass, nodes.range)),
             ]
         );
     }
