@@ -16,18 +16,6 @@ fn light_nothing() -> LightIncident {
     return LightIncident(vec3(0.0), 0.0, vec3(0.0), 0.0, false);
 }
 
-fn light_linear(rows: array<vec4<f32>, 3>, v: vec3<f32>) -> vec3<f32> {
-    return vec3(dot(rows[0].xyz, v), dot(rows[1].xyz, v), dot(rows[2].xyz, v));
-}
-
-fn light_transposed(rows: array<vec4<f32>, 3>, v: vec3<f32>) -> vec3<f32> {
-    return rows[0].xyz * v.x + rows[1].xyz * v.y + rows[2].xyz * v.z;
-}
-
-fn light_translation(rows: array<vec4<f32>, 3>) -> vec3<f32> {
-    return vec3(rows[0].w, rows[1].w, rows[2].w);
-}
-
 fn light_normalize_or_zero(v: vec3<f32>) -> vec3<f32> {
     let length_sq = dot(v, v);
     if length_sq > 0.0 {
@@ -36,6 +24,7 @@ fn light_normalize_or_zero(v: vec3<f32>) -> vec3<f32> {
     return vec3(0.0);
 }
 
+// #if RANGES
 fn light_window(dist_sq: f32, range: f32) -> f32 {
     if range >= LIGHT_FARTHEST {
         return 1.0;
@@ -47,6 +36,7 @@ fn light_window(dist_sq: f32, range: f32) -> f32 {
     let ratio_sq = dist_sq / range_sq;
     return 1.0 - ratio_sq * ratio_sq;
 }
+// #endif
 
 fn light_arriving(receiver: LightReceiver, direction: vec3<f32>, distance: f32, radiance: vec3<f32>, pdf: f32, is_delta: bool) -> LightIncident {
     let above = all(receiver.normal == vec3(0.0)) || dot(receiver.normal, direction) > 0.0;
@@ -56,19 +46,39 @@ fn light_arriving(receiver: LightReceiver, direction: vec3<f32>, distance: f32, 
     return light_nothing();
 }
 
-// Whether a quotient is a density that f32 can work with.
-fn light_is_density(dividend: f32, divisor: f32) -> bool {
-    return divisor >= dividend * LIGHT_LEAST_INVERSE_PDF && dividend >= divisor * LIGHT_LEAST_PDF;
-}
-
 fn light_from_delta(light: LightRecord, toward: vec3<f32>, falloff: f32, receiver: LightReceiver) -> LightIncident {
     let dist_sq = dot(toward, toward);
     if dist_sq < LIGHT_NEAREST_SQ {
         return light_nothing();
     }
-    let share = falloff * light_window(dist_sq, light.range) / dist_sq;
+    var shown = falloff;
+    // #if RANGES
+    shown *= light_window(dist_sq, light.range);
+    // #endif
+    let share = shown / dist_sq;
     let distance = sqrt(dist_sq);
     return light_arriving(receiver, toward / distance, distance, light.emission * share, 1.0, true);
+}
+
+// From a receiver to a place in tree space. The translations first.
+fn light_toward(p: vec3<f32>, instance: LightInstance, receiver: LightReceiver) -> vec3<f32> {
+    return light_linear(instance.to_world, p) + (light_translation(instance.to_world) - receiver.position);
+}
+
+// #if CONES
+fn light_from_spot(light: LightRecord, instance: LightInstance, receiver: LightReceiver) -> LightIncident {
+    let toward = light_toward(light.a, instance, receiver);
+    let axis = light_normalize_or_zero(light_linear(instance.to_world, light.b));
+    let cos = -dot(axis, light_normalize_or_zero(toward));
+    let falloff = clamp(cos * light.c.x + light.c.y, 0.0, 1.0);
+    return light_from_delta(light, toward, falloff * falloff, receiver);
+}
+// #endif
+
+// #if AREAS
+// Whether a quotient is a density that f32 can work with.
+fn light_is_density(dividend: f32, divisor: f32) -> bool {
+    return divisor >= dividend * LIGHT_LEAST_INVERSE_PDF && dividend >= divisor * LIGHT_LEAST_PDF;
 }
 
 // `normal_area` is the front normal times the area.
@@ -80,14 +90,37 @@ fn light_from_surface(light: LightRecord, toward: vec3<f32>, normal_area: vec3<f
     let distance = sqrt(dist_sq);
     let direction = toward / distance;
     var facing_area = -dot(normal_area, direction);
+    // #if TWO_SIDED
     if (light.kind & LIGHT_TWO_SIDED) != 0u {
         facing_area = abs(facing_area);
     }
+    // #endif
     if facing_area <= 0.0 || !light_is_density(dist_sq, facing_area) {
         return light_nothing();
     }
-    let radiance = light.emission * light_window(dist_sq, light.range);
+    var radiance = light.emission;
+    // #if RANGES
+    radiance *= light_window(dist_sq, light.range);
+    // #endif
     return light_arriving(receiver, direction, distance, radiance, dist_sq / facing_area, false);
+}
+
+fn light_from_rectangle(light: LightRecord, instance: LightInstance, receiver: LightReceiver, u: vec2<f32>) -> LightIncident {
+    let toward = light_toward(light.a, instance, receiver);
+    let half_u = light_linear(instance.to_world, light.b);
+    let half_v = light_linear(instance.to_world, light.c);
+    let point = toward + half_u * (2.0 * u.x - 1.0) + half_v * (2.0 * u.y - 1.0);
+    return light_from_surface(light, point, light_normal_area(cross(light.b, light.c) * 4.0, instance), receiver);
+}
+
+fn light_from_triangle(light: LightRecord, instance: LightInstance, receiver: LightReceiver, u: vec2<f32>) -> LightIncident {
+    let toward = light_toward(light.a, instance, receiver);
+    let edge_q = light_linear(instance.to_world, light.b - light.a);
+    let edge_r = light_linear(instance.to_world, light.c - light.a);
+    let root = sqrt(u.x);
+    let point = toward + edge_q * (root * (1.0 - u.y)) + edge_r * (root * u.y);
+    let normal_area = cross(light.b - light.a, light.c - light.a) * 0.5;
+    return light_from_surface(light, point, light_normal_area(normal_area, instance), receiver);
 }
 
 fn light_orthonormal(v: vec3<f32>) -> vec3<f32> {
@@ -98,7 +131,7 @@ fn light_orthonormal(v: vec3<f32>) -> vec3<f32> {
 
 fn light_from_sphere(light: LightRecord, instance: LightInstance, receiver: LightReceiver, u: vec2<f32>) -> LightIncident {
     let world_center = light_toward(light.a, instance, receiver);
-    let to_center = light_linear(instance.to_local, world_center);
+    let to_center = light_into_tree(instance, world_center);
     let radius = light.c.x;
     let dist_sq = dot(to_center, to_center);
     if dist_sq < LIGHT_TINY || radius * radius >= dist_sq {
@@ -119,7 +152,7 @@ fn light_from_sphere(light: LightRecord, instance: LightInstance, receiver: Ligh
         root = sqrt(max(1.0 - sin_sq / sin_max_sq, 0.0));
     }
     let hit = (to_center_length - radius) * (to_center_length + radius) / (to_center_length * cosine + radius * root);
-    let solid_angle = 0.5 * LIGHT_FOUR_PI * one_minus_cos_max * abs(instance.to_local[0].w);
+    let solid_angle = 0.5 * LIGHT_FOUR_PI * one_minus_cos_max * light_volume(instance);
     if hit <= 0.0 || solid_angle < LIGHT_TINY {
         return light_nothing();
     }
@@ -138,48 +171,36 @@ fn light_from_sphere(light: LightRecord, instance: LightInstance, receiver: Ligh
         return light_nothing();
     }
     let distance = sqrt(world_dist_sq);
-    let radiance = light.emission * light_window(world_dist_sq, light.range);
+    var radiance = light.emission;
+    // #if RANGES
+    radiance *= light_window(world_dist_sq, light.range);
+    // #endif
     return light_arriving(receiver, toward / distance, distance, radiance, cubed / solid_angle, false);
 }
-
-// From a receiver to a place in tree space. The translations first.
-fn light_toward(p: vec3<f32>, instance: LightInstance, receiver: LightReceiver) -> vec3<f32> {
-    return light_linear(instance.to_world, p) + (light_translation(instance.to_world) - receiver.position);
-}
-
-// A normal times an area, carried along by the cofactors.
-fn light_normal_area(normal_area: vec3<f32>, instance: LightInstance) -> vec3<f32> {
-    return light_transposed(instance.to_local, normal_area) * abs(instance.to_local[0].w);
-}
+// #endif
 
 fn light_incident(light: LightRecord, instance: LightInstance, receiver: LightReceiver, u: vec2<f32>) -> LightIncident {
     let kind = light.kind & LIGHT_KIND_MASK;
+    // #if DIRECTIONAL
     if kind == LIGHT_KIND_DIRECTIONAL {
         return light_arriving(receiver, -light.b, LIGHT_FARTHEST, light.emission, 1.0, true);
+    }
+    // #endif
+    // #if CONES
+    if kind == LIGHT_KIND_SPOT {
+        return light_from_spot(light, instance, receiver);
+    }
+    // #endif
+    // #if AREAS
+    if kind == LIGHT_KIND_RECTANGLE {
+        return light_from_rectangle(light, instance, receiver, u);
+    }
+    if kind == LIGHT_KIND_TRIANGLE {
+        return light_from_triangle(light, instance, receiver, u);
     }
     if kind == LIGHT_KIND_SPHERE {
         return light_from_sphere(light, instance, receiver, u);
     }
-    let toward = light_toward(light.a, instance, receiver);
-    if kind == LIGHT_KIND_POINT {
-        return light_from_delta(light, toward, 1.0, receiver);
-    }
-    if kind == LIGHT_KIND_SPOT {
-        let axis = light_normalize_or_zero(light_linear(instance.to_world, light.b));
-        let cos = -dot(axis, light_normalize_or_zero(toward));
-        let falloff = clamp(cos * light.c.x + light.c.y, 0.0, 1.0);
-        return light_from_delta(light, toward, falloff * falloff, receiver);
-    }
-    if kind == LIGHT_KIND_RECTANGLE {
-        let half_u = light_linear(instance.to_world, light.b);
-        let half_v = light_linear(instance.to_world, light.c);
-        let point = toward + half_u * (2.0 * u.x - 1.0) + half_v * (2.0 * u.y - 1.0);
-        return light_from_surface(light, point, light_normal_area(cross(light.b, light.c) * 4.0, instance), receiver);
-    }
-    let edge_q = light_linear(instance.to_world, light.b - light.a);
-    let edge_r = light_linear(instance.to_world, light.c - light.a);
-    let root = sqrt(u.x);
-    let point = toward + edge_q * (root * (1.0 - u.y)) + edge_r * (root * u.y);
-    let normal_area = cross(light.b - light.a, light.c - light.a) * 0.5;
-    return light_from_surface(light, point, light_normal_area(normal_area, instance), receiver);
+    // #endif
+    return light_from_delta(light, light_toward(light.a, instance, receiver), 1.0, receiver);
 }

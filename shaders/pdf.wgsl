@@ -5,9 +5,11 @@
 // `to_plane` leads from the receiver to any point of the surface.
 fn light_surface_pdf(to_plane: vec3<f32>, normal_area: vec3<f32>, kind: u32, dist_sq: f32) -> f32 {
     var facing_area = -dot(normal_area, to_plane) / sqrt(dist_sq);
+    // #if TWO_SIDED
     if (kind & LIGHT_TWO_SIDED) != 0u {
         facing_area = abs(facing_area);
     }
+    // #endif
     if facing_area <= 0.0 || !light_is_density(dist_sq, facing_area) {
         return 0.0;
     }
@@ -16,21 +18,21 @@ fn light_surface_pdf(to_plane: vec3<f32>, normal_area: vec3<f32>, kind: u32, dis
 
 fn light_sphere_pdf(light: LightRecord, instance: LightInstance, receiver: LightReceiver, point: vec3<f32>) -> f32 {
     let radius = light.c.x;
-    let to_center = light_linear(instance.to_local, light_toward(light.a, instance, receiver));
+    let to_center = light_into_tree(instance, light_toward(light.a, instance, receiver));
     let dist_sq = dot(to_center, to_center);
     if dist_sq < LIGHT_TINY || radius * radius >= dist_sq {
         return 0.0;
     }
     let sin_max_sq = radius * radius / dist_sq;
     let one_minus_cos_max = sin_max_sq / (1.0 + sqrt(1.0 - sin_max_sq));
-    let from_center = light_linear(instance.to_local, point - light_translation(instance.to_world)) - light.a;
+    let from_center = light_into_tree(instance, point - light_translation(instance.to_world)) - light.a;
     let hit = length(to_center + light_normalize_or_zero(from_center) * radius);
     let toward = point - receiver.position;
     var local = hit;
     if hit <= LIGHT_CLOSE * sqrt(dist_sq) {
-        local = length(light_linear(instance.to_local, toward));
+        local = length(light_into_tree(instance, toward));
     }
-    let solid_angle = 0.5 * LIGHT_FOUR_PI * one_minus_cos_max * abs(instance.to_local[0].w);
+    let solid_angle = 0.5 * LIGHT_FOUR_PI * one_minus_cos_max * light_volume(instance);
     if local <= 0.0 || solid_angle < LIGHT_TINY {
         return 0.0;
     }
@@ -47,10 +49,14 @@ fn light_point_pdf(light: LightRecord, instance: LightInstance, receiver: LightR
     let toward = point - receiver.position;
     let dist_sq = dot(toward, toward);
     let is_above = all(receiver.normal == vec3(0.0)) || dot(receiver.normal, toward) > 0.0;
-    let is_in_range = dist_sq >= LIGHT_NEAREST_SQ && light_window(dist_sq, light.range) > 0.0;
-    if !is_above || !is_in_range || all(light.emission == vec3(0.0)) {
+    if !is_above || dist_sq < LIGHT_NEAREST_SQ || all(light.emission == vec3(0.0)) {
         return 0.0;
     }
+    // #if RANGES
+    if light_window(dist_sq, light.range) <= 0.0 {
+        return 0.0;
+    }
+    // #endif
     let kind = light.kind & LIGHT_KIND_MASK;
     if kind == LIGHT_KIND_SPHERE {
         return light_sphere_pdf(light, instance, receiver, point);
@@ -73,8 +79,8 @@ fn light_point_pdf(light: LightRecord, instance: LightInstance, receiver: LightR
 fn light_pdf(receiver: LightReceiver, instance: u32, light: u32, point: vec3<f32>) -> f32 {
     // #if AREAS
     if instance != LIGHT_DIRECTIONAL {
-        let record = light_records[light_instances[instance].light_base + light];
-        let pdf = light_point_pdf(record, light_instances[instance], receiver, point);
+        let place = light_instance(instance);
+        let pdf = light_point_pdf(light_record(place.light_base + light), place, receiver, point);
         if pdf > 0.0 {
             return pdf * light_pmf(receiver, instance, light);
         }

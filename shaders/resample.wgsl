@@ -48,7 +48,10 @@ fn light_resample(receiver: LightReceiver, u: vec4<f32>, candidates: u32) -> Lig
     let count = clamp(candidates, 1u, LIGHT_MOST_CANDIDATES);
     var cut: LightCut;
     light_open(&cut, receiver);
-    let directional = light_directional(receiver);
+    var directional = 0.0;
+    // #if DIRECTIONAL
+    directional = light_directional(receiver);
+    // #endif
     let bits = bitcast<vec4<u32>>(u);
     var state = light_hash(bits.x ^ light_hash(bits.y ^ light_hash(bits.z ^ light_hash(bits.w))));
     var kept = LightSample(vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0u, 0u, 0u);

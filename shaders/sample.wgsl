@@ -3,8 +3,8 @@
 @group(LIGHT_GROUP) @binding(0) var<uniform> light_params: LightParams;
 @group(LIGHT_GROUP) @binding(1) var<storage, read> light_top: array<vec4<u32>>;
 @group(LIGHT_GROUP) @binding(2) var<storage, read> light_nodes: array<vec4<u32>>;
-@group(LIGHT_GROUP) @binding(3) var<storage, read> light_instances: array<LightInstance>;
-@group(LIGHT_GROUP) @binding(4) var<storage, read> light_records: array<LightRecord>;
+@group(LIGHT_GROUP) @binding(3) var<storage, read> light_instances: array<vec4<u32>>;
+@group(LIGHT_GROUP) @binding(4) var<storage, read> light_records: array<vec4<u32>>;
 
 // A chosen light and a point on it. Its share of what arrives is estimated by
 // brdf * cosine * radiance / (pmf * pdf), if nothing stands between.
@@ -19,7 +19,7 @@ struct LightSample {
     pdf: f32,
     // The chance of this light; 0 if there is none, or if the chosen point sends nothing: count that as black.
     pmf: f32,
-    // The instance's slot, or LIGHT_DIRECTIONAL.
+    // The instance's slot, or 0xffffffff for a directional light.
     instance: u32,
     // Its index in the tree, or among the directional lights.
     light: u32,
@@ -34,14 +34,15 @@ struct LightPick {
     pmf: f32,
 }
 
+// #if DIRECTIONAL
 // Luminance in lux of a directional light at a receiver.
 fn light_illuminance(index: u32, receiver: LightReceiver) -> f32 {
-    let record = light_params.directional_base + index;
+    let light = light_record(light_params.directional_base + index);
     var cosine = 1.0;
     if any(receiver.normal != vec3(0.0)) {
-        cosine = -dot(receiver.normal, light_records[record].b);
+        cosine = -dot(receiver.normal, light.b);
     }
-    return dot(light_records[record].emission, vec3(0.2126, 0.7152, 0.0722)) * max(cosine, 0.0);
+    return dot(light.emission, vec3(0.2126, 0.7152, 0.0722)) * max(cosine, 0.0);
 }
 
 // Illuminance by all directional lights, in lux.
@@ -65,23 +66,26 @@ fn light_pick_directional(receiver: LightReceiver, point: f32, total: f32) -> Li
     }
     return pick;
 }
+// #endif
 
 // Chooses a light. `u` in [0, 1).
 fn light_pick(receiver: LightReceiver, u: vec2<f32>) -> LightPick {
     var cut: LightCut;
     light_open(&cut, receiver);
-    return light_draw(&cut, light_directional(receiver), receiver, u);
+    var directional = 0.0;
+    // #if DIRECTIONAL
+    directional = light_directional(receiver);
+    // #endif
+    return light_draw(&cut, directional, receiver, u);
 }
 
 // Chooses one of a cut's lights, or a directional one; those bring `directional` lux. Twin of `Cut::draw`.
 fn light_draw(cut: ptr<function, LightCut>, directional: f32, receiver: LightReceiver, u: vec2<f32>) -> LightPick {
-    let total = (*cut).total + directional;
-    if total <= 0.0 {
-        return LightPick(0u, 0u, 0.0);
-    }
     var dice = light_dice(u.x, u.y);
     var chance = 1.0;
+    // #if DIRECTIONAL
     if directional > 0.0 {
+        let total = (*cut).total + directional;
         let point = dice.u * total;
         if point >= (*cut).total {
             return light_pick_directional(receiver, point - (*cut).total, total);
@@ -89,23 +93,29 @@ fn light_draw(cut: ptr<function, LightCut>, directional: f32, receiver: LightRec
         chance = light_share((*cut).total, total);
         dice = light_stretch(dice, point / total, chance);
     }
+    // #endif
     let pick = light_descend(cut, receiver, dice, light_dice(u.y, u.x));
     return LightPick(pick.instance, pick.light, light_joint(chance, pick.pmf));
 }
 
-// The chance that light_sample chooses this light; `instance` is LIGHT_DIRECTIONAL for directional lights.
+// The chance that light_sample chooses this light; `instance` is 0xffffffff for directional lights.
 fn light_pmf(receiver: LightReceiver, instance: u32, light: u32) -> f32 {
     var cut: LightCut;
     light_open(&cut, receiver);
+    var chance = 1.0;
+    // #if DIRECTIONAL
     let directional = light_directional(receiver);
     let total = cut.total + directional;
-    if total <= 0.0 {
-        return 0.0;
-    }
     if instance == LIGHT_DIRECTIONAL {
         return light_share(light_illuminance(light, receiver), total);
     }
-    let chance = select(1.0, light_share(cut.total, total), directional > 0.0);
+    if directional > 0.0 {
+        chance = light_share(cut.total, total);
+    }
+    // #endif
+    if cut.total <= 0.0 {
+        return 0.0;
+    }
     return light_joint(chance, light_climb(&cut, receiver, instance, light));
 }
 
@@ -119,10 +129,17 @@ fn light_sample_picked(receiver: LightReceiver, pick: LightPick, u: vec2<f32>) -
     if pick.pmf <= 0.0 {
         return LightSample(vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0u, 0u, 0u);
     }
+    var slot = pick.instance;
+    // #if DIRECTIONAL
     let is_directional = pick.instance == LIGHT_DIRECTIONAL;
-    let slot = select(pick.instance, 0u, is_directional);
-    let base = select(light_instances[slot].light_base, light_params.directional_base, is_directional);
-    let incident = light_incident(light_records[base + pick.light], light_instances[slot], receiver, u);
+    slot = select(slot, 0u, is_directional);
+    // #endif
+    let instance = light_instance(slot);
+    var base = instance.light_base;
+    // #if DIRECTIONAL
+    base = select(base, light_params.directional_base, is_directional);
+    // #endif
+    let incident = light_incident(light_record(base + pick.light), instance, receiver, u);
     let pmf = select(0.0, pick.pmf, any(incident.radiance != vec3(0.0)));
     return LightSample(
         incident.direction, incident.distance, incident.radiance, incident.pdf,

@@ -2,7 +2,7 @@
 // One invocation a slot.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
-@group(0) @binding(1) var<storage, read_write> instances: array<LightInstance>;
+@group(0) @binding(1) var<storage, read_write> instances: array<vec4<u32>>;
 @group(0) @binding(2) var<storage, read> trees: array<LightTree>;
 @group(0) @binding(3) var<storage, read_write> leaves: array<LightCluster>;
 // Greatest `top_ordered` coordinates, then greatest complements of them: both start from the zeros of a cleared buffer.
@@ -11,8 +11,23 @@
 // The same of this workgroup. Maxima commute, so neither depends on who comes first.
 var<workgroup> group_bounds: array<atomic<u32>, 6>;
 
+// As light_instance in stored.wgsl reads it.
+fn instance_of(slot: u32) -> LightInstance {
+    let at = slot * top_pass.instance_stride;
+    var instance: LightInstance;
+    instance.to_world = light_rows(instances[at], instances[at + 1u], instances[at + 2u]);
+    instance.flags = instances[at + LIGHT_INSTANCE_TREE].x;
+    instance.tree = instances[at + LIGHT_INSTANCE_TREE].y;
+    instance.to_local = light_rigid_to_local(instance.to_world);
+    if top_pass.instance_stride > LIGHT_RIGID_STRIDE {
+        let local = at + LIGHT_RIGID_STRIDE;
+        instance.to_local = light_rows(instances[local], instances[local + 1u], instances[local + 2u]);
+    }
+    return instance;
+}
+
 fn leaf_of(slot: u32) -> LightCluster {
-    let instance = instances[slot];
+    let instance = instance_of(slot);
     if (instance.flags & LIGHT_LIVE) == 0u {
         return CLUSTER_EMPTY;
     }

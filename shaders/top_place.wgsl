@@ -2,7 +2,7 @@
 // learn where they are. One invocation a child.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
-@group(0) @binding(1) var<storage, read_write> instances: array<LightInstance>;
+@group(0) @binding(1) var<storage, read_write> instances: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read_write> leaves: array<LightCluster>;
 @group(0) @binding(6) var<storage, read_write> slots: array<u32>;
 @group(0) @binding(7) var<storage, read_write> nodes: array<u32>;
@@ -21,7 +21,7 @@ fn top_place(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgrou
     if position < top_pass.slots {
         let slot = slots[position];
         cluster = leaves[slot];
-        instances[slot].top_place = place;
+        instances[slot * top_pass.instance_stride + LIGHT_INSTANCE_PLACE] = vec4(place, 0u, 0u, 0u);
         if cluster.flux > 0.0 {
             bits = LIGHT_LEAF | slot;
         }

@@ -10,10 +10,14 @@ struct TopPass {
     // The same of the level above; the root has none.
     first_above: u32,
     count_above: u32,
-    // How nodes are stored: see LightParams.
+    // How records are stored: see LightParams.
     node_stride: u32,
     node_cones: u32,
     node_range: u32,
+    light_stride: u32,
+    instance_stride: u32,
+    padding_a: u32,
+    padding_b: u32,
 }
 
 // The number of an invocation in a dispatch of one or two dimensions.

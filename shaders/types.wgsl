@@ -33,24 +33,29 @@ struct LightCluster {
     cos_half_angle: f32,
 }
 
-// One light in its tree's space; which fields mean what depends on the kind, see src/gpu/layout.rs.
+// One light in its tree's space; which fields mean what depends on the kind, see src/gpu/layout.rs. Buffers of nothing but
+// points end before `b`.
 struct LightRecord {
     a: vec3<f32>,
     kind: u32,
-    b: vec3<f32>,
-    range: f32,
-    c: vec3<f32>,
+    emission: vec3<f32>,
     // The light's leaf in its tree: node * LIGHT_WIDTH + slot.
     place: u32,
-    emission: vec3<f32>,
-    padding: u32,
+    // #if CONES | AREAS | DIRECTIONAL
+    b: vec3<f32>,
+    // #endif
+    // #if RANGES
+    range: f32,
+    // #endif
+    // #if CONES | AREAS
+    c: vec3<f32>,
+    // #endif
 }
 
 // One instance slot. Rows of its linear maps; fourth components: translation, then determinant, range scale, mean
-// squared scale.
+// squared scale. Buffers of instances that are only turned and moved end before `to_local`.
 struct LightInstance {
     to_world: array<vec4<f32>, 3>,
-    to_local: array<vec4<f32>, 3>,
     flags: u32,
     tree: u32,
     node_base: u32,
@@ -60,6 +65,9 @@ struct LightInstance {
     padding_a: u32,
     padding_b: u32,
     padding_c: u32,
+    // #if NON_RIGID
+    to_local: array<vec4<f32>, 3>,
+    // #endif
 }
 
 // What the top level needs of a tree.
@@ -78,9 +86,14 @@ struct LightParams {
     directional_count: u32,
     // Clusters that are opened at most.
     openings: u32,
-    // Of a node, in 16 bytes: from one to the next, and where its cones and its ranges are; 0 if none has any.
+    // In 16 bytes: from one node to the next, and where its cones and its ranges are; 0 if none has any.
     node_stride: u32,
     node_cones: u32,
     node_range: u32,
-    padding: u32,
+    // From one light to the next, and from one instance to the next, in 16 bytes.
+    light_stride: u32,
+    instance_stride: u32,
+    padding_a: u32,
+    padding_b: u32,
+    padding_c: u32,
 }

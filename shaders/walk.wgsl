@@ -29,81 +29,6 @@ struct LightLane {
     value: f32,
 }
 
-// #if COUNTS
-// Nodes that this invocation has read.
-var<private> light_nodes_read: u32;
-// #endif
-
-// `index` counts from the buffer's start. What is not stored is as it is where nothing has it: no cone, no range.
-fn light_node(in_top: bool, index: u32) -> LightNode {
-    // #if COUNTS
-    light_nodes_read++;
-    // #endif
-    if in_top {
-        return light_top_node(index * light_params.node_stride);
-    }
-    return light_tree_node(index * light_params.node_stride);
-}
-
-fn light_top_node(at: u32) -> LightNode {
-    var node: LightNode;
-    node.head = light_top[at];
-    node.targets = array(light_top[at + LIGHT_NODE_TARGETS], light_top[at + LIGHT_NODE_TARGETS + 1u]);
-    node.flux = light_top[at + LIGHT_NODE_FLUX];
-    node.boxes = array(
-        light_top[at + LIGHT_NODE_BOXES], light_top[at + LIGHT_NODE_BOXES + 1u], light_top[at + LIGHT_NODE_BOXES + 2u],
-        light_top[at + LIGHT_NODE_BOXES + 3u], light_top[at + LIGHT_NODE_BOXES + 4u],
-    );
-    node.tail = light_top[at + LIGHT_NODE_TAIL];
-    // #if CONES
-    node.cones = LIGHT_NO_CONES;
-    if light_params.node_cones != 0u {
-        node.cones = array(light_top[at + light_params.node_cones], light_top[at + light_params.node_cones + 1u]);
-    }
-    // #endif
-    // #if RANGES
-    node.range = LIGHT_NO_RANGES[0];
-    if light_params.node_range != 0u {
-        node.range = light_top[at + light_params.node_range];
-    }
-    // #endif
-    return node;
-}
-
-// The same of the other buffer: WGSL has no pointers to choose one by.
-fn light_tree_node(at: u32) -> LightNode {
-    var node: LightNode;
-    node.head = light_nodes[at];
-    node.targets = array(light_nodes[at + LIGHT_NODE_TARGETS], light_nodes[at + LIGHT_NODE_TARGETS + 1u]);
-    node.flux = light_nodes[at + LIGHT_NODE_FLUX];
-    node.boxes = array(
-        light_nodes[at + LIGHT_NODE_BOXES], light_nodes[at + LIGHT_NODE_BOXES + 1u], light_nodes[at + LIGHT_NODE_BOXES + 2u],
-        light_nodes[at + LIGHT_NODE_BOXES + 3u], light_nodes[at + LIGHT_NODE_BOXES + 4u],
-    );
-    node.tail = light_nodes[at + LIGHT_NODE_TAIL];
-    // #if CONES
-    node.cones = LIGHT_NO_CONES;
-    if light_params.node_cones != 0u {
-        node.cones = array(light_nodes[at + light_params.node_cones], light_nodes[at + light_params.node_cones + 1u]);
-    }
-    // #endif
-    // #if RANGES
-    node.range = LIGHT_NO_RANGES[0];
-    if light_params.node_range != 0u {
-        node.range = light_nodes[at + light_params.node_range];
-    }
-    // #endif
-    return node;
-}
-
-fn light_target(in_top: bool, index: u32, slot: u32) -> u32 {
-    let at = index * light_params.node_stride + LIGHT_NODE_TARGETS + slot / 4u;
-    if in_top {
-        return light_top[at][slot % 4u];
-    }
-    return light_nodes[at][slot % 4u];
-}
-
 // A receiver seen in the top level.
 fn light_view_of_world(receiver: LightReceiver) -> LightView {
     var view: LightView;
@@ -122,18 +47,27 @@ fn light_view_of_world(receiver: LightReceiver) -> LightView {
 
 // A receiver seen in an instance's tree.
 fn light_view_of_tree(instance: u32, receiver: LightReceiver) -> LightView {
-    let to_world = light_instances[instance].to_world;
-    let to_local = light_instances[instance].to_local;
+    let place = light_instance(instance);
     var view: LightView;
-    view.position = light_linear(to_local, receiver.position - light_translation(to_world));
-    view.normal = light_normalize_or_zero(light_transposed(to_world, receiver.normal));
+    view.position = light_into_tree(place, receiver.position - light_translation(place.to_world));
+    view.normal = light_normalize_or_zero(light_transposed(place.to_world, receiver.normal));
     view.has_normal = any(view.normal != vec3(0.0));
-    view.margin = LIGHT_POSITION_MARGIN * max(sqrt(to_local[2].w) * to_local[1].w, 1.0);
+    view.margin = LIGHT_POSITION_MARGIN + LIGHT_RIGID_TOLERANCE;
     // #if RANGES
-    view.range_scale = to_local[1].w;
+    view.range_scale = 1.0;
     // #endif
     // #if CONES
-    view.keeps_angles = (light_instances[instance].flags & LIGHT_KEEPS_ANGLES) != 0u;
+    view.keeps_angles = true;
+    // #endif
+    // #if NON_RIGID
+    let squeeze = max(sqrt(place.to_local[2].w) * place.to_local[1].w, 1.0);
+    view.margin = LIGHT_POSITION_MARGIN * squeeze + LIGHT_RIGID_TOLERANCE;
+    // #if RANGES
+    view.range_scale = place.to_local[1].w;
+    // #endif
+    // #if CONES
+    view.keeps_angles = (place.flags & LIGHT_KEEPS_ANGLES) != 0u;
+    // #endif
     // #endif
     return view;
 }
@@ -211,11 +145,11 @@ fn light_open(cut: ptr<function, LightCut>, receiver: LightReceiver) {
         if (bits & LIGHT_LEAF) != 0u {
             // Only the top level's leaves are ever in doubt.
             instance = bits & ~LIGHT_LEAF;
-            index = light_instances[instance].node_base;
+            index = light_node_base(instance);
         } else if instance == LIGHT_NO_INSTANCE {
             index = bits;
         } else {
-            index = light_instances[instance].node_base + bits;
+            index = light_node_base(instance) + bits;
         }
         (*cut).values[block][slot / 4u][slot % 4u] = 0.0;
         (*cut).doubts[block][slot / 4u][slot % 4u] = 0.0;
@@ -266,7 +200,7 @@ fn light_descend(cut: ptr<function, LightCut>, receiver: LightReceiver, start: L
     var slot = first.slot;
     var base = 0u;
     if instance != LIGHT_NO_INSTANCE {
-        base = light_instances[instance].node_base;
+        base = light_node_base(instance);
     }
     var view = light_view(instance, receiver);
     loop {
@@ -275,7 +209,7 @@ fn light_descend(cut: ptr<function, LightCut>, receiver: LightReceiver, start: L
             index = base + bits;
         } else if instance == LIGHT_NO_INSTANCE {
             instance = bits & ~LIGHT_LEAF;
-            base = light_instances[instance].node_base;
+            base = light_node_base(instance);
             view = light_view_of_tree(instance, receiver);
             index = base;
         } else {
@@ -305,9 +239,9 @@ fn light_descend(cut: ptr<function, LightCut>, receiver: LightReceiver, start: L
 // The chance that light_descend ends at a light: climbs from its leaf to the lowest opened node.
 fn light_climb(cut: ptr<function, LightCut>, receiver: LightReceiver, slot_of_instance: u32, light: u32) -> f32 {
     var instance = slot_of_instance;
-    var base = light_instances[instance].node_base;
+    var base = light_node_base(instance);
     var view = light_view_of_tree(instance, receiver);
-    var place = light_records[light_instances[instance].light_base + light].place;
+    var place = light_place(light_light_base(instance) + light);
     var pmf = 1.0;
     loop {
         let in_top = instance == LIGHT_NO_INSTANCE;
@@ -330,7 +264,7 @@ fn light_climb(cut: ptr<function, LightCut>, receiver: LightReceiver, slot_of_in
             if in_top {
                 return 0.0;
             }
-            place = light_instances[instance].top_place;
+            place = light_top_place(instance);
             instance = LIGHT_NO_INSTANCE;
             base = 0u;
             view = light_view_of_world(receiver);

@@ -2,7 +2,7 @@
 
 use glam::{Affine3A, DAffine3, DVec3, Mat3, Mat4, Vec3};
 
-use crate::cluster::Linear;
+use crate::cluster::{Linear, RIGID_TOLERANCE};
 use crate::effects::Effects;
 use crate::emit::Frame;
 use crate::error::PlacementError;
@@ -101,7 +101,7 @@ impl Placed {
 
     /// What an instance that stands here calls for.
     pub fn effects(&self) -> Effects {
-        if self.linear.is_rigid { Effects::empty() } else { Effects::NON_RIGID }
+        if self.linear.is_rigid() { Effects::empty() } else { Effects::NON_RIGID }
     }
 
     /// A receiver of the world seen in the tree's space.
@@ -113,7 +113,8 @@ impl Placed {
             normal,
             has_normal: normal != Vec3::ZERO,
             range_scale: self.range_scale(),
-            margin: POSITION_MARGIN * (self.linear.mean_square_scale.sqrt() * self.range_scale()).max(1.0),
+            margin: POSITION_MARGIN * (self.linear.mean_square_scale.sqrt() * self.range_scale()).max(1.0)
+                + RIGID_TOLERANCE,
             keeps_angles: self.linear.is_similarity,
         }
     }

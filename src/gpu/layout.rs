@@ -5,7 +5,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat3, Vec3};
 
-use super::stored::NodeLayout;
+use super::stored::Strides;
 use crate::cluster::Cluster;
 use crate::light::{DirectionalLight, Light, Shape, spot_falloff};
 use crate::placement::Placed;
@@ -36,28 +36,26 @@ pub(crate) const KEEPS_ANGLES: u32 = 2;
 /// Stands for an instance slot in the name of a directional light.
 pub(crate) const DIRECTIONAL: u32 = u32::MAX;
 
-/// One light; `LightRecord` in WGSL. 64 bytes.
+/// One light; `LightRecord` in WGSL. 64 bytes, of which a point needs 32.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(crate) struct LightRecord {
     pub a: [f32; 3],
     pub kind: u32,
+    pub emission: [f32; 3],
+    pub place: u32,
     pub b: [f32; 3],
     pub range: f32,
     pub c: [f32; 3],
-    pub place: u32,
-    pub emission: [f32; 3],
     pub padding: u32,
 }
 
-/// One instance slot; `LightInstance` in WGSL. 128 bytes.
+/// One instance slot; `LightInstance` in WGSL. 128 bytes, of which one that is only turned and moved needs 80.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(crate) struct InstanceRecord {
     /// Rows; the fourth column is the translation.
     pub to_world: [[f32; 4]; 3],
-    /// Rows; the fourth column is determinant, range scale and mean squared scale of `to_world`.
-    pub to_local: [[f32; 4]; 3],
     pub flags: u32,
     /// Its tree's slot.
     pub tree: u32,
@@ -70,6 +68,8 @@ pub(crate) struct InstanceRecord {
     pub padding_a: u32,
     pub padding_b: u32,
     pub padding_c: u32,
+    /// Rows; the fourth column is determinant, range scale and mean squared scale of `to_world`.
+    pub to_local: [[f32; 4]; 3],
 }
 
 /// A cluster at full precision; `LightCluster` in WGSL. 64 bytes, all zero but for the mean if it is dark.
@@ -97,7 +97,7 @@ pub(crate) struct TreeRecord {
     pub padding: [f32; 2],
 }
 
-/// `LightParams` in WGSL. 32 bytes.
+/// `LightParams` in WGSL. 48 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct ParamsRecord {
@@ -105,11 +105,23 @@ pub(crate) struct ParamsRecord {
     pub directional_base: u32,
     pub directional_count: u32,
     pub openings: u32,
-    pub nodes: NodeLayout,
-    pub padding: u32,
+    pub strides: Strides,
+    pub padding: [u32; 3],
 }
 
 impl LightRecord {
+    /// A point that sends nothing; all else is as in every point without range.
+    pub const DARK: Self = Self {
+        a: [0.0; 3],
+        kind: KIND_POINT,
+        emission: [0.0; 3],
+        place: 0,
+        b: [0.0; 3],
+        range: FARTHEST,
+        c: [0.0; 3],
+        padding: 0,
+    };
+
     /// A light of a tree and the place of its leaf.
     pub fn of(light: &Light, place: u32) -> Self {
         let (kind, a, b, c) = match light.shape {
@@ -143,8 +155,7 @@ impl LightRecord {
             kind: KIND_DIRECTIONAL,
             b: light.direction.normalize().to_array(),
             emission: light.illuminance.to_array(),
-            range: FARTHEST,
-            ..Self::default()
+            ..Self::DARK
         }
     }
 }
@@ -154,18 +165,38 @@ fn side_bit(two_sided: bool) -> u32 {
 }
 
 impl InstanceRecord {
-    /// A placed tree whose nodes and lights start at these records of their pools.
+    /// A slot without an instance.
+    pub const NONE: Self = Self {
+        to_world: [[0.0; 4]; 3],
+        flags: 0,
+        tree: 0,
+        node_base: 0,
+        light_base: 0,
+        top_place: 0,
+        padding_a: 0,
+        padding_b: 0,
+        padding_c: 0,
+        to_local: [[0.0, 0.0, 0.0, 1.0]; 3],
+    };
+
+    /// A placed tree whose nodes and lights start at these records of their pools. The way back of one that is only
+    /// turned and moved is the transpose, without scale, so that it can be told where it is not stored.
     pub fn of(placed: &Placed, tree: u32, node_base: u32, light_base: u32) -> Self {
         let frame = &placed.frame;
-        let [x, y, z] = [frame.determinant, placed.range_scale(), placed.linear.mean_square_scale];
+        let scales = Vec3::new(frame.determinant, placed.range_scale(), placed.linear.mean_square_scale);
+        let is_rigid = placed.linear.is_rigid();
         Self {
             to_world: rows(&frame.to_world, frame.translation),
-            to_local: rows(&frame.to_local, Vec3::new(x, y, z)),
             flags: LIVE | if placed.linear.is_similarity { KEEPS_ANGLES } else { 0 },
             tree,
             node_base,
             light_base,
-            ..Self::default()
+            to_local: if is_rigid {
+                rows(&frame.to_world.transpose(), Vec3::ONE)
+            } else {
+                rows(&frame.to_local, scales)
+            },
+            ..Self::NONE
         }
     }
 }
@@ -235,7 +266,9 @@ mod tests {
             let (size, members) = &$structs[$wgsl];
             assert_eq!(*size as usize, size_of::<$rust>(), "size of {}", $wgsl);
             let ours = [$((record!(@name $field $($other)?), offset_of!($rust, $field $(.$inner)?))),*];
-            let theirs: Vec<_> = members.iter().map(|(n, o)| (n.as_str(), *o as usize)).collect();
+            // Nothing but padding follows the last that is named here.
+            assert!(members[ours.len()..].iter().all(|(name, _)| name.starts_with("padding")), "{}", $wgsl);
+            let theirs: Vec<_> = members[..ours.len()].iter().map(|(n, o)| (n.as_str(), *o as usize)).collect();
             assert_eq!(theirs, ours, "{}", $wgsl);
         }};
         (@name $field:ident $other:literal) => { $other };
@@ -266,12 +299,12 @@ mod tests {
             "LightCluster",
             [mean, flux, box_min, variance, box_max, range, axis, cos_half_angle]
         );
-        record!(structs, LightRecord, "LightRecord", [a, kind, b, range, c, place, emission, padding]);
+        record!(structs, LightRecord, "LightRecord", [a, kind, emission, place, b, range, c]);
         record!(
             structs,
             InstanceRecord,
             "LightInstance",
-            [to_world, to_local, flags, tree, node_base, light_base, top_place, padding_a, padding_b, padding_c]
+            [to_world, flags, tree, node_base, light_base, top_place, padding_a, padding_b, padding_c, to_local]
         );
         record!(structs, TreeRecord, "LightTree", [root, punctual_flux, area_flux, padding]);
         record!(structs, SampleRequest, "Request", [position, padding_a, normal, padding_b, u]);
@@ -296,10 +329,12 @@ mod tests {
                 directional_base,
                 directional_count,
                 openings,
-                nodes.stride as "node_stride",
-                nodes.cones as "node_cones",
-                nodes.range as "node_range",
-                padding
+                strides.node as "node_stride",
+                strides.cones as "node_cones",
+                strides.range as "node_range",
+                strides.light as "light_stride",
+                strides.instance as "instance_stride",
+                padding as "padding_a"
             ]
         );
     }

@@ -1,13 +1,15 @@
 //! The GPU side: upload, the top level rebuilt every frame, and sampling. The only place that knows wgpu.
 //!
-//! Everything happens on the engine's own device and queue and in its own command encoder (but for the copy of a buffer
-//! that outgrew its size, which is submitted at once); nothing is read back and nothing waits. A frame is [`GpuLights::upload`], [`GpuLights::build_top`], and then any number of shaders that bind
+//! Everything happens on the engine's own device and queue and in its own command encoder (but for the copy of a
+//! buffer that outgrew its size or changes its layout, which is submitted at once); nothing is read back and nothing
+//! waits. A frame is [`GpuLights::upload`], [`GpuLights::build_top`], and then any number of shaders that bind
 //! [`GpuLights::bind_group`] and call the functions of [`LightShader`], or [`GpuLights::sample`] and
 //! [`GpuLights::resample`] for those who want no shader.
 
 mod error;
 mod layout;
 mod pool;
+mod relayout;
 mod resampling;
 mod sampling;
 mod shader;
@@ -27,12 +29,13 @@ pub use error::GpuError;
 use error::check_limits;
 use layout::{InstanceRecord, LightRecord, ParamsRecord, TreeRecord};
 use pool::Pool;
+use relayout::Relayout;
 use resampling::ResampleKernel;
 pub use resampling::ResampledRecord;
 use sampling::BatchKernel;
 pub use sampling::{SampleRecord, SampleRequest};
 pub use shader::LightShader;
-use stored::NodeLayout;
+use stored::Strides;
 pub use text::wgsl;
 use top::TopBuild;
 pub use upload::UploadReport;
@@ -60,6 +63,8 @@ pub struct GpuLights {
     directionals: Range<u32>,
     params: ParamsRecord,
     params_buffer: wgpu::Buffer,
+    /// Made when first needed.
+    relayout: Option<Relayout>,
     top: TopBuild,
     top_is_stale: bool,
     batch: BatchKernel,
@@ -92,7 +97,7 @@ impl GpuLights {
         });
         let params = ParamsRecord {
             openings: DEFAULT_OPENINGS as u32,
-            nodes: NodeLayout::of(Effects::all()),
+            strides: Strides::of(Effects::all()),
             ..ParamsRecord::default()
         };
         queue.write_buffer(&params_buffer, 0, bytemuck::bytes_of(&params));
@@ -116,6 +121,7 @@ impl GpuLights {
             directionals: 0..0,
             params,
             params_buffer,
+            relayout: None,
             top,
             top_is_stale: true,
             batch,
@@ -136,7 +142,7 @@ impl GpuLights {
     }
 
     /// Another bound on the clusters that are opened before a choice, at most [`MOST_OPENINGS`]; [`DEFAULT_OPENINGS`] at first.
-    /// As [`Sampler::with_openings`](crate::Sampler::with_openings). Writes 32 bytes ahead of the next submission.
+    /// As [`Sampler::with_openings`](crate::Sampler::with_openings). Writes 48 bytes ahead of the next submission.
     pub fn set_openings(&mut self, openings: u32) {
         self.send_params(ParamsRecord { openings: openings.min(MOST_OPENINGS as u32), ..self.params });
     }
@@ -165,6 +171,7 @@ impl GpuLights {
     fn refresh_bind_groups(&mut self) {
         let bound =
             [self.top.generation(), self.nodes.generation(), self.instances.generation(), self.lights.generation()];
+        self.top.set_strides(self.params.strides);
         self.top.bind(&self.instances, &self.trees);
         if bound != self.bound {
             let buffers = [

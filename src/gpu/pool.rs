@@ -6,6 +6,8 @@ use std::ops::Range;
 use range_alloc::RangeAllocator;
 
 use super::error::{GpuError, largest_storage_buffer};
+use super::relayout::Relayout;
+use super::stored::{Missing, Stored};
 
 /// Records of type `T` in one storage buffer. Ranges are in records, never in bytes.
 pub(crate) struct Pool<T> {
@@ -16,13 +18,14 @@ pub(crate) struct Pool<T> {
     /// In u64, since the allocator doubles the lengths that it is given.
     ranges: RangeAllocator<u64>,
     limit: u32,
+    limit_bytes: u64,
+    /// What of a record the buffer holds.
+    stored: Stored,
     generation: u64,
     records: PhantomData<T>,
 }
 
 impl<T: bytemuck::NoUninit> Pool<T> {
-    const STRIDE: u64 = size_of::<T>() as u64;
-
     /// An empty pool with room for `capacity` records (at least one, since WebGPU binds no empty buffer).
     /// `what` names the records in errors and in graphics debuggers, in the plural.
     pub(crate) fn new(
@@ -44,19 +47,26 @@ impl<T: bytemuck::NoUninit> Pool<T> {
     ) -> Result<Self, GpuError> {
         const { assert!(size_of::<T>() != 0 && size_of::<T>().is_multiple_of(4), "WebGPU copies whole 4-byte words") };
         let limit_bytes = limit_bytes.min(largest_storage_buffer(device));
-        let limit = u32::try_from(limit_bytes / Self::STRIDE).unwrap_or(u32::MAX);
+        let stored = Stored::whole::<T>();
+        let limit = limit_of(limit_bytes, &stored);
         let capacity = capacity.max(1);
         if capacity > limit {
-            let needed = u64::from(capacity) * Self::STRIDE;
-            return Err(GpuError::Full { what, needed, limit: u64::from(limit) * Self::STRIDE });
+            let stride = stored.bytes() as u64;
+            return Err(GpuError::Full {
+                what,
+                needed: u64::from(capacity) * stride,
+                limit: u64::from(limit) * stride,
+            });
         }
         Ok(Self {
             device: device.clone(),
             queue: queue.clone(),
             what,
-            buffer: Self::create(device, what, capacity),
+            buffer: create(device, what, capacity, &stored),
             ranges: RangeAllocator::new(0..u64::from(capacity)),
             limit,
+            limit_bytes,
+            stored,
             generation: 0,
             records: PhantomData,
         })
@@ -74,11 +84,11 @@ impl<T: bytemuck::NoUninit> Pool<T> {
             return Ok(range);
         }
         // No gap is long enough, so the range has to begin behind the last one in use.
-        let used = self.ranges.allocated_ranges().last().map_or(0, |r| r.end);
+        let used = self.used();
         let needed = used + u64::from(len);
         if needed > u64::from(self.limit) {
-            let limit = u64::from(self.limit) * Self::STRIDE;
-            return Err(GpuError::Full { what: self.what, needed: needed * Self::STRIDE, limit });
+            let limit = u64::from(self.limit) * self.stride();
+            return Err(GpuError::Full { what: self.what, needed: needed * self.stride(), limit });
         }
         let doubled = self.capacity().saturating_mul(2).min(self.limit);
         self.grow(doubled.max(needed as u32), used);
@@ -99,7 +109,8 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         }
     }
 
-    /// Overwrites records from `first` on, before the next submission to the queue. Returns the bytes sent.
+    /// Overwrites records from `first` on, of which what is stored is sent, before the next submission to the queue.
+    /// Returns the bytes sent.
     pub(crate) fn write(&self, first: u32, records: &[T]) -> u64 {
         if records.is_empty() {
             return 0;
@@ -110,8 +121,10 @@ impl<T: bytemuck::NoUninit> Pool<T> {
             records.len(),
             self.capacity()
         );
-        let bytes: &[u8] = bytemuck::cast_slice(records);
-        self.queue.write_buffer(&self.buffer, u64::from(first) * Self::STRIDE, bytes);
+        let whole: &[u8] = bytemuck::cast_slice(records);
+        let stripped = self.stored.strip(whole);
+        let bytes = stripped.as_deref().unwrap_or(whole);
+        self.queue.write_buffer(&self.buffer, u64::from(first) * self.stride(), bytes);
         bytes.len() as u64
     }
 
@@ -132,12 +145,12 @@ impl<T: bytemuck::NoUninit> Pool<T> {
 
     /// Replaces the buffer by one of `capacity` records and copies the first `used` ones over.
     fn grow(&mut self, capacity: u32, used: u64) {
-        let buffer = Self::create(&self.device, self.what, capacity);
+        let buffer = create(&self.device, self.what, capacity, &self.stored);
         // The queue runs writes before the next submission. Submitting the copy here puts it after every write to the
         // old buffer and before every write to the new one.
         if used > 0 {
             let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            encoder.copy_buffer_to_buffer(&self.buffer, 0, &buffer, 0, used * Self::STRIDE);
+            encoder.copy_buffer_to_buffer(&self.buffer, 0, &buffer, 0, used * self.stride());
             self.queue.submit([encoder.finish()]);
         }
         self.buffer = buffer;
@@ -145,14 +158,82 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         self.generation += 1;
     }
 
-    fn create(device: &wgpu::Device, what: &'static str, capacity: u32) -> wgpu::Buffer {
-        device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some(what),
-            size: u64::from(capacity) * Self::STRIDE,
-            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        })
+    /// Whether the records would fit in another layout.
+    pub(crate) fn check_layout(&self, stored: &Stored) -> Result<(), GpuError> {
+        let (stride, limit) = (stored.bytes() as u64, limit_of(self.limit_bytes, stored));
+        if self.used() > u64::from(limit) {
+            let (needed, limit) = (self.used() * stride, u64::from(limit) * stride);
+            return Err(GpuError::Full { what: self.what, needed, limit });
+        }
+        Ok(())
     }
+
+    /// Replaces the buffer by one that holds the same records in another layout, made of the old on the GPU and submitted
+    /// at once, as growth is. They must fit, see [`Pool::check_layout`]. Returns the bytes sent.
+    pub(crate) fn set_layout(&mut self, stored: Stored, missing: fn(usize) -> Missing, relayout: &Relayout) -> u64 {
+        let limit = limit_of(self.limit_bytes, &stored);
+        let capacity = self.capacity().min(limit);
+        let buffer = create(&self.device, self.what, capacity, &stored);
+        let mut sent = 0;
+        if let Ok(used @ 1..) = u32::try_from(self.used()) {
+            let from = (&self.buffer, &self.stored);
+            sent = relayout.submit((&self.device, &self.queue), used, from, (&buffer, &stored), missing);
+        }
+        if capacity < self.capacity() {
+            self.ranges = cut(&self.ranges, u64::from(capacity));
+        }
+        self.buffer = buffer;
+        self.stored = stored;
+        self.limit = limit;
+        self.generation += 1;
+        sent
+    }
+
+    /// What of a record the buffer holds.
+    pub(crate) fn stored(&self) -> &Stored {
+        &self.stored
+    }
+
+    /// Bytes from one record to the next.
+    fn stride(&self) -> u64 {
+        self.stored.bytes() as u64
+    }
+
+    /// The end of the last range in use.
+    fn used(&self) -> u64 {
+        self.ranges.allocated_ranges().last().map_or(0, |r| r.end)
+    }
+}
+
+/// Records that a buffer of so many bytes holds.
+fn limit_of(limit_bytes: u64, stored: &Stored) -> u32 {
+    u32::try_from(limit_bytes / stored.bytes() as u64).unwrap_or(u32::MAX)
+}
+
+fn create(device: &wgpu::Device, what: &'static str, capacity: u32, stored: &Stored) -> wgpu::Buffer {
+    device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some(what),
+        size: u64::from(capacity) * stored.bytes() as u64,
+        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    })
+}
+
+/// The same ranges within less room, which must hold them all: an allocator only grows.
+fn cut(ranges: &RangeAllocator<u64>, end: u64) -> RangeAllocator<u64> {
+    let mut fewer = RangeAllocator::new(0..end);
+    let mut gaps = Vec::new();
+    let mut at = 0;
+    // Taken in order from one piece, each lies behind the last.
+    let mut take = |len: u64| fewer.allocate_range(len).expect("all fit");
+    for used in ranges.allocated_ranges() {
+        if used.start > at {
+            gaps.push(take(used.start - at));
+        }
+        at = take(used.end - used.start).end;
+    }
+    gaps.into_iter().for_each(|gap| fewer.free_range(gap));
+    fewer
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! Joins the WGSL files, and gives them the constants that Rust owns: no number is written in two places.
 
+use std::collections::HashSet;
 use std::fmt::Write;
 
 use super::{layout, stored};
@@ -20,31 +21,45 @@ use crate::walk;
 ///
 /// `effects` says what the text can do: it must contain what the world calls for.
 pub fn wgsl(group: u32, effects: Effects) -> String {
-    let sample = include_str!("../../shaders/sample.wgsl").replace("LIGHT_GROUP", &group.to_string());
-    let mut text = pure() + &sample;
-    for part in [
-        include_str!("../../shaders/walk.wgsl"),
-        include_str!("../../shaders/pdf.wgsl"),
-        include_str!("../../shaders/resample.wgsl"),
-    ] {
-        text += part;
-    }
-    variant(&text, effects, false)
+    joined(group, effects, false)
 }
 
-/// Constants, records and pure functions: everything that binds nothing.
-pub(crate) fn pure() -> String {
-    let mut text = constants();
-    for part in [
+/// The same with a `light_nodes_read` that counts the nodes of an invocation.
+#[cfg(test)]
+pub(crate) fn wgsl_counting(group: u32, effects: Effects) -> String {
+    joined(group, effects, true)
+}
+
+fn joined(group: u32, effects: Effects, counts: bool) -> String {
+    let sample = include_str!("../../shaders/sample.wgsl").replace("LIGHT_GROUP", &group.to_string());
+    let body = [
         include_str!("../../shaders/types.wgsl"),
+        include_str!("../../shaders/instance.wgsl"),
         include_str!("../../shaders/node.wgsl"),
         include_str!("../../shaders/importance.wgsl"),
         include_str!("../../shaders/dice.wgsl"),
         include_str!("../../shaders/emit.wgsl"),
-    ] {
-        text += part;
-    }
-    text
+        &sample,
+        include_str!("../../shaders/stored.wgsl"),
+        include_str!("../../shaders/walk.wgsl"),
+        include_str!("../../shaders/pdf.wgsl"),
+        include_str!("../../shaders/resample.wgsl"),
+    ]
+    .concat();
+    let body = variant(&body, effects, counts);
+    constants_of(&body) + &body
+}
+
+/// Those of Rust's constants that a text names outside of comments.
+fn constants_of(text: &str) -> String {
+    let code = text.lines().map(|line| line.split("//").next().unwrap_or_default());
+    let named: HashSet<&str> = code.flat_map(|code| code.split(|c: char| !c.is_alphanumeric() && c != '_')).collect();
+    let constants = constants();
+    let is_named = |line: &&str| match line.strip_prefix("const ") {
+        Some(rest) => named.contains(rest.split([':', ' ']).next().unwrap_or_default()),
+        None => true,
+    };
+    constants.lines().filter(is_named).flat_map(|line| [line, "\n"]).collect()
 }
 
 /// Rust's constants as WGSL's.
@@ -72,10 +87,14 @@ pub(crate) fn constants() -> String {
         ("LATTICE_Y", resample::LATTICE[0]),
         ("LATTICE_Z", resample::LATTICE[1]),
         ("LATTICE_W", resample::LATTICE[2]),
-        ("NODE_TARGETS", stored::NODE_TARGETS as u32),
-        ("NODE_FLUX", stored::NODE_FLUX as u32),
-        ("NODE_BOXES", stored::NODE_BOXES as u32),
-        ("NODE_TAIL", stored::NODE_TAIL as u32),
+        ("NODE_TARGETS", stored::NODE_TARGETS),
+        ("NODE_FLUX", stored::NODE_FLUX),
+        ("NODE_BOXES", stored::NODE_BOXES),
+        ("NODE_TAIL", stored::NODE_TAIL),
+        ("INSTANCE_TREE", stored::INSTANCE_TREE),
+        ("INSTANCE_PLACE", stored::INSTANCE_PLACE),
+        ("POINT_STRIDE", stored::POINT_STRIDE),
+        ("RIGID_STRIDE", stored::RIGID_STRIDE),
     ] {
         let _ = writeln!(text, "const LIGHT_{name}: u32 = {value}u;");
     }
@@ -91,6 +110,7 @@ pub(crate) fn constants() -> String {
         ("LEAST", importance::LEAST),
         ("MOST", importance::MOST),
         ("POSITION_MARGIN", importance::POSITION_MARGIN),
+        ("RIGID_TOLERANCE", cluster::RIGID_TOLERANCE),
         ("LONGEST_SQ", importance::LONGEST_SQ),
         ("COSINE_MARGIN", importance::COSINE_MARGIN),
         ("ANGLE_MARGIN", importance::ANGLE_MARGIN),
@@ -115,17 +135,17 @@ pub(crate) fn constants() -> String {
     ] {
         let _ = writeln!(text, "const LIGHT_{name}: f32 = {value:e};");
     }
-    let [axis_and_cap, range] = stored::node_without();
-    for (name, words) in [("CONES", &axis_and_cap[..]), ("RANGES", &range[..])] {
+    for (name, words) in stored::node_without() {
         let quads: Vec<_> =
             words.chunks(4).map(|w| format!("vec4({}u, {}u, {}u, {}u)", w[0], w[1], w[2], w[3])).collect();
-        let _ = writeln!(text, "const LIGHT_NO_{name} = array({});", quads.join(", "));
+        let _ = writeln!(text, "const LIGHT_{name} = array({});", quads.join(", "));
     }
     text
 }
 
 /// The lines of a text that a variant needs. `// #if NAME` and `// #endif` enclose what only worlds with an effect of that
-/// name need; they nest, and whatever is kept, the text is WGSL. `// #if COUNTS` encloses what counts nodes.
+/// name need; they nest, and whatever is kept, the text is WGSL. `// #if A | B` is for worlds with any of several.
+/// `// #if COUNTS` encloses what counts nodes.
 ///
 /// Panics on a name that is no effect and on an end without a beginning: the texts are ours.
 pub(crate) fn variant(text: &str, effects: Effects, counts: bool) -> String {
@@ -135,10 +155,12 @@ pub(crate) fn variant(text: &str, effects: Effects, counts: bool) -> String {
         match line.trim_start().strip_prefix("// #") {
             Some("endif") => assert!(open.pop().is_some(), "an end without a beginning"),
             Some(directive) => {
-                let name = directive.strip_prefix("if ").unwrap_or_else(|| panic!("no directive: {line}"));
-                let effect = Effects::from_name(name);
-                assert!(effect.is_some() || name == "COUNTS", "no effect: {name}");
-                open.push(effect.map_or(counts, |effect| effects.contains(effect)));
+                let names = directive.strip_prefix("if ").unwrap_or_else(|| panic!("no directive: {line}"));
+                open.push(names.split(" | ").any(|name| {
+                    let effect = Effects::from_name(name);
+                    assert!(effect.is_some() || name == "COUNTS", "no effect: {name}");
+                    effect.map_or(counts, |effect| effects.contains(effect))
+                }));
             }
             None if open.iter().all(|kept| *kept) => {
                 kept += line;

@@ -12,7 +12,8 @@ use super::layout::{ClusterRecord, InstanceRecord, TreeRecord};
 use super::pool::Pool;
 use super::sort::{RadixSort, SortBuffers};
 use super::stages::{Access, PASS_STRIDE, Stages, dispatch, pass_bytes};
-use super::stored::NodeLayout;
+use super::stored::Strides;
+use super::text::variant;
 use crate::bounds;
 use crate::cluster;
 use crate::cone;
@@ -39,7 +40,8 @@ struct TopPass {
     count: u32,
     first_above: u32,
     count_above: u32,
-    nodes: NodeLayout,
+    strides: Strides,
+    padding: [u32; 2],
 }
 
 /// The pipelines and buffers of the top level.
@@ -56,8 +58,8 @@ pub(crate) struct TopBuild {
     buffers: TopBuffers,
     /// The lowest first; none before the first build.
     levels: Vec<TopPass>,
-    /// How nodes are to be stored.
-    layout: NodeLayout,
+    /// How nodes are to be stored and instances are.
+    strides: Strides,
     generation: u64,
     /// With the generations of the instances and trees that it was made for.
     bound: Option<([u64; 2], wgpu::BindGroup)>,
@@ -102,7 +104,7 @@ impl TopBuild {
             passes,
             buffers,
             levels: Vec::new(),
-            layout: NodeLayout::of(Effects::all()),
+            strides: Strides::of(Effects::all()),
             generation: 0,
             bound: None,
         })
@@ -166,7 +168,7 @@ impl TopBuild {
 
     fn set_slots(&mut self, slots: u32) {
         self.buffers.sort.set_count(&self.queue, slots);
-        if self.levels.first().is_some_and(|level| (level.slots, level.nodes) == (slots, self.layout)) {
+        if self.levels.first().is_some_and(|level| (level.slots, level.strides) == (slots, self.strides)) {
             return;
         }
         let starts = level_starts(slots as usize);
@@ -175,14 +177,14 @@ impl TopBuild {
         self.levels.extend((0..starts.len() - 1).rev().map(|index| {
             let (first, count) = level(index);
             let (first_above, count_above) = index.checked_sub(1).map_or((0, 0), level);
-            TopPass { slots, first, count, first_above, count_above, nodes: self.layout }
+            TopPass { slots, first, count, first_above, count_above, strides: self.strides, padding: [0; 2] }
         }));
         self.queue.write_buffer(&self.passes, 0, &pass_bytes(&self.levels));
     }
 
-    /// Stores nodes in another layout from the next build on.
-    pub(crate) fn set_layout(&mut self, layout: NodeLayout) {
-        self.layout = layout;
+    /// Reads instances and stores nodes in these strides from the next build on.
+    pub(crate) fn set_strides(&mut self, strides: Strides) {
+        self.strides = strides;
     }
 
     /// The top level's nodes, the root first; another object after each change of [`TopBuild::generation`].
@@ -261,6 +263,7 @@ impl Stage {
         }
         for part in [
             include_str!("../../shaders/types.wgsl"),
+            include_str!("../../shaders/instance.wgsl"),
             include_str!("../../shaders/node.wgsl"),
             include_str!("../../shaders/top_types.wgsl"),
             include_str!("../../shaders/cluster.wgsl"),
@@ -271,7 +274,7 @@ impl Stage {
         if self.stores_nodes {
             text += include_str!("../../shaders/top_nodes.wgsl");
         }
-        text
+        variant(&text, Effects::all(), false)
     }
 }
 

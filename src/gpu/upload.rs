@@ -7,6 +7,9 @@ use super::GpuLights;
 use super::error::GpuError;
 use super::layout::{InstanceRecord, LightRecord, ParamsRecord, TreeRecord};
 use super::pool::Pool;
+use super::relayout::Relayout;
+use super::stored::{self, Stored, Strides};
+use crate::effects::Effects;
 use crate::keys::{TreeKey, slot_of};
 use crate::tree::LightTree;
 use crate::world::{FrameDelta, World};
@@ -47,14 +50,19 @@ impl GpuLights {
     /// O(what changed). Writes go through the queue, ahead of the next submission.
     pub fn upload(&mut self, world: &World, delta: &FrameDelta) -> Result<UploadReport, GpuError> {
         let mut report = UploadReport::default();
-        if delta.is_empty() && self.unsent.is_empty() {
-            self.effects = world.effects();
+        let effects = world.effects();
+        if delta.is_empty() && self.unsent.is_empty() && self.params.strides == Strides::of(effects) {
+            self.effects = effects;
             return Ok(report);
         }
         let mut changes = std::mem::take(&mut self.unsent);
         changes.add(delta);
-        let placed = match self.reserve(world, &mut changes) {
-            Ok(placed) => placed,
+        let reserved = self.set_layout(effects).and_then(|sent| Ok((sent, self.reserve(world, &mut changes)?)));
+        let placed = match reserved {
+            Ok((sent, placed)) => {
+                report.bytes += sent;
+                placed
+            }
             Err(error) => {
                 self.unsent = changes;
                 return Err(error);
@@ -79,11 +87,35 @@ impl GpuLights {
             let records: Vec<_> = world.directionals().map(|(_, light)| LightRecord::directional(light)).collect();
             report.bytes += self.lights.write(self.directionals.start, &records);
         }
-        report.bytes += self.write_params(world);
+        report.bytes += self.write_params(world, effects);
         self.refresh_bind_groups();
         self.top_is_stale = true;
-        self.effects = world.effects();
+        self.effects = effects;
         Ok(report)
+    }
+
+    /// Brings the pools into the layout that a world of these effects is stored in, or leaves them all as they are where
+    /// one would outgrow its buffer. Until the next success, shaders keep the old buffers, with the old strides.
+    fn set_layout(&mut self, effects: Effects) -> Result<u64, GpuError> {
+        let [nodes, lights, instances] = [Stored::nodes(effects), Stored::lights(effects), Stored::instances(effects)];
+        self.nodes.check_layout(&nodes)?;
+        self.lights.check_layout(&lights)?;
+        self.instances.check_layout(&instances)?;
+        let mut sent = 0;
+        let relayout = || Relayout::new(&self.device);
+        if *self.nodes.stored() != nodes {
+            let relayout = self.relayout.get_or_insert_with(relayout);
+            sent += self.nodes.set_layout(nodes, stored::missing_of_node, relayout);
+        }
+        if *self.lights.stored() != lights {
+            let relayout = self.relayout.get_or_insert_with(relayout);
+            sent += self.lights.set_layout(lights, stored::missing_of_light, relayout);
+        }
+        if *self.instances.stored() != instances {
+            let relayout = self.relayout.get_or_insert_with(relayout);
+            sent += self.instances.set_layout(instances, stored::missing_of_instance, relayout);
+        }
+        Ok(sent)
     }
 
     /// Finds room for all that grew, or takes nothing. Returns the trees that need a new place; a removed tree's is empty.
@@ -184,18 +216,19 @@ impl GpuLights {
 
     fn instance_record(&self, slot: u32, world: &World) -> InstanceRecord {
         let Some(instance) = world.instance_at(slot).and_then(|key| world.instance(key)) else {
-            return InstanceRecord::default();
+            return InstanceRecord::NONE;
         };
         let tree = slot_of(instance.tree);
         let ranges = &self.tree_ranges[tree as usize];
         InstanceRecord::of(&instance.placed, tree, ranges.nodes.start, ranges.lights.start)
     }
 
-    fn write_params(&mut self, world: &World) -> u64 {
+    fn write_params(&mut self, world: &World, effects: Effects) -> u64 {
         self.send_params(ParamsRecord {
             slots: world.slot_count() as u32,
             directional_base: self.directionals.start,
             directional_count: self.directionals.len() as u32,
+            strides: Strides::of(effects),
             ..self.params
         })
     }

@@ -95,7 +95,7 @@ fn pool<T: bytemuck::NoUninit>(records: &[T]) -> Pool<T> {
 fn build(top: &mut TopBuild, world: &World) -> Built {
     let (device, queue) = gpu();
     let slots = world.slot_count();
-    let mut instances = vec![InstanceRecord::default(); slots.max(1)];
+    let mut instances = vec![InstanceRecord::NONE; slots.max(1)];
     for key in world.instances() {
         let instance = world.instance(key).unwrap();
         instances[slot_of(key) as usize] = InstanceRecord::of(&instance.placed, slot_of(instance.tree), 0, 0);
@@ -312,19 +312,20 @@ fn every_layout_stores_the_pieces_of_the_same_nodes() {
     let world = world_of(600, placement);
     let nodes = build(&mut top, &world).nodes;
     for effects in [Effects::empty(), Effects::CONES, Effects::RANGES, Effects::all()] {
-        let layout = NodeLayout::of(effects);
-        top.set_layout(layout);
+        // Instances stay as they are.
+        let strides = Strides { instance: Strides::of(Effects::all()).instance, ..Strides::of(effects) };
+        top.set_strides(strides);
         build(&mut top, &world);
         let stored: Vec<[u32; 4]> = read(&device, &queue, top.nodes());
         let full: &[[[u32; 4]; 13]] = bytemuck::cast_slice(&nodes);
-        for (ours, full) in stored.chunks(layout.stride as usize).zip(full) {
+        for (ours, full) in stored.chunks(strides.node as usize).zip(full) {
             let (core, rest) = full.split_at(10);
             assert_eq!(&ours[..10], core);
-            if layout.cones > 0 {
-                assert_eq!(ours[layout.cones as usize..][..2], rest[..2]);
+            if strides.cones > 0 {
+                assert_eq!(ours[strides.cones as usize..][..2], rest[..2]);
             }
-            if layout.range > 0 {
-                assert_eq!(ours[layout.range as usize], rest[2]);
+            if strides.range > 0 {
+                assert_eq!(ours[strides.range as usize], rest[2]);
             }
         }
     }
@@ -414,16 +415,18 @@ fn the_stages_are_valid_and_agree_with_the_host_about_sizes() {
         assert_eq!(*span as usize, size_of::<TopPass>());
         let names: Vec<_> = members.iter().map(|m| (m.name.as_deref().unwrap(), m.offset as usize)).collect();
         assert_eq!(
-            names,
+            names[..10],
             [
                 ("slots", std::mem::offset_of!(TopPass, slots)),
                 ("first", std::mem::offset_of!(TopPass, first)),
                 ("count", std::mem::offset_of!(TopPass, count)),
                 ("first_above", std::mem::offset_of!(TopPass, first_above)),
                 ("count_above", std::mem::offset_of!(TopPass, count_above)),
-                ("node_stride", std::mem::offset_of!(TopPass, nodes.stride)),
-                ("node_cones", std::mem::offset_of!(TopPass, nodes.cones)),
-                ("node_range", std::mem::offset_of!(TopPass, nodes.range)),
+                ("node_stride", std::mem::offset_of!(TopPass, strides.node)),
+                ("node_cones", std::mem::offset_of!(TopPass, strides.cones)),
+                ("node_range", std::mem::offset_of!(TopPass, strides.range)),
+                ("light_stride", std::mem::offset_of!(TopPass, strides.light)),
+                ("instance_stride", std::mem::offset_of!(TopPass, strides.instance)),
             ]
         );
     }

@@ -1,0 +1,45 @@
+// Copies records to another layout, word by word as a table says. Twin of `RelayoutPass` in src/gpu/relayout.rs, whose
+// tests compare them and what is copied. One invocation for each 16 bytes that are written.
+
+struct RelayoutPass {
+    // Records to copy.
+    records: u32,
+    // From one to the next before, in words.
+    words_before: u32,
+    // From one to the next after, in 16 bytes.
+    quads_after: u32,
+    padding: u32,
+    // For each word after where it lies in the record before, or RELAYOUT_NOT_STORED.
+    sources: array<vec4<u32>, RELAYOUT_QUADS>,
+    // What it is if it was not stored.
+    values: array<vec4<u32>, RELAYOUT_QUADS>,
+}
+
+@group(0) @binding(0) var<uniform> relayout_pass: RelayoutPass;
+@group(0) @binding(1) var<storage, read> before: array<u32>;
+@group(0) @binding(2) var<storage, read_write> after: array<vec4<u32>>;
+
+fn relayout_word(record: u32, source: u32, value: u32) -> u32 {
+    if source == RELAYOUT_NOT_STORED {
+        return value;
+    }
+    return before[record * relayout_pass.words_before + source];
+}
+
+@compute @workgroup_size(RELAYOUT_LANES)
+fn relayout(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let index = id.y * groups.x * RELAYOUT_LANES + id.x;
+    let record = index / relayout_pass.quads_after;
+    let quad = index % relayout_pass.quads_after;
+    if record >= relayout_pass.records {
+        return;
+    }
+    let sources = relayout_pass.sources[quad];
+    let values = relayout_pass.values[quad];
+    after[index] = vec4(
+        relayout_word(record, sources.x, values.x),
+        relayout_word(record, sources.y, values.y),
+        relayout_word(record, sources.z, values.z),
+        relayout_word(record, sources.w, values.w),
+    );
+}

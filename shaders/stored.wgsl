@@ -1,0 +1,143 @@
+// Reads what is stored, in the strides that light_params tells: any variant of the text reads any layout. What is not
+// stored is as it is where nothing has it. Twin of src/gpu/stored.rs. Reads the buffers that sample.wgsl binds.
+
+// #if COUNTS
+// Nodes that this invocation has read.
+var<private> light_nodes_read: u32;
+// #endif
+
+// `index` counts from the buffer's start.
+fn light_node(in_top: bool, index: u32) -> LightNode {
+    // #if COUNTS
+    light_nodes_read++;
+    // #endif
+    if in_top {
+        return light_top_node(index * light_params.node_stride);
+    }
+    return light_tree_node(index * light_params.node_stride);
+}
+
+fn light_top_node(at: u32) -> LightNode {
+    var node: LightNode;
+    node.head = light_top[at];
+    node.targets = array(light_top[at + LIGHT_NODE_TARGETS], light_top[at + LIGHT_NODE_TARGETS + 1u]);
+    node.flux = light_top[at + LIGHT_NODE_FLUX];
+    node.boxes = array(
+        light_top[at + LIGHT_NODE_BOXES], light_top[at + LIGHT_NODE_BOXES + 1u], light_top[at + LIGHT_NODE_BOXES + 2u],
+        light_top[at + LIGHT_NODE_BOXES + 3u], light_top[at + LIGHT_NODE_BOXES + 4u],
+    );
+    node.tail = light_top[at + LIGHT_NODE_TAIL];
+    // #if CONES
+    node.cones = LIGHT_NO_CONES;
+    if light_params.node_cones != 0u {
+        node.cones = array(light_top[at + light_params.node_cones], light_top[at + light_params.node_cones + 1u]);
+    }
+    // #endif
+    // #if RANGES
+    node.range = LIGHT_NO_RANGES[0];
+    if light_params.node_range != 0u {
+        node.range = light_top[at + light_params.node_range];
+    }
+    // #endif
+    return node;
+}
+
+// The same of the other buffer: WGSL has no pointers to choose one by.
+fn light_tree_node(at: u32) -> LightNode {
+    var node: LightNode;
+    node.head = light_nodes[at];
+    node.targets = array(light_nodes[at + LIGHT_NODE_TARGETS], light_nodes[at + LIGHT_NODE_TARGETS + 1u]);
+    node.flux = light_nodes[at + LIGHT_NODE_FLUX];
+    node.boxes = array(
+        light_nodes[at + LIGHT_NODE_BOXES], light_nodes[at + LIGHT_NODE_BOXES + 1u], light_nodes[at + LIGHT_NODE_BOXES + 2u],
+        light_nodes[at + LIGHT_NODE_BOXES + 3u], light_nodes[at + LIGHT_NODE_BOXES + 4u],
+    );
+    node.tail = light_nodes[at + LIGHT_NODE_TAIL];
+    // #if CONES
+    node.cones = LIGHT_NO_CONES;
+    if light_params.node_cones != 0u {
+        node.cones = array(light_nodes[at + light_params.node_cones], light_nodes[at + light_params.node_cones + 1u]);
+    }
+    // #endif
+    // #if RANGES
+    node.range = LIGHT_NO_RANGES[0];
+    if light_params.node_range != 0u {
+        node.range = light_nodes[at + light_params.node_range];
+    }
+    // #endif
+    return node;
+}
+
+fn light_target(in_top: bool, index: u32, slot: u32) -> u32 {
+    let at = index * light_params.node_stride + LIGHT_NODE_TARGETS + slot / 4u;
+    if in_top {
+        return light_top[at][slot % 4u];
+    }
+    return light_nodes[at][slot % 4u];
+}
+
+fn light_record(index: u32) -> LightRecord {
+    let at = index * light_params.light_stride;
+    let first = light_records[at];
+    let second = light_records[at + 1u];
+    var light: LightRecord;
+    light.a = bitcast<vec3<f32>>(first.xyz);
+    light.kind = first.w;
+    light.emission = bitcast<vec3<f32>>(second.xyz);
+    light.place = second.w;
+    // #if RANGES
+    light.range = LIGHT_FARTHEST;
+    // #endif
+    // #if CONES | RANGES | AREAS | DIRECTIONAL
+    if light_params.light_stride > LIGHT_POINT_STRIDE {
+        // #if CONES | AREAS | DIRECTIONAL
+        light.b = bitcast<vec3<f32>>(light_records[at + 2u].xyz);
+        // #endif
+        // #if RANGES
+        light.range = bitcast<f32>(light_records[at + 2u].w);
+        // #endif
+        // #if CONES | AREAS
+        light.c = bitcast<vec3<f32>>(light_records[at + 3u].xyz);
+        // #endif
+    }
+    // #endif
+    return light;
+}
+
+// The place of a light's leaf in its tree.
+fn light_place(index: u32) -> u32 {
+    return light_records[index * light_params.light_stride + 1u].w;
+}
+
+fn light_instance(slot: u32) -> LightInstance {
+    let at = slot * light_params.instance_stride;
+    let words = light_instances[at + LIGHT_INSTANCE_TREE];
+    var instance: LightInstance;
+    instance.to_world = light_rows(light_instances[at], light_instances[at + 1u], light_instances[at + 2u]);
+    instance.flags = words.x;
+    instance.tree = words.y;
+    instance.node_base = words.z;
+    instance.light_base = words.w;
+    // #if NON_RIGID
+    instance.to_local = light_rigid_to_local(instance.to_world);
+    if light_params.instance_stride > LIGHT_RIGID_STRIDE {
+        let local = at + LIGHT_RIGID_STRIDE;
+        instance.to_local = light_rows(light_instances[local], light_instances[local + 1u], light_instances[local + 2u]);
+    }
+    // #endif
+    return instance;
+}
+
+// The first node of an instance's tree.
+fn light_node_base(slot: u32) -> u32 {
+    return light_instances[slot * light_params.instance_stride + LIGHT_INSTANCE_TREE].z;
+}
+
+fn light_light_base(slot: u32) -> u32 {
+    return light_instances[slot * light_params.instance_stride + LIGHT_INSTANCE_TREE].w;
+}
+
+// The place of an instance's leaf in the top level.
+fn light_top_place(slot: u32) -> u32 {
+    return light_instances[slot * light_params.instance_stride + LIGHT_INSTANCE_PLACE].x;
+}
