@@ -7,6 +7,7 @@
 //! [`GpuLights::resample`] for those who want no shader.
 
 mod error;
+mod kernel;
 mod layout;
 mod pool;
 mod relayout;
@@ -23,16 +24,14 @@ mod top;
 mod upload;
 
 use std::ops::Range;
-use std::sync::OnceLock;
 
 pub use error::GpuError;
 use error::check_limits;
+use kernel::Kernel;
 use layout::{InstanceRecord, LightRecord, ParamsRecord, TreeRecord};
 use pool::Pool;
 use relayout::Relayout;
-use resampling::ResampleKernel;
 pub use resampling::ResampledRecord;
-use sampling::BatchKernel;
 pub use sampling::{SampleRecord, SampleRequest};
 pub use shader::LightShader;
 use stored::Strides;
@@ -67,11 +66,10 @@ pub struct GpuLights {
     relayout: Option<Relayout>,
     top: TopBuild,
     top_is_stale: bool,
-    batch: BatchKernel,
+    batch: Kernel,
+    resampling: Kernel,
     /// What the world called for at the last upload: of all that lies in the buffers.
     effects: Effects,
-    /// Made when first asked for.
-    resampling: OnceLock<ResampleKernel>,
     layout: wgpu::BindGroupLayout,
     bind_group: wgpu::BindGroup,
     /// Of the buffers that the bind group was made for.
@@ -103,7 +101,8 @@ impl GpuLights {
         queue.write_buffer(&params_buffer, 0, bytemuck::bytes_of(&params));
         let top = TopBuild::new(device, queue)?;
         let layout = bind_group_layout(device);
-        let batch = BatchKernel::new(device, &layout);
+        let batch = sampling::kernel(device, &layout);
+        let resampling = resampling::kernel(device, &layout);
         let buffers = [&params_buffer, top.nodes(), nodes.buffer(), instances.buffer(), lights.buffer()];
         let bind_group = bind_group(device, &layout, buffers);
         let bound = [top.generation(), nodes.generation(), instances.generation(), lights.generation()];
@@ -125,8 +124,8 @@ impl GpuLights {
             top,
             top_is_stale: true,
             batch,
+            resampling,
             effects: Effects::all(),
-            resampling: OnceLock::new(),
             layout,
             bind_group,
             bound,

@@ -2,9 +2,9 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::sampling::{LANES, ROW, SampleRecord, SampleRequest};
-use super::{GpuLights, storage_entry, text};
-use crate::effects::Effects;
+use super::kernel::{Kernel, records};
+use super::sampling::{SampleRecord, SampleRequest};
+use super::{GpuLights, storage_entry};
 
 /// The candidate that was kept and its weight. 64 bytes; `LightResampled` in `shaders/resample.wgsl`.
 #[repr(C)]
@@ -18,47 +18,18 @@ pub struct ResampledRecord {
     pub padding: [f32; 3],
 }
 
-pub(super) struct ResampleKernel {
-    pipeline: wgpu::ComputePipeline,
-    layout: wgpu::BindGroupLayout,
-}
-
-impl ResampleKernel {
-    fn new(device: &wgpu::Device, lights: &wgpu::BindGroupLayout) -> Self {
-        let label = Some("girandole resample");
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label,
-            source: wgpu::ShaderSource::Wgsl(
-                (text::wgsl(0, Effects::all()) + include_str!("../../shaders/batch_resample.wgsl")).into(),
-            ),
-        });
-        let candidates = wgpu::BindGroupLayoutEntry {
-            ty: wgpu::BindingType::Buffer {
-                ty: wgpu::BufferBindingType::Uniform,
-                has_dynamic_offset: false,
-                min_binding_size: None,
-            },
-            ..storage_entry(2, true)
-        };
-        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label,
-            entries: &[storage_entry(0, true), storage_entry(1, false), candidates],
-        });
-        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label,
-            bind_group_layouts: &[Some(lights), Some(&layout)],
-            ..Default::default()
-        });
-        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label,
-            layout: Some(&pipeline_layout),
-            module: &module,
-            entry_point: Some("batch_resample"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        });
-        Self { pipeline, layout }
-    }
+/// Compiles nothing.
+pub(super) fn kernel(device: &wgpu::Device, lights: &wgpu::BindGroupLayout) -> Kernel {
+    let candidates = wgpu::BindGroupLayoutEntry {
+        ty: wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Uniform,
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        },
+        ..storage_entry(2, true)
+    };
+    let entries = [storage_entry(0, true), storage_entry(1, false), candidates];
+    Kernel::new(device, lights, "batch_resample", include_str!("../../shaders/batch_resample.wgsl"), &entries)
 }
 
 impl GpuLights {
@@ -67,8 +38,8 @@ impl GpuLights {
     /// [`ResampledRecord`]); both are storage buffers of the engine with room for `count` records. Records into the
     /// engine's encoder.
     ///
-    /// The top level must have been built after the last upload. The first call makes the pipeline; each makes a bind
-    /// group and a buffer of 16 bytes.
+    /// The top level must have been built after the last upload. Pipelines are made as by [`GpuLights::sample`]; each
+    /// call makes a bind group and a buffer of 16 bytes.
     pub fn resample(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -80,7 +51,7 @@ impl GpuLights {
         if count == 0 {
             return;
         }
-        let kernel = self.resampling.get_or_init(|| ResampleKernel::new(&self.device, &self.layout));
+        let pipeline = self.resampling.pipeline(self.effects);
         let uniform = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("girandole candidates"),
             size: 16,
@@ -88,30 +59,11 @@ impl GpuLights {
             mapped_at_creation: false,
         });
         self.queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&[candidates, 0, 0, 0]));
-        let binding = |buffer, stride: usize| {
-            wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-                buffer,
-                offset: 0,
-                size: std::num::NonZeroU64::new(u64::from(count) * stride as u64),
-            })
-        };
-        let group = self.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("girandole resample"),
-            layout: &kernel.layout,
-            entries: &[
-                wgpu::BindGroupEntry { binding: 0, resource: binding(requests, size_of::<SampleRequest>()) },
-                wgpu::BindGroupEntry { binding: 1, resource: binding(samples, size_of::<ResampledRecord>()) },
-                wgpu::BindGroupEntry { binding: 2, resource: uniform.as_entire_binding() },
-            ],
-        });
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some("girandole resample"),
-            timestamp_writes: None,
-        });
-        pass.set_pipeline(&kernel.pipeline);
-        pass.set_bind_group(0, &self.bind_group, &[]);
-        pass.set_bind_group(1, &group, &[]);
-        let groups = count.div_ceil(LANES);
-        pass.dispatch_workgroups(groups.min(ROW), groups.div_ceil(ROW), 1);
+        let own = [
+            records::<SampleRequest>(requests, count),
+            records::<ResampledRecord>(samples, count),
+            uniform.as_entire_binding(),
+        ];
+        self.resampling.record(encoder, &pipeline, &self.bind_group, &own, count);
     }
 }

@@ -1,16 +1,9 @@
 //! Our own kernel over a buffer of receivers, for those who want no shader.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
 use bytemuck::{Pod, Zeroable};
 
-use super::{GpuLights, text};
-use crate::effects::{Effects, Variants};
-
-/// Invocations of a workgroup.
-pub(super) const LANES: u32 = 64;
-/// Workgroups along one dimension, as WebGPU allows.
-pub(super) const ROW: u32 = 65535;
+use super::kernel::{Kernel, records};
+use super::{GpuLights, storage_entry};
 
 /// A receiver and its four random numbers in [0, 1). 48 bytes; `Request` in `shaders/batch.wgsl`.
 #[repr(C)]
@@ -50,61 +43,19 @@ pub struct SampleRecord {
     pub is_delta: u32,
 }
 
-pub(super) struct BatchKernel {
-    /// Sampling locks them for as long as it takes to find one; nobody makes one meanwhile.
-    variants: Mutex<Variants<wgpu::ComputePipeline>>,
-    layout: wgpu::BindGroupLayout,
-}
-
-impl BatchKernel {
-    pub fn new(device: &wgpu::Device, lights: &wgpu::BindGroupLayout) -> Self {
-        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: Some("girandole batch"),
-            entries: &[super::storage_entry(0, true), super::storage_entry(1, false)],
-        });
-        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("girandole batch"),
-            bind_group_layouts: &[Some(lights), Some(&layout)],
-            ..Default::default()
-        });
-        let device = device.clone();
-        let make = move |effects| pipeline(&device, &pipeline_layout, effects);
-        let general = make(Effects::all());
-        Self { variants: Mutex::new(Variants::new(general, make)), layout }
-    }
-
-    /// The best that is ready.
-    fn pipeline(&self, effects: Effects) -> wgpu::ComputePipeline {
-        // Whether lights move is nothing to the text.
-        self.variants().get(effects - Effects::MOVING).clone()
-    }
-
-    fn variants(&self) -> MutexGuard<'_, Variants<wgpu::ComputePipeline>> {
-        self.variants.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-fn pipeline(device: &wgpu::Device, layout: &wgpu::PipelineLayout, effects: Effects) -> wgpu::ComputePipeline {
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some("girandole batch"),
-        source: wgpu::ShaderSource::Wgsl((text::wgsl(0, effects) + include_str!("../../shaders/batch.wgsl")).into()),
-    });
-    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: Some("girandole batch"),
-        layout: Some(layout),
-        module: &module,
-        entry_point: Some("batch"),
-        compilation_options: wgpu::PipelineCompilationOptions::default(),
-        cache: None,
-    })
+/// Compiles nothing.
+pub(super) fn kernel(device: &wgpu::Device, lights: &wgpu::BindGroupLayout) -> Kernel {
+    let entries = [storage_entry(0, true), storage_entry(1, false)];
+    Kernel::new(device, lights, "batch", include_str!("../../shaders/batch.wgsl"), &entries)
 }
 
 impl GpuLights {
     /// Samples one light for each of `requests` (an array of [`SampleRequest`]) into `samples` (of [`SampleRecord`]),
     /// both storage buffers of the engine with room for `count` records. Records into the engine's encoder.
     ///
-    /// The top level must have been built after the last upload. The first call for other effects of the world has a
-    /// pipeline made for them, on another thread; until it is ready a more general one serves.
+    /// The top level must have been built after the last upload. The first call makes a pipeline for all effects. One
+    /// for just those of the world is made on another thread, whenever they are others; until it is ready a more
+    /// general one serves. Each call makes a bind group.
     pub fn sample(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -112,33 +63,22 @@ impl GpuLights {
         samples: &wgpu::Buffer,
         count: u32,
     ) {
-        if count == 0 {
-            return;
+        if count > 0 {
+            self.sample_by(&self.batch.pipeline(self.effects), encoder, requests, samples, count);
         }
-        let binding = |buffer, stride: usize| {
-            wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-                buffer,
-                offset: 0,
-                size: std::num::NonZeroU64::new(u64::from(count) * stride as u64),
-            })
-        };
-        let group = self.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("girandole batch"),
-            layout: &self.batch.layout,
-            entries: &[
-                wgpu::BindGroupEntry { binding: 0, resource: binding(requests, size_of::<SampleRequest>()) },
-                wgpu::BindGroupEntry { binding: 1, resource: binding(samples, size_of::<SampleRecord>()) },
-            ],
-        });
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some("girandole sample"),
-            timestamp_writes: None,
-        });
-        pass.set_pipeline(&self.batch.pipeline(self.effects));
-        pass.set_bind_group(0, &self.bind_group, &[]);
-        pass.set_bind_group(1, &group, &[]);
-        let groups = count.div_ceil(LANES);
-        pass.dispatch_workgroups(groups.min(ROW), groups.div_ceil(ROW), 1);
+    }
+
+    /// The same by a pipeline of one's own choice.
+    pub(super) fn sample_by(
+        &self,
+        pipeline: &wgpu::ComputePipeline,
+        encoder: &mut wgpu::CommandEncoder,
+        requests: &wgpu::Buffer,
+        samples: &wgpu::Buffer,
+        count: u32,
+    ) {
+        let own = [records::<SampleRequest>(requests, count), records::<SampleRecord>(samples, count)];
+        self.batch.record(encoder, pipeline, &self.bind_group, &own, count);
     }
 }
 
@@ -150,7 +90,9 @@ mod tests {
     use wgpu::util::DeviceExt;
 
     use super::*;
+    use crate::effects::Effects;
     use crate::gpu::testing::{gpu, read};
+    use crate::gpu::text;
     use crate::light::Light;
     use crate::placement::Placement;
     use crate::policy::Policy;
