@@ -180,7 +180,9 @@ fn light_from_sphere(light: LightRecord, instance: LightInstance, receiver: Ligh
 // #endif
 
 fn light_incident(light: LightRecord, instance: LightInstance, receiver: LightReceiver, u: vec2<f32>) -> LightIncident {
+    // #if CONES | AREAS | DIRECTIONAL
     let kind = light.kind & LIGHT_KIND_MASK;
+    // #endif
     // #if DIRECTIONAL
     if kind == LIGHT_KIND_DIRECTIONAL {
         return light_arriving(receiver, -light.b, LIGHT_FARTHEST, light.emission, 1.0, true);

@@ -37,6 +37,7 @@ fn light_into_tree(instance: LightInstance, v: vec3<f32>) -> vec3<f32> {
     return inside;
 }
 
+// #if AREAS
 // Volume in the world of one cubic metre of the tree's space.
 fn light_volume(instance: LightInstance) -> f32 {
     var volume = 1.0;
@@ -54,3 +55,4 @@ fn light_normal_area(normal_area: vec3<f32>, instance: LightInstance) -> vec3<f3
     // #endif
     return moved;
 }
+// #endif

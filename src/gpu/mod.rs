@@ -22,6 +22,8 @@ mod testing;
 mod text;
 mod top;
 mod upload;
+#[cfg(test)]
+mod variants;
 
 use std::ops::Range;
 

@@ -4,7 +4,7 @@ use super::stages::{Access, Stages, dispatch};
 use super::stored::{Missing, Stored};
 
 /// Invocations of a workgroup, 16 bytes each.
-const LANES: u32 = 256;
+const LANES: u32 = 64;
 
 /// Sixteenths of the longest record's bytes.
 const MOST_QUADS: usize = 13;
@@ -106,4 +106,141 @@ fn text() -> String {
          const RELAYOUT_NOT_STORED: u32 = {NOT_STORED}u;\n{}",
         include_str!("../../shaders/relayout.wgsl")
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DVec3, Mat3, Quat, Vec3};
+    use naga::TypeInner;
+
+    use super::*;
+    use crate::Light;
+    use crate::effects::Effects;
+    use crate::gpu::layout::{InstanceRecord, LightRecord};
+    use crate::gpu::pool::Pool;
+    use crate::gpu::stored::{missing_of_instance, missing_of_light, missing_of_node};
+    use crate::gpu::testing::{gpu, read};
+    use crate::placement::{Placed, Placement};
+    use crate::tree::{LightTree, Node};
+
+    const LAYOUTS: [Effects; 9] = [
+        Effects::empty(),
+        Effects::CONES,
+        Effects::RANGES,
+        Effects::CONES.union(Effects::RANGES),
+        Effects::AREAS,
+        Effects::DIRECTIONAL,
+        Effects::NON_RIGID,
+        Effects::NON_RIGID.union(Effects::CONES),
+        Effects::all(),
+    ];
+
+    /// Lights that call for no more than these effects, some of them dark.
+    fn tree(effects: Effects) -> LightTree {
+        let light = |i: u32| {
+            let at = Vec3::new((i * 7 % 50) as f32, (i * 13 % 31) as f32, (i * 3 % 17) as f32);
+            let emission = if i.is_multiple_of(11) { Vec3::ZERO } else { Vec3::splat(1.0 + i as f32) };
+            let light = match i % 3 {
+                1 if effects.contains(Effects::CONES) => Light::spot(at, Vec3::NEG_Y, 0.2, 0.9, emission),
+                2 if effects.contains(Effects::AREAS) => Light::sphere(at, 0.1, emission),
+                _ => Light::point(at, emission),
+            };
+            if effects.contains(Effects::RANGES) && i.is_multiple_of(2) { light.with_range(5.0) } else { light }
+        };
+        LightTree::new((0..100).map(light).collect()).expect("valid lights")
+    }
+
+    fn instances(effects: Effects) -> Vec<InstanceRecord> {
+        let instance = |i: u32| {
+            if i.is_multiple_of(5) {
+                return InstanceRecord::NONE;
+            }
+            let turn = Mat3::from_quat(Quat::from_axis_angle(Vec3::new(1.0, 2.0, 3.0).normalize(), 0.1 * i as f32));
+            let scale = if effects.contains(Effects::NON_RIGID) { 0.5 + i as f32 } else { 1.0 };
+            let placement = Placement { linear: turn * scale, translation: DVec3::new(f64::from(i), 2.0, -3.0) };
+            let placed = Placed::new(&placement, DVec3::ZERO).expect("a valid placement");
+            assert_eq!(placed.linear.is_rigid(), scale == 1.0);
+            InstanceRecord::of(&placed, i, 10 * i, 20 * i)
+        };
+        (0..40).map(instance).collect()
+    }
+
+    fn check<T: bytemuck::NoUninit>(
+        relayout: &Relayout,
+        records: &[T],
+        stored: [&Stored; 2],
+        missing: fn(usize) -> Missing,
+    ) {
+        let (device, queue) = gpu();
+        let fill = |pool: &mut Pool<T>| {
+            pool.alloc(records.len() as u32).expect("room enough");
+            pool.write(0, records)
+        };
+        let [before, after] = stored;
+        let pool = || Pool::<T>::new(&device, &queue, "test records", 1).expect("room");
+        let (mut moved, mut fresh) = (pool(), pool());
+        moved.set_layout(before.clone(), missing, relayout);
+        fresh.set_layout(after.clone(), missing, relayout);
+        assert_eq!(fill(&mut moved), (records.len() * before.bytes()) as u64);
+        assert_eq!(fill(&mut fresh), (records.len() * after.bytes()) as u64);
+        moved.set_layout(after.clone(), missing, relayout);
+        let bytes = |pool: &Pool<T>| read::<u32>(&device, &queue, pool.buffer());
+        assert_eq!(bytes(&moved), bytes(&fresh), "{before:?} to {after:?}");
+    }
+
+    #[test]
+    fn records_in_a_new_layout_are_what_an_upload_in_it_is_byte_for_byte() {
+        let (device, _) = gpu();
+        let relayout = Relayout::new(&device);
+        for before in LAYOUTS {
+            for after in LAYOUTS {
+                let tree = tree(before & after);
+                let nodes: &[Node] = tree.nodes();
+                check(&relayout, nodes, [before, after].map(Stored::nodes).each_ref(), missing_of_node);
+                let lights: Vec<_> =
+                    tree.lights().iter().zip(tree.leaves()).map(|(l, place)| LightRecord::of(l, *place)).collect();
+                check(&relayout, &lights, [before, after].map(Stored::lights).each_ref(), missing_of_light);
+                let instances = instances(before & after);
+                check(&relayout, &instances, [before, after].map(Stored::instances).each_ref(), missing_of_instance);
+            }
+        }
+    }
+
+    #[test]
+    fn more_workgroups_than_one_row_holds_are_copied() {
+        let (device, queue) = gpu();
+        let relayout = Relayout::new(&device);
+        // 80 bytes of each are 5 invocations.
+        let count = 65_540 * LANES / 5;
+        let mut pool = Pool::<InstanceRecord>::new(&device, &queue, "test records", 1).expect("room");
+        pool.set_layout(Stored::instances(Effects::empty()), missing_of_instance, &relayout);
+        pool.alloc(count).expect("room enough");
+        let last = InstanceRecord { flags: 7, top_place: 9, ..InstanceRecord::NONE };
+        pool.write(count - 1, &[last]);
+        // The same layout again: what is asked for is what is done.
+        pool.set_layout(Stored::instances(Effects::empty()), missing_of_instance, &relayout);
+        let words: Vec<u32> = read(&device, &queue, pool.buffer());
+        assert_eq!((words.len() / 20, words[words.len() - 8], words[words.len() - 4]), (count as usize, 7, 9));
+    }
+
+    #[test]
+    fn the_stage_is_valid_and_agrees_with_the_host_about_its_table() {
+        let text = text();
+        let module = naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("it parses");
+        let (_, pass) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some("RelayoutPass")).expect("a struct");
+        let TypeInner::Struct { members, span } = &pass.inner else { panic!("RelayoutPass is a struct") };
+        let theirs: Vec<_> = members.iter().map(|m| m.offset as usize).collect();
+        let ours = [
+            std::mem::offset_of!(RelayoutPass, records),
+            std::mem::offset_of!(RelayoutPass, words_before),
+            std::mem::offset_of!(RelayoutPass, quads_after),
+            std::mem::offset_of!(RelayoutPass, padding),
+            std::mem::offset_of!(RelayoutPass, sources),
+            std::mem::offset_of!(RelayoutPass, values),
+        ];
+        assert_eq!((theirs, *span as usize), (ours.to_vec(), size_of::<RelayoutPass>()));
+        assert_eq!(module.entry_points[0].workgroup_size, [LANES, 1, 1]);
+        let longest = [size_of::<Node>(), size_of::<LightRecord>(), size_of::<InstanceRecord>()];
+        assert_eq!(longest.into_iter().max(), Some(16 * MOST_QUADS));
+    }
 }

@@ -188,16 +188,105 @@ mod tests {
         assert_eq!(all(Effects::all(), true), "abcde");
     }
 
-    #[test]
-    fn the_joined_text_is_valid_wgsl() {
-        let text = wgsl(3, Effects::all());
-        let module = naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("it parses");
+    fn module(text: &str) -> naga::Module {
+        let module = naga::front::wgsl::parse_str(text).map_err(|e| e.emit_to_string(text)).expect("it parses");
         naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::default())
             .validate(&module)
-            .map_err(|e| e.emit_to_string(&text))
+            .map_err(|e| e.emit_to_string(text))
             .expect("it is valid");
+        module
+    }
+
+    #[test]
+    fn the_joined_text_is_valid_wgsl() {
+        let module = module(&wgsl(3, Effects::all()));
         let groups: Vec<_> =
             module.global_variables.iter().filter_map(|(_, v)| v.binding.map(|b| (b.group, b.binding))).collect();
         assert_eq!(groups, [(3, 0), (3, 1), (3, 2), (3, 3), (3, 4)]);
+    }
+
+    /// How often a text names something, but for comments.
+    fn uses(text: &str, name: &str) -> usize {
+        let code = text.lines().map(|line| line.split("//").next().unwrap_or_default());
+        code.flat_map(|code| code.split(|c: char| !c.is_alphanumeric() && c != '_'))
+            .filter(|word| *word == name)
+            .count()
+    }
+
+    #[test]
+    fn every_variant_is_valid_and_has_no_function_and_no_constant_that_it_does_not_use() {
+        let asked_for = ["light_sample", "light_pmf", "light_pdf", "light_resample"];
+        for effects in (0..=Effects::all().bits()).map(Effects::from_bits_truncate) {
+            let text = wgsl(0, effects);
+            let module = module(&text);
+            let functions = module.functions.iter().filter_map(|(_, f)| f.name.clone());
+            let constants = module.constants.iter().filter_map(|(_, c)| c.name.clone());
+            for name in functions.chain(constants).filter(|name| !asked_for.contains(&name.as_str())) {
+                assert!(uses(&text, &name) > 1, "{name} is not used with {effects:?}");
+            }
+            let counting = module_names(&wgsl_counting(0, effects));
+            assert_eq!(counting.len(), module_names(&text).len() + 1, "only a counter is added");
+        }
+        assert_eq!(wgsl(0, Effects::all()), wgsl(0, Effects::all() - Effects::MOVING), "changes ask for no shader");
+    }
+
+    /// Functions, variables, constants, types, and members of structs as `Type.member`.
+    fn module_names(text: &str) -> HashSet<String> {
+        let module = module(text);
+        let functions = module.functions.iter().filter_map(|(_, f)| f.name.clone());
+        let variables = module.global_variables.iter().filter_map(|(_, v)| v.name.clone());
+        let constants = module.constants.iter().filter_map(|(_, c)| c.name.clone());
+        let mut names: HashSet<String> = functions.chain(variables).chain(constants).collect();
+        for (_, ty) in module.types.iter() {
+            let Some(name) = &ty.name else { continue };
+            names.insert(name.clone());
+            if let naga::TypeInner::Struct { members, .. } = &ty.inner {
+                names.extend(members.iter().filter_map(|m| Some(format!("{name}.{}", m.name.as_ref()?))));
+            }
+        }
+        names
+    }
+
+    #[test]
+    fn what_an_effect_needs_goes_with_it() {
+        let all = module_names(&wgsl(0, Effects::all()));
+        let effects = [
+            (
+                Effects::CONES,
+                "light_lobe light_turned_away light_from_spot light_unit_axes light_signed_bytes LightLobe LightLobe.value LightLobe.width_sq \
+                 LightNode.cones LightPackedFour.axis LightPackedFour.shortness LightPackedFour.cap LightFour.axis \
+                 LightFour.length LightFour.cos_half_angle LightView.keeps_angles LIGHT_NO_CONES LIGHT_KIND_SPOT \
+                 LIGHT_LAMBERTIAN LIGHT_LOBE_SHARE LIGHT_RIM_WIDTH_SQ LIGHT_RIM_LEAST_SQ LIGHT_LONGEST_LOBE \
+                 LIGHT_CAP_STEPS LIGHT_ANGLE_MARGIN LIGHT_KEEPS_ANGLES",
+            ),
+            (
+                Effects::RANGES,
+                "light_out_of_range light_window LightNode.range LightPackedFour.range LightFour.range \
+                 LightView.range_scale LightRecord.range LIGHT_NO_RANGES LIGHT_COSINE_MARGIN",
+            ),
+            (
+                Effects::AREAS,
+                "light_from_surface light_from_rectangle light_from_triangle light_from_sphere light_is_density \
+                 light_orthonormal light_normal_area light_volume LIGHT_KIND_RECTANGLE LIGHT_KIND_TRIANGLE \
+                 LIGHT_KIND_SPHERE LIGHT_TWO_SIDED LIGHT_CLOSE LIGHT_LEAST_INVERSE_PDF LIGHT_TINY \
+                 light_point_pdf light_surface_pdf light_sphere_pdf",
+            ),
+            (Effects::TWO_SIDED, "LIGHT_TWO_SIDED"),
+            (
+                Effects::DIRECTIONAL,
+                "light_illuminance light_directional light_pick_directional LIGHT_DIRECTIONAL LIGHT_KIND_DIRECTIONAL",
+            ),
+            (Effects::NON_RIGID, "light_rigid_to_local LightInstance.to_local LIGHT_RIGID_STRIDE LIGHT_KEEPS_ANGLES"),
+        ];
+        for (effect, gone) in effects {
+            let without = module_names(&wgsl(0, Effects::all() - effect));
+            assert!(without.is_subset(&all));
+            let missing: HashSet<&str> = all.difference(&without).map(String::as_str).collect();
+            assert_eq!(missing, gone.split_whitespace().collect(), "without {effect:?}");
+        }
+        let points = module_names(&wgsl(0, Effects::empty()));
+        for name in ["LightRecord.b", "LightRecord.c", "LIGHT_KIND_MASK", "LIGHT_POINT_STRIDE", "LIGHT_FARTHEST"] {
+            assert!(all.contains(name) && !points.contains(name), "{name}");
+        }
     }
 }

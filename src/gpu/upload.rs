@@ -34,6 +34,18 @@ pub(super) struct TreeRanges {
 }
 
 impl TreeRanges {
+    /// The end of its nodes, for tests.
+    #[cfg(test)]
+    pub(super) fn node_end(&self) -> u32 {
+        self.nodes.end
+    }
+
+    /// The end of its lights, for tests.
+    #[cfg(test)]
+    pub(super) fn light_end(&self) -> u32 {
+        self.lights.end
+    }
+
     fn fits(&self, tree: &LightTree) -> bool {
         self.nodes.len() == tree.nodes().len() && self.lights.len() == tree.lights().len()
     }
@@ -49,8 +61,17 @@ impl GpuLights {
     ///
     /// O(what changed). Writes go through the queue, ahead of the next submission.
     pub fn upload(&mut self, world: &World, delta: &FrameDelta) -> Result<UploadReport, GpuError> {
+        self.upload_as(world, delta, world.effects())
+    }
+
+    /// The same in the layout of these effects, which must contain the world's.
+    pub(super) fn upload_as(
+        &mut self,
+        world: &World,
+        delta: &FrameDelta,
+        effects: Effects,
+    ) -> Result<UploadReport, GpuError> {
         let mut report = UploadReport::default();
-        let effects = world.effects();
         if delta.is_empty() && self.unsent.is_empty() && self.params.strides == Strides::of(effects) {
             self.effects = effects;
             return Ok(report);

@@ -1,0 +1,311 @@
+//! Tests that variants of the shaders and layouts of the buffers go together: any variant reads any layout, as long as both
+//! have what the world calls for, and samples the same lights.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, OnceLock};
+
+use glam::{DVec3, Mat3, Quat, Vec3};
+
+use super::stages::{Access, Stages};
+use super::testing::{gpu, read};
+use super::*;
+use crate::{DAMPING, DirectionalLight, FrameBudget, FrameDelta, Light, Placement, Policy, World};
+
+const RECEIVERS: u32 = 2048;
+
+/// Of [`RECEIVERS`] samples so many may name another light: matrix products are summed in another order, and where a
+/// choice falls within rounding of the border between two lights it may take the neighbour.
+const OTHERS: usize = 2;
+
+/// Relative difference of chances and radiances, products of some twenty terms.
+const ROUNDING: f32 = 1.0e-4;
+
+/// A number in [0, 1) for each index and purpose.
+fn random(index: u32, salt: u32) -> f32 {
+    let mix = (u64::from(index) << 32 | u64::from(salt)).wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    let mix = (mix ^ (mix >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    (mix >> 40) as f32 / (1u64 << 24) as f32
+}
+
+fn random_vec(index: u32, salt: u32) -> Vec3 {
+    Vec3::new(random(index, salt), random(index, salt + 1), random(index, salt + 2)) - Vec3::splat(0.5)
+}
+
+fn light(i: u32, effects: Effects) -> Light {
+    let at = 6.0 * random_vec(i, 0);
+    let direction = random_vec(i, 3).normalize_or(Vec3::Y);
+    let emission = Vec3::splat(1.0 + 100.0 * random(i, 6));
+    let side = direction.any_orthonormal_vector();
+    let (has_cones, has_areas) = (effects.contains(Effects::CONES), effects.contains(Effects::AREAS));
+    let light = match i % 6 {
+        1 if has_cones => Light::spot(at, direction, 0.01, 0.1 + 1.2 * random(i, 7), emission),
+        2 if has_areas && has_cones => Light::rectangle(at, direction, side * 0.3, emission),
+        3 if has_areas && has_cones => Light::triangle([at, at + direction, at + side], emission),
+        4 if has_areas && effects.contains(Effects::TWO_SIDED) => {
+            Light::triangle([at, at + direction, at + side], emission).two_sided()
+        }
+        5 if has_areas => Light::sphere(at, 0.1 + random(i, 7), emission),
+        _ => Light::point(at, emission),
+    };
+    let has_range = effects.contains(Effects::RANGES) && i.is_multiple_of(4);
+    if has_range { light.with_range(3.0 + 20.0 * random(i, 8)) } else { light }
+}
+
+fn placement(i: u32, effects: Effects) -> Placement {
+    let turn = Mat3::from_quat(Quat::from_axis_angle(random_vec(i, 20).normalize_or(Vec3::X), 6.0 * random(i, 21)));
+    let scale = match i % 4 {
+        _ if !effects.contains(Effects::NON_RIGID) => Vec3::ONE,
+        0 => Vec3::ONE,
+        1 => Vec3::splat(0.3 + 2.0 * random(i, 22)),
+        2 => Vec3::new(-1.0, 1.0, 1.0),
+        _ => Vec3::new(0.5, 2.0, 1.0),
+    };
+    Placement { linear: turn * Mat3::from_diagonal(scale), translation: (30.0 * random_vec(i, 23)).as_dvec3() }
+}
+
+/// A world that calls for exactly these effects.
+fn world_of(effects: Effects) -> World {
+    let mut world = World::new();
+    for tree in 0..4 {
+        let key = world.add_tree((0..60).map(|i| light(100 * tree + i, effects)).collect()).unwrap();
+        for i in 0..5 {
+            world.add_instance(key, placement(10 * tree + i, effects), Policy::default()).unwrap();
+        }
+    }
+    if effects.contains(Effects::DIRECTIONAL) {
+        let sun = DirectionalLight { direction: Vec3::new(0.3, -1.0, 0.2).normalize(), illuminance: Vec3::splat(0.3) };
+        world.add_directional(sun).unwrap();
+    }
+    assert_eq!(world.effects() | Effects::MOVING, effects | Effects::MOVING);
+    world
+}
+
+fn requests() -> Vec<SampleRequest> {
+    let request = |i| SampleRequest {
+        position: (40.0 * random_vec(i, 40)).to_array(),
+        normal: if i.is_multiple_of(5) { [0.0; 3] } else { random_vec(i, 43).normalize_or(Vec3::Y).to_array() },
+        u: [46, 47, 48, 49].map(|salt| random(i, salt)),
+        ..SampleRequest::default()
+    };
+    (0..RECEIVERS).map(request).collect()
+}
+
+/// The variant for these effects, compiled once for all tests.
+fn pipeline(lights: &GpuLights, variant: Effects) -> wgpu::ComputePipeline {
+    static PIPELINES: Mutex<BTreeMap<u8, Arc<OnceLock<wgpu::ComputePipeline>>>> = Mutex::new(BTreeMap::new());
+    let variant = variant - Effects::MOVING;
+    let place = PIPELINES.lock().unwrap().entry(variant.bits()).or_default().clone();
+    place.get_or_init(|| lights.batch.make(variant)).clone()
+}
+
+/// What the variant for these effects samples.
+fn sample(lights: &mut GpuLights, variant: Effects) -> Vec<SampleRecord> {
+    let (device, queue) = gpu();
+    let requests = requests();
+    let buffer = |size| {
+        device.create_buffer(&wgpu::BufferDescriptor {
+            label: None,
+            size,
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        })
+    };
+    let (input, output) = (buffer(size_of_val(&requests[..]) as u64), buffer(u64::from(RECEIVERS) * 48));
+    queue.write_buffer(&input, 0, bytemuck::cast_slice(&requests));
+    let pipeline = pipeline(lights, variant);
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    lights.build_top(&mut encoder);
+    lights.sample_by(&pipeline, &mut encoder, &input, &output, RECEIVERS);
+    queue.submit([encoder.finish()]);
+    read(&device, &queue, &output)
+}
+
+/// A world's lights, stored for these effects.
+fn upload(world: &World, stored: Effects) -> GpuLights {
+    let (device, queue) = gpu();
+    let mut lights = GpuLights::new(&device, &queue).unwrap();
+    lights.upload_as(world, &FrameDelta::everything(world), stored).unwrap();
+    lights
+}
+
+/// The same samples to float rounding, but for [`OTHERS`].
+fn assert_alike(ours: &[SampleRecord], twin: &[SampleRecord], what: &str) {
+    let close = |a: f32, b: f32| (a - b).abs() <= ROUNDING * a.abs().max(b.abs());
+    let mut others = 0;
+    for (a, b) in ours.iter().zip(twin) {
+        if (a.instance, a.light, a.pmf > 0.0) != (b.instance, b.light, b.pmf > 0.0) {
+            others += 1;
+            continue;
+        }
+        let (radiance, other) = (Vec3::from(a.radiance), Vec3::from(b.radiance));
+        assert!(close(a.pmf, b.pmf) && close(a.pdf, b.pdf) && close(a.distance, b.distance), "{what}: {a:?} {b:?}");
+        assert!((radiance - other).length() <= ROUNDING * other.length(), "{what}: {a:?} {b:?}");
+        assert!((Vec3::from(a.direction) - Vec3::from(b.direction)).length() <= ROUNDING, "{what}: {a:?} {b:?}");
+        assert_eq!(a.is_delta, b.is_delta, "{what}");
+    }
+    let lit = twin.iter().filter(|record| record.pmf > 0.0).count();
+    assert!(others <= OTHERS && lit > 500, "{what}: {others} of {RECEIVERS} differ, {lit} are lit");
+}
+
+const EFFECTS: [Effects; 6] =
+    [Effects::CONES, Effects::RANGES, Effects::AREAS, Effects::TWO_SIDED, Effects::DIRECTIONAL, Effects::NON_RIGID];
+
+#[test]
+fn a_world_without_an_effect_is_sampled_alike_by_the_variant_without_it() {
+    let all = Effects::all();
+    for lacking in EFFECTS.into_iter().chain([Effects::AREAS | Effects::TWO_SIDED, all - Effects::AREAS, all]) {
+        let effects = match all - lacking {
+            // Only surfaces have two sides.
+            rest if !rest.contains(Effects::AREAS) => rest - Effects::TWO_SIDED,
+            rest => rest,
+        };
+        let world = world_of(effects);
+        let mut lights = upload(&world, world.effects());
+        let twin = sample(&mut upload(&world, all), all);
+        for variant in [all, all - lacking, effects] {
+            let records = sample(&mut lights, variant);
+            assert_alike(&records, &twin, &format!("{variant:?} of a world without {lacking:?}"));
+        }
+    }
+}
+
+#[test]
+fn any_variant_reads_any_layout() {
+    let world = world_of(Effects::empty());
+    let twin = sample(&mut upload(&world, Effects::all()), Effects::all());
+    let sets: Vec<Effects> =
+        EFFECTS.into_iter().chain([Effects::empty(), Effects::CONES | Effects::RANGES, Effects::all()]).collect();
+    let mut layouts: Vec<_> = sets.iter().map(|stored| (stored, upload(&world, *stored))).collect();
+    for variant in &sets {
+        for (stored, lights) in &mut layouts {
+            assert_alike(&sample(lights, *variant), &twin, &format!("{variant:?} of {stored:?}"));
+        }
+    }
+}
+
+/// What the pools hold in the ranges in use, and what is built of it.
+fn content(lights: &mut GpuLights) -> [Vec<u32>; 4] {
+    let (device, queue) = gpu();
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    lights.build_top(&mut encoder);
+    queue.submit([encoder.finish()]);
+    let words = |buffer, records: Range<u32>, quads: u32| {
+        let words: Vec<u32> = read(&device, &queue, buffer);
+        words[(records.start * quads * 4) as usize..(records.end * quads * 4) as usize].to_vec()
+    };
+    let strides = lights.params.strides;
+    let end = |range: fn(&TreeRanges) -> u32| lights.tree_ranges.iter().map(range).max().unwrap_or(0);
+    let levels = crate::top::level_starts(lights.params.slots as usize);
+    [
+        words(lights.nodes.buffer(), 0..end(TreeRanges::node_end), strides.node),
+        words(lights.lights.buffer(), 0..end(TreeRanges::light_end).max(lights.directionals.end), strides.light),
+        // Slot 0 is nobody's and never written.
+        words(lights.instances.buffer(), 1..lights.params.slots, strides.instance),
+        words(lights.top.nodes(), 0..levels[levels.len() - 1], strides.node),
+    ]
+}
+
+#[test]
+fn a_world_whose_effects_come_and_go_is_stored_as_a_fresh_upload_stores_it() {
+    let mut world = world_of(Effects::empty());
+    let mut lights = upload(&world, world.effects());
+    world.take_delta();
+    let mut seen = Vec::new();
+    let mut check = |world: &mut World, what: &str| {
+        // What nothing calls for any more goes late.
+        for _ in 0..=DAMPING {
+            world.update(FrameBudget::NONE);
+        }
+        let delta = world.take_delta();
+        let (stored, added) = (world.effects(), world.effects() - Effects::MOVING);
+        lights.upload(world, &delta).unwrap();
+        let mut fresh = upload(world, stored);
+        let twin = sample(&mut fresh, added);
+        assert_eq!(lights.params, fresh.params, "{what}");
+        for (i, (ours, theirs)) in content(&mut lights).iter().zip(&content(&mut fresh)).enumerate() {
+            let other = ours.iter().zip(theirs).position(|(a, b)| a != b);
+            assert!(ours.len() == theirs.len() && other.is_none(), "{what}, buffer {i}: word {other:?} differs");
+        }
+        assert_eq!(sample(&mut lights, added), twin, "{what}");
+        seen.push(lights.params.strides);
+    };
+    check(&mut world, "points");
+    let mut undo: Vec<(crate::TreeKey, crate::InstanceKey)> = Vec::new();
+    // Each adds what no light before it had; the last is scaled.
+    for (i, effects) in
+        [Effects::RANGES, Effects::CONES, Effects::AREAS, Effects::AREAS | Effects::TWO_SIDED, Effects::NON_RIGID]
+            .into_iter()
+            .enumerate()
+    {
+        let tree = world.add_tree((0..40).map(|i| light(i, effects)).collect()).unwrap();
+        let at = placement(1 + 4 * i as u32, effects);
+        undo.push((tree, world.add_instance(tree, at, Policy::default()).unwrap()));
+        check(&mut world, &format!("with {effects:?}"));
+    }
+    let sun = DirectionalLight { direction: Vec3::NEG_Y, illuminance: Vec3::ONE };
+    let sun = world.add_directional(sun).unwrap();
+    check(&mut world, "with a sun");
+    world.remove_directional(sun).unwrap();
+    check(&mut world, "without the sun");
+    for (tree, instance) in undo.into_iter().rev() {
+        world.remove_instance(instance).unwrap();
+        world.remove_tree(tree).unwrap();
+        check(&mut world, "with less and less");
+    }
+    let changes = seen.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    assert_eq!((changes, seen[0]), (6, seen[seen.len() - 1]), "{seen:?}");
+}
+
+#[test]
+fn effects_that_go_without_a_delta_shrink_what_is_stored() {
+    let world = world_of(Effects::empty());
+    let mut lights = upload(&world, Effects::all());
+    assert_eq!(lights.params.strides, Strides::of(Effects::all()));
+    let report = lights.upload(&world, &FrameDelta::default()).unwrap();
+    assert_eq!((report.trees, report.instances), (0, 0));
+    assert!(report.bytes > 0 && report.bytes < 4096, "tables, no records: {report:?}");
+    assert!(content(&mut lights) == content(&mut upload(&world, Effects::empty())));
+    assert_eq!(lights.upload(&world, &FrameDelta::default()).unwrap(), UploadReport::default());
+}
+
+#[test]
+fn a_counting_variant_counts_the_nodes_that_a_sample_reads() {
+    let (device, queue) = gpu();
+    let mut world = World::new();
+    let lamp = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).unwrap();
+    world.add_instance(lamp, Placement::at(DVec3::X), Policy::default()).unwrap();
+    let mut lights = upload(&world, Effects::empty());
+    let mut storage = [Access::Read; 5];
+    storage[4] = Access::Write;
+    let stages = Stages::new(&device, "counts", size_of::<ParamsRecord>() as u64, &storage);
+    let text = text::wgsl_counting(0, Effects::empty())
+        + "@group(0) @binding(5) var<storage, read_write> counts: array<u32>;
+        @compute @workgroup_size(1) fn count() {
+            let s = light_sample(LightReceiver(vec3(0.0), vec3(0.0)), vec4(0.5));
+            counts[0] = select(0u, light_nodes_read, s.pmf > 0.0);
+        }";
+    let pipeline = stages.pipeline(&device, "count", text);
+    let output = device.create_buffer(&wgpu::BufferDescriptor {
+        label: None,
+        size: 4,
+        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+        mapped_at_creation: false,
+    });
+    // The top level's root, and the tree's: both are opened, or the second is walked to.
+    for openings in [0, 6] {
+        lights.set_openings(openings);
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        lights.build_top(&mut encoder);
+        let buffers =
+            [lights.top.nodes(), lights.nodes.buffer(), lights.instances.buffer(), lights.lights.buffer(), &output];
+        let group = stages.bind(&device, &lights.params_buffer, &buffers);
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_pipeline(&pipeline);
+            pass.set_bind_group(0, &group, &[0]);
+            pass.dispatch_workgroups(1, 1, 1);
+        }
+        queue.submit([encoder.finish()]);
+        assert_eq!(read::<u32>(&device, &queue, &output), [2], "{openings} openings");
+    }
+}
