@@ -1,6 +1,7 @@
 //! The records that the host uploads. `shaders/types.wgsl` has their twins; the test below compares them.
 //!
-//! Nodes are uploaded as the CPU walks them: see [`Node`](crate::tree::Node).
+//! Nodes are uploaded as the CPU walks them: see [`Node`](crate::tree::Node). Of all of them what is stored depends on
+//! the world's effects: see `gpu/stored.rs`.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat3, Vec3};

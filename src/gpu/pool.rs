@@ -239,6 +239,9 @@ fn cut(ranges: &RangeAllocator<u64>, end: u64) -> RangeAllocator<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effects::Effects;
+    use crate::gpu::layout::InstanceRecord;
+    use crate::gpu::stored::missing_of_instance;
     use crate::gpu::testing::{gpu, read};
 
     /// A record of 16 bytes, the commonest size in WGSL.
@@ -318,6 +321,30 @@ mod tests {
         pool.free(3..5);
         assert!(pool.alloc(3).is_err());
         assert_eq!(pool.alloc(2).unwrap(), 3..5);
+    }
+
+    #[test]
+    fn a_layout_that_needs_more_keeps_ranges_and_gaps_or_is_refused() {
+        let (device, queue) = gpu();
+        let relayout = Relayout::new(&device);
+        let mut pool = Pool::<InstanceRecord>::with_limit(&device, &queue, "test records", 1, 24 * 80).unwrap();
+        pool.set_layout(Stored::instances(Effects::empty()), missing_of_instance, &relayout);
+        let ranges: Vec<_> = [3, 4, 3, 14].map(|len| pool.alloc(len).unwrap()).into();
+        pool.write(7, &[InstanceRecord { tree: 5, ..InstanceRecord::NONE }]);
+        let whole = Stored::instances(Effects::all());
+        let refused = GpuError::Full { what: "test records", needed: 24 * 128, limit: 15 * 128 };
+        assert_eq!(pool.check_layout(&whole), Err(refused));
+        pool.free(ranges[3].clone());
+        pool.free(ranges[1].clone());
+        assert_eq!(pool.check_layout(&whole), Ok(()));
+        let before = pool.generation();
+        pool.set_layout(whole, missing_of_instance, &relayout);
+        assert_eq!((pool.capacity(), pool.generation()), (15, before + 1));
+        assert_eq!(read::<InstanceRecord>(&device, &queue, pool.buffer())[7].tree, 5);
+        assert_eq!((pool.alloc(4).unwrap(), pool.alloc(5).unwrap()), (3..7, 10..15));
+        assert!(pool.alloc(1).is_err());
+        pool.set_layout(Stored::instances(Effects::empty()), missing_of_instance, &relayout);
+        assert_eq!(pool.alloc(9).unwrap(), 15..24);
     }
 
     #[test]

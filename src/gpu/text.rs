@@ -19,7 +19,8 @@ use crate::walk;
 /// laid out as `GpuLights::bind_group_layout` has them for compute and fragment stages: one uniform and four read-only
 /// storage buffers, of the eight that WebGPU grants a stage. All names start with `light_`, `Light` or `LIGHT_`.
 ///
-/// `effects` says what the text can do: it must contain what the world calls for.
+/// `effects` says what the text can do: it must contain what the world calls for, and needs to contain no more. Buffers
+/// may hold more or less than the text has code for.
 pub fn wgsl(group: u32, effects: Effects) -> String {
     joined(group, effects, false)
 }

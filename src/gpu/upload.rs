@@ -59,7 +59,8 @@ impl GpuLights {
     /// [`GpuError::Full`] if something would outgrow its buffer. Then nothing was written; what the delta names is
     /// remembered and goes with the next upload, once the world holds less.
     ///
-    /// O(what changed). Writes go through the queue, ahead of the next submission.
+    /// O(what changed). Writes go through the queue, ahead of the next submission. What is stored of nodes, lights and
+    /// instances follows the world's effects: where these change, the GPU copies its pools, and everything is bound anew.
     pub fn upload(&mut self, world: &World, delta: &FrameDelta) -> Result<UploadReport, GpuError> {
         self.upload_as(world, delta, world.effects())
     }

@@ -18,7 +18,7 @@ const RECEIVERS: u32 = 2048;
 const OTHERS: usize = 2;
 
 /// Relative difference of chances and radiances, products of some twenty terms.
-const ROUNDING: f32 = 1.0e-4;
+const ROUNDING: f32 = 1.0e-5;
 
 /// A number in [0, 1) for each index and purpose.
 fn random(index: u32, salt: u32) -> f32 {

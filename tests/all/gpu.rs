@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use girandole::glam::{DVec3, Vec3};
+use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::{GpuError, GpuLights, SampleRecord, SampleRequest, wgsl};
 use girandole::{DEFAULT_OPENINGS, FrameBudget, FrameDelta, Light, LightId, Placement, Policy, Receiver, World};
 
@@ -89,17 +89,25 @@ pub(crate) fn sample(
     openings: usize,
     requests: &[SampleRequest],
 ) -> Vec<SampleRecord> {
-    let (device, queue) = gpu();
     lights.set_openings(openings as u32);
     let delta = world.take_delta();
     lights.upload(world, &delta).expect("room enough");
-    let input = buffer(&device, &queue, bytemuck::cast_slice(requests));
-    let output = buffer(&device, &queue, &vec![0; size_of_val(requests)]);
+    sample_again(&gpu(), lights, requests)
+}
+
+/// Samples what was uploaded last.
+fn sample_again(
+    (device, queue): &(wgpu::Device, wgpu::Queue),
+    lights: &mut GpuLights,
+    requests: &[SampleRequest],
+) -> Vec<SampleRecord> {
+    let input = buffer(device, queue, bytemuck::cast_slice(requests));
+    let output = buffer(device, queue, &vec![0; size_of_val(requests)]);
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     lights.build_top(&mut encoder);
     lights.sample(&mut encoder, &input, &output, requests.len() as u32);
     queue.submit([encoder.finish()]);
-    read(&device, &queue, &output)
+    read(device, queue, &output)
 }
 
 pub(crate) fn close(a: f32, b: f32) -> bool {
@@ -250,6 +258,40 @@ fn a_frame_uploads_what_changed_and_nothing_else() {
 }
 
 #[test]
+fn a_world_of_points_sends_no_bytes_for_what_points_lack() {
+    let (device, queue) = gpu();
+    let mut rng = Rng(51);
+    let mut world = World::new();
+    let points = |rng: &mut Rng, count| (0..count).map(|_| Light::point(rng.place(5.0), Vec3::ONE)).collect::<Vec<_>>();
+    let tree = world.add_tree(points(&mut rng, 300)).expect("valid");
+    let instance = world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+    world.add_instance(tree, Placement::at(DVec3::X), Policy::Budgeted).expect("valid");
+    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let mut upload = |world: &mut World| {
+        world.update(FrameBudget::NONE);
+        let delta = world.take_delta();
+        lights.upload(world, &delta).expect("room enough").bytes
+    };
+    upload(&mut world);
+    let nodes = |world: &World, tree| world.tree(tree).expect("it lives").nodes().len() as u64;
+    // 32 bytes a light, 160 a node, 80 a tree, 80 an instance.
+    world.set_lights(tree, &[(0, Light::point(Vec3::ONE, Vec3::ONE))]).expect("valid");
+    assert_eq!(upload(&mut world), 300 * 32 + nodes(&world, tree) * 160 + 80);
+    world.move_instance(instance, Placement::at(DVec3::Y)).expect("valid");
+    assert_eq!(upload(&mut world), 80);
+    // A tree of spots with ranges grows everything, on the GPU: sent is the tree itself, an instance of it, the tables
+    // of nodes and lights and the uniform.
+    let spot = |_| Light::spot(rng.place(5.0), Vec3::NEG_Y, 0.1, 0.4, Vec3::ONE).with_range(9.0);
+    let spots = world.add_tree((0..20).map(spot).collect()).expect("valid");
+    world.add_instance(spots, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+    let table = 16 + 2 * 13 * 16;
+    assert_eq!(upload(&mut world), 20 * 64 + nodes(&world, spots) * 208 + 80 + 80 + 2 * table + 48);
+    // And one that is scaled all instances.
+    world.move_instance(instance, Placement { linear: 2.0 * Mat3::IDENTITY, ..Placement::IDENTITY }).expect("valid");
+    assert_eq!(upload(&mut world), 128 + table + 48);
+}
+
+#[test]
 fn a_gpu_that_comes_late_gets_everything() {
     let (device, queue) = gpu();
     let mut rng = Rng(47);
@@ -366,6 +408,36 @@ pub(crate) fn ask<Q: bytemuck::Pod, A: bytemuck::Pod>(
     }
     queue.submit([encoder.finish()]);
     read(&device, &queue, &output)
+}
+
+#[test]
+fn what_does_not_fit_once_the_layout_has_grown_leaves_the_last_upload_in_place() {
+    let limited = limited_gpu(1 << 20);
+    let mut rng = Rng(52);
+    let mut world = World::new();
+    let points = (0..12_000).map(|_| Light::point(rng.place(5.0), Vec3::ONE)).collect();
+    let tree = world.add_tree(points).expect("valid");
+    world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
+    let mut lights = GpuLights::new(&limited.0, &limited.1).expect("such limits are enough");
+    let delta = world.take_delta();
+    lights.upload(&world, &delta).expect("room enough");
+    let requests = requests(&mut rng, 512, 10.0);
+    let before = sample_again(&limited, &mut lights, &requests);
+    // In 64 bytes each 12,000 lights fit into a mebibyte, but not 18,000.
+    let spot = |_| Light::spot(rng.place(5.0), Vec3::NEG_Y, 0.1, 0.4, Vec3::ONE);
+    let spots = world.add_tree((0..6000).map(spot).collect()).expect("valid");
+    let instance = world.add_instance(spots, Placement::IDENTITY, Policy::Static).expect("valid");
+    let delta = world.take_delta();
+    let refused = lights.upload(&world, &delta).err();
+    assert!(matches!(refused, Some(GpuError::Full { what: "lights", .. })), "{refused:?}");
+    lights.set_openings(DEFAULT_OPENINGS as u32 - 1);
+    lights.set_openings(DEFAULT_OPENINGS as u32);
+    assert_eq!(sample_again(&limited, &mut lights, &requests), before);
+    world.remove_instance(instance).expect("it lives");
+    world.remove_tree(spots).expect("unused");
+    let delta = world.take_delta();
+    lights.upload(&world, &delta).expect("room enough again");
+    assert_eq!(sample_again(&limited, &mut lights, &requests), before);
 }
 
 #[test]
