@@ -301,8 +301,8 @@ fn pack_four(four: ClusterFour, origin: vec3<f32>, bits: vec3<u32>) -> LightPack
     );
 }
 
-// Twin of `Node::pack`: eight clusters and their node's own. Targets and parent are left at zero. Dark clusters and a dark
-// node have what lights without cone and range have.
+// Twin of `Node::pack`: eight clusters and their node's own. Targets and parent are left at zero. Dark clusters and a
+// dark node have what lights without cone and range have.
 fn node_packed(eight: ClusterEight, merged: LightCluster) -> LightNode {
     let bits = vec3(
         step_bits(merged.box_min.x, merged.box_max.x),

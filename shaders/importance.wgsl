@@ -119,7 +119,8 @@ fn light_out_of_range(four: LightFour, view: LightView, margin: f32) -> vec4<boo
 // #endif
 
 // #if CONES
-// The mixture of a clamped cosine and all sides, times the distance, and the squared width that it is still to be divided by.
+// The mixture of a clamped cosine and all sides, times the distance, and the squared width that it is still to be
+// divided by.
 struct LightLobe {
     value: vec4<f32>,
     width_sq: vec4<f32>,

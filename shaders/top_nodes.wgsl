@@ -1,7 +1,8 @@
 // Stores nodes of the top level as sampling reads them. In `nodes`, an array of words that the stage binds: several
 // invocations write the targets of one node, and one that writes a component of a vector may touch all of the vector.
 
-// Where a node's pieces lie, in 16 bytes: from one node to the next, and its cones and ranges; 0 if they are not stored.
+// Where a node's pieces lie, in 16 bytes: from one node to the next, and its cones and ranges; 0 if they are not
+// stored.
 struct NodeLayout {
     stride: u32,
     cones: u32,

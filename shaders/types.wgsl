@@ -8,7 +8,8 @@ struct LightNode {
     head: vec4<u32>,
     targets: array<vec4<u32>, 2>,
     flux: vec4<u32>,
-    // Least corners, greatest corners, means: children 0 to 3 and 4 to 7 along x, then along y, then along z. Deviation.
+    // Least corners, greatest corners, means: children 0 to 3 and 4 to 7 along x, then along y, then along z.
+    // Deviation.
     boxes: array<vec4<u32>, 5>,
     // Parent, padding, shortness.
     tail: vec4<u32>,
@@ -33,8 +34,8 @@ struct LightCluster {
     cos_half_angle: f32,
 }
 
-// One light in its tree's space; which fields mean what depends on the kind, see src/gpu/layout.rs. Buffers of nothing but
-// points end before `b`.
+// One light in its tree's space; which fields mean what depends on the kind, see src/gpu/layout.rs. Buffers of nothing
+// but points end before `b`.
 struct LightRecord {
     a: vec3<f32>,
     kind: u32,

@@ -9,8 +9,8 @@ use crate::bounds::Aabb;
 /// which is inside the margin that the sampling code leaves around every cap.
 const SIMILARITY_TOLERANCE: f32 = 1.0e-5;
 
-/// A matrix whose Gram matrix is this close to the identity, entry by entry, only turns: its transpose is its inverse, to
-/// that share of the coordinates. Some ten products of rotations in f32 stay inside.
+/// A matrix whose Gram matrix is this close to the identity, entry by entry, only turns: its transpose is its inverse,
+/// to that share of the coordinates. Some ten products of rotations in f32 stay inside.
 pub(crate) const RIGID_TOLERANCE: f32 = 4.0e-6;
 
 /// The most flux that one light or many count as, in lumens: products of it with every factor of the importance stay
@@ -143,6 +143,18 @@ impl Linear {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn products_of_ten_rotations_are_rigid_and_scales_and_mirrors_are_not() {
+        for i in 0..5000 {
+            let axis =
+                |k: usize| Vec3::new((k as f32).sin(), (1.7 * k as f32).cos(), (2.3 * k as f32).sin()).normalize();
+            let turn = (0..10).fold(Mat3::IDENTITY, |m, k| m * Mat3::from_axis_angle(axis(10 * i + k), (i + k) as f32));
+            assert!(Linear::new(turn).is_rigid(), "{turn}");
+            assert!(!Linear::new(turn * 1.00001).is_rigid());
+            assert!(!Linear::new(turn * Mat3::from_diagonal(Vec3::new(-1.0, 1.0, 1.0))).is_rigid());
+        }
+    }
 
     #[test]
     fn a_uniform_scale_changes_area_flux_by_its_square_and_a_mirror_by_nothing() {

@@ -168,8 +168,8 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         Ok(())
     }
 
-    /// Replaces the buffer by one that holds the same records in another layout, made of the old on the GPU and submitted
-    /// at once, as growth is. They must fit, see [`Pool::check_layout`]. Returns the bytes sent.
+    /// Replaces the buffer by one that holds the same records in another layout, made of the old on the GPU and
+    /// submitted at once, as growth is. They must fit, see [`Pool::check_layout`]. Returns the bytes sent.
     pub(crate) fn set_layout(&mut self, stored: Stored, missing: fn(usize) -> Missing, relayout: &Relayout) -> u64 {
         let limit = limit_of(self.limit_bytes, &stored);
         let capacity = self.capacity().min(limit);

@@ -114,12 +114,12 @@ mod tests {
     use naga::TypeInner;
 
     use super::*;
-    use crate::Light;
     use crate::effects::Effects;
     use crate::gpu::layout::{InstanceRecord, LightRecord};
     use crate::gpu::pool::Pool;
     use crate::gpu::stored::{missing_of_instance, missing_of_light, missing_of_node};
     use crate::gpu::testing::{gpu, read};
+    use crate::light::Light;
     use crate::placement::{Placed, Placement};
     use crate::tree::{LightTree, Node};
 

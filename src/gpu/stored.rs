@@ -88,7 +88,7 @@ pub(crate) enum Missing {
 impl Stored {
     /// All of a record.
     pub(crate) fn whole<T>() -> Self {
-        Self { pieces: vec![0..size_of::<T>()], whole: size_of::<T>() }
+        Self::parts::<T>(size_of::<T>(), std::iter::empty())
     }
 
     pub(crate) fn nodes(effects: Effects) -> Self {

@@ -144,9 +144,9 @@ pub(crate) fn constants() -> String {
     text
 }
 
-/// The lines of a text that a variant needs. `// #if NAME` and `// #endif` enclose what only worlds with an effect of that
-/// name need; they nest, and whatever is kept, the text is WGSL. `// #if A | B` is for worlds with any of several.
-/// `// #if COUNTS` encloses what counts nodes.
+/// The lines of a text that a variant needs. `// #if NAME` and `// #endif` enclose what only worlds with an effect of
+/// that name need; they nest, and whatever is kept, the text is WGSL. `// #if A | B` is for worlds with any of
+/// several. `// #if COUNTS` encloses what counts nodes.
 ///
 /// Panics on a name that is no effect and on an end without a beginning: the texts are ours.
 pub(crate) fn variant(text: &str, effects: Effects, counts: bool) -> String {

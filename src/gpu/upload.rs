@@ -60,7 +60,8 @@ impl GpuLights {
     /// remembered and goes with the next upload, once the world holds less.
     ///
     /// O(what changed). Writes go through the queue, ahead of the next submission. What is stored of nodes, lights and
-    /// instances follows the world's effects: where these change, the GPU copies its pools, and everything is bound anew.
+    /// instances follows the world's effects: where these change, the GPU copies its pools, and everything is bound
+    /// anew.
     pub fn upload(&mut self, world: &World, delta: &FrameDelta) -> Result<UploadReport, GpuError> {
         self.upload_as(world, delta, world.effects())
     }
@@ -116,8 +117,8 @@ impl GpuLights {
         Ok(report)
     }
 
-    /// Brings the pools into the layout that a world of these effects is stored in, or leaves them all as they are where
-    /// one would outgrow its buffer. Until the next success, shaders keep the old buffers, with the old strides.
+    /// Brings the pools into the layout that a world of these effects is stored in, or leaves them all as they are
+    /// where one would outgrow its buffer. Until the next success, shaders keep the old buffers, with the old strides.
     fn set_layout(&mut self, effects: Effects) -> Result<u64, GpuError> {
         let [nodes, lights, instances] = [Stored::nodes(effects), Stored::lights(effects), Stored::instances(effects)];
         self.nodes.check_layout(&nodes)?;

@@ -1,5 +1,5 @@
-//! Tests that variants of the shaders and layouts of the buffers go together: any variant reads any layout, as long as both
-//! have what the world calls for, and samples the same lights.
+//! Tests that variants of the shaders and layouts of the buffers go together: any variant reads any layout, as long as
+//! both have what the world calls for, and samples the same lights.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock};
@@ -9,7 +9,13 @@ use glam::{DVec3, Mat3, Quat, Vec3};
 use super::stages::{Access, Stages};
 use super::testing::{gpu, read};
 use super::*;
-use crate::{DAMPING, DirectionalLight, FrameBudget, FrameDelta, Light, Placement, Policy, World};
+use crate::effects::DAMPING;
+use crate::keys::{InstanceKey, TreeKey};
+use crate::light::{DirectionalLight, Light};
+use crate::placement::Placement;
+use crate::policy::Policy;
+use crate::scheduler::FrameBudget;
+use crate::world::{FrameDelta, World};
 
 const RECEIVERS: u32 = 2048;
 
@@ -230,7 +236,7 @@ fn a_world_whose_effects_come_and_go_is_stored_as_a_fresh_upload_stores_it() {
         seen.push(lights.params.strides);
     };
     check(&mut world, "points");
-    let mut undo: Vec<(crate::TreeKey, crate::InstanceKey)> = Vec::new();
+    let mut undo: Vec<(TreeKey, InstanceKey)> = Vec::new();
     // Each adds what no light before it had; the last is scaled.
     for (i, effects) in
         [Effects::RANGES, Effects::CONES, Effects::AREAS, Effects::AREAS | Effects::TWO_SIDED, Effects::NON_RIGID]
