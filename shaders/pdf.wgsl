@@ -78,11 +78,9 @@ fn light_point_pdf(light: LightRecord, instance: LightInstance, receiver: LightR
 // without size, and where light_sample would find nothing.
 fn light_pdf(receiver: LightReceiver, instance: u32, light: u32, point: vec3<f32>) -> f32 {
     // #if AREAS
-    // #if DIRECTIONAL
     if instance == LIGHT_DIRECTIONAL {
         return 0.0;
     }
-    // #endif
     let place = light_instance(instance);
     let pdf = light_point_pdf(light_record(place.light_base + light), place, receiver, point);
     if pdf > 0.0 {
