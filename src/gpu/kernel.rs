@@ -49,8 +49,8 @@ impl Kernel {
 
     /// The best that is ready; the first call compiles the one for all effects.
     pub fn pipeline(&self, effects: Effects) -> wgpu::ComputePipeline {
-        // Whether lights move is nothing to the text.
-        self.variants().get(effects - Effects::MOVING).clone()
+        // Whether lights move is nothing to the text: so that what serves all else is not made twice.
+        self.variants().get(effects | Effects::MOVING).clone()
     }
 
     pub fn variants(&self) -> MutexGuard<'_, Variants<wgpu::ComputePipeline>> {

@@ -89,12 +89,7 @@ impl GpuLights {
         let lights = Pool::new(device, queue, "lights", 64)?;
         let instances = Pool::new(device, queue, "instances", 64)?;
         let trees = Pool::new(device, queue, "light trees", 16)?;
-        let params_buffer = device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("girandole params"),
-            size: size_of::<ParamsRecord>() as u64,
-            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
+        let params_buffer = params_buffer(device);
         let params = ParamsRecord {
             openings: DEFAULT_OPENINGS as u32,
             strides: Strides::of(Effects::all()),
@@ -163,18 +158,32 @@ impl GpuLights {
         &self.layout
     }
 
-    /// To be bound at the group that [`wgsl`] was asked for. An upload that makes a buffer grow replaces it: ask each frame.
+    /// To be bound at the group that [`wgsl`] was asked for. An upload that replaces a buffer, by a larger one or one of
+    /// another layout, replaces the bind group too: ask each frame, after [`GpuLights::upload`], and submit what was
+    /// recorded with it before the next upload. The old one goes on naming the buffers of before, all of them in the
+    /// layout of before, for commands that are submitted late.
     pub fn bind_group(&self) -> &wgpu::BindGroup {
         &self.bind_group
     }
 
-    /// Binds again what was replaced.
-    fn refresh_bind_groups(&mut self) {
+    /// What the buffers hold as of the last upload: the effects that a pipeline must serve to draw with
+    /// [`GpuLights::bind_group`]. [`World::effects`](crate::World::effects) of then, without [`Effects::MOVING`], which
+    /// is nothing to shaders; all others before the first upload.
+    pub fn effects(&self) -> Effects {
+        self.effects - Effects::MOVING
+    }
+
+    /// Tells shaders of the parameters, and binds again what was replaced. Returns the bytes sent.
+    fn refresh(&mut self, params: ParamsRecord) -> u64 {
         let bound =
             [self.top.generation(), self.nodes.generation(), self.instances.generation(), self.lights.generation()];
-        self.top.set_strides(self.params.strides);
+        self.top.set_strides(params.strides);
         self.top.bind(&self.instances, &self.trees);
         if bound != self.bound {
+            // The old bind group names the old buffers, to which the old strides belong.
+            self.params_buffer = params_buffer(&self.device);
+            self.queue.write_buffer(&self.params_buffer, 0, bytemuck::bytes_of(&params));
+            self.params = params;
             let buffers = [
                 &self.params_buffer,
                 self.top.nodes(),
@@ -184,8 +193,19 @@ impl GpuLights {
             ];
             self.bind_group = bind_group(&self.device, &self.layout, buffers);
             self.bound = bound;
+            return size_of::<ParamsRecord>() as u64;
         }
+        self.send_params(params)
     }
+}
+
+fn params_buffer(device: &wgpu::Device) -> wgpu::Buffer {
+    device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("girandole params"),
+        size: size_of::<ParamsRecord>() as u64,
+        usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    })
 }
 
 fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {

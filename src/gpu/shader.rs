@@ -54,13 +54,19 @@ pub struct LightShader {
     pub wgsl: String,
     /// Where the engine's pipeline layouts need [`LightShader::layout`] and its passes [`GpuLights::bind_group`].
     pub group: u32,
-    /// What the text can do; it serves as long as the world calls for nothing else.
+    /// What the text can do; it serves as long as [`GpuLights::effects`] has nothing else.
     pub effects: Effects,
     /// Of the bind group, for compute and fragment stages.
     pub layout: wgpu::BindGroupLayout,
 }
 
 impl LightShader {
+    /// The same for other effects, where no [`GpuLights`] is at hand: on the thread of [`Variants`](crate::Variants).
+    /// Joins texts, compiles nothing.
+    pub fn with_effects(&self, effects: Effects) -> Self {
+        Self { wgsl: text::wgsl(self.group, effects), group: self.group, effects, layout: self.layout.clone() }
+    }
+
     /// The engine's shader with ours before it, but after its `enable`, `requires` and `diagnostic` directives, which
     /// WGSL wants first. Line numbers of errors in the engine's part move by the lines of ours.
     pub fn join(&self, engine: &str) -> String {
@@ -106,6 +112,7 @@ mod tests {
         ] {
             let text = shader.join(&format!("{head}{body}"));
             naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("directives come first");
+            assert!(shader.with_effects(Effects::empty()).join("").contains("@group(2)"));
             assert!(text.contains(body) && text.contains("@group(2)"), "nothing is lost");
         }
     }

@@ -110,8 +110,7 @@ impl GpuLights {
             let records: Vec<_> = world.directionals().map(|(_, light)| LightRecord::directional(light)).collect();
             report.bytes += self.lights.write(self.directionals.start, &records);
         }
-        report.bytes += self.write_params(world, effects);
-        self.refresh_bind_groups();
+        report.bytes += self.refresh(self.params_of(world, effects));
         self.top_is_stale = true;
         self.effects = effects;
         Ok(report)
@@ -246,14 +245,14 @@ impl GpuLights {
         InstanceRecord::of(&instance.placed, tree, ranges.nodes.start, ranges.lights.start)
     }
 
-    fn write_params(&mut self, world: &World, effects: Effects) -> u64 {
-        self.send_params(ParamsRecord {
+    fn params_of(&self, world: &World, effects: Effects) -> ParamsRecord {
+        ParamsRecord {
             slots: world.slot_count() as u32,
             directional_base: self.directionals.start,
             directional_count: self.directionals.len() as u32,
             strides: Strides::of(effects),
             ..self.params
-        })
+        }
     }
 }
 

@@ -106,6 +106,14 @@ fn pipeline(lights: &GpuLights, variant: Effects) -> wgpu::ComputePipeline {
 
 /// What the variant for these effects samples.
 fn sample(lights: &mut GpuLights, variant: Effects) -> Vec<SampleRecord> {
+    let (encoder, output) = record(lights, variant);
+    let (device, queue) = gpu();
+    queue.submit([encoder.finish()]);
+    read(&device, &queue, &output)
+}
+
+/// The commands for it, and where the samples will be.
+fn record(lights: &mut GpuLights, variant: Effects) -> (wgpu::CommandEncoder, wgpu::Buffer) {
     let (device, queue) = gpu();
     let requests = requests();
     let buffer = |size| {
@@ -122,8 +130,7 @@ fn sample(lights: &mut GpuLights, variant: Effects) -> Vec<SampleRecord> {
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     lights.build_top(&mut encoder);
     lights.sample_by(&pipeline, &mut encoder, &input, &output, RECEIVERS);
-    queue.submit([encoder.finish()]);
-    read(&device, &queue, &output)
+    (encoder, output)
 }
 
 /// A world's lights, stored for these effects.
@@ -272,6 +279,24 @@ fn effects_that_go_without_a_delta_shrink_what_is_stored() {
     assert!(report.bytes > 0 && report.bytes < 4096, "tables, no records: {report:?}");
     assert!(content(&mut lights) == content(&mut upload(&world, Effects::empty())));
     assert_eq!(lights.upload(&world, &FrameDelta::default()).unwrap(), UploadReport::default());
+}
+
+#[test]
+fn what_was_recorded_before_a_change_of_layout_reads_the_buffers_of_before() {
+    let (device, queue) = gpu();
+    let mut world = world_of(Effects::empty());
+    let mut lights = upload(&world, Effects::empty());
+    world.take_delta();
+    let before = sample(&mut lights, Effects::empty());
+    let (encoder, output) = record(&mut lights, Effects::empty());
+    let effects = Effects::CONES | Effects::RANGES | Effects::NON_RIGID;
+    let tree = world.add_tree((0..60).map(|i| light(i, effects)).collect()).unwrap();
+    world.add_instance(tree, placement(1, effects), Policy::default()).unwrap();
+    let delta = world.take_delta();
+    lights.upload(&world, &delta).unwrap();
+    assert_eq!((lights.params.strides, lights.effects()), (Strides::of(effects), effects));
+    queue.submit([encoder.finish()]);
+    assert!(read::<SampleRecord>(&device, &queue, &output) == before);
 }
 
 #[test]
