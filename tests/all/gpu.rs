@@ -1,10 +1,13 @@
 //! The GPU samples as the CPU does: same numbers in, same lights out, up to float rounding.
 
-use std::sync::OnceLock;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, OnceLock};
 
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::{GpuError, GpuLights, SampleRecord, SampleRequest, wgsl};
-use girandole::{DEFAULT_OPENINGS, FrameBudget, FrameDelta, Light, LightId, Placement, Policy, Receiver, World};
+use girandole::{
+    DEFAULT_OPENINGS, Effects, FrameBudget, FrameDelta, Light, LightId, Placement, Policy, Receiver, World,
+};
 
 use crate::support::{OPENINGS, Rng};
 
@@ -108,6 +111,68 @@ fn sample_again(
     lights.sample(&mut encoder, &input, &output, requests.len() as u32);
     queue.submit([encoder.finish()]);
     read(device, queue, &output)
+}
+
+/// Samples what was uploaded last by a pipeline for these effects, which is compiled once for all tests: each
+/// `GpuLights` would compile its own. The text is that of `GpuLights::sample`.
+pub(crate) fn sample_by(effects: Effects, lights: &mut GpuLights, requests: &[SampleRequest]) -> Vec<SampleRecord> {
+    static PIPELINES: Mutex<BTreeMap<u8, Arc<OnceLock<wgpu::ComputePipeline>>>> = Mutex::new(BTreeMap::new());
+    let (device, queue) = gpu();
+    let entry = |binding, read_only| wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::COMPUTE,
+        ty: wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Storage { read_only },
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        },
+        count: None,
+    };
+    let own = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: None,
+        entries: &[entry(0, true), entry(1, false)],
+    });
+    let place = PIPELINES.lock().expect("no panic before").entry(effects.bits()).or_default().clone();
+    let pipeline = place.get_or_init(|| {
+        let shader = lights.shader(0, effects);
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: None,
+            source: wgpu::ShaderSource::Wgsl(shader.join(include_str!("../../shaders/batch.wgsl")).into()),
+        });
+        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            bind_group_layouts: &[Some(&shader.layout), Some(&own)],
+            ..Default::default()
+        });
+        device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: None,
+            layout: Some(&layout),
+            module: &module,
+            entry_point: Some("batch"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        })
+    });
+    let input = buffer(&device, &queue, bytemuck::cast_slice(requests));
+    let output = buffer(&device, &queue, &vec![0; size_of_val(requests)]);
+    let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: None,
+        layout: &own,
+        entries: &[
+            wgpu::BindGroupEntry { binding: 0, resource: input.as_entire_binding() },
+            wgpu::BindGroupEntry { binding: 1, resource: output.as_entire_binding() },
+        ],
+    });
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    lights.build_top(&mut encoder);
+    {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, lights.bind_group(), &[]);
+        pass.set_bind_group(1, &group, &[]);
+        pass.dispatch_workgroups((requests.len() as u32).div_ceil(64), 1, 1);
+    }
+    queue.submit([encoder.finish()]);
+    read(&device, &queue, &output)
 }
 
 pub(crate) fn close(a: f32, b: f32) -> bool {
@@ -470,7 +535,7 @@ fn an_engines_own_shader_asks_for_chances_as_the_cpu_does() {
             expected.push(OPENINGS.map(|openings| sampler.with_openings(openings).pmf(&receiver, light)));
         }
     }
-    let text = wgsl(1, girandole::Effects::all())
+    let text = wgsl(1, Effects::all())
         + "struct Question { position: vec3<f32>, instance: u32, normal: vec3<f32>, light: u32 }
         @group(0) @binding(0) var<storage, read> questions: array<Question>;
         @group(0) @binding(1) var<storage, read_write> answers: array<f32>;

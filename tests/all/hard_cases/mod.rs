@@ -9,11 +9,11 @@ use girandole::glam::{DVec3, Mat3, Quat, Vec3};
 use girandole::gpu::{GpuLights, SampleRequest};
 use girandole::light::{MAX_COORDINATE, MAX_EMISSION};
 use girandole::{
-    DirectionalLight, FrameBudget, FrameDelta, Light, LightId, LightTree, MAX_SCALE, Placement, Policy, Receiver,
-    Sampler, World,
+    DEFAULT_OPENINGS, DirectionalLight, Effects, FrameBudget, FrameDelta, Light, LightId, LightTree, MAX_SCALE,
+    Placement, Policy, Receiver, Sampler, World,
 };
 
-use crate::gpu::{OTHER_PICKS, compare, gpu, sample};
+use crate::gpu::{OTHER_PICKS, compare, gpu, sample_by};
 use crate::support::{OPENINGS, Rng, all_chances};
 
 /// Chances are products of ratios of sums of eight, each rounded by a few 6e-8, summed over thousands of lights.
@@ -98,7 +98,10 @@ fn prove_on_gpu(world: &mut World, receivers: &[Receiver], seed: u64) {
         .collect();
     lights.upload(world, &FrameDelta::everything(world)).expect("room enough");
     for openings in OPENINGS {
-        let records = sample(&mut lights, world, openings, &requests);
+        lights.set_openings(openings as u32);
+        // What serves every world, and by default what serves just this one.
+        let effects = if openings == DEFAULT_OPENINGS { lights.effects() } else { Effects::all() };
+        let records = sample_by(effects, &mut lights, &requests);
         assert!(records.iter().all(|r| r.pmf.is_finite() && r.pdf.is_finite() && Vec3::from(r.radiance).is_finite()));
         let others = compare(world, openings, &requests, &records);
         assert!(others as f64 <= OTHER_PICKS * 1024.0 + 1.0, "{others} of 1024 name another light");
