@@ -10,6 +10,7 @@ mod error;
 mod kernel;
 mod layout;
 mod pool;
+mod probe;
 mod relayout;
 mod resampling;
 mod sampling;
@@ -32,6 +33,7 @@ use error::check_limits;
 use kernel::Kernel;
 use layout::{InstanceRecord, LightRecord, ParamsRecord, TreeRecord};
 use pool::Pool;
+use probe::Probe;
 use relayout::Relayout;
 pub use resampling::ResampledRecord;
 pub use sampling::{SampleRecord, SampleRequest};
@@ -50,6 +52,7 @@ use crate::walk::{DEFAULT_OPENINGS, MOST_OPENINGS};
 pub struct GpuLights {
     device: wgpu::Device,
     queue: wgpu::Queue,
+    probe: Probe,
     nodes: Pool<Node>,
     lights: Pool<LightRecord>,
     /// Tables by slot.
@@ -82,9 +85,10 @@ impl GpuLights {
     /// Makes pipelines and small buffers on the engine's device; both handles are cloned, nothing is submitted.
     ///
     /// # Errors
-    /// [`GpuError::Limit`] names the first limit that is below WebGPU's default.
+    /// [`GpuError::Limit`] names the first limit that is below WebGPU's default; [`GpuError::DeviceLost`].
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Self, GpuError> {
         check_limits(&device.limits())?;
+        let probe = Probe::new(device)?;
         let nodes = Pool::new(device, queue, "light tree nodes", 64)?;
         let lights = Pool::new(device, queue, "lights", 64)?;
         let instances = Pool::new(device, queue, "instances", 64)?;
@@ -106,6 +110,7 @@ impl GpuLights {
         Ok(Self {
             device: device.clone(),
             queue: queue.clone(),
+            probe,
             nodes,
             lights,
             instances,

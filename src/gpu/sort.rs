@@ -107,7 +107,10 @@ impl SortBuffers {
     /// Fails with [`GpuError::Full`] where the device cannot bind as many keys at once.
     pub(crate) fn new(device: &wgpu::Device, sort: &RadixSort, capacity: u32) -> Result<Self, GpuError> {
         let capacity = capacity.max(1);
-        let needed = u64::from(capacity) * 4;
+        let keys_bytes = u64::from(capacity) * 4;
+        // Of few keys the counts take more.
+        let histogram_bytes = u64::from(LANES) * (u64::from(most_blocks(capacity)) + 1) * 4;
+        let needed = keys_bytes.max(histogram_bytes);
         let limit = largest_storage_buffer(device);
         if needed > limit {
             return Err(GpuError::Full { what: "sorted keys", needed, limit });
@@ -116,12 +119,11 @@ impl SortBuffers {
             device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
         };
         let shared = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
-        let keys = buffer("sort keys", needed, shared);
-        let values = buffer("sort values", needed, shared);
-        let other_keys = buffer("sort scratch keys", needed, wgpu::BufferUsages::STORAGE);
-        let other_values = buffer("sort scratch values", needed, wgpu::BufferUsages::STORAGE);
-        let words = u64::from(LANES) * (u64::from(most_blocks(capacity)) + 1);
-        let histogram = buffer("sort histogram", words * 4, wgpu::BufferUsages::STORAGE);
+        let keys = buffer("sort keys", keys_bytes, shared);
+        let values = buffer("sort values", keys_bytes, shared);
+        let other_keys = buffer("sort scratch keys", keys_bytes, wgpu::BufferUsages::STORAGE);
+        let other_values = buffer("sort scratch values", keys_bytes, wgpu::BufferUsages::STORAGE);
+        let histogram = buffer("sort histogram", histogram_bytes, wgpu::BufferUsages::STORAGE);
         let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let passes = buffer("sort passes", u64::from(PASSES * PASS_STRIDE), uniform);
         let groups = [
@@ -173,7 +175,7 @@ fn most_blocks(capacity: u32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::testing::{gpu, read};
+    use crate::gpu::testing::{gpu, limited_gpu, read};
 
     /// Keys in a fixed arbitrary order (splitmix64's output function).
     fn random_keys(count: u32, mask: u32) -> Vec<u32> {
@@ -269,6 +271,13 @@ mod tests {
         let limit = largest_storage_buffer(&device);
         let error = SortBuffers::new(&device, &sort, (limit / 4) as u32 + 1).err();
         assert_eq!(error, Some(GpuError::Full { what: "sorted keys", needed: limit + 4, limit }));
+        // 2^16 keys fit in 2^18 bytes, but not their counts.
+        let (device, _) =
+            limited_gpu(&wgpu::Limits { max_storage_buffer_binding_size: 1 << 18, ..wgpu::Limits::default() });
+        let sort = RadixSort::new(&device);
+        let error = SortBuffers::new(&device, &sort, 1 << 16).err();
+        let needed = 257 * 1024;
+        assert_eq!(error, Some(GpuError::Full { what: "sorted keys", needed, limit: 1 << 18 }));
     }
 
     #[test]

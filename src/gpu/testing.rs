@@ -1,4 +1,4 @@
-//! One device for all GPU tests of the library, with WebGPU's default limits and nothing more.
+//! One device for all GPU tests of the library, with WebGPU's default limits and nothing more, and others where it matters.
 
 use std::sync::OnceLock;
 
@@ -7,22 +7,24 @@ use std::sync::OnceLock;
 /// Panics where no adapter is found: a GPU test never passes by not running.
 pub(crate) fn gpu() -> (wgpu::Device, wgpu::Queue) {
     static GPU: OnceLock<(wgpu::Device, wgpu::Queue)> = OnceLock::new();
-    GPU.get_or_init(|| {
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
-            backends: wgpu::Backends::PRIMARY,
-            ..wgpu::InstanceDescriptor::new_without_display_handle()
+    GPU.get_or_init(|| limited_gpu(&wgpu::Limits::default())).clone()
+}
+
+/// A device of its own, with these limits.
+pub(crate) fn limited_gpu(limits: &wgpu::Limits) -> (wgpu::Device, wgpu::Queue) {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
+        backends: wgpu::Backends::PRIMARY,
+        ..wgpu::InstanceDescriptor::new_without_display_handle()
+    });
+    let adapter =
+        pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default())).unwrap_or_else(|e| {
+            panic!(
+                "the GPU tests found no adapter ({e}). A software one does: run scripts/test.sh, \
+                 or on Debian and Ubuntu: apt install mesa-vulkan-drivers libvulkan1"
+            )
         });
-        let adapter = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default()))
-            .unwrap_or_else(|e| {
-                panic!(
-                    "the GPU tests found no adapter ({e}). A software one does: run scripts/test.sh, \
-                     or on Debian and Ubuntu: apt install mesa-vulkan-drivers libvulkan1"
-                )
-            });
-        pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor::default()))
-            .expect("an adapter with WebGPU's default limits")
-    })
-    .clone()
+    let descriptor = wgpu::DeviceDescriptor { required_limits: limits.clone(), ..wgpu::DeviceDescriptor::default() };
+    pollster::block_on(adapter.request_device(&descriptor)).expect("no more than WebGPU's default limits")
 }
 
 /// What a buffer with `COPY_SRC` holds once all work submitted so far is done.

@@ -57,7 +57,8 @@ impl GpuLights {
     ///
     /// # Errors
     /// [`GpuError::Full`] if something would outgrow its buffer. Then nothing was written; what the delta names is
-    /// remembered and goes with the next upload, once the world holds less.
+    /// remembered and goes with the next upload, once the world holds less. [`GpuError::DeviceLost`] from the first call
+    /// on after wgpu noticed; in browsers only the engine's own `set_device_lost_callback` tells.
     ///
     /// O(what changed). Writes go through the queue, ahead of the next submission. What is stored of nodes, lights and
     /// instances follows the world's effects: where these change, the GPU copies its pools, and everything is bound
@@ -73,6 +74,7 @@ impl GpuLights {
         delta: &FrameDelta,
         effects: Effects,
     ) -> Result<UploadReport, GpuError> {
+        self.probe.check()?;
         let mut report = UploadReport::default();
         if delta.is_empty() && self.unsent.is_empty() && self.params.strides == Strides::of(effects) {
             self.effects = effects;

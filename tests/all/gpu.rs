@@ -506,6 +506,32 @@ fn what_does_not_fit_once_the_layout_has_grown_leaves_the_last_upload_in_place()
 }
 
 #[test]
+fn a_lost_device_is_reported_by_the_next_upload_and_to_whoever_asks_for_new_lights() {
+    let (device, queue) = limited_gpu(wgpu::Limits::default().max_storage_buffer_binding_size);
+    let mut rng = Rng(51);
+    let mut world = rng.world(2, 20, 3, 10.0);
+    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let delta = world.take_delta();
+    for _ in 0..3 {
+        lights.upload(&world, &delta).expect("the device lives");
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        lights.build_top(&mut encoder);
+        queue.submit([encoder.finish()]);
+    }
+    lights.upload(&world, &FrameDelta::default()).expect("the device lives");
+    device.destroy();
+    assert_eq!(lights.upload(&world, &FrameDelta::default()), Err(GpuError::DeviceLost));
+    assert_eq!(lights.upload(&world, &delta), Err(GpuError::DeviceLost));
+    // The rest of the frame does no harm.
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    lights.set_openings(1);
+    lights.build_top(&mut encoder);
+    drop(encoder);
+    assert_eq!(GpuLights::new(&device, &queue).err(), Some(GpuError::DeviceLost));
+    assert_eq!(GpuError::DeviceLost.to_string(), "the device was lost");
+}
+
+#[test]
 fn an_engines_own_shader_asks_for_chances_as_the_cpu_does() {
     let (device, queue) = gpu();
     let mut rng = Rng(48);
