@@ -86,7 +86,7 @@ fn weigh(receiver: &Receiver, sample: &LightSample) -> f32 {
 
 /// The random numbers of a candidate: the first from the candidate's part of [0, 1), the others moved along a lattice.
 /// Integers and sums only, so that GPUs get the same bits: the numbers are hashed.
-fn numbers(u: [f32; 4], i: u32, count: u32) -> [f32; 4] {
+pub(crate) fn numbers(u: [f32; 4], i: u32, count: u32) -> [f32; 4] {
     if count == 1 {
         return u;
     }

@@ -153,7 +153,7 @@ mod tests {
 
     #[test]
     fn what_is_asked_for_is_all_that_is_used() {
-        let (device, queue) = limited_gpu(&least());
+        let (device, queue) = limited_gpu(&least(), wgpu::Features::empty());
         let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
         let mut lights = GpuLights::new(&device, &queue).expect("just enough");
         let mut world = World::new();
@@ -180,7 +180,8 @@ mod tests {
 
     #[test]
     fn a_device_with_too_little_is_refused_at_creation() {
-        let (device, queue) = limited_gpu(&wgpu::Limits { max_storage_buffers_per_shader_stage: 7, ..least() });
+        let (device, queue) =
+            limited_gpu(&wgpu::Limits { max_storage_buffers_per_shader_stage: 7, ..least() }, wgpu::Features::empty());
         let error = GpuLights::new(&device, &queue).err().expect("seven are too few");
         let what = "max_storage_buffers_per_shader_stage";
         assert_eq!(error, GpuError::Limit { what, given: 7, needed: 8 });

@@ -6,9 +6,9 @@ use super::text;
 use crate::effects::{Effects, Variants};
 
 /// Invocations of a workgroup.
-const LANES: u32 = 64;
+pub(super) const LANES: u32 = 64;
 /// Workgroups along one dimension, as WebGPU allows.
-const ROW: u32 = 65535;
+pub(super) const ROW: u32 = 65535;
 
 /// Reads the lights at group 0 and the engine's buffers at group 1, with one invocation for each of their records.
 pub(super) struct Kernel {

@@ -312,6 +312,9 @@ mod tests {
         let text = crate::gpu::wgsl(0, crate::effects::Effects::all());
         let resampling = self::structs(&(text + include_str!("../../shaders/batch_resample.wgsl")));
         record!(resampling, SampleRequest, "Request", [position, padding_a, normal, padding_b, u]);
+        let text = crate::gpu::text::wgsl_counting(0, crate::effects::Effects::all());
+        let counting = self::structs(&(text + include_str!("../../shaders/batch_count.wgsl")));
+        record!(counting, SampleRequest, "Request", [position, padding_a, normal, padding_b, u]);
         record!(
             structs,
             SampleRecord,

@@ -9,8 +9,10 @@
 mod error;
 mod kernel;
 mod layout;
+pub mod measure;
 mod pool;
 mod probe;
+mod recorder;
 mod relayout;
 mod resampling;
 mod sampling;
@@ -27,13 +29,16 @@ mod upload;
 mod variants;
 
 use std::ops::Range;
+use std::sync::OnceLock;
 
 pub use error::GpuError;
 use error::check_limits;
 use kernel::Kernel;
 use layout::{InstanceRecord, LightRecord, ParamsRecord, TreeRecord};
+use measure::CountKernel;
 use pool::Pool;
 use probe::Probe;
+use recorder::Recorder;
 use relayout::Relayout;
 pub use resampling::ResampledRecord;
 pub use sampling::{SampleRecord, SampleRequest};
@@ -75,6 +80,8 @@ pub struct GpuLights {
     resampling: Kernel,
     /// What the world called for at the last upload: of all that lies in the buffers.
     effects: Effects,
+    /// Made when first asked for.
+    counting: OnceLock<CountKernel>,
     layout: wgpu::BindGroupLayout,
     bind_group: wgpu::BindGroup,
     /// Of the buffers that the bind group was made for.
@@ -128,6 +135,7 @@ impl GpuLights {
             batch,
             resampling,
             effects: Effects::all(),
+            counting: OnceLock::new(),
             layout,
             bind_group,
             bound,
@@ -138,7 +146,8 @@ impl GpuLights {
     /// if nothing was uploaded since the last build. The encoder must be submitted: it is not recorded twice.
     pub fn build_top(&mut self, encoder: &mut wgpu::CommandEncoder) {
         if std::mem::take(&mut self.top_is_stale) {
-            self.top.record(encoder, self.params.slots);
+            let mut recorder = Recorder::together(encoder, "girandole top level");
+            self.top.record(&mut recorder, self.params.slots);
         }
     }
 

@@ -10,6 +10,7 @@
 //! they stop growing at [`MOST_ROUNDS`], where the counts are a sixteenth of the keys.
 
 use super::error::{GpuError, largest_storage_buffer};
+use super::recorder::Recorder;
 use super::stages::{Access, MOST_WORKGROUPS, PASS_STRIDE, Stages, pass_bytes};
 
 /// Invocations in a workgroup, and values of a digit.
@@ -73,19 +74,19 @@ impl RadixSort {
 
     /// Records the sort of the first keys, as many as [`SortBuffers::set_count`] was told, and their values, in place. Twelve dispatches,
     /// whatever the count; none for fewer than two keys.
-    pub(crate) fn record(&self, pass: &mut wgpu::ComputePass<'_>, buffers: &SortBuffers) {
+    pub(crate) fn record(&self, recorder: &mut Recorder<'_>, buffers: &SortBuffers) {
         if buffers.count < 2 {
             return;
         }
         let (blocks, _) = split(buffers.count);
         for (turn, group) in (0..PASSES).zip(buffers.groups.iter().cycle()) {
-            pass.set_bind_group(0, group, &[turn * PASS_STRIDE]);
-            pass.set_pipeline(&self.count);
-            pass.dispatch_workgroups(blocks, 1, 1);
-            pass.set_pipeline(&self.scan);
-            pass.dispatch_workgroups(LANES, 1, 1);
-            pass.set_pipeline(&self.scatter);
-            pass.dispatch_workgroups(blocks, 1, 1);
+            recorder.set_bind_group(0, group, &[turn * PASS_STRIDE]);
+            recorder.set_pipeline(&self.count);
+            recorder.dispatch(blocks);
+            recorder.set_pipeline(&self.scan);
+            recorder.dispatch(LANES);
+            recorder.set_pipeline(&self.scatter);
+            recorder.dispatch(blocks);
         }
     }
 }
@@ -196,7 +197,10 @@ mod tests {
         queue.write_buffer(buffers.values(), 0, bytemuck::cast_slice(&values));
         buffers.set_count(&queue, count);
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        sort.record(&mut encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()), buffers);
+        let mut recorder = Recorder::together(&mut encoder, "test sort");
+        recorder.stage("sort");
+        sort.record(&mut recorder, buffers);
+        drop(recorder);
         queue.submit([encoder.finish()]);
         let mut expected: Vec<(u32, u32)> = keys.iter().copied().zip(values).collect();
         expected.sort_by_key(|pair| pair.0);
@@ -272,8 +276,10 @@ mod tests {
         let error = SortBuffers::new(&device, &sort, (limit / 4) as u32 + 1).err();
         assert_eq!(error, Some(GpuError::Full { what: "sorted keys", needed: limit + 4, limit }));
         // 2^16 keys fit in 2^18 bytes, but not their counts.
-        let (device, _) =
-            limited_gpu(&wgpu::Limits { max_storage_buffer_binding_size: 1 << 18, ..wgpu::Limits::default() });
+        let (device, _) = limited_gpu(
+            &wgpu::Limits { max_storage_buffer_binding_size: 1 << 18, ..wgpu::Limits::default() },
+            wgpu::Features::empty(),
+        );
         let sort = RadixSort::new(&device);
         let error = SortBuffers::new(&device, &sort, 1 << 16).err();
         let needed = 257 * 1024;

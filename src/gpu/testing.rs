@@ -7,11 +7,11 @@ use std::sync::OnceLock;
 /// Panics where no adapter is found: a GPU test never passes by not running.
 pub(crate) fn gpu() -> (wgpu::Device, wgpu::Queue) {
     static GPU: OnceLock<(wgpu::Device, wgpu::Queue)> = OnceLock::new();
-    GPU.get_or_init(|| limited_gpu(&wgpu::Limits::default())).clone()
+    GPU.get_or_init(|| limited_gpu(&wgpu::Limits::default(), wgpu::Features::empty())).clone()
 }
 
-/// A device of its own, with these limits.
-pub(crate) fn limited_gpu(limits: &wgpu::Limits) -> (wgpu::Device, wgpu::Queue) {
+/// A device of its own, with these limits and features.
+pub(crate) fn limited_gpu(limits: &wgpu::Limits, features: wgpu::Features) -> (wgpu::Device, wgpu::Queue) {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
         backends: wgpu::Backends::PRIMARY,
         ..wgpu::InstanceDescriptor::new_without_display_handle()
@@ -23,7 +23,11 @@ pub(crate) fn limited_gpu(limits: &wgpu::Limits) -> (wgpu::Device, wgpu::Queue) 
                  or on Debian and Ubuntu: apt install mesa-vulkan-drivers libvulkan1"
             )
         });
-    let descriptor = wgpu::DeviceDescriptor { required_limits: limits.clone(), ..wgpu::DeviceDescriptor::default() };
+    let descriptor = wgpu::DeviceDescriptor {
+        required_limits: limits.clone(),
+        required_features: features,
+        ..wgpu::DeviceDescriptor::default()
+    };
     pollster::block_on(adapter.request_device(&descriptor)).expect("no more than WebGPU's default limits")
 }
 

@@ -26,7 +26,6 @@ pub fn wgsl(group: u32, effects: Effects) -> String {
 }
 
 /// The same with a `light_nodes_read` that counts the nodes of an invocation.
-#[cfg(test)]
 pub(crate) fn wgsl_counting(group: u32, effects: Effects) -> String {
     joined(group, effects, true)
 }

@@ -10,8 +10,9 @@ use std::fmt::Write;
 use super::error::{GpuError, largest_storage_buffer};
 use super::layout::{ClusterRecord, InstanceRecord, TreeRecord};
 use super::pool::Pool;
+use super::recorder::Recorder;
 use super::sort::{RadixSort, SortBuffers};
-use super::stages::{Access, PASS_STRIDE, Stages, dispatch, pass_bytes};
+use super::stages::{Access, PASS_STRIDE, Stages, pass_bytes};
 use super::stored::Strides;
 use super::text::variant;
 use crate::bounds;
@@ -141,28 +142,29 @@ impl TopBuild {
     ///
     /// 3 dispatches, 12 more for the sort, and one a level of eight. Sends a few hundred bytes if the number of slots
     /// is another than in the last build, else none.
-    pub(crate) fn record(&mut self, encoder: &mut wgpu::CommandEncoder, slots: u32) {
+    pub(crate) fn record(&mut self, recorder: &mut Recorder<'_>, slots: u32) {
         if self.bound.is_none() {
             return;
         }
         self.set_slots(slots);
         let Some((_, group)) = &self.bound else { return };
-        encoder.clear_buffer(&self.buffers.bounds, 0, None);
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some("girandole top level"),
-            timestamp_writes: None,
-        });
-        let run = |pass: &mut wgpu::ComputePass<'_>, pipeline, level: usize, invocations: u32| {
-            pass.set_bind_group(0, group, &[level as u32 * PASS_STRIDE]);
-            pass.set_pipeline(pipeline);
-            dispatch(pass, invocations.div_ceil(LANES));
+        recorder.clear(&self.buffers.bounds);
+        let run = |recorder: &mut Recorder<'_>, pipeline, level: usize, invocations: u32| {
+            recorder.set_bind_group(0, group, &[level as u32 * PASS_STRIDE]);
+            recorder.set_pipeline(pipeline);
+            recorder.dispatch(invocations.div_ceil(LANES));
         };
-        run(&mut pass, &self.leaves, 0, slots);
-        run(&mut pass, &self.keys, 0, slots);
-        self.sort.record(&mut pass, &self.buffers.sort);
-        run(&mut pass, &self.place, 0, self.levels[0].count * WIDTH as u32);
+        recorder.stage("leaves");
+        run(recorder, &self.leaves, 0, slots);
+        recorder.stage("keys");
+        run(recorder, &self.keys, 0, slots);
+        recorder.stage("sort");
+        self.sort.record(recorder, &self.buffers.sort);
+        recorder.stage("place");
+        run(recorder, &self.place, 0, self.levels[0].count * WIDTH as u32);
+        recorder.stage("levels");
         for (index, level) in self.levels.iter().enumerate() {
-            run(&mut pass, &self.level, index, (level.count_above * WIDTH as u32).max(level.count));
+            run(recorder, &self.level, index, (level.count_above * WIDTH as u32).max(level.count));
         }
     }
 

@@ -109,7 +109,7 @@ fn build(top: &mut TopBuild, world: &World) -> Built {
     top.bound = None;
     top.bind(&instances, &trees);
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    top.record(&mut encoder, slots as u32);
+    top.record(&mut Recorder::together(&mut encoder, "test"), slots as u32);
     queue.submit([encoder.finish()]);
     let starts = level_starts(slots);
     let mut nodes: Vec<Node> = read(&device, &queue, top.nodes());

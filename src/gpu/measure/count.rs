@@ -1,0 +1,102 @@
+//! A kernel that counts the nodes that samples read.
+
+use super::super::kernel::{LANES, ROW};
+use super::super::sampling::SampleRequest;
+use super::super::{GpuLights, storage_entry, text};
+use crate::effects::Effects;
+
+pub(in crate::gpu) struct CountKernel {
+    pipeline: wgpu::ComputePipeline,
+    layout: wgpu::BindGroupLayout,
+}
+
+impl CountKernel {
+    fn new(device: &wgpu::Device, lights: &wgpu::BindGroupLayout) -> Self {
+        let label = Some("girandole count");
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label,
+            source: wgpu::ShaderSource::Wgsl(
+                (text::wgsl_counting(0, Effects::all()) + include_str!("../../../shaders/batch_count.wgsl")).into(),
+            ),
+        });
+        let candidates = wgpu::BindGroupLayoutEntry {
+            ty: wgpu::BindingType::Buffer {
+                ty: wgpu::BufferBindingType::Uniform,
+                has_dynamic_offset: false,
+                min_binding_size: None,
+            },
+            ..storage_entry(2, true)
+        };
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label,
+            entries: &[storage_entry(0, true), storage_entry(1, false), candidates],
+        });
+        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label,
+            bind_group_layouts: &[Some(lights), Some(&layout)],
+            ..Default::default()
+        });
+        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label,
+            layout: Some(&pipeline_layout),
+            module: &module,
+            entry_point: Some("batch_count"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
+        Self { pipeline, layout }
+    }
+}
+
+impl GpuLights {
+    /// Counts the nodes of both levels that a sample reads: does what [`GpuLights::resample`] does, which for one
+    /// candidate is [`GpuLights::sample`], and writes a `u32` for each request to `counts` instead of the samples. A node
+    /// that is read twice counts twice.
+    ///
+    /// The top level must have been built after the last upload. The first call makes the pipeline.
+    pub fn count_nodes(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        requests: &wgpu::Buffer,
+        counts: &wgpu::Buffer,
+        count: u32,
+        candidates: u32,
+    ) {
+        if count == 0 {
+            return;
+        }
+        let kernel = self.counting.get_or_init(|| CountKernel::new(&self.device, &self.layout));
+        let uniform = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("girandole candidates"),
+            size: 16,
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        self.queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&[candidates, 0, 0, 0]));
+        let binding = |buffer, stride: usize| {
+            wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                buffer,
+                offset: 0,
+                size: wgpu::BufferSize::new(u64::from(count) * stride as u64),
+            })
+        };
+        let group = self.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("girandole count"),
+            layout: &kernel.layout,
+            entries: &[
+                wgpu::BindGroupEntry { binding: 0, resource: binding(requests, size_of::<SampleRequest>()) },
+                wgpu::BindGroupEntry { binding: 1, resource: binding(counts, size_of::<u32>()) },
+                wgpu::BindGroupEntry { binding: 2, resource: uniform.as_entire_binding() },
+            ],
+        });
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("girandole count"),
+            timestamp_writes: None,
+        });
+        pass.set_pipeline(&kernel.pipeline);
+        pass.set_bind_group(0, &self.bind_group, &[]);
+        pass.set_bind_group(1, &group, &[]);
+        let groups = count.div_ceil(LANES);
+        pass.dispatch_workgroups(groups.min(ROW), groups.div_ceil(ROW), 1);
+    }
+}

@@ -1,0 +1,145 @@
+use glam::{DVec3, Vec3};
+use wgpu::util::DeviceExt;
+
+use super::*;
+use crate::gpu::SampleRequest;
+use crate::gpu::testing::{gpu, limited_gpu, read};
+use crate::light::Light;
+use crate::placement::Placement;
+use crate::policy::Policy;
+use crate::resample::numbers;
+use crate::world::World;
+
+fn lamps(instances: u32, lights: u32) -> World {
+    let mut world = World::new();
+    let lamp = |i: u32| Light::point(Vec3::new(i as f32, 3.0, 0.0), Vec3::ONE);
+    let tree = world.add_tree((0..lights).map(lamp).collect()).expect("valid");
+    for i in 0..instances {
+        let place = DVec3::new(f64::from(i * i % 97), 0.0, f64::from(i % 31));
+        world.add_instance(tree, Placement::at(place), Policy::Static).expect("valid");
+    }
+    world
+}
+
+fn upload(device: &wgpu::Device, queue: &wgpu::Queue, mut world: World) -> GpuLights {
+    let mut lights = GpuLights::new(device, queue).expect("default limits are enough");
+    let delta = world.take_delta();
+    lights.upload(&world, &delta).expect("room enough");
+    lights
+}
+
+#[test]
+fn stages_apart_build_the_same_top_level_as_one_pass() {
+    let (device, queue) = gpu();
+    let mut lights = upload(&device, &queue, lamps(700, 3));
+    let mut top = |timed: bool| {
+        lights.top_is_stale = true;
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.clear_buffer(lights.top.nodes(), 0, None);
+        let stages = if timed {
+            lights.build_top_timed(&mut encoder, None)
+        } else {
+            lights.build_top(&mut encoder);
+            Vec::new()
+        };
+        queue.submit([encoder.finish()]);
+        (read::<u32>(&device, &queue, lights.top.nodes()), stages)
+    };
+    let (together, _) = top(false);
+    let (apart, stages) = top(true);
+    assert!(apart == together && apart.iter().any(|word| *word != 0));
+    assert!(stages.len() >= 4 && stages.len() <= MOST_TOP_STAGES as usize, "{stages:?}");
+    assert!(stages.iter().all(|stage| stage.dispatches > 0), "{stages:?}");
+    let sort: Vec<_> = stages.iter().filter(|stage| stage.name == "sort").collect();
+    assert!(matches!(sort[..], [TopStage { dispatches: 12, .. }]), "{stages:?}");
+}
+
+#[test]
+fn nothing_uploaded_is_no_stage() {
+    let (device, queue) = gpu();
+    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    assert_eq!(lights.build_top_timed(&mut encoder, None), []);
+}
+
+#[test]
+fn each_stage_writes_when_it_begins_and_ends() {
+    let features = wgpu::Features::TIMESTAMP_QUERY;
+    let (device, queue) = limited_gpu(&wgpu::Limits::default(), features);
+    let mut lights = upload(&device, &queue, lamps(700, 3));
+    let count = 2 * MOST_TOP_STAGES;
+    let queries =
+        device.create_query_set(&wgpu::QuerySetDescriptor { label: None, ty: wgpu::QueryType::Timestamp, count });
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let stages = lights.build_top_timed(&mut encoder, Some(&queries));
+    let written = 2 * stages.len() as u32;
+    let ticks = device.create_buffer(&wgpu::BufferDescriptor {
+        label: None,
+        size: 8 * u64::from(written),
+        usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
+        mapped_at_creation: false,
+    });
+    encoder.resolve_query_set(&queries, 0..written, &ticks, 0);
+    queue.submit([encoder.finish()]);
+    let ticks = read::<u64>(&device, &queue, &ticks);
+    assert!(ticks[0] > 0 && ticks.is_sorted(), "{ticks:?}");
+}
+
+#[test]
+fn the_sort_alone_sorts_as_often_as_it_is_recorded() {
+    let (device, queue) = gpu();
+    for count in [1, 1000] {
+        let sort = KeySort::new(&device, &queue, count).expect("room enough");
+        for _ in 0..2 {
+            let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            assert_eq!(sort.record(&mut encoder, None), if count > 1 { 12 } else { 0 });
+            queue.submit([encoder.finish()]);
+            let keys = read::<u32>(&device, &queue, sort.keys());
+            assert!(keys.is_sorted() && keys.len() == count as usize && keys[0] > 0, "{keys:?}");
+        }
+        assert!(!read::<u32>(&device, &queue, &sort.unsorted).is_sorted() || count == 1);
+    }
+}
+
+#[test]
+fn samples_read_as_many_nodes_as_their_walk_is_long() {
+    let (device, queue) = gpu();
+    let request = SampleRequest { position: [5.0, 0.0, 3.0], u: [0.3, 0.6, 0.5, 0.5], ..SampleRequest::default() };
+    // The request, and what each of its eight candidates would be by itself.
+    let alone = (0..8).map(|i| SampleRequest { u: numbers(request.u, i, 8), ..request });
+    let requests: Vec<_> = std::iter::once(request).chain(alone).collect();
+    let requests = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+        label: None,
+        contents: bytemuck::cast_slice(&requests),
+        usage: wgpu::BufferUsages::STORAGE,
+    });
+    let counts = device.create_buffer(&wgpu::BufferDescriptor {
+        label: None,
+        size: 9 * 4,
+        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+        mapped_at_creation: false,
+    });
+    let count = |lights: &mut GpuLights, openings, candidates| {
+        lights.set_openings(openings);
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        lights.build_top(&mut encoder);
+        lights.count_nodes(&mut encoder, &requests, &counts, 9, candidates);
+        queue.submit([encoder.finish()]);
+        read::<u32>(&device, &queue, &counts)
+    };
+    // The top level's root, and the tree's: one light is in no doubt, so it is not opened but walked to by each.
+    let mut one = upload(&device, &queue, lamps(1, 1));
+    for openings in [0, 6] {
+        assert_eq!(count(&mut one, openings, 1), [2; 9]);
+        assert_eq!(count(&mut one, openings, 8)[0], 1 + 8);
+    }
+    let mut many = upload(&device, &queue, lamps(64, 64));
+    for openings in [0, 6] {
+        let single = count(&mut many, openings, 1);
+        // Two nodes at least in each level, and what is opened.
+        assert!(single.iter().all(|count| *count >= 4 + openings / 2), "{single:?}");
+        // Candidates share what is opened.
+        let walked: u32 = single[1..].iter().map(|count| count - 1 - openings).sum();
+        assert_eq!(count(&mut many, openings, 8)[0], 1 + openings + walked);
+    }
+}
