@@ -14,6 +14,7 @@ mod engine_shader;
 mod engine_shader_runs;
 mod gltf;
 mod gpu;
+mod gpu_timings;
 mod hard_cases;
 mod pdf;
 mod resample;

@@ -1,0 +1,108 @@
+//! The tables, as Markdown.
+
+use super::machine::Machine;
+use super::{sampling, top_level, uploads};
+
+/// What is measured, and how.
+pub fn head(machine: &Machine) {
+    let info = &machine.info;
+    let kind = if machine.is_software() { "software, says nothing about GPUs; " } else { "" };
+    println!("{} ({kind}{:?}; {} {})", info.name, info.backend, info.driver, info.driver_info.trim());
+    println!("Milliseconds: median (least – greatest). Times are {}.", machine.timing());
+}
+
+pub fn uploads(instances: u32, rows: &[uploads::Row]) {
+    println!("\nUpload of moved instances, of {}: on the CPU, then until the GPU has it.\n", grouped(instances.into()));
+    line(["moved", "bytes", "`upload`", "submit and wait"].map(String::from));
+    line(["---"; 4].map(|rule| format!("{rule}:")));
+    for row in rows {
+        let moved = format!("{} ({} %)", grouped(row.moved as u64), row.percent);
+        line([moved, grouped(row.bytes), row.call.to_string(), row.transfer.to_string()]);
+    }
+}
+
+/// A column for each name of stages.
+pub fn top_levels(rows: &[top_level::Row]) {
+    let mut names: Vec<&str> = Vec::new();
+    for stage in rows.iter().flat_map(|row| &row.built).flat_map(|built| &built.stages) {
+        if !names.contains(&stage.name) {
+            names.push(stage.name);
+        }
+    }
+    println!("\nThe top level by stage, each in a pass of its own.\n");
+    let columns = ["instances", "dispatches"].into_iter().chain(names.iter().copied());
+    let columns: Vec<_> = columns.chain(["total", "sort alone", "total / sort alone"]).map(String::from).collect();
+    let count = columns.len();
+    line(columns);
+    line(vec!["---:".to_owned(); count]);
+    for row in rows {
+        let instances = grouped(row.instances.into());
+        let built = match &row.built {
+            Ok(built) => built,
+            Err(refusal) => {
+                println!("| {instances} | refused: {refusal} |");
+                continue;
+            }
+        };
+        let time = |name: &&str| {
+            let stage = built.stages.iter().find(|stage| stage.name == *name);
+            stage.and_then(|stage| stage.time).map_or("–".into(), |time| time.to_string())
+        };
+        let mut fields = vec![instances, built.dispatches.to_string()];
+        fields.extend(names.iter().map(time));
+        fields.extend([built.total.to_string(), built.sort.to_string(), format!("{:.2}", built.per_sort())]);
+        line(fields);
+    }
+}
+
+pub fn sampling_head() {
+    println!(
+        "\nOne sample a pixel of a picture of the city, without shadow rays; of several candidates one is kept.\n"
+    );
+    let columns = [
+        "city",
+        "lights",
+        "instances",
+        "picture",
+        "candidates",
+        "ms",
+        "million samples a second",
+        "nodes a sample",
+        "bytes a sample",
+    ];
+    line(columns.map(String::from));
+    line(columns.map(|column| if column == "city" { "---".into() } else { "---:".into() }));
+}
+
+pub fn sampling(row: &sampling::Row) {
+    let (width, height) = row.picture;
+    line([
+        row.city.clone(),
+        grouped(row.lights as u64),
+        grouped(row.instances as u64),
+        format!("{width} × {height}"),
+        row.candidates.to_string(),
+        row.time.to_string(),
+        format!("{:.3}", row.samples_per_second() * 1e-6),
+        format!("{:.2}", row.nodes),
+        grouped(row.bytes.round() as u64),
+    ]);
+}
+
+fn line(fields: impl IntoIterator<Item = String>) {
+    let fields: Vec<_> = fields.into_iter().collect();
+    println!("| {} |", fields.join(" | "));
+}
+
+/// With commas between thousands.
+fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}

@@ -1,0 +1,93 @@
+//! The command line, and the whole run.
+
+use super::machine::Machine;
+use super::scene::SceneError;
+use super::scene::procedural::Size;
+use super::timer::Effort;
+use super::{report, sampling, top_level, uploads};
+use clap::Parser;
+use serde_json::json;
+use std::fs::File;
+use std::io::Write;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Measures upload, top level and sampling on a GPU.
+#[derive(Parser)]
+#[command(name = "gpu_timings", version)]
+pub struct Options {
+    /// All numbers, as JSON
+    #[arg(long, value_name = "FILE.json")]
+    pub out: PathBuf,
+    /// Small sizes and few repetitions
+    #[arg(long)]
+    pub quick: bool,
+    /// The first adapter whose name or driver contains this [default: the best]
+    #[arg(long, value_name = "NAME")]
+    pub adapter: Option<String>,
+}
+
+/// What is measured.
+struct Plan {
+    effort: Effort,
+    top_sizes: &'static [u32],
+    moving: u32,
+    cities: &'static [Size],
+    picture: (u32, u32),
+}
+
+/// Often enough for a median, until it has taken long enough.
+const FULL: Plan = Plan {
+    effort: Effort { least: 3, most: 41, time: Duration::from_secs(1) },
+    top_sizes: &[1_000, 10_000, 100_000, 1_000_000],
+    moving: 100_000,
+    cities: &[Size::S, Size::M, Size::L],
+    picture: (1920, 1080),
+};
+
+/// A run that shows that everything works.
+const QUICK: Plan = Plan {
+    effort: Effort { least: 3, most: 3, time: Duration::ZERO },
+    top_sizes: &[100, 1_000],
+    moving: 1_000,
+    cities: &[Size::S],
+    picture: (64, 36),
+};
+
+/// What a software adapter gets through in minutes.
+const SOFTWARE_PICTURE: (u32, u32) = (480, 270);
+
+/// Measures everything, prints the tables and writes the file. An error is one line for the user.
+pub fn run(options: &Options) -> Result<(), SceneError> {
+    let refuse = |error: std::io::Error| SceneError(format!("cannot write {}: {error}", options.out.display()));
+    // What cannot be written is better known before anything is measured.
+    let mut file = File::create(&options.out).map_err(refuse)?;
+    let machine = Machine::open(options.adapter.as_deref())?;
+    let plan = if options.quick { QUICK } else { FULL };
+    let picture = if machine.is_software() && !options.quick { SOFTWARE_PICTURE } else { plan.picture };
+    let timer = machine.timer(plan.effort);
+    report::head(&machine);
+
+    let uploads = uploads::measure(&machine, &timer, plan.moving)?;
+    report::uploads(plan.moving, &uploads);
+    let tops = plan.top_sizes.iter().map(|count| top_level::measure(&machine, &timer, *count));
+    let tops = tops.collect::<Result<Vec<_>, _>>()?;
+    report::top_levels(&tops);
+    report::sampling_head();
+    let mut samplings = Vec::new();
+    for size in plan.cities {
+        let rows = sampling::measure(&machine, &timer, *size, picture)?;
+        rows.iter().for_each(report::sampling);
+        samplings.extend(rows);
+    }
+
+    let all = json!({
+        "adapter": machine.to_json(),
+        "timing": machine.timing(),
+        "quick": options.quick,
+        "upload": uploads.iter().map(|row| row.to_json(plan.moving)).collect::<Vec<_>>(),
+        "top_level": tops.iter().map(top_level::Row::to_json).collect::<Vec<_>>(),
+        "sampling": samplings.iter().map(sampling::Row::to_json).collect::<Vec<_>>(),
+    });
+    writeln!(file, "{all:#}").map_err(refuse)
+}

@@ -1,0 +1,34 @@
+// What an engine does with a light at each pixel, but for shadow rays and materials. CANDIDATES comes before this text.
+
+// Twin of `SampleRequest`.
+struct Request {
+    position: vec3<f32>,
+    padding_a: u32,
+    normal: vec3<f32>,
+    padding_b: u32,
+    u: vec4<f32>,
+}
+
+@group(0) @binding(0) var<storage, read> requests: array<Request>;
+@group(0) @binding(1) var<storage, read_write> pixels: array<vec4<f32>>;
+
+@compute @workgroup_size(64)
+fn sample(@builtin(global_invocation_id) id: vec3<u32>) {
+    let i = id.x;
+    if i >= arrayLength(&requests) {
+        return;
+    }
+    let receiver = LightReceiver(requests[i].position, requests[i].normal);
+    var drawn: LightSample;
+    var weight = 0.0;
+    if CANDIDATES == 1u {
+        drawn = light_sample(receiver, requests[i].u);
+        weight = 1.0 / (drawn.pmf * drawn.pdf);
+    } else {
+        let kept = light_resample(receiver, requests[i].u, CANDIDATES);
+        drawn = kept.sample;
+        weight = kept.weight;
+    }
+    let cosine = max(dot(receiver.normal, drawn.direction), 0.0);
+    pixels[i] = vec4(select(vec3(0.0), drawn.radiance * cosine * weight, drawn.pmf > 0.0), drawn.distance);
+}

@@ -1,0 +1,189 @@
+//! Samples of a picture of each city.
+
+use super::machine::Machine;
+use super::receivers::requests;
+use super::scene::procedural::{self, CityOptions, Size};
+use super::scene::{SceneError, Stage};
+use super::spread::Spread;
+use super::timer::Timer;
+use girandole::gpu::{GpuLights, SampleRequest};
+use girandole::{FrameBudget, wgpu};
+use serde_json::{Value, json};
+
+/// Seconds that the city has moved.
+const TIME: f64 = 1.0;
+/// Candidates for a sample.
+const CANDIDATES: [u32; 2] = [1, 8];
+/// Where the shader binds the lights.
+const LIGHT_GROUP: u32 = 1;
+/// Invocations of a workgroup; in `sample.wgsl` too, which a test compares.
+pub const LANES: u32 = 64;
+/// Of a pixel in `sample.wgsl`.
+const PIXEL_BYTES: u64 = 16;
+
+/// One city and one number of candidates.
+pub struct Row {
+    pub city: String,
+    pub lights: usize,
+    pub instances: usize,
+    pub picture: (u32, u32),
+    pub candidates: u32,
+    /// Of the whole picture.
+    pub time: Spread,
+    /// Read for a sample, in the mean.
+    pub nodes: f64,
+    /// Of those nodes, and of an instance and a light for each candidate.
+    pub bytes: f64,
+}
+
+impl Row {
+    /// Samples that were kept, not candidates.
+    pub fn samples_per_second(&self) -> f64 {
+        f64::from(self.picture.0 * self.picture.1) / self.time.median
+    }
+
+    pub fn to_json(&self) -> Value {
+        json!({
+            "city": self.city,
+            "lights": self.lights,
+            "instances": self.instances,
+            "width": self.picture.0,
+            "height": self.picture.1,
+            "candidates": self.candidates,
+            "picture": self.time.to_json(),
+            "samples_per_second": self.samples_per_second(),
+            "nodes_per_sample": self.nodes,
+            "bytes_per_sample": self.bytes,
+        })
+    }
+}
+
+/// A sample for each pixel of a city's picture.
+pub fn measure(machine: &Machine, timer: &Timer, size: Size, picture: (u32, u32)) -> Result<Vec<Row>, SceneError> {
+    let refuse = |refusal| SceneError(format!("city {size:?}: {refusal}"));
+    let Stage { mut scene, mut world, mut animation } = procedural::stage(&CityOptions { size, cars: None, seed: 1 })?;
+    animation.advance(TIME, &mut scene, &mut world)?;
+    world.update(FrameBudget::UNLIMITED);
+    let requests = requests(&scene, picture)?;
+    drop(scene);
+
+    let mut lights = GpuLights::new(&machine.device, &machine.queue).map_err(refuse)?;
+    let delta = world.take_delta();
+    lights.upload(&world, &delta).map_err(refuse)?;
+    let mut encoder = machine.device.create_command_encoder(&Default::default());
+    lights.build_top(&mut encoder);
+    machine.queue.submit([encoder.finish()]);
+
+    let count = requests.len() as u32;
+    let input = machine.storage("requests", size_of_val(&requests[..]) as u64);
+    machine.queue.write_buffer(&input, 0, bytemuck::cast_slice(&requests));
+    let pixels = machine.storage("pixels", u64::from(count) * PIXEL_BYTES);
+    let counts = machine.storage("node counts", u64::from(count) * 4);
+    let record_bytes = lights.record_bytes();
+    let mut rows = Vec::new();
+    for candidates in CANDIDATES {
+        let kernel = Kernel::new(machine, &lights, &world, [&input, &pixels], candidates);
+        let time = timer.time(|encoder, queries| kernel.record(encoder, queries, &lights, count))?.total;
+        let mut encoder = machine.device.create_command_encoder(&Default::default());
+        lights.count_nodes(&mut encoder, &input, &counts, count, candidates);
+        machine.queue.submit([encoder.finish()]);
+        let read: Vec<u32> = timer.read(&counts)?;
+        let nodes = read.iter().map(|count| f64::from(*count)).sum::<f64>() / f64::from(count);
+        let each = f64::from(candidates) * f64::from(record_bytes.instance + record_bytes.light);
+        rows.push(Row {
+            city: format!("{size:?}"),
+            lights: world.light_count(),
+            instances: world.instance_count(),
+            picture,
+            candidates,
+            time,
+            nodes,
+            bytes: nodes * f64::from(record_bytes.node) + each,
+        });
+    }
+    Ok(rows)
+}
+
+/// A shader as an engine has it, for just what the world calls for.
+struct Kernel {
+    pipeline: wgpu::ComputePipeline,
+    group: wgpu::BindGroup,
+}
+
+impl Kernel {
+    fn new(
+        machine: &Machine,
+        lights: &GpuLights,
+        world: &girandole::World,
+        [requests, pixels]: [&wgpu::Buffer; 2],
+        candidates: u32,
+    ) -> Self {
+        let device = &machine.device;
+        let shader = lights.shader(LIGHT_GROUP, world.effects());
+        let text = shader.join(&format!("const CANDIDATES = {candidates}u;\n{}", include_str!("sample.wgsl")));
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("sample"),
+            source: wgpu::ShaderSource::Wgsl(text.into()),
+        });
+        let entry = |binding, read_only, stride: usize| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: wgpu::ShaderStages::COMPUTE,
+            ty: wgpu::BindingType::Buffer {
+                ty: wgpu::BufferBindingType::Storage { read_only },
+                has_dynamic_offset: false,
+                min_binding_size: wgpu::BufferSize::new(stride as u64),
+            },
+            count: None,
+        };
+        let own = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("sample"),
+            entries: &[entry(0, true, size_of::<SampleRequest>()), entry(1, false, PIXEL_BYTES as usize)],
+        });
+        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some("sample"),
+            bind_group_layouts: &[Some(&own), Some(&shader.layout)],
+            ..Default::default()
+        });
+        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some("sample"),
+            layout: Some(&layout),
+            module: &module,
+            entry_point: Some("sample"),
+            compilation_options: Default::default(),
+            cache: None,
+        });
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("sample"),
+            layout: &own,
+            entries: &[
+                wgpu::BindGroupEntry { binding: 0, resource: requests.as_entire_binding() },
+                wgpu::BindGroupEntry { binding: 1, resource: pixels.as_entire_binding() },
+            ],
+        });
+        Self { pipeline, group }
+    }
+
+    /// One timed pass.
+    fn record(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        queries: Option<&wgpu::QuerySet>,
+        lights: &GpuLights,
+        count: u32,
+    ) -> usize {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("sample"),
+            timestamp_writes: queries.map(|query_set| wgpu::ComputePassTimestampWrites {
+                query_set,
+                beginning_of_pass_write_index: Some(0),
+                end_of_pass_write_index: Some(1),
+            }),
+        });
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &self.group, &[]);
+        pass.set_bind_group(LIGHT_GROUP, lights.bind_group(), &[]);
+        // A picture of 1920 by 1080 takes half of the workgroups that one dimension may have.
+        pass.dispatch_workgroups(count.div_ceil(LANES), 1, 1);
+        1
+    }
+}

@@ -1,0 +1,143 @@
+//! Times passes where they run, several times over.
+
+use super::scene::SceneError;
+use super::spread::Spread;
+use girandole::gpu::measure::MOST_TOP_STAGES;
+use girandole::wgpu;
+use std::time::{Duration, Instant};
+
+/// Two timestamps a pass.
+const MOST_QUERIES: u32 = 2 * MOST_TOP_STAGES;
+/// Of a timestamp.
+const QUERY_BYTES: u64 = wgpu::QUERY_SIZE as u64;
+
+/// How often to repeat.
+#[derive(Clone, Copy)]
+pub struct Effort {
+    pub least: usize,
+    pub most: usize,
+    /// Enough, once there are the fewest.
+    pub time: Duration,
+}
+
+/// Submits work, waits for it and tells how long it took.
+pub struct Timer {
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    effort: Effort,
+    queries: Option<Queries>,
+}
+
+struct Queries {
+    set: wgpu::QuerySet,
+    resolved: wgpu::Buffer,
+    readback: wgpu::Buffer,
+    /// Seconds.
+    tick: f64,
+}
+
+/// Times of one kind of work.
+pub struct Times {
+    /// From the begin of the first pass to the end of the last.
+    pub total: Spread,
+    /// Seconds of each pass in each repetition; none where passes cannot be timed.
+    pub passes: Vec<Vec<f64>>,
+}
+
+impl Timer {
+    pub fn new(device: &wgpu::Device, queue: &wgpu::Queue, effort: Effort) -> Self {
+        let buffer = |usage| {
+            device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("timestamps"),
+                size: u64::from(MOST_QUERIES) * QUERY_BYTES,
+                usage: usage | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        };
+        let has_timestamps = device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
+        let queries = has_timestamps.then(|| Queries {
+            set: device.create_query_set(&wgpu::QuerySetDescriptor {
+                label: Some("timestamps"),
+                ty: wgpu::QueryType::Timestamp,
+                count: MOST_QUERIES,
+            }),
+            resolved: buffer(wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC),
+            readback: buffer(wgpu::BufferUsages::MAP_READ),
+            tick: f64::from(queue.get_timestamp_period()) * 1e-9,
+        });
+        Self { device: device.clone(), queue: queue.clone(), effort, queries }
+    }
+
+    /// Calls `work` once to warm up, then as often as the effort says; gives what each call but the first returns.
+    pub fn repeat<T>(&self, mut work: impl FnMut() -> Result<T, SceneError>) -> Result<Vec<T>, SceneError> {
+        work()?;
+        let start = Instant::now();
+        let mut all = Vec::new();
+        while all.len() < self.effort.least || (all.len() < self.effort.most && start.elapsed() < self.effort.time) {
+            all.push(work()?);
+        }
+        Ok(all)
+    }
+
+    /// Times what `record` records: compute passes, the i-th with timestamps 2 i and 2 i + 1 of the set that it is given.
+    /// It returns how many there are.
+    pub fn time(
+        &self,
+        mut record: impl FnMut(&mut wgpu::CommandEncoder, Option<&wgpu::QuerySet>) -> usize,
+    ) -> Result<Times, SceneError> {
+        let runs = self.repeat(|| {
+            let mut encoder = self.device.create_command_encoder(&Default::default());
+            let passes = record(&mut encoder, self.queries.as_ref().map(|queries| &queries.set));
+            let Some(queries) = &self.queries else {
+                self.wait()?;
+                let start = Instant::now();
+                self.queue.submit([encoder.finish()]);
+                self.wait()?;
+                return Ok((start.elapsed().as_secs_f64(), Vec::new()));
+            };
+            let count = 2 * passes as u32;
+            encoder.resolve_query_set(&queries.set, 0..count, &queries.resolved, 0);
+            let bytes = u64::from(count) * QUERY_BYTES;
+            encoder.copy_buffer_to_buffer(&queries.resolved, 0, &queries.readback, 0, bytes);
+            self.queue.submit([encoder.finish()]);
+            let ticks: Vec<u64> = self.map(&queries.readback, bytes)?;
+            let span = |from: u64, to: u64| to.saturating_sub(from) as f64 * queries.tick;
+            let total = span(ticks[0], ticks[ticks.len() - 1]);
+            Ok((total, ticks.chunks_exact(2).map(|pass| span(pass[0], pass[1])).collect()))
+        })?;
+        let (totals, passes): (Vec<f64>, Vec<Vec<f64>>) = runs.into_iter().unzip();
+        let total = Spread::of(totals).ok_or_else(|| SceneError("nothing was measured".into()))?;
+        Ok(Times { total, passes })
+    }
+
+    /// Waits until all that was submitted is done.
+    pub fn wait(&self) -> Result<(), SceneError> {
+        let waited = self.device.poll(wgpu::PollType::wait_indefinitely());
+        waited.map(|_| ()).map_err(|e| SceneError(format!("the adapter does not answer: {e}")))
+    }
+
+    /// What a buffer holds.
+    pub fn read<T: bytemuck::Pod>(&self, buffer: &wgpu::Buffer) -> Result<Vec<T>, SceneError> {
+        let readback = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("read-back"),
+            size: buffer.size(),
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(buffer, 0, &readback, 0, buffer.size());
+        self.queue.submit([encoder.finish()]);
+        self.map(&readback, buffer.size())
+    }
+
+    fn map<T: bytemuck::Pod>(&self, readback: &wgpu::Buffer, bytes: u64) -> Result<Vec<T>, SceneError> {
+        readback.map_async(wgpu::MapMode::Read, 0..bytes, |_| {});
+        self.wait()?;
+        // A mapping that failed shows here.
+        let view = readback.get_mapped_range(0..bytes).map_err(|e| SceneError(format!("cannot read back: {e}")))?;
+        let content = bytemuck::pod_collect_to_vec(&view);
+        drop(view);
+        readback.unmap();
+        Ok(content)
+    }
+}
