@@ -7,26 +7,31 @@ use girandole::glam::Vec2;
 use girandole::gpu::SampleRequest;
 use rayon::prelude::*;
 
+/// Pixels along a side of a tile: 64 invocations, a workgroup of `sample.wgsl`, see one, as in renderers.
+pub const TILE: u32 = 8;
 /// Of the random numbers.
 const SEED: u32 = 7;
 
-/// The surface behind each pixel, row by row. Pixels of the sky get what the pixel before them sees, so that all of a
-/// picture's are samples.
+/// The surface behind each pixel, tile by tile; both sides are whole tiles. Pixels of the sky get what the pixel before
+/// them sees, so that all of a picture's are samples.
 pub fn requests(scene: &Scene, (width, height): (u32, u32)) -> Result<Vec<SampleRequest>, SceneError> {
     let geometry = Geometry::new(scene)?;
     let view = View::new(&scene.camera, width, height);
     let size = Vec2::new(width as f32, height as f32);
     let mut seen: Vec<Option<SampleRequest>> = (0..width * height)
         .into_par_iter()
-        .map(|pixel| {
-            let middle = Vec2::new((pixel % width) as f32 + 0.5, (pixel / width) as f32 + 0.5);
+        .map(|index| {
+            let (tile, inside) = (index / (TILE * TILE), index % (TILE * TILE));
+            let x = tile % (width / TILE) * TILE + inside % TILE;
+            let y = tile / (width / TILE) * TILE + inside / TILE;
+            let middle = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
             let direction = view.direction(middle, size);
             let hit = geometry.nearest(view.eye, direction)?;
             let front = geometry.normal(&hit);
             let normal = if front.dot(direction) <= 0.0 { front } else { -front };
             let surface = view.eye + direction * hit.distance;
             let position = surface + normal * shadow_offset(surface, hit.distance);
-            let u = random(pixel, 0, SEED, Dimension::Light);
+            let u = random(index, 0, SEED, Dimension::Light);
             Some(SampleRequest { position: position.into(), normal: normal.into(), u, ..Default::default() })
         })
         .collect();

@@ -51,11 +51,11 @@ const QUICK: Plan = Plan {
     top_sizes: &[100, 1_000],
     moving: 1_000,
     cities: &[Size::S],
-    picture: (64, 36),
+    picture: (64, 32),
 };
 
 /// What a software adapter gets through in minutes.
-const SOFTWARE_PICTURE: (u32, u32) = (480, 270);
+const SOFTWARE_PICTURE: (u32, u32) = (384, 216);
 
 /// Measures everything, prints the tables and writes the file. An error is one line for the user.
 pub fn run(options: &Options) -> Result<(), SceneError> {
