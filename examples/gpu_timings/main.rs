@@ -5,10 +5,11 @@
 //! ```
 //!
 //! prints three tables as Markdown and writes their numbers as JSON: upload of 1, 10 and 100 % moved instances; each
-//! stage of the top level from 1,000 to 1,000,000 instances, beside a radix sort of as many keys alone; samples a second
-//! in the procedural cities S, M and L, for one sample and for eight candidates, with the nodes and bytes that they read.
-//! On the GPU by timestamps, apart from submission, where the adapter has them. Takes a few minutes at most; a copy of the
-//! binary runs by itself. `--quick` takes seconds and is for trying it out. `docs/benchmarks.md` holds measured tables.
+//! stage of the top level from 1,000 to 1,000,000 instances, beside a radix sort of as many keys alone; samples a
+//! second in the procedural cities S, M and L, for one sample and for eight candidates, with the nodes and bytes that
+//! they read. On the GPU by timestamps, apart from submission, where the adapter has them. Takes a few minutes at
+//! most; a copy of the binary runs by itself. `--quick` takes seconds and is for trying it out. `docs/benchmarks.md`
+//! holds measured tables.
 #![allow(clippy::print_stderr, reason = "a program talks to its user")]
 
 #[path = "../city/geometry.rs"]

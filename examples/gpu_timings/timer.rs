@@ -79,8 +79,8 @@ impl Timer {
         Ok(all)
     }
 
-    /// Times what `record` records: compute passes, the i-th with timestamps 2 i and 2 i + 1 of the set that it is given.
-    /// It returns how many there are.
+    /// Times what `record` records: compute passes, the i-th with timestamps 2 i and 2 i + 1 of the set that it is
+    /// given. It returns how many there are.
     pub fn time(
         &self,
         mut record: impl FnMut(&mut wgpu::CommandEncoder, Option<&wgpu::QuerySet>) -> usize,

@@ -32,8 +32,8 @@ impl Probe {
         checked.map(|()| probe)
     }
 
-    /// [`GpuError::DeviceLost`] once wgpu knows of it; never waits. In browsers, where mapping fails later too, a loss is
-    /// not found out.
+    /// [`GpuError::DeviceLost`] once wgpu knows of it; never waits. In browsers, where mapping fails later too, a
+    /// loss is not found out.
     pub(crate) fn check(&self) -> Result<(), GpuError> {
         let failed = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&failed);

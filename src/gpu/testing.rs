@@ -1,4 +1,5 @@
-//! One device for all GPU tests of the library, with WebGPU's default limits and nothing more, and others where it matters.
+//! One device for all GPU tests of the library, with WebGPU's default limits and nothing more, and others where it
+//! matters.
 
 use std::sync::OnceLock;
 

@@ -50,8 +50,8 @@ impl CountKernel {
 
 impl GpuLights {
     /// Counts the nodes of both levels that a sample reads: does what [`GpuLights::resample`] does, which for one
-    /// candidate is [`GpuLights::sample`], and writes a `u32` for each request to `counts` instead of the samples. A node
-    /// that is read twice counts twice.
+    /// candidate is [`GpuLights::sample`], and writes a `u32` for each request to `counts` instead of the samples. A
+    /// node that is read twice counts twice.
     ///
     /// The top level must have been built after the last upload. The first call makes the pipeline.
     pub fn count_nodes(

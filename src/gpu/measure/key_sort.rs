@@ -4,8 +4,8 @@ use super::super::error::GpuError;
 use super::super::recorder::Recorder;
 use super::super::sort::{RadixSort, SortBuffers};
 
-/// Sorts random 32-bit keys with their values, as the top level sorts its instances: what a build over as many takes can
-/// be held against it.
+/// Sorts random 32-bit keys with their values, as the top level sorts its instances: what a build over as many takes
+/// can be held against it.
 pub struct KeySort {
     sort: RadixSort,
     buffers: SortBuffers,
