@@ -2,8 +2,8 @@
 // which explains it. Subtraction, powers of two and integers only, so both get the same bits. One invocation a slot.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
-@group(0) @binding(3) var<storage, read_write> leaves: array<LightCluster>;
-@group(0) @binding(4) var<storage, read_write> bounds: array<u32, 6>;
+@group(0) @binding(3) var<storage, read_write> clusters: array<LightCluster>;
+@group(0) @binding(4) var<storage, read_write> bounds: array<u32, 8>;
 @group(0) @binding(5) var<storage, read_write> keys: array<u32>;
 @group(0) @binding(6) var<storage, read_write> slots: array<u32>;
 
@@ -86,10 +86,10 @@ fn top_keys(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroup
         return;
     }
     var key = TOP_NO_KEY;
-    if leaves[slot].flux > 0.0 {
+    if clusters[slot].flux > 0.0 {
         let greatest = vec3(top_unordered(bounds[0]), top_unordered(bounds[1]), top_unordered(bounds[2]));
         let least = vec3(top_unordered(~bounds[3]), top_unordered(~bounds[4]), top_unordered(~bounds[5]));
-        key = curve_key(leaves[slot].mean, least, greatest);
+        key = curve_key(clusters[slot].mean, least, greatest);
     }
     keys[slot] = key;
     slots[slot] = slot;

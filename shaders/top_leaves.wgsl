@@ -4,12 +4,13 @@
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
 @group(0) @binding(1) var<storage, read_write> instances: array<vec4<u32>>;
 @group(0) @binding(2) var<storage, read> trees: array<LightTree>;
-@group(0) @binding(3) var<storage, read_write> leaves: array<LightCluster>;
-// Greatest `top_ordered` coordinates, then greatest complements of them: both start from the zeros of a cleared buffer.
-@group(0) @binding(4) var<storage, read_write> bounds: array<atomic<u32>, 6>;
+@group(0) @binding(3) var<storage, read_write> clusters: array<LightCluster>;
+// Greatest `top_ordered` coordinates, greatest complements of them, and how many instances shine: all start from the zeros
+// of a cleared buffer.
+@group(0) @binding(4) var<storage, read_write> bounds: array<atomic<u32>, 8>;
 
-// The same of this workgroup. Maxima commute, so neither depends on who comes first.
-var<workgroup> group_bounds: array<atomic<u32>, 6>;
+// The same of this workgroup. Maxima and sums commute, so none depends on who comes first.
+var<workgroup> group_bounds: array<atomic<u32>, 8>;
 
 // As light_instance in stored.wgsl reads it.
 fn instance_of(slot: u32) -> LightInstance {
@@ -49,8 +50,9 @@ fn top_leaves(
     let slot = top_index(id, groups);
     if slot < top_pass.slots {
         let leaf = leaf_of(slot);
-        leaves[slot] = leaf;
+        clusters[slot] = leaf;
         if leaf.flux > 0.0 {
+            atomicAdd(&group_bounds[6], 1u);
             for (var axis = 0u; axis < 3u; axis++) {
                 let place = top_ordered(leaf.mean[axis]);
                 atomicMax(&group_bounds[axis], place);
@@ -61,5 +63,8 @@ fn top_leaves(
     workgroupBarrier();
     if lane < 6u {
         atomicMax(&bounds[lane], atomicLoad(&group_bounds[lane]));
+    }
+    if lane == 6u {
+        atomicAdd(&bounds[6], atomicLoad(&group_bounds[6]));
     }
 }

@@ -40,3 +40,7 @@ fn node_store(stored: NodeLayout, index: u32, node: LightNode, parent: u32) {
 fn node_store_target(stored: NodeLayout, place: u32, target_bits: u32) {
     nodes[4u * ((place / LIGHT_WIDTH) * stored.stride + LIGHT_NODE_TARGETS) + place % LIGHT_WIDTH] = target_bits;
 }
+
+fn node_layout() -> NodeLayout {
+    return NodeLayout(top_pass.node_stride, top_pass.node_cones, top_pass.node_range);
+}

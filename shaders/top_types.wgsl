@@ -1,23 +1,26 @@
 // What the stages of the top-level build share. Twin of `TopPass` in src/gpu/top.rs, which compares them. Binds nothing.
 
-// One level of nodes.
+// A round of the build. Units are instances and nodes that hang nowhere yet: a number below `capacity` is a slot, one above
+// it a node.
 struct TopPass {
     // Instance slots.
     slots: u32,
-    // The level's first node, and how many it has.
-    first: u32,
-    count: u32,
-    // The same of the level above; the root has none.
-    first_above: u32,
-    count_above: u32,
+    // Slots that there is room for: clusters of nodes lie behind those of so many instances.
+    capacity: u32,
+    // Where the last round's units lie, or TOP_SORTED if this is the first; and how many pieces left them.
+    units_before: u32,
+    pieces_before: u32,
+    // Where this round's units go: the numbers of units that each piece leaves, then TOP_LEFT places for each.
+    units_after: u32,
+    pieces: u32,
+    // This round's first node.
+    first_node: u32,
     // How records are stored: see LightParams.
     node_stride: u32,
     node_cones: u32,
     node_range: u32,
     light_stride: u32,
     instance_stride: u32,
-    padding_a: u32,
-    padding_b: u32,
 }
 
 // The number of an invocation in a dispatch of one or two dimensions.

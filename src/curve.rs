@@ -87,12 +87,12 @@ fn append(key: u32, digits: [u32; 3], dimensions: usize, bits: u32) -> u32 {
 }
 
 /// The exponent e of a number in [2^e, 2^(e + 1)); -127 for zero.
-fn exponent(x: f32) -> i32 {
+pub(crate) fn exponent(x: f32) -> i32 {
     (x.to_bits() >> 23) as i32 - 127
 }
 
 /// 2^e, or the nearest normal power.
-fn power_of_two(e: i32) -> f32 {
+pub(crate) fn power_of_two(e: i32) -> f32 {
     f32::from_bits(((e.clamp(-126, 127) + 127) as u32) << 23)
 }
 

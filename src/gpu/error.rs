@@ -51,7 +51,7 @@ const INVOCATIONS: u32 = 256;
 /// Bytes of workgroup memory: WebGPU's default.
 const WORKGROUP_BYTES: u32 = 16 * 1024;
 /// No buffer is larger before the first upload; what outgrows a device after it is [`GpuError::Full`].
-const FIRST_BYTES: u64 = 64 * 1024;
+const FIRST_BYTES: u64 = 128 * 1024;
 
 /// Refuses a device that has less than WebGPU's defaults of what we use, and names the limit.
 pub(crate) fn check_limits(limits: &wgpu::Limits) -> Result<(), GpuError> {

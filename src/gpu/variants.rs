@@ -208,13 +208,13 @@ fn content(lights: &mut GpuLights) -> [Vec<u32>; 4] {
     };
     let strides = lights.params.strides;
     let end = |range: fn(&TreeRanges) -> u32| lights.tree_ranges.iter().map(range).max().unwrap_or(0);
-    let levels = crate::top::level_starts(lights.params.slots as usize);
     [
         words(lights.nodes.buffer(), 0..end(TreeRanges::node_end), strides.node),
         words(lights.lights.buffer(), 0..end(TreeRanges::light_end).max(lights.directionals.end), strides.light),
         // Slot 0 is nobody's and never written.
         words(lights.instances.buffer(), 1..lights.params.slots, strides.instance),
-        words(lights.top.nodes(), 0..levels[levels.len() - 1], strides.node),
+        // The root: behind it lie nodes that no other refers to.
+        words(lights.top.nodes(), 0..1, strides.node),
     ]
 }
 

@@ -9,7 +9,7 @@ use crate::light::LAMBERTIAN;
 
 /// Weight of the squared diagonal beside the half area in a group's size. Small, so that it decides only where the
 /// areas vanish.
-pub(super) const DIAGONAL_WEIGHT: f32 = 0.05;
+pub(crate) const DIAGONAL_WEIGHT: f32 = 0.05;
 
 /// A group's size in square metres, from its box's edges.
 #[inline(always)]

@@ -14,10 +14,14 @@ mod wide;
 
 pub use attributes::{Attribute, Attributes};
 pub use check::CheckError;
+pub(crate) use cost::DIAGONAL_WEIGHT;
 pub use node::{Bytes, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_PARENT, Node, Target, WIDTH};
 #[cfg(feature = "gpu")]
 pub(crate) use node::{CAP_STEPS, DIRECTION_STEPS, STEPS};
 pub(crate) use node::{FARTHEST, Unpacked};
+#[cfg(feature = "gpu")]
+pub(crate) use shape::{FULL, SPARSE_COUNTS};
+pub(crate) use shape::{fills_nodes, middle};
 pub(crate) use wide::{Lanes, WideCluster};
 
 use dirty::Dirty;

@@ -9,7 +9,7 @@ use crate::gpu::testing::{gpu, read};
 use crate::keys::slot_of;
 use crate::placement::Placed;
 use crate::top::TopLevel;
-use crate::tree::{self, EMPTY_SLOT, LEAF, NO_PARENT};
+use crate::tree::{EMPTY_SLOT, LEAF, NO_PARENT, Target, WIDTH};
 use crate::{InstanceKey, Light, Placement, Policy, World};
 
 /// Relative difference of sums of up to eight products in f32, taken in different orders or with fused multiply-adds.
@@ -19,12 +19,40 @@ const SUMS: f32 = 4.0e-6;
 /// between two steps. Caps differ by one more, since they are about the direction that was packed.
 const STEP: u8 = 1;
 
-/// The GPU's instances, nodes and their children's clusters after one build, of the slots in use.
+/// The GPU's instances, their clusters, and nodes with theirs after one build. Nodes that no other refers to are left over.
 struct Built {
     instances: Vec<InstanceRecord>,
     leaves: Vec<Cluster>,
-    clusters: Vec<Cluster>,
+    clusters: Vec<ClusterRecord>,
     nodes: Vec<Node>,
+}
+
+impl Built {
+    /// What the child at a place was packed from.
+    fn child(&self, place: usize) -> Cluster {
+        match self.nodes[place / WIDTH].target(place % WIDTH) {
+            None => Cluster::EMPTY,
+            Some(Target::Leaf(slot)) => self.leaves[slot as usize],
+            Some(Target::Node(node)) => cluster_of(&self.clusters[node as usize]),
+        }
+    }
+
+    /// Nodes that the root leads to, the root first.
+    fn reached(&self) -> Vec<usize> {
+        let mut reached = vec![0];
+        let mut next = 0;
+        while let Some(node) = reached.get(next) {
+            let children: Vec<usize> = (0..WIDTH)
+                .filter_map(|slot| match self.nodes[*node].target(slot) {
+                    Some(Target::Node(child)) => Some(child as usize),
+                    _ => None,
+                })
+                .collect();
+            reached.extend(children);
+            next += 1;
+        }
+        reached
+    }
 }
 
 /// A number in [0, 1) for each index and purpose.
@@ -111,18 +139,13 @@ fn build(top: &mut TopBuild, world: &World) -> Built {
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     top.record(&mut Recorder::together(&mut encoder, "test"), slots as u32);
     queue.submit([encoder.finish()]);
-    let starts = level_starts(slots);
-    let mut nodes: Vec<Node> = read(&device, &queue, top.nodes());
-    nodes.truncate(starts[starts.len() - 1] as usize);
-    let clusters = |buffer, count| {
-        let records: Vec<ClusterRecord> = read(&device, &queue, buffer);
-        records[..count].iter().map(cluster_of).collect()
-    };
+    let mut leaves: Vec<ClusterRecord> = read(&device, &queue, &top.buffers.clusters);
+    let clusters = leaves.split_off(top.buffers.capacity as usize);
     Built {
         instances: read(&device, &queue, instances.buffer()),
-        leaves: clusters(&top.buffers.leaves, slots),
-        clusters: clusters(&top.buffers.clusters, nodes.len() * WIDTH),
-        nodes,
+        leaves: leaves[..slots].iter().map(cluster_of).collect(),
+        clusters,
+        nodes: read(&device, &queue, top.nodes()),
     }
 }
 
@@ -167,7 +190,7 @@ fn assert_alike(ours: &Cluster, twin: &Cluster, what: &str) {
 
 /// The same node of the same leaves. Boxes, ranges and fluxes are least, greatest and sums in one order: equal bit for bit.
 fn assert_same_node(ours: &Node, twin: &Node, index: usize) {
-    assert_eq!((ours.parent, ours.steps, ours.targets), (twin.parent, twin.steps, twin.targets), "node {index}");
+    assert_eq!(ours.steps, twin.steps, "node {index}");
     assert_eq!((ours.origin, ours.low, ours.high), (twin.origin, twin.low, twin.high), "node {index}");
     assert_eq!((ours.flux, ours.range), (twin.flux, twin.range), "node {index}");
     for slot in 0..WIDTH {
@@ -200,20 +223,41 @@ fn is_outside(outer: &Cluster, inner: &Cluster) -> Option<&'static str> {
 /// The way up and the way down agree, and each child as it is packed, and its node's own child above, hold what it was
 /// packed from.
 fn assert_bounds_hold(built: &Built) {
-    for (place, inner) in built.clusters.iter().enumerate().filter(|(_, cluster)| cluster.flux > 0.0) {
-        let mut place = place;
-        loop {
-            let node = &built.nodes[place / WIDTH];
-            let outer = node.cluster(place % WIDTH);
-            assert_eq!(is_outside(&outer, inner), None, "place {place}: {outer:?} {inner:?}");
-            if node.parent == NO_PARENT {
-                break;
+    for node in built.reached() {
+        for place in (node * WIDTH..(node + 1) * WIDTH).filter(|place| built.child(*place).flux > 0.0) {
+            let inner = built.child(place);
+            let mut place = place;
+            loop {
+                let node = &built.nodes[place / WIDTH];
+                let outer = node.cluster(place % WIDTH);
+                assert_eq!(is_outside(&outer, &inner), None, "place {place}: {outer:?} {inner:?}");
+                if node.parent == NO_PARENT {
+                    break;
+                }
+                let above = node.parent as usize;
+                assert_eq!(built.nodes[above / WIDTH].targets[above % WIDTH] as usize, place / WIDTH);
+                place = above;
             }
-            let above = node.parent as usize;
-            assert_eq!(built.nodes[above / WIDTH].targets[above % WIDTH] as usize, place / WIDTH);
-            place = above;
         }
     }
+}
+
+/// The same tree, though its nodes lie elsewhere.
+fn assert_same_tree(built: &Built, twin: &TopLevel) {
+    let mut pairs = vec![(0, 0)];
+    let mut next = 0;
+    while let Some((ours, theirs)) = pairs.get(next).copied() {
+        let (node, other) = (&built.nodes[ours], &twin.nodes[theirs]);
+        assert_same_node(node, other, ours);
+        for slot in 0..WIDTH {
+            match (node.target(slot), other.target(slot)) {
+                (Some(Target::Node(a)), Some(Target::Node(b))) => pairs.push((a as usize, b as usize)),
+                (a, b) => assert_eq!(a, b, "node {ours} and {theirs}, child {slot}"),
+            }
+        }
+        next += 1;
+    }
+    assert_eq!(pairs.len(), twin.nodes.len());
 }
 
 fn check(top: &mut TopBuild, world: &World) -> Built {
@@ -223,16 +267,14 @@ fn check(top: &mut TopBuild, world: &World) -> Built {
         let slot = slot_of(key) as usize;
         assert_alike(&built.leaves[slot], &world.cluster(key), &format!("instance in slot {slot}"));
     }
-    // Of the GPU's own leaves the CPU makes the same tree, place by place.
+    // Of the GPU's own leaves the CPU makes the same tree.
     let twin = TopLevel::build(&built.leaves);
-    assert_eq!(built.nodes.len(), twin.nodes.len());
-    for (slot, place) in twin.places.iter().enumerate() {
-        assert_eq!(built.instances[slot].top_place, *place, "slot {slot}");
-        assert_eq!(built.clusters[*place as usize], built.leaves[slot], "slot {slot}");
+    for (slot, leaf) in built.leaves.iter().enumerate().filter(|(_, leaf)| leaf.flux > 0.0) {
+        let place = built.instances[slot].top_place as usize;
+        assert_eq!(built.nodes[place / WIDTH].target(place % WIDTH), Some(Target::Leaf(slot as u32)));
+        assert_eq!(built.child(place), *leaf, "slot {slot}");
     }
-    for (index, (ours, other)) in built.nodes.iter().zip(&twin.nodes).enumerate() {
-        assert_same_node(ours, other, index);
-    }
+    assert_same_tree(&built, &twin);
     assert_bounds_hold(&built);
     built
 }
@@ -242,7 +284,7 @@ fn any_number_of_slots_makes_the_same_tree_as_on_the_cpu() {
     let (device, queue) = gpu();
     let mut top = TopBuild::new(&device, &queue).unwrap();
     // Up and down again: the buffers grow, and what a larger world left behind does no harm.
-    for slots in [0, 1, 2, 8, 9, 64, 65, 600, 5000, 513, 7, 0] {
+    for slots in [0, 1, 2, 8, 9, 65, 256, 257, 300, 513, 600, 5000, 20_000, 1100, 7, 0] {
         check(&mut top, &world_of(slots, placement));
     }
 }
@@ -253,6 +295,28 @@ fn instances_in_one_point_and_in_a_line_make_a_tree() {
     let mut top = TopBuild::new(&device, &queue).unwrap();
     check(&mut top, &world_of(100, |_| Placement::IDENTITY));
     check(&mut top, &world_of(300, |i| Placement::at(DVec3::new(-5.0e6 + f64::from(i) * 0.5, 0.0, 0.0))));
+}
+
+#[test]
+fn pieces_that_fall_apart_into_single_units_are_cut_into_eights() {
+    let (device, queue) = gpu();
+    let mut top = TopBuild::new(&device, &queue).unwrap();
+    // Each site sheds its farthest instance again and again: four of sixteen stay alone.
+    let place = |i: u32| {
+        let (site, k) = (i / 16, i % 16);
+        Placement::at(
+            1000.0 * DVec3::new(f64::from(site % 8), 0.0, f64::from(site / 8)) + 100.0 * DVec3::X / f64::from(1 << k),
+        )
+    };
+    let mut world = World::new();
+    let lamp = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).unwrap();
+    for i in 0..1024 {
+        world.add_instance(lamp, place(i), Policy::default()).unwrap();
+    }
+    let built = check(&mut top, &world);
+    let of_eight =
+        |node: &usize| (0..WIDTH).all(|slot| matches!(built.nodes[*node].target(slot), Some(Target::Leaf(_))));
+    assert!(built.reached().iter().filter(|node| of_eight(node)).count() >= 512 / WIDTH, "one piece at least");
 }
 
 #[test]
@@ -271,7 +335,7 @@ fn cones_of_beams_that_agree_stay_narrow_all_the_way_up() {
         let built = check(&mut top, &world);
         for slot in (0..WIDTH).filter(|slot| built.nodes[0].flux[*slot] > 0) {
             // Turns of at most sqrt(3) * 0.05 either way, the beam, and the padding of four levels.
-            let half_angle = built.clusters[slot].cos_half_angle.acos();
+            let half_angle = built.child(slot).cos_half_angle.acos();
             assert!(widest > 0.05 || half_angle < 0.2, "{widest}: {half_angle}");
             // Packed: the axis turns by half a step in each coordinate, and the cosine loses at most a step of 1/127.
             let packed = built.nodes[0].cluster(slot).cos_half_angle.acos();
@@ -291,8 +355,8 @@ fn a_world_without_light_is_a_tree_of_empty_slots() {
         world.add_instance(dark, placement(i), Policy::default()).unwrap();
     }
     let built = check(&mut top, &world);
-    assert!(built.nodes.iter().all(|n| n.flux == [0; WIDTH] && n.targets == [EMPTY_SLOT; WIDTH]));
-    assert_eq!(built.nodes[0].parent, NO_PARENT);
+    let root = &built.nodes[0];
+    assert_eq!((root.flux, root.targets, root.parent), ([0; WIDTH], [EMPTY_SLOT; WIDTH], NO_PARENT));
 }
 
 #[test]
@@ -310,16 +374,17 @@ fn every_layout_stores_the_pieces_of_the_same_nodes() {
     let (device, queue) = gpu();
     let mut top = TopBuild::new(&device, &queue).unwrap();
     let world = world_of(600, placement);
-    let nodes = build(&mut top, &world).nodes;
+    let built = build(&mut top, &world);
+    let full: &[[[u32; 4]; 13]] = bytemuck::cast_slice(&built.nodes);
     for effects in [Effects::empty(), Effects::CONES, Effects::RANGES, Effects::all()] {
         // Instances stay as they are.
         let strides = Strides { instance: Strides::of(Effects::all()).instance, ..Strides::of(effects) };
         top.set_strides(strides);
         build(&mut top, &world);
         let stored: Vec<[u32; 4]> = read(&device, &queue, top.nodes());
-        let full: &[[[u32; 4]; 13]] = bytemuck::cast_slice(&nodes);
-        for (ours, full) in stored.chunks(strides.node as usize).zip(full) {
-            let (core, rest) = full.split_at(10);
+        for node in built.reached() {
+            let ours = &stored[node * strides.node as usize..][..strides.node as usize];
+            let (core, rest) = full[node].split_at(10);
             assert_eq!(&ours[..10], core);
             if strides.cones > 0 {
                 assert_eq!(ours[strides.cones as usize..][..2], rest[..2]);
@@ -378,15 +443,17 @@ fn more_slots_than_the_device_binds_are_refused_and_change_nothing() {
     assert_eq!(top.generation(), 1);
     top.reserve(100).unwrap();
     let before = (top.generation(), top.buffers.capacity, top.nodes().clone());
-    // Clusters take the most: the largest number of slots whose nodes' fit, and one whole node more.
+    // Clusters take the most: the largest number of slots whose clusters fit, and one more.
     let limit = largest_storage_buffer(&device);
-    let bytes = (WIDTH * size_of::<ClusterRecord>()) as u64;
-    let clusters = |slots: u32| u64::from(*level_starts(slots as usize).last().unwrap_or(&0)) * bytes;
+    let strides = Strides::of(Effects::all());
+    let nodes = |slots: u32| u64::from(Plan::new(slots, slots, strides).nodes);
+    let clusters = |slots: u32| (u64::from(slots) + nodes(slots)) * size_of::<ClusterRecord>() as u64;
     let (mut fits, mut fails) = (0u32, 1 << 24);
     while fails - fits > 1 {
         let middle = fits.midpoint(fails);
         if clusters(middle) <= limit { fits = middle } else { fails = middle }
     }
+    assert!(fits > 1_500_000, "a million instances and more have room, not {fits}");
     assert_eq!(top.reserve(fails), Err(GpuError::Full { what: "top-level clusters", needed: clusters(fails), limit }));
     assert_eq!(before, (top.generation(), top.buffers.capacity, top.nodes().clone()));
     top.reserve(fits).unwrap();
@@ -394,13 +461,18 @@ fn more_slots_than_the_device_binds_are_refused_and_change_nothing() {
 }
 
 #[test]
-fn the_highest_tree_fits_the_passes() {
-    assert_eq!(level_starts(LEAF as usize).len() - 1, MOST_LEVELS as usize);
+fn the_longest_plan_fits_the_passes() {
+    // Beyond that, no buffer could hold the nodes' indices.
+    for slots in [0, 1, 256, 257, 512, 513, 100_000, 1 << 20, 1 << 30] {
+        let plan = Plan::new(slots, slots, Strides::of(Effects::all()));
+        assert!(plan.passes.len() <= MOST_ROUNDS as usize, "{slots}: {}", plan.passes.len());
+        assert!(u64::from(plan.nodes) <= u64::from(slots) * 2 / 5 + 1024, "{slots}: {}", plan.nodes);
+    }
 }
 
 #[test]
 fn the_stages_are_valid_and_agree_with_the_host_about_sizes() {
-    for stage in [&LEAVES, &KEYS, &PLACE, &LEVEL] {
+    for stage in [&LEAVES, &KEYS, &GROUP, &NODE, &ROOT_GROUP, &ROOT] {
         let text = stage.text();
         let module = naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect(stage.entry);
         naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::default())
@@ -409,19 +481,22 @@ fn the_stages_are_valid_and_agree_with_the_host_about_sizes() {
             .expect(stage.entry);
         assert_eq!(module.entry_points.len(), 1);
         assert_eq!(module.entry_points[0].name, stage.entry);
-        assert_eq!(module.entry_points[0].workgroup_size, [LANES, 1, 1]);
+        let lanes = if stage.piece > 0 { SPLIT_LANES } else { LANES };
+        assert_eq!(module.entry_points[0].workgroup_size, [lanes, 1, 1]);
         let (_, pass) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some("TopPass")).unwrap();
         let TypeInner::Struct { members, span } = &pass.inner else { panic!("TopPass is a struct") };
         assert_eq!(*span as usize, size_of::<TopPass>());
         let names: Vec<_> = members.iter().map(|m| (m.name.as_deref().unwrap(), m.offset as usize)).collect();
         assert_eq!(
-            names[..10],
+            names,
             [
                 ("slots", std::mem::offset_of!(TopPass, slots)),
-                ("first", std::mem::offset_of!(TopPass, first)),
-                ("count", std::mem::offset_of!(TopPass, count)),
-                ("first_above", std::mem::offset_of!(TopPass, first_above)),
-                ("count_above", std::mem::offset_of!(TopPass, count_above)),
+                ("capacity", std::mem::offset_of!(TopPass, capacity)),
+                ("units_before", std::mem::offset_of!(TopPass, units_before)),
+                ("pieces_before", std::mem::offset_of!(TopPass, pieces_before)),
+                ("units_after", std::mem::offset_of!(TopPass, units_after)),
+                ("pieces", std::mem::offset_of!(TopPass, pieces)),
+                ("first_node", std::mem::offset_of!(TopPass, first_node)),
                 ("node_stride", std::mem::offset_of!(TopPass, strides.node)),
                 ("node_cones", std::mem::offset_of!(TopPass, strides.cones)),
                 ("node_range", std::mem::offset_of!(TopPass, strides.range)),

@@ -11,6 +11,9 @@ mod split;
 mod tests;
 
 pub(super) use group::Item;
+#[cfg(feature = "gpu")]
+pub(crate) use split::{FULL, SPARSE_COUNTS};
+pub(crate) use split::{fills_nodes, middle};
 
 use super::node::{EMPTY_SLOT, LEAF, NO_PARENT, WIDTH};
 use group::Group;

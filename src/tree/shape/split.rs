@@ -24,10 +24,10 @@ const ONE_PLACE: f32 = 1.0e-24;
 const STEPS: f32 = (1 << 24) as f32;
 
 /// Fewest children that make a full node.
-const FULL: usize = 6;
+pub(crate) const FULL: usize = 6;
 
 /// Counts that do not fill nodes, as bits: none, 2 to 5, 9 to 11, 17.
-const SPARSE_COUNTS: u32 = {
+pub(crate) const SPARSE_COUNTS: u32 = {
     let (mut bits, mut count) = (1, 2_usize);
     while count < u32::BITS as usize {
         if count < FULL * count.div_ceil(WIDTH) {
@@ -39,7 +39,7 @@ const SPARSE_COUNTS: u32 = {
 };
 
 /// Whether nodes over this many lights can hold six or more each; one light needs no node.
-pub(super) fn fills_nodes(count: usize) -> bool {
+pub(crate) fn fills_nodes(count: usize) -> bool {
     count >= u32::BITS as usize || SPARSE_COUNTS >> count & 1 == 0
 }
 
@@ -74,7 +74,7 @@ fn split_middle(items: &mut [Item], means: &Means) -> [Group; 2] {
 
 /// A count near half of `count` that fills nodes on both sides. Where none does, the root is at hand: one side fills
 /// nodes, and the other fits into it.
-fn middle(count: usize) -> usize {
+pub(crate) fn middle(count: usize) -> usize {
     let nodes = count.div_ceil(WIDTH);
     match count {
         9 | 17 => 1,

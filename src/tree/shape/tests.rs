@@ -323,7 +323,7 @@ fn sweep(lights: &[Cluster], order: &mut [u32]) -> usize {
         let lefts: Vec<f64> = order.iter().scan(Exact::EMPTY, step).collect();
         let rights: Vec<f64> = order.iter().rev().scan(Exact::EMPTY, step).collect();
         let stretch = f64::from(extent.max_element() / extent[axis]);
-        for cut in (1..count).filter(|cut| split::fills_nodes(*cut) && split::fills_nodes(count - cut)) {
+        for cut in (1..count).filter(|cut| fills_nodes(*cut) && fills_nodes(count - cut)) {
             let cost = stretch * (lefts[cut - 1] + rights[count - cut - 1]);
             if cost < best.0 {
                 best = (cost, order.to_vec(), cut);

@@ -1,0 +1,96 @@
+// Top level, a round's first stage: one workgroup a piece of neighbours. What its splits leave together will be a node, what
+// they leave alone is a unit again. Twin of `grouped` in src/top/mod.rs.
+
+@group(0) @binding(0) var<uniform> top_pass: TopPass;
+@group(0) @binding(3) var<storage, read_write> clusters: array<LightCluster>;
+@group(0) @binding(4) var<storage, read_write> bounds: array<u32, 8>;
+@group(0) @binding(6) var<storage, read_write> slots: array<u32>;
+@group(0) @binding(7) var<storage, read_write> nodes: array<u32>;
+@group(0) @binding(8) var<storage, read_write> units: array<u32>;
+
+fn split_note(lane: u32, parts: u32) {
+}
+
+@compute @workgroup_size(TOP_SPLIT_LANES)
+fn top_group(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let total = gather_count(lane);
+    let piece = group.x;
+    let left = top_pass.units_after + top_pass.pieces;
+    if total <= TOP_ROOT_UNITS {
+        // Few enough for the root: handed on as they are, as the first piece's.
+        if piece == 0u && lane < total {
+            units[left + lane] = gather_unit(lane);
+        }
+        if lane == 0u {
+            units[top_pass.units_after + piece] = select(0u, total, piece == 0u);
+        }
+        return;
+    }
+    let pieces = (total + TOP_PIECE - 1u) / TOP_PIECE;
+    if piece >= pieces {
+        if lane == 0u {
+            units[top_pass.units_after + piece] = 0u;
+        }
+        return;
+    }
+    let start = piece * (total / pieces) + min(piece, total % pieces);
+    let count = total / pieces + select(0u, 1u, piece < total % pieces);
+    var own: array<u32, SPLIT_EACH>;
+    for (var i = 0u; i < SPLIT_EACH; i++) {
+        let unit = lane + i * TOP_SPLIT_LANES;
+        if unit < count {
+            own[i] = gather_unit(start + unit);
+            split_see_extremes(clusters[own[i]]);
+        }
+    }
+    workgroupBarrier();
+    for (var i = 0u; i < SPLIT_EACH; i++) {
+        let unit = lane + i * TOP_SPLIT_LANES;
+        if unit < count {
+            split_put(unit, clusters[own[i]]);
+        }
+    }
+    split_all(lane, count);
+
+    // The words are not needed any more: the first row takes the units' numbers.
+    workgroupBarrier();
+    split_clear(lane);
+    for (var i = 0u; i < SPLIT_EACH; i++) {
+        split_words[lane + i * TOP_SPLIT_LANES] = own[i];
+    }
+    workgroupBarrier();
+    for (var place = lane; place < count; place += TOP_SPLIT_LANES) {
+        if split_part(place).first == place {
+            split_set_bit(SPLIT_HEAD_ROW, place);
+        }
+    }
+    workgroupBarrier();
+    var groups = split_count_bits(SPLIT_HEAD_ROW, 0u, count);
+    let is_scattered = groups > (count + 3u) / 4u;
+    if is_scattered {
+        groups = (count + LIGHT_WIDTH - 1u) / LIGHT_WIDTH;
+    }
+    for (var place = lane; place < count; place += TOP_SPLIT_LANES) {
+        var part = split_part(place);
+        var index = split_count_bits(SPLIT_HEAD_ROW, 0u, place + 1u) - 1u;
+        if is_scattered {
+            index = place / LIGHT_WIDTH;
+            part = SplitPart(index * LIGHT_WIDTH, min(LIGHT_WIDTH, count - index * LIGHT_WIDTH));
+        }
+        let unit = split_words[split_unit(place)];
+        let node = top_pass.first_node + piece * TOP_LEFT + index;
+        let is_alone = part.count == 1u;
+        if !is_alone {
+            node_store_target(node_layout(), node * LIGHT_WIDTH + place - part.first, gather_target(unit));
+        }
+        if place == part.first {
+            units[left + piece * TOP_LEFT + index] = select(top_pass.capacity + node, unit, is_alone);
+            for (var slot = part.count; slot < LIGHT_WIDTH && !is_alone; slot++) {
+                node_store_target(node_layout(), node * LIGHT_WIDTH + slot, LIGHT_EMPTY_SLOT);
+            }
+        }
+    }
+    if lane == 0u {
+        units[top_pass.units_after + piece] = groups;
+    }
+}

@@ -1,0 +1,37 @@
+// Packs a node from the clusters of the children that its targets name, and tells them where they hang. In what the stage
+// binds as `clusters`, `nodes` and `instances`.
+
+fn node_child(target_bits: u32) -> LightCluster {
+    if target_bits == LIGHT_EMPTY_SLOT {
+        return CLUSTER_EMPTY;
+    }
+    if (target_bits & LIGHT_LEAF) != 0u {
+        return clusters[target_bits & ~LIGHT_LEAF];
+    }
+    return clusters[top_pass.capacity + target_bits];
+}
+
+fn node_make(node: u32) {
+    let stored = node_layout();
+    let at = 4u * (node * stored.stride + LIGHT_NODE_TARGETS);
+    for (var slot = 0u; slot < LIGHT_WIDTH; slot++) {
+        let bits = nodes[at + slot];
+        let place = node * LIGHT_WIDTH + slot;
+        if bits == LIGHT_EMPTY_SLOT {
+            continue;
+        }
+        if (bits & LIGHT_LEAF) != 0u {
+            let instance = (bits & ~LIGHT_LEAF) * top_pass.instance_stride + LIGHT_INSTANCE_PLACE;
+            instances[instance] = vec4(place, 0u, 0u, 0u);
+        } else {
+            nodes[4u * (bits * stored.stride + LIGHT_NODE_TAIL)] = place;
+        }
+    }
+    let eight = ClusterEight(
+        cluster_four(node_child(nodes[at]), node_child(nodes[at + 1u]), node_child(nodes[at + 2u]), node_child(nodes[at + 3u])),
+        cluster_four(node_child(nodes[at + 4u]), node_child(nodes[at + 5u]), node_child(nodes[at + 6u]), node_child(nodes[at + 7u])),
+    );
+    let merged = cluster_merged(eight);
+    node_store(stored, node, node_packed(eight, merged), LIGHT_NO_PARENT);
+    clusters[top_pass.capacity + node] = merged;
+}

@@ -1,0 +1,22 @@
+// Top level, a round's second stage: each node that the first has filled is packed from its children's clusters, and they
+// learn where they hang. One invocation a node. Twin of `TopLevel::add`.
+
+@group(0) @binding(0) var<uniform> top_pass: TopPass;
+@group(0) @binding(1) var<storage, read_write> instances: array<vec4<u32>>;
+@group(0) @binding(3) var<storage, read_write> clusters: array<LightCluster>;
+@group(0) @binding(7) var<storage, read_write> nodes: array<u32>;
+@group(0) @binding(8) var<storage, read_write> units: array<u32>;
+
+@compute @workgroup_size(TOP_LANES)
+fn top_node(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let index = top_index(id, groups);
+    let piece = index / TOP_LEFT;
+    if piece >= top_pass.pieces || index % TOP_LEFT >= units[top_pass.units_after + piece] {
+        return;
+    }
+    let node = top_pass.first_node + index;
+    // Not a unit that was left alone.
+    if units[top_pass.units_after + top_pass.pieces + index] == top_pass.capacity + node {
+        node_make(node);
+    }
+}

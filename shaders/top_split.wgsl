@@ -1,0 +1,324 @@
+// Splits the units of a piece in two, and again, until no part holds more than a node. Twin of src/top/split.rs, which
+// explains it. One workgroup a piece; all parts of a round at once, each invocation tries some cuts. A stage says with
+// TOP_PIECE how many units there are at most, and with `split_note` what it wants to know of a split.
+
+const SPLIT_WORDS: u32 = TOP_PIECE / 32u;
+// Parts that are split at once: each has more than LIGHT_WIDTH units.
+const SPLIT_PARTS: u32 = TOP_PIECE / (LIGHT_WIDTH + 1u) + 1u;
+// Units of one invocation.
+const SPLIT_EACH: u32 = TOP_PIECE / TOP_SPLIT_LANES;
+const SPLIT_NO_CUT: u32 = 0xffffffffu;
+
+// Six words of each unit, on the piece's grid: three of least and greatest corner (16 bits each), mean x and y, mean z and
+// the upper half of the flux, three bytes of direction. Word w of unit i is at w * TOP_PIECE + i.
+var<workgroup> split_words: array<u32, TOP_PIECE * 6u>;
+// At each place the unit, and the part that it belongs to: unit | first << 10 | count << 20.
+var<workgroup> split_order: array<u32, TOP_PIECE>;
+// A bit a place. First row: its unit goes to the left. Second: a part begins here that is split, or at the end any part.
+var<workgroup> split_bits: array<atomic<u32>, SPLIT_WORDS * 2u>;
+var<workgroup> split_heads: array<u32, SPLIT_PARTS>;
+var<workgroup> split_best: array<atomic<u32>, SPLIT_PARTS>;
+// Least corner (complements), greatest corner, greatest flux: all ordered as integers, all found as maxima.
+var<workgroup> split_extremes: array<atomic<u32>, 7>;
+var<workgroup> split_part_count: u32;
+
+const SPLIT_LEFT_ROW: u32 = 0u;
+const SPLIT_HEAD_ROW: u32 = SPLIT_WORDS;
+
+struct SplitPart {
+    first: u32,
+    count: u32,
+}
+
+// Twin of `Item`.
+struct SplitItem {
+    low: vec3<u32>,
+    high: vec3<u32>,
+    mean: vec3<u32>,
+    flux: f32,
+    power: vec3<f32>,
+}
+
+// Twin of `Sums`.
+struct SplitSums {
+    low: vec3<u32>,
+    high: vec3<u32>,
+    flux: f32,
+    power: vec3<f32>,
+}
+
+fn split_exponent(x: f32) -> i32 {
+    return i32(bitcast<u32>(x) >> 23u) - 127;
+}
+
+fn split_power_of_two(e: i32) -> f32 {
+    return bitcast<f32>(u32(clamp(e, -126, 127) + 127) << 23u);
+}
+
+fn split_part(place: u32) -> SplitPart {
+    let word = split_order[place];
+    return SplitPart((word >> 10u) & 0x3ffu, word >> 20u);
+}
+
+fn split_unit(place: u32) -> u32 {
+    return split_order[place] & 0x3ffu;
+}
+
+// Bits of a row that are set from place `begin` up to before `end`.
+fn split_count_bits(row: u32, begin: u32, end: u32) -> u32 {
+    var count = 0u;
+    for (var word = begin / 32u; word * 32u < end; word++) {
+        var bits = atomicLoad(&split_bits[row + word]);
+        if word == begin / 32u {
+            bits &= 0xffffffffu << (begin % 32u);
+        }
+        if end - word * 32u < 32u {
+            bits &= (1u << (end % 32u)) - 1u;
+        }
+        count += countOneBits(bits);
+    }
+    return count;
+}
+
+fn split_set_bit(row: u32, place: u32) {
+    atomicOr(&split_bits[row + place / 32u], 1u << (place % 32u));
+}
+
+fn split_clear(lane: u32) {
+    if lane < SPLIT_WORDS {
+        atomicStore(&split_bits[lane], 0u);
+        atomicStore(&split_bits[SPLIT_HEAD_ROW + lane], 0u);
+    }
+}
+
+// Two coordinates in one word.
+fn split_pair(low: f32, high: f32) -> u32 {
+    return min(u32(low), TOP_LAST_CELL) | (min(u32(high), TOP_LAST_CELL) << 16u);
+}
+
+fn split_direction(v: f32, turn: u32) -> u32 {
+    return (bitcast<u32>(i32(v * TOP_AXIS_STEPS)) & 0xffu) << turn;
+}
+
+// Puts a unit on the grid, once all extremes are known.
+fn split_put(unit: u32, cluster: LightCluster) {
+    let least = vec3(
+        top_unordered(~atomicLoad(&split_extremes[0])),
+        top_unordered(~atomicLoad(&split_extremes[1])),
+        top_unordered(~atomicLoad(&split_extremes[2])),
+    );
+    let extent = vec3(
+        top_unordered(atomicLoad(&split_extremes[3])),
+        top_unordered(atomicLoad(&split_extremes[4])),
+        top_unordered(atomicLoad(&split_extremes[5])),
+    ) - least;
+    let cells = split_power_of_two(15 - split_exponent(max(extent.x, max(extent.y, extent.z))));
+    let per_flux = split_power_of_two(-split_exponent(bitcast<f32>(atomicLoad(&split_extremes[6]))));
+    let low = (cluster.box_min - least) * cells;
+    let high = (cluster.box_max - least) * cells;
+    let mean = (cluster.mean - least) * cells;
+    split_words[unit] = split_pair(low.x, high.x);
+    split_words[TOP_PIECE + unit] = split_pair(low.y, high.y);
+    split_words[2u * TOP_PIECE + unit] = split_pair(low.z, high.z);
+    split_words[3u * TOP_PIECE + unit] = split_pair(mean.x, mean.y);
+    split_words[4u * TOP_PIECE + unit] =
+        min(u32(mean.z), TOP_LAST_CELL) | (bitcast<u32>(cluster.flux * per_flux) & 0xffff0000u);
+    split_words[5u * TOP_PIECE + unit] = split_direction(cluster.axis.x, 0u)
+        | split_direction(cluster.axis.y, 8u) | split_direction(cluster.axis.z, 16u);
+}
+
+fn split_see_extremes(cluster: LightCluster) {
+    for (var k = 0u; k < 3u; k++) {
+        atomicMax(&split_extremes[k], ~top_ordered(cluster.box_min[k]));
+        atomicMax(&split_extremes[k + 3u], top_ordered(cluster.box_max[k]));
+    }
+    atomicMax(&split_extremes[6], bitcast<u32>(cluster.flux));
+}
+
+fn split_mean(unit: u32) -> vec3<u32> {
+    let xy = split_words[3u * TOP_PIECE + unit];
+    return vec3(xy & 0xffffu, xy >> 16u, split_words[4u * TOP_PIECE + unit] & 0xffffu);
+}
+
+fn split_item(unit: u32) -> SplitItem {
+    let x = split_words[unit];
+    let y = split_words[TOP_PIECE + unit];
+    let z = split_words[2u * TOP_PIECE + unit];
+    let flux = bitcast<f32>(split_words[4u * TOP_PIECE + unit] & 0xffff0000u);
+    let packed = split_words[5u * TOP_PIECE + unit];
+    let direction = vec3<f32>(bitcast<vec3<i32>>(vec3(packed) << vec3(24u, 16u, 8u)) >> vec3(24u));
+    return SplitItem(
+        vec3(x & 0xffffu, y & 0xffffu, z & 0xffffu),
+        vec3(x >> 16u, y >> 16u, z >> 16u),
+        split_mean(unit),
+        flux,
+        flux * (direction * (1.0 / TOP_AXIS_STEPS)),
+    );
+}
+
+fn split_empty() -> SplitSums {
+    return SplitSums(vec3(TOP_LAST_CELL), vec3(0u), 0.0, vec3(0.0));
+}
+
+fn split_add(sums: SplitSums, item: SplitItem) -> SplitSums {
+    return SplitSums(
+        min(sums.low, item.low), max(sums.high, item.high), sums.flux + item.flux, sums.power + item.power,
+    );
+}
+
+fn split_cost(sums: SplitSums) -> f32 {
+    let e = vec3<f32>(max(sums.high, sums.low) - sums.low);
+    let size = e.x * e.y + e.y * e.z + e.z * e.x + TOP_DIAGONAL_WEIGHT * (e.x * e.x + e.y * e.y + e.z * e.z);
+    let p = sums.power;
+    let axis = sqrt(p.x * p.x + p.y * p.y + p.z * p.z);
+    let wide = 4.0 * sums.flux - (3.0 / LIGHT_LAMBERTIAN) * axis;
+    let narrow = 3.0 * (sums.flux - axis);
+    return size * max(max(wide, narrow), TOP_LEAST_ORIENTATION * sums.flux);
+}
+
+// Whether nodes over so many units can hold six or more each; one unit needs no node.
+fn split_fills_nodes(count: u32) -> bool {
+    return count >= 32u || ((TOP_SPARSE_COUNTS >> (count % 32u)) & 1u) == 0u;
+}
+
+// A count near half that fills nodes on both sides. Twin of `middle` in src/tree/shape/split.rs.
+fn split_middle(count: u32) -> u32 {
+    if count == 9u || count == 17u {
+        return 1u;
+    }
+    if count == 10u || count == 11u {
+        return count - TOP_FULL;
+    }
+    let nodes = (count + LIGHT_WIDTH - 1u) / LIGHT_WIDTH;
+    return max(nodes / 2u, 1u) * (count / nodes);
+}
+
+// Where the cut with this number ends its left side, in places from the part's first.
+fn split_end(cut: u32, count: u32) -> u32 {
+    let cuts = min(count, TOP_CUTS);
+    return cut * count / cuts;
+}
+
+fn split_try(part: SplitPart, number: u32) -> u32 {
+    let axis = number / TOP_CUTS;
+    let cut = number % TOP_CUTS;
+    if cut >= min(part.count, TOP_CUTS) {
+        return SPLIT_NO_CUT;
+    }
+    let end = split_end(cut, part.count);
+    let border = split_mean(split_unit(part.first + end))[axis];
+    var left = split_empty();
+    var right = split_empty();
+    var low = vec3(TOP_LAST_CELL);
+    var high = vec3(0u);
+    var count = 0u;
+    for (var place = 0u; place < part.count; place++) {
+        let item = split_item(split_unit(part.first + place));
+        low = min(low, item.mean);
+        high = max(high, item.mean);
+        if item.mean[axis] < border || (item.mean[axis] == border && place <= end) {
+            left = split_add(left, item);
+            count++;
+        } else {
+            right = split_add(right, item);
+        }
+    }
+    let extent = high - low;
+    if extent[axis] == 0u || count == part.count || !split_fills_nodes(count) || !split_fills_nodes(part.count - count) {
+        return SPLIT_NO_CUT;
+    }
+    let stretch = f32(max(extent.x, max(extent.y, extent.z))) / f32(extent[axis]);
+    let cost = stretch * (split_cost(left) + split_cost(right));
+    return ((bitcast<u32>(cost) >> TOP_COST_SLACK) << TOP_CUT_BITS) | number;
+}
+
+// Whether the unit at a place of a part goes to the left.
+fn split_is_left(part: SplitPart, place: u32, best: u32) -> bool {
+    if best == SPLIT_NO_CUT {
+        return place - part.first < split_middle(part.count);
+    }
+    let number = best & ((1u << TOP_CUT_BITS) - 1u);
+    let axis = number / TOP_CUTS;
+    let end = part.first + split_end(number % TOP_CUTS, part.count);
+    let border = split_mean(split_unit(end))[axis];
+    let mean = split_mean(split_unit(place))[axis];
+    return mean < border || (mean == border && place <= end);
+}
+
+// Splits `count` units, which are put already. Call from uniform control flow.
+fn split_all(lane: u32, count: u32) {
+    for (var i = 0u; i < SPLIT_EACH; i++) {
+        let place = lane + i * TOP_SPLIT_LANES;
+        split_order[place] = place | (count << 20u);
+    }
+    // After TOP_ROUNDS parts are halved, so that ten more are enough for any piece.
+    for (var round = 0u; round < TOP_ROUNDS + 10u; round++) {
+        split_clear(lane);
+        workgroupBarrier();
+        for (var place = lane; place < count; place += TOP_SPLIT_LANES) {
+            let part = split_part(place);
+            if part.first == place && part.count > LIGHT_WIDTH {
+                split_set_bit(SPLIT_HEAD_ROW, place);
+            }
+        }
+        workgroupBarrier();
+        for (var place = lane; place < count; place += TOP_SPLIT_LANES) {
+            let part = split_part(place);
+            if part.first == place && part.count > LIGHT_WIDTH {
+                let head = split_count_bits(SPLIT_HEAD_ROW, 0u, place);
+                split_heads[head] = place;
+                atomicStore(&split_best[head], SPLIT_NO_CUT);
+            }
+        }
+        if lane == 0u {
+            split_part_count = split_count_bits(SPLIT_HEAD_ROW, 0u, count);
+        }
+        let parts = workgroupUniformLoad(&split_part_count);
+        if parts == 0u {
+            break;
+        }
+        if round < TOP_ROUNDS {
+            for (var task = lane; task < parts * 3u * TOP_CUTS; task += TOP_SPLIT_LANES) {
+                let head = task / (3u * TOP_CUTS);
+                atomicMin(&split_best[head], split_try(split_part(split_heads[head]), task % (3u * TOP_CUTS)));
+            }
+        }
+        workgroupBarrier();
+        for (var place = lane; place < count; place += TOP_SPLIT_LANES) {
+            let part = split_part(place);
+            if part.count > LIGHT_WIDTH {
+                let head = split_count_bits(SPLIT_HEAD_ROW, 0u, part.first);
+                if split_is_left(part, place, atomicLoad(&split_best[head])) {
+                    split_set_bit(SPLIT_LEFT_ROW, place);
+                }
+            }
+        }
+        workgroupBarrier();
+        var moved_to: array<u32, SPLIT_EACH>;
+        var moved: array<u32, SPLIT_EACH>;
+        for (var i = 0u; i < SPLIT_EACH; i++) {
+            let place = lane + i * TOP_SPLIT_LANES;
+            moved_to[i] = place;
+            moved[i] = split_order[place];
+            let part = split_part(place);
+            if place < count && part.count > LIGHT_WIDTH {
+                let lefts = split_count_bits(SPLIT_LEFT_ROW, part.first, part.first + part.count);
+                let before = split_count_bits(SPLIT_LEFT_ROW, part.first, place);
+                let is_left = split_count_bits(SPLIT_LEFT_ROW, place, place + 1u) == 1u;
+                let middle = part.first + lefts;
+                moved_to[i] = select(middle + (place - part.first - before), part.first + before, is_left);
+                moved[i] = split_unit(place) | select(
+                    (middle << 10u) | ((part.count - lefts) << 20u),
+                    (part.first << 10u) | (lefts << 20u),
+                    is_left,
+                );
+            }
+        }
+        workgroupBarrier();
+        for (var i = 0u; i < SPLIT_EACH; i++) {
+            split_order[moved_to[i]] = moved[i];
+        }
+        workgroupBarrier();
+        split_note(lane, parts);
+    }
+}
