@@ -11,6 +11,41 @@
 fn split_note(lane: u32, parts: u32) {
 }
 
+// Of where this piece begins, and the next: rank and step of the best place in the window, see `piece_start` in
+// src/top/mod.rs.
+var<workgroup> group_starts: array<atomic<u32>, 2>;
+
+// Where a piece would begin if all were of the same size.
+fn group_even(total: u32, pieces: u32, piece: u32) -> u32 {
+    return piece * (total / pieces) + min(piece, total % pieces);
+}
+
+fn group_key(index: u32) -> u32 {
+    return curve_key_of(clusters[gather_unit(index)].mean);
+}
+
+// Half of the invocations look around the one start, half around the other.
+fn group_look(lane: u32, total: u32, pieces: u32, piece: u32) {
+    let side = lane / (2u * TOP_WINDOW);
+    let step = lane % (2u * TOP_WINDOW);
+    if side > 1u || piece + side == 0u || piece + side == pieces {
+        return;
+    }
+    let even = group_even(total, pieces, piece + side);
+    let unit = even - TOP_WINDOW + step;
+    let digit = 32u - countLeadingZeros(group_key(unit) ^ group_key(unit - 1u));
+    let near = TOP_WINDOW - (max(unit, even) - min(unit, even));
+    atomicMax(&group_starts[side], (digit << 16u) | (near << 8u) | step);
+}
+
+fn group_start(total: u32, pieces: u32, piece: u32, side: u32) -> u32 {
+    let even = group_even(total, pieces, piece + side);
+    if piece + side == 0u || piece + side == pieces {
+        return even;
+    }
+    return even - TOP_WINDOW + (atomicLoad(&group_starts[side]) & 0xffu);
+}
+
 @compute @workgroup_size(TOP_SPLIT_LANES)
 fn top_group(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let total = gather_count(lane);
@@ -26,15 +61,17 @@ fn top_group(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
         }
         return;
     }
-    let pieces = (total + TOP_PIECE - 1u) / TOP_PIECE;
+    let pieces = (total + TOP_SHARE - 1u) / TOP_SHARE;
     if piece >= pieces {
         if lane == 0u {
             units[top_pass.units_after + piece] = 0u;
         }
         return;
     }
-    let start = piece * (total / pieces) + min(piece, total % pieces);
-    let count = total / pieces + select(0u, 1u, piece < total % pieces);
+    group_look(lane, total, pieces, piece);
+    workgroupBarrier();
+    let start = group_start(total, pieces, piece, 0u);
+    let count = group_start(total, pieces, piece, 1u) - start;
     var own: array<u32, SPLIT_EACH>;
     for (var i = 0u; i < SPLIT_EACH; i++) {
         let unit = lane + i * TOP_SPLIT_LANES;

@@ -7,78 +7,6 @@
 @group(0) @binding(5) var<storage, read_write> keys: array<u32>;
 @group(0) @binding(6) var<storage, read_write> slots: array<u32>;
 
-// The exponent e of a number in [2^e, 2^(e + 1)); -127 for zero.
-fn curve_exponent(x: f32) -> i32 {
-    return i32(bitcast<u32>(x) >> 23u) - 127;
-}
-
-fn curve_low_bits(count: u32) -> u32 {
-    return (1u << count) - 1u;
-}
-
-// Coordinates of a cell to digits of its place on the Hilbert curve.
-fn curve_hilbert(cell: vec3<u32>, dimensions: u32, bits: u32) -> vec3<u32> {
-    var x = cell;
-    for (var up = 1u; up < bits; up++) {
-        let bit = bits - up;
-        let below = curve_low_bits(bit);
-        for (var i = 0u; i < dimensions; i++) {
-            if (x[i] & (1u << bit)) != 0u {
-                x[0] ^= below;
-            } else {
-                let swap = (x[0] ^ x[i]) & below;
-                x[0] ^= swap;
-                x[i] ^= swap;
-            }
-        }
-    }
-    for (var i = 1u; i < dimensions; i++) {
-        x[i] ^= x[i - 1u];
-    }
-    let last = x[dimensions - 1u];
-    var flips = 0u;
-    for (var bit = 1u; bit < bits; bit++) {
-        if (last & (1u << bit)) != 0u {
-            flips ^= curve_low_bits(bit);
-        }
-    }
-    return x ^ vec3(flips);
-}
-
-// Appends the digits' bits to a key, the highest of all digits first.
-fn curve_append(start: u32, digits: vec3<u32>, dimensions: u32, bits: u32) -> u32 {
-    var key = start;
-    for (var up = 1u; up <= bits; up++) {
-        for (var i = 0u; i < dimensions; i++) {
-            key = (key << 1u) | ((digits[i] >> (bits - up)) & 1u);
-        }
-    }
-    return key;
-}
-
-fn curve_key(position: vec3<f32>, least: vec3<f32>, greatest: vec3<f32>) -> u32 {
-    let extent = greatest - least;
-    // The longest axis first, x before y before z: a bubble sort of three.
-    var axes = vec3(0u, 1u, 2u);
-    if extent[axes.y] > extent[axes.x] { axes = axes.yxz; }
-    if extent[axes.z] > extent[axes.y] { axes = axes.xzy; }
-    if extent[axes.y] > extent[axes.x] { axes = axes.yxz; }
-    let long = curve_exponent(extent[axes.x]);
-    let middle = curve_exponent(extent[axes.y]);
-    let short = curve_exponent(extent[axes.z]);
-    let one = min(u32(long - middle), TOP_KEY_BITS);
-    let two = min(u32(middle - short), (TOP_KEY_BITS - one) / 2u);
-    let three = (TOP_KEY_BITS - one - 2u * two) / 3u;
-    let power = clamp(i32(one + two + three) - 1 - long, -126, 127);
-    let cells = (position - least) * bitcast<f32>(u32(power + 127) << 23u);
-    let sorted = vec3(cells[axes.x], cells[axes.y], cells[axes.z]);
-    let cell = min(vec3<u32>(sorted), vec3(curve_low_bits(one + two + three)));
-    let flat_digits = curve_hilbert((cell >> vec3(three)) & vec3(curve_low_bits(two)), 2u, two);
-    let deep_digits = curve_hilbert(cell & vec3(curve_low_bits(three)), 3u, three);
-    let key = curve_append(cell.x >> (two + three), flat_digits, 2u, two);
-    return curve_append(key, deep_digits, 3u, three);
-}
-
 @compute @workgroup_size(TOP_LANES)
 fn top_keys(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let slot = top_index(id, groups);
@@ -87,9 +15,7 @@ fn top_keys(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroup
     }
     var key = TOP_NO_KEY;
     if clusters[slot].flux > 0.0 {
-        let greatest = vec3(top_unordered(bounds[0]), top_unordered(bounds[1]), top_unordered(bounds[2]));
-        let least = vec3(top_unordered(~bounds[3]), top_unordered(~bounds[4]), top_unordered(~bounds[5]));
-        key = curve_key(clusters[slot].mean, least, greatest);
+        key = curve_key_of(clusters[slot].mean);
     }
     keys[slot] = key;
     slots[slot] = slot;

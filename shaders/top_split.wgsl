@@ -18,6 +18,8 @@ var<workgroup> split_order: array<u32, TOP_PIECE>;
 var<workgroup> split_bits: array<atomic<u32>, SPLIT_WORDS * 2u>;
 var<workgroup> split_heads: array<u32, SPLIT_PARTS>;
 var<workgroup> split_best: array<atomic<u32>, SPLIT_PARTS>;
+// Of each part's best cut.
+var<workgroup> split_borders: array<u32, SPLIT_PARTS>;
 // Least corner (complements), greatest corner, greatest flux: all ordered as integers, all found as maxima.
 var<workgroup> split_extremes: array<atomic<u32>, 7>;
 var<workgroup> split_part_count: u32;
@@ -193,38 +195,68 @@ fn split_middle(count: u32) -> u32 {
     return max(nodes / 2u, 1u) * (count / nodes);
 }
 
-// Where the cut with this number ends its left side, in places from the part's first.
-fn split_end(cut: u32, count: u32) -> u32 {
-    let cuts = min(count, TOP_CUTS);
-    return cut * count / cuts;
+// Twin of `Cut`: the last cell of the left side, and the last place in that cell that belongs to it.
+struct SplitCut {
+    axis: u32,
+    border: u32,
+    end: u32,
+}
+
+fn split_end(part: SplitPart, number: u32) -> u32 {
+    return select(part.first + number % TOP_CUTS, part.first + part.count, part.count > TOP_CUTS);
+}
+
+// The last cell on the left, of a part whose means lie between two cells.
+fn split_border(part: SplitPart, number: u32, low: u32, high: u32) -> u32 {
+    if part.count > TOP_CUTS {
+        return low + (high - low) * (number % TOP_CUTS + 1u) / (TOP_CUTS + 1u);
+    }
+    return split_mean(split_unit(part.first + number % TOP_CUTS))[number / TOP_CUTS];
+}
+
+fn split_is_left_of(cut: SplitCut, mean: vec3<u32>, place: u32) -> bool {
+    return mean[cut.axis] < cut.border || (mean[cut.axis] == cut.border && place <= cut.end);
+}
+
+// Least and greatest means of a part.
+struct SplitMeans {
+    low: vec3<u32>,
+    high: vec3<u32>,
+}
+
+fn split_means(part: SplitPart) -> SplitMeans {
+    var means = SplitMeans(vec3(TOP_LAST_CELL), vec3(0u));
+    for (var place = part.first; place < part.first + part.count; place++) {
+        let mean = split_mean(split_unit(place));
+        means = SplitMeans(min(means.low, mean), max(means.high, mean));
+    }
+    return means;
 }
 
 fn split_try(part: SplitPart, number: u32) -> u32 {
     let axis = number / TOP_CUTS;
-    let cut = number % TOP_CUTS;
-    if cut >= min(part.count, TOP_CUTS) {
+    if number % TOP_CUTS >= part.count {
         return SPLIT_NO_CUT;
     }
-    let end = split_end(cut, part.count);
-    let border = split_mean(split_unit(part.first + end))[axis];
+    let means = split_means(part);
+    let extent = means.high - means.low;
+    if extent[axis] == 0u {
+        return SPLIT_NO_CUT;
+    }
+    let cut = SplitCut(axis, split_border(part, number, means.low[axis], means.high[axis]), split_end(part, number));
     var left = split_empty();
     var right = split_empty();
-    var low = vec3(TOP_LAST_CELL);
-    var high = vec3(0u);
     var count = 0u;
-    for (var place = 0u; place < part.count; place++) {
-        let item = split_item(split_unit(part.first + place));
-        low = min(low, item.mean);
-        high = max(high, item.mean);
-        if item.mean[axis] < border || (item.mean[axis] == border && place <= end) {
+    for (var place = part.first; place < part.first + part.count; place++) {
+        let item = split_item(split_unit(place));
+        if split_is_left_of(cut, item.mean, place) {
             left = split_add(left, item);
             count++;
         } else {
             right = split_add(right, item);
         }
     }
-    let extent = high - low;
-    if extent[axis] == 0u || count == part.count || !split_fills_nodes(count) || !split_fills_nodes(part.count - count) {
+    if count == part.count || !split_fills_nodes(count) || !split_fills_nodes(part.count - count) {
         return SPLIT_NO_CUT;
     }
     let stretch = f32(max(extent.x, max(extent.y, extent.z))) / f32(extent[axis]);
@@ -232,17 +264,18 @@ fn split_try(part: SplitPart, number: u32) -> u32 {
     return ((bitcast<u32>(cost) >> TOP_COST_SLACK) << TOP_CUT_BITS) | number;
 }
 
+fn split_number(best: u32) -> u32 {
+    return best & ((1u << TOP_CUT_BITS) - 1u);
+}
+
 // Whether the unit at a place of a part goes to the left.
-fn split_is_left(part: SplitPart, place: u32, best: u32) -> bool {
+fn split_is_left(part: SplitPart, place: u32, best: u32, border: u32) -> bool {
     if best == SPLIT_NO_CUT {
         return place - part.first < split_middle(part.count);
     }
-    let number = best & ((1u << TOP_CUT_BITS) - 1u);
-    let axis = number / TOP_CUTS;
-    let end = part.first + split_end(number % TOP_CUTS, part.count);
-    let border = split_mean(split_unit(end))[axis];
-    let mean = split_mean(split_unit(place))[axis];
-    return mean < border || (mean == border && place <= end);
+    let number = split_number(best);
+    let cut = SplitCut(number / TOP_CUTS, border, split_end(part, number));
+    return split_is_left_of(cut, split_mean(split_unit(place)), place);
 }
 
 // Splits `count` units, which are put already. Call from uniform control flow.
@@ -284,11 +317,18 @@ fn split_all(lane: u32, count: u32) {
             }
         }
         workgroupBarrier();
+        if lane < parts && atomicLoad(&split_best[lane]) != SPLIT_NO_CUT {
+            let part = split_part(split_heads[lane]);
+            let number = split_number(atomicLoad(&split_best[lane]));
+            let means = split_means(part);
+            split_borders[lane] = split_border(part, number, means.low[number / TOP_CUTS], means.high[number / TOP_CUTS]);
+        }
+        workgroupBarrier();
         for (var place = lane; place < count; place += TOP_SPLIT_LANES) {
             let part = split_part(place);
             if part.count > LIGHT_WIDTH {
                 let head = split_count_bits(SPLIT_HEAD_ROW, 0u, part.first);
-                if split_is_left(part, place, atomicLoad(&split_best[head])) {
+                if split_is_left(part, place, atomicLoad(&split_best[head]), split_borders[head]) {
                     split_set_bit(SPLIT_LEFT_ROW, place);
                 }
             }

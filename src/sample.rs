@@ -95,6 +95,12 @@ impl<'a> Sampler<'a> {
         Self { openings: openings.min(MOST_OPENINGS), ..self }
     }
 
+    /// The same sampler over another top level of the same world.
+    #[cfg(test)]
+    pub(crate) fn with_top(self, top: &'a TopLevel) -> Self {
+        Self { top, ..self }
+    }
+
     /// Chooses a light; `None` where bounds prove that there is none to choose.
     ///
     /// One pass over eight children per opened cluster and per level below. Source: CK18 5, see `walk.rs`.

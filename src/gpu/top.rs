@@ -76,7 +76,7 @@ impl Plan {
         let mut plan = Self { passes: Vec::new(), nodes: ROOT_PARTS + 1, words: 0 };
         let mut units = slots;
         while units > top::ROOT_UNITS as u32 {
-            pass.pieces = units.div_ceil(top::PIECE as u32);
+            pass.pieces = units.div_ceil(top::SHARE as u32);
             pass.units_after = plan.words;
             pass.first_node = plan.nodes;
             plan.words += pass.pieces + (pass.pieces * LEFT).max(top::ROOT_UNITS as u32);
@@ -296,11 +296,17 @@ macro_rules! shader {
 }
 
 const LEAVES: Stage = Stage { entry: "top_leaves", piece: 0, sources: &[shader!("top_leaves")] };
-const KEYS: Stage = Stage { entry: "top_keys", piece: 0, sources: &[shader!("top_keys")] };
+const KEYS: Stage = Stage { entry: "top_keys", piece: 0, sources: &[shader!("top_curve"), shader!("top_keys")] };
 const GROUP: Stage = Stage {
     entry: "top_group",
     piece: top::PIECE,
-    sources: &[shader!("top_split"), shader!("top_gather"), shader!("top_nodes"), shader!("top_group")],
+    sources: &[
+        shader!("top_curve"),
+        shader!("top_split"),
+        shader!("top_gather"),
+        shader!("top_nodes"),
+        shader!("top_group"),
+    ],
 };
 const NODE: Stage =
     Stage { entry: "top_node", piece: 0, sources: &[shader!("top_nodes"), shader!("top_make"), shader!("top_node")] };
@@ -323,6 +329,8 @@ impl Stage {
             ("SPLIT_LANES", SPLIT_LANES),
             ("PIECE", self.piece as u32),
             ("LEFT", LEFT),
+            ("SHARE", top::SHARE as u32),
+            ("WINDOW", top::WINDOW as u32),
             ("SORTED", SORTED),
             ("ROOT_UNITS", top::ROOT_UNITS as u32),
             ("ROOT_PARTS", ROOT_PARTS),

@@ -21,6 +21,13 @@ use split::{Part, split};
 /// Units that are split together: what a workgroup has memory for. Half as many cost 10 % of noise.
 pub(crate) const PIECE: usize = 512;
 
+/// Pieces begin where the curve enters the largest cell within so many units before or behind an even share: ragged borders
+/// cost 10 % of noise.
+pub(crate) const WINDOW: usize = 64;
+
+/// Units of a piece on average, at most.
+pub(crate) const SHARE: usize = PIECE - 2 * WINDOW;
+
 /// So many units become the upper part of the tree at once.
 pub(crate) const ROOT_UNITS: usize = 256;
 
@@ -46,9 +53,20 @@ pub(crate) const fn most_units(count: usize) -> usize {
     count.div_ceil(4)
 }
 
-/// First unit of a piece, of so many pieces of nearly the same size; of the piece past the last, the number of units.
-pub(crate) fn piece_start(units: usize, pieces: usize, piece: usize) -> usize {
-    piece * (units / pieces) + piece.min(units % pieces)
+/// First unit of a piece; of the piece past the last, the number of units. `keys` are places on the curve.
+fn piece_start(keys: &[u32], pieces: usize, piece: usize) -> usize {
+    let even = piece * (keys.len() / pieces) + piece.min(keys.len() % pieces);
+    if piece == 0 || piece == pieces {
+        return even;
+    }
+    let first = even - WINDOW;
+    // The highest digit that changes, then the nearest, then the last.
+    let rank = |step: &usize| {
+        let unit = first + step;
+        let digit = u32::BITS - (keys[unit] ^ keys[unit - 1]).leading_zeros();
+        (digit, WINDOW - unit.abs_diff(even), *step)
+    };
+    first + (0..2 * WINDOW).max_by_key(rank).unwrap_or(WINDOW)
 }
 
 impl TopLevel {
@@ -65,7 +83,7 @@ impl TopLevel {
         let mut units: Vec<Unit> = order.iter().map(unit).collect();
         while units.len() > ROOT_UNITS {
             let mut above = Vec::with_capacity(units.len() / 4);
-            for groups in grouped(&units) {
+            for groups in grouped(&units, &curve) {
                 for group in groups {
                     above.push(if let [alone] = group[..] { alone } else { top.add(&group, None) });
                 }
@@ -161,10 +179,11 @@ fn children_of(parts: &[Part], whole: usize) -> Vec<Child> {
 }
 
 /// The groups of each piece, in order.
-fn grouped(units: &[Unit]) -> Vec<Vec<Vec<Unit>>> {
-    let pieces = units.len().div_ceil(PIECE);
+fn grouped(units: &[Unit], curve: &Curve) -> Vec<Vec<Vec<Unit>>> {
+    let keys: Vec<u32> = units.iter().map(|unit| curve.key(unit.cluster.mean)).collect();
+    let pieces = units.len().div_ceil(SHARE);
     let group = |piece: usize| {
-        let units = &units[piece_start(units.len(), pieces, piece)..piece_start(units.len(), pieces, piece + 1)];
+        let units = &units[piece_start(&keys, pieces, piece)..piece_start(&keys, pieces, piece + 1)];
         let split = split(units.iter().map(|unit| &unit.cluster));
         let mut ends: Vec<Part> = split.parts.into_iter().filter(|part| part.halves.is_none()).collect();
         ends.sort_unstable_by_key(|part| part.first);
@@ -182,3 +201,6 @@ fn grouped(units: &[Unit]) -> Vec<Vec<Vec<Unit>>> {
     #[cfg(not(feature = "parallel"))]
     (0..pieces).map(group).collect()
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,7 +1,7 @@
 //! Groups neighbours: a piece of at most [`PIECE`] units is split in two, and again, until no part holds more than a node.
 //!
-//! Twin of `shaders/top_split.wgsl`. Based on CK18 4.2-4.4. Differs: cuts go through units, not between bins, since one
-//! invocation can try one cut without memory of its own; units are rounded to a grid of the piece (16 bits an axis, box
+//! Twin of `shaders/top_split.wgsl`. Based on CK18 4.2-4.4. Differs: each cut is tried by itself, since one invocation
+//! can do that without memory for bins; units are rounded to a grid of the piece (16 bits an axis, box
 //! and mean; 8 bits of flux and of each coordinate of direction), so that a piece fits into a workgroup's 16 KiB and both
 //! sides choose the same cuts, but where two cost the same to 1 part in 8192.
 
@@ -10,7 +10,8 @@ use crate::curve::{exponent, power_of_two};
 use crate::light::LAMBERTIAN;
 use crate::tree::{DIAGONAL_WEIGHT, WIDTH, fills_nodes, middle};
 
-/// Cuts that are tried along each axis. With 32 the noise is the same within chance, for twice the time.
+/// Cuts that are tried along each axis, evenly spaced; of so few units or less all that there are. Cuts through as many
+/// units instead, however they lie, cost 20 % of noise (docs/decisions.md, 4).
 pub(crate) const CUTS: usize = 16;
 /// After so many rounds parts are halved: no chain of ever smaller parts goes on for long.
 pub(crate) const ROUNDS: usize = 12;
@@ -70,7 +71,7 @@ pub(super) fn split<'a>(units: impl ExactSizeIterator<Item = &'a Cluster> + Clon
                 let part = &mut order[first..first + count];
                 let cut = if round < ROUNDS { best_cut(&items, part) } else { None };
                 let left = match cut {
-                    Some((axis, unit)) => partition(&items, part, axis, unit),
+                    Some(cut) => partition(&items, part, &cut),
                     None => middle(count),
                 };
                 let cost = |places: &[usize]| cost_of(&items, places).to_bits();
@@ -157,9 +158,35 @@ fn cost_of(items: &[Item], places: &[usize]) -> f32 {
     sums.cost()
 }
 
-/// Axis and place of the unit that ends the left side of the cheapest cut; of equals the first. `None` if no cut leaves
-/// counts that fill nodes.
-fn best_cut(items: &[Item], part: &[usize]) -> Option<(usize, usize)> {
+/// A cut of a part.
+#[derive(Clone, Copy)]
+struct Cut {
+    axis: usize,
+    /// The last cell of the left side.
+    border: u32,
+    /// The last place of the left side among those in that cell.
+    end: usize,
+}
+
+impl Cut {
+    fn new(items: &[Item], part: &[usize], axis: usize, [low, high]: [u32; 2], number: usize) -> Self {
+        if part.len() > CUTS {
+            let border = low + (high - low) * (number as u32 + 1) / (CUTS as u32 + 1);
+            Self { axis, border, end: part.len() }
+        } else {
+            Self { axis, border: items[part[number]].mean[axis], end: number }
+        }
+    }
+
+    /// Whether the unit at a place of the part is on the left.
+    #[inline(always)]
+    fn is_left(&self, item: &Item, place: usize) -> bool {
+        item.mean[self.axis] < self.border || item.mean[self.axis] == self.border && place <= self.end
+    }
+}
+
+/// The cheapest cut, of equals the first. `None` if no cut leaves counts that fill nodes.
+fn best_cut(items: &[Item], part: &[usize]) -> Option<Cut> {
     let (mut low, mut high) = ([LAST_CELL; 3], [0; 3]);
     for place in part {
         for k in 0..3 {
@@ -169,46 +196,40 @@ fn best_cut(items: &[Item], part: &[usize]) -> Option<(usize, usize)> {
     }
     let extent = [0, 1, 2].map(|k| high[k] - low[k]);
     let longest = extent[0].max(extent[1]).max(extent[2]);
-    let cuts = part.len().min(CUTS);
+    let of = |number: usize| {
+        let axis = number / CUTS;
+        Cut::new(items, part, axis, [low[axis], high[axis]], number % CUTS)
+    };
     let mut best = u32::MAX;
     for axis in (0..3).filter(|axis| extent[*axis] > 0) {
         // How much longer the longest axis is: thin slices are worse than their area says; CK18 equation 3.
         let stretch = longest as f32 / extent[axis] as f32;
-        for cut in 0..cuts {
-            let end = cut * part.len() / cuts;
+        for number in (axis * CUTS..).take(part.len().min(CUTS)) {
+            let cut = of(number);
             let mut sides = [Sums::EMPTY; 2];
             let mut left = 0;
             for (place, unit) in part.iter().enumerate() {
-                let is_left = is_left(items, part, axis, end, place);
+                let is_left = cut.is_left(&items[*unit], place);
                 sides[usize::from(!is_left)].add(&items[*unit]);
                 left += usize::from(is_left);
             }
             if left < part.len() && fills_nodes(left) && fills_nodes(part.len() - left) {
                 let cost = stretch * (sides[0].cost() + sides[1].cost());
-                best = best.min((cost.to_bits() >> COST_SLACK) << CUT_BITS | (axis * CUTS + cut) as u32);
+                best = best.min((cost.to_bits() >> COST_SLACK) << CUT_BITS | number as u32);
             }
         }
     }
     let number = (best & ((1 << CUT_BITS) - 1)) as usize;
-    (best < u32::MAX).then(|| (number / CUTS, number % CUTS * part.len() / cuts))
-}
-
-/// Whether the unit at a place of a part is on the left of the cut that ends with the one at `end`.
-#[inline(always)]
-fn is_left(items: &[Item], part: &[usize], axis: usize, end: usize, place: usize) -> bool {
-    (items[part[place]].mean[axis], place) <= (items[part[end]].mean[axis], end)
+    (best < u32::MAX).then(|| of(number))
 }
 
 /// Moves the left side to the front, each side in the order at hand; returns how many are left.
-fn partition(items: &[Item], part: &mut [usize], axis: usize, end: usize) -> usize {
+fn partition(items: &[Item], part: &mut [usize], cut: &Cut) -> usize {
     let before = part.to_vec();
-    let side = |wanted: bool| {
-        let before = &before;
-        (0..before.len())
-            .filter(move |place| is_left(items, before, axis, end, *place) == wanted)
-            .map(|place| before[place])
-    };
-    let left = side(true).count();
-    part.iter_mut().zip(side(true).chain(side(false))).for_each(|(to, unit)| *to = unit);
-    left
+    let is_left = |place: &usize| cut.is_left(&items[before[*place]], *place);
+    let left = (0..before.len()).filter(is_left);
+    let right = (0..before.len()).filter(|place| !is_left(place));
+    let count = left.clone().count();
+    part.iter_mut().zip(left.chain(right)).for_each(|(unit, place)| *unit = before[place]);
+    count
 }

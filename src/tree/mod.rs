@@ -21,6 +21,8 @@ pub(crate) use node::{CAP_STEPS, DIRECTION_STEPS, STEPS};
 pub(crate) use node::{FARTHEST, Unpacked};
 #[cfg(feature = "gpu")]
 pub(crate) use shape::{FULL, SPARSE_COUNTS};
+#[cfg(test)]
+pub(crate) use shape::{Item, shape};
 pub(crate) use shape::{fills_nodes, middle};
 pub(crate) use wide::{Lanes, WideCluster};
 

@@ -258,11 +258,13 @@ impl World {
 
     /// The CPU's top level, built when first asked for after a change.
     pub(crate) fn top_level(&self) -> &TopLevel {
-        self.top.get_or_init(|| {
-            let cluster = |slot: u32| self.instance_at(slot).map_or(Cluster::EMPTY, |key| self.cluster(key));
-            let instances: Vec<Cluster> = (0..self.slots.len() as u32).map(cluster).collect();
-            TopLevel::build(&instances)
-        })
+        self.top.get_or_init(|| TopLevel::build(&self.clusters()))
+    }
+
+    /// What the top level is built over: the instance of each slot.
+    pub(crate) fn clusters(&self) -> Vec<Cluster> {
+        let cluster = |slot: u32| self.instance_at(slot).map_or(Cluster::EMPTY, |key| self.cluster(key));
+        (0..self.slots.len() as u32).map(cluster).collect()
     }
 
     /// An instance as the top level sees it.

@@ -453,7 +453,7 @@ fn more_slots_than_the_device_binds_are_refused_and_change_nothing() {
         let middle = fits.midpoint(fails);
         if clusters(middle) <= limit { fits = middle } else { fails = middle }
     }
-    assert!(fits > 1_500_000, "a million instances and more have room, not {fits}");
+    assert!(fits > 1_400_000, "a million instances and more have room, not {fits}");
     assert_eq!(top.reserve(fails), Err(GpuError::Full { what: "top-level clusters", needed: clusters(fails), limit }));
     assert_eq!(before, (top.generation(), top.buffers.capacity, top.nodes().clone()));
     top.reserve(fits).unwrap();
@@ -466,7 +466,7 @@ fn the_longest_plan_fits_the_passes() {
     for slots in [0, 1, 256, 257, 512, 513, 100_000, 1 << 20, 1 << 30] {
         let plan = Plan::new(slots, slots, Strides::of(Effects::all()));
         assert!(plan.passes.len() <= MOST_ROUNDS as usize, "{slots}: {}", plan.passes.len());
-        assert!(u64::from(plan.nodes) <= u64::from(slots) * 2 / 5 + 1024, "{slots}: {}", plan.nodes);
+        assert!(u64::from(plan.nodes) <= u64::from(slots) / 2 + 1024, "{slots}: {}", plan.nodes);
     }
 }
 

@@ -27,7 +27,7 @@ const ONE_RUN: usize = 1 << 16;
 /// What a split looks at for one light, or one subtree. A cache line.
 #[derive(Clone, Copy)]
 #[repr(align(64))]
-pub(in crate::tree) struct Item {
+pub(crate) struct Item {
     min: Vec4,
     /// The fourth is the index, as bits: nothing but comparisons ever sees it.
     max: Vec4,

@@ -10,7 +10,7 @@ mod split;
 #[cfg(test)]
 mod tests;
 
-pub(super) use group::Item;
+pub(crate) use group::Item;
 #[cfg(feature = "gpu")]
 pub(crate) use split::{FULL, SPARSE_COUNTS};
 pub(crate) use split::{fills_nodes, middle};
@@ -29,10 +29,10 @@ const DEEPEST: u32 = 32;
 
 /// One node of a shape. Nodes lie depth first: a parent before its children, every subtree contiguous.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct ShapeNode {
+pub(crate) struct ShapeNode {
     /// [`LEAF`] and an item's index, or a node's; [`EMPTY_SLOT`] from `count` on.
-    pub(super) targets: [u32; WIDTH],
-    pub(super) count: u32,
+    pub(crate) targets: [u32; WIDTH],
+    pub(crate) count: u32,
     /// `node * WIDTH + slot`, or [`NO_PARENT`].
     pub(super) parent: u32,
     /// Nodes of its subtree, with itself.
@@ -49,7 +49,7 @@ impl ShapeNode {
 }
 
 /// Shapes a tree and puts the items into the order of its leaves. The same for any number of threads.
-pub(super) fn shape(items: &mut [Item]) -> Vec<ShapeNode> {
+pub(crate) fn shape(items: &mut [Item]) -> Vec<ShapeNode> {
     let mut nodes = Vec::with_capacity(likely_nodes(items));
     if !items.is_empty() {
         let whole = Group::around(items);
