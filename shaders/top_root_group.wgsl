@@ -12,11 +12,13 @@
 // Of each part: first | count << 9 | the first of its halves << 18, the other is the next; 0 if it was not split.
 var<workgroup> root_parts: array<u32, TOP_ROOT_PARTS>;
 var<workgroup> root_costs: array<u32, TOP_ROOT_PARTS>;
-var<workgroup> root_depths: array<u32, TOP_ROOT_PARTS>;
+// Atomics: a node's invocation writes them for its children while others look for nodes of this depth.
+var<workgroup> root_depths: array<atomic<u32>, TOP_ROOT_PARTS>;
 // The part that begins at a place, the last of them.
 var<workgroup> root_current: array<u32, TOP_PIECE>;
 var<workgroup> root_count: u32;
-var<workgroup> root_goes_on: u32;
+var<workgroup> root_goes_on: atomic<u32>;
+var<workgroup> root_is_done: u32;
 
 fn root_part(part: u32) -> SplitPart {
     return SplitPart(root_parts[part] & 0x1ffu, (root_parts[part] >> 9u) & 0x1ffu);
@@ -123,8 +125,8 @@ fn root_fill(whole: u32, depth: u32) {
                 slot++;
             }
         } else {
-            root_depths[children[i]] = depth + 1u;
-            root_goes_on = 1u;
+            atomicStore(&root_depths[children[i]], depth + 1u);
+            atomicStore(&root_goes_on, 1u);
             root_target(whole, slot, children[i]);
             slot++;
         }
@@ -148,7 +150,7 @@ fn top_root_group(@builtin(local_invocation_index) lane: u32) {
     }
     if lane == 0u {
         root_parts[0] = count << 9u;
-        root_depths[0] = 1u;
+        atomicStore(&root_depths[0], 1u);
         root_count = 1u;
     }
     workgroupBarrier();
@@ -161,19 +163,23 @@ fn top_root_group(@builtin(local_invocation_index) lane: u32) {
     split_words[lane] = own;
     for (var depth = 1u; depth <= TOP_ROOT_PARTS; depth++) {
         if lane == 0u {
-            root_goes_on = 0u;
+            atomicStore(&root_goes_on, 0u);
         }
         workgroupBarrier();
         for (var part = lane; part < TOP_ROOT_PARTS; part += TOP_SPLIT_LANES) {
-            if root_depths[part] == depth {
+            if atomicLoad(&root_depths[part]) == depth {
                 root_fill(part, depth);
             }
         }
-        if workgroupUniformLoad(&root_goes_on) == 0u {
+        workgroupBarrier();
+        if lane == 0u {
+            root_is_done = 1u - atomicLoad(&root_goes_on);
+        }
+        if workgroupUniformLoad(&root_is_done) == 1u {
             break;
         }
     }
     for (var part = lane; part < TOP_ROOT_PARTS; part += TOP_SPLIT_LANES) {
-        units[top_pass.units_after + part] = root_depths[part];
+        units[top_pass.units_after + part] = atomicLoad(&root_depths[part]);
     }
 }
