@@ -255,9 +255,10 @@ fn pack_axis(origin: f32, bits: u32, box_min: vec4<f32>, box_max: vec4<f32>, mea
     let per_step = select(0.0, bitcast<f32>((254u - bits) << 23u), bits > 0u);
     let least = select(vec4(origin), box_min, is_lit);
     let most = select(vec4(origin), box_max, is_lit);
-    var low = trunc((least - origin) * per_step);
+    // Rounding may be off by a step either way: what is decoded decides.
+    var low = round((least - origin) * per_step);
     low -= select(vec4(0.0), vec4(1.0), origin + low * step > least);
-    var high = trunc((most - origin) * per_step);
+    var high = round((most - origin) * per_step);
     high += select(vec4(0.0), vec4(1.0), origin + high * step < most);
     let start = origin + low * step;
     let size = (origin + high * step) - start;

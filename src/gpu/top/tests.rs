@@ -298,6 +298,22 @@ fn instances_in_one_point_and_in_a_line_make_a_tree() {
 }
 
 #[test]
+fn rows_and_grids_of_equal_lamps_make_the_same_tree_as_on_the_cpu() {
+    let (device, queue) = gpu();
+    let mut top = TopBuild::new(&device, &queue).unwrap();
+    // Many cuts cost the same, and many borders of boxes lie within rounding of a step of their node's grid.
+    for (side, step) in [(16, 10.0), (23, 10.0), (50, 10.0), (50, 0.1)] {
+        let mut world = World::new();
+        let lamp = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).unwrap();
+        for i in 0..side * side {
+            let at = DVec3::new(f64::from(i % side) * step, 5.0, f64::from(i / side) * step);
+            world.add_instance(lamp, Placement::at(at), Policy::default()).unwrap();
+        }
+        check(&mut top, &world);
+    }
+}
+
+#[test]
 fn pieces_that_fall_apart_into_single_units_are_cut_into_eights() {
     let (device, queue) = gpu();
     let mut top = TopBuild::new(&device, &queue).unwrap();
