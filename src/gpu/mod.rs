@@ -142,8 +142,9 @@ impl GpuLights {
         })
     }
 
-    /// Records the build of the top level into the engine's encoder: about a dozen dispatches and one per level, none
-    /// if nothing was uploaded since the last build. The encoder must be submitted: it is not recorded twice.
+    /// Records the build of the top level into the engine's encoder: 16 dispatches, and two for each round, of which a
+    /// hundred thousand instances take five; none if nothing was uploaded since the last build. The encoder must be
+    /// submitted, and before the next upload: the build is not recorded twice, and finds its counts where that one's go.
     pub fn build_top(&mut self, encoder: &mut wgpu::CommandEncoder) {
         if std::mem::take(&mut self.top_is_stale) {
             let mut recorder = Recorder::together(encoder, "girandole top level");
