@@ -1,0 +1,459 @@
+// One light for each receiver of a buffer, in a world of nothing but points in instances that are turned and moved: what
+// shaders/batch.wgsl does in its variant without effects, written by hand for just that, without directives and with the
+// records as structs. benches/effects.rs puts the constants of that variant before it, checks that both give the same
+// samples, and times one against the other.
+
+struct Params {
+    slots: u32,
+    unused_a: u32,
+    unused_b: u32,
+    openings: u32,
+}
+
+// 160 bytes.
+struct Node {
+    least: vec3<f32>,
+    steps: u32,
+    targets: array<vec4<u32>, 2>,
+    flux: vec4<u32>,
+    // Least corners, greatest corners, means: children 0 to 3 and 4 to 7 along x, then along y, then along z; deviation.
+    boxes: array<vec4<u32>, 5>,
+    parent: vec4<u32>,
+}
+
+// 32 bytes.
+struct Point {
+    position: vec3<f32>,
+    kind: u32,
+    intensity: vec3<f32>,
+    place: u32,
+}
+
+// 80 bytes.
+struct Instance {
+    // Rows; the fourth components are the translation.
+    to_world: array<vec4<f32>, 3>,
+    flags: u32,
+    tree: u32,
+    node_base: u32,
+    light_base: u32,
+    place: vec4<u32>,
+}
+
+struct Request {
+    position: vec3<f32>,
+    padding_a: u32,
+    normal: vec3<f32>,
+    padding_b: u32,
+    u: vec4<f32>,
+}
+
+struct Sample {
+    direction: vec3<f32>,
+    distance: f32,
+    lux: vec3<f32>,
+    pdf: f32,
+    pmf: f32,
+    instance: u32,
+    light: u32,
+    is_delta: u32,
+}
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> top: array<Node>;
+@group(0) @binding(2) var<storage, read> nodes: array<Node>;
+@group(0) @binding(3) var<storage, read> instances: array<Instance>;
+@group(0) @binding(4) var<storage, read> points: array<Point>;
+@group(1) @binding(0) var<storage, read> requests: array<Request>;
+@group(1) @binding(1) var<storage, read_write> samples: array<Sample>;
+
+const BLOCKS: u32 = LIGHT_MOST_OPENINGS + 1u;
+
+struct Receiver {
+    position: vec3<f32>,
+    normal: vec3<f32>,
+}
+
+struct View {
+    position: vec3<f32>,
+    normal: vec3<f32>,
+    has_normal: bool,
+    margin: f32,
+}
+
+struct Dice {
+    u: f32,
+    state: u32,
+}
+
+struct Four {
+    importance: vec4<f32>,
+    spread: vec4<f32>,
+}
+
+struct Seen {
+    importance: mat2x4<f32>,
+    spread: mat2x4<f32>,
+    total: f32,
+}
+
+struct Cut {
+    count: u32,
+    total: f32,
+    instances: array<u32, BLOCKS>,
+    nodes: array<u32, BLOCKS>,
+    totals: array<f32, BLOCKS>,
+    doubtful: array<u32, BLOCKS>,
+    most_doubt: array<f32, BLOCKS>,
+    values: array<mat2x4<f32>, BLOCKS>,
+    doubts: array<mat2x4<f32>, BLOCKS>,
+}
+
+struct Lane {
+    slot: u32,
+    before: f32,
+    value: f32,
+}
+
+struct Pick {
+    instance: u32,
+    light: u32,
+    pmf: f32,
+}
+
+fn hash(x: u32) -> u32 {
+    let state = x * 747796405u + 2891336453u;
+    let word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
+    return (word >> 22u) ^ word;
+}
+
+fn clamp_unit(u: f32) -> f32 {
+    return select(0.0, min(u, LIGHT_BELOW_ONE), u > 0.0);
+}
+
+fn new_dice(u: f32, more: f32) -> Dice {
+    return Dice(clamp_unit(u), hash(bitcast<u32>(u) ^ hash(bitcast<u32>(more))));
+}
+
+fn stretch(dice: Dice, offset: f32, length: f32) -> Dice {
+    let state = hash(dice.state);
+    let fresh = f32(state >> 8u) * LIGHT_U_STEP * LIGHT_U_STEP;
+    return Dice(clamp_unit((offset + fresh) / length), state);
+}
+
+fn joint(a: f32, b: f32) -> f32 {
+    return select(0.0, max(a * b, LIGHT_LEAST_CHANCE), a > 0.0 && b > 0.0);
+}
+
+fn share(value: f32, total: f32) -> f32 {
+    return select(0.0, max(value / total, LIGHT_LEAST_CHANCE), value > 0.0);
+}
+
+fn unit_or_zero(v: vec3<f32>) -> vec3<f32> {
+    let length_sq = dot(v, v);
+    if length_sq > 0.0 {
+        return v / sqrt(length_sq);
+    }
+    return vec3(0.0);
+}
+
+fn world_view(receiver: Receiver) -> View {
+    let normal = unit_or_zero(receiver.normal);
+    return View(receiver.position, normal, any(normal != vec3(0.0)), LIGHT_POSITION_MARGIN);
+}
+
+fn tree_view(instance: u32, receiver: Receiver) -> View {
+    let rows = instances[instance].to_world;
+    let p = receiver.position - vec3(rows[0].w, rows[1].w, rows[2].w);
+    let n = receiver.normal;
+    let normal = unit_or_zero(rows[0].xyz * n.x + rows[1].xyz * n.y + rows[2].xyz * n.z);
+    return View(
+        rows[0].xyz * p.x + rows[1].xyz * p.y + rows[2].xyz * p.z, normal, any(normal != vec3(0.0)),
+        LIGHT_POSITION_MARGIN + LIGHT_RIGID_TOLERANCE,
+    );
+}
+
+fn view_in(instance: u32, receiver: Receiver) -> View {
+    if instance == LIGHT_NO_INSTANCE {
+        return world_view(receiver);
+    }
+    return tree_view(instance, receiver);
+}
+
+fn node_at(in_top: bool, index: u32) -> Node {
+    if in_top {
+        return top[index];
+    }
+    return nodes[index];
+}
+
+fn target_of(in_top: bool, index: u32, slot: u32) -> u32 {
+    if in_top {
+        return top[index].targets[slot / 4u][slot % 4u];
+    }
+    return nodes[index].targets[slot / 4u][slot % 4u];
+}
+
+fn bytes(word: u32) -> vec4<f32> {
+    return vec4<f32>((vec4(word) >> vec4(0u, 8u, 16u, 24u)) & vec4(0xffu));
+}
+
+fn halves(words: vec2<u32>) -> vec4<f32> {
+    return bitcast<vec4<f32>>(vec4(words.x << 16u, words.x & 0xffff0000u, words.y << 16u, words.y & 0xffff0000u));
+}
+
+fn step_along(steps: u32, axis: u32) -> f32 {
+    return bitcast<f32>(((steps >> (8u * axis)) & 0xffu) << 23u);
+}
+
+// Four children: the estimated illuminance and the doubt of each.
+fn see_four(
+    low: vec3<u32>, high: vec3<u32>, mean: vec3<u32>, deviations: u32, fluxes: vec2<u32>,
+    origin: vec3<f32>, half_step: vec3<f32>, view: View, margin: f32,
+) -> Four {
+    let low_x = bytes(low.x);
+    let low_y = bytes(low.y);
+    let low_z = bytes(low.z);
+    let high_x = bytes(high.x);
+    let high_y = bytes(high.y);
+    let high_z = bytes(high.z);
+    let width_x = high_x - low_x;
+    let width_y = high_y - low_y;
+    let width_z = high_z - low_z;
+    let half_x = width_x * half_step.x;
+    let half_y = width_y * half_step.y;
+    let half_z = width_z * half_step.z;
+    let x = origin.x + (low_x + width_x * (bytes(mean.x) * (1.0 / LIGHT_STEPS))) * (2.0 * half_step.x);
+    let y = origin.y + (low_y + width_y * (bytes(mean.y) * (1.0 / LIGHT_STEPS))) * (2.0 * half_step.y);
+    let z = origin.z + (low_z + width_z * (bytes(mean.z) * (1.0 / LIGHT_STEPS))) * (2.0 * half_step.z);
+    let radius_sq = half_x * half_x + half_y * half_y + half_z * half_z;
+    let deviation = bytes(deviations) * (1.0 / LIGHT_STEPS);
+    let variance = deviation * deviation * radius_sq;
+    let flux = halves(fluxes);
+
+    let n = view.normal;
+    let dist_sq = max(x * x + y * y + z * z, vec4(LIGHT_LEAST));
+    let distance = sqrt(dist_sq);
+    let spread = variance / (dist_sq + variance);
+    let along = n.x * x + n.y * y + n.z * z;
+    let rounded = 0.5 * (along + sqrt(along * along + LIGHT_COSINE_WIDTH_SQ * spread * dist_sq));
+    let cosine = select(distance, max(rounded, LIGHT_FLOOR * distance), view.has_normal);
+    let lux = flux * (1.0 / LIGHT_FOUR_PI) * (cosine / distance / (dist_sq + LIGHT_VARIANCE_SHARE * variance));
+    let above_least = select(vec4(LIGHT_LEAST), lux, lux > vec4(LIGHT_LEAST));
+
+    // Nothing of what is wholly below the horizon.
+    let steep = abs(n);
+    let highest = margin * (steep.x + steep.y + steep.z)
+        + (n.x * (origin.x + (high_x + low_x) * half_step.x) + steep.x * half_x)
+        + (n.y * (origin.y + (high_y + low_y) * half_step.y) + steep.y * half_y)
+        + (n.z * (origin.z + (high_z + low_z) * half_step.z) + steep.z * half_z);
+    let is_dark = vec4(view.has_normal) & (highest <= vec4(0.0));
+    let is_lit = (flux > vec4(0.0)) & !is_dark;
+    return Four(select(vec4(0.0), min(above_least, vec4(LIGHT_MOST)), is_lit), spread);
+}
+
+fn sum(v: mat2x4<f32>) -> f32 {
+    return ((v[1].w + v[1].z) + (v[1].y + v[1].x)) + ((v[0].w + v[0].z) + (v[0].y + v[0].x));
+}
+
+fn see(node: Node, view: View) -> Seen {
+    let origin = node.least - view.position;
+    let half_step = 0.5 * vec3(step_along(node.steps, 0u), step_along(node.steps, 1u), step_along(node.steps, 2u));
+    let far = abs(node.least) + 2.0 * LIGHT_STEPS * half_step + abs(view.position);
+    let margin = (far.x + far.y + far.z) * view.margin;
+    let b = node.boxes;
+    let first = see_four(
+        vec3(b[0].x, b[0].z, b[1].x), vec3(b[1].z, b[2].x, b[2].z), vec3(b[3].x, b[3].z, b[4].x), b[4].z,
+        node.flux.xy, origin, half_step, view, margin,
+    );
+    let last = see_four(
+        vec3(b[0].y, b[0].w, b[1].y), vec3(b[1].w, b[2].y, b[2].w), vec3(b[3].y, b[3].w, b[4].y), b[4].w,
+        node.flux.zw, origin, half_step, view, margin,
+    );
+    let importance = mat2x4(first.importance, last.importance);
+    return Seen(importance, mat2x4(first.spread, last.spread), sum(importance));
+}
+
+fn count_block(cut: ptr<function, Cut>, block: u32) {
+    (*cut).totals[block] = sum((*cut).values[block]);
+    var slot = 0u;
+    var most = 0u;
+    for (var i = 0u; i < LIGHT_WIDTH; i++) {
+        let doubt = bitcast<u32>((*cut).doubts[block][i / 4u][i % 4u]) & ~(LIGHT_WIDTH - 1u);
+        if doubt > most {
+            slot = i;
+            most = doubt;
+        }
+    }
+    (*cut).doubtful[block] = slot;
+    (*cut).most_doubt[block] = bitcast<f32>(most);
+}
+
+fn add_block(cut: ptr<function, Cut>, instance: u32, index: u32, receiver: Receiver) {
+    let in_top = instance == LIGHT_NO_INSTANCE;
+    let node = node_at(in_top, index);
+    let seen = see(node, view_in(instance, receiver));
+    let block = (*cut).count;
+    (*cut).count = block + 1u;
+    (*cut).instances[block] = instance;
+    (*cut).nodes[block] = index;
+    (*cut).values[block] = seen.importance;
+    let first = vec4(in_top) | ((node.targets[0] & vec4(LIGHT_LEAF)) == vec4(0u));
+    let last = vec4(in_top) | ((node.targets[1] & vec4(LIGHT_LEAF)) == vec4(0u));
+    (*cut).doubts[block] = mat2x4(
+        select(vec4(0.0), seen.importance[0] * seen.spread[0], first),
+        select(vec4(0.0), seen.importance[1] * seen.spread[1], last),
+    );
+    count_block(cut, block);
+}
+
+fn open(cut: ptr<function, Cut>, receiver: Receiver) {
+    let openings = min(params.openings, LIGHT_MOST_OPENINGS);
+    (*cut).count = 0u;
+    var instance = LIGHT_NO_INSTANCE;
+    var index = 0u;
+    loop {
+        add_block(cut, instance, index, receiver);
+        let count = (*cut).count;
+        var total = 0.0;
+        for (var i = 0u; i < count; i++) {
+            total += (*cut).totals[i];
+        }
+        (*cut).total = total;
+        var most = LIGHT_LEAST_DOUBT * total;
+        var block = count;
+        for (var i = 0u; i < count; i++) {
+            if (*cut).most_doubt[i] > most {
+                most = (*cut).most_doubt[i];
+                block = i;
+            }
+        }
+        if block == count || count > openings {
+            return;
+        }
+        instance = (*cut).instances[block];
+        let slot = (*cut).doubtful[block];
+        let bits = target_of(instance == LIGHT_NO_INSTANCE, (*cut).nodes[block], slot);
+        if (bits & LIGHT_LEAF) != 0u {
+            instance = bits & ~LIGHT_LEAF;
+            index = instances[instance].node_base;
+        } else if instance == LIGHT_NO_INSTANCE {
+            index = bits;
+        } else {
+            index = instances[instance].node_base + bits;
+        }
+        (*cut).values[block][slot / 4u][slot % 4u] = 0.0;
+        (*cut).doubts[block][slot / 4u][slot % 4u] = 0.0;
+        count_block(cut, block);
+    }
+}
+
+fn pick_lane(all: mat2x4<f32>, start: f32, point: f32) -> Lane {
+    var values = all;
+    var before = start;
+    var chosen = Lane(0u, start, 0.0);
+    for (var slot = 0u; slot < LIGHT_WIDTH; slot++) {
+        let value = values[slot / 4u][slot % 4u];
+        if value > 0.0 && point >= before {
+            chosen = Lane(slot, before, value);
+        }
+        before += value;
+    }
+    return chosen;
+}
+
+fn descend(cut: ptr<function, Cut>, receiver: Receiver, u: vec2<f32>) -> Pick {
+    let total = (*cut).total;
+    if total <= 0.0 {
+        return Pick(0u, 0u, 0.0);
+    }
+    var outer = new_dice(u.x, u.y);
+    var inner = new_dice(u.y, u.x);
+    let cut_point = outer.u * total;
+    var before = 0.0;
+    var block = 0u;
+    var block_before = 0.0;
+    for (var i = 0u; i < (*cut).count; i++) {
+        if (*cut).totals[i] > 0.0 && cut_point >= before {
+            block = i;
+            block_before = before;
+        }
+        before += (*cut).totals[i];
+    }
+    let first = pick_lane((*cut).values[block], block_before, cut_point);
+    var pmf = share(first.value, total);
+    outer = stretch(outer, (cut_point - first.before) / total, pmf);
+    var instance = (*cut).instances[block];
+    var index = (*cut).nodes[block];
+    var slot = first.slot;
+    var base = 0u;
+    if instance != LIGHT_NO_INSTANCE {
+        base = instances[instance].node_base;
+    }
+    var view = view_in(instance, receiver);
+    loop {
+        let bits = target_of(instance == LIGHT_NO_INSTANCE, index, slot);
+        if (bits & LIGHT_LEAF) == 0u {
+            index = base + bits;
+        } else if instance == LIGHT_NO_INSTANCE {
+            instance = bits & ~LIGHT_LEAF;
+            base = instances[instance].node_base;
+            view = tree_view(instance, receiver);
+            index = base;
+        } else {
+            return Pick(instance, bits & ~LIGHT_LEAF, pmf);
+        }
+        let in_top = instance == LIGHT_NO_INSTANCE;
+        let seen = see(node_at(in_top, index), view);
+        if seen.total <= 0.0 {
+            return Pick(0u, 0u, 0.0);
+        }
+        let point = select(inner.u, outer.u, in_top) * seen.total;
+        let lane = pick_lane(seen.importance, 0.0, point);
+        let chance = share(lane.value, seen.total);
+        pmf = joint(pmf, chance);
+        let offset = (point - lane.before) / seen.total;
+        if in_top {
+            outer = stretch(outer, offset, chance);
+        } else {
+            inner = stretch(inner, offset, chance);
+        }
+        slot = lane.slot;
+    }
+    return Pick(0u, 0u, 0.0);
+}
+
+fn sample_point(pick: Pick, receiver: Receiver) -> Sample {
+    let rows = instances[pick.instance].to_world;
+    let point = points[instances[pick.instance].light_base + pick.light];
+    let p = point.position;
+    let toward = vec3(dot(rows[0].xyz, p), dot(rows[1].xyz, p), dot(rows[2].xyz, p))
+        + (vec3(rows[0].w, rows[1].w, rows[2].w) - receiver.position);
+    let dist_sq = dot(toward, toward);
+    let distance = sqrt(dist_sq);
+    let direction = toward / distance;
+    let lux = point.intensity * (1.0 / dist_sq);
+    let above = all(receiver.normal == vec3(0.0)) || dot(receiver.normal, direction) > 0.0;
+    if dist_sq < LIGHT_NEAREST_SQ || !above || all(lux == vec3(0.0)) {
+        return Sample(vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, pick.instance, pick.light, 0u);
+    }
+    return Sample(direction, distance, lux, 1.0, pick.pmf, pick.instance, pick.light, 1u);
+}
+
+@compute @workgroup_size(64)
+fn by_hand(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let i = id.x + id.y * groups.x * 64u;
+    if i >= arrayLength(&requests) {
+        return;
+    }
+    let receiver = Receiver(requests[i].position, requests[i].normal);
+    let u = requests[i].u;
+    var cut: Cut;
+    open(&cut, receiver);
+    let pick = descend(&cut, receiver, u.xy);
+    if pick.pmf <= 0.0 {
+        samples[i] = Sample(vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0u, 0u, 0u);
+        return;
+    }
+    samples[i] = sample_point(pick, receiver);
+}

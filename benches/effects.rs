@@ -1,0 +1,393 @@
+//! What each effect costs a sample, and what is left of it in a world that has none: the variants of our kernel beside
+//! one that was written by hand for points in instances that are turned and moved (`by_hand.wgsl`).
+//!
+//! `cargo bench --bench effects` prints a table. As a test (`cargo test --benches`) a small world is sampled once by
+//! some of the kernels, and no times are told. Before anything is timed, all kernels must give the samples of the one
+//! by hand.
+
+#![allow(clippy::print_stdout, reason = "a table is what this program is for")]
+
+use std::time::{Duration, Instant};
+
+use girandole::glam::{DVec3, Mat3, Quat, Vec3};
+use girandole::gpu::{GpuLights, SampleRecord, SampleRequest};
+use girandole::{DAMPING, DirectionalLight, Effects, FrameBudget, Light, Placement, Policy, World, WorldError, wgpu};
+
+#[path = "../tests/all/support.rs"]
+#[allow(dead_code, reason = "tests use more of it")]
+mod support;
+use support::Rng;
+
+/// Products of some twenty terms, in another order.
+const ROUNDING: f32 = 1.0e-5;
+/// Where a number falls within rounding of the border between two lights, another text may choose the neighbour. One
+/// in so many samples may.
+const NEIGHBOURS: usize = 1000;
+/// Invocations of a workgroup in both kernels.
+const LANES: u32 = 64;
+
+/// How much is measured.
+struct Size {
+    instances: u32,
+    receivers: u32,
+    /// Each runs all kernels once.
+    rounds: usize,
+    /// No more rounds after this.
+    time: Duration,
+}
+
+/// A kernel and the buffers that it reads.
+struct Case {
+    name: &'static str,
+    pipeline: wgpu::ComputePipeline,
+    is_stored_for_all: bool,
+    /// Of each round.
+    seconds: Vec<f64>,
+}
+
+fn main() {
+    let is_bench = std::env::args().any(|a| a == "--bench");
+    let machine = Machine::open();
+    let receivers = if machine.info.device_type == wgpu::DeviceType::Cpu { 1 << 13 } else { 1 << 20 };
+    let size = match is_bench {
+        true => Size { instances: 4000, receivers, rounds: 201, time: Duration::from_secs(240) },
+        false => Size { instances: 40, receivers: 1 << 10, rounds: 1, time: Duration::ZERO },
+    };
+
+    let (bare, all) = stored(&machine, size.instances).expect("a world of valid lights");
+    let own = own_layout(&machine.device);
+    let mut cases = cases(&machine, &bare, &own, is_bench);
+    let requests = requests(size.receivers);
+    let input = machine.storage(size_of_val(&requests[..]) as u64);
+    machine.queue.write_buffer(&input, 0, bytemuck::cast_slice(&requests));
+    let output = machine.storage(u64::from(size.receivers) * size_of::<SampleRecord>() as u64);
+    let group = bind(&machine.device, &own, [&input, &output]);
+
+    let mut by_hand = Vec::new();
+    for case in &cases {
+        let lights = if case.is_stored_for_all { &all } else { &bare };
+        machine.time(case, lights, &group, size.receivers);
+        let samples: Vec<SampleRecord> = machine.read(&output);
+        if by_hand.is_empty() {
+            assert!(samples.iter().filter(|s| s.pmf > 0.0).count() > samples.len() / 2, "most receivers see a light");
+            by_hand = samples;
+        } else {
+            assert_alike(&samples, &by_hand, case.name);
+        }
+    }
+
+    let start = Instant::now();
+    for round in 0..size.rounds {
+        // Each takes each place in turn: no kernel always runs after the same one.
+        for i in 0..cases.len() {
+            let at = (i + round) % cases.len();
+            let lights = if cases[at].is_stored_for_all { &all } else { &bare };
+            let seconds = machine.time(&cases[at], lights, &group, size.receivers);
+            cases[at].seconds.push(seconds);
+        }
+        if start.elapsed() > size.time {
+            break;
+        }
+    }
+    if is_bench {
+        report(&machine, &size, &cases, [&bare, &all]);
+    }
+}
+
+/// The lights of one world, stored for no effect and for all.
+fn stored(machine: &Machine, instances: u32) -> Result<(GpuLights, GpuLights), WorldError> {
+    let mut rng = Rng(18);
+    let mut world = World::new();
+    let mut trees = Vec::new();
+    for _ in 0..instances.div_ceil(40) {
+        let count = 10 + rng.bits() % 31;
+        let mut lamp = || Light::point(rng.place(4.0), Vec3::splat(rng.between(10.0, 1000.0)));
+        trees.push(world.add_tree((0..count).map(|_| lamp()).collect())?);
+    }
+    // As dense as a town, however many.
+    let side = 8.0 * (instances as f32).sqrt();
+    for i in 0..instances as usize {
+        let turn = Mat3::from_quat(Quat::from_axis_angle(rng.direction(), rng.between(0.0, 6.0)));
+        let Vec3 { x, z, .. } = rng.place(0.5 * side);
+        let translation = DVec3::new(f64::from(x), f64::from(rng.between(5.0, 30.0)), f64::from(z));
+        world.add_instance(trees[i % trees.len()], Placement { linear: turn, translation }, Policy::Static)?;
+    }
+
+    // What there was is stored for a while after it has gone.
+    let [x, z] = [Vec3::X, Vec3::Z];
+    let extra = world.add_tree(vec![
+        Light::spot(Vec3::ZERO, x, 0.2, 0.6, x).with_range(9.0),
+        Light::rectangle(Vec3::ZERO, x, z, x),
+        Light::triangle([Vec3::ZERO, x, z], x).two_sided(),
+    ])?;
+    let scaled = Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, 2.0, 3.0)), translation: DVec3::ZERO };
+    let scaled = world.add_instance(extra, scaled, Policy::Static)?;
+    let sun = world.add_directional(DirectionalLight { direction: Vec3::NEG_Y, illuminance: Vec3::ONE })?;
+    world.remove_instance(scaled)?;
+    world.remove_tree(extra)?;
+    world.remove_directional(sun)?;
+    let all = upload(machine, &world, Effects::all());
+    for _ in 0..=DAMPING {
+        world.update(FrameBudget::UNLIMITED);
+    }
+    Ok((upload(machine, &world, Effects::empty()), all))
+}
+
+fn upload(machine: &Machine, world: &World, effects: Effects) -> GpuLights {
+    assert_eq!(world.effects() - Effects::MOVING, effects - Effects::MOVING);
+    let mut lights = GpuLights::new(&machine.device, &machine.queue).expect("WebGPU's default limits");
+    lights.upload(world, &girandole::FrameDelta::everything(world)).expect("room enough");
+    let mut encoder = machine.device.create_command_encoder(&Default::default());
+    lights.build_top(&mut encoder);
+    machine.queue.submit([encoder.finish()]);
+    lights
+}
+
+/// On the ground and in the air among the instances.
+fn requests(count: u32) -> Vec<SampleRequest> {
+    let mut rng = Rng(19);
+    let mut request = || {
+        let Vec3 { x, z, .. } = rng.place(200.0);
+        let in_air = rng.bits().is_multiple_of(8);
+        SampleRequest {
+            position: [x, if in_air { rng.between(1.0, 20.0) } else { 0.0 }, z],
+            normal: if in_air { [0.0; 3] } else { Vec3::new(0.1, 1.0, 0.2).normalize().to_array() },
+            u: [(); 4].map(|()| rng.unit()),
+            ..SampleRequest::default()
+        }
+    };
+    (0..count).map(|_| request()).collect()
+}
+
+/// All kernels, the one by hand first.
+fn cases(machine: &Machine, lights: &GpuLights, own: &wgpu::BindGroupLayout, is_bench: bool) -> Vec<Case> {
+    let none = lights.shader(0, Effects::empty());
+    // Numbers stay where they are written once.
+    let constants = none.wgsl.lines().filter(|line| line.starts_with("const LIGHT_")).flat_map(|line| [line, "\n"]);
+    let by_hand = constants.collect::<String>() + include_str!("by_hand.wgsl");
+    let by_hand = machine.pipeline(lights, own, &by_hand, "by_hand");
+    let batch = |effects: Effects| {
+        let text = none.with_effects(effects).join(include_str!("../shaders/batch.wgsl"));
+        machine.pipeline(lights, own, &text, "batch")
+    };
+    let case = |name, pipeline: &wgpu::ComputePipeline, is_stored_for_all| Case {
+        name,
+        pipeline: pipeline.clone(),
+        is_stored_for_all,
+        seconds: Vec::new(),
+    };
+    let [bare, all] = [Effects::empty(), Effects::all()].map(batch);
+    let mut cases = vec![
+        case("by hand", &by_hand, false),
+        case("by hand, once more", &by_hand, false),
+        case("no effect", &bare, false),
+        case("no effect", &bare, true),
+    ];
+    if is_bench {
+        let effects = [
+            ("`CONES`", Effects::CONES),
+            ("`RANGES`", Effects::RANGES),
+            ("`AREAS`", Effects::AREAS),
+            ("`AREAS` and `TWO_SIDED`", Effects::AREAS | Effects::TWO_SIDED),
+            ("`DIRECTIONAL`", Effects::DIRECTIONAL),
+            ("`NON_RIGID`", Effects::NON_RIGID),
+        ];
+        cases.extend(effects.map(|(name, effects)| case(name, &batch(effects), false)));
+    }
+    cases.push(case("all effects", &all, false));
+    cases.push(case("all effects", &all, true));
+    cases
+}
+
+fn assert_alike(samples: &[SampleRecord], by_hand: &[SampleRecord], name: &str) {
+    let mut neighbours = 0;
+    for (i, (ours, theirs)) in samples.iter().zip(by_hand).enumerate() {
+        if (ours.instance, ours.light) != (theirs.instance, theirs.light) {
+            neighbours += 1;
+            continue;
+        }
+        let values = |s: &SampleRecord| {
+            let ([a, b, c], [d, e, f]) = (s.direction, s.radiance);
+            [a, b, c, s.distance, d, e, f, s.pdf, s.pmf]
+        };
+        // Parts of the direction as parts of its length, all else of itself.
+        let least = [1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        for ((a, b), least) in values(ours).into_iter().zip(values(theirs)).zip(least) {
+            assert!((a - b).abs() <= ROUNDING * f32::max(b.abs(), least), "{name}, {i}: {ours:?} is not {theirs:?}");
+        }
+        assert_eq!(ours.is_delta, theirs.is_delta, "{name}, {i}");
+    }
+    let most = samples.len() / NEIGHBOURS;
+    assert!(neighbours <= most, "{name}: {neighbours} of {} samples chose another light", samples.len());
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+fn report(machine: &Machine, size: &Size, cases: &[Case], [bare, all]: [&GpuLights; 2]) {
+    println!("{} ({}), by {}.", machine.info.name, machine.info.driver_info, machine.timing());
+    let rounds = cases[0].seconds.len();
+    println!("{} instances, {} receivers, {rounds} rounds.\n", size.instances, size.receivers);
+    println!("| code for | stored for | bytes of a node, a light, an instance | ns a sample | of that by hand |");
+    println!("|---|---|---:|---:|---:|");
+    for case in cases {
+        let (stored, lights) = if case.is_stored_for_all { ("all effects", all) } else { ("no effect", bare) };
+        let bytes = lights.record_bytes();
+        let each: Vec<f64> = case.seconds.iter().map(|s| s * 1e9 / f64::from(size.receivers)).collect();
+        let (least, most) = each.iter().fold((f64::MAX, 0.0), |(a, b), x| (f64::min(a, *x), f64::max(b, *x)));
+        // Of the same round: what else the machine does in it slows both.
+        let mut ratios: Vec<f64> = case.seconds.iter().zip(&cases[0].seconds).map(|(a, b)| a / b).collect();
+        ratios.sort_by(f64::total_cmp);
+        let quarter = |quarters: usize| ratios[(ratios.len() - 1) * quarters / 4];
+        println!(
+            "| {} | {stored} | {}, {}, {} | {:.3} ({least:.3} – {most:.3}) | {:.3} ({:.3} – {:.3}) |",
+            case.name,
+            bytes.node,
+            bytes.light,
+            bytes.instance,
+            median(each),
+            quarter(2),
+            quarter(1),
+            quarter(3),
+        );
+    }
+}
+
+/// Two storage buffers: requests and samples.
+fn own_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    let entry = |binding, read_only| wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::COMPUTE,
+        ty: wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Storage { read_only },
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        },
+        count: None,
+    };
+    let entries = [entry(0, true), entry(1, false)];
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
+}
+
+fn bind(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, buffers: [&wgpu::Buffer; 2]) -> wgpu::BindGroup {
+    let entry = |i: usize| wgpu::BindGroupEntry { binding: i as u32, resource: buffers[i].as_entire_binding() };
+    let entries = [entry(0), entry(1)];
+    device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
+}
+
+/// A device, and how it is timed.
+struct Machine {
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    info: wgpu::AdapterInfo,
+    /// Two timestamps; `None` where the device has none.
+    queries: Option<wgpu::QuerySet>,
+}
+
+impl Machine {
+    fn open() -> Self {
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
+            backends: wgpu::Backends::PRIMARY,
+            ..wgpu::InstanceDescriptor::new_without_display_handle()
+        });
+        let options = wgpu::RequestAdapterOptions {
+            power_preference: wgpu::PowerPreference::HighPerformance,
+            ..Default::default()
+        };
+        let adapter = pollster::block_on(instance.request_adapter(&options)).expect("an adapter: see scripts/test.sh");
+        let required_features = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
+        let descriptor = wgpu::DeviceDescriptor { required_features, ..Default::default() };
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).expect("default limits");
+        let queries = (!required_features.is_empty()).then(|| {
+            device.create_query_set(&wgpu::QuerySetDescriptor { label: None, ty: wgpu::QueryType::Timestamp, count: 2 })
+        });
+        Self { device, queue, info: adapter.get_info(), queries }
+    }
+
+    fn timing(&self) -> &'static str {
+        if self.queries.is_some() { "timestamps of compute passes" } else { "wall time of submission and wait" }
+    }
+
+    fn storage(&self, size: u64) -> wgpu::Buffer {
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
+        self.device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
+    }
+
+    /// As `GpuLights::sample` makes its own.
+    fn pipeline(
+        &self,
+        lights: &GpuLights,
+        own: &wgpu::BindGroupLayout,
+        text: &str,
+        entry: &str,
+    ) -> wgpu::ComputePipeline {
+        let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some(entry),
+            source: wgpu::ShaderSource::Wgsl(text.into()),
+        });
+        let layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(entry),
+            bind_group_layouts: &[Some(lights.bind_group_layout()), Some(own)],
+            ..Default::default()
+        });
+        self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(entry),
+            layout: Some(&layout),
+            module: &module,
+            entry_point: Some(entry),
+            compilation_options: Default::default(),
+            cache: None,
+        })
+    }
+
+    /// Seconds that a kernel takes for all receivers.
+    fn time(&self, case: &Case, lights: &GpuLights, group: &wgpu::BindGroup, receivers: u32) -> f64 {
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        let timestamp_writes = self.queries.as_ref().map(|query_set| wgpu::ComputePassTimestampWrites {
+            query_set,
+            beginning_of_pass_write_index: Some(0),
+            end_of_pass_write_index: Some(1),
+        });
+        let mut pass =
+            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(case.name), timestamp_writes });
+        pass.set_pipeline(&case.pipeline);
+        pass.set_bind_group(0, lights.bind_group(), &[]);
+        pass.set_bind_group(1, group, &[]);
+        pass.dispatch_workgroups(receivers.div_ceil(LANES), 1, 1);
+        drop(pass);
+        let ticks = self.queries.as_ref().map(|queries| {
+            let usage = wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC;
+            let descriptor = wgpu::BufferDescriptor { label: None, size: 16, usage, mapped_at_creation: false };
+            let ticks = self.device.create_buffer(&descriptor);
+            encoder.resolve_query_set(queries, 0..2, &ticks, 0);
+            ticks
+        });
+        let start = Instant::now();
+        self.queue.submit([encoder.finish()]);
+        self.wait();
+        let wall = start.elapsed().as_secs_f64();
+        ticks.map_or(wall, |ticks| {
+            let ticks: Vec<u64> = self.read(&ticks);
+            ticks[1].saturating_sub(ticks[0]) as f64 * f64::from(self.queue.get_timestamp_period()) * 1e-9
+        })
+    }
+
+    fn wait(&self) {
+        self.device.poll(wgpu::PollType::wait_indefinitely()).expect("the device finishes its work");
+    }
+
+    fn read<T: bytemuck::Pod>(&self, buffer: &wgpu::Buffer) -> Vec<T> {
+        let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+        let size = buffer.size();
+        let descriptor = wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false };
+        let copy = self.device.create_buffer(&descriptor);
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, size);
+        self.queue.submit([encoder.finish()]);
+        copy.map_async(wgpu::MapMode::Read, .., |done| done.expect("the buffer maps"));
+        self.wait();
+        bytemuck::pod_collect_to_vec(&copy.get_mapped_range(..).expect("it is mapped"))
+    }
+}
