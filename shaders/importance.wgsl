@@ -71,18 +71,16 @@ fn light_estimate(four: LightFour, view: LightView) -> LightSeenFour {
     let rounded = 0.5 * (along + sqrt(along * along + LIGHT_COSINE_WIDTH_SQ * spread * dist_sq));
     let cosine = select(distance, max(rounded, LIGHT_FLOOR * distance), view.has_normal);
 
-    // To all sides alike.
-    var lobe = distance;
-    var width_sq = vec4(1.0);
-    // #if CONES
-    let peak = light_lobe(four, spread, dist_sq, distance);
-    lobe = peak.value;
-    width_sq = peak.width_sq;
-    // #endif
-
     let inverse = 1.0 / distance;
-    let reach = width_sq * (dist_sq + LIGHT_VARIANCE_SHARE * four.variance);
-    let lux = four.flux * (1.0 / LIGHT_FOUR_PI) * ((lobe * inverse) * (cosine * inverse) / reach);
+    var cosines = cosine * inverse;
+    var reach = dist_sq + LIGHT_VARIANCE_SHARE * four.variance;
+    // What shines to all sides alike has no lobe.
+    // #if CONES
+    let lobe = light_lobe(four, spread, dist_sq, distance);
+    cosines *= lobe.value * inverse;
+    reach *= lobe.width_sq;
+    // #endif
+    let lux = four.flux * (1.0 / LIGHT_FOUR_PI) * (cosines / reach);
     // NaN is not above the least; WGSL's max may keep it.
     let above_least = select(vec4(LIGHT_LEAST), lux, lux > vec4(LIGHT_LEAST));
     return LightSeenFour(min(above_least, vec4(LIGHT_MOST)), spread);
