@@ -50,7 +50,7 @@ fn main() {
     let machine = Machine::open();
     let receivers = if machine.info.device_type == wgpu::DeviceType::Cpu { 1 << 11 } else { 1 << 20 };
     let size = match is_bench {
-        true => Size { instances: 4000, receivers, rounds: 1001, time: Duration::from_secs(150) },
+        true => Size { instances: 4000, receivers, rounds: 1001, time: Duration::from_secs(60) },
         false => Size { instances: 40, receivers: 1 << 10, rounds: 1, time: Duration::ZERO },
     };
 

@@ -71,13 +71,13 @@ fn light_estimate(four: LightFour, view: LightView) -> LightSeenFour {
     let rounded = 0.5 * (along + sqrt(along * along + LIGHT_COSINE_WIDTH_SQ * spread * dist_sq));
     let cosine = select(distance, max(rounded, LIGHT_FLOOR * distance), view.has_normal);
 
-    let inverse = 1.0 / distance;
-    var cosines = cosine * inverse;
+    var cosines = cosine * (1.0 / distance);
     var reach = dist_sq + LIGHT_VARIANCE_SHARE * four.variance;
-    // What shines to all sides alike has no lobe.
+    // What shines to all sides alike has no lobe. Its value is then the distance, and their quotient 1, which a product
+    // with the inverse may miss: so all variants give such lights the same bits.
     // #if CONES
     let lobe = light_lobe(four, spread, dist_sq, distance);
-    cosines *= lobe.value * inverse;
+    cosines *= lobe.value / distance;
     reach *= lobe.width_sq;
     // #endif
     let lux = four.flux * (1.0 / LIGHT_FOUR_PI) * (cosines / reach);
