@@ -127,15 +127,15 @@ impl Chooser for TwoLevel<'_> {
         std::hint::black_box(self.sampler.pick(receiver, u)).map_or(0.0, |pick| pick.pmf)
     }
 
-    /// The nodes of each tree once, however many instances show it, and a top level of one node an eight instances, one an
-    /// eight of those, and so on.
+    /// The nodes of each tree once, however many instances show it, and a top level of one node for six instances, the least
+    /// that its nodes are filled with, one for six of those, and so on.
     fn bytes(&self) -> usize {
         let trees = self.world.trees().filter_map(|tree| self.world.tree(tree));
         let below: usize = trees.map(|tree| tree.nodes().len()).sum();
         let mut level = self.world.instance_count();
         let mut above = 0;
         while level > 1 {
-            level = level.div_ceil(girandole::tree::WIDTH);
+            level = level.div_ceil(6);
             above += level;
         }
         (below + above.max(1)) * size_of::<girandole::tree::Node>()

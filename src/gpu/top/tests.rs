@@ -459,18 +459,22 @@ fn more_slots_than_the_device_binds_are_refused_and_change_nothing() {
     assert_eq!(top.generation(), 1);
     top.reserve(100).unwrap();
     let before = (top.generation(), top.buffers.capacity, top.nodes().clone());
-    // Clusters take the most: the largest number of slots whose clusters fit, and one more.
+    // The largest number of slots whose clusters and nodes fit, and one more.
     let limit = largest_storage_buffer(&device);
-    let strides = Strides::of(Effects::all());
-    let nodes = |slots: u32| u64::from(Plan::new(slots, slots, strides).nodes);
-    let clusters = |slots: u32| (u64::from(slots) + nodes(slots)) * size_of::<ClusterRecord>() as u64;
+    let needed = |slots: u32| {
+        let nodes = u64::from(Plan::new(slots, slots, Strides::of(Effects::all())).nodes);
+        let clusters = (u64::from(slots) + nodes) * size_of::<ClusterRecord>() as u64;
+        [("top-level clusters", clusters), ("top-level nodes", nodes * size_of::<Node>() as u64)]
+    };
+    let too_much = |slots: u32| needed(slots).into_iter().find(|(_, needed)| *needed > limit);
     let (mut fits, mut fails) = (0u32, 1 << 24);
     while fails - fits > 1 {
         let middle = fits.midpoint(fails);
-        if clusters(middle) <= limit { fits = middle } else { fails = middle }
+        if too_much(middle).is_none() { fits = middle } else { fails = middle }
     }
     assert!(fits > 1_400_000, "a million instances and more have room, not {fits}");
-    assert_eq!(top.reserve(fails), Err(GpuError::Full { what: "top-level clusters", needed: clusters(fails), limit }));
+    let (what, needed) = too_much(fails).unwrap();
+    assert_eq!(top.reserve(fails), Err(GpuError::Full { what, needed, limit }));
     assert_eq!(before, (top.generation(), top.buffers.capacity, top.nodes().clone()));
     top.reserve(fits).unwrap();
     assert_eq!((top.generation(), top.buffers.capacity), (2, fits));
