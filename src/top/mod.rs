@@ -18,7 +18,7 @@ pub(crate) use split::COST_SLACK;
 pub(crate) use split::{AXIS_STEPS, CUT_BITS, CUTS, LAST_CELL, LEAST_ORIENTATION, ROUNDS};
 use split::{Part, split};
 
-/// Units that are split together: what a workgroup has memory for. Half as many cost 10 % of noise.
+/// Units that are split together: what a workgroup has memory for. Half as many cost 15 % of noise.
 pub(crate) const PIECE: usize = 512;
 
 /// Pieces begin where the curve enters the largest cell within so many units before or behind an even share: ragged borders

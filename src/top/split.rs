@@ -11,7 +11,7 @@ use crate::light::LAMBERTIAN;
 use crate::tree::{DIAGONAL_WEIGHT, WIDTH, fills_nodes, middle};
 
 /// Cuts that are tried along each axis, evenly spaced; of so few units or less all that there are. Cuts through as many
-/// units instead, however they lie, cost 20 % of noise (docs/decisions.md, 4).
+/// units instead, however they lie, are noisier (docs/decisions.md, 4).
 pub(crate) const CUTS: usize = 16;
 /// After so many rounds parts are halved: no chain of ever smaller parts goes on for long.
 pub(crate) const ROUNDS: usize = 12;
