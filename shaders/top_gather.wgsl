@@ -1,5 +1,5 @@
-// Finds the units of a round: instances in the curve's order, or what the last round left. Reads what the stage binds as
-// `units`, `slots` and `bounds`; borrows the memory of `split_order`.
+// Finds the units of a round: instances in the curve's order, or what the last round left. Reads what the stage binds
+// as `units`, `slots` and `bounds`; borrows the memory of `split_order`.
 
 var<workgroup> gather_total: u32;
 

@@ -1,5 +1,5 @@
-// Top level, a round's first stage: one workgroup a piece of neighbours. What its splits leave together will be a node, what
-// they leave alone is a unit again. Twin of `grouped` in src/top/mod.rs.
+// Top level, a round's first stage: one workgroup a piece of neighbours. What its splits leave together will be a node,
+// what they leave alone is a unit again. Twin of `grouped` in src/top/mod.rs.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
 @group(0) @binding(3) var<storage, read_write> clusters: array<LightCluster>;

@@ -5,8 +5,8 @@
 @group(0) @binding(1) var<storage, read_write> instances: array<vec4<u32>>;
 @group(0) @binding(2) var<storage, read> trees: array<LightTree>;
 @group(0) @binding(3) var<storage, read_write> clusters: array<LightCluster>;
-// Greatest `top_ordered` coordinates, greatest complements of them, and how many instances shine: all start from the zeros
-// of a cleared buffer.
+// Greatest `top_ordered` coordinates, greatest complements of them, and how many instances shine: all start from the
+// zeros of a cleared buffer.
 @group(0) @binding(4) var<storage, read_write> bounds: array<atomic<u32>, 8>;
 
 // The same of this workgroup. Maxima and sums commute, so none depends on who comes first.

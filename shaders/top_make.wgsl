@@ -1,5 +1,5 @@
-// Packs a node from the clusters of the children that its targets name, and tells them where they hang. In what the stage
-// binds as `clusters`, `nodes` and `instances`.
+// Packs a node from the clusters of the children that its targets name, and tells them where they hang. In what the
+// stage binds as `clusters`, `nodes` and `instances`.
 
 fn node_child(target_bits: u32) -> LightCluster {
     if target_bits == LIGHT_EMPTY_SLOT {

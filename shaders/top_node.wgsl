@@ -1,5 +1,5 @@
-// Top level, a round's second stage: each node that the first has filled is packed from its children's clusters, and they
-// learn where they hang. One invocation a node. Twin of `TopLevel::add`.
+// Top level, a round's second stage: each node that the first has filled is packed from its children's clusters, and
+// they learn where they hang. One invocation a node. Twin of `TopLevel::add`.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
 @group(0) @binding(1) var<storage, read_write> instances: array<vec4<u32>>;

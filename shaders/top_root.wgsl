@@ -1,5 +1,5 @@
-// Top level, last stage: the nodes of the upper part, the deepest first. One workgroup, whose barriers order them. Twin of
-// `TopLevel::add_part`.
+// Top level, last stage: the nodes of the upper part, the deepest first. One workgroup, whose barriers order them. Twin
+// of `TopLevel::add_part`.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
 @group(0) @binding(1) var<storage, read_write> instances: array<vec4<u32>>;

@@ -1,5 +1,6 @@
-// Top level, last but one: the few units that are left become the upper part of the tree, by cost from the root down. One
-// workgroup. Twin of `TopLevel::add_root`: a node's index is the number of the part that it stands for, the root's is 0.
+// Top level, last but one: the few units that are left become the upper part of the tree, by cost from the root down.
+// One workgroup. Twin of `TopLevel::add_root`: a node's index is the number of the part that it stands for, the root's
+// is 0.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
 @group(0) @binding(3) var<storage, read_write> clusters: array<LightCluster>;

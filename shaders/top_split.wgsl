@@ -9,17 +9,18 @@ const SPLIT_PARTS: u32 = TOP_PIECE / (LIGHT_WIDTH + 1u) + 1u;
 const SPLIT_EACH: u32 = TOP_PIECE / TOP_SPLIT_LANES;
 const SPLIT_NO_CUT: u32 = 0xffffffffu;
 
-// Six words of each unit, on the piece's grid: three of least and greatest corner (16 bits each), mean x and y, mean z and
-// the upper half of the flux, three bytes of direction. Word w of unit i is at w * TOP_PIECE + i.
+// Six words of each unit, on the piece's grid: three of least and greatest corner (16 bits each), mean x and y, mean z
+// and the upper half of the flux, three bytes of direction. Word w of unit i is at w * TOP_PIECE + i.
 var<workgroup> split_words: array<u32, TOP_PIECE * 6u>;
 // At each place the unit, and the part that it belongs to: unit | first << 10 | count << 20.
 var<workgroup> split_order: array<u32, TOP_PIECE>;
-// A bit a place. First row: its unit goes to the left. Second: a part begins here that is split, or at the end any part.
+// A bit a place. First row: its unit goes to the left. Second: a part begins here that is split, or at the end any
+// part.
 var<workgroup> split_bits: array<atomic<u32>, SPLIT_WORDS * 2u>;
 var<workgroup> split_heads: array<u32, SPLIT_PARTS>;
 var<workgroup> split_best: array<atomic<u32>, SPLIT_PARTS>;
-// Of each part's best cut.
-var<workgroup> split_borders: array<u32, SPLIT_PARTS>;
+// Along each axis the least and the greatest mean of each part, 16 bits each.
+var<workgroup> split_ranges: array<u32, SPLIT_PARTS * 3u>;
 // Least corner (complements), greatest corner, greatest flux: all ordered as integers, all found as maxima.
 var<workgroup> split_extremes: array<atomic<u32>, 7>;
 var<workgroup> split_part_count: u32;
@@ -207,8 +208,10 @@ fn split_end(part: SplitPart, number: u32) -> u32 {
 }
 
 // The last cell on the left, of a part whose means lie between two cells.
-fn split_border(part: SplitPart, number: u32, low: u32, high: u32) -> u32 {
+fn split_border(part: SplitPart, number: u32, range: u32) -> u32 {
     if part.count > TOP_CUTS {
+        let low = range & 0xffffu;
+        let high = range >> 16u;
         return low + (high - low) * (number % TOP_CUTS + 1u) / (TOP_CUTS + 1u);
     }
     return split_mean(split_unit(part.first + number % TOP_CUTS))[number / TOP_CUTS];
@@ -218,32 +221,30 @@ fn split_is_left_of(cut: SplitCut, mean: vec3<u32>, place: u32) -> bool {
     return mean[cut.axis] < cut.border || (mean[cut.axis] == cut.border && place <= cut.end);
 }
 
-// Least and greatest means of a part.
-struct SplitMeans {
-    low: vec3<u32>,
-    high: vec3<u32>,
-}
-
-fn split_means(part: SplitPart) -> SplitMeans {
-    var means = SplitMeans(vec3(TOP_LAST_CELL), vec3(0u));
+// Least and greatest mean of a part along an axis, as they are kept.
+fn split_range(part: SplitPart, axis: u32) -> u32 {
+    var low = TOP_LAST_CELL;
+    var high = 0u;
     for (var place = part.first; place < part.first + part.count; place++) {
-        let mean = split_mean(split_unit(place));
-        means = SplitMeans(min(means.low, mean), max(means.high, mean));
+        let mean = split_mean(split_unit(place))[axis];
+        low = min(low, mean);
+        high = max(high, mean);
     }
-    return means;
+    return low | (high << 16u);
 }
 
-fn split_try(part: SplitPart, number: u32) -> u32 {
+fn split_try(head: u32, number: u32) -> u32 {
+    let part = split_part(split_heads[head]);
     let axis = number / TOP_CUTS;
     if number % TOP_CUTS >= part.count {
         return SPLIT_NO_CUT;
     }
-    let means = split_means(part);
-    let extent = means.high - means.low;
+    let ranges = vec3(split_ranges[3u * head], split_ranges[3u * head + 1u], split_ranges[3u * head + 2u]);
+    let extent = (ranges >> vec3(16u)) - (ranges & vec3(0xffffu));
     if extent[axis] == 0u {
         return SPLIT_NO_CUT;
     }
-    let cut = SplitCut(axis, split_border(part, number, means.low[axis], means.high[axis]), split_end(part, number));
+    let cut = SplitCut(axis, split_border(part, number, ranges[axis]), split_end(part, number));
     var left = split_empty();
     var right = split_empty();
     var count = 0u;
@@ -269,12 +270,14 @@ fn split_number(best: u32) -> u32 {
 }
 
 // Whether the unit at a place of a part goes to the left.
-fn split_is_left(part: SplitPart, place: u32, best: u32, border: u32) -> bool {
+fn split_is_left(part: SplitPart, place: u32, head: u32) -> bool {
+    let best = atomicLoad(&split_best[head]);
     if best == SPLIT_NO_CUT {
         return place - part.first < split_middle(part.count);
     }
     let number = split_number(best);
-    let cut = SplitCut(number / TOP_CUTS, border, split_end(part, number));
+    let axis = number / TOP_CUTS;
+    let cut = SplitCut(axis, split_border(part, number, split_ranges[3u * head + axis]), split_end(part, number));
     return split_is_left_of(cut, split_mean(split_unit(place)), place);
 }
 
@@ -311,24 +314,21 @@ fn split_all(lane: u32, count: u32) {
             break;
         }
         if round < TOP_ROUNDS {
+            for (var task = lane; task < parts * 3u; task += TOP_SPLIT_LANES) {
+                split_ranges[task] = split_range(split_part(split_heads[task / 3u]), task % 3u);
+            }
+            workgroupBarrier();
             for (var task = lane; task < parts * 3u * TOP_CUTS; task += TOP_SPLIT_LANES) {
                 let head = task / (3u * TOP_CUTS);
-                atomicMin(&split_best[head], split_try(split_part(split_heads[head]), task % (3u * TOP_CUTS)));
+                atomicMin(&split_best[head], split_try(head, task % (3u * TOP_CUTS)));
             }
-        }
-        workgroupBarrier();
-        if lane < parts && atomicLoad(&split_best[lane]) != SPLIT_NO_CUT {
-            let part = split_part(split_heads[lane]);
-            let number = split_number(atomicLoad(&split_best[lane]));
-            let means = split_means(part);
-            split_borders[lane] = split_border(part, number, means.low[number / TOP_CUTS], means.high[number / TOP_CUTS]);
         }
         workgroupBarrier();
         for (var place = lane; place < count; place += TOP_SPLIT_LANES) {
             let part = split_part(place);
             if part.count > LIGHT_WIDTH {
                 let head = split_count_bits(SPLIT_HEAD_ROW, 0u, part.first);
-                if split_is_left(part, place, atomicLoad(&split_best[head]), split_borders[head]) {
+                if split_is_left(part, place, head) {
                     split_set_bit(SPLIT_LEFT_ROW, place);
                 }
             }

@@ -1,7 +1,8 @@
-// What the stages of the top-level build share. Twin of `TopPass` in src/gpu/top.rs, which compares them. Binds nothing.
+// What the stages of the top-level build share. Twin of `TopPass` in src/gpu/top.rs, which compares them. Binds
+// nothing.
 
-// A round of the build. Units are instances and nodes that hang nowhere yet: a number below `capacity` is a slot, one above
-// it a node.
+// A round of the build. Units are instances and nodes that hang nowhere yet: a number below `capacity` is a slot, one
+// above it a node.
 struct TopPass {
     // Instance slots.
     slots: u32,

@@ -1,9 +1,9 @@
 //! Builds the top level on the GPU, from instances and the roots of their trees. Nothing is read back.
 //!
-//! Twin of `src/top`, which explains the tree, and of what `World` makes of an instance; the tests below compare both, and
-//! check the GPU's bounds for themselves. Stages: leaves and their bounds, keys, sort; then rounds of two, that group
-//! units by pieces and make the groups nodes; then the upper part. How many units a round leaves is known on the GPU alone,
-//! so there are as many rounds as the worst case takes, and the last may find nothing to do. The sources are
+//! Twin of `src/top`, which explains the tree, and of what `World` makes of an instance; the tests below compare both,
+//! and check the GPU's bounds for themselves. Stages: leaves and their bounds, keys, sort; then rounds of two, that
+//! group units by pieces and make the groups nodes; then the upper part. How many units a round leaves is known on the
+//! GPU alone, so there are as many rounds as the worst case takes, and the last may find nothing to do. The sources are
 //! `shaders/top_*.wgsl`. Nothing waits for another workgroup: bounds are maxima, which commute.
 
 use std::fmt::Write;
@@ -193,8 +193,8 @@ impl TopBuild {
     /// Records the build over the first `slots` slots; nothing before the first [`TopBuild::bind`], when all nodes are
     /// zero, which is no light.
     ///
-    /// 4 dispatches, 12 more for the sort, and two a round: 26 for 100,000 slots. Sends a few hundred bytes if the number
-    /// of slots is another than in the last build, else none.
+    /// 4 dispatches, 12 more for the sort, and two a round: 26 for 100,000 slots. Sends a few hundred bytes if the
+    /// number of slots is another than in the last build, else none.
     pub(crate) fn record(&mut self, recorder: &mut Recorder<'_>, slots: u32) {
         if self.bound.is_none() {
             return;
@@ -228,11 +228,17 @@ impl TopBuild {
 
     fn set_slots(&mut self, slots: u32) {
         self.buffers.sort.set_count(&self.queue, slots);
-        let plan = Plan::new(slots, self.buffers.capacity, self.strides);
-        if self.plan.as_ref() != Some(&plan) {
-            self.queue.write_buffer(&self.passes, 0, &pass_bytes(&plan.passes));
-            self.plan = Some(plan);
+        // Another capacity has taken the plan away.
+        if self
+            .plan
+            .as_ref()
+            .is_some_and(|plan| (plan.passes[0].slots, plan.passes[0].strides) == (slots, self.strides))
+        {
+            return;
         }
+        let plan = Plan::new(slots, self.buffers.capacity, self.strides);
+        self.queue.write_buffer(&self.passes, 0, &pass_bytes(&plan.passes));
+        self.plan = Some(plan);
     }
 
     /// Reads instances and stores nodes in these strides from the next build on.

@@ -1,11 +1,11 @@
 //! The top level: one tree over all instances, made anew whenever one of them moved.
 //!
 //! Twin of the stages in `gpu/top.rs`, which builds the same tree on the GPU; a test there compares them. Instances are
-//! sorted along a curve through space (Lauterbach et al. 2009) and cut into pieces of neighbours. Each piece is split by
-//! cost (`split.rs`), and what ends up together becomes a node; the nodes of all pieces, still in the curve's order, are
-//! cut into pieces again, and so on, until few units are left, which become a tree by cost from the root down. Differs from
-//! trees along a curve: it decides only who is looked at together. Every step is one dispatch over pieces that fit into a
-//! workgroup, so nothing waits for other workgroups (docs/decisions.md, 4).
+//! sorted along a curve through space (Lauterbach et al. 2009) and cut into pieces of neighbours. Each piece is split
+//! by cost (`split.rs`), and what ends up together becomes a node; the nodes of all pieces, still in the curve's order,
+//! are cut into pieces again, and so on, until few units are left, which become a tree by cost from the root down.
+//! Differs from trees along a curve: it decides only who is looked at together. Every step is one dispatch over pieces
+//! that fit into a workgroup, so nothing waits for other workgroups (docs/decisions.md, 4).
 
 mod split;
 
@@ -21,8 +21,8 @@ use split::{Part, split};
 /// Units that are split together: what a workgroup has memory for. Half as many cost 15 % of noise.
 pub(crate) const PIECE: usize = 512;
 
-/// Pieces begin where the curve enters the largest cell within so many units before or behind an even share: ragged borders
-/// cost 10 % of noise.
+/// Pieces begin where the curve enters the largest cell within so many units before or behind an even share: ragged
+/// borders cost 10 % of noise.
 pub(crate) const WINDOW: usize = 64;
 
 /// Units of a piece on average, at most.
@@ -48,7 +48,8 @@ struct Unit {
     target: u32,
 }
 
-/// Most units that a piece may leave; one with more is cut into eights instead. So every round leaves at most a quarter.
+/// Most units that a piece may leave; one with more is cut into eights instead. So every round leaves at most a
+/// quarter.
 pub(crate) const fn most_units(count: usize) -> usize {
     count.div_ceil(4)
 }

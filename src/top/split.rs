@@ -1,9 +1,10 @@
-//! Groups neighbours: a piece of at most [`PIECE`] units is split in two, and again, until no part holds more than a node.
+//! Groups neighbours: a piece of at most [`PIECE`] units is split in two, and again, until no part holds more than a
+//! node.
 //!
 //! Twin of `shaders/top_split.wgsl`. Based on CK18 4.2-4.4. Differs: each cut is tried by itself, since one invocation
-//! can do that without memory for bins; units are rounded to a grid of the piece (16 bits an axis, box
-//! and mean; 8 bits of flux and of each coordinate of direction), so that a piece fits into a workgroup's 16 KiB and both
-//! sides choose the same cuts, but where two cost the same to 1 part in 8192.
+//! can do that without memory for bins; units are rounded to a grid of the piece (16 bits an axis, box and mean; 8 bits
+//! of flux and of each coordinate of direction), so that a piece fits into a workgroup's 16 KiB and both sides choose
+//! the same cuts, but where two cost the same to 1 part in 8192.
 
 use crate::cluster::Cluster;
 use crate::curve::{exponent, power_of_two};

@@ -15,11 +15,12 @@ use crate::{InstanceKey, Light, Placement, Policy, World};
 /// Relative difference of sums of up to eight products in f32, taken in different orders or with fused multiply-adds.
 const SUMS: f32 = 4.0e-6;
 
-/// Steps by which a packed share, deviation, length or coordinate of a direction may differ: its twin lies across a border
-/// between two steps. Caps differ by one more, since they are about the direction that was packed.
+/// Steps by which a packed share, deviation, length or coordinate of a direction may differ: its twin lies across a
+/// border between two steps. Caps differ by one more, since they are about the direction that was packed.
 const STEP: u8 = 1;
 
-/// The GPU's instances, their clusters, and nodes with theirs after one build. Nodes that no other refers to are left over.
+/// The GPU's instances, their clusters, and nodes with theirs after one build. Nodes that no other refers to are left
+/// over.
 struct Built {
     instances: Vec<InstanceRecord>,
     leaves: Vec<Cluster>,
@@ -188,7 +189,8 @@ fn assert_alike(ours: &Cluster, twin: &Cluster, what: &str) {
     assert_eq!(a.cos_half_angle, b.cos_half_angle, "{what}");
 }
 
-/// The same node of the same leaves. Boxes, ranges and fluxes are least, greatest and sums in one order: equal bit for bit.
+/// The same node of the same leaves. Boxes, ranges and fluxes are least, greatest and sums in one order: equal bit for
+/// bit.
 fn assert_same_node(ours: &Node, twin: &Node, index: usize) {
     assert_eq!(ours.steps, twin.steps, "node {index}");
     assert_eq!((ours.origin, ours.low, ours.high), (twin.origin, twin.low, twin.high), "node {index}");
