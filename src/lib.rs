@@ -89,7 +89,9 @@ pub use placement::{MAX_DISTANCE, MAX_SCALE, Placement};
 pub use policy::{ATTRIBUTE_FLOOR, History, Policy, wants_rebuild};
 pub use resample::{MOST_CANDIDATES, Resampled};
 pub use sample::{LightId, LightPick, LightSample, Sampler};
-pub use scheduler::{Clock, FrameBudget, SystemClock};
+pub use scheduler::{
+    Clock, ClockEvent, FrameBudget, RecordingClock, ReplayClock, SystemClock, VirtualClock, Work, WorkKind,
+};
 pub use tree::{Attribute, Attributes, LightTree};
 pub use walk::{DEFAULT_OPENINGS, MOST_OPENINGS};
 #[cfg(feature = "gpu")]

@@ -4,10 +4,11 @@ use std::time::Duration;
 
 use super::{TreeEntry, World};
 use crate::effects::EffectCounts;
+use crate::error::WorldError;
 use crate::keys::{TreeKey, slot_of};
 use crate::light::Light;
 use crate::policy::{History, Policy, wants_rebuild};
-use crate::scheduler::{FrameBudget, Job, rank};
+use crate::scheduler::{FrameBudget, Job, Work, WorkKind, rank};
 use crate::tree::LightTree;
 
 /// What [`World::update`] did.
@@ -17,6 +18,8 @@ pub struct FrameReport {
     pub moved_instances: usize,
     /// Trees refitted because their lights changed.
     pub refit_trees: usize,
+    /// Lights of these trees.
+    pub refit_lights: usize,
     /// Trees rebuilt.
     pub rebuilt_trees: usize,
     /// Trees that ask for a rebuild and must wait for a later frame.
@@ -41,7 +44,10 @@ impl World {
         let mut report =
             FrameReport { moved_instances: self.changes.take_moved(), budget: budget.time(), ..FrameReport::default() };
         let start = self.clock.now();
-        report.refit_trees = self.refit_edited();
+        (report.refit_trees, report.refit_lights) = self.refit_edited();
+        if report.refit_trees > 0 {
+            self.clock.worked(Work { kind: WorkKind::Refit, lights: report.refit_lights });
+        }
         report.refit_time = self.clock.now().saturating_sub(start);
         self.rebuild_waiting(budget, &mut report);
         self.effects.fade();
@@ -49,9 +55,10 @@ impl World {
         report
     }
 
-    fn refit_edited(&mut self) -> usize {
+    /// How many trees, and lights in them.
+    fn refit_edited(&mut self) -> (usize, usize) {
         if self.edited.is_empty() {
-            return 0;
+            return (0, 0);
         }
         // Trees leave the map while threads work on them; a moved-from tree is empty and costs nothing.
         let edited = std::mem::take(&mut self.edited);
@@ -86,7 +93,7 @@ impl World {
         #[cfg(not(feature = "parallel"))]
         work.iter_mut().for_each(refit);
 
-        let count = work.len();
+        let count = (work.len(), work.iter().map(|edited| edited.tree.lights().len()).sum());
         for Edited { key, former, tree, staged, .. } in work {
             if *tree.effects() != former {
                 self.effects.change(|counts| {
@@ -131,21 +138,47 @@ impl World {
                 self.waiting.push(key);
                 continue;
             }
-            let start = self.clock.now();
-            entry.tree.rebuild();
-            let took = self.clock.now().saturating_sub(start);
-            self.cost_model.learn(lights, took);
-            entry.history = History::start(entry.tree.attributes());
-            entry.is_waiting = false;
-            report.spent += took;
+            report.spent += self.rebuild(key);
             report.rebuilt_trees += 1;
-            self.changes.tree(slot_of(key));
-            self.wake(key);
         }
         report.waiting_trees = self.waiting.len();
         if report.rebuilt_trees > 0 {
             self.top.take();
         }
+    }
+}
+
+impl World {
+    /// Builds a tree anew at once, whatever its policies say and outside of any budget: for engines that know better,
+    /// at a cut between scenes say. Staged changes still wait for the next [`World::update`]. Returns what it took.
+    ///
+    /// # Errors
+    /// [`WorldError::NoSuchTree`]. O(n log n).
+    pub fn rebuild_tree(&mut self, tree: TreeKey) -> Result<Duration, WorldError> {
+        if !self.trees.contains_key(tree) {
+            return Err(WorldError::NoSuchTree(tree));
+        }
+        if self.trees[tree].is_waiting {
+            self.waiting.retain(|key| *key != tree);
+        }
+        let took = self.rebuild(tree);
+        self.top.take();
+        Ok(took)
+    }
+
+    fn rebuild(&mut self, key: TreeKey) -> Duration {
+        let entry = &mut self.trees[key];
+        let lights = entry.tree.lights().len();
+        let start = self.clock.now();
+        entry.tree.rebuild();
+        self.clock.worked(Work { kind: WorkKind::Rebuild, lights });
+        let took = self.clock.now().saturating_sub(start);
+        self.cost_model.learn(lights, took);
+        entry.history = History::start(entry.tree.attributes());
+        entry.is_waiting = false;
+        self.changes.tree(slot_of(key));
+        self.wake(key);
+        took
     }
 }
 

@@ -1,29 +1,13 @@
 //! Spends a frame's budget on the rebuilds that policies ask for: most worsening and most light per predicted
 //! microsecond first.
 
-use std::time::{Duration, Instant};
+mod clock;
+mod replay;
 
-/// Tells the time since some fixed moment. The world has one, so that tests and replays need no real time.
-pub trait Clock: Send + Sync {
-    /// Never goes back.
-    fn now(&self) -> Duration;
-}
+use std::time::Duration;
 
-/// The machine's monotonic clock.
-#[derive(Debug)]
-pub struct SystemClock(Instant);
-
-impl Default for SystemClock {
-    fn default() -> Self {
-        Self(Instant::now())
-    }
-}
-
-impl Clock for SystemClock {
-    fn now(&self) -> Duration {
-        self.0.elapsed()
-    }
-}
+pub use clock::{Clock, SystemClock, VirtualClock, Work, WorkKind};
+pub use replay::{ClockEvent, RecordingClock, ReplayClock};
 
 /// The time that one frame may spend on rebuilds. Refits are not optional and not counted. A tree whose rebuild is
 /// predicted to take longer than the whole budget waits until a frame has a larger one.
