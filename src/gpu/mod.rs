@@ -37,7 +37,6 @@ use kernel::Kernel;
 use layout::{InstanceRecord, LightRecord, ParamsRecord, TreeRecord};
 use measure::CountKernel;
 use pool::Pool;
-use probe::Probe;
 use recorder::Recorder;
 use relayout::Relayout;
 pub use resampling::ResampledRecord;
@@ -57,7 +56,6 @@ use crate::walk::{DEFAULT_OPENINGS, MOST_OPENINGS};
 pub struct GpuLights {
     device: wgpu::Device,
     queue: wgpu::Queue,
-    probe: Probe,
     nodes: Pool<Node>,
     lights: Pool<LightRecord>,
     /// Tables by slot.
@@ -95,7 +93,7 @@ impl GpuLights {
     /// [`GpuError::Limit`] names the first limit that is below WebGPU's default; [`GpuError::DeviceLost`].
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Self, GpuError> {
         check_limits(&device.limits())?;
-        let probe = Probe::new(device)?;
+        probe::check(device)?;
         let nodes = Pool::new(device, queue, "light tree nodes", 64)?;
         let lights = Pool::new(device, queue, "lights", 64)?;
         let instances = Pool::new(device, queue, "instances", 64)?;
@@ -117,7 +115,6 @@ impl GpuLights {
         Ok(Self {
             device: device.clone(),
             queue: queue.clone(),
-            probe,
             nodes,
             lights,
             instances,

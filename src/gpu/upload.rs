@@ -7,6 +7,7 @@ use super::GpuLights;
 use super::error::GpuError;
 use super::layout::{InstanceRecord, LightRecord, ParamsRecord, TreeRecord};
 use super::pool::Pool;
+use super::probe;
 use super::relayout::Relayout;
 use super::stored::{self, Stored, Strides};
 use crate::effects::Effects;
@@ -74,7 +75,7 @@ impl GpuLights {
         delta: &FrameDelta,
         effects: Effects,
     ) -> Result<UploadReport, GpuError> {
-        self.probe.check()?;
+        probe::check(&self.device)?;
         let mut report = UploadReport::default();
         if delta.is_empty() && self.unsent.is_empty() && self.params.strides == Strides::of(effects) {
             self.effects = effects;
