@@ -134,3 +134,11 @@ pub enum PlacementError {
         limit: f64,
     },
 }
+
+/// Why a budget was refused.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("a budget of {millis} milliseconds; it must be a number of at least 0")]
+pub struct BudgetError {
+    /// What was given.
+    pub millis: f64,
+}

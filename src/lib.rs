@@ -80,13 +80,13 @@ pub mod gltf;
 
 pub use effects::{DAMPING, EffectCounts, Effects, MOST_VARIANTS, Variants};
 pub use emit::Incident;
-pub use error::{LightError, PlacementError, WorldError};
+pub use error::{BudgetError, LightError, PlacementError, WorldError};
 pub use glam;
 pub use importance::Receiver;
 pub use keys::{DirectionalKey, InstanceKey, TreeKey};
 pub use light::{DirectionalLight, Light, Shape};
 pub use placement::{MAX_DISTANCE, MAX_SCALE, Placement};
-pub use policy::{ATTRIBUTE_FLOOR, History, Policy, wants_rebuild};
+pub use policy::{ATTRIBUTE_FLOOR, DEFAULT_FLOOR, History, Policy, Wish, wish};
 pub use resample::{MOST_CANDIDATES, Resampled};
 pub use sample::{LightId, LightPick, LightSample, Sampler};
 pub use scheduler::{
@@ -96,7 +96,7 @@ pub use tree::{Attribute, Attributes, LightTree};
 pub use walk::{DEFAULT_OPENINGS, MOST_OPENINGS};
 #[cfg(feature = "gpu")]
 pub use wgpu;
-pub use world::{FrameDelta, FrameReport, World};
+pub use world::{BackgroundReport, FrameDelta, FrameReport, JobReport, World};
 
 /// The README's programs, compiled and run as documentation tests.
 #[cfg(all(doctest, feature = "gpu"))]

@@ -9,9 +9,9 @@ use crate::tree::{Attribute, Attributes};
 /// a rebuild. Attributes are of order 1, and rounding leaves about 1e-7 of them.
 pub const ATTRIBUTE_FLOOR: f32 = 1.0e-6;
 
-/// How much worse an attribute must be than after the last rebuild before [`Policy::Budgeted`] asks for another.
-/// Rebuilds of the same lights differ by less; without it trees that stand still would be rebuilt for ever.
-const WORSE: f32 = 0.02;
+/// By what share a tree must be noisier than a new one before [`Policy::Budgeted`] asks for a rebuild. Rebuilds of the
+/// same lights differ by less; without it trees that stand still would be rebuilt for ever.
+pub const DEFAULT_FLOOR: f32 = 0.02;
 
 /// What an instance wants for its tree. The variants are ordered by how demanding they are; a tree that several
 /// instances share follows the most demanding.
@@ -21,9 +21,17 @@ pub enum Policy {
     Static,
     /// Only ever refitted: cheap lights, or lights that move as one. The attributes are not measured.
     RefitOnly,
-    /// The scheduler weighs what a rebuild buys against all others.
+    /// The scheduler weighs what a rebuild buys against all others, from [`DEFAULT_FLOOR`] on.
     #[default]
     Budgeted,
+    /// As [`Policy::Budgeted`], within bounds on how bad the tree may get. Both are shares of σ, the relative standard
+    /// deviation of a choice within the tree, by which it is thought to exceed that of a new tree: 0.1 is ten percent.
+    Bounded {
+        /// Up to here no rebuild is asked for, at least 0. More saves time.
+        floor: f32,
+        /// From here on the tree comes before all others that are not past theirs, at least the floor.
+        ceiling: f32,
+    },
     /// Algorithm 1 of SS: asks for a rebuild when the attribute exceeds its least value by `factor` standard deviations.
     Deviation {
         /// Which attribute is watched.
@@ -57,6 +65,10 @@ impl Policy {
                 check("factor", factor, 0.0)
             }
             Self::Ratio { factor, .. } => check("factor", factor, 1.0),
+            Self::Bounded { floor, ceiling } => {
+                check("floor", floor, 0.0)?;
+                check("ceiling", ceiling, floor)
+            }
             _ => Ok(()),
         }
     }
@@ -90,31 +102,41 @@ impl History {
         least.variance = least.variance.min(now.variance);
         least.splitting_cost = least.splitting_cost.min(now.splitting_cost);
     }
-
-    /// By how much the tree is worse than when it was rebuilt: the largest relative rise of any attribute, at least 0.
-    pub fn worsening(&self, now: &Attributes) -> f32 {
-        [Attribute::Distance, Attribute::Overlap, Attribute::Variance, Attribute::SplittingCost]
-            .into_iter()
-            .map(|a| (now.get(a) - self.rebuilt.get(a)) / self.rebuilt.get(a).max(ATTRIBUTE_FLOOR))
-            .fold(0.0, f32::max)
-    }
 }
 
-/// Whether a policy asks for a rebuild of a tree that was just refitted.
+/// What a policy asks for, the more demanding the greater.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Wish {
+    /// Nothing.
+    #[default]
+    Keep,
+    /// A rebuild of the tree or of parts of it, if it is worth the time.
+    Weigh,
+    /// A rebuild of the whole tree, when there is time.
+    Rebuild,
+    /// The same before all that ask for less.
+    First,
+}
+
+/// What a policy asks for, for a tree that was just refitted.
 ///
-/// `history` must have observed `now` already, so that a value below the former least is its own least.
-pub fn wants_rebuild(policy: &Policy, history: &History, now: &Attributes) -> bool {
+/// `history` must have observed `now` already, so that a value below the former least is its own least. `worse` is the
+/// share by which the tree is thought to be noisier than a new one.
+pub fn wish(policy: &Policy, history: &History, now: &Attributes, worse: f32) -> Wish {
+    let if_so = |is_so: bool, wish: Wish| if is_so { wish } else { Wish::Keep };
     match *policy {
-        Policy::Static | Policy::RefitOnly => false,
-        Policy::AlwaysRebuild => true,
+        Policy::Static | Policy::RefitOnly => Wish::Keep,
+        Policy::AlwaysRebuild => Wish::First,
         Policy::Deviation { attribute, deviation, factor } => {
-            now.get(attribute) > history.least.get(attribute) + factor * deviation
+            if_so(now.get(attribute) > history.least.get(attribute) + factor * deviation, Wish::Rebuild)
         }
         Policy::Ratio { attribute, factor } => {
             let least = history.least.get(attribute);
-            now.get(attribute) > if least > 0.0 { least * factor } else { ATTRIBUTE_FLOOR }
+            if_so(now.get(attribute) > if least > 0.0 { least * factor } else { ATTRIBUTE_FLOOR }, Wish::Rebuild)
         }
-        Policy::Budgeted => history.worsening(now) > WORSE,
+        Policy::Budgeted => if_so(worse > DEFAULT_FLOOR, Wish::Weigh),
+        Policy::Bounded { ceiling, .. } if worse > ceiling => Wish::First,
+        Policy::Bounded { floor, .. } => if_so(worse > floor, Wish::Weigh),
     }
 }
 
@@ -133,7 +155,7 @@ mod tests {
             .map(|v| {
                 let now = overlap(*v);
                 history.observe(&now);
-                let rebuild = wants_rebuild(&policy, &history, &now);
+                let rebuild = wish(&policy, &history, &now, 0.0) == Wish::Rebuild;
                 if rebuild {
                     history = History::start(now);
                 }
@@ -163,5 +185,25 @@ mod tests {
         assert!(Policy::Ratio { attribute, factor: 0.99 }.validate().is_err());
         assert!(Policy::Ratio { attribute, factor: 1.0 }.validate().is_ok());
         assert!(Policy::Deviation { attribute, deviation: -1.0, factor: 1.0 }.validate().is_err());
+        assert!(Policy::Bounded { floor: -0.1, ceiling: 1.0 }.validate().is_err());
+        assert!(Policy::Bounded { floor: 0.2, ceiling: 0.1 }.validate().is_err());
+        assert!(Policy::Bounded { floor: 0.2, ceiling: f32::INFINITY }.validate().is_err());
+        assert!(Policy::Bounded { floor: 0.2, ceiling: 0.2 }.validate().is_ok());
+    }
+
+    #[test]
+    fn bounds_say_when_a_tree_asks_and_when_it_insists() {
+        let now = Attributes::default();
+        let at = |policy, worse| wish(&policy, &History::start(now), &now, worse);
+        let bounded = Policy::Bounded { floor: 0.1, ceiling: 0.5 };
+        assert_eq!(
+            [0.1, 0.2, 0.5, 0.51].map(|worse| at(bounded, worse)),
+            [Wish::Keep, Wish::Weigh, Wish::Weigh, Wish::First]
+        );
+        assert_eq!(
+            [0.0, DEFAULT_FLOOR, 0.03, 9.0].map(|worse| at(Policy::Budgeted, worse)),
+            [Wish::Keep, Wish::Keep, Wish::Weigh, Wish::Weigh]
+        );
+        assert_eq!(at(bounded, f32::NAN), Wish::Keep);
     }
 }

@@ -18,7 +18,7 @@ const PARALLEL_LIGHTS: usize = 4096;
 
 impl LightTree {
     /// Builds from valid lights.
-    pub(super) fn build(lights: Vec<Light>) -> Self {
+    pub(crate) fn build(lights: Vec<Light>) -> Self {
         let members = members(&lights);
         let shapes = shape(&mut items(&members));
         let count = with_spare(shapes.len());

@@ -26,6 +26,8 @@ pub(crate) use shape::{Item, shape};
 pub(crate) use shape::{fills_nodes, middle};
 pub(crate) use wide::{Lanes, WideCluster};
 
+pub(crate) use rebuild::Part;
+
 use dirty::Dirty;
 
 use crate::cluster::Cluster;

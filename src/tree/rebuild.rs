@@ -3,7 +3,7 @@
 //! A subtree lies in one piece and keeps its piece, with some nodes to spare; nothing outside of it moves.
 
 use super::LightTree;
-use super::attributes::Terms;
+use super::attributes::{Attributes, Terms};
 use super::node::{EMPTY_SLOT, LEAF, NO_PARENT, Node, WIDTH};
 use super::refit::Tasks;
 use super::shape::{Item, ShapeNode, shape};
@@ -21,6 +21,22 @@ const LEAST_SHARE: u32 = 256;
 /// A rebuild is worth it once a subtree's splitting cost has risen by this share.
 const LEAST_LOSS: f32 = 0.05;
 
+/// A subtree.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Part {
+    /// Its root.
+    node: usize,
+    /// Below it.
+    pub lights: usize,
+}
+
+impl Part {
+    /// It is the tree itself.
+    pub fn is_whole(&self) -> bool {
+        self.node == 0
+    }
+}
+
 impl LightTree {
     /// Rebuilds what gains most: of all subtrees, the whole tree among them, the one whose splitting cost has risen
     /// most per light since it was built, again and again while `lights` last. What is left of them is kept for later
@@ -37,21 +53,47 @@ impl LightTree {
         self.refit();
         self.credit = self.credit.saturating_add(lights).min(self.lights.len());
         let mut rebuilt = 0;
-        while let Some(node) = self.worst().filter(|node| self.sizes[*node] as usize <= self.credit) {
-            let size = self.sizes[node] as usize;
-            self.credit -= size;
-            if node == 0 {
-                self.rebuild();
-                rebuilt += size;
-            } else if self.rebuild_subtree(node) {
-                rebuilt += size;
+        while let Some(part) = self.worst(usize::MAX).filter(|part| part.lights <= self.credit) {
+            self.credit -= part.lights;
+            if self.rebuild_part(part) {
+                rebuilt += part.lights;
             }
         }
         rebuilt
     }
 
-    /// The subtree whose rebuild probably gains most per light; `None` if none is worth it.
-    fn worst(&self) -> Option<usize> {
+    /// Builds a part of the tree, or all of it, anew. False, and no change, if its new shape needs more nodes than the
+    /// old one left.
+    pub(crate) fn rebuild_part(&mut self, part: Part) -> bool {
+        if part.is_whole() {
+            self.rebuild();
+            return true;
+        }
+        self.rebuild_subtree(part.node)
+    }
+
+    /// Gives the place of this tree to one that was built over earlier lights of it, and brings that up to date. Its
+    /// attributes from before are returned, those of a fresh tree. Waits for [`LightTree::refit`].
+    ///
+    /// O(lights), of which those that changed meanwhile count tenfold.
+    pub(crate) fn succeed(&mut self, mut built: Self) -> Attributes {
+        let fresh = built.attributes;
+        let present = std::mem::take(&mut self.lights);
+        for (index, light) in (0..).zip(present) {
+            if built.lights[index as usize] != light {
+                built.apply(&[(index, light)]);
+            }
+        }
+        *self = built;
+        fresh
+    }
+
+    /// The subtree of up to so many lights, or the whole tree, whose rebuild probably gains most per light; `None` if
+    /// none is worth it, or if the tree is frozen.
+    pub(crate) fn worst(&self, most_lights: usize) -> Option<Part> {
+        if self.is_frozen() {
+            return None;
+        }
         let least = LEAST_LIGHTS.max(self.lights.len() as u32 / LEAST_SHARE);
         let mut worst = (0.0, None);
         let mut node = 0;
@@ -62,12 +104,12 @@ impl LightTree {
             }
             let loss = self.loss(node);
             let gain = self.terms[node].cost_share(loss) / f64::from(self.sizes[node]);
-            if loss > LEAST_LOSS && gain > worst.0 {
+            if loss > LEAST_LOSS && gain > worst.0 && self.sizes[node] as usize <= most_lights {
                 worst = (gain, Some(node));
             }
             node += 1;
         }
-        worst.1
+        worst.1.map(|node: usize| Part { node, lights: self.sizes[node] as usize })
     }
 
     /// How much the splitting cost of a subtree has risen since it was built, relative to how its lights lie.

@@ -40,11 +40,12 @@ impl World {
             return Err(WorldError::TreeInUse { tree, instances });
         }
         self.let_rest(tree);
+        self.leave(tree);
+        self.forget_attention(tree);
         if let Some(entry) = self.trees.remove(tree) {
             self.effects.change(|counts| counts.remove_all(entry.tree.effects()));
         }
         self.edited.retain(|k| *k != tree);
-        self.waiting.retain(|k| *k != tree);
         set_slot(&mut self.tree_slots, slot_of(tree), None);
         self.changes.tree(slot_of(tree));
         Ok(())
@@ -90,6 +91,8 @@ impl World {
         entry.history = crate::policy::History::start(built.attributes());
         entry.tree = built;
         entry.staged.clear();
+        self.leave(tree);
+        self.forget_build(tree);
         self.has_moved(tree);
         self.changes.tree(slot_of(tree));
         self.top.take();
@@ -181,13 +184,14 @@ impl World {
             return Ok(shared);
         }
         let copy = entry.tree.clone();
-        let (history, staged) = (entry.history, entry.staged.clone());
+        let (history, staged, standing) = (entry.history, entry.staged.clone(), entry.standing.copy());
         let own = self.insert_tree(copy);
         if !staged.is_empty() {
             self.edited.push(own);
         }
         let entry = &mut self.trees[own];
         entry.history = history;
+        entry.standing = standing;
         entry.is_edited = !staged.is_empty();
         entry.staged = staged;
         self.detach(shared, place, policy);
@@ -255,7 +259,7 @@ impl World {
         Ok(())
     }
 
-    fn entry(&self, tree: TreeKey) -> Result<&TreeEntry, WorldError> {
+    pub(super) fn entry(&self, tree: TreeKey) -> Result<&TreeEntry, WorldError> {
         self.trees.get(tree).ok_or(WorldError::NoSuchTree(tree))
     }
 

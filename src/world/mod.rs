@@ -1,8 +1,12 @@
 //! Trees, instances of them, directional lights: edits in, one [`FrameDelta`] out.
 
+mod attention;
 mod delta;
 mod edit;
+mod jobs;
+mod refit;
 mod rest;
+mod schedule;
 mod update;
 
 use std::sync::{Arc, OnceLock};
@@ -12,7 +16,8 @@ use slotmap::SlotMap;
 
 pub(crate) use delta::Changes;
 pub use delta::FrameDelta;
-pub use update::FrameReport;
+pub use jobs::JobReport;
+pub use update::{BackgroundReport, FrameReport};
 
 use crate::cluster::Cluster;
 use crate::effects::{Damped, EffectCounts, Effects};
@@ -20,7 +25,7 @@ use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
 use crate::light::{DirectionalLight, Light, MIN_FLUX};
 use crate::placement::{Placed, Placement};
 use crate::policy::{History, Policy};
-use crate::scheduler::{Clock, CostModel, SystemClock};
+use crate::scheduler::{Clock, SystemClock};
 use crate::top::TopLevel;
 use crate::tree::LightTree;
 
@@ -42,10 +47,9 @@ pub struct World {
     awake: Vec<TreeKey>,
     /// Trees with staged lights, each once.
     edited: Vec<TreeKey>,
-    /// Trees that asked for a rebuild and got none yet, each once.
-    waiting: Vec<TreeKey>,
     changes: Changes,
-    cost_model: CostModel,
+    schedule: schedule::Schedule,
+    gaze: attention::Gaze,
     clock: Arc<dyn Clock>,
     top: OnceLock<TopLevel>,
 }
@@ -58,9 +62,7 @@ pub(crate) struct TreeEntry {
     history: History,
     staged: Vec<(u32, Light)>,
     is_edited: bool,
-    is_waiting: bool,
-    /// Updates since it first asked for a rebuild in vain.
-    waited: u32,
+    standing: schedule::Standing,
     rest: rest::Rest,
 }
 
@@ -82,8 +84,7 @@ impl TreeEntry {
             policies: Vec::new(),
             staged: Vec::new(),
             is_edited: false,
-            is_waiting: false,
-            waited: 0,
+            standing: schedule::Standing::default(),
             rest: rest::Rest::default(),
         }
     }
@@ -140,9 +141,9 @@ impl World {
             effects: Damped::default(),
             awake: Vec::new(),
             edited: Vec::new(),
-            waiting: Vec::new(),
             changes: Changes::default(),
-            cost_model: CostModel::default(),
+            schedule: schedule::Schedule::default(),
+            gaze: attention::Gaze::default(),
             clock,
             top: OnceLock::new(),
         }

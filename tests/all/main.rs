@@ -19,6 +19,7 @@ mod hard_cases;
 mod pdf;
 mod resample;
 mod sampling;
+mod scheduler;
 mod support;
 mod tree;
 mod variance;

@@ -1,13 +1,9 @@
 //! The world takes edits whole or not at all, and a frame costs what changed.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Duration;
-
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::{
-    Attribute, Clock, DirectionalLight, FrameBudget, InstanceKey, Light, LightId, Placement, PlacementError, Policy,
-    Receiver, TreeKey, World, WorldError,
+    Attribute, DirectionalLight, FrameBudget, InstanceKey, Light, LightId, Placement, PlacementError, Policy, Receiver,
+    TreeKey, World, WorldError,
 };
 
 use proptest::prelude::*;
@@ -144,49 +140,6 @@ fn a_shared_tree_follows_the_most_demanding_policy_and_can_be_split_off() {
     assert_eq!(world.update(FrameBudget::UNLIMITED).rebuilt_trees, 1);
     assert_ne!(world.tree(own).map(|t| t.lights().to_vec()), world.tree(tree).map(|t| t.lights().to_vec()));
     assert_eq!(world.make_unique(keen), Ok(own), "it has its tree for itself already");
-}
-
-/// A clock that moves by a fixed step whenever it is read.
-struct StepClock(AtomicU64, Duration);
-
-impl Clock for StepClock {
-    fn now(&self) -> Duration {
-        self.1 * self.0.fetch_add(1, Ordering::Relaxed) as u32
-    }
-}
-
-#[test]
-fn rebuilds_wait_for_a_budget_and_all_of_them_get_their_turn() {
-    // Every rebuild takes one millisecond on this clock: a budget of 2.5 ms has room for at most two.
-    let clock = StepClock(AtomicU64::new(0), Duration::from_millis(1));
-    let mut world = World::with_clock(Arc::new(clock));
-    let trees: Vec<_> = (0..10)
-        .map(|i| {
-            let tree = world.add_tree(Rng(i).lights(50, 5.0)).expect("valid");
-            world.add_instance(tree, at(0.0), Policy::Budgeted).expect("valid");
-            tree
-        })
-        .collect();
-    for (tree, seed) in trees.iter().zip(100..) {
-        let lights: Vec<_> = (0..).zip(Rng(seed).lights(50, 50.0)).collect();
-        world.set_lights(*tree, &lights).expect("valid");
-    }
-    let none = world.update(FrameBudget::NONE);
-    assert_eq!((none.refit_trees, none.rebuilt_trees, none.waiting_trees), (10, 0, 10));
-    let mut rebuilt = 0;
-    let mut frames = 0;
-    while rebuilt < 10 {
-        let report = world.update(FrameBudget::new(Duration::from_micros(2500)));
-        // The first prediction is a guess; after a few rebuilds the model knows what one costs.
-        assert!(frames < 3 || report.spent <= report.budget, "{report:?}");
-        assert_eq!(report.waiting_trees, 10 - rebuilt - report.rebuilt_trees);
-        rebuilt += report.rebuilt_trees;
-        frames += 1;
-        assert!(frames < 50, "rebuilds starve");
-    }
-    for tree in trees {
-        world.tree(tree).expect("it lives").check().expect("sound");
-    }
 }
 
 #[test]

@@ -1,0 +1,205 @@
+//! Who waits for a rebuild, the best value and the longest wait at hand.
+
+use std::collections::VecDeque;
+
+use crate::keys::TreeKey;
+
+/// Scores looked at together: those of all blocks are the blocks' greatest, so that the best of 10,000 is found among 80
+/// and then among 128.
+const BLOCK: usize = 128;
+
+/// Above all scores without it; floats of one sign order as their bits do.
+const URGENT: u32 = 1 << 31;
+
+/// Trees with scores. Trees know their own place, which changes as others leave.
+#[derive(Debug, Default)]
+pub(crate) struct Queue {
+    keys: Vec<TreeKey>,
+    /// Bits of a score that is not negative, with [`URGENT`].
+    scores: Vec<u32>,
+    /// The greatest of each block.
+    blocks: Vec<u32>,
+    /// Blocks whose greatest is not known.
+    stale: Vec<bool>,
+    /// In the order they came, each with its ticket; some have left since.
+    came: VecDeque<(TreeKey, u64)>,
+    tickets: u64,
+}
+
+impl Queue {
+    pub fn len(&self) -> usize {
+        self.keys.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.keys.is_empty()
+    }
+
+    pub fn key(&self, place: usize) -> TreeKey {
+        self.keys[place]
+    }
+
+    /// Its place and its ticket.
+    pub fn push(&mut self, key: TreeKey, score: f32, is_urgent: bool) -> (usize, u64) {
+        let place = self.keys.len();
+        self.keys.push(key);
+        self.scores.push(0);
+        if self.blocks.len() * BLOCK <= place {
+            self.blocks.push(0);
+            self.stale.push(false);
+        }
+        self.set(place, score, is_urgent);
+        self.tickets += 1;
+        self.came.push_back((key, self.tickets));
+        (place, self.tickets)
+    }
+
+    pub fn set(&mut self, place: usize, score: f32, is_urgent: bool) {
+        // NaN becomes 0.
+        let bits = score.max(0.0).to_bits() | if is_urgent { URGENT } else { 0 };
+        let former = std::mem::replace(&mut self.scores[place], bits);
+        let block = place / BLOCK;
+        if bits >= self.blocks[block] {
+            self.blocks[block] = bits;
+            self.stale[block] = false;
+        } else if former == self.blocks[block] {
+            self.stale[block] = true;
+        }
+    }
+
+    /// Takes one out. The last takes its place: the key of that one, if it is another.
+    pub fn remove(&mut self, place: usize) -> Option<TreeKey> {
+        let last = self.keys.len() - 1;
+        let bits = self.scores[last];
+        self.keys.swap_remove(place);
+        self.scores.swap_remove(place);
+        self.stale[last / BLOCK] = true;
+        self.blocks.truncate(last.div_ceil(BLOCK));
+        self.stale.truncate(last.div_ceil(BLOCK));
+        if place == last {
+            return None;
+        }
+        let block = place / BLOCK;
+        self.stale[block] = true;
+        self.blocks[block] = self.blocks[block].max(bits);
+        Some(self.keys[place])
+    }
+
+    /// The place of the best, the first of equals; `None` if all have a score of 0.
+    pub fn best(&mut self) -> Option<usize> {
+        if self.keys.is_empty() {
+            return None;
+        }
+        for (block, is_stale) in self.stale.iter_mut().enumerate().filter(|(_, is_stale)| **is_stale) {
+            let end = self.scores.len().min((block + 1) * BLOCK);
+            self.blocks[block] = greatest(&self.scores[block * BLOCK..end]);
+            *is_stale = false;
+        }
+        let most = greatest(&self.blocks);
+        if most == 0 {
+            return None;
+        }
+        let block = self.blocks.iter().position(|bits| *bits == most)?;
+        let place = self.scores[block * BLOCK..].iter().position(|bits| *bits == most)?;
+        Some(block * BLOCK + place)
+    }
+
+    /// Whoever came first of those that are still here; `ticket_of` tells a tree's ticket, if it waits.
+    pub fn oldest(&mut self, ticket_of: impl Fn(TreeKey) -> Option<u64>) -> Option<TreeKey> {
+        while let Some((key, ticket)) = self.came.front().copied() {
+            if ticket_of(key) == Some(ticket) {
+                return Some(key);
+            }
+            self.came.pop_front();
+        }
+        None
+    }
+
+    /// Takes whoever came first out of that order, with the ticket; it stays in the queue.
+    pub fn pop_oldest(&mut self) -> Option<(TreeKey, u64)> {
+        self.came.pop_front()
+    }
+
+    /// Undoes [`Queue::pop_oldest`].
+    pub fn put_back(&mut self, entry: (TreeKey, u64)) {
+        self.came.push_front(entry);
+    }
+
+    /// Forgets who left, if those are many. O(all), after as many pushes.
+    pub fn sweep(&mut self, ticket_of: impl Fn(TreeKey) -> Option<u64>) {
+        if self.came.len() > 2 * self.keys.len() + BLOCK {
+            self.came.retain(|(key, ticket)| ticket_of(*key) == Some(*ticket));
+        }
+    }
+}
+
+/// Of unsigned integers, which the compiler compares eight at a time.
+fn greatest(bits: &[u32]) -> u32 {
+    bits.iter().fold(0, |most, bits| most.max(*bits))
+}
+
+#[cfg(test)]
+mod tests {
+    use slotmap::{Key, SlotMap};
+
+    use super::*;
+
+    #[test]
+    fn the_best_and_the_oldest_are_those_of_a_plain_list() {
+        let mut keys = SlotMap::<TreeKey, ()>::with_key();
+        let (mut queue, mut plain) = (Queue::default(), Vec::<(TreeKey, u64, f32, bool)>::new());
+        let mut state = 1_u32;
+        let mut next = move |below: usize| {
+            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+            (state >> 8) as usize % below
+        };
+        for step in 0..20_000 {
+            let growing = step / 2000 % 2 == 0;
+            match next(4) {
+                0 if !plain.is_empty() => {
+                    let place = next(plain.len());
+                    let (score, is_urgent) = (1.0 + next(50) as f32, next(20) == 0);
+                    queue.set(place, score, is_urgent);
+                    (plain[place].2, plain[place].3) = (score, is_urgent);
+                }
+                1 | 2 if !plain.is_empty() && !growing => {
+                    let place = next(plain.len());
+                    let moved = queue.remove(place);
+                    plain.swap_remove(place);
+                    assert_eq!(moved, plain.get(place).map(|entry| entry.0));
+                }
+                _ => {
+                    let key = keys.insert(());
+                    let (score, is_urgent) = (1.0 + next(1000) as f32, next(20) == 0);
+                    let (place, ticket) = queue.push(key, score, is_urgent);
+                    assert_eq!(place, plain.len());
+                    plain.push((key, ticket, score, is_urgent));
+                }
+            }
+            let ticket_of = |key| plain.iter().find(|entry| entry.0 == key).map(|entry| entry.1);
+            queue.sweep(ticket_of);
+            assert!(queue.came.len() <= 2 * plain.len() + BLOCK);
+            assert_eq!(queue.len(), plain.len());
+            let best = plain.iter().map(|entry| (entry.3, entry.2)).reduce(|a, b| if b > a { b } else { a });
+            let found = queue.best().map(|place| (plain[place].3, plain[place].2, queue.key(place) == plain[place].0));
+            assert_eq!(found, best.map(|(is_urgent, score)| (is_urgent, score, true)));
+            if step % 50 == 0 {
+                let oldest = plain.iter().min_by_key(|entry| entry.1).map(|entry| entry.0);
+                assert_eq!(queue.oldest(ticket_of), oldest);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_not_a_number_comes_last() {
+        let mut queue = Queue::default();
+        for score in [f32::NAN, 1.0, f32::INFINITY, -1.0, 0.0] {
+            queue.push(TreeKey::null(), score, false);
+        }
+        assert_eq!(queue.best(), Some(2));
+        queue.set(2, f32::NAN, false);
+        assert_eq!(queue.best(), Some(1));
+        queue.set(1, 0.0, false);
+        assert_eq!(queue.best(), None);
+    }
+}

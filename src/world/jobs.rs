@@ -1,0 +1,374 @@
+//! Spends a frame's budget on those that ask: who goes first, and what is done for them.
+
+use std::time::Duration;
+
+use super::World;
+use super::schedule::ticket_of;
+use super::update::FrameReport;
+use crate::keys::{TreeKey, slot_of};
+use crate::policy::{History, Wish};
+use crate::scheduler::{CostModel, Snapshot, Work, WorkKind, prior_rise, rises};
+use crate::tree::{Attributes, Part, WIDTH};
+
+/// One in so many parts of the budget is for who has waited longest.
+pub const PATIENCE: u32 = 16;
+
+/// Every so manieth build in the background is for who has waited longest.
+const BACKGROUND_PATIENCE: u64 = 4;
+
+/// Smaller trees are rebuilt whole or not at all: to look for their worst subtree takes longer than it saves.
+const LEAST_DIVIDED: usize = 256;
+
+/// Trees that do not fit into what is left of a frame before it ends.
+const MOST_MISFITS: usize = 16;
+
+/// Waiting trees that are judged anew each frame though their lights rest: what they matter may have changed.
+const REJUDGED: usize = 8;
+
+/// Fewer lights are not worth a copy of their own.
+const LEAST_COPIED: usize = 64;
+
+/// A job of the last update.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct JobReport {
+    /// For this tree.
+    pub tree: TreeKey,
+    /// What was done.
+    pub work: Work,
+    /// What it was thought to take.
+    pub predicted: Duration,
+    /// What it took by the world's clock.
+    pub took: Duration,
+    /// Updates since the tree asked for it.
+    pub waited: u64,
+}
+
+/// No job is smaller.
+const LEAST_WORK: Work = Work { kind: WorkKind::Rebuild, lights: WIDTH };
+
+/// The time of one frame.
+#[derive(Clone, Copy)]
+struct Frame {
+    budget: Duration,
+    start: Duration,
+    /// What the jobs so far must have taken, whatever the clock says.
+    least: Duration,
+}
+
+/// What became of a try to serve a tree.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Served {
+    /// Something was done for it, or it asks no more.
+    Done,
+    /// There is not enough left of this frame.
+    Later,
+    /// No frame has room for it.
+    TooLarge,
+}
+
+impl World {
+    /// What was done in the last [`World::update`], in that order.
+    pub fn jobs(&self) -> &[JobReport] {
+        &self.schedule.jobs
+    }
+
+    /// Runs the jobs of a frame.
+    pub(super) fn run_jobs(&mut self, report: &mut FrameReport) {
+        let budget = report.budget;
+        let schedule = &mut self.schedule;
+        schedule.jobs.clear();
+        schedule.costs.fade();
+        // Nothing is saved up for longer than it takes to spend it: a world at rest gathers no right to a stall.
+        schedule.patience = schedule.patience.saturating_add(budget / PATIENCE).min(budget);
+        schedule.purse = (schedule.purse + budget.as_nanos() as f64).min(budget.as_nanos() as f64);
+        if !schedule.queue.is_empty() || schedule.snapshot.is_some() {
+            let start = self.clock.now();
+            let mut frame = Frame { budget, start, least: Duration::ZERO };
+            self.rejudge();
+            self.serve_oldest(&mut frame, report);
+            let large = self.serve_best(&mut frame, report);
+            self.serve_background(large, &mut frame, report);
+            let all = self.clock.now().saturating_sub(start);
+            let schedule_is_idle = self.schedule.jobs.is_empty();
+            report.deciding = all.saturating_sub(report.spent);
+            // Deciding that there is no time for anything breaks no promise.
+            report.overrun = if schedule_is_idle { Duration::ZERO } else { all.saturating_sub(budget) };
+        }
+        let Self { schedule, trees, .. } = self;
+        let ticket_of = |key| ticket_of(trees, key);
+        schedule.queue.sweep(ticket_of);
+        let oldest = [schedule.queue.oldest(ticket_of), schedule.oldest_large(ticket_of)];
+        let waits = oldest.into_iter().flatten().map(|key| schedule.frame - trees[key].standing.since);
+        report.longest_wait = waits.chain([report.longest_wait]).max().unwrap_or(0);
+        report.waiting_trees = schedule.queue.len();
+        report.background.running = usize::from(schedule.running.is_some() || schedule.snapshot.is_some());
+    }
+
+    /// Time that is left of a frame.
+    fn left(&self, now: Duration, frame: &Frame) -> Duration {
+        frame.budget.saturating_sub(now.saturating_sub(frame.start).max(frame.least))
+    }
+
+    /// Some of those that wait matter more or less than when they came.
+    fn rejudge(&mut self) {
+        for _ in 0..REJUDGED.min(self.schedule.queue.len()) {
+            let schedule = &mut self.schedule;
+            if schedule.queue.is_empty() {
+                return;
+            }
+            schedule.turn = (schedule.turn + 1) % schedule.queue.len();
+            let key = schedule.queue.key(schedule.turn);
+            self.judge(key);
+        }
+    }
+
+    /// Who has waited longest is served from a purse of its own, so that nothing starves.
+    fn serve_oldest(&mut self, frame: &mut Frame, report: &mut FrameReport) {
+        loop {
+            let Self { schedule, trees, .. } = self;
+            let Some(key) = schedule.queue.oldest(|key| ticket_of(trees, key)) else { return };
+            let work = Work { kind: WorkKind::Rebuild, lights: trees[key].tree.lights().len() };
+            if schedule.costs.at_most(work) > frame.budget {
+                // Its turn comes in the background. Those behind it need not wait for that.
+                if let Some(entry) = schedule.queue.pop_oldest() {
+                    schedule.large.push_back(entry);
+                }
+                continue;
+            }
+            let cost = schedule.costs.predict(work);
+            if cost > schedule.patience || self.serve(key, true, frame, report) != Served::Done {
+                return;
+            }
+            self.schedule.patience -= cost;
+        }
+    }
+
+    /// The best value for the time first. Returns the best of those that no frame has room for.
+    fn serve_best(&mut self, frame: &mut Frame, report: &mut FrameReport) -> Option<TreeKey> {
+        let mut large = None;
+        while self.schedule.aside.len() < MOST_MISFITS {
+            let Some(place) = self.schedule.queue.best() else { break };
+            let key = self.schedule.queue.key(place);
+            match self.serve(key, false, frame, report) {
+                Served::Done => continue,
+                Served::TooLarge if large.is_none() => large = Some(key),
+                Served::TooLarge | Served::Later => {}
+            }
+            if self.left(self.clock.now(), frame) < self.schedule.costs.predict(LEAST_WORK) {
+                break;
+            }
+            self.schedule.queue.set(place, 0.0, false);
+            self.schedule.aside.push(key);
+        }
+        while let Some(key) = self.schedule.aside.pop() {
+            self.judge(key);
+        }
+        large
+    }
+
+    /// Does the most worthwhile job for a tree, if there is time; if `is_whole`, nothing less than a rebuild.
+    fn serve(&mut self, key: TreeKey, is_whole: bool, frame: &mut Frame, report: &mut FrameReport) -> Served {
+        let before = self.clock.now();
+        let entry = &self.trees[key];
+        // Meanwhile its instances may have changed their minds, or gone.
+        if !entry.may_rebuild() {
+            self.leave(key);
+            return Served::Done;
+        }
+        let lights = entry.tree.lights().len();
+        let left = self.left(before, frame);
+        let costs = &self.schedule.costs;
+        let whole = Work { kind: WorkKind::Rebuild, lights };
+        let is_divisible = !is_whole && entry.standing.wish == Wish::Weigh && lights >= LEAST_DIVIDED;
+        let mut part = if is_divisible { entry.tree.worst(lights) } else { None };
+        if is_divisible && self.schedule.builder.is_off() && costs.at_most(whole) > frame.budget {
+            // Nothing will ever build it whole.
+            let fits = |lights: &usize| costs.at_most(Work { kind: WorkKind::RebuildPart, lights: *lights }) <= left;
+            let most = std::iter::successors(Some(lights / 2), |lights| Some(lights / 2)).take(24).find(fits);
+            part = entry.tree.worst(most.unwrap_or(0));
+        }
+        let part = part.filter(|part| !part.is_whole());
+        let work = part.map_or(whole, |part| Work { kind: WorkKind::RebuildPart, lights: part.lights });
+        if costs.at_most(work) > left {
+            return if costs.at_most(whole) > frame.budget { Served::TooLarge } else { Served::Later };
+        }
+        let predicted = costs.predict(work);
+        let waited = self.schedule.frame - entry.standing.since;
+        match part {
+            Some(part) => self.rebuild_part(key, part),
+            None => self.rebuild_whole(key),
+        }
+        self.clock.worked(work);
+        let took = self.clock.now().saturating_sub(before);
+        self.schedule.costs.learn(work, took);
+        frame.least += CostModel::at_least(work);
+        report.spent += took;
+        report.predicted += predicted;
+        report.longest_wait = report.longest_wait.max(waited);
+        match part {
+            Some(_) => report.rebuilt_parts += 1,
+            None => report.rebuilt_trees += 1,
+        }
+        self.schedule.jobs.push(JobReport { tree: key, work, predicted, took, waited });
+        self.top.take();
+        Served::Done
+    }
+
+    /// Builds a tree anew.
+    pub(super) fn rebuild_whole(&mut self, key: TreeKey) {
+        let entry = &mut self.trees[key];
+        let before = entry.tree.attributes();
+        entry.tree.rebuild();
+        let fresh = entry.tree.attributes();
+        self.has_rebuilt(key, &before, fresh);
+        self.forget_build(key);
+        self.leave(key);
+        self.changes.tree(slot_of(key));
+        self.wake(key);
+    }
+
+    /// A new tree stands where one with other attributes stood, over the same lights.
+    pub(super) fn has_rebuilt(&mut self, key: TreeKey, before: &Attributes, fresh: Attributes) {
+        let entry = &mut self.trees[key];
+        // What the rebuild took off the attributes tells what the rise was in truth: some of what had risen since the
+        // last rebuild belongs to the lights, and no tree over them is without it.
+        let seen = prior_rise(&rises(before, &fresh));
+        entry.standing.forecast.learn(&rises(before, &entry.history.rebuilt), seen);
+        entry.history = History::start(fresh);
+    }
+
+    fn rebuild_part(&mut self, key: TreeKey, part: Part) {
+        let entry = &mut self.trees[key];
+        entry.tree.rebuild_part(part);
+        let now = entry.tree.attributes();
+        entry.history.observe(&now);
+        self.changes.tree(slot_of(key));
+        self.wake(key);
+        // If it still asks, it does so from now on.
+        self.leave(key);
+        self.judge(key);
+    }
+
+    /// Copies lights for a build in the background, and starts it when all are there. `best` is of those that no frame
+    /// has room for.
+    fn serve_background(&mut self, best: Option<TreeKey>, frame: &mut Frame, report: &mut FrameReport) {
+        if self.schedule.running.is_some() || self.schedule.builder.is_off() {
+            return;
+        }
+        if self.schedule.snapshot.is_none() {
+            let Self { schedule, trees, .. } = self;
+            if schedule.purse < 0.0 || frame.budget.is_zero() {
+                return;
+            }
+            let oldest = loop {
+                let Some(key) = schedule.oldest_large(|key| ticket_of(trees, key)) else { break None };
+                let work = Work { kind: WorkKind::Rebuild, lights: trees[key].tree.lights().len() };
+                if schedule.costs.at_most(work) > frame.budget {
+                    break Some(key);
+                }
+                // A frame of a larger budget has room for it.
+                if let Some(entry) = schedule.large.pop_front() {
+                    schedule.queue.put_back(entry);
+                }
+            };
+            let is_turn_of_oldest = schedule.builds.is_multiple_of(BACKGROUND_PATIENCE);
+            let chosen = if is_turn_of_oldest { oldest.or(best) } else { best.or(oldest) };
+            let Some(key) = chosen else { return };
+            if !self.trees[key].may_rebuild() {
+                return self.leave(key);
+            }
+            self.schedule.builds += 1;
+            let ticket = self.schedule.builds;
+            let since = self.trees[key].standing.since;
+            self.leave(key);
+            let entry = &mut self.trees[key];
+            entry.standing.build = Some(ticket);
+            entry.standing.since = since;
+            let lights = Vec::with_capacity(entry.tree.lights().len());
+            self.schedule.snapshot = Some(Snapshot { key, ticket, lights });
+        }
+        self.copy_lights(frame, report);
+    }
+
+    fn copy_lights(&mut self, frame: &mut Frame, report: &mut FrameReport) {
+        let before = self.clock.now();
+        let left = self.left(before, frame);
+        let Some(mut snapshot) = self.schedule.snapshot.take() else { return };
+        let wanted = self.trees.get(snapshot.key).filter(|entry| entry.standing.build == Some(snapshot.ticket));
+        let Some(entry) = wanted else {
+            report.background.dropped += 1;
+            return;
+        };
+        let missing = &entry.tree.lights()[snapshot.lights.len()..];
+        let all = Work { kind: WorkKind::Snapshot, lights: missing.len() };
+        let cost = self.schedule.costs.at_most(all);
+        // As many as there is time for.
+        let count = match cost <= left {
+            true => missing.len(),
+            false => (missing.len() as f64 * left.as_secs_f64() / cost.as_secs_f64()) as usize,
+        };
+        if count < LEAST_COPIED.min(missing.len()) {
+            self.schedule.snapshot = Some(snapshot);
+            return;
+        }
+        snapshot.lights.extend_from_slice(&missing[..count]);
+        let is_complete = count == missing.len();
+        let work = Work { kind: WorkKind::Snapshot, lights: count };
+        let predicted = self.schedule.costs.predict(work);
+        let (key, waited) = (snapshot.key, self.schedule.frame - entry.standing.since);
+        if is_complete {
+            self.start_build(snapshot, before, report);
+        } else {
+            self.schedule.snapshot = Some(snapshot);
+        }
+        self.clock.worked(work);
+        let took = self.clock.now().saturating_sub(before);
+        self.schedule.costs.learn(work, took);
+        frame.least += CostModel::at_least(work);
+        report.spent += took;
+        report.predicted += predicted;
+        self.schedule.jobs.push(JobReport { tree: key, work, predicted, took, waited });
+    }
+
+    fn start_build(&mut self, snapshot: Snapshot, now: Duration, report: &mut FrameReport) {
+        let key = snapshot.key;
+        let schedule = &mut self.schedule;
+        schedule.running = schedule.builder.start(snapshot, now);
+        match &schedule.running {
+            Some(running) => {
+                schedule.purse -= schedule.costs.predict(running.work).as_nanos() as f64;
+                report.background.started += 1;
+            }
+            // There are no threads here.
+            None => self.forget_build(key),
+        }
+    }
+
+    /// Hands a finished build to its tree, which takes it at the refit that follows.
+    pub(super) fn take_build(&mut self, report: &mut FrameReport) {
+        let Some(running) = self.schedule.running.take() else { return };
+        if !self.clock.may_take(running.started, running.work, running.is_done()) {
+            self.schedule.running = Some(running);
+            return;
+        }
+        let (key, ticket) = (running.key, running.ticket);
+        let tree = running.wait();
+        let wanted = self.trees.get_mut(key).filter(|entry| entry.standing.build == Some(ticket));
+        let (Some(entry), Some(tree)) = (wanted, tree) else {
+            report.background.dropped += 1;
+            return;
+        };
+        entry.standing.build = None;
+        if !entry.may_rebuild() {
+            report.background.dropped += 1;
+            return;
+        }
+        entry.standing.successor = Some(Box::new(tree));
+        report.background.taken += 1;
+        report.longest_wait = report.longest_wait.max(self.schedule.frame - entry.standing.since);
+        if !entry.is_edited {
+            entry.is_edited = true;
+            self.edited.push(key);
+        }
+    }
+}

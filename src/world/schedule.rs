@@ -1,0 +1,151 @@
+//! Who asks for a rebuild, and how badly.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use slotmap::SlotMap;
+
+use super::attention::Attention;
+use super::jobs::JobReport;
+use super::{TreeEntry, World};
+use crate::keys::TreeKey;
+use crate::policy::{Wish, wish};
+use crate::scheduler::{Builder, CostModel, Forecast, Queue, Running, Snapshot, Work, WorkKind, rises};
+use crate::tree::{LightTree, WIDTH};
+
+/// So many that left may stand in a list of those that wait.
+const SWEPT: usize = 64;
+
+/// What the scheduler knows of a tree.
+#[derive(Default)]
+pub(super) struct Standing {
+    /// Its place in the queue, and the ticket that it got there.
+    pub waiting: Option<(usize, u64)>,
+    pub wish: Wish,
+    /// The update in which it first asked.
+    pub since: u64,
+    pub forecast: Forecast,
+    pub attention: Attention,
+    /// The number of its build in the background.
+    pub build: Option<u64>,
+    /// That build's result, which takes its place at the next refit.
+    pub successor: Option<Box<LightTree>>,
+}
+
+impl Standing {
+    /// Of a copy of the tree: what was learnt.
+    pub fn copy(&self) -> Self {
+        Self { forecast: self.forecast, ..Self::default() }
+    }
+}
+
+/// The world's part of it.
+#[derive(Default)]
+pub(super) struct Schedule {
+    pub queue: Queue,
+    pub costs: CostModel,
+    /// Updates so far.
+    pub frame: u64,
+    /// What may be spent on who has waited longest.
+    pub patience: Duration,
+    /// What builds in the background may spend, in nanoseconds; less than nothing while one is paid for.
+    pub purse: f64,
+    pub builder: Builder,
+    pub snapshot: Option<Snapshot>,
+    pub running: Option<Running>,
+    /// Builds started in the background.
+    pub builds: u64,
+    /// Trees too large for a frame, by when they were found to be, with their tickets; some have left since.
+    pub large: VecDeque<(TreeKey, u64)>,
+    /// Trees that cannot be served in this frame.
+    pub aside: Vec<TreeKey>,
+    /// Whose turn it is to be judged anew.
+    pub turn: usize,
+    /// Of the last update.
+    pub jobs: Vec<JobReport>,
+}
+
+impl Schedule {
+    /// Of those too large for a frame, who was found to be first and still waits.
+    pub fn oldest_large(&mut self, ticket_of: impl Fn(TreeKey) -> Option<u64>) -> Option<TreeKey> {
+        if self.large.len() > 2 * self.queue.len() + SWEPT {
+            self.large.retain(|(key, ticket)| ticket_of(*key) == Some(*ticket));
+        }
+        while let Some((key, ticket)) = self.large.front() {
+            if ticket_of(*key) == Some(*ticket) {
+                return Some(*key);
+            }
+            self.large.pop_front();
+        }
+        None
+    }
+}
+
+impl TreeEntry {
+    /// What its policies ask for, and the logarithm of the rise of its variance that they judge by.
+    fn wish(&self) -> (Wish, f32) {
+        let now = self.tree.attributes();
+        let rise = self.standing.forecast.rise(&rises(&now, &self.history.rebuilt));
+        // Of the deviation, which is the root of the variance.
+        let worse = (0.5 * rise).exp_m1();
+        let wishes = self.policies.iter().map(|(policy, _)| wish(policy, &self.history, &now, worse));
+        let wanted = wishes.max().unwrap_or_default();
+        // One node holds so few lights in only one way.
+        let is_pointless = wanted == Wish::Weigh && self.tree.lights().len() <= WIDTH;
+        (if is_pointless { Wish::Keep } else { wanted }, rise)
+    }
+}
+
+impl World {
+    /// A tree was refitted or rebuilt, or matters more or less than before: does it ask for a rebuild, and how badly?
+    pub(super) fn judge(&mut self, key: TreeKey) {
+        let entry = &self.trees[key];
+        let (mut wanted, rise) = entry.wish();
+        // The algorithms of SS ask once, whatever comes after.
+        if entry.standing.wish == Wish::Rebuild && entry.may_rebuild() {
+            wanted = wanted.max(Wish::Rebuild);
+        }
+        if wanted == Wish::Keep || entry.standing.build.is_some() {
+            return self.leave(key);
+        }
+        let lights = entry.tree.lights().len();
+        let gain = self.attention_of(key) * self.trees[key].standing.forecast.gain(rise);
+        let cost = self.schedule.costs.predict(Work { kind: WorkKind::Rebuild, lights }).as_nanos().max(1);
+        // Never 0, which is for those that are set aside.
+        let score = (gain / cost as f32).clamp(f32::MIN_POSITIVE, f32::MAX);
+        let is_urgent = wanted == Wish::First;
+        let Self { schedule: Schedule { queue, frame, .. }, trees, .. } = self;
+        let standing = &mut trees[key].standing;
+        standing.wish = wanted;
+        match standing.waiting {
+            Some((place, _)) => queue.set(place, score, is_urgent),
+            None => {
+                standing.waiting = Some(queue.push(key, score, is_urgent));
+                standing.since = *frame;
+            }
+        }
+    }
+
+    /// A tree asks for nothing any more.
+    pub(super) fn leave(&mut self, key: TreeKey) {
+        let standing = &mut self.trees[key].standing;
+        standing.wish = Wish::Keep;
+        let Some((place, _)) = standing.waiting.take() else { return };
+        let Some(moved) = self.schedule.queue.remove(place) else { return };
+        if let Some((other, _)) = &mut self.trees[moved].standing.waiting {
+            *other = place;
+        }
+    }
+
+    /// What is built in the background for a tree is no longer wanted.
+    pub(super) fn forget_build(&mut self, key: TreeKey) {
+        let standing = &mut self.trees[key].standing;
+        standing.build = None;
+        standing.successor = None;
+    }
+}
+
+/// Of a tree that waits.
+pub(super) fn ticket_of(trees: &SlotMap<TreeKey, TreeEntry>, key: TreeKey) -> Option<u64> {
+    trees.get(key)?.standing.waiting.map(|(_, ticket)| ticket)
+}
