@@ -73,6 +73,7 @@ mod world;
 mod sample;
 mod resample;
 mod pdf;
+mod distribution;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 #[cfg(feature = "gltf")]

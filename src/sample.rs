@@ -208,7 +208,7 @@ impl<'a> Sampler<'a> {
 }
 
 /// Luminance of what a directional light brings to a receiver, in lux.
-fn illuminance(light: &DirectionalLight, receiver: &Receiver) -> f32 {
+pub(crate) fn illuminance(light: &DirectionalLight, receiver: &Receiver) -> f32 {
     let cosine =
         if receiver.normal == glam::Vec3::ZERO { 1.0 } else { -receiver.normal.dot(light.direction.normalize()) };
     luminance(light.illuminance) * cosine.max(0.0)
@@ -233,7 +233,8 @@ impl LightTree {
         with_vectors(Chance { root, openings, beside: 0.0, of, forest: &NoForest })
     }
 
-    fn scene(&self, receiver: &Receiver) -> Scene<'_> {
+    /// The tree by itself, in its own space.
+    pub(crate) fn scene(&self, receiver: &Receiver) -> Scene<'_> {
         Scene { nodes: self.nodes(), view: View::of(receiver), instance: NO_INSTANCE, is_top: false }
     }
 }

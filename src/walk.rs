@@ -35,7 +35,7 @@ pub(crate) const LEAST_CHANCE: f32 = 1.0e-30;
 
 /// The chance of two choices; 0 only if one of them is impossible. The floor is the same in whatever order chances are
 /// joined.
-fn joint(a: f32, b: f32) -> f32 {
+pub(crate) fn joint(a: f32, b: f32) -> f32 {
     if a > 0.0 && b > 0.0 { (a * b).max(LEAST_CHANCE) } else { 0.0 }
 }
 
@@ -270,6 +270,24 @@ impl<'a> Cut<'a> {
                 (scene, place) = above;
             }
         }
+    }
+
+    /// Estimated illuminance of all candidates, in lux.
+    pub fn total(&self) -> f32 {
+        self.total
+    }
+
+    /// Every candidate that can be picked: its tree, where it hangs there, and the chance of it. Empty where all are
+    /// proved dark.
+    #[inline(always)]
+    pub fn candidates(&self) -> impl Iterator<Item = (&Scene<'a>, Target, f32)> {
+        (0..self.count).flat_map(move |index| {
+            (0..WIDTH).filter_map(move |slot| {
+                let chance = share(self.values[index][slot], self.total);
+                let scene = self.scene(index).filter(|_| chance > 0.0)?;
+                Some((scene, scene.nodes[self.nodes[index] as usize].target(slot)?, chance))
+            })
+        })
     }
 
     /// The place of a node among the opened ones.

@@ -87,8 +87,8 @@ fn swarm(count: usize) -> Result<Motion, SceneError> {
 /// Mean noise of a tree over receivers.
 fn noise(tree: &LightTree, lux: &[Vec<f32>], receivers: &[Receiver]) -> f64 {
     let one = |(at, lux): (&Receiver, &Vec<f32>)| {
-        let chance = |(light, lux): (u32, &f32)| if *lux > 0.0 { tree.pmf(at, light, DEFAULT_OPENINGS) } else { 0.0 };
-        let chances: Vec<f32> = (0..).zip(lux).map(chance).collect();
+        let mut chances = Vec::new();
+        tree.distribution(at, DEFAULT_OPENINGS, &mut chances);
         Noise::of(lux, &chances)
     };
     let noises: Vec<Noise> = receivers.par_iter().zip(lux).filter_map(one).collect();

@@ -1,7 +1,7 @@
 //! What is compared, behind one interface: the chance of each light at a receiver, and single draws to be timed.
 
 use super::baselines::{BinaryTree, Cycles, Formula, Pbrt};
-use girandole::{DEFAULT_OPENINGS, Light, LightId, LightTree, Receiver, Sampler, World, WorldError};
+use girandole::{DEFAULT_OPENINGS, Light, LightTree, Receiver, Sampler, World, WorldError};
 
 /// A way to choose one of many lights.
 pub trait Chooser: Sync {
@@ -110,7 +110,6 @@ impl<F: Formula> Chooser for Published<F> {
 struct TwoLevel<'a> {
     world: &'a World,
     sampler: Sampler<'a>,
-    lights: Vec<LightId>,
 }
 
 impl Chooser for TwoLevel<'_> {
@@ -118,9 +117,10 @@ impl Chooser for TwoLevel<'_> {
         "girandole"
     }
 
-    fn chances(&self, receiver: &Receiver, contributions: &[f32]) -> Vec<f32> {
-        let pmf = |(light, lux): (&LightId, &f32)| if *lux > 0.0 { self.sampler.pmf(receiver, *light) } else { 0.0 };
-        self.lights.iter().zip(contributions).map(pmf).collect()
+    fn chances(&self, receiver: &Receiver, _: &[f32]) -> Vec<f32> {
+        let mut chances = Vec::new();
+        self.sampler.distribution(receiver, &mut chances);
+        chances
     }
 
     fn draw(&self, receiver: &Receiver, u: [f32; 2]) -> f32 {
@@ -154,10 +154,10 @@ impl Chooser for Flat {
         self.name
     }
 
-    fn chances(&self, receiver: &Receiver, contributions: &[f32]) -> Vec<f32> {
-        let pmf =
-            |(light, lux): (u32, &f32)| if *lux > 0.0 { self.tree.pmf(receiver, light, self.openings) } else { 0.0 };
-        (0..).zip(contributions).map(pmf).collect()
+    fn chances(&self, receiver: &Receiver, _: &[f32]) -> Vec<f32> {
+        let mut chances = Vec::new();
+        self.tree.distribution(receiver, self.openings, &mut chances);
+        chances
     }
 
     fn draw(&self, receiver: &Receiver, u: [f32; 2]) -> f32 {
@@ -176,7 +176,6 @@ fn wide(u: [f32; 2]) -> f64 {
 
 /// All samplers over the same lights; `lights` are the world's, one by one.
 pub fn all<'a>(world: &'a World, lights: &[Light]) -> Result<Vec<Box<dyn Chooser + 'a>>, WorldError> {
-    let sampler = world.sampler();
     let opaque = BinaryTree::new(Pbrt { is_opaque: true }, lights.to_vec());
     let tree = LightTree::new(lights.to_vec())?;
     Ok(vec![
@@ -185,7 +184,7 @@ pub fn all<'a>(world: &'a World, lights: &[Light]) -> Result<Vec<Box<dyn Chooser
         Box::new(Published { name: "pbrt", tree: BinaryTree::new(Pbrt { is_opaque: false }, lights.to_vec()) }),
         Box::new(Published { name: "pbrt opaque", tree: opaque }),
         Box::new(Published { name: "cycles", tree: BinaryTree::new(Cycles, lights.to_vec()) }),
-        Box::new(TwoLevel { world, sampler, lights: sampler.all_lights().collect() }),
+        Box::new(TwoLevel { world, sampler: world.sampler() }),
         Box::new(Flat { name: "girandole flat", tree: tree.clone(), openings: DEFAULT_OPENINGS }),
         Box::new(Flat { name: "flat, 0 opened", tree: tree.clone(), openings: 0 }),
         Box::new(Flat { name: "flat, 2 opened", tree: tree.clone(), openings: 2 }),

@@ -7,6 +7,7 @@ mod city;
 mod city_images;
 mod city_refusals;
 mod dependencies;
+mod distribution;
 mod effects;
 #[path = "../../examples/engine_shader.rs"]
 #[allow(dead_code, missing_docs, reason = "a program; its main is not called")]

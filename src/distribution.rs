@@ -1,0 +1,116 @@
+//! The chances of all lights in one pass, for measures that need every one of them.
+//!
+//! The same cut and the same ratios as in `walk.rs`, but joined from the cut down instead of from a light up: a node is
+//! weighed once for all lights below it.
+
+use crate::importance::{Receiver, running_sums, see};
+use crate::keys::slot_of;
+use crate::sample::{Sampler, illuminance};
+use crate::simd::{Job, with_vectors};
+use crate::tree::{LightTree, Target, WIDTH};
+use crate::walk::{Cut, Forest, NO_INSTANCE, NoForest, Scene, joint, share};
+
+impl Sampler<'_> {
+    /// The chance of every light, in the order of [`Sampler::all_lights`]: what [`Sampler::pmf`] tells of each, up to
+    /// rounding.
+    ///
+    /// Fills `chances`, whatever it held. Their sum is 1 less the chance of "no light"; all are 0 where nothing can be
+    /// chosen. O(lights of all instances), but what is proved dark as a whole takes no time beyond its zeros; allocates
+    /// eight bytes a slot besides `chances`.
+    pub fn distribution(&self, receiver: &Receiver, chances: &mut Vec<f32>) {
+        let world = self.world;
+        let mut starts = vec![0; self.top.places.len()];
+        let mut lights = 0;
+        for key in world.instances() {
+            starts[slot_of(key) as usize] = lights;
+            lights += world.instance(key).and_then(|i| world.tree(i.tree)).map_or(0, |tree| tree.lights().len());
+        }
+        chances.clear();
+        chances.resize(lights, 0.0);
+        let (root, beside) = (self.root(receiver), self.directional(receiver));
+        let forest = &(self, receiver);
+        let total = with_vectors(Spread { root, openings: self.openings, beside, forest, starts: &starts, chances });
+        chances.extend(world.directionals().map(|(_, light)| {
+            let lux = illuminance(light, receiver);
+            if total > 0.0 { share(lux, total) } else { 0.0 }
+        }));
+    }
+}
+
+impl LightTree {
+    /// The chance of every light, by its index: what [`LightTree::pmf`] tells of each, up to rounding. O(lights).
+    ///
+    /// Fills `chances`, whatever it held. As [`Sampler::distribution`]; `openings` as in [`Sampler::with_openings`].
+    pub fn distribution(&self, receiver: &Receiver, openings: usize, chances: &mut Vec<f32>) {
+        chances.clear();
+        chances.resize(self.lights().len(), 0.0);
+        let root = self.scene(receiver);
+        with_vectors(Spread { root, openings, beside: 0.0, forest: &NoForest, starts: &[], chances });
+    }
+}
+
+/// Gives every light of the root's tree and those behind it its chance; returns the lux of all and what stands `beside`.
+struct Spread<'a, 'f, F> {
+    root: Scene<'a>,
+    openings: usize,
+    beside: f32,
+    forest: &'f F,
+    /// Where the lights of the instance in each slot begin.
+    starts: &'f [usize],
+    /// 0 at first.
+    chances: &'f mut [f32],
+}
+
+impl<'a, F: Forest<'a>> Job for Spread<'a, '_, F> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn run(self) -> f32 {
+        let Self { root, openings, beside, forest, starts, chances } = self;
+        let cut = Cut::new(root, openings, forest);
+        let total = cut.total() + beside;
+        let of_trees = if beside > 0.0 { share(cut.total(), total) } else { 1.0 };
+        let (mut stack, mut inner) = (Vec::new(), Vec::new());
+        for (scene, target, chance) in cut.candidates() {
+            let chance = joint(of_trees, chance);
+            if !scene.is_top {
+                let start = if scene.instance == NO_INSTANCE { 0 } else { starts[scene.instance as usize] };
+                below(scene, target, chance, &mut inner, |light, chance| chances[start + light as usize] = chance);
+                continue;
+            }
+            below(scene, target, chance, &mut stack, |slot, chance| {
+                let Some(tree) = forest.enter(slot).filter(|tree| !tree.nodes.is_empty()) else { return };
+                let start = starts[slot as usize];
+                let found = |light: u32, chance| chances[start + light as usize] = chance;
+                below(&tree, Target::Node(0), chance, &mut inner, found);
+            });
+        }
+        total
+    }
+}
+
+/// Every leaf of a tree at or below `target`, with its chance, given that of `target`. `stack` is empty, before and
+/// after.
+#[inline(always)]
+fn below(scene: &Scene<'_>, target: Target, chance: f32, stack: &mut Vec<(u32, f32)>, mut found: impl FnMut(u32, f32)) {
+    match target {
+        Target::Leaf(leaf) => return found(leaf, chance),
+        Target::Node(node) => stack.push((node, chance)),
+    }
+    while let Some((node, chance)) = stack.pop() {
+        let record = &scene.nodes[node as usize];
+        let values = see(record, &scene.view).importance;
+        let total = running_sums(&values)[WIDTH - 1];
+        for slot in 0..WIDTH {
+            if values[slot] <= 0.0 {
+                continue;
+            }
+            let chance = joint(chance, share(values[slot], total));
+            match record.target(slot) {
+                Some(Target::Leaf(leaf)) => found(leaf, chance),
+                Some(Target::Node(node)) => stack.push((node, chance)),
+                None => {}
+            }
+        }
+    }
+}
