@@ -96,26 +96,33 @@ impl CostModel {
     }
 
     fn nanos(&self, work: Work) -> f64 {
+        units(work) * f64::from(self.ln_nanos(work).exp())
+    }
+
+    /// Logarithm of the nanoseconds per unit. What was never measured takes as much as the nearest size that was.
+    fn ln_nanos(&self, work: Work) -> f32 {
         let sizes = &self.kinds[index(work.kind)].sizes;
         let size = size(work.lights);
-        // What was never measured takes as much a unit as the nearest size that was.
+        if sizes[size].1 > 0 {
+            return sizes[size].0;
+        }
         let measured = |size: &usize| sizes.get(*size).is_some_and(|(_, count)| *count > 0);
         let nearest = (0..SIZES).flat_map(|step| [size.wrapping_sub(step), size + step]).find(measured);
-        units(work) * f64::from(sizes[nearest.unwrap_or(size)].0).exp()
+        sizes[nearest.unwrap_or(size)].0
     }
 
     /// Learns from work that took `spent`.
     pub fn learn(&mut self, work: Work, spent: Duration) {
-        let typical = self.nanos(work);
+        let typical = self.ln_nanos(work);
         let limit = OUTLIER.ln();
-        let least = Self::at_least(work).as_nanos() as f64;
+        let least = LEAST_NANOS[index(work.kind)];
         // How far off, as a logarithm.
-        let off = ((spent.as_nanos() as f64).max(least).max(1.0) / typical).ln() as f32;
+        let off = (spent.as_nanos() as f64 / units(work)).max(least).ln() as f32 - typical;
         let off = off.clamp(-limit, limit);
         let learnt = &mut self.kinds[index(work.kind)];
         let (known, count) = &mut learnt.sizes[size(work.lights)];
         let rate = (1.0 / (*count as f32 + 1.0)).clamp(LEARNING_RATE, FIRST_RATE);
-        *known = (typical / units(work)).ln() as f32 + rate * off;
+        *known = typical + rate * off;
         *count = count.saturating_add(1);
         learnt.margin = learnt.margin.max(off);
     }

@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 
 use crate::keys::TreeKey;
+use crate::simd::{Job, with_vectors};
 
 /// Scores looked at together: those of all blocks are the blocks' greatest, so that the best of 10,000 is found among 80
 /// and then among 128.
@@ -21,9 +22,10 @@ pub(crate) struct Queue {
     blocks: Vec<u32>,
     /// Blocks whose greatest is not known.
     stale: Vec<bool>,
-    /// In the order they came, each with its ticket; some have left since.
-    came: VecDeque<(TreeKey, u64)>,
-    tickets: u64,
+    /// In the order they came, by their tickets; `None` for who has left since.
+    came: VecDeque<Option<TreeKey>>,
+    /// The ticket of the first of those.
+    first_ticket: u64,
 }
 
 impl Queue {
@@ -49,14 +51,21 @@ impl Queue {
             self.stale.push(false);
         }
         self.set(place, score, is_urgent);
-        self.tickets += 1;
-        self.came.push_back((key, self.tickets));
-        (place, self.tickets)
+        (place, self.give_ticket(key))
+    }
+
+    /// Puts one that is in the queue behind all others in the order in which they came.
+    pub fn give_ticket(&mut self, key: TreeKey) -> u64 {
+        self.came.push_back(Some(key));
+        self.first_ticket + self.came.len() as u64 - 1
     }
 
     pub fn set(&mut self, place: usize, score: f32, is_urgent: bool) {
         // NaN becomes 0.
-        let bits = score.max(0.0).to_bits() | if is_urgent { URGENT } else { 0 };
+        self.set_bits(place, score.max(0.0).to_bits() | if is_urgent { URGENT } else { 0 });
+    }
+
+    fn set_bits(&mut self, place: usize, bits: u32) {
         let former = std::mem::replace(&mut self.scores[place], bits);
         let block = place / BLOCK;
         if bits >= self.blocks[block] {
@@ -67,8 +76,21 @@ impl Queue {
         }
     }
 
+    /// Takes one out of the choice for the best, until [`Queue::restore`] gets what this returns.
+    pub fn set_aside(&mut self, place: usize) -> u32 {
+        let bits = self.scores[place];
+        self.set_bits(place, 0);
+        bits
+    }
+
+    /// Undoes [`Queue::set_aside`].
+    pub fn restore(&mut self, place: usize, bits: u32) {
+        self.set_bits(place, bits);
+    }
+
     /// Takes one out. The last takes its place: the key of that one, if it is another.
-    pub fn remove(&mut self, place: usize) -> Option<TreeKey> {
+    pub fn remove(&mut self, place: usize, ticket: u64) -> Option<TreeKey> {
+        self.take_ticket(ticket);
         let last = self.keys.len() - 1;
         let bits = self.scores[last];
         self.keys.swap_remove(place);
@@ -104,38 +126,39 @@ impl Queue {
         Some(block * BLOCK + place)
     }
 
-    /// Whoever came first of those that are still here; `ticket_of` tells a tree's ticket, if it waits.
-    pub fn oldest(&mut self, ticket_of: impl Fn(TreeKey) -> Option<u64>) -> Option<TreeKey> {
-        while let Some((key, ticket)) = self.came.front().copied() {
-            if ticket_of(key) == Some(ticket) {
-                return Some(key);
-            }
-            self.came.pop_front();
+    /// Whoever came first of those that are still here.
+    pub fn oldest(&self) -> Option<TreeKey> {
+        // The front is always someone: see `take_ticket`.
+        self.came.front().copied().flatten()
+    }
+
+    /// Takes one out of the order in which they came; it stays in the queue otherwise.
+    pub fn take_ticket(&mut self, ticket: u64) {
+        let came = ticket.checked_sub(self.first_ticket).and_then(|index| self.came.get_mut(index as usize));
+        if let Some(came) = came {
+            *came = None;
         }
-        None
-    }
-
-    /// Takes whoever came first out of that order, with the ticket; it stays in the queue.
-    pub fn pop_oldest(&mut self) -> Option<(TreeKey, u64)> {
-        self.came.pop_front()
-    }
-
-    /// Undoes [`Queue::pop_oldest`].
-    pub fn put_back(&mut self, entry: (TreeKey, u64)) {
-        self.came.push_front(entry);
-    }
-
-    /// Forgets who left, if those are many. O(all), after as many pushes.
-    pub fn sweep(&mut self, ticket_of: impl Fn(TreeKey) -> Option<u64>) {
-        if self.came.len() > 2 * self.keys.len() + BLOCK {
-            self.came.retain(|(key, ticket)| ticket_of(*key) == Some(*ticket));
+        while let Some(None) = self.came.front() {
+            self.came.pop_front();
+            self.first_ticket += 1;
         }
     }
 }
 
-/// Of unsigned integers, which the compiler compares eight at a time.
+/// Of unsigned integers, which are compared eight at a time where the machine can.
 fn greatest(bits: &[u32]) -> u32 {
-    bits.iter().fold(0, |most, bits| most.max(*bits))
+    with_vectors(Greatest(bits))
+}
+
+struct Greatest<'a>(&'a [u32]);
+
+impl Job for Greatest<'_> {
+    type Output = u32;
+
+    #[inline(always)]
+    fn run(self) -> u32 {
+        self.0.iter().fold(0, |most, bits| most.max(*bits))
+    }
 }
 
 #[cfg(test)]
@@ -164,7 +187,7 @@ mod tests {
                 }
                 1 | 2 if !plain.is_empty() && !growing => {
                     let place = next(plain.len());
-                    let moved = queue.remove(place);
+                    let moved = queue.remove(place, plain[place].1);
                     plain.swap_remove(place);
                     assert_eq!(moved, plain.get(place).map(|entry| entry.0));
                 }
@@ -176,17 +199,12 @@ mod tests {
                     plain.push((key, ticket, score, is_urgent));
                 }
             }
-            let ticket_of = |key| plain.iter().find(|entry| entry.0 == key).map(|entry| entry.1);
-            queue.sweep(ticket_of);
-            assert!(queue.came.len() <= 2 * plain.len() + BLOCK);
             assert_eq!(queue.len(), plain.len());
             let best = plain.iter().map(|entry| (entry.3, entry.2)).reduce(|a, b| if b > a { b } else { a });
             let found = queue.best().map(|place| (plain[place].3, plain[place].2, queue.key(place) == plain[place].0));
             assert_eq!(found, best.map(|(is_urgent, score)| (is_urgent, score, true)));
-            if step % 50 == 0 {
-                let oldest = plain.iter().min_by_key(|entry| entry.1).map(|entry| entry.0);
-                assert_eq!(queue.oldest(ticket_of), oldest);
-            }
+            let oldest = plain.iter().min_by_key(|entry| entry.1).map(|entry| entry.0);
+            assert_eq!(queue.oldest(), oldest);
         }
     }
 
@@ -199,7 +217,9 @@ mod tests {
         assert_eq!(queue.best(), Some(2));
         queue.set(2, f32::NAN, false);
         assert_eq!(queue.best(), Some(1));
-        queue.set(1, 0.0, false);
+        let bits = queue.set_aside(1);
         assert_eq!(queue.best(), None);
+        queue.restore(1, bits);
+        assert_eq!(queue.best(), Some(1));
     }
 }

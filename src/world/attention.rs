@@ -81,12 +81,19 @@ impl World {
         }
         gaze.batch = gaze.batch.wrapping_add(1);
         gaze.noted = self.schedule.frame;
-        for key in gaze.touched.drain(..) {
-            let attention = &mut trees[key].standing.attention;
+        let mut touched = std::mem::take(&mut gaze.touched);
+        for key in touched.drain(..) {
+            let batch = self.gaze.batch;
+            let standing = &mut self.trees[key].standing;
+            let attention = &mut standing.attention;
             let share = std::mem::take(&mut attention.counted) as f32 / total as f32;
-            attention.picks = attention.picks_at(gaze.batch) + (1.0 - KEPT) * share;
-            attention.batch = gaze.batch;
+            attention.picks = attention.picks_at(batch) + (1.0 - KEPT) * share;
+            attention.batch = batch;
+            if standing.waiting.is_some() {
+                self.judge(key);
+            }
         }
+        self.gaze.touched = touched;
     }
 
     /// The share of all light that comes from a tree, or of all picks.

@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use super::World;
-use super::schedule::ticket_of;
 use super::update::FrameReport;
 use crate::keys::{TreeKey, slot_of};
 use crate::policy::{History, Wish};
@@ -20,10 +19,10 @@ const BACKGROUND_PATIENCE: u64 = 4;
 const LEAST_DIVIDED: usize = 256;
 
 /// Trees that do not fit into what is left of a frame before it ends.
-const MOST_MISFITS: usize = 16;
+const MOST_MISFITS: usize = 4;
 
 /// Waiting trees that are judged anew each frame though their lights rest: what they matter may have changed.
-const REJUDGED: usize = 8;
+const REJUDGED: usize = 1;
 
 /// Fewer lights are not worth a copy of their own.
 const LEAST_COPIED: usize = 64;
@@ -94,10 +93,8 @@ impl World {
             // Deciding that there is no time for anything breaks no promise.
             report.overrun = if schedule_is_idle { Duration::ZERO } else { all.saturating_sub(budget) };
         }
+        let oldest = [self.schedule.queue.oldest(), self.oldest_large()];
         let Self { schedule, trees, .. } = self;
-        let ticket_of = |key| ticket_of(trees, key);
-        schedule.queue.sweep(ticket_of);
-        let oldest = [schedule.queue.oldest(ticket_of), schedule.oldest_large(ticket_of)];
         let waits = oldest.into_iter().flatten().map(|key| schedule.frame - trees[key].standing.since);
         report.longest_wait = waits.chain([report.longest_wait]).max().unwrap_or(0);
         report.waiting_trees = schedule.queue.len();
@@ -124,14 +121,18 @@ impl World {
 
     /// Who has waited longest is served from a purse of its own, so that nothing starves.
     fn serve_oldest(&mut self, frame: &mut Frame, report: &mut FrameReport) {
-        loop {
+        while !frame.budget.is_zero() {
             let Self { schedule, trees, .. } = self;
-            let Some(key) = schedule.queue.oldest(|key| ticket_of(trees, key)) else { return };
-            let work = Work { kind: WorkKind::Rebuild, lights: trees[key].tree.lights().len() };
+            let Some(key) = schedule.queue.oldest() else { return };
+            let entry = &mut trees[key];
+            let work = Work { kind: WorkKind::Rebuild, lights: entry.tree.lights().len() };
             if schedule.costs.at_most(work) > frame.budget {
                 // Its turn comes in the background. Those behind it need not wait for that.
-                if let Some(entry) = schedule.queue.pop_oldest() {
-                    schedule.large.push_back(entry);
+                if let Some((_, ticket)) = entry.standing.waiting {
+                    schedule.queue.take_ticket(ticket);
+                }
+                if !std::mem::replace(&mut entry.standing.is_large, true) {
+                    schedule.large.push_back(key);
                 }
                 continue;
             }
@@ -157,11 +158,14 @@ impl World {
             if self.left(self.clock.now(), frame) < self.schedule.costs.predict(LEAST_WORK) {
                 break;
             }
-            self.schedule.queue.set(place, 0.0, false);
-            self.schedule.aside.push(key);
+            let bits = self.schedule.queue.set_aside(place);
+            self.schedule.aside.push((key, bits));
         }
-        while let Some(key) = self.schedule.aside.pop() {
-            self.judge(key);
+        // Others may have left since, and what stands aside moved to another place.
+        while let Some((key, bits)) = self.schedule.aside.pop() {
+            if let Some((place, _)) = self.trees[key].standing.waiting {
+                self.schedule.queue.restore(place, bits);
+            }
         }
         large
     }
@@ -249,6 +253,26 @@ impl World {
         self.judge(key);
     }
 
+    /// Whether a whole frame has room for a rebuild.
+    fn fits(&self, key: TreeKey, budget: Duration) -> bool {
+        let lights = self.trees[key].tree.lights().len();
+        self.schedule.costs.at_most(Work { kind: WorkKind::Rebuild, lights }) <= budget
+    }
+
+    /// Of those too large for a frame, who was found to be first and still waits.
+    fn oldest_large(&mut self) -> Option<TreeKey> {
+        let Self { schedule, trees, .. } = self;
+        while let Some(key) = schedule.large.front() {
+            match trees.get_mut(*key) {
+                Some(entry) if entry.standing.waiting.is_some() => return Some(*key),
+                Some(entry) => entry.standing.is_large = false,
+                None => {}
+            }
+            schedule.large.pop_front();
+        }
+        None
+    }
+
     /// Copies lights for a build in the background, and starts it when all are there. `best` is of those that no frame
     /// has room for.
     fn serve_background(&mut self, best: Option<TreeKey>, frame: &mut Frame, report: &mut FrameReport) {
@@ -256,21 +280,22 @@ impl World {
             return;
         }
         if self.schedule.snapshot.is_none() {
-            let Self { schedule, trees, .. } = self;
-            if schedule.purse < 0.0 || frame.budget.is_zero() {
+            if self.schedule.purse < 0.0 || frame.budget.is_zero() {
                 return;
             }
-            let oldest = loop {
-                let Some(key) = schedule.oldest_large(|key| ticket_of(trees, key)) else { break None };
-                let work = Work { kind: WorkKind::Rebuild, lights: trees[key].tree.lights().len() };
-                if schedule.costs.at_most(work) > frame.budget {
-                    break Some(key);
+            let mut oldest = self.oldest_large();
+            while let Some(key) = oldest.filter(|key| self.fits(*key, frame.budget)) {
+                // A frame of a larger budget has room for it, and it waits among the others again.
+                let Self { schedule, trees, .. } = self;
+                schedule.large.pop_front();
+                let standing = &mut trees[key].standing;
+                standing.is_large = false;
+                if let Some((_, ticket)) = &mut standing.waiting {
+                    *ticket = schedule.queue.give_ticket(key);
                 }
-                // A frame of a larger budget has room for it.
-                if let Some(entry) = schedule.large.pop_front() {
-                    schedule.queue.put_back(entry);
-                }
-            };
+                oldest = self.oldest_large();
+            }
+            let schedule = &mut self.schedule;
             let is_turn_of_oldest = schedule.builds.is_multiple_of(BACKGROUND_PATIENCE);
             let chosen = if is_turn_of_oldest { oldest.or(best) } else { best.or(oldest) };
             let Some(key) = chosen else { return };

@@ -3,8 +3,6 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use slotmap::SlotMap;
-
 use super::attention::Attention;
 use super::jobs::JobReport;
 use super::{TreeEntry, World};
@@ -13,14 +11,13 @@ use crate::policy::{Wish, wish};
 use crate::scheduler::{Builder, CostModel, Forecast, Queue, Running, Snapshot, Work, WorkKind, rises};
 use crate::tree::{LightTree, WIDTH};
 
-/// So many that left may stand in a list of those that wait.
-const SWEPT: usize = 64;
-
 /// What the scheduler knows of a tree.
 #[derive(Default)]
 pub(super) struct Standing {
     /// Its place in the queue, and the ticket that it got there.
     pub waiting: Option<(usize, u64)>,
+    /// It stands among those too large for a frame.
+    pub is_large: bool,
     pub wish: Wish,
     /// The update in which it first asked.
     pub since: u64,
@@ -55,30 +52,14 @@ pub(super) struct Schedule {
     pub running: Option<Running>,
     /// Builds started in the background.
     pub builds: u64,
-    /// Trees too large for a frame, by when they were found to be, with their tickets; some have left since.
-    pub large: VecDeque<(TreeKey, u64)>,
-    /// Trees that cannot be served in this frame.
-    pub aside: Vec<TreeKey>,
+    /// Trees too large for a frame, in the order in which they were found to be; some have left since.
+    pub large: VecDeque<TreeKey>,
+    /// Trees that cannot be served in this frame, with what the queue knew of them.
+    pub aside: Vec<(TreeKey, u32)>,
     /// Whose turn it is to be judged anew.
     pub turn: usize,
     /// Of the last update.
     pub jobs: Vec<JobReport>,
-}
-
-impl Schedule {
-    /// Of those too large for a frame, who was found to be first and still waits.
-    pub fn oldest_large(&mut self, ticket_of: impl Fn(TreeKey) -> Option<u64>) -> Option<TreeKey> {
-        if self.large.len() > 2 * self.queue.len() + SWEPT {
-            self.large.retain(|(key, ticket)| ticket_of(*key) == Some(*ticket));
-        }
-        while let Some((key, ticket)) = self.large.front() {
-            if ticket_of(*key) == Some(*ticket) {
-                return Some(*key);
-            }
-            self.large.pop_front();
-        }
-        None
-    }
 }
 
 impl TreeEntry {
@@ -130,8 +111,8 @@ impl World {
     pub(super) fn leave(&mut self, key: TreeKey) {
         let standing = &mut self.trees[key].standing;
         standing.wish = Wish::Keep;
-        let Some((place, _)) = standing.waiting.take() else { return };
-        let Some(moved) = self.schedule.queue.remove(place) else { return };
+        let Some((place, ticket)) = standing.waiting.take() else { return };
+        let Some(moved) = self.schedule.queue.remove(place, ticket) else { return };
         if let Some((other, _)) = &mut self.trees[moved].standing.waiting {
             *other = place;
         }
@@ -143,9 +124,4 @@ impl World {
         standing.build = None;
         standing.successor = None;
     }
-}
-
-/// Of a tree that waits.
-pub(super) fn ticket_of(trees: &SlotMap<TreeKey, TreeEntry>, key: TreeKey) -> Option<u64> {
-    trees.get(key)?.standing.waiting.map(|(_, ticket)| ticket)
 }
