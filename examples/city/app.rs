@@ -96,12 +96,24 @@ pub struct Record {
     pub refit_trees: usize,
     /// Light trees that were rebuilt.
     pub rebuilt_trees: usize,
+    /// Parts of light trees that were rebuilt.
+    pub rebuilt_parts: usize,
+    /// Light trees that were built in the background and took their place.
+    pub background_trees: usize,
     /// Light trees that want a rebuild and must wait.
     pub waiting_trees: usize,
+    /// The most frames that one of them waits, or waited that was rebuilt.
+    pub longest_wait: u64,
     /// What rebuilds were allowed to take.
     pub budget: Duration,
-    /// Time that rebuilds took.
+    /// Time that rebuilds were thought to take.
+    pub predicted: Duration,
+    /// Time that they took.
     pub spent: Duration,
+    /// Time that choosing among them took.
+    pub deciding: Duration,
+    /// Time by which both together exceeded the budget.
+    pub overrun: Duration,
     /// Light data that went to the GPU; 0 on the CPU backend.
     pub upload_bytes: u64,
     /// Of the light world's top level; None where it cannot be timed.
@@ -173,6 +185,7 @@ impl Session {
         if moves {
             animation.advance(f64::from(number) / settings.fps, scene, world)?;
         }
+        world.look_from(scene.camera.eye.as_dvec3());
         let report = world.update(settings.budget);
         let change = if moves { geometry.update(scene)? } else { GeometryChange::default() };
         let delta = world.take_delta();
@@ -204,9 +217,15 @@ impl Session {
             moved_instances: report.moved_instances,
             refit_trees: report.refit_trees,
             rebuilt_trees: report.rebuilt_trees,
+            rebuilt_parts: report.rebuilt_parts,
+            background_trees: report.background.taken,
             waiting_trees: report.waiting_trees,
+            longest_wait: report.longest_wait,
             budget: report.budget,
+            predicted: report.predicted,
             spent: report.spent,
+            deciding: report.deciding,
+            overrun: report.overrun,
             upload_bytes: update.light_bytes,
             top_build: update.top_build,
             effects: world.effects(),

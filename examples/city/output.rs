@@ -13,16 +13,22 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// The table's first line.
-pub const CSV_HEADER: [&str; 15] = [
+pub const CSV_HEADER: [&str; 21] = [
     "frame",
     "instances",
     "lights",
     "moved_instances",
     "refit_trees",
     "rebuilt_trees",
+    "rebuilt_parts",
+    "background_trees",
     "waiting_trees",
+    "longest_wait",
     "budget_us",
+    "predicted_us",
     "spent_us",
+    "deciding_us",
+    "overrun_us",
     "upload_bytes",
     "top_build_us",
     "effects",
@@ -102,7 +108,7 @@ fn temporary(name: &str) -> String {
     format!(".{name}.part")
 }
 
-fn row(record: &Record) -> [String; 15] {
+fn row(record: &Record) -> [String; 21] {
     let micros = |d: Duration| format!("{:.1}", d.as_secs_f64() * 1e6);
     [
         record.frame.to_string(),
@@ -111,9 +117,15 @@ fn row(record: &Record) -> [String; 15] {
         record.moved_instances.to_string(),
         record.refit_trees.to_string(),
         record.rebuilt_trees.to_string(),
+        record.rebuilt_parts.to_string(),
+        record.background_trees.to_string(),
         record.waiting_trees.to_string(),
+        record.longest_wait.to_string(),
         micros(record.budget),
+        micros(record.predicted),
         micros(record.spent),
+        micros(record.deciding),
+        micros(record.overrun),
         record.upload_bytes.to_string(),
         record.top_build.map(micros).unwrap_or_default(),
         effect_names(record.effects),
