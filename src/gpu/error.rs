@@ -156,6 +156,7 @@ mod tests {
         let (device, queue) = limited_gpu(&least(), wgpu::Features::empty());
         let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
         let mut lights = GpuLights::new(&device, &queue).expect("just enough");
+        lights.count_picks(1);
         let mut world = World::new();
         let lamp = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
         world.add_instance(lamp, Placement::IDENTITY, Policy::Static).expect("valid");
@@ -173,6 +174,7 @@ mod tests {
         lights.build_top(&mut encoder);
         lights.sample(&mut encoder, &buffer(), &buffer(), 1);
         lights.resample(&mut encoder, &buffer(), &buffer(), 1, 8);
+        lights.collect_picks(&mut encoder);
         queue.submit([encoder.finish()]);
         let error = pollster::block_on(scope.pop());
         assert!(error.is_none(), "{error:?}");

@@ -1,15 +1,16 @@
 //! The GPU side: upload, the top level rebuilt every frame, and sampling. The only place that knows wgpu.
 //!
 //! Everything happens on the engine's own device and queue and in its own command encoder (but for the copy of a
-//! buffer that outgrew its size or changes its layout, which is submitted at once); nothing is read back and nothing
-//! waits. A frame is [`GpuLights::upload`], [`GpuLights::build_top`], and then any number of shaders that bind
-//! [`GpuLights::bind_group`] and call the functions of [`LightShader`], or [`GpuLights::sample`] and
-//! [`GpuLights::resample`] for those who want no shader.
+//! buffer that outgrew its size or changes its layout, which is submitted at once); nothing waits, and nothing is read
+//! back but counts of picks, where they are asked for ([`GpuLights::count_picks`]). A frame is [`GpuLights::upload`],
+//! [`GpuLights::build_top`], and then any number of shaders that bind [`GpuLights::bind_group`] and call the functions
+//! of [`LightShader`], or [`GpuLights::sample`] and [`GpuLights::resample`] for those who want no shader.
 
 mod error;
 mod kernel;
 mod layout;
 pub mod measure;
+mod picks;
 mod pool;
 mod probe;
 mod recorder;
@@ -36,6 +37,8 @@ use error::check_limits;
 use kernel::Kernel;
 use layout::{InstanceRecord, LightRecord, ParamsRecord, TreeRecord};
 use measure::CountKernel;
+use picks::Picks;
+pub use picks::{PICK_THINNING, PickCounts};
 use pool::Pool;
 use recorder::Recorder;
 use relayout::Relayout;
@@ -80,6 +83,8 @@ pub struct GpuLights {
     effects: Effects,
     /// Made when first asked for.
     counting: OnceLock<CountKernel>,
+    /// Made when first asked for.
+    picks: OnceLock<Picks>,
     layout: wgpu::BindGroupLayout,
     bind_group: wgpu::BindGroup,
     /// Of the buffers that the bind group was made for.
@@ -110,7 +115,7 @@ impl GpuLights {
         let batch = sampling::kernel(device, &layout);
         let resampling = resampling::kernel(device, &layout);
         let buffers = [&params_buffer, top.nodes(), nodes.buffer(), instances.buffer(), lights.buffer()];
-        let bind_group = bind_group(device, &layout, buffers);
+        let bind_group = bind_group(device, &layout, &buffers);
         let bound = [top.generation(), nodes.generation(), instances.generation(), lights.generation()];
         Ok(Self {
             device: device.clone(),
@@ -133,6 +138,7 @@ impl GpuLights {
             resampling,
             effects: Effects::all(),
             counting: OnceLock::new(),
+            picks: OnceLock::new(),
             layout,
             bind_group,
             bound,
@@ -196,18 +202,18 @@ impl GpuLights {
             self.params_buffer = params_buffer(&self.device);
             self.queue.write_buffer(&self.params_buffer, 0, bytemuck::bytes_of(&params));
             self.params = params;
-            let buffers = [
-                &self.params_buffer,
-                self.top.nodes(),
-                self.nodes.buffer(),
-                self.instances.buffer(),
-                self.lights.buffer(),
-            ];
-            self.bind_group = bind_group(&self.device, &self.layout, buffers);
+            self.bind_group = bind_group(&self.device, &self.layout, &self.buffers(None));
             self.bound = bound;
             return size_of::<ParamsRecord>() as u64;
         }
         self.send_params(params)
+    }
+
+    /// What shaders bind, in the order of the layout.
+    fn buffers<'a>(&'a self, counts: Option<&'a wgpu::Buffer>) -> Vec<&'a wgpu::Buffer> {
+        let lights =
+            [&self.params_buffer, self.top.nodes(), self.nodes.buffer(), self.instances.buffer(), self.lights.buffer()];
+        lights.into_iter().chain(counts).collect()
     }
 }
 
@@ -221,6 +227,24 @@ fn params_buffer(device: &wgpu::Device) -> wgpu::Buffer {
 }
 
 fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: Some("girandole lights"),
+        entries: &light_entries(),
+    })
+}
+
+/// The same with the counters of picks, which any stage may write.
+fn counting_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    let visibility = wgpu::ShaderStages::COMPUTE | wgpu::ShaderStages::FRAGMENT;
+    let counts = wgpu::BindGroupLayoutEntry { visibility, ..storage_entry(5, false) };
+    let entries: Vec<_> = light_entries().into_iter().chain([counts]).collect();
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: Some("girandole lights, counting"),
+        entries: &entries,
+    })
+}
+
+fn light_entries() -> [wgpu::BindGroupLayoutEntry; 5] {
     let uniform = wgpu::BindGroupLayoutEntry {
         binding: 0,
         visibility: wgpu::ShaderStages::COMPUTE | wgpu::ShaderStages::FRAGMENT,
@@ -231,16 +255,7 @@ fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
         },
         count: None,
     };
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("girandole lights"),
-        entries: &[
-            uniform,
-            storage_entry(1, true),
-            storage_entry(2, true),
-            storage_entry(3, true),
-            storage_entry(4, true),
-        ],
-    })
+    [uniform, storage_entry(1, true), storage_entry(2, true), storage_entry(3, true), storage_entry(4, true)]
 }
 
 /// A whole storage buffer, for any stage if it is only read.
@@ -262,8 +277,11 @@ fn storage_entry(binding: u32, read_only: bool) -> wgpu::BindGroupLayoutEntry {
     }
 }
 
-fn bind_group(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, buffers: [&wgpu::Buffer; 5]) -> wgpu::BindGroup {
-    let entries: [_; 5] =
-        std::array::from_fn(|i| wgpu::BindGroupEntry { binding: i as u32, resource: buffers[i].as_entire_binding() });
+fn bind_group(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, buffers: &[&wgpu::Buffer]) -> wgpu::BindGroup {
+    let entries: Vec<_> = buffers
+        .iter()
+        .zip(0..)
+        .map(|(buffer, binding)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+        .collect();
     device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some("girandole lights"), layout, entries: &entries })
 }

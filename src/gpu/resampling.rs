@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::kernel::{Kernel, records};
+use super::picks::Chosen;
 use super::sampling::{SampleRecord, SampleRequest};
 use super::{GpuLights, storage_entry};
 
@@ -65,5 +66,6 @@ impl GpuLights {
             uniform.as_entire_binding(),
         ];
         self.resampling.record(encoder, &pipeline, &self.bind_group, &own, count);
+        self.count_chosen(encoder, (requests, samples), Chosen::Resampled, count);
     }
 }

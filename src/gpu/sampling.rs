@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::kernel::{Kernel, records};
+use super::picks::Chosen;
 use super::{GpuLights, storage_entry};
 
 /// A receiver and its four random numbers in [0, 1). 48 bytes; `Request` in `shaders/batch.wgsl`.
@@ -65,6 +66,7 @@ impl GpuLights {
     ) {
         if count > 0 {
             self.sample_by(&self.batch.pipeline(self.effects), encoder, requests, samples, count);
+            self.count_chosen(encoder, (requests, samples), Chosen::Samples, count);
         }
     }
 

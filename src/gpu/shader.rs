@@ -48,6 +48,8 @@ use crate::effects::Effects;
 /// The text binds one uniform buffer and four read-only storage buffers, at `group`; of WebGPU's default limits that
 /// leaves an engine three bind groups, and four storage and eleven uniform buffers a stage. All names in it start with
 /// `light_`, `Light` or `LIGHT_`. `docs/integration.md` goes through all of it step by step.
+///
+/// One of [`GpuLights::counting_shader`] can count what is picked, too.
 #[derive(Clone, Debug)]
 pub struct LightShader {
     /// To be put before the engine's own text, after its directives: see [`LightShader::join`].
@@ -56,6 +58,8 @@ pub struct LightShader {
     pub group: u32,
     /// What the text can do; it serves as long as [`GpuLights::effects`] has nothing else.
     pub effects: Effects,
+    /// It has `light_count_pick` too: see [`GpuLights::counting_shader`].
+    pub counts_picks: bool,
     /// Of the bind group, for compute and fragment stages.
     pub layout: wgpu::BindGroupLayout,
 }
@@ -64,7 +68,9 @@ impl LightShader {
     /// The same for other effects, where no [`GpuLights`] is at hand: on the thread of [`Variants`](crate::Variants).
     /// Joins texts, compiles nothing.
     pub fn with_effects(&self, effects: Effects) -> Self {
-        Self { wgsl: text::wgsl(self.group, effects), group: self.group, effects, layout: self.layout.clone() }
+        let wgsl = if self.counts_picks { text::wgsl_counting_picks } else { text::wgsl };
+        let Self { group, counts_picks, .. } = *self;
+        Self { wgsl: wgsl(group, effects), group, effects, counts_picks, layout: self.layout.clone() }
     }
 
     /// The engine's shader with ours before it, but after its `enable`, `requires` and `diagnostic` directives, which
@@ -90,7 +96,8 @@ impl GpuLights {
     /// What an engine's shader needs, for the group at which it binds the lights (0 to 3 by WebGPU's default) and the
     /// effects that the text is to serve; with [`Effects::all`] it serves every world. Joins texts, compiles nothing.
     pub fn shader(&self, group: u32, effects: Effects) -> LightShader {
-        LightShader { wgsl: text::wgsl(group, effects), group, effects, layout: self.layout.clone() }
+        let wgsl = text::wgsl(group, effects);
+        LightShader { wgsl, group, effects, counts_picks: false, layout: self.layout.clone() }
     }
 }
 

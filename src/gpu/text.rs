@@ -30,6 +30,20 @@ pub(crate) fn wgsl_counting(group: u32, effects: Effects) -> String {
     joined(group, effects, true)
 }
 
+/// The same as [`wgsl`] with `light_count_pick`.
+pub(crate) fn wgsl_counting_picks(group: u32, effects: Effects) -> String {
+    wgsl(group, effects) + &picks(group)
+}
+
+/// `light_count_pick` and what it calls, for those who choose no light.
+pub(crate) fn wgsl_of_picks(group: u32) -> String {
+    constants() + include_str!("../../shaders/dice.wgsl") + &picks(group)
+}
+
+fn picks(group: u32) -> String {
+    include_str!("../../shaders/picks.wgsl").replace("LIGHT_GROUP", &group.to_string())
+}
+
 fn joined(group: u32, effects: Effects, counts: bool) -> String {
     let sample = include_str!("../../shaders/sample.wgsl").replace("LIGHT_GROUP", &group.to_string());
     let body = [

@@ -77,7 +77,8 @@ impl GpuLights {
     ) -> Result<UploadReport, GpuError> {
         probe::check(&self.device)?;
         let mut report = UploadReport::default();
-        if delta.is_empty() && self.unsent.is_empty() && self.params.strides == Strides::of(effects) {
+        let is_still = delta.is_empty() && self.unsent.is_empty() && !self.has_new_picks();
+        if is_still && self.params.strides == Strides::of(effects) {
             self.effects = effects;
             return Ok(report);
         }
@@ -113,7 +114,9 @@ impl GpuLights {
             let records: Vec<_> = world.directionals().map(|(_, light)| LightRecord::directional(light)).collect();
             report.bytes += self.lights.write(self.directionals.start, &records);
         }
+        report.bytes += self.follow_picks(&changes.instances, world);
         report.bytes += self.refresh(self.params_of(world, effects));
+        self.bind_picks();
         self.top_is_stale = true;
         self.effects = effects;
         Ok(report)

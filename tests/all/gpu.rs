@@ -29,7 +29,7 @@ pub fn gpu() -> (wgpu::Device, wgpu::Queue) {
 }
 
 /// A device whose storage buffers have at most so many bytes.
-fn limited_gpu(bytes: u64) -> (wgpu::Device, wgpu::Queue) {
+pub(crate) fn limited_gpu(bytes: u64) -> (wgpu::Device, wgpu::Queue) {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
         backends: wgpu::Backends::PRIMARY,
         ..wgpu::InstanceDescriptor::new_without_display_handle()

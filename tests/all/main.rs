@@ -18,6 +18,7 @@ mod gpu;
 mod gpu_timings;
 mod hard_cases;
 mod pdf;
+mod picks;
 mod resample;
 mod sampling;
 mod scheduler;
