@@ -134,6 +134,7 @@ mod tests {
         fn engine_brdf_pdf(normal: vec3<f32>, direction: vec3<f32>) -> f32 { return 0.3; }
         fn engine_sample_brdf(normal: vec3<f32>, v: vec2<f32>) -> vec3<f32> { return normal; }
         fn engine_is_occluded(from_: vec3<f32>, direction: vec3<f32>, distance: f32) -> bool { return false; }
+        fn engine_shade(surface: EngineSurface, s: LightSample) -> vec4<f32> { return vec4(s.radiance, 1.0); }
         fn engine_trace(from_: vec3<f32>, direction: vec3<f32>) -> EngineHit { return EngineHit(); }
     ";
 
@@ -141,10 +142,12 @@ mod tests {
     fn the_shaders_of_the_guide_are_valid_for_all_effects_and_for_none() {
         let guide = include_str!("../../docs/integration.md");
         let blocks: Vec<_> = guide.split("```wgsl").skip(1).filter_map(|rest| rest.split("```").next()).collect();
-        assert_eq!(blocks.len(), 4);
+        assert_eq!(blocks.len(), 5);
         for effects in [Effects::all(), Effects::empty()] {
             for block in &blocks {
-                let text = text::wgsl(1, effects) + STUBS + block;
+                let counts = block.contains("light_count_pick");
+                let ours = if counts { text::wgsl_counting_picks } else { text::wgsl };
+                let text = ours(1, effects) + STUBS + block;
                 let module =
                     naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("it parses");
                 naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::default())
