@@ -4,61 +4,33 @@
 //! weighed once for all lights below it.
 
 use crate::importance::{Receiver, running_sums, see};
-use crate::keys::slot_of;
-use crate::sample::{Sampler, illuminance};
 use crate::simd::{Job, with_vectors};
 use crate::tree::{LightTree, Target, WIDTH};
 use crate::walk::{Cut, Forest, NO_INSTANCE, NoForest, Scene, joint, share};
 
-impl Sampler<'_> {
-    /// The chance of every light, in the order of [`Sampler::all_lights`]: what [`Sampler::pmf`] tells of each, up to
-    /// rounding.
-    ///
-    /// Fills `chances`, whatever it held. Their sum is 1 less the chance of "no light"; all are 0 where nothing can be
-    /// chosen. O(lights of all instances), but what is proved dark as a whole takes no time beyond its zeros; allocates
-    /// eight bytes a slot besides `chances`.
-    pub fn distribution(&self, receiver: &Receiver, chances: &mut Vec<f32>) {
-        let world = self.world;
-        let mut starts = vec![0; self.top.places.len()];
-        let mut lights = 0;
-        for key in world.instances() {
-            starts[slot_of(key) as usize] = lights;
-            lights += world.instance(key).and_then(|i| world.tree(i.tree)).map_or(0, |tree| tree.lights().len());
-        }
-        chances.clear();
-        chances.resize(lights, 0.0);
-        let (root, beside) = (self.root(receiver), self.directional(receiver));
-        let forest = &(self, receiver);
-        let total = with_vectors(Spread { root, openings: self.openings, beside, forest, starts: &starts, chances });
-        chances.extend(world.directionals().map(|(_, light)| {
-            let lux = illuminance(light, receiver);
-            if total > 0.0 { share(lux, total) } else { 0.0 }
-        }));
-    }
-}
-
 impl LightTree {
     /// The chance of every light, by its index: what [`LightTree::pmf`] tells of each, up to rounding. O(lights).
     ///
-    /// Fills `chances`, whatever it held. As [`Sampler::distribution`]; `openings` as in [`Sampler::with_openings`].
+    /// Fills `chances`, whatever it held. As [`Sampler::distribution`](crate::Sampler::distribution); `openings` as in
+    /// [`Sampler::with_openings`](crate::Sampler::with_openings).
     pub fn distribution(&self, receiver: &Receiver, openings: usize, chances: &mut Vec<f32>) {
         chances.clear();
         chances.resize(self.lights().len(), 0.0);
-        let root = self.scene(receiver);
+        let root = Scene::alone(self.nodes(), receiver);
         with_vectors(Spread { root, openings, beside: 0.0, forest: &NoForest, starts: &[], chances });
     }
 }
 
 /// Gives every light of the root's tree and those behind it its chance; returns the lux of all and what stands `beside`.
-struct Spread<'a, 'f, F> {
-    root: Scene<'a>,
-    openings: usize,
-    beside: f32,
-    forest: &'f F,
+pub(crate) struct Spread<'a, 'f, F> {
+    pub root: Scene<'a>,
+    pub openings: usize,
+    pub beside: f32,
+    pub forest: &'f F,
     /// Where the lights of the instance in each slot begin.
-    starts: &'f [usize],
+    pub starts: &'f [usize],
     /// 0 at first.
-    chances: &'f mut [f32],
+    pub chances: &'f mut [f32],
 }
 
 impl<'a, F: Forest<'a>> Job for Spread<'a, '_, F> {

@@ -67,13 +67,14 @@ mod importance;
 mod emit;
 mod placement;
 mod walk;
+mod distribution;
+mod noise;
 mod curve;
 mod top;
 mod world;
 mod sample;
 mod resample;
 mod pdf;
-mod distribution;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 #[cfg(feature = "gltf")]

@@ -2,6 +2,7 @@
 //!
 //! Twin of `shaders/sample.wgsl`.
 
+use crate::distribution::Spread;
 use crate::emit::{Incident, sample_light};
 use crate::importance::{Receiver, View};
 use crate::keys::{DirectionalKey, InstanceKey, slot_of};
@@ -176,6 +177,31 @@ impl<'a> Sampler<'a> {
         local.chain(world.directionals().map(|(key, _)| LightId::Directional(key)))
     }
 
+    /// The chance of every light, in the order of [`Sampler::all_lights`]: what [`Sampler::pmf`] tells of each, up to
+    /// rounding.
+    ///
+    /// Fills `chances`, whatever it held. Their sum is 1 less the chance of "no light"; all are 0 where nothing can be
+    /// chosen. O(lights of all instances), but what is proved dark as a whole takes no time beyond its zeros; allocates
+    /// eight bytes a slot besides `chances`.
+    pub fn distribution(&self, receiver: &Receiver, chances: &mut Vec<f32>) {
+        let world = self.world;
+        let mut starts = vec![0; self.top.places.len()];
+        let mut lights = 0;
+        for key in world.instances() {
+            starts[slot_of(key) as usize] = lights;
+            lights += world.instance(key).and_then(|i| world.tree(i.tree)).map_or(0, |tree| tree.lights().len());
+        }
+        chances.clear();
+        chances.resize(lights, 0.0);
+        let (root, beside) = (self.root(receiver), self.directional(receiver));
+        let forest = &(self, receiver);
+        let total = with_vectors(Spread { root, openings: self.openings, beside, forest, starts: &starts, chances });
+        chances.extend(world.directionals().map(|(_, light)| {
+            let lux = illuminance(light, receiver);
+            if total > 0.0 { share(lux, total) } else { 0.0 }
+        }));
+    }
+
     /// Illuminance by directional lights, in lux.
     pub(crate) fn directional(&self, receiver: &Receiver) -> f32 {
         self.world.directionals().map(|(_, light)| illuminance(light, receiver)).sum()
@@ -218,7 +244,7 @@ impl LightTree {
     /// Chooses a light of one tree, in the tree's own space: its index and the chance of that. As [`Sampler::pick`];
     /// `openings` as in [`Sampler::with_openings`].
     pub fn pick(&self, receiver: &Receiver, u: [f32; 2], openings: usize) -> Option<(u32, f32)> {
-        let draw = Draw { root: self.scene(receiver), openings, beside: 0.0, u, forest: &NoForest };
+        let draw = Draw { root: Scene::alone(self.nodes(), receiver), openings, beside: 0.0, u, forest: &NoForest };
         match with_vectors(draw) {
             Drawn::Light(Picked { light, pmf, .. }) => Some((light, pmf)),
             Drawn::Beside { .. } | Drawn::Nothing => None,
@@ -228,13 +254,8 @@ impl LightTree {
     /// The chance that [`LightTree::pick`] chooses this light; 0 for an index that the tree does not have.
     pub fn pmf(&self, receiver: &Receiver, light: u32, openings: usize) -> f32 {
         let Some(place) = self.leaves().get(light as usize) else { return 0.0 };
-        let root = self.scene(receiver);
+        let root = Scene::alone(self.nodes(), receiver);
         let of = Wanted::Light(Leaf { scene: root, place: *place, top: None });
         with_vectors(Chance { root, openings, beside: 0.0, of, forest: &NoForest })
-    }
-
-    /// The tree by itself, in its own space.
-    pub(crate) fn scene(&self, receiver: &Receiver) -> Scene<'_> {
-        Scene { nodes: self.nodes(), view: View::of(receiver), instance: NO_INSTANCE, is_top: false }
     }
 }

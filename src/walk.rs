@@ -7,7 +7,7 @@
 //! cap. A random number is stretched at every choice, as usual, but the bits lost by that are replaced from a hash of
 //! all its bits: otherwise choices past the 24th bit would all be the same.
 
-use crate::importance::{Seen, View, running_sums, see};
+use crate::importance::{Receiver, Seen, View, running_sums, see};
 use crate::simd::Job;
 use crate::tree::{LEAF, Lanes, NO_PARENT, Node, Target, WIDTH};
 
@@ -92,6 +92,13 @@ pub(crate) struct Scene<'a> {
     pub instance: u32,
     /// Leaves are instances.
     pub is_top: bool,
+}
+
+impl<'a> Scene<'a> {
+    /// A tree that is walked by itself, in its own space.
+    pub fn alone(nodes: &'a [Node], receiver: &Receiver) -> Self {
+        Self { nodes, view: View::of(receiver), instance: NO_INSTANCE, is_top: false }
+    }
 }
 
 /// Knows the trees behind the leaves of a top level.

@@ -12,22 +12,30 @@ const ATTRIBUTES: [Attribute; FEATURES] =
     [Attribute::Distance, Attribute::Overlap, Attribute::Variance, Attribute::SplittingCost];
 
 /// Rise of ln sigma^2 per rise of the logarithm of each attribute.
-const PRIOR: [f32; FEATURES] = [0.25; FEATURES];
+const PRIOR: [f32; FEATURES] = [0.0, 0.0, 0.0, 0.89];
 
 /// How much trees differ in that: standard deviation.
-const PRIOR_DEVIATION: f32 = 0.3;
+const PRIOR_DEVIATION: [f32; FEATURES] = [0.3; FEATURES];
 
-/// Standard deviation of what is seen of a rise, of what the map does not explain.
-const NOISE: f32 = 0.2;
+/// Standard deviation of a rise as it is seen about what the map makes of it: by noise measured at a few points, and by
+/// attributes alone.
+const SEEN_NOISE: f32 = 0.6;
+const TOLD_NOISE: f32 = 0.8;
 
 /// What a tree learnt fades into the prior: half of it after 30 rebuilds, since motions change.
 const KEPT: f32 = 0.977;
 
 /// sigma^2 inside a tree that was just built, before it is known better.
-const FRESH_VARIANCE: f32 = 0.3;
+const FRESH_VARIANCE: f32 = 0.03;
 
-/// Attributes may rise from nothing, or to what is no number: a rise counts as at most so much (e^3 is twentyfold).
-const MOST_RISE: f32 = 3.0;
+/// Attributes may rise from nothing, or to infinity: a rise counts as at most so much (e^5 is 150 times).
+const MOST_RISE: f32 = 5.0;
+
+/// Weight of a new look at it.
+const FRESH_RATE: f32 = 0.3;
+
+/// Less does not matter.
+const LEAST_VARIANCE: f32 = 1.0e-3;
 
 /// Attributes below this are nothing; they are of order 1.
 const LEAST_ATTRIBUTE: f32 = 1.0e-6;
@@ -44,8 +52,7 @@ pub(crate) struct Forecast {
 
 impl Default for Forecast {
     fn default() -> Self {
-        let mut covariance = [[0.0; FEATURES]; FEATURES];
-        (0..FEATURES).for_each(|i| covariance[i][i] = PRIOR_DEVIATION * PRIOR_DEVIATION);
+        let covariance = std::array::from_fn(|i| std::array::from_fn(|j| prior_covariance(i, j)));
         Self { weights: PRIOR, covariance, fresh_variance: FRESH_VARIANCE }
     }
 }
@@ -64,9 +71,19 @@ fn dot(a: &[f32; FEATURES], b: &[f32; FEATURES]) -> f32 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// What the prior makes of rises.
-pub(crate) fn prior_rise(rises: &[f32; FEATURES]) -> f32 {
-    dot(&PRIOR, rises).clamp(0.0, MOST_RISE)
+fn prior_covariance(i: usize, j: usize) -> f32 {
+    if i == j { PRIOR_DEVIATION[i] * PRIOR_DEVIATION[i] } else { 0.0 }
+}
+
+/// A tree that took another's place, over the same lights.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Replaced {
+    /// Attributes right after the rebuild before this one.
+    pub then: Attributes,
+    /// Right before this one.
+    pub before: Attributes,
+    /// Right after it.
+    pub fresh: Attributes,
 }
 
 impl Forecast {
@@ -80,20 +97,35 @@ impl Forecast {
         self.fresh_variance * rise.exp_m1()
     }
 
-    /// A rebuild has shown what the rise was in truth.
-    pub fn learn(&mut self, rises: &[f32; FEATURES], seen: f32) {
+    /// Learns what a rebuild brought: from sigma^2 before and after it, if that was looked at; else from the attributes
+    /// that it took away. Those tell too: what had risen since the rebuild before, and is still there, belongs to the
+    /// lights, and no tree over them is without it.
+    pub fn learn(&mut self, replaced: &Replaced, variances: Option<(f32, f32)>) {
+        let Replaced { then, before, fresh } = replaced;
+        let told = dot(&PRIOR, &rises(before, fresh));
+        let (seen, noise) = match variances {
+            Some((before, after)) => {
+                self.learn_fresh(after);
+                ((before.max(LEAST_VARIANCE) / after.max(LEAST_VARIANCE)).ln(), SEEN_NOISE)
+            }
+            None => (told, TOLD_NOISE),
+        };
+        self.learn_rise(&rises(before, then), seen, noise);
+    }
+
+    fn learn_rise(&mut self, rises: &[f32; FEATURES], seen: f32, noise: f32) {
         if !seen.is_finite() {
             return;
         }
         for i in 0..FEATURES {
             self.weights[i] = PRIOR[i] + KEPT * (self.weights[i] - PRIOR[i]);
             for j in 0..FEATURES {
-                let prior = if i == j { PRIOR_DEVIATION * PRIOR_DEVIATION } else { 0.0 };
+                let prior = prior_covariance(i, j);
                 self.covariance[i][j] = prior + KEPT * (self.covariance[i][j] - prior);
             }
         }
         let along = self.covariance.map(|row| dot(&row, rises));
-        let doubt = dot(&along, rises) + NOISE * NOISE;
+        let doubt = dot(&along, rises) + noise * noise;
         let off = seen.clamp(-MOST_RISE, MOST_RISE) - dot(&self.weights, rises);
         for i in 0..FEATURES {
             self.weights[i] += along[i] / doubt * off;
@@ -103,10 +135,10 @@ impl Forecast {
         }
     }
 
-    /// sigma^2 of the tree as it was just built.
-    pub fn learn_fresh(&mut self, variance: f32) {
+    fn learn_fresh(&mut self, variance: f32) {
         if variance.is_finite() && variance >= 0.0 {
-            self.fresh_variance = variance;
+            let typical = self.fresh_variance + FRESH_RATE * (variance - self.fresh_variance);
+            self.fresh_variance = typical.max(LEAST_VARIANCE);
         }
     }
 }
@@ -123,17 +155,20 @@ mod tests {
     #[test]
     fn a_tree_that_gains_nothing_from_rebuilds_stops_expecting_to() {
         let mut forecast = Forecast::default();
-        let rises = rises(&attributes([0.6, 0.3, 0.4, 2.0]), &attributes([0.5, 0.2, 0.3, 1.5]));
+        let (then, before) = (attributes([0.5, 0.2, 0.3, 1.5]), attributes([0.6, 0.3, 0.4, 3.0]));
+        let rises = rises(&before, &then);
         let first = forecast.rise(&rises);
-        assert!(first > 0.1);
-        for _ in 0..10 {
-            forecast.learn(&rises, 0.0);
-        }
-        assert!(forecast.rise(&rises) < 0.2 * first, "{}", forecast.rise(&rises));
+        assert!(first > 0.5);
         for _ in 0..60 {
-            forecast.learn(&rises, 2.0 * first);
+            forecast.learn(&Replaced { then, before, fresh: before }, None);
         }
-        assert!((forecast.rise(&rises) / first - 2.0).abs() < 0.2);
+        assert!(forecast.rise(&rises) < 0.4 * first, "{}", forecast.rise(&rises));
+        // Looking tells the same, and more.
+        for _ in 0..60 {
+            forecast.learn(&Replaced { then, before, fresh: before }, Some((0.5, 0.1)));
+        }
+        assert!((forecast.rise(&rises) / 5.0_f32.ln() - 1.0).abs() < 0.2, "{}", forecast.rise(&rises));
+        assert!((forecast.gain(5.0_f32.ln()) / 0.4 - 1.0).abs() < 0.01);
     }
 
     #[test]
@@ -141,31 +176,30 @@ mod tests {
         let mut forecast = Forecast::default();
         for i in 0..400_u32 {
             let mixed = |k: u32| (i * 4 + k).wrapping_mul(747_796_405).wrapping_mul(2_891_336_453) >> 8;
-            let random = |k: u32| mixed(k) as f32 / (1 << 24) as f32;
+            let random = |k: u32| 4.0 * mixed(k) as f32 / (1 << 24) as f32;
             let rises = [random(1), random(2), random(3), random(4)];
-            forecast.learn(&rises, 1.2 * rises[1]);
+            forecast.learn_rise(&rises, 0.9 * rises[1], 0.1);
         }
         // Drawn to the prior a little, since it forgets.
-        assert!((0.9..1.2).contains(&forecast.weights[1]), "{forecast:?}");
-        assert!([0, 2, 3].iter().all(|i| forecast.weights[*i].abs() < 0.12), "{forecast:?}");
+        assert!((forecast.weights[1] - 0.9).abs() < 0.1, "{forecast:?}");
+        assert!([0, 2, 3].iter().all(|i| forecast.weights[*i].abs() < 0.1), "{forecast:?}");
     }
 
     #[test]
     fn what_is_no_number_says_nothing() {
         let fine = attributes([0.5; 4]);
         for odd in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, f32::MAX] {
-            for (now, then) in [
-                (attributes([odd; 4]), fine),
-                (fine, attributes([odd; 4])),
-                (attributes([odd; 4]), attributes([odd; 4])),
-            ] {
+            let odds = attributes([odd; 4]);
+            for (now, then) in [(odds, fine), (fine, odds), (odds, odds)] {
                 let rises = rises(&now, &then);
                 assert!(rises.iter().all(|rise| rise.abs() <= MOST_RISE), "{rises:?}");
                 let mut forecast = Forecast::default();
-                forecast.learn(&rises, odd);
-                forecast.learn_fresh(odd);
+                for variances in [None, Some((odd, odd)), Some((odd, 1.0)), Some((1.0, odd))] {
+                    forecast.learn(&Replaced { then, before: now, fresh: odds }, variances);
+                }
                 let rise = forecast.rise(&rises);
-                assert!((0.0..=MOST_RISE).contains(&rise) && forecast.gain(rise) >= 0.0, "{odd} {rise}");
+                let gain = forecast.gain(rise);
+                assert!((0.0..=MOST_RISE).contains(&rise) && gain >= 0.0 && gain.is_finite(), "{odd} {rise} {gain}");
             }
         }
         assert_eq!(rises(&attributes([f32::NAN; 4]), &attributes([f32::NAN; 4])), [0.0; 4]);

@@ -6,8 +6,8 @@ use super::World;
 use super::update::FrameReport;
 use crate::keys::{TreeKey, slot_of};
 use crate::policy::{History, Wish};
-use crate::scheduler::{CostModel, Snapshot, Work, WorkKind, prior_rise, rises};
-use crate::tree::{Attributes, Part, WIDTH};
+use crate::scheduler::{CostModel, Replaced, Snapshot, Work, WorkKind};
+use crate::tree::{Part, WIDTH};
 
 /// One in so many parts of the budget is for who has waited longest.
 pub const PATIENCE: u32 = 16;
@@ -23,6 +23,9 @@ const MOST_MISFITS: usize = 4;
 
 /// Waiting trees that are judged anew each frame though their lights rest: what they matter may have changed.
 const REJUDGED: usize = 1;
+
+/// One in so many parts of the time of rebuilds is spent on looking at what they brought.
+const CURIOSITY: u32 = 20;
 
 /// Fewer lights are not worth a copy of their own.
 const LEAST_COPIED: usize = 64;
@@ -196,52 +199,84 @@ impl World {
         if costs.at_most(work) > left {
             return if costs.at_most(whole) > frame.budget { Served::TooLarge } else { Served::Later };
         }
-        let predicted = costs.predict(work);
+        let probe = Work { kind: WorkKind::Probe, lights };
+        let is_probed = part.is_none()
+            && costs.predict(probe) <= self.schedule.curiosity
+            && costs.at_most(work).saturating_add(costs.at_most(probe)) <= left;
         let waited = self.schedule.frame - entry.standing.since;
-        match part {
+        let noisy = if is_probed { self.variance_of(key) } else { None };
+        let begin = if is_probed { self.clock.now() } else { before };
+        let replaced = match part {
             Some(part) => self.rebuild_part(key, part),
-            None => self.rebuild_whole(key),
-        }
+            None => Some(self.rebuild_whole(key)),
+        };
         self.clock.worked(work);
-        let took = self.clock.now().saturating_sub(before);
-        self.schedule.costs.learn(work, took);
-        frame.least += CostModel::at_least(work);
-        report.spent += took;
-        report.predicted += predicted;
-        report.longest_wait = report.longest_wait.max(waited);
+        let end = self.clock.now();
+        self.note_job(key, work, end.saturating_sub(begin), waited, frame, report);
         match part {
             Some(_) => report.rebuilt_parts += 1,
             None => report.rebuilt_trees += 1,
         }
-        self.schedule.jobs.push(JobReport { tree: key, work, predicted, took, waited });
+        let quiet = if is_probed { self.variance_of(key) } else { None };
+        if let Some(replaced) = replaced {
+            self.trees[key].standing.forecast.learn(&replaced, noisy.zip(quiet));
+        }
+        if is_probed {
+            self.clock.worked(probe);
+            let looked = begin.saturating_sub(before) + self.clock.now().saturating_sub(end);
+            self.note_job(key, probe, looked, waited, frame, report);
+            self.schedule.curiosity = self.schedule.curiosity.saturating_sub(looked);
+        } else {
+            let earned = self.schedule.curiosity.saturating_add(end.saturating_sub(begin) / CURIOSITY);
+            self.schedule.curiosity = earned.min(frame.budget);
+        }
         self.top.take();
         Served::Done
     }
 
+    /// Enters a job in the books.
+    fn note_job(
+        &mut self,
+        tree: TreeKey,
+        work: Work,
+        took: Duration,
+        waited: u64,
+        frame: &mut Frame,
+        report: &mut FrameReport,
+    ) {
+        let schedule = &mut self.schedule;
+        let predicted = schedule.costs.predict(work);
+        schedule.costs.learn(work, took);
+        schedule.jobs.push(JobReport { tree, work, predicted, took, waited });
+        frame.least += CostModel::at_least(work);
+        report.spent += took;
+        report.predicted += predicted;
+        report.longest_wait = report.longest_wait.max(waited);
+    }
+
     /// Builds a tree anew.
-    pub(super) fn rebuild_whole(&mut self, key: TreeKey) {
+    pub(super) fn rebuild_whole(&mut self, key: TreeKey) -> Replaced {
         let entry = &mut self.trees[key];
         let before = entry.tree.attributes();
         entry.tree.rebuild();
         let fresh = entry.tree.attributes();
-        self.has_rebuilt(key, &before, fresh);
+        let replaced = Replaced { then: entry.history.rebuilt, before, fresh };
+        entry.history = History::start(fresh);
         self.forget_build(key);
         self.leave(key);
         self.changes.tree(slot_of(key));
         self.wake(key);
+        replaced
     }
 
-    /// A new tree stands where one with other attributes stood, over the same lights.
-    pub(super) fn has_rebuilt(&mut self, key: TreeKey, before: &Attributes, fresh: Attributes) {
-        let entry = &mut self.trees[key];
-        // What the rebuild took off the attributes tells what the rise was in truth: some of what had risen since the
-        // last rebuild belongs to the lights, and no tree over them is without it.
-        let seen = prior_rise(&rises(before, &fresh));
-        entry.standing.forecast.learn(&rises(before, &entry.history.rebuilt), seen);
-        entry.history = History::start(fresh);
+    /// How noisy the choice in a tree is, seen from around it; from the same points in all of an update.
+    fn variance_of(&mut self, key: TreeKey) -> Option<f32> {
+        let schedule = &mut self.schedule;
+        self.trees[key].tree.variance_around(schedule.frame as u32, &mut schedule.chances)
     }
 
-    fn rebuild_part(&mut self, key: TreeKey, part: Part) {
+    /// Builds a part of a tree anew; says nothing of what that brought.
+    fn rebuild_part(&mut self, key: TreeKey, part: Part) -> Option<Replaced> {
         let entry = &mut self.trees[key];
         entry.tree.rebuild_part(part);
         let now = entry.tree.attributes();
@@ -251,6 +286,7 @@ impl World {
         // If it still asks, it does so from now on.
         self.leave(key);
         self.judge(key);
+        None
     }
 
     /// Whether a whole frame has room for a rebuild.
@@ -339,7 +375,6 @@ impl World {
         snapshot.lights.extend_from_slice(&missing[..count]);
         let is_complete = count == missing.len();
         let work = Work { kind: WorkKind::Snapshot, lights: count };
-        let predicted = self.schedule.costs.predict(work);
         let (key, waited) = (snapshot.key, self.schedule.frame - entry.standing.since);
         if is_complete {
             self.start_build(snapshot, before, report);
@@ -348,11 +383,7 @@ impl World {
         }
         self.clock.worked(work);
         let took = self.clock.now().saturating_sub(before);
-        self.schedule.costs.learn(work, took);
-        frame.least += CostModel::at_least(work);
-        report.spent += took;
-        report.predicted += predicted;
-        self.schedule.jobs.push(JobReport { tree: key, work, predicted, took, waited });
+        self.note_job(key, work, took, waited, frame, report);
     }
 
     fn start_build(&mut self, snapshot: Snapshot, now: Duration, report: &mut FrameReport) {

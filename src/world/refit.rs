@@ -4,6 +4,8 @@ use super::World;
 use crate::effects::EffectCounts;
 use crate::keys::{TreeKey, slot_of};
 use crate::light::Light;
+use crate::policy::History;
+use crate::scheduler::Replaced;
 use crate::tree::{Attributes, LightTree};
 
 impl World {
@@ -63,9 +65,10 @@ impl World {
             entry.tree = tree;
             entry.staged = staged;
             if let Some((before, fresh)) = succeeded {
-                self.has_rebuilt(key, &before, fresh);
+                let replaced = Replaced { then: entry.history.rebuilt, before, fresh };
+                entry.standing.forecast.learn(&replaced, None);
+                entry.history = History::start(fresh);
             }
-            let entry = &mut self.trees[key];
             entry.history.observe(&entry.tree.attributes());
             self.judge(key);
             self.changes.tree(slot_of(key));

@@ -45,6 +45,10 @@ pub(super) struct Schedule {
     pub frame: u64,
     /// What may be spent on who has waited longest.
     pub patience: Duration,
+    /// What may be spent on looking at what rebuilds bring.
+    pub curiosity: Duration,
+    /// Of all lights of a tree that is looked at.
+    pub chances: Vec<f32>,
     /// What builds in the background may spend, in nanoseconds; less than nothing while one is paid for.
     pub purse: f64,
     pub builder: Builder,

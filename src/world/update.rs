@@ -90,7 +90,8 @@ impl World {
     pub fn rebuild_tree(&mut self, tree: TreeKey) -> Result<Duration, WorldError> {
         let work = Work { kind: WorkKind::Rebuild, lights: self.entry(tree)?.tree.lights().len() };
         let start = self.clock.now();
-        self.rebuild_whole(tree);
+        let replaced = self.rebuild_whole(tree);
+        self.trees[tree].standing.forecast.learn(&replaced, None);
         self.clock.worked(work);
         let took = self.clock.now().saturating_sub(start);
         self.schedule.costs.learn(work, took);

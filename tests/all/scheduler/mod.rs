@@ -9,15 +9,15 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use girandole::glam::{DVec3, Vec3};
-use girandole::{FrameBudget, Light, Placement, Policy, TreeKey, VirtualClock, Work, WorkKind, World};
+use girandole::{FrameBudget, JobReport, Light, Placement, Policy, TreeKey, VirtualClock, Work, WorkKind, World};
 
 use crate::support::Rng;
 
-/// A tenth of a microsecond a light, whatever is done to it; a tenth of that for copies.
+/// A tenth of a microsecond a light for builds, a tenth of that for copies.
 pub fn cost(work: Work) -> Duration {
     Duration::from_nanos(match work.kind {
         WorkKind::Snapshot => 10 * work.lights as u64,
-        WorkKind::Refit => 0,
+        WorkKind::Refit | WorkKind::Probe => 0,
         _ => 100 * work.lights as u64,
     })
 }
@@ -80,6 +80,12 @@ impl Theater {
         });
         self.world.take_delta();
     }
+}
+
+/// The jobs of the last update that built something.
+pub fn builds(world: &World) -> Vec<JobReport> {
+    let is_build = |job: &&JobReport| matches!(job.work.kind, WorkKind::Rebuild | WorkKind::RebuildPart);
+    world.jobs().iter().filter(is_build).copied().collect()
 }
 
 /// Of a world's trees, in the order of their keys.
