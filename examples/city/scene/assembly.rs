@@ -35,6 +35,11 @@ pub struct Placed {
 impl Assembly {
     /// An empty night.
     pub fn new() -> Self {
+        Self::with_world(World::new())
+    }
+
+    /// A night in a world that is given, for one with a clock of its own.
+    pub fn with_world(world: World) -> Self {
         let camera = Camera { eye: Vec3::Y, target: Vec3::Z, vertical_fov: 1.0 };
         let sky = Sky { zenith: Vec3::ZERO, horizon: Vec3::ZERO, ambient: Vec3::ZERO };
         let scene = Scene {
@@ -46,7 +51,7 @@ impl Assembly {
             lamp_clearance: 0.1,
             exposure: 1.0,
         };
-        Self { scene, world: World::new() }
+        Self { scene, world }
     }
 
     /// A deep blue sky with a city's glow at its horizon, and a dim moon.

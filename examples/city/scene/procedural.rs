@@ -64,8 +64,13 @@ impl Size {
 
 /// Builds the city and parks nobody: the cars have already driven for a while.
 pub fn stage(options: &CityOptions) -> Result<Stage, SceneError> {
+    stage_in(options, World::new())
+}
+
+/// [`stage`], in a world that is given.
+pub fn stage_in(options: &CityOptions, world: World) -> Result<Stage, SceneError> {
     let plan = options.size.plan();
-    let mut assembly = Assembly::new();
+    let mut assembly = Assembly::with_world(world);
     let mut palette = Palette::default();
     let mut kit = Kit::new(&mut assembly, &mut palette, options.seed)?;
     blocks(&mut assembly, &mut kit, &plan, options.seed)?;

@@ -1,0 +1,213 @@
+//! The lights of trees that deform, each a function of time: who stands where in the tree's own space, Y up, metres.
+
+mod crowd;
+mod ferris_wheel;
+mod market;
+mod parade;
+mod strings;
+mod swarm;
+mod trade;
+
+use super::motion::{Moment, Motion, Tempo};
+use super::scene::rng::Rng;
+use girandole::glam::{Vec3, vec3};
+use girandole::light::luminance;
+use girandole::{Light, Shape};
+
+/// Lights that move together.
+pub trait Figure: Send + Sync {
+    /// How many.
+    fn count(&self) -> usize;
+
+    /// Where one of them is after so many seconds.
+    fn place(&self, light: usize, time: f32) -> Vec3;
+}
+
+/// What a figure is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Strings of bulbs that swing.
+    Strings,
+    /// Drones that trade places.
+    Swarm,
+    /// A wheel that turns, its gondolas upright.
+    FerrisWheel,
+    /// Stalls whose lamps are carried from one to another.
+    Market,
+    /// Floats and lanterns that pass each other.
+    Parade,
+    /// People with lanterns who disperse.
+    Crowd,
+}
+
+impl Kind {
+    /// All kinds.
+    pub const ALL: [Self; 6] = [Self::Strings, Self::Swarm, Self::FerrisWheel, Self::Market, Self::Parade, Self::Crowd];
+
+    /// As in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Strings => "strings",
+            Self::Swarm => "swarm",
+            Self::FerrisWheel => "ferris wheel",
+            Self::Market => "market",
+            Self::Parade => "parade",
+            Self::Crowd => "crowd",
+        }
+    }
+
+    /// The kind of the `index`-th tree of a stage: all kinds among ten, and a stage that scatters has mostly crowds.
+    pub fn of(index: usize, motion: Motion) -> Self {
+        let all = match motion {
+            Motion::Scattering => [
+                Self::Crowd,
+                Self::Strings,
+                Self::Crowd,
+                Self::Swarm,
+                Self::Crowd,
+                Self::Parade,
+                Self::Crowd,
+                Self::Market,
+                Self::Crowd,
+                Self::FerrisWheel,
+            ],
+            _ => [
+                Self::Swarm,
+                Self::Strings,
+                Self::Market,
+                Self::Parade,
+                Self::FerrisWheel,
+                Self::Crowd,
+                Self::Swarm,
+                Self::Strings,
+                Self::Market,
+                Self::Parade,
+            ],
+        };
+        all[index % all.len()]
+    }
+
+    /// Lumens of one light, before each is made a little different.
+    fn lumens(self) -> f32 {
+        match self {
+            Self::Strings => 500.0,
+            Self::Swarm => 3_000.0,
+            Self::FerrisWheel => 800.0,
+            Self::Market => 1_500.0,
+            Self::Parade => 1_500.0,
+            Self::Crowd => 1_000.0,
+        }
+    }
+
+    fn figure(self, rng: &mut Rng) -> Box<dyn Figure> {
+        match self {
+            Self::Strings => Box::new(strings::Strings::new(rng)),
+            Self::Swarm => Box::new(swarm::Swarm::new(rng)),
+            Self::FerrisWheel => Box::new(ferris_wheel::FerrisWheel::new(rng)),
+            Self::Market => Box::new(market::Market::new(rng)),
+            Self::Parade => Box::new(parade::Parade::new(rng)),
+            Self::Crowd => Box::new(crowd::Crowd::new(rng)),
+        }
+    }
+}
+
+/// How many lights a figure has: mostly near the middle, now and then several times as many.
+fn size(rng: &mut Rng, least: f32, most: f32) -> usize {
+    let usual = least * (most / least).powf(rng.unit());
+    let share = if rng.chance(0.03) { rng.range(3.0, 9.0) } else { 1.0 };
+    (usual * share) as usize
+}
+
+/// A figure's lights, frame by frame.
+pub struct Troupe {
+    /// What it is.
+    pub kind: Kind,
+    figure: Box<dyn Figure>,
+    tempo: Tempo,
+    /// At the moment that was asked for last.
+    lights: Vec<Light>,
+    moment: Moment,
+    /// Whose place each light takes after the last jump.
+    order: Vec<u32>,
+    /// Share of the lights that jump.
+    jumping: f32,
+    seed: u64,
+}
+
+impl Troupe {
+    /// Draws a figure of a kind, its lights and its tempo; it stands as in frame 0.
+    pub fn new(kind: Kind, motion: Motion, seed: u64) -> Self {
+        let mut rng = Rng::new(seed, 0xf160);
+        let figure = kind.figure(&mut rng);
+        let tempo = Tempo::new(motion, &mut rng);
+        let jumping = if rng.chance(0.5) { 1.0 } else { rng.range(0.1, 0.7) };
+        let tint = vec3(rng.range(0.2, 1.0), rng.range(0.3, 0.8), rng.range(0.1, 0.9));
+        let is_beam = kind == Kind::Swarm && rng.chance(0.4);
+        let light = |light: usize| {
+            let place = figure.place(light, 0.0);
+            let color = tint.lerp(vec3(rng.unit(), rng.unit(), rng.unit()), 0.3);
+            let color = color / luminance(color) * (kind.lumens() * 2.0_f32.powf(rng.range(-1.0, 1.0)));
+            match kind {
+                // 4 pi^2 r^2 L lumens are what a sphere of L nits emits.
+                Kind::Strings | Kind::Market => {
+                    let radius = 0.06;
+                    Light::sphere(place, radius, color / (39.478_418 * radius * radius))
+                }
+                Kind::Swarm if is_beam => Light::spot(place, Vec3::NEG_Y, 0.6, 1.3, color / 3.5),
+                _ => Light::point(place, color / 12.566_371),
+            }
+        };
+        let lights: Vec<Light> = (0..figure.count()).map(light).collect();
+        let order = (0..lights.len() as u32).collect();
+        let moment = Moment { time: 0.0, epoch: 0 };
+        let mut troupe = Self { kind, figure, tempo, lights, moment, order, jumping, seed };
+        troupe.advance(0);
+        troupe
+    }
+
+    /// The lights of the frame that was asked for last.
+    pub fn lights(&self) -> &[Light] {
+        &self.lights
+    }
+
+    /// Brings the lights to a frame; false if none of them moved.
+    pub fn advance(&mut self, frame: u32) -> bool {
+        let moment = self.tempo.at(frame);
+        if moment == self.moment {
+            return false;
+        }
+        if moment.epoch != self.moment.epoch {
+            self.jump(moment.epoch);
+        }
+        self.moment = moment;
+        let Self { figure, lights, order, .. } = self;
+        for (light, place) in lights.iter_mut().zip(order) {
+            move_to(light, figure.place(*place as usize, moment.time));
+        }
+        true
+    }
+
+    /// Deals places anew; none change hands in epoch 0.
+    fn jump(&mut self, epoch: u32) {
+        let count = self.order.len();
+        self.order = (0..count as u32).collect();
+        if epoch > 0 {
+            let mut rng = Rng::new(self.seed, 0x1000 + u64::from(epoch));
+            let movers: Vec<usize> = (0..count).filter(|_| rng.chance(self.jumping)).collect();
+            for i in 1..movers.len() {
+                self.order.swap(movers[i], movers[rng.below(i + 1)]);
+            }
+        }
+    }
+}
+
+fn move_to(light: &mut Light, place: Vec3) {
+    match &mut light.shape {
+        Shape::Point { position } | Shape::Spot { position, .. } => *position = place,
+        Shape::Sphere { center, .. } | Shape::Rectangle { center, .. } => *center = place,
+        Shape::Triangle { vertices, .. } => {
+            let shift = place - vertices[0];
+            vertices.iter_mut().for_each(|vertex| *vertex += shift);
+        }
+    }
+}

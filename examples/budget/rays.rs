@@ -1,0 +1,82 @@
+//! Where light arrives: points that rays meet first, from the camera or from lights, in a scene as it stands.
+
+use super::scene::{Camera, Object, Scene};
+use girandole::Receiver;
+use girandole::bounds::Aabb;
+use girandole::glam::{Affine3A, Mat3, Vec3};
+
+/// Receivers lie this far in front of their surface, in metres.
+const OFFSET: f32 = 1.0e-3;
+
+/// The visible objects of a scene, each in its box. Some dozens of rays do not need more.
+pub struct Rays<'a> {
+    scene: &'a Scene,
+    /// Box in the world, mesh, from the world to the mesh.
+    objects: Vec<(Aabb, u32, Affine3A)>,
+}
+
+impl<'a> Rays<'a> {
+    /// O(triangles of meshes + objects).
+    pub fn new(scene: &'a Scene) -> Self {
+        let boxes: Vec<Aabb> =
+            scene.meshes.iter().map(|mesh| Aabb::around(mesh.triangles.iter().flat_map(|t| t.vertices))).collect();
+        let visible = scene.objects.iter().filter(|object| object.visible);
+        let object = |object: &Object| {
+            let transform = object.transform;
+            let aabb = boxes[object.mesh as usize].transformed(&transform.matrix3.into(), transform.translation.into());
+            (aabb, object.mesh, transform.inverse())
+        };
+        Self { scene, objects: visible.map(object).collect() }
+    }
+
+    /// The first surface within `reach` metres, as a receiver on the side that the ray comes from.
+    pub fn first(&self, from: Vec3, direction: Vec3, reach: f32) -> Option<Receiver> {
+        let mut nearest = reach;
+        let mut found = None;
+        for (aabb, mesh, to_mesh) in &self.objects {
+            if !meets(aabb, from, direction, nearest) {
+                continue;
+            }
+            let (start, way) = (to_mesh.transform_point3(from), to_mesh.transform_vector3(direction));
+            for triangle in &self.scene.meshes[*mesh as usize].triangles {
+                if let Some(distance) = distance(triangle.vertices, start, way).filter(|d| *d < nearest) {
+                    nearest = distance;
+                    found = Some((triangle.vertices, to_mesh));
+                }
+            }
+        }
+        let ([a, b, c], to_mesh) = found?;
+        let local = (b - a).cross(c - a);
+        // Normals turn back by the transpose.
+        let normal = (Mat3::from(to_mesh.matrix3).transpose() * local).try_normalize()?;
+        let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
+        Some(Receiver::surface(from + direction * nearest + normal * OFFSET, normal))
+    }
+}
+
+/// A direction through the picture; `u` in [0, 1)^2, 16:9.
+pub fn through(camera: &Camera, u: [f32; 2]) -> Vec3 {
+    let forward = (camera.target - camera.eye).normalize_or(Vec3::NEG_Z);
+    let right = forward.cross(Vec3::Y).normalize_or(Vec3::X);
+    let up = right.cross(forward);
+    let half = (0.5 * camera.vertical_fov).tan();
+    let [x, y] = u.map(|u| 2.0 * u - 1.0);
+    (forward + right * (x * half * 16.0 / 9.0) + up * (y * half)).normalize()
+}
+
+fn meets(aabb: &Aabb, from: Vec3, direction: Vec3, reach: f32) -> bool {
+    let (a, b) = ((aabb.min - from) / direction, (aabb.max - from) / direction);
+    let (enter, leave) = (a.min(b).max_element(), a.max(b).min_element());
+    enter <= leave && leave > 0.0 && enter < reach
+}
+
+/// Möller and Trumbore 1997.
+fn distance([a, b, c]: [Vec3; 3], from: Vec3, direction: Vec3) -> Option<f32> {
+    let (ab, ac, to) = (b - a, c - a, from - a);
+    let p = direction.cross(ac);
+    let determinant = ab.dot(p);
+    let q = to.cross(ab);
+    let (u, v) = (to.dot(p) / determinant, direction.dot(q) / determinant);
+    let distance = ac.dot(q) / determinant;
+    (determinant != 0.0 && u >= 0.0 && v >= 0.0 && u + v <= 1.0 && distance > 1.0e-3).then_some(distance)
+}
