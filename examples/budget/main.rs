@@ -1,18 +1,23 @@
 //! What a rebuild buys, and where a frame's budget is spent best.
 //!
 //! ```text
+//! cargo run --release --example budget -- --fit
 //! cargo run --release --example budget -- --stages S10|M100|L1000 [--receivers N]
 //! ```
 //!
-//! `--stages` prints what is at stake in the scenes (`check.rs`).
+//! `--fit` prints how well a tree's attributes tell what a rebuild would buy (`fit.rs`); `--stages` what is at stake in
+//! the scenes (`check.rs`).
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program talks to its user")]
 
 mod check;
-#[allow(dead_code, reason = "names for the tables to come")]
 mod figures;
+mod fit;
 mod motion;
 mod noise;
+mod observations;
 mod rays;
+mod regression;
+mod scale;
 #[path = "../city/scene/mod.rs"]
 #[allow(dead_code, reason = "the city draws what is only measured here")]
 mod scene;
@@ -23,6 +28,7 @@ mod sigma;
 mod stage;
 
 use clap::Parser;
+use scene::SceneError;
 use stage::SceneKind;
 use std::process::ExitCode;
 
@@ -30,6 +36,9 @@ use std::process::ExitCode;
 #[derive(Parser)]
 #[command(name = "budget", version)]
 struct Options {
+    /// Fit what attributes tell of noise
+    #[arg(long)]
+    fit: bool,
     /// Measure what is at stake in a scene
     #[arg(long, value_enum, ignore_case = true)]
     stages: Option<SceneKind>,
@@ -40,7 +49,9 @@ struct Options {
 
 fn main() -> ExitCode {
     let options = Options::parse();
-    match options.stages.map_or(Ok(()), |kind| check::run(kind, options.receivers as usize)) {
+    let fit = if options.fit { fit::run().map_err(SceneError::from) } else { Ok(()) };
+    let stages = |()| options.stages.map_or(Ok(()), |kind| check::run(kind, options.receivers as usize));
+    match fit.and_then(stages) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error}");

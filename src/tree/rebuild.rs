@@ -62,6 +62,15 @@ impl LightTree {
         rebuilt
     }
 
+    /// How much the tree's splitting cost has risen since its last build, relative to how its lights lie now: 0 is as
+    /// good as then, 1 twice as bad. As of the last refit with attributes; 0 for a frozen tree. O(1).
+    ///
+    /// Unlike [`Attribute::SplittingCost`](super::Attribute) it does not depend on the box around all lights, which one
+    /// stray light stretches.
+    pub fn cost_rise(&self) -> f32 {
+        if self.terms.is_empty() || self.fresh[0] <= 0.0 { 0.0 } else { self.loss(0) }
+    }
+
     /// Builds a part of the tree, or all of it, anew. False, and no change, if its new shape needs more nodes than the
     /// old one left.
     pub(crate) fn rebuild_part(&mut self, part: Part) -> bool {
@@ -274,6 +283,31 @@ mod tests {
         let bits = bytemuck::bytes_of(&tree.nodes[node]);
         let LightTree { wide, spans, sizes, fresh, terms, .. } = tree;
         format!("{bits:?} {:?} {} {} {} {:?}", wide[node], spans[node], sizes[node], fresh[node], terms[node])
+    }
+
+    #[test]
+    fn cost_rises_as_lights_mix_and_not_as_they_move_together() {
+        let mut numbers = Numbers(3);
+        let mut tree = block(&mut numbers, 500);
+        assert_eq!(tree.cost_rise(), 0.0);
+        assert_eq!(LightTree::build(Vec::new()).cost_rise(), 0.0);
+        let moved = |tree: &LightTree, place: &mut dyn FnMut(&Light) -> Vec3| -> Vec<(u32, Light)> {
+            let light = |light: &Light| Light::point(place(light), light.emission);
+            (0..).zip(tree.lights.iter().map(light)).collect()
+        };
+        // A translation of 64 m, which costs a few of the last digits.
+        let together = moved(&tree, &mut |light| light.cluster().mean + 64.0 * Vec3::X);
+        tree.apply(&together);
+        tree.refit();
+        assert!(tree.cost_rise().abs() < 1.0e-3, "{}", tree.cost_rise());
+        let mixed = moved(&tree, &mut |_| 100.0 * numbers.place());
+        tree.apply(&mixed);
+        tree.refit();
+        assert!(tree.cost_rise() > 1.0, "{}", tree.cost_rise());
+        tree.rebuild();
+        assert_eq!(tree.cost_rise(), 0.0);
+        tree.freeze();
+        assert_eq!(tree.cost_rise(), 0.0);
     }
 
     #[test]

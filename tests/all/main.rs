@@ -1,6 +1,7 @@
 //! All integration tests in one binary: linking wgpu once is enough.
 
 mod allocations;
+mod budget;
 #[path = "../../examples/city/modules.rs"]
 #[allow(dead_code, missing_docs, reason = "the example's main uses what the tests do not")]
 mod city;

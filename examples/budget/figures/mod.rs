@@ -99,6 +99,15 @@ impl Kind {
         }
     }
 
+    /// How many of such figures shine down only.
+    fn beams(self) -> f32 {
+        match self {
+            Self::Swarm | Self::Market => 0.4,
+            Self::Parade | Self::FerrisWheel => 0.25,
+            Self::Strings | Self::Crowd => 0.0,
+        }
+    }
+
     fn figure(self, rng: &mut Rng) -> Box<dyn Figure> {
         match self {
             Self::Strings => Box::new(strings::Strings::new(rng)),
@@ -142,18 +151,19 @@ impl Troupe {
         let tempo = Tempo::new(motion, &mut rng);
         let jumping = if rng.chance(0.5) { 1.0 } else { rng.range(0.1, 0.7) };
         let tint = vec3(rng.range(0.2, 1.0), rng.range(0.3, 0.8), rng.range(0.1, 0.9));
-        let is_beam = kind == Kind::Swarm && rng.chance(0.4);
+        let is_beam = rng.chance(kind.beams());
+        let outer_angle = rng.range(0.9, 1.4);
         let light = |light: usize| {
             let place = figure.place(light, 0.0);
             let color = tint.lerp(vec3(rng.unit(), rng.unit(), rng.unit()), 0.3);
             let color = color / luminance(color) * (kind.lumens() * 2.0_f32.powf(rng.range(-1.0, 1.0)));
             match kind {
                 // 4 pi^2 r^2 L lumens are what a sphere of L nits emits.
+                _ if is_beam => Light::spot(place, Vec3::NEG_Y, 0.5 * outer_angle, outer_angle, color / 3.5),
                 Kind::Strings | Kind::Market => {
                     let radius = 0.06;
                     Light::sphere(place, radius, color / (39.478_418 * radius * radius))
                 }
-                Kind::Swarm if is_beam => Light::spot(place, Vec3::NEG_Y, 0.6, 1.3, color / 3.5),
                 _ => Light::point(place, color / 12.566_371),
             }
         };

@@ -1,0 +1,255 @@
+//! How well attributes tell what a rebuild would buy: linear models of the rise of a tree's noise, each judged on kinds of
+//! trees that it was not fitted to.
+
+use super::figures::Kind;
+use super::observations::{self, OPENINGS, Observation};
+use super::regression::{MOST, Point, best_tenth, fit, mean, predict, r_squared, spearman, spread};
+use super::scale;
+use girandole::WorldError;
+
+/// Attributes below this count as this, where ratios or logarithms are taken.
+const FLOOR: f64 = 1.0e-3;
+/// The same for variances.
+pub const LEAST_NOISE: f64 = 1.0e-4;
+
+/// About the mean over all observations.
+const USUAL_LIGHTS: f64 = 250.0;
+
+/// What a model reads.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Features {
+    /// Logarithms of the attributes now by those after the last rebuild.
+    LogRatios,
+    /// Attributes now less those.
+    Differences,
+    /// The differences by those.
+    RelativeRises,
+    /// Logarithms of ratios, of attributes by how widely lights are spread instead of by the box around them.
+    SpreadLogRatios,
+    /// Logarithms of the attributes now by those of the fresh tree: known after a rebuild only.
+    Drops,
+}
+
+impl Features {
+    const ALL: [Self; 5] =
+        [Self::LogRatios, Self::Differences, Self::RelativeRises, Self::SpreadLogRatios, Self::Drops];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::LogRatios => "ln(now / rebuilt)",
+            Self::Differences => "now - rebuilt",
+            Self::RelativeRises => "(now - rebuilt) / rebuilt",
+            Self::SpreadLogRatios => "ln(now / rebuilt), by spread",
+            Self::Drops => "ln(now / fresh)",
+        }
+    }
+
+    fn of(self, observation: &Observation) -> [f64; MOST] {
+        let before = if self == Self::Drops { &observation.fresh_shape } else { &observation.rebuilt };
+        let (now, rebuilt) = (observation.now.values(), before.values());
+        let units = observation.now.box_per_spread / observation.rebuilt.box_per_spread;
+        let units = [units.sqrt(), 1.0, units, units];
+        let mut x = [0.0; MOST];
+        for i in 0..4 {
+            let ratio = now[i].max(FLOOR) / rebuilt[i].max(FLOOR);
+            x[i] = match self {
+                Self::LogRatios | Self::Drops => ratio.ln(),
+                Self::Differences => now[i] - rebuilt[i],
+                Self::RelativeRises => (now[i] - rebuilt[i]) / rebuilt[i].max(FLOOR),
+                Self::SpreadLogRatios => (ratio * units[i]).ln(),
+            };
+        }
+        let rise = observation.cost_rise.max(-0.9);
+        x[4] = match self {
+            Self::LogRatios | Self::SpreadLogRatios | Self::Drops => rise.ln_1p(),
+            Self::Differences | Self::RelativeRises => rise,
+        };
+        x[5] = x[4] * (observation.lights as f64 / USUAL_LIGHTS).ln();
+        x
+    }
+}
+
+/// What a model tells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Target {
+    /// Logarithm of the variance by that of a fresh tree.
+    LogRatio,
+    /// Variance less that of a fresh tree.
+    Difference,
+    /// Deviation less that of a fresh tree.
+    SigmaDifference,
+}
+
+impl Target {
+    const ALL: [Self; 3] = [Self::LogRatio, Self::Difference, Self::SigmaDifference];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::LogRatio => "ln(s2 / fresh s2)",
+            Self::Difference => "s2 - fresh s2",
+            Self::SigmaDifference => "s - fresh s",
+        }
+    }
+
+    fn of(self, observation: &Observation, openings: usize) -> f64 {
+        let (now, fresh) = (observation.refitted[openings], observation.fresh[openings]);
+        match self {
+            Self::LogRatio => (now.max(LEAST_NOISE) / fresh.max(LEAST_NOISE)).ln(),
+            Self::Difference => now - fresh,
+            Self::SigmaDifference => now.sqrt() - fresh.sqrt(),
+        }
+    }
+}
+
+/// Sets of features, by name.
+const SETS: [(&str, &[usize]); 8] = [
+    ("distance", &[0]),
+    ("overlap", &[1]),
+    ("variance", &[2]),
+    ("splitting cost", &[3]),
+    ("cost rise", &[4]),
+    ("all four", &[0, 1, 2, 3]),
+    ("all four and cost rise", &[0, 1, 2, 3, 4]),
+    ("cost rise, and times ln lights", &[4, 5]),
+];
+
+/// How good a model is.
+struct Quality {
+    coefficients: [f64; MOST],
+    /// R squared and rank correlation on what it was fitted to.
+    own: [f64; 2],
+    /// Each kind predicted by a fit to the other kinds.
+    held_out: [f64; 2],
+    /// Predictions of the latter.
+    predicted: Vec<f64>,
+}
+
+fn judge(points: &[Point], kinds: &[Kind], features: &[usize]) -> Quality {
+    let y: Vec<f64> = points.iter().map(|point| point.y).collect();
+    let all: Vec<&Point> = points.iter().collect();
+    let coefficients = fit(&all, features);
+    let own: Vec<f64> = points.iter().map(|point| predict(&coefficients, &point.x)).collect();
+    let mut predicted = vec![0.0; points.len()];
+    for kind in Kind::ALL {
+        let others: Vec<&Point> = points.iter().zip(kinds).filter(|(_, k)| **k != kind).map(|(p, _)| p).collect();
+        let coefficients = fit(&others, features);
+        for (i, _) in kinds.iter().enumerate().filter(|(_, k)| **k == kind) {
+            predicted[i] = predict(&coefficients, &points[i].x);
+        }
+    }
+    let quality = |predicted: &[f64]| [r_squared(predicted, &y), spearman(predicted, &y)];
+    Quality { coefficients, own: quality(&own), held_out: quality(&predicted), predicted }
+}
+
+fn points(observations: &[Observation], features: Features, target: Target, openings: usize) -> Vec<Point> {
+    let point = |o: &Observation| Point { x: features.of(o), y: target.of(o, openings) };
+    observations.iter().map(point).collect()
+}
+
+/// Prints all tables.
+pub fn run() -> Result<(), WorldError> {
+    let observations = observations::all()?;
+    println!("{} observations of {} trees", observations.len(), trees(&observations).len());
+    kinds_table(&observations);
+    for openings in 0..OPENINGS.len() {
+        models(&observations, openings);
+    }
+    for openings in 0..OPENINGS.len() {
+        scale::run(&observations, openings);
+    }
+    for features in [Features::LogRatios, Features::SpreadLogRatios] {
+        for (name, set) in [SETS[3], SETS[4], SETS[5]] {
+            prior(&observations, features, name, set);
+        }
+    }
+    Ok(())
+}
+
+/// The largest relative rise of any attribute, as `History::worsening` has it.
+fn worsening(observation: &Observation) -> f64 {
+    let rises = Features::RelativeRises.of(observation);
+    rises[..4].iter().copied().fold(0.0, f64::max)
+}
+
+/// Indices of each tree's observations.
+fn trees(observations: &[Observation]) -> Vec<Vec<usize>> {
+    let count = observations.iter().map(|o| o.tree + 1).max().unwrap_or(0);
+    let mut trees = vec![Vec::new(); count];
+    observations.iter().enumerate().for_each(|(i, o)| trees[o.tree].push(i));
+    trees
+}
+
+/// What there is to be told.
+fn kinds_table(observations: &[Observation]) {
+    println!(
+        "\n| kind | lights | s2 fresh, 0 opened | refitted | s2 fresh, {} opened | refitted | mean ln ratio | deviation |",
+        OPENINGS[1]
+    );
+    println!("|---|---|---|---|---|---|---|---|");
+    for kind in Kind::ALL {
+        let own = || observations.iter().filter(move |o| o.kind == kind);
+        let [plain, cut] = [0, 1].map(|openings| {
+            let fresh = mean(own().map(|o| o.fresh[openings]));
+            let refitted = mean(own().map(|o| o.refitted[openings]));
+            format!("{fresh:.3} | {refitted:.3}")
+        });
+        let ratio = mean(own().map(|o| Target::LogRatio.of(o, 1)));
+        let deviation = mean(own().map(|o| (Target::LogRatio.of(o, 1) - ratio).powi(2))).sqrt();
+        let lights = mean(own().map(|o| o.lights as f64));
+        let (least, most) = own().fold((usize::MAX, 0), |(low, high), o| (low.min(o.lights), high.max(o.lights)));
+        println!(
+            "| {} | {lights:.0} ({least} to {most}) | {plain} | {cut} | {ratio:.2} | {deviation:.2} |",
+            kind.name()
+        );
+    }
+}
+
+/// The table of models. The last two judge the prediction by what the scheduler needs: which trees lose most variance.
+fn models(observations: &[Observation], openings: usize) {
+    let kinds: Vec<Kind> = observations.iter().map(|o| o.kind).collect();
+    let gain: Vec<f64> = observations.iter().map(|o| Target::Difference.of(o, openings)).collect();
+    println!("\n{} opened, {} observations\n", OPENINGS[openings], observations.len());
+    println!(
+        "| target | features | of | R2 | Spearman | R2 held out | Spearman held out | of gain | best tenth \
+         | distance | overlap | variance | cost | cost rise | times ln lights |"
+    );
+    println!("|{}", "---|".repeat(15));
+    let worsening: Vec<f64> = observations.iter().map(worsening).collect();
+    for target in Target::ALL {
+        let y: Vec<f64> = observations.iter().map(|o| target.of(o, openings)).collect();
+        let rank = spearman(&worsening, &y);
+        let [of_gain, tenth] = [spearman(&worsening, &gain), best_tenth(&worsening, &gain)];
+        println!("| {} | largest relative rise | | | {rank:.3} | | | {of_gain:.3} | {tenth:.3} |", target.name());
+        for features in Features::ALL {
+            let points = points(observations, features, target, openings);
+            for (name, set) in SETS {
+                let Quality { coefficients, own, held_out, predicted } = judge(&points, &kinds, set);
+                let ranks = [spearman(&predicted, &gain), best_tenth(&predicted, &gain)];
+                let numbers = own.into_iter().chain(held_out).chain(ranks).chain(coefficients);
+                let numbers: Vec<String> = numbers.map(|number| format!("{number:.3}")).collect();
+                println!("| {} | {} | {name} | {} |", target.name(), features.name(), numbers.join(" | "));
+            }
+        }
+    }
+}
+
+/// How coefficients differ from tree to tree.
+fn prior(observations: &[Observation], features: Features, name: &str, set: &[usize]) {
+    let points = points(observations, features, Target::LogRatio, 1);
+    let coefficients = fit(&points.iter().collect::<Vec<_>>(), set);
+    let groups: Vec<Vec<&Point>> =
+        trees(observations).into_iter().map(|tree| tree.into_iter().map(|i| &points[i]).collect()).collect();
+    let spread = spread(&groups, &coefficients, set);
+    let residual = mean(points.iter().map(|p| (p.y - predict(&coefficients, &p.x)).powi(2))).sqrt();
+    println!("\n{}, {name}: coefficients {coefficients:.3?}", features.name());
+    println!("residual {residual:.3}, within a tree that has its own coefficients {:.3}", spread.noise);
+    println!("deviations of coefficients across trees and their correlations:");
+    for i in set {
+        let deviation = |i: usize| spread.covariance[i][i].sqrt();
+        let row: Vec<String> = set
+            .iter()
+            .map(|j| format!("{:.2}", spread.covariance[*i][*j] / (deviation(*i) * deviation(*j)).max(1.0e-12)))
+            .collect();
+        println!("| {:.3} | {} |", deviation(*i), row.join(" | "));
+    }
+}

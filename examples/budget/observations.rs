@@ -1,0 +1,189 @@
+//! What is fitted: trees of every kind and motion, some frames after their last rebuild, with their attributes then and
+//! now and the noise of the choice inside them, refitted and fresh.
+
+use super::figures::{Kind, Troupe};
+use super::motion::Motion;
+use super::scene::rng::Rng;
+use super::sigma::Noise;
+use girandole::glam::{Vec3, vec3};
+use girandole::light::luminance;
+use girandole::tree::{Attribute, Attributes};
+use girandole::{Light, LightId, LightTree, Placement, Policy, Receiver, World, WorldError};
+use rayon::prelude::*;
+
+/// Troupes of each kind and motion.
+const SEEDS: u64 = 16;
+/// Observations of each.
+const TIMES: usize = 24;
+/// The last rebuild lies so many frames back at most.
+const OLDEST: usize = 100;
+/// In one of the first so many frames.
+const FRAMES: usize = 140;
+/// Points around a tree that its light arrives at.
+const RECEIVERS: usize = 32;
+/// Their distances from its middle, as a share of its box's diagonal.
+const DISTANCES: [f32; 2] = [0.2, 2.0];
+/// Metres from any light at least: one that nearly touches a surface would decide over all other receivers.
+const CLEARANCE: f32 = 1.0;
+/// Points that are tried for a receiver.
+const TRIES: usize = 50;
+
+/// All motions in which every tree moves.
+const MOTIONS: [Motion; 4] = [Motion::Smooth, Motion::Bursty, Motion::Teleporting, Motion::Scattering];
+
+/// A tree's shape in numbers.
+#[derive(Clone, Copy, Debug)]
+pub struct Shape {
+    pub attributes: Attributes,
+    /// Diagonal of the box around all lights, squared, per variance of position.
+    pub box_per_spread: f64,
+    /// Length of the mean direction of emission: 0 for lights to all sides, 1 for one beam.
+    pub axis: f64,
+}
+
+impl Shape {
+    fn of(tree: &LightTree) -> Self {
+        let cluster = tree.cluster();
+        let box_per_spread = f64::from(cluster.aabb.extent().length_squared() / cluster.variance.max(1.0e-12));
+        Self { attributes: tree.attributes(), box_per_spread, axis: f64::from(cluster.axis.length()) }
+    }
+
+    /// The four attributes: distance, overlap, variance, splitting cost.
+    pub fn values(&self) -> [f64; 4] {
+        [Attribute::Distance, Attribute::Overlap, Attribute::Variance, Attribute::SplittingCost]
+            .map(|attribute| f64::from(self.attributes.get(attribute)))
+    }
+}
+
+/// One tree at one time.
+#[derive(Clone, Copy, Debug)]
+pub struct Observation {
+    pub kind: Kind,
+    /// Which tree, of all.
+    pub tree: usize,
+    pub lights: usize,
+    /// Right after the last rebuild.
+    pub rebuilt: Shape,
+    pub now: Shape,
+    /// See [`LightTree::cost_rise`].
+    pub cost_rise: f64,
+    /// Relative variance of a choice in the refitted tree, for each count of openings: a mean over receivers.
+    pub refitted: [f64; OPENINGS.len()],
+    /// The same in a fresh tree of the same lights.
+    pub fresh: [f64; OPENINGS.len()],
+    pub fresh_shape: Shape,
+}
+
+/// Openings that noise is measured with: a plain walk, and what callers get.
+pub const OPENINGS: [usize; 2] = [0, girandole::DEFAULT_OPENINGS];
+
+/// All observations, always the same.
+pub fn all() -> Result<Vec<Observation>, WorldError> {
+    let mut troupes = Vec::new();
+    for kind in Kind::ALL {
+        for motion in MOTIONS {
+            (0..SEEDS).for_each(|seed| troupes.push((kind, motion, seed)));
+        }
+    }
+    let observed: Result<Vec<Vec<Observation>>, WorldError> = troupes
+        .par_iter()
+        .enumerate()
+        .map(|(tree, (kind, motion, seed))| observe(tree, *kind, *motion, *seed))
+        .collect();
+    Ok(observed?.into_iter().flatten().collect())
+}
+
+fn observe(tree: usize, kind: Kind, motion: Motion, seed: u64) -> Result<Vec<Observation>, WorldError> {
+    // Other figures than those of the stages, which are to be predicted.
+    let mut troupe = Troupe::new(kind, motion, 7 << 32 | (tree as u64) << 8 | seed);
+    let mut rng = Rng::new(7, 0x0b5e_0000 + tree as u64);
+    let mut observations = Vec::with_capacity(TIMES);
+    for _ in 0..TIMES {
+        let start = rng.below(FRAMES) as u32;
+        troupe.advance(start);
+        let mut refitted = LightTree::new(troupe.lights().to_vec())?;
+        let rebuilt = Shape::of(&refitted);
+        troupe.advance(start + 1 + rng.below(OLDEST) as u32);
+        let changes: Vec<(u32, Light)> = (0..).zip(troupe.lights().iter().copied()).collect();
+        refitted.set(&changes)?;
+        refitted.refit();
+        let fresh = LightTree::new(troupe.lights().to_vec())?;
+        let [before, after] = noise([&refitted, &fresh], &mut rng)?;
+        observations.push(Observation {
+            kind,
+            tree,
+            lights: troupe.lights().len(),
+            rebuilt,
+            now: Shape::of(&refitted),
+            cost_rise: f64::from(refitted.cost_rise()),
+            refitted: before,
+            fresh: after,
+            fresh_shape: Shape::of(&fresh),
+        });
+    }
+    Ok(observations)
+}
+
+/// Weighted mean of the relative variance of trees over the same lights at the same receivers.
+fn noise(trees: [&LightTree; 2], rng: &mut Rng) -> Result<[[f64; OPENINGS.len()]; 2], WorldError> {
+    let mut world = World::new();
+    let key = world.add_tree(trees[1].lights().to_vec())?;
+    let instance = world.add_instance(key, Placement::IDENTITY, Policy::Static)?;
+    let sampler = world.sampler();
+    let mut sums = [[0.0; OPENINGS.len()]; 2];
+    let (mut weights, mut chances) = (0.0, Vec::new());
+    for _ in 0..RECEIVERS {
+        let at = receiver(trees[1], rng);
+        let lux = |light: u32| {
+            let incident = sampler.sample_light(&at, LightId::Local { instance, light }, [0.5, 0.5])?;
+            Some(luminance(incident.radiance) * incident.direction.dot(at.normal).max(0.0) / incident.pdf)
+        };
+        let contributions: Vec<f32> =
+            (0..trees[1].lights().len() as u32).map(|light| lux(light).unwrap_or(0.0)).collect();
+        let weight = weight(trees[1], &at, contributions.iter().sum());
+        if weight <= 0.0 {
+            continue;
+        }
+        weights += weight;
+        for (tree, sums) in trees.into_iter().zip(&mut sums) {
+            for (openings, sum) in OPENINGS.into_iter().zip(sums) {
+                tree.distribution(&at, openings, &mut chances);
+                *sum += weight * Noise::of(&contributions, &chances).map_or(0.0, |noise| noise.sigma * noise.sigma);
+            }
+        }
+    }
+    Ok(sums.map(|sums| sums.map(|sum| if weights > 0.0 { sum / weights } else { 0.0 })))
+}
+
+/// How much a receiver counts: the square of its light by what all flux would bring from the middle to all sides, at most
+/// 1. So does a tree's noise count among that of other lights: where beams shine past a receiver, it does not matter.
+fn weight(tree: &LightTree, at: &Receiver, lux: f32) -> f64 {
+    let cluster = tree.cluster();
+    let dist_sq = at.position.distance_squared(cluster.mean);
+    let share = f64::from(lux * dist_sq) * 4.0 * std::f64::consts::PI / f64::from(cluster.flux);
+    (share * share).min(1.0)
+}
+
+/// A surface around a tree that faces some of it.
+fn receiver(tree: &LightTree, rng: &mut Rng) -> Receiver {
+    let cluster = tree.cluster();
+    let [least, most] = DISTANCES;
+    let middle = (cluster.aabb.min + cluster.aabb.max) * 0.5;
+    let mut position = middle;
+    for _ in 0..TRIES {
+        let distance = least * (most / least).powf(rng.unit()) * cluster.aabb.extent().length();
+        position = middle + direction(rng) * distance;
+        let is_close = |light: &Light| light.cluster().mean.distance(position) < CLEARANCE;
+        if !tree.lights().iter().any(is_close) {
+            break;
+        }
+    }
+    let toward = (cluster.mean - position).normalize_or(Vec3::Y);
+    Receiver::surface(position, (toward + 0.9 * direction(rng)).normalize_or(Vec3::Y))
+}
+
+fn direction(rng: &mut Rng) -> Vec3 {
+    let (height, turn) = (rng.range(-1.0, 1.0), rng.unit() * std::f32::consts::TAU);
+    let ring = (1.0 - height * height).sqrt();
+    vec3(ring * turn.cos(), height, ring * turn.sin())
+}

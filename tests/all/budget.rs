@@ -1,0 +1,163 @@
+//! The scenes, the measure and the arithmetic of the budget example.
+
+use std::sync::Arc;
+
+use girandole::light::luminance;
+use girandole::{FrameBudget, Light, SystemClock};
+
+use crate::city::scene;
+use crate::support::{Rng, all_chances};
+
+#[path = "../../examples/budget/figures/mod.rs"]
+#[allow(dead_code, missing_docs, reason = "part of a program")]
+mod figures;
+#[path = "../../examples/budget/motion.rs"]
+#[allow(missing_docs, reason = "part of a program")]
+mod motion;
+#[path = "../../examples/budget/noise.rs"]
+#[allow(missing_docs, reason = "part of a program")]
+mod noise;
+#[path = "../../examples/budget/rays.rs"]
+#[allow(missing_docs, reason = "part of a program")]
+mod rays;
+#[path = "../../examples/budget/regression.rs"]
+#[allow(dead_code, missing_docs, reason = "part of a program")]
+mod regression;
+#[path = "../../examples/variance/sigma.rs"]
+#[allow(dead_code, missing_docs, reason = "part of a program")]
+mod sigma;
+#[path = "../../examples/budget/stage.rs"]
+#[allow(dead_code, missing_docs, reason = "part of a program")]
+mod stage;
+
+use figures::{Kind, Troupe};
+use motion::{FRAMES, Motion};
+use regression::{Line, MOST, Point, best_tenth, fit, spearman, spread};
+use stage::{SceneKind, Stage};
+
+#[test]
+fn a_troupe_stands_where_the_frame_says_however_it_got_there() {
+    for (kind, motion) in Kind::ALL.into_iter().flat_map(|kind| Motion::ALL.map(|motion| (kind, motion))) {
+        let (mut played, mut skipped) = (Troupe::new(kind, motion, 5), Troupe::new(kind, motion, 5));
+        let start = played.lights().to_vec();
+        assert!(start.len() >= 20, "{kind:?}");
+        for frame in 0..FRAMES {
+            played.advance(frame);
+            if frame % 50 == 49 {
+                skipped.advance(frame);
+                assert!(played.lights() == skipped.lights(), "{kind:?} {motion:?} in frame {frame}");
+            }
+        }
+        assert!(played.lights() != start, "{kind:?} {motion:?} never moves");
+        assert!(motion != Motion::Rest || !played.advance(FRAMES), "{kind:?} does not rest");
+    }
+}
+
+#[test]
+fn the_lights_of_a_stage_do_not_depend_on_what_is_rebuilt() {
+    let mut stages = [0, 1].map(|_| {
+        Stage::new(SceneKind::S10, Motion::Teleporting, 20, Arc::new(SystemClock::default())).expect("a stage")
+    });
+    assert_eq!(stages[0].receivers, stages[1].receivers);
+    assert_eq!((stages[0].receivers.len(), stages[0].trees.len()), (20, 10));
+    let mut rebuilt = 0;
+    for frame in 1..=100 {
+        for (stage, budget) in stages.iter_mut().zip([FrameBudget::NONE, FrameBudget::UNLIMITED]) {
+            stage.advance(frame).expect("a frame");
+            rebuilt += stage.world.update(budget).rebuilt_trees;
+        }
+    }
+    assert!(rebuilt > 10, "{rebuilt}");
+    let lights = |stage: &Stage| -> Vec<Light> {
+        stage.trees.iter().flat_map(|tree| stage.world.tree(*tree).expect("a tree").lights().to_vec()).collect()
+    };
+    assert!(lights(&stages[0]) == lights(&stages[1]));
+    // Rebuilding matters: that is what the stage is for.
+    let [stale, fresh] = stages.map(|stage| noise::sigmas(&stage.world, &stage.receivers).iter().sum::<f64>());
+    assert!(stale > 1.1 * fresh, "{stale} {fresh}");
+}
+
+#[test]
+fn sigmas_are_those_of_the_lights_one_by_one() {
+    let mut rng = Rng(81);
+    let world = rng.world(3, 40, 4, 20.0);
+    let receivers: Vec<_> = (0..20).map(|_| rng.receiver(20.0)).collect();
+    let sampler = world.sampler();
+    for (at, sigma) in receivers.iter().zip(noise::sigmas(&world, &receivers)) {
+        let (mut sum, mut second) = (0.0, 0.0);
+        for (light, pmf) in all_chances(&sampler, at) {
+            let Some(incident) = sampler.sample_light(at, light, [0.5, 0.5]) else { continue };
+            let cosine = incident.direction.dot(at.normal).max(0.0);
+            let lux = f64::from(luminance(incident.radiance) * cosine / incident.pdf);
+            sum += lux;
+            second += if lux > 0.0 { lux * lux / f64::from(pmf) } else { 0.0 };
+        }
+        let expected = if sum > 0.0 { (second / (sum * sum) - 1.0).max(0.0).sqrt() } else { 0.0 };
+        // Chances differ by rounding, 1e-5 at most, and sigma is a root of a difference.
+        assert!((sigma - expected).abs() <= 1.0e-3 * expected + 1.0e-2, "{sigma} {expected}");
+    }
+    assert!(noise::sigmas(&girandole::World::new(), &receivers[..1]) == [0.0]);
+}
+
+fn point(x: &[f64], y: f64) -> Point {
+    Point { x: std::array::from_fn(|i| x.get(i).copied().unwrap_or(0.0)), y }
+}
+
+#[test]
+fn least_squares_find_what_made_the_points() {
+    let mut rng = Rng(82);
+    let mut number = || f64::from(rng.unit());
+    let points: Vec<Point> =
+        (0..50).map(|_| [number(), number(), number()]).map(|x| point(&x, 2.0 * x[0] + 0.5 * x[1] - x[2])).collect();
+    let all: Vec<&Point> = points.iter().collect();
+    let line = Line::fit(&all, &[0, 1, 2]);
+    let near = |a: f64, b: f64| (a - b).abs() < 1.0e-9;
+    assert!(near(line.constant, 0.0) && near(line.coefficients[2], -1.0) && near(line.coefficients[0], 2.0));
+    // Without a constant and with no negative coefficient, the third is left out.
+    let coefficients = fit(&all, &[0, 1, 2]);
+    assert!(coefficients[2] == 0.0 && coefficients[0] > 1.0 && coefficients.iter().all(|c| *c >= 0.0));
+    let left = |c: &[f64; MOST]| points.iter().map(|p| (p.y - regression::predict(c, &p.x)).powi(2)).sum::<f64>();
+    for i in [0, 1] {
+        for step in [-0.01, 0.01] {
+            let mut other = coefficients;
+            other[i] = (other[i] + step).max(0.0);
+            assert!(left(&other) >= left(&coefficients));
+        }
+    }
+}
+
+#[test]
+fn ranks_and_the_best_tenth_have_values_computed_by_hand() {
+    assert!((spearman(&[1.0, 2.0, 3.0], &[10.0, 30.0, 20.0]) - 0.5).abs() < 1.0e-12);
+    assert!((spearman(&[1.0, 1.0, 2.0], &[5.0, 5.0, 9.0]) - 1.0).abs() < 1.0e-12);
+    let gain: Vec<f64> = (0..20).map(f64::from).collect();
+    let backward: Vec<f64> = gain.iter().map(|g| -g).collect();
+    assert_eq!(best_tenth(&gain, &gain), 1.0);
+    assert_eq!(best_tenth(&backward, &gain), 1.0 / 37.0);
+}
+
+#[test]
+fn the_spread_of_coefficients_is_found_again() {
+    let mut rng = Rng(83);
+    // Twelve uniform numbers have the variance of one normal number.
+    let mut normal = || (0..12).map(|_| f64::from(rng.unit())).sum::<f64>() - 6.0;
+    let groups: Vec<Vec<Point>> = (0..400)
+        .map(|_| {
+            let own = [1.0 + 0.5 * normal(), 2.0 + 0.2 * normal()];
+            (0..20)
+                .map(|_| {
+                    let x = [normal(), normal()];
+                    point(&x, own[0] * x[0] + own[1] * x[1] + 0.3 * normal())
+                })
+                .collect()
+        })
+        .collect();
+    let groups: Vec<Vec<&Point>> = groups.iter().map(|group| group.iter().collect()).collect();
+    let coefficients = [1.0, 2.0, 0.0, 0.0, 0.0, 0.0];
+    let found = spread(&groups, &coefficients, &[0, 1]);
+    let deviations = [0, 1].map(|i| found.covariance[i][i].sqrt());
+    // 400 draws know a deviation to 4 %: five times that, and the seed is fixed.
+    assert!((deviations[0] / 0.5 - 1.0).abs() < 0.2 && (deviations[1] / 0.2 - 1.0).abs() < 0.2, "{deviations:?}");
+    assert!((found.noise / 0.3 - 1.0).abs() < 0.1, "{}", found.noise);
+    assert!(found.covariance[0][1].abs() < 0.25 * deviations[0] * deviations[1]);
+}
