@@ -6,6 +6,7 @@ use crate::emit::{Frame, sample_light};
 use crate::importance::Receiver;
 use crate::light::luminance;
 use crate::tree::LightTree;
+use crate::walk::DEFAULT_OPENINGS;
 
 /// Points that are looked from, this share of the box's diagonal from its middle: where the shape of the tree shows.
 const DISTANCES: [f32; 2] = [0.4, 0.9];
@@ -14,7 +15,7 @@ const DISTANCES: [f32; 2] = [0.4, 0.9];
 const TURN: f32 = 2.4;
 
 impl LightTree {
-    /// The relative variance of one choice inside this tree, with nothing opened: the mean over two points around it,
+    /// The relative variance of one choice inside this tree, with the usual openings: the mean over two points around it,
     /// which follow from the box and from `turn`. `None` where no light reaches them. O(lights), some 150 ns each.
     ///
     /// Points count by the square of their light, next to what the same flux would bring from the middle to all sides:
@@ -32,7 +33,7 @@ impl LightTree {
             let ring = (1.0 - height * height).sqrt();
             let direction = Vec3::new(ring * angle.cos(), height, ring * angle.sin());
             let receiver = Receiver::volume(middle + share * diagonal * direction);
-            self.distribution(&receiver, 0, chances);
+            self.distribution(&receiver, DEFAULT_OPENINGS, chances);
             let (mut lux, mut second) = (0.0_f64, 0.0_f64);
             for (light, chance) in self.lights().iter().zip(&*chances).filter(|(_, chance)| **chance > 0.0) {
                 let Some(incident) = sample_light(light, &identity, &receiver, [0.5, 0.5]) else { continue };

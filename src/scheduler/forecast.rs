@@ -1,44 +1,98 @@
-//! From a tree's attributes to what a rebuild of it buys: a linear map that each tree learns for itself.
+//! From a tree's attributes to what a rebuild buys: a linear map that each tree learns for itself.
 //!
-//! The noise inside a tree is judged by its variance sigma^2, what a rebuild buys by the logarithm of how much that has
-//! risen. Bayesian linear regression: the prior was fitted over many trees and motions, `docs/math.md` has it.
+//! The noise inside a tree is judged by its relative variance s^2; what a rebuild buys follows from that of a tree that
+//! was just built and from the logarithm of how much it has risen since. Bayesian linear regression; the priors were
+//! fitted over many trees and motions (docs/math.md, "What a rebuild buys").
 
-use crate::tree::{Attribute, Attributes};
+use crate::tree::{Attribute, LightTree};
 
 /// One number for each attribute.
-pub(crate) const FEATURES: usize = 4;
+const FEATURES: usize = 4;
 
 const ATTRIBUTES: [Attribute; FEATURES] =
     [Attribute::Distance, Attribute::Overlap, Attribute::Variance, Attribute::SplittingCost];
 
-/// Rise of ln sigma^2 per rise of the logarithm of each attribute.
-const PRIOR: [f32; FEATURES] = [0.0, 0.0, 0.0, 0.89];
+/// Rise of ln s^2 per rise of each attribute's logarithm.
+const PRIOR: [f32; FEATURES] = [5.64, 0.007, 2.55, 0.471];
 
 /// How much trees differ in that: standard deviation.
-const PRIOR_DEVIATION: [f32; FEATURES] = [0.3; FEATURES];
+const PRIOR_DEVIATION: [f32; FEATURES] = [3.05, 0.024, 2.47, 0.71];
 
-/// Standard deviation of a rise as it is seen about what the map makes of it: by noise measured at a few points, and by
-/// attributes alone.
+/// Standard deviation of a rise about what a tree's own map makes of it: of one whose s^2 was looked at, at two points
+/// instead of 32; and of one that is told by the attributes alone.
 const SEEN_NOISE: f32 = 0.6;
 const TOLD_NOISE: f32 = 0.8;
 
 /// What a tree learnt fades into the prior: half of it after 30 rebuilds, since motions change.
 const KEPT: f32 = 0.977;
 
-/// sigma^2 inside a tree that was just built, before it is known better.
-const FRESH_VARIANCE: f32 = 0.03;
+/// ln s^2 of a tree that was just built: a constant, and per logarithm of its lights, logarithm of its attribute of
+/// variance, and length of its mean direction of emission.
+const FRESH: [f32; 4] = [-9.46, 0.389, 4.91, 3.81];
 
-/// Attributes may rise from nothing, or to infinity: a rise counts as at most so much (e^5 is 150 times).
+/// How much of what a look at s^2 differs from that is the tree's own: the rest is the look's. From the deviations 0.36
+/// of trees and 0.6 of looks.
+const FRESH_RATE: f32 = 0.26;
+
+/// A rise counts as at most so much (e^5 is 150 times): attributes may rise from nothing, or to infinity.
 const MOST_RISE: f32 = 5.0;
 
-/// Weight of a new look at it.
-const FRESH_RATE: f32 = 0.3;
-
-/// Less does not matter.
-const LEAST_VARIANCE: f32 = 1.0e-3;
+/// ln s^2 stays within this of 0.
+const MOST_LN_VARIANCE: f32 = 12.0;
 
 /// Attributes below this are nothing; they are of order 1.
-const LEAST_ATTRIBUTE: f32 = 1.0e-6;
+const LEAST_ATTRIBUTE: f32 = 1.0e-3;
+
+/// Less variance does not matter.
+const LEAST_VARIANCE: f32 = 1.0e-4;
+
+/// A tree's shape, in the numbers that foretell its noise.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Signs {
+    /// Logarithms of the attributes, relative to the lights' own spread: the box around all, to which
+    /// [`Attributes`](crate::Attributes) are relative, is stretched by one stray light.
+    attributes: [f32; FEATURES],
+    /// Logarithm of s^2 of such a tree.
+    ln_variance: f32,
+}
+
+impl Signs {
+    /// Of a tree as it was last refitted with attributes. Finite, whatever the tree is like.
+    pub fn of(tree: &LightTree) -> Self {
+        let (cluster, attributes) = (tree.cluster(), tree.attributes());
+        // The box's diagonal squared, per variance of position.
+        let box_sq = cluster.aabb.extent().length_squared() / cluster.variance;
+        let units = [box_sq.sqrt(), 1.0, box_sq, box_sq];
+        let mut logarithms = [0.0; FEATURES];
+        for i in 0..FEATURES {
+            // Lights all at one point, or an attribute that is no number: nothing.
+            logarithms[i] =
+                (attributes.get(ATTRIBUTES[i]) * units[i]).clamp(LEAST_ATTRIBUTE, 1.0 / LEAST_ATTRIBUTE).ln();
+            if logarithms[i].is_nan() {
+                logarithms[i] = LEAST_ATTRIBUTE.ln();
+            }
+        }
+        let lights = tree.lights().len().max(1) as f32;
+        let ln_variance =
+            FRESH[0] + FRESH[1] * lights.ln() + FRESH[2] * logarithms[2] + FRESH[3] * cluster.axis.length();
+        let ln_variance = if ln_variance.is_nan() { -MOST_LN_VARIANCE } else { ln_variance };
+        Self { attributes: logarithms, ln_variance: ln_variance.clamp(-MOST_LN_VARIANCE, MOST_LN_VARIANCE) }
+    }
+
+    /// By how much each attribute has risen.
+    fn rises(&self, then: &Self) -> [f32; FEATURES] {
+        std::array::from_fn(|i| (self.attributes[i] - then.attributes[i]).clamp(-MOST_RISE, MOST_RISE))
+    }
+}
+
+/// A tree that took another's place, over the same lights.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Replaced {
+    /// Right before.
+    pub before: Signs,
+    /// Right after.
+    pub fresh: Signs,
+}
 
 /// What one tree has learnt.
 #[derive(Clone, Copy, Debug)]
@@ -46,25 +100,17 @@ pub(crate) struct Forecast {
     weights: [f32; FEATURES],
     /// Of the weights.
     covariance: [[f32; FEATURES]; FEATURES],
-    /// sigma^2 of the tree when it was built last.
-    fresh_variance: f32,
+    /// Right after the last rebuild.
+    then: Signs,
+    /// What ln s^2 of a tree just built is, beyond what its signs tell.
+    own: f32,
 }
 
 impl Default for Forecast {
     fn default() -> Self {
         let covariance = std::array::from_fn(|i| std::array::from_fn(|j| prior_covariance(i, j)));
-        Self { weights: PRIOR, covariance, fresh_variance: FRESH_VARIANCE }
+        Self { weights: PRIOR, covariance, then: Signs::default(), own: 0.0 }
     }
-}
-
-/// How much each attribute has risen, as a logarithm. What is no number has not.
-pub(crate) fn rises(now: &Attributes, then: &Attributes) -> [f32; FEATURES] {
-    ATTRIBUTES.map(|attribute| {
-        let [now, then] = [now.get(attribute), then.get(attribute)];
-        // Infinity to infinity is no number either.
-        let rise = (now.max(LEAST_ATTRIBUTE) / then.max(LEAST_ATTRIBUTE)).ln();
-        if now.is_nan() || then.is_nan() || rise.is_nan() { 0.0 } else { rise.clamp(-MOST_RISE, MOST_RISE) }
-    })
 }
 
 fn dot(a: &[f32; FEATURES], b: &[f32; FEATURES]) -> f32 {
@@ -75,42 +121,39 @@ fn prior_covariance(i: usize, j: usize) -> f32 {
     if i == j { PRIOR_DEVIATION[i] * PRIOR_DEVIATION[i] } else { 0.0 }
 }
 
-/// A tree that took another's place, over the same lights.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Replaced {
-    /// Attributes right after the rebuild before this one.
-    pub then: Attributes,
-    /// Right before this one.
-    pub before: Attributes,
-    /// Right after it.
-    pub fresh: Attributes,
-}
-
 impl Forecast {
-    /// Logarithm of how much sigma^2 has risen since the last rebuild, at least 0.
-    pub fn rise(&self, rises: &[f32; FEATURES]) -> f32 {
-        dot(&self.weights, rises).clamp(0.0, MOST_RISE)
+    /// A tree was built: what is to come is judged by this.
+    pub fn start(&mut self, fresh: Signs) {
+        self.then = fresh;
     }
 
-    /// What a rebuild takes off sigma^2.
+    /// Logarithm of how much s^2 has risen since the last rebuild, at least 0.
+    pub fn rise(&self, now: &Signs) -> f32 {
+        dot(&self.weights, &now.rises(&self.then)).clamp(0.0, MOST_RISE)
+    }
+
+    /// What a rebuild takes off s^2 that has risen so much.
     pub fn gain(&self, rise: f32) -> f32 {
-        self.fresh_variance * rise.exp_m1()
+        (self.then.ln_variance + self.own).exp() * rise.exp_m1()
     }
 
-    /// Learns what a rebuild brought: from sigma^2 before and after it, if that was looked at; else from the attributes
+    /// Learns what a rebuild brought: from s^2 before and after it, if that was looked at; else from the attributes
     /// that it took away. Those tell too: what had risen since the rebuild before, and is still there, belongs to the
     /// lights, and no tree over them is without it.
     pub fn learn(&mut self, replaced: &Replaced, variances: Option<(f32, f32)>) {
-        let Replaced { then, before, fresh } = replaced;
-        let told = dot(&PRIOR, &rises(before, fresh));
-        let (seen, noise) = match variances {
+        let Replaced { before, fresh } = replaced;
+        let rises = before.rises(&self.then);
+        self.then = *fresh;
+        match variances.map(|(before, after)| (before.max(LEAST_VARIANCE), after.max(LEAST_VARIANCE))) {
             Some((before, after)) => {
-                self.learn_fresh(after);
-                ((before.max(LEAST_VARIANCE) / after.max(LEAST_VARIANCE)).ln(), SEEN_NOISE)
+                self.learn_rise(&rises, (before / after).ln(), SEEN_NOISE);
+                let own = after.ln() - fresh.ln_variance;
+                if own.is_finite() {
+                    self.own += FRESH_RATE * (own - self.own);
+                }
             }
-            None => (told, TOLD_NOISE),
-        };
-        self.learn_rise(&rises(before, then), seen, noise);
+            None => self.learn_rise(&rises, dot(&PRIOR, &before.rises(fresh)), TOLD_NOISE),
+        }
     }
 
     fn learn_rise(&mut self, rises: &[f32; FEATURES], seen: f32, noise: f32) {
@@ -134,40 +177,38 @@ impl Forecast {
             }
         }
     }
-
-    fn learn_fresh(&mut self, variance: f32) {
-        if variance.is_finite() && variance >= 0.0 {
-            let typical = self.fresh_variance + FRESH_RATE * (variance - self.fresh_variance);
-            self.fresh_variance = typical.max(LEAST_VARIANCE);
-        }
-    }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use glam::Vec3;
 
-    fn attributes(values: [f32; FEATURES]) -> Attributes {
-        let [distance, overlap, variance, splitting_cost] = values;
-        Attributes { distance, overlap, variance, splitting_cost }
+    use super::*;
+    use crate::light::Light;
+
+    /// Of a tree whose attributes are e to the power of these.
+    fn signs(attributes: [f32; FEATURES]) -> Signs {
+        Signs { attributes, ln_variance: -3.0 }
     }
 
     #[test]
     fn a_tree_that_gains_nothing_from_rebuilds_stops_expecting_to() {
         let mut forecast = Forecast::default();
-        let (then, before) = (attributes([0.5, 0.2, 0.3, 1.5]), attributes([0.6, 0.3, 0.4, 3.0]));
-        let rises = rises(&before, &then);
-        let first = forecast.rise(&rises);
+        let (then, before) = (signs([0.0; 4]), signs([0.1, 3.0, 0.1, 0.5]));
+        forecast.start(then);
+        let first = forecast.rise(&before);
         assert!(first > 0.5);
         for _ in 0..60 {
-            forecast.learn(&Replaced { then, before, fresh: before }, None);
+            forecast.learn(&Replaced { before, fresh: before }, None);
+            forecast.start(then);
         }
-        assert!(forecast.rise(&rises) < 0.4 * first, "{}", forecast.rise(&rises));
+        assert!(forecast.rise(&before) < 0.5 * first, "{}", forecast.rise(&before));
         // Looking tells the same, and more.
         for _ in 0..60 {
-            forecast.learn(&Replaced { then, before, fresh: before }, Some((0.5, 0.1)));
+            forecast.learn(&Replaced { before, fresh: before }, Some((0.5, 0.1)));
+            forecast.start(then);
         }
-        assert!((forecast.rise(&rises) / 5.0_f32.ln() - 1.0).abs() < 0.2, "{}", forecast.rise(&rises));
+        assert!((forecast.rise(&before) / 5.0_f32.ln() - 1.0).abs() < 0.25, "{}", forecast.rise(&before));
         assert!((forecast.gain(5.0_f32.ln()) / 0.4 - 1.0).abs() < 0.01);
     }
 
@@ -176,32 +217,49 @@ mod tests {
         let mut forecast = Forecast::default();
         for i in 0..400_u32 {
             let mixed = |k: u32| (i * 4 + k).wrapping_mul(747_796_405).wrapping_mul(2_891_336_453) >> 8;
-            let random = |k: u32| 4.0 * mixed(k) as f32 / (1 << 24) as f32;
-            let rises = [random(1), random(2), random(3), random(4)];
-            forecast.learn_rise(&rises, 0.9 * rises[1], 0.1);
+            let random = |k: u32| mixed(k) as f32 / (1 << 24) as f32;
+            forecast.learn_rise(&[random(1), random(2), random(3), random(4)], 4.0 * random(3), 0.1);
         }
         // Drawn to the prior a little, since it forgets.
-        assert!((forecast.weights[1] - 0.9).abs() < 0.1, "{forecast:?}");
-        assert!([0, 2, 3].iter().all(|i| forecast.weights[*i].abs() < 0.1), "{forecast:?}");
+        assert!((forecast.weights[2] - 4.0).abs() < 0.4, "{forecast:?}");
+        assert!([0, 1, 3].iter().all(|i| forecast.weights[*i].abs() < 0.4), "{forecast:?}");
     }
 
     #[test]
     fn what_is_no_number_says_nothing() {
-        let fine = attributes([0.5; 4]);
-        for odd in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, f32::MAX] {
-            let odds = attributes([odd; 4]);
-            for (now, then) in [(odds, fine), (fine, odds), (odds, odds)] {
-                let rises = rises(&now, &then);
-                assert!(rises.iter().all(|rise| rise.abs() <= MOST_RISE), "{rises:?}");
-                let mut forecast = Forecast::default();
-                for variances in [None, Some((odd, odd)), Some((odd, 1.0)), Some((1.0, odd))] {
-                    forecast.learn(&Replaced { then, before: now, fresh: odds }, variances);
-                }
-                let rise = forecast.rise(&rises);
-                let gain = forecast.gain(rise);
-                assert!((0.0..=MOST_RISE).contains(&rise) && gain >= 0.0 && gain.is_finite(), "{odd} {rise} {gain}");
-            }
+        let odds = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, f32::MAX];
+        for (before, after) in odds.into_iter().flat_map(|odd| [(odd, odd), (odd, 1.0), (1.0, odd)]) {
+            let mut forecast = Forecast::default();
+            let (before_signs, fresh) = (signs([1.0; 4]), signs([0.0; 4]));
+            forecast.learn(&Replaced { before: before_signs, fresh }, Some((before, after)));
+            let rise = forecast.rise(&before_signs);
+            let gain = forecast.gain(rise);
+            assert!(
+                (0.0..=MOST_RISE).contains(&rise) && gain >= 0.0 && gain.is_finite(),
+                "{before} {after} {rise} {gain}"
+            );
         }
-        assert_eq!(rises(&attributes([f32::NAN; 4]), &attributes([f32::NAN; 4])), [0.0; 4]);
+    }
+
+    #[test]
+    fn signs_of_any_tree_are_numbers() {
+        let lamp = |x: f32, candela: f32| Light::point(Vec3::new(x, 0.0, 0.0), Vec3::splat(candela));
+        let trees = [
+            vec![],
+            vec![lamp(0.0, 1.0)],
+            vec![lamp(3.0, 1.0); 50],
+            vec![lamp(3.0, 0.0); 50],
+            (0..50).map(|i| lamp(i as f32 * 1.0e-20, 1.0e-20)).collect(),
+            (0..50).map(|i| lamp(i as f32 * 1.0e15, 1.0e20)).collect(),
+            (0..50).map(|i| lamp(if i == 7 { 1.0e9 } else { i as f32 }, 1.0)).collect(),
+        ];
+        let all: Vec<_> = trees.into_iter().map(|lights| Signs::of(&LightTree::build(lights))).collect();
+        for (a, b) in all.iter().flat_map(|a| all.iter().map(move |b| (a, b))) {
+            assert!(a.ln_variance.is_finite() && a.attributes.iter().all(|a| a.is_finite()), "{a:?}");
+            let mut forecast = Forecast::default();
+            forecast.start(*b);
+            let rise = forecast.rise(a);
+            assert!((0.0..=MOST_RISE).contains(&rise) && forecast.gain(rise).is_finite(), "{a:?} {b:?}");
+        }
     }
 }

@@ -13,6 +13,6 @@ pub(crate) use background::{Builder, Running, Snapshot};
 pub use budget::FrameBudget;
 pub use clock::{Clock, SystemClock, VirtualClock, Work, WorkKind};
 pub(crate) use cost::CostModel;
-pub(crate) use forecast::{Forecast, Replaced, rises};
+pub(crate) use forecast::{Forecast, Replaced, Signs};
 pub(crate) use queue::Queue;
 pub use replay::{ClockEvent, RecordingClock, ReplayClock};

@@ -3,7 +3,7 @@
 //! A subtree lies in one piece and keeps its piece, with some nodes to spare; nothing outside of it moves.
 
 use super::LightTree;
-use super::attributes::{Attributes, Terms};
+use super::attributes::Terms;
 use super::node::{EMPTY_SLOT, LEAF, NO_PARENT, Node, WIDTH};
 use super::refit::Tasks;
 use super::shape::{Item, ShapeNode, shape};
@@ -81,12 +81,10 @@ impl LightTree {
         self.rebuild_subtree(part.node)
     }
 
-    /// Gives the place of this tree to one that was built over earlier lights of it, and brings that up to date. Its
-    /// attributes from before are returned, those of a fresh tree. Waits for [`LightTree::refit`].
+    /// Gives the place of this tree to one that was built over earlier lights of it. Waits for [`LightTree::refit`].
     ///
     /// O(lights), of which those that changed meanwhile count tenfold.
-    pub(crate) fn succeed(&mut self, mut built: Self) -> Attributes {
-        let fresh = built.attributes;
+    pub(crate) fn succeed(&mut self, mut built: Self) {
         let present = std::mem::take(&mut self.lights);
         for (index, light) in (0..).zip(present) {
             if built.lights[index as usize] != light {
@@ -94,7 +92,6 @@ impl LightTree {
             }
         }
         *self = built;
-        fresh
     }
 
     /// The subtree of up to so many lights, or the whole tree, whose rebuild probably gains most per light; `None` if

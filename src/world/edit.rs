@@ -8,7 +8,8 @@ use crate::error::WorldError;
 use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
 use crate::light::{DirectionalLight, Light};
 use crate::placement::{Placed, Placement};
-use crate::policy::Policy;
+use crate::policy::{History, Policy};
+use crate::scheduler::Signs;
 use crate::tree::LightTree;
 
 impl World {
@@ -88,7 +89,8 @@ impl World {
             counts.add_all(built.effects());
             counts.remove_all(entry.tree.effects());
         });
-        entry.history = crate::policy::History::start(built.attributes());
+        entry.history = History::start(built.attributes());
+        entry.standing.forecast.start(Signs::of(&built));
         entry.tree = built;
         entry.staged.clear();
         self.leave(tree);

@@ -6,7 +6,7 @@ use super::World;
 use super::update::FrameReport;
 use crate::keys::{TreeKey, slot_of};
 use crate::policy::{History, Wish};
-use crate::scheduler::{CostModel, Replaced, Snapshot, Work, WorkKind};
+use crate::scheduler::{CostModel, Replaced, Signs, Snapshot, Work, WorkKind};
 use crate::tree::{Part, WIDTH};
 
 /// One in so many parts of the budget is for who has waited longest.
@@ -257,11 +257,10 @@ impl World {
     /// Builds a tree anew.
     pub(super) fn rebuild_whole(&mut self, key: TreeKey) -> Replaced {
         let entry = &mut self.trees[key];
-        let before = entry.tree.attributes();
+        let before = Signs::of(&entry.tree);
         entry.tree.rebuild();
-        let fresh = entry.tree.attributes();
-        let replaced = Replaced { then: entry.history.rebuilt, before, fresh };
-        entry.history = History::start(fresh);
+        let replaced = Replaced { before, fresh: Signs::of(&entry.tree) };
+        entry.history = History::start(entry.tree.attributes());
         self.forget_build(key);
         self.leave(key);
         self.changes.tree(slot_of(key));

@@ -25,7 +25,7 @@ use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
 use crate::light::{DirectionalLight, Light, MIN_FLUX};
 use crate::placement::{Placed, Placement};
 use crate::policy::{History, Policy};
-use crate::scheduler::{Clock, SystemClock};
+use crate::scheduler::{Clock, Signs, SystemClock};
 use crate::top::TopLevel;
 use crate::tree::LightTree;
 
@@ -77,6 +77,8 @@ pub(crate) struct Instance {
 
 impl TreeEntry {
     fn new(tree: LightTree) -> Self {
+        let mut standing = schedule::Standing::default();
+        standing.forecast.start(Signs::of(&tree));
         Self {
             history: History::start(tree.attributes()),
             tree,
@@ -84,7 +86,7 @@ impl TreeEntry {
             policies: Vec::new(),
             staged: Vec::new(),
             is_edited: false,
-            standing: schedule::Standing::default(),
+            standing,
             rest: rest::Rest::default(),
         }
     }

@@ -5,8 +5,8 @@ use crate::effects::EffectCounts;
 use crate::keys::{TreeKey, slot_of};
 use crate::light::Light;
 use crate::policy::History;
-use crate::scheduler::Replaced;
-use crate::tree::{Attributes, LightTree};
+use crate::scheduler::{Replaced, Signs};
+use crate::tree::LightTree;
 
 impl World {
     /// How many trees, and lights in them.
@@ -34,7 +34,9 @@ impl World {
             .collect();
         let refit = |Edited { tree, staged, successor, succeeded, is_measured, .. }: &mut Edited| {
             if let Some(built) = successor.take() {
-                *succeeded = Some((tree.attributes(), tree.succeed(*built)));
+                let replaced = Replaced { before: Signs::of(tree), fresh: Signs::of(&built) };
+                *succeeded = Some((replaced, History::start(built.attributes())));
+                tree.succeed(*built);
             }
             tree.apply(staged);
             if *is_measured {
@@ -64,10 +66,9 @@ impl World {
             let entry = &mut self.trees[key];
             entry.tree = tree;
             entry.staged = staged;
-            if let Some((before, fresh)) = succeeded {
-                let replaced = Replaced { then: entry.history.rebuilt, before, fresh };
+            if let Some((replaced, history)) = succeeded {
                 entry.standing.forecast.learn(&replaced, None);
-                entry.history = History::start(fresh);
+                entry.history = history;
             }
             entry.history.observe(&entry.tree.attributes());
             self.judge(key);
@@ -87,8 +88,8 @@ struct Edited {
     staged: Vec<(u32, Light)>,
     /// Takes its place, if it was built anew in the background.
     successor: Option<Box<LightTree>>,
-    /// The attributes of both, over about the same lights.
-    succeeded: Option<(Attributes, Attributes)>,
+    /// What that changed, over about the same lights.
+    succeeded: Option<(Replaced, History)>,
     /// Some policy reads the attributes.
     is_measured: bool,
 }

@@ -8,7 +8,7 @@ use super::jobs::JobReport;
 use super::{TreeEntry, World};
 use crate::keys::TreeKey;
 use crate::policy::{Wish, wish};
-use crate::scheduler::{Builder, CostModel, Forecast, Queue, Running, Snapshot, Work, WorkKind, rises};
+use crate::scheduler::{Builder, CostModel, Forecast, Queue, Running, Signs, Snapshot, Work, WorkKind};
 use crate::tree::{LightTree, WIDTH};
 
 /// What the scheduler knows of a tree.
@@ -70,7 +70,7 @@ impl TreeEntry {
     /// What its policies ask for, and the logarithm of the rise of its variance that they judge by.
     fn wish(&self) -> (Wish, f32) {
         let now = self.tree.attributes();
-        let rise = self.standing.forecast.rise(&rises(&now, &self.history.rebuilt));
+        let rise = self.standing.forecast.rise(&Signs::of(&self.tree));
         // Of the deviation, which is the root of the variance.
         let worse = (0.5 * rise).exp_m1();
         let wishes = self.policies.iter().map(|(policy, _)| wish(policy, &self.history, &now, worse));
