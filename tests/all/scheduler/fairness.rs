@@ -213,7 +213,7 @@ fn a_hundred_thousand_trees_may_ask_at_once() {
     assert_eq!(trees.len(), 100_000);
     trees.iter().for_each(|tree| theater.scatter(*tree));
     let report = theater.frame(90);
-    assert!(report.waiting_trees > 50_000, "{report:?}");
+    assert!(report.waiting_trees > 20_000, "{report:?}");
     // A rebuild of nine lights takes 0.9 us.
     assert!(report.rebuilt_trees > 50 && report.overrun.is_zero(), "{report:?}");
     // What goes while it waits is forgotten.
