@@ -8,10 +8,12 @@ use super::scale;
 use girandole::WorldError;
 
 /// Attributes below this count as this, where ratios or logarithms are taken.
-const FLOOR: f64 = 1.0e-3;
+const FLOOR: f64 = 1.0e-6;
 /// The same for variances.
 pub const LEAST_NOISE: f64 = 1.0e-4;
 
+/// Logarithms of ratios count as at most so much, as in the library.
+const MOST_RISE: f64 = 3.0;
 /// About the mean over all observations.
 const USUAL_LIGHTS: f64 = 250.0;
 
@@ -53,10 +55,10 @@ impl Features {
         for i in 0..4 {
             let ratio = now[i].max(FLOOR) / rebuilt[i].max(FLOOR);
             x[i] = match self {
-                Self::LogRatios | Self::Drops => ratio.ln(),
+                Self::LogRatios | Self::Drops => ratio.ln().clamp(-MOST_RISE, MOST_RISE),
                 Self::Differences => now[i] - rebuilt[i],
                 Self::RelativeRises => (now[i] - rebuilt[i]) / rebuilt[i].max(FLOOR),
-                Self::SpreadLogRatios => (ratio * units[i]).ln(),
+                Self::SpreadLogRatios => (ratio * units[i]).ln().clamp(-MOST_RISE, MOST_RISE),
             };
         }
         let rise = observation.cost_rise.max(-0.9);
@@ -233,23 +235,33 @@ fn models(observations: &[Observation], openings: usize) {
     }
 }
 
-/// How coefficients differ from tree to tree.
+/// How coefficients differ from tree to tree: of what is measured, and of what the scheduler can see of it, which is what
+/// the coefficients make of the attributes' drop to those of the fresh tree.
 fn prior(observations: &[Observation], features: Features, name: &str, set: &[usize]) {
     let points = points(observations, features, Target::LogRatio, 1);
     let coefficients = fit(&points.iter().collect::<Vec<_>>(), set);
-    let groups: Vec<Vec<&Point>> =
-        trees(observations).into_iter().map(|tree| tree.into_iter().map(|i| &points[i]).collect()).collect();
-    let spread = spread(&groups, &coefficients, set);
-    let residual = mean(points.iter().map(|p| (p.y - predict(&coefficients, &p.x)).powi(2))).sqrt();
     println!("\n{}, {name}: coefficients {coefficients:.3?}", features.name());
-    println!("residual {residual:.3}, within a tree that has its own coefficients {:.3}", spread.noise);
-    println!("deviations of coefficients across trees and their correlations:");
-    for i in set {
-        let deviation = |i: usize| spread.covariance[i][i].sqrt();
-        let row: Vec<String> = set
-            .iter()
-            .map(|j| format!("{:.2}", spread.covariance[*i][*j] / (deviation(*i) * deviation(*j)).max(1.0e-12)))
-            .collect();
-        println!("| {:.3} | {} |", deviation(*i), row.join(" | "));
+    let seen = |(point, observation): (&Point, &Observation)| Point {
+        y: predict(&coefficients, &Features::Drops.of(observation)),
+        ..*point
+    };
+    let seen: Vec<Point> = points.iter().zip(observations).map(seen).collect();
+    // The cost's rise is known without the fresh tree: nothing is seen of it.
+    let shown = if set.contains(&4) { 1 } else { 2 };
+    for (what, points) in [("measured", &points), ("seen", &seen)].into_iter().take(shown) {
+        let groups: Vec<Vec<&Point>> =
+            trees(observations).into_iter().map(|tree| tree.into_iter().map(|i| &points[i]).collect()).collect();
+        let spread = spread(&groups, &coefficients, set);
+        let residual = mean(points.iter().map(|p| (p.y - predict(&coefficients, &p.x)).powi(2))).sqrt();
+        println!("{what}: residual {residual:.3}, within a tree that has its own coefficients {:.3}", spread.noise);
+        println!("deviations of coefficients across trees and their correlations:");
+        for i in set {
+            let deviation = |i: usize| spread.covariance[i][i].sqrt();
+            let row: Vec<String> = set
+                .iter()
+                .map(|j| format!("{:.2}", spread.covariance[*i][*j] / (deviation(*i) * deviation(*j)).max(1.0e-12)))
+                .collect();
+            println!("| {:.3} | {} |", deviation(*i), row.join(" | "));
+        }
     }
 }

@@ -7,6 +7,7 @@ use girandole::{FrameBudget, Light, SystemClock};
 
 use crate::city::scene;
 use crate::support::{Rng, all_chances};
+use crate::variance::sigma;
 
 #[path = "../../examples/budget/figures/mod.rs"]
 #[allow(dead_code, missing_docs, reason = "part of a program")]
@@ -23,9 +24,6 @@ mod rays;
 #[path = "../../examples/budget/regression.rs"]
 #[allow(dead_code, missing_docs, reason = "part of a program")]
 mod regression;
-#[path = "../../examples/variance/sigma.rs"]
-#[allow(dead_code, missing_docs, reason = "part of a program")]
-mod sigma;
 #[path = "../../examples/budget/stage.rs"]
 #[allow(dead_code, missing_docs, reason = "part of a program")]
 mod stage;

@@ -11,7 +11,7 @@ mod baselines;
 mod lights;
 #[path = "../../examples/variance/sigma.rs"]
 #[allow(missing_docs, reason = "part of a program")]
-mod sigma;
+pub mod sigma;
 
 use baselines::{BinaryTree, Cycles, Formula, Pbrt};
 use lights::{carried, contributions};
