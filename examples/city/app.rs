@@ -5,7 +5,7 @@
 use super::backend::{Backend, Chosen};
 use super::denoise::denoise;
 use super::geometry::{Geometry, GeometryChange};
-use super::render_cpu::{self, LightChoice};
+use super::render_cpu::{self, LightChoice, Picks};
 use super::render_gpu::{GpuRenderer, GpuUpdate};
 use super::scene::{Scene, SceneError, Stage};
 use super::shading::frame_seed;
@@ -135,10 +135,14 @@ pub struct Frame {
     /// Objects and upper nodes of the geometry that went to the GPU.
     #[cfg_attr(not(test), allow(dead_code, reason = "tests count what a still frame costs"))]
     pub geometry_bytes: u64,
+    /// Picks of earlier frames that the light world was told of before it chose what to rebuild.
+    #[cfg_attr(not(test), allow(dead_code, reason = "tests count what is counted"))]
+    pub noted_picks: u64,
 }
 
 enum Renderer {
-    Cpu,
+    /// With the picks of the last frame.
+    Cpu(Picks),
     Gpu(Box<GpuRenderer>),
 }
 
@@ -156,10 +160,13 @@ impl Session {
     pub fn new(stage: Stage, settings: Settings, chosen: Chosen) -> Result<Self, SceneError> {
         let geometry = Geometry::new(&stage.scene)?;
         let renderer = match chosen.backend {
-            Backend::Cpu => Renderer::Cpu,
+            Backend::Cpu => Renderer::Cpu(Picks::default()),
             Backend::Gpu(gpu) => {
                 let effects = stage.world.effects();
-                Renderer::Gpu(Box::new(GpuRenderer::new(gpu, &stage.scene, &geometry, effects, &settings)?))
+                // Where nothing moves nothing is rebuilt, and nobody wants to know what is seen.
+                let wants_picks = !stage.animation.is_still();
+                let renderer = GpuRenderer::new(gpu, &stage.scene, &geometry, effects, wants_picks, &settings)?;
+                Renderer::Gpu(Box::new(renderer))
             }
         };
         Ok(Self { stage, geometry, renderer, settings, next: 0 })
@@ -185,17 +192,32 @@ impl Session {
         if moves {
             animation.advance(f64::from(number) / settings.fps, scene, world)?;
         }
+        // What earlier frames showed, and where this one is taken from.
+        let mut noted_picks = 0;
+        match &mut self.renderer {
+            Renderer::Cpu(picks) => {
+                noted_picks = picks.values().map(|count| u64::from(*count)).sum();
+                world.note_picks(std::mem::take(picks));
+            }
+            Renderer::Gpu(renderer) => {
+                if let Some(picks) = renderer.take_picks() {
+                    noted_picks = picks.total();
+                    world.note_picks(picks.iter());
+                }
+            }
+        }
         world.look_from(scene.camera.eye.as_dvec3());
         let report = world.update(settings.budget);
         let change = if moves { geometry.update(scene)? } else { GeometryChange::default() };
         let delta = world.take_delta();
         let seed = frame_seed(settings.seed, number);
         let (image, shadow_rays, update) = match &mut self.renderer {
-            Renderer::Cpu => {
+            Renderer::Cpu(last_picks) => {
                 let before = Instant::now();
                 let sampler = world.sampler();
                 let top_build = before.elapsed();
-                let (image, rays) = render_cpu::render(scene, geometry, &sampler, settings, seed, progress);
+                let (image, rays, picks) = render_cpu::render(scene, geometry, &sampler, settings, seed, progress);
+                *last_picks = picks;
                 (image, rays, GpuUpdate { top_build: Some(top_build), ..GpuUpdate::default() })
             }
             Renderer::Gpu(renderer) => {
@@ -232,6 +254,6 @@ impl Session {
             shadow_rays,
             frame_time: start.elapsed(),
         };
-        Ok(Frame { image, record, geometry_bytes: update.geometry_bytes })
+        Ok(Frame { image, record, geometry_bytes: update.geometry_bytes, noted_picks })
     }
 }

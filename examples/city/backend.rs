@@ -9,6 +9,9 @@ use std::fmt;
 pub const HOW_TO_GET_AN_ADAPTER: &str =
     "install a GPU driver with Vulkan, or the software one: apt-get install mesa-vulkan-drivers libvulkan1";
 
+/// Buffers that WebGPU grants a shader, all of which the renderer binds, and the counters of picks.
+pub const COUNTING_BUFFERS: u32 = 9;
+
 /// A GPU that is ready for work.
 pub struct Gpu {
     /// The example's own device; the library borrows it.
@@ -83,11 +86,15 @@ fn open_gpu() -> Result<Gpu, SceneError> {
     let timing = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_ENCODERS;
     let timestamps = adapter.features().contains(timing);
     let offered = adapter.limits();
-    // WebGPU's own limits, except that large scenes may take what the adapter has to give.
+    let own = wgpu::Limits::default();
+    // WebGPU's own limits, except that large scenes may take what the adapter has to give, and counters another buffer.
     let required_limits = wgpu::Limits {
+        max_storage_buffers_per_shader_stage: offered
+            .max_storage_buffers_per_shader_stage
+            .clamp(own.max_storage_buffers_per_shader_stage, COUNTING_BUFFERS),
         max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
         max_buffer_size: offered.max_buffer_size,
-        ..wgpu::Limits::default()
+        ..own
     };
     let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
         label: Some("city"),

@@ -1,6 +1,7 @@
 // One pixel an invocation: camera ray, nearest hit, one light through the library, shadow ray, shading.
 //
-// Joined after the library's text (group 1), which brings `light_sample`; `STACK_SIZE` is defined by `render_gpu.rs`.
+// Joined after the library's text (group 1), which brings `light_sample`; `STACK_SIZE` and `count_pick` are defined by
+// `render_gpu.rs`.
 // Random numbers, sky and BRDF are twins of `shading.rs`, nodes and the walk of `geometry_nodes.rs`; the test
 // `both_backends_give_the_same_picture` compares them.
 
@@ -268,6 +269,9 @@ fn radiance(pixel: u32, corner: vec2<f32>, index: u32) -> vec3<f32> {
     let position = surface + normal * (max(extent, 1.0) * 2e-5);
     let u = random(pixel, index, 0u, vec4<u32>(0xdb4f0b91u, 0xbbe05633u, 0xa0f2ec76u, 0x89e18285u));
     let light = light_sample(LightReceiver(position, normal), u);
+    if light.pmf > 0.0 {
+        count_pick(light.instance, u);
+    }
     let cosine = dot(normal, light.direction);
     if light.pmf <= 0.0 || cosine <= 0.0 {
         return sum;

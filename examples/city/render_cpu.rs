@@ -5,9 +5,12 @@ use super::geometry::Geometry;
 use super::scene::{Material, Scene};
 use super::shading::{Dimension, View, brdf, random, shadow_offset, sky_radiance};
 use girandole::glam::{Vec2, Vec3, Vec4};
+use girandole::gpu::PICK_THINNING;
 use girandole::light::luminance;
-use girandole::{Incident, Receiver, Sampler};
+use girandole::{Incident, InstanceKey, LightId, Receiver, Sampler};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::ops::Add;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// How light reaches a surface point.
@@ -24,6 +27,29 @@ pub enum LightChoice {
 /// Area lights are left just before their surface, which would shadow itself.
 const STOP_BEFORE_LIGHT: f32 = 1.0 - 1e-3;
 
+/// How often lights of each instance were picked: of all samples one in [`PICK_THINNING`] is counted. In the order of the
+/// keys, so that the light world hears of the same picture in the same way.
+pub type Picks = BTreeMap<InstanceKey, u32>;
+
+/// What is counted beside a picture, by each row and then added up.
+#[derive(Default)]
+struct Tally {
+    rays: ShadowRays,
+    picks: Picks,
+}
+
+impl Add for Tally {
+    type Output = Self;
+
+    fn add(mut self, other: Self) -> Self {
+        self.rays = self.rays + other.rays;
+        for (instance, count) in other.picks {
+            *self.picks.entry(instance).or_default() += count;
+        }
+        self
+    }
+}
+
 /// Renders one frame; `progress` hears the finished share now and then, from any thread.
 pub fn render(
     scene: &Scene,
@@ -32,7 +58,7 @@ pub fn render(
     settings: &Settings,
     seed: u32,
     progress: &(dyn Fn(f64) + Sync),
-) -> (Image, ShadowRays) {
+) -> (Image, ShadowRays, Picks) {
     let (width, height) = (settings.width as usize, settings.height as usize);
     let view = View::new(&scene.camera, settings.width, settings.height);
     let integrator = Integrator { scene, geometry, sampler, choice: settings.light_choice };
@@ -40,23 +66,24 @@ pub fn render(
     let mut sums = vec![Vec4::ZERO; width * height];
     let done = AtomicUsize::new(0);
     let rows = sums.par_chunks_mut(width).enumerate().map(|(y, row)| {
-        let mut rays = ShadowRays::default();
+        let mut tally = Tally::default();
         for (x, sum) in row.iter_mut().enumerate() {
             let index = (y * width + x) as u32;
             let corner = Vec2::new(x as f32, y as f32);
             for sample in 0..settings.spp {
-                let [jitter_x, jitter_y, ..] = random(index, sample, seed, Dimension::Pixel);
+                let [jitter_x, jitter_y, lot, _] = random(index, sample, seed, Dimension::Pixel);
                 let direction = view.direction(corner + Vec2::new(jitter_x, jitter_y), size);
-                let color =
-                    integrator.radiance(view.eye, direction, random(index, sample, seed, Dimension::Light), &mut rays);
+                let u = random(index, sample, seed, Dimension::Light);
+                let is_counted = lot * (PICK_THINNING as f32) < 1.0;
+                let color = integrator.radiance(view.eye, direction, u, is_counted, &mut tally);
                 *sum += color.extend(luminance(color).powi(2));
             }
         }
         progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / height as f64);
-        rays
+        tally
     });
-    let rays = rows.reduce(ShadowRays::default, |a, b| a + b);
-    (Image::from_sums(settings.width, settings.height, settings.spp, sums.into_iter()), rays)
+    let Tally { rays, picks } = rows.reduce(Tally::default, |a, b| a + b);
+    (Image::from_sums(settings.width, settings.height, settings.spp, sums.into_iter()), rays, picks)
 }
 
 struct Integrator<'a> {
@@ -74,7 +101,7 @@ struct Surface<'a> {
 }
 
 impl Integrator<'_> {
-    fn radiance(&self, eye: Vec3, direction: Vec3, u: [f32; 4], rays: &mut ShadowRays) -> Vec3 {
+    fn radiance(&self, eye: Vec3, direction: Vec3, u: [f32; 4], is_counted: bool, tally: &mut Tally) -> Vec3 {
         let Some(hit) = self.geometry.nearest(eye, direction) else {
             return sky_radiance(&self.scene.sky, direction);
         };
@@ -96,14 +123,21 @@ impl Integrator<'_> {
         let surface = Surface { material, receiver: Receiver { position, normal }, view };
         sum + match self.choice {
             LightChoice::Tree => match self.sampler.sample(&surface.receiver, u) {
-                Some(sample) => self.arriving(&surface, &sample.incident, rays) / sample.pmf,
+                Some(sample) => {
+                    if let LightId::Local { instance, .. } = sample.light
+                        && is_counted
+                    {
+                        *tally.picks.entry(instance).or_default() += 1;
+                    }
+                    self.arriving(&surface, &sample.incident, &mut tally.rays) / sample.pmf
+                }
                 None => Vec3::ZERO,
             },
             LightChoice::Exhaustive => self
                 .sampler
                 .all_lights()
                 .filter_map(|light| self.sampler.sample_light(&surface.receiver, light, [u[2], u[3]]))
-                .map(|incident| self.arriving(&surface, &incident, rays))
+                .map(|incident| self.arriving(&surface, &incident, &mut tally.rays))
                 .sum(),
         }
     }

@@ -4,13 +4,13 @@
 //! comes back in bands of rows, so that no picture is too large, and each dispatch is short enough for every watchdog.
 
 use super::app::{Image, Settings, ShadowRays};
-use super::backend::Gpu;
+use super::backend::{COUNTING_BUFFERS, Gpu};
 use super::geometry::{Geometry, GeometryChange, Placed};
 use super::scene::{Scene, SceneError};
 use super::shading::View;
 use bytemuck::{Pod, Zeroable};
 use girandole::glam::{Vec3, Vec4};
-use girandole::gpu::GpuLights;
+use girandole::gpu::{GpuLights, LightShader, PICK_THINNING, PickCounts};
 use girandole::wgpu::{self, util::DeviceExt};
 use girandole::{Effects, FrameDelta, World};
 use std::time::Duration;
@@ -81,8 +81,8 @@ pub struct GpuRenderer {
     layout: wgpu::BindGroupLayout,
     bind_group: wgpu::BindGroup,
     pipeline: wgpu::ComputePipeline,
-    /// What it was made for.
-    effects: Effects,
+    /// What it was made with.
+    shader: LightShader,
     stack_size: usize,
     uniform: wgpu::Buffer,
     nodes: wgpu::Buffer,
@@ -101,12 +101,14 @@ struct Timer {
 }
 
 impl GpuRenderer {
-    /// Uploads the geometry, and makes a shader for a light world with these effects. Refuses a scene that the device's limits do not admit.
+    /// Uploads the geometry, and makes a shader for a light world with these effects, which counts picks if that is
+    /// wanted and the device has room for it. Refuses a scene that the device's limits do not admit.
     pub fn new(
         gpu: Box<Gpu>,
         scene: &Scene,
         geometry: &Geometry,
         effects: Effects,
+        wants_picks: bool,
         settings: &Settings,
     ) -> Result<Self, SceneError> {
         let device = &gpu.device;
@@ -161,7 +163,7 @@ impl GpuRenderer {
             return Err(SceneError(format!("the adapter has not enough memory: {error}")));
         }
 
-        let lights = GpuLights::new(device, &gpu.queue).map_err(|e| SceneError(e.to_string()))?;
+        let mut lights = GpuLights::new(device, &gpu.queue).map_err(|e| SceneError(e.to_string()))?;
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("city"),
             entries: &[
@@ -185,13 +187,19 @@ impl GpuRenderer {
         });
         let stack_size = stack_size(geometry);
         let effects = effects - Effects::MOVING;
-        let pipeline = pipeline(device, &layout, &lights, effects, stack_size);
+        let shader = if wants_picks && device.limits().max_storage_buffers_per_shader_stage >= COUNTING_BUFFERS {
+            lights.count_picks(PICK_THINNING);
+            lights.counting_shader(LIGHT_GROUP, effects)
+        } else {
+            lights.shader(LIGHT_GROUP, effects)
+        };
+        let pipeline = pipeline(device, &layout, &shader, stack_size);
         Ok(Self {
             lights,
             layout,
             bind_group,
             pipeline,
-            effects,
+            shader,
             stack_size,
             uniform,
             nodes,
@@ -203,6 +211,11 @@ impl GpuRenderer {
             timer,
             gpu,
         })
+    }
+
+    /// How often lights were picked in earlier frames, if news of that have come.
+    pub fn take_picks(&mut self) -> Option<PickCounts<'_>> {
+        self.lights.take_picks()
     }
 
     /// Brings the device up to date with what moved.
@@ -218,10 +231,10 @@ impl GpuRenderer {
         // Whether lights move is nothing to the shader. A program that must not wait would use `girandole::Variants`;
         // this one would rather have the same picture from the same seed.
         let effects = world.effects() - Effects::MOVING;
-        if stack_size(geometry) > self.stack_size || effects != self.effects {
+        if stack_size(geometry) > self.stack_size || effects != self.shader.effects {
             self.stack_size = self.stack_size.max(stack_size(geometry));
-            self.effects = effects;
-            self.pipeline = pipeline(&self.gpu.device, &self.layout, &self.lights, effects, self.stack_size);
+            self.shader = self.shader.with_effects(effects);
+            self.pipeline = pipeline(&self.gpu.device, &self.layout, &self.shader, self.stack_size);
         }
         Ok(GpuUpdate { light_bytes, geometry_bytes, top_build: self.build_top()? })
     }
@@ -308,6 +321,8 @@ impl GpuRenderer {
 
     fn build_top(&mut self) -> Result<Option<Duration>, SceneError> {
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        // What the last frame counted: here there is an encoder, and none in a frame in which nothing moves.
+        self.lights.collect_picks(&mut encoder);
         if let Some(timer) = &self.timer {
             encoder.write_timestamp(&timer.queries, 0);
         }
@@ -330,7 +345,9 @@ impl GpuRenderer {
         let mut pass = encoder.begin_compute_pass(&Default::default());
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.bind_group, &[]);
-        pass.set_bind_group(LIGHT_GROUP, self.lights.bind_group(), &[]);
+        let counts = self.shader.counts_picks;
+        let lights = if counts { self.lights.counting_bind_group() } else { self.lights.bind_group() };
+        pass.set_bind_group(self.shader.group, lights, &[]);
         let rows = frame.row_end - frame.row_begin;
         pass.dispatch_workgroups(frame.width.div_ceil(WORKGROUP), rows.div_ceil(WORKGROUP), 1);
         drop(pass);
@@ -364,10 +381,13 @@ impl GpuRenderer {
     }
 }
 
-/// The shader as the device compiles it.
-pub fn shader_source(effects: Effects, stack_size: usize) -> String {
-    let light = girandole::gpu::wgsl(LIGHT_GROUP, effects);
-    format!("{light}\nconst STACK_SIZE: u32 = {stack_size}u;\n{}", include_str!("render.wgsl"))
+/// The shader as the device compiles it, from the library's text.
+fn shader_source(light: &str, counts_picks: bool, stack_size: usize) -> String {
+    let count = if counts_picks { "light_count_pick(instance, u);" } else { "" };
+    format!(
+        "{light}\nconst STACK_SIZE: u32 = {stack_size}u;\nfn count_pick(instance: u32, u: vec4<f32>) {{ {count} }}\n{}",
+        include_str!("render.wgsl")
+    )
 }
 
 /// Rounded up, so that an upper hierarchy that deepens a little does not call for another shader.
@@ -378,17 +398,16 @@ fn stack_size(geometry: &Geometry) -> usize {
 fn pipeline(
     device: &wgpu::Device,
     layout: &wgpu::BindGroupLayout,
-    lights: &GpuLights,
-    effects: Effects,
+    shader: &LightShader,
     stack_size: usize,
 ) -> wgpu::ComputePipeline {
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("city render"),
-        source: wgpu::ShaderSource::Wgsl(shader_source(effects, stack_size).into()),
+        source: wgpu::ShaderSource::Wgsl(shader_source(&shader.wgsl, shader.counts_picks, stack_size).into()),
     });
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("city render"),
-        bind_group_layouts: &[Some(layout), Some(lights.bind_group_layout())],
+        bind_group_layouts: &[Some(layout), Some(&shader.layout)],
         ..Default::default()
     });
     device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
@@ -450,8 +469,8 @@ mod tests {
 
     #[test]
     fn records_lie_in_the_shader_as_they_do_here() {
-        let module =
-            naga::front::wgsl::parse_str(&shader_source(Effects::all(), 32)).unwrap_or_else(|e| panic!("{e:?}"));
+        let source = shader_source(&girandole::gpu::wgsl(LIGHT_GROUP, Effects::all()), false, 32);
+        let module = naga::front::wgsl::parse_str(&source).unwrap_or_else(|e| panic!("{e:?}"));
         macro_rules! same {
             ($name:literal, $ty:ty, $($field:ident),+) => {
                 let expected = vec![$((stringify!($field).to_owned(), offset_of!($ty, $field))),+];

@@ -14,7 +14,7 @@ use std::f32::consts::PI;
 pub enum Dimension {
     /// The choice of a light (x, y) and of a point on it (z, w).
     Light = 0,
-    /// The place within the pixel (x, y).
+    /// The place within the pixel (x, y), and whether the choice of a light is counted (z).
     Pixel = 1,
 }
 
