@@ -11,7 +11,7 @@ pub const ATTRIBUTE_FLOOR: f32 = 1.0e-6;
 
 /// By what share a tree must be noisier than a new one before [`Policy::Budgeted`] asks for a rebuild. Rebuilds of the
 /// same lights differ by less; without it trees that stand still would be rebuilt for ever.
-pub const DEFAULT_FLOOR: f32 = 0.02;
+pub const DEFAULT_FLOOR: f32 = 0.005;
 
 /// What an instance wants for its tree. The variants are ordered by how demanding they are; a tree that several
 /// instances share follows the most demanding.

@@ -6,8 +6,10 @@
 
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
+#[cfg(feature = "parallel")]
+use std::time::Instant;
 
-use super::clock::{Work, WorkKind};
+use super::clock::Work;
 use crate::keys::TreeKey;
 use crate::light::Light;
 use crate::tree::LightTree;
@@ -30,30 +32,33 @@ pub(crate) struct Running {
     pub ticket: u64,
     pub work: Work,
     pub started: Duration,
+    /// What the purse has paid for it, in nanoseconds.
+    pub price: f64,
     result: Arc<Slot>,
 }
 
 #[derive(Debug, Default)]
 struct Slot {
-    tree: Mutex<Option<LightTree>>,
+    /// With what it took.
+    built: Mutex<Option<(LightTree, Duration)>>,
     is_done: Condvar,
 }
 
-fn lock(slot: &Slot) -> MutexGuard<'_, Option<LightTree>> {
+fn lock(slot: &Slot) -> MutexGuard<'_, Option<(LightTree, Duration)>> {
     // A tree is there or not, whoever panicked.
-    slot.tree.lock().unwrap_or_else(PoisonError::into_inner)
+    slot.built.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Running {
-    /// Whether the tree is there.
-    pub fn is_done(&self) -> bool {
-        lock(&self.result).is_some()
+    /// What the build took, once the tree is there.
+    pub fn done(&self) -> Option<Duration> {
+        lock(&self.result).as_ref().map(|(_, took)| *took)
     }
 
     /// The tree; waits for it. `None` if it was taken before.
     pub fn wait(self) -> Option<LightTree> {
-        let waiting = self.result.is_done.wait_while(lock(&self.result), |tree| tree.is_none());
-        waiting.unwrap_or_else(PoisonError::into_inner).take()
+        let waiting = self.result.is_done.wait_while(lock(&self.result), |built| built.is_none());
+        waiting.unwrap_or_else(PoisonError::into_inner).take().map(|(tree, _)| tree)
     }
 }
 
@@ -68,12 +73,11 @@ pub(crate) struct Builder {
 
 impl Builder {
     /// Starts a build. `None` where there are no threads.
-    pub fn start(&mut self, snapshot: Snapshot, now: Duration) -> Option<Running> {
+    pub fn start(&mut self, snapshot: Snapshot, work: Work, price: f64, now: Duration) -> Option<Running> {
         let Snapshot { key, ticket, lights } = snapshot;
-        let work = Work { kind: WorkKind::Background, lights: lights.len() };
         let result = Arc::new(Slot::default());
         self.spawn(lights, Arc::clone(&result))?;
-        Some(Running { key, ticket, work, started: now, result })
+        Some(Running { key, ticket, work, started: now, price, result })
     }
 
     #[cfg(feature = "parallel")]
@@ -84,8 +88,11 @@ impl Builder {
             self.is_off = self.pool.is_none();
         }
         self.pool.as_ref()?.spawn(move || {
+            // By the machine's clock, since the world's may not be asked by two threads at a time and still be repeated;
+            // it hears of this, and has the last word.
+            let start = Instant::now();
             let tree = LightTree::build(lights);
-            *lock(&result) = Some(tree);
+            *lock(&result) = Some((tree, start.elapsed()));
             result.is_done.notify_all();
         });
         Some(())

@@ -6,8 +6,8 @@ use crate::error::BudgetError;
 
 /// The time that one frame may spend on rebuilds, 0.3 ms by default. Refits are not optional and not counted.
 ///
-/// Trees that do not fit are built in the background, on another thread: as much time again, on average. A budget of
-/// nothing rebuilds nothing, there neither.
+/// Trees that do not fit are built in the background, on another thread, for the time that frames leave over of their
+/// budgets and at least a quarter of it. A budget of nothing rebuilds nothing, there neither.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameBudget(Duration);
 

@@ -43,12 +43,12 @@ pub trait Clock: Send + Sync {
         let _ = work;
     }
 
-    /// Whether a build that was `started` in the background may take the present tree's place. `is_done` tells whether
-    /// it is finished; for a build that is not, `true` makes the world wait for it. Anything but `is_done` is for clocks
-    /// whose runs are to repeat exactly.
-    fn may_take(&self, started: Duration, work: Work, is_done: bool) -> bool {
+    /// How long a build took that was `started` in the background, if it may take the present tree's place now. `done`
+    /// is what it took on its thread, once it is finished; for a build that is not, an answer makes the world wait for
+    /// it. Anything but `done` is for clocks whose runs are to repeat exactly.
+    fn background(&self, started: Duration, work: Work, done: Option<Duration>) -> Option<Duration> {
         let _ = (started, work);
-        is_done
+        done
     }
 }
 
@@ -109,7 +109,8 @@ impl Clock for VirtualClock {
         self.advance((self.cost)(work));
     }
 
-    fn may_take(&self, started: Duration, work: Work, _: bool) -> bool {
-        self.now() >= started.saturating_add((self.cost)(work))
+    fn background(&self, started: Duration, work: Work, _: Option<Duration>) -> Option<Duration> {
+        let cost = (self.cost)(work);
+        (self.now() >= started.saturating_add(cost)).then_some(cost)
     }
 }

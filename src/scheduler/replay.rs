@@ -11,8 +11,8 @@ use super::clock::{Clock, Work};
 pub enum ClockEvent {
     /// The time.
     Now(Duration),
-    /// Whether a build from the background may be taken.
-    MayTake(bool),
+    /// What a build in the background took, if it may be taken.
+    Background(Option<Duration>),
 }
 
 /// A clock that writes down what another one says, for a [`ReplayClock`].
@@ -49,10 +49,10 @@ impl<C: Clock> Clock for RecordingClock<C> {
         self.clock.worked(work);
     }
 
-    fn may_take(&self, started: Duration, work: Work, is_done: bool) -> bool {
-        let may_take = self.clock.may_take(started, work, is_done);
-        self.note(ClockEvent::MayTake(may_take));
-        may_take
+    fn background(&self, started: Duration, work: Work, done: Option<Duration>) -> Option<Duration> {
+        let took = self.clock.background(started, work, done);
+        self.note(ClockEvent::Background(took));
+        took
     }
 }
 
@@ -107,9 +107,9 @@ impl Clock for ReplayClock {
         state.last
     }
 
-    fn may_take(&self, _: Duration, _: Work, is_done: bool) -> bool {
-        let answer = |event| if let ClockEvent::MayTake(answer) = event { Some(answer) } else { None };
-        lock(&self.state).next(answer).unwrap_or(is_done)
+    fn background(&self, _: Duration, _: Work, done: Option<Duration>) -> Option<Duration> {
+        let answer = |event| if let ClockEvent::Background(answer) = event { Some(answer) } else { None };
+        lock(&self.state).next(answer).unwrap_or(done)
     }
 }
 

@@ -24,7 +24,7 @@ impl World {
 
     fn insert_tree(&mut self, tree: LightTree) -> TreeKey {
         self.effects.change(|counts| counts.add_all(tree.effects()));
-        let key = self.trees.insert(TreeEntry::new(tree));
+        let key = self.trees.insert(TreeEntry::new(tree, self.schedule.frame));
         self.wake(key);
         set_slot(&mut self.tree_slots, slot_of(key), Some(key));
         self.changes.tree(slot_of(key));
@@ -90,7 +90,7 @@ impl World {
             counts.remove_all(entry.tree.effects());
         });
         entry.history = History::start(built.attributes());
-        entry.standing.forecast.start(Signs::of(&built));
+        entry.standing.start(Signs::of(&built), self.schedule.frame);
         entry.tree = built;
         entry.staged.clear();
         self.leave(tree);

@@ -12,6 +12,10 @@ use crate::tree::{Part, WIDTH};
 /// One in so many parts of the budget is for who has waited longest.
 pub const PATIENCE: u32 = 16;
 
+/// Builds in the background are paid from what frames leave over of their budgets, and from one in so many parts of a
+/// budget at least: else many small trees would keep a large one waiting for ever.
+const LEAST_PURSE: u32 = 4;
+
 /// Every so manieth build in the background is for who has waited longest.
 const BACKGROUND_PATIENCE: u64 = 4;
 
@@ -82,7 +86,6 @@ impl World {
         schedule.costs.fade();
         // Nothing is saved up for longer than it takes to spend it: a world at rest gathers no right to a stall.
         schedule.patience = schedule.patience.saturating_add(budget / PATIENCE).min(budget);
-        schedule.purse = (schedule.purse + budget.as_nanos() as f64).min(budget.as_nanos() as f64);
         if !schedule.queue.is_empty() || schedule.snapshot.is_some() {
             let start = self.clock.now();
             let mut frame = Frame { budget, start, least: Duration::ZERO };
@@ -96,6 +99,9 @@ impl World {
             // Deciding that there is no time for anything breaks no promise.
             report.overrun = if schedule_is_idle { Duration::ZERO } else { all.saturating_sub(budget) };
         }
+        // What the frame has left over, and a little in any case.
+        let over = budget.saturating_sub(report.spent).max(budget / LEAST_PURSE).as_nanos() as f64;
+        self.schedule.purse = (self.schedule.purse + over).min(budget.as_nanos() as f64);
         let oldest = [self.schedule.queue.oldest(), self.oldest_large()];
         let Self { schedule, trees, .. } = self;
         let waits = oldest.into_iter().flatten().map(|key| schedule.frame - trees[key].standing.since);
@@ -219,7 +225,8 @@ impl World {
         }
         let quiet = if is_probed { self.variance_of(key) } else { None };
         if let Some(replaced) = replaced {
-            self.trees[key].standing.forecast.learn(&replaced, noisy.zip(quiet));
+            let frame = self.schedule.frame;
+            self.trees[key].standing.learn(&replaced, noisy.zip(quiet), frame);
         }
         if is_probed {
             self.clock.worked(probe);
@@ -278,8 +285,7 @@ impl World {
     fn rebuild_part(&mut self, key: TreeKey, part: Part) -> Option<Replaced> {
         let entry = &mut self.trees[key];
         entry.tree.rebuild_part(part);
-        let now = entry.tree.attributes();
-        entry.history.observe(&now);
+        entry.has_changed(self.schedule.frame);
         self.changes.tree(slot_of(key));
         self.wake(key);
         // If it still asks, it does so from now on.
@@ -388,10 +394,12 @@ impl World {
     fn start_build(&mut self, snapshot: Snapshot, now: Duration, report: &mut FrameReport) {
         let key = snapshot.key;
         let schedule = &mut self.schedule;
-        schedule.running = schedule.builder.start(snapshot, now);
+        let work = Work { kind: WorkKind::Background, lights: snapshot.lights.len() };
+        let price = schedule.costs.predict(work).as_nanos() as f64;
+        schedule.running = schedule.builder.start(snapshot, work, price, now);
         match &schedule.running {
-            Some(running) => {
-                schedule.purse -= schedule.costs.predict(running.work).as_nanos() as f64;
+            Some(_) => {
+                schedule.purse -= price;
                 report.background.started += 1;
             }
             // There are no threads here.
@@ -402,10 +410,15 @@ impl World {
     /// Hands a finished build to its tree, which takes it at the refit that follows.
     pub(super) fn take_build(&mut self, report: &mut FrameReport) {
         let Some(running) = self.schedule.running.take() else { return };
-        if !self.clock.may_take(running.started, running.work, running.is_done()) {
+        let Some(took) = self.clock.background(running.started, running.work, running.done()) else {
             self.schedule.running = Some(running);
             return;
-        }
+        };
+        let schedule = &mut self.schedule;
+        schedule.costs.learn(running.work, took);
+        // What was thought to be paid already.
+        schedule.purse += running.price - took.as_nanos() as f64;
+        report.background.spent = took;
         let (key, ticket) = (running.key, running.ticket);
         let tree = running.wait();
         let wanted = self.trees.get_mut(key).filter(|entry| entry.standing.build == Some(ticket));

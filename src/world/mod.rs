@@ -76,9 +76,9 @@ pub(crate) struct Instance {
 }
 
 impl TreeEntry {
-    fn new(tree: LightTree) -> Self {
+    fn new(tree: LightTree, frame: u64) -> Self {
         let mut standing = schedule::Standing::default();
-        standing.forecast.start(Signs::of(&tree));
+        standing.start(Signs::of(&tree), frame);
         Self {
             history: History::start(tree.attributes()),
             tree,

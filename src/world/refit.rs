@@ -67,10 +67,12 @@ impl World {
             entry.tree = tree;
             entry.staged = staged;
             if let Some((replaced, history)) = succeeded {
-                entry.standing.forecast.learn(&replaced, None);
+                entry.standing.learn(&replaced, None, self.schedule.frame);
                 entry.history = history;
             }
-            entry.history.observe(&entry.tree.attributes());
+            if entry.may_rebuild() {
+                entry.has_changed(self.schedule.frame);
+            }
             self.judge(key);
             self.changes.tree(slot_of(key));
         }

@@ -8,7 +8,9 @@ use super::jobs::JobReport;
 use super::{TreeEntry, World};
 use crate::keys::TreeKey;
 use crate::policy::{Wish, wish};
-use crate::scheduler::{Builder, CostModel, Forecast, Queue, Running, Signs, Snapshot, Work, WorkKind};
+use crate::scheduler::{
+    Builder, CostModel, Decay, Forecast, Queue, Replaced, Running, Signs, Snapshot, Work, WorkKind,
+};
 use crate::tree::{LightTree, WIDTH};
 
 /// What the scheduler knows of a tree.
@@ -22,6 +24,9 @@ pub(super) struct Standing {
     /// The update in which it first asked.
     pub since: u64,
     pub forecast: Forecast,
+    /// Logarithm of how much the variance is thought to have risen, as of the last change.
+    pub rise: f32,
+    pub decay: Decay,
     pub attention: Attention,
     /// The number of its build in the background.
     pub build: Option<u64>,
@@ -32,7 +37,20 @@ pub(super) struct Standing {
 impl Standing {
     /// Of a copy of the tree: what was learnt.
     pub fn copy(&self) -> Self {
-        Self { forecast: self.forecast, ..Self::default() }
+        Self { forecast: self.forecast, rise: self.rise, decay: self.decay, ..Self::default() }
+    }
+
+    /// A new tree of such a shape stands there.
+    pub fn start(&mut self, fresh: Signs, frame: u64) {
+        self.forecast.start(fresh);
+        self.decay.start(frame);
+        self.rise = 0.0;
+    }
+
+    /// A tree took another's place; what that brought was looked at, or not.
+    pub fn learn(&mut self, replaced: &Replaced, variances: Option<(f32, f32)>, frame: u64) {
+        self.forecast.learn(replaced, variances);
+        self.start(replaced.fresh, frame);
     }
 }
 
@@ -67,17 +85,25 @@ pub(super) struct Schedule {
 }
 
 impl TreeEntry {
-    /// What its policies ask for, and the logarithm of the rise of its variance that they judge by.
-    fn wish(&self) -> (Wish, f32) {
+    /// Notes that its lights have changed, or its shape in part.
+    pub(super) fn has_changed(&mut self, frame: u64) {
         let now = self.tree.attributes();
-        let rise = self.standing.forecast.rise(&Signs::of(&self.tree));
+        self.history.observe(&now);
+        let Standing { forecast, decay, rise, .. } = &mut self.standing;
+        *rise = forecast.rise(&Signs::of(&self.tree));
+        decay.change(frame, forecast.gain(*rise));
+    }
+
+    /// What its policies ask for.
+    fn wish(&self) -> Wish {
+        let now = self.tree.attributes();
         // Of the deviation, which is the root of the variance.
-        let worse = (0.5 * rise).exp_m1();
+        let worse = (0.5 * self.standing.rise).exp_m1();
         let wishes = self.policies.iter().map(|(policy, _)| wish(policy, &self.history, &now, worse));
         let wanted = wishes.max().unwrap_or_default();
         // One node holds so few lights in only one way.
         let is_pointless = wanted == Wish::Weigh && self.tree.lights().len() <= WIDTH;
-        (if is_pointless { Wish::Keep } else { wanted }, rise)
+        if is_pointless { Wish::Keep } else { wanted }
     }
 }
 
@@ -85,7 +111,7 @@ impl World {
     /// A tree was refitted or rebuilt, or matters more or less than before: does it ask for a rebuild, and how badly?
     pub(super) fn judge(&mut self, key: TreeKey) {
         let entry = &self.trees[key];
-        let (mut wanted, rise) = entry.wish();
+        let mut wanted = entry.wish();
         // The algorithms of SS ask once, whatever comes after.
         if entry.standing.wish == Wish::Rebuild && entry.may_rebuild() {
             wanted = wanted.max(Wish::Rebuild);
@@ -94,7 +120,7 @@ impl World {
             return self.leave(key);
         }
         let lights = entry.tree.lights().len();
-        let gain = self.attention_of(key) * self.trees[key].standing.forecast.gain(rise);
+        let gain = self.attention_of(key) * self.trees[key].standing.decay.savings(self.schedule.frame);
         let cost = self.schedule.costs.predict(Work { kind: WorkKind::Rebuild, lights }).as_nanos().max(1);
         // Never 0, which is for those that are set aside.
         let score = (gain / cost as f32).clamp(f32::MIN_POSITIVE, f32::MAX);

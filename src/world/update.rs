@@ -51,6 +51,8 @@ pub struct BackgroundReport {
     pub dropped: usize,
     /// Builds on their way, 0 or 1.
     pub running: usize,
+    /// What the builds took that ended, on their thread.
+    pub spent: Duration,
 }
 
 impl World {
@@ -91,7 +93,7 @@ impl World {
         let work = Work { kind: WorkKind::Rebuild, lights: self.entry(tree)?.tree.lights().len() };
         let start = self.clock.now();
         let replaced = self.rebuild_whole(tree);
-        self.trees[tree].standing.forecast.learn(&replaced, None);
+        self.trees[tree].standing.learn(&replaced, None, self.schedule.frame);
         self.clock.worked(work);
         let took = self.clock.now().saturating_sub(start);
         self.schedule.costs.learn(work, took);

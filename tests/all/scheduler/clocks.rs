@@ -39,7 +39,8 @@ fn trees(world: &mut World, rng: &mut Rng, sizes: &[usize]) -> Vec<TreeKey> {
 
 #[test]
 fn a_clock_that_stands_still_or_jumps_leaves_frames_bounded() {
-    let clocks: [(&str, fn(u64) -> Duration, usize); 4] = [
+    type Now = fn(u64) -> Duration;
+    let clocks: [(&str, Now, usize); 4] = [
         ("still", |_| Duration::ZERO, 1),
         ("an hour at every question", |n| Duration::from_secs(3600 * n), 0),
         ("back and forth", |n| Duration::from_secs(if n % 2 == 0 { 1000 } else { 0 }), 0),
