@@ -1,0 +1,32 @@
+//! The example's own modules, beside what it takes from the city and the variance example. `main.rs` and a test both
+//! include this file.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program talks to its user")]
+
+use super::{lights, scene, sigma};
+
+pub mod figures;
+pub mod motion;
+pub mod rays;
+pub mod stage;
+
+pub mod check;
+pub mod lit;
+pub mod noise;
+
+pub mod fit;
+pub mod observations;
+pub mod regression;
+pub mod scale;
+
+pub mod costs;
+pub mod oracle;
+pub mod reference;
+pub mod strategies;
+
+pub mod player;
+pub mod run;
+
+pub mod plots;
+pub mod report;
+
+pub mod options;

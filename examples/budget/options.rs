@@ -1,0 +1,156 @@
+//! What the user asks for, and all of it in turn.
+
+use super::costs::Costs;
+use super::motion::Motion;
+use super::run::{Plan, measure};
+use super::scene::SceneError;
+use super::stage::SceneKind;
+use super::strategies::Strategy;
+use super::{check, fit, plots, report};
+use clap::Parser;
+use girandole::Attribute;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Measures what a time budget for rebuilds buys.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "budget", version)]
+pub struct Options {
+    /// The folder of the tables and plots
+    #[arg(long, value_name = "DIR", required_unless_present_any = ["stages", "fit"])]
+    pub out: Option<PathBuf>,
+    /// Only fit what attributes tell of noise
+    #[arg(long, conflicts_with = "out")]
+    pub fit: bool,
+    /// Only measure what is at stake in a scene
+    #[arg(long, value_enum, ignore_case = true, conflicts_with = "out")]
+    pub stages: Option<SceneKind>,
+    /// A small scene, two motions, few strategies and budgets: less than a minute
+    #[arg(long)]
+    pub quick: bool,
+    /// Costs as a former run wrote them, instead of measuring
+    #[arg(long, value_name = "FILE.csv")]
+    pub costs: Option<PathBuf>,
+    /// Only these scenes
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    pub scene: Vec<String>,
+    /// Only these motions
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    pub motion: Vec<String>,
+    /// Only these strategies, by the start of their names
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    pub strategies: Vec<String>,
+    /// Frames at 60 a second
+    #[arg(long, value_parser = clap::value_parser!(u32).range(8..=100_000))]
+    pub frames: Option<u32>,
+    /// Points that light arrives at
+    #[arg(long, value_parser = clap::value_parser!(u32).range(2..=100_000))]
+    pub receivers: Option<u32>,
+}
+
+/// The budget with which noise over time is drawn.
+const DRAWN_SHARE: f64 = 0.1;
+
+/// What `--quick` runs.
+const QUICK: [Strategy; 5] = [
+    Strategy::RoundRobin,
+    Strategy::Ratio(Attribute::SplittingCost),
+    Strategy::Girandole,
+    Strategy::GirandolePicks,
+    Strategy::Oracle,
+];
+
+/// How closely a scene is looked at: the larger, the more time a frame of it takes.
+fn plan(kind: SceneKind, is_quick: bool) -> Plan {
+    let plan = |shares: &[f64], ss_shares: &[f64], frames, every, receivers| Plan {
+        strategies: Strategy::ALL.to_vec(),
+        shares: shares.to_vec(),
+        ss_shares: ss_shares.to_vec(),
+        frames,
+        every,
+        receivers,
+    };
+    if is_quick {
+        return Plan { strategies: QUICK.to_vec(), ..plan(&[0.02, 0.1, 0.5], &[0.1], 96, 12, 32) };
+    }
+    match kind {
+        SceneKind::S10 => plan(&[0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0], &[0.02, 0.1], 240, 16, 60),
+        SceneKind::M100 => plan(&[0.02, 0.05, 0.1, 0.2, 0.5], &[0.1], 160, 20, 32),
+        SceneKind::L1000 => {
+            let is_kept = |strategy: &Strategy| {
+                let attribute = match strategy {
+                    Strategy::Deviation(attribute) | Strategy::Ratio(attribute) => *attribute,
+                    _ => Attribute::SplittingCost,
+                };
+                attribute == Attribute::SplittingCost
+            };
+            let mut plan = plan(&[0.02, 0.1], &[0.1], 100, 20, 20);
+            plan.strategies.retain(is_kept);
+            plan
+        }
+    }
+}
+
+/// Of all that there are, those whose names begin with one of `wanted`; all if nothing is wanted.
+fn chosen<T: Copy>(what: &str, wanted: &[String], all: &[T], name: impl Fn(T) -> String) -> Result<Vec<T>, SceneError> {
+    if wanted.is_empty() {
+        return Ok(all.to_vec());
+    }
+    let starts = |item: T, wanted: &String| name(item).to_lowercase().starts_with(&wanted.to_lowercase());
+    if let Some(unknown) = wanted.iter().find(|wanted| !all.iter().any(|item| starts(*item, wanted))) {
+        let names: Vec<String> = all.iter().map(|item| name(*item)).collect();
+        return Err(SceneError(format!("no {what} is called {unknown:?}; there are {}", names.join(", "))));
+    }
+    Ok(all.iter().copied().filter(|item| wanted.iter().any(|wanted| starts(*item, wanted))).collect())
+}
+
+/// Measures all and writes it.
+pub fn run(options: &Options) -> Result<(), SceneError> {
+    if options.fit {
+        fit::run()?;
+    }
+    if let Some(kind) = options.stages {
+        check::run(kind, options.receivers.unwrap_or(100) as usize)?;
+    }
+    if options.fit || options.stages.is_some() {
+        return Ok(());
+    }
+    let out = options.out.as_ref().ok_or_else(|| SceneError("there is no folder to write to".into()))?;
+    let is_quick = options.quick;
+    let some = |all: &[SceneKind]| chosen("scene", &options.scene, all, |kind| kind.name().to_owned());
+    let scenes = some(if is_quick && options.scene.is_empty() { &SceneKind::ALL[..1] } else { &SceneKind::ALL })?;
+    let some = |all: &[Motion]| chosen("motion", &options.motion, all, |motion| motion.name().to_owned());
+    let motions = some(if is_quick && options.motion.is_empty() { &Motion::ALL[..2] } else { &Motion::ALL })?;
+    let strategies = chosen("strategy", &options.strategies, &Strategy::ALL, Strategy::name)?;
+    let mut tables = report::Tables::create(out)?;
+    let costs = match &options.costs {
+        Some(path) => Costs::read(path)?,
+        None => Costs::measure(is_quick)?,
+    };
+    costs.write(&out.join("costs.csv"))?;
+    let costs = Arc::new(costs);
+    println!("| {} |\n|{}", report::COLUMNS.join(" | "), "---|".repeat(report::COLUMNS.len()));
+    for kind in scenes {
+        let mut plan = plan(kind, is_quick);
+        if !options.strategies.is_empty() {
+            plan.strategies.clone_from(&strategies);
+        }
+        plan.frames = options.frames.unwrap_or(plan.frames);
+        plan.every = plan.every.min(plan.frames);
+        plan.receivers = options.receivers.map_or(plan.receivers, |count| count as usize);
+        let mut of_scene = Vec::new();
+        for motion in &motions {
+            let start = Instant::now();
+            let (scene, rows) = measure(kind, *motion, &plan, &costs)?;
+            tables.add(&scene, &rows)?;
+            rows.iter().for_each(|row| println!("| {} |", row.fields().join(" | ")));
+            eprintln!("{} {}: {:.0} s", scene.scene, scene.motion, start.elapsed().as_secs_f64());
+            of_scene.extend(rows);
+        }
+        let name = kind.name();
+        plots::gap(&out.join(format!("gap_{name}.svg")), name, &of_scene)?;
+        plots::over_time(&out.join(format!("noise_{name}.svg")), name, DRAWN_SHARE, &of_scene)?;
+    }
+    Ok(())
+}

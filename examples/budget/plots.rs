@@ -1,0 +1,270 @@
+//! Curves of one scene as SVG, a panel for each motion: how much of the gap is recovered for how much time, and noise over
+//! time.
+
+use super::report::Row;
+use super::scene::SceneError;
+use plotters::coord::ranged1d::ValueFormatter;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use std::path::Path;
+
+/// Of a panel.
+const SIZE: (u32, u32) = (440, 340);
+/// Panels side by side at most; the legend takes the place of one.
+const COLUMNS: usize = 3;
+const FONT: &str = "sans-serif";
+
+/// The least share of time on the axis.
+const LEAST_COST: f64 = 0.004;
+/// The most.
+const MOST_COST: f64 = 2.0;
+/// Goals: so much of the gap for so much of the time.
+const GOAL: (f64, f64) = (0.1, 0.9);
+
+/// How a strategy is drawn.
+struct Style {
+    /// Rows of strategies whose names begin like this.
+    name: &'static str,
+    legend: &'static str,
+    color: RGBColor,
+    width: u32,
+    is_dashed: bool,
+}
+
+const fn style(name: &'static str, legend: &'static str, color: (u8, u8, u8), width: u32, is_dashed: bool) -> Style {
+    Style { name, legend, color: RGBColor(color.0, color.1, color.2), width, is_dashed }
+}
+
+/// Drawn in this order; colours that the colour-blind can tell apart (Okabe and Ito).
+const STYLES: [Style; 7] = [
+    style("SS 1", "SS 1 within the budget, by attribute", (213, 94, 0), 1, false),
+    style("SS 2", "SS 2 within the budget, by attribute", (204, 121, 167), 1, false),
+    style("round robin", "round robin", (230, 159, 0), 2, false),
+    style("oldest first", "oldest first", (0, 158, 115), 2, false),
+    style("oracle", "oracle", (0, 0, 0), 2, true),
+    style("girandole picks", "girandole, told of picks", (86, 180, 233), 3, false),
+    style("girandole", "girandole, told of the camera", (0, 114, 178), 3, false),
+];
+
+/// The ends of the gap, over time.
+const ENDS: [Style; 2] = [
+    style("update only", "update only", (150, 150, 150), 2, true),
+    style("always rebuild", "always rebuild", (150, 150, 150), 2, false),
+];
+
+/// Of the two by algorithm of SS that are drawn over time.
+const OF_SS: &str = "splitting cost";
+
+fn refusal(path: &Path, error: &impl std::fmt::Display) -> SceneError {
+    SceneError(format!("cannot draw {}: {error}", path.display()))
+}
+
+/// Strategies that a style stands for, each once and in the order of the rows.
+fn of_style(style: &Style, rows: &[&Row]) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for row in rows {
+        let is_ss = style.name.starts_with("SS") && row.strategy.starts_with(style.name);
+        if (is_ss || row.strategy == style.name) && !names.contains(&row.strategy) {
+            names.push(row.strategy.clone());
+        }
+    }
+    names
+}
+
+/// Draws one file: a panel for each motion of the rows, and the legend.
+fn figure(
+    path: &Path,
+    title: &str,
+    rows: &[Row],
+    legend: &[(Mark, &str)],
+    panel: impl Fn(&Area<'_>, &str, &[&Row]) -> Result<(), String>,
+) -> Result<(), SceneError> {
+    let mut motions: Vec<&str> = Vec::new();
+    for row in rows {
+        if !motions.contains(&row.motion.as_str()) {
+            motions.push(&row.motion);
+        }
+    }
+    let cells = motions.len() + 1;
+    let columns = cells.min(COLUMNS);
+    let lines = cells.div_ceil(columns);
+    let size = (SIZE.0 * columns as u32, SIZE.1 * lines as u32 + 36);
+    let draw = || -> Result<(), String> {
+        let root = SVGBackend::new(path, size).into_drawing_area();
+        root.fill(&WHITE).map_err(text)?;
+        let root = root.titled(title, (FONT, 22).into_font()).map_err(text)?;
+        let areas = root.split_evenly((lines, columns));
+        for (motion, area) in motions.iter().zip(&areas) {
+            let of_motion: Vec<&Row> = rows.iter().filter(|row| row.motion == *motion).collect();
+            panel(area, motion, &of_motion)?;
+        }
+        draw_legend(&areas[motions.len()], legend)?;
+        root.present().map_err(text)
+    };
+    draw().map_err(|error| refusal(path, &error))
+}
+
+type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
+
+/// A mark of the legend.
+enum Mark<'a> {
+    Line(&'a Style),
+    Points(&'a Style),
+    Goal,
+}
+
+fn text(error: impl std::fmt::Display) -> String {
+    error.to_string()
+}
+
+fn stroke(style: &Style) -> ShapeStyle {
+    style.color.stroke_width(style.width)
+}
+
+fn draw_legend(area: &Area<'_>, legend: &[(Mark<'_>, &str)]) -> Result<(), String> {
+    let font = (FONT, 17).into_font().color(&BLACK).pos(Pos::new(HPos::Left, VPos::Center));
+    for (i, (mark, name)) in legend.iter().enumerate() {
+        let y = 40 + 24 * i as i32;
+        match mark {
+            Mark::Line(style) if style.is_dashed => {
+                for x in [40, 52, 64] {
+                    area.draw(&PathElement::new(vec![(x, y), (x + 7, y)], stroke(style))).map_err(text)?;
+                }
+            }
+            Mark::Line(style) => {
+                area.draw(&PathElement::new(vec![(40, y), (72, y)], stroke(style))).map_err(text)?;
+            }
+            Mark::Points(style) => {
+                area.draw(&Circle::new((56, y), 4, style.color.stroke_width(2))).map_err(text)?;
+            }
+            Mark::Goal => {
+                area.draw(&Cross::new((56, y), 5, BLACK.stroke_width(1))).map_err(text)?;
+            }
+        }
+        area.draw(&Text::new((*name).to_owned(), (84, y), font.clone())).map_err(text)?;
+    }
+    Ok(())
+}
+
+/// One line of a chart: whole, or in dashes.
+fn line<'a, X, Y>(
+    chart: &mut ChartContext<'a, SVGBackend<'_>, Cartesian2d<X, Y>>,
+    points: Vec<(f64, f64)>,
+    style: &Style,
+) -> Result<(), String>
+where
+    X: Ranged<ValueType = f64> + ValueFormatter<f64>,
+    Y: Ranged<ValueType = f64> + ValueFormatter<f64>,
+{
+    if style.is_dashed {
+        chart.draw_series(DashedLineSeries::new(points, 7, 5, stroke(style))).map_err(text)?;
+    } else {
+        chart.draw_series(LineSeries::new(points, stroke(style))).map_err(text)?;
+    }
+    Ok(())
+}
+
+/// The gap that is recovered over the share of time that it took.
+pub fn gap(path: &Path, scene: &str, rows: &[Row]) -> Result<(), SceneError> {
+    let mut legend: Vec<(Mark<'_>, &str)> =
+        STYLES.iter().rev().map(|style| (Mark::Line(style), style.legend)).collect();
+    legend.push((Mark::Points(&STYLES[0]), "SS 1 without a budget"));
+    legend.push((Mark::Points(&STYLES[1]), "SS 2 without a budget"));
+    legend.push((Mark::Goal, "goal: 90 % for 10 %"));
+    let title = format!("{scene}: gap recovered over time spent, both relative to rebuilding always");
+    figure(path, &title, rows, &legend, |area, motion, rows| {
+        let mut chart = ChartBuilder::on(area)
+            .caption(motion, (FONT, 19))
+            .margin(6)
+            .x_label_area_size(44)
+            .y_label_area_size(52)
+            .build_cartesian_2d((LEAST_COST..MOST_COST).log_scale(), -0.1..1.15)
+            .map_err(text)?;
+        chart
+            .configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(BLACK.mix(0.12))
+            .x_desc("time spent")
+            .y_desc("gap recovered")
+            .x_labels(4)
+            .x_label_formatter(&|x| format!("{x}"))
+            .y_label_formatter(&|y| format!("{y:.1}"))
+            .label_style((FONT, 15))
+            .axis_desc_style((FONT, 16))
+            .draw()
+            .map_err(text)?;
+        for style in &STYLES {
+            for name in of_style(style, rows) {
+                let is_drawn = |row: &&&Row| row.strategy == name && row.budget_share.is_finite();
+                let mut points: Vec<(f64, f64)> = rows
+                    .iter()
+                    .filter(is_drawn)
+                    .map(|row| (row.cost_share, row.gap_recovered.clamp(-0.1, 1.15)))
+                    .collect();
+                points.retain(|(cost, _)| *cost >= LEAST_COST);
+                line(&mut chart, points, style)?;
+                let is_free = |row: &&&Row| row.strategy == name && row.budget_share.is_infinite();
+                let free: Vec<_> = rows.iter().filter(is_free).collect();
+                let point = |row: &&&Row| (row.cost_share.max(LEAST_COST), row.gap_recovered.clamp(-0.1, 1.15));
+                let circles = free.iter().map(point).map(|at| Circle::new(at, 4, style.color.stroke_width(2)));
+                chart.draw_series(circles).map_err(text)?;
+            }
+        }
+        chart.draw_series([Cross::new(GOAL, 6, BLACK.stroke_width(2))]).map_err(text)?;
+        Ok(())
+    })
+}
+
+/// Noise over time with a budget of `share`.
+pub fn over_time(path: &Path, scene: &str, share: f64, rows: &[Row]) -> Result<(), SceneError> {
+    let mut legend: Vec<(Mark<'_>, &str)> =
+        STYLES.iter().rev().map(|style| (Mark::Line(style), style.legend)).collect();
+    legend.retain(|(_, name)| !name.starts_with("SS"));
+    legend.push((Mark::Line(&STYLES[1]), "SS 2, splitting cost, within the budget"));
+    legend.push((Mark::Line(&STYLES[0]), "SS 1, splitting cost, within the budget"));
+    legend.extend(ENDS.iter().map(|style| (Mark::Line(style), style.legend)));
+    let title = format!("{scene}: noise over time, with {share} of the time of rebuilding always");
+    figure(path, &title, rows, &legend, |area, motion, rows| {
+        let is_drawn = |row: &&&Row| {
+            let is_end = ENDS.iter().any(|style| style.name == row.strategy);
+            (is_end || row.budget_share == share) && (!row.strategy.starts_with("SS") || row.strategy.ends_with(OF_SS))
+        };
+        let drawn: Vec<&Row> = rows.iter().filter(is_drawn).copied().collect();
+        let points = || drawn.iter().flat_map(|row| &row.over_time);
+        let last = points().map(|(frame, _)| *frame).max().unwrap_or(1);
+        let range = points().fold(f64::INFINITY..0.0, |range: std::ops::Range<f64>, (_, sigma)| {
+            range.start.min(*sigma)..range.end.max(*sigma)
+        });
+        let margin = 0.05 * (range.end - range.start).max(1.0e-3);
+        let mut chart = ChartBuilder::on(area)
+            .caption(motion, (FONT, 19))
+            .margin(6)
+            .x_label_area_size(44)
+            .y_label_area_size(60)
+            .build_cartesian_2d(0.0..f64::from(last), range.start - margin..range.end + margin)
+            .map_err(text)?;
+        chart
+            .configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(BLACK.mix(0.12))
+            .x_desc("frame")
+            .y_desc("sigma")
+            .x_labels(6)
+            .y_labels(6)
+            .x_label_formatter(&|x| format!("{x:.0}"))
+            .y_label_formatter(&|y| format!("{y:.2}"))
+            .label_style((FONT, 15))
+            .axis_desc_style((FONT, 16))
+            .draw()
+            .map_err(text)?;
+        for style in ENDS.iter().chain(&STYLES) {
+            for name in of_style(style, &drawn) {
+                for row in drawn.iter().filter(|row| row.strategy == name) {
+                    let points = row.over_time.iter().map(|(frame, sigma)| (f64::from(*frame), *sigma)).collect();
+                    line(&mut chart, points, style)?;
+                }
+            }
+        }
+        Ok(())
+    })
+}
