@@ -196,7 +196,7 @@ impl PlayedClock {
     }
 
     /// What builds in the background have taken so far, and will until they are done.
-    pub fn background(&self) -> Duration {
+    pub fn spent_beside(&self) -> Duration {
         self.lock().background
     }
 
@@ -225,7 +225,7 @@ impl Clock for PlayedClock {
         state.now += took;
     }
 
-    fn may_take(&self, started: Duration, work: Work, _: bool) -> bool {
+    fn background(&self, started: Duration, work: Work, _: Option<Duration>) -> Option<Duration> {
         let mut state = self.lock();
         let took = match state.build {
             Some((of, took)) if of == started => took,
@@ -236,7 +236,7 @@ impl Clock for PlayedClock {
                 took
             }
         };
-        state.now >= started + took
+        (state.now >= started + took).then_some(took)
     }
 }
 

@@ -95,11 +95,11 @@ impl<'a> Player<'a> {
         self.clock.advance(FRAME);
         self.stage.advance(frame)?;
         self.tell(frame);
-        let background = self.clock.background();
+        let background = self.clock.spent_beside();
         let report = self.stage.world.update(if self.strategy.is_by_hand() { FrameBudget::NONE } else { self.budget });
         let mut spent = Spent {
             in_frame: report.spent,
-            background: self.clock.background() - background,
+            background: self.clock.spent_beside() - background,
             longest_wait: report.longest_wait as u32,
         };
         if self.strategy.is_by_hand() {
