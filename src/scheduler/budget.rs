@@ -7,7 +7,8 @@ use crate::error::BudgetError;
 /// The time that one frame may spend on rebuilds, 0.3 ms by default. Refits are not optional and not counted.
 ///
 /// Trees that do not fit are built in the background, on another thread, for the time that frames leave over of their
-/// budgets and at least a quarter of it. A budget of nothing rebuilds nothing, there neither.
+/// budgets; while such a tree waits, that is a quarter at least. So budgets are what all rebuilds take, on average. A
+/// budget of nothing rebuilds nothing, there neither.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameBudget(Duration);
 

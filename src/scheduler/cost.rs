@@ -20,6 +20,9 @@ const SIZES: usize = u32::BITS as usize;
 /// rebuild counts lights times levels, a copy and a probe lights.
 const FIRST_GUESS: [f32; KINDS] = [25.0, 25.0, 10.0, 150.0];
 
+/// Until something is known, work may take e to the power of this as long as guessed: twice.
+const FIRST_MARGIN: f32 = 0.7;
+
 /// A measurement counts as at most this many times the present estimate and as at least this part of it, so that one
 /// stall does not stop all rebuilds, nor a clock that jumps let them run wild.
 const OUTLIER: f32 = 4.0;
@@ -49,7 +52,7 @@ struct Learnt {
 
 impl Default for CostModel {
     fn default() -> Self {
-        Self { kinds: FIRST_GUESS.map(|guess| Learnt { sizes: [(guess.ln(), 0); SIZES], margin: 0.0 }) }
+        Self { kinds: FIRST_GUESS.map(|guess| Learnt { sizes: [(guess.ln(), 0); SIZES], margin: FIRST_MARGIN }) }
     }
 }
 

@@ -12,8 +12,9 @@ use crate::tree::{Part, WIDTH};
 /// One in so many parts of the budget is for who has waited longest.
 pub const PATIENCE: u32 = 16;
 
-/// Builds in the background are paid from what frames leave over of their budgets, and from one in so many parts of a
-/// budget at least: else many small trees would keep a large one waiting for ever.
+/// Builds in the background are paid from what frames leave over of their budgets. While one is to be paid for, or waits
+/// to begin, frames leave over one in so many parts at least: else many small trees would keep a large one waiting for
+/// ever.
 const LEAST_PURSE: u32 = 4;
 
 /// Every so manieth build in the background is for who has waited longest.
@@ -88,7 +89,9 @@ impl World {
         schedule.patience = schedule.patience.saturating_add(budget / PATIENCE).min(budget);
         if !schedule.queue.is_empty() || schedule.snapshot.is_some() {
             let start = self.clock.now();
-            let mut frame = Frame { budget, start, least: Duration::ZERO };
+            let is_beside = self.schedule.purse < 0.0 || self.oldest_large().is_some();
+            let beside = if is_beside { budget / LEAST_PURSE } else { Duration::ZERO };
+            let mut frame = Frame { budget: budget - beside, start, least: Duration::ZERO };
             self.rejudge();
             self.serve_oldest(&mut frame, report);
             let large = self.serve_best(&mut frame, report);
@@ -99,8 +102,8 @@ impl World {
             // Deciding that there is no time for anything breaks no promise.
             report.overrun = if schedule_is_idle { Duration::ZERO } else { all.saturating_sub(budget) };
         }
-        // What the frame has left over, and a little in any case.
-        let over = budget.saturating_sub(report.spent).max(budget / LEAST_PURSE).as_nanos() as f64;
+        // What the frame has left over is for the background.
+        let over = budget.saturating_sub(report.spent).as_nanos() as f64;
         self.schedule.purse = (self.schedule.purse + over).min(budget.as_nanos() as f64);
         let oldest = [self.schedule.queue.oldest(), self.oldest_large()];
         let Self { schedule, trees, .. } = self;
