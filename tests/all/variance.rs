@@ -8,7 +8,7 @@ use girandole::{Light, LightId, Placement, Policy, Receiver, Shape, World};
 mod baselines;
 #[path = "../../examples/variance/lights.rs"]
 #[allow(missing_docs, reason = "part of a program")]
-mod lights;
+pub mod lights;
 #[path = "../../examples/variance/sigma.rs"]
 #[allow(missing_docs, reason = "part of a program")]
 pub mod sigma;
