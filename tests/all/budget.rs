@@ -5,33 +5,12 @@ use std::sync::Arc;
 use girandole::light::luminance;
 use girandole::{FrameBudget, Light, SystemClock};
 
-use crate::city::scene;
+use crate::budget_strategies::program::figures::{Kind, Troupe};
+use crate::budget_strategies::program::motion::{FRAMES, Motion};
+use crate::budget_strategies::program::noise;
+use crate::budget_strategies::program::regression::{Line, MOST, Point, best_tenth, fit, predict, spearman, spread};
+use crate::budget_strategies::program::stage::{SceneKind, Stage};
 use crate::support::{Rng, all_chances};
-use crate::variance::sigma;
-
-#[path = "../../examples/budget/figures/mod.rs"]
-#[allow(dead_code, missing_docs, reason = "part of a program")]
-mod figures;
-#[path = "../../examples/budget/motion.rs"]
-#[allow(missing_docs, reason = "part of a program")]
-mod motion;
-#[path = "../../examples/budget/noise.rs"]
-#[allow(missing_docs, reason = "part of a program")]
-mod noise;
-#[path = "../../examples/budget/rays.rs"]
-#[allow(missing_docs, reason = "part of a program")]
-mod rays;
-#[path = "../../examples/budget/regression.rs"]
-#[allow(dead_code, missing_docs, reason = "part of a program")]
-mod regression;
-#[path = "../../examples/budget/stage.rs"]
-#[allow(dead_code, missing_docs, reason = "part of a program")]
-mod stage;
-
-use figures::{Kind, Troupe};
-use motion::{FRAMES, Motion};
-use regression::{Line, MOST, Point, best_tenth, fit, spearman, spread};
-use stage::{SceneKind, Stage};
 
 #[test]
 fn a_troupe_stands_where_the_frame_says_however_it_got_there() {
@@ -114,7 +93,7 @@ fn least_squares_find_what_made_the_points() {
     // Without a constant and with no negative coefficient, the third is left out.
     let coefficients = fit(&all, &[0, 1, 2]);
     assert!(coefficients[2] == 0.0 && coefficients[0] > 1.0 && coefficients.iter().all(|c| *c >= 0.0));
-    let left = |c: &[f64; MOST]| points.iter().map(|p| (p.y - regression::predict(c, &p.x)).powi(2)).sum::<f64>();
+    let left = |c: &[f64; MOST]| points.iter().map(|p| (p.y - predict(c, &p.x)).powi(2)).sum::<f64>();
     for i in [0, 1] {
         for step in [-0.01, 0.01] {
             let mut other = coefficients;

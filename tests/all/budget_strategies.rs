@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 #[path = "../../examples/budget/modules.rs"]
 #[allow(dead_code, missing_docs, reason = "a program")]
-mod program;
+pub mod program;
 
 use program::costs::Costs;
 use program::motion::Motion;
