@@ -33,8 +33,12 @@ const LEARNING_RATE: f32 = 0.1;
 /// The first few measurements of a size weigh more, as in a plain mean.
 const FIRST_RATE: f32 = 0.5;
 
-/// How much of the margin is left after a frame: half of it after 350. What was slow once may not be so for ever.
-const MARGIN_KEPT: f32 = 0.998;
+/// How much of the margin is left after a frame: half of it after 700. What was slow once may not be so for ever.
+const MARGIN_KEPT: f32 = 0.999;
+
+/// The margin stays above this, 1.6 times the typical: of 400 builds of a size the slowest took 1.3 to 1.8 times as long
+/// as the mean (2-core AMD EPYC virtual machine, 2026-11-21, `costs.csv` of the budget example).
+const LEAST_MARGIN: f32 = 0.5;
 
 /// No unit takes less, about a tenth of what a 2020s server takes: on a clock that stands still, frames stay bounded.
 const LEAST_NANOS: [f64; KINDS] = [2.0, 2.0, 0.5, 10.0];
@@ -132,7 +136,7 @@ impl CostModel {
 
     /// A frame has passed.
     pub fn fade(&mut self) {
-        self.kinds.iter_mut().for_each(|kind| kind.margin *= MARGIN_KEPT);
+        self.kinds.iter_mut().for_each(|kind| kind.margin = (kind.margin * MARGIN_KEPT).max(LEAST_MARGIN));
     }
 }
 
@@ -164,13 +168,15 @@ mod tests {
     fn it_keeps_clear_of_the_worst_of_late_and_forgets_it() {
         let mut model = CostModel::default();
         for i in 0..500 {
-            model.learn(rebuild(100), Duration::from_micros(if i % 50 == 0 { 30 } else { 20 }));
+            model.learn(rebuild(100), Duration::from_micros(if i % 50 == 0 { 40 } else { 20 }));
         }
         let [typical, most] = [model.predict(rebuild(100)), model.at_most(rebuild(100))];
         assert!(typical > Duration::from_micros(19) && typical < Duration::from_micros(22), "{typical:?}");
-        assert!(most >= Duration::from_micros(30), "{most:?}");
+        assert!(most >= Duration::from_micros(39), "{most:?}");
+        assert!(most > typical.mul_f32(LEAST_MARGIN.exp()), "{most:?}");
         (0..5000).for_each(|_| model.fade());
-        assert!(model.at_most(rebuild(100)) < typical + Duration::from_micros(1));
+        let least = typical.mul_f32(LEAST_MARGIN.exp());
+        assert!(model.at_most(rebuild(100)).abs_diff(least) < Duration::from_nanos(10));
     }
 
     #[test]

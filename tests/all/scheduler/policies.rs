@@ -30,7 +30,7 @@ fn always_rebuild_comes_first_and_then_who_is_past_its_ceiling() {
     let always: Vec<_> = (0..2).map(|_| theater.tree(100, Policy::AlwaysRebuild)).collect();
     let all: Vec<_> = weighed.iter().chain(&always).chain([&bounded, &patient]).copied().collect();
     all.iter().for_each(|tree| theater.scatter(*tree));
-    let report = theater.frame(31);
+    let report = theater.frame(38);
     assert_eq!((report.rebuilt_trees, report.waiting_trees), (3, 10));
     let first: Vec<_> = builds(&theater.world).iter().map(|job| job.tree).collect();
     assert!(always.iter().chain([&bounded]).all(|tree| first.contains(tree)), "{first:?}");
@@ -46,11 +46,11 @@ fn the_algorithms_of_ss_nominate_and_the_budget_cuts() {
         theater.calibrate();
         let trees: Vec<_> = (0..6).map(|_| theater.tree(100, policy)).collect();
         trees.iter().for_each(|tree| theater.scatter(*tree));
-        let report = theater.frame(25);
+        let report = theater.frame(28);
         assert_eq!((report.rebuilt_trees, report.rebuilt_parts, report.waiting_trees), (2, 0, 4), "{policy:?}");
         // Once nominated, a tree waits though its lights rest.
-        assert_eq!(theater.frame(25).waiting_trees, 2);
-        assert_eq!(theater.frame(25).waiting_trees, 0);
+        assert_eq!(theater.frame(28).waiting_trees, 2);
+        assert_eq!(theater.frame(28).waiting_trees, 0);
     }
 }
 
