@@ -58,12 +58,12 @@ fn square(trees: usize, lights_each: usize, rng: &mut Rng) -> (World, Vec<TreeKe
     (world, keys)
 }
 
-/// All lights go elsewhere, and all trees ask for a rebuild.
-fn scatter(world: &mut World, keys: &[TreeKey], lights_each: usize, rng: &mut Rng) -> FrameReport {
+/// All lights go elsewhere, so that trees ask for a rebuild.
+fn scatter(world: &mut World, keys: &[TreeKey], lights_each: usize, rng: &mut Rng, budget: FrameBudget) -> FrameReport {
     for key in keys {
         world.set_lights(*key, &cloud(lights_each, 5.0, rng)).expect("valid lights");
     }
-    world.update(FrameBudget::NONE)
+    world.update(budget)
 }
 
 fn scheduler(c: &mut Criterion) {
@@ -73,6 +73,7 @@ fn scheduler(c: &mut Criterion) {
     let sizes: &[usize] = if is_bench() { &[100, 1_000, 10_000, 100_000] } else { &[100] };
     for trees in sizes {
         decisions(&mut group, *trees);
+        frames(*trees);
     }
     let sizes: &[usize] = if is_bench() { &[1_000, 10_000, 100_000] } else { &[1_000] };
     for lights in sizes {
@@ -92,7 +93,7 @@ fn decisions(group: &mut BenchmarkGroup<WallTime>, trees: usize) {
     }
     group.bench_function(BenchmarkId::new("nothing moved", trees), |b| b.iter(|| world.update(TINY)));
 
-    let mut waiting = scatter(&mut world, &keys, LIGHTS, &mut rng).waiting_trees;
+    let mut waiting = scatter(&mut world, &keys, LIGHTS, &mut rng, FrameBudget::NONE).waiting_trees;
     assert!(waiting > trees / 2, "{waiting} of {trees} ask for a rebuild, before choosing among them is timed");
     let mut reported = Vec::new();
     group.bench_function(BenchmarkId::new("choosing among", trees), |b| {
@@ -102,7 +103,7 @@ fn decisions(group: &mut BenchmarkGroup<WallTime>, trees: usize) {
                 if waiting <= trees / 2 {
                     // Trees learn from rebuilds, and may find that they need none: new ones know nothing.
                     (world, keys) = square(trees, LIGHTS, &mut rng);
-                    waiting = scatter(&mut world, &keys, LIGHTS, &mut rng).waiting_trees;
+                    waiting = scatter(&mut world, &keys, LIGHTS, &mut rng, FrameBudget::NONE).waiting_trees;
                     assert!(waiting > trees / 2, "{waiting} of {trees} ask for a rebuild");
                 }
                 let start = Instant::now();
@@ -121,6 +122,23 @@ fn decisions(group: &mut BenchmarkGroup<WallTime>, trees: usize) {
     }
 }
 
+/// Prints what choosing takes of the usual budget while every tree moves in every frame and rebuilds go on.
+fn frames(trees: usize) {
+    let mut rng = Rng(trees as u64);
+    let (mut world, keys) = square(trees, LIGHTS, &mut rng);
+    let budget = FrameBudget::default();
+    let frames = if is_bench() { 60 } else { 2 };
+    let mut reports: Vec<_> = (0..frames).map(|_| scatter(&mut world, &keys, LIGHTS, &mut rng, budget)).collect();
+    reports.sort_unstable_by_key(|report| report.deciding);
+    let FrameReport { deciding, spent, waiting_trees, rebuilt_trees, .. } = reports[frames / 2];
+    assert!(rebuilt_trees > 0 && waiting_trees > 0, "there is something to choose");
+    let share = 100.0 * deciding.as_secs_f64() / budget.time().as_secs_f64();
+    println!(
+        "choosing {rebuilt_trees} of {waiting_trees} that wait, all moving: {deciding:?} ({share:.1} % of the budget), \
+         rebuilding {spent:?}"
+    );
+}
+
 /// Times the update in which a tree that is too large for a frame gets the one that was built for it.
 fn swaps(group: &mut BenchmarkGroup<WallTime>, count: usize) {
     let mut rng = Rng(count as u64);
@@ -129,7 +147,7 @@ fn swaps(group: &mut BenchmarkGroup<WallTime>, count: usize) {
         b.iter_custom(|rounds| {
             let mut took = Duration::ZERO;
             for _ in 0..rounds {
-                scatter(&mut world, &keys, count, &mut rng);
+                scatter(&mut world, &keys, count, &mut rng, FrameBudget::NONE);
                 let begin = Instant::now();
                 loop {
                     let start = Instant::now();

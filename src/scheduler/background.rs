@@ -63,12 +63,21 @@ impl Running {
 }
 
 /// Where builds run.
-#[derive(Default)]
 pub(crate) struct Builder {
     #[cfg(feature = "parallel")]
     pool: Option<rayon::ThreadPool>,
     /// There are no threads here; not asked again.
     is_off: bool,
+}
+
+impl Default for Builder {
+    fn default() -> Self {
+        Self {
+            #[cfg(feature = "parallel")]
+            pool: None,
+            is_off: cfg!(not(feature = "parallel")),
+        }
+    }
 }
 
 impl Builder {
@@ -100,7 +109,6 @@ impl Builder {
 
     #[cfg(not(feature = "parallel"))]
     fn spawn(&mut self, _: Vec<Light>, _: Arc<Slot>) -> Option<()> {
-        self.is_off = true;
         None
     }
 

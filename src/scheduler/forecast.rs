@@ -152,7 +152,7 @@ impl Forecast {
                 self.learn_rise(&rises, (before / after).ln(), SEEN_NOISE);
                 let own = after.ln() - fresh.ln_variance;
                 if own.is_finite() {
-                    self.own += FRESH_RATE * (own - self.own);
+                    self.own += FRESH_RATE * (own.clamp(-MOST_LN_VARIANCE, MOST_LN_VARIANCE) - self.own);
                 }
             }
             None => self.learn_rise(&rises, dot(&PRIOR, &before.rises(fresh)), TOLD_NOISE),

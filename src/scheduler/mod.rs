@@ -1,6 +1,7 @@
 //! The parts of a scheduler of rebuilds: time, costs, gains, who waits, and builds in the background. `world/jobs.rs` puts
 //! them together.
 
+mod ages;
 mod background;
 mod budget;
 mod clock;
@@ -10,6 +11,7 @@ mod forecast;
 mod queue;
 mod replay;
 
+pub(crate) use ages::Ages;
 pub(crate) use background::{Builder, Running, Snapshot};
 pub use budget::FrameBudget;
 pub use clock::{Clock, SystemClock, VirtualClock, Work, WorkKind};

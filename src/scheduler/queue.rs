@@ -1,6 +1,4 @@
-//! Who waits for a rebuild, the best value and the longest wait at hand.
-
-use std::collections::VecDeque;
+//! Who waits for a rebuild, the best value at hand.
 
 use crate::keys::TreeKey;
 use crate::simd::{Job, with_vectors};
@@ -22,10 +20,6 @@ pub(crate) struct Queue {
     blocks: Vec<u32>,
     /// Blocks whose greatest is not known.
     stale: Vec<bool>,
-    /// In the order they came, by their tickets; `None` for who has left since.
-    came: VecDeque<Option<TreeKey>>,
-    /// The ticket of the first of those.
-    first_ticket: u64,
 }
 
 impl Queue {
@@ -41,8 +35,8 @@ impl Queue {
         self.keys[place]
     }
 
-    /// Its place and its ticket.
-    pub fn push(&mut self, key: TreeKey, score: f32, is_urgent: bool) -> (usize, u64) {
+    /// Its place.
+    pub fn push(&mut self, key: TreeKey, score: f32, is_urgent: bool) -> usize {
         let place = self.keys.len();
         self.keys.push(key);
         self.scores.push(0);
@@ -51,13 +45,7 @@ impl Queue {
             self.stale.push(false);
         }
         self.set(place, score, is_urgent);
-        (place, self.give_ticket(key))
-    }
-
-    /// Puts one that is in the queue behind all others in the order in which they came.
-    pub fn give_ticket(&mut self, key: TreeKey) -> u64 {
-        self.came.push_back(Some(key));
-        self.first_ticket + self.came.len() as u64 - 1
+        place
     }
 
     pub fn set(&mut self, place: usize, score: f32, is_urgent: bool) {
@@ -89,8 +77,7 @@ impl Queue {
     }
 
     /// Takes one out. The last takes its place: the key of that one, if it is another.
-    pub fn remove(&mut self, place: usize, ticket: u64) -> Option<TreeKey> {
-        self.take_ticket(ticket);
+    pub fn remove(&mut self, place: usize) -> Option<TreeKey> {
         let last = self.keys.len() - 1;
         let bits = self.scores[last];
         self.keys.swap_remove(place);
@@ -125,24 +112,6 @@ impl Queue {
         let place = self.scores[block * BLOCK..].iter().position(|bits| *bits == most)?;
         Some(block * BLOCK + place)
     }
-
-    /// Whoever came first of those that are still here.
-    pub fn oldest(&self) -> Option<TreeKey> {
-        // The front is always someone: see `take_ticket`.
-        self.came.front().copied().flatten()
-    }
-
-    /// Takes one out of the order in which they came; it stays in the queue otherwise.
-    pub fn take_ticket(&mut self, ticket: u64) {
-        let came = ticket.checked_sub(self.first_ticket).and_then(|index| self.came.get_mut(index as usize));
-        if let Some(came) = came {
-            *came = None;
-        }
-        while let Some(None) = self.came.front() {
-            self.came.pop_front();
-            self.first_ticket += 1;
-        }
-    }
 }
 
 /// Of unsigned integers, which are compared eight at a time where the machine can.
@@ -168,9 +137,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_best_and_the_oldest_are_those_of_a_plain_list() {
+    fn the_best_is_that_of_a_plain_list() {
         let mut keys = SlotMap::<TreeKey, ()>::with_key();
-        let (mut queue, mut plain) = (Queue::default(), Vec::<(TreeKey, u64, f32, bool)>::new());
+        let (mut queue, mut plain) = (Queue::default(), Vec::<(TreeKey, f32, bool)>::new());
         let mut state = 1_u32;
         let mut next = move |below: usize| {
             state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
@@ -183,28 +152,25 @@ mod tests {
                     let place = next(plain.len());
                     let (score, is_urgent) = (1.0 + next(50) as f32, next(20) == 0);
                     queue.set(place, score, is_urgent);
-                    (plain[place].2, plain[place].3) = (score, is_urgent);
+                    (plain[place].1, plain[place].2) = (score, is_urgent);
                 }
                 1 | 2 if !plain.is_empty() && !growing => {
                     let place = next(plain.len());
-                    let moved = queue.remove(place, plain[place].1);
+                    let moved = queue.remove(place);
                     plain.swap_remove(place);
                     assert_eq!(moved, plain.get(place).map(|entry| entry.0));
                 }
                 _ => {
                     let key = keys.insert(());
                     let (score, is_urgent) = (1.0 + next(1000) as f32, next(20) == 0);
-                    let (place, ticket) = queue.push(key, score, is_urgent);
-                    assert_eq!(place, plain.len());
-                    plain.push((key, ticket, score, is_urgent));
+                    assert_eq!(queue.push(key, score, is_urgent), plain.len());
+                    plain.push((key, score, is_urgent));
                 }
             }
             assert_eq!(queue.len(), plain.len());
-            let best = plain.iter().map(|entry| (entry.3, entry.2)).reduce(|a, b| if b > a { b } else { a });
-            let found = queue.best().map(|place| (plain[place].3, plain[place].2, queue.key(place) == plain[place].0));
+            let best = plain.iter().map(|entry| (entry.2, entry.1)).reduce(|a, b| if b > a { b } else { a });
+            let found = queue.best().map(|place| (plain[place].2, plain[place].1, queue.key(place) == plain[place].0));
             assert_eq!(found, best.map(|(is_urgent, score)| (is_urgent, score, true)));
-            let oldest = plain.iter().min_by_key(|entry| entry.1).map(|entry| entry.0);
-            assert_eq!(queue.oldest(), oldest);
         }
     }
 

@@ -81,10 +81,11 @@ impl LightTree {
         self.rebuild_subtree(part.node)
     }
 
-    /// Gives the place of this tree to one that was built over earlier lights of it. Waits for [`LightTree::refit`].
+    /// Gives the place of this tree to one that was built over earlier lights of it. Whether any of them has changed
+    /// since, so that it waits for [`LightTree::refit`].
     ///
     /// O(lights), of which those that changed meanwhile count tenfold.
-    pub(crate) fn succeed(&mut self, mut built: Self) {
+    pub(crate) fn succeed(&mut self, mut built: Self) -> bool {
         let present = std::mem::take(&mut self.lights);
         for (index, light) in (0..).zip(present) {
             if built.lights[index as usize] != light {
@@ -92,6 +93,7 @@ impl LightTree {
             }
         }
         *self = built;
+        self.dirty.len() > 0
     }
 
     /// The subtree of up to so many lights, or the whole tree, whose rebuild probably gains most per light; `None` if

@@ -20,6 +20,9 @@ const LASTING: u64 = 240;
 /// What the light at the eye counts beside picks: the next picture may show what this one does not.
 const UNSEEN_SHARE: f32 = 0.1;
 
+/// A tree's light is at most this, in lux.
+const MOST_LIGHT: f32 = 1.0e12;
+
 /// Of one tree.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Attention {
@@ -131,8 +134,8 @@ impl World {
             cluster.flux / dist_sq.max(f32::MIN_POSITIVE)
         });
         let sum = light.sum::<f32>() * step as f32;
-        // The eye in the one lamp of a tree.
-        if sum.is_finite() { sum } else { f32::MAX / 1.0e6 }
+        // The eye in the one lamp of a tree: more than this would leave nothing of the others in the sum of all.
+        if sum.is_nan() { 0.0 } else { sum.min(MOST_LIGHT) }
     }
 }
 

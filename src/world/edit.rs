@@ -93,6 +93,9 @@ impl World {
         entry.standing.start(Signs::of(&built), self.schedule.frame);
         entry.tree = built;
         entry.staged.clear();
+        if std::mem::take(&mut entry.is_edited) {
+            self.edited.retain(|key| *key != tree);
+        }
         self.leave(tree);
         self.forget_build(tree);
         self.has_moved(tree);
@@ -168,9 +171,15 @@ impl World {
         policy.validate()?;
         let instance = self.instances.get_mut(key).ok_or(WorldError::NoSuchInstance(key))?;
         let former = std::mem::replace(&mut instance.policy, policy);
-        let entry = &mut self.trees[instance.tree];
+        let tree = instance.tree;
+        let entry = &mut self.trees[tree];
         entry.remove_policy(former);
         entry.add_policy(policy);
+        // It may be worse than the new policy allows. Those that always rebuild wait for their lights to change.
+        if policy.may_rebuild() && policy != Policy::AlwaysRebuild && !entry.is_edited {
+            entry.is_edited = true;
+            self.edited.push(tree);
+        }
         Ok(())
     }
 
@@ -200,6 +209,11 @@ impl World {
         self.attach(key, own, policy);
         self.instances[key].tree = own;
         self.instance_changed(key);
+        let standing = &self.trees[shared].standing;
+        if standing.waiting.is_some() || standing.build.is_some() {
+            // It is as bad as the one that it was copied from.
+            self.judge(own);
+        }
         Ok(own)
     }
 

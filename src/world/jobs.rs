@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use super::World;
+use super::schedule::{Schedule, Waiting};
 use super::update::FrameReport;
 use crate::keys::{TreeKey, slot_of};
 use crate::policy::{History, Wish};
@@ -17,6 +18,9 @@ pub const PATIENCE: u32 = 16;
 /// ever.
 const LEAST_PURSE: u32 = 4;
 
+/// A build is charged at most so many times what it was thought to take.
+const MOST_PRICES: f64 = 4.0;
+
 /// Every so manieth build in the background is for who has waited longest.
 const BACKGROUND_PATIENCE: u64 = 4;
 
@@ -26,14 +30,20 @@ const LEAST_DIVIDED: usize = 256;
 /// Trees that do not fit into what is left of a frame before it ends.
 const MOST_MISFITS: usize = 4;
 
+/// Trees too large for any frame that are passed by in one.
+const MOST_ASIDE: usize = 32;
+
+/// Trees that are found in one frame to be too large for it, and as many not to be.
+const MOST_MOVED: usize = 16;
+
 /// Waiting trees that are judged anew each frame though their lights rest: what they matter may have changed.
 const REJUDGED: usize = 1;
 
 /// One in so many parts of the time of rebuilds is spent on looking at what they brought.
 const CURIOSITY: u32 = 20;
 
-/// Fewer lights are not worth a copy of their own.
-const LEAST_COPIED: usize = 64;
+/// Fewer lights are not worth a copy of their own. So few that the smallest budgets, a microsecond, are enough.
+const LEAST_COPIED: usize = 16;
 
 /// A job of the last update.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,13 +96,17 @@ impl World {
         schedule.jobs.clear();
         schedule.costs.fade();
         // Nothing is saved up for longer than it takes to spend it: a world at rest gathers no right to a stall.
-        schedule.patience = schedule.patience.saturating_add(budget / PATIENCE).min(budget);
+        if !budget.is_zero() {
+            schedule.patience = schedule.patience.saturating_add(budget / PATIENCE).min(budget);
+        }
         if !schedule.queue.is_empty() || schedule.snapshot.is_some() {
             let start = self.clock.now();
-            let is_beside = self.schedule.purse < 0.0 || self.oldest_large().is_some();
+            let Schedule { purse, large, snapshot, builder, .. } = &self.schedule;
+            let is_beside = !builder.is_off() && (*purse < 0.0 || large.first().is_some() || snapshot.is_some());
             let beside = if is_beside { budget / LEAST_PURSE } else { Duration::ZERO };
             let mut frame = Frame { budget: budget - beside, start, least: Duration::ZERO };
             self.rejudge();
+            self.sort_out_large(&frame);
             self.serve_oldest(&mut frame, report);
             let large = self.serve_best(&mut frame, report);
             self.serve_background(large, &mut frame, report);
@@ -105,9 +119,11 @@ impl World {
         // What the frame has left over is for the background.
         let over = budget.saturating_sub(report.spent).as_nanos() as f64;
         self.schedule.purse = (self.schedule.purse + over).min(budget.as_nanos() as f64);
-        let oldest = [self.schedule.queue.oldest(), self.oldest_large()];
         let Self { schedule, trees, .. } = self;
-        let waits = oldest.into_iter().flatten().map(|key| schedule.frame - trees[key].standing.since);
+        let copied = schedule.snapshot.as_ref().map(|snapshot| snapshot.key);
+        let oldest = [schedule.ages.first(), schedule.large.first(), copied];
+        let waits = oldest.into_iter().flatten().filter_map(|key| trees.get(key));
+        let waits = waits.map(|entry| schedule.frame - entry.standing.since);
         report.longest_wait = waits.chain([report.longest_wait]).max().unwrap_or(0);
         report.waiting_trees = schedule.queue.len();
         report.background.running = usize::from(schedule.running.is_some() || schedule.snapshot.is_some());
@@ -131,25 +147,40 @@ impl World {
         }
     }
 
+    /// Those that no frame has room for any more, or has room for again, get to where they belong; a few each frame, since
+    /// budgets may be other ones in each.
+    fn sort_out_large(&mut self, frame: &Frame) {
+        // What is left now is all that any job of this frame gets.
+        let most = self.left(self.clock.now(), frame);
+        for _ in 0..MOST_MOVED {
+            let Some(key) = self.schedule.ages.first() else { break };
+            if most.is_zero() || self.fits(key, most) {
+                break;
+            }
+            self.set_large(key, true);
+        }
+        for _ in 0..MOST_MOVED {
+            let Some(key) = self.schedule.large.first() else { break };
+            if !self.fits(key, most) {
+                break;
+            }
+            self.set_large(key, false);
+        }
+    }
+
     /// Who has waited longest is served from a purse of its own, so that nothing starves.
     fn serve_oldest(&mut self, frame: &mut Frame, report: &mut FrameReport) {
-        while !frame.budget.is_zero() {
-            let Self { schedule, trees, .. } = self;
-            let Some(key) = schedule.queue.oldest() else { return };
-            let entry = &mut trees[key];
-            let work = Work { kind: WorkKind::Rebuild, lights: entry.tree.lights().len() };
-            if schedule.costs.at_most(work) > frame.budget {
-                // Its turn comes in the background. Those behind it need not wait for that.
-                if let Some((_, ticket)) = entry.standing.waiting {
-                    schedule.queue.take_ticket(ticket);
-                }
-                if !std::mem::replace(&mut entry.standing.is_large, true) {
-                    schedule.large.push_back(key);
-                }
+        // What was saved up is for large ones, and not to be spent in one frame before all that insist.
+        while report.spent <= report.budget / PATIENCE {
+            let Some(key) = self.schedule.ages.first() else { return };
+            let entry = &self.trees[key];
+            if !entry.may_rebuild() {
+                self.leave(key);
                 continue;
             }
-            let cost = schedule.costs.predict(work);
-            if cost > schedule.patience || self.serve(key, true, frame, report) != Served::Done {
+            let work = Work { kind: WorkKind::Rebuild, lights: entry.tree.lights().len() };
+            let cost = self.schedule.costs.predict(work);
+            if cost > self.schedule.patience || self.serve(key, true, frame, report) != Served::Done {
                 return;
             }
             self.schedule.patience -= cost;
@@ -158,14 +189,14 @@ impl World {
 
     /// The best value for the time first. Returns the best of those that no frame has room for.
     fn serve_best(&mut self, frame: &mut Frame, report: &mut FrameReport) -> Option<TreeKey> {
-        let mut large = None;
-        while self.schedule.aside.len() < MOST_MISFITS {
+        let (mut large, mut misfits) = (None, 0);
+        while misfits < MOST_MISFITS && self.schedule.aside.len() < MOST_ASIDE {
             let Some(place) = self.schedule.queue.best() else { break };
             let key = self.schedule.queue.key(place);
             match self.serve(key, false, frame, report) {
                 Served::Done => continue,
-                Served::TooLarge if large.is_none() => large = Some(key),
-                Served::TooLarge | Served::Later => {}
+                Served::TooLarge => large = large.or(Some(key)),
+                Served::Later => misfits += 1,
             }
             if self.left(self.clock.now(), frame) < self.schedule.costs.predict(LEAST_WORK) {
                 break;
@@ -175,7 +206,7 @@ impl World {
         }
         // Others may have left since, and what stands aside moved to another place.
         while let Some((key, bits)) = self.schedule.aside.pop() {
-            if let Some((place, _)) = self.trees[key].standing.waiting {
+            if let Some(Waiting { place, .. }) = self.trees[key].standing.waiting {
                 self.schedule.queue.restore(place, bits);
             }
         }
@@ -195,10 +226,11 @@ impl World {
         let left = self.left(before, frame);
         let costs = &self.schedule.costs;
         let whole = Work { kind: WorkKind::Rebuild, lights };
-        let is_divisible = !is_whole && entry.standing.wish == Wish::Weigh && lights >= LEAST_DIVIDED;
+        // Nothing will ever build it whole.
+        let is_hopeless = self.schedule.builder.is_off() && costs.at_most(whole) > frame.budget;
+        let is_divisible = !is_whole && (entry.standing.wish == Wish::Weigh || is_hopeless) && lights >= LEAST_DIVIDED;
         let mut part = if is_divisible { entry.tree.worst(lights) } else { None };
-        if is_divisible && self.schedule.builder.is_off() && costs.at_most(whole) > frame.budget {
-            // Nothing will ever build it whole.
+        if is_divisible && is_hopeless {
             let fits = |lights: &usize| costs.at_most(Work { kind: WorkKind::RebuildPart, lights: *lights }) <= left;
             let most = std::iter::successors(Some(lights / 2), |lights| Some(lights / 2)).take(24).find(fits);
             part = entry.tree.worst(most.unwrap_or(0));
@@ -233,7 +265,7 @@ impl World {
         }
         if is_probed {
             self.clock.worked(probe);
-            let looked = begin.saturating_sub(before) + self.clock.now().saturating_sub(end);
+            let looked = begin.saturating_sub(before).saturating_add(self.clock.now().saturating_sub(end));
             self.note_job(key, probe, looked, waited, frame, report);
             self.schedule.curiosity = self.schedule.curiosity.saturating_sub(looked);
         } else {
@@ -258,9 +290,9 @@ impl World {
         let predicted = schedule.costs.predict(work);
         schedule.costs.learn(work, took);
         schedule.jobs.push(JobReport { tree, work, predicted, took, waited });
-        frame.least += CostModel::at_least(work);
-        report.spent += took;
-        report.predicted += predicted;
+        frame.least = frame.least.saturating_add(CostModel::at_least(work));
+        report.spent = report.spent.saturating_add(took);
+        report.predicted = report.predicted.saturating_add(predicted);
         report.longest_wait = report.longest_wait.max(waited);
     }
 
@@ -287,9 +319,11 @@ impl World {
     /// Builds a part of a tree anew; says nothing of what that brought.
     fn rebuild_part(&mut self, key: TreeKey, part: Part) -> Option<Replaced> {
         let entry = &mut self.trees[key];
-        entry.tree.rebuild_part(part);
+        let is_changed = entry.tree.rebuild_part(part);
         entry.has_changed(self.schedule.frame);
-        self.changes.tree(slot_of(key));
+        if is_changed {
+            self.changes.tree(slot_of(key));
+        }
         self.wake(key);
         // If it still asks, it does so from now on.
         self.leave(key);
@@ -297,24 +331,10 @@ impl World {
         None
     }
 
-    /// Whether a whole frame has room for a rebuild.
-    fn fits(&self, key: TreeKey, budget: Duration) -> bool {
+    /// Whether a rebuild is known to be done within a time.
+    fn fits(&self, key: TreeKey, time: Duration) -> bool {
         let lights = self.trees[key].tree.lights().len();
-        self.schedule.costs.at_most(Work { kind: WorkKind::Rebuild, lights }) <= budget
-    }
-
-    /// Of those too large for a frame, who was found to be first and still waits.
-    fn oldest_large(&mut self) -> Option<TreeKey> {
-        let Self { schedule, trees, .. } = self;
-        while let Some(key) = schedule.large.front() {
-            match trees.get_mut(*key) {
-                Some(entry) if entry.standing.waiting.is_some() => return Some(*key),
-                Some(entry) => entry.standing.is_large = false,
-                None => {}
-            }
-            schedule.large.pop_front();
-        }
-        None
+        self.schedule.costs.at_most(Work { kind: WorkKind::Rebuild, lights }) <= time
     }
 
     /// Copies lights for a build in the background, and starts it when all are there. `best` is of those that no frame
@@ -327,19 +347,8 @@ impl World {
             if self.schedule.purse < 0.0 || frame.budget.is_zero() {
                 return;
             }
-            let mut oldest = self.oldest_large();
-            while let Some(key) = oldest.filter(|key| self.fits(*key, frame.budget)) {
-                // A frame of a larger budget has room for it, and it waits among the others again.
-                let Self { schedule, trees, .. } = self;
-                schedule.large.pop_front();
-                let standing = &mut trees[key].standing;
-                standing.is_large = false;
-                if let Some((_, ticket)) = &mut standing.waiting {
-                    *ticket = schedule.queue.give_ticket(key);
-                }
-                oldest = self.oldest_large();
-            }
-            let schedule = &mut self.schedule;
+            let schedule = &self.schedule;
+            let oldest = schedule.large.first();
             let is_turn_of_oldest = schedule.builds.is_multiple_of(BACKGROUND_PATIENCE);
             let chosen = if is_turn_of_oldest { oldest.or(best) } else { best.or(oldest) };
             let Some(key) = chosen else { return };
@@ -361,7 +370,8 @@ impl World {
 
     fn copy_lights(&mut self, frame: &mut Frame, report: &mut FrameReport) {
         let before = self.clock.now();
-        let left = self.left(before, frame);
+        // What was kept for the background, too.
+        let left = self.left(before, &Frame { budget: report.budget, ..*frame });
         let Some(mut snapshot) = self.schedule.snapshot.take() else { return };
         let wanted = self.trees.get(snapshot.key).filter(|entry| entry.standing.build == Some(snapshot.ticket));
         let Some(entry) = wanted else {
@@ -384,14 +394,14 @@ impl World {
         let is_complete = count == missing.len();
         let work = Work { kind: WorkKind::Snapshot, lights: count };
         let (key, waited) = (snapshot.key, self.schedule.frame - entry.standing.since);
+        self.clock.worked(work);
+        let now = self.clock.now();
+        self.note_job(key, work, now.saturating_sub(before), waited, frame, report);
         if is_complete {
-            self.start_build(snapshot, before, report);
+            self.start_build(snapshot, now, report);
         } else {
             self.schedule.snapshot = Some(snapshot);
         }
-        self.clock.worked(work);
-        let took = self.clock.now().saturating_sub(before);
-        self.note_job(key, work, took, waited, frame, report);
     }
 
     fn start_build(&mut self, snapshot: Snapshot, now: Duration, report: &mut FrameReport) {
@@ -406,7 +416,10 @@ impl World {
                 report.background.started += 1;
             }
             // There are no threads here.
-            None => self.forget_build(key),
+            None => {
+                self.forget_build(key);
+                self.judge(key);
+            }
         }
     }
 
@@ -419,8 +432,8 @@ impl World {
         };
         let schedule = &mut self.schedule;
         schedule.costs.learn(running.work, took);
-        // What was thought to be paid already.
-        schedule.purse += running.price - took.as_nanos() as f64;
+        // What was thought to be paid already. A machine that slept meanwhile does not pay for ever.
+        schedule.purse += running.price - (took.as_nanos() as f64).min(MOST_PRICES * running.price);
         report.background.spent = took;
         let (key, ticket) = (running.key, running.ticket);
         let tree = running.wait();

@@ -28,16 +28,18 @@ impl World {
                     staged: std::mem::take(&mut entry.staged),
                     successor: entry.standing.successor.take(),
                     succeeded: None,
+                    has_moved: false,
                     is_measured: entry.may_rebuild(),
                 }
             })
             .collect();
-        let refit = |Edited { tree, staged, successor, succeeded, is_measured, .. }: &mut Edited| {
+        let refit = |Edited { tree, staged, has_moved, successor, succeeded, is_measured, .. }: &mut Edited| {
             if let Some(built) = successor.take() {
                 let replaced = Replaced { before: Signs::of(tree), fresh: Signs::of(&built) };
-                *succeeded = Some((replaced, History::start(built.attributes())));
-                tree.succeed(*built);
+                let history = History::start(built.attributes());
+                *succeeded = Some((replaced, history, tree.succeed(*built)));
             }
+            *has_moved = !staged.is_empty();
             tree.apply(staged);
             if *is_measured {
                 tree.refit();
@@ -55,25 +57,36 @@ impl World {
         work.iter_mut().for_each(refit);
 
         let count = (work.len(), work.iter().map(|edited| edited.tree.lights().len()).sum());
-        for Edited { key, former, tree, staged, succeeded, .. } in work {
+        for Edited { key, former, tree, staged, succeeded, has_moved, .. } in work {
             if *tree.effects() != former {
                 self.effects.change(|counts| {
                     counts.add_all(tree.effects());
                     counts.remove_all(&former);
                 });
             }
-            self.has_moved(key);
+            if has_moved {
+                self.has_moved(key);
+            } else {
+                self.wake(key);
+            }
             let entry = &mut self.trees[key];
             entry.tree = tree;
             entry.staged = staged;
-            if let Some((replaced, history)) = succeeded {
+            let mut is_new = false;
+            if let Some((replaced, history, is_outdated)) = succeeded {
+                is_new = !is_outdated && !has_moved;
                 entry.standing.learn(&replaced, None, self.schedule.frame);
                 entry.history = history;
             }
             if entry.may_rebuild() {
                 entry.has_changed(self.schedule.frame);
             }
-            self.judge(key);
+            if is_new {
+                // Not even those that always rebuild want more.
+                self.leave(key);
+            } else {
+                self.judge(key);
+            }
             self.changes.tree(slot_of(key));
         }
         self.top.take();
@@ -90,8 +103,10 @@ struct Edited {
     staged: Vec<(u32, Light)>,
     /// Takes its place, if it was built anew in the background.
     successor: Option<Box<LightTree>>,
-    /// What that changed, over about the same lights.
-    succeeded: Option<(Replaced, History)>,
+    /// What that changed, over about the same lights, and whether some of them have moved since.
+    succeeded: Option<(Replaced, History, bool)>,
+    /// Its lights were edited.
+    has_moved: bool,
     /// Some policy reads the attributes.
     is_measured: bool,
 }

@@ -81,7 +81,9 @@ impl World {
             if still > DAMPING {
                 self.stand_still(tree);
             }
-            if still > patience && frozen < MOST_FREEZES {
+            // Without threads large trees are rebuilt in parts, which needs what a frozen tree has not.
+            let is_needed = self.schedule.builder.is_off() && self.trees[tree].standing.waiting.is_some();
+            if still > patience && frozen < MOST_FREEZES && !is_needed {
                 frozen += 1;
                 self.trees[tree].tree.freeze();
                 self.let_rest(tree);

@@ -1,6 +1,5 @@
 //! Who asks for a rebuild, and how badly.
 
-use std::collections::VecDeque;
 use std::time::Duration;
 
 use super::attention::Attention;
@@ -9,17 +8,24 @@ use super::{TreeEntry, World};
 use crate::keys::TreeKey;
 use crate::policy::{Wish, wish};
 use crate::scheduler::{
-    Builder, CostModel, Decay, Forecast, Queue, Replaced, Running, Signs, Snapshot, Work, WorkKind,
+    Ages, Builder, CostModel, Decay, Forecast, Queue, Replaced, Running, Signs, Snapshot, Work, WorkKind,
 };
 use crate::tree::{LightTree, WIDTH};
+
+/// How a tree waits.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Waiting {
+    /// In the queue.
+    pub place: usize,
+    /// In the order in which those came that fit into a frame, or those that do not.
+    pub ticket: u64,
+    pub is_large: bool,
+}
 
 /// What the scheduler knows of a tree.
 #[derive(Default)]
 pub(super) struct Standing {
-    /// Its place in the queue, and the ticket that it got there.
-    pub waiting: Option<(usize, u64)>,
-    /// It stands among those too large for a frame.
-    pub is_large: bool,
+    pub waiting: Option<Waiting>,
     pub wish: Wish,
     /// The update in which it first asked.
     pub since: u64,
@@ -74,8 +80,10 @@ pub(super) struct Schedule {
     pub running: Option<Running>,
     /// Builds started in the background.
     pub builds: u64,
-    /// Trees too large for a frame, in the order in which they were found to be; some have left since.
-    pub large: VecDeque<TreeKey>,
+    /// Those that wait, in the order in which they came, but for those too large for a frame.
+    pub ages: Ages,
+    /// Those, in the order in which they were found to be.
+    pub large: Ages,
     /// Trees that cannot be served in this frame, with what the queue knew of them.
     pub aside: Vec<(TreeKey, u32)>,
     /// Whose turn it is to be judged anew.
@@ -125,13 +133,14 @@ impl World {
         // Never 0, which is for those that are set aside.
         let score = (gain / cost as f32).clamp(f32::MIN_POSITIVE, f32::MAX);
         let is_urgent = wanted == Wish::First;
-        let Self { schedule: Schedule { queue, frame, .. }, trees, .. } = self;
+        let Self { schedule: Schedule { queue, ages, frame, .. }, trees, .. } = self;
         let standing = &mut trees[key].standing;
         standing.wish = wanted;
         match standing.waiting {
-            Some((place, _)) => queue.set(place, score, is_urgent),
+            Some(Waiting { place, .. }) => queue.set(place, score, is_urgent),
             None => {
-                standing.waiting = Some(queue.push(key, score, is_urgent));
+                let place = queue.push(key, score, is_urgent);
+                standing.waiting = Some(Waiting { place, ticket: ages.push(key), is_large: false });
                 standing.since = *frame;
             }
         }
@@ -141,10 +150,24 @@ impl World {
     pub(super) fn leave(&mut self, key: TreeKey) {
         let standing = &mut self.trees[key].standing;
         standing.wish = Wish::Keep;
-        let Some((place, ticket)) = standing.waiting.take() else { return };
-        let Some(moved) = self.schedule.queue.remove(place, ticket) else { return };
-        if let Some((other, _)) = &mut self.trees[moved].standing.waiting {
-            *other = place;
+        let Some(Waiting { place, ticket, is_large }) = standing.waiting.take() else { return };
+        let Schedule { queue, ages, large, .. } = &mut self.schedule;
+        if is_large { large } else { ages }.take(ticket);
+        let Some(moved) = queue.remove(place) else { return };
+        if let Some(waiting) = &mut self.trees[moved].standing.waiting {
+            waiting.place = place;
+        }
+    }
+
+    /// A tree that waits turns out to be too large for a frame, or not to be.
+    pub(super) fn set_large(&mut self, key: TreeKey, becomes_large: bool) {
+        let Self { schedule: Schedule { ages, large, .. }, trees, .. } = self;
+        let Some(Waiting { ticket, is_large, .. }) = &mut trees[key].standing.waiting else { return };
+        if *is_large != becomes_large {
+            let (from, to) = if becomes_large { (ages, large) } else { (large, ages) };
+            from.take(*ticket);
+            *ticket = to.push(key);
+            *is_large = becomes_large;
         }
     }
 

@@ -172,3 +172,86 @@ fn a_frame_never_waits_for_a_build_on_real_time() {
     }
     panic!("it is never done");
 }
+
+#[test]
+fn a_large_tree_that_always_rebuilds_rests_once_its_lights_do() {
+    let mut theater = Theater::new(24);
+    theater.calibrate();
+    let tree = theater.tree(20_000, Policy::AlwaysRebuild);
+    theater.scatter(tree);
+    until(&mut theater, |report| report.background.taken == 1);
+    assert!(is_fresh(&theater, tree));
+    for _ in 0..50 {
+        let report = theater.frame(500);
+        assert_eq!((report.background.started, report.background.running, report.waiting_trees), (0, 0, 0));
+    }
+}
+
+#[test]
+fn large_trees_that_insist_do_not_keep_small_ones_waiting() {
+    let mut theater = Theater::new(25);
+    theater.calibrate();
+    let large: Vec<_> = (0..6).map(|_| theater.tree(20_000, Policy::AlwaysRebuild)).collect();
+    let small: Vec<_> = (0..60).map(|_| theater.tree(100, Policy::Budgeted)).collect();
+    large.iter().chain(&small).for_each(|tree| theater.scatter(*tree));
+    // Thirty fit into a frame, less what is kept for the background and for copies.
+    let rebuilt: usize = (0..4).map(|_| theater.frame(300).rebuilt_trees).sum();
+    assert_eq!(rebuilt, 60);
+    let mut taken = 0;
+    for _ in 0..400 {
+        taken += theater.frame(300).background.taken;
+    }
+    assert_eq!(taken, 6);
+}
+
+#[test]
+fn a_tree_may_become_large_and_small_again_while_it_waits() {
+    let mut theater = Theater::new(26);
+    theater.calibrate();
+    let trees: Vec<_> = (0..40).map(|i| theater.tree(300 + 10 * i, Policy::Budgeted)).collect();
+    let mut rng = crate::support::Rng(27);
+    for frame in 0..600_usize {
+        if frame < 400 {
+            let tree = trees[rng.bits() as usize % trees.len()];
+            if theater.world.tree(tree).is_some() {
+                theater.scatter(tree);
+            }
+        }
+        if frame == 200 {
+            // Some go while they wait, in whatever list.
+            for tree in &trees[..10] {
+                let shown = |instance: &girandole::InstanceKey| theater.world.instance_tree(*instance) == Some(*tree);
+                let instance = theater.world.instances().find(shown).expect("one");
+                theater.world.remove_instance(instance).expect("it lives");
+                theater.world.remove_tree(*tree).expect("unused");
+            }
+        }
+        // Now there is room for all, now for some, now for none.
+        let report = theater.frame([100, 40, 0, 35, 1, 60][frame % 6]);
+        assert!(report.overrun.is_zero(), "{report:?}");
+    }
+    assert_eq!(theater.frame(100).waiting_trees, 0);
+}
+
+#[test]
+fn a_machine_that_slept_through_a_build_goes_on_as_before() {
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    let sleeps = Arc::new(AtomicBool::new(true));
+    let is_asleep = sleeps.clone();
+    let clock = Arc::new(girandole::VirtualClock::new(move |work| match work.kind {
+        WorkKind::Background if is_asleep.load(Ordering::Relaxed) => Duration::from_secs(8 * 3600),
+        _ => super::cost(work),
+    }));
+    let world = girandole::World::with_clock(clock.clone());
+    let mut theater = Theater { world, clock, rng: crate::support::Rng(28) };
+    let tree = theater.tree(20_000, Policy::AlwaysRebuild);
+    theater.scatter(tree);
+    until(&mut theater, |report| report.background.started == 1);
+    theater.clock.advance(Duration::from_secs(9 * 3600));
+    until(&mut theater, |report| report.background.taken == 1);
+    sleeps.store(false, Ordering::Relaxed);
+    theater.scatter(tree);
+    until(&mut theater, |report| report.background.taken == 1);
+}

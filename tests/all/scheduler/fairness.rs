@@ -234,3 +234,24 @@ fn an_hour_is_enough_for_all_and_no_budget_for_none() {
         assert!(report.overrun.is_zero());
     }
 }
+
+#[test]
+fn frames_without_a_budget_between_take_no_turn_away() {
+    let mut theater = Theater::new(8);
+    theater.calibrate();
+    // The best values fill every frame; who waits longest has but its own purse, over frames of nothing too.
+    let unseen = theater.tree(300, Policy::Budgeted);
+    let instance = theater.world.instances().next().expect("its own");
+    theater.world.move_instance(instance, far()).expect("valid");
+    theater.world.look_from(DVec3::ZERO);
+    let near: Vec<_> = (0..20).map(|_| theater.tree(100, Policy::Budgeted)).collect();
+    theater.scatter(unseen);
+    for frame in 0..400 {
+        near.iter().for_each(|tree| theater.scatter(*tree));
+        theater.frame(if frame % 2 == 0 { 100 } else { 0 });
+        if builds(&theater.world).iter().any(|job| job.tree == unseen) {
+            return;
+        }
+    }
+    panic!("it starves");
+}

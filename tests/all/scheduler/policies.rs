@@ -30,9 +30,11 @@ fn always_rebuild_comes_first_and_then_who_is_past_its_ceiling() {
     let always: Vec<_> = (0..2).map(|_| theater.tree(100, Policy::AlwaysRebuild)).collect();
     let all: Vec<_> = weighed.iter().chain(&always).chain([&bounded, &patient]).copied().collect();
     all.iter().for_each(|tree| theater.scatter(*tree));
-    let report = theater.frame(38);
-    assert_eq!((report.rebuilt_trees, report.waiting_trees), (3, 10));
+    // One goes before them, who has waited longest; there is time for no more.
+    let report = theater.frame(43);
+    assert_eq!((report.rebuilt_trees, report.waiting_trees), (4, 9));
     let first: Vec<_> = builds(&theater.world).iter().map(|job| job.tree).collect();
+    assert_eq!(first[0], weighed[0]);
     assert!(always.iter().chain([&bounded]).all(|tree| first.contains(tree)), "{first:?}");
 }
 
