@@ -73,8 +73,9 @@ fn scheduler(c: &mut Criterion) {
     let sizes: &[usize] = if is_bench() { &[100, 1_000, 10_000, 100_000] } else { &[100] };
     for trees in sizes {
         decisions(&mut group, *trees);
-        frames(*trees);
     }
+    let sizes: &[usize] = if is_bench() { &[1_000, 10_000] } else { &[1_000] };
+    sizes.iter().for_each(|trees| frames(*trees));
     let sizes: &[usize] = if is_bench() { &[1_000, 10_000, 100_000] } else { &[1_000] };
     for lights in sizes {
         swaps(&mut group, *lights);

@@ -63,21 +63,12 @@ impl Running {
 }
 
 /// Where builds run.
+#[derive(Default)]
 pub(crate) struct Builder {
     #[cfg(feature = "parallel")]
     pool: Option<rayon::ThreadPool>,
     /// There are no threads here; not asked again.
     is_off: bool,
-}
-
-impl Default for Builder {
-    fn default() -> Self {
-        Self {
-            #[cfg(feature = "parallel")]
-            pool: None,
-            is_off: cfg!(not(feature = "parallel")),
-        }
-    }
 }
 
 impl Builder {
@@ -114,6 +105,6 @@ impl Builder {
 
     /// Whether builds can run.
     pub fn is_off(&self) -> bool {
-        self.is_off
+        self.is_off || cfg!(not(feature = "parallel"))
     }
 }
