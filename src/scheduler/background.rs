@@ -20,8 +20,8 @@ pub(crate) struct Snapshot {
     pub key: TreeKey,
     /// By which the tree knows that it is still asked for.
     pub ticket: u64,
-    /// Those copied so far. They may come from several frames: where a light has changed since, it is set again when the
-    /// build is done.
+    /// Those copied so far. They may come from several frames: where a light has changed since, it is set again when
+    /// the build is done.
     pub lights: Vec<Light>,
 }
 
@@ -88,8 +88,8 @@ impl Builder {
             self.is_off = self.pool.is_none();
         }
         self.pool.as_ref()?.spawn(move || {
-            // By the machine's clock, since the world's may not be asked by two threads at a time and still be repeated;
-            // it hears of this, and has the last word.
+            // By the machine's clock, since the world's may not be asked by two threads at a time and still be
+            // repeated; it hears of this, and has the last word.
             let start = Instant::now();
             let tree = LightTree::build(lights);
             *lock(&result) = Some((tree, start.elapsed()));

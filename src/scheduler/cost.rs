@@ -36,8 +36,8 @@ const FIRST_RATE: f32 = 0.5;
 /// How much of the margin is left after a frame: half of it after 700. What was slow once may not be so for ever.
 const MARGIN_KEPT: f32 = 0.999;
 
-/// The margin stays above this, 1.6 times the typical: of 400 builds of a size the slowest took 1.3 to 1.8 times as long
-/// as the mean (2-core AMD EPYC virtual machine, 2026-11-21, `costs.csv` of the budget example).
+/// The margin stays above this, 1.6 times the typical: of 400 builds of a size the slowest took 1.3 to 1.8 times as
+/// long as the mean (2-core AMD EPYC virtual machine, 2026-11-21, `costs.csv` of the budget example).
 const LEAST_MARGIN: f32 = 0.5;
 
 /// No unit takes less, about a tenth of what a 2020s server takes: on a clock that stands still, frames stay bounded.

@@ -2,10 +2,11 @@
 //!
 //! If it goes as before, a tree that is rebuilt now will again be as bad in `age` frames, the frames since its last
 //! rebuild, and until then on average as bad as it was in those. So a rebuild saves the present loss in each of `age`
-//! frames, less what was lost in the last `age` frames. A tree that is scrambled in every frame saves one frame's worth,
-//! one that moves now and then and rests between saves for long. Of all trees, those come first that save most for the
-//! time: for loss that grows evenly this makes the best of a budget, each tree's time between rebuilds being as the root
-//! of its cost by its rate of decay (docs/math.md). Source: Whittle, Restless bandits (1988), for deterministic decay.
+//! frames, less what was lost in the last `age` frames. A tree that is scrambled in every frame saves one frame's
+//! worth, one that moves now and then and rests between saves for long. Of all trees, those come first that save most
+//! for the time: for loss that grows evenly this makes the best of a budget, each tree's time between rebuilds being as
+//! the root of its cost by its rate of decay (docs/math.md). Source: Whittle, Restless bandits (1988), for
+//! deterministic decay.
 
 /// Frames that count. What was before is forgotten evenly, so that a tree that rested for an hour does not count as one
 /// that will rest for an hour.

@@ -56,9 +56,10 @@ impl<C: Clock> Clock for RecordingClock<C> {
     }
 }
 
-/// A clock that says what a [`RecordingClock`] wrote down: a world that gets the same edits then makes the same
-/// decisions and ends with the same trees. Where the questions are others than those of the record, it goes on as best
-/// it can: it skips to the next answer of the right kind, and after the last one the time stands still.
+/// A clock that says what a [`RecordingClock`] wrote down: a world that gets the same edits, budgets, views and
+/// picks then makes the same decisions and ends with the same trees, by the same build of the program. Where the
+/// questions are others than those of the record, it goes on as best it can: it skips to the next answer of the
+/// right kind, and after the last one the time stands still.
 #[derive(Debug)]
 pub struct ReplayClock {
     state: Mutex<ReplayState>,

@@ -53,7 +53,7 @@ pub(super) struct Gaze {
 
 impl World {
     /// Tells where the picture is taken from, in metres: rebuilds go first to trees whose light is strong there. Trees
-    /// follow within some updates. O(1).
+    /// that move follow within eight updates; of those that wait at rest, one does in each. O(1).
     pub fn look_from(&mut self, eye: DVec3) {
         // What is no place says nothing.
         if eye.is_finite() {
@@ -61,9 +61,9 @@ impl World {
         }
     }
 
-    /// Tells how often lights of each instance were sampled lately, of a frame or of some, from a part of all samples or
-    /// from all: what is sampled most matters most. Better than [`World::look_from`], since it knows what is in sight.
-    /// Counts of earlier calls fade by a fifth with each; two hundred updates after the last they are forgotten.
+    /// Tells how often lights of each instance were sampled lately, of a frame or of some, from a part of all samples
+    /// or from all: what is sampled most matters most. Better than [`World::look_from`], since it knows what is in
+    /// sight. Counts of earlier calls fade by a fifth with each; two hundred updates after the last they are forgotten.
     /// Instances that are gone are skipped.
     ///
     /// O(instances that are named).

@@ -254,7 +254,8 @@ impl World {
     }
 
     /// Moves the point that sampling coordinates are relative to, say to where the camera is by now. Instances stay
-    /// where they are in the world. O(instances), and every instance is uploaded anew: once a kilometre, not once a frame.
+    /// where they are in the world. O(instances), and every instance is uploaded anew: once a kilometre, not once a
+    /// frame.
     ///
     /// # Errors
     /// [`WorldError::Placement`] if an instance would be too far from the new origin.

@@ -13,9 +13,9 @@ use crate::tree::{Part, WIDTH};
 /// One in so many parts of the budget is for who has waited longest.
 pub const PATIENCE: u32 = 16;
 
-/// Builds in the background are paid from what frames leave over of their budgets. While one is to be paid for, or waits
-/// to begin, frames leave over one in so many parts at least: else many small trees would keep a large one waiting for
-/// ever.
+/// Builds in the background are paid from what frames leave over of their budgets. While one is to be paid for, or
+/// waits to begin, frames leave over one in so many parts at least: else many small trees would keep a large one
+/// waiting for ever.
 const LEAST_PURSE: u32 = 4;
 
 /// A build is charged at most so many times what it was thought to take.
@@ -147,8 +147,8 @@ impl World {
         }
     }
 
-    /// Those that no frame has room for any more, or has room for again, get to where they belong; a few each frame, since
-    /// budgets may be other ones in each.
+    /// Those that no frame has room for any more, or has room for again, get to where they belong; a few each frame,
+    /// since budgets may be other ones in each.
     fn sort_out_large(&mut self, frame: &Frame) {
         // What is left now is all that any job of this frame gets.
         let most = self.left(self.clock.now(), frame);

@@ -31,7 +31,8 @@ use crate::tree::LightTree;
 
 /// Everything that shines: light trees, instances of them, directional lights.
 ///
-/// Calls that fail change nothing. Edits of lights take effect at [`World::update`]; moves, additions and removals at once.
+/// Calls that fail change nothing. Edits of lights take effect at [`World::update`]; moves, additions and removals at
+/// once.
 pub struct World {
     trees: SlotMap<TreeKey, TreeEntry>,
     instances: SlotMap<InstanceKey, Instance>,

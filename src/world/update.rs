@@ -34,7 +34,7 @@ pub struct FrameReport {
     pub spent: Duration,
     /// What choosing among those that ask took.
     pub deciding: Duration,
-    /// By how much rebuilding and choosing took longer than the budget.
+    /// By how much rebuilding and choosing took longer than the budget; 0 if nothing was rebuilt.
     pub overrun: Duration,
     /// What refits took; they are not optional.
     pub refit_time: Duration,
@@ -66,7 +66,8 @@ impl World {
     /// attributes, by what earlier rebuilds of this tree have shown, and counts by how much the tree is seen
     /// ([`World::note_picks`], [`World::look_from`]). Nothing begins that would probably not end within the budget. One
     /// sixteenth of the budget goes to who has waited longest: a tree waits for at most 16 times what those that asked
-    /// before it take, divided by the budget, in frames. Trees that fit into no frame are built on another thread.
+    /// before it take, divided by the budget, in frames, as long as the budget stays the same and has room for it; a
+    /// part that is rebuilt counts as its turn. Trees that fit into no frame are built on another thread.
     pub fn update(&mut self, budget: FrameBudget) -> FrameReport {
         let mut report =
             FrameReport { moved_instances: self.changes.take_moved(), budget: budget.time(), ..FrameReport::default() };
