@@ -244,9 +244,12 @@ fn frames_without_a_budget_between_take_no_turn_away() {
     let instance = theater.world.instances().next().expect("its own");
     theater.world.move_instance(instance, far()).expect("valid");
     theater.world.look_from(DVec3::ZERO);
-    let near: Vec<_> = (0..20).map(|_| theater.tree(100, Policy::Budgeted)).collect();
-    theater.scatter(unseen);
+    let near: Vec<_> = (0..30).map(|_| theater.tree(100, Policy::Budgeted)).collect();
     for frame in 0..400 {
+        if frame == 41 {
+            // What was saved up before is spent by now.
+            theater.scatter(unseen);
+        }
         near.iter().for_each(|tree| theater.scatter(*tree));
         theater.frame(if frame % 2 == 0 { 100 } else { 0 });
         if builds(&theater.world).iter().any(|job| job.tree == unseen) {
