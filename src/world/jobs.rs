@@ -111,10 +111,10 @@ impl World {
             let large = self.serve_best(&mut frame, report);
             self.serve_background(large, &mut frame, report);
             let all = self.clock.now().saturating_sub(start);
-            let schedule_is_idle = self.schedule.jobs.is_empty();
+            let is_idle = self.schedule.jobs.is_empty();
             report.deciding = all.saturating_sub(report.spent);
             // Deciding that there is no time for anything breaks no promise.
-            report.overrun = if schedule_is_idle { Duration::ZERO } else { all.saturating_sub(budget) };
+            report.overrun = if is_idle { Duration::ZERO } else { all.saturating_sub(budget) };
         }
         // What the frame has left over is for the background.
         let over = budget.saturating_sub(report.spent).as_nanos() as f64;
