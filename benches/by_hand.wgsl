@@ -1,4 +1,4 @@
-// One light for each receiver of a buffer, in a world of nothing but points in instances that are turned and moved: what
+// One light for each shading point of a buffer, in a world of nothing but points in instances that are turned and moved: what
 // shaders/batch.wgsl does in its variant without effects, written by hand for just that, without directives and with the
 // records as structs. benches/effects.rs puts the constants of that variant before it, checks that both give the same
 // samples, and times one against the other.
@@ -7,7 +7,7 @@ struct Params {
     slots: u32,
     unused_a: u32,
     unused_b: u32,
-    openings: u32,
+    splits: u32,
 }
 
 // 160 bytes.
@@ -50,7 +50,7 @@ struct Request {
 
 struct Sample {
     direction: vec3<f32>,
-    distance: f32,
+    dist: f32,
     lux: vec3<f32>,
     pdf: f32,
     pmf: f32,
@@ -67,9 +67,9 @@ struct Sample {
 @group(1) @binding(0) var<storage, read> requests: array<Request>;
 @group(1) @binding(1) var<storage, read_write> samples: array<Sample>;
 
-const BLOCKS: u32 = LIGHT_MOST_OPENINGS + 1u;
+const BLOCKS: u32 = LIGHT_MAX_SPLITS + 1u;
 
-struct Receiver {
+struct ShadingPoint {
     position: vec3<f32>,
     normal: vec3<f32>,
 }
@@ -128,7 +128,7 @@ fn hash(x: u32) -> u32 {
 }
 
 fn clamp_unit(u: f32) -> f32 {
-    return select(0.0, min(u, LIGHT_BELOW_ONE), u > 0.0);
+    return select(0.0, min(u, LIGHT_ONE_MINUS_EPSILON), u > 0.0);
 }
 
 fn new_dice(u: f32, more: f32) -> Dice {
@@ -142,11 +142,11 @@ fn stretch(dice: Dice, offset: f32, length: f32) -> Dice {
 }
 
 fn joint(a: f32, b: f32) -> f32 {
-    return select(0.0, max(a * b, LIGHT_LEAST_CHANCE), a > 0.0 && b > 0.0);
+    return select(0.0, max(a * b, LIGHT_MIN_CHANCE), a > 0.0 && b > 0.0);
 }
 
 fn share(value: f32, total: f32) -> f32 {
-    return select(0.0, max(value / total, LIGHT_LEAST_CHANCE), value > 0.0);
+    return select(0.0, max(value / total, LIGHT_MIN_CHANCE), value > 0.0);
 }
 
 fn unit_or_zero(v: vec3<f32>) -> vec3<f32> {
@@ -157,15 +157,15 @@ fn unit_or_zero(v: vec3<f32>) -> vec3<f32> {
     return vec3(0.0);
 }
 
-fn world_view(receiver: Receiver) -> View {
-    let normal = unit_or_zero(receiver.normal);
-    return View(receiver.position, normal, any(normal != vec3(0.0)), LIGHT_POSITION_MARGIN);
+fn world_view(shading_point: ShadingPoint) -> View {
+    let normal = unit_or_zero(shading_point.normal);
+    return View(shading_point.position, normal, any(normal != vec3(0.0)), LIGHT_POSITION_MARGIN);
 }
 
-fn tree_view(instance: u32, receiver: Receiver) -> View {
+fn tree_view(instance: u32, shading_point: ShadingPoint) -> View {
     let rows = instances[instance].to_world;
-    let p = receiver.position - vec3(rows[0].w, rows[1].w, rows[2].w);
-    let n = receiver.normal;
+    let p = shading_point.position - vec3(rows[0].w, rows[1].w, rows[2].w);
+    let n = shading_point.normal;
     let normal = unit_or_zero(rows[0].xyz * n.x + rows[1].xyz * n.y + rows[2].xyz * n.z);
     return View(
         rows[0].xyz * p.x + rows[1].xyz * p.y + rows[2].xyz * p.z, normal, any(normal != vec3(0.0)),
@@ -173,11 +173,11 @@ fn tree_view(instance: u32, receiver: Receiver) -> View {
     );
 }
 
-fn view_in(instance: u32, receiver: Receiver) -> View {
+fn view_in(instance: u32, shading_point: ShadingPoint) -> View {
     if instance == LIGHT_NO_INSTANCE {
-        return world_view(receiver);
+        return world_view(shading_point);
     }
-    return tree_view(instance, receiver);
+    return tree_view(instance, shading_point);
 }
 
 fn node_at(in_top: bool, index: u32) -> Node {
@@ -232,14 +232,14 @@ fn see_four(
     let flux = halves(fluxes);
 
     let n = view.normal;
-    let dist_sq = max(x * x + y * y + z * z, vec4(LIGHT_LEAST));
-    let distance = sqrt(dist_sq);
+    let dist_sq = max(x * x + y * y + z * z, vec4(LIGHT_MIN_IMPORTANCE));
+    let dist = sqrt(dist_sq);
     let spread = variance / (dist_sq + variance);
     let along = n.x * x + n.y * y + n.z * z;
     let rounded = 0.5 * (along + sqrt(along * along + LIGHT_COSINE_WIDTH_SQ * spread * dist_sq));
-    let cosine = select(distance, max(rounded, LIGHT_FLOOR * distance), view.has_normal);
-    let lux = flux * (1.0 / LIGHT_FOUR_PI) * (cosine / distance / (dist_sq + LIGHT_VARIANCE_SHARE * variance));
-    let above_least = select(vec4(LIGHT_LEAST), lux, lux > vec4(LIGHT_LEAST));
+    let cosine = select(dist, max(rounded, LIGHT_FLOOR * dist), view.has_normal);
+    let lux = flux * (1.0 / LIGHT_FOUR_PI) * (cosine / dist / (dist_sq + LIGHT_VARIANCE_SHARE * variance));
+    let above_least = select(vec4(LIGHT_MIN_IMPORTANCE), lux, lux > vec4(LIGHT_MIN_IMPORTANCE));
 
     // Nothing of what is wholly below the horizon.
     let steep = abs(n);
@@ -249,7 +249,7 @@ fn see_four(
         + (n.z * (origin.z + (high_z + low_z) * half_step.z) + steep.z * half_z);
     let is_dark = vec4(view.has_normal) & (highest <= vec4(0.0));
     let is_lit = (flux > vec4(0.0)) & !is_dark;
-    return Four(select(vec4(0.0), min(above_least, vec4(LIGHT_MOST)), is_lit), spread);
+    return Four(select(vec4(0.0), min(above_least, vec4(LIGHT_MAX_IMPORTANCE)), is_lit), spread);
 }
 
 fn sum(v: mat2x4<f32>) -> f32 {
@@ -289,10 +289,10 @@ fn count_block(cut: ptr<function, Cut>, block: u32) {
     (*cut).most_doubt[block] = bitcast<f32>(most);
 }
 
-fn add_block(cut: ptr<function, Cut>, instance: u32, index: u32, receiver: Receiver) {
+fn add_block(cut: ptr<function, Cut>, instance: u32, index: u32, shading_point: ShadingPoint) {
     let in_top = instance == LIGHT_NO_INSTANCE;
     let node = node_at(in_top, index);
-    let seen = see(node, view_in(instance, receiver));
+    let seen = see(node, view_in(instance, shading_point));
     let block = (*cut).count;
     (*cut).count = block + 1u;
     (*cut).instances[block] = instance;
@@ -307,20 +307,20 @@ fn add_block(cut: ptr<function, Cut>, instance: u32, index: u32, receiver: Recei
     count_block(cut, block);
 }
 
-fn open(cut: ptr<function, Cut>, receiver: Receiver) {
-    let openings = min(params.openings, LIGHT_MOST_OPENINGS);
+fn open(cut: ptr<function, Cut>, shading_point: ShadingPoint) {
+    let splits = min(params.splits, LIGHT_MAX_SPLITS);
     (*cut).count = 0u;
     var instance = LIGHT_NO_INSTANCE;
     var index = 0u;
     loop {
-        add_block(cut, instance, index, receiver);
+        add_block(cut, instance, index, shading_point);
         let count = (*cut).count;
         var total = 0.0;
         for (var i = 0u; i < count; i++) {
             total += (*cut).totals[i];
         }
         (*cut).total = total;
-        var most = LIGHT_LEAST_DOUBT * total;
+        var most = LIGHT_MIN_DOUBT * total;
         var block = count;
         for (var i = 0u; i < count; i++) {
             if (*cut).most_doubt[i] > most {
@@ -328,7 +328,7 @@ fn open(cut: ptr<function, Cut>, receiver: Receiver) {
                 block = i;
             }
         }
-        if block == count || count > openings {
+        if block == count || count > splits {
             return;
         }
         instance = (*cut).instances[block];
@@ -362,7 +362,7 @@ fn pick_lane(all: mat2x4<f32>, start: f32, point: f32) -> Lane {
     return chosen;
 }
 
-fn descend(cut: ptr<function, Cut>, receiver: Receiver, u: vec2<f32>) -> Pick {
+fn descend(cut: ptr<function, Cut>, shading_point: ShadingPoint, u: vec2<f32>) -> Pick {
     let total = (*cut).total;
     if total <= 0.0 {
         return Pick(0u, 0u, 0.0);
@@ -390,7 +390,7 @@ fn descend(cut: ptr<function, Cut>, receiver: Receiver, u: vec2<f32>) -> Pick {
     if instance != LIGHT_NO_INSTANCE {
         base = instances[instance].node_base;
     }
-    var view = view_in(instance, receiver);
+    var view = view_in(instance, shading_point);
     loop {
         let bits = target_of(instance == LIGHT_NO_INSTANCE, index, slot);
         if (bits & LIGHT_LEAF) == 0u {
@@ -398,7 +398,7 @@ fn descend(cut: ptr<function, Cut>, receiver: Receiver, u: vec2<f32>) -> Pick {
         } else if instance == LIGHT_NO_INSTANCE {
             instance = bits & ~LIGHT_LEAF;
             base = instances[instance].node_base;
-            view = tree_view(instance, receiver);
+            view = tree_view(instance, shading_point);
             index = base;
         } else {
             return Pick(instance, bits & ~LIGHT_LEAF, pmf);
@@ -423,21 +423,21 @@ fn descend(cut: ptr<function, Cut>, receiver: Receiver, u: vec2<f32>) -> Pick {
     return Pick(0u, 0u, 0.0);
 }
 
-fn sample_point(pick: Pick, receiver: Receiver) -> Sample {
+fn sample_point(pick: Pick, shading_point: ShadingPoint) -> Sample {
     let rows = instances[pick.instance].to_world;
     let point = points[instances[pick.instance].light_base + pick.light];
     let p = point.position;
     let toward = vec3(dot(rows[0].xyz, p), dot(rows[1].xyz, p), dot(rows[2].xyz, p))
-        + (vec3(rows[0].w, rows[1].w, rows[2].w) - receiver.position);
+        + (vec3(rows[0].w, rows[1].w, rows[2].w) - shading_point.position);
     let dist_sq = dot(toward, toward);
-    let distance = sqrt(dist_sq);
-    let direction = toward / distance;
+    let dist = sqrt(dist_sq);
+    let direction = toward / dist;
     let lux = point.intensity * (1.0 / dist_sq);
-    let above = all(receiver.normal == vec3(0.0)) || dot(receiver.normal, direction) > 0.0;
-    if dist_sq < LIGHT_NEAREST_SQ || !above || all(lux == vec3(0.0)) {
+    let above = all(shading_point.normal == vec3(0.0)) || dot(shading_point.normal, direction) > 0.0;
+    if dist_sq < LIGHT_MIN_DIST_SQ || !above || all(lux == vec3(0.0)) {
         return Sample(vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, pick.instance, pick.light, 0u);
     }
-    return Sample(direction, distance, lux, 1.0, pick.pmf, pick.instance, pick.light, 1u);
+    return Sample(direction, dist, lux, 1.0, pick.pmf, pick.instance, pick.light, 1u);
 }
 
 @compute @workgroup_size(64)
@@ -446,14 +446,14 @@ fn by_hand(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups
     if i >= arrayLength(&requests) {
         return;
     }
-    let receiver = Receiver(requests[i].position, requests[i].normal);
+    let shading_point = ShadingPoint(requests[i].position, requests[i].normal);
     let u = requests[i].u;
     var cut: Cut;
-    open(&cut, receiver);
-    let pick = descend(&cut, receiver, u.xy);
+    open(&cut, shading_point);
+    let pick = descend(&cut, shading_point, u.xy);
     if pick.pmf <= 0.0 {
         samples[i] = Sample(vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0u, 0u, 0u);
         return;
     }
-    samples[i] = sample_point(pick, receiver);
+    samples[i] = sample_point(pick, shading_point);
 }

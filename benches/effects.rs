@@ -9,9 +9,10 @@
 
 use std::time::{Duration, Instant};
 
+use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Mat3, Quat, Vec3};
 use girandole::gpu::{GpuLights, SampleRecord, SampleRequest};
-use girandole::{DAMPING, DirectionalLight, Effects, FrameBudget, Light, Placement, Policy, World, WorldError, wgpu};
+use girandole::{DirectionalLight, Effects, FrameBudget, Light, LightWorld, Placement, Policy, WorldError, wgpu};
 
 #[path = "../tests/all/support.rs"]
 #[allow(dead_code, reason = "tests use more of it")]
@@ -29,7 +30,7 @@ const LANES: u32 = 64;
 /// How much is measured.
 struct Size {
     instances: u32,
-    receivers: u32,
+    shading_points: u32,
     /// Each times all kernels once, in another order.
     rounds: usize,
     /// No more rounds after this.
@@ -48,28 +49,31 @@ struct Case {
 fn main() {
     let is_bench = std::env::args().any(|a| a == "--bench");
     let machine = Machine::open();
-    let receivers = if machine.info.device_type == wgpu::DeviceType::Cpu { 1 << 11 } else { 1 << 20 };
+    let shading_points = if machine.info.device_type == wgpu::DeviceType::Cpu { 1 << 11 } else { 1 << 20 };
     let size = match is_bench {
-        true => Size { instances: 4000, receivers, rounds: 1001, time: Duration::from_secs(60) },
-        false => Size { instances: 40, receivers: 1 << 10, rounds: 1, time: Duration::ZERO },
+        true => Size { instances: 4000, shading_points, rounds: 1001, time: Duration::from_secs(60) },
+        false => Size { instances: 40, shading_points: 1 << 10, rounds: 1, time: Duration::ZERO },
     };
 
     let (bare, all) = stored(&machine, size.instances).expect("a world of valid lights");
     let own = own_layout(&machine.device);
     let mut cases = cases(&machine, &bare, &own, is_bench);
-    let requests = requests(size.receivers);
+    let requests = requests(size.shading_points);
     let input = machine.storage(size_of_val(&requests[..]) as u64);
     machine.queue.write_buffer(&input, 0, bytemuck::cast_slice(&requests));
-    let output = machine.storage(u64::from(size.receivers) * size_of::<SampleRecord>() as u64);
+    let output = machine.storage(u64::from(size.shading_points) * size_of::<SampleRecord>() as u64);
     let group = bind(&machine.device, &own, [&input, &output]);
 
     let mut by_hand = Vec::new();
     for case in &cases {
         let lights = if case.is_stored_for_all { &all } else { &bare };
-        machine.time(case, lights, &group, size.receivers);
+        machine.time(case, lights, &group, size.shading_points);
         let samples: Vec<SampleRecord> = machine.read(&output);
         if by_hand.is_empty() {
-            assert!(samples.iter().filter(|s| s.pmf > 0.0).count() > samples.len() / 2, "most receivers see a light");
+            assert!(
+                samples.iter().filter(|s| s.pmf > 0.0).count() > samples.len() / 2,
+                "most shading_points see a light"
+            );
             by_hand = samples;
         } else {
             assert_alike(&samples, &by_hand, case.name);
@@ -86,8 +90,8 @@ fn main() {
         for at in order.iter().copied() {
             let lights = if cases[at].is_stored_for_all { &all } else { &bare };
             // Once for the caches: right after itself a kernel is up to 5 % faster than after another.
-            machine.time(&cases[at], lights, &group, size.receivers);
-            let seconds = machine.time(&cases[at], lights, &group, size.receivers);
+            machine.time(&cases[at], lights, &group, size.shading_points);
+            let seconds = machine.time(&cases[at], lights, &group, size.shading_points);
             cases[at].seconds.push(seconds);
         }
         if start.elapsed() > size.time {
@@ -102,7 +106,7 @@ fn main() {
 /// The lights of one world, stored for no effect and for all.
 fn stored(machine: &Machine, instances: u32) -> Result<(GpuLights, GpuLights), WorldError> {
     let mut rng = Rng(18);
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let mut trees = Vec::new();
     for _ in 0..instances.div_ceil(40) {
         let count = 10 + rng.bits() % 31;
@@ -132,13 +136,13 @@ fn stored(machine: &Machine, instances: u32) -> Result<(GpuLights, GpuLights), W
     world.remove_tree(extra)?;
     world.remove_directional(sun)?;
     let all = upload(machine, &world, Effects::all());
-    for _ in 0..=DAMPING {
+    for _ in 0..=EFFECT_HOLD_UPDATES {
         world.update(FrameBudget::UNLIMITED);
     }
     Ok((upload(machine, &world, Effects::empty()), all))
 }
 
-fn upload(machine: &Machine, world: &World, effects: Effects) -> GpuLights {
+fn upload(machine: &Machine, world: &LightWorld, effects: Effects) -> GpuLights {
     assert_eq!(world.effects() - Effects::MOVING, effects - Effects::MOVING);
     let mut lights = GpuLights::new(&machine.device, &machine.queue).expect("WebGPU's default limits");
     lights.upload(world, &girandole::FrameDelta::everything(world)).expect("room enough");
@@ -213,7 +217,7 @@ fn assert_alike(samples: &[SampleRecord], by_hand: &[SampleRecord], name: &str) 
         }
         let values = |s: &SampleRecord| {
             let ([a, b, c], [d, e, f]) = (s.direction, s.radiance);
-            [a, b, c, s.distance, d, e, f, s.pdf, s.pmf]
+            [a, b, c, s.dist, d, e, f, s.pdf, s.pmf]
         };
         // Parts of the direction as parts of its length, all else of itself.
         let least = [1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
@@ -229,7 +233,7 @@ fn assert_alike(samples: &[SampleRecord], by_hand: &[SampleRecord], name: &str) 
 fn report(machine: &Machine, size: &Size, cases: &[Case], [bare, all]: [&GpuLights; 2]) {
     println!("{} ({}), by {}.", machine.info.name, machine.info.driver_info, machine.timing());
     let rounds = cases[0].seconds.len();
-    println!("{} instances, {} receivers, {rounds} rounds.\n", size.instances, size.receivers);
+    println!("{} instances, {} shading_points, {rounds} rounds.\n", size.instances, size.shading_points);
     println!(
         "| code for | stored for | bytes of a node, a light, an instance | ns a sample | of by hand | fastest | of by hand |"
     );
@@ -239,7 +243,7 @@ fn report(machine: &Machine, size: &Size, cases: &[Case], [bare, all]: [&GpuLigh
         let (stored, lights) = if case.is_stored_for_all { ("all effects", all) } else { ("no effect", bare) };
         let bytes = lights.record_bytes();
         let [fastest, low, middle, high, _] =
-            quarters(&case.seconds).map(|seconds| seconds * 1e9 / f64::from(size.receivers));
+            quarters(&case.seconds).map(|seconds| seconds * 1e9 / f64::from(size.shading_points));
         // Of the same round: what else the machine does in it slows both.
         let ratios: Vec<f64> = case.seconds.iter().zip(&cases[0].seconds).map(|(ours, theirs)| ours / theirs).collect();
         let [_, ratio_low, ratio, ratio_high, _] = quarters(&ratios);
@@ -345,8 +349,8 @@ impl Machine {
         })
     }
 
-    /// Seconds that a kernel takes for all receivers.
-    fn time(&self, case: &Case, lights: &GpuLights, group: &wgpu::BindGroup, receivers: u32) -> f64 {
+    /// Seconds that a kernel takes for all shading points.
+    fn time(&self, case: &Case, lights: &GpuLights, group: &wgpu::BindGroup, shading_points: u32) -> f64 {
         let mut encoder = self.device.create_command_encoder(&Default::default());
         let timestamp_writes = self.queries.as_ref().map(|query_set| wgpu::ComputePassTimestampWrites {
             query_set,
@@ -358,7 +362,7 @@ impl Machine {
         pass.set_pipeline(&case.pipeline);
         pass.set_bind_group(0, lights.bind_group(), &[]);
         pass.set_bind_group(1, group, &[]);
-        pass.dispatch_workgroups(receivers.div_ceil(LANES), 1, 1);
+        pass.dispatch_workgroups(shading_points.div_ceil(LANES), 1, 1);
         drop(pass);
         let ticks = self.queries.as_ref().map(|queries| {
             let usage = wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC;

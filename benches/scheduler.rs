@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, BenchmarkId, Criterion, SamplingMode, criterion_group, criterion_main};
 use girandole::glam::{DVec3, Vec3};
-use girandole::{FrameBudget, FrameReport, Light, Placement, Policy, TreeKey, World};
+use girandole::{FrameBudget, FrameReport, Light, LightWorld, Placement, Policy, TreeKey};
 
 #[path = "../tests/all/support.rs"]
 #[allow(dead_code, reason = "tests use more of it")]
@@ -44,8 +44,8 @@ fn lights(changes: &[(u32, Light)]) -> Vec<Light> {
 }
 
 /// Trees in a square, all new.
-fn square(trees: usize, lights_each: usize, rng: &mut Rng) -> (World, Vec<TreeKey>) {
-    let mut world = World::new();
+fn square(trees: usize, lights_each: usize, rng: &mut Rng) -> (LightWorld, Vec<TreeKey>) {
+    let mut world = LightWorld::new();
     let side = (trees as f64).sqrt().ceil() as usize;
     let mut tree = |index: usize| {
         let key = world.add_tree(lights(&cloud(lights_each, 5.0, rng))).expect("valid lights");
@@ -54,12 +54,18 @@ fn square(trees: usize, lights_each: usize, rng: &mut Rng) -> (World, Vec<TreeKe
         key
     };
     let keys = (0..trees).map(&mut tree).collect();
-    world.look_from(DVec3::ZERO);
+    world.set_viewpoint(DVec3::ZERO);
     (world, keys)
 }
 
 /// All lights go elsewhere, so that trees ask for a rebuild.
-fn scatter(world: &mut World, keys: &[TreeKey], lights_each: usize, rng: &mut Rng, budget: FrameBudget) -> FrameReport {
+fn scatter(
+    world: &mut LightWorld,
+    keys: &[TreeKey],
+    lights_each: usize,
+    rng: &mut Rng,
+    budget: FrameBudget,
+) -> FrameReport {
     for key in keys {
         world.set_lights(*key, &cloud(lights_each, 5.0, rng)).expect("valid lights");
     }
@@ -88,7 +94,7 @@ fn decisions(group: &mut BenchmarkGroup<WallTime>, trees: usize) {
     let (mut world, mut keys) = square(trees, LIGHTS, &mut rng);
     assert!(world.update(TINY).waiting_trees == 0, "new trees ask for nothing, before that is timed");
     // Until all are frozen, which takes their looking after off the update.
-    let frozen = if is_bench() { girandole::DAMPING as usize + trees / 32 } else { 1 };
+    let frozen = if is_bench() { girandole::effects::EFFECT_HOLD_UPDATES as usize + trees / 32 } else { 1 };
     for _ in 0..frozen {
         world.update(TINY);
     }

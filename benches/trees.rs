@@ -13,7 +13,7 @@ use criterion::{
 };
 use girandole::glam::Vec3;
 use girandole::tree::{Node, Target, WIDTH};
-use girandole::{DEFAULT_OPENINGS, Light, LightTree, Receiver, Shape};
+use girandole::{Light, LightTree, ShadingPoint, Shape, SplitCount};
 
 #[path = "../examples/variance/baselines/mod.rs"]
 #[allow(dead_code, unused_imports, reason = "the example uses more of it")]
@@ -28,7 +28,7 @@ use support::Rng;
 const FULL_PRECISION_BYTES: usize = 17 * WIDTH * size_of::<f32>();
 
 /// The published build takes seconds for more.
-const MOST_BASELINE_LIGHTS: usize = 100_000;
+const MAX_BASELINE_LIGHTS: usize = 100_000;
 
 /// A pick multiplies chances on the way down, a pmf on the way up: they round differently.
 const PMF_TOLERANCE: f32 = 1.0e-5;
@@ -91,11 +91,11 @@ fn builds(group: &mut BenchmarkGroup<WallTime>, lights: &[Light]) {
     group.bench_function(BenchmarkId::new("build", count), |b| {
         b.iter_batched(|| lights.to_vec(), |l| LightTree::new(l).expect("valid"), BatchSize::PerIteration);
     });
-    if count > MOST_BASELINE_LIGHTS {
+    if count > MAX_BASELINE_LIGHTS {
         return;
     }
     let published = |lights| BinaryTree::new(Pbrt { is_opaque: true }, lights);
-    let chances = published(lights.to_vec()).pmfs(&Receiver::volume(Vec3::ZERO));
+    let chances = published(lights.to_vec()).pmfs(&ShadingPoint::volume(Vec3::ZERO));
     let is_reached = |(light, chance): (&Light, &f32)| !matches!(light.shape, Shape::Point { .. }) || *chance > 0.0;
     assert!(lights.iter().zip(&chances).all(is_reached), "points shine everywhere, before a build over them is timed");
     group.bench_function(BenchmarkId::new("build of pbrt's tree", count), |b| {
@@ -115,7 +115,7 @@ fn refits(group: &mut BenchmarkGroup<WallTime>, lights: &[Light]) {
     let both = [here, there];
 
     for changes in [&both[1], &both_few[0], &both[0]] {
-        tree.set(changes).expect("valid");
+        tree.set_lights(changes).expect("valid");
         tree.refit();
         tree.check().expect("sound, before its refit is timed");
     }
@@ -131,7 +131,7 @@ fn refits(group: &mut BenchmarkGroup<WallTime>, lights: &[Light]) {
     group.bench_function(name("set and refit"), |b| {
         b.iter(|| {
             turn ^= 1;
-            tree.set(&both[turn]).expect("valid");
+            tree.set_lights(&both[turn]).expect("valid");
             tree.refit();
         });
     });
@@ -152,7 +152,7 @@ fn time_refits(b: &mut Bencher, tree: &mut LightTree, both: &[Vec<(u32, Light)>;
     b.iter_custom(|rounds| {
         let round = |_| {
             turn ^= 1;
-            tree.set(&both[turn]).expect("valid");
+            tree.set_lights(&both[turn]).expect("valid");
             let start = Instant::now();
             refit(tree);
             start.elapsed()
@@ -174,7 +174,7 @@ fn rebuilds(group: &mut BenchmarkGroup<WallTime>, lights: &[Light]) {
     let mut places: Vec<Vec3> = below.iter().map(|i| lights[*i].cluster().mean).collect();
     (1..places.len()).for_each(|i| places.swap(i, rng.bits() as usize % (i + 1)));
     let changes: Vec<_> = below.iter().zip(places).map(|(i, place)| (*i as u32, at(lights[*i], place))).collect();
-    tree.set(&changes).expect("valid");
+    tree.set_lights(&changes).expect("valid");
     tree.refit();
 
     let credit = lights.len() / 2;
@@ -194,21 +194,23 @@ fn choices(group: &mut BenchmarkGroup<WallTime>, lights: &[Light]) {
     let count = lights.len();
     let tree = built(lights);
     let mut rng = Rng(7);
-    let receivers: Vec<Receiver> = (0..1024).map(|_| rng.receiver(500.0)).collect();
+    let shading_points: Vec<ShadingPoint> = (0..1024).map(|_| rng.shading_point(500.0)).collect();
     let numbers = |i: usize| [0.618_034, 0.754_878].map(|s: f64| (i as f64 * s).fract() as f32);
-    let mut turns = (0..).map(|i| (receivers[i % receivers.len()], numbers(i)));
-    for openings in [0, DEFAULT_OPENINGS] {
-        for (receiver, u) in turns.by_ref().take(100) {
-            if let Some((light, pmf)) = tree.pick(&receiver, u, openings) {
-                let told = tree.pmf(&receiver, light, openings);
+    let mut turns = (0..).map(|i| (shading_points[i % shading_points.len()], numbers(i)));
+    for splits in [SplitCount::NONE, SplitCount::DEFAULT] {
+        for (shading_point, u) in turns.by_ref().take(100) {
+            if let Some((light, pmf)) = tree.pick(&shading_point, u, splits) {
+                let told = tree.pmf(&shading_point, light, splits);
                 assert!((told - pmf).abs() <= PMF_TOLERANCE * pmf, "{told} {pmf}, before either is timed");
             }
         }
-        group.bench_function(BenchmarkId::new(format!("pick, {openings} openings"), count), |b| {
-            b.iter(|| turns.next().map(|(receiver, u)| tree.pick(&receiver, u, openings)));
+        group.bench_function(BenchmarkId::new(format!("pick, {splits} splits"), count), |b| {
+            b.iter(|| turns.next().map(|(shading_point, u)| tree.pick(&shading_point, u, splits)));
         });
-        group.bench_function(BenchmarkId::new(format!("pmf, {openings} openings"), count), |b| {
-            b.iter(|| turns.next().map(|(receiver, u)| tree.pmf(&receiver, (u[0] * count as f32) as u32, openings)));
+        group.bench_function(BenchmarkId::new(format!("pmf, {splits} splits"), count), |b| {
+            b.iter(|| {
+                turns.next().map(|(shading_point, u)| tree.pmf(&shading_point, (u[0] * count as f32) as u32, splits))
+            });
         });
     }
 }

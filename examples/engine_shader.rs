@@ -6,7 +6,9 @@
 
 use std::error::Error;
 
-use girandole::{Effects, Light, Placement, Policy, Receiver, World, glam::DVec3, glam::Vec3, gpu::GpuLights, wgpu::*};
+use girandole::{
+    Effects, Light, LightWorld, Placement, Policy, ShadingPoint, glam::DVec3, glam::Vec3, gpu::GpuLights, wgpu::*,
+};
 
 const SIZE: u32 = 64; // Pixels along an edge; one is half a metre.
 
@@ -18,21 +20,21 @@ fn random(seed: u32) -> f32 { return f32(light_hash(seed) >> 8u) * 5.9604645e-8;
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let pixel = id.y * 64u + id.x;
-    let ground = LightReceiver(vec3(f32(id.x) - 31.5, 0.0, f32(id.y) - 31.5) * 0.5, vec3(0.0, 1.0, 0.0));
+    let ground = light_surface_point(vec3(f32(id.x) - 31.5, 0.0, f32(id.y) - 31.5) * 0.5, vec3(0.0, 1.0, 0.0));
     var sum = 0.0;
     for (var i = 0u; i < 64u; i++) {
         let seed = (pixel * 64u + i) * 4u;
         let u = vec4(random(seed), random(seed + 1u), random(seed + 2u), random(seed + 3u));
         let s = light_sample(ground, u);
-        // An engine asks for shadows here, within s.distance.
+        // An engine asks for shadows here, within s.dist.
         if s.pmf > 0.0 { sum += s.radiance.y * s.direction.y / (s.pmf * s.pdf); }
     }
     lux[pixel] = sum / 64.0;
 }";
 
 /// A hundred chandeliers of forty lamps each, over the ground.
-fn world() -> Result<World, Box<dyn Error>> {
-    let mut world = World::new();
+fn world() -> Result<LightWorld, Box<dyn Error>> {
+    let mut world = LightWorld::new();
     let lamp = |i: f32| Light::point(Vec3::new(i.cos(), 0.05 * i, i.sin()) * 0.4, Vec3::new(2.0, 1.5, 0.5));
     let chandelier = world.add_tree((0..40).map(|i| lamp(i as f32)).collect())?;
     for i in 0..100 {
@@ -43,7 +45,7 @@ fn world() -> Result<World, Box<dyn Error>> {
 }
 
 /// Mean lux of the ground by the engine's shader.
-fn sampled(world: &mut World) -> Result<f32, Box<dyn Error>> {
+fn sampled(world: &mut LightWorld) -> Result<f32, Box<dyn Error>> {
     let instance = Instance::new(InstanceDescriptor::new_without_display_handle());
     let adapter = pollster::block_on(instance.request_adapter(&Default::default())).map_err(|_| "no GPU adapter")?;
     let (device, queue) = pollster::block_on(adapter.request_device(&DeviceDescriptor::default()))?;
@@ -94,11 +96,11 @@ fn sampled(world: &mut World) -> Result<f32, Box<dyn Error>> {
 }
 
 /// The same by sums over all lights.
-fn summed(world: &World) -> f32 {
+fn summed(world: &LightWorld) -> f32 {
     let sampler = world.sampler();
     let lux = |pixel: u32| -> f32 {
         let at = 0.5 * Vec3::new((pixel % SIZE) as f32 - 31.5, 0.0, (pixel / SIZE) as f32 - 31.5);
-        let ground = Receiver::surface(at, Vec3::Y);
+        let ground = ShadingPoint::surface(at, Vec3::Y);
         let reached = sampler.all_lights().filter_map(|light| sampler.sample_light(&ground, light, [0.5; 2]));
         reached.map(|incident| incident.radiance.y * incident.direction.y).sum()
     };

@@ -7,13 +7,13 @@ use std::error::Error;
 use std::time::Duration;
 
 use girandole::glam::{DVec3, Vec3};
-use girandole::{FrameBudget, Light, Placement, Policy, Receiver, World};
+use girandole::{FrameBudget, Light, LightWorld, Placement, Policy, ShadingPoint};
 
 const DRAWS: u32 = 100_000;
 
 #[allow(clippy::print_stdout, reason = "an example shows its result")]
 fn main() -> Result<(), Box<dyn Error>> {
-    let mut world = World::new();
+    let mut world = LightWorld::new();
 
     // One tree per kind of object, in its own space; a thousand lamps share one.
     let lamp = world.add_tree(vec![Light::point(Vec3::new(0.0, 6.0, 0.0), Vec3::splat(800.0))])?;
@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let report = world.update(FrameBudget::new(Duration::from_micros(300)));
 
     let sampler = world.sampler();
-    let road = Receiver::surface(Vec3::new(1010.0, 0.0, 0.0), Vec3::Y);
+    let road = ShadingPoint::surface(Vec3::new(1010.0, 0.0, 0.0), Vec3::Y);
     let lux = |incident: girandole::Incident| incident.radiance.x * incident.direction.y / incident.pdf;
 
     let exact: f32 = sampler.all_lights().filter_map(|l| sampler.sample_light(&road, l, [0.5, 0.5])).map(lux).sum();

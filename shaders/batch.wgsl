@@ -1,4 +1,4 @@
-// Samples one light for each receiver of a buffer. src/gpu/sampling.rs records it.
+// Samples one light for each shading point of a buffer. src/gpu/sampling.rs records it.
 
 // Twin of `SampleRequest`.
 struct Request {
@@ -18,6 +18,6 @@ fn batch(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) 
     if i >= arrayLength(&requests) {
         return;
     }
-    let receiver = LightReceiver(requests[i].position, requests[i].normal);
-    samples[i] = light_sample(receiver, requests[i].u);
+    let shading_point = light_surface_point(requests[i].position, requests[i].normal);
+    samples[i] = light_sample(shading_point, requests[i].u);
 }

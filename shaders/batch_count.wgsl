@@ -1,4 +1,4 @@
-// Counts the nodes that a sample for each receiver of a buffer reads. src/gpu/measure/count.rs records it.
+// Counts the nodes that a sample for each shading point of a buffer reads. src/gpu/measure/count.rs records it.
 
 // Twin of `SampleRequest`.
 struct Request {
@@ -19,7 +19,7 @@ fn batch_count(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgr
     if i >= arrayLength(&requests) {
         return;
     }
-    let receiver = LightReceiver(requests[i].position, requests[i].normal);
-    let kept = light_resample(receiver, requests[i].u, candidates.x);
+    let shading_point = light_surface_point(requests[i].position, requests[i].normal);
+    let kept = light_resample(shading_point, requests[i].u, candidates.x);
     counts[i] = light_nodes_read;
 }

@@ -1,4 +1,4 @@
-// Keeps one of several candidates for each receiver of a buffer. src/gpu/resampling.rs records it.
+// Keeps one of several candidates for each shading point of a buffer. src/gpu/resampling.rs records it.
 
 // Twin of `SampleRequest`.
 struct Request {
@@ -10,7 +10,7 @@ struct Request {
 }
 
 @group(1) @binding(0) var<storage, read> requests: array<Request>;
-@group(1) @binding(1) var<storage, read_write> samples: array<LightResampled>;
+@group(1) @binding(1) var<storage, read_write> samples: array<LightReservoir>;
 @group(1) @binding(2) var<uniform> candidates: vec4<u32>;
 
 @compute @workgroup_size(64)
@@ -19,6 +19,6 @@ fn batch_resample(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_wor
     if i >= arrayLength(&requests) {
         return;
     }
-    let receiver = LightReceiver(requests[i].position, requests[i].normal);
-    samples[i] = light_resample(receiver, requests[i].u, candidates.x);
+    let shading_point = light_surface_point(requests[i].position, requests[i].normal);
+    samples[i] = light_resample(shading_point, requests[i].u, candidates.x);
 }

@@ -58,7 +58,7 @@ fn linear_flux(map: Linear, punctual: f32, area: f32, axis: vec3<f32>) -> f32 {
     let agreement = min(1.5 * length(axis), 1.0);
     let normal = normalize_or(axis, vec3(0.0));
     let along = safe_length(map.area_x * normal.x + map.area_y * normal.y + map.area_z * normal.z);
-    return min(punctual + area * (agreement * along + (1.0 - agreement) * all_sides), LIGHT_MOST_FLUX);
+    return min(punctual + area * (agreement * along + (1.0 - agreement) * all_sides), LIGHT_MAX_FLUX);
 }
 
 // Twin of `Cluster::transformed`; the cluster is not empty.
@@ -167,7 +167,7 @@ fn cluster_merged(eight: ClusterEight) -> LightCluster {
     let share_a = a.flux * (1.0 / total);
     let share_b = b.flux * (1.0 / total);
     var merged: LightCluster;
-    merged.flux = min(total, LIGHT_MOST_FLUX);
+    merged.flux = min(total, LIGHT_MAX_FLUX);
     merged.box_min = vec3(
         least_of_eight(a.box_min[0], b.box_min[0]),
         least_of_eight(a.box_min[1], b.box_min[1]),
@@ -194,7 +194,7 @@ fn cluster_merged(eight: ClusterEight) -> LightCluster {
     );
     let length = length(merged.axis);
     merged.cos_half_angle = -1.0;
-    if length <= LEAST_AXIS {
+    if length <= MIN_AXIS {
         merged.axis = vec3(0.0);
     } else {
         let unit = merged.axis / length;
@@ -298,7 +298,7 @@ fn pack_four(four: ClusterFour, origin: vec3<f32>, bits: vec3<u32>) -> LightPack
         pack_bytes(trunc(sqrt(1.0 - select(vec4(0.0), min(length, vec4(1.0)), is_lit)) * LIGHT_STEPS + 0.5)),
         vec3(pack_signed_bytes(axis_x), pack_signed_bytes(axis_y), pack_signed_bytes(axis_z)),
         pack_bytes(select(vec4(2.0 * LIGHT_CAP_STEPS), ceil((1.0 - caps) * LIGHT_CAP_STEPS), is_lit)),
-        pack_halves(select(vec4(LIGHT_FARTHEST), min(four.range, vec4(LIGHT_FARTHEST)), is_lit), 0xffffu),
+        pack_halves(select(vec4(LIGHT_UNLIMITED_RANGE), min(four.range, vec4(LIGHT_UNLIMITED_RANGE)), is_lit), 0xffffu),
     );
 }
 

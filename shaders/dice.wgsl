@@ -13,7 +13,7 @@ fn light_hash(x: u32) -> u32 {
 
 fn light_clamp_unit(u: f32) -> f32 {
     // NaN is not above 0; WGSL's max may keep it.
-    return select(0.0, min(u, LIGHT_BELOW_ONE), u > 0.0);
+    return select(0.0, min(u, LIGHT_ONE_MINUS_EPSILON), u > 0.0);
 }
 
 fn light_dice(u: f32, more: f32) -> LightDice {
@@ -29,10 +29,10 @@ fn light_stretch(dice: LightDice, offset: f32, length: f32) -> LightDice {
 
 // The chance of two choices; 0 only if one of them is impossible. Twin of `joint`.
 fn light_joint(a: f32, b: f32) -> f32 {
-    return select(0.0, max(a * b, LIGHT_LEAST_CHANCE), a > 0.0 && b > 0.0);
+    return select(0.0, max(a * b, LIGHT_MIN_CHANCE), a > 0.0 && b > 0.0);
 }
 
 // The chance of a choice of weight `value`, which is part of `total`. Twin of `share`.
 fn light_share(value: f32, total: f32) -> f32 {
-    return select(0.0, max(value / total, LIGHT_LEAST_CHANCE), value > 0.0);
+    return select(0.0, max(value / total, LIGHT_MIN_CHANCE), value > 0.0);
 }

@@ -1,10 +1,10 @@
 // From a chosen light to the light that arrives. Twin of src/emit.rs, which explains it. Binds nothing.
 
 struct LightIncident {
-    // Unit vector from the receiver to the light.
+    // Unit vector from the shading point to the light.
     direction: vec3<f32>,
-    // Metres; LIGHT_FARTHEST for a directional light.
-    distance: f32,
+    // Metres; LIGHT_UNLIMITED_RANGE for a directional light.
+    dist: f32,
     // Nits for surfaces, lux for lights without size; zero if nothing arrives.
     radiance: vec3<f32>,
     // Per steradian for surfaces, 1 for lights without size.
@@ -26,7 +26,7 @@ fn light_normalize_or_zero(v: vec3<f32>) -> vec3<f32> {
 
 // #if RANGES
 fn light_window(dist_sq: f32, range: f32) -> f32 {
-    if range >= LIGHT_FARTHEST {
+    if range >= LIGHT_UNLIMITED_RANGE {
         return 1.0;
     }
     let range_sq = range * range;
@@ -38,17 +38,17 @@ fn light_window(dist_sq: f32, range: f32) -> f32 {
 }
 // #endif
 
-fn light_arriving(receiver: LightReceiver, direction: vec3<f32>, distance: f32, radiance: vec3<f32>, pdf: f32, is_delta: bool) -> LightIncident {
-    let above = all(receiver.normal == vec3(0.0)) || dot(receiver.normal, direction) > 0.0;
+fn light_arriving(shading_point: LightShadingPoint, direction: vec3<f32>, dist: f32, radiance: vec3<f32>, pdf: f32, is_delta: bool) -> LightIncident {
+    let above = all(shading_point.normal == vec3(0.0)) || dot(shading_point.normal, direction) > 0.0;
     if above && any(radiance != vec3(0.0)) {
-        return LightIncident(direction, distance, radiance, pdf, is_delta);
+        return LightIncident(direction, dist, radiance, pdf, is_delta);
     }
     return light_nothing();
 }
 
-fn light_from_delta(light: LightRecord, toward: vec3<f32>, falloff: f32, receiver: LightReceiver) -> LightIncident {
+fn light_from_delta(light: LightRecord, toward: vec3<f32>, falloff: f32, shading_point: LightShadingPoint) -> LightIncident {
     let dist_sq = dot(toward, toward);
-    if dist_sq < LIGHT_NEAREST_SQ {
+    if dist_sq < LIGHT_MIN_DIST_SQ {
         return light_nothing();
     }
     var shown = falloff;
@@ -56,39 +56,39 @@ fn light_from_delta(light: LightRecord, toward: vec3<f32>, falloff: f32, receive
     shown *= light_window(dist_sq, light.range);
     // #endif
     let share = shown / dist_sq;
-    let distance = sqrt(dist_sq);
-    return light_arriving(receiver, toward / distance, distance, light.emission * share, 1.0, true);
+    let dist = sqrt(dist_sq);
+    return light_arriving(shading_point, toward / dist, dist, light.emission * share, 1.0, true);
 }
 
-// From a receiver to a place in tree space. The translations first.
-fn light_toward(p: vec3<f32>, instance: LightInstance, receiver: LightReceiver) -> vec3<f32> {
-    return light_linear(instance.to_world, p) + (light_translation(instance.to_world) - receiver.position);
+// From a shading point to a place in tree space. The translations first.
+fn light_toward(p: vec3<f32>, instance: LightInstance, shading_point: LightShadingPoint) -> vec3<f32> {
+    return light_linear(instance.to_world, p) + (light_translation(instance.to_world) - shading_point.position);
 }
 
 // #if CONES
-fn light_from_spot(light: LightRecord, instance: LightInstance, receiver: LightReceiver) -> LightIncident {
-    let toward = light_toward(light.a, instance, receiver);
+fn light_from_spot(light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint) -> LightIncident {
+    let toward = light_toward(light.a, instance, shading_point);
     let axis = light_normalize_or_zero(light_linear(instance.to_world, light.b));
     let cos = -dot(axis, light_normalize_or_zero(toward));
     let falloff = clamp(cos * light.c.x + light.c.y, 0.0, 1.0);
-    return light_from_delta(light, toward, falloff * falloff, receiver);
+    return light_from_delta(light, toward, falloff * falloff, shading_point);
 }
 // #endif
 
 // #if AREAS
 // Whether a quotient is a density that f32 can work with.
 fn light_is_density(dividend: f32, divisor: f32) -> bool {
-    return divisor >= dividend * LIGHT_LEAST_INVERSE_PDF && dividend >= divisor * LIGHT_LEAST_PDF;
+    return divisor >= dividend * LIGHT_MIN_INVERSE_PDF && dividend >= divisor * LIGHT_MIN_PDF;
 }
 
 // `normal_area` is the front normal times the area.
-fn light_from_surface(light: LightRecord, toward: vec3<f32>, normal_area: vec3<f32>, receiver: LightReceiver) -> LightIncident {
+fn light_from_surface(light: LightRecord, toward: vec3<f32>, normal_area: vec3<f32>, shading_point: LightShadingPoint) -> LightIncident {
     let dist_sq = dot(toward, toward);
-    if dist_sq < LIGHT_NEAREST_SQ {
+    if dist_sq < LIGHT_MIN_DIST_SQ {
         return light_nothing();
     }
-    let distance = sqrt(dist_sq);
-    let direction = toward / distance;
+    let dist = sqrt(dist_sq);
+    let direction = toward / dist;
     var facing_area = -dot(normal_area, direction);
     // #if TWO_SIDED
     if (light.kind & LIGHT_TWO_SIDED) != 0u {
@@ -102,25 +102,25 @@ fn light_from_surface(light: LightRecord, toward: vec3<f32>, normal_area: vec3<f
     // #if RANGES
     radiance *= light_window(dist_sq, light.range);
     // #endif
-    return light_arriving(receiver, direction, distance, radiance, dist_sq / facing_area, false);
+    return light_arriving(shading_point, direction, dist, radiance, dist_sq / facing_area, false);
 }
 
-fn light_from_rectangle(light: LightRecord, instance: LightInstance, receiver: LightReceiver, u: vec2<f32>) -> LightIncident {
-    let toward = light_toward(light.a, instance, receiver);
+fn light_from_rectangle(light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, u: vec2<f32>) -> LightIncident {
+    let toward = light_toward(light.a, instance, shading_point);
     let half_u = light_linear(instance.to_world, light.b);
     let half_v = light_linear(instance.to_world, light.c);
     let point = toward + half_u * (2.0 * u.x - 1.0) + half_v * (2.0 * u.y - 1.0);
-    return light_from_surface(light, point, light_normal_area(cross(light.b, light.c) * 4.0, instance), receiver);
+    return light_from_surface(light, point, light_normal_area(cross(light.b, light.c) * 4.0, instance), shading_point);
 }
 
-fn light_from_triangle(light: LightRecord, instance: LightInstance, receiver: LightReceiver, u: vec2<f32>) -> LightIncident {
-    let toward = light_toward(light.a, instance, receiver);
+fn light_from_triangle(light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, u: vec2<f32>) -> LightIncident {
+    let toward = light_toward(light.a, instance, shading_point);
     let edge_q = light_linear(instance.to_world, light.b - light.a);
     let edge_r = light_linear(instance.to_world, light.c - light.a);
     let root = sqrt(u.x);
     let point = toward + edge_q * (root * (1.0 - u.y)) + edge_r * (root * u.y);
     let normal_area = cross(light.b - light.a, light.c - light.a) * 0.5;
-    return light_from_surface(light, point, light_normal_area(normal_area, instance), receiver);
+    return light_from_surface(light, point, light_normal_area(normal_area, instance), shading_point);
 }
 
 fn light_orthonormal(v: vec3<f32>) -> vec3<f32> {
@@ -129,8 +129,8 @@ fn light_orthonormal(v: vec3<f32>) -> vec3<f32> {
     return vec3(v.x * v.y * a, sign + v.y * v.y * a, -v.y);
 }
 
-fn light_from_sphere(light: LightRecord, instance: LightInstance, receiver: LightReceiver, u: vec2<f32>) -> LightIncident {
-    let world_center = light_toward(light.a, instance, receiver);
+fn light_from_sphere(light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, u: vec2<f32>) -> LightIncident {
+    let world_center = light_toward(light.a, instance, shading_point);
     let to_center = light_into_tree(instance, world_center);
     let radius = light.c.x;
     let dist_sq = dot(to_center, to_center);
@@ -167,42 +167,42 @@ fn light_from_sphere(light: LightRecord, instance: LightInstance, receiver: Ligh
     }
     let world_dist_sq = dot(toward, toward);
     let cubed = stretch * stretch * stretch;
-    if world_dist_sq < LIGHT_NEAREST_SQ || !light_is_density(cubed, solid_angle) {
+    if world_dist_sq < LIGHT_MIN_DIST_SQ || !light_is_density(cubed, solid_angle) {
         return light_nothing();
     }
-    let distance = sqrt(world_dist_sq);
+    let dist = sqrt(world_dist_sq);
     var radiance = light.emission;
     // #if RANGES
     radiance *= light_window(world_dist_sq, light.range);
     // #endif
-    return light_arriving(receiver, toward / distance, distance, radiance, cubed / solid_angle, false);
+    return light_arriving(shading_point, toward / dist, dist, radiance, cubed / solid_angle, false);
 }
 // #endif
 
-fn light_incident(light: LightRecord, instance: LightInstance, receiver: LightReceiver, u: vec2<f32>) -> LightIncident {
+fn light_incident(light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, u: vec2<f32>) -> LightIncident {
     // #if CONES | AREAS | DIRECTIONAL
     let kind = light.kind & LIGHT_KIND_MASK;
     // #endif
     // #if DIRECTIONAL
     if kind == LIGHT_KIND_DIRECTIONAL {
-        return light_arriving(receiver, -light.b, LIGHT_FARTHEST, light.emission, 1.0, true);
+        return light_arriving(shading_point, -light.b, LIGHT_UNLIMITED_RANGE, light.emission, 1.0, true);
     }
     // #endif
     // #if CONES
     if kind == LIGHT_KIND_SPOT {
-        return light_from_spot(light, instance, receiver);
+        return light_from_spot(light, instance, shading_point);
     }
     // #endif
     // #if AREAS
     if kind == LIGHT_KIND_RECTANGLE {
-        return light_from_rectangle(light, instance, receiver, u);
+        return light_from_rectangle(light, instance, shading_point, u);
     }
     if kind == LIGHT_KIND_TRIANGLE {
-        return light_from_triangle(light, instance, receiver, u);
+        return light_from_triangle(light, instance, shading_point, u);
     }
     if kind == LIGHT_KIND_SPHERE {
-        return light_from_sphere(light, instance, receiver, u);
+        return light_from_sphere(light, instance, shading_point, u);
     }
     // #endif
-    return light_from_delta(light, light_toward(light.a, instance, receiver), 1.0, receiver);
+    return light_from_delta(light, light_toward(light.a, instance, shading_point), 1.0, shading_point);
 }

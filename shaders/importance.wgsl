@@ -1,14 +1,24 @@
-// How much light a node's children probably send to a receiver; zero only where their bounds prove it. Twin of
+// How much light a node's children probably send to a shading point; zero only where their bounds prove it. Twin of
 // src/importance.rs, which explains it and owns the constants. Four children at a time, one in each lane. Binds nothing.
 
-struct LightReceiver {
+struct LightShadingPoint {
     // Metres, relative to the world's origin.
     position: vec3<f32>,
     // Unit normal of the side that light arrives at; zero for a point in a volume.
     normal: vec3<f32>,
 }
 
-// A receiver in the space of the nodes that are walked.
+// A point on a surface; `normal` is a unit vector on the side that is shaded.
+fn light_surface_point(position: vec3<f32>, normal: vec3<f32>) -> LightShadingPoint {
+    return LightShadingPoint(position, normal);
+}
+
+// A point in a volume, which light reaches from all sides.
+fn light_volume_point(position: vec3<f32>) -> LightShadingPoint {
+    return LightShadingPoint(position, vec3(0.0));
+}
+
+// A shading point in the space of the nodes that are walked.
 struct LightView {
     position: vec3<f32>,
     // Unit, or zero.
@@ -63,27 +73,27 @@ fn light_estimate(four: LightFour, view: LightView) -> LightSeenFour {
     let x = four.toward[0];
     let y = four.toward[1];
     let z = four.toward[2];
-    let dist_sq = max(x * x + y * y + z * z, vec4(LIGHT_LEAST));
-    let distance = sqrt(dist_sq);
+    let dist_sq = max(x * x + y * y + z * z, vec4(LIGHT_MIN_IMPORTANCE));
+    let dist = sqrt(dist_sq);
     let spread = four.variance / (dist_sq + four.variance);
 
     let along = view.normal.x * x + view.normal.y * y + view.normal.z * z;
     let rounded = 0.5 * (along + sqrt(along * along + LIGHT_COSINE_WIDTH_SQ * spread * dist_sq));
-    let cosine = select(distance, max(rounded, LIGHT_FLOOR * distance), view.has_normal);
+    let cosine = select(dist, max(rounded, LIGHT_FLOOR * dist), view.has_normal);
 
-    var cosines = cosine * (1.0 / distance);
+    var cosines = cosine * (1.0 / dist);
     var reach = dist_sq + LIGHT_VARIANCE_SHARE * four.variance;
     // What shines to all sides alike has no lobe. Its value is then the distance, and their quotient 1, which a product
     // with the inverse may miss: so all variants give such lights the same bits.
     // #if CONES
-    let lobe = light_lobe(four, spread, dist_sq, distance);
-    cosines *= lobe.value / distance;
+    let lobe = light_lobe(four, spread, dist_sq, dist);
+    cosines *= lobe.value / dist;
     reach *= lobe.width_sq;
     // #endif
     let lux = four.flux * (1.0 / LIGHT_FOUR_PI) * (cosines / reach);
     // NaN is not above the least; WGSL's max may keep it.
-    let above_least = select(vec4(LIGHT_LEAST), lux, lux > vec4(LIGHT_LEAST));
-    return LightSeenFour(min(above_least, vec4(LIGHT_MOST)), spread);
+    let above_least = select(vec4(LIGHT_MIN_IMPORTANCE), lux, lux > vec4(LIGHT_MIN_IMPORTANCE));
+    return LightSeenFour(min(above_least, vec4(LIGHT_MAX_IMPORTANCE)), spread);
 }
 
 fn light_provably_dark(four: LightFour, view: LightView, margin: f32) -> vec4<bool> {
@@ -112,7 +122,7 @@ fn light_out_of_range(four: LightFour, view: LightView, margin: f32) -> vec4<boo
     let out_z = max(abs(four.center[2]) - (four.half[2] + margin), vec4(0.0));
     let gap_sq = out_x * out_x + out_y * out_y + out_z * out_z;
     let reach = four.range * (view.range_scale * (1.0 + LIGHT_COSINE_MARGIN));
-    return (four.range < vec4(LIGHT_FARTHEST)) & (gap_sq > reach * reach) & (gap_sq <= vec4(LIGHT_LONGEST_SQ));
+    return (four.range < vec4(LIGHT_UNLIMITED_RANGE)) & (gap_sq > reach * reach) & (gap_sq <= vec4(LIGHT_MAX_DIST_SQ));
 }
 // #endif
 
@@ -124,15 +134,15 @@ struct LightLobe {
     width_sq: vec4<f32>,
 }
 
-fn light_lobe(four: LightFour, spread: vec4<f32>, dist_sq: vec4<f32>, distance: vec4<f32>) -> LightLobe {
-    let length = min(four.length, vec4(LIGHT_LONGEST_LOBE));
+fn light_lobe(four: LightFour, spread: vec4<f32>, dist_sq: vec4<f32>, dist: vec4<f32>) -> LightLobe {
+    let length = min(four.length, vec4(LIGHT_MAX_LOBE_LENGTH));
     let share = LIGHT_LOBE_SHARE * min(length * (1.0 / LIGHT_LAMBERTIAN), vec4(1.0)) * (1.0 - spread);
     let least_cos = max(3.0 * length - 2.0, vec4(0.0));
     let width_sq = (1.0 - least_cos) * (1.0 - least_cos);
     let facing = four.axis[0] * four.toward[0] + four.axis[1] * four.toward[1] + four.axis[2] * four.toward[2];
-    let above = -facing - least_cos * distance;
-    let rim = (LIGHT_RIM_WIDTH_SQ * spread + LIGHT_RIM_LEAST_SQ * width_sq) * dist_sq;
-    let value = (1.0 - share) * width_sq * distance + 2.0 * share * (above + sqrt(above * above + rim));
+    let above = -facing - least_cos * dist;
+    let rim = (LIGHT_RIM_WIDTH_SQ * spread + LIGHT_RIM_MIN_SQ * width_sq) * dist_sq;
+    let value = (1.0 - share) * width_sq * dist + 2.0 * share * (above + sqrt(above * above + rim));
     return LightLobe(value, width_sq);
 }
 
@@ -151,6 +161,6 @@ fn light_turned_away(four: LightFour, view: LightView, margin: f32) -> vec4<bool
     let beside = across * cos - along * sin;
     let is_behind = (beside > vec4(0.0)) & (along * cos + across * sin < -slack) & (dist_sq > radius * radius);
     return vec4(view.keeps_angles) & (cos > vec4(-1.0)) & ((beside > radius) | is_behind)
-        & (dist_sq <= vec4(LIGHT_LONGEST_SQ));
+        & (dist_sq <= vec4(LIGHT_MAX_DIST_SQ));
 }
 // #endif

@@ -2,7 +2,7 @@
 // explains it.
 
 // #if AREAS
-// `to_plane` leads from the receiver to any point of the surface.
+// `to_plane` leads from the shading point to any point of the surface.
 fn light_surface_pdf(to_plane: vec3<f32>, normal_area: vec3<f32>, kind: u32, dist_sq: f32) -> f32 {
     var facing_area = -dot(normal_area, to_plane) / sqrt(dist_sq);
     // #if TWO_SIDED
@@ -16,9 +16,9 @@ fn light_surface_pdf(to_plane: vec3<f32>, normal_area: vec3<f32>, kind: u32, dis
     return dist_sq / facing_area;
 }
 
-fn light_sphere_pdf(light: LightRecord, instance: LightInstance, receiver: LightReceiver, point: vec3<f32>) -> f32 {
+fn light_sphere_pdf(light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, point: vec3<f32>) -> f32 {
     let radius = light.c.x;
-    let to_center = light_into_tree(instance, light_toward(light.a, instance, receiver));
+    let to_center = light_into_tree(instance, light_toward(light.a, instance, shading_point));
     let dist_sq = dot(to_center, to_center);
     if dist_sq < LIGHT_TINY || radius * radius >= dist_sq {
         return 0.0;
@@ -27,7 +27,7 @@ fn light_sphere_pdf(light: LightRecord, instance: LightInstance, receiver: Light
     let one_minus_cos_max = sin_max_sq / (1.0 + sqrt(1.0 - sin_max_sq));
     let from_center = light_into_tree(instance, point - light_translation(instance.to_world)) - light.a;
     let hit = length(to_center + light_normalize_or_zero(from_center) * radius);
-    let toward = point - receiver.position;
+    let toward = point - shading_point.position;
     var local = hit;
     if hit <= LIGHT_CLOSE * sqrt(dist_sq) {
         local = length(light_into_tree(instance, toward));
@@ -45,11 +45,11 @@ fn light_sphere_pdf(light: LightRecord, instance: LightInstance, receiver: Light
 }
 
 // Of a light that was chosen. Twin of `point_pdf`.
-fn light_point_pdf(light: LightRecord, instance: LightInstance, receiver: LightReceiver, point: vec3<f32>) -> f32 {
-    let toward = point - receiver.position;
+fn light_point_pdf(light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, point: vec3<f32>) -> f32 {
+    let toward = point - shading_point.position;
     let dist_sq = dot(toward, toward);
-    let is_above = all(receiver.normal == vec3(0.0)) || dot(receiver.normal, toward) > 0.0;
-    if !is_above || dist_sq < LIGHT_NEAREST_SQ || all(light.emission == vec3(0.0)) {
+    let is_above = all(shading_point.normal == vec3(0.0)) || dot(shading_point.normal, toward) > 0.0;
+    if !is_above || dist_sq < LIGHT_MIN_DIST_SQ || all(light.emission == vec3(0.0)) {
         return 0.0;
     }
     // #if RANGES
@@ -59,7 +59,7 @@ fn light_point_pdf(light: LightRecord, instance: LightInstance, receiver: LightR
     // #endif
     let kind = light.kind & LIGHT_KIND_MASK;
     if kind == LIGHT_KIND_SPHERE {
-        return light_sphere_pdf(light, instance, receiver, point);
+        return light_sphere_pdf(light, instance, shading_point, point);
     }
     if kind != LIGHT_KIND_RECTANGLE && kind != LIGHT_KIND_TRIANGLE {
         return 0.0;
@@ -68,7 +68,7 @@ fn light_point_pdf(light: LightRecord, instance: LightInstance, receiver: LightR
     if kind == LIGHT_KIND_TRIANGLE {
         normal_area = cross(light.b - light.a, light.c - light.a) * 0.5;
     }
-    let to_plane = light_toward(light.a, instance, receiver);
+    let to_plane = light_toward(light.a, instance, shading_point);
     return light_surface_pdf(to_plane, light_normal_area(normal_area, instance), light.kind, dist_sq);
 }
 // #endif
@@ -76,15 +76,15 @@ fn light_point_pdf(light: LightRecord, instance: LightInstance, receiver: LightR
 // The density per steradian with which light_sample chooses this light and the direction to `point`, which lies on it
 // (relative to the world's origin): pmf * pdf, for multiple importance sampling of rays that hit lights. 0 for lights
 // without size, and where light_sample would find nothing.
-fn light_pdf(receiver: LightReceiver, instance: u32, light: u32, point: vec3<f32>) -> f32 {
+fn light_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, point: vec3<f32>) -> f32 {
     // #if AREAS
     if instance == LIGHT_DIRECTIONAL {
         return 0.0;
     }
     let place = light_instance(instance);
-    let pdf = light_point_pdf(light_record(place.light_base + light), place, receiver, point);
+    let pdf = light_point_pdf(light_record(place.light_base + light), place, shading_point, point);
     if pdf > 0.0 {
-        return pdf * light_pmf(receiver, instance, light);
+        return pdf * light_pmf(shading_point, instance, light);
     }
     // #endif
     return 0.0;

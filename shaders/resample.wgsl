@@ -1,10 +1,10 @@
 // Several candidates for one sample. Twin of src/resample.rs, which explains it.
 
-// One of several candidates. brdf * cosine * sample.radiance * weight estimates the light that arrives, if nothing
+// One of several candidates. brdf * cosine * chosen.radiance * weight estimates the light that arrives, if nothing
 // stands between: `weight` is in place of 1 / (pmf * pdf).
-struct LightResampled {
+struct LightReservoir {
     // The candidate that was kept, with its own pmf and pdf; its pmf is 0 if none brings anything.
-    sample: LightSample,
+    chosen: LightSample,
     // Steradians for surfaces, a number for lights without size; 0 if none brings anything: count that as black.
     weight: f32,
 }
@@ -31,26 +31,26 @@ fn light_numbers(u: vec4<f32>, i: u32, count: u32) -> vec4<f32> {
 }
 
 // What a candidate would bring without shadows, in lux, over the chance of it. Twin of `weigh`.
-fn light_weigh(receiver: LightReceiver, sample: LightSample) -> f32 {
+fn light_weigh(shading_point: LightShadingPoint, candidate: LightSample) -> f32 {
     var cosine = 1.0;
-    if any(receiver.normal != vec3(0.0)) {
-        cosine = dot(receiver.normal, sample.direction);
+    if any(shading_point.normal != vec3(0.0)) {
+        cosine = dot(shading_point.normal, candidate.direction);
     }
-    let lux = dot(sample.radiance, vec3(0.2126, 0.7152, 0.0722)) * cosine;
-    let weight = lux / sample.pdf / sample.pmf;
-    return min(select(LIGHT_LEAST_WEIGHT, weight, weight > LIGHT_LEAST_WEIGHT), LIGHT_MOST_WEIGHT);
+    let lux = dot(candidate.radiance, vec3(0.2126, 0.7152, 0.0722)) * cosine;
+    let weight = lux / candidate.pdf / candidate.pmf;
+    return min(select(LIGHT_MIN_WEIGHT, weight, weight > LIGHT_MIN_WEIGHT), LIGHT_MAX_WEIGHT);
 }
 
 // Chooses one of several candidates, in proportion to the light that each would bring without shadows. `u` in [0, 1) as
-// for light_sample, which this equals for one candidate; `candidates` counts as 1 below, as LIGHT_MOST_CANDIDATES
+// for light_sample, which this equals for one candidate; `candidates` counts as 1 below, as LIGHT_MAX_CANDIDATES
 // above.
-fn light_resample(receiver: LightReceiver, u: vec4<f32>, candidates: u32) -> LightResampled {
-    let count = clamp(candidates, 1u, LIGHT_MOST_CANDIDATES);
+fn light_resample(shading_point: LightShadingPoint, u: vec4<f32>, candidates: u32) -> LightReservoir {
+    let count = clamp(candidates, 1u, LIGHT_MAX_CANDIDATES);
     var cut: LightCut;
-    light_open(&cut, receiver);
+    light_open(&cut, shading_point);
     var directional = 0.0;
     // #if DIRECTIONAL
-    directional = light_directional(receiver);
+    directional = light_directional(shading_point);
     // #endif
     let bits = bitcast<vec4<u32>>(u);
     var state = light_hash(bits.x ^ light_hash(bits.y ^ light_hash(bits.z ^ light_hash(bits.w))));
@@ -60,20 +60,20 @@ fn light_resample(receiver: LightReceiver, u: vec4<f32>, candidates: u32) -> Lig
     for (var i = 0u; i < count; i++) {
         state = light_hash(state);
         let own = light_numbers(u, i, count);
-        let sample = light_sample_picked(receiver, light_draw(&cut, directional, receiver, own.xy), own.zw);
-        if sample.pmf <= 0.0 {
+        let candidate = light_sample_picked(shading_point, light_draw(&cut, directional, shading_point, own.xy), own.zw);
+        if candidate.pmf <= 0.0 {
             continue;
         }
-        let weight = light_weigh(receiver, sample);
+        let weight = light_weigh(shading_point, candidate);
         total += weight;
         if kept_weight <= 0.0 || f32(state >> 8u) * LIGHT_U_STEP * total < weight {
-            kept = sample;
+            kept = candidate;
             kept_weight = weight;
         }
     }
     if kept_weight <= 0.0 {
-        return LightResampled(kept, 0.0);
+        return LightReservoir(kept, 0.0);
     }
-    let density = max(kept.pmf * kept.pdf, LIGHT_LEAST_PDF);
-    return LightResampled(kept, total / (f32(count) * kept_weight) / density);
+    let density = max(kept.pmf * kept.pdf, LIGHT_MIN_PDF);
+    return LightReservoir(kept, total / (f32(count) * kept_weight) / density);
 }

@@ -86,7 +86,7 @@ fn light_record(index: u32) -> LightRecord {
     light.emission = bitcast<vec3<f32>>(second.xyz);
     light.place = second.w;
     // #if RANGES
-    light.range = LIGHT_FARTHEST;
+    light.range = LIGHT_UNLIMITED_RANGE;
     // #endif
     // #if CONES | RANGES | AREAS | DIRECTIONAL
     if light_params.light_stride > LIGHT_POINT_STRIDE {

@@ -1,4 +1,4 @@
-// Top level, stage 1: each instance as the top level sees it, and the bounds of their means. Twin of `World::cluster`.
+// Top level, stage 1: each instance as the top level sees it, and the bounds of their means. Twin of `LightWorld::cluster`.
 // One invocation a slot.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
@@ -37,7 +37,7 @@ fn leaf_of(slot: u32) -> LightCluster {
         return CLUSTER_EMPTY;
     }
     let map = linear_of(instance);
-    let flux = max(linear_flux(map, tree.punctual_flux, tree.area_flux, tree.root.axis), LIGHT_LEAST_FLUX);
+    let flux = max(linear_flux(map, tree.punctual_flux, tree.area_flux, tree.root.axis), LIGHT_MIN_FLUX);
     return cluster_transformed(tree.root, map, flux);
 }
 

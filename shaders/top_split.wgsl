@@ -176,7 +176,7 @@ fn split_cost(sums: SplitSums) -> f32 {
     let axis = sqrt(p.x * p.x + p.y * p.y + p.z * p.z);
     let wide = 4.0 * sums.flux - (3.0 / LIGHT_LAMBERTIAN) * axis;
     let narrow = 3.0 * (sums.flux - axis);
-    return size * max(max(wide, narrow), TOP_LEAST_ORIENTATION * sums.flux);
+    return size * max(max(wide, narrow), TOP_MIN_ORIENTATION * sums.flux);
 }
 
 // Whether nodes over so many units can hold six or more each; one unit needs no node.

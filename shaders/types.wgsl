@@ -86,7 +86,7 @@ struct LightParams {
     directional_base: u32,
     directional_count: u32,
     // Clusters that are opened at most.
-    openings: u32,
+    splits: u32,
     // In 16 bytes: from one node to the next, and where its cones and its ranges are; 0 if none has any.
     node_stride: u32,
     node_cones: u32,

@@ -1,10 +1,10 @@
-// Chooses a light: opens the clusters that matter most near the receiver, chooses among all that are left, and walks down
+// Chooses a light: opens the clusters that matter most near the shading point, chooses among all that are left, and walks down
 // from there. Twin of src/walk.rs, which explains it. Reads the buffers that sample.wgsl binds.
 
 // Opened nodes; the root is always one.
-const LIGHT_BLOCKS: u32 = LIGHT_MOST_OPENINGS + 1u;
+const LIGHT_BLOCKS: u32 = LIGHT_MAX_SPLITS + 1u;
 
-// The candidates of a receiver: the children of the opened nodes.
+// The candidates of a shading point: the children of the opened nodes.
 struct LightCut {
     count: u32,
     // Estimated illuminance of all candidates, in lux.
@@ -29,11 +29,11 @@ struct LightLane {
     value: f32,
 }
 
-// A receiver seen in the top level.
-fn light_view_of_world(receiver: LightReceiver) -> LightView {
+// A shading point seen in the top level.
+fn light_view_of_world(shading_point: LightShadingPoint) -> LightView {
     var view: LightView;
-    view.position = receiver.position;
-    view.normal = light_normalize_or_zero(receiver.normal);
+    view.position = shading_point.position;
+    view.normal = light_normalize_or_zero(shading_point.normal);
     view.has_normal = any(view.normal != vec3(0.0));
     view.margin = LIGHT_POSITION_MARGIN;
     // #if RANGES
@@ -45,12 +45,12 @@ fn light_view_of_world(receiver: LightReceiver) -> LightView {
     return view;
 }
 
-// A receiver seen in an instance's tree.
-fn light_view_of_tree(instance: u32, receiver: LightReceiver) -> LightView {
+// A shading point seen in an instance's tree.
+fn light_view_of_tree(instance: u32, shading_point: LightShadingPoint) -> LightView {
     let place = light_instance(instance);
     var view: LightView;
-    view.position = light_into_tree(place, receiver.position - light_translation(place.to_world));
-    view.normal = light_normalize_or_zero(light_transposed(place.to_world, receiver.normal));
+    view.position = light_into_tree(place, shading_point.position - light_translation(place.to_world));
+    view.normal = light_normalize_or_zero(light_transposed(place.to_world, shading_point.normal));
     view.has_normal = any(view.normal != vec3(0.0));
     view.margin = LIGHT_POSITION_MARGIN + LIGHT_RIGID_TOLERANCE;
     // #if RANGES
@@ -72,11 +72,11 @@ fn light_view_of_tree(instance: u32, receiver: LightReceiver) -> LightView {
     return view;
 }
 
-fn light_view(instance: u32, receiver: LightReceiver) -> LightView {
+fn light_view(instance: u32, shading_point: LightShadingPoint) -> LightView {
     if instance == LIGHT_NO_INSTANCE {
-        return light_view_of_world(receiver);
+        return light_view_of_world(shading_point);
     }
-    return light_view_of_tree(instance, receiver);
+    return light_view_of_tree(instance, shading_point);
 }
 
 // Sum of a block's values, and its child in most doubt.
@@ -97,10 +97,10 @@ fn light_count_block(cut: ptr<function, LightCut>, block: u32) {
 }
 
 // The children of a node become candidates.
-fn light_add_block(cut: ptr<function, LightCut>, instance: u32, index: u32, receiver: LightReceiver) {
+fn light_add_block(cut: ptr<function, LightCut>, instance: u32, index: u32, shading_point: LightShadingPoint) {
     let in_top = instance == LIGHT_NO_INSTANCE;
     let node = light_node(in_top, index);
-    let seen = light_see(node, light_view(instance, receiver));
+    let seen = light_see(node, light_view(instance, shading_point));
     let can_open = vec4(in_top);
     let block = (*cut).count;
     (*cut).count = block + 1u;
@@ -114,21 +114,21 @@ fn light_add_block(cut: ptr<function, LightCut>, instance: u32, index: u32, rece
     light_count_block(cut, block);
 }
 
-// Opens the root of the top level and then, up to light_params.openings times, the candidate in most doubt.
-fn light_open(cut: ptr<function, LightCut>, receiver: LightReceiver) {
-    let openings = min(light_params.openings, LIGHT_MOST_OPENINGS);
+// Opens the root of the top level and then, up to light_params.splits times, the candidate in most doubt.
+fn light_open(cut: ptr<function, LightCut>, shading_point: LightShadingPoint) {
+    let splits = min(light_params.splits, LIGHT_MAX_SPLITS);
     (*cut).count = 0u;
     var instance = LIGHT_NO_INSTANCE;
     var index = 0u;
     loop {
-        light_add_block(cut, instance, index, receiver);
+        light_add_block(cut, instance, index, shading_point);
         let count = (*cut).count;
         var total = 0.0;
         for (var i = 0u; i < count; i++) {
             total += (*cut).totals[i];
         }
         (*cut).total = total;
-        var most = LIGHT_LEAST_DOUBT * total;
+        var most = LIGHT_MIN_DOUBT * total;
         var block = count;
         for (var i = 0u; i < count; i++) {
             if (*cut).most_doubt[i] > most {
@@ -136,7 +136,7 @@ fn light_open(cut: ptr<function, LightCut>, receiver: LightReceiver) {
                 block = i;
             }
         }
-        if block == count || count > openings {
+        if block == count || count > splits {
             return;
         }
         instance = (*cut).instances[block];
@@ -173,7 +173,7 @@ fn light_pick_lane(all: mat2x4<f32>, start: f32, point: f32) -> LightLane {
 }
 
 // Chooses a light; the first dice decide in the top level, `inside` in an instance's tree.
-fn light_descend(cut: ptr<function, LightCut>, receiver: LightReceiver, start: LightDice, inside: LightDice) -> LightPick {
+fn light_descend(cut: ptr<function, LightCut>, shading_point: LightShadingPoint, start: LightDice, inside: LightDice) -> LightPick {
     let none = LightPick(0u, 0u, 0.0);
     let cut_total = (*cut).total;
     if cut_total <= 0.0 {
@@ -202,7 +202,7 @@ fn light_descend(cut: ptr<function, LightCut>, receiver: LightReceiver, start: L
     if instance != LIGHT_NO_INSTANCE {
         base = light_node_base(instance);
     }
-    var view = light_view(instance, receiver);
+    var view = light_view(instance, shading_point);
     loop {
         let bits = light_target(instance == LIGHT_NO_INSTANCE, index, slot);
         if (bits & LIGHT_LEAF) == 0u {
@@ -210,7 +210,7 @@ fn light_descend(cut: ptr<function, LightCut>, receiver: LightReceiver, start: L
         } else if instance == LIGHT_NO_INSTANCE {
             instance = bits & ~LIGHT_LEAF;
             base = light_node_base(instance);
-            view = light_view_of_tree(instance, receiver);
+            view = light_view_of_tree(instance, shading_point);
             index = base;
         } else {
             return LightPick(instance, bits & ~LIGHT_LEAF, pmf);
@@ -237,10 +237,10 @@ fn light_descend(cut: ptr<function, LightCut>, receiver: LightReceiver, start: L
 }
 
 // The chance that light_descend ends at a light: climbs from its leaf to the lowest opened node.
-fn light_climb(cut: ptr<function, LightCut>, receiver: LightReceiver, slot_of_instance: u32, light: u32) -> f32 {
+fn light_climb(cut: ptr<function, LightCut>, shading_point: LightShadingPoint, slot_of_instance: u32, light: u32) -> f32 {
     var instance = slot_of_instance;
     var base = light_node_base(instance);
-    var view = light_view_of_tree(instance, receiver);
+    var view = light_view_of_tree(instance, shading_point);
     var place = light_place(light_light_base(instance) + light);
     var pmf = 1.0;
     loop {
@@ -267,7 +267,7 @@ fn light_climb(cut: ptr<function, LightCut>, receiver: LightReceiver, slot_of_in
             place = light_top_place(instance);
             instance = LIGHT_NO_INSTANCE;
             base = 0u;
-            view = light_view_of_world(receiver);
+            view = light_view_of_world(shading_point);
         }
     }
     return 0.0;

@@ -15,11 +15,11 @@ pub(crate) const RIGID_TOLERANCE: f32 = 4.0e-6;
 
 /// The most flux that one light or many count as, in lumens: products of it with every factor of the importance stay
 /// inside f32. Only wrong units get there; what is above it is still sampled, by position alone.
-pub(crate) const MOST_FLUX: f32 = 1.0e34;
+pub(crate) const MAX_FLUX: f32 = 1.0e34;
 
 /// A mean direction shorter than this counts as none: the squares of what is left after emitters cancelled would be
 /// below f32, and a cap about what is no unit vector proves nothing.
-pub(crate) const LEAST_AXIS: f32 = 1.0e-12;
+pub(crate) const MIN_AXIS: f32 = 1.0e-12;
 
 /// A group of lights. Box, cap of directions and range are conservative; mean, variance and axis are weighted by flux.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -136,7 +136,7 @@ impl Linear {
         // A flat emitter has a mean direction of length 2/3.
         let agreement = (1.5 * axis.length()).min(1.0);
         let along = (self.cofactor * axis.normalize_or_zero()).length();
-        (punctual + area * (agreement * along + (1.0 - agreement) * all_sides)).min(MOST_FLUX)
+        (punctual + area * (agreement * along + (1.0 - agreement) * all_sides)).min(MAX_FLUX)
     }
 }
 

@@ -3,28 +3,31 @@
 //! The same cut and the same ratios as in `walk.rs`, but joined from the cut down instead of from a light up: a node is
 //! weighed once for all lights below it.
 
-use crate::importance::{Receiver, running_sums, see};
+use crate::counts::SplitCount;
+use crate::dice::{joint, share};
+use crate::importance::{running_sums, see};
+use crate::shading_point::ShadingPoint;
 use crate::simd::{Job, with_vectors};
 use crate::tree::{LightTree, Target, WIDTH};
-use crate::walk::{Cut, Forest, NO_INSTANCE, NoForest, Scene, joint, share};
+use crate::walk::{Cut, Forest, NO_INSTANCE, NoForest, Scene};
 
 impl LightTree {
     /// The chance of every light, by its index: what [`LightTree::pmf`] tells of each, up to rounding. O(lights).
     ///
-    /// Fills `chances`, whatever it held. As [`Sampler::distribution`](crate::Sampler::distribution); `openings` as in
-    /// [`Sampler::with_openings`](crate::Sampler::with_openings).
-    pub fn distribution(&self, receiver: &Receiver, openings: usize, chances: &mut Vec<f32>) {
+    /// Fills `chances`, whatever it held. As [`LightSampler::distribution`](crate::LightSampler::distribution); `splits` as in
+    /// [`LightSampler::with_splits`](crate::LightSampler::with_splits).
+    pub fn distribution(&self, shading_point: &ShadingPoint, splits: SplitCount, chances: &mut Vec<f32>) {
         chances.clear();
         chances.resize(self.lights().len(), 0.0);
-        let root = Scene::alone(self.nodes(), receiver);
-        with_vectors(Spread { root, openings, beside: 0.0, forest: &NoForest, starts: &[], chances });
+        let root = Scene::alone(self.nodes(), shading_point);
+        with_vectors(Spread { root, splits, beside: 0.0, forest: &NoForest, starts: &[], chances });
     }
 }
 
 /// Gives every light of the root's tree and those behind it its chance; returns the lux of all and what stands `beside`.
 pub(crate) struct Spread<'a, 'f, F> {
     pub root: Scene<'a>,
-    pub openings: usize,
+    pub splits: SplitCount,
     pub beside: f32,
     pub forest: &'f F,
     /// Where the lights of the instance in each slot begin.
@@ -38,8 +41,8 @@ impl<'a, F: Forest<'a>> Job for Spread<'a, '_, F> {
 
     #[inline(always)]
     fn run(self) -> f32 {
-        let Self { root, openings, beside, forest, starts, chances } = self;
-        let cut = Cut::new(root, openings, forest);
+        let Self { root, splits, beside, forest, starts, chances } = self;
+        let cut = Cut::new(root, splits, forest);
         let total = cut.total() + beside;
         let of_trees = if beside > 0.0 { share(cut.total(), total) } else { 1.0 };
         let (mut stack, mut inner) = (Vec::new(), Vec::new());

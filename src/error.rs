@@ -125,7 +125,7 @@ pub enum PlacementError {
         /// Of the linear part.
         determinant: f32,
     },
-    /// Too far from the world's origin, see [`World::set_origin`](crate::World::set_origin).
+    /// Too far from the world's origin, see [`LightWorld::set_origin`](crate::LightWorld::set_origin).
     #[error("{distance} m from the world's origin; the limit is {limit} m")]
     TooFar {
         /// Largest coordinate's distance from the origin.
@@ -141,4 +141,18 @@ pub enum PlacementError {
 pub struct BudgetError {
     /// What was given.
     pub millis: f64,
+}
+
+/// Why a count was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{given} {what}; the limits are {min} and {max}")]
+pub struct CountError {
+    /// What is counted.
+    pub what: &'static str,
+    /// What was given.
+    pub given: usize,
+    /// The least allowed.
+    pub min: usize,
+    /// The most allowed.
+    pub max: usize,
 }

@@ -6,10 +6,10 @@
 //!
 //! ```
 //! use girandole::glam::{DVec3, Vec3};
-//! use girandole::{FrameBudget, Light, Placement, Policy, Receiver, World};
+//! use girandole::{FrameBudget, Light, Placement, Policy, ShadingPoint, LightWorld};
 //! use std::time::Duration;
 //!
-//! let mut world = World::new();
+//! let mut world = LightWorld::new();
 //! let lamp = world.add_tree(vec![Light::point(Vec3::new(0.0, 6.0, 0.0), Vec3::splat(800.0))])?;
 //! let post = world.add_instance(lamp, Placement::at(DVec3::new(10.0, 0.0, 0.0)), Policy::Budgeted)?;
 //! world.move_instance(post, Placement::at(DVec3::new(12.0, 0.0, 0.0)))?;
@@ -17,7 +17,7 @@
 //! let report = world.update(FrameBudget::new(Duration::from_micros(300)));
 //! assert_eq!(report.refit_trees, 1);
 //!
-//! let ground = Receiver::surface(Vec3::new(11.0, 0.0, 1.0), Vec3::Y);
+//! let ground = ShadingPoint::surface(Vec3::new(11.0, 0.0, 1.0), Vec3::Y);
 //! let sample = world.sampler().sample(&ground, [0.1, 0.2, 0.3, 0.4]).expect("the lamp is in sight");
 //! assert_eq!(sample.pmf, world.sampler().pmf(&ground, sample.light));
 //! # Ok::<(), girandole::WorldError>(())
@@ -27,14 +27,14 @@
 //!
 //! ```
 //! # #[cfg(feature = "gpu")] mod engine {
-//! use girandole::{World, gpu::{GpuError, GpuLights}, wgpu};
+//! use girandole::{LightWorld, gpu::{GpuError, GpuLights}, wgpu};
 //!
-//! fn frame(lights: &mut GpuLights, world: &mut World, encoder: &mut wgpu::CommandEncoder) -> Result<(), GpuError> {
+//! fn frame(lights: &mut GpuLights, world: &mut LightWorld, encoder: &mut wgpu::CommandEncoder) -> Result<(), GpuError> {
 //!     let delta = world.take_delta();
 //!     lights.upload(world, &delta)?;
 //!     lights.build_top(encoder);
 //!     // Then the engine's own passes, whose shader was joined to `lights.shader(1, Effects::all())` and which bind
-//!     // `lights.bind_group()` at group 1, call `light_sample(receiver, u)`; `docs/integration.md` goes through it.
+//!     // `lights.bind_group()` at group 1, call `light_sample(shading_point, u)`; `docs/integration.md` goes through it.
 //!     Ok(())
 //! }
 //! # }
@@ -44,7 +44,7 @@
 //!
 //! Metres, seconds, lumens, candela, nits, lux; linear Rec. 709 colours. Right-handed. Random numbers `u` in [0, 1).
 //! Trees live in a space of their own, instances carry them to the world with an f64 translation, and sampling happens
-//! relative to [`World::origin`] in f32. A *pmf* is the chance of choosing a light; a *pdf* is a density per steradian.
+//! relative to [`LightWorld::origin`] in f32. A *pmf* is the chance of choosing a light; a *pdf* is a density per steradian.
 //! The sum of all pmf and the chance of "no light" is 1. Bad input gets a typed error and changes nothing.
 //!
 //! Data moves one way, and the modules read in that order: effects, lights, cones and boxes, clusters, trees, policies,
@@ -54,15 +54,19 @@
 // In the order data passes through them; `tests/all/dependencies.rs` checks that imports point up this list only.
 mod simd;
 mod keys;
-mod effects;
+pub mod effects;
 pub mod error;
+mod counts;
+mod dice;
+mod shading_point;
+mod transform;
 pub mod bounds;
 pub mod cone;
 pub mod cluster;
 pub mod light;
 pub mod tree;
-mod policy;
-mod scheduler;
+pub mod policy;
+pub mod scheduler;
 mod importance;
 mod emit;
 mod placement;
@@ -80,25 +84,23 @@ pub mod gpu;
 #[cfg(feature = "gltf")]
 pub mod gltf;
 
-pub use effects::{DAMPING, EffectCounts, Effects, MOST_VARIANTS, Variants};
+pub use counts::{CandidateCount, MAX_CANDIDATES, MAX_SPLITS, SplitCount};
+pub use effects::{EffectCounts, Effects};
 pub use emit::Incident;
-pub use error::{BudgetError, LightError, PlacementError, WorldError};
+pub use error::{BudgetError, CountError, LightError, PlacementError, WorldError};
 pub use glam;
-pub use importance::Receiver;
 pub use keys::{DirectionalKey, InstanceKey, TreeKey};
 pub use light::{DirectionalLight, Light, Shape};
 pub use placement::{MAX_DISTANCE, MAX_SCALE, Placement};
-pub use policy::{ATTRIBUTE_FLOOR, DEFAULT_FLOOR, History, Policy, Wish, wish};
-pub use resample::{MOST_CANDIDATES, Resampled};
-pub use sample::{LightId, LightPick, LightSample, Sampler};
-pub use scheduler::{
-    Clock, ClockEvent, FrameBudget, RecordingClock, ReplayClock, SystemClock, VirtualClock, Work, WorkKind,
-};
+pub use policy::Policy;
+pub use resample::Reservoir;
+pub use sample::{LightId, LightPick, LightSample, LightSampler};
+pub use scheduler::FrameBudget;
+pub use shading_point::ShadingPoint;
 pub use tree::{Attribute, Attributes, LightTree};
-pub use walk::{DEFAULT_OPENINGS, MOST_OPENINGS};
 #[cfg(feature = "gpu")]
 pub use wgpu;
-pub use world::{BackgroundReport, FrameDelta, FrameReport, JobReport, World};
+pub use world::{BackgroundReport, FrameDelta, FrameReport, JobReport, LightWorld};
 
 /// The README's programs, compiled and run as documentation tests.
 #[cfg(all(doctest, feature = "gpu"))]

@@ -7,7 +7,7 @@ use std::f32::consts::PI;
 use glam::Vec3;
 
 use crate::bounds::Aabb;
-use crate::cluster::{Cluster, MOST_FLUX};
+use crate::cluster::{Cluster, MAX_FLUX};
 use crate::cone::{CAP_PADDING, Cone};
 use crate::effects::Effects;
 use crate::error::LightError;
@@ -26,10 +26,10 @@ pub(crate) const MIN_FLUX: f32 = 1.0e-18;
 pub(crate) const LAMBERTIAN: f32 = 2.0 / 3.0;
 
 /// Sine of the angle between a flat emitter's edges below which rounding could turn its normal by more than 1e-5 rad.
-const LEAST_SINE: f32 = 1.0e-2;
+const MIN_SINE: f32 = 1.0e-2;
 
 /// Least entry of a cross product, in square metres, whose square is a normal f32.
-const LEAST_CROSS: f32 = 1.0e-18;
+const MIN_CROSS: f32 = 1.0e-18;
 
 /// Narrowest falloff between the cosines of a spot's angles, as KHR_lights_punctual has it.
 const MIN_SPOT_FALLOFF: f32 = 1.0e-3;
@@ -221,7 +221,7 @@ impl Light {
             Shape::Spot { inner_angle, outer_angle, .. } => luminance * spot_lobe(inner_angle, outer_angle).solid_angle,
             _ => {
                 let flux = std::f64::consts::PI * f64::from(luminance) * self.exact_area().unwrap_or(0.0);
-                flux.min(f64::from(MOST_FLUX)) as f32
+                flux.min(f64::from(MAX_FLUX)) as f32
             }
         }
     }
@@ -377,8 +377,8 @@ fn sides(two_sided: bool) -> f64 {
 /// What the front of a flat emitter sees; all sides if it is too thin or too small for a normal that can be trusted.
 fn half_space(u: Vec3, v: Vec3) -> Cone {
     let normal = u.cross(v);
-    let is_thin = normal.length_squared() < LEAST_SINE * LEAST_SINE * u.length_squared() * v.length_squared();
-    if is_thin || normal.abs().max_element() < LEAST_CROSS {
+    let is_thin = normal.length_squared() < MIN_SINE * MIN_SINE * u.length_squared() * v.length_squared();
+    if is_thin || normal.abs().max_element() < MIN_CROSS {
         return Cone::FULL;
     }
     Cone { axis: normal.normalize(), half_angle: 0.5 * PI }

@@ -2,11 +2,12 @@
 
 use glam::{Mat3, Vec3};
 
-use crate::emit::{Frame, sample_light};
-use crate::importance::Receiver;
+use crate::counts::SplitCount;
+use crate::emit::sample_light;
 use crate::light::luminance;
+use crate::shading_point::ShadingPoint;
+use crate::transform::InstanceTransform;
 use crate::tree::LightTree;
-use crate::walk::DEFAULT_OPENINGS;
 
 /// Points that are looked from, this share of the box's diagonal from its middle: where the shape of the tree shows.
 const DISTANCES: [f32; 2] = [0.4, 0.9];
@@ -15,7 +16,7 @@ const DISTANCES: [f32; 2] = [0.4, 0.9];
 const TURN: f32 = 2.4;
 
 impl LightTree {
-    /// The relative variance of one choice inside this tree, with the usual openings: the mean over two points around it,
+    /// The relative variance of one choice inside this tree, with the usual splits: the mean over two points around it,
     /// which follow from the box and from `turn`. `None` where no light reaches them. O(lights), some 150 ns each.
     ///
     /// Points count by the square of their light, next to what the same flux would bring from the middle to all sides:
@@ -24,19 +25,23 @@ impl LightTree {
         let cluster = self.cluster();
         let middle = 0.5 * (cluster.aabb.min + cluster.aabb.max);
         let diagonal = cluster.aabb.extent().length();
-        let identity =
-            Frame { to_world: Mat3::IDENTITY, translation: Vec3::ZERO, to_local: Mat3::IDENTITY, determinant: 1.0 };
+        let identity = InstanceTransform {
+            to_world: Mat3::IDENTITY,
+            translation: Vec3::ZERO,
+            to_local: Mat3::IDENTITY,
+            determinant: 1.0,
+        };
         let (mut sum, mut weights) = (0.0, 0.0);
         for (i, share) in DISTANCES.into_iter().enumerate() {
             let angle = TURN * (2 * (turn % 1024) + i as u32) as f32;
             let height = (0.7 * angle).sin();
             let ring = (1.0 - height * height).sqrt();
             let direction = Vec3::new(ring * angle.cos(), height, ring * angle.sin());
-            let receiver = Receiver::volume(middle + share * diagonal * direction);
-            self.distribution(&receiver, DEFAULT_OPENINGS, chances);
+            let shading_point = ShadingPoint::volume(middle + share * diagonal * direction);
+            self.distribution(&shading_point, SplitCount::DEFAULT, chances);
             let (mut lux, mut second) = (0.0_f64, 0.0_f64);
             for (light, chance) in self.lights().iter().zip(&*chances).filter(|(_, chance)| **chance > 0.0) {
-                let Some(incident) = sample_light(light, &identity, &receiver, [0.5, 0.5]) else { continue };
+                let Some(incident) = sample_light(light, &identity, &shading_point, [0.5, 0.5]) else { continue };
                 let brought = f64::from(luminance(incident.radiance)) / f64::from(incident.pdf);
                 lux += brought;
                 second += brought * brought / f64::from(*chance);
@@ -44,7 +49,7 @@ impl LightTree {
             if lux <= 0.0 {
                 continue;
             }
-            let dist_sq = f64::from(receiver.position.distance_squared(cluster.mean));
+            let dist_sq = f64::from(shading_point.position.distance_squared(cluster.mean));
             let bright = lux * dist_sq * 4.0 * std::f64::consts::PI / f64::from(cluster.flux);
             let weight = (bright * bright).min(1.0);
             sum += weight * (second / (lux * lux) - 1.0).max(0.0);

@@ -7,34 +7,35 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
-use crate::emit::{CLOSE, Frame, NEAREST_SQ, is_density};
-use crate::importance::Receiver;
+use crate::emit::{CLOSE, MIN_DIST_SQ, is_density};
 use crate::light::{Light, Shape, range_window};
-use crate::sample::{LightId, Sampler};
+use crate::sample::{LightId, LightSampler};
+use crate::shading_point::ShadingPoint;
+use crate::transform::InstanceTransform;
 
-impl Sampler<'_> {
-    /// The density per steradian, in the world, with which [`Sampler::sample`] chooses this light and the direction to
+impl LightSampler<'_> {
+    /// The density per steradian, in the world, with which [`LightSampler::sample`] chooses this light and the direction to
     /// `point`: `pmf * pdf`, for multiple importance sampling of rays that hit lights.
     ///
     /// `point` lies on the light, in metres relative to the world's origin; that is not checked. 0 for lights without
-    /// size, where sampling would find nothing (behind a one-sided light, below the receiver's horizon, out of range,
-    /// inside a sphere), and for a light that is not there. Costs what [`Sampler::pmf`] does.
-    pub fn pdf(&self, receiver: &Receiver, light: LightId, point: Vec3) -> f32 {
+    /// size, where sampling would find nothing (behind a one-sided light, below the shading point's horizon, out of range,
+    /// inside a sphere), and for a light that is not there. Costs what [`LightSampler::pmf`] does.
+    pub fn pdf(&self, shading_point: &ShadingPoint, light: LightId, point: Vec3) -> f32 {
         let LightId::Local { instance, light: index } = light else { return 0.0 };
         let Some(placed) = self.world.instance(instance) else { return 0.0 };
         let tree = self.world.tree(placed.tree);
         let Some(record) = tree.and_then(|tree| tree.lights().get(index as usize)) else { return 0.0 };
-        let pdf = point_pdf(record, &placed.placed.frame, receiver, point);
-        if pdf > 0.0 { pdf * self.pmf(receiver, light) } else { 0.0 }
+        let pdf = point_pdf(record, &placed.placed.frame, shading_point, point);
+        if pdf > 0.0 { pdf * self.pmf(shading_point, light) } else { 0.0 }
     }
 }
 
 /// The density per steradian of the direction to a point of a light that was chosen; 0 if sampling never gives it.
-fn point_pdf(light: &Light, frame: &Frame, receiver: &Receiver, point: Vec3) -> f32 {
-    let toward = point - receiver.position;
+fn point_pdf(light: &Light, frame: &InstanceTransform, shading_point: &ShadingPoint, point: Vec3) -> f32 {
+    let toward = point - shading_point.position;
     let dist_sq = toward.length_squared();
-    let is_above = receiver.normal == Vec3::ZERO || receiver.normal.dot(toward) > 0.0;
-    let is_in_range = dist_sq >= NEAREST_SQ && range_window(dist_sq, light.range) > 0.0;
+    let is_above = shading_point.normal == Vec3::ZERO || shading_point.normal.dot(toward) > 0.0;
+    let is_in_range = dist_sq >= MIN_DIST_SQ && range_window(dist_sq, light.range) > 0.0;
     if !(is_above && is_in_range && light.flux() > 0.0) {
         return 0.0;
     }
@@ -42,17 +43,17 @@ fn point_pdf(light: &Light, frame: &Frame, receiver: &Receiver, point: Vec3) -> 
         Shape::Point { .. } | Shape::Spot { .. } => 0.0,
         Shape::Rectangle { center, half_u, half_v, two_sided } => {
             let normal_area = frame.normal_area(half_u.cross(half_v) * 4.0);
-            surface_pdf(frame.toward(center, receiver), normal_area, two_sided, dist_sq)
+            surface_pdf(frame.toward(center, shading_point), normal_area, two_sided, dist_sq)
         }
         Shape::Triangle { vertices: [p, q, r], two_sided } => {
             let normal_area = frame.normal_area((q - p).cross(r - p) * 0.5);
-            surface_pdf(frame.toward(p, receiver), normal_area, two_sided, dist_sq)
+            surface_pdf(frame.toward(p, shading_point), normal_area, two_sided, dist_sq)
         }
-        Shape::Sphere { center, radius } => sphere_pdf(center, radius, frame, receiver, point),
+        Shape::Sphere { center, radius } => sphere_pdf(center, radius, frame, shading_point, point),
     }
 }
 
-/// `to_plane` leads from the receiver to any point of the surface: its distance from the plane needs no digits of the
+/// `to_plane` leads from the shading point to any point of the surface: its distance from the plane needs no digits of the
 /// point that was hit, which has few where it lies far from the origin.
 fn surface_pdf(to_plane: Vec3, normal_area: Vec3, two_sided: bool, dist_sq: f32) -> f32 {
     let height_area = -normal_area.dot(to_plane);
@@ -60,8 +61,8 @@ fn surface_pdf(to_plane: Vec3, normal_area: Vec3, two_sided: bool, dist_sq: f32)
     if facing_area > 0.0 && is_density(dist_sq, facing_area) { dist_sq / facing_area } else { 0.0 }
 }
 
-fn sphere_pdf(center: Vec3, radius: f32, frame: &Frame, receiver: &Receiver, point: Vec3) -> f32 {
-    let to_center = frame.to_local * frame.toward(center, receiver);
+fn sphere_pdf(center: Vec3, radius: f32, frame: &InstanceTransform, shading_point: &ShadingPoint, point: Vec3) -> f32 {
+    let to_center = frame.to_local * frame.toward(center, shading_point);
     let dist_sq = to_center.length_squared();
     let sin_max_sq = radius * radius / dist_sq;
     if !(dist_sq >= f32::MIN_POSITIVE && sin_max_sq < 1.0) {
@@ -71,7 +72,7 @@ fn sphere_pdf(center: Vec3, radius: f32, frame: &Frame, receiver: &Receiver, poi
     // Put back onto the sphere, so that what the point lost to rounding is not stretched by a flat instance.
     let normal = (frame.to_local * (point - frame.translation) - center).normalize_or_zero();
     let hit = (to_center + normal * radius).length();
-    let toward = point - receiver.position;
+    let toward = point - shading_point.position;
     let is_close = hit <= CLOSE * dist_sq.sqrt();
     let local = if is_close { (frame.to_local * toward).length() } else { hit };
     let stretch = toward.length() / local;

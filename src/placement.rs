@@ -4,9 +4,10 @@ use glam::{Affine3A, DAffine3, DVec3, Mat3, Mat4, Vec3};
 
 use crate::cluster::{Linear, RIGID_TOLERANCE};
 use crate::effects::Effects;
-use crate::emit::Frame;
 use crate::error::PlacementError;
-use crate::importance::{POSITION_MARGIN, Receiver, View};
+use crate::importance::{POSITION_MARGIN, View};
+use crate::shading_point::ShadingPoint;
+use crate::transform::InstanceTransform;
 
 /// Farthest an instance may stand from the world's origin, per axis, in metres.
 pub const MAX_DISTANCE: f64 = 1.0e9;
@@ -63,7 +64,7 @@ impl From<DAffine3> for Placement {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Placed {
     pub linear: Linear,
-    pub frame: Frame,
+    pub frame: InstanceTransform,
 }
 
 impl Placed {
@@ -90,7 +91,7 @@ impl Placed {
         if !(linear.determinant.is_normal() && to_local.is_finite() && linear.least_scale >= 1.0 / MAX_SCALE) {
             return Err(PlacementError::Singular { determinant: linear.determinant });
         }
-        let frame = Frame {
+        let frame = InstanceTransform {
             to_world: placement.linear,
             translation: offset.as_vec3(),
             to_local,
@@ -104,12 +105,12 @@ impl Placed {
         if self.linear.is_rigid() { Effects::empty() } else { Effects::NON_RIGID }
     }
 
-    /// A receiver of the world seen in the tree's space.
-    pub fn view(&self, receiver: &Receiver) -> View {
+    /// A shading point of the world seen in the tree's space.
+    pub fn view(&self, shading_point: &ShadingPoint) -> View {
         // Normals are carried back by the transpose: the horizon stays the horizon under any linear map.
-        let normal = (self.linear.linear.transpose() * receiver.normal).normalize_or_zero();
+        let normal = (self.linear.linear.transpose() * shading_point.normal).normalize_or_zero();
         View {
-            position: self.frame.to_local * (receiver.position - self.frame.translation),
+            position: self.frame.to_local * (shading_point.position - self.frame.translation),
             normal,
             has_normal: normal != Vec3::ZERO,
             range_scale: self.range_scale(),

@@ -7,7 +7,7 @@ use crate::tree::{Attribute, Attributes};
 
 /// Where the least value since the last rebuild is 0, a ratio to it means nothing: then any value above this asks for
 /// a rebuild. Attributes are of order 1, and rounding leaves about 1e-7 of them.
-pub const ATTRIBUTE_FLOOR: f32 = 1.0e-6;
+pub(crate) const ATTRIBUTE_FLOOR: f32 = 1.0e-6;
 
 /// By what share a tree must be noisier than a new one before [`Policy::Budgeted`] asks for a rebuild. Rebuilds of the
 /// same lights differ by less; without it trees that stand still would be rebuilt for ever.
@@ -81,14 +81,14 @@ impl Policy {
 
 /// What a tree's attributes have been since its last rebuild.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct History {
+pub(crate) struct AttributeHistory {
     /// Right after the last rebuild.
     pub rebuilt: Attributes,
     /// The least of each since then.
     pub least: Attributes,
 }
 
-impl History {
+impl AttributeHistory {
     /// Starts anew with a rebuilt tree.
     pub fn start(rebuilt: Attributes) -> Self {
         Self { rebuilt, least: rebuilt }
@@ -106,37 +106,45 @@ impl History {
 
 /// What a policy asks for, the more demanding the greater.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Wish {
+pub(crate) enum RebuildRequest {
     /// Nothing.
     #[default]
-    Keep,
+    None,
     /// A rebuild of the tree or of parts of it, if it is worth the time.
-    Weigh,
+    Optional,
     /// A rebuild of the whole tree, when there is time.
-    Rebuild,
+    Required,
     /// The same before all that ask for less.
-    First,
+    Urgent,
 }
 
 /// What a policy asks for, for a tree that was just refitted.
 ///
 /// `history` must have observed `now` already, so that a value below the former least is its own least. `worse` is the
 /// share by which the tree is thought to be noisier than a new one.
-pub fn wish(policy: &Policy, history: &History, now: &Attributes, worse: f32) -> Wish {
-    let if_so = |is_so: bool, wish: Wish| if is_so { wish } else { Wish::Keep };
+pub(crate) fn rebuild_request(
+    policy: &Policy,
+    history: &AttributeHistory,
+    now: &Attributes,
+    worse: f32,
+) -> RebuildRequest {
+    let if_so = |is_so: bool, request: RebuildRequest| if is_so { request } else { RebuildRequest::None };
     match *policy {
-        Policy::Static | Policy::RefitOnly => Wish::Keep,
-        Policy::AlwaysRebuild => Wish::First,
+        Policy::Static | Policy::RefitOnly => RebuildRequest::None,
+        Policy::AlwaysRebuild => RebuildRequest::Urgent,
         Policy::Deviation { attribute, deviation, factor } => {
-            if_so(now.get(attribute) > history.least.get(attribute) + factor * deviation, Wish::Rebuild)
+            if_so(now.get(attribute) > history.least.get(attribute) + factor * deviation, RebuildRequest::Required)
         }
         Policy::Ratio { attribute, factor } => {
             let least = history.least.get(attribute);
-            if_so(now.get(attribute) > if least > 0.0 { least * factor } else { ATTRIBUTE_FLOOR }, Wish::Rebuild)
+            if_so(
+                now.get(attribute) > if least > 0.0 { least * factor } else { ATTRIBUTE_FLOOR },
+                RebuildRequest::Required,
+            )
         }
-        Policy::Budgeted => if_so(worse > DEFAULT_FLOOR, Wish::Weigh),
-        Policy::Bounded { ceiling, .. } if worse > ceiling => Wish::First,
-        Policy::Bounded { floor, .. } => if_so(worse > floor, Wish::Weigh),
+        Policy::Budgeted => if_so(worse > DEFAULT_FLOOR, RebuildRequest::Optional),
+        Policy::Bounded { ceiling, .. } if worse > ceiling => RebuildRequest::Urgent,
+        Policy::Bounded { floor, .. } => if_so(worse > floor, RebuildRequest::Optional),
     }
 }
 
@@ -149,15 +157,15 @@ mod tests {
     }
 
     fn run(policy: Policy, values: &[f32]) -> Vec<bool> {
-        let mut history = History::start(overlap(values[0]));
+        let mut history = AttributeHistory::start(overlap(values[0]));
         values[1..]
             .iter()
             .map(|v| {
                 let now = overlap(*v);
                 history.observe(&now);
-                let rebuild = wish(&policy, &history, &now, 0.0) == Wish::Rebuild;
+                let rebuild = rebuild_request(&policy, &history, &now, 0.0) == RebuildRequest::Required;
                 if rebuild {
-                    history = History::start(now);
+                    history = AttributeHistory::start(now);
                 }
                 rebuild
             })
@@ -194,16 +202,16 @@ mod tests {
     #[test]
     fn bounds_say_when_a_tree_asks_and_when_it_insists() {
         let now = Attributes::default();
-        let at = |policy, worse| wish(&policy, &History::start(now), &now, worse);
+        let at = |policy, worse| rebuild_request(&policy, &AttributeHistory::start(now), &now, worse);
         let bounded = Policy::Bounded { floor: 0.1, ceiling: 0.5 };
         assert_eq!(
             [0.1, 0.2, 0.5, 0.51].map(|worse| at(bounded, worse)),
-            [Wish::Keep, Wish::Weigh, Wish::Weigh, Wish::First]
+            [RebuildRequest::None, RebuildRequest::Optional, RebuildRequest::Optional, RebuildRequest::Urgent]
         );
         assert_eq!(
             [0.0, DEFAULT_FLOOR, 0.03, 9.0].map(|worse| at(Policy::Budgeted, worse)),
-            [Wish::Keep, Wish::Keep, Wish::Weigh, Wish::Weigh]
+            [RebuildRequest::None, RebuildRequest::None, RebuildRequest::Optional, RebuildRequest::Optional]
         );
-        assert_eq!(at(bounded, f32::NAN), Wish::Keep);
+        assert_eq!(at(bounded, f32::NAN), RebuildRequest::None);
     }
 }

@@ -2,19 +2,19 @@
 //!
 //! Twin of `shaders/sample.wgsl`.
 
+use crate::counts::SplitCount;
+use crate::dice::share;
 use crate::distribution::Spread;
 use crate::emit::{Incident, sample_light};
-use crate::importance::{Receiver, View};
+use crate::importance::View;
 use crate::keys::{DirectionalKey, InstanceKey, slot_of};
 use crate::light::{DirectionalLight, luminance};
+use crate::shading_point::ShadingPoint;
 use crate::simd::with_vectors;
 use crate::top::TopLevel;
 use crate::tree::LightTree;
-use crate::walk::{
-    Chance, DEFAULT_OPENINGS, Draw, Drawn, Forest, Leaf, MOST_OPENINGS, NO_INSTANCE, NoForest, Picked, Scene, Wanted,
-    share,
-};
-use crate::world::World;
+use crate::walk::{Chance, Draw, Drawn, Forest, Leaf, NO_INSTANCE, NoForest, Picked, Scene, Wanted};
+use crate::world::LightWorld;
 
 /// Names a light that can be sampled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -53,47 +53,52 @@ pub struct LightSample {
 
 /// Samples a world as it is now. Cheap to make once the top level stands; any number of threads may share it.
 #[derive(Clone, Copy)]
-pub struct Sampler<'a> {
-    pub(crate) world: &'a World,
+pub struct LightSampler<'a> {
+    pub(crate) world: &'a LightWorld,
     pub(crate) top: &'a TopLevel,
-    pub(crate) openings: usize,
+    pub(crate) splits: SplitCount,
 }
 
-impl<'a> Forest<'a> for (&Sampler<'a>, &Receiver) {
+impl<'a> Forest<'a> for (&LightSampler<'a>, &ShadingPoint) {
     fn enter(&self, slot: u32) -> Option<Scene<'a>> {
-        let (sampler, receiver) = self;
-        sampler.scene(sampler.world.instance_at(slot)?, receiver).map(|(_, scene)| scene)
+        let (sampler, shading_point) = self;
+        sampler.scene(sampler.world.instance_at(slot)?, shading_point).map(|(_, scene)| scene)
     }
 }
 
-impl World {
+impl LightWorld {
     /// A sampler of the world as it is now, its lights as of the last update. The first call after a change builds the
     /// top level, O(n log n) in instances; engines that sample on the GPU only never pay for it.
-    pub fn sampler(&self) -> Sampler<'_> {
-        Sampler { world: self, top: self.top_level(), openings: DEFAULT_OPENINGS }
+    pub fn sampler(&self) -> LightSampler<'_> {
+        LightSampler { world: self, top: self.top_level(), splits: SplitCount::DEFAULT }
     }
 }
 
-impl<'a> Sampler<'a> {
+impl<'a> LightSampler<'a> {
     /// Chooses a light and a point on it. `u` in [0, 1): two numbers choose the light, two the point.
     ///
-    /// `None` if no light can reach the receiver, or if the chosen point does not: both are ordinary, and count as black.
-    pub fn sample(&self, receiver: &Receiver, u: [f32; 4]) -> Option<LightSample> {
-        self.sample_picked(receiver, self.pick(receiver, [u[0], u[1]])?, [u[2], u[3]])
+    /// `None` if no light can reach the shading point, or if the chosen point does not: both are ordinary, and count as black.
+    pub fn sample(&self, shading_point: &ShadingPoint, u: [f32; 4]) -> Option<LightSample> {
+        self.sample_picked(shading_point, self.pick(shading_point, [u[0], u[1]])?, [u[2], u[3]])
     }
 
     /// A point on a light that was picked.
-    pub(crate) fn sample_picked(&self, receiver: &Receiver, pick: LightPick, u: [f32; 2]) -> Option<LightSample> {
+    pub(crate) fn sample_picked(
+        &self,
+        shading_point: &ShadingPoint,
+        pick: LightPick,
+        u: [f32; 2],
+    ) -> Option<LightSample> {
         let LightPick { light, pmf } = pick;
-        let incident = self.sample_light(receiver, light, u)?;
+        let incident = self.sample_light(shading_point, light, u)?;
         Some(LightSample { light, pmf, incident })
     }
 
-    /// The same sampler with another bound on the clusters that are opened before the choice: [`DEFAULT_OPENINGS`] at
-    /// first, and [`MOST_OPENINGS`] if more is asked for. Each takes the time of one node and lowers the noise near
-    /// lights; 0 is a plain walk. `docs/benchmarks.md` has the curve.
-    pub fn with_openings(self, openings: usize) -> Self {
-        Self { openings: openings.min(MOST_OPENINGS), ..self }
+    /// Returns the same sampler with another number of splits; [`SplitCount::DEFAULT`] at first.
+    ///
+    /// A split replaces a cluster near the shading point by its children before a light is chosen.
+    pub fn with_splits(self, splits: SplitCount) -> Self {
+        Self { splits, ..self }
     }
 
     /// The same sampler over another top level of the same world.
@@ -105,55 +110,55 @@ impl<'a> Sampler<'a> {
     /// Chooses a light; `None` where bounds prove that there is none to choose.
     ///
     /// One pass over eight children per opened cluster and per level below. Source: CK18 5, see `walk.rs`.
-    pub fn pick(&self, receiver: &Receiver, u: [f32; 2]) -> Option<LightPick> {
+    pub fn pick(&self, shading_point: &ShadingPoint, u: [f32; 2]) -> Option<LightPick> {
         let draw = Draw {
-            root: self.root(receiver),
-            openings: self.openings,
-            beside: self.directional(receiver),
+            root: self.root(shading_point),
+            splits: self.splits,
+            beside: self.directional(shading_point),
             u,
-            forest: &(self, receiver),
+            forest: &(self, shading_point),
         };
-        self.named(receiver, with_vectors(draw))
+        self.named(shading_point, with_vectors(draw))
     }
 
     /// The keys of what was drawn.
-    pub(crate) fn named(&self, receiver: &Receiver, drawn: Drawn) -> Option<LightPick> {
+    pub(crate) fn named(&self, shading_point: &ShadingPoint, drawn: Drawn) -> Option<LightPick> {
         match drawn {
             Drawn::Light(Picked { instance, light, pmf }) => {
                 Some(LightPick { light: LightId::Local { instance: self.world.instance_at(instance)?, light }, pmf })
             }
-            Drawn::Beside { offset, total } => self.pick_directional(receiver, offset, total),
+            Drawn::Beside { offset, total } => self.pick_directional(shading_point, offset, total),
             Drawn::Nothing => None,
         }
     }
 
-    /// The chance that [`Sampler::pick`] chooses this light; 0 for a light that is dark, unreachable, or not there.
-    pub fn pmf(&self, receiver: &Receiver, light: LightId) -> f32 {
-        let root = self.root(receiver);
+    /// The chance that [`LightSampler::pick`] chooses this light; 0 for a light that is dark, unreachable, or not there.
+    pub fn pmf(&self, shading_point: &ShadingPoint, light: LightId) -> f32 {
+        let root = self.root(shading_point);
         let of = match light {
             LightId::Directional(key) => match self.world.directional(key) {
-                Some(light) => Wanted::Beside(illuminance(light, receiver)),
+                Some(light) => Wanted::Beside(illuminance(light, shading_point)),
                 None => return 0.0,
             },
             LightId::Local { instance, light } => {
-                let Some((tree, scene)) = self.scene(instance, receiver) else { return 0.0 };
+                let Some((tree, scene)) = self.scene(instance, shading_point) else { return 0.0 };
                 let Some(leaf) = tree.leaves().get(light as usize) else { return 0.0 };
                 let place = self.top.places[slot_of(instance) as usize];
                 Wanted::Light(Leaf { scene, place: *leaf, top: Some((root, place)) })
             }
         };
-        let beside = self.directional(receiver);
-        with_vectors(Chance { root, openings: self.openings, beside, of, forest: &(self, receiver) })
+        let beside = self.directional(shading_point);
+        with_vectors(Chance { root, splits: self.splits, beside, of, forest: &(self, shading_point) })
     }
 
-    /// A point on a given light; `None` if that point sends nothing to the receiver or the light is not there.
-    pub fn sample_light(&self, receiver: &Receiver, light: LightId, u: [f32; 2]) -> Option<Incident> {
+    /// A point on a given light; `None` if that point sends nothing to the shading point or the light is not there.
+    pub fn sample_light(&self, shading_point: &ShadingPoint, light: LightId, u: [f32; 2]) -> Option<Incident> {
         match light {
             LightId::Directional(key) => {
                 let light = self.world.directional(key)?;
-                (illuminance(light, receiver) > 0.0).then(|| Incident {
+                (illuminance(light, shading_point) > 0.0).then(|| Incident {
                     direction: -light.direction.normalize(),
-                    distance: f32::INFINITY,
+                    dist: f32::INFINITY,
                     radiance: light.illuminance,
                     pdf: 1.0,
                     is_delta: true,
@@ -162,7 +167,7 @@ impl<'a> Sampler<'a> {
             LightId::Local { instance, light } => {
                 let placed = self.world.instance(instance)?;
                 let light = self.world.tree(placed.tree)?.lights().get(light as usize)?;
-                sample_light(light, &placed.placed.frame, receiver, u)
+                sample_light(light, &placed.placed.frame, shading_point, u)
             }
         }
     }
@@ -177,13 +182,13 @@ impl<'a> Sampler<'a> {
         local.chain(world.directionals().map(|(key, _)| LightId::Directional(key)))
     }
 
-    /// The chance of every light, in the order of [`Sampler::all_lights`]: what [`Sampler::pmf`] tells of each, up to
+    /// The chance of every light, in the order of [`LightSampler::all_lights`]: what [`LightSampler::pmf`] tells of each, up to
     /// rounding.
     ///
     /// Fills `chances`, whatever it held. Their sum is 1 less the chance of "no light"; all are 0 where nothing can be
     /// chosen. O(lights of all instances), but what is proved dark as a whole takes no time beyond its zeros; allocates
     /// eight bytes a slot besides `chances`.
-    pub fn distribution(&self, receiver: &Receiver, chances: &mut Vec<f32>) {
+    pub fn distribution(&self, shading_point: &ShadingPoint, chances: &mut Vec<f32>) {
         let world = self.world;
         let mut starts = vec![0; self.top.places.len()];
         let mut lights = 0;
@@ -193,30 +198,30 @@ impl<'a> Sampler<'a> {
         }
         chances.clear();
         chances.resize(lights, 0.0);
-        let (root, beside) = (self.root(receiver), self.directional(receiver));
-        let forest = &(self, receiver);
-        let total = with_vectors(Spread { root, openings: self.openings, beside, forest, starts: &starts, chances });
+        let (root, beside) = (self.root(shading_point), self.directional(shading_point));
+        let forest = &(self, shading_point);
+        let total = with_vectors(Spread { root, splits: self.splits, beside, forest, starts: &starts, chances });
         chances.extend(world.directionals().map(|(_, light)| {
-            let lux = illuminance(light, receiver);
+            let lux = illuminance(light, shading_point);
             if total > 0.0 { share(lux, total) } else { 0.0 }
         }));
     }
 
     /// Illuminance by directional lights, in lux.
-    pub(crate) fn directional(&self, receiver: &Receiver) -> f32 {
-        self.world.directionals().map(|(_, light)| illuminance(light, receiver)).sum()
+    pub(crate) fn directional(&self, shading_point: &ShadingPoint) -> f32 {
+        self.world.directionals().map(|(_, light)| illuminance(light, shading_point)).sum()
     }
 
     /// The top level.
-    pub(crate) fn root(&self, receiver: &Receiver) -> Scene<'a> {
-        Scene { nodes: &self.top.nodes, view: View::of(receiver), instance: NO_INSTANCE, is_top: true }
+    pub(crate) fn root(&self, shading_point: &ShadingPoint) -> Scene<'a> {
+        Scene { nodes: &self.top.nodes, view: View::of(shading_point), instance: NO_INSTANCE, is_top: true }
     }
 
-    fn pick_directional(&self, receiver: &Receiver, point: f32, total: f32) -> Option<LightPick> {
+    fn pick_directional(&self, shading_point: &ShadingPoint, point: f32, total: f32) -> Option<LightPick> {
         let mut chosen = None;
         let mut before = 0.0;
         for (key, light) in self.world.directionals() {
-            let value = illuminance(light, receiver);
+            let value = illuminance(light, shading_point);
             if value > 0.0 && point >= before {
                 chosen = Some(LightPick { light: LightId::Directional(key), pmf: share(value, total) });
             }
@@ -225,26 +230,29 @@ impl<'a> Sampler<'a> {
         chosen
     }
 
-    fn scene(&self, key: InstanceKey, receiver: &Receiver) -> Option<(&'a LightTree, Scene<'a>)> {
+    fn scene(&self, key: InstanceKey, shading_point: &ShadingPoint) -> Option<(&'a LightTree, Scene<'a>)> {
         let instance = self.world.instance(key)?;
         let tree = self.world.tree(instance.tree)?;
-        let view = instance.placed.view(receiver);
+        let view = instance.placed.view(shading_point);
         Some((tree, Scene { nodes: tree.nodes(), view, instance: slot_of(key), is_top: false }))
     }
 }
 
-/// Luminance of what a directional light brings to a receiver, in lux.
-pub(crate) fn illuminance(light: &DirectionalLight, receiver: &Receiver) -> f32 {
-    let cosine =
-        if receiver.normal == glam::Vec3::ZERO { 1.0 } else { -receiver.normal.dot(light.direction.normalize()) };
+/// Luminance of what a directional light brings to a shading point, in lux.
+pub(crate) fn illuminance(light: &DirectionalLight, shading_point: &ShadingPoint) -> f32 {
+    let cosine = if shading_point.normal == glam::Vec3::ZERO {
+        1.0
+    } else {
+        -shading_point.normal.dot(light.direction.normalize())
+    };
     luminance(light.illuminance) * cosine.max(0.0)
 }
 
 impl LightTree {
-    /// Chooses a light of one tree, in the tree's own space: its index and the chance of that. As [`Sampler::pick`];
-    /// `openings` as in [`Sampler::with_openings`].
-    pub fn pick(&self, receiver: &Receiver, u: [f32; 2], openings: usize) -> Option<(u32, f32)> {
-        let draw = Draw { root: Scene::alone(self.nodes(), receiver), openings, beside: 0.0, u, forest: &NoForest };
+    /// Chooses a light of one tree, in the tree's own space: its index and the chance of that. As [`LightSampler::pick`];
+    /// `splits` as in [`LightSampler::with_splits`].
+    pub fn pick(&self, shading_point: &ShadingPoint, u: [f32; 2], splits: SplitCount) -> Option<(u32, f32)> {
+        let draw = Draw { root: Scene::alone(self.nodes(), shading_point), splits, beside: 0.0, u, forest: &NoForest };
         match with_vectors(draw) {
             Drawn::Light(Picked { light, pmf, .. }) => Some((light, pmf)),
             Drawn::Beside { .. } | Drawn::Nothing => None,
@@ -252,10 +260,10 @@ impl LightTree {
     }
 
     /// The chance that [`LightTree::pick`] chooses this light; 0 for an index that the tree does not have.
-    pub fn pmf(&self, receiver: &Receiver, light: u32, openings: usize) -> f32 {
+    pub fn pmf(&self, shading_point: &ShadingPoint, light: u32, splits: SplitCount) -> f32 {
         let Some(place) = self.leaves().get(light as usize) else { return 0.0 };
-        let root = Scene::alone(self.nodes(), receiver);
+        let root = Scene::alone(self.nodes(), shading_point);
         let of = Wanted::Light(Leaf { scene: root, place: *place, top: None });
-        with_vectors(Chance { root, openings, beside: 0.0, of, forest: &NoForest })
+        with_vectors(Chance { root, splits, beside: 0.0, of, forest: &NoForest })
     }
 }

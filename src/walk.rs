@@ -1,4 +1,4 @@
-//! Chooses a light: opens the clusters that matter most near the receiver, chooses among all that are left, and walks
+//! Chooses a light: opens the clusters that matter most near the shading point, chooses among all that are left, and walks
 //! down wide nodes from there. Trees and the top level are walked alike, and opened across.
 //!
 //! Twin of `shaders/dice.wgsl` and `shaders/walk.wgsl`. Starts from CK18 5 (adaptive tree splitting). Differs: not
@@ -7,83 +7,20 @@
 //! cap. A random number is stretched at every choice, as usual, but the bits lost by that are replaced from a hash of
 //! all its bits: otherwise choices past the 24th bit would all be the same.
 
-use crate::importance::{Receiver, Seen, View, running_sums, see};
+use crate::counts::{MAX_SPLITS, SplitCount};
+use crate::dice::{Dice, joint, share};
+use crate::importance::{Seen, View, running_sums, see};
+use crate::shading_point::ShadingPoint;
 use crate::simd::Job;
 use crate::tree::{LEAF, Lanes, NO_PARENT, Node, Target, WIDTH};
 
-/// Clusters that are opened at most, whatever is asked for: GPUs keep them in registers.
-pub const MOST_OPENINGS: usize = 8;
-
-/// Clusters that are opened unless something else is asked for.
-pub const DEFAULT_OPENINGS: usize = 6;
-
 /// Clusters are opened only while the doubt about one of them is more than this share of everything.
-pub(crate) const LEAST_DOUBT: f32 = 0.002;
+pub(crate) const MIN_DOUBT: f32 = 0.002;
 
 /// [`Scene::instance`] of the top level, and of a tree that is walked by itself.
 pub(crate) const NO_INSTANCE: u32 = u32::MAX;
 
-/// The largest f32 below 1.
-pub(crate) const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
-
-/// Spacing of the random numbers in [0.5, 1).
-pub(crate) const U_STEP: f32 = f32::EPSILON / 2.0;
-
-/// Chances below this count as this: a chance that rounds to zero would divide by zero, or hide a light that
-/// contributes. Far below what random numbers of 24 bits can tell, so no sum of chances notices.
-pub(crate) const LEAST_CHANCE: f32 = 1.0e-30;
-
-/// The chance of two choices; 0 only if one of them is impossible. The floor is the same in whatever order chances are
-/// joined.
-pub(crate) fn joint(a: f32, b: f32) -> f32 {
-    if a > 0.0 && b > 0.0 { (a * b).max(LEAST_CHANCE) } else { 0.0 }
-}
-
-/// The chance of a choice of weight `value`, which is part of `total`; 0 only if the weight is.
-pub(crate) fn share(value: f32, total: f32) -> f32 {
-    if value > 0.0 { (value / total).max(LEAST_CHANCE) } else { 0.0 }
-}
-
-/// A random number that can be used for any number of choices.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Dice {
-    u: f32,
-    state: u32,
-}
-
-impl Dice {
-    /// From a number in [0, 1) and more bits to refresh it with.
-    pub fn new(u: f32, more: f32) -> Self {
-        Self { u: clamp_unit(u), state: hash(u.to_bits() ^ hash(more.to_bits())) }
-    }
-
-    /// Where a choice falls, in [0, `total`).
-    pub fn point(&self, total: f32) -> f32 {
-        self.u * total
-    }
-
-    /// After the interval of `length` (a share of 1) was chosen, `offset` into it: stretches the rest to [0, 1).
-    pub fn stretch(&mut self, offset: f32, length: f32) {
-        self.state = hash(self.state);
-        let fresh = (self.state >> 8) as f32 * U_STEP * U_STEP;
-        self.u = clamp_unit((offset + fresh) / length);
-    }
-}
-
-/// NaN becomes 0: `max` returns the other operand, while `clamp` would keep it.
-#[allow(clippy::manual_clamp, reason = "not the same for NaN")]
-pub(crate) fn clamp_unit(u: f32) -> f32 {
-    u.max(0.0).min(BELOW_ONE)
-}
-
-/// Source: Jarzynski and Olano, Hash Functions for GPU Rendering (JCGT 2020), the 1-D PCG hash.
-pub(crate) fn hash(x: u32) -> u32 {
-    let state = x.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-    let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
-    (word >> 22) ^ word
-}
-
-/// A tree's nodes, and the receiver as it is seen in their space.
+/// A tree's nodes, and the shading point as it is seen in their space.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Scene<'a> {
     pub nodes: &'a [Node],
@@ -96,8 +33,8 @@ pub(crate) struct Scene<'a> {
 
 impl<'a> Scene<'a> {
     /// A tree that is walked by itself, in its own space.
-    pub fn alone(nodes: &'a [Node], receiver: &Receiver) -> Self {
-        Self { nodes, view: View::of(receiver), instance: NO_INSTANCE, is_top: false }
+    pub fn alone(nodes: &'a [Node], shading_point: &ShadingPoint) -> Self {
+        Self { nodes, view: View::of(shading_point), instance: NO_INSTANCE, is_top: false }
     }
 }
 
@@ -116,56 +53,56 @@ impl<'a> Forest<'a> for NoForest {
     }
 }
 
-/// The candidates of a receiver: the children of the opened nodes. The same for every random number, so that the chance
+/// The candidates of a shading point: the children of the opened nodes. The same for every random number, so that the chance
 /// of any light can be told. One array for each property: nothing but numbers is moved about.
 pub(crate) struct Cut<'a> {
     /// Trees that were entered, the root's first.
-    scenes: [Option<Scene<'a>>; MOST_NODES],
+    scenes: [Option<Scene<'a>>; MAX_NODES],
     scene_count: usize,
     /// Opened nodes.
     count: usize,
     /// Of each opened node its scene.
-    scene_of: [usize; MOST_NODES],
-    nodes: [u32; MOST_NODES],
+    scene_of: [usize; MAX_NODES],
+    nodes: [u32; MAX_NODES],
     /// Importance of each child; 0 for one that was opened itself.
-    values: [Lanes; MOST_NODES],
+    values: [Lanes; MAX_NODES],
     /// Importance times spread: how much light the estimate may be wrong by. 0 for what cannot be opened.
-    doubts: [Lanes; MOST_NODES],
+    doubts: [Lanes; MAX_NODES],
     /// Sums of the values.
-    totals: [f32; MOST_NODES],
+    totals: [f32; MAX_NODES],
     /// The greatest doubt of a node as an integer, which orders alike, with 7 less its slot in the last bits: a maximum
     /// of integers is found in three steps.
-    keys: [u32; MOST_NODES],
+    keys: [u32; MAX_NODES],
     /// Estimated illuminance of all candidates, in lux.
     total: f32,
 }
 
 /// The root and what is opened after it.
-const MOST_NODES: usize = MOST_OPENINGS + 1;
+const MAX_NODES: usize = MAX_SPLITS + 1;
 
 /// The bits of a key that name a slot.
 const SLOT_BITS: u32 = WIDTH as u32 - 1;
 
 impl<'a> Cut<'a> {
-    /// Opens the root and then, up to `openings` times, the candidate in most doubt.
+    /// Opens the root and then, up to `splits` times, the candidate in most doubt.
     #[inline(always)]
-    pub fn new(root: Scene<'a>, openings: usize, forest: &impl Forest<'a>) -> Self {
+    pub fn new(root: Scene<'a>, splits: SplitCount, forest: &impl Forest<'a>) -> Self {
         let mut cut = Cut {
-            scenes: [const { None }; MOST_NODES],
+            scenes: [const { None }; MAX_NODES],
             scene_count: 0,
             count: 0,
-            scene_of: [0; MOST_NODES],
-            nodes: [0; MOST_NODES],
-            values: [[0.0; WIDTH]; MOST_NODES],
-            doubts: [[0.0; WIDTH]; MOST_NODES],
-            totals: [0.0; MOST_NODES],
-            keys: [0; MOST_NODES],
+            scene_of: [0; MAX_NODES],
+            nodes: [0; MAX_NODES],
+            values: [[0.0; WIDTH]; MAX_NODES],
+            doubts: [[0.0; WIDTH]; MAX_NODES],
+            totals: [0.0; MAX_NODES],
+            keys: [0; MAX_NODES],
             total: 0.0,
         };
         let mut next = (cut.enter(root), 0);
         loop {
             let (scene, node) = next;
-            if cut.open(scene, node).is_none() || cut.count > openings.min(MOST_OPENINGS) {
+            if cut.open(scene, node).is_none() || cut.count > splits.get() {
                 return cut;
             }
             let Some((index, slot)) = cut.most_doubtful() else { return cut };
@@ -357,7 +294,7 @@ impl<'a> Cut<'a> {
         }
     }
 
-    /// The candidate in most doubt, the first of equals, as node and slot; `None` if nothing is worth opening.
+    /// The candidate in most doubt, the first of equals, as node and slot; `None` if nothing is worth splitting.
     #[inline(always)]
     fn most_doubtful(&self) -> Option<(usize, usize)> {
         let (mut index, mut most) = (0, self.keys[0]);
@@ -367,7 +304,7 @@ impl<'a> Cut<'a> {
                 (index, most) = (other, *key);
             }
         }
-        let is_worth = f32::from_bits(most & !SLOT_BITS) > LEAST_DOUBT * self.total;
+        let is_worth = f32::from_bits(most & !SLOT_BITS) > MIN_DOUBT * self.total;
         is_worth.then_some((index, (SLOT_BITS - (most & SLOT_BITS)) as usize))
     }
 }
@@ -412,7 +349,7 @@ pub(crate) enum Drawn {
 /// Draws a light of the root's tree and those behind it, or what stands `beside` it with so many lux.
 pub(crate) struct Draw<'a, 'f, F> {
     pub root: Scene<'a>,
-    pub openings: usize,
+    pub splits: SplitCount,
     pub beside: f32,
     pub u: [f32; 2],
     pub forest: &'f F,
@@ -423,8 +360,8 @@ impl<'a, F: Forest<'a>> Job for Draw<'a, '_, F> {
 
     #[inline(always)]
     fn run(self) -> Drawn {
-        let Self { root, openings, beside, u, forest } = self;
-        Cut::new(root, openings, forest).draw(beside, u, forest)
+        let Self { root, splits, beside, u, forest } = self;
+        Cut::new(root, splits, forest).draw(beside, u, forest)
     }
 }
 
@@ -448,7 +385,7 @@ pub(crate) enum Wanted<'a> {
 /// Asks for the chance that a [`Draw`] ends at a leaf, or at something of so many lux beside the trees.
 pub(crate) struct Chance<'a, 'f, F> {
     pub root: Scene<'a>,
-    pub openings: usize,
+    pub splits: SplitCount,
     pub beside: f32,
     pub of: Wanted<'a>,
     pub forest: &'f F,
@@ -459,8 +396,8 @@ impl<'a, F: Forest<'a>> Job for Chance<'a, '_, F> {
 
     #[inline(always)]
     fn run(self) -> f32 {
-        let Self { root, openings, beside, of, forest } = self;
-        let cut = Cut::new(root, openings, forest);
+        let Self { root, splits, beside, of, forest } = self;
+        let cut = Cut::new(root, splits, forest);
         let total = cut.total + beside;
         match of {
             _ if total <= 0.0 => 0.0,
@@ -469,40 +406,6 @@ impl<'a, F: Forest<'a>> Job for Chance<'a, '_, F> {
                 joint(chance, cut.pmf(&leaf))
             }
             Wanted::Beside(lux) => share(lux, total),
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_number_stays_uniform_after_sixty_choices() {
-        // 60 halvings use up 24 bits more than twice; without fresh bits the last choices would all be alike.
-        // 4096 trials of a fair coin: a share outside 0.5 +- 0.04 has a chance below 4e-7.
-        let mut heads = 0;
-        for trial in 0..4096_u32 {
-            let mut dice = Dice::new((trial as f32 + 0.5) / 4096.0, 0.25);
-            let mut head = false;
-            for _ in 0..60 {
-                let point = dice.point(1.0);
-                head = point >= 0.5;
-                dice.stretch(if head { point - 0.5 } else { point }, 0.5);
-            }
-            heads += u32::from(head);
-        }
-        assert!((f64::from(heads) / 4096.0 - 0.5).abs() < 0.04, "{heads}");
-    }
-
-    #[test]
-    fn the_ends_of_the_interval_and_nonsense_stay_inside() {
-        for u in [0.0, BELOW_ONE, 1.0, -1.0, f32::NAN, f32::INFINITY] {
-            let mut dice = Dice::new(u, u);
-            for _ in 0..100 {
-                assert!((0.0..1.0).contains(&dice.point(1.0)));
-                dice.stretch(dice.point(1.0), 1.0);
-            }
         }
     }
 }

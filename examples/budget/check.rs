@@ -4,30 +4,31 @@ use super::motion::Motion;
 use super::noise::sigmas;
 use super::scene::SceneError;
 use super::stage::{SceneKind, Stage};
-use girandole::{FrameBudget, SystemClock};
+use girandole::FrameBudget;
+use girandole::scheduler::SystemClock;
 use std::sync::Arc;
 
 /// Frames that are played.
 const FRAMES: u32 = 120;
 
 /// Plays every motion of a scene and prints a line for each.
-pub fn run(kind: SceneKind, receivers: usize) -> Result<(), SceneError> {
+pub fn run(kind: SceneKind, shading_points: usize) -> Result<(), SceneError> {
     println!(
         "| scene | lights | of trees that deform | refits a frame | sigma fresh | refitted | beside trees | in view |"
     );
     println!("|---|---|---|---|---|---|---|---|");
     for motion in Motion::ALL {
-        let mut stage = Stage::new(kind, motion, receivers, Arc::new(SystemClock::default()))?;
+        let mut stage = Stage::new(kind, motion, shading_points, Arc::new(SystemClock::default()))?;
         let mut refits = 0;
         for frame in 1..=FRAMES {
             stage.advance(frame)?;
             refits += stage.world.update(FrameBudget::NONE).refit_trees;
         }
-        let refitted = sigmas(&stage.world, &stage.receivers);
+        let refitted = sigmas(&stage.world, &stage.shading_points);
         for tree in &stage.trees {
             stage.world.rebuild_tree(*tree)?;
         }
-        let fresh = sigmas(&stage.world, &stage.receivers);
+        let fresh = sigmas(&stage.world, &stage.shading_points);
         let deforming: usize =
             stage.trees.iter().filter_map(|tree| stage.world.tree(*tree)).map(|tree| tree.lights().len()).sum();
         let sum = |sigmas: &[f64], of: &[usize]| -> f64 {

@@ -3,7 +3,8 @@
 use super::scene::SceneError;
 use super::scene::rng::Rng;
 use girandole::glam::{Vec3, vec3};
-use girandole::{Clock, Light, LightTree, Work, WorkKind};
+use girandole::scheduler::{Clock, Work, WorkKind};
+use girandole::{Light, LightTree};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -63,12 +64,12 @@ impl Costs {
                 // Lights that fly apart, some faster than others, and take their subtrees along to where they are bad.
                 let mut tree = tree?;
                 let moved: Vec<(u32, Light)> = (0..).zip(fly(&cloud, &mut rng)).collect();
-                tree.set(&moved)?;
+                tree.set_lights(&moved)?;
                 push(Kind::Refit, lights, timed(|| tree.refit()).1);
                 // Then only one corner goes bad, which is a part worth rebuilding.
                 tree.rebuild();
                 let share = [2, 4, 8][count % 3];
-                tree.set(&jumble(tree.lights(), lights / share, &mut rng))?;
+                tree.set_lights(&jumble(tree.lights(), lights / share, &mut rng))?;
                 tree.refit();
                 let (rebuilt, took) = timed(|| tree.rebuild_worst(lights * 3 / 4));
                 if rebuilt > 0 && rebuilt < lights {

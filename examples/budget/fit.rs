@@ -2,7 +2,7 @@
 //! trees that it was not fitted to.
 
 use super::figures::Kind;
-use super::observations::{self, OPENINGS, Observation};
+use super::observations::{self, Observation, SPLITS};
 use super::regression::{MOST, Point, best_tenth, fit, mean, predict, r_squared, spearman, spread};
 use super::scale;
 use girandole::WorldError;
@@ -10,10 +10,10 @@ use girandole::WorldError;
 /// Attributes below this count as this, where ratios or logarithms are taken.
 const FLOOR: f64 = 1.0e-6;
 /// The same for variances.
-pub const LEAST_NOISE: f64 = 1.0e-4;
+pub const MIN_NOISE: f64 = 1.0e-4;
 
 /// Logarithms of ratios count as at most so much, as in the library.
-const MOST_RISE: f64 = 3.0;
+const MAX_RISE: f64 = 3.0;
 /// About the mean over all observations.
 const USUAL_LIGHTS: f64 = 250.0;
 
@@ -55,10 +55,10 @@ impl Features {
         for i in 0..4 {
             let ratio = now[i].max(FLOOR) / rebuilt[i].max(FLOOR);
             x[i] = match self {
-                Self::LogRatios | Self::Drops => ratio.ln().clamp(-MOST_RISE, MOST_RISE),
+                Self::LogRatios | Self::Drops => ratio.ln().clamp(-MAX_RISE, MAX_RISE),
                 Self::Differences => now[i] - rebuilt[i],
                 Self::RelativeRises => (now[i] - rebuilt[i]) / rebuilt[i].max(FLOOR),
-                Self::SpreadLogRatios => (ratio * units[i]).ln().clamp(-MOST_RISE, MOST_RISE),
+                Self::SpreadLogRatios => (ratio * units[i]).ln().clamp(-MAX_RISE, MAX_RISE),
             };
         }
         let rise = observation.cost_rise.max(-0.9);
@@ -93,10 +93,10 @@ impl Target {
         }
     }
 
-    fn of(self, observation: &Observation, openings: usize) -> f64 {
-        let (now, fresh) = (observation.refitted[openings], observation.fresh[openings]);
+    fn of(self, observation: &Observation, splits: usize) -> f64 {
+        let (now, fresh) = (observation.refitted[splits], observation.fresh[splits]);
         match self {
-            Self::LogRatio => (now.max(LEAST_NOISE) / fresh.max(LEAST_NOISE)).ln(),
+            Self::LogRatio => (now.max(MIN_NOISE) / fresh.max(MIN_NOISE)).ln(),
             Self::Difference => now - fresh,
             Self::SigmaDifference => now.sqrt() - fresh.sqrt(),
         }
@@ -143,8 +143,8 @@ fn judge(points: &[Point], kinds: &[Kind], features: &[usize]) -> Quality {
     Quality { coefficients, own: quality(&own), held_out: quality(&predicted), predicted }
 }
 
-fn points(observations: &[Observation], features: Features, target: Target, openings: usize) -> Vec<Point> {
-    let point = |o: &Observation| Point { x: features.of(o), y: target.of(o, openings) };
+fn points(observations: &[Observation], features: Features, target: Target, splits: usize) -> Vec<Point> {
+    let point = |o: &Observation| Point { x: features.of(o), y: target.of(o, splits) };
     observations.iter().map(point).collect()
 }
 
@@ -153,11 +153,11 @@ pub fn run() -> Result<(), WorldError> {
     let observations = observations::all()?;
     println!("{} observations of {} trees", observations.len(), trees(&observations).len());
     kinds_table(&observations);
-    for openings in 0..OPENINGS.len() {
-        models(&observations, openings);
+    for splits in 0..SPLITS.len() {
+        models(&observations, splits);
     }
-    for openings in 0..OPENINGS.len() {
-        scale::run(&observations, openings);
+    for splits in 0..SPLITS.len() {
+        scale::run(&observations, splits);
     }
     for features in [Features::LogRatios, Features::SpreadLogRatios] {
         for (name, set) in [SETS[3], SETS[4], SETS[5]] {
@@ -185,14 +185,14 @@ fn trees(observations: &[Observation]) -> Vec<Vec<usize>> {
 fn kinds_table(observations: &[Observation]) {
     println!(
         "\n| kind | lights | s2 fresh, 0 opened | refitted | s2 fresh, {} opened | refitted | mean ln ratio | deviation |",
-        OPENINGS[1]
+        SPLITS[1]
     );
     println!("|---|---|---|---|---|---|---|---|");
     for kind in Kind::ALL {
         let own = || observations.iter().filter(move |o| o.kind == kind);
-        let [plain, cut] = [0, 1].map(|openings| {
-            let fresh = mean(own().map(|o| o.fresh[openings]));
-            let refitted = mean(own().map(|o| o.refitted[openings]));
+        let [plain, cut] = [0, 1].map(|splits| {
+            let fresh = mean(own().map(|o| o.fresh[splits]));
+            let refitted = mean(own().map(|o| o.refitted[splits]));
             format!("{fresh:.3} | {refitted:.3}")
         });
         let ratio = mean(own().map(|o| Target::LogRatio.of(o, 1)));
@@ -207,10 +207,10 @@ fn kinds_table(observations: &[Observation]) {
 }
 
 /// The table of models. The last two judge the prediction by what the scheduler needs: which trees lose most variance.
-fn models(observations: &[Observation], openings: usize) {
+fn models(observations: &[Observation], splits: usize) {
     let kinds: Vec<Kind> = observations.iter().map(|o| o.kind).collect();
-    let gain: Vec<f64> = observations.iter().map(|o| Target::Difference.of(o, openings)).collect();
-    println!("\n{} opened, {} observations\n", OPENINGS[openings], observations.len());
+    let gain: Vec<f64> = observations.iter().map(|o| Target::Difference.of(o, splits)).collect();
+    println!("\n{} opened, {} observations\n", SPLITS[splits], observations.len());
     println!(
         "| target | features | of | R2 | Spearman | R2 held out | Spearman held out | of gain | best tenth \
          | distance | overlap | variance | cost | cost rise | times ln lights |"
@@ -218,12 +218,12 @@ fn models(observations: &[Observation], openings: usize) {
     println!("|{}", "---|".repeat(15));
     let worsening: Vec<f64> = observations.iter().map(worsening).collect();
     for target in Target::ALL {
-        let y: Vec<f64> = observations.iter().map(|o| target.of(o, openings)).collect();
+        let y: Vec<f64> = observations.iter().map(|o| target.of(o, splits)).collect();
         let rank = spearman(&worsening, &y);
         let [of_gain, tenth] = [spearman(&worsening, &gain), best_tenth(&worsening, &gain)];
         println!("| {} | largest relative rise | | | {rank:.3} | | | {of_gain:.3} | {tenth:.3} |", target.name());
         for features in Features::ALL {
-            let points = points(observations, features, target, openings);
+            let points = points(observations, features, target, splits);
             for (name, set) in SETS {
                 let Quality { coefficients, own, held_out, predicted } = judge(&points, &kinds, set);
                 let ranks = [spearman(&predicted, &gain), best_tenth(&predicted, &gain)];

@@ -2,12 +2,12 @@
 //!
 //! ```text
 //! cargo run --release --example budget -- --out DIR [--quick] [--costs FILE] [--scene A,B] [--motion A,B] [--strategies A,B]
-//! cargo run --release --example budget -- --stages S10|M100|L1000 [--receivers N]
+//! cargo run --release --example budget -- --stages S10|M100|L1000 [--shading points N]
 //! cargo run --release --example budget -- --fit
 //! ```
 //!
 //! Plays deforming trees in several motions, each under several strategies and budgets, and measures the exact relative
-//! standard deviation of one light sample at fixed receivers every few frames. Time is virtual: what work takes was
+//! standard deviation of one light sample at fixed shading points every few frames. Time is virtual: what work takes was
 //! measured at the start (`costs.rs`), written to DIR/costs.csv, and is drawn from there, so that a run with `--costs
 //! DIR/costs.csv` repeats bit for bit. **A stall of the machine while costs are measured is among them**, and comes back
 //! as often as it was seen: frames are over their budget then whatever decides. Of builds the faster of two counts, but

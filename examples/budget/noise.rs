@@ -1,19 +1,19 @@
-//! The measure of the benchmark: the exact relative standard deviation of one light sample, at each receiver.
+//! The measure of the benchmark: the exact relative standard deviation of one light sample, at each shading point.
 
 use super::sigma::Noise;
 use girandole::light::luminance;
-use girandole::{LightId, Receiver, Sampler, World};
+use girandole::{LightId, LightSampler, LightWorld, ShadingPoint};
 use rayon::prelude::*;
 
-/// Sigma of one sample at each receiver, with as many openings as usual; 0 where nothing shines.
+/// Sigma of one sample at each shading point, with as many splits as usual; 0 where nothing shines.
 ///
 /// Only lights with a chance are looked at: all that contribute have one, which the library's tests prove.
-/// O(lights) a receiver, receivers in parallel.
-pub fn sigmas(world: &World, receivers: &[Receiver]) -> Vec<f64> {
+/// O(lights) a shading point, shading points in parallel.
+pub fn sigmas(world: &LightWorld, shading_points: &[ShadingPoint]) -> Vec<f64> {
     let sampler = world.sampler();
     let lights: Vec<LightId> = sampler.all_lights().collect();
     let buffers = || (Vec::new(), Vec::new());
-    let of_receiver = |(chances, contributions): &mut (Vec<f32>, Vec<f32>), at: &Receiver| {
+    let of_shading_point = |(chances, contributions): &mut (Vec<f32>, Vec<f32>), at: &ShadingPoint| {
         sampler.distribution(at, chances);
         contributions.clear();
         contributions.extend(
@@ -25,11 +25,11 @@ pub fn sigmas(world: &World, receivers: &[Receiver]) -> Vec<f64> {
         );
         Noise::of(contributions, chances).map_or(0.0, |noise| noise.sigma)
     };
-    receivers.par_iter().map_init(buffers, of_receiver).collect()
+    shading_points.par_iter().map_init(buffers, of_shading_point).collect()
 }
 
 /// As `contributions` of the variance example.
-fn contribution(sampler: &Sampler<'_>, at: &Receiver, light: LightId) -> f32 {
+fn contribution(sampler: &LightSampler<'_>, at: &ShadingPoint, light: LightId) -> f32 {
     let incident = sampler.sample_light(at, light, [0.5, 0.5]);
     incident.map_or(0.0, |incident| {
         luminance(incident.radiance) * incident.direction.dot(at.normal).max(0.0) / incident.pdf

@@ -8,7 +8,7 @@ use super::sigma::Noise;
 use girandole::glam::{Vec3, vec3};
 use girandole::light::luminance;
 use girandole::tree::{Attribute, Attributes};
-use girandole::{Light, LightId, LightTree, Placement, Policy, Receiver, World, WorldError};
+use girandole::{Light, LightId, LightTree, LightWorld, Placement, Policy, ShadingPoint, SplitCount, WorldError};
 use rayon::prelude::*;
 
 /// Troupes of each kind and motion.
@@ -23,9 +23,9 @@ const FRAMES: usize = 140;
 const RECEIVERS: usize = 32;
 /// Their distances from its middle, as a share of its box's diagonal.
 const DISTANCES: [f32; 2] = [0.2, 2.0];
-/// Metres from any light at least: one that nearly touches a surface would decide over all other receivers.
+/// Metres from any light at least: one that nearly touches a surface would decide over all other shading points.
 const CLEARANCE: f32 = 1.0;
-/// Points that are tried for a receiver.
+/// Points that are tried for a shading point.
 const TRIES: usize = 50;
 
 /// All motions in which every tree moves.
@@ -67,15 +67,15 @@ pub struct Observation {
     pub now: Shape,
     /// See [`LightTree::cost_rise`].
     pub cost_rise: f64,
-    /// Relative variance of a choice in the refitted tree, for each count of openings: a mean over receivers.
-    pub refitted: [f64; OPENINGS.len()],
+    /// Relative variance of a choice in the refitted tree, for each count of splits: a mean over shading points.
+    pub refitted: [f64; SPLITS.len()],
     /// The same in a fresh tree of the same lights.
-    pub fresh: [f64; OPENINGS.len()],
+    pub fresh: [f64; SPLITS.len()],
     pub fresh_shape: Shape,
 }
 
-/// Openings that noise is measured with: a plain walk, and what callers get.
-pub const OPENINGS: [usize; 2] = [0, girandole::DEFAULT_OPENINGS];
+/// Splits that noise is measured with: a plain walk, and what callers get.
+pub const SPLITS: [SplitCount; 2] = [SplitCount::NONE, SplitCount::DEFAULT];
 
 /// All observations, always the same.
 pub fn all() -> Result<Vec<Observation>, WorldError> {
@@ -105,7 +105,7 @@ fn observe(tree: usize, kind: Kind, motion: Motion, seed: u64) -> Result<Vec<Obs
         let rebuilt = Shape::of(&refitted);
         troupe.advance(start + 1 + rng.below(OLDEST) as u32);
         let changes: Vec<(u32, Light)> = (0..).zip(troupe.lights().iter().copied()).collect();
-        refitted.set(&changes)?;
+        refitted.set_lights(&changes)?;
         refitted.refit();
         let fresh = LightTree::new(troupe.lights().to_vec())?;
         let [before, after] = noise([&refitted, &fresh], &mut rng)?;
@@ -124,16 +124,16 @@ fn observe(tree: usize, kind: Kind, motion: Motion, seed: u64) -> Result<Vec<Obs
     Ok(observations)
 }
 
-/// Weighted mean of the relative variance of trees over the same lights at the same receivers.
-fn noise(trees: [&LightTree; 2], rng: &mut Rng) -> Result<[[f64; OPENINGS.len()]; 2], WorldError> {
-    let mut world = World::new();
+/// Weighted mean of the relative variance of trees over the same lights at the same shading points.
+fn noise(trees: [&LightTree; 2], rng: &mut Rng) -> Result<[[f64; SPLITS.len()]; 2], WorldError> {
+    let mut world = LightWorld::new();
     let key = world.add_tree(trees[1].lights().to_vec())?;
     let instance = world.add_instance(key, Placement::IDENTITY, Policy::Static)?;
     let sampler = world.sampler();
-    let mut sums = [[0.0; OPENINGS.len()]; 2];
+    let mut sums = [[0.0; SPLITS.len()]; 2];
     let (mut weights, mut chances) = (0.0, Vec::new());
     for _ in 0..RECEIVERS {
-        let at = receiver(trees[1], rng);
+        let at = shading_point(trees[1], rng);
         let lux = |light: u32| {
             let incident = sampler.sample_light(&at, LightId::Local { instance, light }, [0.5, 0.5])?;
             Some(luminance(incident.radiance) * incident.direction.dot(at.normal).max(0.0) / incident.pdf)
@@ -146,8 +146,8 @@ fn noise(trees: [&LightTree; 2], rng: &mut Rng) -> Result<[[f64; OPENINGS.len()]
         }
         weights += weight;
         for (tree, sums) in trees.into_iter().zip(&mut sums) {
-            for (openings, sum) in OPENINGS.into_iter().zip(sums) {
-                tree.distribution(&at, openings, &mut chances);
+            for (splits, sum) in SPLITS.into_iter().zip(sums) {
+                tree.distribution(&at, splits, &mut chances);
                 *sum += weight * Noise::of(&contributions, &chances).map_or(0.0, |noise| noise.sigma * noise.sigma);
             }
         }
@@ -155,9 +155,9 @@ fn noise(trees: [&LightTree; 2], rng: &mut Rng) -> Result<[[f64; OPENINGS.len()]
     Ok(sums.map(|sums| sums.map(|sum| if weights > 0.0 { sum / weights } else { 0.0 })))
 }
 
-/// How much a receiver counts: the square of its light by what all flux would bring from the middle to all sides, at most
-/// 1. So does a tree's noise count among that of other lights: where beams shine past a receiver, it does not matter.
-fn weight(tree: &LightTree, at: &Receiver, lux: f32) -> f64 {
+/// How much a shading point counts: the square of its light by what all flux would bring from the middle to all sides, at most
+/// 1. So does a tree's noise count among that of other lights: where beams shine past a shading point, it does not matter.
+fn weight(tree: &LightTree, at: &ShadingPoint, lux: f32) -> f64 {
     let cluster = tree.cluster();
     let dist_sq = at.position.distance_squared(cluster.mean);
     let share = f64::from(lux * dist_sq) * 4.0 * std::f64::consts::PI / f64::from(cluster.flux);
@@ -165,7 +165,7 @@ fn weight(tree: &LightTree, at: &Receiver, lux: f32) -> f64 {
 }
 
 /// A surface around a tree that faces some of it.
-fn receiver(tree: &LightTree, rng: &mut Rng) -> Receiver {
+fn shading_point(tree: &LightTree, rng: &mut Rng) -> ShadingPoint {
     let cluster = tree.cluster();
     let [least, most] = DISTANCES;
     let middle = (cluster.aabb.min + cluster.aabb.max) * 0.5;
@@ -179,7 +179,7 @@ fn receiver(tree: &LightTree, rng: &mut Rng) -> Receiver {
         }
     }
     let toward = (cluster.mean - position).normalize_or(Vec3::Y);
-    Receiver::surface(position, (toward + 0.9 * direction(rng)).normalize_or(Vec3::Y))
+    ShadingPoint::surface(position, (toward + 0.9 * direction(rng)).normalize_or(Vec3::Y))
 }
 
 fn direction(rng: &mut Rng) -> Vec3 {

@@ -46,7 +46,7 @@ pub struct Options {
     pub frames: Option<u32>,
     /// Points that light arrives at
     #[arg(long, value_parser = clap::value_parser!(u32).range(2..=100_000))]
-    pub receivers: Option<u32>,
+    pub shading_points: Option<u32>,
 }
 
 /// The budget with which noise over time is drawn.
@@ -57,19 +57,19 @@ const QUICK: [Strategy; 5] = [
     Strategy::RoundRobin,
     Strategy::Ratio(Attribute::SplittingCost),
     Strategy::Girandole,
-    Strategy::GirandolePicks,
+    Strategy::GirandoleUsage,
     Strategy::Oracle,
 ];
 
 /// How closely a scene is looked at: the larger, the more time a frame of it takes.
 fn plan(kind: SceneKind, is_quick: bool) -> Plan {
-    let plan = |shares: &[f64], ss_shares: &[f64], frames, every, receivers| Plan {
+    let plan = |shares: &[f64], ss_shares: &[f64], frames, every, shading_points| Plan {
         strategies: Strategy::ALL.to_vec(),
         shares: shares.to_vec(),
         ss_shares: ss_shares.to_vec(),
         frames,
         every,
-        receivers,
+        shading_points,
     };
     if is_quick {
         return Plan { strategies: QUICK.to_vec(), ..plan(&[0.02, 0.1, 0.5], &[0.1], 96, 12, 32) };
@@ -111,7 +111,7 @@ pub fn run(options: &Options) -> Result<(), SceneError> {
         fit::run()?;
     }
     if let Some(kind) = options.stages {
-        check::run(kind, options.receivers.unwrap_or(100) as usize)?;
+        check::run(kind, options.shading_points.unwrap_or(100) as usize)?;
     }
     if options.fit || options.stages.is_some() {
         return Ok(());
@@ -138,7 +138,7 @@ pub fn run(options: &Options) -> Result<(), SceneError> {
         }
         plan.frames = options.frames.unwrap_or(plan.frames);
         plan.every = plan.every.min(plan.frames);
-        plan.receivers = options.receivers.map_or(plan.receivers, |count| count as usize);
+        plan.shading_points = options.shading_points.map_or(plan.shading_points, |count| count as usize);
         let mut of_scene = Vec::new();
         for motion in &motions {
             let start = Instant::now();

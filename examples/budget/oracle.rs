@@ -1,6 +1,6 @@
 //! What rebuilds gain, exact to first order, for strategies that know it.
 //!
-//! At a receiver where all lights together bring F, a tree's part of the second moment of a sample is `S / P`: `P` is the
+//! At a shading point where all lights together bring F, a tree's part of the second moment of a sample is `S / P`: `P` is the
 //! chance of reaching the tree, which its shape does not change, and `S = sum f^2 / p` over its lights, each of which
 //! brings f and is chosen with chance p inside of the tree. `sigma^2 = sum S / P / F^2 - 1`, so that a rebuild that
 //! lowers `S` by dS lowers sigma by `dS / (2 sigma P F^2)`. A tree's shape follows from the frame in which it was built
@@ -11,23 +11,23 @@ use super::lit::Lit;
 use super::scene::SceneError;
 use super::stage::Stage;
 use girandole::glam::DVec3;
-use girandole::{InstanceKey, Light, LightId, LightTree, Placement, Policy, Receiver, World};
+use girandole::{InstanceKey, Light, LightId, LightTree, LightWorld, Placement, Policy, ShadingPoint, SplitCount};
 use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Receivers where a tree brings a smaller share of the light do not count for it.
-const LEAST_SHARE: f64 = 1.0e-3;
+/// Shading points where a tree brings a smaller share of the light do not count for it.
+const MIN_SHARE: f64 = 1.0e-3;
 
 /// Clusters opened inside a tree, of those that are opened in all: with 0 or 4 the oracle recovered less.
-const OPENINGS: usize = 2;
+const SPLITS: SplitCount = SplitCount::of::<2>();
 
-/// A receiver that an instance of a tree matters to.
+/// A shading point that an instance of a tree matters to.
 #[derive(Clone, Copy, Debug)]
 struct Seen {
     instance: usize,
-    receiver: usize,
-    /// Of `S`, in the mean of sigma over receivers.
+    shading_point: usize,
+    /// Of `S`, in the mean of sigma over shading points.
     weight: f64,
 }
 
@@ -51,7 +51,7 @@ struct History {
 
 /// What is known of all trees and frames.
 pub struct Gains {
-    receivers: Vec<Receiver>,
+    shading_points: Vec<ShadingPoint>,
     origin: DVec3,
     trees: Vec<History>,
     /// Of each tree, as looked at last.
@@ -72,7 +72,7 @@ impl Gains {
             lux: Mutex::default(),
         };
         Self {
-            receivers: stage.receivers.clone(),
+            shading_points: stage.shading_points.clone(),
             origin: stage.world.origin(),
             trees: instances.iter().map(history).collect(),
             views: vec![Arc::default(); instances.len()],
@@ -80,7 +80,7 @@ impl Gains {
     }
 
     /// Looks at who sees what, until the next time.
-    pub fn look(&mut self, lit: &Lit, world: &World, instances: &[Vec<InstanceKey>]) {
+    pub fn look(&mut self, lit: &Lit, world: &LightWorld, instances: &[Vec<InstanceKey>]) {
         // Where the lights of each instance begin among all.
         let mut ranges: HashMap<InstanceKey, Range<usize>> = HashMap::new();
         let mut end = 0;
@@ -90,8 +90,8 @@ impl Gains {
             end += tree.map_or(0, |tree| tree.lights().len());
             ranges.insert(key, start..end);
         }
-        let count = self.receivers.len() as f64;
-        let found = lit.look(world, &self.receivers, |receiver, at| {
+        let count = self.shading_points.len() as f64;
+        let found = lit.look(world, &self.shading_points, |shading_point, at| {
             let mut found = Vec::new();
             for (tree, instances) in instances.iter().enumerate() {
                 for (instance, key) in instances.iter().enumerate() {
@@ -99,12 +99,12 @@ impl Gains {
                     let first = at.lights.partition_point(|(light, _)| (*light as usize) < range.start);
                     let own = at.lights[first..].iter().take_while(|(light, _)| (*light as usize) < range.end);
                     let light: f64 = own.map(|(_, lux)| f64::from(*lux)).sum();
-                    if light <= LEAST_SHARE * at.total || at.sigma <= 0.0 || !at.sigma.is_finite() {
+                    if light <= MIN_SHARE * at.total || at.sigma <= 0.0 || !at.sigma.is_finite() {
                         continue;
                     }
                     let chance: f64 = at.chances[range.clone()].iter().map(|chance| f64::from(*chance)).sum();
                     let weight = 1.0 / (2.0 * at.sigma * chance * at.total * at.total * count);
-                    found.push((tree, Seen { instance, receiver, weight }));
+                    found.push((tree, Seen { instance, shading_point, weight }));
                 }
             }
             found
@@ -137,7 +137,7 @@ impl Gains {
         Ok(self.noise(history, built, now)? - self.noise(history, now, now)?)
     }
 
-    /// Its part of the mean of sigma over receivers, as far as the tree's shape decides.
+    /// Its part of the mean of sigma over shading points, as far as the tree's shape decides.
     fn noise(&self, history: &History, built: usize, now: usize) -> Result<f64, SceneError> {
         let ((built, then), (now, moment)) = (&history.moments[built], &history.moments[now]);
         if let Some(noise) = lock(&history.noises).get(&(*built, *now)) {
@@ -145,15 +145,15 @@ impl Gains {
         }
         let mut tree = LightTree::new(then.lights.to_vec())?;
         if built != now {
-            tree.set(&(0..).zip(moment.lights.iter().copied()).collect::<Vec<_>>())?;
+            tree.set_lights(&(0..).zip(moment.lights.iter().copied()).collect::<Vec<_>>())?;
             tree.refit_without_attributes();
         }
         let lux = self.lux(history, *now, moment)?;
         let mut chances = Vec::new();
         let mut noise = 0.0;
         for (seen, lux) in moment.views.iter().zip(&*lux) {
-            let at = inside(&self.receivers[seen.receiver], &history.placements[seen.instance], self.origin);
-            tree.distribution(&at, OPENINGS, &mut chances);
+            let at = inside(&self.shading_points[seen.shading_point], &history.placements[seen.instance], self.origin);
+            tree.distribution(&at, SPLITS, &mut chances);
             let part = |(lux, chance): (&f32, &f32)| match *chance > 0.0 {
                 true => f64::from(*lux).powi(2) / f64::from(*chance),
                 false => 0.0,
@@ -168,7 +168,7 @@ impl Gains {
         if let Some(lux) = lock(&history.lux).get(&frame) {
             return Ok(Arc::clone(lux));
         }
-        let mut world = World::new();
+        let mut world = LightWorld::new();
         world.set_origin(self.origin)?;
         let tree = world.add_tree(moment.lights.to_vec())?;
         let place = |placement: &Placement| world.add_instance(tree, *placement, Policy::Static);
@@ -178,7 +178,7 @@ impl Gains {
             let instance = instances[seen.instance];
             let ids: Vec<LightId> =
                 (0..moment.lights.len() as u32).map(|light| LightId::Local { instance, light }).collect();
-            contributions(&sampler, &ids, &self.receivers[seen.receiver])
+            contributions(&sampler, &ids, &self.shading_points[seen.shading_point])
         };
         let lux = Arc::new(moment.views.iter().map(of_view).collect::<Vec<_>>());
         lock(&history.lux).insert(frame, Arc::clone(&lux));
@@ -193,9 +193,9 @@ impl History {
     }
 }
 
-/// A receiver as a tree's own space has it. For instances without shear: chances do not depend on scale.
-fn inside(at: &Receiver, placement: &Placement, origin: DVec3) -> Receiver {
+/// A shading point as a tree's own space has it. For instances without shear: chances do not depend on scale.
+fn inside(at: &ShadingPoint, placement: &Placement, origin: DVec3) -> ShadingPoint {
     let offset = origin + at.position.as_dvec3() - placement.translation;
     let position = placement.linear.inverse() * offset.as_vec3();
-    Receiver { position, normal: (placement.linear.transpose() * at.normal).normalize_or_zero() }
+    ShadingPoint::surface(position, (placement.linear.transpose() * at.normal).normalize_or_zero())
 }

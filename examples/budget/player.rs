@@ -15,7 +15,7 @@ use std::time::Duration;
 /// From one frame to the next.
 const FRAME: Duration = Duration::from_nanos(16_666_667);
 
-/// Picks that are read back, for the strategy that is told of them.
+/// UsageCounters that are read back, for the strategy that is told of them.
 const PICKS: u32 = 2_000;
 /// Frames from one reading to the next: the CPU builds a top level for each.
 const PICK_EVERY: u32 = 4;
@@ -69,13 +69,13 @@ impl<'a> Player<'a> {
     pub fn new(
         kind: SceneKind,
         motion: Motion,
-        receivers: usize,
+        shading_points: usize,
         (strategy, budget): (Strategy, FrameBudget),
         costs: &'a Arc<Costs>,
         reference: &'a Reference,
     ) -> Result<Self, SceneError> {
         let clock = Arc::new(PlayedClock::new(costs));
-        let mut stage = Stage::new(kind, motion, receivers, Arc::<PlayedClock>::clone(&clock))?;
+        let mut stage = Stage::new(kind, motion, shading_points, Arc::<PlayedClock>::clone(&clock))?;
         let instances = instances(&stage);
         set_policies(&mut stage.world, &instances, |tree| strategy.policy(&reference.deviations[tree]))?;
         let count = stage.trees.len();
@@ -105,7 +105,7 @@ impl<'a> Player<'a> {
         if self.strategy.is_by_hand() {
             spent = self.rebuild_by_hand(frame)?;
         }
-        if self.strategy == Strategy::GirandolePicks && frame.is_multiple_of(PICK_EVERY) {
+        if self.strategy == Strategy::GirandoleUsage && frame.is_multiple_of(PICK_EVERY) {
             self.pick(frame);
         }
         Ok(spent)
@@ -113,22 +113,22 @@ impl<'a> Player<'a> {
 
     /// Tells the library's scheduler what its strategy may know.
     fn tell(&mut self, frame: u32) {
-        if matches!(self.strategy, Strategy::Girandole | Strategy::GirandolePicks) {
-            self.stage.world.look_from(self.stage.eye);
+        if matches!(self.strategy, Strategy::Girandole | Strategy::GirandoleUsage) {
+            self.stage.world.set_viewpoint(self.stage.eye);
         }
         if self.picks.front().is_some_and(|(heard, _)| *heard <= frame) {
             let (_, picks) = self.picks.pop_front().unwrap_or_default();
-            self.stage.world.note_picks(picks);
+            self.stage.world.record_usage(picks);
         }
     }
 
-    /// Draws lights as a renderer would: one for each of some receivers, in turn.
+    /// Draws lights as a renderer would: one for each of some shading points, in turn.
     fn pick(&mut self, frame: u32) {
         let sampler = self.stage.world.sampler();
         let mut rng = Rng::new(SEED, u64::from(frame));
         let mut counts = HashMap::new();
         for i in 0..PICKS as usize {
-            let at = &self.stage.receivers[i % self.stage.receivers.len()];
+            let at = &self.stage.shading_points[i % self.stage.shading_points.len()];
             let pick = sampler.pick(at, [rng.unit(), rng.unit()]);
             if let Some(LightId::Local { instance, .. }) = pick.map(|pick| pick.light) {
                 *counts.entry(instance).or_default() += 1;

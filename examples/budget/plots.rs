@@ -15,9 +15,9 @@ const COLUMNS: usize = 3;
 const FONT: &str = "sans-serif";
 
 /// The least share of time on the axis.
-const LEAST_COST: f64 = 0.004;
+const MIN_COST: f64 = 0.004;
 /// The most.
-const MOST_COST: f64 = 2.0;
+const MAX_COST: f64 = 2.0;
 /// Goals: so much of the gap for so much of the time.
 const GOAL: (f64, f64) = (0.1, 0.9);
 
@@ -178,7 +178,7 @@ pub fn gap(path: &Path, scene: &str, rows: &[Row]) -> Result<(), SceneError> {
             .margin(6)
             .x_label_area_size(44)
             .y_label_area_size(52)
-            .build_cartesian_2d((LEAST_COST..MOST_COST).log_scale(), -0.1..1.15)
+            .build_cartesian_2d((MIN_COST..MAX_COST).log_scale(), -0.1..1.15)
             .map_err(text)?;
         chart
             .configure_mesh()
@@ -201,11 +201,11 @@ pub fn gap(path: &Path, scene: &str, rows: &[Row]) -> Result<(), SceneError> {
                     .filter(is_drawn)
                     .map(|row| (row.cost_share, row.gap_recovered.clamp(-0.1, 1.15)))
                     .collect();
-                points.retain(|(cost, _)| *cost >= LEAST_COST);
+                points.retain(|(cost, _)| *cost >= MIN_COST);
                 line(&mut chart, points, style)?;
                 let is_free = |row: &&&Row| row.strategy == name && row.budget_share.is_infinite();
                 let free: Vec<_> = rows.iter().filter(is_free).collect();
-                let point = |row: &&&Row| (row.cost_share.max(LEAST_COST), row.gap_recovered.clamp(-0.1, 1.15));
+                let point = |row: &&&Row| (row.cost_share.max(MIN_COST), row.gap_recovered.clamp(-0.1, 1.15));
                 let circles = free.iter().map(point).map(|at| Circle::new(at, 4, style.color.stroke_width(2)));
                 chart.draw_series(circles).map_err(text)?;
             }

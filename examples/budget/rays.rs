@@ -1,11 +1,11 @@
 //! Where light arrives: points that rays meet first, from the camera or from lights, in a scene as it stands.
 
 use super::scene::{Camera, Object, Scene};
-use girandole::Receiver;
+use girandole::ShadingPoint;
 use girandole::bounds::Aabb;
 use girandole::glam::{Affine3A, Mat3, Vec3};
 
-/// Receivers lie this far in front of their surface, in metres.
+/// Shading points lie this far in front of their surface, in metres.
 const OFFSET: f32 = 1.0e-3;
 
 /// The visible objects of a scene, each in its box. Some dozens of rays do not need more.
@@ -29,8 +29,8 @@ impl<'a> Rays<'a> {
         Self { scene, objects: visible.map(object).collect() }
     }
 
-    /// The first surface within `reach` metres, as a receiver on the side that the ray comes from.
-    pub fn first(&self, from: Vec3, direction: Vec3, reach: f32) -> Option<Receiver> {
+    /// The first surface within `reach` metres, as a shading point on the side that the ray comes from.
+    pub fn first(&self, from: Vec3, direction: Vec3, reach: f32) -> Option<ShadingPoint> {
         let mut nearest = reach;
         let mut found = None;
         for (aabb, mesh, to_mesh) in &self.objects {
@@ -50,7 +50,7 @@ impl<'a> Rays<'a> {
         // Normals turn back by the transpose.
         let normal = (Mat3::from(to_mesh.matrix3).transpose() * local).try_normalize()?;
         let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
-        Some(Receiver::surface(from + direction * nearest + normal * OFFSET, normal))
+        Some(ShadingPoint::surface(from + direction * nearest + normal * OFFSET, normal))
     }
 }
 

@@ -6,7 +6,8 @@ use super::oracle::Gains;
 use super::scene::SceneError;
 use super::stage::{SceneKind, Stage};
 use super::strategies::{ATTRIBUTES, Deviations};
-use girandole::{FrameBudget, InstanceKey, Light, LightTree, Policy, VirtualClock, World};
+use girandole::scheduler::VirtualClock;
+use girandole::{FrameBudget, InstanceKey, Light, LightTree, LightWorld, Policy};
 use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Duration;
@@ -34,11 +35,11 @@ impl Reference {
         kind: SceneKind,
         motion: Motion,
         (frames, every): (u32, u32),
-        receivers: usize,
+        shading_points: usize,
         is_oracle_wanted: bool,
     ) -> Result<Self, SceneError> {
         let clock = Arc::new(VirtualClock::new(|_| Duration::ZERO));
-        let mut stage = Stage::new(kind, motion, receivers, clock)?;
+        let mut stage = Stage::new(kind, motion, shading_points, clock)?;
         let instances = instances(&stage);
         set_policies(&mut stage.world, &instances, |_| Policy::RefitOnly)?;
         let lights = |stage: &Stage| -> Vec<Vec<Light>> {
@@ -50,7 +51,7 @@ impl Reference {
         let mut attributes: Vec<Vec<[f32; 4]>> = vec![Vec::new(); stage.trees.len()];
         let mut gains = is_oracle_wanted.then(|| Gains::new(&stage, &instances));
         if let Some(gains) = &mut gains {
-            gains.look(&Lit::new(&stage.world, &stage.receivers), &stage.world, &instances);
+            gains.look(&Lit::new(&stage.world, &stage.shading_points), &stage.world, &instances);
             before.iter().enumerate().for_each(|(tree, lights)| gains.note(0, tree, lights));
         }
         for frame in 1..=frames {
@@ -67,7 +68,7 @@ impl Reference {
                 }
             }
             if frame % every == 0 {
-                lit.push(Lit::new(&stage.world, &stage.receivers));
+                lit.push(Lit::new(&stage.world, &stage.shading_points));
             }
             if let Some(gains) = &mut gains {
                 if let Some(lit) = lit.last().filter(|_| frame % every == 0) {
@@ -103,7 +104,7 @@ pub fn instances(stage: &Stage) -> Vec<Vec<InstanceKey>> {
 
 /// Gives all instances of each tree a policy.
 pub fn set_policies(
-    world: &mut World,
+    world: &mut LightWorld,
     instances: &[Vec<InstanceKey>],
     policy: impl Fn(usize) -> Policy,
 ) -> Result<(), SceneError> {

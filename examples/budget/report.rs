@@ -50,7 +50,7 @@ pub struct Row {
     pub within_budget: f64,
     pub worst_overrun_us: f64,
     pub longest_wait_frames: u32,
-    /// Mean over receivers, by measured frame.
+    /// Mean over shading points, by measured frame.
     pub over_time: Vec<(u32, f64)>,
 }
 

@@ -24,7 +24,7 @@ pub struct Plan {
     pub frames: u32,
     /// Noise is measured every so many frames.
     pub every: u32,
-    pub receivers: usize,
+    pub shading_points: usize,
 }
 
 /// How a strategy did, before anything is put in relation.
@@ -49,10 +49,10 @@ pub fn measure(
     costs: &Arc<Costs>,
 ) -> Result<(SceneRow, Vec<Row>), SceneError> {
     let is_oracle_wanted = plan.strategies.contains(&Strategy::Oracle);
-    let reference = Reference::new(kind, motion, (plan.frames, plan.every), plan.receivers, is_oracle_wanted)?;
+    let reference = Reference::new(kind, motion, (plan.frames, plan.every), plan.shading_points, is_oracle_wanted)?;
     let play = |(strategy, time): &(Strategy, Duration)| {
         let budget = FrameBudget::new(*time);
-        let player = Player::new(kind, motion, plan.receivers, (*strategy, budget), costs, &reference)?;
+        let player = Player::new(kind, motion, plan.shading_points, (*strategy, budget), costs, &reference)?;
         play(player, plan, *time)
     };
     let ends = side_by_side(&[(Strategy::UpdateOnly, Duration::ZERO), (Strategy::AlwaysRebuild, Duration::MAX)], play)?;
@@ -125,7 +125,7 @@ fn play(mut player: Player<'_>, plan: &Plan, budget: Duration) -> Result<Played,
         played.longest_wait = played.longest_wait.max(spent.longest_wait);
         if frame % plan.every == 0 {
             let lit = &player.reference.lit[(frame / plan.every - 1) as usize];
-            played.over_time.push((frame, lit.sigma(&player.stage.world, &player.stage.receivers)));
+            played.over_time.push((frame, lit.sigma(&player.stage.world, &player.stage.shading_points)));
         }
     }
     let measured = played.over_time.len().max(1) as f64;

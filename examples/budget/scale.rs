@@ -2,8 +2,8 @@
 //! are relative, and a prediction of what a rebuild buys by itself.
 
 use super::figures::Kind;
-use super::fit::LEAST_NOISE;
-use super::observations::{OPENINGS, Observation, Shape};
+use super::fit::MIN_NOISE;
+use super::observations::{Observation, SPLITS, Shape};
 use super::regression::{Line, Point, best_tenth, mean, r_squared, spearman};
 
 /// Attributes below this count as this.
@@ -29,7 +29,7 @@ fn point(lights: usize, shape: &Shape, variance: f64) -> Point {
     let units = [shape.box_per_spread.sqrt(), 1.0, shape.box_per_spread, shape.box_per_spread];
     let mut x = [(lights as f64).ln(), 0.0, 0.0, 0.0, 0.0, shape.axis];
     (0..4).for_each(|i| x[i + 1] = (values[i].max(FLOOR) * units[i]).ln());
-    Point { x, y: variance.max(LEAST_NOISE).ln() }
+    Point { x, y: variance.max(MIN_NOISE).ln() }
 }
 
 /// How the observations are held out in parts: the part of one of them.
@@ -74,16 +74,16 @@ impl Trees<'_> {
 
 /// Prints how well the variance of trees as they stand is told, and the gain as the difference between now and the last
 /// rebuild.
-pub fn run(observations: &[Observation], openings: usize) {
-    let gain: Vec<f64> = observations.iter().map(|o| o.refitted[openings] - o.fresh[openings]).collect();
-    let of = |f: fn(&Observation, usize) -> Point| observations.iter().map(|o| f(o, openings)).collect::<Vec<Point>>();
+pub fn run(observations: &[Observation], splits: usize) {
+    let gain: Vec<f64> = observations.iter().map(|o| o.refitted[splits] - o.fresh[splits]).collect();
+    let of = |f: fn(&Observation, usize) -> Point| observations.iter().map(|o| f(o, splits)).collect::<Vec<Point>>();
     let trees = Trees {
         observations,
-        now: of(|o, openings| point(o.lights, &o.now, o.refitted[openings])),
-        fresh: of(|o, openings| point(o.lights, &o.fresh_shape, o.fresh[openings])),
-        rebuilt: of(|o, openings| point(o.lights, &o.rebuilt, o.fresh[openings])),
+        now: of(|o, splits| point(o.lights, &o.now, o.refitted[splits])),
+        fresh: of(|o, splits| point(o.lights, &o.fresh_shape, o.fresh[splits])),
+        rebuilt: of(|o, splits| point(o.lights, &o.rebuilt, o.fresh[splits])),
     };
-    println!("\nln(s2) of a tree as it stands, {} opened, {} trees\n", OPENINGS[openings], 2 * observations.len());
+    println!("\nln(s2) of a tree as it stands, {} opened, {} trees\n", SPLITS[splits], 2 * observations.len());
     println!(
         "| of | held out | R2 | R2 held out | Spearman held out | of gain | best tenth | residual | of trees | constant \
          | ln lights | ln distance | ln overlap | ln variance | ln cost | axis |"

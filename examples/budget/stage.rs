@@ -8,7 +8,8 @@ use super::scene::rng::Rng;
 use super::scene::roads::PITCH;
 use super::scene::{Animation, Camera, Scene, SceneError};
 use girandole::glam::{DVec3, Mat3, Quat, Vec2, Vec3, vec2, vec3};
-use girandole::{Clock, InstanceKey, Light, Placement, Policy, Receiver, Shape, TreeKey, World};
+use girandole::scheduler::Clock;
+use girandole::{InstanceKey, Light, LightWorld, Placement, Policy, ShadingPoint, Shape, TreeKey};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -67,13 +68,13 @@ impl SceneKind {
 
 /// Of everything that is drawn by lot.
 const SEED: u64 = 1;
-/// Receivers beside trees stand beside those within so many metres of the view's middle.
+/// Shading points beside trees stand beside those within so many metres of the view's middle.
 const NEAR: f32 = 450.0;
 /// And within so many metres of one of their lights.
 const REACH: f32 = 35.0;
 /// The camera sees this far, in metres.
 const SIGHT: f32 = 1_000.0;
-/// Rays that are sent for a receiver before it is given up.
+/// Rays that are sent for a shading point before it is given up.
 const TRIES: usize = 2_000;
 
 /// A city, its trees that deform and their motion.
@@ -83,9 +84,9 @@ pub struct Stage {
     /// How its trees move.
     pub motion: Motion,
     /// All lights, as in the frame of the last [`Stage::advance`].
-    pub world: World,
+    pub world: LightWorld,
     /// Half of them beside the trees that deform, half where the camera looks; fixed.
-    pub receivers: Vec<Receiver>,
+    pub shading_points: Vec<ShadingPoint>,
     /// The camera.
     pub eye: DVec3,
     /// Those that deform.
@@ -101,9 +102,14 @@ impl Stage {
     /// Builds city and trees as in frame 0.
     ///
     /// The trees that deform get [`Policy::Budgeted`]; the city's own strings and swarm are only ever refitted.
-    pub fn new(kind: SceneKind, motion: Motion, receivers: usize, clock: Arc<dyn Clock>) -> Result<Self, SceneError> {
+    pub fn new(
+        kind: SceneKind,
+        motion: Motion,
+        shading_points: usize,
+        clock: Arc<dyn Clock>,
+    ) -> Result<Self, SceneError> {
         let options = CityOptions { size: kind.size(), cars: None, seed: SEED };
-        let city = procedural::stage_in(&options, World::with_clock(clock))?;
+        let city = procedural::stage_in(&options, LightWorld::with_clock(clock))?;
         let (scene, mut world) = (city.scene, city.world);
         let own: Vec<InstanceKey> = world.instances().collect();
         for instance in own {
@@ -135,7 +141,7 @@ impl Stage {
             name: format!("{} {}", kind.name(), motion.name()),
             motion,
             world,
-            receivers: Vec::new(),
+            shading_points: Vec::new(),
             eye: camera.eye.as_dvec3(),
             trees,
             kinds: troupes.iter().map(|troupe| troupe.kind).collect(),
@@ -144,12 +150,12 @@ impl Stage {
             city: city.animation,
         };
         stage.advance(0)?;
-        stage.receivers = stage.find_receivers(&beside, receivers)?;
+        stage.shading_points = stage.find_shading_points(&beside, shading_points)?;
         Ok(stage)
     }
 
     /// Moves lights and cars to a frame, 60 a second; frames never go back. What it sets depends on the frame alone.
-    /// [`World::update`] is the caller's.
+    /// [`LightWorld::update`] is the caller's.
     pub fn advance(&mut self, frame: u32) -> Result<(), SceneError> {
         let time = f64::from(self.motion.frame_of_traffic(frame)) / 60.0;
         self.city.advance(time, &mut self.scene, &mut self.world)?;
@@ -162,7 +168,11 @@ impl Stage {
     }
 
     /// Points in front of the first surface that a ray meets: from a light of a tree to any side, or through the picture.
-    fn find_receivers(&self, beside: &[(TreeKey, Placement)], count: usize) -> Result<Vec<Receiver>, SceneError> {
+    fn find_shading_points(
+        &self,
+        beside: &[(TreeKey, Placement)],
+        count: usize,
+    ) -> Result<Vec<ShadingPoint>, SceneError> {
         let camera = self.scene.camera;
         let middle = middle(&camera);
         let is_near = |(_, placement): &&(TreeKey, Placement)| {
@@ -184,7 +194,7 @@ impl Stage {
                 rays.first(from, direction(&mut rng), REACH)
             })
         };
-        let found: Option<Vec<Receiver>> = (0..count).into_par_iter().map(find).collect();
+        let found: Option<Vec<ShadingPoint>> = (0..count).into_par_iter().map(find).collect();
         found.ok_or_else(|| SceneError("the scene has too few surfaces to stand on".into()))
     }
 }

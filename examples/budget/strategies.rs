@@ -20,7 +20,7 @@ pub enum Strategy {
     /// The library's scheduler, which knows where the camera stands.
     Girandole,
     /// The library's scheduler, which is told what the sampler picked.
-    GirandolePicks,
+    GirandoleUsage,
     /// Knows what each rebuild would gain in this frame.
     Oracle,
 }
@@ -43,7 +43,7 @@ impl Strategy {
         Self::Ratio(Variance),
         Self::Ratio(SplittingCost),
         Self::Girandole,
-        Self::GirandolePicks,
+        Self::GirandoleUsage,
         Self::Oracle,
     ];
 
@@ -63,7 +63,7 @@ impl Strategy {
             Self::Deviation(attribute) => format!("SS 1 {}", of(attribute)),
             Self::Ratio(attribute) => format!("SS 2 {}", of(attribute)),
             Self::Girandole => "girandole".into(),
-            Self::GirandolePicks => "girandole picks".into(),
+            Self::GirandoleUsage => "girandole picks".into(),
             Self::Oracle => "oracle".into(),
         }
     }
@@ -88,7 +88,7 @@ impl Strategy {
         match self {
             Self::UpdateOnly | Self::RoundRobin | Self::OldestFirst | Self::Oracle => Policy::RefitOnly,
             Self::AlwaysRebuild => Policy::AlwaysRebuild,
-            Self::Girandole | Self::GirandolePicks => Policy::Budgeted,
+            Self::Girandole | Self::GirandoleUsage => Policy::Budgeted,
             Self::Deviation(attribute) => {
                 let deviation = ATTRIBUTES.iter().position(|a| *a == attribute).map_or(0.0, |i| deviations[i]);
                 Policy::Deviation { attribute, deviation, factor: DEVIATIONS }

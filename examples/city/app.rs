@@ -5,7 +5,7 @@
 use super::backend::{Backend, Chosen};
 use super::denoise::denoise;
 use super::geometry::{Geometry, GeometryChange};
-use super::render_cpu::{self, LightChoice, Picks};
+use super::render_cpu::{self, LightChoice, UsageCounters};
 use super::render_gpu::{GpuRenderer, GpuUpdate};
 use super::scene::{Scene, SceneError, Stage};
 use super::shading::frame_seed;
@@ -135,14 +135,14 @@ pub struct Frame {
     /// Objects and upper nodes of the geometry that went to the GPU.
     #[cfg_attr(not(test), allow(dead_code, reason = "tests count what a still frame costs"))]
     pub geometry_bytes: u64,
-    /// Picks of earlier frames that the light world was told of before it chose what to rebuild.
+    /// UsageCounters of earlier frames that the light world was told of before it chose what to rebuild.
     #[cfg_attr(not(test), allow(dead_code, reason = "tests count what is counted"))]
     pub noted_picks: u64,
 }
 
 enum Renderer {
     /// With the picks of the last frame.
-    Cpu(Picks),
+    Cpu(UsageCounters),
     Gpu(Box<GpuRenderer>),
 }
 
@@ -160,7 +160,7 @@ impl Session {
     pub fn new(stage: Stage, settings: Settings, chosen: Chosen) -> Result<Self, SceneError> {
         let geometry = Geometry::new(&stage.scene)?;
         let renderer = match chosen.backend {
-            Backend::Cpu => Renderer::Cpu(Picks::default()),
+            Backend::Cpu => Renderer::Cpu(UsageCounters::default()),
             Backend::Gpu(gpu) => {
                 let effects = stage.world.effects();
                 // Where nothing moves nothing is rebuilt, and nobody wants to know what is seen.
@@ -197,16 +197,16 @@ impl Session {
         match &mut self.renderer {
             Renderer::Cpu(picks) => {
                 noted_picks = picks.values().map(|count| u64::from(*count)).sum();
-                world.note_picks(std::mem::take(picks));
+                world.record_usage(std::mem::take(picks));
             }
             Renderer::Gpu(renderer) => {
-                if let Some(picks) = renderer.take_picks() {
+                if let Some(picks) = renderer.take_usage() {
                     noted_picks = picks.total();
-                    world.note_picks(picks.iter());
+                    world.record_usage(picks.iter());
                 }
             }
         }
-        world.look_from(scene.camera.eye.as_dvec3());
+        world.set_viewpoint(scene.camera.eye.as_dvec3());
         let report = world.update(settings.budget);
         let change = if moves { geometry.update(scene)? } else { GeometryChange::default() };
         let delta = world.take_delta();

@@ -48,7 +48,7 @@ pub struct PackedTriangle {
 /// An object as rays see it.
 #[derive(Clone, Copy, Debug)]
 pub struct Placed {
-    /// World space to mesh space.
+    /// LightWorld space to mesh space.
     pub inverse: Affine3A,
     /// Its mesh's part of the nodes.
     pub root: u32,

@@ -1,4 +1,4 @@
-//! The command line, checked as far as it can be without opening anything.
+//! The command line, checked as far as it can be without splitting anything.
 
 use super::app::Settings;
 use super::render_cpu::LightChoice;

@@ -98,7 +98,7 @@ fn random(pixel: u32, index: u32, dimension: u32, steps: vec4<u32>) -> vec4<f32>
 }
 
 struct Hit {
-    distance: f32,
+    dist: f32,
     object: u32,
     triangle: u32,
 }
@@ -134,8 +134,8 @@ fn trace(world_origin: vec3<f32>, world_direction: vec3<f32>, limit: f32, any_op
         // All invocations of a wave test boxes until each has a leaf, rather than some boxes and some triangles.
         while (reference & LEAF) == 0u {
             let node = nodes[reference];
-            let enter0 = enter_box(node.min0, node.max0, origin, inverse, hit.distance);
-            let enter1 = enter_box(node.min1, node.max1, origin, inverse, hit.distance);
+            let enter0 = enter_box(node.min0, node.max0, origin, inverse, hit.dist);
+            let enter1 = enter_box(node.min1, node.max1, origin, inverse, hit.dist);
             let first_nearer = enter0 <= enter1;
             if max(enter0, enter1) < FAR {
                 stack[height] = select(node.child0, node.child1, first_nearer);
@@ -184,7 +184,7 @@ fn trace(world_origin: vec3<f32>, world_direction: vec3<f32>, limit: f32, any_op
                 let q = cross(s, corner.edge1);
                 let v = dot(direction, q) * scale;
                 let t = dot(corner.edge2, q) * scale;
-                let inside = determinant != 0.0 && u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < hit.distance;
+                let inside = determinant != 0.0 && u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < hit.dist;
                 if inside && !(any_opaque && (corner.flags & SEE_THROUGH) != 0u) {
                     hit = Hit(t, object, index);
                     if any_opaque {
@@ -264,11 +264,11 @@ fn radiance(pixel: u32, corner: vec2<f32>, index: u32) -> vec3<f32> {
         sum += material.row1.xyz * bitcast<f32>(placed.words.y);
     }
 
-    let surface = frame.eye + direction * hit.distance;
-    let extent = max(max(abs(surface.x), abs(surface.y)), max(abs(surface.z), hit.distance));
+    let surface = frame.eye + direction * hit.dist;
+    let extent = max(max(abs(surface.x), abs(surface.y)), max(abs(surface.z), hit.dist));
     let position = surface + normal * (max(extent, 1.0) * 2e-5);
     let u = random(pixel, index, 0u, vec4<u32>(0xdb4f0b91u, 0xbbe05633u, 0xa0f2ec76u, 0x89e18285u));
-    let light = light_sample(LightReceiver(position, normal), u);
+    let light = light_sample(light_surface_point(position, normal), u);
     if light.pmf > 0.0 {
         count_pick(light.instance, u);
     }
@@ -281,9 +281,9 @@ fn radiance(pixel: u32, corner: vec2<f32>, index: u32) -> vec3<f32> {
     if all(contribution <= vec3<f32>(0.0)) {
         return sum;
     }
-    var limit = light.distance * (1.0 - 1e-3);
+    var limit = light.dist * (1.0 - 1e-3);
     if light.is_delta != 0u {
-        limit = light.distance - frame.lamp_clearance;
+        limit = light.dist - frame.lamp_clearance;
     }
     if !may_be_occluded(position, light.direction, limit) {
         shadow_rays.y += 1.0;

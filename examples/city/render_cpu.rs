@@ -5,9 +5,9 @@ use super::geometry::Geometry;
 use super::scene::{Material, Scene};
 use super::shading::{Dimension, View, brdf, random, shadow_offset, sky_radiance};
 use girandole::glam::{Vec2, Vec3, Vec4};
-use girandole::gpu::PICK_THINNING;
+use girandole::gpu::DEFAULT_USAGE_INTERVAL;
 use girandole::light::luminance;
-use girandole::{Incident, InstanceKey, LightId, Receiver, Sampler};
+use girandole::{Incident, InstanceKey, LightId, LightSampler, ShadingPoint};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Add;
@@ -27,15 +27,15 @@ pub enum LightChoice {
 /// Area lights are left just before their surface, which would shadow itself.
 const STOP_BEFORE_LIGHT: f32 = 1.0 - 1e-3;
 
-/// How often lights of each instance were picked: of all samples one in [`PICK_THINNING`] is counted. In the order of the
+/// How often lights of each instance were picked: of all samples one in [`DEFAULT_USAGE_INTERVAL`] is counted. In the order of the
 /// keys, so that the light world hears of the same picture in the same way.
-pub type Picks = BTreeMap<InstanceKey, u32>;
+pub type UsageCounters = BTreeMap<InstanceKey, u32>;
 
 /// What is counted beside a picture, by each row and then added up.
 #[derive(Default)]
 struct Tally {
     rays: ShadowRays,
-    picks: Picks,
+    picks: UsageCounters,
 }
 
 impl Add for Tally {
@@ -54,11 +54,11 @@ impl Add for Tally {
 pub fn render(
     scene: &Scene,
     geometry: &Geometry,
-    sampler: &Sampler<'_>,
+    sampler: &LightSampler<'_>,
     settings: &Settings,
     seed: u32,
     progress: &(dyn Fn(f64) + Sync),
-) -> (Image, ShadowRays, Picks) {
+) -> (Image, ShadowRays, UsageCounters) {
     let (width, height) = (settings.width as usize, settings.height as usize);
     let view = View::new(&scene.camera, settings.width, settings.height);
     let integrator = Integrator { scene, geometry, sampler, choice: settings.light_choice };
@@ -74,7 +74,7 @@ pub fn render(
                 let [jitter_x, jitter_y, lot, _] = random(index, sample, seed, Dimension::Pixel);
                 let direction = view.direction(corner + Vec2::new(jitter_x, jitter_y), size);
                 let u = random(index, sample, seed, Dimension::Light);
-                let is_counted = lot * (PICK_THINNING as f32) < 1.0;
+                let is_counted = lot * (DEFAULT_USAGE_INTERVAL as f32) < 1.0;
                 let color = integrator.radiance(view.eye, direction, u, is_counted, &mut tally);
                 *sum += color.extend(luminance(color).powi(2));
             }
@@ -89,14 +89,14 @@ pub fn render(
 struct Integrator<'a> {
     scene: &'a Scene,
     geometry: &'a Geometry,
-    sampler: &'a Sampler<'a>,
+    sampler: &'a LightSampler<'a>,
     choice: LightChoice,
 }
 
 /// A point that light falls on.
 struct Surface<'a> {
     material: &'a Material,
-    receiver: Receiver,
+    shading_point: ShadingPoint,
     view: Vec3,
 }
 
@@ -120,9 +120,9 @@ impl Integrator<'_> {
 
         let surface = eye + direction * hit.distance;
         let position = surface + normal * shadow_offset(surface, hit.distance);
-        let surface = Surface { material, receiver: Receiver { position, normal }, view };
+        let surface = Surface { material, shading_point: ShadingPoint::surface(position, normal), view };
         sum + match self.choice {
-            LightChoice::Tree => match self.sampler.sample(&surface.receiver, u) {
+            LightChoice::Tree => match self.sampler.sample(&surface.shading_point, u) {
                 Some(sample) => {
                     if let LightId::Local { instance, .. } = sample.light
                         && is_counted
@@ -136,7 +136,7 @@ impl Integrator<'_> {
             LightChoice::Exhaustive => self
                 .sampler
                 .all_lights()
-                .filter_map(|light| self.sampler.sample_light(&surface.receiver, light, [u[2], u[3]]))
+                .filter_map(|light| self.sampler.sample_light(&surface.shading_point, light, [u[2], u[3]]))
                 .map(|incident| self.arriving(&surface, &incident, &mut tally.rays))
                 .sum(),
         }
@@ -144,7 +144,7 @@ impl Integrator<'_> {
 
     /// What one sample of one light adds, before the chance of having chosen that light.
     fn arriving(&self, surface: &Surface, incident: &Incident, rays: &mut ShadowRays) -> Vec3 {
-        let Receiver { position, normal } = surface.receiver;
+        let ShadingPoint { position, normal, .. } = surface.shading_point;
         let cosine = normal.dot(incident.direction);
         if cosine <= 0.0 {
             return Vec3::ZERO;
@@ -156,9 +156,9 @@ impl Integrator<'_> {
             return Vec3::ZERO;
         }
         let limit = if incident.is_delta {
-            incident.distance - self.scene.lamp_clearance
+            incident.dist - self.scene.lamp_clearance
         } else {
-            incident.distance * STOP_BEFORE_LIGHT
+            incident.dist * STOP_BEFORE_LIGHT
         };
         if !self.geometry.occluders.may_block(position, incident.direction, limit) {
             rays.skipped += 1;

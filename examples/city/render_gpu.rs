@@ -10,9 +10,9 @@ use super::scene::{Scene, SceneError};
 use super::shading::View;
 use bytemuck::{Pod, Zeroable};
 use girandole::glam::{Vec3, Vec4};
-use girandole::gpu::{GpuLights, LightShader, PICK_THINNING, PickCounts};
+use girandole::gpu::{DEFAULT_USAGE_INTERVAL, GpuLights, LightShader, UsageCounts};
 use girandole::wgpu::{self, util::DeviceExt};
-use girandole::{Effects, FrameDelta, World};
+use girandole::{Effects, FrameDelta, LightWorld};
 use std::time::Duration;
 
 /// Where the library's text is joined.
@@ -188,8 +188,8 @@ impl GpuRenderer {
         let stack_size = stack_size(geometry);
         let effects = effects - Effects::MOVING;
         let shader = if wants_picks && device.limits().max_storage_buffers_per_shader_stage >= COUNTING_BUFFERS {
-            lights.count_picks(PICK_THINNING);
-            lights.counting_shader(LIGHT_GROUP, effects)
+            lights.count_usage(DEFAULT_USAGE_INTERVAL);
+            lights.usage_shader(LIGHT_GROUP, effects)
         } else {
             lights.shader(LIGHT_GROUP, effects)
         };
@@ -214,8 +214,8 @@ impl GpuRenderer {
     }
 
     /// How often lights were picked in earlier frames, if news of that have come.
-    pub fn take_picks(&mut self) -> Option<PickCounts<'_>> {
-        self.lights.take_picks()
+    pub fn take_usage(&mut self) -> Option<UsageCounts<'_>> {
+        self.lights.take_usage()
     }
 
     /// Brings the device up to date with what moved.
@@ -223,12 +223,12 @@ impl GpuRenderer {
         &mut self,
         geometry: &Geometry,
         change: &GeometryChange,
-        world: &World,
+        world: &LightWorld,
         delta: &FrameDelta,
     ) -> Result<GpuUpdate, SceneError> {
         let geometry_bytes = self.upload_geometry(geometry, change);
         let light_bytes = self.lights.upload(world, delta).map_err(|e| SceneError(e.to_string()))?.bytes;
-        // Whether lights move is nothing to the shader. A program that must not wait would use `girandole::Variants`;
+        // Whether lights move is nothing to the shader. A program that must not wait would use `girandole::PipelineVariants`;
         // this one would rather have the same picture from the same seed.
         let effects = world.effects() - Effects::MOVING;
         if stack_size(geometry) > self.stack_size || effects != self.shader.effects {
@@ -322,7 +322,7 @@ impl GpuRenderer {
     fn build_top(&mut self) -> Result<Option<Duration>, SceneError> {
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         // What the last frame counted: here there is an encoder, and none in a frame in which nothing moves.
-        self.lights.collect_picks(&mut encoder);
+        self.lights.collect_usage(&mut encoder);
         if let Some(timer) = &self.timer {
             encoder.write_timestamp(&timer.queries, 0);
         }
@@ -345,8 +345,8 @@ impl GpuRenderer {
         let mut pass = encoder.begin_compute_pass(&Default::default());
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.bind_group, &[]);
-        let counts = self.shader.counts_picks;
-        let lights = if counts { self.lights.counting_bind_group() } else { self.lights.bind_group() };
+        let counts = self.shader.records_usage;
+        let lights = if counts { self.lights.usage_bind_group() } else { self.lights.bind_group() };
         pass.set_bind_group(self.shader.group, lights, &[]);
         let rows = frame.row_end - frame.row_begin;
         pass.dispatch_workgroups(frame.width.div_ceil(WORKGROUP), rows.div_ceil(WORKGROUP), 1);
@@ -382,8 +382,8 @@ impl GpuRenderer {
 }
 
 /// The shader as the device compiles it, from the library's text.
-fn shader_source(light: &str, counts_picks: bool, stack_size: usize) -> String {
-    let count = if counts_picks { "light_count_pick(instance, u);" } else { "" };
+fn shader_source(light: &str, records_usage: bool, stack_size: usize) -> String {
+    let count = if records_usage { "light_record_usage(instance, u);" } else { "" };
     format!(
         "{light}\nconst STACK_SIZE: u32 = {stack_size}u;\nfn count_pick(instance: u32, u: vec4<f32>) {{ {count} }}\n{}",
         include_str!("render.wgsl")
@@ -403,7 +403,7 @@ fn pipeline(
 ) -> wgpu::ComputePipeline {
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("city render"),
-        source: wgpu::ShaderSource::Wgsl(shader_source(&shader.wgsl, shader.counts_picks, stack_size).into()),
+        source: wgpu::ShaderSource::Wgsl(shader_source(&shader.wgsl, shader.records_usage, stack_size).into()),
     });
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("city render"),

@@ -4,7 +4,7 @@
 
 use super::scene::{Animation, Camera, Material, Mesh, Object, Scene, SceneError, Sky, Stage, Triangle};
 use girandole::glam::{Affine3A, Mat3, Quat, Vec3};
-use girandole::{DirectionalLight, InstanceKey, Light, Policy, TreeKey, World};
+use girandole::{DirectionalLight, InstanceKey, Light, LightWorld, Policy, TreeKey};
 use std::f32::consts::TAU;
 
 /// Lights on the string.
@@ -24,7 +24,7 @@ struct Motion {
 }
 
 fn build(still: bool) -> Result<Stage, Box<dyn std::error::Error>> {
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let mut scene = Scene {
         materials: Vec::new(),
         meshes: Vec::new(),
@@ -90,7 +90,7 @@ fn build(still: bool) -> Result<Stage, Box<dyn std::error::Error>> {
 }
 
 /// Eight instances of one tree: a bare point above a spot.
-fn lamps(scene: &mut Scene, world: &mut World, steel: u32) -> Result<(), Box<dyn std::error::Error>> {
+fn lamps(scene: &mut Scene, world: &mut LightWorld, steel: u32) -> Result<(), Box<dyn std::error::Error>> {
     let warm = Vec3::new(1.0, 0.75, 0.45);
     let tree = world.add_tree(vec![
         Light::spot(Vec3::new(0.0, 4.0, 0.0), Vec3::NEG_Y, 0.5, 1.1, warm * 120.0).with_range(25.0),
@@ -108,7 +108,7 @@ fn lamps(scene: &mut Scene, world: &mut World, steel: u32) -> Result<(), Box<dyn
 }
 
 /// Surfaces that emit, as geometry and as lights: a sign of two triangles, a two-sided rectangle, one mirrored instance.
-fn signs(scene: &mut Scene, world: &mut World) -> Result<(), Box<dyn std::error::Error>> {
+fn signs(scene: &mut Scene, world: &mut LightWorld) -> Result<(), Box<dyn std::error::Error>> {
     let pink = Vec3::new(60.0, 6.0, 40.0);
     let blue = Vec3::new(5.0, 25.0, 70.0);
     let pink_paint = emitter(scene, pink, false);
@@ -135,7 +135,7 @@ fn signs(scene: &mut Scene, world: &mut World) -> Result<(), Box<dyn std::error:
     Ok(())
 }
 
-fn bulbs(scene: &mut Scene, world: &mut World) -> Result<(), Box<dyn std::error::Error>> {
+fn bulbs(scene: &mut Scene, world: &mut LightWorld) -> Result<(), Box<dyn std::error::Error>> {
     let white = Vec3::new(90.0, 85.0, 70.0);
     let paint = emitter(scene, white, false);
     let shape = mesh(scene, octahedron(paint, 2));
@@ -152,7 +152,11 @@ fn bulbs(scene: &mut Scene, world: &mut World) -> Result<(), Box<dyn std::error:
 }
 
 /// Glows in both materials; the object's lights move with it.
-fn car(scene: &mut Scene, world: &mut World, paint: u32) -> Result<(usize, InstanceKey), Box<dyn std::error::Error>> {
+fn car(
+    scene: &mut Scene,
+    world: &mut LightWorld,
+    paint: u32,
+) -> Result<(usize, InstanceKey), Box<dyn std::error::Error>> {
     let red = Vec3::new(40.0, 1.0, 0.5);
     let red_paint = emitter(scene, red, false);
     let mut body = cube(paint);
@@ -191,7 +195,7 @@ fn string_lights(time: f64) -> Vec<Light> {
 }
 
 impl Motion {
-    fn pose(&mut self, time: f64, scene: &mut Scene, world: &mut World) -> Result<(), Box<dyn std::error::Error>> {
+    fn pose(&mut self, time: f64, scene: &mut Scene, world: &mut LightWorld) -> Result<(), Box<dyn std::error::Error>> {
         let placement = Affine3A::from_rotation_translation(
             Quat::from_rotation_y(0.15),
             Vec3::new(-4.0 + 6.0 * time as f32, 0.0, 6.5 - time as f32),
@@ -205,7 +209,7 @@ impl Motion {
 }
 
 impl Animation for Motion {
-    fn advance(&mut self, time: f64, scene: &mut Scene, world: &mut World) -> Result<(), SceneError> {
+    fn advance(&mut self, time: f64, scene: &mut Scene, world: &mut LightWorld) -> Result<(), SceneError> {
         if self.still { Ok(()) } else { self.pose(time, scene, world).map_err(|e| SceneError(e.to_string())) }
     }
 

@@ -7,7 +7,7 @@ pub mod spread;
 pub mod timer;
 
 pub mod machine;
-pub mod receivers;
+pub mod shading_points;
 pub mod sampling;
 pub mod top_level;
 pub mod uploads;

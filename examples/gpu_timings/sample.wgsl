@@ -18,17 +18,17 @@ fn sample(@builtin(global_invocation_id) id: vec3<u32>) {
     if i >= arrayLength(&requests) {
         return;
     }
-    let receiver = LightReceiver(requests[i].position, requests[i].normal);
+    let shading_point = light_surface_point(requests[i].position, requests[i].normal);
     var drawn: LightSample;
     var weight = 0.0;
     if CANDIDATES == 1u {
-        drawn = light_sample(receiver, requests[i].u);
+        drawn = light_sample(shading_point, requests[i].u);
         weight = 1.0 / (drawn.pmf * drawn.pdf);
     } else {
-        let kept = light_resample(receiver, requests[i].u, CANDIDATES);
-        drawn = kept.sample;
+        let kept = light_resample(shading_point, requests[i].u, CANDIDATES);
+        drawn = kept.chosen;
         weight = kept.weight;
     }
-    let cosine = max(dot(receiver.normal, drawn.direction), 0.0);
-    pixels[i] = vec4(select(vec3(0.0), drawn.radiance * cosine * weight, drawn.pmf > 0.0), drawn.distance);
+    let cosine = max(dot(shading_point.normal, drawn.direction), 0.0);
+    pixels[i] = vec4(select(vec3(0.0), drawn.radiance * cosine * weight, drawn.pmf > 0.0), drawn.dist);
 }

@@ -1,19 +1,19 @@
 //! Samples of a picture of each city.
 
 use super::machine::Machine;
-use super::receivers::requests;
 use super::scene::procedural::{self, CityOptions, Size};
 use super::scene::{SceneError, Stage};
+use super::shading_points::requests;
 use super::spread::Spread;
 use super::timer::Timer;
 use girandole::gpu::{GpuLights, SampleRequest};
-use girandole::{FrameBudget, wgpu};
+use girandole::{CandidateCount, FrameBudget, wgpu};
 use serde_json::{Value, json};
 
 /// Seconds that the city has moved.
 const TIME: f64 = 1.0;
 /// Candidates for a sample.
-const CANDIDATES: [u32; 2] = [1, 8];
+const CANDIDATES: [CandidateCount; 2] = [CandidateCount::ONE, CandidateCount::of::<8>()];
 /// Where the shader binds the lights.
 const LIGHT_GROUP: u32 = 1;
 /// Invocations of a workgroup; in `sample.wgsl` too, which a test compares.
@@ -27,7 +27,7 @@ pub struct Row {
     pub lights: usize,
     pub instances: usize,
     pub picture: (u32, u32),
-    pub candidates: u32,
+    pub candidates: CandidateCount,
     /// Of the whole picture.
     pub time: Spread,
     /// Read for a sample, in the mean.
@@ -49,7 +49,7 @@ impl Row {
             "instances": self.instances,
             "width": self.picture.0,
             "height": self.picture.1,
-            "candidates": self.candidates,
+            "candidates": self.candidates.get(),
             "picture": self.time.to_json(),
             "samples_per_second": self.samples_per_second(),
             "nodes_per_sample": self.nodes,
@@ -89,7 +89,7 @@ pub fn measure(machine: &Machine, timer: &Timer, size: Size, picture: (u32, u32)
         machine.queue.submit([encoder.finish()]);
         let read: Vec<u32> = timer.read(&counts)?;
         let nodes = read.iter().map(|count| f64::from(*count)).sum::<f64>() / f64::from(count);
-        let each = f64::from(candidates) * f64::from(record_bytes.instance + record_bytes.light);
+        let each = f64::from(candidates.get()) * f64::from(record_bytes.instance + record_bytes.light);
         rows.push(Row {
             city: format!("{size:?}"),
             lights: world.light_count(),
@@ -114,9 +114,9 @@ impl Kernel {
     fn new(
         machine: &Machine,
         lights: &GpuLights,
-        world: &girandole::World,
+        world: &girandole::LightWorld,
         [requests, pixels]: [&wgpu::Buffer; 2],
-        candidates: u32,
+        candidates: CandidateCount,
     ) -> Self {
         let device = &machine.device;
         let shader = lights.shader(LIGHT_GROUP, world.effects());

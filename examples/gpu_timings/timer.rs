@@ -2,12 +2,12 @@
 
 use super::scene::SceneError;
 use super::spread::Spread;
-use girandole::gpu::measure::MOST_TOP_STAGES;
+use girandole::gpu::measure::MAX_TOP_STAGES;
 use girandole::wgpu;
 use std::time::{Duration, Instant};
 
 /// Two timestamps a pass.
-const MOST_QUERIES: u32 = 2 * MOST_TOP_STAGES;
+const MAX_QUERIES: u32 = 2 * MAX_TOP_STAGES;
 /// Of a timestamp.
 const QUERY_BYTES: u64 = wgpu::QUERY_SIZE as u64;
 
@@ -49,7 +49,7 @@ impl Timer {
         let buffer = |usage| {
             device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some("timestamps"),
-                size: u64::from(MOST_QUERIES) * QUERY_BYTES,
+                size: u64::from(MAX_QUERIES) * QUERY_BYTES,
                 usage: usage | wgpu::BufferUsages::COPY_DST,
                 mapped_at_creation: false,
             })
@@ -59,7 +59,7 @@ impl Timer {
             set: device.create_query_set(&wgpu::QuerySetDescriptor {
                 label: Some("timestamps"),
                 ty: wgpu::QueryType::Timestamp,
-                count: MOST_QUERIES,
+                count: MAX_QUERIES,
             }),
             resolved: buffer(wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC),
             readback: buffer(wgpu::BufferUsages::MAP_READ),

@@ -8,7 +8,7 @@ use super::timer::{Timer, Times};
 use girandole::glam::{DVec3, Vec3};
 use girandole::gpu::measure::KeySort;
 use girandole::gpu::{GpuError, GpuLights};
-use girandole::{InstanceKey, Light, Placement, Policy, World};
+use girandole::{InstanceKey, Light, LightWorld, Placement, Policy};
 use serde_json::{Value, json};
 
 /// Of places and lights.
@@ -69,9 +69,9 @@ impl Row {
 }
 
 /// Instances of a few small trees, spread over a square; always the same.
-pub fn world(instances: u32) -> Result<(World, Vec<InstanceKey>), SceneError> {
+pub fn world(instances: u32) -> Result<(LightWorld, Vec<InstanceKey>), SceneError> {
     let mut rng = Rng::new(SEED, 0);
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let mut trees = Vec::new();
     for lights in TREES {
         let lamp = |_| Light::point(vec3(&mut rng, 2.0) + 4.0 * Vec3::Y, Vec3::splat(rng.range(10.0, 1000.0)));

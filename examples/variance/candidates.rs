@@ -7,15 +7,22 @@ use super::scene::procedural::Size;
 use super::scene::rng::Rng;
 use super::stages::{self, Lit};
 use girandole::light::luminance;
-use girandole::{Receiver, Sampler};
+use girandole::{CandidateCount, LightSampler, ShadingPoint};
 use rayon::prelude::*;
 use std::hint::black_box;
 use std::path::Path;
 use std::time::Instant;
 
 /// Candidates of each line.
-const CANDIDATES: [u32; 6] = [1, 2, 4, 8, 16, 32];
-/// Estimates at each receiver: a deviation is known to about 2 %, the mean of 400 far better.
+const CANDIDATES: [CandidateCount; 6] = [
+    CandidateCount::of::<1>(),
+    CandidateCount::of::<2>(),
+    CandidateCount::of::<4>(),
+    CandidateCount::of::<8>(),
+    CandidateCount::of::<16>(),
+    CandidateCount::of::<32>(),
+];
+/// Estimates at each shading point: a deviation is known to about 2 %, the mean of 400 far better.
 const ESTIMATES: u32 = 2_000;
 /// Counts of candidates take turns for this many rounds of so many estimates; the fastest counts.
 const ROUNDS: usize = 15;
@@ -28,38 +35,38 @@ fn numbers(rng: &mut Rng) -> [f32; 4] {
 }
 
 /// Unshadowed illuminance in lux, estimated by one kept candidate.
-fn estimate(sampler: &Sampler<'_>, receiver: &Receiver, u: [f32; 4], candidates: u32) -> f64 {
-    sampler.resample(receiver, u, candidates).map_or(0.0, |kept| {
-        let incident = kept.sample.incident;
-        let lux = luminance(incident.radiance) * incident.direction.dot(receiver.normal).max(0.0);
+fn estimate(sampler: &LightSampler<'_>, shading_point: &ShadingPoint, u: [f32; 4], candidates: CandidateCount) -> f64 {
+    sampler.resample(shading_point, u, candidates).map_or(0.0, |kept| {
+        let incident = kept.chosen.incident;
+        let lux = luminance(incident.radiance) * incident.direction.dot(shading_point.normal).max(0.0);
         f64::from(lux) * f64::from(kept.weight)
     })
 }
 
-/// Root mean square error of one estimate at a receiver relative to the mean of all, for each count of candidates;
+/// Root mean square error of one estimate at a shading point relative to the mean of all, for each count of candidates;
 /// `None` where no light arrives.
-fn errors(sampler: &Sampler<'_>, receiver: &Receiver, stream: u64) -> Option<[f64; CANDIDATES.len()]> {
+fn errors(sampler: &LightSampler<'_>, shading_point: &ShadingPoint, stream: u64) -> Option<[f64; CANDIDATES.len()]> {
     let mut rng = Rng::new(11, stream);
     let moments = CANDIDATES.map(|candidates| {
-        let values = (0..ESTIMATES).map(|_| estimate(sampler, receiver, numbers(&mut rng), candidates));
+        let values = (0..ESTIMATES).map(|_| estimate(sampler, shading_point, numbers(&mut rng), candidates));
         let (sum, squares) = values.fold((0.0, 0.0), |(sum, squares), v| (sum + v, squares + v * v));
         (sum / f64::from(ESTIMATES), squares / f64::from(ESTIMATES))
     });
     // More candidates, less noise: means count by their candidates.
-    let weights = CANDIDATES.map(f64::from);
+    let weights = CANDIDATES.map(|count| f64::from(count.get()));
     let mean = moments.iter().zip(weights).map(|((mean, _), w)| mean * w).sum::<f64>() / weights.iter().sum::<f64>();
     (mean > 0.0).then(|| moments.map(|(own, square)| (square - own * own).max(0.0).sqrt() / mean))
 }
 
-fn nanoseconds(sampler: &Sampler<'_>, receivers: &[Receiver]) -> [f64; CANDIDATES.len()] {
+fn nanoseconds(sampler: &LightSampler<'_>, shading_points: &[ShadingPoint]) -> [f64; CANDIDATES.len()] {
     let mut rng = Rng::new(12, 0);
-    let asked: Vec<_> = (0..TIMED).map(|i| (receivers[i % receivers.len()], numbers(&mut rng))).collect();
+    let asked: Vec<_> = (0..TIMED).map(|i| (shading_points[i % shading_points.len()], numbers(&mut rng))).collect();
     let mut fastest = [f64::INFINITY; CANDIDATES.len()];
     for _ in 0..ROUNDS {
         for (candidates, fastest) in CANDIDATES.into_iter().zip(&mut fastest) {
             let start = Instant::now();
-            for (receiver, u) in &asked {
-                black_box(sampler.resample(receiver, *u, candidates));
+            for (shading_point, u) in &asked {
+                black_box(sampler.resample(shading_point, *u, candidates));
             }
             *fastest = fastest.min(start.elapsed().as_secs_f64() * 1.0e9 / TIMED as f64);
         }
@@ -69,16 +76,16 @@ fn nanoseconds(sampler: &Sampler<'_>, receivers: &[Receiver]) -> [f64; CANDIDATE
 
 fn measure(lit: &Lit) -> Result<Vec<[String; 5]>, SceneError> {
     let sampler = lit.world.sampler();
-    let one = |(stream, at): (usize, &Receiver)| errors(&sampler, at, stream as u64);
-    let all: Vec<_> = lit.receivers.par_iter().enumerate().filter_map(one).collect();
+    let one = |(stream, at): (usize, &ShadingPoint)| errors(&sampler, at, stream as u64);
+    let all: Vec<_> = lit.shading_points.par_iter().enumerate().filter_map(one).collect();
     if all.is_empty() {
-        return Err(SceneError(format!("{}: no light reaches any receiver", lit.name)));
+        return Err(SceneError(format!("{}: no light reaches any shading_point", lit.name)));
     }
-    let times = nanoseconds(&sampler, &lit.receivers);
+    let times = nanoseconds(&sampler, &lit.shading_points);
     let mean = |which: usize| all.iter().map(|errors| errors[which]).sum::<f64>() / all.len() as f64;
-    let row = |(which, candidates): (usize, &u32)| {
+    let row = |(which, candidates): (usize, &CandidateCount)| {
         // Independent samples would add up so.
-        let independent = mean(0) / f64::from(*candidates).sqrt();
+        let independent = mean(0) / f64::from(candidates.get()).sqrt();
         let [rmse, independent] = [mean(which), independent].map(|rmse| format!("{rmse:.3}"));
         [lit.name.clone(), candidates.to_string(), rmse, independent, format!("{:.0}", times[which])]
     };

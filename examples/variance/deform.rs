@@ -2,16 +2,16 @@
 //! flat tree over all lights of a scene, each where it is in every frame.
 
 use super::lights::{carried, contributions};
-use super::receivers::receivers;
 use super::report::Table;
 use super::scene::procedural::{self, CityOptions, Size};
 use super::scene::rng::Rng;
 use super::scene::{SceneError, Stage, gltf_scene};
+use super::shading_points::shading_points;
 use super::sigma::{Noise, Summary};
 use super::stages::{CITY_BOUNDS, swarm_at};
 use girandole::bounds::Aabb;
 use girandole::glam::{Vec3, vec3};
-use girandole::{DEFAULT_OPENINGS, FrameBudget, Light, LightTree, Placement, Policy, Receiver, World};
+use girandole::{FrameBudget, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint, SplitCount};
 use rayon::prelude::*;
 use std::path::Path;
 use std::time::Instant;
@@ -25,7 +25,7 @@ const EVERY: usize = 12;
 struct Motion {
     name: String,
     frames: Vec<Vec<Light>>,
-    receivers: Vec<Receiver>,
+    shading_points: Vec<ShadingPoint>,
 }
 
 /// What is done after each refit.
@@ -41,7 +41,7 @@ enum Strategy {
 struct Row {
     scene: String,
     strategy: String,
-    /// Mean over receivers and frames.
+    /// Mean over shading points and frames.
     sigma: f64,
     /// How much larger it is than that of a fresh build, relative; mean over frames.
     loss: f64,
@@ -63,14 +63,14 @@ fn frames(mut stage: Stage) -> Result<(Stage, Vec<Vec<Light>>), SceneError> {
 
 fn city(count: usize) -> Result<Motion, SceneError> {
     let (stage, frames) = frames(procedural::stage(&CityOptions { size: Size::S, cars: None, seed: 1 })?)?;
-    Ok(Motion { name: "city S".into(), frames, receivers: receivers(&stage.scene, &CITY_BOUNDS, count)? })
+    Ok(Motion { name: "city S".into(), frames, shading_points: shading_points(&stage.scene, &CITY_BOUNDS, count)? })
 }
 
 fn gltf(path: &Path, count: usize) -> Result<Motion, SceneError> {
     let (stage, frames) = frames(gltf_scene::stage(path, None)?)?;
     let name = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
     let everywhere = Aabb { min: Vec3::NEG_INFINITY, max: Vec3::INFINITY };
-    Ok(Motion { name, frames, receivers: receivers(&stage.scene, &everywhere, count)? })
+    Ok(Motion { name, frames, shading_points: shading_points(&stage.scene, &everywhere, count)? })
 }
 
 /// 3,000 drones seen from among them.
@@ -79,19 +79,24 @@ fn swarm(count: usize) -> Result<Motion, SceneError> {
     let mut rng = Rng::new(3, 0);
     let mut signed = || 2.0 * rng.unit() - 1.0;
     let mut point = || vec3(signed(), signed(), signed());
-    let receiver = |_| Receiver::surface(vec3(2.0, 78.0, -60.0) + 30.0 * point(), point().normalize_or(Vec3::Y));
-    let receivers = (0..count).map(receiver).collect();
-    Ok(Motion { name: "swarm".into(), frames: (0..FRAMES).map(frame).collect::<Result<_, SceneError>>()?, receivers })
+    let shading_point =
+        |_| ShadingPoint::surface(vec3(2.0, 78.0, -60.0) + 30.0 * point(), point().normalize_or(Vec3::Y));
+    let shading_points = (0..count).map(shading_point).collect();
+    Ok(Motion {
+        name: "swarm".into(),
+        frames: (0..FRAMES).map(frame).collect::<Result<_, SceneError>>()?,
+        shading_points,
+    })
 }
 
-/// Mean noise of a tree over receivers.
-fn noise(tree: &LightTree, lux: &[Vec<f32>], receivers: &[Receiver]) -> f64 {
-    let one = |(at, lux): (&Receiver, &Vec<f32>)| {
+/// Mean noise of a tree over shading points.
+fn noise(tree: &LightTree, lux: &[Vec<f32>], shading_points: &[ShadingPoint]) -> f64 {
+    let one = |(at, lux): (&ShadingPoint, &Vec<f32>)| {
         let mut chances = Vec::new();
-        tree.distribution(at, DEFAULT_OPENINGS, &mut chances);
+        tree.distribution(at, SplitCount::DEFAULT, &mut chances);
         Noise::of(lux, &chances)
     };
-    let noises: Vec<Noise> = receivers.par_iter().zip(lux).filter_map(one).collect();
+    let noises: Vec<Noise> = shading_points.par_iter().zip(lux).filter_map(one).collect();
     Summary::of(&noises).mean
 }
 
@@ -105,17 +110,17 @@ fn measure(motion: &Motion) -> Result<Vec<Row>, SceneError> {
         Strategy::Worst(16),
         Strategy::Worst(32),
     ];
-    // The noise of a fresh build, and each light's part at each receiver, for the frames at which noise is measured.
+    // The noise of a fresh build, and each light's part at each shading point, for the frames at which noise is measured.
     let mut fresh = Vec::new();
     for lights in motion.frames.iter().skip(EVERY - 1).step_by(EVERY) {
-        let mut world = World::new();
+        let mut world = LightWorld::new();
         let tree = world.add_tree(lights.clone())?;
         world.add_instance(tree, Placement::IDENTITY, Policy::Static)?;
         let sampler = world.sampler();
         let ids: Vec<_> = sampler.all_lights().collect();
-        let lux: Vec<Vec<f32>> = motion.receivers.par_iter().map(|at| contributions(&sampler, &ids, at)).collect();
+        let lux: Vec<Vec<f32>> = motion.shading_points.par_iter().map(|at| contributions(&sampler, &ids, at)).collect();
         let built = LightTree::new(lights.clone())?;
-        fresh.push((noise(&built, &lux, &motion.receivers), lux));
+        fresh.push((noise(&built, &lux, &motion.shading_points), lux));
     }
     let mut rows: Vec<Row> = Vec::new();
     for strategy in strategies {
@@ -139,7 +144,7 @@ fn play(motion: &Motion, strategy: Strategy, fresh: &[(f64, Vec<Vec<f32>>)]) -> 
     for (frame, lights) in motion.frames.iter().enumerate() {
         let is_new = |(index, light): &(u32, Light)| tree.lights()[*index as usize] != *light;
         let changes: Vec<(u32, Light)> = (0..).zip(lights.iter().copied()).filter(is_new).collect();
-        tree.set(&changes)?;
+        tree.set_lights(&changes)?;
         let start = Instant::now();
         tree.refit();
         match strategy {
@@ -153,7 +158,7 @@ fn play(motion: &Motion, strategy: Strategy, fresh: &[(f64, Vec<Vec<f32>>)]) -> 
         cost += start.elapsed().as_secs_f64();
         if frame % EVERY == EVERY - 1 {
             let (best, lux) = &fresh[frame / EVERY];
-            let now = noise(&tree, lux, &motion.receivers);
+            let now = noise(&tree, lux, &motion.shading_points);
             sigma += now / fresh.len() as f64;
             loss += (now / best - 1.0) / fresh.len() as f64;
         }

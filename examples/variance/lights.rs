@@ -2,10 +2,10 @@
 
 use girandole::glam::Vec3;
 use girandole::light::luminance;
-use girandole::{Light, LightId, Placement, Receiver, Sampler, Shape, World};
+use girandole::{Light, LightId, LightSampler, LightWorld, Placement, ShadingPoint, Shape};
 
-/// Every light of a world in the world's space, in the order of [`Sampler::all_lights`].
-pub fn carried(world: &World) -> Vec<Light> {
+/// Every light of a world in the world's space, in the order of [`LightSampler::all_lights`].
+pub fn carried(world: &LightWorld) -> Vec<Light> {
     let mut lights = Vec::with_capacity(world.light_count());
     for instance in world.instances() {
         let tree = world.instance_tree(instance).and_then(|tree| world.tree(tree));
@@ -16,12 +16,12 @@ pub fn carried(world: &World) -> Vec<Light> {
     lights
 }
 
-/// Illuminance by each light at a receiver, in lux: exact for points and spots, and what the point at u = (0.5, 0.5) would
+/// Illuminance by each light at a shading point, in lux: exact for points and spots, and what the point at u = (0.5, 0.5) would
 /// bring if it stood for all of the surface (radiance * cosine / pdf) for the others. Without shadows.
-pub fn contributions(sampler: &Sampler<'_>, lights: &[LightId], receiver: &Receiver) -> Vec<f32> {
+pub fn contributions(sampler: &LightSampler<'_>, lights: &[LightId], shading_point: &ShadingPoint) -> Vec<f32> {
     let one = |light: &LightId| {
-        let incident = sampler.sample_light(receiver, *light, [0.5, 0.5])?;
-        Some(luminance(incident.radiance) * incident.direction.dot(receiver.normal).max(0.0) / incident.pdf)
+        let incident = sampler.sample_light(shading_point, *light, [0.5, 0.5])?;
+        Some(luminance(incident.radiance) * incident.direction.dot(shading_point.normal).max(0.0) / incident.pdf)
     };
     lights.iter().map(|light| one(light).unwrap_or(0.0)).collect()
 }

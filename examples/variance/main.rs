@@ -1,11 +1,11 @@
 //! How noisy one light sample is, without noise in the answer: this library beside published samplers.
 //!
 //! ```text
-//! cargo run --release --example variance -- --out variance.csv [--gltf FILE] [--receivers N] [--world S|M] [--deform | --candidates]
+//! cargo run --release --example variance -- --out variance.csv [--gltf FILE] [--shading points N] [--world S|M] [--deform | --candidates]
 //! ```
 //!
 //! prints a table and writes it as CSV: for each scene and sampler the exact relative standard deviation of one sample
-//! over fixed receivers (`sigma.rs`), nanoseconds a draw, and bytes of tree a light. Expect `girandole` well below
+//! over fixed shading points (`sigma.rs`), nanoseconds a draw, and bytes of tree a light. Expect `girandole` well below
 //! `pbrt` and `cycles`. With `--deform` another table, of moving lights (`deform.rs`), whose city is always S; with
 //! `--candidates` one of several candidates for a sample (`candidates.rs`). `docs/benchmarks.md` holds all tables,
 //! measured, and their rules.
@@ -16,7 +16,7 @@ mod candidates;
 mod deform;
 mod lights;
 mod measure;
-mod receivers;
+mod shading_points;
 mod report;
 mod samplers;
 #[path = "../city/scene/mod.rs"]
@@ -50,14 +50,14 @@ struct Options {
     candidates: bool,
     /// Points that light arrives at
     #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
-    receivers: u32,
+    shading_points: u32,
     /// How large the procedural city is
     #[arg(long, value_enum, ignore_case = true, default_value_t = Size::S)]
     world: Size,
 }
 
 fn run(options: &Options) -> Result<(), SceneError> {
-    let count = options.receivers as usize;
+    let count = options.shading_points as usize;
     if options.deform {
         return deform::run(options.gltf.as_deref(), count, &options.out);
     }

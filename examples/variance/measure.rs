@@ -6,7 +6,7 @@ use super::scene::SceneError;
 use super::sigma::{Noise, Summary};
 use super::stages::Lit;
 use super::timing::nanoseconds;
-use girandole::{LightId, Receiver};
+use girandole::{LightId, ShadingPoint};
 use rayon::prelude::*;
 
 /// A line.
@@ -23,8 +23,8 @@ pub struct Measured {
     pub rows: Vec<Row>,
     pub lights: usize,
     pub instances: usize,
-    /// Receivers that any light reaches; the others say nothing about a choice of light.
-    pub lit_receivers: usize,
+    /// Shading points that any light reaches; the others say nothing about a choice of light.
+    pub lit_shading_points: usize,
 }
 
 /// Measures all samplers on a scene.
@@ -33,15 +33,15 @@ pub fn measure(lit: &Lit) -> Result<Measured, SceneError> {
     let choosers = samplers::all(&lit.world, &lights)?;
     let sampler = lit.world.sampler();
     let ids: Vec<LightId> = sampler.all_lights().collect();
-    let lux: Vec<Vec<f32>> = lit.receivers.par_iter().map(|at| contributions(&sampler, &ids, at)).collect();
-    let lit_receivers = lux.iter().filter(|lux| lux.iter().any(|lux| *lux > 0.0)).count();
-    if lit_receivers == 0 {
-        return Err(SceneError(format!("{}: no light reaches any receiver", lit.name)));
+    let lux: Vec<Vec<f32>> = lit.shading_points.par_iter().map(|at| contributions(&sampler, &ids, at)).collect();
+    let lit_shading_points = lux.iter().filter(|lux| lux.iter().any(|lux| *lux > 0.0)).count();
+    if lit_shading_points == 0 {
+        return Err(SceneError(format!("{}: no light reaches any shading_point", lit.name)));
     }
-    let times = nanoseconds(&choosers, &lit.receivers);
+    let times = nanoseconds(&choosers, &lit.shading_points);
     let rows = choosers.iter().zip(times).map(|(chooser, ns_per_sample)| {
-        let of_receiver = |(at, lux): (&Receiver, &Vec<f32>)| Noise::of(lux, &chooser.chances(at, lux));
-        let noises: Vec<Noise> = lit.receivers.par_iter().zip(&lux).filter_map(of_receiver).collect();
+        let of_shading_point = |(at, lux): (&ShadingPoint, &Vec<f32>)| Noise::of(lux, &chooser.chances(at, lux));
+        let noises: Vec<Noise> = lit.shading_points.par_iter().zip(&lux).filter_map(of_shading_point).collect();
         Row {
             scene: lit.name.clone(),
             sampler: chooser.name(),
@@ -50,5 +50,10 @@ pub fn measure(lit: &Lit) -> Result<Measured, SceneError> {
             bytes_per_light: chooser.bytes() as f64 / lights.len() as f64,
         }
     });
-    Ok(Measured { rows: rows.collect(), lights: lights.len(), instances: lit.world.instance_count(), lit_receivers })
+    Ok(Measured {
+        rows: rows.collect(),
+        lights: lights.len(),
+        instances: lit.world.instance_count(),
+        lit_shading_points,
+    })
 }

@@ -17,8 +17,8 @@ fn numbers(row: &Row) -> [String; 5] {
 
 /// Prints one scene's lines as a Markdown table.
 pub fn print(measured: &Measured) {
-    let Measured { rows, lights, instances, lit_receivers } = measured;
-    println!("\n{lights} lights in {instances} instances, {lit_receivers} lit receivers\n");
+    let Measured { rows, lights, instances, lit_shading_points } = measured;
+    println!("\n{lights} lights in {instances} instances, {lit_shading_points} lit shading_points\n");
     println!("| {} | unreached |\n|{}", COLUMNS.join(" | "), "---|".repeat(COLUMNS.len() + 1));
     for row in rows {
         println!("| {} | {} | {} | {} |", row.scene, row.sampler, numbers(row).join(" | "), row.sigma.unreached);

@@ -1,7 +1,7 @@
-//! What is compared, behind one interface: the chance of each light at a receiver, and single draws to be timed.
+//! What is compared, behind one interface: the chance of each light at a shading point, and single draws to be timed.
 
 use super::baselines::{BinaryTree, Cycles, Formula, Pbrt};
-use girandole::{DEFAULT_OPENINGS, Light, LightTree, Receiver, Sampler, World, WorldError};
+use girandole::{Light, LightSampler, LightTree, LightWorld, ShadingPoint, SplitCount, WorldError};
 
 /// A way to choose one of many lights.
 pub trait Chooser: Sync {
@@ -9,10 +9,10 @@ pub trait Chooser: Sync {
     fn name(&self) -> &'static str;
 
     /// The chance of each light that contributes; of others it may be left 0.
-    fn chances(&self, receiver: &Receiver, contributions: &[f32]) -> Vec<f32>;
+    fn chances(&self, shading_point: &ShadingPoint, contributions: &[f32]) -> Vec<f32>;
 
     /// Chooses a light and returns its chance; 0 for none.
-    fn draw(&self, receiver: &Receiver, u: [f32; 2]) -> f32;
+    fn draw(&self, shading_point: &ShadingPoint, u: [f32; 2]) -> f32;
 
     /// What is read to choose from all lights, without the lights themselves.
     fn bytes(&self) -> usize;
@@ -28,11 +28,11 @@ impl Chooser for Uniform {
         "uniform"
     }
 
-    fn chances(&self, _: &Receiver, _: &[f32]) -> Vec<f32> {
+    fn chances(&self, _: &ShadingPoint, _: &[f32]) -> Vec<f32> {
         vec![1.0 / self.count as f32; self.count]
     }
 
-    fn draw(&self, _: &Receiver, u: [f32; 2]) -> f32 {
+    fn draw(&self, _: &ShadingPoint, u: [f32; 2]) -> f32 {
         std::hint::black_box((wide(u) * self.count as f64) as usize);
         1.0 / self.count as f32
     }
@@ -67,11 +67,11 @@ impl Chooser for ByFlux {
         "flux"
     }
 
-    fn chances(&self, _: &Receiver, _: &[f32]) -> Vec<f32> {
+    fn chances(&self, _: &ShadingPoint, _: &[f32]) -> Vec<f32> {
         (0..self.sums.len()).map(|light| self.chance(light)).collect()
     }
 
-    fn draw(&self, _: &Receiver, u: [f32; 2]) -> f32 {
+    fn draw(&self, _: &ShadingPoint, u: [f32; 2]) -> f32 {
         let at = wide(u) * self.sums[self.sums.len() - 1];
         self.chance(self.sums.partition_point(|sum| *sum <= at).min(self.sums.len() - 1))
     }
@@ -92,12 +92,12 @@ impl<F: Formula> Chooser for Published<F> {
         self.name
     }
 
-    fn chances(&self, receiver: &Receiver, _: &[f32]) -> Vec<f32> {
-        self.tree.pmfs(receiver)
+    fn chances(&self, shading_point: &ShadingPoint, _: &[f32]) -> Vec<f32> {
+        self.tree.pmfs(shading_point)
     }
 
-    fn draw(&self, receiver: &Receiver, u: [f32; 2]) -> f32 {
-        let pick = self.tree.pick(receiver, wide(u));
+    fn draw(&self, shading_point: &ShadingPoint, u: [f32; 2]) -> f32 {
+        let pick = self.tree.pick(shading_point, wide(u));
         std::hint::black_box(pick).map_or(0.0, |(_, pmf)| pmf)
     }
 
@@ -108,8 +108,8 @@ impl<F: Formula> Chooser for Published<F> {
 
 /// The library's two levels.
 struct TwoLevel<'a> {
-    world: &'a World,
-    sampler: Sampler<'a>,
+    world: &'a LightWorld,
+    sampler: LightSampler<'a>,
 }
 
 impl Chooser for TwoLevel<'_> {
@@ -117,14 +117,14 @@ impl Chooser for TwoLevel<'_> {
         "girandole"
     }
 
-    fn chances(&self, receiver: &Receiver, _: &[f32]) -> Vec<f32> {
+    fn chances(&self, shading_point: &ShadingPoint, _: &[f32]) -> Vec<f32> {
         let mut chances = Vec::new();
-        self.sampler.distribution(receiver, &mut chances);
+        self.sampler.distribution(shading_point, &mut chances);
         chances
     }
 
-    fn draw(&self, receiver: &Receiver, u: [f32; 2]) -> f32 {
-        std::hint::black_box(self.sampler.pick(receiver, u)).map_or(0.0, |pick| pick.pmf)
+    fn draw(&self, shading_point: &ShadingPoint, u: [f32; 2]) -> f32 {
+        std::hint::black_box(self.sampler.pick(shading_point, u)).map_or(0.0, |pick| pick.pmf)
     }
 
     /// The nodes of each tree once, however many instances show it, and a top level of one node for six instances, the least
@@ -146,7 +146,7 @@ impl Chooser for TwoLevel<'_> {
 struct Flat {
     name: &'static str,
     tree: LightTree,
-    openings: usize,
+    splits: SplitCount,
 }
 
 impl Chooser for Flat {
@@ -154,14 +154,14 @@ impl Chooser for Flat {
         self.name
     }
 
-    fn chances(&self, receiver: &Receiver, _: &[f32]) -> Vec<f32> {
+    fn chances(&self, shading_point: &ShadingPoint, _: &[f32]) -> Vec<f32> {
         let mut chances = Vec::new();
-        self.tree.distribution(receiver, self.openings, &mut chances);
+        self.tree.distribution(shading_point, self.splits, &mut chances);
         chances
     }
 
-    fn draw(&self, receiver: &Receiver, u: [f32; 2]) -> f32 {
-        std::hint::black_box(self.tree.pick(receiver, u, self.openings)).map_or(0.0, |(_, pmf)| pmf)
+    fn draw(&self, shading_point: &ShadingPoint, u: [f32; 2]) -> f32 {
+        std::hint::black_box(self.tree.pick(shading_point, u, self.splits)).map_or(0.0, |(_, pmf)| pmf)
     }
 
     fn bytes(&self) -> usize {
@@ -175,7 +175,7 @@ fn wide(u: [f32; 2]) -> f64 {
 }
 
 /// All samplers over the same lights; `lights` are the world's, one by one.
-pub fn all<'a>(world: &'a World, lights: &[Light]) -> Result<Vec<Box<dyn Chooser + 'a>>, WorldError> {
+pub fn all<'a>(world: &'a LightWorld, lights: &[Light]) -> Result<Vec<Box<dyn Chooser + 'a>>, WorldError> {
     let opaque = BinaryTree::new(Pbrt { is_opaque: true }, lights.to_vec());
     let tree = LightTree::new(lights.to_vec())?;
     Ok(vec![
@@ -185,10 +185,10 @@ pub fn all<'a>(world: &'a World, lights: &[Light]) -> Result<Vec<Box<dyn Chooser
         Box::new(Published { name: "pbrt opaque", tree: opaque }),
         Box::new(Published { name: "cycles", tree: BinaryTree::new(Cycles, lights.to_vec()) }),
         Box::new(TwoLevel { world, sampler: world.sampler() }),
-        Box::new(Flat { name: "girandole flat", tree: tree.clone(), openings: DEFAULT_OPENINGS }),
-        Box::new(Flat { name: "flat, 0 opened", tree: tree.clone(), openings: 0 }),
-        Box::new(Flat { name: "flat, 2 opened", tree: tree.clone(), openings: 2 }),
-        Box::new(Flat { name: "flat, 4 opened", tree: tree.clone(), openings: 4 }),
-        Box::new(Flat { name: "flat, 8 opened", tree, openings: 8 }),
+        Box::new(Flat { name: "girandole flat", tree: tree.clone(), splits: SplitCount::DEFAULT }),
+        Box::new(Flat { name: "flat, 0 splits", tree: tree.clone(), splits: SplitCount::of::<0>() }),
+        Box::new(Flat { name: "flat, 2 splits", tree: tree.clone(), splits: SplitCount::of::<2>() }),
+        Box::new(Flat { name: "flat, 4 splits", tree: tree.clone(), splits: SplitCount::of::<4>() }),
+        Box::new(Flat { name: "flat, 8 splits", tree, splits: SplitCount::of::<8>() }),
     ])
 }

@@ -1,11 +1,11 @@
-//! The measure: the exact relative standard deviation of one sample, and its spread over receivers.
+//! The measure: the exact relative standard deviation of one sample, and its spread over shading points.
 
-/// A light that brings less than this share of a receiver's light and is never chosen is lost to rounding: published
+/// A light that brings less than this share of a shading point's light and is never chosen is lost to rounding: published
 /// formulas have no margins, so that a light on the horizon within f32's last digits may get no chance. It is counted,
 /// but leaves sigma finite, in favour of those formulas.
 const ROUNDING_SHARE: f64 = 1.0e-6;
 
-/// At one receiver.
+/// At one shading point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Noise {
     /// Relative standard deviation of one sample.
@@ -31,14 +31,14 @@ impl Noise {
     }
 }
 
-/// Of one sampler over all receivers.
+/// Of one sampler over all shading points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Summary {
     pub mean: f64,
     pub median: f64,
     /// 95th percentile.
     pub p95: f64,
-    /// Receivers where some light contributes and is never chosen.
+    /// Shading points where some light contributes and is never chosen.
     pub unreached: usize,
 }
 

@@ -1,22 +1,22 @@
-//! The scenes that are measured: lights after one second of motion, and the receivers on their surfaces.
+//! The scenes that are measured: lights after one second of motion, and the shading points on their surfaces.
 
-use super::receivers::receivers;
 use super::scene::assembly::Assembly;
 use super::scene::palette::Palette;
 use super::scene::procedural::{self, CityOptions, Size};
 use super::scene::swarm::{self, Swarm};
 use super::scene::{SceneError, Stage, gltf_scene};
+use super::shading_points::shading_points;
 use girandole::bounds::Aabb;
 use girandole::glam::{Vec3, vec3};
-use girandole::{FrameBudget, Receiver, World};
+use girandole::{FrameBudget, LightWorld, ShadingPoint};
 use std::path::Path;
 
 /// What is measured.
 pub struct Lit {
     pub name: String,
     /// Without lights at infinity: they belong to no tree.
-    pub world: World,
-    pub receivers: Vec<Receiver>,
+    pub world: LightWorld,
+    pub shading_points: Vec<ShadingPoint>,
 }
 
 /// Seconds that the scenes have moved.
@@ -25,21 +25,21 @@ const TIME: f64 = 1.0;
 /// The city within 300 m of its middle and up to 30 m high.
 pub const CITY_BOUNDS: Aabb = Aabb { min: vec3(-300.0, -1.0, -300.0), max: vec3(300.0, 30.0, 300.0) };
 
-/// The procedural city; then its swarm alone, over the same receivers.
+/// The procedural city; then its swarm alone, over the same shading points.
 pub fn city(size: Size, count: usize) -> Result<[Lit; 2], SceneError> {
     let stage = moved(procedural::stage(&CityOptions { size, cars: None, seed: 1 })?)?;
-    let receivers = receivers(&stage.scene, &CITY_BOUNDS, count)?;
-    let swarm = Lit { name: "swarm".into(), world: swarm(size)?, receivers: receivers.clone() };
-    Ok([Lit { name: format!("city {size:?}"), world: stage.world, receivers }, swarm])
+    let shading_points = shading_points(&stage.scene, &CITY_BOUNDS, count)?;
+    let swarm = Lit { name: "swarm".into(), world: swarm(size)?, shading_points: shading_points.clone() };
+    Ok([Lit { name: format!("city {size:?}"), world: stage.world, shading_points }, swarm])
 }
 
 /// A glTF scene, named after its file.
 pub fn gltf(path: &Path, count: usize) -> Result<Lit, SceneError> {
     let stage = moved(gltf_scene::stage(path, None)?)?;
     let everywhere = Aabb { min: Vec3::NEG_INFINITY, max: Vec3::INFINITY };
-    let receivers = receivers(&stage.scene, &everywhere, count)?;
+    let shading_points = shading_points(&stage.scene, &everywhere, count)?;
     let name = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-    Ok(Lit { name, world: stage.world, receivers })
+    Ok(Lit { name, world: stage.world, shading_points })
 }
 
 fn moved(mut stage: Stage) -> Result<Stage, SceneError> {
@@ -51,7 +51,7 @@ fn moved(mut stage: Stage) -> Result<Stage, SceneError> {
 }
 
 /// As many drones, and where, as in the city of that size.
-fn swarm(size: Size) -> Result<World, SceneError> {
+fn swarm(size: Size) -> Result<LightWorld, SceneError> {
     let drones = match size {
         Size::S => 560,
         Size::M => 3_000,
@@ -61,7 +61,7 @@ fn swarm(size: Size) -> Result<World, SceneError> {
 }
 
 /// A swarm alone.
-pub fn swarm_at(drones: usize, time: f64) -> Result<World, SceneError> {
+pub fn swarm_at(drones: usize, time: f64) -> Result<LightWorld, SceneError> {
     let mut assembly = Assembly::new();
     let glows = swarm::glows(&mut Palette::default());
     let mut swarm = Swarm::new(&mut assembly, &glows, vec3(2.0, 78.0, -60.0), 30.0, drones)?;

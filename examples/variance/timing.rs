@@ -2,7 +2,7 @@
 
 use super::samplers::Chooser;
 use super::scene::rng::Rng;
-use girandole::Receiver;
+use girandole::ShadingPoint;
 use std::hint::black_box;
 use std::time::Instant;
 
@@ -11,18 +11,18 @@ const ROUNDS: usize = 25;
 /// Draws of a round.
 const DRAWS: usize = 8_000;
 
-/// Nanoseconds a draw of each sampler, each with the same receivers and random numbers.
-pub fn nanoseconds(choosers: &[Box<dyn Chooser + '_>], receivers: &[Receiver]) -> Vec<f64> {
+/// Nanoseconds a draw of each sampler, each with the same shading points and random numbers.
+pub fn nanoseconds(choosers: &[Box<dyn Chooser + '_>], shading_points: &[ShadingPoint]) -> Vec<f64> {
     let mut rng = Rng::new(7, 0);
-    // Neighbouring draws are of different receivers, as between the pixels of a wide view.
-    let draws: Vec<(Receiver, [f32; 2])> =
-        (0..DRAWS).map(|i| (receivers[i % receivers.len()], [rng.unit(), rng.unit()])).collect();
+    // Neighbouring draws are of different shading points, as between the pixels of a wide view.
+    let draws: Vec<(ShadingPoint, [f32; 2])> =
+        (0..DRAWS).map(|i| (shading_points[i % shading_points.len()], [rng.unit(), rng.unit()])).collect();
     let mut fastest = vec![f64::INFINITY; choosers.len()];
     for _ in 0..ROUNDS {
         for (chooser, fastest) in choosers.iter().zip(&mut fastest) {
             let start = Instant::now();
-            for (receiver, u) in &draws {
-                black_box(chooser.draw(receiver, *u));
+            for (shading_point, u) in &draws {
+                black_box(chooser.draw(shading_point, *u));
             }
             *fastest = fastest.min(start.elapsed().as_secs_f64() * 1.0e9 / DRAWS as f64);
         }

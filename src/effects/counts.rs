@@ -2,11 +2,11 @@
 
 use super::Effects;
 
-/// How many calls of [`World::update`](crate::World::update) an effect stays in
-/// [`World::effects`](crate::World::effects) after the last thing that called for it is gone, and a tree counts as
+/// How many calls of [`LightWorld::update`](crate::LightWorld::update) an effect stays in
+/// [`LightWorld::effects`](crate::LightWorld::effects) after the last thing that called for it is gone, and a tree counts as
 /// moving after its last change: two seconds at 60 frames a second. Fewer answer sooner to what has really ended; more
 /// bear slower flicker without another set, and so without another shader.
-pub const DAMPING: u32 = 120;
+pub const EFFECT_HOLD_UPDATES: u32 = 120;
 
 const KINDS: usize = Effects::all().bits().count_ones() as usize;
 
@@ -79,7 +79,7 @@ impl Damped {
         &self.counts
     }
 
-    /// What is called for, and what was within the last [`DAMPING`] updates.
+    /// What is called for, and what was within the last [`EFFECT_HOLD_UPDATES`] updates.
     pub fn effects(&self) -> Effects {
         let is_kept = |kind: &usize| self.left[*kind] > 0;
         let kept = (0..KINDS).filter(is_kept).map(|kind| Effects::from_bits_retain(1 << kind));
@@ -92,7 +92,7 @@ impl Damped {
         change(&mut self.counts);
         // What moves is counted for that long after the last change anyway.
         let gone = before - self.counts.effects() - Effects::MOVING;
-        each(gone).for_each(|kind| self.left[kind] = DAMPING);
+        each(gone).for_each(|kind| self.left[kind] = EFFECT_HOLD_UPDATES);
     }
 
     /// An update has passed.
@@ -112,7 +112,7 @@ mod tests {
         assert_eq!(damped.effects(), Effects::RANGES | Effects::MOVING);
         damped.change(|counts| counts.remove(Effects::RANGES | Effects::MOVING));
         assert_eq!(damped.counts().effects(), Effects::empty());
-        for _ in 0..DAMPING {
+        for _ in 0..EFFECT_HOLD_UPDATES {
             assert_eq!(damped.effects(), Effects::RANGES);
             damped.fade();
         }

@@ -2,18 +2,16 @@
 //!
 //! A world counts what it holds ([`EffectCounts`]): each light that comes, changes or goes moves some counts by one, a
 //! tree keeps those of its own lights, and nobody ever looks through all of them. What the counts call for is
-//! [`World::called_for`](crate::World::called_for). [`World::effects`](crate::World::effects) is what shaders should be
-//! made for: it grows at once, since shaders must know what lies in the buffers, and shrinks [`DAMPING`] updates late.
-//! [`Variants`] keeps the shaders.
+//! [`LightWorld::active_effects`](crate::LightWorld::active_effects). [`LightWorld::effects`](crate::LightWorld::effects) is what shaders should be
+//! made for: it grows at once, since shaders must know what lies in the buffers, and shrinks [`EFFECT_HOLD_UPDATES`] updates late.
+//! [`PipelineVariants`] keeps the shaders.
 //!
 //! A light that is off counts as what it is: its record lies in the buffers, and it may be on again in the next frame.
 
 mod counts;
-mod variants;
 
 pub(crate) use counts::Damped;
-pub use counts::{DAMPING, EffectCounts};
-pub use variants::{MOST_VARIANTS, Variants};
+pub use counts::{EFFECT_HOLD_UPDATES, EffectCounts};
 
 bitflags::bitflags! {
     /// A set of effects. Shaders made for a set serve every world that calls for no other.
@@ -31,7 +29,7 @@ bitflags::bitflags! {
         const DIRECTIONAL = 1 << 4;
         /// Some instance is scaled, sheared or mirrored, not only turned and moved (to rounding).
         const NON_RIGID = 1 << 5;
-        /// The lights of some tree changed within the last [`DAMPING`] updates.
+        /// The lights of some tree changed within the last [`EFFECT_HOLD_UPDATES`] updates.
         const MOVING = 1 << 6;
     }
 }

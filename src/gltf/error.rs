@@ -74,7 +74,7 @@ pub enum GltfError {
     },
     /// The world refused a tree or an instance, such as one whose node flattens space.
     #[error("node {node}: {source}")]
-    World {
+    LightWorld {
         /// Its index in the file.
         node: usize,
         /// What is wrong.

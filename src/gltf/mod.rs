@@ -8,7 +8,7 @@
 //! use girandole::gltf::{self, GltfOptions, gltf::Gltf};
 //! let file = Gltf::from_slice(&std::fs::read("scene.glb")?)?;
 //! let buffers: Vec<Vec<u8>> = file.blob.iter().cloned().collect();
-//! let mut world = girandole::World::new();
+//! let mut world = girandole::LightWorld::new();
 //! let lights = gltf::load_lights(&mut world, &file.document, &buffers, &GltfOptions::default())?;
 //! println!("{} nodes shine", lights.nodes.len());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -34,7 +34,7 @@ use crate::keys::{DirectionalKey, InstanceKey, TreeKey};
 use crate::light::{DirectionalLight, Light};
 use crate::placement::Placement;
 use crate::policy::Policy;
-use crate::world::World;
+use crate::world::LightWorld;
 
 /// Which sides of emissive triangles shine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -131,7 +131,7 @@ struct Plan {
 /// # Errors
 /// [`GltfError`], naming the culprit by its index in the file. The world is then as it was.
 pub fn load_lights<B: AsRef<[u8]>>(
-    world: &mut World,
+    world: &mut LightWorld,
     document: &Document,
     buffers: &[B],
     options: &GltfOptions,
@@ -203,12 +203,12 @@ impl Plan {
 
     fn add(
         self,
-        world: &mut World,
+        world: &mut LightWorld,
         policy: Policy,
         trees: &mut Vec<TreeKey>,
         added: &mut GltfLights,
     ) -> Result<(), GltfError> {
-        let refused = |node: usize| move |source: WorldError| GltfError::World { node, source };
+        let refused = |node: usize| move |source: WorldError| GltfError::LightWorld { node, source };
         for (index, lights) in self.trees.into_iter().enumerate() {
             let first = self.instances.iter().find(|instance| instance.2 == index).map_or(0, |instance| instance.0);
             trees.push(world.add_tree(lights).map_err(refused(first))?);

@@ -1,6 +1,6 @@
 //! What the GPU side refuses, with what was given and what the limit is.
 
-use super::stages::{MOST_WORKGROUPS, PASS_STRIDE};
+use super::stages::{MAX_WORKGROUPS, PASS_STRIDE};
 
 /// Why the GPU side refused a call. Its buffers are as they were before the call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -77,7 +77,7 @@ pub(crate) fn check_limits(limits: &wgpu::Limits) -> Result<(), GpuError> {
         max_compute_invocations_per_workgroup: INVOCATIONS,
         max_compute_workgroup_size_x: INVOCATIONS,
         max_compute_workgroup_storage_size: WORKGROUP_BYTES,
-        max_compute_workgroups_per_dimension: MOST_WORKGROUPS,
+        max_compute_workgroups_per_dimension: MAX_WORKGROUPS,
     ] {
         if given < needed {
             return Err(GpuError::Limit { what, given, needed });
@@ -91,12 +91,13 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
+    use crate::counts::CandidateCount;
     use crate::gpu::GpuLights;
     use crate::gpu::testing::limited_gpu;
     use crate::light::Light;
     use crate::placement::Placement;
     use crate::policy::Policy;
-    use crate::world::World;
+    use crate::world::LightWorld;
 
     /// All that is asked for, and nothing more.
     fn least() -> wgpu::Limits {
@@ -156,8 +157,8 @@ mod tests {
         let (device, queue) = limited_gpu(&least(), wgpu::Features::empty());
         let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
         let mut lights = GpuLights::new(&device, &queue).expect("just enough");
-        lights.count_picks(1);
-        let mut world = World::new();
+        lights.count_usage(1);
+        let mut world = LightWorld::new();
         let lamp = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
         world.add_instance(lamp, Placement::IDENTITY, Policy::Static).expect("valid");
         let delta = world.take_delta();
@@ -173,8 +174,8 @@ mod tests {
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         lights.build_top(&mut encoder);
         lights.sample(&mut encoder, &buffer(), &buffer(), 1);
-        lights.resample(&mut encoder, &buffer(), &buffer(), 1, 8);
-        lights.collect_picks(&mut encoder);
+        lights.resample(&mut encoder, &buffer(), &buffer(), 1, CandidateCount::ONE);
+        lights.collect_usage(&mut encoder);
         queue.submit([encoder.finish()]);
         let error = pollster::block_on(scope.pop());
         assert!(error.is_none(), "{error:?}");

@@ -2,8 +2,9 @@
 
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
+use super::pipeline_variants::PipelineVariants;
 use super::text;
-use crate::effects::{Effects, Variants};
+use crate::effects::Effects;
 
 /// Invocations of a workgroup.
 pub(super) const LANES: u32 = 64;
@@ -15,7 +16,7 @@ pub(super) struct Kernel {
     maker: Maker,
     layout: wgpu::BindGroupLayout,
     /// Made when first asked for. Who asks locks them for as long as it takes to find one; nobody makes one meanwhile.
-    variants: OnceLock<Mutex<Variants<wgpu::ComputePipeline>>>,
+    variants: OnceLock<Mutex<PipelineVariants<wgpu::ComputePipeline>>>,
 }
 
 /// Compiles a variant, on any thread.
@@ -53,10 +54,10 @@ impl Kernel {
         self.variants().get(effects | Effects::MOVING).clone()
     }
 
-    pub fn variants(&self) -> MutexGuard<'_, Variants<wgpu::ComputePipeline>> {
+    pub fn variants(&self) -> MutexGuard<'_, PipelineVariants<wgpu::ComputePipeline>> {
         let make = || {
             let maker = self.maker.clone();
-            Mutex::new(Variants::new(self.make(Effects::all()), move |effects| maker.make(effects)))
+            Mutex::new(PipelineVariants::new(self.make(Effects::all()), move |effects| maker.make(effects)))
         };
         self.variants.get_or_init(make).lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -10,7 +10,7 @@ use super::stored::Strides;
 use crate::cluster::Cluster;
 use crate::light::{DirectionalLight, Light, Shape, spot_falloff};
 use crate::placement::Placed;
-use crate::tree::{FARTHEST, LightTree};
+use crate::tree::{LightTree, UNLIMITED_RANGE};
 
 /// [`LightRecord::kind`]: the low bits name the kind.
 pub(crate) const KIND_MASK: u32 = 0xff;
@@ -105,7 +105,7 @@ pub(crate) struct ParamsRecord {
     pub slots: u32,
     pub directional_base: u32,
     pub directional_count: u32,
-    pub openings: u32,
+    pub splits: u32,
     pub strides: Strides,
     pub padding: [u32; 3],
 }
@@ -118,7 +118,7 @@ impl LightRecord {
         emission: [0.0; 3],
         place: 0,
         b: [0.0; 3],
-        range: FARTHEST,
+        range: UNLIMITED_RANGE,
         c: [0.0; 3],
         padding: 0,
     };
@@ -141,7 +141,7 @@ impl LightRecord {
             a: a.to_array(),
             kind,
             b: b.to_array(),
-            range: light.range.min(FARTHEST),
+            range: light.range.min(UNLIMITED_RANGE),
             c: c.to_array(),
             place,
             // Dark is dark in both places: shaders do not see a light's flux.
@@ -218,7 +218,7 @@ impl ClusterRecord {
             box_min: cluster.aabb.min.to_array(),
             variance: cluster.variance,
             box_max: cluster.aabb.max.to_array(),
-            range: cluster.range.min(FARTHEST),
+            range: cluster.range.min(UNLIMITED_RANGE),
             axis: cluster.axis.to_array(),
             cos_half_angle: cluster.cos_half_angle,
         }
@@ -246,7 +246,7 @@ mod tests {
     use naga::TypeInner;
 
     use super::*;
-    use crate::gpu::{ResampledRecord, SampleRecord, SampleRequest};
+    use crate::gpu::{ReservoirRecord, SampleRecord, SampleRequest};
     use crate::tree::Node;
 
     /// Size, and offset of each member, of the structs of a WGSL text.
@@ -315,15 +315,10 @@ mod tests {
         let text = crate::gpu::text::wgsl_counting(0, crate::effects::Effects::all());
         let counting = self::structs(&(text + include_str!("../../shaders/batch_count.wgsl")));
         record!(counting, SampleRequest, "Request", [position, padding_a, normal, padding_b, u]);
-        record!(
-            structs,
-            SampleRecord,
-            "LightSample",
-            [direction, distance, radiance, pdf, pmf, instance, light, is_delta]
-        );
+        record!(structs, SampleRecord, "LightSample", [direction, dist, radiance, pdf, pmf, instance, light, is_delta]);
         // WGSL pads it without a name.
-        assert_eq!(structs["LightResampled"], (64, vec![("sample".into(), 0), ("weight".into(), 48)]));
-        assert_eq!((size_of::<ResampledRecord>(), offset_of!(ResampledRecord, weight)), (64, 48));
+        assert_eq!(structs["LightReservoir"], (64, vec![("sample".into(), 0), ("weight".into(), 48)]));
+        assert_eq!((size_of::<ReservoirRecord>(), offset_of!(ReservoirRecord, weight)), (64, 48));
         record!(
             structs,
             ParamsRecord,
@@ -332,7 +327,7 @@ mod tests {
                 slots,
                 directional_base,
                 directional_count,
-                openings,
+                splits,
                 strides.node as "node_stride",
                 strides.cones as "node_cones",
                 strides.range as "node_range",

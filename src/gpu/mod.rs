@@ -2,7 +2,7 @@
 //!
 //! Everything happens on the engine's own device and queue and in its own command encoder (but for the copy of a
 //! buffer that outgrew its size or changes its layout, which is submitted at once); nothing waits, and nothing is read
-//! back but counts of picks, where they are asked for ([`GpuLights::count_picks`]). A frame is [`GpuLights::upload`],
+//! back but counts of picks, where they are asked for ([`GpuLights::count_usage`]). A frame is [`GpuLights::upload`],
 //! [`GpuLights::build_top`], and then any number of shaders that bind [`GpuLights::bind_group`] and call the functions
 //! of [`LightShader`], or [`GpuLights::sample`] and [`GpuLights::resample`] for those who want no shader.
 
@@ -10,7 +10,8 @@ mod error;
 mod kernel;
 mod layout;
 pub mod measure;
-mod picks;
+mod pipeline_variants;
+mod usage;
 mod pool;
 mod probe;
 mod recorder;
@@ -37,12 +38,11 @@ use error::check_limits;
 use kernel::Kernel;
 use layout::{InstanceRecord, LightRecord, ParamsRecord, TreeRecord};
 use measure::CountKernel;
-use picks::Picks;
-pub use picks::{PICK_THINNING, PickCounts};
+pub use pipeline_variants::{MAX_VARIANTS, PipelineVariants};
 use pool::Pool;
 use recorder::Recorder;
 use relayout::Relayout;
-pub use resampling::ResampledRecord;
+pub use resampling::ReservoirRecord;
 pub use sampling::{SampleRecord, SampleRequest};
 pub use shader::LightShader;
 use stored::Strides;
@@ -50,10 +50,12 @@ pub use text::wgsl;
 use top::TopBuild;
 pub use upload::UploadReport;
 use upload::{TreeRanges, Unsent};
+use usage::UsageCounters;
+pub use usage::{DEFAULT_USAGE_INTERVAL, UsageCounts};
 
+use crate::counts::SplitCount;
 use crate::effects::Effects;
 use crate::tree::Node;
-use crate::walk::{DEFAULT_OPENINGS, MOST_OPENINGS};
 
 /// A world's lights on a GPU.
 pub struct GpuLights {
@@ -84,7 +86,7 @@ pub struct GpuLights {
     /// Made when first asked for.
     counting: OnceLock<CountKernel>,
     /// Made when first asked for.
-    picks: OnceLock<Picks>,
+    picks: OnceLock<UsageCounters>,
     layout: wgpu::BindGroupLayout,
     bind_group: wgpu::BindGroup,
     /// Of the buffers that the bind group was made for.
@@ -105,7 +107,7 @@ impl GpuLights {
         let trees = Pool::new(device, queue, "light trees", 16)?;
         let params_buffer = params_buffer(device);
         let params = ParamsRecord {
-            openings: DEFAULT_OPENINGS as u32,
+            splits: SplitCount::DEFAULT.get() as u32,
             strides: Strides::of(Effects::all()),
             ..ParamsRecord::default()
         };
@@ -155,10 +157,10 @@ impl GpuLights {
         }
     }
 
-    /// Another bound on the clusters that are opened before a choice, at most [`MOST_OPENINGS`]; [`DEFAULT_OPENINGS`] at first.
-    /// As [`Sampler::with_openings`](crate::Sampler::with_openings). Writes 48 bytes ahead of the next submission.
-    pub fn set_openings(&mut self, openings: u32) {
-        self.send_params(ParamsRecord { openings: openings.min(MOST_OPENINGS as u32), ..self.params });
+    /// Sets how many clusters shaders split before a choice; [`SplitCount::DEFAULT`] at first. As
+    /// [`LightSampler::with_splits`](crate::LightSampler::with_splits). Writes 48 bytes ahead of the next submission.
+    pub fn set_splits(&mut self, splits: SplitCount) {
+        self.send_params(ParamsRecord { splits: splits.get() as u32, ..self.params });
     }
 
     /// Returns the bytes sent.
@@ -185,7 +187,7 @@ impl GpuLights {
     }
 
     /// What the buffers hold as of the last upload: the effects that a pipeline must serve to draw with
-    /// [`GpuLights::bind_group`]. [`World::effects`](crate::World::effects) of then, without [`Effects::MOVING`], which
+    /// [`GpuLights::bind_group`]. [`LightWorld::effects`](crate::LightWorld::effects) of then, without [`Effects::MOVING`], which
     /// is nothing to shaders; all others before the first upload.
     pub fn effects(&self) -> Effects {
         self.effects - Effects::MOVING

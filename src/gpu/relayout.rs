@@ -7,7 +7,7 @@ use super::stored::{Missing, Stored};
 const LANES: u32 = 64;
 
 /// Sixteenths of the longest record's bytes.
-const MOST_QUADS: usize = 13;
+const MAX_QUADS: usize = 13;
 
 /// Stands for a word that was not stored.
 const NOT_STORED: u32 = u32::MAX;
@@ -24,9 +24,9 @@ struct RelayoutPass {
     quads_after: u32,
     padding: u32,
     /// For each word after where it lies in the record before, or [`NOT_STORED`].
-    sources: [[u32; 4]; MOST_QUADS],
+    sources: [[u32; 4]; MAX_QUADS],
     /// What it is if it was not stored.
-    values: [[u32; 4]; MOST_QUADS],
+    values: [[u32; 4]; MAX_QUADS],
 }
 
 impl RelayoutPass {
@@ -36,8 +36,8 @@ impl RelayoutPass {
             words_before: before.bytes() as u32 / 4,
             quads_after: after.bytes() as u32 / 16,
             padding: 0,
-            sources: [[NOT_STORED; 4]; MOST_QUADS],
-            values: [[0; 4]; MOST_QUADS],
+            sources: [[NOT_STORED; 4]; MAX_QUADS],
+            values: [[0; 4]; MAX_QUADS],
         };
         for (place, word) in after.words().enumerate() {
             let source = before.place_of_word(word).map_or_else(|| missing(word), Missing::Word);
@@ -102,7 +102,7 @@ impl Relayout {
 
 fn text() -> String {
     format!(
-        "const RELAYOUT_LANES: u32 = {LANES}u;\nconst RELAYOUT_QUADS: u32 = {MOST_QUADS}u;\n\
+        "const RELAYOUT_LANES: u32 = {LANES}u;\nconst RELAYOUT_QUADS: u32 = {MAX_QUADS}u;\n\
          const RELAYOUT_NOT_STORED: u32 = {NOT_STORED}u;\n{}",
         include_str!("../../shaders/relayout.wgsl")
     )
@@ -241,6 +241,6 @@ mod tests {
         assert_eq!((theirs, *span as usize), (ours.to_vec(), size_of::<RelayoutPass>()));
         assert_eq!(module.entry_points[0].workgroup_size, [LANES, 1, 1]);
         let longest = [size_of::<Node>(), size_of::<LightRecord>(), size_of::<InstanceRecord>()];
-        assert_eq!(longest.into_iter().max(), Some(16 * MOST_QUADS));
+        assert_eq!(longest.into_iter().max(), Some(16 * MAX_QUADS));
     }
 }

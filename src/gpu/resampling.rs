@@ -1,19 +1,20 @@
-//! Our own kernel that keeps one of several candidates for each receiver of a buffer.
+//! Our own kernel that keeps one of several candidates for each shading point of a buffer.
 
 use bytemuck::{Pod, Zeroable};
 
 use super::kernel::{Kernel, records};
-use super::picks::Chosen;
 use super::sampling::{SampleRecord, SampleRequest};
+use super::usage::Chosen;
 use super::{GpuLights, storage_entry};
+use crate::counts::CandidateCount;
 
-/// The candidate that was kept and its weight. 64 bytes; `LightResampled` in `shaders/resample.wgsl`.
+/// The candidate that was kept and its weight. 64 bytes; `LightReservoir` in `shaders/resample.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub struct ResampledRecord {
+pub struct ReservoirRecord {
     /// The candidate, with its own pmf and pdf.
-    pub sample: SampleRecord,
-    /// In place of `1 / (pmf * pdf)`; 0 if no candidate brings anything. See [`Resampled`](crate::Resampled).
+    pub chosen: SampleRecord,
+    /// In place of `1 / (pmf * pdf)`; 0 if no candidate brings anything. See [`Reservoir`](crate::Reservoir).
     pub weight: f32,
     /// Nothing.
     pub padding: [f32; 3],
@@ -34,9 +35,9 @@ pub(super) fn kernel(device: &wgpu::Device, lights: &wgpu::BindGroupLayout) -> K
 }
 
 impl GpuLights {
-    /// Keeps one of `candidates` (1 to [`MOST_CANDIDATES`](crate::MOST_CANDIDATES)) for each of `requests` (an array of
-    /// [`SampleRequest`]), as [`Sampler::resample`](crate::Sampler::resample) does, and writes it to `samples` (of
-    /// [`ResampledRecord`]); both are storage buffers of the engine with room for `count` records. Records into the
+    /// Keeps one of `candidates` for each of `requests` (an array of
+    /// [`SampleRequest`]), as [`LightSampler::resample`](crate::LightSampler::resample) does, and writes it to `samples` (of
+    /// [`ReservoirRecord`]); both are storage buffers of the engine with room for `count` records. Records into the
     /// engine's encoder.
     ///
     /// The top level must have been built after the last upload. Pipelines are made as by [`GpuLights::sample`]; each
@@ -47,7 +48,7 @@ impl GpuLights {
         requests: &wgpu::Buffer,
         samples: &wgpu::Buffer,
         count: u32,
-        candidates: u32,
+        candidates: CandidateCount,
     ) {
         if count == 0 {
             return;
@@ -59,13 +60,13 @@ impl GpuLights {
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        self.queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&[candidates, 0, 0, 0]));
+        self.queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&[candidates.get(), 0, 0, 0]));
         let own = [
             records::<SampleRequest>(requests, count),
-            records::<ResampledRecord>(samples, count),
+            records::<ReservoirRecord>(samples, count),
             uniform.as_entire_binding(),
         ];
         self.resampling.record(encoder, &pipeline, &self.bind_group, &own, count);
-        self.count_chosen(encoder, (requests, samples), Chosen::Resampled, count);
+        self.count_chosen(encoder, (requests, samples), Chosen::Reservoir, count);
     }
 }

@@ -1,12 +1,12 @@
-//! Our own kernel over a buffer of receivers, for those who want no shader.
+//! Our own kernel over a buffer of shading points, for those who want no shader.
 
 use bytemuck::{Pod, Zeroable};
 
 use super::kernel::{Kernel, records};
-use super::picks::Chosen;
+use super::usage::Chosen;
 use super::{GpuLights, storage_entry};
 
-/// A receiver and its four random numbers in [0, 1). 48 bytes; `Request` in `shaders/batch.wgsl`.
+/// A shading point and its four random numbers in [0, 1). 48 bytes; `Request` in `shaders/batch.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct SampleRequest {
@@ -26,17 +26,17 @@ pub struct SampleRequest {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct SampleRecord {
-    /// Unit vector from the receiver to the light.
+    /// Unit vector from the shading point to the light.
     pub direction: [f32; 3],
     /// Metres; at least 1e18 for a directional light.
-    pub distance: f32,
+    pub dist: f32,
     /// Nits for surfaces, lux for lights without size.
     pub radiance: [f32; 3],
     /// Per steradian for surfaces, 1 for lights without size.
     pub pdf: f32,
     /// The light's chance; 0 for no light.
     pub pmf: f32,
-    /// The instance's slot, see [`World::instance_at`](crate::World::instance_at); `u32::MAX` for a directional light.
+    /// The instance's slot, see [`LightWorld::instance_at`](crate::LightWorld::instance_at); `u32::MAX` for a directional light.
     pub instance: u32,
     /// Its index in the tree, or among the directional lights.
     pub light: u32,
@@ -98,7 +98,7 @@ mod tests {
     use crate::light::Light;
     use crate::placement::Placement;
     use crate::policy::Policy;
-    use crate::world::World;
+    use crate::world::LightWorld;
 
     /// Other texts may round otherwise: then a number that falls where two lights meet may choose the other.
     fn are_alike(some: &[SampleRecord], others: &[SampleRecord]) -> bool {
@@ -111,7 +111,7 @@ mod tests {
     #[test]
     fn the_pipeline_for_just_the_worlds_effects_serves_in_the_end_and_gives_the_same_records() {
         let (device, queue) = gpu();
-        let mut world = World::new();
+        let mut world = LightWorld::new();
         let lamp = |i: u32| Light::point(Vec3::new(i as f32, 3.0, (i * i % 17) as f32), Vec3::splat(1.0 + i as f32));
         let tree = world.add_tree((0..100).map(lamp).collect()).expect("valid");
         world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");

@@ -8,48 +8,49 @@ use crate::effects::Effects;
 /// For compute and fragment shaders. Rays that are traced in WebGPU are ray queries inside these, so there is no stage
 /// beside them. Vertex shaders cannot: the layout is not visible there.
 ///
-/// The functions, all in the space of [`World::origin`](crate::World::origin); random numbers `u` in [0, 1):
+/// The functions, all in the space of [`LightWorld::origin`](crate::LightWorld::origin); random numbers `u` in [0, 1):
 ///
 /// ```wgsl
-/// struct LightReceiver { position: vec3<f32>, normal: vec3<f32> } // metres; unit, or zero in a volume
+/// fn light_surface_point(position: vec3<f32>, normal: vec3<f32>) -> LightShadingPoint // metres; unit
+/// fn light_volume_point(position: vec3<f32>) -> LightShadingPoint
 /// struct LightPick { instance: u32, light: u32, pmf: f32 }
 /// struct LightSample {
-///     direction: vec3<f32>, distance: f32,                       // unit, from the receiver; metres
+///     direction: vec3<f32>, dist: f32, // unit, from the shading point; metres
 ///     radiance: vec3<f32>, pdf: f32, pmf: f32,                   // see below
 ///     instance: u32, light: u32, is_delta: u32,
 /// }
-/// struct LightResampled { sample: LightSample, weight: f32 }
+/// struct LightReservoir { chosen: LightSample, weight: f32 }
 ///
 /// // A light and a point on it.
-/// fn light_sample(receiver: LightReceiver, u: vec4<f32>) -> LightSample
-/// // One of up to LIGHT_MOST_CANDIDATES such, kept in proportion to its light without shadows.
-/// fn light_resample(receiver: LightReceiver, u: vec4<f32>, candidates: u32) -> LightResampled
+/// fn light_sample(shading_point: LightShadingPoint, u: vec4<f32>) -> LightSample
+/// // One of up to LIGHT_MAX_CANDIDATES such, kept in proportion to its light without shadows.
+/// fn light_resample(shading_point: LightShadingPoint, u: vec4<f32>, candidates: u32) -> LightReservoir
 /// // A light alone; then a point on a light that was picked, by this or by you (with a pmf above 0).
-/// fn light_pick(receiver: LightReceiver, u: vec2<f32>) -> LightPick
-/// fn light_sample_picked(receiver: LightReceiver, pick: LightPick, u: vec2<f32>) -> LightSample
+/// fn light_pick(shading_point: LightShadingPoint, u: vec2<f32>) -> LightPick
+/// fn light_sample_picked(shading_point: LightShadingPoint, pick: LightPick, u: vec2<f32>) -> LightSample
 /// // The chance of a light, and the density of a point on it.
-/// fn light_pmf(receiver: LightReceiver, instance: u32, light: u32) -> f32
-/// fn light_pdf(receiver: LightReceiver, instance: u32, light: u32, point: vec3<f32>) -> f32
+/// fn light_pmf(shading_point: LightShadingPoint, instance: u32, light: u32) -> f32
+/// fn light_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, point: vec3<f32>) -> f32
 /// // Well-mixed bits, for random numbers.
 /// fn light_hash(bits: u32) -> u32
 /// ```
 ///
 /// Measures: a `pmf` is the chance of the light among all, in [0, 1]; 0 in a sample means that nothing arrives. With
-/// `is_delta` 0 `radiance` is in nits and `pdf` a density per steradian, seen from the receiver; with `is_delta` 1
+/// `is_delta` 0 `radiance` is in nits and `pdf` a density per steradian, seen from the shading point; with `is_delta` 1
 /// (points, spots, directional lights) `radiance` is the illuminance, in lux, of a surface that faces the light, and
-/// `pdf` is 1. In both cases `brdf * cosine * radiance / (pmf * pdf)` estimates the radiance that leaves the receiver,
+/// `pdf` is 1. In both cases `brdf * cosine * radiance / (pmf * pdf)` estimates the radiance that leaves the shading point,
 /// if nothing stands within `distance`; so does `brdf * cosine * sample.radiance * weight`. `light_pdf` is per
 /// steradian, and has the pmf in it.
 ///
-/// `instance` is a slot ([`World::instance_at`](crate::World::instance_at), [`World::slot`](crate::World::slot)), the
+/// `instance` is a slot ([`LightWorld::instance_at`](crate::LightWorld::instance_at), [`LightWorld::slot`](crate::LightWorld::slot)), the
 /// same while the instance lives; `LIGHT_DIRECTIONAL` (`u32::MAX`) with `light` the place among
-/// [`World::directionals`](crate::World::directionals) at the last upload.
+/// [`LightWorld::directionals`](crate::LightWorld::directionals) at the last upload.
 ///
 /// The text binds one uniform buffer and four read-only storage buffers, at `group`; of WebGPU's default limits that
 /// leaves an engine three bind groups, and four storage and eleven uniform buffers a stage. All names in it start with
 /// `light_`, `Light` or `LIGHT_`. `docs/integration.md` goes through all of it step by step.
 ///
-/// One of [`GpuLights::counting_shader`] can count what is picked, too.
+/// One of [`GpuLights::usage_shader`] can count what is picked, too.
 #[derive(Clone, Debug)]
 pub struct LightShader {
     /// To be put before the engine's own text, after its directives: see [`LightShader::join`].
@@ -58,19 +59,19 @@ pub struct LightShader {
     pub group: u32,
     /// What the text can do; it serves as long as [`GpuLights::effects`] has nothing else.
     pub effects: Effects,
-    /// It has `light_count_pick` too: see [`GpuLights::counting_shader`].
-    pub counts_picks: bool,
+    /// It has `light_record_usage` too: see [`GpuLights::usage_shader`].
+    pub records_usage: bool,
     /// Of the bind group, for compute and fragment stages.
     pub layout: wgpu::BindGroupLayout,
 }
 
 impl LightShader {
-    /// The same for other effects, where no [`GpuLights`] is at hand: on the thread of [`Variants`](crate::Variants).
+    /// The same for other effects, where no [`GpuLights`] is at hand: on the thread of [`PipelineVariants`](crate::PipelineVariants).
     /// Joins texts, compiles nothing.
     pub fn with_effects(&self, effects: Effects) -> Self {
-        let wgsl = if self.counts_picks { text::wgsl_counting_picks } else { text::wgsl };
-        let Self { group, counts_picks, .. } = *self;
-        Self { wgsl: wgsl(group, effects), group, effects, counts_picks, layout: self.layout.clone() }
+        let wgsl = if self.records_usage { text::wgsl_with_usage } else { text::wgsl };
+        let Self { group, records_usage, .. } = *self;
+        Self { wgsl: wgsl(group, effects), group, effects, records_usage, layout: self.layout.clone() }
     }
 
     /// The engine's shader with ours before it, but after its `enable`, `requires` and `diagnostic` directives, which
@@ -97,7 +98,7 @@ impl GpuLights {
     /// effects that the text is to serve; with [`Effects::all`] it serves every world. Joins texts, compiles nothing.
     pub fn shader(&self, group: u32, effects: Effects) -> LightShader {
         let wgsl = text::wgsl(group, effects);
-        LightShader { wgsl, group, effects, counts_picks: false, layout: self.layout.clone() }
+        LightShader { wgsl, group, effects, records_usage: false, layout: self.layout.clone() }
     }
 }
 
@@ -110,7 +111,7 @@ mod tests {
     fn an_engines_directives_stay_first() {
         let (device, queue) = gpu();
         let shader = GpuLights::new(&device, &queue).expect("default limits are enough").shader(2, Effects::all());
-        let body = "@compute @workgroup_size(1) fn main() { let p = light_pmf(LightReceiver(), 0u, 0u); }\n";
+        let body = "@compute @workgroup_size(1) fn main() { let p = light_pmf(LightShadingPoint(), 0u, 0u); }\n";
         for head in [
             "",
             "// A comment.\n",
@@ -133,7 +134,7 @@ mod tests {
         fn engine_brdf(normal: vec3<f32>, direction: vec3<f32>) -> vec3<f32> { return vec3(0.3); }
         fn engine_brdf_pdf(normal: vec3<f32>, direction: vec3<f32>) -> f32 { return 0.3; }
         fn engine_sample_brdf(normal: vec3<f32>, v: vec2<f32>) -> vec3<f32> { return normal; }
-        fn engine_is_occluded(from_: vec3<f32>, direction: vec3<f32>, distance: f32) -> bool { return false; }
+        fn engine_is_occluded(from_: vec3<f32>, direction: vec3<f32>, dist: f32) -> bool { return false; }
         fn engine_shade(surface: EngineSurface, s: LightSample) -> vec4<f32> { return vec4(s.radiance, 1.0); }
         fn engine_trace(from_: vec3<f32>, direction: vec3<f32>) -> EngineHit { return EngineHit(); }
     ";
@@ -145,8 +146,8 @@ mod tests {
         assert_eq!(blocks.len(), 5);
         for effects in [Effects::all(), Effects::empty()] {
             for block in &blocks {
-                let counts = block.contains("light_count_pick");
-                let ours = if counts { text::wgsl_counting_picks } else { text::wgsl };
+                let counts = block.contains("light_record_usage");
+                let ours = if counts { text::wgsl_with_usage } else { text::wgsl };
                 let text = ours(1, effects) + STUBS + block;
                 let module =
                     naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("it parses");

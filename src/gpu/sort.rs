@@ -7,11 +7,11 @@
 //! other workgroups, and WGSL does not promise that those ever run.
 //!
 //! Blocks are as short as it takes to have [`TARGET_BLOCKS`] of them, so small inputs still spread over the whole GPU;
-//! they stop growing at [`MOST_ROUNDS`], where the counts are a sixteenth of the keys.
+//! they stop growing at [`MAX_ROUNDS`], where the counts are a sixteenth of the keys.
 
 use super::error::{GpuError, largest_storage_buffer};
 use super::recorder::Recorder;
-use super::stages::{Access, MOST_WORKGROUPS, PASS_STRIDE, Stages, pass_bytes};
+use super::stages::{Access, MAX_WORKGROUPS, PASS_STRIDE, Stages, pass_bytes};
 
 /// Invocations in a workgroup, and values of a digit.
 const LANES: u32 = 256;
@@ -21,7 +21,7 @@ const PASSES: u32 = u32::BITS / DIGIT_BITS;
 /// Blocks to spread over before a block gets more than one round of keys. One scan step adds up as many.
 const TARGET_BLOCKS: u32 = 256;
 /// Keys a lane of a block, unless there are more blocks than one dispatch may have.
-const MOST_ROUNDS: u32 = 16;
+const MAX_ROUNDS: u32 = 16;
 
 /// The text of a stage: Rust's constants, what the stages share, and the stage's own file.
 fn text(parts: &[&str]) -> String {
@@ -163,14 +163,14 @@ impl SortBuffers {
 
 /// Blocks that `count` keys are split in, and keys a lane in each.
 fn split(count: u32) -> (u32, u32) {
-    let rounds = count.div_ceil(LANES * TARGET_BLOCKS).clamp(1, MOST_ROUNDS);
-    let rounds = rounds.max(count.div_ceil(LANES * MOST_WORKGROUPS));
+    let rounds = count.div_ceil(LANES * TARGET_BLOCKS).clamp(1, MAX_ROUNDS);
+    let rounds = rounds.max(count.div_ceil(LANES * MAX_WORKGROUPS));
     (count.div_ceil(LANES * rounds), rounds)
 }
 
 /// No count up to `capacity` is split in more blocks. The number of blocks falls where that of rounds rises.
 fn most_blocks(capacity: u32) -> u32 {
-    capacity.div_ceil(LANES).min(TARGET_BLOCKS.max(capacity.div_ceil(LANES * MOST_ROUNDS)))
+    capacity.div_ceil(LANES).min(TARGET_BLOCKS.max(capacity.div_ceil(LANES * MAX_ROUNDS)))
 }
 
 #[cfg(test)]
@@ -292,7 +292,7 @@ mod tests {
         let rounds_change = (1..=17).flat_map(|r| [-1, 0, 1].map(|d| (r * 65_536 + d) as u32));
         for count in around.chain(rounds_change) {
             let (blocks, rounds) = split(count);
-            assert!(blocks <= MOST_WORKGROUPS, "{count} keys in {blocks} blocks");
+            assert!(blocks <= MAX_WORKGROUPS, "{count} keys in {blocks} blocks");
             assert!(u64::from(blocks) * u64::from(rounds * LANES) >= u64::from(count));
             assert!(u64::from(blocks - 1) * u64::from(rounds * LANES) < u64::from(count), "{count}: an empty block");
             assert!(blocks <= most_blocks(count));

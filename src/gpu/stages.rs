@@ -5,7 +5,7 @@
 pub(crate) const PASS_STRIDE: u32 = 256;
 
 /// WebGPU's default limit of workgroups along one dimension.
-pub(crate) const MOST_WORKGROUPS: u32 = 65_535;
+pub(crate) const MAX_WORKGROUPS: u32 = 65_535;
 
 /// What the stages of one file do to a storage buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -101,6 +101,6 @@ pub(crate) fn pass_bytes<T: bytemuck::NoUninit>(passes: &[T]) -> Vec<u8> {
 
 /// A dispatch of at least so many workgroups, in two dimensions where one is too short.
 pub(crate) fn dispatch(pass: &mut wgpu::ComputePass<'_>, groups: u32) {
-    let x = groups.clamp(1, MOST_WORKGROUPS);
+    let x = groups.clamp(1, MAX_WORKGROUPS);
     pass.dispatch_workgroups(x, groups.div_ceil(x).max(1), 1);
 }

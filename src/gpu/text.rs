@@ -5,6 +5,8 @@ use std::fmt::Write;
 
 use super::{layout, stored};
 use crate::cluster;
+use crate::counts;
+use crate::dice;
 use crate::effects::Effects;
 use crate::emit;
 use crate::importance;
@@ -30,18 +32,18 @@ pub(crate) fn wgsl_counting(group: u32, effects: Effects) -> String {
     joined(group, effects, true)
 }
 
-/// The same as [`wgsl`] with `light_count_pick`.
-pub(crate) fn wgsl_counting_picks(group: u32, effects: Effects) -> String {
+/// The same as [`wgsl`] with `light_record_usage`.
+pub(crate) fn wgsl_with_usage(group: u32, effects: Effects) -> String {
     wgsl(group, effects) + &picks(group)
 }
 
-/// `light_count_pick` and what it calls, for those who choose no light.
-pub(crate) fn wgsl_of_picks(group: u32) -> String {
+/// `light_record_usage` and what it calls, for those who choose no light.
+pub(crate) fn wgsl_of_usage(group: u32) -> String {
     constants() + include_str!("../../shaders/dice.wgsl") + &picks(group)
 }
 
 fn picks(group: u32) -> String {
-    include_str!("../../shaders/picks.wgsl").replace("LIGHT_GROUP", &group.to_string())
+    include_str!("../../shaders/usage.wgsl").replace("LIGHT_GROUP", &group.to_string())
 }
 
 fn joined(group: u32, effects: Effects, counts: bool) -> String {
@@ -65,7 +67,7 @@ fn joined(group: u32, effects: Effects, counts: bool) -> String {
 }
 
 /// Constants that `LightShader` promises to engines: in every variant.
-const PROMISED: [&str; 2] = ["LIGHT_DIRECTIONAL", "LIGHT_MOST_CANDIDATES"];
+const PROMISED: [&str; 2] = ["LIGHT_DIRECTIONAL", "LIGHT_MAX_CANDIDATES"];
 
 /// Those of Rust's constants that a text names outside of comments, or that engines may name.
 fn constants_of(text: &str) -> String {
@@ -100,8 +102,8 @@ pub(crate) fn constants() -> String {
         ("KEEPS_ANGLES", layout::KEEPS_ANGLES),
         ("DIRECTIONAL", layout::DIRECTIONAL),
         ("NO_INSTANCE", walk::NO_INSTANCE),
-        ("MOST_OPENINGS", walk::MOST_OPENINGS as u32),
-        ("MOST_CANDIDATES", resample::MOST_CANDIDATES),
+        ("MAX_SPLITS", counts::MAX_SPLITS as u32),
+        ("MAX_CANDIDATES", counts::MAX_CANDIDATES),
         ("LATTICE_Y", resample::LATTICE[0]),
         ("LATTICE_Z", resample::LATTICE[1]),
         ("LATTICE_W", resample::LATTICE[2]),
@@ -123,33 +125,33 @@ pub(crate) fn constants() -> String {
         ("LAMBERTIAN", light::LAMBERTIAN),
         ("LOBE_SHARE", importance::LOBE_SHARE),
         ("RIM_WIDTH_SQ", importance::RIM_WIDTH_SQ),
-        ("RIM_LEAST_SQ", importance::RIM_LEAST_SQ),
-        ("LONGEST_LOBE", importance::LONGEST_LOBE),
-        ("LEAST", importance::LEAST),
-        ("MOST", importance::MOST),
+        ("RIM_MIN_SQ", importance::RIM_MIN_SQ),
+        ("MAX_LOBE_LENGTH", importance::MAX_LOBE_LENGTH),
+        ("MIN_IMPORTANCE", importance::MIN_IMPORTANCE),
+        ("MAX_IMPORTANCE", importance::MAX_IMPORTANCE),
         ("POSITION_MARGIN", importance::POSITION_MARGIN),
         ("RIGID_TOLERANCE", cluster::RIGID_TOLERANCE),
-        ("LONGEST_SQ", importance::LONGEST_SQ),
+        ("MAX_DIST_SQ", importance::MAX_DIST_SQ),
         ("COSINE_MARGIN", importance::COSINE_MARGIN),
         ("ANGLE_MARGIN", importance::ANGLE_MARGIN),
         ("STEPS", tree::STEPS),
         ("DIRECTION_STEPS", tree::DIRECTION_STEPS),
         ("CAP_STEPS", tree::CAP_STEPS),
-        ("LEAST_FLUX", light::MIN_FLUX),
-        ("MOST_FLUX", cluster::MOST_FLUX),
-        ("FARTHEST", tree::FARTHEST),
+        ("MIN_FLUX", light::MIN_FLUX),
+        ("MAX_FLUX", cluster::MAX_FLUX),
+        ("UNLIMITED_RANGE", tree::UNLIMITED_RANGE),
         ("TINY", f32::MIN_POSITIVE),
-        ("NEAREST_SQ", emit::NEAREST_SQ),
-        ("LEAST_PDF", emit::LEAST_PDF),
-        ("LEAST_INVERSE_PDF", emit::LEAST_INVERSE_PDF),
+        ("MIN_DIST_SQ", emit::MIN_DIST_SQ),
+        ("MIN_PDF", emit::MIN_PDF),
+        ("MIN_INVERSE_PDF", emit::MIN_INVERSE_PDF),
         ("CLOSE", emit::CLOSE),
-        ("LEAST_CHANCE", walk::LEAST_CHANCE),
-        ("LEAST_DOUBT", walk::LEAST_DOUBT),
+        ("MIN_CHANCE", dice::MIN_CHANCE),
+        ("MIN_DOUBT", walk::MIN_DOUBT),
         ("FOUR_PI", 4.0 * std::f32::consts::PI),
-        ("BELOW_ONE", walk::BELOW_ONE),
-        ("U_STEP", walk::U_STEP),
-        ("LEAST_WEIGHT", resample::LEAST_WEIGHT),
-        ("MOST_WEIGHT", resample::MOST_WEIGHT),
+        ("ONE_MINUS_EPSILON", dice::ONE_MINUS_EPSILON),
+        ("U_STEP", dice::U_STEP),
+        ("MIN_WEIGHT", resample::MIN_WEIGHT),
+        ("MAX_WEIGHT", resample::MAX_WEIGHT),
     ] {
         let _ = writeln!(text, "const LIGHT_{name}: f32 = {value:e};");
     }
@@ -280,7 +282,7 @@ mod tests {
                 "light_lobe light_turned_away light_from_spot light_unit_axes light_signed_bytes LightLobe LightLobe.value LightLobe.width_sq \
                  LightNode.cones LightPackedFour.axis LightPackedFour.shortness LightPackedFour.cap LightFour.axis \
                  LightFour.length LightFour.cos_half_angle LightView.keeps_angles LIGHT_NO_CONES LIGHT_KIND_SPOT \
-                 LIGHT_LAMBERTIAN LIGHT_LOBE_SHARE LIGHT_RIM_WIDTH_SQ LIGHT_RIM_LEAST_SQ LIGHT_LONGEST_LOBE \
+                 LIGHT_LAMBERTIAN LIGHT_LOBE_SHARE LIGHT_RIM_WIDTH_SQ LIGHT_RIM_MIN_SQ LIGHT_MAX_LOBE_LENGTH \
                  LIGHT_CAP_STEPS LIGHT_ANGLE_MARGIN LIGHT_KEEPS_ANGLES",
             ),
             (
@@ -292,7 +294,7 @@ mod tests {
                 Effects::AREAS,
                 "light_from_surface light_from_rectangle light_from_triangle light_from_sphere light_is_density \
                  light_orthonormal light_normal_area light_volume LIGHT_KIND_RECTANGLE LIGHT_KIND_TRIANGLE \
-                 LIGHT_KIND_SPHERE LIGHT_TWO_SIDED LIGHT_CLOSE LIGHT_LEAST_INVERSE_PDF LIGHT_TINY \
+                 LIGHT_KIND_SPHERE LIGHT_TWO_SIDED LIGHT_CLOSE LIGHT_MIN_INVERSE_PDF LIGHT_TINY \
                  light_point_pdf light_surface_pdf light_sphere_pdf",
             ),
             (Effects::TWO_SIDED, "LIGHT_TWO_SIDED"),
@@ -306,7 +308,8 @@ mod tests {
             assert_eq!(missing, gone.split_whitespace().collect(), "without {effect:?}");
         }
         let points = module_names(&wgsl(0, Effects::empty()));
-        for name in ["LightRecord.b", "LightRecord.c", "LIGHT_KIND_MASK", "LIGHT_POINT_STRIDE", "LIGHT_FARTHEST"] {
+        for name in ["LightRecord.b", "LightRecord.c", "LIGHT_KIND_MASK", "LIGHT_POINT_STRIDE", "LIGHT_UNLIMITED_RANGE"]
+        {
             assert!(all.contains(name) && !points.contains(name), "{name}");
         }
     }

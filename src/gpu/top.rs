@@ -1,6 +1,6 @@
 //! Builds the top level on the GPU, from instances and the roots of their trees. Nothing is read back.
 //!
-//! Twin of `src/top`, which explains the tree, and of what `World` makes of an instance; the tests below compare both,
+//! Twin of `src/top`, which explains the tree, and of what `LightWorld` makes of an instance; the tests below compare both,
 //! and check the GPU's bounds for themselves. Stages: leaves and their bounds, keys, sort; then rounds of two, that
 //! group units by pieces and make the groups nodes; then the upper part. How many units a round leaves is known on the
 //! GPU alone, so there are as many rounds as the worst case takes, and the last may find nothing to do. The sources are
@@ -41,7 +41,7 @@ const ROOT_PARTS: u32 = 2 * top::ROOT_UNITS as u32 - 1;
 const SORTED: u32 = u32::MAX;
 
 /// Each round leaves hardly more than a quarter of 31-bit slots.
-const MOST_ROUNDS: u32 = 16;
+const MAX_ROUNDS: u32 = 16;
 
 /// Least and greatest coordinates, the number of instances that shine, and one word more.
 const BOUNDS_BYTES: u64 = 32;
@@ -138,7 +138,7 @@ impl TopBuild {
         let sort = RadixSort::new(device);
         let passes = device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("top level passes"),
-            size: u64::from(MOST_ROUNDS * PASS_STRIDE),
+            size: u64::from(MAX_ROUNDS * PASS_STRIDE),
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
@@ -352,10 +352,10 @@ impl Stage {
         }
         for (name, value) in [
             ("TOP_AXIS_STEPS", top::AXIS_STEPS),
-            ("TOP_LEAST_ORIENTATION", top::LEAST_ORIENTATION),
+            ("TOP_MIN_ORIENTATION", top::MIN_ORIENTATION),
             ("TOP_DIAGONAL_WEIGHT", tree::DIAGONAL_WEIGHT),
             ("CAP_PADDING", cone::CAP_PADDING),
-            ("LEAST_AXIS", cluster::LEAST_AXIS),
+            ("MIN_AXIS", cluster::MIN_AXIS),
             ("TRANSFORM_PADDING", bounds::TRANSFORM_PADDING),
         ] {
             let _ = writeln!(text, "const {name}: f32 = {value:e};");

@@ -13,7 +13,7 @@ use super::stored::{self, Stored, Strides};
 use crate::effects::Effects;
 use crate::keys::{TreeKey, slot_of};
 use crate::tree::LightTree;
-use crate::world::{FrameDelta, World};
+use crate::world::{FrameDelta, LightWorld};
 
 /// What [`GpuLights::upload`] sent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -53,7 +53,7 @@ impl TreeRanges {
 }
 
 impl GpuLights {
-    /// Writes what `delta` names, as `world` has it now. Give it every delta that [`World::take_delta`] returned, or
+    /// Writes what `delta` names, as `world` has it now. Give it every delta that [`LightWorld::take_delta`] returned, or
     /// [`FrameDelta::everything`] once. Trees that an instance needs and that never came are sent along.
     ///
     /// # Errors
@@ -64,20 +64,20 @@ impl GpuLights {
     /// O(what changed). Writes go through the queue, ahead of the next submission. What is stored of nodes, lights and
     /// instances follows the world's effects: where these change, the GPU copies its pools, and everything is bound
     /// anew.
-    pub fn upload(&mut self, world: &World, delta: &FrameDelta) -> Result<UploadReport, GpuError> {
+    pub fn upload(&mut self, world: &LightWorld, delta: &FrameDelta) -> Result<UploadReport, GpuError> {
         self.upload_as(world, delta, world.effects())
     }
 
     /// The same in the layout of these effects, which must contain the world's.
     pub(super) fn upload_as(
         &mut self,
-        world: &World,
+        world: &LightWorld,
         delta: &FrameDelta,
         effects: Effects,
     ) -> Result<UploadReport, GpuError> {
         probe::check(&self.device)?;
         let mut report = UploadReport::default();
-        let is_still = delta.is_empty() && self.unsent.is_empty() && !self.has_new_picks();
+        let is_still = delta.is_empty() && self.unsent.is_empty() && !self.has_new_usage();
         if is_still && self.params.strides == Strides::of(effects) {
             self.effects = effects;
             return Ok(report);
@@ -114,9 +114,9 @@ impl GpuLights {
             let records: Vec<_> = world.directionals().map(|(_, light)| LightRecord::directional(light)).collect();
             report.bytes += self.lights.write(self.directionals.start, &records);
         }
-        report.bytes += self.follow_picks(&changes.instances, world);
+        report.bytes += self.follow_usage(&changes.instances, world);
         report.bytes += self.refresh(self.params_of(world, effects));
-        self.bind_picks();
+        self.bind_usage();
         self.top_is_stale = true;
         self.effects = effects;
         Ok(report)
@@ -147,7 +147,7 @@ impl GpuLights {
     }
 
     /// Finds room for all that grew, or takes nothing. Returns the trees that need a new place; a removed tree's is empty.
-    fn reserve(&mut self, world: &World, changes: &mut Unsent) -> Result<Vec<(u32, TreeRanges)>, GpuError> {
+    fn reserve(&mut self, world: &LightWorld, changes: &mut Unsent) -> Result<Vec<(u32, TreeRanges)>, GpuError> {
         for slot in &changes.instances {
             let tree = world.instance_at(*slot).and_then(|key| world.instance_tree(key));
             if let Some(tree) = tree
@@ -168,7 +168,7 @@ impl GpuLights {
 
     fn reserve_all(
         &mut self,
-        world: &World,
+        world: &LightWorld,
         changes: &Unsent,
         placed: &mut Vec<(u32, TreeRanges)>,
     ) -> Result<(), GpuError> {
@@ -216,7 +216,7 @@ impl GpuLights {
         &mut self.tree_ranges[slot]
     }
 
-    fn write_tree(&mut self, slot: u32, world: &World) -> u64 {
+    fn write_tree(&mut self, slot: u32, world: &LightWorld) -> u64 {
         let Some(tree) = world.tree_at(slot).and_then(|key| world.tree(key)) else { return 0 };
         let lights: Vec<_> =
             tree.lights().iter().zip(tree.leaves()).map(|(light, place)| LightRecord::of(light, *place)).collect();
@@ -227,7 +227,7 @@ impl GpuLights {
     }
 
     /// Writes neighbouring slots together.
-    fn write_instances(&mut self, slots: &BTreeSet<u32>, world: &World) -> u64 {
+    fn write_instances(&mut self, slots: &BTreeSet<u32>, world: &LightWorld) -> u64 {
         let mut bytes = 0;
         let mut run: Vec<InstanceRecord> = Vec::new();
         let mut first = 0;
@@ -242,7 +242,7 @@ impl GpuLights {
         bytes + self.instances.write(first, &run)
     }
 
-    fn instance_record(&self, slot: u32, world: &World) -> InstanceRecord {
+    fn instance_record(&self, slot: u32, world: &LightWorld) -> InstanceRecord {
         let Some(instance) = world.instance_at(slot).and_then(|key| world.instance(key)) else {
             return InstanceRecord::NONE;
         };
@@ -251,7 +251,7 @@ impl GpuLights {
         InstanceRecord::of(&instance.placed, tree, ranges.nodes.start, ranges.lights.start)
     }
 
-    fn params_of(&self, world: &World, effects: Effects) -> ParamsRecord {
+    fn params_of(&self, world: &LightWorld, effects: Effects) -> ParamsRecord {
         ParamsRecord {
             slots: world.slot_count() as u32,
             directional_base: self.directionals.start,

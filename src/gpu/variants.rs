@@ -9,13 +9,14 @@ use glam::{DVec3, Mat3, Quat, Vec3};
 use super::stages::{Access, Stages};
 use super::testing::{gpu, read};
 use super::*;
-use crate::effects::DAMPING;
+use crate::counts::SplitCount;
+use crate::effects::EFFECT_HOLD_UPDATES;
 use crate::keys::{InstanceKey, TreeKey};
 use crate::light::{DirectionalLight, Light};
 use crate::placement::Placement;
 use crate::policy::Policy;
 use crate::scheduler::FrameBudget;
-use crate::world::{FrameDelta, World};
+use crate::world::{FrameDelta, LightWorld};
 
 const RECEIVERS: u32 = 2048;
 
@@ -70,8 +71,8 @@ fn placement(i: u32, effects: Effects) -> Placement {
 }
 
 /// A world that calls for exactly these effects.
-fn world_of(effects: Effects) -> World {
-    let mut world = World::new();
+fn world_of(effects: Effects) -> LightWorld {
+    let mut world = LightWorld::new();
     for tree in 0..4 {
         let key = world.add_tree((0..60).map(|i| light(100 * tree + i, effects)).collect()).unwrap();
         for i in 0..5 {
@@ -134,7 +135,7 @@ fn record(lights: &mut GpuLights, variant: Effects) -> (wgpu::CommandEncoder, wg
 }
 
 /// A world's lights, stored for these effects.
-fn upload(world: &World, stored: Effects) -> GpuLights {
+fn upload(world: &LightWorld, stored: Effects) -> GpuLights {
     let (device, queue) = gpu();
     let mut lights = GpuLights::new(&device, &queue).unwrap();
     lights.upload_as(world, &FrameDelta::everything(world), stored).unwrap();
@@ -151,7 +152,7 @@ fn assert_alike(ours: &[SampleRecord], twin: &[SampleRecord], what: &str) {
             continue;
         }
         let (radiance, other) = (Vec3::from(a.radiance), Vec3::from(b.radiance));
-        assert!(close(a.pmf, b.pmf) && close(a.pdf, b.pdf) && close(a.distance, b.distance), "{what}: {a:?} {b:?}");
+        assert!(close(a.pmf, b.pmf) && close(a.pdf, b.pdf) && close(a.dist, b.dist), "{what}: {a:?} {b:?}");
         assert!((radiance - other).length() <= ROUNDING * other.length(), "{what}: {a:?} {b:?}");
         assert!((Vec3::from(a.direction) - Vec3::from(b.direction)).length() <= ROUNDING, "{what}: {a:?} {b:?}");
         assert_eq!(a.is_delta, b.is_delta, "{what}");
@@ -224,9 +225,9 @@ fn a_world_whose_effects_come_and_go_is_stored_as_a_fresh_upload_stores_it() {
     let mut lights = upload(&world, world.effects());
     world.take_delta();
     let mut seen = Vec::new();
-    let mut check = |world: &mut World, what: &str| {
+    let mut check = |world: &mut LightWorld, what: &str| {
         // What nothing calls for any more goes late.
-        for _ in 0..=DAMPING {
+        for _ in 0..=EFFECT_HOLD_UPDATES {
             world.update(FrameBudget::NONE);
         }
         let delta = world.take_delta();
@@ -302,7 +303,7 @@ fn what_was_recorded_before_a_change_of_layout_reads_the_buffers_of_before() {
 #[test]
 fn a_counting_variant_counts_the_nodes_that_a_sample_reads() {
     let (device, queue) = gpu();
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let lamp = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).unwrap();
     world.add_instance(lamp, Placement::at(DVec3::X), Policy::default()).unwrap();
     let mut lights = upload(&world, Effects::empty());
@@ -312,7 +313,7 @@ fn a_counting_variant_counts_the_nodes_that_a_sample_reads() {
     let text = text::wgsl_counting(0, Effects::empty())
         + "@group(0) @binding(5) var<storage, read_write> counts: array<u32>;
         @compute @workgroup_size(1) fn count() {
-            let s = light_sample(LightReceiver(vec3(0.0), vec3(0.0)), vec4(0.5));
+            let s = light_sample(light_surface_point(vec3(0.0), vec3(0.0)), vec4(0.5));
             counts[0] = select(0u, light_nodes_read, s.pmf > 0.0);
         }";
     let pipeline = stages.pipeline(&device, "count", text);
@@ -323,8 +324,8 @@ fn a_counting_variant_counts_the_nodes_that_a_sample_reads() {
         mapped_at_creation: false,
     });
     // The top level's root, and the tree's: both are opened, or the second is walked to.
-    for openings in [0, 6] {
-        lights.set_openings(openings);
+    for splits in [SplitCount::NONE, SplitCount::DEFAULT] {
+        lights.set_splits(splits);
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         lights.build_top(&mut encoder);
         let buffers =
@@ -337,6 +338,6 @@ fn a_counting_variant_counts_the_nodes_that_a_sample_reads() {
             pass.dispatch_workgroups(1, 1, 1);
         }
         queue.submit([encoder.finish()]);
-        assert_eq!(read::<u32>(&device, &queue, &output), [2], "{openings} openings");
+        assert_eq!(read::<u32>(&device, &queue, &output), [2], "{splits} splits");
     }
 }

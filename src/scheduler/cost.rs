@@ -38,13 +38,13 @@ const MARGIN_KEPT: f32 = 0.999;
 
 /// The margin stays above this, 1.6 times the typical: of 400 builds of a size the slowest took 1.3 to 1.8 times as
 /// long as the mean (2-core AMD EPYC virtual machine, 2026-11-21, `costs.csv` of the budget example).
-const LEAST_MARGIN: f32 = 0.5;
+const MIN_MARGIN: f32 = 0.5;
 
 /// No unit takes less, about a tenth of what a 2020s server takes: on a clock that stands still, frames stay bounded.
-const LEAST_NANOS: [f64; KINDS] = [2.0, 2.0, 0.5, 10.0];
+const MIN_NANOS: [f64; KINDS] = [2.0, 2.0, 0.5, 10.0];
 
 /// Nothing takes longer than this many nanoseconds, some thirty years: sums stay inside [`Duration`].
-const MOST_NANOS: f64 = 1.0e18;
+const MAX_NANOS: f64 = 1.0e18;
 
 #[derive(Clone, Debug)]
 struct Learnt {
@@ -83,7 +83,7 @@ fn size(lights: usize) -> usize {
 
 fn duration(nanos: f64) -> Duration {
     // NaN becomes 0.
-    Duration::from_nanos(nanos.min(MOST_NANOS) as u64)
+    Duration::from_nanos(nanos.min(MAX_NANOS) as u64)
 }
 
 impl CostModel {
@@ -99,7 +99,7 @@ impl CostModel {
 
     /// No machine is faster.
     pub fn at_least(work: Work) -> Duration {
-        duration(units(work) * LEAST_NANOS[index(work.kind)])
+        duration(units(work) * MIN_NANOS[index(work.kind)])
     }
 
     fn nanos(&self, work: Work) -> f64 {
@@ -122,7 +122,7 @@ impl CostModel {
     pub fn learn(&mut self, work: Work, spent: Duration) {
         let typical = self.ln_nanos(work);
         let limit = OUTLIER.ln();
-        let least = LEAST_NANOS[index(work.kind)];
+        let least = MIN_NANOS[index(work.kind)];
         // How far off, as a logarithm.
         let off = (spent.as_nanos() as f64 / units(work)).max(least).ln() as f32 - typical;
         let off = off.clamp(-limit, limit);
@@ -136,7 +136,7 @@ impl CostModel {
 
     /// A frame has passed.
     pub fn fade(&mut self) {
-        self.kinds.iter_mut().for_each(|kind| kind.margin = (kind.margin * MARGIN_KEPT).max(LEAST_MARGIN));
+        self.kinds.iter_mut().for_each(|kind| kind.margin = (kind.margin * MARGIN_KEPT).max(MIN_MARGIN));
     }
 }
 
@@ -173,9 +173,9 @@ mod tests {
         let [typical, most] = [model.predict(rebuild(100)), model.at_most(rebuild(100))];
         assert!(typical > Duration::from_micros(19) && typical < Duration::from_micros(22), "{typical:?}");
         assert!(most >= Duration::from_micros(39), "{most:?}");
-        assert!(most > typical.mul_f32(LEAST_MARGIN.exp()), "{most:?}");
+        assert!(most > typical.mul_f32(MIN_MARGIN.exp()), "{most:?}");
         (0..5000).for_each(|_| model.fade());
-        let least = typical.mul_f32(LEAST_MARGIN.exp());
+        let least = typical.mul_f32(MIN_MARGIN.exp());
         assert!(model.at_most(rebuild(100)).abs_diff(least) < Duration::from_nanos(10));
     }
 

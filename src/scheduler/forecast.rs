@@ -38,16 +38,16 @@ const FRESH: [f32; 4] = [-9.46, 0.389, 4.91, 3.81];
 const FRESH_RATE: f32 = 0.26;
 
 /// A rise counts as at most so much (e^5 is 150 times): attributes may rise from nothing, or to infinity.
-const MOST_RISE: f32 = 5.0;
+const MAX_RISE: f32 = 5.0;
 
 /// ln s^2 stays within this of 0.
-const MOST_LN_VARIANCE: f32 = 12.0;
+const MAX_LN_VARIANCE: f32 = 12.0;
 
 /// Attributes below this are nothing; they are of order 1.
-const LEAST_ATTRIBUTE: f32 = 1.0e-3;
+const MIN_ATTRIBUTE: f32 = 1.0e-3;
 
 /// Less variance does not matter.
-const LEAST_VARIANCE: f32 = 1.0e-4;
+const MIN_VARIANCE: f32 = 1.0e-4;
 
 /// A tree's shape, in the numbers that foretell its noise.
 #[derive(Clone, Copy, Debug, Default)]
@@ -69,22 +69,21 @@ impl Signs {
         let mut logarithms = [0.0; FEATURES];
         for i in 0..FEATURES {
             // Lights all at one point, or an attribute that is no number: nothing.
-            logarithms[i] =
-                (attributes.get(ATTRIBUTES[i]) * units[i]).clamp(LEAST_ATTRIBUTE, 1.0 / LEAST_ATTRIBUTE).ln();
+            logarithms[i] = (attributes.get(ATTRIBUTES[i]) * units[i]).clamp(MIN_ATTRIBUTE, 1.0 / MIN_ATTRIBUTE).ln();
             if logarithms[i].is_nan() {
-                logarithms[i] = LEAST_ATTRIBUTE.ln();
+                logarithms[i] = MIN_ATTRIBUTE.ln();
             }
         }
         let lights = tree.lights().len().max(1) as f32;
         let ln_variance =
             FRESH[0] + FRESH[1] * lights.ln() + FRESH[2] * logarithms[2] + FRESH[3] * cluster.axis.length();
-        let ln_variance = if ln_variance.is_nan() { -MOST_LN_VARIANCE } else { ln_variance };
-        Self { attributes: logarithms, ln_variance: ln_variance.clamp(-MOST_LN_VARIANCE, MOST_LN_VARIANCE) }
+        let ln_variance = if ln_variance.is_nan() { -MAX_LN_VARIANCE } else { ln_variance };
+        Self { attributes: logarithms, ln_variance: ln_variance.clamp(-MAX_LN_VARIANCE, MAX_LN_VARIANCE) }
     }
 
     /// By how much each attribute has risen.
     fn rises(&self, then: &Self) -> [f32; FEATURES] {
-        std::array::from_fn(|i| (self.attributes[i] - then.attributes[i]).clamp(-MOST_RISE, MOST_RISE))
+        std::array::from_fn(|i| (self.attributes[i] - then.attributes[i]).clamp(-MAX_RISE, MAX_RISE))
     }
 }
 
@@ -132,7 +131,7 @@ impl Forecast {
 
     /// Logarithm of how much s^2 has risen since the last rebuild, at least 0.
     pub fn rise(&self, now: &Signs) -> f32 {
-        dot(&self.weights, &now.rises(&self.then)).clamp(0.0, MOST_RISE)
+        dot(&self.weights, &now.rises(&self.then)).clamp(0.0, MAX_RISE)
     }
 
     /// What a rebuild takes off s^2 that has risen so much.
@@ -147,12 +146,12 @@ impl Forecast {
         let Replaced { before, fresh } = replaced;
         let rises = before.rises(&self.then);
         self.then = *fresh;
-        match variances.map(|(before, after)| (before.max(LEAST_VARIANCE), after.max(LEAST_VARIANCE))) {
+        match variances.map(|(before, after)| (before.max(MIN_VARIANCE), after.max(MIN_VARIANCE))) {
             Some((before, after)) => {
                 self.learn_rise(&rises, (before / after).ln(), SEEN_NOISE);
                 let own = after.ln() - fresh.ln_variance;
                 if own.is_finite() {
-                    self.own += FRESH_RATE * (own.clamp(-MOST_LN_VARIANCE, MOST_LN_VARIANCE) - self.own);
+                    self.own += FRESH_RATE * (own.clamp(-MAX_LN_VARIANCE, MAX_LN_VARIANCE) - self.own);
                 }
             }
             None => self.learn_rise(&rises, dot(&PRIOR, &before.rises(fresh)), TOLD_NOISE),
@@ -172,7 +171,7 @@ impl Forecast {
         }
         let along = self.covariance.map(|row| dot(&row, rises));
         let doubt = dot(&along, rises) + noise * noise;
-        let off = seen.clamp(-MOST_RISE, MOST_RISE) - dot(&self.weights, rises);
+        let off = seen.clamp(-MAX_RISE, MAX_RISE) - dot(&self.weights, rises);
         for i in 0..FEATURES {
             self.weights[i] += along[i] / doubt * off;
             for j in 0..FEATURES {
@@ -238,7 +237,7 @@ mod tests {
             let rise = forecast.rise(&before_signs);
             let gain = forecast.gain(rise);
             assert!(
-                (0.0..=MOST_RISE).contains(&rise) && gain >= 0.0 && gain.is_finite(),
+                (0.0..=MAX_RISE).contains(&rise) && gain >= 0.0 && gain.is_finite(),
                 "{before} {after} {rise} {gain}"
             );
         }
@@ -262,7 +261,7 @@ mod tests {
             let mut forecast = Forecast::default();
             forecast.start(*b);
             let rise = forecast.rise(a);
-            assert!((0.0..=MOST_RISE).contains(&rise) && forecast.gain(rise).is_finite(), "{a:?} {b:?}");
+            assert!((0.0..=MAX_RISE).contains(&rise) && forecast.gain(rise).is_finite(), "{a:?} {b:?}");
         }
     }
 }

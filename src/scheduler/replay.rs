@@ -80,7 +80,7 @@ impl ReplayClock {
     }
 
     /// Whether a question had no answer in the record, so that the run is another than the recorded one.
-    pub fn is_off(&self) -> bool {
+    pub fn has_diverged(&self) -> bool {
         lock(&self.state).is_off
     }
 }

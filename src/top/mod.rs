@@ -15,7 +15,7 @@ use crate::curve::{Curve, NO_KEY};
 use crate::tree::{EMPTY_SLOT, LEAF, NO_PARENT, Node, WIDTH, WideCluster};
 pub(crate) use split::COST_SLACK;
 #[cfg(feature = "gpu")]
-pub(crate) use split::{AXIS_STEPS, CUT_BITS, CUTS, LAST_CELL, LEAST_ORIENTATION, ROUNDS};
+pub(crate) use split::{AXIS_STEPS, CUT_BITS, CUTS, LAST_CELL, MIN_ORIENTATION, ROUNDS};
 use split::{Part, split};
 
 /// Units that are split together: what a workgroup has memory for. Half as many cost 15 % of noise.

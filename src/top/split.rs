@@ -23,7 +23,7 @@ pub(crate) const COST_SLACK: u32 = 10;
 /// Bits of a cut's number.
 pub(crate) const CUT_BITS: u32 = (3 * CUTS).ilog2() + 1;
 /// The least orientation of a cost; see `tree/shape/group.rs`.
-pub(crate) const LEAST_ORIENTATION: f32 = 1.0 / 256.0;
+pub(crate) const MIN_ORIENTATION: f32 = 1.0 / 256.0;
 /// Steps of a coordinate of a unit's mean direction.
 pub(crate) const AXIS_STEPS: f32 = 127.0;
 
@@ -149,7 +149,7 @@ impl Sums {
         let axis = (a * a + b * b + c * c).sqrt();
         let wide = 4.0 * self.flux - (3.0 / LAMBERTIAN) * axis;
         let narrow = 3.0 * (self.flux - axis);
-        size * wide.max(narrow).max(LEAST_ORIENTATION * self.flux)
+        size * wide.max(narrow).max(MIN_ORIENTATION * self.flux)
     }
 }
 

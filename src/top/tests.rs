@@ -1,13 +1,13 @@
 use glam::{DVec3, Quat, Vec3};
 
 use super::*;
-use crate::importance::Receiver;
 use crate::light::{Light, luminance};
 use crate::placement::Placement;
 use crate::policy::Policy;
-use crate::sample::{LightId, Sampler};
+use crate::sample::{LightId, LightSampler};
+use crate::shading_point::ShadingPoint;
 use crate::tree::{Item, shape};
-use crate::world::World;
+use crate::world::LightWorld;
 
 /// A number in [0, 1) for each index and purpose: SplitMix64's output function.
 fn random(index: usize, salt: u64) -> f32 {
@@ -18,8 +18,8 @@ fn random(index: usize, salt: u64) -> f32 {
 }
 
 /// Lamps, shop windows and strings of lights along the streets of a square city, instance by instance.
-fn city(instances: usize) -> World {
-    let mut world = World::new();
+fn city(instances: usize) -> LightWorld {
+    let mut world = LightWorld::new();
     let mut add = |lights: Vec<Light>| world.add_tree(lights).expect("valid lights");
     let head = Light::spot(Vec3::Y * 6.0, Vec3::NEG_Y, 0.6, 1.2, Vec3::splat(900.0));
     let trees = [
@@ -73,19 +73,20 @@ fn by_cost(instances: &[Cluster]) -> TopLevel {
     top
 }
 
-/// The exact relative standard deviation of one sample, by receivers (docs/benchmarks.md), in ascending order.
-fn sigmas(sampler: &Sampler<'_>, receivers: &[Receiver]) -> Vec<f64> {
+/// The exact relative standard deviation of one sample, by shading points (docs/benchmarks.md), in ascending order.
+fn sigmas(sampler: &LightSampler<'_>, shading_points: &[ShadingPoint]) -> Vec<f64> {
     let lights: Vec<LightId> = sampler.all_lights().collect();
-    let mut sigmas: Vec<f64> = receivers
+    let mut sigmas: Vec<f64> = shading_points
         .iter()
-        .map(|receiver| {
+        .map(|shading_point| {
             let (mut sum, mut squares) = (0.0, 0.0);
             for light in &lights {
-                let Some(incident) = sampler.sample_light(receiver, *light, [0.5, 0.5]) else { continue };
-                let lux =
-                    f64::from(luminance(incident.radiance) * incident.direction.dot(receiver.normal) / incident.pdf);
+                let Some(incident) = sampler.sample_light(shading_point, *light, [0.5, 0.5]) else { continue };
+                let lux = f64::from(
+                    luminance(incident.radiance) * incident.direction.dot(shading_point.normal) / incident.pdf,
+                );
                 sum += lux;
-                squares += lux * lux / f64::from(sampler.pmf(receiver, *light));
+                squares += lux * lux / f64::from(sampler.pmf(shading_point, *light));
             }
             (squares / (sum * sum) - 1.0).max(0.0).sqrt()
         })
@@ -102,8 +103,8 @@ fn rounds_of_pieces_are_hardly_noisier_than_a_tree_by_cost_over_all_instances() 
     let (ours, best) = (TopLevel::build(&instances), by_cost(&instances));
     let size = 12.0 * 6000.0_f32.sqrt();
     let place = |i: usize| Vec3::new(random(i, 20) * size, 0.0, random(i, 21) * size);
-    let receivers: Vec<Receiver> = (0..40).map(|i| Receiver::surface(place(i), Vec3::Y)).collect();
-    let [ours, best] = [&ours, &best].map(|top| sigmas(&world.sampler().with_top(top), &receivers));
+    let shading_points: Vec<ShadingPoint> = (0..40).map(|i| ShadingPoint::surface(place(i), Vec3::Y)).collect();
+    let [ours, best] = [&ours, &best].map(|top| sigmas(&world.sampler().with_top(top), &shading_points));
     let mean = |sigmas: &[f64]| sigmas.iter().sum::<f64>() / sigmas.len() as f64;
     let (means, medians) = (mean(&ours) / mean(&best), ours[20] / best[20]);
     assert!(mean(&best) > 0.1, "noise to compare");

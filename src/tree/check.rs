@@ -1,8 +1,8 @@
 //! Proves that a tree keeps its promises; every tree test calls it after every step.
 
-use super::node::{EMPTY_SLOT, FARTHEST, NO_PARENT, Node, WIDTH};
+use super::node::{EMPTY_SLOT, NO_PARENT, Node, UNLIMITED_RANGE, WIDTH};
 use super::{LightTree, Target};
-use crate::cluster::{Cluster, MOST_FLUX};
+use crate::cluster::{Cluster, MAX_FLUX};
 use crate::cone::angle;
 use crate::light::MIN_FLUX;
 
@@ -105,7 +105,7 @@ impl LightTree {
             return end("a light has no leaf");
         }
         let total =
-            self.lights.iter().map(|light| f64::from(light.cluster().flux)).sum::<f64>().min(f64::from(MOST_FLUX));
+            self.lights.iter().map(|light| f64::from(light.cluster().flux)).sum::<f64>().min(f64::from(MAX_FLUX));
         let floors = f64::from(MIN_FLUX) * self.lights.len() as f64;
         if (total - f64::from(self.cluster().flux)).abs() > total * f64::from(FLUX_TOLERANCE) + floors {
             return end("the flux is not the sum of the lights'");
@@ -123,7 +123,7 @@ fn merges(outer: &Cluster, children: impl Iterator<Item = Cluster>) -> Option<&'
             return Some(what);
         }
     }
-    let sum = sum.min(f64::from(MOST_FLUX));
+    let sum = sum.min(f64::from(MAX_FLUX));
     ((f64::from(outer.flux) - sum).abs() > sum * f64::from(FLUX_TOLERANCE)).then_some("the flux is not the sum")
 }
 
@@ -148,7 +148,7 @@ fn covers(outer: &Cluster, inner: &Cluster) -> Option<&'static str> {
     if outer.cos_half_angle > -1.0 && !is_within() {
         return Some("the cap does not cover what is below");
     }
-    if outer.range < inner.range.min(FARTHEST) {
+    if outer.range < inner.range.min(UNLIMITED_RANGE) {
         return Some("the range is shorter than below");
     }
     let finite = [outer.flux, outer.variance].into_iter().chain(outer.mean.to_array()).chain(outer.axis.to_array());

@@ -13,7 +13,7 @@ impl LightTree {
     /// bytes a light. The next [`LightTree::set`] computes them again, and the refit after it visits all nodes once, to
     /// the very same bits as if nothing had been dropped. Refits first, if some light has changed since.
     ///
-    /// [`World`](crate::World) does this to its trees by itself, once their lights have not changed for a while. O(1),
+    /// [`LightWorld`](crate::LightWorld) does this to its trees by itself, once their lights have not changed for a while. O(1),
     /// but for that refit.
     pub fn freeze(&mut self) {
         if self.dirty.len() > 0 {

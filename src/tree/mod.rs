@@ -18,7 +18,7 @@ pub(crate) use cost::DIAGONAL_WEIGHT;
 pub use node::{Bytes, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_PARENT, Node, Target, WIDTH};
 #[cfg(feature = "gpu")]
 pub(crate) use node::{CAP_STEPS, DIRECTION_STEPS, STEPS};
-pub(crate) use node::{FARTHEST, Unpacked};
+pub(crate) use node::{UNLIMITED_RANGE, Unpacked};
 #[cfg(feature = "gpu")]
 pub(crate) use shape::{FULL, SPARSE_COUNTS};
 #[cfg(test)]
@@ -38,7 +38,7 @@ use crate::light::Light;
 /// Lights and the wide tree over them. Nodes lie depth first: a parent before its children, every subtree in one piece.
 ///
 /// A tree is bound to its number of lights; [`LightTree::set`] changes lights in place and [`LightTree::refit`] brings
-/// the nodes up to date. [`World`](crate::World) does both for the trees that it holds.
+/// the nodes up to date. [`LightWorld`](crate::LightWorld) does both for the trees that it holds.
 #[derive(Clone, Debug, Default)]
 pub struct LightTree {
     lights: Vec<Light>,
@@ -132,7 +132,7 @@ impl LightTree {
     ///
     /// # Errors
     /// [`WorldError::NoSuchLight`] or [`WorldError::Light`]; then no light has changed.
-    pub fn set(&mut self, changes: &[(u32, Light)]) -> Result<(), WorldError> {
+    pub fn set_lights(&mut self, changes: &[(u32, Light)]) -> Result<(), WorldError> {
         self.check_changes(changes)?;
         self.apply(changes);
         Ok(())

@@ -10,7 +10,7 @@ use glam::Vec3;
 
 use super::wide::WideCluster;
 use crate::bounds::Aabb;
-use crate::cluster::{Cluster, LEAST_AXIS};
+use crate::cluster::{Cluster, MIN_AXIS};
 
 /// Children of a node. Eight fill a vector register; `docs/decisions.md` has the noise of 8, 16 and 32.
 pub const WIDTH: usize = 8;
@@ -29,7 +29,7 @@ pub const NO_PARENT: u32 = u32::MAX;
 
 /// Stands for no range, in metres: shaders may not rely on infinity. Its square fits into f32 and is farther than any
 /// two places of a world.
-pub(crate) const FARTHEST: f32 = 1.0e18;
+pub(crate) const UNLIMITED_RANGE: f32 = 1.0e18;
 
 /// Steps of a box, of a share and of a length.
 pub(crate) const STEPS: f32 = 255.0;
@@ -145,7 +145,7 @@ impl Node {
         shortness: [STEPS as u8; WIDTH],
         axis: [[0; WIDTH], [0; WIDTH], [DIRECTION_STEPS as i8; WIDTH]],
         cap: [2 * CAP_STEPS as u8; WIDTH],
-        range: [packed_range(FARTHEST); WIDTH],
+        range: [packed_range(UNLIMITED_RANGE); WIDTH],
     };
 
     /// Children in use; they are the first.
@@ -175,7 +175,7 @@ impl Node {
             mean: child.toward.into(),
             variance: child.variance,
             // A length that packs to nothing leaves the cap its direction.
-            axis: Vec3::from(child.axis) * child.length.max(LEAST_AXIS),
+            axis: Vec3::from(child.axis) * child.length.max(MIN_AXIS),
             cos_half_angle: child.cos_half_angle,
             range: child.range,
         }
@@ -240,8 +240,8 @@ impl Node {
             let steps = if is_lit { (1.0 - caps[i]) * CAP_STEPS } else { 2.0 * CAP_STEPS };
             let whole = nearest(steps);
             self.cap[i] = byte(if whole < steps { whole + 1.0 } else { whole });
-            let has_range = is_lit & (wide.range[i] < FARTHEST);
-            self.range[i] = packed_range(if has_range { wide.range[i] } else { FARTHEST });
+            let has_range = is_lit & (wide.range[i] < UNLIMITED_RANGE);
+            self.range[i] = packed_range(if has_range { wide.range[i] } else { UNLIMITED_RANGE });
             self.flux[i] = ((wide.flux[i].to_bits() + 0x8000) >> 16) as u16;
         }
     }
@@ -416,7 +416,7 @@ mod tests {
                 for (lane, cluster) in clusters.iter().enumerate() {
                     let back = node.cluster(lane);
                     assert!(back.aabb.contains(&cluster.aabb), "{scale} {shift}: {back:?} {cluster:?}");
-                    assert!(back.range >= cluster.range.min(FARTHEST));
+                    assert!(back.range >= cluster.range.min(UNLIMITED_RANGE));
                     let slack = node.cluster(lane).aabb.extent() - cluster.aabb.extent();
                     let most = (corner(1) - corner(9)).abs().max_element().max(scale) / 50.0 + shift.abs() * 3.0e-7;
                     assert!(slack.max_element() <= most.max(1.0e-36), "{scale} {shift} {slack}");

@@ -14,12 +14,12 @@ use crate::cluster::Cluster;
 const SPARE: usize = 24;
 
 /// Subtrees of fewer lights are not rebuilt by themselves: what they could gain is not worth looking for.
-const LEAST_LIGHTS: u32 = 32;
+const MIN_LIGHTS: u32 = 32;
 /// Nor are subtrees of less than one in so many of the tree's lights.
-const LEAST_SHARE: u32 = 256;
+const MIN_SHARE: u32 = 256;
 
 /// A rebuild is worth it once a subtree's splitting cost has risen by this share.
-const LEAST_LOSS: f32 = 0.05;
+const MIN_LOSS: f32 = 0.05;
 
 /// A subtree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -102,7 +102,7 @@ impl LightTree {
         if self.is_frozen() {
             return None;
         }
-        let least = LEAST_LIGHTS.max(self.lights.len() as u32 / LEAST_SHARE);
+        let least = MIN_LIGHTS.max(self.lights.len() as u32 / MIN_SHARE);
         let mut worst = (0.0, None);
         let mut node = 0;
         while node < self.nodes.len() {
@@ -112,7 +112,7 @@ impl LightTree {
             }
             let loss = self.loss(node);
             let gain = self.terms[node].cost_share(loss) / f64::from(self.sizes[node]);
-            if loss > LEAST_LOSS && gain > worst.0 && self.sizes[node] as usize <= most_lights {
+            if loss > MIN_LOSS && gain > worst.0 && self.sizes[node] as usize <= most_lights {
                 worst = (gain, Some(node));
             }
             node += 1;
@@ -363,7 +363,7 @@ mod tests {
         assert_eq!(tree.sizes[root], 64);
         change_below(&mut tree, root, |i| Vec3::X * 0.5_f32.powi(i as i32 % 24) * 100.0 + numbers.place() * 1.0e-5);
         let before = tree.clone();
-        assert!(tree.loss(root) > LEAST_LOSS);
+        assert!(tree.loss(root) > MIN_LOSS);
         assert!(!tree.rebuild_subtree(root));
         tree.check().expect("sound");
         assert_eq!(tree.nodes, before.nodes);

@@ -7,7 +7,7 @@ use glam::Vec3;
 
 use super::node::WIDTH;
 use crate::bounds::Aabb;
-use crate::cluster::{Cluster, LEAST_AXIS, MOST_FLUX};
+use crate::cluster::{Cluster, MAX_FLUX, MIN_AXIS};
 use crate::cone::cap_about;
 
 /// One number for each child.
@@ -114,7 +114,7 @@ impl WideCluster {
             mean[k] = middle[k] + sum(&moved);
             axis[k] = sum(&turned);
         }
-        let axis = if axis.length() > LEAST_AXIS { axis } else { Vec3::ZERO };
+        let axis = if axis.length() > MIN_AXIS { axis } else { Vec3::ZERO };
         let (mut apart, mut within) = ([0.0; WIDTH], [0.0; WIDTH]);
         for i in 0..WIDTH {
             let [x, y, z] = [0, 1, 2].map(|k| self.mean[k][i] - mean[k]);
@@ -124,8 +124,8 @@ impl WideCluster {
         let between = sum(&apart);
         let cluster = Cluster {
             aabb,
-            flux: total.min(MOST_FLUX),
-            area_flux: sum(&self.area_flux).min(MOST_FLUX),
+            flux: total.min(MAX_FLUX),
+            area_flux: sum(&self.area_flux).min(MAX_FLUX),
             mean,
             variance: between + sum(&within),
             axis,

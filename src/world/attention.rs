@@ -2,14 +2,14 @@
 
 use glam::DVec3;
 
-use super::World;
+use super::LightWorld;
 use crate::keys::{InstanceKey, TreeKey};
 
 /// Updates after which a tree's light at the eye is reckoned anew, when it asks for a rebuild.
 const STALE: u64 = 8;
 
 /// Instances of a tree that are looked at for that; of more, evenly chosen ones stand for all.
-const MOST_INSTANCES: usize = 16;
+const MAX_INSTANCES: usize = 16;
 
 /// What is left of earlier counts of picks when new ones come.
 const KEPT: f32 = 0.8;
@@ -21,7 +21,7 @@ const LASTING: u64 = 240;
 const UNSEEN_SHARE: f32 = 0.1;
 
 /// A tree's light is at most this, in lux.
-const MOST_LIGHT: f32 = 1.0e12;
+const MAX_LIGHT: f32 = 1.0e12;
 
 /// Of one tree.
 #[derive(Clone, Copy, Debug, Default)]
@@ -51,10 +51,10 @@ pub(super) struct Gaze {
     touched: Vec<TreeKey>,
 }
 
-impl World {
+impl LightWorld {
     /// Tells where the picture is taken from, in metres: rebuilds go first to trees whose light is strong there. Trees
     /// that move follow within eight updates; of those that wait at rest, one does in each. O(1).
-    pub fn look_from(&mut self, eye: DVec3) {
+    pub fn set_viewpoint(&mut self, eye: DVec3) {
         // What is no place says nothing.
         if eye.is_finite() {
             self.gaze.eye = Some(eye);
@@ -62,12 +62,12 @@ impl World {
     }
 
     /// Tells how often lights of each instance were sampled lately, of a frame or of some, from a part of all samples
-    /// or from all: what is sampled most matters most. Better than [`World::look_from`], since it knows what is in
+    /// or from all: what is sampled most matters most. Better than [`LightWorld::set_viewpoint`], since it knows what is in
     /// sight. Counts of earlier calls fade by a fifth with each; two hundred updates after the last they are forgotten.
     /// Instances that are gone are skipped.
     ///
     /// O(instances that are named).
-    pub fn note_picks(&mut self, picks: impl IntoIterator<Item = (InstanceKey, u32)>) {
+    pub fn record_usage(&mut self, picks: impl IntoIterator<Item = (InstanceKey, u32)>) {
         let Self { trees, instances, gaze, .. } = self;
         let mut total = 0_u64;
         for (instance, count) in picks {
@@ -126,7 +126,7 @@ impl World {
     /// A tree's light at the eye.
     fn light_of(&self, key: TreeKey) -> f32 {
         let instances = &self.trees[key].instances;
-        let step = instances.len().div_ceil(MOST_INSTANCES).max(1);
+        let step = instances.len().div_ceil(MAX_INSTANCES).max(1);
         let eye = self.gaze.eye.map(|eye| (eye - self.origin).as_vec3());
         let light = instances.iter().step_by(step).map(|instance| {
             let cluster = self.cluster(*instance);
@@ -135,7 +135,7 @@ impl World {
         });
         let sum = light.sum::<f32>() * step as f32;
         // The eye in the one lamp of a tree: more than this would leave nothing of the others in the sum of all.
-        if sum.is_nan() { 0.0 } else { sum.min(MOST_LIGHT) }
+        if sum.is_nan() { 0.0 } else { sum.min(MAX_LIGHT) }
     }
 }
 

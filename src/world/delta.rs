@@ -1,9 +1,9 @@
 //! What changed since the GPU was last told.
 
-use super::World;
+use super::LightWorld;
 use crate::keys::slot_of;
 
-/// What [`World::take_delta`] hands over: enough for `GpuLights::upload` to bring a GPU up to date.
+/// What [`LightWorld::take_delta`] hands over: enough for `GpuLights::upload` to bring a GPU up to date.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameDelta {
     /// Slots whose tree was added, edited, rebuilt or removed.
@@ -21,7 +21,7 @@ impl FrameDelta {
     }
 
     /// All there is, for a GPU that has seen nothing yet.
-    pub fn everything(world: &World) -> Self {
+    pub fn everything(world: &LightWorld) -> Self {
         Self {
             trees: world.trees.keys().map(slot_of).collect(),
             instances: world.instances.keys().map(slot_of).collect(),
@@ -102,7 +102,7 @@ impl SlotSet {
     }
 }
 
-impl World {
+impl LightWorld {
     /// Hands over what changed since the last call; empty, and without allocation, if nothing did.
     pub fn take_delta(&mut self) -> FrameDelta {
         self.changes.take()

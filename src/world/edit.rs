@@ -2,17 +2,17 @@
 
 use glam::DVec3;
 
-use super::{Instance, TreeEntry, World, set_slot};
+use super::{Instance, LightWorld, TreeEntry, set_slot};
 use crate::effects::Effects;
 use crate::error::WorldError;
 use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
 use crate::light::{DirectionalLight, Light};
 use crate::placement::{Placed, Placement};
-use crate::policy::{History, Policy};
+use crate::policy::{AttributeHistory, Policy};
 use crate::scheduler::Signs;
 use crate::tree::LightTree;
 
-impl World {
+impl LightWorld {
     /// Builds a tree over lights. It shines nowhere until it has an instance.
     ///
     /// # Errors
@@ -52,7 +52,7 @@ impl World {
         Ok(())
     }
 
-    /// Changes some lights of a tree, for all its instances, at the next [`World::update`].
+    /// Changes some lights of a tree, for all its instances, at the next [`LightWorld::update`].
     ///
     /// # Errors
     /// [`WorldError::NoSuchTree`], [`WorldError::StaticTree`], [`WorldError::NoSuchLight`], [`WorldError::Light`].
@@ -76,7 +76,7 @@ impl World {
     /// Gives a tree other lights, any number of them, and builds it at once. Staged changes are dropped.
     ///
     /// # Errors
-    /// As [`World::add_tree`], [`WorldError::NoSuchTree`], [`WorldError::StaticTree`].
+    /// As [`LightWorld::add_tree`], [`WorldError::NoSuchTree`], [`WorldError::StaticTree`].
     pub fn replace_lights(&mut self, tree: TreeKey, lights: Vec<Light>) -> Result<(), WorldError> {
         if self.entry(tree)?.is_static() {
             return Err(WorldError::StaticTree(tree));
@@ -89,7 +89,7 @@ impl World {
             counts.add_all(built.effects());
             counts.remove_all(entry.tree.effects());
         });
-        entry.history = History::start(built.attributes());
+        entry.history = AttributeHistory::start(built.attributes());
         entry.standing.start(Signs::of(&built), self.schedule.frame);
         entry.tree = built;
         entry.staged.clear();

@@ -2,11 +2,11 @@
 
 use std::time::Duration;
 
-use super::World;
+use super::LightWorld;
 use super::schedule::{Schedule, Waiting};
 use super::update::FrameReport;
 use crate::keys::{TreeKey, slot_of};
-use crate::policy::{History, Wish};
+use crate::policy::{AttributeHistory, RebuildRequest};
 use crate::scheduler::{CostModel, Replaced, Signs, Snapshot, Work, WorkKind};
 use crate::tree::{Part, WIDTH};
 
@@ -16,25 +16,25 @@ pub const PATIENCE: u32 = 16;
 /// Builds in the background are paid from what frames leave over of their budgets. While one is to be paid for, or
 /// waits to begin, frames leave over one in so many parts at least: else many small trees would keep a large one
 /// waiting for ever.
-const LEAST_PURSE: u32 = 4;
+const MIN_PURSE: u32 = 4;
 
 /// A build is charged at most so many times what it was thought to take.
-const MOST_PRICES: f64 = 4.0;
+const MAX_PRICES: f64 = 4.0;
 
 /// Every so manieth build in the background is for who has waited longest.
 const BACKGROUND_PATIENCE: u64 = 4;
 
 /// Smaller trees are rebuilt whole or not at all: to look for their worst subtree takes longer than it saves.
-const LEAST_DIVIDED: usize = 256;
+const MIN_DIVIDED: usize = 256;
 
 /// Trees that do not fit into what is left of a frame before it ends.
-const MOST_MISFITS: usize = 4;
+const MAX_MISFITS: usize = 4;
 
 /// Trees too large for any frame that are passed by in one.
-const MOST_ASIDE: usize = 32;
+const MAX_ASIDE: usize = 32;
 
 /// Trees that are found in one frame to be too large for it, and as many not to be.
-const MOST_MOVED: usize = 16;
+const MAX_MOVED: usize = 16;
 
 /// Waiting trees that are judged anew each frame though their lights rest: what they matter may have changed.
 const REJUDGED: usize = 1;
@@ -43,7 +43,7 @@ const REJUDGED: usize = 1;
 const CURIOSITY: u32 = 20;
 
 /// Fewer lights are not worth a copy of their own. So few that the smallest budgets, a microsecond, are enough.
-const LEAST_COPIED: usize = 16;
+const MIN_COPIED: usize = 16;
 
 /// A job of the last update.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,7 +61,7 @@ pub struct JobReport {
 }
 
 /// No job is smaller.
-const LEAST_WORK: Work = Work { kind: WorkKind::Rebuild, lights: WIDTH };
+const MIN_WORK: Work = Work { kind: WorkKind::Rebuild, lights: WIDTH };
 
 /// The time of one frame.
 #[derive(Clone, Copy)]
@@ -83,8 +83,8 @@ enum Served {
     TooLarge,
 }
 
-impl World {
-    /// What was done in the last [`World::update`], in that order.
+impl LightWorld {
+    /// What was done in the last [`LightWorld::update`], in that order.
     pub fn jobs(&self) -> &[JobReport] {
         &self.schedule.jobs
     }
@@ -103,7 +103,7 @@ impl World {
             let start = self.clock.now();
             let Schedule { purse, large, snapshot, builder, .. } = &self.schedule;
             let is_beside = !builder.is_off() && (*purse < 0.0 || large.first().is_some() || snapshot.is_some());
-            let beside = if is_beside { budget / LEAST_PURSE } else { Duration::ZERO };
+            let beside = if is_beside { budget / MIN_PURSE } else { Duration::ZERO };
             let mut frame = Frame { budget: budget - beside, start, least: Duration::ZERO };
             self.rejudge();
             self.sort_out_large(&frame);
@@ -152,14 +152,14 @@ impl World {
     fn sort_out_large(&mut self, frame: &Frame) {
         // What is left now is all that any job of this frame gets.
         let most = self.left(self.clock.now(), frame);
-        for _ in 0..MOST_MOVED {
+        for _ in 0..MAX_MOVED {
             let Some(key) = self.schedule.ages.first() else { break };
             if most.is_zero() || self.fits(key, most) {
                 break;
             }
             self.set_large(key, true);
         }
-        for _ in 0..MOST_MOVED {
+        for _ in 0..MAX_MOVED {
             let Some(key) = self.schedule.large.first() else { break };
             if !self.fits(key, most) {
                 break;
@@ -190,7 +190,7 @@ impl World {
     /// The best value for the time first. Returns the best of those that no frame has room for.
     fn serve_best(&mut self, frame: &mut Frame, report: &mut FrameReport) -> Option<TreeKey> {
         let (mut large, mut misfits) = (None, 0);
-        while misfits < MOST_MISFITS && self.schedule.aside.len() < MOST_ASIDE {
+        while misfits < MAX_MISFITS && self.schedule.aside.len() < MAX_ASIDE {
             let Some(place) = self.schedule.queue.best() else { break };
             let key = self.schedule.queue.key(place);
             match self.serve(key, false, frame, report) {
@@ -198,7 +198,7 @@ impl World {
                 Served::TooLarge => large = large.or(Some(key)),
                 Served::Later => misfits += 1,
             }
-            if self.left(self.clock.now(), frame) < self.schedule.costs.predict(LEAST_WORK) {
+            if self.left(self.clock.now(), frame) < self.schedule.costs.predict(MIN_WORK) {
                 break;
             }
             let bits = self.schedule.queue.set_aside(place);
@@ -228,7 +228,8 @@ impl World {
         let whole = Work { kind: WorkKind::Rebuild, lights };
         // Nothing will ever build it whole.
         let is_hopeless = self.schedule.builder.is_off() && costs.at_most(whole) > frame.budget;
-        let is_divisible = !is_whole && (entry.standing.wish == Wish::Weigh || is_hopeless) && lights >= LEAST_DIVIDED;
+        let is_divisible =
+            !is_whole && (entry.standing.request == RebuildRequest::Optional || is_hopeless) && lights >= MIN_DIVIDED;
         let mut part = if is_divisible { entry.tree.worst(lights) } else { None };
         if is_divisible && is_hopeless {
             let fits = |lights: &usize| costs.at_most(Work { kind: WorkKind::RebuildPart, lights: *lights }) <= left;
@@ -302,7 +303,7 @@ impl World {
         let before = Signs::of(&entry.tree);
         entry.tree.rebuild();
         let replaced = Replaced { before, fresh: Signs::of(&entry.tree) };
-        entry.history = History::start(entry.tree.attributes());
+        entry.history = AttributeHistory::start(entry.tree.attributes());
         self.forget_build(key);
         self.leave(key);
         self.changes.tree(slot_of(key));
@@ -386,7 +387,7 @@ impl World {
             true => missing.len(),
             false => (missing.len() as f64 * left.as_secs_f64() / cost.as_secs_f64()) as usize,
         };
-        if count < LEAST_COPIED.min(missing.len()) {
+        if count < MIN_COPIED.min(missing.len()) {
             self.schedule.snapshot = Some(snapshot);
             return;
         }
@@ -433,7 +434,7 @@ impl World {
         let schedule = &mut self.schedule;
         schedule.costs.learn(running.work, took);
         // What was thought to be paid already. A machine that slept meanwhile does not pay for ever.
-        schedule.purse += running.price - (took.as_nanos() as f64).min(MOST_PRICES * running.price);
+        schedule.purse += running.price - (took.as_nanos() as f64).min(MAX_PRICES * running.price);
         report.background.spent = took;
         let (key, ticket) = (running.key, running.ticket);
         let tree = running.wait();

@@ -24,16 +24,16 @@ use crate::effects::{Damped, EffectCounts, Effects};
 use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
 use crate::light::{DirectionalLight, Light, MIN_FLUX};
 use crate::placement::{Placed, Placement};
-use crate::policy::{History, Policy};
+use crate::policy::{AttributeHistory, Policy};
 use crate::scheduler::{Clock, Signs, SystemClock};
 use crate::top::TopLevel;
 use crate::tree::LightTree;
 
 /// Everything that shines: light trees, instances of them, directional lights.
 ///
-/// Calls that fail change nothing. Edits of lights take effect at [`World::update`]; moves, additions and removals at
+/// Calls that fail change nothing. Edits of lights take effect at [`LightWorld::update`]; moves, additions and removals at
 /// once.
-pub struct World {
+pub struct LightWorld {
     trees: SlotMap<TreeKey, TreeEntry>,
     instances: SlotMap<InstanceKey, Instance>,
     directionals: SlotMap<DirectionalKey, DirectionalLight>,
@@ -60,7 +60,7 @@ pub(crate) struct TreeEntry {
     pub instances: Vec<InstanceKey>,
     /// The instances' distinct policies and how many want each.
     policies: Vec<(Policy, u32)>,
-    history: History,
+    history: AttributeHistory,
     staged: Vec<(u32, Light)>,
     is_edited: bool,
     standing: schedule::Standing,
@@ -81,7 +81,7 @@ impl TreeEntry {
         let mut standing = schedule::Standing::default();
         standing.start(Signs::of(&tree), frame);
         Self {
-            history: History::start(tree.attributes()),
+            history: AttributeHistory::start(tree.attributes()),
             tree,
             instances: Vec::new(),
             policies: Vec::new(),
@@ -119,13 +119,13 @@ impl TreeEntry {
     }
 }
 
-impl Default for World {
+impl Default for LightWorld {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl World {
+impl LightWorld {
     /// An empty world that measures rebuilds with the machine's clock.
     pub fn new() -> Self {
         Self::with_clock(Arc::new(SystemClock::default()))
@@ -173,13 +173,13 @@ impl World {
         self.effects.counts()
     }
 
-    /// The effects of what the world holds now; staged edits count from [`World::update`] on. O(1).
-    pub fn called_for(&self) -> Effects {
+    /// The effects of what the world holds now; staged edits count from [`LightWorld::update`] on. O(1).
+    pub fn active_effects(&self) -> Effects {
         self.effects.counts().effects()
     }
 
-    /// What shaders and layouts should be made for: all that [`World::called_for`] has, at once, and what it had within
-    /// the last [`DAMPING`](crate::DAMPING) calls of [`World::update`], so that flicker changes nothing. O(1).
+    /// What shaders and layouts should be made for: all that [`LightWorld::active_effects`] has, at once, and what it had within
+    /// the last [`EFFECT_HOLD_UPDATES`](crate::EFFECT_HOLD_UPDATES) calls of [`LightWorld::update`], so that flicker changes nothing. O(1).
     pub fn effects(&self) -> Effects {
         self.effects.effects()
     }

@@ -1,14 +1,14 @@
 //! Brings trees up to date with the edits since the last update, in parallel.
 
-use super::World;
+use super::LightWorld;
 use crate::effects::EffectCounts;
 use crate::keys::{TreeKey, slot_of};
 use crate::light::Light;
-use crate::policy::History;
+use crate::policy::AttributeHistory;
 use crate::scheduler::{Replaced, Signs};
 use crate::tree::LightTree;
 
-impl World {
+impl LightWorld {
     /// How many trees, and lights in them.
     pub(super) fn refit_edited(&mut self) -> (usize, usize) {
         if self.edited.is_empty() {
@@ -36,7 +36,7 @@ impl World {
         let refit = |Edited { tree, staged, has_moved, successor, succeeded, is_measured, .. }: &mut Edited| {
             if let Some(built) = successor.take() {
                 let replaced = Replaced { before: Signs::of(tree), fresh: Signs::of(&built) };
-                let history = History::start(built.attributes());
+                let history = AttributeHistory::start(built.attributes());
                 *succeeded = Some((replaced, history, tree.succeed(*built)));
             }
             *has_moved = !staged.is_empty();
@@ -104,7 +104,7 @@ struct Edited {
     /// Takes its place, if it was built anew in the background.
     successor: Option<Box<LightTree>>,
     /// What that changed, over about the same lights, and whether some of them have moved since.
-    succeeded: Option<(Replaced, History, bool)>,
+    succeeded: Option<(Replaced, AttributeHistory, bool)>,
     /// Its lights were edited.
     has_moved: bool,
     /// Some policy reads the attributes.

@@ -1,18 +1,18 @@
 //! Which trees move and which rest: those that rest are frozen.
 
-use super::World;
-use crate::effects::{DAMPING, Effects};
+use super::LightWorld;
+use crate::effects::{EFFECT_HOLD_UPDATES, Effects};
 use crate::keys::TreeKey;
 
 /// Trees that are frozen in one update: to give memory back takes time too, and many trees may come at once.
-const MOST_FREEZES: usize = 64;
+const MAX_FREEZES: usize = 64;
 
 /// A tree's part in it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rest {
     /// Its place in the world's list of trees that are awake, if it is.
     place: Option<usize>,
-    /// Its lights changed less than [`DAMPING`] updates ago.
+    /// Its lights changed less than [`EFFECT_HOLD_UPDATES`] updates ago.
     is_moving: bool,
     /// Updates since its lights changed, or since it came.
     still: u32,
@@ -23,11 +23,11 @@ pub(super) struct Rest {
 
 impl Default for Rest {
     fn default() -> Self {
-        Self { place: None, is_moving: false, still: 0, patience: DAMPING }
+        Self { place: None, is_moving: false, still: 0, patience: EFFECT_HOLD_UPDATES }
     }
 }
 
-impl World {
+impl LightWorld {
     /// A tree has what refits need; its rest begins, if it has not yet.
     pub(super) fn wake(&mut self, tree: TreeKey) {
         let place = self.awake.len();
@@ -78,12 +78,12 @@ impl World {
             let rest = &mut self.trees[tree].rest;
             rest.still = rest.still.saturating_add(1);
             let (still, patience) = (rest.still, rest.patience);
-            if still > DAMPING {
+            if still > EFFECT_HOLD_UPDATES {
                 self.stand_still(tree);
             }
             // Without threads large trees are rebuilt in parts, which needs what a frozen tree has not.
             let is_needed = self.schedule.builder.is_off() && self.trees[tree].standing.waiting.is_some();
-            if still > patience && frozen < MOST_FREEZES && !is_needed {
+            if still > patience && frozen < MAX_FREEZES && !is_needed {
                 frozen += 1;
                 self.trees[tree].tree.freeze();
                 self.let_rest(tree);

@@ -4,9 +4,9 @@ use std::time::Duration;
 
 use super::attention::Attention;
 use super::jobs::JobReport;
-use super::{TreeEntry, World};
+use super::{LightWorld, TreeEntry};
 use crate::keys::TreeKey;
-use crate::policy::{Wish, wish};
+use crate::policy::{RebuildRequest, rebuild_request};
 use crate::scheduler::{
     Ages, Builder, CostModel, Decay, Forecast, Queue, Replaced, Running, Signs, Snapshot, Work, WorkKind,
 };
@@ -26,7 +26,7 @@ pub(super) struct Waiting {
 #[derive(Default)]
 pub(super) struct Standing {
     pub waiting: Option<Waiting>,
-    pub wish: Wish,
+    pub request: RebuildRequest,
     /// The update in which it first asked.
     pub since: u64,
     pub forecast: Forecast,
@@ -103,28 +103,28 @@ impl TreeEntry {
     }
 
     /// What its policies ask for.
-    fn wish(&self) -> Wish {
+    fn rebuild_request(&self) -> RebuildRequest {
         let now = self.tree.attributes();
         // Of the deviation, which is the root of the variance.
         let worse = (0.5 * self.standing.rise).exp_m1();
-        let wishes = self.policies.iter().map(|(policy, _)| wish(policy, &self.history, &now, worse));
+        let wishes = self.policies.iter().map(|(policy, _)| rebuild_request(policy, &self.history, &now, worse));
         let wanted = wishes.max().unwrap_or_default();
         // One node holds so few lights in only one way.
-        let is_pointless = wanted == Wish::Weigh && self.tree.lights().len() <= WIDTH;
-        if is_pointless { Wish::Keep } else { wanted }
+        let is_pointless = wanted == RebuildRequest::Optional && self.tree.lights().len() <= WIDTH;
+        if is_pointless { RebuildRequest::None } else { wanted }
     }
 }
 
-impl World {
+impl LightWorld {
     /// A tree was refitted or rebuilt, or matters more or less than before: does it ask for a rebuild, and how badly?
     pub(super) fn judge(&mut self, key: TreeKey) {
         let entry = &self.trees[key];
-        let mut wanted = entry.wish();
+        let mut wanted = entry.rebuild_request();
         // The algorithms of SS ask once, whatever comes after.
-        if entry.standing.wish == Wish::Rebuild && entry.may_rebuild() {
-            wanted = wanted.max(Wish::Rebuild);
+        if entry.standing.request == RebuildRequest::Required && entry.may_rebuild() {
+            wanted = wanted.max(RebuildRequest::Required);
         }
-        if wanted == Wish::Keep || entry.standing.build.is_some() {
+        if wanted == RebuildRequest::None || entry.standing.build.is_some() {
             return self.leave(key);
         }
         let lights = entry.tree.lights().len();
@@ -132,10 +132,10 @@ impl World {
         let cost = self.schedule.costs.predict(Work { kind: WorkKind::Rebuild, lights }).as_nanos().max(1);
         // Never 0, which is for those that are set aside.
         let score = (gain / cost as f32).clamp(f32::MIN_POSITIVE, f32::MAX);
-        let is_urgent = wanted == Wish::First;
+        let is_urgent = wanted == RebuildRequest::Urgent;
         let Self { schedule: Schedule { queue, ages, frame, .. }, trees, .. } = self;
         let standing = &mut trees[key].standing;
-        standing.wish = wanted;
+        standing.request = wanted;
         match standing.waiting {
             Some(Waiting { place, .. }) => queue.set(place, score, is_urgent),
             None => {
@@ -149,7 +149,7 @@ impl World {
     /// A tree asks for nothing any more.
     pub(super) fn leave(&mut self, key: TreeKey) {
         let standing = &mut self.trees[key].standing;
-        standing.wish = Wish::Keep;
+        standing.request = RebuildRequest::None;
         let Some(Waiting { place, ticket, is_large }) = standing.waiting.take() else { return };
         let Schedule { queue, ages, large, .. } = &mut self.schedule;
         if is_large { large } else { ages }.take(ticket);

@@ -2,12 +2,12 @@
 
 use std::time::Duration;
 
-use super::World;
+use super::LightWorld;
 use crate::error::WorldError;
 use crate::keys::TreeKey;
 use crate::scheduler::{FrameBudget, Work, WorkKind};
 
-/// What [`World::update`] did.
+/// What [`LightWorld::update`] did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FrameReport {
     /// Instances added, moved or removed since the last update, each once.
@@ -30,7 +30,7 @@ pub struct FrameReport {
     pub budget: Duration,
     /// What they were thought to take, those that were done.
     pub predicted: Duration,
-    /// What they took, by the world's clock; [`World::jobs`] has each.
+    /// What they took, by the world's clock; [`LightWorld::jobs`] has each.
     pub spent: Duration,
     /// What choosing among those that ask took.
     pub deciding: Duration,
@@ -55,16 +55,16 @@ pub struct BackgroundReport {
     pub spent: Duration,
 }
 
-impl World {
+impl LightWorld {
     /// Brings trees up to date with the edits since the last call. O(lights of edited trees), and O(1) for each tree
     /// that was edited or added lately. To be called once a frame: what has not been called for or not changed for
-    /// [`DAMPING`](crate::DAMPING) calls leaves [`World::effects`], and trees give up what only refits need
+    /// [`EFFECT_HOLD_UPDATES`](crate::EFFECT_HOLD_UPDATES) calls leaves [`LightWorld::effects`], and trees give up what only refits need
     /// ([`LightTree::freeze`](crate::LightTree::freeze)).
     ///
     /// Edited trees are refitted, in parallel. Those whose policy asks for a rebuild are then rebuilt, whole or in
     /// part, those first that gain most for the time: what a rebuild takes off the noise is told from the tree's
     /// attributes, by what earlier rebuilds of this tree have shown, and counts by how much the tree is seen
-    /// ([`World::note_picks`], [`World::look_from`]). Nothing begins that would probably not end within the budget. One
+    /// ([`LightWorld::record_usage`], [`LightWorld::set_viewpoint`]). Nothing begins that would probably not end within the budget. One
     /// sixteenth of the budget goes to who has waited longest: a tree waits for at most 16 times what those that asked
     /// before it take, divided by the budget, in frames, as long as the budget stays the same and has room for it; a
     /// part that is rebuilt counts as its turn. Trees that fit into no frame are built on another thread.
@@ -86,7 +86,7 @@ impl World {
     }
 
     /// Builds a tree anew at once, whatever its policies say and outside of any budget: for engines that know better,
-    /// at a cut between scenes say. Staged changes still wait for the next [`World::update`]. Returns what it took.
+    /// at a cut between scenes say. Staged changes still wait for the next [`LightWorld::update`]. Returns what it took.
     ///
     /// # Errors
     /// [`WorldError::NoSuchTree`]. O(n log n).

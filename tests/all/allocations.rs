@@ -3,8 +3,9 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
+use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Vec3};
-use girandole::{DAMPING, FrameBudget, Light, LightTree, MOST_CANDIDATES, Placement, Policy, World};
+use girandole::{CandidateCount, FrameBudget, Light, LightTree, LightWorld, Placement, Policy};
 
 use crate::support::Rng;
 
@@ -79,7 +80,7 @@ fn setting_lights_and_refitting_asks_for_no_memory() {
                     let changes: Vec<_> = (0..changed).map(|_| change()).collect();
                     for refit in [LightTree::refit, LightTree::refit_without_attributes] {
                         let requests = requests(|| {
-                            tree.set(&changes).expect("valid");
+                            tree.set_lights(&changes).expect("valid");
                             refit(&mut tree);
                         });
                         assert_eq!(requests, 0, "{changed} of {count} lights");
@@ -99,9 +100,9 @@ fn an_update_of_a_world_that_stands_still_asks_for_no_memory() {
     world.update(FrameBudget::UNLIMITED);
     world.take_delta();
     // While its trees come to rest, and after that.
-    let tree_is_frozen = |world: &World| world.tree(tree).is_some_and(LightTree::is_frozen);
+    let tree_is_frozen = |world: &LightWorld| world.tree(tree).is_some_and(LightTree::is_frozen);
     assert!(!tree_is_frozen(&world));
-    for _ in 0..2 * DAMPING {
+    for _ in 0..2 * EFFECT_HOLD_UPDATES {
         assert_eq!(requests(|| drop((world.update(FrameBudget::UNLIMITED), world.take_delta()))), 0);
     }
     assert!(tree_is_frozen(&world));
@@ -113,14 +114,14 @@ fn sampling_asks_for_no_memory() {
     let world = rng.world(3, 30, 4, 10.0);
     // Builds the top level.
     let sampler = world.sampler();
-    let receivers: Vec<_> = (0..50).map(|_| rng.receiver(12.0)).collect();
+    let shading_points: Vec<_> = (0..50).map(|_| rng.shading_point(12.0)).collect();
     let asked = requests(|| {
-        for receiver in &receivers {
+        for shading_point in &shading_points {
             let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit()];
-            if let Some(kept) = sampler.resample(receiver, u, MOST_CANDIDATES) {
-                std::hint::black_box(sampler.pdf(receiver, kept.sample.light, Vec3::ZERO));
+            if let Some(kept) = sampler.resample(shading_point, u, CandidateCount::MAX) {
+                std::hint::black_box(sampler.pdf(shading_point, kept.chosen.light, Vec3::ZERO));
             }
-            std::hint::black_box(sampler.sample(receiver, u));
+            std::hint::black_box(sampler.sample(shading_point, u));
         }
     });
     assert_eq!(asked, 0);

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use girandole::light::luminance;
-use girandole::{FrameBudget, Light, SystemClock};
+use girandole::scheduler::SystemClock;
+use girandole::{FrameBudget, Light};
 
 use crate::budget_strategies::program::figures::{Kind, Troupe};
 use crate::budget_strategies::program::motion::{FRAMES, Motion};
@@ -35,8 +36,8 @@ fn the_lights_of_a_stage_do_not_depend_on_what_is_rebuilt() {
     let mut stages = [0, 1].map(|_| {
         Stage::new(SceneKind::S10, Motion::Teleporting, 20, Arc::new(SystemClock::default())).expect("a stage")
     });
-    assert_eq!(stages[0].receivers, stages[1].receivers);
-    assert_eq!((stages[0].receivers.len(), stages[0].trees.len()), (20, 10));
+    assert_eq!(stages[0].shading_points, stages[1].shading_points);
+    assert_eq!((stages[0].shading_points.len(), stages[0].trees.len()), (20, 10));
     let mut rebuilt = 0;
     for frame in 1..=100 {
         for (stage, budget) in stages.iter_mut().zip([FrameBudget::NONE, FrameBudget::UNLIMITED]) {
@@ -50,7 +51,7 @@ fn the_lights_of_a_stage_do_not_depend_on_what_is_rebuilt() {
     };
     assert!(lights(&stages[0]) == lights(&stages[1]));
     // Rebuilding matters: that is what the stage is for.
-    let [stale, fresh] = stages.map(|stage| noise::sigmas(&stage.world, &stage.receivers).iter().sum::<f64>());
+    let [stale, fresh] = stages.map(|stage| noise::sigmas(&stage.world, &stage.shading_points).iter().sum::<f64>());
     assert!(stale > 1.1 * fresh, "{stale} {fresh}");
 }
 
@@ -58,9 +59,9 @@ fn the_lights_of_a_stage_do_not_depend_on_what_is_rebuilt() {
 fn sigmas_are_those_of_the_lights_one_by_one() {
     let mut rng = Rng(81);
     let world = rng.world(3, 40, 4, 20.0);
-    let receivers: Vec<_> = (0..20).map(|_| rng.receiver(20.0)).collect();
+    let shading_points: Vec<_> = (0..20).map(|_| rng.shading_point(20.0)).collect();
     let sampler = world.sampler();
-    for (at, sigma) in receivers.iter().zip(noise::sigmas(&world, &receivers)) {
+    for (at, sigma) in shading_points.iter().zip(noise::sigmas(&world, &shading_points)) {
         let (mut sum, mut second) = (0.0, 0.0);
         for (light, pmf) in all_chances(&sampler, at) {
             let Some(incident) = sampler.sample_light(at, light, [0.5, 0.5]) else { continue };
@@ -73,7 +74,7 @@ fn sigmas_are_those_of_the_lights_one_by_one() {
         // Chances differ by rounding, 1e-5 at most, and sigma is a root of a difference.
         assert!((sigma - expected).abs() <= 1.0e-3 * expected + 1.0e-2, "{sigma} {expected}");
     }
-    assert!(noise::sigmas(&girandole::World::new(), &receivers[..1]) == [0.0]);
+    assert!(noise::sigmas(&girandole::LightWorld::new(), &shading_points[..1]) == [0.0]);
 }
 
 fn point(x: &[f64], y: f64) -> Point {

@@ -23,7 +23,7 @@ fn folder(name: &str) -> PathBuf {
 
 fn plan(strategies: &[Strategy], shares: &[f64]) -> Plan {
     let [shares, ss_shares] = [shares.to_vec(), shares.to_vec()];
-    Plan { strategies: strategies.to_vec(), shares, ss_shares, frames: 12, every: 6, receivers: 6 }
+    Plan { strategies: strategies.to_vec(), shares, ss_shares, frames: 12, every: 6, shading_points: 6 }
 }
 
 /// A table's lines by the names of its columns.
@@ -46,7 +46,7 @@ fn the_tables_have_every_column_and_row_and_the_plots_are_drawn() {
         motion: vec!["smooth".into()],
         strategies: vec!["round".into(), "SS 2 overlap".into()],
         frames: Some(12),
-        receivers: Some(4),
+        shading_points: Some(4),
         fit: false,
         stages: None,
     };
@@ -70,7 +70,7 @@ fn the_tables_have_every_column_and_row_and_the_plots_are_drawn() {
 #[test]
 fn strategies_lie_between_both_ends_keep_to_their_budgets_and_repeat() {
     let costs = Arc::new(Costs::plain());
-    let strategies = [Strategy::RoundRobin, Strategy::OldestFirst, Strategy::GirandolePicks, Strategy::Oracle];
+    let strategies = [Strategy::RoundRobin, Strategy::OldestFirst, Strategy::GirandoleUsage, Strategy::Oracle];
     let plan = plan(&strategies, &[0.0, 0.5]);
     let first = measure(SceneKind::S10, Motion::Smooth, &plan, &costs).expect("it runs");
     assert_eq!(first, measure(SceneKind::S10, Motion::Smooth, &plan, &costs).expect("it runs"));
@@ -107,7 +107,7 @@ fn names_that_nothing_has_are_refused() {
         motion: Vec::new(),
         strategies: Vec::new(),
         frames: None,
-        receivers: None,
+        shading_points: None,
         fit: false,
         stages: None,
     };

@@ -1,7 +1,10 @@
 //! All chances in one pass are those of the lights one by one.
 
 use girandole::glam::Vec3;
-use girandole::{DirectionalLight, Light, LightTree, MOST_OPENINGS, Placement, Policy, Receiver, Sampler, World};
+use girandole::{
+    DirectionalLight, Light, LightSampler, LightTree, LightWorld, MAX_SPLITS, Placement, Policy, ShadingPoint,
+    SplitCount,
+};
 
 use crate::support::{Rng, all_chances};
 
@@ -19,12 +22,12 @@ fn agree(one: f32, other: f32) -> bool {
 }
 
 /// Compares a world's chances; returns their sum.
-fn compare(sampler: &Sampler<'_>, receiver: &Receiver, chances: &mut Vec<f32>) -> f64 {
-    sampler.distribution(receiver, chances);
-    let one_by_one = all_chances(sampler, receiver);
+fn compare(sampler: &LightSampler<'_>, shading_point: &ShadingPoint, chances: &mut Vec<f32>) -> f64 {
+    sampler.distribution(shading_point, chances);
+    let one_by_one = all_chances(sampler, shading_point);
     assert_eq!(chances.len(), one_by_one.len());
     for (chance, (light, pmf)) in chances.iter().zip(one_by_one) {
-        assert!(agree(*chance, pmf), "{light:?} at {receiver:?}: {chance} and {pmf}");
+        assert!(agree(*chance, pmf), "{light:?} at {shading_point:?}: {chance} and {pmf}");
     }
     chances.iter().map(|p| f64::from(*p)).sum()
 }
@@ -48,10 +51,10 @@ fn all_chances_of_a_world_are_those_of_its_lights() {
         let dark = Light::point(Vec3::ONE, Vec3::ZERO);
         world.set_lights(tree, &[(0, dark), (3, dark)]).expect("lights of that tree");
         world.update(girandole::FrameBudget::UNLIMITED);
-        for openings in 0..=MOST_OPENINGS {
+        for splits in (0..=MAX_SPLITS).filter_map(|count| SplitCount::new(count).ok()) {
             for _ in 0..6 {
-                let receiver = rng.receiver(60.0);
-                let sum = compare(&world.sampler().with_openings(openings), &receiver, &mut chances);
+                let shading_point = rng.shading_point(60.0);
+                let sum = compare(&world.sampler().with_splits(splits), &shading_point, &mut chances);
                 assert!(sum <= 1.0 + SUM_TOLERANCE, "{sum}");
                 most = most.max(sum);
                 lit += usize::from(sum > 0.0);
@@ -69,12 +72,12 @@ fn all_chances_of_a_tree_are_those_of_its_lights_and_sum_to_one() {
         // Points are dark nowhere: nothing ends without a light.
         let lights = (0..count).map(|_| Light::point(rng.place(20.0), Vec3::splat(rng.unit() + 0.01))).collect();
         let tree = LightTree::new(lights).expect("valid lights");
-        for openings in 0..=MOST_OPENINGS {
-            let receiver = Receiver::volume(rng.place(30.0));
-            tree.distribution(&receiver, openings, &mut chances);
+        for splits in (0..=MAX_SPLITS).filter_map(|count| SplitCount::new(count).ok()) {
+            let shading_point = ShadingPoint::volume(rng.place(30.0));
+            tree.distribution(&shading_point, splits, &mut chances);
             assert_eq!(chances.len(), count);
             for (light, chance) in (0..).zip(&chances) {
-                assert!(agree(*chance, tree.pmf(&receiver, light, openings)));
+                assert!(agree(*chance, tree.pmf(&shading_point, light, splits)));
             }
             let sum: f64 = chances.iter().map(|p| f64::from(*p)).sum();
             assert!(count == 0 || (sum - 1.0).abs() < SUM_TOLERANCE, "{sum}");
@@ -84,18 +87,18 @@ fn all_chances_of_a_tree_are_those_of_its_lights_and_sum_to_one() {
 
 #[test]
 fn a_world_without_trees_has_the_chances_of_its_directional_lights() {
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let mut chances = vec![1.0];
-    let receiver = Receiver::surface(Vec3::ZERO, Vec3::Y);
-    assert_eq!(compare(&world.sampler(), &receiver, &mut chances), 0.0);
+    let shading_point = ShadingPoint::surface(Vec3::ZERO, Vec3::Y);
+    assert_eq!(compare(&world.sampler(), &shading_point, &mut chances), 0.0);
     for illuminance in [1.0, 3.0] {
         let light = DirectionalLight { direction: Vec3::NEG_Y, illuminance: Vec3::splat(illuminance) };
         world.add_directional(light).expect("a valid light");
     }
-    compare(&world.sampler(), &receiver, &mut chances);
+    compare(&world.sampler(), &shading_point, &mut chances);
     assert!((chances[0] - 0.25).abs() < 1.0e-6 && (chances[1] - 0.75).abs() < 1.0e-6, "{chances:?}");
     // From below nothing is lit, with a dark tree or without.
-    let below = Receiver::surface(Vec3::ZERO, Vec3::NEG_Y);
+    let below = ShadingPoint::surface(Vec3::ZERO, Vec3::NEG_Y);
     let tree = world.add_tree(vec![Light::point(Vec3::X, Vec3::ZERO)]).expect("a dark light");
     world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("a valid placement");
     assert_eq!(compare(&world.sampler(), &below, &mut chances), 0.0);

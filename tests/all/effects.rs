@@ -1,9 +1,10 @@
 //! What a world calls for, kept up by counting.
 
+use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::{
-    DAMPING, DirectionalKey, DirectionalLight, EffectCounts, Effects, FrameBudget, InstanceKey, Light, Placement,
-    Policy, World,
+    DirectionalKey, DirectionalLight, EffectCounts, Effects, FrameBudget, InstanceKey, Light, LightWorld, Placement,
+    Policy,
 };
 use proptest::prelude::*;
 
@@ -14,7 +15,7 @@ fn moon() -> DirectionalLight {
 }
 
 /// All but what moves, from scratch.
-fn counted(world: &World) -> EffectCounts {
+fn counted(world: &LightWorld) -> EffectCounts {
     let mut counts = EffectCounts::default();
     for tree in world.trees() {
         let tree = world.tree(tree).expect("it lives");
@@ -56,20 +57,20 @@ fn a_lamp_that_flickers_between_two_sets_changes_the_set_once() {
         let plain = Light::point(Vec3::ZERO, Vec3::ONE);
         if (frame / 10).is_multiple_of(2) { plain } else { plain.with_range(5.0) }
     };
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let tree = world.add_tree(vec![lamp(0)]).expect("valid");
     world.add_instance(tree, Placement::IDENTITY, Policy::RefitOnly).expect("valid");
     let mut sets = vec![world.effects()];
     let mut exact_changes = 0;
     for frame in 0..1000 {
-        let before = world.called_for();
+        let before = world.active_effects();
         world.set_lights(tree, &[(0, lamp(frame))]).expect("valid");
-        assert_eq!(world.called_for(), before, "edits count from the update on");
+        assert_eq!(world.active_effects(), before, "edits count from the update on");
         world.update(FrameBudget::NONE);
         // Growth is there in the same frame.
-        assert_eq!(world.called_for(), lamp(frame).effects() | Effects::MOVING);
-        assert!(world.effects().contains(world.called_for()), "frame {frame}");
-        exact_changes += u32::from(world.called_for() != before);
+        assert_eq!(world.active_effects(), lamp(frame).effects() | Effects::MOVING);
+        assert!(world.effects().contains(world.active_effects()), "frame {frame}");
+        exact_changes += u32::from(world.active_effects() != before);
         if sets.last() != Some(&world.effects()) {
             sets.push(world.effects());
         }
@@ -77,7 +78,7 @@ fn a_lamp_that_flickers_between_two_sets_changes_the_set_once() {
     assert_eq!(sets, [Effects::empty(), Effects::MOVING, Effects::MOVING | Effects::RANGES]);
     assert_eq!(exact_changes, 100);
     // At the end the lamp has its range; after the flicker all that is left is that.
-    for _ in 0..DAMPING {
+    for _ in 0..EFFECT_HOLD_UPDATES {
         world.update(FrameBudget::NONE);
     }
     assert_eq!(world.effects(), Effects::RANGES);
@@ -85,17 +86,17 @@ fn a_lamp_that_flickers_between_two_sets_changes_the_set_once() {
 
 #[test]
 fn what_nothing_calls_for_stays_for_a_while_and_what_comes_back_never_left() {
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let tree = world.add_tree(vec![Light::sphere(Vec3::ZERO, 1.0, Vec3::ONE)]).expect("valid");
     let squashed = Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, 2.0, 1.0)), ..Placement::IDENTITY };
     let instance = world.add_instance(tree, squashed, Policy::Static).expect("valid");
     let key = world.add_directional(moon()).expect("valid");
     let all = Effects::AREAS | Effects::NON_RIGID | Effects::DIRECTIONAL;
-    assert_eq!((world.called_for(), world.effects()), (all, all));
+    assert_eq!((world.active_effects(), world.effects()), (all, all));
     world.move_instance(instance, Placement::at(DVec3::ONE)).expect("valid");
     world.remove_directional(key).expect("it lives");
-    assert_eq!((world.called_for(), world.effects()), (Effects::AREAS, all));
-    for frame in 0..DAMPING {
+    assert_eq!((world.active_effects(), world.effects()), (Effects::AREAS, all));
+    for frame in 0..EFFECT_HOLD_UPDATES {
         assert_eq!(world.effects(), all, "frame {frame}");
         world.update(FrameBudget::NONE);
     }
@@ -113,26 +114,26 @@ fn what_nothing_calls_for_stays_for_a_while_and_what_comes_back_never_left() {
 fn trees_that_rest_are_frozen_once_and_thaw_when_they_are_edited() {
     let mut rng = Rng(90);
     let lights = rng.lights(200, 10.0);
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let [resting, flickering] = [0, 1].map(|_| {
         let tree = world.add_tree(lights.clone()).expect("valid");
         world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
         tree
     });
-    let is_frozen = |world: &World, tree| world.tree(tree).expect("it lives").is_frozen();
-    for frame in 0..=DAMPING {
+    let is_frozen = |world: &LightWorld, tree| world.tree(tree).expect("it lives").is_frozen();
+    for frame in 0..=EFFECT_HOLD_UPDATES {
         assert!(!is_frozen(&world, resting), "frame {frame}");
         assert!(!world.effects().contains(Effects::MOVING));
         world.update(FrameBudget::UNLIMITED);
     }
     assert!(is_frozen(&world, resting) && is_frozen(&world, flickering));
     // Three edits, each after a freeze: after each the tree waits twice as long.
-    for patience in [2 * DAMPING, 4 * DAMPING, 8 * DAMPING] {
+    for patience in [2 * EFFECT_HOLD_UPDATES, 4 * EFFECT_HOLD_UPDATES, 8 * EFFECT_HOLD_UPDATES] {
         world.set_lights(flickering, &[(3, rng.light(10.0))]).expect("valid");
         for frame in 0..patience {
             world.update(FrameBudget::UNLIMITED);
             assert!(!is_frozen(&world, flickering));
-            assert_eq!(world.called_for().contains(Effects::MOVING), frame < DAMPING, "frame {frame}");
+            assert_eq!(world.active_effects().contains(Effects::MOVING), frame < EFFECT_HOLD_UPDATES, "frame {frame}");
         }
         world.update(FrameBudget::UNLIMITED);
         assert!(is_frozen(&world, flickering) && is_frozen(&world, resting));
@@ -143,29 +144,30 @@ fn trees_that_rest_are_frozen_once_and_thaw_when_they_are_edited() {
 #[test]
 fn trees_freeze_again_after_a_rebuild_that_waited_and_not_all_in_one_frame() {
     let mut rng = Rng(92);
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let tree = world.add_tree(rng.lights(100, 10.0)).expect("valid");
     world.add_instance(tree, Placement::IDENTITY, Policy::AlwaysRebuild).expect("valid");
     world.set_lights(tree, &[(3, rng.light(10.0))]).expect("valid");
-    let is_frozen = |world: &World| world.tree(tree).expect("it lives").is_frozen();
-    let updates = |world: &mut World, count: u32, budget| {
+    let is_frozen = |world: &LightWorld| world.tree(tree).expect("it lives").is_frozen();
+    let updates = |world: &mut LightWorld, count: u32, budget| {
         for _ in 0..count {
             world.update(budget);
         }
     };
-    updates(&mut world, 2 * DAMPING, FrameBudget::NONE);
+    updates(&mut world, 2 * EFFECT_HOLD_UPDATES, FrameBudget::NONE);
     assert!(is_frozen(&world));
     assert_eq!(world.update(FrameBudget::UNLIMITED).rebuilt_trees, 1);
     assert!(!is_frozen(&world));
-    assert_eq!(world.called_for() & Effects::MOVING, Effects::empty(), "a rebuild is no change of lights");
-    updates(&mut world, DAMPING, FrameBudget::NONE);
+    assert_eq!(world.active_effects() & Effects::MOVING, Effects::empty(), "a rebuild is no change of lights");
+    updates(&mut world, EFFECT_HOLD_UPDATES, FrameBudget::NONE);
     assert!(is_frozen(&world));
 
-    let frozen = |world: &World| world.trees().filter(|tree| world.tree(*tree).is_some_and(|t| t.is_frozen())).count();
+    let frozen =
+        |world: &LightWorld| world.trees().filter(|tree| world.tree(*tree).is_some_and(|t| t.is_frozen())).count();
     for _ in 0..999 {
         world.add_tree(rng.lights(2, 1.0)).expect("valid");
     }
-    updates(&mut world, DAMPING, FrameBudget::NONE);
+    updates(&mut world, EFFECT_HOLD_UPDATES, FrameBudget::NONE);
     let mut former = frozen(&world);
     assert_eq!(former, 1);
     while former < 1000 {
@@ -183,7 +185,7 @@ proptest! {
     #[test]
     fn counts_are_what_counting_finds(seed in any::<u64>(), steps in 1_usize..80) {
         let mut rng = Rng(seed);
-        let mut world = World::new();
+        let mut world = LightWorld::new();
         let mut instances: Vec<InstanceKey> = Vec::new();
         let mut directionals: Vec<DirectionalKey> = Vec::new();
         let mut any = |count: usize| (rng.bits() % count.max(1) as u64) as usize;
@@ -226,7 +228,7 @@ proptest! {
                 }
                 _ => {
                     // Often enough for some trees to freeze.
-                    for _ in 0..[1, DAMPING][any(2)] {
+                    for _ in 0..[1, EFFECT_HOLD_UPDATES][any(2)] {
                         world.update(FrameBudget::NONE);
                     }
                 }
@@ -236,8 +238,8 @@ proptest! {
             (0..counts.of(Effects::MOVING)).for_each(|_| expected.add(Effects::MOVING));
             prop_assert_eq!(counts, &expected);
             prop_assert!(counts.of(Effects::MOVING) <= world.tree_count() as u64);
-            prop_assert!(world.effects().contains(world.called_for()));
-            prop_assert_eq!(world.called_for(), counts.effects());
+            prop_assert!(world.effects().contains(world.active_effects()));
+            prop_assert_eq!(world.active_effects(), counts.effects());
         }
         for instance in instances {
             world.remove_instance(instance).expect("it lives");

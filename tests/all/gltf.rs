@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use girandole::glam::{Vec3, vec3};
 use girandole::gltf::gltf::{Glb, Gltf, binary as container};
 use girandole::gltf::{EmissiveSides, GltfError, GltfLights, GltfOptions, LightSource, load_lights};
-use girandole::{FrameBudget, Shape, World, WorldError};
+use girandole::{FrameBudget, LightWorld, Shape, WorldError};
 
 use super::city::scene::{Camera, SceneError, gltf_file, gltf_scene};
 
@@ -44,7 +44,12 @@ fn recipe() -> Vec<u8> {
     floats.flat_map(f32::to_le_bytes).chain(indices.flat_map(u16::to_le_bytes)).collect()
 }
 
-fn load_into(world: &mut World, text: &str, bytes: Vec<u8>, options: &GltfOptions) -> Result<GltfLights, GltfError> {
+fn load_into(
+    world: &mut LightWorld,
+    text: &str,
+    bytes: Vec<u8>,
+    options: &GltfOptions,
+) -> Result<GltfLights, GltfError> {
     let file = Gltf::from_slice(text.as_bytes()).expect("the gltf crate takes it");
     load_lights(world, &file.document, &[bytes], options)
 }
@@ -56,7 +61,7 @@ fn the_sample_is_made_by_its_recipe() {
 
 #[test]
 fn nodes_become_instances_that_share_trees() {
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let lights = load_into(&mut world, &text(), binary(), &GltfOptions::default()).unwrap();
     let nodes: Vec<(usize, LightSource)> = lights.nodes.iter().map(|lights| (lights.node, lights.source)).collect();
     let (surfaces, punctual) = (LightSource::Surfaces, LightSource::Punctual);
@@ -76,7 +81,7 @@ fn nodes_become_instances_that_share_trees() {
 #[test]
 fn options_choose_what_is_taken() {
     let load = |options: GltfOptions| {
-        let mut world = World::new();
+        let mut world = LightWorld::new();
         load_into(&mut world, &text(), binary(), &options).unwrap();
         let key = world.trees().next().unwrap();
         (world.light_count(), world.tree(key).unwrap().lights()[0])
@@ -136,7 +141,7 @@ fn files_that_lie_are_refused_and_the_world_stays_as_it_was() {
     for (name, (text, bytes)) in cases {
         // What the crate itself refuses needs no check of ours.
         let Ok(file) = Gltf::from_slice(text.as_bytes()) else { continue };
-        let mut world = World::new();
+        let mut world = LightWorld::new();
         let result = load_lights(&mut world, &file.document, &[bytes], &GltfOptions::default());
         let error = result.expect_err(name);
         assert!(!error.to_string().contains('\n'), "{name}: {error}");
@@ -146,7 +151,7 @@ fn files_that_lie_are_refused_and_the_world_stays_as_it_was() {
 
 #[test]
 fn errors_name_the_culprit() {
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let text = text();
     let file = Gltf::from_slice(text.as_bytes()).unwrap();
     let none: [Vec<u8>; 0] = [];
@@ -156,7 +161,7 @@ fn errors_name_the_culprit() {
     assert_eq!(short, Err(GltfError::OutOfBounds { accessor: 6, what: "buffer", end: 300, length: 295 }));
     let flat = text.replace("[0.5, 0.5, 0.5] }", "[0.5, 0.0, 0.5] }");
     let flat = load_into(&mut world, &flat, binary(), &GltfOptions::default());
-    assert!(matches!(flat, Err(GltfError::World { node: 6, source: WorldError::Placement(_) })), "{flat:?}");
+    assert!(matches!(flat, Err(GltfError::LightWorld { node: 6, source: WorldError::Placement(_) })), "{flat:?}");
 }
 
 #[test]

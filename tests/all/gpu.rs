@@ -6,10 +6,10 @@ use std::sync::{Arc, Mutex, OnceLock};
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::{GpuError, GpuLights, SampleRecord, SampleRequest, wgsl};
 use girandole::{
-    DEFAULT_OPENINGS, Effects, FrameBudget, FrameDelta, Light, LightId, Placement, Policy, Receiver, World,
+    Effects, FrameBudget, FrameDelta, Light, LightId, LightWorld, Placement, Policy, ShadingPoint, SplitCount,
 };
 
-use crate::support::{OPENINGS, Rng};
+use crate::support::{Rng, SPLITS};
 
 /// Where a pick lands within rounding of the border between two lights the GPU may take the neighbour: WGSL allows
 /// division 2.5 ulp and `pow` far more. About ten choices of a rounding of 1e-5 each.
@@ -69,11 +69,11 @@ pub(crate) fn read<T: bytemuck::Pod>(device: &wgpu::Device, queue: &wgpu::Queue,
 
 pub(crate) fn requests(rng: &mut Rng, count: usize, size: f32) -> Vec<SampleRequest> {
     let request = |_| {
-        let receiver = rng.receiver(size);
+        let shading_point = rng.shading_point(size);
         let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit()];
         SampleRequest {
-            position: receiver.position.to_array(),
-            normal: receiver.normal.to_array(),
+            position: shading_point.position.to_array(),
+            normal: shading_point.normal.to_array(),
             u,
             ..SampleRequest::default()
         }
@@ -81,18 +81,18 @@ pub(crate) fn requests(rng: &mut Rng, count: usize, size: f32) -> Vec<SampleRequ
     (0..count).map(request).collect()
 }
 
-pub(crate) fn receiver(request: &SampleRequest) -> Receiver {
-    Receiver { position: request.position.into(), normal: request.normal.into() }
+pub(crate) fn shading_point(request: &SampleRequest) -> ShadingPoint {
+    ShadingPoint::surface(request.position.into(), request.normal.into())
 }
 
 /// Uploads, builds the top level, and samples on the GPU.
 pub(crate) fn sample(
     lights: &mut GpuLights,
-    world: &mut World,
-    openings: usize,
+    world: &mut LightWorld,
+    splits: SplitCount,
     requests: &[SampleRequest],
 ) -> Vec<SampleRecord> {
-    lights.set_openings(openings as u32);
+    lights.set_splits(splits);
     let delta = world.take_delta();
     lights.upload(world, &delta).expect("room enough");
     sample_again(&gpu(), lights, requests)
@@ -180,7 +180,7 @@ pub(crate) fn close(a: f32, b: f32) -> bool {
 }
 
 /// Length of a light's emission.
-fn emission(world: &World, light: LightId) -> f32 {
+fn emission(world: &LightWorld, light: LightId) -> f32 {
     match light {
         LightId::Directional(key) => world.directional(key).map_or(0.0, |light| light.illuminance.length()),
         LightId::Local { instance, light } => {
@@ -191,13 +191,18 @@ fn emission(world: &World, light: LightId) -> f32 {
 }
 
 /// How many of the GPU's samples name another light than the CPU's; those that name the same must agree in everything.
-pub(crate) fn compare(world: &World, openings: usize, requests: &[SampleRequest], records: &[SampleRecord]) -> usize {
-    let sampler = world.sampler().with_openings(openings);
+pub(crate) fn compare(
+    world: &LightWorld,
+    splits: SplitCount,
+    requests: &[SampleRequest],
+    records: &[SampleRecord],
+) -> usize {
+    let sampler = world.sampler().with_splits(splits);
     let directionals: Vec<_> = world.directionals().map(|(key, _)| key).collect();
     let mut others = 0;
     for (request, record) in requests.iter().zip(records) {
-        let receiver = receiver(request);
-        let twin = sampler.sample(&receiver, request.u);
+        let shading_point = shading_point(request);
+        let twin = sampler.sample(&shading_point, request.u);
         let named = (record.pmf > 0.0).then(|| match record.instance {
             u32::MAX => LightId::Directional(directionals[record.light as usize]),
             slot => LightId::Local { instance: world.instance_at(slot).expect("a live slot"), light: record.light },
@@ -211,7 +216,7 @@ pub(crate) fn compare(world: &World, openings: usize, requests: &[SampleRequest]
                 let difference = (radiance - twin.incident.radiance).length();
                 // At a spot's rim its falloff is the small difference of two cosines: there an error counts by what
                 // the spot sends along its axis.
-                let peak = if twin.incident.is_delta { emission(world, light) / record.distance.powi(2) } else { 0.0 };
+                let peak = if twin.incident.is_delta { emission(world, light) / record.dist.powi(2) } else { 0.0 };
                 assert!(difference <= TOLERANCE * radiance.length() + RIM * peak, "{record:?} {twin:?}");
                 let turn = (Vec3::from(record.direction) - twin.incident.direction).length();
                 assert!(turn < TOLERANCE, "{record:?} {twin:?}");
@@ -236,9 +241,9 @@ fn the_gpu_picks_the_same_lights_with_the_same_chances() {
                 let keys: Vec<_> = world.directionals().map(|(key, _)| key).collect();
                 keys.into_iter().for_each(|key| world.remove_directional(key).expect("a live key"));
             }
-            for openings in OPENINGS {
-                let records = sample(&mut lights, &mut world, openings, &requests);
-                let others = compare(&world, openings, &requests, &records);
+            for splits in SPLITS {
+                let records = sample(&mut lights, &mut world, splits, &requests);
+                let others = compare(&world, splits, &requests, &records);
                 assert!(others as f64 <= OTHER_PICKS * 4096.0, "seed {seed}: {others} of 4096 name another light");
                 let count = records.iter().filter(|r| r.pmf > 0.0).count();
                 assert!(count > 200, "seed {seed}: {count} are too few to compare");
@@ -251,10 +256,10 @@ fn the_gpu_picks_the_same_lights_with_the_same_chances() {
 fn an_empty_world_gives_no_light_and_no_error() {
     let (device, queue) = gpu();
     let mut rng = Rng(44);
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let requests = requests(&mut rng, 64, 10.0);
-    assert!(sample(&mut lights, &mut world, DEFAULT_OPENINGS, &requests).iter().all(|r| r.pmf == 0.0));
+    assert!(sample(&mut lights, &mut world, SplitCount::DEFAULT, &requests).iter().all(|r| r.pmf == 0.0));
     // A tree of no lights, a dark tree, and an instance that went.
     let empty = world.add_tree(vec![]).expect("fine");
     let dark = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ZERO)]).expect("fine");
@@ -263,9 +268,9 @@ fn an_empty_world_gives_no_light_and_no_error() {
     }
     let tree = world.add_tree(rng.lights(5, 5.0)).expect("valid");
     let gone = world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
-    assert!(sample(&mut lights, &mut world, DEFAULT_OPENINGS, &requests).iter().any(|r| r.pmf > 0.0));
+    assert!(sample(&mut lights, &mut world, SplitCount::DEFAULT, &requests).iter().any(|r| r.pmf > 0.0));
     world.remove_instance(gone).expect("it lives");
-    assert!(sample(&mut lights, &mut world, DEFAULT_OPENINGS, &requests).iter().all(|r| r.pmf == 0.0));
+    assert!(sample(&mut lights, &mut world, SplitCount::DEFAULT, &requests).iter().all(|r| r.pmf == 0.0));
 }
 
 #[test]
@@ -276,9 +281,9 @@ fn a_world_that_changes_and_grows_stays_the_same_on_both_sides() {
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let requests = requests(&mut rng, 2048, 25.0);
     for round in 0..6 {
-        for openings in OPENINGS {
-            let records = sample(&mut lights, &mut world, openings, &requests);
-            let others = compare(&world, openings, &requests, &records);
+        for splits in SPLITS {
+            let records = sample(&mut lights, &mut world, splits, &requests);
+            let others = compare(&world, splits, &requests, &records);
             assert!(others as f64 <= OTHER_PICKS * 2048.0 + 1.0, "round {round}: {others} of 2048 name another light");
         }
         // Grow past the first buffers, edit, move and remove.
@@ -303,7 +308,7 @@ fn a_frame_uploads_what_changed_and_nothing_else() {
     let (device, queue) = gpu();
     let mut world = Rng(46).world(3, 30, 4, 20.0);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    let mut upload = |world: &mut World| {
+    let mut upload = |world: &mut LightWorld| {
         world.update(FrameBudget::NONE);
         let delta = world.take_delta();
         lights.upload(world, &delta).expect("room enough")
@@ -326,19 +331,19 @@ fn a_frame_uploads_what_changed_and_nothing_else() {
 fn a_world_of_points_sends_no_bytes_for_what_points_lack() {
     let (device, queue) = gpu();
     let mut rng = Rng(51);
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let points = |rng: &mut Rng, count| (0..count).map(|_| Light::point(rng.place(5.0), Vec3::ONE)).collect::<Vec<_>>();
     let tree = world.add_tree(points(&mut rng, 300)).expect("valid");
     let instance = world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
     world.add_instance(tree, Placement::at(DVec3::X), Policy::Budgeted).expect("valid");
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    let mut upload = |world: &mut World| {
+    let mut upload = |world: &mut LightWorld| {
         world.update(FrameBudget::NONE);
         let delta = world.take_delta();
         lights.upload(world, &delta).expect("room enough").bytes
     };
     upload(&mut world);
-    let nodes = |world: &World, tree| world.tree(tree).expect("it lives").nodes().len() as u64;
+    let nodes = |world: &LightWorld, tree| world.tree(tree).expect("it lives").nodes().len() as u64;
     // 32 bytes a light, 160 a node, 80 a tree, 80 an instance.
     world.set_lights(tree, &[(0, Light::point(Vec3::ONE, Vec3::ONE))]).expect("valid");
     assert_eq!(upload(&mut world), 300 * 32 + nodes(&world, tree) * 160 + 80);
@@ -365,9 +370,9 @@ fn a_gpu_that_comes_late_gets_everything() {
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     lights.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
     let requests = requests(&mut rng, 512, 10.0);
-    for openings in OPENINGS {
-        let records = sample(&mut lights, &mut world, openings, &requests);
-        assert!(compare(&world, openings, &requests, &records) <= 2);
+    for splits in SPLITS {
+        let records = sample(&mut lights, &mut world, splits, &requests);
+        assert!(compare(&world, splits, &requests, &records) <= 2);
     }
 }
 
@@ -375,16 +380,16 @@ fn a_gpu_that_comes_late_gets_everything() {
 fn a_lost_delta_does_not_leave_an_instance_without_its_tree() {
     let (device, queue) = gpu();
     let mut rng = Rng(49);
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let tree = world.add_tree(rng.lights(20, 5.0)).expect("valid");
     // Nobody uploads this one.
     world.take_delta();
     world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let requests = requests(&mut rng, 512, 10.0);
-    for openings in OPENINGS {
-        let records = sample(&mut lights, &mut world, openings, &requests);
-        assert!(compare(&world, openings, &requests, &records) <= 2);
+    for splits in SPLITS {
+        let records = sample(&mut lights, &mut world, splits, &requests);
+        assert!(compare(&world, splits, &requests, &records) <= 2);
     }
 }
 
@@ -479,7 +484,7 @@ pub(crate) fn ask<Q: bytemuck::Pod, A: bytemuck::Pod>(
 fn what_does_not_fit_once_the_layout_has_grown_leaves_the_last_upload_in_place() {
     let limited = limited_gpu(1 << 20);
     let mut rng = Rng(52);
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let points = (0..12_000).map(|_| Light::point(rng.place(5.0), Vec3::ONE)).collect();
     let tree = world.add_tree(points).expect("valid");
     world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
@@ -495,8 +500,8 @@ fn what_does_not_fit_once_the_layout_has_grown_leaves_the_last_upload_in_place()
     let delta = world.take_delta();
     let refused = lights.upload(&world, &delta).err();
     assert!(matches!(refused, Some(GpuError::Full { what: "lights", .. })), "{refused:?}");
-    lights.set_openings(DEFAULT_OPENINGS as u32 - 1);
-    lights.set_openings(DEFAULT_OPENINGS as u32);
+    lights.set_splits(SplitCount::of::<5>());
+    lights.set_splits(SplitCount::DEFAULT);
     assert_eq!(sample_again(&limited, &mut lights, &requests), before);
     world.remove_instance(instance).expect("it lives");
     world.remove_tree(spots).expect("unused");
@@ -524,7 +529,7 @@ fn a_lost_device_is_reported_by_the_next_upload_and_to_whoever_asks_for_new_ligh
     assert_eq!(lights.upload(&world, &delta), Err(GpuError::DeviceLost));
     // The rest of the frame does no harm.
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    lights.set_openings(1);
+    lights.set_splits(SplitCount::of::<1>());
     lights.build_top(&mut encoder);
     drop(encoder);
     assert_eq!(GpuLights::new(&device, &queue).err(), Some(GpuError::DeviceLost));
@@ -540,14 +545,14 @@ fn an_engines_own_shader_asks_for_chances_as_the_cpu_does() {
     let delta = world.take_delta();
     lights.upload(&world, &delta).expect("room enough");
 
-    // Every light at a few receivers: position, normal, instance, light.
+    // Every light at a few shading points: position, normal, instance, light.
     let sampler = world.sampler();
     let directionals: Vec<_> = world.directionals().map(|(key, _)| key).collect();
     let mut questions: Vec<[u32; 8]> = Vec::new();
-    // With each bound on openings.
+    // With each bound on splits.
     let mut expected: Vec<[f32; 2]> = Vec::new();
     for _ in 0..6 {
-        let receiver = rng.receiver(20.0);
+        let shading_point = rng.shading_point(20.0);
         for light in sampler.all_lights() {
             let (instance, index) = match light {
                 LightId::Local { instance, light } => (world.slot(instance).expect("it lives"), light),
@@ -555,10 +560,10 @@ fn an_engines_own_shader_asks_for_chances_as_the_cpu_does() {
                     (u32::MAX, directionals.iter().position(|k| *k == key).expect("listed") as u32)
                 }
             };
-            let [x, y, z] = receiver.position.to_array().map(f32::to_bits);
-            let [p, q, r] = receiver.normal.to_array().map(f32::to_bits);
+            let [x, y, z] = shading_point.position.to_array().map(f32::to_bits);
+            let [p, q, r] = shading_point.normal.to_array().map(f32::to_bits);
             questions.push([x, y, z, instance, p, q, r, index]);
-            expected.push(OPENINGS.map(|openings| sampler.with_openings(openings).pmf(&receiver, light)));
+            expected.push(SPLITS.map(|splits| sampler.with_splits(splits).pmf(&shading_point, light)));
         }
     }
     let text = wgsl(1, Effects::all())
@@ -568,13 +573,13 @@ fn an_engines_own_shader_asks_for_chances_as_the_cpu_does() {
         @compute @workgroup_size(64) fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
             if id.x >= arrayLength(&questions) { return; }
             let q = questions[id.x];
-            answers[id.x] = light_pmf(LightReceiver(q.position, q.normal), q.instance, q.light);
+            answers[id.x] = light_pmf(light_surface_point(q.position, q.normal), q.instance, q.light);
         }";
-    for (which, openings) in OPENINGS.into_iter().enumerate() {
-        lights.set_openings(openings as u32);
+    for (which, splits) in SPLITS.into_iter().enumerate() {
+        lights.set_splits(splits);
         let answers: Vec<f32> = ask(&mut lights, text.clone(), &questions, expected.len());
         for (cpu, gpu) in expected.iter().zip(&answers) {
-            assert!(close(cpu[which], *gpu), "{openings} openings: {cpu:?} {gpu}");
+            assert!(close(cpu[which], *gpu), "{splits} splits: {cpu:?} {gpu}");
         }
     }
     assert!(expected.iter().filter(|p| p[0] > 0.0).count() > 300);

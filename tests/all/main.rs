@@ -20,7 +20,7 @@ mod gpu;
 mod gpu_timings;
 mod hard_cases;
 mod pdf;
-mod picks;
+mod usage;
 mod resample;
 mod sampling;
 mod scheduler;

@@ -2,10 +2,10 @@
 
 use girandole::glam::{DMat3, DVec3, Mat3, Vec3};
 use girandole::gpu::GpuLights;
-use girandole::{Effects, Light, LightId, Placement, Policy, Receiver, Sampler, Shape, World};
+use girandole::{Effects, Light, LightId, LightSampler, LightWorld, Placement, Policy, ShadingPoint, Shape};
 
 use crate::gpu::{ask, gpu};
-use crate::support::{OPENINGS, Rng};
+use crate::support::{Rng, SPLITS};
 
 /// Products of some forty factors on both ways.
 const TOLERANCE: f32 = 1.0e-4;
@@ -15,7 +15,7 @@ const ROUNDINGS: f32 = 32.0;
 const GPU_TOLERANCE: f32 = 2.0e-3;
 
 /// Cosine at a surface, in f64: near its edge the density is the inverse of a small difference.
-fn cosine(world: &World, light: LightId, direction: Vec3) -> f32 {
+fn cosine(world: &LightWorld, light: LightId, direction: Vec3) -> f32 {
     let LightId::Local { instance, light } = light else { return 1.0 };
     let tree = world.instance_tree(instance).and_then(|tree| world.tree(tree)).expect("a live instance");
     let normal = match tree.lights()[light as usize].shape {
@@ -29,32 +29,32 @@ fn cosine(world: &World, light: LightId, direction: Vec3) -> f32 {
 }
 
 /// How far two densities may be apart, relatively, at a point of which only the f32 coordinates are known.
-fn tolerance(world: &World, receiver: &Receiver, light: LightId, point: Vec3) -> f32 {
-    let toward = point - receiver.position;
-    let coordinates = receiver.position.abs().element_sum() + point.abs().element_sum() + 1.0;
+fn tolerance(world: &LightWorld, shading_point: &ShadingPoint, light: LightId, point: Vec3) -> f32 {
+    let toward = point - shading_point.position;
+    let coordinates = shading_point.position.abs().element_sum() + point.abs().element_sum() + 1.0;
     let height = toward.length() * cosine(world, light, toward.normalize());
     TOLERANCE + ROUNDINGS * f32::EPSILON * coordinates / height
 }
 
 /// Compares at one sampled point; whether there was one worth comparing.
-fn holds(sampler: &Sampler<'_>, world: &World, receiver: &Receiver, u: [f32; 4]) -> bool {
-    let Some(sample) = sampler.sample(receiver, u) else { return false };
-    let point = receiver.position + sample.incident.direction * sample.incident.distance;
+fn holds(sampler: &LightSampler<'_>, world: &LightWorld, shading_point: &ShadingPoint, u: [f32; 4]) -> bool {
+    let Some(sample) = sampler.sample(shading_point, u) else { return false };
+    let point = shading_point.position + sample.incident.direction * sample.incident.dist;
     if sample.incident.is_delta {
-        assert_eq!(sampler.pdf(receiver, sample.light, point), 0.0);
+        assert_eq!(sampler.pdf(shading_point, sample.light, point), 0.0);
         return false;
     }
     let told = sample.pmf * sample.incident.pdf;
-    let tolerance = tolerance(world, receiver, sample.light, point);
-    let pdf = sampler.pdf(receiver, sample.light, point);
+    let tolerance = tolerance(world, shading_point, sample.light, point);
+    let pdf = sampler.pdf(shading_point, sample.light, point);
     // Where nothing of a distance or a height is left, nothing can be asked.
     let is_fair = tolerance < 0.05;
-    assert!(!is_fair || (pdf / told - 1.0).abs() <= tolerance, "{pdf} {told} {tolerance} {receiver:?} {sample:?}");
+    assert!(!is_fair || (pdf / told - 1.0).abs() <= tolerance, "{pdf} {told} {tolerance} {shading_point:?} {sample:?}");
     is_fair
 }
 
 /// The same world elsewhere.
-fn moved(mut world: World, far: f64) -> World {
+fn moved(mut world: LightWorld, far: f64) -> LightWorld {
     let instances: Vec<_> = world.instances().collect();
     for instance in instances {
         let placement = world.placement(instance).expect("it lives");
@@ -71,12 +71,12 @@ fn densities_at_sampled_points_are_those_that_sampling_tells() {
     for far in [0.0, 1.0e4] {
         for round in 0..6 {
             let world = moved(rng.world(5, 40, 5, 15.0), far);
-            let sampler = world.sampler().with_openings(OPENINGS[round % OPENINGS.len()]);
+            let sampler = world.sampler().with_splits(SPLITS[round % SPLITS.len()]);
             for _ in 0..2500 {
-                let mut receiver = rng.receiver(20.0);
-                receiver.position += far as f32;
+                let mut shading_point = rng.shading_point(20.0);
+                shading_point.position += far as f32;
                 let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit()];
-                compared += usize::from(holds(&sampler, &world, &receiver, u));
+                compared += usize::from(holds(&sampler, &world, &shading_point, u));
             }
         }
     }
@@ -92,18 +92,18 @@ fn densities_hold_very_near_to_lights() {
         let sampler = world.sampler();
         for _ in 0..400 {
             let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit()];
-            let Some(sample) = sampler.sample(&Receiver::volume(rng.place(5.0)), u) else { continue };
+            let Some(sample) = sampler.sample(&ShadingPoint::volume(rng.place(5.0)), u) else { continue };
             if sample.incident.is_delta {
                 continue;
             }
-            // A point of a light, and a receiver up to a decimetre from it.
+            // A point of a light, and a shading point up to a decimetre from it.
             let from = rng.direction() * 10.0_f32.powf(rng.between(-4.0, -1.0));
-            let at = Receiver::volume(rng.place(5.0));
+            let at = ShadingPoint::volume(rng.place(5.0));
             if let Some(near) = sampler.sample_light(&at, sample.light, [rng.unit(), rng.unit()]) {
-                let receiver = Receiver::volume(at.position + near.direction * near.distance + from);
+                let shading_point = ShadingPoint::volume(at.position + near.direction * near.dist + from);
                 for _ in 0..4 {
                     let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit()];
-                    compared += usize::from(holds(&sampler, &world, &receiver, u));
+                    compared += usize::from(holds(&sampler, &world, &shading_point, u));
                 }
             }
         }
@@ -158,14 +158,16 @@ fn densities_sum_to_the_chance_of_a_sample() {
     let mut lit = 0;
     for light in shapes {
         for linear in linears {
-            let mut world = World::new();
+            let mut world = LightWorld::new();
             let tree = world.add_tree(vec![light]).expect("valid");
             let placement = Placement { linear, translation: DVec3::new(0.5, -0.2, 0.3) };
             let instance = world.add_instance(tree, placement, Policy::Static).expect("valid");
             let id = LightId::Local { instance, light: 0 };
             let sampler = world.sampler();
             let at = rng.direction() * rng.between(1.7, 2.5);
-            for receiver in [Receiver::volume(at), Receiver::surface(at, (rng.direction() - 0.6 * at).normalize())] {
+            for shading_point in
+                [ShadingPoint::volume(at), ShadingPoint::surface(at, (rng.direction() - 0.6 * at).normalize())]
+            {
                 let draws = 40_000;
                 let to_local = linear.as_dmat3().inverse();
                 let origin = to_local * (at.as_dvec3() - placement.translation);
@@ -174,12 +176,12 @@ fn densities_sum_to_the_chance_of_a_sample() {
                     let direction = rng.direction();
                     if let Some(distance) = hit(&light, origin, to_local * direction.as_dvec3()) {
                         let point = at + direction * distance as f32;
-                        let over = f64::from(sampler.pdf(&receiver, id, point)) * 4.0 * std::f64::consts::PI;
+                        let over = f64::from(sampler.pdf(&shading_point, id, point)) * 4.0 * std::f64::consts::PI;
                         sum += over;
                         squares += over * over;
                     }
                     let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit()];
-                    chosen += u32::from(sampler.sample(&receiver, u).is_some());
+                    chosen += u32::from(sampler.sample(&shading_point, u).is_some());
                 }
                 let n = f64::from(draws);
                 let (mean, chance) = (sum / n, f64::from(chosen) / n);
@@ -191,12 +193,12 @@ fn densities_sum_to_the_chance_of_a_sample() {
             }
         }
     }
-    assert!(lit >= 25, "only {lit} of 50 receivers are lit");
+    assert!(lit >= 25, "only {lit} of 50 shading_points are lit");
 }
 
 #[test]
 fn what_sampling_never_gives_has_no_density() {
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let lights = vec![
         Light::rectangle(Vec3::ZERO, Vec3::X, Vec3::Z, Vec3::ONE).with_range(2.0),
         Light::sphere(Vec3::new(5.0, 0.0, 0.0), 1.0, Vec3::ONE),
@@ -205,15 +207,17 @@ fn what_sampling_never_gives_has_no_density() {
     let tree = world.add_tree(lights).expect("valid");
     let instance = world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
     let sampler = world.sampler();
-    let pdf = |receiver: Receiver, light, point| sampler.pdf(&receiver, LightId::Local { instance, light }, point);
-    let below = Receiver::volume(Vec3::new(0.1, -1.0, 0.1));
+    let pdf = |shading_point: ShadingPoint, light, point| {
+        sampler.pdf(&shading_point, LightId::Local { instance, light }, point)
+    };
+    let below = ShadingPoint::volume(Vec3::new(0.1, -1.0, 0.1));
     // X x Z points down.
     assert!(pdf(below, 0, Vec3::ZERO) > 0.0);
-    assert_eq!(pdf(Receiver::volume(Vec3::Y), 0, Vec3::ZERO), 0.0, "behind");
-    assert_eq!(pdf(Receiver { normal: Vec3::NEG_Y, ..below }, 0, Vec3::ZERO), 0.0, "below the horizon");
-    assert_eq!(pdf(Receiver::volume(Vec3::Y * -2.1), 0, Vec3::ZERO), 0.0, "out of range");
-    assert_eq!(pdf(Receiver::volume(Vec3::ZERO), 0, Vec3::ZERO), 0.0, "on the light");
-    assert_eq!(pdf(Receiver::volume(Vec3::X * 5.5), 1, Vec3::X * 6.0), 0.0, "inside");
+    assert_eq!(pdf(ShadingPoint::volume(Vec3::Y), 0, Vec3::ZERO), 0.0, "behind");
+    assert_eq!(pdf(ShadingPoint::surface(below.position, Vec3::NEG_Y), 0, Vec3::ZERO), 0.0, "below the horizon");
+    assert_eq!(pdf(ShadingPoint::volume(Vec3::Y * -2.1), 0, Vec3::ZERO), 0.0, "out of range");
+    assert_eq!(pdf(ShadingPoint::volume(Vec3::ZERO), 0, Vec3::ZERO), 0.0, "on the light");
+    assert_eq!(pdf(ShadingPoint::volume(Vec3::X * 5.5), 1, Vec3::X * 6.0), 0.0, "inside");
     assert_eq!(pdf(below, 2, Vec3::X * 9.0), 0.0, "no size");
     assert_eq!(pdf(below, 3, Vec3::ZERO), 0.0, "no such light");
 }
@@ -236,24 +240,24 @@ fn asks_for_densities(rng: &mut Rng, far: f64) {
     let mut questions: Vec<[u32; 12]> = Vec::new();
     let mut expected = Vec::new();
     while expected.len() < 4000 {
-        let mut receiver = rng.receiver(15.0);
-        receiver.position += far as f32;
-        let Some(pick) = sampler.pick(&receiver, [rng.unit(), rng.unit()]) else { continue };
+        let mut shading_point = rng.shading_point(15.0);
+        shading_point.position += far as f32;
+        let Some(pick) = sampler.pick(&shading_point, [rng.unit(), rng.unit()]) else { continue };
         let LightId::Local { instance, light } = pick.light else { continue };
         // From elsewhere, so that some points lie on backs and below horizons.
-        let at = Receiver::volume(rng.place(15.0) + far as f32);
+        let at = ShadingPoint::volume(rng.place(15.0) + far as f32);
         let Some(incident) = sampler.sample_light(&at, pick.light, [rng.unit(), rng.unit()]) else { continue };
-        let point = at.position + incident.direction * incident.distance;
+        let point = at.position + incident.direction * incident.dist;
         if expected.len() % 3 == 0 {
             // Up to a decimetre from it.
-            receiver.position = point + rng.direction() * 10.0_f32.powf(rng.between(-4.0, -1.0));
+            shading_point.position = point + rng.direction() * 10.0_f32.powf(rng.between(-4.0, -1.0));
         }
-        let [x, y, z] = receiver.position.to_array().map(f32::to_bits);
-        let [p, q, r] = receiver.normal.to_array().map(f32::to_bits);
+        let [x, y, z] = shading_point.position.to_array().map(f32::to_bits);
+        let [p, q, r] = shading_point.normal.to_array().map(f32::to_bits);
         let [a, b, c] = point.to_array().map(f32::to_bits);
         questions.push([x, y, z, world.slot(instance).expect("it lives"), p, q, r, light, a, b, c, 0]);
-        let tolerance = GPU_TOLERANCE + tolerance(&world, &receiver, pick.light, point);
-        expected.push((sampler.pdf(&receiver, pick.light, point), tolerance));
+        let tolerance = GPU_TOLERANCE + tolerance(&world, &shading_point, pick.light, point);
+        expected.push((sampler.pdf(&shading_point, pick.light, point), tolerance));
     }
     let text = lights.shader(1, Effects::all()).join(
         "struct Question { position: vec3<f32>, instance: u32, normal: vec3<f32>, light: u32, point: vec3<f32> }
@@ -262,7 +266,7 @@ fn asks_for_densities(rng: &mut Rng, far: f64) {
         @compute @workgroup_size(64) fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
             if id.x >= arrayLength(&questions) { return; }
             let q = questions[id.x];
-            answers[id.x] = light_pdf(LightReceiver(q.position, q.normal), q.instance, q.light, q.point);
+            answers[id.x] = light_pdf(light_surface_point(q.position, q.normal), q.instance, q.light, q.point);
         }",
     );
     let answers: Vec<f32> = ask(&mut lights, text, &questions, expected.len());

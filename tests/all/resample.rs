@@ -1,41 +1,45 @@
 //! One of several candidates: the mean stays true, the noise falls, and the GPU keeps the same.
 
 use girandole::glam::Vec3;
-use girandole::gpu::{GpuLights, ResampledRecord, SampleRequest};
+use girandole::gpu::{GpuLights, ReservoirRecord, SampleRequest};
 use girandole::light::luminance;
-use girandole::{Light, LightId, MOST_CANDIDATES, Placement, Policy, Receiver, Resampled, Sampler, Shape, World};
+use girandole::{
+    CandidateCount, Light, LightId, LightSampler, LightWorld, MAX_CANDIDATES, Placement, Policy, Reservoir,
+    ShadingPoint, Shape,
+};
 
-use crate::gpu::{OTHER_PICKS, buffer, close, gpu, read, receiver, requests};
+use crate::gpu::{OTHER_PICKS, buffer, close, gpu, read, requests, shading_point};
 use crate::support::Rng;
 
 fn numbers(rng: &mut Rng) -> [f32; 4] {
     [rng.unit(), rng.unit(), rng.unit(), rng.unit()]
 }
 
-fn cosine(receiver: &Receiver, direction: Vec3) -> f32 {
-    if receiver.normal == Vec3::ZERO { 1.0 } else { receiver.normal.dot(direction).max(0.0) }
+fn cosine(shading_point: &ShadingPoint, direction: Vec3) -> f32 {
+    if shading_point.normal == Vec3::ZERO { 1.0 } else { shading_point.normal.dot(direction).max(0.0) }
 }
 
 #[test]
-fn one_candidate_is_a_plain_sample_and_counts_have_limits() {
+fn one_candidate_is_a_plain_sample() {
     let mut rng = Rng(70);
     let world = rng.world(4, 30, 4, 15.0);
     let sampler = world.sampler();
     let mut lit = 0;
     for _ in 0..3000 {
-        let (receiver, u) = (rng.receiver(20.0), numbers(&mut rng));
-        let one = sampler.resample(&receiver, u, 1);
-        let plain = sampler.sample(&receiver, u);
-        assert_eq!(one.map(|r| r.sample), plain);
-        if let Some(Resampled { sample, weight }) = one {
+        let (shading_point, u) = (rng.shading_point(20.0), numbers(&mut rng));
+        let one = sampler.resample(&shading_point, u, CandidateCount::ONE);
+        let plain = sampler.sample(&shading_point, u);
+        assert_eq!(one.map(|r| r.chosen), plain);
+        if let Some(Reservoir { chosen: sample, weight }) = one {
             assert_eq!(weight, 1.0 / (sample.pmf * sample.incident.pdf));
             lit += 1;
         }
-        assert_eq!(sampler.resample(&receiver, u, 0), one);
-        let most = sampler.resample(&receiver, u, MOST_CANDIDATES);
-        assert_eq!(sampler.resample(&receiver, u, u32::MAX), most);
     }
     assert!(lit > 1000, "{lit}");
+}
+
+fn candidate_count(count: u32) -> CandidateCount {
+    CandidateCount::new(count).expect("within the limits")
 }
 
 /// Something that differs from what candidates are weighed by, as shadows do: the red light of every second light.
@@ -62,18 +66,18 @@ fn the_mean_is_the_sum_over_all_lights() {
     let sampler = world.sampler();
     let mut checks = 0;
     for _ in 0..10 {
-        let receiver = rng.receiver(10.0);
+        let shading_point = rng.shading_point(10.0);
         let part = |light, incident: girandole::Incident| {
-            red_of_even(light, incident.radiance) * f64::from(cosine(&receiver, incident.direction))
+            red_of_even(light, incident.radiance) * f64::from(cosine(&shading_point, incident.direction))
         };
-        let of = |light| sampler.sample_light(&receiver, light, [0.5, 0.5]).map_or(0.0, |i| part(light, i));
+        let of = |light| sampler.sample_light(&shading_point, light, [0.5, 0.5]).map_or(0.0, |i| part(light, i));
         let exact: f64 = sampler.all_lights().map(of).sum();
-        for candidates in [1, 2, 3, 8, MOST_CANDIDATES] {
+        for candidates in [1, 2, 3, 8, MAX_CANDIDATES].map(candidate_count) {
             let draws = 6000;
             let (mut sum, mut squares) = (0.0, 0.0);
             for _ in 0..draws {
-                let kept = sampler.resample(&receiver, numbers(&mut rng), candidates);
-                let value = kept.map_or(0.0, |r| part(r.sample.light, r.sample.incident) * f64::from(r.weight));
+                let kept = sampler.resample(&shading_point, numbers(&mut rng), candidates);
+                let value = kept.map_or(0.0, |r| part(r.chosen.light, r.chosen.incident) * f64::from(r.weight));
                 sum += value;
                 squares += value * value;
             }
@@ -89,13 +93,18 @@ fn the_mean_is_the_sum_over_all_lights() {
 }
 
 /// Relative variance of the light that one sample tells, surfaces included, without shadows.
-fn variance(sampler: &Sampler<'_>, receiver: &Receiver, candidates: u32, rng: &mut Rng) -> f64 {
+fn variance(
+    sampler: &LightSampler<'_>,
+    shading_point: &ShadingPoint,
+    candidates: CandidateCount,
+    rng: &mut Rng,
+) -> f64 {
     let draws = 3000;
     let (mut sum, mut squares) = (0.0, 0.0);
     for _ in 0..draws {
-        let kept = sampler.resample(receiver, numbers(rng), candidates);
-        let value = kept.map_or(0.0, |Resampled { sample, weight }| {
-            let lux = luminance(sample.incident.radiance) * cosine(receiver, sample.incident.direction);
+        let kept = sampler.resample(shading_point, numbers(rng), candidates);
+        let value = kept.map_or(0.0, |Reservoir { chosen: sample, weight }| {
+            let lux = luminance(sample.incident.radiance) * cosine(shading_point, sample.incident.direction);
             f64::from(lux) * f64::from(weight)
         });
         sum += value;
@@ -111,9 +120,9 @@ fn candidates_from_parts_of_their_own_have_less_noise_than_independent_ones() {
     let sampler = world.sampler();
     let (mut one, mut eight) = (0.0, 0.0);
     for _ in 0..60 {
-        let receiver = rng.receiver(20.0);
-        one += variance(&sampler, &receiver, 1, &mut rng).sqrt();
-        eight += variance(&sampler, &receiver, 8, &mut rng).sqrt();
+        let shading_point = rng.shading_point(20.0);
+        one += variance(&sampler, &shading_point, CandidateCount::ONE, &mut rng).sqrt();
+        eight += variance(&sampler, &shading_point, CandidateCount::of::<8>(), &mut rng).sqrt();
     }
     // Independent ones would have one's deviation over the root of eight.
     assert!(eight < 0.9 * one / 8.0_f64.sqrt(), "{one} {eight}");
@@ -122,9 +131,9 @@ fn candidates_from_parts_of_their_own_have_less_noise_than_independent_ones() {
 #[test]
 fn extremes_and_emptiness_give_numbers() {
     let mut rng = Rng(73);
-    let mut world = World::new();
-    let ground = Receiver::surface(Vec3::ZERO, Vec3::Y);
-    assert_eq!(world.sampler().resample(&ground, [0.5; 4], 8), None);
+    let mut world = LightWorld::new();
+    let ground = ShadingPoint::surface(Vec3::ZERO, Vec3::Y);
+    assert_eq!(world.sampler().resample(&ground, [0.5; 4], CandidateCount::of::<8>()), None);
     let mut add = |height: f32, candela: f32| {
         let tree = world.add_tree(vec![Light::point(Vec3::Y * height, Vec3::splat(candela))]).expect("valid");
         world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid")
@@ -132,38 +141,43 @@ fn extremes_and_emptiness_give_numbers() {
     add(-3.0, 1.0);
     let dim = add(2.0, 1.0e-15);
     let bright = add(1.0e-10, 1.0e15);
-    for candidates in [1, 2, 8, 32] {
+    for candidates in [1, 2, 8, 32].map(candidate_count) {
         for _ in 0..200 {
             let kept = world.sampler().resample(&ground, numbers(&mut rng), candidates).expect("a light in sight");
             assert!(kept.weight.is_finite() && kept.weight > 0.0, "{kept:?}");
         }
     }
     world.remove_instance(bright).expect("it lives");
-    assert!(world.sampler().resample(&ground, [0.5; 4], 8).is_some_and(|r| r.weight > 0.0));
+    assert!(world.sampler().resample(&ground, [0.5; 4], CandidateCount::of::<8>()).is_some_and(|r| r.weight > 0.0));
     world.remove_instance(dim).expect("it lives");
     // Only what lies below the ground is left.
-    assert_eq!(world.sampler().resample(&ground, [0.5; 4], 8), None);
+    assert_eq!(world.sampler().resample(&ground, [0.5; 4], CandidateCount::of::<8>()), None);
 }
 
 /// Of records that tell another light or another weight than the CPU.
-fn others(world: &World, requests: &[SampleRequest], records: &[ResampledRecord], candidates: u32) -> usize {
+fn others(
+    world: &LightWorld,
+    requests: &[SampleRequest],
+    records: &[ReservoirRecord],
+    candidates: CandidateCount,
+) -> usize {
     let sampler = world.sampler();
     let directionals: Vec<_> = world.directionals().map(|(key, _)| key).collect();
-    let differs = |(request, record): (&SampleRequest, &ResampledRecord)| {
-        let twin = sampler.resample(&receiver(request), request.u, candidates);
+    let differs = |(request, record): (&SampleRequest, &ReservoirRecord)| {
+        let twin = sampler.resample(&shading_point(request), request.u, candidates);
         let (Some(twin), true) = (twin, record.weight > 0.0) else { return twin.is_some() != (record.weight > 0.0) };
-        let light = match record.sample.instance {
-            u32::MAX => LightId::Directional(directionals[record.sample.light as usize]),
+        let light = match record.chosen.instance {
+            u32::MAX => LightId::Directional(directionals[record.chosen.light as usize]),
             slot => {
-                LightId::Local { instance: world.instance_at(slot).expect("a live slot"), light: record.sample.light }
+                LightId::Local { instance: world.instance_at(slot).expect("a live slot"), light: record.chosen.light }
             }
         };
-        let turn = (Vec3::from(record.sample.direction) - twin.sample.incident.direction).length();
-        light != twin.sample.light
+        let turn = (Vec3::from(record.chosen.direction) - twin.chosen.incident.direction).length();
+        light != twin.chosen.light
             || turn > 2.0e-3
             || !close(record.weight, twin.weight)
-            || !close(record.sample.pmf, twin.sample.pmf)
-            || !close(record.sample.pdf, twin.sample.incident.pdf)
+            || !close(record.chosen.pmf, twin.chosen.pmf)
+            || !close(record.chosen.pdf, twin.chosen.incident.pdf)
     };
     requests.iter().zip(records).filter(|pair| differs(*pair)).count()
 }
@@ -185,16 +199,16 @@ fn the_gpu_keeps_the_same_candidates_with_the_same_weights() {
         let delta = world.take_delta();
         lights.upload(&world, &delta).expect("room enough");
         let input = buffer(&device, &queue, bytemuck::cast_slice(&requests));
-        for candidates in [0, 1, 2, 5, 8, 33] {
-            let output = buffer(&device, &queue, &vec![0; count * size_of::<ResampledRecord>()]);
+        for candidates in [1, 2, 5, 8, MAX_CANDIDATES].map(candidate_count) {
+            let output = buffer(&device, &queue, &vec![0; count * size_of::<ReservoirRecord>()]);
             let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
             lights.build_top(&mut encoder);
-            lights.resample(&mut encoder, &input, &output, count as u32, candidates);
+            lights.resample(&mut encoder, &input, &output, requests.len() as u32, candidates);
             queue.submit([encoder.finish()]);
-            let records: Vec<ResampledRecord> = read(&device, &queue, &output);
+            let records: Vec<ReservoirRecord> = read(&device, &queue, &output);
             let others = others(&world, &requests, &records, candidates);
             // Each candidate may fall on the other side of a border; one that does changes the weight.
-            let allowed = OTHER_PICKS * f64::from(candidates.clamp(1, MOST_CANDIDATES)) * count as f64;
+            let allowed = OTHER_PICKS * f64::from(candidates.get()) * count as f64;
             assert!(others as f64 <= allowed, "{candidates}: {others} of {count} differ");
             lit += records.iter().filter(|r| r.weight > 0.0).count();
         }

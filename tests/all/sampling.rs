@@ -3,9 +3,9 @@
 use std::collections::HashMap;
 
 use girandole::glam::{DVec3, Mat3, Vec3};
-use girandole::{Light, LightId, Placement, Policy, Receiver, World};
+use girandole::{Light, LightId, LightWorld, Placement, Policy, ShadingPoint};
 
-use crate::support::{OPENINGS, Rng, all_chances};
+use crate::support::{Rng, SPLITS, all_chances};
 
 /// Chances are products of at most two dozen ratios of sums of eight: each rounds by a few 6e-8.
 const SUM_TOLERANCE: f64 = 1.0e-4;
@@ -16,13 +16,13 @@ fn chances_sum_to_one_or_to_what_dead_ends_leave() {
     for _ in 0..10 {
         let world = rng.world(4, 40, 5, 40.0);
         for round in 0..20 {
-            let receiver = rng.receiver(60.0);
-            let sampler = world.sampler().with_openings(OPENINGS[round % OPENINGS.len()]);
-            let sum: f64 = all_chances(&sampler, &receiver).iter().map(|(_, p)| f64::from(*p)).sum();
+            let shading_point = rng.shading_point(60.0);
+            let sampler = world.sampler().with_splits(SPLITS[round % SPLITS.len()]);
+            let sum: f64 = all_chances(&sampler, &shading_point).iter().map(|(_, p)| f64::from(*p)).sum();
             assert!(sum <= 1.0 + SUM_TOLERANCE, "{sum}");
             // What is missing must be the share of draws that end without a light: at most a few in a hundred here.
             let draws = 2000;
-            let none = (0..draws).filter(|_| sampler.pick(&receiver, [rng.unit(), rng.unit()]).is_none()).count();
+            let none = (0..draws).filter(|_| sampler.pick(&shading_point, [rng.unit(), rng.unit()]).is_none()).count();
             let missing = 1.0 - sum;
             // Five standard deviations of a binomial and one draw: false alarm below 1e-6 each.
             let deviation = (missing.max(0.0) * sum.min(1.0) / f64::from(draws)).sqrt();
@@ -36,10 +36,10 @@ fn picked_lights_carry_their_own_chance() {
     let mut rng = Rng(11);
     let world = rng.world(5, 60, 4, 30.0);
     for round in 0..4000 {
-        let receiver = rng.receiver(40.0);
-        let sampler = world.sampler().with_openings(OPENINGS[round % OPENINGS.len()]);
-        if let Some(pick) = sampler.pick(&receiver, [rng.unit(), rng.unit()]) {
-            let pmf = sampler.pmf(&receiver, pick.light);
+        let shading_point = rng.shading_point(40.0);
+        let sampler = world.sampler().with_splits(SPLITS[round % SPLITS.len()]);
+        if let Some(pick) = sampler.pick(&shading_point, [rng.unit(), rng.unit()]) {
+            let pmf = sampler.pmf(&shading_point, pick.light);
             assert!(pick.pmf > 0.0 && (pick.pmf / pmf - 1.0).abs() < 1.0e-4, "{} {pmf}", pick.pmf);
         }
     }
@@ -50,16 +50,16 @@ fn frequencies_fit_the_chances() {
     let mut rng = Rng(12);
     let world = rng.world(3, 15, 3, 10.0);
     for round in 0..10 {
-        let receiver = rng.receiver(12.0);
-        let sampler = world.sampler().with_openings(OPENINGS[round % OPENINGS.len()]);
+        let shading_point = rng.shading_point(12.0);
+        let sampler = world.sampler().with_splits(SPLITS[round % SPLITS.len()]);
         let draws = 100_000;
         let mut counts: HashMap<Option<LightId>, u32> = HashMap::new();
         for _ in 0..draws {
-            *counts.entry(sampler.pick(&receiver, [rng.unit(), rng.unit()]).map(|p| p.light)).or_default() += 1;
+            *counts.entry(sampler.pick(&shading_point, [rng.unit(), rng.unit()]).map(|p| p.light)).or_default() += 1;
         }
         let mut chi_sq = 0.0;
         let mut cells = 0.0;
-        for (light, pmf) in all_chances(&sampler, &receiver) {
+        for (light, pmf) in all_chances(&sampler, &shading_point) {
             let expected = f64::from(pmf) * f64::from(draws);
             if expected >= 5.0 {
                 let seen = f64::from(counts.get(&Some(light)).copied().unwrap_or(0));
@@ -73,20 +73,20 @@ fn frequencies_fit_the_chances() {
 }
 
 #[test]
-fn every_light_that_reaches_a_receiver_has_a_chance() {
+fn every_light_that_reaches_a_shading_point_has_a_chance() {
     let mut rng = Rng(13);
     let mut reached = 0;
     for _ in 0..20 {
         let world = rng.world(4, 50, 4, 20.0);
         for round in 0..40 {
-            let receiver = rng.receiver(25.0);
-            let sampler = world.sampler().with_openings(OPENINGS[round % OPENINGS.len()]);
-            for (light, pmf) in all_chances(&sampler, &receiver) {
+            let shading_point = rng.shading_point(25.0);
+            let sampler = world.sampler().with_splits(SPLITS[round % SPLITS.len()]);
+            for (light, pmf) in all_chances(&sampler, &shading_point) {
                 let u = [rng.unit(), rng.unit()];
-                if let Some(incident) = sampler.sample_light(&receiver, light, u) {
+                if let Some(incident) = sampler.sample_light(&shading_point, light, u) {
                     assert!(incident.radiance.is_finite() && incident.pdf > 0.0 && incident.pdf.is_finite());
                     assert!((incident.direction.length() - 1.0).abs() < 1e-4);
-                    assert!(pmf > 0.0, "{light:?} sends {incident:?} to {receiver:?} but is never chosen");
+                    assert!(pmf > 0.0, "{light:?} sends {incident:?} to {shading_point:?} but is never chosen");
                     reached += 1;
                 }
             }
@@ -101,12 +101,12 @@ fn the_ends_of_the_unit_interval_give_valid_picks() {
     let world = rng.world(3, 30, 3, 10.0);
     let below_one = 1.0 - f32::EPSILON / 2.0;
     for round in 0..200 {
-        let receiver = rng.receiver(10.0);
-        let sampler = world.sampler().with_openings(OPENINGS[round % OPENINGS.len()]);
+        let shading_point = rng.shading_point(10.0);
+        let sampler = world.sampler().with_splits(SPLITS[round % SPLITS.len()]);
         for u in [0.0, below_one] {
             for v in [0.0, below_one] {
-                if let Some(pick) = sampler.pick(&receiver, [u, v]) {
-                    assert!(pick.pmf > 0.0 && sampler.pmf(&receiver, pick.light) > 0.0);
+                if let Some(pick) = sampler.pick(&shading_point, [u, v]) {
+                    assert!(pick.pmf > 0.0 && sampler.pmf(&shading_point, pick.light) > 0.0);
                 }
             }
         }
@@ -115,31 +115,31 @@ fn the_ends_of_the_unit_interval_give_valid_picks() {
 
 #[test]
 fn area_lights_integrate_to_their_irradiance() {
-    // A one-sided unit square 2 m above a receiver: form factor by the corner formula, E = L * F * pi.
+    // A one-sided unit square 2 m above a shading point: form factor by the corner formula, E = L * F * pi.
     let tree = vec![Light::rectangle(Vec3::new(0.0, 2.0, 0.0), Vec3::X * 0.5, Vec3::Z * 0.5, Vec3::ONE)];
-    // X x Z points down, to the receiver.
+    // X x Z points down, to the shading point.
     let corner = |a: f64, b: f64| {
         let (p, q) = ((1.0 + a * a).sqrt(), (1.0 + b * b).sqrt());
         (a / p * (b / p).atan() + b / q * (a / q).atan()) / 2.0
     };
     let expected = 4.0 * corner(0.25, 0.25);
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let key = world.add_tree(tree).expect("valid");
     world.add_instance(key, Placement::IDENTITY, Policy::Static).expect("valid");
-    let estimate = irradiance(&world, &Receiver::surface(Vec3::ZERO, Vec3::Y), 20_000);
+    let estimate = irradiance(&world, &ShadingPoint::surface(Vec3::ZERO, Vec3::Y), 20_000);
     assert!((estimate / expected - 1.0).abs() < 0.01, "{estimate} {expected}");
 }
 
 #[test]
 fn a_sphere_and_its_stretched_instance_integrate_to_their_irradiance() {
     // A sphere of radius r at distance d straight above: E = pi L (r / d)^2.
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let key = world.add_tree(vec![Light::sphere(Vec3::ZERO, 0.5, Vec3::ONE)]).expect("valid");
     let at = DVec3::new(0.0, 2.0, 0.0);
     let instance = world.add_instance(key, Placement::at(at), Policy::Static).expect("valid");
-    let receiver = Receiver::surface(Vec3::ZERO, Vec3::Y);
+    let shading_point = ShadingPoint::surface(Vec3::ZERO, Vec3::Y);
     let expected = std::f64::consts::PI * 0.25_f64.powi(2);
-    assert!((irradiance(&world, &receiver, 20_000) / expected - 1.0).abs() < 0.01);
+    assert!((irradiance(&world, &shading_point, 20_000) / expected - 1.0).abs() < 0.01);
     // Stretched along the axis of view to an ellipsoid, against a plain sum over its surface.
     let linear = Mat3::from_diagonal(Vec3::new(2.0, 0.5, 1.0));
     world.move_instance(instance, Placement { linear, translation: at }).expect("valid");
@@ -156,19 +156,19 @@ fn a_sphere_and_its_stretched_instance_integrate_to_their_irradiance() {
         sum += (-normal_area.dot(direction)).max(0.0) * direction.y.max(0.0) / dist_sq;
     }
     let expected = sum / f64::from(draws);
-    let estimate = irradiance(&world, &receiver, 40_000);
+    let estimate = irradiance(&world, &shading_point, 40_000);
     assert!((estimate / expected - 1.0).abs() < 0.015, "{estimate} {expected}");
 }
 
-fn irradiance(world: &World, receiver: &Receiver, draws: u32) -> f64 {
+fn irradiance(world: &LightWorld, shading_point: &ShadingPoint, draws: u32) -> f64 {
     let sampler = world.sampler();
     let side = (f64::from(draws)).sqrt() as u32;
     let mut sum = 0.0;
     for i in 0..side {
         for j in 0..side {
             let u = [(i as f32 + 0.5) / side as f32, (j as f32 + 0.5) / side as f32];
-            if let Some(s) = sampler.sample(receiver, [0.5, 0.5, u[0], u[1]]) {
-                let cosine = s.incident.direction.dot(receiver.normal).max(0.0);
+            if let Some(s) = sampler.sample(shading_point, [0.5, 0.5, u[0], u[1]]) {
+                let cosine = s.incident.direction.dot(shading_point.normal).max(0.0);
                 sum += f64::from(s.incident.radiance.x * cosine / (s.pmf * s.incident.pdf));
             }
         }

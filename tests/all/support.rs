@@ -1,7 +1,7 @@
-//! Random lights and receivers that several tests use.
+//! Random lights and shading points that several tests use.
 
 use girandole::glam::{Affine3A, Mat3, Quat, Vec3};
-use girandole::{DEFAULT_OPENINGS, DirectionalLight, Light, LightId, Policy, Receiver, Sampler, World};
+use girandole::{DirectionalLight, Light, LightId, LightSampler, LightWorld, Policy, ShadingPoint, SplitCount};
 
 /// A small random number generator (SplitMix64), so that every test has its own fixed stream.
 pub struct Rng(pub u64);
@@ -60,12 +60,12 @@ impl Rng {
         (0..count).map(|_| self.light(size)).collect()
     }
 
-    pub fn receiver(&mut self, size: f32) -> Receiver {
+    pub fn shading_point(&mut self, size: f32) -> ShadingPoint {
         let position = self.place(size);
         if self.bits().is_multiple_of(5) {
-            Receiver::volume(position)
+            ShadingPoint::volume(position)
         } else {
-            Receiver::surface(position, self.direction())
+            ShadingPoint::surface(position, self.direction())
         }
     }
 
@@ -83,8 +83,8 @@ impl Rng {
     }
 
     /// A world with instances of several trees, placed in every way, and two directional lights.
-    pub fn world(&mut self, trees: usize, lights: usize, instances: usize, size: f32) -> World {
-        let mut world = World::new();
+    pub fn world(&mut self, trees: usize, lights: usize, instances: usize, size: f32) -> LightWorld {
+        let mut world = LightWorld::new();
         for _ in 0..trees {
             let tree = world.add_tree(self.lights(lights, 0.1 * size)).expect("random lights are valid");
             for _ in 0..instances {
@@ -100,9 +100,9 @@ impl Rng {
 }
 
 /// Bounds on opened clusters that tests of chances run with: a plain walk, and what callers get.
-pub const OPENINGS: [usize; 2] = [0, DEFAULT_OPENINGS];
+pub const SPLITS: [SplitCount; 2] = [SplitCount::NONE, SplitCount::DEFAULT];
 
-/// Every light of a world with its chance at a receiver.
-pub fn all_chances(sampler: &Sampler, receiver: &Receiver) -> Vec<(LightId, f32)> {
-    sampler.all_lights().map(|light| (light, sampler.pmf(receiver, light))).collect()
+/// Every light of a world with its chance at a shading point.
+pub fn all_chances(sampler: &LightSampler, shading_point: &ShadingPoint) -> Vec<(LightId, f32)> {
+    sampler.all_lights().map(|light| (light, sampler.pmf(shading_point, light))).collect()
 }

@@ -1,7 +1,7 @@
 //! The measure of the variance example and the published samplers that it compares with.
 
 use crate::support::Rng;
-use girandole::{Light, LightId, Placement, Policy, Receiver, Shape, World};
+use girandole::{Light, LightId, LightWorld, Placement, Policy, ShadingPoint, Shape};
 
 #[path = "../../examples/variance/baselines/mod.rs"]
 #[allow(dead_code, missing_docs, reason = "the example's main uses what the tests do not")]
@@ -17,7 +17,7 @@ use baselines::{BinaryTree, Cycles, Formula, Pbrt};
 use lights::{carried, contributions};
 use sigma::{Noise, Summary};
 
-/// Share of a receiver's light by which one light may differ between both spaces: rounding near the horizon.
+/// Share of a shading point's light by which one light may differ between both spaces: rounding near the horizon.
 const CARRY_TOLERANCE: f32 = 1.0e-3;
 
 /// Rounding of a sum of a few hundred products of chances, each of about ten f32 factors.
@@ -29,14 +29,14 @@ fn is_fair<F: Formula>(formula: F, lights: &[Light], rng: &mut Rng) {
     let ids: Vec<LightId> = sampler.all_lights().collect();
     let binary = BinaryTree::new(formula, lights.to_vec());
     for _ in 0..60 {
-        let receiver = Receiver::surface(rng.place(12.0), rng.direction());
-        let pmfs = binary.pmfs(&receiver);
+        let shading_point = ShadingPoint::surface(rng.place(12.0), rng.direction());
+        let pmfs = binary.pmfs(&shading_point);
         let sum: f64 = pmfs.iter().map(|p| f64::from(*p)).sum();
         assert!(sum <= 1.0 + SUM_TOLERANCE, "{sum}");
-        let noise = Noise::of(&contributions(&sampler, &ids, &receiver), &pmfs);
-        assert!(noise.is_none_or(|noise| noise.sigma.is_finite()), "{receiver:?}");
+        let noise = Noise::of(&contributions(&sampler, &ids, &shading_point), &pmfs);
+        assert!(noise.is_none_or(|noise| noise.sigma.is_finite()), "{shading_point:?}");
         for _ in 0..60 {
-            if let Some((light, pmf)) = binary.pick(&receiver, f64::from(rng.unit())) {
+            if let Some((light, pmf)) = binary.pick(&shading_point, f64::from(rng.unit())) {
                 assert_eq!(pmf, pmfs[light as usize]);
             }
         }
@@ -55,8 +55,8 @@ fn published_samplers_reach_every_light_that_contributes_and_pick_by_their_chanc
 }
 
 /// One instance that stands where its lights are.
-fn in_place(lights: Vec<Light>) -> World {
-    let mut world = World::new();
+fn in_place(lights: Vec<Light>) -> LightWorld {
+    let mut world = LightWorld::new();
     let tree = world.add_tree(lights).expect("valid lights");
     world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("a valid placement");
     world
@@ -75,9 +75,9 @@ fn lights_carried_out_of_their_instances_shine_as_before() {
     let flat_ids: Vec<LightId> = flat_sampler.all_lights().collect();
     assert_eq!((ids.len(), flat_ids.len()), (flat.len(), flat.len()));
     for _ in 0..50 {
-        let receiver = Receiver::surface(rng.place(10.0), rng.direction());
-        let before = contributions(&sampler, &ids, &receiver);
-        let after = contributions(&flat_sampler, &flat_ids, &receiver);
+        let shading_point = ShadingPoint::surface(rng.place(10.0), rng.direction());
+        let before = contributions(&sampler, &ids, &shading_point);
+        let after = contributions(&flat_sampler, &flat_ids, &shading_point);
         let sum: f32 = before.iter().sum();
         // Spheres become ellipsoids in uneven instances, which no carried sphere is.
         for (light, (a, b)) in flat.iter().zip(before.iter().zip(after)) {
@@ -91,12 +91,12 @@ fn lights_carried_out_of_their_instances_shine_as_before() {
 fn picks_are_as_frequent_as_their_chances_say() {
     let mut rng = Rng(42);
     let binary = BinaryTree::new(Cycles, rng.lights(12, 10.0));
-    let receiver = Receiver::volume(rng.place(10.0));
-    let pmfs = binary.pmfs(&receiver);
+    let shading_point = ShadingPoint::volume(rng.place(10.0));
+    let pmfs = binary.pmfs(&shading_point);
     let mut counts = [0_u32; 12];
     let draws = 40_000;
     for _ in 0..draws {
-        let (light, _) = binary.pick(&receiver, f64::from(rng.unit())).expect("a light");
+        let (light, _) = binary.pick(&shading_point, f64::from(rng.unit())).expect("a light");
         counts[light as usize] += 1;
     }
     for (count, p) in counts.iter().zip(pmfs) {

@@ -2,8 +2,8 @@
 
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::{
-    Attribute, DirectionalLight, FrameBudget, InstanceKey, Light, LightId, Placement, PlacementError, Policy, Receiver,
-    TreeKey, World, WorldError,
+    Attribute, DirectionalLight, FrameBudget, InstanceKey, Light, LightId, LightWorld, Placement, PlacementError,
+    Policy, ShadingPoint, TreeKey, WorldError,
 };
 
 use proptest::prelude::*;
@@ -19,7 +19,7 @@ fn at(x: f64) -> Placement {
 }
 
 /// Everything about a world that a refused call must leave alone.
-fn fingerprint(world: &mut World) -> String {
+fn fingerprint(world: &mut LightWorld) -> String {
     let placements: Vec<_> = world.instances().map(|i| (i, world.placement(i), world.policy(i))).collect();
     let trees: Vec<_> = world.trees().map(|t| (t, world.tree(t).map(|t| t.nodes().to_vec()))).collect();
     let directionals: Vec<_> = world.directionals().map(|(k, l)| (k, *l)).collect();
@@ -101,13 +101,13 @@ fn a_frame_in_which_nothing_moved_refits_and_hands_over_nothing() {
 
 #[test]
 fn edits_take_effect_at_the_update_and_moves_at_once() {
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let tree = world.add_tree(vec![lamp(0.0)]).expect("valid");
     let instance = world.add_instance(tree, at(0.0), Policy::Budgeted).expect("valid");
-    let receiver = Receiver::volume(Vec3::new(0.0, 3.0, 0.0));
-    let distance = |world: &World| {
+    let shading_point = ShadingPoint::volume(Vec3::new(0.0, 3.0, 0.0));
+    let distance = |world: &LightWorld| {
         let id = LightId::Local { instance, light: 0 };
-        world.sampler().sample_light(&receiver, id, [0.0; 2]).map_or(f32::NAN, |i| i.distance)
+        world.sampler().sample_light(&shading_point, id, [0.0; 2]).map_or(f32::NAN, |i| i.dist)
     };
     world.set_lights(tree, &[(0, lamp(4.0))]).expect("valid");
     assert_eq!(distance(&world), 3.0);
@@ -119,7 +119,7 @@ fn edits_take_effect_at_the_update_and_moves_at_once() {
 
 #[test]
 fn a_shared_tree_follows_the_most_demanding_policy_and_can_be_split_off() {
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let tree = world.add_tree((0..20).map(|i| lamp(i as f32)).collect()).expect("valid");
     let still = world.add_instance(tree, at(0.0), Policy::Static).expect("valid");
     let scatter = |seed| {
@@ -144,7 +144,7 @@ fn a_shared_tree_follows_the_most_demanding_policy_and_can_be_split_off() {
 
 #[test]
 fn what_goes_comes_back_under_a_new_name_and_is_counted() {
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let tree = world.add_tree(vec![lamp(0.0), lamp(1.0)]).expect("valid");
     let first = world.add_instance(tree, at(0.0), Policy::Static).expect("valid");
     let second = world.add_instance(tree, at(9.0), Policy::Static).expect("valid");
@@ -160,31 +160,31 @@ fn what_goes_comes_back_under_a_new_name_and_is_counted() {
     }
     world.remove_tree(tree).expect("unused");
     assert_eq!((world.tree_count(), world.light_count()), (0, 0));
-    assert_eq!(world.sampler().pick(&Receiver::volume(Vec3::ZERO), [0.5; 2]), None);
+    assert_eq!(world.sampler().pick(&ShadingPoint::volume(Vec3::ZERO), [0.5; 2]), None);
 }
 
 #[test]
 fn rebasing_the_origin_changes_coordinates_and_nothing_else() {
     let far = DVec3::new(1.0e7, 0.0, -1.0e7);
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let tree = world.add_tree(vec![lamp(0.0), lamp(0.01)]).expect("valid");
     world.set_origin(far).expect("empty world");
     for i in 0..5 {
         world.add_instance(tree, Placement::at(far + DVec3::X * 0.02 * f64::from(i)), Policy::Static).expect("valid");
     }
-    let receiver = Receiver::volume(Vec3::new(0.0, 0.05, 0.0));
+    let shading_point = ShadingPoint::volume(Vec3::new(0.0, 0.05, 0.0));
     let sampler = world.sampler();
-    let near: Vec<_> = sampler.all_lights().filter_map(|l| sampler.sample_light(&receiver, l, [0.0; 2])).collect();
+    let near: Vec<_> = sampler.all_lights().filter_map(|l| sampler.sample_light(&shading_point, l, [0.0; 2])).collect();
     // Centimetres are told apart 10^7 m out.
-    let mut distances: Vec<_> = near.iter().map(|i| i.distance).collect();
+    let mut distances: Vec<_> = near.iter().map(|i| i.dist).collect();
     distances.dedup();
     assert_eq!(distances.len(), 10);
     world.set_origin(far + DVec3::Y).expect("close enough");
-    let receiver = Receiver::volume(Vec3::new(0.0, -0.95, 0.0));
+    let shading_point = ShadingPoint::volume(Vec3::new(0.0, -0.95, 0.0));
     let sampler = world.sampler();
-    let again = sampler.all_lights().filter_map(|l| sampler.sample_light(&receiver, l, [0.0; 2]));
+    let again = sampler.all_lights().filter_map(|l| sampler.sample_light(&shading_point, l, [0.0; 2]));
     for (a, b) in near.iter().zip(again) {
-        assert!((a.distance - b.distance).abs() < 1e-6);
+        assert!((a.dist - b.dist).abs() < 1e-6);
     }
 }
 
@@ -195,7 +195,7 @@ proptest! {
     #[test]
     fn random_edits_keep_the_world_as_a_plain_list_has_it(seed in any::<u64>(), steps in 1_usize..60) {
         let mut rng = Rng(seed);
-        let mut world = World::new();
+        let mut world = LightWorld::new();
         let mut trees: Vec<(TreeKey, Vec<Light>)> = Vec::new();
         let mut instances: Vec<(InstanceKey, usize, Placement)> = Vec::new();
         for _ in 0..steps {
@@ -252,9 +252,9 @@ proptest! {
             prop_assert_eq!(world.placement(*key), Some(*placement));
             prop_assert_eq!(world.instance_tree(*key), Some(trees[*tree].0));
         }
-        let receiver = rng.receiver(40.0);
+        let shading_point = rng.shading_point(40.0);
         let sampler = world.sampler();
-        let sum: f64 = sampler.all_lights().map(|light| f64::from(sampler.pmf(&receiver, light))).sum();
+        let sum: f64 = sampler.all_lights().map(|light| f64::from(sampler.pmf(&shading_point, light))).sum();
         prop_assert!(sum <= 1.0 + 1.0e-4);
     }
 }
@@ -263,13 +263,13 @@ proptest! {
 fn attributes_are_measured_only_for_policies_that_may_rebuild() {
     let mut rng = Rng(29);
     let lights = rng.lights(300, 20.0);
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let [plain, watched] = [Policy::RefitOnly, Policy::Budgeted].map(|policy| {
         let tree = world.add_tree(lights.clone()).expect("valid");
         (tree, world.add_instance(tree, at(0.0), policy).expect("valid"))
     });
     let built = world.tree(plain.0).expect("it lives").attributes();
-    let mut step = |world: &mut World| {
+    let mut step = |world: &mut LightWorld| {
         let changes: Vec<_> = (0..100).map(|index| (index, rng.light(40.0))).collect();
         for (tree, _) in [plain, watched] {
             world.set_lights(tree, &changes).expect("valid");

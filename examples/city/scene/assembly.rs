@@ -1,7 +1,7 @@
 //! Puts parts into a scene and a light world together: one mesh and one light tree a design, any number of placements.
 
 use girandole::glam::{Affine3A, Vec3, vec3};
-use girandole::{DirectionalLight, InstanceKey, Policy, TreeKey, World};
+use girandole::{DirectionalLight, InstanceKey, LightWorld, Policy, TreeKey};
 
 use super::meshes::Part;
 use super::{Camera, Mesh, Object, Scene, SceneError, Sky};
@@ -11,7 +11,7 @@ pub struct Assembly {
     /// Geometry so far.
     pub scene: Scene,
     /// Lights so far.
-    pub world: World,
+    pub world: LightWorld,
 }
 
 /// A part that has its mesh and, if it glows, its light tree.
@@ -35,11 +35,11 @@ pub struct Placed {
 impl Assembly {
     /// An empty night.
     pub fn new() -> Self {
-        Self::with_world(World::new())
+        Self::with_world(LightWorld::new())
     }
 
     /// A night in a world that is given, for one with a clock of its own.
-    pub fn with_world(world: World) -> Self {
+    pub fn with_world(world: LightWorld) -> Self {
         let camera = Camera { eye: Vec3::Y, target: Vec3::Z, vertical_fov: 1.0 };
         let sky = Sky { zenith: Vec3::ZERO, horizon: Vec3::ZERO, ambient: Vec3::ZERO };
         let scene = Scene {

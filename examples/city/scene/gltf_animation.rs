@@ -4,14 +4,14 @@ use girandole::glam::{DAffine3, DQuat, DVec3, Quat, Vec3, Vec4};
 use girandole::gltf::gltf::animation::{Interpolation, Property};
 use girandole::gltf::gltf::scene::Transform;
 use girandole::gltf::{LightSource, accessor_values, local_transform, punctual_placement, scene_nodes};
-use girandole::{DirectionalLight, Placement, World};
+use girandole::{DirectionalLight, LightWorld, Placement};
 
 use super::gltf_file::GltfFile;
 use super::gltf_scene::{Moves, to_single};
 use super::{Animation, Scene, SceneError};
 
 /// Nodes that shrink to nothing stop here: a light's placement must keep an inverse.
-const LEAST_SCALE: f32 = 1e-4;
+const MIN_SCALE: f32 = 1e-4;
 
 /// One property of one node over time. Values are padded to four numbers.
 struct Channel {
@@ -165,7 +165,7 @@ impl Channel {
 
 impl Pose {
     fn transform(&self) -> DAffine3 {
-        let keep = |scale: f32| if scale.abs() < LEAST_SCALE { LEAST_SCALE.copysign(scale) } else { scale };
+        let keep = |scale: f32| if scale.abs() < MIN_SCALE { MIN_SCALE.copysign(scale) } else { scale };
         let scale = Vec3::from(self.scale.to_array().map(keep)).as_dvec3();
         let rotation: DQuat = self.rotation.as_dquat();
         DAffine3::from_scale_rotation_translation(scale, rotation.normalize(), self.translation.as_dvec3())
@@ -173,7 +173,7 @@ impl Pose {
 }
 
 impl Animation for Player {
-    fn advance(&mut self, time: f64, scene: &mut Scene, world: &mut World) -> Result<(), SceneError> {
+    fn advance(&mut self, time: f64, scene: &mut Scene, world: &mut LightWorld) -> Result<(), SceneError> {
         for channel in &self.channels {
             let value = channel.value(time);
             let Some(pose) = &mut self.poses[channel.node] else { continue };

@@ -6,7 +6,7 @@ use girandole::glam::{Affine3A, DAffine3, Mat3, Vec3};
 use girandole::gltf::gltf::json::{Value, deserialize};
 use girandole::gltf::gltf::{Document, Material as GltfMaterial, Node};
 use girandole::gltf::{GltfLights, GltfOptions, load_lights, material_emission, primitive_triangles, world_transforms};
-use girandole::{Policy, World};
+use girandole::{LightWorld, Policy};
 
 use super::gltf_animation::Player;
 use super::gltf_file::{self, GltfFile};
@@ -21,7 +21,7 @@ const LAMP_CLEARANCE: f32 = 0.35;
 pub fn stage(path: &Path, camera: Option<Camera>) -> Result<Stage, SceneError> {
     let fail = |what: String| SceneError(format!("{}: {what}", path.display()));
     let file = gltf_file::open(path)?;
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let options = GltfOptions { policy: Policy::Budgeted, ..GltfOptions::default() };
     let lights =
         load_lights(&mut world, &file.document, &file.buffers, &options).map_err(|error| fail(error.to_string()))?;

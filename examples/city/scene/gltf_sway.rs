@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use girandole::World;
+use girandole::LightWorld;
 use girandole::glam::{Affine3A, DAffine3, DMat3, Quat, Vec3, vec3};
 use girandole::gltf::gltf::Document;
 use girandole::gltf::{LightSource, punctual_placement};
@@ -118,7 +118,7 @@ impl Animation for Sway {
         self.groups.is_empty()
     }
 
-    fn advance(&mut self, time: f64, scene: &mut Scene, world: &mut World) -> Result<(), SceneError> {
+    fn advance(&mut self, time: f64, scene: &mut Scene, world: &mut LightWorld) -> Result<(), SceneError> {
         for group in &self.groups {
             let swing = group.swing(time as f32);
             for &(object, rest) in &group.objects {

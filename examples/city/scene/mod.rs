@@ -30,7 +30,7 @@ pub mod traffic_sim;
 pub mod vehicles;
 pub mod viewpoint;
 
-use girandole::World;
+use girandole::LightWorld;
 use girandole::glam::{Affine3A, Vec3};
 
 /// How a surface scatters and emits. GGX with a diffuse base, as glTF's metallic-roughness model.
@@ -136,7 +136,7 @@ pub struct Scene {
 /// Moves a stage on. `time` is seconds from the start and never goes back.
 pub trait Animation {
     /// Brings objects and lights to `time`. Touches only what moves.
-    fn advance(&mut self, time: f64, scene: &mut Scene, world: &mut World) -> Result<(), SceneError>;
+    fn advance(&mut self, time: f64, scene: &mut Scene, world: &mut LightWorld) -> Result<(), SceneError>;
 
     /// Nothing moves after the first call, however late: there is no need for another.
     fn is_still(&self) -> bool {
@@ -149,7 +149,7 @@ pub struct Stage {
     /// Geometry.
     pub scene: Scene,
     /// Lights.
-    pub world: World,
+    pub world: LightWorld,
     /// Motion.
     pub animation: Box<dyn Animation>,
 }

@@ -5,7 +5,7 @@ use girandole::glam::Vec3;
 /// Edge of a cell, metres.
 const CELL: f32 = 0.5;
 /// No more than this many cells a side: beyond, nothing is solid.
-const MOST_CELLS: f32 = 400.0;
+const MAX_CELLS: f32 = 400.0;
 
 /// Solid cells of a box.
 pub struct Occupancy {
@@ -17,7 +17,7 @@ pub struct Occupancy {
 impl Occupancy {
     /// An empty grid over a box.
     pub fn new(low: Vec3, high: Vec3) -> Self {
-        let size = ((high - low) / CELL).ceil().clamp(Vec3::ONE, Vec3::splat(MOST_CELLS));
+        let size = ((high - low) / CELL).ceil().clamp(Vec3::ONE, Vec3::splat(MAX_CELLS));
         let size = size.to_array().map(|cells| cells as usize);
         Self { low, size, solid: vec![false; size.iter().product()] }
     }

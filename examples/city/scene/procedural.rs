@@ -1,7 +1,7 @@
 //! The procedural night city: streets, houses, lamps, traffic, signs, strings of lights and a drone swarm.
 
 use girandole::glam::{Affine3A, Quat, Vec2, Vec3, vec2, vec3};
-use girandole::{Light, Policy, TreeKey, World};
+use girandole::{Light, LightWorld, Policy, TreeKey};
 
 use super::assembly::{Assembly, Design};
 use super::furniture;
@@ -64,11 +64,11 @@ impl Size {
 
 /// Builds the city and parks nobody: the cars have already driven for a while.
 pub fn stage(options: &CityOptions) -> Result<Stage, SceneError> {
-    stage_in(options, World::new())
+    stage_in(options, LightWorld::new())
 }
 
 /// [`stage`], in a world that is given.
-pub fn stage_in(options: &CityOptions, world: World) -> Result<Stage, SceneError> {
+pub fn stage_in(options: &CityOptions, world: LightWorld) -> Result<Stage, SceneError> {
     let plan = options.size.plan();
     let mut assembly = Assembly::with_world(world);
     let mut palette = Palette::default();
@@ -133,7 +133,7 @@ struct City {
 }
 
 impl Animation for City {
-    fn advance(&mut self, time: f64, scene: &mut Scene, world: &mut World) -> Result<(), SceneError> {
+    fn advance(&mut self, time: f64, scene: &mut Scene, world: &mut LightWorld) -> Result<(), SceneError> {
         self.signals.show(time, scene, world)?;
         self.cars.drive(time, scene, world)?;
         self.festoons.swing(time, scene, world)?;
@@ -180,7 +180,7 @@ impl Signals {
         Ok(signals)
     }
 
-    fn show(&mut self, time: f64, scene: &mut Scene, world: &mut World) -> Result<(), SceneError> {
+    fn show(&mut self, time: f64, scene: &mut Scene, world: &mut LightWorld) -> Result<(), SceneError> {
         for group in 0..4 {
             let now = signal(group as u32, time);
             if self.shown[group].replace(now) == Some(now) {
@@ -253,7 +253,7 @@ impl Cars {
         Ok(Self { traffic, placed })
     }
 
-    fn drive(&mut self, time: f64, scene: &mut Scene, world: &mut World) -> Result<(), SceneError> {
+    fn drive(&mut self, time: f64, scene: &mut Scene, world: &mut LightWorld) -> Result<(), SceneError> {
         self.traffic.advance(time);
         for (car, placed) in self.placed.iter().enumerate() {
             let pose = self.traffic.pose(car, time);
@@ -336,7 +336,7 @@ impl Festoons {
         Ok(Self { warm, mixed, over_streets, over_market })
     }
 
-    fn swing(&mut self, time: f64, scene: &mut Scene, world: &mut World) -> Result<(), SceneError> {
+    fn swing(&mut self, time: f64, scene: &mut Scene, world: &mut LightWorld) -> Result<(), SceneError> {
         for string in &mut self.over_streets {
             string.swing(&self.warm, time, scene, world)?;
         }
@@ -373,7 +373,7 @@ impl Signs {
         Self { kinds }
     }
 
-    fn flicker(&mut self, time: f64, scene: &mut Scene, world: &mut World) -> Result<(), SceneError> {
+    fn flicker(&mut self, time: f64, scene: &mut Scene, world: &mut LightWorld) -> Result<(), SceneError> {
         for sign in &mut self.kinds {
             // Twelve states a second; in bad seconds most of them are dark.
             let bad = Rng::new((time / 1.7) as u64, sign.stream).chance(0.3);

@@ -6,7 +6,7 @@ use std::io::BufReader;
 use std::path::PathBuf;
 
 use girandole::glam::{Affine3A, DVec2, Quat, Vec2, Vec3, dvec2, vec2, vec3};
-use girandole::{InstanceKey, Policy, World};
+use girandole::{InstanceKey, LightWorld, Policy};
 
 use super::assembly::{Assembly, Design};
 use super::buildings::{self, Lot};
@@ -304,7 +304,7 @@ impl Traffic {
         (at - vec2(forward.x, forward.z) * (length * 0.5), angle)
     }
 
-    fn hide(&mut self, id: &str, scene: &mut Scene, world: &mut World) -> Result<(), SceneError> {
+    fn hide(&mut self, id: &str, scene: &mut Scene, world: &mut LightWorld) -> Result<(), SceneError> {
         let Some((look, car)) = self.shown.remove(id) else { return Ok(()) };
         let pooled = &mut self.cars[car];
         scene.objects[pooled.object].visible = false;
@@ -320,7 +320,7 @@ impl Traffic {
         vehicle: &FcdVehicle,
         pose: impl Fn(f32) -> (Vec2, f32),
         scene: &mut Scene,
-        world: &mut World,
+        world: &mut LightWorld,
     ) -> Result<(), SceneError> {
         let look = look(vehicle, self.survey.seed);
         let known = self.shown.get(&vehicle.id).filter(|known| known.0 == look).map(|known| known.1);
@@ -348,7 +348,7 @@ impl Traffic {
 }
 
 impl Animation for Traffic {
-    fn advance(&mut self, time: f64, scene: &mut Scene, world: &mut World) -> Result<(), SceneError> {
+    fn advance(&mut self, time: f64, scene: &mut Scene, world: &mut LightWorld) -> Result<(), SceneError> {
         let now = self.survey.start + time;
         while self.after.as_ref().is_some_and(|after| after.time <= now) {
             let next = self.reader.next_step()?;
@@ -383,7 +383,7 @@ impl Animation for Traffic {
 struct Still;
 
 impl Animation for Still {
-    fn advance(&mut self, _: f64, _: &mut Scene, _: &mut World) -> Result<(), SceneError> {
+    fn advance(&mut self, _: f64, _: &mut Scene, _: &mut LightWorld) -> Result<(), SceneError> {
         Ok(())
     }
 

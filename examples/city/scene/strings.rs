@@ -1,7 +1,7 @@
 //! Strings of bulbs between two points that swing in the wind, a wave running along them: one deforming tree each.
 
 use girandole::glam::{Affine3A, Mat3, Vec3};
-use girandole::{Light, Policy, TreeKey, World};
+use girandole::{Light, LightWorld, Policy, TreeKey};
 
 use super::assembly::Assembly;
 use super::meshes::Part;
@@ -94,7 +94,7 @@ impl LightString {
         kit: &StringKit,
         time: f64,
         scene: &mut Scene,
-        world: &mut World,
+        world: &mut LightWorld,
     ) -> Result<(), SceneError> {
         let last = self.rest.len() - 1;
         let moved = |i: usize| {

@@ -3,7 +3,7 @@
 use std::f32::consts::TAU;
 
 use girandole::glam::{Affine3A, Vec3, vec3};
-use girandole::{Light, Policy, TreeKey, World};
+use girandole::{Light, LightWorld, Policy, TreeKey};
 
 use super::assembly::Assembly;
 use super::meshes::Part;
@@ -94,7 +94,7 @@ impl Swarm {
     }
 
     /// Brings drones and lights to `time`.
-    pub fn fly(&mut self, time: f64, scene: &mut Scene, world: &mut World) -> Result<(), SceneError> {
+    pub fn fly(&mut self, time: f64, scene: &mut Scene, world: &mut LightWorld) -> Result<(), SceneError> {
         let mut changes = Vec::with_capacity(self.count);
         for drone in 0..self.count {
             let place = self.place(drone, time as f32);

@@ -3,7 +3,7 @@
 use std::f32::consts::{PI, TAU};
 
 use girandole::glam::{Vec2, Vec3, vec2, vec3};
-use girandole::{Receiver, Shape, World};
+use girandole::{LightWorld, ShadingPoint, Shape};
 
 use super::occupancy::Occupancy;
 use super::rng::Rng;
@@ -19,7 +19,7 @@ const REACH: f32 = 40.0;
 const SLOPE: f32 = 0.06;
 
 /// Middles of the brightest lights and their fluxes.
-fn bright_lights(world: &World) -> Vec<(Vec3, f32)> {
+fn bright_lights(world: &LightWorld) -> Vec<(Vec3, f32)> {
     let mut lights = Vec::new();
     for instance in world.instances() {
         let (Some(tree), Some(placement)) = (world.instance_tree(instance), world.placement(instance)) else {
@@ -51,7 +51,7 @@ fn triangles(scene: &Scene) -> Vec<[Vec3; 3]> {
 }
 
 /// Stands two metres above the ground near where most light is, looking where the view is free and lit.
-pub fn among_lights(scene: &Scene, world: &World) -> Camera {
+pub fn among_lights(scene: &Scene, world: &LightWorld) -> Camera {
     let all = triangles(scene);
     let (low, high) = all.iter().flatten().fold((Vec3::MAX, Vec3::MIN), |(low, high), v| (low.min(*v), high.max(*v)));
     let mut lights = bright_lights(world);
@@ -133,7 +133,7 @@ fn outside(low: Vec3, high: Vec3) -> Camera {
 }
 
 /// An exposure for what the camera sees: from the mean of the logarithm of unshadowed reflected light around it.
-pub fn exposure(scene: &Scene, world: &World) -> f32 {
+pub fn exposure(scene: &Scene, world: &LightWorld) -> f32 {
     let sampler = world.sampler();
     let mut rng = Rng::new(1, 0xe5b0);
     let camera = &scene.camera;
@@ -157,12 +157,12 @@ pub fn exposure(scene: &Scene, world: &World) -> f32 {
         let Some(normal) = (b - a).cross(c - a).try_normalize() else { continue };
         let position = (a + b + c) / 3.0;
         let normal = if normal.dot(camera.eye - position) < 0.0 { -normal } else { normal };
-        let receiver = Receiver { position: position + normal * 1e-3, normal };
+        let shading_point = ShadingPoint::surface(position + normal * 1e-3, normal);
         let samples = 4;
         let mut light = 0.0;
         for _ in 0..samples {
             let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit()];
-            let Some(sample) = sampler.sample(&receiver, u) else { continue };
+            let Some(sample) = sampler.sample(&shading_point, u) else { continue };
             let incident = sample.incident;
             let arriving = incident.radiance * (incident.direction.dot(normal).max(0.0) / (sample.pmf * incident.pdf));
             light += arriving.dot(vec3(0.2126, 0.7152, 0.0722)) / samples as f32;

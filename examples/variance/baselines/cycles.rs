@@ -11,7 +11,7 @@ use super::tree::Formula;
 use girandole::bounds::Aabb;
 use girandole::glam::Vec3;
 use girandole::light::luminance;
-use girandole::{Light, Receiver, Shape};
+use girandole::{Light, ShadingPoint, Shape};
 use std::f32::consts::PI;
 
 /// Distances are held above this, in metres, so that no importance is infinite.
@@ -51,7 +51,7 @@ impl Emission {
 
 /// Where a group of lights is seen.
 struct Seen {
-    /// Unit vector from the receiver.
+    /// Unit vector from the shading point.
     direction: Vec3,
     /// Cosine of the half-angle that it covers.
     cos_u: f32,
@@ -90,10 +90,14 @@ impl Formula for Cycles {
         CyclesBounds { aabb: bounds.aabb, cone, energy: bounds.power }
     }
 
-    fn first_chance(&self, children: [(&CyclesBounds, Option<&Light>); 2], receiver: &Receiver) -> Option<f32> {
+    fn first_chance(
+        &self,
+        children: [(&CyclesBounds, Option<&Light>); 2],
+        shading_point: &ShadingPoint,
+    ) -> Option<f32> {
         let [a, b] = children.map(|(bounds, light)| match light {
-            Some(light) => light_range(bounds, light, receiver),
-            None => node_range(bounds, receiver),
+            Some(light) => light_range(bounds, light, shading_point),
+            None => node_range(bounds, shading_point),
         });
         if a.most + b.most <= 0.0 {
             return None;
@@ -108,80 +112,80 @@ impl Formula for Cycles {
     }
 }
 
-fn node_range(bounds: &CyclesBounds, receiver: &Receiver) -> Range {
+fn node_range(bounds: &CyclesBounds, shading_point: &ShadingPoint) -> Range {
     let Aabb { min, max } = bounds.aabb;
     let half = 0.5 * (max - min);
-    let toward = bounds.aabb.center() - receiver.position;
-    let highest = receiver.normal.dot(toward) + receiver.normal.abs().dot(half);
-    if receiver.normal != Vec3::ZERO && highest <= 0.0 {
+    let toward = bounds.aabb.center() - shading_point.position;
+    let highest = shading_point.normal.dot(toward) + shading_point.normal.abs().dot(half);
+    if shading_point.normal != Vec3::ZERO && highest <= 0.0 {
         return Range::default();
     }
     let direction = toward.normalize_or_zero();
-    let is_inside = receiver.position.cmpgt(min).all() && receiver.position.cmplt(max).all();
+    let is_inside = shading_point.position.cmpgt(min).all() && shading_point.position.cmplt(max).all();
     let corners = (0..8).map(|corner| {
         let pick = |axis: usize| if corner >> axis & 1 == 0 { min[axis] } else { max[axis] };
         Vec3::new(pick(0), pick(1), pick(2))
     });
-    let cos_u = if is_inside { -1.0 } else { cos_cover(direction, corners, receiver) };
+    let cos_u = if is_inside { -1.0 } else { cos_cover(direction, corners, shading_point) };
     let distance = toward.length().max(0.5 * half.length());
-    range(&bounds.cone, bounds.energy, &Seen { direction, cos_u, nearest: distance, farthest: distance }, receiver)
+    range(&bounds.cone, bounds.energy, &Seen { direction, cos_u, nearest: distance, farthest: distance }, shading_point)
 }
 
-fn light_range(bounds: &CyclesBounds, light: &Light, receiver: &Receiver) -> Range {
+fn light_range(bounds: &CyclesBounds, light: &Light, shading_point: &ShadingPoint) -> Range {
     match light.shape {
-        Shape::Point { position } => round_range(bounds, None, position, 0.0, receiver),
-        Shape::Sphere { center, radius } => round_range(bounds, None, center, radius, receiver),
-        Shape::Spot { position, .. } => round_range(bounds, Some(&bounds.cone), position, 0.0, receiver),
-        Shape::Triangle { vertices, .. } => flat_range(bounds, &vertices, receiver),
+        Shape::Point { position } => round_range(bounds, None, position, 0.0, shading_point),
+        Shape::Sphere { center, radius } => round_range(bounds, None, center, radius, shading_point),
+        Shape::Spot { position, .. } => round_range(bounds, Some(&bounds.cone), position, 0.0, shading_point),
+        Shape::Triangle { vertices, .. } => flat_range(bounds, &vertices, shading_point),
         Shape::Rectangle { center, half_u: u, half_v: v, .. } => {
-            flat_range(bounds, &[center - u - v, center - u + v, center + u - v, center + u + v], receiver)
+            flat_range(bounds, &[center - u - v, center - u + v, center + u - v, center + u + v], shading_point)
         }
     }
 }
 
-/// Points, spots and spheres; without a cone the light faces the receiver.
+/// Points, spots and spheres; without a cone the light faces the shading point.
 fn round_range(
     bounds: &CyclesBounds,
     cone: Option<&Emission>,
     center: Vec3,
     radius: f32,
-    receiver: &Receiver,
+    shading_point: &ShadingPoint,
 ) -> Range {
-    let toward = center - receiver.position;
+    let toward = center - shading_point.position;
     let direction = toward.normalize_or_zero();
     let reach = toward.length().hypot(radius).max(MIN_DISTANCE);
     let facing = Emission { axis: -direction, sin_o: 0.0, cos_o: 1.0, cos_reach: 0.0, cos_core: 0.0 };
     let seen = Seen { direction, cos_u: toward.length() / reach, nearest: reach, farthest: reach };
-    range(cone.unwrap_or(&facing), bounds.energy, &seen, receiver)
+    range(cone.unwrap_or(&facing), bounds.energy, &seen, shading_point)
 }
 
-fn flat_range(bounds: &CyclesBounds, corners: &[Vec3], receiver: &Receiver) -> Range {
+fn flat_range(bounds: &CyclesBounds, corners: &[Vec3], shading_point: &ShadingPoint) -> Range {
     let center = corners.iter().sum::<Vec3>() / corners.len() as f32;
-    let toward = center - receiver.position;
+    let toward = center - shading_point.position;
     let direction = toward.normalize_or_zero();
-    let is_above = receiver.normal == Vec3::ZERO
-        || corners.iter().any(|corner| (*corner - receiver.position).dot(receiver.normal) > 0.0);
+    let is_above = shading_point.normal == Vec3::ZERO
+        || corners.iter().any(|corner| (*corner - shading_point.position).dot(shading_point.normal) > 0.0);
     // A cone of all directions stands for two sides.
     let is_front = bounds.cone.cos_o < 1.0 || bounds.cone.axis.dot(direction) < 0.0;
     if !is_above || !is_front {
         return Range::default();
     }
-    let farthest = corners.iter().map(|corner| corner.distance(receiver.position)).fold(0.0, f32::max);
-    let cos_u = cos_cover(direction, corners.iter().copied(), receiver);
-    range(&bounds.cone, bounds.energy, &Seen { direction, cos_u, nearest: toward.length(), farthest }, receiver)
+    let farthest = corners.iter().map(|corner| corner.distance(shading_point.position)).fold(0.0, f32::max);
+    let cos_u = cos_cover(direction, corners.iter().copied(), shading_point);
+    range(&bounds.cone, bounds.energy, &Seen { direction, cos_u, nearest: toward.length(), farthest }, shading_point)
 }
 
 /// Cosine of the greatest angle between a direction and those to the corners.
-fn cos_cover(direction: Vec3, corners: impl Iterator<Item = Vec3>, receiver: &Receiver) -> f32 {
-    let cosines = corners.map(|corner| direction.dot((corner - receiver.position).normalize_or_zero()));
+fn cos_cover(direction: Vec3, corners: impl Iterator<Item = Vec3>, shading_point: &ShadingPoint) -> f32 {
+    let cosines = corners.map(|corner| direction.dot((corner - shading_point.position).normalize_or_zero()));
     cosines.fold(1.0, f32::min)
 }
 
-fn range(cone: &Emission, energy: f32, seen: &Seen, receiver: &Receiver) -> Range {
+fn range(cone: &Emission, energy: f32, seen: &Seen, shading_point: &ShadingPoint) -> Range {
     let (cos_u, sin_u) = (seen.cos_u, sine(seen.cos_u));
     let (mut cos_best, mut cos_worst) = (1.0, 1.0);
-    if receiver.normal != Vec3::ZERO {
-        let cos = receiver.normal.dot(seen.direction).clamp(-1.0, 1.0);
+    if shading_point.normal != Vec3::ZERO {
+        let cos = shading_point.normal.dot(seen.direction).clamp(-1.0, 1.0);
         let sin = sine(cos);
         cos_best = if cos >= cos_u { 1.0 } else { cos * cos_u + sin * sin_u };
         if cos_best < 0.0 {

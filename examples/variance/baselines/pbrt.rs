@@ -2,14 +2,14 @@
 //!
 //! Source: Pharr, Jakob and Humphreys, Physically Based Rendering (4th edition), 12.6.3, with the light bounds of 12.2
 //! to 12.4. As published: the squared distance is held above half the box's diagonal, lengths and squares mixed, and the
-//! receiver's cosine has no sign, because surfaces may let light through. Differs: bounds are not quantised; the power of a
+//! shading point's cosine has no sign, because surfaces may let light through. Differs: bounds are not quantised; the power of a
 //! spot is its flux, not 4 pi times its peak intensity (mean sigma on city S 4.4 instead of 11.2).
 
 use super::bounds::LightBounds;
 use super::tree::Formula;
 use girandole::bounds::Aabb;
 use girandole::glam::Vec3;
-use girandole::{Light, Receiver, Shape};
+use girandole::{Light, ShadingPoint, Shape};
 
 /// The formula.
 pub struct Pbrt {
@@ -48,15 +48,15 @@ impl Formula for Pbrt {
         PbrtBounds { aabb, axis, power, cos_o: bounds.theta_o.cos(), cos_e: bounds.theta_e.cos(), is_two_sided }
     }
 
-    fn first_chance(&self, children: [(&PbrtBounds, Option<&Light>); 2], receiver: &Receiver) -> Option<f32> {
-        let [a, b] = children.map(|(bounds, _)| self.importance(bounds, receiver));
+    fn first_chance(&self, children: [(&PbrtBounds, Option<&Light>); 2], shading_point: &ShadingPoint) -> Option<f32> {
+        let [a, b] = children.map(|(bounds, _)| self.importance(bounds, shading_point));
         (a + b > 0.0).then(|| a / (a + b))
     }
 }
 
 impl Pbrt {
-    fn importance(&self, bounds: &PbrtBounds, receiver: &Receiver) -> f32 {
-        let from_center = receiver.position - bounds.aabb.center();
+    fn importance(&self, bounds: &PbrtBounds, shading_point: &ShadingPoint) -> f32 {
+        let from_center = shading_point.position - bounds.aabb.center();
         let diagonal = bounds.aabb.extent().length();
         let dist_sq = from_center.length_squared().max(0.5 * diagonal).max(f32::MIN_POSITIVE);
         let direction = from_center.normalize_or_zero();
@@ -73,8 +73,8 @@ impl Pbrt {
         }
 
         let mut cosine = 1.0;
-        if receiver.normal != Vec3::ZERO {
-            let cos = -receiver.normal.dot(direction).clamp(-1.0, 1.0);
+        if shading_point.normal != Vec3::ZERO {
+            let cos = -shading_point.normal.dot(direction).clamp(-1.0, 1.0);
             let cos = if self.is_opaque { cos } else { cos.abs() };
             cosine = Angle::from_cos(cos).minus(box_angle).cos;
         }

@@ -2,7 +2,7 @@
 
 use super::bounds::LightBounds;
 use super::saoh::{self, LEAF};
-use girandole::{Light, Receiver};
+use girandole::{Light, ShadingPoint};
 
 /// How a published sampler sees groups of lights.
 pub trait Formula: Sync {
@@ -16,7 +16,8 @@ pub trait Formula: Sync {
     fn pack(bounds: &LightBounds) -> Self::Bounds;
 
     /// The chance of the first of two children, each with its light if it is a leaf; `None` if neither sends light.
-    fn first_chance(&self, children: [(&Self::Bounds, Option<&Light>); 2], receiver: &Receiver) -> Option<f32>;
+    fn first_chance(&self, children: [(&Self::Bounds, Option<&Light>); 2], shading_point: &ShadingPoint)
+    -> Option<f32>;
 }
 
 #[derive(Clone, Copy)]
@@ -52,7 +53,7 @@ impl<F: Formula> BinaryTree<F> {
     }
 
     /// Chooses a light, with its chance. `u` in [0, 1), in f64 so that deep choices are still random.
-    pub fn pick(&self, receiver: &Receiver, mut u: f64) -> Option<(u32, f32)> {
+    pub fn pick(&self, shading_point: &ShadingPoint, mut u: f64) -> Option<(u32, f32)> {
         let mut index = 0;
         let mut pmf = 1.0;
         loop {
@@ -60,7 +61,7 @@ impl<F: Formula> BinaryTree<F> {
             if node.target & LEAF != 0 {
                 return Some((node.target & !LEAF, pmf));
             }
-            let first = self.first_chance(index, receiver)?;
+            let first = self.first_chance(index, shading_point)?;
             let share = f64::from(first);
             if u < share {
                 (index, u) = (index + 1, u / share);
@@ -74,14 +75,14 @@ impl<F: Formula> BinaryTree<F> {
     }
 
     /// The chance of each light.
-    pub fn pmfs(&self, receiver: &Receiver) -> Vec<f32> {
+    pub fn pmfs(&self, shading_point: &ShadingPoint) -> Vec<f32> {
         let mut pmfs = vec![0.0; self.lights.len()];
         let mut open = if self.nodes.is_empty() { Vec::new() } else { vec![(0, 1.0)] };
         while let Some((index, chance)) = open.pop() {
             let target = self.nodes[index].target;
             if target & LEAF != 0 {
                 pmfs[(target & !LEAF) as usize] = chance;
-            } else if let Some(first) = self.first_chance(index, receiver) {
+            } else if let Some(first) = self.first_chance(index, shading_point) {
                 let both = [(index + 1, chance * first), (target as usize, chance * (1.0 - first))];
                 open.extend(both.into_iter().filter(|(_, chance)| *chance > 0.0));
             }
@@ -89,12 +90,12 @@ impl<F: Formula> BinaryTree<F> {
         pmfs
     }
 
-    fn first_chance(&self, parent: usize, receiver: &Receiver) -> Option<f32> {
+    fn first_chance(&self, parent: usize, shading_point: &ShadingPoint) -> Option<f32> {
         let children = [parent + 1, self.nodes[parent].target as usize].map(|index| {
             let node = &self.nodes[index];
             let light = (node.target & LEAF != 0).then(|| &self.lights[(node.target & !LEAF) as usize]);
             (&node.bounds, light)
         });
-        self.formula.first_chance(children, receiver)
+        self.formula.first_chance(children, shading_point)
     }
 }

@@ -3,6 +3,7 @@
 use super::super::kernel::{LANES, ROW};
 use super::super::sampling::SampleRequest;
 use super::super::{GpuLights, storage_entry, text};
+use crate::counts::CandidateCount;
 use crate::effects::Effects;
 
 pub(in crate::gpu) struct CountKernel {
@@ -60,7 +61,7 @@ impl GpuLights {
         requests: &wgpu::Buffer,
         counts: &wgpu::Buffer,
         count: u32,
-        candidates: u32,
+        candidates: CandidateCount,
     ) {
         if count == 0 {
             return;
@@ -72,7 +73,7 @@ impl GpuLights {
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        self.queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&[candidates, 0, 0, 0]));
+        self.queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&[candidates.get(), 0, 0, 0]));
         let binding = |buffer, stride: usize| {
             wgpu::BindingResource::Buffer(wgpu::BufferBinding {
                 buffer,

@@ -11,7 +11,7 @@ use super::GpuLights;
 use super::recorder::Recorder;
 
 /// No build has more stages: a set of twice as many queries has room for the timestamps of any.
-pub const MOST_TOP_STAGES: u32 = 64;
+pub const MAX_TOP_STAGES: u32 = 64;
 
 /// One stage of a build of the top level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,7 +36,7 @@ pub struct RecordBytes {
 impl GpuLights {
     /// As [`GpuLights::build_top`], but each stage in a compute pass of its own, whether or not anything was uploaded
     /// since the last build. Returns the stages in order; the i-th begins at timestamp 2 i and ends at 2 i + 1 of
-    /// `queries`, if any are given: a set of timestamps with room for twice [`MOST_TOP_STAGES`].
+    /// `queries`, if any are given: a set of timestamps with room for twice [`MAX_TOP_STAGES`].
     ///
     /// Passes of their own cost a little: see the sum against that of one pass before trusting it.
     pub fn build_top_timed(

@@ -2,16 +2,17 @@ use glam::{DVec3, Vec3};
 use wgpu::util::DeviceExt;
 
 use super::*;
+use crate::counts::{CandidateCount, SplitCount};
 use crate::gpu::SampleRequest;
 use crate::gpu::testing::{gpu, limited_gpu, read};
 use crate::light::Light;
 use crate::placement::Placement;
 use crate::policy::Policy;
 use crate::resample::numbers;
-use crate::world::World;
+use crate::world::LightWorld;
 
-fn lamps(instances: u32, lights: u32) -> World {
-    let mut world = World::new();
+fn lamps(instances: u32, lights: u32) -> LightWorld {
+    let mut world = LightWorld::new();
     let lamp = |i: u32| Light::point(Vec3::new(i as f32, 3.0, 0.0), Vec3::ONE);
     let tree = world.add_tree((0..lights).map(lamp).collect()).expect("valid");
     for i in 0..instances {
@@ -21,7 +22,7 @@ fn lamps(instances: u32, lights: u32) -> World {
     world
 }
 
-fn upload(device: &wgpu::Device, queue: &wgpu::Queue, mut world: World) -> GpuLights {
+fn upload(device: &wgpu::Device, queue: &wgpu::Queue, mut world: LightWorld) -> GpuLights {
     let mut lights = GpuLights::new(device, queue).expect("default limits are enough");
     let delta = world.take_delta();
     lights.upload(&world, &delta).expect("room enough");
@@ -48,7 +49,7 @@ fn stages_apart_build_the_same_top_level_as_one_pass() {
     let (together, _) = top(false);
     let (apart, stages) = top(true);
     assert!(apart == together && apart.iter().any(|word| *word != 0));
-    assert!(stages.len() >= 4 && stages.len() <= MOST_TOP_STAGES as usize, "{stages:?}");
+    assert!(stages.len() >= 4 && stages.len() <= MAX_TOP_STAGES as usize, "{stages:?}");
     assert!(stages.iter().all(|stage| stage.dispatches > 0), "{stages:?}");
     let sort: Vec<_> = stages.iter().filter(|stage| stage.name == "sort").collect();
     assert!(matches!(sort[..], [TopStage { dispatches: 12, .. }]), "{stages:?}");
@@ -67,7 +68,7 @@ fn each_stage_writes_when_it_begins_and_ends() {
     let features = wgpu::Features::TIMESTAMP_QUERY;
     let (device, queue) = limited_gpu(&wgpu::Limits::default(), features);
     let mut lights = upload(&device, &queue, lamps(700, 3));
-    let count = 2 * MOST_TOP_STAGES;
+    let count = 2 * MAX_TOP_STAGES;
     let queries =
         device.create_query_set(&wgpu::QuerySetDescriptor { label: None, ty: wgpu::QueryType::Timestamp, count });
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -119,27 +120,27 @@ fn samples_read_as_many_nodes_as_their_walk_is_long() {
         usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
         mapped_at_creation: false,
     });
-    let count = |lights: &mut GpuLights, openings, candidates| {
-        lights.set_openings(openings);
+    let count = |lights: &mut GpuLights, splits: u32, candidates: u32| {
+        lights.set_splits(SplitCount::new(splits as usize).expect("few"));
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         lights.build_top(&mut encoder);
-        lights.count_nodes(&mut encoder, &requests, &counts, 9, candidates);
+        lights.count_nodes(&mut encoder, &requests, &counts, 9, CandidateCount::new(candidates).expect("few"));
         queue.submit([encoder.finish()]);
         read::<u32>(&device, &queue, &counts)
     };
     // The top level's root, and the tree's: one light is in no doubt, so it is not opened but walked to by each.
     let mut one = upload(&device, &queue, lamps(1, 1));
-    for openings in [0, 6] {
-        assert_eq!(count(&mut one, openings, 1), [2; 9]);
-        assert_eq!(count(&mut one, openings, 8)[0], 1 + 8);
+    for splits in [0, 6] {
+        assert_eq!(count(&mut one, splits, 1), [2; 9]);
+        assert_eq!(count(&mut one, splits, 8)[0], 1 + 8);
     }
     let mut many = upload(&device, &queue, lamps(64, 64));
-    for openings in [0, 6] {
-        let single = count(&mut many, openings, 1);
+    for splits in [0, 6] {
+        let single = count(&mut many, splits, 1);
         // Two nodes at least in each level, and what is opened.
-        assert!(single.iter().all(|count| *count >= 4 + openings / 2), "{single:?}");
+        assert!(single.iter().all(|count| *count >= 4 + splits / 2), "{single:?}");
         // Candidates share what is opened.
-        let walked: u32 = single[1..].iter().map(|count| count - 1 - openings).sum();
-        assert_eq!(count(&mut many, openings, 8)[0], 1 + openings + walked);
+        let walked: u32 = single[1..].iter().map(|count| count - 1 - splits).sum();
+        assert_eq!(count(&mut many, splits, 8)[0], 1 + splits + walked);
     }
 }

@@ -10,7 +10,7 @@ use crate::keys::slot_of;
 use crate::placement::Placed;
 use crate::top::TopLevel;
 use crate::tree::{EMPTY_SLOT, LEAF, NO_PARENT, Target, WIDTH};
-use crate::{InstanceKey, Light, Placement, Policy, World};
+use crate::{InstanceKey, Light, LightWorld, Placement, Policy};
 
 /// Relative difference of sums of up to eight products in f32, taken in different orders or with fused multiply-adds.
 const SUMS: f32 = 4.0e-6;
@@ -68,7 +68,7 @@ fn random_vec(index: u32, salt: u32) -> Vec3 {
 }
 
 /// Trees of one to twenty lights, of all kinds.
-fn trees(world: &mut World) -> Vec<crate::TreeKey> {
+fn trees(world: &mut LightWorld) -> Vec<crate::TreeKey> {
     let light = |i: u32| {
         let at = 20.0 * random_vec(i, 0);
         let direction = random_vec(i, 3).normalize_or(Vec3::Y);
@@ -103,8 +103,8 @@ fn placement(i: u32) -> Placement {
 }
 
 /// A world of so many slots, every seventh of them empty again, spread by `place`.
-fn world_of(slots: u32, place: impl Fn(u32) -> Placement) -> World {
-    let mut world = World::new();
+fn world_of(slots: u32, place: impl Fn(u32) -> Placement) -> LightWorld {
+    let mut world = LightWorld::new();
     let trees = trees(&mut world);
     let keys: Vec<InstanceKey> = (0..slots)
         .map(|i| world.add_instance(trees[i as usize % trees.len()], place(i), Policy::default()).unwrap())
@@ -121,7 +121,7 @@ fn pool<T: bytemuck::NoUninit>(records: &[T]) -> Pool<T> {
     pool
 }
 
-fn build(top: &mut TopBuild, world: &World) -> Built {
+fn build(top: &mut TopBuild, world: &LightWorld) -> Built {
     let (device, queue) = gpu();
     let slots = world.slot_count();
     let mut instances = vec![InstanceRecord::NONE; slots.max(1)];
@@ -184,7 +184,7 @@ fn assert_alike(ours: &Cluster, twin: &Cluster, what: &str) {
     assert!((a.mean - b.mean).abs().max_element() <= SUMS * size, "{what}: {a:?} {b:?}");
     let spread = b.aabb.extent().length_squared();
     assert!(close(a.variance, b.variance, b.variance + spread), "{what}: variance {} {}", a.variance, b.variance);
-    assert_eq!(a.range, b.range.min(tree::FARTHEST), "{what}");
+    assert_eq!(a.range, b.range.min(tree::UNLIMITED_RANGE), "{what}");
     assert!((a.axis - b.axis).length() <= SUMS, "{what}: axis {} {}", a.axis, b.axis);
     assert_eq!(a.cos_half_angle, b.cos_half_angle, "{what}");
 }
@@ -215,7 +215,7 @@ fn is_outside(outer: &Cluster, inner: &Cluster) -> Option<&'static str> {
     let is_all = outer.cos_half_angle <= -1.0;
     [
         (!outer.aabb.contains(&inner.aabb), "box"),
-        (outer.range < inner.range.min(tree::FARTHEST), "range"),
+        (outer.range < inner.range.min(tree::UNLIMITED_RANGE), "range"),
         (!is_all && (inner.cos_half_angle <= -1.0 || turn + half_angle(inner) > half_angle(outer)), "cap"),
     ]
     .into_iter()
@@ -262,7 +262,7 @@ fn assert_same_tree(built: &Built, twin: &TopLevel) {
     assert_eq!(pairs.len(), twin.nodes.len());
 }
 
-fn check(top: &mut TopBuild, world: &World) -> Built {
+fn check(top: &mut TopBuild, world: &LightWorld) -> Built {
     let built = build(top, world);
     // An instance is what the CPU makes of it.
     for key in world.instances() {
@@ -305,7 +305,7 @@ fn rows_and_grids_of_equal_lamps_make_the_same_tree_as_on_the_cpu() {
     let mut top = TopBuild::new(&device, &queue).unwrap();
     // Many cuts cost the same, and many borders of boxes lie within rounding of a step of their node's grid.
     for (side, step) in [(16, 10.0), (23, 10.0), (50, 10.0), (50, 0.1)] {
-        let mut world = World::new();
+        let mut world = LightWorld::new();
         let lamp = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).unwrap();
         for i in 0..side * side {
             let at = DVec3::new(f64::from(i % side) * step, 5.0, f64::from(i / side) * step);
@@ -326,7 +326,7 @@ fn pieces_that_fall_apart_into_single_units_are_cut_into_eights() {
             1000.0 * DVec3::new(f64::from(site % 8), 0.0, f64::from(site / 8)) + 100.0 * DVec3::X / f64::from(1 << k),
         )
     };
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let lamp = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).unwrap();
     for i in 0..1024 {
         world.add_instance(lamp, place(i), Policy::default()).unwrap();
@@ -342,7 +342,7 @@ fn cones_of_beams_that_agree_stay_narrow_all_the_way_up() {
     let (device, queue) = gpu();
     let mut top = TopBuild::new(&device, &queue).unwrap();
     for widest in [0.0, 1.0e-4, 0.05, 0.9, 1.4] {
-        let mut world = World::new();
+        let mut world = LightWorld::new();
         let beam = Light::spot(Vec3::ZERO, Vec3::NEG_Y, 0.0, 0.5 * widest + 1.0e-3, Vec3::ONE);
         let tree = world.add_tree(vec![beam]).unwrap();
         for i in 0..520 {
@@ -367,7 +367,7 @@ fn cones_of_beams_that_agree_stay_narrow_all_the_way_up() {
 fn a_world_without_light_is_a_tree_of_empty_slots() {
     let (device, queue) = gpu();
     let mut top = TopBuild::new(&device, &queue).unwrap();
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let dark = world.add_tree(vec![Light::point(Vec3::ONE, Vec3::ZERO)]).unwrap();
     for i in 0..20 {
         world.add_instance(dark, placement(i), Policy::default()).unwrap();
@@ -438,7 +438,7 @@ fn every_child_on_the_way_up_holds_every_light_of_an_instance() {
                         exact.cmpge(outer.aabb.min.as_dvec3()).all() && exact.cmple(outer.aabb.max.as_dvec3()).all()
                     );
                 }
-                assert!(outer.range >= inner.range.min(tree::FARTHEST));
+                assert!(outer.range >= inner.range.min(tree::UNLIMITED_RANGE));
                 assert!(outer.cos_half_angle <= -1.0 || linear.is_similarity);
                 if outer.cos_half_angle > -1.0 {
                     let axis = (frame.to_world * inner.axis).normalize();
@@ -487,7 +487,7 @@ fn the_longest_plan_fits_the_passes() {
     // Beyond that, no buffer could hold the nodes' indices.
     for slots in [0, 1, 256, 257, 512, 513, 100_000, 1 << 20, 1 << 30] {
         let plan = Plan::new(slots, slots, Strides::of(Effects::all()));
-        assert!(plan.passes.len() <= MOST_ROUNDS as usize, "{slots}: {}", plan.passes.len());
+        assert!(plan.passes.len() <= MAX_ROUNDS as usize, "{slots}: {}", plan.passes.len());
         assert!(u64::from(plan.nodes) <= u64::from(slots) / 2 + 1024, "{slots}: {}", plan.nodes);
     }
 }

@@ -16,7 +16,7 @@ const FLUX_UNIT: f32 = 1.0 / (1 << 30) as f32;
 
 /// The least orientation, in units of that of flat emitters that agree. Beams that agree would have none, and what f32
 /// sums of a million directions are off by would choose their splits.
-const LEAST_ORIENTATION: f32 = 1.0 / 256.0;
+const MIN_ORIENTATION: f32 = 1.0 / 256.0;
 
 /// Lights that one thread looks at in a row. Sums over more are sums of such runs, in order, with threads or without.
 const RUN: usize = 1 << 14;
@@ -99,7 +99,7 @@ pub(super) fn costs(groups: [&Sums; 4], per_flux: f32) -> Vec4 {
     let axis = Vec4::from_array((x * x + y * y + z * z).to_array().map(f32::sqrt));
     let wide = 4.0 * flux - 3.0 / LAMBERTIAN * axis;
     let narrow = 3.0 * (flux - axis);
-    size * wide.max(narrow).max(LEAST_ORIENTATION * flux)
+    size * wide.max(narrow).max(MIN_ORIENTATION * flux)
 }
 
 /// A box of means.

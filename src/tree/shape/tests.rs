@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 
 use super::*;
 use crate::bounds::Aabb;
-use crate::cluster::{Cluster, MOST_FLUX};
+use crate::cluster::{Cluster, MAX_FLUX};
 
 /// Fewest children of a node that is not sparse.
 const FULL: u32 = 6;
@@ -157,7 +157,7 @@ fn a_million_lights_at_geometric_distances_stay_within_the_depth() {
         };
         sound_shape(&(0..1_000_000).map(|i| light(at(i), 1.0)).collect::<Vec<_>>());
         // As much of the flux in each step.
-        let flux = |i: usize| (1.0e-8 / at(i).z.powi(2)).min(MOST_FLUX);
+        let flux = |i: usize| (1.0e-8 / at(i).z.powi(2)).min(MAX_FLUX);
         sound_shape(&(0..50_000).map(|i| light(at(20 * i), flux(20 * i))).collect::<Vec<_>>());
     }
 }
@@ -195,7 +195,7 @@ fn dark_lights_get_leaves_alone_and_among_others() {
 #[test]
 fn the_ends_of_all_ranges_and_lines_and_planes_have_sound_shapes() {
     let mut rng = Rng(6);
-    let fluxes = [0.0, 1.0e-18, 1.0, MOST_FLUX];
+    let fluxes = [0.0, 1.0e-18, 1.0, MAX_FLUX];
     let sizes = [1.0e9, 1.0, 1.0e-9, 1.0e-30, 1.0e-38, 1.0e-45];
     for mask in [Vec3::ONE, Vec3::new(1.0, 0.0, 1.0), Vec3::Y] {
         for size in sizes {
@@ -211,8 +211,7 @@ fn the_ends_of_all_ranges_and_lines_and_planes_have_sound_shapes() {
         }
     }
     // All at the most flux: sums of axes and fluxes reach 1e40 lm.
-    let lights: Vec<_> =
-        (0..100_000).map(|_| Cluster { axis: Vec3::Y, ..light(rng.place(1.0e9), MOST_FLUX) }).collect();
+    let lights: Vec<_> = (0..100_000).map(|_| Cluster { axis: Vec3::Y, ..light(rng.place(1.0e9), MAX_FLUX) }).collect();
     assert!(fill(&sound_shape(&lights)) > 6.0);
 }
 

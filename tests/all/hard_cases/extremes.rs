@@ -5,7 +5,7 @@ use super::*;
 #[test]
 fn thousands_of_lights_at_one_point_are_all_alike() {
     let mut world = alone((0..6000).map(|_| Light::point(Vec3::splat(3.0), Vec3::ONE)).collect());
-    let all = [Receiver::volume(Vec3::ZERO), Receiver::volume(Vec3::splat(3.0))];
+    let all = [ShadingPoint::volume(Vec3::ZERO), ShadingPoint::volume(Vec3::splat(3.0))];
     prove(&world, &all, 8);
     let sum: f64 = all_chances(&world.sampler(), &all[0]).iter().map(|(_, p)| f64::from(*p)).sum();
     assert!((sum - 1.0).abs() < SUM_TOLERANCE, "{sum}");
@@ -14,11 +14,11 @@ fn thousands_of_lights_at_one_point_are_all_alike() {
     for _ in 0..500 {
         world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("allowed");
     }
-    for openings in OPENINGS {
-        let pick = world.sampler().with_openings(openings).pick(&all[0], [0.3, 0.7]).expect("it shines");
+    for splits in SPLITS {
+        let pick = world.sampler().with_splits(splits).pick(&all[0], [0.3, 0.7]).expect("it shines");
         // Nodes pack flux with 8 bits: a share is off by 2^-9 and so is the sum it is a share of, on each of at least 8 levels.
         let tolerance = 8.0 * 2.0 / 512.0;
-        assert!((f64::from(pick.pmf) * 6000.0 * 501.0 - 1.0).abs() < tolerance, "{openings}: {pick:?}");
+        assert!((f64::from(pick.pmf) * 6000.0 * 501.0 - 1.0).abs() < tolerance, "{splits}: {pick:?}");
     }
     prove_on_gpu(&mut world, &all, 8);
 }
@@ -40,8 +40,8 @@ fn twenty_four_decades_in_one_tree_leave_nobody_without_a_chance() {
             .collect();
         let first = lights[399];
         let mut world = alone(lights);
-        let mut all = receivers(&mut rng, 20, 15.0);
-        all.push(Receiver::volume(first.aabb().center() + Vec3::X * 1.0e-9));
+        let mut all = shading_points(&mut rng, 20, 15.0);
+        all.push(ShadingPoint::volume(first.aabb().center() + Vec3::X * 1.0e-9));
         assert!(prove(&world, &all, 9) > 1000);
         if spread < 40.0 {
             // Below 1e-38 a GPU may call a light dark that the CPU does not.
@@ -99,18 +99,19 @@ fn lights_at_distances_of_halving_powers_make_a_deep_tree_and_keep_their_chances
 fn ten_thousand_kilometres_out_a_centimetre_still_counts() {
     let mut rng = Rng(108);
     let origin = DVec3::new(1.0e7, -3.0, 1.0e7);
-    let mut world = World::new();
+    let mut world = LightWorld::new();
     let tree = world.add_tree(rng.lights(40, 0.05)).expect("allowed");
     for i in 0..100 {
         let at = origin + DVec3::new(f64::from(i) * 0.01, 0.0, f64::from(i % 7) * 0.01);
         world.add_instance(tree, Placement::at(at), Policy::Static).expect("allowed");
     }
     // Without a near origin positions are a metre apart: coarse, but nobody loses its chance.
-    let far: Vec<_> = (0..10).map(|_| Receiver::surface(origin.as_vec3() + rng.place(3.0), rng.direction())).collect();
+    let far: Vec<_> =
+        (0..10).map(|_| ShadingPoint::surface(origin.as_vec3() + rng.place(3.0), rng.direction())).collect();
     prove(&world, &far, 13);
     prove_on_gpu(&mut world, &far, 13);
     world.set_origin(origin).expect("near enough");
-    let near = receivers(&mut rng, 20, 0.5);
+    let near = shading_points(&mut rng, 20, 0.5);
     assert!(prove(&world, &near, 13) > 1000);
     prove_on_gpu(&mut world, &near, 13);
     // The neighbour a centimetre away is told apart.
@@ -118,7 +119,7 @@ fn ten_thousand_kilometres_out_a_centimetre_still_counts() {
     let mut ids = world.instances();
     let mut distance = || {
         let id = LightId::Local { instance: ids.next().expect("a hundred"), light: 0 };
-        (0..100).find_map(|i| sampler.sample_light(&Receiver::volume(Vec3::Y * (0.5 + i as f32)), id, [0.5; 2]))
+        (0..100).find_map(|i| sampler.sample_light(&ShadingPoint::volume(Vec3::Y * (0.5 + i as f32)), id, [0.5; 2]))
     };
     assert_ne!(distance().map(|i| i.direction), distance().map(|i| i.direction));
 }
@@ -138,7 +139,7 @@ fn a_lamp_post_far_from_the_origin_keeps_its_horizon_and_its_range() {
             .map(|_| {
                 let offset = rng.place(2.0);
                 let place = translation.as_vec3() + offset;
-                Receiver::surface(place, rng.direction())
+                ShadingPoint::surface(place, rng.direction())
             })
             .collect();
         prove(&world, &all, round);
@@ -184,8 +185,8 @@ fn the_largest_coordinates_and_scales_are_as_good_as_any() {
             assert!(flux.area.is_finite() && flux.punctual.is_finite(), "{flux:?}");
             let a = tree.attributes();
             assert!([a.distance, a.overlap, a.variance, a.splitting_cost].into_iter().all(f32::is_finite), "{a:?}");
-            let mut all = receivers(&mut rng, 8, 1.0);
-            all.extend(receivers(&mut rng, 8, m));
+            let mut all = shading_points(&mut rng, 8, 1.0);
+            all.extend(shading_points(&mut rng, 8, m));
             all.extend([m, -m].into_iter().flat_map(|x| at_point(Vec3::splat(x))));
             assert!(prove(&world, &all, 14) > 0);
             prove_on_gpu(&mut world, &all, 14);
@@ -203,14 +204,14 @@ fn ill_conditioned_placements_keep_every_light_or_are_refused() {
         let mut lights = one_of_each(&mut rng, Vec3::ZERO, 0.3);
         let ranged: Vec<_> = lights.iter().map(|l| l.with_range(1.0)).collect();
         lights.extend(ranged);
-        let mut world = World::new();
+        let mut world = LightWorld::new();
         let tree = world.add_tree(lights).expect("allowed");
         let placement = Placement { linear: shape, translation: rng.place(100.0).as_dvec3() };
         if world.add_instance(tree, placement, Policy::Static).is_err() {
             continue;
         }
         let middle = placement.translation.as_vec3();
-        let all: Vec<_> = (0..40).map(|_| Receiver::surface(middle + rng.place(1.2), rng.direction())).collect();
+        let all: Vec<_> = (0..40).map(|_| ShadingPoint::surface(middle + rng.place(1.2), rng.direction())).collect();
         prove(&world, &all, round);
     }
 }
@@ -224,7 +225,7 @@ fn twenty_thousand_refits_leave_a_tree_no_looser_than_its_lights() {
         let index = (rng.bits() % 40) as usize;
         let step = rng.place(0.05);
         lights[index] = moved(&lights[index], step);
-        tree.set(&[(index as u32, lights[index])]).expect("allowed");
+        tree.set_lights(&[(index as u32, lights[index])]).expect("allowed");
         tree.refit();
         if round % 1000 == 0 {
             tree.check().expect("sound all the way");
@@ -264,7 +265,7 @@ fn a_world_that_is_switched_off_and_on_again_shines_as_before() {
     let mut rng = Rng(113);
     let mut world = rng.world(2, 30, 3, 10.0);
     let trees: Vec<_> = world.trees().collect();
-    let all = receivers(&mut rng, 10, 12.0);
+    let all = shading_points(&mut rng, 10, 12.0);
     let before: Vec<_> = all.iter().map(|r| all_chances(&world.sampler(), r)).collect();
     for tree in &trees {
         let lights = world.tree(*tree).expect("it lives").lights().to_vec();
@@ -282,33 +283,33 @@ fn a_world_that_is_switched_off_and_on_again_shines_as_before() {
 }
 
 #[test]
-fn receivers_with_odd_normals_get_valid_chances() {
+fn shading_points_with_odd_normals_get_valid_chances() {
     let mut rng = Rng(114);
     let world = rng.world(3, 40, 3, 10.0);
     let mut all = Vec::new();
     for length in [0.0, 1.0e-44, 1.0e-30, 1.0e-20, 1.0e-3, 0.5, 2.0, 1.0e6, 1.0e15] {
-        all.extend((0..5).map(|_| Receiver::surface(rng.place(12.0), rng.direction() * length)));
+        all.extend((0..5).map(|_| ShadingPoint::surface(rng.place(12.0), rng.direction() * length)));
     }
     assert!(prove(&world, &all, 16) > 1000);
 }
 
 #[test]
-fn receivers_that_are_not_numbers_get_no_nonsense() {
+fn shading_points_that_are_not_numbers_get_no_nonsense() {
     let mut rng = Rng(115);
     let world = rng.world(3, 40, 3, 10.0);
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX] {
         let all = [
-            Receiver::volume(Vec3::splat(bad)),
-            Receiver::volume(Vec3::X * bad),
-            Receiver::surface(Vec3::ONE, Vec3::splat(bad)),
-            Receiver::surface(Vec3::splat(bad), Vec3::Y),
+            ShadingPoint::volume(Vec3::splat(bad)),
+            ShadingPoint::volume(Vec3::X * bad),
+            ShadingPoint::surface(Vec3::ONE, Vec3::splat(bad)),
+            ShadingPoint::surface(Vec3::splat(bad), Vec3::Y),
         ];
         prove(&world, &all, 17);
     }
 }
 
 #[test]
-fn a_receiver_at_the_edge_of_numbers_sees_small_instances() {
+fn a_shading_point_at_the_edge_of_numbers_sees_small_instances() {
     let mut rng = Rng(116);
     for scale in [1.0, 1.0e-3, 1.0e-8] {
         let at = Placement { linear: Mat3::from_diagonal(Vec3::splat(scale)), translation: DVec3::ONE };
@@ -317,7 +318,7 @@ fn a_receiver_at_the_edge_of_numbers_sees_small_instances() {
         let mut world = placed(lights.to_vec(), [at]);
         let all: Vec<_> = (9..18)
             .flat_map(|k| (0..10).map(move |_| k))
-            .map(|k| Receiver::volume(rng.direction() * 10.0_f32.powi(k)))
+            .map(|k| ShadingPoint::volume(rng.direction() * 10.0_f32.powi(k)))
             .collect();
         assert!(prove(&world, &all, 18) > 50);
         prove_on_gpu(&mut world, &all, 18);
@@ -359,7 +360,7 @@ fn whatever_is_allowed_keeps_every_promise() {
                 if rng.bits().is_multiple_of(3) { light.with_range(any_size(&mut rng, -9.0, 9.0).abs()) } else { light }
             })
             .collect();
-        let mut world = World::new();
+        let mut world = LightWorld::new();
         let tree = world.add_tree(lights.clone()).expect("allowed lights");
         world.tree(tree).expect("just added").check().expect("a sound tree");
         let mut targets = Vec::new();
@@ -394,7 +395,7 @@ fn whatever_is_allowed_keeps_every_promise() {
                 let toward = (linear * away).normalize_or(Vec3::X);
                 // Every other one with the light on its horizon.
                 let side = toward.cross(rng.direction()).normalize_or(Vec3::Y);
-                all.push(Receiver { position, normal: if rng.bits().is_multiple_of(2) { side } else { -toward } });
+                all.push(ShadingPoint::surface(position, if rng.bits().is_multiple_of(2) { side } else { -toward }));
             }
         }
         reached += prove(&world, &all, round);

@@ -9,20 +9,20 @@ use girandole::glam::{DVec3, Mat3, Quat, Vec3};
 use girandole::gpu::{GpuLights, SampleRequest};
 use girandole::light::{MAX_COORDINATE, MAX_EMISSION};
 use girandole::{
-    DEFAULT_OPENINGS, DirectionalLight, Effects, FrameBudget, FrameDelta, Light, LightId, LightTree, MAX_SCALE,
-    Placement, Policy, Receiver, Sampler, World,
+    DirectionalLight, Effects, FrameBudget, FrameDelta, Light, LightId, LightSampler, LightTree, LightWorld, MAX_SCALE,
+    Placement, Policy, ShadingPoint, SplitCount,
 };
 
 use crate::gpu::{OTHER_PICKS, compare, gpu, sample_by};
-use crate::support::{OPENINGS, Rng, all_chances};
+use crate::support::{Rng, SPLITS, all_chances};
 
 /// Chances are products of ratios of sums of eight, each rounded by a few 6e-8, summed over thousands of lights.
 const SUM_TOLERANCE: f64 = 1.0e-4;
 
-const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
+const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON / 2.0;
 
-fn placed(lights: Vec<Light>, placements: impl IntoIterator<Item = Placement>) -> World {
-    let mut world = World::new();
+fn placed(lights: Vec<Light>, placements: impl IntoIterator<Item = Placement>) -> LightWorld {
+    let mut world = LightWorld::new();
     let tree = world.add_tree(lights).expect("allowed lights");
     world.tree(tree).expect("just added").check().expect("a sound tree");
     for placement in placements {
@@ -31,7 +31,7 @@ fn placed(lights: Vec<Light>, placements: impl IntoIterator<Item = Placement>) -
     world
 }
 
-fn alone(lights: Vec<Light>) -> World {
+fn alone(lights: Vec<Light>) -> LightWorld {
     placed(lights, [Placement::IDENTITY])
 }
 
@@ -40,39 +40,38 @@ fn linear(linear: Mat3) -> Placement {
 }
 
 /// Every light that sends anything has a chance; chances are chances, sum to at most 1, and picks carry theirs.
-/// With every bound on openings alike. Returns how many contributions were seen with each.
-fn prove(world: &World, receivers: &[Receiver], seed: u64) -> usize {
-    let [plain, opened] =
-        OPENINGS.map(|openings| prove_with(&world.sampler().with_openings(openings), receivers, seed));
-    assert_eq!(plain, opened, "what arrives has nothing to do with openings");
+/// With every bound on splits alike. Returns how many contributions were seen with each.
+fn prove(world: &LightWorld, shading_points: &[ShadingPoint], seed: u64) -> usize {
+    let [plain, opened] = SPLITS.map(|splits| prove_with(&world.sampler().with_splits(splits), shading_points, seed));
+    assert_eq!(plain, opened, "what arrives has nothing to do with splits");
     plain
 }
 
-fn prove_with(sampler: &Sampler, receivers: &[Receiver], seed: u64) -> usize {
+fn prove_with(sampler: &LightSampler, shading_points: &[ShadingPoint], seed: u64) -> usize {
     let mut rng = Rng(seed);
     let mut reached = 0;
-    for receiver in receivers {
+    for shading_point in shading_points {
         let mut sum = 0.0;
-        for (light, pmf) in all_chances(sampler, receiver) {
-            assert!((0.0..=1.0).contains(&pmf), "{light:?} has the chance {pmf} at {receiver:?}");
+        for (light, pmf) in all_chances(sampler, shading_point) {
+            assert!((0.0..=1.0).contains(&pmf), "{light:?} has the chance {pmf} at {shading_point:?}");
             sum += f64::from(pmf);
-            for u in [[0.0, 0.0], [BELOW_ONE, BELOW_ONE], [rng.unit(), rng.unit()]] {
-                if let Some(incident) = sampler.sample_light(receiver, light, u) {
-                    assert!(pmf > 0.0, "{light:?} sends {incident:?} to {receiver:?} but is never chosen");
+            for u in [[0.0, 0.0], [ONE_MINUS_EPSILON, ONE_MINUS_EPSILON], [rng.unit(), rng.unit()]] {
+                if let Some(incident) = sampler.sample_light(shading_point, light, u) {
+                    assert!(pmf > 0.0, "{light:?} sends {incident:?} to {shading_point:?} but is never chosen");
                     assert!(incident.radiance.is_finite() && incident.radiance.min_element() >= 0.0, "{incident:?}");
                     assert!(incident.pdf.is_normal() && incident.pdf > 0.0, "{incident:?}");
                     assert!((incident.direction.length() - 1.0).abs() < 1.0e-4, "{incident:?}");
-                    assert!(incident.distance > 0.0, "{incident:?}");
+                    assert!(incident.dist > 0.0, "{incident:?}");
                     reached += 1;
                 }
             }
         }
-        assert!(sum <= 1.0 + SUM_TOLERANCE, "chances sum to {sum} at {receiver:?}");
-        for u in [0.0, 0.5, BELOW_ONE, rng.unit(), 1.0, -1.0, f32::NAN, f32::INFINITY] {
-            for v in [0.0, BELOW_ONE, rng.unit(), f32::NAN] {
-                let Some(pick) = sampler.pick(receiver, [u, v]) else { continue };
-                let pmf = sampler.pmf(receiver, pick.light);
-                assert!(pick.pmf > 0.0 && pmf > 0.0, "{pick:?} {pmf} at {receiver:?}");
+        assert!(sum <= 1.0 + SUM_TOLERANCE, "chances sum to {sum} at {shading_point:?}");
+        for u in [0.0, 0.5, ONE_MINUS_EPSILON, rng.unit(), 1.0, -1.0, f32::NAN, f32::INFINITY] {
+            for v in [0.0, ONE_MINUS_EPSILON, rng.unit(), f32::NAN] {
+                let Some(pick) = sampler.pick(shading_point, [u, v]) else { continue };
+                let pmf = sampler.pmf(shading_point, pick.light);
+                assert!(pick.pmf > 0.0 && pmf > 0.0, "{pick:?} {pmf} at {shading_point:?}");
                 assert!((pick.pmf / pmf - 1.0).abs() < 1.0e-4, "{pick:?} {pmf}");
             }
         }
@@ -81,41 +80,41 @@ fn prove_with(sampler: &Sampler, receivers: &[Receiver], seed: u64) -> usize {
 }
 
 /// The GPU names the same lights as the CPU.
-fn prove_on_gpu(world: &mut World, receivers: &[Receiver], seed: u64) {
+fn prove_on_gpu(world: &mut LightWorld, shading_points: &[ShadingPoint], seed: u64) {
     let mut rng = Rng(seed);
     let (device, queue) = gpu();
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let requests: Vec<_> = (0..1024)
         .map(|i| {
-            let receiver = receivers[i % receivers.len()];
+            let shading_point = shading_points[i % shading_points.len()];
             SampleRequest {
-                position: receiver.position.to_array(),
-                normal: receiver.normal.to_array(),
+                position: shading_point.position.to_array(),
+                normal: shading_point.normal.to_array(),
                 u: [rng.unit(), rng.unit(), rng.unit(), rng.unit()],
                 ..SampleRequest::default()
             }
         })
         .collect();
     lights.upload(world, &FrameDelta::everything(world)).expect("room enough");
-    for openings in OPENINGS {
-        lights.set_openings(openings as u32);
+    for splits in SPLITS {
+        lights.set_splits(splits);
         // What serves every world, and by default what serves just this one.
-        let effects = if openings == DEFAULT_OPENINGS { lights.effects() } else { Effects::all() };
+        let effects = if splits == SplitCount::DEFAULT { lights.effects() } else { Effects::all() };
         let records = sample_by(effects, &mut lights, &requests);
         assert!(records.iter().all(|r| r.pmf.is_finite() && r.pdf.is_finite() && Vec3::from(r.radiance).is_finite()));
-        let others = compare(world, openings, &requests, &records);
+        let others = compare(world, splits, &requests, &records);
         assert!(others as f64 <= OTHER_PICKS * 1024.0 + 1.0, "{others} of 1024 name another light");
     }
 }
 
-fn receivers(rng: &mut Rng, count: usize, size: f32) -> Vec<Receiver> {
-    (0..count).map(|_| rng.receiver(size)).collect()
+fn shading_points(rng: &mut Rng, count: usize, size: f32) -> Vec<ShadingPoint> {
+    (0..count).map(|_| rng.shading_point(size)).collect()
 }
 
-/// Receivers that face along the axes, where f32 meets horizons exactly.
-fn at_point(position: Vec3) -> Vec<Receiver> {
+/// Shading points that face along the axes, where f32 meets horizons exactly.
+fn at_point(position: Vec3) -> Vec<ShadingPoint> {
     let normals = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_X, Vec3::NEG_Y, Vec3::NEG_Z];
-    normals.map(|normal| Receiver { position, normal }).to_vec()
+    normals.map(|normal| ShadingPoint::surface(position, normal)).to_vec()
 }
 
 /// One light of every kind, about a metre large.

@@ -1,4 +1,4 @@
-//! Hard cases of shapes, placements and places of receivers.
+//! Hard cases of shapes, placements and places of shading points.
 
 use super::*;
 
@@ -19,7 +19,7 @@ fn emitters_back_to_back_light_both_sides() {
             lights.push(Light::spot(at, axis, 0.0, 0.3, Vec3::ONE));
         }
         let mut world = alone(lights);
-        let all = receivers(&mut rng, 40, 5.0);
+        let all = shading_points(&mut rng, 40, 5.0);
         assert!(prove(&world, &all, 1) > 500);
         prove_on_gpu(&mut world, &all, 1);
     }
@@ -42,7 +42,7 @@ fn beams_that_cancel_keep_their_chances_at_every_scale() {
             for scale in [1.0, 1.0e-2, 1.0e-4, 1.0e-6, 1.0e-8] {
                 let turn = Mat3::from_quat(Quat::from_axis_angle(rng.direction(), rng.between(0.0, 6.0)));
                 let mut world = placed(lights.clone(), [linear(turn * scale)]);
-                let on_axes = [axis, -axis, third].map(|d| Receiver::volume(turn * d * (scale * 10.0)));
+                let on_axes = [axis, -axis, third].map(|d| ShadingPoint::volume(turn * d * (scale * 10.0)));
                 assert!(prove(&world, &on_axes, k as u64) >= 9);
                 if k % 9 == 8 {
                     prove_on_gpu(&mut world, &on_axes, k as u64);
@@ -53,7 +53,7 @@ fn beams_that_cancel_keep_their_chances_at_every_scale() {
 }
 
 #[test]
-fn a_receiver_on_a_light_or_inside_many_boxes_gets_finite_answers() {
+fn a_shading_point_on_a_light_or_inside_many_boxes_gets_finite_answers() {
     let mut rng = Rng(101);
     let spots = [Vec3::ZERO, Vec3::splat(1.0), Vec3::new(-1000.0, 0.1, 7.3)];
     for at in spots {
@@ -71,7 +71,7 @@ fn a_receiver_on_a_light_or_inside_many_boxes_gets_finite_answers() {
 }
 
 #[test]
-fn the_brightest_lamp_right_beside_a_receiver_is_no_infinity() {
+fn the_brightest_lamp_right_beside_a_shading_point_is_no_infinity() {
     let lamp = Light::point(Vec3::ZERO, Vec3::splat(MAX_EMISSION));
     let mut world = alone(vec![lamp, Light::sphere(Vec3::ZERO, 1.0e-20, Vec3::splat(MAX_EMISSION))]);
     let all: Vec<_> = (0..46).flat_map(|k| at_point(Vec3::X * 10.0_f32.powi(-k))).collect();
@@ -83,7 +83,7 @@ fn the_brightest_lamp_right_beside_a_receiver_is_no_infinity() {
 fn chances_do_not_depend_on_the_unit_of_length() {
     let mut rng = Rng(102);
     let base = rng.lights(300, 20.0);
-    let all = receivers(&mut rng, 30, 25.0);
+    let all = shading_points(&mut rng, 30, 25.0);
     // Powers of two: every rounding is the same, so every chance is; points need the square of the unit for the same lux.
     let scaled = |s: f32| {
         let lights = base.iter().map(|light| scale_light(light, s)).collect();
@@ -92,11 +92,11 @@ fn chances_do_not_depend_on_the_unit_of_length() {
     let metre = scaled(1.0);
     for s in [1.0 / 1024.0, 1024.0, 1.0 / 1_048_576.0] {
         let other = scaled(s);
-        for receiver in &all {
-            let moved = Receiver { position: receiver.position * s, ..*receiver };
+        for shading_point in &all {
+            let moved = ShadingPoint::surface(shading_point.position * s, shading_point.normal);
             for light in 0..300 {
-                for openings in OPENINGS {
-                    let (a, b) = (metre.pmf(receiver, light, openings), other.pmf(&moved, light, openings));
+                for splits in SPLITS {
+                    let (a, b) = (metre.pmf(shading_point, light, splits), other.pmf(&moved, light, splits));
                     // Equal but for denormals.
                     assert!((a - b).abs() <= 1.0e-6 * a, "unit {s}: {a} {b} of {:?}", base[light as usize]);
                 }
@@ -162,16 +162,16 @@ fn every_kind_of_light_survives_every_kind_of_placement() {
         let translation = rng.direction().as_dvec3() * far;
         let mut world = placed(lights, [Placement { linear: shape, translation }]);
         let middle = shape * at + translation.as_vec3();
-        // Many receivers nearby, half of them almost exactly in planes and on horizons of the lights.
+        // Many shading points nearby, half of them almost exactly in planes and on horizons of the lights.
         let mut all = Vec::new();
         for i in 0..60 {
             let away = rng.place(3.0 * size);
-            let mut receiver = Receiver::surface(middle + shape * away, rng.direction());
+            let mut shading_point = ShadingPoint::surface(middle + shape * away, rng.direction());
             if i % 2 == 0 {
                 let toward = (shape * away).normalize_or(Vec3::X);
-                receiver.normal = toward.cross(receiver.normal).normalize_or(Vec3::Y);
+                shading_point.normal = toward.cross(shading_point.normal).normalize_or(Vec3::Y);
             }
-            all.push(receiver);
+            all.push(shading_point);
         }
         prove(&world, &all, round as u64);
         if round % 40 < 4 {
@@ -198,7 +198,7 @@ fn slivers_and_degenerate_triangles_that_are_turned_keep_their_sides() {
         let turn = Mat3::from_quat(Quat::from_axis_angle(rng.direction(), rng.between(0.0, 6.0)));
         let mut world = placed(lights, [Placement { linear: turn, translation: rng.place(100.0).as_dvec3() }]);
         let middle = world.placement(world.instances().next().expect("one")).expect("it lives").translation.as_vec3();
-        let all: Vec<_> = (0..20).map(|_| Receiver::volume(middle + turn * (at + rng.place(3.0)))).collect();
+        let all: Vec<_> = (0..20).map(|_| ShadingPoint::volume(middle + turn * (at + rng.place(3.0)))).collect();
         prove(&world, &all, round);
         if round % 50 == 0 {
             prove_on_gpu(&mut world, &all, round);
@@ -227,13 +227,13 @@ fn spots_of_every_width_keep_their_promises() {
                 // On the axis, and within rounding of the rim.
                 for angle in [0.0, outer, outer + 3.0e-4, outer + 9.0e-4, outer - 3.0e-4] {
                     let direction = tree * (axis * angle.cos() + side * angle.sin());
-                    all.push(Receiver::volume(direction * rng.between(1.0, 100.0)));
+                    all.push(ShadingPoint::volume(direction * rng.between(1.0, 100.0)));
                 }
             }
         }
         assert!(prove(&world, &all, 6) > 1000);
         // Away from the rims: there the falloff is a difference of two cosines, of which f32 leaves a digit or two.
-        let side_lights = receivers(&mut rng, 40, 30.0);
+        let side_lights = shading_points(&mut rng, 40, 30.0);
         prove_on_gpu(&mut world, &side_lights, 6);
     }
 }
@@ -256,9 +256,9 @@ fn tiny_and_huge_lights_stand_side_by_side() {
         }
         let scales = [1.0, 1.0e3, 1.0e-3, 1.0e9, 1.1e-9];
         let mut world = placed(lights, [linear(Mat3::from_diagonal(Vec3::splat(scales[round % scales.len()])))]);
-        let mut all = receivers(&mut rng, 10, 20.0);
-        all.extend(receivers(&mut rng, 10, 1.0e-6));
-        all.extend(receivers(&mut rng, 10, 1.0e9));
+        let mut all = shading_points(&mut rng, 10, 20.0);
+        all.extend(shading_points(&mut rng, 10, 1.0e-6));
+        all.extend(shading_points(&mut rng, 10, 1.0e9));
         assert!(prove(&world, &all, 7) > 100);
         prove_on_gpu(&mut world, &all, 7);
     }

@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use girandole::{FrameReport, Light, Policy, Shape, TreeKey, WorkKind};
+use girandole::scheduler::WorkKind;
+use girandole::{FrameReport, Light, Policy, Shape, TreeKey};
 
 use super::Theater;
 
@@ -150,7 +151,7 @@ fn a_build_whose_tree_is_gone_or_another_is_dropped() {
 
 #[test]
 fn a_frame_never_waits_for_a_build_on_real_time() {
-    let mut world = girandole::World::new();
+    let mut world = girandole::LightWorld::new();
     let mut rng = crate::support::Rng(23);
     let mut lights = || (0..100_000).map(|_| super::spark(&mut rng, 10.0)).collect::<Vec<_>>();
     let tree = world.add_tree(lights()).expect("valid");
@@ -241,11 +242,11 @@ fn a_machine_that_slept_through_a_build_goes_on_as_before() {
 
     let sleeps = Arc::new(AtomicBool::new(true));
     let is_asleep = sleeps.clone();
-    let clock = Arc::new(girandole::VirtualClock::new(move |work| match work.kind {
+    let clock = Arc::new(girandole::scheduler::VirtualClock::new(move |work| match work.kind {
         WorkKind::Background if is_asleep.load(Ordering::Relaxed) => Duration::from_secs(8 * 3600),
         _ => super::cost(work),
     }));
-    let world = girandole::World::with_clock(clock.clone());
+    let world = girandole::LightWorld::with_clock(clock.clone());
     let mut theater = Theater { world, clock, rng: crate::support::Rng(28) };
     let tree = theater.tree(20_000, Policy::AlwaysRebuild);
     theater.scatter(tree);

@@ -5,10 +5,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use girandole::glam::Vec3;
-use girandole::{
-    Clock, FrameBudget, FrameReport, JobReport, Light, Placement, Policy, RecordingClock, ReplayClock, SystemClock,
-    TreeKey, VirtualClock, WorkKind, World,
-};
+use girandole::scheduler::{Clock, RecordingClock, ReplayClock, SystemClock, VirtualClock, WorkKind};
+use girandole::{FrameBudget, FrameReport, JobReport, Light, LightWorld, Placement, Policy, TreeKey};
 
 use super::{Theater, fingerprint, spark};
 use crate::support::Rng;
@@ -22,13 +20,13 @@ impl Clock for OddClock {
     }
 }
 
-fn scatter(world: &mut World, rng: &mut Rng, tree: TreeKey) {
+fn scatter(world: &mut LightWorld, rng: &mut Rng, tree: TreeKey) {
     let count = world.tree(tree).expect("it lives").lights().len() as u32;
     let changes: Vec<_> = (0..count).map(|i| (i, spark(rng, 10.0))).collect();
     world.set_lights(tree, &changes).expect("valid");
 }
 
-fn trees(world: &mut World, rng: &mut Rng, sizes: &[usize]) -> Vec<TreeKey> {
+fn trees(world: &mut LightWorld, rng: &mut Rng, sizes: &[usize]) -> Vec<TreeKey> {
     let mut tree = |lights: &usize| {
         let tree = world.add_tree((0..*lights).map(|_| spark(rng, 10.0)).collect()).expect("valid");
         world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
@@ -47,7 +45,7 @@ fn a_clock_that_stands_still_or_jumps_leaves_frames_bounded() {
         ("at its end", |_| Duration::MAX, 1),
     ];
     for (name, clock, least) in clocks {
-        let mut world = World::with_clock(Arc::new(OddClock(AtomicU64::new(0), clock)));
+        let mut world = LightWorld::with_clock(Arc::new(OddClock(AtomicU64::new(0), clock)));
         let mut rng = Rng(30);
         let trees = trees(&mut world, &mut rng, &[100; 200]);
         let mut rebuilt = 0;
@@ -69,7 +67,7 @@ fn costs_of_nothing_and_of_ever_leave_the_world_at_work() {
         let is_odd = odd.clone();
         let cost = move |work| if is_odd.load(Ordering::Relaxed) == 1 { strange } else { super::cost(work) };
         let clock = Arc::new(VirtualClock::new(cost));
-        let mut theater = Theater { world: World::with_clock(clock.clone()), clock, rng: Rng(31) };
+        let mut theater = Theater { world: LightWorld::with_clock(clock.clone()), clock, rng: Rng(31) };
         let trees: Vec<_> = (0..10).map(|_| theater.tree(100, Policy::Budgeted)).collect();
         for frame in 0..20 {
             trees.iter().for_each(|tree| theater.scatter(*tree));
@@ -87,8 +85,8 @@ fn costs_of_nothing_and_of_ever_leave_the_world_at_work() {
 }
 
 /// Plays some frames of moving trees, one of them too large for a frame.
-fn play(clock: Arc<dyn Clock>) -> (World, Vec<(FrameReport, Vec<JobReport>)>) {
-    let mut world = World::with_clock(clock);
+fn play(clock: Arc<dyn Clock>) -> (LightWorld, Vec<(FrameReport, Vec<JobReport>)>) {
+    let mut world = LightWorld::with_clock(clock);
     let mut rng = Rng(32);
     let trees = trees(&mut world, &mut rng, &[50, 100, 400, 1000, 30_000, 20, 700]);
     let mut reports = Vec::new();
@@ -118,13 +116,13 @@ fn a_recorded_run_goes_the_same_way_again() {
     let (again, reports_again) = play(replay.clone());
     assert_eq!(reports, reports_again);
     assert!(fingerprint(&world) == fingerprint(&again));
-    assert!(!replay.is_off());
+    assert!(!replay.has_diverged());
     assert!(reports.iter().any(|(report, _)| report.rebuilt_trees > 0));
 
     // A record of something else does no harm, and is found out.
     let wrong = Arc::new(ReplayClock::new(events.into_iter().take(40)));
     let (other, _) = play(wrong.clone());
-    assert!(wrong.is_off());
+    assert!(wrong.has_diverged());
     other.trees().for_each(|tree| other.tree(tree).expect("it lives").check().expect("sound"));
 }
 

@@ -3,7 +3,8 @@
 use std::time::Duration;
 
 use girandole::glam::{DVec3, Vec3};
-use girandole::{FrameBudget, Light, Placement, Policy, TreeKey, WorkKind};
+use girandole::scheduler::WorkKind;
+use girandole::{FrameBudget, Light, Placement, Policy, TreeKey};
 
 use super::{Theater, builds, far, spark};
 
@@ -66,9 +67,9 @@ fn what_is_near_the_eye_or_often_picked_goes_first() {
     let mut theater = Theater::new(2);
     theater.calibrate();
     let trees = scattered(&mut theater, 40, 100);
-    theater.world.look_from(DVec3::new(30.0, 0.0, 0.0));
+    theater.world.set_viewpoint(DVec3::new(30.0, 0.0, 0.0));
     // What is no place is not looked from.
-    theater.world.look_from(DVec3::NAN);
+    theater.world.set_viewpoint(DVec3::NAN);
     let distance = |theater: &Theater, tree: TreeKey| {
         let of = |instance| theater.world.instance_tree(instance) == Some(tree);
         let instance = theater.world.instances().find(|instance| of(*instance)).expect("it has one");
@@ -93,16 +94,16 @@ fn what_is_near_the_eye_or_often_picked_goes_first() {
         .map(|instance| (instance, 1000))
         .collect();
     assert_eq!(picks.len(), 5);
-    theater.world.note_picks(picks);
+    theater.world.record_usage(picks);
     let by_picks = order(&mut theater, 28);
     let places: Vec<_> = seen.iter().map(|tree| by_picks.iter().position(|other| other == tree)).collect();
     assert!(places.iter().all(|place| place.is_some_and(|place| place < 8)), "{places:?}");
     // Counts that say nothing change nothing.
-    theater.world.note_picks([]);
+    theater.world.record_usage([]);
     let instance = theater.world.instances().next().expect("one");
-    theater.world.note_picks([(instance, 0)]);
+    theater.world.record_usage([(instance, 0)]);
     theater.world.remove_instance(instance).expect("it lives");
-    theater.world.note_picks([(instance, u32::MAX), (instance, u32::MAX)]);
+    theater.world.record_usage([(instance, u32::MAX), (instance, u32::MAX)]);
 }
 
 #[test]
@@ -113,7 +114,7 @@ fn nobody_waits_longer_than_the_stated_bound() {
     let unseen = theater.tree(100, Policy::Budgeted);
     let instance = theater.world.instances().next().expect("its own");
     theater.world.move_instance(instance, far()).expect("valid");
-    theater.world.look_from(DVec3::ZERO);
+    theater.world.set_viewpoint(DVec3::ZERO);
     let near: Vec<_> = (0..100).map(|_| theater.tree(100, Policy::Budgeted)).collect();
     let mut longest = 0;
     for frame in 0..600 {
@@ -243,7 +244,7 @@ fn frames_without_a_budget_between_take_no_turn_away() {
     let unseen = theater.tree(300, Policy::Budgeted);
     let instance = theater.world.instances().next().expect("its own");
     theater.world.move_instance(instance, far()).expect("valid");
-    theater.world.look_from(DVec3::ZERO);
+    theater.world.set_viewpoint(DVec3::ZERO);
     let near: Vec<_> = (0..30).map(|_| theater.tree(100, Policy::Budgeted)).collect();
     for frame in 0..400 {
         if frame == 41 {

@@ -9,7 +9,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use girandole::glam::{DVec3, Vec3};
-use girandole::{FrameBudget, JobReport, Light, Placement, Policy, TreeKey, VirtualClock, Work, WorkKind, World};
+use girandole::scheduler::{VirtualClock, Work, WorkKind};
+use girandole::{FrameBudget, JobReport, Light, LightWorld, Placement, Policy, TreeKey};
 
 use crate::support::Rng;
 
@@ -24,7 +25,7 @@ pub fn cost(work: Work) -> Duration {
 
 /// A world on virtual time.
 pub struct Theater {
-    pub world: World,
+    pub world: LightWorld,
     pub clock: Arc<VirtualClock>,
     pub rng: Rng,
 }
@@ -37,7 +38,7 @@ pub fn spark(rng: &mut Rng, size: f32) -> Light {
 impl Theater {
     pub fn new(seed: u64) -> Self {
         let clock = Arc::new(VirtualClock::new(cost));
-        Self { world: World::with_clock(clock.clone()), clock, rng: Rng(seed) }
+        Self { world: LightWorld::with_clock(clock.clone()), clock, rng: Rng(seed) }
     }
 
     /// A tree of so many lights in a cube of ten metres, with one instance.
@@ -83,13 +84,13 @@ impl Theater {
 }
 
 /// The jobs of the last update that built something.
-pub fn builds(world: &World) -> Vec<JobReport> {
+pub fn builds(world: &LightWorld) -> Vec<JobReport> {
     let is_build = |job: &&JobReport| matches!(job.work.kind, WorkKind::Rebuild | WorkKind::RebuildPart);
     world.jobs().iter().filter(is_build).copied().collect()
 }
 
 /// Of a world's trees, in the order of their keys.
-pub fn fingerprint(world: &World) -> Vec<(Vec<u32>, Vec<girandole::tree::Node>)> {
+pub fn fingerprint(world: &LightWorld) -> Vec<(Vec<u32>, Vec<girandole::tree::Node>)> {
     let tree = |key| world.tree(key).expect("it lives");
     world.trees().map(|key| (tree(key).leaves().to_vec(), tree(key).nodes().to_vec())).collect()
 }

@@ -65,7 +65,7 @@ fn a_refit_measures_the_same_of_lights_that_are_moved_turned_scaled_or_dimmed_to
         ("dimmed", all(&dimmed)),
         ("as before", all(&|light| *light)),
     ] {
-        tree.set(&changes).expect("valid");
+        tree.set_lights(&changes).expect("valid");
         tree.refit();
         tree.check().expect("sound");
         let now = tree.attributes();

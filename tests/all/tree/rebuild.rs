@@ -2,10 +2,10 @@
 
 use girandole::glam::{Quat, Vec3};
 use girandole::tree::{Target, WIDTH};
-use girandole::{Light, LightTree, Receiver};
+use girandole::{Light, LightTree, ShadingPoint};
 
 use super::{changed, checked, moved};
-use crate::support::{OPENINGS, Rng};
+use crate::support::{Rng, SPLITS};
 
 /// What is rebuilt has lost 5 %, and may have to wait for credit while it loses more.
 const AT_MOST_ABOVE_FRESH: f32 = 1.1;
@@ -25,7 +25,7 @@ fn swirl(tree: &mut LightTree, step: f32) {
         let place = light.cluster().mean;
         moved(light, Quat::from_rotation_y(step / (1.0 + 0.1 * place.length())) * place - place)
     });
-    tree.set(&changes).expect("valid");
+    tree.set_lights(&changes).expect("valid");
 }
 
 fn fresh(tree: &LightTree) -> LightTree {
@@ -68,7 +68,7 @@ fn a_box_that_grows_as_lights_turn_hides_nothing() {
             moved(light, turn * place - place)
         });
         for tree in [&mut tree, &mut refitted] {
-            tree.set(&changes).expect("valid");
+            tree.set_lights(&changes).expect("valid");
         }
         refitted.refit();
         tree.rebuild_worst(300);
@@ -100,7 +100,7 @@ fn nothing_is_rebuilt_without_need_or_without_credit() {
 fn a_tree_that_changed_all_over_becomes_a_fresh_one_once_the_credit_is_enough() {
     let mut rng = Rng(42);
     let mut tree = points(&mut rng, 2000);
-    tree.set(&changed(&tree, |light| moved(light, rng.place(20.0) - light.cluster().mean))).expect("valid");
+    tree.set_lights(&changed(&tree, |light| moved(light, rng.place(20.0) - light.cluster().mean))).expect("valid");
     tree.refit();
     let mut given = 0;
     while tree.rebuild_worst(500) < 2000 {
@@ -122,7 +122,7 @@ fn scramble_child(rng: &mut Rng, tree: &mut LightTree) {
     let mut places = lights.clone();
     (1..places.len()).for_each(|i| places.swap(i, rng.bits() as usize % (i + 1)));
     let changes: Vec<_> = lights.iter().zip(&places).map(|(i, j)| (*i, tree.lights()[*j as usize])).collect();
-    tree.set(&changes).expect("valid");
+    tree.set_lights(&changes).expect("valid");
 }
 
 #[test]
@@ -156,7 +156,7 @@ fn tiny_and_dark_trees_can_be_asked_to_rebuild() {
     for count in [0, 1, 8, 9, 32] {
         let mut tree = points(&mut rng, count);
         for _ in 0..20 {
-            tree.set(&changed(&tree, |light| moved(light, rng.place(100.0)))).expect("valid");
+            tree.set_lights(&changed(&tree, |light| moved(light, rng.place(100.0)))).expect("valid");
             tree.refit();
             assert!(tree.rebuild_worst(count) <= count);
             tree.check().expect("sound");
@@ -164,13 +164,13 @@ fn tiny_and_dark_trees_can_be_asked_to_rebuild() {
     }
     let mut tree = points(&mut rng, 1000);
     let lit = changed(&tree, |light| *light);
-    tree.set(&changed(&tree, |light| Light { emission: Vec3::ZERO, ..*light })).expect("valid");
+    tree.set_lights(&changed(&tree, |light| Light { emission: Vec3::ZERO, ..*light })).expect("valid");
     tree.refit();
     assert_eq!(tree.rebuild_worst(1000), 0);
     tree.check().expect("sound in the dark");
     // Built in the dark, it has no cost to compare with.
     tree.rebuild();
-    tree.set(&lit).expect("valid");
+    tree.set_lights(&lit).expect("valid");
     tree.refit();
     assert_eq!(tree.rebuild_worst(1000), 1000);
     assert_eq!(tree.nodes(), fresh(&tree).nodes());
@@ -190,9 +190,9 @@ fn a_swarm_stays_sound_and_its_chances_stay_whole_for_a_thousand_frames() {
         }
         tree.check().expect("sound");
         // In a volume nobody proves a light dark, so no chance is left for none.
-        let receiver = Receiver::volume(rng.place(20.0));
-        for openings in OPENINGS {
-            let sum: f64 = (0..250).map(|light| f64::from(tree.pmf(&receiver, light, openings))).sum();
+        let shading_point = ShadingPoint::volume(rng.place(20.0));
+        for splits in SPLITS {
+            let sum: f64 = (0..250).map(|light| f64::from(tree.pmf(&shading_point, light, splits))).sum();
             assert!((sum - 1.0).abs() < 1e-5, "frame {frame}: {sum}");
         }
     }

@@ -21,13 +21,13 @@ fn a_lamp_that_is_switched_off_and_on_leaves_the_tree_as_it_was() {
             .filter(|(_, i)| i % 3 == round)
             .map(|(l, i)| (i, Light { emission: Vec3::ZERO, ..*l }))
             .collect();
-        tree.set(&off).expect("dark lights are valid");
+        tree.set_lights(&off).expect("dark lights are valid");
         tree.refit();
         tree.check().expect("sound while some are dark");
     }
     assert_eq!(tree.flux().area + tree.flux().punctual, 0.0);
     let on: Vec<_> = (0..).zip(lights).collect();
-    tree.set(&on).expect("valid");
+    tree.set_lights(&on).expect("valid");
     tree.refit();
     tree.check().expect("sound when all are back");
     assert_eq!((tree.nodes().to_vec(), tree.attributes()), before);
@@ -38,8 +38,8 @@ fn a_refused_change_changes_nothing() {
     let mut tree = checked(Rng(4).lights(50, 5.0));
     let before = tree.lights().to_vec();
     let good = Light::point(Vec3::ONE, Vec3::ONE);
-    assert!(tree.set(&[(0, good), (1, Light::point(Vec3::NAN, Vec3::ONE))]).is_err());
-    assert!(tree.set(&[(0, good), (50, good)]).is_err());
+    assert!(tree.set_lights(&[(0, good), (1, Light::point(Vec3::NAN, Vec3::ONE))]).is_err());
+    assert!(tree.set_lights(&[(0, good), (50, good)]).is_err());
     assert_eq!(tree.lights(), before);
 }
 
@@ -51,7 +51,7 @@ fn state(tree: &LightTree) -> (Vec<Node>, Attributes, Cluster) {
 /// The state of a tree all of whose lights are set again, so that its refit visits every node.
 fn all_set_again(tree: &LightTree) -> (Vec<Node>, Attributes, Cluster) {
     let mut tree = tree.clone();
-    tree.set(&changed(&tree, |light| *light)).expect("valid");
+    tree.set_lights(&changed(&tree, |light| *light)).expect("valid");
     tree.refit();
     state(&tree)
 }
@@ -74,7 +74,7 @@ fn a_refit_of_some_nodes_leaves_what_a_refit_of_all_would() {
         // A list of nodes, a sweep that skips most, and one that skips few.
         for share in [usize::MAX, 100, 4, 1] {
             let changes = some_moved(&mut rng, &tree, count / share + 1);
-            tree.set(&changes).expect("valid");
+            tree.set_lights(&changes).expect("valid");
             tree.refit();
             assert_eq!(state(&tree), all_set_again(&tree), "{count} lights, one in {share} changed");
         }
@@ -95,9 +95,9 @@ fn a_refit_without_attributes_leaves_the_same_nodes_and_the_next_one_measures_al
             let built = unmeasured.attributes();
             for _ in 0..2 {
                 let changes = some_moved(&mut rng, &measured, count / share + 1);
-                measured.set(&changes).expect("valid");
+                measured.set_lights(&changes).expect("valid");
                 measured.refit();
-                unmeasured.set(&changes).expect("valid");
+                unmeasured.set_lights(&changes).expect("valid");
                 unmeasured.refit_without_attributes();
                 unmeasured.check().expect("sound");
                 assert_eq!(unmeasured.nodes(), measured.nodes());
@@ -119,7 +119,7 @@ fn builds_refits_and_rebuilds_are_the_same_for_any_number_of_threads() {
             let mut tree = checked(lights.clone());
             let mut states = vec![state(&tree)];
             for share in [100, 5, 1] {
-                tree.set(&some_moved(&mut rng, &tree, lights.len() / share)).expect("valid");
+                tree.set_lights(&some_moved(&mut rng, &tree, lights.len() / share)).expect("valid");
                 tree.refit();
                 states.push(state(&tree));
                 tree.rebuild_worst(10_000);
@@ -166,7 +166,7 @@ proptest! {
                     let edits = (rng.bits() as usize % 400).min(count);
                     let mut change = || ((rng.bits() % count as u64) as u32, any_light(&mut rng));
                     let changes: Vec<_> = (0..edits).map(|_| change()).collect();
-                    tree.set(&changes).expect("valid");
+                    tree.set_lights(&changes).expect("valid");
                     // The nodes follow at one of the other steps.
                     continue;
                 }

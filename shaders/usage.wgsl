@@ -6,7 +6,7 @@
 
 // Counts a light of this instance as chosen. Of all calls a share is counted, by a hash of `u`: give it the numbers that
 // chose the light. Directional lights and "no light" may be given, and count for nobody.
-fn light_count_pick(instance: u32, u: vec4<f32>) {
+fn light_record_usage(instance: u32, u: vec4<f32>) {
     // 0xffffffff, for directional lights, is past the end.
     if instance == 0u || instance >= arrayLength(&light_pick_counts) {
         return;

@@ -3,19 +3,19 @@
 use std::mem::offset_of;
 
 use super::super::kernel::LANES;
-use super::super::resampling::ResampledRecord;
+use super::super::resampling::ReservoirRecord;
 use super::super::sampling::{SampleRecord, SampleRequest};
 use super::super::{stages, storage_entry, text};
 
 /// A pipeline for each kind of record.
-pub(super) struct PickKernel {
+pub(super) struct UsageKernel {
     layout: wgpu::BindGroupLayout,
     of_samples: wgpu::ComputePipeline,
     of_resampled: wgpu::ComputePipeline,
 }
 
 /// Where both kinds of record have their sample.
-const _: () = assert!(offset_of!(ResampledRecord, sample) == 0);
+const _: () = assert!(offset_of!(ReservoirRecord, chosen) == 0);
 
 /// Whose records are counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,20 +23,20 @@ pub(in crate::gpu) enum Chosen {
     /// Of `GpuLights::sample`.
     Samples,
     /// Of `GpuLights::resample`.
-    Resampled,
+    Reservoir,
 }
 
 impl Chosen {
     fn bytes(self) -> usize {
         match self {
             Self::Samples => size_of::<SampleRecord>(),
-            Self::Resampled => size_of::<ResampledRecord>(),
+            Self::Reservoir => size_of::<ReservoirRecord>(),
         }
     }
 
     /// The whole text of its stage.
     fn text(self) -> String {
-        let mut text = text::wgsl_of_picks(0);
+        let mut text = text::wgsl_of_usage(0);
         for (name, bytes) in [
             ("REQUEST_WORDS", size_of::<SampleRequest>()),
             ("U_WORD", offset_of!(SampleRequest, u)),
@@ -46,14 +46,14 @@ impl Chosen {
         ] {
             text += &format!("const {name}: u32 = {}u;\n", bytes / 4);
         }
-        text + include_str!("../../../shaders/batch_picks.wgsl")
+        text + include_str!("../../../shaders/batch_usage.wgsl")
     }
 }
 
-impl PickKernel {
+impl UsageKernel {
     /// Compiles two short texts. `counting` is the layout of lights and counts.
     pub fn new(device: &wgpu::Device, counting: &wgpu::BindGroupLayout) -> Self {
-        let label = Some("batch_picks");
+        let label = Some("batch_usage");
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label,
             entries: &[storage_entry(0, true), storage_entry(1, true)],
@@ -77,7 +77,7 @@ impl PickKernel {
                 cache: None,
             })
         };
-        let (of_samples, of_resampled) = (pipeline(Chosen::Samples), pipeline(Chosen::Resampled));
+        let (of_samples, of_resampled) = (pipeline(Chosen::Samples), pipeline(Chosen::Reservoir));
         Self { layout, of_samples, of_resampled }
     }
 
@@ -90,7 +90,7 @@ impl PickKernel {
         chosen: Chosen,
         count: u32,
     ) {
-        let label = Some("batch_picks");
+        let label = Some("batch_usage");
         let records = |binding, buffer, bytes: usize| wgpu::BindGroupEntry {
             binding,
             resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
@@ -107,7 +107,7 @@ impl PickKernel {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label, timestamp_writes: None });
         pass.set_pipeline(match chosen {
             Chosen::Samples => &self.of_samples,
-            Chosen::Resampled => &self.of_resampled,
+            Chosen::Reservoir => &self.of_resampled,
         });
         pass.set_bind_group(0, lights, &[]);
         pass.set_bind_group(1, &group, &[]);
@@ -121,7 +121,7 @@ mod tests {
 
     #[test]
     fn the_texts_are_valid_and_bind_what_the_layouts_have() {
-        for chosen in [Chosen::Samples, Chosen::Resampled] {
+        for chosen in [Chosen::Samples, Chosen::Reservoir] {
             let text = chosen.text();
             let module = naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("it parses");
             naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::default())

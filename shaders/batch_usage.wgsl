@@ -1,11 +1,11 @@
-// Counts the lights that one of our kernels has chosen for a buffer of receivers. src/gpu/picks/kernel.rs records it
+// Counts the lights that one of our kernels has chosen for a buffer of shading points. src/gpu/picks/kernel.rs records it
 // and owns the places of what is read.
 
 @group(1) @binding(0) var<storage, read> requests: array<u32>;
 @group(1) @binding(1) var<storage, read> samples: array<u32>;
 
 @compute @workgroup_size(64)
-fn batch_picks(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+fn batch_usage(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let i = id.x + id.y * groups.x * 64u;
     if i >= arrayLength(&samples) / SAMPLE_WORDS {
         return;
@@ -14,6 +14,6 @@ fn batch_picks(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgr
     if bitcast<f32>(samples[sample + PMF_WORD]) > 0.0 {
         let u = i * REQUEST_WORDS + U_WORD;
         let bits = vec4(requests[u], requests[u + 1u], requests[u + 2u], requests[u + 3u]);
-        light_count_pick(samples[sample + INSTANCE_WORD], bitcast<vec4<f32>>(bits));
+        light_record_usage(samples[sample + INSTANCE_WORD], bitcast<vec4<f32>>(bits));
     }
 }

@@ -1,30 +1,31 @@
 //! Pipelines made for the effects a world calls for, without a frame that waits for one.
 
-use super::Effects;
+use crate::effects::Effects;
 use workshop::Workshop;
 
-/// How many special variants [`Variants`] keeps besides the general one. Fewer save memory; more bear more sets that
+/// How many special variants [`PipelineVariants`] keeps besides the general one. Fewer save memory; more bear more sets that
 /// take turns.
-pub const MOST_VARIANTS: usize = 8;
+pub const MAX_VARIANTS: usize = 8;
 
 /// Pipelines (of the engine's own type `P`) by the effects that they serve.
 ///
 /// One for [`Effects::all`] is there from the start. Another is made on a thread of its own, one at a time, while the
-/// best that is ready serves. At most [`MOST_VARIANTS`] are kept; the one unused for longest goes first, the general
+/// best that is ready serves. At most [`MAX_VARIANTS`] are kept; the one unused for longest goes first, the general
 /// one never. If the making of one panics, it is not tried again, and what is there goes on serving. Where there are no
 /// threads (WebAssembly) the general one serves always. Dropping waits for the one in the making.
 ///
 /// ```
-/// use girandole::{Effects, Variants};
+/// use girandole::Effects;
+/// use girandole::gpu::PipelineVariants;
 /// // Stands for: compile the text `gpu::wgsl(1, effects)` and what follows.
 /// let make = |effects: Effects| format!("{effects:?}");
-/// let mut variants = Variants::new(make(Effects::all()), make);
+/// let mut variants = PipelineVariants::new(make(Effects::all()), make);
 /// let wanted = Effects::CONES | Effects::MOVING;
 /// while *variants.get(wanted) != make(wanted) {
 ///     std::thread::yield_now(); // a frame, drawn with the general pipeline
 /// }
 /// ```
-pub struct Variants<P> {
+pub struct PipelineVariants<P> {
     general: Variant<P>,
     special: Vec<Variant<P>>,
     /// Those whose making panicked.
@@ -41,7 +42,7 @@ struct Variant<P> {
     used: u64,
 }
 
-impl<P> Variants<P> {
+impl<P> PipelineVariants<P> {
     /// The pipeline that serves these effects with the fewest others, of those that are ready; never blocks. If none is
     /// made for just these, it is asked for, unless another is in the making.
     pub fn get(&mut self, effects: Effects) -> &P {
@@ -75,7 +76,7 @@ impl<P> Variants<P> {
             Some((effects, None)) => self.failed.push(effects),
             Some((effects, Some(pipeline))) => {
                 let oldest = self.special.iter().enumerate().min_by_key(|(_, variant)| variant.used);
-                if let Some((oldest, _)) = oldest.filter(|_| self.special.len() >= MOST_VARIANTS) {
+                if let Some((oldest, _)) = oldest.filter(|_| self.special.len() >= MAX_VARIANTS) {
                     self.special.swap_remove(oldest);
                 }
                 self.special.push(Variant { effects, pipeline, used: self.now });
@@ -90,7 +91,7 @@ impl<P> Variants<P> {
 }
 
 #[cfg(not(target_family = "wasm"))]
-impl<P: Send + 'static> Variants<P> {
+impl<P: Send + 'static> PipelineVariants<P> {
     /// With the pipeline for [`Effects::all`], and what makes others, on other threads.
     pub fn new(general: P, make: impl Fn(Effects) -> P + Send + Sync + 'static) -> Self {
         Self::with(general, Workshop::new(make))
@@ -98,7 +99,7 @@ impl<P: Send + 'static> Variants<P> {
 }
 
 #[cfg(target_family = "wasm")]
-impl<P> Variants<P> {
+impl<P> PipelineVariants<P> {
     /// With the pipeline for [`Effects::all`], which serves always: there are no threads to make others on.
     pub fn new(general: P, _make: impl Fn(Effects) -> P + 'static) -> Self {
         Self::with(general, Workshop(std::marker::PhantomData))
@@ -111,7 +112,7 @@ mod workshop {
     use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
     use std::thread::{Builder, JoinHandle};
 
-    use super::Effects;
+    use crate::effects::Effects;
 
     /// Starts a thread that makes a pipeline.
     type Start<P> = dyn Fn(Effects) -> std::io::Result<Job<P>> + Send + Sync;
@@ -179,7 +180,7 @@ mod workshop {
 
 #[cfg(target_family = "wasm")]
 mod workshop {
-    use super::Effects;
+    use crate::effects::Effects;
 
     /// Makes nothing.
     pub(super) struct Workshop<P>(pub std::marker::PhantomData<P>);
@@ -207,8 +208,8 @@ mod tests {
 
     use super::*;
 
-    /// Variants whose making waits for a word from the test: true to go on, false to panic. Also says what was begun.
-    fn controlled() -> (Variants<Effects>, Sender<bool>, Receiver<Effects>) {
+    /// PipelineVariants whose making waits for a word from the test: true to go on, false to panic. Also says what was begun.
+    fn controlled() -> (PipelineVariants<Effects>, Sender<bool>, Receiver<Effects>) {
         let (allow, allowed) = channel();
         let (begin, begun) = channel();
         let hands = Arc::new(Mutex::new((allowed, begin)));
@@ -221,11 +222,11 @@ mod tests {
             assert!(goes_well, "as the test wants");
             effects
         };
-        (Variants::new(Effects::all(), make), allow, begun)
+        (PipelineVariants::new(Effects::all(), make), allow, begun)
     }
 
     /// Calls `get` until a variant is ready. The bound is only to end a test that fails.
-    fn await_ready(variants: &mut Variants<Effects>, effects: Effects) {
+    fn await_ready(variants: &mut PipelineVariants<Effects>, effects: Effects) {
         let start = Instant::now();
         while *variants.get(effects) != effects {
             assert!(start.elapsed() < Duration::from_secs(60), "{effects:?} never comes");
@@ -280,17 +281,17 @@ mod tests {
     #[test]
     fn the_least_recently_used_goes_and_the_general_one_stays() {
         let (mut variants, allow, begun) = controlled();
-        let sets: Vec<_> = (0..=MOST_VARIANTS as u8).map(Effects::from_bits_truncate).collect();
+        let sets: Vec<_> = (0..=MAX_VARIANTS as u8).map(Effects::from_bits_truncate).collect();
         for (number, effects) in sets.iter().enumerate() {
             allow.send(true).expect("it will wait");
             await_ready(&mut variants, *effects);
             // The first stays in use.
-            assert!(number == MOST_VARIANTS || variants.has(sets[0]));
+            assert!(number == MAX_VARIANTS || variants.has(sets[0]));
             variants.get(sets[0]);
         }
         assert_eq!(begun.try_iter().collect::<Vec<_>>(), sets);
-        assert_eq!(variants.ready().count(), 1 + MOST_VARIANTS);
-        assert!(variants.has(sets[0]) && !variants.has(sets[1]) && variants.has(sets[MOST_VARIANTS]));
+        assert_eq!(variants.ready().count(), 1 + MAX_VARIANTS);
+        assert!(variants.has(sets[0]) && !variants.has(sets[1]) && variants.has(sets[MAX_VARIANTS]));
         assert!(variants.has(Effects::all()));
     }
 }

@@ -1,11 +1,13 @@
-//! Picks are counted on the GPU, and come back to whom they belong.
+//! UsageCounters are counted on the GPU, and come back to whom they belong.
 
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
 use girandole::glam::{DVec3, Vec3};
-use girandole::gpu::{GpuLights, PICK_THINNING, ResampledRecord, SampleRecord, SampleRequest, UploadReport};
-use girandole::{Effects, FrameDelta, InstanceKey, Light, Placement, Policy, TreeKey, World, wgpu};
+use girandole::gpu::{DEFAULT_USAGE_INTERVAL, GpuLights, ReservoirRecord, SampleRecord, SampleRequest, UploadReport};
+use girandole::{
+    CandidateCount, Effects, FrameDelta, InstanceKey, Light, LightWorld, Placement, Policy, TreeKey, wgpu,
+};
 
 use crate::gpu::{buffer, gpu, limited_gpu, read, requests};
 use crate::support::Rng;
@@ -27,7 +29,7 @@ fn wait() {
 
 /// What arrived, each instance once.
 fn take(lights: &mut GpuLights) -> Option<Counts> {
-    let picks = lights.take_picks()?;
+    let picks = lights.take_usage()?;
     let counts: Counts = picks.iter().collect();
     assert_eq!(counts.len(), picks.iter().count());
     assert_eq!(picks.total(), counts.values().map(|count| u64::from(*count)).sum::<u64>());
@@ -37,18 +39,18 @@ fn take(lights: &mut GpuLights) -> Option<Counts> {
 /// Collects, submits, waits and takes.
 fn collect(lights: &mut GpuLights) -> Counts {
     let mut encoder = encoder();
-    lights.collect_picks(&mut encoder);
+    lights.collect_usage(&mut encoder);
     submit(encoder);
     wait();
     take(lights).expect("it was collected")
 }
 
-fn upload(lights: &mut GpuLights, world: &mut World) -> UploadReport {
+fn upload(lights: &mut GpuLights, world: &mut LightWorld) -> UploadReport {
     let delta = world.take_delta();
     lights.upload(world, &delta).expect("room enough")
 }
 
-/// Calls `light_count_pick` in an engine's own shader for each of these slots, the i-th time with numbers made of i.
+/// Calls `light_record_usage` in an engine's own shader for each of these slots, the i-th time with numbers made of i.
 fn pick(lights: &GpuLights, encoder: &mut wgpu::CommandEncoder, slots: &[u32]) {
     static PIPELINE: OnceLock<(wgpu::BindGroupLayout, wgpu::ComputePipeline)> = OnceLock::new();
     let (device, queue) = gpu();
@@ -66,7 +68,7 @@ fn pick(lights: &GpuLights, encoder: &mut wgpu::CommandEncoder, slots: &[u32]) {
                 count: None,
             }],
         });
-        let shader = lights.counting_shader(1, Effects::all());
+        let shader = lights.usage_shader(1, Effects::all());
         let text = "
             @group(0) @binding(0) var<storage, read> slots: array<u32>;
             fn number(seed: u32) -> f32 { return f32(light_hash(seed) >> 8u) / 16777216.0; }
@@ -74,7 +76,7 @@ fn pick(lights: &GpuLights, encoder: &mut wgpu::CommandEncoder, slots: &[u32]) {
                 if id.x >= arrayLength(&slots) { return; }
                 let seed = id.x * 4u;
                 let u = vec4(number(seed), number(seed + 1u), number(seed + 2u), number(seed + 3u));
-                light_count_pick(slots[id.x], u);
+                light_record_usage(slots[id.x], u);
             }";
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: None,
@@ -103,36 +105,36 @@ fn pick(lights: &GpuLights, encoder: &mut wgpu::CommandEncoder, slots: &[u32]) {
     let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
     pass.set_pipeline(pipeline);
     pass.set_bind_group(0, &group, &[]);
-    pass.set_bind_group(1, lights.counting_bind_group(), &[]);
+    pass.set_bind_group(1, lights.usage_bind_group(), &[]);
     pass.dispatch_workgroups((slots.len() as u32).div_ceil(64), 1, 1);
 }
 
-/// Picks these instances, and nothing is collected.
-fn pick_now(lights: &GpuLights, world: &World, instances: &[InstanceKey]) {
+/// UsageCounters these instances, and nothing is collected.
+fn pick_now(lights: &GpuLights, world: &LightWorld, instances: &[InstanceKey]) {
     let slots: Vec<u32> = instances.iter().map(|key| world.slot(*key).expect("it lives")).collect();
     let mut encoder = encoder();
     pick(lights, &mut encoder, &slots);
     submit(encoder);
 }
 
-fn instance(world: &mut World, tree: TreeKey) -> InstanceKey {
+fn instance(world: &mut LightWorld, tree: TreeKey) -> InstanceKey {
     world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid")
 }
 
 /// A world of some instances of one lamp, uploaded, with every pick counted.
-fn lamps(count: usize) -> (World, TreeKey, Vec<InstanceKey>, GpuLights) {
-    let mut world = World::new();
+fn lamps(count: usize) -> (LightWorld, TreeKey, Vec<InstanceKey>, GpuLights) {
+    let mut world = LightWorld::new();
     let tree = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
     let instances = (0..count).map(|_| instance(&mut world, tree)).collect();
     let (device, queue) = gpu();
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    lights.count_picks(1);
+    lights.count_usage(1);
     upload(&mut lights, &mut world);
     (world, tree, instances, lights)
 }
 
 /// How often records name each instance.
-fn named<'a>(world: &World, records: impl Iterator<Item = &'a SampleRecord>) -> Counts {
+fn named<'a>(world: &LightWorld, records: impl Iterator<Item = &'a SampleRecord>) -> Counts {
     let mut counts = Counts::new();
     for record in records.filter(|record| record.pmf > 0.0 && record.instance != u32::MAX) {
         *counts.entry(world.instance_at(record.instance).expect("a live slot")).or_default() += 1;
@@ -156,35 +158,35 @@ fn our_kernels_count_exactly_what_they_return_or_a_share_of_it() {
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     upload(&mut lights, &mut world);
     let input = buffer(&device, &queue, bytemuck::cast_slice(&requests));
-    let [samples, resampled] = [size_of::<SampleRecord>(), size_of::<ResampledRecord>()]
+    let [samples, resampled] = [size_of::<SampleRecord>(), size_of::<ReservoirRecord>()]
         .map(|bytes| buffer(&device, &queue, &vec![0; bytes * requests.len()]));
     let mut frame = |one_in| {
-        lights.count_picks(one_in);
+        lights.count_usage(one_in);
         upload(&mut lights, &mut world);
         let mut encoder = encoder();
         lights.build_top(&mut encoder);
         lights.sample(&mut encoder, &input, &samples, count);
-        lights.collect_picks(&mut encoder);
-        lights.resample(&mut encoder, &input, &resampled, count, 4);
+        lights.collect_usage(&mut encoder);
+        lights.resample(&mut encoder, &input, &resampled, count, CandidateCount::of::<4>());
         submit(encoder);
         wait();
         let counts = (one_in > 0).then(|| (take(&mut lights).expect("it arrived"), collect(&mut lights)));
         let samples: Vec<SampleRecord> = read(&device, &queue, &samples);
-        let resampled: Vec<ResampledRecord> = read(&device, &queue, &resampled);
-        (counts, [named(&world, samples.iter()), named(&world, resampled.iter().map(|r| &r.sample))])
+        let resampled: Vec<ReservoirRecord> = read(&device, &queue, &resampled);
+        (counts, [named(&world, samples.iter()), named(&world, resampled.iter().map(|r| &r.chosen))])
     };
     let (all, [sampled, resampled]) = frame(1);
     assert!(sampled.len() > 10 && sampled != resampled, "{sampled:?}");
     assert_eq!(all, Some((sampled.clone(), resampled.clone())));
-    let (share, _) = frame(PICK_THINNING);
+    let (share, _) = frame(DEFAULT_USAGE_INTERVAL);
     let share = share.expect("it was counted");
     for (share, all) in [(share.0, sampled), (share.1, resampled)] {
         assert!(share.iter().all(|(key, count)| *count <= all[key]));
         let [some, n] = [&share, &all].map(|counts| f64::from(counts.values().sum::<u32>()));
-        let p = 1.0 / f64::from(PICK_THINNING);
+        let p = 1.0 / f64::from(DEFAULT_USAGE_INTERVAL);
         assert!((some - n * p).abs() < width(n, p), "{some} of {n}");
     }
-    assert!(frame(0).0.is_none() && lights.take_picks().is_none());
+    assert!(frame(0).0.is_none() && lights.take_usage().is_none());
 }
 
 #[test]
@@ -192,8 +194,8 @@ fn each_slot_counts_its_share() {
     let (world, _, instances, mut lights) = lamps(8);
     let picked: Vec<InstanceKey> = instances.iter().copied().cycle().take(1 << 18).collect();
     // 1: all; 3 divides no power of two.
-    for one_in in [1, 3, PICK_THINNING, 1000] {
-        lights.count_picks(one_in);
+    for one_in in [1, 3, DEFAULT_USAGE_INTERVAL, 1000] {
+        lights.count_usage(one_in);
         pick_now(&lights, &world, &picked);
         let counts = collect(&mut lights);
         let (n, p) = ((picked.len() / 8) as f64, 1.0 / f64::from(one_in));
@@ -223,7 +225,7 @@ fn a_slot_that_another_instance_has_by_now_brings_neither_the_others_picks() {
     // Underway while b goes and d gets its slot.
     pick_now(&lights, &world, &[a, b, b, c]);
     let mut encoder = encoder();
-    lights.collect_picks(&mut encoder);
+    lights.collect_usage(&mut encoder);
     submit(encoder);
     wait();
     // And not even collected.
@@ -281,7 +283,7 @@ fn a_world_grows_while_counts_are_underway() {
             keys.iter().for_each(|key| *expected.entry(*key).or_default() += 1);
             let mut encoder = encoder();
             if is_collected {
-                lights.collect_picks(&mut encoder);
+                lights.collect_usage(&mut encoder);
             }
             submit(encoder);
         }
@@ -304,7 +306,7 @@ fn with_all_buffers_in_use_counts_go_with_a_later_collection() {
     for _ in 0..5 {
         pick_now(&lights, &world, &keys);
         let mut encoder = encoder();
-        lights.collect_picks(&mut encoder);
+        lights.collect_usage(&mut encoder);
         submit(encoder);
     }
     wait();
@@ -321,7 +323,7 @@ fn an_encoder_that_is_never_submitted_takes_no_counts_along() {
     pick_now(&lights, &world, &keys);
     for i in 0..10 {
         let mut encoder = encoder();
-        lights.collect_picks(&mut encoder);
+        lights.collect_usage(&mut encoder);
         if i % 2 == 0 {
             drop(encoder.finish());
         }
@@ -336,7 +338,7 @@ fn counts_arrive_with_the_submissions_of_later_frames() {
     let (world, _, keys, mut lights) = lamps(1);
     pick_now(&lights, &world, &keys);
     let mut first = encoder();
-    lights.collect_picks(&mut first);
+    lights.collect_usage(&mut first);
     assert!(take(&mut lights).is_none(), "nothing is submitted");
     submit(first);
     // Nobody polls here; frames of nothing do, a few microseconds each.
@@ -353,32 +355,32 @@ fn who_does_not_count_has_nothing_and_a_still_frame_sends_nothing() {
     let mut world = Rng(91).world(2, 10, 3, 10.0);
     let mut plain = GpuLights::new(&device, &queue).expect("default limits are enough");
     let mut counting = GpuLights::new(&device, &queue).expect("default limits are enough");
-    counting.count_picks(PICK_THINNING);
+    counting.count_usage(DEFAULT_USAGE_INTERVAL);
     let delta = world.take_delta();
     let [least, more] = [&mut plain, &mut counting].map(|l| l.upload(&world, &delta).expect("room enough").bytes);
     assert_eq!(more, least + 4, "the share");
     for lights in [&mut plain, &mut counting] {
         assert_eq!(upload(lights, &mut world), UploadReport::default());
     }
-    plain.count_picks(0);
+    plain.count_usage(0);
     let mut encoder = encoder();
-    plain.collect_picks(&mut encoder);
+    plain.collect_usage(&mut encoder);
     submit(encoder);
     wait();
-    assert!(plain.take_picks().is_none());
+    assert!(plain.take_usage().is_none());
     // The shader and the bind group that do not count are as they were.
     let (shader, group) = (plain.shader(0, Effects::all()), plain.bind_group().clone());
-    plain.count_picks(1);
+    plain.count_usage(1);
     assert_eq!(upload(&mut plain, &mut world).bytes, 4);
     assert!(*plain.bind_group() == group && plain.shader(0, Effects::all()).wgsl == shader.wgsl);
-    assert!(!shader.wgsl.contains("light_count_pick") && shader.layout == *plain.bind_group_layout());
+    assert!(!shader.wgsl.contains("light_record_usage") && shader.layout == *plain.bind_group_layout());
 }
 
 #[test]
 fn counting_that_was_stopped_starts_again_from_zero() {
     let (mut world, tree, mut keys, mut lights) = lamps(2);
     pick_now(&lights, &world, &keys);
-    lights.count_picks(0);
+    lights.count_usage(0);
     pick_now(&lights, &world, &keys);
     // Who comes and goes meanwhile is seen when it starts again.
     world.remove_instance(keys[0]).expect("it lives");
@@ -386,16 +388,16 @@ fn counting_that_was_stopped_starts_again_from_zero() {
     keys.push(instance(&mut world, tree));
     upload(&mut lights, &mut world);
     let mut idle = encoder();
-    lights.collect_picks(&mut idle);
+    lights.collect_usage(&mut idle);
     submit(idle);
     wait();
     assert_eq!(take(&mut lights), None);
-    lights.count_picks(1);
+    lights.count_usage(1);
     upload(&mut lights, &mut world);
     pick_now(&lights, &world, &keys);
     assert_eq!(collect(&mut lights), keys.iter().map(|key| (*key, 1)).collect());
     // The largest share that is none.
-    lights.count_picks(u32::MAX);
+    lights.count_usage(u32::MAX);
     pick_now(&lights, &world, &keys);
     assert_eq!(collect(&mut lights), Counts::new());
 }
@@ -405,40 +407,40 @@ fn a_lost_device_brings_nothing_and_does_no_harm() {
     let (device, queue) = limited_gpu(wgpu::Limits::default().max_storage_buffer_binding_size);
     let mut world = Rng(92).world(2, 10, 3, 10.0);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    lights.count_picks(1);
+    lights.count_usage(1);
     upload(&mut lights, &mut world);
     // One has arrived, one is underway, one is recorded.
     let encoder = || device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     let mut collected: Vec<_> = (0..3).map(|_| encoder()).collect();
-    collected.iter_mut().for_each(|encoder| lights.collect_picks(encoder));
+    collected.iter_mut().for_each(|encoder| lights.collect_usage(encoder));
     let mut collected = collected.into_iter().map(wgpu::CommandEncoder::finish);
     queue.submit(collected.next());
     device.poll(wgpu::PollType::wait_indefinitely()).expect("the device works");
     queue.submit(collected.next());
     device.destroy();
     // What had arrived before may still be there to be read.
-    assert!(lights.take_picks().is_none_or(|picks| picks.total() == 0));
+    assert!(lights.take_usage().is_none_or(|picks| picks.total() == 0));
     for _ in 0..2 {
-        assert!(lights.take_picks().is_none());
+        assert!(lights.take_usage().is_none());
         let mut encoder = encoder();
-        lights.collect_picks(&mut encoder);
+        lights.collect_usage(&mut encoder);
         drop(encoder);
-        lights.count_picks(2);
+        lights.count_usage(2);
         assert!(lights.upload(&world, &FrameDelta::default()).is_err());
     }
     drop(collected);
-    assert!(lights.take_picks().is_none());
+    assert!(lights.take_usage().is_none());
 }
 
 #[test]
 fn the_text_of_every_variant_is_valid_and_binds_five_storage_buffers() {
     let (device, queue) = gpu();
     let lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    let shader = lights.counting_shader(2, Effects::all());
+    let shader = lights.usage_shader(2, Effects::all());
     for effects in (0..=Effects::all().bits()).map(Effects::from_bits_truncate) {
         let shader = shader.with_effects(effects);
-        assert!(shader.counts_picks && shader.layout != *lights.bind_group_layout());
-        let text = shader.join("@fragment fn main() { light_count_pick(1u, vec4(0.5)); }");
+        assert!(shader.records_usage && shader.layout != *lights.bind_group_layout());
+        let text = shader.join("@fragment fn main() { light_record_usage(1u, vec4(0.5)); }");
         let module = naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("it parses");
         naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::default())
             .validate(&module)

@@ -2,19 +2,19 @@
 
 use super::scene::rng::Rng;
 use super::scene::{Scene, SceneError};
-use girandole::Receiver;
+use girandole::ShadingPoint;
 use girandole::bounds::Aabb;
 use girandole::glam::Vec3;
 
-/// Receivers lie this far in front of their surface, in metres.
+/// Shading points lie this far in front of their surface, in metres.
 const OFFSET: f32 = 1.0e-3;
-/// Of the places of receivers.
+/// Of the places of shading points.
 const SEED: u64 = 12_345;
-/// Tries a receiver before the bounds count as empty.
+/// Tries a shading point before the bounds count as empty.
 const TRIES: usize = 10_000;
 
 /// `count` points on visible surfaces within `bounds`, with the normals of the triangles' fronts.
-pub fn receivers(scene: &Scene, bounds: &Aabb, count: usize) -> Result<Vec<Receiver>, SceneError> {
+pub fn shading_points(scene: &Scene, bounds: &Aabb, count: usize) -> Result<Vec<ShadingPoint>, SceneError> {
     let mut triangles: Vec<(f64, [Vec3; 3])> = Vec::new();
     let mut area = 0.0;
     for object in scene.objects.iter().filter(|object| object.visible) {
@@ -40,7 +40,7 @@ pub fn receivers(scene: &Scene, bounds: &Aabb, count: usize) -> Result<Vec<Recei
         let place = a * (1.0 - root) + b * (root * (1.0 - v)) + c * (root * v);
         let normal = (b - a).cross(c - a).normalize_or_zero();
         if normal != Vec3::ZERO && bounds.contains(&Aabb::point(place)) {
-            found.push(Receiver::surface(place + normal * OFFSET, normal));
+            found.push(ShadingPoint::surface(place + normal * OFFSET, normal));
         }
     }
     let wanted = found.len() == count;

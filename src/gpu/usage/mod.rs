@@ -13,7 +13,7 @@ use std::collections::BTreeSet;
 use std::sync::OnceLock;
 
 pub(super) use kernel::Chosen;
-use kernel::PickKernel;
+use kernel::UsageKernel;
 use owners::Owner;
 use ring::Ring;
 
@@ -21,20 +21,20 @@ use super::shader::LightShader;
 use super::{GpuLights, bind_group, counting_layout, text};
 use crate::effects::Effects;
 use crate::keys::InstanceKey;
-use crate::world::World;
+use crate::world::LightWorld;
 
 /// Counts one pick of sixteen: some hundred thousand a frame of two million pixels, which is more than enough to tell
-/// what is seen, and few enough not to queue up at the counters. For [`GpuLights::count_picks`].
-pub const PICK_THINNING: u32 = 16;
+/// what is seen, and few enough not to queue up at the counters. For [`GpuLights::count_usage`].
+pub const DEFAULT_USAGE_INTERVAL: u32 = 16;
 
 /// One pick in so many is the least that is counted.
-const MOST_THINNING: u32 = 1 << 31;
+const MAX_USAGE_INTERVAL: u32 = 1 << 31;
 
 /// What is written over slots that somebody left, a piece at a time.
 const ZEROS: [u8; 1024] = [0; 1024];
 
 /// The counters, who they belong to, and what is on its way back.
-pub(super) struct Picks {
+pub(super) struct UsageCounters {
     layout: wgpu::BindGroupLayout,
     counts: wgpu::Buffer,
     /// Who each slot belongs to as of the last upload.
@@ -47,7 +47,7 @@ pub(super) struct Picks {
     /// What has arrived, added up, by slot.
     sums: Vec<u32>,
     /// Made when our own kernels first count.
-    kernel: OnceLock<PickKernel>,
+    kernel: OnceLock<UsageKernel>,
     bind_group: wgpu::BindGroup,
     /// The bind group still names the former counters.
     is_unbound: bool,
@@ -55,17 +55,17 @@ pub(super) struct Picks {
     bound: [u64; 4],
 }
 
-/// How often lights of each instance were picked: what [`GpuLights::take_picks`] returns.
+/// How often lights of each instance were picked: what [`GpuLights::take_usage`] returns.
 #[derive(Clone, Copy, Debug)]
-pub struct PickCounts<'a> {
+pub struct UsageCounts<'a> {
     owners: &'a [Owner],
     sums: &'a [u32],
     total: u64,
 }
 
-impl PickCounts<'_> {
+impl UsageCounts<'_> {
     /// The instances that were picked, each once, with the picks that were counted: one of
-    /// [`GpuLights::count_picks`]' so many. None of those are listed that the last upload removed. O(slots).
+    /// [`GpuLights::count_usage`]' so many. None of those are listed that the last upload removed. O(slots).
     pub fn iter(&self) -> impl Iterator<Item = (InstanceKey, u32)> {
         let picked = self.owners.iter().zip(self.sums).filter(|(_, sum)| **sum > 0);
         picked.filter_map(|(owner, sum)| Some((owner.key()?, *sum)))
@@ -77,7 +77,7 @@ impl PickCounts<'_> {
     }
 }
 
-impl Picks {
+impl UsageCounters {
     fn new(lights: &GpuLights) -> Self {
         let layout = counting_layout(&lights.device);
         let counts = counters(&lights.device, 0, lights.params.slots);
@@ -125,7 +125,7 @@ impl Picks {
     }
 
     /// Starts from zero with the instances that are there. Returns the bytes sent.
-    fn start(&mut self, device: &wgpu::Device, queue: &wgpu::Queue, world: &World) -> u64 {
+    fn start(&mut self, device: &wgpu::Device, queue: &wgpu::Queue, world: &LightWorld) -> u64 {
         let slots = world.slot_count() as u32;
         self.counts = counters(device, self.capacity(), slots);
         self.is_unbound = true;
@@ -151,7 +151,12 @@ impl Picks {
     }
 
     /// Notes who has these slots now. Returns the bytes sent.
-    fn follow(&mut self, (device, queue): (&wgpu::Device, &wgpu::Queue), slots: &BTreeSet<u32>, world: &World) -> u64 {
+    fn follow(
+        &mut self,
+        (device, queue): (&wgpu::Device, &wgpu::Queue),
+        slots: &BTreeSet<u32>,
+        world: &LightWorld,
+    ) -> u64 {
         if self.one_in == 0 {
             return 0;
         }
@@ -185,7 +190,7 @@ impl Picks {
     }
 
     /// Adds up what has arrived, by slot.
-    fn take(&mut self, device: &wgpu::Device) -> Option<PickCounts<'_>> {
+    fn take(&mut self, device: &wgpu::Device) -> Option<UsageCounts<'_>> {
         let Self { owners, sums, ring, .. } = self;
         sums.clear();
         sums.resize(owners.len(), 0);
@@ -200,18 +205,18 @@ impl Picks {
                 }
             }
         });
-        has_any.then_some(PickCounts { owners, sums, total })
+        has_any.then_some(UsageCounts { owners, sums, total })
     }
 }
 
 impl GpuLights {
-    /// Counts one pick in `one_in` from the next upload on, chosen by a hash: in shaders that call `light_count_pick`
-    /// (see [`GpuLights::counting_shader`]) and in [`GpuLights::sample`] and [`GpuLights::resample`], which count what
-    /// they return. [`PICK_THINNING`] is a good number, 1 counts all, 0 (as at first) none; more than 2³¹ counts as that.
+    /// Counts one pick in `one_in` from the next upload on, chosen by a hash: in shaders that call `light_record_usage`
+    /// (see [`GpuLights::usage_shader`]) and in [`GpuLights::sample`] and [`GpuLights::resample`], which count what
+    /// they return. [`DEFAULT_USAGE_INTERVAL`] is a good number, 1 counts all, 0 (as at first) none; more than 2³¹ counts as that.
     ///
     /// Takes four bytes a slot for the counters, as many for each of up to three collections underway, and 20 on the
     /// CPU; our own kernels run one more dispatch each. Before the first call nothing is there and nothing is done.
-    pub fn count_picks(&mut self, one_in: u32) {
+    pub fn count_usage(&mut self, one_in: u32) {
         if one_in == 0 && self.picks.get().is_none() {
             return;
         }
@@ -219,7 +224,7 @@ impl GpuLights {
         let Some(picks) = self.picks.get_mut() else { return };
         // Who came and went meanwhile was not followed.
         picks.is_new |= picks.one_in == 0;
-        picks.one_in = one_in.min(MOST_THINNING);
+        picks.one_in = one_in.min(MAX_USAGE_INTERVAL);
         picks.send_thinning(&self.queue);
     }
 
@@ -227,7 +232,7 @@ impl GpuLights {
     ///
     /// ```wgsl
     /// // Counts that a light of this instance was chosen, by these numbers.
-    /// fn light_count_pick(instance: u32, u: vec4<f32>)
+    /// fn light_record_usage(instance: u32, u: vec4<f32>)
     /// ```
     ///
     /// Call it with the `instance` of a [`LightShader`] sample that you shade with, and the `u` that you gave for it: a
@@ -235,17 +240,17 @@ impl GpuLights {
     /// Directional lights and "no light" count for nobody. Instances that are hit often make atomic additions queue up;
     /// that is what the share is for.
     ///
-    /// The layout has a fifth storage buffer, which is written; it takes [`GpuLights::counting_bind_group`] in place of
+    /// The layout has a fifth storage buffer, which is written; it takes [`GpuLights::usage_bind_group`] in place of
     /// [`GpuLights::bind_group`]. In fragment shaders it needs `wgpu::DownlevelFlags::FRAGMENT_WRITABLE_STORAGE`, which
-    /// all of WebGPU has. Before [`GpuLights::count_picks`] the function does nothing.
-    pub fn counting_shader(&self, group: u32, effects: Effects) -> LightShader {
-        let wgsl = text::wgsl_counting_picks(group, effects);
-        LightShader { wgsl, group, effects, counts_picks: true, layout: self.picks().layout.clone() }
+    /// all of WebGPU has. Before [`GpuLights::count_usage`] the function does nothing.
+    pub fn usage_shader(&self, group: u32, effects: Effects) -> LightShader {
+        let wgsl = text::wgsl_with_usage(group, effects);
+        LightShader { wgsl, group, effects, records_usage: true, layout: self.picks().layout.clone() }
     }
 
-    /// To be bound where a [`GpuLights::counting_shader`] was asked for; ask each frame, as for
+    /// To be bound where a [`GpuLights::usage_shader`] was asked for; ask each frame, as for
     /// [`GpuLights::bind_group`].
-    pub fn counting_bind_group(&self) -> &wgpu::BindGroup {
+    pub fn usage_bind_group(&self) -> &wgpu::BindGroup {
         &self.picks().bind_group
     }
 
@@ -253,7 +258,7 @@ impl GpuLights {
     /// fill of four bytes a slot. Call it once a frame, behind the passes that count. Nothing waits: the copy arrives
     /// when a later submission, or a poll of the engine's, finds it done. Three may be underway or not taken yet; with
     /// all in use nothing is recorded, and the counts go with a later call. An encoder that is dropped loses none.
-    pub fn collect_picks(&mut self, encoder: &mut wgpu::CommandEncoder) {
+    pub fn collect_usage(&mut self, encoder: &mut wgpu::CommandEncoder) {
         let Some(picks) = self.picks.get_mut() else { return };
         let bytes = 4 * picks.owners.len() as u64;
         // There is nobody yet, or no longer anyone who wants to know.
@@ -265,30 +270,30 @@ impl GpuLights {
         }
     }
 
-    /// All that has arrived of [`GpuLights::collect_picks`] since the last call, added up; `None` if nothing has. Never
+    /// All that has arrived of [`GpuLights::collect_usage`] since the last call, added up; `None` if nothing has. Never
     /// waits and never polls: wgpu notices arrivals in the engine's own `Queue::submit` and `Device::poll`. A lost
     /// device sends nothing. O(slots) where something has arrived, without allocation once the world has stopped growing.
-    pub fn take_picks(&mut self) -> Option<PickCounts<'_>> {
+    pub fn take_usage(&mut self) -> Option<UsageCounts<'_>> {
         self.picks.get_mut()?.take(&self.device)
     }
 
     /// Made when first needed.
-    fn picks(&self) -> &Picks {
-        self.picks.get_or_init(|| Picks::new(self))
+    fn picks(&self) -> &UsageCounters {
+        self.picks.get_or_init(|| UsageCounters::new(self))
     }
 
     /// Whether all slots are to be looked at.
-    pub(super) fn has_new_picks(&self) -> bool {
+    pub(super) fn has_new_usage(&self) -> bool {
         self.picks.get().is_some_and(|picks| picks.is_new && picks.one_in > 0)
     }
 
     /// Who has these slots now. Returns the bytes sent.
-    pub(super) fn follow_picks(&mut self, slots: &BTreeSet<u32>, world: &World) -> u64 {
+    pub(super) fn follow_usage(&mut self, slots: &BTreeSet<u32>, world: &LightWorld) -> u64 {
         self.picks.get_mut().map_or(0, |picks| picks.follow((&self.device, &self.queue), slots, world))
     }
 
     /// Binds again what was replaced.
-    pub(super) fn bind_picks(&mut self) {
+    pub(super) fn bind_usage(&mut self) {
         let Some(mut picks) = self.picks.take() else { return };
         if picks.bound != self.bound || std::mem::take(&mut picks.is_unbound) {
             picks.bind_group = bind_group(&self.device, &picks.layout, &self.buffers(Some(&picks.counts)));
@@ -306,7 +311,7 @@ impl GpuLights {
         count: u32,
     ) {
         let Some(picks) = self.picks.get().filter(|picks| picks.one_in > 0) else { return };
-        let kernel = picks.kernel.get_or_init(|| PickKernel::new(&self.device, &picks.layout));
+        let kernel = picks.kernel.get_or_init(|| UsageKernel::new(&self.device, &picks.layout));
         kernel.record((&self.device, encoder), &picks.bind_group, buffers, chosen, count);
     }
 }

@@ -1,4 +1,4 @@
-//! What a camera sees: one receiver a pixel.
+//! What a camera sees: one shading point a pixel.
 
 use super::geometry::Geometry;
 use super::scene::{Scene, SceneError};
