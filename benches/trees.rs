@@ -15,7 +15,7 @@ use girandole::glam::Vec3;
 use girandole::tree::{Node, Target, WIDTH};
 use girandole::{Light, LightTree, ShadingPoint, Shape, SplitCount};
 
-#[path = "../examples/variance/baselines/mod.rs"]
+#[path = "../examples/tools/variance/baselines/mod.rs"]
 #[allow(dead_code, unused_imports, reason = "the example uses more of it")]
 mod baselines;
 #[path = "../tests/all/support.rs"]

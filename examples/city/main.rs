@@ -12,12 +12,12 @@
 #[path = "modules.rs"]
 mod city;
 
-use city::options::{Options, Parsed};
+use city::app::options::{Options, Parsed};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
     let result = match Options::read(std::env::args_os()) {
-        Ok(Parsed::Run(options)) => city::run::run(&options, &mut |line| println!("{line}")),
+        Ok(Parsed::Run(options)) => city::app::run::run(&options, &mut |line| println!("{line}")),
         Ok(Parsed::Help(text)) => {
             print!("{text}");
             Ok(())

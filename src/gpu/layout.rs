@@ -317,7 +317,7 @@ mod tests {
         record!(counting, SampleRequest, "Request", [position, padding_a, normal, padding_b, u]);
         record!(structs, SampleRecord, "LightSample", [direction, dist, radiance, pdf, pmf, instance, light, is_delta]);
         // WGSL pads it without a name.
-        assert_eq!(structs["LightReservoir"], (64, vec![("sample".into(), 0), ("weight".into(), 48)]));
+        assert_eq!(structs["LightReservoir"], (64, vec![("chosen".into(), 0), ("weight".into(), 48)]));
         assert_eq!((size_of::<ReservoirRecord>(), offset_of!(ReservoirRecord, weight)), (64, 48));
         record!(
             structs,

@@ -236,7 +236,8 @@ mod tests {
     #[test]
     fn every_variant_is_valid_and_has_no_function_and_no_constant_that_it_does_not_use() {
         let functions =
-            ["sample", "resample", "pick", "sample_picked", "pmf", "pdf", "hash"].map(|f| format!("light_{f}"));
+            ["surface_point", "volume_point", "sample", "resample", "pick", "sample_picked", "pmf", "pdf", "hash"]
+                .map(|f| format!("light_{f}"));
         let promised: Vec<&str> = functions.iter().map(String::as_str).chain(PROMISED).collect();
         for effects in (0..=Effects::all().bits()).map(Effects::from_bits_truncate) {
             let text = wgsl(0, effects);

@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-#[path = "../../examples/budget/modules.rs"]
+#[path = "../../examples/tools/budget/modules.rs"]
 #[allow(dead_code, missing_docs, reason = "a program")]
 pub mod program;
 

@@ -1,14 +1,15 @@
 //! The city example's renderer on a small scene: both backends agree, and light trees bring no bias.
 
-use crate::city::app::{Frame, Image, Session, Settings};
-use crate::city::backend;
-use crate::city::geometry::{Geometry, Occluders};
-use crate::city::options::{BackendChoice, Options, Parsed};
-use crate::city::render_cpu::LightChoice;
-use crate::city::run::run;
+use crate::city::app::frames::{Frame, Session};
+use crate::city::app::options::{Options, Parsed};
+use crate::city::app::run::run;
+use crate::city::render::backend::{self, BackendChoice};
+use crate::city::render::geometry::{Geometry, Occluders};
+use crate::city::render::image::Image;
+use crate::city::render::settings::{LightChoice, Settings};
 use crate::city::scene::procedural::{self, CityOptions, Size};
 use crate::city::scene::{Stage, gltf_scene};
-use crate::city::small_scene;
+use crate::small_scene;
 use crate::support::Rng;
 use std::path::Path;
 

@@ -1,10 +1,11 @@
 //! The example that times a GPU runs, and counts what it should. Times are never looked at.
 
-use crate::city::{geometry, scene, shading};
+use crate::city::render::{geometry, shading};
+use crate::city::scene;
 use girandole::gpu::SampleRequest;
 use serde_json::Value;
 
-#[path = "../../examples/gpu_timings/modules.rs"]
+#[path = "../../examples/tools/gpu_timings/modules.rs"]
 #[allow(dead_code, missing_docs, reason = "a program")]
 mod program;
 
@@ -78,7 +79,7 @@ fn an_adapter_that_is_not_there_is_refused_by_name() {
 fn the_examples_shader_agrees_with_the_host_about_sizes() {
     let text = girandole::gpu::wgsl(1, girandole::Effects::all())
         + "const CANDIDATES = 8u;\n"
-        + include_str!("../../examples/gpu_timings/sample.wgsl");
+        + include_str!("../../examples/tools/gpu_timings/sample.wgsl");
     let module = naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("it parses");
     assert_eq!(module.entry_points[0].workgroup_size, [program::sampling::LANES, 1, 1]);
     let (_, request) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some("Request")).expect("it is there");

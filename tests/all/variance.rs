@@ -3,13 +3,13 @@
 use crate::support::Rng;
 use girandole::{Light, LightId, LightWorld, Placement, Policy, ShadingPoint, Shape};
 
-#[path = "../../examples/variance/baselines/mod.rs"]
+#[path = "../../examples/tools/variance/baselines/mod.rs"]
 #[allow(dead_code, missing_docs, reason = "the example's main uses what the tests do not")]
 mod baselines;
-#[path = "../../examples/variance/lights.rs"]
+#[path = "../../examples/tools/variance/lights.rs"]
 #[allow(missing_docs, reason = "part of a program")]
 pub mod lights;
-#[path = "../../examples/variance/sigma.rs"]
+#[path = "../../examples/tools/variance/sigma.rs"]
 #[allow(missing_docs, reason = "part of a program")]
 pub mod sigma;
 

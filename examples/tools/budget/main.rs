@@ -31,7 +31,7 @@ mod lights;
 #[path = "modules.rs"]
 #[allow(dead_code, reason = "what trees are is for those who look closer")]
 mod modules;
-#[path = "../city/scene/mod.rs"]
+#[path = "../../city/scene/mod.rs"]
 #[allow(dead_code, reason = "the city draws what is only measured here")]
 mod scene;
 #[path = "../variance/sigma.rs"]

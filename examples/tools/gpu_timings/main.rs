@@ -12,20 +12,14 @@
 //! holds measured tables.
 #![allow(clippy::print_stderr, reason = "a program talks to its user")]
 
-#[path = "../city/geometry.rs"]
-#[allow(dead_code, reason = "the city moves what is only looked at here")]
-mod geometry;
-#[path = "../city/geometry_nodes.rs"]
-#[allow(dead_code, reason = "the city traces shadow rays too")]
-mod geometry_nodes;
+#[path = "../../city/modules.rs"]
+#[allow(dead_code, reason = "the city renders what is only looked at here")]
+mod city;
 #[path = "modules.rs"]
 mod modules;
-#[path = "../city/scene/mod.rs"]
-#[allow(dead_code, reason = "the city draws what is only measured here")]
-mod scene;
-#[path = "../city/shading.rs"]
-#[allow(dead_code, reason = "the city shades what is only lit here")]
-mod shading;
+
+use city::render::{geometry, shading};
+use city::scene;
 
 use clap::Parser;
 use modules::run::{Options, run};

@@ -4,10 +4,10 @@
 //! [Schied et al. 2017] has it. Differs: the noise is measured from the samples of the frame itself, so that the filter
 //! fades as samples grow, and nothing is taken from earlier frames.
 
-use super::app::Image;
-use super::geometry::Geometry;
+use super::render::geometry::Geometry;
+use super::render::image::Image;
+use super::render::shading::View;
 use super::scene::Scene;
-use super::shading::View;
 use girandole::glam::{IVec2, Vec2, Vec3};
 use girandole::light::luminance;
 use rayon::prelude::*;

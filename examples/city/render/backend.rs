@@ -1,9 +1,21 @@
 //! Which machine renders: a GPU, a software Vulkan driver, or this program's own threads.
 
-use super::options::BackendChoice;
 use super::scene::SceneError;
+use clap::ValueEnum;
 use girandole::wgpu;
 use std::fmt;
+
+/// What `--backend` takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum BackendChoice {
+    /// A GPU or software Vulkan adapter if there is one, otherwise the CPU
+    #[default]
+    Auto,
+    /// Through wgpu
+    Gpu,
+    /// Rayon and obvhs
+    Cpu,
+}
 
 /// What a user does about a missing adapter.
 pub const HOW_TO_GET_AN_ADAPTER: &str =

@@ -19,7 +19,7 @@ mod measure;
 mod shading_points;
 mod report;
 mod samplers;
-#[path = "../city/scene/mod.rs"]
+#[path = "../../city/scene/mod.rs"]
 #[allow(dead_code, reason = "the city draws what is only measured here")]
 mod scene;
 mod sigma;

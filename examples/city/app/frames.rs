@@ -2,84 +2,17 @@
 //!
 //! [`Session`] renders frames and hands them out; it neither prints nor writes, so that tests run the very same path.
 
-use super::backend::{Backend, Chosen};
 use super::denoise::denoise;
-use super::geometry::{Geometry, GeometryChange};
-use super::render_cpu::{self, LightChoice, UsageCounters};
-use super::render_gpu::{GpuRenderer, GpuUpdate};
+use super::render::backend::{Backend, Chosen};
+use super::render::cpu::{self, UsageCounters};
+use super::render::geometry::{Geometry, GeometryChange};
+use super::render::gpu::{GpuRenderer, GpuUpdate};
+use super::render::image::Image;
+use super::render::settings::{Settings, ShadowRays};
+use super::render::shading::frame_seed;
 use super::scene::{Scene, SceneError, Stage};
-use super::shading::frame_seed;
-use girandole::glam::{Vec3, Vec4};
-use girandole::light::luminance;
-use girandole::{Effects, FrameBudget};
-use std::ops::Add;
+use girandole::Effects;
 use std::time::{Duration, Instant};
-
-/// How to render.
-#[derive(Clone, Debug)]
-pub struct Settings {
-    /// Pixels.
-    pub width: u32,
-    /// Pixels.
-    pub height: u32,
-    /// Samples a pixel: more is less noise, as its square root.
-    pub spp: u32,
-    /// Of the noise.
-    pub seed: u64,
-    /// What light trees may spend on rebuilds each frame.
-    pub budget: FrameBudget,
-    /// Frames a second of the world's time.
-    pub fps: f64,
-    /// The CPU backend can sum over all lights instead, for tests.
-    pub light_choice: LightChoice,
-}
-
-/// Radiance in nits, linear Rec. 709, row by row from the top.
-#[derive(Clone, Debug)]
-pub struct Image {
-    /// Pixels.
-    pub width: u32,
-    /// Pixels.
-    pub height: u32,
-    /// `width` times `height` of them.
-    pub pixels: Vec<Vec3>,
-    /// The square of each pixel's standard error, in luminance: how noisy it is.
-    pub variance: Vec<f32>,
-}
-
-impl Image {
-    /// From each pixel's summed radiance and summed squared luminance over `spp` samples.
-    pub fn from_sums(width: u32, height: u32, spp: u32, sums: impl Iterator<Item = Vec4>) -> Self {
-        let count = spp as f32;
-        let (pixels, variance) = sums
-            .map(|sum| {
-                let mean = sum.truncate() / count;
-                let square = luminance(mean).powi(2);
-                // One sample says nothing about its noise: then it is as large as the sample.
-                let variance = if spp > 1 { (sum.w / count - square).max(0.0) / (count - 1.0) } else { square };
-                (mean, variance)
-            })
-            .unzip();
-        Self { width, height, pixels, variance }
-    }
-}
-
-/// How many samples of lights asked what stands between.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ShadowRays {
-    /// Rays that were traced.
-    pub traced: u64,
-    /// Those that nothing could have stood in the way of.
-    pub skipped: u64,
-}
-
-impl Add for ShadowRays {
-    type Output = Self;
-
-    fn add(self, other: Self) -> Self {
-        Self { traced: self.traced + other.traced, skipped: self.skipped + other.skipped }
-    }
-}
 
 /// A frame's line in `frames.csv`.
 #[derive(Clone, Debug)]
@@ -216,7 +149,7 @@ impl Session {
                 let before = Instant::now();
                 let sampler = world.sampler();
                 let top_build = before.elapsed();
-                let (image, rays, picks) = render_cpu::render(scene, geometry, &sampler, settings, seed, progress);
+                let (image, rays, picks) = cpu::render(scene, geometry, &sampler, settings, seed, progress);
                 *last_picks = picks;
                 (image, rays, GpuUpdate { top_build: Some(top_build), ..GpuUpdate::default() })
             }

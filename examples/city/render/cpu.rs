@@ -1,8 +1,9 @@
 //! The CPU backend: rayon over rows, the library's sampler, the same estimator as `render.wgsl`.
 
-use super::app::{Image, Settings, ShadowRays};
 use super::geometry::Geometry;
+use super::image::Image;
 use super::scene::{Material, Scene};
+use super::settings::{LightChoice, Settings, ShadowRays};
 use super::shading::{Dimension, View, brdf, random, shadow_offset, sky_radiance};
 use girandole::glam::{Vec2, Vec3, Vec4};
 use girandole::gpu::DEFAULT_USAGE_INTERVAL;
@@ -12,17 +13,6 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Add;
 use std::sync::atomic::{AtomicUsize, Ordering};
-
-/// How light reaches a surface point.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum LightChoice {
-    /// One light a sample, chosen through the light trees.
-    #[default]
-    Tree,
-    #[cfg_attr(not(test), allow(dead_code, reason = "tests compare with it"))]
-    /// Every light, each with one sample: slow, and what the trees must agree with.
-    Exhaustive,
-}
 
 /// Area lights are left just before their surface, which would shadow itself.
 const STOP_BEFORE_LIGHT: f32 = 1.0 - 1e-3;

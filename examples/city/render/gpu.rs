@@ -3,10 +3,11 @@
 //! Geometry goes up once; after that only objects that changed and, if any of them moved, the upper nodes. The picture
 //! comes back in bands of rows, so that no picture is too large, and each dispatch is short enough for every watchdog.
 
-use super::app::{Image, Settings, ShadowRays};
 use super::backend::{COUNTING_BUFFERS, Gpu};
 use super::geometry::{Geometry, GeometryChange, Placed};
+use super::image::Image;
 use super::scene::{Scene, SceneError};
+use super::settings::{Settings, ShadowRays};
 use super::shading::View;
 use bytemuck::{Pod, Zeroable};
 use girandole::glam::{Vec3, Vec4};

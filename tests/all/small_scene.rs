@@ -2,7 +2,7 @@
 //!
 //! For tests: what they prove about this scene they prove about the same code that draws the city.
 
-use super::scene::{Animation, Camera, Material, Mesh, Object, Scene, SceneError, Sky, Stage, Triangle};
+use crate::city::scene::{Animation, Camera, Material, Mesh, Object, Scene, SceneError, Sky, Stage, Triangle};
 use girandole::glam::{Affine3A, Mat3, Quat, Vec3};
 use girandole::{DirectionalLight, InstanceKey, Light, LightWorld, Policy, TreeKey};
 use std::f32::consts::TAU;

@@ -3,7 +3,7 @@
 //! The curve is Benjamin Wrensch's minimal fit (2023) of Troy Sobotka's AgX with its "punchy" look: bright saturated lamps
 //! turn white instead of clipping to a flat colour. Only the PNG sees any of this; the EXR holds radiance.
 
-use super::app::Image;
+use super::render::image::Image;
 use girandole::glam::{Mat3, Vec3};
 use rayon::prelude::*;
 

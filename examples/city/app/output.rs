@@ -2,7 +2,8 @@
 //!
 //! Each file is written beside its place under a temporary name and then renamed, so that a file that is there is whole.
 
-use super::app::{Frame, Image, Record};
+use super::frames::{Frame, Record};
+use super::render::image::Image;
 use super::scene::SceneError;
 use super::tone::tone_map;
 use exr::prelude::{Encoding, Image as ExrImage, SpecificChannels, WritableImage};

@@ -1,9 +1,10 @@
 //! The whole program behind the command line: load, choose a backend, render, write.
 
-use super::app::{Session, ShadowRays};
-use super::backend;
+use super::frames::Session;
 use super::options::Options;
 use super::output::{Output, effect_names};
+use super::render::backend;
+use super::render::settings::ShadowRays;
 use super::scene::gltf_scene;
 use super::scene::procedural::{self, CityOptions};
 use super::scene::real_city::{self, RealCityOptions};

@@ -1,10 +1,10 @@
 //! The command line, checked as far as it can be without splitting anything.
 
-use super::app::Settings;
-use super::render_cpu::LightChoice;
+use super::render::backend::BackendChoice;
+use super::render::settings::{LightChoice, Settings};
 use super::scene::procedural::Size;
 use super::scene::{Camera, SceneError};
-use clap::{Parser, ValueEnum};
+use clap::Parser;
 use girandole::FrameBudget;
 use girandole::glam::Vec3;
 use std::ffi::OsString;
@@ -68,18 +68,6 @@ pub struct Options {
     /// Frames a second of the world's time
     #[arg(long, default_value_t = 24.0, value_parser = parse_fps, allow_negative_numbers = true)]
     pub fps: f64,
-}
-
-/// What `--backend` takes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum BackendChoice {
-    /// A GPU or software Vulkan adapter if there is one, otherwise the CPU
-    #[default]
-    Auto,
-    /// Through wgpu
-    Gpu,
-    /// Rayon and obvhs
-    Cpu,
 }
 
 /// What the arguments amount to.
