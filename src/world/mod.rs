@@ -1,10 +1,12 @@
 //! Trees, instances of them, directional lights: edits in, one [`FrameDelta`] out.
 
 mod attention;
+mod background_builds;
 mod delta;
 mod edit;
 mod jobs;
 mod refit;
+mod requests;
 mod rest;
 mod schedule;
 mod update;
@@ -16,7 +18,7 @@ use slotmap::SlotMap;
 
 pub(crate) use delta::Changes;
 pub use delta::FrameDelta;
-pub use jobs::JobReport;
+pub use schedule::JobReport;
 pub use update::{BackgroundReport, FrameReport};
 
 use crate::cluster::Cluster;
@@ -25,7 +27,7 @@ use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
 use crate::light::{DirectionalLight, Light, MIN_FLUX};
 use crate::placement::{Placed, Placement};
 use crate::policy::{AttributeHistory, Policy};
-use crate::scheduler::{Clock, Signs, SystemClock};
+use crate::scheduler::{Clock, SystemClock, TreeFeatures};
 use crate::top::TopLevel;
 use crate::tree::LightTree;
 
@@ -50,7 +52,7 @@ pub struct LightWorld {
     edited: Vec<TreeKey>,
     changes: Changes,
     schedule: schedule::Schedule,
-    gaze: attention::Gaze,
+    view_weights: attention::ViewWeights,
     clock: Arc<dyn Clock>,
     top: OnceLock<TopLevel>,
 }
@@ -63,7 +65,7 @@ pub(crate) struct TreeEntry {
     history: AttributeHistory,
     staged: Vec<(u32, Light)>,
     is_edited: bool,
-    standing: schedule::Standing,
+    rebuild_state: schedule::RebuildState,
     rest: rest::Rest,
 }
 
@@ -78,8 +80,8 @@ pub(crate) struct Instance {
 
 impl TreeEntry {
     fn new(tree: LightTree, frame: u64) -> Self {
-        let mut standing = schedule::Standing::default();
-        standing.start(Signs::of(&tree), frame);
+        let mut rebuild_state = schedule::RebuildState::default();
+        rebuild_state.start(TreeFeatures::of(&tree), frame);
         Self {
             history: AttributeHistory::start(tree.attributes()),
             tree,
@@ -87,7 +89,7 @@ impl TreeEntry {
             policies: Vec::new(),
             staged: Vec::new(),
             is_edited: false,
-            standing,
+            rebuild_state,
             rest: rest::Rest::default(),
         }
     }
@@ -146,7 +148,7 @@ impl LightWorld {
             edited: Vec::new(),
             changes: Changes::default(),
             schedule: schedule::Schedule::default(),
-            gaze: attention::Gaze::default(),
+            view_weights: attention::ViewWeights::default(),
             clock,
             top: OnceLock::new(),
         }

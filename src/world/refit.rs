@@ -5,7 +5,7 @@ use crate::effects::EffectCounts;
 use crate::keys::{TreeKey, slot_of};
 use crate::light::Light;
 use crate::policy::AttributeHistory;
-use crate::scheduler::{Replaced, Signs};
+use crate::scheduler::{Replacement, TreeFeatures};
 use crate::tree::LightTree;
 
 impl LightWorld {
@@ -26,7 +26,7 @@ impl LightWorld {
                     former: *entry.tree.effects(),
                     tree: std::mem::take(&mut entry.tree),
                     staged: std::mem::take(&mut entry.staged),
-                    successor: entry.standing.successor.take(),
+                    successor: entry.rebuild_state.successor.take(),
                     succeeded: None,
                     has_moved: false,
                     is_measured: entry.may_rebuild(),
@@ -35,7 +35,7 @@ impl LightWorld {
             .collect();
         let refit = |Edited { tree, staged, has_moved, successor, succeeded, is_measured, .. }: &mut Edited| {
             if let Some(built) = successor.take() {
-                let replaced = Replaced { before: Signs::of(tree), fresh: Signs::of(&built) };
+                let replaced = Replacement { before: TreeFeatures::of(tree), after: TreeFeatures::of(&built) };
                 let history = AttributeHistory::start(built.attributes());
                 *succeeded = Some((replaced, history, tree.succeed(*built)));
             }
@@ -75,17 +75,17 @@ impl LightWorld {
             let mut is_new = false;
             if let Some((replaced, history, is_outdated)) = succeeded {
                 is_new = !is_outdated && !has_moved;
-                entry.standing.learn(&replaced, None, self.schedule.frame);
+                entry.rebuild_state.learn(&replaced, None, self.schedule.frame);
                 entry.history = history;
             }
             if entry.may_rebuild() {
-                entry.has_changed(self.schedule.frame);
+                entry.record_change(self.schedule.frame);
             }
             if is_new {
                 // Not even those that always rebuild want more.
-                self.leave(key);
+                self.withdraw_request(key);
             } else {
-                self.judge(key);
+                self.update_request(key);
             }
             self.changes.tree(slot_of(key));
         }
@@ -104,7 +104,7 @@ struct Edited {
     /// Takes its place, if it was built anew in the background.
     successor: Option<Box<LightTree>>,
     /// What that changed, over about the same lights, and whether some of them have moved since.
-    succeeded: Option<(Replaced, AttributeHistory, bool)>,
+    succeeded: Option<(Replacement, AttributeHistory, bool)>,
     /// Its lights were edited.
     has_moved: bool,
     /// Some policy reads the attributes.

@@ -82,7 +82,7 @@ impl LightWorld {
                 self.stand_still(tree);
             }
             // Without threads large trees are rebuilt in parts, which needs what a frozen tree has not.
-            let is_needed = self.schedule.builder.is_off() && self.trees[tree].standing.waiting.is_some();
+            let is_needed = self.schedule.builder.is_unavailable() && self.trees[tree].rebuild_state.waiting.is_some();
             if still > patience && frozen < MAX_FREEZES && !is_needed {
                 frozen += 1;
                 self.trees[tree].tree.freeze();
