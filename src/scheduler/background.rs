@@ -7,8 +7,9 @@
 
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
+
 #[cfg(feature = "parallel")]
-use std::time::Instant;
+use web_time::Instant;
 
 use super::clock::Work;
 use crate::keys::TreeKey;

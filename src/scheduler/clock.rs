@@ -1,7 +1,10 @@
 //! Clocks that a world reads the time from: the machine's, and a virtual one.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
+
+// `std::time::Instant` panics on wasm32-unknown-unknown.
+use web_time::Instant;
 
 /// A piece of work on trees. A world describes its work to its [`Clock`], so that a clock can
 /// compute the time that the work takes instead of measuring it.
@@ -74,6 +77,8 @@ pub trait Clock: Send + Sync {
 }
 
 /// The machine's monotonic clock. Its time starts at zero when it is created.
+///
+/// On `wasm32-unknown-unknown` it reads the browser's `performance.now()`.
 #[derive(Debug)]
 pub struct SystemClock(Instant);
 

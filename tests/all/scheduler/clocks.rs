@@ -1,5 +1,7 @@
 //! Clocks that jump or stand still, and clocks that record and replay a run.
 
+use std::fs;
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
@@ -138,4 +140,35 @@ fn a_run_on_a_virtual_clock_repeats_exactly() {
     for kind in [WorkKind::Rebuild, WorkKind::Snapshot] {
         assert!(kinds.contains(&kind), "{kind:?}");
     }
+}
+
+/// The lines of the library outside of its tests that take a clock from the standard library. Its
+/// `Instant` and `SystemTime` panic on wasm32-unknown-unknown.
+fn uses_of_std_clocks(folder: &Path) -> Vec<String> {
+    let mut uses = Vec::new();
+    for entry in fs::read_dir(folder).expect("a folder of the crate") {
+        let path = entry.expect("a folder entry").path();
+        if path.is_dir() {
+            uses.extend(uses_of_std_clocks(&path));
+            continue;
+        }
+        let text = fs::read_to_string(&path).expect("readable text");
+        let code = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or("");
+        // The statements are split at semicolons, since an import may span several lines.
+        let is_std_clock = |statement: &&str| {
+            let code = statement.lines().filter(|line| !line.trim_start().starts_with("//"));
+            let code = code.collect::<Vec<_>>().join("\n");
+            code.contains("std::time") && (code.contains("Instant") || code.contains("SystemTime"))
+        };
+        uses.extend(code.split(';').filter(is_std_clock).map(|statement| format!("{}: {statement}", path.display())));
+    }
+    uses
+}
+
+#[test]
+fn the_library_takes_no_clock_from_the_standard_library() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    assert_eq!(uses_of_std_clocks(&folder), Vec::<String>::new());
+    let clock = fs::read_to_string(folder.join("scheduler/clock.rs")).expect("readable text");
+    assert!(clock.contains("use web_time::Instant;"), "the clock of worlds works on wasm32-unknown-unknown");
 }
