@@ -242,8 +242,7 @@ impl LightWorld {
         let begin = if is_measured { self.clock.now() } else { before };
         let replacement = match part {
             Some(part) => {
-                self.rebuild_part(key, part);
-                report.rebuilt_parts += 1;
+                report.rebuilt_parts += usize::from(self.rebuild_part(key, part));
                 None
             }
             None => {

@@ -17,7 +17,9 @@ use crate::tree::LightTree;
 pub struct JobReport {
     /// The tree that the job was for.
     pub tree: TreeKey,
-    /// What was done.
+    /// What was done. A [`WorkKind::RebuildPart`](crate::scheduler::WorkKind::RebuildPart) is
+    /// listed even if it was abandoned, because it took time;
+    /// [`FrameReport::rebuilt_parts`](crate::FrameReport::rebuilt_parts) does not count it.
     pub work: Work,
     /// The time that the job was predicted to take.
     pub predicted: Duration,

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use girandole::glam::{DVec3, Vec3};
 use girandole::scheduler::WorkKind;
-use girandole::{FrameBudget, Light, Policy, Shape, TreeKey};
+use girandole::{FrameBudget, Light, Placement, Policy, Shape, TreeKey};
 
 use super::{TestWorld, check_trees, far_placement, rebuild_jobs};
 
@@ -176,6 +176,38 @@ fn only_the_part_of_a_tree_that_changed_is_rebuilt() {
     }
     assert!(parts > 5, "{parts}");
     check_trees(&test.world);
+}
+
+#[test]
+fn an_abandoned_partial_rebuild_is_a_job_but_not_a_rebuilt_part() {
+    let mut test = TestWorld::new(9);
+    test.calibrate();
+    // Four levels of eight cubes each fill every node. So the nodes of a subtree have no spare ones
+    // among them.
+    let corner = |i: usize| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2 & 1) as f32);
+    let position = |i: usize| 2.0e4 * corner(i >> 9) + 1.0e3 * corner(i >> 6) + 50.0 * corner(i >> 3) + corner(i);
+    // The lights of the subtree that is going to change are bright, so that it matters.
+    let emission = |i: usize| Vec3::splat(if i < 64 { 1.0e4 } else { 1.0 });
+    let lights = (0..4096).map(|i| Light::point(position(i) + 0.05 * test.rng.place(1.0), emission(i))).collect();
+    let tree = test.world.add_tree(lights).expect("valid lights");
+    let policy = Policy::Bounded { floor: 0.0, ceiling: 1.0e9 };
+    test.world.add_instance(tree, Placement::IDENTITY, policy).expect("a valid instance");
+    // Lights at halving distances need a deep subtree, with more nodes than the present one has.
+    let changes: Vec<_> = (0..64_usize)
+        .map(|i| {
+            let distance = 1000.0 * 0.5_f32.powi(i as i32 % 24);
+            (i as u32, Light::point(distance * Vec3::X + 1.0e-5 * test.rng.place(1.0), emission(i)))
+        })
+        .collect();
+    test.world.set_lights(tree, &changes).expect("valid lights");
+    let leaves = test.world.tree(tree).expect("the tree exists").leaves().to_vec();
+    let report = test.frame(100);
+    let parts: Vec<_> = rebuild_jobs(&test.world).iter().map(|job| (job.work.kind, job.work.lights)).collect();
+    assert_eq!(parts, [(WorkKind::RebuildPart, 64)]);
+    let after = test.world.tree(tree).expect("the tree exists");
+    assert!(after.leaves() == leaves, "the rebuild was abandoned");
+    after.check().expect("a sound tree");
+    assert_eq!((report.rebuilt_parts, report.rebuilt_trees), (0, 0));
 }
 
 #[test]
