@@ -54,7 +54,7 @@ fn square(trees: usize, lights_each: usize, rng: &mut Rng) -> (LightWorld, Vec<T
         key
     };
     let keys = (0..trees).map(&mut tree).collect();
-    world.set_viewpoint(DVec3::ZERO);
+    world.set_viewpoint(DVec3::ZERO).expect("finite");
     (world, keys)
 }
 

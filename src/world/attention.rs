@@ -3,6 +3,8 @@
 use glam::DVec3;
 
 use super::LightWorld;
+use super::edit::check_finite;
+use crate::error::WorldError;
 use crate::keys::{InstanceKey, TreeKey};
 
 /// Updates after which a tree's light at the eye is reckoned anew, when it asks for a rebuild.
@@ -54,11 +56,13 @@ pub(super) struct Gaze {
 impl LightWorld {
     /// Tells where the picture is taken from, in metres: rebuilds go first to trees whose light is strong there. Trees
     /// that move follow within eight updates; of those that wait at rest, one does in each. O(1).
-    pub fn set_viewpoint(&mut self, eye: DVec3) {
-        // What is no place says nothing.
-        if eye.is_finite() {
-            self.gaze.eye = Some(eye);
-        }
+    ///
+    /// # Errors
+    /// [`WorldError::NotFinite`] for a coordinate that is NaN or infinite.
+    pub fn set_viewpoint(&mut self, eye: DVec3) -> Result<(), WorldError> {
+        check_finite("a coordinate of the viewpoint", eye)?;
+        self.gaze.eye = Some(eye);
+        Ok(())
     }
 
     /// Tells how often lights of each instance were sampled lately, of a frame or of some, from a part of all samples

@@ -451,9 +451,6 @@ impl LightWorld {
         entry.standing.successor = Some(Box::new(tree));
         report.background.taken += 1;
         report.longest_wait = report.longest_wait.max(self.schedule.frame - entry.standing.since);
-        if !entry.is_edited {
-            entry.is_edited = true;
-            self.edited.push(key);
-        }
+        self.pending.insert(key);
     }
 }

@@ -6,7 +6,7 @@ use super::attention::Attention;
 use super::jobs::JobReport;
 use super::{LightWorld, TreeEntry};
 use crate::keys::TreeKey;
-use crate::policy::{RebuildRequest, rebuild_request};
+use crate::policy::RebuildRequest;
 use crate::scheduler::{
     Ages, Builder, CostModel, Decay, Forecast, Queue, Replaced, Running, Signs, Snapshot, Work, WorkKind,
 };
@@ -107,8 +107,7 @@ impl TreeEntry {
         let now = self.tree.attributes();
         // Of the deviation, which is the root of the variance.
         let worse = (0.5 * self.standing.rise).exp_m1();
-        let wishes = self.policies.iter().map(|(policy, _)| rebuild_request(policy, &self.history, &now, worse));
-        let wanted = wishes.max().unwrap_or_default();
+        let wanted = self.policies.rebuild_request(&self.history, &now, worse);
         // One node holds so few lights in only one way.
         let is_pointless = wanted == RebuildRequest::Optional && self.tree.lights().len() <= WIDTH;
         if is_pointless { RebuildRequest::None } else { wanted }

@@ -67,9 +67,9 @@ fn what_is_near_the_eye_or_often_picked_goes_first() {
     let mut theater = Theater::new(2);
     theater.calibrate();
     let trees = scattered(&mut theater, 40, 100);
-    theater.world.set_viewpoint(DVec3::new(30.0, 0.0, 0.0));
-    // What is no place is not looked from.
-    theater.world.set_viewpoint(DVec3::NAN);
+    theater.world.set_viewpoint(DVec3::new(30.0, 0.0, 0.0)).expect("finite");
+    // A viewpoint that is refused changes nothing.
+    theater.world.set_viewpoint(DVec3::NAN).expect_err("not finite");
     let distance = |theater: &Theater, tree: TreeKey| {
         let of = |instance| theater.world.instance_tree(instance) == Some(tree);
         let instance = theater.world.instances().find(|instance| of(*instance)).expect("it has one");
@@ -114,7 +114,7 @@ fn nobody_waits_longer_than_the_stated_bound() {
     let unseen = theater.tree(100, Policy::Budgeted);
     let instance = theater.world.instances().next().expect("its own");
     theater.world.move_instance(instance, far()).expect("valid");
-    theater.world.set_viewpoint(DVec3::ZERO);
+    theater.world.set_viewpoint(DVec3::ZERO).expect("finite");
     let near: Vec<_> = (0..100).map(|_| theater.tree(100, Policy::Budgeted)).collect();
     let mut longest = 0;
     for frame in 0..600 {
@@ -244,7 +244,7 @@ fn frames_without_a_budget_between_take_no_turn_away() {
     let unseen = theater.tree(300, Policy::Budgeted);
     let instance = theater.world.instances().next().expect("its own");
     theater.world.move_instance(instance, far()).expect("valid");
-    theater.world.set_viewpoint(DVec3::ZERO);
+    theater.world.set_viewpoint(DVec3::ZERO).expect("finite");
     let near: Vec<_> = (0..30).map(|_| theater.tree(100, Policy::Budgeted)).collect();
     for frame in 0..400 {
         if frame == 41 {
