@@ -18,6 +18,8 @@
 //! | 700 to 799 | `gltf::GltfError` |
 //! | 800 | [`CheckError`](crate::tree::CheckError) |
 
+use glam::DVec3;
+
 use crate::keys::{DirectionalKey, InstanceKey, TreeKey};
 
 /// Why a light was refused. Codes 100 to 104.
@@ -180,6 +182,14 @@ impl WorldError {
             Self::Policy { .. } => 207,
             Self::NotFinite { .. } => 208,
         }
+    }
+}
+
+/// Checks that no coordinate of a point is NaN or infinite.
+pub(crate) fn check_finite(what: &'static str, point: DVec3) -> Result<(), WorldError> {
+    match point.to_array().into_iter().find(|value| !value.is_finite()) {
+        Some(value) => Err(WorldError::NotFinite { what, value }),
+        None => Ok(()),
     }
 }
 

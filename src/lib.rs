@@ -1,12 +1,12 @@
-//! Light trees for many-light sampling in engines: chooses *which light to sample* for a shading
-//! point, among millions of lights that move, and returns the light with its exact probability. On
-//! the CPU, and in WGSL on the engine's own wgpu device.
+//! Girandole chooses *which light to sample* for a shading point, among millions of lights that
+//! move, and returns the light with its exact probability. Engines link to it and call it on the
+//! CPU, or in their own WGSL shaders on their own wgpu device.
 //!
-//! One light tree per object (the *bottom level*) holds the lights of the object in its own space.
-//! *Instances* place trees in the world. One tree over all instances (the *top level*) is built on
-//! the GPU whenever something changed. A sample walks both levels. When lights move, dim or change,
-//! their trees are refitted; a scheduler rebuilds the trees that have become the noisiest, within a
-//! time budget for each frame.
+//! One light tree per object (the *bottom level*) holds the lights of the object in the object's
+//! space. *Instances* place trees in the world. One tree over all instances (the *top level*) is
+//! built on the GPU whenever something changed. A sample walks both levels. Trees whose lights
+//! change are refitted. A scheduler rebuilds trees that have become noisy, those first that remove
+//! the most noise per millisecond, within a time budget for each frame.
 //!
 //! # On the CPU
 //!
@@ -60,7 +60,9 @@
 //!         lux[id.x] = select(0.0, s.radiance.y * s.direction.y / (s.pmf * s.pdf), s.pmf > 0.0);
 //!     }";
 //!
-//! /// Once: the source of the engine's shader. Its pipeline layout has `lights.bind_group_layout()` at group 1.
+//! /// Once: the source of the engine's shader.
+//! ///
+//! /// Its pipeline layout has `lights.bind_group_layout()` at group 1.
 //! fn start(device: &wgpu::Device, queue: &wgpu::Queue) -> Result<(GpuLights, String), GpuError> {
 //!     let lights = GpuLights::new(device, queue)?;
 //!     let source = lights.shader(1, Effects::all()).join(ENGINE);
@@ -97,15 +99,15 @@
 //! - **Random numbers** `u` lie in [0, 1). The same numbers give the same light.
 //! - **Errors.** Bad input gets a typed error with a [stable code](error) and changes nothing. No
 //!   scene makes the library panic, and it never prints.
-//! - **Threads.** A world is edited through `&mut`; any number of threads may share a
-//!   [`LightSampler`]. Results do not depend on the number of threads.
+//! - **Threads.** Edits need the world mutably; any number of threads may share a [`LightSampler`].
+//!   Results do not depend on the number of threads.
 //!
 //! # Modules
 //!
-//! What most programs need is exported from the root. The modules hold the rest, in the order in
-//! which data passes through them (`docs/architecture.md` has the drawing):
+//! What most programs need is exported from the root. The modules hold the rest
+//! (`docs/architecture.md` shows how data passes through them):
 //!
-//! | module | what it has |
+//! | module | contents |
 //! |---|---|
 //! | [`light`] | lights: shapes, units, limits |
 //! | [`cone`], [`bounds`], [`cluster`] | what a node knows of its lights: directions, boxes, flux and moments |

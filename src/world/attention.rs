@@ -3,8 +3,7 @@
 use glam::DVec3;
 
 use super::LightWorld;
-use super::edit::check_finite;
-use crate::error::WorldError;
+use crate::error::{WorldError, check_finite};
 use crate::keys::{InstanceKey, TreeKey};
 
 /// Updates after which a tree's light at the eye is reckoned anew, when it asks for a rebuild.

@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::staged::StagedLights;
 use super::{Instance, LightWorld, TreeEntry, placed_effects, set_slot};
 use crate::effects::Effects;
-use crate::error::WorldError;
+use crate::error::{WorldError, check_finite};
 use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
 use crate::light::{DirectionalLight, Light};
 use crate::placement::{Placed, Placement};
@@ -333,12 +333,4 @@ impl LightWorld {
 
 fn check_directional(light: &DirectionalLight) -> Result<(), WorldError> {
     light.validate().map_err(|source| WorldError::Directional { source })
-}
-
-/// Checks that no coordinate of a point is NaN or infinite.
-pub(super) fn check_finite(what: &'static str, point: DVec3) -> Result<(), WorldError> {
-    match point.to_array().into_iter().find(|value| !value.is_finite()) {
-        Some(value) => Err(WorldError::NotFinite { what, value }),
-        None => Ok(()),
-    }
 }
