@@ -54,7 +54,7 @@ fn grid_of_trees(trees: usize, lights_each: usize, rng: &mut Rng) -> (LightWorld
         key
     };
     let keys = (0..trees).map(&mut add_tree).collect();
-    world.set_viewpoint(DVec3::ZERO);
+    world.set_viewpoint(DVec3::ZERO).expect("a finite viewpoint");
     (world, keys)
 }
 

@@ -4,6 +4,8 @@
 use glam::DVec3;
 
 use super::LightWorld;
+
+use crate::error::{WorldError, check_finite};
 use crate::keys::{InstanceKey, TreeKey};
 
 /// The illuminance of a tree that requests a rebuild is computed anew after this many updates.
@@ -59,11 +61,13 @@ impl LightWorld {
     /// Sets the point that the picture is taken from, in metres in world coordinates. Trees whose
     /// light is strong there are rebuilt first. The priorities of trees that move follow within
     /// eight updates; of the trees that wait at rest, one follows in each update. O(1).
-    pub fn set_viewpoint(&mut self, eye: DVec3) {
-        // What is no place says nothing.
-        if eye.is_finite() {
-            self.view_weights.viewpoint = Some(eye);
-        }
+    ///
+    /// # Errors
+    /// [`WorldError::NotFinite`] for a coordinate that is NaN or infinite.
+    pub fn set_viewpoint(&mut self, eye: DVec3) -> Result<(), WorldError> {
+        check_finite("a coordinate of the viewpoint", eye)?;
+        self.view_weights.viewpoint = Some(eye);
+        Ok(())
     }
 
     /// Records how often the lights of each instance were sampled lately. Trees whose lights are

@@ -137,9 +137,6 @@ impl LightWorld {
         entry.rebuild_state.successor = Some(Box::new(built));
         report.background.taken += 1;
         report.longest_wait = report.longest_wait.max(self.schedule.frame - entry.rebuild_state.requested_at);
-        if !entry.is_edited {
-            entry.is_edited = true;
-            self.edited.push(key);
-        }
+        self.pending.insert(key);
     }
 }

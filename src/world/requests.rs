@@ -3,7 +3,7 @@
 use super::schedule::{QueuePosition, RebuildState, Schedule};
 use super::{LightWorld, TreeEntry};
 use crate::keys::TreeKey;
-use crate::policy::{RebuildRequest, rebuild_request};
+use crate::policy::RebuildRequest;
 use crate::scheduler::{TreeFeatures, Work, WorkKind};
 use crate::tree::WIDTH;
 
@@ -22,8 +22,7 @@ impl TreeEntry {
         let now = self.tree.attributes();
         // Half the logarithm of the variance is that of the standard deviation.
         let excess = (0.5 * self.rebuild_state.rise).exp_m1();
-        let requests = self.policies.iter().map(|(policy, _)| rebuild_request(policy, &self.history, &now, excess));
-        let request = requests.max().unwrap_or_default();
+        let request = self.policies.rebuild_request(&self.history, &now, excess);
         // There is only one tree over so few lights.
         let is_pointless = request == RebuildRequest::Optional && self.tree.lights().len() <= WIDTH;
         if is_pointless { RebuildRequest::None } else { request }

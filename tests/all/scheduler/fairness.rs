@@ -68,9 +68,9 @@ fn trees_near_the_viewpoint_go_first_and_then_trees_with_recorded_usage() {
     test.calibrate();
     let trees = add_scattered(&mut test, 40, 100);
     let viewpoint = DVec3::new(30.0, 0.0, 0.0);
-    test.world.set_viewpoint(viewpoint);
-    // A viewpoint that is not finite changes nothing.
-    test.world.set_viewpoint(DVec3::NAN);
+    test.world.set_viewpoint(viewpoint).expect("a finite viewpoint");
+    // A viewpoint that is refused changes nothing.
+    test.world.set_viewpoint(DVec3::NAN).expect_err("a viewpoint that is not finite");
     let order = rebuild_order(&mut test, 28);
     assert_eq!(order.len(), 40);
     let distance = |tree: &TreeKey| {
@@ -105,7 +105,7 @@ fn no_tree_waits_longer_than_the_documented_bound() {
     // has time for eleven.
     let far = test.add_tree(100, Policy::Budgeted);
     test.world.move_instance(test.instance_of(far), far_placement()).expect("a valid placement");
-    test.world.set_viewpoint(DVec3::ZERO);
+    test.world.set_viewpoint(DVec3::ZERO).expect("a finite viewpoint");
     let near: Vec<_> = (0..100).map(|_| test.add_tree(100, Policy::Budgeted)).collect();
     let mut longest = 0;
     for frame in 0..600 {
@@ -257,7 +257,7 @@ fn frames_with_a_zero_budget_keep_the_credit_of_the_oldest_tree() {
     // the oldest tree only, which has to grow although every other frame has a budget of zero.
     let far = test.add_tree(300, Policy::Budgeted);
     test.world.move_instance(test.instance_of(far), far_placement()).expect("a valid placement");
-    test.world.set_viewpoint(DVec3::ZERO);
+    test.world.set_viewpoint(DVec3::ZERO).expect("a finite viewpoint");
     let near: Vec<_> = (0..30).map(|_| test.add_tree(100, Policy::Budgeted)).collect();
     for frame in 0..400 {
         if frame == 41 {
