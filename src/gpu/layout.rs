@@ -166,7 +166,7 @@ fn side_bit(two_sided: bool) -> u32 {
 }
 
 impl InstanceRecord {
-    /// A slot without an instance.
+    /// A slot without an instance, or with one that is hidden by a scale of zero.
     pub const NONE: Self = Self {
         to_world: [[0.0; 4]; 3],
         flags: 0,

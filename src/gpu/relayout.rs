@@ -158,7 +158,7 @@ mod tests {
             let turn = Mat3::from_quat(Quat::from_axis_angle(Vec3::new(1.0, 2.0, 3.0).normalize(), 0.1 * i as f32));
             let scale = if effects.contains(Effects::NON_RIGID) { 0.5 + i as f32 } else { 1.0 };
             let placement = Placement { linear: turn * scale, translation: DVec3::new(f64::from(i), 2.0, -3.0) };
-            let placed = Placed::new(&placement, DVec3::ZERO).expect("a valid placement");
+            let placed = Placed::new(&placement, DVec3::ZERO).expect("a valid placement").expect("not hidden");
             assert_eq!(placed.linear.is_rigid(), scale == 1.0);
             InstanceRecord::of(&placed, i, 10 * i, 20 * i)
         };

@@ -246,9 +246,11 @@ impl GpuLights {
         let Some(instance) = world.instance_at(slot).and_then(|key| world.instance(key)) else {
             return InstanceRecord::NONE;
         };
+        // Hidden by a scale of zero.
+        let Some(placed) = &instance.placed else { return InstanceRecord::NONE };
         let tree = slot_of(instance.tree);
         let ranges = &self.tree_ranges[tree as usize];
-        InstanceRecord::of(&instance.placed, tree, ranges.nodes.start, ranges.lights.start)
+        InstanceRecord::of(placed, tree, ranges.nodes.start, ranges.lights.start)
     }
 
     fn params_of(&self, world: &LightWorld, effects: Effects) -> ParamsRecord {

@@ -139,7 +139,7 @@ impl Session {
                 }
             }
         }
-        world.set_viewpoint(scene.camera.eye.as_dvec3());
+        world.set_viewpoint(scene.camera.eye.as_dvec3())?;
         let report = world.update(settings.budget);
         let change = if moves { geometry.update(scene)? } else { GeometryChange::default() };
         let delta = world.take_delta();

@@ -114,7 +114,7 @@ impl<'a> Player<'a> {
     /// Tells the library's scheduler what its strategy may know.
     fn tell(&mut self, frame: u32) {
         if matches!(self.strategy, Strategy::Girandole | Strategy::GirandoleUsage) {
-            self.stage.world.set_viewpoint(self.stage.eye);
+            self.stage.world.set_viewpoint(self.stage.eye).expect("a finite eye");
         }
         if self.picks.front().is_some_and(|(heard, _)| *heard <= frame) {
             let (_, picks) = self.picks.pop_front().unwrap_or_default();

@@ -127,7 +127,8 @@ fn build(top: &mut TopBuild, world: &LightWorld) -> Built {
     let mut instances = vec![InstanceRecord::NONE; slots.max(1)];
     for key in world.instances() {
         let instance = world.instance(key).unwrap();
-        instances[slot_of(key) as usize] = InstanceRecord::of(&instance.placed, slot_of(instance.tree), 0, 0);
+        let placed = instance.placed.as_ref().expect("no test hides an instance");
+        instances[slot_of(key) as usize] = InstanceRecord::of(placed, slot_of(instance.tree), 0, 0);
     }
     let mut trees = vec![TreeRecord::default(); world.tree_count() + 1];
     for key in world.trees() {
@@ -424,7 +425,7 @@ fn every_child_on_the_way_up_holds_every_light_of_an_instance() {
     for key in world.instances() {
         let slot = slot_of(key) as usize;
         let instance = world.instance(key).unwrap();
-        let Placed { frame, linear } = instance.placed;
+        let Placed { frame, linear } = instance.placed.expect("no test hides an instance");
         for light in world.tree(instance.tree).unwrap().lights().iter().filter(|l| l.flux() > 0.0) {
             let inner = light.cluster();
             let mut place = built.instances[slot].top_place as usize;
