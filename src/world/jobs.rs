@@ -8,7 +8,7 @@ use super::update::FrameReport;
 use crate::keys::{TreeKey, slot_of};
 use crate::policy::{AttributeHistory, RebuildRequest};
 use crate::scheduler::{CostModel, Replaced, Signs, Snapshot, Work, WorkKind};
-use crate::tree::{Part, WIDTH};
+use crate::tree::{RebuildPart, WIDTH};
 
 /// One in so many parts of the budget is for who has waited longest.
 pub const PATIENCE: u32 = 16;
@@ -318,7 +318,7 @@ impl LightWorld {
     }
 
     /// Builds a part of a tree anew; says nothing of what that brought.
-    fn rebuild_part(&mut self, key: TreeKey, part: Part) -> Option<Replaced> {
+    fn rebuild_part(&mut self, key: TreeKey, part: RebuildPart) -> Option<Replaced> {
         let entry = &mut self.trees[key];
         let is_changed = entry.tree.rebuild_part(part);
         entry.has_changed(self.schedule.frame);
