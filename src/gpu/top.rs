@@ -352,7 +352,7 @@ impl Stage {
         }
         for (name, value) in [
             ("TOP_AXIS_STEPS", top::AXIS_STEPS),
-            ("TOP_MIN_ORIENTATION", top::MIN_ORIENTATION),
+            ("TOP_MIN_ORIENTATION", tree::MIN_ORIENTATION),
             ("TOP_DIAGONAL_WEIGHT", tree::DIAGONAL_WEIGHT),
             ("CAP_PADDING", cone::CAP_PADDING),
             ("MIN_AXIS", cluster::MIN_AXIS),

@@ -9,7 +9,7 @@ use super::update::FrameReport;
 use crate::keys::{TreeKey, slot_of};
 use crate::policy::{AttributeHistory, RebuildRequest};
 use crate::scheduler::{CostModel, Replacement, TreeFeatures, Work, WorkKind};
-use crate::tree::{Part, WIDTH};
+use crate::tree::{RebuildPart, WIDTH};
 
 /// The budget divided by this is reserved for the trees that have waited longest.
 const OLDEST_SHARE: u32 = 16;
@@ -316,7 +316,7 @@ impl LightWorld {
     /// Rebuilds a part of a tree. Returns false if the rebuild was abandoned: the new shape needs
     /// more nodes than the part has, and the tree is unchanged. Nothing is learnt from a partial
     /// rebuild.
-    fn rebuild_part(&mut self, key: TreeKey, part: Part) -> bool {
+    fn rebuild_part(&mut self, key: TreeKey, part: RebuildPart) -> bool {
         let entry = &mut self.trees[key];
         let is_rebuilt = entry.tree.rebuild_part(part);
         entry.record_change(self.schedule.frame);
