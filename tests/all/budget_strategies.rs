@@ -89,7 +89,7 @@ fn strategies_lie_between_both_ends_keep_to_their_budgets_and_repeat() {
         // Large trees are built on the side, as much time again for those of the library; the last is paid for later.
         assert!(row.cost_share > 0.0 && row.cost_share < 1.5, "{name}: {}", row.cost_share);
         assert!(row.gap_recovered != 0.0 && row.gap_recovered.is_finite(), "{name}");
-        if name != "girandole picks" {
+        if name != "girandole usage" {
             // They know the costs, which do not vary.
             assert_eq!((row.within_budget, row.worst_overrun_us), (1.0, 0.0), "{name}");
         }
