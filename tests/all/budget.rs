@@ -9,7 +9,9 @@ use girandole::{FrameBudget, Light};
 use crate::budget_strategies::program::figures::{Kind, Troupe};
 use crate::budget_strategies::program::motion::{FRAMES, Motion};
 use crate::budget_strategies::program::noise;
-use crate::budget_strategies::program::regression::{Line, MOST, Point, best_tenth, fit, predict, spearman, spread};
+use crate::budget_strategies::program::regression::{
+    Line, MAX_FEATURES, Point, best_tenth, fit, predict, spearman, spread,
+};
 use crate::budget_strategies::program::stage::{SceneKind, Stage};
 use crate::support::{Rng, all_chances};
 
@@ -96,7 +98,7 @@ fn least_squares_recover_the_coefficients_of_the_points() {
     // The fit without a constant has no negative coefficients, so it leaves the third out.
     let coefficients = fit(&all, &[0, 1, 2]);
     assert!(coefficients[2] == 0.0 && coefficients[0] > 1.0 && coefficients.iter().all(|c| *c >= 0.0));
-    let left = |c: &[f64; MOST]| points.iter().map(|p| (p.y - predict(c, &p.x)).powi(2)).sum::<f64>();
+    let left = |c: &[f64; MAX_FEATURES]| points.iter().map(|p| (p.y - predict(c, &p.x)).powi(2)).sum::<f64>();
     for i in [0, 1] {
         for step in [-0.01, 0.01] {
             let mut other = coefficients;
