@@ -326,7 +326,7 @@ mod tests {
     #[test]
     fn a_layout_that_needs_more_keeps_ranges_and_gaps_or_is_refused() {
         let (device, queue) = gpu();
-        let relayout = Relayout::new(&device);
+        let relayout = Relayout::default();
         let mut pool = Pool::<InstanceRecord>::with_limit(&device, &queue, "test records", 1, 24 * 80).unwrap();
         pool.set_layout(Stored::instances(Effects::empty()), missing_of_instance, &relayout);
         let ranges: Vec<_> = [3, 4, 3, 14].map(|len| pool.alloc(len).unwrap()).into();

@@ -1,31 +1,34 @@
-//! Copies records from one layout to another on the GPU, so that a change of layout sends nothing from the CPU.
+//! Copies records from one stored layout to another on the GPU, so that a change of layout sends no
+//! records from the CPU.
+
+use std::sync::OnceLock;
 
 use super::stages::{Access, Stages, dispatch};
 use super::stored::{Missing, Stored};
 
-/// Invocations of a workgroup, 16 bytes each.
+/// Invocations in a workgroup. Each writes 16 bytes.
 const LANES: u32 = 64;
 
-/// Sixteenths of the longest record's bytes.
+/// The longest record, in units of 16 bytes.
 const MAX_QUADS: usize = 13;
 
-/// Stands for a word that was not stored.
+/// The entry of [`RelayoutPass::sources`] for a word that was not stored.
 const NOT_STORED: u32 = u32::MAX;
 
 /// Twin of `RelayoutPass` in `shaders/relayout.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 struct RelayoutPass {
-    /// Records to copy.
+    /// The number of records.
     records: u32,
-    /// From one to the next before, in words.
+    /// The stride in the old layout, in words.
     words_before: u32,
-    /// From one to the next after, in 16 bytes.
+    /// The stride in the new layout, in units of 16 bytes.
     quads_after: u32,
     padding: u32,
-    /// For each word after where it lies in the record before, or [`NOT_STORED`].
+    /// For each word of the new record its offset in the old record, or [`NOT_STORED`].
     sources: [[u32; 4]; MAX_QUADS],
-    /// What it is if it was not stored.
+    /// For each word of the new record its value if it was not stored.
     values: [[u32; 4]; MAX_QUADS],
 }
 
@@ -40,34 +43,32 @@ impl RelayoutPass {
             values: [[0; 4]; MAX_QUADS],
         };
         for (place, word) in after.words().enumerate() {
-            let source = before.place_of_word(word).map_or_else(|| missing(word), Missing::Word);
+            let source = before.word_offset(word).map_or_else(|| missing(word), Missing::Word);
             match source {
                 Missing::Value(value) => pass.values[place / 4][place % 4] = value,
-                Missing::Word(source) => {
-                    pass.sources[place / 4][place % 4] = source as u32;
-                }
+                Missing::Word(source) => pass.sources[place / 4][place % 4] = source as u32,
             }
         }
         pass
     }
 }
 
-/// The pipeline.
+/// The pipeline that copies records. The first copy compiles it, so a world that never changes its
+/// layout never does.
+#[derive(Debug, Default)]
 pub(crate) struct Relayout {
-    stages: Stages,
-    pipeline: wgpu::ComputePipeline,
+    pipeline: OnceLock<(Stages, wgpu::ComputePipeline)>,
 }
 
 impl Relayout {
-    pub(crate) fn new(device: &wgpu::Device) -> Self {
-        let bytes = size_of::<RelayoutPass>() as u64;
-        let stages = Stages::new(device, "relayout", bytes, &[Access::Read, Access::Write]);
-        let pipeline = stages.pipeline(device, "relayout", text());
-        Self { stages, pipeline }
+    /// Whether the pipeline is compiled.
+    #[cfg(test)]
+    pub(crate) fn is_compiled(&self) -> bool {
+        self.pipeline.get().is_some()
     }
 
-    /// Submits a copy of the first `records` records from one buffer to another, which must have room for them.
-    /// Returns the bytes sent: a few hundred.
+    /// Submits a copy of the first `records` records from one buffer to another, which must have
+    /// room for them. Returns the bytes that it sends: a few hundred.
     pub(crate) fn submit(
         &self,
         (device, queue): (&wgpu::Device, &wgpu::Queue),
@@ -76,6 +77,12 @@ impl Relayout {
         (to, after): (&wgpu::Buffer, &Stored),
         missing: fn(usize) -> Missing,
     ) -> u64 {
+        let (stages, pipeline) = self.pipeline.get_or_init(|| {
+            let bytes = size_of::<RelayoutPass>() as u64;
+            let stages = Stages::new(device, "relayout", bytes, &[Access::Read, Access::Write]);
+            let pipeline = stages.pipeline(device, "relayout", text());
+            (stages, pipeline)
+        });
         let pass = RelayoutPass::new(records, before, after, missing);
         let uniform = device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("relayout"),
@@ -84,14 +91,14 @@ impl Relayout {
             mapped_at_creation: false,
         });
         queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&pass));
-        let group = self.stages.bind(device, &uniform, &[from, to]);
+        let group = stages.bind(device, &uniform, &[from, to]);
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
                 label: Some("girandole relayout"),
                 timestamp_writes: None,
             });
-            compute.set_pipeline(&self.pipeline);
+            compute.set_pipeline(pipeline);
             compute.set_bind_group(0, &group, &[0]);
             dispatch(&mut compute, (records * pass.quads_after).div_ceil(LANES));
         }
@@ -115,14 +122,18 @@ mod tests {
 
     use super::*;
     use crate::effects::Effects;
-    use crate::gpu::layout::{InstanceRecord, LightRecord};
+    use crate::gpu::GpuLights;
+    use crate::gpu::layout::{InstanceRecord, LightRecord, Strides};
     use crate::gpu::pool::Pool;
     use crate::gpu::stored::{missing_of_instance, missing_of_light, missing_of_node};
     use crate::gpu::testing::{gpu, read};
     use crate::light::Light;
     use crate::placement::{Placed, Placement};
+    use crate::policy::Policy;
     use crate::tree::{LightTree, Node};
+    use crate::world::LightWorld;
 
+    /// Effects that between them use every layout of every record.
     const LAYOUTS: [Effects; 9] = [
         Effects::empty(),
         Effects::CONES,
@@ -135,7 +146,7 @@ mod tests {
         Effects::all(),
     ];
 
-    /// Lights that call for no more than these effects, some of them dark.
+    /// A tree of lights that need no more than these effects; some of the lights are dark.
     fn tree(effects: Effects) -> LightTree {
         let light = |i: u32| {
             let at = Vec3::new((i * 7 % 50) as f32, (i * 13 % 31) as f32, (i * 3 % 17) as f32);
@@ -150,6 +161,7 @@ mod tests {
         LightTree::new((0..100).map(light).collect()).expect("valid lights")
     }
 
+    /// Instances that need no more than these effects; some of the slots are empty.
     fn instances(effects: Effects) -> Vec<InstanceRecord> {
         let instance = |i: u32| {
             if i.is_multiple_of(5) {
@@ -165,6 +177,8 @@ mod tests {
         (0..40).map(instance).collect()
     }
 
+    /// Compares a pool that was filled in one layout and then copied to another with a pool that
+    /// was filled in the other layout.
     fn check<T: bytemuck::NoUninit>(
         relayout: &Relayout,
         records: &[T],
@@ -189,9 +203,8 @@ mod tests {
     }
 
     #[test]
-    fn records_in_a_new_layout_are_what_an_upload_in_it_is_byte_for_byte() {
-        let (device, _) = gpu();
-        let relayout = Relayout::new(&device);
+    fn a_copy_to_a_new_layout_equals_an_upload_in_that_layout_byte_for_byte() {
+        let relayout = Relayout::default();
         for before in LAYOUTS {
             for after in LAYOUTS {
                 let tree = tree(before & after);
@@ -207,24 +220,43 @@ mod tests {
     }
 
     #[test]
-    fn more_workgroups_than_one_row_holds_are_copied() {
+    fn no_pipeline_is_compiled_before_there_are_records_to_copy() {
         let (device, queue) = gpu();
-        let relayout = Relayout::new(&device);
-        // 80 bytes of each are 5 invocations.
+        let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+        let mut world = LightWorld::new();
+        let tree = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("valid lights");
+        world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("a valid placement");
+        let mut upload = |world: &mut LightWorld| {
+            let delta = world.take_delta();
+            lights.upload(world, &delta).expect("room enough");
+            (lights.params.strides, lights.relayout.as_ref().is_some_and(Relayout::is_compiled))
+        };
+        let points = Strides::of(Effects::empty());
+        assert_ne!(points, Strides::of(Effects::all()), "the first upload changes all layouts");
+        assert_eq!(upload(&mut world), (points, false), "all buffers were empty");
+        world.add_tree(vec![Light::sphere(Vec3::ZERO, 1.0, Vec3::ONE)]).expect("valid lights");
+        assert_eq!(upload(&mut world), (Strides::of(Effects::AREAS), true), "one light was copied");
+    }
+
+    #[test]
+    fn more_workgroups_than_fit_into_one_dimension_copy_all_records() {
+        let (device, queue) = gpu();
+        let relayout = Relayout::default();
+        // A stored record has 80 bytes, which 5 invocations copy.
         let count = 65_540 * LANES / 5;
         let mut pool = Pool::<InstanceRecord>::new(&device, &queue, "test records", 1).expect("room");
         pool.set_layout(Stored::instances(Effects::empty()), missing_of_instance, &relayout);
         pool.alloc(count).expect("room enough");
         let last = InstanceRecord { flags: 7, top_place: 9, ..InstanceRecord::NONE };
         pool.write(count - 1, &[last]);
-        // The same layout again: what is asked for is what is done.
+        // The layout stays the same, but the pool copies all the same.
         pool.set_layout(Stored::instances(Effects::empty()), missing_of_instance, &relayout);
         let words: Vec<u32> = read(&device, &queue, pool.buffer());
         assert_eq!((words.len() / 20, words[words.len() - 8], words[words.len() - 4]), (count as usize, 7, 9));
     }
 
     #[test]
-    fn the_stage_is_valid_and_agrees_with_the_host_about_its_table() {
+    fn the_stage_is_valid_and_its_uniform_has_the_layout_of_the_rust_struct() {
         let text = text();
         let module = naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("it parses");
         let (_, pass) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some("RelayoutPass")).expect("a struct");

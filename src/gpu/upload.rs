@@ -5,11 +5,11 @@ use std::ops::Range;
 
 use super::GpuLights;
 use super::error::GpuError;
-use super::layout::{InstanceRecord, LightRecord, ParamsRecord, TreeRecord};
+use super::layout::{InstanceRecord, LightRecord, ParamsRecord, Strides, TreeRecord};
 use super::pool::Pool;
 use super::probe;
 use super::relayout::Relayout;
-use super::stored::{self, Stored, Strides};
+use super::stored::{self, Stored};
 use crate::effects::Effects;
 use crate::keys::{TreeKey, slot_of};
 use crate::tree::LightTree;
@@ -130,7 +130,7 @@ impl GpuLights {
         self.lights.check_layout(&lights)?;
         self.instances.check_layout(&instances)?;
         let mut sent = 0;
-        let relayout = || Relayout::new(&self.device);
+        let relayout = Relayout::default;
         if *self.nodes.stored() != nodes {
             let relayout = self.relayout.get_or_insert_with(relayout);
             sent += self.nodes.set_layout(nodes, stored::missing_of_node, relayout);

@@ -160,7 +160,8 @@ fn is_test_attribute(tokens: &[String]) -> bool {
     starts.iter().any(|start| tokens.len() >= start.len() && tokens.iter().zip(*start).all(|(a, b)| a == b))
 }
 
-/// The tokens of an item and its attributes, up to its semicolon, its last brace or, for a field, its comma.
+/// The tokens of an item and its attributes, up to its semicolon, its last brace or, for a field,
+/// its comma.
 fn item_length(tokens: &[String]) -> usize {
     let mut at = 0;
     while tokens[at] == "#" {
