@@ -13,11 +13,11 @@
 fn split_record(lane: u32, parts: u32) {
 }
 
-// For the begin of this piece and of the next: the rank of the best place in the window and its
-// step from the first place. See `piece_start` in src/top/mod.rs.
+// For the start of this piece and of the next: the rank of the best place in the window, and the
+// step of that place from the first in the window. See `piece_start` in src/top/mod.rs.
 var<workgroup> group_starts: array<atomic<u32>, 2>;
 
-// The begin of a piece if all pieces had the same size.
+// The start of a piece if all pieces had the same size.
 fn group_even(total: u32, pieces: u32, piece: u32) -> u32 {
     return piece * (total / pieces) + min(piece, total % pieces);
 }
@@ -27,7 +27,7 @@ fn group_key(index: u32) -> u32 {
     return curve_key_of(clusters[gather_unit(index)].mean);
 }
 
-// Ranks the places in the windows of both begins: half of the invocations work on each.
+// Ranks the places in the windows of both starts. Half of the invocations work on each window.
 fn group_rank_starts(lane: u32, total: u32, pieces: u32, piece: u32) {
     let side = lane / (2u * TOP_WINDOW);
     let step = lane % (2u * TOP_WINDOW);
@@ -41,7 +41,7 @@ fn group_rank_starts(lane: u32, total: u32, pieces: u32, piece: u32) {
     atomicMax(&group_starts[side], (digit << 16u) | (near << 8u) | step);
 }
 
-// The begin of this piece (`side` 0) or of the next (1).
+// The start of this piece (`side` 0) or of the next piece (`side` 1).
 fn group_start(total: u32, pieces: u32, piece: u32, side: u32) -> u32 {
     let even = group_even(total, pieces, piece + side);
     if piece + side == 0u || piece + side == pieces {

@@ -10,8 +10,8 @@
 // From `units_after` on: for each part the depth of its node, 1 for the root; 0 if it has no node.
 @group(0) @binding(8) var<storage, read_write> units: array<u32>;
 
-// For each part: first | count << 9 | half << 18, where `half` is the first of its two halves and
-// the other half is the next part; 0 if the part was not split.
+// For each part: first | count << 9 | half << 18. `half` is the first of its two halves, and the
+// other half is the part after that; it is 0 if the part was not split.
 var<workgroup> root_parts: array<u32, TOP_ROOT_PARTS>;
 var<workgroup> root_costs: array<u32, TOP_ROOT_PARTS>;
 // Atomics, because one invocation writes the depths of a node's children while others search for

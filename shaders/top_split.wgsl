@@ -206,7 +206,7 @@ fn split_fills_nodes(count: u32) -> bool {
     return count >= 32u || ((TOP_SPARSE_COUNTS >> (count % 32u)) & 1u) == 0u;
 }
 
-// A count near half that fills nodes on both sides. Twin of `middle` in src/tree/shape/split.rs.
+// A count near half that fills nodes on both sides. Twin of `middle` in src/tree/shape.
 fn split_middle(count: u32) -> u32 {
     if count == 9u || count == 17u {
         return 1u;
@@ -226,8 +226,8 @@ struct SplitCut {
     end: u32,
 }
 
-// The last place on the left side in the border cell. A part with few units tries a cut after each
-// unit, and all places of the border cell are on the left side of a part with many.
+// The last place on the left side in the border cell. In a part with few units each cut comes after
+// a unit; in a part with many, all units of the border cell are on the left side.
 fn split_end(part: SplitPart, number: u32) -> u32 {
     return select(part.first + number % TOP_CUTS, part.first + part.count, part.count > TOP_CUTS);
 }

@@ -4,7 +4,7 @@
 
 // Eight packed children and the link to the parent. Twin of `Node` in src/tree/node.rs, which
 // explains the fields in the same order. A word holds four bytes or two halves, the lowest bits
-// first. In buffers LightParams tells the offsets of the last two fields.
+// first. In buffers, LightParams holds the offsets of the last two fields.
 struct LightNode {
     // The minimum corner of all boxes, as the bits of floats; the steps of the grid.
     head: vec4<u32>,
@@ -37,8 +37,8 @@ struct LightCluster {
     cos_half_angle: f32,
 }
 
-// One light in the space of its tree. src/gpu/layout.rs tells what the fields mean for each kind of
-// light. Where all lights are points, records end before `b`.
+// One light in the space of its tree. src/gpu/layout.rs explains the fields for each kind of light.
+// Where all lights are points, records end before `b`.
 struct LightRecord {
     a: vec3<f32>,
     kind: u32,

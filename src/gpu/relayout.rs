@@ -167,9 +167,9 @@ mod tests {
             if i.is_multiple_of(5) {
                 return InstanceRecord::NONE;
             }
-            let turn = Mat3::from_quat(Quat::from_axis_angle(Vec3::new(1.0, 2.0, 3.0).normalize(), 0.1 * i as f32));
+            let rotation = Mat3::from_quat(Quat::from_axis_angle(Vec3::new(1.0, 2.0, 3.0).normalize(), 0.1 * i as f32));
             let scale = if effects.contains(Effects::NON_RIGID) { 0.5 + i as f32 } else { 1.0 };
-            let placement = Placement { linear: turn * scale, translation: DVec3::new(f64::from(i), 2.0, -3.0) };
+            let placement = Placement { linear: rotation * scale, translation: DVec3::new(f64::from(i), 2.0, -3.0) };
             let placed = Placed::new(&placement, DVec3::ZERO).expect("a valid placement");
             assert_eq!(placed.linear.is_rigid(), scale == 1.0);
             InstanceRecord::of(&placed, i, 10 * i, 20 * i)

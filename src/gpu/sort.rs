@@ -49,7 +49,7 @@ fn scatter_text() -> String {
 
 /// Twin of `SortPass` in `shaders/sort_types.wgsl`.
 #[repr(C)]
-#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 struct SortPass {
     count: u32,
     blocks: u32,

@@ -65,7 +65,7 @@ fn a_build_before_the_first_upload_has_no_stages() {
 }
 
 #[test]
-fn each_stage_writes_the_timestamps_of_its_begin_and_end() {
+fn each_stage_writes_the_timestamps_of_its_start_and_end() {
     let features = wgpu::Features::TIMESTAMP_QUERY;
     let (device, queue) = limited_gpu(&wgpu::Limits::default(), features);
     let mut lights = upload(&device, &queue, lamps(700, 3));

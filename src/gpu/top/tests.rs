@@ -87,16 +87,16 @@ fn trees(world: &mut LightWorld) -> Vec<TreeKey> {
 
 /// Rotations, mirrors, uniform and non-uniform scales, spread over a flat city.
 fn placement(i: u32) -> Placement {
-    let turn = Quat::from_euler(EulerRot::XYZ, 6.0 * random(i, 20), 6.0 * random(i, 21), 6.0 * random(i, 22));
+    let rotation = Quat::from_euler(EulerRot::XYZ, 6.0 * random(i, 20), 6.0 * random(i, 21), 6.0 * random(i, 22));
     let scale = match i % 4 {
         0 => Vec3::ONE,
         1 => Vec3::splat(0.1 + 4.0 * random(i, 23)),
         2 => Vec3::new(-1.0, 1.0, 1.0),
         _ => Vec3::new(0.5, 2.0, 1.0 + random(i, 23)),
     };
-    let linear = Mat3::from_quat(turn) * Mat3::from_diagonal(scale);
-    let far = Vec3::new(4000.0, 50.0, 3000.0) * random_vec(i, 24);
-    Placement { linear, translation: far.as_dvec3() }
+    let linear = Mat3::from_quat(rotation) * Mat3::from_diagonal(scale);
+    let translation = Vec3::new(4000.0, 50.0, 3000.0) * random_vec(i, 24);
+    Placement { linear, translation: translation.as_dvec3() }
 }
 
 /// A world of `slots` instance slots with placements by `place`; every seventh slot is empty again.

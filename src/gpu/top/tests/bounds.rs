@@ -13,8 +13,9 @@ use crate::placement::Placed;
 use crate::tree::{CAP_STEPS, LEAF, NO_PARENT, UNLIMITED_RANGE, WIDTH};
 use crate::{Light, LightWorld, Policy};
 
-/// The part of a cluster, decoded as sampling decodes it, that does not hold the other cluster.
-fn is_outside(outer: &Cluster, inner: &Cluster) -> Option<&'static str> {
+/// The first property of `inner` that `outer` does not hold; `outer` is decoded as sampling decodes
+/// it.
+fn violated_bound(outer: &Cluster, inner: &Cluster) -> Option<&'static str> {
     let between = f64::from(angle(outer.axis.normalize_or_zero(), inner.axis.normalize_or_zero()));
     let half_angle = |c: &Cluster| f64::from(c.cos_half_angle).acos();
     let is_all = outer.cos_half_angle <= -1.0;
@@ -37,7 +38,7 @@ pub(super) fn assert_bounds_hold(built: &Built) {
             loop {
                 let node = &built.nodes[place / WIDTH];
                 let outer = node.cluster(place % WIDTH);
-                assert_eq!(is_outside(&outer, &inner), None, "place {place}: {outer:?} {inner:?}");
+                assert_eq!(violated_bound(&outer, &inner), None, "place {place}: {outer:?} {inner:?}");
                 if node.parent == NO_PARENT {
                     break;
                 }
@@ -97,14 +98,14 @@ fn caps_of_beams_with_similar_directions_stay_narrow_up_to_the_root() {
         let beam = Light::spot(Vec3::ZERO, Vec3::NEG_Y, 0.0, 0.5 * widest + 1.0e-3, Vec3::ONE);
         let tree = world.add_tree(vec![beam]).unwrap();
         for i in 0..520 {
-            let turn = Quat::from_scaled_axis(2.0 * widest * random_vec(i, 30));
-            let at = Affine3A::from_rotation_translation(turn, 100.0 * random_vec(i, 33));
+            let rotation = Quat::from_scaled_axis(2.0 * widest * random_vec(i, 30));
+            let at = Affine3A::from_rotation_translation(rotation, 100.0 * random_vec(i, 33));
             world.add_instance(tree, at, Policy::default()).unwrap();
         }
         let built = check(&mut top, &world);
         for slot in (0..WIDTH).filter(|slot| built.nodes[0].flux[*slot] > 0) {
-            // Rotations by at most sqrt(3) * 0.05 either way, the beam, and the padding of four
-            // levels.
+            // The half angle is the sum of the rotations, at most sqrt(3) * 0.05 either way, of the
+            // beam's own half angle and of the padding of four levels.
             let half_angle = built.child(slot).cos_half_angle.acos();
             assert!(widest > 0.05 || half_angle < 0.2, "{widest}: {half_angle}");
             // Packing moves the axis by half a step along each coordinate, and the cosine loses at
