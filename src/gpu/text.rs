@@ -285,8 +285,8 @@ mod tests {
         let effects = [
             (
                 Effects::CONES,
-                "light_lobe light_turned_away light_from_spot light_unit_axes light_signed_bytes LightLobe LightLobe.value LightLobe.width_sq \
-                 LightNode.cones LightPackedFour.axis LightPackedFour.shortness LightPackedFour.cap LightFour.axis \
+                "light_lobe light_turned_away light_from_spot light_unit_axes light_signed_bytes LightLobe \
+                 LightLobe.value LightLobe.width_sq LightNode.cones LightPackedFour.axis LightPackedFour.shortness LightPackedFour.cap LightFour.axis \
                  LightFour.length LightFour.cos_half_angle LightView.keeps_angles LIGHT_NO_CONES LIGHT_KIND_SPOT \
                  LIGHT_LAMBERTIAN LIGHT_LOBE_SHARE LIGHT_RIM_WIDTH_SQ LIGHT_RIM_MIN_SQ LIGHT_MAX_LOBE_LENGTH \
                  LIGHT_CAP_STEPS LIGHT_ANGLE_MARGIN LIGHT_KEEPS_ANGLES",
