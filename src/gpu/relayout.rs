@@ -1,8 +1,8 @@
 //! Copies records from one stored layout to another on the GPU, so that a change of layout sends no
 //! records from the CPU.
 
-use std::sync::OnceLock;
-
+use super::error::GpuError;
+use super::memory;
 use super::stages::{Access, Stages, dispatch};
 use super::stored::{Missing, Stored};
 
@@ -53,18 +53,23 @@ impl RelayoutPass {
     }
 }
 
-/// The pipeline that copies records. The first copy compiles it, so a world that never changes its
-/// layout never does.
-#[derive(Debug, Default)]
+/// The pipeline that copies records, and the uniform that each copy overwrites and submits at once.
+#[derive(Debug)]
 pub(crate) struct Relayout {
-    pipeline: OnceLock<(Stages, wgpu::ComputePipeline)>,
+    stages: Stages,
+    pipeline: wgpu::ComputePipeline,
+    uniform: wgpu::Buffer,
 }
 
 impl Relayout {
-    /// Whether the pipeline is compiled.
-    #[cfg(test)]
-    pub(crate) fn is_compiled(&self) -> bool {
-        self.pipeline.get().is_some()
+    /// Compiles the pipeline.
+    pub(crate) fn new(device: &wgpu::Device) -> Result<Self, GpuError> {
+        let bytes = size_of::<RelayoutPass>() as u64;
+        let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let uniform = memory::create_buffer(device, "relayout", bytes, usage)?;
+        let stages = Stages::new(device, "relayout", bytes, &[Access::Read, Access::Write]);
+        let pipeline = stages.pipeline(device, "relayout", text());
+        Ok(Self { stages, pipeline, uniform })
     }
 
     /// Submits a copy of the first `records` records from one buffer to another, which must have
@@ -77,28 +82,16 @@ impl Relayout {
         (to, after): (&wgpu::Buffer, &Stored),
         missing: fn(usize) -> Missing,
     ) -> u64 {
-        let (stages, pipeline) = self.pipeline.get_or_init(|| {
-            let bytes = size_of::<RelayoutPass>() as u64;
-            let stages = Stages::new(device, "relayout", bytes, &[Access::Read, Access::Write]);
-            let pipeline = stages.pipeline(device, "relayout", text());
-            (stages, pipeline)
-        });
         let pass = RelayoutPass::new(records, before, after, missing);
-        let uniform = device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("relayout"),
-            size: size_of::<RelayoutPass>() as u64,
-            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&pass));
-        let group = stages.bind(device, &uniform, &[from, to]);
+        queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&pass));
+        let group = self.stages.bind(device, &self.uniform, &[from, to]);
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
                 label: Some("girandole relayout"),
                 timestamp_writes: None,
             });
-            compute.set_pipeline(pipeline);
+            compute.set_pipeline(&self.pipeline);
             compute.set_bind_group(0, &group, &[0]);
             dispatch(&mut compute, (records * pass.quads_after).div_ceil(LANES));
         }
@@ -122,16 +115,13 @@ mod tests {
 
     use super::*;
     use crate::effects::Effects;
-    use crate::gpu::GpuLights;
-    use crate::gpu::layout::{InstanceRecord, LightRecord, Strides};
+    use crate::gpu::layout::{InstanceRecord, LightRecord};
     use crate::gpu::pool::Pool;
     use crate::gpu::stored::{missing_of_instance, missing_of_light, missing_of_node};
     use crate::gpu::testing::{gpu, read};
     use crate::light::Light;
     use crate::placement::{Placed, Placement};
-    use crate::policy::Policy;
     use crate::tree::{LightTree, Node};
-    use crate::world::LightWorld;
 
     /// Effects that between them use every layout of every record.
     const LAYOUTS: [Effects; 9] = [
@@ -204,7 +194,8 @@ mod tests {
 
     #[test]
     fn a_copy_to_a_new_layout_equals_an_upload_in_that_layout_byte_for_byte() {
-        let relayout = Relayout::default();
+        let (device, _) = gpu();
+        let relayout = Relayout::new(&device).expect("room enough");
         for before in LAYOUTS {
             for after in LAYOUTS {
                 let tree = tree(before & after);
@@ -220,28 +211,9 @@ mod tests {
     }
 
     #[test]
-    fn no_pipeline_is_compiled_before_there_are_records_to_copy() {
-        let (device, queue) = gpu();
-        let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-        let mut world = LightWorld::new();
-        let tree = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("valid lights");
-        world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("a valid placement");
-        let mut upload = |world: &mut LightWorld| {
-            let delta = world.take_delta();
-            lights.upload(world, &delta).expect("room enough");
-            (lights.params.strides, lights.relayout.as_ref().is_some_and(Relayout::is_compiled))
-        };
-        let points = Strides::of(Effects::empty());
-        assert_ne!(points, Strides::of(Effects::all()), "the first upload changes all layouts");
-        assert_eq!(upload(&mut world), (points, false), "all buffers were empty");
-        world.add_tree(vec![Light::sphere(Vec3::ZERO, 1.0, Vec3::ONE)]).expect("valid lights");
-        assert_eq!(upload(&mut world), (Strides::of(Effects::AREAS), true), "one light was copied");
-    }
-
-    #[test]
     fn more_workgroups_than_fit_into_one_dimension_copy_all_records() {
         let (device, queue) = gpu();
-        let relayout = Relayout::default();
+        let relayout = Relayout::new(&device).expect("room enough");
         // A stored record has 80 bytes, which 5 invocations copy.
         let count = 65_540 * LANES / 5;
         let mut pool = Pool::<InstanceRecord>::new(&device, &queue, "test records", 1).expect("room");

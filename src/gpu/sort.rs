@@ -13,6 +13,7 @@
 //! take a sixteenth of the memory of the keys.
 
 use super::error::{GpuError, largest_storage_buffer};
+use super::memory;
 use super::recorder::Recorder;
 use super::stages::{Access, MAX_WORKGROUPS, PASS_STRIDE, Stages, pass_bytes};
 
@@ -115,7 +116,7 @@ impl SortBuffers {
     /// where there are few keys.
     ///
     /// Fails with [`GpuError::Full`] if the device cannot bind that many keys as one buffer, or if
-    /// there are more than [`MAX_KEYS`].
+    /// there are more than [`MAX_KEYS`]. Also fails with [`GpuError::OutOfMemory`].
     pub(crate) fn new(device: &wgpu::Device, sort: &RadixSort, capacity: u32) -> Result<Self, GpuError> {
         let capacity = capacity.max(1);
         let keys_bytes = u64::from(capacity) * 4;
@@ -126,17 +127,15 @@ impl SortBuffers {
         if needed > limit {
             return Err(GpuError::Full { what: "sorted keys", needed, limit });
         }
-        let buffer = |label, size, usage| {
-            device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
-        };
+        let buffer = |what, bytes, usage| memory::create_buffer(device, what, bytes, usage);
         let caller = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
-        let keys = buffer("sort keys", keys_bytes, caller);
-        let values = buffer("sort values", keys_bytes, caller);
-        let scratch_keys = buffer("sort scratch keys", keys_bytes, wgpu::BufferUsages::STORAGE);
-        let scratch_values = buffer("sort scratch values", keys_bytes, wgpu::BufferUsages::STORAGE);
-        let histogram = buffer("sort histogram", histogram_bytes, wgpu::BufferUsages::STORAGE);
+        let keys = buffer("sort keys", keys_bytes, caller)?;
+        let values = buffer("sort values", keys_bytes, caller)?;
+        let scratch_keys = buffer("sort scratch keys", keys_bytes, wgpu::BufferUsages::STORAGE)?;
+        let scratch_values = buffer("sort scratch values", keys_bytes, wgpu::BufferUsages::STORAGE)?;
+        let histogram = buffer("sort histogram", histogram_bytes, wgpu::BufferUsages::STORAGE)?;
         let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-        let passes = buffer("sort passes", u64::from(PASSES * PASS_STRIDE), uniform);
+        let passes = buffer("sort passes", u64::from(PASSES * PASS_STRIDE), uniform)?;
         let groups = [
             sort.stages.bind(device, &passes, &[&keys, &values, &scratch_keys, &scratch_values, &histogram]),
             sort.stages.bind(device, &passes, &[&scratch_keys, &scratch_values, &keys, &values, &histogram]),

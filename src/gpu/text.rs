@@ -16,6 +16,16 @@ use crate::resample;
 use crate::tree;
 use crate::walk;
 
+/// The stage of [`GpuLights::sample`](super::GpuLights::sample), with the record that it reads.
+pub(crate) const BATCH: &str =
+    concat!(include_str!("../../shaders/request.wgsl"), include_str!("../../shaders/batch.wgsl"));
+/// The stage of [`GpuLights::resample`](super::GpuLights::resample).
+pub(crate) const BATCH_RESAMPLE: &str =
+    concat!(include_str!("../../shaders/request.wgsl"), include_str!("../../shaders/batch_resample.wgsl"));
+/// The stage of [`GpuLights::count_nodes`](super::GpuLights::count_nodes).
+pub(crate) const BATCH_COUNT: &str =
+    concat!(include_str!("../../shaders/request.wgsl"), include_str!("../../shaders/batch_count.wgsl"));
+
 /// The WGSL that an engine puts before its own text, after its `enable` and `requires` directives.
 ///
 /// [`LightShader`](super::LightShader) lists the functions and the units of their results. The

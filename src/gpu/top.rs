@@ -28,6 +28,7 @@ use stage::{GROUP, KEYS, LANES, LEAVES, NODE, ROOT, ROOT_GROUP, Stage};
 
 use super::error::GpuError;
 use super::layout::{InstanceRecord, Strides, TreeRecord};
+use super::memory;
 use super::pool::Pool;
 use super::recorder::Recorder;
 use super::sort::RadixSort;
@@ -72,12 +73,8 @@ impl TopBuild {
         let stages = Stages::new(device, "top level", size_of::<TopPass>() as u64, &storage);
         let pipeline = |stage: &Stage| stages.pipeline(device, stage.entry, stage.text());
         let sort = RadixSort::new(device);
-        let passes = device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("top level passes"),
-            size: u64::from(MAX_PASSES * PASS_STRIDE),
-            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
+        let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let passes = memory::create_buffer(device, "top level passes", u64::from(MAX_PASSES * PASS_STRIDE), usage)?;
         let buffers = TopBuffers::new(device, &sort, 64)?;
         Ok(Self {
             device: device.clone(),
@@ -101,8 +98,8 @@ impl TopBuild {
 
     /// Makes room for `slots` instance slots, or for twice as many as before if that is more.
     ///
-    /// Fails with [`GpuError::Full`] and changes nothing if the device cannot bind buffers for that
-    /// many slots.
+    /// Fails and changes nothing: with [`GpuError::Full`] if the device cannot bind buffers for that
+    /// many slots, with [`GpuError::OutOfMemory`] if it has no memory for them.
     pub(crate) fn reserve(&mut self, slots: u32) -> Result<(), GpuError> {
         if slots > self.buffers.capacity {
             let doubled = slots.max(self.buffers.capacity.saturating_mul(2));

@@ -20,6 +20,7 @@ mod gpu;
 mod gpu_timings;
 mod hard_cases;
 mod pdf;
+mod references;
 mod resample;
 mod sampling;
 mod scheduler;

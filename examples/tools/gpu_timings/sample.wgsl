@@ -1,13 +1,5 @@
-// What an engine does with a light at each pixel, but for shadow rays and materials. CANDIDATES comes before this text.
-
-// Twin of `SampleRequest`.
-struct Request {
-    position: vec3<f32>,
-    padding_a: u32,
-    normal: vec3<f32>,
-    padding_b: u32,
-    u: vec4<f32>,
-}
+// What an engine does with a light at each pixel, but for shadow rays and materials. CANDIDATES
+// and shaders/request.wgsl come before this text.
 
 @group(0) @binding(0) var<storage, read> requests: array<Request>;
 @group(0) @binding(1) var<storage, read_write> pixels: array<vec4<f32>>;

@@ -1,6 +1,7 @@
 //! The sort of the top-level build, alone.
 
 use super::super::error::GpuError;
+use super::super::memory;
 use super::super::recorder::Recorder;
 use super::super::sort::{RadixSort, SortBuffers};
 use crate::dice::hash;
@@ -19,19 +20,16 @@ impl KeySort {
     /// Makes pipelines, buffers and `count` keys, the same keys every time.
     ///
     /// # Errors
-    /// [`GpuError::Full`] if the device cannot bind `count` keys as one buffer.
+    /// [`GpuError::Full`] if the device cannot bind `count` keys as one buffer;
+    /// [`GpuError::OutOfMemory`].
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue, count: u32) -> Result<Self, GpuError> {
         let sort = RadixSort::new(device);
         let mut buffers = SortBuffers::new(device, &sort, count)?;
         buffers.set_count(queue, count);
         // A buffer without bytes could not be copied.
         let keys: Vec<u32> = (0..count.max(1)).map(hash).collect();
-        let unsorted = device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("unsorted keys"),
-            size: 4 * keys.len() as u64,
-            usage: wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
+        let usage = wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
+        let unsorted = memory::create_buffer(device, "unsorted keys", 4 * keys.len() as u64, usage)?;
         queue.write_buffer(&unsorted, 0, bytemuck::cast_slice(&keys));
         Ok(Self { sort, buffers, unsorted })
     }

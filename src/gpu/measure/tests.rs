@@ -35,7 +35,7 @@ fn a_build_in_separate_passes_makes_the_same_top_level_as_a_build_in_one_pass() 
     let (device, queue) = gpu();
     let mut lights = upload(&device, &queue, lamps(700, 3));
     let mut build = |is_timed: bool| {
-        lights.top_is_stale = true;
+        lights.top_status.invalidate();
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.clear_buffer(lights.top.nodes(), 0, None);
         let stages = if is_timed {

@@ -2,6 +2,7 @@
 
 use super::super::error::{GpuError, largest_storage_buffer};
 use super::super::layout::{ClusterRecord, Strides};
+use super::super::memory;
 use super::super::sort::{RadixSort, SortBuffers};
 use super::plan::Plan;
 use crate::effects::Effects;
@@ -25,7 +26,7 @@ pub(super) struct TopBuffers {
 
 impl TopBuffers {
     /// Makes room for `capacity` slots. Fails with [`GpuError::Full`] if a buffer would be larger
-    /// than the device can bind.
+    /// than the device can bind, and with [`GpuError::OutOfMemory`].
     pub(super) fn new(device: &wgpu::Device, sort: &RadixSort, capacity: u32) -> Result<Self, GpuError> {
         let limit = largest_storage_buffer(device);
         let plan = Plan::new(capacity, capacity, Strides::of(Effects::all()));
@@ -37,21 +38,15 @@ impl TopBuffers {
                 return Err(GpuError::Full { what, needed, limit });
             }
         }
-        let buffer = |label, size| {
-            device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some(label),
-                size,
-                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            })
-        };
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
+        let buffer = |what, bytes| memory::create_buffer(device, what, bytes, usage);
         Ok(Self {
             capacity,
             sort: SortBuffers::new(device, sort, capacity)?,
-            bounds: buffer("top level bounds", BOUNDS_BYTES),
-            nodes: buffer("top level nodes", nodes),
-            clusters: buffer("top level clusters", clusters),
-            units: buffer("top level units", units),
+            bounds: buffer("top level bounds", BOUNDS_BYTES)?,
+            nodes: buffer("top level nodes", nodes)?,
+            clusters: buffer("top level clusters", clusters)?,
+            units: buffer("top level units", units)?,
         })
     }
 }
