@@ -98,8 +98,8 @@ impl TopBuild {
 
     /// Makes room for `slots` instance slots, or for twice as many as before if that is more.
     ///
-    /// Fails and changes nothing: with [`GpuError::Full`] if the device cannot bind buffers for that
-    /// many slots, with [`GpuError::OutOfMemory`] if it has no memory for them.
+    /// Fails and changes nothing: with [`GpuError::Full`] if the device cannot bind buffers for
+    /// that many slots, with [`GpuError::OutOfMemory`] if it has no memory for them.
     pub(crate) fn reserve(&mut self, slots: u32) -> Result<(), GpuError> {
         if slots > self.buffers.capacity {
             let doubled = slots.max(self.buffers.capacity.saturating_mul(2));
