@@ -1,6 +1,6 @@
 //! A curve through all instances. Neighbours on the curve are neighbours in space.
 //!
-//! Twin of `shaders/top_keys.wgsl`. This is a Hilbert curve over cubic cells, after Skilling,
+//! Twin of `shaders/top_curve.wgsl`. This is a Hilbert curve over cubic cells, after Skilling,
 //! Programming the Hilbert Curve (2004). Differs: while one extent is far longer than the others,
 //! the curve has one dimension, and while two are, it has two. So it spends no bits on the height
 //! of a flat city. It uses only subtraction, powers of two and integers, so the GPU gets the same

@@ -219,7 +219,7 @@ mod tests {
             &wgpu::Limits { max_storage_buffers_per_shader_stage: 7, ..required() },
             wgpu::Features::empty(),
         );
-        let error = GpuLights::new(&device, &queue).err().expect("seven are too few");
+        let error = GpuLights::new(&device, &queue).expect_err("seven are too few");
         let what = "max_storage_buffers_per_shader_stage";
         assert_eq!(error, GpuError::Limit { what, given: 7, needed: 8 });
         assert_eq!(error.to_string(), "the device's max_storage_buffers_per_shader_stage is 7; 8 is needed");

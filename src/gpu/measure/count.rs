@@ -1,13 +1,14 @@
-//! A kernel that counts the nodes that samples read.
+//! A kernel that counts the nodes that each sample reads.
 
 use super::super::bindings::{bind, records, storage_entry, uniform_entry};
 use super::super::kernel::LANES;
 use super::super::records::SampleRequest;
-use super::super::stages;
-use super::super::{GpuLights, text};
+use super::super::{GpuLights, stages, text};
 use crate::counts::CandidateCount;
 use crate::effects::Effects;
 
+/// The pipeline of `shaders/batch_count.wgsl`.
+#[derive(Debug)]
 pub(in crate::gpu) struct CountKernel {
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
@@ -42,11 +43,14 @@ impl CountKernel {
 }
 
 impl GpuLights {
-    /// Counts the nodes of both levels that a sample reads: does what [`GpuLights::resample`] does, which for one
-    /// candidate is [`GpuLights::sample`], and writes a `u32` for each request to `counts` instead of the samples. A
-    /// node that is read twice counts twice.
+    /// Counts the nodes of both levels that each sample reads. Does the work of
+    /// [`GpuLights::resample`], which for one candidate is that of [`GpuLights::sample`], but
+    /// writes to `counts` a `u32` for each request instead of a sample. A node that is read twice
+    /// counts twice.
     ///
-    /// The top level must have been built after the last upload. The first call makes the pipeline.
+    /// `requests` is an array of [`SampleRequest`]; both buffers have room for `count` records. The
+    /// top level must have been built after the last upload. The first call compiles the pipeline;
+    /// each call makes a bind group and a buffer of 16 bytes.
     pub fn count_nodes(
         &self,
         encoder: &mut wgpu::CommandEncoder,
