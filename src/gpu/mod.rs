@@ -110,7 +110,7 @@ use crate::tree::Node;
 ///     let delta = world.take_delta();
 ///     lights.upload(world, &delta)?;
 ///     lights.build_top(encoder);
-///     // The engine's own passes bind `lights.bind_group()`. Submit the encoder before the next upload.
+///     // The engine's passes bind `lights.bind_group()`. Submit the encoder before the next upload.
 ///     Ok(())
 /// }
 /// ```
