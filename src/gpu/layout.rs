@@ -246,6 +246,7 @@ mod tests {
     use naga::TypeInner;
 
     use super::*;
+    use crate::gpu::text;
     use crate::gpu::{ReservoirRecord, SampleRecord, SampleRequest};
     use crate::tree::Node;
 
@@ -278,7 +279,7 @@ mod tests {
 
     #[test]
     fn records_have_the_same_layout_in_rust_and_wgsl() {
-        let text = crate::gpu::wgsl(0, crate::effects::Effects::all()) + include_str!("../../shaders/batch.wgsl");
+        let text = crate::gpu::wgsl(0, crate::effects::Effects::all()) + text::BATCH;
         let structs = structs(&text);
         record!(
             structs,
@@ -309,12 +310,6 @@ mod tests {
         );
         record!(structs, TreeRecord, "LightTree", [root, punctual_flux, area_flux, padding]);
         record!(structs, SampleRequest, "Request", [position, padding_a, normal, padding_b, u]);
-        let text = crate::gpu::wgsl(0, crate::effects::Effects::all());
-        let resampling = self::structs(&(text + include_str!("../../shaders/batch_resample.wgsl")));
-        record!(resampling, SampleRequest, "Request", [position, padding_a, normal, padding_b, u]);
-        let text = crate::gpu::text::wgsl_counting(0, crate::effects::Effects::all());
-        let counting = self::structs(&(text + include_str!("../../shaders/batch_count.wgsl")));
-        record!(counting, SampleRequest, "Request", [position, padding_a, normal, padding_b, u]);
         record!(structs, SampleRecord, "LightSample", [direction, dist, radiance, pdf, pmf, instance, light, is_delta]);
         // WGSL pads it without a name.
         assert_eq!(structs["LightReservoir"], (64, vec![("chosen".into(), 0), ("weight".into(), 48)]));

@@ -1,5 +1,7 @@
 //! Copies records from one layout to another on the GPU, so that a change of layout sends nothing from the CPU.
 
+use super::error::GpuError;
+use super::memory;
 use super::stages::{Access, Stages, dispatch};
 use super::stored::{Missing, Stored};
 
@@ -52,18 +54,21 @@ impl RelayoutPass {
     }
 }
 
-/// The pipeline.
+/// The pipeline, and the uniform that each pass overwrites and submits at once.
 pub(crate) struct Relayout {
     stages: Stages,
     pipeline: wgpu::ComputePipeline,
+    uniform: wgpu::Buffer,
 }
 
 impl Relayout {
-    pub(crate) fn new(device: &wgpu::Device) -> Self {
+    pub(crate) fn new(device: &wgpu::Device) -> Result<Self, GpuError> {
         let bytes = size_of::<RelayoutPass>() as u64;
+        let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let uniform = memory::create_buffer(device, "relayout", bytes, usage)?;
         let stages = Stages::new(device, "relayout", bytes, &[Access::Read, Access::Write]);
         let pipeline = stages.pipeline(device, "relayout", text());
-        Self { stages, pipeline }
+        Ok(Self { stages, pipeline, uniform })
     }
 
     /// Submits a copy of the first `records` records from one buffer to another, which must have room for them.
@@ -77,14 +82,8 @@ impl Relayout {
         missing: fn(usize) -> Missing,
     ) -> u64 {
         let pass = RelayoutPass::new(records, before, after, missing);
-        let uniform = device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("relayout"),
-            size: size_of::<RelayoutPass>() as u64,
-            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&pass));
-        let group = self.stages.bind(device, &uniform, &[from, to]);
+        queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&pass));
+        let group = self.stages.bind(device, &self.uniform, &[from, to]);
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
@@ -191,7 +190,7 @@ mod tests {
     #[test]
     fn records_in_a_new_layout_are_what_an_upload_in_it_is_byte_for_byte() {
         let (device, _) = gpu();
-        let relayout = Relayout::new(&device);
+        let relayout = Relayout::new(&device).expect("room enough");
         for before in LAYOUTS {
             for after in LAYOUTS {
                 let tree = tree(before & after);
@@ -209,7 +208,7 @@ mod tests {
     #[test]
     fn more_workgroups_than_one_row_holds_are_copied() {
         let (device, queue) = gpu();
-        let relayout = Relayout::new(&device);
+        let relayout = Relayout::new(&device).expect("room enough");
         // 80 bytes of each are 5 invocations.
         let count = 65_540 * LANES / 5;
         let mut pool = Pool::<InstanceRecord>::new(&device, &queue, "test records", 1).expect("room");

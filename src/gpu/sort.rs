@@ -10,6 +10,7 @@
 //! they stop growing at [`MAX_ROUNDS`], where the counts are a sixteenth of the keys.
 
 use super::error::{GpuError, largest_storage_buffer};
+use super::memory;
 use super::recorder::Recorder;
 use super::stages::{Access, MAX_WORKGROUPS, PASS_STRIDE, Stages, pass_bytes};
 
@@ -105,7 +106,8 @@ pub(crate) struct SortBuffers {
 impl SortBuffers {
     /// Room for `capacity` keys (at least one). Holds about 16.3 bytes a key, and 20 where there are few.
     ///
-    /// Fails with [`GpuError::Full`] where the device cannot bind as many keys at once.
+    /// Fails with [`GpuError::Full`] where the device cannot bind as many keys at once, and with
+    /// [`GpuError::OutOfMemory`].
     pub(crate) fn new(device: &wgpu::Device, sort: &RadixSort, capacity: u32) -> Result<Self, GpuError> {
         let capacity = capacity.max(1);
         let keys_bytes = u64::from(capacity) * 4;
@@ -116,17 +118,15 @@ impl SortBuffers {
         if needed > limit {
             return Err(GpuError::Full { what: "sorted keys", needed, limit });
         }
-        let buffer = |label, size, usage| {
-            device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
-        };
+        let buffer = |what, bytes, usage| memory::create_buffer(device, what, bytes, usage);
         let shared = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
-        let keys = buffer("sort keys", keys_bytes, shared);
-        let values = buffer("sort values", keys_bytes, shared);
-        let other_keys = buffer("sort scratch keys", keys_bytes, wgpu::BufferUsages::STORAGE);
-        let other_values = buffer("sort scratch values", keys_bytes, wgpu::BufferUsages::STORAGE);
-        let histogram = buffer("sort histogram", histogram_bytes, wgpu::BufferUsages::STORAGE);
+        let keys = buffer("sort keys", keys_bytes, shared)?;
+        let values = buffer("sort values", keys_bytes, shared)?;
+        let other_keys = buffer("sort scratch keys", keys_bytes, wgpu::BufferUsages::STORAGE)?;
+        let other_values = buffer("sort scratch values", keys_bytes, wgpu::BufferUsages::STORAGE)?;
+        let histogram = buffer("sort histogram", histogram_bytes, wgpu::BufferUsages::STORAGE)?;
         let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-        let passes = buffer("sort passes", u64::from(PASSES * PASS_STRIDE), uniform);
+        let passes = buffer("sort passes", u64::from(PASSES * PASS_STRIDE), uniform)?;
         let groups = [
             sort.stages.bind(device, &passes, &[&keys, &values, &other_keys, &other_values, &histogram]),
             sort.stages.bind(device, &passes, &[&other_keys, &other_values, &keys, &values, &histogram]),

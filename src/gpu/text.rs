@@ -15,6 +15,16 @@ use crate::resample;
 use crate::tree;
 use crate::walk;
 
+/// The stage of [`GpuLights::sample`](super::GpuLights::sample), with the record that it reads.
+pub(crate) const BATCH: &str =
+    concat!(include_str!("../../shaders/request.wgsl"), include_str!("../../shaders/batch.wgsl"));
+/// The stage of [`GpuLights::resample`](super::GpuLights::resample).
+pub(crate) const BATCH_RESAMPLE: &str =
+    concat!(include_str!("../../shaders/request.wgsl"), include_str!("../../shaders/batch_resample.wgsl"));
+/// The stage of [`GpuLights::count_nodes`](super::GpuLights::count_nodes).
+pub(crate) const BATCH_COUNT: &str =
+    concat!(include_str!("../../shaders/request.wgsl"), include_str!("../../shaders/batch_count.wgsl"));
+
 /// The WGSL that an engine puts before its own, after `enable` and `requires` lines if it has any.
 ///
 /// [`LightShader`](super::LightShader) lists its functions, with their measures. The bindings sit in `@group(group)`,
@@ -34,15 +44,15 @@ pub(crate) fn wgsl_counting(group: u32, effects: Effects) -> String {
 
 /// The same as [`wgsl`] with `light_record_usage`.
 pub(crate) fn wgsl_with_usage(group: u32, effects: Effects) -> String {
-    wgsl(group, effects) + &picks(group)
+    wgsl(group, effects) + &usage(group)
 }
 
 /// `light_record_usage` and what it calls, for those who choose no light.
 pub(crate) fn wgsl_of_usage(group: u32) -> String {
-    constants() + include_str!("../../shaders/dice.wgsl") + &picks(group)
+    constants() + include_str!("../../shaders/dice.wgsl") + &usage(group)
 }
 
-fn picks(group: u32) -> String {
+fn usage(group: u32) -> String {
     include_str!("../../shaders/usage.wgsl").replace("LIGHT_GROUP", &group.to_string())
 }
 

@@ -10,6 +10,7 @@ use std::fmt::Write;
 
 use super::error::{GpuError, largest_storage_buffer};
 use super::layout::{ClusterRecord, InstanceRecord, TreeRecord};
+use super::memory;
 use super::pool::Pool;
 use super::recorder::Recorder;
 use super::sort::{RadixSort, SortBuffers};
@@ -136,12 +137,8 @@ impl TopBuild {
         let stages = Stages::new(device, "top level", size_of::<TopPass>() as u64, &storage);
         let pipeline = |stage: &Stage| stages.pipeline(device, stage.entry, stage.text());
         let sort = RadixSort::new(device);
-        let passes = device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("top level passes"),
-            size: u64::from(MAX_ROUNDS * PASS_STRIDE),
-            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
+        let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let passes = memory::create_buffer(device, "top level passes", u64::from(MAX_ROUNDS * PASS_STRIDE), usage)?;
         let buffers = TopBuffers::new(device, &sort, 64)?;
         Ok(Self {
             device: device.clone(),
@@ -165,7 +162,8 @@ impl TopBuild {
 
     /// Makes room for so many instance slots.
     ///
-    /// Fails with [`GpuError::Full`] and changes nothing where the device cannot bind as many.
+    /// Fails and changes nothing: with [`GpuError::Full`] where the device cannot bind as many, with
+    /// [`GpuError::OutOfMemory`] where it has no room for them.
     pub(crate) fn reserve(&mut self, slots: u32) -> Result<(), GpuError> {
         if slots > self.buffers.capacity {
             let roomy = slots.max(self.buffers.capacity.saturating_mul(2));
@@ -269,21 +267,15 @@ impl TopBuffers {
                 return Err(GpuError::Full { what, needed, limit });
             }
         }
-        let buffer = |label, size| {
-            device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some(label),
-                size,
-                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            })
-        };
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
+        let buffer = |what, bytes| memory::create_buffer(device, what, bytes, usage);
         Ok(Self {
             capacity,
             sort: SortBuffers::new(device, sort, capacity)?,
-            bounds: buffer("top level bounds", BOUNDS_BYTES),
-            nodes: buffer("top level nodes", nodes),
-            clusters: buffer("top level clusters", clusters),
-            units: buffer("top level units", units),
+            bounds: buffer("top level bounds", BOUNDS_BYTES)?,
+            nodes: buffer("top level nodes", nodes)?,
+            clusters: buffer("top level clusters", clusters)?,
+            units: buffer("top level units", units)?,
         })
     }
 }
@@ -352,7 +344,7 @@ impl Stage {
         }
         for (name, value) in [
             ("TOP_AXIS_STEPS", top::AXIS_STEPS),
-            ("TOP_MIN_ORIENTATION", top::MIN_ORIENTATION),
+            ("TOP_MIN_ORIENTATION", tree::MIN_ORIENTATION),
             ("TOP_DIAGONAL_WEIGHT", tree::DIAGONAL_WEIGHT),
             ("CAP_PADDING", cone::CAP_PADDING),
             ("MIN_AXIS", cluster::MIN_AXIS),

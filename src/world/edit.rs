@@ -10,7 +10,7 @@ use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
 use crate::light::{DirectionalLight, Light};
 use crate::placement::{Placed, Placement};
 use crate::policy::{AttributeHistory, Policy};
-use crate::scheduler::Signs;
+use crate::scheduler::TreeFeatures;
 use crate::tree::LightTree;
 
 impl LightWorld {
@@ -45,8 +45,8 @@ impl LightWorld {
             return Err(WorldError::TreeInUse { tree, instances });
         }
         self.let_rest(tree);
-        self.leave(tree);
-        self.forget_attention(tree);
+        self.withdraw_request(tree);
+        self.remove_weight(tree);
         if let Some(entry) = self.trees.remove(tree) {
             self.effects.change(|counts| counts.remove_all(entry.tree.effects()));
         }
@@ -99,13 +99,13 @@ impl LightWorld {
             counts.remove_all(entry.tree.effects());
         });
         entry.history = AttributeHistory::start(built.attributes());
-        entry.standing.start(Signs::of(&built), self.schedule.frame);
+        entry.rebuild_state.start(TreeFeatures::of(&built), self.schedule.frame);
         entry.tree = built;
         entry.staged = StagedLights::default();
         entry.has_new_policy = false;
         self.pending.remove(tree);
-        self.leave(tree);
-        self.forget_build(tree);
+        self.withdraw_request(tree);
+        self.cancel_build(tree);
         self.has_moved(tree);
         self.changes.tree(slot_of(tree));
         self.top.take();
@@ -217,7 +217,7 @@ impl LightWorld {
             return Ok(shared);
         }
         let copy = entry.tree.clone();
-        let (history, staged, standing) = (entry.history, entry.staged.clone(), entry.standing.copy());
+        let (history, staged, rebuild_state) = (entry.history, entry.staged.clone(), entry.rebuild_state.for_copy());
         let has_new_policy = entry.has_new_policy;
         let own = self.insert_tree(copy);
         if !staged.is_empty() || has_new_policy {
@@ -226,16 +226,16 @@ impl LightWorld {
         let entry = &mut self.trees[own];
         entry.has_new_policy = has_new_policy;
         entry.history = history;
-        entry.standing = standing;
+        entry.rebuild_state = rebuild_state;
         entry.staged = staged;
         self.detach(shared, index_in_tree, policy);
         self.attach(key, own, policy);
         self.instances[key].tree = own;
         self.instance_changed(key);
-        let standing = &self.trees[shared].standing;
-        if standing.waiting.is_some() || standing.build.is_some() {
+        let rebuild_state = &self.trees[shared].rebuild_state;
+        if rebuild_state.waiting.is_some() || rebuild_state.build_id.is_some() {
             // The copy needs a rebuild as much as the tree that it was copied from.
-            self.judge(own);
+            self.update_request(own);
         }
         Ok(own)
     }

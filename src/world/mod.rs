@@ -2,11 +2,13 @@
 //! [`FrameDelta`] a frame comes out.
 
 mod attention;
+mod background_builds;
 mod delta;
 mod edit;
 mod jobs;
 mod key_set;
 mod refit;
+mod requests;
 mod rest;
 mod schedule;
 mod staged;
@@ -20,7 +22,7 @@ use slotmap::SlotMap;
 
 pub(crate) use delta::Changes;
 pub use delta::FrameDelta;
-pub use jobs::JobReport;
+pub use schedule::JobReport;
 pub use update::{BackgroundReport, FrameReport};
 
 use crate::cluster::Cluster;
@@ -29,7 +31,7 @@ use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
 use crate::light::{DirectionalLight, MIN_FLUX};
 use crate::placement::{Placed, Placement};
 use crate::policy::{AttributeHistory, Policy, PolicySet};
-use crate::scheduler::{Clock, Signs, SystemClock};
+use crate::scheduler::{Clock, SystemClock, TreeFeatures};
 use crate::top::TopLevel;
 use crate::tree::LightTree;
 use key_set::KeySet;
@@ -52,11 +54,11 @@ pub struct LightWorld {
     effects: HeldEffects,
     /// Trees that are not frozen.
     awake: KeySet<TreeKey>,
-    /// Trees that the next update refits or judges.
+    /// Trees that the next update refits, or whose rebuild request it updates.
     pending: KeySet<TreeKey>,
     changes: Changes,
     schedule: schedule::Schedule,
-    gaze: attention::Gaze,
+    view_weights: attention::ViewWeights,
     clock: Arc<dyn Clock>,
     top: OnceLock<TopLevel>,
 }
@@ -71,7 +73,7 @@ pub(crate) struct TreeEntry {
     /// A policy changed since the last update, so that the tree may ask for a rebuild although no
     /// light changes.
     has_new_policy: bool,
-    standing: schedule::Standing,
+    rebuild_state: schedule::RebuildState,
     rest: rest::Rest,
 }
 
@@ -87,8 +89,8 @@ pub(crate) struct Instance {
 
 impl TreeEntry {
     fn new(tree: LightTree, frame: u64) -> Self {
-        let mut standing = schedule::Standing::default();
-        standing.start(Signs::of(&tree), frame);
+        let mut rebuild_state = schedule::RebuildState::default();
+        rebuild_state.start(TreeFeatures::of(&tree), frame);
         Self {
             history: AttributeHistory::start(tree.attributes()),
             tree,
@@ -96,7 +98,7 @@ impl TreeEntry {
             policies: PolicySet::default(),
             staged: StagedLights::default(),
             has_new_policy: false,
-            standing,
+            rebuild_state,
             rest: rest::Rest::default(),
         }
     }
@@ -165,7 +167,7 @@ impl LightWorld {
             pending: KeySet::default(),
             changes: Changes::default(),
             schedule: schedule::Schedule::default(),
-            gaze: attention::Gaze::default(),
+            view_weights: attention::ViewWeights::default(),
             clock,
             top: OnceLock::new(),
         }

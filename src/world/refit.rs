@@ -5,12 +5,13 @@ use super::staged::StagedLights;
 use crate::effects::EffectCounts;
 use crate::keys::{TreeKey, slot_of};
 use crate::policy::AttributeHistory;
-use crate::scheduler::{Replaced, Signs};
+use crate::scheduler::{Replacement, TreeFeatures};
 use crate::tree::LightTree;
 
 impl LightWorld {
-    /// Refits the trees whose lights changed or that were built in the background, and judges those
-    /// and the trees with a new policy. Returns the number of refitted trees and of their lights.
+    /// Refits the trees whose lights changed or that were built in the background, and updates the
+    /// rebuild requests of those and of the trees with a new policy. Returns the number of refitted
+    /// trees and of their lights.
     pub(super) fn refit_pending(&mut self) -> (usize, usize) {
         let mut jobs = self.take_pending();
         if jobs.is_empty() {
@@ -43,7 +44,7 @@ impl LightWorld {
         let Self { pending, trees, .. } = self;
         let job = |key: TreeKey| {
             let entry = &mut trees[key];
-            let successor = entry.standing.successor.take();
+            let successor = entry.rebuild_state.successor.take();
             let has_new_policy = std::mem::take(&mut entry.has_new_policy);
             // Otherwise all edits were taken back.
             let is_needed = !entry.staged.is_empty() || successor.is_some() || has_new_policy;
@@ -62,7 +63,7 @@ impl LightWorld {
         pending.drain().filter_map(job).collect()
     }
 
-    /// Moves a tree back into the map and judges it.
+    /// Moves a tree back into the map and updates its rebuild request.
     fn finish_refit(&mut self, job: RefitJob) {
         let changes_nodes = job.changes_nodes();
         let RefitJob { key, is_edited, former_effects, tree, staged, swap, is_newly_measured, .. } = job;
@@ -79,11 +80,11 @@ impl LightWorld {
         let mut is_as_built = false;
         if let Some(Swap { replaced, history, is_outdated }) = swap {
             is_as_built = !is_outdated && !is_edited;
-            entry.standing.learn(&replaced, None, self.schedule.frame);
+            entry.rebuild_state.learn(&replaced, None, self.schedule.frame);
             entry.history = history;
         }
         if entry.may_rebuild() && (changes_nodes || is_newly_measured) {
-            entry.has_changed(self.schedule.frame);
+            entry.record_change(self.schedule.frame);
         }
         if is_edited {
             self.has_moved(key);
@@ -93,9 +94,9 @@ impl LightWorld {
         if is_as_built {
             // No policy asks for more than a tree that was just built, not even
             // `Policy::AlwaysRebuild`.
-            self.leave(key);
+            self.withdraw_request(key);
         } else {
-            self.judge(key);
+            self.update_request(key);
         }
         if changes_nodes {
             self.changes.tree(slot_of(key));
@@ -124,7 +125,7 @@ struct RefitJob {
 
 /// The replacement of a tree by one that was built in the background, over about the same lights.
 struct Swap {
-    replaced: Replaced,
+    replaced: Replacement,
     /// The attributes of the new tree as it was built.
     history: AttributeHistory,
     /// Some lights have changed since they were copied for the build.
@@ -140,7 +141,7 @@ impl RefitJob {
     fn run(&mut self) {
         let before = self.tree.attributes();
         if let Some(built) = self.successor.take() {
-            let replaced = Replaced { before: Signs::of(&self.tree), fresh: Signs::of(&built) };
+            let replaced = Replacement { before: TreeFeatures::of(&self.tree), after: TreeFeatures::of(&built) };
             let history = AttributeHistory::start(built.attributes());
             self.swap = Some(Swap { replaced, history, is_outdated: self.tree.succeed(*built) });
         }

@@ -84,7 +84,7 @@ impl LightWorld {
             let entry = &mut self.trees[tree];
             // Without threads large trees are rebuilt in parts, which needs the data that freezing
             // drops.
-            let is_needed = self.schedule.builder.is_off() && entry.standing.waiting.is_some();
+            let is_needed = self.schedule.builder.is_unavailable() && entry.rebuild_state.waiting.is_some();
             let rest = &mut entry.rest;
             rest.still_updates = rest.still_updates.saturating_add(1);
             let Rest { still_updates, freeze_delay, .. } = *rest;

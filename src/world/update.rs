@@ -85,7 +85,7 @@ impl LightWorld {
         let mut report =
             FrameReport { moved_instances: self.changes.take_moved(), budget: budget.time(), ..FrameReport::default() };
         self.schedule.frame += 1;
-        self.take_build(&mut report);
+        self.take_finished_build(&mut report);
         let start = self.clock.now();
         (report.refit_trees, report.refit_lights) = self.refit_pending();
         if report.refit_trees > 0 {
@@ -108,7 +108,7 @@ impl LightWorld {
         let work = Work { kind: WorkKind::Rebuild, lights: self.entry(tree)?.tree.lights().len() };
         let start = self.clock.now();
         let replaced = self.rebuild_whole(tree);
-        self.trees[tree].standing.learn(&replaced, None, self.schedule.frame);
+        self.trees[tree].rebuild_state.learn(&replaced, None, self.schedule.frame);
         self.clock.worked(work);
         let took = self.clock.now().saturating_sub(start);
         self.schedule.costs.learn(work, took);

@@ -21,7 +21,6 @@ pub mod palette;
 pub mod procedural;
 pub mod real_city;
 pub mod real_ground;
-pub mod rng;
 pub mod roads;
 pub mod signs;
 pub mod strings;
@@ -29,6 +28,8 @@ pub mod swarm;
 pub mod traffic_sim;
 pub mod vehicles;
 pub mod viewpoint;
+
+pub use crate::common::pcg as rng;
 
 use girandole::LightWorld;
 use girandole::glam::{Affine3A, Vec3};

@@ -1,6 +1,7 @@
 //! The sort of the top level by itself.
 
 use super::super::error::GpuError;
+use super::super::memory;
 use super::super::recorder::Recorder;
 use super::super::sort::{RadixSort, SortBuffers};
 
@@ -17,19 +18,15 @@ impl KeySort {
     /// Makes pipelines, buffers and `count` keys, always the same.
     ///
     /// # Errors
-    /// [`GpuError::Full`] where the device cannot bind as many.
+    /// [`GpuError::Full`] where the device cannot bind as many, [`GpuError::OutOfMemory`].
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue, count: u32) -> Result<Self, GpuError> {
         let sort = RadixSort::new(device);
         let mut buffers = SortBuffers::new(device, &sort, count)?;
         buffers.set_count(queue, count);
         // One buffer at least has to be copied.
         let keys: Vec<u32> = (0..count.max(1)).map(mix).collect();
-        let unsorted = device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("unsorted keys"),
-            size: 4 * keys.len() as u64,
-            usage: wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
+        let usage = wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
+        let unsorted = memory::create_buffer(device, "unsorted keys", 4 * keys.len() as u64, usage)?;
         queue.write_buffer(&unsorted, 0, bytemuck::cast_slice(&keys));
         Ok(Self { sort, buffers, unsorted })
     }

@@ -44,7 +44,7 @@ impl GpuLights {
         encoder: &mut wgpu::CommandEncoder,
         queries: Option<&wgpu::QuerySet>,
     ) -> Vec<TopStage> {
-        self.top_is_stale = false;
+        self.top_status.record(encoder);
         let mut recorder = Recorder::apart(encoder, "girandole top level", queries);
         self.top.record(&mut recorder, self.params.slots);
         recorder.finish()

@@ -34,7 +34,7 @@ fn stages_apart_build_the_same_top_level_as_one_pass() {
     let (device, queue) = gpu();
     let mut lights = upload(&device, &queue, lamps(700, 3));
     let mut top = |timed: bool| {
-        lights.top_is_stale = true;
+        lights.top_status.invalidate();
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.clear_buffer(lights.top.nodes(), 0, None);
         let stages = if timed {
