@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use girandole::gltf::gltf::buffer::Source;
 use girandole::gltf::gltf::{Document, Gltf};
+use girandole::gltf::parse;
 
 use super::SceneError;
 
@@ -21,10 +22,7 @@ pub struct GltfFile {
 pub fn open(path: &Path) -> Result<GltfFile, SceneError> {
     let fail = |what: String| SceneError(format!("{}: {what}", path.display()));
     let bytes = fs::read(path).map_err(|error| fail(error.to_string()))?;
-    check_header(&bytes).map_err(&fail)?;
-    let file = Gltf::from_slice(&bytes)
-        .map_err(|error| fail(format!("not a sound glTF file: {}", one_line(&error.to_string()))))?;
-    let (document, mut blob) = (file.document, file.blob);
+    let Gltf { document, mut blob } = parse(&bytes).map_err(|error| fail(error.to_string()))?;
     let mut buffers = Vec::new();
     for buffer in document.buffers() {
         let data = match buffer.source() {
@@ -40,25 +38,6 @@ pub fn open(path: &Path) -> Result<GltfFile, SceneError> {
         buffers.push(data);
     }
     Ok(GltfFile { document, buffers })
-}
-
-/// The gltf crate subtracts the header's size from the length that the file states, whatever that is.
-fn check_header(bytes: &[u8]) -> Result<(), String> {
-    if !bytes.starts_with(b"glTF") {
-        return Ok(());
-    }
-    let stated = bytes.get(8..12).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
-    match stated {
-        Some(length) if length < 20 => Err(format!("not a binary glTF: it states a length of {length} bytes")),
-        Some(length) if length > bytes.len() => Err(format!("truncated: {} of {length} bytes", bytes.len())),
-        Some(_) => Ok(()),
-        None => Err("truncated within its header".into()),
-    }
-}
-
-fn one_line(text: &str) -> String {
-    let lines: Vec<&str> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
-    lines.join(" ")
 }
 
 fn resolve(uri: &str, document: &Path) -> Result<Vec<u8>, String> {
