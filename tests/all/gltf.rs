@@ -9,7 +9,8 @@ use girandole::gltf::{EmissiveSides, GltfError, GltfLights, GltfOptions, LightSo
 use girandole::{FrameBudget, LightWorld, Shape, WorldError};
 
 use super::city::render::geometry::Geometry;
-use super::city::scene::{Camera, SceneError, gltf_file, gltf_scene};
+use super::city::scene::gltf_scene::{self, file};
+use super::city::scene::{Camera, SceneError};
 use super::support::Rng;
 
 fn sample(name: &str) -> PathBuf {
@@ -381,7 +382,7 @@ fn every_truncation_of_a_binary_file_is_an_error() {
         }
         for file in [cut, agreed] {
             std::fs::write(&path, file).unwrap();
-            let SceneError(message) = gltf_file::open(&path).expect_err("a truncated file");
+            let SceneError(message) = file::open(&path).expect_err("a truncated file");
             assert!(!message.contains('\n') && message.contains("girandole_truncated"), "{message}");
         }
     }

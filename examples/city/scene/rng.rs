@@ -1,6 +1,7 @@
-//! PCG-RXS-M-XS-32, the one source of chance in the scenes: the same seed gives the same city everywhere.
+//! PCG-RXS-M-XS-32, the random number generator of all scenes: the same seed gives the same city on every machine.
 
-/// A small seeded generator. Streams with different `stream` numbers are independent enough for scenery.
+/// A seeded generator with 32 bits of state. Different `stream` numbers give sequences that are independent enough for
+/// scenery.
 #[derive(Clone, Copy, Debug)]
 pub struct Rng {
     state: u32,
@@ -12,7 +13,7 @@ fn mix(state: u32) -> u32 {
 }
 
 impl Rng {
-    /// A generator for one purpose of one seed.
+    /// The generator of one stream of a seed.
     pub fn new(seed: u64, stream: u64) -> Self {
         let mut state = 0x9e37_79b9_u32;
         for word in [seed as u32, (seed >> 32) as u32, stream as u32, (stream >> 32) as u32] {
@@ -37,17 +38,17 @@ impl Rng {
         low + (high - low) * self.unit()
     }
 
-    /// Uniform in 0..count; `count` is not 0.
+    /// Uniform in 0..count; `count` is at least 1.
     pub fn below(&mut self, count: usize) -> usize {
         ((self.bits() as u64 * count as u64) >> 32) as usize
     }
 
-    /// True with the given chance.
+    /// True with the given probability.
     pub fn chance(&mut self, probability: f32) -> bool {
         self.unit() < probability
     }
 
-    /// One of a non-empty list.
+    /// A random element of a list that is not empty.
     pub fn pick<T: Copy>(&mut self, items: &[T]) -> T {
         items[self.below(items.len())]
     }
