@@ -1,16 +1,18 @@
-//! A night city with moving cars, lit through two-level light trees: each sample uses one light out of all.
+//! A night city with moving cars, lit through two-level light trees: each sample uses one light out
+//! of all.
 //!
 //! ```text
 //! cargo run --release --example city
 //! ```
 //!
-//! This renders two frames into the folder `out`: a picture for the screen (`frame_0000.png`), its radiance
-//! (`frame_0000.exr`), and the costs of each frame (`frames.csv`). At the end it prints which effects the lights needed
-//! and how many shadow rays were traced. `--help` lists the options: other sizes of city, glTF scenes, and the lamps and
-//! the traffic of a real city.
+//! This renders two frames into the folder `out`: a picture for the screen (`frame_0000.png`), its
+//! radiance (`frame_0000.exr`), and the costs of each frame (`frames.csv`). At the end it prints
+//! which effects the lights needed and how many shadow rays were traced. `--help` lists the
+//! options: other sizes of city, glTF scenes, and the lamps and the traffic of a real city.
 //!
-//! `modules.rs` lists the parts: `scene` (what is drawn), `render` (how) and `app` (the program). Each folder's `mod.rs`
-//! states the order in which to read its files; `app/session.rs` shows how the library is used.
+//! `modules.rs` lists the parts: `scene` (what is drawn), `render` (how) and `app` (the program).
+//! Each folder's `mod.rs` states the order in which to read its files; `app/session.rs` shows how
+//! the library is used.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program prints for its user")]
 
 #[path = "modules.rs"]

@@ -36,8 +36,8 @@ fn frame(session: &mut Session) -> Frame {
     session.frame(&|_| {}).expect("a scene that renders")
 }
 
-/// The mean over all pixels of the squared relative difference. Differences of pixels that are darker than a hundredth of
-/// the mean are relative to that hundredth.
+/// The mean over all pixels of the squared relative difference. Differences of pixels that are
+/// darker than a hundredth of the mean are relative to that hundredth.
 fn rel_mse(image: &Image, reference: &Image) -> f64 {
     let luminance = |p: Vec3| f64::from(p.dot(Vec3::new(0.2126, 0.7152, 0.0722)));
     let count = reference.pixels.len() as f64;
@@ -56,13 +56,15 @@ fn rel_mse(image: &Image, reference: &Image) -> f64 {
 
 /// Limit of the relMSE between pictures of both backends from the same seed.
 ///
-/// With equal seeds, samples differ only where rounding changes the choice of a light or the hit of a ray at an edge. Such
-/// a sample differs by about its own noise, a relMSE of some 10 for one sample, which is 10 / 16 / 16 for its pixel at 16
-/// samples per pixel. If one sample in a thousand differs, 16 / 1000 of the pixels do: 6e-4. (Lavapipe and x86 round alike:
-/// on them the small scene differs by 1e-10.)
+/// With equal seeds, samples differ only where rounding changes the choice of a light or the hit of
+/// a ray at an edge. Such a sample differs by about its own noise, a relMSE of some 10 for one
+/// sample, which is 10 / 16 / 16 for its pixel at 16 samples per pixel. If one sample in a thousand
+/// differs, 16 / 1000 of the pixels do: 6e-4. (Lavapipe and x86 round alike: on them the small
+/// scene differs by 1e-10.)
 const MAX_REL_MSE: f64 = 6e-4;
 
-/// Returns the usage that the light world received before each frame, on the CPU and on the GPU backend.
+/// Returns the usage that the light world received before each frame, on the CPU and on the GPU
+/// backend.
 fn assert_same_pictures(name: &str, stage: impl Fn() -> Stage, frames: u32) -> Vec<[u64; 2]> {
     let settings = settings(48, 27, 16, 5);
     let mut cpu = session(stage(), settings.clone(), BackendChoice::Cpu);
@@ -86,12 +88,13 @@ fn assert_same_pictures(name: &str, stage: impl Fn() -> Stage, frames: u32) -> V
 #[test]
 fn both_backends_render_the_same_picture() {
     let usage = assert_same_pictures("small scene", || small_scene::stage(false).expect("a valid scene"), 3);
-    // Usage arrives one frame later from the CPU and two frames later from the GPU. Both count a sixteenth of the same
-    // samples.
+    // Usage arrives one frame later from the CPU and two frames later from the GPU. Both count a
+    // sixteenth of the same samples.
     let [cpu, gpu] = [usage[1][0], usage[2][1]];
     assert_eq!([usage[0], usage[1]], [[0, 0], [cpu, 0]]);
-    // With 48 * 27 * 16 samples the standard deviation of the difference is at most 50, so that one seed in 5 million
-    // causes a false alarm; the seed is fixed. At least half of all samples meet a surface that light reaches.
+    // With 48 * 27 * 16 samples the standard deviation of the difference is at most 50, so that one
+    // seed in 5 million causes a false alarm; the seed is fixed. At least half of all samples meet
+    // a surface that light reaches.
     assert!(cpu > 600 && cpu.abs_diff(gpu) < 260, "{cpu} and {gpu} of 20736 / 16");
 }
 
@@ -167,8 +170,9 @@ fn a_frame_in_which_a_car_moves_uploads_less_than_the_first() {
 const SEEDS: u64 = 24;
 /// Tiles across and down the picture.
 const TILES: (usize, usize) = (4, 3);
-/// Student's t for 23 degrees of freedom, which chance exceeds once in 10,000 tries, both sides together. With 39 tries (12
-/// tiles and the whole picture, 3 channels) one choice of seeds in 250 causes a false alarm; the seeds are fixed.
+/// Student's t for 23 degrees of freedom, which chance exceeds once in 10,000 tries, both sides
+/// together. With 39 tries (12 tiles and the whole picture, 3 channels) one choice of seeds in 250
+/// causes a false alarm; the seeds are fixed.
 const T_LIMIT: f64 = 4.69;
 /// Limit of the mean standard error of the tiles, relative to their mean brightness.
 const MAX_RELATIVE_ERROR: f64 = 0.04;

@@ -1,4 +1,5 @@
-//! Invalid input to the city example gives one line that names the fault, exit code 2, and no files.
+//! Invalid input to the city example gives one line that names the fault, exit code 2, and no
+//! files.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -24,7 +25,8 @@ fn data(file: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(file)
 }
 
-/// Runs the city with an output folder, and asserts that it fails with one line that contains `hint` and writes no file.
+/// Runs the city with an output folder, and asserts that it fails with one line that contains
+/// `hint` and writes no file.
 fn assert_refused(name: &str, arguments: &[&str], hint: &str) {
     let out = fresh_folder(&format!("{name}-out"));
     let small = ["--backend", "cpu", "--frames", "1", "--size", "16x9", "--spp", "1", "--out"];

@@ -1,4 +1,5 @@
-//! Light trees from glTF: the sample file, malformed and malicious files, and the city example's glTF scenes.
+//! Light trees from glTF: the sample file, malformed and malicious files, and the city example's
+//! glTF scenes.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -210,8 +211,8 @@ fn nodes_scaled_to_zero_are_loaded_and_hidden() {
     assert_eq!(scales(3), Mat3::IDENTITY);
 }
 
-/// The sample file with one triangle of the sign for each of `primitives` primitives. All share the accessors;
-/// primitive i has material `material(i)`, whose strength is i + 1.
+/// The sample file with one triangle of the sign for each of `primitives` primitives. All share the
+/// accessors; primitive i has material `material(i)`, whose strength is i + 1.
 fn shared_accessors(primitives: usize, materials: usize) -> String {
     let mut list = String::new();
     for i in 0..primitives {

@@ -1,4 +1,5 @@
-//! A small scene for tests: every kind of light, shared trees, a car that moves, and a string of lights that sways.
+//! A small scene for tests: every kind of light, shared trees, a car that moves, and a string of
+//! lights that sways.
 //!
 //! It is rendered by the code that renders the city.
 
@@ -107,7 +108,8 @@ fn lamps(scene: &mut Scene, world: &mut LightWorld, steel: u32) -> Result<(), Bo
     Ok(())
 }
 
-/// Three signs, each of two triangle lights and a two-sided rectangle light, with their geometry. One is mirrored.
+/// Three signs, each of two triangle lights and a two-sided rectangle light, with their geometry.
+/// One is mirrored.
 fn signs(scene: &mut Scene, world: &mut LightWorld) -> Result<(), Box<dyn std::error::Error>> {
     let pink = Vec3::new(60.0, 6.0, 40.0);
     let blue = Vec3::new(5.0, 25.0, 70.0);
@@ -152,7 +154,8 @@ fn bulbs(scene: &mut Scene, world: &mut LightWorld) -> Result<(), Box<dyn std::e
     Ok(())
 }
 
-/// A car with two spot lights and two rectangle lights. Returns its object and the instance of its lights.
+/// A car with two spot lights and two rectangle lights. Returns its object and the instance of its
+/// lights.
 fn car(
     scene: &mut Scene,
     world: &mut LightWorld,

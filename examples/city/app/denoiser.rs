@@ -1,8 +1,9 @@
 //! Filters the noise of a picture. Only PNG pictures are filtered.
 //!
-//! Based on edge-avoiding a-trous wavelets [Dammertz et al. 2010], guided by surfaces and by the noise of each pixel as in
-//! SVGF [Schied et al. 2017]. Differs: the noise is estimated from the samples of the frame, so that the filter fades as
-//! their number grows, and earlier frames are not used.
+//! Based on edge-avoiding a-trous wavelets [Dammertz et al. 2010], guided by surfaces and by the
+//! noise of each pixel as in SVGF [Schied et al. 2017]. Differs: the noise is estimated from the
+//! samples of the frame, so that the filter fades as their number grows, and earlier frames are not
+//! used.
 
 use super::render::geometry::Geometry;
 use super::render::image::Image;
@@ -18,13 +19,14 @@ const LEVELS: u32 = 5;
 const KERNEL: [f32; 3] = [0.375, 0.25, 0.0625];
 /// Difference of luminance, in standard errors, at which the weight of a neighbour falls to 1/e.
 const TOLERANCE: f32 = 3.0;
-/// A pixel that exceeds the mean of its neighbours by this many of their standard deviations is an outlier.
+/// A pixel that exceeds the mean of its neighbours by this many of their standard deviations is an
+/// outlier.
 const OUTLIER: f32 = 2.5;
 /// Specular reflectance of dielectrics, added to the albedo.
 const SPECULAR: f32 = 0.04;
 
-/// What is visible in a pixel: the surface through its centre, and the mean colour through its centre and four more
-/// points, so that edges between colours stay smooth.
+/// What is visible in a pixel: the surface through its centre, and the mean colour through its
+/// centre and four more points, so that edges between colours stay smooth.
 #[derive(Clone, Copy)]
 struct Guide {
     position: Vec3,
@@ -37,7 +39,8 @@ struct Guide {
     is_filtered: bool,
 }
 
-/// The light of a pixel, divided by its albedo, and the square of the standard error of its luminance.
+/// The light of a pixel, divided by its albedo, and the square of the standard error of its
+/// luminance.
 #[derive(Clone, Copy)]
 struct Sample {
     light: Vec3,
@@ -66,7 +69,8 @@ pub fn denoise(image: &Image, scene: &Scene, geometry: &Geometry) -> Image {
         .collect();
     samples = filter.map(&samples, |filter, samples, place| filter.clamp_outlier(samples, place));
     for level in 0..LEVELS {
-        // The noise of one pixel is estimated from few samples, so that it is averaged with that of its neighbours.
+        // The noise of one pixel is estimated from few samples, so that it is averaged with that of
+        // its neighbours.
         let variance: Vec<f32> =
             filter.map_to(&samples, |filter, samples, place| filter.smooth_variance(samples, place));
         samples = filter.map(&samples, |filter, samples, place| filter.smooth(samples, &variance, place, 1 << level));
@@ -129,7 +133,8 @@ impl Filter {
         (place.y * self.size.x + place.x) as usize
     }
 
-    /// Neighbours of a pixel on similar surfaces: their indices, offsets in steps, and similarities from 0 to 1.
+    /// Neighbours of a pixel on similar surfaces: their indices, offsets in steps, and similarities
+    /// from 0 to 1.
     fn neighbours(&self, place: IVec2, radius: i32, step: i32) -> impl Iterator<Item = (usize, IVec2, f32)> {
         let own = self.guides[self.index(place)];
         let offsets = (-radius..=radius).flat_map(move |y| (-radius..=radius).map(move |x| IVec2::new(x, y)));

@@ -21,33 +21,35 @@ const FIELD_OF_VIEW: f32 = std::f32::consts::FRAC_PI_3;
 /// Most samples per pixel.
 const MAX_SPP: u32 = 1 << 20;
 
-/// Renders a night city, a glTF scene, or the lamps and traffic of a real city, lit through two-level light trees
+/// Renders a night city, a glTF scene, or the lamps and traffic of a real city, lit through
+/// two-level light trees
 #[derive(Clone, Debug, Parser)]
 #[command(name = "city", version)]
 pub struct Options {
     /// Number of frames to render
-    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_FRAMES)))]
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_FRAMES)))]
     pub frames: u32,
     /// Width and height of the picture in pixels
     #[arg(long, value_name = "WxH", default_value = "640x360", value_parser = parse_size)]
     pub size: (u32, u32),
     /// Samples per pixel; each sample uses one light
-    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SPP)))]
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SPP)))]
     pub spp: u32,
-    /// Size of the procedural city: about 1,000, 10,000 or 100,000 instances of lights
-    #[arg(long, value_enum, ignore_case = true, default_value_t = Size::S, conflicts_with_all = ["gltf", "lamps"])]
+    /// Size of the procedural city
+    #[arg(long, value_name = "SIZE", value_enum, ignore_case = true, default_value_t = Size::S, conflicts_with_all = ["gltf", "lamps", "traffic"])]
     pub world: Size,
-    /// Number of cars in the procedural city, or parked in a real city without traffic [default: depends on the city]
-    #[arg(long, conflicts_with_all = ["gltf", "traffic"])]
+    /// Number of cars in the procedural city, or parked in a real city without traffic [default:
+    /// depends on the city]
+    #[arg(long, value_name = "N", conflicts_with_all = ["gltf", "traffic"])]
     pub cars: Option<usize>,
     /// Seed of the city and of the noise
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
     /// Time that rebuilds of light trees may take per frame, in milliseconds
     #[arg(long, value_name = "MS", default_value_t = 1.0, value_parser = parse_budget, allow_negative_numbers = true)]
     pub budget_ms: f64,
     /// Where to render
-    #[arg(long, value_enum, default_value_t = BackendChoice::Auto)]
+    #[arg(long, value_name = "WHERE", value_enum, default_value_t = BackendChoice::Auto)]
     pub backend: BackendChoice,
     /// Folder for the pictures and frames.csv; created if it does not exist
     #[arg(long, value_name = "DIR", default_value = "out")]
@@ -55,13 +57,15 @@ pub struct Options {
     /// Render this glTF scene (.gltf or .glb) instead of the procedural city
     #[arg(long, value_name = "FILE", conflicts_with_all = ["lamps", "traffic"])]
     pub gltf: Option<PathBuf>,
-    /// Render the street lamps of a real city: a CSV file with the columns x_m, y_m, est_height_m (metres) and est_lumens
+    /// Render the street lamps of a real city: a CSV file with the columns x_m, y_m, est_height_m
+    /// (metres) and est_lumens
     #[arg(long, value_name = "FILE.csv")]
     pub lamps: Option<PathBuf>,
     /// Render the vehicles of a SUMO simulation: an XML file that `sumo --fcd-output` wrote
     #[arg(long, value_name = "FILE.xml")]
     pub traffic: Option<PathBuf>,
-    /// Keep the noise in the PNG pictures; by default it is filtered (EXR pictures are never filtered)
+    /// Keep the noise in the PNG pictures; by default it is filtered (EXR pictures are never
+    /// filtered)
     #[arg(long)]
     pub keep_noise: bool,
     /// Camera: position and target in metres [default: depends on the scene]
@@ -188,6 +192,7 @@ mod tests {
             "--backend gl",
             "--gltf a.glb --lamps b.csv",
             "--gltf a.glb --cars 5",
+            "--traffic a.xml --world S",
             "--unknown",
         ] {
             let line = parse(bad).unwrap_err().0;

@@ -1,6 +1,8 @@
-//! Output files: EXR pictures of radiance, PNG pictures for a screen, and a table of the costs of each frame.
+//! Output files: EXR pictures of radiance, PNG pictures for a screen, and a table of the costs of
+//! each frame.
 //!
-//! Each file is written under a temporary name in the same folder and then renamed, so that it is complete if it exists.
+//! Each file is written under a temporary name in the same folder and then renamed, so that it is
+//! complete if it exists.
 
 use super::render::image::Image;
 use super::scene::SceneError;
@@ -86,7 +88,8 @@ impl Output {
             fs::rename(&from, &to).map_err(|e| e.to_string())
         });
         result.map_err(|e| {
-            // An incomplete file is useless. If it cannot be removed, the first error is reported anyway.
+            // An incomplete file is useless. If it cannot be removed, the first error is reported
+            // anyway.
             let _ = fs::remove_file(&from);
             SceneError(format!("cannot write {}: {e}", to.display()))
         })

@@ -16,7 +16,8 @@ use std::time::Duration;
 /// Steps of the progress bar in one frame.
 const TICKS: u64 = 1000;
 
-/// Renders all frames. `print` receives lines for the user. Invalid input is refused before the first file is written.
+/// Renders all frames. `print` receives lines for the user. Invalid input is refused before the
+/// first file is written.
 pub fn run(options: &Options, print: &mut dyn FnMut(&str)) -> Result<(), SceneError> {
     let stage = load(options)?;
     let chosen = backend::choose(options.backend)?;

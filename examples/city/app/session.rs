@@ -44,7 +44,8 @@ pub struct FrameStats {
     pub background_trees: usize,
     /// Light trees that wait for a rebuild.
     pub waiting_trees: usize,
-    /// The most frames for which a tree has waited, among those that wait and those that were rebuilt.
+    /// The most frames for which a tree has waited, among those that wait and those that were
+    /// rebuilt.
     pub longest_wait: u64,
     /// Time that rebuilds were allowed to take.
     pub budget: Duration,
@@ -77,7 +78,8 @@ pub struct Frame {
     /// Bytes of objects and of the upper hierarchy that were uploaded; 0 on the CPU backend.
     #[cfg_attr(not(test), allow(dead_code, reason = "only tests read it"))]
     pub geometry_bytes: u64,
-    /// Usage of earlier frames, in samples, that the light world received before it chose what to rebuild.
+    /// Usage of earlier frames, in samples, that the light world received before it chose what to
+    /// rebuild.
     #[cfg_attr(not(test), allow(dead_code, reason = "only tests read it"))]
     pub recorded_usage: u64,
 }

@@ -1,7 +1,9 @@
-//! Tone mapping, from radiance to a picture for a screen: exposure, bloom around lamps, and the AgX curve.
+//! Tone mapping, from radiance to a picture for a screen: exposure, bloom around lamps, and the AgX
+//! curve.
 //!
-//! The curve is Benjamin Wrensch's minimal fit (2023) of Troy Sobotka's AgX with its "punchy" look. Bright saturated lamps
-//! turn white instead of clipping to a flat colour. Only PNG pictures are tone mapped.
+//! The curve is Benjamin Wrensch's minimal fit (2023) of Troy Sobotka's AgX with its "punchy" look.
+//! Bright saturated lamps turn white instead of clipping to a flat colour. Only PNG pictures are
+//! tone mapped.
 
 use super::render::image::Image;
 use girandole::glam::{Mat3, Vec3};
@@ -11,8 +13,8 @@ use rayon::prelude::*;
 const BLOOM: f32 = 0.045;
 /// Radii of the bloom as shares of the picture's height, and their weights.
 const BLOOM_LOBES: [(f32, f32); 3] = [(0.006, 0.5), (0.02, 0.3), (0.07, 0.2)];
-/// Exposed values are limited to this before they are scattered, so that a single noisy pixel does not cover the
-/// picture.
+/// Exposed values are limited to this before they are scattered, so that a single noisy pixel does
+/// not cover the picture.
 const BLOOM_LIMIT: f32 = 40.0;
 
 /// Linear Rec. 709 to the space of the curve.
@@ -56,7 +58,8 @@ pub fn tone_map(image: &Image, exposure: f32) -> Vec<u8> {
     let bright: Vec<Vec3> = exposed.par_iter().map(|p| p.min(Vec3::splat(BLOOM_LIMIT))).collect();
     for (width_share, weight) in BLOOM_LOBES {
         let radius = (width_share * height as f32).round().max(1.0) as usize;
-        // Three successive box filters approximate a Gaussian, at a cost that does not depend on the radius.
+        // Three successive box filters approximate a Gaussian, at a cost that does not depend on
+        // the radius.
         let mut blurred = bright.clone();
         for _ in 0..3 {
             blurred = blur_rows(&blurred, width, radius);

@@ -1,4 +1,5 @@
-//! Chooses where frames are rendered: on a GPU, a software Vulkan driver, or the threads of this program.
+//! Chooses where frames are rendered: on a GPU, a software Vulkan driver, or the threads of this
+//! program.
 
 use super::scene::SceneError;
 use clap::ValueEnum;
@@ -21,7 +22,8 @@ pub enum BackendChoice {
 const ADAPTER_HINT: &str =
     "install a Vulkan driver for the GPU, or a software driver: apt-get install mesa-vulkan-drivers libvulkan1";
 
-/// Storage buffers of a shader that counts the lights that it samples: one more than WebGPU guarantees.
+/// Storage buffers of a shader that counts the lights that it samples: one more than WebGPU
+/// guarantees.
 pub const USAGE_STORAGE_BUFFERS: u32 = 9;
 
 /// An open device.
@@ -77,7 +79,8 @@ pub fn choose(choice: BackendChoice) -> Result<ChosenBackend, SceneError> {
     }
 }
 
-/// Opens the best adapter of a native interface. OpenGL is left out, since it takes minutes to compile the shader.
+/// Opens the best adapter of a native interface. OpenGL is left out, since it takes minutes to
+/// compile the shader.
 fn open_gpu() -> Result<Gpu, SceneError> {
     let backends = wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12;
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
@@ -99,7 +102,8 @@ fn open_gpu() -> Result<Gpu, SceneError> {
     let timestamps = adapter.features().contains(timing);
     let offered = adapter.limits();
     let own = wgpu::Limits::default();
-    // WebGPU's default limits, except for the size of buffers and, where the adapter has it, one storage buffer more.
+    // WebGPU's default limits, except for the size of buffers and, where the adapter has it, one
+    // storage buffer more.
     let required_limits = wgpu::Limits {
         max_storage_buffers_per_shader_stage: offered
             .max_storage_buffers_per_shader_stage

@@ -1,4 +1,5 @@
-//! The CPU backend. It renders rows in parallel, with the library's sampler and the same estimator as `render.wgsl`.
+//! The CPU backend. It renders rows in parallel, with the library's sampler and the same estimator
+//! as `render.wgsl`.
 
 use super::geometry::Geometry;
 use super::image::{Image, ShadowRays};
@@ -17,8 +18,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// Shadow rays end at this share of the distance to an area light, just before its surface.
 const SHADOW_RAY_SHARE: f32 = 1.0 - 1e-3;
 
-/// How often the lights of each instance were sampled, in a random one of [`DEFAULT_USAGE_INTERVAL`] samples. Ordered by
-/// key, so that equal pictures report equal sequences to the light world.
+/// How often the lights of each instance were sampled, in a random one of
+/// [`DEFAULT_USAGE_INTERVAL`] samples. Ordered by key, so that equal pictures report equal
+/// sequences to the light world.
 pub type UsageCounters = BTreeMap<InstanceKey, u32>;
 
 /// What is counted while a row is rendered.

@@ -1,6 +1,8 @@
-//! The geometry that rays hit: one bounding volume hierarchy for each mesh, and an upper one over the placed objects.
+//! The geometry that rays hit: one bounding volume hierarchy for each mesh, and an upper one over
+//! the placed objects.
 //!
-//! The crate obvhs builds them. When objects move, only the upper hierarchy is rebuilt, over the boxes of the objects.
+//! The crate obvhs builds them. When objects move, only the upper hierarchy is rebuilt, over the
+//! boxes of the objects.
 
 use super::nodes::{MAX_REFERENCE, Node, Subtree, collect_nodes, leaf_reference};
 use super::scene::{Mesh, Object, Scene, SceneError};
@@ -18,12 +20,13 @@ use std::time::Duration;
 
 /// At most 8, for which a reference to a leaf has three bits.
 const MAX_LEAF_TRIANGLES: u32 = 4;
-/// Objects that a build of the upper hierarchy reinserts to improve it. This saves a sixth of the box tests per ray, for
-/// less than a millisecond in cities of any size.
+/// Objects that a build of the upper hierarchy reinserts to improve it. This saves a sixth of the
+/// box tests per ray, for less than a millisecond in cities of any size.
 const REINSERTIONS: f32 = 500.0;
 /// A distance beyond everything, in metres. `FAR` in `render.wgsl`.
 const FAR: f32 = 3.0e38;
-/// Largest absolute coordinate of a vertex and entry of a transform: areas of boxes in world space stay within f32.
+/// Largest absolute coordinate of a vertex and entry of a transform: areas of boxes in world space
+/// stay within f32.
 const MAX_COORDINATE: f32 = 1e8;
 /// A flag of [`PackedTriangle::flags`]: shadow rays pass through.
 pub const SEE_THROUGH: u32 = 1;
@@ -72,9 +75,11 @@ impl Occluders {
     /// Nothing casts shadows.
     const NONE: Self = Self { min: Vec3::MAX, max: Vec3::MIN };
 
-    /// Whether something may block a ray within the distance `limit`; where not, no shadow ray is needed.
+    /// Whether something may block a ray within the distance `limit`; where not, no shadow ray is
+    /// needed.
     ///
-    /// Compares the box of the ray's segment with the box of all occluders. Twin of `may_be_occluded` in `render.wgsl`.
+    /// Compares the box of the ray's segment with the box of all occluders. Twin of
+    /// `may_be_occluded` in `render.wgsl`.
     pub fn may_block(&self, origin: Vec3, direction: Vec3, limit: f32) -> bool {
         let end = origin + direction * limit.min(FAR);
         limit > 0.0 && origin.min(end).cmple(self.max).all() && origin.max(end).cmpge(self.min).all()
@@ -134,7 +139,8 @@ impl GeometryChange {
 }
 
 impl Geometry {
-    /// Builds all hierarchies. Refuses indices out of range, empty meshes, and coordinates beyond [`MAX_COORDINATE`].
+    /// Builds all hierarchies. Refuses indices out of range, empty meshes, and coordinates beyond
+    /// [`MAX_COORDINATE`].
     pub fn new(scene: &Scene) -> Result<Self, SceneError> {
         check(scene)?;
         let built: Vec<BuiltMesh> = scene.meshes.par_iter().map(build_mesh).collect();
@@ -174,7 +180,8 @@ impl Geometry {
         Ok(geometry)
     }
 
-    /// Takes over the objects that moved, or whose visibility or emission changed, since the last call.
+    /// Takes over the objects that moved, or whose visibility or emission changed, since the last
+    /// call.
     pub fn update(&mut self, scene: &Scene) -> Result<GeometryChange, SceneError> {
         let mut change = GeometryChange::default();
         for (i, object) in scene.objects.iter().enumerate() {

@@ -18,14 +18,16 @@ pub struct Image {
 }
 
 impl Image {
-    /// A picture from the sums of radiance (xyz) and of squared luminance (w) over `spp` samples of each pixel.
+    /// A picture from the sums of radiance (xyz) and of squared luminance (w) over `spp` samples of
+    /// each pixel.
     pub fn from_sums(width: u32, height: u32, spp: u32, sums: impl Iterator<Item = Vec4>) -> Self {
         let count = spp as f32;
         let (pixels, variance) = sums
             .map(|sum| {
                 let mean = sum.truncate() / count;
                 let square = luminance(mean).powi(2);
-                // One sample does not show its error; it is then taken to be as large as the sample.
+                // One sample does not show its error; it is then taken to be as large as the
+                // sample.
                 let variance = if spp > 1 { (sum.w / count - square).max(0.0) / (count - 1.0) } else { square };
                 (mean, variance)
             })

@@ -1,15 +1,15 @@
 //! The nodes of the geometry's hierarchies, in the layout that both backends read.
 //!
-//! A node holds the boxes of both its children, as in Aila and Laine (HPG 2009): one read of 64 bytes decides about two
-//! boxes.
+//! A node holds the boxes of both its children, as in Aila and Laine (HPG 2009): one read of 64
+//! bytes decides about two boxes.
 
 use bytemuck::{Pod, Zeroable};
 use girandole::glam::Vec3;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::node::Bvh2Node;
 
-/// The bit that marks a reference to a leaf. Bits 28 to 30 then hold the number of triangles minus one, and the lower
-/// bits the first triangle or the object.
+/// The bit that marks a reference to a leaf. Bits 28 to 30 then hold the number of triangles minus
+/// one, and the lower bits the first triangle or the object.
 pub const LEAF: u32 = 1 << 31;
 /// Position of a leaf's count.
 pub const COUNT_SHIFT: u32 = 28;
@@ -64,7 +64,8 @@ pub fn leaf_reference(first: u32, count: u32) -> u32 {
     LEAF | (count - 1) << COUNT_SHIFT | first
 }
 
-/// Appends the inner nodes of a hierarchy, parents before children. `leaf` returns the reference to a leaf.
+/// Appends the inner nodes of a hierarchy, parents before children. `leaf` returns the reference to
+/// a leaf.
 pub fn collect_nodes(bvh: &Bvh2, nodes: &mut Vec<Node>, leaf: impl Fn(&Bvh2Node) -> u32) -> Subtree {
     let root = bvh.nodes[0];
     if root.is_leaf() {

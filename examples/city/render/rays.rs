@@ -4,7 +4,8 @@ use super::geometry::{Geometry, PackedTriangle, SEE_THROUGH};
 use super::nodes::{COUNT_SHIFT, FIRST_MASK, LEAF, LEAVE, NOTHING};
 use girandole::glam::{Vec3, Vec3A, Vec4};
 
-/// Widens the far end of the slab test by its rounding (Ize, JCGT 2013), so that no hit on a side of a box is lost.
+/// Widens the far end of the slab test by its rounding (Ize, JCGT 2013), so that no hit on a side
+/// of a box is lost.
 const SLAB_ROUNDING: f32 = 1.0 + 4e-7;
 
 /// Where a ray meets a triangle.
@@ -27,7 +28,8 @@ struct Ray {
 
 impl Ray {
     fn new(origin: Vec3A, direction: Vec3A) -> Self {
-        // A large number where a component is zero: infinity would give 0 * infinity for an origin on a side of a box.
+        // A large number where a component is zero: infinity would give 0 * infinity for an origin
+        // on a side of a box.
         let safe = |x: f32| if x.abs() < 1e-20 { 1e20f32.copysign(x) } else { 1.0 / x };
         Self { origin, direction, inverse: Vec3A::new(safe(direction.x), safe(direction.y), safe(direction.z)) }
     }

@@ -1,9 +1,9 @@
-//! Random numbers, camera rays, sky and BRDF. `render.wgsl` has the same functions; `tests/all/city_images.rs` compares the
-//! pictures of both.
+//! Random numbers, camera rays, sky and BRDF. `render.wgsl` has the same functions;
+//! `tests/all/city_images.rs` compares the pictures of both.
 //!
-//! The hash is pcg4d of Jarzynski and Olano, "Hash Functions for GPU Rendering" (JCGT 2020). It shifts Roberts' R
-//! sequences (2018): each sample is uniform, and the samples of a pixel are evenly distributed, which lowers the noise
-//! without bias.
+//! The hash is pcg4d of Jarzynski and Olano, "Hash Functions for GPU Rendering" (JCGT 2020). It
+//! shifts Roberts' R sequences (2018): each sample is uniform, and the samples of a pixel are
+//! evenly distributed, which lowers the noise without bias.
 
 use super::scene::{Camera, Material, Sky};
 use girandole::glam::{Vec2, Vec3};
@@ -19,7 +19,8 @@ pub enum Dimension {
     Pixel = 1,
 }
 
-/// Fractional parts of the powers of 1/phi_4 times 2^32, where phi_d is the root of x^(d+1) = x + 1.
+/// Fractional parts of the powers of 1/phi_4 times 2^32, where phi_d is the root of x^(d+1) = x +
+/// 1.
 const R4: [u32; 4] = [0xdb4f_0b91, 0xbbe0_5633, 0xa0f2_ec76, 0x89e1_8285];
 /// The same for phi_2, twice.
 const R2: [u32; 4] = [0xc13f_a9a9, 0x91e1_0da6, 0xc13f_a9a9, 0x91e1_0da6];
@@ -95,8 +96,9 @@ pub fn sky_radiance(sky: &Sky, direction: Vec3) -> Vec3 {
     sky.horizon.lerp(sky.zenith, direction.y.max(0.0).sqrt())
 }
 
-/// The BRDF, per steradian: a Lambertian base under GGX with Smith's height-correlated masking and Schlick's Fresnel term,
-/// combined as in appendix B of glTF 2.0. Directions are unit vectors that point away from the surface.
+/// The BRDF, per steradian: a Lambertian base under GGX with Smith's height-correlated masking and
+/// Schlick's Fresnel term, combined as in appendix B of glTF 2.0. Directions are unit vectors that
+/// point away from the surface.
 pub fn brdf(material: &Material, normal: Vec3, view: Vec3, light: Vec3) -> Vec3 {
     let half = (view + light).normalize_or_zero();
     let n_dot_l = normal.dot(light).max(0.0);
@@ -123,8 +125,8 @@ pub fn brdf(material: &Material, normal: Vec3, view: Vec3, light: Vec3) -> Vec3 
     (Vec3::ONE - fresnel) * diffuse + fresnel * (distribution * visibility)
 }
 
-/// The distance of the origin of shadow rays from the surface. It exceeds the rounding of a hit at `position` that is
-/// `distance` along a ray.
+/// The distance of the origin of shadow rays from the surface. It exceeds the rounding of a hit at
+/// `position` that is `distance` along a ray.
 pub fn shadow_offset(position: Vec3, distance: f32) -> f32 {
     position.abs().max_element().max(distance).max(1.0) * 2e-5
 }

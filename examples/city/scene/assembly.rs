@@ -1,5 +1,5 @@
-//! Builds a scene and its light world together: one mesh and one light tree for each design, and any number of
-//! placements.
+//! Builds a scene and its light world together: one mesh and one light tree for each design, and
+//! any number of placements.
 
 use girandole::glam::{Affine3A, Vec3, vec3};
 use girandole::{DirectionalLight, InstanceKey, LightWorld, Policy, TreeKey};

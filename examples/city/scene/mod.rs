@@ -1,16 +1,17 @@
 //! Scenes: what the example draws, how it moves, and the light world that goes with it.
 //!
-//! A loader returns a [`Stage`]: geometry, lights and an animation. There are three loaders, each in a folder:
-//! `procedural` builds a city, `real_city` reads the street lamps and the traffic of a real one, and `gltf_scene` reads
-//! a file. Renderers take any stage and do not depend on the loader.
+//! A loader returns a [`Stage`]: geometry, lights and an animation. There are three loaders, each
+//! in a folder: `procedural` builds a city, `real_city` reads the street lamps and the traffic of a
+//! real one, and `gltf_scene` reads a file. Renderers take any stage and do not depend on the
+//! loader.
 //!
 //! Metres, right-handed, Y up. Radiance and emission are in nits, per linear Rec. 709 channel.
 //!
 //! Read in this order:
 //!
 //! 1. this file: the types of a stage;
-//! 2. `rng`, `palette`, `part` and `assembly`: random numbers, materials, and meshes that are built together with their
-//!    lights;
+//! 2. `rng`, `palette`, `part` and `assembly`: random numbers, materials, and meshes that are built
+//!    together with their lights;
 //! 3. `designs`: buildings, street furniture, signs and vehicles;
 //! 4. the loaders, in any order; each folder's `mod.rs` states the order of its files.
 
@@ -28,7 +29,8 @@ pub mod real_city;
 use girandole::LightWorld;
 use girandole::glam::{Affine3A, Vec3};
 
-/// How a surface scatters and emits light: GGX over a diffuse base, the metallic-roughness model of glTF.
+/// How a surface scatters and emits light: GGX over a diffuse base, the metallic-roughness model of
+/// glTF.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Material {
     /// Linear base colour; each channel is in [0, 1].
@@ -116,15 +118,15 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// Meshes, by index.
     pub meshes: Vec<Mesh>,
-    /// Placed meshes. Their number and their meshes do not change after loading: objects that appear and disappear
-    /// change their visibility.
+    /// Placed meshes. Their number and their meshes do not change after loading: objects that
+    /// appear and disappear change their visibility.
     pub objects: Vec<Object>,
     /// The camera.
     pub camera: Camera,
     /// The sky.
     pub sky: Sky,
-    /// Shadow rays towards point and spot lights end this many metres before the light, because such lights often lie
-    /// inside the mesh of their lamp.
+    /// Shadow rays towards point and spot lights end this many metres before the light, because
+    /// such lights often lie inside the mesh of their lamp.
     pub lamp_clearance: f32,
     /// Factor on radiance before tone mapping.
     pub exposure: f32,
@@ -135,7 +137,8 @@ pub trait Animation {
     /// Moves objects and lights to where they are at `time`. Changes nothing else.
     fn advance(&mut self, time: f64, scene: &mut Scene, world: &mut LightWorld) -> Result<(), SceneError>;
 
-    /// Whether nothing moves after the first call of [`Animation::advance`], so that it needs no other.
+    /// Whether nothing moves after the first call of [`Animation::advance`], so that it needs no
+    /// other.
     fn is_still(&self) -> bool {
         false
     }

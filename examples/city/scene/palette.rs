@@ -22,7 +22,8 @@ pub struct Palette {
 
 impl Palette {
     fn index_of(&mut self, material: Material) -> u32 {
-        // A few hundred materials at most, so that a linear search costs little and floats need no hash.
+        // A few hundred materials at most, so that a linear search costs little and floats need no
+        // hash.
         let found = self.materials.iter().position(|known| *known == material);
         found.unwrap_or_else(|| {
             self.materials.push(material);

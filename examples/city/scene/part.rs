@@ -35,7 +35,8 @@ impl Part {
         self.quad([at(min[0], max[1]), at(max[0], max[1]), at(max[0], min[1]), at(min[0], min[1])], material);
     }
 
-    /// An emissive parallelogram and its rectangle light; the front is the side of `half_u` x `half_v`.
+    /// An emissive parallelogram and its rectangle light; the front is the side of `half_u` x
+    /// `half_v`.
     pub fn glow(&mut self, center: Vec3, half_u: Vec3, half_v: Vec3, glow: Glow) {
         let corners = [-half_u - half_v, half_u - half_v, half_u + half_v, half_v - half_u];
         self.quad(corners.map(|corner| center + corner), glow.material);
@@ -75,7 +76,8 @@ impl Part {
         }
     }
 
-    /// A polyhedron inscribed in an ellipsoid, so that it never occludes the sphere light of the same radius.
+    /// A polyhedron inscribed in an ellipsoid, so that it never occludes the sphere light of the
+    /// same radius.
     pub fn ball(&mut self, center: Vec3, radius: Vec3, sides: usize, material: u32) {
         let rings = sides / 2;
         let at = |ring: usize, side: usize| {

@@ -1,7 +1,8 @@
-//! PCG-RXS-M-XS-32, the random number generator of all scenes: the same seed gives the same city on every machine.
+//! PCG-RXS-M-XS-32, the random number generator of all scenes: the same seed gives the same city on
+//! every machine.
 
-/// A seeded generator with 32 bits of state. Different `stream` numbers give sequences that are independent enough for
-/// scenery.
+/// A seeded generator with 32 bits of state. Different `stream` numbers give sequences that are
+/// independent enough for scenery.
 #[derive(Clone, Copy, Debug)]
 pub struct Rng {
     state: u32,

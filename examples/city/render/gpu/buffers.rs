@@ -36,8 +36,8 @@ pub struct Timer {
 }
 
 impl Buffers {
-    /// Allocates the buffers and uploads the geometry. Refuses a scene that exceeds the limits or the memory of the
-    /// device.
+    /// Allocates the buffers and uploads the geometry. Refuses a scene that exceeds the limits or
+    /// the memory of the device.
     pub fn new(gpu: &Gpu, scene: &Scene, geometry: &Geometry, band_pixels: u64) -> Result<Self, SceneError> {
         let device = &gpu.device;
         let limits = device.limits();

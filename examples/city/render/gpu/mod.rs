@@ -1,8 +1,8 @@
 //! The GPU backend: `render.wgsl`, joined with the library's text, on the example's own device.
 //!
-//! The geometry is uploaded once. After that, only objects that changed are uploaded and, if any of them moved, the upper
-//! hierarchy. The picture is rendered and read back in bands of rows, so that its size is not limited. Each dispatch is
-//! short enough not to be stopped by a driver's watchdog.
+//! The geometry is uploaded once. After that, only objects that changed are uploaded and, if any of
+//! them moved, the upper hierarchy. The picture is rendered and read back in bands of rows, so that
+//! its size is not limited. Each dispatch is short enough not to be stopped by a driver's watchdog.
 //!
 //! Read in this order:
 //!
@@ -65,8 +65,9 @@ pub struct GpuRenderer {
 }
 
 impl GpuRenderer {
-    /// Uploads the geometry and compiles a shader for a light world with these effects. The shader counts the lights that
-    /// it samples if `counts_usage` is set and the device has enough storage buffers.
+    /// Uploads the geometry and compiles a shader for a light world with these effects. The shader
+    /// counts the lights that it samples if `counts_usage` is set and the device has enough storage
+    /// buffers.
     ///
     /// Refuses a scene that exceeds the limits or the memory of the device.
     pub fn new(
@@ -111,8 +112,9 @@ impl GpuRenderer {
     ) -> Result<GpuUpdate, SceneError> {
         let geometry_bytes = self.upload_geometry(geometry, change);
         let light_bytes = self.lights.upload(world, delta).map_err(|e| SceneError(e.to_string()))?.bytes;
-        // The effect MOVING changes no shader. An interactive program would use `gpu::PipelineVariants`, which never
-        // blocks. This one blocks on purpose, so that the same seed always gives the same picture.
+        // The effect MOVING changes no shader. An interactive program would use
+        // `gpu::PipelineVariants`, which never blocks. This one blocks on purpose, so that the same
+        // seed always gives the same picture.
         let effects = world.effects() - Effects::MOVING;
         if stack_size(geometry) > self.stack_size || effects != self.shader.effects {
             self.stack_size = self.stack_size.max(stack_size(geometry));
@@ -203,7 +205,8 @@ impl GpuRenderer {
     /// Builds the top level of the light trees and returns the time that it took on the device.
     fn build_top(&mut self) -> Result<Option<Duration>, SceneError> {
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-        // Collects what the last frame counted. A frame in which nothing changes has no encoder and collects nothing.
+        // Collects what the last frame counted. A frame in which nothing changes has no encoder and
+        // collects nothing.
         self.lights.collect_usage(&mut encoder);
         let timer = self.buffers.timer.as_ref();
         if let Some(timer) = timer {
@@ -235,7 +238,8 @@ impl GpuRenderer {
         pass.dispatch_workgroups(frame.width.div_ceil(WORKGROUP), rows.div_ceil(WORKGROUP), 1);
         drop(pass);
         self.gpu.queue.submit([encoder.finish()]);
-        // Waiting keeps the progress bar accurate and the queue short. It costs little beside a dispatch.
+        // Waiting keeps the progress bar accurate and the queue short. It costs little beside a
+        // dispatch.
         self.wait()
     }
 

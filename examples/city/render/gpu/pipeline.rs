@@ -9,8 +9,8 @@ pub const LIGHT_GROUP: u32 = 1;
 /// Invocations along each side of a workgroup.
 pub const WORKGROUP: u32 = 8;
 
-/// The text of the shader. `light` is the library's text. `records_usage` is whether the shader counts the lights that it
-/// samples.
+/// The text of the shader. `light` is the library's text. `records_usage` is whether the shader
+/// counts the lights that it samples.
 pub fn shader_source(light: &str, records_usage: bool, stack_size: usize) -> String {
     let body = if records_usage { "light_record_usage(instance, u);" } else { "" };
     format!(
@@ -19,7 +19,8 @@ pub fn shader_source(light: &str, records_usage: bool, stack_size: usize) -> Str
     )
 }
 
-/// The size of the traversal stack, rounded up so that a slightly deeper upper hierarchy needs no other shader.
+/// The size of the traversal stack, rounded up so that a slightly deeper upper hierarchy needs no
+/// other shader.
 pub fn stack_size(geometry: &Geometry) -> usize {
     (geometry.stack_size() + 4).next_multiple_of(16)
 }

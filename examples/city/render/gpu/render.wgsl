@@ -1,8 +1,10 @@
-// Each invocation renders one pixel: camera ray, nearest hit, one light from the library, shadow ray, shading.
+// Each invocation renders one pixel: camera ray, nearest hit, one light from the library, shadow
+// ray, shading.
 //
-// The library's text (group 1) precedes this file and defines `light_sample`. `pipeline.rs` defines `STACK_SIZE` and
-// `record_usage`. Random numbers, sky and BRDF are twins of `shading.rs`, the nodes of `nodes.rs` and `trace` of
-// `rays.rs`. The test `both_backends_render_the_same_picture` compares them.
+// The library's text (group 1) precedes this file and defines `light_sample`. `pipeline.rs` defines
+// `STACK_SIZE` and `record_usage`. Random numbers, sky and BRDF are twins of `shading.rs`, the
+// nodes of `nodes.rs` and `trace` of `rays.rs`. The test `both_backends_render_the_same_picture`
+// compares them.
 
 struct Frame {
     eye: vec3<f32>,
@@ -53,8 +55,9 @@ struct Triangle {
     padding: u32,
 }
 
-// A material (base color and roughness; emission and metallic; zero; two_sided, 0, 0, 0) or an object (rows of world to
-// mesh; root, bits of the emission scale, 0, 0). They share a buffer, since WebGPU guarantees only eight.
+// A material (base color and roughness; emission and metallic; zero; two_sided, 0, 0, 0) or an
+// object (rows of world to mesh; root, bits of the emission scale, 0, 0). They share a buffer,
+// since WebGPU guarantees only eight.
 struct Record {
     row0: vec4<f32>,
     row1: vec4<f32>,
@@ -102,7 +105,8 @@ struct Hit {
     triangle: u32,
 }
 
-// A large number where a component is zero: infinity would give 0 * infinity for an origin on a side of a box.
+// A large number where a component is zero: infinity would give 0 * infinity for an origin on a
+// side of a box.
 fn safe_inverse(v: vec3<f32>) -> vec3<f32> {
     return select(1.0 / v, select(vec3<f32>(1e20), vec3<f32>(-1e20), v < vec3<f32>(0.0)), abs(v) < vec3<f32>(1e-20));
 }
@@ -130,7 +134,8 @@ fn trace(world_origin: vec3<f32>, world_direction: vec3<f32>, limit: f32, any_op
     var inverse = safe_inverse(direction);
     var reference = frame.top_root;
     loop {
-        // All invocations of a wave test boxes until each has reached a leaf, so that boxes and triangles do not mix.
+        // All invocations of a wave test boxes until each has reached a leaf, so that boxes and
+        // triangles do not mix.
         while (reference & LEAF) == 0u {
             let node = nodes[reference];
             let enter0 = enter_box(node.min0, node.max0, origin, inverse, hit.dist);
@@ -230,13 +235,15 @@ fn brdf(material: Record, normal: vec3<f32>, view: vec3<f32>, light: vec3<f32>) 
     return (1.0 - fresnel) * diffuse + fresnel * (distribution * visibility);
 }
 
-// Whether something may block a ray within a distance. Twin of `Occluders::may_block` in `geometry.rs`.
+// Whether something may block a ray within a distance. Twin of `Occluders::may_block` in
+// `geometry.rs`.
 fn may_be_occluded(origin: vec3<f32>, direction: vec3<f32>, limit: f32) -> bool {
     let end = origin + direction * min(limit, FAR);
     return limit > 0.0 && all(min(origin, end) <= frame.occluder_max) && all(max(origin, end) >= frame.occluder_min);
 }
 
-// The numbers of shadow rays that this invocation traced, and that it skipped because nothing could block them.
+// The numbers of shadow rays that this invocation traced, and that it skipped because nothing could
+// block them.
 var<private> shadow_rays: vec2<f32>;
 
 fn radiance(pixel: u32, corner: vec2<f32>, index: u32) -> vec3<f32> {
@@ -303,7 +310,8 @@ fn render(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let pixel = row * frame.width + id.x;
     let slot = id.y * frame.width + id.x;
-    // The counts of shadow rays follow the sums of the whole band. The first dispatch of a band starts both.
+    // The counts of shadow rays follow the sums of the whole band. The first dispatch of a band
+    // starts both.
     let counts_slot = (frame.row_end - frame.row_begin) * frame.width + slot;
     var sum = vec4<f32>(0.0);
     if frame.sample_begin > 0u {

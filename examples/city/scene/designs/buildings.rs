@@ -1,4 +1,5 @@
-//! Buildings for the lots of a block: street corners, narrow and wide houses in a row, and detached houses.
+//! Buildings for the lots of a block: street corners, narrow and wide houses in a row, and detached
+//! houses.
 
 use std::f32::consts::FRAC_PI_2;
 
@@ -9,7 +10,8 @@ use super::palette::{NEON, Palette};
 use super::part::Part;
 use super::rng::Rng;
 
-/// The lot that a building fills. Its front is the +Z edge of the lot; corner buildings have a second one on +X.
+/// The lot that a building fills. Its front is the +Z edge of the lot; corner buildings have a
+/// second one on +X.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lot {
     /// 24 m by 24 m, from (-24, -24) to (0, 0) in (x, z). The street corner is the origin.
@@ -153,7 +155,8 @@ pub fn building(lot: Lot, floors: usize, palette: &mut Palette, rng: &mut Rng) -
         Lot::Narrow | Lot::Detached => ([-8.0, -LOT_DEPTH], [8.0, 0.0]),
         Lot::Wide => ([-16.0, -LOT_DEPTH], [16.0, 0.0]),
     };
-    // A tower is set back above a base of five floors, so that facades along the street have similar heights.
+    // A tower is set back above a base of five floors, so that facades along the street have
+    // similar heights.
     let tower = floors > 10;
     let base_floors = if tower { 5 } else { floors };
     let base = Volume { min: plan.0, max: plan.1, y: [ground, ground + base_floors as f32 * style.floor] };

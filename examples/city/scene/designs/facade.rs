@@ -6,7 +6,8 @@ use super::palette::{COOL, Glow, NEON, NEUTRAL, Palette, SOFT, WARM};
 use super::part::Part;
 use super::rng::Rng;
 
-/// A vertical plane that a facade is built on. `right` is a unit vector that points right for a viewer in front of it.
+/// A vertical plane that a facade is built on. `right` is a unit vector that points right for a
+/// viewer in front of it.
 #[derive(Clone, Copy)]
 pub struct Plane {
     /// The lower left corner.
@@ -127,7 +128,8 @@ fn window(
     }
 }
 
-/// Rows of windows between the heights `y`. `share` is a factor on the probability that a window is lit.
+/// Rows of windows between the heights `y`. `share` is a factor on the probability that a window is
+/// lit.
 pub fn windows(
     part: &mut Part,
     plane: &Plane,
@@ -222,7 +224,8 @@ pub fn shops(part: &mut Part, plane: &Plane, height: f32, style: &Style, palette
     }
 }
 
-/// What is visible behind a shop's pane: bright shelves of several colours, or dark glass where it is closed.
+/// What is visible behind a shop's pane: bright shelves of several colours, or dark glass where it
+/// is closed.
 #[allow(clippy::too_many_arguments, reason = "a private part of `shops`")]
 fn display(
     part: &mut Part,

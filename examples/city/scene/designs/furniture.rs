@@ -20,8 +20,8 @@ pub enum Lamp {
     Globe,
 }
 
-/// A lamp that emits `lumens` at a height of `height` metres. Its post stands on the origin and its arm points along
-/// +Z.
+/// A lamp that emits `lumens` at a height of `height` metres. Its post stands on the origin and its
+/// arm points along +Z.
 pub fn lamp(kind: Lamp, height: f32, lumens: f32, palette: &mut Palette) -> Part {
     let mut part = Part::default();
     let steel = palette.metal([0.2, 0.21, 0.22], 0.5);
@@ -92,7 +92,8 @@ pub fn tree(palette: &mut Palette, rng: &mut Rng) -> Part {
     let leaves = [palette.matte(0.05, 0.11, 0.03), palette.matte(0.07, 0.13, 0.04), palette.matte(0.04, 0.09, 0.035)];
     let height = rng.range(2.2, 3.0);
     part.column(Vec3::ZERO, height + 0.6, [0.17, 0.1], 7, bark);
-    // Leaves are small triangles near the surfaces of a few balls, so that light falls through the crown.
+    // Leaves are small triangles near the surfaces of a few balls, so that light falls through the
+    // crown.
     for _ in 0..5 {
         let center = vec3(rng.range(-0.9, 0.9), height + rng.range(0.4, 2.6), rng.range(-0.9, 0.9));
         let radius = rng.range(0.9, 1.5);

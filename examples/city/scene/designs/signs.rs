@@ -1,4 +1,5 @@
-//! Neon signs: words in a font of 5 by 7 dots, each stroke one emissive bar, on blades and on boards.
+//! Neon signs: words in a font of 5 by 7 dots, each stroke one emissive bar, on blades and on
+//! boards.
 
 use girandole::glam::{Vec3, vec3};
 
@@ -40,7 +41,8 @@ fn glyph(letter: char) -> [&'static str; ROWS] {
 /// A bar of a letter, in dots: x and y of its lower left dot, then its width and height.
 type Bar = [usize; 4];
 
-/// Covers a letter with few bars. Each is the longest horizontal or vertical run of dots that are not covered yet.
+/// Covers a letter with few bars. Each is the longest horizontal or vertical run of dots that are
+/// not covered yet.
 fn bars(letter: char) -> Vec<Bar> {
     let rows = glyph(letter);
     let mut open = [[false; COLUMNS]; ROWS];
@@ -90,8 +92,8 @@ pub const WORDS: [&str; 14] = [
     "FOOD",
 ];
 
-/// A vertical blade with a word on both faces, which face +Z and -Z. It reaches from x = 0.25 m to about 1.3 m, and its
-/// lower edge is at y = 0. Place it with +X pointing away from the wall.
+/// A vertical blade with a word on both faces, which face +Z and -Z. It reaches from x = 0.25 m to
+/// about 1.3 m, and its lower edge is at y = 0. Place it with +X pointing away from the wall.
 pub fn blade(word: &str, palette: &mut Palette, rng: &mut Rng) -> Part {
     let mut part = Part::default();
     let color = rng.below(NEON.len());

@@ -1,4 +1,5 @@
-//! Vehicles with cabins, wheels and lights: two white spots in front and two red rectangles at the back. They face -Z.
+//! Vehicles with cabins, wheels and lights: two white spots in front and two red rectangles at the
+//! back. They face -Z.
 
 use girandole::Light;
 use girandole::glam::{Affine3A, Quat, Vec2, Vec3, vec3};
@@ -68,7 +69,8 @@ impl Body {
         }
     }
 
-    /// Side profile: (z, y) of the upper outline of the lower body and of the cabin, from front to back.
+    /// Side profile: (z, y) of the upper outline of the lower body and of the cabin, from front to
+    /// back.
     fn outline(self) -> (&'static [[f32; 2]], &'static [[f32; 2]]) {
         match self {
             Body::Sedan | Body::Taxi => (
@@ -113,8 +115,8 @@ pub fn car_transform(position: Vec2, angle: f32) -> Affine3A {
     Affine3A::from_rotation_translation(Quat::from_rotation_y(angle), vec3(position.x, 0.0, position.y))
 }
 
-/// Extrudes a side profile, (z, y) from front to back, that a plane at the height `floor` closes below. `half` is the
-/// half width at the bottom and at the top: cabins are narrower at the top.
+/// Extrudes a side profile, (z, y) from front to back, that a plane at the height `floor` closes
+/// below. `half` is the half width at the bottom and at the top: cabins are narrower at the top.
 fn extrude(
     part: &mut Part,
     profile: &[[f32; 2]],
@@ -177,7 +179,8 @@ pub fn vehicle(body: Body, paint: [f32; 3], palette: &mut Palette) -> Part {
     part
 }
 
-/// A wheel: a prism of ten sides about the X axis. `half` is half its width, with the sign of x on its outer side.
+/// A wheel: a prism of ten sides about the X axis. `half` is half its width, with the sign of x on
+/// its outer side.
 fn wheel_at(part: &mut Part, center: Vec3, half: f32, radius: f32, [rubber, rim]: [u32; 2]) {
     let at = |side: usize, out: f32, scale: f32| {
         let (sin, cos) = (side as f32 / 10.0 * std::f32::consts::TAU).sin_cos();

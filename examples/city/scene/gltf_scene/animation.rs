@@ -1,5 +1,5 @@
-//! Plays the animations of a glTF file: translations, rotations and scales of nodes. All animations play at once, each in
-//! a loop.
+//! Plays the animations of a glTF file: translations, rotations and scales of nodes. All animations
+//! play at once, each in a loop.
 
 use girandole::glam::{DAffine3, DQuat, DVec3, Quat, Vec3, Vec4};
 use girandole::gltf::gltf::animation::{Interpolation, Property};
@@ -11,7 +11,8 @@ use super::file::GltfFile;
 use super::node_map::{NodeMap, to_single};
 use super::{Animation, Scene, SceneError};
 
-/// Smallest scale along an axis, unless all axes are 0. A light's placement is either invertible or all zero.
+/// Smallest scale along an axis, unless all axes are 0. A light's placement is either invertible or
+/// all zero.
 const MIN_SCALE: f32 = 1e-4;
 
 /// A property of a node over time.
@@ -21,8 +22,8 @@ struct Channel {
     interpolation: Interpolation,
     /// Seconds, ascending.
     times: Vec<f32>,
-    /// One for each key, or three (in-tangent, value, out-tangent) for cubic splines. Vectors of three numbers have a
-    /// fourth that is 0.
+    /// One for each key, or three (in-tangent, value, out-tangent) for cubic splines. Vectors of
+    /// three numbers have a fourth that is 0.
     values: Vec<Vec4>,
     /// Length of the whole animation, seconds.
     period: f64,

@@ -8,13 +8,15 @@ use girandole::{LightWorld, ShadingPoint};
 use super::Scene;
 use super::rng::Rng;
 
-/// An exposure that maps the geometric mean of the reflected radiance near the camera, without shadows, to 0.1.
+/// An exposure that maps the geometric mean of the reflected radiance near the camera, without
+/// shadows, to 0.1.
 pub fn exposure(scene: &Scene, world: &LightWorld) -> f32 {
     let sampler = world.sampler();
     let mut rng = Rng::new(1, 0xe5b0);
     let camera = &scene.camera;
     let forward = (camera.target - camera.eye).normalize_or(Vec3::NEG_Z);
-    // The triangles in view within 80 m. All have the same weight, so that dense geometry counts more.
+    // The triangles in view within 80 m. All have the same weight, so that dense geometry counts
+    // more.
     let triangles: Vec<([Vec3; 3], u32)> = scene
         .objects
         .iter()

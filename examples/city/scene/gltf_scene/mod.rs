@@ -4,7 +4,8 @@
 //!
 //! 1. this file: how the stage is put together;
 //! 2. `file`: reads a file and its buffers;
-//! 3. `occupancy`, `viewpoint` and `exposure`: a camera and an exposure for scenes without a camera;
+//! 3. `occupancy`, `viewpoint` and `exposure`: a camera and an exposure for scenes without a
+//!    camera;
 //! 4. `node_map`, `animation` and `sway`: the file's animations, or wind where there are none.
 
 use std::path::Path;
@@ -32,12 +33,12 @@ use file::GltfFile;
 use node_map::{NodeMap, to_single};
 use sway::Sway;
 
-/// Point lights often lie inside the mesh of their lamp. Within this distance of a light, in metres, nothing casts a
-/// shadow of it.
+/// Point lights often lie inside the mesh of their lamp. Within this distance of a light, in
+/// metres, nothing casts a shadow of it.
 const LAMP_CLEARANCE: f32 = 0.35;
 
-/// Loads a file. The camera is `camera`, else the first perspective camera of the file, else it is placed among the
-/// lights.
+/// Loads a file. The camera is `camera`, else the first perspective camera of the file, else it is
+/// placed among the lights.
 pub fn stage(path: &Path, camera: Option<Camera>) -> Result<Stage, SceneError> {
     let fail = |what: String| SceneError(format!("{}: {what}", path.display()));
     let file = file::open(path)?;

@@ -1,4 +1,5 @@
-//! A coarse grid of solid cells. It tells how far a view is clear without a hierarchy over the triangles.
+//! A coarse grid of solid cells. It tells how far a view is clear without a hierarchy over the
+//! triangles.
 
 use girandole::glam::Vec3;
 
@@ -45,7 +46,8 @@ impl Occupancy {
             }
             return;
         }
-        // Only the longest edge is halved: halving all edges would cut thin triangles into four times as many pieces.
+        // Only the longest edge is halved: halving all edges would cut thin triangles into four
+        // times as many pieces.
         let [a, b, c] = if longest == a.distance(b) {
             [a, b, c]
         } else if longest == b.distance(c) {
@@ -60,7 +62,8 @@ impl Occupancy {
         }
     }
 
-    /// The distance from `eye` to the first solid cell along a unit direction, at most `reach`, in metres.
+    /// The distance from `eye` to the first solid cell along a unit direction, at most `reach`, in
+    /// metres.
     pub fn clear_distance(&self, eye: Vec3, direction: Vec3, reach: f32) -> f32 {
         let step = CELL * 0.5;
         let steps = (reach / step) as usize;

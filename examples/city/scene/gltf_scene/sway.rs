@@ -1,5 +1,5 @@
-//! Wind for glTF scenes without animations. Strings of lights swing about the line between their ends, lanterns about
-//! their highest point.
+//! Wind for glTF scenes without animations. Strings of lights swing about the line between their
+//! ends, lanterns about their highest point.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,8 @@ use girandole::gltf::{LightSource, punctual_placement};
 use super::node_map::NodeMap;
 use super::{Animation, Scene, SceneError};
 
-/// Groups that are wider than this, in metres, hang by both ends; others hang by their highest point.
+/// Groups that are wider than this, in metres, hang by both ends; others hang by their highest
+/// point.
 const STRING_LENGTH: f32 = 1.5;
 
 /// Nodes that swing together.
@@ -33,8 +34,8 @@ pub struct Sway {
     node_map: NodeMap,
 }
 
-/// The name of the group that a node swings with, if any: the part of the node's name that identifies one string or
-/// lantern by a number, else the whole name.
+/// The name of the group that a node swings with, if any: the part of the node's name that
+/// identifies one string or lantern by a number, else the whole name.
 fn group_name(name: &str) -> Option<&str> {
     let is_named = |part: &str| {
         let part = part.to_ascii_lowercase();

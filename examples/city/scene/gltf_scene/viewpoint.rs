@@ -49,8 +49,8 @@ fn triangles(scene: &Scene) -> Vec<[Vec3; 3]> {
     scene.objects.iter().filter(|object| object.visible).flat_map(placed).collect()
 }
 
-/// A camera two metres above the ground, near the brightest lights, in the direction with the best mix of a clear view
-/// and lights in it.
+/// A camera two metres above the ground, near the brightest lights, in the direction with the best
+/// mix of a clear view and lights in it.
 pub fn among_lights(scene: &Scene, world: &LightWorld) -> Camera {
     let all = triangles(scene);
     let (low, high) = all.iter().flatten().fold((Vec3::MAX, Vec3::MIN), |(low, high), v| (low.min(*v), high.max(*v)));
@@ -59,7 +59,8 @@ pub fn among_lights(scene: &Scene, world: &LightWorld) -> Camera {
         lights.push(((low + high) * 0.5, 1.0));
     }
     let total: f32 = lights.iter().map(|light| light.1.max(1e-6)).sum();
-    // The light with the least flux-weighted distance to the others: a median, which ignores outliers.
+    // The light with the least flux-weighted distance to the others: a median, which ignores
+    // outliers.
     let cost = |at: Vec3| lights.iter().map(|light| light.0.distance(at) * light.1.max(1e-6)).sum::<f32>() / total;
     let candidates: Vec<Vec3> = lights.iter().step_by(lights.len().div_ceil(200)).map(|light| light.0).collect();
     let middle = candidates.iter().copied().min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(Vec3::ZERO);

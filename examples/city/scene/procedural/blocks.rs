@@ -1,4 +1,5 @@
-//! Places the buildings, lamps, signs and trees of a block. All four sides of a block follow the same rules.
+//! Places the buildings, lamps, signs and trees of a block. All four sides of a block follow the
+//! same rules.
 
 use std::f32::consts::{FRAC_PI_2, TAU};
 
@@ -103,7 +104,8 @@ impl Kit {
         Ok(Self { houses, tiles, signs: kinds, lamps, trees, bench, stalls })
     }
 
-    /// Places a tile and what stands on it. `tower_share` is the probability that a building is a tower.
+    /// Places a tile and what stands on it. `tower_share` is the probability that a building is a
+    /// tower.
     pub fn block(
         &mut self,
         assembly: &mut Assembly,

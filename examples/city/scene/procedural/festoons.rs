@@ -24,7 +24,8 @@ pub struct Festoons {
 }
 
 impl Festoons {
-    /// Hangs strings across `street_count` streets of a city of `blocks` blocks a side, and over the market.
+    /// Hangs strings across `street_count` streets of a city of `blocks` blocks a side, and over
+    /// the market.
     pub fn new(
         assembly: &mut Assembly,
         palette: &mut Palette,
@@ -45,7 +46,8 @@ impl Festoons {
         let pole = |assembly: &mut Assembly, at: Vec3| {
             assembly.object(mast, Affine3A::from_translation(at - Vec3::Y * 7.6));
         };
-        // Streets along Z, from a crossing to the next: the first is the avenue in front of the camera.
+        // Streets along Z, from a crossing to the next: the first is the avenue in front of the
+        // camera.
         let home = blocks as u32 / 2 - 1;
         let mut streets = vec![(home, home)];
         while streets.len() < street_count {

@@ -40,7 +40,8 @@ impl FlickeringSigns {
     /// Sets the signs to their power at a time, in seconds.
     pub fn flicker(&mut self, time: f64, scene: &mut Scene, world: &mut LightWorld) -> Result<(), SceneError> {
         for sign in &mut self.kinds {
-            // Twelve states per second. In 30 % of the intervals of 1.7 s, 45 % of the states are dark.
+            // Twelve states per second. In 30 % of the intervals of 1.7 s, 45 % of the states are
+            // dark.
             let is_unsteady = Rng::new((time / 1.7) as u64, sign.stream).chance(0.3);
             let roll = Rng::new((time * 12.0) as u64, 0xf11c + sign.stream).unit();
             let level = if !is_unsteady || roll > 0.55 { 1.0 } else { 0.06 };

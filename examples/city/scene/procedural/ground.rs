@@ -1,6 +1,8 @@
-//! The ground of a block: the nearer half of the surrounding streets, kerbs, pavements, and the area within.
+//! The ground of a block: the nearer half of the surrounding streets, kerbs, pavements, and the
+//! area within.
 //!
-//! A tile is centred on its block and one [`PITCH`] wide, so that adjacent tiles form whole streets.
+//! A tile is centred on its block and one [`PITCH`] wide, so that adjacent tiles form whole
+//! streets.
 
 use std::f32::consts::FRAC_PI_2;
 

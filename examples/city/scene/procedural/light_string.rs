@@ -1,4 +1,5 @@
-//! A string of bulbs between two points that swings in the wind. Each string is one light tree that deforms.
+//! A string of bulbs between two points that swings in the wind. Each string is one light tree that
+//! deforms.
 
 use girandole::glam::{Affine3A, Mat3, Vec3};
 use girandole::{Light, LightWorld, Policy, TreeKey};

@@ -1,12 +1,15 @@
-//! The procedural night city: streets, houses, lamps, traffic, signs, strings of bulbs and a drone swarm.
+//! The procedural night city: streets, houses, lamps, traffic, signs, strings of bulbs and a drone
+//! swarm.
 //!
 //! Read in this order:
 //!
 //! 1. this file: the sizes of the city, and how it is put together;
 //! 2. `roads`, `ground` and `blocks`: the street grid, and what stands still in it;
-//! 3. `signals`, `traffic_lights`, `traffic` and `cars`: traffic lights and the cars that obey them;
+//! 3. `signals`, `traffic_lights`, `traffic` and `cars`: traffic lights and the cars that obey
+//!    them;
 //! 4. `light_string` and `festoons`: strings of bulbs, each a light tree that deforms;
-//! 5. `swarm` and `flicker`: a drone swarm, which is one deforming light tree, and neon signs that flicker.
+//! 5. `swarm` and `flicker`: a drone swarm, which is one deforming light tree, and neon signs that
+//!    flicker.
 
 use girandole::LightWorld;
 use girandole::glam::{Affine3A, Vec2, vec2, vec3};
@@ -42,16 +45,16 @@ use roads::{PITCH, Roads};
 use swarm::Swarm;
 use traffic_lights::TrafficLights;
 
-/// Size of a city: about 1,000, 10,000 or 100,000 instances and 20,000, 300,000 or 3,000,000 lights.
+/// Size of a city. The comments on the variants are part of the help text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Size {
-    /// 25 blocks.
+    /// 25 blocks, about 1,000 instances and 20,000 lights
     #[value(name = "S", alias = "s")]
     S,
-    /// 256 blocks.
+    /// 256 blocks, about 10,000 instances and 300,000 lights
     #[value(name = "M", alias = "m")]
     M,
-    /// 2,500 blocks.
+    /// 2,500 blocks, about 100,000 instances and 3,000,000 lights
     #[value(name = "L", alias = "l")]
     L,
 }
@@ -238,7 +241,8 @@ mod tests {
         let area = |t: &super::super::Triangle| {
             0.5 * (t.vertices[1] - t.vertices[0]).cross(t.vertices[2] - t.vertices[0]).length()
         };
-        // Emission times area, which is proportional to the flux, summed over emissive faces and over area lights.
+        // Emission times area, which is proportional to the flux, summed over emissive faces and
+        // over area lights.
         let mut faces = 0.0;
         for object in &stage.scene.objects {
             for triangle in &stage.scene.meshes[object.mesh as usize].triangles {
@@ -258,7 +262,8 @@ mod tests {
                 lights += f64::from(area * light.emission.element_sum());
             }
         }
-        // Balls are polyhedra inscribed in their spheres, and the lenses of headlights have spots instead of area lights.
+        // Balls are polyhedra inscribed in their spheres, and the lenses of headlights have spots
+        // instead of area lights.
         assert!((0.85..1.05).contains(&(faces / lights)), "{}", faces / lights);
     }
 }

@@ -1,6 +1,8 @@
-//! The street network: a grid of crossings with two lanes in each direction, and the paths that cars follow.
+//! The street network: a grid of crossings with two lanes in each direction, and the paths that
+//! cars follow.
 //!
-//! Cars drive on the right. Directions are numbered in quarter turns about +Y: 0 is +Z, 1 is +X, 2 is -Z, 3 is -X.
+//! Cars drive on the right. Directions are numbered in quarter turns about +Y: 0 is +Z, 1 is +X, 2
+//! is -Z, 3 is -X.
 
 use std::f32::consts::FRAC_PI_2;
 
@@ -10,7 +12,8 @@ use girandole::glam::{Vec2, vec2};
 pub const PITCH: f32 = 104.0;
 /// Distance from the middle of a crossing to the lines where cars stop, metres.
 pub const APPROACH: f32 = 13.0;
-/// Distances of the lanes of one direction from the middle of the street, from the kerb inwards, metres.
+/// Distances of the lanes of one direction from the middle of the street, from the kerb inwards,
+/// metres.
 pub const LANES: [f32; 2] = [5.25, 1.75];
 /// Length of a lane between two crossings, metres.
 pub const LANE_LENGTH: f32 = PITCH - 2.0 * APPROACH;
@@ -127,8 +130,8 @@ impl Roads {
         }
     }
 
-    /// The turns at the end of a lane. The kerb lane leads straight on or right, the inner lane straight on or left. Where
-    /// neither street exists, all turns that lead to a street.
+    /// The turns at the end of a lane. The kerb lane leads straight on or right, the inner lane
+    /// straight on or left. Where neither street exists, all turns that lead to a street.
     pub fn turns(&self, node: u32, heading: u32, lane: u32) -> Vec<Turn> {
         let is_street = |turn: Turn| {
             self.neighbor(node, Self::exit_heading(Path::Connector { node, heading, lane, turn })).is_some()

@@ -1,5 +1,5 @@
-//! A swarm of drones that forms a turning wheel in the sky and folds into a globe. It is one light tree that deforms in
-//! every frame.
+//! A swarm of drones that forms a turning wheel in the sky and folds into a globe. It is one light
+//! tree that deforms in every frame.
 
 use std::f32::consts::TAU;
 

@@ -1,7 +1,7 @@
 //! Simulated traffic: cars follow each other, wait at red lights and turn at crossings.
 //!
-//! Based on the intelligent driver model of Treiber, Hennecke and Helbing (2000). Steps have a fixed length, so that the
-//! same seed gives the same traffic at any frame rate.
+//! Based on the intelligent driver model of Treiber, Hennecke and Helbing (2000). Steps have a
+//! fixed length, so that the same seed gives the same traffic at any frame rate.
 
 use std::collections::VecDeque;
 
@@ -58,7 +58,8 @@ fn turn_speed(turn: Turn) -> f32 {
 }
 
 impl Traffic {
-    /// Distributes cars of the given lengths, in metres, over the lanes and lets them drive for a while.
+    /// Distributes cars of the given lengths, in metres, over the lanes and lets them drive for a
+    /// while.
     pub fn new(roads: Roads, lengths: &[f32], seed: u64) -> Result<Self, SceneError> {
         let lanes = roads.lanes();
         let longest = lengths.iter().copied().fold(4.0, f32::max);
@@ -79,7 +80,8 @@ impl Traffic {
         let mut cars = Vec::with_capacity(lengths.len());
         let mut taken: Vec<(usize, f32)> = places[..lengths.len()].iter().map(|&place| (place, 0.0)).collect();
         taken.iter_mut().zip(lengths).for_each(|(place, &length)| place.1 = length);
-        // Higher slots are nearer to the end of the lane, so that cars enter their queues in descending order of slots.
+        // Higher slots are nearer to the end of the lane, so that cars enter their queues in
+        // descending order of slots.
         taken.sort_by_key(|place| std::cmp::Reverse(place.0));
         // Car i has the i-th length.
         let mut order: Vec<usize> = (0..lengths.len()).collect();
@@ -138,13 +140,15 @@ impl Traffic {
         }
     }
 
-    /// The free length behind the last car of a path, in metres from the start of the path, and the speed of that car.
+    /// The free length behind the last car of a path, in metres from the start of the path, and the
+    /// speed of that car.
     fn free_length(&self, path: Path) -> Option<(f32, f32)> {
         let last = *self.queues[self.roads.index(path)].back()? as usize;
         Some((self.cars[last].along - self.cars[last].length * 0.5, self.cars[last].speed))
     }
 
-    /// For the first car of a path, the distance to the next obstacle and the speed of the obstacle.
+    /// For the first car of a path, the distance to the next obstacle and the speed of the
+    /// obstacle.
     fn gap_of_first(&self, car: &Car) -> (f32, f32) {
         let left = self.roads.length(car.path) - car.along - car.length * 0.5;
         let free = (1e4, FREE_SPEED);
@@ -158,7 +162,8 @@ impl Traffic {
                 // A car does not enter a crossing that it could not leave.
                 let beyond = self.roads.after(next);
                 let full = self.free_length(beyond).is_some_and(|(room, speed)| room < car.length + 3.0 && speed < 3.0);
-                // A car whose front is past the line drives on; only its middle is still on the lane.
+                // A car whose front is past the line drives on; only its middle is still on the
+                // lane.
                 if (closed || full) && left > -0.5 {
                     return (left + STANDSTILL - 0.6, 0.0);
                 }

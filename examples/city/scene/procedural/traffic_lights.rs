@@ -1,4 +1,5 @@
-//! Traffic lights at every crossing. Each of the four groups has one light tree, which all its lights share.
+//! Traffic lights at every crossing. Each of the four groups has one light tree, which all its
+//! lights share.
 
 use girandole::glam::{Affine3A, Quat, vec3};
 use girandole::{Light, LightWorld, Policy, TreeKey};

@@ -1,5 +1,5 @@
-//! Reads floating car data, which `sumo --fcd-output` writes. The file is read as a stream: only one time step is in
-//! memory.
+//! Reads floating car data, which `sumo --fcd-output` writes. The file is read as a stream: only
+//! one time step is in memory.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader};

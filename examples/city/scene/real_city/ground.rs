@@ -1,5 +1,5 @@
-//! The ground of a real city, derived from the positions of its lamps and vehicles: roads along rows of lamps, patches
-//! of road where vehicles drive, and houses away from both.
+//! The ground of a real city, derived from the positions of its lamps and vehicles: roads along
+//! rows of lamps, patches of road where vehicles drive, and houses away from both.
 
 use std::collections::BTreeSet;
 
@@ -113,7 +113,8 @@ pub fn land(
     part
 }
 
-/// Placements of houses within `reach` metres of `middle`, away from lamps and from where vehicles drive.
+/// Placements of houses within `reach` metres of `middle`, away from lamps and from where vehicles
+/// drive.
 pub fn house_places(
     lamps: &Grid,
     segments: &[RoadSegment],

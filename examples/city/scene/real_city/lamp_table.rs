@@ -1,5 +1,5 @@
-//! Reads street lamps from a CSV file with the columns `x_m` and `y_m` (metres east and north), `est_height_m` and
-//! `est_lumens`. Their order does not matter, and other columns are ignored.
+//! Reads street lamps from a CSV file with the columns `x_m` and `y_m` (metres east and north),
+//! `est_height_m` and `est_lumens`. Their order does not matter, and other columns are ignored.
 
 use std::path::Path;
 

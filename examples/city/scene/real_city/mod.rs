@@ -1,10 +1,12 @@
-//! A real city: its street lamps from a CSV file, its traffic from a SUMO simulation, or one of the two.
+//! A real city: its street lamps from a CSV file, its traffic from a SUMO simulation, or one of the
+//! two.
 //!
 //! Read in this order:
 //!
 //! 1. this file: how the city is put together;
 //! 2. `lamp_table` and `fcd`: readers of the two file formats;
-//! 3. `grid` and `ground`: roads and houses, which are derived from the positions of lamps and vehicles;
+//! 3. `grid` and `ground`: roads and houses, which are derived from the positions of lamps and
+//!    vehicles;
 //! 4. `traffic`: vehicles that follow the file.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -50,8 +52,9 @@ pub struct RealCityOptions {
 
 /// Houses are placed within this distance of the middle of the view, metres.
 const HOUSE_REACH: f32 = 420.0;
-/// Positions in national grids can lie megametres from (0, 0). If the first position is farther away than this, in
-/// metres, all positions are shifted by a multiple of a kilometre that brings it close.
+/// Positions in national grids can lie megametres from (0, 0). If the first position is farther
+/// away than this, in metres, all positions are shifted by a multiple of a kilometre that brings it
+/// close.
 const MAX_OFFSET: f64 = 50_000.0;
 
 /// Number of parked cars by default.

@@ -1,7 +1,7 @@
 //! Vehicles that follow a traffic file, taken from a pool of cars that are shown, moved and hidden.
 //!
-//! The file is read twice, since it may not fit in memory: [`Survey`] counts the cars of each appearance that are on the
-//! road at once, and [`Traffic`] plays the file.
+//! The file is read twice, since it may not fit in memory: [`Survey`] counts the cars of each
+//! appearance that are on the road at once, and [`Traffic`] plays the file.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
@@ -59,8 +59,8 @@ impl Survey {
     }
 }
 
-/// The appearance of a vehicle in all time steps. Its body follows from its type if the type names one, else from its
-/// name. Its paint follows from its name.
+/// The appearance of a vehicle in all time steps. Its body follows from its type if the type names
+/// one, else from its name. Its paint follows from its name.
 fn appearance(vehicle: &FcdVehicle, seed: u64) -> Appearance {
     // FNV-1a, since the hashes of the standard library may change between releases.
     let hash = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
@@ -129,8 +129,8 @@ impl Traffic {
         Ok(traffic)
     }
 
-    /// Position (x, z) and angle about +Y of a vehicle of the given length between two time steps. `share` is the time
-    /// since the first one as a share of the time between them.
+    /// Position (x, z) and angle about +Y of a vehicle of the given length between two time steps.
+    /// `share` is the time since the first one as a share of the time between them.
     fn pose(&self, from: &FcdVehicle, to: Option<&FcdVehicle>, share: f32, length: f32) -> (Vec2, f32) {
         let position = |vehicle: &FcdVehicle| to_plane(dvec2(vehicle.east, vehicle.north) - self.shift);
         let (mut at, mut degrees) = (position(from), from.angle);
@@ -140,7 +140,8 @@ impl Traffic {
             let turn = (to.angle - from.angle + 540.0).rem_euclid(360.0) - 180.0;
             degrees += turn * share;
         }
-        // Degrees are clockwise from north, which is -Z. A car faces -Z and turns counter-clockwise about +Y.
+        // Degrees are clockwise from north, which is -Z. A car faces -Z and turns counter-clockwise
+        // about +Y.
         let angle = -degrees.to_radians();
         let forward = Quat::from_rotation_y(angle) * Vec3::NEG_Z;
         // SUMO states the middle of the front bumper.
@@ -159,7 +160,8 @@ impl Traffic {
         Ok(())
     }
 
-    /// Moves the car of a vehicle, or takes one from the pool. `pose` returns the pose for a car's length.
+    /// Moves the car of a vehicle, or takes one from the pool. `pose` returns the pose for a car's
+    /// length.
     fn show(
         &mut self,
         vehicle: &FcdVehicle,
@@ -169,7 +171,8 @@ impl Traffic {
     ) -> Result<(), SceneError> {
         let appearance = appearance(vehicle, self.survey.seed);
         let known = self.shown.get(&vehicle.id).filter(|known| known.0 == appearance).map(|known| known.1);
-        // A vehicle that changes its type or appears twice in a time step may find no free car. It is then not shown.
+        // A vehicle that changes its type or appears twice in a time step may find no free car. It
+        // is then not shown.
         let Some(car) = known.or_else(|| self.free.get_mut(&appearance)?.pop()) else { return Ok(()) };
         let (at, angle) = pose(appearance.body.length());
         let transform = car_transform(at, angle);
@@ -260,7 +263,8 @@ mod tests {
         let mut stage = load();
         stage.animation.advance(0.5, &mut stage.scene, &mut stage.world).unwrap();
         let car = stage.scene.objects.iter().rfind(|object| object.visible).unwrap();
-        // Half way from x = -60 to -51, half a car's length behind its bumper, on the southern lane.
+        // Half way from x = -60 to -51, half a car's length behind its bumper, on the southern
+        // lane.
         let forward = car.transform.transform_point3(vec3(0.0, 0.0, -1.0)) - Vec3::from(car.transform.translation);
         assert!(forward.abs_diff_eq(Vec3::X, 1e-4), "{forward}");
         assert!(
