@@ -375,13 +375,13 @@ fn every_truncation_of_a_binary_file_is_an_error() {
     assert!(gltf_scene::stage(&path, None).is_ok());
     let lengths = (0..40).chain((40..bytes.len()).step_by(97)).chain(bytes.len() - 8..bytes.len());
     for length in lengths {
-        // Both as cut, and with a header that agrees with the cut.
+        // With the stated length unchanged, and with the length of the truncated file.
         let cut = bytes[..length].to_vec();
-        let mut agreed = cut.clone();
+        let mut consistent = cut.clone();
         if length >= 12 {
-            agreed[8..12].copy_from_slice(&(length as u32).to_le_bytes());
+            consistent[8..12].copy_from_slice(&(length as u32).to_le_bytes());
         }
-        for file in [cut, agreed] {
+        for file in [cut, consistent] {
             std::fs::write(&path, file).unwrap();
             let SceneError(message) = file::open(&path).expect_err("a truncated file");
             assert!(!message.contains('\n') && message.contains("girandole_truncated"), "{message}");
@@ -401,25 +401,25 @@ fn animations_move_objects_and_lights_and_loop() {
     stage.animation.advance(1.0, &mut stage.scene, &mut stage.world).unwrap();
     let moved = stage.scene.objects[1].transform;
     assert!((moved.translation.y - 2.0).abs() < 1e-5 && !moved.abs_diff_eq(rest, 0.5));
-    // One of the two signs turned; it took its lights along, the other stayed.
+    // One of the two signs turned together with its lights; the other did not move.
     assert_eq!(stage.world.update(FrameBudget::UNLIMITED).moved_instances, 1);
     let instances: Vec<_> = stage.world.instances().collect();
-    let follows = |instance| {
+    let is_at_sign = |instance| {
         stage.world.placement(instance).unwrap().translation.as_vec3().abs_diff_eq(moved.translation.into(), 1e-5)
     };
-    assert_eq!(instances.into_iter().filter(|&instance| follows(instance)).count(), 1);
+    assert_eq!(instances.into_iter().filter(|&instance| is_at_sign(instance)).count(), 1);
     stage.animation.advance(4.0, &mut stage.scene, &mut stage.world).unwrap();
     assert!(stage.scene.objects[1].transform.abs_diff_eq(rest, 1e-5));
 }
 
 #[test]
-fn a_given_camera_wins() {
+fn a_camera_that_is_given_replaces_that_of_the_file() {
     let camera = Camera { eye: Vec3::ONE, target: Vec3::ZERO, vertical_fov: 1.0 };
     assert_eq!(gltf_scene::stage(&sample("small.gltf"), Some(camera)).unwrap().scene.camera, camera);
 }
 
 #[test]
-fn missing_files_are_named() {
+fn errors_name_a_file_that_does_not_exist() {
     let SceneError(message) = gltf_scene::stage(Path::new("/nowhere/scene.glb"), None).err().unwrap();
     assert!(message.starts_with("/nowhere/scene.glb: "), "{message}");
 }

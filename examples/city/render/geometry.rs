@@ -334,3 +334,49 @@ fn pack(scene: &Scene, mesh: &Mesh, index: usize) -> PackedTriangle {
     let flags = if scene.materials[triangle.material as usize].see_through { SEE_THROUGH } else { 0 };
     PackedTriangle { corner: a, material: triangle.material, edge1: b - a, flags, edge2: c - a, padding: 0 }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::scene::{Camera, Material, Sky, Triangle};
+    use super::*;
+
+    /// Two objects with the same mesh, whose transforms have the given scales.
+    fn scene(scales: [Vec3; 2]) -> Scene {
+        let mesh = Mesh { triangles: vec![Triangle { vertices: [Vec3::ZERO, Vec3::X, Vec3::Y], material: 0 }] };
+        let object = |scale: Vec3| Object {
+            mesh: 0,
+            transform: Affine3A::from_scale(scale),
+            emission_scale: 1.0,
+            visible: true,
+        };
+        Scene {
+            materials: vec![Material::default()],
+            meshes: vec![mesh],
+            objects: scales.map(object).to_vec(),
+            camera: Camera { eye: Vec3::Z, target: Vec3::ZERO, vertical_fov: 1.0 },
+            sky: Sky { zenith: Vec3::ZERO, horizon: Vec3::ZERO, ambient: Vec3::ZERO },
+            lamp_clearance: 0.1,
+            exposure: 1.0,
+        }
+    }
+
+    #[test]
+    fn transforms_beyond_the_limit_are_refused() {
+        let at_limit = scene([Vec3::ONE, Vec3::splat(MAX_COORDINATE)]);
+        let mut geometry = Geometry::new(&at_limit).unwrap();
+        for scale in [MAX_COORDINATE.next_up(), f32::MAX, f32::INFINITY, f32::NAN] {
+            let beyond = scene([Vec3::ONE, Vec3::splat(scale)]);
+            assert!(Geometry::new(&beyond).is_err(), "{scale}");
+            assert!(geometry.update(&beyond).is_err(), "{scale}");
+        }
+    }
+
+    #[test]
+    fn an_object_that_is_scaled_to_zero_is_hidden() {
+        for scale in [Vec3::ZERO, Vec3::new(1.0, 0.0, 1.0)] {
+            let geometry = Geometry::new(&scene([Vec3::ONE, scale])).unwrap();
+            assert_eq!([0, 1].map(|object: usize| geometry.objects[object].visible), [true, false]);
+            assert_eq!(geometry.nearest(Vec3::new(0.25, 0.25, 1.0), Vec3::NEG_Z).unwrap().object, 0);
+        }
+    }
+}

@@ -17,7 +17,7 @@ const ROAD_HALF: f32 = 4.5;
 /// Distance from a row of lamps to the middle of its road, metres.
 const SETBACK: f32 = 7.0;
 /// Edge of the cells that record where vehicles drive, metres.
-pub const TRACE_CELL: f32 = 3.0;
+pub const DRIVEN_CELL: f32 = 3.0;
 
 /// A straight piece of road, in (x, z).
 #[derive(Clone, Copy, Debug)]
@@ -106,15 +106,15 @@ pub fn land(
         }
     }
     for &(x, z) in driven_cells {
-        let (x, z) = (x as f32 * TRACE_CELL, z as f32 * TRACE_CELL);
-        let material = asphalt[((x + z * 3.0) / TRACE_CELL).abs() as usize % asphalt.len()];
-        part.floor([x - 1.2, z - 1.2], [x + TRACE_CELL + 1.2, z + TRACE_CELL + 1.2], 0.002, material);
+        let (x, z) = (x as f32 * DRIVEN_CELL, z as f32 * DRIVEN_CELL);
+        let material = asphalt[((x + z * 3.0) / DRIVEN_CELL).abs() as usize % asphalt.len()];
+        part.floor([x - 1.2, z - 1.2], [x + DRIVEN_CELL + 1.2, z + DRIVEN_CELL + 1.2], 0.002, material);
     }
     part
 }
 
-/// Placements of houses within `reach` metres of `middle`, away from lamps and from where vehicles
-/// drive.
+/// Placements of houses within `reach` metres of `middle`: 12 m from lamps and from where vehicles
+/// drive, 3 m from the nearest road, and not farther than 60 m from it.
 pub fn house_places(
     lamps: &Grid,
     segments: &[RoadSegment],
@@ -142,8 +142,8 @@ pub fn house_places(
         if distance < half_diagonal + ROAD_HALF + 3.0 || distance > 60.0 {
             continue;
         }
-        let cells = ((half_diagonal + clearance) / TRACE_CELL) as i32;
-        let (cx, cz) = key(at, TRACE_CELL);
+        let cells = ((half_diagonal + clearance) / DRIVEN_CELL) as i32;
+        let (cx, cz) = key(at, DRIVEN_CELL);
         let driven = driven_cells
             .range((cx - cells, i32::MIN)..=(cx + cells, i32::MAX))
             .any(|cell| (cell.1 - cz).abs() <= cells);

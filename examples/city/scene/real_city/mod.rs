@@ -33,7 +33,7 @@ pub mod traffic;
 
 use fcd::FcdReader;
 use grid::{Grid, to_plane};
-use ground::{RoadSegment, TRACE_CELL};
+use ground::{DRIVEN_CELL, RoadSegment};
 use lamp_table::LampRecord;
 use traffic::{Survey, Traffic};
 
@@ -79,8 +79,8 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
     let mut driven_cells = BTreeSet::new();
     let mut positions = lamp_positions.clone();
     for &(x, y) in survey.iter().flat_map(|survey| &survey.cells) {
-        let at = to_plane(dvec2(f64::from(x), f64::from(y)) * f64::from(TRACE_CELL) - shift);
-        driven_cells.insert(grid::key(at, TRACE_CELL));
+        let at = to_plane(dvec2(f64::from(x), f64::from(y)) * f64::from(DRIVEN_CELL) - shift);
+        driven_cells.insert(grid::key(at, DRIVEN_CELL));
         positions.push(at);
     }
     let low = positions.iter().copied().reduce(Vec2::min).unwrap_or(Vec2::ZERO);

@@ -14,7 +14,7 @@ use girandole::{InstanceKey, LightWorld, Policy};
 use super::assembly::{Assembly, Design};
 use super::fcd::{FcdReader, FcdVehicle, Timestep};
 use super::grid::to_plane;
-use super::ground::TRACE_CELL;
+use super::ground::DRIVEN_CELL;
 use super::rng::Rng;
 use super::vehicles::{Appearance, Body, car_transform};
 use super::{Animation, Scene, SceneError};
@@ -25,7 +25,7 @@ pub struct Survey {
     start: f64,
     /// The most vehicles of each appearance that are on the road at once.
     max_counts: BTreeMap<Appearance, usize>,
-    /// Where vehicles drive: cells of [`TRACE_CELL`] metres, east and north.
+    /// Where vehicles drive: cells of [`DRIVEN_CELL`] metres, east and north.
     pub cells: BTreeSet<(i32, i32)>,
     /// Position of the first vehicle, metres east and north.
     pub first: Option<DVec2>,
@@ -47,7 +47,7 @@ impl Survey {
                 *present.entry(appearance(vehicle, seed)).or_default() += 1;
                 let at = dvec2(vehicle.east, vehicle.north);
                 survey.first.get_or_insert(at);
-                let cell = (at / f64::from(TRACE_CELL)).floor();
+                let cell = (at / f64::from(DRIVEN_CELL)).floor();
                 survey.cells.insert((cell.x as i32, cell.y as i32));
             }
             for (appearance, count) in present {
