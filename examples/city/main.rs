@@ -17,6 +17,9 @@
 
 #[path = "modules.rs"]
 mod city;
+#[path = "../common/mod.rs"]
+#[allow(dead_code, reason = "other programs use more of it")]
+mod common;
 
 use city::app::options::{Options, Parsed};
 use std::process::ExitCode;

@@ -8,6 +8,9 @@ mod budget_strategies;
 mod city;
 mod city_images;
 mod city_refusals;
+#[path = "../../examples/common/mod.rs"]
+#[allow(dead_code, missing_docs, reason = "programs use what the tests do not")]
+mod common;
 mod dependencies;
 mod distribution;
 mod effects;
@@ -20,6 +23,8 @@ mod gpu;
 mod gpu_timings;
 mod hard_cases;
 mod pdf;
+mod pictures;
+mod references;
 mod resample;
 mod sampling;
 mod scheduler;

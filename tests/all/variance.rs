@@ -9,6 +9,9 @@ mod baselines;
 #[path = "../../examples/tools/variance/lights.rs"]
 #[allow(missing_docs, reason = "part of a program")]
 pub mod lights;
+#[path = "../../examples/tools/variance/samplers.rs"]
+#[allow(dead_code, missing_docs, reason = "part of a program")]
+pub mod samplers;
 #[path = "../../examples/tools/variance/sigma.rs"]
 #[allow(missing_docs, reason = "part of a program")]
 pub mod sigma;

@@ -10,12 +10,11 @@
 //! Read in this order:
 //!
 //! 1. this file: the types of a stage;
-//! 2. `rng`, `palette`, `part` and `assembly`: random numbers, materials, and meshes that are built
-//!    together with their lights;
+//! 2. `palette`, `part` and `assembly`: materials, and meshes that are built together with their
+//!    lights (`rng` is in `examples/common/pcg.rs`);
 //! 3. `designs`: buildings, street furniture, signs and vehicles;
 //! 4. the loaders, in any order; each folder's `mod.rs` states the order of its files.
 
-pub mod rng;
 pub mod palette;
 pub mod part;
 pub mod assembly;
@@ -25,6 +24,8 @@ pub mod designs;
 pub mod gltf_scene;
 pub mod procedural;
 pub mod real_city;
+
+pub use crate::common::pcg as rng;
 
 use girandole::LightWorld;
 use girandole::glam::{Affine3A, Vec3};

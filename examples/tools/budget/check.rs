@@ -1,22 +1,31 @@
-//! What is at stake in each scene: noise after two seconds without a rebuild, beside the same lights in fresh trees.
+//! What rebuilds can gain in a scene: noise after two seconds without a rebuild, and noise of the same lights in fresh trees.
 
 use super::motion::Motion;
 use super::noise::sigmas;
 use super::scene::SceneError;
 use super::stage::{SceneKind, Stage};
+use crate::common::table::markdown_head;
 use girandole::FrameBudget;
 use girandole::scheduler::SystemClock;
 use std::sync::Arc;
 
-/// Frames that are played.
+/// The number of frames.
 const FRAMES: u32 = 120;
 
-/// Plays every motion of a scene and prints a line for each.
+/// Plays a scene in every motion and prints a row for each. "Near trees" and "in view" are the two halves of the shading
+/// points (`stage.rs`).
 pub fn run(kind: SceneKind, shading_points: usize) -> Result<(), SceneError> {
-    println!(
-        "| scene | lights | of trees that deform | refits a frame | sigma fresh | refitted | beside trees | in view |"
-    );
-    println!("|---|---|---|---|---|---|---|---|");
+    let columns = [
+        "scene",
+        "lights",
+        "lights in deforming trees",
+        "refits per frame",
+        "sigma fresh",
+        "sigma refitted",
+        "near trees",
+        "in view",
+    ];
+    println!("{}", markdown_head(&columns));
     for motion in Motion::ALL {
         let mut stage = Stage::new(kind, motion, shading_points, Arc::new(SystemClock::default()))?;
         let mut refits = 0;
@@ -31,10 +40,11 @@ pub fn run(kind: SceneKind, shading_points: usize) -> Result<(), SceneError> {
         let fresh = sigmas(&stage.world, &stage.shading_points);
         let deforming: usize =
             stage.trees.iter().filter_map(|tree| stage.world.tree(*tree)).map(|tree| tree.lights().len()).sum();
-        let sum = |sigmas: &[f64], of: &[usize]| -> f64 {
-            of.iter().map(|first| sigmas.iter().skip(*first).step_by(2).sum::<f64>()).sum()
+        // Shading points near trees have even indices, those in view odd ones.
+        let sum = |sigmas: &[f64], halves: &[usize]| -> f64 {
+            halves.iter().map(|first| sigmas.iter().skip(*first).step_by(2).sum::<f64>()).sum()
         };
-        let rise = |of: &[usize]| format!("{:+.1} %", 100.0 * (sum(&refitted, of) / sum(&fresh, of) - 1.0));
+        let rise = |halves: &[usize]| format!("{:+.1} %", 100.0 * (sum(&refitted, halves) / sum(&fresh, halves) - 1.0));
         let mean = |sigmas: &[f64]| sum(sigmas, &[0, 1]) / sigmas.len() as f64;
         println!(
             "| {} | {} | {deforming} | {} | {:.3} | {:.3} ({}) | {} | {} |",

@@ -1,7 +1,9 @@
-//! What work on trees takes, measured here and then played back: a run on these costs repeats bit for bit.
+//! The time of work on trees: measured on this machine, then drawn at random from the measurements. A run on the same costs
+//! repeats bit for bit.
 
 use super::scene::SceneError;
 use super::scene::rng::Rng;
+use crate::common::table::Table;
 use girandole::glam::{Vec3, vec3};
 use girandole::scheduler::{Clock, Work, WorkKind};
 use girandole::{Light, LightTree};
@@ -10,7 +12,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// What is measured.
+/// The kinds of work that are measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 enum Kind {
     Build,
@@ -22,7 +24,7 @@ enum Kind {
 const KINDS: [(Kind, &str); 4] =
     [(Kind::Build, "build"), (Kind::Part, "part"), (Kind::Snapshot, "snapshot"), (Kind::Refit, "refit")];
 
-/// Sizes are powers of two from 2^4 to 2^14 lights.
+/// The sizes that are measured: powers of two, 2^4 to 2^14 lights.
 const POWERS: std::ops::RangeInclusive<u32> = 4..=14;
 
 /// How long each size is measured, and how often at least and at most.
@@ -35,7 +37,7 @@ struct Effort {
 const FULL: Effort = Effort { time: Duration::from_millis(500), least: 40, most: 400 };
 const QUICK: Effort = Effort { time: Duration::from_millis(50), least: 10, most: 100 };
 
-/// A clock's draws start here.
+/// Seeds the measured trees, and the draws of a clock.
 const SEED: u64 = 0x9172_a0de;
 
 /// Nanoseconds of each kind of work by number of lights, each sorted.
@@ -43,8 +45,8 @@ const SEED: u64 = 0x9172_a0de;
 pub struct Costs(BTreeMap<(Kind, usize), Vec<u64>>);
 
 impl Costs {
-    /// Measures on this machine, with rayon's threads as they are; of builds always the faster of two, so that what
-    /// others do on the machine hardly counts. Takes some 10 seconds, or one if `is_quick`.
+    /// Measures on this machine, with rayon's threads as they are. Of two builds the faster counts, so that other programs on
+    /// the machine have little influence. Takes about 10 seconds, or one if `is_quick`.
     pub fn measure(is_quick: bool) -> Result<Self, SceneError> {
         let effort = if is_quick { QUICK } else { FULL };
         let mut samples: BTreeMap<(Kind, usize), Vec<u64>> = BTreeMap::new();
@@ -61,19 +63,19 @@ impl Costs {
                 let (_, once) = timed(|| LightTree::new(cloud.clone()));
                 let (tree, again) = timed(|| LightTree::new(snapshot));
                 push(Kind::Build, lights, once.min(again));
-                // Lights that fly apart, some faster than others, and take their subtrees along to where they are bad.
+                // Half of the lights fly far apart, which makes the subtrees bad.
                 let mut tree = tree?;
                 let moved: Vec<(u32, Light)> = (0..).zip(fly(&cloud, &mut rng)).collect();
                 tree.set_lights(&moved)?;
                 push(Kind::Refit, lights, timed(|| tree.refit()).1);
-                // Then only one corner goes bad, which is a part worth rebuilding.
+                // Then only the subtrees in one corner become bad, which are worth rebuilding.
                 tree.rebuild();
                 let share = [2, 4, 8][count % 3];
                 tree.set_lights(&jumble(tree.lights(), lights / share, &mut rng))?;
                 tree.refit();
                 let (rebuilt, took) = timed(|| tree.rebuild_worst(lights * 3 / 4));
                 if rebuilt > 0 && rebuilt < lights {
-                    // As if what was rebuilt had been one part of the nearest power of two.
+                    // Scales the time to the nearest power of two.
                     let near = 1_usize << (rebuilt as f64).log2().round() as u32;
                     let whole = took as f64 * near as f64 / rebuilt as f64;
                     push(Kind::Part, near.clamp(1 << POWERS.start(), 1 << POWERS.end()), whole as u64);
@@ -85,7 +87,7 @@ impl Costs {
         Self(samples).checked()
     }
 
-    /// Reads what [`Costs::write`] wrote.
+    /// Reads a file of [`Costs::write`].
     pub fn read(path: &Path) -> Result<Self, SceneError> {
         let refuse = |what: String| SceneError(format!("cannot read {}: {what}", path.display()));
         let mut reader = csv::Reader::from_path(path).map_err(|error| refuse(error.to_string()))?;
@@ -93,40 +95,41 @@ impl Costs {
         for record in reader.deserialize() {
             let (name, lights, nanos): (String, usize, u64) = record.map_err(|error| refuse(error.to_string()))?;
             let kind = KINDS.iter().find(|(_, n)| *n == name).map(|(kind, _)| *kind);
-            let kind = kind.ok_or_else(|| refuse(format!("no work is called {name:?}")))?;
+            let kind = kind.ok_or_else(|| refuse(format!("there is no kind of work {name:?}")))?;
             samples.entry((kind, lights.max(1))).or_default().push(nanos.max(1));
         }
         samples.values_mut().for_each(|nanos| nanos.sort_unstable());
         Self(samples).checked().map_err(|error| refuse(error.0))
     }
 
-    /// One line a measurement: kind, lights, nanoseconds.
+    /// Writes one row per measurement: kind, lights, nanoseconds.
     pub fn write(&self, path: &Path) -> Result<(), SceneError> {
-        let mut table = super::report::Table::create(path, &["kind", "lights", "nanoseconds"])?;
+        let mut table = Table::create(path, &["kind", "lights", "nanoseconds"]).map_err(SceneError)?;
         for ((kind, lights), nanos) in &self.0 {
             let name = KINDS.iter().find(|(k, _)| k == kind).map_or("", |(_, name)| *name);
             for nanos in nanos {
-                table.line([name.to_owned(), lights.to_string(), nanos.to_string()])?;
+                table.add([name, &lights.to_string(), &nanos.to_string()]).map_err(SceneError)?;
             }
         }
-        table.finish()
+        Ok(())
     }
 
+    /// Refuses costs that lack a kind of work.
     fn checked(self) -> Result<Self, SceneError> {
-        let lacks = KINDS.iter().find(|(kind, _)| self.sizes(*kind).next().is_none());
-        match lacks {
+        let missing = KINDS.iter().find(|(kind, _)| self.sizes(*kind).next().is_none());
+        match missing {
             None => Ok(self),
-            Some((_, name)) => Err(SceneError(format!("no costs of {name}"))),
+            Some((_, name)) => Err(SceneError(format!("there are no costs of kind {name:?}"))),
         }
     }
 
-    /// What rebuilding a tree of so many lights takes on average.
+    /// The mean time of rebuilding a tree with this number of lights.
     pub fn rebuild(&self, lights: usize) -> Duration {
         let mean = |nanos: &[u64]| nanos.iter().sum::<u64>() as f64 / nanos.len() as f64;
         self.between(Kind::Build, lights, mean)
     }
 
-    /// Of all measurements of such work, that which a share `u` of them is below.
+    /// The `u`-quantile of the measured times of this work.
     fn at(&self, work: Work, u: f64) -> Duration {
         let quantile = |nanos: &[u64]| nanos[((u * nanos.len() as f64) as usize).min(nanos.len() - 1)] as f64;
         match work.kind {
@@ -134,17 +137,18 @@ impl Costs {
             WorkKind::RebuildPart => self.between(Kind::Part, work.lights, quantile),
             WorkKind::Snapshot => self.between(Kind::Snapshot, work.lights, quantile),
             WorkKind::Rebuild | WorkKind::Background => self.between(Kind::Build, work.lights, quantile),
-            // The others take time that no budget has to pay.
+            // Other work is not paid from a budget.
             _ => Duration::ZERO,
         }
     }
 
+    /// The measured sizes of a kind of work in rising order, each with its times.
     fn sizes(&self, kind: Kind) -> impl Iterator<Item = (usize, &[u64])> {
         self.0.iter().filter(move |((k, _), _)| *k == kind).map(|((_, size), nanos)| (*size, nanos.as_slice()))
     }
 
-    /// A power law between the sizes that were measured. What is smaller costs what the smallest does; what is larger,
-    /// as much a light and level as the largest.
+    /// Interpolates between the measured sizes by a power law. A smaller size costs as much as the smallest; a larger one
+    /// costs as much as the largest per light and level.
     fn between(&self, kind: Kind, lights: usize, value: impl Fn(&[u64]) -> f64) -> Duration {
         let (mut below, mut above) = (None, None);
         for (size, nanos) in self.sizes(kind) {
@@ -169,7 +173,7 @@ impl Costs {
     }
 }
 
-/// Time goes by what work takes, and by what it is told to wait; every run is the same.
+/// A clock on which time passes only by drawn costs and by [`PlayedClock::advance`], the same in every run.
 pub struct PlayedClock {
     costs: Arc<Costs>,
     state: Mutex<Played>,
@@ -178,26 +182,27 @@ pub struct PlayedClock {
 #[derive(Default)]
 struct Played {
     now: Duration,
-    /// Pieces of work so far.
+    /// The number of pieces of work so far.
     count: u64,
-    /// When the last build in the background began, and what it takes.
+    /// When the last background build began, and the time that it takes.
     build: Option<(Duration, Duration)>,
+    /// The time of all background builds.
     background: Duration,
 }
 
 impl PlayedClock {
-    /// Starts at zero. What takes how long depends on how much was done before.
+    /// Starts at zero. The draws depend only on how much work came before.
     pub fn new(costs: &Arc<Costs>) -> Self {
         Self { costs: Arc::clone(costs), state: Mutex::default() }
     }
 
-    /// Waits.
+    /// Lets time pass.
     pub fn advance(&self, time: Duration) {
         self.lock().now += time;
     }
 
-    /// What builds in the background have taken so far, and will until they are done.
-    pub fn spent_beside(&self) -> Duration {
+    /// The time of all background builds that have begun so far, until their end.
+    pub fn background_time(&self) -> Duration {
         self.lock().background
     }
 
@@ -205,11 +210,11 @@ impl PlayedClock {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What the next piece of work takes.
+    /// Draws the time of the next piece of work.
     fn draw(&self, state: &mut Played, work: Work) -> Duration {
         state.count += 1;
         let mut rng = Rng::new(SEED, state.count);
-        // 48 bits: rare stalls are among a few hundred samples, but draws should not repeat.
+        // 48 bits: draws should not repeat, although there are only a few hundred measurements.
         let u = f64::from(rng.unit()) + f64::from(rng.unit()) / f64::from(1 << 24);
         self.costs.at(work, u)
     }
@@ -229,7 +234,7 @@ impl Clock for PlayedClock {
     fn background(&self, started: Duration, work: Work, _: Option<Duration>) -> Option<Duration> {
         let mut state = self.lock();
         let took = match state.build {
-            Some((of, took)) if of == started => took,
+            Some((start, took)) if start == started => took,
             _ => {
                 let took = self.draw(&mut state, work);
                 state.build = Some((started, took));
@@ -247,23 +252,24 @@ fn timed<T>(work: impl FnOnce() -> T) -> (T, u64) {
     (done, start.elapsed().as_nanos().clamp(1, u128::from(u64::MAX)) as u64)
 }
 
+/// Spheres in a flat cloud.
 fn cloud(count: usize, size: f32, rng: &mut Rng) -> Vec<Light> {
-    let mut place = || vec3(rng.range(-size, size), 0.2 * rng.range(-size, size), rng.range(-size, size));
-    (0..count).map(|_| Light::sphere(place(), 0.05, Vec3::splat(100.0))).collect()
+    let mut position = || vec3(rng.range(-size, size), 0.2 * rng.range(-size, size), rng.range(-size, size));
+    (0..count).map(|_| Light::sphere(position(), 0.05, Vec3::splat(100.0))).collect()
 }
 
-/// Half of the lights stay about where they are, the others go anywhere.
+/// Moves half of the lights by up to half a metre and the others by up to eight metres along each axis.
 fn fly(cloud: &[Light], rng: &mut Rng) -> Vec<Light> {
-    let far = [0.5, 8.0];
+    let reach = [0.5, 8.0];
     let moved = |(index, light): (usize, &Light)| {
-        let size = far[index * 2 / cloud.len()];
+        let size = reach[index * 2 / cloud.len()];
         let offset = vec3(rng.range(-size, size), rng.range(-size, size), rng.range(-size, size));
         Light::sphere(light.cluster().mean + offset, 0.05, Vec3::splat(100.0))
     };
     cloud.iter().enumerate().map(moved).collect()
 }
 
-/// The `count` lights of least x change places with each other.
+/// Shuffles the places of the `count` lights with the least x.
 fn jumble(lights: &[Light], count: usize, rng: &mut Rng) -> Vec<(u32, Light)> {
     let mut corner: Vec<u32> = (0..lights.len() as u32).collect();
     let x = |light: &u32| lights[*light as usize].cluster().mean.x;
@@ -276,7 +282,7 @@ fn jumble(lights: &[Light], count: usize, rng: &mut Rng) -> Vec<(u32, Light)> {
 
 #[cfg(test)]
 impl Costs {
-    /// A microsecond a light for all work, so that tests can reckon.
+    /// One microsecond per light for all work, for tests that compute times by hand.
     pub fn plain() -> Self {
         let sizes = KINDS.iter().flat_map(|(kind, _)| POWERS.map(move |power| (*kind, 1_usize << power)));
         Self(sizes.map(|(kind, size)| ((kind, size), vec![size as u64 * 1_000])).collect())

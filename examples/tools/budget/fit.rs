@@ -1,34 +1,33 @@
-//! How well attributes tell what a rebuild would buy: linear models of the rise of a tree's noise, each judged on kinds of
-//! trees that it was not fitted to.
+//! How well a tree's attributes predict the gain of a rebuild: linear models of the rise of the tree's noise, each tested on
+//! kinds of trees that it was not fitted to.
 
 use super::figures::Kind;
-use super::observations::{self, Observation, SPLITS};
-use super::regression::{MOST, Point, best_tenth, fit, mean, predict, r_squared, spearman, spread};
+use super::observations::{self, MIN_NOISE, Observation, SPLITS};
+use super::regression::{MAX_FEATURES, Point, best_tenth, fit, mean, predict, r_squared, spearman, spread};
 use super::scale;
+use crate::common::table::markdown_head;
 use girandole::WorldError;
 
-/// Attributes below this count as this, where ratios or logarithms are taken.
+/// The least value of an attribute in ratios and logarithms; lower values count as this.
 const FLOOR: f64 = 1.0e-6;
-/// The same for variances.
-pub const MIN_NOISE: f64 = 1.0e-4;
 
-/// Logarithms of ratios count as at most so much, as in the library.
+/// Logarithms of ratios are clamped to this magnitude, as in the library.
 const MAX_RISE: f64 = 3.0;
-/// About the mean over all observations.
-const USUAL_LIGHTS: f64 = 250.0;
+/// About the mean number of lights over all observations.
+const MEAN_LIGHTS: f64 = 250.0;
 
-/// What a model reads.
+/// The inputs of a model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Features {
-    /// Logarithms of the attributes now by those after the last rebuild.
+    /// Logarithms of the ratios of the attributes now to those after the last rebuild.
     LogRatios,
-    /// Attributes now less those.
+    /// The attributes now minus those after the last rebuild.
     Differences,
-    /// The differences by those.
+    /// The same differences, divided by the attributes after the last rebuild.
     RelativeRises,
-    /// Logarithms of ratios, of attributes by how widely lights are spread instead of by the box around them.
+    /// Logarithms of ratios, of attributes relative to the spread of the lights instead of the box around them.
     SpreadLogRatios,
-    /// Logarithms of the attributes now by those of the fresh tree: known after a rebuild only.
+    /// Logarithms of the ratios of the attributes now to those of the fresh tree, which are known only after a rebuild.
     Drops,
 }
 
@@ -46,12 +45,12 @@ impl Features {
         }
     }
 
-    fn of(self, observation: &Observation) -> [f64; MOST] {
+    fn of(self, observation: &Observation) -> [f64; MAX_FEATURES] {
         let before = if self == Self::Drops { &observation.fresh_shape } else { &observation.rebuilt };
         let (now, rebuilt) = (observation.now.values(), before.values());
         let units = observation.now.box_per_spread / observation.rebuilt.box_per_spread;
         let units = [units.sqrt(), 1.0, units, units];
-        let mut x = [0.0; MOST];
+        let mut x = [0.0; MAX_FEATURES];
         for i in 0..4 {
             let ratio = now[i].max(FLOOR) / rebuilt[i].max(FLOOR);
             x[i] = match self {
@@ -66,19 +65,19 @@ impl Features {
             Self::LogRatios | Self::SpreadLogRatios | Self::Drops => rise.ln_1p(),
             Self::Differences | Self::RelativeRises => rise,
         };
-        x[5] = x[4] * (observation.lights as f64 / USUAL_LIGHTS).ln();
+        x[5] = x[4] * (observation.lights as f64 / MEAN_LIGHTS).ln();
         x
     }
 }
 
-/// What a model tells.
+/// The output of a model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Target {
-    /// Logarithm of the variance by that of a fresh tree.
+    /// The logarithm of the ratio of the variance to that of a fresh tree.
     LogRatio,
-    /// Variance less that of a fresh tree.
+    /// The variance minus that of a fresh tree.
     Difference,
-    /// Deviation less that of a fresh tree.
+    /// The standard deviation minus that of a fresh tree.
     SigmaDifference,
 }
 
@@ -103,7 +102,26 @@ impl Target {
     }
 }
 
-/// Sets of features, by name.
+/// The columns of the table of models.
+const COLUMNS: [&str; 15] = [
+    "target",
+    "features",
+    "set",
+    "R2",
+    "Spearman",
+    "R2 held out",
+    "Spearman held out",
+    "Spearman of gain",
+    "best tenth of gain",
+    "distance",
+    "overlap",
+    "variance",
+    "cost",
+    "cost rise",
+    "times ln lights",
+];
+
+/// Sets of features and their names.
 const SETS: [(&str, &[usize]); 8] = [
     ("distance", &[0]),
     ("overlap", &[1]),
@@ -115,14 +133,14 @@ const SETS: [(&str, &[usize]); 8] = [
     ("cost rise, and times ln lights", &[4, 5]),
 ];
 
-/// How good a model is.
+/// The quality of a model.
 struct Quality {
-    coefficients: [f64; MOST],
-    /// R squared and rank correlation on what it was fitted to.
+    coefficients: [f64; MAX_FEATURES],
+    /// R squared and rank correlation on the observations that it was fitted to.
     own: [f64; 2],
-    /// Each kind predicted by a fit to the other kinds.
+    /// The same, where each kind is predicted by a fit to the other kinds.
     held_out: [f64; 2],
-    /// Predictions of the latter.
+    /// The predictions of these fits.
     predicted: Vec<f64>,
 }
 
@@ -167,13 +185,13 @@ pub fn run() -> Result<(), WorldError> {
     Ok(())
 }
 
-/// The largest relative rise of any attribute, as `History::worsening` has it.
+/// The largest relative rise of any attribute.
 fn worsening(observation: &Observation) -> f64 {
     let rises = Features::RelativeRises.of(observation);
     rises[..4].iter().copied().fold(0.0, f64::max)
 }
 
-/// Indices of each tree's observations.
+/// The indices of the observations of each tree.
 fn trees(observations: &[Observation]) -> Vec<Vec<usize>> {
     let count = observations.iter().map(|o| o.tree + 1).max().unwrap_or(0);
     let mut trees = vec![Vec::new(); count];
@@ -181,11 +199,11 @@ fn trees(observations: &[Observation]) -> Vec<Vec<usize>> {
     trees
 }
 
-/// What there is to be told.
+/// Prints the noise of each kind of tree, refitted and fresh.
 fn kinds_table(observations: &[Observation]) {
     println!(
-        "\n| kind | lights | s2 fresh, 0 opened | refitted | s2 fresh, {} opened | refitted | mean ln ratio | deviation |",
-        SPLITS[1]
+        "\n| kind | lights | s2 fresh, {} splits | refitted | s2 fresh, {} splits | refitted | mean ln ratio | deviation |",
+        SPLITS[0], SPLITS[1]
     );
     println!("|---|---|---|---|---|---|---|---|");
     for kind in Kind::ALL {
@@ -206,16 +224,13 @@ fn kinds_table(observations: &[Observation]) {
     }
 }
 
-/// The table of models. The last two judge the prediction by what the scheduler needs: which trees lose most variance.
+/// Prints the table of models. The columns "Spearman of gain" and "best tenth of gain" compare the prediction with what the
+/// scheduler needs: the trees whose rebuild removes the most variance.
 fn models(observations: &[Observation], splits: usize) {
     let kinds: Vec<Kind> = observations.iter().map(|o| o.kind).collect();
     let gain: Vec<f64> = observations.iter().map(|o| Target::Difference.of(o, splits)).collect();
-    println!("\n{} opened, {} observations\n", SPLITS[splits], observations.len());
-    println!(
-        "| target | features | of | R2 | Spearman | R2 held out | Spearman held out | of gain | best tenth \
-         | distance | overlap | variance | cost | cost rise | times ln lights |"
-    );
-    println!("|{}", "---|".repeat(15));
+    println!("\n{} splits, {} observations\n", SPLITS[splits], observations.len());
+    println!("{}", markdown_head(&COLUMNS));
     let worsening: Vec<f64> = observations.iter().map(worsening).collect();
     for target in Target::ALL {
         let y: Vec<f64> = observations.iter().map(|o| target.of(o, splits)).collect();
@@ -235,25 +250,25 @@ fn models(observations: &[Observation], splits: usize) {
     }
 }
 
-/// How coefficients differ from tree to tree: of what is measured, and of what the scheduler can see of it, which is what
-/// the coefficients make of the attributes' drop to those of the fresh tree.
+/// Prints how coefficients differ from tree to tree. They are fitted to the measured noise, and to what the scheduler can see
+/// of it: the model's prediction from the drop of the attributes to those of the fresh tree.
 fn prior(observations: &[Observation], features: Features, name: &str, set: &[usize]) {
     let points = points(observations, features, Target::LogRatio, 1);
     let coefficients = fit(&points.iter().collect::<Vec<_>>(), set);
     println!("\n{}, {name}: coefficients {coefficients:.3?}", features.name());
-    let seen = |(point, observation): (&Point, &Observation)| Point {
+    let visible = |(point, observation): (&Point, &Observation)| Point {
         y: predict(&coefficients, &Features::Drops.of(observation)),
         ..*point
     };
-    let seen: Vec<Point> = points.iter().zip(observations).map(seen).collect();
-    // The cost's rise is known without the fresh tree: nothing is seen of it.
+    let visible: Vec<Point> = points.iter().zip(observations).map(visible).collect();
+    // The rise of the cost has no drop to a fresh tree, so the scheduler sees nothing of it.
     let shown = if set.contains(&4) { 1 } else { 2 };
-    for (what, points) in [("measured", &points), ("seen", &seen)].into_iter().take(shown) {
+    for (what, points) in [("measured", &points), ("visible", &visible)].into_iter().take(shown) {
         let groups: Vec<Vec<&Point>> =
             trees(observations).into_iter().map(|tree| tree.into_iter().map(|i| &points[i]).collect()).collect();
         let spread = spread(&groups, &coefficients, set);
         let residual = mean(points.iter().map(|p| (p.y - predict(&coefficients, &p.x)).powi(2))).sqrt();
-        println!("{what}: residual {residual:.3}, within a tree that has its own coefficients {:.3}", spread.noise);
+        println!("{what}: residual {residual:.3}, with coefficients of each tree's own {:.3}", spread.noise);
         println!("deviations of coefficients across trees and their correlations:");
         for i in set {
             let deviation = |i: usize| spread.covariance[i][i].sqrt();

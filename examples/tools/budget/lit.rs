@@ -1,37 +1,37 @@
-//! What arrives at shading points in a frame: the same for all strategies, so that only chances are left to look at.
+//! The light that arrives at shading points in a frame. It is the same for all strategies, which differ only in probabilities.
 
 use super::lights::contributions;
 use girandole::{LightId, LightWorld, ShadingPoint};
 use rayon::prelude::*;
 
-/// The dimmest lights are left out as long as all that are bring less than this share of a shading point's light together.
+/// The dimmest lights of a shading point are left out as long as they bring less than this share of its light together.
 const DIM_SHARE: f64 = 1.0e-4;
 
-/// One frame's light at each shading point.
-pub struct Lit(Vec<At>);
+/// The light at each shading point in one frame.
+pub struct Lit(Vec<Illumination>);
 
-/// At one shading point.
-struct At {
-    /// Lux, by all lights.
+/// The light at one shading point.
+struct Illumination {
+    /// The illuminance by all lights, in lux.
     total: f64,
-    /// Which light of all, in the order of [`girandole::LightSampler::all_lights`], and lux.
+    /// The index of each light in the order of [`girandole::LightSampler::all_lights`], and its lux; without the dimmest.
     lights: Vec<(u32, f32)>,
 }
 
-/// Noise and chances at one shading point.
-pub struct Chances<'a> {
-    /// Relative standard deviation of one sample; 0 where nothing shines.
+/// Noise and probabilities at one shading point.
+pub struct PointNoise<'a> {
+    /// The relative standard deviation of one sample; 0 where no light arrives.
     pub sigma: f64,
-    /// Lux, by all lights.
+    /// The illuminance by all lights, in lux.
     pub total: f64,
-    /// Which light of all, and lux; without the dimmest.
+    /// The index of each light, and its lux; without the dimmest.
     pub lights: &'a [(u32, f32)],
-    /// Of all lights.
-    pub chances: &'a [f32],
+    /// The probabilities of all lights.
+    pub pmfs: &'a [f32],
 }
 
 impl Lit {
-    /// O(lights) a shading point, shading points in parallel.
+    /// Sums up all lights: O(lights) per shading point, shading points in parallel.
     pub fn new(world: &LightWorld, shading_points: &[ShadingPoint]) -> Self {
         let sampler = world.sampler();
         let all: Vec<LightId> = sampler.all_lights().collect();
@@ -42,41 +42,41 @@ impl Lit {
             lights.sort_unstable_by(|a, b| b.1.total_cmp(&a.1));
             let mut left = total;
             let keep = lights.iter().take_while(|(_, lux)| {
-                let keeps = left > DIM_SHARE * total;
+                let is_kept = left > DIM_SHARE * total;
                 left -= f64::from(*lux);
-                keeps
+                is_kept
             });
             let kept = keep.count();
             lights.truncate(kept);
             lights.shrink_to_fit();
             lights.sort_unstable_by_key(|(light, _)| *light);
-            At { total, lights }
+            Illumination { total, lights }
         };
         Self(shading_points.par_iter().map(at).collect())
     }
 
-    /// Something of the noise and chances at each shading point, of a world in the same frame.
-    pub fn look<T: Send>(
+    /// Calls `read` with the index of each shading point and its noise in a world in the same frame.
+    pub fn map<T: Send>(
         &self,
         world: &LightWorld,
         shading_points: &[ShadingPoint],
-        see: impl Fn(usize, &Chances<'_>) -> T + Sync,
+        read: impl Fn(usize, &PointNoise<'_>) -> T + Sync,
     ) -> Vec<T> {
         let sampler = world.sampler();
-        let at = |chances: &mut Vec<f32>,
-                  (index, (shading_point, At { total, lights })): (usize, (&ShadingPoint, &At))| {
-            sampler.distribution(shading_point, chances);
-            // As in `sigma.rs` of the variance example.
-            let part = |(light, lux): &(u32, f32)| f64::from(*lux).powi(2) / f64::from(chances[*light as usize]);
+        let noise = |pmfs: &mut Vec<f32>, (index, (shading_point, light)): (usize, (&ShadingPoint, &Illumination))| {
+            let Illumination { total, lights } = light;
+            sampler.distribution(shading_point, pmfs);
+            // The formula of `sigma.rs` of the variance tool.
+            let part = |(light, lux): &(u32, f32)| f64::from(*lux).powi(2) / f64::from(pmfs[*light as usize]);
             let second: f64 = lights.iter().map(part).sum();
             let sigma = if *total > 0.0 { (second / (total * total) - 1.0).max(0.0).sqrt() } else { 0.0 };
-            see(index, &Chances { sigma, total: *total, lights, chances })
+            read(index, &PointNoise { sigma, total: *total, lights, pmfs })
         };
-        shading_points.par_iter().zip(&self.0).enumerate().map_init(Vec::new, at).collect()
+        shading_points.par_iter().zip(&self.0).enumerate().map_init(Vec::new, noise).collect()
     }
 
-    /// Mean over shading points of the relative standard deviation of one sample, of a world in the same frame.
+    /// The mean over shading points of the relative standard deviation of one sample, in a world in the same frame.
     pub fn sigma(&self, world: &LightWorld, shading_points: &[ShadingPoint]) -> f64 {
-        self.look(world, shading_points, |_, at| at.sigma).iter().sum::<f64>() / shading_points.len().max(1) as f64
+        self.map(world, shading_points, |_, noise| noise.sigma).iter().sum::<f64>() / shading_points.len().max(1) as f64
     }
 }

@@ -1,22 +1,22 @@
-//! When lights move: each tree's own time, frame by frame, a function of the frame and a seed alone.
+//! When lights move: each tree has a time of its own, which depends only on the frame and a seed.
 
 use super::scene::rng::Rng;
 
-/// Frames of a whole run, 60 a second.
+/// The frames of a whole run, 60 per second.
 pub const FRAMES: u32 = 240;
 
 /// How the trees of a stage move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Motion {
-    /// All the time, each tree at its own pace.
+    /// Trees move all the time, each at its own pace.
     Smooth,
     /// Most trees rest; a few at a time move fast for a third of a second.
     Bursty,
-    /// Lights jump to each other's places at once, each tree in frames of its own, and drift slowly between.
+    /// The lights of a tree jump to each other's places in certain frames, and drift slowly in between.
     Teleporting,
-    /// Lights stand in order and disperse, each tree from a frame of its own.
+    /// The lights of a tree stand in order and disperse from a certain frame on.
     Scattering,
-    /// Everything moves for the first third of [`FRAMES`], then all stands still.
+    /// Everything moves during the first third of [`FRAMES`] and then stands still.
     Rest,
 }
 
@@ -24,7 +24,7 @@ impl Motion {
     /// All motions.
     pub const ALL: [Self; 5] = [Self::Smooth, Self::Bursty, Self::Teleporting, Self::Scattering, Self::Rest];
 
-    /// As in tables.
+    /// The motion's name in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Smooth => "smooth",
@@ -35,38 +35,38 @@ impl Motion {
         }
     }
 
-    /// The frame up to which what is not part of any tree, the city's traffic, has moved.
+    /// The frame whose traffic the city shows in a frame. Traffic is not part of any deforming tree.
     pub fn frame_of_traffic(self, frame: u32) -> u32 {
         if self == Self::Rest { frame.min(FRAMES / 3) } else { frame }
     }
 }
 
-/// Frames of a burst.
+/// The length of a burst, in frames.
 const BURST: u32 = 20;
-/// A burst is so many times as fast as smooth motion.
+/// The speed of a burst, as a multiple of smooth motion.
 const BURST_SPEED: f32 = 8.0;
-/// Lights that drift are so many times as fast.
+/// The speed of drifting lights, in the same unit.
 const DRIFT_SPEED: f32 = 0.1;
-/// Lights that disperse are so many times as fast.
+/// The speed of dispersing lights, in the same unit.
 const SCATTER_SPEED: f32 = 1.5;
 
-/// Where a tree is in its motion.
+/// The state of a tree's motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moment {
-    /// Seconds that its lights have moved.
+    /// How long its lights have moved, in seconds.
     pub time: f32,
-    /// How often they have jumped.
+    /// How often its lights have jumped.
     pub epoch: u32,
 }
 
-/// One tree's motion.
+/// The motion of one tree.
 #[derive(Clone, Copy, Debug)]
 pub struct Tempo {
     motion: Motion,
     pace: f32,
-    /// Frames from a burst or jump to the next.
+    /// Frames from one burst or jump to the next.
     period: u32,
-    /// Frames of the first period that have passed at the start.
+    /// Frames of the first period that have already passed at the start.
     offset: u32,
     /// The frame in which lights begin to disperse.
     start: u32,
@@ -80,7 +80,7 @@ impl Tempo {
         Self { motion, pace: rng.range(0.6, 1.4), period: period as u32, offset: offset as u32, start: start as u32 }
     }
 
-    /// Where the tree is in a frame.
+    /// The state of the motion in a frame.
     pub fn at(&self, frame: u32) -> Moment {
         let seconds = |frames: u32| frames as f32 / 60.0 * self.pace;
         let passed = frame + self.offset;

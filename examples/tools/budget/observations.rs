@@ -1,5 +1,5 @@
-//! What is fitted: trees of every kind and motion, some frames after their last rebuild, with their attributes then and
-//! now and the noise of the choice inside them, refitted and fresh.
+//! The observations for fits: trees of every kind and motion some frames after their last rebuild, with their attributes then
+//! and now, and the noise of a choice inside the refitted and inside a fresh tree.
 
 use super::figures::{Kind, Troupe};
 use super::motion::Motion;
@@ -11,33 +11,34 @@ use girandole::tree::{Attribute, Attributes};
 use girandole::{Light, LightId, LightTree, LightWorld, Placement, Policy, ShadingPoint, SplitCount, WorldError};
 use rayon::prelude::*;
 
-/// Troupes of each kind and motion.
+/// Trees of each kind and motion.
 const SEEDS: u64 = 16;
-/// Observations of each.
+/// Observations of each tree.
 const TIMES: usize = 24;
-/// The last rebuild lies so many frames back at most.
+/// The most frames since the last rebuild.
 const OLDEST: usize = 100;
-/// In one of the first so many frames.
+/// The last rebuild is in one of the first frames, up to this one.
 const FRAMES: usize = 140;
-/// Points around a tree that its light arrives at.
-const RECEIVERS: usize = 32;
-/// Their distances from its middle, as a share of its box's diagonal.
+/// Shading points around a tree.
+const SHADING_POINTS: usize = 32;
+/// The least and the greatest distance of shading points from the tree's middle, as a share of its box's diagonal.
 const DISTANCES: [f32; 2] = [0.2, 2.0];
-/// Metres from any light at least: one that nearly touches a surface would decide over all other shading points.
+/// The least distance of shading points from any light, in metres: a light that nearly touches a surface would outweigh all
+/// other shading points.
 const CLEARANCE: f32 = 1.0;
-/// Points that are tried for a shading point.
+/// Tries per shading point.
 const TRIES: usize = 50;
 
-/// All motions in which every tree moves.
+/// The motions in which every tree moves.
 const MOTIONS: [Motion; 4] = [Motion::Smooth, Motion::Bursty, Motion::Teleporting, Motion::Scattering];
 
-/// A tree's shape in numbers.
+/// The shape of a tree in numbers.
 #[derive(Clone, Copy, Debug)]
 pub struct Shape {
     pub attributes: Attributes,
-    /// Diagonal of the box around all lights, squared, per variance of position.
+    /// The squared diagonal of the box around all lights, over the variance of their positions.
     pub box_per_spread: f64,
-    /// Length of the mean direction of emission: 0 for lights to all sides, 1 for one beam.
+    /// The length of the mean direction of emission: 0 for lights in all directions, 1 for one beam.
     pub axis: f64,
 }
 
@@ -55,46 +56,46 @@ impl Shape {
     }
 }
 
-/// One tree at one time.
+/// One tree at one time after a rebuild.
 #[derive(Clone, Copy, Debug)]
 pub struct Observation {
     pub kind: Kind,
-    /// Which tree, of all.
+    /// The index of the tree among all.
     pub tree: usize,
     pub lights: usize,
     /// Right after the last rebuild.
     pub rebuilt: Shape,
     pub now: Shape,
-    /// See [`LightTree::cost_rise`].
+    /// The value of [`LightTree::cost_rise`].
     pub cost_rise: f64,
-    /// Relative variance of a choice in the refitted tree, for each count of splits: a mean over shading points.
+    /// The relative variance of a choice in the refitted tree for each number of splits, in the mean over shading points.
     pub refitted: [f64; SPLITS.len()],
     /// The same in a fresh tree of the same lights.
     pub fresh: [f64; SPLITS.len()],
     pub fresh_shape: Shape,
 }
 
-/// Splits that noise is measured with: a plain walk, and what callers get.
+/// The least relative variance in ratios and logarithms; lower values count as this.
+pub const MIN_NOISE: f64 = 1.0e-4;
+
+/// The numbers of splits that noise is measured with: none, and the default.
 pub const SPLITS: [SplitCount; 2] = [SplitCount::NONE, SplitCount::DEFAULT];
 
-/// All observations, always the same.
+/// All observations, the same in every run.
 pub fn all() -> Result<Vec<Observation>, WorldError> {
-    let mut troupes = Vec::new();
+    let mut trees = Vec::new();
     for kind in Kind::ALL {
         for motion in MOTIONS {
-            (0..SEEDS).for_each(|seed| troupes.push((kind, motion, seed)));
+            (0..SEEDS).for_each(|seed| trees.push((kind, motion, seed)));
         }
     }
-    let observed: Result<Vec<Vec<Observation>>, WorldError> = troupes
-        .par_iter()
-        .enumerate()
-        .map(|(tree, (kind, motion, seed))| observe(tree, *kind, *motion, *seed))
-        .collect();
+    let observed: Result<Vec<Vec<Observation>>, WorldError> =
+        trees.par_iter().enumerate().map(|(tree, (kind, motion, seed))| observe(tree, *kind, *motion, *seed)).collect();
     Ok(observed?.into_iter().flatten().collect())
 }
 
 fn observe(tree: usize, kind: Kind, motion: Motion, seed: u64) -> Result<Vec<Observation>, WorldError> {
-    // Other figures than those of the stages, which are to be predicted.
+    // Seeds differ from those of the stages, whose trees are to be predicted.
     let mut troupe = Troupe::new(kind, motion, 7 << 32 | (tree as u64) << 8 | seed);
     let mut rng = Rng::new(7, 0x0b5e_0000 + tree as u64);
     let mut observations = Vec::with_capacity(TIMES);
@@ -124,15 +125,15 @@ fn observe(tree: usize, kind: Kind, motion: Motion, seed: u64) -> Result<Vec<Obs
     Ok(observations)
 }
 
-/// Weighted mean of the relative variance of trees over the same lights at the same shading points.
+/// The weighted mean of the relative variance over shading points, of two trees over the same lights.
 fn noise(trees: [&LightTree; 2], rng: &mut Rng) -> Result<[[f64; SPLITS.len()]; 2], WorldError> {
     let mut world = LightWorld::new();
     let key = world.add_tree(trees[1].lights().to_vec())?;
     let instance = world.add_instance(key, Placement::IDENTITY, Policy::Static)?;
     let sampler = world.sampler();
     let mut sums = [[0.0; SPLITS.len()]; 2];
-    let (mut weights, mut chances) = (0.0, Vec::new());
-    for _ in 0..RECEIVERS {
+    let (mut weights, mut pmfs) = (0.0, Vec::new());
+    for _ in 0..SHADING_POINTS {
         let at = shading_point(trees[1], rng);
         let lux = |light: u32| {
             let incident = sampler.sample_light(&at, LightId::Local { instance, light }, [0.5, 0.5])?;
@@ -147,16 +148,17 @@ fn noise(trees: [&LightTree; 2], rng: &mut Rng) -> Result<[[f64; SPLITS.len()]; 
         weights += weight;
         for (tree, sums) in trees.into_iter().zip(&mut sums) {
             for (splits, sum) in SPLITS.into_iter().zip(sums) {
-                tree.distribution(&at, splits, &mut chances);
-                *sum += weight * Noise::of(&contributions, &chances).map_or(0.0, |noise| noise.sigma * noise.sigma);
+                tree.distribution(&at, splits, &mut pmfs);
+                *sum += weight * Noise::of(&contributions, &pmfs).map_or(0.0, |noise| noise.sigma * noise.sigma);
             }
         }
     }
     Ok(sums.map(|sums| sums.map(|sum| if weights > 0.0 { sum / weights } else { 0.0 })))
 }
 
-/// How much a shading point counts: the square of its light by what all flux would bring from the middle to all sides, at most
-/// 1. So does a tree's noise count among that of other lights: where beams shine past a shading point, it does not matter.
+/// The weight of a shading point: the square of its illuminance over the illuminance by the same flux from one point in the
+/// middle, at most 1. The noise of a tree counts in the same way among other lights: where its beams miss a shading point, it
+/// does not matter.
 fn weight(tree: &LightTree, at: &ShadingPoint, lux: f32) -> f64 {
     let cluster = tree.cluster();
     let dist_sq = at.position.distance_squared(cluster.mean);
@@ -164,7 +166,7 @@ fn weight(tree: &LightTree, at: &ShadingPoint, lux: f32) -> f64 {
     (share * share).min(1.0)
 }
 
-/// A surface around a tree that faces some of it.
+/// A random surface point around a tree that faces part of it.
 fn shading_point(tree: &LightTree, rng: &mut Rng) -> ShadingPoint {
     let cluster = tree.cluster();
     let [least, most] = DISTANCES;

@@ -1,4 +1,4 @@
-//! What the user asks for, and all of it in turn.
+//! The command line, and the whole run.
 
 use super::costs::Costs;
 use super::motion::Motion;
@@ -7,29 +7,30 @@ use super::scene::SceneError;
 use super::stage::SceneKind;
 use super::strategies::Strategy;
 use super::{check, fit, plots, report};
+use crate::common::table::markdown_head;
 use clap::Parser;
 use girandole::Attribute;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Measures what a time budget for rebuilds buys.
+/// Measures what a time budget for rebuilds gains.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "budget", version)]
 pub struct Options {
     /// The folder of the tables and plots
     #[arg(long, value_name = "DIR", required_unless_present_any = ["stages", "fit"])]
     pub out: Option<PathBuf>,
-    /// Only fit what attributes tell of noise
+    /// Only fit models that predict noise from attributes
     #[arg(long, conflicts_with = "out")]
     pub fit: bool,
-    /// Only measure what is at stake in a scene
+    /// Only measure what rebuilds can gain in a scene
     #[arg(long, value_enum, ignore_case = true, conflicts_with = "out")]
     pub stages: Option<SceneKind>,
     /// A small scene, two motions, few strategies and budgets: less than a minute
     #[arg(long)]
     pub quick: bool,
-    /// Costs as a former run wrote them, instead of measuring
+    /// The costs of a former run, instead of measuring them
     #[arg(long, value_name = "FILE.csv")]
     pub costs: Option<PathBuf>,
     /// Only these scenes
@@ -41,18 +42,18 @@ pub struct Options {
     /// Only these strategies, by the start of their names
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     pub strategies: Vec<String>,
-    /// Frames at 60 a second
+    /// Number of frames, 60 per second
     #[arg(long, value_parser = clap::value_parser!(u32).range(8..=100_000))]
     pub frames: Option<u32>,
-    /// Points that light arrives at
+    /// Number of shading points
     #[arg(long, value_parser = clap::value_parser!(u32).range(2..=100_000))]
     pub shading_points: Option<u32>,
 }
 
-/// The budget with which noise over time is drawn.
+/// The budget of the plot of noise over time.
 const DRAWN_SHARE: f64 = 0.1;
 
-/// What `--quick` runs.
+/// The strategies of `--quick`.
 const QUICK: [Strategy; 5] = [
     Strategy::RoundRobin,
     Strategy::Ratio(Attribute::SplittingCost),
@@ -61,7 +62,7 @@ const QUICK: [Strategy; 5] = [
     Strategy::Oracle,
 ];
 
-/// How closely a scene is looked at: the larger, the more time a frame of it takes.
+/// How closely a scene is measured. Frames of larger scenes take more time, so fewer are measured.
 fn plan(kind: SceneKind, is_quick: bool) -> Plan {
     let plan = |shares: &[f64], ss_shares: &[f64], frames, every, shading_points| Plan {
         strategies: Strategy::ALL.to_vec(),
@@ -92,20 +93,26 @@ fn plan(kind: SceneKind, is_quick: bool) -> Plan {
     }
 }
 
-/// Of all that there are, those whose names begin with one of `wanted`; all if nothing is wanted.
-fn chosen<T: Copy>(what: &str, wanted: &[String], all: &[T], name: impl Fn(T) -> String) -> Result<Vec<T>, SceneError> {
-    if wanted.is_empty() {
+/// The items whose names begin with one of `prefixes`; all items if there are no prefixes. A prefix that fits no item is an
+/// error.
+fn chosen<T: Copy>(
+    what: &str,
+    prefixes: &[String],
+    all: &[T],
+    name: impl Fn(T) -> String,
+) -> Result<Vec<T>, SceneError> {
+    if prefixes.is_empty() {
         return Ok(all.to_vec());
     }
-    let starts = |item: T, wanted: &String| name(item).to_lowercase().starts_with(&wanted.to_lowercase());
-    if let Some(unknown) = wanted.iter().find(|wanted| !all.iter().any(|item| starts(*item, wanted))) {
+    let starts = |item: T, prefix: &String| name(item).to_lowercase().starts_with(&prefix.to_lowercase());
+    if let Some(unknown) = prefixes.iter().find(|prefix| !all.iter().any(|item| starts(*item, prefix))) {
         let names: Vec<String> = all.iter().map(|item| name(*item)).collect();
-        return Err(SceneError(format!("no {what} is called {unknown:?}; there are {}", names.join(", "))));
+        return Err(SceneError(format!("there is no {what} {unknown:?}; there are {}", names.join(", "))));
     }
-    Ok(all.iter().copied().filter(|item| wanted.iter().any(|wanted| starts(*item, wanted))).collect())
+    Ok(all.iter().copied().filter(|item| prefixes.iter().any(|prefix| starts(*item, prefix))).collect())
 }
 
-/// Measures all and writes it.
+/// Measures, prints the table and writes all files. An error is one line for the user.
 pub fn run(options: &Options) -> Result<(), SceneError> {
     if options.fit {
         fit::run()?;
@@ -116,7 +123,7 @@ pub fn run(options: &Options) -> Result<(), SceneError> {
     if options.fit || options.stages.is_some() {
         return Ok(());
     }
-    let out = options.out.as_ref().ok_or_else(|| SceneError("there is no folder to write to".into()))?;
+    let out = options.out.as_ref().ok_or_else(|| SceneError("--out is missing".into()))?;
     let is_quick = options.quick;
     let some = |all: &[SceneKind]| chosen("scene", &options.scene, all, |kind| kind.name().to_owned());
     let scenes = some(if is_quick && options.scene.is_empty() { &SceneKind::ALL[..1] } else { &SceneKind::ALL })?;
@@ -130,7 +137,7 @@ pub fn run(options: &Options) -> Result<(), SceneError> {
     };
     costs.write(&out.join("costs.csv"))?;
     let costs = Arc::new(costs);
-    println!("| {} |\n|{}", report::COLUMNS.join(" | "), "---|".repeat(report::COLUMNS.len()));
+    println!("{}", markdown_head(&report::COLUMNS));
     for kind in scenes {
         let mut plan = plan(kind, is_quick);
         if !options.strategies.is_empty() {

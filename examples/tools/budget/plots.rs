@@ -1,5 +1,4 @@
-//! Curves of one scene as SVG, a panel for each motion: how much of the gap is recovered for how much time, and noise over
-//! time.
+//! Plots of one scene as SVG, with a panel for each motion: the recovered gap over the time spent, and noise over time.
 
 use super::report::Row;
 use super::scene::SceneError;
@@ -8,22 +7,22 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::path::Path;
 
-/// Of a panel.
+/// The size of a panel, in pixels.
 const SIZE: (u32, u32) = (440, 340);
-/// Panels side by side at most; the legend takes the place of one.
+/// The most panels side by side. The legend takes the place of one.
 const COLUMNS: usize = 3;
 const FONT: &str = "sans-serif";
 
 /// The least share of time on the axis.
 const MIN_COST: f64 = 0.004;
-/// The most.
+/// The greatest share of time on the axis.
 const MAX_COST: f64 = 2.0;
-/// Goals: so much of the gap for so much of the time.
+/// The goal: a share of the time, and a share of the gap.
 const GOAL: (f64, f64) = (0.1, 0.9);
 
 /// How a strategy is drawn.
 struct Style {
-    /// Rows of strategies whose names begin like this.
+    /// The strategy's name in tables, or the beginning of the names of [SS]'s.
     name: &'static str,
     legend: &'static str,
     color: RGBColor,
@@ -35,31 +34,31 @@ const fn style(name: &'static str, legend: &'static str, color: (u8, u8, u8), wi
     Style { name, legend, color: RGBColor(color.0, color.1, color.2), width, is_dashed }
 }
 
-/// Drawn in this order; colours that the colour-blind can tell apart (Okabe and Ito).
+/// The styles in drawing order, with the palette of Okabe and Ito for colour-blind readers.
 const STYLES: [Style; 7] = [
     style("SS 1", "SS 1 within the budget, by attribute", (213, 94, 0), 1, false),
     style("SS 2", "SS 2 within the budget, by attribute", (204, 121, 167), 1, false),
     style("round robin", "round robin", (230, 159, 0), 2, false),
     style("oldest first", "oldest first", (0, 158, 115), 2, false),
     style("oracle", "oracle", (0, 0, 0), 2, true),
-    style("girandole picks", "girandole, told of picks", (86, 180, 233), 3, false),
-    style("girandole", "girandole, told of the camera", (0, 114, 178), 3, false),
+    style("girandole usage", "girandole, knows camera and usage", (86, 180, 233), 3, false),
+    style("girandole", "girandole, knows camera", (0, 114, 178), 3, false),
 ];
 
-/// The ends of the gap, over time.
+/// The styles of both ends of the gap, in plots over time.
 const ENDS: [Style; 2] = [
     style("update only", "update only", (150, 150, 150), 2, true),
     style("always rebuild", "always rebuild", (150, 150, 150), 2, false),
 ];
 
-/// Of the two by algorithm of SS that are drawn over time.
+/// The attribute of [SS]'s algorithms in plots over time.
 const OF_SS: &str = "splitting cost";
 
 fn refusal(path: &Path, error: &impl std::fmt::Display) -> SceneError {
     SceneError(format!("cannot draw {}: {error}", path.display()))
 }
 
-/// Strategies that a style stands for, each once and in the order of the rows.
+/// The strategies of a style, each once and in the order of the rows.
 fn of_style(style: &Style, rows: &[&Row]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for row in rows {
@@ -71,7 +70,7 @@ fn of_style(style: &Style, rows: &[&Row]) -> Vec<String> {
     names
 }
 
-/// Draws one file: a panel for each motion of the rows, and the legend.
+/// Draws a file with a panel for each motion of the rows, and the legend.
 fn figure(
     path: &Path,
     title: &str,
@@ -146,7 +145,7 @@ fn draw_legend(area: &Area<'_>, legend: &[(Mark<'_>, &str)]) -> Result<(), Strin
     Ok(())
 }
 
-/// One line of a chart: whole, or in dashes.
+/// Draws one line of a chart, solid or dashed.
 fn line<'a, X, Y>(
     chart: &mut ChartContext<'a, SVGBackend<'_>, Cartesian2d<X, Y>>,
     points: Vec<(f64, f64)>,
@@ -164,14 +163,14 @@ where
     Ok(())
 }
 
-/// The gap that is recovered over the share of time that it took.
+/// Plots the recovered gap over the share of time spent.
 pub fn gap(path: &Path, scene: &str, rows: &[Row]) -> Result<(), SceneError> {
     let mut legend: Vec<(Mark<'_>, &str)> =
         STYLES.iter().rev().map(|style| (Mark::Line(style), style.legend)).collect();
     legend.push((Mark::Points(&STYLES[0]), "SS 1 without a budget"));
     legend.push((Mark::Points(&STYLES[1]), "SS 2 without a budget"));
     legend.push((Mark::Goal, "goal: 90 % for 10 %"));
-    let title = format!("{scene}: gap recovered over time spent, both relative to rebuilding always");
+    let title = format!("{scene}: gap recovered over time spent, both relative to always rebuilding");
     figure(path, &title, rows, &legend, |area, motion, rows| {
         let mut chart = ChartBuilder::on(area)
             .caption(motion, (FONT, 19))
@@ -215,7 +214,7 @@ pub fn gap(path: &Path, scene: &str, rows: &[Row]) -> Result<(), SceneError> {
     })
 }
 
-/// Noise over time with a budget of `share`.
+/// Plots noise over time, with a budget of `share`.
 pub fn over_time(path: &Path, scene: &str, share: f64, rows: &[Row]) -> Result<(), SceneError> {
     let mut legend: Vec<(Mark<'_>, &str)> =
         STYLES.iter().rev().map(|style| (Mark::Line(style), style.legend)).collect();
@@ -223,7 +222,7 @@ pub fn over_time(path: &Path, scene: &str, share: f64, rows: &[Row]) -> Result<(
     legend.push((Mark::Line(&STYLES[1]), "SS 2, splitting cost, within the budget"));
     legend.push((Mark::Line(&STYLES[0]), "SS 1, splitting cost, within the budget"));
     legend.extend(ENDS.iter().map(|style| (Mark::Line(style), style.legend)));
-    let title = format!("{scene}: noise over time, with {share} of the time of rebuilding always");
+    let title = format!("{scene}: noise over time, with {share} of the time of always rebuilding");
     figure(path, &title, rows, &legend, |area, motion, rows| {
         let is_drawn = |row: &&&Row| {
             let is_end = ENDS.iter().any(|style| style.name == row.strategy);

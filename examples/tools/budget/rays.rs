@@ -1,22 +1,22 @@
-//! Where light arrives: points that rays meet first, from the camera or from lights, in a scene as it stands.
+//! Finds shading points: the first surfaces that rays from the camera or from lights meet.
 
 use super::scene::{Camera, Object, Scene};
 use girandole::ShadingPoint;
 use girandole::bounds::Aabb;
 use girandole::glam::{Affine3A, Mat3, Vec3};
 
-/// Shading points lie this far in front of their surface, in metres.
+/// The distance of shading points from their surface, in metres.
 const OFFSET: f32 = 1.0e-3;
 
-/// The visible objects of a scene, each in its box. Some dozens of rays do not need more.
+/// The visible objects of a scene, each in its box. A few dozen rays do not need a better structure.
 pub struct Rays<'a> {
     scene: &'a Scene,
-    /// Box in the world, mesh, from the world to the mesh.
+    /// The box in world space, the mesh, and the transform from the world to the mesh.
     objects: Vec<(Aabb, u32, Affine3A)>,
 }
 
 impl<'a> Rays<'a> {
-    /// O(triangles of meshes + objects).
+    /// Computes the boxes: O(triangles of all meshes + objects).
     pub fn new(scene: &'a Scene) -> Self {
         let boxes: Vec<Aabb> =
             scene.meshes.iter().map(|mesh| Aabb::around(mesh.triangles.iter().flat_map(|t| t.vertices))).collect();
@@ -29,7 +29,7 @@ impl<'a> Rays<'a> {
         Self { scene, objects: visible.map(object).collect() }
     }
 
-    /// The first surface within `reach` metres, as a shading point on the side that the ray comes from.
+    /// The first surface within `reach` metres, as a shading point on the side of the ray's origin.
     pub fn first(&self, from: Vec3, direction: Vec3, reach: f32) -> Option<ShadingPoint> {
         let mut nearest = reach;
         let mut found = None;
@@ -47,14 +47,14 @@ impl<'a> Rays<'a> {
         }
         let ([a, b, c], to_mesh) = found?;
         let local = (b - a).cross(c - a);
-        // Normals turn back by the transpose.
+        // Normals transform by the inverse transpose; `to_mesh` is the inverse.
         let normal = (Mat3::from(to_mesh.matrix3).transpose() * local).try_normalize()?;
         let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
         Some(ShadingPoint::surface(from + direction * nearest + normal * OFFSET, normal))
     }
 }
 
-/// A direction through the picture; `u` in [0, 1)^2, 16:9.
+/// The direction of the camera ray at `u` in [0, 1)^2, for pictures of 16:9.
 pub fn through(camera: &Camera, u: [f32; 2]) -> Vec3 {
     let forward = (camera.target - camera.eye).normalize_or(Vec3::NEG_Z);
     let right = forward.cross(Vec3::Y).normalize_or(Vec3::X);
@@ -64,13 +64,14 @@ pub fn through(camera: &Camera, u: [f32; 2]) -> Vec3 {
     (forward + right * (x * half * 16.0 / 9.0) + up * (y * half)).normalize()
 }
 
+/// Whether a ray meets a box within `reach`.
 fn meets(aabb: &Aabb, from: Vec3, direction: Vec3, reach: f32) -> bool {
     let (a, b) = ((aabb.min - from) / direction, (aabb.max - from) / direction);
     let (enter, leave) = (a.min(b).max_element(), a.max(b).min_element());
     enter <= leave && leave > 0.0 && enter < reach
 }
 
-/// Möller and Trumbore 1997.
+/// The distance to a triangle along a ray (Möller and Trumbore 1997).
 fn distance([a, b, c]: [Vec3; 3], from: Vec3, direction: Vec3) -> Option<f32> {
     let (ab, ac, to) = (b - a, c - a, from - a);
     let p = direction.cross(ac);

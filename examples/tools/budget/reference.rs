@@ -1,4 +1,4 @@
-//! What is the same for all strategies: which trees change when, and what fresh builds of them are like.
+//! What is the same for all strategies: the trees that change in each frame, the light, and fresh builds of the trees.
 
 use super::lit::Lit;
 use super::motion::Motion;
@@ -12,31 +12,31 @@ use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Points of the animation at which SS's deviations are taken.
+/// The number of frames at which the deviations for [SS] are taken.
 const POINTS: u32 = 8;
 
-/// One scene in one motion, played once without any rebuild.
+/// One scene in one motion, played once without rebuilds.
 pub struct Reference {
-    /// Of each frame from the first on, which trees changed.
+    /// For each frame from the first on, whether each tree changed.
     pub changed: Vec<Vec<bool>>,
-    /// Of each frame in which noise is measured.
+    /// The light in each frame in which noise is measured.
     pub lit: Vec<Lit>,
-    /// Of each tree.
+    /// The deviations of each tree.
     pub deviations: Vec<Deviations>,
-    /// Lights of each tree.
+    /// The number of lights of each tree.
     pub sizes: Vec<usize>,
     /// For the oracle.
     pub gains: Option<Gains>,
 }
 
 impl Reference {
-    /// Plays `frames` frames; what the oracle wants to know is found out only if `is_oracle_wanted`.
+    /// Plays `frames` frames. The gains of rebuilds, which take long, are computed only if `has_oracle`.
     pub fn new(
         kind: SceneKind,
         motion: Motion,
         (frames, every): (u32, u32),
         shading_points: usize,
-        is_oracle_wanted: bool,
+        has_oracle: bool,
     ) -> Result<Self, SceneError> {
         let clock = Arc::new(VirtualClock::new(|_| Duration::ZERO));
         let mut stage = Stage::new(kind, motion, shading_points, clock)?;
@@ -49,10 +49,10 @@ impl Reference {
         let sizes: Vec<usize> = before.iter().map(Vec::len).collect();
         let (mut changed, mut lit) = (Vec::new(), Vec::new());
         let mut attributes: Vec<Vec<[f32; 4]>> = vec![Vec::new(); stage.trees.len()];
-        let mut gains = is_oracle_wanted.then(|| Gains::new(&stage, &instances));
+        let mut gains = has_oracle.then(|| Gains::new(&stage, &instances));
         if let Some(gains) = &mut gains {
-            gains.look(&Lit::new(&stage.world, &stage.shading_points), &stage.world, &instances);
-            before.iter().enumerate().for_each(|(tree, lights)| gains.note(0, tree, lights));
+            gains.find_lit_points(&Lit::new(&stage.world, &stage.shading_points), &stage.world, &instances);
+            before.iter().enumerate().for_each(|(tree, lights)| gains.record(0, tree, lights));
         }
         for frame in 1..=frames {
             stage.advance(frame)?;
@@ -72,10 +72,10 @@ impl Reference {
             }
             if let Some(gains) = &mut gains {
                 if let Some(lit) = lit.last().filter(|_| frame % every == 0) {
-                    gains.look(lit, &stage.world, &instances);
+                    gains.find_lit_points(lit, &stage.world, &instances);
                 }
                 let moving = moved.iter().zip(&before).enumerate().filter(|(_, (moved, _))| **moved);
-                moving.for_each(|(tree, (_, lights))| gains.note(frame, tree, lights));
+                moving.for_each(|(tree, (_, lights))| gains.record(frame, tree, lights));
             }
             changed.push(moved);
         }
@@ -84,25 +84,26 @@ impl Reference {
     }
 }
 
+/// The standard deviation of one attribute.
 fn deviation(samples: &[[f32; 4]], attribute: usize) -> f32 {
     let count = samples.len().max(1) as f32;
     let mean = samples.iter().map(|sample| sample[attribute]).sum::<f32>() / count;
     (samples.iter().map(|sample| (sample[attribute] - mean).powi(2)).sum::<f32>() / count).sqrt()
 }
 
-/// Of each of a stage's trees.
+/// The instances of each of a stage's deforming trees.
 pub fn instances(stage: &Stage) -> Vec<Vec<InstanceKey>> {
-    let places: std::collections::HashMap<_, _> = stage.trees.iter().enumerate().map(|(i, key)| (*key, i)).collect();
+    let indices: std::collections::HashMap<_, _> = stage.trees.iter().enumerate().map(|(i, key)| (*key, i)).collect();
     let mut instances = vec![Vec::new(); stage.trees.len()];
     for key in stage.world.instances() {
-        if let Some(place) = stage.world.instance_tree(key).and_then(|tree| places.get(&tree)) {
-            instances[*place].push(key);
+        if let Some(index) = stage.world.instance_tree(key).and_then(|tree| indices.get(&tree)) {
+            instances[*index].push(key);
         }
     }
     instances
 }
 
-/// Gives all instances of each tree a policy.
+/// Sets the policy of all instances of each tree.
 pub fn set_policies(
     world: &mut LightWorld,
     instances: &[Vec<InstanceKey>],

@@ -1,10 +1,10 @@
-//! The tables, as CSV and for eyes.
+//! The tables, as CSV and for the terminal.
 
 use super::scene::SceneError;
-use std::fs::File;
-use std::path::{Path, PathBuf};
+use crate::common::table::Table;
+use std::path::Path;
 
-/// Of budget.csv.
+/// The columns of `budget.csv`.
 pub const COLUMNS: [&str; 9] = [
     "scene",
     "motion",
@@ -17,10 +17,10 @@ pub const COLUMNS: [&str; 9] = [
     "longest_wait_frames",
 ];
 
-/// Of over_time.csv.
+/// The columns of `over_time.csv`.
 pub const TIME_COLUMNS: [&str; 6] = ["scene", "motion", "strategy", "budget_share", "frame", "sigma"];
 
-/// Of scenes.csv: what the others are relative to.
+/// The columns of `scenes.csv`.
 pub const SCENE_COLUMNS: [&str; 10] = [
     "scene",
     "motion",
@@ -34,28 +34,28 @@ pub const SCENE_COLUMNS: [&str; 10] = [
     "smallest_job_us",
 ];
 
-/// How one strategy did with one budget.
+/// The results of one strategy with one budget.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
     pub scene: String,
     pub motion: String,
     pub strategy: String,
-    /// Of what rebuilding always takes; infinite without a budget.
+    /// The budget as a share of the time of always rebuilding; infinite without a budget.
     pub budget_share: f64,
-    /// Of the gap between updating only and rebuilding always.
+    /// The share of the gap in noise between updating only and always rebuilding.
     pub gap_recovered: f64,
-    /// Time spent, of what rebuilding always takes.
+    /// The time spent as a share of the time of always rebuilding.
     pub cost_share: f64,
-    /// Share of frames.
+    /// The share of frames that kept their budget.
     pub within_budget: f64,
     pub worst_overrun_us: f64,
     pub longest_wait_frames: u32,
-    /// Mean over shading points, by measured frame.
+    /// Measured frames, each with the mean of sigma over shading points.
     pub over_time: Vec<(u32, f64)>,
 }
 
 impl Row {
-    /// In the order of [`COLUMNS`].
+    /// A row of `budget.csv`, in the order of [`COLUMNS`].
     pub fn fields(&self) -> [String; 9] {
         [
             self.scene.clone(),
@@ -71,7 +71,7 @@ impl Row {
     }
 }
 
-/// A scene in a motion.
+/// A scene in a motion, with the values that rows are relative to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneRow {
     pub scene: String,
@@ -87,6 +87,7 @@ pub struct SceneRow {
 }
 
 impl SceneRow {
+    /// A row of `scenes.csv`, in the order of [`SCENE_COLUMNS`].
     fn fields(&self) -> [String; 10] {
         [
             self.scene.clone(),
@@ -103,7 +104,8 @@ impl SceneRow {
     }
 }
 
-/// The three tables of a folder. To be opened before anything is measured: what cannot be written is better known then.
+/// The three tables of a folder. They are created before anything is measured, so that a folder that cannot be written is
+/// reported early.
 pub struct Tables {
     budget: Table,
     over_time: Table,
@@ -111,63 +113,28 @@ pub struct Tables {
 }
 
 impl Tables {
-    /// Creates or empties them.
+    /// Creates the folder if need be, and creates or empties the tables.
     pub fn create(out: &Path) -> Result<Self, SceneError> {
         std::fs::create_dir_all(out).map_err(|error| SceneError(format!("cannot make {}: {error}", out.display())))?;
+        let table = |name, columns| Table::create(&out.join(name), columns).map_err(SceneError);
         Ok(Self {
-            budget: Table::create(&out.join("budget.csv"), &COLUMNS)?,
-            over_time: Table::create(&out.join("over_time.csv"), &TIME_COLUMNS)?,
-            scenes: Table::create(&out.join("scenes.csv"), &SCENE_COLUMNS)?,
+            budget: table("budget.csv", &COLUMNS)?,
+            over_time: table("over_time.csv", &TIME_COLUMNS)?,
+            scenes: table("scenes.csv", &SCENE_COLUMNS)?,
         })
     }
 
-    /// Adds a scene's lines.
+    /// Adds the rows of a scene in a motion.
     pub fn add(&mut self, scene: &SceneRow, rows: &[Row]) -> Result<(), SceneError> {
-        self.scenes.line(scene.fields())?;
+        self.scenes.add(scene.fields()).map_err(SceneError)?;
         for row in rows {
-            self.budget.line(row.fields())?;
+            self.budget.add(row.fields()).map_err(SceneError)?;
             for (frame, sigma) in &row.over_time {
                 let name = [&row.scene, &row.motion, &row.strategy].map(String::clone);
                 let values = [row.budget_share.to_string(), frame.to_string(), format!("{sigma:.5}")];
-                self.over_time.line(name.into_iter().chain(values))?;
+                self.over_time.add(name.into_iter().chain(values)).map_err(SceneError)?;
             }
         }
-        [&mut self.budget, &mut self.over_time, &mut self.scenes].into_iter().try_for_each(Table::flush)
+        Ok(())
     }
-}
-
-/// A CSV file.
-pub struct Table {
-    path: PathBuf,
-    writer: csv::Writer<File>,
-}
-
-impl Table {
-    /// Creates or empties the file, and writes its head.
-    pub fn create(path: &Path, columns: &[&str]) -> Result<Self, SceneError> {
-        let refuse = |error| refusal(path, &error);
-        let mut writer = csv::Writer::from_path(path).map_err(refuse)?;
-        writer.write_record(columns).map_err(refuse)?;
-        let mut table = Self { path: path.to_owned(), writer };
-        table.flush()?;
-        Ok(table)
-    }
-
-    /// Adds a line.
-    pub fn line(&mut self, fields: impl IntoIterator<Item = String>) -> Result<(), SceneError> {
-        self.writer.write_record(fields).map_err(|error| refusal(&self.path, &error))
-    }
-
-    /// Ends it.
-    pub fn finish(mut self) -> Result<(), SceneError> {
-        self.flush()
-    }
-
-    fn flush(&mut self) -> Result<(), SceneError> {
-        self.writer.flush().map_err(|error| refusal(&self.path, &error.into()))
-    }
-}
-
-fn refusal(path: &Path, error: &csv::Error) -> SceneError {
-    SceneError(format!("cannot write {}: {error}", path.display()))
 }

@@ -1,4 +1,4 @@
-//! Measures strategies on a scene in a motion, for one budget after the other.
+//! Measures all strategies and budgets on a scene in a motion.
 
 use super::costs::Costs;
 use super::motion::Motion;
@@ -17,23 +17,24 @@ use std::time::Duration;
 #[derive(Clone, Debug)]
 pub struct Plan {
     pub strategies: Vec<Strategy>,
-    /// Budgets, in what rebuilding always takes on average.
+    /// Budgets as shares of the mean time per frame of always rebuilding.
     pub shares: Vec<f64>,
-    /// Those of the algorithms of SS.
+    /// The same for the algorithms of [SS].
     pub ss_shares: Vec<f64>,
     pub frames: u32,
-    /// Noise is measured every so many frames.
+    /// Noise is measured every n-th frame.
     pub every: u32,
     pub shading_points: usize,
 }
 
-/// How a strategy did, before anything is put in relation.
+/// The results of one run, in absolute numbers.
 struct Played {
+    /// The mean over measured frames and shading points.
     sigma: f64,
     over_time: Vec<(u32, f64)>,
     spent: Duration,
     background: Duration,
-    /// Frames.
+    /// The number of frames that kept the budget.
     within: u32,
     worst_overrun: Duration,
     longest_wait: u32,
@@ -41,29 +42,25 @@ struct Played {
     instances: usize,
 }
 
-/// All strategies and budgets, in the order of the plan.
+/// Measures all strategies and budgets, in the order of the plan.
 pub fn measure(
     kind: SceneKind,
     motion: Motion,
     plan: &Plan,
     costs: &Arc<Costs>,
 ) -> Result<(SceneRow, Vec<Row>), SceneError> {
-    let is_oracle_wanted = plan.strategies.contains(&Strategy::Oracle);
-    let reference = Reference::new(kind, motion, (plan.frames, plan.every), plan.shading_points, is_oracle_wanted)?;
+    let has_oracle = plan.strategies.contains(&Strategy::Oracle);
+    let reference = Reference::new(kind, motion, (plan.frames, plan.every), plan.shading_points, has_oracle)?;
     let play = |(strategy, time): &(Strategy, Duration)| {
         let budget = FrameBudget::new(*time);
         let player = Player::new(kind, motion, plan.shading_points, (*strategy, budget), costs, &reference)?;
         play(player, plan, *time)
     };
-    let ends = side_by_side(&[(Strategy::UpdateOnly, Duration::ZERO), (Strategy::AlwaysRebuild, Duration::MAX)], play)?;
+    let ends = in_parallel(&[(Strategy::UpdateOnly, Duration::ZERO), (Strategy::AlwaysRebuild, Duration::MAX)], play)?;
     let [updated, rebuilt] = &ends[..] else { return Err(SceneError("two runs have two results".into())) };
     let always = rebuilt.spent.as_secs_f64() / f64::from(plan.frames);
     if always <= 0.0 {
-        return Err(SceneError(format!(
-            "{} {}: nothing changes, so that nothing is rebuilt",
-            kind.name(),
-            motion.name()
-        )));
+        return Err(SceneError(format!("{} {}: nothing changes, so nothing is rebuilt", kind.name(), motion.name())));
     }
     let mut jobs = Vec::new();
     for strategy in plan.strategies.iter().filter(|strategy| !strategy.ignores_budget()) {
@@ -72,7 +69,7 @@ pub fn measure(
         jobs.extend(if strategy.is_of_ss() { &plan.ss_shares } else { &plan.shares }.iter().map(budget));
     }
     let work: Vec<(Strategy, Duration)> = jobs.iter().map(|(strategy, _, time)| (*strategy, *time)).collect();
-    let all = side_by_side(&work, play)?;
+    let all = in_parallel(&work, play)?;
     let row = |strategy: Strategy, share: f64, played: &Played| Row {
         scene: kind.name().to_owned(),
         motion: motion.name().to_owned(),
@@ -103,7 +100,7 @@ pub fn measure(
     Ok((scene, rows))
 }
 
-/// All frames of one run.
+/// Plays all frames of one run.
 fn play(mut player: Player<'_>, plan: &Plan, budget: Duration) -> Result<Played, SceneError> {
     let mut played = Played {
         sigma: 0.0,
@@ -133,8 +130,8 @@ fn play(mut player: Player<'_>, plan: &Plan, budget: Duration) -> Result<Played,
     Ok(played)
 }
 
-/// Works on all jobs with as many threads as there are cores. Not on rayon's, whose own tasks the jobs wait for.
-fn side_by_side<J: Sync, T: Send>(
+/// Works on all jobs with one thread per core. These are not rayon's threads, because jobs wait for rayon's tasks.
+fn in_parallel<J: Sync, T: Send>(
     jobs: &[J],
     work: impl Fn(&J) -> Result<T, SceneError> + Sync,
 ) -> Result<Vec<T>, SceneError> {
@@ -152,5 +149,5 @@ fn side_by_side<J: Sync, T: Send>(
         }
     });
     let done = done.into_inner().unwrap_or_else(PoisonError::into_inner);
-    done.into_iter().map(|result| result.unwrap_or_else(|| Err(SceneError("a run was cut off".into())))).collect()
+    done.into_iter().map(|result| result.unwrap_or_else(|| Err(SceneError("a run did not finish".into())))).collect()
 }

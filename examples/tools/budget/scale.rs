@@ -1,15 +1,15 @@
-//! How noisy the choice inside a tree is, from the tree as it stands, refitted or fresh: the scale to which ratios
-//! are relative, and a prediction of what a rebuild buys by itself.
+//! How well a tree as it is, refitted or fresh, predicts the noise of a choice inside it. That noise is the scale of the
+//! ratios in `fit.rs`, and its difference between two states predicts the gain of a rebuild.
 
 use super::figures::Kind;
-use super::fit::MIN_NOISE;
-use super::observations::{Observation, SPLITS, Shape};
+use super::observations::{MIN_NOISE, Observation, SPLITS, Shape};
 use super::regression::{Line, Point, best_tenth, mean, r_squared, spearman};
+use crate::common::table::markdown_head;
 
-/// Attributes below this count as this.
+/// The least value of an attribute; lower values count as this.
 const FLOOR: f64 = 1.0e-3;
 
-/// Sets of features, by name.
+/// Sets of features and their names.
 const SETS: [(&str, &[usize]); 9] = [
     ("lights", &[0]),
     ("variance", &[3]),
@@ -22,8 +22,28 @@ const SETS: [(&str, &[usize]); 9] = [
     ("lights, all four, axis", &[0, 1, 2, 3, 4, 5]),
 ];
 
-/// Logarithms of the number of lights and of the attributes by spread, the length of the mean direction; the variance's
-/// logarithm.
+/// The columns of the table.
+const COLUMNS: [&str; 16] = [
+    "features",
+    "held out",
+    "R2",
+    "R2 held out",
+    "Spearman held out",
+    "Spearman of gain",
+    "best tenth of gain",
+    "residual",
+    "residual of trees",
+    "constant",
+    "ln lights",
+    "ln distance",
+    "ln overlap",
+    "ln variance",
+    "ln cost",
+    "axis",
+];
+
+/// The features are the logarithm of the number of lights, the logarithms of the attributes relative to the spread of the
+/// lights, and the length of the mean direction. The value is the logarithm of the variance.
 fn point(lights: usize, shape: &Shape, variance: f64) -> Point {
     let values = shape.values();
     let units = [shape.box_per_spread.sqrt(), 1.0, shape.box_per_spread, shape.box_per_spread];
@@ -32,7 +52,7 @@ fn point(lights: usize, shape: &Shape, variance: f64) -> Point {
     Point { x, y: variance.max(MIN_NOISE).ln() }
 }
 
-/// How the observations are held out in parts: the part of one of them.
+/// Assigns an observation to one of the parts that are held out in turn.
 type Fold = fn(&Observation) -> usize;
 
 fn by_kind(observation: &Observation) -> usize {
@@ -43,10 +63,10 @@ fn by_tree(observation: &Observation) -> usize {
     observation.tree % PARTS
 }
 
-/// Of either way to hold out.
+/// The number of parts of either way to hold out.
 const PARTS: usize = Kind::ALL.len();
 
-/// Trees as they stand before a rebuild, after it, and after the last one, as far as that is known.
+/// The trees before a rebuild, after it, and after the last rebuild; the variance of the latter is taken from the fresh tree.
 struct Trees<'a> {
     observations: &'a [Observation],
     now: Vec<Point>,
@@ -55,7 +75,7 @@ struct Trees<'a> {
 }
 
 impl Trees<'_> {
-    /// Predictions for each of the three kinds of points, from a line through those of other parts, now and fresh.
+    /// Predictions for each of the three states, from a line through the other parts' points before and after the rebuild.
     fn held_out(&self, set: &[usize], fold: Fold) -> [Vec<f64>; 3] {
         let count = self.observations.len();
         let mut predicted: [Vec<f64>; 3] = std::array::from_fn(|_| vec![0.0; count]);
@@ -72,8 +92,8 @@ impl Trees<'_> {
     }
 }
 
-/// Prints how well the variance of trees as they stand is told, and the gain as the difference between now and the last
-/// rebuild.
+/// Prints how well the variance of a tree is predicted, and the gain of a rebuild as the predicted difference between now and
+/// the last rebuild.
 pub fn run(observations: &[Observation], splits: usize) {
     let gain: Vec<f64> = observations.iter().map(|o| o.refitted[splits] - o.fresh[splits]).collect();
     let of = |f: fn(&Observation, usize) -> Point| observations.iter().map(|o| f(o, splits)).collect::<Vec<Point>>();
@@ -83,12 +103,8 @@ pub fn run(observations: &[Observation], splits: usize) {
         fresh: of(|o, splits| point(o.lights, &o.fresh_shape, o.fresh[splits])),
         rebuilt: of(|o, splits| point(o.lights, &o.rebuilt, o.fresh[splits])),
     };
-    println!("\nln(s2) of a tree as it stands, {} opened, {} trees\n", SPLITS[splits], 2 * observations.len());
-    println!(
-        "| of | held out | R2 | R2 held out | Spearman held out | of gain | best tenth | residual | of trees | constant \
-         | ln lights | ln distance | ln overlap | ln variance | ln cost | axis |"
-    );
-    println!("|{}", "---|".repeat(16));
+    println!("\nln(s2) of a tree as it is, {} splits, {} trees\n", SPLITS[splits], 2 * observations.len());
+    println!("{}", markdown_head(&COLUMNS));
     let both: Vec<&Point> = trees.now.iter().chain(&trees.fresh).collect();
     let y: Vec<f64> = both.iter().map(|p| p.y).collect();
     let folds: [(&str, Fold); 2] = [("kinds", by_kind), ("trees", by_tree)];
@@ -114,12 +130,13 @@ pub fn run(observations: &[Observation], splits: usize) {
     }
 }
 
-/// Nothing for what does not tell trees apart.
+/// Three digits; nothing for a correlation that does not exist because all values are equal.
 fn number(number: f64) -> String {
     if number.is_nan() { String::new() } else { format!("{number:.3}") }
 }
 
-/// Standard deviation across trees of what is left on average of each; `rest` holds all now and then all fresh.
+/// The standard deviation across trees of each tree's mean residual. `rest` has the residuals of all observations before the
+/// rebuild and then those after it.
 fn of_trees(observations: &[Observation], rest: &[f64]) -> f64 {
     let count = observations.iter().map(|o| o.tree + 1).max().unwrap_or(0);
     let mut sums = vec![(0.0, 0.0); count];

@@ -1,4 +1,4 @@
-//! The scenes of the benchmark: a city with trees that deform, and who receives their light.
+//! The scenes of this tool: a city with deforming trees, and shading points.
 
 use super::figures::{Kind, Troupe};
 use super::motion::Motion;
@@ -13,7 +13,7 @@ use girandole::{InstanceKey, Light, LightWorld, Placement, Policy, ShadingPoint,
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// How many trees deform, in how large a city.
+/// The number of deforming trees, and the size of the city.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum SceneKind {
     /// 10 in city S.
@@ -28,10 +28,10 @@ pub enum SceneKind {
 }
 
 impl SceneKind {
-    /// All of them, the smallest first.
+    /// All scenes, the smallest first.
     pub const ALL: [Self; 3] = [Self::S10, Self::M100, Self::L1000];
 
-    /// As in tables.
+    /// The scene's name in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::S10 => "S10",
@@ -66,42 +66,43 @@ impl SceneKind {
     }
 }
 
-/// Of everything that is drawn by lot.
+/// Seeds the city, the trees and the shading points.
 const SEED: u64 = 1;
-/// Shading points beside trees stand beside those within so many metres of the view's middle.
+/// Half of the shading points are near trees that are at most this far from the middle of the view, in metres.
 const NEAR: f32 = 450.0;
-/// And within so many metres of one of their lights.
+/// The greatest distance of these shading points from a light of their tree, in metres.
 const REACH: f32 = 35.0;
-/// The camera sees this far, in metres.
+/// The length of camera rays, in metres.
 const SIGHT: f32 = 1_000.0;
-/// Rays that are sent for a shading point before it is given up.
+/// The number of rays for one shading point, after which the search fails.
 const TRIES: usize = 2_000;
 
-/// A city, its trees that deform and their motion.
+/// A city, its deforming trees and their motion.
 pub struct Stage {
-    /// Scene and motion.
+    /// The names of scene and motion.
     pub name: String,
-    /// How its trees move.
+    /// The motion of its trees.
     pub motion: Motion,
-    /// All lights, as in the frame of the last [`Stage::advance`].
+    /// All lights, as of the last [`Stage::advance`].
     pub world: LightWorld,
-    /// Half of them beside the trees that deform, half where the camera looks; fixed.
+    /// Fixed points: those with an even index are near deforming trees, the others in view of the camera.
     pub shading_points: Vec<ShadingPoint>,
-    /// The camera.
+    /// The position of the camera.
     pub eye: DVec3,
-    /// Those that deform.
+    /// The deforming trees.
     pub trees: Vec<TreeKey>,
-    /// What each of them is, in the order of `trees`.
+    /// The kind of each of `trees`.
     pub kinds: Vec<Kind>,
+    /// The lights of each of `trees`.
     troupes: Vec<Troupe>,
     scene: Scene,
     city: Box<dyn Animation>,
 }
 
 impl Stage {
-    /// Builds city and trees as in frame 0.
+    /// Builds the city and the trees, as of frame 0.
     ///
-    /// The trees that deform get [`Policy::Budgeted`]; the city's own strings and swarm are only ever refitted.
+    /// The deforming trees get [`Policy::Budgeted`]. The city's own strings and swarm are only refitted.
     pub fn new(
         kind: SceneKind,
         motion: Motion,
@@ -124,17 +125,17 @@ impl Stage {
             .collect();
         let mut sites = Sites::new(kind, middle(&camera));
         let mut rng = Rng::new(SEED, 0x517e);
-        let (mut trees, mut beside) = (Vec::new(), Vec::new());
+        let (mut trees, mut placed) = (Vec::new(), Vec::new());
         for troupe in &troupes {
             let tree = world.add_tree(troupe.lights().to_vec())?;
             trees.push(tree);
-            // Some trees are shown two or three times.
+            // Some trees have two or three instances.
             let shown = if rng.chance(0.12) { 2 + rng.below(2) } else { 1 };
             for copy in 0..shown {
                 let in_view = trees.len() % 3 != 0 && copy == 0;
                 let placement = sites.place(troupe.kind, in_view, &mut rng);
                 world.add_instance(tree, placement, Policy::Budgeted)?;
-                beside.push((tree, placement));
+                placed.push((tree, placement));
             }
         }
         let mut stage = Self {
@@ -150,12 +151,12 @@ impl Stage {
             city: city.animation,
         };
         stage.advance(0)?;
-        stage.shading_points = stage.find_shading_points(&beside, shading_points)?;
+        stage.shading_points = stage.find_shading_points(&placed, shading_points)?;
         Ok(stage)
     }
 
-    /// Moves lights and cars to a frame, 60 a second; frames never go back. What it sets depends on the frame alone.
-    /// [`LightWorld::update`] is the caller's.
+    /// Moves lights and cars to a frame, which must not be before the last one. There are 60 frames per second. The result
+    /// depends only on the frame. The caller calls [`LightWorld::update`].
     pub fn advance(&mut self, frame: u32) -> Result<(), SceneError> {
         let time = f64::from(self.motion.frame_of_traffic(frame)) / 60.0;
         self.city.advance(time, &mut self.scene, &mut self.world)?;
@@ -167,10 +168,10 @@ impl Stage {
         Ok(())
     }
 
-    /// Points in front of the first surface that a ray meets: from a light of a tree to any side, or through the picture.
+    /// Finds the first surfaces that rays meet: rays from a light of a tree in random directions, and camera rays.
     fn find_shading_points(
         &self,
-        beside: &[(TreeKey, Placement)],
+        placed: &[(TreeKey, Placement)],
         count: usize,
     ) -> Result<Vec<ShadingPoint>, SceneError> {
         let camera = self.scene.camera;
@@ -179,7 +180,7 @@ impl Stage {
             let at = placement.translation.as_vec3();
             vec2(at.x, at.z).distance(middle) < NEAR
         };
-        let near: Vec<&(TreeKey, Placement)> = beside.iter().filter(is_near).collect();
+        let near: Vec<&(TreeKey, Placement)> = placed.iter().filter(is_near).collect();
         let (rays, world) = (Rays::new(&self.scene), &self.world);
         let find = |index: usize| {
             let mut rng = Rng::new(SEED, 0x4ece_0000 + index as u64);
@@ -195,11 +196,11 @@ impl Stage {
             })
         };
         let found: Option<Vec<ShadingPoint>> = (0..count).into_par_iter().map(find).collect();
-        found.ok_or_else(|| SceneError("the scene has too few surfaces to stand on".into()))
+        found.ok_or_else(|| SceneError("the scene has too few surfaces for shading points".into()))
     }
 }
 
-/// The middle of what is in view, seen from above.
+/// The middle of the view, as seen from above.
 fn middle(camera: &Camera) -> Vec2 {
     let forward = (camera.target - camera.eye).normalize_or(Vec3::NEG_Z);
     vec2(camera.eye.x, camera.eye.z) + vec2(forward.x, forward.z) * 80.0
@@ -219,12 +220,12 @@ fn position(light: &Light) -> Vec3 {
     }
 }
 
-/// Where trees may stand: courtyards and stretches of streets, each once while there are any left.
+/// The places for trees: courtyards and stretches of streets. Each is used once, as long as there are free ones.
 struct Sites {
     middle: Vec2,
-    /// Half of the city's side, metres.
+    /// Half of the city's side, in metres.
     half: f32,
-    /// In front of the camera, the nearest last.
+    /// Places in front of the camera, the nearest last.
     avenue: Vec<Vec2>,
     yards: Vec<Vec2>,
     streets: Vec<Vec2>,
@@ -241,8 +242,8 @@ impl Sites {
         Self { middle, half: 0.5 * PITCH * blocks as f32, avenue, yards, streets }
     }
 
-    /// A place for a kind: the avenue's first, for what fits into a street and may stand there; then half of all near
-    /// the view's middle, many within walking distance, some anywhere.
+    /// Chooses a place for a tree. Trees in view, except ferris wheels, get the avenue in front of the camera first. Of the
+    /// others, half are within 120 m of the middle of the view along each axis, 35 % within 500 m, and the rest anywhere.
     fn place(&mut self, kind: Kind, in_view: bool, rng: &mut Rng) -> Placement {
         let reach = match rng.unit() {
             roll if roll < 0.5 => 120.0,
@@ -253,13 +254,13 @@ impl Sites {
             let reach = reach.min(self.half);
             (if reach < self.half { middle } else { 0.0 }) + rng.range(-reach, reach)
         };
-        let wanted = vec2(any(self.middle.x, rng), any(self.middle.y, rng));
+        let target = vec2(any(self.middle.x, rng), any(self.middle.y, rng));
         let is_in_street = matches!(kind, Kind::Strings | Kind::Parade);
         let in_view = if in_view && kind != Kind::FerrisWheel { self.avenue.pop() } else { None };
         let sites = if is_in_street { &mut self.streets } else { &mut self.yards };
         let nearest = (0..sites.len())
-            .min_by(|a, b| sites[*a].distance_squared(wanted).total_cmp(&sites[*b].distance_squared(wanted)));
-        let site = in_view.or_else(|| nearest.map(|index| sites.swap_remove(index))).unwrap_or(wanted);
+            .min_by(|a, b| sites[*a].distance_squared(target).total_cmp(&sites[*b].distance_squared(target)));
+        let site = in_view.or_else(|| nearest.map(|index| sites.swap_remove(index))).unwrap_or(target);
         let height = match kind {
             Kind::Strings => rng.range(6.5, 8.5),
             Kind::Swarm => rng.range(14.0, 45.0),

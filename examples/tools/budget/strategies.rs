@@ -1,34 +1,34 @@
-//! What is compared: who decides which trees are rebuilt.
+//! The strategies that are compared: each decides which trees are rebuilt.
 
 use girandole::{Attribute, Policy};
 
-/// Who decides.
+/// A way to decide which trees are rebuilt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Strategy {
-    /// Nobody: trees are only ever refitted.
+    /// Trees are only refitted.
     UpdateOnly,
-    /// Whatever changed is rebuilt at once.
+    /// Every changed tree is rebuilt at once.
     AlwaysRebuild,
-    /// One tree after the other, of those that changed.
+    /// Changed trees are rebuilt in turn.
     RoundRobin,
-    /// Those whose last rebuild is longest ago, of those that changed.
+    /// Of the changed trees, those with the oldest last rebuild come first.
     OldestFirst,
-    /// Algorithm 1 of SS.
+    /// Algorithm 1 of [SS].
     Deviation(Attribute),
-    /// Algorithm 2 of SS.
+    /// Algorithm 2 of [SS].
     Ratio(Attribute),
-    /// The library's scheduler, which knows where the camera stands.
+    /// The library's scheduler with the position of the camera.
     Girandole,
-    /// The library's scheduler, which is told what the sampler picked.
+    /// The library's scheduler with the position of the camera and the usage of instances.
     GirandoleUsage,
-    /// Knows what each rebuild would gain in this frame.
+    /// The rebuilds with the largest gain per time in this frame come first; the gains are computed exactly.
     Oracle,
 }
 
 use Attribute::{Distance, Overlap, SplittingCost, Variance};
 
 impl Strategy {
-    /// All, the two ends of the gap first.
+    /// All strategies, the two ends of the gap first.
     pub const ALL: [Self; 15] = [
         Self::UpdateOnly,
         Self::AlwaysRebuild,
@@ -47,7 +47,7 @@ impl Strategy {
         Self::Oracle,
     ];
 
-    /// As tables call it.
+    /// The strategy's name in tables.
     pub fn name(self) -> String {
         let of = |attribute| match attribute {
             Distance => "distance",
@@ -63,27 +63,27 @@ impl Strategy {
             Self::Deviation(attribute) => format!("SS 1 {}", of(attribute)),
             Self::Ratio(attribute) => format!("SS 2 {}", of(attribute)),
             Self::Girandole => "girandole".into(),
-            Self::GirandoleUsage => "girandole picks".into(),
+            Self::GirandoleUsage => "girandole usage".into(),
             Self::Oracle => "oracle".into(),
         }
     }
 
-    /// The same whatever the budget.
+    /// Whether the budget makes no difference.
     pub fn ignores_budget(self) -> bool {
         matches!(self, Self::UpdateOnly | Self::AlwaysRebuild)
     }
 
-    /// An algorithm of SS, which is measured without a budget too.
+    /// Whether this is an algorithm of [SS], which is also measured without a budget.
     pub fn is_of_ss(self) -> bool {
         matches!(self, Self::Deviation(_) | Self::Ratio(_))
     }
 
-    /// Rebuilds by hand; the world only refits.
-    pub fn is_by_hand(self) -> bool {
+    /// Whether the strategy calls for rebuilds itself, and the world only refits.
+    pub fn is_external(self) -> bool {
         matches!(self, Self::RoundRobin | Self::OldestFirst | Self::Oracle)
     }
 
-    /// Of a tree whose attributes spread so much over rebuilt trees.
+    /// The policy of a tree whose attributes have these deviations.
     pub fn policy(self, deviations: &Deviations) -> Policy {
         match self {
             Self::UpdateOnly | Self::RoundRobin | Self::OldestFirst | Self::Oracle => Policy::RefitOnly,
@@ -98,13 +98,13 @@ impl Strategy {
     }
 }
 
-/// S of algorithm 1 of SS.
+/// The factor S of algorithm 1 of [SS].
 const DEVIATIONS: f32 = 1.0;
-/// S of algorithm 2 of SS.
+/// The factor S of algorithm 2 of [SS].
 const RATIO: f32 = 1.1;
 
-/// In the order of [`Deviations`].
+/// The attributes in the order of [`Deviations`].
 pub const ATTRIBUTES: [Attribute; 4] = [Distance, Overlap, Variance, SplittingCost];
 
-/// Standard deviation of each attribute of a tree over rebuilds at several points of its animation.
+/// The standard deviation of each attribute of a tree over fresh builds at several points of its animation.
 pub type Deviations = [f32; 4];

@@ -1,20 +1,27 @@
-//! What upload, the top level and sampling cost on this machine's GPU.
+//! The time of upload, top-level build and sampling on this machine's GPU.
 //!
 //! ```text
 //! cargo run --release --example gpu_timings -- --out gpu_timings.json [--quick] [--adapter NAME]
 //! ```
 //!
-//! prints three tables as Markdown and writes their numbers as JSON: upload of 1, 10 and 100 % moved instances; each
-//! stage of the top level from 1,000 to 1,000,000 instances, beside a radix sort of as many keys alone; samples a
-//! second in the procedural cities S, M and L, for one sample and for eight candidates, with the nodes and bytes that
-//! they read. On the GPU by timestamps, apart from submission, where the adapter has them. Takes a few minutes at
-//! most; a copy of the binary runs by itself. `--quick` takes seconds and is for trying it out. `docs/benchmarks.md`
-//! holds measured tables.
-#![allow(clippy::print_stderr, reason = "a program talks to its user")]
+//! prints three tables as Markdown and writes their numbers as JSON:
+//!
+//! 1. upload, where 1, 10 and 100 % of the instances have moved;
+//! 2. each stage of the top-level build over 1,000 to 1,000,000 instances, and a radix sort alone of as many keys;
+//! 3. samples per second in the procedural cities S, M and L, with one candidate and with eight, and the nodes and bytes that
+//!    a sample reads.
+//!
+//! Where the adapter has timestamps, times are those of the GPU without submission. The run takes a few minutes at most, and
+//! `--quick` seconds. Expect a sample of eight candidates to read more nodes than one of a single candidate, but far fewer than
+//! eight times as many. The program needs no files: a copy of the binary runs on any machine. `docs/benchmarks.md` has
+//! measured tables.
 
 #[path = "../../city/modules.rs"]
-#[allow(dead_code, reason = "the city renders what is only looked at here")]
+#[allow(dead_code, reason = "the city example renders frames; this tool only uses its scenes and camera")]
 mod city;
+#[path = "../../common/mod.rs"]
+#[allow(dead_code, reason = "other programs use more of it")]
+mod common;
 #[path = "modules.rs"]
 mod modules;
 
@@ -26,11 +33,5 @@ use modules::run::{Options, run};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    match run(&Options::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::from(2)
-        }
-    }
+    common::exit::exit_code(run(&Options::parse()))
 }

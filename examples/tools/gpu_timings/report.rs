@@ -3,16 +3,20 @@
 use super::machine::Machine;
 use super::{sampling, top_level, uploads};
 
-/// What is measured, and how.
+/// Prints the adapter and how times are taken.
 pub fn head(machine: &Machine) {
     let info = &machine.info;
-    let kind = if machine.is_software() { "software, says nothing about GPUs; " } else { "" };
+    let kind = if machine.is_software() { "software, tells nothing about GPUs; " } else { "" };
     println!("{} ({kind}{:?}; {} {})", info.name, info.backend, info.driver, info.driver_info.trim());
-    println!("Milliseconds: median (least – greatest). Times are {}.", machine.timing());
+    println!("Times are {} in milliseconds: median (least – greatest).", machine.timing());
 }
 
+/// Prints the table of uploads.
 pub fn uploads(instances: u32, rows: &[uploads::Row]) {
-    println!("\nUpload of moved instances, of {}: on the CPU, then until the GPU has it.\n", grouped(instances.into()));
+    println!(
+        "\nUpload of moved instances, of {}: the call on the CPU, then the transfer.\n",
+        grouped(instances.into())
+    );
     line(["moved", "bytes", "`upload`", "submit and wait"].map(String::from));
     line(["---"; 4].map(|rule| format!("{rule}:")));
     for row in rows {
@@ -21,7 +25,7 @@ pub fn uploads(instances: u32, rows: &[uploads::Row]) {
     }
 }
 
-/// A column for each name of stages.
+/// Prints the table of top-level builds, with a column for each stage.
 pub fn top_levels(rows: &[top_level::Row]) {
     let mut names: Vec<&str> = Vec::new();
     for stage in rows.iter().flat_map(|row| &row.built).flat_map(|built| &built.stages) {
@@ -29,7 +33,7 @@ pub fn top_levels(rows: &[top_level::Row]) {
             names.push(stage.name);
         }
     }
-    println!("\nThe top level by stage, each in a pass of its own.\n");
+    println!("\nThe top-level build by stage, each in a pass of its own.\n");
     let columns = ["instances", "dispatches"].into_iter().chain(names.iter().copied());
     let columns: Vec<_> = columns.chain(["total", "sort alone", "total / sort alone"]).map(String::from).collect();
     let count = columns.len();
@@ -55,9 +59,10 @@ pub fn top_levels(rows: &[top_level::Row]) {
     }
 }
 
+/// Prints the head of the table of sampling.
 pub fn sampling_head() {
     println!(
-        "\nOne sample a pixel of a picture of the city, without shadow rays; of several candidates one is kept.\n"
+        "\nOne sample per pixel of a picture of the city, without shadow rays; of several candidates one is chosen.\n"
     );
     let columns = [
         "city",
@@ -66,14 +71,15 @@ pub fn sampling_head() {
         "picture",
         "candidates",
         "ms",
-        "million samples a second",
-        "nodes a sample",
-        "bytes a sample",
+        "million samples per second",
+        "nodes per sample",
+        "bytes per sample",
     ];
     line(columns.map(String::from));
     line(columns.map(|column| if column == "city" { "---".into() } else { "---:".into() }));
 }
 
+/// Prints a row of the table of sampling.
 pub fn sampling(row: &sampling::Row) {
     let (width, height) = row.picture;
     line([
@@ -94,7 +100,7 @@ fn line(fields: impl IntoIterator<Item = String>) {
     println!("| {} |", fields.join(" | "));
 }
 
-/// With commas between thousands.
+/// A number with commas between thousands.
 fn grouped(number: u64) -> String {
     let digits = number.to_string();
     let mut text = String::new();

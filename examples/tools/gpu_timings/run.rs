@@ -22,21 +22,24 @@ pub struct Options {
     /// Small sizes and few repetitions
     #[arg(long)]
     pub quick: bool,
-    /// The first adapter whose name or driver contains this [default: the best]
+    /// The best adapter whose name or driver contains this [default: the best of all]
     #[arg(long, value_name = "NAME")]
     pub adapter: Option<String>,
 }
 
-/// What is measured.
+/// The sizes that are measured.
 struct Plan {
     effort: Effort,
+    /// Instances of each top-level build.
     top_sizes: &'static [u32],
+    /// Instances of the world of uploads.
     moving: u32,
     cities: &'static [Size],
+    /// Pixels, width and height.
     picture: (u32, u32),
 }
 
-/// Often enough for a median, until it has taken long enough.
+/// A whole run: at most a second for each measurement.
 const FULL: Plan = Plan {
     effort: Effort { least: 3, most: 41, time: Duration::from_secs(1) },
     top_sizes: &[1_000, 10_000, 100_000, 1_000_000],
@@ -45,7 +48,7 @@ const FULL: Plan = Plan {
     picture: (1920, 1080),
 };
 
-/// A run that shows that everything works.
+/// A run that only shows that everything works.
 const QUICK: Plan = Plan {
     effort: Effort { least: 3, most: 3, time: Duration::ZERO },
     top_sizes: &[100, 1_000],
@@ -54,13 +57,13 @@ const QUICK: Plan = Plan {
     picture: (64, 32),
 };
 
-/// What a software adapter gets through in minutes.
+/// A picture that a software adapter samples in minutes.
 const SOFTWARE_PICTURE: (u32, u32) = (384, 216);
 
 /// Measures everything, prints the tables and writes the file. An error is one line for the user.
 pub fn run(options: &Options) -> Result<(), SceneError> {
     let refuse = |error: std::io::Error| SceneError(format!("cannot write {}: {error}", options.out.display()));
-    // What cannot be written is better known before anything is measured.
+    // A path that cannot be written is reported before anything is measured.
     let mut file = File::create(&options.out).map_err(refuse)?;
     let machine = Machine::open(options.adapter.as_deref())?;
     let plan = if options.quick { QUICK } else { FULL };

@@ -1,13 +1,5 @@
-// What an engine does with a light at each pixel, but for shadow rays and materials. CANDIDATES comes before this text.
-
-// Twin of `SampleRequest`.
-struct Request {
-    position: vec3<f32>,
-    padding_a: u32,
-    normal: vec3<f32>,
-    padding_b: u32,
-    u: vec4<f32>,
-}
+// What an engine does with a light at each pixel, but for shadow rays and materials. CANDIDATES
+// and shaders/request.wgsl come before this text.
 
 @group(0) @binding(0) var<storage, read> requests: array<Request>;
 @group(0) @binding(1) var<storage, read_write> pixels: array<vec4<f32>>;
@@ -19,16 +11,16 @@ fn sample(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let shading_point = light_surface_point(requests[i].position, requests[i].normal);
-    var drawn: LightSample;
+    var chosen: LightSample;
     var weight = 0.0;
     if CANDIDATES == 1u {
-        drawn = light_sample(shading_point, requests[i].u);
-        weight = 1.0 / (drawn.pmf * drawn.pdf);
+        chosen = light_sample(shading_point, requests[i].u);
+        weight = 1.0 / (chosen.pmf * chosen.pdf);
     } else {
-        let kept = light_resample(shading_point, requests[i].u, CANDIDATES);
-        drawn = kept.chosen;
-        weight = kept.weight;
+        let reservoir = light_resample(shading_point, requests[i].u, CANDIDATES);
+        chosen = reservoir.chosen;
+        weight = reservoir.weight;
     }
-    let cosine = max(dot(shading_point.normal, drawn.direction), 0.0);
-    pixels[i] = vec4(select(vec3(0.0), drawn.radiance * cosine * weight, drawn.pmf > 0.0), drawn.dist);
+    let cosine = max(dot(shading_point.normal, chosen.direction), 0.0);
+    pixels[i] = vec4(select(vec3(0.0), chosen.radiance * cosine * weight, chosen.pmf > 0.0), chosen.dist);
 }

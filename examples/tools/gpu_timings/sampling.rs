@@ -1,4 +1,4 @@
-//! Samples of a picture of each city.
+//! Sampling: one light sample per pixel of a picture of each city.
 
 use super::machine::Machine;
 use super::scene::procedural::{self, CityOptions, Size};
@@ -10,34 +10,35 @@ use girandole::gpu::{GpuLights, SampleRequest};
 use girandole::{CandidateCount, FrameBudget, wgpu};
 use serde_json::{Value, json};
 
-/// Seconds that the city has moved.
+/// How long the city has moved, in seconds.
 const TIME: f64 = 1.0;
-/// Candidates for a sample.
+/// The numbers of candidates that are measured.
 const CANDIDATES: [CandidateCount; 2] = [CandidateCount::ONE, CandidateCount::of::<8>()];
-/// Where the shader binds the lights.
+/// The bind group of the lights.
 const LIGHT_GROUP: u32 = 1;
-/// Invocations of a workgroup; in `sample.wgsl` too, which a test compares.
+/// Invocations of a workgroup, as in `sample.wgsl`; a test compares both.
 pub const LANES: u32 = 64;
-/// Of a pixel in `sample.wgsl`.
+/// Bytes of a pixel in `sample.wgsl`.
 const PIXEL_BYTES: u64 = 16;
 
-/// One city and one number of candidates.
+/// Times of one city with one number of candidates.
 pub struct Row {
     pub city: String,
     pub lights: usize,
     pub instances: usize,
+    /// Pixels, width and height.
     pub picture: (u32, u32),
     pub candidates: CandidateCount,
-    /// Of the whole picture.
+    /// The time of the whole picture.
     pub time: Spread,
-    /// Read for a sample, in the mean.
+    /// Nodes that a sample reads, in the mean.
     pub nodes: f64,
-    /// Of those nodes, and of an instance and a light for each candidate.
+    /// Bytes of these nodes, and of an instance and a light for each candidate.
     pub bytes: f64,
 }
 
 impl Row {
-    /// Samples that were kept, not candidates.
+    /// The rate of chosen samples; candidates do not count.
     pub fn samples_per_second(&self) -> f64 {
         f64::from(self.picture.0 * self.picture.1) / self.time.median
     }
@@ -58,7 +59,7 @@ impl Row {
     }
 }
 
-/// A sample for each pixel of a city's picture.
+/// Measures one sample per pixel of a picture of a city, for each number of candidates.
 pub fn measure(machine: &Machine, timer: &Timer, size: Size, picture: (u32, u32)) -> Result<Vec<Row>, SceneError> {
     let refuse = |refusal| SceneError(format!("city {size:?}: {refusal}"));
     let Stage { mut scene, mut world, mut animation } = procedural::stage(&CityOptions { size, cars: None, seed: 1 })?;
@@ -104,7 +105,7 @@ pub fn measure(machine: &Machine, timer: &Timer, size: Size, picture: (u32, u32)
     Ok(rows)
 }
 
-/// A shader as an engine has it, for just what the world calls for.
+/// A compute shader as in an engine, for exactly the effects of the world.
 struct Kernel {
     pipeline: wgpu::ComputePipeline,
     group: wgpu::BindGroup,
@@ -120,7 +121,8 @@ impl Kernel {
     ) -> Self {
         let device = &machine.device;
         let shader = lights.shader(LIGHT_GROUP, world.effects());
-        let text = shader.join(&format!("const CANDIDATES = {candidates}u;\n{}", include_str!("sample.wgsl")));
+        let stage = concat!(include_str!("../../../shaders/request.wgsl"), include_str!("sample.wgsl"));
+        let text = shader.join(&format!("const CANDIDATES = {candidates}u;\n{stage}"));
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("sample"),
             source: wgpu::ShaderSource::Wgsl(text.into()),
@@ -163,7 +165,7 @@ impl Kernel {
         Self { pipeline, group }
     }
 
-    /// One timed pass.
+    /// Records one timed pass and returns the number of passes.
     fn record(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -182,7 +184,7 @@ impl Kernel {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.group, &[]);
         pass.set_bind_group(LIGHT_GROUP, lights.bind_group(), &[]);
-        // A picture of 1920 by 1080 takes half of the workgroups that one dimension may have.
+        // A picture of 1920 x 1080 pixels takes half of the workgroups that one dimension may have.
         pass.dispatch_workgroups(count.div_ceil(LANES), 1, 1);
         1
     }

@@ -1,4 +1,4 @@
-//! What a camera sees: one shading point a pixel.
+//! What a camera sees: one shading point per pixel.
 
 use super::geometry::Geometry;
 use super::scene::{Scene, SceneError};
@@ -7,18 +7,18 @@ use girandole::glam::Vec2;
 use girandole::gpu::SampleRequest;
 use rayon::prelude::*;
 
-/// Pixels along a side of a tile: 64 invocations, a workgroup of `sample.wgsl`, see one, as in renderers.
+/// Pixels along a side of a tile. The 64 invocations of a workgroup of `sample.wgsl` work on one tile, as in renderers.
 pub const TILE: u32 = 8;
-/// Of the random numbers.
+/// Seeds the random numbers.
 const SEED: u32 = 7;
 
-/// The surface behind each pixel, tile by tile; both sides are whole tiles. Pixels of the sky get what the pixel before
-/// them sees, so that all of a picture's are samples.
+/// Finds the surface behind each pixel, tile by tile; width and height are multiples of [`TILE`]. Pixels of the sky repeat the
+/// surface of the pixel before them, so that every pixel is a sample.
 pub fn requests(scene: &Scene, (width, height): (u32, u32)) -> Result<Vec<SampleRequest>, SceneError> {
     let geometry = Geometry::new(scene)?;
     let view = View::new(&scene.camera, width, height);
     let size = Vec2::new(width as f32, height as f32);
-    let mut seen: Vec<Option<SampleRequest>> = (0..width * height)
+    let mut requests: Vec<Option<SampleRequest>> = (0..width * height)
         .into_par_iter()
         .map(|index| {
             let (tile, inside) = (index / (TILE * TILE), index % (TILE * TILE));
@@ -35,10 +35,10 @@ pub fn requests(scene: &Scene, (width, height): (u32, u32)) -> Result<Vec<Sample
             Some(SampleRequest { position: position.into(), normal: normal.into(), u, ..Default::default() })
         })
         .collect();
-    let mut last = seen.iter().flatten().next().copied();
-    seen.iter_mut().for_each(|request| match request {
+    let mut last = requests.iter().flatten().next().copied();
+    requests.iter_mut().for_each(|request| match request {
         Some(request) => last = Some(*request),
         None => *request = last,
     });
-    seen.into_iter().collect::<Option<_>>().ok_or_else(|| SceneError("the camera sees nothing".into()))
+    requests.into_iter().collect::<Option<_>>().ok_or_else(|| SceneError("the camera sees only the sky".into()))
 }

@@ -1,9 +1,9 @@
-//! The middle and the ends of repeated measurements.
+//! The median and the extremes of repeated measurements.
 
 use serde_json::{Value, json};
 use std::fmt;
 
-/// Seconds.
+/// Times in seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
     pub median: f64,
@@ -12,7 +12,7 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// `None` if there is nothing.
+    /// Sums up times; `None` if there are none.
     pub fn of(seconds: impl IntoIterator<Item = f64>) -> Option<Self> {
         let mut sorted: Vec<f64> = seconds.into_iter().collect();
         sorted.sort_by(f64::total_cmp);
@@ -20,13 +20,13 @@ impl Spread {
         Some(Self { median: sorted[sorted.len() / 2], least, greatest })
     }
 
-    /// In milliseconds.
+    /// The times in milliseconds.
     pub fn to_json(self) -> Value {
         json!({ "median_ms": self.median * 1e3, "least_ms": self.least * 1e3, "greatest_ms": self.greatest * 1e3 })
     }
 }
 
-/// Milliseconds: the median, and least to greatest.
+/// Milliseconds: the median (least – greatest).
 impl fmt::Display for Spread {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [median, least, greatest] = [self.median, self.least, self.greatest].map(|s| Short(s * 1e3));
@@ -34,7 +34,7 @@ impl fmt::Display for Spread {
     }
 }
 
-/// A number with three digits that matter.
+/// A number with three significant digits.
 struct Short(f64);
 
 impl fmt::Display for Short {

@@ -1,26 +1,27 @@
-//! Times passes where they run, several times over.
+//! Times GPU work, several times over.
 
 use super::scene::SceneError;
 use super::spread::Spread;
+use crate::common::gpu;
 use girandole::gpu::measure::MAX_TOP_STAGES;
 use girandole::wgpu;
 use std::time::{Duration, Instant};
 
-/// Two timestamps a pass.
+/// Two timestamps per pass.
 const MAX_QUERIES: u32 = 2 * MAX_TOP_STAGES;
-/// Of a timestamp.
+/// The size of a timestamp.
 const QUERY_BYTES: u64 = wgpu::QUERY_SIZE as u64;
 
-/// How often to repeat.
+/// How often work is repeated.
 #[derive(Clone, Copy)]
 pub struct Effort {
     pub least: usize,
     pub most: usize,
-    /// Enough, once there are the fewest.
+    /// After this time no repetition begins, once `least` are done.
     pub time: Duration,
 }
 
-/// Submits work, waits for it and tells how long it took.
+/// Submits work, waits for it and measures its time.
 pub struct Timer {
     device: wgpu::Device,
     queue: wgpu::Queue,
@@ -32,19 +33,20 @@ struct Queries {
     set: wgpu::QuerySet,
     resolved: wgpu::Buffer,
     readback: wgpu::Buffer,
-    /// Seconds.
+    /// The period of timestamps, in seconds.
     tick: f64,
 }
 
-/// Times of one kind of work.
+/// The times of one kind of work.
 pub struct Times {
-    /// From the begin of the first pass to the end of the last.
+    /// From the beginning of the first pass to the end of the last.
     pub total: Spread,
-    /// Seconds of each pass in each repetition; none where passes cannot be timed.
+    /// Seconds of each pass in each repetition; empty where passes cannot be timed.
     pub passes: Vec<Vec<f64>>,
 }
 
 impl Timer {
+    /// A timer on this device.
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue, effort: Effort) -> Self {
         let buffer = |usage| {
             device.create_buffer(&wgpu::BufferDescriptor {
@@ -68,7 +70,7 @@ impl Timer {
         Self { device: device.clone(), queue: queue.clone(), effort, queries }
     }
 
-    /// Calls `work` once to warm up, then as often as the effort says; gives what each call but the first returns.
+    /// Calls `work` once to warm up, then as often as the effort says. Returns the results of all calls but the first.
     pub fn repeat<T>(&self, mut work: impl FnMut() -> Result<T, SceneError>) -> Result<Vec<T>, SceneError> {
         work()?;
         let start = Instant::now();
@@ -79,8 +81,8 @@ impl Timer {
         Ok(all)
     }
 
-    /// Times what `record` records: compute passes, the i-th with timestamps 2 i and 2 i + 1 of the set that it is
-    /// given. It returns how many there are.
+    /// Times the compute passes that `record` records. Pass i must write the timestamps 2 i and 2 i + 1 of the query set that
+    /// `record` is given, and `record` returns the number of passes.
     pub fn time(
         &self,
         mut record: impl FnMut(&mut wgpu::CommandEncoder, Option<&wgpu::QuerySet>) -> usize,
@@ -100,7 +102,7 @@ impl Timer {
             let bytes = u64::from(count) * QUERY_BYTES;
             encoder.copy_buffer_to_buffer(&queries.resolved, 0, &queries.readback, 0, bytes);
             self.queue.submit([encoder.finish()]);
-            let ticks: Vec<u64> = self.map(&queries.readback, bytes)?;
+            let ticks: Vec<u64> = gpu::map(&self.device, &queries.readback, bytes).map_err(SceneError)?;
             let span = |from: u64, to: u64| to.saturating_sub(from) as f64 * queries.tick;
             let total = span(ticks[0], ticks[ticks.len() - 1]);
             Ok((total, ticks.chunks_exact(2).map(|pass| span(pass[0], pass[1])).collect()))
@@ -110,34 +112,13 @@ impl Timer {
         Ok(Times { total, passes })
     }
 
-    /// Waits until all that was submitted is done.
+    /// Waits until all submitted work is done.
     pub fn wait(&self) -> Result<(), SceneError> {
-        let waited = self.device.poll(wgpu::PollType::wait_indefinitely());
-        waited.map(|_| ()).map_err(|e| SceneError(format!("the adapter does not answer: {e}")))
+        gpu::wait(&self.device).map_err(SceneError)
     }
 
-    /// What a buffer holds.
+    /// Reads a whole buffer.
     pub fn read<T: bytemuck::Pod>(&self, buffer: &wgpu::Buffer) -> Result<Vec<T>, SceneError> {
-        let readback = self.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("read-back"),
-            size: buffer.size(),
-            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        let mut encoder = self.device.create_command_encoder(&Default::default());
-        encoder.copy_buffer_to_buffer(buffer, 0, &readback, 0, buffer.size());
-        self.queue.submit([encoder.finish()]);
-        self.map(&readback, buffer.size())
-    }
-
-    fn map<T: bytemuck::Pod>(&self, readback: &wgpu::Buffer, bytes: u64) -> Result<Vec<T>, SceneError> {
-        readback.map_async(wgpu::MapMode::Read, 0..bytes, |_| {});
-        self.wait()?;
-        // A mapping that failed shows here.
-        let view = readback.get_mapped_range(0..bytes).map_err(|e| SceneError(format!("cannot read back: {e}")))?;
-        let content = bytemuck::pod_collect_to_vec(&view);
-        drop(view);
-        readback.unmap();
-        Ok(content)
+        gpu::read(&self.device, &self.queue, buffer).map_err(SceneError)
     }
 }

@@ -1,4 +1,4 @@
-//! The top level over more and more instances, stage by stage, beside a sort of as many keys.
+//! The top-level build over more and more instances, stage by stage, beside a radix sort of as many keys.
 
 use super::machine::Machine;
 use super::scene::SceneError;
@@ -11,38 +11,39 @@ use girandole::gpu::{GpuError, GpuLights};
 use girandole::{InstanceKey, Light, LightWorld, Placement, Policy};
 use serde_json::{Value, json};
 
-/// Of places and lights.
+/// Seeds places and lights.
 const SEED: u64 = 29;
-/// Metres between instances, in the mean.
+/// The mean distance between instances, in metres.
 const DISTANCE: f32 = 10.0;
-/// Lights of the trees that the instances show in turn.
+/// The numbers of lights of the trees, which the instances show in turn.
 const TREES: [usize; 4] = [1, 2, 6, 16];
 
-/// One size.
+/// The build over one number of instances.
 pub struct Row {
     pub instances: u32,
-    /// What the device refused, or what it took.
+    /// The times, or the error with which the device refused this size.
     pub built: Result<Built, GpuError>,
 }
 
-/// What a build took.
+/// The times of a build.
 pub struct Built {
     pub dispatches: u32,
-    /// In order of their first turn; no time where passes cannot be timed.
+    /// In the order in which they first run.
     pub stages: Vec<Stage>,
     pub total: Spread,
     pub sort: Spread,
 }
 
-/// All stages of one name.
+/// All stages of one name together.
 pub struct Stage {
     pub name: &'static str,
     pub dispatches: u32,
+    /// `None` where passes cannot be timed.
     pub time: Option<Spread>,
 }
 
 impl Built {
-    /// Of medians.
+    /// The ratio of the medians of the build and of the sort alone.
     pub fn per_sort(&self) -> f64 {
         self.total.median / self.sort.median
     }
@@ -68,7 +69,7 @@ impl Row {
     }
 }
 
-/// Instances of a few small trees, spread over a square; always the same.
+/// A world of instances of a few small trees in a square, the same in every run.
 pub fn world(instances: u32) -> Result<(LightWorld, Vec<InstanceKey>), SceneError> {
     let mut rng = Rng::new(SEED, 0);
     let mut world = LightWorld::new();
@@ -85,7 +86,7 @@ pub fn world(instances: u32) -> Result<(LightWorld, Vec<InstanceKey>), SceneErro
     Ok((world, keys))
 }
 
-/// Somewhere in the square of the world of so many instances.
+/// A random place in a square with this side, in metres.
 pub fn place(rng: &mut Rng, side: f32) -> Placement {
     Placement::at(DVec3::new(rng.range(0.0, side).into(), 0.0, rng.range(0.0, side).into()))
 }
@@ -94,7 +95,7 @@ fn vec3(rng: &mut Rng, size: f32) -> Vec3 {
     Vec3::new(rng.range(-size, size), rng.range(-size, size), rng.range(-size, size))
 }
 
-/// Builds the top level over so many instances again and again.
+/// Times the top-level build and the sort for one number of instances.
 pub fn measure(machine: &Machine, timer: &Timer, instances: u32) -> Result<Row, SceneError> {
     let refused = |refusal| Ok(Row { instances, built: Err(refusal) });
     let (mut world, _) = world(instances)?;

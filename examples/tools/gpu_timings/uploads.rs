@@ -1,4 +1,4 @@
-//! Upload of instances that moved.
+//! Upload of moved instances.
 
 use super::machine::Machine;
 use super::scene::SceneError;
@@ -11,21 +11,21 @@ use girandole::gpu::GpuLights;
 use serde_json::{Value, json};
 use std::time::Instant;
 
-/// Of moves.
+/// Seeds the moves.
 const SEED: u64 = 31;
-/// Per cent of the instances that move.
+/// The shares of the instances that move, in percent.
 const SHARES: [u32; 3] = [1, 10, 100];
-/// Metres that they move within.
+/// The side of the square that they move within, in metres.
 const SIDE: f32 = 1000.0;
 
-/// One share of the instances.
+/// The upload of one share of the instances.
 pub struct Row {
     pub percent: u32,
     pub moved: usize,
     pub bytes: u64,
-    /// The call of `upload`, on the CPU.
+    /// The call of `upload` on the CPU.
     pub call: Spread,
-    /// From the submission of what it wrote until all of it has arrived.
+    /// From the submission of the written data until the GPU has it.
     pub transfer: Spread,
 }
 
@@ -42,7 +42,7 @@ impl Row {
     }
 }
 
-/// Moves random instances, so that neighbours in the buffer rarely move together unless all do.
+/// Times the upload after random instances have moved. Neighbours in the buffer rarely move together, unless all do.
 pub fn measure(machine: &Machine, timer: &Timer, instances: u32) -> Result<Vec<Row>, SceneError> {
     let refuse = |refusal| SceneError(format!("{instances} instances: {refusal}"));
     let (mut world, mut keys) = world(instances)?;

@@ -1,11 +1,10 @@
-//! What several candidates for one sample bring: the noise of the light that the kept one tells without shadows, and
-//! time.
+//! Samples that are chosen from several candidates: the noise of unshadowed illuminance, and time.
 
-use super::report::Table;
 use super::scene::SceneError;
 use super::scene::procedural::Size;
 use super::scene::rng::Rng;
 use super::stages::{self, Lit};
+use crate::common::table::{Table, markdown_head};
 use girandole::light::luminance;
 use girandole::{CandidateCount, LightSampler, ShadingPoint};
 use rayon::prelude::*;
@@ -13,7 +12,7 @@ use std::hint::black_box;
 use std::path::Path;
 use std::time::Instant;
 
-/// Candidates of each line.
+/// The numbers of candidates that are measured.
 const CANDIDATES: [CandidateCount; 6] = [
     CandidateCount::of::<1>(),
     CandidateCount::of::<2>(),
@@ -22,10 +21,11 @@ const CANDIDATES: [CandidateCount; 6] = [
     CandidateCount::of::<16>(),
     CandidateCount::of::<32>(),
 ];
-/// Estimates at each shading point: a deviation is known to about 2 %, the mean of 400 far better.
+/// Estimates per shading point. They give a deviation to about 2 %, and the mean of 400 deviations far better.
 const ESTIMATES: u32 = 2_000;
-/// Counts of candidates take turns for this many rounds of so many estimates; the fastest counts.
+/// Numbers of candidates take turns for this many rounds, and the fastest round counts.
 const ROUNDS: usize = 15;
+/// Estimates of one number of candidates in a round.
 const TIMED: usize = 4_000;
 
 const COLUMNS: [&str; 5] = ["scene", "candidates", "rmse", "rmse_independent", "ns_per_estimate"];
@@ -34,17 +34,17 @@ fn numbers(rng: &mut Rng) -> [f32; 4] {
     std::array::from_fn(|_| rng.unit())
 }
 
-/// Unshadowed illuminance in lux, estimated by one kept candidate.
+/// The unshadowed illuminance in lux, estimated by one chosen candidate.
 fn estimate(sampler: &LightSampler<'_>, shading_point: &ShadingPoint, u: [f32; 4], candidates: CandidateCount) -> f64 {
-    sampler.resample(shading_point, u, candidates).map_or(0.0, |kept| {
-        let incident = kept.chosen.incident;
+    sampler.resample(shading_point, u, candidates).map_or(0.0, |reservoir| {
+        let incident = reservoir.chosen.incident;
         let lux = luminance(incident.radiance) * incident.direction.dot(shading_point.normal).max(0.0);
-        f64::from(lux) * f64::from(kept.weight)
+        f64::from(lux) * f64::from(reservoir.weight)
     })
 }
 
-/// Root mean square error of one estimate at a shading point relative to the mean of all, for each count of candidates;
-/// `None` where no light arrives.
+/// The root mean square error of one estimate at a shading point, relative to the mean of all estimates, for each number of
+/// candidates. `None` where no light arrives.
 fn errors(sampler: &LightSampler<'_>, shading_point: &ShadingPoint, stream: u64) -> Option<[f64; CANDIDATES.len()]> {
     let mut rng = Rng::new(11, stream);
     let moments = CANDIDATES.map(|candidates| {
@@ -52,20 +52,20 @@ fn errors(sampler: &LightSampler<'_>, shading_point: &ShadingPoint, stream: u64)
         let (sum, squares) = values.fold((0.0, 0.0), |(sum, squares), v| (sum + v, squares + v * v));
         (sum / f64::from(ESTIMATES), squares / f64::from(ESTIMATES))
     });
-    // More candidates, less noise: means count by their candidates.
+    // Estimates of more candidates have less noise: each mean is weighted by its number of candidates.
     let weights = CANDIDATES.map(|count| f64::from(count.get()));
     let mean = moments.iter().zip(weights).map(|((mean, _), w)| mean * w).sum::<f64>() / weights.iter().sum::<f64>();
-    (mean > 0.0).then(|| moments.map(|(own, square)| (square - own * own).max(0.0).sqrt() / mean))
+    (mean > 0.0).then(|| moments.map(|(sum, square)| (square - sum * sum).max(0.0).sqrt() / mean))
 }
 
 fn nanoseconds(sampler: &LightSampler<'_>, shading_points: &[ShadingPoint]) -> [f64; CANDIDATES.len()] {
     let mut rng = Rng::new(12, 0);
-    let asked: Vec<_> = (0..TIMED).map(|i| (shading_points[i % shading_points.len()], numbers(&mut rng))).collect();
+    let inputs: Vec<_> = (0..TIMED).map(|i| (shading_points[i % shading_points.len()], numbers(&mut rng))).collect();
     let mut fastest = [f64::INFINITY; CANDIDATES.len()];
     for _ in 0..ROUNDS {
         for (candidates, fastest) in CANDIDATES.into_iter().zip(&mut fastest) {
             let start = Instant::now();
-            for (shading_point, u) in &asked {
+            for (shading_point, u) in &inputs {
                 black_box(sampler.resample(shading_point, *u, candidates));
             }
             *fastest = fastest.min(start.elapsed().as_secs_f64() * 1.0e9 / TIMED as f64);
@@ -79,32 +79,33 @@ fn measure(lit: &Lit) -> Result<Vec<[String; 5]>, SceneError> {
     let one = |(stream, at): (usize, &ShadingPoint)| errors(&sampler, at, stream as u64);
     let all: Vec<_> = lit.shading_points.par_iter().enumerate().filter_map(one).collect();
     if all.is_empty() {
-        return Err(SceneError(format!("{}: no light reaches any shading_point", lit.name)));
+        return Err(SceneError(format!("{}: no light reaches any shading point", lit.name)));
     }
     let times = nanoseconds(&sampler, &lit.shading_points);
-    let mean = |which: usize| all.iter().map(|errors| errors[which]).sum::<f64>() / all.len() as f64;
-    let row = |(which, candidates): (usize, &CandidateCount)| {
-        // Independent samples would add up so.
+    let mean = |i: usize| all.iter().map(|errors| errors[i]).sum::<f64>() / all.len() as f64;
+    let row = |(i, candidates): (usize, &CandidateCount)| {
+        // The error of the mean of as many independent samples.
         let independent = mean(0) / f64::from(candidates.get()).sqrt();
-        let [rmse, independent] = [mean(which), independent].map(|rmse| format!("{rmse:.3}"));
-        [lit.name.clone(), candidates.to_string(), rmse, independent, format!("{:.0}", times[which])]
+        let [rmse, independent] = [mean(i), independent].map(|rmse| format!("{rmse:.3}"));
+        [lit.name.clone(), candidates.to_string(), rmse, independent, format!("{:.0}", times[i])]
     };
     Ok(CANDIDATES.iter().enumerate().map(row).collect())
 }
 
 /// Measures, prints the table and writes it.
+#[allow(clippy::print_stdout, reason = "a program talks to its user")]
 pub fn run(size: Size, gltf: Option<&Path>, count: usize, out: &Path) -> Result<(), SceneError> {
-    let mut table = Table::create(out, &COLUMNS)?;
+    let mut table = Table::create(out, &COLUMNS).map_err(SceneError)?;
     let [city, _] = stages::city(size, count)?;
     let mut scenes = vec![city];
     if let Some(path) = gltf {
         scenes.push(stages::gltf(path, count)?);
     }
-    println!("| {} |\n|{}", COLUMNS.join(" | "), "---|".repeat(COLUMNS.len()));
+    println!("{}", markdown_head(&COLUMNS));
     for scene in &scenes {
         for row in measure(scene)? {
             println!("| {} |", row.join(" | "));
-            table.line(row)?;
+            table.add(row).map_err(SceneError)?;
         }
     }
     Ok(())

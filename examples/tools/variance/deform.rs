@@ -1,14 +1,14 @@
-//! What refits lose while lights move, and what rebuilding the worst subtrees wins back, beside what both cost. One
-//! flat tree over all lights of a scene, each where it is in every frame.
+//! Trees whose lights move: the noise that refits add, the noise that rebuilds of the worst subtrees remove, and the time of
+//! both. One flat tree holds all lights of a scene and follows them frame by frame.
 
 use super::lights::{carried, contributions};
-use super::report::Table;
 use super::scene::procedural::{self, CityOptions, Size};
 use super::scene::rng::Rng;
 use super::scene::{SceneError, Stage, gltf_scene};
 use super::shading_points::shading_points;
 use super::sigma::{Noise, Summary};
 use super::stages::{CITY_BOUNDS, swarm_at};
+use crate::common::table::{Table, markdown_head};
 use girandole::bounds::Aabb;
 use girandole::glam::{Vec3, vec3};
 use girandole::{FrameBudget, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint, SplitCount};
@@ -16,38 +16,40 @@ use rayon::prelude::*;
 use std::path::Path;
 use std::time::Instant;
 
-/// Frames that are played, at 60 a second.
+/// The number of frames, at 60 per second.
 const FRAMES: usize = 240;
-/// Noise is measured every so many frames.
+/// Noise is measured every n-th frame.
 const EVERY: usize = 12;
 
-/// Lights of one tree, frame by frame, and who receives them.
+/// The lights of one tree, frame by frame, and the shading points.
 struct Motion {
     name: String,
     frames: Vec<Vec<Light>>,
     shading_points: Vec<ShadingPoint>,
 }
 
-/// What is done after each refit.
+/// What follows each refit.
 #[derive(Clone, Copy)]
 enum Strategy {
+    /// Nothing.
     Refit,
+    /// A rebuild of the whole tree every n-th frame.
     RebuildEvery(usize),
-    /// Each frame, with credit for one in so many of the lights.
+    /// In each frame, rebuilds of the worst subtrees with at most one n-th of the lights.
     Worst(usize),
 }
 
-/// A line of the table.
+/// A row of the table.
 struct Row {
     scene: String,
     strategy: String,
-    /// Mean over shading points and frames.
+    /// The mean over shading points and frames.
     sigma: f64,
-    /// How much larger it is than that of a fresh build, relative; mean over frames.
+    /// By what share sigma exceeds that of a fresh build; the mean over frames.
     loss: f64,
-    /// Time of refits and rebuilds, as a multiple of that of plain refits.
+    /// The time of refits and rebuilds, as a multiple of the time of refits alone.
     cost: f64,
-    /// Lights in what was rebuilt, as a share of all, per frame.
+    /// The share of the lights that lie in rebuilt subtrees, per frame.
     rebuilt: f64,
 }
 
@@ -73,7 +75,7 @@ fn gltf(path: &Path, count: usize) -> Result<Motion, SceneError> {
     Ok(Motion { name, frames, shading_points: shading_points(&stage.scene, &everywhere, count)? })
 }
 
-/// 3,000 drones seen from among them.
+/// 3,000 drones, and shading points among them.
 fn swarm(count: usize) -> Result<Motion, SceneError> {
     let frame = |frame: usize| Ok(carried(&swarm_at(3_000, 8.0 + frame as f64 / 60.0)?));
     let mut rng = Rng::new(3, 0);
@@ -89,12 +91,12 @@ fn swarm(count: usize) -> Result<Motion, SceneError> {
     })
 }
 
-/// Mean noise of a tree over shading points.
+/// The mean of sigma over shading points.
 fn noise(tree: &LightTree, lux: &[Vec<f32>], shading_points: &[ShadingPoint]) -> f64 {
     let one = |(at, lux): (&ShadingPoint, &Vec<f32>)| {
-        let mut chances = Vec::new();
-        tree.distribution(at, SplitCount::DEFAULT, &mut chances);
-        Noise::of(lux, &chances)
+        let mut pmfs = Vec::new();
+        tree.distribution(at, SplitCount::DEFAULT, &mut pmfs);
+        Noise::of(lux, &pmfs)
     };
     let noises: Vec<Noise> = shading_points.par_iter().zip(lux).filter_map(one).collect();
     Summary::of(&noises).mean
@@ -110,7 +112,8 @@ fn measure(motion: &Motion) -> Result<Vec<Row>, SceneError> {
         Strategy::Worst(16),
         Strategy::Worst(32),
     ];
-    // The noise of a fresh build, and each light's part at each shading point, for the frames at which noise is measured.
+    // For each frame in which noise is measured: sigma of a fresh build, and the contribution of each light at each shading
+    // point.
     let mut fresh = Vec::new();
     for lights in motion.frames.iter().skip(EVERY - 1).step_by(EVERY) {
         let mut world = LightWorld::new();
@@ -136,14 +139,14 @@ fn measure(motion: &Motion) -> Result<Vec<Row>, SceneError> {
     Ok(rows)
 }
 
-/// Plays all frames; the cost is in seconds.
+/// Plays all frames. The cost of the row is in seconds.
 fn play(motion: &Motion, strategy: Strategy, fresh: &[(f64, Vec<Vec<f32>>)]) -> Result<Row, SceneError> {
     let count = motion.frames[0].len();
     let mut tree = LightTree::new(motion.frames[0].clone())?;
     let (mut cost, mut rebuilt, mut sigma, mut loss) = (0.0, 0, 0.0, 0.0);
     for (frame, lights) in motion.frames.iter().enumerate() {
-        let is_new = |(index, light): &(u32, Light)| tree.lights()[*index as usize] != *light;
-        let changes: Vec<(u32, Light)> = (0..).zip(lights.iter().copied()).filter(is_new).collect();
+        let has_changed = |(index, light): &(u32, Light)| tree.lights()[*index as usize] != *light;
+        let changes: Vec<(u32, Light)> = (0..).zip(lights.iter().copied()).filter(has_changed).collect();
         tree.set_lights(&changes)?;
         let start = Instant::now();
         tree.refit();
@@ -185,18 +188,19 @@ impl Row {
     }
 }
 
-/// Measures all, prints the table and writes it.
+/// Measures all scenes and strategies, prints the table and writes it.
+#[allow(clippy::print_stdout, reason = "a program talks to its user")]
 pub fn run(gltf_path: Option<&Path>, count: usize, out: &Path) -> Result<(), SceneError> {
     let mut motions = vec![swarm(count)?, city(count)?];
     if let Some(path) = gltf_path {
         motions.push(gltf(path, count)?);
     }
-    let mut table = Table::create(out, &COLUMNS)?;
-    println!("| {} |\n|{}", COLUMNS.join(" | "), "---|".repeat(COLUMNS.len()));
+    let mut table = Table::create(out, &COLUMNS).map_err(SceneError)?;
+    println!("{}", markdown_head(&COLUMNS));
     for motion in &motions {
         for row in measure(motion)? {
             println!("| {} |", row.fields().join(" | "));
-            table.line(row.fields())?;
+            table.add(row.fields()).map_err(SceneError)?;
         }
     }
     Ok(())

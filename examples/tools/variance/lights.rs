@@ -1,4 +1,4 @@
-//! The same lights for every sampler: those of a world one by one, carried out of their instances.
+//! The lights of a world one by one, moved out of their instances, so that all samplers get the same lights.
 
 use girandole::glam::Vec3;
 use girandole::light::luminance;
@@ -16,8 +16,10 @@ pub fn carried(world: &LightWorld) -> Vec<Light> {
     lights
 }
 
-/// Illuminance by each light at a shading point, in lux: exact for points and spots, and what the point at u = (0.5, 0.5) would
-/// bring if it stood for all of the surface (radiance * cosine / pdf) for the others. Without shadows.
+/// The illuminance by each light at a shading point, in lux and without shadows.
+///
+/// It is exact for points and spots. For lights with a surface it is the estimate `radiance * cosine / pdf` of the one point
+/// at `u = (0.5, 0.5)`.
 pub fn contributions(sampler: &LightSampler<'_>, lights: &[LightId], shading_point: &ShadingPoint) -> Vec<f32> {
     let one = |light: &LightId| {
         let incident = sampler.sample_light(shading_point, *light, [0.5, 0.5])?;
@@ -26,7 +28,8 @@ pub fn contributions(sampler: &LightSampler<'_>, lights: &[LightId], shading_poi
     lights.iter().map(|light| one(light).unwrap_or(0.0)).collect()
 }
 
-/// A sphere that an instance flattens becomes the sphere of the same volume; everything else is exact.
+/// Moves a light from the space of its tree to the world. A sphere that the instance flattens becomes the sphere of the
+/// same volume; all other shapes are exact.
 fn carry(light: &Light, placement: &Placement) -> Light {
     let linear = placement.linear;
     let point = |p: Vec3| (placement.translation + (linear * p).as_dvec3()).as_vec3();
@@ -39,7 +42,7 @@ fn carry(light: &Light, placement: &Placement) -> Light {
             inner_angle,
             outer_angle,
         },
-        // A mirror swaps two corners, or the front would become the back.
+        // In a mirrored instance two corners change places, or the front would become the back.
         Shape::Rectangle { center, half_u, half_v, two_sided } => {
             let (u, v) = if is_mirrored { (half_v, half_u) } else { (half_u, half_v) };
             Shape::Rectangle { center: point(center), half_u: linear * u, half_v: linear * v, two_sided }

@@ -1,18 +1,24 @@
-//! How noisy one light sample is, without noise in the answer: this library beside published samplers.
+//! The noise of one light sample, computed exactly: this library beside published samplers.
 //!
 //! ```text
-//! cargo run --release --example variance -- --out variance.csv [--gltf FILE] [--shading points N] [--world S|M] [--deform | --candidates]
+//! cargo run --release --example variance -- --out FILE.csv [--gltf FILE] [--world S|M|L] [--shading-points N]
+//! cargo run --release --example variance -- --out FILE.csv --deform [--gltf FILE]
+//! cargo run --release --example variance -- --out FILE.csv --candidates [--gltf FILE]
 //! ```
 //!
-//! prints a table and writes it as CSV: for each scene and sampler the exact relative standard deviation of one sample
-//! over fixed shading points (`sigma.rs`), nanoseconds a draw, and bytes of tree a light. Expect `girandole` well below
-//! `pbrt` and `cycles`. With `--deform` another table, of moving lights (`deform.rs`), whose city is always S; with
-//! `--candidates` one of several candidates for a sample (`candidates.rs`). `docs/benchmarks.md` holds all tables,
-//! measured, and their rules.
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program talks to its user")]
+//! The first form prints a table and writes it as CSV. For each scene and sampler it has the exact relative standard
+//! deviation of one sample over fixed shading points (`sigma.rs`), nanoseconds per choice, and bytes of tree per light.
+//! Expect the sigma of `girandole` to be well below those of `pbrt` and `cycles`.
+//!
+//! `--deform` measures how much noise moving lights add to a tree, and what rebuilds cost, in city S (`deform.rs`).
+//! `--candidates` measures what choosing one of several candidates gains (`candidates.rs`). `docs/benchmarks.md` has
+//! measured tables and the rules of measurement.
 
 mod baselines;
 mod candidates;
+#[path = "../../common/mod.rs"]
+#[allow(dead_code, reason = "other programs use more of it")]
+mod common;
 mod deform;
 mod lights;
 mod measure;
@@ -20,13 +26,14 @@ mod shading_points;
 mod report;
 mod samplers;
 #[path = "../../city/scene/mod.rs"]
-#[allow(dead_code, reason = "the city draws what is only measured here")]
+#[allow(dead_code, reason = "the city example renders the scenes that are only measured here")]
 mod scene;
 mod sigma;
 mod stages;
 mod timing;
 
 use clap::Parser;
+use common::table::Table;
 use scene::SceneError;
 use scene::procedural::Size;
 use std::path::PathBuf;
@@ -39,16 +46,16 @@ struct Options {
     /// The table, as CSV
     #[arg(long, value_name = "FILE.csv")]
     out: PathBuf,
-    /// A glTF scene to measure too
+    /// A glTF scene to measure as well
     #[arg(long, value_name = "FILE")]
     gltf: Option<PathBuf>,
-    /// Measure what moving lights cost a tree instead, in time and noise
+    /// Measure time and noise of trees whose lights move, instead
     #[arg(long, conflicts_with = "world")]
     deform: bool,
-    /// Measure what several candidates for a sample bring instead
+    /// Measure samples that are chosen from several candidates, instead
     #[arg(long, conflicts_with = "deform")]
     candidates: bool,
-    /// Points that light arrives at
+    /// Number of shading points
     #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     shading_points: u32,
     /// How large the procedural city is
@@ -68,20 +75,14 @@ fn run(options: &Options) -> Result<(), SceneError> {
     if let Some(path) = &options.gltf {
         scenes.push(stages::gltf(path, count)?);
     }
-    let mut table = report::Table::create(&options.out, &report::COLUMNS)?;
+    let mut table = Table::create(&options.out, &report::COLUMNS).map_err(SceneError)?;
     scenes.iter().try_for_each(|scene| {
         let measured = measure::measure(scene)?;
         report::print(&measured);
-        report::write(&mut table, &measured.rows)
+        measured.rows.iter().try_for_each(|row| table.add(report::fields(row))).map_err(SceneError)
     })
 }
 
 fn main() -> ExitCode {
-    match run(&Options::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::from(2)
-        }
-    }
+    common::exit::exit_code(run(&Options::parse()))
 }

@@ -1,4 +1,4 @@
-//! One scene's lines of the table.
+//! The rows of one scene: all samplers, measured at the same shading points.
 
 use super::lights::{carried, contributions};
 use super::samplers;
@@ -9,7 +9,7 @@ use super::timing::nanoseconds;
 use girandole::{LightId, ShadingPoint};
 use rayon::prelude::*;
 
-/// A line.
+/// One sampler on one scene.
 pub struct Row {
     pub scene: String,
     pub sampler: &'static str,
@@ -18,30 +18,30 @@ pub struct Row {
     pub bytes_per_light: f64,
 }
 
-/// A scene's lines and what they were measured on.
+/// The rows of a scene, and the scene in numbers.
 pub struct Measured {
     pub rows: Vec<Row>,
     pub lights: usize,
     pub instances: usize,
-    /// Shading points that any light reaches; the others say nothing about a choice of light.
+    /// Shading points that any light reaches. The others say nothing about a sampler.
     pub lit_shading_points: usize,
 }
 
 /// Measures all samplers on a scene.
 pub fn measure(lit: &Lit) -> Result<Measured, SceneError> {
     let lights = carried(&lit.world);
-    let choosers = samplers::all(&lit.world, &lights)?;
     let sampler = lit.world.sampler();
     let ids: Vec<LightId> = sampler.all_lights().collect();
+    let choosers = samplers::all(&lit.world, &lights, &ids)?;
     let lux: Vec<Vec<f32>> = lit.shading_points.par_iter().map(|at| contributions(&sampler, &ids, at)).collect();
     let lit_shading_points = lux.iter().filter(|lux| lux.iter().any(|lux| *lux > 0.0)).count();
     if lit_shading_points == 0 {
-        return Err(SceneError(format!("{}: no light reaches any shading_point", lit.name)));
+        return Err(SceneError(format!("{}: no light reaches any shading point", lit.name)));
     }
     let times = nanoseconds(&choosers, &lit.shading_points);
     let rows = choosers.iter().zip(times).map(|(chooser, ns_per_sample)| {
-        let of_shading_point = |(at, lux): (&ShadingPoint, &Vec<f32>)| Noise::of(lux, &chooser.chances(at, lux));
-        let noises: Vec<Noise> = lit.shading_points.par_iter().zip(&lux).filter_map(of_shading_point).collect();
+        let noise = |(at, lux): (&ShadingPoint, &Vec<f32>)| Noise::of(lux, &chooser.pmfs(at));
+        let noises: Vec<Noise> = lit.shading_points.par_iter().zip(&lux).filter_map(noise).collect();
         Row {
             scene: lit.name.clone(),
             sampler: chooser.name(),

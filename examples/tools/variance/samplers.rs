@@ -1,40 +1,42 @@
-//! What is compared, behind one interface: the chance of each light at a shading point, and single draws to be timed.
+//! The samplers that are compared, behind one interface: the probability of every light at a shading point, and single
+//! choices, which can be timed.
 
 use super::baselines::{BinaryTree, Cycles, Formula, Pbrt};
-use girandole::{Light, LightSampler, LightTree, LightWorld, ShadingPoint, SplitCount, WorldError};
+use girandole::{Light, LightId, LightPick, LightSampler, LightTree, LightWorld, ShadingPoint, SplitCount, WorldError};
 
 /// A way to choose one of many lights.
 pub trait Chooser: Sync {
-    /// As in the table.
+    /// The sampler's name in tables.
     fn name(&self) -> &'static str;
 
-    /// The chance of each light that contributes; of others it may be left 0.
-    fn chances(&self, shading_point: &ShadingPoint, contributions: &[f32]) -> Vec<f32>;
+    /// The probability of each light, in the order of [`LightSampler::all_lights`]. It may be left 0 for lights that do
+    /// not contribute.
+    fn pmfs(&self, shading_point: &ShadingPoint) -> Vec<f32>;
 
-    /// Chooses a light and returns its chance; 0 for none.
-    fn draw(&self, shading_point: &ShadingPoint, u: [f32; 2]) -> f32;
+    /// Chooses a light; `None` where the sampler ends without one. `u` in [0, 1)^2.
+    fn choose(&self, shading_point: &ShadingPoint, u: [f32; 2]) -> Option<LightPick>;
 
-    /// What is read to choose from all lights, without the lights themselves.
+    /// The bytes that a choice may read, without the lights themselves.
     fn bytes(&self) -> usize;
 }
 
-/// Each light as often as any other.
-struct Uniform {
-    count: usize,
+/// Every light has the same probability.
+struct Uniform<'a> {
+    ids: &'a [LightId],
 }
 
-impl Chooser for Uniform {
+impl Chooser for Uniform<'_> {
     fn name(&self) -> &'static str {
         "uniform"
     }
 
-    fn chances(&self, _: &ShadingPoint, _: &[f32]) -> Vec<f32> {
-        vec![1.0 / self.count as f32; self.count]
+    fn pmfs(&self, _: &ShadingPoint) -> Vec<f32> {
+        vec![1.0 / self.ids.len() as f32; self.ids.len()]
     }
 
-    fn draw(&self, _: &ShadingPoint, u: [f32; 2]) -> f32 {
-        std::hint::black_box((wide(u) * self.count as f64) as usize);
-        1.0 / self.count as f32
+    fn choose(&self, _: &ShadingPoint, u: [f32; 2]) -> Option<LightPick> {
+        let light = *self.ids.get((wide(u) * self.ids.len() as f64) as usize)?;
+        Some(LightPick { light, pmf: 1.0 / self.ids.len() as f32 })
     }
 
     fn bytes(&self) -> usize {
@@ -42,38 +44,40 @@ impl Chooser for Uniform {
     }
 }
 
-/// In proportion to flux: a running sum, searched by halves.
-struct ByFlux {
+/// Probabilities in proportion to flux: a binary search in running sums.
+struct Flux<'a> {
+    ids: &'a [LightId],
     sums: Vec<f64>,
 }
 
-impl ByFlux {
-    fn new(lights: &[Light]) -> Self {
-        let running = |sum: &mut f64, light: &Light| {
+impl<'a> Flux<'a> {
+    fn new(lights: &[Light], ids: &'a [LightId]) -> Self {
+        let add = |sum: &mut f64, light: &Light| {
             *sum += f64::from(light.flux());
             Some(*sum)
         };
-        Self { sums: lights.iter().scan(0.0, running).collect() }
+        Self { ids, sums: lights.iter().scan(0.0, add).collect() }
     }
 
-    fn chance(&self, light: usize) -> f32 {
+    fn pmf(&self, light: usize) -> f32 {
         let before = if light > 0 { self.sums[light - 1] } else { 0.0 };
         ((self.sums[light] - before) / self.sums[self.sums.len() - 1]) as f32
     }
 }
 
-impl Chooser for ByFlux {
+impl Chooser for Flux<'_> {
     fn name(&self) -> &'static str {
         "flux"
     }
 
-    fn chances(&self, _: &ShadingPoint, _: &[f32]) -> Vec<f32> {
-        (0..self.sums.len()).map(|light| self.chance(light)).collect()
+    fn pmfs(&self, _: &ShadingPoint) -> Vec<f32> {
+        (0..self.sums.len()).map(|light| self.pmf(light)).collect()
     }
 
-    fn draw(&self, _: &ShadingPoint, u: [f32; 2]) -> f32 {
-        let at = wide(u) * self.sums[self.sums.len() - 1];
-        self.chance(self.sums.partition_point(|sum| *sum <= at).min(self.sums.len() - 1))
+    fn choose(&self, _: &ShadingPoint, u: [f32; 2]) -> Option<LightPick> {
+        let target = wide(u) * self.sums.last()?;
+        let light = self.sums.partition_point(|sum| *sum <= target).min(self.sums.len() - 1);
+        Some(LightPick { light: self.ids[light], pmf: self.pmf(light) })
     }
 
     fn bytes(&self) -> usize {
@@ -81,24 +85,25 @@ impl Chooser for ByFlux {
     }
 }
 
-/// A published tree.
-struct Published<F: Formula> {
+/// A published light tree.
+struct Published<'a, F: Formula> {
     name: &'static str,
+    ids: &'a [LightId],
     tree: BinaryTree<F>,
 }
 
-impl<F: Formula> Chooser for Published<F> {
+impl<F: Formula> Chooser for Published<'_, F> {
     fn name(&self) -> &'static str {
         self.name
     }
 
-    fn chances(&self, shading_point: &ShadingPoint, _: &[f32]) -> Vec<f32> {
+    fn pmfs(&self, shading_point: &ShadingPoint) -> Vec<f32> {
         self.tree.pmfs(shading_point)
     }
 
-    fn draw(&self, shading_point: &ShadingPoint, u: [f32; 2]) -> f32 {
-        let pick = self.tree.pick(shading_point, wide(u));
-        std::hint::black_box(pick).map_or(0.0, |(_, pmf)| pmf)
+    fn choose(&self, shading_point: &ShadingPoint, u: [f32; 2]) -> Option<LightPick> {
+        let (light, pmf) = self.tree.pick(shading_point, wide(u))?;
+        Some(LightPick { light: self.ids[light as usize], pmf })
     }
 
     fn bytes(&self) -> usize {
@@ -106,7 +111,7 @@ impl<F: Formula> Chooser for Published<F> {
     }
 }
 
-/// The library's two levels.
+/// This library with its two levels of trees.
 struct TwoLevel<'a> {
     world: &'a LightWorld,
     sampler: LightSampler<'a>,
@@ -117,51 +122,53 @@ impl Chooser for TwoLevel<'_> {
         "girandole"
     }
 
-    fn chances(&self, shading_point: &ShadingPoint, _: &[f32]) -> Vec<f32> {
-        let mut chances = Vec::new();
-        self.sampler.distribution(shading_point, &mut chances);
-        chances
+    fn pmfs(&self, shading_point: &ShadingPoint) -> Vec<f32> {
+        let mut pmfs = Vec::new();
+        self.sampler.distribution(shading_point, &mut pmfs);
+        pmfs
     }
 
-    fn draw(&self, shading_point: &ShadingPoint, u: [f32; 2]) -> f32 {
-        std::hint::black_box(self.sampler.pick(shading_point, u)).map_or(0.0, |pick| pick.pmf)
+    fn choose(&self, shading_point: &ShadingPoint, u: [f32; 2]) -> Option<LightPick> {
+        self.sampler.pick(shading_point, u)
     }
 
-    /// The nodes of each tree once, however many instances show it, and a top level of one node for six instances, the least
-    /// that its nodes are filled with, one for six of those, and so on.
+    /// Counts the nodes of each tree once, however many instances show it. The top level counts one node for six
+    /// instances, the fewest children that its nodes are filled with, one for six of those nodes, and so on.
     fn bytes(&self) -> usize {
         let trees = self.world.trees().filter_map(|tree| self.world.tree(tree));
-        let below: usize = trees.map(|tree| tree.nodes().len()).sum();
+        let bottom: usize = trees.map(|tree| tree.nodes().len()).sum();
         let mut level = self.world.instance_count();
-        let mut above = 0;
+        let mut top = 0;
         while level > 1 {
             level = level.div_ceil(6);
-            above += level;
+            top += level;
         }
-        (below + above.max(1)) * size_of::<girandole::tree::Node>()
+        (bottom + top.max(1)) * size_of::<girandole::tree::Node>()
     }
 }
 
-/// The library's tree, one over all lights, without instances.
-struct Flat {
+/// One tree of this library over all lights, without instances.
+struct Flat<'a> {
     name: &'static str,
+    ids: &'a [LightId],
     tree: LightTree,
     splits: SplitCount,
 }
 
-impl Chooser for Flat {
+impl Chooser for Flat<'_> {
     fn name(&self) -> &'static str {
         self.name
     }
 
-    fn chances(&self, shading_point: &ShadingPoint, _: &[f32]) -> Vec<f32> {
-        let mut chances = Vec::new();
-        self.tree.distribution(shading_point, self.splits, &mut chances);
-        chances
+    fn pmfs(&self, shading_point: &ShadingPoint) -> Vec<f32> {
+        let mut pmfs = Vec::new();
+        self.tree.distribution(shading_point, self.splits, &mut pmfs);
+        pmfs
     }
 
-    fn draw(&self, shading_point: &ShadingPoint, u: [f32; 2]) -> f32 {
-        std::hint::black_box(self.tree.pick(shading_point, u, self.splits)).map_or(0.0, |(_, pmf)| pmf)
+    fn choose(&self, shading_point: &ShadingPoint, u: [f32; 2]) -> Option<LightPick> {
+        let (light, pmf) = self.tree.pick(shading_point, u, self.splits)?;
+        Some(LightPick { light: self.ids[light as usize], pmf })
     }
 
     fn bytes(&self) -> usize {
@@ -169,26 +176,44 @@ impl Chooser for Flat {
     }
 }
 
-/// Both numbers as one in [0, 1), of 48 bits.
+/// Joins two numbers of 24 bits into one in [0, 1) with 48 bits.
 fn wide(u: [f32; 2]) -> f64 {
     f64::from(u[0]) + f64::from(u[1]) / f64::from(1 << 24)
 }
 
-/// All samplers over the same lights; `lights` are the world's, one by one.
-pub fn all<'a>(world: &'a LightWorld, lights: &[Light]) -> Result<Vec<Box<dyn Chooser + 'a>>, WorldError> {
-    let opaque = BinaryTree::new(Pbrt { is_opaque: true }, lights.to_vec());
+/// The samplers that the pictures compare: flux, pbrt-v4's formula for opaque surfaces, and this library.
+///
+/// `lights` are the world's lights one by one, and `ids` their names, both in the order of [`LightSampler::all_lights`].
+pub fn main_three<'a>(world: &'a LightWorld, lights: &[Light], ids: &'a [LightId]) -> [Box<dyn Chooser + 'a>; 3] {
+    let tree = BinaryTree::new(Pbrt { is_opaque: true }, lights.to_vec());
+    [
+        Box::new(Flux::new(lights, ids)),
+        Box::new(Published { name: "pbrt opaque", ids, tree }),
+        Box::new(TwoLevel { world, sampler: world.sampler() }),
+    ]
+}
+
+/// All samplers. `lights` and `ids` as for [`main_three`].
+pub fn all<'a>(
+    world: &'a LightWorld,
+    lights: &[Light],
+    ids: &'a [LightId],
+) -> Result<Vec<Box<dyn Chooser + 'a>>, WorldError> {
+    let [flux, pbrt_opaque, girandole] = main_three(world, lights, ids);
+    let pbrt = BinaryTree::new(Pbrt { is_opaque: false }, lights.to_vec());
+    let cycles = BinaryTree::new(Cycles, lights.to_vec());
     let tree = LightTree::new(lights.to_vec())?;
     Ok(vec![
-        Box::new(Uniform { count: lights.len() }),
-        Box::new(ByFlux::new(lights)),
-        Box::new(Published { name: "pbrt", tree: BinaryTree::new(Pbrt { is_opaque: false }, lights.to_vec()) }),
-        Box::new(Published { name: "pbrt opaque", tree: opaque }),
-        Box::new(Published { name: "cycles", tree: BinaryTree::new(Cycles, lights.to_vec()) }),
-        Box::new(TwoLevel { world, sampler: world.sampler() }),
-        Box::new(Flat { name: "girandole flat", tree: tree.clone(), splits: SplitCount::DEFAULT }),
-        Box::new(Flat { name: "flat, 0 splits", tree: tree.clone(), splits: SplitCount::of::<0>() }),
-        Box::new(Flat { name: "flat, 2 splits", tree: tree.clone(), splits: SplitCount::of::<2>() }),
-        Box::new(Flat { name: "flat, 4 splits", tree: tree.clone(), splits: SplitCount::of::<4>() }),
-        Box::new(Flat { name: "flat, 8 splits", tree, splits: SplitCount::of::<8>() }),
+        Box::new(Uniform { ids }),
+        flux,
+        Box::new(Published { name: "pbrt", ids, tree: pbrt }),
+        pbrt_opaque,
+        Box::new(Published { name: "cycles", ids, tree: cycles }),
+        girandole,
+        Box::new(Flat { name: "girandole flat", ids, tree: tree.clone(), splits: SplitCount::DEFAULT }),
+        Box::new(Flat { name: "flat, 0 splits", ids, tree: tree.clone(), splits: SplitCount::of::<0>() }),
+        Box::new(Flat { name: "flat, 2 splits", ids, tree: tree.clone(), splits: SplitCount::of::<2>() }),
+        Box::new(Flat { name: "flat, 4 splits", ids, tree: tree.clone(), splits: SplitCount::of::<4>() }),
+        Box::new(Flat { name: "flat, 8 splits", ids, tree, splits: SplitCount::of::<8>() }),
     ])
 }

@@ -1,4 +1,4 @@
-//! Points on a scene's surfaces, spread evenly over their area, always the same.
+//! Shading points on the surfaces of a scene: random, uniform in area, and the same in every run.
 
 use super::scene::rng::Rng;
 use super::scene::{Scene, SceneError};
@@ -6,14 +6,14 @@ use girandole::ShadingPoint;
 use girandole::bounds::Aabb;
 use girandole::glam::Vec3;
 
-/// Shading points lie this far in front of their surface, in metres.
+/// The distance of shading points from their surface, in metres.
 const OFFSET: f32 = 1.0e-3;
-/// Of the places of shading points.
+/// Seeds the positions.
 const SEED: u64 = 12_345;
-/// Tries a shading point before the bounds count as empty.
+/// Tries per shading point, after which the bounds count as empty.
 const TRIES: usize = 10_000;
 
-/// `count` points on visible surfaces within `bounds`, with the normals of the triangles' fronts.
+/// Finds `count` points on visible surfaces within `bounds`, each with the normal of its triangle's front.
 pub fn shading_points(scene: &Scene, bounds: &Aabb, count: usize) -> Result<Vec<ShadingPoint>, SceneError> {
     let mut triangles: Vec<(f64, [Vec3; 3])> = Vec::new();
     let mut area = 0.0;
@@ -32,17 +32,17 @@ pub fn shading_points(scene: &Scene, bounds: &Aabb, count: usize) -> Result<Vec<
         if found.len() == count || triangles.is_empty() {
             break;
         }
-        // Two numbers: one of 24 bits would miss most of a million triangles' places.
-        let at = (f64::from(rng.unit()) + f64::from(rng.unit()) / f64::from(1 << 24)) * area;
-        let index = triangles.partition_point(|(end, _)| *end <= at).min(triangles.len() - 1);
+        // Two numbers of 24 bits: one alone would miss most triangles of a scene with millions.
+        let target = (f64::from(rng.unit()) + f64::from(rng.unit()) / f64::from(1 << 24)) * area;
+        let index = triangles.partition_point(|(end, _)| *end <= target).min(triangles.len() - 1);
         let [a, b, c] = triangles[index].1;
         let (root, v) = (rng.unit().sqrt(), rng.unit());
-        let place = a * (1.0 - root) + b * (root * (1.0 - v)) + c * (root * v);
+        let position = a * (1.0 - root) + b * (root * (1.0 - v)) + c * (root * v);
         let normal = (b - a).cross(c - a).normalize_or_zero();
-        if normal != Vec3::ZERO && bounds.contains(&Aabb::point(place)) {
-            found.push(ShadingPoint::surface(place + normal * OFFSET, normal));
+        if normal != Vec3::ZERO && bounds.contains(&Aabb::point(position)) {
+            found.push(ShadingPoint::surface(position + normal * OFFSET, normal));
         }
     }
-    let wanted = found.len() == count;
-    wanted.then_some(found).ok_or_else(|| SceneError("the scene has too few surfaces to stand on".into()))
+    let is_complete = found.len() == count;
+    is_complete.then_some(found).ok_or_else(|| SceneError("the scene has too few surfaces for shading points".into()))
 }

@@ -1,11 +1,11 @@
 //! The measure: the exact relative standard deviation of one sample, and its spread over shading points.
 
-/// A light that brings less than this share of a shading point's light and is never chosen is lost to rounding: published
-/// formulas have no margins, so that a light on the horizon within f32's last digits may get no chance. It is counted,
-/// but leaves sigma finite, in favour of those formulas.
+/// A light with less than this share of the illuminance that is never chosen counts as lost to rounding. Published formulas
+/// have no margins, so a light that is on the horizon within the rounding of f32 may get probability 0. The shading point is
+/// then counted as unreached, but its sigma stays finite, which favours those formulas.
 const ROUNDING_SHARE: f64 = 1.0e-6;
 
-/// At one shading point.
+/// The noise at one shading point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Noise {
     /// Relative standard deviation of one sample.
@@ -15,12 +15,14 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// `sigma = sqrt(sum f^2 / p / (sum f)^2 - 1)` of contributions f chosen with chances p, infinite where a light that
-    /// contributes is never chosen (but see [`ROUNDING_SHARE`]); `None` where nothing contributes.
-    pub fn of(contributions: &[f32], chances: &[f32]) -> Option<Self> {
+    /// Computes `sigma = sqrt(sum f^2 / p / (sum f)^2 - 1)` of contributions f that are chosen with probabilities p.
+    ///
+    /// Sigma is infinite where a light contributes and is never chosen, except below [`ROUNDING_SHARE`]. `None` where
+    /// nothing contributes.
+    pub fn of(contributions: &[f32], pmfs: &[f32]) -> Option<Self> {
         let sum: f64 = contributions.iter().map(|f| f64::from(*f)).sum();
         let (mut second, mut has_unreached) = (0.0, false);
-        for (f, p) in contributions.iter().zip(chances).filter(|(f, _)| **f > 0.0) {
+        for (f, p) in contributions.iter().zip(pmfs).filter(|(f, _)| **f > 0.0) {
             has_unreached |= *p <= 0.0;
             if *p > 0.0 || f64::from(*f) > ROUNDING_SHARE * sum {
                 second += f64::from(*f).powi(2) / f64::from(*p);
@@ -31,19 +33,19 @@ impl Noise {
     }
 }
 
-/// Of one sampler over all shading points.
+/// The noise of one sampler over all shading points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Summary {
     pub mean: f64,
     pub median: f64,
     /// 95th percentile.
     pub p95: f64,
-    /// Shading points where some light contributes and is never chosen.
+    /// The number of shading points where some light contributes and is never chosen.
     pub unreached: usize,
 }
 
 impl Summary {
-    /// Of at least one value. A percentile is the least value that so many do not exceed.
+    /// Sums up at least one value. A percentile is the least value that this share of the values does not exceed.
     pub fn of(noises: &[Noise]) -> Self {
         let mut sigmas: Vec<f64> = noises.iter().map(|noise| noise.sigma).collect();
         sigmas.sort_by(f64::total_cmp);

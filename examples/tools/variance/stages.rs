@@ -1,4 +1,4 @@
-//! The scenes that are measured: lights after one second of motion, and the shading points on their surfaces.
+//! The scenes that are measured, after one second of motion, and shading points on their surfaces.
 
 use super::scene::assembly::Assembly;
 use super::scene::palette::Palette;
@@ -11,21 +11,21 @@ use girandole::glam::{Vec3, vec3};
 use girandole::{FrameBudget, LightWorld, ShadingPoint};
 use std::path::Path;
 
-/// What is measured.
+/// A scene to measure.
 pub struct Lit {
     pub name: String,
-    /// Without lights at infinity: they belong to no tree.
+    /// All lights except those at infinity, which belong to no tree.
     pub world: LightWorld,
     pub shading_points: Vec<ShadingPoint>,
 }
 
-/// Seconds that the scenes have moved.
+/// How long the scenes have moved, in seconds.
 const TIME: f64 = 1.0;
 
-/// The city within 300 m of its middle and up to 30 m high.
+/// Shading points lie within 300 m of the city's middle and up to 30 m high, in metres.
 pub const CITY_BOUNDS: Aabb = Aabb { min: vec3(-300.0, -1.0, -300.0), max: vec3(300.0, 30.0, 300.0) };
 
-/// The procedural city; then its swarm alone, over the same shading points.
+/// The procedural city, and its swarm of drones alone with the same shading points.
 pub fn city(size: Size, count: usize) -> Result<[Lit; 2], SceneError> {
     let stage = moved(procedural::stage(&CityOptions { size, cars: None, seed: 1 })?)?;
     let shading_points = shading_points(&stage.scene, &CITY_BOUNDS, count)?;
@@ -50,7 +50,7 @@ fn moved(mut stage: Stage) -> Result<Stage, SceneError> {
     Ok(stage)
 }
 
-/// As many drones, and where, as in the city of that size.
+/// The swarm of the city of this size: as many drones at the same place.
 fn swarm(size: Size) -> Result<LightWorld, SceneError> {
     let drones = match size {
         Size::S => 560,
@@ -60,7 +60,7 @@ fn swarm(size: Size) -> Result<LightWorld, SceneError> {
     swarm_at(drones, TIME)
 }
 
-/// A swarm alone.
+/// A swarm of drones without a city, after `time` seconds.
 pub fn swarm_at(drones: usize, time: f64) -> Result<LightWorld, SceneError> {
     let mut assembly = Assembly::new();
     let glows = swarm::glows(&mut Palette::default());

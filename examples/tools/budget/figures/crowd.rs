@@ -1,24 +1,24 @@
 //! People with lanterns who stand in rows and then go their own ways.
 
 use super::super::scene::rng::Rng;
-use super::{Figure, size};
+use super::figure::{Figure, size};
 use girandole::glam::{Vec2, Vec3, vec3};
 use std::f32::consts::TAU;
 
-/// Between people, metres.
+/// The distance between people, in metres.
 const STEP: f32 = 1.1;
 
 /// People on a square.
 pub struct Crowd {
-    /// Half of the square's side, metres.
+    /// Half of the square's side, in metres.
     half: f32,
     starts: Vec<Vec3>,
-    /// Metres a second.
+    /// The velocities, in metres per second.
     ways: Vec<Vec2>,
 }
 
 impl Crowd {
-    /// Rows in the middle of a square that is somewhat larger.
+    /// Starts in rows, in the middle of a square that is somewhat larger.
     pub fn new(rng: &mut Rng) -> Self {
         let count = size(rng, 60.0, 800.0);
         let side = (count as f32).sqrt().ceil() as usize;
@@ -32,7 +32,7 @@ impl Crowd {
     }
 }
 
-/// Goes to and fro between both ends.
+/// Reflects a position at both ends of the range from `-half` to `half`.
 fn turned_back(x: f32, half: f32) -> f32 {
     let along = (x + half).rem_euclid(4.0 * half);
     (if along > 2.0 * half { 4.0 * half - along } else { along }) - half

@@ -1,27 +1,27 @@
-//! A ferris wheel: rims and spokes that turn as one, gondolas that turn and stay upright.
+//! A ferris wheel: rims and spokes that turn together, and gondolas that stay upright.
 
 use super::super::scene::rng::Rng;
-use super::{Figure, size};
+use super::figure::{Figure, size};
 use girandole::glam::{Vec3, vec3};
 use std::f32::consts::TAU;
 
-/// Lamps of a gondola.
+/// Lamps per gondola.
 const GONDOLA: usize = 8;
-/// Between the two rims, metres.
+/// The distance between the two rims, in metres.
 const WIDTH: f32 = 2.4;
 
-/// Two rims with lamps, spokes, gondolas between the rims.
+/// The lamps of both rims, of the spokes, and of the gondolas between the rims.
 pub struct FerrisWheel {
     rim: usize,
     spokes: usize,
     gondolas: usize,
     radius: f32,
-    /// Radians a second.
+    /// Radians per second.
     speed: f32,
 }
 
 impl FerrisWheel {
-    /// A wheel of some height.
+    /// A wheel of random size and speed.
     pub fn new(rng: &mut Rng) -> Self {
         let rim = size(rng, 60.0, 300.0);
         let (spokes, gondolas) = (rim / 2, 6 + rng.below(15));

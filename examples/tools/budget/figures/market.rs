@@ -1,11 +1,11 @@
-//! Market stalls: their lamps are rearranged, some of them carried from stall to stall.
+//! Market stalls whose lamps are rearranged; some are carried from stall to stall.
 
 use super::super::scene::rng::Rng;
+use super::figure::{Figure, size};
 use super::trade::Trade;
-use super::{Figure, size};
 use girandole::glam::{Vec3, vec3};
 
-/// Between stalls, metres.
+/// The distance between stalls, in metres.
 const AISLE: f32 = 3.5;
 
 /// Lamps under the roofs of stalls.
@@ -14,7 +14,7 @@ pub struct Market {
 }
 
 impl Market {
-    /// Stalls in rows, four to twelve lamps each.
+    /// Stalls in rows, with four to twelve lamps each.
     pub fn new(rng: &mut Rng) -> Self {
         let lamps = 4 + rng.below(9);
         let stalls = size(rng, 8.0, 60.0);

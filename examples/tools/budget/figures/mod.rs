@@ -1,7 +1,8 @@
-//! The lights of trees that deform, each a function of time: who stands where in the tree's own space, Y up, metres.
+//! The lights of deforming trees as functions of time, in the tree's own space: metres, Y up.
 
 mod crowd;
 mod ferris_wheel;
+mod figure;
 mod market;
 mod parade;
 mod strings;
@@ -14,25 +15,18 @@ use girandole::glam::{Vec3, vec3};
 use girandole::light::luminance;
 use girandole::{Light, Shape};
 
-/// Lights that move together.
-pub trait Figure: Send + Sync {
-    /// How many.
-    fn count(&self) -> usize;
+use figure::Figure;
 
-    /// Where one of them is after so many seconds.
-    fn place(&self, light: usize, time: f32) -> Vec3;
-}
-
-/// What a figure is.
+/// The kinds of figures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Strings of bulbs that swing.
     Strings,
     /// Drones that trade places.
     Swarm,
-    /// A wheel that turns, its gondolas upright.
+    /// A turning wheel with upright gondolas.
     FerrisWheel,
-    /// Stalls whose lamps are carried from one to another.
+    /// Stalls with lamps that are carried from one to another.
     Market,
     /// Floats and lanterns that pass each other.
     Parade,
@@ -44,7 +38,7 @@ impl Kind {
     /// All kinds.
     pub const ALL: [Self; 6] = [Self::Strings, Self::Swarm, Self::FerrisWheel, Self::Market, Self::Parade, Self::Crowd];
 
-    /// As in tables.
+    /// The kind's name in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Strings => "strings",
@@ -56,7 +50,7 @@ impl Kind {
         }
     }
 
-    /// The kind of the `index`-th tree of a stage: all kinds among ten, and a stage that scatters has mostly crowds.
+    /// The kind of the `index`-th tree of a stage. Ten trees in a row have all kinds; a stage that scatters has mostly crowds.
     pub fn of(index: usize, motion: Motion) -> Self {
         let all = match motion {
             Motion::Scattering => [
@@ -87,7 +81,7 @@ impl Kind {
         all[index % all.len()]
     }
 
-    /// Lumens of one light, before each is made a little different.
+    /// The flux of one light in lumens, before random variation.
     fn lumens(self) -> f32 {
         match self {
             Self::Strings => 500.0,
@@ -99,7 +93,7 @@ impl Kind {
         }
     }
 
-    /// How many of such figures shine down only.
+    /// The share of such figures that only shine down.
     fn beams(self) -> f32 {
         match self {
             Self::Swarm | Self::Market => 0.4,
@@ -120,31 +114,24 @@ impl Kind {
     }
 }
 
-/// How many lights a figure has: mostly near the middle, now and then several times as many.
-fn size(rng: &mut Rng, least: f32, most: f32) -> usize {
-    let usual = least * (most / least).powf(rng.unit());
-    let share = if rng.chance(0.03) { rng.range(3.0, 9.0) } else { 1.0 };
-    (usual * share) as usize
-}
-
-/// A figure's lights, frame by frame.
+/// The lights of a figure, frame by frame.
 pub struct Troupe {
-    /// What it is.
+    /// The kind of figure.
     pub kind: Kind,
     figure: Box<dyn Figure>,
     tempo: Tempo,
-    /// At the moment that was asked for last.
+    /// The lights as of `moment`.
     lights: Vec<Light>,
     moment: Moment,
-    /// Whose place each light takes after the last jump.
+    /// The light whose place each light takes since the last jump.
     order: Vec<u32>,
-    /// Share of the lights that jump.
+    /// The share of the lights that jump.
     jumping: f32,
     seed: u64,
 }
 
 impl Troupe {
-    /// Draws a figure of a kind, its lights and its tempo; it stands as in frame 0.
+    /// Draws a figure of a kind, its lights and its tempo. The lights are those of frame 0.
     pub fn new(kind: Kind, motion: Motion, seed: u64) -> Self {
         let mut rng = Rng::new(seed, 0xf160);
         let figure = kind.figure(&mut rng);
@@ -158,7 +145,7 @@ impl Troupe {
             let color = tint.lerp(vec3(rng.unit(), rng.unit(), rng.unit()), 0.3);
             let color = color / luminance(color) * (kind.lumens() * 2.0_f32.powf(rng.range(-1.0, 1.0)));
             match kind {
-                // 4 pi^2 r^2 L lumens are what a sphere of L nits emits.
+                // A sphere of L nits emits 4 pi^2 r^2 L lumens.
                 _ if is_beam => Light::spot(place, Vec3::NEG_Y, 0.5 * outer_angle, outer_angle, color / 3.5),
                 Kind::Strings | Kind::Market => {
                     let radius = 0.06;
@@ -175,12 +162,12 @@ impl Troupe {
         troupe
     }
 
-    /// The lights of the frame that was asked for last.
+    /// The lights as of the last [`Troupe::advance`].
     pub fn lights(&self) -> &[Light] {
         &self.lights
     }
 
-    /// Brings the lights to a frame; false if none of them moved.
+    /// Moves the lights to a frame. Returns false if none of them moved.
     pub fn advance(&mut self, frame: u32) -> bool {
         let moment = self.tempo.at(frame);
         if moment == self.moment {
@@ -197,7 +184,7 @@ impl Troupe {
         true
     }
 
-    /// Deals places anew; none change hands in epoch 0.
+    /// Assigns places at random. In epoch 0 each light has its own.
     fn jump(&mut self, epoch: u32) {
         let count = self.order.len();
         self.order = (0..count as u32).collect();

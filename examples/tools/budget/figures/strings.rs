@@ -1,7 +1,7 @@
-//! Strings of bulbs that swing in the wind: they move all the time and hardly deform.
+//! Strings of bulbs that swing in the wind. They move all the time but hardly deform.
 
 use super::super::scene::rng::Rng;
-use super::{Figure, size};
+use super::figure::{Figure, size};
 use girandole::glam::{Vec3, vec3};
 use std::f32::consts::TAU;
 

@@ -1,19 +1,20 @@
 //! A formation of drones that trade places.
 
 use super::super::scene::rng::Rng;
+use super::figure::{Figure, size};
 use super::trade::Trade;
-use super::{Figure, size};
 use girandole::glam::{Vec3, vec3};
 use std::f32::consts::TAU;
 
-/// The formation, and how it drifts as a whole.
+/// The formation and its drift as a whole.
 pub struct Swarm {
     trade: Trade,
+    /// The reach of the drift, in metres.
     drift: f32,
 }
 
 impl Swarm {
-    /// A globe, a helix, a disc or a wall.
+    /// A globe, a helix, a disc or a wall, at random.
     pub fn new(rng: &mut Rng) -> Self {
         let count = size(rng, 100.0, 800.0);
         let radius = rng.range(0.8, 1.6) * (count as f32).powf(1.0 / 3.0) * 1.3;

@@ -1,10 +1,11 @@
 //! The importance of the light tree of Cycles, Blender's path tracer, on a binary tree.
 //!
 //! Source: the light tree of Cycles (kernel/light/tree.h; "Light Tree" in Blender's manual), after Conty Estevez and Kulla
-//! (2018): the chance of a child is the mean of its shares of the greatest and of the least light that can arrive, the
-//! second even among children where it is 0. Energy is intensity: along the normal for surfaces. Differs: one light a leaf
-//! where Cycles may keep several; no instances; the intensity of a spot is its mean over all directions, not its peak (mean
-//! sigma on city S 4.8 instead of 5.4).
+//! (2018). The probability of a child is the mean of its shares of the greatest and of the least light that can arrive. Where
+//! the least is 0 for both, children that can contribute share it evenly. Energy is intensity; for surfaces, along the normal.
+//!
+//! Differs: leaves have one light, where Cycles may keep several; there are no instances; the intensity of a spot is its mean
+//! over all directions, not its peak (mean sigma on city S 4.8 instead of 5.4).
 
 use super::bounds::LightBounds;
 use super::tree::Formula;
@@ -14,13 +15,13 @@ use girandole::light::luminance;
 use girandole::{Light, ShadingPoint, Shape};
 use std::f32::consts::PI;
 
-/// Distances are held above this, in metres, so that no importance is infinite.
+/// The least distance, in metres: importances stay finite.
 const MIN_DISTANCE: f32 = 1.0e-6;
 
-/// The formula.
+/// The formula of Cycles.
 pub struct Cycles;
 
-/// A node's bounds.
+/// The bounds of a node.
 #[derive(Clone, Copy)]
 pub struct CyclesBounds {
     aabb: Aabb,
@@ -28,15 +29,15 @@ pub struct CyclesBounds {
     energy: f32,
 }
 
-/// The cone of normals and the emission angle about it.
+/// The cone of normals, and the emission angle around it.
 #[derive(Clone, Copy)]
 struct Emission {
     axis: Vec3,
     sin_o: f32,
     cos_o: f32,
-    /// Of the sum of both angles; below -1 where that is more than half a turn.
+    /// The cosine of the sum of both angles; below -1 where the sum exceeds half a turn.
     cos_reach: f32,
-    /// Of the emission angle less the normals'; above 1 where that is negative.
+    /// The cosine of the emission angle minus the angle of the normals; above 1 where the difference is negative.
     cos_core: f32,
 }
 
@@ -49,17 +50,19 @@ impl Emission {
     }
 }
 
-/// Where a group of lights is seen.
-struct Seen {
-    /// Unit vector from the shading point.
+/// A group of lights as seen from the shading point.
+struct Extent {
+    /// Unit vector towards its middle.
     direction: Vec3,
-    /// Cosine of the half-angle that it covers.
+    /// The cosine of the half-angle that it covers.
     cos_u: f32,
+    /// The least distance, in metres.
     nearest: f32,
+    /// The greatest distance, in metres.
     farthest: f32,
 }
 
-/// The greatest and least light that can arrive.
+/// The greatest and the least light that can arrive.
 #[derive(Clone, Copy, Default)]
 struct Range {
     most: f32,
@@ -90,7 +93,7 @@ impl Formula for Cycles {
         CyclesBounds { aabb: bounds.aabb, cone, energy: bounds.power }
     }
 
-    fn first_chance(
+    fn first_probability(
         &self,
         children: [(&CyclesBounds, Option<&Light>); 2],
         shading_point: &ShadingPoint,
@@ -128,7 +131,12 @@ fn node_range(bounds: &CyclesBounds, shading_point: &ShadingPoint) -> Range {
     });
     let cos_u = if is_inside { -1.0 } else { cos_cover(direction, corners, shading_point) };
     let distance = toward.length().max(0.5 * half.length());
-    range(&bounds.cone, bounds.energy, &Seen { direction, cos_u, nearest: distance, farthest: distance }, shading_point)
+    range(
+        &bounds.cone,
+        bounds.energy,
+        &Extent { direction, cos_u, nearest: distance, farthest: distance },
+        shading_point,
+    )
 }
 
 fn light_range(bounds: &CyclesBounds, light: &Light, shading_point: &ShadingPoint) -> Range {
@@ -143,7 +151,7 @@ fn light_range(bounds: &CyclesBounds, light: &Light, shading_point: &ShadingPoin
     }
 }
 
-/// Points, spots and spheres; without a cone the light faces the shading point.
+/// The range of a point, spot or sphere. Without a cone the light faces the shading point.
 fn round_range(
     bounds: &CyclesBounds,
     cone: Option<&Emission>,
@@ -155,8 +163,8 @@ fn round_range(
     let direction = toward.normalize_or_zero();
     let reach = toward.length().hypot(radius).max(MIN_DISTANCE);
     let facing = Emission { axis: -direction, sin_o: 0.0, cos_o: 1.0, cos_reach: 0.0, cos_core: 0.0 };
-    let seen = Seen { direction, cos_u: toward.length() / reach, nearest: reach, farthest: reach };
-    range(cone.unwrap_or(&facing), bounds.energy, &seen, shading_point)
+    let extent = Extent { direction, cos_u: toward.length() / reach, nearest: reach, farthest: reach };
+    range(cone.unwrap_or(&facing), bounds.energy, &extent, shading_point)
 }
 
 fn flat_range(bounds: &CyclesBounds, corners: &[Vec3], shading_point: &ShadingPoint) -> Range {
@@ -165,27 +173,27 @@ fn flat_range(bounds: &CyclesBounds, corners: &[Vec3], shading_point: &ShadingPo
     let direction = toward.normalize_or_zero();
     let is_above = shading_point.normal == Vec3::ZERO
         || corners.iter().any(|corner| (*corner - shading_point.position).dot(shading_point.normal) > 0.0);
-    // A cone of all directions stands for two sides.
+    // A two-sided light has a cone of all directions.
     let is_front = bounds.cone.cos_o < 1.0 || bounds.cone.axis.dot(direction) < 0.0;
     if !is_above || !is_front {
         return Range::default();
     }
     let farthest = corners.iter().map(|corner| corner.distance(shading_point.position)).fold(0.0, f32::max);
     let cos_u = cos_cover(direction, corners.iter().copied(), shading_point);
-    range(&bounds.cone, bounds.energy, &Seen { direction, cos_u, nearest: toward.length(), farthest }, shading_point)
+    range(&bounds.cone, bounds.energy, &Extent { direction, cos_u, nearest: toward.length(), farthest }, shading_point)
 }
 
-/// Cosine of the greatest angle between a direction and those to the corners.
+/// The cosine of the greatest angle between a direction and the directions to the corners.
 fn cos_cover(direction: Vec3, corners: impl Iterator<Item = Vec3>, shading_point: &ShadingPoint) -> f32 {
     let cosines = corners.map(|corner| direction.dot((corner - shading_point.position).normalize_or_zero()));
     cosines.fold(1.0, f32::min)
 }
 
-fn range(cone: &Emission, energy: f32, seen: &Seen, shading_point: &ShadingPoint) -> Range {
-    let (cos_u, sin_u) = (seen.cos_u, sine(seen.cos_u));
+fn range(cone: &Emission, energy: f32, extent: &Extent, shading_point: &ShadingPoint) -> Range {
+    let (cos_u, sin_u) = (extent.cos_u, sine(extent.cos_u));
     let (mut cos_best, mut cos_worst) = (1.0, 1.0);
     if shading_point.normal != Vec3::ZERO {
-        let cos = shading_point.normal.dot(seen.direction).clamp(-1.0, 1.0);
+        let cos = shading_point.normal.dot(extent.direction).clamp(-1.0, 1.0);
         let sin = sine(cos);
         cos_best = if cos >= cos_u { 1.0 } else { cos * cos_u + sin * sin_u };
         if cos_best < 0.0 {
@@ -194,7 +202,7 @@ fn range(cone: &Emission, energy: f32, seen: &Seen, shading_point: &ShadingPoint
         cos_worst = (cos * cos_u - sin * sin_u).max(0.0);
     }
 
-    let cos = (-cone.axis.dot(seen.direction)).clamp(-1.0, 1.0);
+    let cos = (-cone.axis.dot(extent.direction)).clamp(-1.0, 1.0);
     let sin = sine(cos);
     let cos_near = cos * cos_u + sin * sin_u;
     let emission_best = if cos >= cos_u || cos_near >= cone.cos_o {
@@ -204,7 +212,7 @@ fn range(cone: &Emission, energy: f32, seen: &Seen, shading_point: &ShadingPoint
     } else {
         return Range::default();
     };
-    let nearest = seen.nearest.max(MIN_DISTANCE);
+    let nearest = extent.nearest.max(MIN_DISTANCE);
     let most = (cos_best * energy * emission_best / (nearest * nearest)).abs();
 
     let cos_far = cos * cos_u - sin * sin_u;
@@ -212,7 +220,7 @@ fn range(cone: &Emission, energy: f32, seen: &Seen, shading_point: &ShadingPoint
         return Range { most, least: 0.0 };
     }
     let emission_worst = cos_far * cone.cos_o - sine(cos_far) * cone.sin_o;
-    let farthest = seen.farthest.max(MIN_DISTANCE);
+    let farthest = extent.farthest.max(MIN_DISTANCE);
     Range { most, least: (cos_worst * energy * emission_worst / (farthest * farthest)).abs() }
 }
 

@@ -1,4 +1,4 @@
-//! Published light trees to compare with: binary, one light a leaf, each written from its formulas.
+//! Published light trees to compare with, written from their formulas: binary, with one light per leaf.
 
 mod bounds;
 mod cycles;

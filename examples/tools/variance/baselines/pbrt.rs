@@ -1,9 +1,11 @@
 //! The importance of pbrt-v4's light BVH.
 //!
 //! Source: Pharr, Jakob and Humphreys, Physically Based Rendering (4th edition), 12.6.3, with the light bounds of 12.2
-//! to 12.4. As published: the squared distance is held above half the box's diagonal, lengths and squares mixed, and the
-//! shading point's cosine has no sign, because surfaces may let light through. Differs: bounds are not quantised; the power of a
-//! spot is its flux, not 4 pi times its peak intensity (mean sigma on city S 4.4 instead of 11.2).
+//! to 12.4. As published, the squared distance is at least half of the box's diagonal, although one is a square and the other
+//! a length, and the cosine at the shading point has no sign, because surfaces may transmit light.
+//!
+//! Differs: bounds are not quantised; the power of a spot is its flux, not 4 pi times its peak intensity (mean sigma on city S
+//! 4.4 instead of 11.2).
 
 use super::bounds::LightBounds;
 use super::tree::Formula;
@@ -11,13 +13,14 @@ use girandole::bounds::Aabb;
 use girandole::glam::Vec3;
 use girandole::{Light, ShadingPoint, Shape};
 
-/// The formula.
+/// The formula of pbrt-v4.
 pub struct Pbrt {
-    /// Ours: the cosine keeps its sign, so that nothing is spent on lights behind an opaque surface.
+    /// An option that pbrt-v4 does not have: the cosine keeps its sign, so that no sample goes to lights behind an opaque
+    /// surface.
     pub is_opaque: bool,
 }
 
-/// A node's bounds.
+/// The bounds of a node.
 #[derive(Clone, Copy)]
 pub struct PbrtBounds {
     aabb: Aabb,
@@ -48,7 +51,11 @@ impl Formula for Pbrt {
         PbrtBounds { aabb, axis, power, cos_o: bounds.theta_o.cos(), cos_e: bounds.theta_e.cos(), is_two_sided }
     }
 
-    fn first_chance(&self, children: [(&PbrtBounds, Option<&Light>); 2], shading_point: &ShadingPoint) -> Option<f32> {
+    fn first_probability(
+        &self,
+        children: [(&PbrtBounds, Option<&Light>); 2],
+        shading_point: &ShadingPoint,
+    ) -> Option<f32> {
         let [a, b] = children.map(|(bounds, _)| self.importance(bounds, shading_point));
         (a + b > 0.0).then(|| a / (a + b))
     }
@@ -82,7 +89,7 @@ impl Pbrt {
     }
 }
 
-/// Cosine of the angle that the box's bounding sphere covers; -1 from within.
+/// The cosine of the half-angle that the bounding sphere of a box covers; -1 from inside.
 fn cos_subtended(aabb: &Aabb, from_center: Vec3) -> f32 {
     let radius_sq = 0.25 * aabb.extent().length_squared();
     let dist_sq = from_center.length_squared();
@@ -101,7 +108,7 @@ impl Angle {
         Self { sin: (1.0 - cos * cos).max(0.0).sqrt(), cos }
     }
 
-    /// The difference, 0 if `other` is larger.
+    /// The difference; 0 if `other` is larger.
     fn minus(self, other: Self) -> Self {
         if self.cos > other.cos {
             return Self { sin: 0.0, cos: 1.0 };

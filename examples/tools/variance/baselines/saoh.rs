@@ -1,8 +1,8 @@
-//! The binary build that both published trees share: binned surface area orientation heuristic, 12 buckets.
+//! The binary build that both published trees share: the surface area orientation heuristic with 12 buckets.
 //!
 //! Source: Pharr, Jakob and Humphreys, Physically Based Rendering (4th edition), 12.6.3, after Conty Estevez and Kulla
-//! (2018), 4.4. Differs: where no split has a cost above 0 (a street of lamps in one line has boxes without surface), the
-//! lights are halved along their longest axis instead of by their order, which can only help the baseline.
+//! (2018), 4.4. Differs: where no split has a cost above 0 (a street of lamps in one line has boxes without area), the lights
+//! are halved along their longest axis instead of in their order, which can only help the baseline.
 
 use super::bounds::LightBounds;
 use girandole::bounds::Aabb;
@@ -11,17 +11,17 @@ use std::f32::consts::PI;
 
 const BUCKETS: usize = 12;
 
-/// Set in [`BuiltNode::target`] of a leaf, beside the light's index.
+/// Set in [`BuiltNode::target`] of a leaf, together with the index of its light.
 pub const LEAF: u32 = 1 << 31;
 
-/// A node. Its first child, if it has any, is the next node.
+/// A node. The first child of an inner node is the next node.
 pub struct BuiltNode {
     pub bounds: LightBounds,
-    /// The second child's index, or [`LEAF`] and a light's.
+    /// The index of the second child, or [`LEAF`] and the index of a light.
     pub target: u32,
 }
 
-/// Builds over lights with power.
+/// Builds a tree over lights whose power is above 0.
 pub fn build(lights: &mut [(u32, LightBounds)]) -> Vec<BuiltNode> {
     let mut nodes = Vec::with_capacity(2 * lights.len());
     if !lights.is_empty() {
@@ -45,7 +45,7 @@ fn build_below(lights: &mut [(u32, LightBounds)], nodes: &mut Vec<BuiltNode>) {
     build_below(second, nodes);
 }
 
-/// Sorts the lights into two groups and says where the second starts.
+/// Sorts the lights into two groups and returns the start of the second.
 fn split(lights: &mut [(u32, LightBounds)], aabb: &Aabb) -> usize {
     let centers = Aabb::around(lights.iter().map(|(_, light)| light.aabb.center()));
     let bucket = |light: &LightBounds, axis: usize| {
@@ -92,7 +92,7 @@ fn join(a: Option<LightBounds>, b: Option<LightBounds>) -> Option<LightBounds> {
     }
 }
 
-/// Power times orientation measure times surface area.
+/// The power times the orientation measure times the surface area.
 fn measure(bounds: LightBounds) -> f32 {
     let LightBounds { theta_o, theta_e, .. } = bounds;
     let theta_w = (theta_o + theta_e).min(PI);

@@ -1,8 +1,9 @@
-//! PCG-RXS-M-XS-32, the random number generator of all scenes: the same seed gives the same city on
-//! every machine.
+//! PCG-RXS-M-XS-32, the random numbers of scenes and measuring tools: a seed gives the same scene on every machine.
+//!
+//! Source: O'Neill, PCG: A Family of Simple Fast Space-Efficient Statistically Good Algorithms for Random Number
+//! Generation (2014).
 
-/// A seeded generator with 32 bits of state. Different `stream` numbers give sequences that are
-/// independent enough for scenery.
+/// A small seeded generator. Streams with different `stream` numbers are independent enough for scenes.
 #[derive(Clone, Copy, Debug)]
 pub struct Rng {
     state: u32,
@@ -14,7 +15,7 @@ fn mix(state: u32) -> u32 {
 }
 
 impl Rng {
-    /// The generator of one stream of a seed.
+    /// Makes the generator of one stream of a seed; each use of random numbers has a stream of its own.
     pub fn new(seed: u64, stream: u64) -> Self {
         let mut state = 0x9e37_79b9_u32;
         for word in [seed as u32, (seed >> 32) as u32, stream as u32, (stream >> 32) as u32] {
@@ -39,7 +40,7 @@ impl Rng {
         low + (high - low) * self.unit()
     }
 
-    /// Uniform in 0..count; `count` is at least 1.
+    /// Uniform in `0..count`; `count` must not be 0.
     pub fn below(&mut self, count: usize) -> usize {
         ((self.bits() as u64 * count as u64) >> 32) as usize
     }
@@ -49,7 +50,7 @@ impl Rng {
         self.unit() < probability
     }
 
-    /// A random element of a list that is not empty.
+    /// A random item of a list, which must not be empty.
     pub fn pick<T: Copy>(&mut self, items: &[T]) -> T {
         items[self.below(items.len())]
     }
