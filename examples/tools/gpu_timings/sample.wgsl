@@ -1,5 +1,5 @@
-// One light sample per pixel, as in an engine but without shadow rays and materials. The host puts the constant CANDIDATES
-// before this text.
+// One light sample per pixel, as in an engine but without shadow rays and materials. The host puts
+// the constant CANDIDATES before this text.
 
 // The same bytes as `SampleRequest` in Rust.
 struct Request {
