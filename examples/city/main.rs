@@ -1,13 +1,19 @@
-//! A night city with moving cars, lit through two-level light trees: one light a sample, picked from all of them.
+//! A night city with moving cars, lit through two-level light trees: each sample uses one light out
+//! of all.
 //!
 //! ```text
 //! cargo run --release --example city
 //! ```
 //!
-//! renders a few frames into `out/`: `frame_0000.png` to look at, `frame_0000.exr` with radiance, and `frames.csv` with
-//! what each frame cost. It ends with which effects the lights called for and how many shadow rays were traced. `--help`
-//! lists what else it draws: other sizes of city, glTF scenes, a real city's lamps.
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program talks to its user")]
+//! This renders two frames into the folder `out`: a picture for the screen (`frame_0000.png`), its
+//! radiance (`frame_0000.exr`), and the costs of each frame (`frames.csv`). At the end it prints
+//! which effects the lights needed and how many shadow rays were traced. `--help` lists the
+//! options: other sizes of city, glTF scenes, and the lamps and the traffic of a real city.
+//!
+//! `modules.rs` lists the parts: `scene` (what is drawn), `render` (how) and `app` (the program).
+//! Each folder's `mod.rs` states the order in which to read its files; `app/session.rs` shows how
+//! the library is used.
+#![allow(clippy::print_stdout, reason = "a program prints for its user")]
 
 #[path = "modules.rs"]
 mod city;
@@ -27,11 +33,5 @@ fn main() -> ExitCode {
         }
         Err(e) => Err(e),
     };
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(e) => {
-            eprintln!("error: {e}");
-            ExitCode::from(2)
-        }
-    }
+    common::exit::exit_code(result)
 }

@@ -1,4 +1,6 @@
-//! The example's modules, in the order data passes through them. `main.rs`, the tests and the tools include this file.
+//! The modules of the example, in the order in which data passes through them: a scene is rendered,
+//! and the program saves the pictures. Each imports only from those above it. `main.rs`, the tests
+//! and the measuring tools include this file.
 
 pub mod scene;
 

@@ -1,8 +1,8 @@
-//! The city example's renderer on a small scene: both backends agree, and light trees bring no bias.
+//! The renderer of the city example: both backends agree, and sampling by light trees is unbiased.
 
-use crate::city::app::frames::{Frame, Session};
 use crate::city::app::options::{Options, Parsed};
 use crate::city::app::run::run;
+use crate::city::app::session::{Frame, Pace, Session};
 use crate::city::render::backend::{self, BackendChoice};
 use crate::city::render::geometry::{Geometry, Occluders};
 use crate::city::render::image::Image;
@@ -16,25 +16,28 @@ use std::path::Path;
 use girandole::FrameBudget;
 use girandole::glam::{DVec3, Vec3};
 
+const PACE: Pace = Pace { fps: 24.0, budget: FrameBudget::UNLIMITED };
+
 fn settings(width: u32, height: u32, spp: u32, seed: u64) -> Settings {
-    Settings { width, height, spp, seed, budget: FrameBudget::UNLIMITED, fps: 24.0, light_choice: LightChoice::Tree }
+    Settings { width, height, spp, seed, light_choice: LightChoice::Tree }
 }
 
-fn session(still: bool, settings: Settings, choice: BackendChoice) -> Session {
-    let stage = small_scene::stage(still).expect("the small scene is sound");
-    session_of(stage, settings, choice)
+fn small_scene_session(is_still: bool, settings: Settings, choice: BackendChoice) -> Session {
+    let stage = small_scene::stage(is_still).expect("the small scene is valid");
+    session(stage, settings, choice)
 }
 
-fn session_of(stage: Stage, settings: Settings, choice: BackendChoice) -> Session {
+fn session(stage: Stage, settings: Settings, choice: BackendChoice) -> Session {
     let chosen = backend::choose(choice).unwrap_or_else(|e| panic!("this test needs an adapter: {e}"));
-    Session::new(stage, settings, chosen).expect("the scene fits any device")
+    Session::new(stage, settings, PACE, chosen).expect("a scene that fits any device")
 }
 
 fn frame(session: &mut Session) -> Frame {
-    session.frame(&|_| {}).expect("the scene renders")
+    session.frame(&|_| {}).expect("a scene that renders")
 }
 
-/// Mean over pixels of the squared relative difference; pixels darker than a hundredth of the mean count as that.
+/// The mean over all pixels of the squared relative difference. Differences of pixels that are
+/// darker than a hundredth of the mean are relative to that hundredth.
 fn rel_mse(image: &Image, reference: &Image) -> f64 {
     let luminance = |p: Vec3| f64::from(p.dot(Vec3::new(0.2126, 0.7152, 0.0722)));
     let count = reference.pixels.len() as f64;
@@ -51,86 +54,94 @@ fn rel_mse(image: &Image, reference: &Image) -> f64 {
     sum / count
 }
 
-/// Same seeds pick the same lights but where rounding tips a choice, or a ray at an edge. Such a sample then differs by
-/// about its own noise, a relMSE of some 10 for one sample, so 10 / 16 / 16 for its pixel at 16 samples a pixel. If one
-/// sample in a thousand tips that is 16 / 1000 of it: 6e-4. (Lavapipe and x86 round alike: the small scene differs by 1e-10.)
-const SAME_PICTURE: f64 = 6e-4;
+/// Limit of the relMSE between pictures of both backends from the same seed.
+///
+/// With equal seeds, samples differ only where rounding changes the choice of a light or the hit of
+/// a ray at an edge. Such a sample differs by about its own noise, a relMSE of some 10 for one
+/// sample, which is 10 / 16 / 16 for its pixel at 16 samples per pixel. If one sample in a thousand
+/// differs, 16 / 1000 of the pixels do: 6e-4. (Lavapipe and x86 round alike: on them the small
+/// scene differs by 1e-10.)
+const MAX_REL_MSE: f64 = 6e-4;
 
-/// Returns how many picks the light world was told of before each frame, by either backend.
+/// Returns the usage that the light world received before each frame, on the CPU and on the GPU
+/// backend.
 fn assert_same_pictures(name: &str, stage: impl Fn() -> Stage, frames: u32) -> Vec<[u64; 2]> {
     let settings = settings(48, 27, 16, 5);
-    let mut cpu = session_of(stage(), settings.clone(), BackendChoice::Cpu);
-    let mut gpu = session_of(stage(), settings, BackendChoice::Gpu);
+    let mut cpu = session(stage(), settings.clone(), BackendChoice::Cpu);
+    let mut gpu = session(stage(), settings, BackendChoice::Gpu);
     let same_picture = |number| {
         let (on_cpu, on_gpu) = (frame(&mut cpu), frame(&mut gpu));
         assert!(on_cpu.image.pixels.iter().any(|p| p.max_element() > 0.0), "{name} is black");
         let difference = rel_mse(&on_gpu.image, &on_cpu.image);
-        assert!(difference < SAME_PICTURE, "{name}, frame {number}: relMSE {difference}");
-        // As many shadow rays, but where a sample tipped.
-        let [there, here] = [&on_gpu.record, &on_cpu.record].map(|record| record.shadow_rays);
-        let apart = there.traced.abs_diff(here.traced) + there.skipped.abs_diff(here.skipped);
-        assert!(here.traced > 1000 && 200 * apart < here.traced, "{name}, frame {number}: {there:?} and {here:?}");
-        assert_eq!(on_gpu.record.effects, on_cpu.record.effects);
-        [on_cpu.noted_picks, on_gpu.noted_picks]
+        assert!(difference < MAX_REL_MSE, "{name}, frame {number}: relMSE {difference}");
+        // The numbers of shadow rays differ only by those of samples that differ.
+        let [gpu_rays, cpu_rays] = [&on_gpu.stats, &on_cpu.stats].map(|stats| stats.shadow_rays);
+        let difference = gpu_rays.traced.abs_diff(cpu_rays.traced) + gpu_rays.skipped.abs_diff(cpu_rays.skipped);
+        let is_close = cpu_rays.traced > 1000 && 200 * difference < cpu_rays.traced;
+        assert!(is_close, "{name}, frame {number}: {gpu_rays:?} and {cpu_rays:?}");
+        assert_eq!(on_gpu.stats.effects, on_cpu.stats.effects);
+        [on_cpu.recorded_usage, on_gpu.recorded_usage]
     };
     (0..frames).map(same_picture).collect()
 }
 
 #[test]
-fn both_backends_give_the_same_picture() {
-    let noted = assert_same_pictures("small scene", || small_scene::stage(false).expect("sound"), 3);
-    // Counts come a frame later from the CPU and two from the GPU, each of a sixteenth of the same picks.
-    let [cpu, gpu] = [noted[1][0], noted[2][1]];
-    assert_eq!([noted[0], noted[1]], [[0, 0], [cpu, 0]]);
-    // With 48 * 27 * 16 samples the difference has a standard deviation of at most 50: one false alarm in 5 million
-    // choices of a seed, which is fixed. Half of all samples at least meet a surface that light reaches.
+fn both_backends_render_the_same_picture() {
+    let usage = assert_same_pictures("small scene", || small_scene::stage(false).expect("a valid scene"), 3);
+    // Usage arrives one frame later from the CPU and two frames later from the GPU. Both count a
+    // sixteenth of the same samples.
+    let [cpu, gpu] = [usage[1][0], usage[2][1]];
+    assert_eq!([usage[0], usage[1]], [[0, 0], [cpu, 0]]);
+    // With 48 * 27 * 16 samples the standard deviation of the difference is at most 50, so that one
+    // seed in 5 million causes a false alarm; the seed is fixed. At least half of all samples meet
+    // a surface that light reaches.
     assert!(cpu > 600 && cpu.abs_diff(gpu) < 260, "{cpu} and {gpu} of 20736 / 16");
 }
 
 #[test]
-fn both_backends_give_the_same_picture_of_the_city() {
+fn both_backends_render_the_same_picture_of_the_city() {
     let options = CityOptions { size: Size::S, cars: None, seed: 1 };
-    assert_same_pictures("city", || procedural::stage(&options).expect("sound"), 2);
+    assert_same_pictures("city", || procedural::stage(&options).expect("a valid scene"), 2);
 }
 
 #[test]
-fn both_backends_give_the_same_picture_of_a_gltf_scene() {
+fn both_backends_render_the_same_picture_of_a_gltf_scene() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/small.gltf");
-    assert_same_pictures("small.gltf", || gltf_scene::stage(&file, None).expect("sound"), 2);
+    assert_same_pictures("small.gltf", || gltf_scene::stage(&file, None).expect("a valid scene"), 2);
 }
 
 #[test]
 fn a_frame_in_which_nothing_moves_uploads_nothing() {
-    let mut session = session(true, settings(16, 9, 1, 1), BackendChoice::Gpu);
+    let mut session = small_scene_session(true, settings(16, 9, 1, 1), BackendChoice::Gpu);
     let first = frame(&mut session);
-    assert!(first.record.upload_bytes > 0, "the first frame brings the lights");
+    assert!(first.stats.upload_bytes > 0, "the first frame uploads the lights");
     for _ in 0..2 {
-        let Frame { record, geometry_bytes, .. } = frame(&mut session);
-        assert_eq!((record.upload_bytes, geometry_bytes, record.moved_instances, record.refit_trees), (0, 0, 0, 0));
-        assert_eq!(record.top_build, None);
+        let Frame { stats, geometry_bytes, .. } = frame(&mut session);
+        assert_eq!((stats.upload_bytes, geometry_bytes, stats.moved_instances, stats.refit_trees), (0, 0, 0, 0));
+        assert_eq!(stats.top_build, None);
     }
 }
 
 #[test]
-fn where_nothing_casts_shadows_no_shadow_ray_is_traced() {
+fn no_shadow_ray_is_traced_in_a_scene_that_casts_no_shadows() {
     for choice in [BackendChoice::Cpu, BackendChoice::Gpu] {
-        let mut stage = small_scene::stage(true).expect("the small scene is sound");
+        let mut stage = small_scene::stage(true).expect("the small scene is valid");
         stage.scene.materials.iter_mut().for_each(|material| material.see_through = true);
-        let Frame { record, .. } = frame(&mut session_of(stage, settings(48, 27, 16, 5), choice));
-        assert_eq!(record.shadow_rays.traced, 0);
-        assert!(record.shadow_rays.skipped > 1000, "{:?}", record.shadow_rays);
+        let Frame { stats, .. } = frame(&mut session(stage, settings(48, 27, 16, 5), choice));
+        assert_eq!(stats.shadow_rays.traced, 0);
+        assert!(stats.shadow_rays.skipped > 1000, "{:?}", stats.shadow_rays);
     }
 }
 
 #[test]
-fn no_shadow_ray_that_is_skipped_would_have_met_anything() {
-    let city = procedural::stage(&CityOptions { size: Size::S, cars: None, seed: 1 }).expect("sound");
-    for scene in [city.scene, small_scene::stage(true).expect("the small scene is sound").scene] {
-        let geometry = Geometry::new(&scene).expect("a sound scene");
+fn shadow_rays_that_are_skipped_are_not_blocked() {
+    let city = procedural::stage(&CityOptions { size: Size::S, cars: None, seed: 1 }).expect("a valid scene");
+    for scene in [city.scene, small_scene::stage(true).expect("the small scene is valid").scene] {
+        let geometry = Geometry::new(&scene).expect("a valid scene");
         let mut rng = Rng(91);
         let (mut skipped, mut blocked) = (0, 0);
         for _ in 0..20_000 {
-            // About as often inside the box of all occluders as beside it, and close to its sides.
+            // Inside the box of all occluders, and outside it near its sides.
             let Occluders { min, max } = geometry.occluders;
             let share = Vec3::from([0; 3].map(|_| rng.between(-0.3, 1.3)));
             let (origin, direction) = (min + (max - min) * share, rng.direction());
@@ -147,35 +158,37 @@ fn no_shadow_ray_that_is_skipped_would_have_met_anything() {
 
 #[test]
 fn a_frame_in_which_a_car_moves_uploads_less_than_the_first() {
-    let mut session = session(false, settings(16, 9, 1, 1), BackendChoice::Gpu);
+    let mut session = small_scene_session(false, settings(16, 9, 1, 1), BackendChoice::Gpu);
     let first = frame(&mut session);
     let second = frame(&mut session);
-    assert_eq!((second.record.moved_instances, second.record.refit_trees), (1, 1));
-    assert!(second.record.upload_bytes > 0 && second.record.upload_bytes < first.record.upload_bytes);
+    assert_eq!((second.stats.moved_instances, second.stats.refit_trees), (1, 1));
+    assert!(second.stats.upload_bytes > 0 && second.stats.upload_bytes < first.stats.upload_bytes);
     assert!(second.geometry_bytes > 0);
 }
 
-/// Differences of means over tiles of the picture, tree less exhaustive, one a seed.
+/// Seeds for each of which the means over tiles are compared.
 const SEEDS: u64 = 24;
+/// Tiles across and down the picture.
 const TILES: (usize, usize) = (4, 3);
-/// Student's t for 23 degrees of freedom: exceeded by chance once in 10 000 tries, both sides together. With 39 tries
-/// (12 tiles and the whole, 3 channels) that is one false alarm in 250 choices of seeds, and the seeds are fixed.
+/// Student's t for 23 degrees of freedom, which chance exceeds once in 10,000 tries, both sides
+/// together. With 39 tries (12 tiles and the whole picture, 3 channels) one choice of seeds in 250
+/// causes a false alarm; the seeds are fixed.
 const T_LIMIT: f64 = 4.69;
-/// Mean standard error of the tiles over their mean brightness.
-const WIDEST: f64 = 0.04;
+/// Limit of the mean standard error of the tiles, relative to their mean brightness.
+const MAX_RELATIVE_ERROR: f64 = 0.04;
 
 #[test]
-fn picking_one_light_agrees_with_summing_over_all() {
+fn sampling_one_light_agrees_with_the_sum_over_all_lights() {
     let (width, height) = (32, 18);
     let mut sums = vec![[DVec3::ZERO; 2]; TILES.0 * TILES.1 + 1];
     let mut exhaustive_sum = 0.0;
     for seed in 0..SEEDS {
-        let of = |light_choice, spp| {
+        let render = |light_choice, spp| {
             let settings = Settings { light_choice, ..settings(width, height, spp, seed) };
-            tile_means(&frame(&mut session(true, settings, BackendChoice::Cpu)).image)
+            tile_means(&frame(&mut small_scene_session(true, settings, BackendChoice::Cpu)).image)
         };
-        let exhaustive = of(LightChoice::Exhaustive, 8);
-        for ((tile, tree), all) in sums.iter_mut().zip(of(LightChoice::Tree, 256)).zip(exhaustive) {
+        let exhaustive = render(LightChoice::Exhaustive, 8);
+        for ((tile, tree), all) in sums.iter_mut().zip(render(LightChoice::Tree, 256)).zip(exhaustive) {
             let difference = (tree - all).as_dvec3();
             tile[0] += difference;
             tile[1] += difference * difference;
@@ -189,16 +202,19 @@ fn picking_one_light_agrees_with_summing_over_all() {
         let variance = (*square_sum - mean * *sum) / (count - 1.0);
         for (channel, (mean, variance)) in mean.to_array().into_iter().zip(variance.to_array()).enumerate() {
             let error = (variance / count).sqrt();
-            assert!(mean.abs() <= T_LIMIT * error, "tile {tile}, channel {channel}: off by {mean} with error {error}");
+            assert!(
+                mean.abs() <= T_LIMIT * error,
+                "tile {tile}, channel {channel}: differs by {mean} with a standard error of {error}"
+            );
             error_sum += error;
         }
     }
-    // Intervals as wide as the picture is bright would pass anything.
-    let width = error_sum * count / exhaustive_sum;
-    assert!(width < WIDEST, "the intervals are too wide to tell: {width} of the brightness");
+    // With larger errors the test could not fail.
+    let relative_error = error_sum * count / exhaustive_sum;
+    assert!(relative_error < MAX_RELATIVE_ERROR, "the standard error is {relative_error} of the brightness");
 }
 
-/// Means of the tiles, then of the whole.
+/// The means of the tiles, then of the whole picture.
 fn tile_means(image: &Image) -> Vec<Vec3> {
     let (tile_width, tile_height) = (image.width as usize / TILES.0, image.height as usize / TILES.1);
     let mut means: Vec<Vec3> = (0..TILES.0 * TILES.1)
@@ -214,29 +230,33 @@ fn tile_means(image: &Image) -> Vec<Vec3> {
 }
 
 #[test]
-fn the_filter_for_the_eye_brings_a_noisy_picture_closer_to_the_truth() {
+fn the_denoiser_reduces_the_error_of_a_noisy_picture() {
     let render = |spp| {
-        let mut session = session(true, settings(96, 54, spp, 9), BackendChoice::Cpu);
+        let mut session = small_scene_session(true, settings(96, 54, spp, 9), BackendChoice::Cpu);
         let image = frame(&mut session).image;
         let filtered = session.denoise(&image);
         (image, filtered)
     };
-    let (truth, filtered_truth) = render(512);
+    let (reference, filtered_reference) = render(512);
     let (noisy, filtered) = render(8);
-    let (before, after) = (rel_mse(&noisy, &truth), rel_mse(&filtered, &truth));
+    let (before, after) = (rel_mse(&noisy, &reference), rel_mse(&filtered, &reference));
     assert!(after < 0.7 * before, "relMSE {before} before, {after} after");
-    // Where there is little noise the filter does little.
-    let change = rel_mse(&filtered_truth, &truth);
-    assert!(change < 0.4 * after, "relMSE {change} from filtering what had converged, {after} from 8 samples");
+    // It changes a picture with little noise by little.
+    let change = rel_mse(&filtered_reference, &reference);
+    assert!(
+        change < 0.4 * after,
+        "relMSE {change} of the filtered reference, {after} of the filtered picture of 8 samples"
+    );
 }
 
 #[test]
-fn bad_input_is_one_line_and_leaves_no_folder() {
+fn invalid_input_gives_one_line_and_creates_no_folder() {
     let temporary = |extension: &str| {
         std::env::temp_dir().join(format!("girandole-city-{}", std::process::id())).with_extension(extension)
     };
     let folder = temporary("out");
-    let whole = std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/small.gltf")).expect("readable");
+    let whole =
+        std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/small.gltf")).expect("a readable file");
     let files = [
         ("file", &b"not a folder"[..]),
         ("gltf", &whole[..whole.len() / 2]),
@@ -244,7 +264,7 @@ fn bad_input_is_one_line_and_leaves_no_folder() {
         ("xml", b"<fcd-export><timestep time=\"0.00\"><vehicle id=\"a\" x=\"1\""),
     ];
     for (extension, bytes) in files {
-        std::fs::write(temporary(extension), bytes).expect("the temporary folder can be written to");
+        std::fs::write(temporary(extension), bytes).expect("a writable temporary folder");
     }
     let with = |option: &str, extension: &str| format!("{option} {}", temporary(extension).display());
     for (bad, out) in [
@@ -259,16 +279,16 @@ fn bad_input_is_one_line_and_leaves_no_folder() {
         (with("--traffic", "xml"), &folder),
         ("--backend cpu --frames 1 --spp 1 --size 8x8".into(), &temporary("file")),
     ] {
-        let args = ["city", "--out", out.to_str().expect("a plain path")].into_iter().chain(bad.split(' '));
+        let args = ["city", "--out", out.to_str().expect("a UTF-8 path")].into_iter().chain(bad.split(' '));
         let error = match Options::read(args) {
             Ok(Parsed::Run(options)) => run(&options, &mut |_| {}).expect_err(&bad),
             Ok(Parsed::Help(text)) => panic!("{bad}: {text}"),
             Err(e) => e,
         };
         assert!(!error.0.is_empty() && !error.0.contains('\n'), "{bad}: {error}");
-        assert!(!folder.exists(), "{bad} wrote something");
+        assert!(!folder.exists(), "{bad} created the folder");
     }
     for (extension, _) in files {
-        std::fs::remove_file(temporary(extension)).expect("it is still there");
+        std::fs::remove_file(temporary(extension)).expect("a file that exists");
     }
 }

@@ -1,20 +1,21 @@
-//! Bad input to the city: one clear line, exit code 2, and nothing written.
+//! Invalid input to the city example gives one line that names the fault, exit code 2, and no
+//! files.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// The example's binary, which `cargo test` builds beside the tests.
+/// Runs the example's binary, which `cargo test` builds together with the tests.
 fn city(arguments: &[&str]) -> Output {
-    let tests = std::env::current_exe().expect("this test's own path");
+    let tests = std::env::current_exe().expect("the path of this test");
     let profile = tests.parent().and_then(Path::parent).expect("target/<profile>/deps/<test>");
     let binary = profile.join("examples").join(format!("city{}", std::env::consts::EXE_SUFFIX));
-    assert!(binary.exists(), "build it first: cargo build --example city, or run all of cargo test");
-    Command::new(binary).args(arguments).output().expect("it starts")
+    assert!(binary.exists(), "the binary does not exist; build it with: cargo build --example city");
+    Command::new(binary).args(arguments).output().expect("a binary that starts")
 }
 
-/// A folder of this test's own that does not exist yet.
-fn fresh(name: &str) -> PathBuf {
+/// The path of a folder that does not exist, for one test only.
+fn fresh_folder(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("refusal-{name}-{}", std::process::id()));
     let _ = fs::remove_dir_all(&folder);
     folder
@@ -24,9 +25,10 @@ fn data(file: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(file)
 }
 
-/// Runs the city with an output folder; it must refuse, name `hint`, and leave no file.
-fn refused(name: &str, arguments: &[&str], hint: &str) {
-    let out = fresh(&format!("{name}-out"));
+/// Runs the city with an output folder, and asserts that it fails with one line that contains
+/// `hint` and writes no file.
+fn assert_refused(name: &str, arguments: &[&str], hint: &str) {
+    let out = fresh_folder(&format!("{name}-out"));
     let small = ["--backend", "cpu", "--frames", "1", "--size", "16x9", "--spp", "1", "--out"];
     let given = |option: &str| arguments.contains(&option);
     let mut all: Vec<&str> = arguments.to_vec();
@@ -34,18 +36,18 @@ fn refused(name: &str, arguments: &[&str], hint: &str) {
         all.extend(if pair[0] == "--out" { ["--out", out.to_str().expect("UTF-8")] } else { [pair[0], pair[1]] });
     }
     let output = city(&all);
-    let complaint = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(2), "{name}: {complaint}");
-    let lines: Vec<_> = complaint.lines().filter(|line| line.starts_with("error: ")).collect();
-    assert!(lines.len() == 1 && complaint.lines().count() == 1, "{name}: {complaint}");
-    assert!(lines[0].contains(hint), "{name}: `{}` does not mention `{hint}`", lines[0]);
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{name}: {message}");
+    let lines: Vec<_> = message.lines().filter(|line| line.starts_with("error: ")).collect();
+    assert!(lines.len() == 1 && message.lines().count() == 1, "{name}: {message}");
+    assert!(lines[0].contains(hint), "{name}: `{}` does not contain `{hint}`", lines[0]);
     let files = fs::read_dir(&out).map_or(0, Iterator::count);
-    assert_eq!(files, 0, "{name} left files behind");
+    assert_eq!(files, 0, "{name} wrote files");
 }
 
-/// A text file in a folder of its own.
+/// Writes a file into a folder of its own and returns its path.
 fn file(name: &str, content: &[u8]) -> String {
-    let folder = fresh(name);
+    let folder = fresh_folder(name);
     fs::create_dir_all(&folder).expect("a writable target folder");
     let path = folder.join(name);
     fs::write(&path, content).expect("a writable target folder");
@@ -53,79 +55,79 @@ fn file(name: &str, content: &[u8]) -> String {
 }
 
 #[test]
-fn numbers_that_make_no_picture_are_refused() {
-    refused("size", &["--size", "0x9"], "size");
-    refused("huge", &["--size", "99999x9"], "size");
-    refused("word", &["--size", "large"], "size");
-    refused("spp", &["--spp", "0"], "spp");
-    refused("frames", &["--frames", "0"], "frames");
-    refused("nan", &["--budget-ms", "nan"], "budget");
-    refused("negative", &["--budget-ms", "-1"], "budget");
-    refused("camera", &["--camera", "1,2,3"], "camera");
-    refused("blind", &["--camera", "1,2,3,1,2,3"], "camera");
-    refused("inf", &["--camera", "1,2,inf,1,2,3"], "camera");
-    refused("unknown", &["--colour", "red"], "--colour");
+fn invalid_options_are_refused() {
+    assert_refused("size", &["--size", "0x9"], "size");
+    assert_refused("huge", &["--size", "99999x9"], "size");
+    assert_refused("word", &["--size", "large"], "size");
+    assert_refused("spp", &["--spp", "0"], "spp");
+    assert_refused("frames", &["--frames", "0"], "frames");
+    assert_refused("nan", &["--budget-ms", "nan"], "budget");
+    assert_refused("negative", &["--budget-ms", "-1"], "budget");
+    assert_refused("camera", &["--camera", "1,2,3"], "camera");
+    assert_refused("blind", &["--camera", "1,2,3,1,2,3"], "camera");
+    assert_refused("inf", &["--camera", "1,2,inf,1,2,3"], "camera");
+    assert_refused("unknown", &["--colour", "red"], "--colour");
 }
 
 #[test]
-fn a_folder_that_cannot_be_written_is_refused() {
-    let taken = file("taken", b"a file stands where the folder should be");
-    refused("folder", &["--out", &taken], "taken");
+fn an_output_folder_that_cannot_be_created_is_refused() {
+    let taken = file("taken", b"a file with the name of the folder");
+    assert_refused("folder", &["--out", &taken], "taken");
 }
 
 #[test]
-fn broken_gltf_files_are_refused() {
-    refused("missing", &["--gltf", "no-such-file.glb"], "no-such-file.glb");
+fn malformed_gltf_files_are_refused() {
+    assert_refused("missing", &["--gltf", "no-such-file.glb"], "no-such-file.glb");
     let whole = fs::read(data("small.gltf")).expect("a test file");
     let cut = file("cut.gltf", &whole[..whole.len() / 2]);
-    refused("truncated", &["--gltf", &cut], "cut.gltf");
+    assert_refused("truncated", &["--gltf", &cut], "cut.gltf");
     let lonely = file("lonely.gltf", &whole);
-    refused("no-buffer", &["--gltf", &lonely], "lonely.gltf");
+    assert_refused("no-buffer", &["--gltf", &lonely], "lonely.gltf");
     let glb = file("short.glb", b"glTF\x02\x00\x00\x00\xff\xff\x00\x00");
-    refused("short", &["--gltf", &glb], "short.glb");
+    assert_refused("short", &["--gltf", &glb], "short.glb");
 }
 
 #[test]
-fn broken_lamp_tables_are_refused() {
-    refused("missing-csv", &["--lamps", "no-such-file.csv"], "no-such-file.csv");
-    refused("columns", &["--lamps", &file("columns.csv", b"x_m,y_m\n1,2\n")], "est_height_m");
+fn malformed_lamp_tables_are_refused() {
+    assert_refused("missing-csv", &["--lamps", "no-such-file.csv"], "no-such-file.csv");
+    assert_refused("columns", &["--lamps", &file("columns.csv", b"x_m,y_m\n1,2\n")], "est_height_m");
     let nan = b"x_m,y_m,est_height_m,est_lumens\n1,2,9,8000\n1,NaN,9,8000\n";
-    refused("nan-csv", &["--lamps", &file("nan.csv", nan)], "y_m");
+    assert_refused("nan-csv", &["--lamps", &file("nan.csv", nan)], "y_m");
     let word = b"x_m,y_m,est_height_m,est_lumens\n1,2,high,8000\n";
-    refused("word-csv", &["--lamps", &file("word.csv", word)], "est_height_m");
+    assert_refused("word-csv", &["--lamps", &file("word.csv", word)], "est_height_m");
     let ragged = b"x_m,y_m,est_height_m,est_lumens\n1,2\n";
-    refused("ragged", &["--lamps", &file("ragged.csv", ragged)], "ragged.csv");
+    assert_refused("ragged", &["--lamps", &file("ragged.csv", ragged)], "ragged.csv");
 }
 
 #[test]
-fn broken_traffic_files_are_refused() {
-    refused("missing-xml", &["--traffic", "no-such-file.xml"], "no-such-file.xml");
+fn malformed_traffic_files_are_refused() {
+    assert_refused("missing-xml", &["--traffic", "no-such-file.xml"], "no-such-file.xml");
     let whole = fs::read(data("fcd_small.xml")).expect("a test file");
-    refused("cut-xml", &["--traffic", &file("cut.xml", &whole[..whole.len() / 2])], "cut.xml");
+    assert_refused("cut-xml", &["--traffic", &file("cut.xml", &whole[..whole.len() / 2])], "cut.xml");
     let nan = b"<fcd-export><timestep time=\"0\"><vehicle id=\"a\" x=\"NaN\" y=\"0\" angle=\"0\" speed=\"1\"/></timestep></fcd-export>";
-    refused("nan-xml", &["--traffic", &file("nan.xml", nan)], "nan.xml");
-    refused("not-xml", &["--traffic", &file("not.xml", b"<fcd-export><timestep")], "not.xml");
-    refused("empty-xml", &["--traffic", &file("empty.xml", b"")], "empty.xml");
+    assert_refused("nan-xml", &["--traffic", &file("nan.xml", nan)], "nan.xml");
+    assert_refused("not-xml", &["--traffic", &file("not.xml", b"<fcd-export><timestep")], "not.xml");
+    assert_refused("empty-xml", &["--traffic", &file("empty.xml", b"")], "empty.xml");
 }
 
 #[test]
-fn nonsense_inside_a_gltf_file_is_refused() {
+fn gltf_files_with_infinite_numbers_are_refused() {
     let text = fs::read_to_string(data("small.gltf")).expect("a test file");
-    let folder = fresh("nonsense");
+    let folder = fresh_folder("infinite");
     fs::create_dir_all(&folder).expect("a writable target folder");
     for entry in fs::read_dir(data("")).expect("test data").map(|e| e.expect("readable").path()) {
         if entry.extension().is_some_and(|e| e == "bin") {
             fs::copy(&entry, folder.join(entry.file_name().expect("a name"))).expect("a writable target folder");
         }
     }
-    // 1e39 is no f32: it reads as infinity, in a transform or a light.
+    // 1e39 exceeds the range of f32 and is read as infinity, in a transform and in a light.
     for (name, from, to) in [
         ("transform", "\"translation\"", "\"scale\":[1e39,1,1],\"translation\""),
         ("light", "\"intensity\"", "\"color\":[1e39,1,1],\"intensity\""),
     ] {
-        assert!(text.contains(from), "the test file has no {from} to spoil");
+        assert!(text.contains(from), "the test file does not contain {from}");
         let path = folder.join(format!("{name}.gltf"));
         fs::write(&path, text.replacen(from, to, 1)).expect("a writable target folder");
-        refused(name, &["--gltf", path.to_str().expect("UTF-8")], &format!("{name}.gltf"));
+        assert_refused(name, &["--gltf", path.to_str().expect("UTF-8")], &format!("{name}.gltf"));
     }
 }

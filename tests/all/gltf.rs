@@ -1,13 +1,18 @@
-//! Light trees from glTF: the sample file, files that lie about their own layout, and the scenes of the example.
+//! Light trees from glTF: the sample file, malformed and malicious files, and the city example's
+//! glTF scenes.
 
+use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use girandole::glam::{Vec3, vec3};
-use girandole::gltf::gltf::{Glb, Gltf, binary as container};
-use girandole::gltf::{EmissiveSides, GltfError, GltfLights, GltfOptions, LightSource, load_lights};
+use girandole::glam::{Mat3, Vec3, vec3};
+use girandole::gltf::gltf::{Glb, binary as container};
+use girandole::gltf::{EmissiveSides, GltfError, GltfLights, GltfOptions, LightSource, load_lights, parse};
 use girandole::{FrameBudget, LightWorld, Shape, WorldError};
 
-use super::city::scene::{Camera, SceneError, gltf_file, gltf_scene};
+use super::city::render::geometry::Geometry;
+use super::city::scene::gltf_scene::{self, file};
+use super::city::scene::{Camera, SceneError};
+use super::support::Rng;
 
 fn sample(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name)
@@ -21,8 +26,8 @@ fn binary() -> Vec<u8> {
     std::fs::read(sample("small.bin")).unwrap()
 }
 
-/// How small.bin came to be: three meshes, the keys of one animation, the indices.
-fn recipe() -> Vec<u8> {
+/// The bytes of small.bin: the positions of three meshes, the keys of one animation, the indices.
+fn small_bin() -> Vec<u8> {
     let ground = [-6.0, 0.0, 6.0, 6.0, 0.0, 6.0, 6.0, 0.0, -6.0, -6.0, 0.0, -6.0];
     let sign = [-1.0, -0.5, 0.0, 1.0, -0.5, 0.0, 1.0, 0.5, 0.0, -1.0, 0.5, 0.0];
     let corner = |i: u32| [(i & 1) as f32 - 0.5, (i >> 1 & 1) as f32, (i >> 2) as f32 - 0.5];
@@ -50,17 +55,24 @@ fn load_into(
     bytes: Vec<u8>,
     options: &GltfOptions,
 ) -> Result<GltfLights, GltfError> {
-    let file = Gltf::from_slice(text.as_bytes()).expect("the gltf crate takes it");
+    let file = parse(text.as_bytes()).expect("a valid document");
     load_lights(world, &file.document, &[bytes], options)
 }
 
-#[test]
-fn the_sample_is_made_by_its_recipe() {
-    assert_eq!(binary(), recipe());
+/// The sample file with one passage replaced.
+fn replaced(from: &str, to: &str) -> String {
+    let text = text();
+    assert!(text.contains(from), "the sample file does not contain {from}");
+    text.replacen(from, to, 1)
 }
 
 #[test]
-fn nodes_become_instances_that_share_trees() {
+fn small_bin_holds_the_bytes_that_small_gltf_describes() {
+    assert_eq!(binary(), small_bin());
+}
+
+#[test]
+fn nodes_with_the_same_mesh_share_a_tree() {
     let mut world = LightWorld::new();
     let lights = load_into(&mut world, &text(), binary(), &GltfOptions::default()).unwrap();
     let nodes: Vec<(usize, LightSource)> = lights.nodes.iter().map(|lights| (lights.node, lights.source)).collect();
@@ -79,7 +91,7 @@ fn nodes_become_instances_that_share_trees() {
 }
 
 #[test]
-fn options_choose_what_is_taken() {
+fn options_select_what_is_loaded() {
     let load = |options: GltfOptions| {
         let mut world = LightWorld::new();
         load_into(&mut world, &text(), binary(), &options).unwrap();
@@ -95,12 +107,8 @@ fn options_choose_what_is_taken() {
 }
 
 #[test]
-fn files_that_lie_are_refused_and_the_world_stays_as_it_was() {
-    let swap = |from: &str, to: &str| {
-        let text = text();
-        assert!(text.contains(from), "{from}");
-        (text.replacen(from, to, 1), binary())
-    };
+fn malformed_files_are_refused_and_leave_the_world_unchanged() {
+    let swap = |from: &str, to: &str| (replaced(from, to), binary());
     let patch = |at: usize, bytes: &[u8]| {
         let mut binary = binary();
         binary[at..at + bytes.len()].copy_from_slice(bytes);
@@ -108,15 +116,15 @@ fn files_that_lie_are_refused_and_the_world_stays_as_it_was() {
     };
     let cases: Vec<(&str, (String, Vec<u8>))> = vec![
         (
-            "view past its buffer",
+            "view beyond its buffer",
             swap("\"byteOffset\": 288, \"byteLength\": 12", "\"byteOffset\": 370, \"byteLength\": 12"),
         ),
-        ("accessor past its view", swap("\"count\": 6, \"type\"", "\"count\": 7, \"type\"")),
-        ("accessor as large as numbers go", swap("\"count\": 6, \"type\"", "\"count\": 9223372036854775807, \"type\"")),
-        ("offset as large as numbers go", swap("\"byteOffset\": 48,", "\"byteOffset\": 18446744073709551000,")),
+        ("accessor beyond its view", swap("\"count\": 6, \"type\"", "\"count\": 7, \"type\"")),
+        ("largest count of an accessor", swap("\"count\": 6, \"type\"", "\"count\": 9223372036854775807, \"type\"")),
+        ("largest offset of a view", swap("\"byteOffset\": 48,", "\"byteOffset\": 18446744073709551000,")),
         ("short buffer", (text(), binary()[..290].to_vec())),
-        ("no bytes", (text(), Vec::new())),
-        ("index past the vertices", patch(288, &9u16.to_le_bytes())),
+        ("empty buffer", (text(), Vec::new())),
+        ("index of no vertex", patch(288, &9u16.to_le_bytes())),
         ("float indices", swap("\"componentType\": 5123, \"count\": 6", "\"componentType\": 5126, \"count\": 3")),
         ("vertex that is NaN", patch(48, &f32::NAN.to_le_bytes())),
         ("vertex that is infinite", patch(48, &f32::INFINITY.to_le_bytes())),
@@ -124,23 +132,24 @@ fn files_that_lie_are_refused_and_the_world_stays_as_it_was() {
         ("negative emission", swap("\"emissiveFactor\": [1.0, 0.1", "\"emissiveFactor\": [-1.0, 0.1")),
         ("negative intensity", swap("\"intensity\": 40.0", "\"intensity\": -40.0")),
         ("range of zero", swap("\"range\": 25.0", "\"range\": 0.0")),
-        ("spot wider than its falloff", swap("\"outerConeAngle\": 0.6", "\"outerConeAngle\": 9.0")),
+        ("spot wider than a sphere", swap("\"outerConeAngle\": 0.6", "\"outerConeAngle\": 9.0")),
         ("transform that overflows", swap("[0.0, 1.5, -2.0]", "[0.0, 1e39, -2.0]")),
-        ("far beyond the world", swap("[0.0, 1.5, -2.0]", "[0.0, 1e12, -2.0]")),
+        ("node too far from the origin", swap("[0.0, 1.5, -2.0]", "[0.0, 1e12, -2.0]")),
         ("rotation without length", swap("[0.0, 0.3826834, 0.0, 0.9238795]", "[0.0, 0.0, 0.0, 0.0]")),
-        ("scale of zero", swap("[0.5, 0.5, 0.5] }", "[0.5, 0.0, 0.5] }")),
+        ("scale that is zero along one axis", swap("[0.5, 0.5, 0.5] }", "[0.5, 0.0, 0.5] }")),
+        ("spot without a direction", swap("[-0.5, 0.0, 0.0, 0.8660254]", "[0, 0, 0, 1], \"scale\": [1, 1, 0]")),
         (
-            "own child",
+            "node that is its own child",
             swap("\"name\": \"Ground\", \"mesh\": 0 }", "\"name\": \"Ground\", \"mesh\": 0, \"children\": [0] }"),
         ),
         (
-            "two parents",
+            "node with two parents",
             swap("\"name\": \"Ground\", \"mesh\": 0 }", "\"name\": \"Ground\", \"mesh\": 0, \"children\": [1] }"),
         ),
     ];
     for (name, (text, bytes)) in cases {
-        // What the crate itself refuses needs no check of ours.
-        let Ok(file) = Gltf::from_slice(text.as_bytes()) else { continue };
+        // The gltf crate refuses some of these files itself.
+        let Ok(file) = parse(text.as_bytes()) else { continue };
         let mut world = LightWorld::new();
         let result = load_lights(&mut world, &file.document, &[bytes], &GltfOptions::default());
         let error = result.expect_err(name);
@@ -150,10 +159,10 @@ fn files_that_lie_are_refused_and_the_world_stays_as_it_was() {
 }
 
 #[test]
-fn errors_name_the_culprit() {
+fn errors_name_the_element_by_its_index() {
     let mut world = LightWorld::new();
     let text = text();
-    let file = Gltf::from_slice(text.as_bytes()).unwrap();
+    let file = parse(text.as_bytes()).unwrap();
     let none: [Vec<u8>; 0] = [];
     let missing = load_lights(&mut world, &file.document, &none, &GltfOptions::default());
     assert_eq!(missing, Err(GltfError::MissingBuffer { buffer: 0, given: 0 }));
@@ -162,6 +171,194 @@ fn errors_name_the_culprit() {
     let flat = text.replace("[0.5, 0.5, 0.5] }", "[0.5, 0.0, 0.5] }");
     let flat = load_into(&mut world, &flat, binary(), &GltfOptions::default());
     assert!(matches!(flat, Err(GltfError::LightWorld { node: 6, source: WorldError::Placement(_) })), "{flat:?}");
+}
+
+#[test]
+fn a_cycle_in_a_document_without_scenes_is_refused() {
+    let text = text().replace("\"scene\": 0,", "").replace("\"scenes\": [{ \"nodes\": [0, 1, 2, 3, 4, 5, 6] }],", "");
+    assert_eq!(load_into(&mut LightWorld::new(), &text, binary(), &GltfOptions::default()).unwrap().nodes.len(), 4);
+    let from = "\"name\": \"Sign\", \"mesh\": 1,";
+    assert!(text.contains(from));
+    let cycle = text.replacen(from, "\"name\": \"Sign\", \"mesh\": 1, \"children\": [1],", 1);
+    let result = load_into(&mut LightWorld::new(), &cycle, binary(), &GltfOptions::default());
+    assert_eq!(result, Err(GltfError::NotATree { node: 1 }));
+}
+
+#[test]
+fn a_surface_scale_that_is_not_a_factor_is_refused() {
+    for value in [f32::NAN, f32::INFINITY, -1.0] {
+        let options = GltfOptions { surface_scale: value, ..Default::default() };
+        let error = load_into(&mut LightWorld::new(), &text(), binary(), &options).unwrap_err();
+        assert!(matches!(error, GltfError::SurfaceScale { .. }), "{error}");
+    }
+    let dark = GltfOptions { surface_scale: 0.0, ..Default::default() };
+    assert_eq!(load_into(&mut LightWorld::new(), &text(), binary(), &dark).unwrap().nodes.len(), 2);
+}
+
+#[test]
+fn nodes_scaled_to_zero_are_loaded_and_hidden() {
+    let text = replaced("[0.5, 0.5, 0.5] }", "[0.0, 0.0, 0.0] }")
+        .replace("\"translation\": [2.5, 4.0, 2.0],", "\"translation\": [2.5, 4.0, 2.0], \"scale\": [0, 0, 0],")
+        .replace("\"translation\": [-2.0, 3.0, 1.0],", "\"translation\": [-2.0, 3.0, 1.0], \"scale\": [1, 1, 0],");
+    let mut world = LightWorld::new();
+    let lights = load_into(&mut world, &text, binary(), &GltfOptions::default()).unwrap();
+    let scales = |node: usize| {
+        let node = lights.nodes.iter().find(|lights| lights.node == node).unwrap();
+        world.placement(node.instance).unwrap().linear
+    };
+    // The scaled copy of the sign and the spot light; a point light needs no direction.
+    assert_eq!([6, 4].map(scales), [Mat3::ZERO; 2]);
+    assert_eq!(scales(3), Mat3::IDENTITY);
+}
+
+/// The sample file with one triangle of the sign for each of `primitives` primitives. All share the
+/// accessors; primitive i has material `material(i)`, whose strength is i + 1.
+fn shared_accessors(primitives: usize, materials: usize) -> String {
+    let mut list = String::new();
+    for i in 0..primitives {
+        let material = 3 + i % materials;
+        write!(list, "{{ \"attributes\": {{ \"POSITION\": 1 }}, \"indices\": 6, \"material\": {material} }},").unwrap();
+    }
+    let mut emitters = String::new();
+    for i in 0..materials {
+        let strength = i + 1;
+        write!(
+            emitters,
+            ", {{ \"emissiveFactor\": [1, 1, 1], \"extensions\": {{ \"KHR_materials_emissive_strength\": \
+             {{ \"emissiveStrength\": {strength} }} }} }}"
+        )
+        .unwrap();
+    }
+    let sign = "{ \"attributes\": { \"POSITION\": 1 }, \"indices\": 6, \"material\": 1 }";
+    let last = "\"metallicFactor\": 0.0, \"roughnessFactor\": 0.3 } }";
+    replaced(sign, list.trim_end_matches(',')).replacen(last, &format!("{last}{emitters}"), 1)
+}
+
+#[test]
+fn primitives_with_equal_accessors_and_emission_add_their_lights_once() {
+    let mut world = LightWorld::new();
+    let lights = load_into(&mut world, &shared_accessors(300, 1), binary(), &GltfOptions::default()).unwrap();
+    assert_eq!(world.tree(lights.nodes[0].tree).unwrap().lights().len(), 2);
+    let mut world = LightWorld::new();
+    let lights = load_into(&mut world, &shared_accessors(300, 3), binary(), &GltfOptions::default()).unwrap();
+    assert_eq!(world.tree(lights.nodes[0].tree).unwrap().lights().len(), 6);
+}
+
+#[test]
+fn meshes_with_equal_accessors_and_emission_share_a_tree() {
+    let copy = "\"name\": \"SignCopy\", \"mesh\": 1,";
+    let mesh = "{ \"name\": \"Box\",";
+    let twin = "{ \"primitives\": [{ \"attributes\": { \"POSITION\": 1 }, \"indices\": 6, \"material\": 1 }] }";
+    let load = |twin: &str| {
+        // The twin becomes mesh 2, which the copy of the sign uses.
+        let text = replaced(copy, "\"name\": \"SignCopy\", \"mesh\": 2,").replacen(mesh, &format!("{twin}, {mesh}"), 1);
+        let lights = load_into(&mut LightWorld::new(), &text, binary(), &GltfOptions::default()).unwrap();
+        let tree = |node: usize| lights.nodes.iter().find(|lights| lights.node == node).unwrap().tree;
+        (tree(1), tree(6))
+    };
+    let (first, second) = load(twin);
+    assert_eq!(first, second);
+    let (first, second) = load(&twin.replace("\"indices\": 6, ", ""));
+    assert_ne!(first, second, "the twin without indices has one triangle");
+}
+
+#[test]
+fn the_number_of_lights_is_limited() {
+    let load = |max_lights: usize| {
+        let mut world = LightWorld::new();
+        let options = GltfOptions { max_lights, ..Default::default() };
+        let result = load_into(&mut world, &text(), binary(), &options);
+        (result.map(|lights| lights.nodes.len()), world.tree_count())
+    };
+    // Two triangles of the sign, which two nodes share, and two punctual lights.
+    assert_eq!(load(4), (Ok(4), 3));
+    assert_eq!(load(3), (Err(GltfError::TooManyLights { found: 4, limit: 3 }), 0));
+    let sun = replaced("\"type\": \"point\",", "\"type\": \"directional\",").replacen(", \"range\": 25.0", "", 1);
+    let load = |max_lights: usize| {
+        let options = GltfOptions { max_lights, ..Default::default() };
+        load_into(&mut LightWorld::new(), &sun, binary(), &options).map(|lights| lights.directional.len())
+    };
+    assert_eq!(load(4), Ok(1));
+    assert_eq!(load(3), Err(GltfError::TooManyLights { found: 4, limit: 3 }));
+}
+
+#[test]
+fn a_small_file_that_describes_millions_of_lights_is_refused() {
+    // 300 materials that share one accessor of 90,000 indices: 9 million lights from 220 kB.
+    let indices = "\"bufferView\": 6, \"componentType\": 5123, \"count\": 6,";
+    let view = "\"byteOffset\": 288, \"byteLength\": 12,";
+    let text = shared_accessors(300, 300);
+    assert!(text.contains(indices) && text.contains(view));
+    let text = text
+        .replacen(indices, "\"bufferView\": 6, \"componentType\": 5123, \"count\": 90000,", 1)
+        .replacen(view, "\"byteOffset\": 372, \"byteLength\": 180000,", 1)
+        .replacen("\"byteLength\": 372", "\"byteLength\": 180372", 1);
+    let mut bytes = binary();
+    bytes.resize(180_372, 0);
+    let mut world = LightWorld::new();
+    let result = load_into(&mut world, &text, bytes, &GltfOptions::default());
+    assert_eq!(result, Err(GltfError::TooManyLights { found: 9_000_002, limit: 1 << 22 }));
+    assert_eq!(world.tree_count(), 0);
+}
+
+/// A number of `text` replaced by one that a file should not hold at that place.
+fn spoiled(text: &str, rng: &mut Rng) -> String {
+    const VALUES: [&str; 12] =
+        ["0", "-1", "1", "2", "7", "255", "65535", "4294967295", "18446744073709551615", "1e39", "-1e39", "1e-40"];
+    let is_number = |c: char| c.is_ascii_digit() || c == '.' || c == '-';
+    let starts: Vec<usize> = text
+        .char_indices()
+        .filter(|&(i, c)| is_number(c) && !text[..i].ends_with(|before: char| is_number(before) || before == '_'))
+        .map(|(i, _)| i)
+        .collect();
+    let start = starts[rng.bits() as usize % starts.len()];
+    let end = text[start..].find(|c| !is_number(c)).map_or(text.len(), |length| start + length);
+    let value = VALUES[rng.bits() as usize % VALUES.len()];
+    format!("{}{value}{}", &text[..start], &text[end..])
+}
+
+#[test]
+fn spoiled_numbers_never_panic() {
+    let mut rng = Rng(0x61_7f);
+    let folder = std::env::temp_dir().join(format!("girandole_spoiled_{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let (path, bin) = (folder.join("spoiled.gltf"), folder.join("small.bin"));
+    let (mut loaded, mut refused) = (0, 0);
+    for _ in 0..500 {
+        let mut text = text();
+        for _ in 0..1 + rng.bits() % 3 {
+            text = spoiled(&text, &mut rng);
+        }
+        let mut bytes = binary();
+        for _ in 0..rng.bits() % 3 {
+            let at = rng.bits() as usize % bytes.len();
+            bytes[at] = rng.bits() as u8;
+        }
+        if let Ok(file) = parse(text.as_bytes()) {
+            let mut world = LightWorld::new();
+            let buffers = [bytes.clone()];
+            let result = load_lights(&mut world, &file.document, &buffers, &GltfOptions::default());
+            if result.is_err() {
+                refused += 1;
+                assert_eq!((world.tree_count(), world.instance_count()), (0, 0), "{result:?}");
+            } else {
+                loaded += 1;
+            }
+        }
+        // The example's loader, player and geometry.
+        std::fs::write(&path, &text).unwrap();
+        std::fs::write(&bin, &bytes).unwrap();
+        let Ok(mut stage) = gltf_scene::stage(&path, None) else { continue };
+        let Ok(mut geometry) = Geometry::new(&stage.scene) else { continue };
+        for time in [0.0, 1.0, 2.5] {
+            let moved = stage.animation.advance(time, &mut stage.scene, &mut stage.world);
+            if moved.is_err() || geometry.update(&stage.scene).is_err() {
+                break;
+            }
+        }
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
+    assert!(loaded > 100 && refused > 20, "{loaded} loaded, {refused} refused");
 }
 
 #[test]
@@ -178,15 +375,15 @@ fn every_truncation_of_a_binary_file_is_an_error() {
     assert!(gltf_scene::stage(&path, None).is_ok());
     let lengths = (0..40).chain((40..bytes.len()).step_by(97)).chain(bytes.len() - 8..bytes.len());
     for length in lengths {
-        // Both as cut, and with a header that agrees with the cut.
+        // With the stated length unchanged, and with the length of the truncated file.
         let cut = bytes[..length].to_vec();
-        let mut agreed = cut.clone();
+        let mut consistent = cut.clone();
         if length >= 12 {
-            agreed[8..12].copy_from_slice(&(length as u32).to_le_bytes());
+            consistent[8..12].copy_from_slice(&(length as u32).to_le_bytes());
         }
-        for file in [cut, agreed] {
+        for file in [cut, consistent] {
             std::fs::write(&path, file).unwrap();
-            let SceneError(message) = gltf_file::open(&path).expect_err("a truncated file");
+            let SceneError(message) = file::open(&path).expect_err("a truncated file");
             assert!(!message.contains('\n') && message.contains("girandole_truncated"), "{message}");
         }
     }
@@ -204,25 +401,25 @@ fn animations_move_objects_and_lights_and_loop() {
     stage.animation.advance(1.0, &mut stage.scene, &mut stage.world).unwrap();
     let moved = stage.scene.objects[1].transform;
     assert!((moved.translation.y - 2.0).abs() < 1e-5 && !moved.abs_diff_eq(rest, 0.5));
-    // One of the two signs turned; it took its lights along, the other stayed.
+    // One of the two signs turned together with its lights; the other did not move.
     assert_eq!(stage.world.update(FrameBudget::UNLIMITED).moved_instances, 1);
     let instances: Vec<_> = stage.world.instances().collect();
-    let follows = |instance| {
+    let is_at_sign = |instance| {
         stage.world.placement(instance).unwrap().translation.as_vec3().abs_diff_eq(moved.translation.into(), 1e-5)
     };
-    assert_eq!(instances.into_iter().filter(|&instance| follows(instance)).count(), 1);
+    assert_eq!(instances.into_iter().filter(|&instance| is_at_sign(instance)).count(), 1);
     stage.animation.advance(4.0, &mut stage.scene, &mut stage.world).unwrap();
     assert!(stage.scene.objects[1].transform.abs_diff_eq(rest, 1e-5));
 }
 
 #[test]
-fn a_given_camera_wins() {
+fn a_camera_that_is_given_replaces_that_of_the_file() {
     let camera = Camera { eye: Vec3::ONE, target: Vec3::ZERO, vertical_fov: 1.0 };
     assert_eq!(gltf_scene::stage(&sample("small.gltf"), Some(camera)).unwrap().scene.camera, camera);
 }
 
 #[test]
-fn missing_files_are_named() {
+fn errors_name_a_file_that_does_not_exist() {
     let SceneError(message) = gltf_scene::stage(Path::new("/nowhere/scene.glb"), None).err().unwrap();
     assert!(message.starts_with("/nowhere/scene.glb: "), "{message}");
 }

@@ -1,29 +1,30 @@
-//! A street corner that renders in a blink: every kind of light, shared trees, one car that moves, one string that sways.
+//! A small scene for tests: every kind of light, shared trees, a car that moves, and a string of
+//! lights that sways.
 //!
-//! For tests: what they prove about this scene they prove about the same code that draws the city.
+//! It is rendered by the code that renders the city.
 
 use crate::city::scene::{Animation, Camera, Material, Mesh, Object, Scene, SceneError, Sky, Stage, Triangle};
 use girandole::glam::{Affine3A, Mat3, Quat, Vec3};
 use girandole::{DirectionalLight, InstanceKey, Light, LightWorld, Policy, TreeKey};
 use std::f32::consts::TAU;
 
-/// Lights on the string.
+/// Number of lights on the string.
 const BULBS: usize = 8;
 
-/// Builds the scene; `still` leaves out all motion.
-pub fn stage(still: bool) -> Result<Stage, SceneError> {
-    build(still).map_err(|e| SceneError(e.to_string()))
+/// Builds the scene, without motion if `is_still` is set.
+pub fn stage(is_still: bool) -> Result<Stage, SceneError> {
+    build(is_still).map_err(|e| SceneError(e.to_string()))
 }
 
-/// What moves: the car's objects and lights, and the string's lights.
+/// The motion of the car with its lights, and of the lights of the string.
 struct Motion {
-    still: bool,
+    is_still: bool,
     car_object: usize,
     car_lights: InstanceKey,
     string: TreeKey,
 }
 
-fn build(still: bool) -> Result<Stage, Box<dyn std::error::Error>> {
+fn build(is_still: bool) -> Result<Stage, Box<dyn std::error::Error>> {
     let mut world = LightWorld::new();
     let mut scene = Scene {
         materials: Vec::new(),
@@ -84,12 +85,12 @@ fn build(still: bool) -> Result<Stage, Box<dyn std::error::Error>> {
     let string = world.add_tree(string_lights(0.0))?;
     world.add_instance(string, Affine3A::from_translation(Vec3::new(-4.0, 4.0, -3.0)), Policy::default())?;
     let (car_object, car_lights) = car(&mut scene, &mut world, paint)?;
-    let mut animation = Motion { still, car_object, car_lights, string };
+    let mut animation = Motion { is_still, car_object, car_lights, string };
     animation.pose(0.0, &mut scene, &mut world)?;
     Ok(Stage { scene, world, animation: Box::new(animation) })
 }
 
-/// Eight instances of one tree: a bare point above a spot.
+/// Eight lamps, instances of one tree with a spot light and a point light.
 fn lamps(scene: &mut Scene, world: &mut LightWorld, steel: u32) -> Result<(), Box<dyn std::error::Error>> {
     let warm = Vec3::new(1.0, 0.75, 0.45);
     let tree = world.add_tree(vec![
@@ -107,7 +108,8 @@ fn lamps(scene: &mut Scene, world: &mut LightWorld, steel: u32) -> Result<(), Bo
     Ok(())
 }
 
-/// Surfaces that emit, as geometry and as lights: a sign of two triangles, a two-sided rectangle, one mirrored instance.
+/// Three signs, each of two triangle lights and a two-sided rectangle light, with their geometry.
+/// One is mirrored.
 fn signs(scene: &mut Scene, world: &mut LightWorld) -> Result<(), Box<dyn std::error::Error>> {
     let pink = Vec3::new(60.0, 6.0, 40.0);
     let blue = Vec3::new(5.0, 25.0, 70.0);
@@ -135,6 +137,7 @@ fn signs(scene: &mut Scene, world: &mut LightWorld) -> Result<(), Box<dyn std::e
     Ok(())
 }
 
+/// Six spheres of different sizes that share a tree.
 fn bulbs(scene: &mut Scene, world: &mut LightWorld) -> Result<(), Box<dyn std::error::Error>> {
     let white = Vec3::new(90.0, 85.0, 70.0);
     let paint = emitter(scene, white, false);
@@ -151,7 +154,8 @@ fn bulbs(scene: &mut Scene, world: &mut LightWorld) -> Result<(), Box<dyn std::e
     Ok(())
 }
 
-/// Glows in both materials; the object's lights move with it.
+/// A car with two spot lights and two rectangle lights. Returns its object and the instance of its
+/// lights.
 fn car(
     scene: &mut Scene,
     world: &mut LightWorld,
@@ -183,6 +187,7 @@ fn car(
     Ok((object, world.add_instance(tree, Affine3A::IDENTITY, Policy::default())?))
 }
 
+/// The lights of the string at a time, in seconds.
 fn string_lights(time: f64) -> Vec<Light> {
     (0..BULBS)
         .map(|i| {
@@ -195,6 +200,7 @@ fn string_lights(time: f64) -> Vec<Light> {
 }
 
 impl Motion {
+    /// Moves the car and the string to where they are at a time, in seconds.
     fn pose(&mut self, time: f64, scene: &mut Scene, world: &mut LightWorld) -> Result<(), Box<dyn std::error::Error>> {
         let placement = Affine3A::from_rotation_translation(
             Quat::from_rotation_y(0.15),
@@ -210,11 +216,11 @@ impl Motion {
 
 impl Animation for Motion {
     fn advance(&mut self, time: f64, scene: &mut Scene, world: &mut LightWorld) -> Result<(), SceneError> {
-        if self.still { Ok(()) } else { self.pose(time, scene, world).map_err(|e| SceneError(e.to_string())) }
+        if self.is_still { Ok(()) } else { self.pose(time, scene, world).map_err(|e| SceneError(e.to_string())) }
     }
 
     fn is_still(&self) -> bool {
-        self.still
+        self.is_still
     }
 }
 
@@ -239,20 +245,20 @@ fn object(scene: &mut Scene, mesh: u32, transform: Affine3A) -> usize {
     scene.objects.len() - 1
 }
 
-/// A parallelogram whose front is `half_u` x `half_v`.
+/// A parallelogram; its front is the side of `half_u` x `half_v`.
 fn quad(center: Vec3, half_u: Vec3, half_v: Vec3, material: u32) -> Mesh {
     let [a, b, c, d] = [-half_u - half_v, half_u - half_v, half_u + half_v, -half_u + half_v].map(|v| center + v);
     Mesh { triangles: vec![Triangle { vertices: [a, b, c], material }, Triangle { vertices: [a, c, d], material }] }
 }
 
-/// From -1 to 1.
+/// A cube from -1 to 1.
 fn cube(material: u32) -> Mesh {
     let axes = [(Vec3::X, Vec3::Y, Vec3::Z), (Vec3::Y, Vec3::Z, Vec3::X), (Vec3::Z, Vec3::X, Vec3::Y)];
     let sides = axes.into_iter().flat_map(|(n, u, v)| [quad(n, u, v, material), quad(-n, v, u, material)]);
     Mesh { triangles: sides.flat_map(|side| side.triangles).collect() }
 }
 
-/// A ball of radius 1: an octahedron, each of whose triangles is split into four `levels` times.
+/// A ball of radius 1: an octahedron whose triangles are split into four `levels` times.
 fn octahedron(material: u32, levels: u32) -> Mesh {
     let mut faces = Vec::new();
     for (x, y, z) in

@@ -1,12 +1,22 @@
-//! The program around the renderers: options, frames, denoising, tone mapping and files.
+//! The program around the renderer: the command line, the loop over frames, and the files.
+//!
+//! Read in this order:
+//!
+//! 1. `options`: the command line;
+//! 2. `session`: the loop, which shows how an engine uses the library;
+//! 3. `denoiser` and `tone_mapping`: from radiance to a picture for a screen;
+//! 4. `output`: the files;
+//! 5. `run`: the whole program.
 
 use super::{render, scene};
 
-pub mod denoise;
-pub mod tone;
-
-pub mod frames;
 pub mod options;
+
+pub mod session;
+
+pub mod denoiser;
+pub mod tone_mapping;
+
 pub mod output;
 
 pub mod run;

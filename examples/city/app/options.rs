@@ -1,9 +1,10 @@
-//! The command line, checked as far as it can be without splitting anything.
+//! The command line. Values are checked here as far as possible without opening a file or a device.
 
 use super::render::backend::BackendChoice;
 use super::render::settings::{LightChoice, Settings};
 use super::scene::procedural::Size;
 use super::scene::{Camera, SceneError};
+use super::session::Pace;
 use clap::Parser;
 use girandole::FrameBudget;
 use girandole::glam::Vec3;
@@ -11,82 +12,87 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Longest side of a picture.
+/// Longest side of a picture, pixels.
 const MAX_SIDE: u32 = 16_384;
-/// A day at this rate is a run that nobody means.
+/// Most frames of a run.
 const MAX_FRAMES: u32 = 100_000;
-/// Of cameras from the command line: 60 degrees.
+/// Vertical field of view of `--camera`, radians: 60 degrees.
 const FIELD_OF_VIEW: f32 = std::f32::consts::FRAC_PI_3;
+/// Most samples per pixel.
 const MAX_SPP: u32 = 1 << 20;
 
-/// Renders a night city, a glTF scene or a real city's lamps, lit through two-level light trees.
+/// Renders a night city, a glTF scene, or the lamps and traffic of a real city, lit through
+/// two-level light trees
 #[derive(Clone, Debug, Parser)]
 #[command(name = "city", version)]
 pub struct Options {
-    /// Pictures to render
-    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_FRAMES)))]
+    /// Number of frames to render
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_FRAMES)))]
     pub frames: u32,
-    /// Width and height in pixels
+    /// Width and height of the picture in pixels
     #[arg(long, value_name = "WxH", default_value = "640x360", value_parser = parse_size)]
     pub size: (u32, u32),
-    /// Samples a pixel, each with one light
-    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SPP)))]
+    /// Samples per pixel; each sample uses one light
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SPP)))]
     pub spp: u32,
-    /// How large the procedural city is: about 1 000, 10 000 or 100 000 instances
-    #[arg(long, value_enum, ignore_case = true, default_value_t = Size::S, conflicts_with_all = ["gltf", "lamps"])]
+    /// Size of the procedural city
+    #[arg(long, value_name = "SIZE", value_enum, ignore_case = true, default_value_t = Size::S, conflicts_with_all = ["gltf", "lamps", "traffic"])]
     pub world: Size,
-    /// Cars on the streets [default: as many as the city's size calls for]
-    #[arg(long, conflicts_with_all = ["gltf", "traffic"])]
+    /// Number of cars in the procedural city, or parked in a real city without traffic [default:
+    /// depends on the city]
+    #[arg(long, value_name = "N", conflicts_with_all = ["gltf", "traffic"])]
     pub cars: Option<usize>,
-    /// Another seed is another city and other noise
-    #[arg(long, default_value_t = 1)]
+    /// Seed of the city and of the noise
+    #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
-    /// Milliseconds a frame that light trees may be rebuilt for
-    #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = parse_budget, allow_negative_numbers = true)]
+    /// Time that rebuilds of light trees may take per frame, in milliseconds
+    #[arg(long, value_name = "MS", default_value_t = 1.0, value_parser = parse_budget, allow_negative_numbers = true)]
     pub budget_ms: f64,
     /// Where to render
-    #[arg(long, value_enum, default_value_t = BackendChoice::Auto)]
+    #[arg(long, value_name = "WHERE", value_enum, default_value_t = BackendChoice::Auto)]
     pub backend: BackendChoice,
-    /// Folder for the pictures and frames.csv
+    /// Folder for the pictures and frames.csv; created if it does not exist
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,
-    /// Light this glTF scene instead of the procedural city
+    /// Render this glTF scene (.gltf or .glb) instead of the procedural city
     #[arg(long, value_name = "FILE", conflicts_with_all = ["lamps", "traffic"])]
     pub gltf: Option<PathBuf>,
-    /// Street lamps of a real city: a CSV with columns x_m, y_m, est_height_m, est_lumens
+    /// Render the street lamps of a real city: a CSV file with the columns x_m, y_m, est_height_m
+    /// (metres) and est_lumens
     #[arg(long, value_name = "FILE.csv")]
     pub lamps: Option<PathBuf>,
-    /// Vehicles of a SUMO simulation: the XML that its fcd-export writes
+    /// Render the vehicles of a SUMO simulation: an XML file that `sumo --fcd-output` wrote
     #[arg(long, value_name = "FILE.xml")]
     pub traffic: Option<PathBuf>,
-    /// Show the samples' noise in the PNG too, instead of filtering it for the eye
+    /// Keep the noise in the PNG pictures; by default it is filtered (EXR pictures are never
+    /// filtered)
     #[arg(long)]
     pub keep_noise: bool,
-    /// Eye and target, in metres
+    /// Camera: position and target in metres [default: depends on the scene]
     #[arg(long, value_name = "x,y,z,x,y,z", value_parser = parse_camera, allow_hyphen_values = true)]
     pub camera: Option<(Vec3, Vec3)>,
-    /// Frames a second of the world's time
-    #[arg(long, default_value_t = 24.0, value_parser = parse_fps, allow_negative_numbers = true)]
+    /// Frames per second of the scene's time
+    #[arg(long, value_name = "HZ", default_value_t = 24.0, value_parser = parse_fps, allow_negative_numbers = true)]
     pub fps: f64,
 }
 
-/// What the arguments amount to.
+/// The meaning of the arguments.
 pub enum Parsed {
-    /// A run.
+    /// Render.
     Run(Box<Options>),
-    /// A text to print: help or the version.
+    /// Print a text: the help or the version.
     Help(String),
 }
 
 impl Options {
-    /// Reads the arguments, the program's name first. An error is one line, without clap's hints.
+    /// Reads the arguments, of which the first is the name of the program. An error is one line.
     pub fn read(args: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Result<Parsed, SceneError> {
         match Self::try_parse_from(args) {
             Ok(options) => Ok(Parsed::Run(Box::new(options))),
             Err(error) if error.use_stderr() => {
                 let text = error.to_string();
                 let line = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
-                // The values that clap lists on a line of their own belong to the complaint.
+                // clap lists the possible values on a separate line.
                 let values = text.lines().map(str::trim).find(|l| l.starts_with("[possible values"));
                 Err(SceneError(format!("{line} {}; see --help", values.unwrap_or_default()).replace(" ;", ";")))
             }
@@ -94,20 +100,23 @@ impl Options {
         }
     }
 
-    /// What a session needs to know of them.
+    /// The settings of the renderer.
     pub fn settings(&self) -> Settings {
         Settings {
             width: self.size.0,
             height: self.size.1,
             spp: self.spp,
             seed: self.seed,
-            budget: FrameBudget::new(Duration::from_secs_f64(self.budget_ms * 1e-3)),
-            fps: self.fps,
             light_choice: LightChoice::Tree,
         }
     }
 
-    /// The camera that was asked for.
+    /// The frame rate, and the budget for rebuilds.
+    pub fn pace(&self) -> Pace {
+        Pace { fps: self.fps, budget: FrameBudget::new(Duration::from_secs_f64(self.budget_ms * 1e-3)) }
+    }
+
+    /// The camera of `--camera`.
     pub fn camera(&self) -> Option<Camera> {
         self.camera.map(|(eye, target)| Camera { eye, target, vertical_fov: FIELD_OF_VIEW })
     }
@@ -117,13 +126,13 @@ fn parse_size(text: &str) -> Result<(u32, u32), String> {
     let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
     match sides {
         Some((w, h)) if (1..=MAX_SIDE).contains(&w) && (1..=MAX_SIDE).contains(&h) => Ok((w, h)),
-        Some(_) => Err(format!("each side must be from 1 to {MAX_SIDE}")),
+        Some(_) => Err(format!("each side must be from 1 to {MAX_SIDE} pixels")),
         None => Err("expected a width and a height, such as 640x360".into()),
     }
 }
 
 fn parse_budget(text: &str) -> Result<f64, String> {
-    // An hour is more than any frame may take, and keeps the duration far from overflow.
+    // The limit of one hour keeps the duration far from overflow.
     match text.parse::<f64>() {
         Ok(ms) if (0.0..=3.6e6).contains(&ms) => Ok(ms),
         _ => Err("expected milliseconds, from 0 to 3600000".into()),
@@ -133,21 +142,21 @@ fn parse_budget(text: &str) -> Result<f64, String> {
 fn parse_fps(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(fps) if (1e-3..=1e6).contains(&fps) => Ok(fps),
-        _ => Err("expected frames a second, from 0.001 to 1000000".into()),
+        _ => Err("expected frames per second, from 0.001 to 1000000".into()),
     }
 }
 
 fn parse_camera(text: &str) -> Result<(Vec3, Vec3), String> {
     let numbers: Option<Vec<f32>> = text.split(',').map(|x| x.trim().parse().ok()).collect();
     let Some(&[ex, ey, ez, tx, ty, tz]) = numbers.as_deref() else {
-        return Err("expected six numbers: the eye's x,y,z and the target's x,y,z".into());
+        return Err("expected six numbers: x,y,z of the position and x,y,z of the target".into());
     };
     let (eye, target) = (Vec3::new(ex, ey, ez), Vec3::new(tx, ty, tz));
     if !eye.is_finite() || !target.is_finite() || eye.max(target).abs().max_element() > 1e7 {
-        return Err("coordinates must be finite and below 10000000".into());
+        return Err("coordinates must be finite and at most 10000000 metres".into());
     }
     if (target - eye).length() < 1e-3 {
-        return Err("the eye and the target must differ".into());
+        return Err("the position and the target must differ".into());
     }
     Ok((eye, target))
 }
@@ -164,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn senseless_values_are_refused() {
+    fn invalid_values_are_refused_with_one_line() {
         for bad in [
             "--size 0x5",
             "--size 5",
@@ -183,6 +192,7 @@ mod tests {
             "--backend gl",
             "--gltf a.glb --lamps b.csv",
             "--gltf a.glb --cars 5",
+            "--traffic a.xml --world S",
             "--unknown",
         ] {
             let line = parse(bad).unwrap_err().0;
@@ -191,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn sensible_values_are_taken() {
+    fn valid_values_are_accepted() {
         let options = parse("--size 64x36 --camera -8,2,6,2,3.5,-14 --budget-ms 0.5 --world m").unwrap();
         assert_eq!(options.size, (64, 36));
         assert_eq!(options.camera, Some((Vec3::new(-8.0, 2.0, 6.0), Vec3::new(2.0, 3.5, -14.0))));

@@ -1,11 +1,13 @@
-//! Files: EXR with radiance, PNG for the eye, and a table of what each frame cost.
+//! Output files: EXR pictures of radiance, PNG pictures for a screen, and a table of the costs of
+//! each frame.
 //!
-//! Each file is written beside its place under a temporary name and then renamed, so that a file that is there is whole.
+//! Each file is written under a temporary name in the same folder and then renamed, so that it is
+//! complete if it exists.
 
-use super::frames::{Frame, Record};
 use super::render::image::Image;
 use super::scene::SceneError;
-use super::tone::tone_map;
+use super::session::{Frame, FrameStats};
+use super::tone_mapping::tone_map;
 use exr::prelude::{Encoding, Image as ExrImage, SpecificChannels, WritableImage};
 use girandole::Effects;
 use std::fs::{self, File};
@@ -13,7 +15,7 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// The table's first line.
+/// The column names of the table.
 pub const CSV_HEADER: [&str; 21] = [
     "frame",
     "instances",
@@ -38,14 +40,14 @@ pub const CSV_HEADER: [&str; 21] = [
     "frame_ms",
 ];
 
-/// A folder that frames go to.
+/// The folder of a run.
 pub struct Output {
     folder: PathBuf,
     table: csv::Writer<File>,
 }
 
 impl Output {
-    /// Makes the folder if need be, and refuses one that cannot be written to.
+    /// Creates the folder if it does not exist. Fails if it cannot be written to.
     pub fn new(folder: &Path) -> Result<Self, SceneError> {
         let refuse = |e: std::io::Error| SceneError(format!("cannot write to {}: {e}", folder.display()));
         fs::create_dir_all(folder).map_err(refuse)?;
@@ -55,24 +57,25 @@ impl Output {
         Ok(Self { folder: folder.into(), table })
     }
 
-    /// Writes a frame's radiance, its picture for the eye, and its line in the table.
+    /// Writes the radiance of a frame, a picture of it for the screen, and its line of the table.
     pub fn write(&mut self, frame: &Frame, picture: &Image, exposure: f32) -> Result<(), SceneError> {
-        let number = frame.record.frame;
-        self.whole_file(&format!("frame_{number:04}.exr"), |file| write_exr(file, &frame.image))?;
-        self.whole_file(&format!("frame_{number:04}.png"), |file| write_png(file, picture, exposure))?;
+        let number = frame.stats.frame;
+        self.write_file(&format!("frame_{number:04}.exr"), |file| write_exr(file, &frame.image))?;
+        self.write_file(&format!("frame_{number:04}.png"), |file| write_png(file, picture, exposure))?;
         self.table
-            .write_record(row(&frame.record))
+            .write_record(row(&frame.stats))
             .and_then(|()| Ok(self.table.flush()?))
             .map_err(|e| SceneError(format!("cannot write {}: {e}", self.folder.join("frames.csv").display())))
     }
 
-    /// Gives the table its name. Dropping an output instead leaves no table.
+    /// Completes the table. An output that is dropped without this call leaves no table.
     pub fn finish(self) -> Result<(), SceneError> {
         let (from, to) = (self.folder.join(temporary("frames.csv")), self.folder.join("frames.csv"));
         fs::rename(&from, &to).map_err(|e| SceneError(format!("cannot write {}: {e}", to.display())))
     }
 
-    fn whole_file<E: std::fmt::Display>(
+    /// Writes a file under a temporary name and renames it.
+    fn write_file<E: std::fmt::Display>(
         &self,
         name: &str,
         write: impl FnOnce(&mut BufWriter<File>) -> Result<(), E>,
@@ -85,7 +88,8 @@ impl Output {
             fs::rename(&from, &to).map_err(|e| e.to_string())
         });
         result.map_err(|e| {
-            // What could be written of it is of no use; that it cannot be removed either is not worth a second message.
+            // An incomplete file is useless. If it cannot be removed, the first error is reported
+            // anyway.
             let _ = fs::remove_file(&from);
             SceneError(format!("cannot write {}: {e}", to.display()))
         })
@@ -94,12 +98,12 @@ impl Output {
 
 impl Drop for Output {
     fn drop(&mut self) {
-        // Gone already after `finish`.
+        // After `finish` there is no such file.
         let _ = fs::remove_file(self.folder.join(temporary("frames.csv")));
     }
 }
 
-/// The names of effects in lower case, with spaces between; `none` for none.
+/// The names of effects in lower case, separated by spaces; `none` if there are none.
 pub fn effect_names(effects: Effects) -> String {
     let names: Vec<_> = effects.iter_names().map(|(name, _)| name.to_lowercase().replace('_', "-")).collect();
     if names.is_empty() { "none".into() } else { names.join(" ") }
@@ -109,30 +113,31 @@ fn temporary(name: &str) -> String {
     format!(".{name}.part")
 }
 
-fn row(record: &Record) -> [String; 21] {
+/// A line of the table.
+fn row(stats: &FrameStats) -> [String; 21] {
     let micros = |d: Duration| format!("{:.1}", d.as_secs_f64() * 1e6);
     [
-        record.frame.to_string(),
-        record.instances.to_string(),
-        record.lights.to_string(),
-        record.moved_instances.to_string(),
-        record.refit_trees.to_string(),
-        record.rebuilt_trees.to_string(),
-        record.rebuilt_parts.to_string(),
-        record.background_trees.to_string(),
-        record.waiting_trees.to_string(),
-        record.longest_wait.to_string(),
-        micros(record.budget),
-        micros(record.predicted),
-        micros(record.spent),
-        micros(record.deciding),
-        micros(record.overrun),
-        record.upload_bytes.to_string(),
-        record.top_build.map(micros).unwrap_or_default(),
-        effect_names(record.effects),
-        record.shadow_rays.traced.to_string(),
-        record.shadow_rays.skipped.to_string(),
-        format!("{:.2}", record.frame_time.as_secs_f64() * 1e3),
+        stats.frame.to_string(),
+        stats.instances.to_string(),
+        stats.lights.to_string(),
+        stats.moved_instances.to_string(),
+        stats.refit_trees.to_string(),
+        stats.rebuilt_trees.to_string(),
+        stats.rebuilt_parts.to_string(),
+        stats.background_trees.to_string(),
+        stats.waiting_trees.to_string(),
+        stats.longest_wait.to_string(),
+        micros(stats.budget),
+        micros(stats.predicted),
+        micros(stats.spent),
+        micros(stats.deciding),
+        micros(stats.overrun),
+        stats.upload_bytes.to_string(),
+        stats.top_build.map(micros).unwrap_or_default(),
+        effect_names(stats.effects),
+        stats.shadow_rays.traced.to_string(),
+        stats.shadow_rays.skipped.to_string(),
+        format!("{:.2}", stats.frame_time.as_secs_f64() * 1e3),
     ]
 }
 
@@ -144,7 +149,7 @@ fn write_exr(file: &mut BufWriter<File>, image: &Image) -> Result<(), exr::error
     let size = (image.width as usize, image.height as usize);
     let mut exr = ExrImage::from_channels(size, channels);
     exr.layer_data.encoding = Encoding::FAST_LOSSLESS;
-    // The writer wants to seek, which a buffered file does by emptying its buffer.
+    // A buffered file can seek, which the writer needs.
     exr.write().non_parallel().to_buffered(file)
 }
 

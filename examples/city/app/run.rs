@@ -1,14 +1,14 @@
-//! The whole program behind the command line: load, choose a backend, render, write.
+//! The whole program: load a scene, choose a backend, render frames, write files.
 
-use super::frames::Session;
 use super::options::Options;
 use super::output::{Output, effect_names};
 use super::render::backend;
-use super::render::settings::ShadowRays;
+use super::render::image::ShadowRays;
 use super::scene::gltf_scene;
 use super::scene::procedural::{self, CityOptions};
 use super::scene::real_city::{self, RealCityOptions};
 use super::scene::{SceneError, Stage};
+use super::session::Session;
 use girandole::Effects;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::time::Duration;
@@ -16,17 +16,17 @@ use std::time::Duration;
 /// Steps of the progress bar in one frame.
 const TICKS: u64 = 1000;
 
-/// Renders what was asked for; `say` hears lines for the user. Everything that can be refused is refused before the
+/// Renders all frames. `print` receives lines for the user. Invalid input is refused before the
 /// first file is written.
-pub fn run(options: &Options, say: &mut dyn FnMut(&str)) -> Result<(), SceneError> {
+pub fn run(options: &Options, print: &mut dyn FnMut(&str)) -> Result<(), SceneError> {
     let stage = load(options)?;
     let chosen = backend::choose(options.backend)?;
-    say(&chosen.to_string());
-    let mut session = Session::new(stage, options.settings(), chosen)?;
+    print(&chosen.to_string());
+    let mut session = Session::new(stage, options.settings(), options.pace(), chosen)?;
     let mut output = Output::new(&options.out)?;
 
     let bar = ProgressBar::new(u64::from(options.frames) * TICKS);
-    let template = "{msg} [{bar:40}] {percent}% {elapsed}, {eta} to go";
+    let template = "{msg} [{bar:40}] {percent}% {elapsed}, {eta} left";
     bar.set_style(ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()));
     bar.enable_steady_tick(Duration::from_millis(250));
     let (mut lights, mut total) = (0, Duration::ZERO);
@@ -35,25 +35,25 @@ pub fn run(options: &Options, say: &mut dyn FnMut(&str)) -> Result<(), SceneErro
         bar.set_message(format!("frame {number}"));
         let base = u64::from(number) * TICKS;
         let frame = session.frame(&|share| bar.set_position(base + (share * TICKS as f64) as u64))?;
-        let clean = (!options.keep_noise).then(|| session.denoise(&frame.image));
-        output.write(&frame, clean.as_ref().unwrap_or(&frame.image), session.scene().exposure)?;
-        lights = frame.record.lights;
-        effects |= frame.record.effects;
-        rays = rays + frame.record.shadow_rays;
-        total += frame.record.frame_time;
+        let filtered = (!options.keep_noise).then(|| session.denoise(&frame.image));
+        output.write(&frame, filtered.as_ref().unwrap_or(&frame.image), session.scene().exposure)?;
+        lights = frame.stats.lights;
+        effects |= frame.stats.effects;
+        rays = rays + frame.stats.shadow_rays;
+        total += frame.stats.frame_time;
     }
     bar.finish_and_clear();
     output.finish()?;
     let (width, height) = options.size;
-    say(&format!(
-        "{} frame(s) of {width}x{height}, {} samples a pixel, {lights} lights: {:.2} s a frame; pictures in {}",
+    print(&format!(
+        "{} frame(s) of {width}x{height} pixels, {} samples per pixel, {lights} lights: {:.2} s per frame; pictures in {}",
         options.frames,
         options.spp,
         total.as_secs_f64() / f64::from(options.frames),
         options.out.display(),
     ));
-    say(&format!(
-        "effects: {}; shadow rays: {} traced, {} skipped where nothing could stand in the way",
+    print(&format!(
+        "effects: {}; shadow rays: {} traced, {} skipped because nothing could block them",
         effect_names(effects),
         rays.traced,
         rays.skipped,
@@ -61,6 +61,7 @@ pub fn run(options: &Options, say: &mut dyn FnMut(&str)) -> Result<(), SceneErro
     Ok(())
 }
 
+/// Loads the scene that the options select.
 fn load(options: &Options) -> Result<Stage, SceneError> {
     let Options { gltf, lamps, traffic, seed, cars, .. } = options.clone();
     let mut stage = if let Some(path) = gltf {

@@ -1,9 +1,10 @@
-//! The CPU backend: rayon over rows, the library's sampler, the same estimator as `render.wgsl`.
+//! The CPU backend. It renders rows in parallel, with the library's sampler and the same estimator
+//! as `render.wgsl`.
 
 use super::geometry::Geometry;
-use super::image::Image;
+use super::image::{Image, ShadowRays};
 use super::scene::{Material, Scene};
-use super::settings::{LightChoice, Settings, ShadowRays};
+use super::settings::{LightChoice, Settings};
 use super::shading::{Dimension, View, brdf, random, shadow_offset, sky_radiance};
 use girandole::glam::{Vec2, Vec3, Vec4};
 use girandole::gpu::DEFAULT_USAGE_INTERVAL;
@@ -14,18 +15,19 @@ use std::collections::BTreeMap;
 use std::ops::Add;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Area lights are left just before their surface, which would shadow itself.
-const STOP_BEFORE_LIGHT: f32 = 1.0 - 1e-3;
+/// Shadow rays end at this share of the distance to an area light, just before its surface.
+const SHADOW_RAY_SHARE: f32 = 1.0 - 1e-3;
 
-/// How often lights of each instance were picked: of all samples one in [`DEFAULT_USAGE_INTERVAL`] is counted. In the order of the
-/// keys, so that the light world hears of the same picture in the same way.
+/// How often the lights of each instance were sampled, in a random one of
+/// [`DEFAULT_USAGE_INTERVAL`] samples. Ordered by key, so that equal pictures report equal
+/// sequences to the light world.
 pub type UsageCounters = BTreeMap<InstanceKey, u32>;
 
-/// What is counted beside a picture, by each row and then added up.
+/// What is counted while a row is rendered.
 #[derive(Default)]
 struct Tally {
     rays: ShadowRays,
-    picks: UsageCounters,
+    usage: UsageCounters,
 }
 
 impl Add for Tally {
@@ -33,14 +35,14 @@ impl Add for Tally {
 
     fn add(mut self, other: Self) -> Self {
         self.rays = self.rays + other.rays;
-        for (instance, count) in other.picks {
-            *self.picks.entry(instance).or_default() += count;
+        for (instance, count) in other.usage {
+            *self.usage.entry(instance).or_default() += count;
         }
         self
     }
 }
 
-/// Renders one frame; `progress` hears the finished share now and then, from any thread.
+/// Renders a frame. `progress` receives the finished share, from 0 to 1, on any thread.
 pub fn render(
     scene: &Scene,
     geometry: &Geometry,
@@ -61,10 +63,10 @@ pub fn render(
             let index = (y * width + x) as u32;
             let corner = Vec2::new(x as f32, y as f32);
             for sample in 0..settings.spp {
-                let [jitter_x, jitter_y, lot, _] = random(index, sample, seed, Dimension::Pixel);
+                let [jitter_x, jitter_y, count_draw, _] = random(index, sample, seed, Dimension::Pixel);
                 let direction = view.direction(corner + Vec2::new(jitter_x, jitter_y), size);
                 let u = random(index, sample, seed, Dimension::Light);
-                let is_counted = lot * (DEFAULT_USAGE_INTERVAL as f32) < 1.0;
+                let is_counted = count_draw * (DEFAULT_USAGE_INTERVAL as f32) < 1.0;
                 let color = integrator.radiance(view.eye, direction, u, is_counted, &mut tally);
                 *sum += color.extend(luminance(color).powi(2));
             }
@@ -72,10 +74,11 @@ pub fn render(
         progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / height as f64);
         tally
     });
-    let Tally { rays, picks } = rows.reduce(Tally::default, |a, b| a + b);
-    (Image::from_sums(settings.width, settings.height, settings.spp, sums.into_iter()), rays, picks)
+    let Tally { rays, usage } = rows.reduce(Tally::default, |a, b| a + b);
+    (Image::from_sums(settings.width, settings.height, settings.spp, sums.into_iter()), rays, usage)
 }
 
+/// Computes the radiance of camera rays.
 struct Integrator<'a> {
     scene: &'a Scene,
     geometry: &'a Geometry,
@@ -83,29 +86,31 @@ struct Integrator<'a> {
     choice: LightChoice,
 }
 
-/// A point that light falls on.
+/// A point that a camera ray met.
 struct Surface<'a> {
     material: &'a Material,
     shading_point: ShadingPoint,
+    /// The unit direction to the camera.
     view: Vec3,
 }
 
 impl Integrator<'_> {
+    /// One sample of the radiance along a camera ray.
     fn radiance(&self, eye: Vec3, direction: Vec3, u: [f32; 4], is_counted: bool, tally: &mut Tally) -> Vec3 {
         let Some(hit) = self.geometry.nearest(eye, direction) else {
             return sky_radiance(&self.scene.sky, direction);
         };
         let triangle = &self.geometry.triangles[hit.triangle as usize];
-        let placed = &self.geometry.objects[hit.object as usize];
+        let object = &self.geometry.objects[hit.object as usize];
         let material = &self.scene.materials[triangle.material as usize];
         let front = self.geometry.normal(&hit);
         let view = -direction;
-        let seen_from_front = front.dot(view) >= 0.0;
-        let normal = if seen_from_front { front } else { -front };
+        let is_front = front.dot(view) >= 0.0;
+        let normal = if is_front { front } else { -front };
 
         let mut sum = self.scene.sky.ambient * material.base_color;
-        if seen_from_front || material.two_sided_emission {
-            sum += material.emission * placed.emission_scale;
+        if is_front || material.two_sided_emission {
+            sum += material.emission * object.emission_scale;
         }
 
         let surface = eye + direction * hit.distance;
@@ -117,9 +122,9 @@ impl Integrator<'_> {
                     if let LightId::Local { instance, .. } = sample.light
                         && is_counted
                     {
-                        *tally.picks.entry(instance).or_default() += 1;
+                        *tally.usage.entry(instance).or_default() += 1;
                     }
-                    self.arriving(&surface, &sample.incident, &mut tally.rays) / sample.pmf
+                    self.reflected(&surface, &sample.incident, &mut tally.rays) / sample.pmf
                 }
                 None => Vec3::ZERO,
             },
@@ -127,13 +132,13 @@ impl Integrator<'_> {
                 .sampler
                 .all_lights()
                 .filter_map(|light| self.sampler.sample_light(&surface.shading_point, light, [u[2], u[3]]))
-                .map(|incident| self.arriving(&surface, &incident, &mut tally.rays))
+                .map(|incident| self.reflected(&surface, &incident, &mut tally.rays))
                 .sum(),
         }
     }
 
-    /// What one sample of one light adds, before the chance of having chosen that light.
-    fn arriving(&self, surface: &Surface, incident: &Incident, rays: &mut ShadowRays) -> Vec3 {
+    /// The radiance that one sample of one light adds, not yet divided by the pmf of the light.
+    fn reflected(&self, surface: &Surface, incident: &Incident, rays: &mut ShadowRays) -> Vec3 {
         let ShadingPoint { position, normal, .. } = surface.shading_point;
         let cosine = normal.dot(incident.direction);
         if cosine <= 0.0 {
@@ -148,7 +153,7 @@ impl Integrator<'_> {
         let limit = if incident.is_delta {
             incident.dist - self.scene.lamp_clearance
         } else {
-            incident.dist * STOP_BEFORE_LIGHT
+            incident.dist * SHADOW_RAY_SHARE
         };
         if !self.geometry.occluders.may_block(position, incident.direction, limit) {
             rays.skipped += 1;

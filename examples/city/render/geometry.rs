@@ -1,9 +1,10 @@
-//! The geometry that rays hit: one bounding volume hierarchy a mesh, and one over the placed objects.
+//! The geometry that rays hit: one bounding volume hierarchy for each mesh, and an upper one over
+//! the placed objects.
 //!
-//! obvhs builds both; [`super::geometry_nodes`] lays them out for both backends. An object that moves rebuilds the upper one
-//! only, over boxes of objects; its triangles stay as they are.
+//! The crate obvhs builds them. When objects move, only the upper hierarchy is rebuilt, over the
+//! boxes of the objects.
 
-use super::geometry_nodes::{MAX_REFERENCE, Node, Subtree, collect_nodes, leaf_reference};
+use super::nodes::{MAX_REFERENCE, Node, Subtree, collect_nodes, leaf_reference};
 use super::scene::{Mesh, Object, Scene, SceneError};
 use bytemuck::{Pod, Zeroable};
 use girandole::glam::{Affine3A, Vec3, Vec3A};
@@ -17,17 +18,20 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::time::Duration;
 
-/// A leaf reference has three bits for its count.
+/// At most 8, for which a reference to a leaf has three bits.
 const MAX_LEAF_TRIANGLES: u32 = 4;
-/// Objects that a build of the upper hierarchy takes out and puts back better: a sixth fewer boxes to test per ray for
-/// under a millisecond in a small city, and no more time than that in a large one.
+/// Objects that a build of the upper hierarchy reinserts to improve it. This saves a sixth of the
+/// box tests per ray, for less than a millisecond in cities of any size.
 const REINSERTIONS: f32 = 500.0;
-/// Metres: farther than anything; `FAR` in `render.wgsl`.
+/// A distance beyond everything, in metres. `FAR` in `render.wgsl`.
 const FAR: f32 = 3.0e38;
-/// Set in [`PackedTriangle::flags`]: shadow rays pass.
+/// Largest absolute coordinate of a vertex and entry of a transform: areas of boxes in world space
+/// stay within f32.
+const MAX_COORDINATE: f32 = 1e8;
+/// A flag of [`PackedTriangle::flags`]: shadow rays pass through.
 pub const SEE_THROUGH: u32 = 1;
 
-/// A triangle as both backends read it: a corner, two edges. `Triangle` in `render.wgsl`.
+/// A triangle as both backends read it. `Triangle` in `render.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C, align(16))]
 pub struct PackedTriangle {
@@ -35,30 +39,30 @@ pub struct PackedTriangle {
     pub corner: Vec3,
     /// Index into the scene's materials.
     pub material: u32,
-    /// To the second corner.
+    /// From the first corner to the second.
     pub edge1: Vec3,
     /// [`SEE_THROUGH`] or 0.
     pub flags: u32,
-    /// To the third corner.
+    /// From the first corner to the third.
     pub edge2: Vec3,
     /// Zero.
     pub padding: u32,
 }
 
-/// An object as rays see it.
+/// An object as ray queries need it.
 #[derive(Clone, Copy, Debug)]
-pub struct Placed {
-    /// LightWorld space to mesh space.
+pub struct PlacedObject {
+    /// World space to mesh space.
     pub inverse: Affine3A,
-    /// Its mesh's part of the nodes.
+    /// Root of its mesh's hierarchy.
     pub root: u32,
-    /// Copied from the object.
+    /// Factor on the emission of its materials.
     pub emission_scale: f32,
-    /// False where hidden, or squashed to nothing.
+    /// False for objects that are hidden, or whose transform has no inverse.
     pub visible: bool,
 }
 
-/// The box of all that casts shadows; inside out if nothing does.
+/// The box of everything that casts shadows; `min` exceeds `max` if nothing does.
 #[derive(Clone, Copy, Debug)]
 pub struct Occluders {
     /// Lower corner.
@@ -71,8 +75,10 @@ impl Occluders {
     /// Nothing casts shadows.
     const NONE: Self = Self { min: Vec3::MAX, max: Vec3::MIN };
 
-    /// Whether something may stand within `limit`: no shadow ray is needed where not. The box of the ray's part is held
-    /// against that of all occluders: cheap enough for every sample, and right wherever they are. Twin of
+    /// Whether something may block a ray within the distance `limit`; where not, no shadow ray is
+    /// needed.
+    ///
+    /// Compares the box of the ray's segment with the box of all occluders. Twin of
     /// `may_be_occluded` in `render.wgsl`.
     pub fn may_block(&self, origin: Vec3, direction: Vec3, limit: f32) -> bool {
         let end = origin + direction * limit.min(FAR);
@@ -80,54 +86,61 @@ impl Occluders {
     }
 }
 
-/// What an [`Geometry::update`] changed.
+/// What a call of [`Geometry::update`] changed.
 #[derive(Clone, Debug, Default)]
 pub struct GeometryChange {
     /// Ranges of [`Geometry::objects`].
     pub objects: Vec<Range<usize>>,
-    /// Whether the upper nodes were built anew.
+    /// Whether the upper hierarchy was rebuilt.
     pub top: bool,
 }
 
 /// Everything a ray can hit.
 pub struct Geometry {
-    /// The upper nodes, then each mesh's. The upper part has room for one node an object.
+    /// The upper hierarchy, with room for one node per object, then the hierarchies of the meshes.
     pub nodes: Vec<Node>,
-    /// Where rays begin.
+    /// The upper hierarchy.
     pub top: Subtree,
-    /// The deepest mesh, in nodes.
+    /// Depth of the deepest hierarchy of a mesh, in nodes.
     pub mesh_depth: u32,
-    /// Of all meshes, in leaf order.
+    /// The triangles of all meshes, in the order of the leaves.
     pub triangles: Vec<PackedTriangle>,
-    /// Parallel to the scene's objects.
-    pub objects: Vec<Placed>,
-    /// What shadows can come from.
+    /// The objects of the scene, in the same order.
+    pub objects: Vec<PlacedObject>,
+    /// What casts shadows.
     pub occluders: Occluders,
+    /// Nodes of the upper hierarchy in use.
     top_count: usize,
+    /// Box of each mesh.
     bounds: Vec<Aabb>,
-    /// For each mesh, whether any of it is opaque.
+    /// Whether any triangle of a mesh is opaque, by mesh.
     casts_shadows: Vec<bool>,
+    /// Root of each mesh's hierarchy.
     roots: Vec<u32>,
+    /// The objects as of the last update.
     last: Vec<Object>,
     builder: PlocBuilder,
 }
 
+/// The hierarchy of a mesh.
 struct BuiltMesh {
+    /// `None` if one leaf holds all triangles.
     bvh: Option<Bvh2>,
+    /// Triangles in the order of the leaves.
     order: Vec<u32>,
     bounds: Aabb,
 }
 
 impl GeometryChange {
-    /// Nothing changed.
+    /// Whether nothing changed.
     pub fn is_empty(&self) -> bool {
         self.objects.is_empty() && !self.top
     }
 }
 
 impl Geometry {
-    /// Builds every mesh's hierarchy and the upper one. Refuses indices out of range, empty meshes and coordinates that
-    /// are not finite.
+    /// Builds all hierarchies. Refuses indices out of range, empty meshes, and coordinates beyond
+    /// [`MAX_COORDINATE`].
     pub fn new(scene: &Scene) -> Result<Self, SceneError> {
         check(scene)?;
         let built: Vec<BuiltMesh> = scene.meshes.par_iter().map(build_mesh).collect();
@@ -167,7 +180,8 @@ impl Geometry {
         Ok(geometry)
     }
 
-    /// Follows the objects that moved, appeared, vanished or changed their emission since the last call.
+    /// Takes over the objects that moved, or whose visibility or emission changed, since the last
+    /// call.
     pub fn update(&mut self, scene: &Scene) -> Result<GeometryChange, SceneError> {
         let mut change = GeometryChange::default();
         for (i, object) in scene.objects.iter().enumerate() {
@@ -176,12 +190,12 @@ impl Geometry {
             if !moved && object.emission_scale == last.emission_scale {
                 continue;
             }
-            if !object.transform.is_finite() {
-                return Err(SceneError(format!("object {i} has a transform that is not finite")));
+            if !is_within_limits(object) {
+                return Err(transform_error(i));
             }
             self.objects[i] = self.place(object);
             self.last[i] = *object;
-            // A change of brightness alone moves no box; hidden objects have none.
+            // A change of emission moves no box, and hidden objects have no box.
             change.top |= moved && (object.visible || last.visible);
             match change.objects.last_mut() {
                 Some(range) if range.end == i => range.end += 1,
@@ -194,14 +208,16 @@ impl Geometry {
         Ok(change)
     }
 
-    /// The upper nodes in use.
+    /// The nodes of the upper hierarchy.
     pub fn top_nodes(&self) -> &[Node] {
         &self.nodes[..self.top_count]
     }
 
-    fn place(&self, object: &Object) -> Placed {
-        let inverse = object.transform.inverse();
-        Placed {
+    fn place(&self, object: &Object) -> PlacedObject {
+        // Some builds of glam panic on a matrix without an inverse.
+        let is_flat = object.transform.matrix3.determinant() == 0.0;
+        let inverse = if is_flat { Affine3A::NAN } else { object.transform.inverse() };
+        PlacedObject {
             inverse,
             root: self.roots[object.mesh as usize],
             emission_scale: object.emission_scale,
@@ -246,7 +262,7 @@ impl Geometry {
         let half = (bounds.max - bounds.min) * 0.5;
         let m = transform.matrix3;
         let extent = m.x_axis.abs() * half.x + m.y_axis.abs() * half.y + m.z_axis.abs() * half.z;
-        // Rounding must not shrink a box below what it holds.
+        // The box must contain the object in spite of rounding.
         let extent = extent + (extent + center.abs()) * 1e-6;
         Aabb::new(center - extent, center + extent)
     }
@@ -257,7 +273,7 @@ fn check(scene: &Scene) -> Result<(), SceneError> {
     if triangles.max(scene.objects.len()) > MAX_REFERENCE {
         let objects = scene.objects.len();
         return Err(SceneError(format!(
-            "{triangles} triangles and {objects} objects: at most {MAX_REFERENCE} of each"
+            "{triangles} triangles and {objects} objects: the limit is {MAX_REFERENCE} of each"
         )));
     }
     for (i, mesh) in scene.meshes.iter().enumerate() {
@@ -265,23 +281,33 @@ fn check(scene: &Scene) -> Result<(), SceneError> {
             return Err(SceneError(format!("mesh {i} has no triangles")));
         }
         for triangle in &mesh.triangles {
-            if !triangle.vertices.iter().all(|v| v.is_finite()) {
-                return Err(SceneError(format!("mesh {i} has a vertex that is not finite")));
+            let is_valid = |vertex: &Vec3| vertex.abs().cmple(Vec3::splat(MAX_COORDINATE)).all();
+            if !triangle.vertices.iter().all(is_valid) {
+                return Err(SceneError(format!("mesh {i} has a vertex that is not within {MAX_COORDINATE} m")));
             }
             if triangle.material as usize >= scene.materials.len() {
-                return Err(SceneError(format!("mesh {i} has no material {}", triangle.material)));
+                return Err(SceneError(format!("mesh {i} uses material {}, which does not exist", triangle.material)));
             }
         }
     }
     for (i, object) in scene.objects.iter().enumerate() {
         if object.mesh as usize >= scene.meshes.len() {
-            return Err(SceneError(format!("object {i} has no mesh {}", object.mesh)));
+            return Err(SceneError(format!("object {i} uses mesh {}, which does not exist", object.mesh)));
         }
-        if !object.transform.is_finite() {
-            return Err(SceneError(format!("object {i} has a transform that is not finite")));
+        if !is_within_limits(object) {
+            return Err(transform_error(i));
         }
     }
     Ok(())
+}
+
+/// Whether no entry of an object's transform exceeds [`MAX_COORDINATE`]; false for NaN.
+fn is_within_limits(object: &Object) -> bool {
+    object.transform.to_cols_array().into_iter().all(|entry| entry.abs() <= MAX_COORDINATE)
+}
+
+fn transform_error(object: usize) -> SceneError {
+    SceneError(format!("object {object} has a transform with an entry that is not within {MAX_COORDINATE}"))
 }
 
 fn build_mesh(mesh: &Mesh) -> BuiltMesh {
@@ -296,13 +322,61 @@ fn build_mesh(mesh: &Mesh) -> BuiltMesh {
     BuiltMesh { bvh: Some(bvh), order, bounds }
 }
 
+/// Whether any triangle of a mesh is opaque.
 fn casts_shadows(scene: &Scene, mesh: &Mesh) -> bool {
     mesh.triangles.iter().any(|triangle| !scene.materials[triangle.material as usize].see_through)
 }
 
+/// A triangle of a mesh as both backends read it.
 fn pack(scene: &Scene, mesh: &Mesh, index: usize) -> PackedTriangle {
     let triangle = &mesh.triangles[index];
     let [a, b, c] = triangle.vertices;
     let flags = if scene.materials[triangle.material as usize].see_through { SEE_THROUGH } else { 0 };
     PackedTriangle { corner: a, material: triangle.material, edge1: b - a, flags, edge2: c - a, padding: 0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::scene::{Camera, Material, Sky, Triangle};
+    use super::*;
+
+    /// Two objects with the same mesh, whose transforms have the given scales.
+    fn scene(scales: [Vec3; 2]) -> Scene {
+        let mesh = Mesh { triangles: vec![Triangle { vertices: [Vec3::ZERO, Vec3::X, Vec3::Y], material: 0 }] };
+        let object = |scale: Vec3| Object {
+            mesh: 0,
+            transform: Affine3A::from_scale(scale),
+            emission_scale: 1.0,
+            visible: true,
+        };
+        Scene {
+            materials: vec![Material::default()],
+            meshes: vec![mesh],
+            objects: scales.map(object).to_vec(),
+            camera: Camera { eye: Vec3::Z, target: Vec3::ZERO, vertical_fov: 1.0 },
+            sky: Sky { zenith: Vec3::ZERO, horizon: Vec3::ZERO, ambient: Vec3::ZERO },
+            lamp_clearance: 0.1,
+            exposure: 1.0,
+        }
+    }
+
+    #[test]
+    fn transforms_beyond_the_limit_are_refused() {
+        let at_limit = scene([Vec3::ONE, Vec3::splat(MAX_COORDINATE)]);
+        let mut geometry = Geometry::new(&at_limit).unwrap();
+        for scale in [MAX_COORDINATE.next_up(), f32::MAX, f32::INFINITY, f32::NAN] {
+            let beyond = scene([Vec3::ONE, Vec3::splat(scale)]);
+            assert!(Geometry::new(&beyond).is_err(), "{scale}");
+            assert!(geometry.update(&beyond).is_err(), "{scale}");
+        }
+    }
+
+    #[test]
+    fn an_object_that_is_scaled_to_zero_is_hidden() {
+        for scale in [Vec3::ZERO, Vec3::new(1.0, 0.0, 1.0)] {
+            let geometry = Geometry::new(&scene([Vec3::ONE, scale])).unwrap();
+            assert_eq!([0, 1].map(|object: usize| geometry.objects[object].visible), [true, false]);
+            assert_eq!(geometry.nearest(Vec3::new(0.25, 0.25, 1.0), Vec3::NEG_Z).unwrap().object, 0);
+        }
+    }
 }

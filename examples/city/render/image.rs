@@ -1,34 +1,54 @@
-//! A rendered picture.
+//! What a renderer returns: a picture, and numbers of shadow rays.
 
 use girandole::glam::{Vec3, Vec4};
 use girandole::light::luminance;
+use std::ops::Add;
 
 /// Radiance in nits, linear Rec. 709, row by row from the top.
 #[derive(Clone, Debug)]
 pub struct Image {
-    /// Pixels.
+    /// Width in pixels.
     pub width: u32,
-    /// Pixels.
+    /// Height in pixels.
     pub height: u32,
-    /// `width` times `height` of them.
+    /// `width` times `height` pixels.
     pub pixels: Vec<Vec3>,
-    /// The square of each pixel's standard error, in luminance: how noisy it is.
+    /// The square of the standard error of each pixel's luminance.
     pub variance: Vec<f32>,
 }
 
 impl Image {
-    /// From each pixel's summed radiance and summed squared luminance over `spp` samples.
+    /// A picture from the sums of radiance (xyz) and of squared luminance (w) over `spp` samples of
+    /// each pixel.
     pub fn from_sums(width: u32, height: u32, spp: u32, sums: impl Iterator<Item = Vec4>) -> Self {
         let count = spp as f32;
         let (pixels, variance) = sums
             .map(|sum| {
                 let mean = sum.truncate() / count;
                 let square = luminance(mean).powi(2);
-                // One sample says nothing about its noise: then it is as large as the sample.
+                // One sample does not show its error; it is then taken to be as large as the
+                // sample.
                 let variance = if spp > 1 { (sum.w / count - square).max(0.0) / (count - 1.0) } else { square };
                 (mean, variance)
             })
             .unzip();
         Self { width, height, pixels, variance }
+    }
+}
+
+/// Numbers of shadow rays.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ShadowRays {
+    /// Rays that were traced.
+    pub traced: u64,
+    /// Rays that were not traced, because nothing could block them.
+    pub skipped: u64,
+}
+
+impl Add for ShadowRays {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self { traced: self.traced + other.traced, skipped: self.skipped + other.skipped }
     }
 }

@@ -1,14 +1,25 @@
-//! Draws a scene, on the CPU or on a GPU, through the light world beside it.
+//! Renders a scene and the light world that goes with it, on the CPU or on a GPU.
+//!
+//! Read in this order:
+//!
+//! 1. `settings` and `image`: what goes in and what comes out;
+//! 2. `shading`: camera rays, random numbers and the BRDF;
+//! 3. `nodes`, `geometry` and `rays`: the hierarchies that rays traverse;
+//! 4. `cpu`: the whole renderer on threads, which is the easier one to read;
+//! 5. `backend` and `gpu`: the same renderer as a compute shader.
 
 use super::scene;
 
-pub mod image;
 pub mod settings;
+pub mod image;
 
-pub mod geometry;
-pub mod geometry_nodes;
 pub mod shading;
 
-pub mod backend;
+pub mod nodes;
+pub mod geometry;
+pub mod rays;
+
 pub mod cpu;
+
+pub mod backend;
 pub mod gpu;

@@ -1,31 +1,33 @@
-//! Random numbers, camera rays, sky and the BRDF: the pure functions of the renderer, the same in `render.wgsl`.
+//! Random numbers, camera rays, sky and BRDF. `render.wgsl` has the same functions;
+//! `tests/all/city_images.rs` compares the pictures of both.
 //!
-//! A test renders one scene with both and compares the pictures (`tests/all/city_images.rs`).
-//! The hash is pcg4d of Jarzynski and Olano, "Hash Functions for GPU Rendering" (JCGT 2020). It shifts Roberts' R
-//! sequences (2018), so that the samples of a pixel spread evenly while each alone is uniform: no bias, less noise.
+//! The hash is pcg4d of Jarzynski and Olano, "Hash Functions for GPU Rendering" (JCGT 2020). It
+//! shifts Roberts' R sequences (2018): each sample is uniform, and the samples of a pixel are
+//! evenly distributed, which lowers the noise without bias.
 
 use super::scene::{Camera, Material, Sky};
 use girandole::glam::{Vec2, Vec3};
 use std::f32::consts::PI;
 
-/// Which numbers a draw is for: distinct dimensions are independent.
+/// What random numbers are used for. Those of different dimensions are independent.
 #[derive(Clone, Copy, Debug)]
 #[repr(u32)]
 pub enum Dimension {
     /// The choice of a light (x, y) and of a point on it (z, w).
     Light = 0,
-    /// The place within the pixel (x, y), and whether the choice of a light is counted (z).
+    /// The position within the pixel (x, y), and whether the chosen light is counted (z).
     Pixel = 1,
 }
 
-/// Fractional parts of the powers of 1/phi_4, times 2^32; phi_d is the root of x^(d+1) = x + 1.
+/// Fractional parts of the powers of 1/phi_4 times 2^32, where phi_d is the root of x^(d+1) = x +
+/// 1.
 const R4: [u32; 4] = [0xdb4f_0b91, 0xbbe0_5633, 0xa0f2_ec76, 0x89e1_8285];
 /// The same for phi_2, twice.
 const R2: [u32; 4] = [0xc13f_a9a9, 0x91e1_0da6, 0xc13f_a9a9, 0x91e1_0da6];
 
-/// A dielectric's reflectance at normal incidence.
+/// Reflectance of dielectrics at normal incidence.
 const DIELECTRIC_F0: f32 = 0.04;
-/// Below this GGX alpha a highlight is narrower than f32 resolves.
+/// With a smaller GGX alpha, highlights are too narrow for f32.
 const MIN_ALPHA: f32 = 1e-3;
 
 fn pcg4d(mut v: [u32; 4]) -> [u32; 4] {
@@ -46,34 +48,34 @@ fn pcg4d(mut v: [u32; 4]) -> [u32; 4] {
     v
 }
 
-/// Four numbers in [0, 1) that depend on nothing but the arguments.
+/// Four random numbers in [0, 1), which depend on the arguments only.
 pub fn random(pixel: u32, sample: u32, seed: u32, dimension: Dimension) -> [f32; 4] {
     let shift = pcg4d([pixel, seed, dimension as u32, 0x9e37_79b9]);
     let steps = if matches!(dimension, Dimension::Light) { R4 } else { R2 };
-    // The upper 24 bits are a float's own precision, so that 1 is never reached.
+    // 24 bits are exact in a float, so that the result is below 1.
     std::array::from_fn(|i| (shift[i].wrapping_add(sample.wrapping_mul(steps[i])) >> 8) as f32 * (1.0 / 16_777_216.0))
 }
 
-/// One seed a frame from the run's seed.
+/// The seed of a frame, from the seed of the run.
 pub fn frame_seed(seed: u64, frame: u32) -> u32 {
     pcg4d([seed as u32, (seed >> 32) as u32, frame, 0x51ed_270b])[3]
 }
 
-/// A camera's frame: what a pixel needs to make its ray.
+/// A camera's position and axes.
 #[derive(Clone, Copy, Debug)]
 pub struct View {
-    /// Where rays start.
+    /// The origin of camera rays.
     pub eye: Vec3,
-    /// Half the picture's width, one unit ahead.
+    /// Half the width of the picture at a distance of 1.
     pub right: Vec3,
-    /// Half the picture's height, one unit ahead.
+    /// Half the height of the picture at a distance of 1.
     pub up: Vec3,
-    /// Unit.
+    /// A unit vector.
     pub forward: Vec3,
 }
 
 impl View {
-    /// Of a camera whose eye and target differ.
+    /// The view of a camera whose eye and target differ.
     pub fn new(camera: &Camera, width: u32, height: u32) -> Self {
         let forward = (camera.target - camera.eye).normalize_or(Vec3::NEG_Z);
         let right = forward.cross(Vec3::Y).try_normalize().unwrap_or(Vec3::X);
@@ -82,20 +84,21 @@ impl View {
         Self { eye: camera.eye, right: right * half_width, up: right.cross(forward) * half_height, forward }
     }
 
-    /// Unit direction through a place on the picture, in pixels from its upper left corner.
-    pub fn direction(&self, place: Vec2, size: Vec2) -> Vec3 {
-        let across = place / size * 2.0 - Vec2::ONE;
+    /// The unit direction through a position in the picture, in pixels from its upper left corner.
+    pub fn direction(&self, position: Vec2, size: Vec2) -> Vec3 {
+        let across = position / size * 2.0 - Vec2::ONE;
         (self.forward + self.right * across.x - self.up * across.y).normalize()
     }
 }
 
-/// Radiance of the sky in a direction; below the horizon it is the horizon's.
+/// Radiance of the sky in a direction. Below the horizon it is that of the horizon.
 pub fn sky_radiance(sky: &Sky, direction: Vec3) -> Vec3 {
     sky.horizon.lerp(sky.zenith, direction.y.max(0.0).sqrt())
 }
 
-/// Reflected over incident light, per steradian: Lambert under GGX with Smith's height-correlated masking and Schlick's
-/// Fresnel, as glTF 2.0 appendix B combines them. All directions are unit and point away from the surface.
+/// The BRDF, per steradian: a Lambertian base under GGX with Smith's height-correlated masking and
+/// Schlick's Fresnel term, combined as in appendix B of glTF 2.0. Directions are unit vectors that
+/// point away from the surface.
 pub fn brdf(material: &Material, normal: Vec3, view: Vec3, light: Vec3) -> Vec3 {
     let half = (view + light).normalize_or_zero();
     let n_dot_l = normal.dot(light).max(0.0);
@@ -105,7 +108,7 @@ pub fn brdf(material: &Material, normal: Vec3, view: Vec3, light: Vec3) -> Vec3 
 
     let alpha = (material.roughness * material.roughness).max(MIN_ALPHA);
     let alpha_sq = alpha * alpha;
-    // 1 - (n.h)^2 without its cancellation, as Filament computes it.
+    // 1 - (n.h)^2 without cancellation, as Filament computes it.
     let n_cross_h = normal.cross(half);
     let scaled = n_dot_h * alpha;
     let k = alpha / (n_cross_h.length_squared() + scaled * scaled);
@@ -122,7 +125,8 @@ pub fn brdf(material: &Material, normal: Vec3, view: Vec3, light: Vec3) -> Vec3 
     (Vec3::ONE - fresnel) * diffuse + fresnel * (distribution * visibility)
 }
 
-/// How far shadow rays start off the surface: above the rounding of a hit found `distance` along a ray to `position`.
+/// The distance of the origin of shadow rays from the surface. It exceeds the rounding of a hit at
+/// `position` that is `distance` along a ray.
 pub fn shadow_offset(position: Vec3, distance: f32) -> f32 {
     position.abs().max_element().max(distance).max(1.0) * 2e-5
 }
@@ -132,7 +136,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn away_from_grazing_a_white_dielectric_reflects_no_more_than_it_receives() {
+    fn a_white_dielectric_reflects_at_most_what_it_receives_except_at_grazing_angles() {
         for roughness in [0.35f32, 0.6, 1.0] {
             for view_angle in [0.1f32, 0.5, 0.9] {
                 let material = Material { base_color: Vec3::ONE, roughness, ..Default::default() };
@@ -156,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn random_numbers_are_below_one_and_even() {
+    fn random_numbers_are_below_one_and_uniform_in_the_mean() {
         let mut mean = [0.0f64; 4];
         for pixel in 0..1000 {
             for sample in 0..16 {

@@ -1,12 +1,13 @@
-//! Puts parts into a scene and a light world together: one mesh and one light tree a design, any number of placements.
+//! Builds a scene and its light world together: one mesh and one light tree for each design, and
+//! any number of placements.
 
 use girandole::glam::{Affine3A, Vec3, vec3};
 use girandole::{DirectionalLight, InstanceKey, LightWorld, Policy, TreeKey};
 
-use super::meshes::Part;
+use super::part::Part;
 use super::{Camera, Mesh, Object, Scene, SceneError, Sky};
 
-/// A stage in the making.
+/// A stage under construction.
 pub struct Assembly {
     /// Geometry so far.
     pub scene: Scene,
@@ -14,31 +15,31 @@ pub struct Assembly {
     pub world: LightWorld,
 }
 
-/// A part that has its mesh and, if it glows, its light tree.
+/// A mesh and, if it emits, its light tree.
 #[derive(Clone, Copy, Debug)]
 pub struct Design {
     /// Index into [`Scene::meshes`].
     pub mesh: u32,
-    /// `None` for matter that does not glow.
+    /// `None` if it does not emit.
     pub tree: Option<TreeKey>,
 }
 
-/// One placement of a design.
+/// A placement of a design.
 #[derive(Clone, Copy, Debug)]
 pub struct Placed {
     /// Index into [`Scene::objects`].
     pub object: usize,
-    /// Its lights, if its design glows.
+    /// Its lights, if its design emits.
     pub instance: Option<InstanceKey>,
 }
 
 impl Assembly {
-    /// An empty night.
+    /// An empty scene and an empty light world.
     pub fn new() -> Self {
         Self::with_world(LightWorld::new())
     }
 
-    /// A night in a world that is given, for one with a clock of its own.
+    /// An empty scene and the given light world, which may have a clock of its own.
     pub fn with_world(world: LightWorld) -> Self {
         let camera = Camera { eye: Vec3::Y, target: Vec3::Z, vertical_fov: 1.0 };
         let sky = Sky { zenith: Vec3::ZERO, horizon: Vec3::ZERO, ambient: Vec3::ZERO };
@@ -54,7 +55,7 @@ impl Assembly {
         Self { scene, world }
     }
 
-    /// A deep blue sky with a city's glow at its horizon, and a dim moon.
+    /// Adds a deep blue sky with a city's glow at the horizon, and a dim moon.
     pub fn add_night(&mut self) -> Result<(), SceneError> {
         self.scene.sky =
             Sky { zenith: vec3(0.02, 0.042, 0.14), horizon: vec3(0.2, 0.14, 0.17), ambient: vec3(0.03, 0.035, 0.05) };
@@ -63,19 +64,19 @@ impl Assembly {
         Ok(())
     }
 
-    /// Keeps a mesh and gives its index.
+    /// Adds a mesh and returns its index.
     pub fn mesh(&mut self, mesh: Mesh) -> u32 {
         self.scene.meshes.push(mesh);
         (self.scene.meshes.len() - 1) as u32
     }
 
-    /// Places a mesh and gives the object's index.
+    /// Places a mesh and returns the index of the object.
     pub fn object(&mut self, mesh: u32, transform: Affine3A) -> usize {
         self.scene.objects.push(Object { mesh, transform, emission_scale: 1.0, visible: true });
         self.scene.objects.len() - 1
     }
 
-    /// Keeps a part: its mesh, and a tree if it has lights.
+    /// Adds a part: its mesh, and a light tree if it has lights.
     pub fn design(&mut self, part: Part) -> Result<Design, SceneError> {
         let tree = if part.lights.is_empty() { None } else { Some(self.world.add_tree(part.lights)?) };
         Ok(Design { mesh: self.mesh(part.mesh), tree })

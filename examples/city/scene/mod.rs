@@ -1,53 +1,51 @@
-//! What the example draws and how it moves: meshes, materials, objects, a camera, and the light world beside them.
+//! Scenes: what the example draws, how it moves, and the light world that goes with it.
 //!
-//! Loaders (`procedural`, `gltf_scene`, `real_city`) each return a [`Stage`]; renderers read it and know nothing of
-//! where it came from. Metres, right-handed, Y up. Radiance and emission in nits, per linear Rec. 709 channel.
+//! A loader returns a [`Stage`]: geometry, lights and an animation. There are three loaders, each
+//! in a folder: `procedural` builds a city, `real_city` reads the street lamps and the traffic of a
+//! real one, and `gltf_scene` reads a file. Renderers take any stage and do not depend on the
+//! loader.
+//!
+//! Metres, right-handed, Y up. Radiance and emission are in nits, per linear Rec. 709 channel.
+//!
+//! Read in this order:
+//!
+//! 1. this file: the types of a stage;
+//! 2. `rng`, `palette`, `part` and `assembly`: random numbers, materials, and meshes that are built
+//!    together with their lights;
+//! 3. `designs`: buildings, street furniture, signs and vehicles;
+//! 4. the loaders, in any order; each folder's `mod.rs` states the order of its files.
 
-pub mod assembly;
-pub mod buildings;
-pub mod facade;
-pub mod fcd;
-pub mod furniture;
-pub mod gltf_animation;
-pub mod gltf_file;
-pub mod gltf_scene;
-pub mod gltf_sway;
-pub mod ground;
-pub mod lamps_csv;
-pub mod layout;
-pub mod meshes;
-pub mod occupancy;
 pub mod palette;
+pub mod part;
+pub mod assembly;
+
+pub mod designs;
+
+pub mod gltf_scene;
 pub mod procedural;
 pub mod real_city;
-pub mod real_ground;
-pub mod roads;
-pub mod signs;
-pub mod strings;
-pub mod swarm;
-pub mod traffic_sim;
-pub mod vehicles;
-pub mod viewpoint;
 
+/// Random numbers.
 pub use crate::common::pcg as rng;
 
 use girandole::LightWorld;
 use girandole::glam::{Affine3A, Vec3};
 
-/// How a surface scatters and emits. GGX with a diffuse base, as glTF's metallic-roughness model.
+/// How a surface scatters and emits light: GGX over a diffuse base, the metallic-roughness model of
+/// glTF.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Material {
-    /// Linear base colour, each channel in [0, 1].
+    /// Linear base colour; each channel is in [0, 1].
     pub base_color: Vec3,
     /// Perceptual roughness in [0, 1]; GGX alpha is its square.
     pub roughness: f32,
-    /// 0 dielectric, 1 metal.
+    /// 0 for dielectrics, 1 for metals.
     pub metallic: f32,
-    /// Emitted radiance in nits, seen from the front (counter-clockwise) side.
+    /// Emitted radiance in nits, from the front (counter-clockwise) side.
     pub emission: Vec3,
-    /// Emits from its back side too.
+    /// Whether the back side emits too.
     pub two_sided_emission: bool,
-    /// Shadow rays pass.
+    /// Whether shadow rays pass through.
     pub see_through: bool,
 }
 
@@ -64,90 +62,93 @@ impl Default for Material {
     }
 }
 
-/// A triangle in its mesh's space.
+/// A triangle in the space of its mesh.
 #[derive(Clone, Copy, Debug)]
 pub struct Triangle {
-    /// Counter-clockwise seen from the front.
+    /// Counter-clockwise from the front.
     pub vertices: [Vec3; 3],
     /// Index into [`Scene::materials`].
     pub material: u32,
 }
 
-/// Triangles that objects share.
+/// Triangles that any number of objects share.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
-    /// Never empty in a scene that a loader returns.
+    /// Not empty in a scene that a loader returns.
     pub triangles: Vec<Triangle>,
 }
 
-/// One placed mesh.
+/// A placed mesh.
 #[derive(Clone, Copy, Debug)]
 pub struct Object {
     /// Index into [`Scene::meshes`].
     pub mesh: u32,
     /// Mesh space to world space.
     pub transform: Affine3A,
-    /// Multiplies its materials' emission: a lamp that is switched off has 0.
+    /// Factor on the emission of its materials: 0 for a lamp that is switched off.
     pub emission_scale: f32,
-    /// Hidden objects are neither seen nor cast shadows.
+    /// Objects that are not visible cast no shadows either.
     pub visible: bool,
 }
 
 /// A pinhole camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
-    /// Where it stands.
+    /// Position.
     pub eye: Vec3,
-    /// A point at the picture's centre.
+    /// A point that appears in the middle of the picture.
     pub target: Vec3,
     /// Radians.
     pub vertical_fov: f32,
 }
 
-/// What rays that leave the scene see, and the faint unshadowed light it casts. Nits.
+/// The radiance of the sky, and the faint light without shadows that it adds to surfaces. Nits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sky {
-    /// Straight up.
+    /// Radiance straight up.
     pub zenith: Vec3,
-    /// At the horizon, where a city's glow is.
+    /// Radiance at the horizon and below, where a city's glow is.
     pub horizon: Vec3,
-    /// Added to every surface as albedo * ambient: the glow of the sky, not sampled.
+    /// Added to every surface as albedo times ambient. It is not sampled.
     pub ambient: Vec3,
 }
 
-/// Everything a renderer needs besides the lights.
+/// Everything that a renderer needs, except for the lights.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// Surface kinds.
+    /// Materials, by index.
     pub materials: Vec<Material>,
-    /// Shared triangles.
+    /// Meshes, by index.
     pub meshes: Vec<Mesh>,
-    /// Placed meshes. Their number and meshes do not change after loading: what comes and goes is hidden and shown.
+    /// Placed meshes. Their number and their meshes do not change after loading: objects that
+    /// appear and disappear change their visibility.
     pub objects: Vec<Object>,
-    /// The view.
+    /// The camera.
     pub camera: Camera,
-    /// Beyond everything.
+    /// The sky.
     pub sky: Sky,
-    /// Shadow rays towards point and spot lights end this many metres early, for lights that sit inside their lamps.
+    /// Shadow rays towards point and spot lights end this many metres before the light, because
+    /// such lights often lie inside the mesh of their lamp.
     pub lamp_clearance: f32,
-    /// Multiplies radiance before tone mapping, so that the picture is neither black nor white.
+    /// Factor on radiance before tone mapping.
     pub exposure: f32,
 }
 
-/// Moves a stage on. `time` is seconds from the start and never goes back.
+/// What moves a stage. `time` is in seconds from the start and never decreases.
 pub trait Animation {
-    /// Brings objects and lights to `time`. Touches only what moves.
+    /// Moves objects and lights to where they are at `time`. Changes nothing else.
     fn advance(&mut self, time: f64, scene: &mut Scene, world: &mut LightWorld) -> Result<(), SceneError>;
 
-    /// Nothing moves after the first call, however late: there is no need for another.
+    /// Whether nothing moves after the first call of [`Animation::advance`], so that it needs no
+    /// other.
     fn is_still(&self) -> bool {
         false
     }
 }
 
-/// A scene, its lights and what moves them.
+/// A scene, its lights, and what moves both.
 pub struct Stage {
-    /// Geometry.
+    /// Geometry, materials and camera.
     pub scene: Scene,
     /// Lights.
     pub world: LightWorld,
@@ -155,7 +156,7 @@ pub struct Stage {
     pub animation: Box<dyn Animation>,
 }
 
-/// Why a stage could not be made or moved: one line for the user.
+/// Why a stage could not be loaded, moved or rendered: one line for the user.
 #[derive(Debug)]
 pub struct SceneError(pub String);
 

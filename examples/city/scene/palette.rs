@@ -1,10 +1,10 @@
-//! The procedural city's materials, each listed once and reached by its index.
+//! Materials that are collected while parts are built. Equal materials share an index.
 
 use girandole::glam::{Vec3, vec3};
 
 use super::Material;
 
-/// An emissive material and the radiance its lights must have.
+/// An emissive material and the radiance of the lights that belong to it.
 #[derive(Clone, Copy, Debug)]
 pub struct Glow {
     /// Index into the scene's materials.
@@ -13,16 +13,17 @@ pub struct Glow {
     pub radiance: Vec3,
 }
 
-/// Collects materials while parts are built.
+/// The materials so far.
 #[derive(Clone, Debug, Default)]
 pub struct Palette {
-    /// What becomes [`super::Scene::materials`].
+    /// These become [`super::Scene::materials`].
     pub materials: Vec<Material>,
 }
 
 impl Palette {
     fn index_of(&mut self, material: Material) -> u32 {
-        // A few hundred materials at most: a search is cheaper than a key that floats can hash to.
+        // A few hundred materials at most, so that a linear search costs little and floats need no
+        // hash.
         let found = self.materials.iter().position(|known| *known == material);
         found.unwrap_or_else(|| {
             self.materials.push(material);
@@ -30,22 +31,22 @@ impl Palette {
         }) as u32
     }
 
-    /// A matt surface.
-    pub fn matt(&mut self, red: f32, green: f32, blue: f32) -> u32 {
+    /// A matte surface.
+    pub fn matte(&mut self, red: f32, green: f32, blue: f32) -> u32 {
         self.glossy([red, green, blue], 0.85)
     }
 
-    /// A surface with a chosen roughness.
+    /// A dielectric surface with the given perceptual roughness.
     pub fn glossy(&mut self, color: [f32; 3], roughness: f32) -> u32 {
         self.index_of(Material { base_color: color.into(), roughness, ..Material::default() })
     }
 
-    /// A metal.
+    /// A metal with the given perceptual roughness.
     pub fn metal(&mut self, color: [f32; 3], roughness: f32) -> u32 {
         self.index_of(Material { base_color: color.into(), roughness, metallic: 1.0, ..Material::default() })
     }
 
-    /// A surface that glows in `color`, whose largest channel becomes `nits`.
+    /// A surface that emits `color`, scaled so that its largest channel is `nits`.
     pub fn glow(&mut self, color: Vec3, nits: f32) -> Glow {
         let radiance = color / color.max_element() * nits;
         let material = Material { base_color: Vec3::splat(0.1), emission: radiance, ..Material::default() };
@@ -59,11 +60,11 @@ pub const WARM: Vec3 = vec3(1.0, 0.46, 0.13);
 pub const SOFT: Vec3 = vec3(1.0, 0.58, 0.24);
 /// Fluorescent tubes, about 4,500 K.
 pub const NEUTRAL: Vec3 = vec3(1.0, 0.84, 0.62);
-/// Screens and cold LED, about 7,000 K.
+/// Screens and cold LEDs, about 7,000 K.
 pub const COOL: Vec3 = vec3(0.55, 0.79, 1.0);
 /// High-pressure sodium.
 pub const SODIUM: Vec3 = vec3(1.0, 0.5, 0.14);
-/// Saturated sign colours: pink, cyan, amber, green, violet, red, blue.
+/// Saturated colours of signs: pink, cyan, amber, green, violet, red, blue.
 pub const NEON: [Vec3; 7] = [
     vec3(1.0, 0.06, 0.42),
     vec3(0.05, 0.85, 1.0),

@@ -3,9 +3,9 @@
 use super::figures::{Kind, Troupe};
 use super::motion::Motion;
 use super::rays::{Rays, through};
+use super::scene::procedural::roads::PITCH;
 use super::scene::procedural::{self, CityOptions, Size};
 use super::scene::rng::Rng;
-use super::scene::roads::PITCH;
 use super::scene::{Animation, Camera, Scene, SceneError};
 use girandole::glam::{DVec3, Mat3, Quat, Vec2, Vec3, vec2, vec3};
 use girandole::scheduler::Clock;

@@ -1,6 +1,6 @@
 //! Pictures side by side with a label under each, as one PNG.
 
-use super::city::app::tone::agx;
+use super::city::app::tone_mapping::agx;
 use super::font::Text;
 use girandole::glam::{Vec2, Vec3, vec2};
 use rayon::prelude::*;

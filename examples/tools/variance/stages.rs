@@ -2,8 +2,8 @@
 
 use super::scene::assembly::Assembly;
 use super::scene::palette::Palette;
+use super::scene::procedural::swarm::{self, Swarm};
 use super::scene::procedural::{self, CityOptions, Size};
-use super::scene::swarm::{self, Swarm};
 use super::scene::{SceneError, Stage, gltf_scene};
 use super::shading_points::shading_points;
 use girandole::bounds::Aabb;

@@ -1,0 +1,328 @@
+// Each invocation renders one pixel: camera ray, nearest hit, one light from the library, shadow
+// ray, shading.
+//
+// The library's text (group 1) precedes this file and defines `light_sample`. `pipeline.rs` defines
+// `STACK_SIZE` and `record_usage`. Random numbers, sky and BRDF are twins of `shading.rs`, the
+// nodes of `nodes.rs` and `trace` of `rays.rs`. The test `both_backends_render_the_same_picture`
+// compares them.
+
+struct Frame {
+    eye: vec3<f32>,
+    width: u32,
+    // Half the width, and below half the height, of the picture at a distance of 1.
+    right: vec3<f32>,
+    height: u32,
+    up: vec3<f32>,
+    seed: u32,
+    forward: vec3<f32>,
+    lamp_clearance: f32,
+    zenith: vec3<f32>,
+    top_root: u32,
+    horizon: vec3<f32>,
+    // The records before it are materials.
+    first_object: u32,
+    ambient: vec3<f32>,
+    padding: u32,
+    // The box of everything that casts shadows.
+    occluder_min: vec3<f32>,
+    padding_a: u32,
+    occluder_max: vec3<f32>,
+    padding_b: u32,
+    // The samples [begin, end) and the rows [begin, end) of this dispatch.
+    sample_begin: u32,
+    sample_end: u32,
+    row_begin: u32,
+    row_end: u32,
+}
+
+struct Node {
+    min0: vec3<f32>,
+    child0: u32,
+    max0: vec3<f32>,
+    padding0: u32,
+    min1: vec3<f32>,
+    child1: u32,
+    max1: vec3<f32>,
+    padding1: u32,
+}
+
+struct Triangle {
+    corner: vec3<f32>,
+    material: u32,
+    edge1: vec3<f32>,
+    flags: u32,
+    edge2: vec3<f32>,
+    padding: u32,
+}
+
+// A material (base color and roughness; emission and metallic; zero; two_sided, 0, 0, 0) or an
+// object (rows of world to mesh; root, bits of the emission scale, 0, 0). They share a buffer,
+// since WebGPU guarantees only eight.
+struct Record {
+    row0: vec4<f32>,
+    row1: vec4<f32>,
+    row2: vec4<f32>,
+    words: vec4<u32>,
+}
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<storage, read> nodes: array<Node>;
+@group(0) @binding(2) var<storage, read> triangles: array<Triangle>;
+@group(0) @binding(3) var<storage, read> records: array<Record>;
+@group(0) @binding(4) var<storage, read_write> image: array<vec4<f32>>;
+
+const PI: f32 = 3.14159265358979;
+const LEAF: u32 = 0x80000000u;
+const NOTHING: u32 = 0xffffffffu;
+const LEAVE: u32 = 0xfffffffeu;
+const FIRST_MASK: u32 = 0x0fffffffu;
+const SEE_THROUGH: u32 = 1u;
+const FAR: f32 = 3.0e38;
+const SLAB_ROUNDING: f32 = 1.0000004;
+
+fn pcg4d(seed: vec4<u32>) -> vec4<u32> {
+    var v = seed * 1664525u + 1013904223u;
+    v.x += v.y * v.w;
+    v.y += v.z * v.x;
+    v.z += v.x * v.y;
+    v.w += v.y * v.z;
+    v ^= v >> vec4<u32>(16u);
+    v.x += v.y * v.w;
+    v.y += v.z * v.x;
+    v.z += v.x * v.y;
+    v.w += v.y * v.z;
+    return v;
+}
+
+fn random(pixel: u32, index: u32, dimension: u32, steps: vec4<u32>) -> vec4<f32> {
+    let bits = pcg4d(vec4<u32>(pixel, frame.seed, dimension, 0x9e3779b9u)) + index * steps;
+    return vec4<f32>(bits >> vec4<u32>(8u)) * (1.0 / 16777216.0);
+}
+
+struct Hit {
+    dist: f32,
+    object: u32,
+    triangle: u32,
+}
+
+// A large number where a component is zero: infinity would give 0 * infinity for an origin on a
+// side of a box.
+fn safe_inverse(v: vec3<f32>) -> vec3<f32> {
+    return select(1.0 / v, select(vec3<f32>(1e20), vec3<f32>(-1e20), v < vec3<f32>(0.0)), abs(v) < vec3<f32>(1e-20));
+}
+
+// The distance at which a ray enters a box, or FAR.
+fn enter_box(low: vec3<f32>, high: vec3<f32>, origin: vec3<f32>, inverse: vec3<f32>, limit: f32) -> f32 {
+    let t0 = (low - origin) * inverse;
+    let t1 = (high - origin) * inverse;
+    let near3 = min(t0, t1);
+    let far3 = max(t0, t1);
+    let near = max(max(near3.x, near3.y), max(near3.z, 0.0));
+    let far = min(min(far3.x, min(far3.y, far3.z)) * SLAB_ROUNDING, limit);
+    return select(FAR, near, near <= far);
+}
+
+fn trace(world_origin: vec3<f32>, world_direction: vec3<f32>, limit: f32, any_opaque: bool) -> Hit {
+    var hit = Hit(limit, NOTHING, 0u);
+    // NOTHING ends the traversal, LEAVE the traversal of an object.
+    var stack: array<u32, STACK_SIZE>;
+    stack[0] = NOTHING;
+    var height = 1u;
+    var object = NOTHING;
+    var origin = world_origin;
+    var direction = world_direction;
+    var inverse = safe_inverse(direction);
+    var reference = frame.top_root;
+    loop {
+        // All invocations of a wave test boxes until each has reached a leaf, so that boxes and
+        // triangles do not mix.
+        while (reference & LEAF) == 0u {
+            let node = nodes[reference];
+            let enter0 = enter_box(node.min0, node.max0, origin, inverse, hit.dist);
+            let enter1 = enter_box(node.min1, node.max1, origin, inverse, hit.dist);
+            let first_nearer = enter0 <= enter1;
+            if max(enter0, enter1) < FAR {
+                stack[height] = select(node.child0, node.child1, first_nearer);
+                height += 1u;
+            }
+            if min(enter0, enter1) < FAR {
+                reference = select(node.child1, node.child0, first_nearer);
+            } else {
+                height -= 1u;
+                reference = stack[height];
+            }
+        }
+        if reference == NOTHING {
+            break;
+        }
+        if reference == LEAVE {
+            object = NOTHING;
+            origin = world_origin;
+            direction = world_direction;
+            inverse = safe_inverse(direction);
+        } else if object == NOTHING {
+            object = reference & FIRST_MASK;
+            let placed = records[frame.first_object + object];
+            let origin4 = vec4<f32>(world_origin, 1.0);
+            origin = vec3<f32>(dot(placed.row0, origin4), dot(placed.row1, origin4), dot(placed.row2, origin4));
+            direction = vec3<f32>(
+                dot(placed.row0.xyz, world_direction),
+                dot(placed.row1.xyz, world_direction),
+                dot(placed.row2.xyz, world_direction),
+            );
+            inverse = safe_inverse(direction);
+            stack[height] = LEAVE;
+            height += 1u;
+            reference = placed.words.x;
+            continue;
+        } else {
+            let first = reference & FIRST_MASK;
+            let end = first + ((reference >> 28u) & 7u) + 1u;
+            for (var index = first; index < end; index += 1u) {
+                let corner = triangles[index];
+                let p = cross(direction, corner.edge2);
+                let determinant = dot(corner.edge1, p);
+                let scale = 1.0 / select(determinant, 1.0, determinant == 0.0);
+                let s = origin - corner.corner;
+                let u = dot(s, p) * scale;
+                let q = cross(s, corner.edge1);
+                let v = dot(direction, q) * scale;
+                let t = dot(corner.edge2, q) * scale;
+                let inside = determinant != 0.0 && u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < hit.dist;
+                if inside && !(any_opaque && (corner.flags & SEE_THROUGH) != 0u) {
+                    hit = Hit(t, object, index);
+                    if any_opaque {
+                        return hit;
+                    }
+                }
+            }
+        }
+        height -= 1u;
+        reference = stack[height];
+    }
+    return hit;
+}
+
+fn sky_radiance(direction: vec3<f32>) -> vec3<f32> {
+    return mix(frame.horizon, frame.zenith, sqrt(max(direction.y, 0.0)));
+}
+
+fn brdf(material: Record, normal: vec3<f32>, view: vec3<f32>, light: vec3<f32>) -> vec3<f32> {
+    let base_color = material.row0.xyz;
+    let roughness = material.row0.w;
+    let metallic = material.row1.w;
+    let halfway = normalize(view + light);
+    let n_dot_l = max(dot(normal, light), 0.0);
+    let n_dot_v = max(dot(normal, view), 1e-4);
+    let n_dot_h = dot(normal, halfway);
+    let v_dot_h = clamp(dot(view, halfway), 0.0, 1.0);
+
+    let alpha = max(roughness * roughness, 1e-3);
+    let alpha_sq = alpha * alpha;
+    let n_cross_h = cross(normal, halfway);
+    let scaled = n_dot_h * alpha;
+    let k = alpha / (dot(n_cross_h, n_cross_h) + scaled * scaled);
+    let distribution = k * k / PI;
+    let lambda_v = n_dot_l * sqrt(n_dot_v * n_dot_v * (1.0 - alpha_sq) + alpha_sq);
+    let lambda_l = n_dot_v * sqrt(n_dot_l * n_dot_l * (1.0 - alpha_sq) + alpha_sq);
+    let visibility = 0.5 / max(lambda_v + lambda_l, 1e-12);
+
+    let f0 = mix(vec3<f32>(0.04), base_color, metallic);
+    let grazing = 1.0 - v_dot_h;
+    let grazing_sq = grazing * grazing;
+    let fresnel = f0 + (1.0 - f0) * (grazing_sq * grazing_sq * grazing);
+    let diffuse = base_color * ((1.0 - metallic) / PI);
+    return (1.0 - fresnel) * diffuse + fresnel * (distribution * visibility);
+}
+
+// Whether something may block a ray within a distance. Twin of `Occluders::may_block` in
+// `geometry.rs`.
+fn may_be_occluded(origin: vec3<f32>, direction: vec3<f32>, limit: f32) -> bool {
+    let end = origin + direction * min(limit, FAR);
+    return limit > 0.0 && all(min(origin, end) <= frame.occluder_max) && all(max(origin, end) >= frame.occluder_min);
+}
+
+// The numbers of shadow rays that this invocation traced, and that it skipped because nothing could
+// block them.
+var<private> shadow_rays: vec2<f32>;
+
+fn radiance(pixel: u32, corner: vec2<f32>, index: u32) -> vec3<f32> {
+    let jitter = random(pixel, index, 1u, vec4<u32>(0xc13fa9a9u, 0x91e10da6u, 0xc13fa9a9u, 0x91e10da6u)).xy;
+    let across = (corner + jitter) / vec2<f32>(f32(frame.width), f32(frame.height)) * 2.0 - 1.0;
+    let direction = normalize(frame.forward + frame.right * across.x - frame.up * across.y);
+    let hit = trace(frame.eye, direction, FAR, false);
+    if hit.object == NOTHING {
+        return sky_radiance(direction);
+    }
+
+    let facet = triangles[hit.triangle];
+    let placed = records[frame.first_object + hit.object];
+    let material = records[facet.material];
+    // Normals are transformed by the transpose of the inverse.
+    let mesh_normal = cross(facet.edge1, facet.edge2);
+    let front = normalize(placed.row0.xyz * mesh_normal.x + placed.row1.xyz * mesh_normal.y + placed.row2.xyz * mesh_normal.z);
+    let view = -direction;
+    let seen_from_front = dot(front, view) >= 0.0;
+    let normal = select(-front, front, seen_from_front);
+
+    var sum = frame.ambient * material.row0.xyz;
+    if seen_from_front || material.words.x != 0u {
+        sum += material.row1.xyz * bitcast<f32>(placed.words.y);
+    }
+
+    let surface = frame.eye + direction * hit.dist;
+    let extent = max(max(abs(surface.x), abs(surface.y)), max(abs(surface.z), hit.dist));
+    let position = surface + normal * (max(extent, 1.0) * 2e-5);
+    let u = random(pixel, index, 0u, vec4<u32>(0xdb4f0b91u, 0xbbe05633u, 0xa0f2ec76u, 0x89e18285u));
+    let light = light_sample(light_surface_point(position, normal), u);
+    if light.pmf > 0.0 {
+        record_usage(light.instance, u);
+    }
+    let cosine = dot(normal, light.direction);
+    if light.pmf <= 0.0 || cosine <= 0.0 {
+        return sum;
+    }
+    let weight = cosine / (light.pmf * light.pdf);
+    let contribution = brdf(material, normal, view, light.direction) * light.radiance * weight;
+    if all(contribution <= vec3<f32>(0.0)) {
+        return sum;
+    }
+    var limit = light.dist * (1.0 - 1e-3);
+    if light.is_delta != 0u {
+        limit = light.dist - frame.lamp_clearance;
+    }
+    if !may_be_occluded(position, light.direction, limit) {
+        shadow_rays.y += 1.0;
+        return sum + contribution;
+    }
+    shadow_rays.x += 1.0;
+    if trace(position, light.direction, min(limit, FAR), true).object != NOTHING {
+        return sum;
+    }
+    return sum + contribution;
+}
+
+@compute @workgroup_size(8, 8)
+fn render(@builtin(global_invocation_id) id: vec3<u32>) {
+    let row = frame.row_begin + id.y;
+    if id.x >= frame.width || row >= frame.row_end {
+        return;
+    }
+    let pixel = row * frame.width + id.x;
+    let slot = id.y * frame.width + id.x;
+    // The counts of shadow rays follow the sums of the whole band. The first dispatch of a band
+    // starts both.
+    let counts_slot = (frame.row_end - frame.row_begin) * frame.width + slot;
+    var sum = vec4<f32>(0.0);
+    if frame.sample_begin > 0u {
+        sum = image[slot];
+        shadow_rays = image[counts_slot].xy;
+    }
+    for (var index = frame.sample_begin; index < frame.sample_end; index += 1u) {
+        let color = radiance(pixel, vec2<f32>(f32(id.x), f32(row)), index);
+        let luminance = dot(color, vec3<f32>(0.2126, 0.7152, 0.0722));
+        sum += vec4<f32>(color, luminance * luminance);
+    }
+    image[slot] = sum;
+    image[counts_slot] = vec4<f32>(shadow_rays, 0.0, 0.0);
+}

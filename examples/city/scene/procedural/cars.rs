@@ -1,0 +1,66 @@
+//! The bodies and lights of the cars, which [`Traffic`] moves.
+
+use girandole::{LightWorld, Policy};
+
+use super::assembly::{Assembly, Design, Placed};
+use super::palette::Palette;
+use super::rng::Rng;
+use super::roads::Roads;
+use super::traffic::Traffic;
+use super::vehicles::{Body, car_designs, car_transform};
+use super::{Scene, SceneError};
+
+/// All cars of the city.
+pub struct Cars {
+    traffic: Traffic,
+    /// The placement of each car of `traffic`.
+    placed: Vec<Placed>,
+}
+
+impl Cars {
+    /// Chooses `count` cars and lets them drive for a while, so that none is parked.
+    pub fn new(
+        assembly: &mut Assembly,
+        palette: &mut Palette,
+        roads: Roads,
+        count: usize,
+        seed: u64,
+    ) -> Result<Self, SceneError> {
+        let kinds = car_designs(assembly, palette)?;
+        let mut rng = Rng::new(seed, 0xca45);
+        let mut chosen: Vec<(Body, Design)> = Vec::with_capacity(count);
+        for _ in 0..count {
+            // Many sedans and hatchbacks, fewer vans and taxis, few buses.
+            let kind = rng.pick(&[0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4]);
+            let (body, designs) = &kinds[kind];
+            chosen.push((*body, rng.pick(designs)));
+        }
+        let lengths: Vec<f32> = chosen.iter().map(|(body, _)| body.length()).collect();
+        let traffic = Traffic::new(roads, &lengths, seed)?;
+        let mut placed = Vec::with_capacity(count);
+        for (car, (_, design)) in chosen.into_iter().enumerate() {
+            let pose = traffic.pose(car, 0.0);
+            placed.push(assembly.place(design, car_transform(pose.position, pose.angle), Policy::RefitOnly)?);
+        }
+        Ok(Self { traffic, placed })
+    }
+
+    /// Moves the cars to where they are at a time, in seconds.
+    pub fn drive(&mut self, time: f64, scene: &mut Scene, world: &mut LightWorld) -> Result<(), SceneError> {
+        self.traffic.advance(time);
+        for (car, placed) in self.placed.iter().enumerate() {
+            let pose = self.traffic.pose(car, time);
+            let transform = car_transform(pose.position, pose.angle);
+            let object = &mut scene.objects[placed.object];
+            // Cars that wait cause no work.
+            if object.transform == transform {
+                continue;
+            }
+            object.transform = transform;
+            if let Some(instance) = placed.instance {
+                world.move_instance(instance, transform)?;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,269 @@
+//! The procedural night city: streets, houses, lamps, traffic, signs, strings of bulbs and a drone
+//! swarm.
+//!
+//! Read in this order:
+//!
+//! 1. this file: the sizes of the city, and how it is put together;
+//! 2. `roads`, `ground` and `blocks`: the street grid, and what stands still in it;
+//! 3. `signals`, `traffic_lights`, `traffic` and `cars`: traffic lights and the cars that obey
+//!    them;
+//! 4. `light_string` and `festoons`: strings of bulbs, each a light tree that deforms;
+//! 5. `swarm` and `flicker`: a drone swarm, which is one deforming light tree, and neon signs that
+//!    flicker.
+
+use girandole::LightWorld;
+use girandole::glam::{Affine3A, Vec2, vec2, vec3};
+
+use super::assembly::Assembly;
+use super::designs::{buildings, furniture, signs, vehicles};
+use super::palette::Palette;
+use super::part::Part;
+use super::rng::Rng;
+use super::{Animation, Camera, Scene, SceneError, Stage, assembly, palette, part, rng};
+
+pub mod roads;
+pub mod ground;
+pub mod blocks;
+
+pub mod signals;
+pub mod traffic_lights;
+pub mod traffic;
+pub mod cars;
+
+pub mod light_string;
+pub mod festoons;
+
+pub mod swarm;
+pub mod flicker;
+
+use blocks::Kit;
+use cars::Cars;
+use festoons::Festoons;
+use flicker::FlickeringSigns;
+use ground::LandUse;
+use roads::{PITCH, Roads};
+use swarm::Swarm;
+use traffic_lights::TrafficLights;
+
+/// Size of a city. The comments on the variants are part of the help text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Size {
+    /// 25 blocks, about 1,000 instances and 20,000 lights
+    #[value(name = "S", alias = "s")]
+    S,
+    /// 256 blocks, about 10,000 instances and 300,000 lights
+    #[value(name = "M", alias = "m")]
+    M,
+    /// 2,500 blocks, about 100,000 instances and 3,000,000 lights
+    #[value(name = "L", alias = "l")]
+    L,
+}
+
+/// What the city is built from.
+#[derive(Clone, Copy, Debug)]
+pub struct CityOptions {
+    /// Size.
+    pub size: Size,
+    /// Number of cars; `None` for a number that suits the size.
+    pub cars: Option<usize>,
+    /// Different seeds build different cities.
+    pub seed: u64,
+}
+
+/// What a size stands for.
+struct Plan {
+    /// Along each side.
+    blocks: usize,
+    cars: usize,
+    /// Streets with strings of bulbs.
+    festoon_streets: usize,
+    drones: usize,
+    /// Share of towers among the buildings: everywhere, and in addition in the centre.
+    towers: [f32; 2],
+}
+
+impl Size {
+    fn plan(self) -> Plan {
+        match self {
+            Size::S => Plan { blocks: 5, cars: 230, festoon_streets: 1, drones: 560, towers: [0.0, 0.04] },
+            Size::M => Plan { blocks: 16, cars: 2_800, festoon_streets: 8, drones: 3_000, towers: [0.08, 0.3] },
+            Size::L => Plan { blocks: 50, cars: 28_000, festoon_streets: 30, drones: 10_000, towers: [0.08, 0.3] },
+        }
+    }
+}
+
+/// Builds the city in a new light world. Its cars have driven for a while already.
+pub fn stage(options: &CityOptions) -> Result<Stage, SceneError> {
+    stage_in(options, LightWorld::new())
+}
+
+/// Builds the city as [`stage`] does, in the given light world.
+pub fn stage_in(options: &CityOptions, world: LightWorld) -> Result<Stage, SceneError> {
+    let plan = options.size.plan();
+    let mut assembly = Assembly::with_world(world);
+    let mut palette = Palette::default();
+    let mut kit = Kit::new(&mut assembly, &mut palette, options.seed)?;
+    place_blocks(&mut assembly, &mut kit, &plan, options.seed)?;
+    place_land(&mut assembly, &mut palette, plan.blocks as f32 * PITCH);
+    // The street x = 0 is the avenue that the camera looks along, over the crossing at z = 104.
+    let middle = plan.blocks / 2;
+    let roads = Roads { side: plan.blocks as u32 - 1, corner: Vec2::splat(1.0 - middle as f32) * PITCH };
+    let traffic_lights = TrafficLights::new(&mut assembly, &mut palette, &roads)?;
+    let cars = Cars::new(&mut assembly, &mut palette, roads, options.cars.unwrap_or(plan.cars), options.seed)?;
+    let festoons = Festoons::new(&mut assembly, &mut palette, &roads, plan.blocks, plan.festoon_streets, options.seed)?;
+    let glows = swarm::glows(&mut palette);
+    let swarm = Swarm::new(&mut assembly, &glows, vec3(2.0, 78.0, -60.0), 30.0, plan.drones)?;
+    let signs = FlickeringSigns::new(kit.signs);
+    assembly.add_night()?;
+    let Assembly { mut scene, world } = assembly;
+    scene.materials = palette.materials;
+    scene.camera = Camera { eye: vec3(-3.4, 4.4, 126.0), target: vec3(0.8, 11.4, 30.0), vertical_fov: 0.93 };
+    scene.lamp_clearance = 0.1;
+    scene.exposure = 0.5;
+    Ok(Stage { scene, world, animation: Box::new(City { traffic_lights, cars, festoons, swarm, signs }) })
+}
+
+fn place_blocks(assembly: &mut Assembly, kit: &mut Kit, plan: &Plan, seed: u64) -> Result<(), SceneError> {
+    let middle = plan.blocks / 2;
+    for (row, column) in (0..plan.blocks).flat_map(|row| (0..plan.blocks).map(move |column| (row, column))) {
+        let mut rng = Rng::new(seed, 0x10_0000 + (row * plan.blocks + column) as u64);
+        let place = |index: usize| (index as f32 - middle as f32 + 0.5) * PITCH;
+        let center = vec2(place(column), place(row));
+        let land_use = match (column, row) {
+            (x, z) if (x, z + 1) == (middle, middle) => LandUse::Market,
+            (x, z) if (x + 1, z + 2) == (middle, middle) => LandUse::Park,
+            _ if plan.blocks > 5 && rng.chance(0.03) => LandUse::Park,
+            _ => LandUse::Houses,
+        };
+        let distance = center.length() / (plan.blocks as f32 * PITCH * 0.35);
+        // The avenue in front of the camera has no towers, so that the sky is visible.
+        let is_low = column + 1 >= middle && column <= middle && row + 3 >= middle && row <= middle + 1;
+        let tower_share = if is_low { 0.0 } else { plan.towers[0] + plan.towers[1] * (-distance * distance).exp() };
+        kit.block(assembly, center, land_use, tower_share, &mut rng)?;
+    }
+    Ok(())
+}
+
+/// Adds dark land that reaches 2 km beyond the city.
+fn place_land(assembly: &mut Assembly, palette: &mut Palette, reach: f32) {
+    let mut part = Part::default();
+    let reach = reach + 2_000.0;
+    part.floor([-reach; 2], [reach; 2], -0.05, palette.matte(0.03, 0.03, 0.03));
+    let mesh = assembly.mesh(part.mesh);
+    assembly.object(mesh, Affine3A::IDENTITY);
+}
+
+/// Everything that moves.
+struct City {
+    traffic_lights: TrafficLights,
+    cars: Cars,
+    festoons: Festoons,
+    swarm: Swarm,
+    signs: FlickeringSigns,
+}
+
+impl Animation for City {
+    fn advance(&mut self, time: f64, scene: &mut Scene, world: &mut LightWorld) -> Result<(), SceneError> {
+        self.traffic_lights.show(time, scene, world)?;
+        self.cars.drive(time, scene, world)?;
+        self.festoons.swing(time, scene, world)?;
+        self.swarm.fly(time, scene, world)?;
+        self.signs.flicker(time, scene, world)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use girandole::Light;
+
+    use super::*;
+
+    fn city(size: Size) -> Stage {
+        stage(&CityOptions { size, cars: None, seed: 1 }).unwrap()
+    }
+
+    #[test]
+    fn cities_have_about_the_stated_numbers_of_instances_and_lights() {
+        for (size, instances, lights) in
+            [(Size::S, 1_000.0, 20_000.0), (Size::M, 10_000.0, 300_000.0), (Size::L, 100_000.0, 3_000_000.0)]
+        {
+            let world = city(size).world;
+            let share = [world.instance_count() as f64 / instances, world.light_count() as f64 / lights];
+            assert!(share.iter().all(|share| (0.85..1.15).contains(share)), "{size:?}: {share:?}");
+        }
+    }
+
+    #[test]
+    fn the_same_seed_builds_the_same_city() {
+        let (mut first, mut second) = (city(Size::S), city(Size::S));
+        let other = stage(&CityOptions { size: Size::S, cars: None, seed: 2 }).unwrap();
+        assert_ne!(first.world.light_count(), other.world.light_count());
+        for frame in 0..3 {
+            for stage in [&mut first, &mut second] {
+                stage.animation.advance(f64::from(frame) * 0.7, &mut stage.scene, &mut stage.world).unwrap();
+            }
+            let transforms = |stage: &Stage| -> Vec<Affine3A> {
+                stage.scene.objects.iter().map(|object| object.transform).collect()
+            };
+            assert_eq!(transforms(&first), transforms(&second));
+        }
+        let lights = |stage: &Stage| -> Vec<Light> {
+            stage.world.trees().flat_map(|tree| stage.world.tree(tree).unwrap().lights().to_vec()).collect()
+        };
+        assert_eq!(lights(&first), lights(&second));
+    }
+
+    #[test]
+    fn a_frame_moves_and_refits_only_what_changed() {
+        let mut stage = city(Size::S);
+        stage.world.update(girandole::FrameBudget::UNLIMITED);
+        stage.animation.advance(0.0, &mut stage.scene, &mut stage.world).unwrap();
+        let before: Vec<Affine3A> = stage.scene.objects.iter().map(|object| object.transform).collect();
+        stage.animation.advance(0.04, &mut stage.scene, &mut stage.world).unwrap();
+        let report = stage.world.update(girandole::FrameBudget::UNLIMITED);
+        assert!((60..=230).contains(&report.moved_instances), "{report:?}");
+        // 6 strings across the avenue, 10 over the market, and the swarm.
+        assert!((17..60).contains(&report.refit_trees), "{report:?}");
+        let moved = stage.scene.objects.iter().zip(&before).filter(|(object, before)| object.transform != **before);
+        assert!(moved.count() < 2_000);
+    }
+
+    #[test]
+    fn a_city_without_cars_is_built_and_too_many_cars_are_refused() {
+        let with = |cars| stage(&CityOptions { size: Size::S, cars: Some(cars), seed: 1 });
+        assert!(with(0).is_ok());
+        assert!(with(1_000_000).is_err());
+    }
+
+    #[test]
+    fn lights_emit_the_flux_of_the_emissive_faces() {
+        let stage = city(Size::S);
+        let area = |t: &super::super::Triangle| {
+            0.5 * (t.vertices[1] - t.vertices[0]).cross(t.vertices[2] - t.vertices[0]).length()
+        };
+        // Emission times area, which is proportional to the flux, summed over emissive faces and
+        // over area lights.
+        let mut faces = 0.0;
+        for object in &stage.scene.objects {
+            for triangle in &stage.scene.meshes[object.mesh as usize].triangles {
+                let emission = stage.scene.materials[triangle.material as usize].emission * object.emission_scale;
+                faces += f64::from(area(triangle) * emission.element_sum());
+            }
+        }
+        let mut lights = 0.0;
+        for instance in stage.world.instances() {
+            let tree = stage.world.tree(stage.world.instance_tree(instance).unwrap()).unwrap();
+            for light in tree.lights() {
+                let area = match light.shape {
+                    girandole::Shape::Rectangle { half_u, half_v, .. } => 4.0 * half_u.cross(half_v).length(),
+                    girandole::Shape::Sphere { radius, .. } => 4.0 * std::f32::consts::PI * radius * radius,
+                    _ => 0.0,
+                };
+                lights += f64::from(area * light.emission.element_sum());
+            }
+        }
+        // Balls are polyhedra inscribed in their spheres, and the lenses of headlights have spots
+        // instead of area lights.
+        assert!((0.85..1.05).contains(&(faces / lights)), "{}", faces / lights);
+    }
+}

@@ -1,0 +1,234 @@
+//! Reads floating car data, which `sumo --fcd-output` writes. The file is read as a stream: only
+//! one time step is in memory.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+
+use quick_xml::XmlVersion;
+use quick_xml::events::{BytesStart, Event};
+use quick_xml::reader::Reader;
+
+use super::SceneError;
+
+/// A vehicle in a time step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FcdVehicle {
+    /// Its name.
+    pub id: String,
+    /// Its vehicle type, such as `passenger`; may be empty.
+    pub kind: String,
+    /// Position of the front bumper, metres east.
+    pub east: f64,
+    /// Position of the front bumper, metres north.
+    pub north: f64,
+    /// Direction in degrees, clockwise from north.
+    pub angle: f32,
+}
+
+/// All vehicles at one time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Timestep {
+    /// Seconds.
+    pub time: f64,
+    /// In the order of the file.
+    pub vehicles: Vec<FcdVehicle>,
+}
+
+/// Reads one time step after the other.
+pub struct FcdReader<R> {
+    reader: Reader<R>,
+    /// Name of the file, for errors.
+    name: String,
+    buffer: Vec<u8>,
+    /// Number of open elements.
+    depth: usize,
+    /// Whether `<fcd-export>` was read.
+    in_export: bool,
+    finished: bool,
+    /// Time of the last time step.
+    last_time: f64,
+}
+
+impl FcdReader<BufReader<File>> {
+    /// Opens a file.
+    pub fn open(path: &Path) -> Result<Self, SceneError> {
+        let file = File::open(path).map_err(|error| SceneError(format!("{}: {error}", path.display())))?;
+        Ok(FcdReader::new(BufReader::with_capacity(1 << 16, file), path.display().to_string()))
+    }
+}
+
+impl<R: BufRead> FcdReader<R> {
+    /// Reads from any source. Errors begin with `name`.
+    pub fn new(source: R, name: String) -> Self {
+        let mut reader = Reader::from_reader(source);
+        reader.config_mut().check_end_names = true;
+        let (buffer, last_time) = (Vec::new(), f64::NEG_INFINITY);
+        Self { reader, name, buffer, depth: 0, in_export: false, finished: false, last_time }
+    }
+
+    fn fail(&self, what: impl std::fmt::Display) -> SceneError {
+        let what = what.to_string().replace('\n', " ");
+        SceneError(format!("{}: byte {}: {what}", self.name, self.reader.buffer_position()))
+    }
+
+    /// The next time step; `None` at the end of a complete file.
+    pub fn next_step(&mut self) -> Result<Option<Timestep>, SceneError> {
+        if self.finished {
+            return Ok(None);
+        }
+        let mut step: Option<Timestep> = None;
+        loop {
+            let mut buffer = std::mem::take(&mut self.buffer);
+            buffer.clear();
+            let event = match self.reader.read_event_into(&mut buffer) {
+                Ok(event) => event,
+                Err(error) => return Err(self.fail(error)),
+            };
+            let is_step_end = match &event {
+                Event::Start(element) => {
+                    self.open_element(element, &mut step)?;
+                    self.depth += 1;
+                    false
+                }
+                Event::Empty(element) => {
+                    self.open_element(element, &mut step)?;
+                    // `<timestep .../>` has no end tag.
+                    element.name().as_ref() == "timestep"
+                }
+                Event::End(element) => {
+                    self.depth -= 1;
+                    element.name().as_ref() == "timestep"
+                }
+                Event::Eof if self.depth > 0 => return Err(self.fail("the file ends within an element")),
+                Event::Eof if !self.in_export => return Err(self.fail("there is no <fcd-export>")),
+                Event::Eof => {
+                    self.finished = true;
+                    return Ok(None);
+                }
+                _ => false,
+            };
+            drop(event);
+            self.buffer = buffer;
+            if is_step_end && step.is_some() {
+                return Ok(step);
+            }
+        }
+    }
+
+    fn open_element(&mut self, element: &BytesStart<'_>, step: &mut Option<Timestep>) -> Result<(), SceneError> {
+        match (self.depth, element.name().as_ref()) {
+            (0, "fcd-export") => self.in_export = true,
+            (0, other) => return Err(self.fail(format!("expected <fcd-export>, found <{other}>"))),
+            (1, "timestep") => {
+                let time = self.number(element, "time", self.text(element, "time")?)?;
+                if time <= self.last_time {
+                    return Err(self.fail(format!("time {time} does not follow {}", self.last_time)));
+                }
+                self.last_time = time;
+                *step = Some(Timestep { time, vehicles: Vec::new() });
+            }
+            (2, "vehicle") => {
+                let number = |name: &str| self.number(element, name, self.text(element, name)?);
+                let vehicle = FcdVehicle {
+                    id: self.text(element, "id")?.ok_or_else(|| self.fail("<vehicle> without \"id\""))?,
+                    kind: self.text(element, "type")?.unwrap_or_default(),
+                    east: number("x")?,
+                    north: number("y")?,
+                    angle: number("angle")? as f32,
+                };
+                if let Some(step) = step {
+                    step.vehicles.push(vehicle);
+                }
+            }
+            // Persons, containers, and elements of later versions.
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn text(&self, element: &BytesStart<'_>, name: &str) -> Result<Option<String>, SceneError> {
+        let attribute = element.try_get_attribute(name).map_err(|error| self.fail(error))?;
+        let Some(attribute) = attribute else { return Ok(None) };
+        let value = attribute.normalized_value(XmlVersion::Implicit1_0).map_err(|error| self.fail(error))?;
+        Ok(Some(value.into_owned()))
+    }
+
+    fn number(&self, element: &BytesStart<'_>, name: &str, text: Option<String>) -> Result<f64, SceneError> {
+        let tag = element.name();
+        let text = text.ok_or_else(|| self.fail(format!("<{}> without \"{name}\"", tag.as_ref())))?;
+        match text.trim().parse::<f64>() {
+            Ok(number) if number.is_finite() && number.abs() <= 1e8 => Ok(number),
+            Ok(_) | Err(_) => {
+                Err(self.fail(format!("\"{name}\" of <{}> is {text:?}, not a number of at most 1e8", tag.as_ref())))
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn steps(text: &str) -> Result<Vec<Timestep>, SceneError> {
+        let mut reader = FcdReader::new(text.as_bytes(), "test.xml".into());
+        let mut steps = Vec::new();
+        while let Some(step) = reader.next_step()? {
+            steps.push(step);
+        }
+        Ok(steps)
+    }
+
+    #[test]
+    fn time_steps_are_read_one_by_one() {
+        let text = r#"<?xml version="1.0"?><!-- a comment --><fcd-export>
+            <timestep time="0.00"/>
+            <timestep time="1.00"><vehicle id="a&amp;b" x="1.5" y="-2" angle="90" type="bus" speed="3" lane="e_0"/>
+                <person id="p" x="0" y="0"/></timestep></fcd-export>"#;
+        let steps = steps(text).unwrap();
+        assert_eq!(steps.len(), 2);
+        assert!(steps[0].vehicles.is_empty());
+        let car = &steps[1].vehicles[0];
+        assert_eq!(
+            (car.id.as_str(), car.kind.as_str(), car.east, car.north, car.angle),
+            ("a&b", "bus", 1.5, -2.0, 90.0)
+        );
+    }
+
+    #[test]
+    fn malformed_files_are_refused_with_one_line() {
+        for (text, expected) in [
+            ("", "no <fcd-export>"),
+            ("<routes></routes>", "found <routes>"),
+            ("<fcd-export><timestep time=\"0\">", "ends within"),
+            ("<fcd-export><timestep time=\"0\"></fcd-export>", "byte"),
+            ("<fcd-export><timestep time=\"x\"/></fcd-export>", "\"time\" of <timestep> is \"x\""),
+            ("<fcd-export><timestep/></fcd-export>", "<timestep> without \"time\""),
+            ("<fcd-export><timestep time=\"2\"/><timestep time=\"1\"/></fcd-export>", "does not follow"),
+            (
+                "<fcd-export><timestep time=\"0\"><vehicle x=\"1\" y=\"1\" angle=\"0\"/></timestep></fcd-export>",
+                "\"id\"",
+            ),
+            (
+                "<fcd-export><timestep time=\"0\"><vehicle id=\"a\" x=\"NaN\" y=\"1\" angle=\"0\"/></timestep></fcd-export>",
+                "NaN",
+            ),
+            ("<fcd-export><timestep time=\"0\"><vehicle id=\"a\" x=\"1\" y=\"1\" angle=\"0\"", "byte"),
+        ] {
+            let SceneError(message) = steps(text).expect_err(text);
+            assert!(message.contains(expected) && !message.contains('\n'), "{text}: {message}");
+        }
+    }
+
+    #[test]
+    fn the_sample_file_is_read() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/fcd_small.xml");
+        let mut reader = FcdReader::open(Path::new(path)).unwrap();
+        let mut counts = Vec::new();
+        while let Some(step) = reader.next_step().unwrap() {
+            counts.push(step.vehicles.len());
+        }
+        assert_eq!(counts.iter().max(), Some(&3));
+        assert!(counts.contains(&0) && counts.contains(&1));
+    }
+}

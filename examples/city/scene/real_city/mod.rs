@@ -1,0 +1,263 @@
+//! A real city: its street lamps from a CSV file, its traffic from a SUMO simulation, or one of the
+//! two.
+//!
+//! Read in this order:
+//!
+//! 1. this file: how the city is put together;
+//! 2. `lamp_table` and `fcd`: readers of the two file formats;
+//! 3. `grid` and `ground`: roads and houses, which are derived from the positions of lamps and
+//!    vehicles;
+//! 4. `traffic`: vehicles that follow the file.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+
+use girandole::glam::{Affine3A, DVec2, Quat, Vec2, dvec2, vec2, vec3};
+use girandole::{LightWorld, Policy};
+
+use super::assembly::{Assembly, Design};
+use super::designs::buildings::{self, Lot};
+use super::designs::furniture::{self, Lamp};
+use super::designs::vehicles::{self, Body, car_designs, car_transform};
+use super::palette::Palette;
+use super::rng::Rng;
+use super::{Animation, Camera, Scene, SceneError, Stage, assembly, palette, part, rng};
+
+pub mod lamp_table;
+pub mod fcd;
+
+pub mod grid;
+pub mod ground;
+
+pub mod traffic;
+
+use fcd::FcdReader;
+use grid::{Grid, to_plane};
+use ground::{DRIVEN_CELL, RoadSegment};
+use lamp_table::LampRecord;
+use traffic::{Survey, Traffic};
+
+/// What the city is built from. At least one of the two files must be given.
+#[derive(Clone, Debug, Default)]
+pub struct RealCityOptions {
+    /// Street lamps; see [`lamp_table`].
+    pub lamps: Option<PathBuf>,
+    /// Traffic; see [`fcd`].
+    pub traffic: Option<PathBuf>,
+    /// Number of cars that are parked along the roads if there is no traffic file; `None` for 60.
+    pub cars: Option<usize>,
+    /// Determines what the files do not: the colours of vehicles, houses, and parked cars.
+    pub seed: u64,
+}
+
+/// Houses are placed within this distance of the middle of the view, metres.
+const HOUSE_REACH: f32 = 420.0;
+/// Positions in national grids can lie megametres from (0, 0). If the first position is farther
+/// away than this, in metres, all positions are shifted by a multiple of a kilometre that brings it
+/// close.
+const MAX_OFFSET: f64 = 50_000.0;
+
+/// Number of parked cars by default.
+const DEFAULT_PARKED_CARS: usize = 60;
+
+/// Loads the files.
+pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
+    let lamps = options.lamps.as_deref().map(lamp_table::read).transpose()?.unwrap_or_default();
+    let survey = options.traffic.as_deref().map(|path| Survey::read(path, options.seed)).transpose()?;
+    let first =
+        lamps.first().map(|lamp| dvec2(lamp.east, lamp.north)).or(survey.as_ref().and_then(|survey| survey.first));
+    let Some(first) = first else {
+        return Err(SceneError("the files contain neither lamps nor vehicles".into()));
+    };
+    let shift = if first.abs().max_element() > MAX_OFFSET { (first / 1000.0).round() * 1000.0 } else { DVec2::ZERO };
+    let mut assembly = Assembly::new();
+    let mut palette = Palette::default();
+    let lamp_positions: Vec<Vec2> = lamps.iter().map(|lamp| to_plane(dvec2(lamp.east, lamp.north) - shift)).collect();
+    let (segments, arms) = ground::road_segments(&lamp_positions, options.seed);
+    place_lamps(&mut assembly, &mut palette, &lamps, &lamp_positions, &arms)?;
+
+    let mut driven_cells = BTreeSet::new();
+    let mut positions = lamp_positions.clone();
+    for &(x, y) in survey.iter().flat_map(|survey| &survey.cells) {
+        let at = to_plane(dvec2(f64::from(x), f64::from(y)) * f64::from(DRIVEN_CELL) - shift);
+        driven_cells.insert(grid::key(at, DRIVEN_CELL));
+        positions.push(at);
+    }
+    let low = positions.iter().copied().reduce(Vec2::min).unwrap_or(Vec2::ZERO);
+    let high = positions.iter().copied().reduce(Vec2::max).unwrap_or(Vec2::ZERO);
+    let land = ground::land(&segments, &driven_cells, low, high, &mut palette);
+    let land = assembly.mesh(land.mesh);
+    assembly.object(land, Affine3A::IDENTITY);
+    // The view is centred where most vehicles drive or, without traffic, where most lamps are.
+    let driven: Vec<Vec2> =
+        if driven_cells.is_empty() { lamp_positions.clone() } else { positions[lamp_positions.len()..].to_vec() };
+    let middle = Grid::new(driven, 240.0).densest().map_or(Vec2::ZERO, |(middle, _)| middle);
+    let lamp_grid = Grid::new(lamp_positions, 90.0);
+    place_houses(&mut assembly, &mut palette, &lamp_grid, &segments, &driven_cells, middle, options.seed)?;
+
+    let kinds = car_designs(&mut assembly, &mut palette)?;
+    let traffic = match (survey, &options.traffic) {
+        (Some(survey), Some(path)) => Some(Traffic::new(&mut assembly, &kinds, FcdReader::open(path)?, survey, shift)?),
+        _ => {
+            park_cars(
+                &mut assembly,
+                &kinds,
+                &segments,
+                middle,
+                options.cars.unwrap_or(DEFAULT_PARKED_CARS),
+                options.seed,
+            )?;
+            None
+        }
+    };
+    assembly.add_night()?;
+    let Assembly { mut scene, world } = assembly;
+    scene.materials = palette.materials;
+    scene.camera = camera(&segments, middle);
+    scene.lamp_clearance = 0.1;
+    scene.exposure = 0.5;
+    let mut stage = Stage { scene, world, animation: Box::new(Still) };
+    if let Some(mut traffic) = traffic {
+        traffic.advance(0.0, &mut stage.scene, &mut stage.world)?;
+        stage.animation = Box::new(traffic);
+    }
+    Ok(stage)
+}
+
+/// A camera above the roofs that looks down along the road nearest to `middle`.
+fn camera(segments: &[RoadSegment], middle: Vec2) -> Camera {
+    let nearest = segments.iter().min_by(|a, b| a.distance(middle).total_cmp(&b.distance(middle)));
+    let along = nearest.map_or(vec2(0.0, -1.0), |segment| (segment.to - segment.from).normalize_or(vec2(0.0, -1.0)));
+    let center = nearest.map_or(middle, |segment| (segment.from + segment.to) * 0.5);
+    let eye = center - along * 110.0 + vec2(-along.y, along.x) * 30.0;
+    Camera { eye: vec3(eye.x, 52.0, eye.y), target: vec3(center.x, 0.0, center.y), vertical_fov: 0.8 }
+}
+
+fn place_lamps(
+    assembly: &mut Assembly,
+    palette: &mut Palette,
+    lamps: &[LampRecord],
+    positions: &[Vec2],
+    arms: &[Vec2],
+) -> Result<(), SceneError> {
+    // Lamps with the same height and flux share a tree and a mesh; real tables have few kinds.
+    let mut designs: BTreeMap<(u32, u32), Design> = BTreeMap::new();
+    for ((lamp, position), arm) in lamps.iter().zip(positions).zip(arms) {
+        let kind = match lamp.height {
+            height if height < 5.5 => Lamp::Globe,
+            _ if lamp.lumens > 12_000.0 => Lamp::Sodium,
+            _ => Lamp::Led,
+        };
+        let design = match designs.get(&(lamp.height.to_bits(), lamp.lumens.to_bits())) {
+            Some(&known) => known,
+            None => {
+                let design = assembly.design(furniture::lamp(kind, lamp.height, lamp.lumens, palette))?;
+                designs.insert((lamp.height.to_bits(), lamp.lumens.to_bits()), design);
+                design
+            }
+        };
+        let turn = Quat::from_rotation_y(arm.x.atan2(arm.y));
+        let place = Affine3A::from_rotation_translation(turn, vec3(position.x, 0.0, position.y));
+        assembly.place(design, place, Policy::Static)?;
+    }
+    Ok(())
+}
+
+fn place_houses(
+    assembly: &mut Assembly,
+    palette: &mut Palette,
+    lamps: &Grid,
+    segments: &[RoadSegment],
+    driven_cells: &BTreeSet<(i32, i32)>,
+    middle: Vec2,
+    seed: u64,
+) -> Result<(), SceneError> {
+    let places = ground::house_places(lamps, segments, driven_cells, middle, HOUSE_REACH, seed);
+    let mut designs = Vec::new();
+    for (index, floors) in [1, 1, 2, 2, 3, 4].into_iter().enumerate() {
+        let mut rng = Rng::new(seed, 0x6000 + index as u64);
+        designs.push(assembly.design(buildings::building(Lot::Detached, floors, palette, &mut rng))?);
+    }
+    let mut rng = Rng::new(seed, 0x6fff);
+    for place in places {
+        assembly.place(rng.pick(&designs), place, Policy::Static)?;
+    }
+    Ok(())
+}
+
+/// Parks `count` cars at the kerbs of the roads near the middle.
+fn park_cars(
+    assembly: &mut Assembly,
+    kinds: &[(Body, Vec<Design>)],
+    segments: &[RoadSegment],
+    middle: Vec2,
+    count: usize,
+    seed: u64,
+) -> Result<(), SceneError> {
+    let mut rng = Rng::new(seed, 0x9a2c);
+    let mut near: Vec<&RoadSegment> = segments.iter().collect();
+    near.sort_by(|a, b| a.distance(middle).total_cmp(&b.distance(middle)));
+    near.truncate(count.div_ceil(2));
+    for car in 0..if near.is_empty() { 0 } else { count } {
+        let segment = near[car % near.len()];
+        let along = (segment.to - segment.from).normalize_or(vec2(1.0, 0.0));
+        // After one car on each road, the next ones stand on the other side and face the other way.
+        let along = if (car / near.len()).is_multiple_of(2) { along } else { -along };
+        let at = segment.from.lerp(segment.to, rng.range(0.25, 0.75)) + vec2(-along.y, along.x) * 2.2;
+        let kind = rng.below(3);
+        let design = rng.pick(&kinds[kind].1);
+        let angle = (-along.x).atan2(-along.y);
+        assembly.place(design, car_transform(at, angle), Policy::RefitOnly)?;
+    }
+    Ok(())
+}
+
+/// The animation of a city without traffic.
+struct Still;
+
+impl Animation for Still {
+    fn advance(&mut self, _: f64, _: &mut Scene, _: &mut LightWorld) -> Result<(), SceneError> {
+        Ok(())
+    }
+
+    fn is_still(&self) -> bool {
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample(name: &str) -> Option<PathBuf> {
+        Some(PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/")).join(name))
+    }
+
+    fn load(lamps: bool, traffic: bool) -> Result<Stage, SceneError> {
+        let lamps = lamps.then(|| sample("lamps_small.csv")).flatten();
+        let traffic = traffic.then(|| sample("fcd_small.xml")).flatten();
+        stage(&RealCityOptions { lamps, traffic, cars: Some(0), seed: 1 })
+    }
+
+    #[test]
+    fn lamps_have_the_positions_and_fluxes_of_the_file() {
+        let stage = load(true, false).unwrap();
+        let all: Vec<_> = stage.world.instances().map(|instance| stage.world.placement(instance).unwrap()).collect();
+        // The first lamp: 135 m west and 7 m north of the origin.
+        assert!(all.iter().any(|place| place.translation.as_vec3().abs_diff_eq(vec3(-135.0, 0.0, -7.0), 1e-3)));
+        let fluxes: Vec<f32> = stage
+            .world
+            .trees()
+            .filter_map(|tree| stage.world.tree(tree).filter(|tree| tree.lights().len() == 1))
+            .map(|tree| tree.lights()[0].flux())
+            .collect();
+        for lumens in [23_750.0, 14_250.0, 9_500.0, 4_125.0] {
+            assert!(fluxes.iter().any(|flux| (flux / lumens - 1.0).abs() < 0.01), "{lumens} in {fluxes:?}");
+        }
+    }
+
+    #[test]
+    fn a_city_without_files_is_refused() {
+        assert!(load(false, false).is_err());
+    }
+}
