@@ -16,6 +16,9 @@ use girandole::glam::{DVec3, Mat3, Quat, Vec3};
 use girandole::gpu::{GpuLights, SampleRecord, SampleRequest};
 use girandole::{DirectionalLight, Effects, FrameBudget, Light, LightWorld, Placement, Policy, WorldError, wgpu};
 
+#[path = "../examples/common/mod.rs"]
+#[allow(dead_code, reason = "examples use more of it")]
+mod common;
 #[path = "../tests/all/support.rs"]
 #[allow(dead_code, reason = "tests use more of it")]
 mod support;

@@ -85,7 +85,8 @@ pub struct Row {
     pub seconds_per_sample: f64,
     /// The wall time of a picture on all threads, in the mean.
     pub seconds: f64,
-    /// The exact relative standard deviation of one choice without shadows, in the mean over surfaces of the view.
+    /// The exact relative standard deviation of one choice without shadows, in the mean over
+    /// surfaces of the view.
     pub sigma: f64,
     pub mape: Estimate,
     pub rel_mse: Estimate,
@@ -114,7 +115,8 @@ impl Row {
     }
 }
 
-/// A city as the city example's first frame shows it, without lights at infinity, which belong to no tree.
+/// A city as the city example's first frame shows it, without lights at infinity, which belong to
+/// no tree.
 pub fn city(size: Size, is_glossy: bool) -> Result<(Scene, LightWorld), SceneError> {
     let Stage { mut scene, mut world, mut animation } = procedural::stage(&CityOptions { size, cars: None, seed: 1 })?;
     animation.advance(0.0, &mut scene, &mut world)?;

@@ -16,6 +16,7 @@ use super::image::{Image, ShadowRays};
 use super::scene::{self, Scene, SceneError};
 use super::settings::Settings;
 use super::shading::View;
+use crate::common::gpu;
 use girandole::glam::Vec4;
 use girandole::gpu::{DEFAULT_USAGE_INTERVAL, GpuLights, LightShader, UsageCounts};
 use girandole::wgpu;
@@ -248,19 +249,10 @@ impl GpuRenderer {
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         encoder.copy_buffer_to_buffer(buffer, 0, readback, 0, size);
         self.gpu.queue.submit([encoder.finish()]);
-        readback.map_async(wgpu::MapMode::Read, 0..size, |_| {});
-        self.wait()?;
-        // Fails if the mapping has failed.
-        let view =
-            readback.get_mapped_range(0..size).map_err(|e| SceneError(format!("cannot read from the adapter: {e}")))?;
-        let bytes = view.to_vec();
-        drop(view);
-        readback.unmap();
-        Ok(bytes)
+        gpu::map(&self.gpu.device, readback, size).map_err(SceneError)
     }
 
     fn wait(&self) -> Result<(), SceneError> {
-        let result = self.gpu.device.poll(wgpu::PollType::wait_indefinitely());
-        result.map(drop).map_err(|e| SceneError(format!("the adapter does not respond: {e}")))
+        gpu::wait(&self.gpu.device).map_err(SceneError)
     }
 }
