@@ -1,7 +1,8 @@
-// One light for each shading point of a buffer, in a world of nothing but points in instances that are turned and moved: what
-// shaders/batch.wgsl does in its variant without effects, written by hand for just that, without directives and with the
-// records as structs. benches/effects.rs puts the constants of that variant before it, checks that both give the same
-// samples, and times one against the other.
+// Chooses one light for each shading point of a buffer, in a world of points in rotated and translated
+// instances. Does what shaders/batch.wgsl does in its variant without effects, but is written by hand for
+// just that: without directives, and with the records as structs. benches/effects.rs puts the constants
+// of that variant and shaders/request.wgsl before it, checks that both kernels give the same samples, and
+// times one against the other.
 
 struct Params {
     slots: u32,
@@ -12,11 +13,12 @@ struct Params {
 
 // 160 bytes.
 struct Node {
-    least: vec3<f32>,
+    origin: vec3<f32>,
     steps: u32,
     targets: array<vec4<u32>, 2>,
     flux: vec4<u32>,
-    // Least corners, greatest corners, means: children 0 to 3 and 4 to 7 along x, then along y, then along z; deviation.
+    // Minimum corners, maximum corners and means, each along x, then y, then z, for children 0 to 3 and 4
+    // to 7; then the deviations.
     boxes: array<vec4<u32>, 5>,
     parent: vec4<u32>,
 }
@@ -31,21 +33,13 @@ struct Point {
 
 // 80 bytes.
 struct Instance {
-    // Rows; the fourth components are the translation.
+    // Rows of the matrix; the fourth components are the translation.
     to_world: array<vec4<f32>, 3>,
     flags: u32,
     tree: u32,
     node_base: u32,
     light_base: u32,
     place: vec4<u32>,
-}
-
-struct Request {
-    position: vec3<f32>,
-    padding_a: u32,
-    normal: vec3<f32>,
-    padding_b: u32,
-    u: vec4<f32>,
 }
 
 struct Sample {
@@ -91,7 +85,7 @@ struct Four {
     spread: vec4<f32>,
 }
 
-struct Seen {
+struct Estimate {
     importance: mat2x4<f32>,
     spread: mat2x4<f32>,
     total: f32,
@@ -104,7 +98,7 @@ struct Cut {
     nodes: array<u32, BLOCKS>,
     totals: array<f32, BLOCKS>,
     doubtful: array<u32, BLOCKS>,
-    most_doubt: array<f32, BLOCKS>,
+    max_doubt: array<f32, BLOCKS>,
     values: array<mat2x4<f32>, BLOCKS>,
     doubts: array<mat2x4<f32>, BLOCKS>,
 }
@@ -206,8 +200,9 @@ fn step_along(steps: u32, axis: u32) -> f32 {
     return bitcast<f32>(((steps >> (8u * axis)) & 0xffu) << 23u);
 }
 
-// Four children: the estimated illuminance and the doubt of each.
-fn see_four(
+// The estimated illuminance of four children, and how far each is spread as seen from the shading
+// point.
+fn estimate_four(
     low: vec3<u32>, high: vec3<u32>, mean: vec3<u32>, deviations: u32, fluxes: vec2<u32>,
     origin: vec3<f32>, half_step: vec3<f32>, view: View, margin: f32,
 ) -> Four {
@@ -239,9 +234,9 @@ fn see_four(
     let rounded = 0.5 * (along + sqrt(along * along + LIGHT_COSINE_WIDTH_SQ * spread * dist_sq));
     let cosine = select(dist, max(rounded, LIGHT_FLOOR * dist), view.has_normal);
     let lux = flux * (1.0 / LIGHT_FOUR_PI) * (cosine / dist / (dist_sq + LIGHT_VARIANCE_SHARE * variance));
-    let above_least = select(vec4(LIGHT_MIN_IMPORTANCE), lux, lux > vec4(LIGHT_MIN_IMPORTANCE));
+    let at_least_min = select(vec4(LIGHT_MIN_IMPORTANCE), lux, lux > vec4(LIGHT_MIN_IMPORTANCE));
 
-    // Nothing of what is wholly below the horizon.
+    // A child that lies wholly below the horizon sends nothing.
     let steep = abs(n);
     let highest = margin * (steep.x + steep.y + steep.z)
         + (n.x * (origin.x + (high_x + low_x) * half_step.x) + steep.x * half_x)
@@ -249,65 +244,65 @@ fn see_four(
         + (n.z * (origin.z + (high_z + low_z) * half_step.z) + steep.z * half_z);
     let is_dark = vec4(view.has_normal) & (highest <= vec4(0.0));
     let is_lit = (flux > vec4(0.0)) & !is_dark;
-    return Four(select(vec4(0.0), min(above_least, vec4(LIGHT_MAX_IMPORTANCE)), is_lit), spread);
+    return Four(select(vec4(0.0), min(at_least_min, vec4(LIGHT_MAX_IMPORTANCE)), is_lit), spread);
 }
 
 fn sum(v: mat2x4<f32>) -> f32 {
     return ((v[1].w + v[1].z) + (v[1].y + v[1].x)) + ((v[0].w + v[0].z) + (v[0].y + v[0].x));
 }
 
-fn see(node: Node, view: View) -> Seen {
-    let origin = node.least - view.position;
+fn estimate(node: Node, view: View) -> Estimate {
+    let origin = node.origin - view.position;
     let half_step = 0.5 * vec3(step_along(node.steps, 0u), step_along(node.steps, 1u), step_along(node.steps, 2u));
-    let far = abs(node.least) + 2.0 * LIGHT_STEPS * half_step + abs(view.position);
+    let far = abs(node.origin) + 2.0 * LIGHT_STEPS * half_step + abs(view.position);
     let margin = (far.x + far.y + far.z) * view.margin;
     let b = node.boxes;
-    let first = see_four(
+    let first = estimate_four(
         vec3(b[0].x, b[0].z, b[1].x), vec3(b[1].z, b[2].x, b[2].z), vec3(b[3].x, b[3].z, b[4].x), b[4].z,
         node.flux.xy, origin, half_step, view, margin,
     );
-    let last = see_four(
+    let last = estimate_four(
         vec3(b[0].y, b[0].w, b[1].y), vec3(b[1].w, b[2].y, b[2].w), vec3(b[3].y, b[3].w, b[4].y), b[4].w,
         node.flux.zw, origin, half_step, view, margin,
     );
     let importance = mat2x4(first.importance, last.importance);
-    return Seen(importance, mat2x4(first.spread, last.spread), sum(importance));
+    return Estimate(importance, mat2x4(first.spread, last.spread), sum(importance));
 }
 
-fn count_block(cut: ptr<function, Cut>, block: u32) {
+fn total_block(cut: ptr<function, Cut>, block: u32) {
     (*cut).totals[block] = sum((*cut).values[block]);
     var slot = 0u;
-    var most = 0u;
+    var greatest = 0u;
     for (var i = 0u; i < LIGHT_WIDTH; i++) {
         let doubt = bitcast<u32>((*cut).doubts[block][i / 4u][i % 4u]) & ~(LIGHT_WIDTH - 1u);
-        if doubt > most {
+        if doubt > greatest {
             slot = i;
-            most = doubt;
+            greatest = doubt;
         }
     }
     (*cut).doubtful[block] = slot;
-    (*cut).most_doubt[block] = bitcast<f32>(most);
+    (*cut).max_doubt[block] = bitcast<f32>(greatest);
 }
 
 fn add_block(cut: ptr<function, Cut>, instance: u32, index: u32, shading_point: ShadingPoint) {
     let in_top = instance == LIGHT_NO_INSTANCE;
     let node = node_at(in_top, index);
-    let seen = see(node, view_in(instance, shading_point));
+    let estimated = estimate(node, view_in(instance, shading_point));
     let block = (*cut).count;
     (*cut).count = block + 1u;
     (*cut).instances[block] = instance;
     (*cut).nodes[block] = index;
-    (*cut).values[block] = seen.importance;
+    (*cut).values[block] = estimated.importance;
     let first = vec4(in_top) | ((node.targets[0] & vec4(LIGHT_LEAF)) == vec4(0u));
     let last = vec4(in_top) | ((node.targets[1] & vec4(LIGHT_LEAF)) == vec4(0u));
     (*cut).doubts[block] = mat2x4(
-        select(vec4(0.0), seen.importance[0] * seen.spread[0], first),
-        select(vec4(0.0), seen.importance[1] * seen.spread[1], last),
+        select(vec4(0.0), estimated.importance[0] * estimated.spread[0], first),
+        select(vec4(0.0), estimated.importance[1] * estimated.spread[1], last),
     );
-    count_block(cut, block);
+    total_block(cut, block);
 }
 
-fn open(cut: ptr<function, Cut>, shading_point: ShadingPoint) {
+fn split_cut(cut: ptr<function, Cut>, shading_point: ShadingPoint) {
     let splits = min(params.splits, LIGHT_MAX_SPLITS);
     (*cut).count = 0u;
     var instance = LIGHT_NO_INSTANCE;
@@ -320,11 +315,11 @@ fn open(cut: ptr<function, Cut>, shading_point: ShadingPoint) {
             total += (*cut).totals[i];
         }
         (*cut).total = total;
-        var most = LIGHT_MIN_DOUBT * total;
+        var greatest = LIGHT_MIN_DOUBT * total;
         var block = count;
         for (var i = 0u; i < count; i++) {
-            if (*cut).most_doubt[i] > most {
-                most = (*cut).most_doubt[i];
+            if (*cut).max_doubt[i] > greatest {
+                greatest = (*cut).max_doubt[i];
                 block = i;
             }
         }
@@ -344,7 +339,7 @@ fn open(cut: ptr<function, Cut>, shading_point: ShadingPoint) {
         }
         (*cut).values[block][slot / 4u][slot % 4u] = 0.0;
         (*cut).doubts[block][slot / 4u][slot % 4u] = 0.0;
-        count_block(cut, block);
+        total_block(cut, block);
     }
 }
 
@@ -404,15 +399,15 @@ fn descend(cut: ptr<function, Cut>, shading_point: ShadingPoint, u: vec2<f32>) -
             return Pick(instance, bits & ~LIGHT_LEAF, pmf);
         }
         let in_top = instance == LIGHT_NO_INSTANCE;
-        let seen = see(node_at(in_top, index), view);
-        if seen.total <= 0.0 {
+        let estimated = estimate(node_at(in_top, index), view);
+        if estimated.total <= 0.0 {
             return Pick(0u, 0u, 0.0);
         }
-        let point = select(inner.u, outer.u, in_top) * seen.total;
-        let lane = pick_lane(seen.importance, 0.0, point);
-        let chance = share(lane.value, seen.total);
+        let point = select(inner.u, outer.u, in_top) * estimated.total;
+        let lane = pick_lane(estimated.importance, 0.0, point);
+        let chance = share(lane.value, estimated.total);
         pmf = joint(pmf, chance);
-        let offset = (point - lane.before) / seen.total;
+        let offset = (point - lane.before) / estimated.total;
         if in_top {
             outer = stretch(outer, offset, chance);
         } else {
@@ -449,7 +444,7 @@ fn by_hand(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups
     let shading_point = ShadingPoint(requests[i].position, requests[i].normal);
     let u = requests[i].u;
     var cut: Cut;
-    open(&cut, shading_point);
+    split_cut(&cut, shading_point);
     let pick = descend(&cut, shading_point, u.xy);
     if pick.pmf <= 0.0 {
         samples[i] = Sample(vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0u, 0u, 0u);

@@ -1,9 +1,11 @@
-//! What each effect costs a sample, and what is left of it in a world that has none: the variants of our kernel beside
-//! one that was written by hand for points in instances that are turned and moved (`by_hand.wgsl`).
+//! What each effect costs a sample, and how much of that cost remains in a world without effects.
 //!
-//! `cargo bench --bench effects` prints a table. As a test (`cargo test --benches`) a small world is sampled once by
-//! some of the kernels, and no times are told. Before anything is timed, all kernels must give the samples of the one
-//! by hand.
+//! The bench times the variants of our kernel and a kernel that was written by hand for points in
+//! rotated and translated instances (`by_hand.wgsl`). Before anything is timed, all kernels must give
+//! the samples of the kernel by hand.
+//!
+//! `cargo bench --bench effects` prints a table. As a test (`cargo test --benches`), some of the kernels
+//! sample a small world once, and no times are printed.
 
 #![allow(clippy::print_stdout, reason = "a table is what this program is for")]
 
@@ -22,11 +24,11 @@ mod common;
 mod support;
 use support::Rng;
 
-/// Products of some twenty terms, in another order.
+/// Relative difference of products of some twenty terms that are taken in different orders.
 const ROUNDING: f32 = 1.0e-5;
-/// Where a number falls within rounding of the border between two lights, another text may choose the neighbour. One
-/// in so many samples may.
-const NEIGHBOURS: usize = 1000;
+/// One sample in so many may name another light: where a random number falls within rounding of the border
+/// between two lights, another text may choose the other one.
+const SAMPLES_PER_MISMATCH: usize = 1000;
 /// Invocations of a workgroup in both kernels.
 const LANES: u32 = 64;
 
@@ -34,18 +36,18 @@ const LANES: u32 = 64;
 struct Size {
     instances: u32,
     shading_points: u32,
-    /// Each times all kernels once, in another order.
+    /// Each round times all kernels once, in a new order.
     rounds: usize,
-    /// No more rounds after this.
+    /// No round begins after this.
     time: Duration,
 }
 
-/// A kernel and the buffers that it reads.
+/// A kernel, the buffers that it reads, and its times.
 struct Case {
     name: &'static str,
     pipeline: wgpu::ComputePipeline,
     is_stored_for_all: bool,
-    /// Of each round.
+    /// The time of each round.
     seconds: Vec<f64>,
 }
 
@@ -75,7 +77,7 @@ fn main() {
         if by_hand.is_empty() {
             assert!(
                 samples.iter().filter(|s| s.pmf > 0.0).count() > samples.len() / 2,
-                "most shading_points see a light"
+                "most shading points have a light"
             );
             by_hand = samples;
         } else {
@@ -92,7 +94,8 @@ fn main() {
         }
         for at in order.iter().copied() {
             let lights = if cases[at].is_stored_for_all { &all } else { &bare };
-            // Once for the caches: right after itself a kernel is up to 5 % faster than after another.
+            // A first run warms the caches: right after itself, a kernel is up to 5 % faster than after
+            // another one.
             machine.time(&cases[at], lights, &group, size.shading_points);
             let seconds = machine.time(&cases[at], lights, &group, size.shading_points);
             cases[at].seconds.push(seconds);
@@ -116,7 +119,7 @@ fn stored(machine: &Machine, instances: u32) -> Result<(GpuLights, GpuLights), W
         let mut lamp = || Light::point(rng.place(4.0), Vec3::splat(rng.between(10.0, 1000.0)));
         trees.push(world.add_tree((0..count).map(|_| lamp()).collect())?);
     }
-    // As dense as a town, however many.
+    // The density does not depend on the number of instances, and is that of a town.
     let side = 8.0 * (instances as f32).sqrt();
     for i in 0..instances as usize {
         let turn = Mat3::from_quat(Quat::from_axis_angle(rng.direction(), rng.between(0.0, 6.0)));
@@ -125,7 +128,7 @@ fn stored(machine: &Machine, instances: u32) -> Result<(GpuLights, GpuLights), W
         world.add_instance(trees[i % trees.len()], Placement { linear: turn, translation }, Policy::Static)?;
     }
 
-    // What there was is stored for a while after it has gone.
+    // The layout for removed effects is kept for some updates.
     let [x, z] = [Vec3::X, Vec3::Z];
     let extra = world.add_tree(vec![
         Light::spot(Vec3::ZERO, x, 0.2, 0.6, x).with_range(9.0),
@@ -146,16 +149,16 @@ fn stored(machine: &Machine, instances: u32) -> Result<(GpuLights, GpuLights), W
 }
 
 fn upload(machine: &Machine, world: &LightWorld, effects: Effects) -> GpuLights {
-    assert_eq!(world.effects() - Effects::MOVING, effects - Effects::MOVING);
     let mut lights = GpuLights::new(&machine.device, &machine.queue).expect("WebGPU's default limits");
     lights.upload(world, &girandole::FrameDelta::everything(world)).expect("room enough");
+    assert_eq!(lights.effects(), effects - Effects::MOVING);
     let mut encoder = machine.device.create_command_encoder(&Default::default());
     lights.build_top(&mut encoder);
     machine.queue.submit([encoder.finish()]);
     lights
 }
 
-/// On the ground and in the air among the instances.
+/// Shading points on the ground and in the air among the instances.
 fn requests(count: u32) -> Vec<SampleRequest> {
     let mut rng = Rng(19);
     let mut request = || {
@@ -171,15 +174,17 @@ fn requests(count: u32) -> Vec<SampleRequest> {
     (0..count).map(|_| request()).collect()
 }
 
-/// All kernels, the one by hand first.
+/// All kernels; the one by hand is first.
 fn cases(machine: &Machine, lights: &GpuLights, own: &wgpu::BindGroupLayout, is_bench: bool) -> Vec<Case> {
     let none = lights.shader(0, Effects::empty());
-    // Numbers stay where they are written once.
+    // The kernel by hand uses the constants of the variant without effects.
     let constants = none.wgsl.lines().filter(|line| line.starts_with("const LIGHT_")).flat_map(|line| [line, "\n"]);
-    let by_hand = constants.collect::<String>() + include_str!("by_hand.wgsl");
+    let by_hand =
+        constants.collect::<String>() + include_str!("../shaders/request.wgsl") + include_str!("by_hand.wgsl");
     let by_hand = machine.pipeline(lights, own, &by_hand, "by_hand");
     let batch = |effects: Effects| {
-        let text = none.with_effects(effects).join(include_str!("../shaders/batch.wgsl"));
+        let stage = concat!(include_str!("../shaders/request.wgsl"), include_str!("../shaders/batch.wgsl"));
+        let text = none.with_effects(effects).join(stage);
         machine.pipeline(lights, own, &text, "batch")
     };
     let case = |name, pipeline: &wgpu::ComputePipeline, is_stored_for_all| Case {
@@ -212,33 +217,33 @@ fn cases(machine: &Machine, lights: &GpuLights, own: &wgpu::BindGroupLayout, is_
 }
 
 fn assert_alike(samples: &[SampleRecord], by_hand: &[SampleRecord], name: &str) {
-    let mut neighbours = 0;
+    let mut mismatches = 0;
     for (i, (ours, theirs)) in samples.iter().zip(by_hand).enumerate() {
         if (ours.instance, ours.light) != (theirs.instance, theirs.light) {
-            neighbours += 1;
+            mismatches += 1;
             continue;
         }
         let values = |s: &SampleRecord| {
             let ([a, b, c], [d, e, f]) = (s.direction, s.radiance);
             [a, b, c, s.dist, d, e, f, s.pdf, s.pmf]
         };
-        // Parts of the direction as parts of its length, all else of itself.
-        let least = [1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-        for ((a, b), least) in values(ours).into_iter().zip(values(theirs)).zip(least) {
-            assert!((a - b).abs() <= ROUNDING * f32::max(b.abs(), least), "{name}, {i}: {ours:?} is not {theirs:?}");
+        // The difference is relative to the length of the direction, and to the value itself otherwise.
+        let scales = [1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        for ((a, b), scale) in values(ours).into_iter().zip(values(theirs)).zip(scales) {
+            assert!((a - b).abs() <= ROUNDING * f32::max(b.abs(), scale), "{name}, {i}: {ours:?} is not {theirs:?}");
         }
         assert_eq!(ours.is_delta, theirs.is_delta, "{name}, {i}");
     }
-    let most = samples.len() / NEIGHBOURS;
-    assert!(neighbours <= most, "{name}: {neighbours} of {} samples chose another light", samples.len());
+    let allowed = samples.len() / SAMPLES_PER_MISMATCH;
+    assert!(mismatches <= allowed, "{name}: {mismatches} of {} samples chose another light", samples.len());
 }
 
 fn report(machine: &Machine, size: &Size, cases: &[Case], [bare, all]: [&GpuLights; 2]) {
     println!("{} ({}), by {}.", machine.info.name, machine.info.driver_info, machine.timing());
     let rounds = cases[0].seconds.len();
-    println!("{} instances, {} shading_points, {rounds} rounds.\n", size.instances, size.shading_points);
+    println!("{} instances, {} shading points, {rounds} rounds.\n", size.instances, size.shading_points);
     println!(
-        "| code for | stored for | bytes of a node, a light, an instance | ns a sample | of by hand | fastest | of by hand |"
+        "| code for | stored for | bytes per node, light, instance | ns per sample | relative to by hand | fastest | relative to by hand |"
     );
     println!("|---|---|---:|---:|---:|---:|---:|");
     let fastest_by_hand = quarters(&cases[0].seconds)[0];
@@ -247,7 +252,7 @@ fn report(machine: &Machine, size: &Size, cases: &[Case], [bare, all]: [&GpuLigh
         let bytes = lights.record_bytes();
         let [fastest, low, middle, high, _] =
             quarters(&case.seconds).map(|seconds| seconds * 1e9 / f64::from(size.shading_points));
-        // Of the same round: what else the machine does in it slows both.
+        // Ratios are taken within a round: other work of the machine slows both kernels.
         let ratios: Vec<f64> = case.seconds.iter().zip(&cases[0].seconds).map(|(ours, theirs)| ours / theirs).collect();
         let [_, ratio_low, ratio, ratio_high, _] = quarters(&ratios);
         let of_fastest = quarters(&case.seconds)[0] / fastest_by_hand;
@@ -258,14 +263,14 @@ fn report(machine: &Machine, size: &Size, cases: &[Case], [bare, all]: [&GpuLigh
     }
 }
 
-/// The least, the quartiles with the median between them, and the greatest.
+/// The minimum, the lower quartile, the median, the upper quartile and the maximum.
 fn quarters(values: &[f64]) -> [f64; 5] {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     std::array::from_fn(|quarter| sorted[(sorted.len() - 1) * quarter / 4])
 }
 
-/// Two storage buffers: requests and samples.
+/// The layout of two storage buffers: requests and samples.
 fn own_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     let entry = |binding, read_only| wgpu::BindGroupLayoutEntry {
         binding,
@@ -287,12 +292,12 @@ fn bind(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, buffers: [&wgpu::
     device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
 }
 
-/// A device, and how it is timed.
+/// A device, and the way in which it is timed.
 struct Machine {
     device: wgpu::Device,
     queue: wgpu::Queue,
     info: wgpu::AdapterInfo,
-    /// Two timestamps; `None` where the device has none.
+    /// Two timestamps; `None` if the device has none.
     queries: Option<wgpu::QuerySet>,
 }
 
@@ -306,7 +311,8 @@ impl Machine {
             power_preference: wgpu::PowerPreference::HighPerformance,
             ..Default::default()
         };
-        let adapter = pollster::block_on(instance.request_adapter(&options)).expect("an adapter: see scripts/test.sh");
+        let adapter = pollster::block_on(instance.request_adapter(&options))
+            .expect("an adapter; scripts/test.sh installs a software one");
         let required_features = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
         let descriptor = wgpu::DeviceDescriptor { required_features, ..Default::default() };
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).expect("default limits");
@@ -325,7 +331,7 @@ impl Machine {
         self.device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
     }
 
-    /// As `GpuLights::sample` makes its own.
+    /// Compiles a kernel as `GpuLights::sample` compiles its own.
     fn pipeline(
         &self,
         lights: &GpuLights,
@@ -352,7 +358,7 @@ impl Machine {
         })
     }
 
-    /// Seconds that a kernel takes for all shading points.
+    /// The seconds that a kernel takes for all shading points.
     fn time(&self, case: &Case, lights: &GpuLights, group: &wgpu::BindGroup, shading_points: u32) -> f64 {
         let mut encoder = self.device.create_command_encoder(&Default::default());
         let timestamp_writes = self.queries.as_ref().map(|query_set| wgpu::ComputePassTimestampWrites {

@@ -1,8 +1,8 @@
-//! What deciding costs: updates among many trees that ask for a rebuild, an update where nothing moved, and the frame in
-//! which a tree that was built in the background takes its place.
+//! The cost of the scheduler itself: of updates with many trees that wait for a rebuild, of updates
+//! in which nothing moved, and of the update that installs a tree that was built in the background.
 //!
-//! `cargo bench --bench scheduler`. Prints what the world itself reports of deciding, too. As a test (`cargo test
-//! --benches`) every case runs once, at the smallest size.
+//! Run it with `cargo bench --bench scheduler`. It also prints the times that the world reports. As
+//! a test (`cargo test --benches`) every case runs once, at the smallest size.
 #![allow(clippy::print_stdout, reason = "a program talks to its user")]
 
 use std::time::{Duration, Instant};
@@ -20,25 +20,25 @@ mod common;
 mod support;
 use support::Rng;
 
-/// Of each of many trees: more than one node holds.
+/// The lights of each of many trees: more than one node holds.
 const LIGHTS: usize = 12;
 
-/// Hardly room for one of those.
-const TINY: FrameBudget = FrameBudget::new(Duration::from_micros(5));
+/// A budget with hardly enough time for one tree of [`LIGHTS`] lights.
+const ONE_TREE: FrameBudget = FrameBudget::new(Duration::from_micros(5));
 
-/// Room for no tree of more than some hundred lights.
-const SMALL: FrameBudget = FrameBudget::new(Duration::from_micros(40));
+/// A budget that is too small for trees of more than some hundred lights.
+const TOO_SMALL: FrameBudget = FrameBudget::new(Duration::from_micros(40));
 
-/// Longer than any build takes: something is wrong.
-const TOO_LONG: Duration = Duration::from_secs(20);
+/// Far more time than any build in the background takes.
+const BUILD_TIMEOUT: Duration = Duration::from_secs(20);
 
-/// Criterion measures only when `cargo bench` asks it to.
+/// Whether this runs as a benchmark and not as a test: Criterion measures only under `cargo bench`.
 fn is_bench() -> bool {
     std::env::args().any(|a| a == "--bench")
 }
 
-/// Lights that may be anywhere within `size`.
-fn cloud(count: usize, size: f32, rng: &mut Rng) -> Vec<(u32, Light)> {
+/// Random point lights within `size` metres of the origin, with their indices.
+fn random_lights(count: usize, size: f32, rng: &mut Rng) -> Vec<(u32, Light)> {
     (0..count as u32).map(|light| (light, Light::point(rng.place(size), Vec3::splat(10.0)))).collect()
 }
 
@@ -46,22 +46,22 @@ fn lights(changes: &[(u32, Light)]) -> Vec<Light> {
     changes.iter().map(|(_, light)| *light).collect()
 }
 
-/// Trees in a square, all new.
-fn square(trees: usize, lights_each: usize, rng: &mut Rng) -> (LightWorld, Vec<TreeKey>) {
+/// A world of new trees in a square grid, seen from its corner.
+fn grid_of_trees(trees: usize, lights_each: usize, rng: &mut Rng) -> (LightWorld, Vec<TreeKey>) {
     let mut world = LightWorld::new();
     let side = (trees as f64).sqrt().ceil() as usize;
-    let mut tree = |index: usize| {
-        let key = world.add_tree(lights(&cloud(lights_each, 5.0, rng))).expect("valid lights");
-        let place = DVec3::new((index % side) as f64, 0.0, (index / side) as f64) * 20.0;
-        world.add_instance(key, Placement::at(place), Policy::Budgeted).expect("a valid placement");
+    let mut add_tree = |index: usize| {
+        let key = world.add_tree(lights(&random_lights(lights_each, 5.0, rng))).expect("valid lights");
+        let translation = DVec3::new((index % side) as f64, 0.0, (index / side) as f64) * 20.0;
+        world.add_instance(key, Placement::at(translation), Policy::Budgeted).expect("a valid placement");
         key
     };
-    let keys = (0..trees).map(&mut tree).collect();
-    world.set_viewpoint(DVec3::ZERO);
+    let keys = (0..trees).map(&mut add_tree).collect();
+    world.set_viewpoint(DVec3::ZERO).expect("a finite viewpoint");
     (world, keys)
 }
 
-/// All lights go elsewhere, so that trees ask for a rebuild.
+/// Moves all lights of the trees, so that the trees request a rebuild, and updates the world.
 fn scatter(
     world: &mut LightWorld,
     keys: &[TreeKey],
@@ -70,7 +70,7 @@ fn scatter(
     budget: FrameBudget,
 ) -> FrameReport {
     for key in keys {
-        world.set_lights(*key, &cloud(lights_each, 5.0, rng)).expect("valid lights");
+        world.set_lights(*key, &random_lights(lights_each, 5.0, rng)).expect("valid lights");
     }
     world.update(budget)
 }
@@ -81,43 +81,45 @@ fn scheduler(c: &mut Criterion) {
     group.warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(1));
     let sizes: &[usize] = if is_bench() { &[100, 1_000, 10_000, 100_000] } else { &[100] };
     for trees in sizes {
-        decisions(&mut group, *trees);
+        choose_among(&mut group, *trees);
     }
     let sizes: &[usize] = if is_bench() { &[1_000, 10_000] } else { &[1_000] };
-    sizes.iter().for_each(|trees| frames(*trees));
+    sizes.iter().for_each(|trees| print_frame(*trees));
     let sizes: &[usize] = if is_bench() { &[1_000, 10_000, 100_000] } else { &[1_000] };
     for lights in sizes {
-        swaps(&mut group, *lights);
+        install_build(&mut group, *lights);
     }
     group.finish();
 }
 
-fn decisions(group: &mut BenchmarkGroup<WallTime>, trees: usize) {
+/// Times updates in which nothing moved, and updates that choose among waiting trees.
+fn choose_among(group: &mut BenchmarkGroup<WallTime>, trees: usize) {
     let mut rng = Rng(trees as u64);
-    let (mut world, mut keys) = square(trees, LIGHTS, &mut rng);
-    assert!(world.update(TINY).waiting_trees == 0, "new trees ask for nothing, before that is timed");
-    // Until all are frozen, which takes their looking after off the update.
-    let frozen = if is_bench() { girandole::effects::EFFECT_HOLD_UPDATES as usize + trees / 32 } else { 1 };
-    for _ in 0..frozen {
-        world.update(TINY);
+    let (mut world, mut keys) = grid_of_trees(trees, LIGHTS, &mut rng);
+    assert!(world.update(ONE_TREE).waiting_trees == 0, "new trees request nothing");
+    // Once all trees are frozen, updates no longer count the time that each has been at rest.
+    let updates = if is_bench() { girandole::effects::EFFECT_HOLD_UPDATES as usize + trees / 32 } else { 1 };
+    for _ in 0..updates {
+        world.update(ONE_TREE);
     }
-    group.bench_function(BenchmarkId::new("nothing moved", trees), |b| b.iter(|| world.update(TINY)));
+    group.bench_function(BenchmarkId::new("nothing moved", trees), |b| b.iter(|| world.update(ONE_TREE)));
 
     let mut waiting = scatter(&mut world, &keys, LIGHTS, &mut rng, FrameBudget::NONE).waiting_trees;
-    assert!(waiting > trees / 2, "{waiting} of {trees} ask for a rebuild, before choosing among them is timed");
+    assert!(waiting > trees / 2, "only {waiting} of {trees} request a rebuild");
     let mut reported = Vec::new();
     group.bench_function(BenchmarkId::new("choosing among", trees), |b| {
         b.iter_custom(|rounds| {
             let mut took = Duration::ZERO;
             for _ in 0..rounds {
                 if waiting <= trees / 2 {
-                    // Trees learn from rebuilds, and may find that they need none: new ones know nothing.
-                    (world, keys) = square(trees, LIGHTS, &mut rng);
+                    // Trees learn from their rebuilds, and may stop requesting them; new trees have
+                    // learnt nothing.
+                    (world, keys) = grid_of_trees(trees, LIGHTS, &mut rng);
                     waiting = scatter(&mut world, &keys, LIGHTS, &mut rng, FrameBudget::NONE).waiting_trees;
-                    assert!(waiting > trees / 2, "{waiting} of {trees} ask for a rebuild");
+                    assert!(waiting > trees / 2, "only {waiting} of {trees} request a rebuild");
                 }
                 let start = Instant::now();
-                let report = world.update(TINY);
+                let report = world.update(ONE_TREE);
                 took += start.elapsed();
                 waiting = report.waiting_trees;
                 reported.push((report.deciding, report.rebuilt_trees));
@@ -128,32 +130,33 @@ fn decisions(group: &mut BenchmarkGroup<WallTime>, trees: usize) {
     reported.sort_unstable();
     if let Some((deciding, _)) = reported.get(reported.len() / 2) {
         let rebuilt = reported.iter().map(|(_, rebuilt)| rebuilt).sum::<usize>() as f64 / reported.len() as f64;
-        println!("choosing among {trees}: median {deciding:?} by the report, {rebuilt:.1} trees rebuilt in the mean");
+        println!("choosing among {trees}: the report says {deciding:?} (median); {rebuilt:.1} trees rebuilt (mean)");
     }
 }
 
-/// Prints what choosing takes of the usual budget while every tree moves in every frame and rebuilds go on.
-fn frames(trees: usize) {
+/// Prints the share of the default budget that the choice takes while all trees move in every
+/// frame.
+fn print_frame(trees: usize) {
     let mut rng = Rng(trees as u64);
-    let (mut world, keys) = square(trees, LIGHTS, &mut rng);
+    let (mut world, keys) = grid_of_trees(trees, LIGHTS, &mut rng);
     let budget = FrameBudget::default();
     let frames = if is_bench() { 60 } else { 2 };
     let mut reports: Vec<_> = (0..frames).map(|_| scatter(&mut world, &keys, LIGHTS, &mut rng, budget)).collect();
     reports.sort_unstable_by_key(|report| report.deciding);
     let FrameReport { deciding, spent, waiting_trees, rebuilt_trees, .. } = reports[frames / 2];
-    assert!(rebuilt_trees > 0 && waiting_trees > 0, "there is something to choose");
+    assert!(rebuilt_trees > 0 && waiting_trees > 0, "some trees are rebuilt and others wait");
     let share = 100.0 * deciding.as_secs_f64() / budget.time().as_secs_f64();
     println!(
-        "choosing {rebuilt_trees} of {waiting_trees} that wait, all moving: {deciding:?} ({share:.1} % of the budget), \
-         rebuilding {spent:?}"
+        "{rebuilt_trees} trees rebuilt and {waiting_trees} waiting, all moving: choosing takes {deciding:?} \
+         ({share:.1} % of the budget), rebuilding {spent:?}"
     );
 }
 
-/// Times the update in which a tree that is too large for a frame gets the one that was built for it.
-fn swaps(group: &mut BenchmarkGroup<WallTime>, count: usize) {
+/// Times the update that installs a build of a tree that is too large for a frame.
+fn install_build(group: &mut BenchmarkGroup<WallTime>, count: usize) {
     let mut rng = Rng(count as u64);
-    let (mut world, keys) = square(1, count, &mut rng);
-    group.bench_function(BenchmarkId::new("swap of a tree of", count), |b| {
+    let (mut world, keys) = grid_of_trees(1, count, &mut rng);
+    group.bench_function(BenchmarkId::new("installing a build", count), |b| {
         b.iter_custom(|rounds| {
             let mut took = Duration::ZERO;
             for _ in 0..rounds {
@@ -161,20 +164,20 @@ fn swaps(group: &mut BenchmarkGroup<WallTime>, count: usize) {
                 let begin = Instant::now();
                 loop {
                     let start = Instant::now();
-                    let report = world.update(SMALL);
+                    let report = world.update(TOO_SMALL);
                     if report.background.taken > 0 {
                         took += start.elapsed();
                         break;
                     }
-                    assert_eq!(report.rebuilt_trees, 0, "no frame has room for it");
-                    assert!(begin.elapsed() < TOO_LONG, "{report:?}");
+                    assert_eq!(report.rebuilt_trees, 0, "the tree is too large for a frame");
+                    assert!(begin.elapsed() < BUILD_TIMEOUT, "{report:?}");
                     std::thread::sleep(Duration::from_micros(100));
                 }
             }
             took
         });
     });
-    world.tree(keys[0]).expect("it lives").check().expect("sound");
+    world.tree(keys[0]).expect("the tree exists").check().expect("a sound tree");
 }
 
 criterion_group!(benches, scheduler);

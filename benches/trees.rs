@@ -1,8 +1,8 @@
-//! Bottom-level trees by stage and size: build (beside a published binary build), refit in its parts (beside a copy of as
-//! many bytes), rebuild of a subtree, pick, pmf.
+//! Times bottom-level trees by stage and size: builds (compared with a published binary build), the
+//! parts of a refit (compared with a copy of as many bytes), rebuilds of a subtree, picks and pmf.
 //!
-//! `cargo bench --bench trees`, with `RAYON_NUM_THREADS=1` for one core's figures. As a test (`cargo test --benches`) every
-//! case runs once, at the smallest size.
+//! `cargo bench --bench trees`; set `RAYON_NUM_THREADS=1` for the figures of one core. As a test
+//! (`cargo test --benches`) every case runs once, at the smallest size.
 
 use std::time::{Duration, Instant};
 
@@ -27,16 +27,18 @@ mod support;
 use baselines::{BinaryTree, Pbrt};
 use support::Rng;
 
-/// What a refit reads and writes of a node besides what is sampled: 17 properties of eight children, in f32.
+/// Bytes of a node that a refit reads and writes in addition to the packed node: 17 properties of
+/// eight children, in f32.
 const FULL_PRECISION_BYTES: usize = 17 * WIDTH * size_of::<f32>();
 
-/// The published build takes seconds for more.
+/// The published build takes seconds for more lights.
 const MAX_BASELINE_LIGHTS: usize = 100_000;
 
-/// A pick multiplies chances on the way down, a pmf on the way up: they round differently.
+/// Relative tolerance. A pick multiplies probabilities on the way down and a pmf on the way up, so
+/// both round differently.
 const PMF_TOLERANCE: f32 = 1.0e-5;
 
-/// Lights of several kinds in a flat block, ten times as wide as high, as in a city.
+/// Lights of several kinds in a flat block, ten times as wide as it is high, as in a city.
 fn lights(count: usize) -> Vec<Light> {
     let mut rng = Rng(count as u64);
     let mut light = || {
@@ -51,24 +53,24 @@ fn lights(count: usize) -> Vec<Light> {
     (0..count).map(|_| light()).collect()
 }
 
-/// The same light somewhere else.
-fn at(mut light: Light, place: Vec3) -> Light {
+/// A light moved to a position.
+fn moved_to(mut light: Light, to: Vec3) -> Light {
     match &mut light.shape {
-        Shape::Point { position } | Shape::Spot { position, .. } => *position = place,
-        Shape::Rectangle { center, .. } => *center = place,
-        other => unreachable!("no {other:?} among these lights"),
+        Shape::Point { position } | Shape::Spot { position, .. } => *position = to,
+        Shape::Rectangle { center, .. } => *center = to,
+        other => unreachable!("these lights have no {other:?}"),
     }
     light
 }
 
-/// Criterion measures only when `cargo bench` asks it to.
+/// Numbers of lights. Only `cargo bench` measures; a test runs the smallest size.
 fn sizes() -> &'static [usize] {
     if std::env::args().any(|a| a == "--bench") { &[1_000, 10_000, 100_000, 1_000_000] } else { &[1_000] }
 }
 
 fn built(lights: &[Light]) -> LightTree {
-    let tree = LightTree::new(lights.to_vec()).expect("valid lights");
-    tree.check().expect("a sound tree, before its building is timed");
+    let tree = LightTree::new(lights.to_vec()).expect("the lights are valid");
+    tree.check().expect("the tree is sound");
     tree
 }
 
@@ -83,7 +85,7 @@ fn trees(c: &mut Criterion) {
         refits(&mut group, &lights);
         rebuilds(&mut group, &lights);
         group.throughput(Throughput::Elements(1));
-        choices(&mut group, &lights);
+        picks(&mut group, &lights);
         group.finish();
     }
 }
@@ -92,15 +94,20 @@ fn builds(group: &mut BenchmarkGroup<WallTime>, lights: &[Light]) {
     let count = lights.len();
     built(lights);
     group.bench_function(BenchmarkId::new("build", count), |b| {
-        b.iter_batched(|| lights.to_vec(), |l| LightTree::new(l).expect("valid"), BatchSize::PerIteration);
+        b.iter_batched(
+            || lights.to_vec(),
+            |l| LightTree::new(l).expect("the lights are valid"),
+            BatchSize::PerIteration,
+        );
     });
     if count > MAX_BASELINE_LIGHTS {
         return;
     }
     let published = |lights| BinaryTree::new(Pbrt { is_opaque: true }, lights);
-    let chances = published(lights.to_vec()).pmfs(&ShadingPoint::volume(Vec3::ZERO));
-    let is_reached = |(light, chance): (&Light, &f32)| !matches!(light.shape, Shape::Point { .. }) || *chance > 0.0;
-    assert!(lights.iter().zip(&chances).all(is_reached), "points shine everywhere, before a build over them is timed");
+    // Points emit to all sides, so each has a probability above 0.
+    let pmfs = published(lights.to_vec()).pmfs(&ShadingPoint::volume(Vec3::ZERO));
+    let is_covered = |(light, pmf): (&Light, &f32)| !matches!(light.shape, Shape::Point { .. }) || *pmf > 0.0;
+    assert!(lights.iter().zip(&pmfs).all(is_covered), "the published tree does not cover a point light");
     group.bench_function(BenchmarkId::new("build of pbrt's tree", count), |b| {
         b.iter_batched(|| lights.to_vec(), published, BatchSize::PerIteration);
     });
@@ -110,7 +117,7 @@ fn refits(group: &mut BenchmarkGroup<WallTime>, lights: &[Light]) {
     let count = lights.len();
     let mut rng = Rng(8);
     let mut tree = built(lights);
-    let near = |light: &Light, rng: &mut Rng| at(*light, light.cluster().mean + rng.place(0.5));
+    let near = |light: &Light, rng: &mut Rng| moved_to(*light, light.cluster().mean + rng.place(0.5));
     let here: Vec<(u32, Light)> = (0..).zip(lights.iter().copied()).collect();
     let there: Vec<(u32, Light)> = here.iter().map(|(index, light)| (*index, near(light, &mut rng))).collect();
     let few = |lights: &[(u32, Light)]| lights.iter().copied().skip(7).step_by(100).collect();
@@ -118,9 +125,9 @@ fn refits(group: &mut BenchmarkGroup<WallTime>, lights: &[Light]) {
     let both = [here, there];
 
     for changes in [&both[1], &both_few[0], &both[0]] {
-        tree.set_lights(changes).expect("valid");
+        tree.set_lights(changes).expect("the lights are valid");
         tree.refit();
-        tree.check().expect("sound, before its refit is timed");
+        tree.check().expect("the tree is sound after a refit");
     }
     assert_eq!(tree.nodes(), built(lights).nodes());
 
@@ -134,7 +141,7 @@ fn refits(group: &mut BenchmarkGroup<WallTime>, lights: &[Light]) {
     group.bench_function(name("set and refit"), |b| {
         b.iter(|| {
             turn ^= 1;
-            tree.set_lights(&both[turn]).expect("valid");
+            tree.set_lights(&both[turn]).expect("the lights are valid");
             tree.refit();
         });
     });
@@ -149,13 +156,14 @@ fn refits(group: &mut BenchmarkGroup<WallTime>, lights: &[Light]) {
     });
 }
 
-/// Times refits alone, after one set of changes and after the other by turns: without changes there is nothing to do.
+/// Times refits alone. Sets one of two sets of changes before each, in turn: a refit without
+/// changes has nothing to do.
 fn time_refits(b: &mut Bencher, tree: &mut LightTree, both: &[Vec<(u32, Light)>; 2], refit: fn(&mut LightTree)) {
     let mut turn = 0;
     b.iter_custom(|rounds| {
         let round = |_| {
             turn ^= 1;
-            tree.set_lights(&both[turn]).expect("valid");
+            tree.set_lights(&both[turn]).expect("the lights are valid");
             let start = Instant::now();
             refit(tree);
             start.elapsed()
@@ -164,28 +172,29 @@ fn time_refits(b: &mut Bencher, tree: &mut LightTree, both: &[Vec<(u32, Light)>;
     });
 }
 
-/// Lights below one child of the root change places; what is rebuilt is that child or less.
+/// Permutes the positions of the lights below one child of the root. The child or a part of it is
+/// rebuilt.
 fn rebuilds(group: &mut BenchmarkGroup<WallTime>, lights: &[Light]) {
     let mut rng = Rng(9);
     let mut tree = built(lights);
     let child = |slot| match tree.nodes()[0].target(slot) {
         Some(Target::Node(node)) => node,
-        other => panic!("a tree of so many lights has {other:?}"),
+        other => panic!("the root has a node in every slot, not {other:?}"),
     };
     let below = child(3)..child(4);
     let below: Vec<usize> = (0..lights.len()).filter(|i| below.contains(&(tree.leaves()[*i] / WIDTH as u32))).collect();
-    let mut places: Vec<Vec3> = below.iter().map(|i| lights[*i].cluster().mean).collect();
-    (1..places.len()).for_each(|i| places.swap(i, rng.bits() as usize % (i + 1)));
-    let changes: Vec<_> = below.iter().zip(places).map(|(i, place)| (*i as u32, at(lights[*i], place))).collect();
-    tree.set_lights(&changes).expect("valid");
+    let mut positions: Vec<Vec3> = below.iter().map(|i| lights[*i].cluster().mean).collect();
+    (1..positions.len()).for_each(|i| positions.swap(i, rng.bits() as usize % (i + 1)));
+    let changes: Vec<_> = below.iter().zip(positions).map(|(i, to)| (*i as u32, moved_to(lights[*i], to))).collect();
+    tree.set_lights(&changes).expect("the lights are valid");
     tree.refit();
 
     let credit = lights.len() / 2;
-    let mut mended = tree.clone();
-    let rebuilt = mended.rebuild_worst(credit);
-    mended.check().expect("sound, before its rebuild is timed");
+    let mut repaired = tree.clone();
+    let rebuilt = repaired.rebuild_worst(credit);
+    repaired.check().expect("the tree is sound after a rebuild");
     assert!((1..=credit).contains(&rebuilt));
-    assert!(mended.attributes().splitting_cost < tree.attributes().splitting_cost);
+    assert!(repaired.attributes().splitting_cost < tree.attributes().splitting_cost);
 
     group.throughput(Throughput::Elements(rebuilt as u64));
     group.bench_function(BenchmarkId::new("rebuild_worst", format!("{rebuilt} of {}", lights.len())), |b| {
@@ -193,7 +202,7 @@ fn rebuilds(group: &mut BenchmarkGroup<WallTime>, lights: &[Light]) {
     });
 }
 
-fn choices(group: &mut BenchmarkGroup<WallTime>, lights: &[Light]) {
+fn picks(group: &mut BenchmarkGroup<WallTime>, lights: &[Light]) {
     let count = lights.len();
     let tree = built(lights);
     let mut rng = Rng(7);
@@ -203,8 +212,8 @@ fn choices(group: &mut BenchmarkGroup<WallTime>, lights: &[Light]) {
     for splits in [SplitCount::NONE, SplitCount::DEFAULT] {
         for (shading_point, u) in turns.by_ref().take(100) {
             if let Some((light, pmf)) = tree.pick(&shading_point, u, splits) {
-                let told = tree.pmf(&shading_point, light, splits);
-                assert!((told - pmf).abs() <= PMF_TOLERANCE * pmf, "{told} {pmf}, before either is timed");
+                let expected = tree.pmf(&shading_point, light, splits);
+                assert!((expected - pmf).abs() <= PMF_TOLERANCE * pmf, "{expected} {pmf}");
             }
         }
         group.bench_function(BenchmarkId::new(format!("pick, {splits} splits"), count), |b| {

@@ -1,13 +1,5 @@
-// Samples one light for each shading point of a buffer. src/gpu/sampling.rs records it.
-
-// Twin of `SampleRequest`.
-struct Request {
-    position: vec3<f32>,
-    padding_a: u32,
-    normal: vec3<f32>,
-    padding_b: u32,
-    u: vec4<f32>,
-}
+// Samples one light for each shading point of a buffer. `Kernel` in src/gpu/kernel.rs records it,
+// behind request.wgsl.
 
 @group(1) @binding(0) var<storage, read> requests: array<Request>;
 @group(1) @binding(1) var<storage, read_write> samples: array<LightSample>;

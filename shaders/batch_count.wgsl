@@ -1,16 +1,9 @@
-// Counts the nodes that a sample for each shading point of a buffer reads. src/gpu/measure/count.rs records it.
-
-// Twin of `SampleRequest`.
-struct Request {
-    position: vec3<f32>,
-    padding_a: u32,
-    normal: vec3<f32>,
-    padding_b: u32,
-    u: vec4<f32>,
-}
+// Counts the nodes that a sample for each shading point of a buffer reads. src/gpu/measure/count.rs
+// records it, behind request.wgsl.
 
 @group(1) @binding(0) var<storage, read> requests: array<Request>;
 @group(1) @binding(1) var<storage, read_write> counts: array<u32>;
+// The number of candidates in x.
 @group(1) @binding(2) var<uniform> candidates: vec4<u32>;
 
 @compute @workgroup_size(64)

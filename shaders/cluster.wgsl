@@ -1,13 +1,15 @@
-// Clusters of the top level: moving, merging and packing them. Twin of src/cluster.rs, of `WideCluster` in
-// src/tree/wide.rs and of `Node::pack`; tests in src/gpu/top/tests.rs compare both. Binds nothing.
+// Transforms, merges and packs clusters for the top level. Twin of src/cluster.rs, of `WideCluster`
+// in src/tree/wide.rs and of `Node::pack`; the tests in src/gpu/top/tests compare them. Binds
+// nothing.
 
-// WGSL has no infinity; no box reaches farther.
+// The corner of an empty box. WGSL has no infinity, and no box extends farther.
 const NOWHERE: f32 = 3.4e38;
 
-// Nothing shines.
+// A cluster without light.
 const CLUSTER_EMPTY = LightCluster(vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0);
 
-// Length without squares that overflow: areas grow with the square of a scale, and this is asked of areas.
+// The length of a vector. The squares of components do not overflow, though areas, which grow with
+// the square of a scale, may be large.
 fn safe_length(v: vec3<f32>) -> f32 {
     let largest = max(abs(v.x), max(abs(v.y), abs(v.z)));
     if largest <= 0.0 {
@@ -16,6 +18,7 @@ fn safe_length(v: vec3<f32>) -> f32 {
     return largest * length(v / largest);
 }
 
+// The unit vector along `v`, or `other` if `v` is zero.
 fn normalize_or(v: vec3<f32>, other: vec3<f32>) -> vec3<f32> {
     let largest = max(abs(v.x), max(abs(v.y), abs(v.z)));
     if largest <= 0.0 {
@@ -24,13 +27,14 @@ fn normalize_or(v: vec3<f32>, other: vec3<f32>) -> vec3<f32> {
     return normalize(v / largest);
 }
 
-// Twin of `Linear`.
+// The map of a placement. Twin of `Linear` in src/cluster.rs.
 struct Linear {
+    // The columns of the matrix.
     x: vec3<f32>,
     y: vec3<f32>,
     z: vec3<f32>,
     translation: vec3<f32>,
-    // The matrix of cofactors, its sign changed for mirrors.
+    // The columns of the cofactor matrix, negated if the map mirrors.
     area_x: vec3<f32>,
     area_y: vec3<f32>,
     area_z: vec3<f32>,
@@ -38,6 +42,7 @@ struct Linear {
     mean_square_scale: f32,
 }
 
+// The map of a stored instance. Twin of `Linear::new`.
 fn linear_of(instance: LightInstance) -> Linear {
     let rows = instance.to_world;
     let x = vec3(rows[0].x, rows[1].x, rows[2].x);
@@ -51,7 +56,7 @@ fn linear_of(instance: LightInstance) -> Linear {
     );
 }
 
-// Twin of `Linear::flux`.
+// The flux of a transformed cluster. Twin of `Linear::flux`.
 fn linear_flux(map: Linear, punctual: f32, area: f32, axis: vec3<f32>) -> f32 {
     let lengths = vec3(safe_length(map.area_x), safe_length(map.area_y), safe_length(map.area_z));
     let all_sides = safe_length(lengths) * sqrt(1.0 / 3.0);
@@ -61,7 +66,7 @@ fn linear_flux(map: Linear, punctual: f32, area: f32, axis: vec3<f32>) -> f32 {
     return min(punctual + area * (agreement * along + (1.0 - agreement) * all_sides), LIGHT_MAX_FLUX);
 }
 
-// Twin of `Cluster::transformed`; the cluster is not empty.
+// A transformed cluster, which must not be empty. Twin of `Cluster::transformed`.
 fn cluster_transformed(cluster: LightCluster, map: Linear, flux: f32) -> LightCluster {
     let center = 0.5 * (cluster.box_min + cluster.box_max);
     let half = max(cluster.box_max - center, center - cluster.box_min);
@@ -82,7 +87,8 @@ fn cluster_transformed(cluster: LightCluster, map: Linear, flux: f32) -> LightCl
     return moved;
 }
 
-// Four clusters side by side; the columns of matrices are x, y and z. A dark one has an inverted box.
+// Four clusters, one in each component; the columns of matrices are x, y and z. A dark cluster has
+// an inverted box.
 struct ClusterFour {
     box_min: mat3x4<f32>,
     box_max: mat3x4<f32>,
@@ -94,7 +100,7 @@ struct ClusterFour {
     range: vec4<f32>,
 }
 
-// Twin of `WideCluster`.
+// Eight clusters. Twin of `WideCluster`.
 struct ClusterEight {
     first: ClusterFour,
     last: ClusterFour,
@@ -107,8 +113,16 @@ fn cluster_four(a: LightCluster, b: LightCluster, c: LightCluster, d: LightClust
     let box_max = transpose(mat4x3(a.box_max, b.box_max, c.box_max, d.box_max));
     let nowhere = vec4(NOWHERE);
     return ClusterFour(
-        mat3x4(select(nowhere, box_min[0], is_lit), select(nowhere, box_min[1], is_lit), select(nowhere, box_min[2], is_lit)),
-        mat3x4(select(-nowhere, box_max[0], is_lit), select(-nowhere, box_max[1], is_lit), select(-nowhere, box_max[2], is_lit)),
+        mat3x4(
+            select(nowhere, box_min[0], is_lit),
+            select(nowhere, box_min[1], is_lit),
+            select(nowhere, box_min[2], is_lit),
+        ),
+        mat3x4(
+            select(-nowhere, box_max[0], is_lit),
+            select(-nowhere, box_max[1], is_lit),
+            select(-nowhere, box_max[2], is_lit),
+        ),
         transpose(mat4x3(a.mean, b.mean, c.mean, d.mean)),
         transpose(mat4x3(a.axis, b.axis, c.axis, d.axis)),
         flux,
@@ -118,24 +132,24 @@ fn cluster_four(a: LightCluster, b: LightCluster, c: LightCluster, d: LightClust
     );
 }
 
-// Sum of eight numbers in the order of `sum` in src/tree/wide.rs.
+// The sum of eight numbers, in the order of `sum` in src/tree/wide.rs.
 fn sum_of_eight(first: vec4<f32>, last: vec4<f32>) -> f32 {
     let pairs = first + last;
     return (pairs.x + pairs.z) + (pairs.y + pairs.w);
 }
 
-fn least_of_eight(first: vec4<f32>, last: vec4<f32>) -> f32 {
-    let least = min(first, last);
-    return min(min(least.x, least.y), min(least.z, least.w));
+fn min_of_eight(first: vec4<f32>, last: vec4<f32>) -> f32 {
+    let lower = min(first, last);
+    return min(min(lower.x, lower.y), min(lower.z, lower.w));
 }
 
-fn greatest_of_eight(first: vec4<f32>, last: vec4<f32>) -> f32 {
-    let greatest = max(first, last);
-    return max(max(greatest.x, greatest.y), max(greatest.z, greatest.w));
+fn max_of_eight(first: vec4<f32>, last: vec4<f32>) -> f32 {
+    let upper = max(first, last);
+    return max(max(upper.x, upper.y), max(upper.z, upper.w));
 }
 
-// For each cluster the cosine of the cap about a unit vector (a row of `units`) that holds the cluster's cap; 1 for dark
-// ones. Twin of `cap_about` in src/cone.rs.
+// For each cluster, the cosine of the cap around a unit vector (a row of `units`) that holds the
+// cluster's cap; 1 for a dark cluster. Twin of `cap_about` in src/cone.rs.
 fn cap_about(units: mat3x4<f32>, four: ClusterFour) -> vec4<f32> {
     let axis = four.axis;
     let length = sqrt(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]);
@@ -156,7 +170,7 @@ fn cap_about(units: mat3x4<f32>, four: ClusterFour) -> vec4<f32> {
     return select(vec4(1.0), select(reach, vec4(-1.0), is_all), four.flux > vec4(0.0));
 }
 
-// Twin of `WideCluster::merged`.
+// The cluster of eight clusters. Twin of `WideCluster::merged`.
 fn cluster_merged(eight: ClusterEight) -> LightCluster {
     let a = eight.first;
     let b = eight.last;
@@ -169,14 +183,14 @@ fn cluster_merged(eight: ClusterEight) -> LightCluster {
     var merged: LightCluster;
     merged.flux = min(total, LIGHT_MAX_FLUX);
     merged.box_min = vec3(
-        least_of_eight(a.box_min[0], b.box_min[0]),
-        least_of_eight(a.box_min[1], b.box_min[1]),
-        least_of_eight(a.box_min[2], b.box_min[2]),
+        min_of_eight(a.box_min[0], b.box_min[0]),
+        min_of_eight(a.box_min[1], b.box_min[1]),
+        min_of_eight(a.box_min[2], b.box_min[2]),
     );
     merged.box_max = vec3(
-        greatest_of_eight(a.box_max[0], b.box_max[0]),
-        greatest_of_eight(a.box_max[1], b.box_max[1]),
-        greatest_of_eight(a.box_max[2], b.box_max[2]),
+        max_of_eight(a.box_max[0], b.box_max[0]),
+        max_of_eight(a.box_max[1], b.box_max[1]),
+        max_of_eight(a.box_max[2], b.box_max[2]),
     );
     let middle = 0.5 * (merged.box_min + merged.box_max);
     merged.mean = middle + vec3(
@@ -184,9 +198,9 @@ fn cluster_merged(eight: ClusterEight) -> LightCluster {
         sum_of_eight(share_a * (a.mean[1] - middle.y), share_b * (b.mean[1] - middle.y)),
         sum_of_eight(share_a * (a.mean[2] - middle.z), share_b * (b.mean[2] - middle.z)),
     );
-    let between = sum_of_eight(share_a * apart_sq(a.mean, merged.mean), share_b * apart_sq(b.mean, merged.mean));
+    let between = sum_of_eight(share_a * dist_sq(a.mean, merged.mean), share_b * dist_sq(b.mean, merged.mean));
     merged.variance = between + sum_of_eight(share_a * a.variance, share_b * b.variance);
-    merged.range = greatest_of_eight(a.range, b.range);
+    merged.range = max_of_eight(a.range, b.range);
     merged.axis = vec3(
         sum_of_eight(share_a * a.axis[0], share_b * b.axis[0]),
         sum_of_eight(share_a * a.axis[1], share_b * b.axis[1]),
@@ -199,67 +213,82 @@ fn cluster_merged(eight: ClusterEight) -> LightCluster {
     } else {
         let unit = merged.axis / length;
         let units = mat3x4(vec4(unit.x), vec4(unit.y), vec4(unit.z));
-        merged.cos_half_angle = least_of_eight(cap_about(units, a), cap_about(units, b));
+        merged.cos_half_angle = min_of_eight(cap_about(units, a), cap_about(units, b));
     }
     return merged;
 }
 
-fn apart_sq(means: mat3x4<f32>, mean: vec3<f32>) -> vec4<f32> {
+// The squared distances of four means from a point.
+fn dist_sq(means: mat3x4<f32>, mean: vec3<f32>) -> vec4<f32> {
     let x = means[0] - mean.x;
     let y = means[1] - mean.y;
     let z = means[2] - mean.z;
     return x * x + y * y + z * z;
 }
 
-// Biased exponent of the least power of two of which LIGHT_STEPS reach from `least` to `most`; 0 if they are equal.
-// Twin of `step_bits`. Differs: looks further, since WGSL's division may be off where Rust's is not.
-fn step_bits(least: f32, most: f32) -> u32 {
-    if most <= least {
+// The biased exponent of the smallest power of two of which LIGHT_STEPS steps reach from `low` to
+// `high`; 0 if these are equal. Twin of `step_bits` in src/tree. Differs: it tries up to four
+// exponents, because a division in WGSL may be less accurate than in Rust.
+fn step_bits(low: f32, high: f32) -> u32 {
+    if high <= low {
         return 0u;
     }
-    var bits = max(bitcast<u32>((most - least) / LIGHT_STEPS) >> 23u, 1u);
-    for (var i = 0u; i < 4u && least + LIGHT_STEPS * bitcast<f32>(bits << 23u) < most; i++) {
+    var bits = max(bitcast<u32>((high - low) / LIGHT_STEPS) >> 23u, 1u);
+    for (var i = 0u; i < 4u && low + LIGHT_STEPS * bitcast<f32>(bits << 23u) < high; i++) {
         bits++;
     }
     return bits;
 }
 
-// Bytes from whole numbers; what is left of their range by rounding is cut off.
+// Four whole numbers as bytes. Rounding may have moved them out of a byte's range, so they are
+// clamped.
 fn pack_bytes(v: vec4<f32>) -> u32 {
     let bytes = vec4<u32>(clamp(v, vec4(0.0), vec4(LIGHT_STEPS))) << vec4(0u, 8u, 16u, 24u);
     return bytes.x | bytes.y | bytes.z | bytes.w;
 }
 
+// Four whole numbers from -128 to 127 as bytes.
 fn pack_signed_bytes(v: vec4<f32>) -> u32 {
     let bytes = (bitcast<vec4<u32>>(vec4<i32>(v)) & vec4(0xffu)) << vec4(0u, 8u, 16u, 24u);
     return bytes.x | bytes.y | bytes.z | bytes.w;
 }
 
-// Upper halves of floats; `more` is added to their bits before the lower are cut off.
-fn pack_halves(v: vec4<f32>, more: u32) -> vec2<u32> {
-    let bits = (bitcast<vec4<u32>>(v) + vec4(more)) >> vec4(16u);
+// The upper halves of four floats. `rounding` is added to their bits first: 0x8000 rounds to
+// nearest, 0xffff rounds up.
+fn pack_halves(v: vec4<f32>, rounding: u32) -> vec2<u32> {
+    let bits = (bitcast<vec4<u32>>(v) + vec4(rounding)) >> vec4(16u);
     return vec2(bits.x | (bits.y << 16u), bits.z | (bits.w << 16u));
 }
 
-// Boxes and means of four clusters along one axis.
+// The boxes and means of four clusters along one axis.
 struct PackedAxis {
     low: u32,
     high: u32,
     mean: u32,
+    // The sizes of the unpacked boxes.
     size: vec4<f32>,
 }
 
-fn pack_axis(origin: f32, bits: u32, box_min: vec4<f32>, box_max: vec4<f32>, mean: vec4<f32>, is_lit: vec4<bool>) -> PackedAxis {
+// Packs four clusters along one axis; `bits` is the exponent of the grid's step.
+fn pack_axis(
+    origin: f32,
+    bits: u32,
+    box_min: vec4<f32>,
+    box_max: vec4<f32>,
+    mean: vec4<f32>,
+    is_lit: vec4<bool>,
+) -> PackedAxis {
     let step = bitcast<f32>(bits << 23u);
-    // The inverse of a power of two, from its exponent: exact, which a division may not be.
+    // The inverse of a power of two from its exponent is exact, while a division may not be.
     let per_step = select(0.0, bitcast<f32>((254u - bits) << 23u), bits > 0u);
-    let least = select(vec4(origin), box_min, is_lit);
-    let most = select(vec4(origin), box_max, is_lit);
-    // Rounding may be off by a step either way: what is decoded decides.
-    var low = round((least - origin) * per_step);
-    low -= select(vec4(0.0), vec4(1.0), origin + low * step > least);
-    var high = round((most - origin) * per_step);
-    high += select(vec4(0.0), vec4(1.0), origin + high * step < most);
+    let lower = select(vec4(origin), box_min, is_lit);
+    let upper = select(vec4(origin), box_max, is_lit);
+    // The unpacked box must hold the box, so a corner that was rounded inward moves by one more
+    // step.
+    var low = round((lower - origin) * per_step);
+    low -= select(vec4(0.0), vec4(1.0), origin + low * step > lower);
+    var high = round((upper - origin) * per_step);
+    high += select(vec4(0.0), vec4(1.0), origin + high * step < upper);
     let start = origin + low * step;
     let size = (origin + high * step) - start;
     let share = (mean - start) / select(vec4(1.0), size, size > vec4(0.0));
@@ -267,11 +296,12 @@ fn pack_axis(origin: f32, bits: u32, box_min: vec4<f32>, box_max: vec4<f32>, mea
     return PackedAxis(pack_bytes(low), pack_bytes(high), pack_bytes(steps), size);
 }
 
+// Rounds to the nearest whole numbers, halves away from zero.
 fn rounded_signed(v: vec4<f32>) -> vec4<f32> {
     return trunc(v + select(vec4(0.5), vec4(-0.5), v < vec4(0.0)));
 }
 
-// Packs four clusters whose boxes lie in a node's.
+// Packs four clusters into a node with this origin and these exponents of its steps.
 fn pack_four(four: ClusterFour, origin: vec3<f32>, bits: vec3<u32>) -> LightPackedFour {
     let is_lit = four.flux > vec4(0.0);
     let x = pack_axis(origin.x, bits.x, four.box_min[0], four.box_max[0], four.mean[0], is_lit);
@@ -302,8 +332,8 @@ fn pack_four(four: ClusterFour, origin: vec3<f32>, bits: vec3<u32>) -> LightPack
     );
 }
 
-// Twin of `Node::pack`: eight clusters and their node's own. Targets and parent are left at zero. Dark clusters and a
-// dark node have what lights without cone and range have.
+// Packs a node from eight clusters and their merged cluster. Twin of `Node::pack`. Targets and
+// parent are zero. Dark clusters get the values of lights without a cone and without a range.
 fn node_packed(eight: ClusterEight, merged: LightCluster) -> LightNode {
     let bits = vec3(
         step_bits(merged.box_min.x, merged.box_max.x),

@@ -1,17 +1,18 @@
-// Copies records to another layout, word by word as a table says. Twin of `RelayoutPass` in src/gpu/relayout.rs, whose
-// tests compare them and what is copied. One invocation for each 16 bytes that are written.
+// Copies records to another layout; a table tells the source of each word. One invocation for each
+// 16 bytes that are written. The tests in src/gpu/relayout.rs compare the copies with uploads.
 
+// Twin of `RelayoutPass` in src/gpu/relayout.rs.
 struct RelayoutPass {
-    // Records to copy.
+    // The number of records.
     records: u32,
-    // From one to the next before, in words.
+    // The stride in the old layout, in words.
     words_before: u32,
-    // From one to the next after, in 16 bytes.
+    // The stride in the new layout, in units of 16 bytes.
     quads_after: u32,
     padding: u32,
-    // For each word after where it lies in the record before, or RELAYOUT_NOT_STORED.
+    // For each word of the new record its offset in the old record, or RELAYOUT_NOT_STORED.
     sources: array<vec4<u32>, RELAYOUT_QUADS>,
-    // What it is if it was not stored.
+    // For each word of the new record its value if it was not stored.
     values: array<vec4<u32>, RELAYOUT_QUADS>,
 }
 

@@ -1,8 +1,9 @@
-// Radix sort, stage 1 of 3: how often each digit occurs in each block. One workgroup a block.
+// Radix sort, stage 1 of 3: counts how often each digit occurs in each block. One workgroup for
+// each block.
 
 @group(0) @binding(0) var<uniform> pass_: SortPass;
 @group(0) @binding(1) var<storage, read> keys_in: array<u32>;
-// [digit][block], then one total a digit.
+// [digit][block], then the total of each digit.
 @group(0) @binding(5) var<storage, read_write> histogram: array<u32>;
 
 var<workgroup> digits: array<atomic<u32>, SORT_LANES>;

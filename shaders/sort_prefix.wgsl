@@ -1,8 +1,10 @@
-// Exclusive prefix sum over the lanes of one workgroup (Hillis and Steele, 1986: log2 steps, two alternating rows).
+// Exclusive prefix sum over the lanes of one workgroup, after Hillis and Steele (1986): log2 steps
+// that alternate between two rows. Binds nothing.
 
 var<workgroup> sort_prefix_rows: array<array<u32, SORT_LANES>, 2>;
 
-// x: sum of `value` over the lanes before this one; y: over all lanes. Call from uniform control flow.
+// x: the sum of `value` over the lanes before this one; y: the sum over all lanes. Call from
+// uniform control flow.
 fn sort_prefix(lane: u32, value: u32) -> vec2<u32> {
     sort_prefix_rows[0][lane] = value;
     workgroupBarrier();
@@ -17,7 +19,7 @@ fn sort_prefix(lane: u32, value: u32) -> vec2<u32> {
         workgroupBarrier();
     }
     let sums = vec2(sort_prefix_rows[row][lane] - value, sort_prefix_rows[row][SORT_LANES - 1u]);
-    // The rows may be written again at once.
+    // The next call may write the rows at once.
     workgroupBarrier();
     return sums;
 }

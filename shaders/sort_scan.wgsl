@@ -1,6 +1,6 @@
-// Radix sort, stage 2 of 3: one workgroup a digit turns that digit's counts into exclusive prefix sums over the
-// blocks and stores their total. The sum over digits is left to the scatter stage, where 256 totals are cheap to
-// add again in every workgroup and save a dispatch.
+// Radix sort, stage 2 of 3: turns the counts of each digit into exclusive prefix sums over the
+// blocks, and stores their total. One workgroup for each digit. Every workgroup of the scatter
+// stage adds up the 256 totals again, which is cheaper than a dispatch.
 
 @group(0) @binding(0) var<uniform> pass_: SortPass;
 @group(0) @binding(5) var<storage, read_write> histogram: array<u32>;

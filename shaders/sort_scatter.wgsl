@@ -1,6 +1,8 @@
-// Radix sort, stage 3 of 3: every key goes to its place: keys of lower digits, plus keys of its digit in earlier
-// blocks, plus those in earlier rounds of this block, plus those in lower lanes of this round. The last term reads
-// a bit a lane, set by atomics that commute, so the place depends on nothing but the keys.
+// Radix sort, stage 3 of 3: writes each key to its place. The place of a key is the number of keys
+// with lower digits, plus the number of keys with its digit in earlier blocks, in earlier rounds of
+// its block and in lower lanes of its round. The last number comes from a bitmap of the lanes. The
+// order in which atomics set its bits does not matter, so the place depends on nothing but the
+// keys.
 
 @group(0) @binding(0) var<uniform> pass_: SortPass;
 @group(0) @binding(1) var<storage, read> keys_in: array<u32>;
@@ -9,9 +11,10 @@
 @group(0) @binding(4) var<storage, read_write> values_out: array<u32>;
 @group(0) @binding(5) var<storage, read_write> histogram: array<u32>;
 
-// Where the next key of each digit goes.
+// The place of the next key of each digit.
 var<workgroup> next: array<u32, SORT_LANES>;
-// [word][digit]: the lanes whose key has that digit. Words first, so that neighbouring digits lie in different banks.
+// [word][digit]: the lanes whose key has that digit. Words are the outer index, so that
+// neighbouring digits are in different banks.
 var<workgroup> lanes_of: array<array<atomic<u32>, SORT_LANES>, SORT_WORDS>;
 
 @compute @workgroup_size(SORT_LANES)
@@ -42,12 +45,12 @@ fn sort_scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
             values_out[place] = values_in[i];
         }
         workgroupBarrier();
-        // This lane owns digit `lane`: count it and clear it for the next round.
-        var seen = 0u;
+        // This lane owns digit `lane`: it counts the keys and clears the bits for the next round.
+        var count = 0u;
         for (var word = 0u; word < SORT_WORDS; word++) {
-            seen += countOneBits(atomicExchange(&lanes_of[word][lane], 0u));
+            count += countOneBits(atomicExchange(&lanes_of[word][lane], 0u));
         }
-        next[lane] += seen;
+        next[lane] += count;
         workgroupBarrier();
     }
 }

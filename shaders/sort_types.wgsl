@@ -1,15 +1,18 @@
-// What the three stages of the radix sort share. Twin of `SortPass` in src/gpu/sort.rs, whose test
-// `the_shaders_agree_with_the_host_about_sizes` compares them. Two constants come from there: SORT_LANES, the
-// invocations of a workgroup, which a digit has as many values as, so lane d can own digit d; and SORT_WORDS, the
-// words that hold a bit for each lane.
+// What the three stages of the radix sort share. Binds nothing. src/gpu/sort.rs defines two
+// constants: SORT_LANES is the number of invocations in a workgroup and also of the values of a
+// digit, so that lane d can own digit d. SORT_WORDS is the number of words with one bit for each
+// lane.
 
+// Twin of `SortPass` in src/gpu/sort.rs. The test
+// `the_stages_have_the_sizes_that_the_host_expects` there compares them.
 struct SortPass {
-    // Keys to sort.
+    // The number of keys.
     count: u32,
-    // Blocks of `rounds * SORT_LANES` consecutive keys, the last one partly empty.
+    // The number of blocks. A block is `rounds * SORT_LANES` consecutive keys; the last one may
+    // extend past the keys.
     blocks: u32,
     rounds: u32,
-    // Lowest bit of this pass's digit.
+    // The lowest bit of the digit of this pass.
     shift: u32,
 }
 

@@ -1,12 +1,13 @@
-// Reads what is stored, in the strides that light_params tells: any variant of the text reads any layout. What is not
-// stored is as it is where nothing has it. Twin of src/gpu/stored.rs. Reads the buffers that sample.wgsl binds.
+// Reads stored records. Twin of src/gpu/stored.rs. light_params holds the strides, so any variant
+// of the text reads any layout. A part that is not stored gets the values of a record without that
+// effect. Reads the buffers that sample.wgsl binds; binds nothing itself.
 
 // #if COUNTS
-// Nodes that this invocation has read.
+// The number of nodes that this invocation has read.
 var<private> light_nodes_read: u32;
 // #endif
 
-// `index` counts from the buffer's start.
+// A node of the top level or of a tree; `index` counts from the start of the buffer.
 fn light_node(in_top: bool, index: u32) -> LightNode {
     // #if COUNTS
     light_nodes_read++;
@@ -17,14 +18,16 @@ fn light_node(in_top: bool, index: u32) -> LightNode {
     return light_tree_node(index * light_params.node_stride);
 }
 
+// A node of the top level; `at` is its offset in the buffer.
 fn light_top_node(at: u32) -> LightNode {
     var node: LightNode;
     node.head = light_top[at];
     node.targets = array(light_top[at + LIGHT_NODE_TARGETS], light_top[at + LIGHT_NODE_TARGETS + 1u]);
     node.flux = light_top[at + LIGHT_NODE_FLUX];
     node.boxes = array(
-        light_top[at + LIGHT_NODE_BOXES], light_top[at + LIGHT_NODE_BOXES + 1u], light_top[at + LIGHT_NODE_BOXES + 2u],
-        light_top[at + LIGHT_NODE_BOXES + 3u], light_top[at + LIGHT_NODE_BOXES + 4u],
+        light_top[at + LIGHT_NODE_BOXES], light_top[at + LIGHT_NODE_BOXES + 1u],
+        light_top[at + LIGHT_NODE_BOXES + 2u], light_top[at + LIGHT_NODE_BOXES + 3u],
+        light_top[at + LIGHT_NODE_BOXES + 4u],
     );
     node.tail = light_top[at + LIGHT_NODE_TAIL];
     // #if CONES
@@ -42,15 +45,17 @@ fn light_top_node(at: u32) -> LightNode {
     return node;
 }
 
-// The same of the other buffer: WGSL has no pointers to choose one by.
+// A node of a tree. The same as light_top_node for the other buffer: a function of WGSL cannot take
+// a storage buffer as an argument.
 fn light_tree_node(at: u32) -> LightNode {
     var node: LightNode;
     node.head = light_nodes[at];
     node.targets = array(light_nodes[at + LIGHT_NODE_TARGETS], light_nodes[at + LIGHT_NODE_TARGETS + 1u]);
     node.flux = light_nodes[at + LIGHT_NODE_FLUX];
     node.boxes = array(
-        light_nodes[at + LIGHT_NODE_BOXES], light_nodes[at + LIGHT_NODE_BOXES + 1u], light_nodes[at + LIGHT_NODE_BOXES + 2u],
-        light_nodes[at + LIGHT_NODE_BOXES + 3u], light_nodes[at + LIGHT_NODE_BOXES + 4u],
+        light_nodes[at + LIGHT_NODE_BOXES], light_nodes[at + LIGHT_NODE_BOXES + 1u],
+        light_nodes[at + LIGHT_NODE_BOXES + 2u], light_nodes[at + LIGHT_NODE_BOXES + 3u],
+        light_nodes[at + LIGHT_NODE_BOXES + 4u],
     );
     node.tail = light_nodes[at + LIGHT_NODE_TAIL];
     // #if CONES
@@ -68,6 +73,7 @@ fn light_tree_node(at: u32) -> LightNode {
     return node;
 }
 
+// The target of the child in a slot of a node.
 fn light_target(in_top: bool, index: u32, slot: u32) -> u32 {
     let at = index * light_params.node_stride + LIGHT_NODE_TARGETS + slot / 4u;
     if in_top {
@@ -76,6 +82,7 @@ fn light_target(in_top: bool, index: u32, slot: u32) -> u32 {
     return light_nodes[at][slot % 4u];
 }
 
+// A light; `index` counts from the start of the buffer.
 fn light_record(index: u32) -> LightRecord {
     let at = index * light_params.light_stride;
     let first = light_records[at];
@@ -109,6 +116,7 @@ fn light_place(index: u32) -> u32 {
     return light_records[index * light_params.light_stride + 1u].w;
 }
 
+// The instance in a slot, without its place in the top level.
 fn light_instance(slot: u32) -> LightInstance {
     let at = slot * light_params.instance_stride;
     let words = light_instances[at + LIGHT_INSTANCE_TREE];
@@ -122,7 +130,8 @@ fn light_instance(slot: u32) -> LightInstance {
     instance.to_local = light_rigid_to_local(instance.to_world);
     if light_params.instance_stride > LIGHT_RIGID_STRIDE {
         let local = at + LIGHT_RIGID_STRIDE;
-        instance.to_local = light_rows(light_instances[local], light_instances[local + 1u], light_instances[local + 2u]);
+        instance.to_local =
+            light_rows(light_instances[local], light_instances[local + 1u], light_instances[local + 2u]);
     }
     // #endif
     return instance;
@@ -133,6 +142,7 @@ fn light_node_base(slot: u32) -> u32 {
     return light_instances[slot * light_params.instance_stride + LIGHT_INSTANCE_TREE].z;
 }
 
+// The first light of an instance's tree.
 fn light_light_base(slot: u32) -> u32 {
     return light_instances[slot * light_params.instance_stride + LIGHT_INSTANCE_TREE].w;
 }

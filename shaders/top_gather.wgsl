@@ -1,17 +1,18 @@
-// Finds the units of a round: instances in the curve's order, or what the last round left. Reads what the stage binds
-// as `units`, `slots` and `bounds`; borrows the memory of `split_order`.
+// Finds the units of a round: the instances in the order of the curve, or the units that the last
+// round has left. Binds nothing; reads the variables `units`, `slots` and `bounds` of the stage,
+// and uses `split_order` of top_split.wgsl as scratch memory.
 
 var<workgroup> gather_total: u32;
 
-// Numbers of the last round that one invocation adds up.
+// The number of pieces of the last round whose units one invocation adds up.
 fn gather_share() -> u32 {
     return (top_pass.pieces_before + TOP_SPLIT_LANES - 1u) / TOP_SPLIT_LANES;
 }
 
-// How many units there are; `split_order` then holds how many come before each invocation's share. Call from uniform
-// control flow.
+// The number of units. `split_order` then holds, for each invocation, the number of units before
+// its share. Call from uniform control flow.
 fn gather_count(lane: u32) -> u32 {
-    if top_pass.units_before == TOP_SORTED {
+    if top_pass.units_before == TOP_FIRST_ROUND {
         if lane == 0u {
             gather_total = bounds[6];
         }
@@ -22,7 +23,7 @@ fn gather_count(lane: u32) -> u32 {
     for (var piece = lane * share; piece < min((lane + 1u) * share, top_pass.pieces_before); piece++) {
         own += units[top_pass.units_before + piece];
     }
-    // Hillis and Steele (1986).
+    // A prefix sum after Hillis and Steele (1986).
     var sum = own;
     for (var reach = 1u; reach < TOP_SPLIT_LANES; reach *= 2u) {
         split_order[lane] = sum;
@@ -39,12 +40,12 @@ fn gather_count(lane: u32) -> u32 {
     return workgroupUniformLoad(&gather_total);
 }
 
-// The unit with this number among all.
+// The unit at an index among all units of the round.
 fn gather_unit(index: u32) -> u32 {
-    if top_pass.units_before == TOP_SORTED {
+    if top_pass.units_before == TOP_FIRST_ROUND {
         return slots[index];
     }
-    // The last share that begins at or before it.
+    // The last share that begins at or before the index.
     var low = 0u;
     var high = TOP_SPLIT_LANES;
     while high - low > 1u {
@@ -61,10 +62,10 @@ fn gather_unit(index: u32) -> u32 {
         rest -= units[top_pass.units_before + piece];
         piece++;
     }
-    return units[top_pass.units_before + top_pass.pieces_before + piece * TOP_LEFT + rest];
+    return units[top_pass.units_before + top_pass.pieces_before + piece * TOP_MAX_GROUPS + rest];
 }
 
-// What a child's target says of a unit.
+// The target of a child that is this unit.
 fn gather_target(unit: u32) -> u32 {
     if unit < top_pass.capacity {
         return LIGHT_LEAF | unit;

@@ -1,5 +1,6 @@
-// Top level, a round's first stage: one workgroup a piece of neighbours. What its splits leave together will be a node,
-// what they leave alone is a unit again. Twin of `grouped` in src/top/mod.rs.
+// Top level, the first stage of a round: divides the units into pieces of neighbours along the
+// curve, and splits each piece into groups. A group of several units becomes a node, a single unit
+// stays a unit. Twin of `grouped` in src/top/mod.rs. One workgroup for each piece.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
 @group(0) @binding(3) var<storage, read_write> clusters: array<LightCluster>;
@@ -8,24 +9,26 @@
 @group(0) @binding(7) var<storage, read_write> nodes: array<u32>;
 @group(0) @binding(8) var<storage, read_write> units: array<u32>;
 
-fn split_note(lane: u32, parts: u32) {
+// Rounds need no record of their splits.
+fn split_record(lane: u32, parts: u32) {
 }
 
-// Of where this piece begins, and the next: rank and step of the best place in the window, see `piece_start` in
-// src/top/mod.rs.
+// For the start of this piece and of the next: the rank of the best place in the window, and the
+// step of that place from the first in the window. See `piece_start` in src/top/mod.rs.
 var<workgroup> group_starts: array<atomic<u32>, 2>;
 
-// Where a piece would begin if all were of the same size.
+// The start of a piece if all pieces had the same size.
 fn group_even(total: u32, pieces: u32, piece: u32) -> u32 {
     return piece * (total / pieces) + min(piece, total % pieces);
 }
 
+// The key of the unit at an index.
 fn group_key(index: u32) -> u32 {
     return curve_key_of(clusters[gather_unit(index)].mean);
 }
 
-// Half of the invocations look around the one start, half around the other.
-fn group_look(lane: u32, total: u32, pieces: u32, piece: u32) {
+// Ranks the places in the windows of both starts. Half of the invocations work on each window.
+fn group_rank_starts(lane: u32, total: u32, pieces: u32, piece: u32) {
     let side = lane / (2u * TOP_WINDOW);
     let step = lane % (2u * TOP_WINDOW);
     if side > 1u || piece + side == 0u || piece + side == pieces {
@@ -38,6 +41,7 @@ fn group_look(lane: u32, total: u32, pieces: u32, piece: u32) {
     atomicMax(&group_starts[side], (digit << 16u) | (near << 8u) | step);
 }
 
+// The start of this piece (`side` 0) or of the next piece (`side` 1).
 fn group_start(total: u32, pieces: u32, piece: u32, side: u32) -> u32 {
     let even = group_even(total, pieces, piece + side);
     if piece + side == 0u || piece + side == pieces {
@@ -52,7 +56,7 @@ fn top_group(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     let piece = group.x;
     let left = top_pass.units_after + top_pass.pieces;
     if total <= TOP_ROOT_UNITS {
-        // Few enough for the root: handed on as they are, as the first piece's.
+        // The upper part can hold all units, so they are passed on as the units of the first piece.
         if piece == 0u && lane < total {
             units[left + lane] = gather_unit(lane);
         }
@@ -68,7 +72,7 @@ fn top_group(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
         }
         return;
     }
-    group_look(lane, total, pieces, piece);
+    group_rank_starts(lane, total, pieces, piece);
     workgroupBarrier();
     let start = group_start(total, pieces, piece, 0u);
     let count = group_start(total, pieces, piece, 1u) - start;
@@ -77,7 +81,7 @@ fn top_group(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
         let unit = lane + i * TOP_SPLIT_LANES;
         if unit < count {
             own[i] = gather_unit(start + unit);
-            split_see_extremes(clusters[own[i]]);
+            split_add_to_extremes(clusters[own[i]]);
         }
     }
     workgroupBarrier();
@@ -89,7 +93,8 @@ fn top_group(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     }
     split_all(lane, count);
 
-    // The words are not needed any more: the first row takes the units' numbers.
+    // The grid is not needed any more, so the first row of its words takes the numbers of the
+    // units.
     workgroupBarrier();
     split_clear(lane);
     for (var i = 0u; i < SPLIT_EACH; i++) {
@@ -115,13 +120,13 @@ fn top_group(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
             part = SplitPart(index * LIGHT_WIDTH, min(LIGHT_WIDTH, count - index * LIGHT_WIDTH));
         }
         let unit = split_words[split_unit(place)];
-        let node = top_pass.first_node + piece * TOP_LEFT + index;
+        let node = top_pass.first_node + piece * TOP_MAX_GROUPS + index;
         let is_alone = part.count == 1u;
         if !is_alone {
             node_store_target(node_layout(), node * LIGHT_WIDTH + place - part.first, gather_target(unit));
         }
         if place == part.first {
-            units[left + piece * TOP_LEFT + index] = select(top_pass.capacity + node, unit, is_alone);
+            units[left + piece * TOP_MAX_GROUPS + index] = select(top_pass.capacity + node, unit, is_alone);
             for (var slot = part.count; slot < LIGHT_WIDTH && !is_alone; slot++) {
                 node_store_target(node_layout(), node * LIGHT_WIDTH + slot, LIGHT_EMPTY_SLOT);
             }

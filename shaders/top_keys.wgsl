@@ -1,5 +1,5 @@
-// Top level, stage 2: where each shining instance lies on a curve through space. Twin of src/curve.rs,
-// which explains it. Subtraction, powers of two and integers only, so both get the same bits. One invocation a slot.
+// Top level, stage 2: the place of each instance that shines on a curve through space, as its key
+// for the sort. One invocation for each slot.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
 @group(0) @binding(3) var<storage, read_write> clusters: array<LightCluster>;

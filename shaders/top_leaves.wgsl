@@ -1,18 +1,18 @@
-// Top level, stage 1: each instance as the top level sees it, and the bounds of their means. Twin of `LightWorld::cluster`.
-// One invocation a slot.
+// Top level, stage 1: the cluster of each instance, and the bounds of the means of these clusters.
+// Twin of `LightWorld::cluster`. One invocation for each slot.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
 @group(0) @binding(1) var<storage, read_write> instances: array<vec4<u32>>;
 @group(0) @binding(2) var<storage, read> trees: array<LightTree>;
 @group(0) @binding(3) var<storage, read_write> clusters: array<LightCluster>;
-// Greatest `top_ordered` coordinates, greatest complements of them, and how many instances shine: all start from the
-// zeros of a cleared buffer.
+// The maxima of the `top_ordered` coordinates, the maxima of their complements, and the number of
+// instances that shine. The buffer is cleared before the stage.
 @group(0) @binding(4) var<storage, read_write> bounds: array<atomic<u32>, 8>;
 
-// The same of this workgroup. Maxima and sums commute, so none depends on who comes first.
+// The same for this workgroup. Maxima and sums do not depend on the order of the invocations.
 var<workgroup> group_bounds: array<atomic<u32>, 8>;
 
-// As light_instance in stored.wgsl reads it.
+// Reads an instance as light_instance in stored.wgsl does.
 fn instance_of(slot: u32) -> LightInstance {
     let at = slot * top_pass.instance_stride;
     var instance: LightInstance;
@@ -27,6 +27,7 @@ fn instance_of(slot: u32) -> LightInstance {
     return instance;
 }
 
+// The cluster of the instance in a slot; empty if there is none or if it is dark.
 fn leaf_of(slot: u32) -> LightCluster {
     let instance = instance_of(slot);
     if (instance.flags & LIGHT_LIVE) == 0u {

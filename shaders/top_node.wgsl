@@ -1,5 +1,5 @@
-// Top level, a round's second stage: each node that the first has filled is packed from its children's clusters, and
-// they learn where they hang. One invocation a node. Twin of `TopLevel::add`.
+// Top level, the second stage of a round: packs the nodes whose targets the first stage has
+// written. Twin of `TopLevel::add`. One invocation for each node.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
 @group(0) @binding(1) var<storage, read_write> instances: array<vec4<u32>>;
@@ -10,13 +10,13 @@
 @compute @workgroup_size(TOP_LANES)
 fn top_node(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let index = top_index(id, groups);
-    let piece = index / TOP_LEFT;
-    if piece >= top_pass.pieces || index % TOP_LEFT >= units[top_pass.units_after + piece] {
+    let piece = index / TOP_MAX_GROUPS;
+    if piece >= top_pass.pieces || index % TOP_MAX_GROUPS >= units[top_pass.units_after + piece] {
         return;
     }
     let node = top_pass.first_node + index;
-    // Not a unit that was left alone.
+    // A group of one unit has no node.
     if units[top_pass.units_after + top_pass.pieces + index] == top_pass.capacity + node {
-        node_make(node);
+        node_pack(node);
     }
 }

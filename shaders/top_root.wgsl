@@ -1,5 +1,5 @@
-// Top level, last stage: the nodes of the upper part, the deepest first. One workgroup, whose barriers order them. Twin
-// of `TopLevel::add_part`.
+// Top level, the last stage: packs the nodes of the upper part, the deepest first. One workgroup;
+// its barriers keep the order. Twin of `TopLevel::add_part`.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
 @group(0) @binding(1) var<storage, read_write> instances: array<vec4<u32>>;
@@ -22,7 +22,7 @@ fn top_root(@builtin(local_invocation_index) lane: u32) {
     for (var depth = workgroupUniformLoad(&root_depth); depth > 0u; depth--) {
         for (var part = lane; part < TOP_ROOT_PARTS; part += TOP_LANES) {
             if units[top_pass.units_after + part] == depth {
-                node_make(part);
+                node_pack(part);
             }
         }
         storageBarrier();

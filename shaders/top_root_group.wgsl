@@ -1,35 +1,41 @@
-// Top level, last but one: the few units that are left become the upper part of the tree, by cost from the root down.
-// One workgroup. Twin of `TopLevel::add_root`: a node's index is the number of the part that it stands for, the root's
-// is 0.
+// Top level, the last stage but one: forms the upper part of the tree from the remaining units, by
+// cost from the root down. A node has the index of the part that it holds; the root has index 0.
+// Twin of `TopLevel::add_root`. One workgroup.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
 @group(0) @binding(3) var<storage, read_write> clusters: array<LightCluster>;
 @group(0) @binding(4) var<storage, read_write> bounds: array<u32, 8>;
 @group(0) @binding(6) var<storage, read_write> slots: array<u32>;
 @group(0) @binding(7) var<storage, read_write> nodes: array<u32>;
-// From `units_after` on: for each part its node's depth, the root's 1; 0 if it is no node.
+// From `units_after` on: for each part the depth of its node, 1 for the root; 0 if it has no node.
 @group(0) @binding(8) var<storage, read_write> units: array<u32>;
 
-// Of each part: first | count << 9 | the first of its halves << 18, the other is the next; 0 if it was not split.
+// For each part: first | count << 9 | half << 18. `half` is the first of its two halves, and the
+// other half is the part after that; it is 0 if the part was not split.
 var<workgroup> root_parts: array<u32, TOP_ROOT_PARTS>;
 var<workgroup> root_costs: array<u32, TOP_ROOT_PARTS>;
-// Atomics: a node's invocation writes them for its children while others look for nodes of this depth.
+// Atomics, because one invocation writes the depths of a node's children while others search for
+// nodes of the present depth.
 var<workgroup> root_depths: array<atomic<u32>, TOP_ROOT_PARTS>;
-// The part that begins at a place, the last of them.
+// For each place the latest part that begins there.
 var<workgroup> root_current: array<u32, TOP_PIECE>;
+// The number of parts.
 var<workgroup> root_count: u32;
-var<workgroup> root_goes_on: atomic<u32>;
+// 1 once a node of the present depth has a child that is a node.
+var<workgroup> root_has_deeper: atomic<u32>;
 var<workgroup> root_is_done: u32;
 
+// The places of a part.
 fn root_part(part: u32) -> SplitPart {
     return SplitPart(root_parts[part] & 0x1ffu, (root_parts[part] >> 9u) & 0x1ffu);
 }
 
+// The first half of a part; 0 if it was not split.
 fn root_half(part: u32) -> u32 {
     return root_parts[part] >> 18u;
 }
 
-// Bits of a part's cost that are compared.
+// The bits of a part's cost that are compared.
 fn root_cost(first: u32, count: u32) -> u32 {
     var sums = split_empty();
     for (var place = first; place < first + count; place++) {
@@ -38,8 +44,8 @@ fn root_cost(first: u32, count: u32) -> u32 {
     return bitcast<u32>(split_cost(sums)) >> TOP_COST_SLACK;
 }
 
-// Notes both halves of each part that was split, in the parts' order.
-fn split_note(lane: u32, parts: u32) {
+// Records both halves of each part that was split, in the order of the parts.
+fn split_record(lane: u32, parts: u32) {
     let known = workgroupUniformLoad(&root_count);
     if lane < parts {
         let first = split_heads[lane];
@@ -61,7 +67,7 @@ fn split_note(lane: u32, parts: u32) {
     workgroupBarrier();
 }
 
-// Twin of `children_of`; makes one node.
+// Finds the children of a node and writes its targets. Twin of `children_of` in src/top/mod.rs.
 fn root_fill(whole: u32, depth: u32) {
     var children: array<u32, LIGHT_WIDTH>;
     var is_open: array<bool, LIGHT_WIDTH>;
@@ -121,13 +127,13 @@ fn root_fill(whole: u32, depth: u32) {
         let part = root_part(children[i]);
         if is_open[i] || part.count == 1u {
             for (var place = part.first; place < part.first + part.count; place++) {
-                // The words' first row holds the units' numbers by now.
+                // The first row of the words holds the numbers of the units now.
                 root_target(whole, slot, gather_target(split_words[split_unit(place)]));
                 slot++;
             }
         } else {
             atomicStore(&root_depths[children[i]], depth + 1u);
-            atomicStore(&root_goes_on, 1u);
+            atomicStore(&root_has_deeper, 1u);
             root_target(whole, slot, children[i]);
             slot++;
         }
@@ -137,6 +143,7 @@ fn root_fill(whole: u32, depth: u32) {
     }
 }
 
+// Writes the target of a child.
 fn root_target(node: u32, slot: u32, bits: u32) {
     node_store_target(node_layout(), node * LIGHT_WIDTH + slot, bits);
 }
@@ -147,7 +154,7 @@ fn top_root_group(@builtin(local_invocation_index) lane: u32) {
     var own = 0u;
     if lane < count {
         own = gather_unit(lane);
-        split_see_extremes(clusters[own]);
+        split_add_to_extremes(clusters[own]);
     }
     if lane == 0u {
         root_parts[0] = count << 9u;
@@ -164,7 +171,7 @@ fn top_root_group(@builtin(local_invocation_index) lane: u32) {
     split_words[lane] = own;
     for (var depth = 1u; depth <= TOP_ROOT_PARTS; depth++) {
         if lane == 0u {
-            atomicStore(&root_goes_on, 0u);
+            atomicStore(&root_has_deeper, 0u);
         }
         workgroupBarrier();
         for (var part = lane; part < TOP_ROOT_PARTS; part += TOP_SPLIT_LANES) {
@@ -174,7 +181,7 @@ fn top_root_group(@builtin(local_invocation_index) lane: u32) {
         }
         workgroupBarrier();
         if lane == 0u {
-            root_is_done = 1u - atomicLoad(&root_goes_on);
+            root_is_done = 1u - atomicLoad(&root_has_deeper);
         }
         if workgroupUniformLoad(&root_is_done) == 1u {
             break;

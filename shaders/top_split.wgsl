@@ -1,48 +1,58 @@
-// Splits the units of a piece in two, and again, until no part holds more than a node. Twin of src/top/split.rs, which
-// explains it. One workgroup a piece; all parts of a round at once, each invocation tries some cuts. A stage says with
-// TOP_PIECE how many units there are at most, and with `split_note` what it wants to know of a split.
+// Splits the units of a piece in two, again and again, until every part fits into a node. Twin of
+// src/top/split.rs, which explains the splits. One workgroup splits a piece: it splits all parts in
+// each round, and each invocation tries some cuts. TOP_PIECE is the largest number of units. A
+// stage defines `split_record(lane, parts)`, which is called after each round. Binds nothing.
 
-const SPLIT_WORDS: u32 = TOP_PIECE / 32u;
-// Parts that are split at once: each has more than LIGHT_WIDTH units.
+// The words of a row with one bit for each place.
+const SPLIT_ROW_WORDS: u32 = TOP_PIECE / 32u;
+// The largest number of parts that a round splits: each has more than LIGHT_WIDTH units.
 const SPLIT_PARTS: u32 = TOP_PIECE / (LIGHT_WIDTH + 1u) + 1u;
-// Units of one invocation.
+// The number of units for each invocation.
 const SPLIT_EACH: u32 = TOP_PIECE / TOP_SPLIT_LANES;
 const SPLIT_NO_CUT: u32 = 0xffffffffu;
 
-// Six words of each unit, on the piece's grid: three of least and greatest corner (16 bits each), mean x and y, mean z
-// and the upper half of the flux, three bytes of direction. Word w of unit i is at w * TOP_PIECE + i.
+// Six words for each unit, on the grid of the piece. Word w of unit i is at w * TOP_PIECE + i.
+// 0 to 2: the minimum and the maximum of the box along x, y and z, 16 bits each.
+// 3: the mean along x and y.
+// 4: the mean along z, and the upper half of the flux.
+// 5: three bytes of direction.
 var<workgroup> split_words: array<u32, TOP_PIECE * 6u>;
-// At each place the unit, and the part that it belongs to: unit | first << 10 | count << 20.
+// For each place its unit and the part that it belongs to: unit | first << 10 | count << 20.
 var<workgroup> split_order: array<u32, TOP_PIECE>;
-// A bit a place. First row: its unit goes to the left. Second: a part begins here that is split, or at the end any
-// part.
-var<workgroup> split_bits: array<atomic<u32>, SPLIT_WORDS * 2u>;
+// Two rows with a bit for each place. First row: the unit goes to the left. Second row: a part that
+// is split begins here; after the last round any part.
+var<workgroup> split_bits: array<atomic<u32>, SPLIT_ROW_WORDS * 2u>;
+// The first place of each part that is split.
 var<workgroup> split_heads: array<u32, SPLIT_PARTS>;
+// The cost and the number of the best cut of each part.
 var<workgroup> split_best: array<atomic<u32>, SPLIT_PARTS>;
-// Along each axis the least and the greatest mean of each part, 16 bits each.
+// For each part and axis the minimum and the maximum of the means, 16 bits each.
 var<workgroup> split_ranges: array<u32, SPLIT_PARTS * 3u>;
-// Least corner (complements), greatest corner, greatest flux: all ordered as integers, all found as maxima.
+// The minimum corner as complements, the maximum corner, and the largest flux. All are ordered as
+// integers and found as maxima.
 var<workgroup> split_extremes: array<atomic<u32>, 7>;
 var<workgroup> split_part_count: u32;
 
 const SPLIT_LEFT_ROW: u32 = 0u;
-const SPLIT_HEAD_ROW: u32 = SPLIT_WORDS;
+const SPLIT_HEAD_ROW: u32 = SPLIT_ROW_WORDS;
 
+// Consecutive places.
 struct SplitPart {
     first: u32,
     count: u32,
 }
 
-// Twin of `Item`.
+// One unit on the grid. Twin of `Item` in src/top/split.rs.
 struct SplitItem {
     low: vec3<u32>,
     high: vec3<u32>,
     mean: vec3<u32>,
     flux: f32,
+    // The flux times the mean direction.
     power: vec3<f32>,
 }
 
-// Twin of `Sums`.
+// The box and flux of several units. Twin of `Sums` in src/top/split.rs.
 struct SplitSums {
     low: vec3<u32>,
     high: vec3<u32>,
@@ -50,24 +60,29 @@ struct SplitSums {
     power: vec3<f32>,
 }
 
+// The exponent e of a number in [2^e, 2^(e + 1)); -127 for zero. Twin of `exponent` in
+// src/curve.rs.
 fn split_exponent(x: f32) -> i32 {
     return i32(bitcast<u32>(x) >> 23u) - 127;
 }
 
+// 2^e, or the nearest normal power of two. Twin of `power_of_two` in src/curve.rs.
 fn split_power_of_two(e: i32) -> f32 {
     return bitcast<f32>(u32(clamp(e, -126, 127) + 127) << 23u);
 }
 
+// The part that a place belongs to.
 fn split_part(place: u32) -> SplitPart {
     let word = split_order[place];
     return SplitPart((word >> 10u) & 0x3ffu, word >> 20u);
 }
 
+// The unit at a place.
 fn split_unit(place: u32) -> u32 {
     return split_order[place] & 0x3ffu;
 }
 
-// Bits of a row that are set from place `begin` up to before `end`.
+// The number of bits of a row that are set from place `begin` to before `end`.
 fn split_count_bits(row: u32, begin: u32, end: u32) -> u32 {
     var count = 0u;
     for (var word = begin / 32u; word * 32u < end; word++) {
@@ -87,8 +102,9 @@ fn split_set_bit(row: u32, place: u32) {
     atomicOr(&split_bits[row + place / 32u], 1u << (place % 32u));
 }
 
+// Clears both rows of bits.
 fn split_clear(lane: u32) {
-    if lane < SPLIT_WORDS {
+    if lane < SPLIT_ROW_WORDS {
         atomicStore(&split_bits[lane], 0u);
         atomicStore(&split_bits[SPLIT_HEAD_ROW + lane], 0u);
     }
@@ -99,13 +115,14 @@ fn split_pair(low: f32, high: f32) -> u32 {
     return min(u32(low), TOP_LAST_CELL) | (min(u32(high), TOP_LAST_CELL) << 16u);
 }
 
-fn split_direction(v: f32, turn: u32) -> u32 {
-    return (bitcast<u32>(i32(v * TOP_AXIS_STEPS)) & 0xffu) << turn;
+// One byte of direction, moved up by `shift` bits.
+fn split_direction(v: f32, shift: u32) -> u32 {
+    return (bitcast<u32>(i32(v * TOP_AXIS_STEPS)) & 0xffu) << shift;
 }
 
-// Puts a unit on the grid, once all extremes are known.
+// Writes a unit on the grid. All extremes must be known.
 fn split_put(unit: u32, cluster: LightCluster) {
-    let least = vec3(
+    let low_corner = vec3(
         top_unordered(~atomicLoad(&split_extremes[0])),
         top_unordered(~atomicLoad(&split_extremes[1])),
         top_unordered(~atomicLoad(&split_extremes[2])),
@@ -114,12 +131,12 @@ fn split_put(unit: u32, cluster: LightCluster) {
         top_unordered(atomicLoad(&split_extremes[3])),
         top_unordered(atomicLoad(&split_extremes[4])),
         top_unordered(atomicLoad(&split_extremes[5])),
-    ) - least;
+    ) - low_corner;
     let cells = split_power_of_two(15 - split_exponent(max(extent.x, max(extent.y, extent.z))));
     let per_flux = split_power_of_two(-split_exponent(bitcast<f32>(atomicLoad(&split_extremes[6]))));
-    let low = (cluster.box_min - least) * cells;
-    let high = (cluster.box_max - least) * cells;
-    let mean = (cluster.mean - least) * cells;
+    let low = (cluster.box_min - low_corner) * cells;
+    let high = (cluster.box_max - low_corner) * cells;
+    let mean = (cluster.mean - low_corner) * cells;
     split_words[unit] = split_pair(low.x, high.x);
     split_words[TOP_PIECE + unit] = split_pair(low.y, high.y);
     split_words[2u * TOP_PIECE + unit] = split_pair(low.z, high.z);
@@ -130,7 +147,8 @@ fn split_put(unit: u32, cluster: LightCluster) {
         | split_direction(cluster.axis.y, 8u) | split_direction(cluster.axis.z, 16u);
 }
 
-fn split_see_extremes(cluster: LightCluster) {
+// Takes a unit into account in the extremes.
+fn split_add_to_extremes(cluster: LightCluster) {
     for (var k = 0u; k < 3u; k++) {
         atomicMax(&split_extremes[k], ~top_ordered(cluster.box_min[k]));
         atomicMax(&split_extremes[k + 3u], top_ordered(cluster.box_max[k]));
@@ -138,11 +156,13 @@ fn split_see_extremes(cluster: LightCluster) {
     atomicMax(&split_extremes[6], bitcast<u32>(cluster.flux));
 }
 
+// The mean of a unit on the grid.
 fn split_mean(unit: u32) -> vec3<u32> {
     let xy = split_words[3u * TOP_PIECE + unit];
     return vec3(xy & 0xffffu, xy >> 16u, split_words[4u * TOP_PIECE + unit] & 0xffffu);
 }
 
+// A unit on the grid.
 fn split_item(unit: u32) -> SplitItem {
     let x = split_words[unit];
     let y = split_words[TOP_PIECE + unit];
@@ -169,6 +189,7 @@ fn split_add(sums: SplitSums, item: SplitItem) -> SplitSums {
     );
 }
 
+// The cost of a part. Twin of `Sums::cost`.
 fn split_cost(sums: SplitSums) -> f32 {
     let e = vec3<f32>(max(sums.high, sums.low) - sums.low);
     let size = e.x * e.y + e.y * e.z + e.z * e.x + TOP_DIAGONAL_WEIGHT * (e.x * e.x + e.y * e.y + e.z * e.z);
@@ -179,12 +200,13 @@ fn split_cost(sums: SplitSums) -> f32 {
     return size * max(max(wide, narrow), TOP_MIN_ORIENTATION * sums.flux);
 }
 
-// Whether nodes over so many units can hold six or more each; one unit needs no node.
+// Whether `count` units can be divided into nodes of six or more units each; a single unit needs no
+// node.
 fn split_fills_nodes(count: u32) -> bool {
     return count >= 32u || ((TOP_SPARSE_COUNTS >> (count % 32u)) & 1u) == 0u;
 }
 
-// A count near half that fills nodes on both sides. Twin of `middle` in src/tree/shape/split.rs.
+// A count near half that fills nodes on both sides. Twin of `middle` in src/tree/shape.
 fn split_middle(count: u32) -> u32 {
     if count == 9u || count == 17u {
         return 1u;
@@ -196,18 +218,21 @@ fn split_middle(count: u32) -> u32 {
     return max(nodes / 2u, 1u) * (count / nodes);
 }
 
-// Twin of `Cut`: the last cell of the left side, and the last place in that cell that belongs to it.
+// A cut: the last cell of the left side, and the last place in that cell that is on the left. Twin
+// of `Cut` in src/top/split.rs.
 struct SplitCut {
     axis: u32,
     border: u32,
     end: u32,
 }
 
+// The last place on the left side in the border cell. In a part with few units each cut comes after
+// a unit; in a part with many, all units of the border cell are on the left side.
 fn split_end(part: SplitPart, number: u32) -> u32 {
     return select(part.first + number % TOP_CUTS, part.first + part.count, part.count > TOP_CUTS);
 }
 
-// The last cell on the left, of a part whose means lie between two cells.
+// The last cell on the left side. `range` holds the minimum and the maximum of the part's means.
 fn split_border(part: SplitPart, number: u32, range: u32) -> u32 {
     if part.count > TOP_CUTS {
         let low = range & 0xffffu;
@@ -221,7 +246,7 @@ fn split_is_left_of(cut: SplitCut, mean: vec3<u32>, place: u32) -> bool {
     return mean[cut.axis] < cut.border || (mean[cut.axis] == cut.border && place <= cut.end);
 }
 
-// Least and greatest mean of a part along an axis, as they are kept.
+// The minimum and the maximum of a part's means along an axis, 16 bits each.
 fn split_range(part: SplitPart, axis: u32) -> u32 {
     var low = TOP_LAST_CELL;
     var high = 0u;
@@ -233,6 +258,7 @@ fn split_range(part: SplitPart, axis: u32) -> u32 {
     return low | (high << 16u);
 }
 
+// The cost and the number of a cut of a part, or SPLIT_NO_CUT.
 fn split_try(head: u32, number: u32) -> u32 {
     let part = split_part(split_heads[head]);
     let axis = number / TOP_CUTS;
@@ -265,6 +291,7 @@ fn split_try(head: u32, number: u32) -> u32 {
     return ((bitcast<u32>(cost) >> TOP_COST_SLACK) << TOP_CUT_BITS) | number;
 }
 
+// The number of the best cut.
 fn split_number(best: u32) -> u32 {
     return best & ((1u << TOP_CUT_BITS) - 1u);
 }
@@ -281,13 +308,13 @@ fn split_is_left(part: SplitPart, place: u32, head: u32) -> bool {
     return split_is_left_of(cut, split_mean(split_unit(place)), place);
 }
 
-// Splits `count` units, which are put already. Call from uniform control flow.
+// Splits `count` units, which are on the grid already. Call from uniform control flow.
 fn split_all(lane: u32, count: u32) {
     for (var i = 0u; i < SPLIT_EACH; i++) {
         let place = lane + i * TOP_SPLIT_LANES;
         split_order[place] = place | (count << 20u);
     }
-    // After TOP_ROUNDS parts are halved, so that ten more are enough for any piece.
+    // After TOP_ROUNDS rounds parts are halved, so ten more rounds are enough for any piece.
     for (var round = 0u; round < TOP_ROUNDS + 10u; round++) {
         split_clear(lane);
         workgroupBarrier();
@@ -359,6 +386,6 @@ fn split_all(lane: u32, count: u32) {
             split_order[moved_to[i]] = moved[i];
         }
         workgroupBarrier();
-        split_note(lane, parts);
+        split_record(lane, parts);
     }
 }

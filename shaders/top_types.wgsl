@@ -1,22 +1,27 @@
-// What the stages of the top-level build share. Twin of `TopPass` in src/gpu/top.rs, which compares them. Binds
-// nothing.
+// What the stages of the top-level build share. Binds nothing.
 
-// A round of the build. Units are instances and nodes that hang nowhere yet: a number below `capacity` is a slot, one
-// above it a node.
+// One round of the build. A unit is an instance or a node that has no parent yet. The number of a
+// unit is the slot of the instance if it is below `capacity`, and otherwise `capacity` plus the
+// node's index. Twin of `TopPass` in src/gpu/top/plan.rs; the test
+// `the_stages_are_valid_and_have_the_sizes_that_the_host_expects` compares them.
 struct TopPass {
-    // Instance slots.
+    // The number of instance slots.
     slots: u32,
-    // Slots that there is room for: clusters of nodes lie behind those of so many instances.
+    // The number of slots that there is room for. The clusters of the nodes come after the clusters
+    // of that many instances.
     capacity: u32,
-    // Where the last round's units lie, or TOP_SORTED if this is the first; and how many pieces left them.
+    // The place in `units` of what the last round has left, and how many pieces it had.
+    // `units_before` is TOP_FIRST_ROUND in the first round, whose units are the instances in the
+    // order of the sort.
     units_before: u32,
     pieces_before: u32,
-    // Where this round's units go: the numbers of units that each piece leaves, then TOP_LEFT places for each.
+    // The place in `units` of what this round leaves: the number of units of each piece, then
+    // TOP_MAX_GROUPS words for each piece, which hold the numbers of these units.
     units_after: u32,
     pieces: u32,
-    // This round's first node.
+    // The first node of this round. Each piece has TOP_MAX_GROUPS nodes, of which it may use fewer.
     first_node: u32,
-    // How records are stored: see LightParams.
+    // The layout of records: see LightParams.
     node_stride: u32,
     node_cones: u32,
     node_range: u32,
@@ -24,17 +29,19 @@ struct TopPass {
     instance_stride: u32,
 }
 
-// The number of an invocation in a dispatch of one or two dimensions.
+// The index of an invocation in a dispatch of one or two dimensions.
 fn top_index(id: vec3<u32>, groups: vec3<u32>) -> u32 {
     return id.y * groups.x * TOP_LANES + id.x;
 }
 
-// A number's bits in an order that unsigned integers have too, so that atomics find extremes. 0 comes before all.
+// The bits of a float, changed so that unsigned integers have the same order as the floats. Atomics
+// can then find extremes. 0 is below the bits of every number.
 fn top_ordered(x: f32) -> u32 {
     let bits = bitcast<u32>(x);
     return select(bits | 0x80000000u, ~bits, (bits & 0x80000000u) != 0u);
 }
 
+// The float of such bits.
 fn top_unordered(ordered: u32) -> f32 {
     return bitcast<f32>(select(~ordered, ordered & 0x7fffffffu, (ordered & 0x80000000u) != 0u));
 }

@@ -1,20 +1,22 @@
-// The records that the host uploads and the stages share. src/gpu/layout.rs has their Rust twins, and its test
-// `records_have_the_same_layout_in_rust_and_wgsl` compares every offset and stride. Binds nothing.
+// The records that the host uploads and the stages share. The Rust twins are in src/gpu/layout.rs.
+// The test `records_have_the_same_layout_in_rust_and_wgsl` there compares every offset and size.
+// Binds nothing.
 
-// Eight children, packed, and the way up: `Node` in src/tree/node.rs, which explains what is in it, in the same order.
-// Words of four bytes or of two halves, the lowest bits first. In buffers the last two lie where LightParams says.
+// Eight packed children and the link to the parent. Twin of `Node` in src/tree/node.rs, which
+// explains the fields in the same order. A word holds four bytes or two halves, the lowest bits
+// first. In buffers, LightParams holds the offsets of the last two fields.
 struct LightNode {
-    // Least corner of all boxes, as bits of floats; steps.
+    // The minimum corner of all boxes, as the bits of floats; the steps of the grid.
     head: vec4<u32>,
     targets: array<vec4<u32>, 2>,
     flux: vec4<u32>,
-    // Least corners, greatest corners, means: children 0 to 3 and 4 to 7 along x, then along y, then along z.
-    // Deviation.
+    // The minimum corners, maximum corners and means: for each axis the children 0 to 3, then the
+    // children 4 to 7. The deviations.
     boxes: array<vec4<u32>, 5>,
-    // Parent, padding, shortness.
+    // The parent, padding, and the shortness of the mean directions.
     tail: vec4<u32>,
     // #if CONES
-    // Axis, along x, y and z as above; cap.
+    // The axes, ordered as the corners are, and the caps.
     cones: array<vec4<u32>, 2>,
     // #endif
     // #if RANGES
@@ -22,7 +24,8 @@ struct LightNode {
     // #endif
 }
 
-// A cluster at full precision: `Cluster` in src/cluster.rs. All zero but for the mean if it is dark.
+// A cluster at full precision. Twin of `ClusterRecord`. Of a cluster without flux all fields but
+// the mean are 0.
 struct LightCluster {
     mean: vec3<f32>,
     flux: f32,
@@ -34,13 +37,13 @@ struct LightCluster {
     cos_half_angle: f32,
 }
 
-// One light in its tree's space; which fields mean what depends on the kind, see src/gpu/layout.rs. Buffers of nothing
-// but points end before `b`.
+// One light in the space of its tree. src/gpu/layout.rs explains the fields for each kind of light.
+// Where all lights are points, records end before `b`.
 struct LightRecord {
     a: vec3<f32>,
     kind: u32,
     emission: vec3<f32>,
-    // The light's leaf in its tree: node * LIGHT_WIDTH + slot.
+    // The place of the light's leaf in its tree: node * LIGHT_WIDTH + slot.
     place: u32,
     // #if CONES | AREAS | DIRECTIONAL
     b: vec3<f32>,
@@ -53,25 +56,28 @@ struct LightRecord {
     // #endif
 }
 
-// One instance slot. Rows of its linear maps; fourth components: translation, then determinant, range scale, mean
-// squared scale. Buffers of instances that are only turned and moved end before `to_local`.
+// One instance slot. Where all instances are rigid, records end before `to_local`.
 struct LightInstance {
+    // The rows of the matrix; the fourth column is the translation.
     to_world: array<vec4<f32>, 3>,
     flags: u32,
+    // The slot of the instance's tree, and the tree's first node and first light in their buffers.
     tree: u32,
     node_base: u32,
     light_base: u32,
-    // Written by the top-level build: the place of the instance's leaf.
+    // The place of the instance's leaf in the top level; the top-level build writes it.
     top_place: u32,
     padding_a: u32,
     padding_b: u32,
     padding_c: u32,
     // #if NON_RIGID
+    // The rows of the inverse; the fourth column is the determinant, the range scale and the mean
+    // squared scale of `to_world`.
     to_local: array<vec4<f32>, 3>,
     // #endif
 }
 
-// What the top level needs of a tree.
+// What the top-level build reads of a tree. Twin of `TreeRecord`.
 struct LightTree {
     root: LightCluster,
     punctual_flux: f32,
@@ -79,19 +85,21 @@ struct LightTree {
     padding: vec2<f32>,
 }
 
+// The parameters of sampling. Twin of `ParamsRecord`.
 struct LightParams {
-    // Instance slots, live or not.
+    // The number of instance slots, live or not.
     slots: u32,
-    // Directional lights are the records from here on.
+    // The first record of the directional lights, and how many there are.
     directional_base: u32,
     directional_count: u32,
-    // Clusters that are opened at most.
+    // The largest number of clusters that are split.
     splits: u32,
-    // In 16 bytes: from one node to the next, and where its cones and its ranges are; 0 if none has any.
+    // The stride of nodes, and the offsets of a node's cones and ranges; 0 if they are not stored.
+    // All strides and offsets are in units of 16 bytes.
     node_stride: u32,
     node_cones: u32,
     node_range: u32,
-    // From one light to the next, and from one instance to the next, in 16 bytes.
+    // The strides of lights and of instances.
     light_stride: u32,
     instance_stride: u32,
     padding_a: u32,

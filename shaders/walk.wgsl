@@ -239,6 +239,10 @@ fn light_descend(cut: ptr<function, LightCut>, shading_point: LightShadingPoint,
 // The chance that light_descend ends at a light: climbs from its leaf to the lowest opened node.
 fn light_climb(cut: ptr<function, LightCut>, shading_point: LightShadingPoint, slot_of_instance: u32, light: u32) -> f32 {
     var instance = slot_of_instance;
+    // A slot without an instance, or with one that is hidden by a scale of zero.
+    if (light_instance(instance).flags & LIGHT_LIVE) == 0u {
+        return 0.0;
+    }
     var base = light_node_base(instance);
     var view = light_view_of_tree(instance, shading_point);
     var place = light_place(light_light_base(instance) + light);

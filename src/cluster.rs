@@ -1,50 +1,55 @@
-//! What a node knows of the lights below it: bounds that prove where they cannot shine, and moments that tell how
-//! brightly they probably do.
+//! Clusters: what a node knows of the lights below it. Bounds prove where no light of it arrives,
+//! and moments estimate how much arrives elsewhere.
 
 use glam::{Mat3, Vec3};
 
 use crate::bounds::Aabb;
 
-/// Columns of a matrix whose scaled Gram matrix is this close to the identity preserve angles to about 1e-5 rad,
-/// which is inside the margin that the sampling code leaves around every cap.
+/// A matrix whose scaled Gram matrix is this close to the identity preserves angles to about 1e-5
+/// rad. This is inside the margin that the sampling code leaves around every cap.
 const SIMILARITY_TOLERANCE: f32 = 1.0e-5;
 
-/// A matrix whose Gram matrix is this close to the identity, entry by entry, only turns: its transpose is its inverse,
-/// to that share of the coordinates. Some ten products of rotations in f32 stay inside.
+/// A matrix whose Gram matrix is this close to the identity, entry by entry, is a rotation. Its
+/// transpose is its inverse up to this share of the coordinates. Products of about ten rotations in
+/// f32 stay inside.
 pub(crate) const RIGID_TOLERANCE: f32 = 4.0e-6;
 
-/// The most flux that one light or many count as, in lumens: products of it with every factor of the importance stay
-/// inside f32. Only wrong units get there; what is above it is still sampled, by position alone.
+/// The largest flux that one light or many lights count as, in lumens. Products of it with every
+/// factor of the importance stay inside f32. Only wrong units exceed it; lights that do are still
+/// sampled, by position alone.
 pub(crate) const MAX_FLUX: f32 = 1.0e34;
 
-/// A mean direction shorter than this counts as none: the squares of what is left after emitters cancelled would be
-/// below f32, and a cap about what is no unit vector proves nothing.
+/// A mean direction shorter than this counts as none. It is what is left after emitters have
+/// cancelled: its square may underflow f32, and a cap about a vector that is not of unit length
+/// proves nothing.
 pub(crate) const MIN_AXIS: f32 = 1.0e-12;
 
-/// A group of lights. Box, cap of directions and range are conservative; mean, variance and axis are weighted by flux.
+/// A group of lights. The box, the cap of directions and the range are conservative. The mean, the
+/// variance and the axis are weighted by flux.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cluster {
-    /// Holds every emitting point, in metres.
+    /// Contains every emitting point, in metres.
     pub aabb: Aabb,
-    /// Lumens; 0 means that nothing of it shines.
+    /// Lumens. 0: no light of the cluster shines.
     pub flux: f32,
-    /// Lumens of surfaces among them: an instance's scale changes these only.
+    /// The part of the flux that comes from surfaces, in lumens. An instance's scale changes only
+    /// this part.
     pub area_flux: f32,
-    /// Mean position.
+    /// Mean position, in metres.
     pub mean: Vec3,
     /// Trace of the covariance of position about `mean`, in square metres.
     pub variance: f32,
-    /// Mean direction of emission. Length 0 (to all sides alike) to 1 (a beam).
+    /// Mean direction of emission. Its length is 0 for emission to all sides and 1 for a beam.
     pub axis: Vec3,
-    /// Cosine of the half-angle of the cap about `axis` that holds every direction that any of them emits to; -1 is all
-    /// directions.
+    /// Cosine of the half-angle of the cap about `axis` that contains every direction of emission.
+    /// -1 is all directions.
     pub cos_half_angle: f32,
     /// The largest range, in metres.
     pub range: f32,
 }
 
 impl Cluster {
-    /// No light.
+    /// A cluster without lights: dark, with an empty box.
     pub const EMPTY: Self = Self {
         aabb: Aabb::EMPTY,
         flux: 0.0,
@@ -56,12 +61,14 @@ impl Cluster {
         range: 0.0,
     };
 
-    /// The cluster carried by `x -> linear * x + translation`.
+    /// The cluster after the transform `x -> linear * x + translation`.
     ///
-    /// `flux` is what the moved lights emit, see [`Linear::flux`]. Boxes stay conservative; the cap too: it is turned
-    /// by transforms that keep angles and given up (all directions) by all others. Ranges are metres of the world and stay.
+    /// `flux` is the flux of the transformed lights, see [`Linear::flux`]. The box stays
+    /// conservative. So does the cap: a transform that keeps angles turns it, any other one widens
+    /// it to all directions. The range stays, since it is in metres of the world.
     pub fn transformed(&self, map: &Linear, translation: Vec3, flux: f32) -> Self {
-        // Of unit length first: areas at the least scale times a short mean direction have squares below f32.
+        // Normalise first: the square of an area at the least scale times a short mean direction
+        // underflows.
         let axis = map.cofactor * self.axis.normalize_or_zero();
         Self {
             aabb: self.aabb.transformed(&map.linear, translation),
@@ -82,55 +89,65 @@ impl Default for Cluster {
     }
 }
 
-/// The linear part of a placement with what follows from it.
+/// The linear part of a placement, with values that are derived from it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Linear {
-    /// Columns are the images of the axes.
+    /// The matrix. Its columns are the images of the axes.
     pub linear: Mat3,
-    /// Carries normals with their area: the matrix of cofactors, its sign changed for mirrors.
+    /// Transforms normals of the length of their area: the matrix of cofactors, negated for
+    /// mirrors.
     pub cofactor: Mat3,
-    /// Of `linear`.
+    /// The determinant of `linear`.
     pub determinant: f32,
-    /// Keeps angles (rotation, mirror, uniform scale).
+    /// Whether the transform keeps angles: it is made of rotations, mirrors and uniform scales.
     pub is_similarity: bool,
-    /// Mean of the squared singular values.
+    /// The mean of the squared singular values.
     pub mean_square_scale: f32,
-    /// A lower bound of the least singular value.
+    /// A lower bound of the least singular value. 0 if `linear` is singular or has an entry that is
+    /// not finite.
     pub least_scale: f32,
 }
 
 impl Linear {
-    /// Whether it only turns: no scale, shear or mirror.
+    /// Whether the transform is a rotation, without scale, shear or mirror.
     pub(crate) fn is_rigid(&self) -> bool {
         let gram = self.linear.transpose() * self.linear - Mat3::IDENTITY;
         self.determinant > 0.0 && gram.to_cols_array().iter().all(|e| e.abs() <= RIGID_TOLERANCE)
     }
 
-    /// Derives the rest from a matrix with an inverse.
+    /// Derives the other values from a matrix, which may be singular.
     pub fn new(linear: Mat3) -> Self {
         let (x, y, z) = (linear.x_axis, linear.y_axis, linear.z_axis);
         // In f64: an inverse that lost its digits would bound nothing.
         let exact = linear.as_dmat3();
-        let determinant = exact.determinant() as f32;
+        let exact_determinant = exact.determinant();
+        let determinant = exact_determinant as f32;
         let cofactor = Mat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * determinant.signum();
         let mean_square_scale = (x.length_squared() + y.length_squared() + z.length_squared()) / 3.0;
         let gram = linear.transpose() * linear;
-        let off = (gram - Mat3::from_diagonal(Vec3::splat(mean_square_scale))).to_cols_array();
-        let is_similarity = off.iter().all(|e| e.abs() <= SIMILARITY_TOLERANCE * mean_square_scale);
+        let error = (gram - Mat3::from_diagonal(Vec3::splat(mean_square_scale))).to_cols_array();
+        let is_similarity = error.iter().all(|e| e.abs() <= SIMILARITY_TOLERANCE * mean_square_scale);
+        // Test for singularity before inverting: glam's assertions, if enabled, panic on a
+        // determinant of 0.
+        let is_invertible = exact_determinant != 0.0 && exact_determinant.is_finite();
         let least_scale = if is_similarity {
             mean_square_scale.sqrt() * (1.0 - SIMILARITY_TOLERANCE)
+        } else if !is_invertible {
+            0.0
         } else {
-            // The inverse's Frobenius norm bounds its largest singular value.
+            // The Frobenius norm of the inverse bounds its largest singular value.
             let inverse = exact.inverse().to_cols_array();
             (1.0 / inverse.iter().map(|e| e * e).sum::<f64>().sqrt()) as f32
         };
         Self { linear, cofactor, determinant, is_similarity, mean_square_scale, least_scale }
     }
 
-    /// What a cluster emits when it is carried along: points and spots keep their flux, areas change.
+    /// The flux of a cluster after the transform, in lumens: points and spots keep their flux, and
+    /// the flux of surfaces changes with their area.
     ///
-    /// `axis` is the cluster's mean direction. The factor of an area is that of its normal as far as the normals agree,
-    /// and the mean over all normals for the rest; exact for uniform scales and for flat emitters.
+    /// `axis` is the cluster's mean direction. As far as the normals agree, an area changes by the
+    /// factor of its normal; for the rest it changes by the mean factor of all normals. Exact for
+    /// uniform scales and for flat emitters.
     pub fn flux(&self, punctual: f32, area: f32, axis: Vec3) -> f32 {
         let all_sides = (self.cofactor.to_cols_array().iter().map(|e| e * e).sum::<f32>() / 3.0).sqrt();
         // A flat emitter has a mean direction of length 2/3.
@@ -145,7 +162,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn products_of_ten_rotations_are_rigid_and_scales_and_mirrors_are_not() {
+    fn a_product_of_ten_rotations_is_rigid_and_scales_and_mirrors_are_not() {
         for i in 0..5000 {
             let axis =
                 |k: usize| Vec3::new((k as f32).sin(), (1.7 * k as f32).cos(), (2.3 * k as f32).sin()).normalize();
@@ -157,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn a_uniform_scale_changes_area_flux_by_its_square_and_a_mirror_by_nothing() {
+    fn a_uniform_scale_changes_area_flux_by_its_square_and_a_mirror_does_not_change_it() {
         let axis = Vec3::new(0.0, 2.0 / 3.0, 0.0);
         let triple = Linear::new(Mat3::from_diagonal(Vec3::splat(3.0)));
         assert!((triple.flux(5.0, 2.0, axis) - 23.0).abs() < 1e-4);
@@ -165,10 +182,28 @@ mod tests {
         let mirror = Linear::new(Mat3::from_diagonal(Vec3::new(-1.0, 1.0, 1.0)));
         assert!((mirror.flux(5.0, 2.0, Vec3::ZERO) - 7.0).abs() < 1e-5);
         assert!(mirror.is_similarity && !mirror.is_rigid());
-        // A mirrored emitter that faces x faces -x afterwards, as its mirrored geometry does.
+        // An emitter that faces x faces -x after the mirror, as its mirrored geometry does.
         assert!((mirror.cofactor * Vec3::X + Vec3::X).length() < 1e-6);
         let flat = Linear::new(Mat3::from_diagonal(Vec3::new(2.0, 7.0, 3.0)));
         assert!((flat.flux(0.0, 1.0, axis) - 6.0).abs() < 1e-5);
         assert!(!flat.is_similarity && flat.least_scale <= 2.0 && flat.least_scale > 1.0);
+    }
+
+    #[test]
+    fn a_matrix_that_is_singular_or_not_finite_has_a_least_scale_of_zero() {
+        let column = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
+        let singular = [
+            Mat3::ZERO,
+            Mat3::from_diagonal(column(1.0, 0.0, 1.0)),
+            Mat3::from_diagonal(column(0.0, 3.0, 0.0)),
+            Mat3::from_cols(column(1.0, 2.0, 3.0), column(2.0, 4.0, 6.0), column(0.0, 1.0, 0.0)),
+            Mat3::from_diagonal(column(1.0, f32::NAN, 1.0)),
+            Mat3::from_diagonal(column(f32::INFINITY, 1.0, 1.0)),
+        ];
+        for matrix in singular {
+            assert_eq!(Linear::new(matrix).least_scale, 0.0, "{matrix}");
+        }
+        // The cofactors are known even where there is no inverse: here the z axis keeps its normal.
+        assert_eq!(Linear::new(Mat3::from_diagonal(column(2.0, 3.0, 0.0))).cofactor * Vec3::Z, 6.0 * Vec3::Z);
     }
 }

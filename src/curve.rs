@@ -1,33 +1,37 @@
-//! A curve through all instances, along which neighbours on the curve are neighbours in space.
+//! A curve through all instances. Neighbours on the curve are neighbours in space.
 //!
-//! Twin of `shaders/top_keys.wgsl`. A Hilbert curve over cubic cells, after Skilling, Programming the Hilbert Curve (2004).
-//! Differs: while one extent, or two, are far longer than the rest, the curve has one dimension, then two, and spends no
-//! bits on the height of a flat city. Subtraction, powers of two and integers only, so that the GPU gets the same bits.
+//! Twin of `shaders/top_curve.wgsl`. This is a Hilbert curve over cubic cells, after Skilling,
+//! Programming the Hilbert Curve (2004). Differs: while one extent is far longer than the others,
+//! the curve has one dimension, and while two are, it has two. So it spends no bits on the height
+//! of a flat city. It uses only subtraction, powers of two and integers, so the GPU gets the same
+//! bits.
 
 use glam::Vec3;
 
 use crate::bounds::Aabb;
 
-/// Bits of a key. One is left for "no instance", which sorts behind all others.
+/// Bits of a key. One more bit is left for [`NO_KEY`], which sorts after all keys.
 pub(crate) const KEY_BITS: u32 = 31;
 
 /// The key of a slot without a shining instance.
 pub(crate) const NO_KEY: u32 = u32::MAX;
 
-/// A curve through a box.
+/// A curve through the cells of a box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Curve {
+    /// The least corner of the box.
     low: Vec3,
-    /// The longest first, x before y before z.
+    /// The axes by descending extent; of equals x before y before z.
     axes: [usize; 3],
-    /// Bits of each coordinate that the curve spends with one, two and three dimensions.
+    /// The bits of each coordinate that the curve spends with one, with two and with three
+    /// dimensions.
     bits: [u32; 3],
-    /// Cells per metre, a power of two.
+    /// Cells per metre: a power of two.
     scale: f32,
 }
 
 impl Curve {
-    /// The curve through a box, which may be flat or a point.
+    /// The curve through a box. The box may be flat, a point, or empty.
     pub fn new(bounds: &Aabb) -> Self {
         let extent = bounds.extent();
         let mut axes = [0, 1, 2];
@@ -36,12 +40,13 @@ impl Curve {
         let one = ((long - middle) as u32).min(KEY_BITS);
         let two = ((middle - short) as u32).min((KEY_BITS - one) / 2);
         let three = (KEY_BITS - one - 2 * two) / 3;
-        // The longest extent is below 2^(long + 1): that many cells are a power of two.
+        // The longest extent is below 2^(long + 1) metres, which the curve divides into a power of
+        // two of cells.
         let scale = (one + two + three) as i32 - 1 - long;
         Self { low: bounds.min, axes, bits: [one, two, three], scale: power_of_two(scale) }
     }
 
-    /// Where on the curve a position of the box lies, below 2^31.
+    /// The place of a position of the box on the curve, below 2^31.
     pub fn key(&self, position: Vec3) -> u32 {
         let [one, two, three] = self.bits;
         let cells = (position - self.low) * self.scale;
@@ -53,7 +58,8 @@ impl Curve {
     }
 }
 
-/// Coordinates of a cell to digits of its place on the Hilbert curve, one bit of each from the highest down.
+/// Converts the coordinates of a cell to the digits of its place on the Hilbert curve. The place
+/// has one bit of each digit in turn, from the highest bits down.
 fn hilbert(mut x: [u32; 3], dimensions: usize, bits: u32) -> [u32; 3] {
     for bit in (1..bits).rev() {
         let (this, below) = (1 << bit, low_bits(bit));
@@ -75,7 +81,7 @@ fn hilbert(mut x: [u32; 3], dimensions: usize, bits: u32) -> [u32; 3] {
     x.map(|digit| digit ^ flips)
 }
 
-/// Appends the digits' bits to a key, the highest of all digits first.
+/// Appends the bits of some digits to a key: the highest bits of all digits first.
 fn append(key: u32, digits: [u32; 3], dimensions: usize, bits: u32) -> u32 {
     let mut key = key;
     for bit in (0..bits).rev() {
@@ -86,17 +92,17 @@ fn append(key: u32, digits: [u32; 3], dimensions: usize, bits: u32) -> u32 {
     key
 }
 
-/// The exponent e of a number in [2^e, 2^(e + 1)); -127 for zero.
+/// The exponent e of a positive number in [2^e, 2^(e + 1)). -127 for zero and denormal numbers.
 pub(crate) fn exponent(x: f32) -> i32 {
     (x.to_bits() >> 23) as i32 - 127
 }
 
-/// 2^e, or the nearest normal power.
+/// 2^e, or the nearest power of two that is a normal number.
 pub(crate) fn power_of_two(e: i32) -> f32 {
     f32::from_bits(((e.clamp(-126, 127) + 127) as u32) << 23)
 }
 
-/// The lowest `count` bits set, `count` below 32.
+/// A word with its lowest `count` bits set. `count` is below 32.
 fn low_bits(count: u32) -> u32 {
     (1 << count) - 1
 }
@@ -110,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn the_curve_steps_from_cell_to_neighbouring_cell() {
+    fn successive_cells_of_the_curve_are_neighbours_in_space() {
         for (dimensions, bits) in [(2, 5), (3, 4)] {
             let side = 1_u32 << bits;
             let mut cells: Vec<(u32, [u32; 3])> = Vec::new();
@@ -131,8 +137,8 @@ mod tests {
     }
 
     #[test]
-    fn a_flat_world_spends_no_bits_on_its_height() {
-        // 1024 is 2^10, 20 is within [2^4, 2^5): six levels without height, then six with it.
+    fn a_flat_world_spends_no_bits_on_its_height_and_a_street_none_on_its_width() {
+        // 1024 is 2^10 and 20 is in [2^4, 2^5): six levels without height, then six with it.
         assert_eq!(curve(Vec3::new(1024.0, 20.0, 1025.0)).bits, [0, 6, 6]);
         assert_eq!(curve(Vec3::new(1024.0, 0.0, 1024.0)).bits, [0, 15, 0]);
         assert_eq!(curve(Vec3::new(0.0, 3.0, 0.0)).bits, [31, 0, 0]);
@@ -140,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_stay_below_that_of_an_empty_slot_for_boxes_of_any_shape() {
+    fn keys_have_31_bits_for_boxes_of_any_shape_and_increase_along_a_street() {
         for size in
             [Vec3::ZERO, Vec3::X, Vec3::splat(1.0e9), Vec3::new(1.0e-30, 1.0e9, 3.0), Vec3::new(1.0, 2.0, 1.0e-40)]
         {
@@ -148,7 +154,7 @@ mod tests {
                 assert!(curve(size).key(at) < 1 << KEY_BITS, "{size} {at}");
             }
         }
-        // Along a street the curve is the street, to the resolution of its bits.
+        // Along a street the curve is the street, up to the resolution of its bits.
         let street = curve(Vec3::new(0.0, 0.0, 1000.0));
         let keys: Vec<_> = (0..=100_000).map(|i| street.key(Vec3::Z * (i as f32 * 0.01))).collect();
         assert!(keys.is_sorted() && keys.windows(2).all(|k| k[0] < k[1]));

@@ -1,8 +1,28 @@
-//! Every refusal, with what was given and what the limit is.
+//! The errors of this crate: each states what was given and what is allowed.
+//!
+//! A call that returns an error has changed nothing.
+//!
+//! # Codes
+//! Every error has a `code()`, a stable number for engines that pass errors through C or a log. A
+//! code keeps its meaning in all later versions, and a new error gets a new code. An error that
+//! wraps another returns the code of the inner one. The ranges:
+//!
+//! | codes | type |
+//! |---|---|
+//! | 100 to 199 | [`LightError`] |
+//! | 200 to 299 | [`WorldError`] |
+//! | 300 to 399 | [`PlacementError`] |
+//! | 400 | [`BudgetError`] |
+//! | 500 | [`CountError`] |
+//! | 600 to 699 | `gpu::GpuError` |
+//! | 700 to 799 | `gltf::GltfError` |
+//! | 800 | [`CheckError`](crate::tree::CheckError) |
+
+use glam::DVec3;
 
 use crate::keys::{DirectionalKey, InstanceKey, TreeKey};
 
-/// Why a light was refused.
+/// Why a light was refused. Codes 100 to 104.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum LightError {
@@ -11,66 +31,107 @@ pub enum LightError {
     NotFinite {
         /// The field.
         what: &'static str,
-        /// What was given.
+        /// The given value.
         value: f32,
     },
-    /// A number lies outside what the light kind allows.
+    /// A number lies outside the range that the kind of light allows.
     #[error("{what} is {value}, outside {min} to {max}")]
     OutOfRange {
         /// The field.
         what: &'static str,
-        /// What was given.
+        /// The given value.
         value: f32,
-        /// The least allowed.
+        /// The least value allowed.
         min: f32,
-        /// The most allowed.
+        /// The greatest value allowed.
         max: f32,
     },
-    /// A direction has no length.
-    #[error("{what} has no direction: its length is {length}")]
+    /// A direction is the zero vector.
+    #[error("{what} has no direction: its length is 0")]
     NoDirection {
         /// The field.
         what: &'static str,
-        /// What was given.
+    },
+    /// A direction is not of unit length.
+    #[error("{what} has length {length}; it must be a unit vector, to within {tolerance}")]
+    NotUnitLength {
+        /// The field.
+        what: &'static str,
+        /// The length of the given vector.
         length: f32,
+        /// How far the length may be from 1.
+        tolerance: f32,
+    },
+    /// A number is zero, negative or NaN.
+    #[error("{what} is {value}; it must be above 0")]
+    NotPositive {
+        /// The field.
+        what: &'static str,
+        /// The given value.
+        value: f32,
     },
 }
 
-/// Why the world refused a call. The world is as it was before the call.
+impl LightError {
+    /// The stable code, see [`error`](self).
+    pub fn code(&self) -> u32 {
+        match self {
+            Self::NotFinite { .. } => 100,
+            Self::OutOfRange { .. } => 101,
+            Self::NoDirection { .. } => 102,
+            Self::NotUnitLength { .. } => 103,
+            Self::NotPositive { .. } => 104,
+        }
+    }
+}
+
+/// Why a world or a tree refused a call. It is as it was before the call. Codes 200 to 208, or the
+/// code of the [`LightError`] or [`PlacementError`] inside.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum WorldError {
-    /// One light of a list is bad; none was taken.
+    /// One light of a list is refused, and with it the whole list.
     #[error("light {index}: {source}")]
     Light {
-        /// Its place in the list that was given.
+        /// The light's index: in the given list, or in the tree where the call names lights by
+        /// index.
         index: usize,
-        /// What is wrong with it.
+        /// What is wrong with the light.
         source: LightError,
     },
+    /// A directional light is refused.
+    #[error("directional light: {source}")]
+    Directional {
+        /// What is wrong with the light.
+        source: LightError,
+    },
+    /// A placement is refused.
+    #[error("placement: {0}")]
+    Placement(#[from] PlacementError),
     /// More lights than a tree can hold.
     #[error("{given} lights in one tree; the limit is {limit}")]
     TooManyLights {
-        /// How many were given.
+        /// The given number of lights.
         given: usize,
-        /// The most a tree holds.
+        /// The most lights that a tree holds.
         limit: usize,
     },
-    /// An index that the tree does not have.
+    /// The tree has no light of this index.
     #[error("light index {index} in a tree of {count} lights")]
     NoSuchLight {
-        /// What was given.
+        /// The given index.
         index: u32,
-        /// How many lights the tree has.
+        /// The number of lights in the tree.
         count: usize,
     },
-    /// A removed tree. A key of another world is not told apart: it may name something else here.
+    /// No tree has this key: it was removed, or never existed. A key of another world is not
+    /// recognized as such; it may name something else here.
     #[error("no tree {0:?} in this world")]
     NoSuchTree(TreeKey),
-    /// A removed instance.
+    /// No instance has this key, see [`WorldError::NoSuchTree`].
     #[error("no instance {0:?} in this world")]
     NoSuchInstance(InstanceKey),
-    /// A removed directional light.
+    /// No directional light has this key, see [`WorldError::NoSuchTree`].
     #[error("no directional light {0:?} in this world")]
     NoSuchDirectional(DirectionalKey),
     /// The tree still has instances.
@@ -78,81 +139,220 @@ pub enum WorldError {
     TreeInUse {
         /// The tree.
         tree: TreeKey,
-        /// How many instances show it.
+        /// The number of its instances.
         instances: usize,
     },
-    /// All instances of the tree promised that it does not change.
+    /// All instances of the tree have [`Policy::Static`](crate::Policy::Static), so its lights
+    /// cannot change.
     #[error("tree {0:?} is static: every instance of it has Policy::Static")]
     StaticTree(TreeKey),
-    /// A placement that is not finite, too far away, or flattens space.
-    #[error("placement: {0}")]
-    Placement(#[from] PlacementError),
-    /// A policy with a threshold that is not a finite number of the stated range.
+    /// A threshold of a policy is not finite or is too small.
     #[error("policy: {what} is {value}; it must be finite and at least {min}")]
     Policy {
         /// The field.
         what: &'static str,
-        /// What was given.
+        /// The given value.
         value: f32,
-        /// The least allowed.
+        /// The least value allowed.
         min: f32,
+    },
+    /// A coordinate of the viewpoint or of the origin is NaN or infinite.
+    #[error("{what} is {value}, not a finite number")]
+    NotFinite {
+        /// Which coordinate of what.
+        what: &'static str,
+        /// The given value.
+        value: f64,
     },
 }
 
-/// Why a placement was refused.
+impl WorldError {
+    /// The stable code, see [`error`](self).
+    pub fn code(&self) -> u32 {
+        match self {
+            Self::Light { source, .. } | Self::Directional { source } => source.code(),
+            Self::Placement(source) => source.code(),
+            Self::TooManyLights { .. } => 200,
+            Self::NoSuchLight { .. } => 201,
+            Self::NoSuchTree(_) => 202,
+            Self::NoSuchInstance(_) => 203,
+            Self::NoSuchDirectional(_) => 204,
+            Self::TreeInUse { .. } => 205,
+            Self::StaticTree(_) => 206,
+            Self::Policy { .. } => 207,
+            Self::NotFinite { .. } => 208,
+        }
+    }
+}
+
+/// Checks that no coordinate of a point is NaN or infinite.
+pub(crate) fn check_finite(what: &'static str, point: DVec3) -> Result<(), WorldError> {
+    match point.to_array().into_iter().find(|value| !value.is_finite()) {
+        Some(value) => Err(WorldError::NotFinite { what, value }),
+        None => Ok(()),
+    }
+}
+
+/// Why a placement was refused. Codes 300 to 303.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PlacementError {
-    /// An entry is NaN or infinite.
+    /// A number is NaN or infinite.
     #[error("{what} is {value}, not a finite number")]
     NotFinite {
-        /// The entry.
+        /// Which number.
         what: &'static str,
-        /// What was given.
+        /// The given value.
         value: f64,
     },
     /// An entry of the linear part is too large.
     #[error("an entry of the linear part is {value}; the limit is {limit}")]
     TooLarge {
-        /// What was given.
+        /// The given value.
         value: f32,
-        /// The largest allowed size.
+        /// The greatest absolute value allowed.
         limit: f32,
     },
-    /// Its linear part has no inverse in single precision: a scale of zero, or nearly so.
+    /// The linear part has no inverse in single precision: it flattens space, or nearly so. Only a
+    /// linear part of all zeros is allowed, see [`Placement::linear`](crate::Placement::linear).
     #[error("the linear part flattens space (determinant {determinant})")]
     Singular {
-        /// Of the linear part.
+        /// The determinant of the linear part.
         determinant: f32,
     },
-    /// Too far from the world's origin, see [`LightWorld::set_origin`](crate::LightWorld::set_origin).
-    #[error("{distance} m from the world's origin; the limit is {limit} m")]
+    /// Too far from the world's origin, see
+    /// [`LightWorld::set_origin`](crate::LightWorld::set_origin).
+    #[error("{distance} m from the world's origin along one axis; the limit is {limit} m")]
     TooFar {
-        /// Largest coordinate's distance from the origin.
+        /// The largest distance from the origin along one axis, in metres.
         distance: f64,
-        /// The most allowed.
+        /// The greatest distance allowed, in metres.
         limit: f64,
     },
 }
 
-/// Why a budget was refused.
+impl PlacementError {
+    /// The stable code, see [`error`](self).
+    pub fn code(&self) -> u32 {
+        match self {
+            Self::NotFinite { .. } => 300,
+            Self::TooLarge { .. } => 301,
+            Self::Singular { .. } => 302,
+            Self::TooFar { .. } => 303,
+        }
+    }
+}
+
+/// Why a budget was refused. Code 400.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("a budget of {millis} milliseconds; it must be a number of at least 0")]
 pub struct BudgetError {
-    /// What was given.
+    /// The given number of milliseconds.
     pub millis: f64,
 }
 
-/// Why a count was refused.
+impl BudgetError {
+    /// The stable code, see [`error`](self).
+    pub fn code(&self) -> u32 {
+        400
+    }
+}
+
+/// Why a count was refused. Code 500.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{given} {what}; the limits are {min} and {max}")]
+#[error("{given} {what}; the least is {min} and the most is {max}")]
 pub struct CountError {
-    /// What is counted.
+    /// What is counted, in the plural.
     pub what: &'static str,
-    /// What was given.
+    /// The given number.
     pub given: usize,
-    /// The least allowed.
+    /// The least number allowed.
     pub min: usize,
-    /// The most allowed.
+    /// The greatest number allowed.
     pub max: usize,
+}
+
+impl CountError {
+    /// The stable code, see [`error`](self).
+    pub fn code(&self) -> u32 {
+        500
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    const WHAT: &str = "field";
+
+    fn light_errors() -> [LightError; 5] {
+        [
+            LightError::NotFinite { what: WHAT, value: f32::NAN },
+            LightError::OutOfRange { what: WHAT, value: 3.0, min: 0.0, max: 2.0 },
+            LightError::NoDirection { what: WHAT },
+            LightError::NotUnitLength { what: WHAT, length: 2.0, tolerance: 1.0e-3 },
+            LightError::NotPositive { what: WHAT, value: 0.0 },
+        ]
+    }
+
+    fn placement_errors() -> [PlacementError; 4] {
+        [
+            PlacementError::NotFinite { what: WHAT, value: f64::NAN },
+            PlacementError::TooLarge { value: 3.0, limit: 2.0 },
+            PlacementError::Singular { determinant: 0.0 },
+            PlacementError::TooFar { distance: 3.0, limit: 2.0 },
+        ]
+    }
+
+    /// Errors of a world that wrap no other.
+    fn world_errors() -> [WorldError; 9] {
+        [
+            WorldError::TooManyLights { given: 3, limit: 2 },
+            WorldError::NoSuchLight { index: 3, count: 2 },
+            WorldError::NoSuchTree(TreeKey::default()),
+            WorldError::NoSuchInstance(InstanceKey::default()),
+            WorldError::NoSuchDirectional(DirectionalKey::default()),
+            WorldError::TreeInUse { tree: TreeKey::default(), instances: 1 },
+            WorldError::StaticTree(TreeKey::default()),
+            WorldError::Policy { what: WHAT, value: -1.0, min: 0.0 },
+            WorldError::NotFinite { what: WHAT, value: f64::NAN },
+        ]
+    }
+
+    #[test]
+    fn all_codes_are_distinct_and_without_gaps_in_the_stated_ranges() {
+        let codes: Vec<u32> = light_errors()
+            .map(|error| error.code())
+            .into_iter()
+            .chain(world_errors().map(|error| error.code()))
+            .chain(placement_errors().map(|error| error.code()))
+            .chain([BudgetError { millis: -1.0 }.code(), CountError { what: WHAT, given: 0, min: 1, max: 2 }.code()])
+            .collect();
+        assert_eq!(codes.iter().collect::<BTreeSet<_>>().len(), codes.len());
+        let expected: Vec<u32> = (100..105).chain(200..209).chain(300..304).chain([400, 500]).collect();
+        assert_eq!(codes, expected);
+    }
+
+    #[test]
+    fn an_error_that_wraps_another_has_the_inner_code() {
+        for source in light_errors() {
+            assert_eq!(WorldError::Light { index: 7, source }.code(), source.code());
+            assert_eq!(WorldError::Directional { source }.code(), source.code());
+        }
+        for source in placement_errors() {
+            assert_eq!(WorldError::from(source).code(), source.code());
+        }
+    }
+
+    #[test]
+    fn messages_state_what_was_given_and_what_is_allowed() {
+        let message = |source| WorldError::Directional { source }.to_string();
+        let [_, range, none, length, zero] = light_errors();
+        assert_eq!(message(range), "directional light: field is 3, outside 0 to 2");
+        assert_eq!(message(none), "directional light: field has no direction: its length is 0");
+        assert_eq!(message(length), "directional light: field has length 2; it must be a unit vector, to within 0.001");
+        assert_eq!(message(zero), "directional light: field is 0; it must be above 0");
+    }
 }

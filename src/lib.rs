@@ -1,57 +1,136 @@
-//! Chooses *which light to sample*, for every shading point and every frame, out of millions that move.
+//! Girandole chooses *which light to sample* for a shading point, among millions of lights that
+//! move, and returns the light with its exact probability. Engines link to it and call it on the
+//! CPU, or in their own WGSL shaders on their own wgpu device.
 //!
-//! One light tree per object (the bottom level) is refitted or rebuilt under a policy of each instance; one tree over
-//! the instances (the top level) is made anew every frame, on the GPU; a WGSL function walks both and returns a light
-//! with its exact probability; a scheduler spends a small time budget on the rebuilds that buy most.
+//! One light tree per object (the *bottom level*) holds the lights of the object in the object's
+//! space. *Instances* place trees in the world. One tree over all instances (the *top level*) is
+//! built on the GPU whenever something changed. A sample walks both levels. Trees whose lights
+//! change are refitted. A scheduler rebuilds trees that have become noisy, those first that remove
+//! the most noise per millisecond, within a time budget for each frame.
+//!
+//! # On the CPU
 //!
 //! ```
 //! use girandole::glam::{DVec3, Vec3};
-//! use girandole::{FrameBudget, Light, Placement, Policy, ShadingPoint, LightWorld};
+//! use girandole::{FrameBudget, Light, LightWorld, Placement, Policy, ShadingPoint};
 //! use std::time::Duration;
 //!
+//! let bulb = |candela| Light::point(Vec3::new(0.0, 6.0, 0.0), Vec3::splat(candela));
 //! let mut world = LightWorld::new();
-//! let lamp = world.add_tree(vec![Light::point(Vec3::new(0.0, 6.0, 0.0), Vec3::splat(800.0))])?;
-//! let post = world.add_instance(lamp, Placement::at(DVec3::new(10.0, 0.0, 0.0)), Policy::Budgeted)?;
-//! world.move_instance(post, Placement::at(DVec3::new(12.0, 0.0, 0.0)))?;
-//! world.set_lights(lamp, &[(0, Light::point(Vec3::new(0.0, 6.0, 0.0), Vec3::splat(400.0)))])?;
-//! let report = world.update(FrameBudget::new(Duration::from_micros(300)));
-//! assert_eq!(report.refit_trees, 1);
 //!
+//! // One tree for each kind of object, any number of instances of it.
+//! let lamp = world.add_tree(vec![bulb(800.0)])?;
+//! let post = world.add_instance(lamp, Placement::at(DVec3::new(10.0, 0.0, 0.0)), Policy::Budgeted)?;
+//!
+//! // Every frame: move instances, change lights, then update.
+//! world.move_instance(post, Placement::at(DVec3::new(12.0, 0.0, 0.0)))?;
+//! world.set_lights(lamp, &[(0, bulb(400.0))])?;
+//! let report = world.update(FrameBudget::new(Duration::from_micros(300)));
+//! assert_eq!((report.moved_instances, report.refit_trees), (1, 1));
+//!
+//! // Sample one light for a point on the ground. `u` are four random numbers in [0, 1).
 //! let ground = ShadingPoint::surface(Vec3::new(11.0, 0.0, 1.0), Vec3::Y);
-//! let sample = world.sampler().sample(&ground, [0.1, 0.2, 0.3, 0.4]).expect("the lamp is in sight");
-//! assert_eq!(sample.pmf, world.sampler().pmf(&ground, sample.light));
+//! let sampler = world.sampler();
+//! let sample = sampler.sample(&ground, [0.1, 0.2, 0.3, 0.4]).expect("the lamp is above the ground");
+//! assert_eq!(sample.pmf, sampler.pmf(&ground, sample.light));
+//!
+//! // The estimate of the illuminance, before shadows, in lux.
+//! let cosine = ground.normal.dot(sample.incident.direction);
+//! let lux = sample.incident.radiance * cosine / (sample.pmf * sample.incident.pdf);
+//! assert!((lux.y - 10.25).abs() < 0.01);
 //! # Ok::<(), girandole::WorldError>(())
 //! ```
 //!
-//! On the GPU, with the engine's own device, queue and encoder (see the `gpu` module):
+//! # On the GPU
+//!
+//! The engine joins the text of a `gpu::LightShader` to its own shader, and calls `light_sample`
+//! there. Everything is recorded into the engine's own command encoder; nothing waits for the GPU.
 //!
 //! ```
 //! # #[cfg(feature = "gpu")] mod engine {
-//! use girandole::{LightWorld, gpu::{GpuError, GpuLights}, wgpu};
+//! use girandole::gpu::{GpuError, GpuLights};
+//! use girandole::{Effects, LightWorld, wgpu};
 //!
-//! fn frame(lights: &mut GpuLights, world: &mut LightWorld, encoder: &mut wgpu::CommandEncoder) -> Result<(), GpuError> {
+//! const ENGINE: &str = "
+//!     @group(0) @binding(0) var<storage, read_write> lux: array<f32>;
+//!     @compute @workgroup_size(64)
+//!     fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+//!         let ground = light_surface_point(vec3(f32(id.x), 0.0, 0.0), vec3(0.0, 1.0, 0.0));
+//!         let s = light_sample(ground, vec4(0.1, 0.2, 0.3, 0.4));
+//!         lux[id.x] = select(0.0, s.radiance.y * s.direction.y / (s.pmf * s.pdf), s.pmf > 0.0);
+//!     }";
+//!
+//! /// Once: the source of the engine's shader.
+//! ///
+//! /// Its pipeline layout has `lights.bind_group_layout()` at group 1.
+//! fn start(device: &wgpu::Device, queue: &wgpu::Queue) -> Result<(GpuLights, String), GpuError> {
+//!     let lights = GpuLights::new(device, queue)?;
+//!     let source = lights.shader(1, Effects::all()).join(ENGINE);
+//!     Ok((lights, source))
+//! }
+//!
+//! /// Every frame, after `LightWorld::update`.
+//! fn frame(
+//!     lights: &mut GpuLights,
+//!     world: &mut LightWorld,
+//!     encoder: &mut wgpu::CommandEncoder,
+//! ) -> Result<(), GpuError> {
 //!     let delta = world.take_delta();
-//!     lights.upload(world, &delta)?;
+//!     lights.upload(world, &delta)?; // what changed, and nothing else
 //!     lights.build_top(encoder);
-//!     // Then the engine's own passes, whose shader was joined to `lights.shader(1, Effects::all())` and which bind
-//!     // `lights.bind_group()` at group 1, call `light_sample(shading_point, u)`; `docs/integration.md` goes through it.
+//!     // Then the engine's own passes, with `lights.bind_group()` at group 1.
 //!     Ok(())
 //! }
 //! # }
 //! ```
 //!
+//! `docs/integration.md` goes through all of it step by step; `examples/engine_shader.rs` is a
+//! whole program.
+//!
 //! # Conventions
 //!
-//! Metres, seconds, lumens, candela, nits, lux; linear Rec. 709 colours. Right-handed. Random numbers `u` in [0, 1).
-//! Trees live in a space of their own, instances carry them to the world with an f64 translation, and sampling happens
-//! relative to [`LightWorld::origin`] in f32. A *pmf* is the chance of choosing a light; a *pdf* is a density per steradian.
-//! The sum of all pmf and the chance of "no light" is 1. Bad input gets a typed error and changes nothing.
+//! - **Units** are metres, seconds, radians, lumens, candela, nits and lux. Colours are linear Rec.
+//!   709. Axes are right-handed.
+//! - **Spaces.** A tree has a space of its own. A [`Placement`] maps it to the world, with an f64
+//!   translation. Sampling happens in f32, relative to [`LightWorld::origin`].
+//! - **Probabilities.** A *pmf* is the probability of a light; a *pdf* is a density per steradian.
+//!   At every shading point the pmf of all lights and the probability of "no light" sum to 1. Every
+//!   light that can contribute has a pmf above 0.
+//! - **Random numbers** `u` lie in [0, 1). The same numbers give the same light.
+//! - **Errors.** Bad input gets a typed error with a [stable code](error) and changes nothing. No
+//!   scene makes the library panic, and it never prints.
+//! - **Threads.** Edits need the world mutably; any number of threads may share a [`LightSampler`].
+//!   Results do not depend on the number of threads.
 //!
-//! Data moves one way, and the modules read in that order: effects, lights, cones and boxes, clusters, trees, policies,
-//! scheduler, world, top level, sampling, GPU. `docs/architecture.md` draws it; `docs/math.md` derives the formulas
-//! and names the papers behind keys such as CK18 and SS.
+//! # Modules
+//!
+//! What most programs need is exported from the root. The modules hold the rest
+//! (`docs/architecture.md` shows how data passes through them):
+//!
+//! | module | contents |
+//! |---|---|
+//! | [`light`] | lights: shapes, units, limits |
+//! | [`cone`], [`bounds`], [`cluster`] | what a node knows of its lights: directions, boxes, flux and moments |
+//! | [`tree`] | bottom-level trees: build, refit, partial rebuild, attributes, soundness check |
+//! | [`policy`] | when a tree asks for a rebuild |
+//! | [`scheduler`] | the frame budget; clocks for tests and replays |
+//! | [`effects`] | the features that a scene has, for which shaders and layouts are specialized |
+//! | [`error`] | all errors and their codes |
+//! | `gpu` | upload, top level and sampling with wgpu; the WGSL functions |
+//! | `gltf` | lights from glTF scenes |
+//!
+//! `docs/math.md` derives the formulas and names the papers behind keys such as CK18 and SS.
+//!
+//! # Features
+//!
+//! | feature | default | what it adds |
+//! |---|---|---|
+//! | `gpu` | yes | the module `gpu`, with wgpu |
+//! | `parallel` | yes | builds and refits on rayon's threads, and builds in the background |
+//! | `gltf` | no | the module `gltf` |
 
-// In the order data passes through them; `tests/all/dependencies.rs` checks that imports point up this list only.
+// In the order in which data passes through them. A module imports only from modules above it;
+// `tests/all/dependencies.rs` checks that.
 mod simd;
 mod keys;
 pub mod effects;
@@ -107,7 +186,8 @@ pub use world::{BackgroundReport, FrameDelta, FrameReport, JobReport, LightWorld
 #[doc = include_str!("../README.md")]
 struct Readme;
 
-/// The programs of the guide for engines, likewise; a test of `gpu/shader.rs` checks its shaders.
+/// The programs of the guide for engines, compiled and run as documentation tests. A test in
+/// `gpu/shader.rs` checks its shaders.
 #[cfg(all(doctest, feature = "gpu"))]
 #[doc = include_str!("../docs/integration.md")]
 struct Integration;

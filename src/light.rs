@@ -1,6 +1,7 @@
-//! The lights that trees hold: what they are, whether they make sense, how much they emit and where to.
+//! Lights: their shapes, the check of their values, and how much they emit in which directions.
 //!
-//! Units are glTF's: candela for points and spots (KHR_lights_punctual), nits for surfaces, lux for directional lights.
+//! Units are those of glTF: candela for points and spots (KHR_lights_punctual), nits for surfaces,
+//! lux for directional lights.
 
 use std::f32::consts::PI;
 
@@ -12,73 +13,96 @@ use crate::cone::{CAP_PADDING, Cone};
 use crate::effects::Effects;
 use crate::error::LightError;
 
-/// Largest coordinate, radius or edge of a light, in metres. Squares and fourth powers of it stay far inside f32.
+/// Largest coordinate, radius or edge of a light, in metres. Its square and fourth power stay
+/// within f32.
 pub const MAX_COORDINATE: f32 = 1.0e9;
 
 /// Largest emission per channel, in candela or nits.
 pub const MAX_EMISSION: f32 = 1.0e15;
 
-/// The least flux of a light that is not dark, in lumens. Smaller values would be flushed to zero as denormals by
-/// some GPUs when divided by a squared distance, and a light that can contribute must keep a chance above zero.
+/// The least flux of a light that is not dark, in lumens. Some GPUs would flush smaller values to
+/// zero as denormals when they are divided by a squared distance, and a light that can contribute
+/// must keep a probability above zero.
 pub(crate) const MIN_FLUX: f32 = 1.0e-18;
 
-/// Length of the mean direction of emission of one flat emitter, that is the mean cosine of Lambert's law.
+/// Length of the mean direction of emission of one flat emitter: the mean cosine of Lambert's law.
 pub(crate) const LAMBERTIAN: f32 = 2.0 / 3.0;
 
-/// Sine of the angle between a flat emitter's edges below which rounding could turn its normal by more than 1e-5 rad.
+/// Below this sine of the angle between a flat emitter's edges, rounding could turn its normal by
+/// more than 1e-5 rad.
 const MIN_SINE: f32 = 1.0e-2;
 
-/// Least entry of a cross product, in square metres, whose square is a normal f32.
+/// Least entry of a cross product, in square metres, whose square is a normal number in f32.
 const MIN_CROSS: f32 = 1.0e-18;
 
-/// Narrowest falloff between the cosines of a spot's angles, as KHR_lights_punctual has it.
+/// Least width of a spot's falloff, as a difference of cosines, as KHR_lights_punctual has it.
 const MIN_SPOT_FALLOFF: f32 = 1.0e-3;
 
 /// Rounding of a spot's falloff at its rim lets through directions this far outside, in radians.
 const SPOT_RIM: f32 = 1.0e-3;
 
-/// Shape and place of a light, in the space of its tree. Metres and radians.
+/// How far the length of a direction may be from 1. Directions need not be of unit length to the
+/// last bit.
+const UNIT_TOLERANCE: f32 = 1.0e-3;
+
+/// Shape and position of a light, in the space of its tree. Metres and radians.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Shape {
-    /// Emits equally to all sides.
+    /// A point that emits equally in all directions.
     Point {
-        /// Where it is.
+        /// The position.
         position: Vec3,
     },
-    /// Emits into a cone, with the falloff of KHR_lights_punctual: full within `inner_angle`, zero from `outer_angle` on.
+    /// A point that emits into a cone, with the falloff of KHR_lights_punctual.
+    ///
+    /// The intensity at the angle θ from the axis is the emission times
+    ///
+    /// ```text
+    /// clamp((cos θ - cos outer_angle) / max(cos inner_angle - cos outer_angle, 0.001), 0, 1)²
+    /// ```
+    ///
+    /// It is 0 from `outer_angle` on. It is full within `inner_angle` if the cosines of the two
+    /// angles differ by at least 0.001. If they differ by less, the falloff is 0.001 wide and
+    /// reaches further inward, to the angle whose cosine is cos `outer_angle` + 0.001. Below an
+    /// `outer_angle` of 2.56 degrees there is no such angle, and not even the axis gets the full
+    /// intensity: it gets 37 % at 2 degrees and 2.3 % at 1 degree. For a narrower beam of the
+    /// intended intensity, divide the emission by that share.
     Spot {
-        /// Where it is.
+        /// The position.
         position: Vec3,
         /// Unit vector along the cone's axis.
         direction: Vec3,
-        /// From the axis, in [0, `outer_angle`].
+        /// Angle from the axis, in [0, `outer_angle`].
         inner_angle: f32,
-        /// From the axis, in [0, pi].
+        /// Angle from the axis, in [0, pi].
         outer_angle: f32,
     },
-    /// A parallelogram that emits evenly (Lambertian) from the side that `half_u` x `half_v` points to.
+    /// A parallelogram that emits evenly (Lambertian) from the side that `half_u` x `half_v` points
+    /// to.
     Rectangle {
-        /// Its middle.
+        /// The center.
         center: Vec3,
-        /// From the middle to the middle of one edge.
+        /// From the center to the middle of one edge.
         half_u: Vec3,
-        /// From the middle to the middle of the next edge.
+        /// From the center to the middle of the next edge.
         half_v: Vec3,
-        /// Emits from its back too.
+        /// Whether it emits from its back too.
         two_sided: bool,
     },
-    /// A triangle that emits evenly (Lambertian) from the side that sees its vertices counter-clockwise.
+    /// A triangle that emits evenly (Lambertian) from the side on which its vertices appear
+    /// counter-clockwise.
     Triangle {
         /// The corners.
         vertices: [Vec3; 3],
-        /// Emits from its back too.
+        /// Whether it emits from its back too.
         two_sided: bool,
     },
-    /// A sphere that emits evenly (Lambertian) outward. Under a non-uniform scale it becomes an ellipsoid.
+    /// A sphere that emits evenly (Lambertian) outward. Under a non-uniform scale it becomes an
+    /// ellipsoid.
     Sphere {
-        /// Its middle.
+        /// The center.
         center: Vec3,
-        /// At least 0; a radius of 0 emits nothing.
+        /// At least 0; a sphere of radius 0 emits nothing.
         radius: f32,
     },
 }
@@ -93,12 +117,14 @@ pub enum Shape {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
-    /// Kind and place.
+    /// Kind and position.
     pub shape: Shape,
-    /// Linear Rec. 709. Candela for a point or spot (inside its inner cone), nits for the others.
+    /// Linear Rec. 709. Candela for points and spots (before the falloff), nits for the others. At
+    /// least 0.
     pub emission: Vec3,
-    /// Metres (of the world, not scaled by instances) from which on the light is exactly zero, with the smooth window
-    /// of KHR_lights_punctual before that. Infinity for none.
+    /// Distance in metres of the world (not scaled by instances) from which on the light is exactly
+    /// zero; nearer, it has the smooth window of KHR_lights_punctual. Above 0; infinity for no
+    /// limit.
     pub range: f32,
 }
 
@@ -107,12 +133,13 @@ impl Light {
         Self { shape, emission, range: f32::INFINITY }
     }
 
-    /// A point light; `intensity` in candela.
+    /// A point; `intensity` in candela.
     pub fn point(position: Vec3, intensity: Vec3) -> Self {
         Self::new(Shape::Point { position }, intensity)
     }
 
-    /// A spot; angles in radians from its axis, `intensity` in candela.
+    /// A spot; angles in radians from its axis, `intensity` in candela. [`Shape::Spot`] has the
+    /// falloff.
     pub fn spot(position: Vec3, direction: Vec3, inner_angle: f32, outer_angle: f32, intensity: Vec3) -> Self {
         Self::new(Shape::Spot { position, direction, inner_angle, outer_angle }, intensity)
     }
@@ -122,7 +149,7 @@ impl Light {
         Self::new(Shape::Rectangle { center, half_u, half_v, two_sided: false }, radiance)
     }
 
-    /// A one-sided emissive triangle; `radiance` in nits.
+    /// A one-sided triangle; `radiance` in nits.
     pub fn triangle(vertices: [Vec3; 3], radiance: Vec3) -> Self {
         Self::new(Shape::Triangle { vertices, two_sided: false }, radiance)
     }
@@ -132,12 +159,13 @@ impl Light {
         Self::new(Shape::Sphere { center, radius }, radiance)
     }
 
-    /// The same light, exactly zero from `range` metres on.
+    /// The same light with a range in metres, see [`Light::range`].
     pub fn with_range(self, range: f32) -> Self {
         Self { range, ..self }
     }
 
-    /// The same light emitting from both sides, if it is a rectangle or a triangle; other kinds have no sides.
+    /// The same light with emission from both sides if it is a rectangle or a triangle; other kinds
+    /// have no sides.
     pub fn two_sided(mut self) -> Self {
         if let Shape::Rectangle { two_sided, .. } | Shape::Triangle { two_sided, .. } = &mut self.shape {
             *two_sided = true;
@@ -145,16 +173,18 @@ impl Light {
         self
     }
 
-    /// Whether a tree takes this light. Emission of zero, areas of zero and a spot of any width are fine.
+    /// Checks whether a tree accepts this light. Zero emission, zero area and spots of any width
+    /// are allowed.
     ///
     /// # Errors
-    /// The first field that is not finite, negative where it must not be, or beyond [`MAX_COORDINATE`] or [`MAX_EMISSION`].
+    /// The first field that is not finite, outside its range, or beyond [`MAX_COORDINATE`] or
+    /// [`MAX_EMISSION`], or a direction that is not of unit length (to within 0.001).
     pub fn validate(&self) -> Result<(), LightError> {
         for (what, value) in ["emission.r", "emission.g", "emission.b"].into_iter().zip(self.emission.to_array()) {
             check_between(what, value, 0.0, MAX_EMISSION)?;
         }
         if self.range.is_nan() || self.range <= 0.0 {
-            return Err(LightError::OutOfRange { what: "range", value: self.range, min: 0.0, max: f32::INFINITY });
+            return Err(LightError::NotPositive { what: "range", value: self.range });
         }
         match self.shape {
             Shape::Point { position } => check_point("position", position),
@@ -197,7 +227,7 @@ impl Light {
         self.exact_area().map(|area| area as f32)
     }
 
-    /// In f64: squares of a micrometre's area are gone in f32.
+    /// In f64: squares of an area of a square micrometre underflow in f32.
     fn exact_area(&self) -> Option<f64> {
         let parallelogram = |u: Vec3, v: Vec3| u.as_dvec3().cross(v.as_dvec3()).length();
         match self.shape {
@@ -212,8 +242,9 @@ impl Light {
         }
     }
 
-    /// Emitted flux in lumens, as the Rec. 709 luminance of `emission` over all directions and area; range ignored.
-    /// At most 1e34. A light whose flux is zero, or rounds to it, is dark: it sends nothing and is never chosen.
+    /// Emitted flux in lumens: the Rec. 709 luminance of `emission` integrated over all directions
+    /// and the area. The range is ignored. At most 1e34. A light whose flux is zero, or rounds to
+    /// it, is dark: it sends nothing and is never chosen.
     pub fn flux(&self) -> f32 {
         let luminance = luminance(self.emission);
         match self.shape {
@@ -226,7 +257,7 @@ impl Light {
         }
     }
 
-    /// All directions that the light emits to.
+    /// The cone of all directions that the light emits in.
     pub fn emission_cone(&self) -> Cone {
         match self.shape {
             Shape::Point { .. }
@@ -241,7 +272,8 @@ impl Light {
         }
     }
 
-    /// The cluster of this light alone. A dark light (zero flux) has an empty box, but keeps its place as mean.
+    /// The cluster of this light alone. A dark light (zero flux) has an empty box and keeps its
+    /// position as mean.
     pub fn cluster(&self) -> Cluster {
         let cone = self.emission_cone();
         let (flux, length) = match self.shape {
@@ -249,7 +281,7 @@ impl Light {
                 let lobe = spot_lobe(inner_angle, outer_angle);
                 (luminance(self.emission) * lobe.solid_angle, lobe.mean_cosine)
             }
-            // Two sides cancel, and so do all sides of a sphere.
+            // The mean direction of two sides is zero, and so is that of a sphere.
             _ => (self.flux(), if cone.is_full() { 0.0 } else { LAMBERTIAN }),
         };
         let (mean, variance) = match self.shape {
@@ -259,7 +291,7 @@ impl Light {
             }
             Shape::Triangle { vertices: [a, b, c], .. } => {
                 let mean = (a + b + c) / 3.0;
-                // Trace of the covariance of an even distribution over a triangle.
+                // Trace of the covariance of a uniform distribution over a triangle.
                 let spread = (a - mean).length_squared() + (b - mean).length_squared() + (c - mean).length_squared();
                 (mean, spread / 12.0)
             }
@@ -268,8 +300,10 @@ impl Light {
         if flux <= 0.0 {
             return Cluster { mean, ..Cluster::EMPTY };
         }
-        // A spot may emit more to its back than to its front: the cap is about the axis that is kept.
-        let holds = length > 0.0 && !cone.is_full();
+        // The cap is about the mean direction that is stored. Where that has no positive length
+        // there is no cap: the length of a spot that emits almost everywhere may round to zero or
+        // below.
+        let has_cap = length > 0.0 && !cone.is_full();
         let flux = flux.max(MIN_FLUX);
         Cluster {
             aabb: self.aabb(),
@@ -278,12 +312,12 @@ impl Light {
             mean,
             variance,
             axis: cone.axis * length,
-            cos_half_angle: if holds { cone.half_angle.cos() - CAP_PADDING } else { -1.0 },
+            cos_half_angle: if has_cap { cone.half_angle.cos() - CAP_PADDING } else { -1.0 },
             range: self.range,
         }
     }
 
-    /// What the light calls for: its kind, whether or not it shines.
+    /// The effects of the light's kind, whether or not it shines.
     pub fn effects(&self) -> Effects {
         let kind = match self.shape {
             Shape::Point { .. } => Effects::empty(),
@@ -296,13 +330,13 @@ impl Light {
         if self.range < f32::INFINITY { kind | Effects::RANGES } else { kind }
     }
 
-    /// Without extent: a point or a spot.
+    /// Whether the light has no extent: a point or a spot.
     fn is_punctual(&self) -> bool {
         matches!(self.shape, Shape::Point { .. } | Shape::Spot { .. })
     }
 }
 
-/// A light at infinity, like a moon. Kept outside the trees and sampled beside them.
+/// A light at infinity, such as the moon. It is in no tree; a sampler weighs it against the trees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DirectionalLight {
     /// Unit vector along which the light travels.
@@ -312,10 +346,10 @@ pub struct DirectionalLight {
 }
 
 impl DirectionalLight {
-    /// Whether a world takes this light.
+    /// Checks whether a world accepts this light.
     ///
     /// # Errors
-    /// As [`Light::validate`].
+    /// As [`Light::validate`], for the direction and the illuminance.
     pub fn validate(&self) -> Result<(), LightError> {
         check_direction("direction", self.direction)?;
         let channels = ["illuminance.r", "illuminance.g", "illuminance.b"];
@@ -331,7 +365,7 @@ pub fn luminance(rgb: Vec3) -> f32 {
     rgb.dot(Vec3::new(0.2126, 0.7152, 0.0722))
 }
 
-/// The window of KHR_lights_punctual: 1 near the light, exactly 0 from `range` on.
+/// The range window of KHR_lights_punctual: 1 at the light, exactly 0 from `range` on.
 pub(crate) fn range_window(dist_sq: f32, range: f32) -> f32 {
     if dist_sq >= range * range {
         return 0.0;
@@ -340,7 +374,8 @@ pub(crate) fn range_window(dist_sq: f32, range: f32) -> f32 {
     1.0 - ratio_sq * ratio_sq
 }
 
-/// Scale and offset of the spot falloff `saturate(cos * scale + offset)^2` of KHR_lights_punctual.
+/// Scale and offset of the spot falloff `clamp(cos * scale + offset, 0, 1)^2` of
+/// KHR_lights_punctual.
 pub(crate) fn spot_falloff(inner_angle: f32, outer_angle: f32) -> (f32, f32) {
     let cos_outer = outer_angle.cos();
     let scale = 1.0 / (inner_angle.cos() - cos_outer).max(MIN_SPOT_FALLOFF);
@@ -352,20 +387,21 @@ struct SpotLobe {
     mean_cosine: f32,
 }
 
-/// Integrals of the spot falloff over the sphere. With c the cosine to the axis, t = (c - c_outer) scale runs from 0 to 1
-/// over the falloff, and the falloff is t^2.
+/// Integrals of the spot falloff over the sphere. With c the cosine of the angle to the axis, t =
+/// (c - c_outer) scale runs from 0 to 1 over the falloff, and the falloff is t^2.
 fn spot_lobe(inner_angle: f32, outer_angle: f32) -> SpotLobe {
     if outer_angle <= 0.0 {
         return SpotLobe { solid_angle: 0.0, mean_cosine: 1.0 };
     }
     let (scale, _) = spot_falloff(inner_angle, outer_angle);
-    // 1 - cos without cancellation; the falloff is cut off at c = 1 when it is wider than the whole spot.
+    // 1 - cos without cancellation. Where the falloff is wider than the whole spot it is cut off at
+    // c = 1.
     let one_minus_cos = 2.0 * (0.5 * outer_angle).sin().powi(2);
     let width = (1.0 / scale).min(one_minus_cos);
     let t = width * scale;
     let flat = (one_minus_cos - width).max(0.0);
     let integral = flat + width * t * t / 3.0;
-    // First moment about c = 1, so that narrow spots do not cancel.
+    // First moment about c = 1, so that nothing cancels for narrow spots.
     let moment = flat * flat * 0.5 + t * t * (width * one_minus_cos / 3.0 - width * width / 4.0);
     SpotLobe { solid_angle: 2.0 * PI * integral, mean_cosine: (1.0 - moment / integral).clamp(-1.0, 1.0) }
 }
@@ -374,7 +410,8 @@ fn sides(two_sided: bool) -> f64 {
     if two_sided { 2.0 } else { 1.0 }
 }
 
-/// What the front of a flat emitter sees; all sides if it is too thin or too small for a normal that can be trusted.
+/// The half space in front of a flat emitter; all directions if it is too thin or too small for an
+/// exact normal.
 fn half_space(u: Vec3, v: Vec3) -> Cone {
     let normal = u.cross(v);
     let is_thin = normal.length_squared() < MIN_SINE * MIN_SINE * u.length_squared() * v.length_squared();
@@ -398,9 +435,68 @@ fn check_point(what: &'static str, p: Vec3) -> Result<(), LightError> {
     p.to_array().into_iter().try_for_each(|value| check_between(what, value, -MAX_COORDINATE, MAX_COORDINATE))
 }
 
-/// Directions need not be of unit length to the last bit, but must clearly be directions.
 fn check_direction(what: &'static str, d: Vec3) -> Result<(), LightError> {
     check_point(what, d)?;
-    let length = d.length();
-    if (length - 1.0).abs() > 1.0e-3 { Err(LightError::NoDirection { what, length }) } else { Ok(()) }
+    if d == Vec3::ZERO {
+        return Err(LightError::NoDirection { what });
+    }
+    // In f64: the square of a tiny length would underflow, and the error shows the length.
+    let length = d.as_dvec3().length() as f32;
+    if (length - 1.0).abs() > UNIT_TOLERANCE {
+        return Err(LightError::NotUnitLength { what, length, tolerance: UNIT_TOLERANCE });
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spot(direction: Vec3) -> Result<(), LightError> {
+        Light::spot(Vec3::ZERO, direction, 0.1, 0.2, Vec3::ONE).validate()
+    }
+
+    #[test]
+    fn a_direction_must_be_of_unit_length_and_the_error_states_its_length() {
+        assert_eq!(spot(Vec3::X * (1.0 + 0.9 * UNIT_TOLERANCE)), Ok(()));
+        let what = "direction";
+        assert_eq!(spot(Vec3::ZERO), Err(LightError::NoDirection { what }));
+        for length in [2.0, 1.0e-30, 0.99, MAX_COORDINATE] {
+            let error = LightError::NotUnitLength { what, length, tolerance: UNIT_TOLERANCE };
+            assert_eq!(spot(Vec3::Y * length), Err(error));
+        }
+        let sun = DirectionalLight { direction: Vec3::new(0.0, 3.0, 4.0), illuminance: Vec3::ONE };
+        assert_eq!(sun.validate(), Err(LightError::NotUnitLength { what, length: 5.0, tolerance: UNIT_TOLERANCE }));
+    }
+
+    #[test]
+    fn a_range_must_be_above_zero_and_may_be_infinite() {
+        let lamp = Light::point(Vec3::ZERO, Vec3::ONE);
+        for value in [0.0, -0.0, -1.0, f32::NEG_INFINITY] {
+            assert_eq!(lamp.with_range(value).validate(), Err(LightError::NotPositive { what: "range", value }));
+        }
+        let nan = lamp.with_range(f32::NAN).validate();
+        assert!(matches!(nan, Err(LightError::NotPositive { what: "range", .. })));
+        assert!(
+            lamp.with_range(f32::MIN_POSITIVE).validate().is_ok() && lamp.with_range(f32::INFINITY).validate().is_ok()
+        );
+    }
+
+    #[test]
+    fn the_falloff_of_a_spot_is_what_its_documentation_says() {
+        let share = |inner: f32, outer: f32, angle: f32| {
+            let (scale, offset) = spot_falloff(inner.to_radians(), outer.to_radians());
+            (angle.to_radians().cos() * scale + offset).clamp(0.0, 1.0).powi(2)
+        };
+        // Cosines that differ by more than 0.001: full within the inner angle.
+        assert_eq!([share(20.0, 30.0, 0.0), share(20.0, 30.0, 19.99), share(20.0, 30.0, 30.0)], [1.0, 1.0, 0.0]);
+        // By less: not full at the inner angle, but at the angle whose cosine is greater by 0.001.
+        assert!(share(29.99, 30.0, 29.99) < 0.01);
+        let full = (30.0_f32.to_radians().cos() + 1.001e-3).acos().to_degrees();
+        assert_eq!(share(29.99, 30.0, full), 1.0);
+        // Where no angle has such a cosine, the axis gets a share.
+        assert!(share(0.0, 2.57, 0.0) == 1.0 && share(0.0, 2.55, 0.0) < 1.0);
+        assert!((share(1.0, 2.0, 0.0) - 0.37).abs() < 0.005, "{}", share(1.0, 2.0, 0.0));
+        assert!((share(0.5, 1.0, 0.0) - 0.023).abs() < 0.0005, "{}", share(0.5, 1.0, 0.0));
+    }
 }

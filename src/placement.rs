@@ -1,4 +1,5 @@
-//! Where an instance stands: a linear part in f32 and a translation in f64, so that a centimetre counts 10^7 m out.
+//! Where an instance is: a linear part in f32 and a translation in f64, so that centimetres are
+//! kept 10^7 m from the origin.
 
 use glam::{Affine3A, DAffine3, DVec3, Mat3, Mat4, Vec3};
 
@@ -9,28 +10,37 @@ use crate::importance::{POSITION_MARGIN, View};
 use crate::shading_point::ShadingPoint;
 use crate::transform::InstanceTransform;
 
-/// Farthest an instance may stand from the world's origin, per axis, in metres.
+/// Largest distance of an instance from the world's origin along each axis, in metres.
 pub const MAX_DISTANCE: f64 = 1.0e9;
 
-/// Largest entry of a linear part, and the inverse of the least scale: squares of cofactors stay inside f32.
+/// Largest entry of a linear part, and the inverse of the least scale: squares of cofactors stay
+/// within f32.
 pub const MAX_SCALE: f32 = 1.0e9;
 
-/// A rotation, scale, mirror or shear, and a place. From tree space to the world.
+/// An affine map from the space of a tree to the world: rotation, scale, mirror or shear, and a
+/// translation.
 ///
-/// Points and spots keep their intensity and range whatever the scale, as glTF has it; surfaces keep their radiance.
+/// Points and spots keep their intensity and range under any scale, as glTF has it; surfaces keep
+/// their radiance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
-    /// Columns are the images of the axes; any matrix with an inverse.
+    /// The columns are the images of the axes. The matrix is one of two kinds:
+    ///
+    /// - It has an inverse. Entries are at most [`MAX_SCALE`] and scales at least 1 /
+    ///   [`MAX_SCALE`].
+    /// - All its entries are exactly 0. The instance is hidden: it keeps its key, slot and policy,
+    ///   and contributes nothing until it is moved to a placement of the first kind. Engines hide
+    ///   objects by a scale of zero.
     pub linear: Mat3,
     /// Metres.
     pub translation: DVec3,
 }
 
 impl Placement {
-    /// Tree space is the world.
+    /// The space of the tree is the world.
     pub const IDENTITY: Self = Self { linear: Mat3::IDENTITY, translation: DVec3::ZERO };
 
-    /// Moves only.
+    /// A translation, in metres.
     pub fn at(translation: DVec3) -> Self {
         Self { translation, ..Self::IDENTITY }
     }
@@ -60,7 +70,7 @@ impl From<DAffine3> for Placement {
     }
 }
 
-/// A placement relative to the world's origin, with what sampling needs of it.
+/// A placement relative to the world's origin, with what sampling derives from it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Placed {
     pub linear: Linear,
@@ -68,8 +78,9 @@ pub(crate) struct Placed {
 }
 
 impl Placed {
-    /// Checks a placement and derives the rest.
-    pub fn new(placement: &Placement, origin: DVec3) -> Result<Self, PlacementError> {
+    /// Checks a placement and derives the rest; `None` for a linear part of all zeros, which hides
+    /// the instance.
+    pub fn new(placement: &Placement, origin: DVec3) -> Result<Option<Self>, PlacementError> {
         let entries = placement.linear.to_cols_array();
         if let Some(value) = entries.into_iter().find(|e| !e.is_finite()) {
             return Err(PlacementError::NotFinite { what: "an entry of the linear part", value: value.into() });
@@ -85,29 +96,36 @@ impl Placed {
         if distance > MAX_DISTANCE {
             return Err(PlacementError::TooFar { distance, limit: MAX_DISTANCE });
         }
-        let linear = Linear::new(placement.linear);
-        let to_local = placement.linear.as_dmat3().inverse().as_mat3();
-        // Normal numbers only: a denormal determinant has lost the digits that its inverse needs.
-        if !(linear.determinant.is_normal() && to_local.is_finite() && linear.least_scale >= 1.0 / MAX_SCALE) {
-            return Err(PlacementError::Singular { determinant: linear.determinant });
+        if placement.linear == Mat3::ZERO {
+            return Ok(None);
         }
-        let frame = InstanceTransform {
-            to_world: placement.linear,
-            translation: offset.as_vec3(),
-            to_local,
-            determinant: linear.determinant,
-        };
-        Ok(Self { linear, frame })
+        let exact = placement.linear.as_dmat3();
+        let determinant = exact.determinant() as f32;
+        // Normal numbers only: a denormal determinant has lost the digits that the inverse needs.
+        // Checked before anything is inverted, since glam's assertions panic where there is no
+        // inverse.
+        if !determinant.is_normal() {
+            return Err(PlacementError::Singular { determinant });
+        }
+        let to_local = exact.inverse().as_mat3();
+        let linear = Linear::new(placement.linear);
+        if !(to_local.is_finite() && linear.least_scale >= 1.0 / MAX_SCALE) {
+            return Err(PlacementError::Singular { determinant });
+        }
+        let frame =
+            InstanceTransform { to_world: placement.linear, translation: offset.as_vec3(), to_local, determinant };
+        Ok(Some(Self { linear, frame }))
     }
 
-    /// What an instance that stands here calls for.
+    /// The effects of an instance that is placed here.
     pub fn effects(&self) -> Effects {
         if self.linear.is_rigid() { Effects::empty() } else { Effects::NON_RIGID }
     }
 
-    /// A shading point of the world seen in the tree's space.
+    /// A shading point of the world as seen in the space of the tree.
     pub fn view(&self, shading_point: &ShadingPoint) -> View {
-        // Normals are carried back by the transpose: the horizon stays the horizon under any linear map.
+        // Normals are carried back by the transpose: the horizon stays the horizon under any linear
+        // map.
         let normal = (self.linear.linear.transpose() * shading_point.normal).normalize_or_zero();
         View {
             position: self.frame.to_local * (shading_point.position - self.frame.translation),
@@ -120,7 +138,7 @@ impl Placed {
         }
     }
 
-    /// Metres of tree space per metre of the world, at most.
+    /// The most metres in the space of the tree per metre of the world.
     pub fn range_scale(&self) -> f32 {
         1.0 / self.linear.least_scale
     }
@@ -130,30 +148,66 @@ impl Placed {
 mod tests {
     use super::*;
 
-    #[test]
-    fn placements_that_flatten_space_or_leave_it_are_refused() {
-        let flat = Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, 0.0, 1.0)), ..Placement::IDENTITY };
-        assert!(matches!(Placed::new(&flat, DVec3::ZERO), Err(PlacementError::Singular { .. })));
-        let scaled = |s| Placement { linear: Mat3::from_diagonal(Vec3::splat(s)), ..Placement::IDENTITY };
-        assert!(
-            Placed::new(&scaled(MAX_SCALE), DVec3::ZERO).is_ok_and(|p| p.linear.flux(1.0, 1.0, Vec3::X).is_finite())
-        );
-        assert!(matches!(Placed::new(&scaled(MAX_SCALE.next_up()), DVec3::ZERO), Err(PlacementError::TooLarge { .. })));
-        assert!(Placed::new(&scaled(1.001 / MAX_SCALE), DVec3::ZERO).is_ok_and(|p| p.linear.is_similarity));
-        assert!(matches!(Placed::new(&scaled(0.9 / MAX_SCALE), DVec3::ZERO), Err(PlacementError::Singular { .. })));
-        let nan = Placement::at(DVec3::new(0.0, f64::NAN, 0.0));
-        assert!(matches!(Placed::new(&nan, DVec3::ZERO), Err(PlacementError::NotFinite { .. })));
-        let limit = Placement::at(DVec3::X * MAX_DISTANCE);
-        assert!(Placed::new(&limit, DVec3::ZERO).is_ok());
-        let past = Placement::at(DVec3::X * MAX_DISTANCE.next_up());
-        assert!(matches!(Placed::new(&past, DVec3::ZERO), Err(PlacementError::TooFar { .. })));
-        assert!(Placed::new(&past, DVec3::X).is_ok());
+    fn place(placement: Placement) -> Result<Option<Placed>, PlacementError> {
+        Placed::new(&placement, DVec3::ZERO)
+    }
+
+    fn scaled(x: f32, y: f32, z: f32) -> Placement {
+        Placement { linear: Mat3::from_diagonal(Vec3::new(x, y, z)), ..Placement::IDENTITY }
     }
 
     #[test]
-    fn centimetres_survive_ten_thousand_kilometres_out() {
+    fn scales_are_accepted_up_to_the_limits_and_refused_beyond_them() {
+        let placed = place(scaled(MAX_SCALE, MAX_SCALE, MAX_SCALE)).unwrap().unwrap();
+        assert!(placed.linear.flux(1.0, 1.0, Vec3::X).is_finite());
+        let above = MAX_SCALE.next_up();
+        assert!(matches!(place(scaled(above, above, above)), Err(PlacementError::TooLarge { .. })));
+        let least = 1.001 / MAX_SCALE;
+        assert!(place(scaled(least, least, least)).unwrap().unwrap().linear.is_similarity);
+        let below = 0.9 / MAX_SCALE;
+        assert!(matches!(place(scaled(below, below, below)), Err(PlacementError::Singular { .. })));
+    }
+
+    #[test]
+    fn a_linear_part_of_all_zeros_hides_and_any_other_singular_one_is_refused() {
+        assert!(place(scaled(0.0, 0.0, 0.0)).unwrap().is_none());
+        assert!(place(scaled(-0.0, 0.0, -0.0)).unwrap().is_none());
+        let least = f32::from_bits(1);
+        let rank_2 = Mat3::from_cols(Vec3::X, Vec3::Y, Vec3::X + Vec3::Y);
+        let singular = [
+            scaled(1.0, 0.0, 1.0),
+            scaled(0.0, 0.0, 1.0),
+            scaled(0.0, least, 0.0),
+            scaled(least, least, least),
+            Placement { linear: rank_2, ..Placement::IDENTITY },
+            Placement { linear: Mat3::from_cols(Vec3::ONE, Vec3::ONE, Vec3::ONE), ..Placement::IDENTITY },
+        ];
+        for placement in singular {
+            assert!(matches!(place(placement), Err(PlacementError::Singular { .. })), "{placement:?}");
+        }
+    }
+
+    #[test]
+    fn a_hidden_placement_is_refused_for_its_translation_like_any_other() {
+        let hidden = |x| Placement { linear: Mat3::ZERO, translation: DVec3::X * x };
+        assert!(matches!(place(hidden(f64::NAN)), Err(PlacementError::NotFinite { .. })));
+        assert!(matches!(place(hidden(2.0 * MAX_DISTANCE)), Err(PlacementError::TooFar { .. })));
+    }
+
+    #[test]
+    fn translations_are_accepted_up_to_the_limit_and_refused_beyond_it() {
+        let nan = Placement::at(DVec3::new(0.0, f64::NAN, 0.0));
+        assert!(matches!(place(nan), Err(PlacementError::NotFinite { .. })));
+        assert!(place(Placement::at(DVec3::X * MAX_DISTANCE)).is_ok());
+        let beyond = Placement::at(DVec3::X * MAX_DISTANCE.next_up());
+        assert!(matches!(place(beyond), Err(PlacementError::TooFar { .. })));
+        assert!(Placed::new(&beyond, DVec3::X).is_ok());
+    }
+
+    #[test]
+    fn centimetres_are_kept_ten_thousand_kilometres_from_the_origin() {
         let origin = DVec3::new(1.0e7, 0.0, -1.0e7);
-        let placed = Placed::new(&Placement::at(origin + DVec3::new(0.01, 0.0, 0.0)), origin).unwrap();
+        let placed = Placed::new(&Placement::at(origin + DVec3::new(0.01, 0.0, 0.0)), origin).unwrap().unwrap();
         assert_eq!(placed.frame.translation, Vec3::new(0.01, 0.0, 0.0));
     }
 }

@@ -69,6 +69,9 @@ impl<'a> Forest<'a> for (&LightSampler<'a>, &ShadingPoint) {
 impl LightWorld {
     /// A sampler of the world as it is now, its lights as of the last update. The first call after a change builds the
     /// top level, O(n log n) in instances; engines that sample on the GPU only never pay for it.
+    ///
+    /// Any thread may call this, inside a rayon job too. Threads that make the first call at once may each build the
+    /// top level; to build it once, call this before the parallel loop.
     pub fn sampler(&self) -> LightSampler<'_> {
         LightSampler { world: self, top: self.top_level(), splits: SplitCount::DEFAULT }
     }
@@ -167,7 +170,7 @@ impl<'a> LightSampler<'a> {
             LightId::Local { instance, light } => {
                 let placed = self.world.instance(instance)?;
                 let light = self.world.tree(placed.tree)?.lights().get(light as usize)?;
-                sample_light(light, &placed.placed.frame, shading_point, u)
+                sample_light(light, &placed.placed.as_ref()?.frame, shading_point, u)
             }
         }
     }
@@ -233,7 +236,7 @@ impl<'a> LightSampler<'a> {
     fn scene(&self, key: InstanceKey, shading_point: &ShadingPoint) -> Option<(&'a LightTree, Scene<'a>)> {
         let instance = self.world.instance(key)?;
         let tree = self.world.tree(instance.tree)?;
-        let view = instance.placed.view(shading_point);
+        let view = instance.placed.as_ref()?.view(shading_point);
         Some((tree, Scene { nodes: tree.nodes(), view, instance: slot_of(key), is_top: false }))
     }
 }

@@ -1,103 +1,115 @@
-//! How much there is of each effect: kept up by every edit, so that nobody ever looks through all lights.
+//! Counts of effects, which every edit keeps up to date, and the effects that are held for a while
+//! after the last count.
 
 use super::Effects;
 
 /// How many calls of [`LightWorld::update`](crate::LightWorld::update) an effect stays in
-/// [`LightWorld::effects`](crate::LightWorld::effects) after the last thing that called for it is gone, and a tree counts as
-/// moving after its last change: two seconds at 60 frames a second. Fewer answer sooner to what has really ended; more
-/// bear slower flicker without another set, and so without another shader.
+/// [`LightWorld::effects`](crate::LightWorld::effects) after the last thing that had it is gone. A
+/// tree also counts as [moving](Effects::MOVING) for this long after its last change.
+///
+/// 120 updates are two seconds at 60 frames a second. Fewer would follow a real change sooner; more
+/// tolerate slower flicker without another set of effects, and so without another pipeline.
 pub const EFFECT_HOLD_UPDATES: u32 = 120;
 
 const KINDS: usize = Effects::all().bits().count_ones() as usize;
 
-/// For each effect, how many lights, instances and trees call for it.
+/// For each effect, the number of lights, instances and trees that have it.
+///
+/// A world and a tree keep their own counts
+/// ([`LightWorld::effect_counts`](crate::LightWorld::effect_counts),
+/// [`LightTree::effects`](crate::LightTree::effects)); elsewhere counts can only be read.
 ///
 /// ```
-/// use girandole::{EffectCounts, Effects, Light, glam::Vec3};
-/// let mut counts = EffectCounts::default();
-/// let lamp = Light::point(Vec3::ZERO, Vec3::ONE).with_range(9.0);
-/// counts.add(lamp.effects());
-/// assert_eq!((counts.of(Effects::RANGES), counts.effects()), (1, Effects::RANGES));
-/// counts.remove(lamp.effects());
-/// assert_eq!(counts, EffectCounts::default());
+/// use girandole::{Effects, Light, LightTree, glam::Vec3};
+/// let lamp = Light::point(Vec3::ZERO, Vec3::ONE);
+/// let tree = LightTree::new(vec![lamp, lamp.with_range(9.0)])?;
+/// assert_eq!((tree.effects().of(Effects::RANGES), tree.effects().effects()), (1, Effects::RANGES));
+/// # Ok::<(), girandole::WorldError>(())
+/// ```
+///
+/// ```compile_fail,E0624
+/// // Private: removing what was never added would underflow.
+/// girandole::EffectCounts::default().remove(girandole::Effects::RANGES);
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EffectCounts {
-    /// By the place of the effect's bit.
+    /// Indexed by the number of the effect's bit.
     counts: [u64; KINDS],
 }
 
 impl EffectCounts {
-    /// One more thing with these effects.
-    pub fn add(&mut self, effects: Effects) {
-        each(effects).for_each(|kind| self.counts[kind] += 1);
+    /// Counts one more thing with these effects.
+    pub(crate) fn add(&mut self, effects: Effects) {
+        indices(effects).for_each(|kind| self.counts[kind] += 1);
     }
 
-    /// One thing with these effects less: one that was added.
-    pub fn remove(&mut self, effects: Effects) {
-        each(effects).for_each(|kind| self.counts[kind] -= 1);
+    /// Counts one thing less with these effects, which must have been added.
+    pub(crate) fn remove(&mut self, effects: Effects) {
+        indices(effects).for_each(|kind| self.counts[kind] -= 1);
     }
 
-    /// All that another holds.
-    pub fn add_all(&mut self, other: &Self) {
+    /// Adds all counts of another.
+    pub(crate) fn add_all(&mut self, other: &Self) {
         self.counts.iter_mut().zip(other.counts).for_each(|(count, more)| *count += more);
     }
 
-    /// All that another holds, less: it was added.
-    pub fn remove_all(&mut self, other: &Self) {
+    /// Subtracts all counts of another, which must have been added.
+    pub(crate) fn remove_all(&mut self, other: &Self) {
         self.counts.iter_mut().zip(other.counts).for_each(|(count, less)| *count -= less);
     }
 
-    /// How many things have these effects: of several effects, the sum.
+    /// The number of things that have an effect; for a set of several effects, the sum of their
+    /// counts.
     pub fn of(&self, effects: Effects) -> u64 {
-        each(effects).map(|kind| self.counts[kind]).sum()
+        indices(effects).map(|kind| self.counts[kind]).sum()
     }
 
-    /// The effects that something has.
+    /// The effects with a count above 0.
     pub fn effects(&self) -> Effects {
-        let is_there = |kind: &usize| self.counts[*kind] > 0;
-        (0..KINDS).filter(is_there).fold(Effects::empty(), |all, kind| all | Effects::from_bits_retain(1 << kind))
+        let has_some = |kind: &usize| self.counts[*kind] > 0;
+        (0..KINDS).filter(has_some).fold(Effects::empty(), |all, kind| all | Effects::from_bits_retain(1 << kind))
     }
 }
 
-/// The places of the bits that are set.
-fn each(effects: Effects) -> impl Iterator<Item = usize> {
+/// The numbers of the bits that are set.
+fn indices(effects: Effects) -> impl Iterator<Item = usize> {
     (0..KINDS).filter(move |kind| effects.bits() >> kind & 1 != 0)
 }
 
-/// Counts, and which effects went so short a time ago that they may be back soon.
+/// The counts of a world, and the effects that it still holds after their counts fell to 0.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Damped {
+pub(crate) struct HeldEffects {
     counts: EffectCounts,
-    /// For each effect, the updates it still stays for.
-    left: [u32; KINDS],
+    /// For each effect, the number of updates for which it is still held.
+    updates_left: [u32; KINDS],
 }
 
-impl Damped {
-    /// As things are now.
+impl HeldEffects {
+    /// The counts as of now.
     pub fn counts(&self) -> &EffectCounts {
         &self.counts
     }
 
-    /// What is called for, and what was within the last [`EFFECT_HOLD_UPDATES`] updates.
+    /// The effects with a count above 0 now or within the last [`EFFECT_HOLD_UPDATES`] updates,
+    /// without [`Effects::MOVING`]: a set with it would stand for the same shaders as the set
+    /// without it.
     pub fn effects(&self) -> Effects {
-        let is_kept = |kind: &usize| self.left[*kind] > 0;
-        let kept = (0..KINDS).filter(is_kept).map(|kind| Effects::from_bits_retain(1 << kind));
-        kept.fold(self.counts.effects(), |all, one| all | one)
+        let is_held = |kind: &usize| self.updates_left[*kind] > 0;
+        let held = (0..KINDS).filter(is_held).map(|kind| Effects::from_bits_retain(1 << kind));
+        held.fold(self.counts.effects(), |all, one| all | one) - Effects::MOVING
     }
 
-    /// Changes the counts; what nothing calls for afterwards starts to fade.
+    /// Changes the counts. An effect whose count falls to 0 is held from now on.
     pub fn change(&mut self, change: impl FnOnce(&mut EffectCounts)) {
         let before = self.counts.effects();
         change(&mut self.counts);
-        // What moves is counted for that long after the last change anyway.
-        let gone = before - self.counts.effects() - Effects::MOVING;
-        each(gone).for_each(|kind| self.left[kind] = EFFECT_HOLD_UPDATES);
+        let gone = before - self.counts.effects();
+        indices(gone).for_each(|kind| self.updates_left[kind] = EFFECT_HOLD_UPDATES);
     }
 
-    /// An update has passed.
-    pub fn fade(&mut self) {
-        self.left.iter_mut().for_each(|left| *left = left.saturating_sub(1));
+    /// Counts one update.
+    pub fn count_update(&mut self) {
+        self.updates_left.iter_mut().for_each(|left| *left = left.saturating_sub(1));
     }
 }
 
@@ -106,16 +118,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_effect_comes_at_once_and_goes_late() {
-        let mut damped = Damped::default();
-        damped.change(|counts| counts.add(Effects::RANGES | Effects::MOVING));
-        assert_eq!(damped.effects(), Effects::RANGES | Effects::MOVING);
-        damped.change(|counts| counts.remove(Effects::RANGES | Effects::MOVING));
-        assert_eq!(damped.counts().effects(), Effects::empty());
+    fn an_effect_is_there_at_once_and_is_held_after_it_is_gone() {
+        let mut held = HeldEffects::default();
+        held.change(|counts| counts.add(Effects::RANGES | Effects::MOVING));
+        assert_eq!(held.counts().effects(), Effects::RANGES | Effects::MOVING);
+        assert_eq!(held.effects(), Effects::RANGES);
+        held.change(|counts| counts.remove(Effects::RANGES | Effects::MOVING));
+        assert_eq!(held.counts().effects(), Effects::empty());
         for _ in 0..EFFECT_HOLD_UPDATES {
-            assert_eq!(damped.effects(), Effects::RANGES);
-            damped.fade();
+            assert_eq!(held.effects(), Effects::RANGES);
+            held.count_update();
         }
-        assert_eq!(damped.effects(), Effects::empty());
+        assert_eq!(held.effects(), Effects::empty());
     }
 }

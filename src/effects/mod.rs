@@ -1,41 +1,58 @@
-//! Which effects a world calls for: what no light has is neither stored, nor tested, nor uploaded.
+//! Which effects the lights and instances of a world have: what no light has is neither stored nor
+//! tested nor uploaded.
 //!
-//! A world counts what it holds ([`EffectCounts`]): each light that comes, changes or goes moves some counts by one, a
-//! tree keeps those of its own lights, and nobody ever looks through all of them. What the counts call for is
-//! [`LightWorld::active_effects`](crate::LightWorld::active_effects). [`LightWorld::effects`](crate::LightWorld::effects) is what shaders should be
-//! made for: it grows at once, since shaders must know what lies in the buffers, and shrinks [`EFFECT_HOLD_UPDATES`] updates late.
-//! [`PipelineVariants`] keeps the shaders.
+//! A world counts what it holds in an [`EffectCounts`]. Each light that is added, changed or
+//! removed changes some counts by one. A tree keeps the counts of its own lights, so no call ever
+//! visits all lights. Two sets follow from the counts:
 //!
-//! A light that is off counts as what it is: its record lies in the buffers, and it may be on again in the next frame.
+//! - [`LightWorld::active_effects`](crate::LightWorld::active_effects) is the set of effects that
+//!   something has now.
+//! - [`LightWorld::effects`](crate::LightWorld::effects) is the set that shaders and buffer layouts
+//!   should be made for. It grows at once, since shaders must handle what the buffers hold, and
+//!   shrinks [`EFFECT_HOLD_UPDATES`] updates late, so that a lamp that flickers does not cause a
+//!   new pipeline each time.
+//!
+//! `gpu::PipelineVariants` keeps a pipeline for each set.
+//!
+//! A light that is off has the effects of its kind: its record lies in the buffers, and it may be
+//! on in the next frame.
 
 mod counts;
 
-pub(crate) use counts::Damped;
+pub(crate) use counts::HeldEffects;
 pub use counts::{EFFECT_HOLD_UPDATES, EffectCounts};
 
 bitflags::bitflags! {
-    /// A set of effects. Shaders made for a set serve every world that calls for no other.
+    /// A set of effects: features that a scene may or may not have.
+    ///
+    /// Shaders that are made for a set serve every world whose effects are a subset of it.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
     pub struct Effects: u8 {
-        /// Some light shines into less than all directions: a spot, or a surface with one side.
+        /// A light emits into less than all directions: a spot, or a surface with one emitting
+        /// side.
         const CONES = 1;
-        /// Some light has a range.
+        /// A light has a finite range.
         const RANGES = 1 << 1;
-        /// Some light is a surface: a rectangle, a triangle or a sphere.
+        /// A light is a surface: a rectangle, a triangle or a sphere.
         const AREAS = 1 << 2;
-        /// Some surface emits from both sides.
+        /// A surface emits from both sides.
         const TWO_SIDED = 1 << 3;
-        /// There is a light at infinity.
+        /// The world has a directional light.
         const DIRECTIONAL = 1 << 4;
-        /// Some instance is scaled, sheared or mirrored, not only turned and moved (to rounding).
+        /// An instance is scaled, sheared or mirrored (not only rotated and translated, to
+        /// rounding). An instance that is hidden by a scale of zero does not count.
         const NON_RIGID = 1 << 5;
-        /// The lights of some tree changed within the last [`EFFECT_HOLD_UPDATES`] updates.
+        /// The lights of a tree changed within the last [`EFFECT_HOLD_UPDATES`] updates.
+        ///
+        /// This changes no shader and no layout. It is part of the counts and of
+        /// [`LightWorld::active_effects`](crate::LightWorld::active_effects), but never of
+        /// [`LightWorld::effects`](crate::LightWorld::effects).
         const MOVING = 1 << 6;
     }
 }
 
 impl Default for Effects {
-    /// Nothing but points in instances that are turned and moved.
+    /// The empty set: point lights in instances that are only rotated and translated.
     fn default() -> Self {
         Self::empty()
     }

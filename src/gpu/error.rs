@@ -1,8 +1,9 @@
-//! What the GPU side refuses, with what was given and what the limit is.
+//! What the GPU side refuses: what was given, and what is allowed.
 
 use super::stages::{MAX_WORKGROUPS, PASS_STRIDE};
 
-/// Why the GPU side refused a call. Its buffers are as they were before the call.
+/// Why the GPU side refused a call. What shaders read is as it was before the call, except where
+/// [`GpuError::OutOfMemory`] says otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum GpuError {
@@ -11,25 +12,54 @@ pub enum GpuError {
     Full {
         /// What the buffer holds, in the plural.
         what: &'static str,
-        /// Bytes that the buffer would have to have.
+        /// Bytes that the buffer needs.
         needed: u64,
-        /// Bytes that one bound buffer can have.
+        /// Bytes of the largest buffer that the device can bind.
         limit: u64,
     },
-    /// The device was created with less than WebGPU's default of a limit that we use.
+    /// The device was created with less than WebGPU's default of a limit that we depend on.
     #[error("the device's {what} is {given}; {needed} is needed")]
     Limit {
         /// The field of `wgpu::Limits`.
         what: &'static str,
-        /// What the device has.
+        /// The limit of the device.
         given: u64,
-        /// What is needed: at least, or of an alignment at most.
+        /// The limit that is needed: the minimum, or for an alignment the maximum.
         needed: u64,
     },
-    /// The device was lost: destroyed, or its driver failed. Its buffers are gone: make another device and another
-    /// [`GpuLights`](super::GpuLights), and upload [`FrameDelta::everything`](crate::FrameDelta::everything).
+    /// The device was lost: it was destroyed, or its driver failed. Its buffers are gone. Make
+    /// another device and another [`GpuLights`](super::GpuLights), and upload
+    /// [`FrameDelta::everything`](crate::FrameDelta::everything).
     #[error("the device was lost")]
     DeviceLost,
+    /// The device has no memory left for a buffer, for the data of an upload, or for a pipeline.
+    ///
+    /// If a buffer is refused, shaders go on reading the buffers of the last upload. If the data of
+    /// an upload (`"uploaded records"`) is refused, the buffers are incomplete, and shaders sample
+    /// no light until an upload succeeds. In both cases the next upload sends what is missing.
+    ///
+    /// Native backends only: browsers report a refusal after the call, to the engine's own
+    /// error scope or its handler for uncaptured errors.
+    #[error("the device has no memory for {what} ({bytes} bytes)")]
+    OutOfMemory {
+        /// What was refused.
+        what: &'static str,
+        /// Bytes that were asked for; 0 for pipelines, whose size only the driver knows.
+        bytes: u64,
+    },
+}
+
+impl GpuError {
+    /// A stable number for the kind of error, for engines that pass errors through a C interface or
+    /// a log. Codes from 600 to 699 belong to this type. A code never changes its meaning.
+    pub fn code(&self) -> u32 {
+        match self {
+            Self::Full { .. } => 600,
+            Self::Limit { .. } => 601,
+            Self::DeviceLost => 602,
+            Self::OutOfMemory { .. } => 603,
+        }
+    }
 }
 
 /// Bytes of the largest storage buffer that the device can create and bind whole.
@@ -38,22 +68,24 @@ pub(crate) fn largest_storage_buffer(device: &wgpu::Device) -> u64 {
     limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
 }
 
-/// Bind groups of our own kernels: the lights, and what the caller gives.
+/// Bind groups of our own kernels: the lights, and the buffers of the caller.
 const BIND_GROUPS: u32 = 2;
-/// Storage buffers that one stage of ours binds, and an engine's with them: WebGPU's default.
+/// Storage buffers in one of our stages, and in a stage of an engine that binds the lights: WebGPU's
+/// default.
 const STORAGE_BUFFERS: u32 = 8;
-/// Bindings of the largest bind group: those and one uniform.
+/// Bindings in the largest bind group: the storage buffers and one uniform.
 const BINDINGS: u32 = STORAGE_BUFFERS + 1;
-/// Of the kernel that takes several candidates.
+/// Uniform buffers of the kernel that draws several candidates: the most in one stage.
 const UNIFORM_BUFFERS: u32 = 2;
-/// Invocations of our largest workgroup: WebGPU's default.
+/// Invocations in our largest workgroup: WebGPU's default.
 const INVOCATIONS: u32 = 256;
-/// Bytes of workgroup memory: WebGPU's default.
+/// Bytes of workgroup memory in the stage that uses most: WebGPU's default.
 const WORKGROUP_BYTES: u32 = 16 * 1024;
-/// No buffer is larger before the first upload; what outgrows a device after it is [`GpuError::Full`].
+/// The largest buffer before the first upload. Later growth beyond a device's limit is
+/// [`GpuError::Full`].
 const FIRST_BYTES: u64 = 128 * 1024;
 
-/// Refuses a device that has less than WebGPU's defaults of what we use, and names the limit.
+/// Refuses a device with a limit below the WebGPU default that we depend on, and names that limit.
 pub(crate) fn check_limits(limits: &wgpu::Limits) -> Result<(), GpuError> {
     let alignment = limits.min_uniform_buffer_offset_alignment;
     if alignment > PASS_STRIDE {
@@ -99,8 +131,8 @@ mod tests {
     use crate::policy::Policy;
     use crate::world::LightWorld;
 
-    /// All that is asked for, and nothing more.
-    fn least() -> wgpu::Limits {
+    /// The limits that `check_limits` asks for, and the minimum of all others.
+    fn required() -> wgpu::Limits {
         wgpu::Limits {
             max_bind_groups: BIND_GROUPS,
             max_bindings_per_bind_group: BINDINGS,
@@ -120,13 +152,13 @@ mod tests {
         }
     }
 
-    /// One less, or one more, of a limit.
+    /// Takes one from a limit, or doubles an alignment.
     type Change = fn(&mut wgpu::Limits);
 
     #[test]
-    fn the_default_limits_are_enough_and_one_less_of_any_is_refused_by_name() {
+    fn the_default_limits_are_enough_and_one_less_of_any_is_refused_with_its_name() {
         assert_eq!(check_limits(&wgpu::Limits::default()), Ok(()));
-        assert_eq!(check_limits(&least()), Ok(()));
+        assert_eq!(check_limits(&required()), Ok(()));
         let changes: [(&str, Change); 13] = [
             ("max_bind_groups", |l| l.max_bind_groups -= 1),
             ("max_bindings_per_bind_group", |l| l.max_bindings_per_bind_group -= 1),
@@ -145,7 +177,7 @@ mod tests {
             ("min_uniform_buffer_offset_alignment", |l| l.min_uniform_buffer_offset_alignment *= 2),
         ];
         for (name, change) in changes {
-            let mut limits = least();
+            let mut limits = required();
             change(&mut limits);
             let refused = check_limits(&limits);
             assert!(matches!(refused, Err(GpuError::Limit { what, .. }) if what == name), "{name}: {refused:?}");
@@ -153,10 +185,10 @@ mod tests {
     }
 
     #[test]
-    fn what_is_asked_for_is_all_that_is_used() {
-        let (device, queue) = limited_gpu(&least(), wgpu::Features::empty());
+    fn a_device_with_only_the_required_limits_runs_everything() {
+        let (device, queue) = limited_gpu(&required(), wgpu::Features::empty());
         let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
-        let mut lights = GpuLights::new(&device, &queue).expect("just enough");
+        let mut lights = GpuLights::new(&device, &queue).expect("the required limits");
         lights.count_usage(1);
         let mut world = LightWorld::new();
         let lamp = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
@@ -182,12 +214,26 @@ mod tests {
     }
 
     #[test]
-    fn a_device_with_too_little_is_refused_at_creation() {
-        let (device, queue) =
-            limited_gpu(&wgpu::Limits { max_storage_buffers_per_shader_stage: 7, ..least() }, wgpu::Features::empty());
-        let error = GpuLights::new(&device, &queue).err().expect("seven are too few");
+    fn a_device_with_too_few_storage_buffers_is_refused_at_creation() {
+        let (device, queue) = limited_gpu(
+            &wgpu::Limits { max_storage_buffers_per_shader_stage: 7, ..required() },
+            wgpu::Features::empty(),
+        );
+        let error = GpuLights::new(&device, &queue).expect_err("seven are too few");
         let what = "max_storage_buffers_per_shader_stage";
         assert_eq!(error, GpuError::Limit { what, given: 7, needed: 8 });
         assert_eq!(error.to_string(), "the device's max_storage_buffers_per_shader_stage is 7; 8 is needed");
+    }
+
+    #[test]
+    fn every_error_has_a_code_of_its_own() {
+        let errors = [
+            GpuError::Full { what: "nodes", needed: 2, limit: 1 },
+            GpuError::Limit { what: "max_bind_groups", given: 1, needed: 2 },
+            GpuError::DeviceLost,
+            GpuError::OutOfMemory { what: "lights", bytes: 64 },
+        ];
+        assert_eq!(errors.map(|error| error.code()), [600, 601, 602, 603]);
+        assert_eq!(errors[3].to_string(), "the device has no memory for lights (64 bytes)");
     }
 }

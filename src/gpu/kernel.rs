@@ -1,25 +1,27 @@
-//! A kernel of our own over buffers of the engine, in a variant for each set of effects.
+//! A kernel of our own over the buffers of an engine, in a variant for each set of effects.
 
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
+use super::bindings::{bind, storage_entry, uniform_entry};
 use super::pipeline_variants::PipelineVariants;
+use super::stages::dispatch;
 use super::text;
 use crate::effects::Effects;
 
 /// Invocations of a workgroup.
 pub(super) const LANES: u32 = 64;
-/// Workgroups along one dimension, as WebGPU allows.
-pub(super) const ROW: u32 = 65535;
 
-/// Reads the lights at group 0 and the engine's buffers at group 1, with one invocation for each of their records.
+/// Reads the lights at group 0 and the engine's buffers at group 1, with one invocation for each of
+/// their records.
 pub(super) struct Kernel {
     maker: Maker,
     layout: wgpu::BindGroupLayout,
-    /// Made when first asked for. Who asks locks them for as long as it takes to find one; nobody makes one meanwhile.
+    /// Made at first use. A caller holds the lock while it looks for a variant; on native platforms
+    /// none is compiled meanwhile.
     variants: OnceLock<Mutex<PipelineVariants<wgpu::ComputePipeline>>>,
 }
 
-/// Compiles a variant, on any thread.
+/// Compiles variants, on any thread.
 #[derive(Clone)]
 struct Maker {
     device: wgpu::Device,
@@ -29,8 +31,19 @@ struct Maker {
 }
 
 impl Kernel {
-    /// Of a text that has one entry point, whose name also stands in graphics debuggers. Compiles nothing yet.
-    pub fn new(
+    /// Chooses one light for each request. Compiles nothing yet. `lights` is the layout of group 0.
+    pub fn sampling(device: &wgpu::Device, lights: &wgpu::BindGroupLayout) -> Self {
+        Self::new(device, lights, "batch", text::BATCH, &[storage_entry(0, true), storage_entry(1, false)])
+    }
+
+    /// Keeps one of several candidates for each request. Compiles nothing yet.
+    pub fn resampling(device: &wgpu::Device, lights: &wgpu::BindGroupLayout) -> Self {
+        let entries = [storage_entry(0, true), storage_entry(1, false), uniform_entry(2)];
+        Self::new(device, lights, "batch_resample", text::BATCH_RESAMPLE, &entries)
+    }
+
+    /// `text` has one entry point, whose name is also the label in graphics debuggers.
+    fn new(
         device: &wgpu::Device,
         lights: &wgpu::BindGroupLayout,
         entry: &'static str,
@@ -48,10 +61,9 @@ impl Kernel {
         Self { maker, layout, variants: OnceLock::new() }
     }
 
-    /// The best that is ready; the first call compiles the one for all effects.
+    /// The best variant that is ready. The first call compiles the one for all effects.
     pub fn pipeline(&self, effects: Effects) -> wgpu::ComputePipeline {
-        // Whether lights move is nothing to the text: so that what serves all else is not made twice.
-        self.variants().get(effects | Effects::MOVING).clone()
+        self.variants().get(effects).clone()
     }
 
     pub fn variants(&self) -> MutexGuard<'_, PipelineVariants<wgpu::ComputePipeline>> {
@@ -62,12 +74,13 @@ impl Kernel {
         self.variants.get_or_init(make).lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Compiles a variant, here and now.
+    /// Compiles a variant on the calling thread.
     pub fn make(&self, effects: Effects) -> wgpu::ComputePipeline {
         self.maker.make(effects)
     }
 
-    /// Records the work on `count` records; `own` are the engine's buffers, in the order of their bindings.
+    /// Records the work on `count` records. `own` are the engine's buffers, in the order of their
+    /// bindings.
     pub fn record(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -76,23 +89,14 @@ impl Kernel {
         own: &[wgpu::BindingResource],
         count: u32,
     ) {
-        let entries: Vec<_> = own
-            .iter()
-            .zip(0..)
-            .map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource: resource.clone() })
-            .collect();
-        let label = Some(self.maker.entry);
-        let group = self.maker.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label,
-            layout: &self.layout,
-            entries: &entries,
-        });
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label, timestamp_writes: None });
+        let label = self.maker.entry;
+        let group = bind(&self.maker.device, label, &self.layout, own);
+        let mut pass =
+            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes: None });
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, lights, &[]);
         pass.set_bind_group(1, &group, &[]);
-        let groups = count.div_ceil(LANES);
-        pass.dispatch_workgroups(groups.min(ROW), groups.div_ceil(ROW), 1);
+        dispatch(&mut pass, count.div_ceil(LANES));
     }
 }
 
@@ -114,11 +118,28 @@ impl Maker {
     }
 }
 
-/// The first `count` records of an engine's buffer.
-pub(super) fn records<T>(buffer: &wgpu::Buffer, count: u32) -> wgpu::BindingResource<'_> {
-    wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-        buffer,
-        offset: 0,
-        size: std::num::NonZeroU64::new(u64::from(count) * size_of::<T>() as u64),
-    })
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_stages_have_one_entry_point_with_as_many_invocations_as_the_host_assumes() {
+        let all = Effects::all();
+        for (entry, text) in [
+            ("batch", text::wgsl(0, all) + text::BATCH),
+            ("batch_resample", text::wgsl(0, all) + text::BATCH_RESAMPLE),
+            ("batch_count", text::wgsl_counting(0, all) + text::BATCH_COUNT),
+        ] {
+            let module = naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("it parses");
+            let points: Vec<_> = module.entry_points.iter().map(|p| (p.name.as_str(), p.workgroup_size)).collect();
+            assert_eq!(points, [(entry, [LANES, 1, 1])]);
+        }
+    }
+
+    #[test]
+    fn the_text_does_not_depend_on_whether_lights_move() {
+        for effects in [Effects::empty(), Effects::all() - Effects::MOVING] {
+            assert_eq!(text::wgsl(0, effects | Effects::MOVING), text::wgsl(0, effects));
+        }
+    }
 }

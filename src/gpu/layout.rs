@@ -1,43 +1,44 @@
-//! The records that the host uploads. `shaders/types.wgsl` has their twins; the test below compares them.
+//! The records that the host uploads. `shaders/types.wgsl` has their twins; a test compares them.
 //!
-//! Nodes are uploaded as the CPU walks them: see [`Node`](crate::tree::Node). Of all of them what is stored depends on
-//! the world's effects: see `gpu/stored.rs`.
+//! Nodes are uploaded as the CPU walks them: see [`Node`](crate::tree::Node). Which parts of a
+//! record are stored depends on the world's effects: see `gpu/stored.rs`.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat3, Vec3};
 
-use super::stored::Strides;
 use crate::cluster::Cluster;
 use crate::light::{DirectionalLight, Light, Shape, spot_falloff};
 use crate::placement::Placed;
 use crate::tree::{LightTree, UNLIMITED_RANGE};
 
-/// [`LightRecord::kind`]: the low bits name the kind.
+/// The bits of [`LightRecord::kind`] that hold the kind.
 pub(crate) const KIND_MASK: u32 = 0xff;
-/// A point: `a` its position.
+/// A point light. `a` is its position.
 pub(crate) const KIND_POINT: u32 = 0;
-/// A spot: `a` its position, `b` its direction, `c.x` and `c.y` scale and offset of its falloff.
+/// A spot light. `a` is its position, `b` its direction, `c.x` and `c.y` are scale and offset of
+/// its falloff.
 pub(crate) const KIND_SPOT: u32 = 1;
-/// A parallelogram: `a` its centre, `b` and `c` its half edges.
+/// A parallelogram. `a` is its centre, `b` and `c` are its half edges.
 pub(crate) const KIND_RECTANGLE: u32 = 2;
-/// A triangle: `a`, `b` and `c` its vertices.
+/// A triangle. `a`, `b` and `c` are its vertices.
 pub(crate) const KIND_TRIANGLE: u32 = 3;
-/// A sphere: `a` its centre, `c.x` its radius.
+/// A sphere. `a` is its centre, `c.x` its radius.
 pub(crate) const KIND_SPHERE: u32 = 4;
-/// A directional light: `b` the direction that its light travels along.
+/// A directional light. `b` is the direction in which its light travels.
 pub(crate) const KIND_DIRECTIONAL: u32 = 5;
-/// Added to the kind of a surface that emits from its back too.
+/// The bit of [`LightRecord::kind`] for a surface that also emits from its back.
 pub(crate) const TWO_SIDED: u32 = 0x100;
 
-/// [`InstanceRecord::flags`]: the slot has an instance.
+/// The bit of [`InstanceRecord::flags`] for a slot with an instance.
 pub(crate) const LIVE: u32 = 1;
-/// [`InstanceRecord::flags`]: its placement keeps angles, so caps hold in its tree's space.
+/// The bit of [`InstanceRecord::flags`] for a placement that preserves angles, so that the cones of
+/// directions in the tree's space hold as they are.
 pub(crate) const KEEPS_ANGLES: u32 = 2;
 
-/// Stands for an instance slot in the name of a directional light.
+/// The instance slot that samples of directional lights report.
 pub(crate) const DIRECTIONAL: u32 = u32::MAX;
 
-/// One light; `LightRecord` in WGSL. 64 bytes, of which a point needs 32.
+/// One light; `LightRecord` in WGSL. 64 bytes, of which a point light needs the first 32.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(crate) struct LightRecord {
@@ -51,29 +52,32 @@ pub(crate) struct LightRecord {
     pub padding: u32,
 }
 
-/// One instance slot; `LightInstance` in WGSL. 128 bytes, of which one that is only turned and moved needs 80.
+/// One instance slot; `LightInstance` in WGSL. 128 bytes, of which a rigid placement (a rotation
+/// and a translation) needs the first 80.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(crate) struct InstanceRecord {
-    /// Rows; the fourth column is the translation.
+    /// The rows of the matrix; the fourth column is the translation.
     pub to_world: [[f32; 4]; 3],
     pub flags: u32,
-    /// Its tree's slot.
+    /// The slot of the instance's tree.
     pub tree: u32,
-    /// First node of its tree in the node pool.
+    /// The tree's first node in the node pool.
     pub node_base: u32,
-    /// First light of its tree in the light pool.
+    /// The tree's first light in the light pool.
     pub light_base: u32,
-    /// Written by the GPU's top-level build.
+    /// The place of the instance's leaf in the top level; the top-level build writes it.
     pub top_place: u32,
     pub padding_a: u32,
     pub padding_b: u32,
     pub padding_c: u32,
-    /// Rows; the fourth column is determinant, range scale and mean squared scale of `to_world`.
+    /// The rows of the inverse; the fourth column is the determinant, the range scale and the mean
+    /// squared scale of `to_world`.
     pub to_local: [[f32; 4]; 3],
 }
 
-/// A cluster at full precision; `LightCluster` in WGSL. 64 bytes, all zero but for the mean if it is dark.
+/// A cluster at full precision; `LightCluster` in WGSL. 64 bytes. Of a cluster without flux all
+/// fields but the mean are 0.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct ClusterRecord {
@@ -87,18 +91,35 @@ pub(crate) struct ClusterRecord {
     pub cos_half_angle: f32,
 }
 
-/// What the top level needs of a tree; `LightTree` in WGSL. 80 bytes.
+/// What the top-level build reads of a tree; `LightTree` in WGSL. 80 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct TreeRecord {
-    /// The whole tree; flux 0 for a dark or empty one.
+    /// The whole tree; its flux is 0 if the tree is dark or empty.
     pub root: ClusterRecord,
     pub punctual_flux: f32,
     pub area_flux: f32,
     pub padding: [f32; 2],
 }
 
-/// `LightParams` in WGSL. 48 bytes.
+/// The strides of all records and the offsets of a node's optional parts; part of `LightParams` and
+/// `TopPass` in WGSL. The unit is a `vec4<u32>`, 16 bytes.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub(crate) struct Strides {
+    /// From one node to the next.
+    pub node: u32,
+    /// From the start of a node to its cones; 0 if they are not stored.
+    pub cones: u32,
+    /// From the start of a node to its ranges; 0 if they are not stored.
+    pub range: u32,
+    /// From one light to the next.
+    pub light: u32,
+    /// From one instance to the next.
+    pub instance: u32,
+}
+
+/// The uniform that sampling reads; `LightParams` in WGSL. 48 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct ParamsRecord {
@@ -111,7 +132,7 @@ pub(crate) struct ParamsRecord {
 }
 
 impl LightRecord {
-    /// A point that sends nothing; all else is as in every point without range.
+    /// A point light without emission, with the values of every point light without a range.
     pub const DARK: Self = Self {
         a: [0.0; 3],
         kind: KIND_POINT,
@@ -123,7 +144,7 @@ impl LightRecord {
         padding: 0,
     };
 
-    /// A light of a tree and the place of its leaf.
+    /// The record of a light in a tree; `place` is the place of its leaf.
     pub fn of(light: &Light, place: u32) -> Self {
         let (kind, a, b, c) = match light.shape {
             Shape::Point { position } => (KIND_POINT, position, Vec3::ZERO, Vec3::ZERO),
@@ -132,9 +153,9 @@ impl LightRecord {
                 (KIND_SPOT, position, direction, Vec3::new(scale, offset, 0.0))
             }
             Shape::Rectangle { center, half_u, half_v, two_sided } => {
-                (KIND_RECTANGLE | side_bit(two_sided), center, half_u, half_v)
+                (KIND_RECTANGLE | two_sided_bit(two_sided), center, half_u, half_v)
             }
-            Shape::Triangle { vertices: [a, b, c], two_sided } => (KIND_TRIANGLE | side_bit(two_sided), a, b, c),
+            Shape::Triangle { vertices: [a, b, c], two_sided } => (KIND_TRIANGLE | two_sided_bit(two_sided), a, b, c),
             Shape::Sphere { center, radius } => (KIND_SPHERE, center, Vec3::ZERO, Vec3::new(radius, 0.0, 0.0)),
         };
         Self {
@@ -144,13 +165,13 @@ impl LightRecord {
             range: light.range.min(UNLIMITED_RANGE),
             c: c.to_array(),
             place,
-            // Dark is dark in both places: shaders do not see a light's flux.
+            // Shaders do not see the light's flux, so a light without flux must have no emission.
             emission: if light.flux() > 0.0 { light.emission.to_array() } else { [0.0; 3] },
             padding: 0,
         }
     }
 
-    /// A light at infinity.
+    /// The record of a directional light.
     pub fn directional(light: &DirectionalLight) -> Self {
         Self {
             kind: KIND_DIRECTIONAL,
@@ -161,12 +182,12 @@ impl LightRecord {
     }
 }
 
-fn side_bit(two_sided: bool) -> u32 {
+fn two_sided_bit(two_sided: bool) -> u32 {
     if two_sided { TWO_SIDED } else { 0 }
 }
 
 impl InstanceRecord {
-    /// A slot without an instance.
+    /// A slot without an instance, or with one that is hidden by a scale of zero.
     pub const NONE: Self = Self {
         to_world: [[0.0; 4]; 3],
         flags: 0,
@@ -180,8 +201,9 @@ impl InstanceRecord {
         to_local: [[0.0, 0.0, 0.0, 1.0]; 3],
     };
 
-    /// A placed tree whose nodes and lights start at these records of their pools. The way back of one that is only
-    /// turned and moved is the transpose, without scale, so that it can be told where it is not stored.
+    /// The record of a tree with a placement; `node_base` and `light_base` are its first records in
+    /// the pools. The inverse of a rigid placement is written as the exact transpose without scale,
+    /// because that is what shaders compute where the inverse is not stored.
     pub fn of(placed: &Placed, tree: u32, node_base: u32, light_base: u32) -> Self {
         let frame = &placed.frame;
         let scales = Vec3::new(frame.determinant, placed.range_scale(), placed.linear.mean_square_scale);
@@ -207,7 +229,8 @@ fn rows(m: &Mat3, last: Vec3) -> [[f32; 4]; 3] {
 }
 
 impl ClusterRecord {
-    /// A cluster, its range cut off: shaders may not rely on infinity, nor on an inverted box.
+    /// The record of a cluster. Infinite ranges become [`UNLIMITED_RANGE`] and empty boxes become
+    /// zeros: WGSL implementations may assume that infinities do not occur.
     pub fn of(cluster: &Cluster) -> Self {
         if cluster.flux <= 0.0 {
             return Self { mean: cluster.mean.to_array(), ..Self::default() };
@@ -226,7 +249,7 @@ impl ClusterRecord {
 }
 
 impl TreeRecord {
-    /// A tree as instances of it see it.
+    /// The record of a tree.
     pub fn of(tree: &LightTree) -> Self {
         let flux = tree.flux();
         Self {
@@ -246,10 +269,11 @@ mod tests {
     use naga::TypeInner;
 
     use super::*;
+    use crate::gpu::text;
     use crate::gpu::{ReservoirRecord, SampleRecord, SampleRequest};
     use crate::tree::Node;
 
-    /// Size, and offset of each member, of the structs of a WGSL text.
+    /// The size of each struct of a WGSL text, and the offset of each of its members.
     fn structs(text: &str) -> HashMap<String, (u32, Vec<(String, u32)>)> {
         let module = naga::front::wgsl::parse_str(text).expect("the text is WGSL");
         let of = |(_, t): (_, &naga::Type)| match &t.inner {
@@ -267,7 +291,7 @@ mod tests {
             let (size, members) = &$structs[$wgsl];
             assert_eq!(*size as usize, size_of::<$rust>(), "size of {}", $wgsl);
             let ours = [$((record!(@name $field $($other)?), offset_of!($rust, $field $(.$inner)?))),*];
-            // Nothing but padding follows the last that is named here.
+            // Only padding may follow the last member that is named here.
             assert!(members[ours.len()..].iter().all(|(name, _)| name.starts_with("padding")), "{}", $wgsl);
             let theirs: Vec<_> = members[..ours.len()].iter().map(|(n, o)| (n.as_str(), *o as usize)).collect();
             assert_eq!(theirs, ours, "{}", $wgsl);
@@ -278,7 +302,7 @@ mod tests {
 
     #[test]
     fn records_have_the_same_layout_in_rust_and_wgsl() {
-        let text = crate::gpu::wgsl(0, crate::effects::Effects::all()) + include_str!("../../shaders/batch.wgsl");
+        let text = crate::gpu::wgsl(0, crate::effects::Effects::all()) + text::BATCH;
         let structs = structs(&text);
         record!(
             structs,
@@ -309,14 +333,8 @@ mod tests {
         );
         record!(structs, TreeRecord, "LightTree", [root, punctual_flux, area_flux, padding]);
         record!(structs, SampleRequest, "Request", [position, padding_a, normal, padding_b, u]);
-        let text = crate::gpu::wgsl(0, crate::effects::Effects::all());
-        let resampling = self::structs(&(text + include_str!("../../shaders/batch_resample.wgsl")));
-        record!(resampling, SampleRequest, "Request", [position, padding_a, normal, padding_b, u]);
-        let text = crate::gpu::text::wgsl_counting(0, crate::effects::Effects::all());
-        let counting = self::structs(&(text + include_str!("../../shaders/batch_count.wgsl")));
-        record!(counting, SampleRequest, "Request", [position, padding_a, normal, padding_b, u]);
         record!(structs, SampleRecord, "LightSample", [direction, dist, radiance, pdf, pmf, instance, light, is_delta]);
-        // WGSL pads it without a name.
+        // WGSL pads the struct without naming the padding.
         assert_eq!(structs["LightReservoir"], (64, vec![("chosen".into(), 0), ("weight".into(), 48)]));
         assert_eq!((size_of::<ReservoirRecord>(), offset_of!(ReservoirRecord, weight)), (64, 48));
         record!(

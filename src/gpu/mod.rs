@@ -1,19 +1,38 @@
-//! The GPU side: upload, the top level rebuilt every frame, and sampling. The only place that knows wgpu.
+//! The GPU side: uploads, the top level that is rebuilt every frame, and sampling. The only module
+//! that knows wgpu.
 //!
-//! Everything happens on the engine's own device and queue and in its own command encoder (but for the copy of a
-//! buffer that outgrew its size or changes its layout, which is submitted at once); nothing waits, and nothing is read
-//! back but counts of picks, where they are asked for ([`GpuLights::count_usage`]). A frame is [`GpuLights::upload`],
-//! [`GpuLights::build_top`], and then any number of shaders that bind [`GpuLights::bind_group`] and call the functions
-//! of [`LightShader`], or [`GpuLights::sample`] and [`GpuLights::resample`] for those who want no shader.
+//! Everything runs on the engine's own device and queue, and is recorded into the engine's own
+//! encoder. The one exception is the copy of a buffer that grows or changes its layout: it is
+//! submitted at once. Nothing waits for the GPU. Nothing is read back except usage counts, and those
+//! only on request ([`GpuLights::count_usage`]).
+//!
+//! A frame has three steps:
+//!
+//! 1. [`GpuLights::upload`] sends what changed.
+//! 2. [`GpuLights::build_top`] records the build of the top level.
+//! 3. The engine's shaders bind [`GpuLights::bind_group`] and call the functions of [`LightShader`].
+//!    An engine without such a shader calls [`GpuLights::sample`] or [`GpuLights::resample`] instead.
+//!
+//! # Browsers
+//!
+//! On WebAssembly, wgpu reports less and there are no threads:
+//!
+//! - The loss of the device and the lack of memory are not noticed: [`GpuError::DeviceLost`] and
+//!   [`GpuError::OutOfMemory`] do not occur. The engine hears of both through its own callbacks and
+//!   error scopes.
+//! - [`PipelineVariants::get`] compiles a missing variant before it returns.
 
+mod bindings;
+mod candidates;
 mod error;
 mod kernel;
 mod layout;
 pub mod measure;
+mod memory;
 mod pipeline_variants;
-mod usage;
 mod pool;
 mod probe;
+mod records;
 mod recorder;
 mod relayout;
 mod resampling;
@@ -26,30 +45,35 @@ mod stored;
 mod testing;
 mod text;
 mod top;
+mod top_status;
 mod upload;
+mod upload_state;
+mod usage;
 #[cfg(test)]
 mod variants;
 
+use std::fmt;
 use std::ops::Range;
 use std::sync::OnceLock;
 
+use bindings::{bind_lights, light_layout, params_buffer};
+use candidates::CandidateTable;
 pub use error::GpuError;
 use error::check_limits;
 use kernel::Kernel;
-use layout::{InstanceRecord, LightRecord, ParamsRecord, TreeRecord};
+use layout::{InstanceRecord, LightRecord, ParamsRecord, Strides, TreeRecord};
 use measure::CountKernel;
 pub use pipeline_variants::{MAX_VARIANTS, PipelineVariants};
 use pool::Pool;
 use recorder::Recorder;
+pub use records::{ReservoirRecord, SampleRecord, SampleRequest};
 use relayout::Relayout;
-pub use resampling::ReservoirRecord;
-pub use sampling::{SampleRecord, SampleRequest};
 pub use shader::LightShader;
-use stored::Strides;
 pub use text::wgsl;
 use top::TopBuild;
-pub use upload::UploadReport;
-use upload::{TreeRanges, Unsent};
+use top_status::TopStatus;
+pub use upload_state::UploadReport;
+use upload_state::{PendingChanges, TreeRanges};
 use usage::UsageCounters;
 pub use usage::{DEFAULT_USAGE_INTERVAL, UsageCounts};
 
@@ -57,55 +81,105 @@ use crate::counts::SplitCount;
 use crate::effects::Effects;
 use crate::tree::Node;
 
-/// A world's lights on a GPU.
+/// The lights of one [`LightWorld`](crate::LightWorld) on a GPU: the buffers and the bind group that
+/// shaders read, and the pipelines that fill them.
+///
+/// Keep one for each world and device. Buffers start small, grow by doubling, and keep their content.
+/// Several threads may share it: recording with [`GpuLights::sample`] takes `&self`.
+///
+/// ```
+/// use girandole::{LightWorld, gpu::{GpuError, GpuLights}, wgpu};
+///
+/// fn frame(lights: &mut GpuLights, world: &mut LightWorld, encoder: &mut wgpu::CommandEncoder) -> Result<(), GpuError> {
+///     let delta = world.take_delta();
+///     lights.upload(world, &delta)?;
+///     lights.build_top(encoder);
+///     // Now the engine's passes, which bind `lights.bind_group()`. Submit the encoder before the next upload.
+///     Ok(())
+/// }
+/// ```
 pub struct GpuLights {
     device: wgpu::Device,
     queue: wgpu::Queue,
     nodes: Pool<Node>,
     lights: Pool<LightRecord>,
-    /// Tables by slot.
+    /// A table by slot.
     instances: Pool<InstanceRecord>,
     instance_count: u32,
+    /// A table by slot.
     trees: Pool<TreeRecord>,
     tree_count: u32,
     tree_ranges: Vec<TreeRanges>,
-    /// What failed uploads left.
-    unsent: Unsent,
-    /// Of the light pool.
+    /// The changes of failed uploads.
+    pending: PendingChanges,
+    /// A range of the light pool.
     directionals: Range<u32>,
     params: ParamsRecord,
     params_buffer: wgpu::Buffer,
-    /// Made when first needed.
+    /// For the next bind group: the old one keeps its own parameters. An upload makes it before it
+    /// changes anything.
+    spare_params: Option<wgpu::Buffer>,
+    /// Made at first use.
     relayout: Option<Relayout>,
     top: TopBuild,
-    top_is_stale: bool,
-    batch: Kernel,
+    top_status: TopStatus,
+    sampling: Kernel,
     resampling: Kernel,
-    /// What the world called for at the last upload: of all that lies in the buffers.
+    candidates: CandidateTable,
+    /// The effects that the buffers are stored for, without [`Effects::MOVING`].
     effects: Effects,
-    /// Made when first asked for.
-    counting: OnceLock<CountKernel>,
-    /// Made when first asked for.
-    picks: OnceLock<UsageCounters>,
+    /// Made at first use.
+    node_counter: OnceLock<CountKernel>,
+    /// Made at first use.
+    usage: OnceLock<UsageCounters>,
+    /// Bound as usage counters until the first upload that counts.
+    no_usage: wgpu::Buffer,
+    /// An upload was refused memory, so the buffers are incomplete: `dark` is bound in their place.
+    is_dark: bool,
+    dark: DarkBuffers,
     layout: wgpu::BindGroupLayout,
     bind_group: wgpu::BindGroup,
-    /// Of the buffers that the bind group was made for.
-    bound: [u64; 4],
+    /// The generations of the buffers that the bind group was made for; `None` for `dark`.
+    bound: Option<[u64; 4]>,
+}
+
+/// Zeros in place of all buffers that shaders bind: a world without lights.
+struct DarkBuffers {
+    params: wgpu::Buffer,
+    storage: wgpu::Buffer,
+}
+
+impl DarkBuffers {
+    fn new(device: &wgpu::Device) -> Result<Self, GpuError> {
+        // The root node and more: shaders never read past the end of a buffer.
+        let storage = memory::create_buffer(device, "no lights", 256, wgpu::BufferUsages::STORAGE)?;
+        Ok(Self { params: params_buffer(device)?, storage })
+    }
 }
 
 impl GpuLights {
-    /// Makes pipelines and small buffers on the engine's device; both handles are cloned, nothing is submitted.
+    /// Makes pipelines and small buffers on the engine's device. Clones both handles, and submits
+    /// nothing.
     ///
     /// # Errors
-    /// [`GpuError::Limit`] names the first limit that is below WebGPU's default; [`GpuError::DeviceLost`].
+    /// - [`GpuError::Limit`] names the first limit of the device that is below WebGPU's default.
+    /// - [`GpuError::DeviceLost`] and [`GpuError::OutOfMemory`].
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Self, GpuError> {
         check_limits(&device.limits())?;
         probe::check(device)?;
+        let (result, is_refused) = memory::watch(device, || Self::make(device, queue));
+        if is_refused { Err(GpuError::OutOfMemory { what: "pipelines", bytes: 0 }) } else { result }
+    }
+
+    fn make(device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Self, GpuError> {
         let nodes = Pool::new(device, queue, "light tree nodes", 64)?;
         let lights = Pool::new(device, queue, "lights", 64)?;
         let instances = Pool::new(device, queue, "instances", 64)?;
         let trees = Pool::new(device, queue, "light trees", 16)?;
-        let params_buffer = params_buffer(device);
+        let candidates = CandidateTable::new(device, queue)?;
+        let no_usage = usage::zeros(device, 0)?;
+        let dark = DarkBuffers::new(device)?;
+        let params_buffer = params_buffer(device)?;
         let params = ParamsRecord {
             splits: SplitCount::DEFAULT.get() as u32,
             strides: Strides::of(Effects::all()),
@@ -113,11 +187,11 @@ impl GpuLights {
         };
         queue.write_buffer(&params_buffer, 0, bytemuck::bytes_of(&params));
         let top = TopBuild::new(device, queue)?;
-        let layout = bind_group_layout(device);
-        let batch = sampling::kernel(device, &layout);
-        let resampling = resampling::kernel(device, &layout);
+        let layout = light_layout(device);
+        let sampling = Kernel::sampling(device, &layout);
+        let resampling = Kernel::resampling(device, &layout);
         let buffers = [&params_buffer, top.nodes(), nodes.buffer(), instances.buffer(), lights.buffer()];
-        let bind_group = bind_group(device, &layout, &buffers);
+        let bind_group = bind_lights(device, &layout, &buffers);
         let bound = [top.generation(), nodes.generation(), instances.generation(), lights.generation()];
         Ok(Self {
             device: device.clone(),
@@ -129,36 +203,55 @@ impl GpuLights {
             trees,
             tree_count: 0,
             tree_ranges: Vec::new(),
-            unsent: Unsent::default(),
+            pending: PendingChanges::default(),
             directionals: 0..0,
             params,
             params_buffer,
+            spare_params: None,
             relayout: None,
             top,
-            top_is_stale: true,
-            batch,
+            top_status: TopStatus::new(),
+            sampling,
             resampling,
-            effects: Effects::all(),
-            counting: OnceLock::new(),
-            picks: OnceLock::new(),
+            candidates,
+            effects: Effects::all() - Effects::MOVING,
+            node_counter: OnceLock::new(),
+            usage: OnceLock::new(),
+            no_usage,
+            is_dark: false,
+            dark,
             layout,
             bind_group,
-            bound,
+            bound: Some(bound),
         })
     }
 
-    /// Records the build of the top level into the engine's encoder: 16 dispatches, and two for each round, of which a
-    /// hundred thousand instances take five; none if nothing was uploaded since the last build. The encoder must be
-    /// submitted, and before the next upload: the build is not recorded twice, and finds its counts where that one's go.
+    /// Records the build of the top level into the engine's encoder, if a build is due.
+    ///
+    /// A build is due after an upload that changed something. It is also due if the commands of the last build
+    /// were dropped before they were submitted, as in a frame that is skipped or whose surface is
+    /// outdated: the next call records it again. Otherwise nothing is recorded.
+    ///
+    /// Submit the encoder before the next [`GpuLights::upload`]: the numbers of instances and rounds
+    /// that a build reads are written ahead of the next submission, and the next build overwrites
+    /// them. Commands that are neither submitted nor dropped yet count as submitted, so submit encoders in
+    /// the order of recording. To submit more than one build of the same upload is harmless: each
+    /// gives the same top level.
+    ///
+    /// Records 16 dispatches, and two for each round, of which a hundred thousand instances take
+    /// five.
     pub fn build_top(&mut self, encoder: &mut wgpu::CommandEncoder) {
-        if std::mem::take(&mut self.top_is_stale) {
-            let mut recorder = Recorder::together(encoder, "girandole top level");
-            self.top.record(&mut recorder, self.params.slots);
+        if self.is_dark || !self.top_status.needs_build() {
+            return;
         }
+        self.top_status.record(encoder);
+        let mut recorder = Recorder::together(encoder, "girandole top level");
+        self.top.record(&mut recorder, self.params.slots);
     }
 
-    /// Sets how many clusters shaders split before a choice; [`SplitCount::DEFAULT`] at first. As
-    /// [`LightSampler::with_splits`](crate::LightSampler::with_splits). Writes 48 bytes ahead of the next submission.
+    /// Sets how many clusters shaders split before they choose a light, as
+    /// [`LightSampler::with_splits`](crate::LightSampler::with_splits) does. It is
+    /// [`SplitCount::DEFAULT`] at first. Writes 48 bytes, ahead of the next submission.
     pub fn set_splits(&mut self, splits: SplitCount) {
         self.send_params(ParamsRecord { splits: splits.get() as u32, ..self.params });
     }
@@ -173,117 +266,148 @@ impl GpuLights {
         size_of::<ParamsRecord>() as u64
     }
 
-    /// For the pipeline layouts of the engine's shaders: one uniform buffer and four read-only storage buffers.
+    /// The layout of [`GpuLights::bind_group`], for the pipeline layouts of the engine's shaders: one
+    /// uniform buffer and four read-only storage buffers, for compute and fragment stages.
     pub fn bind_group_layout(&self) -> &wgpu::BindGroupLayout {
         &self.layout
     }
 
-    /// To be bound at the group that [`wgsl`] was asked for. An upload that replaces a buffer, by a larger one or one of
-    /// another layout, replaces the bind group too: ask each frame, after [`GpuLights::upload`], and submit what was
-    /// recorded with it before the next upload. The old one goes on naming the buffers of before, all of them in the
-    /// layout of before, for commands that are submitted late.
+    /// The bind group with the lights, for the group that the engine's [`LightShader`] was made for.
+    ///
+    /// An upload replaces it when it replaces a buffer, by a larger one or by one of another layout.
+    /// So ask for it each frame after [`GpuLights::upload`], and submit the commands that use it before
+    /// the next upload. A bind group that was replaced keeps the former buffers, all of them in their former
+    /// layout, for commands that are submitted late.
     pub fn bind_group(&self) -> &wgpu::BindGroup {
         &self.bind_group
     }
 
-    /// What the buffers hold as of the last upload: the effects that a pipeline must serve to draw with
-    /// [`GpuLights::bind_group`]. [`LightWorld::effects`](crate::LightWorld::effects) of then, without [`Effects::MOVING`], which
-    /// is nothing to shaders; all others before the first upload.
+    /// The effects that a shader must serve to use [`GpuLights::bind_group`]: those of
+    /// [`LightWorld::effects`](crate::LightWorld::effects) at the last upload, and all before the first one. Never
+    /// contains [`Effects::MOVING`], on which no shader depends.
     pub fn effects(&self) -> Effects {
-        self.effects - Effects::MOVING
+        self.effects
     }
 
-    /// Tells shaders of the parameters, and binds again what was replaced. Returns the bytes sent.
+    /// What an engine's shader needs to choose lights. Joins texts and compiles nothing.
+    ///
+    /// `group` is the number of the bind group with the lights, 0 to 3 by WebGPU's default. `effects`
+    /// is what the text has to serve; with [`Effects::all`] it serves every world.
+    pub fn shader(&self, group: u32, effects: Effects) -> LightShader {
+        let wgsl = wgsl(group, effects);
+        LightShader { wgsl, group, effects, records_usage: false, layout: self.layout.clone() }
+    }
+
+    /// Writes the parameters, and makes bind groups anew for buffers that were replaced. Returns the
+    /// bytes sent.
     fn refresh(&mut self, params: ParamsRecord) -> u64 {
         let bound =
             [self.top.generation(), self.nodes.generation(), self.instances.generation(), self.lights.generation()];
         self.top.set_strides(params.strides);
         self.top.bind(&self.instances, &self.trees);
-        if bound != self.bound {
-            // The old bind group names the old buffers, to which the old strides belong.
-            self.params_buffer = params_buffer(&self.device);
-            self.queue.write_buffer(&self.params_buffer, 0, bytemuck::bytes_of(&params));
+        let sent = if Some(bound) == self.bound {
+            self.send_params(params)
+        } else {
+            // The former bind group keeps the former buffers, to which the former strides belong.
+            self.params_buffer = self.spare_params.take().expect("the upload has made a spare buffer");
             self.params = params;
-            self.bind_group = bind_group(&self.device, &self.layout, &self.buffers(None));
-            self.bound = bound;
-            return size_of::<ParamsRecord>() as u64;
+            self.queue.write_buffer(&self.params_buffer, 0, bytemuck::bytes_of(&params));
+            self.bind_group = bind_lights(&self.device, &self.layout, &self.buffers());
+            self.bound = Some(bound);
+            size_of::<ParamsRecord>() as u64
+        };
+        self.rebind_usage();
+        sent
+    }
+
+    /// Binds buffers of zeros, in which shaders find no light, until an upload succeeds.
+    fn make_dark(&mut self) {
+        self.is_dark = true;
+        self.bound = None;
+        self.bind_group = bind_lights(&self.device, &self.layout, &self.buffers());
+        if let Some(usage) = self.usage.get_mut() {
+            usage.restart();
         }
-        self.send_params(params)
+        self.rebind_usage();
     }
 
-    /// What shaders bind, in the order of the layout.
-    fn buffers<'a>(&'a self, counts: Option<&'a wgpu::Buffer>) -> Vec<&'a wgpu::Buffer> {
-        let lights =
-            [&self.params_buffer, self.top.nodes(), self.nodes.buffer(), self.instances.buffer(), self.lights.buffer()];
-        lights.into_iter().chain(counts).collect()
-    }
-}
-
-fn params_buffer(device: &wgpu::Device) -> wgpu::Buffer {
-    device.create_buffer(&wgpu::BufferDescriptor {
-        label: Some("girandole params"),
-        size: size_of::<ParamsRecord>() as u64,
-        usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-        mapped_at_creation: false,
-    })
-}
-
-fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("girandole lights"),
-        entries: &light_entries(),
-    })
-}
-
-/// The same with the counters of picks, which any stage may write.
-fn counting_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
-    let visibility = wgpu::ShaderStages::COMPUTE | wgpu::ShaderStages::FRAGMENT;
-    let counts = wgpu::BindGroupLayoutEntry { visibility, ..storage_entry(5, false) };
-    let entries: Vec<_> = light_entries().into_iter().chain([counts]).collect();
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("girandole lights, counting"),
-        entries: &entries,
-    })
-}
-
-fn light_entries() -> [wgpu::BindGroupLayoutEntry; 5] {
-    let uniform = wgpu::BindGroupLayoutEntry {
-        binding: 0,
-        visibility: wgpu::ShaderStages::COMPUTE | wgpu::ShaderStages::FRAGMENT,
-        ty: wgpu::BindingType::Buffer {
-            ty: wgpu::BufferBindingType::Uniform,
-            has_dynamic_offset: false,
-            min_binding_size: None,
-        },
-        count: None,
-    };
-    [uniform, storage_entry(1, true), storage_entry(2, true), storage_entry(3, true), storage_entry(4, true)]
-}
-
-/// A whole storage buffer, for any stage if it is only read.
-fn storage_entry(binding: u32, read_only: bool) -> wgpu::BindGroupLayoutEntry {
-    let visibility = if read_only {
-        wgpu::ShaderStages::COMPUTE | wgpu::ShaderStages::FRAGMENT
-    } else {
-        wgpu::ShaderStages::COMPUTE
-    };
-    wgpu::BindGroupLayoutEntry {
-        binding,
-        visibility,
-        ty: wgpu::BindingType::Buffer {
-            ty: wgpu::BufferBindingType::Storage { read_only },
-            has_dynamic_offset: false,
-            min_binding_size: None,
-        },
-        count: None,
+    /// The buffers that shaders bind, in the order of the layout.
+    fn buffers(&self) -> [&wgpu::Buffer; 5] {
+        if self.is_dark {
+            let DarkBuffers { params, storage } = &self.dark;
+            return [params, storage, storage, storage, storage];
+        }
+        [&self.params_buffer, self.top.nodes(), self.nodes.buffer(), self.instances.buffer(), self.lights.buffer()]
     }
 }
 
-fn bind_group(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, buffers: &[&wgpu::Buffer]) -> wgpu::BindGroup {
-    let entries: Vec<_> = buffers
-        .iter()
-        .zip(0..)
-        .map(|(buffer, binding)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
-        .collect();
-    device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some("girandole lights"), layout, entries: &entries })
+impl fmt::Debug for GpuLights {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("GpuLights")
+            .field("effects", &self.effects)
+            .field("splits", &self.params.splits)
+            .field("instance_slots", &self.params.slots)
+            .field("tree_slots", &self.tree_count)
+            .field("node_capacity", &self.nodes.capacity())
+            .field("light_capacity", &self.lights.capacity())
+            .field("needs_build", &self.top_status.needs_build())
+            .finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DVec3, Vec3};
+
+    use super::*;
+    use crate::gpu::testing::{gpu, read};
+    use crate::light::Light;
+    use crate::placement::Placement;
+    use crate::policy::Policy;
+    use crate::world::{FrameDelta, LightWorld};
+
+    #[test]
+    fn every_public_type_has_a_debug_form_and_may_be_shared_by_threads() {
+        fn check<T: fmt::Debug + Send + Sync>() {}
+        check::<GpuLights>();
+        check::<GpuError>();
+        check::<LightShader>();
+        check::<ReservoirRecord>();
+        check::<SampleRecord>();
+        check::<SampleRequest>();
+        check::<UploadReport>();
+        check::<UsageCounts<'static>>();
+        fn has_debug_form<T: fmt::Debug>() {}
+        has_debug_form::<PipelineVariants<wgpu::ComputePipeline>>();
+        let (device, queue) = gpu();
+        let lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+        let text = format!("{lights:?}");
+        assert!(text.contains("instance_slots: 0") && text.contains("needs_build: true"), "{text}");
+    }
+
+    #[test]
+    fn two_builds_of_one_upload_give_the_same_top_level() {
+        let (device, queue) = gpu();
+        let mut world = LightWorld::new();
+        let tree = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
+        for i in 0..700_u32 {
+            let place = DVec3::new(f64::from(i * i % 97), 0.0, f64::from(i % 31));
+            world.add_instance(tree, Placement::at(place), Policy::Static).expect("valid");
+        }
+        let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+        lights.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
+        let mut record = || {
+            lights.top_status.invalidate();
+            let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            lights.build_top(&mut encoder);
+            encoder.finish()
+        };
+        let [dropped, once, again] = [record(), record(), record()];
+        drop(dropped);
+        queue.submit([once]);
+        let nodes: Vec<u32> = read(&device, &queue, lights.top.nodes());
+        assert!(nodes.iter().any(|word| *word != 0));
+        queue.submit([again]);
+        assert!(read::<u32>(&device, &queue, lights.top.nodes()) == nodes);
+    }
 }

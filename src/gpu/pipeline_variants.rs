@@ -1,297 +1,409 @@
-//! Pipelines made for the effects a world calls for, without a frame that waits for one.
+//! Pipelines for just the effects of a world, made while a more general pipeline serves.
+
+use std::fmt;
+use std::io;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::mpsc::{Receiver, TryRecvError};
+use std::thread::JoinHandle;
 
 use crate::effects::Effects;
-use workshop::Workshop;
 
-/// How many special variants [`PipelineVariants`] keeps besides the general one. Fewer save memory; more bear more sets that
-/// take turns.
+/// How many variants [`PipelineVariants`] keeps besides the general one.
+///
+/// With fewer, less memory is used. With more, worlds that switch between more sets of effects find
+/// their pipelines again.
 pub const MAX_VARIANTS: usize = 8;
 
-/// Pipelines (of the engine's own type `P`) by the effects that they serve.
+/// A cache of pipelines by the effects that they serve; `P` is the engine's own type of pipeline.
 ///
-/// One for [`Effects::all`] is there from the start. Another is made on a thread of its own, one at a time, while the
-/// best that is ready serves. At most [`MAX_VARIANTS`] are kept; the one unused for longest goes first, the general
-/// one never. If the making of one panics, it is not tried again, and what is there goes on serving. Where there are no
-/// threads (WebAssembly) the general one serves always. Dropping waits for the one in the making.
+/// A pipeline for fewer effects runs faster, but takes up to seconds to compile. The cache therefore
+/// starts with one pipeline for [`Effects::all`], which serves every world. When
+/// [`PipelineVariants::get`] is asked for a set that it lacks, it starts to make that variant on a
+/// thread of its own, one at a time, and returns the best pipeline that is ready.
+///
+/// - At most [`MAX_VARIANTS`] variants are kept. The least recently used one is dropped first; the
+///   general pipeline is never dropped.
+/// - If the making of a variant panics, it is not tried again, and a more general pipeline goes on
+///   serving.
+/// - Where no thread can be started, `get` makes the variant itself before it returns. This is always
+///   so in browsers and other WebAssembly hosts, and on native platforms if the system refuses a
+///   thread.
+/// - [`Effects::MOVING`] changes no shader, so it is ignored: sets that differ only in it share one
+///   pipeline.
+///
+/// Dropping the cache waits for the variant that is being made.
 ///
 /// ```
 /// use girandole::Effects;
 /// use girandole::gpu::PipelineVariants;
-/// // Stands for: compile the text `gpu::wgsl(1, effects)` and what follows.
+/// // Stands for the compilation of `gpu::wgsl(1, effects)` and the engine's own text.
 /// let make = |effects: Effects| format!("{effects:?}");
 /// let mut variants = PipelineVariants::new(make(Effects::all()), make);
-/// let wanted = Effects::CONES | Effects::MOVING;
-/// while *variants.get(wanted) != make(wanted) {
-///     std::thread::yield_now(); // a frame, drawn with the general pipeline
+/// let effects = Effects::CONES | Effects::RANGES;
+/// while *variants.get(effects) != make(effects) {
+///     std::thread::yield_now(); // a frame that is drawn with the general pipeline
 /// }
 /// ```
 pub struct PipelineVariants<P> {
     general: Variant<P>,
     special: Vec<Variant<P>>,
-    /// Those whose making panicked.
+    /// Sets whose making panicked.
     failed: Vec<Effects>,
-    /// Counts calls.
-    now: u64,
+    /// The number of calls of `get`.
+    calls: u64,
     workshop: Workshop<P>,
 }
 
 struct Variant<P> {
+    /// Without [`Effects::MOVING`].
     effects: Effects,
     pipeline: P,
-    /// The last call that it served.
-    used: u64,
+    /// The last call of `get` that returned it.
+    last_used: u64,
 }
 
 impl<P> PipelineVariants<P> {
-    /// The pipeline that serves these effects with the fewest others, of those that are ready; never blocks. If none is
-    /// made for just these, it is asked for, unless another is in the making.
+    /// Of the pipelines that are ready, the one that serves these effects with the fewest others.
+    ///
+    /// If none is made for just these effects, `get` starts to make one, unless another is being
+    /// made. It waits for that only where no thread can be started.
     pub fn get(&mut self, effects: Effects) -> &P {
-        self.now += 1;
-        self.collect();
-        let is_there = self.has(effects) || self.failed.contains(&effects);
-        if !is_there && !self.workshop.is_busy() && !self.workshop.start(effects) {
-            self.failed.push(effects);
+        let effects = key(effects);
+        self.calls += 1;
+        if let Some((effects, made)) = self.workshop.take_finished() {
+            self.keep(effects, made);
         }
-        let now = self.now;
+        if !self.has(effects)
+            && !self.failed.contains(&effects)
+            && !self.workshop.is_busy()
+            && let Some(made) = self.workshop.start(effects)
+        {
+            self.keep(effects, made);
+        }
+        let calls = self.calls;
         let fitting = self.special.iter_mut().filter(|variant| variant.effects.contains(effects));
         let best = fitting.min_by_key(|variant| variant.effects.bits().count_ones()).unwrap_or(&mut self.general);
-        best.used = now;
+        best.last_used = calls;
         &best.pipeline
     }
 
     /// Whether a pipeline for just these effects is ready.
     pub fn has(&self, effects: Effects) -> bool {
-        self.ready().any(|ready| ready == effects)
+        self.ready().any(|ready| ready == key(effects))
     }
 
-    /// The sets that pipelines are ready for, that of all effects first.
+    /// The sets that pipelines are ready for, without [`Effects::MOVING`]; the set of all effects is
+    /// first.
     pub fn ready(&self) -> impl Iterator<Item = Effects> {
         std::iter::once(&self.general).chain(&self.special).map(|variant| variant.effects)
     }
 
-    /// Takes in what was finished.
-    fn collect(&mut self) {
-        match self.workshop.finished() {
-            None => {}
-            Some((effects, None)) => self.failed.push(effects),
-            Some((effects, Some(pipeline))) => {
-                let oldest = self.special.iter().enumerate().min_by_key(|(_, variant)| variant.used);
-                if let Some((oldest, _)) = oldest.filter(|_| self.special.len() >= MAX_VARIANTS) {
-                    self.special.swap_remove(oldest);
-                }
-                self.special.push(Variant { effects, pipeline, used: self.now });
-            }
+    /// Keeps a variant that was made, or remembers that its making panicked.
+    fn keep(&mut self, effects: Effects, made: Made<P>) {
+        let Ok(pipeline) = made else {
+            self.failed.push(effects);
+            return;
+        };
+        let oldest = self.special.iter().enumerate().min_by_key(|(_, variant)| variant.last_used);
+        if let Some((oldest, _)) = oldest.filter(|_| self.special.len() >= MAX_VARIANTS) {
+            self.special.swap_remove(oldest);
         }
+        self.special.push(Variant { effects, pipeline, last_used: self.calls });
     }
 
-    fn with(general: P, workshop: Workshop<P>) -> Self {
-        let general = Variant { effects: Effects::all(), pipeline: general, used: 0 };
-        Self { general, special: Vec::new(), failed: Vec::new(), now: 0, workshop }
+    fn with_workshop(general: P, workshop: Workshop<P>) -> Self {
+        let general = Variant { effects: key(Effects::all()), pipeline: general, last_used: 0 };
+        Self { general, special: Vec::new(), failed: Vec::new(), calls: 0, workshop }
     }
 }
 
 #[cfg(not(target_family = "wasm"))]
 impl<P: Send + 'static> PipelineVariants<P> {
-    /// With the pipeline for [`Effects::all`], and what makes others, on other threads.
+    /// A cache with the pipeline for [`Effects::all`], and the function that makes the others.
+    ///
+    /// The function gets sets without [`Effects::MOVING`]. It is called on other threads; it must
+    /// bring with it what it needs, such as a [`LightShader`](super::LightShader).
     pub fn new(general: P, make: impl Fn(Effects) -> P + Send + Sync + 'static) -> Self {
-        Self::with(general, Workshop::new(make))
+        Self::with_workshop(general, Workshop::with_threads(make))
     }
 }
 
 #[cfg(target_family = "wasm")]
 impl<P> PipelineVariants<P> {
-    /// With the pipeline for [`Effects::all`], which serves always: there are no threads to make others on.
-    pub fn new(general: P, _make: impl Fn(Effects) -> P + 'static) -> Self {
-        Self::with(general, Workshop(std::marker::PhantomData))
+    /// A cache with the pipeline for [`Effects::all`], and the function that makes the others, inside
+    /// of [`PipelineVariants::get`].
+    ///
+    /// The function gets sets without [`Effects::MOVING`].
+    pub fn new(general: P, make: impl Fn(Effects) -> P + 'static) -> Self {
+        Self::with_workshop(general, Workshop { make: Box::new(make), start: None, job: None })
     }
 }
+
+impl<P> fmt::Debug for PipelineVariants<P> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("PipelineVariants")
+            .field("ready", &self.ready().collect::<Vec<_>>())
+            .field("failed", &self.failed)
+            .field("in_progress", &self.workshop.job.as_ref().map(|job| job.effects))
+            .finish_non_exhaustive()
+    }
+}
+
+/// What a set is known by: effects that change no shader are left out.
+fn key(effects: Effects) -> Effects {
+    effects - Effects::MOVING
+}
+
+/// A pipeline, or the payload of the panic that ended its making.
+type Made<P> = std::thread::Result<P>;
 
 #[cfg(not(target_family = "wasm"))]
-mod workshop {
-    use std::sync::Arc;
-    use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
-    use std::thread::{Builder, JoinHandle};
+type Make<P> = dyn Fn(Effects) -> P + Send + Sync;
+#[cfg(target_family = "wasm")]
+type Make<P> = dyn Fn(Effects) -> P;
 
-    use crate::effects::Effects;
+/// Starts a thread that makes a variant.
+type Start<P> = dyn Fn(Effects) -> io::Result<Job<P>> + Send + Sync;
 
-    /// Starts a thread that makes a pipeline.
-    type Start<P> = dyn Fn(Effects) -> std::io::Result<Job<P>> + Send + Sync;
+/// Makes one variant at a time: on a thread of its own, or where there is none on the calling one.
+struct Workshop<P> {
+    make: Box<Make<P>>,
+    /// `None` where there are no threads.
+    start: Option<Box<Start<P>>>,
+    job: Option<Job<P>>,
+}
 
-    /// Makes one pipeline at a time.
-    pub(super) struct Workshop<P> {
-        start: Box<Start<P>>,
-        job: Option<Job<P>>,
+/// A thread that makes a variant.
+#[cfg_attr(target_family = "wasm", allow(dead_code, reason = "there are no threads to make variants on"))]
+struct Job<P> {
+    effects: Effects,
+    result: Receiver<P>,
+    thread: JoinHandle<()>,
+}
+
+impl<P> Workshop<P> {
+    #[cfg(not(target_family = "wasm"))]
+    fn with_threads(make: impl Fn(Effects) -> P + Send + Sync + 'static) -> Self
+    where
+        P: Send + 'static,
+    {
+        let make = std::sync::Arc::new(make);
+        let shared = make.clone();
+        let start = move |effects| {
+            let make = shared.clone();
+            let (sender, result) = std::sync::mpsc::sync_channel(1);
+            let thread = std::thread::Builder::new().name("girandole variant".into()).spawn(move || {
+                // This fails once the cache is gone, which is no error.
+                let _ = sender.send(make(effects));
+            })?;
+            Ok(Job { effects, result, thread })
+        };
+        Self { make: Box::new(move |effects| make(effects)), start: Some(Box::new(start)), job: None }
     }
 
-    pub(super) struct Job<P> {
-        effects: Effects,
-        result: Receiver<P>,
-        thread: JoinHandle<()>,
+    fn is_busy(&self) -> bool {
+        self.job.is_some()
     }
 
-    impl<P> Workshop<P> {
-        pub(super) fn new(make: impl Fn(Effects) -> P + Send + Sync + 'static) -> Self
-        where
-            P: Send + 'static,
-        {
-            let make = Arc::new(make);
-            let start = move |effects| {
-                let make = make.clone();
-                let (sender, result) = sync_channel(1);
-                let thread = Builder::new().name("girandole variant".into()).spawn(move || {
-                    // Nobody hears it once the cache is gone.
-                    let _ = sender.send(make(effects));
-                })?;
-                Ok(Job { effects, result, thread })
-            };
-            Self { start: Box::new(start), job: None }
+    /// Starts to make a variant. Without a thread it is made here, and returned.
+    fn start(&mut self, effects: Effects) -> Option<Made<P>> {
+        self.job = self.start.as_ref().and_then(|start| start(effects).ok());
+        if self.job.is_some() {
+            return None;
         }
-
-        pub(super) fn is_busy(&self) -> bool {
-            self.job.is_some()
-        }
-
-        /// False if the system grants no thread.
-        pub(super) fn start(&mut self, effects: Effects) -> bool {
-            self.job = (self.start)(effects).ok();
-            self.job.is_some()
-        }
-
-        /// What was in the making and is not any more; `None` in place of a pipeline if the making panicked.
-        pub(super) fn finished(&mut self) -> Option<(Effects, Option<P>)> {
-            let result = match self.job.as_ref()?.result.try_recv() {
-                Err(TryRecvError::Empty) => return None,
-                result => result.ok(),
-            };
-            self.job.take().map(|job| (job.effects, result))
-        }
+        Some(catch_unwind(AssertUnwindSafe(|| (self.make)(effects))))
     }
 
-    impl<P> Drop for Workshop<P> {
-        /// A thread in a driver's compiler must not outlive what tears the driver down.
-        fn drop(&mut self) {
-            if let Some(job) = self.job.take() {
-                // A panic of its own is none of ours.
-                let _ = job.thread.join();
-            }
-        }
+    /// The variant whose thread has finished.
+    fn take_finished(&mut self) -> Option<(Effects, Made<P>)> {
+        let result = match self.job.as_ref()?.result.try_recv() {
+            Err(TryRecvError::Empty) => return None,
+            result => result.ok(),
+        };
+        let job = self.job.take()?;
+        let made = match result {
+            Some(pipeline) => Ok(pipeline),
+            // Without a pipeline, the thread has panicked.
+            None => Err(job.thread.join().err().unwrap_or_else(|| Box::new("no pipeline"))),
+        };
+        Some((job.effects, made))
     }
 }
 
-#[cfg(target_family = "wasm")]
-mod workshop {
-    use crate::effects::Effects;
-
-    /// Makes nothing.
-    pub(super) struct Workshop<P>(pub std::marker::PhantomData<P>);
-
-    impl<P> Workshop<P> {
-        pub(super) fn is_busy(&self) -> bool {
-            false
-        }
-
-        pub(super) fn start(&mut self, _effects: Effects) -> bool {
-            false
-        }
-
-        pub(super) fn finished(&mut self) -> Option<(Effects, Option<P>)> {
-            None
+impl<P> Drop for Workshop<P> {
+    /// A thread in a driver's compiler must not outlive what tears the driver down.
+    fn drop(&mut self) {
+        if let Some(job) = self.job.take() {
+            // If it panicked, the panic hook has reported that.
+            let _ = job.thread.join();
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicBool, Ordering};
     use std::sync::mpsc::{Receiver, Sender, channel};
     use std::sync::{Arc, Mutex};
     use std::time::{Duration, Instant};
 
     use super::*;
 
-    /// PipelineVariants whose making waits for a word from the test: true to go on, false to panic. Also says what was begun.
+    /// The set of the general pipeline.
+    const GENERAL: Effects = Effects::all().difference(Effects::MOVING);
+
+    /// A cache whose function reports each set that it starts on, and then waits for the test to
+    /// send `true` to finish or `false` to panic.
     fn controlled() -> (PipelineVariants<Effects>, Sender<bool>, Receiver<Effects>) {
         let (allow, allowed) = channel();
-        let (begin, begun) = channel();
-        let hands = Arc::new(Mutex::new((allowed, begin)));
+        let (report, started) = channel();
+        let channels = Arc::new(Mutex::new((allowed, report)));
         let make = move |effects| {
-            let goes_well: bool = {
-                let hands = hands.lock().expect("panics come after this");
-                hands.1.send(effects).expect("the test listens");
-                hands.0.recv().expect("the test goes on")
+            let succeeds: bool = {
+                let channels = channels.lock().expect("a panic comes after this block");
+                channels.1.send(effects).expect("the test listens");
+                channels.0.recv().expect("the test goes on")
             };
-            assert!(goes_well, "as the test wants");
+            assert!(succeeds, "a panic that the test asked for");
             effects
         };
-        (PipelineVariants::new(Effects::all(), make), allow, begun)
+        (PipelineVariants::new(GENERAL, make), allow, started)
     }
 
-    /// Calls `get` until a variant is ready. The bound is only to end a test that fails.
+    /// A cache that never gets a thread, with the sets that its function was called for.
+    fn without_threads(start: Option<Box<Start<Effects>>>) -> (PipelineVariants<Effects>, Receiver<Effects>) {
+        let (report, started) = channel();
+        let report = Mutex::new(report);
+        let make = move |effects: Effects| {
+            report.lock().expect("no panic before").send(effects).expect("the test listens");
+            assert!(effects != Effects::AREAS, "a panic that the test asked for");
+            effects
+        };
+        (PipelineVariants::with_workshop(GENERAL, Workshop { make: Box::new(make), start, job: None }), started)
+    }
+
+    /// Calls `get` until a variant is ready. The bound only ends a test that fails.
     fn await_ready(variants: &mut PipelineVariants<Effects>, effects: Effects) {
         let start = Instant::now();
         while *variants.get(effects) != effects {
-            assert!(start.elapsed() < Duration::from_secs(60), "{effects:?} never comes");
+            assert!(start.elapsed() < Duration::from_secs(60), "{effects:?} is never ready");
             std::thread::yield_now();
         }
     }
 
     #[test]
-    fn the_general_one_serves_until_the_special_one_is_ready_and_one_is_made_at_a_time() {
-        let (mut variants, allow, begun) = controlled();
+    fn the_general_pipeline_serves_until_the_variant_is_ready_and_one_is_made_at_a_time() {
+        let (mut variants, allow, started) = controlled();
         let [one, two] = [Effects::CONES, Effects::CONES | Effects::RANGES];
-        // The maker waits for us: were `get` to wait for it, this would never end.
+        // The function waits for the test: if `get` waited for the function, this would never end.
         for _ in 0..100 {
-            assert_eq!(*variants.get(two), Effects::all());
-            assert_eq!(*variants.get(one), Effects::all());
+            assert_eq!(*variants.get(two), GENERAL);
+            assert_eq!(*variants.get(one), GENERAL);
         }
-        assert_eq!(begun.recv(), Ok(two));
-        assert!(begun.try_recv().is_err(), "two at a time");
-        allow.send(true).expect("it waits");
+        assert_eq!(started.recv(), Ok(two));
+        assert!(started.try_recv().is_err(), "two are made at a time");
+        allow.send(true).expect("the function waits");
         await_ready(&mut variants, two);
-        // What contains the wanted effects serves before what contains all.
+        // The variant with the fewest other effects serves.
         assert_eq!(*variants.get(one), two);
-        assert_eq!(begun.recv(), Ok(one));
-        allow.send(true).expect("it waits");
+        assert_eq!(started.recv(), Ok(one));
+        allow.send(true).expect("the function waits");
         await_ready(&mut variants, one);
         assert_eq!(*variants.get(Effects::CONES), one);
         assert_eq!(*variants.get(two), two);
-        assert_eq!(variants.ready().collect::<Vec<_>>(), [Effects::all(), two, one]);
-        assert_eq!(*variants.get(Effects::all()), Effects::all());
-        assert!(begun.try_recv().is_err(), "what is there was made again");
+        assert_eq!(variants.ready().collect::<Vec<_>>(), [GENERAL, two, one]);
+        assert_eq!(*variants.get(Effects::all()), GENERAL);
+        assert!(started.try_recv().is_err(), "a variant that is ready is made again");
     }
 
     #[test]
-    fn a_making_that_panics_is_not_repeated_and_harms_no_other() {
-        let (mut variants, allow, begun) = controlled();
-        assert_eq!(*variants.get(Effects::CONES), Effects::all());
-        allow.send(false).expect("it waits");
-        assert_eq!(begun.recv(), Ok(Effects::CONES));
-        // Asked for until the failure is known and the next one is begun.
-        allow.send(true).expect("somebody will listen");
+    fn a_variant_whose_making_panics_is_not_tried_again_and_others_still_are_made() {
+        let (mut variants, allow, started) = controlled();
+        assert_eq!(*variants.get(Effects::CONES), GENERAL);
+        allow.send(false).expect("the function waits");
+        assert_eq!(started.recv(), Ok(Effects::CONES));
+        // Asks until the failure is known and the next variant is started.
+        allow.send(true).expect("the function will wait");
         await_ready(&mut variants, Effects::AREAS);
-        assert_eq!(begun.recv(), Ok(Effects::AREAS));
+        assert_eq!(started.recv(), Ok(Effects::AREAS));
         for _ in 0..100 {
-            assert_eq!(*variants.get(Effects::CONES), Effects::all());
+            assert_eq!(*variants.get(Effects::CONES), GENERAL);
         }
-        // Were the failed one in the making again, it would come before this.
-        allow.send(true).expect("somebody will listen");
+        // If the failed variant were being made again, it would be reported before this one.
+        allow.send(true).expect("the function will wait");
         await_ready(&mut variants, Effects::RANGES);
-        assert_eq!(begun.try_iter().collect::<Vec<_>>(), [Effects::RANGES]);
+        assert_eq!(started.try_iter().collect::<Vec<_>>(), [Effects::RANGES]);
     }
 
     #[test]
-    fn the_least_recently_used_goes_and_the_general_one_stays() {
-        let (mut variants, allow, begun) = controlled();
+    fn the_least_recently_used_variant_is_dropped_and_the_general_pipeline_stays() {
+        let (mut variants, allow, started) = controlled();
         let sets: Vec<_> = (0..=MAX_VARIANTS as u8).map(Effects::from_bits_truncate).collect();
         for (number, effects) in sets.iter().enumerate() {
-            allow.send(true).expect("it will wait");
+            allow.send(true).expect("the function will wait");
             await_ready(&mut variants, *effects);
-            // The first stays in use.
+            // The first one stays in use.
             assert!(number == MAX_VARIANTS || variants.has(sets[0]));
             variants.get(sets[0]);
         }
-        assert_eq!(begun.try_iter().collect::<Vec<_>>(), sets);
+        assert_eq!(started.try_iter().collect::<Vec<_>>(), sets);
         assert_eq!(variants.ready().count(), 1 + MAX_VARIANTS);
         assert!(variants.has(sets[0]) && !variants.has(sets[1]) && variants.has(sets[MAX_VARIANTS]));
         assert!(variants.has(Effects::all()));
+    }
+
+    #[test]
+    fn sets_that_differ_only_in_moving_share_one_pipeline() {
+        let (mut variants, allow, started) = controlled();
+        allow.send(true).expect("the function will wait");
+        await_ready(&mut variants, Effects::CONES);
+        for effects in [Effects::CONES, Effects::CONES | Effects::MOVING] {
+            assert_eq!(*variants.get(effects), Effects::CONES);
+            assert!(variants.has(effects));
+        }
+        assert_eq!(*variants.get(GENERAL), GENERAL);
+        assert!(variants.has(GENERAL) && variants.has(Effects::all()));
+        // If another one were being made, this one would not be started.
+        allow.send(true).expect("the function will wait");
+        await_ready(&mut variants, Effects::RANGES);
+        assert_eq!(started.try_iter().collect::<Vec<_>>(), [Effects::CONES, Effects::RANGES]);
+    }
+
+    #[test]
+    fn without_threads_a_variant_is_made_at_once() {
+        let (mut variants, started) = without_threads(None);
+        assert_eq!(*variants.get(Effects::CONES), Effects::CONES);
+        assert_eq!(*variants.get(Effects::CONES | Effects::MOVING), Effects::CONES);
+        assert_eq!(*variants.get(Effects::all()), GENERAL);
+        assert_eq!(*variants.get(Effects::RANGES), Effects::RANGES);
+        assert_eq!(started.try_iter().collect::<Vec<_>>(), [Effects::CONES, Effects::RANGES]);
+    }
+
+    #[test]
+    fn without_threads_a_variant_whose_making_panics_is_not_tried_again() {
+        let (mut variants, started) = without_threads(None);
+        for _ in 0..2 {
+            assert_eq!(*variants.get(Effects::AREAS), GENERAL);
+        }
+        assert_eq!(*variants.get(Effects::CONES), Effects::CONES);
+        assert_eq!(started.try_iter().collect::<Vec<_>>(), [Effects::AREAS, Effects::CONES]);
+    }
+
+    #[test]
+    fn a_thread_that_the_system_refuses_is_asked_for_again_with_the_next_variant() {
+        let is_refused = Arc::new(AtomicBool::new(true));
+        let refuses = is_refused.clone();
+        let mut threads = Workshop::with_threads(|effects| effects);
+        let spawn = threads.start.take().expect("there are threads on native platforms");
+        let start = move |effects| match refuses.load(Ordering::Relaxed) {
+            true => Err(io::Error::from(io::ErrorKind::WouldBlock)),
+            false => spawn(effects),
+        };
+        let (mut variants, started) = without_threads(Some(Box::new(start)));
+        assert_eq!(*variants.get(Effects::CONES), Effects::CONES, "made at once");
+        is_refused.store(false, Ordering::Relaxed);
+        await_ready(&mut variants, Effects::RANGES);
+        assert_eq!(*variants.get(Effects::CONES), Effects::CONES);
+        assert_eq!(started.try_iter().collect::<Vec<_>>(), [Effects::CONES], "the other one was made on a thread");
     }
 }

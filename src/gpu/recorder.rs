@@ -1,18 +1,29 @@
-//! The passes that the stages of a build are recorded in: one for all of them, or one each, which can be timed.
+//! Records the stages of a build, all in one compute pass or each in a pass of its own. Separate
+//! passes can be timed.
 
-use super::measure::TopStage;
 use super::stages;
 
-/// How many passes there are.
-#[derive(Clone, Copy)]
+/// One stage of a build of the top level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TopStage {
+    /// What the stage does. Several stages of one build may share a name.
+    pub name: &'static str,
+    /// The number of its dispatches.
+    pub dispatches: u32,
+}
+
+/// How stages are divided into compute passes.
+#[derive(Clone, Copy, Debug)]
 enum Passes<'a> {
-    /// One for all stages.
+    /// One pass for all stages.
     One,
-    /// One for each stage, the i-th with timestamps 2 i and 2 i + 1.
+    /// A pass for each stage; the i-th writes the timestamps 2 i and 2 i + 1 of the set, if there
+    /// is one.
     Each(Option<&'a wgpu::QuerySet>),
 }
 
-/// Records stages, and counts their dispatches where they are recorded apart.
+/// Records stages; counts the dispatches of each stage if it has a pass of its own.
+#[derive(Debug)]
 pub(crate) struct Recorder<'a> {
     encoder: &'a mut wgpu::CommandEncoder,
     label: &'static str,
@@ -22,12 +33,12 @@ pub(crate) struct Recorder<'a> {
 }
 
 impl<'a> Recorder<'a> {
-    /// All stages in one pass of this name.
+    /// Records all stages in one pass of this name.
     pub(crate) fn together(encoder: &'a mut wgpu::CommandEncoder, label: &'static str) -> Self {
         Self { encoder, label, passes: Passes::One, pass: None, stages: Vec::new() }
     }
 
-    /// Each stage in a pass of its own, timed if there is a set to write to.
+    /// Records each stage in a pass of its own, with timestamps if `queries` is given.
     pub(crate) fn apart(
         encoder: &'a mut wgpu::CommandEncoder,
         label: &'static str,
@@ -36,17 +47,17 @@ impl<'a> Recorder<'a> {
         Self { encoder, label, passes: Passes::Each(queries), pass: None, stages: Vec::new() }
     }
 
-    /// Fills a buffer with zeros. Only before the first stage.
+    /// Fills a buffer with zeros. To be called before the first stage.
     pub(crate) fn clear(&mut self, buffer: &wgpu::Buffer) {
         self.encoder.clear_buffer(buffer, 0, None);
     }
 
-    /// What is recorded from here on belongs to the stage of this name.
+    /// Begins the stage of this name.
     pub(crate) fn stage(&mut self, name: &'static str) {
         if matches!(self.passes, Passes::One) && self.pass.is_some() {
             return;
         }
-        // Ends the last pass, which has locked the encoder.
+        // The open pass locks the encoder, so it has to end first.
         self.pass = None;
         let mut descriptor = wgpu::ComputePassDescriptor { label: Some(self.label), timestamp_writes: None };
         if let Passes::Each(queries) = self.passes {
@@ -70,7 +81,7 @@ impl<'a> Recorder<'a> {
         self.pass().set_pipeline(pipeline);
     }
 
-    /// At least so many workgroups, in two dimensions where one is too short.
+    /// Dispatches at least `groups` workgroups, in two dimensions if one is too short.
     pub(crate) fn dispatch(&mut self, groups: u32) {
         stages::dispatch(self.pass(), groups);
         if let Some(stage) = self.stages.last_mut() {
@@ -78,12 +89,12 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// The stages that were recorded apart, in order.
+    /// Returns the stages in order; none if they share a pass.
     pub(crate) fn finish(self) -> Vec<TopStage> {
         self.stages
     }
 
     fn pass(&mut self) -> &mut wgpu::ComputePass<'static> {
-        self.pass.as_mut().expect("a stage comes first")
+        self.pass.as_mut().expect("a stage has begun")
     }
 }

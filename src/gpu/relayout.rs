@@ -1,31 +1,34 @@
-//! Copies records from one layout to another on the GPU, so that a change of layout sends nothing from the CPU.
+//! Copies records from one stored layout to another on the GPU, so that a change of layout sends no
+//! records from the CPU.
 
+use super::error::GpuError;
+use super::memory;
 use super::stages::{Access, Stages, dispatch};
 use super::stored::{Missing, Stored};
 
-/// Invocations of a workgroup, 16 bytes each.
+/// Invocations in a workgroup. Each writes 16 bytes.
 const LANES: u32 = 64;
 
-/// Sixteenths of the longest record's bytes.
+/// The longest record, in units of 16 bytes.
 const MAX_QUADS: usize = 13;
 
-/// Stands for a word that was not stored.
+/// The entry of [`RelayoutPass::sources`] for a word that was not stored.
 const NOT_STORED: u32 = u32::MAX;
 
 /// Twin of `RelayoutPass` in `shaders/relayout.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 struct RelayoutPass {
-    /// Records to copy.
+    /// The number of records.
     records: u32,
-    /// From one to the next before, in words.
+    /// The stride in the old layout, in words.
     words_before: u32,
-    /// From one to the next after, in 16 bytes.
+    /// The stride in the new layout, in units of 16 bytes.
     quads_after: u32,
     padding: u32,
-    /// For each word after where it lies in the record before, or [`NOT_STORED`].
+    /// For each word of the new record its offset in the old record, or [`NOT_STORED`].
     sources: [[u32; 4]; MAX_QUADS],
-    /// What it is if it was not stored.
+    /// For each word of the new record its value if it was not stored.
     values: [[u32; 4]; MAX_QUADS],
 }
 
@@ -40,34 +43,37 @@ impl RelayoutPass {
             values: [[0; 4]; MAX_QUADS],
         };
         for (place, word) in after.words().enumerate() {
-            let source = before.place_of_word(word).map_or_else(|| missing(word), Missing::Word);
+            let source = before.word_offset(word).map_or_else(|| missing(word), Missing::Word);
             match source {
                 Missing::Value(value) => pass.values[place / 4][place % 4] = value,
-                Missing::Word(source) => {
-                    pass.sources[place / 4][place % 4] = source as u32;
-                }
+                Missing::Word(source) => pass.sources[place / 4][place % 4] = source as u32,
             }
         }
         pass
     }
 }
 
-/// The pipeline.
+/// The pipeline that copies records, and the uniform that each copy overwrites and submits at once.
+#[derive(Debug)]
 pub(crate) struct Relayout {
     stages: Stages,
     pipeline: wgpu::ComputePipeline,
+    uniform: wgpu::Buffer,
 }
 
 impl Relayout {
-    pub(crate) fn new(device: &wgpu::Device) -> Self {
+    /// Compiles the pipeline.
+    pub(crate) fn new(device: &wgpu::Device) -> Result<Self, GpuError> {
         let bytes = size_of::<RelayoutPass>() as u64;
+        let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let uniform = memory::create_buffer(device, "relayout", bytes, usage)?;
         let stages = Stages::new(device, "relayout", bytes, &[Access::Read, Access::Write]);
         let pipeline = stages.pipeline(device, "relayout", text());
-        Self { stages, pipeline }
+        Ok(Self { stages, pipeline, uniform })
     }
 
-    /// Submits a copy of the first `records` records from one buffer to another, which must have room for them.
-    /// Returns the bytes sent: a few hundred.
+    /// Submits a copy of the first `records` records from one buffer to another, which must have
+    /// room for them. Returns the bytes that it sends: a few hundred.
     pub(crate) fn submit(
         &self,
         (device, queue): (&wgpu::Device, &wgpu::Queue),
@@ -77,14 +83,8 @@ impl Relayout {
         missing: fn(usize) -> Missing,
     ) -> u64 {
         let pass = RelayoutPass::new(records, before, after, missing);
-        let uniform = device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("relayout"),
-            size: size_of::<RelayoutPass>() as u64,
-            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&pass));
-        let group = self.stages.bind(device, &uniform, &[from, to]);
+        queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&pass));
+        let group = self.stages.bind(device, &self.uniform, &[from, to]);
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
@@ -123,6 +123,7 @@ mod tests {
     use crate::placement::{Placed, Placement};
     use crate::tree::{LightTree, Node};
 
+    /// Effects that between them use every layout of every record.
     const LAYOUTS: [Effects; 9] = [
         Effects::empty(),
         Effects::CONES,
@@ -135,7 +136,7 @@ mod tests {
         Effects::all(),
     ];
 
-    /// Lights that call for no more than these effects, some of them dark.
+    /// A tree of lights that need no more than these effects; some of the lights are dark.
     fn tree(effects: Effects) -> LightTree {
         let light = |i: u32| {
             let at = Vec3::new((i * 7 % 50) as f32, (i * 13 % 31) as f32, (i * 3 % 17) as f32);
@@ -150,21 +151,24 @@ mod tests {
         LightTree::new((0..100).map(light).collect()).expect("valid lights")
     }
 
+    /// Instances that need no more than these effects; some of the slots are empty.
     fn instances(effects: Effects) -> Vec<InstanceRecord> {
         let instance = |i: u32| {
             if i.is_multiple_of(5) {
                 return InstanceRecord::NONE;
             }
-            let turn = Mat3::from_quat(Quat::from_axis_angle(Vec3::new(1.0, 2.0, 3.0).normalize(), 0.1 * i as f32));
+            let rotation = Mat3::from_quat(Quat::from_axis_angle(Vec3::new(1.0, 2.0, 3.0).normalize(), 0.1 * i as f32));
             let scale = if effects.contains(Effects::NON_RIGID) { 0.5 + i as f32 } else { 1.0 };
-            let placement = Placement { linear: turn * scale, translation: DVec3::new(f64::from(i), 2.0, -3.0) };
-            let placed = Placed::new(&placement, DVec3::ZERO).expect("a valid placement");
+            let placement = Placement { linear: rotation * scale, translation: DVec3::new(f64::from(i), 2.0, -3.0) };
+            let placed = Placed::new(&placement, DVec3::ZERO).expect("a valid placement").expect("not hidden");
             assert_eq!(placed.linear.is_rigid(), scale == 1.0);
             InstanceRecord::of(&placed, i, 10 * i, 20 * i)
         };
         (0..40).map(instance).collect()
     }
 
+    /// Compares a pool that was filled in one layout and then copied to another with a pool that
+    /// was filled in the other layout.
     fn check<T: bytemuck::NoUninit>(
         relayout: &Relayout,
         records: &[T],
@@ -189,9 +193,9 @@ mod tests {
     }
 
     #[test]
-    fn records_in_a_new_layout_are_what_an_upload_in_it_is_byte_for_byte() {
+    fn a_copy_to_a_new_layout_equals_an_upload_in_that_layout_byte_for_byte() {
         let (device, _) = gpu();
-        let relayout = Relayout::new(&device);
+        let relayout = Relayout::new(&device).expect("room enough");
         for before in LAYOUTS {
             for after in LAYOUTS {
                 let tree = tree(before & after);
@@ -207,24 +211,24 @@ mod tests {
     }
 
     #[test]
-    fn more_workgroups_than_one_row_holds_are_copied() {
+    fn more_workgroups_than_fit_into_one_dimension_copy_all_records() {
         let (device, queue) = gpu();
-        let relayout = Relayout::new(&device);
-        // 80 bytes of each are 5 invocations.
+        let relayout = Relayout::new(&device).expect("room enough");
+        // A stored record has 80 bytes, which 5 invocations copy.
         let count = 65_540 * LANES / 5;
         let mut pool = Pool::<InstanceRecord>::new(&device, &queue, "test records", 1).expect("room");
         pool.set_layout(Stored::instances(Effects::empty()), missing_of_instance, &relayout);
         pool.alloc(count).expect("room enough");
         let last = InstanceRecord { flags: 7, top_place: 9, ..InstanceRecord::NONE };
         pool.write(count - 1, &[last]);
-        // The same layout again: what is asked for is what is done.
+        // The layout stays the same, but the pool copies all the same.
         pool.set_layout(Stored::instances(Effects::empty()), missing_of_instance, &relayout);
         let words: Vec<u32> = read(&device, &queue, pool.buffer());
         assert_eq!((words.len() / 20, words[words.len() - 8], words[words.len() - 4]), (count as usize, 7, 9));
     }
 
     #[test]
-    fn the_stage_is_valid_and_agrees_with_the_host_about_its_table() {
+    fn the_stage_is_valid_and_its_uniform_has_the_layout_of_the_rust_struct() {
         let text = text();
         let module = naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("it parses");
         let (_, pass) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some("RelayoutPass")).expect("a struct");

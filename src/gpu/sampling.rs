@@ -1,62 +1,22 @@
-//! Our own kernel over a buffer of shading points, for those who want no shader.
+//! Records the kernel that chooses one light for each shading point of a buffer.
 
-use bytemuck::{Pod, Zeroable};
-
-use super::kernel::{Kernel, records};
-use super::usage::Chosen;
-use super::{GpuLights, storage_entry};
-
-/// A shading point and its four random numbers in [0, 1). 48 bytes; `Request` in `shaders/batch.wgsl`.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub struct SampleRequest {
-    /// Metres, relative to the world's origin.
-    pub position: [f32; 3],
-    /// Not read.
-    pub padding_a: u32,
-    /// Unit normal, or zero for a point in a volume.
-    pub normal: [f32; 3],
-    /// Not read.
-    pub padding_b: u32,
-    /// Two numbers choose the light, two the point on it.
-    pub u: [f32; 4],
-}
-
-/// A chosen light and a point on it. 48 bytes; `LightSample` in `shaders/sample.wgsl`.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub struct SampleRecord {
-    /// Unit vector from the shading point to the light.
-    pub direction: [f32; 3],
-    /// Metres; at least 1e18 for a directional light.
-    pub dist: f32,
-    /// Nits for surfaces, lux for lights without size.
-    pub radiance: [f32; 3],
-    /// Per steradian for surfaces, 1 for lights without size.
-    pub pdf: f32,
-    /// The light's chance; 0 for no light.
-    pub pmf: f32,
-    /// The instance's slot, see [`LightWorld::instance_at`](crate::LightWorld::instance_at); `u32::MAX` for a directional light.
-    pub instance: u32,
-    /// Its index in the tree, or among the directional lights.
-    pub light: u32,
-    /// 1 for a light without size.
-    pub is_delta: u32,
-}
-
-/// Compiles nothing.
-pub(super) fn kernel(device: &wgpu::Device, lights: &wgpu::BindGroupLayout) -> Kernel {
-    let entries = [storage_entry(0, true), storage_entry(1, false)];
-    Kernel::new(device, lights, "batch", include_str!("../../shaders/batch.wgsl"), &entries)
-}
+use super::GpuLights;
+use super::bindings::records;
+use super::records::{SampleRecord, SampleRequest};
+use super::usage::RecordKind;
 
 impl GpuLights {
-    /// Samples one light for each of `requests` (an array of [`SampleRequest`]) into `samples` (of [`SampleRecord`]),
-    /// both storage buffers of the engine with room for `count` records. Records into the engine's encoder.
+    /// Records a pass that samples one light for each of the first `count` requests, as
+    /// [`LightSampler::sample`](crate::LightSampler::sample) does.
     ///
-    /// The top level must have been built after the last upload. The first call makes a pipeline for all effects. One
-    /// for just those of the world is made on another thread, whenever they are others; until it is ready a more
-    /// general one serves. Each call makes a bind group.
+    /// `requests` holds [`SampleRequest`]s; the pass writes [`SampleRecord`]s to `samples`. Both are
+    /// storage buffers of the engine with room for `count` records.
+    ///
+    /// The top level must have been built since the last upload: see [`GpuLights::build_top`].
+    ///
+    /// The first call compiles a pipeline for all effects and waits for it. A faster pipeline, for
+    /// just the effects of the world, is then compiled on another thread; a more general one serves until
+    /// it is ready. In browsers it is compiled at once. Each call makes a bind group.
     pub fn sample(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -65,13 +25,13 @@ impl GpuLights {
         count: u32,
     ) {
         if count > 0 {
-            self.sample_by(&self.batch.pipeline(self.effects), encoder, requests, samples, count);
-            self.count_chosen(encoder, (requests, samples), Chosen::Samples, count);
+            self.sample_with(&self.sampling.pipeline(self.effects), encoder, requests, samples, count);
+            self.record_usage_of(encoder, (requests, samples), RecordKind::Sample, count);
         }
     }
 
-    /// The same by a pipeline of one's own choice.
-    pub(super) fn sample_by(
+    /// Samples with a pipeline of the caller's choice.
+    pub(super) fn sample_with(
         &self,
         pipeline: &wgpu::ComputePipeline,
         encoder: &mut wgpu::CommandEncoder,
@@ -79,8 +39,9 @@ impl GpuLights {
         samples: &wgpu::Buffer,
         count: u32,
     ) {
-        let own = [records::<SampleRequest>(requests, count), records::<SampleRecord>(samples, count)];
-        self.batch.record(encoder, pipeline, &self.bind_group, &own, count);
+        let own =
+            [records(requests, count, size_of::<SampleRequest>()), records(samples, count, size_of::<SampleRecord>())];
+        self.sampling.record(encoder, pipeline, &self.bind_group, &own, count);
     }
 }
 
@@ -94,13 +55,13 @@ mod tests {
     use super::*;
     use crate::effects::Effects;
     use crate::gpu::testing::{gpu, read};
-    use crate::gpu::text;
     use crate::light::Light;
     use crate::placement::Placement;
     use crate::policy::Policy;
     use crate::world::LightWorld;
 
-    /// Other texts may round otherwise: then a number that falls where two lights meet may choose the other.
+    /// Whether all but two samples agree. Two texts may round differently, and a random number that
+    /// falls on the border between two lights may then choose the other one.
     fn are_alike(some: &[SampleRecord], others: &[SampleRecord]) -> bool {
         let is_alike = |(a, b): &(&SampleRecord, &SampleRecord)| {
             (a.instance, a.light) == (b.instance, b.light) && (a.pmf / b.pmf - 1.0).abs() < 1.0e-4
@@ -109,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn the_pipeline_for_just_the_worlds_effects_serves_in_the_end_and_gives_the_same_records() {
+    fn the_pipeline_for_just_the_effects_of_the_world_takes_over_and_gives_the_same_records() {
         let (device, queue) = gpu();
         let mut world = LightWorld::new();
         let lamp = |i: u32| Light::point(Vec3::new(i as f32, 3.0, (i * i % 17) as f32), Vec3::splat(1.0 + i as f32));
@@ -143,29 +104,16 @@ mod tests {
             queue.submit([encoder.finish()]);
             read::<SampleRecord>(&device, &queue, &samples)
         };
-        assert!(lights.batch.variants().ready().eq([Effects::all()]));
+        let general_effects = Effects::all() - Effects::MOVING;
+        assert!(lights.sampling.variants().ready().eq([general_effects]));
         let general = frame(&mut lights);
         assert!(general.iter().all(|record| record.pmf > 0.0));
         let start = Instant::now();
-        while !lights.batch.variants().has(Effects::MOVING) {
+        while !lights.sampling.variants().has(Effects::empty()) {
             assert!(start.elapsed() < Duration::from_secs(120), "no pipeline for a world of points");
             assert!(are_alike(&frame(&mut lights), &general));
         }
         assert!(are_alike(&frame(&mut lights), &general));
-        assert!(lights.batch.variants().ready().eq([Effects::all(), Effects::MOVING]));
-    }
-
-    #[test]
-    fn threads_may_share_the_lights() {
-        fn shared<T: Send + Sync>() -> usize {
-            size_of::<T>()
-        }
-        assert!(shared::<GpuLights>() > 0);
-    }
-
-    #[test]
-    fn the_text_is_the_same_for_lights_that_move() {
-        assert_eq!(text::wgsl(0, Effects::MOVING), text::wgsl(0, Effects::empty()));
-        assert_eq!(text::wgsl(0, Effects::all()), text::wgsl(0, Effects::all() - Effects::MOVING));
+        assert!(lights.sampling.variants().ready().eq([general_effects, Effects::empty()]));
     }
 }

@@ -1,14 +1,20 @@
-//! What an engine needs to call our functions from a shader of its own, in one struct.
+//! What an engine needs to call our functions from a shader of its own.
 
-use super::{GpuLights, text};
+use super::text;
 use crate::effects::Effects;
 
-/// The text, the bind group and the functions that an engine's shader needs to choose lights.
+/// The WGSL text and the bind group layout that an engine's shader needs to choose lights.
 ///
-/// For compute and fragment shaders. Rays that are traced in WebGPU are ray queries inside these, so there is no stage
-/// beside them. Vertex shaders cannot: the layout is not visible there.
+/// [`GpuLights::shader`](super::GpuLights::shader) makes one; [`LightShader::join`] puts it before the engine's own text.
+/// `docs/integration.md` goes through both step by step.
 ///
-/// The functions, all in the space of [`LightWorld::origin`](crate::LightWorld::origin); random numbers `u` in [0, 1):
+/// The functions are for compute and fragment shaders, and so for ray queries in them, which are the
+/// only rays that WebGPU has. They are not for vertex shaders, in which the bind group is not visible.
+///
+/// # Functions
+///
+/// Positions and directions are in the space of [`LightWorld::origin`](crate::LightWorld::origin). Random
+/// numbers `u` are in [0, 1).
 ///
 /// ```wgsl
 /// fn light_surface_point(position: vec3<f32>, normal: vec3<f32>) -> LightShadingPoint // metres; unit
@@ -16,66 +22,84 @@ use crate::effects::Effects;
 /// struct LightPick { instance: u32, light: u32, pmf: f32 }
 /// struct LightSample {
 ///     direction: vec3<f32>, dist: f32, // unit, from the shading point; metres
-///     radiance: vec3<f32>, pdf: f32, pmf: f32,                   // see below
+///     radiance: vec3<f32>, pdf: f32, pmf: f32, // see below
 ///     instance: u32, light: u32, is_delta: u32,
 /// }
 /// struct LightReservoir { chosen: LightSample, weight: f32 }
 ///
 /// // A light and a point on it.
 /// fn light_sample(shading_point: LightShadingPoint, u: vec4<f32>) -> LightSample
-/// // One of up to LIGHT_MAX_CANDIDATES such, kept in proportion to its light without shadows.
+/// // One of up to LIGHT_MAX_CANDIDATES samples, kept in proportion to its unshadowed light.
 /// fn light_resample(shading_point: LightShadingPoint, u: vec4<f32>, candidates: u32) -> LightReservoir
-/// // A light alone; then a point on a light that was picked, by this or by you (with a pmf above 0).
+/// // A light alone; then a point on a picked light, whose pmf must be above 0.
 /// fn light_pick(shading_point: LightShadingPoint, u: vec2<f32>) -> LightPick
 /// fn light_sample_picked(shading_point: LightShadingPoint, pick: LightPick, u: vec2<f32>) -> LightSample
-/// // The chance of a light, and the density of a point on it.
+/// // The probability of a light, and the density of a point on it.
 /// fn light_pmf(shading_point: LightShadingPoint, instance: u32, light: u32) -> f32
 /// fn light_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, point: vec3<f32>) -> f32
 /// // Well-mixed bits, for random numbers.
 /// fn light_hash(bits: u32) -> u32
 /// ```
 ///
-/// Measures: a `pmf` is the chance of the light among all, in [0, 1]; 0 in a sample means that nothing arrives. With
-/// `is_delta` 0 `radiance` is in nits and `pdf` a density per steradian, seen from the shading point; with `is_delta` 1
-/// (points, spots, directional lights) `radiance` is the illuminance, in lux, of a surface that faces the light, and
-/// `pdf` is 1. In both cases `brdf * cosine * radiance / (pmf * pdf)` estimates the radiance that leaves the shading point,
-/// if nothing stands within `distance`; so does `brdf * cosine * sample.radiance * weight`. `light_pdf` is per
-/// steradian, and has the pmf in it.
+/// [`GpuLights::usage_shader`](super::GpuLights::usage_shader) adds a function that records which lights are chosen.
 ///
-/// `instance` is a slot ([`LightWorld::instance_at`](crate::LightWorld::instance_at), [`LightWorld::slot`](crate::LightWorld::slot)), the
-/// same while the instance lives; `LIGHT_DIRECTIONAL` (`u32::MAX`) with `light` the place among
-/// [`LightWorld::directionals`](crate::LightWorld::directionals) at the last upload.
+/// # Measures
 ///
-/// The text binds one uniform buffer and four read-only storage buffers, at `group`; of WebGPU's default limits that
-/// leaves an engine three bind groups, and four storage and eleven uniform buffers a stage. All names in it start with
-/// `light_`, `Light` or `LIGHT_`. `docs/integration.md` goes through all of it step by step.
+/// - `pmf` is the probability of the light among all lights, in [0, 1]. In a sample, 0 means that nothing
+///   arrives.
+/// - If `is_delta` is 0, `radiance` is in nits and `pdf` is a density per steradian, seen from the shading
+///   point.
+/// - If `is_delta` is 1 (points, spots and directional lights), `radiance` is the illuminance in lux
+///   of a surface that faces the light, and `pdf` is 1.
+/// - In both cases `brdf * cosine * radiance / (pmf * pdf)` estimates the radiance that leaves the
+///   shading point, if nothing stands within `dist`. For a reservoir,
+///   `brdf * cosine * chosen.radiance * weight` does.
+/// - `light_pdf` is per steradian, and includes the pmf.
 ///
-/// One of [`GpuLights::usage_shader`] can count what is picked, too.
+/// # Names of lights
+///
+/// `instance` is a slot, which stays the same while the instance lives: see
+/// [`LightWorld::instance_at`](crate::LightWorld::instance_at) and [`LightWorld::slot`](crate::LightWorld::slot). `light` is the
+/// index in the instance's tree. For a directional light, `instance` is `LIGHT_DIRECTIONAL` (`u32::MAX`) and
+/// `light` is the index in [`LightWorld::directionals`](crate::LightWorld::directionals) at the last
+/// upload.
+///
+/// # Bindings
+///
+/// The text binds one uniform buffer and four read-only storage buffers, at `group`. Of WebGPU's
+/// default limits, that leaves an engine three bind groups, and four storage buffers and eleven uniform
+/// buffers in each stage. All names in the text start with `light_`, `Light` or `LIGHT_`.
 #[derive(Clone, Debug)]
 pub struct LightShader {
-    /// To be put before the engine's own text, after its directives: see [`LightShader::join`].
+    /// The text. It goes before the engine's own text and after its directives: see
+    /// [`LightShader::join`].
     pub wgsl: String,
-    /// Where the engine's pipeline layouts need [`LightShader::layout`] and its passes [`GpuLights::bind_group`].
+    /// The number of the bind group: the place of [`LightShader::layout`] in pipeline layouts, and of
+    /// [`GpuLights::bind_group`](super::GpuLights::bind_group) in passes.
     pub group: u32,
-    /// What the text can do; it serves as long as [`GpuLights::effects`] has nothing else.
+    /// The effects that the text serves. It may be used while
+    /// [`GpuLights::effects`](super::GpuLights::effects) has no others.
     pub effects: Effects,
-    /// It has `light_record_usage` too: see [`GpuLights::usage_shader`].
+    /// Whether the text has `light_record_usage`: see
+    /// [`GpuLights::usage_shader`](super::GpuLights::usage_shader).
     pub records_usage: bool,
-    /// Of the bind group, for compute and fragment stages.
+    /// The layout of the bind group, for compute and fragment stages.
     pub layout: wgpu::BindGroupLayout,
 }
 
 impl LightShader {
-    /// The same for other effects, where no [`GpuLights`] is at hand: on the thread of [`PipelineVariants`](crate::PipelineVariants).
-    /// Joins texts, compiles nothing.
+    /// The same shader for other effects. It needs no [`GpuLights`](super::GpuLights), so it serves
+    /// on the threads of [`PipelineVariants`](super::PipelineVariants). Joins texts and compiles nothing.
     pub fn with_effects(&self, effects: Effects) -> Self {
         let wgsl = if self.records_usage { text::wgsl_with_usage } else { text::wgsl };
         let Self { group, records_usage, .. } = *self;
         Self { wgsl: wgsl(group, effects), group, effects, records_usage, layout: self.layout.clone() }
     }
 
-    /// The engine's shader with ours before it, but after its `enable`, `requires` and `diagnostic` directives, which
-    /// WGSL wants first. Line numbers of errors in the engine's part move by the lines of ours.
+    /// The engine's text with ours before it, but after the engine's `enable`, `requires` and
+    /// `diagnostic` directives, which WGSL wants first.
+    ///
+    /// Line numbers in errors about the engine's part are shifted by the lines of ours.
     pub fn join(&self, engine: &str) -> String {
         let is_directive = |line: &str| {
             let word = line.trim_start().split([' ', '\t', '(']).next();
@@ -93,22 +117,14 @@ impl LightShader {
     }
 }
 
-impl GpuLights {
-    /// What an engine's shader needs, for the group at which it binds the lights (0 to 3 by WebGPU's default) and the
-    /// effects that the text is to serve; with [`Effects::all`] it serves every world. Joins texts, compiles nothing.
-    pub fn shader(&self, group: u32, effects: Effects) -> LightShader {
-        let wgsl = text::wgsl(group, effects);
-        LightShader { wgsl, group, effects, records_usage: false, layout: self.layout.clone() }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gpu::GpuLights;
     use crate::gpu::testing::gpu;
 
     #[test]
-    fn an_engines_directives_stay_first() {
+    fn the_directives_of_an_engine_stay_first() {
         let (device, queue) = gpu();
         let shader = GpuLights::new(&device, &queue).expect("default limits are enough").shader(2, Effects::all());
         let body = "@compute @workgroup_size(1) fn main() { let p = light_pmf(LightShadingPoint(), 0u, 0u); }\n";
@@ -121,11 +137,11 @@ mod tests {
             let text = shader.join(&format!("{head}{body}"));
             naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("directives come first");
             assert!(shader.with_effects(Effects::empty()).join("").contains("@group(2)"));
-            assert!(text.contains(body) && text.contains("@group(2)"), "nothing is lost");
+            assert!(text.contains(body) && text.contains("@group(2)"), "the text is complete");
         }
     }
 
-    /// What the guide leaves to engines.
+    /// The functions that the guide leaves to the engine.
     const STUBS: &str = "
         struct EngineSurface { position: vec3<f32>, normal: vec3<f32> }
         struct EngineHit { position: vec3<f32>, is_light: bool, radiance: vec3<f32>, instance: u32, light: u32 }

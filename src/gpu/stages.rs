@@ -1,22 +1,24 @@
-//! Compute stages that share one bind group layout: a uniform that is stepped through by a dynamic offset, then
-//! storage buffers.
+//! Compute stages that share one bind group layout: a uniform with a dynamic offset, which selects
+//! the record of a pass, and storage buffers.
 
-/// WebGPU's default alignment of dynamic uniform offsets; devices may allow less, none may ask for more.
+/// Bytes from one record of the uniform to the next: WebGPU's default alignment of dynamic offsets.
+/// `check_limits` refuses devices that need a larger one.
 pub(crate) const PASS_STRIDE: u32 = 256;
 
 /// WebGPU's default limit of workgroups along one dimension.
 pub(crate) const MAX_WORKGROUPS: u32 = 65_535;
 
-/// What the stages of one file do to a storage buffer.
+/// How a set of stages uses a storage buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Access {
-    /// All of them only read it.
+    /// No stage writes it.
     Read,
-    /// At least one writes it.
+    /// At least one stage writes it.
     Write,
 }
 
-/// The layout of binding 0, the uniform, and of the storage buffers from binding 1 on.
+/// The layout of the bind group: the uniform at binding 0, the storage buffers from binding 1 on.
+#[derive(Debug)]
 pub(crate) struct Stages {
     label: &'static str,
     bindings: wgpu::BindGroupLayout,
@@ -25,7 +27,7 @@ pub(crate) struct Stages {
 }
 
 impl Stages {
-    /// `uniform_bytes` is the size of one step of the uniform.
+    /// Makes the layouts; `uniform_bytes` is the size of one record of the uniform.
     pub(crate) fn new(device: &wgpu::Device, label: &'static str, uniform_bytes: u64, storage: &[Access]) -> Self {
         let entry = |binding, ty, has_dynamic_offset, bytes| wgpu::BindGroupLayoutEntry {
             binding,
@@ -48,7 +50,7 @@ impl Stages {
         Self { label, bindings, pipelines, uniform_bytes }
     }
 
-    /// The stage of this name, from its whole text.
+    /// Compiles the stage with the entry point `entry` from its whole text.
     pub(crate) fn pipeline(&self, device: &wgpu::Device, entry: &str, text: String) -> wgpu::ComputePipeline {
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some(entry),
@@ -64,7 +66,7 @@ impl Stages {
         })
     }
 
-    /// Buffers in the order of the layout.
+    /// Binds the buffers, which are in the order of the layout.
     pub(crate) fn bind(
         &self,
         device: &wgpu::Device,
@@ -90,7 +92,7 @@ impl Stages {
     }
 }
 
-/// The bytes of a uniform that is stepped through: one record every [`PASS_STRIDE`].
+/// The bytes of a uniform with one record every [`PASS_STRIDE`].
 pub(crate) fn pass_bytes<T: bytemuck::NoUninit>(passes: &[T]) -> Vec<u8> {
     let mut bytes = vec![0; passes.len() * PASS_STRIDE as usize];
     for (pass, slot) in passes.iter().zip(bytes.chunks_exact_mut(PASS_STRIDE as usize)) {
@@ -99,7 +101,8 @@ pub(crate) fn pass_bytes<T: bytemuck::NoUninit>(passes: &[T]) -> Vec<u8> {
     bytes
 }
 
-/// A dispatch of at least so many workgroups, in two dimensions where one is too short.
+/// Dispatches at least `groups` workgroups, at least one, and in two dimensions if one is too
+/// short.
 pub(crate) fn dispatch(pass: &mut wgpu::ComputePass<'_>, groups: u32) {
     let x = groups.clamp(1, MAX_WORKGROUPS);
     pass.dispatch_workgroups(x, groups.div_ceil(x).max(1), 1);

@@ -1,166 +1,157 @@
-//! What is stored of each record: the pieces that the effects of the world call for, in multiples of 16 bytes.
+//! Which parts of each record are stored: those that the effects of the world need, in multiples of
+//! 16 bytes.
 //!
-//! Strides and places are told by a uniform, so any variant of the shaders reads any layout (`shaders/stored.wgsl`, its
-//! twin): what the variant has no use for it skips, and what is not stored it takes to be as where nothing has it.
+//! A uniform tells the strides and offsets, so any variant of the shaders reads any stored layout
+//! (`shaders/stored.wgsl`, the twin of this file). A variant skips the parts that it has no use
+//! for. For a part that is not stored it uses the values of a record without that effect.
 
 use std::mem::offset_of;
 use std::ops::Range;
 
-use bytemuck::{Pod, Zeroable};
-
-use super::layout::{InstanceRecord, LightRecord};
+use super::layout::{InstanceRecord, LightRecord, Strides};
 use crate::effects::Effects;
 use crate::tree::Node;
 
-/// Bytes of a `vec4<u32>`, in which strides and places are counted.
+/// Bytes of a `vec4<u32>`, the unit of strides and offsets.
 const QUAD: usize = 16;
-/// Bytes of a word.
+/// Bytes of a `u32`.
 const WORD: usize = 4;
 
-/// Where a node has its targets, flux, boxes, and parent in every layout, counted in [`QUAD`].
+/// The offsets of a node's targets, fluxes, boxes and parent, in quads; the same in every layout.
 pub(crate) const NODE_TARGETS: u32 = quads(offset_of!(Node, targets));
 pub(crate) const NODE_FLUX: u32 = quads(offset_of!(Node, flux));
 pub(crate) const NODE_BOXES: u32 = quads(offset_of!(Node, low));
 pub(crate) const NODE_TAIL: u32 = quads(offset_of!(Node, parent));
-/// Where an instance has its tree, and its place in the top level.
+/// The offsets of an instance's flags and tree and of its place in the top level, in quads.
 pub(crate) const INSTANCE_TREE: u32 = quads(offset_of!(InstanceRecord, flags));
 pub(crate) const INSTANCE_PLACE: u32 = quads(offset_of!(InstanceRecord, top_place));
-/// From one record to the next where nothing but points, or instances that are only turned and moved, are stored.
+/// The strides of lights where all are points, and of instances where all are rigid, in quads.
 pub(crate) const POINT_STRIDE: u32 = quads(offset_of!(LightRecord, b));
 pub(crate) const RIGID_STRIDE: u32 = quads(offset_of!(InstanceRecord, to_local));
 
 const fn quads(bytes: usize) -> u32 {
-    assert!(bytes.is_multiple_of(QUAD), "pieces are whole");
+    assert!(bytes.is_multiple_of(QUAD), "parts of records start at multiples of 16 bytes");
     (bytes / QUAD) as u32
 }
 
-/// Effects for which a light is more than a point.
+/// The effects that need more of a light than its first 32 bytes.
 const SHAPES: Effects = Effects::CONES.union(Effects::RANGES).union(Effects::AREAS).union(Effects::DIRECTIONAL);
 
-/// Strides of all records; part of `LightParams` and `TopPass`, counted in [`QUAD`].
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
-pub(crate) struct Strides {
-    /// From one node to the next.
-    pub node: u32,
-    /// Where a node's cones are; 0 if they are not stored.
-    pub cones: u32,
-    /// Where a node's ranges are; 0 if they are not stored.
-    pub range: u32,
-    /// From one light to the next.
-    pub light: u32,
-    /// From one instance to the next.
-    pub instance: u32,
-}
-
 impl Strides {
-    /// What a world of these effects is stored in.
+    /// The strides that a world of these effects is stored with.
     pub(crate) fn of(effects: Effects) -> Self {
         let nodes = Stored::nodes(effects);
-        let place = |effect, byte: usize| if effects.contains(effect) { quads(nodes.place(byte)) } else { 0 };
+        let offset = |effect, byte: usize| if effects.contains(effect) { quads(nodes.offset(byte)) } else { 0 };
         Self {
             node: quads(nodes.bytes()),
-            cones: place(Effects::CONES, offset_of!(Node, axis)),
-            range: place(Effects::RANGES, offset_of!(Node, range)),
+            cones: offset(Effects::CONES, offset_of!(Node, axis)),
+            range: offset(Effects::RANGES, offset_of!(Node, range)),
             light: quads(Stored::lights(effects).bytes()),
             instance: quads(Stored::instances(effects).bytes()),
         }
     }
 }
 
-/// Which bytes of a record are stored, one piece behind the other.
+/// The parts of a record that are stored, without gaps between them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Stored {
-    pieces: Vec<Range<usize>>,
-    /// Of the whole record.
+    /// Ranges of bytes of the whole record, in ascending order.
+    parts: Vec<Range<usize>>,
+    /// Bytes of the whole record.
     whole: usize,
 }
 
-/// What a word is where it is not stored.
+/// The value of a word that is not stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Missing {
-    /// The same in every record.
+    /// The same value in every record.
     Value(u32),
-    /// What another word of the record is, which every layout stores.
+    /// The value of another word of the same record, which every layout stores.
     Word(usize),
 }
 
 impl Stored {
-    /// All of a record.
+    /// The layout that stores whole records.
     pub(crate) fn whole<T>() -> Self {
-        Self::parts::<T>(size_of::<T>(), std::iter::empty())
+        Self::with_optional::<T>(size_of::<T>(), std::iter::empty())
     }
 
+    /// The layout of nodes in a world of these effects.
     pub(crate) fn nodes(effects: Effects) -> Self {
         let [cones, range] = [offset_of!(Node, axis), offset_of!(Node, range)];
         let optional = [(Effects::CONES, cones..range), (Effects::RANGES, range..size_of::<Node>())];
-        Self::parts::<Node>(cones, optional.into_iter().filter(|(effect, _)| effects.contains(*effect)))
+        Self::with_optional::<Node>(cones, optional.into_iter().filter(|(effect, _)| effects.contains(*effect)))
     }
 
+    /// The layout of lights in a world of these effects.
     pub(crate) fn lights(effects: Effects) -> Self {
         let b = offset_of!(LightRecord, b);
         let optional = [(SHAPES, b..size_of::<LightRecord>())];
-        Self::parts::<LightRecord>(b, optional.into_iter().filter(|(shapes, _)| effects.intersects(*shapes)))
+        Self::with_optional::<LightRecord>(b, optional.into_iter().filter(|(shapes, _)| effects.intersects(*shapes)))
     }
 
+    /// The layout of instances in a world of these effects.
     pub(crate) fn instances(effects: Effects) -> Self {
         let local = offset_of!(InstanceRecord, to_local);
         let optional = [(Effects::NON_RIGID, local..size_of::<InstanceRecord>())];
-        Self::parts::<InstanceRecord>(local, optional.into_iter().filter(|(effect, _)| effects.contains(*effect)))
+        let stored = optional.into_iter().filter(|(effect, _)| effects.contains(*effect));
+        Self::with_optional::<InstanceRecord>(local, stored)
     }
 
-    /// What is always stored, and what else.
-    fn parts<T>(core: usize, more: impl Iterator<Item = (Effects, Range<usize>)>) -> Self {
-        let pieces = std::iter::once(0..core).chain(more.map(|(_, piece)| piece)).collect();
-        Self { pieces, whole: size_of::<T>() }
+    /// The first `core` bytes and some of the parts after them.
+    fn with_optional<T>(core: usize, optional: impl Iterator<Item = (Effects, Range<usize>)>) -> Self {
+        let parts = std::iter::once(0..core).chain(optional.map(|(_, part)| part)).collect();
+        Self { parts, whole: size_of::<T>() }
     }
 
     /// Bytes from one record to the next.
     pub(crate) fn bytes(&self) -> usize {
-        self.pieces.iter().map(Range::len).sum()
+        self.parts.iter().map(Range::len).sum()
     }
 
-    /// Where a byte of the record that is stored lies among those that are.
-    fn place(&self, byte: usize) -> usize {
-        let before = |piece: &Range<usize>| piece.end.min(byte).saturating_sub(piece.start);
-        self.pieces.iter().map(before).sum()
+    /// The offset in the stored record of a byte of the whole record, which must be stored.
+    fn offset(&self, byte: usize) -> usize {
+        let before = |part: &Range<usize>| part.end.min(byte).saturating_sub(part.start);
+        self.parts.iter().map(before).sum()
     }
 
-    /// The words of the record that are stored, in order.
+    /// The words of the whole record that are stored, in ascending order.
     pub(crate) fn words(&self) -> impl Iterator<Item = usize> {
-        self.pieces.iter().flat_map(|piece| piece.start / WORD..piece.end / WORD)
+        self.parts.iter().flat_map(|part| part.start / WORD..part.end / WORD)
     }
 
-    /// Where a word of the record lies among those that are stored.
-    pub(crate) fn place_of_word(&self, word: usize) -> Option<usize> {
+    /// The offset in the stored record of a word of the whole record, both counted in words; `None`
+    /// if the word is not stored.
+    pub(crate) fn word_offset(&self, word: usize) -> Option<usize> {
         let byte = word * WORD;
-        self.pieces.iter().any(|piece| piece.contains(&byte)).then(|| self.place(byte) / WORD)
+        self.parts.iter().any(|part| part.contains(&byte)).then(|| self.offset(byte) / WORD)
     }
 
-    /// The stored bytes of whole records; `None` where they are stored as they are.
+    /// Takes the bytes of whole records and returns the bytes that are stored; `None` if these are
+    /// the same.
     pub(crate) fn strip(&self, records: &[u8]) -> Option<Vec<u8>> {
         if self.bytes() == self.whole {
             return None;
         }
         let mut bytes = Vec::with_capacity(records.len() / self.whole * self.bytes());
         for record in records.chunks_exact(self.whole) {
-            self.pieces.iter().for_each(|piece| bytes.extend_from_slice(&record[piece.clone()]));
+            self.parts.iter().for_each(|part| bytes.extend_from_slice(&record[part.clone()]));
         }
         Some(bytes)
     }
 }
 
-/// A node's word where nothing has a cone or a range.
+/// A word of a node without cones and ranges.
 pub(crate) fn missing_of_node(word: usize) -> Missing {
     Missing::Value(bytemuck::cast_slice(std::slice::from_ref(&Node::EMPTY))[word])
 }
 
-/// A light's word where there are nothing but points.
+/// A word of a light in a world of point lights.
 pub(crate) fn missing_of_light(word: usize) -> Missing {
     Missing::Value(bytemuck::cast_slice(std::slice::from_ref(&LightRecord::DARK))[word])
 }
 
-/// An instance's word where all are only turned and moved: the way back is the transpose, and no scale.
+/// A word of the inverse of a rigid instance: the inverse is the transpose, and all scales are 1.
 pub(crate) fn missing_of_instance(word: usize) -> Missing {
     let [to_world, to_local] = [offset_of!(InstanceRecord, to_world), offset_of!(InstanceRecord, to_local)];
     let (row, column) = ((word - to_local / WORD) / 4, (word - to_local / WORD) % 4);
@@ -170,8 +161,8 @@ pub(crate) fn missing_of_instance(word: usize) -> Missing {
     }
 }
 
-/// The words of a node's cones and of its ranges where nothing has one, for the shaders.
-pub(crate) fn node_without() -> [(&'static str, &'static [u32]); 2] {
+/// The words of the cones and of the ranges of a node that has neither, with their names in WGSL.
+pub(crate) fn missing_node_parts() -> [(&'static str, &'static [u32]); 2] {
     const EMPTY: Node = Node::EMPTY;
     let words: &[u32] = bytemuck::cast_slice(std::slice::from_ref(&EMPTY));
     let [cones, range] = [offset_of!(Node, axis) / WORD, offset_of!(Node, range) / WORD];
@@ -183,7 +174,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn records_have_the_bytes_that_their_effects_need() {
+    fn strides_depend_on_the_effects() {
         let bytes = |effects| {
             let strides = Strides::of(effects);
             [strides.node, strides.light, strides.instance].map(|quads| quads as usize * QUAD)
@@ -196,14 +187,14 @@ mod tests {
         assert_eq!(bytes(Effects::CONES), [192, 64, 80]);
         assert_eq!(bytes(Effects::AREAS | Effects::NON_RIGID), [160, 64, 128]);
         assert_eq!(bytes(Effects::DIRECTIONAL), [160, 64, 80]);
-        let places = |effects| (Strides::of(effects).cones, Strides::of(effects).range);
-        assert_eq!(places(Effects::empty()), (0, 0));
-        assert_eq!(places(Effects::RANGES), (0, 10));
-        assert_eq!(places(Effects::CONES | Effects::RANGES), (10, 12));
+        let offsets = |effects| (Strides::of(effects).cones, Strides::of(effects).range);
+        assert_eq!(offsets(Effects::empty()), (0, 0));
+        assert_eq!(offsets(Effects::RANGES), (0, 10));
+        assert_eq!(offsets(Effects::CONES | Effects::RANGES), (10, 12));
     }
 
     #[test]
-    fn records_are_stripped_of_what_is_not_stored() {
+    fn strip_leaves_out_the_parts_that_are_not_stored() {
         let bytes: Vec<u8> = (0..=255).collect();
         let record = &bytes[..size_of::<Node>()];
         let two: Vec<u8> = [record, record].concat();
@@ -213,7 +204,7 @@ mod tests {
         assert_eq!(stripped, [&expected[..], &expected[..]].concat());
         let words: Vec<usize> = Stored::nodes(Effects::RANGES).words().collect();
         assert_eq!((words.len(), words[39], words[40]), (44, 39, 48));
-        assert_eq!(Stored::nodes(Effects::RANGES).place_of_word(49), Some(41));
-        assert_eq!(Stored::nodes(Effects::RANGES).place_of_word(40), None);
+        assert_eq!(Stored::nodes(Effects::RANGES).word_offset(49), Some(41));
+        assert_eq!(Stored::nodes(Effects::RANGES).word_offset(40), None);
     }
 }

@@ -1,17 +1,17 @@
-//! One device for all GPU tests of the library, with WebGPU's default limits and nothing more, and others where it
-//! matters.
+//! Devices for the library's own GPU tests: one that they share, with WebGPU's default limits and no
+//! features, and others for tests that need more or less.
 
 use std::sync::OnceLock;
 
-/// The device and its queue, made once in a process.
+/// The shared device and its queue, made once for each process.
 ///
-/// Panics where no adapter is found: a GPU test never passes by not running.
+/// Panics if there is no adapter: a GPU test never passes without running.
 pub(crate) fn gpu() -> (wgpu::Device, wgpu::Queue) {
     static GPU: OnceLock<(wgpu::Device, wgpu::Queue)> = OnceLock::new();
     GPU.get_or_init(|| limited_gpu(&wgpu::Limits::default(), wgpu::Features::empty())).clone()
 }
 
-/// A device of its own, with these limits and features.
+/// A new device with these limits and features.
 pub(crate) fn limited_gpu(limits: &wgpu::Limits, features: wgpu::Features) -> (wgpu::Device, wgpu::Queue) {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
         backends: wgpu::Backends::PRIMARY,
@@ -29,10 +29,15 @@ pub(crate) fn limited_gpu(limits: &wgpu::Limits, features: wgpu::Features) -> (w
         required_features: features,
         ..wgpu::DeviceDescriptor::default()
     };
-    pollster::block_on(adapter.request_device(&descriptor)).expect("no more than WebGPU's default limits")
+    pollster::block_on(adapter.request_device(&descriptor)).expect("no more than the adapter has")
 }
 
-/// What a buffer with `COPY_SRC` holds once all work submitted so far is done.
+/// A device of wgpu's `noop` backend, which checks commands but runs none.
+pub(crate) fn noop() -> (wgpu::Device, wgpu::Queue) {
+    wgpu::Device::noop(&wgpu::DeviceDescriptor::default())
+}
+
+/// The content of a buffer with `COPY_SRC` after all work that was submitted so far.
 pub(crate) fn read<T: bytemuck::Pod>(device: &wgpu::Device, queue: &wgpu::Queue, buffer: &wgpu::Buffer) -> Vec<T> {
     let copy = device.create_buffer(&wgpu::BufferDescriptor {
         label: Some("test read-back"),

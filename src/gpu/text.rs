@@ -1,4 +1,5 @@
-//! Joins the WGSL files, and gives them the constants that Rust owns: no number is written in two places.
+//! Joins the WGSL files and puts the constants of the Rust sources before them, so that no number
+//! is written in two places.
 
 use std::collections::HashSet;
 use std::fmt::Write;
@@ -15,34 +16,47 @@ use crate::resample;
 use crate::tree;
 use crate::walk;
 
-/// The WGSL that an engine puts before its own, after `enable` and `requires` lines if it has any.
+/// The stage of [`GpuLights::sample`](super::GpuLights::sample), with the record that it reads.
+pub(crate) const BATCH: &str =
+    concat!(include_str!("../../shaders/request.wgsl"), include_str!("../../shaders/batch.wgsl"));
+/// The stage of [`GpuLights::resample`](super::GpuLights::resample).
+pub(crate) const BATCH_RESAMPLE: &str =
+    concat!(include_str!("../../shaders/request.wgsl"), include_str!("../../shaders/batch_resample.wgsl"));
+/// The stage of [`GpuLights::count_nodes`](super::GpuLights::count_nodes).
+pub(crate) const BATCH_COUNT: &str =
+    concat!(include_str!("../../shaders/request.wgsl"), include_str!("../../shaders/batch_count.wgsl"));
+
+/// The WGSL that an engine puts before its own text, after its `enable` and `requires` directives.
 ///
-/// [`LightShader`](super::LightShader) lists its functions, with their measures. The bindings sit in `@group(group)`,
-/// laid out as `GpuLights::bind_group_layout` has them for compute and fragment stages: one uniform and four read-only
-/// storage buffers, of the eight that WebGPU grants a stage. All names start with `light_`, `Light` or `LIGHT_`.
+/// [`LightShader`](super::LightShader) lists the functions and the units of their results. The
+/// bindings are in `@group(group)`, with the layout of `GpuLights::bind_group_layout` for compute
+/// and fragment stages: one uniform buffer and four read-only storage buffers, of the eight that
+/// WebGPU grants a stage. All names start with `light_`, `Light` or `LIGHT_`.
 ///
-/// `effects` says what the text can do: it must contain what the world calls for, and needs to contain no more. Buffers
-/// may hold more or less than the text has code for.
+/// `effects` selects the code of the text. It must contain the effects of the world and needs no
+/// others. The text reads buffers of any layout: parts that it has no code for are skipped, and
+/// parts that are not stored have the values of lights without that effect.
 pub fn wgsl(group: u32, effects: Effects) -> String {
     joined(group, effects, false)
 }
 
-/// The same with a `light_nodes_read` that counts the nodes of an invocation.
+/// The same as [`wgsl`] with the variable `light_nodes_read`, which counts the nodes that an
+/// invocation reads.
 pub(crate) fn wgsl_counting(group: u32, effects: Effects) -> String {
     joined(group, effects, true)
 }
 
 /// The same as [`wgsl`] with `light_record_usage`.
 pub(crate) fn wgsl_with_usage(group: u32, effects: Effects) -> String {
-    wgsl(group, effects) + &picks(group)
+    wgsl(group, effects) + &usage(group)
 }
 
-/// `light_record_usage` and what it calls, for those who choose no light.
+/// `light_record_usage` and the functions that it calls, for a shader that chooses no light.
 pub(crate) fn wgsl_of_usage(group: u32) -> String {
-    constants() + include_str!("../../shaders/dice.wgsl") + &picks(group)
+    constants() + include_str!("../../shaders/dice.wgsl") + &usage(group)
 }
 
-fn picks(group: u32) -> String {
+fn usage(group: u32) -> String {
     include_str!("../../shaders/usage.wgsl").replace("LIGHT_GROUP", &group.to_string())
 }
 
@@ -66,10 +80,10 @@ fn joined(group: u32, effects: Effects, counts: bool) -> String {
     constants_of(&body) + &body
 }
 
-/// Constants that `LightShader` promises to engines: in every variant.
+/// Constants that `LightShader` documents for engines. Every variant has them.
 const PROMISED: [&str; 2] = ["LIGHT_DIRECTIONAL", "LIGHT_MAX_CANDIDATES"];
 
-/// Those of Rust's constants that a text names outside of comments, or that engines may name.
+/// The constants that a text names outside of comments, and those that engines may name.
 fn constants_of(text: &str) -> String {
     let code = text.lines().map(|line| line.split("//").next().unwrap_or_default());
     let words = code.flat_map(|code| code.split(|c: char| !c.is_alphanumeric() && c != '_'));
@@ -82,7 +96,7 @@ fn constants_of(text: &str) -> String {
     constants.lines().filter(is_named).flat_map(|line| [line, "\n"]).collect()
 }
 
-/// Rust's constants as WGSL's.
+/// The constants of the Rust sources, as WGSL.
 pub(crate) fn constants() -> String {
     let mut text = String::from("// Constants of the Rust sources; see src/gpu/text.rs.\n");
     for (name, value) in [
@@ -155,7 +169,7 @@ pub(crate) fn constants() -> String {
     ] {
         let _ = writeln!(text, "const LIGHT_{name}: f32 = {value:e};");
     }
-    for (name, words) in stored::node_without() {
+    for (name, words) in stored::missing_node_parts() {
         let quads: Vec<_> =
             words.chunks(4).map(|w| format!("vec4({}u, {}u, {}u, {}u)", w[0], w[1], w[2], w[3])).collect();
         let _ = writeln!(text, "const LIGHT_{name} = array({});", quads.join(", "));
@@ -163,22 +177,23 @@ pub(crate) fn constants() -> String {
     text
 }
 
-/// The lines of a text that a variant needs. `// #if NAME` and `// #endif` enclose what only worlds with an effect of
-/// that name need; they nest, and whatever is kept, the text is WGSL. `// #if A | B` is for worlds with any of
-/// several. `// #if COUNTS` encloses what counts nodes.
+/// The lines of a text that a variant needs. `// #if NAME` and `// #endif` enclose lines that only
+/// worlds with the effect of that name need, and `// #if A | B` lines that worlds with any of these
+/// effects need. `// #if COUNTS` encloses the code that counts nodes. The directives nest, and the
+/// text is valid WGSL with and without the enclosed lines.
 ///
-/// Panics on a name that is no effect and on an end without a beginning: the texts are ours.
+/// Panics on an unknown name and on an unbalanced directive: the texts are part of this crate.
 pub(crate) fn variant(text: &str, effects: Effects, counts: bool) -> String {
     let mut kept = String::with_capacity(text.len());
     let mut open: Vec<bool> = Vec::new();
     for line in text.lines() {
         match line.trim_start().strip_prefix("// #") {
-            Some("endif") => assert!(open.pop().is_some(), "an end without a beginning"),
+            Some("endif") => assert!(open.pop().is_some(), "`#endif` without `#if`"),
             Some(directive) => {
-                let names = directive.strip_prefix("if ").unwrap_or_else(|| panic!("no directive: {line}"));
+                let names = directive.strip_prefix("if ").unwrap_or_else(|| panic!("an unknown directive: {line}"));
                 open.push(names.split(" | ").any(|name| {
                     let effect = Effects::from_name(name);
-                    assert!(effect.is_some() || name == "COUNTS", "no effect: {name}");
+                    assert!(effect.is_some() || name == "COUNTS", "an unknown effect: {name}");
                     effect.map_or(counts, |effect| effects.contains(effect))
                 }));
             }
@@ -189,7 +204,7 @@ pub(crate) fn variant(text: &str, effects: Effects, counts: bool) -> String {
             None => {}
         }
     }
-    assert!(open.is_empty(), "a beginning without an end");
+    assert!(open.is_empty(), "`#if` without `#endif`");
     kept
 }
 
@@ -198,7 +213,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_variant_keeps_what_its_effects_need() {
+    fn a_variant_keeps_the_lines_that_its_effects_need() {
         let text =
             "a\n// #if CONES\nb\n    // #if RANGES\nc\n    // #endif\n// #endif\n// #if COUNTS\nd\n// #endif\ne\n";
         let all = |effects, counts| variant(text, effects, counts).replace('\n', "");
@@ -225,7 +240,7 @@ mod tests {
         assert_eq!(groups, [(3, 0), (3, 1), (3, 2), (3, 3), (3, 4)]);
     }
 
-    /// How often a text names something, but for comments.
+    /// How often a text has a name outside of comments.
     fn uses(text: &str, name: &str) -> usize {
         let code = text.lines().map(|line| line.split("//").next().unwrap_or_default());
         code.flat_map(|code| code.split(|c: char| !c.is_alphanumeric() && c != '_'))
@@ -234,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn every_variant_is_valid_and_has_no_function_and_no_constant_that_it_does_not_use() {
+    fn every_variant_is_valid_and_uses_all_its_functions_and_constants() {
         let functions =
             ["surface_point", "volume_point", "sample", "resample", "pick", "sample_picked", "pmf", "pdf", "hash"]
                 .map(|f| format!("light_{f}"));
@@ -249,15 +264,15 @@ mod tests {
                 assert!(uses(&text, name) > 1, "{name} is not used with {effects:?}");
             }
             for name in &promised {
-                assert!(names.iter().any(|there| there == name), "engines may name {name}, also with {effects:?}");
+                assert!(names.iter().any(|other| other == name), "{name} is missing with {effects:?}");
             }
             let counting = module_names(&wgsl_counting(0, effects));
-            assert_eq!(counting.len(), module_names(&text).len() + 1, "only a counter is added");
+            assert_eq!(counting.len(), module_names(&text).len() + 1, "only the counter is added");
         }
-        assert_eq!(wgsl(0, Effects::all()), wgsl(0, Effects::all() - Effects::MOVING), "changes ask for no shader");
+        assert_eq!(wgsl(0, Effects::all()), wgsl(0, Effects::all() - Effects::MOVING), "moving lights need no code");
     }
 
-    /// Functions, variables, constants, types, and members of structs as `Type.member`.
+    /// The names of functions, variables, constants and types, and of members as `Type.member`.
     fn module_names(text: &str) -> HashSet<String> {
         let module = module(text);
         let functions = module.functions.iter().filter_map(|(_, f)| f.name.clone());
@@ -275,13 +290,13 @@ mod tests {
     }
 
     #[test]
-    fn what_an_effect_needs_goes_with_it() {
+    fn a_variant_without_an_effect_lacks_exactly_the_names_that_the_effect_needs() {
         let all = module_names(&wgsl(0, Effects::all()));
         let effects = [
             (
                 Effects::CONES,
-                "light_lobe light_turned_away light_from_spot light_unit_axes light_signed_bytes LightLobe LightLobe.value LightLobe.width_sq \
-                 LightNode.cones LightPackedFour.axis LightPackedFour.shortness LightPackedFour.cap LightFour.axis \
+                "light_lobe light_turned_away light_from_spot light_unit_axes light_signed_bytes LightLobe \
+                 LightLobe.value LightLobe.width_sq LightNode.cones LightPackedFour.axis LightPackedFour.shortness LightPackedFour.cap LightFour.axis \
                  LightFour.length LightFour.cos_half_angle LightView.keeps_angles LIGHT_NO_CONES LIGHT_KIND_SPOT \
                  LIGHT_LAMBERTIAN LIGHT_LOBE_SHARE LIGHT_RIM_WIDTH_SQ LIGHT_RIM_MIN_SQ LIGHT_MAX_LOBE_LENGTH \
                  LIGHT_CAP_STEPS LIGHT_ANGLE_MARGIN LIGHT_KEEPS_ANGLES",
@@ -302,11 +317,11 @@ mod tests {
             (Effects::DIRECTIONAL, "light_illuminance light_directional light_pick_directional LIGHT_KIND_DIRECTIONAL"),
             (Effects::NON_RIGID, "light_rigid_to_local LightInstance.to_local LIGHT_RIGID_STRIDE LIGHT_KEEPS_ANGLES"),
         ];
-        for (effect, gone) in effects {
+        for (effect, names) in effects {
             let without = module_names(&wgsl(0, Effects::all() - effect));
             assert!(without.is_subset(&all));
             let missing: HashSet<&str> = all.difference(&without).map(String::as_str).collect();
-            assert_eq!(missing, gone.split_whitespace().collect(), "without {effect:?}");
+            assert_eq!(missing, names.split_whitespace().collect(), "without {effect:?}");
         }
         let points = module_names(&wgsl(0, Effects::empty()));
         for name in ["LightRecord.b", "LightRecord.c", "LIGHT_KIND_MASK", "LIGHT_POINT_STRIDE", "LIGHT_UNLIMITED_RANGE"]

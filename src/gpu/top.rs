@@ -1,98 +1,45 @@
-//! Builds the top level on the GPU, from instances and the roots of their trees. Nothing is read back.
+//! Builds the top level on the GPU from the instances and the roots of their trees. Nothing is read
+//! back.
 //!
-//! Twin of `src/top`, which explains the tree, and of what `LightWorld` makes of an instance; the tests below compare both,
-//! and check the GPU's bounds for themselves. Stages: leaves and their bounds, keys, sort; then rounds of two, that
-//! group units by pieces and make the groups nodes; then the upper part. How many units a round leaves is known on the
-//! GPU alone, so there are as many rounds as the worst case takes, and the last may find nothing to do. The sources are
-//! `shaders/top_*.wgsl`. Nothing waits for another workgroup: bounds are maxima, which commute.
+//! Twin of `src/top`, which explains the tree, and of `LightWorld::cluster`, which makes the
+//! cluster of an instance; the tests compare both and also check the bounds on the GPU by
+//! themselves.
+//!
+//! The build has these stages; `shaders/top_*.wgsl` are their sources.
+//!
+//! 1. The leaves: the cluster of each instance, and the bounds of their means.
+//! 2. The keys: the place of each instance on a curve through space.
+//! 3. The sort along the curve.
+//! 4. Rounds of two stages each. The first divides the units into pieces of neighbours and forms
+//!    groups within each piece. The second makes a node of each group.
+//! 5. The upper part of the tree, again in two stages, once few units are left.
+//!
+//! Only the GPU knows how many units a round leaves, so the build records as many rounds as the
+//! worst case needs, and the last rounds may find nothing to do. No workgroup waits for another:
+//! the bounds are maxima, which do not depend on the order of the operations.
 
-use std::fmt::Write;
+mod buffers;
+mod plan;
+mod stage;
 
-use super::error::{GpuError, largest_storage_buffer};
-use super::layout::{ClusterRecord, InstanceRecord, TreeRecord};
+use buffers::TopBuffers;
+use plan::{MAX_GROUPS, MAX_PASSES, Plan, TopPass};
+use stage::{GROUP, KEYS, LANES, LEAVES, NODE, ROOT, ROOT_GROUP, Stage};
+
+use super::error::GpuError;
+use super::layout::{InstanceRecord, Strides, TreeRecord};
+use super::memory;
 use super::pool::Pool;
 use super::recorder::Recorder;
-use super::sort::{RadixSort, SortBuffers};
+use super::sort::RadixSort;
 use super::stages::{Access, PASS_STRIDE, Stages, pass_bytes};
-use super::stored::Strides;
-use super::text::variant;
-use crate::bounds;
-use crate::cluster;
-use crate::cone;
-use crate::curve;
 use crate::effects::Effects;
-use crate::top;
-use crate::tree;
-use crate::tree::Node;
 
-/// Invocations in a workgroup. Half of what WebGPU allows: merging clusters takes many registers.
-const LANES: u32 = 128;
-
-/// Invocations that split a piece.
-const SPLIT_LANES: u32 = 256;
-
-/// Units that a piece leaves at most.
-const LEFT: u32 = top::most_units(top::PIECE) as u32;
-
-/// Parts of the upper part of the tree: every split makes two of one.
-const ROOT_PARTS: u32 = 2 * top::ROOT_UNITS as u32 - 1;
-
-/// [`TopPass::units_before`] of the first round: instances in the curve's order.
-const SORTED: u32 = u32::MAX;
-
-/// Each round leaves hardly more than a quarter of 31-bit slots.
-const MAX_ROUNDS: u32 = 16;
-
-/// Least and greatest coordinates, the number of instances that shine, and one word more.
-const BOUNDS_BYTES: u64 = 32;
-
-/// Twin of `TopPass` in `shaders/top_types.wgsl`.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-struct TopPass {
-    slots: u32,
-    capacity: u32,
-    units_before: u32,
-    pieces_before: u32,
-    units_after: u32,
-    pieces: u32,
-    first_node: u32,
-    strides: Strides,
-}
-
-/// The rounds for so many slots, and the upper part as the last.
-#[derive(Clone, Debug, PartialEq)]
-struct Plan {
-    passes: Vec<TopPass>,
-    /// Nodes that there may be.
-    nodes: u32,
-    /// Words of unit lists.
-    words: u32,
-}
-
-impl Plan {
-    fn new(slots: u32, capacity: u32, strides: Strides) -> Self {
-        let mut pass = TopPass { slots, capacity, units_before: SORTED, strides, ..TopPass::default() };
-        let mut plan = Self { passes: Vec::new(), nodes: ROOT_PARTS + 1, words: 0 };
-        let mut units = slots;
-        while units > top::ROOT_UNITS as u32 {
-            pass.pieces = units.div_ceil(top::SHARE as u32);
-            pass.units_after = plan.words;
-            pass.first_node = plan.nodes;
-            plan.words += pass.pieces + (pass.pieces * LEFT).max(top::ROOT_UNITS as u32);
-            plan.nodes += pass.pieces * LEFT;
-            plan.passes.push(pass);
-            // A quarter of every piece, rounded up.
-            units = (units / 4 + pass.pieces).min(pass.pieces * LEFT);
-            (pass.units_before, pass.pieces_before) = (pass.units_after, pass.pieces);
-        }
-        plan.passes.push(TopPass { units_after: plan.words, pieces: 0, first_node: 0, ..pass });
-        plan.words += ROOT_PARTS;
-        plan
-    }
-}
+/// The largest number of stages that a build records: five, and two for each round.
+pub(super) const MAX_STAGES: u32 = 5 + 2 * (MAX_PASSES - 1);
 
 /// The pipelines and buffers of the top level.
+#[derive(Debug)]
 pub(crate) struct TopBuild {
     device: wgpu::Device,
     queue: wgpu::Queue,
@@ -106,42 +53,28 @@ pub(crate) struct TopBuild {
     sort: RadixSort,
     passes: wgpu::Buffer,
     buffers: TopBuffers,
-    /// Of the last build; none before the first.
+    /// The plan of the last build; `None` before the first build and after the buffers were
+    /// replaced.
     plan: Option<Plan>,
-    /// How nodes are to be stored and instances are.
+    /// The strides with which the build reads instances and stores nodes.
     strides: Strides,
     generation: u64,
-    /// With the generations of the instances and trees that it was made for.
+    /// The bind group, and the generations of the pools of instances and trees that it binds.
     bound: Option<([u64; 2], wgpu::BindGroup)>,
 }
 
-/// What grows with the number of slots.
-struct TopBuffers {
-    capacity: u32,
-    bounds: wgpu::Buffer,
-    nodes: wgpu::Buffer,
-    /// Of all slots, then of all nodes.
-    clusters: wgpu::Buffer,
-    /// Lists of units that rounds leave.
-    units: wgpu::Buffer,
-    sort: SortBuffers,
-}
-
 impl TopBuild {
-    /// Pipelines, and room for a few slots.
+    /// Compiles the pipelines and makes room for 64 slots.
     pub(crate) fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Self, GpuError> {
-        // Instances, trees, clusters, bounds, keys, slots, nodes, units: as many as WebGPU grants a stage.
+        // Instances, trees, clusters, bounds, keys, slots, nodes, units: WebGPU's limit for a
+        // stage.
         let mut storage = [Access::Write; 8];
         storage[1] = Access::Read;
         let stages = Stages::new(device, "top level", size_of::<TopPass>() as u64, &storage);
         let pipeline = |stage: &Stage| stages.pipeline(device, stage.entry, stage.text());
         let sort = RadixSort::new(device);
-        let passes = device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("top level passes"),
-            size: u64::from(MAX_ROUNDS * PASS_STRIDE),
-            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
+        let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let passes = memory::create_buffer(device, "top level passes", u64::from(MAX_PASSES * PASS_STRIDE), usage)?;
         let buffers = TopBuffers::new(device, &sort, 64)?;
         Ok(Self {
             device: device.clone(),
@@ -163,13 +96,14 @@ impl TopBuild {
         })
     }
 
-    /// Makes room for so many instance slots.
+    /// Makes room for `slots` instance slots, or for twice as many as before if that is more.
     ///
-    /// Fails with [`GpuError::Full`] and changes nothing where the device cannot bind as many.
+    /// Fails and changes nothing: with [`GpuError::Full`] if the device cannot bind buffers for
+    /// that many slots, with [`GpuError::OutOfMemory`] if it has no memory for them.
     pub(crate) fn reserve(&mut self, slots: u32) -> Result<(), GpuError> {
         if slots > self.buffers.capacity {
-            let roomy = slots.max(self.buffers.capacity.saturating_mul(2));
-            self.buffers = TopBuffers::new(&self.device, &self.sort, roomy)
+            let doubled = slots.max(self.buffers.capacity.saturating_mul(2));
+            self.buffers = TopBuffers::new(&self.device, &self.sort, doubled)
                 .or_else(|_| TopBuffers::new(&self.device, &self.sort, slots))?;
             self.generation += 1;
             self.bound = None;
@@ -178,8 +112,9 @@ impl TopBuild {
         Ok(())
     }
 
-    /// Names the records to build from, both by slot. The build writes the instances' `top_place`. To be called after
-    /// [`TopBuild::reserve`] and whenever a pool grew.
+    /// Sets the records to build from, both indexed by slot. The build writes the `top_place` of
+    /// the instances. To be called after [`TopBuild::reserve`] and after a pool has replaced its
+    /// buffer.
     pub(crate) fn bind(&mut self, instances: &Pool<InstanceRecord>, trees: &Pool<TreeRecord>) {
         let generations = [instances.generation(), trees.generation()];
         if self.bound.as_ref().is_some_and(|(bound, _)| *bound == generations) {
@@ -190,11 +125,12 @@ impl TopBuild {
         self.bound = Some((generations, self.stages.bind(&self.device, &self.passes, &storage)));
     }
 
-    /// Records the build over the first `slots` slots; nothing before the first [`TopBuild::bind`], when all nodes are
-    /// zero, which is no light.
+    /// Records the build over the first `slots` slots. Records nothing before the first call of
+    /// [`TopBuild::bind`]; until then all nodes are zero, so that sampling finds no light.
     ///
-    /// 4 dispatches, 12 more for the sort, and two a round: 26 for 100,000 slots. Sends a few hundred bytes if the
-    /// number of slots is another than in the last build, else none.
+    /// Takes 4 dispatches, 12 more for the sort, and 2 for each round: 26 for 100,000 slots. Sends
+    /// a few hundred bytes if the number of slots has changed since the last build, and none
+    /// otherwise.
     pub(crate) fn record(&mut self, recorder: &mut Recorder<'_>, slots: u32) {
         if self.bound.is_none() {
             return;
@@ -218,7 +154,7 @@ impl TopBuild {
             recorder.stage("groups");
             run(recorder, &self.group, index, round.pieces);
             recorder.stage("nodes");
-            run(recorder, &self.node, index, (round.pieces * LEFT).div_ceil(LANES));
+            run(recorder, &self.node, index, (round.pieces * MAX_GROUPS).div_ceil(LANES));
         }
         recorder.stage("root groups");
         run(recorder, &self.root_group, root, 1);
@@ -226,14 +162,11 @@ impl TopBuild {
         run(recorder, &self.root, root, 1);
     }
 
+    /// Sends the plan if it changes.
     fn set_slots(&mut self, slots: u32) {
         self.buffers.sort.set_count(&self.queue, slots);
-        // Another capacity has taken the plan away.
-        if self
-            .plan
-            .as_ref()
-            .is_some_and(|plan| (plan.passes[0].slots, plan.passes[0].strides) == (slots, self.strides))
-        {
+        let is_same = |pass: &TopPass| (pass.slots, pass.strides) == (slots, self.strides);
+        if self.plan.as_ref().is_some_and(|plan| is_same(&plan.passes[0])) {
             return;
         }
         let plan = Plan::new(slots, self.buffers.capacity, self.strides);
@@ -241,130 +174,20 @@ impl TopBuild {
         self.plan = Some(plan);
     }
 
-    /// Reads instances and stores nodes in these strides from the next build on.
+    /// Sets the strides with which the next builds read instances and store nodes.
     pub(crate) fn set_strides(&mut self, strides: Strides) {
         self.strides = strides;
     }
 
-    /// The top level's nodes, the root first; another object after each change of [`TopBuild::generation`].
+    /// The nodes of the top level, the root first. The buffer is replaced when
+    /// [`TopBuild::generation`] changes.
     pub(crate) fn nodes(&self) -> &wgpu::Buffer {
         &self.buffers.nodes
     }
 
-    /// Changes when the nodes' buffer is replaced, so that whoever bound the old one binds again.
+    /// Changes whenever the buffer of the nodes is replaced and has to be bound again.
     pub(crate) fn generation(&self) -> u64 {
         self.generation
-    }
-}
-
-impl TopBuffers {
-    fn new(device: &wgpu::Device, sort: &RadixSort, capacity: u32) -> Result<Self, GpuError> {
-        let limit = largest_storage_buffer(device);
-        let plan = Plan::new(capacity, capacity, Strides::of(Effects::all()));
-        let nodes = u64::from(plan.nodes) * size_of::<Node>() as u64;
-        let clusters = u64::from(capacity + plan.nodes) * size_of::<ClusterRecord>() as u64;
-        let units = u64::from(plan.words) * 4;
-        for (what, needed) in [("top-level clusters", clusters), ("top-level nodes", nodes)] {
-            if needed > limit {
-                return Err(GpuError::Full { what, needed, limit });
-            }
-        }
-        let buffer = |label, size| {
-            device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some(label),
-                size,
-                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            })
-        };
-        Ok(Self {
-            capacity,
-            sort: SortBuffers::new(device, sort, capacity)?,
-            bounds: buffer("top level bounds", BOUNDS_BYTES),
-            nodes: buffer("top level nodes", nodes),
-            clusters: buffer("top level clusters", clusters),
-            units: buffer("top level units", units),
-        })
-    }
-}
-
-/// A stage's name, the most units that its workgroups split, and its own files.
-struct Stage {
-    entry: &'static str,
-    piece: usize,
-    sources: &'static [&'static str],
-}
-
-macro_rules! shader {
-    ($name:literal) => {
-        include_str!(concat!("../../shaders/", $name, ".wgsl"))
-    };
-}
-
-const LEAVES: Stage = Stage { entry: "top_leaves", piece: 0, sources: &[shader!("top_leaves")] };
-const KEYS: Stage = Stage { entry: "top_keys", piece: 0, sources: &[shader!("top_curve"), shader!("top_keys")] };
-const GROUP: Stage = Stage {
-    entry: "top_group",
-    piece: top::PIECE,
-    sources: &[
-        shader!("top_curve"),
-        shader!("top_split"),
-        shader!("top_gather"),
-        shader!("top_nodes"),
-        shader!("top_group"),
-    ],
-};
-const NODE: Stage =
-    Stage { entry: "top_node", piece: 0, sources: &[shader!("top_nodes"), shader!("top_make"), shader!("top_node")] };
-const ROOT_GROUP: Stage = Stage {
-    entry: "top_root_group",
-    piece: top::ROOT_UNITS,
-    sources: &[shader!("top_split"), shader!("top_gather"), shader!("top_nodes"), shader!("top_root_group")],
-};
-const ROOT: Stage =
-    Stage { entry: "top_root", piece: 0, sources: &[shader!("top_nodes"), shader!("top_make"), shader!("top_root")] };
-
-impl Stage {
-    /// The whole text: Rust's constants, records, pure functions, the stage.
-    fn text(&self) -> String {
-        let mut text = super::text::constants();
-        for (name, value) in [
-            ("LANES", LANES),
-            ("KEY_BITS", curve::KEY_BITS),
-            ("NO_KEY", curve::NO_KEY),
-            ("SPLIT_LANES", SPLIT_LANES),
-            ("PIECE", self.piece as u32),
-            ("LEFT", LEFT),
-            ("SHARE", top::SHARE as u32),
-            ("WINDOW", top::WINDOW as u32),
-            ("SORTED", SORTED),
-            ("ROOT_UNITS", top::ROOT_UNITS as u32),
-            ("ROOT_PARTS", ROOT_PARTS),
-            ("CUTS", top::CUTS as u32),
-            ("CUT_BITS", top::CUT_BITS),
-            ("COST_SLACK", top::COST_SLACK),
-            ("ROUNDS", top::ROUNDS as u32),
-            ("LAST_CELL", top::LAST_CELL),
-            ("SPARSE_COUNTS", tree::SPARSE_COUNTS),
-            ("FULL", tree::FULL as u32),
-        ] {
-            let _ = writeln!(text, "const TOP_{name}: u32 = {value}u;");
-        }
-        for (name, value) in [
-            ("TOP_AXIS_STEPS", top::AXIS_STEPS),
-            ("TOP_MIN_ORIENTATION", top::MIN_ORIENTATION),
-            ("TOP_DIAGONAL_WEIGHT", tree::DIAGONAL_WEIGHT),
-            ("CAP_PADDING", cone::CAP_PADDING),
-            ("MIN_AXIS", cluster::MIN_AXIS),
-            ("TRANSFORM_PADDING", bounds::TRANSFORM_PADDING),
-        ] {
-            let _ = writeln!(text, "const {name}: f32 = {value:e};");
-        }
-        for part in [shader!("types"), shader!("instance"), shader!("node"), shader!("top_types"), shader!("cluster")] {
-            text += part;
-        }
-        text += &self.sources.concat();
-        variant(&text, Effects::all(), false)
     }
 }
 

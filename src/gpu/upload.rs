@@ -1,74 +1,46 @@
-//! Brings the GPU's buffers up to date with a world: what changed, and nothing else.
+//! Brings the GPU's buffers up to date with a world. Sends what changed and nothing else.
 
 use std::collections::BTreeSet;
-use std::ops::Range;
 
 use super::GpuLights;
+use super::bindings::params_buffer;
 use super::error::GpuError;
-use super::layout::{InstanceRecord, LightRecord, ParamsRecord, TreeRecord};
+use super::layout::{InstanceRecord, LightRecord, ParamsRecord, Strides, TreeRecord};
+use super::memory;
 use super::pool::Pool;
 use super::probe;
 use super::relayout::Relayout;
-use super::stored::{self, Stored, Strides};
+use super::stored::{self, Stored};
+use super::upload_state::{PendingChanges, TreeRanges, UploadReport};
 use crate::effects::Effects;
-use crate::keys::{TreeKey, slot_of};
-use crate::tree::LightTree;
+use crate::keys::slot_of;
 use crate::world::{FrameDelta, LightWorld};
 
-/// What [`GpuLights::upload`] sent.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct UploadReport {
-    /// Bytes written to buffers; 0 if nothing changed.
-    pub bytes: u64,
-    /// Trees whose nodes and lights were written.
-    pub trees: usize,
-    /// Instances whose records were written.
-    pub instances: usize,
-}
-
-/// Which tree a slot holds on the GPU, and where it lies in the pools.
-#[derive(Clone, Debug, Default)]
-pub(super) struct TreeRanges {
-    key: Option<TreeKey>,
-    nodes: Range<u32>,
-    lights: Range<u32>,
-}
-
-impl TreeRanges {
-    /// The end of its nodes, for tests.
-    #[cfg(test)]
-    pub(super) fn node_end(&self) -> u32 {
-        self.nodes.end
-    }
-
-    /// The end of its lights, for tests.
-    #[cfg(test)]
-    pub(super) fn light_end(&self) -> u32 {
-        self.lights.end
-    }
-
-    fn fits(&self, tree: &LightTree) -> bool {
-        self.nodes.len() == tree.nodes().len() && self.lights.len() == tree.lights().len()
-    }
-}
-
 impl GpuLights {
-    /// Writes what `delta` names, as `world` has it now. Give it every delta that [`LightWorld::take_delta`] returned, or
-    /// [`FrameDelta::everything`] once. Trees that an instance needs and that never came are sent along.
+    /// Writes what `delta` names, as `world` has it now.
+    ///
+    /// Pass every delta that [`LightWorld::take_delta`] returns, in order; or, once,
+    /// [`FrameDelta::everything`]. A tree that an instance needs and that was never sent is sent along.
+    ///
+    /// Writes go through the queue, ahead of the next submission. Which parts of nodes, lights and
+    /// instances are stored follows [`LightWorld::effects`]: when these change, the GPU converts its
+    /// buffers and the bind group is replaced. O(what changed); an upload without changes sends
+    /// nothing.
     ///
     /// # Errors
-    /// [`GpuError::Full`] if something would outgrow its buffer. Then nothing was written; what the delta names is
-    /// remembered and goes with the next upload, once the world holds less. [`GpuError::DeviceLost`] from the first call
-    /// on after wgpu noticed; in browsers only the engine's own `set_device_lost_callback` tells.
+    /// An upload that fails is not lost: its changes are remembered and go with the next one.
     ///
-    /// O(what changed). Writes go through the queue, ahead of the next submission. What is stored of nodes, lights and
-    /// instances follows the world's effects: where these change, the GPU copies its pools, and everything is bound
-    /// anew.
+    /// - [`GpuError::Full`] if a buffer would outgrow what the device can bind. Nothing was written.
+    ///   Later uploads succeed once the world holds less.
+    /// - [`GpuError::OutOfMemory`] if the device has no memory left. Shaders go on reading what they
+    ///   read before, or sample no light: see there.
+    /// - [`GpuError::DeviceLost`] from the first call after wgpu noticed the loss. In browsers only the
+    ///   engine's own `set_device_lost_callback` tells.
     pub fn upload(&mut self, world: &LightWorld, delta: &FrameDelta) -> Result<UploadReport, GpuError> {
         self.upload_as(world, delta, world.effects())
     }
 
-    /// The same in the layout of these effects, which must contain the world's.
+    /// Uploads in the layout for these effects, which must contain the world's.
     pub(super) fn upload_as(
         &mut self,
         world: &LightWorld,
@@ -76,27 +48,43 @@ impl GpuLights {
         effects: Effects,
     ) -> Result<UploadReport, GpuError> {
         probe::check(&self.device)?;
-        let mut report = UploadReport::default();
-        let is_still = delta.is_empty() && self.unsent.is_empty() && !self.has_new_usage();
-        if is_still && self.params.strides == Strides::of(effects) {
+        // No shader depends on whether lights move.
+        let effects = effects - Effects::MOVING;
+        let is_starting_usage = self.usage.get().is_some_and(|usage| usage.is_starting());
+        let is_unchanged = delta.is_empty() && self.pending.is_empty() && !is_starting_usage;
+        if is_unchanged && self.params.strides == Strides::of(effects) {
             self.effects = effects;
-            return Ok(report);
+            return Ok(UploadReport::default());
         }
-        let mut changes = std::mem::take(&mut self.unsent);
+        let mut changes = std::mem::take(&mut self.pending);
         changes.add(delta);
-        let reserved = self.set_layout(effects).and_then(|sent| Ok((sent, self.reserve(world, &mut changes)?)));
-        let placed = match reserved {
-            Ok((sent, placed)) => {
-                report.bytes += sent;
-                placed
-            }
-            Err(error) => {
-                self.unsent = changes;
-                return Err(error);
-            }
-        };
+        let device = self.device.clone();
+        let (result, is_refused) = memory::watch(&device, || self.send(world, &mut changes, effects));
+        if is_refused {
+            // Some write or copy did not happen, and wgpu does not tell which.
+            changes.add_everything(world);
+            self.pending = changes;
+            self.make_dark();
+            let bytes = result.map_or(0, |report| report.bytes);
+            return Err(GpuError::OutOfMemory { what: "uploaded records", bytes });
+        }
+        if result.is_err() {
+            self.pending = changes;
+        }
+        result
+    }
 
-        // Trees that moved within the pools take their instances along.
+    /// Reserves all memory, and only then changes what shaders read.
+    fn send(
+        &mut self,
+        world: &LightWorld,
+        changes: &mut PendingChanges,
+        effects: Effects,
+    ) -> Result<UploadReport, GpuError> {
+        let mut bytes = self.set_layout(effects)?;
+        let Reserved { placed, usage } = self.reserve(world, changes)?;
+
+        // The instances of trees that moved within the pools are written too.
         for (slot, ranges) in placed {
             let former = std::mem::replace(self.tree_ranges_mut(slot), ranges);
             self.release(former);
@@ -105,49 +93,52 @@ impl GpuLights {
             }
         }
         for slot in &changes.trees {
-            report.bytes += self.write_tree(*slot, world);
+            bytes += self.write_tree(*slot, world);
         }
-        report.trees = changes.trees.len();
-        report.instances = changes.instances.len();
-        report.bytes += self.write_instances(&changes.instances, world);
+        bytes += self.write_instances(&changes.instances, world);
         if changes.directionals {
             let records: Vec<_> = world.directionals().map(|(_, light)| LightRecord::directional(light)).collect();
-            report.bytes += self.lights.write(self.directionals.start, &records);
+            bytes += self.lights.write(self.directionals.start, &records);
         }
-        report.bytes += self.follow_usage(&changes.instances, world);
-        report.bytes += self.refresh(self.params_of(world, effects));
-        self.bind_usage();
-        self.top_is_stale = true;
+        if let Some(counters) = self.usage.get_mut() {
+            bytes += counters.follow((&self.device, &self.queue), usage, &changes.instances, world);
+        }
+        self.is_dark = false;
+        bytes += self.refresh(self.params_of(world, effects));
+        self.top_status.invalidate();
         self.effects = effects;
-        Ok(report)
+        Ok(UploadReport { bytes, trees: changes.trees.len(), instances: changes.instances.len() })
     }
 
-    /// Brings the pools into the layout that a world of these effects is stored in, or leaves them all as they are
-    /// where one would outgrow its buffer. Until the next success, shaders keep the old buffers, with the old strides.
+    /// Brings the pools into the layout that stores a world with these effects, or leaves all of them
+    /// as they are. Shaders keep the old buffers, with the old strides, until the upload succeeds.
+    /// Returns the bytes sent.
     fn set_layout(&mut self, effects: Effects) -> Result<u64, GpuError> {
-        let [nodes, lights, instances] = [Stored::nodes(effects), Stored::lights(effects), Stored::instances(effects)];
-        self.nodes.check_layout(&nodes)?;
-        self.lights.check_layout(&lights)?;
-        self.instances.check_layout(&instances)?;
+        let nodes = self.nodes.prepare_layout(Stored::nodes(effects))?;
+        let lights = self.lights.prepare_layout(Stored::lights(effects))?;
+        let instances = self.instances.prepare_layout(Stored::instances(effects))?;
+        let has_records = nodes.is_some() && !self.nodes.is_empty()
+            || lights.is_some() && !self.lights.is_empty()
+            || instances.is_some() && !self.instances.is_empty();
+        if has_records && self.relayout.is_none() {
+            self.relayout = Some(Relayout::new(&self.device)?);
+        }
+        let relayout = self.relayout.as_ref();
         let mut sent = 0;
-        let relayout = || Relayout::new(&self.device);
-        if *self.nodes.stored() != nodes {
-            let relayout = self.relayout.get_or_insert_with(relayout);
-            sent += self.nodes.set_layout(nodes, stored::missing_of_node, relayout);
+        if let Some(nodes) = nodes {
+            sent += self.nodes.adopt_layout(nodes, stored::missing_of_node, relayout);
         }
-        if *self.lights.stored() != lights {
-            let relayout = self.relayout.get_or_insert_with(relayout);
-            sent += self.lights.set_layout(lights, stored::missing_of_light, relayout);
+        if let Some(lights) = lights {
+            sent += self.lights.adopt_layout(lights, stored::missing_of_light, relayout);
         }
-        if *self.instances.stored() != instances {
-            let relayout = self.relayout.get_or_insert_with(relayout);
-            sent += self.instances.set_layout(instances, stored::missing_of_instance, relayout);
+        if let Some(instances) = instances {
+            sent += self.instances.adopt_layout(instances, stored::missing_of_instance, relayout);
         }
         Ok(sent)
     }
 
-    /// Finds room for all that grew, or takes nothing. Returns the trees that need a new place; a removed tree's is empty.
-    fn reserve(&mut self, world: &LightWorld, changes: &mut Unsent) -> Result<Vec<(u32, TreeRanges)>, GpuError> {
+    /// Reserves room for everything that grew, or nothing.
+    fn reserve(&mut self, world: &LightWorld, changes: &mut PendingChanges) -> Result<Reserved, GpuError> {
         for slot in &changes.instances {
             let tree = world.instance_at(*slot).and_then(|key| world.instance_tree(key));
             if let Some(tree) = tree
@@ -157,25 +148,29 @@ impl GpuLights {
             }
         }
         let mut placed = Vec::new();
-        let reserved = self.reserve_all(world, changes, &mut placed);
-        if reserved.is_err() {
-            for (_, ranges) in placed.drain(..) {
-                self.release(ranges);
+        match self.reserve_all(world, changes, &mut placed) {
+            Ok(usage) => Ok(Reserved { placed, usage }),
+            Err(error) => {
+                placed.into_iter().for_each(|(_, ranges)| self.release(ranges));
+                Err(error)
             }
         }
-        reserved.map(|()| placed)
     }
 
+    /// Returns the buffer for usage counters, if another one is needed.
     fn reserve_all(
         &mut self,
         world: &LightWorld,
-        changes: &Unsent,
+        changes: &PendingChanges,
         placed: &mut Vec<(u32, TreeRanges)>,
-    ) -> Result<(), GpuError> {
+    ) -> Result<Option<wgpu::Buffer>, GpuError> {
+        if self.spare_params.is_none() {
+            self.spare_params = Some(params_buffer(&self.device)?);
+        }
         for slot in changes.trees.iter().copied() {
             let key = world.tree_at(slot);
             match key.and_then(|key| world.tree(key)) {
-                Some(tree) if self.tree_ranges_mut(slot).key == key && self.tree_ranges_mut(slot).fits(tree) => {}
+                Some(tree) if self.tree_ranges_mut(slot).key == key && self.tree_ranges_mut(slot).fit(tree) => {}
                 Some(tree) => {
                     let nodes = self.nodes.alloc(tree.nodes().len() as u32)?;
                     match self.lights.alloc(tree.lights().len() as u32) {
@@ -189,18 +184,28 @@ impl GpuLights {
                 None => placed.push((slot, TreeRanges::default())),
             }
         }
+        let slots = world.slot_count() as u32;
         let highest = changes.trees.iter().max().map_or(0, |slot| slot + 1);
         grow_table(&mut self.trees, &mut self.tree_count, highest)?;
-        grow_table(&mut self.instances, &mut self.instance_count, world.slot_count() as u32)?;
-        self.top.reserve(world.slot_count() as u32)?;
-        if changes.directionals {
-            let count = world.directionals().count() as u32;
-            if count as usize != self.directionals.len() {
-                let range = self.lights.alloc(count)?;
-                self.lights.free(std::mem::replace(&mut self.directionals, range));
-            }
+        grow_table(&mut self.instances, &mut self.instance_count, slots)?;
+        let usage = match self.usage.get() {
+            Some(usage) => usage.reserve(&self.device, slots)?,
+            None => None,
+        };
+        let directionals = world.directionals().count() as u32;
+        let directionals = match changes.directionals && directionals as usize != self.directionals.len() {
+            true => Some(self.lights.alloc(directionals)?),
+            false => None,
+        };
+        // Last, because a build of the last upload may still be due, in the present buffers.
+        if let Err(error) = self.top.reserve(slots) {
+            directionals.into_iter().for_each(|range| self.lights.free(range));
+            return Err(error);
         }
-        Ok(())
+        if let Some(range) = directionals {
+            self.lights.free(std::mem::replace(&mut self.directionals, range));
+        }
+        Ok(usage)
     }
 
     fn release(&mut self, ranges: TreeRanges) {
@@ -216,6 +221,7 @@ impl GpuLights {
         &mut self.tree_ranges[slot]
     }
 
+    /// Returns the bytes sent.
     fn write_tree(&mut self, slot: u32, world: &LightWorld) -> u64 {
         let Some(tree) = world.tree_at(slot).and_then(|key| world.tree(key)) else { return 0 };
         let lights: Vec<_> =
@@ -226,7 +232,7 @@ impl GpuLights {
             + self.trees.write(slot, &[TreeRecord::of(tree)])
     }
 
-    /// Writes neighbouring slots together.
+    /// Writes the records of these slots, neighbouring ones together. Returns the bytes sent.
     fn write_instances(&mut self, slots: &BTreeSet<u32>, world: &LightWorld) -> u64 {
         let mut bytes = 0;
         let mut run: Vec<InstanceRecord> = Vec::new();
@@ -246,9 +252,11 @@ impl GpuLights {
         let Some(instance) = world.instance_at(slot).and_then(|key| world.instance(key)) else {
             return InstanceRecord::NONE;
         };
+        // Hidden by a scale of zero.
+        let Some(placed) = &instance.placed else { return InstanceRecord::NONE };
         let tree = slot_of(instance.tree);
         let ranges = &self.tree_ranges[tree as usize];
-        InstanceRecord::of(&instance.placed, tree, ranges.nodes.start, ranges.lights.start)
+        InstanceRecord::of(placed, tree, ranges.nodes.start, ranges.lights.start)
     }
 
     fn params_of(&self, world: &LightWorld, effects: Effects) -> ParamsRecord {
@@ -262,28 +270,16 @@ impl GpuLights {
     }
 }
 
-/// Slots to be written: a delta's, those of deltas that failed before it, and what follows from them.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Unsent {
-    trees: BTreeSet<u32>,
-    instances: BTreeSet<u32>,
-    directionals: bool,
+/// What an upload needs before it changes anything.
+struct Reserved {
+    /// New ranges for trees by slot; empty for a tree that was removed.
+    placed: Vec<(u32, TreeRanges)>,
+    /// For the usage counters, if they need another buffer.
+    usage: Option<wgpu::Buffer>,
 }
 
-impl Unsent {
-    fn is_empty(&self) -> bool {
-        self.trees.is_empty() && self.instances.is_empty() && !self.directionals
-    }
-
-    fn add(&mut self, delta: &FrameDelta) {
-        self.trees.extend(&delta.trees);
-        self.instances.extend(&delta.instances);
-        self.directionals |= delta.directionals;
-    }
-}
-
-/// Makes room for records 0 to `count` of a pool that is used as a table: nothing is ever given back, so every
-/// reservation continues the last.
+/// Makes room for the records 0 to `count` of a pool that is used as a table. Nothing of it is ever
+/// given back, so every reservation continues the last one.
 fn grow_table<T: bytemuck::NoUninit>(pool: &mut Pool<T>, used: &mut u32, count: u32) -> Result<(), GpuError> {
     if count > *used {
         let range = pool.alloc(count - *used)?;
@@ -291,4 +287,199 @@ fn grow_table<T: bytemuck::NoUninit>(pool: &mut Pool<T>, used: &mut u32, count: 
         *used = range.end;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DVec3, Mat3, Vec3};
+
+    use super::*;
+    use crate::gpu::memory::refusals::Refusals;
+    use crate::gpu::records::{SampleRecord, SampleRequest};
+    use crate::gpu::testing::{gpu, noop, read};
+    use crate::light::{DirectionalLight, Light};
+    use crate::placement::Placement;
+    use crate::policy::Policy;
+
+    /// Fewer than the first buffers hold.
+    fn small_world() -> LightWorld {
+        let mut world = LightWorld::new();
+        let tree = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
+        world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
+        world
+    }
+
+    /// Adds more trees, lights and instances than the first buffers hold, with all effects, so that
+    /// every buffer grows or changes its layout.
+    fn grow(world: &mut LightWorld) {
+        let spot =
+            |i: u32| Light::spot(Vec3::new(i as f32, 1.0, 0.0), Vec3::NEG_Y, 0.1, 1.4, Vec3::ONE).with_range(99.0);
+        let scale = Mat3::from_diagonal(Vec3::new(1.0, 2.0, 3.0));
+        for i in 0..40 {
+            let tree = world.add_tree((0..20).map(spot).collect()).expect("valid");
+            for j in 0..10 {
+                let translation = DVec3::new(f64::from(i), 0.0, f64::from(j));
+                world.add_instance(tree, Placement { linear: scale, translation }, Policy::Static).expect("valid");
+            }
+        }
+        let sun = DirectionalLight { direction: Vec3::NEG_Y, illuminance: Vec3::splat(0.1) };
+        world.add_directional(sun).expect("valid");
+    }
+
+    #[test]
+    fn each_buffer_of_an_upload_may_be_refused_and_the_next_upload_sends_what_is_missing() {
+        let (device, queue) = noop();
+        let mut refused = Vec::new();
+        for successes in 0.. {
+            let mut world = small_world();
+            let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+            lights.count_usage(1);
+            lights.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
+            world.take_delta();
+            let before = (lights.bind_group().clone(), lights.usage_bind_group().clone(), lights.effects());
+            grow(&mut world);
+            let delta = world.take_delta();
+            let refusals = Refusals::of_buffers_after(successes);
+            let result = lights.upload(&world, &delta);
+            if refusals.count() == 0 {
+                assert!(result.is_ok_and(|report| (report.trees, report.instances) == (40, 400)));
+                break;
+            }
+            drop(refusals);
+            let Err(GpuError::OutOfMemory { what, bytes }) = result else { panic!("{result:?}") };
+            assert!(bytes > 0, "{what}");
+            let after = (lights.bind_group().clone(), lights.usage_bind_group().clone(), lights.effects());
+            assert!(after == before, "{what}: shaders go on reading what they read");
+            refused.push(what);
+            let report = lights.upload(&world, &FrameDelta::default()).expect("there is memory again");
+            assert!(report.trees >= 40 && report.instances >= 400, "{what}: {report:?}");
+            assert_eq!(lights.upload(&world, &FrameDelta::default()), Ok(UploadReport::default()));
+        }
+        for what in [
+            "light tree nodes",
+            "lights",
+            "instances",
+            "light trees",
+            "relayout",
+            "sampling parameters",
+            "usage counters",
+            "sort keys",
+        ] {
+            assert!(refused.contains(&what), "{what} never refused: {refused:?}");
+        }
+    }
+
+    #[test]
+    fn each_buffer_of_new_lights_may_be_refused() {
+        let (device, queue) = noop();
+        for successes in 0.. {
+            let refusals = Refusals::of_buffers_after(successes);
+            let result = GpuLights::new(&device, &queue);
+            if refusals.count() == 0 {
+                assert!(result.is_ok() && successes > 10, "{successes} buffers");
+                break;
+            }
+            assert!(matches!(result.err(), Some(GpuError::OutOfMemory { .. })));
+        }
+        let _refusals = Refusals::of_other_memory();
+        let refused = GpuError::OutOfMemory { what: "pipelines", bytes: 0 };
+        assert_eq!(GpuLights::new(&device, &queue).err(), Some(refused));
+    }
+
+    /// Builds the top level if that is due, and samples at a few shading points.
+    fn sample(lights: &mut GpuLights) -> Vec<SampleRecord> {
+        let (device, queue) = gpu();
+        let request = |i: u32| SampleRequest {
+            position: [i as f32 * 0.6, 0.0, (i % 7) as f32],
+            normal: [0.0, 1.0, 0.0],
+            u: [0.1, 0.3, 0.5, 0.7].map(|u| (u + i as f32 * 0.618) % 1.0),
+            ..SampleRequest::default()
+        };
+        let requests: Vec<_> = (0..64).map(request).collect();
+        let buffer = || {
+            device.create_buffer(&wgpu::BufferDescriptor {
+                label: None,
+                size: size_of_val(&requests[..]) as u64,
+                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
+                mapped_at_creation: false,
+            })
+        };
+        let (input, output) = (buffer(), buffer());
+        queue.write_buffer(&input, 0, bytemuck::cast_slice(&requests));
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        lights.build_top(&mut encoder);
+        // The pipeline for all effects: the first call waits for it, and no other is made.
+        let pipeline = lights.sampling.pipeline(Effects::all());
+        lights.sample_with(&pipeline, &mut encoder, &input, &output, requests.len() as u32);
+        queue.submit([encoder.finish()]);
+        read(&device, &queue, &output)
+    }
+
+    fn count_lit(records: &[SampleRecord]) -> usize {
+        records.iter().filter(|record| record.pmf > 0.0).count()
+    }
+
+    #[test]
+    fn a_refused_buffer_leaves_the_lights_and_a_due_build_in_place() {
+        let (device, queue) = gpu();
+        let mut world = small_world();
+        let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+        lights.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
+        world.take_delta();
+        let before = sample(&mut lights);
+        assert_eq!(count_lit(&before), 64);
+        grow(&mut world);
+        let delta = world.take_delta();
+        for successes in 0.. {
+            let refusals = Refusals::of_buffers_after(successes);
+            let result = lights.upload(&world, &delta);
+            if refusals.count() == 0 {
+                assert!(result.is_ok() && successes > 5, "{successes} buffers");
+                break;
+            }
+            assert!(matches!(result, Err(GpuError::OutOfMemory { .. })));
+            lights.top_status.invalidate();
+            assert!(sample(&mut lights) == before, "refused after {successes} buffers");
+        }
+    }
+
+    #[test]
+    fn refused_records_leave_no_light_until_the_next_upload_sends_all() {
+        let (device, queue) = gpu();
+        let mut world = small_world();
+        let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+        lights.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
+        world.take_delta();
+        grow(&mut world);
+        let delta = world.take_delta();
+        for delta in [delta, FrameDelta::default()] {
+            let _refusals = Refusals::of_other_memory();
+            let Err(GpuError::OutOfMemory { what: "uploaded records", bytes }) = lights.upload(&world, &delta) else {
+                panic!("the writes are refused");
+            };
+            assert!(bytes > 40 * 20 * 64, "{bytes} bytes would have been sent");
+            assert_eq!(count_lit(&sample(&mut lights)), 0);
+        }
+        let report = lights.upload(&world, &FrameDelta::default()).expect("there is memory again");
+        assert_eq!((report.trees, report.instances), (41, 401));
+        let mut fresh = GpuLights::new(&device, &queue).expect("default limits are enough");
+        fresh.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
+        let expected = sample(&mut fresh);
+        assert!(count_lit(&expected) > 32);
+        assert!(sample(&mut lights) == expected);
+    }
+
+    #[test]
+    fn the_first_upload_compiles_no_pipeline_to_convert_records() {
+        let (device, queue) = noop();
+        let mut world = small_world();
+        let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+        lights.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
+        assert!(lights.relayout.is_none(), "there was nothing to convert");
+        world.take_delta();
+        grow(&mut world);
+        let delta = world.take_delta();
+        lights.upload(&world, &delta).expect("room enough");
+        assert!(lights.relayout.is_some());
+    }
 }

@@ -1,5 +1,5 @@
-//! Tests that variants of the shaders and layouts of the buffers go together: any variant reads any layout, as long as
-//! both have what the world calls for, and samples the same lights.
+//! Tests that any variant of the shaders reads any layout of the buffers and samples the same lights,
+//! as long as both serve the effects of the world.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock};
@@ -18,13 +18,13 @@ use crate::policy::Policy;
 use crate::scheduler::FrameBudget;
 use crate::world::{FrameDelta, LightWorld};
 
-const RECEIVERS: u32 = 2048;
+const SHADING_POINTS: u32 = 2048;
 
-/// Of [`RECEIVERS`] samples so many may name another light: matrix products are summed in another order, and where a
-/// choice falls within rounding of the border between two lights it may take the neighbour.
-const OTHERS: usize = 2;
+/// How many of [`SHADING_POINTS`] samples may name another light. Variants sum matrix products in
+/// different orders, and a choice within rounding of the border between two lights may take the other.
+const MAX_MISMATCHES: usize = 2;
 
-/// Relative difference of chances and radiances, products of some twenty terms.
+/// Relative difference of probabilities and radiances, which are products of some twenty terms.
 const ROUNDING: f32 = 1.0e-5;
 
 /// A number in [0, 1) for each index and purpose.
@@ -70,7 +70,7 @@ fn placement(i: u32, effects: Effects) -> Placement {
     Placement { linear: turn * Mat3::from_diagonal(scale), translation: (30.0 * random_vec(i, 23)).as_dvec3() }
 }
 
-/// A world that calls for exactly these effects.
+/// A world with exactly these effects.
 fn world_of(effects: Effects) -> LightWorld {
     let mut world = LightWorld::new();
     for tree in 0..4 {
@@ -94,18 +94,18 @@ fn requests() -> Vec<SampleRequest> {
         u: [46, 47, 48, 49].map(|salt| random(i, salt)),
         ..SampleRequest::default()
     };
-    (0..RECEIVERS).map(request).collect()
+    (0..SHADING_POINTS).map(request).collect()
 }
 
-/// The variant for these effects, compiled once for all tests.
+/// The pipeline for these effects, compiled once for all tests.
 fn pipeline(lights: &GpuLights, variant: Effects) -> wgpu::ComputePipeline {
     static PIPELINES: Mutex<BTreeMap<u8, Arc<OnceLock<wgpu::ComputePipeline>>>> = Mutex::new(BTreeMap::new());
     let variant = variant - Effects::MOVING;
     let place = PIPELINES.lock().unwrap().entry(variant.bits()).or_default().clone();
-    place.get_or_init(|| lights.batch.make(variant)).clone()
+    place.get_or_init(|| lights.sampling.make(variant)).clone()
 }
 
-/// What the variant for these effects samples.
+/// The samples of the pipeline for these effects.
 fn sample(lights: &mut GpuLights, variant: Effects) -> Vec<SampleRecord> {
     let (encoder, output) = record(lights, variant);
     let (device, queue) = gpu();
@@ -113,7 +113,7 @@ fn sample(lights: &mut GpuLights, variant: Effects) -> Vec<SampleRecord> {
     read(&device, &queue, &output)
 }
 
-/// The commands for it, and where the samples will be.
+/// The commands that build the top level and sample, and the buffer for the samples.
 fn record(lights: &mut GpuLights, variant: Effects) -> (wgpu::CommandEncoder, wgpu::Buffer) {
     let (device, queue) = gpu();
     let requests = requests();
@@ -125,16 +125,16 @@ fn record(lights: &mut GpuLights, variant: Effects) -> (wgpu::CommandEncoder, wg
             mapped_at_creation: false,
         })
     };
-    let (input, output) = (buffer(size_of_val(&requests[..]) as u64), buffer(u64::from(RECEIVERS) * 48));
+    let (input, output) = (buffer(size_of_val(&requests[..]) as u64), buffer(u64::from(SHADING_POINTS) * 48));
     queue.write_buffer(&input, 0, bytemuck::cast_slice(&requests));
     let pipeline = pipeline(lights, variant);
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     lights.build_top(&mut encoder);
-    lights.sample_by(&pipeline, &mut encoder, &input, &output, RECEIVERS);
+    lights.sample_with(&pipeline, &mut encoder, &input, &output, SHADING_POINTS);
     (encoder, output)
 }
 
-/// A world's lights, stored for these effects.
+/// The lights of a world, stored for these effects.
 fn upload(world: &LightWorld, stored: Effects) -> GpuLights {
     let (device, queue) = gpu();
     let mut lights = GpuLights::new(&device, &queue).unwrap();
@@ -142,13 +142,13 @@ fn upload(world: &LightWorld, stored: Effects) -> GpuLights {
     lights
 }
 
-/// The same samples to float rounding, but for [`OTHERS`].
+/// Asserts that samples agree to float rounding, except for [`MAX_MISMATCHES`].
 fn assert_alike(ours: &[SampleRecord], twin: &[SampleRecord], what: &str) {
     let close = |a: f32, b: f32| (a - b).abs() <= ROUNDING * a.abs().max(b.abs());
-    let mut others = 0;
+    let mut mismatches = 0;
     for (a, b) in ours.iter().zip(twin) {
         if (a.instance, a.light, a.pmf > 0.0) != (b.instance, b.light, b.pmf > 0.0) {
-            others += 1;
+            mismatches += 1;
             continue;
         }
         let (radiance, other) = (Vec3::from(a.radiance), Vec3::from(b.radiance));
@@ -158,17 +158,17 @@ fn assert_alike(ours: &[SampleRecord], twin: &[SampleRecord], what: &str) {
         assert_eq!(a.is_delta, b.is_delta, "{what}");
     }
     let lit = twin.iter().filter(|record| record.pmf > 0.0).count();
-    assert!(others <= OTHERS && lit > 500, "{what}: {others} of {RECEIVERS} differ, {lit} are lit");
+    assert!(mismatches <= MAX_MISMATCHES && lit > 500, "{what}: {mismatches} differ, {lit} are lit");
 }
 
 const EFFECTS: [Effects; 6] =
     [Effects::CONES, Effects::RANGES, Effects::AREAS, Effects::TWO_SIDED, Effects::DIRECTIONAL, Effects::NON_RIGID];
 
 #[test]
-fn a_world_without_an_effect_is_sampled_alike_by_the_variant_without_it() {
+fn a_world_that_lacks_an_effect_is_sampled_alike_by_the_variant_without_it() {
     let all = Effects::all();
-    for lacking in EFFECTS.into_iter().chain([Effects::AREAS | Effects::TWO_SIDED, all - Effects::AREAS, all]) {
-        let effects = match all - lacking {
+    for absent in EFFECTS.into_iter().chain([Effects::AREAS | Effects::TWO_SIDED, all - Effects::AREAS, all]) {
+        let effects = match all - absent {
             // Only surfaces have two sides.
             rest if !rest.contains(Effects::AREAS) => rest - Effects::TWO_SIDED,
             rest => rest,
@@ -176,9 +176,9 @@ fn a_world_without_an_effect_is_sampled_alike_by_the_variant_without_it() {
         let world = world_of(effects);
         let mut lights = upload(&world, world.effects());
         let twin = sample(&mut upload(&world, all), all);
-        for variant in [all, all - lacking, effects] {
+        for variant in [all, all - absent, effects] {
             let records = sample(&mut lights, variant);
-            assert_alike(&records, &twin, &format!("{variant:?} of a world without {lacking:?}"));
+            assert_alike(&records, &twin, &format!("{variant:?} of a world without {absent:?}"));
         }
     }
 }
@@ -197,7 +197,7 @@ fn any_variant_reads_any_layout() {
     }
 }
 
-/// What the pools hold in the ranges in use, and what is built of it.
+/// The ranges of the pools that are in use, and the root that is built from them.
 fn content(lights: &mut GpuLights) -> [Vec<u32>; 4] {
     let (device, queue) = gpu();
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -210,11 +210,11 @@ fn content(lights: &mut GpuLights) -> [Vec<u32>; 4] {
     let strides = lights.params.strides;
     let end = |range: fn(&TreeRanges) -> u32| lights.tree_ranges.iter().map(range).max().unwrap_or(0);
     [
-        words(lights.nodes.buffer(), 0..end(TreeRanges::node_end), strides.node),
-        words(lights.lights.buffer(), 0..end(TreeRanges::light_end).max(lights.directionals.end), strides.light),
-        // Slot 0 is nobody's and never written.
+        words(lights.nodes.buffer(), 0..end(|tree| tree.nodes.end), strides.node),
+        words(lights.lights.buffer(), 0..end(|tree| tree.lights.end).max(lights.directionals.end), strides.light),
+        // No instance has slot 0, so it is never written.
         words(lights.instances.buffer(), 1..lights.params.slots, strides.instance),
-        // The root: behind it lie nodes that no other refers to.
+        // The root: the nodes behind it may be left over from other builds.
         words(lights.top.nodes(), 0..1, strides.node),
     ]
 }
@@ -224,28 +224,28 @@ fn a_world_whose_effects_come_and_go_is_stored_as_a_fresh_upload_stores_it() {
     let mut world = world_of(Effects::empty());
     let mut lights = upload(&world, world.effects());
     world.take_delta();
-    let mut seen = Vec::new();
+    let mut strides = Vec::new();
     let mut check = |world: &mut LightWorld, what: &str| {
-        // What nothing calls for any more goes late.
+        // An effect outlasts its last light by some updates.
         for _ in 0..=EFFECT_HOLD_UPDATES {
             world.update(FrameBudget::NONE);
         }
         let delta = world.take_delta();
-        let (stored, added) = (world.effects(), world.effects() - Effects::MOVING);
+        let effects = world.effects();
         lights.upload(world, &delta).unwrap();
-        let mut fresh = upload(world, stored);
-        let twin = sample(&mut fresh, added);
+        let mut fresh = upload(world, effects);
+        let twin = sample(&mut fresh, effects);
         assert_eq!(lights.params, fresh.params, "{what}");
         for (i, (ours, theirs)) in content(&mut lights).iter().zip(&content(&mut fresh)).enumerate() {
             let other = ours.iter().zip(theirs).position(|(a, b)| a != b);
             assert!(ours.len() == theirs.len() && other.is_none(), "{what}, buffer {i}: word {other:?} differs");
         }
-        assert_eq!(sample(&mut lights, added), twin, "{what}");
-        seen.push(lights.params.strides);
+        assert_eq!(sample(&mut lights, effects), twin, "{what}");
+        strides.push(lights.params.strides);
     };
     check(&mut world, "points");
     let mut undo: Vec<(TreeKey, InstanceKey)> = Vec::new();
-    // Each adds what no light before it had; the last is scaled.
+    // Each tree adds an effect that none before it had; the last instance is scaled.
     for (i, effects) in
         [Effects::RANGES, Effects::CONES, Effects::AREAS, Effects::AREAS | Effects::TWO_SIDED, Effects::NON_RIGID]
             .into_iter()
@@ -264,26 +264,26 @@ fn a_world_whose_effects_come_and_go_is_stored_as_a_fresh_upload_stores_it() {
     for (tree, instance) in undo.into_iter().rev() {
         world.remove_instance(instance).unwrap();
         world.remove_tree(tree).unwrap();
-        check(&mut world, "with less and less");
+        check(&mut world, "with one tree less");
     }
-    let changes = seen.windows(2).filter(|pair| pair[0] != pair[1]).count();
-    assert_eq!((changes, seen[0]), (6, seen[seen.len() - 1]), "{seen:?}");
+    let changes = strides.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    assert_eq!((changes, strides[0]), (6, strides[strides.len() - 1]), "{strides:?}");
 }
 
 #[test]
-fn effects_that_go_without_a_delta_shrink_what_is_stored() {
+fn an_upload_without_changes_still_drops_what_lost_effects_stored() {
     let world = world_of(Effects::empty());
     let mut lights = upload(&world, Effects::all());
     assert_eq!(lights.params.strides, Strides::of(Effects::all()));
     let report = lights.upload(&world, &FrameDelta::default()).unwrap();
     assert_eq!((report.trees, report.instances), (0, 0));
-    assert!(report.bytes > 0 && report.bytes < 4096, "tables, no records: {report:?}");
+    assert!(report.bytes > 0 && report.bytes < 4096, "uniforms and no records: {report:?}");
     assert!(content(&mut lights) == content(&mut upload(&world, Effects::empty())));
     assert_eq!(lights.upload(&world, &FrameDelta::default()).unwrap(), UploadReport::default());
 }
 
 #[test]
-fn what_was_recorded_before_a_change_of_layout_reads_the_buffers_of_before() {
+fn commands_recorded_before_a_change_of_layout_read_the_former_buffers() {
     let (device, queue) = gpu();
     let mut world = world_of(Effects::empty());
     let mut lights = upload(&world, Effects::empty());
@@ -301,7 +301,7 @@ fn what_was_recorded_before_a_change_of_layout_reads_the_buffers_of_before() {
 }
 
 #[test]
-fn a_counting_variant_counts_the_nodes_that_a_sample_reads() {
+fn the_variant_that_counts_nodes_counts_those_that_a_sample_reads() {
     let (device, queue) = gpu();
     let mut world = LightWorld::new();
     let lamp = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).unwrap();
@@ -323,7 +323,7 @@ fn a_counting_variant_counts_the_nodes_that_a_sample_reads() {
         usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
         mapped_at_creation: false,
     });
-    // The top level's root, and the tree's: both are opened, or the second is walked to.
+    // The roots of the top level and of the tree: both are split, or the walk reads the second.
     for splits in [SplitCount::NONE, SplitCount::DEFAULT] {
         lights.set_splits(splits);
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());

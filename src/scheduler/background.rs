@@ -1,110 +1,121 @@
-//! Builds trees on another thread while frames go on: those too large for a frame.
+//! Builds trees on another thread while frames go on. This serves trees that are too large for a
+//! frame.
 //!
-//! The thread belongs to a pool of its own. On rayon's common one a refit, which waits for its parts, would wait behind
-//! a build. One build at a time: what is built in the background is paid for too, and the next one can use what changed
-//! meanwhile.
+//! The thread belongs to a pool of its own. On rayon's common pool a refit, which waits for its
+//! parts, would wait behind a build. One build runs at a time: background builds are paid from the
+//! budget too, and the choice of the next build can use what has changed in the meantime.
 
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
+
 #[cfg(feature = "parallel")]
-use std::time::Instant;
+use web_time::Instant;
 
 use super::clock::Work;
 use crate::keys::TreeKey;
 use crate::light::Light;
 use crate::tree::LightTree;
 
-/// A tree whose lights are being copied.
+/// The copy of a tree's lights that a background build starts from, while it is being made.
 #[derive(Debug)]
-pub(crate) struct Snapshot {
+pub(crate) struct LightSnapshot {
     pub key: TreeKey,
-    /// By which the tree knows that it is still asked for.
-    pub ticket: u64,
-    /// Those copied so far. They may come from several frames: where a light has changed since, it is set again when
-    /// the build is done.
+    /// The number of the build. If the tree's own number differs, the build is no longer needed.
+    pub build_id: u64,
+    /// The lights copied so far, in order. They may be copied in several frames: lights that have
+    /// changed since are set again when the build is installed.
     pub lights: Vec<Light>,
 }
 
-/// A build on its way.
+/// A build that runs or waits to be installed.
 #[derive(Debug)]
-pub(crate) struct Running {
+pub(crate) struct RunningBuild {
     pub key: TreeKey,
-    pub ticket: u64,
+    pub build_id: u64,
     pub work: Work,
+    /// The time of the world's clock at which the build started.
     pub started: Duration,
-    /// What the purse has paid for it, in nanoseconds.
-    pub price: f64,
-    result: Arc<Slot>,
+    /// The nanoseconds that the background credit was charged for the build.
+    pub charged_nanos: f64,
+    result: Arc<BuildResult>,
 }
 
 #[derive(Debug, Default)]
-struct Slot {
-    /// With what it took.
+struct BuildResult {
+    /// The tree, and the time that its build took.
     built: Mutex<Option<(LightTree, Duration)>>,
     is_done: Condvar,
 }
 
-fn lock(slot: &Slot) -> MutexGuard<'_, Option<(LightTree, Duration)>> {
-    // A tree is there or not, whoever panicked.
-    slot.built.lock().unwrap_or_else(PoisonError::into_inner)
+impl BuildResult {
+    fn lock(&self) -> MutexGuard<'_, Option<(LightTree, Duration)>> {
+        // The tree is either complete or missing, even after a panic.
+        self.built.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
-impl Running {
-    /// What the build took, once the tree is there.
+impl RunningBuild {
+    /// The time that the build took on its thread; `None` while it runs.
     pub fn done(&self) -> Option<Duration> {
-        lock(&self.result).as_ref().map(|(_, took)| *took)
+        self.result.lock().as_ref().map(|(_, took)| *took)
     }
 
-    /// The tree; waits for it. `None` if it was taken before.
+    /// Blocks until the build is done and returns its tree; `None` if the tree was taken before.
     pub fn wait(self) -> Option<LightTree> {
-        let waiting = self.result.is_done.wait_while(lock(&self.result), |built| built.is_none());
-        waiting.unwrap_or_else(PoisonError::into_inner).take().map(|(tree, _)| tree)
+        let built = self.result.is_done.wait_while(self.result.lock(), |built| built.is_none());
+        built.unwrap_or_else(PoisonError::into_inner).take().map(|(tree, _)| tree)
     }
 }
 
-/// Where builds run.
-#[derive(Default)]
-pub(crate) struct Builder {
+/// The thread that background builds run on; it starts with the first build.
+#[derive(Debug, Default)]
+pub(crate) struct BackgroundBuilder {
     #[cfg(feature = "parallel")]
     pool: Option<rayon::ThreadPool>,
-    /// There are no threads here; not asked again.
-    is_off: bool,
+    /// Creating the thread has failed; it is not tried again.
+    has_failed: bool,
 }
 
-impl Builder {
-    /// Starts a build. `None` where there are no threads.
-    pub fn start(&mut self, snapshot: Snapshot, work: Work, price: f64, now: Duration) -> Option<Running> {
-        let Snapshot { key, ticket, lights } = snapshot;
-        let result = Arc::new(Slot::default());
+impl BackgroundBuilder {
+    /// Starts a build at time `now` of the world's clock. `None` where threads are unavailable.
+    pub fn start(
+        &mut self,
+        snapshot: LightSnapshot,
+        work: Work,
+        charged_nanos: f64,
+        now: Duration,
+    ) -> Option<RunningBuild> {
+        let LightSnapshot { key, build_id, lights } = snapshot;
+        let result = Arc::new(BuildResult::default());
         self.spawn(lights, Arc::clone(&result))?;
-        Some(Running { key, ticket, work, started: now, price, result })
+        Some(RunningBuild { key, build_id, work, started: now, charged_nanos, result })
     }
 
     #[cfg(feature = "parallel")]
-    fn spawn(&mut self, lights: Vec<Light>, result: Arc<Slot>) -> Option<()> {
-        if self.pool.is_none() && !self.is_off {
+    fn spawn(&mut self, lights: Vec<Light>, result: Arc<BuildResult>) -> Option<()> {
+        if self.pool.is_none() && !self.has_failed {
             let name = |_| "girandole build".to_owned();
             self.pool = rayon::ThreadPoolBuilder::new().num_threads(1).thread_name(name).build().ok();
-            self.is_off = self.pool.is_none();
+            self.has_failed = self.pool.is_none();
         }
         self.pool.as_ref()?.spawn(move || {
-            // By the machine's clock, since the world's may not be asked by two threads at a time and still be
-            // repeated; it hears of this, and has the last word.
+            // The build is measured by the machine's clock: a run could not be repeated if two
+            // threads read the world's clock. `Clock::background` gets this time and decides.
             let start = Instant::now();
             let tree = LightTree::build(lights);
-            *lock(&result) = Some((tree, start.elapsed()));
+            *result.lock() = Some((tree, start.elapsed()));
             result.is_done.notify_all();
         });
         Some(())
     }
 
     #[cfg(not(feature = "parallel"))]
-    fn spawn(&mut self, _: Vec<Light>, _: Arc<Slot>) -> Option<()> {
+    fn spawn(&mut self, _: Vec<Light>, _: Arc<BuildResult>) -> Option<()> {
         None
     }
 
-    /// Whether builds can run.
-    pub fn is_off(&self) -> bool {
-        self.is_off || cfg!(not(feature = "parallel"))
+    /// Whether builds cannot run in the background.
+    pub fn is_unavailable(&self) -> bool {
+        self.has_failed || cfg!(not(feature = "parallel"))
     }
 }

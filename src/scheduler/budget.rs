@@ -1,41 +1,44 @@
-//! How much time a frame has for rebuilds.
+//! The time that a frame may spend on rebuilds.
 
 use std::time::Duration;
 
 use crate::error::BudgetError;
 
-/// The time that one frame may spend on rebuilds, 0.3 ms by default. Refits are not optional and not counted.
+/// The time that one frame may spend on rebuilds, 0.3 ms by default. Refits are mandatory and do
+/// not count against it.
 ///
-/// Trees that do not fit are built in the background, on another thread, for the time that frames leave over of their
-/// budgets; while such a tree waits, that is a quarter at least. So budgets are what all rebuilds take, on average. A
-/// budget of nothing rebuilds nothing, there neither.
+/// Trees that are too large for a frame are built in the background, on another thread. Such builds
+/// are paid from the part of the budget that frames leave unused. While a large tree waits or is
+/// not yet paid for, each frame leaves at least a quarter of its budget. So on average all rebuilds
+/// together, those in the background included, take no more than the budget. A budget of zero
+/// rebuilds nothing, and starts no build in the background.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameBudget(Duration);
 
 impl FrameBudget {
-    /// Rebuild whatever is asked for.
+    /// Every requested rebuild is done within the frame.
     pub const UNLIMITED: Self = Self(Duration::MAX);
-    /// Rebuild nothing.
+    /// Nothing is rebuilt.
     pub const NONE: Self = Self(Duration::ZERO);
 
-    /// A few tenths of a millisecond are usual.
+    /// Creates a budget. A few tenths of a millisecond are usual.
     pub const fn new(time: Duration) -> Self {
         Self(time)
     }
 
-    /// From milliseconds; infinity is [`FrameBudget::UNLIMITED`].
+    /// Creates a budget from milliseconds, rounded to nanoseconds. Infinity, and any time that
+    /// [`Duration`] cannot hold, is [`FrameBudget::UNLIMITED`].
     ///
     /// # Errors
-    /// [`BudgetError`] for NaN and for less than nothing.
+    /// [`BudgetError`] for NaN and for negative values.
     pub fn from_millis(millis: f64) -> Result<Self, BudgetError> {
         if millis.is_nan() || millis < 0.0 {
             return Err(BudgetError { millis });
         }
-        // What is too long for a duration is no limit.
         Ok(Duration::try_from_secs_f64(millis * 1.0e-3).map_or(Self::UNLIMITED, Self))
     }
 
-    /// The time.
+    /// Returns the time of the budget; [`Duration::MAX`] means unlimited.
     pub const fn time(&self) -> Duration {
         self.0
     }
@@ -52,16 +55,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_budget_is_a_time_and_nothing_else() {
+    fn milliseconds_make_a_budget_unless_they_are_negative_or_nan() {
         assert_eq!(FrameBudget::from_millis(0.25), Ok(FrameBudget::new(Duration::from_micros(250))));
         assert_eq!(FrameBudget::from_millis(0.0), Ok(FrameBudget::NONE));
         assert_eq!(FrameBudget::from_millis(-0.0), Ok(FrameBudget::NONE));
         assert_eq!(FrameBudget::from_millis(3.6e6), Ok(FrameBudget::new(Duration::from_secs(3600))));
-        for endless in [f64::INFINITY, f64::MAX] {
-            assert_eq!(FrameBudget::from_millis(endless), Ok(FrameBudget::UNLIMITED));
+        for unlimited in [f64::INFINITY, f64::MAX] {
+            assert_eq!(FrameBudget::from_millis(unlimited), Ok(FrameBudget::UNLIMITED));
         }
-        for bad in [f64::NAN, -1.0, f64::NEG_INFINITY] {
-            assert!(FrameBudget::from_millis(bad).expect_err("no time").to_string().contains("milliseconds"));
+        for invalid in [f64::NAN, -1.0, f64::NEG_INFINITY] {
+            let error = FrameBudget::from_millis(invalid).expect_err("not a time");
+            assert!(error.to_string().contains("milliseconds"), "{error}");
         }
     }
 }

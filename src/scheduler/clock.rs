@@ -1,58 +1,84 @@
-//! Time comes in from outside: the machine's, a virtual one for tests and benchmarks, or a recorded run's.
+//! Clocks that a world reads the time from: the machine's, and a virtual one.
 
-use std::sync::Mutex;
-use std::time::{Duration, Instant};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
-/// A piece of work that the world does on trees, for clocks that reckon time instead of measuring it.
+// `std::time::Instant` panics on wasm32-unknown-unknown.
+use web_time::Instant;
+
+/// A piece of work on trees. A world describes its work to its [`Clock`], so that a clock can
+/// compute the time that the work takes instead of measuring it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Work {
-    /// What is done.
+    /// The kind of work.
     pub kind: WorkKind,
-    /// To so many lights.
+    /// The number of lights that the work processes.
     pub lights: usize,
 }
 
-/// See [`Work`].
+/// The kind of a piece of [`Work`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum WorkKind {
-    /// Brings edited trees up to date; all trees of a frame at once, on several threads.
+    /// The refit of all trees that were edited since the last update, on several threads with the
+    /// feature `parallel`. One piece of work per update; its lights are those of all these trees.
     Refit,
-    /// Builds a tree anew within the frame.
+    /// The rebuild of a whole tree within the frame.
     Rebuild,
-    /// Builds a subtree anew within the frame.
+    /// The rebuild of one subtree within the frame; its lights are those of the subtree.
     RebuildPart,
-    /// Copies a tree's lights for a build in the background.
+    /// A copy of lights for a build in the background. The lights of a large tree are copied over
+    /// several frames; each copy is a piece of work of its own.
     Snapshot,
-    /// Builds a tree in the background, on another thread.
+    /// The build of a whole tree in the background, on another thread.
     Background,
-    /// Measures the noise of a tree, before and after a rebuild.
+    /// Two measurements of the noise of a tree, one before its rebuild and one after.
     Probe,
 }
 
-/// Tells the time since some fixed moment. The world has one, so that tests and replays need no real time.
+/// A source of time for a [`LightWorld`](crate::LightWorld), which reads the time from nowhere
+/// else.
 ///
-/// A clock that jumps or stands still does no harm: a step back counts as no time, and no job counts as less than what
-/// the fastest machine would need, so that frames stay bounded.
+/// [`SystemClock`] measures time, [`VirtualClock`] computes it, and
+/// [`ReplayClock`](crate::scheduler::ReplayClock) repeats the times of an earlier run. A world
+/// takes its clock in [`LightWorld::with_clock`](crate::LightWorld::with_clock).
+///
+/// A clock that jumps or stands still does no harm. A step back counts as no time, and every job
+/// counts as at least the time that the fastest machine would need, so the work in a frame stays
+/// bounded.
 pub trait Clock: Send + Sync {
-    /// Should not go back.
+    /// Returns the time since a fixed moment, which each clock chooses. It should never decrease.
     fn now(&self) -> Duration;
 
-    /// Told of each piece of work as it ends, before the time is asked for; a virtual clock moves on by what it takes.
+    /// Reports that `work` has just ended. The world calls this before it reads the time at the end
+    /// of the work. A virtual clock advances by the duration of the work; the default does nothing.
     fn worked(&self, work: Work) {
         let _ = work;
     }
 
-    /// How long a build took that was `started` in the background, if it may take the present tree's place now. `done`
-    /// is what it took on its thread, once it is finished; for a build that is not, an answer makes the world wait for
-    /// it. Anything but `done` is for clocks whose runs are to repeat exactly.
+    /// Decides whether a build in the background is installed now, and how long it took. The world
+    /// asks once per update while a build runs.
+    ///
+    /// - `started` is the time of this clock at which the build started.
+    /// - `work` is the build: its kind is [`WorkKind::Background`].
+    /// - `done` is the time that the build took, measured on its own thread; `None` while it runs.
+    ///
+    /// Returns
+    /// - `Some(d)`: install now and block until it is done. The build counts as having taken `d`:
+    ///   the cost model learns from it, and the budgets of frames pay for it.
+    /// - `None`: not yet.
+    ///
+    /// The default returns `done`, so that no frame waits for a build. Only clocks whose runs must
+    /// repeat exactly should return anything else.
     fn background(&self, started: Duration, work: Work, done: Option<Duration>) -> Option<Duration> {
         let _ = (started, work);
         done
     }
 }
 
-/// The machine's monotonic clock.
+/// The machine's monotonic clock. Its time starts at zero when it is created.
+///
+/// On `wasm32-unknown-unknown` it reads the browser's `performance.now()`.
 #[derive(Debug)]
 pub struct SystemClock(Instant);
 
@@ -68,29 +94,49 @@ impl Clock for SystemClock {
     }
 }
 
-/// A clock that moves only when it is told to, and by what each piece of work is said to take: a run on it repeats
-/// exactly, on any machine.
+/// A clock that advances only when it is told to, and by the stated cost of each piece of work. A
+/// run on it repeats exactly, on any machine.
+///
+/// A build in the background counts as done once the time of this clock has advanced by the cost of
+/// the build; if its thread is slower than that, the update waits for it.
+///
+/// ```
+/// use std::sync::Arc;
+/// use std::time::Duration;
+///
+/// use girandole::LightWorld;
+/// use girandole::scheduler::{Clock, VirtualClock};
+///
+/// // Every piece of work takes 100 ns per light.
+/// let clock = Arc::new(VirtualClock::new(|work| Duration::from_nanos(100 * work.lights as u64)));
+/// let world = LightWorld::with_clock(clock.clone());
+/// clock.advance(Duration::from_millis(16));
+/// assert_eq!(clock.now(), Duration::from_millis(16));
+/// # let _ = world;
+/// ```
 pub struct VirtualClock {
     now: Mutex<Duration>,
     cost: Box<dyn Fn(Work) -> Duration + Send + Sync>,
 }
 
 impl VirtualClock {
-    /// Starts at zero. `cost` says what a piece of work takes. It may remember what it said, but is asked for
-    /// [`WorkKind::Background`] again and again, and should then say the same for the same lights.
+    /// Creates a clock at time zero. `cost` returns the time that a piece of work takes.
+    ///
+    /// `cost` may keep state. For [`WorkKind::Background`] it is called once per update while a
+    /// build runs, and should return the same time for the same number of lights.
     pub fn new(cost: impl Fn(Work) -> Duration + Send + Sync + 'static) -> Self {
         Self { now: Mutex::new(Duration::ZERO), cost: Box::new(cost) }
     }
 
-    /// Lets time pass, say until the next frame.
+    /// Advances the clock, for example to the next frame. The time saturates at [`Duration::MAX`].
     pub fn advance(&self, time: Duration) {
         let mut now = self.lock();
         *now = now.saturating_add(time);
     }
 
-    fn lock(&self) -> std::sync::MutexGuard<'_, Duration> {
-        // A time is whole whoever panicked.
-        self.now.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, Duration> {
+        // A panic while the lock is held leaves a valid time.
+        self.now.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

@@ -1,4 +1,4 @@
-//! A run that was recorded goes the same way again, on any machine.
+//! Clocks that record a run and replay it, on any machine.
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -6,16 +6,19 @@ use std::time::Duration;
 
 use super::clock::{Clock, Work};
 
-/// An answer that a clock gave.
+/// One answer of a recorded clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ClockEvent {
-    /// The time.
+    /// [`Clock::now`] returned this time.
     Now(Duration),
-    /// What a build in the background took, if it may be taken.
+    /// [`Clock::background`] returned this: `Some` installed the build, `None` did not.
     Background(Option<Duration>),
 }
 
-/// A clock that writes down what another one says, for a [`ReplayClock`].
+/// A clock that passes every call on to another clock and records its answers, for a
+/// [`ReplayClock`].
+///
+/// The record grows by some 16 bytes per answer until [`RecordingClock::take_events`] is called.
 #[derive(Debug)]
 pub struct RecordingClock<C> {
     clock: C,
@@ -23,17 +26,20 @@ pub struct RecordingClock<C> {
 }
 
 impl<C: Clock> RecordingClock<C> {
-    /// Records a clock from now on.
+    /// Starts to record the answers of a clock.
     pub fn new(clock: C) -> Self {
         Self { clock, events: Mutex::default() }
     }
 
-    /// What was said since the last call; to be called every now and then, since it grows by some 16 bytes a question.
+    /// Returns the answers since the last call, oldest first, and forgets them. A program that
+    /// records for long should call this regularly, for example to write the events to a file.
+    ///
+    /// A replay needs all events since the world was created, in order.
     pub fn take_events(&self) -> Vec<ClockEvent> {
         std::mem::take(&mut *lock(&self.events))
     }
 
-    fn note(&self, event: ClockEvent) {
+    fn record(&self, event: ClockEvent) {
         lock(&self.events).push(event);
     }
 }
@@ -41,7 +47,7 @@ impl<C: Clock> RecordingClock<C> {
 impl<C: Clock> Clock for RecordingClock<C> {
     fn now(&self) -> Duration {
         let now = self.clock.now();
-        self.note(ClockEvent::Now(now));
+        self.record(ClockEvent::Now(now));
         now
     }
 
@@ -51,15 +57,20 @@ impl<C: Clock> Clock for RecordingClock<C> {
 
     fn background(&self, started: Duration, work: Work, done: Option<Duration>) -> Option<Duration> {
         let took = self.clock.background(started, work, done);
-        self.note(ClockEvent::Background(took));
+        self.record(ClockEvent::Background(took));
         took
     }
 }
 
-/// A clock that says what a [`RecordingClock`] wrote down: a world that gets the same edits, budgets, views and
-/// picks then makes the same decisions and ends with the same trees, by the same build of the program. Where the
-/// questions are others than those of the record, it goes on as best it can: it skips to the next answer of the
-/// right kind, and after the last one the time stands still.
+/// A clock that repeats the answers that a [`RecordingClock`] recorded.
+///
+/// A world that gets the same edits, budgets, viewpoints and usage as in the recorded run makes the
+/// same decisions and ends with the same trees. Both runs must use the same build of the program.
+/// An update waits for a build in the background where the recorded run installed one.
+///
+/// If the calls differ from the recorded ones, the replay continues as well as it can: it skips to
+/// the next answer of the right kind. After the last one the time stands still, and a build in the
+/// background is installed once it is done.
 #[derive(Debug)]
 pub struct ReplayClock {
     state: Mutex<ReplayState>,
@@ -68,32 +79,35 @@ pub struct ReplayClock {
 #[derive(Debug)]
 struct ReplayState {
     events: VecDeque<ClockEvent>,
+    /// The last time that was returned.
     last: Duration,
-    is_off: bool,
+    has_diverged: bool,
 }
 
 impl ReplayClock {
-    /// Says these, one after the other.
+    /// Creates a clock that returns these answers, in order.
     pub fn new(events: impl IntoIterator<Item = ClockEvent>) -> Self {
-        let state = ReplayState { events: events.into_iter().collect(), last: Duration::ZERO, is_off: false };
+        let state = ReplayState { events: events.into_iter().collect(), last: Duration::ZERO, has_diverged: false };
         Self { state: Mutex::new(state) }
     }
 
-    /// Whether a question had no answer in the record, so that the run is another than the recorded one.
+    /// Returns whether the run differs from the recorded one: some call so far found an answer of
+    /// another kind, or none. Answers that are left at the end do not count.
     pub fn has_diverged(&self) -> bool {
-        lock(&self.state).is_off
+        lock(&self.state).has_diverged
     }
 }
 
 impl ReplayState {
-    fn next<T>(&mut self, wanted: impl Fn(ClockEvent) -> Option<T>) -> Option<T> {
+    /// Removes the events up to the first one that `select` accepts, and returns what it selected.
+    fn next<T>(&mut self, select: impl Fn(ClockEvent) -> Option<T>) -> Option<T> {
         while let Some(event) = self.events.pop_front() {
-            if let Some(answer) = wanted(event) {
+            if let Some(answer) = select(event) {
                 return Some(answer);
             }
-            self.is_off = true;
+            self.has_diverged = true;
         }
-        self.is_off = true;
+        self.has_diverged = true;
         None
     }
 }
@@ -114,7 +128,7 @@ impl Clock for ReplayClock {
     }
 }
 
-/// What is locked here is whole whoever panicked.
+/// Locks a mutex. A panic while the lock is held leaves a valid value in both clocks.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

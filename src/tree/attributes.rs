@@ -1,7 +1,8 @@
-//! The four attributes of SS that tell how far a refitted tree has drifted from a good one.
+//! The four attributes of SS, which tell how much worse a refitted tree has become.
 //!
-//! SS names them and gives no formulas; ours are in `docs/math.md`. Each is a sum over nodes, weighted by the node's
-//! share of the flux, of a ratio without units: moving, scaling or dimming the whole object changes none of them.
+//! SS names them without formulas; ours are in `docs/math.md`. Each is a sum over nodes of a ratio
+//! without units, weighted by the node's share of the flux. So moving, scaling or dimming the whole
+//! object changes none of them.
 
 use super::cost::{orientation, size};
 use super::node::WIDTH;
@@ -11,17 +12,18 @@ use crate::cluster::Cluster;
 /// Names one of the four attributes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Attribute {
-    /// How far a node's children lie apart.
+    /// How far apart the children of a node are.
     Distance,
-    /// How much the boxes of a node's children coincide.
+    /// How much the boxes of a node's children overlap.
     Overlap,
-    /// How widely a node's lights are spread.
+    /// How widely the lights of a node are spread.
     Variance,
-    /// The build's own cost, summed over the tree.
+    /// The cost that builds minimise, summed over the tree.
     SplittingCost,
 }
 
-/// The four attributes of a tree; all 0 for a tree of at most one light and for a dark tree. Smaller is better.
+/// The four attributes of a tree. They have no unit, and smaller is better. All are 0 for a tree of
+/// at most one light and for a dark tree.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Attributes {
     /// See [`Attribute::Distance`].
@@ -35,7 +37,7 @@ pub struct Attributes {
 }
 
 impl Attributes {
-    /// One of the four.
+    /// The value of one attribute.
     pub fn get(&self, attribute: Attribute) -> f32 {
         match attribute {
             Attribute::Distance => self.distance,
@@ -46,21 +48,22 @@ impl Attributes {
     }
 }
 
-/// A subtree's part of each sum, still in metres and lumens: in f64, since a flux times an area leaves f32.
+/// A subtree's part of the sum of each attribute, in metres and lumens. In f64, because a flux
+/// times an area can exceed f32.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Terms {
-    /// Flux times root mean square distance of the children's means from the node's.
+pub(super) struct AttributeSums {
+    /// Flux times the root mean square distance of the children's mean positions from the node's.
     distance: f64,
-    /// Flux times overlapping fraction.
+    /// Flux times the fraction of the box that overlaps.
     overlap: f64,
-    /// Flux times variance of position.
+    /// Flux times the variance of position.
     variance: f64,
-    /// Summed cost of the children.
+    /// The costs of the children.
     cost: f64,
 }
 
-impl Terms {
-    /// The part of one node.
+impl AttributeSums {
+    /// The part of one node, with the lanes merged as `all`.
     #[inline(always)]
     pub(super) fn of(wide: &WideCluster, all: &Merged) -> Self {
         let flux = all.cluster.flux;
@@ -94,19 +97,23 @@ impl Terms {
         self.cost += other.cost;
     }
 
-    /// The splitting cost of a subtree relative to its lights' flux and variance of position; 0 if there is none. These
-    /// belong to the lights alone: a box would grow with what is wrong, or with lights that only turn.
+    /// The splitting cost of a subtree relative to its flux times its variance of position. 0 for a
+    /// dark subtree and for lights at one point.
+    ///
+    /// Flux and variance depend on the lights alone. A box would grow with a bad tree, or with
+    /// lights that only turn.
     pub(super) fn cost_per_spread(&self, all: &Cluster) -> f32 {
         let spread = f64::from(all.flux) * f64::from(all.variance);
         if spread > 0.0 { (self.cost / spread) as f32 } else { 0.0 }
     }
 
-    /// The part of the splitting cost that a rise by `loss` has added: all of it if that is infinite, from nothing.
-    pub(super) fn cost_share(&self, loss: f32) -> f64 {
-        self.cost * (1.0 - 1.0 / (1.0 + f64::from(loss)))
+    /// The part of the splitting cost that was added since the build, if the cost has risen by the
+    /// share `rise`. All of it for an infinite rise: the cost was 0.
+    pub(super) fn added_cost(&self, rise: f32) -> f64 {
+        self.cost * (1.0 - 1.0 / (1.0 + f64::from(rise)))
     }
 
-    /// Free of units, by flux and size of the cluster of all.
+    /// The attributes: the sums divided by the flux and size of the whole tree's cluster.
     pub(super) fn relative_to(&self, all: &Cluster) -> Attributes {
         let diagonal = all.aabb.extent().as_dvec3().length();
         let flux = f64::from(all.flux);
@@ -121,7 +128,7 @@ impl Terms {
     }
 }
 
-/// Edge lengths of the boxes, 0 for dark lanes.
+/// The edge lengths of all lanes' boxes. 0 for dark lanes.
 #[inline(always)]
 fn edges(wide: &WideCluster) -> [Lanes; 3] {
     let mut edges = [[0.0; WIDTH]; 3];
@@ -134,28 +141,28 @@ fn edges(wide: &WideCluster) -> [Lanes; 3] {
     edges
 }
 
-/// Half perimeters of the intersections of all pairs of boxes, summed.
+/// The half perimeters of the intersections of all pairs of boxes, summed.
 #[inline(always)]
 fn overlap(wide: &WideCluster) -> f32 {
-    // Half of the lanes once more behind the last, so that the partners of all lanes lie in one piece.
-    let mut again = [[[0.0; WIDTH + WIDTH / 2]; 3]; 2];
+    // Repeat half of the lanes after the last, so that the partners of all lanes lie in one piece.
+    let mut repeated = [[[0.0; WIDTH + WIDTH / 2]; 3]; 2];
     for k in 0..3 {
         for (corner, lanes) in [&wide.min[k], &wide.max[k]].into_iter().enumerate() {
-            again[corner][k][..WIDTH].copy_from_slice(lanes);
-            again[corner][k][WIDTH..].copy_from_slice(&lanes[..WIDTH / 2]);
+            repeated[corner][k][..WIDTH].copy_from_slice(lanes);
+            repeated[corner][k][WIDTH..].copy_from_slice(&lanes[..WIDTH / 2]);
         }
     }
     let mut shared = [0.0; WIDTH];
-    // Lane i with lane i + turn: all pairs once, and those half a turn apart twice.
-    for turn in 1..=WIDTH / 2 {
-        let weight = if turn == WIDTH / 2 { 0.5 } else { 1.0 };
+    // Pair lane i with lane i + offset. Pairs that are half the lanes apart occur twice.
+    for offset in 1..=WIDTH / 2 {
+        let weight = if offset == WIDTH / 2 { 0.5 } else { 1.0 };
         for i in 0..WIDTH {
             let mut edges = 0.0;
             let mut least = f32::INFINITY;
             for k in 0..3 {
-                let (a, b) = (wide.min[k][i], again[0][k][i + turn]);
+                let (a, b) = (wide.min[k][i], repeated[0][k][i + offset]);
                 let min = if a > b { a } else { b };
-                let (a, b) = (wide.max[k][i], again[1][k][i + turn]);
+                let (a, b) = (wide.max[k][i], repeated[1][k][i + offset]);
                 let max = if a < b { a } else { b };
                 let edge = max - min;
                 edges += edge;
@@ -172,8 +179,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_cost_that_rose_from_nothing_has_been_added_whole() {
-        let terms = Terms { cost: 8.0, ..Terms::default() };
-        assert_eq!([0.0, 1.0, f32::INFINITY].map(|loss| terms.cost_share(loss)), [0.0, 4.0, 8.0]);
+    fn a_cost_that_rose_from_zero_was_added_completely() {
+        let sums = AttributeSums { cost: 8.0, ..AttributeSums::default() };
+        assert_eq!([0.0, 1.0, f32::INFINITY].map(|rise| sums.added_cost(rise)), [0.0, 4.0, 8.0]);
     }
 }

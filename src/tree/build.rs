@@ -1,27 +1,27 @@
-//! Makes a tree from lights: its shape, then its nodes.
+//! Builds a tree over lights: first its shape, then its nodes.
 
 use super::LightTree;
-use super::attributes::{Attributes, Terms};
-use super::dirty::Dirty;
+use super::attributes::{AttributeSums, Attributes};
+use super::dirty::DirtyNodes;
+use super::layout::{PlacedLight, build_items, with_spare};
 use super::node::Node;
-use super::rebuild::{Member, items, with_spare};
-use super::refit::Tasks;
 use super::shape::shape;
+use super::tasks::RefitTasks;
 use super::wide::WideCluster;
 use crate::cluster::Cluster;
 use crate::effects::EffectCounts;
 use crate::light::Light;
 
-/// Fewer lights are not worth another thread.
+/// Threads share the clusters of more lights than this; for fewer, waking a thread does not pay.
 #[cfg(feature = "parallel")]
 const PARALLEL_LIGHTS: usize = 4096;
 
 impl LightTree {
-    /// Builds from valid lights.
+    /// Builds a tree over valid lights.
     pub(crate) fn build(lights: Vec<Light>) -> Self {
-        let members = members(&lights);
-        let shapes = shape(&mut items(&members));
-        let count = with_spare(shapes.len());
+        let placed = placed_lights(&lights);
+        let shape = shape(&mut build_items(&placed));
+        let count = with_spare(shape.len());
         let mut tree = Self {
             leaves: vec![0; lights.len()],
             effects: effects_of(&lights),
@@ -29,18 +29,18 @@ impl LightTree {
             nodes: vec![Node::EMPTY; count],
             wide: vec![WideCluster::EMPTY; count],
             spans: vec![0; count],
-            sizes: vec![0; count],
-            fresh: vec![0.0; count],
-            credit: 0,
-            terms: vec![Terms::default(); count],
-            is_unmeasured: false,
-            dirty: Dirty::none(count),
-            tasks: Tasks::default(),
+            light_counts: vec![0; count],
+            built_costs: vec![0.0; count],
+            rebuild_credit: 0,
+            attribute_sums: vec![AttributeSums::default(); count],
+            has_stale_sums: false,
+            dirty: DirtyNodes::empty(count),
+            tasks: RefitTasks::default(),
             root: Cluster::EMPTY,
             attributes: Attributes::default(),
         };
         if count > 0 {
-            tree.place(&shapes, &members, 0, count);
+            tree.lay_out(&shape, &placed, 0, count);
         }
         tree
     }
@@ -52,13 +52,14 @@ fn effects_of(lights: &[Light]) -> EffectCounts {
     counts
 }
 
-fn members(lights: &[Light]) -> Vec<Member> {
-    let member = |(index, light): (usize, &Light)| Member { light: index as u32, cluster: light.cluster() };
+/// The clusters of all lights.
+fn placed_lights(lights: &[Light]) -> Vec<PlacedLight> {
+    let placed = |(index, light): (usize, &Light)| PlacedLight { index: index as u32, cluster: light.cluster() };
     #[cfg(feature = "parallel")]
     {
         use rayon::prelude::*;
-        lights.par_iter().enumerate().with_min_len(PARALLEL_LIGHTS).map(member).collect()
+        lights.par_iter().enumerate().with_min_len(PARALLEL_LIGHTS).map(placed).collect()
     }
     #[cfg(not(feature = "parallel"))]
-    lights.iter().enumerate().map(member).collect()
+    lights.iter().enumerate().map(placed).collect()
 }

@@ -1,159 +1,221 @@
-//! Proves that a tree keeps its promises; every tree test calls it after every step.
+//! Proves that a tree keeps its invariants. Every test of trees calls it after every step.
 
-use super::node::{EMPTY_SLOT, NO_PARENT, Node, UNLIMITED_RANGE, WIDTH};
-use super::{LightTree, Target};
+use super::LightTree;
+use super::node::{EMPTY_SLOT, NO_PARENT, Node, Target, WIDTH};
+use super::pack::UNLIMITED_RANGE;
 use crate::cluster::{Cluster, MAX_FLUX};
 use crate::cone::angle;
 use crate::light::MIN_FLUX;
 
-/// Sums of up to 2^31 f32 terms over a tree of depth 11 and more round: each level adds at most 3 roundings.
+/// Relative error of a sum of up to 2^31 f32 terms over a tree of depth 11 or more: each level adds
+/// at most 3 roundings.
 const FLUX_TOLERANCE: f32 = 1.0e-5;
 
-/// A packed flux has 8 bits.
+/// Relative error of a packed flux, which has 8 bits.
 const PACKED_FLUX_TOLERANCE: f32 = 1.0 / 256.0;
 
-/// What [`LightTree::check`] found broken, and where.
+/// An invariant that [`LightTree::check`] found broken.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("node {node}, slot {slot}: {what}")]
 pub struct CheckError {
-    /// The node.
+    /// The index of the node. The number of nodes if the whole tree is wrong.
     pub node: usize,
-    /// Its child.
+    /// The slot of the child. 0 if the node or the tree is wrong.
     pub slot: usize,
-    /// Which promise.
+    /// What is wrong.
     pub what: &'static str,
 }
 
+impl CheckError {
+    /// A number that stays the same in all versions, for callers in other languages: 800.
+    pub fn code(&self) -> u32 {
+        800
+    }
+}
+
 impl LightTree {
-    /// Proves containment of boxes, cover of caps, sums of flux, ranges, links up and down, and one leaf per light.
+    /// Checks the tree's invariants: boxes contain their children's, caps and ranges cover them,
+    /// fluxes add up, links agree in both directions, and every light has one leaf.
     ///
     /// # Errors
-    /// The first broken promise. A correct library never returns one; this is for tests and for suspicious minds. O(n).
+    /// The first broken invariant. None is ever broken unless this library has a bug, so this is
+    /// for tests.
+    ///
+    /// O(nodes). The check of a frozen tree clones it.
     pub fn check(&self) -> Result<(), CheckError> {
         if self.is_frozen() {
             let thawed = self.thawed();
             let differs = |(node, (now, then)): (usize, (&Node, &Node))| (now != then).then_some(node);
             return match self.nodes.iter().zip(&thawed.nodes).enumerate().find_map(differs) {
-                Some(node) => Err(CheckError { node, slot: 0, what: "not what its lights make" }),
+                Some(node) => {
+                    let what = "the node of the frozen tree differs from one made from its lights";
+                    Err(CheckError { node, slot: 0, what })
+                }
                 None => thawed.check(),
             };
         }
-        let mut seen = vec![false; self.lights.len()];
+        let mut has_leaf = vec![false; self.lights.len()];
         let mut reached = usize::from(!self.nodes.is_empty());
         let mut spares = 0;
         for (node, record) in self.nodes.iter().enumerate() {
             let fail = |slot, what| Err(CheckError { node, slot, what });
             if self.spans[node] == 0 {
-                // Left over by the rebuild of a subtree.
                 spares += 1;
                 if record.count() != 0 {
-                    return fail(0, "a spare node has children");
+                    return fail(0, "the spare node has children");
                 }
                 continue;
             }
             if (node == 0) != (record.parent == NO_PARENT) {
-                return fail(0, "only the root has no parent");
+                return fail(0, "the root has a parent, or another node has none");
             }
             if record.count() == 0 || record.count() > WIDTH {
-                return fail(0, "count is outside 1 to 8");
+                return fail(0, "the number of children is outside 1 to 8");
             }
             let end = node + self.spans[node] as usize;
             for slot in record.count()..WIDTH {
                 if record.targets[slot] != EMPTY_SLOT || record.flux[slot] != 0 || self.wide[node].flux[slot] != 0.0 {
-                    return fail(slot, "an unused slot is not empty");
+                    return fail(slot, "the slot is unused but not empty");
                 }
             }
             for slot in 0..record.count() {
                 let place = (node * WIDTH + slot) as u32;
                 let exact = self.wide[node].get(slot);
                 match record.target(slot) {
-                    None => return fail(slot, "a used slot is empty"),
+                    None => return fail(slot, "the slot is in use but has no target"),
                     Some(Target::Leaf(light)) => {
-                        let Some(seen) = seen.get_mut(light as usize) else { return fail(slot, "no such light") };
-                        if std::mem::replace(seen, true) {
-                            return fail(slot, "the light has two leaves");
+                        let Some(has_leaf) = has_leaf.get_mut(light as usize) else {
+                            return fail(slot, "the tree has no light of the leaf's index");
+                        };
+                        if std::mem::replace(has_leaf, true) {
+                            return fail(slot, "the light has a second leaf");
                         }
                         if self.leaves[light as usize] != place {
-                            return fail(slot, "the light's way up leads elsewhere");
+                            return fail(slot, "the light's entry in `leaves` names another place");
                         }
                         if exact != self.lights[light as usize].cluster() {
-                            return fail(slot, "the cluster is not the light's");
+                            return fail(slot, "the cluster at full precision is not the light's");
                         }
                     }
                     Some(Target::Node(below)) => {
                         reached += 1;
                         let below = below as usize;
-                        let Some(lower) = self.nodes.get(below) else { return fail(slot, "no such node") };
+                        let Some(lower) = self.nodes.get(below) else {
+                            return fail(slot, "the tree has no node of the child's index");
+                        };
                         if below <= node || below + self.spans[below] as usize > end {
-                            return fail(slot, "a subtree does not lie within its parent's");
+                            return fail(slot, "the child's subtree does not lie within the node's");
                         }
                         if lower.parent != place {
-                            return fail(slot, "the node's way up leads elsewhere");
+                            return fail(slot, "the child's link to its parent names another place");
                         }
                         let children = (0..lower.count()).map(|slot| self.wide[below].get(slot));
-                        merges(&exact, children).map_or(Ok(()), |what| fail(slot, what))?;
+                        merge_fault(&exact, children).map_or(Ok(()), |what| fail(slot, what))?;
                     }
                 }
-                covers(&record.cluster(slot), &exact).map_or(Ok(()), |what| fail(slot, what))?;
+                cover_fault(&record.cluster(slot), &exact).map_or(Ok(()), |what| fail(slot, what))?;
             }
         }
-        let end = |what| Err(CheckError { node: self.nodes.len(), slot: 0, what });
+        let fail = |what| Err(CheckError { node: self.nodes.len(), slot: 0, what });
         if reached + spares != self.nodes.len() {
-            return end("a node cannot be reached");
+            return fail("a node cannot be reached from the root");
         }
-        if seen.contains(&false) {
-            return end("a light has no leaf");
+        if has_leaf.contains(&false) {
+            return fail("a light has no leaf");
         }
         let total =
             self.lights.iter().map(|light| f64::from(light.cluster().flux)).sum::<f64>().min(f64::from(MAX_FLUX));
         let floors = f64::from(MIN_FLUX) * self.lights.len() as f64;
         if (total - f64::from(self.cluster().flux)).abs() > total * f64::from(FLUX_TOLERANCE) + floors {
-            return end("the flux is not the sum of the lights'");
+            return fail("the tree's flux is not the sum of its lights' fluxes");
         }
         Ok(())
     }
 }
 
-/// Why `outer` is not what its children make, if so.
-fn merges(outer: &Cluster, children: impl Iterator<Item = Cluster>) -> Option<&'static str> {
+/// What is wrong with a cluster that was merged from some children, if anything is.
+fn merge_fault(outer: &Cluster, children: impl Iterator<Item = Cluster>) -> Option<&'static str> {
     let mut sum = 0.0;
     for child in children {
         sum += f64::from(child.flux);
-        if let Some(what) = covers(outer, &child) {
+        if let Some(what) = cover_fault(outer, &child) {
             return Some(what);
         }
     }
     let sum = sum.min(f64::from(MAX_FLUX));
-    ((f64::from(outer.flux) - sum).abs() > sum * f64::from(FLUX_TOLERANCE)).then_some("the flux is not the sum")
+    ((f64::from(outer.flux) - sum).abs() > sum * f64::from(FLUX_TOLERANCE))
+        .then_some("the flux is not the sum of the children's fluxes")
 }
 
-/// Why a cluster does not cover another, if so.
-fn covers(outer: &Cluster, inner: &Cluster) -> Option<&'static str> {
+/// Why a cluster does not cover another one, if it does not.
+fn cover_fault(outer: &Cluster, inner: &Cluster) -> Option<&'static str> {
     if inner.flux <= 0.0 {
         return None;
     }
     if outer.flux <= 0.0 {
-        return Some("a shining light in a dark cluster");
+        return Some("the cluster is dark, but a light below it shines");
     }
     if outer.flux < inner.flux * (1.0 - PACKED_FLUX_TOLERANCE) {
-        return Some("less flux than one of its children");
+        return Some("the flux is less than that of a child");
     }
     if !outer.aabb.contains(&inner.aabb) {
-        return Some("the box does not contain what is below");
+        return Some("the box does not contain the box of a child");
     }
-    let half_angle = |c: &Cluster| f64::from(c.cos_half_angle.clamp(-1.0, 1.0)).acos();
-    let turn = || f64::from(angle(outer.axis.normalize(), inner.axis.normalize()));
-    // A cap about no direction is none: the angle is NaN then and covers nothing.
-    let is_within = || inner.cos_half_angle > -1.0 && turn() + half_angle(inner) <= half_angle(outer);
-    if outer.cos_half_angle > -1.0 && !is_within() {
-        return Some("the cap does not cover what is below");
+    if outer.cos_half_angle > -1.0 && !covers_cap(outer, inner) {
+        return Some("the cap does not cover the cap of a child");
     }
     if outer.range < inner.range.min(UNLIMITED_RANGE) {
-        return Some("the range is shorter than below");
+        return Some("the range is shorter than that of a child");
     }
-    let finite = [outer.flux, outer.variance].into_iter().chain(outer.mean.to_array()).chain(outer.axis.to_array());
-    if finite.into_iter().any(|v| !v.is_finite()) || outer.variance < 0.0 {
-        return Some("a moment is not finite");
+    let moments = [outer.flux, outer.variance].into_iter().chain(outer.mean.to_array()).chain(outer.axis.to_array());
+    if moments.into_iter().any(|v| !v.is_finite()) || outer.variance < 0.0 {
+        return Some("a moment is not finite, or the variance is negative");
     }
     None
+}
+
+/// Whether the cap of `outer` contains the cap of `inner`. A cap without an axis covers nothing.
+fn covers_cap(outer: &Cluster, inner: &Cluster) -> bool {
+    let half_angle = |c: &Cluster| f64::from(c.cos_half_angle.clamp(-1.0, 1.0)).acos();
+    let axes = outer.axis.try_normalize().zip(inner.axis.try_normalize());
+    inner.cos_half_angle > -1.0
+        && axes.is_some_and(|(a, b)| f64::from(angle(a, b)) + half_angle(inner) <= half_angle(outer))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::light::Light;
+
+    fn tree() -> LightTree {
+        let light = |i: usize| Light::spot(Vec3::splat(i as f32), Vec3::Y, 0.1, 0.3, Vec3::ONE).with_range(9.0);
+        LightTree::build((0..100).map(light).collect())
+    }
+
+    /// The message for a tree that was broken on purpose.
+    fn message(break_it: impl FnOnce(&mut LightTree)) -> String {
+        let mut tree = tree();
+        tree.check().expect("the tree is sound at first");
+        break_it(&mut tree);
+        let error = tree.check().expect_err("the tree is broken");
+        assert_eq!(error.code(), 800);
+        error.to_string()
+    }
+
+    #[test]
+    fn each_broken_invariant_is_named_with_its_place() {
+        assert_eq!(
+            message(|tree| tree.nodes[0].parent = 8),
+            "node 0, slot 0: the root has a parent, or another node has none"
+        );
+        assert!(message(|tree| tree.nodes[1].parent ^= 1).contains("slot 0: the child's link to its parent"));
+        assert!(message(|tree| tree.leaves[7] ^= 1).ends_with("the light's entry in `leaves` names another place"));
+        assert!(message(|tree| tree.nodes[0].flux[2] = 0).contains("slot 2: the cluster is dark, but"));
+        assert!(message(|tree| tree.nodes[0].cap[3] = 0).contains("slot 3: the cap does not cover"));
+        assert!(message(|tree| tree.nodes[0].range[1] = 0).contains("slot 1: the range is shorter"));
+        assert!(message(|tree| tree.nodes[0].high[0][1] = 0).contains("slot 1: the box does not contain"));
+        assert!(message(|tree| tree.wide[0].axis = [[0.0; WIDTH]; 3]).contains("the cap does not cover"));
+    }
 }

@@ -1,28 +1,162 @@
-//! What a group of lights costs, as an attribute of a tree. `shape/group.rs` has the same measure for four groups at
-//! once.
+//! The cost of a group of lights: flux · size · orientation.
 //!
-//! Source: CK18 4.2 (surface area orientation heuristic). Differs: orientation is measured by the mean direction, which
-//! adds up over bins, instead of by cones, which need trigonometry (docs/decisions.md, 2); a group's size is measured
-//! so that a street of collinear lamps, whose box has no area, still has a cost.
+//! Source: CK18 4.2 (surface area orientation heuristic). Differs: the orientation comes from the
+//! mean direction, which adds up over bins, and not from cones, which need trigonometry
+//! (docs/decisions.md, 2); the size counts the diagonal, so that a street of collinear lamps, whose
+//! box has no area, still has a cost.
+//!
+//! Builds use [`build_cost`], with four groups at once for bottom-level trees (`shape/group.rs`)
+//! and with one group for the top level (`top/split.rs`). The attributes of a tree use [`size`] and
+//! [`orientation`].
+
+use std::f32::consts::PI;
+use std::ops::{Add, Mul, Sub};
+
+use glam::Vec4;
 
 use crate::light::LAMBERTIAN;
 
-/// Weight of the squared diagonal beside the half area in a group's size. Small, so that it decides only where the
-/// areas vanish.
+/// Weight of the squared diagonal beside the half area in a group's size. It is small, so it
+/// decides only where the areas vanish.
 pub(crate) const DIAGONAL_WEIGHT: f32 = 0.05;
 
-/// A group's size in square metres, from its box's edges.
-#[inline(always)]
-pub(super) fn size([x, y, z]: [f32; 3]) -> f32 {
-    x * y + y * z + z * x + DIAGONAL_WEIGHT * (x * x + y * y + z * z)
+/// Orientation of emission to all sides. The unit is the orientation of flat emitters that agree.
+const ALL_SIDES: f32 = 4.0;
+
+/// How fast the orientation falls from [`ALL_SIDES`] to 1 as the mean direction gets as long as
+/// that of flat emitters that agree.
+const FALL_TO_FLAT: f32 = 3.0 / LAMBERTIAN;
+
+/// How fast it falls from there to 0 as the mean direction gets as long as that of a beam.
+const FALL_TO_BEAM: f32 = 3.0;
+
+/// The least orientation in a build's cost, in the same unit. Beams that agree would have none, and
+/// the rounding of f32 sums over a million directions would choose their splits.
+pub(crate) const MIN_ORIENTATION: f32 = 1.0 / 256.0;
+
+/// One number, or one number for each of several groups.
+pub(crate) trait CostLanes:
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Mul<f32, Output = Self>
+{
+    /// The larger of two numbers, lane by lane.
+    fn larger(self, other: Self) -> Self;
+    /// The square root, lane by lane.
+    fn square_root(self) -> Self;
 }
 
-/// How widely a group emits, from the length of its mean direction: 4 pi to all sides, pi for flat emitters that agree
-/// (length 2/3), 0 for a beam. Meets the orientation measure of CK18 equation 1 at these three; needs no cone.
+impl CostLanes for f32 {
+    #[inline(always)]
+    fn larger(self, other: Self) -> Self {
+        self.max(other)
+    }
+
+    #[inline(always)]
+    fn square_root(self) -> Self {
+        self.sqrt()
+    }
+}
+
+impl CostLanes for Vec4 {
+    #[inline(always)]
+    fn larger(self, other: Self) -> Self {
+        self.max(other)
+    }
+
+    #[inline(always)]
+    fn square_root(self) -> Self {
+        Self::from_array(self.to_array().map(f32::sqrt))
+    }
+}
+
+/// A group's size in square metres, from the edges of its box.
+#[inline(always)]
+pub(crate) fn size<T: CostLanes>([x, y, z]: [T; 3]) -> T {
+    x * y + y * z + z * x + (x * x + y * y + z * z) * DIAGONAL_WEIGHT
+}
+
+/// Flux times orientation while the mean direction is at most [`LAMBERTIAN`] long.
+/// `directed` is the flux times that length.
+#[inline(always)]
+fn wide<T: CostLanes>(flux: T, directed: T) -> T {
+    flux * ALL_SIDES - directed * FALL_TO_FLAT
+}
+
+/// Flux times orientation where the mean direction is longer.
+#[inline(always)]
+fn narrow<T: CostLanes>(flux: T, directed: T) -> T {
+    (flux - directed) * FALL_TO_BEAM
+}
+
+/// The cost of a group in a build. `edges` are of its box, `directed_flux` is its flux times its
+/// mean direction. In CK18, equation 2 but for a constant factor, with at least
+/// [`MIN_ORIENTATION`].
+///
+/// Multiplying by the orientation this way needs no division by the flux.
+#[inline(always)]
+pub(crate) fn build_cost<T: CostLanes>(edges: [T; 3], [x, y, z]: [T; 3], flux: T) -> T {
+    let directed = (x * x + y * y + z * z).square_root();
+    size(edges) * wide(flux, directed).larger(narrow(flux, directed)).larger(flux * MIN_ORIENTATION)
+}
+
+/// How widely a group emits, in steradians, from the length of its mean direction: 4π to all sides,
+/// π for flat emitters that agree (length 2/3), 0 for a beam, and linear in between. Agrees with
+/// the orientation measure of CK18 equation 1 at these three lengths, and needs no cone.
 #[inline(always)]
 pub(super) fn orientation(axis_length: f32) -> f32 {
-    let wide = 4.0 - (3.0 / LAMBERTIAN) * axis_length;
-    let narrow = 3.0 * (1.0 - axis_length);
+    let (wide, narrow) = (wide(1.0, axis_length), narrow(1.0, axis_length));
     let spread = if axis_length <= LAMBERTIAN { wide } else { narrow };
-    std::f32::consts::PI * if spread > 0.0 { spread } else { 0.0 }
+    PI * if spread > 0.0 { spread } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Edges, mean direction and flux of four groups: to all sides, flat, between flat and beam, a
+    /// beam.
+    const GROUPS: [([f32; 3], [f32; 3], f32); 4] = [
+        ([3.0, 0.25, 7.0], [0.0, 0.0, 0.0], 5.0),
+        ([100.0, 0.0, 0.0], [0.0, LAMBERTIAN, 0.0], 0.3),
+        ([0.5, 1.5, 2.5], [0.5, -0.5, 0.5], 70.0),
+        ([1.0, 1.0, 0.0], [0.0, 0.0, 1.0], 2.0),
+    ];
+
+    fn directed(group: &([f32; 3], [f32; 3], f32)) -> [f32; 3] {
+        group.1.map(|v| v * group.2)
+    }
+
+    #[test]
+    fn four_groups_at_once_cost_the_same_bits_as_one_group_alone() {
+        let lanes = |of: &dyn Fn(usize) -> f32| Vec4::new(of(0), of(1), of(2), of(3));
+        let edges = [0, 1, 2].map(|k| lanes(&|i| GROUPS[i].0[k]));
+        let powers = [0, 1, 2].map(|k| lanes(&|i| directed(&GROUPS[i])[k]));
+        let four = build_cost(edges, powers, lanes(&|i| GROUPS[i].2));
+        let alone = GROUPS.map(|group| build_cost(group.0, directed(&group), group.2));
+        assert_eq!(four.to_array().map(f32::to_bits), alone.map(f32::to_bits));
+    }
+
+    #[test]
+    fn a_cost_in_a_build_is_that_of_the_attributes_but_for_a_factor_and_the_least_orientation() {
+        for group in GROUPS {
+            let length = group.1.iter().map(|v| v * v).sum::<f32>().sqrt();
+            let measured = group.2 * size(group.0) * orientation(length) / PI;
+            let least = group.2 * size(group.0) * MIN_ORIENTATION;
+            let built = build_cost(group.0, directed(&group), group.2);
+            assert!((built - measured.max(least)).abs() <= 1.0e-5 * built, "{built} {measured} {least}");
+        }
+    }
+
+    #[test]
+    fn costs_have_the_values_worked_out_by_hand() {
+        // A box of 1 m x 2 m x 3 m has a half area of 11 m² and a squared diagonal of 14 m².
+        let size = 11.0 + 0.05 * 14.0;
+        let close = |a: f32, b: f32| assert!((a - b).abs() <= 1.0e-5 * b.abs(), "{a} {b}");
+        for (length, expected) in [(0.0, 4.0), (1.0 / 3.0, 2.5), (2.0 / 3.0, 1.0), (5.0 / 6.0, 0.5), (1.0, 1.0 / 256.0)]
+        {
+            close(build_cost([1.0, 2.0, 3.0], [0.0, 10.0 * length, 0.0], 10.0), 10.0 * size * expected);
+        }
+        close(orientation(0.0), 4.0 * PI);
+        close(orientation(2.0 / 3.0), PI);
+        assert_eq!(orientation(1.0), 0.0);
+    }
 }

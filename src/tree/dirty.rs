@@ -1,27 +1,28 @@
-//! Which nodes a refit must look at.
+//! The set of nodes that the next refit has to visit.
 
 use std::collections::BinaryHeap;
 
-/// A set of node indices, taken out from the last to the first: children before their parents.
+/// A set of node indices. Indices are taken out in descending order, so children come before their
+/// parents.
 #[derive(Debug, Default)]
-pub(super) struct Dirty {
+pub(super) struct DirtyNodes {
     /// For each node, whether it is in the set.
     flags: Vec<bool>,
     heap: BinaryHeap<u32>,
 }
 
-impl Dirty {
-    /// None of `count`.
-    pub fn none(count: usize) -> Self {
+impl DirtyNodes {
+    /// An empty set for a tree of `count` nodes.
+    pub fn empty(count: usize) -> Self {
         Self { flags: vec![false; count], heap: BinaryHeap::with_capacity(count) }
     }
 
-    /// Bytes.
-    pub fn memory(&self) -> usize {
+    /// The size of all arrays in bytes.
+    pub fn memory_bytes(&self) -> usize {
         self.flags.capacity() + size_of::<u32>() * self.heap.capacity()
     }
 
-    /// How many are in the set.
+    /// The number of nodes in the set.
     pub fn len(&self) -> usize {
         self.heap.len()
     }
@@ -33,15 +34,16 @@ impl Dirty {
         }
     }
 
-    /// Takes out the greatest, if there is one.
+    /// Takes out the greatest index. `None` if the set is empty.
     pub fn pop(&mut self) -> Option<usize> {
         let node = self.heap.pop()? as usize;
         self.flags[node] = false;
         Some(node)
     }
 
-    /// Forgets who comes first; the flags stay, for whoever looks at all of them and clears them.
-    pub fn forget_order(&mut self) {
+    /// Drops the order and keeps the flags, for a sweep that visits all nodes and clears the flags
+    /// itself.
+    pub fn drop_order(&mut self) {
         self.heap.clear();
     }
 
@@ -51,8 +53,9 @@ impl Dirty {
     }
 }
 
-impl Clone for Dirty {
-    /// With room for all nodes, which a derived clone would not keep: refits of a clone allocate no more than others.
+impl Clone for DirtyNodes {
+    /// Keeps room for all nodes, so that refits of the clone do not allocate either. A derived
+    /// clone would drop the spare capacity.
     fn clone(&self) -> Self {
         let mut heap = BinaryHeap::with_capacity(self.flags.len());
         heap.extend(&self.heap);
@@ -65,8 +68,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nodes_come_out_once_and_the_last_first() {
-        let mut dirty = Dirty::none(3);
+    fn each_node_is_taken_out_once_and_the_greatest_index_first() {
+        let mut dirty = DirtyNodes::empty(3);
         [0, 2, 1, 1].into_iter().for_each(|node| dirty.insert(node));
         assert_eq!([dirty.pop(), dirty.pop()], [Some(2), Some(1)]);
         dirty.insert(2);

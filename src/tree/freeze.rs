@@ -1,48 +1,53 @@
-//! Trees at rest drop what only refits need, most of their memory on the CPU; the next edit computes it again.
+//! Freezing drops the data that only refits need, which is most of a tree's memory on the CPU. The
+//! next edit computes it again.
 
 use super::LightTree;
-use super::attributes::Terms;
-use super::dirty::Dirty;
+use super::attributes::AttributeSums;
+use super::dirty::DirtyNodes;
 use super::node::{Node, WIDTH};
-use super::refit::Tasks;
+use super::tasks::RefitTasks;
 use super::wide::WideCluster;
 use crate::light::Light;
 
 impl LightTree {
-    /// Drops what only refits need: the clusters at full precision and each subtree's part of the attributes, some 100
-    /// bytes a light. The next [`LightTree::set`] computes them again, and the refit after it visits all nodes once, to
-    /// the very same bits as if nothing had been dropped. Refits first, if some light has changed since.
+    /// Drops the data that only refits need: the clusters at full precision and each subtree's part
+    /// of the attributes, some 100 bytes per light. Refits first if lights have changed since the
+    /// last refit.
     ///
-    /// [`LightWorld`](crate::LightWorld) does this to its trees by itself, once their lights have not changed for a while. O(1),
-    /// but for that refit.
+    /// The next [`LightTree::set_lights`] allocates the data again, and the refit after it visits
+    /// all nodes once. The results have the same bits as if nothing had been dropped.
+    ///
+    /// [`LightWorld`](crate::LightWorld) freezes its trees once their lights have not changed for a
+    /// while. O(1) apart from the refit.
     pub fn freeze(&mut self) {
         if self.dirty.len() > 0 {
             self.refit_without_attributes();
         }
         self.wide = Vec::new();
-        self.terms = Vec::new();
-        self.dirty = Dirty::default();
-        self.tasks = Tasks::default();
+        self.attribute_sums = Vec::new();
+        self.dirty = DirtyNodes::default();
+        self.tasks = RefitTasks::default();
     }
 
-    /// Whether the tree is without what refits need.
+    /// Whether the tree is frozen.
     pub fn is_frozen(&self) -> bool {
         self.wide.len() < self.nodes.len()
     }
 
-    /// Bytes of all arrays, lights included: what the tree takes besides itself.
-    pub fn memory(&self) -> usize {
-        let Self { lights, leaves, nodes, wide, spans, sizes, fresh, terms, .. } = self;
+    /// The size of all arrays in bytes, lights included: the memory of the tree on the heap.
+    pub fn memory_bytes(&self) -> usize {
+        let Self { lights, leaves, nodes, wide, spans, light_counts, built_costs, attribute_sums, .. } = self;
         size_of::<Light>() * lights.capacity()
             + size_of::<Node>() * nodes.capacity()
             + size_of::<WideCluster>() * wide.capacity()
-            + size_of::<Terms>() * terms.capacity()
-            + size_of::<u32>() * (leaves.capacity() + spans.capacity() + sizes.capacity() + fresh.capacity())
-            + self.dirty.memory()
-            + self.tasks.memory()
+            + size_of::<AttributeSums>() * attribute_sums.capacity()
+            + size_of::<u32>() * (leaves.capacity() + spans.capacity())
+            + size_of::<u32>() * (light_counts.capacity() + built_costs.capacity())
+            + self.dirty.memory_bytes()
+            + self.tasks.memory_bytes()
     }
 
-    /// Undoes [`LightTree::freeze`] but for what the next refit computes, which visits all nodes.
+    /// Allocates the dropped data again and marks all nodes, so that the next refit computes it.
     pub(super) fn thaw(&mut self) {
         if !self.is_frozen() {
             return;
@@ -53,13 +58,13 @@ impl LightTree {
             let place = *place as usize;
             self.wide[place / WIDTH].set(place % WIDTH, &light.cluster());
         }
-        self.terms = vec![Terms::default(); count];
-        self.dirty = Dirty::none(count);
+        self.attribute_sums = vec![AttributeSums::default(); count];
+        self.dirty = DirtyNodes::empty(count);
         (0..count).filter(|node| self.spans[*node] > 0).for_each(|node| self.dirty.insert(node));
-        self.tasks = Tasks::new(&self.spans);
+        self.tasks = RefitTasks::new(&self.spans);
     }
 
-    /// A copy that has all that refits need.
+    /// A copy that is not frozen, with nodes made from its lights.
     pub(super) fn thawed(&self) -> Self {
         let mut tree = self.clone();
         tree.thaw();
@@ -85,16 +90,17 @@ mod tests {
         }
     }
 
-    /// All that later calls depend on, and what they see. Floats print as what they are, and NaN equals itself.
-    fn all_of(tree: &LightTree) -> String {
-        let LightTree { nodes, wide, spans, sizes, fresh, terms, leaves, credit, root, attributes, effects, .. } = tree;
-        let bits: &[u8] = bytemuck::cast_slice(nodes);
-        let shape = format!("{bits:?} {spans:?} {sizes:?} {leaves:?} {root:?}");
-        format!("{shape} {wide:?} {fresh:?} {terms:?} {credit} {attributes:?} {effects:?}")
+    /// The complete state of a tree as text, in which equal floats look equal and NaN equals NaN.
+    fn state_of(tree: &LightTree) -> String {
+        let bits: &[u8] = bytemuck::cast_slice(&tree.nodes);
+        let LightTree { spans, light_counts, leaves, wide, built_costs, attribute_sums, .. } = tree;
+        let LightTree { rebuild_credit, root, attributes, effects, .. } = tree;
+        let shape = format!("{bits:?} {spans:?} {light_counts:?} {leaves:?} {root:?}");
+        format!("{shape} {wide:?} {built_costs:?} {attribute_sums:?} {rebuild_credit} {attributes:?} {effects:?}")
     }
 
     #[test]
-    fn a_tree_that_was_frozen_goes_on_as_if_it_had_never_been() {
+    fn a_tree_that_was_frozen_behaves_as_if_it_had_never_been() {
         type Step = fn(&mut LightTree);
         let edit: Step = |tree| {
             let changes: Vec<_> = (0..tree.lights.len()).step_by(7).map(|i| (i as u32, lamp(i + 5000))).collect();
@@ -105,7 +111,7 @@ mod tests {
                 tree.apply(&[(0, lamp(9000))]);
                 tree.refit();
             }),
-            ("edit, refit unmeasured, edit, refit", |tree| {
+            ("edit, refit without attributes, edit, refit", |tree| {
                 tree.apply(&[(0, lamp(9000))]);
                 tree.refit_without_attributes();
                 tree.apply(&[(0, lamp(9001))]);
@@ -132,7 +138,7 @@ mod tests {
                 let mut frozen = plain.clone();
                 frozen.freeze();
                 assert!(frozen.is_frozen() && !plain.is_frozen());
-                frozen.check().expect("a frozen tree is sound");
+                frozen.check().expect("the frozen tree is sound");
                 assert_eq!(
                     format!("{:?} {:?}", frozen.root, frozen.attributes),
                     format!("{:?} {:?}", plain.root, plain.attributes)
@@ -142,34 +148,35 @@ mod tests {
                     next(&mut plain);
                     next(&mut frozen);
                     frozen.check().unwrap_or_else(|e| panic!("{name}: {e}"));
-                    // A measured tree has nothing to do when it is refitted without edits, and stays as it is.
+                    // A refit without edits leaves a frozen tree frozen.
                     if frozen.is_frozen() {
                         frozen.thaw();
                         frozen.refit();
                     }
-                    // Equal but for terms that wait to be measured.
+                    // Both are equal once the attributes are up to date.
                     plain.refit();
-                    assert!(all_of(&plain) == all_of(&frozen), "{count} lights, {name}");
+                    assert!(state_of(&plain) == state_of(&frozen), "{count} lights, {name}");
                 }
             }
         }
     }
 
     #[test]
-    fn a_frozen_tree_is_less_than_half_as_large() {
+    fn a_frozen_tree_takes_less_than_half_the_memory() {
         let mut tree = LightTree::build((0..20_000).map(lamp).collect());
-        let before = tree.memory();
+        let before = tree.memory_bytes();
         tree.freeze();
-        assert!(2 * tree.memory() < before, "{} of {before} bytes", tree.memory());
+        assert!(2 * tree.memory_bytes() < before, "{} of {before} bytes", tree.memory_bytes());
         tree.apply(&[(3, lamp(7))]);
-        assert_eq!(tree.memory(), before);
+        assert_eq!(tree.memory_bytes(), before);
     }
 
     #[test]
-    fn a_frozen_tree_whose_nodes_are_not_what_its_lights_make_is_found_out() {
+    fn the_check_finds_a_frozen_node_that_differs_from_its_lights() {
         let mut tree = LightTree::build((0..50).map(lamp).collect());
         tree.freeze();
         tree.nodes[0].flux[0] += 1;
-        assert_eq!(tree.check().expect_err("broken").what, "not what its lights make");
+        let error = tree.check().expect_err("the first node is wrong");
+        assert_eq!((error.node, error.what), (0, "the node of the frozen tree differs from one made from its lights"));
     }
 }

@@ -6,84 +6,98 @@ mod check;
 mod cost;
 mod dirty;
 mod freeze;
+mod layout;
 mod node;
+mod pack;
 mod rebuild;
 mod refit;
 mod shape;
+mod tasks;
+#[cfg(test)]
+pub(crate) mod testing;
 mod wide;
 
 pub use attributes::{Attribute, Attributes};
 pub use check::CheckError;
-pub(crate) use cost::DIAGONAL_WEIGHT;
+pub(crate) use cost::build_cost;
+#[cfg(feature = "gpu")]
+pub(crate) use cost::{DIAGONAL_WEIGHT, MIN_ORIENTATION};
 pub use node::{Bytes, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_PARENT, Node, Target, WIDTH};
 #[cfg(feature = "gpu")]
-pub(crate) use node::{CAP_STEPS, DIRECTION_STEPS, STEPS};
-pub(crate) use node::{UNLIMITED_RANGE, Unpacked};
+pub(crate) use pack::{CAP_STEPS, DIRECTION_STEPS, STEPS};
+pub(crate) use pack::{UNLIMITED_RANGE, Unpacked};
+pub(crate) use rebuild::RebuildPart;
+#[cfg(test)]
+pub(crate) use shape::{BuildItem, shape};
+pub(crate) use shape::{ChildGroup, Children, fills_nodes, middle};
 #[cfg(feature = "gpu")]
 pub(crate) use shape::{FULL, SPARSE_COUNTS};
-#[cfg(test)]
-pub(crate) use shape::{Item, shape};
-pub(crate) use shape::{fills_nodes, middle};
 pub(crate) use wide::{Lanes, WideCluster};
 
-pub(crate) use rebuild::Part;
+use std::fmt;
 
-use dirty::Dirty;
+use attributes::AttributeSums;
+use dirty::DirtyNodes;
+use tasks::RefitTasks;
 
 use crate::cluster::Cluster;
 use crate::effects::EffectCounts;
 use crate::error::WorldError;
 use crate::light::Light;
 
-/// Lights and the wide tree over them. Nodes lie depth first: a parent before its children, every subtree in one piece.
+/// Lights and the wide tree over them.
 ///
-/// A tree is bound to its number of lights; [`LightTree::set`] changes lights in place and [`LightTree::refit`] brings
-/// the nodes up to date. [`LightWorld`](crate::LightWorld) does both for the trees that it holds.
-#[derive(Clone, Debug, Default)]
+/// Nodes lie depth first: a parent before its children, and every subtree in one piece. The number
+/// of lights is fixed. [`LightTree::set_lights`] changes lights in place, and [`LightTree::refit`]
+/// brings the nodes up to date. [`LightWorld`](crate::LightWorld) does both for its trees.
+#[derive(Clone, Default)]
 pub struct LightTree {
     lights: Vec<Light>,
-    /// What the lights call for.
+    /// The effects of all lights.
     effects: EffectCounts,
     /// For each light `node * WIDTH + slot` of its leaf.
     leaves: Vec<u32>,
     /// What is sampled.
     nodes: Vec<Node>,
-    /// What each node is packed from; lights' lanes follow `set`, nodes' lanes the refit. A frozen tree has none.
+    /// The clusters that each node is packed from. Edits change the lanes of lights, refits the
+    /// lanes of nodes. Empty in a frozen tree.
     wide: Vec<WideCluster>,
-    /// Nodes that belong to each node's subtree, itself and spare ones included; 0 for a spare node.
+    /// The number of nodes in each node's subtree, itself and spare nodes included; 0 for a spare
+    /// node.
     spans: Vec<u32>,
-    /// Lights in each node's subtree.
-    sizes: Vec<u32>,
-    /// Splitting cost of each subtree relative to how its lights lie, when it was built.
-    fresh: Vec<f32>,
+    /// The number of lights in each node's subtree.
+    light_counts: Vec<u32>,
+    /// The splitting cost of each subtree relative to the spread of its lights, when it was built.
+    built_costs: Vec<f32>,
     /// Lights that [`LightTree::rebuild_worst`] may still rebuild.
-    credit: usize,
-    /// Each subtree's part of the attributes.
-    terms: Vec<attributes::Terms>,
-    /// Some of the terms are older than the nodes.
-    is_unmeasured: bool,
+    rebuild_credit: usize,
+    /// Each subtree's part of the attributes. Empty in a frozen tree.
+    attribute_sums: Vec<AttributeSums>,
+    /// Some of these sums are older than the nodes.
+    has_stale_sums: bool,
     /// Nodes with lanes that changed since the last refit.
-    dirty: Dirty,
-    tasks: refit::Tasks,
-    /// All lights.
+    dirty: DirtyNodes,
+    tasks: RefitTasks,
+    /// The cluster of all lights.
     root: Cluster,
     attributes: Attributes,
 }
 
-/// A tree's flux, by how a transform changes it. Lumens.
+/// The flux of a tree by how a transform changes it, in lumens.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FluxByKind {
-    /// Of points and spots.
+    /// Flux of points and spots.
     pub punctual: f32,
-    /// Of rectangles, triangles and spheres.
+    /// Flux of rectangles, triangles and spheres.
     pub area: f32,
 }
 
 impl LightTree {
-    /// Builds a tree. Lights keep their order; a tree of no lights is fine.
+    /// Builds a tree. Lights keep their order. A tree may have no lights.
     ///
     /// # Errors
-    /// [`WorldError::Light`] for the first bad light, [`WorldError::TooManyLights`] past [`MAX_LIGHTS`].
+    /// [`WorldError::Light`] for the first invalid light, [`WorldError::TooManyLights`] for more
+    /// than [`MAX_LIGHTS`] lights.
     ///
     /// O(n log n). Source: CK18 4.2-4.4, see `tree/shape`.
     pub fn new(lights: Vec<Light>) -> Result<Self, WorldError> {
@@ -92,27 +106,28 @@ impl LightTree {
         Ok(Self::build(lights))
     }
 
-    /// The lights, in the order they were given.
+    /// The lights, in the order in which they were given.
     pub fn lights(&self) -> &[Light] {
         &self.lights
     }
 
-    /// How many of the lights have each effect.
+    /// The number of lights that have each effect.
     pub fn effects(&self) -> &EffectCounts {
         &self.effects
     }
 
-    /// The nodes, the root first.
+    /// The nodes, the root first. Spare nodes among them have no children.
     pub fn nodes(&self) -> &[Node] {
         &self.nodes
     }
 
-    /// `node * WIDTH + slot` of each light's leaf.
+    /// For each light `node * WIDTH + slot` of its leaf.
     pub fn leaves(&self) -> &[u32] {
         &self.leaves
     }
 
-    /// The four attributes of SS as of the last build or refit, but for [`LightTree::refit_without_attributes`].
+    /// The four attributes of SS as of the last build or refit.
+    /// [`LightTree::refit_without_attributes`] does not update them.
     pub fn attributes(&self) -> Attributes {
         self.attributes
     }
@@ -123,22 +138,24 @@ impl LightTree {
         FluxByKind { punctual: (flux - area_flux).max(0.0), area: area_flux }
     }
 
-    /// All lights as one cluster, exactly: the root's children are packed wider.
+    /// The cluster of all lights as of the last build or refit, at full precision. The root's
+    /// children are packed and therefore wider.
     pub fn cluster(&self) -> Cluster {
         self.root
     }
 
-    /// Replaces lights; the nodes follow at the next [`LightTree::refit`]. A frozen tree thaws, which allocates.
+    /// Replaces lights, each change an index and a light. The nodes change at the next
+    /// [`LightTree::refit`]. Allocates if the tree is frozen.
     ///
     /// # Errors
-    /// [`WorldError::NoSuchLight`] or [`WorldError::Light`]; then no light has changed.
+    /// [`WorldError::NoSuchLight`] or [`WorldError::Light`]. Then no light has changed.
     pub fn set_lights(&mut self, changes: &[(u32, Light)]) -> Result<(), WorldError> {
         self.check_changes(changes)?;
         self.apply(changes);
         Ok(())
     }
 
-    /// [`LightTree::set`] for changes that are known to be fine.
+    /// [`LightTree::set_lights`] for changes that have been checked.
     pub(crate) fn apply(&mut self, changes: &[(u32, Light)]) {
         if !changes.is_empty() {
             self.thaw();
@@ -153,7 +170,7 @@ impl LightTree {
         }
     }
 
-    /// Whether [`LightTree::set`] would take these changes.
+    /// Checks that [`LightTree::set_lights`] would accept these changes.
     pub(crate) fn check_changes(&self, changes: &[(u32, Light)]) -> Result<(), WorldError> {
         let count = self.lights.len();
         if let Some((index, _)) = changes.iter().find(|(index, _)| *index as usize >= count) {
@@ -162,9 +179,36 @@ impl LightTree {
         check_lights(changes.iter().map(|(i, l)| (*i as usize, l)))
     }
 
-    /// Builds the nodes anew from the present lights.
+    /// Builds the nodes anew from the present lights. O(n log n).
     pub fn rebuild(&mut self) {
         *self = Self::build(std::mem::take(&mut self.lights));
+    }
+
+    /// The cluster of a node at full precision.
+    fn cluster_of(&self, node: usize) -> Cluster {
+        match self.nodes[node].parent {
+            NO_PARENT => self.root,
+            place => self.wide[place as usize / WIDTH].get(place as usize % WIDTH),
+        }
+    }
+
+    /// The splitting cost of a subtree relative to the spread of its lights.
+    fn cost_per_spread(&self, node: usize) -> f32 {
+        self.attribute_sums[node].cost_per_spread(&self.cluster_of(node))
+    }
+}
+
+impl fmt::Debug for LightTree {
+    /// Summarises the tree: its lights and nodes may be megabytes.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("LightTree")
+            .field("lights", &self.lights.len())
+            .field("nodes", &self.nodes.len())
+            .field("is_frozen", &self.is_frozen())
+            .field("effects", &self.effects)
+            .field("cluster", &self.root)
+            .field("attributes", &self.attributes)
+            .finish_non_exhaustive()
     }
 }
 
@@ -178,16 +222,23 @@ fn check_lights<'a>(mut lights: impl Iterator<Item = (usize, &'a Light)>) -> Res
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
 
     #[test]
-    fn the_light_limit_follows_from_the_leaf_bit_and_is_tested_on_both_sides() {
+    fn a_tree_takes_as_many_lights_as_31_bits_can_name_and_no_more() {
         assert!(check_light_count(MAX_LIGHTS).is_ok());
         assert_eq!(
             check_light_count(MAX_LIGHTS + 1),
             Err(WorldError::TooManyLights { given: MAX_LIGHTS + 1, limit: MAX_LIGHTS })
         );
-        // The largest index, with the leaf bit, is not the mark of an empty slot.
-        assert_ne!((MAX_LIGHTS - 1) as u32 | LEAF, EMPTY_SLOT);
+    }
+
+    #[test]
+    fn the_debug_text_of_a_large_tree_is_short() {
+        let tree = LightTree::build(vec![Light::point(Vec3::ONE, Vec3::ONE); 1000]);
+        let text = format!("{tree:?}");
+        assert!(text.contains("lights: 1000") && text.len() < 2000, "{text}");
     }
 }

@@ -1,24 +1,19 @@
-//! The wide node that is sampled: eight children in 208 bytes.
+//! The record of a wide node: eight children in 208 bytes, and the links between nodes.
 //!
-//! The same bytes are read on the CPU and, uploaded as they are, by `shaders/node.wgsl`; only these two files know how
-//! a cluster is packed. `gpu/layout.rs` compares the records, `gpu/top/tests.rs` what is packed. Boxes are quantised as
-//! in Ylitie, Karras and Laine (2017), and everything else to a byte or two: at the leaves, where most bytes are, the
-//! importance needs no more (docs/decisions.md, 1). Rounding is outward wherever it could hide a light.
+//! The CPU walks these bytes, and the GPU gets them as they are. `pack.rs` encodes clusters into a
+//! node and decodes them; `shaders/node.wgsl` decodes them on the GPU. A test in `gpu/layout.rs`
+//! compares the record with its twin in `shaders/types.wgsl`.
 
 use bytemuck::{Pod, Zeroable};
-use glam::Vec3;
 
-use super::wide::WideCluster;
-use crate::bounds::Aabb;
-use crate::cluster::{Cluster, MIN_AXIS};
-
-/// Children of a node. Eight fill a vector register; `docs/decisions.md` has the noise of 8, 16 and 32.
+/// Children of a node. Eight fill a vector register; `docs/decisions.md` compares the noise of 8,
+/// 16 and 32.
 pub const WIDTH: usize = 8;
 
-/// Set in [`Node::targets`] when the child is one light (or, in a top level, one instance).
+/// This bit is set in [`Node::targets`] if the child is one light (in a top level, one instance).
 pub const LEAF: u32 = 1 << 31;
 
-/// The most lights of a tree: what 31 bits can name beside the leaf bit.
+/// The largest number of lights in a tree: as many as 31 bits can name beside the leaf bit.
 pub const MAX_LIGHTS: usize = (LEAF - 1) as usize;
 
 /// The target of an unused slot.
@@ -27,70 +22,64 @@ pub const EMPTY_SLOT: u32 = u32::MAX;
 /// [`Node::parent`] of the root.
 pub const NO_PARENT: u32 = u32::MAX;
 
-/// Stands for no range, in metres: shaders may not rely on infinity. Its square fits into f32 and is farther than any
-/// two places of a world.
-pub(crate) const UNLIMITED_RANGE: f32 = 1.0e18;
-
-/// Steps of a box, of a share and of a length.
-pub(crate) const STEPS: f32 = 255.0;
-/// Steps of a coordinate of a direction.
-pub(crate) const DIRECTION_STEPS: f32 = 127.0;
-/// Steps from a cosine of 1 to one of 0. Twice as many reach -1, and the last of a byte is beyond.
-pub(crate) const CAP_STEPS: f32 = 127.0;
-
-/// One number of a byte for each child.
+/// One byte for each child.
 pub type Bytes = [u8; WIDTH];
 
-/// A node: up to eight children and the way up. 208 bytes, of which a child has 23 and the node 24.
+/// A node: up to eight children and a link to the parent. It has 208 bytes: 23 for each child and
+/// 24 of its own.
 ///
-/// What a GPU may leave out comes last, in pieces of 16 bytes: `axis` and `cap` where nothing has a cone, `range` where
-/// nothing has one (`gpu/stored.rs`). A dark child has what a light without either has.
+/// The fields that a GPU may leave out come last, in pieces of 16 bytes: `axis` and `cap` where no
+/// light has a cone, `range` where no light has a range (`gpu/stored.rs`). A dark child has the
+/// values of a child without a cone and without a range.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Node {
-    /// Least corner of all children's boxes.
+    /// Least corner of the box around all children, in metres.
     pub origin: [f32; 3],
-    /// Bytes, the lowest first: biased exponents of the steps along x, y and z, which are powers of two; children in
-    /// use.
+    /// Four bytes, the lowest first: the biased exponents of the grid's steps along x, y and z,
+    /// which are powers of two; then the number of children.
     pub steps: u32,
-    /// A node's index; or [`LEAF`] with a light's index; or [`EMPTY_SLOT`].
+    /// For each child the index of its node; or [`LEAF`] with the index of its light; or
+    /// [`EMPTY_SLOT`].
     pub targets: [u32; WIDTH],
-    /// Lumens, the upper half of an f32; 0 means that nothing below shines.
+    /// Lumens, as the upper half of an f32. 0: no light below shines.
     pub flux: [u16; WIDTH],
-    /// Least corner of the box, in steps from `origin`, rounded down.
+    /// Least corner of the child's box, in steps from `origin`, rounded down.
     pub low: [Bytes; 3],
-    /// Greatest corner, rounded up.
+    /// Greatest corner of the child's box, in steps from `origin`, rounded up.
     pub high: [Bytes; 3],
-    /// Flux-weighted mean position: shares of the way from the least to the greatest corner.
+    /// Mean position, weighted by flux: shares of 1/255 of the way from the least to the greatest
+    /// corner.
     pub mean: [Bytes; 3],
-    /// Standard deviation of position, as a share of half the box's diagonal.
+    /// Standard deviation of position, in shares of 1/255 of half the box's diagonal.
     pub deviation: Bytes,
     /// `parent node * WIDTH + slot`, or [`NO_PARENT`].
     pub parent: u32,
-    /// To a multiple of 16 bytes.
+    /// Fills up the 16 bytes that hold `parent` and `shortness`.
     pub padding: u32,
-    /// How much the mean direction is shorter than 1: its square is 1 minus the length.
+    /// √(1 − length) of the mean direction of emission, in steps of 1/255.
     pub shortness: Bytes,
-    /// Direction of the mean direction of emission, each coordinate signed. Not of unit length.
+    /// Direction of the mean direction of emission: three signed coordinates in steps of 1/127, not
+    /// of unit length.
     pub axis: [[i8; WIDTH]; 3],
-    /// 1 minus the cosine of the half-angle of the cap of emission about `axis`, in steps of 1/127, rounded up; from
-    /// 254 on it is all directions.
+    /// 1 minus the cosine of the half-angle of the cap of emission about `axis`, in steps of 1/127,
+    /// rounded up. From 254 on the cap is all directions.
     pub cap: Bytes,
-    /// Largest range in metres, the upper half of an f32, rounded up.
+    /// The largest range in metres, as the upper half of an f32, rounded up.
     pub range: [u16; WIDTH],
 }
 
-/// Where a child leads.
+/// What a child is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Target {
-    /// To a node.
+    /// The index of a node.
     Node(u32),
-    /// To a light, or to an instance in a top level.
+    /// The index of a light; in a top level, the slot of an instance.
     Leaf(u32),
 }
 
 impl Target {
-    /// What the bits of [`Node::targets`] mean, `None` for an unused slot.
+    /// Decodes an entry of [`Node::targets`]. `None` for an unused slot.
     pub fn of(bits: u32) -> Option<Self> {
         match bits {
             EMPTY_SLOT => None,
@@ -100,346 +89,33 @@ impl Target {
     }
 }
 
-/// A child as seen from a point.
-#[derive(Clone, Copy)]
-pub(crate) struct Unpacked {
-    /// From the point to the mean position.
-    pub toward: [f32; 3],
-    /// From the point to the middle of the box.
-    pub center: [f32; 3],
-    /// Half the box's edges.
-    pub half: [f32; 3],
-    /// Squared length of `half`.
-    pub radius_sq: f32,
-    pub variance: f32,
-    /// A unit vector.
-    pub axis: [f32; 3],
-    /// Of the mean direction of emission, in [0, 1].
-    pub length: f32,
-    pub cos_half_angle: f32,
-    pub flux: f32,
-    pub range: f32,
-}
-
-/// A node's grid as seen from a point.
-#[derive(Clone, Copy)]
-pub(crate) struct Grid {
-    /// From the point to the origin.
-    origin: [f32; 3],
-    half_step: [f32; 3],
-}
-
 impl Node {
-    /// No children, no parent.
-    pub const EMPTY: Self = Self {
-        origin: [0.0; 3],
-        steps: 0,
-        targets: [EMPTY_SLOT; WIDTH],
-        flux: [0; WIDTH],
-        low: [[0; WIDTH]; 3],
-        high: [[0; WIDTH]; 3],
-        mean: [[0; WIDTH]; 3],
-        deviation: [0; WIDTH],
-        parent: NO_PARENT,
-        padding: 0,
-        shortness: [STEPS as u8; WIDTH],
-        axis: [[0; WIDTH], [0; WIDTH], [DIRECTION_STEPS as i8; WIDTH]],
-        cap: [2 * CAP_STEPS as u8; WIDTH],
-        range: [packed_range(UNLIMITED_RANGE); WIDTH],
-    };
-
-    /// Children in use; they are the first.
+    /// The number of children. They have the first slots.
     pub fn count(&self) -> usize {
         (self.steps >> 24) as usize
     }
 
-    /// Where a child leads, `None` for an unused slot.
+    /// The child in a slot. `None` for an unused slot and for a slot outside the node (from
+    /// [`WIDTH`] on).
     pub fn target(&self, slot: usize) -> Option<Target> {
-        Target::of(self.targets[slot])
+        self.targets.get(slot).and_then(|bits| Target::of(*bits))
     }
-
-    /// A child as walks see it: what it was packed from, wider by rounding.
-    pub fn cluster(&self, slot: usize) -> Cluster {
-        let grid = self.grid(Vec3::ZERO);
-        let child = self.unpack(slot, &grid);
-        if child.flux <= 0.0 {
-            return Cluster::EMPTY;
-        }
-        let corner = |bytes: &[Bytes; 3]| {
-            Vec3::from([0, 1, 2].map(|k| self.origin[k] + f32::from(bytes[k][slot]) * (2.0 * grid.half_step[k])))
-        };
-        Cluster {
-            aabb: Aabb { min: corner(&self.low), max: corner(&self.high) },
-            flux: child.flux,
-            area_flux: 0.0,
-            mean: child.toward.into(),
-            variance: child.variance,
-            // A length that packs to nothing leaves the cap its direction.
-            axis: Vec3::from(child.axis) * child.length.max(MIN_AXIS),
-            cos_half_angle: child.cos_half_angle,
-            range: child.range,
-        }
-    }
-
-    /// Packs eight clusters whose boxes all lie in `bounds`; leaves targets and parent as they are.
-    #[inline(always)]
-    pub(crate) fn pack(&mut self, wide: &WideCluster, bounds: &Aabb, count: usize) {
-        self.steps = (count as u32) << 24;
-        if bounds.is_empty() {
-            *self = Self { steps: self.steps, parent: self.parent, targets: self.targets, ..Self::EMPTY };
-            return;
-        }
-        let mut half_diagonal_sq = [0.0; WIDTH];
-        for k in 0..3 {
-            let origin = bounds.min[k];
-            let step_bits = step_bits(origin, bounds.max[k]);
-            let step = f32::from_bits(step_bits << 23);
-            let per_step = if step > 0.0 { 1.0 / step } else { 0.0 };
-            self.origin[k] = origin;
-            self.steps |= step_bits << (8 * k);
-            for i in 0..WIDTH {
-                let is_lit = wide.flux[i] > 0.0;
-                let (min, max) = if is_lit { (wide.min[k][i], wide.max[k][i]) } else { (origin, origin) };
-                // Rounding may be off by a step either way: what is decoded decides.
-                let low = nearest((min - origin) * per_step);
-                let low = if origin + low * step > min { low - 1.0 } else { low };
-                let high = nearest((max - origin) * per_step);
-                let high = if origin + high * step < max { high + 1.0 } else { high };
-                let (from, to) = (origin + low * step, origin + high * step);
-                let width = to - from;
-                let share = (wide.mean[k][i] - from) / if width > 0.0 { width } else { 1.0 };
-                self.low[k][i] = byte(low);
-                self.high[k][i] = byte(high);
-                self.mean[k][i] = byte(if is_lit { share * STEPS } else { 0.0 });
-                half_diagonal_sq[i] += 0.25 * width * width;
-            }
-        }
-        let mut axis = [[0.0; WIDTH]; 3];
-        for i in 0..WIDTH {
-            let [x, y, z] = [wide.axis[0][i], wide.axis[1][i], wide.axis[2][i]];
-            let length = (x * x + y * y + z * z).sqrt();
-            let length = if wide.flux[i] > 0.0 { length } else { 0.0 };
-            let inverse = if length > 0.0 { 1.0 / length } else { 0.0 };
-            let quantised = [x, y, z].map(|v| nearest_signed(v * inverse * DIRECTION_STEPS));
-            // A direction even where there is none, so that nobody divides by zero.
-            let quantised = if length > 0.0 { quantised } else { [0.0, 0.0, DIRECTION_STEPS] };
-            let [x, y, z] = quantised;
-            let inverse = 1.0 / (x * x + y * y + z * z).sqrt();
-            for k in 0..3 {
-                self.axis[k][i] = signed_byte(quantised[k]);
-                axis[k][i] = quantised[k] * inverse;
-            }
-            let shortness = 1.0 - if length < 1.0 { length } else { 1.0 };
-            self.shortness[i] = byte(shortness.sqrt() * STEPS);
-            let ratio_sq = wide.variance[i] / if half_diagonal_sq[i] > 0.0 { half_diagonal_sq[i] } else { 1.0 };
-            self.deviation[i] = byte(ratio_sq.sqrt() * STEPS);
-        }
-        let caps = wide.caps_about(axis);
-        for i in 0..WIDTH {
-            let is_lit = wide.flux[i] > 0.0;
-            let steps = if is_lit { (1.0 - caps[i]) * CAP_STEPS } else { 2.0 * CAP_STEPS };
-            let whole = nearest(steps);
-            self.cap[i] = byte(if whole < steps { whole + 1.0 } else { whole });
-            let has_range = is_lit & (wide.range[i] < UNLIMITED_RANGE);
-            self.range[i] = packed_range(if has_range { wide.range[i] } else { UNLIMITED_RANGE });
-            self.flux[i] = ((wide.flux[i].to_bits() + 0x8000) >> 16) as u16;
-        }
-    }
-
-    /// The grid of the children's boxes as seen from a point.
-    #[inline(always)]
-    pub(crate) fn grid(&self, from: Vec3) -> Grid {
-        let half_step = [0, 8, 16].map(|shift| 0.5 * f32::from_bits((self.steps >> shift & 0xff) << 23));
-        Grid { origin: (Vec3::from(self.origin) - from).to_array(), half_step }
-    }
-
-    /// The sum of the greatest coordinates, in metres.
-    #[inline(always)]
-    pub(crate) fn reach(&self, grid: &Grid) -> f32 {
-        let mut sum = 0.0;
-        for k in 0..3 {
-            sum += self.origin[k].abs() + 2.0 * STEPS * grid.half_step[k];
-        }
-        sum
-    }
-
-    /// A child; without branches, so that a loop over all children becomes vectors.
-    #[inline(always)]
-    pub(crate) fn unpack(&self, i: usize, grid: &Grid) -> Unpacked {
-        let (mut toward, mut center, mut half, mut axis) = ([0.0; 3], [0.0; 3], [0.0; 3], [0.0; 3]);
-        let mut radius_sq = 0.0;
-        for k in 0..3 {
-            let (low, high) = (f32::from(self.low[k][i]), f32::from(self.high[k][i]));
-            let width = high - low;
-            half[k] = width * grid.half_step[k];
-            center[k] = grid.origin[k] + (high + low) * grid.half_step[k];
-            toward[k] = grid.origin[k]
-                + (low + width * (f32::from(self.mean[k][i]) * (1.0 / STEPS))) * (2.0 * grid.half_step[k]);
-            axis[k] = f32::from(self.axis[k][i]);
-            radius_sq += half[k] * half[k];
-        }
-        let length_sq = axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2];
-        let inverse = 1.0 / if length_sq > 1.0 { length_sq } else { 1.0 }.sqrt();
-        let deviation = f32::from(self.deviation[i]) * (1.0 / STEPS);
-        let shortness = f32::from(self.shortness[i]) * (1.0 / STEPS);
-        let cos = 1.0 - f32::from(self.cap[i]) * (1.0 / CAP_STEPS);
-        Unpacked {
-            toward,
-            center,
-            half,
-            radius_sq,
-            variance: deviation * deviation * radius_sq,
-            axis: [axis[0] * inverse, axis[1] * inverse, axis[2] * inverse],
-            length: 1.0 - shortness * shortness,
-            cos_half_angle: if cos > -1.0 { cos } else { -1.0 },
-            flux: f32::from_bits(u32::from(self.flux[i]) << 16),
-            range: f32::from_bits(u32::from(self.range[i]) << 16),
-        }
-    }
-}
-
-/// Biased exponent of the least power of two of which [`STEPS`] reach from `min` to `max`; 0 if they are equal.
-#[inline(always)]
-fn step_bits(min: f32, max: f32) -> u32 {
-    if max <= min {
-        return 0;
-    }
-    let bits = (((max - min) / STEPS).to_bits() >> 23).max(1);
-    // The quotient's own power of two is at most it; the next is enough but for rounding.
-    let reaches = |bits: u32| min + STEPS * f32::from_bits(bits << 23) >= max;
-    if reaches(bits) {
-        bits
-    } else if reaches(bits + 1) {
-        bits + 1
-    } else {
-        bits + 2
-    }
-}
-
-/// The upper half of a range, rounded up.
-#[inline(always)]
-const fn packed_range(range: f32) -> u16 {
-    ((range.to_bits() + 0xffff) >> 16) as u16
-}
-
-/// Added to a number in [0, 2^22], leaves the nearest whole number in the last bits: conversions that check their range
-/// are slow, and not made into vectors.
-const WHOLE: f32 = 8_388_608.0;
-
-/// The same for numbers of either sign.
-const WHOLE_SIGNED: f32 = 1.5 * WHOLE;
-
-/// The nearest whole number.
-#[inline(always)]
-fn nearest(x: f32) -> f32 {
-    (x + WHOLE) - WHOLE
-}
-
-#[inline(always)]
-fn nearest_signed(x: f32) -> f32 {
-    (x + WHOLE_SIGNED) - WHOLE_SIGNED
-}
-
-/// The nearest byte. What is left of a byte's range by rounding is cut off.
-#[inline(always)]
-fn byte(x: f32) -> u8 {
-    let x = if x > 0.0 { x } else { 0.0 };
-    ((if x < STEPS { x } else { STEPS }) + WHOLE).to_bits() as u8
-}
-
-#[inline(always)]
-fn signed_byte(x: f32) -> i8 {
-    (x + WHOLE_SIGNED).to_bits() as i8
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cone::{Cone, angle};
 
-    fn pack(clusters: &[Cluster]) -> Node {
-        let mut wide = WideCluster::EMPTY;
-        clusters.iter().enumerate().for_each(|(lane, cluster)| wide.set(lane, cluster));
-        let mut node = Node::EMPTY;
-        node.pack(&wide, &wide.merged().cluster.aabb, clusters.len());
-        node
+    #[test]
+    fn a_slot_that_is_unused_or_outside_the_node_has_no_target() {
+        let mut node = Node { targets: [EMPTY_SLOT; WIDTH], ..Node::zeroed() };
+        (node.targets[0], node.targets[7]) = (5, LEAF | 6);
+        assert_eq!((node.target(0), node.target(7)), (Some(Target::Node(5)), Some(Target::Leaf(6))));
+        assert!([1, WIDTH, WIDTH + 1, usize::MAX].into_iter().all(|slot| node.target(slot).is_none()));
     }
 
     #[test]
-    fn packed_caps_hold_the_true_ones_and_moments_are_close() {
-        for i in 0..20_000 {
-            let z = 1.0 - 2.0 * (i as f32 + 0.5) / 20_000.0;
-            let (s, c) = (i as f32 * 2.399_963_2).sin_cos();
-            let d = (Vec3::new(c, s, 0.0) * (1.0 - z * z).sqrt() + Vec3::Z * z).normalize();
-            let half_angle = i as f32 / 20_000.0 * 3.1;
-            let length = 0.05 + 0.949 * ((i * 7) % 1000) as f32 / 1000.0;
-            let cluster = Cluster {
-                aabb: Aabb::around([Vec3::ONE, Vec3::new(4.0, 1.0, -2.0)]),
-                flux: 3.7,
-                mean: Vec3::new(2.0, 1.0, 0.5),
-                variance: 1.3,
-                axis: d * length,
-                cos_half_angle: half_angle.cos(),
-                ..Cluster::EMPTY
-            };
-            let back = pack(&[cluster]).cluster(0);
-            let axis = back.axis.normalize();
-            // Half a step of 1/127 in each coordinate.
-            assert!(angle(axis, d) < 7.0e-3, "{d}");
-            let outer = Cone { axis, half_angle: back.cos_half_angle.acos() };
-            assert!(back.cos_half_angle <= -1.0 || angle(axis, d) + half_angle <= outer.half_angle, "{half_angle}");
-            // The cap grows by the turn of the axis and by a step of 1/127.
-            let grown = (angle(axis, d) + half_angle).min(std::f32::consts::PI).cos() - 1.0 / CAP_STEPS - 1.0e-3;
-            assert!(back.cos_half_angle >= grown.max(-1.0), "{half_angle} {} {grown}", back.cos_half_angle);
-            assert!((back.axis.length() - length).abs() < 4.0e-3, "{length} {}", back.axis.length());
-            assert!((back.flux / 3.7 - 1.0).abs() < 4.0e-3 && (back.variance / 1.3 - 1.0).abs() < 1.0e-2);
-            assert!(back.mean.distance(cluster.mean) < 0.02, "{}", back.mean);
-        }
-    }
-
-    #[test]
-    fn packed_boxes_and_ranges_hold_the_true_ones_wherever_they_are() {
-        for scale in [1.0e-30_f32, 1.0e-3, 1.0, 1.0e9] {
-            for shift in [0.0_f32, 1.0, 1.0e6, -1.0e9] {
-                let corner = |i: u32| {
-                    let f = |k: u32| ((i * (2 * k + 3) * 7919) % 1000) as f32 / 1000.0;
-                    Vec3::new(f(0), f(1) - 0.5, 0.0) * scale + shift
-                };
-                let cluster = |i: u32| Cluster {
-                    aabb: Aabb::around([corner(i), corner(i + 50)]),
-                    flux: 1.0,
-                    range: 0.01 + i as f32 * scale,
-                    ..Cluster::EMPTY
-                };
-                let clusters: Vec<Cluster> = (1..9).map(cluster).collect();
-                let node = pack(&clusters);
-                for (lane, cluster) in clusters.iter().enumerate() {
-                    let back = node.cluster(lane);
-                    assert!(back.aabb.contains(&cluster.aabb), "{scale} {shift}: {back:?} {cluster:?}");
-                    assert!(back.range >= cluster.range.min(UNLIMITED_RANGE));
-                    let slack = node.cluster(lane).aabb.extent() - cluster.aabb.extent();
-                    let most = (corner(1) - corner(9)).abs().max_element().max(scale) / 50.0 + shift.abs() * 3.0e-7;
-                    assert!(slack.max_element() <= most.max(1.0e-36), "{scale} {shift} {slack}");
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn a_dark_cluster_packs_to_a_slot_of_zero_flux() {
-        let lamp = Cluster { aabb: Aabb::point(Vec3::X), flux: 1.0e-18, mean: Vec3::X, ..Cluster::EMPTY };
-        let node = pack(&[Cluster { mean: Vec3::Y, ..Cluster::EMPTY }, lamp]);
-        assert_eq!((node.flux[0], node.count()), (0, 2));
-        assert!(node.cluster(0).aabb.is_empty() && node.cluster(1).flux > 0.0);
-        assert_eq!(pack(&[Cluster::EMPTY]).flux, [0; WIDTH]);
-        // Like a light without cone and range, so that what is not stored can be told without looking at the flux.
-        let dark = Cluster { axis: Vec3::X, range: 1.0, ..Cluster::EMPTY };
-        let node = pack(&[dark, lamp, Cluster { range: f32::INFINITY, cos_half_angle: -1.0, ..lamp }]);
-        assert_eq!(
-            (node.axis, node.shortness, node.range[0]),
-            (Node::EMPTY.axis, Node::EMPTY.shortness, node.range[2])
-        );
-        assert_eq!((node.cap[0], node.cap[2], node.range[0]), (254, 254, Node::EMPTY.range[0]));
-        assert_eq!(Node::EMPTY.target(0), None);
+    fn the_largest_light_index_with_the_leaf_bit_differs_from_the_mark_of_an_empty_slot() {
+        assert_ne!((MAX_LIGHTS - 1) as u32 | LEAF, EMPTY_SLOT);
     }
 }

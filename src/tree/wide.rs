@@ -1,7 +1,8 @@
-//! Eight clusters side by side, at full precision: what a node is packed from, and what its parent sees of it.
+//! Eight clusters side by side, at full precision. A node is packed from them, and merged they are
+//! the node's own cluster, which is one lane of its parent.
 //!
-//! Twin of the merging in `shaders/cluster.wgsl`; `gpu/top/tests.rs` compares both. Plain loops over the lanes, so that
-//! the compiler turns each into a few vector instructions.
+//! Twin of the merging in `shaders/cluster.wgsl`; `gpu/top/tests.rs` compares both. All loops over
+//! the lanes are plain, so that the compiler turns each into a few vector instructions.
 
 use glam::Vec3;
 
@@ -13,7 +14,8 @@ use crate::cone::cap_about;
 /// One number for each child.
 pub(crate) type Lanes = [f32; WIDTH];
 
-/// Eight clusters; unused lanes are dark. A dark lane (flux 0) has an inverted box, which unions ignore.
+/// Eight clusters, one in each lane. Unused lanes are dark. A dark lane (flux 0) has an inverted
+/// box, which unions ignore.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct WideCluster {
     pub min: [Lanes; 3],
@@ -27,16 +29,16 @@ pub(crate) struct WideCluster {
     pub range: Lanes,
 }
 
-/// A node's own cluster, and what merging its children tells about it besides.
+/// The cluster that eight lanes merge to.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Merged {
     pub cluster: Cluster,
-    /// Variance of the children's means about the node's, in square metres.
+    /// Variance of the lanes' mean positions about the merged mean, in square metres.
     pub between: f32,
 }
 
 impl WideCluster {
-    /// Nothing shines.
+    /// Eight dark lanes.
     pub const EMPTY: Self = {
         let (zero, inf, neg) = ([0.0; WIDTH], [f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]);
         Self {
@@ -52,7 +54,7 @@ impl WideCluster {
         }
     };
 
-    /// Puts a cluster into a lane.
+    /// Writes a cluster to a lane.
     pub fn set(&mut self, lane: usize, cluster: &Cluster) {
         for k in 0..3 {
             self.min[k][lane] = cluster.aabb.min[k];
@@ -67,7 +69,7 @@ impl WideCluster {
         self.range[lane] = cluster.range;
     }
 
-    /// The cluster of a lane.
+    /// The cluster in a lane.
     pub fn get(&self, lane: usize) -> Cluster {
         let point = |v: &[Lanes; 3]| Vec3::new(v[0][lane], v[1][lane], v[2][lane]);
         Cluster {
@@ -82,9 +84,10 @@ impl WideCluster {
         }
     }
 
-    /// All lanes as one cluster.
+    /// Merges all lanes into one cluster.
     ///
-    /// Moments about the middle of the box, then about the mean: neither cancels far from the origin.
+    /// Moments are taken about the centre of the box, then about the mean, so nothing cancels far
+    /// from the origin.
     #[inline(always)]
     pub fn merged(&self) -> Merged {
         let total = sum(&self.flux);
@@ -101,27 +104,27 @@ impl WideCluster {
             min: Vec3::from([0, 1, 2].map(|k| least(&self.min[k]))),
             max: Vec3::from([0, 1, 2].map(|k| greatest(&self.max[k]))),
         };
-        let middle = aabb.center();
+        let center = aabb.center();
         let mut mean = Vec3::ZERO;
         let mut axis = Vec3::ZERO;
         for k in 0..3 {
-            let (mut moved, mut turned) = ([0.0; WIDTH], [0.0; WIDTH]);
+            let (mut offsets, mut directions) = ([0.0; WIDTH], [0.0; WIDTH]);
             for i in 0..WIDTH {
-                // Dark lanes may lie anywhere, and have no share.
-                moved[i] = share[i] * (self.mean[k][i] - middle[k]);
-                turned[i] = share[i] * self.axis[k][i];
+                // A dark lane may lie anywhere; its share is 0.
+                offsets[i] = share[i] * (self.mean[k][i] - center[k]);
+                directions[i] = share[i] * self.axis[k][i];
             }
-            mean[k] = middle[k] + sum(&moved);
-            axis[k] = sum(&turned);
+            mean[k] = center[k] + sum(&offsets);
+            axis[k] = sum(&directions);
         }
         let axis = if axis.length() > MIN_AXIS { axis } else { Vec3::ZERO };
-        let (mut apart, mut within) = ([0.0; WIDTH], [0.0; WIDTH]);
+        let (mut between, mut within) = ([0.0; WIDTH], [0.0; WIDTH]);
         for i in 0..WIDTH {
             let [x, y, z] = [0, 1, 2].map(|k| self.mean[k][i] - mean[k]);
-            apart[i] = share[i] * (x * x + y * y + z * z);
+            between[i] = share[i] * (x * x + y * y + z * z);
             within[i] = share[i] * self.variance[i];
         }
-        let between = sum(&apart);
+        let between = sum(&between);
         let cluster = Cluster {
             aabb,
             flux: total.min(MAX_FLUX),
@@ -135,7 +138,8 @@ impl WideCluster {
         Merged { cluster, between }
     }
 
-    /// Cosine of the cap about a direction of any length that holds the caps of all lanes.
+    /// Cosine of the half-angle of the cap about `axis`, a vector of any length, that contains the
+    /// caps of all lanes. -1 if the axis is zero.
     #[inline(always)]
     fn cap_about(&self, axis: Vec3) -> f32 {
         let length = axis.length();
@@ -147,7 +151,8 @@ impl WideCluster {
         least(&caps)
     }
 
-    /// For each lane the cosine of the cap about a unit vector that holds the lane's cap; 1 for dark lanes.
+    /// For each lane the cosine of the half-angle of the cap about the lane's unit vector that
+    /// contains the lane's cap. 1 for dark lanes.
     #[inline(always)]
     pub fn caps_about(&self, units: [Lanes; 3]) -> Lanes {
         let mut caps = [0.0; WIDTH];
@@ -166,26 +171,27 @@ impl WideCluster {
     }
 }
 
-/// All lanes joined two by two: halves first, so that vectors do it in three steps, and always in this order.
+/// Reduces all lanes by an operation on two of them. The order is fixed: the halves of the lanes
+/// come first, so vector instructions need three steps.
 #[inline(always)]
-fn join(v: &Lanes, both: impl Fn(f32, f32) -> f32) -> f32 {
-    let v = [both(v[0], v[4]), both(v[1], v[5]), both(v[2], v[6]), both(v[3], v[7])];
-    both(both(v[0], v[2]), both(v[1], v[3]))
+fn reduce(v: &Lanes, operation: impl Fn(f32, f32) -> f32) -> f32 {
+    let v = [operation(v[0], v[4]), operation(v[1], v[5]), operation(v[2], v[6]), operation(v[3], v[7])];
+    operation(operation(v[0], v[2]), operation(v[1], v[3]))
 }
 
 #[inline(always)]
 pub(super) fn sum(v: &Lanes) -> f32 {
-    join(v, |a, b| a + b)
+    reduce(v, |a, b| a + b)
 }
 
 #[inline(always)]
 fn least(v: &Lanes) -> f32 {
-    join(v, |a, b| if b < a { b } else { a })
+    reduce(v, |a, b| if b < a { b } else { a })
 }
 
 #[inline(always)]
 fn greatest(v: &Lanes) -> f32 {
-    join(v, |a, b| if b > a { b } else { a })
+    reduce(v, |a, b| if b > a { b } else { a })
 }
 
 #[cfg(test)]
@@ -200,8 +206,9 @@ mod tests {
     }
 
     #[test]
-    fn merging_matches_sums_over_the_lights_far_from_the_origin() {
-        // Positions there are 8 mm apart, the lights 1 m: what merging adds to that must stay small.
+    fn a_merged_cluster_far_from_the_origin_matches_sums_in_f64() {
+        // Neighbouring f32 positions there are 8 mm apart, and the lights 1 m. Merging must add
+        // little to the rounding of the positions.
         let far = Vec3::new(1.0e5, -1.0e5, 1.0e5);
         let lights: Vec<_> = (0..8)
             .map(|i| Light::point(far + Vec3::new(i as f32, 0.25 * i as f32, 0.0), Vec3::splat(1.0 + i as f32)))
@@ -221,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn opposite_half_spheres_make_all_directions_and_equal_ones_stay() {
+    fn opposite_half_spheres_merge_to_all_directions_and_equal_ones_to_themselves() {
         let facing = |v: Vec3| Light::rectangle(Vec3::ZERO, Vec3::X, v, Vec3::ONE);
         let (up, down) = (facing(Vec3::Y), facing(Vec3::NEG_Y));
         assert_eq!(merged(&[up, down]).cos_half_angle, -1.0);
@@ -231,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn dark_lanes_widen_nothing() {
+    fn dark_lanes_do_not_widen_the_merged_cluster() {
         let lamp = Light::spot(Vec3::ONE, Vec3::X, 0.1, 0.2, Vec3::ONE);
         let dark = Light::rectangle(Vec3::splat(-50.0), Vec3::X, Vec3::Y, Vec3::ZERO);
         let both = merged(&[dark, lamp, dark]);

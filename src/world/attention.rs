@@ -1,147 +1,164 @@
-//! How much a tree matters to what is seen: by how often its lights are sampled, or by its light at the eye.
+//! The weight of each tree: how much it matters to the picture. It is the tree's share of the
+//! recorded usage, or of the illuminance at the viewpoint.
 
 use glam::DVec3;
 
 use super::LightWorld;
+
+use crate::error::{WorldError, check_finite};
 use crate::keys::{InstanceKey, TreeKey};
 
-/// Updates after which a tree's light at the eye is reckoned anew, when it asks for a rebuild.
-const STALE: u64 = 8;
+/// The illuminance of a tree that requests a rebuild is computed anew after this many updates.
+const ILLUMINANCE_LIFETIME: u64 = 8;
 
-/// Instances of a tree that are looked at for that; of more, evenly chosen ones stand for all.
-const MAX_INSTANCES: usize = 16;
+/// The instances of a tree that its illuminance is computed from, evenly chosen if it has more.
+const MAX_SAMPLED_INSTANCES: usize = 16;
 
-/// What is left of earlier counts of picks when new ones come.
-const KEPT: f32 = 0.8;
+/// The part of earlier usage that is left when new counts come.
+const USAGE_RETENTION: f32 = 0.8;
 
-/// Updates after which counts of picks say nothing any more.
-const LASTING: u64 = 240;
+/// Usage is forgotten this many updates after the last counts.
+const USAGE_LIFETIME: u64 = 240;
 
-/// What the light at the eye counts beside picks: the next picture may show what this one does not.
-const UNSEEN_SHARE: f32 = 0.1;
+/// The share of the illuminance in the weight where usage is known: the next picture may show what
+/// this one does not.
+const ILLUMINANCE_SHARE: f32 = 0.1;
 
-/// A tree's light is at most this, in lux.
-const MAX_LIGHT: f32 = 1.0e12;
+/// The illuminance of a tree counts as at most this, in lux.
+const MAX_ILLUMINANCE: f32 = 1.0e12;
 
-/// Of one tree.
+/// What the weight of one tree is computed from.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Attention {
-    /// Its light at the eye, in lux without cosines; its flux if the eye is unknown.
-    light: f32,
-    /// The update in which that was reckoned, if it was.
-    weighed: Option<u64>,
-    /// Its share of the picks, as of a batch of counts.
-    picks: f32,
+pub(super) struct TreeWeight {
+    /// The illuminance at the viewpoint without cosines, in lux; the flux in lumens if the
+    /// viewpoint is unknown.
+    illuminance: f32,
+    /// The update in which the illuminance was computed, if it was.
+    computed_at: Option<u64>,
+    /// The tree's share of all usage, as of `batch`.
+    usage_share: f32,
     batch: u32,
-    /// What the batch that is being noted has counted so far.
-    counted: u32,
+    /// The sum of the counts in the batch that is being recorded.
+    pending_count: u32,
 }
 
-/// The world's part of it.
+/// What the weights of all trees have in common.
 #[derive(Debug, Default)]
-pub(super) struct Gaze {
-    eye: Option<DVec3>,
-    /// Sum of all trees' light.
-    light: f64,
-    /// Batches of counts so far.
+pub(super) struct ViewWeights {
+    /// In metres, in world coordinates, not relative to [`LightWorld::origin`].
+    viewpoint: Option<DVec3>,
+    /// The sum of the illuminance of all trees.
+    total_illuminance: f64,
+    /// The number of batches of usage so far; one call records one batch.
     batch: u32,
-    /// The update of the last one.
-    noted: u64,
-    /// Trees of the batch that is being noted.
-    touched: Vec<TreeKey>,
+    /// The update of the last batch.
+    recorded_at: u64,
+    /// The trees in the batch that is being recorded; kept for its allocation.
+    pending_trees: Vec<TreeKey>,
 }
 
 impl LightWorld {
-    /// Tells where the picture is taken from, in metres: rebuilds go first to trees whose light is strong there. Trees
-    /// that move follow within eight updates; of those that wait at rest, one does in each. O(1).
-    pub fn set_viewpoint(&mut self, eye: DVec3) {
-        // What is no place says nothing.
-        if eye.is_finite() {
-            self.gaze.eye = Some(eye);
-        }
+    /// Sets the point that the picture is taken from, in metres in world coordinates. Trees whose
+    /// light is strong there are rebuilt first. The priorities of trees that move follow within
+    /// eight updates; of the trees that wait at rest, one follows in each update. O(1).
+    ///
+    /// # Errors
+    /// [`WorldError::NotFinite`] for a coordinate that is NaN or infinite.
+    pub fn set_viewpoint(&mut self, eye: DVec3) -> Result<(), WorldError> {
+        check_finite("a coordinate of the viewpoint", eye)?;
+        self.view_weights.viewpoint = Some(eye);
+        Ok(())
     }
 
-    /// Tells how often lights of each instance were sampled lately, of a frame or of some, from a part of all samples
-    /// or from all: what is sampled most matters most. Better than [`LightWorld::set_viewpoint`], since it knows what is in
-    /// sight. Counts of earlier calls fade by a fifth with each; two hundred updates after the last they are forgotten.
-    /// Instances that are gone are skipped.
+    /// Records how often the lights of each instance were sampled lately. Trees whose lights are
+    /// sampled often are rebuilt first. This works better than [`LightWorld::set_viewpoint`] alone,
+    /// because usage tells what is visible.
     ///
-    /// O(instances that are named).
-    pub fn record_usage(&mut self, picks: impl IntoIterator<Item = (InstanceKey, u32)>) {
-        let Self { trees, instances, gaze, .. } = self;
+    /// The counts may cover one frame or several, and all samples or a part of them: only their
+    /// ratios matter. With each call the earlier counts lose a fifth of their weight; 240 updates
+    /// after the last call they are forgotten. A call whose counts are all 0 does nothing.
+    /// Instances that no longer exist are skipped.
+    ///
+    /// O(instances in `usage`).
+    pub fn record_usage(&mut self, usage: impl IntoIterator<Item = (InstanceKey, u32)>) {
+        let Self { trees, instances, view_weights, .. } = self;
         let mut total = 0_u64;
-        for (instance, count) in picks {
+        for (instance, count) in usage {
             let Some(instance) = instances.get(instance) else { continue };
-            let attention = &mut trees[instance.tree].standing.attention;
-            if count > 0 && attention.counted == 0 {
-                gaze.touched.push(instance.tree);
+            let weight = &mut trees[instance.tree].rebuild_state.weight;
+            if count > 0 && weight.pending_count == 0 {
+                view_weights.pending_trees.push(instance.tree);
             }
-            attention.counted = attention.counted.saturating_add(count);
+            weight.pending_count = weight.pending_count.saturating_add(count);
             total += u64::from(count);
         }
         if total == 0 {
             return;
         }
-        gaze.batch = gaze.batch.wrapping_add(1);
-        gaze.noted = self.schedule.frame;
-        let mut touched = std::mem::take(&mut gaze.touched);
-        for key in touched.drain(..) {
-            let batch = self.gaze.batch;
-            let standing = &mut self.trees[key].standing;
-            let attention = &mut standing.attention;
-            let share = std::mem::take(&mut attention.counted) as f32 / total as f32;
-            attention.picks = attention.picks_at(batch) + (1.0 - KEPT) * share;
-            attention.batch = batch;
-            if standing.waiting.is_some() {
-                self.judge(key);
+        view_weights.batch = view_weights.batch.wrapping_add(1);
+        view_weights.recorded_at = self.schedule.frame;
+        let mut pending_trees = std::mem::take(&mut view_weights.pending_trees);
+        for key in pending_trees.drain(..) {
+            let batch = self.view_weights.batch;
+            let state = &mut self.trees[key].rebuild_state;
+            let weight = &mut state.weight;
+            let share = std::mem::take(&mut weight.pending_count) as f32 / total as f32;
+            weight.usage_share = weight.usage_share_at(batch) + (1.0 - USAGE_RETENTION) * share;
+            weight.batch = batch;
+            if state.waiting.is_some() {
+                self.update_request(key);
             }
         }
-        self.gaze.touched = touched;
+        self.view_weights.pending_trees = pending_trees;
     }
 
-    /// The share of all light that comes from a tree, or of all picks.
-    pub(super) fn attention_of(&mut self, key: TreeKey) -> f32 {
+    /// The weight of a tree: its share of the illuminance of all trees, or of usage where it is
+    /// known.
+    pub(super) fn weight_of(&mut self, key: TreeKey) -> f32 {
         let frame = self.schedule.frame;
-        let attention = self.trees[key].standing.attention;
-        if attention.weighed.is_none_or(|weighed| frame - weighed >= STALE) {
-            let light = self.light_of(key);
-            self.gaze.light += f64::from(light) - f64::from(attention.light);
-            let attention = &mut self.trees[key].standing.attention;
-            attention.light = light;
-            attention.weighed = Some(frame);
+        let weight = self.trees[key].rebuild_state.weight;
+        if weight.computed_at.is_none_or(|computed_at| frame - computed_at >= ILLUMINANCE_LIFETIME) {
+            let illuminance = self.illuminance_of(key);
+            self.view_weights.total_illuminance += f64::from(illuminance) - f64::from(weight.illuminance);
+            let weight = &mut self.trees[key].rebuild_state.weight;
+            weight.illuminance = illuminance;
+            weight.computed_at = Some(frame);
         }
-        let (attention, gaze) = (&self.trees[key].standing.attention, &self.gaze);
-        let light = if gaze.light > 0.0 { (f64::from(attention.light) / gaze.light) as f32 } else { 0.0 };
-        if gaze.batch == 0 || frame - gaze.noted > LASTING {
-            return light;
+        let (weight, view) = (&self.trees[key].rebuild_state.weight, &self.view_weights);
+        let total = view.total_illuminance;
+        let illuminance_share = if total > 0.0 { (f64::from(weight.illuminance) / total) as f32 } else { 0.0 };
+        if view.batch == 0 || frame - view.recorded_at > USAGE_LIFETIME {
+            return illuminance_share;
         }
-        (1.0 - UNSEEN_SHARE) * attention.picks_at(gaze.batch) + UNSEEN_SHARE * light
+        (1.0 - ILLUMINANCE_SHARE) * weight.usage_share_at(view.batch) + ILLUMINANCE_SHARE * illuminance_share
     }
 
-    /// A tree goes.
-    pub(super) fn forget_attention(&mut self, key: TreeKey) {
-        self.gaze.light -= f64::from(self.trees[key].standing.attention.light);
+    /// Takes a tree that is to be removed out of the sum over all trees.
+    pub(super) fn remove_weight(&mut self, key: TreeKey) {
+        self.view_weights.total_illuminance -= f64::from(self.trees[key].rebuild_state.weight.illuminance);
     }
 
-    /// A tree's light at the eye.
-    fn light_of(&self, key: TreeKey) -> f32 {
+    /// The illuminance of a tree at the viewpoint; see [`TreeWeight`].
+    fn illuminance_of(&self, key: TreeKey) -> f32 {
         let instances = &self.trees[key].instances;
-        let step = instances.len().div_ceil(MAX_INSTANCES).max(1);
-        let eye = self.gaze.eye.map(|eye| (eye - self.origin).as_vec3());
-        let light = instances.iter().step_by(step).map(|instance| {
+        let step = instances.len().div_ceil(MAX_SAMPLED_INSTANCES).max(1);
+        let viewpoint = self.view_weights.viewpoint.map(|viewpoint| (viewpoint - self.origin).as_vec3());
+        let illuminances = instances.iter().step_by(step).map(|instance| {
             let cluster = self.cluster(*instance);
-            let dist_sq = eye.map_or(1.0, |eye| eye.distance_squared(cluster.mean) + cluster.variance);
+            let dist_sq =
+                viewpoint.map_or(1.0, |viewpoint| viewpoint.distance_squared(cluster.mean) + cluster.variance);
             cluster.flux / dist_sq.max(f32::MIN_POSITIVE)
         });
-        let sum = light.sum::<f32>() * step as f32;
-        // The eye in the one lamp of a tree: more than this would leave nothing of the others in the sum of all.
-        if sum.is_nan() { 0.0 } else { sum.min(MAX_LIGHT) }
+        let sum = illuminances.sum::<f32>() * step as f32;
+        // At a viewpoint inside the only lamp of a tree the illuminance has no bound. A greater
+        // value would swallow those of all other trees in the sum.
+        if sum.is_nan() { 0.0 } else { sum.min(MAX_ILLUMINANCE) }
     }
 }
 
-impl Attention {
-    /// Its share of picks once a batch has come.
-    fn picks_at(&self, batch: u32) -> f32 {
-        self.picks * KEPT.powi(batch.wrapping_sub(self.batch).min(1000) as i32)
+impl TreeWeight {
+    /// The tree's share of usage as of a later batch.
+    fn usage_share_at(&self, batch: u32) -> f32 {
+        self.usage_share * USAGE_RETENTION.powi(batch.wrapping_sub(self.batch).min(1000) as i32)
     }
 }

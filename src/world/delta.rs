@@ -1,26 +1,27 @@
-//! What changed since the GPU was last told.
+//! Changes since the last upload to the GPU.
 
 use super::LightWorld;
 use crate::keys::slot_of;
 
-/// What [`LightWorld::take_delta`] hands over: enough for `GpuLights::upload` to bring a GPU up to date.
+/// The changes of a world between two calls of [`LightWorld::take_delta`]: what `GpuLights::upload`
+/// needs to bring a GPU up to date.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameDelta {
-    /// Slots whose tree was added, edited, rebuilt or removed.
+    /// Slots of trees that were added, edited, rebuilt or removed.
     pub(crate) trees: Vec<u32>,
-    /// Slots whose instance was added, moved or removed.
+    /// Slots of instances that were added, moved or removed.
     pub(crate) instances: Vec<u32>,
-    /// Directional lights were added, changed or removed.
+    /// Some directional light was added, changed or removed.
     pub(crate) directionals: bool,
 }
 
 impl FrameDelta {
-    /// Nothing changed: an upload of it writes no byte.
+    /// Whether nothing changed, so that an upload of this delta writes no byte.
     pub fn is_empty(&self) -> bool {
         self.trees.is_empty() && self.instances.is_empty() && !self.directionals
     }
 
-    /// All there is, for a GPU that has seen nothing yet.
+    /// The delta of a whole world, for a GPU that nothing was uploaded to yet.
     pub fn everything(world: &LightWorld) -> Self {
         Self {
             trees: world.trees.keys().map(slot_of).collect(),
@@ -30,33 +31,35 @@ impl FrameDelta {
     }
 }
 
-/// Collects changes, each once however often it happens: what nobody takes stays bounded by the number of slots.
+/// Changes that wait for [`LightWorld::take_delta`]. Each slot is kept once, so the memory is
+/// bounded by the number of slots even if no delta is ever taken.
 #[derive(Debug, Default)]
 pub(crate) struct Changes {
     trees: SlotSet,
     instances: SlotSet,
-    /// Instances since the last update, for its report.
+    /// Instances that were added, moved or removed since the last update, for its report.
     moved: SlotSet,
     pub directionals: bool,
 }
 
 impl Changes {
+    /// Records that the tree of a slot was added, edited, rebuilt or removed.
     pub fn tree(&mut self, slot: u32) {
         self.trees.insert(slot);
     }
 
-    /// Its record on the GPU is stale.
+    /// Records that the instance record of a slot is stale on the GPU.
     pub fn instance(&mut self, slot: u32) {
         self.instances.insert(slot);
     }
 
-    /// It was added, moved or removed.
+    /// Records that the instance of a slot was added, moved or removed.
     pub fn moved(&mut self, slot: u32) {
         self.instance(slot);
         self.moved.insert(slot);
     }
 
-    /// How many instances were added, moved or removed since the last call.
+    /// Returns how many instances were added, moved or removed since the last call.
     pub fn take_moved(&mut self) -> usize {
         self.moved.clear()
     }
@@ -70,7 +73,7 @@ impl Changes {
     }
 }
 
-/// A set of small numbers that remembers the order of insertion.
+/// A set of slots in the order of insertion.
 #[derive(Debug, Default)]
 struct SlotSet {
     slots: Vec<u32>,
@@ -88,7 +91,7 @@ impl SlotSet {
         }
     }
 
-    /// Empties the set and says how many it held.
+    /// Empties the set and returns how many slots it held.
     fn clear(&mut self) -> usize {
         self.slots.iter().for_each(|slot| self.contains[*slot as usize] = false);
         let count = self.slots.len();
@@ -96,6 +99,7 @@ impl SlotSet {
         count
     }
 
+    /// Empties the set and returns its slots.
     fn take(&mut self) -> Vec<u32> {
         self.slots.iter().for_each(|slot| self.contains[*slot as usize] = false);
         std::mem::take(&mut self.slots)
@@ -103,7 +107,7 @@ impl SlotSet {
 }
 
 impl LightWorld {
-    /// Hands over what changed since the last call; empty, and without allocation, if nothing did.
+    /// Returns the changes since the last call. Allocates nothing if there are none.
     pub fn take_delta(&mut self) -> FrameDelta {
         self.changes.take()
     }

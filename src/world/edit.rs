@@ -1,22 +1,26 @@
-//! Edits of a world. Every call checks first and changes after.
+//! Edits of a world. Every call checks its input first and changes the world after.
 
 use glam::DVec3;
 
-use super::{Instance, LightWorld, TreeEntry, set_slot};
+use super::staged::StagedLights;
+use super::{Instance, LightWorld, TreeEntry, placed_effects, set_slot};
 use crate::effects::Effects;
-use crate::error::WorldError;
+use crate::error::{WorldError, check_finite};
 use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
 use crate::light::{DirectionalLight, Light};
 use crate::placement::{Placed, Placement};
 use crate::policy::{AttributeHistory, Policy};
-use crate::scheduler::Signs;
+use crate::scheduler::TreeFeatures;
 use crate::tree::LightTree;
 
 impl LightWorld {
-    /// Builds a tree over lights. It shines nowhere until it has an instance.
+    /// Builds a tree over lights. It contributes nothing until it has an instance. A tree of no
+    /// lights is allowed.
+    ///
+    /// O(n log n), on the calling thread and rayon's.
     ///
     /// # Errors
-    /// [`WorldError::Light`], [`WorldError::TooManyLights`]. O(n log n), on the calling thread and rayon's.
+    /// [`WorldError::Light`], [`WorldError::TooManyLights`].
     pub fn add_tree(&mut self, lights: Vec<Light>) -> Result<TreeKey, WorldError> {
         let tree = LightTree::new(lights)?;
         Ok(self.insert_tree(tree))
@@ -31,7 +35,7 @@ impl LightWorld {
         key
     }
 
-    /// Removes a tree that has no instances.
+    /// Removes a tree that has no instances. O(1), but for the memory that is freed.
     ///
     /// # Errors
     /// [`WorldError::NoSuchTree`], [`WorldError::TreeInUse`].
@@ -41,12 +45,12 @@ impl LightWorld {
             return Err(WorldError::TreeInUse { tree, instances });
         }
         self.let_rest(tree);
-        self.leave(tree);
-        self.forget_attention(tree);
+        self.withdraw_request(tree);
+        self.remove_weight(tree);
         if let Some(entry) = self.trees.remove(tree) {
             self.effects.change(|counts| counts.remove_all(entry.tree.effects()));
         }
-        self.edited.retain(|k| *k != tree);
+        self.pending.remove(tree);
         set_slot(&mut self.tree_slots, slot_of(tree), None);
         self.changes.tree(slot_of(tree));
         Ok(())
@@ -54,26 +58,31 @@ impl LightWorld {
 
     /// Changes some lights of a tree, for all its instances, at the next [`LightWorld::update`].
     ///
+    /// `changes` are indices of lights and their new values; of several values for one light the
+    /// last one counts, in one call or in several. A value that the light has already changes
+    /// nothing: if that is so for all, the tree is neither refitted nor uploaded. O(changes).
+    /// Memory: at most one value for each light of the tree.
+    ///
     /// # Errors
-    /// [`WorldError::NoSuchTree`], [`WorldError::StaticTree`], [`WorldError::NoSuchLight`], [`WorldError::Light`].
+    /// [`WorldError::NoSuchTree`], [`WorldError::StaticTree`], [`WorldError::NoSuchLight`],
+    /// [`WorldError::Light`].
     pub fn set_lights(&mut self, tree: TreeKey, changes: &[(u32, Light)]) -> Result<(), WorldError> {
         let entry = self.trees.get_mut(tree).ok_or(WorldError::NoSuchTree(tree))?;
         entry.tree.check_changes(changes)?;
         if entry.is_static() {
             return Err(WorldError::StaticTree(tree));
         }
-        if changes.is_empty() {
-            return Ok(());
+        for (index, light) in changes {
+            entry.staged.set(*index, *light, entry.tree.lights());
         }
-        entry.staged.extend_from_slice(changes);
-        if !entry.is_edited {
-            entry.is_edited = true;
-            self.edited.push(tree);
+        if !entry.staged.is_empty() {
+            self.pending.insert(tree);
         }
         Ok(())
     }
 
-    /// Gives a tree other lights, any number of them, and builds it at once. Staged changes are dropped.
+    /// Replaces all lights of a tree, by any number of others, and builds the tree at once. Staged
+    /// changes are dropped.
     ///
     /// # Errors
     /// As [`LightWorld::add_tree`], [`WorldError::NoSuchTree`], [`WorldError::StaticTree`].
@@ -90,21 +99,21 @@ impl LightWorld {
             counts.remove_all(entry.tree.effects());
         });
         entry.history = AttributeHistory::start(built.attributes());
-        entry.standing.start(Signs::of(&built), self.schedule.frame);
+        entry.rebuild_state.start(TreeFeatures::of(&built), self.schedule.frame);
         entry.tree = built;
-        entry.staged.clear();
-        if std::mem::take(&mut entry.is_edited) {
-            self.edited.retain(|key| *key != tree);
-        }
-        self.leave(tree);
-        self.forget_build(tree);
+        entry.staged = StagedLights::default();
+        entry.has_new_policy = false;
+        self.pending.remove(tree);
+        self.withdraw_request(tree);
+        self.cancel_build(tree);
         self.has_moved(tree);
         self.changes.tree(slot_of(tree));
         self.top.take();
         Ok(())
     }
 
-    /// Places a tree in the world.
+    /// Adds an instance of a tree to the world. A linear part of all zeros hides it, see
+    /// [`Placement::linear`].
     ///
     /// # Errors
     /// [`WorldError::NoSuchTree`], [`WorldError::Placement`], [`WorldError::Policy`].
@@ -118,15 +127,16 @@ impl LightWorld {
         policy.validate()?;
         let placement = placement.into();
         let placed = Placed::new(&placement, self.origin)?;
-        self.effects.change(|counts| counts.add(placed.effects()));
-        let key = self.instances.insert(Instance { tree, placement, policy, placed, place: 0 });
+        self.effects.change(|counts| counts.add(placed_effects(placed.as_ref())));
+        let key = self.instances.insert(Instance { tree, placement, policy, placed, index_in_tree: 0 });
         set_slot(&mut self.slots, slot_of(key), Some(key));
         self.attach(key, tree, policy);
         self.instance_changed(key);
         Ok(key)
     }
 
-    /// Moves an instance.
+    /// Moves an instance, at once. A linear part of all zeros hides it, see [`Placement::linear`];
+    /// the placement that it has already changes nothing. O(1).
     ///
     /// # Errors
     /// [`WorldError::NoSuchInstance`], [`WorldError::Placement`].
@@ -137,9 +147,11 @@ impl LightWorld {
         if placement == instance.placement {
             return Ok(());
         }
-        let former = std::mem::replace(&mut instance.placed, Placed::new(&placement, origin)?).effects();
-        let present = instance.placed.effects();
+        let placed = Placed::new(&placement, origin)?;
+        let former = instance.effects();
+        instance.placed = placed;
         instance.placement = placement;
+        let present = instance.effects();
         if former != present {
             self.effects.change(|counts| {
                 counts.add(present);
@@ -150,77 +162,86 @@ impl LightWorld {
         Ok(())
     }
 
-    /// Removes an instance; its tree stays.
+    /// Removes an instance; its tree stays. O(1).
     ///
     /// # Errors
     /// [`WorldError::NoSuchInstance`].
     pub fn remove_instance(&mut self, key: InstanceKey) -> Result<(), WorldError> {
         let instance = self.instances.remove(key).ok_or(WorldError::NoSuchInstance(key))?;
-        self.effects.change(|counts| counts.remove(instance.placed.effects()));
+        self.effects.change(|counts| counts.remove(instance.effects()));
         set_slot(&mut self.slots, slot_of(key), None);
-        self.detach(instance.tree, instance.place, instance.policy);
+        self.detach(instance.tree, instance.index_in_tree, instance.policy);
         self.instance_changed(key);
         Ok(())
     }
 
-    /// Changes what an instance wants for its tree.
+    /// Changes the policy of an instance. The next [`LightWorld::update`] asks whether its tree
+    /// needs a rebuild by the new policy; nothing is refitted or uploaded for that. The policy that
+    /// it has already changes nothing.
+    ///
+    /// A tree whose attributes were not measured before, because no policy could ask for a rebuild,
+    /// is measured in that update: O(nodes), once. With [`Policy::AlwaysRebuild`] the tree waits
+    /// for its lights to change.
     ///
     /// # Errors
     /// [`WorldError::NoSuchInstance`], [`WorldError::Policy`].
     pub fn set_policy(&mut self, key: InstanceKey, policy: Policy) -> Result<(), WorldError> {
         policy.validate()?;
         let instance = self.instances.get_mut(key).ok_or(WorldError::NoSuchInstance(key))?;
+        if policy == instance.policy {
+            return Ok(());
+        }
         let former = std::mem::replace(&mut instance.policy, policy);
         let tree = instance.tree;
         let entry = &mut self.trees[tree];
-        entry.remove_policy(former);
-        entry.add_policy(policy);
-        // It may be worse than the new policy allows. Those that always rebuild wait for their lights to change.
-        if policy.may_rebuild() && policy != Policy::AlwaysRebuild && !entry.is_edited {
-            entry.is_edited = true;
-            self.edited.push(tree);
+        entry.policies.remove(former);
+        entry.policies.insert(policy);
+        if policy.may_rebuild() && policy != Policy::AlwaysRebuild {
+            entry.has_new_policy = true;
+            self.pending.insert(tree);
         }
         Ok(())
     }
 
-    /// Gives an instance a tree of its own, a copy of the one it shares; does nothing if it shares it with no other.
+    /// Gives an instance a tree of its own, a copy of the one that it shares, and returns the key
+    /// of the copy. Returns the key of the present tree if the instance shares it with no other.
+    /// Staged changes are copied too. O(lights).
     ///
     /// # Errors
     /// [`WorldError::NoSuchInstance`].
     pub fn make_unique(&mut self, key: InstanceKey) -> Result<TreeKey, WorldError> {
         let instance = self.instances.get(key).ok_or(WorldError::NoSuchInstance(key))?;
-        let (shared, place, policy) = (instance.tree, instance.place, instance.policy);
+        let (shared, index_in_tree, policy) = (instance.tree, instance.index_in_tree, instance.policy);
         let entry = &self.trees[shared];
         if entry.instances.len() == 1 {
             return Ok(shared);
         }
         let copy = entry.tree.clone();
-        let (history, staged, standing) = (entry.history, entry.staged.clone(), entry.standing.copy());
+        let (history, staged, rebuild_state) = (entry.history, entry.staged.clone(), entry.rebuild_state.for_copy());
         let own = self.insert_tree(copy);
         if !staged.is_empty() {
-            self.edited.push(own);
+            self.pending.insert(own);
         }
         let entry = &mut self.trees[own];
         entry.history = history;
-        entry.standing = standing;
-        entry.is_edited = !staged.is_empty();
+        entry.rebuild_state = rebuild_state;
         entry.staged = staged;
-        self.detach(shared, place, policy);
+        self.detach(shared, index_in_tree, policy);
         self.attach(key, own, policy);
         self.instances[key].tree = own;
         self.instance_changed(key);
-        let standing = &self.trees[shared].standing;
-        if standing.waiting.is_some() || standing.build.is_some() {
-            // It is as bad as the one that it was copied from.
-            self.judge(own);
+        let rebuild_state = &self.trees[shared].rebuild_state;
+        if rebuild_state.waiting.is_some() || rebuild_state.build_id.is_some() {
+            // The copy needs a rebuild as much as the tree that it was copied from.
+            self.update_request(own);
         }
         Ok(own)
     }
 
-    /// Adds a light at infinity.
+    /// Adds a directional light.
     ///
     /// # Errors
-    /// [`WorldError::Light`].
+    /// [`WorldError::Directional`].
     pub fn add_directional(&mut self, light: DirectionalLight) -> Result<DirectionalKey, WorldError> {
         check_directional(&light)?;
         self.changes.directionals = true;
@@ -228,10 +249,10 @@ impl LightWorld {
         Ok(self.directionals.insert(light))
     }
 
-    /// Changes a light at infinity.
+    /// Changes a directional light, at once.
     ///
     /// # Errors
-    /// [`WorldError::NoSuchDirectional`], [`WorldError::Light`].
+    /// [`WorldError::NoSuchDirectional`], [`WorldError::Directional`].
     pub fn set_directional(&mut self, key: DirectionalKey, light: DirectionalLight) -> Result<(), WorldError> {
         check_directional(&light)?;
         let present = self.directionals.get_mut(key).ok_or(WorldError::NoSuchDirectional(key))?;
@@ -242,7 +263,7 @@ impl LightWorld {
         Ok(())
     }
 
-    /// Removes a light at infinity.
+    /// Removes a directional light.
     ///
     /// # Errors
     /// [`WorldError::NoSuchDirectional`].
@@ -253,17 +274,21 @@ impl LightWorld {
         Ok(())
     }
 
-    /// Moves the point that sampling coordinates are relative to, say to where the camera is by now. Instances stay
-    /// where they are in the world. O(instances), and every instance is uploaded anew: once a kilometre, not once a
+    /// Moves the point that sampling coordinates are relative to, in metres, for example to the
+    /// camera. Instances keep their places in the world.
+    ///
+    /// O(instances), and every instance is uploaded again: call it once a kilometre, not once a
     /// frame.
     ///
     /// # Errors
-    /// [`WorldError::Placement`] if an instance would be too far from the new origin.
+    /// [`WorldError::NotFinite`] for the origin; [`WorldError::Placement`] if an instance would be
+    /// too far from it.
     pub fn set_origin(&mut self, origin: DVec3) -> Result<(), WorldError> {
+        check_finite("a coordinate of the origin", origin)?;
         if origin == self.origin {
             return Ok(());
         }
-        let placed: Vec<Placed> =
+        let placed: Vec<Option<Placed>> =
             self.instances.values().map(|i| Placed::new(&i.placement, origin)).collect::<Result<_, _>>()?;
         for (instance, placed) in self.instances.values_mut().zip(placed) {
             instance.placed = placed;
@@ -282,20 +307,21 @@ impl LightWorld {
 
     fn attach(&mut self, key: InstanceKey, tree: TreeKey, policy: Policy) {
         let entry = &mut self.trees[tree];
-        self.instances[key].place = entry.instances.len();
+        self.instances[key].index_in_tree = entry.instances.len();
         entry.instances.push(key);
-        entry.add_policy(policy);
+        entry.policies.insert(policy);
         self.light_count += entry.tree.lights().len();
     }
 
-    /// Takes the instance at `place` off its tree's list, in O(1): the last of the list takes the place.
-    fn detach(&mut self, tree: TreeKey, place: usize, policy: Policy) {
+    /// Removes the instance at an index of its tree's list; the last instance of the list takes the
+    /// index. O(1).
+    fn detach(&mut self, tree: TreeKey, index: usize, policy: Policy) {
         let entry = &mut self.trees[tree];
-        entry.instances.swap_remove(place);
-        if let Some(moved) = entry.instances.get(place) {
-            self.instances[*moved].place = place;
+        entry.instances.swap_remove(index);
+        if let Some(moved) = entry.instances.get(index) {
+            self.instances[*moved].index_in_tree = index;
         }
-        entry.remove_policy(policy);
+        entry.policies.remove(policy);
         self.light_count -= entry.tree.lights().len();
     }
 
@@ -306,5 +332,5 @@ impl LightWorld {
 }
 
 fn check_directional(light: &DirectionalLight) -> Result<(), WorldError> {
-    light.validate().map_err(|source| WorldError::Light { index: 0, source })
+    light.validate().map_err(|source| WorldError::Directional { source })
 }

@@ -1,90 +1,77 @@
-//! Spends a frame's budget on those that ask: who goes first, and what is done for them.
+//! Spends the budget of a frame on rebuilds: chooses the next tree, and rebuilds it whole or in
+//! part.
 
 use std::time::Duration;
 
 use super::LightWorld;
-use super::schedule::{Schedule, Waiting};
+use super::schedule::{JobReport, QueuePosition, Schedule};
 use super::update::FrameReport;
 use crate::keys::{TreeKey, slot_of};
 use crate::policy::{AttributeHistory, RebuildRequest};
-use crate::scheduler::{CostModel, Replaced, Signs, Snapshot, Work, WorkKind};
-use crate::tree::{Part, WIDTH};
+use crate::scheduler::{CostModel, Replacement, TreeFeatures, Work, WorkKind};
+use crate::tree::{RebuildPart, WIDTH};
 
-/// One in so many parts of the budget is for who has waited longest.
-pub const PATIENCE: u32 = 16;
+/// The budget divided by this is reserved for the trees that have waited longest.
+const OLDEST_SHARE: u32 = 16;
 
-/// Builds in the background are paid from what frames leave over of their budgets. While one is to be paid for, or
-/// waits to begin, frames leave over one in so many parts at least: else many small trees would keep a large one
-/// waiting for ever.
-const MIN_PURSE: u32 = 4;
+/// The budget divided by this is reserved for the background while a build waits to begin or is not
+/// yet paid for. Otherwise many small trees would keep a large one waiting for ever.
+const BACKGROUND_SHARE: u32 = 4;
 
-/// A build is charged at most so many times what it was thought to take.
-const MAX_PRICES: f64 = 4.0;
+/// The time of rebuilds divided by this is spent on measurements of the noise that they remove.
+const MEASUREMENT_SHARE: u32 = 20;
 
-/// Every so manieth build in the background is for who has waited longest.
-const BACKGROUND_PATIENCE: u64 = 4;
+/// Smaller trees are never rebuilt in part: to search for their worst subtree takes longer than a
+/// partial rebuild saves.
+const MIN_PARTIAL_LIGHTS: usize = 256;
 
-/// Smaller trees are rebuilt whole or not at all: to look for their worst subtree takes longer than it saves.
-const MIN_DIVIDED: usize = 256;
+/// The search for jobs ends after this many trees that need more time than is left of the frame.
+const MAX_DEFERRED: usize = 4;
 
-/// Trees that do not fit into what is left of a frame before it ends.
-const MAX_MISFITS: usize = 4;
+/// The search for jobs ends after this many trees that could not be served.
+const MAX_SUSPENDED: usize = 32;
 
-/// Trees too large for any frame that are passed by in one.
-const MAX_ASIDE: usize = 32;
+/// At most this many trees are moved in one frame to the queue of those too large for a frame, and
+/// as many back.
+const MAX_RECLASSIFIED: usize = 16;
 
-/// Trees that are found in one frame to be too large for it, and as many not to be.
-const MAX_MOVED: usize = 16;
+/// The number of waiting trees whose requests are refreshed in one frame even if they did not
+/// change: their weights may have.
+const REFRESHED_REQUESTS: usize = 1;
 
-/// Waiting trees that are judged anew each frame though their lights rest: what they matter may have changed.
-const REJUDGED: usize = 1;
+/// The smallest job. The search ends once less time is left.
+const SMALLEST_JOB: Work = Work { kind: WorkKind::Rebuild, lights: WIDTH };
 
-/// One in so many parts of the time of rebuilds is spent on looking at what they brought.
-const CURIOSITY: u32 = 20;
+/// The time that the jobs of one frame may take.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FrameTime {
+    pub budget: Duration,
+    /// The time of the clock before the first job.
+    pub start: Duration,
+    /// The least time that the jobs so far can have taken on any machine, whatever the clock says.
+    pub min_spent: Duration,
+}
 
-/// Fewer lights are not worth a copy of their own. So few that the smallest budgets, a microsecond, are enough.
-const MIN_COPIED: usize = 16;
+impl FrameTime {
+    /// The time that is left of the budget.
+    pub fn left(&self, now: Duration) -> Duration {
+        self.budget.saturating_sub(now.saturating_sub(self.start).max(self.min_spent))
+    }
+}
 
-/// A job of the last update.
+/// The result of an attempt to serve a tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct JobReport {
-    /// For this tree.
-    pub tree: TreeKey,
-    /// What was done.
-    pub work: Work,
-    /// What it was thought to take.
-    pub predicted: Duration,
-    /// What it took by the world's clock.
-    pub took: Duration,
-    /// Updates since the tree asked for it.
-    pub waited: u64,
-}
-
-/// No job is smaller.
-const MIN_WORK: Work = Work { kind: WorkKind::Rebuild, lights: WIDTH };
-
-/// The time of one frame.
-#[derive(Clone, Copy)]
-struct Frame {
-    budget: Duration,
-    start: Duration,
-    /// What the jobs so far must have taken, whatever the clock says.
-    least: Duration,
-}
-
-/// What became of a try to serve a tree.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Served {
-    /// Something was done for it, or it asks no more.
+enum Outcome {
+    /// A job was done for the tree, or it requests nothing any more.
     Done,
-    /// There is not enough left of this frame.
-    Later,
-    /// No frame has room for it.
+    /// The job needs more time than is left of this frame.
+    Deferred,
+    /// The job needs more time than a frame has.
     TooLarge,
 }
 
 impl LightWorld {
-    /// What was done in the last [`LightWorld::update`], in that order.
+    /// Returns the jobs of the last [`LightWorld::update`], in the order in which they were done.
     pub fn jobs(&self) -> &[JobReport] {
         &self.schedule.jobs
     }
@@ -94,366 +81,258 @@ impl LightWorld {
         let budget = report.budget;
         let schedule = &mut self.schedule;
         schedule.jobs.clear();
-        schedule.costs.fade();
-        // Nothing is saved up for longer than it takes to spend it: a world at rest gathers no right to a stall.
+        schedule.costs.shrink_margins();
+        // The credit is at most one budget, so that a world at rest does not save up for a long
+        // frame.
         if !budget.is_zero() {
-            schedule.patience = schedule.patience.saturating_add(budget / PATIENCE).min(budget);
+            schedule.oldest_credit = schedule.oldest_credit.saturating_add(budget / OLDEST_SHARE).min(budget);
         }
         if !schedule.queue.is_empty() || schedule.snapshot.is_some() {
             let start = self.clock.now();
-            let Schedule { purse, large, snapshot, builder, .. } = &self.schedule;
-            let is_beside = !builder.is_off() && (*purse < 0.0 || large.first().is_some() || snapshot.is_some());
-            let beside = if is_beside { budget / MIN_PURSE } else { Duration::ZERO };
-            let mut frame = Frame { budget: budget - beside, start, least: Duration::ZERO };
-            self.rejudge();
-            self.sort_out_large(&frame);
-            self.serve_oldest(&mut frame, report);
-            let large = self.serve_best(&mut frame, report);
-            self.serve_background(large, &mut frame, report);
-            let all = self.clock.now().saturating_sub(start);
+            let Schedule { background_credit, oversized, snapshot, builder, .. } = &self.schedule;
+            let is_reserved = !builder.is_unavailable()
+                && (*background_credit < 0.0 || oversized.first().is_some() || snapshot.is_some());
+            let reserved = if is_reserved { budget / BACKGROUND_SHARE } else { Duration::ZERO };
+            let mut time = FrameTime { budget: budget - reserved, start, min_spent: Duration::ZERO };
+            self.refresh_requests();
+            self.reclassify_oversized(&time);
+            self.serve_oldest(&mut time, report);
+            let too_large = self.serve_best(&mut time, report);
+            self.serve_background(too_large, &mut time, report);
+            let elapsed = self.clock.now().saturating_sub(start);
             let is_idle = self.schedule.jobs.is_empty();
-            report.deciding = all.saturating_sub(report.spent);
-            // Deciding that there is no time for anything breaks no promise.
-            report.overrun = if is_idle { Duration::ZERO } else { all.saturating_sub(budget) };
+            report.deciding = elapsed.saturating_sub(report.spent);
+            // A frame that only finds out that no job fits is not an overrun.
+            report.overrun = if is_idle { Duration::ZERO } else { elapsed.saturating_sub(budget) };
         }
-        // What the frame has left over is for the background.
-        let over = budget.saturating_sub(report.spent).as_nanos() as f64;
-        self.schedule.purse = (self.schedule.purse + over).min(budget.as_nanos() as f64);
+        // The time that the frame leaves unused pays for builds in the background.
+        let unused = budget.saturating_sub(report.spent).as_nanos() as f64;
+        let credit = &mut self.schedule.background_credit;
+        *credit = (*credit + unused).min(budget.as_nanos() as f64);
         let Self { schedule, trees, .. } = self;
         let copied = schedule.snapshot.as_ref().map(|snapshot| snapshot.key);
-        let oldest = [schedule.ages.first(), schedule.large.first(), copied];
+        let oldest = [schedule.by_age.first(), schedule.oversized.first(), copied];
         let waits = oldest.into_iter().flatten().filter_map(|key| trees.get(key));
-        let waits = waits.map(|entry| schedule.frame - entry.standing.since);
+        let waits = waits.map(|entry| schedule.frame - entry.rebuild_state.requested_at);
         report.longest_wait = waits.chain([report.longest_wait]).max().unwrap_or(0);
         report.waiting_trees = schedule.queue.len();
         report.background.running = usize::from(schedule.running.is_some() || schedule.snapshot.is_some());
     }
 
-    /// Time that is left of a frame.
-    fn left(&self, now: Duration, frame: &Frame) -> Duration {
-        frame.budget.saturating_sub(now.saturating_sub(frame.start).max(frame.least))
-    }
-
-    /// Some of those that wait matter more or less than when they came.
-    fn rejudge(&mut self) {
-        for _ in 0..REJUDGED.min(self.schedule.queue.len()) {
+    /// Refreshes the requests of some trees that wait, in turn.
+    fn refresh_requests(&mut self) {
+        for _ in 0..REFRESHED_REQUESTS.min(self.schedule.queue.len()) {
             let schedule = &mut self.schedule;
             if schedule.queue.is_empty() {
                 return;
             }
-            schedule.turn = (schedule.turn + 1) % schedule.queue.len();
-            let key = schedule.queue.key(schedule.turn);
-            self.judge(key);
+            schedule.refreshed = (schedule.refreshed + 1) % schedule.queue.len();
+            let key = schedule.queue.key(schedule.refreshed);
+            self.update_request(key);
         }
     }
 
-    /// Those that no frame has room for any more, or has room for again, get to where they belong; a few each frame,
-    /// since budgets may be other ones in each.
-    fn sort_out_large(&mut self, frame: &Frame) {
-        // What is left now is all that any job of this frame gets.
-        let most = self.left(self.clock.now(), frame);
-        for _ in 0..MAX_MOVED {
-            let Some(key) = self.schedule.ages.first() else { break };
-            if most.is_zero() || self.fits(key, most) {
+    /// Moves the oldest trees between the two wait queues if they have become too large for a
+    /// frame, or are no longer; a few each frame, since each frame may have another budget.
+    fn reclassify_oversized(&mut self, time: &FrameTime) {
+        // No job of this frame gets more time than is left now.
+        let available = time.left(self.clock.now());
+        for _ in 0..MAX_RECLASSIFIED {
+            let Some(key) = self.schedule.by_age.first() else { break };
+            if available.is_zero() || self.fits(key, available) {
                 break;
             }
-            self.set_large(key, true);
+            self.set_oversized(key, true);
         }
-        for _ in 0..MAX_MOVED {
-            let Some(key) = self.schedule.large.first() else { break };
-            if !self.fits(key, most) {
+        for _ in 0..MAX_RECLASSIFIED {
+            let Some(key) = self.schedule.oversized.first() else { break };
+            if !self.fits(key, available) {
                 break;
             }
-            self.set_large(key, false);
+            self.set_oversized(key, false);
         }
     }
 
-    /// Who has waited longest is served from a purse of its own, so that nothing starves.
-    fn serve_oldest(&mut self, frame: &mut Frame, report: &mut FrameReport) {
-        // What was saved up is for large ones, and not to be spent in one frame before all that insist.
-        while report.spent <= report.budget / PATIENCE {
-            let Some(key) = self.schedule.ages.first() else { return };
+    /// Rebuilds the trees that have waited longest, from a credit of their own, so that no tree
+    /// waits for ever.
+    fn serve_oldest(&mut self, time: &mut FrameTime, report: &mut FrameReport) {
+        // The credit is saved up for large trees. One frame spends no more than its own share on
+        // the oldest trees, and then turns to urgent requests.
+        while report.spent <= report.budget / OLDEST_SHARE {
+            let Some(key) = self.schedule.by_age.first() else { return };
             let entry = &self.trees[key];
             if !entry.may_rebuild() {
-                self.leave(key);
+                self.withdraw_request(key);
                 continue;
             }
             let work = Work { kind: WorkKind::Rebuild, lights: entry.tree.lights().len() };
             let cost = self.schedule.costs.predict(work);
-            if cost > self.schedule.patience || self.serve(key, true, frame, report) != Served::Done {
+            if cost > self.schedule.oldest_credit || self.serve(key, true, time, report) != Outcome::Done {
                 return;
             }
-            self.schedule.patience -= cost;
+            self.schedule.oldest_credit -= cost;
         }
     }
 
-    /// The best value for the time first. Returns the best of those that no frame has room for.
-    fn serve_best(&mut self, frame: &mut Frame, report: &mut FrameReport) -> Option<TreeKey> {
-        let (mut large, mut misfits) = (None, 0);
-        while misfits < MAX_MISFITS && self.schedule.aside.len() < MAX_ASIDE {
-            let Some(place) = self.schedule.queue.best() else { break };
-            let key = self.schedule.queue.key(place);
-            match self.serve(key, false, frame, report) {
-                Served::Done => continue,
-                Served::TooLarge => large = large.or(Some(key)),
-                Served::Later => misfits += 1,
+    /// Serves trees by priority. Returns the first that was too large for a frame.
+    fn serve_best(&mut self, time: &mut FrameTime, report: &mut FrameReport) -> Option<TreeKey> {
+        let (mut too_large, mut deferred) = (None, 0);
+        while deferred < MAX_DEFERRED && self.schedule.suspended.len() < MAX_SUSPENDED {
+            let Some(index) = self.schedule.queue.best() else { break };
+            let key = self.schedule.queue.key(index);
+            match self.serve(key, false, time, report) {
+                Outcome::Done => continue,
+                Outcome::TooLarge => too_large = too_large.or(Some(key)),
+                Outcome::Deferred => deferred += 1,
             }
-            if self.left(self.clock.now(), frame) < self.schedule.costs.predict(MIN_WORK) {
+            if time.left(self.clock.now()) < self.schedule.costs.predict(SMALLEST_JOB) {
                 break;
             }
-            let bits = self.schedule.queue.set_aside(place);
-            self.schedule.aside.push((key, bits));
+            let score = self.schedule.queue.suspend(index);
+            self.schedule.suspended.push((key, score));
         }
-        // Others may have left since, and what stands aside moved to another place.
-        while let Some((key, bits)) = self.schedule.aside.pop() {
-            if let Some(Waiting { place, .. }) = self.trees[key].standing.waiting {
-                self.schedule.queue.restore(place, bits);
+        // Trees that were served have left the queue since, which may have changed these trees'
+        // indices.
+        while let Some((key, score)) = self.schedule.suspended.pop() {
+            if let Some(QueuePosition { index, .. }) = self.trees[key].rebuild_state.waiting {
+                self.schedule.queue.resume(index, score);
             }
         }
-        large
+        too_large
     }
 
-    /// Does the most worthwhile job for a tree, if there is time; if `is_whole`, nothing less than a rebuild.
-    fn serve(&mut self, key: TreeKey, is_whole: bool, frame: &mut Frame, report: &mut FrameReport) -> Served {
+    /// Rebuilds a tree, or the part of it that gains most, if there is time; if `is_whole`, the
+    /// whole tree.
+    fn serve(&mut self, key: TreeKey, is_whole: bool, time: &mut FrameTime, report: &mut FrameReport) -> Outcome {
         let before = self.clock.now();
         let entry = &self.trees[key];
-        // Meanwhile its instances may have changed their minds, or gone.
+        // The policies of its instances may have changed since the request, or the instances are
+        // gone.
         if !entry.may_rebuild() {
-            self.leave(key);
-            return Served::Done;
+            self.withdraw_request(key);
+            return Outcome::Done;
         }
         let lights = entry.tree.lights().len();
-        let left = self.left(before, frame);
+        let left = time.left(before);
         let costs = &self.schedule.costs;
         let whole = Work { kind: WorkKind::Rebuild, lights };
-        // Nothing will ever build it whole.
-        let is_hopeless = self.schedule.builder.is_off() && costs.at_most(whole) > frame.budget;
-        let is_divisible =
-            !is_whole && (entry.standing.request == RebuildRequest::Optional || is_hopeless) && lights >= MIN_DIVIDED;
-        let mut part = if is_divisible { entry.tree.worst(lights) } else { None };
-        if is_divisible && is_hopeless {
-            let fits = |lights: &usize| costs.at_most(Work { kind: WorkKind::RebuildPart, lights: *lights }) <= left;
-            let most = std::iter::successors(Some(lights / 2), |lights| Some(lights / 2)).take(24).find(fits);
-            part = entry.tree.worst(most.unwrap_or(0));
+        // Without background builds, a tree that is too large for a frame can only be rebuilt in
+        // parts.
+        let needs_parts = self.schedule.builder.is_unavailable() && costs.upper_bound(whole) > time.budget;
+        let is_optional = entry.rebuild_state.request == RebuildRequest::Optional;
+        let may_be_partial = !is_whole && (is_optional || needs_parts) && lights >= MIN_PARTIAL_LIGHTS;
+        let mut part = if may_be_partial { entry.tree.worst(lights) } else { None };
+        if may_be_partial && needs_parts {
+            let fits =
+                |lights: &usize| costs.upper_bound(Work { kind: WorkKind::RebuildPart, lights: *lights }) <= left;
+            let max_lights = std::iter::successors(Some(lights / 2), |lights| Some(lights / 2)).take(24).find(fits);
+            part = entry.tree.worst(max_lights.unwrap_or(0));
         }
         let part = part.filter(|part| !part.is_whole());
         let work = part.map_or(whole, |part| Work { kind: WorkKind::RebuildPart, lights: part.lights });
-        if costs.at_most(work) > left {
-            return if costs.at_most(whole) > frame.budget { Served::TooLarge } else { Served::Later };
+        if costs.upper_bound(work) > left {
+            return if costs.upper_bound(whole) > time.budget { Outcome::TooLarge } else { Outcome::Deferred };
         }
         let probe = Work { kind: WorkKind::Probe, lights };
-        let is_probed = part.is_none()
-            && costs.predict(probe) <= self.schedule.curiosity
-            && costs.at_most(work).saturating_add(costs.at_most(probe)) <= left;
-        let waited = self.schedule.frame - entry.standing.since;
-        let noisy = if is_probed { self.variance_of(key) } else { None };
-        let begin = if is_probed { self.clock.now() } else { before };
-        let replaced = match part {
-            Some(part) => self.rebuild_part(key, part),
-            None => Some(self.rebuild_whole(key)),
+        let is_measured = part.is_none()
+            && costs.predict(probe) <= self.schedule.measurement_credit
+            && costs.upper_bound(work).saturating_add(costs.upper_bound(probe)) <= left;
+        let waited = self.schedule.frame - entry.rebuild_state.requested_at;
+        let variance_before = if is_measured { self.variance_of(key) } else { None };
+        let begin = if is_measured { self.clock.now() } else { before };
+        let replacement = match part {
+            Some(part) => {
+                report.rebuilt_parts += usize::from(self.rebuild_part(key, part));
+                None
+            }
+            None => {
+                report.rebuilt_trees += 1;
+                Some(self.rebuild_whole(key))
+            }
         };
         self.clock.worked(work);
         let end = self.clock.now();
-        self.note_job(key, work, end.saturating_sub(begin), waited, frame, report);
-        match part {
-            Some(_) => report.rebuilt_parts += 1,
-            None => report.rebuilt_trees += 1,
-        }
-        let quiet = if is_probed { self.variance_of(key) } else { None };
-        if let Some(replaced) = replaced {
+        self.record_job(key, work, end.saturating_sub(begin), waited, time, report);
+        let variance_after = if is_measured { self.variance_of(key) } else { None };
+        if let Some(replacement) = replacement {
             let frame = self.schedule.frame;
-            self.trees[key].standing.learn(&replaced, noisy.zip(quiet), frame);
+            self.trees[key].rebuild_state.learn(&replacement, variance_before.zip(variance_after), frame);
         }
-        if is_probed {
+        if is_measured {
             self.clock.worked(probe);
-            let looked = begin.saturating_sub(before).saturating_add(self.clock.now().saturating_sub(end));
-            self.note_job(key, probe, looked, waited, frame, report);
-            self.schedule.curiosity = self.schedule.curiosity.saturating_sub(looked);
+            let took = begin.saturating_sub(before).saturating_add(self.clock.now().saturating_sub(end));
+            self.record_job(key, probe, took, waited, time, report);
+            self.schedule.measurement_credit = self.schedule.measurement_credit.saturating_sub(took);
         } else {
-            let earned = self.schedule.curiosity.saturating_add(end.saturating_sub(begin) / CURIOSITY);
-            self.schedule.curiosity = earned.min(frame.budget);
+            let earned = end.saturating_sub(begin) / MEASUREMENT_SHARE;
+            let credit = self.schedule.measurement_credit.saturating_add(earned);
+            self.schedule.measurement_credit = credit.min(time.budget);
         }
         self.top.take();
-        Served::Done
+        Outcome::Done
     }
 
-    /// Enters a job in the books.
-    fn note_job(
+    /// Records a job in the report and in the cost model.
+    pub(super) fn record_job(
         &mut self,
         tree: TreeKey,
         work: Work,
         took: Duration,
         waited: u64,
-        frame: &mut Frame,
+        time: &mut FrameTime,
         report: &mut FrameReport,
     ) {
         let schedule = &mut self.schedule;
         let predicted = schedule.costs.predict(work);
         schedule.costs.learn(work, took);
         schedule.jobs.push(JobReport { tree, work, predicted, took, waited });
-        frame.least = frame.least.saturating_add(CostModel::at_least(work));
+        time.min_spent = time.min_spent.saturating_add(CostModel::lower_bound(work));
         report.spent = report.spent.saturating_add(took);
         report.predicted = report.predicted.saturating_add(predicted);
         report.longest_wait = report.longest_wait.max(waited);
     }
 
-    /// Builds a tree anew.
-    pub(super) fn rebuild_whole(&mut self, key: TreeKey) -> Replaced {
+    /// Rebuilds a whole tree and withdraws its request.
+    pub(super) fn rebuild_whole(&mut self, key: TreeKey) -> Replacement {
         let entry = &mut self.trees[key];
-        let before = Signs::of(&entry.tree);
+        let before = TreeFeatures::of(&entry.tree);
         entry.tree.rebuild();
-        let replaced = Replaced { before, fresh: Signs::of(&entry.tree) };
+        let replacement = Replacement { before, after: TreeFeatures::of(&entry.tree) };
         entry.history = AttributeHistory::start(entry.tree.attributes());
-        self.forget_build(key);
-        self.leave(key);
+        self.cancel_build(key);
+        self.withdraw_request(key);
         self.changes.tree(slot_of(key));
         self.wake(key);
-        replaced
+        replacement
     }
 
-    /// How noisy the choice in a tree is, seen from around it; from the same points in all of an update.
+    /// Measures the noise of the choice within a tree at points around it; all measurements of one
+    /// update use the same points relative to the tree.
     fn variance_of(&mut self, key: TreeKey) -> Option<f32> {
         let schedule = &mut self.schedule;
-        self.trees[key].tree.variance_around(schedule.frame as u32, &mut schedule.chances)
+        self.trees[key].tree.variance_around(schedule.frame as u32, &mut schedule.pmfs)
     }
 
-    /// Builds a part of a tree anew; says nothing of what that brought.
-    fn rebuild_part(&mut self, key: TreeKey, part: Part) -> Option<Replaced> {
+    /// Rebuilds a part of a tree. Returns false if the rebuild was abandoned: the new shape needs
+    /// more nodes than the part has, and the tree is unchanged. Nothing is learnt from a partial
+    /// rebuild.
+    fn rebuild_part(&mut self, key: TreeKey, part: RebuildPart) -> bool {
         let entry = &mut self.trees[key];
-        let is_changed = entry.tree.rebuild_part(part);
-        entry.has_changed(self.schedule.frame);
-        if is_changed {
+        let is_rebuilt = entry.tree.rebuild_part(part);
+        entry.record_change(self.schedule.frame);
+        if is_rebuilt {
             self.changes.tree(slot_of(key));
         }
         self.wake(key);
-        // If it still asks, it does so from now on.
-        self.leave(key);
-        self.judge(key);
-        None
+        // A request that is still needed starts its wait anew.
+        self.withdraw_request(key);
+        self.update_request(key);
+        is_rebuilt
     }
 
-    /// Whether a rebuild is known to be done within a time.
+    /// Whether a rebuild of the tree hardly ever takes longer than a time.
     fn fits(&self, key: TreeKey, time: Duration) -> bool {
         let lights = self.trees[key].tree.lights().len();
-        self.schedule.costs.at_most(Work { kind: WorkKind::Rebuild, lights }) <= time
-    }
-
-    /// Copies lights for a build in the background, and starts it when all are there. `best` is of those that no frame
-    /// has room for.
-    fn serve_background(&mut self, best: Option<TreeKey>, frame: &mut Frame, report: &mut FrameReport) {
-        if self.schedule.running.is_some() || self.schedule.builder.is_off() {
-            return;
-        }
-        if self.schedule.snapshot.is_none() {
-            if self.schedule.purse < 0.0 || frame.budget.is_zero() {
-                return;
-            }
-            let schedule = &self.schedule;
-            let oldest = schedule.large.first();
-            let is_turn_of_oldest = schedule.builds.is_multiple_of(BACKGROUND_PATIENCE);
-            let chosen = if is_turn_of_oldest { oldest.or(best) } else { best.or(oldest) };
-            let Some(key) = chosen else { return };
-            if !self.trees[key].may_rebuild() {
-                return self.leave(key);
-            }
-            self.schedule.builds += 1;
-            let ticket = self.schedule.builds;
-            let since = self.trees[key].standing.since;
-            self.leave(key);
-            let entry = &mut self.trees[key];
-            entry.standing.build = Some(ticket);
-            entry.standing.since = since;
-            let lights = Vec::with_capacity(entry.tree.lights().len());
-            self.schedule.snapshot = Some(Snapshot { key, ticket, lights });
-        }
-        self.copy_lights(frame, report);
-    }
-
-    fn copy_lights(&mut self, frame: &mut Frame, report: &mut FrameReport) {
-        let before = self.clock.now();
-        // What was kept for the background, too.
-        let left = self.left(before, &Frame { budget: report.budget, ..*frame });
-        let Some(mut snapshot) = self.schedule.snapshot.take() else { return };
-        let wanted = self.trees.get(snapshot.key).filter(|entry| entry.standing.build == Some(snapshot.ticket));
-        let Some(entry) = wanted else {
-            report.background.dropped += 1;
-            return;
-        };
-        let missing = &entry.tree.lights()[snapshot.lights.len()..];
-        let all = Work { kind: WorkKind::Snapshot, lights: missing.len() };
-        let cost = self.schedule.costs.at_most(all);
-        // As many as there is time for.
-        let count = match cost <= left {
-            true => missing.len(),
-            false => (missing.len() as f64 * left.as_secs_f64() / cost.as_secs_f64()) as usize,
-        };
-        if count < MIN_COPIED.min(missing.len()) {
-            self.schedule.snapshot = Some(snapshot);
-            return;
-        }
-        snapshot.lights.extend_from_slice(&missing[..count]);
-        let is_complete = count == missing.len();
-        let work = Work { kind: WorkKind::Snapshot, lights: count };
-        let (key, waited) = (snapshot.key, self.schedule.frame - entry.standing.since);
-        self.clock.worked(work);
-        let now = self.clock.now();
-        self.note_job(key, work, now.saturating_sub(before), waited, frame, report);
-        if is_complete {
-            self.start_build(snapshot, now, report);
-        } else {
-            self.schedule.snapshot = Some(snapshot);
-        }
-    }
-
-    fn start_build(&mut self, snapshot: Snapshot, now: Duration, report: &mut FrameReport) {
-        let key = snapshot.key;
-        let schedule = &mut self.schedule;
-        let work = Work { kind: WorkKind::Background, lights: snapshot.lights.len() };
-        let price = schedule.costs.predict(work).as_nanos() as f64;
-        schedule.running = schedule.builder.start(snapshot, work, price, now);
-        match &schedule.running {
-            Some(_) => {
-                schedule.purse -= price;
-                report.background.started += 1;
-            }
-            // There are no threads here.
-            None => {
-                self.forget_build(key);
-                self.judge(key);
-            }
-        }
-    }
-
-    /// Hands a finished build to its tree, which takes it at the refit that follows.
-    pub(super) fn take_build(&mut self, report: &mut FrameReport) {
-        let Some(running) = self.schedule.running.take() else { return };
-        let Some(took) = self.clock.background(running.started, running.work, running.done()) else {
-            self.schedule.running = Some(running);
-            return;
-        };
-        let schedule = &mut self.schedule;
-        schedule.costs.learn(running.work, took);
-        // What was thought to be paid already. A machine that slept meanwhile does not pay for ever.
-        schedule.purse += running.price - (took.as_nanos() as f64).min(MAX_PRICES * running.price);
-        report.background.spent = took;
-        let (key, ticket) = (running.key, running.ticket);
-        let tree = running.wait();
-        let wanted = self.trees.get_mut(key).filter(|entry| entry.standing.build == Some(ticket));
-        let (Some(entry), Some(tree)) = (wanted, tree) else {
-            report.background.dropped += 1;
-            return;
-        };
-        entry.standing.build = None;
-        if !entry.may_rebuild() {
-            report.background.dropped += 1;
-            return;
-        }
-        entry.standing.successor = Some(Box::new(tree));
-        report.background.taken += 1;
-        report.longest_wait = report.longest_wait.max(self.schedule.frame - entry.standing.since);
-        if !entry.is_edited {
-            entry.is_edited = true;
-            self.edited.push(key);
-        }
+        self.schedule.costs.upper_bound(Work { kind: WorkKind::Rebuild, lights }) <= time
     }
 }

@@ -1,14 +1,20 @@
-//! Trees, instances of them, directional lights: edits in, one [`FrameDelta`] out.
+//! The light world: trees, instances of them and directional lights. Edits go in, one
+//! [`FrameDelta`] a frame comes out.
 
 mod attention;
+mod background_builds;
 mod delta;
 mod edit;
 mod jobs;
+mod key_set;
 mod refit;
+mod requests;
 mod rest;
 mod schedule;
+mod staged;
 mod update;
 
+use std::fmt;
 use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
@@ -16,23 +22,25 @@ use slotmap::SlotMap;
 
 pub(crate) use delta::Changes;
 pub use delta::FrameDelta;
-pub use jobs::JobReport;
+pub use schedule::JobReport;
 pub use update::{BackgroundReport, FrameReport};
 
 use crate::cluster::Cluster;
-use crate::effects::{Damped, EffectCounts, Effects};
+use crate::effects::{EffectCounts, Effects, HeldEffects};
 use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
-use crate::light::{DirectionalLight, Light, MIN_FLUX};
+use crate::light::{DirectionalLight, MIN_FLUX};
 use crate::placement::{Placed, Placement};
-use crate::policy::{AttributeHistory, Policy};
-use crate::scheduler::{Clock, Signs, SystemClock};
+use crate::policy::{AttributeHistory, Policy, PolicySet};
+use crate::scheduler::{Clock, SystemClock, TreeFeatures};
 use crate::top::TopLevel;
 use crate::tree::LightTree;
+use key_set::KeySet;
+use staged::StagedLights;
 
-/// Everything that shines: light trees, instances of them, directional lights.
+/// All lights of a scene: light trees, instances of them, and directional lights.
 ///
-/// Calls that fail change nothing. Edits of lights take effect at [`LightWorld::update`]; moves, additions and removals at
-/// once.
+/// A call that returns an error has changed nothing. Edits of lights take effect at the next
+/// [`LightWorld::update`]; moves, additions and removals take effect at once.
 pub struct LightWorld {
     trees: SlotMap<TreeKey, TreeEntry>,
     instances: SlotMap<InstanceKey, Instance>,
@@ -43,14 +51,14 @@ pub struct LightWorld {
     tree_slots: Vec<Option<TreeKey>>,
     origin: DVec3,
     light_count: usize,
-    effects: Damped,
-    /// Trees that are not frozen, each once.
-    awake: Vec<TreeKey>,
-    /// Trees with staged lights, each once.
-    edited: Vec<TreeKey>,
+    effects: HeldEffects,
+    /// Trees that are not frozen.
+    awake: KeySet<TreeKey>,
+    /// Trees that the next update refits or judges.
+    pending: KeySet<TreeKey>,
     changes: Changes,
     schedule: schedule::Schedule,
-    gaze: attention::Gaze,
+    view_weights: attention::ViewWeights,
     clock: Arc<dyn Clock>,
     top: OnceLock<TopLevel>,
 }
@@ -58,12 +66,14 @@ pub struct LightWorld {
 pub(crate) struct TreeEntry {
     pub tree: LightTree,
     pub instances: Vec<InstanceKey>,
-    /// The instances' distinct policies and how many want each.
-    policies: Vec<(Policy, u32)>,
+    /// The policies of all instances.
+    policies: PolicySet,
     history: AttributeHistory,
-    staged: Vec<(u32, Light)>,
-    is_edited: bool,
-    standing: schedule::Standing,
+    staged: StagedLights,
+    /// A policy changed since the last update, so that the tree may ask for a rebuild although no
+    /// light changes.
+    has_new_policy: bool,
+    rebuild_state: schedule::RebuildState,
     rest: rest::Rest,
 }
 
@@ -71,52 +81,49 @@ pub(crate) struct Instance {
     pub tree: TreeKey,
     pub placement: Placement,
     pub policy: Policy,
-    pub placed: Placed,
-    /// Its place in its tree's list of instances.
-    place: usize,
+    /// `None` while the instance is hidden by a scale of zero.
+    pub placed: Option<Placed>,
+    /// Its index in its tree's list of instances.
+    index_in_tree: usize,
 }
 
 impl TreeEntry {
     fn new(tree: LightTree, frame: u64) -> Self {
-        let mut standing = schedule::Standing::default();
-        standing.start(Signs::of(&tree), frame);
+        let mut rebuild_state = schedule::RebuildState::default();
+        rebuild_state.start(TreeFeatures::of(&tree), frame);
         Self {
             history: AttributeHistory::start(tree.attributes()),
             tree,
             instances: Vec::new(),
-            policies: Vec::new(),
-            staged: Vec::new(),
-            is_edited: false,
-            standing,
+            policies: PolicySet::default(),
+            staged: StagedLights::default(),
+            has_new_policy: false,
+            rebuild_state,
             rest: rest::Rest::default(),
         }
     }
 
-    fn add_policy(&mut self, policy: Policy) {
-        match self.policies.iter_mut().find(|(p, _)| *p == policy) {
-            Some((_, count)) => *count += 1,
-            None => self.policies.push((policy, 1)),
-        }
-    }
-
-    fn remove_policy(&mut self, policy: Policy) {
-        if let Some(place) = self.policies.iter().position(|(p, _)| *p == policy) {
-            self.policies[place].1 -= 1;
-            if self.policies[place].1 == 0 {
-                self.policies.remove(place);
-            }
-        }
-    }
-
-    /// Some instance has a policy that can lead to a rebuild.
+    /// Some instance has a policy that can ask for a rebuild.
     fn may_rebuild(&self) -> bool {
-        self.policies.iter().any(|(policy, _)| policy.may_rebuild())
+        self.policies.may_rebuild()
     }
 
-    /// All instances promised that the lights do not change.
+    /// There are instances, and all of them promise that the lights do not change.
     fn is_static(&self) -> bool {
-        !self.policies.is_empty() && self.policies.iter().all(|(p, _)| *p == Policy::Static)
+        self.policies.is_static()
     }
+}
+
+impl Instance {
+    /// The effects that the placement has.
+    fn effects(&self) -> Effects {
+        placed_effects(self.placed.as_ref())
+    }
+}
+
+/// The effects of a placement; a hidden instance has none.
+fn placed_effects(placed: Option<&Placed>) -> Effects {
+    placed.map_or(Effects::empty(), Placed::effects)
 }
 
 impl Default for LightWorld {
@@ -125,13 +132,27 @@ impl Default for LightWorld {
     }
 }
 
+impl fmt::Debug for LightWorld {
+    /// Counts, not contents.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("LightWorld")
+            .field("trees", &self.tree_count())
+            .field("instances", &self.instance_count())
+            .field("directionals", &self.directionals.len())
+            .field("lights", &self.light_count())
+            .field("effects", &self.effects())
+            .field("origin", &self.origin)
+            .finish_non_exhaustive()
+    }
+}
+
 impl LightWorld {
-    /// An empty world that measures rebuilds with the machine's clock.
+    /// Creates an empty world that measures its work with the machine's clock.
     pub fn new() -> Self {
         Self::with_clock(Arc::new(SystemClock::default()))
     }
 
-    /// An empty world with a clock of your own, for tests and replays.
+    /// Creates an empty world with a given clock, for tests and replays.
     pub fn with_clock(clock: Arc<dyn Clock>) -> Self {
         Self {
             trees: SlotMap::with_key(),
@@ -141,45 +162,51 @@ impl LightWorld {
             tree_slots: Vec::new(),
             origin: DVec3::ZERO,
             light_count: 0,
-            effects: Damped::default(),
-            awake: Vec::new(),
-            edited: Vec::new(),
+            effects: HeldEffects::default(),
+            awake: KeySet::default(),
+            pending: KeySet::default(),
             changes: Changes::default(),
             schedule: schedule::Schedule::default(),
-            gaze: attention::Gaze::default(),
+            view_weights: attention::ViewWeights::default(),
             clock,
             top: OnceLock::new(),
         }
     }
 
-    /// Trees, with or without instances.
+    /// The number of trees, with or without instances.
     pub fn tree_count(&self) -> usize {
         self.trees.len()
     }
 
-    /// Instances.
+    /// The number of instances, hidden ones included.
     pub fn instance_count(&self) -> usize {
         self.instances.len()
     }
 
-    /// Lights that can be sampled: those of a tree once per instance, and directional lights.
+    /// The number of lights that have a [`LightId`](crate::LightId): the lights of each tree once
+    /// per instance, hidden instances included, and the directional lights.
     pub fn light_count(&self) -> usize {
         self.light_count + self.directionals.len()
     }
 
-    /// How many lights (of trees, each once, with instances or without), instances and trees have each effect, now.
-    /// O(1).
+    /// For each effect, the number of lights (those of each tree once, with or without instances),
+    /// instances and trees that have it now. O(1).
     pub fn effect_counts(&self) -> &EffectCounts {
         self.effects.counts()
     }
 
-    /// The effects of what the world holds now; staged edits count from [`LightWorld::update`] on. O(1).
+    /// The effects that something in the world has now, [`Effects::MOVING`] included. Staged edits
+    /// count from the next [`LightWorld::update`] on. O(1).
     pub fn active_effects(&self) -> Effects {
         self.effects.counts().effects()
     }
 
-    /// What shaders and layouts should be made for: all that [`LightWorld::active_effects`] has, at once, and what it had within
-    /// the last [`EFFECT_HOLD_UPDATES`](crate::EFFECT_HOLD_UPDATES) calls of [`LightWorld::update`], so that flicker changes nothing. O(1).
+    /// The effects that shaders and buffer layouts should be made for. O(1).
+    ///
+    /// This is the set of all [`LightWorld::active_effects`] of now and of the last
+    /// [`EFFECT_HOLD_UPDATES`](crate::effects::EFFECT_HOLD_UPDATES) calls of
+    /// [`LightWorld::update`], so that flicker does not change it. It never contains
+    /// [`Effects::MOVING`], which changes no shader.
     pub fn effects(&self) -> Effects {
         self.effects.effects()
     }
@@ -199,7 +226,7 @@ impl LightWorld {
         self.trees.keys()
     }
 
-    /// The keys of all instances.
+    /// The keys of all instances, hidden ones included.
     pub fn instances(&self) -> impl Iterator<Item = InstanceKey> {
         self.instances.keys()
     }
@@ -214,38 +241,38 @@ impl LightWorld {
         self.directionals.iter()
     }
 
-    /// Where an instance stands; `None` for a stale key.
+    /// The placement of an instance; `None` for a stale key.
     pub fn placement(&self, instance: InstanceKey) -> Option<Placement> {
         self.instances.get(instance).map(|i| i.placement)
     }
 
-    /// Which tree an instance shows; `None` for a stale key.
+    /// The tree of an instance; `None` for a stale key.
     pub fn instance_tree(&self, instance: InstanceKey) -> Option<TreeKey> {
         self.instances.get(instance).map(|i| i.tree)
     }
 
-    /// What an instance wants for its tree; `None` for a stale key.
+    /// The policy of an instance; `None` for a stale key.
     pub fn policy(&self, instance: InstanceKey) -> Option<Policy> {
         self.instances.get(instance).map(|i| i.policy)
     }
 
-    /// The number by which shaders know an instance; `None` for a stale key.
+    /// The number by which shaders refer to an instance; `None` for a stale key.
     pub fn slot(&self, instance: InstanceKey) -> Option<u32> {
         self.instances.contains_key(instance).then(|| slot_of(instance))
     }
 
-    /// The live instance that shaders know by this number.
+    /// The live instance that shaders refer to by this number.
     pub fn instance_at(&self, slot: u32) -> Option<InstanceKey> {
         self.slots.get(slot as usize).copied().flatten()
     }
 
-    /// Slots that are or were in use.
+    /// The number of instance slots that are or were in use.
     #[cfg(feature = "gpu")]
     pub(crate) fn slot_count(&self) -> usize {
         self.slots.len()
     }
 
-    /// The live tree of a slot.
+    /// The live tree of a tree slot.
     #[cfg(feature = "gpu")]
     pub(crate) fn tree_at(&self, slot: u32) -> Option<TreeKey> {
         self.tree_slots.get(slot as usize).copied().flatten()
@@ -260,36 +287,45 @@ impl LightWorld {
         self.instances.get(instance)
     }
 
-    /// The CPU's top level, built when first asked for after a change.
+    /// The top level on the CPU, built when it is first needed after a change.
+    ///
+    /// It is built outside of any lock. Built inside `OnceLock::get_or_init`, it could deadlock:
+    /// while a rayon worker waits for parts of its build, it may steal a job that asks for the top
+    /// level too. Threads that ask at once may each build it; the results are equal and the first
+    /// one is kept.
     pub(crate) fn top_level(&self) -> &TopLevel {
-        self.top.get_or_init(|| TopLevel::build(&self.clusters()))
+        if let Some(top) = self.top.get() {
+            return top;
+        }
+        let built = TopLevel::build(&self.clusters());
+        self.top.get_or_init(|| built)
     }
 
-    /// What the top level is built over: the instance of each slot.
+    /// The clusters that the top level is built over, by slot; slots without an instance are empty.
     pub(crate) fn clusters(&self) -> Vec<Cluster> {
         let cluster = |slot: u32| self.instance_at(slot).map_or(Cluster::EMPTY, |key| self.cluster(key));
         (0..self.slots.len() as u32).map(cluster).collect()
     }
 
-    /// An instance as the top level sees it.
+    /// The cluster of all lights of an instance, in the world. Empty for a dark tree and for a
+    /// hidden instance.
     pub(crate) fn cluster(&self, key: InstanceKey) -> Cluster {
         let instance = &self.instances[key];
         let tree = &self.trees[instance.tree].tree;
         let cluster = tree.cluster();
-        if cluster.flux <= 0.0 {
+        let Some(placed) = instance.placed.as_ref().filter(|_| cluster.flux > 0.0) else {
             return Cluster::EMPTY;
-        }
-        let linear = &instance.placed.linear;
-        let flux = linear.flux(tree.flux().punctual, tree.flux().area, cluster.axis);
-        // Scaled down far enough, what shines would round to dark.
-        cluster.transformed(linear, instance.placed.frame.translation, flux.max(MIN_FLUX))
+        };
+        let flux = placed.linear.flux(tree.flux().punctual, tree.flux().area, cluster.axis);
+        // At a small enough scale, a light that shines would round to dark.
+        cluster.transformed(&placed.linear, placed.frame.translation, flux.max(MIN_FLUX))
     }
 }
 
-/// Notes who lives in a slot now.
-fn set_slot<K: Copy>(slots: &mut Vec<Option<K>>, slot: u32, owner: Option<K>) {
+/// Records which key occupies a slot now.
+fn set_slot<K: Copy>(slots: &mut Vec<Option<K>>, slot: u32, key: Option<K>) {
     if slots.len() <= slot as usize {
         slots.resize(slot as usize + 1, None);
     }
-    slots[slot as usize] = owner;
+    slots[slot as usize] = key;
 }

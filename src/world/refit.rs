@@ -1,112 +1,156 @@
 //! Brings trees up to date with the edits since the last update, in parallel.
 
 use super::LightWorld;
+use super::staged::StagedLights;
 use crate::effects::EffectCounts;
 use crate::keys::{TreeKey, slot_of};
-use crate::light::Light;
 use crate::policy::AttributeHistory;
-use crate::scheduler::{Replaced, Signs};
+use crate::scheduler::{Replacement, TreeFeatures};
 use crate::tree::LightTree;
 
 impl LightWorld {
-    /// How many trees, and lights in them.
-    pub(super) fn refit_edited(&mut self) -> (usize, usize) {
-        if self.edited.is_empty() {
+    /// Refits the trees whose lights changed or that were built in the background, and judges those
+    /// and the trees with a new policy. Returns the number of refitted trees and of their lights.
+    pub(super) fn refit_pending(&mut self) -> (usize, usize) {
+        let mut jobs = self.take_pending();
+        if jobs.is_empty() {
             return (0, 0);
         }
-        // Trees leave the map while threads work on them; a moved-from tree is empty and costs nothing.
-        let edited = std::mem::take(&mut self.edited);
-        let mut work: Vec<Edited> = edited
-            .into_iter()
-            .map(|key| {
-                let entry = &mut self.trees[key];
-                entry.is_edited = false;
-                Edited {
-                    key,
-                    former: *entry.tree.effects(),
-                    tree: std::mem::take(&mut entry.tree),
-                    staged: std::mem::take(&mut entry.staged),
-                    successor: entry.standing.successor.take(),
-                    succeeded: None,
-                    has_moved: false,
-                    is_measured: entry.may_rebuild(),
-                }
-            })
-            .collect();
-        let refit = |Edited { tree, staged, has_moved, successor, succeeded, is_measured, .. }: &mut Edited| {
-            if let Some(built) = successor.take() {
-                let replaced = Replaced { before: Signs::of(tree), fresh: Signs::of(&built) };
-                let history = AttributeHistory::start(built.attributes());
-                *succeeded = Some((replaced, history, tree.succeed(*built)));
-            }
-            *has_moved = !staged.is_empty();
-            tree.apply(staged);
-            if *is_measured {
-                tree.refit();
-            } else {
-                tree.refit_without_attributes();
-            }
-            staged.clear();
-        };
         #[cfg(feature = "parallel")]
         {
             use rayon::prelude::*;
-            work.par_iter_mut().for_each(refit);
+            jobs.par_iter_mut().for_each(RefitJob::run);
         }
         #[cfg(not(feature = "parallel"))]
-        work.iter_mut().for_each(refit);
+        jobs.iter_mut().for_each(RefitJob::run);
 
-        let count = (work.len(), work.iter().map(|edited| edited.tree.lights().len()).sum());
-        for Edited { key, former, tree, staged, succeeded, has_moved, .. } in work {
-            if *tree.effects() != former {
-                self.effects.change(|counts| {
-                    counts.add_all(tree.effects());
-                    counts.remove_all(&former);
-                });
+        let mut refitted = (0, 0);
+        for job in jobs {
+            if job.changes_nodes() {
+                refitted = (refitted.0 + 1, refitted.1 + job.tree.lights().len());
             }
-            if has_moved {
-                self.has_moved(key);
-            } else {
-                self.wake(key);
-            }
-            let entry = &mut self.trees[key];
-            entry.tree = tree;
-            entry.staged = staged;
-            let mut is_new = false;
-            if let Some((replaced, history, is_outdated)) = succeeded {
-                is_new = !is_outdated && !has_moved;
-                entry.standing.learn(&replaced, None, self.schedule.frame);
-                entry.history = history;
-            }
-            if entry.may_rebuild() {
-                entry.has_changed(self.schedule.frame);
-            }
-            if is_new {
-                // Not even those that always rebuild want more.
-                self.leave(key);
-            } else {
-                self.judge(key);
-            }
+            self.finish_refit(job);
+        }
+        if refitted.0 > 0 {
+            self.top.take();
+        }
+        refitted
+    }
+
+    /// Moves the pending trees out of the map, so that threads can work on them. The trees that
+    /// stay behind are empty and cost nothing.
+    fn take_pending(&mut self) -> Vec<RefitJob> {
+        let Self { pending, trees, .. } = self;
+        let job = |key: TreeKey| {
+            let entry = &mut trees[key];
+            let successor = entry.rebuild_state.successor.take();
+            let has_new_policy = std::mem::take(&mut entry.has_new_policy);
+            // Otherwise all edits were taken back.
+            let is_needed = !entry.staged.is_empty() || successor.is_some() || has_new_policy;
+            is_needed.then(|| RefitJob {
+                key,
+                is_edited: !entry.staged.is_empty(),
+                is_measured: entry.may_rebuild(),
+                former_effects: *entry.tree.effects(),
+                tree: std::mem::take(&mut entry.tree),
+                staged: std::mem::take(&mut entry.staged),
+                successor,
+                swap: None,
+                is_newly_measured: false,
+            })
+        };
+        pending.drain().filter_map(job).collect()
+    }
+
+    /// Moves a tree back into the map and judges it.
+    fn finish_refit(&mut self, job: RefitJob) {
+        let changes_nodes = job.changes_nodes();
+        let RefitJob { key, is_edited, former_effects, tree, staged, swap, is_newly_measured, .. } = job;
+        if *tree.effects() != former_effects {
+            self.effects.change(|counts| {
+                counts.add_all(tree.effects());
+                counts.remove_all(&former_effects);
+            });
+        }
+        let is_thawed = !tree.is_frozen();
+        let entry = &mut self.trees[key];
+        entry.tree = tree;
+        entry.staged = staged;
+        let mut is_as_built = false;
+        if let Some(Swap { replaced, history, is_outdated }) = swap {
+            is_as_built = !is_outdated && !is_edited;
+            entry.rebuild_state.learn(&replaced, None, self.schedule.frame);
+            entry.history = history;
+        }
+        if entry.may_rebuild() && (changes_nodes || is_newly_measured) {
+            entry.record_change(self.schedule.frame);
+        }
+        if is_edited {
+            self.has_moved(key);
+        } else if is_thawed {
+            self.wake(key);
+        }
+        if is_as_built {
+            // No policy asks for more than a tree that was just built, not even
+            // `Policy::AlwaysRebuild`.
+            self.withdraw_request(key);
+        } else {
+            self.update_request(key);
+        }
+        if changes_nodes {
             self.changes.tree(slot_of(key));
         }
-        self.top.take();
-        count
     }
 }
 
-/// A tree that left the map to be refitted.
-struct Edited {
+/// A tree that was moved out of the map.
+struct RefitJob {
     key: TreeKey,
-    /// What its lights called for before the edits.
-    former: EffectCounts,
-    tree: LightTree,
-    staged: Vec<(u32, Light)>,
-    /// Takes its place, if it was built anew in the background.
-    successor: Option<Box<LightTree>>,
-    /// What that changed, over about the same lights, and whether some of them have moved since.
-    succeeded: Option<(Replaced, AttributeHistory, bool)>,
-    /// Its lights were edited.
-    has_moved: bool,
-    /// Some policy reads the attributes.
+    /// Lights are staged.
+    is_edited: bool,
+    /// Some policy needs the attributes.
     is_measured: bool,
+    /// The effects of the lights before the edits.
+    former_effects: EffectCounts,
+    tree: LightTree,
+    staged: StagedLights,
+    /// The tree that was built in the background and replaces this one.
+    successor: Option<Box<LightTree>>,
+    /// What the replacement changed.
+    swap: Option<Swap>,
+    /// The attributes were not up to date before, though no light changed.
+    is_newly_measured: bool,
+}
+
+/// The replacement of a tree by one that was built in the background, over about the same lights.
+struct Swap {
+    replaced: Replacement,
+    /// The attributes of the new tree as it was built.
+    history: AttributeHistory,
+    /// Some lights have changed since they were copied for the build.
+    is_outdated: bool,
+}
+
+impl RefitJob {
+    /// Whether the tree's nodes change, so that it counts as refitted and is uploaded.
+    fn changes_nodes(&self) -> bool {
+        self.is_edited || self.successor.is_some() || self.swap.is_some()
+    }
+
+    fn run(&mut self) {
+        let before = self.tree.attributes();
+        if let Some(built) = self.successor.take() {
+            let replaced = Replacement { before: TreeFeatures::of(&self.tree), after: TreeFeatures::of(&built) };
+            let history = AttributeHistory::start(built.attributes());
+            self.swap = Some(Swap { replaced, history, is_outdated: self.tree.succeed(*built) });
+        }
+        self.tree.apply(self.staged.changes());
+        self.staged.clear();
+        if self.is_measured {
+            self.tree.refit();
+            self.is_newly_measured = self.tree.attributes() != before;
+        } else if self.changes_nodes() {
+            self.tree.refit_without_attributes();
+        }
+    }
 }

@@ -1,92 +1,100 @@
-//! Which trees move and which rest: those that rest are frozen.
+//! Trees at rest: a tree whose lights stop changing no longer counts as moving, and later it is
+//! frozen.
 
 use super::LightWorld;
+use super::staged::StagedLights;
 use crate::effects::{EFFECT_HOLD_UPDATES, Effects};
 use crate::keys::TreeKey;
 
-/// Trees that are frozen in one update: to give memory back takes time too, and many trees may come at once.
+/// The most trees that are frozen in one update: freeing their memory takes time, and many trees
+/// may be due at once.
 const MAX_FREEZES: usize = 64;
 
-/// A tree's part in it.
+/// The most updates without a change after which a tree is frozen: 64 times the first delay, two
+/// minutes at 60 frames a second.
+///
+/// Without a limit, a tree whose lamps flicker now and then would keep the memory that freezing
+/// frees for ever. At the limit, a tree is thawed at most once in 7,680 updates. A thaw computes
+/// every node once, as a refit of all lights does, which is then a small share of the time of those
+/// updates.
+const MAX_FREEZE_DELAY: u32 = 64 * EFFECT_HOLD_UPDATES;
+
+/// How long a tree has been at rest.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rest {
-    /// Its place in the world's list of trees that are awake, if it is.
-    place: Option<usize>,
-    /// Its lights changed less than [`EFFECT_HOLD_UPDATES`] updates ago.
+    /// The tree counts as moving: its lights changed within the last [`EFFECT_HOLD_UPDATES`]
+    /// updates.
     is_moving: bool,
-    /// Updates since its lights changed, or since it came.
-    still: u32,
-    /// Updates of stillness after which it is frozen. Twice as many after each thaw, so that a large tree one of whose
-    /// lamps flickers now and then is not computed anew each time.
-    patience: u32,
+    /// Updates since the lights changed or the tree was added, thawed or rebuilt.
+    still_updates: u32,
+    /// The tree is frozen once `still_updates` exceeds this. Doubles with each edit of the frozen
+    /// tree, up to [`MAX_FREEZE_DELAY`], so that a large tree with a lamp that flickers now and
+    /// then is not thawed each time.
+    freeze_delay: u32,
 }
 
 impl Default for Rest {
     fn default() -> Self {
-        Self { place: None, is_moving: false, still: 0, patience: EFFECT_HOLD_UPDATES }
+        Self { is_moving: false, still_updates: 0, freeze_delay: EFFECT_HOLD_UPDATES }
     }
 }
 
 impl LightWorld {
-    /// A tree has what refits need; its rest begins, if it has not yet.
+    /// Records that a tree is not frozen. If it was, its time at rest begins anew.
     pub(super) fn wake(&mut self, tree: TreeKey) {
-        let place = self.awake.len();
-        let rest = &mut self.trees[tree].rest;
-        if rest.place.is_none() {
-            rest.place = Some(place);
-            rest.still = 0;
-            self.awake.push(tree);
+        if self.awake.insert(tree) {
+            self.trees[tree].rest.still_updates = 0;
         }
     }
 
-    /// A tree's lights have changed.
+    /// Records that the lights of a tree have changed, which thaws it.
     pub(super) fn has_moved(&mut self, tree: TreeKey) {
         let rest = &mut self.trees[tree].rest;
-        if rest.place.is_none() {
-            rest.patience = rest.patience.saturating_mul(2);
+        if !self.awake.contains(tree) {
+            rest.freeze_delay = (2 * rest.freeze_delay).min(MAX_FREEZE_DELAY);
         }
-        rest.still = 0;
+        rest.still_updates = 0;
         if !std::mem::replace(&mut rest.is_moving, true) {
             self.effects.change(|counts| counts.add(Effects::MOVING));
         }
         self.wake(tree);
     }
 
-    /// A tree is no longer awake, nor moving. O(1).
+    /// Records that a tree is frozen or about to be removed. O(1).
     pub(super) fn let_rest(&mut self, tree: TreeKey) {
-        self.stand_still(tree);
-        let Some(place) = self.trees[tree].rest.place.take() else { return };
-        self.awake.swap_remove(place);
-        if let Some(moved) = self.awake.get(place) {
-            self.trees[*moved].rest.place = Some(place);
-        }
+        self.stop_moving(tree);
+        self.awake.remove(tree);
     }
 
-    /// A tree does not move any more.
-    fn stand_still(&mut self, tree: TreeKey) {
+    /// Records that a tree does not count as moving any more.
+    fn stop_moving(&mut self, tree: TreeKey) {
         if std::mem::take(&mut self.trees[tree].rest.is_moving) {
             self.effects.change(|counts| counts.remove(Effects::MOVING));
         }
     }
 
-    /// An update has passed. O(trees that are awake).
+    /// Counts one update for all trees that are not frozen, and freezes those that have been at
+    /// rest for long enough. O(trees that are not frozen).
     pub(super) fn freeze_resting(&mut self) {
         let mut frozen = 0;
-        // From the last on: who takes the place of one that leaves has had its turn.
-        for place in (0..self.awake.len()).rev() {
-            let tree = self.awake[place];
-            let rest = &mut self.trees[tree].rest;
-            rest.still = rest.still.saturating_add(1);
-            let (still, patience) = (rest.still, rest.patience);
-            if still > EFFECT_HOLD_UPDATES {
-                self.stand_still(tree);
-            }
-            // Without threads large trees are rebuilt in parts, which needs what a frozen tree has not.
-            let is_needed = self.schedule.builder.is_off() && self.trees[tree].standing.waiting.is_some();
-            if still > patience && frozen < MAX_FREEZES && !is_needed {
+        // From the last to the first: the tree that takes the index of a removed one has been
+        // visited before.
+        for index in (0..self.awake.keys().len()).rev() {
+            let tree = self.awake.keys()[index];
+            let entry = &mut self.trees[tree];
+            // Without threads large trees are rebuilt in parts, which needs the data that freezing
+            // drops.
+            let is_needed = self.schedule.builder.is_unavailable() && entry.rebuild_state.waiting.is_some();
+            let rest = &mut entry.rest;
+            rest.still_updates = rest.still_updates.saturating_add(1);
+            let Rest { still_updates, freeze_delay, .. } = *rest;
+            if still_updates > freeze_delay && frozen < MAX_FREEZES && !is_needed {
                 frozen += 1;
-                self.trees[tree].tree.freeze();
+                entry.tree.freeze();
+                entry.staged = StagedLights::default();
                 self.let_rest(tree);
+            } else if still_updates > EFFECT_HOLD_UPDATES {
+                self.stop_moving(tree);
             }
         }
     }

@@ -1,180 +1,114 @@
-//! Who asks for a rebuild, and how badly.
+//! The state of the scheduler: what it knows of each tree, and what it knows of all.
 
 use std::time::Duration;
 
-use super::attention::Attention;
-use super::jobs::JobReport;
-use super::{LightWorld, TreeEntry};
+use super::attention::TreeWeight;
 use crate::keys::TreeKey;
-use crate::policy::{RebuildRequest, rebuild_request};
+use crate::policy::RebuildRequest;
 use crate::scheduler::{
-    Ages, Builder, CostModel, Decay, Forecast, Queue, Replaced, Running, Signs, Snapshot, Work, WorkKind,
+    BackgroundBuilder, CostModel, Decay, Forecast, LightSnapshot, PriorityQueue, Replacement, RunningBuild,
+    TreeFeatures, WaitQueue, Work,
 };
-use crate::tree::{LightTree, WIDTH};
+use crate::tree::LightTree;
 
-/// How a tree waits.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Waiting {
-    /// In the queue.
-    pub place: usize,
-    /// In the order in which those came that fit into a frame, or those that do not.
-    pub ticket: u64,
-    pub is_large: bool,
+/// One job of the last [`LightWorld::update`](crate::LightWorld::update): a rebuild, a copy of
+/// lights for a build in the background, or a measurement of noise.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct JobReport {
+    /// The tree that the job was for.
+    pub tree: TreeKey,
+    /// What was done. A [`WorkKind::RebuildPart`](crate::scheduler::WorkKind::RebuildPart) is
+    /// listed even if it was abandoned, because it took time;
+    /// [`FrameReport::rebuilt_parts`](crate::FrameReport::rebuilt_parts) does not count it.
+    pub work: Work,
+    /// The time that the job was predicted to take.
+    pub predicted: Duration,
+    /// The time that it took, by the world's clock.
+    pub took: Duration,
+    /// The number of updates since the tree requested a rebuild.
+    pub waited: u64,
 }
 
-/// What the scheduler knows of a tree.
-#[derive(Default)]
-pub(super) struct Standing {
-    pub waiting: Option<Waiting>,
+/// The position of a tree that waits for a rebuild.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct QueuePosition {
+    /// Its index in the priority queue.
+    pub index: usize,
+    /// Its sequence number in the wait queue: in [`Schedule::oversized`] if `is_oversized`,
+    /// otherwise in [`Schedule::by_age`].
+    pub sequence: u64,
+    pub is_oversized: bool,
+}
+
+/// What the scheduler knows of one tree.
+#[derive(Debug, Default)]
+pub(super) struct RebuildState {
+    pub waiting: Option<QueuePosition>,
     pub request: RebuildRequest,
-    /// The update in which it first asked.
-    pub since: u64,
+    /// The update of the first request that was not served yet.
+    pub requested_at: u64,
     pub forecast: Forecast,
-    /// Logarithm of how much the variance is thought to have risen, as of the last change.
+    /// The predicted logarithm of the rise of the variance, as of the last change.
     pub rise: f32,
     pub decay: Decay,
-    pub attention: Attention,
-    /// The number of its build in the background.
-    pub build: Option<u64>,
-    /// That build's result, which takes its place at the next refit.
+    pub weight: TreeWeight,
+    /// The number of the tree's build in the background.
+    pub build_id: Option<u64>,
+    /// The result of that build; it replaces the tree at the next refit.
     pub successor: Option<Box<LightTree>>,
 }
 
-impl Standing {
-    /// Of a copy of the tree: what was learnt.
-    pub fn copy(&self) -> Self {
+impl RebuildState {
+    /// The state of a copy of the tree: it keeps what was learnt.
+    pub fn for_copy(&self) -> Self {
         Self { forecast: self.forecast, rise: self.rise, decay: self.decay, ..Self::default() }
     }
 
-    /// A new tree of such a shape stands there.
-    pub fn start(&mut self, fresh: Signs, frame: u64) {
-        self.forecast.start(fresh);
-        self.decay.start(frame);
+    /// Starts anew with a tree that was just built.
+    pub fn start(&mut self, features: TreeFeatures, frame: u64) {
+        self.forecast.set_baseline(features);
+        self.decay.reset(frame);
         self.rise = 0.0;
     }
 
-    /// A tree took another's place; what that brought was looked at, or not.
-    pub fn learn(&mut self, replaced: &Replaced, variances: Option<(f32, f32)>, frame: u64) {
-        self.forecast.learn(replaced, variances);
-        self.start(replaced.fresh, frame);
+    /// Learns from a rebuild, and starts anew. `variances` are those before and after, if they were
+    /// measured.
+    pub fn learn(&mut self, replacement: &Replacement, variances: Option<(f32, f32)>, frame: u64) {
+        self.forecast.learn(replacement, variances);
+        self.start(replacement.after, frame);
     }
 }
 
-/// The world's part of it.
-#[derive(Default)]
+/// What the scheduler knows of all trees. Credits are time that may be spent later.
+#[derive(Debug, Default)]
 pub(super) struct Schedule {
-    pub queue: Queue,
+    /// All trees that wait, by priority.
+    pub queue: PriorityQueue,
     pub costs: CostModel,
-    /// Updates so far.
+    /// The number of updates so far.
     pub frame: u64,
-    /// What may be spent on who has waited longest.
-    pub patience: Duration,
-    /// What may be spent on looking at what rebuilds bring.
-    pub curiosity: Duration,
-    /// Of all lights of a tree that is looked at.
-    pub chances: Vec<f32>,
-    /// What builds in the background may spend, in nanoseconds; less than nothing while one is paid for.
-    pub purse: f64,
-    pub builder: Builder,
-    pub snapshot: Option<Snapshot>,
-    pub running: Option<Running>,
-    /// Builds started in the background.
+    /// The credit of the trees that have waited longest.
+    pub oldest_credit: Duration,
+    /// The credit of measurements of noise.
+    pub measurement_credit: Duration,
+    /// The pmf of each light of the tree that is measured; kept for its allocation.
+    pub pmfs: Vec<f32>,
+    /// The credit of builds in the background, in nanoseconds; negative while one is not yet paid
+    /// for.
+    pub background_credit: f64,
+    pub builder: BackgroundBuilder,
+    pub snapshot: Option<LightSnapshot>,
+    pub running: Option<RunningBuild>,
+    /// The number of builds in the background so far.
     pub builds: u64,
-    /// Those that wait, in the order in which they came, but for those too large for a frame.
-    pub ages: Ages,
-    /// Those, in the order in which they were found to be.
-    pub large: Ages,
-    /// Trees that cannot be served in this frame, with what the queue knew of them.
-    pub aside: Vec<(TreeKey, u32)>,
-    /// Whose turn it is to be judged anew.
-    pub turn: usize,
-    /// Of the last update.
+    /// The trees that wait and fit into a frame, by the time at which they came.
+    pub by_age: WaitQueue,
+    /// The trees that wait and are too large for a frame, by the time at which that was found.
+    pub oversized: WaitQueue,
+    /// Trees that cannot be served in this frame, with their scores in the queue.
+    pub suspended: Vec<(TreeKey, u32)>,
+    /// The index in the queue of the tree whose request was refreshed last.
+    pub refreshed: usize,
+    /// The jobs of the last update.
     pub jobs: Vec<JobReport>,
-}
-
-impl TreeEntry {
-    /// Notes that its lights have changed, or its shape in part.
-    pub(super) fn has_changed(&mut self, frame: u64) {
-        let now = self.tree.attributes();
-        self.history.observe(&now);
-        let Standing { forecast, decay, rise, .. } = &mut self.standing;
-        *rise = forecast.rise(&Signs::of(&self.tree));
-        decay.change(frame, forecast.gain(*rise));
-    }
-
-    /// What its policies ask for.
-    fn rebuild_request(&self) -> RebuildRequest {
-        let now = self.tree.attributes();
-        // Of the deviation, which is the root of the variance.
-        let worse = (0.5 * self.standing.rise).exp_m1();
-        let wishes = self.policies.iter().map(|(policy, _)| rebuild_request(policy, &self.history, &now, worse));
-        let wanted = wishes.max().unwrap_or_default();
-        // One node holds so few lights in only one way.
-        let is_pointless = wanted == RebuildRequest::Optional && self.tree.lights().len() <= WIDTH;
-        if is_pointless { RebuildRequest::None } else { wanted }
-    }
-}
-
-impl LightWorld {
-    /// A tree was refitted or rebuilt, or matters more or less than before: does it ask for a rebuild, and how badly?
-    pub(super) fn judge(&mut self, key: TreeKey) {
-        let entry = &self.trees[key];
-        let mut wanted = entry.rebuild_request();
-        // The algorithms of SS ask once, whatever comes after.
-        if entry.standing.request == RebuildRequest::Required && entry.may_rebuild() {
-            wanted = wanted.max(RebuildRequest::Required);
-        }
-        if wanted == RebuildRequest::None || entry.standing.build.is_some() {
-            return self.leave(key);
-        }
-        let lights = entry.tree.lights().len();
-        let gain = self.attention_of(key) * self.trees[key].standing.decay.savings(self.schedule.frame);
-        let cost = self.schedule.costs.predict(Work { kind: WorkKind::Rebuild, lights }).as_nanos().max(1);
-        // Never 0, which is for those that are set aside.
-        let score = (gain / cost as f32).clamp(f32::MIN_POSITIVE, f32::MAX);
-        let is_urgent = wanted == RebuildRequest::Urgent;
-        let Self { schedule: Schedule { queue, ages, frame, .. }, trees, .. } = self;
-        let standing = &mut trees[key].standing;
-        standing.request = wanted;
-        match standing.waiting {
-            Some(Waiting { place, .. }) => queue.set(place, score, is_urgent),
-            None => {
-                let place = queue.push(key, score, is_urgent);
-                standing.waiting = Some(Waiting { place, ticket: ages.push(key), is_large: false });
-                standing.since = *frame;
-            }
-        }
-    }
-
-    /// A tree asks for nothing any more.
-    pub(super) fn leave(&mut self, key: TreeKey) {
-        let standing = &mut self.trees[key].standing;
-        standing.request = RebuildRequest::None;
-        let Some(Waiting { place, ticket, is_large }) = standing.waiting.take() else { return };
-        let Schedule { queue, ages, large, .. } = &mut self.schedule;
-        if is_large { large } else { ages }.take(ticket);
-        let Some(moved) = queue.remove(place) else { return };
-        if let Some(waiting) = &mut self.trees[moved].standing.waiting {
-            waiting.place = place;
-        }
-    }
-
-    /// A tree that waits turns out to be too large for a frame, or not to be.
-    pub(super) fn set_large(&mut self, key: TreeKey, becomes_large: bool) {
-        let Self { schedule: Schedule { ages, large, .. }, trees, .. } = self;
-        let Some(Waiting { ticket, is_large, .. }) = &mut trees[key].standing.waiting else { return };
-        if *is_large != becomes_large {
-            let (from, to) = if becomes_large { (ages, large) } else { (large, ages) };
-            from.take(*ticket);
-            *ticket = to.push(key);
-            *is_large = becomes_large;
-        }
-    }
-
-    /// What is built in the background for a tree is no longer wanted.
-    pub(super) fn forget_build(&mut self, key: TreeKey) {
-        let standing = &mut self.trees[key].standing;
-        standing.build = None;
-        standing.successor = None;
-    }
 }

@@ -1,4 +1,5 @@
-//! One frame's work on the trees: refit what was edited, then rebuild what is worth it.
+//! The update of a world, once a frame: refits the trees that were edited, then rebuilds those that
+//! are worth it.
 
 use std::time::Duration;
 
@@ -10,91 +11,104 @@ use crate::scheduler::{FrameBudget, Work, WorkKind};
 /// What [`LightWorld::update`] did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FrameReport {
-    /// Instances added, moved or removed since the last update, each once.
+    /// Instances that were added, moved or removed since the last update, each counted once.
     pub moved_instances: usize,
-    /// Trees refitted because their lights changed.
+    /// Trees that were refitted because their lights changed.
     pub refit_trees: usize,
     /// Lights of these trees.
     pub refit_lights: usize,
-    /// Trees rebuilt within the frame.
+    /// Trees that were rebuilt within the frame.
     pub rebuilt_trees: usize,
-    /// Subtrees rebuilt within the frame; of a large tree of which a part went bad.
+    /// Subtrees that were rebuilt within the frame, of trees that need a rebuild in part only.
     pub rebuilt_parts: usize,
-    /// Trees that ask for a rebuild and must wait for a later frame. Those that are built in the background do not.
+    /// Trees that ask for a rebuild and wait for a later frame, without those that are built in the
+    /// background.
     pub waiting_trees: usize,
-    /// The most updates that any tree waited that was served in this one or still waits.
+    /// The most updates that a tree has waited, of those that were served in this update and those
+    /// that still wait.
     pub longest_wait: u64,
-    /// What is done on another thread.
+    /// Builds on another thread.
     pub background: BackgroundReport,
-    /// What rebuilds were allowed to take.
+    /// The time that rebuilds were allowed to take.
     pub budget: Duration,
-    /// What they were thought to take, those that were done.
+    /// The predicted time of the rebuilds that were done.
     pub predicted: Duration,
-    /// What they took, by the world's clock; [`LightWorld::jobs`] has each.
+    /// The measured time of the rebuilds that were done, by the world's clock. [`LightWorld::jobs`]
+    /// lists each.
     pub spent: Duration,
-    /// What choosing among those that ask took.
+    /// The time that the choice among waiting trees took.
     pub deciding: Duration,
-    /// By how much rebuilding and choosing took longer than the budget; 0 if nothing was rebuilt.
+    /// The time by which rebuilds and the choice among them exceeded the budget; 0 if nothing was
+    /// rebuilt.
     pub overrun: Duration,
-    /// What refits took; they are not optional.
+    /// The time that refits took. Refits are not part of the budget.
     pub refit_time: Duration,
 }
 
-/// What was done in the background: for trees too large for a frame, one at a time.
+/// Builds in the background: trees too large for a frame, one at a time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BackgroundReport {
-    /// Builds started in this update.
+    /// Builds that were started in this update.
     pub started: usize,
-    /// Builds that took the place of their tree, after a refit to the present lights.
+    /// Builds that replaced their tree in this update, after a refit to the present lights.
     pub taken: usize,
-    /// Builds whose tree was removed, got other lights or changed its policy meanwhile.
+    /// Builds that were dropped because their tree was removed, got other lights or changed its
+    /// policy meanwhile.
     pub dropped: usize,
-    /// Builds on their way, 0 or 1.
+    /// Builds in progress, 0 or 1.
     pub running: usize,
-    /// What the builds took that ended, on their thread.
+    /// The time that the finished builds took, on their thread.
     pub spent: Duration,
 }
 
 impl LightWorld {
-    /// Brings trees up to date with the edits since the last call. O(lights of edited trees), and O(1) for each tree
-    /// that was edited or added lately. To be called once a frame: what has not been called for or not changed for
-    /// [`EFFECT_HOLD_UPDATES`](crate::EFFECT_HOLD_UPDATES) calls leaves [`LightWorld::effects`], and trees give up what only refits need
-    /// ([`LightTree::freeze`](crate::LightTree::freeze)).
+    /// Brings trees up to date with the edits since the last call, and rebuilds trees within a time
+    /// budget. Call it once a frame.
     ///
-    /// Edited trees are refitted, in parallel. Those whose policy asks for a rebuild are then rebuilt, whole or in
-    /// part, those first that gain most for the time: what a rebuild takes off the noise is told from the tree's
-    /// attributes, by what earlier rebuilds of this tree have shown, and counts by how much the tree is seen
-    /// ([`LightWorld::record_usage`], [`LightWorld::set_viewpoint`]). Nothing begins that would probably not end within the budget. One
-    /// sixteenth of the budget goes to who has waited longest: a tree waits for at most 16 times what those that asked
-    /// before it take, divided by the budget, in frames, as long as the budget stays the same and has room for it; a
-    /// part that is rebuilt counts as its turn. Trees that fit into no frame are built on another thread.
+    /// 1. Edited trees are refitted, in parallel.
+    /// 2. Trees whose policy asks for a rebuild are rebuilt, whole or in part. Trees that remove
+    ///    the most noise per millisecond go first. The noise that a rebuild removes is estimated
+    ///    from the tree's attributes and from earlier rebuilds of the tree; it counts by the tree's
+    ///    share of the picture ([`LightWorld::record_usage`], [`LightWorld::set_viewpoint`]). No
+    ///    rebuild starts that would probably not end within the budget.
+    /// 3. One sixteenth of the budget is reserved for the tree that has waited longest. A tree
+    ///    waits at most for 16 times the duration of the rebuilds that were asked for before its
+    ///    own, divided by the budget, in frames. This holds while the budget stays the same and has
+    ///    room for the tree. A rebuild of a part counts as a turn.
+    /// 4. Trees that fit into no frame are built on another thread.
+    /// 5. Effects that nothing had for [`EFFECT_HOLD_UPDATES`](crate::effects::EFFECT_HOLD_UPDATES)
+    ///    calls leave [`LightWorld::effects`], and trees at rest are frozen
+    ///    ([`LightTree::freeze`](crate::LightTree::freeze)).
+    ///
+    /// Cost besides rebuilds: O(lights of edited trees), and O(1) for each tree that is not frozen.
     pub fn update(&mut self, budget: FrameBudget) -> FrameReport {
         let mut report =
             FrameReport { moved_instances: self.changes.take_moved(), budget: budget.time(), ..FrameReport::default() };
         self.schedule.frame += 1;
-        self.take_build(&mut report);
+        self.take_finished_build(&mut report);
         let start = self.clock.now();
-        (report.refit_trees, report.refit_lights) = self.refit_edited();
+        (report.refit_trees, report.refit_lights) = self.refit_pending();
         if report.refit_trees > 0 {
             self.clock.worked(Work { kind: WorkKind::Refit, lights: report.refit_lights });
         }
         report.refit_time = self.clock.now().saturating_sub(start);
         self.run_jobs(&mut report);
-        self.effects.fade();
+        self.effects.count_update();
         self.freeze_resting();
         report
     }
 
-    /// Builds a tree anew at once, whatever its policies say and outside of any budget: for engines that know better,
-    /// at a cut between scenes say. Staged changes still wait for the next [`LightWorld::update`]. Returns what it took.
+    /// Rebuilds a tree at once, whatever its policies are and outside of any budget, for example at
+    /// a cut between scenes. Staged changes still wait for the next [`LightWorld::update`]. Returns
+    /// the time that the rebuild took. O(n log n).
     ///
     /// # Errors
-    /// [`WorldError::NoSuchTree`]. O(n log n).
+    /// [`WorldError::NoSuchTree`].
     pub fn rebuild_tree(&mut self, tree: TreeKey) -> Result<Duration, WorldError> {
         let work = Work { kind: WorkKind::Rebuild, lights: self.entry(tree)?.tree.lights().len() };
         let start = self.clock.now();
         let replaced = self.rebuild_whole(tree);
-        self.trees[tree].standing.learn(&replaced, None, self.schedule.frame);
+        self.trees[tree].rebuild_state.learn(&replaced, None, self.schedule.frame);
         self.clock.worked(work);
         let took = self.clock.now().saturating_sub(start);
         self.schedule.costs.learn(work, took);

@@ -1,4 +1,4 @@
-//! Frames allocate nothing where nothing grows.
+//! A frame in which nothing grows allocates nothing.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -9,21 +9,21 @@ use girandole::{CandidateCount, FrameBudget, Light, LightTree, LightWorld, Place
 
 use crate::support::Rng;
 
-/// The system's allocator, which counts the requests of each thread.
+/// The system allocator with a count of the requests of each thread.
 struct Counting;
 
 thread_local! {
-    /// Constant and without a destructor: to read it allocates nothing.
+    /// Constant and without a destructor, so that reading it allocates nothing.
     static REQUESTS: Cell<usize> = const { Cell::new(0) };
 }
 
 fn count_request() {
-    // A thread that is about to end has no counter any more.
+    // A thread that is about to end has lost its counter.
     let _ = REQUESTS.try_with(|requests| requests.set(requests.get() + 1));
 }
 
-// SAFETY: every call goes on to the system's allocator as it came.
-#[allow(unsafe_code, reason = "an allocator cannot be written without")]
+// SAFETY: every call is passed to the system allocator unchanged.
+#[allow(unsafe_code, reason = "an allocator cannot be written without it")]
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count_request();
@@ -48,7 +48,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// How often this thread asks for memory during some work.
+/// Returns the number of requests for memory that this thread makes during some work.
 fn requests(work: impl FnOnce()) -> usize {
     let before = REQUESTS.get();
     work();
@@ -62,18 +62,18 @@ fn on_one_thread(work: impl FnOnce() + Send) {
 }
 
 #[test]
-fn builds_are_counted() {
+fn the_requests_of_a_build_are_counted() {
     let lights = Rng(70).lights(100, 10.0);
     assert!(requests(|| drop(LightTree::new(lights))) > 0);
 }
 
 #[test]
-fn setting_lights_and_refitting_asks_for_no_memory() {
+fn an_edit_and_a_refit_of_a_tree_ask_for_no_memory() {
     on_one_thread(|| {
         let mut rng = Rng(71);
         for count in [1, 9, 500, 50_000] {
             let tree = LightTree::new(rng.lights(count, 50.0)).expect("valid");
-            // A clone has as much room as the tree itself.
+            // A clone has as much capacity as the tree itself.
             for mut tree in [tree.clone(), tree] {
                 for changed in [1, count.div_ceil(50), count] {
                     let mut change = || ((rng.bits() % count as u64) as u32, rng.light(50.0));
@@ -92,14 +92,35 @@ fn setting_lights_and_refitting_asks_for_no_memory() {
 }
 
 #[test]
-fn an_update_of_a_world_that_stands_still_asks_for_no_memory() {
+fn edits_that_wait_for_the_update_take_memory_for_each_light_once() {
+    let mut rng = Rng(73);
+    let mut world = LightWorld::new();
+    let tree = world.add_tree(rng.lights(500, 10.0)).expect("valid");
+    let changes: Vec<_> = (0..500).map(|index| (index, rng.light(10.0))).collect();
+    world.set_lights(tree, &changes).expect("valid");
+    let asked = requests(|| {
+        for _ in 0..1000 {
+            let some: [(u32, Light); 2] = std::array::from_fn(|_| ((rng.bits() % 500) as u32, rng.light(10.0)));
+            world.set_lights(tree, &some).expect("valid");
+        }
+        world.set_lights(tree, &changes).expect("valid");
+    });
+    assert_eq!(asked, 0);
+    world.update(FrameBudget::NONE);
+    assert!(
+        world.tree(tree).expect("it lives").lights().iter().zip(&changes).all(|(light, change)| *light == change.1)
+    );
+}
+
+#[test]
+fn an_update_of_a_world_at_rest_asks_for_no_memory() {
     let mut world = Rng(72).world(3, 100, 4, 20.0);
     let tree = world.trees().next().expect("a tree");
     world.set_lights(tree, &[(0, Light::point(Vec3::ONE, Vec3::ONE))]).expect("valid");
     world.add_instance(tree, Placement::at(DVec3::ONE), Policy::AlwaysRebuild).expect("valid");
     world.update(FrameBudget::UNLIMITED);
     world.take_delta();
-    // While its trees come to rest, and after that.
+    // Before its trees are frozen, and after.
     let tree_is_frozen = |world: &LightWorld| world.tree(tree).is_some_and(LightTree::is_frozen);
     assert!(!tree_is_frozen(&world));
     for _ in 0..2 * EFFECT_HOLD_UPDATES {
@@ -112,7 +133,7 @@ fn an_update_of_a_world_that_stands_still_asks_for_no_memory() {
 fn sampling_asks_for_no_memory() {
     let mut rng = Rng(83);
     let world = rng.world(3, 30, 4, 10.0);
-    // Builds the top level.
+    // This builds the top level.
     let sampler = world.sampler();
     let shading_points: Vec<_> = (0..50).map(|_| rng.shading_point(12.0)).collect();
     let asked = requests(|| {

@@ -1,4 +1,4 @@
-//! The scenes, the measure and the arithmetic of the budget example.
+//! The scenes, the measurements and the statistics of the budget example.
 
 use std::sync::Arc;
 
@@ -16,25 +16,25 @@ use crate::budget_strategies::program::stage::{SceneKind, Stage};
 use crate::support::{Rng, all_chances};
 
 #[test]
-fn a_troupe_stands_where_the_frame_says_however_it_got_there() {
+fn the_lights_of_a_frame_do_not_depend_on_which_earlier_frames_were_shown() {
     for (kind, motion) in Kind::ALL.into_iter().flat_map(|kind| Motion::ALL.map(|motion| (kind, motion))) {
-        let (mut played, mut skipped) = (Troupe::new(kind, motion, 5), Troupe::new(kind, motion, 5));
-        let start = played.lights().to_vec();
+        let (mut every_frame, mut some_frames) = (Troupe::new(kind, motion, 5), Troupe::new(kind, motion, 5));
+        let start = every_frame.lights().to_vec();
         assert!(start.len() >= 20, "{kind:?}");
         for frame in 0..FRAMES {
-            played.advance(frame);
+            every_frame.advance(frame);
             if frame % 50 == 49 {
-                skipped.advance(frame);
-                assert!(played.lights() == skipped.lights(), "{kind:?} {motion:?} in frame {frame}");
+                some_frames.advance(frame);
+                assert!(every_frame.lights() == some_frames.lights(), "{kind:?} {motion:?} in frame {frame}");
             }
         }
-        assert!(played.lights() != start, "{kind:?} {motion:?} never moves");
-        assert!(motion != Motion::Rest || !played.advance(FRAMES), "{kind:?} does not rest");
+        assert!(every_frame.lights() != start, "{kind:?} {motion:?} never moves");
+        assert!(motion != Motion::Rest || !every_frame.advance(FRAMES), "{kind:?} does not rest");
     }
 }
 
 #[test]
-fn the_lights_of_a_stage_do_not_depend_on_what_is_rebuilt() {
+fn the_lights_of_a_scene_do_not_depend_on_what_is_rebuilt() {
     let mut stages = [0, 1].map(|_| {
         Stage::new(SceneKind::S10, Motion::Teleporting, 20, Arc::new(SystemClock::default())).expect("a stage")
     });
@@ -52,28 +52,30 @@ fn the_lights_of_a_stage_do_not_depend_on_what_is_rebuilt() {
         stage.trees.iter().flat_map(|tree| stage.world.tree(*tree).expect("a tree").lights().to_vec()).collect()
     };
     assert!(lights(&stages[0]) == lights(&stages[1]));
-    // Rebuilding matters: that is what the stage is for.
-    let [stale, fresh] = stages.map(|stage| noise::sigmas(&stage.world, &stage.shading_points).iter().sum::<f64>());
-    assert!(stale > 1.1 * fresh, "{stale} {fresh}");
+    // The scene shows the value of rebuilds: without them it is noisier.
+    let [refitted, rebuilt] =
+        stages.map(|stage| noise::sigmas(&stage.world, &stage.shading_points).iter().sum::<f64>());
+    assert!(refitted > 1.1 * rebuilt, "{refitted} {rebuilt}");
 }
 
 #[test]
-fn sigmas_are_those_of_the_lights_one_by_one() {
+fn sigmas_equal_a_sum_over_all_lights() {
     let mut rng = Rng(81);
     let world = rng.world(3, 40, 4, 20.0);
     let shading_points: Vec<_> = (0..20).map(|_| rng.shading_point(20.0)).collect();
     let sampler = world.sampler();
-    for (at, sigma) in shading_points.iter().zip(noise::sigmas(&world, &shading_points)) {
-        let (mut sum, mut second) = (0.0, 0.0);
-        for (light, pmf) in all_chances(&sampler, at) {
-            let Some(incident) = sampler.sample_light(at, light, [0.5, 0.5]) else { continue };
-            let cosine = incident.direction.dot(at.normal).max(0.0);
+    for (shading_point, sigma) in shading_points.iter().zip(noise::sigmas(&world, &shading_points)) {
+        let (mut sum, mut second_moment) = (0.0, 0.0);
+        for (light, pmf) in all_chances(&sampler, shading_point) {
+            let Some(incident) = sampler.sample_light(shading_point, light, [0.5, 0.5]) else { continue };
+            let cosine = incident.direction.dot(shading_point.normal).max(0.0);
             let lux = f64::from(luminance(incident.radiance) * cosine / incident.pdf);
             sum += lux;
-            second += if lux > 0.0 { lux * lux / f64::from(pmf) } else { 0.0 };
+            second_moment += if lux > 0.0 { lux * lux / f64::from(pmf) } else { 0.0 };
         }
-        let expected = if sum > 0.0 { (second / (sum * sum) - 1.0).max(0.0).sqrt() } else { 0.0 };
-        // Chances differ by rounding, 1e-5 at most, and sigma is a root of a difference.
+        let expected = if sum > 0.0 { (second_moment / (sum * sum) - 1.0).max(0.0).sqrt() } else { 0.0 };
+        // The probabilities differ by rounding, at most 1e-5, and sigma is the root of a
+        // difference.
         assert!((sigma - expected).abs() <= 1.0e-3 * expected + 1.0e-2, "{sigma} {expected}");
     }
     assert!(noise::sigmas(&girandole::LightWorld::new(), &shading_points[..1]) == [0.0]);
@@ -84,7 +86,7 @@ fn point(x: &[f64], y: f64) -> Point {
 }
 
 #[test]
-fn least_squares_find_what_made_the_points() {
+fn least_squares_recover_the_coefficients_of_the_points() {
     let mut rng = Rng(82);
     let mut number = || f64::from(rng.unit());
     let points: Vec<Point> =
@@ -93,7 +95,7 @@ fn least_squares_find_what_made_the_points() {
     let line = Line::fit(&all, &[0, 1, 2]);
     let near = |a: f64, b: f64| (a - b).abs() < 1.0e-9;
     assert!(near(line.constant, 0.0) && near(line.coefficients[2], -1.0) && near(line.coefficients[0], 2.0));
-    // Without a constant and with no negative coefficient, the third is left out.
+    // The fit without a constant has no negative coefficients, so it leaves the third out.
     let coefficients = fit(&all, &[0, 1, 2]);
     assert!(coefficients[2] == 0.0 && coefficients[0] > 1.0 && coefficients.iter().all(|c| *c >= 0.0));
     let left = |c: &[f64; MAX_FEATURES]| points.iter().map(|p| (p.y - predict(c, &p.x)).powi(2)).sum::<f64>();
@@ -107,19 +109,19 @@ fn least_squares_find_what_made_the_points() {
 }
 
 #[test]
-fn ranks_and_the_best_tenth_have_values_computed_by_hand() {
+fn rank_correlation_and_best_tenth_equal_values_computed_by_hand() {
     assert!((spearman(&[1.0, 2.0, 3.0], &[10.0, 30.0, 20.0]) - 0.5).abs() < 1.0e-12);
     assert!((spearman(&[1.0, 1.0, 2.0], &[5.0, 5.0, 9.0]) - 1.0).abs() < 1.0e-12);
     let gain: Vec<f64> = (0..20).map(f64::from).collect();
-    let backward: Vec<f64> = gain.iter().map(|g| -g).collect();
+    let negated: Vec<f64> = gain.iter().map(|g| -g).collect();
     assert_eq!(best_tenth(&gain, &gain), 1.0);
-    assert_eq!(best_tenth(&backward, &gain), 1.0 / 37.0);
+    assert_eq!(best_tenth(&negated, &gain), 1.0 / 37.0);
 }
 
 #[test]
-fn the_spread_of_coefficients_is_found_again() {
+fn the_fit_recovers_the_spread_of_coefficients_between_groups() {
     let mut rng = Rng(83);
-    // Twelve uniform numbers have the variance of one normal number.
+    // The sum of twelve uniform numbers has the variance of one normal number.
     let mut normal = || (0..12).map(|_| f64::from(rng.unit())).sum::<f64>() - 6.0;
     let groups: Vec<Vec<Point>> = (0..400)
         .map(|_| {
@@ -136,7 +138,8 @@ fn the_spread_of_coefficients_is_found_again() {
     let coefficients = [1.0, 2.0, 0.0, 0.0, 0.0, 0.0];
     let found = spread(&groups, &coefficients, &[0, 1]);
     let deviations = [0, 1].map(|i| found.covariance[i][i].sqrt());
-    // 400 draws know a deviation to 4 %: five times that, and the seed is fixed.
+    // 400 draws determine a standard deviation to 4 %. The tolerance is five times that, and the
+    // seed is fixed.
     assert!((deviations[0] / 0.5 - 1.0).abs() < 0.2 && (deviations[1] / 0.2 - 1.0).abs() < 0.2, "{deviations:?}");
     assert!((found.noise / 0.3 - 1.0).abs() < 0.1, "{}", found.noise);
     assert!(found.covariance[0][1].abs() < 0.25 * deviations[0] * deviations[1]);

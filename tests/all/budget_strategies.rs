@@ -1,4 +1,5 @@
-//! The example that measures what a budget for rebuilds buys: its ends are where they belong, and it repeats.
+//! The strategies and the tables of the budget example, which measures how much noise rebuilds
+//! within a time budget remove.
 
 use crate::city::scene;
 use crate::variance::{lights, sigma};
@@ -7,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 #[path = "../../examples/tools/budget/modules.rs"]
-#[allow(dead_code, missing_docs, reason = "a program")]
+#[allow(dead_code, missing_docs, reason = "the modules of an example")]
 pub mod program;
 
 use program::costs::Costs;
@@ -26,10 +27,10 @@ fn plan(strategies: &[Strategy], shares: &[f64]) -> Plan {
     Plan { strategies: strategies.to_vec(), shares, ss_shares, frames: 12, every: 6, shading_points: 6 }
 }
 
-/// A table's lines by the names of its columns.
+/// The rows of a CSV file, by the names of its columns.
 fn table(path: &Path) -> Vec<HashMap<String, String>> {
-    let mut reader = csv::Reader::from_path(path).expect("a table");
-    reader.deserialize().map(|line| line.expect("a line of text")).collect()
+    let mut reader = csv::Reader::from_path(path).expect("a CSV file");
+    reader.deserialize().map(|line| line.expect("a valid row")).collect()
 }
 
 #[test]
@@ -50,32 +51,33 @@ fn the_tables_have_every_column_and_row_and_the_plots_are_drawn() {
         fit: false,
         stages: None,
     };
-    run(&options).expect("it runs");
+    run(&options).expect("the example runs");
     let rows = table(&out.join("budget.csv"));
-    // Both ends, three budgets for the one, none and one for the other.
+    // The two ends of the gap, three budgets of round robin, and two of the algorithm of SS: one
+    // and none.
     assert_eq!(rows.len(), 2 + 3 + 2);
     let columns = "scene,motion,strategy,budget_share,gap_recovered,cost_share,within_budget,worst_overrun_us,longest_wait_frames";
-    let text = std::fs::read_to_string(out.join("budget.csv")).expect("it has written");
+    let text = std::fs::read_to_string(out.join("budget.csv")).expect("the table was written");
     assert_eq!(text.lines().next(), Some(columns));
     assert!(table(&out.join("over_time.csv")).len() >= rows.len());
     assert_eq!(table(&out.join("scenes.csv")).len(), 1);
     assert_eq!(Costs::read(&out.join("costs.csv")).expect("costs"), Costs::read(&costs).expect("costs"));
     for plot in ["gap_S10.svg", "noise_S10.svg"] {
-        let text = std::fs::read_to_string(out.join(plot)).expect("it has drawn");
+        let text = std::fs::read_to_string(out.join(plot)).expect("the plot was drawn");
         assert!(text.contains("round robin") && text.contains("<polyline"), "{plot}");
     }
-    std::fs::remove_dir_all(&out).expect("it is ours");
+    std::fs::remove_dir_all(&out).expect("the folder of the test");
 }
 
 #[test]
-fn strategies_lie_between_both_ends_keep_to_their_budgets_and_repeat() {
+fn strategies_keep_to_their_budgets_and_repeat_exactly() {
     let costs = Arc::new(Costs::plain());
     let strategies = [Strategy::RoundRobin, Strategy::OldestFirst, Strategy::GirandoleUsage, Strategy::Oracle];
     let plan = plan(&strategies, &[0.0, 0.5]);
-    let first = measure(SceneKind::S10, Motion::Smooth, &plan, &costs).expect("it runs");
-    assert_eq!(first, measure(SceneKind::S10, Motion::Smooth, &plan, &costs).expect("it runs"));
+    let first = measure(SceneKind::S10, Motion::Smooth, &plan, &costs).expect("the example runs");
+    assert_eq!(first, measure(SceneKind::S10, Motion::Smooth, &plan, &costs).expect("the example runs"));
     let (scene, rows) = first;
-    // Every light of a tree takes a microsecond, and all trees move in every frame.
+    // A rebuild takes a microsecond per light, and all trees move in every frame.
     assert_eq!(scene.always_rebuild_us, scene.deforming_lights as f64);
     let [update, rebuild] = [&rows[0], &rows[1]];
     assert_eq!((update.gap_recovered, update.cost_share), (0.0, 0.0));
@@ -86,18 +88,18 @@ fn strategies_lie_between_both_ends_keep_to_their_budgets_and_repeat() {
             assert_eq!((row.gap_recovered, row.cost_share), (0.0, 0.0), "{name}");
             continue;
         }
-        // Large trees are built on the side, as much time again for those of the library; the last is paid for later.
+        // Builds in the background add to the cost, and the last of them is paid for after the run.
         assert!(row.cost_share > 0.0 && row.cost_share < 1.5, "{name}: {}", row.cost_share);
         assert!(row.gap_recovered != 0.0 && row.gap_recovered.is_finite(), "{name}");
-        if name != "girandole usage" {
-            // They know the costs, which do not vary.
+        if *name != Strategy::GirandoleUsage.name() {
+            // These strategies know the costs, which are constant.
             assert_eq!((row.within_budget, row.worst_overrun_us), (1.0, 0.0), "{name}");
         }
     }
 }
 
 #[test]
-fn names_that_nothing_has_are_refused() {
+fn unknown_scenes_and_missing_files_are_errors_that_name_them() {
     let out = folder("refusals");
     let options = Options {
         out: Some(out),
@@ -111,9 +113,9 @@ fn names_that_nothing_has_are_refused() {
         fit: false,
         stages: None,
     };
-    let error = run(&options).expect_err("there is none").to_string();
+    let error = run(&options).expect_err("no such scene").to_string();
     assert!(error.contains("XXL") && error.contains("S10"), "{error}");
     let options = Options { scene: Vec::new(), costs: Some("/nowhere/at/all.csv".into()), ..options };
-    let error = run(&options).expect_err("there is none").to_string();
+    let error = run(&options).expect_err("no such file").to_string();
     assert!(error.contains("/nowhere/at/all.csv"), "{error}");
 }

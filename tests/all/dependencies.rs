@@ -1,51 +1,153 @@
-//! Data moves one way: a module imports only from modules that `src/lib.rs` lists before it.
+//! Data moves one way, between modules and between files.
+//!
+//! A file depends on another if it names an item that the other defines. Names are followed to
+//! their definitions, so a re-export is no dependency by itself: `mod.rs` may declare and re-export
+//! its children. One use does not count: a file may name a type of a module above it if it
+//! implements that type, as `upload.rs` implements `GpuLights` of `gpu/mod.rs`. Two rules follow.
+//!
+//! 1. A file depends only on modules that `src/lib.rs` lists before its own module.
+//! 2. No chain of dependencies leads from a file back to the same file.
+//!
+//! Code under `#[cfg(test)]` is left out: tests may look at what they test from anywhere.
+
+mod graph;
+mod source;
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-fn files(folder: &Path) -> Vec<PathBuf> {
-    let entries = fs::read_dir(folder).expect("a folder of the crate").map(|e| e.expect("readable").path());
-    let all = entries.flat_map(|path| if path.is_dir() { files(&path) } else { vec![path] });
-    // Tests may look at what they test from anywhere.
-    all.filter(|path| !path.ends_with("tests.rs")).collect()
-}
+use graph::{Files, Graph};
+use source::Source;
 
-/// The module list of lib.rs, in order.
-fn modules(root: &Path) -> Vec<String> {
-    let text = fs::read_to_string(root.join("lib.rs")).expect("lib.rs");
-    let declared = text.lines().filter_map(|line| line.trim_start_matches("pub ").strip_prefix("mod "));
-    declared.filter_map(|line| Some(line.strip_suffix(';')?.to_owned())).collect()
-}
-
-/// Every `crate::name` outside of tests.
-fn imports(text: &str) -> impl Iterator<Item = &str> {
-    let code = text.split("#[cfg(test)]\nmod tests").next().unwrap_or("");
-    code.split("crate::")
-        .skip(1)
-        .map(|rest| rest.split(|c: char| !c.is_alphanumeric() && c != '_').next().unwrap_or(""))
+/// The Rust files of the crate.
+fn files() -> Files {
+    fn add(files: &mut Files, root: &Path, folder: &Path) {
+        for entry in fs::read_dir(folder).expect("a folder of the crate") {
+            let path = entry.expect("a readable entry").path();
+            if path.is_dir() {
+                add(files, root, &path);
+            } else {
+                let name = path.strip_prefix(root).expect("a path in the crate").components();
+                let name: Vec<_> = name.map(|part| part.as_os_str().to_string_lossy()).collect();
+                files.insert(name.join("/"), fs::read_to_string(&path).expect("a readable file"));
+            }
+        }
+    }
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut files = Files::new();
+    add(&mut files, &root, &root);
+    files
 }
 
 #[test]
-fn imports_point_up_the_module_list() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let order = modules(&root);
+fn files_depend_only_on_modules_that_lib_rs_lists_before_their_own() {
+    let files = files();
+    let order = Source::read(&files["lib.rs"]).children;
     assert!(order.len() > 15, "{order:?}");
-    let rank = |name: &str| order.iter().position(|m| m == name);
+    let rank = |file: &str| {
+        let module = file.split('/').next().unwrap_or(file).trim_end_matches(".rs");
+        order.iter().position(|name| name == module)
+    };
+    let graph = Graph::new(&files);
     let mut seen = 0;
-    for path in files(&root) {
-        let relative = path.strip_prefix(&root).expect("inside");
-        let first = relative.components().next().expect("a name").as_os_str().to_string_lossy().replace(".rs", "");
-        let Some(own) = rank(&first) else {
-            assert_eq!(first, "lib", "{} belongs to no listed module", relative.display());
-            continue;
-        };
-        let text = fs::read_to_string(&path).expect("readable");
-        // `use crate::{a, b}` names modules that this test would miss.
-        assert!(!text.contains("crate::{"), "{}: import modules one by one", relative.display());
-        for name in imports(&text).filter(|name| rank(name).is_some()) {
-            assert!(rank(name) <= Some(own), "{} imports from {name}, which comes later", relative.display());
-            seen += 1;
-        }
+    for (from, to) in graph.edges().filter(|(from, _)| *from != "lib.rs") {
+        let ranks = rank(from).zip(rank(to));
+        assert!(ranks.is_some_and(|(own, named)| named <= own), "{from} depends on {to}, whose module comes later");
+        seen += 1;
     }
-    assert!(seen > 50, "only {seen} imports seen");
+    assert!(seen > 200, "only {seen} dependencies found");
+}
+
+#[test]
+fn no_dependencies_between_files_form_a_circle() {
+    let mut graph = Graph::new(&files());
+    let circles: Vec<String> = graph.circles().iter().map(|files| files.join(" -> ")).collect();
+    assert!(circles.is_empty(), "circles of files:\n{}", circles.join("\n"));
+}
+
+/// The graph of a small crate: pairs of file names and texts.
+fn graph(files: &[(&str, &str)]) -> Graph {
+    Graph::new(&files.iter().map(|(name, text)| ((*name).to_owned(), (*text).to_owned())).collect())
+}
+
+/// Its dependencies, as text.
+fn edges(files: &[(&str, &str)]) -> Vec<String> {
+    graph(files).edges().map(|(from, to)| format!("{from} -> {to}")).collect()
+}
+
+#[test]
+fn a_planted_circle_is_found_and_printed_as_a_path_of_files() {
+    let files = [
+        ("lib.rs", "mod a; pub mod b;"),
+        ("a.rs", "use crate::{b::{self, deep::{C,}}}; fn a(_: C) { b::helper(); }"),
+        ("b/mod.rs", "mod deep; mod other; pub(crate) use other::helper;"),
+        ("b/deep.rs", "pub struct C; fn c() { super::other::helper() }"),
+        ("b/other.rs", "pub(crate) fn helper() { crate::a::a(); }"),
+    ];
+    let circles = graph(&files).circles();
+    assert_eq!(circles, [["a.rs", "b/deep.rs", "b/other.rs", "a.rs"].as_slice(), &["a.rs", "b/other.rs", "a.rs"]]);
+    let mut without = graph(&files);
+    assert!(without.remove("b/other.rs", "a.rs") && !without.remove("b/other.rs", "a.rs"));
+    assert!(without.circles().is_empty());
+}
+
+#[test]
+fn a_name_is_followed_through_re_exports_to_the_file_that_defines_it() {
+    let files = [
+        ("lib.rs", "mod a; mod b; pub use b::Deep;"),
+        ("a.rs", "fn f(_: crate::Deep) -> crate::b::Own { matches!(x, crate::b::deep::Other::X) }"),
+        ("b/mod.rs", "pub mod deep; pub use deep::Deep as Renamed; pub use deep::Deep; pub struct Own;"),
+        ("b/deep.rs", "pub struct Deep; pub enum Other { X }"),
+    ];
+    assert_eq!(edges(&files), ["a.rs -> b/deep.rs", "a.rs -> b/mod.rs"]);
+}
+
+#[test]
+fn a_module_depends_on_what_it_re_exports_only_if_it_uses_it() {
+    let root = ("lib.rs", "mod b;");
+    let deep = ("b/deep.rs", "pub struct Deep;");
+    assert!(edges(&[root, deep, ("b/mod.rs", "mod deep; pub use deep::Deep;")]).is_empty());
+    let uses = ("b/mod.rs", "mod deep; pub use deep::Deep; struct Own(Deep);");
+    assert_eq!(edges(&[root, deep, uses]), ["b/mod.rs -> b/deep.rs"]);
+}
+
+#[test]
+fn a_file_may_name_a_type_of_a_module_above_it_only_to_implement_it() {
+    let root = ("lib.rs", "mod b;");
+    let parent = ("b/mod.rs", "mod deep; use deep::Part; pub struct Own { part: Part } fn helper() {}");
+    let part = "pub struct Part; impl<T: Into<u8>> From<T> for super::Own { }";
+    assert_eq!(edges(&[root, parent, ("b/deep.rs", part)]), ["b/mod.rs -> b/deep.rs"]);
+    for more in ["fn f() { super::helper() }", "use super::Other;", "fn f() -> impl super::Trait {}"] {
+        let circles = graph(&[root, parent, ("b/deep.rs", &format!("{part} {more}"))]).circles();
+        assert_eq!(circles, [["b/deep.rs", "b/mod.rs", "b/deep.rs"]], "{more}");
+    }
+}
+
+#[test]
+fn tests_comments_and_strings_are_left_out() {
+    let file = r##"
+        // use crate::b::A;
+        /* crate::b::A */
+        #[cfg(test)]
+        mod probe;
+        #[cfg(test)]
+        use crate::b::A;
+        struct S<'a> { #[cfg(test)] field: crate::b::A, text: &'a str }
+        impl S<'_> {
+            #[cfg(test)]
+            #[inline]
+            fn f<A, B>(&self, b: [u8; 2]) { crate::b::A; }
+            fn g(&self) -> (char, &str) { ('"', "crate::b::A \" crate::b::A") }
+            fn h(&self) -> &str { r#"crate::b::A " crate::b::A"# }
+        }
+        #[cfg(all(test, unix))]
+        const A: crate::b::A = crate::b::A;
+        mod inline { fn f() { super::own(); super::super::b::C; } }
+        #[cfg(test)]
+        mod tests { use super::*; use crate::b::A; }
+    "##;
+    assert_eq!(edges(&[("lib.rs", "mod a; mod b;"), ("a.rs", file), ("b.rs", "")]), ["a.rs -> b.rs"]);
+    let source = Source::read(file);
+    assert!(source.paths.contains(&vec!["self".to_owned(), "super".to_owned(), "b".to_owned(), "C".to_owned()]));
+    assert!(!source.paths.iter().any(|path| path.last().is_some_and(|name| name == "A")), "{source:?}");
 }

@@ -1,4 +1,4 @@
-//! The example of an engine's shader comes to the same light by samples as by sums.
+//! The example of an engine's shader: samples on the GPU agree with sums over all lights on the CPU.
 
 #[test]
 fn the_example_of_an_engines_shader_agrees_with_sums() {

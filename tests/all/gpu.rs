@@ -1,4 +1,4 @@
-//! The GPU samples as the CPU does: same numbers in, same lights out, up to float rounding.
+//! The GPU samples as the CPU does: the same random numbers give the same lights, to float rounding.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock};
@@ -11,24 +11,31 @@ use girandole::{
 
 use crate::support::{Rng, SPLITS};
 
-/// Where a pick lands within rounding of the border between two lights the GPU may take the neighbour: WGSL allows
-/// division 2.5 ulp and `pow` far more. About ten choices of a rounding of 1e-5 each.
+/// The share of samples that may name another light. Where a random number falls within rounding of the
+/// border between two lights, the GPU may choose the other one: WGSL allows division an error of 2.5 ulp,
+/// and `pow` far more. A sample takes about ten choices, each with a rounding of 1e-5.
 pub(crate) const OTHER_PICKS: f64 = 2.0e-3;
 
-/// Chances and radiance are products of some twenty terms; `pow` of the narrowest lobes is good to 1e-3 only.
+/// Relative difference of probabilities and radiances, which are products of some twenty terms. `pow`
+/// is good to 1e-3 only for the narrowest lobes.
 const TOLERANCE: f32 = 2.0e-3;
 
-/// An error d of the falloff's argument t makes 2 t d of its square, at most TOLERANCE t^2 + d^2 / TOLERANCE; d is 2e-7
-/// times the falloff's slope, which is below 70 for the spots of these tests.
+/// Difference at a spot's rim, relative to the light on its axis. An error d in the argument t of the
+/// falloff changes its square by 2 t d, which is at most TOLERANCE t^2 + d^2 / TOLERANCE. d is 2e-7 times
+/// the slope of the falloff, which is below 70 for the spots of these tests.
 const RIM: f32 = 1.0e-7;
 
-/// One device for all tests. GPU tests fail without an adapter; they never pass by not running.
+/// The stage of `GpuLights::sample`, with the record that it reads.
+const BATCH: &str = concat!(include_str!("../../shaders/request.wgsl"), include_str!("../../shaders/batch.wgsl"));
+
+/// The device that the tests share. A GPU test fails without an adapter: it never passes without
+/// running.
 pub fn gpu() -> (wgpu::Device, wgpu::Queue) {
     static GPU: OnceLock<(wgpu::Device, wgpu::Queue)> = OnceLock::new();
     GPU.get_or_init(|| limited_gpu(wgpu::Limits::default().max_storage_buffer_binding_size)).clone()
 }
 
-/// A device whose storage buffers have at most so many bytes.
+/// A new device that binds storage buffers of at most so many bytes.
 pub(crate) fn limited_gpu(bytes: u64) -> (wgpu::Device, wgpu::Queue) {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
         backends: wgpu::Backends::PRIMARY,
@@ -98,7 +105,7 @@ pub(crate) fn sample(
     sample_again(&gpu(), lights, requests)
 }
 
-/// Samples what was uploaded last.
+/// Samples the lights of the last upload.
 fn sample_again(
     (device, queue): &(wgpu::Device, wgpu::Queue),
     lights: &mut GpuLights,
@@ -113,8 +120,8 @@ fn sample_again(
     read(device, queue, &output)
 }
 
-/// Samples what was uploaded last by a pipeline for these effects, which is compiled once for all tests: each
-/// `GpuLights` would compile its own. The text is that of `GpuLights::sample`.
+/// Samples the lights of the last upload with a pipeline for these effects. It has the text of
+/// `GpuLights::sample` and is compiled once for all tests, while each `GpuLights` compiles its own.
 pub(crate) fn sample_by(effects: Effects, lights: &mut GpuLights, requests: &[SampleRequest]) -> Vec<SampleRecord> {
     static PIPELINES: Mutex<BTreeMap<u8, Arc<OnceLock<wgpu::ComputePipeline>>>> = Mutex::new(BTreeMap::new());
     let (device, queue) = gpu();
@@ -137,7 +144,7 @@ pub(crate) fn sample_by(effects: Effects, lights: &mut GpuLights, requests: &[Sa
         let shader = lights.shader(0, effects);
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: None,
-            source: wgpu::ShaderSource::Wgsl(shader.join(include_str!("../../shaders/batch.wgsl")).into()),
+            source: wgpu::ShaderSource::Wgsl(shader.join(BATCH).into()),
         });
         let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             bind_group_layouts: &[Some(&shader.layout), Some(&own)],
@@ -179,7 +186,7 @@ pub(crate) fn close(a: f32, b: f32) -> bool {
     (a - b).abs() <= TOLERANCE * a.abs().max(b.abs()).max(1.0e-20)
 }
 
-/// Length of a light's emission.
+/// The length of a light's emission.
 fn emission(world: &LightWorld, light: LightId) -> f32 {
     match light {
         LightId::Directional(key) => world.directional(key).map_or(0.0, |light| light.illuminance.length()),
@@ -190,7 +197,8 @@ fn emission(world: &LightWorld, light: LightId) -> f32 {
     }
 }
 
-/// How many of the GPU's samples name another light than the CPU's; those that name the same must agree in everything.
+/// How many of the GPU's samples name another light than the CPU's. Samples that name the same light
+/// must agree in every field.
 pub(crate) fn compare(
     world: &LightWorld,
     splits: SplitCount,
@@ -199,7 +207,7 @@ pub(crate) fn compare(
 ) -> usize {
     let sampler = world.sampler().with_splits(splits);
     let directionals: Vec<_> = world.directionals().map(|(key, _)| key).collect();
-    let mut others = 0;
+    let mut mismatches = 0;
     for (request, record) in requests.iter().zip(records) {
         let shading_point = shading_point(request);
         let twin = sampler.sample(&shading_point, request.u);
@@ -214,22 +222,22 @@ pub(crate) fn compare(
                 assert!(close(record.pdf, twin.incident.pdf), "{record:?} {twin:?} {request:?}");
                 let radiance = Vec3::from(record.radiance);
                 let difference = (radiance - twin.incident.radiance).length();
-                // At a spot's rim its falloff is the small difference of two cosines: there an error counts by what
-                // the spot sends along its axis.
+                // At a spot's rim the falloff is the small difference of two cosines, so the error is
+                // relative to the light on its axis.
                 let peak = if twin.incident.is_delta { emission(world, light) / record.dist.powi(2) } else { 0.0 };
                 assert!(difference <= TOLERANCE * radiance.length() + RIM * peak, "{record:?} {twin:?}");
                 let turn = (Vec3::from(record.direction) - twin.incident.direction).length();
                 assert!(turn < TOLERANCE, "{record:?} {twin:?}");
                 assert_eq!(record.is_delta == 1, twin.incident.is_delta);
             }
-            _ => others += 1,
+            _ => mismatches += 1,
         }
     }
-    others
+    mismatches
 }
 
 #[test]
-fn the_gpu_picks_the_same_lights_with_the_same_chances() {
+fn the_gpu_chooses_the_same_lights_with_the_same_probabilities() {
     let (device, queue) = gpu();
     for (seed, trees, count, instances) in [(40, 6, 60, 5), (41, 1, 1, 1), (42, 1, 300, 9), (43, 90, 3, 2)] {
         let mut rng = Rng(seed);
@@ -243,10 +251,13 @@ fn the_gpu_picks_the_same_lights_with_the_same_chances() {
             }
             for splits in SPLITS {
                 let records = sample(&mut lights, &mut world, splits, &requests);
-                let others = compare(&world, splits, &requests, &records);
-                assert!(others as f64 <= OTHER_PICKS * 4096.0, "seed {seed}: {others} of 4096 name another light");
+                let mismatches = compare(&world, splits, &requests, &records);
+                assert!(
+                    mismatches as f64 <= OTHER_PICKS * 4096.0,
+                    "seed {seed}: {mismatches} of 4096 name another light"
+                );
                 let count = records.iter().filter(|r| r.pmf > 0.0).count();
-                assert!(count > 200, "seed {seed}: {count} are too few to compare");
+                assert!(count > 200, "seed {seed}: only {count} samples have a light");
             }
         }
     }
@@ -260,21 +271,21 @@ fn an_empty_world_gives_no_light_and_no_error() {
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let requests = requests(&mut rng, 64, 10.0);
     assert!(sample(&mut lights, &mut world, SplitCount::DEFAULT, &requests).iter().all(|r| r.pmf == 0.0));
-    // A tree of no lights, a dark tree, and an instance that went.
+    // A tree without lights, a dark tree, and an instance that is removed.
     let empty = world.add_tree(vec![]).expect("fine");
     let dark = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ZERO)]).expect("fine");
     for tree in [empty, dark] {
         world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
     }
     let tree = world.add_tree(rng.lights(5, 5.0)).expect("valid");
-    let gone = world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
+    let removed = world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
     assert!(sample(&mut lights, &mut world, SplitCount::DEFAULT, &requests).iter().any(|r| r.pmf > 0.0));
-    world.remove_instance(gone).expect("it lives");
+    world.remove_instance(removed).expect("it lives");
     assert!(sample(&mut lights, &mut world, SplitCount::DEFAULT, &requests).iter().all(|r| r.pmf == 0.0));
 }
 
 #[test]
-fn a_world_that_changes_and_grows_stays_the_same_on_both_sides() {
+fn a_world_that_changes_and_grows_is_sampled_alike_on_both_sides() {
     let (device, queue) = gpu();
     let mut rng = Rng(45);
     let mut world = rng.world(3, 30, 4, 20.0);
@@ -283,10 +294,13 @@ fn a_world_that_changes_and_grows_stays_the_same_on_both_sides() {
     for round in 0..6 {
         for splits in SPLITS {
             let records = sample(&mut lights, &mut world, splits, &requests);
-            let others = compare(&world, splits, &requests, &records);
-            assert!(others as f64 <= OTHER_PICKS * 2048.0 + 1.0, "round {round}: {others} of 2048 name another light");
+            let mismatches = compare(&world, splits, &requests, &records);
+            assert!(
+                mismatches as f64 <= OTHER_PICKS * 2048.0 + 1.0,
+                "round {round}: {mismatches} of 2048 name another light"
+            );
         }
-        // Grow past the first buffers, edit, move and remove.
+        // Grows past the first buffers, and edits, moves and removes.
         let tree = world.add_tree(rng.lights(200, 3.0)).expect("valid");
         for _ in 0..20 {
             world.add_instance(tree, rng.affine(20.0), Policy::AlwaysRebuild).expect("valid");
@@ -304,7 +318,7 @@ fn a_world_that_changes_and_grows_stays_the_same_on_both_sides() {
 }
 
 #[test]
-fn a_frame_uploads_what_changed_and_nothing_else() {
+fn an_upload_sends_what_changed_and_nothing_else() {
     let (device, queue) = gpu();
     let mut world = Rng(46).world(3, 30, 4, 20.0);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
@@ -314,8 +328,8 @@ fn a_frame_uploads_what_changed_and_nothing_else() {
         lights.upload(world, &delta).expect("room enough")
     };
     assert!(upload(&mut world).bytes > 3 * 30 * 64);
-    let still = upload(&mut world);
-    assert_eq!((still.bytes, still.trees, still.instances), (0, 0, 0));
+    let unchanged = upload(&mut world);
+    assert_eq!((unchanged.bytes, unchanged.trees, unchanged.instances), (0, 0, 0));
     let mover = world.instances().nth(5).expect("twelve instances");
     world.move_instance(mover, Placement::at(DVec3::ONE)).expect("valid");
     let moved = upload(&mut world);
@@ -328,7 +342,7 @@ fn a_frame_uploads_what_changed_and_nothing_else() {
 }
 
 #[test]
-fn a_world_of_points_sends_no_bytes_for_what_points_lack() {
+fn a_world_of_points_sends_no_bytes_for_cones_ranges_and_scales() {
     let (device, queue) = gpu();
     let mut rng = Rng(51);
     let mut world = LightWorld::new();
@@ -344,25 +358,25 @@ fn a_world_of_points_sends_no_bytes_for_what_points_lack() {
     };
     upload(&mut world);
     let nodes = |world: &LightWorld, tree| world.tree(tree).expect("it lives").nodes().len() as u64;
-    // 32 bytes a light, 160 a node, 80 a tree, 80 an instance.
+    // A light has 32 bytes, a node 160, a tree 80 and an instance 80.
     world.set_lights(tree, &[(0, Light::point(Vec3::ONE, Vec3::ONE))]).expect("valid");
     assert_eq!(upload(&mut world), 300 * 32 + nodes(&world, tree) * 160 + 80);
     world.move_instance(instance, Placement::at(DVec3::Y)).expect("valid");
     assert_eq!(upload(&mut world), 80);
-    // A tree of spots with ranges grows everything, on the GPU: sent is the tree itself, an instance of it, the tables
-    // of nodes and lights and the uniform.
+    // A tree of spots with ranges lengthens all nodes and lights, which the GPU converts. The upload
+    // sends the tree, its instance, the two tables for the conversion, and the uniform.
     let spot = |_| Light::spot(rng.place(5.0), Vec3::NEG_Y, 0.1, 0.4, Vec3::ONE).with_range(9.0);
     let spots = world.add_tree((0..20).map(spot).collect()).expect("valid");
     world.add_instance(spots, Placement::IDENTITY, Policy::Budgeted).expect("valid");
     let table = 16 + 2 * 13 * 16;
     assert_eq!(upload(&mut world), 20 * 64 + nodes(&world, spots) * 208 + 80 + 80 + 2 * table + 48);
-    // And one that is scaled all instances.
+    // A scaled instance lengthens all instances.
     world.move_instance(instance, Placement { linear: 2.0 * Mat3::IDENTITY, ..Placement::IDENTITY }).expect("valid");
     assert_eq!(upload(&mut world), 128 + table + 48);
 }
 
 #[test]
-fn a_gpu_that_comes_late_gets_everything() {
+fn a_gpu_that_is_added_late_gets_everything() {
     let (device, queue) = gpu();
     let mut rng = Rng(47);
     let mut world = rng.world(2, 20, 3, 10.0);
@@ -377,12 +391,12 @@ fn a_gpu_that_comes_late_gets_everything() {
 }
 
 #[test]
-fn a_lost_delta_does_not_leave_an_instance_without_its_tree() {
+fn a_delta_that_was_dropped_does_not_leave_an_instance_without_its_tree() {
     let (device, queue) = gpu();
     let mut rng = Rng(49);
     let mut world = LightWorld::new();
     let tree = world.add_tree(rng.lights(20, 5.0)).expect("valid");
-    // Nobody uploads this one.
+    // This delta is never uploaded.
     world.take_delta();
     world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
@@ -394,14 +408,14 @@ fn a_lost_delta_does_not_leave_an_instance_without_its_tree() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused_and_goes_with_the_next_upload_that_fits() {
+fn changes_that_do_not_fit_are_refused_and_sent_with_the_next_upload_that_fits() {
     let (device, queue) = limited_gpu(1 << 20);
     let mut rng = Rng(50);
     let mut world = rng.world(2, 20, 3, 10.0);
     let mut lights = GpuLights::new(&device, &queue).expect("such limits are enough");
     let first = world.take_delta();
     lights.upload(&world, &first).expect("room enough");
-    // 20,000 lights of 64 bytes are more than a mebibyte.
+    // 20,000 lights of 64 bytes take more than a mebibyte.
     let large = world.add_tree(rng.lights(20_000, 5.0)).expect("valid");
     let instance = world.add_instance(large, Placement::IDENTITY, Policy::Static).expect("valid");
     let mover = world.instances().next().expect("seven instances");
@@ -415,11 +429,12 @@ fn what_does_not_fit_is_refused_and_goes_with_the_next_upload_that_fits() {
     world.remove_tree(large).expect("unused");
     let delta = world.take_delta();
     let report = lights.upload(&world, &delta).expect("room enough again");
-    assert_eq!(report.instances, 2, "the one that went, and the one that moved in the refused delta");
+    assert_eq!(report.instances, 2, "the removed one, and the one that moved in the refused delta");
 }
 
-/// Runs an engine's own shader, which has the lights at group 1 and one invocation of `ask` for each answer, in workgroups
-/// of 64; `questions` and `answers` are the bindings of group 0.
+/// Runs an engine's own shader and returns its answers. The shader has the lights at group 1 and runs
+/// `ask` once for each answer, in workgroups of 64. Group 0 has the questions at binding 0 and the answers
+/// at binding 1.
 pub(crate) fn ask<Q: bytemuck::Pod, A: bytemuck::Pod>(
     lights: &mut GpuLights,
     text: String,
@@ -481,7 +496,7 @@ pub(crate) fn ask<Q: bytemuck::Pod, A: bytemuck::Pod>(
 }
 
 #[test]
-fn what_does_not_fit_once_the_layout_has_grown_leaves_the_last_upload_in_place() {
+fn an_upload_that_does_not_fit_in_its_longer_layout_leaves_the_last_one_in_place() {
     let limited = limited_gpu(1 << 20);
     let mut rng = Rng(52);
     let mut world = LightWorld::new();
@@ -493,7 +508,7 @@ fn what_does_not_fit_once_the_layout_has_grown_leaves_the_last_upload_in_place()
     lights.upload(&world, &delta).expect("room enough");
     let requests = requests(&mut rng, 512, 10.0);
     let before = sample_again(&limited, &mut lights, &requests);
-    // In 64 bytes each 12,000 lights fit into a mebibyte, but not 18,000.
+    // At 64 bytes each, 12,000 lights fit into a mebibyte, and 18,000 do not.
     let spot = |_| Light::spot(rng.place(5.0), Vec3::NEG_Y, 0.1, 0.4, Vec3::ONE);
     let spots = world.add_tree((0..6000).map(spot).collect()).expect("valid");
     let instance = world.add_instance(spots, Placement::IDENTITY, Policy::Static).expect("valid");
@@ -511,23 +526,23 @@ fn what_does_not_fit_once_the_layout_has_grown_leaves_the_last_upload_in_place()
 }
 
 #[test]
-fn a_lost_device_is_reported_by_the_next_upload_and_to_whoever_asks_for_new_lights() {
+fn a_lost_device_is_reported_by_the_next_upload_and_by_new_lights() {
     let (device, queue) = limited_gpu(wgpu::Limits::default().max_storage_buffer_binding_size);
     let mut rng = Rng(51);
     let mut world = rng.world(2, 20, 3, 10.0);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let delta = world.take_delta();
     for _ in 0..3 {
-        lights.upload(&world, &delta).expect("the device lives");
+        lights.upload(&world, &delta).expect("the device works");
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         lights.build_top(&mut encoder);
         queue.submit([encoder.finish()]);
     }
-    lights.upload(&world, &FrameDelta::default()).expect("the device lives");
+    lights.upload(&world, &FrameDelta::default()).expect("the device works");
     device.destroy();
     assert_eq!(lights.upload(&world, &FrameDelta::default()), Err(GpuError::DeviceLost));
     assert_eq!(lights.upload(&world, &delta), Err(GpuError::DeviceLost));
-    // The rest of the frame does no harm.
+    // The other calls of a frame do no harm.
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     lights.set_splits(SplitCount::of::<1>());
     lights.build_top(&mut encoder);
@@ -537,7 +552,7 @@ fn a_lost_device_is_reported_by_the_next_upload_and_to_whoever_asks_for_new_ligh
 }
 
 #[test]
-fn an_engines_own_shader_asks_for_chances_as_the_cpu_does() {
+fn the_shader_function_for_a_pmf_gives_the_probabilities_of_the_cpu() {
     let (device, queue) = gpu();
     let mut rng = Rng(48);
     let mut world = rng.world(4, 25, 3, 15.0);
@@ -545,11 +560,11 @@ fn an_engines_own_shader_asks_for_chances_as_the_cpu_does() {
     let delta = world.take_delta();
     lights.upload(&world, &delta).expect("room enough");
 
-    // Every light at a few shading points: position, normal, instance, light.
+    // Every light at a few shading points, as position, instance, normal and light.
     let sampler = world.sampler();
     let directionals: Vec<_> = world.directionals().map(|(key, _)| key).collect();
     let mut questions: Vec<[u32; 8]> = Vec::new();
-    // With each bound on splits.
+    // The probability with each number of splits.
     let mut expected: Vec<[f32; 2]> = Vec::new();
     for _ in 0..6 {
         let shading_point = rng.shading_point(20.0);
@@ -583,4 +598,26 @@ fn an_engines_own_shader_asks_for_chances_as_the_cpu_does() {
         }
     }
     assert!(expected.iter().filter(|p| p[0] > 0.0).count() > 300);
+}
+
+#[test]
+fn a_build_whose_encoder_is_dropped_is_recorded_again() {
+    let (device, queue) = gpu();
+    let mut world = LightWorld::new();
+    let lamp = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
+    world.add_instance(lamp, Placement::IDENTITY, Policy::Static).expect("valid");
+    let request = SampleRequest { normal: [0.0, 1.0, 0.0], u: [0.5; 4], ..SampleRequest::default() };
+    for is_finished in [false, true] {
+        let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+        lights.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
+        for _ in 0..2 {
+            let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            lights.build_top(&mut encoder);
+            if is_finished {
+                drop(encoder.finish());
+            }
+        }
+        let records = sample_by(Effects::all(), &mut lights, &[request]);
+        assert!(records[0].pmf > 0.0, "the top level was never built: {records:?}");
+    }
 }

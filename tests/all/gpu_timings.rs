@@ -81,6 +81,7 @@ fn an_adapter_that_does_not_exist_is_refused_by_name() {
 fn the_shader_and_the_host_agree_on_sizes() {
     let text = girandole::gpu::wgsl(1, girandole::Effects::all())
         + "const CANDIDATES = 8u;\n"
+        + include_str!("../../shaders/request.wgsl")
         + include_str!("../../examples/tools/gpu_timings/sample.wgsl");
     let module = naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("the shader parses");
     assert_eq!(module.entry_points[0].workgroup_size, [program::sampling::LANES, 1, 1]);

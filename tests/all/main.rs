@@ -24,6 +24,7 @@ mod gpu_timings;
 mod hard_cases;
 mod pdf;
 mod pictures;
+mod references;
 mod resample;
 mod sampling;
 mod scheduler;

@@ -1,4 +1,4 @@
-//! UsageCounters are counted on the GPU, and come back to whom they belong.
+//! Usage is counted on the GPU, and comes back to the instances that it belongs to.
 
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
@@ -22,17 +22,17 @@ fn submit(encoder: wgpu::CommandEncoder) {
     gpu().1.submit([encoder.finish()]);
 }
 
-/// Lets everything arrive, as a frame or two would.
+/// Lets all collections arrive, as a frame or two would.
 fn wait() {
     gpu().0.poll(wgpu::PollType::wait_indefinitely()).expect("the device works");
 }
 
-/// What arrived, each instance once.
+/// The counts that have arrived, each instance once.
 fn take(lights: &mut GpuLights) -> Option<Counts> {
-    let picks = lights.take_usage()?;
-    let counts: Counts = picks.iter().collect();
-    assert_eq!(counts.len(), picks.iter().count());
-    assert_eq!(picks.total(), counts.values().map(|count| u64::from(*count)).sum::<u64>());
+    let usage = lights.take_usage()?;
+    let counts: Counts = usage.iter().collect();
+    assert_eq!(counts.len(), usage.iter().count());
+    assert_eq!(usage.total(), counts.values().map(|count| u64::from(*count)).sum::<u64>());
     Some(counts)
 }
 
@@ -50,8 +50,9 @@ fn upload(lights: &mut GpuLights, world: &mut LightWorld) -> UploadReport {
     lights.upload(world, &delta).expect("room enough")
 }
 
-/// Calls `light_record_usage` in an engine's own shader for each of these slots, the i-th time with numbers made of i.
-fn pick(lights: &GpuLights, encoder: &mut wgpu::CommandEncoder, slots: &[u32]) {
+/// Records a pass of an engine's own shader that calls `light_record_usage` for each of these slots, the
+/// i-th time with random numbers made from i.
+fn use_slots(lights: &GpuLights, encoder: &mut wgpu::CommandEncoder, slots: &[u32]) {
     static PIPELINE: OnceLock<(wgpu::BindGroupLayout, wgpu::ComputePipeline)> = OnceLock::new();
     let (device, queue) = gpu();
     let (own, pipeline) = PIPELINE.get_or_init(|| {
@@ -72,7 +73,7 @@ fn pick(lights: &GpuLights, encoder: &mut wgpu::CommandEncoder, slots: &[u32]) {
         let text = "
             @group(0) @binding(0) var<storage, read> slots: array<u32>;
             fn number(seed: u32) -> f32 { return f32(light_hash(seed) >> 8u) / 16777216.0; }
-            @compute @workgroup_size(64) fn pick(@builtin(global_invocation_id) id: vec3<u32>) {
+            @compute @workgroup_size(64) fn use_slots(@builtin(global_invocation_id) id: vec3<u32>) {
                 if id.x >= arrayLength(&slots) { return; }
                 let seed = id.x * 4u;
                 let u = vec4(number(seed), number(seed + 1u), number(seed + 2u), number(seed + 3u));
@@ -90,7 +91,7 @@ fn pick(lights: &GpuLights, encoder: &mut wgpu::CommandEncoder, slots: &[u32]) {
             label: None,
             layout: Some(&layout),
             module: &module,
-            entry_point: Some("pick"),
+            entry_point: Some("use_slots"),
             compilation_options: wgpu::PipelineCompilationOptions::default(),
             cache: None,
         });
@@ -109,11 +110,11 @@ fn pick(lights: &GpuLights, encoder: &mut wgpu::CommandEncoder, slots: &[u32]) {
     pass.dispatch_workgroups((slots.len() as u32).div_ceil(64), 1, 1);
 }
 
-/// UsageCounters these instances, and nothing is collected.
-fn pick_now(lights: &GpuLights, world: &LightWorld, instances: &[InstanceKey]) {
+/// Uses these instances, and collects nothing.
+fn use_now(lights: &GpuLights, world: &LightWorld, instances: &[InstanceKey]) {
     let slots: Vec<u32> = instances.iter().map(|key| world.slot(*key).expect("it lives")).collect();
     let mut encoder = encoder();
-    pick(lights, &mut encoder, &slots);
+    use_slots(lights, &mut encoder, &slots);
     submit(encoder);
 }
 
@@ -121,7 +122,7 @@ fn instance(world: &mut LightWorld, tree: TreeKey) -> InstanceKey {
     world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid")
 }
 
-/// A world of some instances of one lamp, uploaded, with every pick counted.
+/// A world with some instances of one lamp, uploaded, with every use counted.
 fn lamps(count: usize) -> (LightWorld, TreeKey, Vec<InstanceKey>, GpuLights) {
     let mut world = LightWorld::new();
     let tree = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
@@ -142,14 +143,15 @@ fn named<'a>(world: &LightWorld, records: impl Iterator<Item = &'a SampleRecord>
     counts
 }
 
-/// How far a count of `n` picks, each counted with the chance `p`, may be from its mean: five standard deviations. One
-/// in 1.7 million is further out; the tests look at 34, always the same.
-fn width(n: f64, p: f64) -> f64 {
+/// How far the count of `n` uses, each counted with probability `p`, may be from its mean: five standard
+/// deviations. One count in 1.7 million is further away. The tests look at 34 counts, which never
+/// change.
+fn max_deviation(n: f64, p: f64) -> f64 {
     5.0 * (n * p * (1.0 - p)).sqrt()
 }
 
 #[test]
-fn our_kernels_count_exactly_what_they_return_or_a_share_of_it() {
+fn our_kernels_count_all_that_they_return_or_one_in_an_interval() {
     let (device, queue) = gpu();
     let mut rng = Rng(90);
     let mut world = rng.world(5, 20, 4, 15.0);
@@ -158,22 +160,22 @@ fn our_kernels_count_exactly_what_they_return_or_a_share_of_it() {
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     upload(&mut lights, &mut world);
     let input = buffer(&device, &queue, bytemuck::cast_slice(&requests));
-    let [samples, resampled] = [size_of::<SampleRecord>(), size_of::<ReservoirRecord>()]
+    let [samples, reservoirs] = [size_of::<SampleRecord>(), size_of::<ReservoirRecord>()]
         .map(|bytes| buffer(&device, &queue, &vec![0; bytes * requests.len()]));
-    let mut frame = |one_in| {
-        lights.count_usage(one_in);
+    let mut frame = |interval| {
+        lights.count_usage(interval);
         upload(&mut lights, &mut world);
         let mut encoder = encoder();
         lights.build_top(&mut encoder);
         lights.sample(&mut encoder, &input, &samples, count);
         lights.collect_usage(&mut encoder);
-        lights.resample(&mut encoder, &input, &resampled, count, CandidateCount::of::<4>());
+        lights.resample(&mut encoder, &input, &reservoirs, count, CandidateCount::of::<4>());
         submit(encoder);
         wait();
-        let counts = (one_in > 0).then(|| (take(&mut lights).expect("it arrived"), collect(&mut lights)));
+        let counts = (interval > 0).then(|| (take(&mut lights).expect("it arrived"), collect(&mut lights)));
         let samples: Vec<SampleRecord> = read(&device, &queue, &samples);
-        let resampled: Vec<ReservoirRecord> = read(&device, &queue, &resampled);
-        (counts, [named(&world, samples.iter()), named(&world, resampled.iter().map(|r| &r.chosen))])
+        let reservoirs: Vec<ReservoirRecord> = read(&device, &queue, &reservoirs);
+        (counts, [named(&world, samples.iter()), named(&world, reservoirs.iter().map(|r| &r.chosen))])
     };
     let (all, [sampled, resampled]) = frame(1);
     assert!(sampled.len() > 10 && sampled != resampled, "{sampled:?}");
@@ -184,102 +186,102 @@ fn our_kernels_count_exactly_what_they_return_or_a_share_of_it() {
         assert!(share.iter().all(|(key, count)| *count <= all[key]));
         let [some, n] = [&share, &all].map(|counts| f64::from(counts.values().sum::<u32>()));
         let p = 1.0 / f64::from(DEFAULT_USAGE_INTERVAL);
-        assert!((some - n * p).abs() < width(n, p), "{some} of {n}");
+        assert!((some - n * p).abs() < max_deviation(n, p), "{some} of {n}");
     }
     assert!(frame(0).0.is_none() && lights.take_usage().is_none());
 }
 
 #[test]
-fn each_slot_counts_its_share() {
+fn each_slot_counts_one_use_in_an_interval() {
     let (world, _, instances, mut lights) = lamps(8);
-    let picked: Vec<InstanceKey> = instances.iter().copied().cycle().take(1 << 18).collect();
-    // 1: all; 3 divides no power of two.
-    for one_in in [1, 3, DEFAULT_USAGE_INTERVAL, 1000] {
-        lights.count_usage(one_in);
-        pick_now(&lights, &world, &picked);
+    let used: Vec<InstanceKey> = instances.iter().copied().cycle().take(1 << 18).collect();
+    // 1 counts all; 3 divides no power of two.
+    for interval in [1, 3, DEFAULT_USAGE_INTERVAL, 1000] {
+        lights.count_usage(interval);
+        use_now(&lights, &world, &used);
         let counts = collect(&mut lights);
-        let (n, p) = ((picked.len() / 8) as f64, 1.0 / f64::from(one_in));
+        let (n, p) = ((used.len() / 8) as f64, 1.0 / f64::from(interval));
         for key in &instances {
             let count = f64::from(counts[key]);
-            assert!((count - n * p).abs() <= width(n, p), "{count} of {n}, one in {one_in}");
+            assert!((count - n * p).abs() <= max_deviation(n, p), "{count} of {n}, one in {interval}");
         }
     }
 }
 
 #[test]
-fn directional_lights_and_no_light_and_slots_past_the_end_count_for_nobody() {
+fn directional_lights_and_no_light_and_slots_past_the_end_are_not_counted() {
     let (_, _, instances, mut lights) = lamps(3);
-    // Twice: the word of slot 0 tells the share, which must stay.
+    // Twice, because the word of slot 0 holds the interval and must not change.
     for _ in 0..2 {
         let mut encoder = encoder();
-        pick(&lights, &mut encoder, &[0, 0, u32::MAX, 1_000_000, 2, 0, u32::MAX]);
+        use_slots(&lights, &mut encoder, &[0, 0, u32::MAX, 1_000_000, 2, 0, u32::MAX]);
         submit(encoder);
     }
     assert_eq!(collect(&mut lights), Counts::from([(instances[1], 2)]));
 }
 
 #[test]
-fn a_slot_that_another_instance_has_by_now_brings_neither_the_others_picks() {
+fn an_instance_is_not_credited_with_the_usage_of_its_slots_former_owner() {
     let (mut world, tree, keys, mut lights) = lamps(3);
     let [a, b, c] = [keys[0], keys[1], keys[2]];
-    // Underway while b goes and d gets its slot.
-    pick_now(&lights, &world, &[a, b, b, c]);
+    // A collection that is under way while b is removed and d gets its slot.
+    use_now(&lights, &world, &[a, b, b, c]);
     let mut encoder = encoder();
     lights.collect_usage(&mut encoder);
     submit(encoder);
     wait();
-    // And not even collected.
-    pick_now(&lights, &world, &[a, b, b, b]);
+    // Usage that is not even collected.
+    use_now(&lights, &world, &[a, b, b, b]);
     let slot = world.slot(b);
     world.remove_instance(b).expect("it lives");
     let d = instance(&mut world, tree);
     assert_eq!(world.slot(d), slot, "the slot is used again");
     upload(&mut lights, &mut world);
-    pick_now(&lights, &world, &[d]);
+    use_now(&lights, &world, &[d]);
     assert_eq!(take(&mut lights), Some(Counts::from([(a, 1), (c, 1)])));
     assert_eq!(collect(&mut lights), Counts::from([(a, 1), (d, 1)]));
 
-    // Removed, and the slot is left empty: until the upload says so, shaders may go on picking it.
-    pick_now(&lights, &world, &[a, d, d]);
+    // d is removed and its slot stays empty. Until the upload says so, shaders may go on using it.
+    use_now(&lights, &world, &[a, d, d]);
     let slot = world.slot(d).expect("it lives");
     world.remove_instance(d).expect("it lives");
     upload(&mut lights, &mut world);
     assert_eq!(collect(&mut lights), Counts::from([(a, 1)]));
-    // And filled an upload later.
+    // The slot is filled one upload later.
     let e = instance(&mut world, tree);
     assert_eq!(world.slot(e), Some(slot));
     upload(&mut lights, &mut world);
     assert_eq!(collect(&mut lights), Counts::new());
-    pick_now(&lights, &world, &[e]);
-    // An instance that moves stays who it is.
+    use_now(&lights, &world, &[e]);
+    // An instance that moves keeps its usage.
     world.move_instance(e, Placement::at(DVec3::X)).expect("valid");
     upload(&mut lights, &mut world);
     assert_eq!(collect(&mut lights), Counts::from([(e, 1)]));
 }
 
 #[test]
-fn many_slots_are_emptied_at_once() {
+fn many_slots_are_cleared_by_one_upload() {
     let (mut world, tree, keys, mut lights) = lamps(700);
-    pick_now(&lights, &world, &keys);
-    // All but some, so that neighbours lie in runs of all lengths.
+    use_now(&lights, &world, &keys);
+    // All except some, so that neighbouring slots form runs of many lengths.
     let stays = |i: usize| [0, 1, 3, 300, 699].contains(&i);
     for (_, key) in keys.iter().enumerate().filter(|(i, _)| !stays(*i)) {
         world.remove_instance(*key).expect("it lives");
     }
     let others: Vec<_> = (0..695).map(|_| instance(&mut world, tree)).collect();
     upload(&mut lights, &mut world);
-    pick_now(&lights, &world, &others);
+    use_now(&lights, &world, &others);
     assert_eq!(collect(&mut lights), world.instances().map(|key| (key, 1)).collect());
 }
 
 #[test]
-fn a_world_grows_while_counts_are_underway() {
+fn counts_that_are_under_way_survive_the_growth_of_the_world() {
     let (mut world, tree, mut keys, mut lights) = lamps(2);
     let mut expected = Counts::new();
     for round in 1..=3 {
-        // One collection underway, some picks not collected yet.
+        // One collection is under way, and some usage is not collected yet.
         for is_collected in [true, false] {
-            pick_now(&lights, &world, &keys);
+            use_now(&lights, &world, &keys);
             keys.iter().for_each(|key| *expected.entry(*key).or_default() += 1);
             let mut encoder = encoder();
             if is_collected {
@@ -296,15 +298,15 @@ fn a_world_grows_while_counts_are_underway() {
         *counts.entry(key).or_default() += count;
     }
     assert_eq!(counts, expected);
-    pick_now(&lights, &world, &keys);
+    use_now(&lights, &world, &keys);
     assert_eq!(collect(&mut lights), keys.iter().map(|key| (*key, 1)).collect());
 }
 
 #[test]
-fn with_all_buffers_in_use_counts_go_with_a_later_collection() {
+fn while_all_buffers_are_in_use_counts_wait_for_a_later_collection() {
     let (world, _, keys, mut lights) = lamps(4);
     for _ in 0..5 {
-        pick_now(&lights, &world, &keys);
+        use_now(&lights, &world, &keys);
         let mut encoder = encoder();
         lights.collect_usage(&mut encoder);
         submit(encoder);
@@ -318,9 +320,9 @@ fn with_all_buffers_in_use_counts_go_with_a_later_collection() {
 }
 
 #[test]
-fn an_encoder_that_is_never_submitted_takes_no_counts_along() {
+fn an_encoder_that_is_never_submitted_loses_no_counts() {
     let (world, _, keys, mut lights) = lamps(4);
-    pick_now(&lights, &world, &keys);
+    use_now(&lights, &world, &keys);
     for i in 0..10 {
         let mut encoder = encoder();
         lights.collect_usage(&mut encoder);
@@ -336,12 +338,12 @@ fn an_encoder_that_is_never_submitted_takes_no_counts_along() {
 #[test]
 fn counts_arrive_with_the_submissions_of_later_frames() {
     let (world, _, keys, mut lights) = lamps(1);
-    pick_now(&lights, &world, &keys);
+    use_now(&lights, &world, &keys);
     let mut first = encoder();
     lights.collect_usage(&mut first);
     assert!(take(&mut lights).is_none(), "nothing is submitted");
     submit(first);
-    // Nobody polls here; frames of nothing do, a few microseconds each.
+    // Nothing polls here except empty submissions, which take a few microseconds each.
     let arrived = (0..2_000_000).find_map(|_| {
         submit(encoder());
         take(&mut lights)
@@ -350,15 +352,15 @@ fn counts_arrive_with_the_submissions_of_later_frames() {
 }
 
 #[test]
-fn who_does_not_count_has_nothing_and_a_still_frame_sends_nothing() {
+fn without_counting_there_is_no_usage_and_an_upload_without_changes_sends_nothing() {
     let (device, queue) = gpu();
     let mut world = Rng(91).world(2, 10, 3, 10.0);
     let mut plain = GpuLights::new(&device, &queue).expect("default limits are enough");
     let mut counting = GpuLights::new(&device, &queue).expect("default limits are enough");
     counting.count_usage(DEFAULT_USAGE_INTERVAL);
     let delta = world.take_delta();
-    let [least, more] = [&mut plain, &mut counting].map(|l| l.upload(&world, &delta).expect("room enough").bytes);
-    assert_eq!(more, least + 4, "the share");
+    let [without, with] = [&mut plain, &mut counting].map(|l| l.upload(&world, &delta).expect("room enough").bytes);
+    assert_eq!(with, without + 4, "the interval");
     for lights in [&mut plain, &mut counting] {
         assert_eq!(upload(lights, &mut world), UploadReport::default());
     }
@@ -368,7 +370,7 @@ fn who_does_not_count_has_nothing_and_a_still_frame_sends_nothing() {
     submit(encoder);
     wait();
     assert!(plain.take_usage().is_none());
-    // The shader and the bind group that do not count are as they were.
+    // The shader and the bind group without counters do not change.
     let (shader, group) = (plain.shader(0, Effects::all()), plain.bind_group().clone());
     plain.count_usage(1);
     assert_eq!(upload(&mut plain, &mut world).bytes, 4);
@@ -379,10 +381,10 @@ fn who_does_not_count_has_nothing_and_a_still_frame_sends_nothing() {
 #[test]
 fn counting_that_was_stopped_starts_again_from_zero() {
     let (mut world, tree, mut keys, mut lights) = lamps(2);
-    pick_now(&lights, &world, &keys);
+    use_now(&lights, &world, &keys);
     lights.count_usage(0);
-    pick_now(&lights, &world, &keys);
-    // Who comes and goes meanwhile is seen when it starts again.
+    use_now(&lights, &world, &keys);
+    // Instances that come and go meanwhile are noticed when counting starts again.
     world.remove_instance(keys[0]).expect("it lives");
     keys[0] = instance(&mut world, tree);
     keys.push(instance(&mut world, tree));
@@ -394,22 +396,22 @@ fn counting_that_was_stopped_starts_again_from_zero() {
     assert_eq!(take(&mut lights), None);
     lights.count_usage(1);
     upload(&mut lights, &mut world);
-    pick_now(&lights, &world, &keys);
+    use_now(&lights, &world, &keys);
     assert_eq!(collect(&mut lights), keys.iter().map(|key| (*key, 1)).collect());
-    // The largest share that is none.
+    // The longest interval: hardly any use is counted.
     lights.count_usage(u32::MAX);
-    pick_now(&lights, &world, &keys);
+    use_now(&lights, &world, &keys);
     assert_eq!(collect(&mut lights), Counts::new());
 }
 
 #[test]
-fn a_lost_device_brings_nothing_and_does_no_harm() {
+fn a_lost_device_brings_no_usage_and_does_no_harm() {
     let (device, queue) = limited_gpu(wgpu::Limits::default().max_storage_buffer_binding_size);
     let mut world = Rng(92).world(2, 10, 3, 10.0);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     lights.count_usage(1);
     upload(&mut lights, &mut world);
-    // One has arrived, one is underway, one is recorded.
+    // One collection has arrived, one is under way, and one is recorded.
     let encoder = || device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     let mut collected: Vec<_> = (0..3).map(|_| encoder()).collect();
     collected.iter_mut().for_each(|encoder| lights.collect_usage(encoder));
@@ -418,8 +420,8 @@ fn a_lost_device_brings_nothing_and_does_no_harm() {
     device.poll(wgpu::PollType::wait_indefinitely()).expect("the device works");
     queue.submit(collected.next());
     device.destroy();
-    // What had arrived before may still be there to be read.
-    assert!(lights.take_usage().is_none_or(|picks| picks.total() == 0));
+    // What had arrived before the loss may still be readable.
+    assert!(lights.take_usage().is_none_or(|usage| usage.total() == 0));
     for _ in 0..2 {
         assert!(lights.take_usage().is_none());
         let mut encoder = encoder();
@@ -433,7 +435,7 @@ fn a_lost_device_brings_nothing_and_does_no_harm() {
 }
 
 #[test]
-fn the_text_of_every_variant_is_valid_and_binds_five_storage_buffers() {
+fn the_text_with_usage_is_valid_for_all_effects_and_binds_five_storage_buffers() {
     let (device, queue) = gpu();
     let lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let shader = lights.usage_shader(2, Effects::all());

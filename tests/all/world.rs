@@ -1,14 +1,19 @@
-//! The world takes edits whole or not at all, and a frame costs what changed.
+//! Edits of a world: a refused call changes nothing, and the cost of a frame follows what changed.
+
+use std::sync::mpsc;
+use std::time::Duration;
 
 use girandole::glam::{DVec3, Mat3, Vec3};
+use girandole::gpu::GpuLights;
 use girandole::{
-    Attribute, DirectionalLight, FrameBudget, InstanceKey, Light, LightId, LightWorld, Placement, PlacementError,
-    Policy, ShadingPoint, TreeKey, WorldError,
+    Attribute, DirectionalKey, DirectionalLight, Effects, FrameBudget, InstanceKey, Light, LightError, LightId,
+    LightWorld, Placement, PlacementError, Policy, ShadingPoint, SplitCount, TreeKey, WorldError,
 };
-
 use proptest::prelude::*;
+use rayon::prelude::*;
 
-use crate::support::Rng;
+use crate::gpu::{OTHER_PICKS, ask, compare, gpu, requests, sample};
+use crate::support::{Rng, SPLITS, all_chances};
 
 fn lamp(x: f32) -> Light {
     Light::point(Vec3::new(x, 0.0, 0.0), Vec3::ONE)
@@ -18,7 +23,17 @@ fn at(x: f64) -> Placement {
     Placement::at(DVec3::new(x, 0.0, 0.0))
 }
 
-/// Everything about a world that a refused call must leave alone.
+/// A placement that hides an instance.
+fn hidden(x: f64) -> Placement {
+    Placement { linear: Mat3::ZERO, ..at(x) }
+}
+
+/// A change of every one of `count` lights.
+fn scattered(rng: &mut Rng, count: u32) -> Vec<(u32, Light)> {
+    (0..count).map(|index| (index, Light::point(rng.place(50.0), Vec3::ONE))).collect()
+}
+
+/// Everything about a world that a refused call must not change.
 fn fingerprint(world: &mut LightWorld) -> String {
     let placements: Vec<_> = world.instances().map(|i| (i, world.placement(i), world.policy(i))).collect();
     let trees: Vec<_> = world.trees().map(|t| (t, world.tree(t).map(|t| t.nodes().to_vec()))).collect();
@@ -48,6 +63,7 @@ fn a_refused_call_leaves_the_world_as_it_was() {
     let flat = Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, 1.0, 0.0)), ..Placement::IDENTITY };
     let bad_policy = Policy::Ratio { attribute: Attribute::Overlap, factor: f32::NAN };
     let bad_moon = DirectionalLight { direction: Vec3::ZERO, illuminance: Vec3::ONE };
+    let moon = world.directionals().next().expect("two directional lights").0;
     let refusals = [
         world.add_tree(vec![lamp(0.0), bad_light]).err(),
         world.add_tree(vec![lamp(0.0).with_range(f32::NAN)]).err(),
@@ -69,6 +85,9 @@ fn a_refused_call_leaves_the_world_as_it_was() {
         world.make_unique(gone.1).err(),
         world.add_directional(bad_moon).err(),
         world.set_origin(DVec3::splat(1.0e12)).err(),
+        world.set_origin(DVec3::new(0.0, f64::NAN, 0.0)).err(),
+        world.set_viewpoint(DVec3::new(0.0, 0.0, f64::INFINITY)).err(),
+        world.set_directional(moon, DirectionalLight { direction: Vec3::X * 2.0, ..bad_moon }).err(),
     ];
     for (number, refusal) in refusals.iter().enumerate() {
         let refusal = refusal.as_ref().unwrap_or_else(|| panic!("call {number} was accepted"));
@@ -77,6 +96,18 @@ fn a_refused_call_leaves_the_world_as_it_was() {
     assert_eq!(fingerprint(&mut world), before);
     assert!(matches!(refusals[6], Some(WorldError::Placement(PlacementError::NotFinite { .. }))));
     assert!(matches!(refusals[0], Some(WorldError::Light { index: 1, .. })));
+    assert!(matches!(refusals[18], Some(WorldError::Directional { source: LightError::NoDirection { .. } })));
+    assert!(matches!(refusals[20], Some(WorldError::NotFinite { value, .. }) if value.is_nan()));
+    assert!(matches!(refusals[21], Some(WorldError::NotFinite { value: f64::INFINITY, .. })));
+    assert!(matches!(refusals[22], Some(WorldError::Directional { source: LightError::NotUnitLength { .. } })));
+}
+
+#[test]
+fn an_empty_world_refuses_an_origin_that_is_not_finite() {
+    let mut world = LightWorld::new();
+    assert!(matches!(world.set_origin(DVec3::NAN), Err(WorldError::NotFinite { .. })));
+    let tree = world.add_tree(vec![lamp(0.0)]).expect("valid");
+    world.add_instance(tree, at(1.0), Policy::Static).expect("valid");
 }
 
 #[test]
@@ -87,7 +118,7 @@ fn a_frame_in_which_nothing_moved_refits_and_hands_over_nothing() {
     let report = world.update(FrameBudget::UNLIMITED);
     assert_eq!((report.refit_trees, report.rebuilt_trees, report.moved_instances), (0, 0, 0));
     assert!(world.take_delta().is_empty());
-    // What moves twice counts once; moving something to where it is already is no move.
+    // An instance that moves twice counts once; a move to the present place is no move.
     let mover = world.instances().nth(2).expect("twelve instances");
     world.move_instance(mover, at(1.0)).expect("valid");
     world.move_instance(mover, at(2.0)).expect("valid");
@@ -122,28 +153,25 @@ fn a_shared_tree_follows_the_most_demanding_policy_and_can_be_split_off() {
     let mut world = LightWorld::new();
     let tree = world.add_tree((0..20).map(|i| lamp(i as f32)).collect()).expect("valid");
     let still = world.add_instance(tree, at(0.0), Policy::Static).expect("valid");
-    let scatter = |seed| {
-        let mut rng = Rng(seed);
-        (0..20).map(|i| (i, Light::point(rng.place(50.0), Vec3::ONE))).collect::<Vec<_>>()
-    };
+    let scatter = |seed| scattered(&mut Rng(seed), 20);
     assert_eq!(world.set_lights(tree, &scatter(1)), Err(WorldError::StaticTree(tree)));
-    let keen = world.add_instance(tree, at(5.0), Policy::AlwaysRebuild).expect("valid");
+    let demanding = world.add_instance(tree, at(5.0), Policy::AlwaysRebuild).expect("valid");
     world.set_lights(tree, &scatter(1)).expect("one instance allows it");
     let report = world.update(FrameBudget::UNLIMITED);
     assert_eq!((report.refit_trees, report.rebuilt_trees), (1, 1));
 
-    let own = world.make_unique(keen).expect("valid");
+    let own = world.make_unique(demanding).expect("valid");
     assert_ne!(own, tree);
     assert_eq!(world.instance_tree(still), Some(tree));
     assert_eq!(world.set_lights(tree, &scatter(2)), Err(WorldError::StaticTree(tree)));
     world.set_lights(own, &scatter(2)).expect("the copy is free");
     assert_eq!(world.update(FrameBudget::UNLIMITED).rebuilt_trees, 1);
     assert_ne!(world.tree(own).map(|t| t.lights().to_vec()), world.tree(tree).map(|t| t.lights().to_vec()));
-    assert_eq!(world.make_unique(keen), Ok(own), "it has its tree for itself already");
+    assert_eq!(world.make_unique(demanding), Ok(own), "it shares its tree with no other");
 }
 
 #[test]
-fn what_goes_comes_back_under_a_new_name_and_is_counted() {
+fn keys_of_removed_instances_are_stale_and_counts_follow() {
     let mut world = LightWorld::new();
     let tree = world.add_tree(vec![lamp(0.0), lamp(1.0)]).expect("valid");
     let first = world.add_instance(tree, at(0.0), Policy::Static).expect("valid");
@@ -164,7 +192,7 @@ fn what_goes_comes_back_under_a_new_name_and_is_counted() {
 }
 
 #[test]
-fn rebasing_the_origin_changes_coordinates_and_nothing_else() {
+fn another_origin_changes_coordinates_and_nothing_else() {
     let far = DVec3::new(1.0e7, 0.0, -1.0e7);
     let mut world = LightWorld::new();
     let tree = world.add_tree(vec![lamp(0.0), lamp(0.01)]).expect("valid");
@@ -175,7 +203,7 @@ fn rebasing_the_origin_changes_coordinates_and_nothing_else() {
     let shading_point = ShadingPoint::volume(Vec3::new(0.0, 0.05, 0.0));
     let sampler = world.sampler();
     let near: Vec<_> = sampler.all_lights().filter_map(|l| sampler.sample_light(&shading_point, l, [0.0; 2])).collect();
-    // Centimetres are told apart 10^7 m out.
+    // Centimetres are kept 10^7 m from the origin of the world.
     let mut distances: Vec<_> = near.iter().map(|i| i.dist).collect();
     distances.dedup();
     assert_eq!(distances.len(), 10);
@@ -281,8 +309,335 @@ fn attributes_are_measured_only_for_policies_that_may_rebuild() {
     assert_eq!(unmeasured.nodes(), measured.nodes());
     assert_eq!(unmeasured.attributes(), built);
     assert_ne!(measured.attributes(), built);
-    // Whoever asks for rebuilds later gets attributes of all that has happened.
+    // A policy that may rebuild gets the attributes of all changes so far.
     world.set_policy(plain.1, Policy::Budgeted).expect("a valid policy");
     let [unmeasured, measured] = step(&mut world);
     assert_eq!(unmeasured.attributes(), measured.attributes());
+}
+
+#[test]
+fn the_first_sampler_may_be_asked_for_inside_a_thread_pool() {
+    let (sender, finished) = mpsc::channel();
+    // A worker that waited for itself would hang this thread; the test itself waits with a limit.
+    std::thread::spawn(move || {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(16).build().expect("a pool");
+        let mut world = LightWorld::new();
+        let tree = world.add_tree(vec![lamp(0.0)]).expect("valid");
+        let place = |i: u32| at(f64::from(i));
+        let instances: Vec<_> =
+            (0..6000).map(|i| world.add_instance(tree, place(i), Policy::Static).expect("valid")).collect();
+        let shading_point = ShadingPoint::volume(Vec3::Y);
+        // Each round makes the top level stale and has it built inside the pool. Built inside a lock, it hung within
+        // 30 rounds.
+        for round in 0..100 {
+            world.move_instance(instances[0], place(7000 + round)).expect("valid");
+            let world = &world;
+            pool.install(|| {
+                (0..64).into_par_iter().with_max_len(1).for_each(|_| {
+                    assert!(world.sampler().pick(&shading_point, [0.5; 2]).is_some());
+                });
+            });
+        }
+        sender.send(()).expect("the test waits");
+    });
+    finished.recv_timeout(Duration::from_secs(180)).expect("no round hangs");
+}
+
+#[test]
+fn lights_that_are_set_to_what_they_are_cause_no_refit_and_no_upload() {
+    let mut rng = Rng(31);
+    let lights = rng.lights(300, 20.0);
+    let mut world = LightWorld::new();
+    let tree = world.add_tree(lights.clone()).expect("valid");
+    world.add_instance(tree, at(0.0), Policy::AlwaysRebuild).expect("valid");
+    world.update(FrameBudget::UNLIMITED);
+    world.take_delta();
+    let is_still = |world: &mut LightWorld| {
+        let before = world.active_effects();
+        let report = world.update(FrameBudget::UNLIMITED);
+        let counts = (report.refit_trees, report.refit_lights, report.rebuilt_trees, report.waiting_trees);
+        counts == (0, 0, 0, 0) && world.take_delta().is_empty() && world.active_effects() == before
+    };
+    let same: Vec<_> = (0..).zip(lights.clone()).collect();
+    world.set_lights(tree, &same).expect("valid");
+    assert!(is_still(&mut world), "the same values");
+    // Staged values count: set to another value and back, in one call and in two.
+    let other = rng.light(20.0);
+    world.set_lights(tree, &[(7, other), (7, lights[7])]).expect("valid");
+    assert!(is_still(&mut world), "back in the same call");
+    world.set_lights(tree, &[(7, other), (8, other)]).expect("valid");
+    world.set_lights(tree, &same).expect("valid");
+    assert!(is_still(&mut world), "back in a later call");
+    // The last value counts, and one light that differs is a change.
+    world.set_lights(tree, &[(7, lights[7]), (8, lights[9]), (7, other), (8, lights[8])]).expect("valid");
+    let report = world.update(FrameBudget::UNLIMITED);
+    assert_eq!((report.refit_trees, report.refit_lights, report.rebuilt_trees), (1, 300, 1));
+    assert!(!world.take_delta().is_empty());
+    let present = world.tree(tree).expect("it lives").lights();
+    assert!(present.iter().zip(&lights).enumerate().all(|(i, (now, before))| (now == before) == (i != 7)));
+    assert_eq!(present[7], other);
+}
+
+/// A tree of 300 scattered lights whose instance has this policy, after an update without rebuilds.
+fn disordered(policy: Policy) -> (LightWorld, InstanceKey) {
+    let mut rng = Rng(32);
+    let mut world = LightWorld::new();
+    let lights = scattered(&mut rng, 300).into_iter().map(|(_, light)| light).collect();
+    let tree = world.add_tree(lights).expect("valid");
+    let instance = world.add_instance(tree, at(0.0), policy).expect("valid");
+    world.set_lights(tree, &scattered(&mut rng, 300)).expect("valid");
+    assert_eq!(world.update(FrameBudget::NONE).waiting_trees, 0);
+    world.take_delta();
+    (world, instance)
+}
+
+#[test]
+fn a_new_policy_asks_for_a_rebuild_without_a_refit_or_an_upload() {
+    // Without attributes so far, and with them.
+    for former in [Policy::RefitOnly, Policy::Bounded { floor: 1.0e9, ceiling: 1.0e9 }] {
+        let (mut world, instance) = disordered(former);
+        world.set_policy(instance, Policy::Budgeted).expect("valid");
+        let report = world.update(FrameBudget::NONE);
+        assert_eq!((report.refit_trees, report.refit_lights, report.waiting_trees), (0, 0, 1), "{former:?}");
+        assert!(world.take_delta().is_empty(), "{former:?}");
+        assert_eq!(world.update(FrameBudget::UNLIMITED).rebuilt_trees, 1, "{former:?}");
+    }
+    // Another one that asks for nothing, and a tree that waits for its lights to change.
+    for policy in [Policy::Bounded { floor: 1.0e9, ceiling: 2.0e9 }, Policy::Static, Policy::AlwaysRebuild] {
+        let (mut world, instance) = disordered(Policy::RefitOnly);
+        world.set_policy(instance, policy).expect("valid");
+        let report = world.update(FrameBudget::UNLIMITED);
+        assert_eq!((report.refit_trees, report.waiting_trees, report.rebuilt_trees), (0, 0, 0), "{policy:?}");
+        assert!(world.take_delta().is_empty(), "{policy:?}");
+    }
+}
+
+#[test]
+fn a_policy_that_is_set_to_what_it_is_changes_nothing() {
+    let (mut world, instance) = disordered(Policy::RefitOnly);
+    world.set_policy(instance, Policy::RefitOnly).expect("valid");
+    let report = world.update(FrameBudget::UNLIMITED);
+    assert_eq!((report.refit_trees, report.waiting_trees), (0, 0));
+    assert!(world.take_delta().is_empty());
+    // A tree that has what it asked for is not asked again.
+    world.set_policy(instance, Policy::Budgeted).expect("valid");
+    assert_eq!(world.update(FrameBudget::UNLIMITED).rebuilt_trees, 1);
+    world.take_delta();
+    world.set_policy(instance, Policy::Budgeted).expect("valid");
+    let report = world.update(FrameBudget::UNLIMITED);
+    assert_eq!((report.refit_trees, report.rebuilt_trees), (0, 0));
+    assert!(world.take_delta().is_empty());
+}
+
+#[test]
+fn edited_trees_may_be_removed_and_replaced_before_the_update() {
+    let mut rng = Rng(33);
+    let mut world = LightWorld::new();
+    let trees: Vec<_> = (0..60).map(|_| world.add_tree(vec![lamp(0.0); 3]).expect("valid")).collect();
+    let edit = |world: &mut LightWorld, tree| world.set_lights(tree, &[(1, lamp(7.0))]).expect("valid");
+    trees.iter().for_each(|tree| edit(&mut world, *tree));
+    let mut kept = trees.clone();
+    for _ in 0..20 {
+        let removed = kept.swap_remove(rng.bits() as usize % kept.len());
+        world.remove_tree(removed).expect("unused");
+    }
+    // The staged change of a replaced tree is dropped; a later one counts.
+    world.replace_lights(kept[0], vec![lamp(1.0); 2]).expect("valid");
+    world.replace_lights(kept[1], vec![lamp(1.0); 2]).expect("valid");
+    edit(&mut world, kept[1]);
+    let report = world.update(FrameBudget::UNLIMITED);
+    assert_eq!((report.refit_trees, report.refit_lights), (39, 38 * 3 + 2));
+    let light = |tree| world.tree(tree).expect("it lives").lights()[1];
+    assert_eq!(light(kept[0]), lamp(1.0));
+    assert!(kept[1..].iter().all(|tree| light(*tree) == lamp(7.0)));
+    assert_eq!(world.update(FrameBudget::UNLIMITED).refit_trees, 0);
+}
+
+#[test]
+fn a_shared_tree_follows_the_most_demanding_of_many_distinct_policies() {
+    let (mut world, first) = disordered(Policy::Bounded { floor: 1.0e9, ceiling: 1.0e9 });
+    let tree = world.instance_tree(first).expect("it lives");
+    let patient = |i: u32| Policy::Bounded { floor: 1.0e6 + i as f32, ceiling: 1.0e9 };
+    let instances: Vec<_> =
+        (0..500).map(|i| world.add_instance(tree, at(f64::from(i)), patient(i)).expect("valid")).collect();
+    let waiting = |world: &mut LightWorld| world.update(FrameBudget::NONE).waiting_trees;
+    assert_eq!(waiting(&mut world), 0);
+    world.set_policy(instances[250], Policy::Budgeted).expect("valid");
+    assert_eq!(waiting(&mut world), 1);
+    world.set_policy(instances[250], patient(250)).expect("valid");
+    assert_eq!(waiting(&mut world), 0);
+    let demanding = world.add_instance(tree, at(0.0), Policy::Bounded { floor: 0.0, ceiling: 0.0 }).expect("valid");
+    let mut rng = Rng(34);
+    world.set_lights(tree, &scattered(&mut rng, 300)).expect("valid");
+    assert_eq!(waiting(&mut world), 1);
+    world.remove_instance(demanding).expect("it lives");
+    assert_eq!(world.update(FrameBudget::UNLIMITED).rebuilt_trees, 0, "no policy asks any more than the patient ones");
+}
+
+#[test]
+fn a_hidden_instance_contributes_nothing_until_it_is_moved_back() {
+    for seed in 0..4 {
+        let mut rng = Rng(35 + seed);
+        let [mut world, mut without] = [0; 2].map(|_| Rng(35 + seed).world(3, 20, 4, 10.0));
+        let key = world.instances().nth(5).expect("twelve instances");
+        let (slot, policy, lights) = (world.slot(key), world.policy(key), world.light_count());
+        let shown = world.placement(key).expect("it lives");
+        without.remove_instance(key).expect("worlds of one seed have the same keys");
+        world.take_delta();
+        world.move_instance(key, hidden(3.0)).expect("zero hides");
+        assert!(!world.take_delta().is_empty());
+        assert_eq!((world.slot(key), world.policy(key), world.light_count()), (slot, policy, lights));
+        assert_eq!(world.instance_at(slot.expect("it lives")), Some(key));
+
+        let is_of_key = |light: &LightId| matches!(light, LightId::Local { instance, .. } if *instance == key);
+        let mut distribution = Vec::new();
+        for _ in 0..20 {
+            let shading_point = rng.shading_point(15.0);
+            for splits in SPLITS {
+                let sampler = world.sampler().with_splits(splits);
+                let (of_hidden, of_others): (Vec<_>, Vec<_>) =
+                    all_chances(&sampler, &shading_point).into_iter().partition(|(light, _)| is_of_key(light));
+                assert!(of_hidden.len() == 20 && of_hidden.iter().all(|(_, pmf)| *pmf == 0.0));
+                // To the bit as if it were removed.
+                assert_eq!(of_others, all_chances(&without.sampler().with_splits(splits), &shading_point));
+                sampler.distribution(&shading_point, &mut distribution);
+                let hidden = sampler.all_lights().zip(&distribution).filter(|(light, _)| is_of_key(light));
+                assert!(hidden.map(|(_, pmf)| *pmf).sum::<f32>() == 0.0);
+                for _ in 0..50 {
+                    let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit()];
+                    assert!(!sampler.sample(&shading_point, u).is_some_and(|sample| is_of_key(&sample.light)));
+                }
+            }
+            for (light, _) in world.sampler().all_lights().filter(is_of_key).zip(0..20) {
+                assert_eq!(world.sampler().sample_light(&shading_point, light, [0.5; 2]), None);
+                assert_eq!(world.sampler().pdf(&shading_point, light, Vec3::new(3.0, 0.0, 0.0)), 0.0);
+            }
+        }
+
+        // Moved back, it is what it was.
+        let fresh = Rng(35 + seed).world(3, 20, 4, 10.0);
+        world.move_instance(key, shown).expect("valid");
+        assert!(!world.take_delta().is_empty());
+        let shading_point = rng.shading_point(15.0);
+        assert_eq!(all_chances(&world.sampler(), &shading_point), all_chances(&fresh.sampler(), &shading_point));
+        assert_eq!(world.effect_counts(), fresh.effect_counts());
+    }
+}
+
+#[test]
+fn a_hidden_instance_takes_part_in_edits_like_any_other() {
+    let mut rng = Rng(39);
+    let mut world = LightWorld::new();
+    let tree = world.add_tree(rng.lights(300, 5.0)).expect("valid");
+    let [first, second] =
+        [1.0, 2.0].map(|x| world.add_instance(tree, hidden(x), Policy::Budgeted).expect("zero hides"));
+    assert_eq!(world.effect_counts().of(Effects::NON_RIGID), 0);
+    assert_eq!(world.sampler().pick(&ShadingPoint::volume(Vec3::ZERO), [0.5; 2]), None, "everything is hidden");
+    // Its tree is refitted and rebuilt, though it brings nothing to the viewpoint.
+    world.set_viewpoint(DVec3::X).expect("finite");
+    world.set_lights(tree, &scattered(&mut rng, 300)).expect("valid");
+    let report = world.update(FrameBudget::UNLIMITED);
+    assert_eq!((report.refit_trees, report.rebuilt_trees, report.waiting_trees), (1, 1, 0));
+    let own = world.make_unique(first).expect("it lives");
+    world.set_lights(own, &[(0, lamp(0.0))]).expect("valid");
+    world.set_origin(DVec3::splat(100.0)).expect("near");
+    world.update(FrameBudget::UNLIMITED);
+    world.remove_instance(second).expect("it lives");
+    world.remove_tree(tree).expect("unused");
+    // Shown with a mirror, relative to the new origin.
+    let mirror = Placement { linear: Mat3::from_diagonal(Vec3::new(-1.0, 1.0, 1.0)), ..at(101.0) };
+    world.move_instance(first, mirror).expect("valid");
+    assert_eq!(world.effect_counts().of(Effects::NON_RIGID), 1);
+    let shading_point = ShadingPoint::volume(Vec3::new(1.0, -98.0, -100.0));
+    let lamp = LightId::Local { instance: first, light: 0 };
+    let incident = world.sampler().sample_light(&shading_point, lamp, [0.0; 2]).expect("it is shown");
+    assert_eq!((incident.dist, incident.direction), (2.0, Vec3::NEG_Y));
+    assert!(world.sampler().pmf(&shading_point, lamp) > 0.0);
+    // Hidden again, refused placements leave it hidden.
+    world.move_instance(first, hidden(1.0)).expect("zero hides");
+    assert_eq!(world.effect_counts().of(Effects::NON_RIGID), 0);
+    let flat = Placement { linear: Mat3::from_diagonal(Vec3::new(0.0, 0.0, 1.0)), ..at(1.0) };
+    assert!(matches!(world.move_instance(first, flat), Err(WorldError::Placement(PlacementError::Singular { .. }))));
+    assert_eq!(world.sampler().pmf(&shading_point, lamp), 0.0);
+}
+
+#[test]
+fn a_hidden_instance_is_not_sampled_on_the_gpu() {
+    let (device, queue) = gpu();
+    let mut rng = Rng(40);
+    let mut world = rng.world(3, 20, 4, 15.0);
+    let keys: Vec<_> = world.instances().collect();
+    let [hide, remove] = [keys[2], keys[9]];
+    let shown = world.placement(hide).expect("it lives");
+    let slots = [hide, remove].map(|key| world.slot(key).expect("it lives"));
+    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let requests = requests(&mut rng, 2048, 20.0);
+    let names_slot = |world: &mut LightWorld, lights: &mut GpuLights| {
+        let records = sample(lights, world, SplitCount::DEFAULT, &requests);
+        let others = compare(world, SplitCount::DEFAULT, &requests, &records);
+        assert!(others as f64 <= OTHER_PICKS * 2048.0 + 1.0, "{others} of 2048 name another light");
+        slots.map(|slot| records.iter().any(|record| record.pmf > 0.0 && record.instance == slot))
+    };
+    assert_eq!(names_slot(&mut world, &mut lights), [true, true]);
+    world.move_instance(hide, hidden(0.0)).expect("zero hides");
+    world.remove_instance(remove).expect("it lives");
+    assert_eq!(names_slot(&mut world, &mut lights), [false, false]);
+
+    // Asked for its lights, the GPU answers that their probability is 0.
+    let mut questions: Vec<[u32; 8]> = Vec::new();
+    for request in &requests[..20] {
+        let [x, y, z] = request.position.map(f32::to_bits);
+        let [p, q, r] = request.normal.map(f32::to_bits);
+        questions.extend((0..20).flat_map(|light| slots.map(|slot| [x, y, z, slot, p, q, r, light])));
+    }
+    let text = lights.shader(1, Effects::all()).join(
+        "struct Question { position: vec3<f32>, instance: u32, normal: vec3<f32>, light: u32 }
+        @group(0) @binding(0) var<storage, read> questions: array<Question>;
+        @group(0) @binding(1) var<storage, read_write> answers: array<f32>;
+        @compute @workgroup_size(64) fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
+            if id.x >= arrayLength(&questions) { return; }
+            let q = questions[id.x];
+            answers[id.x] = light_pmf(light_surface_point(q.position, q.normal), q.instance, q.light);
+        }",
+    );
+    let answers: Vec<f32> = ask(&mut lights, text, &questions, questions.len());
+    assert!(answers.len() == 800 && answers.iter().all(|pmf| *pmf == 0.0));
+
+    world.move_instance(hide, shown).expect("valid");
+    assert_eq!(names_slot(&mut world, &mut lights), [true, false]);
+}
+
+#[test]
+fn keys_become_numbers_and_back_and_other_numbers_are_refused() {
+    let mut world = Rng(41).world(2, 5, 3, 10.0);
+    let trees: Vec<_> = world.trees().collect();
+    let instances: Vec<_> = world.instances().collect();
+    let moons: Vec<_> = world.directionals().map(|(key, _)| key).collect();
+    assert!(trees.iter().all(|key| TreeKey::from(u64::from(*key)) == *key));
+    assert!(instances.iter().all(|key| InstanceKey::from(u64::from(*key)) == *key));
+    assert!(moons.iter().all(|key| DirectionalKey::from(u64::from(*key)) == *key));
+    // A stale key by its number, a slot by its bare number, and numbers of nothing.
+    let gone = instances[2];
+    world.remove_instance(gone).expect("it lives");
+    let slot = u64::from(world.slot(instances[1]).expect("it lives"));
+    for number in [u64::from(gone), slot, 0, 7 << 32 | slot, u64::MAX, u64::from(u32::MAX)] {
+        let key = InstanceKey::from(number);
+        assert_eq!(world.remove_instance(key), Err(WorldError::NoSuchInstance(key)), "{number:#x}");
+        assert_eq!(world.move_instance(key, at(0.0)), Err(WorldError::NoSuchInstance(key)));
+        assert_eq!((world.slot(key), world.placement(key), world.policy(key)), (None, None, None));
+        let light = LightId::Local { instance: key, light: 0 };
+        assert_eq!(world.sampler().pmf(&ShadingPoint::volume(Vec3::ZERO), light), 0.0);
+        let tree = TreeKey::from(number | 1 << 40);
+        assert_eq!(world.remove_tree(tree), Err(WorldError::NoSuchTree(tree)));
+        let moon = DirectionalKey::from(number | 1 << 40);
+        assert_eq!(world.remove_directional(moon), Err(WorldError::NoSuchDirectional(moon)));
+    }
+    assert_eq!((world.tree_count(), world.instance_count(), world.directionals().count()), (2, 5, 2));
+}
+
+#[test]
+fn the_debug_text_of_a_world_has_counts_and_not_contents() {
+    let text = |lights| format!("{:?}", Rng(42).world(2, lights, 3, 10.0));
+    assert!(text(5).starts_with("LightWorld { trees: 2, instances: 6, directionals: 2, lights: 32, "), "{}", text(5));
+    assert!(text(500).len() < text(5).len() + 10);
 }

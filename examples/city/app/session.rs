@@ -152,7 +152,7 @@ impl Session {
                 }
             }
         }
-        world.set_viewpoint(scene.camera.eye.as_dvec3());
+        world.set_viewpoint(scene.camera.eye.as_dvec3())?;
         let report = world.update(pace.budget);
         let change = if moves { geometry.update(scene)? } else { GeometryChange::default() };
         let delta = world.take_delta();

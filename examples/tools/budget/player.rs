@@ -115,7 +115,7 @@ impl<'a> Player<'a> {
     /// Gives the library's scheduler what its strategy may know: the camera and the usage.
     fn inform_scheduler(&mut self, frame: u32) {
         if matches!(self.strategy, Strategy::Girandole | Strategy::GirandoleUsage) {
-            self.stage.world.set_viewpoint(self.stage.eye);
+            self.stage.world.set_viewpoint(self.stage.eye).expect("a finite eye");
         }
         if self.usage.front().is_some_and(|(arrival, _)| *arrival <= frame) {
             let (_, usage) = self.usage.pop_front().unwrap_or_default();

@@ -1,14 +1,5 @@
 // One light sample per pixel, as in an engine but without shadow rays and materials. The host puts
-// the constant CANDIDATES before this text.
-
-// The same bytes as `SampleRequest` in Rust.
-struct Request {
-    position: vec3<f32>,
-    padding_a: u32,
-    normal: vec3<f32>,
-    padding_b: u32,
-    u: vec4<f32>,
-}
+// the constant CANDIDATES and shaders/request.wgsl before this text.
 
 @group(0) @binding(0) var<storage, read> requests: array<Request>;
 @group(0) @binding(1) var<storage, read_write> pixels: array<vec4<f32>>;

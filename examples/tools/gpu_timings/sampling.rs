@@ -121,7 +121,8 @@ impl Kernel {
     ) -> Self {
         let device = &machine.device;
         let shader = lights.shader(LIGHT_GROUP, world.effects());
-        let text = shader.join(&format!("const CANDIDATES = {candidates}u;\n{}", include_str!("sample.wgsl")));
+        let stage = concat!(include_str!("../../../shaders/request.wgsl"), include_str!("sample.wgsl"));
+        let text = shader.join(&format!("const CANDIDATES = {candidates}u;\n{stage}"));
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("sample"),
             source: wgpu::ShaderSource::Wgsl(text.into()),

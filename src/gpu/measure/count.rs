@@ -1,11 +1,14 @@
-//! A kernel that counts the nodes that samples read.
+//! A kernel that counts the nodes that each sample reads.
 
-use super::super::kernel::{LANES, ROW};
-use super::super::sampling::SampleRequest;
-use super::super::{GpuLights, storage_entry, text};
+use super::super::bindings::{bind, records, storage_entry, uniform_entry};
+use super::super::kernel::LANES;
+use super::super::records::SampleRequest;
+use super::super::{GpuLights, stages, text};
 use crate::counts::CandidateCount;
 use crate::effects::Effects;
 
+/// The pipeline of `shaders/batch_count.wgsl`.
+#[derive(Debug)]
 pub(in crate::gpu) struct CountKernel {
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
@@ -16,21 +19,11 @@ impl CountKernel {
         let label = Some("girandole count");
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label,
-            source: wgpu::ShaderSource::Wgsl(
-                (text::wgsl_counting(0, Effects::all()) + include_str!("../../../shaders/batch_count.wgsl")).into(),
-            ),
+            source: wgpu::ShaderSource::Wgsl((text::wgsl_counting(0, Effects::all()) + text::BATCH_COUNT).into()),
         });
-        let candidates = wgpu::BindGroupLayoutEntry {
-            ty: wgpu::BindingType::Buffer {
-                ty: wgpu::BufferBindingType::Uniform,
-                has_dynamic_offset: false,
-                min_binding_size: None,
-            },
-            ..storage_entry(2, true)
-        };
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label,
-            entries: &[storage_entry(0, true), storage_entry(1, false), candidates],
+            entries: &[storage_entry(0, true), storage_entry(1, false), uniform_entry(2)],
         });
         let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label,
@@ -50,11 +43,14 @@ impl CountKernel {
 }
 
 impl GpuLights {
-    /// Counts the nodes of both levels that a sample reads: does what [`GpuLights::resample`] does, which for one
-    /// candidate is [`GpuLights::sample`], and writes a `u32` for each request to `counts` instead of the samples. A
-    /// node that is read twice counts twice.
+    /// Counts the nodes of both levels that each sample reads. Does the work of
+    /// [`GpuLights::resample`], which for one candidate is that of [`GpuLights::sample`], but
+    /// writes to `counts` a `u32` for each request instead of a sample. A node that is read twice
+    /// counts twice.
     ///
-    /// The top level must have been built after the last upload. The first call makes the pipeline.
+    /// `requests` is an array of [`SampleRequest`]; both buffers have room for `count` records. The
+    /// top level must have been built after the last upload. The first call compiles the pipeline;
+    /// each call makes a bind group and a buffer of 16 bytes.
     pub fn count_nodes(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -66,30 +62,13 @@ impl GpuLights {
         if count == 0 {
             return;
         }
-        let kernel = self.counting.get_or_init(|| CountKernel::new(&self.device, &self.layout));
-        let uniform = self.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("girandole candidates"),
-            size: 16,
-            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        self.queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&[candidates.get(), 0, 0, 0]));
-        let binding = |buffer, stride: usize| {
-            wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-                buffer,
-                offset: 0,
-                size: wgpu::BufferSize::new(u64::from(count) * stride as u64),
-            })
-        };
-        let group = self.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("girandole count"),
-            layout: &kernel.layout,
-            entries: &[
-                wgpu::BindGroupEntry { binding: 0, resource: binding(requests, size_of::<SampleRequest>()) },
-                wgpu::BindGroupEntry { binding: 1, resource: binding(counts, size_of::<u32>()) },
-                wgpu::BindGroupEntry { binding: 2, resource: uniform.as_entire_binding() },
-            ],
-        });
+        let kernel = self.node_counter.get_or_init(|| CountKernel::new(&self.device, &self.layout));
+        let resources = [
+            records(requests, count, size_of::<SampleRequest>()),
+            records(counts, count, size_of::<u32>()),
+            self.candidates.binding(candidates),
+        ];
+        let group = bind(&self.device, "girandole count", &kernel.layout, &resources);
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("girandole count"),
             timestamp_writes: None,
@@ -97,7 +76,6 @@ impl GpuLights {
         pass.set_pipeline(&kernel.pipeline);
         pass.set_bind_group(0, &self.bind_group, &[]);
         pass.set_bind_group(1, &group, &[]);
-        let groups = count.div_ceil(LANES);
-        pass.dispatch_workgroups(groups.min(ROW), groups.div_ceil(ROW), 1);
+        stages::dispatch(&mut pass, count.div_ceil(LANES));
     }
 }

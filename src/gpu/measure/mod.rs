@@ -1,5 +1,6 @@
-//! For those who measure: the stages of the top level one by one, a sort to hold them against, and the nodes that a
-//! sample reads. No frame needs any of it. `examples/gpu_timings` makes its tables with it.
+//! Measurements on the GPU: the stages of the top-level build one by one, its sort alone, and the
+//! number of nodes that a sample reads. No frame needs this module. The example `gpu_timings` makes
+//! its tables with it.
 
 mod count;
 mod key_sort;
@@ -9,48 +10,48 @@ pub use key_sort::KeySort;
 
 use super::GpuLights;
 use super::recorder::Recorder;
+pub use super::recorder::TopStage;
+use super::top;
 
-/// No build has more stages: a set of twice as many queries has room for the timestamps of any.
+/// The largest number of stages of a top-level build. A query set of twice as many timestamps has
+/// room for any build.
 pub const MAX_TOP_STAGES: u32 = 64;
 
-/// One stage of a build of the top level.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct TopStage {
-    /// What it does; stages of one build may share a name.
-    pub name: &'static str,
-    /// That it takes.
-    pub dispatches: u32,
-}
+const _: () = assert!(top::MAX_STAGES <= MAX_TOP_STAGES);
 
-/// Bytes of the records that sampling reads, as they are stored.
+/// The sizes in bytes of the records that sampling reads, as they are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RecordBytes {
-    /// Of either level.
+    /// A node of either level.
     pub node: u32,
-    /// Of a tree, or directional.
+    /// A light of a tree, or a directional light.
     pub light: u32,
-    /// With its transforms.
+    /// An instance with its transforms.
     pub instance: u32,
 }
 
 impl GpuLights {
-    /// As [`GpuLights::build_top`], but each stage in a compute pass of its own, whether or not anything was uploaded
-    /// since the last build. Returns the stages in order; the i-th begins at timestamp 2 i and ends at 2 i + 1 of
-    /// `queries`, if any are given: a set of timestamps with room for twice [`MAX_TOP_STAGES`].
+    /// Records the build of the top level with each stage in a compute pass of its own. Unlike
+    /// [`GpuLights::build_top`] it records the build even if nothing was uploaded since the last
+    /// one.
     ///
-    /// Passes of their own cost a little: see the sum against that of one pass before trusting it.
+    /// Returns the stages in order. If `queries` is given, the i-th stage begins at its timestamp
+    /// 2 i and ends at 2 i + 1. The set must have room for twice [`MAX_TOP_STAGES`] timestamps.
+    ///
+    /// Separate passes have a cost of their own. Compare the sum of the stages with the time of
+    /// `build_top` before you rely on it.
     pub fn build_top_timed(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
         queries: Option<&wgpu::QuerySet>,
     ) -> Vec<TopStage> {
-        self.top_is_stale = false;
+        self.top_status.record(encoder);
         let mut recorder = Recorder::apart(encoder, "girandole top level", queries);
         self.top.record(&mut recorder, self.params.slots);
         recorder.finish()
     }
 
-    /// Bytes of each kind of record since the last upload.
+    /// The sizes of all records as of the last upload.
     pub fn record_bytes(&self) -> RecordBytes {
         let strides = self.params.strides;
         RecordBytes { node: 16 * strides.node, light: 16 * strides.light, instance: 16 * strides.instance }

@@ -11,6 +11,7 @@ use crate::policy::Policy;
 use crate::resample::numbers;
 use crate::world::LightWorld;
 
+/// A world of one tree of point lights with some instances.
 fn lamps(instances: u32, lights: u32) -> LightWorld {
     let mut world = LightWorld::new();
     let lamp = |i: u32| Light::point(Vec3::new(i as f32, 3.0, 0.0), Vec3::ONE);
@@ -30,14 +31,14 @@ fn upload(device: &wgpu::Device, queue: &wgpu::Queue, mut world: LightWorld) -> 
 }
 
 #[test]
-fn stages_apart_build_the_same_top_level_as_one_pass() {
+fn a_build_in_separate_passes_makes_the_same_top_level_as_a_build_in_one_pass() {
     let (device, queue) = gpu();
     let mut lights = upload(&device, &queue, lamps(700, 3));
-    let mut top = |timed: bool| {
-        lights.top_is_stale = true;
+    let mut build = |is_timed: bool| {
+        lights.top_status.invalidate();
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.clear_buffer(lights.top.nodes(), 0, None);
-        let stages = if timed {
+        let stages = if is_timed {
             lights.build_top_timed(&mut encoder, None)
         } else {
             lights.build_top(&mut encoder);
@@ -46,8 +47,8 @@ fn stages_apart_build_the_same_top_level_as_one_pass() {
         queue.submit([encoder.finish()]);
         (read::<u32>(&device, &queue, lights.top.nodes()), stages)
     };
-    let (together, _) = top(false);
-    let (apart, stages) = top(true);
+    let (together, _) = build(false);
+    let (apart, stages) = build(true);
     assert!(apart == together && apart.iter().any(|word| *word != 0));
     assert!(stages.len() >= 4 && stages.len() <= MAX_TOP_STAGES as usize, "{stages:?}");
     assert!(stages.iter().all(|stage| stage.dispatches > 0), "{stages:?}");
@@ -56,7 +57,7 @@ fn stages_apart_build_the_same_top_level_as_one_pass() {
 }
 
 #[test]
-fn nothing_uploaded_is_no_stage() {
+fn a_build_before_the_first_upload_has_no_stages() {
     let (device, queue) = gpu();
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -64,7 +65,7 @@ fn nothing_uploaded_is_no_stage() {
 }
 
 #[test]
-fn each_stage_writes_when_it_begins_and_ends() {
+fn each_stage_writes_the_timestamps_of_its_start_and_end() {
     let features = wgpu::Features::TIMESTAMP_QUERY;
     let (device, queue) = limited_gpu(&wgpu::Limits::default(), features);
     let mut lights = upload(&device, &queue, lamps(700, 3));
@@ -87,7 +88,7 @@ fn each_stage_writes_when_it_begins_and_ends() {
 }
 
 #[test]
-fn the_sort_alone_sorts_as_often_as_it_is_recorded() {
+fn a_key_sort_sorts_the_same_keys_each_time_that_it_is_recorded() {
     let (device, queue) = gpu();
     for count in [1, 1000] {
         let sort = KeySort::new(&device, &queue, count).expect("room enough");
@@ -103,10 +104,10 @@ fn the_sort_alone_sorts_as_often_as_it_is_recorded() {
 }
 
 #[test]
-fn samples_read_as_many_nodes_as_their_walk_is_long() {
+fn the_node_count_is_the_number_of_splits_and_of_steps_down() {
     let (device, queue) = gpu();
     let request = SampleRequest { position: [5.0, 0.0, 3.0], u: [0.3, 0.6, 0.5, 0.5], ..SampleRequest::default() };
-    // The request, and what each of its eight candidates would be by itself.
+    // A request, and for each of its eight candidates a request that makes the same sample.
     let alone = (0..8).map(|i| SampleRequest { u: numbers(request.u, i, 8), ..request });
     let requests: Vec<_> = std::iter::once(request).chain(alone).collect();
     let requests = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
@@ -128,7 +129,8 @@ fn samples_read_as_many_nodes_as_their_walk_is_long() {
         queue.submit([encoder.finish()]);
         read::<u32>(&device, &queue, &counts)
     };
-    // The top level's root, and the tree's: one light is in no doubt, so it is not opened but walked to by each.
+    // A sample reads the root of the top level and the root of the tree. A single light has no
+    // spread, so the cut stays at the first root, and each candidate walks down through the other.
     let mut one = upload(&device, &queue, lamps(1, 1));
     for splits in [0, 6] {
         assert_eq!(count(&mut one, splits, 1), [2; 9]);
@@ -137,9 +139,9 @@ fn samples_read_as_many_nodes_as_their_walk_is_long() {
     let mut many = upload(&device, &queue, lamps(64, 64));
     for splits in [0, 6] {
         let single = count(&mut many, splits, 1);
-        // Two nodes at least in each level, and what is opened.
+        // At least two nodes in each level, and the nodes that are split.
         assert!(single.iter().all(|count| *count >= 4 + splits / 2), "{single:?}");
-        // Candidates share what is opened.
+        // Candidates share the nodes that are split.
         let walked: u32 = single[1..].iter().map(|count| count - 1 - splits).sum();
         assert_eq!(count(&mut many, splits, 8)[0], 1 + splits + walked);
     }

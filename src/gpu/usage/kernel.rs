@@ -1,40 +1,41 @@
-//! Counts what our own kernels chose, by a pass over their records.
+//! Records the usage of what our own kernels chose, by a pass over their records.
 
 use std::mem::offset_of;
 
+use super::super::bindings::{bind, records, storage_entry};
 use super::super::kernel::LANES;
-use super::super::resampling::ReservoirRecord;
-use super::super::sampling::{SampleRecord, SampleRequest};
-use super::super::{stages, storage_entry, text};
+use super::super::records::{ReservoirRecord, SampleRecord, SampleRequest};
+use super::super::stages;
+use super::super::text;
 
 /// A pipeline for each kind of record.
-pub(super) struct UsageKernel {
+pub(in crate::gpu) struct UsageKernel {
     layout: wgpu::BindGroupLayout,
     of_samples: wgpu::ComputePipeline,
-    of_resampled: wgpu::ComputePipeline,
+    of_reservoirs: wgpu::ComputePipeline,
 }
 
-/// Where both kinds of record have their sample.
+// Both kinds of record begin with a sample.
 const _: () = assert!(offset_of!(ReservoirRecord, chosen) == 0);
 
-/// Whose records are counted.
+/// The records that one of our kernels wrote.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::gpu) enum Chosen {
-    /// Of `GpuLights::sample`.
-    Samples,
-    /// Of `GpuLights::resample`.
+pub(in crate::gpu) enum RecordKind {
+    /// [`SampleRecord`], by `GpuLights::sample`.
+    Sample,
+    /// [`ReservoirRecord`], by `GpuLights::resample`.
     Reservoir,
 }
 
-impl Chosen {
+impl RecordKind {
     fn bytes(self) -> usize {
         match self {
-            Self::Samples => size_of::<SampleRecord>(),
+            Self::Sample => size_of::<SampleRecord>(),
             Self::Reservoir => size_of::<ReservoirRecord>(),
         }
     }
 
-    /// The whole text of its stage.
+    /// The whole text of the stage for these records.
     fn text(self) -> String {
         let mut text = text::wgsl_of_usage(0);
         for (name, bytes) in [
@@ -51,8 +52,8 @@ impl Chosen {
 }
 
 impl UsageKernel {
-    /// Compiles two short texts. `counting` is the layout of lights and counts.
-    pub fn new(device: &wgpu::Device, counting: &wgpu::BindGroupLayout) -> Self {
+    /// Compiles two short texts. `lights` is the layout of the lights with the counters.
+    pub fn new(device: &wgpu::Device, lights: &wgpu::BindGroupLayout) -> Self {
         let label = Some("batch_usage");
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label,
@@ -60,13 +61,13 @@ impl UsageKernel {
         });
         let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label,
-            bind_group_layouts: &[Some(counting), Some(&layout)],
+            bind_group_layouts: &[Some(lights), Some(&layout)],
             ..Default::default()
         });
-        let pipeline = |chosen: Chosen| {
+        let pipeline = |kind: RecordKind| {
             let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label,
-                source: wgpu::ShaderSource::Wgsl(chosen.text().into()),
+                source: wgpu::ShaderSource::Wgsl(kind.text().into()),
             });
             device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label,
@@ -77,37 +78,28 @@ impl UsageKernel {
                 cache: None,
             })
         };
-        let (of_samples, of_resampled) = (pipeline(Chosen::Samples), pipeline(Chosen::Reservoir));
-        Self { layout, of_samples, of_resampled }
+        let (of_samples, of_reservoirs) = (pipeline(RecordKind::Sample), pipeline(RecordKind::Reservoir));
+        Self { layout, of_samples, of_reservoirs }
     }
 
-    /// Counts the first `count` records of `samples` that hold a light, chosen for `requests`.
+    /// Records a pass over the first `count` records, which counts those that hold a light. They were
+    /// written for `requests`.
     pub fn record(
         &self,
         (device, encoder): (&wgpu::Device, &mut wgpu::CommandEncoder),
         lights: &wgpu::BindGroup,
-        (requests, samples): (&wgpu::Buffer, &wgpu::Buffer),
-        chosen: Chosen,
+        (requests, written): (&wgpu::Buffer, &wgpu::Buffer),
+        kind: RecordKind,
         count: u32,
     ) {
-        let label = Some("batch_usage");
-        let records = |binding, buffer, bytes: usize| wgpu::BindGroupEntry {
-            binding,
-            resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-                buffer,
-                offset: 0,
-                size: wgpu::BufferSize::new(u64::from(count) * bytes as u64),
-            }),
-        };
-        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label,
-            layout: &self.layout,
-            entries: &[records(0, requests, size_of::<SampleRequest>()), records(1, samples, chosen.bytes())],
-        });
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label, timestamp_writes: None });
-        pass.set_pipeline(match chosen {
-            Chosen::Samples => &self.of_samples,
-            Chosen::Reservoir => &self.of_resampled,
+        let label = "batch_usage";
+        let own = [records(requests, count, size_of::<SampleRequest>()), records(written, count, kind.bytes())];
+        let group = bind(device, label, &self.layout, &own);
+        let mut pass =
+            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes: None });
+        pass.set_pipeline(match kind {
+            RecordKind::Sample => &self.of_samples,
+            RecordKind::Reservoir => &self.of_reservoirs,
         });
         pass.set_bind_group(0, lights, &[]);
         pass.set_bind_group(1, &group, &[]);
@@ -120,9 +112,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_texts_are_valid_and_bind_what_the_layouts_have() {
-        for chosen in [Chosen::Samples, Chosen::Reservoir] {
-            let text = chosen.text();
+    fn the_texts_are_valid_and_use_the_bindings_of_the_layouts() {
+        for kind in [RecordKind::Sample, RecordKind::Reservoir] {
+            let text = kind.text();
             let module = naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("it parses");
             naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::default())
                 .validate(&module)

@@ -1,19 +1,21 @@
-//! The buffers in which counts come back, a few frames after they were made.
+//! The buffers in which counts travel back to the CPU, a few frames after they were made.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 
-/// Collections that may be underway: frames that GPUs are behind, and one more.
+use super::super::memory;
+
+/// Collections that may be under way: the frames that a GPU lags behind, and one more.
 const RING: usize = 3;
 
-/// Nobody uses the buffer.
+/// The buffer may be used.
 const FREE: u8 = 0;
 /// The copy is recorded; the buffer is not mapped yet.
-const UNDERWAY: u8 = 1;
+const UNDER_WAY: u8 = 1;
 /// The buffer is mapped.
 const ARRIVED: u8 = 2;
 
-/// Buffers for the collections of counts, which are numbered in the order they were recorded.
+/// Buffers for the collections of counts, which are numbered in the order of recording.
 #[derive(Default)]
 pub(super) struct Ring {
     places: [Place; RING],
@@ -22,16 +24,17 @@ pub(super) struct Ring {
 
 #[derive(Default)]
 struct Place {
-    /// Made when first needed, and anew for more slots.
+    /// Made at first use, and again for more slots.
     buffer: Option<wgpu::Buffer>,
-    /// What it holds or will hold.
+    /// The bytes of its collection.
     bytes: u64,
+    /// The number of its collection.
     number: u64,
     state: Arc<AtomicU8>,
 }
 
-/// Tells a place what becomes of its collection: dropped without a word, as with an encoder that is never submitted, it
-/// says that the place is free.
+/// Travels with the commands of a collection and reports to its place. If it is dropped without a
+/// report, as with an encoder that is never submitted, it frees the place.
 struct Notice(Arc<AtomicU8>);
 
 impl Notice {
@@ -42,7 +45,7 @@ impl Notice {
 
 impl Drop for Notice {
     fn drop(&mut self) {
-        let _ = self.0.compare_exchange(UNDERWAY, FREE, Ordering::AcqRel, Ordering::Relaxed);
+        let _ = self.0.compare_exchange(UNDER_WAY, FREE, Ordering::AcqRel, Ordering::Relaxed);
     }
 }
 
@@ -52,7 +55,8 @@ impl Ring {
         self.next
     }
 
-    /// Records a copy of the first `bytes` of a buffer, if a place is free.
+    /// Records a copy of the first `bytes` bytes of a buffer. Returns `false` and records nothing if no
+    /// place is free, or if the device has no memory for a buffer.
     pub fn record(
         &mut self,
         device: &wgpu::Device,
@@ -63,17 +67,13 @@ impl Ring {
         let is_free = |place: &&mut Place| place.state.load(Ordering::Acquire) == FREE;
         let Some(place) = self.places.iter_mut().find(is_free) else { return false };
         if place.buffer.as_ref().is_none_or(|buffer| buffer.size() < bytes) {
-            place.buffer = Some(device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("girandole picks, read back"),
-                // As roomy as what is copied, which grows by doubling.
-                size: counts.size(),
-                usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            }));
+            let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+            // As large as the source, which grows by doubling.
+            place.buffer = memory::create_buffer(device, "usage counters, read back", counts.size(), usage).ok();
         }
         let Some(buffer) = &place.buffer else { return false };
         encoder.copy_buffer_to_buffer(counts, 0, buffer, 0, bytes);
-        place.state.store(UNDERWAY, Ordering::Release);
+        place.state.store(UNDER_WAY, Ordering::Release);
         let notice = Notice(Arc::clone(&place.state));
         encoder.map_buffer_on_submit(buffer, wgpu::MapMode::Read, ..bytes, move |result| {
             if result.is_ok() {
@@ -86,8 +86,8 @@ impl Ring {
         true
     }
 
-    /// Hands out the bytes of each collection that has arrived, with its number, and frees its place. Returns whether
-    /// there was any.
+    /// Passes the number and the bytes of each collection that has arrived to `add`, and frees its place.
+    /// Returns whether any has arrived.
     pub fn take(&mut self, device: &wgpu::Device, mut add: impl FnMut(u64, &[u8])) -> bool {
         let mut has_any = false;
         for place in &mut self.places {
@@ -95,7 +95,7 @@ impl Ring {
                 continue;
             }
             let Some(buffer) = &place.buffer else { continue };
-            // What a lost device had mapped is gone: nothing to read, and an error to unmap.
+            // A lost device takes its mappings along: there is nothing to read, and to unmap is an error.
             let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
             if let Some(view) = buffer.get_mapped_range(..place.bytes).view() {
                 add(place.number, &view);
@@ -109,7 +109,7 @@ impl Ring {
     }
 }
 
-/// What mapping gives: a view, or from wgpu 30 on an error in place of a panic.
+/// The result of `get_mapped_range`: a view in wgpu 29, a `Result` from wgpu 30 on.
 trait Mapped {
     fn view(self) -> Option<wgpu::BufferView>;
 }

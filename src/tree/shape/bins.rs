@@ -1,33 +1,34 @@
-//! Sums of lights by bins along each axis, the best cut between bins, and the partition that follows.
+//! Sums lights in bins along each axis, finds the best cut between bins, and partitions the lights.
 //!
-//! Based on CK18 4.4. The hot loops of a build: each light is binned and partitioned once a split, about 17 times in
-//! a million.
+//! Based on CK18 4.4. These are the hot loops of a build: every split bins and partitions each of
+//! its lights once. In a tree of a million lights that is about 17 times for each light.
 
 use std::array;
 use std::mem::swap;
 
 use glam::{Vec3, Vec4};
 
-use super::group::{Group, Item, Means, Sums, are_runs, costs, map_runs};
-use super::split::fills_nodes;
+use super::counts::fills_nodes;
+use super::group::{BuildItem, Group, GroupSums, MeanBounds, costs, has_several_runs, map_runs};
 
-/// Shares of the longest axis below which an axis is not cut: slices so thin are no candidates, and the factor for
-/// their thinness stays far inside f32.
-const THINNEST: f32 = 1.0e-6;
+/// An axis is not cut if its extent is less than this share of the longest one. Slices so thin are
+/// no candidates, and the factor for thinness stays far inside f32.
+const MIN_EXTENT_SHARE: f32 = 1.0e-6;
 
-/// Bins are told apart by adding 2^15: that leaves 8 bits of a float's fraction, and whole bins above them. Cheaper than
-/// conversions to integers, which check for what does not fit.
+/// Adding 2^15 to a position in bins leaves 8 bits for its fraction, with the whole bins above
+/// them. This is cheaper than a conversion to an integer, which checks the range.
 const WHOLE_BINS: f32 = (1 << 15) as f32;
 
-/// Keeps the last place inside the last bin, rounding included.
+/// Scales positions so that the last one stays inside the last bin, rounding included.
 const LAST_BIN: f32 = 0.999;
 
-/// Items that a partition looks at before it moves any.
+/// Items that a partition classifies before it moves any.
 const BLOCK: usize = 128;
 
-/// Splits items between two bins of `N` along some axis, the left ones first, if there is such a cut.
-pub(super) fn split_binned<const N: usize>(items: &mut [Item], whole: &Group) -> Option<[Group; 2]> {
-    let grid = Grid::new(&whole.means, N as f32);
+/// Splits items at the best cut between two of `N` bins along some axis, the left side first.
+/// `None`, and the items stay as they are, if no cut leaves counts that fill nodes.
+pub(super) fn split_binned<const N: usize>(items: &mut [BuildItem], whole: &Group) -> Option<[Group; 2]> {
+    let grid = BinGrid::new(&whole.means, N as f32);
     let bins = Bins::<N>::around(items, &grid);
     let (axis, cut) = bins.best_cut(items.len(), grid.stretch, whole.sums.per_flux())?;
     let mut groups = [Group::EMPTY; 2];
@@ -41,40 +42,41 @@ pub(super) fn split_binned<const N: usize>(items: &mut [Item], whole: &Group) ->
     Some(groups)
 }
 
-/// Maps means to bins.
-pub(super) struct Grid {
+/// Maps mean positions to bins.
+pub(super) struct BinGrid {
     pub origin: Vec4,
-    /// Bins a metre; none along axes that are too short.
+    /// Bins per metre; 0 along axes that are too short to be cut.
     pub scale: Vec4,
-    /// How much longer the longest axis is than each: thin slices are worse than their area says; CK18 equation 3.
+    /// Ratio of the longest extent to each extent: thin slices are worse than their area tells
+    /// (CK18 equation 3).
     pub stretch: Vec3,
 }
 
-impl Grid {
-    pub fn new(means: &Means, bins: f32) -> Self {
+impl BinGrid {
+    pub fn new(means: &MeanBounds, bins: f32) -> Self {
         let extent = means.extent();
         let longest = extent.max_element();
-        let is_cut = extent.cmpge(Vec3::splat(longest * THINNEST));
+        let is_cut = extent.cmpge(Vec3::splat(longest * MIN_EXTENT_SHARE));
         let scale = Vec3::select(is_cut, bins * LAST_BIN / extent, Vec3::ZERO);
         Self { origin: means.min, scale: scale.extend(0.0), stretch: longest / extent }
     }
 
-    /// From zero to the number of bins.
+    /// The position along each axis, from 0 to the number of bins.
     #[inline(always)]
-    pub fn places(&self, mean: Vec4) -> Vec4 {
+    pub fn positions(&self, mean: Vec4) -> Vec4 {
         (mean - self.origin) * self.scale
     }
 }
 
-/// Sums over the items of each bin of each axis.
+/// The sums and the number of items in each bin of each axis.
 struct Bins<const N: usize> {
-    sums: [[Sums; N]; 3],
+    sums: [[GroupSums; N]; 3],
     counts: [[u32; N]; 3],
 }
 
 impl<const N: usize> Bins<N> {
-    fn around(items: &[Item], grid: &Grid) -> Self {
-        if !are_runs(items.len()) {
+    fn around(items: &[BuildItem], grid: &BinGrid) -> Self {
+        if !has_several_runs(items.len()) {
             return Self::around_run(items, grid);
         }
         let mut runs = map_runs(items, |run| Self::around_run(run, grid)).into_iter();
@@ -87,13 +89,13 @@ impl<const N: usize> Bins<N> {
     }
 
     #[inline(never)]
-    fn around_run(items: &[Item], grid: &Grid) -> Self {
-        let mut bins = Self { sums: [[Sums::EMPTY; N]; 3], counts: [[0; N]; 3] };
+    fn around_run(items: &[BuildItem], grid: &BinGrid) -> Self {
+        let mut bins = Self { sums: [[GroupSums::EMPTY; N]; 3], counts: [[0; N]; 3] };
         for item in items {
-            let [x, y, z, _] = (grid.places(item.mean) + WHOLE_BINS).to_array();
+            let [x, y, z, _] = (grid.positions(item.mean) + WHOLE_BINS).to_array();
             let sums = item.sums();
-            for (place, axis) in [x, y, z].into_iter().zip(0..) {
-                let bin = (place.to_bits() >> 8) as usize % N;
+            for (position, axis) in [x, y, z].into_iter().zip(0..) {
+                let bin = (position.to_bits() >> 8) as usize % N;
                 bins.sums[axis][bin].add(&sums);
                 bins.counts[axis][bin] += 1;
             }
@@ -101,13 +103,14 @@ impl<const N: usize> Bins<N> {
         bins
     }
 
-    /// Axis and number of bins on the left of the cut with the least cost; of equals the most even, then the first.
+    /// The cut of the least cost: its axis and its number of bins on the left. Of equals the most
+    /// even cut, then the first.
     #[inline(never)]
     fn best_cut(&self, count: usize, stretch: Vec3, per_flux: f32) -> Option<(usize, usize)> {
         let (mut least, mut most_even, mut best) = (f32::INFINITY, 0, None);
         for axis in 0..3 {
             let bins = &self.sums[axis];
-            // By cut, the smaller of both counts; zero where it is not allowed.
+            // For each cut the smaller of both counts; 0 if the counts would not fill nodes.
             let mut evenness = [0; N];
             let mut left = 0;
             for (even, bin) in evenness[1..].iter_mut().zip(self.counts[axis]) {
@@ -119,19 +122,19 @@ impl<const N: usize> Bins<N> {
             if evenness.iter().all(|even| *even == 0) {
                 continue;
             }
-            let mut right = Sums::EMPTY;
+            let mut right = GroupSums::EMPTY;
             let mut right_costs = [Vec4::ZERO; N];
             for four in (0..N).step_by(4).rev() {
-                let mut from = |bin: usize| {
+                let mut add = |bin: usize| {
                     right.add(&bins[bin]);
                     right
                 };
-                let [d, c, b, a] = [from(four + 3), from(four + 2), from(four + 1), from(four)];
+                let [d, c, b, a] = [add(four + 3), add(four + 2), add(four + 1), add(four)];
                 right_costs[four] = costs([&a, &b, &c, &d], per_flux);
             }
-            let mut left = Sums::EMPTY;
+            let mut left = GroupSums::EMPTY;
             for four in (0..N).step_by(4) {
-                let lefts: [Sums; 4] = array::from_fn(|lane| {
+                let lefts: [GroupSums; 4] = array::from_fn(|lane| {
                     let before = left;
                     left.add(&bins[four + lane]);
                     before
@@ -149,29 +152,30 @@ impl<const N: usize> Bins<N> {
     }
 }
 
-/// Moves items of bins below `cut` to the front, of which there are `count`.
+/// Moves the items of bins below `cut` to the front; there are `count` of them. Returns the bounds
+/// of the mean positions on both sides.
 #[inline(never)]
-fn partition<const AXIS: usize>(items: &mut [Item], grid: &Grid, cut: usize, count: usize) -> [Means; 2] {
+fn partition<const AXIS: usize>(items: &mut [BuildItem], grid: &BinGrid, cut: usize, count: usize) -> [MeanBounds; 2] {
     let limit = Vec4::splat(WHOLE_BINS + cut as f32);
-    let along = |item: &Item| Vec4::splat((grid.places(item.mean) + WHOLE_BINS).to_array()[AXIS]);
+    let along = |item: &BuildItem| Vec4::splat((grid.positions(item.mean) + WHOLE_BINS).to_array()[AXIS]);
     let (front, back) = items.split_at_mut(count);
     let (mut lefts, mut rights) = (Side::EMPTY, Side::EMPTY);
     loop {
-        // Glam's masks have another type without SIMD: they are turned into numbers here.
-        lefts.look(front, |item| {
+        // Without SIMD, glam's masks have another type, so they are turned into numbers here.
+        lefts.classify(front, |item| {
             let is_right = along(item).cmpge(limit);
             (Vec4::select(is_right, Vec4::INFINITY, Vec4::ZERO), is_right.bitmask())
         });
-        rights.look(back, |item| {
+        rights.classify(back, |item| {
             let is_left = along(item).cmplt(limit);
             (Vec4::select(is_left, Vec4::INFINITY, Vec4::ZERO), is_left.bitmask())
         });
-        let (out, back_out) = (lefts.waiting(), rights.waiting());
-        let pairs = out.len().min(back_out.len());
+        let (front_misplaced, back_misplaced) = (lefts.misplaced(), rights.misplaced());
+        let pairs = front_misplaced.len().min(back_misplaced.len());
         if pairs == 0 {
             break;
         }
-        for (a, b) in out.iter().zip(back_out) {
+        for (a, b) in front_misplaced.iter().zip(back_misplaced) {
             swap(&mut front[*a as usize], &mut back[*b as usize]);
         }
         lefts.moved += pairs;
@@ -180,44 +184,56 @@ fn partition<const AXIS: usize>(items: &mut [Item], grid: &Grid, cut: usize, cou
     [lefts.home.union(&rights.away), rights.home.union(&lefts.away)]
 }
 
-/// One side of a partition, while it finds what belongs to the other.
+/// One side of a partition, and its items that belong to the other side.
 struct Side {
-    looked_at: usize,
-    /// Of the last block: the first `found` places are of items that belong to the other side, `moved` of them done.
-    misplaced: [u32; BLOCK],
+    /// The number of items that have been classified.
+    classified: usize,
+    /// The first `found` entries are the places of the last block's items that belong to the other
+    /// side. The first `moved` of them have been moved.
+    places: [u32; BLOCK],
     found: usize,
     moved: usize,
-    /// Around what belongs to this side and to the other.
-    home: Means,
-    away: Means,
+    /// Bounds of the items that belong to this side.
+    home: MeanBounds,
+    /// Bounds of the items that belong to the other side.
+    away: MeanBounds,
 }
 
 impl Side {
-    const EMPTY: Self =
-        Self { looked_at: 0, misplaced: [0; BLOCK], found: 0, moved: 0, home: Means::EMPTY, away: Means::EMPTY };
+    const EMPTY: Self = Self {
+        classified: 0,
+        places: [0; BLOCK],
+        found: 0,
+        moved: 0,
+        home: MeanBounds::EMPTY,
+        away: MeanBounds::EMPTY,
+    };
 
-    fn waiting(&self) -> &[u32] {
-        &self.misplaced[self.moved..self.found]
+    /// The places of items that still have to move to the other side.
+    fn misplaced(&self) -> &[u32] {
+        &self.places[self.moved..self.found]
     }
 
-    /// Looks at more items, unless some still wait. `is_away` gives infinity or zero, and all bits or none.
+    /// Classifies more items if none is left to move. `is_away` returns, for an item of the other
+    /// side, infinity and set bits; for one of this side, zeros.
     #[inline(always)]
-    fn look(&mut self, items: &[Item], is_away: impl Fn(&Item) -> (Vec4, u32)) {
-        while self.moved == self.found && self.looked_at < items.len() {
-            let end = items.len().min(self.looked_at + BLOCK);
+    fn classify(&mut self, items: &[BuildItem], is_away: impl Fn(&BuildItem) -> (Vec4, u32)) {
+        while self.moved == self.found && self.classified < items.len() {
+            let end = items.len().min(self.classified + BLOCK);
             (self.found, self.moved) = (0, 0);
-            for (item, place) in items[self.looked_at..end].iter().zip(self.looked_at as u32..) {
-                // Branches would be guessed wrong half the time: 110 ns more a light, of 360 in all.
+            for (item, place) in items[self.classified..end].iter().zip(self.classified as u32..) {
+                // No branches: half of them would be mispredicted, for 110 ns more per light (of
+                // 360 in all).
                 let (not_home, bits) = is_away(item);
                 let not_away = Vec4::select(not_home.cmpeq(Vec4::ZERO), Vec4::INFINITY, Vec4::ZERO);
                 self.home.min = self.home.min.min(item.mean + not_home);
                 self.home.max = self.home.max.max(item.mean - not_home);
                 self.away.min = self.away.min.min(item.mean + not_away);
                 self.away.max = self.away.max.max(item.mean - not_away);
-                self.misplaced[self.found % BLOCK] = place;
+                self.places[self.found % BLOCK] = place;
                 self.found += (bits & 1) as usize;
             }
-            self.looked_at = end;
+            self.classified = end;
         }
     }
 }

@@ -1,36 +1,15 @@
-//! Shapes are sound for any lights, full, the same for any number of threads, and as good as an exhaustive search.
+//! Shapes are sound for any lights, their nodes are full, they do not depend on the number of
+//! threads, and they are as good as those of an exhaustive search.
 
 use std::cmp::Reverse;
 
 use glam::{DVec3, Vec3};
 
+use super::counts::FULL;
 use super::*;
 use crate::bounds::Aabb;
 use crate::cluster::{Cluster, MAX_FLUX};
-
-/// Fewest children of a node that is not sparse.
-const FULL: u32 = 6;
-
-/// SplitMix64.
-struct Rng(u64);
-
-impl Rng {
-    fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    fn between(&mut self, low: f32, high: f32) -> f32 {
-        low + (high - low) * ((self.bits() >> 40) as f32 / 16_777_216.0)
-    }
-
-    fn place(&mut self, size: f32) -> Vec3 {
-        Vec3::new(self.between(-size, size), self.between(-size, size), self.between(-size, size))
-    }
-}
+use crate::tree::testing::Rng;
 
 fn light(at: Vec3, flux: f32) -> Cluster {
     Cluster { aabb: Aabb::point(at), flux, mean: at, ..Cluster::EMPTY }
@@ -40,18 +19,19 @@ fn dark(at: Vec3) -> Cluster {
     Cluster { mean: at, ..Cluster::EMPTY }
 }
 
-/// A flat city: lights of all kinds over three decades of flux, a part of them in clumps, a few of them dark.
+/// A flat city: lights of all kinds over three decades of flux. The share `clumped` of them lie in
+/// clumps, and a few are dark.
 fn city(count: usize, clumped: f32) -> Vec<Cluster> {
     let mut rng = Rng(count as u64);
     let mut clump = Vec3::ZERO;
     let mut next = |i| {
         if i % 40 == 0 {
-            clump = rng.place(500.0) * Vec3::new(1.0, 0.1, 1.0);
+            clump = rng.position(500.0) * Vec3::new(1.0, 0.1, 1.0);
         }
         let is_clumped = rng.between(0.0, 1.0) < clumped;
-        let at = if is_clumped { clump + rng.place(2.0) } else { rng.place(500.0) * Vec3::new(1.0, 0.1, 1.0) };
-        let half = rng.place(1.0).abs();
-        let axis = rng.place(1.0).normalize_or_zero() * [0.0, 0.9, 2.0 / 3.0][i % 3];
+        let at = if is_clumped { clump + rng.position(2.0) } else { rng.position(500.0) * Vec3::new(1.0, 0.1, 1.0) };
+        let half = rng.position(1.0).abs();
+        let axis = rng.position(1.0).normalize_or_zero() * [0.0, 0.9, 2.0 / 3.0][i % 3];
         let aabb = if i % 3 == 2 { Aabb { min: at - half, max: at + half } } else { Aabb::point(at) };
         let flux = 10.0_f32.powf(rng.between(1.0, 4.0));
         if i % 50 == 49 { dark(at) } else { Cluster { aabb, flux, mean: at, axis, ..Cluster::EMPTY } }
@@ -59,18 +39,19 @@ fn city(count: usize, clumped: f32) -> Vec<Cluster> {
     (0..count).map(&mut next).collect()
 }
 
-fn items(clusters: &[Cluster]) -> Vec<Item> {
-    clusters.iter().zip(0..).map(|(cluster, index)| Item::new(cluster, index)).collect()
+fn items(clusters: &[Cluster]) -> Vec<BuildItem> {
+    clusters.iter().zip(0..).map(|(cluster, index)| BuildItem::new(cluster, index)).collect()
 }
 
-/// The shape over some lights, proven sound.
+/// The shape over some lights, after a check that it is sound.
 fn sound_shape(clusters: &[Cluster]) -> Vec<ShapeNode> {
     let nodes = shape(&mut items(clusters));
     check(&nodes, clusters.len());
     nodes
 }
 
-/// One leaf a light, links up and down, subtrees contiguous, no node emptier than it must be. Returns the depth.
+/// Checks that each light has one leaf, that links agree, that subtrees lie in one piece, and that
+/// no node has fewer children than it must. Returns the depth.
 fn check(nodes: &[ShapeNode], lights: usize) -> u32 {
     let mut has_leaf = vec![false; lights];
     let mut depths = vec![0; nodes.len()];
@@ -87,7 +68,7 @@ fn check(nodes: &[ShapeNode], lights: usize) -> u32 {
                 assert!(!std::mem::replace(&mut has_leaf[light], true), "light {light} has two leaves");
                 continue;
             }
-            assert_eq!(*target as usize, next, "children follow their parent and each other's subtrees");
+            assert_eq!(*target as usize, next, "the child follows its parent or the subtree of its sibling");
             let child = nodes[next];
             assert_eq!(child.parent as usize, index * WIDTH + slot);
             depths[next] = depths[index] + 1;
@@ -95,20 +76,23 @@ fn check(nodes: &[ShapeNode], lights: usize) -> u32 {
             smallest_child = smallest_child.into_iter().chain([(child.count, child.span)]).min();
         }
         assert_eq!(next - index, node.span as usize);
-        // Sparse nodes are the root, or have children that are all full of lights and too many to be opened.
-        if let (1..FULL, Some((count, span))) = (node.count, smallest_child) {
+        // A sparse node is the root, or its children are full of lights and none fits into its
+        // room.
+        let is_full = node.count as usize >= FULL;
+        if let (false, Some((count, span))) = (is_full, smallest_child) {
             assert!(index == 0 || span == 1 && count - 1 > WIDTH as u32 - node.count, "node {index}: {node:?}");
         } else {
-            assert!(index == 0 || node.count >= FULL, "node {index}: {node:?}");
+            assert!(index == 0 || is_full, "node {index}: {node:?}");
         }
     }
     assert!(has_leaf.iter().all(|has| *has));
     assert_eq!(nodes.first().map_or(0, |root| root.span as usize), nodes.len());
     let depth = depths.into_iter().max().unwrap_or(0);
-    assert!(depth <= DEEPEST + u32::BITS);
+    assert!(depth <= MAX_COST_DEPTH + u32::BITS);
     depth
 }
 
+/// The mean number of children.
 fn fill(nodes: &[ShapeNode]) -> f64 {
     nodes.iter().map(|node| f64::from(node.count)).sum::<f64>() / nodes.len() as f64
 }
@@ -123,7 +107,7 @@ fn every_number_of_lights_has_a_sound_shape() {
 }
 
 #[test]
-fn nodes_are_full() {
+fn nodes_hold_at_least_5_6_children_on_average() {
     for clumped in [0.0, 0.9] {
         let nodes = sound_shape(&city(20_000, clumped));
         assert!(fill(&nodes) >= 5.6, "{}", fill(&nodes));
@@ -131,7 +115,7 @@ fn nodes_are_full() {
 }
 
 #[test]
-fn the_number_of_threads_does_not_change_a_shape() {
+fn a_shape_does_not_depend_on_the_number_of_threads() {
     let lights = city(200_000, 0.7);
     let shape_with = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
@@ -142,48 +126,48 @@ fn the_number_of_threads_does_not_change_a_shape() {
 }
 
 #[test]
-fn a_million_lights_at_one_place_bright_or_dark_are_halved() {
+fn a_million_lights_at_one_point_have_a_sound_shape_and_so_have_dark_ones() {
     let nodes = sound_shape(&vec![light(Vec3::splat(7.0), 1.0); 1_000_000]);
     assert!(fill(&nodes) > 6.0, "{}", fill(&nodes));
     sound_shape(&vec![dark(Vec3::splat(7.0)); 100_000]);
 }
 
 #[test]
-fn a_million_lights_at_geometric_distances_stay_within_the_depth() {
+fn a_million_lights_at_geometric_distances_stay_within_the_depth_limit() {
     for both_sides in [false, true] {
         let at = |i: usize| {
             let distance = 10.0_f32.powf(-9.0 + 18.0 * (i as f32 / 1_000_000.0));
             Vec3::new(if both_sides && i.is_multiple_of(2) { -distance } else { distance }, 0.0, distance)
         };
         sound_shape(&(0..1_000_000).map(|i| light(at(i), 1.0)).collect::<Vec<_>>());
-        // As much of the flux in each step.
+        // Every step of distance has the same flux.
         let flux = |i: usize| (1.0e-8 / at(i).z.powi(2)).min(MAX_FLUX);
         sound_shape(&(0..50_000).map(|i| light(at(20 * i), flux(20 * i))).collect::<Vec<_>>());
     }
 }
 
 #[test]
-fn lights_that_grow_brighter_inward_stay_within_the_depth() {
+fn lights_that_are_brighter_towards_a_point_stay_within_the_depth_limit() {
     let at = |i: i32| Vec3::X * 1.0e9 * 0.5_f32.powf(i as f32 / 500.0);
     let lights: Vec<_> = (0..60_000).map(|i| light(at(i), 1.0e-18 * 4.0_f32.powf(i as f32 / 1000.0))).collect();
     sound_shape(&lights);
 }
 
 #[test]
-fn below_the_deepest_level_lights_are_halved() {
+fn nodes_below_the_depth_of_cost_splits_are_split_into_halves() {
     let lights = city(50_000, 0.9);
     let mut items = items(&lights);
     let whole = Group::around(&items);
     let mut nodes = Vec::new();
-    shape_below(&mut items, &whole, DEEPEST, &mut nodes);
+    shape_below(&mut items, &whole, MAX_COST_DEPTH, &mut nodes);
     link(&mut nodes);
-    assert!(check(&nodes, lights.len()) < 16, "50,000 lights have 16 bits");
+    assert!(check(&nodes, lights.len()) < 16, "the number 50,000 has 16 bits");
 }
 
 #[test]
-fn dark_lights_get_leaves_alone_and_among_others() {
+fn dark_lights_get_leaves_with_and_without_bright_ones() {
     let mut rng = Rng(5);
-    let mut lights: Vec<_> = (0..50_000).map(|_| dark(rng.place(100.0))).collect();
+    let mut lights: Vec<_> = (0..50_000).map(|_| dark(rng.position(100.0))).collect();
     let nodes = sound_shape(&lights);
     assert!(fill(&nodes) > 5.6, "{}", fill(&nodes));
     lights[777] = light(Vec3::ONE, 1.0);
@@ -193,7 +177,7 @@ fn dark_lights_get_leaves_alone_and_among_others() {
 }
 
 #[test]
-fn the_ends_of_all_ranges_and_lines_and_planes_have_sound_shapes() {
+fn lights_at_the_limits_of_flux_and_distance_in_space_planes_and_lines_have_sound_shapes() {
     let mut rng = Rng(6);
     let fluxes = [0.0, 1.0e-18, 1.0, MAX_FLUX];
     let sizes = [1.0e9, 1.0, 1.0e-9, 1.0e-30, 1.0e-38, 1.0e-45];
@@ -203,22 +187,23 @@ fn the_ends_of_all_ranges_and_lines_and_planes_have_sound_shapes() {
                 let mut next = || {
                     let flux = fluxes[(rng.bits() % 4) as usize];
                     let size = if rng.bits().is_multiple_of(4) { sizes[(rng.bits() % 6) as usize] } else { size };
-                    let at = rng.place(size) * mask;
+                    let at = rng.position(size) * mask;
                     if flux == 0.0 { dark(at) } else { Cluster { axis: beam, ..light(at, flux) } }
                 };
                 sound_shape(&(0..3000).map(|_| next()).collect::<Vec<_>>());
             }
         }
     }
-    // All at the most flux: sums of axes and fluxes reach 1e40 lm.
-    let lights: Vec<_> = (0..100_000).map(|_| Cluster { axis: Vec3::Y, ..light(rng.place(1.0e9), MAX_FLUX) }).collect();
+    // All lights have the largest flux, so sums of fluxes and axes reach 1e40 lm.
+    let lights: Vec<_> =
+        (0..100_000).map(|_| Cluster { axis: Vec3::Y, ..light(rng.position(1.0e9), MAX_FLUX) }).collect();
     assert!(fill(&sound_shape(&lights)) > 6.0);
 }
 
 #[test]
-fn shapes_cost_at_most_3_percent_more_than_those_of_all_cuts() {
+fn a_shape_costs_at_most_3_percent_more_than_that_of_an_exhaustive_search() {
     for clumped in [0.0, 0.5, 0.9] {
-        // Of a few hundred lights, single choices move it by 4 % either way.
+        // With a few hundred lights, single choices change the cost by 4 % either way.
         for count in [3000, 20_000] {
             let lights = city(count, clumped);
             let mut order: Vec<u32> = (0..count as u32).collect();
@@ -231,7 +216,7 @@ fn shapes_cost_at_most_3_percent_more_than_those_of_all_cuts() {
     }
 }
 
-/// Sums as a cost needs them, in f64.
+/// The sums of a group's cost, in f64.
 #[derive(Clone, Copy)]
 struct Exact {
     aabb: Aabb,
@@ -259,7 +244,7 @@ impl Exact {
     }
 }
 
-/// Over all nodes but the root, in units of the root's cost.
+/// The summed cost of all nodes but the root, in units of the root's cost.
 fn summed_cost(nodes: &[ShapeNode], lights: &[Cluster]) -> f64 {
     let mut sums = vec![Exact::EMPTY; nodes.len()];
     let mut cost = 0.0;
@@ -276,7 +261,7 @@ fn summed_cost(nodes: &[ShapeNode], lights: &[Cluster]) -> f64 {
     cost / sums[0].cost()
 }
 
-/// The slow twin of [`shape_below`]: tries every cut of every axis, in f64.
+/// The exhaustive counterpart of [`shape_below`]: tries every cut of every axis, in f64.
 fn sweep_below(lights: &[Cluster], order: &mut [u32], parent: u32, nodes: &mut Vec<ShapeNode>) {
     let own = nodes.len();
     nodes.push(ShapeNode { parent, ..ShapeNode::EMPTY });
@@ -308,7 +293,7 @@ fn sweep_below(lights: &[Cluster], order: &mut [u32], parent: u32, nodes: &mut V
     nodes[own].span = (nodes.len() - own) as u32;
 }
 
-/// Sorts for the best cut, and returns it.
+/// Sorts the lights for the best cut and returns the number of lights on its left.
 fn sweep(lights: &[Cluster], order: &mut [u32]) -> usize {
     let count = order.len();
     let extent = Aabb::around(order.iter().map(|l| lights[*l as usize].mean)).extent();
@@ -329,7 +314,7 @@ fn sweep(lights: &[Cluster], order: &mut [u32]) -> usize {
             }
         }
     }
-    assert!(best.2 > 0, "no cut of {count}");
+    assert!(best.2 > 0, "no cut of {count} lights");
     order.copy_from_slice(&best.1);
     best.2
 }

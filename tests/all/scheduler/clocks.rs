@@ -1,103 +1,104 @@
-//! Clocks that jump, stand still or are replayed.
+//! Clocks that jump or stand still, and clocks that record and replay a run.
 
+use std::fs;
+use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
 use girandole::glam::Vec3;
 use girandole::scheduler::{Clock, RecordingClock, ReplayClock, SystemClock, VirtualClock, WorkKind};
 use girandole::{FrameBudget, FrameReport, JobReport, Light, LightWorld, Placement, Policy, TreeKey};
 
-use super::{Theater, fingerprint, spark};
+use super::{TestWorld, check_trees, random_light, scatter, tree_contents};
 use crate::support::Rng;
 
-/// Says what a function makes of the number of the question.
-struct OddClock(AtomicU64, fn(u64) -> Duration);
+/// A clock whose time is a function of the number of calls so far.
+struct CallClock {
+    calls: AtomicU64,
+    time: fn(u64) -> Duration,
+}
 
-impl Clock for OddClock {
+impl Clock for CallClock {
     fn now(&self) -> Duration {
-        (self.1)(self.0.fetch_add(1, Ordering::Relaxed))
+        (self.time)(self.calls.fetch_add(1, Ordering::Relaxed))
     }
 }
 
-fn scatter(world: &mut LightWorld, rng: &mut Rng, tree: TreeKey) {
-    let count = world.tree(tree).expect("it lives").lights().len() as u32;
-    let changes: Vec<_> = (0..count).map(|i| (i, spark(rng, 10.0))).collect();
-    world.set_lights(tree, &changes).expect("valid");
-}
-
-fn trees(world: &mut LightWorld, rng: &mut Rng, sizes: &[usize]) -> Vec<TreeKey> {
-    let mut tree = |lights: &usize| {
-        let tree = world.add_tree((0..*lights).map(|_| spark(rng, 10.0)).collect()).expect("valid");
-        world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+/// Adds trees of random lights, with one instance each.
+fn add_trees(world: &mut LightWorld, rng: &mut Rng, sizes: &[usize]) -> Vec<TreeKey> {
+    let add_tree = |lights: &usize| {
+        let lights = (0..*lights).map(|_| random_light(rng, 10.0)).collect();
+        let tree = world.add_tree(lights).expect("valid lights");
+        world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("a valid instance");
         tree
     };
-    sizes.iter().map(&mut tree).collect()
+    sizes.iter().map(add_tree).collect()
 }
 
 #[test]
-fn a_clock_that_stands_still_or_jumps_leaves_frames_bounded() {
-    type Now = fn(u64) -> Duration;
-    let clocks: [(&str, Now, usize); 4] = [
-        ("still", |_| Duration::ZERO, 1),
-        ("an hour at every question", |n| Duration::from_secs(3600 * n), 0),
-        ("back and forth", |n| Duration::from_secs(if n % 2 == 0 { 1000 } else { 0 }), 0),
-        ("at its end", |_| Duration::MAX, 1),
+fn frames_stay_bounded_on_clocks_that_stand_still_or_jump() {
+    type Time = fn(u64) -> Duration;
+    let clocks: [(&str, Time, usize); 4] = [
+        ("stands still", |_| Duration::ZERO, 1),
+        ("an hour per call", |call| Duration::from_secs(3600 * call), 0),
+        ("back and forth", |call| Duration::from_secs(if call % 2 == 0 { 1000 } else { 0 }), 0),
+        ("the greatest time", |_| Duration::MAX, 1),
     ];
-    for (name, clock, least) in clocks {
-        let mut world = LightWorld::with_clock(Arc::new(OddClock(AtomicU64::new(0), clock)));
+    for (name, time, min_rebuilt) in clocks {
+        let mut world = LightWorld::with_clock(Arc::new(CallClock { calls: AtomicU64::new(0), time }));
         let mut rng = Rng(30);
-        let trees = trees(&mut world, &mut rng, &[100; 200]);
+        let trees = add_trees(&mut world, &mut rng, &[100; 200]);
         let mut rebuilt = 0;
         for frame in 0..200 {
             trees.iter().for_each(|tree| scatter(&mut world, &mut rng, *tree));
             let report = world.update(FrameBudget::new(Duration::from_micros(100)));
-            // No machine rebuilds a hundred lights in less than 1.5 us.
+            // A rebuild of a hundred lights counts as at least 1.5 µs.
             assert!(report.rebuilt_trees <= 67, "{name}, frame {frame}: {report:?}");
             rebuilt += report.rebuilt_trees;
         }
-        assert!(rebuilt >= least, "{name}: {rebuilt}");
+        assert!(rebuilt >= min_rebuilt, "{name}: {rebuilt}");
     }
 }
 
 #[test]
-fn costs_of_nothing_and_of_ever_leave_the_world_at_work() {
-    for strange in [Duration::ZERO, Duration::MAX] {
-        let odd = Arc::new(AtomicU64::new(1));
-        let is_odd = odd.clone();
-        let cost = move |work| if is_odd.load(Ordering::Relaxed) == 1 { strange } else { super::cost(work) };
-        let clock = Arc::new(VirtualClock::new(cost));
-        let mut theater = Theater { world: LightWorld::with_clock(clock.clone()), clock, rng: Rng(31) };
-        let trees: Vec<_> = (0..10).map(|_| theater.tree(100, Policy::Budgeted)).collect();
+fn a_world_recovers_from_work_that_took_no_time_and_survives_work_that_took_the_longest() {
+    for extreme in [Duration::ZERO, Duration::MAX] {
+        let is_extreme = Arc::new(AtomicBool::new(true));
+        let flag = is_extreme.clone();
+        let cost = move |work| if flag.load(Ordering::Relaxed) { extreme } else { super::cost(work) };
+        let mut test = TestWorld::with_cost(31, cost);
+        let trees: Vec<_> = (0..10).map(|_| test.add_tree(100, Policy::Budgeted)).collect();
         for frame in 0..20 {
-            trees.iter().for_each(|tree| theater.scatter(*tree));
-            theater.frame(100);
-            // For a time of no end there is nothing after: a new world on a clock in order goes on.
-            odd.store(u64::from(frame < 5 && strange.is_zero()), Ordering::Relaxed);
+            trees.iter().for_each(|tree| test.scatter(*tree));
+            test.frame(100);
+            // A clock at the greatest time cannot advance any more, so only the other one recovers.
+            is_extreme.store(frame < 5 && extreme.is_zero(), Ordering::Relaxed);
         }
-        assert_eq!(theater.world.tree_count(), 10);
-        trees.iter().for_each(|tree| theater.world.tree(*tree).expect("it lives").check().expect("sound"));
-        if strange.is_zero() {
-            let report = theater.frame(100);
+        assert_eq!(test.world.tree_count(), 10);
+        check_trees(&test.world);
+        if extreme.is_zero() {
+            let report = test.frame(100);
             assert!(report.overrun.is_zero(), "{report:?}");
         }
     }
 }
 
-/// Plays some frames of moving trees, one of them too large for a frame.
-fn play(clock: Arc<dyn Clock>) -> (LightWorld, Vec<(FrameReport, Vec<JobReport>)>) {
+/// Runs 60 frames over trees that move; one of them is too large for a frame.
+fn run_frames(clock: Arc<dyn Clock>) -> (LightWorld, Vec<(FrameReport, Vec<JobReport>)>) {
     let mut world = LightWorld::with_clock(clock);
     let mut rng = Rng(32);
-    let trees = trees(&mut world, &mut rng, &[50, 100, 400, 1000, 30_000, 20, 700]);
+    let trees = add_trees(&mut world, &mut rng, &[50, 100, 400, 1000, 30_000, 20, 700]);
     let mut reports = Vec::new();
     for frame in 0..60_usize {
         for (i, tree) in trees.iter().enumerate().filter(|(i, _)| (frame + i) % 5 < 2) {
-            let count = world.tree(*tree).expect("it lives").lights().len() as u32;
-            let some: Vec<_> =
+            let count = world.tree(*tree).expect("the tree exists").lights().len() as u32;
+            let changes: Vec<_> =
                 (0..count / 4).map(|_| (rng.bits() as u32 % count, Light::point(rng.place(10.0), Vec3::ONE))).collect();
-            // The largest only once, or it would never be still enough for a build.
+            // The largest tree changes only once, so that its build in the background stays
+            // current.
             if i != 4 || frame == 6 {
-                world.set_lights(*tree, &some).expect("valid");
+                world.set_lights(*tree, &changes).expect("valid lights");
             }
         }
         let report = world.update(FrameBudget::new(Duration::from_micros(400)));
@@ -107,32 +108,31 @@ fn play(clock: Arc<dyn Clock>) -> (LightWorld, Vec<(FrameReport, Vec<JobReport>)
 }
 
 #[test]
-fn a_recorded_run_goes_the_same_way_again() {
-    let clock = Arc::new(RecordingClock::new(SystemClock::default()));
-    let (world, reports) = play(clock.clone());
-    let events = clock.take_events();
-    assert!(clock.take_events().is_empty() && events.len() > 120);
+fn a_replayed_run_equals_the_recorded_one() {
+    let recording = Arc::new(RecordingClock::new(SystemClock::default()));
+    let (world, reports) = run_frames(recording.clone());
+    let events = recording.take_events();
+    assert!(recording.take_events().is_empty() && events.len() > 120);
     let replay = Arc::new(ReplayClock::new(events.iter().copied()));
-    let (again, reports_again) = play(replay.clone());
-    assert_eq!(reports, reports_again);
-    assert!(fingerprint(&world) == fingerprint(&again));
+    let (replayed_world, replayed_reports) = run_frames(replay.clone());
+    assert_eq!(reports, replayed_reports);
+    assert!(tree_contents(&world) == tree_contents(&replayed_world));
     assert!(!replay.has_diverged());
     assert!(reports.iter().any(|(report, _)| report.rebuilt_trees > 0));
 
-    // A record of something else does no harm, and is found out.
-    let wrong = Arc::new(ReplayClock::new(events.into_iter().take(40)));
-    let (other, _) = play(wrong.clone());
-    assert!(wrong.has_diverged());
-    other.trees().for_each(|tree| other.tree(tree).expect("it lives").check().expect("sound"));
+    // A record that does not fit the run is detected and does no harm.
+    let truncated = Arc::new(ReplayClock::new(events.into_iter().take(40)));
+    let (diverged_world, _) = run_frames(truncated.clone());
+    assert!(truncated.has_diverged());
+    check_trees(&diverged_world);
 }
 
 #[test]
-fn a_run_on_virtual_time_repeats_exactly() {
+fn a_run_on_a_virtual_clock_repeats_exactly() {
     let run = || {
         let clock = Arc::new(VirtualClock::new(super::cost));
-        let beat = clock.clone();
-        let (world, reports) = play(clock);
-        (fingerprint(&world), reports, beat.now())
+        let (world, reports) = run_frames(clock.clone());
+        (tree_contents(&world), reports, clock.now())
     };
     let (first, second) = (run(), run());
     assert!(first == second);
@@ -140,4 +140,35 @@ fn a_run_on_virtual_time_repeats_exactly() {
     for kind in [WorkKind::Rebuild, WorkKind::Snapshot] {
         assert!(kinds.contains(&kind), "{kind:?}");
     }
+}
+
+/// The lines of the library outside of its tests that take a clock from the standard library. Its
+/// `Instant` and `SystemTime` panic on wasm32-unknown-unknown.
+fn uses_of_std_clocks(folder: &Path) -> Vec<String> {
+    let mut uses = Vec::new();
+    for entry in fs::read_dir(folder).expect("a folder of the crate") {
+        let path = entry.expect("a folder entry").path();
+        if path.is_dir() {
+            uses.extend(uses_of_std_clocks(&path));
+            continue;
+        }
+        let text = fs::read_to_string(&path).expect("readable text");
+        let code = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or("");
+        // The statements are split at semicolons, since an import may span several lines.
+        let is_std_clock = |statement: &&str| {
+            let code = statement.lines().filter(|line| !line.trim_start().starts_with("//"));
+            let code = code.collect::<Vec<_>>().join("\n");
+            code.contains("std::time") && (code.contains("Instant") || code.contains("SystemTime"))
+        };
+        uses.extend(code.split(';').filter(is_std_clock).map(|statement| format!("{}: {statement}", path.display())));
+    }
+    uses
+}
+
+#[test]
+fn the_library_takes_no_clock_from_the_standard_library() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    assert_eq!(uses_of_std_clocks(&folder), Vec::<String>::new());
+    let clock = fs::read_to_string(folder.join("scheduler/clock.rs")).expect("readable text");
+    assert!(clock.contains("use web_time::Instant;"), "the clock of worlds works on wasm32-unknown-unknown");
 }

@@ -1,4 +1,5 @@
-//! Rebuilds keep to the budget, go where they gain most, leave nobody waiting for ever, and repeat.
+//! Rebuilds keep to the budget, go first to the trees that gain most, leave no tree waiting for
+//! ever, and repeat exactly on a virtual or replayed clock.
 
 mod background;
 mod clocks;
@@ -10,11 +11,15 @@ use std::time::Duration;
 
 use girandole::glam::{DVec3, Vec3};
 use girandole::scheduler::{VirtualClock, Work, WorkKind};
-use girandole::{FrameBudget, JobReport, Light, LightWorld, Placement, Policy, TreeKey};
+use girandole::{FrameBudget, FrameReport, InstanceKey, JobReport, Light, LightWorld, Placement, Policy, TreeKey};
 
 use crate::support::Rng;
 
-/// A tenth of a microsecond a light for builds, a tenth of that for copies.
+/// The time between two frames, at sixty frames per second.
+const FRAME_INTERVAL: Duration = Duration::from_micros(16_667);
+
+/// The cost of work on the virtual clock: 0.1 µs per light for builds, a tenth of that for copies,
+/// and nothing for refits and measurements.
 pub fn cost(work: Work) -> Duration {
     Duration::from_nanos(match work.kind {
         WorkKind::Snapshot => 10 * work.lights as u64,
@@ -23,79 +28,111 @@ pub fn cost(work: Work) -> Duration {
     })
 }
 
-/// A world on virtual time.
-pub struct Theater {
+/// A world on a virtual clock, with random numbers to fill it.
+pub struct TestWorld {
     pub world: LightWorld,
     pub clock: Arc<VirtualClock>,
     pub rng: Rng,
 }
 
-/// A small light somewhere in a cube.
-pub fn spark(rng: &mut Rng, size: f32) -> Light {
+/// A point light somewhere in the cube from `-size` to `size`.
+pub fn random_light(rng: &mut Rng, size: f32) -> Light {
     Light::point(rng.place(size), Vec3::ONE)
 }
 
-impl Theater {
+impl TestWorld {
     pub fn new(seed: u64) -> Self {
+        Self::with_cost(seed, cost)
+    }
+
+    pub fn with_cost(seed: u64, cost: impl Fn(Work) -> Duration + Send + Sync + 'static) -> Self {
         let clock = Arc::new(VirtualClock::new(cost));
         Self { world: LightWorld::with_clock(clock.clone()), clock, rng: Rng(seed) }
     }
 
-    /// A tree of so many lights in a cube of ten metres, with one instance.
-    pub fn tree(&mut self, lights: usize, policy: Policy) -> TreeKey {
-        let sparks = (0..lights).map(|_| spark(&mut self.rng, 10.0)).collect();
-        let tree = self.world.add_tree(sparks).expect("valid");
-        let place = self.rng.place(100.0).as_dvec3();
-        self.world.add_instance(tree, Placement::at(place), policy).expect("valid");
+    /// Adds a tree of random lights within ten metres, with one instance.
+    pub fn add_tree(&mut self, lights: usize, policy: Policy) -> TreeKey {
+        let lights = (0..lights).map(|_| random_light(&mut self.rng, 10.0)).collect();
+        let tree = self.world.add_tree(lights).expect("valid lights");
+        let translation = self.rng.place(100.0).as_dvec3();
+        self.world.add_instance(tree, Placement::at(translation), policy).expect("a valid instance");
         tree
     }
 
-    /// Puts every light of a tree anywhere: as bad for its shape as can be.
+    /// Moves every light of a tree to a random position, which makes the present shape of the tree
+    /// as bad as it can be.
     pub fn scatter(&mut self, tree: TreeKey) {
-        let count = self.world.tree(tree).expect("it lives").lights().len() as u32;
-        let changes: Vec<_> = (0..count).map(|i| (i, spark(&mut self.rng, 10.0))).collect();
-        self.world.set_lights(tree, &changes).expect("valid");
+        scatter(&mut self.world, &mut self.rng, tree);
     }
 
-    /// A sixtieth of a second passes, then an update with so many microseconds.
-    pub fn frame(&mut self, micros: u64) -> girandole::FrameReport {
-        self.clock.advance(Duration::from_micros(16_667));
+    /// Advances the clock by the time between two frames, and updates with a budget in
+    /// microseconds.
+    pub fn frame(&mut self, micros: u64) -> FrameReport {
+        self.clock.advance(FRAME_INTERVAL);
         self.world.update(FrameBudget::new(Duration::from_micros(micros)))
     }
 
-    /// Teaches what rebuilds take, so that tests need not reckon with first guesses.
+    /// Teaches the world's cost model the costs of the clock, so that tests do not depend on its
+    /// initial values.
     pub fn calibrate(&mut self) {
         let trees: Vec<_> =
-            [20, 50, 100, 300, 1000, 3000].map(|lights| self.tree(lights, Policy::AlwaysRebuild)).into();
+            [20, 50, 100, 300, 1000, 3000].map(|lights| self.add_tree(lights, Policy::AlwaysRebuild)).into();
         for _ in 0..60 {
             trees.iter().for_each(|tree| self.scatter(*tree));
-            self.clock.advance(Duration::from_micros(16_667));
+            self.clock.advance(FRAME_INTERVAL);
             self.world.update(FrameBudget::UNLIMITED);
         }
-        let instances: Vec<_> = self.world.instances().collect();
-        instances.into_iter().for_each(|instance| self.world.remove_instance(instance).expect("it lives"));
-        trees.into_iter().for_each(|tree| self.world.remove_tree(tree).expect("unused"));
-        // What the first guesses were off by is forgotten.
+        trees.into_iter().for_each(|tree| self.remove(tree));
+        // The margin for the errors of the initial costs fades.
         (0..3000).for_each(|_| {
             self.world.update(FrameBudget::NONE);
         });
         self.world.take_delta();
     }
+
+    /// The first instance of a tree.
+    pub fn instance_of(&self, tree: TreeKey) -> InstanceKey {
+        let has_tree = |instance: &InstanceKey| self.world.instance_tree(*instance) == Some(tree);
+        self.world.instances().find(has_tree).expect("the tree has an instance")
+    }
+
+    /// Removes a tree with one instance.
+    pub fn remove(&mut self, tree: TreeKey) {
+        self.world.remove_instance(self.instance_of(tree)).expect("the instance exists");
+        self.world.remove_tree(tree).expect("the tree has no instances");
+    }
+
+    /// The lights of a tree as of the last update.
+    pub fn lights(&self, tree: TreeKey) -> &[Light] {
+        self.world.tree(tree).expect("the tree exists").lights()
+    }
 }
 
-/// The jobs of the last update that built something.
-pub fn builds(world: &LightWorld) -> Vec<JobReport> {
-    let is_build = |job: &&JobReport| matches!(job.work.kind, WorkKind::Rebuild | WorkKind::RebuildPart);
-    world.jobs().iter().filter(is_build).copied().collect()
+/// Moves every light of a tree to a random position within ten metres.
+pub fn scatter(world: &mut LightWorld, rng: &mut Rng, tree: TreeKey) {
+    let count = world.tree(tree).expect("the tree exists").lights().len() as u32;
+    let changes: Vec<_> = (0..count).map(|i| (i, random_light(rng, 10.0))).collect();
+    world.set_lights(tree, &changes).expect("valid lights");
 }
 
-/// Of a world's trees, in the order of their keys.
-pub fn fingerprint(world: &LightWorld) -> Vec<(Vec<u32>, Vec<girandole::tree::Node>)> {
-    let tree = |key| world.tree(key).expect("it lives");
+/// Checks that every tree of a world is sound.
+pub fn check_trees(world: &LightWorld) {
+    world.trees().for_each(|tree| world.tree(tree).expect("the tree exists").check().expect("a sound tree"));
+}
+
+/// The rebuilds, whole or in part, among the jobs of the last update.
+pub fn rebuild_jobs(world: &LightWorld) -> Vec<JobReport> {
+    let is_rebuild = |job: &&JobReport| matches!(job.work.kind, WorkKind::Rebuild | WorkKind::RebuildPart);
+    world.jobs().iter().filter(is_rebuild).copied().collect()
+}
+
+/// The contents of a world's trees, in the order of their keys.
+pub fn tree_contents(world: &LightWorld) -> Vec<(Vec<u32>, Vec<girandole::tree::Node>)> {
+    let tree = |key| world.tree(key).expect("the tree exists");
     world.trees().map(|key| (tree(key).leaves().to_vec(), tree(key).nodes().to_vec())).collect()
 }
 
-/// Where nobody is.
-pub fn far() -> Placement {
+/// A placement that is far from all viewpoints and all other instances.
+pub fn far_placement() -> Placement {
     Placement::at(DVec3::new(1.0e5, 0.0, 0.0))
 }

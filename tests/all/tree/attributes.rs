@@ -1,4 +1,4 @@
-//! The four attributes: what they are, and what changes none of them.
+//! The values of the four attributes, and the changes that leave them as they are.
 
 use girandole::glam::Vec3;
 use girandole::{Attribute, Light, Shape};
@@ -23,16 +23,18 @@ fn attributes_do_not_change_when_everything_is_moved_scaled_or_dimmed() {
             (first.variance, other.variance),
             (first.splitting_cost, other.splitting_cost),
         ] {
-            // The moved tree rounds its positions to 3e-5 m and may bin one light differently.
+            // The moved tree rounds its positions to 3e-5 m, so one light may fall into another
+            // bin.
             assert!((a - b).abs() <= 0.01 * a.abs().max(0.01), "{first:?} {other:?}");
         }
     }
 }
 
-/// Moments are relative to a place; rounding of that place and of turned or scaled sums is far below this.
-const SAME: f32 = 1.0e-4;
+/// Relative tolerance. Moments are relative to a position; its rounding and that of rotated or
+/// scaled sums is far less.
+const TOLERANCE: f32 = 1.0e-4;
 
-/// Lights on a grid of 2^-6 m and of all kinds, so that moving them by whole metres rounds nothing.
+/// Lights of all kinds on a grid of 2^-6 m, so that a translation by whole metres rounds nothing.
 fn grid_lights(count: usize) -> Vec<Light> {
     let mut rng = Rng(60);
     let snap = |v: Vec3| (v * 64.0).round() / 64.0;
@@ -41,14 +43,15 @@ fn grid_lights(count: usize) -> Vec<Light> {
 }
 
 #[test]
-fn a_refit_measures_the_same_of_lights_that_are_moved_turned_scaled_or_dimmed_together() {
+fn a_refit_keeps_the_attributes_of_lights_that_are_all_moved_rotated_mirrored_scaled_or_dimmed() {
     let mut tree = checked(grid_lights(500));
     let lights = tree.lights().to_vec();
     let first = tree.attributes();
     let quarter = |v: Vec3| Vec3::new(v.x, -v.z, v.y);
     let shift = Vec3::new(300.0, -20.0, 7.0);
     let scaled = |light: &Light, factor: f32| {
-        // The flux of areas grows with them; that of points and spots has to be told.
+        // The flux of a surface grows with its area. Scale the emission of points and spots
+        // instead.
         let is_area = light.area().is_some();
         let emission = light.emission * if is_area { 1.0 } else { factor * factor };
         let grown = mapped(light, |p| p * factor, |v| v * factor);
@@ -58,26 +61,26 @@ fn a_refit_measures_the_same_of_lights_that_are_moved_turned_scaled_or_dimmed_to
     let all = |change: &dyn Fn(&Light) -> Light| -> Vec<_> { (0..).zip(lights.iter().map(change)).collect() };
     for (name, changes) in [
         ("moved", all(&|light| mapped(light, |p| p + shift, |v| v))),
-        ("turned", all(&|light| mapped(light, quarter, quarter))),
+        ("rotated", all(&|light| mapped(light, quarter, quarter))),
         ("mirrored", all(&mirrored)),
         ("scaled up", all(&|light| scaled(light, 64.0))),
         ("scaled down", all(&|light| scaled(light, 0.1))),
         ("dimmed", all(&dimmed)),
         ("as before", all(&|light| *light)),
     ] {
-        tree.set_lights(&changes).expect("valid");
+        tree.set_lights(&changes).expect("the lights are valid");
         tree.refit();
-        tree.check().expect("sound");
+        tree.check().expect("the tree is sound");
         let now = tree.attributes();
         for attribute in [Attribute::Distance, Attribute::Overlap, Attribute::Variance, Attribute::SplittingCost] {
             let (a, b) = (first.get(attribute), now.get(attribute));
-            assert!(a > 0.0 && (a - b).abs() <= SAME * a, "{name}: {first:?} {now:?}");
+            assert!(a > 0.0 && (a - b).abs() <= TOLERANCE * a, "{name}: {first:?} {now:?}");
         }
     }
     assert_eq!(tree.attributes(), first);
 }
 
-/// A light mirrored in x; flat ones emit to the mirrored side.
+/// A light mirrored in x. Flat lights emit to the mirrored side.
 fn mirrored(light: &Light) -> Light {
     let flip = |v: Vec3| Vec3::new(-v.x, v.y, v.z);
     let mut light = mapped(light, flip, flip);
@@ -90,46 +93,52 @@ fn mirrored(light: &Light) -> Light {
 }
 
 #[test]
-fn attributes_have_the_values_worked_out_by_hand() {
-    // Two equal points 2 m apart: means 1 m from the middle; the box's diagonal and half perimeter are 2 m.
+fn the_attributes_of_one_node_have_the_values_worked_out_by_hand() {
+    // Two equal points are 2 m apart: the means are 1 m from the centre, and the box's diagonal and
+    // half perimeter are 2 m.
     let pair = checked(vec![Light::point(Vec3::NEG_X, Vec3::ONE), Light::point(Vec3::X, Vec3::ONE)]).attributes();
     assert!((pair.distance - 0.5).abs() < 1e-6);
     assert!((pair.variance - 0.25).abs() < 1e-6);
     assert_eq!((pair.overlap, pair.splitting_cost), (0.0, 0.0));
-    // Two equal unit squares on one another, half shifted: boxes 1 x 1 at x 0..1 and 0.5..1.5 share 0.5 + 1 of the
-    // node's 1.5 + 1.
+    // Two equal unit squares overlap by half: boxes of 1 x 1 at x in 0..1 and in 0.5..1.5 share 0.5
+    // + 1 of the node's 1.5 + 1.
     let square = |x| Light::rectangle(Vec3::new(x, 0.0, 0.0), Vec3::X * 0.5, Vec3::Y * 0.5, Vec3::ONE);
     let squares = checked(vec![square(0.0), square(0.5)]).attributes();
     assert!((squares.overlap - 1.5 / 2.5).abs() < 1e-6);
-    // Means 0.25 m from the middle; each square's own variance is (0.25 + 0.25) / 3; the diagonal squared is 3.25.
+    // The means are 0.25 m from the centre. Each square's own variance is (0.25 + 0.25) / 3. The
+    // squared diagonal is 3.25.
     assert!((squares.distance - 0.25 / 3.25_f32.sqrt()).abs() < 1e-6);
     assert!((squares.variance - (0.0625 + 0.5 / 3.0) / 3.25).abs() < 1e-6);
-    // Cost: flux x (half area + 0.05 diagonal^2) x pi each; half areas 1 and 1.5, diagonals^2 2 and 3.25; both fluxes halved.
+    // The cost is flux · (half area + 0.05 diagonal²) · π. Half areas are 1 and 1.5, squared
+    // diagonals 2 and 3.25; each square has half of the flux.
     let expected = (1.0 + 0.05 * 2.0) / (1.5 + 0.05 * 3.25);
     assert!((squares.splitting_cost - expected).abs() < 1e-4, "{}", squares.splitting_cost);
 }
 
 #[test]
-fn attributes_of_two_nodes_have_the_values_worked_out_by_hand() {
-    // Four unit squares at x = 0, four at 0.5 and one at 100, all facing z and of the same flux. The far one is split off, the
-    // other eight fill a node.
+fn the_attributes_of_two_nodes_have_the_values_worked_out_by_hand() {
+    // Four unit squares at x = 0, four at 0.5 and one at 100 all face z and have the same flux. The
+    // far one is split off, and the other eight fill a node.
     let square = |x| Light::rectangle(Vec3::new(x, 0.0, 0.0), Vec3::X * 0.5, Vec3::Y * 0.5, Vec3::ONE);
     let tree = checked([[0.0; 4], [0.5; 4]].concat().into_iter().chain([100.0]).map(square).collect());
     assert_eq!(tree.nodes().iter().map(|node| node.count()).collect::<Vec<_>>(), [2, 8]);
     let all = tree.attributes();
     let close = |a: f32, b: f64| assert!((f64::from(a) / b - 1.0).abs() < 1e-5, "{a} {b}");
-    // Of nine fluxes the lower node has eight. The root's box is 101 x 1, the lower node's 1.5 x 1.
+    // The lower node has eight of nine fluxes. The root's box is 101 x 1, the lower node's 1.5 x 1.
     let diagonal_sq = 101.0 * 101.0 + 1.0;
-    // Means: 0.25 m from the lower node's; at the root the standard deviation of 8/9 at 0.25 and 1/9 at 100.
-    let apart = 99.75 * 99.75 * 8.0 / 81.0;
-    close(all.distance, (8.0 / 9.0 * 0.25 + f64::sqrt(apart)) / f64::sqrt(diagonal_sq));
+    // Means are 0.25 m from the lower node's mean. At the root it is the standard deviation of 8/9
+    // at 0.25 and 1/9 at 100.
+    let between = 99.75 * 99.75 * 8.0 / 81.0;
+    close(all.distance, (8.0 / 9.0 * 0.25 + f64::sqrt(between)) / f64::sqrt(diagonal_sq));
     // Each square's own variance is (0.25 + 0.25) / 3.
     let lower = 0.0625 + 0.5 / 3.0;
-    let upper = apart + 8.0 / 9.0 * lower + 1.0 / 9.0 * 0.5 / 3.0;
+    let upper = between + 8.0 / 9.0 * lower + 1.0 / 9.0 * 0.5 / 3.0;
     close(all.variance, (8.0 / 9.0 * lower + upper) / diagonal_sq);
-    // Twelve pairs coincide and share 1 + 1, sixteen are shifted and share 0.5 + 1, of the lower node's 1.5 + 1. None at the root.
+    // In the lower node, of 1.5 + 1, twelve pairs coincide and share 1 + 1; sixteen are shifted and
+    // share 0.5 + 1. At the root nothing overlaps.
     close(all.overlap, 8.0 / 9.0 * (12.0 * 2.0 + 16.0 * 1.5) / 2.5);
-    // Flux x (half area + 0.05 diagonal^2), all with the same orientation: eight squares, then the root's two children.
+    // Flux · (half area + 0.05 diagonal²), all of the same orientation: eight squares, then the two
+    // children of the root.
     let unit = 1.0 + 0.05 * 2.0;
     let children = 8.0 * unit + 8.0 * (1.5 + 0.05 * 3.25) + unit;
     close(all.splitting_cost, children / (9.0 * (101.0 + 0.05 * diagonal_sq)));

@@ -1,4 +1,4 @@
-//! Changed lights, and the refits and rebuilds that follow them.
+//! Changes of lights, and the refits and rebuilds after them.
 
 use girandole::cluster::Cluster;
 use girandole::glam::Vec3;
@@ -10,7 +10,7 @@ use super::{changed, checked, moved};
 use crate::support::Rng;
 
 #[test]
-fn a_lamp_that_is_switched_off_and_on_leaves_the_tree_as_it_was() {
+fn lamps_that_are_switched_off_and_on_again_leave_the_tree_as_it_was() {
     let lights = Rng(3).lights(300, 20.0);
     let mut tree = checked(lights.clone());
     let before = (tree.nodes().to_vec(), tree.attributes());
@@ -23,13 +23,13 @@ fn a_lamp_that_is_switched_off_and_on_leaves_the_tree_as_it_was() {
             .collect();
         tree.set_lights(&off).expect("dark lights are valid");
         tree.refit();
-        tree.check().expect("sound while some are dark");
+        tree.check().expect("the tree is sound while some lights are dark");
     }
     assert_eq!(tree.flux().area + tree.flux().punctual, 0.0);
     let on: Vec<_> = (0..).zip(lights).collect();
-    tree.set_lights(&on).expect("valid");
+    tree.set_lights(&on).expect("the lights are valid");
     tree.refit();
-    tree.check().expect("sound when all are back");
+    tree.check().expect("the tree is sound after all lights are on again");
     assert_eq!((tree.nodes().to_vec(), tree.attributes()), before);
 }
 
@@ -43,20 +43,20 @@ fn a_refused_change_changes_nothing() {
     assert_eq!(tree.lights(), before);
 }
 
-/// What refits change, to be compared to the last bit.
+/// Everything that a refit changes, for comparisons to the last bit.
 fn state(tree: &LightTree) -> (Vec<Node>, Attributes, Cluster) {
     (tree.nodes().to_vec(), tree.attributes(), tree.cluster())
 }
 
-/// The state of a tree all of whose lights are set again, so that its refit visits every node.
+/// The state of a tree after all of its lights are set again, so that its refit visits every node.
 fn all_set_again(tree: &LightTree) -> (Vec<Node>, Attributes, Cluster) {
     let mut tree = tree.clone();
-    tree.set_lights(&changed(&tree, |light| *light)).expect("valid");
+    tree.set_lights(&changed(&tree, |light| *light)).expect("the lights are valid");
     tree.refit();
     state(&tree)
 }
 
-/// Lights of a tree at new places, drawn with repetition.
+/// Changes that move random lights of a tree. A light may occur more than once.
 fn some_moved(rng: &mut Rng, tree: &LightTree, count: usize) -> Vec<(u32, Light)> {
     let mut change = |_| {
         let index = (rng.bits() % tree.lights().len() as u64) as usize;
@@ -66,19 +66,19 @@ fn some_moved(rng: &mut Rng, tree: &LightTree, count: usize) -> Vec<(u32, Light)
 }
 
 #[test]
-fn a_refit_of_some_nodes_leaves_what_a_refit_of_all_would() {
+fn a_refit_of_some_nodes_gives_the_same_bits_as_a_refit_of_all() {
     let mut rng = Rng(30);
-    // One node; one subtree; more than one subtree, so that threads share them.
+    // One node; one subtree; several subtrees, which threads share.
     for count in [1, 9, 300, 20_000] {
         let mut tree = checked(rng.lights(count, 50.0));
-        // A list of nodes, a sweep that skips most, and one that skips few.
+        // A list of nodes, a sweep that skips most nodes, and one that skips few.
         for share in [usize::MAX, 100, 4, 1] {
             let changes = some_moved(&mut rng, &tree, count / share + 1);
-            tree.set_lights(&changes).expect("valid");
+            tree.set_lights(&changes).expect("the lights are valid");
             tree.refit();
             assert_eq!(state(&tree), all_set_again(&tree), "{count} lights, one in {share} changed");
         }
-        tree.check().expect("sound");
+        tree.check().expect("the tree is sound");
         let before = state(&tree);
         tree.refit();
         assert_eq!(state(&tree), before);
@@ -86,7 +86,7 @@ fn a_refit_of_some_nodes_leaves_what_a_refit_of_all_would() {
 }
 
 #[test]
-fn a_refit_without_attributes_leaves_the_same_nodes_and_the_next_one_measures_all() {
+fn a_refit_without_attributes_gives_the_same_nodes_and_the_next_refit_computes_the_attributes() {
     let mut rng = Rng(31);
     for count in [1, 300, 20_000] {
         let mut measured = checked(rng.lights(count, 50.0));
@@ -95,11 +95,11 @@ fn a_refit_without_attributes_leaves_the_same_nodes_and_the_next_one_measures_al
             let built = unmeasured.attributes();
             for _ in 0..2 {
                 let changes = some_moved(&mut rng, &measured, count / share + 1);
-                measured.set_lights(&changes).expect("valid");
+                measured.set_lights(&changes).expect("the lights are valid");
                 measured.refit();
-                unmeasured.set_lights(&changes).expect("valid");
+                unmeasured.set_lights(&changes).expect("the lights are valid");
                 unmeasured.refit_without_attributes();
-                unmeasured.check().expect("sound");
+                unmeasured.check().expect("the tree is sound");
                 assert_eq!(unmeasured.nodes(), measured.nodes());
                 assert_eq!(unmeasured.attributes(), built);
             }
@@ -110,30 +110,30 @@ fn a_refit_without_attributes_leaves_the_same_nodes_and_the_next_one_measures_al
 }
 
 #[test]
-fn builds_refits_and_rebuilds_are_the_same_for_any_number_of_threads() {
+fn builds_refits_and_rebuilds_do_not_depend_on_the_number_of_threads() {
     let lights = Rng(2).lights(60_000, 100.0);
     let run = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("the pool starts");
         pool.install(|| {
             let mut rng = Rng(32);
             let mut tree = checked(lights.clone());
             let mut states = vec![state(&tree)];
             for share in [100, 5, 1] {
-                tree.set_lights(&some_moved(&mut rng, &tree, lights.len() / share)).expect("valid");
+                tree.set_lights(&some_moved(&mut rng, &tree, lights.len() / share)).expect("the lights are valid");
                 tree.refit();
                 states.push(state(&tree));
                 tree.rebuild_worst(10_000);
                 states.push(state(&tree));
             }
-            tree.check().expect("sound");
+            tree.check().expect("the tree is sound");
             states
         })
     };
-    // Not assert_eq, which would print megabytes.
+    // `assert_eq` would print megabytes.
     assert!(run(1) == run(4));
 }
 
-/// Any light, a dark one, or one of many at one point.
+/// A random light: of any kind, dark, or at a point that many lights share.
 fn any_light(rng: &mut Rng) -> Light {
     let light = rng.light(60.0);
     match rng.bits() % 4 {
@@ -166,8 +166,8 @@ proptest! {
                     let edits = (rng.bits() as usize % 400).min(count);
                     let mut change = || ((rng.bits() % count as u64) as u32, any_light(&mut rng));
                     let changes: Vec<_> = (0..edits).map(|_| change()).collect();
-                    tree.set_lights(&changes).expect("valid");
-                    // The nodes follow at one of the other steps.
+                    tree.set_lights(&changes).expect("the lights are valid");
+                    // One of the other steps brings the nodes up to date.
                     continue;
                 }
             }

@@ -1,14 +1,16 @@
-// Stores nodes of the top level as sampling reads them. In `nodes`, an array of words that the stage binds: several
-// invocations write the targets of one node, and one that writes a component of a vector may touch all of the vector.
+// Stores nodes of the top level as sampling reads them. Binds nothing; writes the variable `nodes`
+// of the stage. `nodes` is an array of words because several invocations write the targets of one
+// node, and a write to one component of a vector may touch the whole vector.
 
-// Where a node's pieces lie, in 16 bytes: from one node to the next, and its cones and ranges; 0 if they are not
-// stored.
+// The stride of nodes and the offsets of the cones and ranges, in units of 16 bytes; an offset is 0
+// if the part is not stored.
 struct NodeLayout {
     stride: u32,
     cones: u32,
     range: u32,
 }
 
+// Stores 16 bytes; `at` is in units of 16 bytes.
 fn node_store_words(at: u32, words: vec4<u32>) {
     nodes[4u * at] = words.x;
     nodes[4u * at + 1u] = words.y;
@@ -16,7 +18,7 @@ fn node_store_words(at: u32, words: vec4<u32>) {
     nodes[4u * at + 3u] = words.w;
 }
 
-// All but the targets.
+// Stores a node without its targets.
 fn node_store(stored: NodeLayout, index: u32, node: LightNode, parent: u32) {
     let at = index * stored.stride;
     node_store_words(at, node.head);
@@ -36,7 +38,7 @@ fn node_store(stored: NodeLayout, index: u32, node: LightNode, parent: u32) {
     }
 }
 
-// Where the child at `place`, which is `node * LIGHT_WIDTH + slot`, leads.
+// Stores the target of the child at a place, which is node * LIGHT_WIDTH + slot.
 fn node_store_target(stored: NodeLayout, place: u32, target_bits: u32) {
     nodes[4u * ((place / LIGHT_WIDTH) * stored.stride + LIGHT_NODE_TARGETS) + place % LIGHT_WIDTH] = target_bits;
 }

@@ -1,6 +1,7 @@
-// Packs a node from the clusters of the children that its targets name, and tells them where they hang. In what the
-// stage binds as `clusters`, `nodes` and `instances`.
+// Packs a node of the top level. Binds nothing; uses the variables `top_pass`, `clusters`, `nodes`
+// and `instances` of the stage.
 
+// The cluster of a child.
 fn node_child(target_bits: u32) -> LightCluster {
     if target_bits == LIGHT_EMPTY_SLOT {
         return CLUSTER_EMPTY;
@@ -11,7 +12,9 @@ fn node_child(target_bits: u32) -> LightCluster {
     return clusters[top_pass.capacity + target_bits];
 }
 
-fn node_make(node: u32) {
+// Packs a node from the clusters of the children that its targets name, and writes into each child
+// where its parent is.
+fn node_pack(node: u32) {
     let stored = node_layout();
     let at = 4u * (node * stored.stride + LIGHT_NODE_TARGETS);
     for (var slot = 0u; slot < LIGHT_WIDTH; slot++) {
@@ -28,8 +31,18 @@ fn node_make(node: u32) {
         }
     }
     let eight = ClusterEight(
-        cluster_four(node_child(nodes[at]), node_child(nodes[at + 1u]), node_child(nodes[at + 2u]), node_child(nodes[at + 3u])),
-        cluster_four(node_child(nodes[at + 4u]), node_child(nodes[at + 5u]), node_child(nodes[at + 6u]), node_child(nodes[at + 7u])),
+        cluster_four(
+            node_child(nodes[at]),
+            node_child(nodes[at + 1u]),
+            node_child(nodes[at + 2u]),
+            node_child(nodes[at + 3u]),
+        ),
+        cluster_four(
+            node_child(nodes[at + 4u]),
+            node_child(nodes[at + 5u]),
+            node_child(nodes[at + 6u]),
+            node_child(nodes[at + 7u]),
+        ),
     );
     let merged = cluster_merged(eight);
     node_store(stored, node, node_packed(eight, merged), LIGHT_NO_PARENT);

@@ -1,0 +1,62 @@
+#!/usr/bin/env bash
+# Checks that the library compiles where its tests do not run: other targets, the oldest supported
+# Rust, the oldest supported wgpu and glam, and without its default features (with tests).
+#
+# Needs rustup, and downloads toolchains and targets: CI runs it, and a user's test run does not.
+# `scripts/portability.sh --update-lock` writes scripts/oldest.lock anew.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+readonly MINIMUM_RUST=1.88.0 # as rust-version in Cargo.toml
+readonly OLDEST_WGPU=29.0.0
+readonly OLDEST_GLAM=0.30.0
+readonly LOCK=scripts/oldest.lock
+
+# Artifacts of their own: other flags and toolchains must not evict those of the tests.
+export CARGO_TARGET_DIR="$PWD/target/portability"
+export RUSTFLAGS='-D warnings'
+
+# Copies the library to a folder in which another lock file takes the place of Cargo.lock. Only what
+# users link: the dev-dependencies need newer crates.
+copy_library() {
+    rm -rf "$1"
+    mkdir -p "$1"
+    cp -R src shaders README.md docs Cargo.lock "$1"
+    awk '/^\[/ { keep = !/^\[(dev-dependencies|\[(example|bench|test)\])/ } keep' Cargo.toml >"$1/Cargo.toml"
+}
+
+readonly COPY="$CARGO_TARGET_DIR/oldest"
+
+if [ "${1:-}" = --update-lock ]; then
+    copy_library "$COPY"
+    (
+        cd "$COPY"
+        cargo update --quiet --package wgpu --precise "$OLDEST_WGPU"
+        cargo update --quiet --package glam --precise "$OLDEST_GLAM"
+    )
+    cp "$COPY/Cargo.lock" "$LOCK"
+    exit
+fi
+
+step() {
+    printf '\n== %s\n' "$*"
+    "$@"
+}
+
+check() {
+    step cargo check --locked --lib "$@"
+}
+
+rustup toolchain install --profile minimal --no-self-update "$MINIMUM_RUST"
+rustup target add wasm32-unknown-unknown i686-unknown-linux-gnu aarch64-unknown-linux-gnu
+
+check --target wasm32-unknown-unknown --no-default-features --features gpu,gltf
+check --target i686-unknown-linux-gnu --features gltf
+check --target aarch64-unknown-linux-gnu --features gltf
+step cargo "+$MINIMUM_RUST" check --locked --lib --features gltf
+
+copy_library "$COPY"
+cp "$LOCK" "$COPY/Cargo.lock"
+(cd "$COPY" && check --features gltf)
+
+step cargo test --locked --no-default-features

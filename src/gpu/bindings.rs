@@ -1,0 +1,87 @@
+//! Bind group layouts and bind groups of the lights, and the entries that they share with the
+//! layouts of our own kernels.
+
+use super::error::GpuError;
+use super::layout::ParamsRecord;
+use super::memory;
+
+/// The stages that may read the lights.
+const VISIBILITY: wgpu::ShaderStages = wgpu::ShaderStages::COMPUTE.union(wgpu::ShaderStages::FRAGMENT);
+
+/// The layout of the group that shaders bind: one uniform buffer and four read-only storage buffers.
+pub(super) fn light_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: Some("girandole lights"),
+        entries: &light_entries(),
+    })
+}
+
+/// The same layout with the usage counters, which both stages may write.
+pub(super) fn usage_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    let counts = wgpu::BindGroupLayoutEntry { visibility: VISIBILITY, ..storage_entry(5, false) };
+    let entries: Vec<_> = light_entries().into_iter().chain([counts]).collect();
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: Some("girandole lights and usage"),
+        entries: &entries,
+    })
+}
+
+fn light_entries() -> [wgpu::BindGroupLayoutEntry; 5] {
+    [uniform_entry(0), storage_entry(1, true), storage_entry(2, true), storage_entry(3, true), storage_entry(4, true)]
+}
+
+/// A uniform buffer for any stage.
+pub(super) fn uniform_entry(binding: u32) -> wgpu::BindGroupLayoutEntry {
+    entry(binding, VISIBILITY, wgpu::BufferBindingType::Uniform)
+}
+
+/// A storage buffer: for any stage if it is only read, else for compute shaders.
+pub(super) fn storage_entry(binding: u32, read_only: bool) -> wgpu::BindGroupLayoutEntry {
+    let visibility = if read_only { VISIBILITY } else { wgpu::ShaderStages::COMPUTE };
+    entry(binding, visibility, wgpu::BufferBindingType::Storage { read_only })
+}
+
+fn entry(binding: u32, visibility: wgpu::ShaderStages, ty: wgpu::BufferBindingType) -> wgpu::BindGroupLayoutEntry {
+    let ty = wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
+    wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None }
+}
+
+/// Binds whole buffers, in the order of the layout.
+pub(super) fn bind_lights(
+    device: &wgpu::Device,
+    layout: &wgpu::BindGroupLayout,
+    buffers: &[&wgpu::Buffer],
+) -> wgpu::BindGroup {
+    let resources: Vec<_> = buffers.iter().map(|buffer| buffer.as_entire_binding()).collect();
+    bind(device, "girandole lights", layout, &resources)
+}
+
+/// Binds resources, in the order of the layout.
+pub(super) fn bind(
+    device: &wgpu::Device,
+    label: &str,
+    layout: &wgpu::BindGroupLayout,
+    resources: &[wgpu::BindingResource],
+) -> wgpu::BindGroup {
+    let entries: Vec<_> = resources
+        .iter()
+        .zip(0..)
+        .map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource: resource.clone() })
+        .collect();
+    device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries })
+}
+
+/// The first `count` records, of `bytes` bytes each, of a buffer of the engine.
+pub(super) fn records(buffer: &wgpu::Buffer, count: u32, bytes: usize) -> wgpu::BindingResource<'_> {
+    wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+        buffer,
+        offset: 0,
+        size: wgpu::BufferSize::new(u64::from(count) * bytes as u64),
+    })
+}
+
+/// The uniform buffer of the layouts, without content.
+pub(super) fn params_buffer(device: &wgpu::Device) -> Result<wgpu::Buffer, GpuError> {
+    let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+    memory::create_buffer(device, "sampling parameters", size_of::<ParamsRecord>() as u64, usage)
+}

@@ -1,0 +1,52 @@
+//! The buffers of the top level whose sizes follow the number of instance slots.
+
+use super::super::error::{GpuError, largest_storage_buffer};
+use super::super::layout::{ClusterRecord, Strides};
+use super::super::memory;
+use super::super::sort::{RadixSort, SortBuffers};
+use super::plan::Plan;
+use crate::effects::Effects;
+use crate::tree::Node;
+
+/// The extremes of all means, the number of instances that shine, and one unused word.
+const BOUNDS_BYTES: u64 = 32;
+
+#[derive(Debug)]
+pub(super) struct TopBuffers {
+    /// The number of slots that there is room for.
+    pub capacity: u32,
+    pub bounds: wgpu::Buffer,
+    pub nodes: wgpu::Buffer,
+    /// The clusters of all slots, then of all nodes.
+    pub clusters: wgpu::Buffer,
+    /// The lists of units that the rounds leave.
+    pub units: wgpu::Buffer,
+    pub sort: SortBuffers,
+}
+
+impl TopBuffers {
+    /// Makes room for `capacity` slots. Fails with [`GpuError::Full`] if a buffer would be larger
+    /// than the device can bind, and with [`GpuError::OutOfMemory`].
+    pub(super) fn new(device: &wgpu::Device, sort: &RadixSort, capacity: u32) -> Result<Self, GpuError> {
+        let limit = largest_storage_buffer(device);
+        let plan = Plan::new(capacity, capacity, Strides::of(Effects::all()));
+        let nodes = u64::from(plan.nodes) * size_of::<Node>() as u64;
+        let clusters = (u64::from(capacity) + u64::from(plan.nodes)) * size_of::<ClusterRecord>() as u64;
+        let units = u64::from(plan.words) * 4;
+        for (what, needed) in [("top-level clusters", clusters), ("top-level nodes", nodes)] {
+            if needed > limit {
+                return Err(GpuError::Full { what, needed, limit });
+            }
+        }
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
+        let buffer = |what, bytes| memory::create_buffer(device, what, bytes, usage);
+        Ok(Self {
+            capacity,
+            sort: SortBuffers::new(device, sort, capacity)?,
+            bounds: buffer("top level bounds", BOUNDS_BYTES)?,
+            nodes: buffer("top level nodes", nodes)?,
+            clusters: buffer("top level clusters", clusters)?,
+            units: buffer("top level units", units)?,
+        })
+    }
+}

@@ -1,0 +1,65 @@
+//! The rounds of a top-level build: how many, and where each reads and writes.
+
+use super::super::layout::Strides;
+use crate::top;
+
+/// The largest number of units that a piece leaves.
+pub(super) const MAX_GROUPS: u32 = top::most_units(top::PIECE) as u32;
+
+/// The number of parts of the upper part of the tree: every split makes two parts of one.
+pub(super) const ROOT_PARTS: u32 = 2 * top::ROOT_UNITS as u32 - 1;
+
+/// The value of [`TopPass::units_before`] in the first round, whose units are the sorted slots.
+pub(super) const FIRST_ROUND: u32 = u32::MAX;
+
+/// The largest number of passes, the upper part included. Each round leaves hardly more than a
+/// quarter of its units, so 16 passes are enough for any number of slots.
+pub(super) const MAX_PASSES: u32 = 16;
+
+/// Twin of `TopPass` in `shaders/top_types.wgsl`, which explains the fields.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub(super) struct TopPass {
+    pub slots: u32,
+    pub capacity: u32,
+    pub units_before: u32,
+    pub pieces_before: u32,
+    pub units_after: u32,
+    pub pieces: u32,
+    pub first_node: u32,
+    pub strides: Strides,
+}
+
+/// The passes of a build.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Plan {
+    /// The rounds, and the upper part as the last.
+    pub passes: Vec<TopPass>,
+    /// The number of nodes that there is room for.
+    pub nodes: u32,
+    /// The number of words in the lists of units.
+    pub words: u32,
+}
+
+impl Plan {
+    /// The passes for the first `slots` slots in buffers for `capacity` slots.
+    pub(super) fn new(slots: u32, capacity: u32, strides: Strides) -> Self {
+        let mut pass = TopPass { slots, capacity, units_before: FIRST_ROUND, strides, ..TopPass::default() };
+        let mut plan = Self { passes: Vec::new(), nodes: ROOT_PARTS + 1, words: 0 };
+        let mut units = slots;
+        while units > top::ROOT_UNITS as u32 {
+            pass.pieces = units.div_ceil(top::SHARE as u32);
+            pass.units_after = plan.words;
+            pass.first_node = plan.nodes;
+            plan.words += pass.pieces + (pass.pieces * MAX_GROUPS).max(top::ROOT_UNITS as u32);
+            plan.nodes += pass.pieces * MAX_GROUPS;
+            plan.passes.push(pass);
+            // Each piece leaves a quarter of its units, rounded up.
+            units = (units / 4 + pass.pieces).min(pass.pieces * MAX_GROUPS);
+            (pass.units_before, pass.pieces_before) = (pass.units_after, pass.pieces);
+        }
+        plan.passes.push(TopPass { units_after: plan.words, pieces: 0, first_node: 0, ..pass });
+        plan.words += ROOT_PARTS;
+        plan
+    }
+}

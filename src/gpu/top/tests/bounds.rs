@@ -1,0 +1,118 @@
+//! The bounds of every node hold everything below it.
+
+use glam::{Affine3A, Quat, Vec3};
+
+use super::super::TopBuild;
+use super::twin::check;
+use super::{Built, build, placement, random_vec, world_of};
+use crate::cluster::Cluster;
+use crate::cone::angle;
+use crate::gpu::testing::gpu;
+use crate::keys::slot_of;
+use crate::placement::Placed;
+use crate::tree::{CAP_STEPS, LEAF, NO_PARENT, UNLIMITED_RANGE, WIDTH};
+use crate::{Light, LightWorld, Policy};
+
+/// The first property of `inner` that `outer` does not hold; `outer` is decoded as sampling decodes
+/// it.
+fn violated_bound(outer: &Cluster, inner: &Cluster) -> Option<&'static str> {
+    let between = f64::from(angle(outer.axis.normalize_or_zero(), inner.axis.normalize_or_zero()));
+    let half_angle = |c: &Cluster| f64::from(c.cos_half_angle).acos();
+    let is_all = outer.cos_half_angle <= -1.0;
+    [
+        (!outer.aabb.contains(&inner.aabb), "box"),
+        (outer.range < inner.range.min(UNLIMITED_RANGE), "range"),
+        (!is_all && (inner.cos_half_angle <= -1.0 || between + half_angle(inner) > half_angle(outer)), "cap"),
+    ]
+    .into_iter()
+    .find_map(|(is_broken, what)| is_broken.then_some(what))
+}
+
+/// Checks that parents and children refer to each other. Also checks that each packed child, and
+/// each packed child on the way up from it, holds the cluster that the child was packed from.
+pub(super) fn assert_bounds_hold(built: &Built) {
+    for node in built.reached() {
+        for place in (node * WIDTH..(node + 1) * WIDTH).filter(|place| built.child(*place).flux > 0.0) {
+            let inner = built.child(place);
+            let mut place = place;
+            loop {
+                let node = &built.nodes[place / WIDTH];
+                let outer = node.cluster(place % WIDTH);
+                assert_eq!(violated_bound(&outer, &inner), None, "place {place}: {outer:?} {inner:?}");
+                if node.parent == NO_PARENT {
+                    break;
+                }
+                let above = node.parent as usize;
+                assert_eq!(built.nodes[above / WIDTH].targets[above % WIDTH] as usize, place / WIDTH);
+                place = above;
+            }
+        }
+    }
+}
+
+#[test]
+fn every_packed_child_on_the_way_up_holds_every_light_of_an_instance() {
+    let (device, queue) = gpu();
+    let mut top = TopBuild::new(&device, &queue).unwrap();
+    let world = world_of(400, placement);
+    let built = build(&mut top, &world);
+    let mut caps = 0;
+    for key in world.instances() {
+        let slot = slot_of(key) as usize;
+        let instance = world.instance(key).unwrap();
+        let Placed { frame, linear } = instance.placed.expect("no test hides an instance");
+        for light in world.tree(instance.tree).unwrap().lights().iter().filter(|l| l.flux() > 0.0) {
+            let inner = light.cluster();
+            let mut place = built.instances[slot].top_place as usize;
+            assert_eq!(built.nodes[place / WIDTH].targets[place % WIDTH], LEAF | slot as u32);
+            while place != NO_PARENT as usize {
+                let node = &built.nodes[place / WIDTH];
+                let outer = node.cluster(place % WIDTH);
+                for corner in [inner.aabb.min, inner.aabb.max, inner.aabb.center()] {
+                    let exact = frame.to_world.as_dmat3() * corner.as_dvec3() + frame.translation.as_dvec3();
+                    assert!(
+                        exact.cmpge(outer.aabb.min.as_dvec3()).all() && exact.cmple(outer.aabb.max.as_dvec3()).all()
+                    );
+                }
+                assert!(outer.range >= inner.range.min(UNLIMITED_RANGE));
+                assert!(outer.cos_half_angle <= -1.0 || linear.is_similarity);
+                if outer.cos_half_angle > -1.0 {
+                    let axis = (frame.to_world * inner.axis).normalize();
+                    let reach = f64::from(angle(outer.axis.normalize(), axis)) + f64::from(inner.cos_half_angle).acos();
+                    assert!(reach <= f64::from(outer.cos_half_angle).acos(), "{outer:?} {inner:?}");
+                    caps += 1;
+                }
+                place = node.parent as usize;
+            }
+        }
+    }
+    assert!(caps > 100, "only {caps} caps were checked");
+}
+
+#[test]
+fn caps_of_beams_with_similar_directions_stay_narrow_up_to_the_root() {
+    let (device, queue) = gpu();
+    let mut top = TopBuild::new(&device, &queue).unwrap();
+    for widest in [0.0, 1.0e-4, 0.05, 0.9, 1.4] {
+        let mut world = LightWorld::new();
+        let beam = Light::spot(Vec3::ZERO, Vec3::NEG_Y, 0.0, 0.5 * widest + 1.0e-3, Vec3::ONE);
+        let tree = world.add_tree(vec![beam]).unwrap();
+        for i in 0..520 {
+            let rotation = Quat::from_scaled_axis(2.0 * widest * random_vec(i, 30));
+            let at = Affine3A::from_rotation_translation(rotation, 100.0 * random_vec(i, 33));
+            world.add_instance(tree, at, Policy::default()).unwrap();
+        }
+        let built = check(&mut top, &world);
+        for slot in (0..WIDTH).filter(|slot| built.nodes[0].flux[*slot] > 0) {
+            // The half angle is the sum of the rotations, at most sqrt(3) * 0.05 either way, of the
+            // beam's own half angle and of the padding of four levels.
+            let half_angle = built.child(slot).cos_half_angle.acos();
+            assert!(widest > 0.05 || half_angle < 0.2, "{widest}: {half_angle}");
+            // Packing moves the axis by half a step along each coordinate, and the cosine loses at
+            // most one step of 1/127.
+            let packed = built.nodes[0].cluster(slot).cos_half_angle.acos();
+            let cos = (half_angle + 7.0e-3).cos() - 1.0 / CAP_STEPS - 1.0e-3;
+            assert!(widest > 0.05 || packed <= cos.acos(), "{widest}: {packed} of {half_angle}");
+        }
+    }
+}

@@ -1,0 +1,171 @@
+//! The GPU builds the same tree as its twin on the CPU.
+
+use glam::{DVec3, Vec3};
+
+use super::super::TopBuild;
+use super::bounds::assert_bounds_hold;
+use super::{Built, build, placement, world_of};
+use crate::cluster::Cluster;
+use crate::gpu::testing::gpu;
+use crate::keys::slot_of;
+use crate::top::TopLevel;
+use crate::tree::{EMPTY_SLOT, NO_PARENT, Node, Target, UNLIMITED_RANGE, WIDTH};
+use crate::{Light, LightWorld, Placement, Policy};
+
+/// The relative difference of sums of up to eight products in `f32` that are added in different
+/// orders or with fused multiply-adds.
+const SUMS: f32 = 4.0e-6;
+
+/// The steps by which a packed mean, deviation, length or coordinate of a direction may differ,
+/// where the value is near the border between two steps. Caps may differ by twice as many, because
+/// they are relative to the packed direction.
+const STEP: u8 = 1;
+
+fn close(a: f32, b: f32, scale: f32) -> bool {
+    (a - b).abs() <= SUMS * scale
+}
+
+/// Compares two clusters to float rounding.
+fn assert_alike(ours: &Cluster, twin: &Cluster, what: &str) {
+    assert!((ours.flux - twin.flux).abs() <= SUMS * twin.flux, "{what}: flux {} {}", ours.flux, twin.flux);
+    if twin.flux <= 0.0 {
+        return;
+    }
+    let (a, b) = (ours, twin);
+    let size = b.aabb.min.abs().max(b.aabb.max.abs()).max_element();
+    assert!((a.aabb.min - b.aabb.min).abs().max_element() <= SUMS * size, "{what}: {a:?} {b:?}");
+    assert!((a.aabb.max - b.aabb.max).abs().max_element() <= SUMS * size, "{what}: {a:?} {b:?}");
+    assert!((a.mean - b.mean).abs().max_element() <= SUMS * size, "{what}: {a:?} {b:?}");
+    let spread = b.aabb.extent().length_squared();
+    assert!(close(a.variance, b.variance, b.variance + spread), "{what}: variance {} {}", a.variance, b.variance);
+    assert_eq!(a.range, b.range.min(UNLIMITED_RANGE), "{what}");
+    assert!((a.axis - b.axis).length() <= SUMS, "{what}: axis {} {}", a.axis, b.axis);
+    assert_eq!(a.cos_half_angle, b.cos_half_angle, "{what}");
+}
+
+/// Compares two nodes of the same leaves. Boxes, ranges and fluxes are minima, maxima and sums in
+/// the same order, so they are equal bit for bit.
+fn assert_same_node(ours: &Node, twin: &Node, index: usize) {
+    assert_eq!(ours.steps, twin.steps, "node {index}");
+    assert_eq!((ours.origin, ours.low, ours.high), (twin.origin, twin.low, twin.high), "node {index}");
+    assert_eq!((ours.flux, ours.range), (twin.flux, twin.range), "node {index}");
+    for slot in 0..WIDTH {
+        let near =
+            |a: u8, b: u8, steps: u8| assert!(a.abs_diff(b) <= steps, "node {index}, child {slot}: {ours:?} {twin:?}");
+        for k in 0..3 {
+            near(ours.mean[k][slot], twin.mean[k][slot], STEP);
+            assert!(ours.axis[k][slot].abs_diff(twin.axis[k][slot]) <= STEP, "node {index}, child {slot}");
+        }
+        near(ours.deviation[slot], twin.deviation[slot], STEP);
+        near(ours.shortness[slot], twin.shortness[slot], STEP);
+        near(ours.cap[slot], twin.cap[slot], 2 * STEP);
+    }
+}
+
+/// Compares two trees, whose nodes may be in different orders.
+fn assert_same_tree(built: &Built, twin: &TopLevel) {
+    let mut pairs = vec![(0, 0)];
+    let mut next = 0;
+    while let Some((ours, theirs)) = pairs.get(next).copied() {
+        let (node, other) = (&built.nodes[ours], &twin.nodes[theirs]);
+        assert_same_node(node, other, ours);
+        for slot in 0..WIDTH {
+            match (node.target(slot), other.target(slot)) {
+                (Some(Target::Node(a)), Some(Target::Node(b))) => pairs.push((a as usize, b as usize)),
+                (a, b) => assert_eq!(a, b, "node {ours} and {theirs}, child {slot}"),
+            }
+        }
+        next += 1;
+    }
+    assert_eq!(pairs.len(), twin.nodes.len());
+}
+
+/// Builds the top level of a world, compares it with the CPU's and checks its bounds.
+pub(super) fn check(top: &mut TopBuild, world: &LightWorld) -> Built {
+    let built = build(top, world);
+    // The clusters of the instances agree.
+    for key in world.instances() {
+        let slot = slot_of(key) as usize;
+        assert_alike(&built.leaves[slot], &world.cluster(key), &format!("instance in slot {slot}"));
+    }
+    // From the GPU's own leaves the CPU makes the same tree.
+    let twin = TopLevel::build(&built.leaves);
+    for (slot, leaf) in built.leaves.iter().enumerate().filter(|(_, leaf)| leaf.flux > 0.0) {
+        let place = built.instances[slot].top_place as usize;
+        assert_eq!(built.nodes[place / WIDTH].target(place % WIDTH), Some(Target::Leaf(slot as u32)));
+        assert_eq!(built.child(place), *leaf, "slot {slot}");
+    }
+    assert_same_tree(&built, &twin);
+    assert_bounds_hold(&built);
+    built
+}
+
+#[test]
+fn any_number_of_slots_makes_the_same_tree_as_on_the_cpu() {
+    let (device, queue) = gpu();
+    let mut top = TopBuild::new(&device, &queue).unwrap();
+    // The buffers grow, and later builds are not disturbed by what a larger world has left in them.
+    for slots in [0, 1, 2, 8, 9, 65, 256, 257, 300, 513, 600, 5000, 20_000, 1100, 7, 0] {
+        check(&mut top, &world_of(slots, placement));
+    }
+}
+
+#[test]
+fn instances_at_one_point_and_along_a_line_make_the_same_tree_as_on_the_cpu() {
+    let (device, queue) = gpu();
+    let mut top = TopBuild::new(&device, &queue).unwrap();
+    check(&mut top, &world_of(100, |_| Placement::IDENTITY));
+    check(&mut top, &world_of(300, |i| Placement::at(DVec3::new(-5.0e6 + f64::from(i) * 0.5, 0.0, 0.0))));
+}
+
+#[test]
+fn rows_and_grids_of_equal_lamps_make_the_same_tree_as_on_the_cpu() {
+    let (device, queue) = gpu();
+    let mut top = TopBuild::new(&device, &queue).unwrap();
+    // Many cuts have the same cost, and many sides of boxes are within rounding of a grid line.
+    for (side, step) in [(16, 10.0), (23, 10.0), (50, 10.0), (50, 0.1)] {
+        let mut world = LightWorld::new();
+        let lamp = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).unwrap();
+        for i in 0..side * side {
+            let at = DVec3::new(f64::from(i % side) * step, 5.0, f64::from(i / side) * step);
+            world.add_instance(lamp, Placement::at(at), Policy::default()).unwrap();
+        }
+        check(&mut top, &world);
+    }
+}
+
+#[test]
+fn pieces_with_too_many_single_units_are_cut_into_groups_of_eight() {
+    let (device, queue) = gpu();
+    let mut top = TopBuild::new(&device, &queue).unwrap();
+    // Each split of a site separates its farthest instance: four of sixteen remain single units.
+    let place = |i: u32| {
+        let (site, k) = (i / 16, i % 16);
+        Placement::at(
+            1000.0 * DVec3::new(f64::from(site % 8), 0.0, f64::from(site / 8)) + 100.0 * DVec3::X / f64::from(1 << k),
+        )
+    };
+    let mut world = LightWorld::new();
+    let lamp = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).unwrap();
+    for i in 0..1024 {
+        world.add_instance(lamp, place(i), Policy::default()).unwrap();
+    }
+    let built = check(&mut top, &world);
+    let of_eight =
+        |node: &usize| (0..WIDTH).all(|slot| matches!(built.nodes[*node].target(slot), Some(Target::Leaf(_))));
+    assert!(built.reached().iter().filter(|node| of_eight(node)).count() >= 512 / WIDTH, "at least one piece");
+}
+
+#[test]
+fn a_world_without_light_has_a_root_of_empty_slots() {
+    let (device, queue) = gpu();
+    let mut top = TopBuild::new(&device, &queue).unwrap();
+    let mut world = LightWorld::new();
+    let dark = world.add_tree(vec![Light::point(Vec3::ONE, Vec3::ZERO)]).unwrap();
+    for i in 0..20 {
+        world.add_instance(dark, placement(i), Policy::default()).unwrap();
+    }
+    let built = check(&mut top, &world);
+    let root = &built.nodes[0];
+    assert_eq!((root.flux, root.targets, root.parent), ([0; WIDTH], [EMPTY_SLOT; WIDTH], NO_PARENT));
+}

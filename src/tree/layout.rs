@@ -1,0 +1,122 @@
+//! Lays out the nodes of a shape in memory, with spare nodes between them.
+//!
+//! Later rebuilds of a subtree stay within the nodes that it already has. Their shapes may need a
+//! few more nodes or fewer, which is what the spare nodes are for.
+
+use super::LightTree;
+use super::node::{EMPTY_SLOT, LEAF, NO_PARENT, Node, WIDTH};
+use super::shape::{BuildItem, ShapeNode};
+use super::tasks::RefitTasks;
+use crate::cluster::Cluster;
+
+/// A build adds one spare node for this many nodes.
+const NODES_PER_SPARE: usize = 24;
+
+/// A light that gets a leaf.
+#[derive(Clone, Copy)]
+pub(super) struct PlacedLight {
+    /// Its index in the tree.
+    pub index: u32,
+    pub cluster: Cluster,
+}
+
+impl PlacedLight {
+    const NONE: Self = Self { index: u32::MAX, cluster: Cluster::EMPTY };
+}
+
+/// The items of a shape: the lights, named by their places in the list.
+pub(super) fn build_items(lights: &[PlacedLight]) -> Vec<BuildItem> {
+    (0..).zip(lights).map(|(place, light)| BuildItem::new(&light.cluster, place)).collect()
+}
+
+/// The number of nodes to allocate for a shape, spare ones included.
+pub(super) fn with_spare(nodes: usize) -> usize {
+    nodes + nodes / NODES_PER_SPARE
+}
+
+/// Where the node at `index` of a shape of `used` nodes lies among `span` nodes: the spare nodes
+/// are spread evenly. `index == used` gives the end of the last subtree, which is `span`.
+///
+/// Strictly increasing in `index`, so a subtree stays in one piece. Exact for spans below 2^32; the
+/// product needs `u64`, since it passes 2^32 from some 320,000 nodes on.
+fn spread_position(index: u64, used: u64, span: u64) -> u64 {
+    index + (span - used) * index / used
+}
+
+impl LightTree {
+    /// Lays out a shape over some lights in the `span` empty nodes from `root` on, and refits.
+    pub(super) fn lay_out(&mut self, shape: &[ShapeNode], lights: &[PlacedLight], root: usize, span: usize) {
+        let position = |index: usize| root + spread_position(index as u64, shape.len() as u64, span as u64) as usize;
+        let parent = self.nodes[root].parent;
+        for (i, shaped) in shape.iter().enumerate() {
+            let node = position(i);
+            let mut targets = shaped.targets;
+            // Load all at once: they are anywhere in memory, and waiting for one after the other
+            // takes longer than all the rest.
+            let is_light = |target: u32| target != EMPTY_SLOT && target & LEAF != 0;
+            let loaded: [PlacedLight; WIDTH] = targets
+                .map(|target| if is_light(target) { lights[(target & !LEAF) as usize] } else { PlacedLight::NONE });
+            for (slot, target) in targets[..shaped.count as usize].iter_mut().enumerate() {
+                if *target & LEAF != 0 {
+                    let PlacedLight { index, cluster } = &loaded[slot];
+                    self.leaves[*index as usize] = (node * WIDTH + slot) as u32;
+                    self.wide[node].set(slot, cluster);
+                    *target = index | LEAF;
+                } else {
+                    *target = position(*target as usize) as u32;
+                }
+            }
+            let parent = match shaped.parent {
+                NO_PARENT => parent,
+                place => (position(place as usize / WIDTH) * WIDTH) as u32 + place % WIDTH as u32,
+            };
+            self.nodes[node] = Node { targets, parent, steps: shaped.count << 24, ..Node::EMPTY };
+            self.spans[node] = (position(i + shaped.span as usize) - node) as u32;
+            self.dirty.flags_mut()[node] = true;
+        }
+        for node in (root..root + span).rev() {
+            self.light_counts[node] = self.nodes[node].targets[..self.nodes[node].count()]
+                .iter()
+                .map(|target| if target & LEAF != 0 { 1 } else { self.light_counts[*target as usize] })
+                .sum();
+        }
+        self.tasks = RefitTasks::new(&self.spans);
+        self.refit_subtree(root);
+        self.refit();
+        for node in root..root + span {
+            self.built_costs[node] = self.cost_per_spread(node);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The same in exact arithmetic.
+    fn exact(index: u64, used: u64, span: u64) -> u128 {
+        let [index, used, span] = [index, used, span].map(u128::from);
+        index + (span - used) * index / used
+    }
+
+    #[test]
+    fn positions_of_nodes_are_exact_and_increasing_at_sizes_around_and_beyond_32_bits() {
+        let sizes = [1, 2, 23, 24, 25, 1000, 320_000, 321_060, 1 << 20, (1 << 29) - 1, 1 << 29, 1 << 31, (1 << 32) - 1];
+        for used in sizes {
+            for span in [used, used + 1, used + used / 24, 2 * used - 1].into_iter().filter(|span| *span < 1 << 32) {
+                let near = |middle: u64| middle.saturating_sub(50)..=(middle + 50).min(used);
+                let all = [0, used / 3, used / 2, used].map(near).into_iter().flatten();
+                let mut last: Option<(u64, u64)> = None;
+                for index in all.chain((0..=used).step_by(1 + used as usize / 1000)) {
+                    let position = spread_position(index, used, span);
+                    assert_eq!(u128::from(position), exact(index, used, span), "{index} of {used} in {span}");
+                    if let Some((before, at)) = last.filter(|(before, _)| *before < index) {
+                        assert!(position - at >= index - before, "{index} of {used} in {span}");
+                    }
+                    last = Some((index, position));
+                }
+                assert_eq!([0, used].map(|index| spread_position(index, used, span)), [0, span]);
+            }
+        }
+    }
+}

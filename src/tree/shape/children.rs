@@ -1,0 +1,129 @@
+//! Chooses which groups of lights become the children of one node.
+//!
+//! Bottom-level and top-level builds choose alike: the costliest group that no node can hold is
+//! replaced by its two parts while the node has room, then the smallest groups are opened. Both
+//! keep nodes full, which decides the memory of a tree and the time of its refits.
+
+use crate::tree::WIDTH;
+
+/// Consecutive lights (in a top level, units) below a node.
+pub(crate) trait ChildGroup: Copy {
+    /// Orders groups by what it brings to split them.
+    type Cost: PartialOrd;
+
+    /// The number of lights.
+    fn count(&self) -> usize;
+    /// The cost of the group.
+    fn cost(&self) -> Self::Cost;
+}
+
+/// The children of a node, in the order of their lights.
+pub(crate) struct Children<G> {
+    groups: [G; WIDTH],
+    /// The lights of an open group are children of the node themselves.
+    is_open: [bool; WIDTH],
+    count: usize,
+}
+
+impl<G: ChildGroup> Children<G> {
+    /// Divides the group `whole`. `split` gets the place of a group's first light below the node
+    /// and a group of more than [`WIDTH`] lights, and returns its two parts; `None` keeps it whole
+    /// and ends the division.
+    #[inline(always)]
+    pub fn choose(whole: G, mut split: impl FnMut(usize, &G) -> Option<[G; 2]>) -> Self {
+        let mut groups = [whole; WIDTH];
+        let mut count = 1;
+        while count < WIDTH {
+            // The costliest group that no node can hold; of equals the largest, then the first.
+            let mut costliest: Option<usize> = None;
+            let rank = |i: usize| (groups[i].cost(), groups[i].count());
+            for i in 0..count {
+                if groups[i].count() > WIDTH && costliest.is_none_or(|best| rank(i) > rank(best)) {
+                    costliest = Some(i);
+                }
+            }
+            let Some(place) = costliest else { break };
+            let first: usize = groups[..place].iter().map(G::count).sum();
+            let Some(parts) = split(first, &groups[place]) else { break };
+            groups.copy_within(place + 1..count, place + 2);
+            groups[place..place + 2].copy_from_slice(&parts);
+            count += 1;
+        }
+        let mut is_open = [false; WIDTH];
+        let mut room = WIDTH - count;
+        // The smallest group first, since it takes the least room; of equals the first.
+        while let Some(place) =
+            (0..count).filter(|i| groups[*i].count() > 1 && !is_open[*i]).min_by_key(|i| groups[*i].count())
+            && groups[place].count() - 1 <= room
+        {
+            is_open[place] = true;
+            room -= groups[place].count() - 1;
+        }
+        Self { groups, is_open, count }
+    }
+
+    /// The groups and whether each is open.
+    pub fn iter(&self) -> impl Iterator<Item = (&G, bool)> {
+        self.groups[..self.count].iter().zip(self.is_open)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A group that costs its number of lights.
+    #[derive(Clone, Copy)]
+    struct Lights(usize);
+
+    impl ChildGroup for Lights {
+        type Cost = usize;
+
+        fn count(&self) -> usize {
+            self.0
+        }
+
+        fn cost(&self) -> usize {
+            self.0
+        }
+    }
+
+    /// The counts of the children of a node over `whole` lights, open ones in parentheses, and the
+    /// places of the splits.
+    fn children(whole: usize, left: impl Fn(usize) -> usize) -> (String, Vec<usize>) {
+        let mut places = Vec::new();
+        let children = Children::choose(Lights(whole), |first, group| {
+            places.push(first);
+            let left = left(group.0);
+            Some([Lights(left), Lights(group.0 - left)])
+        });
+        let name =
+            |(group, is_open): (&Lights, bool)| if is_open { format!("({})", group.0) } else { group.0.to_string() };
+        (children.iter().map(name).collect::<Vec<_>>().join(" "), places)
+    }
+
+    #[test]
+    fn the_costliest_group_is_split_until_the_node_is_full_and_the_first_of_equals_first() {
+        let half = |count| count / 2;
+        assert_eq!(children(160, half), ("20 20 20 20 20 20 20 20".into(), vec![0, 0, 80, 0, 40, 80, 120]));
+        assert_eq!(children(33, half), ("8 8 8 (4) 5".into(), vec![0, 16, 0, 24]));
+    }
+
+    #[test]
+    fn the_smallest_groups_that_fit_are_opened_and_single_lights_stay() {
+        assert_eq!(children(0, |_| 1).0, "0");
+        assert_eq!(children(1, |_| 1).0, "1");
+        assert_eq!(children(8, |_| 1).0, "(8)");
+        assert_eq!(children(9, |_| 1).0, "1 8");
+        assert_eq!(children(9, |_| 3).0, "(3) 6");
+        assert_eq!(children(10, |_| 4).0, "(4) 6");
+        assert_eq!(children(12, |_| 2).0, "(2) (2) 8");
+        assert_eq!(children(20, |count| if count == 20 { 4 } else { 8 }).0, "(4) 8 8");
+    }
+
+    #[test]
+    fn a_group_that_cannot_be_split_stays_whole() {
+        let children = Children::choose(Lights(100), |_, _| None);
+        assert_eq!(children.iter().map(|(group, is_open)| (group.0, is_open)).collect::<Vec<_>>(), [(100, false)]);
+    }
+}
