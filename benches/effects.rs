@@ -22,6 +22,7 @@ mod common;
 #[path = "../tests/all/support.rs"]
 #[allow(dead_code, reason = "tests use more of it")]
 mod support;
+use common::gpu;
 use support::Rng;
 
 /// Relative difference of products of some twenty terms that are taken in different orders.
@@ -304,19 +305,10 @@ struct Machine {
 
 impl Machine {
     fn open() -> Self {
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
-            backends: wgpu::Backends::PRIMARY,
-            ..wgpu::InstanceDescriptor::new_without_display_handle()
-        });
-        let options = wgpu::RequestAdapterOptions {
-            power_preference: wgpu::PowerPreference::HighPerformance,
-            ..Default::default()
-        };
-        let adapter = pollster::block_on(instance.request_adapter(&options))
-            .expect("an adapter; scripts/test.sh installs a software one");
+        let adapter = gpu::find_adapter(None).expect("an adapter; scripts/test.sh installs a software one");
         let required_features = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
-        let descriptor = wgpu::DeviceDescriptor { required_features, ..Default::default() };
-        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).expect("default limits");
+        let (device, queue) =
+            gpu::open_device(&adapter, required_features, wgpu::Limits::default()).expect("default limits");
         let queries = (!required_features.is_empty()).then(|| {
             device.create_query_set(&wgpu::QuerySetDescriptor { label: None, ty: wgpu::QueryType::Timestamp, count: 2 })
         });
@@ -392,19 +384,10 @@ impl Machine {
     }
 
     fn wait(&self) {
-        self.device.poll(wgpu::PollType::wait_indefinitely()).expect("the device finishes its work");
+        gpu::wait(&self.device).expect("the device finishes its work");
     }
 
     fn read<T: bytemuck::Pod>(&self, buffer: &wgpu::Buffer) -> Vec<T> {
-        let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
-        let size = buffer.size();
-        let descriptor = wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false };
-        let copy = self.device.create_buffer(&descriptor);
-        let mut encoder = self.device.create_command_encoder(&Default::default());
-        encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, size);
-        self.queue.submit([encoder.finish()]);
-        copy.map_async(wgpu::MapMode::Read, .., |done| done.expect("the buffer maps"));
-        self.wait();
-        bytemuck::pod_collect_to_vec(&copy.get_mapped_range(..).expect("it is mapped"))
+        gpu::read(&self.device, &self.queue, buffer).expect("the device finishes its work and the buffer maps")
     }
 }

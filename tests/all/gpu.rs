@@ -10,6 +10,7 @@ use girandole::{
     Effects, FrameBudget, FrameDelta, Light, LightId, LightWorld, Placement, Policy, ShadingPoint, SplitCount,
 };
 
+use crate::common::gpu as device;
 use crate::support::{Rng, SPLITS};
 
 /// The share of samples that may name another light. Where a random number falls within rounding of
@@ -38,15 +39,10 @@ pub fn gpu() -> (wgpu::Device, wgpu::Queue) {
 
 /// A new device that binds storage buffers of at most so many bytes.
 pub(crate) fn limited_gpu(bytes: u64) -> (wgpu::Device, wgpu::Queue) {
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
-        backends: wgpu::Backends::PRIMARY,
-        ..wgpu::InstanceDescriptor::new_without_display_handle()
-    });
-    let adapter = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default()))
-        .unwrap_or_else(|e| panic!("no GPU adapter ({e}); run scripts/test.sh, which installs a software one"));
-    let required_limits = wgpu::Limits { max_storage_buffer_binding_size: bytes, ..wgpu::Limits::default() };
-    let descriptor = wgpu::DeviceDescriptor { required_limits, ..wgpu::DeviceDescriptor::default() };
-    pollster::block_on(adapter.request_device(&descriptor)).expect("less than the default limits")
+    let limits = wgpu::Limits { max_storage_buffer_binding_size: bytes, ..wgpu::Limits::default() };
+    let opened =
+        device::find_adapter(None).and_then(|adapter| device::open_device(&adapter, wgpu::Features::empty(), limits));
+    opened.unwrap_or_else(|e| panic!("no GPU adapter ({e}); run scripts/test.sh, which installs a software one"))
 }
 
 pub(crate) fn buffer(device: &wgpu::Device, queue: &wgpu::Queue, content: &[u8]) -> wgpu::Buffer {
@@ -61,18 +57,7 @@ pub(crate) fn buffer(device: &wgpu::Device, queue: &wgpu::Queue, content: &[u8])
 }
 
 pub(crate) fn read<T: bytemuck::Pod>(device: &wgpu::Device, queue: &wgpu::Queue, buffer: &wgpu::Buffer) -> Vec<T> {
-    let copy = device.create_buffer(&wgpu::BufferDescriptor {
-        label: None,
-        size: buffer.size(),
-        usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-        mapped_at_creation: false,
-    });
-    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, buffer.size());
-    queue.submit([encoder.finish()]);
-    copy.map_async(wgpu::MapMode::Read, .., |done| done.expect("it maps"));
-    device.poll(wgpu::PollType::wait_indefinitely()).expect("the device works");
-    bytemuck::pod_collect_to_vec(&copy.get_mapped_range(..).expect("it is mapped"))
+    device::read(device, queue, buffer).expect("the device works and the buffer maps")
 }
 
 pub(crate) fn requests(rng: &mut Rng, count: usize, size: f32) -> Vec<SampleRequest> {
