@@ -13,7 +13,7 @@
 //! `modules.rs` lists the parts: `scene` (what is drawn), `render` (how) and `app` (the program).
 //! Each folder's `mod.rs` states the order in which to read its files; `app/session.rs` shows how
 //! the library is used.
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program prints for its user")]
+#![allow(clippy::print_stdout, reason = "a program prints for its user")]
 
 #[path = "modules.rs"]
 mod city;
@@ -31,13 +31,7 @@ fn main() -> ExitCode {
             print!("{text}");
             Ok(())
         }
-        Err(e) => Err(e),
+        Err(error) => Err(error),
     };
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(e) => {
-            eprintln!("error: {e}");
-            ExitCode::from(2)
-        }
-    }
+    common::exit::exit_code(result)
 }

@@ -2,6 +2,7 @@
 //! program.
 
 use super::scene::SceneError;
+use crate::common::gpu::{HOW_TO_GET_AN_ADAPTER, find_adapter, large_buffers, open_device};
 use clap::ValueEnum;
 use girandole::wgpu;
 use std::fmt;
@@ -17,10 +18,6 @@ pub enum BackendChoice {
     /// Threads of this program
     Cpu,
 }
-
-/// What a user can do about a missing adapter.
-const ADAPTER_HINT: &str =
-    "install a Vulkan driver for the GPU, or a software driver: apt-get install mesa-vulkan-drivers libvulkan1";
 
 /// Storage buffers of a shader that counts the lights that it samples: one more than WebGPU
 /// guarantees.
@@ -69,7 +66,7 @@ pub fn choose(choice: BackendChoice) -> Result<ChosenBackend, SceneError> {
     match choice {
         BackendChoice::Cpu => Ok(cpu("chosen by --backend".into())),
         BackendChoice::Gpu => {
-            let gpu = open_gpu().map_err(|e| SceneError(format!("{e}; {ADAPTER_HINT}")))?;
+            let gpu = open_gpu().map_err(|e| SceneError(format!("{e}; {HOW_TO_GET_AN_ADAPTER}")))?;
             Ok(ChosenBackend { backend: Backend::Gpu(Box::new(gpu)), reason: "chosen by --backend".into() })
         }
         BackendChoice::Auto => Ok(match open_gpu() {
@@ -79,46 +76,21 @@ pub fn choose(choice: BackendChoice) -> Result<ChosenBackend, SceneError> {
     }
 }
 
-/// Opens the best adapter of a native interface. OpenGL is left out, since it takes minutes to
-/// compile the shader.
+/// Opens the best adapter. The limits are WebGPU's defaults, except for larger buffers and, where
+/// the adapter has it, one storage buffer more.
 fn open_gpu() -> Result<Gpu, SceneError> {
-    let backends = wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12;
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
-        backends,
-        ..wgpu::InstanceDescriptor::new_without_display_handle()
-    });
-    let adapters = pollster::block_on(instance.enumerate_adapters(backends));
-    let rank = |adapter: &wgpu::Adapter| match adapter.get_info().device_type {
-        wgpu::DeviceType::DiscreteGpu => 0,
-        wgpu::DeviceType::IntegratedGpu => 1,
-        wgpu::DeviceType::VirtualGpu => 2,
-        wgpu::DeviceType::Other => 3,
-        wgpu::DeviceType::Cpu => 4,
-    };
-    let adapter =
-        adapters.into_iter().min_by_key(rank).ok_or_else(|| SceneError("no GPU or software adapter found".into()))?;
-    let info = adapter.get_info();
+    let adapter = find_adapter(None).map_err(SceneError)?;
     let timing = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_ENCODERS;
     let timestamps = adapter.features().contains(timing);
-    let offered = adapter.limits();
-    let own = wgpu::Limits::default();
-    // WebGPU's default limits, except for the size of buffers and, where the adapter has it, one
-    // storage buffer more.
-    let required_limits = wgpu::Limits {
-        max_storage_buffers_per_shader_stage: offered
-            .max_storage_buffers_per_shader_stage
-            .clamp(own.max_storage_buffers_per_shader_stage, USAGE_STORAGE_BUFFERS),
-        max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
-        max_buffer_size: offered.max_buffer_size,
-        ..own
+    let features = if timestamps { timing } else { wgpu::Features::empty() };
+    let default_buffers = wgpu::Limits::default().max_storage_buffers_per_shader_stage;
+    let offered_buffers = adapter.limits().max_storage_buffers_per_shader_stage;
+    let limits = wgpu::Limits {
+        max_storage_buffers_per_shader_stage: offered_buffers.clamp(default_buffers, USAGE_STORAGE_BUFFERS),
+        ..large_buffers(&adapter)
     };
-    let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
-        label: Some("city"),
-        required_features: if timestamps { timing } else { wgpu::Features::empty() },
-        required_limits,
-        ..Default::default()
-    }))
-    .map_err(|e| SceneError(format!("cannot use {}: {e}", info.name)))?;
+    let (device, queue) = open_device(&adapter, features, limits).map_err(SceneError)?;
+    let info = adapter.get_info();
     let kind = if info.device_type == wgpu::DeviceType::Cpu { "software, " } else { "" };
     Ok(Gpu { device, queue, timestamps, name: format!("{} ({kind}{:?})", info.name, info.backend) })
 }

@@ -16,6 +16,7 @@ use super::image::{Image, ShadowRays};
 use super::scene::{self, Scene, SceneError};
 use super::settings::Settings;
 use super::shading::View;
+use crate::common::gpu::{map, wait};
 use girandole::glam::Vec4;
 use girandole::gpu::{DEFAULT_USAGE_INTERVAL, GpuLights, LightShader, UsageCounts};
 use girandole::wgpu;
@@ -240,7 +241,7 @@ impl GpuRenderer {
         self.gpu.queue.submit([encoder.finish()]);
         // Waiting keeps the progress bar accurate and the queue short. It costs little beside a
         // dispatch.
-        self.wait()
+        wait(&self.gpu.device).map_err(SceneError)
     }
 
     /// Reads the first `size` bytes of a buffer, which are copied to `readback` first.
@@ -248,19 +249,6 @@ impl GpuRenderer {
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         encoder.copy_buffer_to_buffer(buffer, 0, readback, 0, size);
         self.gpu.queue.submit([encoder.finish()]);
-        readback.map_async(wgpu::MapMode::Read, 0..size, |_| {});
-        self.wait()?;
-        // Fails if the mapping has failed.
-        let view =
-            readback.get_mapped_range(0..size).map_err(|e| SceneError(format!("cannot read from the adapter: {e}")))?;
-        let bytes = view.to_vec();
-        drop(view);
-        readback.unmap();
-        Ok(bytes)
-    }
-
-    fn wait(&self) -> Result<(), SceneError> {
-        let result = self.gpu.device.poll(wgpu::PollType::wait_indefinitely());
-        result.map(drop).map_err(|e| SceneError(format!("the adapter does not respond: {e}")))
+        map(&self.gpu.device, readback, size).map_err(SceneError)
     }
 }
