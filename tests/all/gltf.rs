@@ -413,6 +413,28 @@ fn animations_move_objects_and_lights_and_loop() {
 }
 
 #[test]
+fn a_node_whose_animated_scale_is_zero_is_hidden() {
+    // The positions of the sign's animation become scales, of which the first is zero.
+    let folder = std::env::temp_dir().join(format!("girandole_scale_{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let path = folder.join("scale.gltf");
+    std::fs::write(&path, replaced("\"path\": \"translation\"", "\"path\": \"scale\"")).unwrap();
+    let mut bytes = binary();
+    bytes[252..264].fill(0);
+    std::fs::write(folder.join("small.bin"), bytes).unwrap();
+    let mut stage = gltf_scene::stage(&path, None).unwrap();
+    std::fs::remove_dir_all(&folder).unwrap();
+    let mut geometry = Geometry::new(&stage.scene).unwrap();
+    for (time, is_hidden) in [(0.0, true), (1.0, false), (4.0, true)] {
+        stage.animation.advance(time, &mut stage.scene, &mut stage.world).unwrap();
+        geometry.update(&stage.scene).unwrap();
+        let hidden = |instance| stage.world.placement(instance).unwrap().linear == Mat3::ZERO;
+        assert_eq!(stage.world.instances().filter(|&instance| hidden(instance)).count(), usize::from(is_hidden));
+        assert_eq!(geometry.objects[1].visible, !is_hidden);
+    }
+}
+
+#[test]
 fn a_camera_that_is_given_replaces_that_of_the_file() {
     let camera = Camera { eye: Vec3::ONE, target: Vec3::ZERO, vertical_fov: 1.0 };
     assert_eq!(gltf_scene::stage(&sample("small.gltf"), Some(camera)).unwrap().scene.camera, camera);
