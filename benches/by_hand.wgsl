@@ -1,8 +1,8 @@
-// Chooses one light for each shading point of a buffer, in a world of points in rotated and translated
-// instances. Does what shaders/batch.wgsl does in its variant without effects, but is written by hand for
-// just that: without directives, and with the records as structs. benches/effects.rs puts the constants
-// of that variant and shaders/request.wgsl before it, checks that both kernels give the same samples, and
-// times one against the other.
+// Chooses one light for each shading point of a buffer, in a world of points in rotated and
+// translated instances. Does what shaders/batch.wgsl does in its variant without effects, but is
+// written by hand for just that: without directives, and with the records as structs.
+// benches/effects.rs puts the constants of that variant and shaders/request.wgsl before it, checks
+// that both kernels give the same samples, and times one against the other.
 
 struct Params {
     slots: u32,
@@ -17,8 +17,8 @@ struct Node {
     steps: u32,
     targets: array<vec4<u32>, 2>,
     flux: vec4<u32>,
-    // Minimum corners, maximum corners and means, each along x, then y, then z, for children 0 to 3 and 4
-    // to 7; then the deviations.
+    // Minimum corners, maximum corners and means, each along x, then y, then z, for children 0 to 3
+    // and 4 to 7; then the deviations.
     boxes: array<vec4<u32>, 5>,
     parent: vec4<u32>,
 }

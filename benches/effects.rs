@@ -1,11 +1,11 @@
 //! What each effect costs a sample, and how much of that cost remains in a world without effects.
 //!
 //! The bench times the variants of our kernel and a kernel that was written by hand for points in
-//! rotated and translated instances (`by_hand.wgsl`). Before anything is timed, all kernels must give
-//! the samples of the kernel by hand.
+//! rotated and translated instances (`by_hand.wgsl`). Before anything is timed, all kernels must
+//! give the samples of the kernel by hand.
 //!
-//! `cargo bench --bench effects` prints a table. As a test (`cargo test --benches`), some of the kernels
-//! sample a small world once, and no times are printed.
+//! `cargo bench --bench effects` prints a table. As a test (`cargo test --benches`), some of the
+//! kernels sample a small world once, and no times are printed.
 
 #![allow(clippy::print_stdout, reason = "a table is what this program is for")]
 
@@ -16,15 +16,19 @@ use girandole::glam::{DVec3, Mat3, Quat, Vec3};
 use girandole::gpu::{GpuLights, SampleRecord, SampleRequest};
 use girandole::{DirectionalLight, Effects, FrameBudget, Light, LightWorld, Placement, Policy, WorldError, wgpu};
 
+#[path = "../examples/common/mod.rs"]
+#[allow(dead_code, reason = "examples use more of it")]
+mod common;
 #[path = "../tests/all/support.rs"]
 #[allow(dead_code, reason = "tests use more of it")]
 mod support;
+use common::gpu;
 use support::Rng;
 
 /// Relative difference of products of some twenty terms that are taken in different orders.
 const ROUNDING: f32 = 1.0e-5;
-/// One sample in so many may name another light: where a random number falls within rounding of the border
-/// between two lights, another text may choose the other one.
+/// One sample in so many may name another light: where a random number falls within rounding of the
+/// border between two lights, another text may choose the other one.
 const SAMPLES_PER_MISMATCH: usize = 1000;
 /// Invocations of a workgroup in both kernels.
 const LANES: u32 = 64;
@@ -91,8 +95,8 @@ fn main() {
         }
         for at in order.iter().copied() {
             let lights = if cases[at].is_stored_for_all { &all } else { &bare };
-            // A first run warms the caches: right after itself, a kernel is up to 5 % faster than after
-            // another one.
+            // A first run warms the caches: right after itself, a kernel is up to 5 % faster than
+            // after another one.
             machine.time(&cases[at], lights, &group, size.shading_points);
             let seconds = machine.time(&cases[at], lights, &group, size.shading_points);
             cases[at].seconds.push(seconds);
@@ -224,7 +228,8 @@ fn assert_alike(samples: &[SampleRecord], by_hand: &[SampleRecord], name: &str) 
             let ([a, b, c], [d, e, f]) = (s.direction, s.radiance);
             [a, b, c, s.dist, d, e, f, s.pdf, s.pmf]
         };
-        // The difference is relative to the length of the direction, and to the value itself otherwise.
+        // The difference is relative to the length of the direction, and to the value itself
+        // otherwise.
         let scales = [1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         for ((a, b), scale) in values(ours).into_iter().zip(values(theirs)).zip(scales) {
             assert!((a - b).abs() <= ROUNDING * f32::max(b.abs(), scale), "{name}, {i}: {ours:?} is not {theirs:?}");
@@ -300,19 +305,10 @@ struct Machine {
 
 impl Machine {
     fn open() -> Self {
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
-            backends: wgpu::Backends::PRIMARY,
-            ..wgpu::InstanceDescriptor::new_without_display_handle()
-        });
-        let options = wgpu::RequestAdapterOptions {
-            power_preference: wgpu::PowerPreference::HighPerformance,
-            ..Default::default()
-        };
-        let adapter = pollster::block_on(instance.request_adapter(&options))
-            .expect("an adapter; scripts/test.sh installs a software one");
+        let adapter = gpu::find_adapter(None).expect("an adapter; scripts/test.sh installs a software one");
         let required_features = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
-        let descriptor = wgpu::DeviceDescriptor { required_features, ..Default::default() };
-        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).expect("default limits");
+        let (device, queue) =
+            gpu::open_device(&adapter, required_features, wgpu::Limits::default()).expect("default limits");
         let queries = (!required_features.is_empty()).then(|| {
             device.create_query_set(&wgpu::QuerySetDescriptor { label: None, ty: wgpu::QueryType::Timestamp, count: 2 })
         });
@@ -388,19 +384,10 @@ impl Machine {
     }
 
     fn wait(&self) {
-        self.device.poll(wgpu::PollType::wait_indefinitely()).expect("the device finishes its work");
+        gpu::wait(&self.device).expect("the device finishes its work");
     }
 
     fn read<T: bytemuck::Pod>(&self, buffer: &wgpu::Buffer) -> Vec<T> {
-        let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
-        let size = buffer.size();
-        let descriptor = wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false };
-        let copy = self.device.create_buffer(&descriptor);
-        let mut encoder = self.device.create_command_encoder(&Default::default());
-        encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, size);
-        self.queue.submit([encoder.finish()]);
-        copy.map_async(wgpu::MapMode::Read, .., |done| done.expect("the buffer maps"));
-        self.wait();
-        bytemuck::pod_collect_to_vec(&copy.get_mapped_range(..).expect("it is mapped"))
+        gpu::read(&self.device, &self.queue, buffer).expect("the device finishes its work and the buffer maps")
     }
 }

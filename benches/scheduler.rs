@@ -12,6 +12,9 @@ use criterion::{BenchmarkGroup, BenchmarkId, Criterion, SamplingMode, criterion_
 use girandole::glam::{DVec3, Vec3};
 use girandole::{FrameBudget, FrameReport, Light, LightWorld, Placement, Policy, TreeKey};
 
+#[path = "../examples/common/mod.rs"]
+#[allow(dead_code, reason = "examples use more of it")]
+mod common;
 #[path = "../tests/all/support.rs"]
 #[allow(dead_code, reason = "tests use more of it")]
 mod support;

@@ -18,6 +18,9 @@ use girandole::{Light, LightTree, ShadingPoint, Shape, SplitCount};
 #[path = "../examples/tools/variance/baselines/mod.rs"]
 #[allow(dead_code, unused_imports, reason = "the example uses more of it")]
 mod baselines;
+#[path = "../examples/common/mod.rs"]
+#[allow(dead_code, reason = "examples use more of it")]
+mod common;
 #[path = "../tests/all/support.rs"]
 #[allow(dead_code, reason = "tests use more of it")]
 mod support;

@@ -16,7 +16,7 @@
 //! | 500 | [`CountError`] |
 //! | 600 to 699 | `gpu::GpuError` |
 //! | 700 to 799 | `gltf::GltfError` |
-//! | 800 | [`CheckError`](crate::tree::CheckError) |
+//! | 800 | `tree::CheckError` |
 
 use glam::DVec3;
 

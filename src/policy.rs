@@ -59,7 +59,8 @@ pub enum Policy {
         /// S of SS, at least 1; 1.1 is ten percent.
         factor: f32,
     },
-    /// The tree is rebuilt whenever its lights change, before trees of all other policies.
+    /// The tree is rebuilt whenever its lights change, before all trees but those above their
+    /// ceiling.
     AlwaysRebuild,
 }
 

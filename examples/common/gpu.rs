@@ -1,4 +1,5 @@
-//! Opens a GPU and reads buffers back. An engine has its own device; examples, tests and benches take one from here.
+//! Opens a GPU and reads buffers back. An engine has its own device; examples, tests and benches
+//! take one from here.
 //!
 //! Errors are one line for the user.
 
@@ -71,7 +72,8 @@ pub fn wait(device: &wgpu::Device) -> Result<(), String> {
     waited.map(|_| ()).map_err(|error| format!("the adapter does not answer: {error}"))
 }
 
-/// Maps the first `bytes` bytes of a buffer with `MAP_READ`, copies them and unmaps the buffer again.
+/// Maps the first `bytes` bytes of a buffer with `MAP_READ`, copies them and unmaps the buffer
+/// again.
 pub fn map<T: Pod>(device: &wgpu::Device, buffer: &wgpu::Buffer, bytes: u64) -> Result<Vec<T>, String> {
     buffer.map_async(wgpu::MapMode::Read, 0..bytes, |_| {});
     wait(device)?;

@@ -1,7 +1,7 @@
 //! Code that the examples, tests and benches share.
 //!
-//! The root of a program includes this folder with `#[path]` as `mod common`; all other files refer to it as
-//! `crate::common`.
+//! The root of a program includes this folder with `#[path]` as `mod common`; all other files refer
+//! to it as `crate::common`.
 
 pub mod exit;
 pub mod gpu;

@@ -1,9 +1,11 @@
-//! PCG-RXS-M-XS-32, the random numbers of scenes and measuring tools: a seed gives the same scene on every machine.
+//! PCG-RXS-M-XS-32, the random numbers of scenes and measuring tools: a seed gives the same scene
+//! on every machine.
 //!
-//! Source: O'Neill, PCG: A Family of Simple Fast Space-Efficient Statistically Good Algorithms for Random Number
-//! Generation (2014).
+//! Source: O'Neill, PCG: A Family of Simple Fast Space-Efficient Statistically Good Algorithms for
+//! Random Number Generation (2014).
 
-/// A small seeded generator. Streams with different `stream` numbers are independent enough for scenes.
+/// A seeded generator with 32 bits of state. Different `stream` numbers give sequences that are
+/// independent enough for scenes.
 #[derive(Clone, Copy, Debug)]
 pub struct Rng {
     state: u32,
@@ -15,7 +17,7 @@ fn mix(state: u32) -> u32 {
 }
 
 impl Rng {
-    /// Makes the generator of one stream of a seed; each use of random numbers has a stream of its own.
+    /// The generator of one stream of a seed. Each use of random numbers has a stream of its own.
     pub fn new(seed: u64, stream: u64) -> Self {
         let mut state = 0x9e37_79b9_u32;
         for word in [seed as u32, (seed >> 32) as u32, stream as u32, (stream >> 32) as u32] {

@@ -3,14 +3,16 @@
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-/// A CSV file. A program creates it before it measures, so that a path that cannot be written is reported early.
+/// A CSV file. A program creates it before it measures, so that a path that cannot be written is
+/// reported early.
 pub struct Table {
     path: PathBuf,
     writer: csv::Writer<File>,
 }
 
 impl Table {
-    /// Creates or empties the file and writes the names of its columns. An error is one line for the user.
+    /// Creates or empties the file and writes the names of its columns. An error is one line for
+    /// the user.
     pub fn create(path: &Path, columns: &[&str]) -> Result<Self, String> {
         let writer = csv::Writer::from_path(path).map_err(|error| refusal(path, &error))?;
         let mut table = Self { path: path.to_owned(), writer };

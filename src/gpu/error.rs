@@ -70,8 +70,8 @@ pub(crate) fn largest_storage_buffer(device: &wgpu::Device) -> u64 {
 
 /// Bind groups of our own kernels: the lights, and the buffers of the caller.
 const BIND_GROUPS: u32 = 2;
-/// Storage buffers in one of our stages, and in a stage of an engine that binds the lights: WebGPU's
-/// default.
+/// Storage buffers in one of our stages, and in a stage of an engine that binds the lights:
+/// WebGPU's default.
 const STORAGE_BUFFERS: u32 = 8;
 /// Bindings in the largest bind group: the storage buffers and one uniform.
 const BINDINGS: u32 = STORAGE_BUFFERS + 1;

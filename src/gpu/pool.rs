@@ -126,8 +126,8 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         }
     }
 
-    /// Overwrites the records from `first` on, ahead of the next submission to the queue. Sends only
-    /// the stored parts. Returns the bytes sent.
+    /// Overwrites the records from `first` on, ahead of the next submission to the queue. Sends
+    /// only the stored parts. Returns the bytes sent.
     pub(crate) fn write(&self, first: u32, records: &[T]) -> u64 {
         if records.is_empty() {
             return 0;

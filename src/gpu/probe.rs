@@ -1,9 +1,9 @@
 //! Finds out whether the device was lost.
 //!
 //! A device has a single callback for its loss, which belongs to the engine, and wgpu hides the
-//! errors of a lost device from error scopes. But the mapping of a buffer tells: on a lost device it
-//! fails before the call returns. On a working one its callback runs later, at the next poll or when
-//! the buffer is dropped.
+//! errors of a lost device from error scopes. But the mapping of a buffer tells: on a lost device
+//! it fails before the call returns. On a working one its callback runs later, at the next poll or
+//! when the buffer is dropped.
 //!
 //! In browsers the mapping fails later on a lost device too, so there is nothing to find out and
 //! nothing is made.
@@ -60,8 +60,8 @@ mod tests {
                     device.poll(wgpu::PollType::Poll).expect("the device works");
                 }
             });
-            // When `unmap` cancelled the mapping, some 100,000 checks were enough to meet the error,
-            // which panics.
+            // When `unmap` cancelled the mapping, some 100,000 checks were enough to meet the
+            // error, which panics.
             let ask = || (0..200_000).all(|_| check(&device).is_ok());
             let answers = std::panic::catch_unwind(std::panic::AssertUnwindSafe(ask));
             is_done.store(true, Ordering::Relaxed);

@@ -1,4 +1,5 @@
-//! What [`GpuLights::upload`](super::GpuLights::upload) remembers between calls, and what it reports.
+//! What [`GpuLights::upload`](super::GpuLights::upload) remembers between calls, and what it
+//! reports.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -33,8 +34,8 @@ impl TreeRanges {
     }
 }
 
-/// Slots to be written: those of a delta and of the deltas that failed before it, and the slots that
-/// change as a consequence.
+/// Slots to be written: those of a delta and of the deltas that failed before it, and the slots
+/// that change as a consequence.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PendingChanges {
     pub trees: BTreeSet<u32>,

@@ -2,16 +2,16 @@
 
 use glam::Vec3;
 
+/// The generator of the integration tests.
+#[path = "../../examples/common/split_mix.rs"]
+mod split_mix;
+
 /// SplitMix64: each test has its own fixed stream.
 pub(crate) struct Rng(pub u64);
 
 impl Rng {
     pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        split_mix::next(&mut self.0)
     }
 
     /// In [0, 1), with 24 bits.

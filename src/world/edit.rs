@@ -218,11 +218,13 @@ impl LightWorld {
         }
         let copy = entry.tree.clone();
         let (history, staged, rebuild_state) = (entry.history, entry.staged.clone(), entry.rebuild_state.for_copy());
+        let has_new_policy = entry.has_new_policy;
         let own = self.insert_tree(copy);
-        if !staged.is_empty() {
+        if !staged.is_empty() || has_new_policy {
             self.pending.insert(own);
         }
         let entry = &mut self.trees[own];
+        entry.has_new_policy = has_new_policy;
         entry.history = history;
         entry.rebuild_state = rebuild_state;
         entry.staged = staged;

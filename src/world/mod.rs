@@ -54,7 +54,7 @@ pub struct LightWorld {
     effects: HeldEffects,
     /// Trees that are not frozen.
     awake: KeySet<TreeKey>,
-    /// Trees that the next update refits or judges.
+    /// Trees that the next update refits, or whose rebuild request it updates.
     pending: KeySet<TreeKey>,
     changes: Changes,
     schedule: schedule::Schedule,

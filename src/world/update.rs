@@ -55,7 +55,7 @@ pub struct BackgroundReport {
     /// Builds that were dropped because their tree was removed, got other lights or changed its
     /// policy meanwhile.
     pub dropped: usize,
-    /// Builds in progress, 0 or 1.
+    /// Builds in progress, 0 or 1. A build whose lights are still being copied counts.
     pub running: usize,
     /// The time that the finished builds took, on their thread.
     pub spent: Duration,

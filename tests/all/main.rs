@@ -1,4 +1,4 @@
-//! All integration tests in one binary: linking wgpu once is enough.
+//! All integration tests in one binary, so that wgpu is linked only once.
 
 mod allocations;
 mod budget;
@@ -9,7 +9,7 @@ mod city;
 mod city_images;
 mod city_refusals;
 #[path = "../../examples/common/mod.rs"]
-#[allow(dead_code, missing_docs, reason = "programs use what the tests do not")]
+#[allow(dead_code, missing_docs, clippy::duplicate_mod, reason = "engine_shader.rs, a program, includes it too")]
 mod common;
 mod dependencies;
 mod distribution;

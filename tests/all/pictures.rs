@@ -20,7 +20,7 @@ use program::view::View;
 
 fn options(name: &str) -> Options {
     let out: PathBuf = std::env::temp_dir().join(format!("girandole_pictures_{name}_{}.png", std::process::id()));
-    Options { out, world: Size::S, us_per_pixel: 400.0, samples: None, glossy: false, quick: true }
+    Options { out, world: Size::S, us_per_pixel: 100.0, samples: None, glossy: false, quick: true }
 }
 
 #[test]
@@ -44,12 +44,15 @@ fn three_pictures_of_equal_time_lie_side_by_side_with_labels_that_the_font_can_w
 
 /// Pictures of each sampler and of the reference.
 const SEEDS: u32 = 24;
-/// Samples per pixel: of flux, of pbrt-v4's formula, of Girandole, and of the reference. They take about the same time.
+/// Samples per pixel: of flux, of pbrt-v4's formula, of Girandole, and of the reference. They take
+/// about the same time.
 const SAMPLES: [f64; 4] = [6.0, 2.4, 2.0, 4.0];
-/// Student's t for 23 degrees of freedom, which chance exceeds once in 10,000 tries, both sides together. With three
-/// comparisons that is one false alarm in 3,300 choices of seeds, and the seeds are fixed.
+/// Student's t for 23 degrees of freedom, which chance exceeds once in 10,000 tries, both sides
+/// together. With three comparisons that is one false alarm in 3,300 choices of seeds, and the
+/// seeds are fixed.
 const T_LIMIT: f64 = 4.69;
-/// The largest standard errors of the three differences, relative to the mean. Wider intervals would pass anything.
+/// The largest standard errors of the three differences, relative to the mean. Wider intervals
+/// would pass anything.
 const MAX_ERRORS: [f64; 3] = [0.2, 0.05, 0.02];
 
 #[test]

@@ -1,29 +1,29 @@
-//! Random lights and shading points that several tests use.
+//! Random lights, shading points and worlds for tests and benches.
 
+use crate::common::split_mix;
 use girandole::glam::{Affine3A, Mat3, Quat, Vec3};
 use girandole::{DirectionalLight, Light, LightId, LightSampler, LightWorld, Policy, ShadingPoint, SplitCount};
 
-/// A small random number generator (SplitMix64), so that every test has its own fixed stream.
+/// A random number generator, SplitMix64, made from a seed: every test has its own fixed stream.
 pub struct Rng(pub u64);
 
 impl Rng {
+    /// 64 random bits.
     pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        split_mix::next(&mut self.0)
     }
 
-    /// In [0, 1), with 24 bits.
+    /// Uniform in [0, 1), with 24 bits.
     pub fn unit(&mut self) -> f32 {
         (self.bits() >> 40) as f32 * (1.0 / 16_777_216.0)
     }
 
+    /// Uniform in [low, high).
     pub fn between(&mut self, low: f32, high: f32) -> f32 {
         low + (high - low) * self.unit()
     }
 
+    /// A random unit vector.
     pub fn direction(&mut self) -> Vec3 {
         loop {
             let v = Vec3::new(self.between(-1.0, 1.0), self.between(-1.0, 1.0), self.between(-1.0, 1.0));
@@ -33,11 +33,13 @@ impl Rng {
         }
     }
 
+    /// A point in the cube from `-size` to `size`.
     pub fn place(&mut self, size: f32) -> Vec3 {
         Vec3::new(self.between(-size, size), self.between(-size, size), self.between(-size, size))
     }
 
-    /// A light of any kind within `size` of the origin, its emission over six decades.
+    /// A light of any shape, in the cube from `-size` to `size`, with emission over six decades.
+    /// One in eight has a range.
     pub fn light(&mut self, size: f32) -> Light {
         let place = self.place(size);
         let emission = Vec3::new(self.unit(), self.unit(), self.unit()) * 10.0_f32.powf(self.between(-3.0, 3.0));
@@ -56,10 +58,13 @@ impl Rng {
         if self.bits().is_multiple_of(8) { light.with_range(self.between(1.0, 3.0 * size)) } else { light }
     }
 
+    /// Several such lights.
     pub fn lights(&mut self, count: usize, size: f32) -> Vec<Light> {
         (0..count).map(|_| self.light(size)).collect()
     }
 
+    /// A shading point in the cube from `-size` to `size`. One in five is in a volume, the others
+    /// are on surfaces.
     pub fn shading_point(&mut self, size: f32) -> ShadingPoint {
         let position = self.place(size);
         if self.bits().is_multiple_of(5) {
@@ -69,7 +74,8 @@ impl Rng {
         }
     }
 
-    /// A rotation with one of: nothing, uniform scale, mirror, non-uniform scale, shear.
+    /// A rotation and translation, with one of: no scale, uniform scale, mirroring, non-uniform
+    /// scale, shear.
     pub fn affine(&mut self, size: f32) -> Affine3A {
         let turn = Mat3::from_quat(Quat::from_axis_angle(self.direction(), self.between(0.0, 6.0)));
         let shape = match self.bits() % 5 {
@@ -82,7 +88,8 @@ impl Rng {
         Affine3A::from_mat3_translation(turn * shape, self.place(size))
     }
 
-    /// A world with instances of several trees, placed in every way, and two directional lights.
+    /// A world with several instances of several trees, under all kinds of transforms, and two
+    /// directional lights.
     pub fn world(&mut self, trees: usize, lights: usize, instances: usize, size: f32) -> LightWorld {
         let mut world = LightWorld::new();
         for _ in 0..trees {
@@ -99,10 +106,10 @@ impl Rng {
     }
 }
 
-/// Bounds on opened clusters that tests of chances run with: a plain walk, and what callers get.
+/// The numbers of splits that tests of probabilities run with: none, and the default.
 pub const SPLITS: [SplitCount; 2] = [SplitCount::NONE, SplitCount::DEFAULT];
 
-/// Every light of a world with its chance at a shading point.
+/// Every light of a world with its probability at a shading point.
 pub fn all_chances(sampler: &LightSampler, shading_point: &ShadingPoint) -> Vec<(LightId, f32)> {
     sampler.all_lights().map(|light| (light, sampler.pmf(shading_point, light))).collect()
 }

@@ -25,6 +25,7 @@ pub mod gltf_scene;
 pub mod procedural;
 pub mod real_city;
 
+/// Random numbers.
 pub use crate::common::pcg as rng;
 
 use girandole::LightWorld;

@@ -1,4 +1,5 @@
-//! What rebuilds can gain in a scene: noise after two seconds without a rebuild, and noise of the same lights in fresh trees.
+//! What rebuilds can gain in a scene: noise after two seconds without a rebuild, and noise of the
+//! same lights in fresh trees.
 
 use super::motion::Motion;
 use super::noise::sigmas;
@@ -12,8 +13,8 @@ use std::sync::Arc;
 /// The number of frames.
 const FRAMES: u32 = 120;
 
-/// Plays a scene in every motion and prints a row for each. "Near trees" and "in view" are the two halves of the shading
-/// points (`stage.rs`).
+/// Plays a scene in every motion and prints a row for each. "Near trees" and "in view" are the two
+/// halves of the shading points (`stage.rs`).
 pub fn run(kind: SceneKind, shading_points: usize) -> Result<(), SceneError> {
     let columns = [
         "scene",

@@ -1,5 +1,5 @@
-//! The time of work on trees: measured on this machine, then drawn at random from the measurements. A run on the same costs
-//! repeats bit for bit.
+//! The time of work on trees: measured on this machine, then drawn at random from the measurements.
+//! A run on the same costs repeats bit for bit.
 
 use super::scene::SceneError;
 use super::scene::rng::Rng;
@@ -45,8 +45,9 @@ const SEED: u64 = 0x9172_a0de;
 pub struct Costs(BTreeMap<(Kind, usize), Vec<u64>>);
 
 impl Costs {
-    /// Measures on this machine, with rayon's threads as they are. Of two builds the faster counts, so that other programs on
-    /// the machine have little influence. Takes about 10 seconds, or one if `is_quick`.
+    /// Measures on this machine, with rayon's threads as they are. Of two builds the faster counts,
+    /// so that other programs on the machine have little influence. Takes about 10 seconds, or one
+    /// if `is_quick`.
     pub fn measure(is_quick: bool) -> Result<Self, SceneError> {
         let effort = if is_quick { QUICK } else { FULL };
         let mut samples: BTreeMap<(Kind, usize), Vec<u64>> = BTreeMap::new();
@@ -147,8 +148,8 @@ impl Costs {
         self.0.iter().filter(move |((k, _), _)| *k == kind).map(|((_, size), nanos)| (*size, nanos.as_slice()))
     }
 
-    /// Interpolates between the measured sizes by a power law. A smaller size costs as much as the smallest; a larger one
-    /// costs as much as the largest per light and level.
+    /// Interpolates between the measured sizes by a power law. A smaller size costs as much as the
+    /// smallest; a larger one costs as much as the largest per light and level.
     fn between(&self, kind: Kind, lights: usize, value: impl Fn(&[u64]) -> f64) -> Duration {
         let (mut below, mut above) = (None, None);
         for (size, nanos) in self.sizes(kind) {
@@ -173,7 +174,8 @@ impl Costs {
     }
 }
 
-/// A clock on which time passes only by drawn costs and by [`PlayedClock::advance`], the same in every run.
+/// A clock on which time passes only by drawn costs and by [`PlayedClock::advance`], the same in
+/// every run.
 pub struct PlayedClock {
     costs: Arc<Costs>,
     state: Mutex<Played>,
@@ -258,7 +260,8 @@ fn cloud(count: usize, size: f32, rng: &mut Rng) -> Vec<Light> {
     (0..count).map(|_| Light::sphere(position(), 0.05, Vec3::splat(100.0))).collect()
 }
 
-/// Moves half of the lights by up to half a metre and the others by up to eight metres along each axis.
+/// Moves half of the lights by up to half a metre and the others by up to eight metres along each
+/// axis.
 fn fly(cloud: &[Light], rng: &mut Rng) -> Vec<Light> {
     let reach = [0.5, 8.0];
     let moved = |(index, light): (usize, &Light)| {

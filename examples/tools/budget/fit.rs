@@ -1,5 +1,5 @@
-//! How well a tree's attributes predict the gain of a rebuild: linear models of the rise of the tree's noise, each tested on
-//! kinds of trees that it was not fitted to.
+//! How well a tree's attributes predict the gain of a rebuild: linear models of the rise of the
+//! tree's noise, each tested on kinds of trees that it was not fitted to.
 
 use super::figures::Kind;
 use super::observations::{self, MIN_NOISE, Observation, SPLITS};
@@ -25,9 +25,11 @@ enum Features {
     Differences,
     /// The same differences, divided by the attributes after the last rebuild.
     RelativeRises,
-    /// Logarithms of ratios, of attributes relative to the spread of the lights instead of the box around them.
+    /// Logarithms of ratios, of attributes relative to the spread of the lights instead of the box
+    /// around them.
     SpreadLogRatios,
-    /// Logarithms of the ratios of the attributes now to those of the fresh tree, which are known only after a rebuild.
+    /// Logarithms of the ratios of the attributes now to those of the fresh tree, which are known
+    /// only after a rebuild.
     Drops,
 }
 
@@ -224,8 +226,8 @@ fn kinds_table(observations: &[Observation]) {
     }
 }
 
-/// Prints the table of models. The columns "Spearman of gain" and "best tenth of gain" compare the prediction with what the
-/// scheduler needs: the trees whose rebuild removes the most variance.
+/// Prints the table of models. The columns "Spearman of gain" and "best tenth of gain" compare the
+/// prediction with what the scheduler needs: the trees whose rebuild removes the most variance.
 fn models(observations: &[Observation], splits: usize) {
     let kinds: Vec<Kind> = observations.iter().map(|o| o.kind).collect();
     let gain: Vec<f64> = observations.iter().map(|o| Target::Difference.of(o, splits)).collect();
@@ -250,8 +252,9 @@ fn models(observations: &[Observation], splits: usize) {
     }
 }
 
-/// Prints how coefficients differ from tree to tree. They are fitted to the measured noise, and to what the scheduler can see
-/// of it: the model's prediction from the drop of the attributes to those of the fresh tree.
+/// Prints how coefficients differ from tree to tree. They are fitted to the measured noise, and to
+/// what the scheduler can see of it: the model's prediction from the drop of the attributes to
+/// those of the fresh tree.
 fn prior(observations: &[Observation], features: Features, name: &str, set: &[usize]) {
     let points = points(observations, features, Target::LogRatio, 1);
     let coefficients = fit(&points.iter().collect::<Vec<_>>(), set);

@@ -1,10 +1,12 @@
-//! The light that arrives at shading points in a frame. It is the same for all strategies, which differ only in probabilities.
+//! The light that arrives at shading points in a frame. It is the same for all strategies, which
+//! differ only in probabilities.
 
 use super::lights::contributions;
 use girandole::{LightId, LightWorld, ShadingPoint};
 use rayon::prelude::*;
 
-/// The dimmest lights of a shading point are left out as long as they bring less than this share of its light together.
+/// The dimmest lights of a shading point are left out as long as they bring less than this share of
+/// its light together.
 const DIM_SHARE: f64 = 1.0e-4;
 
 /// The light at each shading point in one frame.
@@ -14,7 +16,8 @@ pub struct Lit(Vec<Illumination>);
 struct Illumination {
     /// The illuminance by all lights, in lux.
     total: f64,
-    /// The index of each light in the order of [`girandole::LightSampler::all_lights`], and its lux; without the dimmest.
+    /// The index of each light in the order of [`girandole::LightSampler::all_lights`], and its
+    /// lux; without the dimmest.
     lights: Vec<(u32, f32)>,
 }
 
@@ -55,7 +58,8 @@ impl Lit {
         Self(shading_points.par_iter().map(at).collect())
     }
 
-    /// Calls `read` with the index of each shading point and its noise in a world in the same frame.
+    /// Calls `read` with the index of each shading point and its noise in a world in the same
+    /// frame.
     pub fn map<T: Send>(
         &self,
         world: &LightWorld,
@@ -75,7 +79,8 @@ impl Lit {
         shading_points.par_iter().zip(&self.0).enumerate().map_init(Vec::new, noise).collect()
     }
 
-    /// The mean over shading points of the relative standard deviation of one sample, in a world in the same frame.
+    /// The mean over shading points of the relative standard deviation of one sample, in a world in
+    /// the same frame.
     pub fn sigma(&self, world: &LightWorld, shading_points: &[ShadingPoint]) -> f64 {
         self.map(world, shading_points, |_, noise| noise.sigma).iter().sum::<f64>() / shading_points.len().max(1) as f64
     }

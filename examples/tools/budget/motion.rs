@@ -12,7 +12,8 @@ pub enum Motion {
     Smooth,
     /// Most trees rest; a few at a time move fast for a third of a second.
     Bursty,
-    /// The lights of a tree jump to each other's places in certain frames, and drift slowly in between.
+    /// The lights of a tree jump to each other's places in certain frames, and drift slowly in
+    /// between.
     Teleporting,
     /// The lights of a tree stand in order and disperse from a certain frame on.
     Scattering,
@@ -35,7 +36,8 @@ impl Motion {
         }
     }
 
-    /// The frame whose traffic the city shows in a frame. Traffic is not part of any deforming tree.
+    /// The frame whose traffic the city shows in a frame. Traffic is not part of any deforming
+    /// tree.
     pub fn frame_of_traffic(self, frame: u32) -> u32 {
         if self == Self::Rest { frame.min(FRAMES / 3) } else { frame }
     }

@@ -1,14 +1,17 @@
-//! The measure of this tool: the exact relative standard deviation of one light sample at each shading point.
+//! The measure of this tool: the exact relative standard deviation of one light sample at each
+//! shading point.
 
 use super::sigma::Noise;
 use girandole::light::luminance;
 use girandole::{LightId, LightSampler, LightWorld, ShadingPoint};
 use rayon::prelude::*;
 
-/// Sigma of one sample at each shading point, with the default number of splits; 0 where no light arrives.
+/// Sigma of one sample at each shading point, with the default number of splits; 0 where no light
+/// arrives.
 ///
-/// Only lights whose probability is above 0 are evaluated: the library's tests prove that all contributing lights have one.
-/// The cost is O(lights) per shading point, shading points in parallel.
+/// Only lights whose probability is above 0 are evaluated: the library's tests prove that all
+/// contributing lights have one. The cost is O(lights) per shading point, shading points in
+/// parallel.
 pub fn sigmas(world: &LightWorld, shading_points: &[ShadingPoint]) -> Vec<f64> {
     let sampler = world.sampler();
     let lights: Vec<LightId> = sampler.all_lights().collect();

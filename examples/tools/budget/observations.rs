@@ -1,5 +1,6 @@
-//! The observations for fits: trees of every kind and motion some frames after their last rebuild, with their attributes then
-//! and now, and the noise of a choice inside the refitted and inside a fresh tree.
+//! The observations for fits: trees of every kind and motion some frames after their last rebuild,
+//! with their attributes then and now, and the noise of a choice inside the refitted and inside a
+//! fresh tree.
 
 use super::figures::{Kind, Troupe};
 use super::motion::Motion;
@@ -21,10 +22,11 @@ const OLDEST: usize = 100;
 const FRAMES: usize = 140;
 /// Shading points around a tree.
 const SHADING_POINTS: usize = 32;
-/// The least and the greatest distance of shading points from the tree's middle, as a share of its box's diagonal.
+/// The least and the greatest distance of shading points from the tree's middle, as a share of its
+/// box's diagonal.
 const DISTANCES: [f32; 2] = [0.2, 2.0];
-/// The least distance of shading points from any light, in metres: a light that nearly touches a surface would outweigh all
-/// other shading points.
+/// The least distance of shading points from any light, in metres: a light that nearly touches a
+/// surface would outweigh all other shading points.
 const CLEARANCE: f32 = 1.0;
 /// Tries per shading point.
 const TRIES: usize = 50;
@@ -38,7 +40,8 @@ pub struct Shape {
     pub attributes: Attributes,
     /// The squared diagonal of the box around all lights, over the variance of their positions.
     pub box_per_spread: f64,
-    /// The length of the mean direction of emission: 0 for lights in all directions, 1 for one beam.
+    /// The length of the mean direction of emission: 0 for lights in all directions, 1 for one
+    /// beam.
     pub axis: f64,
 }
 
@@ -68,7 +71,8 @@ pub struct Observation {
     pub now: Shape,
     /// The value of [`LightTree::cost_rise`].
     pub cost_rise: f64,
-    /// The relative variance of a choice in the refitted tree for each number of splits, in the mean over shading points.
+    /// The relative variance of a choice in the refitted tree for each number of splits, in the
+    /// mean over shading points.
     pub refitted: [f64; SPLITS.len()],
     /// The same in a fresh tree of the same lights.
     pub fresh: [f64; SPLITS.len()],
@@ -125,7 +129,8 @@ fn observe(tree: usize, kind: Kind, motion: Motion, seed: u64) -> Result<Vec<Obs
     Ok(observations)
 }
 
-/// The weighted mean of the relative variance over shading points, of two trees over the same lights.
+/// The weighted mean of the relative variance over shading points, of two trees over the same
+/// lights.
 fn noise(trees: [&LightTree; 2], rng: &mut Rng) -> Result<[[f64; SPLITS.len()]; 2], WorldError> {
     let mut world = LightWorld::new();
     let key = world.add_tree(trees[1].lights().to_vec())?;
@@ -156,9 +161,9 @@ fn noise(trees: [&LightTree; 2], rng: &mut Rng) -> Result<[[f64; SPLITS.len()]; 
     Ok(sums.map(|sums| sums.map(|sum| if weights > 0.0 { sum / weights } else { 0.0 })))
 }
 
-/// The weight of a shading point: the square of its illuminance over the illuminance by the same flux from one point in the
-/// middle, at most 1. The noise of a tree counts in the same way among other lights: where its beams miss a shading point, it
-/// does not matter.
+/// The weight of a shading point: the square of its illuminance over the illuminance by the same
+/// flux from one point in the middle, at most 1. The noise of a tree counts in the same way among
+/// other lights: where its beams miss a shading point, it does not matter.
 fn weight(tree: &LightTree, at: &ShadingPoint, lux: f32) -> f64 {
     let cluster = tree.cluster();
     let dist_sq = at.position.distance_squared(cluster.mean);

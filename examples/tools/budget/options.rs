@@ -93,8 +93,8 @@ fn plan(kind: SceneKind, is_quick: bool) -> Plan {
     }
 }
 
-/// The items whose names begin with one of `prefixes`; all items if there are no prefixes. A prefix that fits no item is an
-/// error.
+/// The items whose names begin with one of `prefixes`; all items if there are no prefixes. A prefix
+/// that fits no item is an error.
 fn chosen<T: Copy>(
     what: &str,
     prefixes: &[String],

@@ -1,11 +1,13 @@
 //! The gain of rebuilds, exact to first order, for the oracle.
 //!
-//! Let F be the illuminance by all lights at a shading point. The part of a tree in the second moment of a sample is `S / P`.
-//! P is the probability of reaching the tree, which does not depend on the tree's shape. `S = sum f^2 / p` runs over the
-//! tree's lights, where f is the illuminance by a light and p the probability of the light inside the tree. From
-//! `sigma^2 = sum S / P / F^2 - 1` follows that a rebuild that lowers S by dS lowers sigma by `dS / (2 sigma P F^2)`.
+//! Let F be the illuminance by all lights at a shading point. The part of a tree in the second
+//! moment of a sample is `S / P`. P is the probability of reaching the tree, which does not depend
+//! on the tree's shape. `S = sum f^2 / p` runs over the tree's lights, where f is the illuminance
+//! by a light and p the probability of the light inside the tree. From `sigma^2 = sum S / P / F^2 -
+//! 1` follows that a rebuild that lowers S by dS lowers sigma by `dS / (2 sigma P F^2)`.
 //!
-//! The shape of a tree depends only on the frame in which it was built, so results found for one budget hold for all.
+//! The shape of a tree depends only on the frame in which it was built, so results found for one
+//! budget hold for all.
 
 use super::lights::contributions;
 use super::lit::Lit;
@@ -20,7 +22,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 /// A shading point counts for a tree only if the tree brings at least this share of its light.
 const MIN_SHARE: f64 = 1.0e-3;
 
-/// The number of splits inside a tree, of all splits of a choice. With 0 or 4 the oracle recovered less.
+/// The number of splits inside a tree, of all splits of a choice. With 0 or 4 the oracle recovered
+/// less.
 const SPLITS: SplitCount = SplitCount::of::<2>();
 
 /// A shading point that an instance of a tree lights.
@@ -42,9 +45,11 @@ struct Snapshot {
 /// One tree over time.
 struct History {
     placements: Vec<Placement>,
-    /// The first frame and the frames in which the tree changed; empty for trees that light no shading point.
+    /// The first frame and the frames in which the tree changed; empty for trees that light no
+    /// shading point.
     snapshots: Vec<(u32, Snapshot)>,
-    /// The tree's part of sigma, by the frame of the build and the frame of the lights, both as in `snapshots`.
+    /// The tree's part of sigma, by the frame of the build and the frame of the lights, both as in
+    /// `snapshots`.
     noises: Mutex<HashMap<(u32, u32), f64>>,
     /// The illuminance by each light at each lit point, by frame.
     lux: Mutex<HashMap<u32, Arc<Vec<Vec<f32>>>>>,
@@ -125,8 +130,8 @@ impl Gains {
         }
     }
 
-    /// The difference in the mean of sigma in a frame between the tree as it was built in frame `built` and a tree that is
-    /// built in this frame.
+    /// The difference in the mean of sigma in a frame between the tree as it was built in frame
+    /// `built` and a tree that is built in this frame.
     pub fn loss(&self, tree: usize, built: u32, frame: u32) -> Result<f64, SceneError> {
         let history = &self.trees[tree];
         let (Some(built), Some(now)) = (history.at(built), history.at(frame)) else { return Ok(0.0) };
@@ -194,7 +199,8 @@ impl History {
     }
 }
 
-/// A shading point in the space of a tree, for instances without shear. Probabilities do not depend on uniform scale.
+/// A shading point in the space of a tree, for instances without shear. Probabilities do not depend
+/// on uniform scale.
 fn in_tree_space(at: &ShadingPoint, placement: &Placement, origin: DVec3) -> ShadingPoint {
     let offset = origin + at.position.as_dvec3() - placement.translation;
     let position = placement.linear.inverse() * offset.as_vec3();

@@ -45,7 +45,8 @@ pub struct Player<'a> {
     /// What this player shares with the other players of its stage.
     pub reference: &'a Reference,
     external: External,
-    /// Counts on their way to the scheduler: the frame in which they arrive, and the usage of each instance.
+    /// Counts on their way to the scheduler: the frame in which they arrive, and the usage of each
+    /// instance.
     usage: VecDeque<(u32, HashMap<InstanceKey, u32>)>,
 }
 
@@ -59,8 +60,8 @@ struct External {
     gains: Vec<f64>,
     /// The tree whose turn it is.
     next: usize,
-    /// The time that may be spent, in nanoseconds; negative after a rebuild that is longer than a frame's budget, until later
-    /// budgets have paid for it.
+    /// The time that may be spent, in nanoseconds; negative after a rebuild that is longer than a
+    /// frame's budget, until later budgets have paid for it.
     credit: f64,
 }
 
@@ -122,7 +123,8 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// Chooses lights as a renderer does, for all shading points in turn, and counts them by instance.
+    /// Chooses lights as a renderer does, for all shading points in turn, and counts them by
+    /// instance.
     fn count_usage(&mut self, frame: u32) {
         let sampler = self.stage.world.sampler();
         let mut rng = Rng::new(SEED, u64::from(frame));
@@ -137,8 +139,9 @@ impl<'a> Player<'a> {
         self.usage.push_back((frame + USAGE_DELAY, counts));
     }
 
-    /// Rebuilds trees in the order of the strategy, as far as the time goes. A tree that takes longer than a whole frame's
-    /// budget is built in the background, and the budgets of the following frames pay for it.
+    /// Rebuilds trees in the order of the strategy, as far as the time goes. A tree that takes
+    /// longer than a whole frame's budget is built in the background, and the budgets of the
+    /// following frames pay for it.
     fn rebuild(&mut self, frame: u32) -> Result<Spent, SceneError> {
         let count = self.stage.trees.len();
         for tree in (0..count).filter(|tree| self.reference.changed[frame as usize - 1][*tree]) {
@@ -161,7 +164,8 @@ impl<'a> Player<'a> {
                 break;
             }
             if is_small && cost > left {
-                // A tree that does not fit holds up all later ones; only the oracle skips it and fills the frame.
+                // A tree that does not fit holds up all later ones; only the oracle skips it and
+                // fills the frame.
                 if self.strategy == Strategy::Oracle {
                     continue;
                 }

@@ -1,4 +1,5 @@
-//! Plots of one scene as SVG, with a panel for each motion: the recovered gap over the time spent, and noise over time.
+//! Plots of one scene as SVG, with a panel for each motion: the recovered gap over the time spent,
+//! and noise over time.
 
 use super::report::Row;
 use super::scene::SceneError;

@@ -8,7 +8,8 @@ use girandole::glam::{Affine3A, Mat3, Vec3};
 /// The distance of shading points from their surface, in metres.
 const OFFSET: f32 = 1.0e-3;
 
-/// The visible objects of a scene, each in its box. A few dozen rays do not need a better structure.
+/// The visible objects of a scene, each in its box. A few dozen rays do not need a better
+/// structure.
 pub struct Rays<'a> {
     scene: &'a Scene,
     /// The box in world space, the mesh, and the transform from the world to the mesh.

@@ -1,4 +1,5 @@
-//! What is the same for all strategies: the trees that change in each frame, the light, and fresh builds of the trees.
+//! What is the same for all strategies: the trees that change in each frame, the light, and fresh
+//! builds of the trees.
 
 use super::lit::Lit;
 use super::motion::Motion;
@@ -30,7 +31,8 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// Plays `frames` frames. The gains of rebuilds, which take long, are computed only if `has_oracle`.
+    /// Plays `frames` frames. The gains of rebuilds, which take long, are computed only if
+    /// `has_oracle`.
     pub fn new(
         kind: SceneKind,
         motion: Motion,

@@ -1,4 +1,5 @@
-//! Least squares in a few dimensions, rank correlation, and the spread of coefficients from tree to tree.
+//! Least squares in a few dimensions, rank correlation, and the spread of coefficients from tree to
+//! tree.
 
 /// The most features that a model can have.
 pub const MAX_FEATURES: usize = 6;
@@ -18,8 +19,8 @@ pub fn predict(coefficients: &[f64; MAX_FEATURES], x: &[f64; MAX_FEATURES]) -> f
     coefficients.iter().zip(x).map(|(c, x)| c * x).sum()
 }
 
-/// Solves `a x = b` for the features in `active` by Gaussian elimination with pivots; the others stay 0. `None` if the matrix is
-/// singular.
+/// Solves `a x = b` for the features in `active` by Gaussian elimination with pivots; the others
+/// stay 0. `None` if the matrix is singular.
 fn solve(a: &Matrix, b: &[f64; MAX_FEATURES], active: &[usize]) -> Option<[f64; MAX_FEATURES]> {
     let n = active.len();
     let mut rows: Vec<Vec<f64>> =
@@ -57,8 +58,9 @@ fn normal_equations<'a>(points: impl Iterator<Item = &'a Point>) -> (Matrix, [f6
     (a, b)
 }
 
-/// Least squares without a constant and without negative coefficients, over the features in use. Of all subsets of features
-/// whose plain solution has no negative coefficient, the one with the least residual wins.
+/// Least squares without a constant and without negative coefficients, over the features in use. Of
+/// all subsets of features whose plain solution has no negative coefficient, the one with the least
+/// residual wins.
 pub fn fit(points: &[&Point], features: &[usize]) -> [f64; MAX_FEATURES] {
     let (a, b) = normal_equations(points.iter().copied());
     let mut best = (0.0, [0.0; MAX_FEATURES]);
@@ -74,7 +76,8 @@ pub fn fit(points: &[&Point], features: &[usize]) -> [f64; MAX_FEATURES] {
     best.1
 }
 
-/// The share of the variance of `y` that predictions explain; negative if the mean of `y` predicts better.
+/// The share of the variance of `y` that predictions explain; negative if the mean of `y` predicts
+/// better.
 pub fn r_squared(predicted: &[f64], y: &[f64]) -> f64 {
     let mean = y.iter().sum::<f64>() / y.len() as f64;
     let left: f64 = predicted.iter().zip(y).map(|(p, y)| (y - p).powi(2)).sum();
@@ -102,7 +105,8 @@ fn ranks(values: &[f64]) -> Vec<f64> {
     ranks
 }
 
-/// The gain of the tenth of the trees with the largest predictions, as a share of the gain of the best tenth.
+/// The gain of the tenth of the trees with the largest predictions, as a share of the gain of the
+/// best tenth.
 pub fn best_tenth(predicted: &[f64], gain: &[f64]) -> f64 {
     let taken = |by: &[f64]| {
         let mut order: Vec<usize> = (0..gain.len()).collect();
@@ -153,11 +157,13 @@ pub struct Spread {
     pub noise: f64,
 }
 
-/// Rounds of expectation and maximization. After the last the covariance changes by less than a percent.
+/// Rounds of expectation and maximization. After the last the covariance changes by less than a
+/// percent.
 const ROUNDS: usize = 60;
 
-/// Fits `y = (coefficients + own) x + noise`, where `own` is normally distributed over groups of points, by expectation and
-/// maximization (Laird and Ware 1982). The result is the prior of a regression that each tree then updates by itself.
+/// Fits `y = (coefficients + own) x + noise`, where `own` is normally distributed over groups of
+/// points, by expectation and maximization (Laird and Ware 1982). The result is the prior of a
+/// regression that each tree then updates by itself.
 pub fn spread(groups: &[Vec<&Point>], coefficients: &[f64; MAX_FEATURES], features: &[usize]) -> Spread {
     let sums: Vec<(Matrix, [f64; MAX_FEATURES], f64, f64)> = groups
         .iter()
@@ -202,7 +208,8 @@ pub fn spread(groups: &[Vec<&Point>], coefficients: &[f64; MAX_FEATURES], featur
     Spread { covariance, noise: noise_sq.sqrt() }
 }
 
-/// The inverse of the rows and columns in use. A little is added to the diagonal, so that it exists.
+/// The inverse of the rows and columns in use. A little is added to the diagonal, so that it
+/// exists.
 fn inverse(matrix: &Matrix, features: &[usize]) -> Matrix {
     let mut regular = *matrix;
     features.iter().for_each(|i| regular[*i][*i] += 1.0e-9);

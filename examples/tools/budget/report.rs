@@ -104,8 +104,8 @@ impl SceneRow {
     }
 }
 
-/// The three tables of a folder. They are created before anything is measured, so that a folder that cannot be written is
-/// reported early.
+/// The three tables of a folder. They are created before anything is measured, so that a folder
+/// that cannot be written is reported early.
 pub struct Tables {
     budget: Table,
     over_time: Table,

@@ -130,7 +130,8 @@ fn play(mut player: Player<'_>, plan: &Plan, budget: Duration) -> Result<Played,
     Ok(played)
 }
 
-/// Works on all jobs with one thread per core. These are not rayon's threads, because jobs wait for rayon's tasks.
+/// Works on all jobs with one thread per core. These are not rayon's threads, because jobs wait for
+/// rayon's tasks.
 fn in_parallel<J: Sync, T: Send>(
     jobs: &[J],
     work: impl Fn(&J) -> Result<T, SceneError> + Sync,

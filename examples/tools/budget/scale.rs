@@ -1,5 +1,6 @@
-//! How well a tree as it is, refitted or fresh, predicts the noise of a choice inside it. That noise is the scale of the
-//! ratios in `fit.rs`, and its difference between two states predicts the gain of a rebuild.
+//! How well a tree as it is, refitted or fresh, predicts the noise of a choice inside it. That
+//! noise is the scale of the ratios in `fit.rs`, and its difference between two states predicts the
+//! gain of a rebuild.
 
 use super::figures::Kind;
 use super::observations::{MIN_NOISE, Observation, SPLITS, Shape};
@@ -42,8 +43,9 @@ const COLUMNS: [&str; 16] = [
     "axis",
 ];
 
-/// The features are the logarithm of the number of lights, the logarithms of the attributes relative to the spread of the
-/// lights, and the length of the mean direction. The value is the logarithm of the variance.
+/// The features are the logarithm of the number of lights, the logarithms of the attributes
+/// relative to the spread of the lights, and the length of the mean direction. The value is the
+/// logarithm of the variance.
 fn point(lights: usize, shape: &Shape, variance: f64) -> Point {
     let values = shape.values();
     let units = [shape.box_per_spread.sqrt(), 1.0, shape.box_per_spread, shape.box_per_spread];
@@ -66,7 +68,8 @@ fn by_tree(observation: &Observation) -> usize {
 /// The number of parts of either way to hold out.
 const PARTS: usize = Kind::ALL.len();
 
-/// The trees before a rebuild, after it, and after the last rebuild; the variance of the latter is taken from the fresh tree.
+/// The trees before a rebuild, after it, and after the last rebuild; the variance of the latter is
+/// taken from the fresh tree.
 struct Trees<'a> {
     observations: &'a [Observation],
     now: Vec<Point>,
@@ -75,7 +78,8 @@ struct Trees<'a> {
 }
 
 impl Trees<'_> {
-    /// Predictions for each of the three states, from a line through the other parts' points before and after the rebuild.
+    /// Predictions for each of the three states, from a line through the other parts' points before
+    /// and after the rebuild.
     fn held_out(&self, set: &[usize], fold: Fold) -> [Vec<f64>; 3] {
         let count = self.observations.len();
         let mut predicted: [Vec<f64>; 3] = std::array::from_fn(|_| vec![0.0; count]);
@@ -92,8 +96,8 @@ impl Trees<'_> {
     }
 }
 
-/// Prints how well the variance of a tree is predicted, and the gain of a rebuild as the predicted difference between now and
-/// the last rebuild.
+/// Prints how well the variance of a tree is predicted, and the gain of a rebuild as the predicted
+/// difference between now and the last rebuild.
 pub fn run(observations: &[Observation], splits: usize) {
     let gain: Vec<f64> = observations.iter().map(|o| o.refitted[splits] - o.fresh[splits]).collect();
     let of = |f: fn(&Observation, usize) -> Point| observations.iter().map(|o| f(o, splits)).collect::<Vec<Point>>();
@@ -135,8 +139,8 @@ fn number(number: f64) -> String {
     if number.is_nan() { String::new() } else { format!("{number:.3}") }
 }
 
-/// The standard deviation across trees of each tree's mean residual. `rest` has the residuals of all observations before the
-/// rebuild and then those after it.
+/// The standard deviation across trees of each tree's mean residual. `rest` has the residuals of
+/// all observations before the rebuild and then those after it.
 fn of_trees(observations: &[Observation], rest: &[f64]) -> f64 {
     let count = observations.iter().map(|o| o.tree + 1).max().unwrap_or(0);
     let mut sums = vec![(0.0, 0.0); count];

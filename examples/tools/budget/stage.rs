@@ -68,7 +68,8 @@ impl SceneKind {
 
 /// Seeds the city, the trees and the shading points.
 const SEED: u64 = 1;
-/// Half of the shading points are near trees that are at most this far from the middle of the view, in metres.
+/// Half of the shading points are near trees that are at most this far from the middle of the view,
+/// in metres.
 const NEAR: f32 = 450.0;
 /// The greatest distance of these shading points from a light of their tree, in metres.
 const REACH: f32 = 35.0;
@@ -85,7 +86,8 @@ pub struct Stage {
     pub motion: Motion,
     /// All lights, as of the last [`Stage::advance`].
     pub world: LightWorld,
-    /// Fixed points: those with an even index are near deforming trees, the others in view of the camera.
+    /// Fixed points: those with an even index are near deforming trees, the others in view of the
+    /// camera.
     pub shading_points: Vec<ShadingPoint>,
     /// The position of the camera.
     pub eye: DVec3,
@@ -102,7 +104,8 @@ pub struct Stage {
 impl Stage {
     /// Builds the city and the trees, as of frame 0.
     ///
-    /// The deforming trees get [`Policy::Budgeted`]. The city's own strings and swarm are only refitted.
+    /// The deforming trees get [`Policy::Budgeted`]. The city's own strings and swarm are only
+    /// refitted.
     pub fn new(
         kind: SceneKind,
         motion: Motion,
@@ -155,8 +158,8 @@ impl Stage {
         Ok(stage)
     }
 
-    /// Moves lights and cars to a frame, which must not be before the last one. There are 60 frames per second. The result
-    /// depends only on the frame. The caller calls [`LightWorld::update`].
+    /// Moves lights and cars to a frame, which must not be before the last one. There are 60 frames
+    /// per second. The result depends only on the frame. The caller calls [`LightWorld::update`].
     pub fn advance(&mut self, frame: u32) -> Result<(), SceneError> {
         let time = f64::from(self.motion.frame_of_traffic(frame)) / 60.0;
         self.city.advance(time, &mut self.scene, &mut self.world)?;
@@ -168,7 +171,8 @@ impl Stage {
         Ok(())
     }
 
-    /// Finds the first surfaces that rays meet: rays from a light of a tree in random directions, and camera rays.
+    /// Finds the first surfaces that rays meet: rays from a light of a tree in random directions,
+    /// and camera rays.
     fn find_shading_points(
         &self,
         placed: &[(TreeKey, Placement)],
@@ -220,7 +224,8 @@ fn position(light: &Light) -> Vec3 {
     }
 }
 
-/// The places for trees: courtyards and stretches of streets. Each is used once, as long as there are free ones.
+/// The places for trees: courtyards and stretches of streets. Each is used once, as long as there
+/// are free ones.
 struct Sites {
     middle: Vec2,
     /// Half of the city's side, in metres.
@@ -242,8 +247,9 @@ impl Sites {
         Self { middle, half: 0.5 * PITCH * blocks as f32, avenue, yards, streets }
     }
 
-    /// Chooses a place for a tree. Trees in view, except ferris wheels, get the avenue in front of the camera first. Of the
-    /// others, half are within 120 m of the middle of the view along each axis, 35 % within 500 m, and the rest anywhere.
+    /// Chooses a place for a tree. Trees in view, except ferris wheels, get the avenue in front of
+    /// the camera first. Of the others, half are within 120 m of the middle of the view along each
+    /// axis, 35 % within 500 m, and the rest anywhere.
     fn place(&mut self, kind: Kind, in_view: bool, rng: &mut Rng) -> Placement {
         let reach = match rng.unit() {
             roll if roll < 0.5 => 120.0,

@@ -21,7 +21,8 @@ pub enum Strategy {
     Girandole,
     /// The library's scheduler with the position of the camera and the usage of instances.
     GirandoleUsage,
-    /// The rebuilds with the largest gain per time in this frame come first; the gains are computed exactly.
+    /// The rebuilds with the largest gain per time in this frame come first; the gains are computed
+    /// exactly.
     Oracle,
 }
 
@@ -106,5 +107,6 @@ const RATIO: f32 = 1.1;
 /// The attributes in the order of [`Deviations`].
 pub const ATTRIBUTES: [Attribute; 4] = [Distance, Overlap, Variance, SplittingCost];
 
-/// The standard deviation of each attribute of a tree over fresh builds at several points of its animation.
+/// The standard deviation of each attribute of a tree over fresh builds at several points of its
+/// animation.
 pub type Deviations = [f32; 4];

@@ -1,5 +1,5 @@
-// What an engine does with a light at each pixel, but for shadow rays and materials. CANDIDATES
-// and shaders/request.wgsl come before this text.
+// One light sample per pixel, as in an engine but without shadow rays and materials. The host puts
+// the constant CANDIDATES and shaders/request.wgsl before this text.
 
 @group(0) @binding(0) var<storage, read> requests: array<Request>;
 @group(0) @binding(1) var<storage, read_write> pixels: array<vec4<f32>>;

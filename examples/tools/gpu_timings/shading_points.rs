@@ -7,13 +7,14 @@ use girandole::glam::Vec2;
 use girandole::gpu::SampleRequest;
 use rayon::prelude::*;
 
-/// Pixels along a side of a tile. The 64 invocations of a workgroup of `sample.wgsl` work on one tile, as in renderers.
+/// Pixels along a side of a tile. The 64 invocations of a workgroup of `sample.wgsl` work on one
+/// tile, as in renderers.
 pub const TILE: u32 = 8;
 /// Seeds the random numbers.
 const SEED: u32 = 7;
 
-/// Finds the surface behind each pixel, tile by tile; width and height are multiples of [`TILE`]. Pixels of the sky repeat the
-/// surface of the pixel before them, so that every pixel is a sample.
+/// Finds the surface behind each pixel, tile by tile; width and height are multiples of [`TILE`].
+/// Pixels of the sky repeat the surface of the pixel before them, so that every pixel is a sample.
 pub fn requests(scene: &Scene, (width, height): (u32, u32)) -> Result<Vec<SampleRequest>, SceneError> {
     let geometry = Geometry::new(scene)?;
     let view = View::new(&scene.camera, width, height);

@@ -70,7 +70,8 @@ impl Timer {
         Self { device: device.clone(), queue: queue.clone(), effort, queries }
     }
 
-    /// Calls `work` once to warm up, then as often as the effort says. Returns the results of all calls but the first.
+    /// Calls `work` once to warm up, then as often as the effort says. Returns the results of all
+    /// calls but the first.
     pub fn repeat<T>(&self, mut work: impl FnMut() -> Result<T, SceneError>) -> Result<Vec<T>, SceneError> {
         work()?;
         let start = Instant::now();
@@ -81,8 +82,8 @@ impl Timer {
         Ok(all)
     }
 
-    /// Times the compute passes that `record` records. Pass i must write the timestamps 2 i and 2 i + 1 of the query set that
-    /// `record` is given, and `record` returns the number of passes.
+    /// Times the compute passes that `record` records. Pass i must write the timestamps 2 i and 2 i
+    /// + 1 of the query set that `record` is given, and `record` returns the number of passes.
     pub fn time(
         &self,
         mut record: impl FnMut(&mut wgpu::CommandEncoder, Option<&wgpu::QuerySet>) -> usize,

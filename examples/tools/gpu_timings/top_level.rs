@@ -1,4 +1,5 @@
-//! The top-level build over more and more instances, stage by stage, beside a radix sort of as many keys.
+//! The top-level build over more and more instances, stage by stage, beside a radix sort of as many
+//! keys.
 
 use super::machine::Machine;
 use super::scene::SceneError;

@@ -42,7 +42,8 @@ impl Row {
     }
 }
 
-/// Times the upload after random instances have moved. Neighbours in the buffer rarely move together, unless all do.
+/// Times the upload after random instances have moved. Neighbours in the buffer rarely move
+/// together, unless all do.
 pub fn measure(machine: &Machine, timer: &Timer, instances: u32) -> Result<Vec<Row>, SceneError> {
     let refuse = |refusal| SceneError(format!("{instances} instances: {refusal}"));
     let (mut world, mut keys) = world(instances)?;

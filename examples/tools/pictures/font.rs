@@ -1,8 +1,9 @@
 //! A font for labels in pictures: glyphs of strokes, drawn with smooth edges at any size.
 //!
-//! A glyph is a list of strokes on a grid: descenders reach row 0, the baseline is row 2, small letters reach row 6 and
-//! capitals row 8. A stroke is a letter for its kind and its points, each a digit for the column and one for the row: `-` is
-//! a polyline, `~` a curve between both ends that the other points attract, `o` a closed curve.
+//! A glyph is a list of strokes on a grid: descenders reach row 0, the baseline is row 2, small
+//! letters reach row 6 and capitals row 8. A stroke is a letter for its kind and its points, each a
+//! digit for the column and one for the row: `-` is a polyline, `~` a curve between both ends that
+//! the other points attract, `o` a closed curve.
 
 use girandole::glam::{Vec2, vec2};
 
@@ -57,7 +58,8 @@ const GLYPHS: [(char, &str); 39] = [
     ('x', "- 06 42,- 02 46"),
 ];
 
-/// A line of text as straight segments, in pixels; the origin is at the left end of the baseline, and Y points down.
+/// A line of text as straight segments, in pixels; the origin is at the left end of the baseline,
+/// and Y points down.
 pub struct Text {
     segments: Vec<[Vec2; 2]>,
     half_stroke: f32,
@@ -66,7 +68,8 @@ pub struct Text {
 }
 
 impl Text {
-    /// Sets a line whose capitals are `height` pixels high. Characters that the font lacks are left blank.
+    /// Sets a line whose capitals are `height` pixels high. Characters that the font lacks are left
+    /// blank.
     pub fn new(text: &str, height: f32) -> Self {
         let unit = height / CAPITAL;
         let (mut segments, mut x) = (Vec::new(), 0.0);

@@ -1,4 +1,5 @@
-//! The tool's modules, in the order in which data passes through them. `main.rs` and a test include this file.
+//! The tool's modules, in the order in which data passes through them. `main.rs` and a test include
+//! this file.
 
 use super::{city, lights, samplers, sigma};
 

@@ -85,7 +85,8 @@ pub struct Row {
     pub seconds_per_sample: f64,
     /// The wall time of a picture on all threads, in the mean.
     pub seconds: f64,
-    /// The exact relative standard deviation of one choice without shadows, in the mean over surfaces of the view.
+    /// The exact relative standard deviation of one choice without shadows, in the mean over
+    /// surfaces of the view.
     pub sigma: f64,
     pub mape: Estimate,
     pub rel_mse: Estimate,
@@ -114,7 +115,8 @@ impl Row {
     }
 }
 
-/// A city as the city example's first frame shows it, without lights at infinity, which belong to no tree.
+/// A city as the city example's first frame shows it, without lights at infinity, which belong to
+/// no tree.
 pub fn city(size: Size, is_glossy: bool) -> Result<(Scene, LightWorld), SceneError> {
     let Stage { mut scene, mut world, mut animation } = procedural::stage(&CityOptions { size, cars: None, seed: 1 })?;
     animation.advance(0.0, &mut scene, &mut world)?;
@@ -214,10 +216,10 @@ fn sigmas(
     let all: Vec<&Surface> = view.pixels.iter().filter_map(|pixel| pixel.surfaces[0].as_ref()).collect();
     let chosen: Vec<&Surface> = all.iter().step_by((all.len() / count).max(1)).copied().collect();
     let lux: Vec<Vec<f32>> = chosen.par_iter().map(|at| contributions(lights, ids, &at.shading_point)).collect();
-    let sigma = |chooser: &Box<dyn Chooser + '_>| {
+    let sigma = |chooser: &dyn Chooser| {
         let noise = |(at, lux): (&&Surface, &Vec<f32>)| Noise::of(lux, &chooser.pmfs(&at.shading_point));
         let noises: Vec<Noise> = chosen.par_iter().zip(&lux).filter_map(noise).collect();
         Summary::of(&noises).mean
     };
-    choosers.iter().map(sigma).collect()
+    choosers.iter().map(|chooser| sigma(&**chooser)).collect()
 }

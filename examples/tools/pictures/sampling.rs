@@ -11,9 +11,11 @@ use rayon::prelude::*;
 use std::hint::black_box;
 use std::time::Instant;
 
-/// Shadow rays towards area lights end just before the surface of the light, which would shadow itself.
+/// Shadow rays towards area lights end just before the surface of the light, which would shadow
+/// itself.
 const STOP_BEFORE_LIGHT: f32 = 1.0 - 1.0e-3;
-/// Samplers take turns for this many rounds, and the fastest round counts: moments in which the machine is busy do not.
+/// Samplers take turns for this many rounds, and the fastest round counts: moments in which the
+/// machine is busy do not.
 const ROUNDS: usize = 15;
 /// A round samples each pixel of every n-th row once.
 const ROW_STEP: usize = 8;
@@ -32,8 +34,8 @@ pub struct Renderer<'a> {
 impl Renderer<'_> {
     /// Renders a picture, radiance in nits, row by row from the top.
     ///
-    /// `samples` is the mean number of samples per pixel, at least 1. Each pixel takes the integer below or above it, with
-    /// the probabilities that give this mean. Pixels of the sky take none.
+    /// `samples` is the mean number of samples per pixel, at least 1. Each pixel takes the integer
+    /// below or above it, with the probabilities that give this mean. Pixels of the sky take none.
     pub fn picture(&self, chooser: &dyn Chooser, samples: f64, seed: u32) -> Vec<Vec3> {
         let pixel = |(index, pixel): (usize, &Pixel)| {
             let [rounding, first, ..] = random(index as u32, 0, seed, Dimension::Pixel);
@@ -45,7 +47,8 @@ impl Renderer<'_> {
         self.view.pixels.par_iter().enumerate().map(pixel).collect()
     }
 
-    /// Measures the seconds per sample of each sampler, on one thread: choosing, shading and shadow rays.
+    /// Measures the seconds per sample of each sampler, on one thread: choosing, shading and shadow
+    /// rays.
     pub fn seconds_per_sample(&self, choosers: &[Box<dyn Chooser + '_>]) -> Vec<f64> {
         let width = self.view.width;
         let rows = || self.view.pixels.chunks(width).enumerate().skip(ROW_STEP / 2).step_by(ROW_STEP);
@@ -66,7 +69,8 @@ impl Renderer<'_> {
         fastest
     }
 
-    /// The light of one sample of a pixel. Samples visit the subpixels in turn, from the one numbered `first`.
+    /// The light of one sample of a pixel. Samples visit the subpixels in turn, from the one
+    /// numbered `first`.
     fn sample(
         &self,
         chooser: &dyn Chooser,

@@ -3,17 +3,18 @@
 use girandole::glam::Vec3;
 use girandole::light::luminance;
 
-/// The share of the reference's mean that is added to each pixel of the reference before errors are divided by it, so that
-/// black pixels do not decide.
+/// The share of the reference's mean that is added to each pixel of the reference before errors are
+/// divided by it, so that black pixels do not decide.
 const FLOOR: f64 = 0.01;
-/// relMSE leaves out one in so many pixels, those with the largest errors. They are surfaces that nearly touch a light, where
-/// the choice of a light is not what matters, and a few of them would decide.
+/// relMSE leaves out one in so many pixels, those with the largest errors. Otherwise a few pixels
+/// would decide it, and it would differ from run to run by a factor of several.
 const TRIM: usize = 1_000;
 
 /// The errors of one picture, of luminance before tone mapping.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Score {
-    /// The mean over all pixels of `|I - R| / (0.01 mean(R) + R)` for a picture I and a reference R.
+    /// The mean over all pixels of `|I - R| / (0.01 mean(R) + R)` for a picture I and a reference
+    /// R.
     pub mape: f64,
     /// The mean of the squares of these fractions over 99.9 % of the pixels.
     pub rel_mse: f64,

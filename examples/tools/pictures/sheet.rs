@@ -10,7 +10,8 @@ use std::io::Write;
 const GAP: usize = 6;
 /// The height of a label, in pixels.
 const LABEL: usize = 50;
-/// Of a label's two lines: the height of capitals and the baseline below the picture, in pixels, and the colour.
+/// Of a label's two lines: the height of capitals and the baseline below the picture, in pixels,
+/// and the colour.
 const LINES: [(f32, f32, [u8; 3]); 2] = [(12.0, 20.5, [240, 240, 240]), (9.0, 40.5, [165, 170, 178])];
 /// Behind labels and between pictures.
 const BACKGROUND: [u8; 3] = [17, 19, 23];
@@ -56,7 +57,8 @@ impl Sheet {
         (&mut self.bytes[start..start + 3]).try_into().unwrap_or_else(|_| unreachable!("three bytes are three bytes"))
     }
 
-    /// Draws a text into the label below a picture that takes these columns and ends above row `top`.
+    /// Draws a text into the label below a picture that takes these columns and ends above row
+    /// `top`.
     fn write(&mut self, text: &Text, origin: Vec2, color: [u8; 3], columns: std::ops::Range<usize>, top: usize) {
         let width = self.width;
         self.bytes[3 * top * width..].par_chunks_mut(3 * width).enumerate().for_each(|(row, bytes)| {

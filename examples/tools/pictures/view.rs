@@ -1,4 +1,5 @@
-//! What the camera sees. The surfaces behind each pixel are found once, so that pictures spend their time on lights only.
+//! What the camera sees. The surfaces behind each pixel are found once, so that pictures spend
+//! their time on lights only.
 
 use super::city::render::geometry::Geometry;
 use super::city::render::shading::{View as Frame, shadow_offset, sky_radiance};
@@ -27,8 +28,8 @@ pub struct Surface {
 pub struct Pixel {
     /// What each subpixel shows; `None` for the sky.
     pub surfaces: [Option<Surface>; SUBPIXELS],
-    /// The mean radiance of the subpixels without the light of lamps: the sky, the surfaces' own emission, and ambient
-    /// light.
+    /// The mean radiance of the subpixels without the light of lamps: the sky, the surfaces' own
+    /// emission, and ambient light.
     pub background: Vec3,
 }
 

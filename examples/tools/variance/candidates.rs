@@ -21,7 +21,8 @@ const CANDIDATES: [CandidateCount; 6] = [
     CandidateCount::of::<16>(),
     CandidateCount::of::<32>(),
 ];
-/// Estimates per shading point. They give a deviation to about 2 %, and the mean of 400 deviations far better.
+/// Estimates per shading point. They give a deviation to about 2 %, and the mean of 400 deviations
+/// far better.
 const ESTIMATES: u32 = 2_000;
 /// Numbers of candidates take turns for this many rounds, and the fastest round counts.
 const ROUNDS: usize = 15;
@@ -43,8 +44,8 @@ fn estimate(sampler: &LightSampler<'_>, shading_point: &ShadingPoint, u: [f32; 4
     })
 }
 
-/// The root mean square error of one estimate at a shading point, relative to the mean of all estimates, for each number of
-/// candidates. `None` where no light arrives.
+/// The root mean square error of one estimate at a shading point, relative to the mean of all
+/// estimates, for each number of candidates. `None` where no light arrives.
 fn errors(sampler: &LightSampler<'_>, shading_point: &ShadingPoint, stream: u64) -> Option<[f64; CANDIDATES.len()]> {
     let mut rng = Rng::new(11, stream);
     let moments = CANDIDATES.map(|candidates| {
@@ -52,7 +53,8 @@ fn errors(sampler: &LightSampler<'_>, shading_point: &ShadingPoint, stream: u64)
         let (sum, squares) = values.fold((0.0, 0.0), |(sum, squares), v| (sum + v, squares + v * v));
         (sum / f64::from(ESTIMATES), squares / f64::from(ESTIMATES))
     });
-    // Estimates of more candidates have less noise: each mean is weighted by its number of candidates.
+    // Estimates of more candidates have less noise: each mean is weighted by its number of
+    // candidates.
     let weights = CANDIDATES.map(|count| f64::from(count.get()));
     let mean = moments.iter().zip(weights).map(|((mean, _), w)| mean * w).sum::<f64>() / weights.iter().sum::<f64>();
     (mean > 0.0).then(|| moments.map(|(sum, square)| (square - sum * sum).max(0.0).sqrt() / mean))

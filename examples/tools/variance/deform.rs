@@ -1,5 +1,6 @@
-//! Trees whose lights move: the noise that refits add, the noise that rebuilds of the worst subtrees remove, and the time of
-//! both. One flat tree holds all lights of a scene and follows them frame by frame.
+//! Trees whose lights move: the noise that refits add, the noise that rebuilds of the worst
+//! subtrees remove, and the time of both. One flat tree holds all lights of a scene and follows
+//! them frame by frame.
 
 use super::lights::{carried, contributions};
 use super::scene::procedural::{self, CityOptions, Size};
@@ -112,8 +113,8 @@ fn measure(motion: &Motion) -> Result<Vec<Row>, SceneError> {
         Strategy::Worst(16),
         Strategy::Worst(32),
     ];
-    // For each frame in which noise is measured: sigma of a fresh build, and the contribution of each light at each shading
-    // point.
+    // For each frame in which noise is measured: sigma of a fresh build, and the contribution of
+    // each light at each shading point.
     let mut fresh = Vec::new();
     for lights in motion.frames.iter().skip(EVERY - 1).step_by(EVERY) {
         let mut world = LightWorld::new();

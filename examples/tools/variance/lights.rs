@@ -1,4 +1,5 @@
-//! The lights of a world one by one, moved out of their instances, so that all samplers get the same lights.
+//! The lights of a world one by one, moved out of their instances, so that all samplers get the
+//! same lights.
 
 use girandole::glam::Vec3;
 use girandole::light::luminance;
@@ -18,8 +19,8 @@ pub fn carried(world: &LightWorld) -> Vec<Light> {
 
 /// The illuminance by each light at a shading point, in lux and without shadows.
 ///
-/// It is exact for points and spots. For lights with a surface it is the estimate `radiance * cosine / pdf` of the one point
-/// at `u = (0.5, 0.5)`.
+/// It is exact for points and spots. For lights with a surface it is the estimate `radiance *
+/// cosine / pdf` of the one point at `u = (0.5, 0.5)`.
 pub fn contributions(sampler: &LightSampler<'_>, lights: &[LightId], shading_point: &ShadingPoint) -> Vec<f32> {
     let one = |light: &LightId| {
         let incident = sampler.sample_light(shading_point, *light, [0.5, 0.5])?;
@@ -28,8 +29,8 @@ pub fn contributions(sampler: &LightSampler<'_>, lights: &[LightId], shading_poi
     lights.iter().map(|light| one(light).unwrap_or(0.0)).collect()
 }
 
-/// Moves a light from the space of its tree to the world. A sphere that the instance flattens becomes the sphere of the
-/// same volume; all other shapes are exact.
+/// Moves a light from the space of its tree to the world. A sphere that the instance flattens
+/// becomes the sphere of the same volume; all other shapes are exact.
 fn carry(light: &Light, placement: &Placement) -> Light {
     let linear = placement.linear;
     let point = |p: Vec3| (placement.translation + (linear * p).as_dvec3()).as_vec3();

@@ -1,18 +1,20 @@
 //! The noise of one light sample, computed exactly: this library beside published samplers.
 //!
 //! ```text
-//! cargo run --release --example variance -- --out FILE.csv [--gltf FILE] [--world S|M|L] [--shading-points N]
+//! cargo run --release --example variance -- --out FILE.csv
+//!     [--gltf FILE] [--world S|M|L] [--shading-points N]
 //! cargo run --release --example variance -- --out FILE.csv --deform [--gltf FILE]
 //! cargo run --release --example variance -- --out FILE.csv --candidates [--gltf FILE]
 //! ```
 //!
-//! The first form prints a table and writes it as CSV. For each scene and sampler it has the exact relative standard
-//! deviation of one sample over fixed shading points (`sigma.rs`), nanoseconds per choice, and bytes of tree per light.
-//! Expect the sigma of `girandole` to be well below those of `pbrt` and `cycles`.
+//! The first form prints a table and writes it as CSV. For each scene and sampler it has the exact
+//! relative standard deviation of one sample over fixed shading points (`sigma.rs`), nanoseconds
+//! per choice, and bytes of tree per light. Expect the sigma of `girandole` to be well below those
+//! of `pbrt` and `cycles`.
 //!
-//! `--deform` measures how much noise moving lights add to a tree, and what rebuilds cost, in city S (`deform.rs`).
-//! `--candidates` measures what choosing one of several candidates gains (`candidates.rs`). `docs/benchmarks.md` has
-//! measured tables and the rules of measurement.
+//! `--deform` measures how much noise moving lights add to a tree, and what rebuilds cost, in city
+//! S (`deform.rs`). `--candidates` measures what choosing one of several candidates gains
+//! (`candidates.rs`). `docs/benchmarks.md` has measured tables and the rules of measurement.
 
 mod baselines;
 mod candidates;

@@ -14,8 +14,8 @@ pub fn fields(row: &Row) -> [String; 7] {
     [row.scene.clone(), row.sampler.to_owned(), mean, median, p95, ns, bytes]
 }
 
-/// Prints one scene's rows as a Markdown table. Its last column counts the shading points where some light contributes
-/// and is never chosen.
+/// Prints one scene's rows as a Markdown table. Its last column counts the shading points where
+/// some light contributes and is never chosen.
 #[allow(clippy::print_stdout, reason = "a program talks to its user")]
 pub fn print(measured: &Measured) {
     let Measured { rows, lights, instances, lit_shading_points } = measured;

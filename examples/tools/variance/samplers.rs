@@ -1,5 +1,5 @@
-//! The samplers that are compared, behind one interface: the probability of every light at a shading point, and single
-//! choices, which can be timed.
+//! The samplers that are compared, behind one interface: the probability of every light at a
+//! shading point, and single choices, which can be timed.
 
 use super::baselines::{BinaryTree, Cycles, Formula, Pbrt};
 use girandole::{Light, LightId, LightPick, LightSampler, LightTree, LightWorld, ShadingPoint, SplitCount, WorldError};
@@ -9,8 +9,8 @@ pub trait Chooser: Sync {
     /// The sampler's name in tables.
     fn name(&self) -> &'static str;
 
-    /// The probability of each light, in the order of [`LightSampler::all_lights`]. It may be left 0 for lights that do
-    /// not contribute.
+    /// The probability of each light, in the order of [`LightSampler::all_lights`]. It may be left
+    /// 0 for lights that do not contribute.
     fn pmfs(&self, shading_point: &ShadingPoint) -> Vec<f32>;
 
     /// Chooses a light; `None` where the sampler ends without one. `u` in [0, 1)^2.
@@ -132,8 +132,9 @@ impl Chooser for TwoLevel<'_> {
         self.sampler.pick(shading_point, u)
     }
 
-    /// Counts the nodes of each tree once, however many instances show it. The top level counts one node for six
-    /// instances, the fewest children that its nodes are filled with, one for six of those nodes, and so on.
+    /// Counts the nodes of each tree once, however many instances show it. The top level counts one
+    /// node for six instances, the fewest children that its nodes are filled with, one for six of
+    /// those nodes, and so on.
     fn bytes(&self) -> usize {
         let trees = self.world.trees().filter_map(|tree| self.world.tree(tree));
         let bottom: usize = trees.map(|tree| tree.nodes().len()).sum();
@@ -181,9 +182,11 @@ fn wide(u: [f32; 2]) -> f64 {
     f64::from(u[0]) + f64::from(u[1]) / f64::from(1 << 24)
 }
 
-/// The samplers that the pictures compare: flux, pbrt-v4's formula for opaque surfaces, and this library.
+/// The samplers that the pictures compare: flux, pbrt-v4's formula for opaque surfaces, and this
+/// library.
 ///
-/// `lights` are the world's lights one by one, and `ids` their names, both in the order of [`LightSampler::all_lights`].
+/// `lights` are the world's lights one by one, and `ids` their names, both in the order of
+/// [`LightSampler::all_lights`].
 pub fn main_three<'a>(world: &'a LightWorld, lights: &[Light], ids: &'a [LightId]) -> [Box<dyn Chooser + 'a>; 3] {
     let tree = BinaryTree::new(Pbrt { is_opaque: true }, lights.to_vec());
     [

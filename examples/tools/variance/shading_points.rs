@@ -13,7 +13,8 @@ const SEED: u64 = 12_345;
 /// Tries per shading point, after which the bounds count as empty.
 const TRIES: usize = 10_000;
 
-/// Finds `count` points on visible surfaces within `bounds`, each with the normal of its triangle's front.
+/// Finds `count` points on visible surfaces within `bounds`, each with the normal of its triangle's
+/// front.
 pub fn shading_points(scene: &Scene, bounds: &Aabb, count: usize) -> Result<Vec<ShadingPoint>, SceneError> {
     let mut triangles: Vec<(f64, [Vec3; 3])> = Vec::new();
     let mut area = 0.0;

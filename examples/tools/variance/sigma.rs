@@ -1,8 +1,10 @@
-//! The measure: the exact relative standard deviation of one sample, and its spread over shading points.
+//! The measure: the exact relative standard deviation of one sample, and its spread over shading
+//! points.
 
-/// A light with less than this share of the illuminance that is never chosen counts as lost to rounding. Published formulas
-/// have no margins, so a light that is on the horizon within the rounding of f32 may get probability 0. The shading point is
-/// then counted as unreached, but its sigma stays finite, which favours those formulas.
+/// A light with less than this share of the illuminance that is never chosen counts as lost to
+/// rounding. Published formulas have no margins, so a light that is on the horizon within the
+/// rounding of f32 may get probability 0. The shading point is then counted as unreached, but its
+/// sigma stays finite, which favours those formulas.
 const ROUNDING_SHARE: f64 = 1.0e-6;
 
 /// The noise at one shading point.
@@ -15,10 +17,11 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// Computes `sigma = sqrt(sum f^2 / p / (sum f)^2 - 1)` of contributions f that are chosen with probabilities p.
+    /// Computes `sigma = sqrt(sum f^2 / p / (sum f)^2 - 1)` of contributions f that are chosen with
+    /// probabilities p.
     ///
-    /// Sigma is infinite where a light contributes and is never chosen, except below [`ROUNDING_SHARE`]. `None` where
-    /// nothing contributes.
+    /// Sigma is infinite where a light contributes and is never chosen, except below
+    /// [`ROUNDING_SHARE`]. `None` where nothing contributes.
     pub fn of(contributions: &[f32], pmfs: &[f32]) -> Option<Self> {
         let sum: f64 = contributions.iter().map(|f| f64::from(*f)).sum();
         let (mut second, mut has_unreached) = (0.0, false);
@@ -45,7 +48,8 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Sums up at least one value. A percentile is the least value that this share of the values does not exceed.
+    /// Sums up at least one value. A percentile is the least value that this share of the values
+    /// does not exceed.
     pub fn of(noises: &[Noise]) -> Self {
         let mut sigmas: Vec<f64> = noises.iter().map(|noise| noise.sigma).collect();
         sigmas.sort_by(f64::total_cmp);

@@ -6,12 +6,14 @@ use girandole::ShadingPoint;
 use std::hint::black_box;
 use std::time::Instant;
 
-/// Samplers take turns for this many rounds, and the fastest round counts: moments in which the machine is busy do not.
+/// Samplers take turns for this many rounds, and the fastest round counts: moments in which the
+/// machine is busy do not.
 const ROUNDS: usize = 25;
 /// Choices of one sampler in a round.
 const CHOICES: usize = 8_000;
 
-/// Nanoseconds per choice of each sampler, all at the same shading points and with the same random numbers.
+/// Nanoseconds per choice of each sampler, all at the same shading points and with the same random
+/// numbers.
 pub fn nanoseconds(choosers: &[Box<dyn Chooser + '_>], shading_points: &[ShadingPoint]) -> Vec<f64> {
     let mut rng = Rng::new(7, 0);
     // Consecutive choices are for different shading points, as between the pixels of a wide view.

@@ -1,8 +1,8 @@
 //! The usage counters and the instances that they belong to.
 //!
 //! A counter is a word for each instance slot. No instance has slot 0; its word tells shaders which
-//! calls to count. Two rules keep the usage of one instance from being credited to another that gets
-//! its slot:
+//! calls to count. Two rules keep the usage of one instance from being credited to another that
+//! gets its slot:
 //!
 //! 1. The upload that reports the departure of an instance also sets its counter to zero, ahead of
 //!    all work that is submitted later.
@@ -66,8 +66,8 @@ pub struct UsageCounts<'a> {
 }
 
 impl UsageCounts<'_> {
-    /// The instances with counted choices, each once, with their counts. Instances that were removed
-    /// before the last upload are left out. O(slots).
+    /// The instances with counted choices, each once, with their counts. Instances that were
+    /// removed before the last upload are left out. O(slots).
     pub fn iter(&self) -> impl Iterator<Item = (InstanceKey, u32)> {
         let used = self.owners.iter().zip(self.sums).filter(|(_, sum)| **sum > 0);
         used.filter_map(|(owner, sum)| Some((owner.key?, *sum)))
@@ -100,8 +100,8 @@ pub(in crate::gpu) fn zeros(device: &wgpu::Device, slots: u32) -> Result<wgpu::B
 }
 
 impl UsageCounters {
-    /// Counts nothing yet. `counts` is a buffer of [`zeros`] and `lights` are the other buffers of the
-    /// bind group.
+    /// Counts nothing yet. `counts` is a buffer of [`zeros`] and `lights` are the other buffers of
+    /// the bind group.
     pub fn new(device: &wgpu::Device, counts: wgpu::Buffer, lights: &[&wgpu::Buffer]) -> Self {
         let layout = usage_layout(device);
         let bind_group = bind(device, &layout, lights, &counts);
@@ -166,8 +166,8 @@ impl UsageCounters {
         zeros(device, capacity).map(Some)
     }
 
-    /// Records who owns these slots now. `reserved` comes from [`UsageCounters::reserve`] for as many
-    /// slots as the world has. Returns the bytes sent.
+    /// Records who owns these slots now. `reserved` comes from [`UsageCounters::reserve`] for as
+    /// many slots as the world has. Returns the bytes sent.
     pub fn follow(
         &mut self,
         (device, queue): (&wgpu::Device, &wgpu::Queue),
@@ -243,8 +243,8 @@ impl UsageCounters {
         u64::from(count) * 4
     }
 
-    /// Makes the bind group anew if a buffer of it was replaced. `generations` tells the light buffers
-    /// apart.
+    /// Makes the bind group anew if a buffer of it was replaced. `generations` tells the light
+    /// buffers apart.
     pub fn rebind(&mut self, device: &wgpu::Device, lights: &[&wgpu::Buffer], generations: Option<[u64; 4]>) {
         if self.bound.is_none() || self.bound != generations {
             self.bind_group = bind(device, &self.layout, lights, &self.counts);

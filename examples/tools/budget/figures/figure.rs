@@ -12,8 +12,8 @@ pub trait Figure: Send + Sync {
     fn place(&self, light: usize, time: f32) -> Vec3;
 }
 
-/// A random number of lights between `least` and `most`, spread evenly over its logarithm. A few figures get several times
-/// as many.
+/// A random number of lights between `least` and `most`, spread evenly over its logarithm. A few
+/// figures get several times as many.
 pub fn size(rng: &mut Rng, least: f32, most: f32) -> usize {
     let usual = least * (most / least).powf(rng.unit());
     let share = if rng.chance(0.03) { rng.range(3.0, 9.0) } else { 1.0 };

@@ -50,7 +50,8 @@ impl Kind {
         }
     }
 
-    /// The kind of the `index`-th tree of a stage. Ten trees in a row have all kinds; a stage that scatters has mostly crowds.
+    /// The kind of the `index`-th tree of a stage. Ten trees in a row have all kinds; a stage that
+    /// scatters has mostly crowds.
     pub fn of(index: usize, motion: Motion) -> Self {
         let all = match motion {
             Motion::Scattering => [

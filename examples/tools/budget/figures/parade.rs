@@ -1,4 +1,5 @@
-//! A parade along a street and back: floats and people with lanterns, half of which go the other way.
+//! A parade along a street and back: floats and people with lanterns, half of which go the other
+//! way.
 
 use super::super::scene::rng::Rng;
 use super::figure::{Figure, size};

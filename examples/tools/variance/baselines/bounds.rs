@@ -1,14 +1,17 @@
-//! The bounds that both published trees keep of a group of lights: a box, a cone of normals, an emission angle and a power.
+//! The bounds that both published trees keep of a group of lights: a box, a cone of normals, an
+//! emission angle and a power.
 //!
-//! Source: Conty Estevez and Kulla, Importance Sampling of Many Lights with Adaptive Tree Splitting (2018), 4.1; the
-//! two-sided flag is from Pharr, Jakob and Humphreys, Physically Based Rendering (4th edition), 12.6.3.
+//! Source: Conty Estevez and Kulla, Importance Sampling of Many Lights with Adaptive Tree Splitting
+//! (2018), 4.1; the two-sided flag is from Pharr, Jakob and Humphreys, Physically Based Rendering
+//! (4th edition), 12.6.3.
 
 use girandole::bounds::Aabb;
 use girandole::glam::{Quat, Vec3};
 use girandole::{Light, Shape};
 use std::f32::consts::PI;
 
-/// Added to the emission angle of a spot, in radians, so that a falloff without width does not round to no emission at all.
+/// Added to the emission angle of a spot, in radians, so that a falloff without width does not
+/// round to no emission at all.
 const SPOT_RIM: f32 = 1.0e-3;
 
 /// Bounds of lights.
@@ -33,8 +36,8 @@ impl LightBounds {
         Self { axis: Vec3::Z, theta_o: PI, theta_e: 0.5 * PI, ..Self::about(light, Vec3::Z, power) }
     }
 
-    /// Bounds of a spot with full emission within `inner` and none beyond `outer` radians. Both formulas weight emission by a
-    /// cosine, so the part beyond a right angle counts as normals.
+    /// Bounds of a spot with full emission within `inner` and none beyond `outer` radians. Both
+    /// formulas weight emission by a cosine, so the part beyond a right angle counts as normals.
     pub fn spot(light: &Light, direction: Vec3, [inner, outer]: [f32; 2], power: f32) -> Self {
         let theta_e = (outer - inner + SPOT_RIM).min(0.5 * PI);
         let theta_o = (outer + SPOT_RIM - theta_e).min(PI);
@@ -85,7 +88,8 @@ fn union_cone(a: (Vec3, f32), b: (Vec3, f32)) -> (Vec3, f32) {
     let turn = a.0.cross(b.0).try_normalize();
     match turn {
         Some(turn) if theta < PI => ((Quat::from_axis_angle(turn, theta - a.1) * a.0).normalize(), theta),
-        // Except for rounding, equal axes mean that one cone contains the other. Opposite axes have no plane to turn in.
+        // Except for rounding, equal axes mean that one cone contains the other. Opposite axes have
+        // no plane to turn in.
         None if between < 1.0 => (a.0, theta),
         _ => (a.0, PI),
     }

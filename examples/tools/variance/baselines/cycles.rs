@@ -1,11 +1,13 @@
 //! The importance of the light tree of Cycles, Blender's path tracer, on a binary tree.
 //!
-//! Source: the light tree of Cycles (kernel/light/tree.h; "Light Tree" in Blender's manual), after Conty Estevez and Kulla
-//! (2018). The probability of a child is the mean of its shares of the greatest and of the least light that can arrive. Where
-//! the least is 0 for both, children that can contribute share it evenly. Energy is intensity; for surfaces, along the normal.
+//! Source: the light tree of Cycles (kernel/light/tree.h; "Light Tree" in Blender's manual), after
+//! Conty Estevez and Kulla (2018). The probability of a child is the mean of its shares of the
+//! greatest and of the least light that can arrive. Where the least is 0 for both, children that
+//! can contribute share it evenly. Energy is intensity; for surfaces, along the normal.
 //!
-//! Differs: leaves have one light, where Cycles may keep several; there are no instances; the intensity of a spot is its mean
-//! over all directions, not its peak (mean sigma on city S 4.8 instead of 5.4).
+//! Differs: leaves have one light, where Cycles may keep several; there are no instances; the
+//! intensity of a spot is its mean over all directions, not its peak (mean sigma on city S 4.8
+//! instead of 5.4).
 
 use super::bounds::LightBounds;
 use super::tree::Formula;
@@ -37,7 +39,8 @@ struct Emission {
     cos_o: f32,
     /// The cosine of the sum of both angles; below -1 where the sum exceeds half a turn.
     cos_reach: f32,
-    /// The cosine of the emission angle minus the angle of the normals; above 1 where the difference is negative.
+    /// The cosine of the emission angle minus the angle of the normals; above 1 where the
+    /// difference is negative.
     cos_core: f32,
 }
 

@@ -1,4 +1,5 @@
-//! Published light trees to compare with, written from their formulas: binary, with one light per leaf.
+//! Published light trees to compare with, written from their formulas: binary, with one light per
+//! leaf.
 
 mod bounds;
 mod cycles;

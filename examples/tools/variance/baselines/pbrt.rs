@@ -1,11 +1,12 @@
 //! The importance of pbrt-v4's light BVH.
 //!
-//! Source: Pharr, Jakob and Humphreys, Physically Based Rendering (4th edition), 12.6.3, with the light bounds of 12.2
-//! to 12.4. As published, the squared distance is at least half of the box's diagonal, although one is a square and the other
-//! a length, and the cosine at the shading point has no sign, because surfaces may transmit light.
+//! Source: Pharr, Jakob and Humphreys, Physically Based Rendering (4th edition), 12.6.3, with the
+//! light bounds of 12.2 to 12.4. As published, the squared distance is at least half of the box's
+//! diagonal, although one is a square and the other a length, and the cosine at the shading point
+//! has no sign, because surfaces may transmit light.
 //!
-//! Differs: bounds are not quantised; the power of a spot is its flux, not 4 pi times its peak intensity (mean sigma on city S
-//! 4.4 instead of 11.2).
+//! Differs: bounds are not quantised; the power of a spot is its flux, not 4 pi times its peak
+//! intensity (mean sigma on city S 4.4 instead of 11.2).
 
 use super::bounds::LightBounds;
 use super::tree::Formula;
@@ -15,8 +16,8 @@ use girandole::{Light, ShadingPoint, Shape};
 
 /// The formula of pbrt-v4.
 pub struct Pbrt {
-    /// An option that pbrt-v4 does not have: the cosine keeps its sign, so that no sample goes to lights behind an opaque
-    /// surface.
+    /// An option that pbrt-v4 does not have: the cosine keeps its sign, so that no sample goes to
+    /// lights behind an opaque surface.
     pub is_opaque: bool,
 }
 

@@ -1,8 +1,10 @@
-//! The binary build that both published trees share: the surface area orientation heuristic with 12 buckets.
+//! The binary build that both published trees share: the surface area orientation heuristic with 12
+//! buckets.
 //!
-//! Source: Pharr, Jakob and Humphreys, Physically Based Rendering (4th edition), 12.6.3, after Conty Estevez and Kulla
-//! (2018), 4.4. Differs: where no split has a cost above 0 (a street of lamps in one line has boxes without area), the lights
-//! are halved along their longest axis instead of in their order, which can only help the baseline.
+//! Source: Pharr, Jakob and Humphreys, Physically Based Rendering (4th edition), 12.6.3, after
+//! Conty Estevez and Kulla (2018), 4.4. Differs: where no split has a cost above 0 (a street of
+//! lamps in one line has boxes without area), the lights are halved along their longest axis
+//! instead of in their order, which can only help the baseline.
 
 use super::bounds::LightBounds;
 use girandole::bounds::Aabb;

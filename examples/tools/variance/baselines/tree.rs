@@ -15,7 +15,8 @@ pub trait Formula: Sync {
     /// Converts bounds to the stored form.
     fn pack(bounds: &LightBounds) -> Self::Bounds;
 
-    /// The probability of the first of two children; each comes with its light if it is a leaf. `None` if neither sends light.
+    /// The probability of the first of two children; each comes with its light if it is a leaf.
+    /// `None` if neither sends light.
     fn first_probability(
         &self,
         children: [(&Self::Bounds, Option<&Light>); 2],
@@ -26,7 +27,8 @@ pub trait Formula: Sync {
 #[derive(Clone, Copy)]
 struct BinaryNode<B> {
     bounds: B,
-    /// The index of the second child (the first is the next node), or [`LEAF`] and the index of a light.
+    /// The index of the second child (the first is the next node), or [`LEAF`] and the index of a
+    /// light.
     target: u32,
 }
 
@@ -55,8 +57,8 @@ impl<F: Formula> BinaryTree<F> {
         size_of_val(self.nodes.as_slice())
     }
 
-    /// Chooses a light and returns its index and probability. `u` in [0, 1) is an f64, so that choices deep in the tree are
-    /// still random.
+    /// Chooses a light and returns its index and probability. `u` in [0, 1) is an f64, so that
+    /// choices deep in the tree are still random.
     pub fn pick(&self, shading_point: &ShadingPoint, mut u: f64) -> Option<(u32, f32)> {
         let mut index = 0;
         let mut pmf = 1.0;
