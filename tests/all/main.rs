@@ -23,6 +23,7 @@ mod pdf;
 mod resample;
 mod sampling;
 mod scheduler;
+mod shader_text;
 mod small_scene;
 mod support;
 mod tree;

@@ -8,7 +8,7 @@ use crate::gpu::testing::{gpu, limited_gpu, read};
 use crate::light::Light;
 use crate::placement::Placement;
 use crate::policy::Policy;
-use crate::resample::numbers;
+use crate::resample::candidate_numbers;
 use crate::world::LightWorld;
 
 fn lamps(instances: u32, lights: u32) -> LightWorld {
@@ -107,7 +107,7 @@ fn samples_read_as_many_nodes_as_their_walk_is_long() {
     let (device, queue) = gpu();
     let request = SampleRequest { position: [5.0, 0.0, 3.0], u: [0.3, 0.6, 0.5, 0.5], ..SampleRequest::default() };
     // The request, and what each of its eight candidates would be by itself.
-    let alone = (0..8).map(|i| SampleRequest { u: numbers(request.u, i, 8), ..request });
+    let alone = (0..8).map(|i| SampleRequest { u: candidate_numbers(request.u, i, 8), ..request });
     let requests: Vec<_> = std::iter::once(request).chain(alone).collect();
     let requests = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
         label: None,
