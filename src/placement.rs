@@ -6,7 +6,7 @@ use glam::{Affine3A, DAffine3, DVec3, Mat3, Mat4, Vec3};
 use crate::cluster::{Linear, RIGID_TOLERANCE};
 use crate::effects::Effects;
 use crate::error::PlacementError;
-use crate::importance::{POSITION_MARGIN, View};
+use crate::importance::{LocalShadingPoint, POSITION_MARGIN};
 use crate::shading_point::ShadingPoint;
 use crate::transform::InstanceTransform;
 
@@ -123,11 +123,11 @@ impl Placed {
     }
 
     /// A shading point of the world as seen in the space of the tree.
-    pub fn view(&self, shading_point: &ShadingPoint) -> View {
+    pub fn local_shading_point(&self, shading_point: &ShadingPoint) -> LocalShadingPoint {
         // Normals are carried back by the transpose: the horizon stays the horizon under any linear
         // map.
         let normal = (self.linear.linear.transpose() * shading_point.normal).normalize_or_zero();
-        View {
+        LocalShadingPoint {
             position: self.frame.to_local * (shading_point.position - self.frame.translation),
             normal,
             has_normal: normal != Vec3::ZERO,

@@ -1,6 +1,7 @@
 //! Cases that other light samplers got wrong: ends of every allowed range, degenerate shapes, and far too much of one thing.
 
 mod extremes;
+mod near_lamps;
 mod shapes;
 
 use std::f32::consts::PI;
