@@ -86,7 +86,8 @@ pub(crate) const ANGLE_MARGIN: f32 = 1.0e-3;
 
 // A child is *unresolved* if its distance and its extent are less than its node can tell. It may
 // then send nothing at all, because the shading point lies on the lamp, or nearly all the light
-// (docs/decisions.md, 30). Both kinds of error are bounded: (a + b)^2 <= 2 (a^2 + b^2).
+// (docs/decisions.md, 30). Two errors limit what a node can tell; (a + b)^2 <= 2 (a^2 + b^2) bounds
+// their sum.
 
 /// The largest error of a mean position, which is stored as a byte per axis: a share of half its
 /// box's diagonal, squared and doubled.

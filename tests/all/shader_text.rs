@@ -26,7 +26,8 @@ struct Exits {
 fn exits(block: &Block, unreachable: &mut usize) -> Exits {
     let mut exits = Exits { next: true, breaks: false };
     for statement in block {
-        // `naga` emits expressions where it needs them, and ends some blocks with a return of its own.
+        // `naga` emits expressions where it needs them, and ends some blocks with a return of its
+        // own.
         if !exits.next && !matches!(statement, Statement::Emit(_) | Statement::Return { value: None }) {
             *unreachable += 1;
         }
@@ -83,8 +84,9 @@ fn unreachable_code_is_found_after_returns_and_after_loops_without_a_way_out() {
     assert_eq!(functions_with_unreachable_code(&parsed(text)), ["after_a_loop", "after_both_branches"]);
 }
 
-/// Words of HLSL and MSL that are no words of WGSL but could name a field or a function. Naga appends `_` to such names,
-/// and debuggers and reflection then show names that the source does not have. Naga keeps its own lists private.
+/// Words of HLSL and MSL that are no words of WGSL but could name a field or a function. Naga
+/// appends `_` to such names, and debuggers and reflection then show names that the source does not
+/// have. Naga keeps its own lists private.
 const RESERVED: &str = "abort and asfloat asint asuint atomic auto bitand bitor buffer catch cbuffer char class clip \
     complex constant constexpr countbits ddx ddy decl delete device distance dot double dst enum export extern float \
     fma fmod frac fragment friend half imaginary inline int kernel length lerp line linear lit long mad matrix metal \
