@@ -16,8 +16,8 @@ pub(super) const LANES: u32 = 64;
 pub(super) struct Kernel {
     source: KernelSource,
     layout: wgpu::BindGroupLayout,
-    /// Made at first use. A caller holds the lock while it looks for a variant, and compiles one
-    /// meanwhile only where no thread can be started.
+    /// Made at first use. A caller holds the lock while it looks for a variant; it compiles one
+    /// under the lock only where no thread can be started.
     variants: OnceLock<Mutex<PipelineVariants<wgpu::ComputePipeline>>>,
 }
 

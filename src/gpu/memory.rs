@@ -1,4 +1,4 @@
-//! Creates buffers, and turns a refusal for want of memory into a [`GpuError`] instead of a panic
+//! Creates buffers, and turns a refusal for lack of memory into a [`GpuError`] instead of a panic
 //! in wgpu's default error handler.
 //!
 //! On native backends an error scope answers as soon as it is popped. In browsers it answers later,

@@ -1,5 +1,5 @@
-//! The GPU side: uploads, the top level that is rebuilt every frame, and sampling. The only module
-//! that knows wgpu.
+//! The GPU side: uploads, the top level that is rebuilt after each change, and sampling. The only
+//! module that uses wgpu.
 //!
 //! Everything runs on the engine's own device and queue, and is recorded into the engine's own
 //! encoder. The one exception is the copy of a buffer that grows or changes its layout: it is
@@ -19,7 +19,7 @@
 //! On WebAssembly, wgpu reports less and there are no threads:
 //!
 //! - The loss of the device and the lack of memory are not noticed: [`GpuError::DeviceLost`] and
-//!   [`GpuError::OutOfMemory`] do not occur. The engine hears of both through its own callbacks and
+//!   [`GpuError::OutOfMemory`] do not occur. The engine learns of both from its own callbacks and
 //!   error scopes.
 //! - [`PipelineVariants::get`] compiles a missing variant before it returns.
 
@@ -94,7 +94,7 @@ use crate::tree::Node;
 /// | record | bytes | more bytes |
 /// |---|---:|---|
 /// | node | 160 | 32 for [`Effects::CONES`], 16 for [`Effects::RANGES`] |
-/// | light | 32 | 32 if anything but points shines, or if a light has a range |
+/// | light | 32 | 32 if a light is not a point, or has a range |
 /// | instance | 80 | 48 for [`Effects::NON_RIGID`] |
 ///
 /// ```
@@ -177,7 +177,8 @@ impl GpuLights {
     /// nothing.
     ///
     /// # Errors
-    /// - [`GpuError::Limit`] names the first limit of the device that is below WebGPU's default.
+    /// - [`GpuError::Limit`] names the first limit of the device that is not sufficient. WebGPU's
+    ///   default limits are.
     /// - [`GpuError::DeviceLost`] and [`GpuError::OutOfMemory`].
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Self, GpuError> {
         check_limits(&device.limits())?;
@@ -250,8 +251,8 @@ impl GpuLights {
     /// Submit the encoder before the next [`GpuLights::upload`]: the numbers of instances and
     /// rounds that a build reads are written ahead of the next submission, and the next build
     /// overwrites them. Commands that are neither submitted nor dropped yet count as submitted, so
-    /// submit encoders in the order of recording. To submit more than one build of the same upload
-    /// is harmless: each gives the same top level.
+    /// submit encoders in the order of recording. Submitting more than one build of the same
+    /// upload does no harm: each makes the same top level.
     ///
     /// Records 16 dispatches, and two for each round, of which a hundred thousand instances take
     /// five.
@@ -287,35 +288,37 @@ impl GpuLights {
         &self.layout
     }
 
-    /// The bind group with the lights, for the group that the engine's [`LightShader`] was made
-    /// for.
+    /// The bind group with the lights, to be set at the group number of the engine's
+    /// [`LightShader`].
     ///
-    /// An upload replaces it when it replaces a buffer, by a larger one or by one of another
-    /// layout. So ask for it each frame after [`GpuLights::upload`], and submit the commands that
-    /// use it before the next upload. A bind group that was replaced keeps the former buffers, all
-    /// of them in their former layout, for commands that are submitted late.
+    /// An upload replaces it when it replaces a buffer by a larger one or by one of another
+    /// layout. So call this in each frame after [`GpuLights::upload`], and submit the commands
+    /// that use it before the next upload. A bind group that was replaced keeps the former buffers,
+    /// all of them in their former layout, for commands that are submitted late.
     pub fn bind_group(&self) -> &wgpu::BindGroup {
         &self.bind_group
     }
 
-    /// The effects that a shader must serve to use [`GpuLights::bind_group`]: those of
+    /// The effects that a shader must support to use [`GpuLights::bind_group`]: those of
     /// [`LightWorld::effects`](crate::LightWorld::effects) at the last upload, and all before the
     /// first one. Never contains [`Effects::MOVING`], on which no shader depends.
     pub fn effects(&self) -> Effects {
         self.effects
     }
 
-    /// What an engine's shader needs to choose lights. Joins texts and compiles nothing.
+    /// Returns the WGSL text and the bind group layout that an engine's shader needs to choose
+    /// lights. Joins texts and compiles nothing.
     ///
     /// `group` is the number of the bind group with the lights, 0 to 3 by WebGPU's default.
-    /// `effects` is what the text has to serve; with [`Effects::all`] it serves every world.
+    /// `effects` are the effects that the text has to support; with [`Effects::all`] it supports
+    /// every world.
     pub fn shader(&self, group: u32, effects: Effects) -> LightShader {
         let wgsl = wgsl(group, effects);
         LightShader { wgsl, group, effects, records_usage: false, layout: self.layout.clone() }
     }
 
-    /// Writes the parameters, and makes bind groups anew for buffers that were replaced. Returns
-    /// the bytes sent.
+    /// Writes the parameters, and replaces bind groups whose buffers were replaced. Returns the
+    /// bytes sent.
     fn refresh(&mut self, params: ParamsRecord) -> u64 {
         let bound =
             [self.top.generation(), self.nodes.generation(), self.instances.generation(), self.lights.generation()];

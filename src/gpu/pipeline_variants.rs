@@ -9,7 +9,7 @@ use std::thread::JoinHandle;
 
 use crate::effects::Effects;
 
-/// How many variants [`PipelineVariants`] keeps besides the general one.
+/// The largest number of variants that [`PipelineVariants`] keeps besides the general one.
 ///
 /// With fewer, less memory is used. With more, worlds that switch between more sets of effects find
 /// their pipelines again.
@@ -19,13 +19,13 @@ pub const MAX_VARIANTS: usize = 8;
 ///
 /// A pipeline for fewer effects runs faster, but no frame should wait until it is compiled. The
 /// cache therefore starts with one pipeline for [`Effects::all`], which serves every world. When
-/// [`PipelineVariants::get`] is asked for a set that the cache lacks, it starts to make that
+/// [`PipelineVariants::get`] is called for a set that the cache lacks, it starts to make that
 /// variant on a thread of its own, one at a time, and returns the best pipeline that is ready.
 ///
 /// - At most [`MAX_VARIANTS`] variants are kept. The least recently used one is dropped first; the
 ///   general pipeline is never dropped.
-/// - If the making of a variant panics, it is not tried again, and a more general pipeline goes on
-///   serving.
+/// - If the function panics for a set, that set is not tried again, and a more general pipeline
+///   continues to serve it.
 /// - Where no thread can be started, `get` makes the variant itself before it returns. This is
 ///   always so in browsers and other WebAssembly hosts, and on native platforms if the system
 ///   refuses a thread.
@@ -64,7 +64,8 @@ struct Variant<P> {
 }
 
 impl<P> PipelineVariants<P> {
-    /// Of the pipelines that are ready, the one that serves these effects with the fewest others.
+    /// Returns the best pipeline that is ready: the one that serves these effects and the fewest
+    /// others.
     ///
     /// If none is made for just these effects, `get` starts to make one, unless another is being
     /// made. It waits for that only where no thread can be started.
@@ -120,10 +121,11 @@ impl<P> PipelineVariants<P> {
 
 #[cfg(not(target_family = "wasm"))]
 impl<P: Send + 'static> PipelineVariants<P> {
-    /// A cache with the pipeline for [`Effects::all`], and the function that makes the others.
+    /// Creates a cache with the pipeline for [`Effects::all`], and the function that makes the
+    /// others.
     ///
-    /// The function gets sets without [`Effects::MOVING`]. It is called on other threads; it must
-    /// bring with it what it needs, such as a [`LightShader`](super::LightShader).
+    /// The function is given sets without [`Effects::MOVING`]. It is called on other threads; it
+    /// must own what it needs, such as a [`LightShader`](super::LightShader).
     pub fn new(general: P, make: impl Fn(Effects) -> P + Send + Sync + 'static) -> Self {
         Self::with_maker(general, VariantMaker::with_threads(make))
     }
@@ -131,10 +133,10 @@ impl<P: Send + 'static> PipelineVariants<P> {
 
 #[cfg(target_family = "wasm")]
 impl<P> PipelineVariants<P> {
-    /// A cache with the pipeline for [`Effects::all`], and the function that makes the others,
-    /// inside of [`PipelineVariants::get`].
+    /// Creates a cache with the pipeline for [`Effects::all`], and the function that makes the
+    /// others, inside of [`PipelineVariants::get`].
     ///
-    /// The function gets sets without [`Effects::MOVING`].
+    /// The function is given sets without [`Effects::MOVING`].
     pub fn new(general: P, make: impl Fn(Effects) -> P + 'static) -> Self {
         Self::with_maker(general, VariantMaker { make: Box::new(make), start: None, job: None })
     }
@@ -150,7 +152,7 @@ impl<P> fmt::Debug for PipelineVariants<P> {
     }
 }
 
-/// What a set is known by: effects that change no shader are left out.
+/// The key of a set: effects that change no shader are left out.
 fn key(effects: Effects) -> Effects {
     effects - Effects::MOVING
 }

@@ -28,7 +28,7 @@ pub struct SampleRequest {
 ///
 /// If `pmf` is 0, no light was chosen or the chosen point sends nothing: count the sample as black.
 /// Otherwise `brdf * cosine * radiance / (pmf * pdf)` estimates the radiance that leaves the
-/// shading point, if nothing stands between it and the light.
+/// shading point, if nothing occludes the light.
 ///
 /// 48 bytes; `LightSample` in `shaders/sample.wgsl`.
 ///
@@ -63,7 +63,7 @@ pub struct SampleRecord {
 /// request.
 ///
 /// `brdf * cosine * chosen.radiance * weight` estimates the radiance that leaves the shading point,
-/// if nothing stands between it and the light.
+/// if nothing occludes the light.
 ///
 /// 64 bytes; `LightReservoir` in `shaders/resample.wgsl`.
 ///

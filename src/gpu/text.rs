@@ -26,16 +26,19 @@ pub(crate) const BATCH_RESAMPLE: &str =
 pub(crate) const BATCH_COUNT: &str =
     concat!(include_str!("../../shaders/request.wgsl"), include_str!("../../shaders/batch_count.wgsl"));
 
-/// The WGSL that an engine puts before its own text, after its `enable` and `requires` directives.
+/// Returns the WGSL text that an engine puts before its own text, after its `enable` and
+/// `requires` directives.
 ///
 /// [`LightShader`](super::LightShader) lists the functions and the units of their results. The
-/// bindings are in `@group(group)`, with the layout of `GpuLights::bind_group_layout` for compute
-/// and fragment stages: one uniform buffer and four read-only storage buffers, of the eight that
-/// WebGPU grants a stage. All names start with `light_`, `Light` or `LIGHT_`.
+/// bindings are in `@group(group)`, with the layout of
+/// [`GpuLights::bind_group_layout`](super::GpuLights::bind_group_layout) for compute and fragment
+/// stages: one uniform buffer and four read-only storage buffers, of the eight that WebGPU grants a
+/// stage. All names start with `light_`, `Light` or `LIGHT_`.
 ///
 /// `effects` selects the code of the text. It must contain the effects of the world and needs no
 /// others. The text reads buffers of any layout: parts that it has no code for are skipped, and
 /// parts that are not stored have the values of lights without that effect.
+#[must_use]
 pub fn wgsl(group: u32, effects: Effects) -> String {
     joined(group, effects, false)
 }
@@ -84,7 +87,7 @@ fn joined(group: u32, effects: Effects, counts: bool) -> String {
 /// Constants that `LightShader` documents for engines. Every variant has them.
 const PROMISED: [&str; 2] = ["LIGHT_DIRECTIONAL", "LIGHT_MAX_CANDIDATES"];
 
-/// The constants that a text names outside of comments, and those that engines may name.
+/// The constants that a text names outside of comments, and the constants that engines may name.
 fn constants_of(text: &str) -> String {
     let code = text.lines().map(|line| line.split("//").next().unwrap_or_default());
     let words = code.flat_map(|code| code.split(|c: char| !c.is_alphanumeric() && c != '_'));

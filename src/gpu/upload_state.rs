@@ -10,6 +10,7 @@ use crate::world::{FrameDelta, LightWorld};
 
 /// What [`GpuLights::upload`](super::GpuLights::upload) sent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct UploadReport {
     /// Bytes written to buffers; 0 if nothing changed.
     pub bytes: u64,

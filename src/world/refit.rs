@@ -92,7 +92,7 @@ impl LightWorld {
             self.wake(key);
         }
         if is_as_built {
-            // No policy asks for more than a tree that was just built, not even
+            // No policy requests more than a tree that was just built, not even
             // `Policy::AlwaysRebuild`.
             self.withdraw_request(key);
         } else {

@@ -170,7 +170,7 @@ fn errors_name_the_element_by_its_index() {
     assert_eq!(short, Err(GltfError::OutOfBounds { accessor: 6, what: "buffer", end: 300, length: 295 }));
     let flat = text.replace("[0.5, 0.5, 0.5] }", "[0.5, 0.0, 0.5] }");
     let flat = load_into(&mut world, &flat, binary(), &GltfOptions::default());
-    assert!(matches!(flat, Err(GltfError::LightWorld { node: 6, source: WorldError::Placement(_) })), "{flat:?}");
+    assert!(matches!(flat, Err(GltfError::World { node: 6, source: WorldError::Placement(_) })), "{flat:?}");
 }
 
 #[test]

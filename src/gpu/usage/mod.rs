@@ -1,5 +1,5 @@
-//! How often the lights of each instance are chosen: counted by shaders, and brought back some
-//! frames later without waiting.
+//! How often the lights of each instance are chosen: counted by shaders, and read back some frames
+//! later without waiting.
 
 mod counters;
 mod kernel;
@@ -46,7 +46,7 @@ impl GpuLights {
         }
     }
 
-    /// As [`GpuLights::shader`], with one function more:
+    /// As [`GpuLights::shader`], with one more function:
     ///
     /// ```wgsl
     /// // Records that a light of this instance was chosen with these random numbers.
@@ -68,8 +68,8 @@ impl GpuLights {
         LightShader { wgsl, group, effects, records_usage: true, layout: self.usage_counters().layout.clone() }
     }
 
-    /// The bind group for a [`GpuLights::usage_shader`]. Ask for it each frame, as for
-    /// [`GpuLights::bind_group`].
+    /// The bind group for a [`GpuLights::usage_shader`]. Call this in each frame after
+    /// [`GpuLights::upload`], as for [`GpuLights::bind_group`].
     pub fn usage_bind_group(&self) -> &wgpu::BindGroup {
         &self.usage_counters().bind_group
     }
@@ -88,11 +88,13 @@ impl GpuLights {
         }
     }
 
-    /// The sum of all collections that have arrived since the last call; `None` if none has.
+    /// Returns the sum of all collections that have arrived since the last call; `None` if none
+    /// has.
     ///
     /// Never waits and never polls: wgpu notices arrivals during the engine's own `Queue::submit`
     /// and `Device::poll`. Nothing arrives from a lost device. O(slots) if something has arrived,
     /// and without allocation once the world has stopped growing.
+    #[must_use]
     pub fn take_usage(&mut self) -> Option<UsageCounts<'_>> {
         self.usage.get_mut()?.take(&self.device)
     }
@@ -103,7 +105,7 @@ impl GpuLights {
         self.usage.get_or_init(|| UsageCounters::new(&self.device, self.no_usage.clone(), &self.buffers()))
     }
 
-    /// Makes the bind group with the counters anew if a buffer of it was replaced.
+    /// Replaces the bind group with the counters if a buffer of it was replaced.
     pub(super) fn rebind_usage(&mut self) {
         let Some(mut usage) = self.usage.take() else { return };
         usage.rebind(&self.device, &self.buffers(), self.bound);

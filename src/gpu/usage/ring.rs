@@ -5,7 +5,8 @@ use std::sync::atomic::{AtomicU8, Ordering};
 
 use super::super::memory;
 
-/// Collections that may be under way: the frames that a GPU lags behind, and one more.
+/// The number of collections that may be under way: the frames that a GPU lags behind, and one
+/// more.
 const RING: usize = 3;
 
 /// The buffer may be used.
@@ -96,7 +97,7 @@ impl Ring {
                 continue;
             }
             let Some(buffer) = &read_back.buffer else { continue };
-            // A lost device takes its mappings along: there is nothing to read, and to unmap is an
+            // A lost device also loses its mappings: there is nothing to read, and unmapping is an
             // error.
             let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
             if let Some(view) = buffer.get_mapped_range(..read_back.bytes).view() {
