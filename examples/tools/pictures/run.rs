@@ -219,10 +219,10 @@ fn sigmas(
     let all: Vec<&Surface> = view.pixels.iter().filter_map(|pixel| pixel.surfaces[0].as_ref()).collect();
     let chosen: Vec<&Surface> = all.iter().step_by((all.len() / count).max(1)).copied().collect();
     let lux: Vec<Vec<f32>> = chosen.par_iter().map(|at| contributions(lights, ids, &at.shading_point)).collect();
-    let sigma = |chooser: &Box<dyn Chooser + '_>| {
+    let sigma = |chooser: &dyn Chooser| {
         let noise = |(at, lux): (&&Surface, &Vec<f32>)| Noise::of(lux, &chooser.pmfs(&at.shading_point));
         let noises: Vec<Noise> = chosen.par_iter().zip(&lux).filter_map(noise).collect();
         Summary::of(&noises).mean
     };
-    choosers.iter().map(sigma).collect()
+    choosers.iter().map(|chooser| sigma(chooser.as_ref())).collect()
 }
