@@ -1,8 +1,8 @@
-// Chooses one light for each shading point of a buffer, in a world of points in rotated and translated
-// instances. Does what shaders/batch.wgsl does in its variant without effects, but is written by hand for
-// just that: without directives, and with the records as structs. benches/effects.rs puts the constants
-// of that variant and shaders/request.wgsl before it, checks that both kernels give the same samples, and
-// times one against the other.
+// Chooses one light for each shading point of a buffer, in a world of points in rotated and
+// translated instances. Does what shaders/batch.wgsl does in its variant without effects, but is
+// written by hand for just that: without directives, and with the records as structs.
+// benches/effects.rs puts the constants of that variant and shaders/request.wgsl before it, checks
+// that both kernels give the same samples, and times one against the other.
 
 struct Params {
     slots: u32,
@@ -17,8 +17,8 @@ struct Node {
     steps: u32,
     targets: array<vec4<u32>, 2>,
     flux: vec4<u32>,
-    // Minimum corners, maximum corners and means, each along x, then y, then z, for children 0 to 3 and 4
-    // to 7; then the deviations.
+    // Minimum corners, maximum corners and means, each along x, then y, then z, for children 0 to 3
+    // and 4 to 7; then the deviations.
     boxes: array<vec4<u32>, 5>,
     parent: vec4<u32>,
 }
@@ -88,12 +88,13 @@ struct Four {
 struct Estimate {
     importance: mat2x4<f32>,
     spread: mat2x4<f32>,
-    total: f32,
+    has_unresolved: bool,
 }
 
 struct Cut {
     count: u32,
     total: f32,
+    has_unresolved: bool,
     instances: array<u32, BLOCKS>,
     nodes: array<u32, BLOCKS>,
     totals: array<f32, BLOCKS>,
@@ -136,11 +137,11 @@ fn stretch(dice: Dice, offset: f32, length: f32) -> Dice {
 }
 
 fn joint(a: f32, b: f32) -> f32 {
-    return select(0.0, max(a * b, LIGHT_MIN_CHANCE), a > 0.0 && b > 0.0);
+    return select(0.0, max(a * b, LIGHT_MIN_PMF), a > 0.0 && b > 0.0);
 }
 
 fn share(value: f32, total: f32) -> f32 {
-    return select(0.0, max(value / total, LIGHT_MIN_CHANCE), value > 0.0);
+    return select(0.0, max(value / total, LIGHT_MIN_PMF), value > 0.0);
 }
 
 fn unit_or_zero(v: vec3<f32>) -> vec3<f32> {
@@ -204,7 +205,7 @@ fn step_along(steps: u32, axis: u32) -> f32 {
 // point.
 fn estimate_four(
     low: vec3<u32>, high: vec3<u32>, mean: vec3<u32>, deviations: u32, fluxes: vec2<u32>,
-    origin: vec3<f32>, half_step: vec3<f32>, view: View, margin: f32,
+    origin: vec3<f32>, half_step: vec3<f32>, view: View, margin: f32, error_sq: f32,
 ) -> Four {
     let low_x = bytes(low.x);
     let low_y = bytes(low.y);
@@ -232,7 +233,7 @@ fn estimate_four(
     let spread = variance / (dist_sq + variance);
     let along = n.x * x + n.y * y + n.z * z;
     let rounded = 0.5 * (along + sqrt(along * along + LIGHT_COSINE_WIDTH_SQ * spread * dist_sq));
-    let cosine = select(dist, max(rounded, LIGHT_FLOOR * dist), view.has_normal);
+    let cosine = select(dist, max(rounded, LIGHT_MIN_COSINE * dist), view.has_normal);
     let lux = flux * (1.0 / LIGHT_FOUR_PI) * (cosine / dist / (dist_sq + LIGHT_VARIANCE_SHARE * variance));
     let at_least_min = select(vec4(LIGHT_MIN_IMPORTANCE), lux, lux > vec4(LIGHT_MIN_IMPORTANCE));
 
@@ -244,7 +245,9 @@ fn estimate_four(
         + (n.z * (origin.z + (high_z + low_z) * half_step.z) + steep.z * half_z);
     let is_dark = vec4(view.has_normal) & (highest <= vec4(0.0));
     let is_lit = (flux > vec4(0.0)) & !is_dark;
-    return Four(select(vec4(0.0), min(at_least_min, vec4(LIGHT_MAX_IMPORTANCE)), is_lit), spread);
+    let importance = min(at_least_min, vec4(LIGHT_MAX_IMPORTANCE));
+    let is_unresolved = dist_sq + variance <= LIGHT_MEAN_ERROR_SQ * radius_sq + error_sq;
+    return Four(select(vec4(0.0), select(importance, -importance, is_unresolved), is_lit), spread);
 }
 
 fn sum(v: mat2x4<f32>) -> f32 {
@@ -256,21 +259,54 @@ fn estimate(node: Node, view: View) -> Estimate {
     let half_step = 0.5 * vec3(step_along(node.steps, 0u), step_along(node.steps, 1u), step_along(node.steps, 2u));
     let far = abs(node.origin) + 2.0 * LIGHT_STEPS * half_step + abs(view.position);
     let margin = (far.x + far.y + far.z) * view.margin;
+    let own = abs(view.position);
+    let error = LIGHT_POSITION_ERROR * (own.x + own.y + own.z) + LIGHT_MIN_POSITION_ERROR;
+    let error_sq = (2.0 * 3.0) * (error * error);
     let b = node.boxes;
     let first = estimate_four(
         vec3(b[0].x, b[0].z, b[1].x), vec3(b[1].z, b[2].x, b[2].z), vec3(b[3].x, b[3].z, b[4].x), b[4].z,
-        node.flux.xy, origin, half_step, view, margin,
+        node.flux.xy, origin, half_step, view, margin, error_sq,
     );
     let last = estimate_four(
         vec3(b[0].y, b[0].w, b[1].y), vec3(b[1].w, b[2].y, b[2].w), vec3(b[3].y, b[3].w, b[4].y), b[4].w,
-        node.flux.zw, origin, half_step, view, margin,
+        node.flux.zw, origin, half_step, view, margin, error_sq,
     );
-    let importance = mat2x4(first.importance, last.importance);
-    return Estimate(importance, mat2x4(first.spread, last.spread), sum(importance));
+    return Estimate(
+        mat2x4(first.importance, last.importance), mat2x4(first.spread, last.spread),
+        any(min(first.importance, last.importance) < vec4(0.0)),
+    );
+}
+
+fn resolved_sum(v: mat2x4<f32>) -> f32 {
+    return sum(mat2x4(max(v[0], vec4(0.0)), max(v[1], vec4(0.0))));
+}
+
+fn unresolved_sum(v: mat2x4<f32>) -> f32 {
+    return resolved_sum(mat2x4(-v[0], -v[1]));
+}
+
+fn unresolved_scale(others: f32, unresolved: f32) -> f32 {
+    return select(1.0, others / unresolved, others > 0.0 && unresolved > others);
+}
+
+fn scale_unresolved(v: mat2x4<f32>, scale: f32) -> mat2x4<f32> {
+    let least = vec4(LIGHT_MIN_IMPORTANCE);
+    return mat2x4(
+        select(v[0], max(-v[0] * scale, least), v[0] < vec4(0.0)),
+        select(v[1], max(-v[1] * scale, least), v[1] < vec4(0.0)),
+    );
+}
+
+fn weights_of(estimated: Estimate) -> mat2x4<f32> {
+    var weights = estimated.importance;
+    if estimated.has_unresolved {
+        weights = scale_unresolved(weights, unresolved_scale(resolved_sum(weights), unresolved_sum(weights)));
+    }
+    return weights;
 }
 
 fn total_block(cut: ptr<function, Cut>, block: u32) {
-    (*cut).totals[block] = sum((*cut).values[block]);
+    (*cut).totals[block] = resolved_sum((*cut).values[block]);
     var slot = 0u;
     var greatest = 0u;
     for (var i = 0u; i < LIGHT_WIDTH; i++) {
@@ -293,18 +329,41 @@ fn add_block(cut: ptr<function, Cut>, instance: u32, index: u32, shading_point: 
     (*cut).instances[block] = instance;
     (*cut).nodes[block] = index;
     (*cut).values[block] = estimated.importance;
+    var doubts = mat2x4(estimated.importance[0] * estimated.spread[0], estimated.importance[1] * estimated.spread[1]);
+    if estimated.has_unresolved {
+        (*cut).has_unresolved = true;
+        doubts[0] = select(doubts[0], estimated.importance[0] * -LIGHT_UNRESOLVED_DOUBT, estimated.importance[0] < vec4(0.0));
+        doubts[1] = select(doubts[1], estimated.importance[1] * -LIGHT_UNRESOLVED_DOUBT, estimated.importance[1] < vec4(0.0));
+    }
     let first = vec4(in_top) | ((node.targets[0] & vec4(LIGHT_LEAF)) == vec4(0u));
     let last = vec4(in_top) | ((node.targets[1] & vec4(LIGHT_LEAF)) == vec4(0u));
     (*cut).doubts[block] = mat2x4(
-        select(vec4(0.0), estimated.importance[0] * estimated.spread[0], first),
-        select(vec4(0.0), estimated.importance[1] * estimated.spread[1], last),
+        select(vec4(0.0), doubts[0], first),
+        select(vec4(0.0), doubts[1], last),
     );
     total_block(cut, block);
+}
+
+fn limit_unresolved(cut: ptr<function, Cut>) {
+    var unresolved = 0.0;
+    for (var i = 0u; i < (*cut).count; i++) {
+        unresolved += unresolved_sum((*cut).values[i]);
+    }
+    let scale = unresolved_scale((*cut).total, unresolved);
+    var total = 0.0;
+    for (var i = 0u; i < (*cut).count; i++) {
+        let weights = scale_unresolved((*cut).values[i], scale);
+        (*cut).values[i] = weights;
+        (*cut).totals[i] = sum(weights);
+        total += (*cut).totals[i];
+    }
+    (*cut).total = total;
 }
 
 fn split_cut(cut: ptr<function, Cut>, shading_point: ShadingPoint) {
     let splits = min(params.splits, LIGHT_MAX_SPLITS);
     (*cut).count = 0u;
+    (*cut).has_unresolved = false;
     var instance = LIGHT_NO_INSTANCE;
     var index = 0u;
     loop {
@@ -324,7 +383,7 @@ fn split_cut(cut: ptr<function, Cut>, shading_point: ShadingPoint) {
             }
         }
         if block == count || count > splits {
-            return;
+            break;
         }
         instance = (*cut).instances[block];
         let slot = (*cut).doubtful[block];
@@ -340,6 +399,9 @@ fn split_cut(cut: ptr<function, Cut>, shading_point: ShadingPoint) {
         (*cut).values[block][slot / 4u][slot % 4u] = 0.0;
         (*cut).doubts[block][slot / 4u][slot % 4u] = 0.0;
         total_block(cut, block);
+    }
+    if (*cut).has_unresolved {
+        limit_unresolved(cut);
     }
 }
 
@@ -386,6 +448,7 @@ fn descend(cut: ptr<function, Cut>, shading_point: ShadingPoint, u: vec2<f32>) -
         base = instances[instance].node_base;
     }
     var view = view_in(instance, shading_point);
+    var pick = Pick(0u, 0u, 0.0);
     loop {
         let bits = target_of(instance == LIGHT_NO_INSTANCE, index, slot);
         if (bits & LIGHT_LEAF) == 0u {
@@ -396,18 +459,20 @@ fn descend(cut: ptr<function, Cut>, shading_point: ShadingPoint, u: vec2<f32>) -
             view = tree_view(instance, shading_point);
             index = base;
         } else {
-            return Pick(instance, bits & ~LIGHT_LEAF, pmf);
+            pick = Pick(instance, bits & ~LIGHT_LEAF, pmf);
+            break;
         }
         let in_top = instance == LIGHT_NO_INSTANCE;
-        let estimated = estimate(node_at(in_top, index), view);
-        if estimated.total <= 0.0 {
-            return Pick(0u, 0u, 0.0);
+        let weights = weights_of(estimate(node_at(in_top, index), view));
+        let total = sum(weights);
+        if total <= 0.0 {
+            break;
         }
-        let point = select(inner.u, outer.u, in_top) * estimated.total;
-        let lane = pick_lane(estimated.importance, 0.0, point);
-        let chance = share(lane.value, estimated.total);
+        let point = select(inner.u, outer.u, in_top) * total;
+        let lane = pick_lane(weights, 0.0, point);
+        let chance = share(lane.value, total);
         pmf = joint(pmf, chance);
-        let offset = (point - lane.before) / estimated.total;
+        let offset = (point - lane.before) / total;
         if in_top {
             outer = stretch(outer, offset, chance);
         } else {
@@ -415,7 +480,7 @@ fn descend(cut: ptr<function, Cut>, shading_point: ShadingPoint, u: vec2<f32>) -
         }
         slot = lane.slot;
     }
-    return Pick(0u, 0u, 0.0);
+    return pick;
 }
 
 fn sample_point(pick: Pick, shading_point: ShadingPoint) -> Sample {

@@ -1,11 +1,11 @@
 //! What each effect costs a sample, and how much of that cost remains in a world without effects.
 //!
 //! The bench times the variants of our kernel and a kernel that was written by hand for points in
-//! rotated and translated instances (`by_hand.wgsl`). Before anything is timed, all kernels must give
-//! the samples of the kernel by hand.
+//! rotated and translated instances (`by_hand.wgsl`). Before anything is timed, all kernels must
+//! give the samples of the kernel by hand.
 //!
-//! `cargo bench --bench effects` prints a table. As a test (`cargo test --benches`), some of the kernels
-//! sample a small world once, and no times are printed.
+//! `cargo bench --bench effects` prints a table. As a test (`cargo test --benches`), some of the
+//! kernels sample a small world once, and no times are printed.
 
 #![allow(clippy::print_stdout, reason = "a table is what this program is for")]
 
@@ -27,8 +27,8 @@ use support::Rng;
 
 /// Relative difference of products of some twenty terms that are taken in different orders.
 const ROUNDING: f32 = 1.0e-5;
-/// One sample in so many may name another light: where a random number falls within rounding of the border
-/// between two lights, another text may choose the other one.
+/// One sample in so many may name another light: where a random number falls within rounding of the
+/// border between two lights, another text may choose the other one.
 const SAMPLES_PER_MISMATCH: usize = 1000;
 /// Invocations of a workgroup in both kernels.
 const LANES: u32 = 64;
@@ -95,8 +95,8 @@ fn main() {
         }
         for at in order.iter().copied() {
             let lights = if cases[at].is_stored_for_all { &all } else { &bare };
-            // A first run warms the caches: right after itself, a kernel is up to 5 % faster than after
-            // another one.
+            // A first run warms the caches: right after itself, a kernel is up to 5 % faster than
+            // after another one.
             machine.time(&cases[at], lights, &group, size.shading_points);
             let seconds = machine.time(&cases[at], lights, &group, size.shading_points);
             cases[at].seconds.push(seconds);
@@ -228,7 +228,8 @@ fn assert_alike(samples: &[SampleRecord], by_hand: &[SampleRecord], name: &str) 
             let ([a, b, c], [d, e, f]) = (s.direction, s.radiance);
             [a, b, c, s.dist, d, e, f, s.pdf, s.pmf]
         };
-        // The difference is relative to the length of the direction, and to the value itself otherwise.
+        // The difference is relative to the length of the direction, and to the value itself
+        // otherwise.
         let scales = [1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         for ((a, b), scale) in values(ours).into_iter().zip(values(theirs)).zip(scales) {
             assert!((a - b).abs() <= ROUNDING * f32::max(b.abs(), scale), "{name}, {i}: {ours:?} is not {theirs:?}");

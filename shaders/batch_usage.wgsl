@@ -1,5 +1,5 @@
-// Records the usage of the lights that one of our kernels has chosen for a buffer of shading points.
-// src/gpu/usage/kernel.rs records it, and says where in the records the words lie.
+// Records the usage of the lights that one of our kernels has chosen for a buffer of shading
+// points. src/gpu/usage/kernel.rs records it, and says where in the records the words lie.
 
 @group(1) @binding(0) var<storage, read> requests: array<u32>;
 @group(1) @binding(1) var<storage, read> samples: array<u32>;

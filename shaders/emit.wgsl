@@ -1,17 +1,19 @@
-// From a chosen light to the light that arrives. Twin of src/emit.rs, which explains it. Binds nothing.
+// Samples a point on a chosen light. Twin of src/emit.rs, which explains it. Binds nothing.
 
+// The light that arrives from a point on a light, not yet shadowed. Twin of `Incident`.
 struct LightIncident {
-    // Unit vector from the shading point to the light.
+    // Unit vector from the shading point to the point on the light.
     direction: vec3<f32>,
-    // Metres; LIGHT_UNLIMITED_RANGE for a directional light.
+    // Distance in metres; LIGHT_UNLIMITED_RANGE for a directional light.
     dist: f32,
-    // Nits for surfaces, lux for lights without size; zero if nothing arrives.
+    // Nits for surfaces, lux for lights without size; zero if no light arrives.
     radiance: vec3<f32>,
-    // Per steradian for surfaces, 1 for lights without size.
+    // Density per steradian for surfaces, 1 for lights without size.
     pdf: f32,
     is_delta: bool,
 }
 
+// No light arrives.
 fn light_nothing() -> LightIncident {
     return LightIncident(vec3(0.0), 0.0, vec3(0.0), 0.0, false);
 }
@@ -25,7 +27,8 @@ fn light_normalize_or_zero(v: vec3<f32>) -> vec3<f32> {
 }
 
 // #if RANGES
-fn light_window(dist_sq: f32, range: f32) -> f32 {
+// The factor by which a range dims a light; 0 from the range on.
+fn light_range_window(dist_sq: f32, range: f32) -> f32 {
     if range >= LIGHT_UNLIMITED_RANGE {
         return 1.0;
     }
@@ -38,29 +41,36 @@ fn light_window(dist_sq: f32, range: f32) -> f32 {
 }
 // #endif
 
-fn light_arriving(shading_point: LightShadingPoint, direction: vec3<f32>, dist: f32, radiance: vec3<f32>, pdf: f32, is_delta: bool) -> LightIncident {
-    let above = all(shading_point.normal == vec3(0.0)) || dot(shading_point.normal, direction) > 0.0;
-    if above && any(radiance != vec3(0.0)) {
+fn light_arriving(
+    shading_point: LightShadingPoint, direction: vec3<f32>, dist: f32, radiance: vec3<f32>, pdf: f32,
+    is_delta: bool,
+) -> LightIncident {
+    let is_above = all(shading_point.normal == vec3(0.0)) || dot(shading_point.normal, direction) > 0.0;
+    if is_above && any(radiance != vec3(0.0)) {
         return LightIncident(direction, dist, radiance, pdf, is_delta);
     }
     return light_nothing();
 }
 
-fn light_from_delta(light: LightRecord, toward: vec3<f32>, falloff: f32, shading_point: LightShadingPoint) -> LightIncident {
+// `falloff` is that of a spot, or 1.
+fn light_from_delta(
+    light: LightRecord, toward: vec3<f32>, falloff: f32, shading_point: LightShadingPoint,
+) -> LightIncident {
     let dist_sq = dot(toward, toward);
     if dist_sq < LIGHT_MIN_DIST_SQ {
         return light_nothing();
     }
-    var shown = falloff;
+    var share = falloff;
     // #if RANGES
-    shown *= light_window(dist_sq, light.range);
+    share *= light_range_window(dist_sq, light.range);
     // #endif
-    let share = shown / dist_sq;
+    share /= dist_sq;
     let dist = sqrt(dist_sq);
     return light_arriving(shading_point, toward / dist, dist, light.emission * share, 1.0, true);
 }
 
-// From a shading point to a place in tree space. The translations first.
+// The vector in the world from a shading point to a point of the tree's space. Twin of
+// `InstanceTransform::toward`.
 fn light_toward(p: vec3<f32>, instance: LightInstance, shading_point: LightShadingPoint) -> vec3<f32> {
     return light_linear(instance.to_world, p) + (light_translation(instance.to_world) - shading_point.position);
 }
@@ -76,13 +86,15 @@ fn light_from_spot(light: LightRecord, instance: LightInstance, shading_point: L
 // #endif
 
 // #if AREAS
-// Whether a quotient is a density that f32 can work with.
+// Whether a quotient is a density inside the limits that f32 allows.
 fn light_is_density(dividend: f32, divisor: f32) -> bool {
     return divisor >= dividend * LIGHT_MIN_INVERSE_PDF && dividend >= divisor * LIGHT_MIN_PDF;
 }
 
-// `normal_area` is the front normal times the area.
-fn light_from_surface(light: LightRecord, toward: vec3<f32>, normal_area: vec3<f32>, shading_point: LightShadingPoint) -> LightIncident {
+// `normal_area` is the normal of the front times the area.
+fn light_from_surface(
+    light: LightRecord, toward: vec3<f32>, normal_area: vec3<f32>, shading_point: LightShadingPoint,
+) -> LightIncident {
     let dist_sq = dot(toward, toward);
     if dist_sq < LIGHT_MIN_DIST_SQ {
         return light_nothing();
@@ -100,12 +112,14 @@ fn light_from_surface(light: LightRecord, toward: vec3<f32>, normal_area: vec3<f
     }
     var radiance = light.emission;
     // #if RANGES
-    radiance *= light_window(dist_sq, light.range);
+    radiance *= light_range_window(dist_sq, light.range);
     // #endif
     return light_arriving(shading_point, direction, dist, radiance, dist_sq / facing_area, false);
 }
 
-fn light_from_rectangle(light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, u: vec2<f32>) -> LightIncident {
+fn light_from_rectangle(
+    light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, u: vec2<f32>,
+) -> LightIncident {
     let toward = light_toward(light.a, instance, shading_point);
     let half_u = light_linear(instance.to_world, light.b);
     let half_v = light_linear(instance.to_world, light.c);
@@ -113,7 +127,9 @@ fn light_from_rectangle(light: LightRecord, instance: LightInstance, shading_poi
     return light_from_surface(light, point, light_normal_area(cross(light.b, light.c) * 4.0, instance), shading_point);
 }
 
-fn light_from_triangle(light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, u: vec2<f32>) -> LightIncident {
+fn light_from_triangle(
+    light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, u: vec2<f32>,
+) -> LightIncident {
     let toward = light_toward(light.a, instance, shading_point);
     let edge_q = light_linear(instance.to_world, light.b - light.a);
     let edge_r = light_linear(instance.to_world, light.c - light.a);
@@ -123,13 +139,16 @@ fn light_from_triangle(light: LightRecord, instance: LightInstance, shading_poin
     return light_from_surface(light, point, light_normal_area(normal_area, instance), shading_point);
 }
 
+// A unit vector perpendicular to a unit vector.
 fn light_orthonormal(v: vec3<f32>) -> vec3<f32> {
     let sign = select(-1.0, 1.0, v.z >= 0.0);
     let a = -1.0 / (sign + v.z);
     return vec3(v.x * v.y * a, sign + v.y * v.y * a, -v.y);
 }
 
-fn light_from_sphere(light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, u: vec2<f32>) -> LightIncident {
+fn light_from_sphere(
+    light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, u: vec2<f32>,
+) -> LightIncident {
     let world_center = light_toward(light.a, instance, shading_point);
     let to_center = light_into_tree(instance, world_center);
     let radius = light.c.x;
@@ -152,7 +171,7 @@ fn light_from_sphere(light: LightRecord, instance: LightInstance, shading_point:
         root = sqrt(max(1.0 - sin_sq / sin_max_sq, 0.0));
     }
     let hit = (to_center_length - radius) * (to_center_length + radius) / (to_center_length * cosine + radius * root);
-    let solid_angle = 0.5 * LIGHT_FOUR_PI * one_minus_cos_max * light_volume(instance);
+    let solid_angle = 0.5 * LIGHT_FOUR_PI * one_minus_cos_max * light_volume_scale(instance);
     if hit <= 0.0 || solid_angle < LIGHT_TINY {
         return light_nothing();
     }
@@ -173,13 +192,16 @@ fn light_from_sphere(light: LightRecord, instance: LightInstance, shading_point:
     let dist = sqrt(world_dist_sq);
     var radiance = light.emission;
     // #if RANGES
-    radiance *= light_window(world_dist_sq, light.range);
+    radiance *= light_range_window(world_dist_sq, light.range);
     // #endif
     return light_arriving(shading_point, toward / dist, dist, radiance, cubed / solid_angle, false);
 }
 // #endif
 
-fn light_incident(light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, u: vec2<f32>) -> LightIncident {
+// Samples a point on a light. Twin of `sample_light`.
+fn light_incident(
+    light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, u: vec2<f32>,
+) -> LightIncident {
     // #if CONES | AREAS | DIRECTIONAL
     let kind = light.kind & LIGHT_KIND_MASK;
     // #endif

@@ -1,5 +1,6 @@
-// How much light a node's children probably send to a shading point; zero only where their bounds prove it. Twin of
-// src/importance.rs, which explains it and owns the constants. Four children at a time, one in each lane. Binds nothing.
+// Estimates how much light each child of a node sends to a shading point; 0 only where the child's
+// bounds prove it. Twin of src/importance.rs, which explains it and owns the constants. Four
+// children at a time, one in each lane. Binds nothing.
 
 struct LightShadingPoint {
     // Metres, relative to the world's origin.
@@ -8,20 +9,20 @@ struct LightShadingPoint {
     normal: vec3<f32>,
 }
 
-// A point on a surface; `normal` is a unit vector on the side that is shaded.
+// A point on a surface; `normal` is a unit vector that points to the side that is shaded.
 fn light_surface_point(position: vec3<f32>, normal: vec3<f32>) -> LightShadingPoint {
     return LightShadingPoint(position, normal);
 }
 
-// A point in a volume, which light reaches from all sides.
+// A point in a volume, where light arrives from all sides.
 fn light_volume_point(position: vec3<f32>) -> LightShadingPoint {
     return LightShadingPoint(position, vec3(0.0));
 }
 
-// A shading point in the space of the nodes that are walked.
-struct LightView {
+// A shading point in the space of a tree. Twin of `LocalShadingPoint`.
+struct LightLocalShadingPoint {
     position: vec3<f32>,
-    // Unit, or zero.
+    // A unit vector, or zero.
     normal: vec3<f32>,
     // False in a volume.
     has_normal: bool,
@@ -34,42 +35,91 @@ struct LightView {
     // #endif
 }
 
-struct LightSeenFour {
+struct LightFourImportances {
     importance: vec4<f32>,
     spread: vec4<f32>,
 }
 
-// Of all eight: the columns are children 0 to 3 and 4 to 7.
-struct LightSeen {
+// Of all eight children: the columns are children 0 to 3 and 4 to 7.
+struct LightChildImportances {
+    // Negative if a child is unresolved.
     importance: mat2x4<f32>,
     spread: mat2x4<f32>,
-    total: f32,
+    has_unresolved: bool,
 }
 
-fn light_see(node: LightNode, view: LightView) -> LightSeen {
-    let least = bitcast<vec3<f32>>(node.head.xyz);
-    let origin = least - view.position;
+// Twin of `child_importances`.
+fn light_child_importances(node: LightNode, local: LightLocalShadingPoint) -> LightChildImportances {
+    let corner = bitcast<vec3<f32>>(node.head.xyz);
+    let origin = corner - local.position;
     let half_step = light_half_steps(node.head.w);
-    let far = abs(least) + 2.0 * LIGHT_STEPS * half_step + abs(view.position);
-    let margin = (far.x + far.y + far.z) * view.margin;
-    let first = light_see_four(light_unpack(light_first_four(node), origin, half_step), view, margin);
-    let last = light_see_four(light_unpack(light_last_four(node), origin, half_step), view, margin);
-    let importance = mat2x4(first.importance, last.importance);
-    return LightSeen(importance, mat2x4(first.spread, last.spread), light_sum(importance));
+    let own = abs(local.position);
+    let farthest = abs(corner) + 2.0 * LIGHT_STEPS * half_step + own;
+    let margin = (farthest.x + farthest.y + farthest.z) * local.margin;
+    let error = LIGHT_POSITION_ERROR * (own.x + own.y + own.z) + LIGHT_MIN_POSITION_ERROR;
+    let error_sq = (2.0 * 3.0) * (error * error);
+    let first_four = light_unpack(light_first_four(node), origin, half_step);
+    let first = light_four_importances(first_four, local, margin, error_sq);
+    let last_four = light_unpack(light_last_four(node), origin, half_step);
+    let last = light_four_importances(last_four, local, margin, error_sq);
+    return LightChildImportances(
+        mat2x4(first.importance, last.importance), mat2x4(first.spread, last.spread),
+        any(min(first.importance, last.importance) < vec4(0.0)),
+    );
 }
 
-// Halves first, as `running_sums` adds them.
+// Adds the halves first, as `running_sums` does.
 fn light_sum(v: mat2x4<f32>) -> f32 {
     return ((v[1].w + v[1].z) + (v[1].y + v[1].x)) + ((v[0].w + v[0].z) + (v[0].y + v[0].x));
 }
 
-fn light_see_four(four: LightFour, view: LightView, margin: f32) -> LightSeenFour {
-    let seen = light_estimate(four, view);
-    let is_lit = (four.flux > vec4(0.0)) & !light_provably_dark(four, view, margin);
-    return LightSeenFour(select(vec4(0.0), seen.importance, is_lit), seen.spread);
+// The sum of the resolved importances.
+fn light_resolved_sum(v: mat2x4<f32>) -> f32 {
+    return light_sum(mat2x4(max(v[0], vec4(0.0)), max(v[1], vec4(0.0))));
 }
 
-fn light_estimate(four: LightFour, view: LightView) -> LightSeenFour {
+// The sum of the unresolved importances.
+fn light_unresolved_sum(v: mat2x4<f32>) -> f32 {
+    return light_resolved_sum(mat2x4(-v[0], -v[1]));
+}
+
+// The factor that limits the sum of all unresolved importances to that of the others. Twin of
+// `unresolved_scale`.
+fn light_unresolved_scale(others: f32, unresolved: f32) -> f32 {
+    return select(1.0, others / unresolved, others > 0.0 && unresolved > others);
+}
+
+// Turns importances into weights. Twin of `scale_unresolved`.
+fn light_scale_unresolved(v: mat2x4<f32>, scale: f32) -> mat2x4<f32> {
+    let least = vec4(LIGHT_MIN_IMPORTANCE);
+    return mat2x4(
+        select(v[0], max(-v[0] * scale, least), v[0] < vec4(0.0)),
+        select(v[1], max(-v[1] * scale, least), v[1] < vec4(0.0)),
+    );
+}
+
+// What a walk chooses one of a node's children by: the importances, where those of unresolved
+// children add up to at most the sum of the others. Twin of `child_weights`.
+fn light_child_weights(node: LightNode, local: LightLocalShadingPoint) -> mat2x4<f32> {
+    let children = light_child_importances(node, local);
+    var weights = children.importance;
+    if children.has_unresolved {
+        weights = light_scale_unresolved(
+            weights, light_unresolved_scale(light_resolved_sum(weights), light_unresolved_sum(weights)),
+        );
+    }
+    return weights;
+}
+
+fn light_four_importances(
+    four: LightFour, local: LightLocalShadingPoint, margin: f32, position_error_sq: f32,
+) -> LightFourImportances {
+    let estimate = light_estimate(four, local, position_error_sq);
+    let is_lit = (four.flux > vec4(0.0)) & !light_is_provably_dark(four, local, margin);
+    return LightFourImportances(select(vec4(0.0), estimate.importance, is_lit), estimate.spread);
+}
+
+fn light_estimate(four: LightFour, local: LightLocalShadingPoint, position_error_sq: f32) -> LightFourImportances {
     let x = four.toward[0];
     let y = four.toward[1];
     let z = four.toward[2];
@@ -77,77 +127,78 @@ fn light_estimate(four: LightFour, view: LightView) -> LightSeenFour {
     let dist = sqrt(dist_sq);
     let spread = four.variance / (dist_sq + four.variance);
 
-    let along = view.normal.x * x + view.normal.y * y + view.normal.z * z;
+    let along = local.normal.x * x + local.normal.y * y + local.normal.z * z;
     let rounded = 0.5 * (along + sqrt(along * along + LIGHT_COSINE_WIDTH_SQ * spread * dist_sq));
-    let cosine = select(dist, max(rounded, LIGHT_FLOOR * dist), view.has_normal);
+    let cosine = select(dist, max(rounded, LIGHT_MIN_COSINE * dist), local.has_normal);
 
     var cosines = cosine * (1.0 / dist);
     var reach = dist_sq + LIGHT_VARIANCE_SHARE * four.variance;
-    // What shines to all sides alike has no lobe. Its value is then the distance, and their quotient 1, which a product
-    // with the inverse may miss: so all variants give such lights the same bits.
+    // Lights that shine to all sides alike have no lobe. Their value is then the distance, and the
+    // quotient is 1; a product with the inverse might not be. So all variants give such lights the
+    // same bits.
     // #if CONES
     let lobe = light_lobe(four, spread, dist_sq, dist);
     cosines *= lobe.value / dist;
     reach *= lobe.width_sq;
     // #endif
     let lux = four.flux * (1.0 / LIGHT_FOUR_PI) * (cosines / reach);
-    // NaN is not above the least; WGSL's max may keep it.
+    // NaN is not above the least importance; WGSL's max may keep it.
     let above_least = select(vec4(LIGHT_MIN_IMPORTANCE), lux, lux > vec4(LIGHT_MIN_IMPORTANCE));
-    return LightSeenFour(min(above_least, vec4(LIGHT_MAX_IMPORTANCE)), spread);
+    let importance = min(above_least, vec4(LIGHT_MAX_IMPORTANCE));
+    let is_unresolved = dist_sq + four.variance <= LIGHT_MEAN_ERROR_SQ * four.radius_sq + position_error_sq;
+    return LightFourImportances(select(importance, -importance, is_unresolved), spread);
 }
 
-fn light_provably_dark(four: LightFour, view: LightView, margin: f32) -> vec4<bool> {
-    // Everything below the horizon.
-    let n = view.normal;
-    let steep = abs(n);
-    let highest = margin * (steep.x + steep.y + steep.z)
-        + (n.x * four.center[0] + steep.x * four.half[0])
-        + (n.y * four.center[1] + steep.y * four.half[1])
-        + (n.z * four.center[2] + steep.z * four.half[2]);
-    var is_dark = vec4(view.has_normal) & (highest <= vec4(0.0));
+fn light_is_provably_dark(four: LightFour, local: LightLocalShadingPoint, margin: f32) -> vec4<bool> {
+    // Everything is below the horizon.
+    let n = local.normal;
+    let size = abs(n);
+    let highest = margin * (size.x + size.y + size.z)
+        + (n.x * four.center[0] + size.x * four.half_size[0])
+        + (n.y * four.center[1] + size.y * four.half_size[1])
+        + (n.z * four.center[2] + size.z * four.half_size[2]);
+    var is_dark = vec4(local.has_normal) & (highest <= vec4(0.0));
     // #if RANGES
-    is_dark = is_dark | light_out_of_range(four, view, margin);
+    is_dark = is_dark | light_is_out_of_range(four, local, margin);
     // #endif
     // #if CONES
-    is_dark = is_dark | light_turned_away(four, view, margin);
+    is_dark = is_dark | light_is_turned_away(four, local, margin);
     // #endif
     return is_dark;
 }
 
 // #if RANGES
-// Whether everything is out of range.
-fn light_out_of_range(four: LightFour, view: LightView, margin: f32) -> vec4<bool> {
-    let out_x = max(abs(four.center[0]) - (four.half[0] + margin), vec4(0.0));
-    let out_y = max(abs(four.center[1]) - (four.half[1] + margin), vec4(0.0));
-    let out_z = max(abs(four.center[2]) - (four.half[2] + margin), vec4(0.0));
+fn light_is_out_of_range(four: LightFour, local: LightLocalShadingPoint, margin: f32) -> vec4<bool> {
+    let out_x = max(abs(four.center[0]) - (four.half_size[0] + margin), vec4(0.0));
+    let out_y = max(abs(four.center[1]) - (four.half_size[1] + margin), vec4(0.0));
+    let out_z = max(abs(four.center[2]) - (four.half_size[2] + margin), vec4(0.0));
     let gap_sq = out_x * out_x + out_y * out_y + out_z * out_z;
-    let reach = four.range * (view.range_scale * (1.0 + LIGHT_COSINE_MARGIN));
+    let reach = four.range * (local.range_scale * (1.0 + LIGHT_COSINE_MARGIN));
     return (four.range < vec4(LIGHT_UNLIMITED_RANGE)) & (gap_sq > reach * reach) & (gap_sq <= vec4(LIGHT_MAX_DIST_SQ));
 }
 // #endif
 
 // #if CONES
-// The mixture of a clamped cosine and all sides, times the distance, and the squared width that it is still to be
-// divided by.
 struct LightLobe {
+    // The mixture of a clamped cosine and all sides, times the distance.
     value: vec4<f32>,
+    // The squared width that the value is still to be divided by.
     width_sq: vec4<f32>,
 }
 
 fn light_lobe(four: LightFour, spread: vec4<f32>, dist_sq: vec4<f32>, dist: vec4<f32>) -> LightLobe {
-    let length = min(four.length, vec4(LIGHT_MAX_LOBE_LENGTH));
+    let length = min(four.axis_length, vec4(LIGHT_MAX_LOBE_LENGTH));
     let share = LIGHT_LOBE_SHARE * min(length * (1.0 / LIGHT_LAMBERTIAN), vec4(1.0)) * (1.0 - spread);
-    let least_cos = max(3.0 * length - 2.0, vec4(0.0));
-    let width_sq = (1.0 - least_cos) * (1.0 - least_cos);
+    let min_cos = max(3.0 * length - 2.0, vec4(0.0));
+    let width_sq = (1.0 - min_cos) * (1.0 - min_cos);
     let facing = four.axis[0] * four.toward[0] + four.axis[1] * four.toward[1] + four.axis[2] * four.toward[2];
-    let above = -facing - least_cos * dist;
+    let above = -facing - min_cos * dist;
     let rim = (LIGHT_RIM_WIDTH_SQ * spread + LIGHT_RIM_MIN_SQ * width_sq) * dist_sq;
     let value = (1.0 - share) * width_sq * dist + 2.0 * share * (above + sqrt(above * above + rim));
     return LightLobe(value, width_sq);
 }
 
-// Whether everything is turned away.
-fn light_turned_away(four: LightFour, view: LightView, margin: f32) -> vec4<bool> {
+fn light_is_turned_away(four: LightFour, local: LightLocalShadingPoint, margin: f32) -> vec4<bool> {
     let x = four.center[0];
     let y = four.center[1];
     let z = four.center[2];
@@ -158,9 +209,9 @@ fn light_turned_away(four: LightFour, view: LightView, margin: f32) -> vec4<bool
     let sin = sqrt(max(1.0 - cos * cos, vec4(0.0)));
     let slack = LIGHT_ANGLE_MARGIN * (abs(along) + across) + margin;
     let radius = sqrt(four.radius_sq) + slack;
-    let beside = across * cos - along * sin;
-    let is_behind = (beside > vec4(0.0)) & (along * cos + across * sin < -slack) & (dist_sq > radius * radius);
-    return vec4(view.keeps_angles) & (cos > vec4(-1.0)) & ((beside > radius) | is_behind)
+    let beyond = across * cos - along * sin;
+    let is_behind = (beyond > vec4(0.0)) & (along * cos + across * sin < -slack) & (dist_sq > radius * radius);
+    return vec4(local.keeps_angles) & (cos > vec4(-1.0)) & ((beyond > radius) | is_behind)
         & (dist_sq <= vec4(LIGHT_MAX_DIST_SQ));
 }
 // #endif

@@ -1,10 +1,12 @@
-// What an instance does to places and normals, from what is stored of it. Twin of `Frame` in src/emit.rs and of
-// `InstanceRecord::of`. Binds nothing.
+// Transforms points and normals between an instance's tree and the world. Twin of
+// `InstanceTransform` in src/transform.rs and of `InstanceRecord::of`. Binds nothing.
 
+// The linear part of a map, given by its rows, times a vector.
 fn light_linear(rows: array<vec4<f32>, 3>, v: vec3<f32>) -> vec3<f32> {
     return vec3(dot(rows[0].xyz, v), dot(rows[1].xyz, v), dot(rows[2].xyz, v));
 }
 
+// The transpose of the linear part times a vector.
 fn light_transposed(rows: array<vec4<f32>, 3>, v: vec3<f32>) -> vec3<f32> {
     return rows[0].xyz * v.x + rows[1].xyz * v.y + rows[2].xyz * v.z;
 }
@@ -13,12 +15,13 @@ fn light_translation(rows: array<vec4<f32>, 3>) -> vec3<f32> {
     return vec3(rows[0].w, rows[1].w, rows[2].w);
 }
 
+// A map from its stored rows.
 fn light_rows(x: vec4<u32>, y: vec4<u32>, z: vec4<u32>) -> array<vec4<f32>, 3> {
     return array(bitcast<vec4<f32>>(x), bitcast<vec4<f32>>(y), bitcast<vec4<f32>>(z));
 }
 
 // #if NON_RIGID
-// What the way back is where nothing is stored of it: the transpose, and no scale.
+// The map to the tree's space where none is stored: the transpose, and no scale.
 fn light_rigid_to_local(to_world: array<vec4<f32>, 3>) -> array<vec4<f32>, 3> {
     return array(
         vec4(to_world[0].x, to_world[1].x, to_world[2].x, 1.0),
@@ -30,16 +33,16 @@ fn light_rigid_to_local(to_world: array<vec4<f32>, 3>) -> array<vec4<f32>, 3> {
 
 // A vector of the world in the tree's space.
 fn light_into_tree(instance: LightInstance, v: vec3<f32>) -> vec3<f32> {
-    var inside = light_transposed(instance.to_world, v);
+    var local = light_transposed(instance.to_world, v);
     // #if NON_RIGID
-    inside = light_linear(instance.to_local, v);
+    local = light_linear(instance.to_local, v);
     // #endif
-    return inside;
+    return local;
 }
 
 // #if AREAS
-// Volume in the world of one cubic metre of the tree's space.
-fn light_volume(instance: LightInstance) -> f32 {
+// The volume in the world of one cubic metre of the tree's space.
+fn light_volume_scale(instance: LightInstance) -> f32 {
     var volume = 1.0;
     // #if NON_RIGID
     volume = abs(instance.to_local[0].w);
@@ -47,12 +50,13 @@ fn light_volume(instance: LightInstance) -> f32 {
     return volume;
 }
 
-// A normal times an area, carried along by the cofactors.
+// A normal times an area, transformed by the matrix of cofactors. Twin of
+// `InstanceTransform::normal_area`.
 fn light_normal_area(normal_area: vec3<f32>, instance: LightInstance) -> vec3<f32> {
-    var moved = light_linear(instance.to_world, normal_area);
+    var transformed = light_linear(instance.to_world, normal_area);
     // #if NON_RIGID
-    moved = light_transposed(instance.to_local, normal_area) * abs(instance.to_local[0].w);
+    transformed = light_transposed(instance.to_local, normal_area) * abs(instance.to_local[0].w);
     // #endif
-    return moved;
+    return transformed;
 }
 // #endif

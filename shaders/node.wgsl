@@ -1,6 +1,7 @@
-// Unpacks four children of a node at a time, one in each lane. Twin of `Node::unpack` in src/tree/node.rs. Binds nothing.
+// Unpacks four children of a node at a time, one in each lane. Twin of `Node::unpack` in
+// src/tree/node.rs. Binds nothing.
 
-// What is packed of four children, as it lies in `LightNode`: one word along each axis.
+// The packed data of four children, as stored in `LightNode`: one word per axis.
 struct LightPackedFour {
     low: vec3<u32>,
     high: vec3<u32>,
@@ -17,21 +18,21 @@ struct LightPackedFour {
     // #endif
 }
 
-// Four children as seen from a point. The columns of matrices are x, y and z.
+// Four children relative to a shading point. The columns of matrices are x, y and z.
 struct LightFour {
-    // From the point to the mean position, and to the middle of the box.
+    // From the shading point to the mean position, and to the centre of the box.
     toward: mat3x4<f32>,
     center: mat3x4<f32>,
     // Half the box's edges, and their squared length.
-    half: mat3x4<f32>,
+    half_size: mat3x4<f32>,
     radius_sq: vec4<f32>,
     variance: vec4<f32>,
     flux: vec4<f32>,
     // #if CONES
     // Unit vectors.
     axis: mat3x4<f32>,
-    // Of the mean direction of emission, in [0, 1].
-    length: vec4<f32>,
+    // Length of the mean direction of emission, in [0, 1].
+    axis_length: vec4<f32>,
     cos_half_angle: vec4<f32>,
     // #endif
     // #if RANGES
@@ -77,11 +78,12 @@ fn light_last_four(node: LightNode) -> LightPackedFour {
     return four;
 }
 
+// The four bytes of a word, the lowest first.
 fn light_bytes(word: u32) -> vec4<f32> {
     return vec4<f32>((vec4(word) >> vec4(0u, 8u, 16u, 24u)) & vec4(0xffu));
 }
 
-// From the upper halves of four floats.
+// Four floats from their upper halves.
 fn light_halves(words: vec2<u32>) -> vec4<f32> {
     return bitcast<vec4<f32>>(vec4(words.x << 16u, words.x & 0xffff0000u, words.y << 16u, words.y & 0xffff0000u));
 }
@@ -91,12 +93,12 @@ fn light_step(steps: u32, axis: u32) -> f32 {
     return bitcast<f32>(((steps >> (8u * axis)) & 0xffu) << 23u);
 }
 
-// Half the steps of a node's grid, in metres.
+// Half the step of a node's grid along each axis, in metres.
 fn light_half_steps(steps: u32) -> vec3<f32> {
     return 0.5 * vec3(light_step(steps, 0u), light_step(steps, 1u), light_step(steps, 2u));
 }
 
-// `origin` is the node's, from the point.
+// `origin` is the vector from the shading point to the node's origin.
 fn light_unpack(packed: LightPackedFour, origin: vec3<f32>, half_step: vec3<f32>) -> LightFour {
     let low = mat3x4(light_bytes(packed.low.x), light_bytes(packed.low.y), light_bytes(packed.low.z));
     let high = mat3x4(light_bytes(packed.high.x), light_bytes(packed.high.y), light_bytes(packed.high.z));
@@ -104,18 +106,19 @@ fn light_unpack(packed: LightPackedFour, origin: vec3<f32>, half_step: vec3<f32>
     var four: LightFour;
     for (var k = 0u; k < 3u; k++) {
         let width = high[k] - low[k];
-        four.half[k] = width * half_step[k];
+        four.half_size[k] = width * half_step[k];
         four.center[k] = origin[k] + (high[k] + low[k]) * half_step[k];
         four.toward[k] = origin[k] + (low[k] + width * (mean[k] * (1.0 / LIGHT_STEPS))) * (2.0 * half_step[k]);
     }
-    four.radius_sq = four.half[0] * four.half[0] + four.half[1] * four.half[1] + four.half[2] * four.half[2];
+    four.radius_sq = four.half_size[0] * four.half_size[0] + four.half_size[1] * four.half_size[1]
+        + four.half_size[2] * four.half_size[2];
     let deviation = light_bytes(packed.deviation) * (1.0 / LIGHT_STEPS);
     four.variance = deviation * deviation * four.radius_sq;
     four.flux = light_halves(packed.flux);
     // #if CONES
     four.axis = light_unit_axes(packed.axis);
     let shortness = light_bytes(packed.shortness) * (1.0 / LIGHT_STEPS);
-    four.length = 1.0 - shortness * shortness;
+    four.axis_length = 1.0 - shortness * shortness;
     let cap = light_bytes(packed.cap);
     four.cos_half_angle = select(1.0 - cap * (1.0 / LIGHT_CAP_STEPS), vec4(-1.0), cap >= vec4(2.0 * LIGHT_CAP_STEPS));
     // #endif
@@ -126,10 +129,12 @@ fn light_unpack(packed: LightPackedFour, origin: vec3<f32>, half_step: vec3<f32>
 }
 
 // #if CONES
+// The four signed bytes of a word, the lowest first.
 fn light_signed_bytes(word: u32) -> vec4<f32> {
     return vec4<f32>(bitcast<vec4<i32>>(vec4(word) << vec4(24u, 16u, 8u, 0u)) >> vec4(24u));
 }
 
+// Four directions of unit length from their quantised coordinates.
 fn light_unit_axes(packed: vec3<u32>) -> mat3x4<f32> {
     let x = light_signed_bytes(packed.x);
     let y = light_signed_bytes(packed.y);

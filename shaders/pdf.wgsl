@@ -1,8 +1,9 @@
-// With which density light_sample would have chosen the direction to a point of a light. Twin of src/pdf.rs, which
-// explains it.
+// The density with which light_sample chooses the direction to a point on a light. Twin of
+// src/pdf.rs, which explains it.
 
 // #if AREAS
-// `to_plane` leads from the shading point to any point of the surface.
+// `to_plane` is the vector from the shading point to any point of the surface. Twin of
+// `surface_pdf`.
 fn light_surface_pdf(to_plane: vec3<f32>, normal_area: vec3<f32>, kind: u32, dist_sq: f32) -> f32 {
     var facing_area = -dot(normal_area, to_plane) / sqrt(dist_sq);
     // #if TWO_SIDED
@@ -16,7 +17,10 @@ fn light_surface_pdf(to_plane: vec3<f32>, normal_area: vec3<f32>, kind: u32, dis
     return dist_sq / facing_area;
 }
 
-fn light_sphere_pdf(light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, point: vec3<f32>) -> f32 {
+// Twin of `sphere_pdf`.
+fn light_sphere_pdf(
+    light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, point: vec3<f32>,
+) -> f32 {
     let radius = light.c.x;
     let to_center = light_into_tree(instance, light_toward(light.a, instance, shading_point));
     let dist_sq = dot(to_center, to_center);
@@ -32,7 +36,7 @@ fn light_sphere_pdf(light: LightRecord, instance: LightInstance, shading_point: 
     if hit <= LIGHT_CLOSE * sqrt(dist_sq) {
         local = length(light_into_tree(instance, toward));
     }
-    let solid_angle = 0.5 * LIGHT_FOUR_PI * one_minus_cos_max * light_volume(instance);
+    let solid_angle = 0.5 * LIGHT_FOUR_PI * one_minus_cos_max * light_volume_scale(instance);
     if local <= 0.0 || solid_angle < LIGHT_TINY {
         return 0.0;
     }
@@ -44,8 +48,10 @@ fn light_sphere_pdf(light: LightRecord, instance: LightInstance, shading_point: 
     return cubed / solid_angle;
 }
 
-// Of a light that was chosen. Twin of `point_pdf`.
-fn light_point_pdf(light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, point: vec3<f32>) -> f32 {
+// The density per steradian of the direction to a point on a given light. Twin of `point_pdf`.
+fn light_point_pdf(
+    light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, point: vec3<f32>,
+) -> f32 {
     let toward = point - shading_point.position;
     let dist_sq = dot(toward, toward);
     let is_above = all(shading_point.normal == vec3(0.0)) || dot(shading_point.normal, toward) > 0.0;
@@ -53,7 +59,7 @@ fn light_point_pdf(light: LightRecord, instance: LightInstance, shading_point: L
         return 0.0;
     }
     // #if RANGES
-    if light_window(dist_sq, light.range) <= 0.0 {
+    if light_range_window(dist_sq, light.range) <= 0.0 {
         return 0.0;
     }
     // #endif
@@ -73,16 +79,17 @@ fn light_point_pdf(light: LightRecord, instance: LightInstance, shading_point: L
 }
 // #endif
 
-// The density per steradian with which light_sample chooses this light and the direction to `point`, which lies on it
-// (relative to the world's origin): pmf * pdf, for multiple importance sampling of rays that hit lights. 0 for lights
-// without size, and where light_sample would find nothing.
+// Returns the density with which light_sample chooses a light and the direction to `point`, for
+// multiple importance sampling of rays that hit lights: pmf * pdf, per steradian. `point` lies on
+// the light, in metres relative to the world's origin. 0 for lights without size, and where
+// light_sample would find nothing.
 fn light_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, point: vec3<f32>) -> f32 {
     // #if AREAS
     if instance == LIGHT_DIRECTIONAL {
         return 0.0;
     }
-    let place = light_instance(instance);
-    let pdf = light_point_pdf(light_record(place.light_base + light), place, shading_point, point);
+    let placed = light_instance(instance);
+    let pdf = light_point_pdf(light_record(placed.light_base + light), placed, shading_point, point);
     if pdf > 0.0 {
         return pdf * light_pmf(shading_point, instance, light);
     }

@@ -36,6 +36,7 @@ impl Aabb {
     }
 
     /// The smallest box around both boxes.
+    #[must_use]
     pub fn union(&self, other: &Self) -> Self {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
@@ -71,6 +72,7 @@ impl Aabb {
     /// outward.
     ///
     /// Source: Arvo, Transforming Axis-Aligned Bounding Boxes (Graphics Gems, 1990).
+    #[must_use]
     pub fn transformed(&self, linear: &Mat3, translation: Vec3) -> Self {
         if self.is_empty() {
             return Self::EMPTY;

@@ -1,5 +1,5 @@
-//! Clusters: what a node knows of the lights below it. Bounds prove where no light of it arrives,
-//! and moments estimate how much arrives elsewhere.
+//! Clusters: summaries of groups of lights. Bounds prove where none of their light arrives, and
+//! moments estimate how much arrives elsewhere.
 
 use glam::{Mat3, Vec3};
 
@@ -30,7 +30,7 @@ pub(crate) const MIN_AXIS: f32 = 1.0e-12;
 pub struct Cluster {
     /// Contains every emitting point, in metres.
     pub aabb: Aabb,
-    /// Lumens. 0: no light of the cluster shines.
+    /// The flux of all lights, in lumens. 0 if all of them are dark.
     pub flux: f32,
     /// The part of the flux that comes from surfaces, in lumens. An instance's scale changes only
     /// this part.
@@ -64,8 +64,9 @@ impl Cluster {
     /// The cluster after the transform `x -> linear * x + translation`.
     ///
     /// `flux` is the flux of the transformed lights, see [`Linear::flux`]. The box stays
-    /// conservative. So does the cap: a transform that keeps angles turns it, any other one widens
-    /// it to all directions. The range stays, since it is in metres of the world.
+    /// conservative. So does the cap: a transform that preserves angles rotates it, and any other
+    /// transform widens it to all directions. The range stays, since it is in metres of the world.
+    #[must_use]
     pub fn transformed(&self, map: &Linear, translation: Vec3, flux: f32) -> Self {
         // Normalise first: the square of an area at the least scale times a short mean direction
         // underflows.
@@ -94,12 +95,12 @@ impl Default for Cluster {
 pub struct Linear {
     /// The matrix. Its columns are the images of the axes.
     pub linear: Mat3,
-    /// Transforms normals of the length of their area: the matrix of cofactors, negated for
-    /// mirrors.
+    /// Transforms a normal whose length is an area: the matrix of cofactors, negated for mirrors.
     pub cofactor: Mat3,
     /// The determinant of `linear`.
     pub determinant: f32,
-    /// Whether the transform keeps angles: it is made of rotations, mirrors and uniform scales.
+    /// Whether the transform preserves angles: it consists of rotations, mirrors and uniform
+    /// scales.
     pub is_similarity: bool,
     /// The mean of the squared singular values.
     pub mean_square_scale: f32,
@@ -115,7 +116,7 @@ impl Linear {
         self.determinant > 0.0 && gram.to_cols_array().iter().all(|e| e.abs() <= RIGID_TOLERANCE)
     }
 
-    /// Derives the other values from a matrix, which may be singular.
+    /// Derives all values from a matrix, which may be singular.
     pub fn new(linear: Mat3) -> Self {
         let (x, y, z) = (linear.x_axis, linear.y_axis, linear.z_axis);
         // In f64: an inverse that lost its digits would bound nothing.
@@ -147,7 +148,7 @@ impl Linear {
     ///
     /// `axis` is the cluster's mean direction. As far as the normals agree, an area changes by the
     /// factor of its normal; for the rest it changes by the mean factor of all normals. Exact for
-    /// uniform scales and for flat emitters.
+    /// uniform scales and for flat emitters. At most 1e34.
     pub fn flux(&self, punctual: f32, area: f32, axis: Vec3) -> f32 {
         let all_sides = (self.cofactor.to_cols_array().iter().map(|e| e * e).sum::<f32>() / 3.0).sqrt();
         // A flat emitter has a mean direction of length 2/3.

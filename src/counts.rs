@@ -1,23 +1,25 @@
-//! How much work one sample may take, as types that cannot hold a value out of range.
+//! Limits on the work of one sample, as types that cannot hold a value out of range.
 
 use std::fmt;
 
 use crate::error::CountError;
 
-/// The most splits of a [`SplitCount`]: GPUs keep the clusters of a cut in registers.
+/// The largest [`SplitCount`]. It is small because GPUs keep the candidates of a cut in registers.
 pub const MAX_SPLITS: usize = 8;
 
-/// The most candidates of a [`CandidateCount`].
+/// The largest [`CandidateCount`].
 pub const MAX_CANDIDATES: u32 = 32;
 
-/// How many clusters are split, at most, before a light is chosen: 0 to [`MAX_SPLITS`].
+/// The number of clusters that may be split before a light is chosen: 0 to [`MAX_SPLITS`].
 ///
-/// Each split takes the time of one node and lowers the noise near lights. `docs/benchmarks.md` has the curve.
+/// A split replaces a cluster by its children. Each one takes the time of a node and lowers the
+/// noise near lights; `docs/benchmarks.md` has the curve. Fewer clusters are split where no split
+/// would lower the noise.
 ///
 /// ```
 /// use girandole::SplitCount;
 /// assert_eq!(SplitCount::new(4)?.get(), 4);
-/// assert_eq!(SplitCount::of::<4>().get(), 4); // checked when it is compiled
+/// assert_eq!(SplitCount::of::<4>().get(), 4); // checked at compile time
 /// assert!(SplitCount::new(9).is_err());
 /// # Ok::<(), girandole::CountError>(())
 /// ```
@@ -25,14 +27,15 @@ pub const MAX_CANDIDATES: u32 = 32;
 pub struct SplitCount(u8);
 
 impl SplitCount {
-    /// A plain walk from the root.
+    /// No splits: a light is chosen by a plain walk from the root.
     pub const NONE: Self = Self(0);
-    /// Six: about the time of a sample by pbrt-v4's formula (docs/decisions.md, 13).
+    /// Six splits. A sample then takes about as long as one by pbrt-v4's formula
+    /// (docs/decisions.md, 13).
     pub const DEFAULT: Self = Self(6);
     /// [`MAX_SPLITS`].
     pub const MAX: Self = Self(MAX_SPLITS as u8);
 
-    /// At most `COUNT` splits; does not compile above [`MAX_SPLITS`].
+    /// At most `COUNT` splits. Does not compile above [`MAX_SPLITS`].
     pub const fn of<const COUNT: usize>() -> Self {
         const { assert!(COUNT <= MAX_SPLITS, "more splits than MAX_SPLITS") };
         Self(COUNT as u8)
@@ -49,7 +52,7 @@ impl SplitCount {
         Ok(Self(count as u8))
     }
 
-    /// The number.
+    /// Returns the number.
     pub const fn get(self) -> usize {
         self.0 as usize
     }
@@ -67,17 +70,20 @@ impl Default for SplitCount {
     }
 }
 
-/// How many candidates one sample is resampled from: 1 to [`MAX_CANDIDATES`].
+/// The number of candidates that one sample is resampled from: 1 to [`MAX_CANDIDATES`].
+///
+/// See [`LightSampler::resample`](crate::LightSampler::resample). Each candidate takes a walk down
+/// the trees and a point on a light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct CandidateCount(u8);
 
 impl CandidateCount {
-    /// One: resampling then equals plain sampling.
+    /// One candidate: resampling then equals plain sampling.
     pub const ONE: Self = Self(1);
     /// [`MAX_CANDIDATES`].
     pub const MAX: Self = Self(MAX_CANDIDATES as u8);
 
-    /// `COUNT` candidates; does not compile for 0 and above [`MAX_CANDIDATES`].
+    /// `COUNT` candidates. Does not compile for 0 or above [`MAX_CANDIDATES`].
     pub const fn of<const COUNT: u32>() -> Self {
         const { assert!(COUNT > 0 && COUNT <= MAX_CANDIDATES, "candidates outside 1 to MAX_CANDIDATES") };
         Self(COUNT as u8)
@@ -86,7 +92,7 @@ impl CandidateCount {
     /// `count` candidates.
     ///
     /// # Errors
-    /// [`CountError`] for 0 and above [`MAX_CANDIDATES`].
+    /// [`CountError`] for 0 or above [`MAX_CANDIDATES`].
     pub const fn new(count: u32) -> Result<Self, CountError> {
         if count == 0 || count > MAX_CANDIDATES {
             let max = MAX_CANDIDATES as usize;
@@ -95,7 +101,7 @@ impl CandidateCount {
         Ok(Self(count as u8))
     }
 
-    /// The number.
+    /// Returns the number.
     pub const fn get(self) -> u32 {
         self.0 as u32
     }
@@ -112,7 +118,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn counts_hold_their_limits_and_refuse_one_past_them() {
+    fn counts_accept_their_limits_and_refuse_one_past_them() {
         assert_eq!(SplitCount::new(MAX_SPLITS), Ok(SplitCount::MAX));
         assert_eq!(SplitCount::new(0), Ok(SplitCount::NONE));
         assert_eq!(SplitCount::new(MAX_SPLITS + 1).map_err(|e| (e.given, e.max)), Err((9, 8)));

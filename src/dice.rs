@@ -1,7 +1,8 @@
 //! Random numbers for chains of choices, and the arithmetic of their probabilities.
 //!
-//! Twin of `shaders/dice.wgsl`. A choice rescales its random number, as is usual, and so consumes its leading bits. The
-//! lost bits are replaced from a hash of all bits; otherwise every choice past the 24th bit would be the same.
+//! Twin of `shaders/dice.wgsl`. A choice remaps its random number to [0, 1), as is usual, and so
+//! consumes its leading bits. A hash of all bits replaces the lost ones; otherwise all choices past
+//! the 24th bit would be the same.
 
 /// The largest f32 below 1.
 pub(crate) const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON / 2.0;
@@ -9,22 +10,23 @@ pub(crate) const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON / 2.0;
 /// Spacing of the random numbers in [0.5, 1).
 pub(crate) const U_STEP: f32 = f32::EPSILON / 2.0;
 
-/// Chances below this count as this: a chance that rounds to zero would divide by zero, or hide a light that
-/// contributes. Far below what random numbers of 24 bits can tell, so no sum of chances notices.
-pub(crate) const MIN_CHANCE: f32 = 1.0e-30;
+/// The least probability above 0. One that rounded to 0 would be divided by, or would hide a light
+/// that contributes. It is far below the spacing of 24-bit random numbers, so the sum of all
+/// probabilities does not show it.
+pub(crate) const MIN_PMF: f32 = 1.0e-30;
 
-/// The chance of two choices; 0 only if one of them is impossible. The floor is the same in whatever order chances are
-/// joined.
-pub(crate) fn joint(a: f32, b: f32) -> f32 {
-    if a > 0.0 && b > 0.0 { (a * b).max(MIN_CHANCE) } else { 0.0 }
+/// The probability of two independent choices; 0 only if one of them is impossible. The floor does
+/// not depend on the order in which probabilities are multiplied.
+pub(crate) fn joint_pmf(a: f32, b: f32) -> f32 {
+    if a > 0.0 && b > 0.0 { (a * b).max(MIN_PMF) } else { 0.0 }
 }
 
-/// The chance of a choice of weight `value`, which is part of `total`; 0 only if the weight is.
-pub(crate) fn share(value: f32, total: f32) -> f32 {
-    if value > 0.0 { (value / total).max(MIN_CHANCE) } else { 0.0 }
+/// The probability of a choice whose weight is a part of `total`; 0 only if the weight is 0.
+pub(crate) fn choice_pmf(weight: f32, total: f32) -> f32 {
+    if weight > 0.0 { (weight / total).max(MIN_PMF) } else { 0.0 }
 }
 
-/// A random number that can be used for any number of choices.
+/// A random number that serves any number of choices in turn.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Dice {
     u: f32,
@@ -32,25 +34,26 @@ pub(crate) struct Dice {
 }
 
 impl Dice {
-    /// From a number in [0, 1) and more bits to refresh it with.
+    /// Starts from `u` in [0, 1); the bits of `more` go into the hash as well.
     pub fn new(u: f32, more: f32) -> Self {
         Self { u: clamp_unit(u), state: hash(u.to_bits() ^ hash(more.to_bits())) }
     }
 
-    /// Where a choice falls, in [0, `total`).
+    /// The point in [0, `total`) that decides a choice among weights with that sum.
     pub fn point(&self, total: f32) -> f32 {
         self.u * total
     }
 
-    /// After the interval of `length` (a share of 1) was chosen, `offset` into it: stretches the rest to [0, 1).
-    pub fn stretch(&mut self, offset: f32, length: f32) {
+    /// Remaps the number to [0, 1) after a choice: the chosen interval has `length`, and the number
+    /// lies `offset` inside it, both as shares of all weights.
+    pub fn remap(&mut self, offset: f32, length: f32) {
         self.state = hash(self.state);
         let fresh = (self.state >> 8) as f32 * U_STEP * U_STEP;
         self.u = clamp_unit((offset + fresh) / length);
     }
 }
 
-/// NaN becomes 0: `max` returns the other operand, while `clamp` would keep it.
+/// Clamps to [0, 1). NaN becomes 0: `max` returns the other operand, while `clamp` would keep it.
 #[allow(clippy::manual_clamp, reason = "not the same for NaN")]
 pub(crate) fn clamp_unit(u: f32) -> f32 {
     u.max(0.0).min(ONE_MINUS_EPSILON)
@@ -69,8 +72,9 @@ mod tests {
 
     #[test]
     fn a_number_stays_uniform_after_sixty_choices() {
-        // 60 halvings use up 24 bits more than twice; without fresh bits the last choices would all be alike.
-        // 4096 trials of a fair coin: a share outside 0.5 +- 0.04 has a chance below 4e-7.
+        // 60 halvings use up 24 bits more than twice; without fresh bits the last choices would all
+        // be the same. 4096 trials of a fair coin: a share outside 0.5 +- 0.04 has a probability
+        // below 4e-7.
         let mut heads = 0;
         for trial in 0..4096_u32 {
             let mut dice = Dice::new((trial as f32 + 0.5) / 4096.0, 0.25);
@@ -78,7 +82,7 @@ mod tests {
             for _ in 0..60 {
                 let point = dice.point(1.0);
                 head = point >= 0.5;
-                dice.stretch(if head { point - 0.5 } else { point }, 0.5);
+                dice.remap(if head { point - 0.5 } else { point }, 0.5);
             }
             heads += u32::from(head);
         }
@@ -86,12 +90,12 @@ mod tests {
     }
 
     #[test]
-    fn the_ends_of_the_interval_and_nonsense_stay_inside() {
+    fn numbers_outside_the_unit_interval_and_nan_are_clamped_into_it() {
         for u in [0.0, ONE_MINUS_EPSILON, 1.0, -1.0, f32::NAN, f32::INFINITY] {
             let mut dice = Dice::new(u, u);
             for _ in 0..100 {
                 assert!((0.0..1.0).contains(&dice.point(1.0)));
-                dice.stretch(dice.point(1.0), 1.0);
+                dice.remap(dice.point(1.0), 1.0);
             }
         }
     }

@@ -1,89 +1,101 @@
-//! The chances of all lights in one pass, for measures that need every one of them.
+//! The probabilities of all lights in one pass, for measures that need every one of them.
 //!
-//! The same cut and the same ratios as in `walk.rs`, but joined from the cut down instead of from a light up: a node is
-//! weighed once for all lights below it.
+//! The cut and the ratios are those of `walk.rs`, but probabilities are multiplied from the cut
+//! down instead of from a light up: each node is evaluated once for all lights below it.
 
 use crate::counts::SplitCount;
-use crate::dice::{joint, share};
-use crate::importance::{running_sums, see};
+use crate::cut::{Cut, InstanceTrees, NO_INSTANCE, NoInstances, TreeView};
+use crate::dice::{choice_pmf, joint_pmf};
+use crate::importance::{child_weights, running_sums};
 use crate::shading_point::ShadingPoint;
 use crate::simd::{Job, with_vectors};
 use crate::tree::{LightTree, Target, WIDTH};
-use crate::walk::{Cut, Forest, NO_INSTANCE, NoForest, Scene};
 
 impl LightTree {
-    /// The chance of every light, by its index: what [`LightTree::pmf`] tells of each, up to rounding. O(lights).
+    /// Computes the probability of every light, by its index: what [`LightTree::pmf`] returns for
+    /// each, up to rounding.
     ///
-    /// Fills `chances`, whatever it held. As [`LightSampler::distribution`](crate::LightSampler::distribution); `splits` as in
-    /// [`LightSampler::with_splits`](crate::LightSampler::with_splits).
-    pub fn distribution(&self, shading_point: &ShadingPoint, splits: SplitCount, chances: &mut Vec<f32>) {
-        chances.clear();
-        chances.resize(self.lights().len(), 0.0);
-        let root = Scene::alone(self.nodes(), shading_point);
-        with_vectors(Spread { root, splits, beside: 0.0, forest: &NoForest, starts: &[], chances });
+    /// The shading point is in the tree's space. Replaces the content of `pmfs`. `splits` is as for
+    /// [`LightSampler::with_splits`](crate::LightSampler::with_splits). O(lights).
+    pub fn distribution(&self, shading_point: &ShadingPoint, splits: SplitCount, pmfs: &mut Vec<f32>) {
+        pmfs.clear();
+        pmfs.resize(self.lights().len(), 0.0);
+        let root = TreeView::of_tree(self.nodes(), shading_point);
+        let job =
+            DistributionJob { root, splits, directional_lux: 0.0, instance_trees: &NoInstances, starts: &[], pmfs };
+        with_vectors(job);
     }
 }
 
-/// Gives every light of the root's tree and those behind it its chance; returns the lux of all and what stands `beside`.
-pub(crate) struct Spread<'a, 'f, F> {
-    pub root: Scene<'a>,
+/// Computes the probability of every light of the root's tree and of the instances below it.
+/// Returns the lux of all candidates and directional lights.
+pub(crate) struct DistributionJob<'a, 't, T> {
+    pub root: TreeView<'a>,
     pub splits: SplitCount,
-    pub beside: f32,
-    pub forest: &'f F,
-    /// Where the lights of the instance in each slot begin.
-    pub starts: &'f [usize],
+    /// The illuminance by all directional lights.
+    pub directional_lux: f32,
+    pub instance_trees: &'t T,
+    /// For each slot the index in `pmfs` of its instance's first light.
+    pub starts: &'t [usize],
     /// 0 at first.
-    pub chances: &'f mut [f32],
+    pub pmfs: &'t mut [f32],
 }
 
-impl<'a, F: Forest<'a>> Job for Spread<'a, '_, F> {
+impl<'a, T: InstanceTrees<'a>> Job for DistributionJob<'a, '_, T> {
     type Output = f32;
 
     #[inline(always)]
     fn run(self) -> f32 {
-        let Self { root, splits, beside, forest, starts, chances } = self;
-        let cut = Cut::new(root, splits, forest);
-        let total = cut.total() + beside;
-        let of_trees = if beside > 0.0 { share(cut.total(), total) } else { 1.0 };
-        let (mut stack, mut inner) = (Vec::new(), Vec::new());
-        for (scene, target, chance) in cut.candidates() {
-            let chance = joint(of_trees, chance);
-            if !scene.is_top {
-                let start = if scene.instance == NO_INSTANCE { 0 } else { starts[scene.instance as usize] };
-                below(scene, target, chance, &mut inner, |light, chance| chances[start + light as usize] = chance);
+        let Self { root, splits, directional_lux, instance_trees, starts, pmfs } = self;
+        let cut = Cut::new(root, splits, directional_lux, instance_trees);
+        let total = cut.total() + directional_lux;
+        let cut_pmf = if directional_lux > 0.0 { choice_pmf(cut.total(), total) } else { 1.0 };
+        let (mut stack, mut inner_stack) = (Vec::new(), Vec::new());
+        for (tree, target, weight) in cut.candidates() {
+            let pmf = joint_pmf(cut_pmf, choice_pmf(weight, cut.total()));
+            if !tree.is_top {
+                let start = if tree.instance == NO_INSTANCE { 0 } else { starts[tree.instance as usize] };
+                visit_leaves(tree, target, pmf, &mut inner_stack, |light, pmf| pmfs[start + light as usize] = pmf);
                 continue;
             }
-            below(scene, target, chance, &mut stack, |slot, chance| {
-                let Some(tree) = forest.enter(slot).filter(|tree| !tree.nodes.is_empty()) else { return };
+            visit_leaves(tree, target, pmf, &mut stack, |slot, pmf| {
+                let tree = instance_trees.tree_view(slot).filter(|tree| !tree.nodes.is_empty());
+                let Some(tree) = tree else { return };
                 let start = starts[slot as usize];
-                let found = |light: u32, chance| chances[start + light as usize] = chance;
-                below(&tree, Target::Node(0), chance, &mut inner, found);
+                let visit = |light: u32, pmf| pmfs[start + light as usize] = pmf;
+                visit_leaves(&tree, Target::Node(0), pmf, &mut inner_stack, visit);
             });
         }
         total
     }
 }
 
-/// Every leaf of a tree at or below `target`, with its chance, given that of `target`. `stack` is empty, before and
-/// after.
+/// Visits every leaf of a tree at or below `target` with its probability; `pmf` is that of
+/// `target`. `stack` is empty before and after.
 #[inline(always)]
-fn below(scene: &Scene<'_>, target: Target, chance: f32, stack: &mut Vec<(u32, f32)>, mut found: impl FnMut(u32, f32)) {
+fn visit_leaves(
+    tree: &TreeView<'_>,
+    target: Target,
+    pmf: f32,
+    stack: &mut Vec<(u32, f32)>,
+    mut visit: impl FnMut(u32, f32),
+) {
     match target {
-        Target::Leaf(leaf) => return found(leaf, chance),
-        Target::Node(node) => stack.push((node, chance)),
+        Target::Leaf(leaf) => return visit(leaf, pmf),
+        Target::Node(node) => stack.push((node, pmf)),
     }
-    while let Some((node, chance)) = stack.pop() {
-        let record = &scene.nodes[node as usize];
-        let values = see(record, &scene.view).importance;
-        let total = running_sums(&values)[WIDTH - 1];
+    while let Some((node, pmf)) = stack.pop() {
+        let record = &tree.nodes[node as usize];
+        let weights = child_weights(record, &tree.local);
+        let total = running_sums(&weights)[WIDTH - 1];
         for slot in 0..WIDTH {
-            if values[slot] <= 0.0 {
+            if weights[slot] <= 0.0 {
                 continue;
             }
-            let chance = joint(chance, share(values[slot], total));
+            let pmf = joint_pmf(pmf, choice_pmf(weights[slot], total));
             match record.target(slot) {
-                Some(Target::Leaf(leaf)) => found(leaf, chance),
-                Some(Target::Node(node)) => stack.push((node, chance)),
+                Some(Target::Leaf(leaf)) => visit(leaf, pmf),
+                Some(Target::Node(node)) => stack.push((node, pmf)),
                 None => {}
             }
         }

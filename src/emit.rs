@@ -1,7 +1,9 @@
-//! From a chosen light to the light that arrives: a point on it, its radiance, and the density of that choice.
+//! Samples a point on a chosen light: its direction, its radiance, and the density of the
+//! direction.
 //!
-//! Twin of `shaders/emit.wgsl`. Everything is computed in the world, so that flattened, sheared and mirrored
-//! instances are exact; a sphere is sampled in its own space, where it is round.
+//! Twin of `shaders/emit.wgsl`. Everything is computed in the world, so that flattened, sheared and
+//! mirrored instances are exact. A sphere is the exception: it is sampled in its tree's space,
+//! where it is round.
 
 use std::f32::consts::PI;
 
@@ -11,73 +13,78 @@ use crate::light::{Light, Shape, range_window, spot_falloff};
 use crate::shading_point::ShadingPoint;
 use crate::transform::InstanceTransform;
 
-/// Light that arrives at a shading point, not yet shadowed.
+/// The light that arrives at a shading point from a point on a light, not yet shadowed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Incident {
-    /// Unit vector from the shading point to the light.
+    /// Unit vector from the shading point to the point on the light.
     pub direction: Vec3,
-    /// Metres; infinity for a directional light.
+    /// Distance to the point in metres; infinity for a directional light.
     pub dist: f32,
-    /// Nits for surfaces; for points, spots and directional lights the illuminance in lux of a surface that faces them.
+    /// Radiance in nits for surfaces. For points, spots and directional lights the illuminance, in
+    /// lux, of a surface that faces them.
     pub radiance: Vec3,
-    /// Per steradian for surfaces; 1 for points, spots and directional lights.
+    /// Density of the direction per steradian for surfaces; 1 for points, spots and directional
+    /// lights.
     pub pdf: f32,
-    /// A light without size: there is nothing to hit, and `pdf` is no density.
+    /// True for lights without size: rays cannot hit them, and `pdf` is no density.
     pub is_delta: bool,
 }
 
-/// A shading point on the light itself gets infinitely much, which no number can say: nearer than this it counts as nothing.
-/// Square metres; the brightest lamp stays inside f32.
+/// The squared distance, in square metres, below which a point on a light counts as sending
+/// nothing. On the light itself the illuminance is infinite; from this distance on that of the
+/// brightest lamp fits into f32.
 pub(crate) const MIN_DIST_SQ: f32 = 1.0e-22;
 
-/// Densities outside these, per steradian and its inverse, belong to surfaces seen from their edge or touched: their
-/// quotients would leave f32.
+/// The least density per steradian. Densities outside [`MIN_PDF`, 1 / `MIN_INVERSE_PDF`] occur
+/// where a surface is seen from its edge or touched; quotients with them would leave f32.
 pub(crate) const MIN_PDF: f32 = 1.0e-36;
 /// See [`MIN_PDF`].
 pub(crate) const MIN_INVERSE_PDF: f32 = 1.0e-30;
 
-/// Nearer to a sphere's surface than this share of the way to its centre, differences of positions lose digits.
+/// A share of the distance to a sphere's centre. If the sphere's surface is nearer than that,
+/// differences of positions lose digits.
 pub(crate) const CLOSE: f32 = 0.1;
 
-/// Samples a point of a light. `None` if that point sends nothing to the shading point: it faces away, is out of range, or
-/// lies behind the shading point's surface.
+/// Samples a point on a light. `None` if that point sends nothing to the shading point, because it
+/// faces away, is out of range, or lies behind the shading point's surface.
 ///
-/// Surfaces are sampled evenly over their area, spheres over the solid angle that they cover (PBRT4 6.2.4).
+/// Surfaces are sampled uniformly by area, spheres uniformly by the solid angle that they subtend
+/// (PBRT4 6.2.4).
 pub(crate) fn sample_light(
     light: &Light,
     frame: &InstanceTransform,
     shading_point: &ShadingPoint,
     u: [f32; 2],
 ) -> Option<Incident> {
-    // What rounds to no flux has no chance either.
+    // A light whose flux rounds to 0 has the probability 0 as well.
     (light.flux() > 0.0).then_some(())?;
     match light.shape {
-        Shape::Point { position } => delta(light, frame.toward(position, shading_point), 1.0, shading_point),
+        Shape::Point { position } => from_delta(light, frame.toward(position, shading_point), 1.0, shading_point),
         Shape::Spot { position, direction, inner_angle, outer_angle } => {
             let toward = frame.toward(position, shading_point);
             let axis = (frame.to_world * direction).normalize_or_zero();
             let cos = -axis.dot(toward.normalize_or_zero());
             let (scale, offset) = spot_falloff(inner_angle, outer_angle);
             let falloff = (cos * scale + offset).clamp(0.0, 1.0);
-            delta(light, toward, falloff * falloff, shading_point)
+            from_delta(light, toward, falloff * falloff, shading_point)
         }
         Shape::Rectangle { center, half_u, half_v, two_sided } => {
             let (a, b) = (frame.to_world * half_u, frame.to_world * half_v);
             let toward = frame.toward(center, shading_point) + a * (2.0 * u[0] - 1.0) + b * (2.0 * u[1] - 1.0);
-            surface(light, toward, frame.normal_area(half_u.cross(half_v) * 4.0), two_sided, shading_point)
+            from_surface(light, toward, frame.normal_area(half_u.cross(half_v) * 4.0), two_sided, shading_point)
         }
         Shape::Triangle { vertices, two_sided } => {
             let [p, q, r] = vertices;
             let (a, b) = (frame.to_world * (q - p), frame.to_world * (r - p));
             let root = u[0].sqrt();
             let toward = frame.toward(p, shading_point) + a * (root * (1.0 - u[1])) + b * (root * u[1]);
-            surface(light, toward, frame.normal_area((q - p).cross(r - p) * 0.5), two_sided, shading_point)
+            from_surface(light, toward, frame.normal_area((q - p).cross(r - p) * 0.5), two_sided, shading_point)
         }
-        Shape::Sphere { center, radius } => sphere(light, center, radius, frame, shading_point, u),
+        Shape::Sphere { center, radius } => from_sphere(light, center, radius, frame, shading_point, u),
     }
 }
 
-fn delta(light: &Light, toward: Vec3, falloff: f32, shading_point: &ShadingPoint) -> Option<Incident> {
+fn from_delta(light: &Light, toward: Vec3, falloff: f32, shading_point: &ShadingPoint) -> Option<Incident> {
     let dist_sq = toward.length_squared();
     let share = falloff * range_window(dist_sq, light.range) / dist_sq;
     let dist = dist_sq.sqrt();
@@ -85,8 +92,8 @@ fn delta(light: &Light, toward: Vec3, falloff: f32, shading_point: &ShadingPoint
     arriving(shading_point, toward / dist, dist, light.emission * share, 1.0, true)
 }
 
-/// `normal_area` is the front normal times the area.
-fn surface(
+/// `normal_area` is the normal of the front times the area.
+fn from_surface(
     light: &Light,
     toward: Vec3,
     normal_area: Vec3,
@@ -105,12 +112,12 @@ fn surface(
     arriving(shading_point, direction, dist, radiance, dist_sq / facing_area, false)
 }
 
-/// Whether a quotient is a density that f32 can work with.
+/// Whether a quotient is a density inside the limits that [`MIN_PDF`] describes.
 pub(crate) fn is_density(dividend: f32, divisor: f32) -> bool {
     divisor >= dividend * MIN_INVERSE_PDF && dividend >= divisor * MIN_PDF
 }
 
-fn sphere(
+fn from_sphere(
     light: &Light,
     center: Vec3,
     radius: f32,
@@ -118,12 +125,12 @@ fn sphere(
     shading_point: &ShadingPoint,
     u: [f32; 2],
 ) -> Option<Incident> {
-    // From the world's direction to the centre: local coordinates of a far shading point would cancel.
+    // Transforms the vector to the centre: local coordinates of a far shading point would cancel.
     let world_center = frame.toward(center, shading_point);
     let to_center = frame.to_local * world_center;
     let dist_sq = to_center.length_squared();
     let sin_max_sq = radius * radius / dist_sq;
-    // From inside nothing is seen: a sphere emits outward.
+    // A sphere emits outward: inside of it nothing arrives.
     (dist_sq >= f32::MIN_POSITIVE && sin_max_sq < 1.0).then_some(())?;
     let to_center_length = dist_sq.sqrt();
     let cos_max = (1.0 - sin_max_sq).sqrt();
@@ -135,24 +142,26 @@ fn sphere(
     let side = axis.any_orthonormal_vector();
     let (sin_phi, cos_phi) = (2.0 * PI * u[1]).sin_cos();
     let around = side * cos_phi + axis.cross(side) * sin_phi;
-    // How far along the ray the sphere is: the smaller root of a quadratic, by the product of both.
+    // The distance along the ray is the smaller root of a quadratic, computed from the product of
+    // both roots.
     let root = if sin_max_sq > 0.0 { (1.0 - sin_sq / sin_max_sq).sqrt() } else { 0.0 };
     let hit = (to_center_length - radius) * (to_center_length + radius) / (to_center_length * cos + radius * root);
     let (toward, stretch) = if hit > CLOSE * to_center_length {
-        // Through the point that is hit, which lies on the sphere however flat the instance makes it: a direction
-        // carried out of a squeezed space would not even point there.
+        // The direction goes through the point that is hit, which lies on the sphere however flat
+        // the instance makes it. A direction that is transformed out of a squeezed space may miss
+        // the sphere.
         let cos_normal = (sin_sq / sin_max_sq.sqrt() + cos * root).min(1.0);
         let normal = around * (1.0 - cos_normal * cos_normal).sqrt() - axis * cos_normal;
         let toward = world_center + frame.to_world * (normal * radius);
         (toward, toward.length() / hit)
     } else {
-        // So close that the point and the shading point would cancel.
+        // The sphere is so close that the difference of the two points would cancel.
         let world = frame.to_world * (axis * cos + around * sin_sq.sqrt());
         (world * hit, world.length())
     };
     let dist_sq = toward.length_squared();
     let dist = dist_sq.sqrt();
-    // A solid angle in the sphere's space is |det| / stretch^3 of it in the world.
+    // A solid angle in the sphere's space times |det| / stretch^3 is that in the world.
     let (cubed, solid_angle) = (stretch * stretch * stretch, 2.0 * PI * one_minus_cos_max * frame.determinant.abs());
     let is_lit = solid_angle >= f32::MIN_POSITIVE && hit > 0.0 && dist_sq >= MIN_DIST_SQ;
     (is_lit && is_density(cubed, solid_angle)).then_some(())?;
@@ -168,8 +177,8 @@ fn arriving(
     pdf: f32,
     is_delta: bool,
 ) -> Option<Incident> {
-    let above = shading_point.normal == Vec3::ZERO || shading_point.normal.dot(direction) > 0.0;
-    (above && radiance != Vec3::ZERO && direction.is_finite()).then_some(Incident {
+    let is_above = shading_point.normal == Vec3::ZERO || shading_point.normal.dot(direction) > 0.0;
+    (is_above && radiance != Vec3::ZERO && direction.is_finite()).then_some(Incident {
         direction,
         dist,
         radiance,

@@ -4,8 +4,8 @@
 //!
 //! # Codes
 //! Every error has a `code()`, a stable number for engines that pass errors through C or a log. A
-//! code keeps its meaning in all later versions, and a new error gets a new code. An error that
-//! wraps another returns the code of the inner one. The ranges:
+//! code keeps its meaning in all later versions, and a new error gets a new code. A [`WorldError`]
+//! that wraps another error returns the code of the inner error. The ranges:
 //!
 //! | codes | type |
 //! |---|---|
@@ -16,7 +16,7 @@
 //! | 500 | [`CountError`] |
 //! | 600 to 699 | `gpu::GpuError` |
 //! | 700 to 799 | `gltf::GltfError` |
-//! | 800 | [`CheckError`](crate::tree::CheckError) |
+//! | 800 | `tree::CheckError` |
 
 use glam::DVec3;
 
@@ -29,7 +29,7 @@ pub enum LightError {
     /// A number is NaN or infinite.
     #[error("{what} is {value}, not a finite number")]
     NotFinite {
-        /// The field.
+        /// The name of the field.
         what: &'static str,
         /// The given value.
         value: f32,
@@ -37,7 +37,7 @@ pub enum LightError {
     /// A number lies outside the range that the kind of light allows.
     #[error("{what} is {value}, outside {min} to {max}")]
     OutOfRange {
-        /// The field.
+        /// The name of the field.
         what: &'static str,
         /// The given value.
         value: f32,
@@ -49,13 +49,13 @@ pub enum LightError {
     /// A direction is the zero vector.
     #[error("{what} has no direction: its length is 0")]
     NoDirection {
-        /// The field.
+        /// The name of the field.
         what: &'static str,
     },
     /// A direction is not of unit length.
     #[error("{what} has length {length}; it must be a unit vector, to within {tolerance}")]
     NotUnitLength {
-        /// The field.
+        /// The name of the field.
         what: &'static str,
         /// The length of the given vector.
         length: f32,
@@ -65,7 +65,7 @@ pub enum LightError {
     /// A number is zero, negative or NaN.
     #[error("{what} is {value}; it must be above 0")]
     NotPositive {
-        /// The field.
+        /// The name of the field.
         what: &'static str,
         /// The given value.
         value: f32,
@@ -85,7 +85,7 @@ impl LightError {
     }
 }
 
-/// Why a world or a tree refused a call. It is as it was before the call. Codes 200 to 208, or the
+/// Why a world or a tree refused a call, which has then changed nothing. Codes 200 to 208, or the
 /// code of the [`LightError`] or [`PlacementError`] inside.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -149,7 +149,7 @@ pub enum WorldError {
     /// A threshold of a policy is not finite or is too small.
     #[error("policy: {what} is {value}; it must be finite and at least {min}")]
     Policy {
-        /// The field.
+        /// The name of the field.
         what: &'static str,
         /// The given value.
         value: f32,
@@ -159,7 +159,7 @@ pub enum WorldError {
     /// A coordinate of the viewpoint or of the origin is NaN or infinite.
     #[error("{what} is {value}, not a finite number")]
     NotFinite {
-        /// Which coordinate of what.
+        /// A description of the coordinate.
         what: &'static str,
         /// The given value.
         value: f64,
@@ -200,7 +200,7 @@ pub enum PlacementError {
     /// A number is NaN or infinite.
     #[error("{what} is {value}, not a finite number")]
     NotFinite {
-        /// Which number.
+        /// A description of the number.
         what: &'static str,
         /// The given value.
         value: f64,
@@ -220,7 +220,7 @@ pub enum PlacementError {
         /// The determinant of the linear part.
         determinant: f32,
     },
-    /// Too far from the world's origin, see
+    /// The translation is too far from the world's origin, see
     /// [`LightWorld::set_origin`](crate::LightWorld::set_origin).
     #[error("{distance} m from the world's origin along one axis; the limit is {limit} m")]
     TooFar {
@@ -245,6 +245,7 @@ impl PlacementError {
 
 /// Why a budget was refused. Code 400.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 #[error("a budget of {millis} milliseconds; it must be a number of at least 0")]
 pub struct BudgetError {
     /// The given number of milliseconds.
@@ -260,6 +261,7 @@ impl BudgetError {
 
 /// Why a count was refused. Code 500.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 #[error("{given} {what}; the least is {min} and the most is {max}")]
 pub struct CountError {
     /// What is counted, in the plural.

@@ -1,9 +1,13 @@
-//! How much light a cluster probably sends to a shading point, judged by its moments; zero only where its bounds prove it.
+//! Estimates how much light each child of a node sends to a shading point.
 //!
-//! Twin of `shaders/importance.wgsl`; `tests/all/gpu.rs` runs both on the same inputs. Starts from CK18 5.1 and
-//! pbrt-v4's light bounds. Differs: flux-weighted mean and variance of position in place of the box's centre, a smooth
-//! cosine at the shading point, a lobe about the mean direction of emission (docs/math.md); all eight children of a node at
-//! once, without branches, so that the compiler can use vectors.
+//! The estimate comes from the child's moments. It is 0 only where the child's bounds prove that no
+//! light arrives.
+//!
+//! Twin of `shaders/importance.wgsl`; `tests/all/gpu.rs` runs both on the same inputs. Based on
+//! CK18 5.1 and pbrt-v4's light bounds. Differs: the flux-weighted mean and variance of position
+//! replace the box's centre, the cosine at the shading point is smooth, and the emission is a lobe
+//! about the mean direction (docs/math.md). All eight children of a node are evaluated together and
+//! without branches, so that the compiler can use vectors.
 
 use glam::Vec3;
 
@@ -11,24 +15,26 @@ use crate::light::LAMBERTIAN;
 use crate::shading_point::ShadingPoint;
 use crate::tree::{Lanes, Node, UNLIMITED_RANGE, Unpacked, WIDTH};
 
-/// A shading point in the space of the nodes that are walked, and what that space does to bounds.
+/// A shading point in the space of a tree, and how that space affects bounds.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct View {
+pub(crate) struct LocalShadingPoint {
     pub position: Vec3,
-    /// Unit, or zero.
+    /// A unit vector, or zero.
     pub normal: Vec3,
     /// False in a volume.
     pub has_normal: bool,
-    /// Metres of this space per metre of the world, at most: ranges are metres of the world.
+    /// The most metres of this space that one metre of the world can span. Ranges are in metres of
+    /// the world.
     pub range_scale: f32,
-    /// What rounding of positions may add up to, per metre of coordinates: more where the space is squeezed.
+    /// The largest rounding error of a position, per metre of its coordinates. It grows where the
+    /// space is squeezed.
     pub margin: f32,
-    /// False where the space is sheared or scaled unevenly, so that angles and caps mean nothing.
+    /// False where the space is sheared or scaled unevenly: caps of directions prove nothing there.
     pub keeps_angles: bool,
 }
 
-impl View {
-    /// The view of a shading point in the nodes' own space.
+impl LocalShadingPoint {
+    /// A shading point whose coordinates are already in the nodes' space.
     pub fn of(shading_point: &ShadingPoint) -> Self {
         // A normal too short to have a direction proves nothing.
         let normal = shading_point.normal.normalize_or_zero();
@@ -43,98 +49,180 @@ impl View {
     }
 }
 
-/// Share of the variance of position that is added to the squared distance.
+/// The share of the variance of position that is added to the squared distance.
 pub(crate) const VARIANCE_SHARE: f32 = 0.4;
-/// Width of the smooth cosine at the shading point, squared, per unit of the cluster's angular size.
+/// The squared width of the smooth cosine at the shading point, per unit of the cluster's angular
+/// size.
 pub(crate) const COSINE_WIDTH_SQ: f32 = 0.81;
-/// Least cosine: what the bounds cannot exclude keeps a chance.
-pub(crate) const FLOOR: f32 = 1.0e-3;
-/// The most that goes along the lobe: measured in docs/decisions.md, 5.
+/// The least cosine at the shading point. It keeps the probability of what the bounds cannot
+/// exclude above 0.
+pub(crate) const MIN_COSINE: f32 = 1.0e-3;
+/// The largest share of the light that goes along the lobe. Measured in docs/decisions.md, 5.
 pub(crate) const LOBE_SHARE: f32 = 0.9;
-/// Width of the smooth rim of the lobe, squared, per unit of the cluster's angular size.
+/// The squared width of the lobe's smooth rim, per unit of the cluster's angular size.
 pub(crate) const RIM_WIDTH_SQ: f32 = 0.06;
-/// The same for a cluster without size, per unit of the lobe's own width, squared.
+/// The squared width of the rim for a cluster without size, per unit of the lobe's own squared
+/// width.
 pub(crate) const RIM_MIN_SQ: f32 = 0.002;
-/// Clusters whose mean direction is longer than this have a lobe this narrow.
+/// The length of a mean direction is clamped to this, which bounds how narrow a lobe can be.
 pub(crate) const MAX_LOBE_LENGTH: f32 = 0.999;
-/// Importances stay inside this span, so that a sum of them is finite and positive whatever the scene's units.
+/// Importances lie in [`MIN_IMPORTANCE`, `MAX_IMPORTANCE`], so that their sum is finite and
+/// positive in any unit of length and flux.
 pub(crate) const MIN_IMPORTANCE: f32 = 1.0e-30;
 /// See [`MIN_IMPORTANCE`].
 pub(crate) const MAX_IMPORTANCE: f32 = 1.0e36;
-/// Rounding of positions, relative to the sum of all coordinates that are added and turned: each transform, at either
-/// end, loses at most 3e-7 of the largest. Not of the coordinate at hand: turns mix all three.
+/// The rounding error of positions, relative to the sum of all coordinates that are added and
+/// rotated. Each transform, at either end, loses at most 3e-7 of the largest coordinate. One
+/// coordinate alone is not enough: rotations mix all three.
 pub(crate) const POSITION_MARGIN: f32 = 1.0e-6;
-/// Square metres beyond which squares leave f32, and prove nothing: far shading points seen from small instances get there.
+/// Squared distances above this prove nothing, because their squares leave f32. Far shading points
+/// reach it in the space of small instances.
 pub(crate) const MAX_DIST_SQ: f32 = 1.0e38;
-/// What a similarity may be off by, and rounding of lengths.
+/// The relative error of lengths under a transform that counts as a similarity, rounding included.
 pub(crate) const COSINE_MARGIN: f32 = 1.0e-4;
-/// Rounding of angles, as a share of the distance: the sine of a small angle, from its cosine, is good to 3.5e-4.
+/// The rounding error of angles, as a share of the distance: the sine of a small angle, computed
+/// from its cosine, is accurate to 3.5e-4.
 pub(crate) const ANGLE_MARGIN: f32 = 1.0e-3;
 
-/// What a shading point sees of a node's children.
+// A child is *unresolved* if its distance and its extent are less than its node can tell. It may
+// then send nothing at all, because the shading point lies on the lamp, or nearly all the light
+// (docs/decisions.md, 30). Two errors limit what a node can tell; (a + b)^2 <= 2 (a^2 + b^2) bounds
+// their sum.
+
+/// The largest error of a mean position, which is stored as a byte per axis: a share of half its
+/// box's diagonal, squared and doubled.
+pub(crate) const MEAN_ERROR_SQ: f32 = 2.0 / (u8::MAX as f32 * u8::MAX as f32);
+/// The typical error of a shading point's position in a tree's space, along each axis, relative to
+/// the sum of its coordinates.
+pub(crate) const POSITION_ERROR: f32 = 3.0e-7;
+/// The least error in metres: twice the distance below which a light counts as sending nothing
+/// (`MIN_DIST_SQ`).
+pub(crate) const MIN_POSITION_ERROR: f32 = 2.0e-11;
+/// The doubt about an unresolved child, relative to its importance. All others have at most 1, so
+/// it is split first.
+pub(crate) const UNRESOLVED_DOUBT: f32 = 2.0;
+
+/// How much light the children of a node send to a shading point.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Seen {
-    /// Estimated illuminance in lux; 0 only if box, cap or range prove that it is 0.
+pub(crate) struct ChildImportances {
+    /// Estimated illuminance in lux, with a negative sign if the child is unresolved. 0 only if the
+    /// box, the cap or the range proves that it is 0.
     pub importance: Lanes,
-    /// How large a child looks: 0 far away, 1 from inside. The estimate is the worse for it.
+    /// The angular size of a child, from 0 (far away) to 1 (the shading point is inside). The error
+    /// of the estimate grows with it.
     pub spread: Lanes,
 }
 
-/// The importances of a node's children.
-#[inline(always)]
-pub(crate) fn see(node: &Node, view: &View) -> Seen {
-    let grid = node.grid(view.position);
-    let margin = (node.reach(&grid) + view.position.abs().element_sum()) * view.margin;
-    let mut seen = Seen { importance: [0.0; WIDTH], spread: [0.0; WIDTH] };
-    for i in 0..WIDTH {
-        let child = node.unpack(i, &grid);
-        let (importance, spread) = estimate(&child, view);
-        let is_lit = (child.flux > 0.0) & !provably_dark(&child, view, margin);
-        seen.importance[i] = if is_lit { importance } else { 0.0 };
-        seen.spread[i] = spread;
+impl ChildImportances {
+    /// Whether a child is unresolved. That is rare.
+    #[inline(always)]
+    pub fn has_unresolved(&self) -> bool {
+        self.importance.iter().fold(0, |bits, importance| bits | importance.to_bits()) >> 31 == 1
     }
-    seen
 }
 
-/// The estimate for one child, in lux, and how large it looks.
+/// Estimates the importances of a node's children.
 #[inline(always)]
-fn estimate(child: &Unpacked, view: &View) -> (f32, f32) {
+pub(crate) fn child_importances(node: &Node, local: &LocalShadingPoint) -> ChildImportances {
+    let grid = node.grid(local.position);
+    let coordinates = local.position.abs().element_sum();
+    let margin = (node.reach(&grid) + coordinates) * local.margin;
+    let position_error = POSITION_ERROR * coordinates + MIN_POSITION_ERROR;
+    let position_error_sq = (2.0 * 3.0) * (position_error * position_error);
+    let mut children = ChildImportances { importance: [0.0; WIDTH], spread: [0.0; WIDTH] };
+    for i in 0..WIDTH {
+        let child = node.unpack(i, &grid);
+        let (importance, spread) = estimate(&child, local, position_error_sq);
+        let is_lit = (child.flux > 0.0) & !is_provably_dark(&child, local, margin);
+        children.importance[i] = if is_lit { importance } else { 0.0 };
+        children.spread[i] = spread;
+    }
+    children
+}
+
+/// The importance and the spread of one child. See [`ChildImportances`].
+#[inline(always)]
+fn estimate(child: &Unpacked, local: &LocalShadingPoint, position_error_sq: f32) -> (f32, f32) {
     let [x, y, z] = child.toward;
     let dist_sq = max(x * x + y * y + z * z, MIN_IMPORTANCE);
-    let distance = dist_sq.sqrt();
+    let dist = dist_sq.sqrt();
     let variance = child.variance;
     let spread = variance / (dist_sq + variance);
 
-    // Cosines are kept times the distance until the end, which does not have to wait for a division. At the shading point a
-    // hyperbola follows max(cos, 0) and is rounded off as wide as the cluster is seen.
-    let normal = view.normal;
+    // Cosines stay multiplied by the distance until the end, which need not wait for a division.
+    // The cosine at the shading point is a hyperbola that follows max(cos, 0), rounded off over the
+    // angular size of the cluster.
+    let normal = local.normal;
     let along = normal.x * x + normal.y * y + normal.z * z;
     let cosine = 0.5 * (along + (along * along + COSINE_WIDTH_SQ * spread * dist_sq).sqrt());
-    let cosine = if view.has_normal { max(cosine, FLOOR * distance) } else { distance };
+    let cosine = if local.has_normal { max(cosine, MIN_COSINE * dist) } else { dist };
 
-    // A share of the light goes along a lobe about the mean direction, the rest to all sides: emitters that disagree,
-    // or are seen from nearby, are no broad lobe but a mixture, whose back must not be starved. The lobe is a cosine,
-    // clamped at 0 for a Lambertian emitter and higher for beams, such that its mean cosine is the emitters' own.
+    // A share of the light goes along a lobe about the mean direction, the rest to all sides:
+    // emitters that disagree, or that are near, form no broad lobe but a mixture whose back must
+    // not be starved. The lobe is a clamped cosine. It is clamped at 0 for a Lambertian emitter and
+    // higher for beams, so that its mean cosine is that of the emitters.
     let length = min(child.length, MAX_LOBE_LENGTH);
     let share = LOBE_SHARE * min(length * (1.0 / LAMBERTIAN), 1.0) * (1.0 - spread);
-    let least_cos = max(3.0 * length - 2.0, 0.0);
-    let width_sq = (1.0 - least_cos) * (1.0 - least_cos);
-    let above = -(child.axis[0] * x + child.axis[1] * y + child.axis[2] * z) - least_cos * distance;
+    let min_cos = max(3.0 * length - 2.0, 0.0);
+    let width_sq = (1.0 - min_cos) * (1.0 - min_cos);
+    let above = -(child.axis[0] * x + child.axis[1] * y + child.axis[2] * z) - min_cos * dist;
     let rim = (RIM_WIDTH_SQ * spread + RIM_MIN_SQ * width_sq) * dist_sq;
-    let lobe = (1.0 - share) * width_sq * distance + 2.0 * share * (above + (above * above + rim).sqrt());
+    let lobe = (1.0 - share) * width_sq * dist + 2.0 * share * (above + (above * above + rim).sqrt());
 
-    // Divided by one distance each, since the fourth power of a long one leaves f32.
-    let inverse = 1.0 / distance;
+    // Each factor is divided by one distance, because the fourth power of a long distance leaves
+    // f32.
+    let inverse = 1.0 / dist;
     let reach = width_sq * (dist_sq + VARIANCE_SHARE * variance);
     let lux = child.flux * (0.25 * std::f32::consts::FRAC_1_PI) * ((lobe * inverse) * (cosine * inverse) / reach);
-    (min(max(lux, MIN_IMPORTANCE), MAX_IMPORTANCE), spread)
+    let importance = min(max(lux, MIN_IMPORTANCE), MAX_IMPORTANCE);
+    let is_unresolved = dist_sq + variance <= MEAN_ERROR_SQ * child.radius_sq + position_error_sq;
+    (if is_unresolved { -importance } else { importance }, spread)
 }
 
-/// Whether the bounds prove that no light of a child reaches the shading point. `margin` is what rounding may add to
-/// positions.
+/// What a walk chooses one of a node's children by: the importances, where those of unresolved
+/// children add up to at most the sum of the others.
 #[inline(always)]
-fn provably_dark(child: &Unpacked, view: &View, margin: f32) -> bool {
-    let normal = view.normal.to_array();
+pub(crate) fn child_weights(node: &Node, local: &LocalShadingPoint) -> Lanes {
+    let children = child_importances(node, local);
+    if children.has_unresolved() { limited_weights(&children.importance) } else { children.importance }
+}
+
+#[cold]
+fn limited_weights(importance: &Lanes) -> Lanes {
+    scale_unresolved(importance, unresolved_scale(resolved_sum(importance), unresolved_sum(importance)))
+}
+
+/// The sum of the resolved importances.
+#[inline(always)]
+pub(crate) fn resolved_sum(importance: &Lanes) -> f32 {
+    running_sums(&importance.map(|importance| max(importance, 0.0)))[WIDTH - 1]
+}
+
+/// The sum of the unresolved importances.
+pub(crate) fn unresolved_sum(importance: &Lanes) -> f32 {
+    resolved_sum(&importance.map(|importance| -importance))
+}
+
+/// The factor that limits the sum of all unresolved importances to that of the others. If there are
+/// no others, there is no limit.
+///
+/// Equal parts make the worst case the best: the relative variance is at most 1, whether the
+/// unresolved children send nothing or everything.
+pub(crate) fn unresolved_scale(others: f32, unresolved: f32) -> f32 {
+    if others > 0.0 && unresolved > others { others / unresolved } else { 1.0 }
+}
+
+/// Turns importances into weights: multiplies those of unresolved children by `scale`, and makes
+/// them positive.
+pub(crate) fn scale_unresolved(importance: &Lanes, scale: f32) -> Lanes {
+    importance.map(|importance| if importance < 0.0 { max(-importance * scale, MIN_IMPORTANCE) } else { importance })
+}
+
+/// Whether the bounds prove that no light of a child reaches the shading point. `margin` is the
+/// largest rounding error of a position.
+#[inline(always)]
+fn is_provably_dark(child: &Unpacked, local: &LocalShadingPoint, margin: f32) -> bool {
+    let normal = local.normal.to_array();
     let mut highest = margin * (normal[0].abs() + normal[1].abs() + normal[2].abs());
     let (mut gap_sq, mut dist_sq, mut along) = (0.0, 0.0, 0.0);
     for k in 0..3 {
@@ -145,28 +233,28 @@ fn provably_dark(child: &Unpacked, view: &View, margin: f32) -> bool {
         along -= child.axis[k] * child.center[k];
     }
 
-    // Everything below the horizon.
-    let is_below = view.has_normal & (highest <= 0.0);
+    let is_below_horizon = local.has_normal & (highest <= 0.0);
 
-    // Everything out of range.
-    let reach = child.range * (view.range_scale * (1.0 + COSINE_MARGIN));
+    let reach = child.range * (local.range_scale * (1.0 + COSINE_MARGIN));
     let is_out_of_range = (child.range < UNLIMITED_RANGE) & (gap_sq > reach * reach) & (gap_sq <= MAX_DIST_SQ);
 
-    // Everything turned away: with the angle b beyond the cap at which the box's middle sees the shading point, and the
-    // box's sphere of radius r at distance d, sin(b) d > r, or b is beyond a right angle and the shading point outside.
+    // Everything is turned away if, with the angle b beyond the cap at which the box's centre sees
+    // the shading point and the box's bounding sphere of radius r at the distance d, sin(b) d > r,
+    // or if b is beyond a right angle and the shading point is outside the sphere.
     let across = max(dist_sq - along * along, 0.0).sqrt();
     let cos = child.cos_half_angle;
     let sin = max(1.0 - cos * cos, 0.0).sqrt();
     let slack = ANGLE_MARGIN * (along.abs() + across) + margin;
     let radius = child.radius_sq.sqrt() + slack;
-    let beside = across * cos - along * sin;
-    let is_behind = (beside > 0.0) & (along * cos + across * sin < -slack) & (dist_sq > radius * radius);
-    let is_turned_away = view.keeps_angles & (cos > -1.0) & ((beside > radius) | is_behind) & (dist_sq <= MAX_DIST_SQ);
+    let beyond = across * cos - along * sin;
+    let is_behind = (beyond > 0.0) & (along * cos + across * sin < -slack) & (dist_sq > radius * radius);
+    let is_turned_away = local.keeps_angles & (cos > -1.0) & ((beyond > radius) | is_behind) & (dist_sq <= MAX_DIST_SQ);
 
-    is_below | is_out_of_range | is_turned_away
+    is_below_horizon | is_out_of_range | is_turned_away
 }
 
-/// Sums of the first one, two, ... of some numbers, in three steps instead of seven; the last is the sum of all.
+/// The sums of the first one, two, ... values; the last is the sum of all. Three steps instead of
+/// seven.
 #[inline(always)]
 pub(crate) fn running_sums(values: &Lanes) -> Lanes {
     let mut sums = *values;
@@ -179,8 +267,9 @@ pub(crate) fn running_sums(values: &Lanes) -> Lanes {
     sums
 }
 
-/// Not [`f32::max`], which takes several instructions to let NaN give way from either side. Here it gives way if it is
-/// `a`: only a shading point that is no place makes one, and gets the least importance.
+/// Faster than [`f32::max`], which takes several instructions to discard NaN on either side. A NaN
+/// in `a` is discarded; only a shading point whose position is no number makes one, and its
+/// importances become the least.
 #[inline(always)]
 fn max(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
@@ -194,25 +283,28 @@ fn min(a: f32, b: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::light::Light;
+    use crate::light::{Light, Shape};
     use crate::simd::{Job, with_vectors};
     use crate::tree::LightTree;
 
-    struct See<'a>(&'a Node, &'a View);
+    struct Importances<'a>(&'a Node, &'a LocalShadingPoint);
 
-    impl Job for See<'_> {
-        type Output = Seen;
+    impl Job for Importances<'_> {
+        type Output = ChildImportances;
 
         #[inline(always)]
-        fn run(self) -> Seen {
-            see(self.0, self.1)
+        fn run(self) -> ChildImportances {
+            child_importances(self.0, self.1)
         }
     }
 
-    #[test]
-    fn importances_are_the_same_bits_with_vectors_and_without() {
+    fn place(i: usize) -> Vec3 {
+        let turn = |speed: f32| (i as f32 * speed).sin();
+        Vec3::new(turn(0.7), turn(1.3), turn(2.1)) * 30.0
+    }
+
+    fn tree_of_all_kinds() -> LightTree {
         let turn = |i: usize, speed: f32| (i as f32 * speed).sin();
-        let place = |i: usize| Vec3::new(turn(i, 0.7), turn(i, 1.3), turn(i, 2.1)) * 30.0;
         let light = |i: usize| {
             let direction = place(i + 1).normalize();
             let emission = Vec3::splat(1.0 + turn(i, 3.7));
@@ -222,14 +314,73 @@ mod tests {
                 _ => Light::point(place(i), emission),
             }
         };
-        let tree = LightTree::new((0..2000).map(light).collect()).expect("valid lights");
-        let bits = |seen: Seen| [seen.importance, seen.spread].map(|lanes| lanes.map(f32::to_bits));
+        LightTree::new((0..2000).map(light).collect()).expect("valid lights")
+    }
+
+    #[test]
+    fn importances_are_the_same_bits_with_vectors_and_without() {
+        let tree = tree_of_all_kinds();
+        let bits =
+            |children: ChildImportances| [children.importance, children.spread].map(|lanes| lanes.map(f32::to_bits));
         for (i, node) in tree.nodes().iter().enumerate() {
-            for shading_point in [ShadingPoint::surface(place(i + 7), place(i + 9)), ShadingPoint::volume(place(i + 7))]
-            {
-                let view = View::of(&shading_point);
-                assert_eq!(bits(with_vectors(See(node, &view))), bits(See(node, &view).run()));
+            // The third point is on a lamp, or near one.
+            for shading_point in [
+                ShadingPoint::surface(place(i + 7), place(i + 9)),
+                ShadingPoint::volume(place(i + 7)),
+                ShadingPoint::volume(node.cluster(0).mean),
+            ] {
+                let local = LocalShadingPoint::of(&shading_point);
+                assert_eq!(bits(with_vectors(Importances(node, &local))), bits(Importances(node, &local).run()));
             }
         }
+    }
+
+    #[test]
+    fn a_lamp_at_the_shading_point_is_unresolved_and_one_two_millimetres_away_is_not() {
+        let tree = tree_of_all_kinds();
+        for (light, leaf) in tree.lights().iter().zip(tree.leaves()) {
+            let (Shape::Point { position } | Shape::Spot { position, .. }) = light.shape else { continue };
+            let (node, slot) = (&tree.nodes()[*leaf as usize / WIDTH], *leaf as usize % WIDTH);
+            let importances = |away: f32| {
+                let local = LocalShadingPoint::of(&ShadingPoint::volume(position + away));
+                child_importances(node, &local)
+            };
+            assert!(importances(0.0).importance[slot] < 0.0 && importances(0.0).has_unresolved(), "{position}");
+            // Nodes of 60 m have steps of a quarter of a metre, and means steps of a millimetre.
+            assert!(importances(2.0e-3).importance[slot] >= 0.0, "{position}");
+        }
+    }
+
+    #[test]
+    fn ordinary_shading_points_resolve_every_child_and_weights_are_importances() {
+        let tree = tree_of_all_kinds();
+        for node in tree.nodes() {
+            for i in 0..20 {
+                let local = LocalShadingPoint::of(&ShadingPoint::surface(place(10 * i + 3) + 0.4, place(i)));
+                let children = child_importances(node, &local);
+                assert!(!children.has_unresolved());
+                assert_eq!(child_weights(node, &local), children.importance);
+            }
+        }
+    }
+
+    #[test]
+    fn unresolved_children_get_half_at_most_and_stay_above_zero() {
+        // Two of the unresolved children hold nearly everything; the others keep their importances.
+        let importance = [1.0, -3.0e30, 2.0, -1.0e30, 0.0, -1.0e-30, 4.0, 0.0];
+        let limited = limited_weights(&importance);
+        for i in [0, 2, 4, 6, 7] {
+            assert_eq!(limited[i], importance[i]);
+        }
+        assert!((limited[1] + limited[3] - 7.0).abs() < 1.0e-5 && limited[5] > 0.0, "{limited:?}");
+        assert!((limited[1] / limited[3] - 3.0).abs() < 1.0e-5);
+        // Within the limit, and without others, all keep their importances.
+        let modest = [1.0, -3.0, 2.0, -1.0, 0.0, -1.0e-30, 4.0, 0.0];
+        assert_eq!(limited_weights(&modest), modest.map(f32::abs));
+        let alone = [0.0, -3.0e30, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0];
+        assert_eq!(limited_weights(&alone), alone.map(f32::abs));
+        // The product of the scale and a weak importance would round to 0.
+        let extremes = [1.0e-30, -1.0e36, 0.0, -1.0e-30, 0.0, 0.0, 0.0, 0.0];
+        assert_eq!(limited_weights(&extremes)[3], MIN_IMPORTANCE);
     }
 }

@@ -10,8 +10,9 @@ new_key_type! {
     ///
     /// # As a number
     /// A key converts to a `u64` and back, for engines that keep handles in C or in files of one
-    /// session. The number is never 0. A number that no key has is refused like a stale key, so a
-    /// forged number is safe; one that equals the number of a live key names what that key names.
+    /// session. The number is never 0. A number that belongs to no key is refused like a stale
+    /// key, so a forged number does no harm. A number that equals that of a live key identifies the
+    /// same object as the key.
     ///
     /// ```
     /// use girandole::{LightWorld, TreeKey};
@@ -24,10 +25,12 @@ new_key_type! {
     /// ```
     pub struct TreeKey;
 
-    /// Identifies an instance of a tree. Stale keys and numbers as for [`TreeKey`].
+    /// Identifies an instance of a tree. Becomes stale and converts to a number as [`TreeKey`]
+    /// does.
     pub struct InstanceKey;
 
-    /// Identifies a directional light of a world. Stale keys and numbers as for [`TreeKey`].
+    /// Identifies a directional light of a world. Becomes stale and converts to a number as
+    /// [`TreeKey`] does.
     pub struct DirectionalKey;
 }
 

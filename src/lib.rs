@@ -5,8 +5,8 @@
 //! One light tree per object (the *bottom level*) holds the lights of the object in the object's
 //! space. *Instances* place trees in the world. One tree over all instances (the *top level*) is
 //! built on the GPU whenever something changed. A sample walks both levels. Trees whose lights
-//! change are refitted. A scheduler rebuilds trees that have become noisy, those first that remove
-//! the most noise per millisecond, within a time budget for each frame.
+//! change are refitted. A scheduler rebuilds trees that have become noisy, within a time budget
+//! for each frame. Rebuilds that remove the most noise per millisecond go first.
 //!
 //! # On the CPU
 //!
@@ -84,8 +84,7 @@
 //! # }
 //! ```
 //!
-//! `docs/integration.md` goes through all of it step by step; `examples/engine_shader.rs` is a
-//! whole program.
+//! `docs/integration.md` explains every step; `examples/engine_shader.rs` is a complete program.
 //!
 //! # Conventions
 //!
@@ -96,9 +95,9 @@
 //! - **Probabilities.** A *pmf* is the probability of a light; a *pdf* is a density per steradian.
 //!   At every shading point the pmf of all lights and the probability of "no light" sum to 1. Every
 //!   light that can contribute has a pmf above 0.
-//! - **Random numbers** `u` lie in [0, 1). The same numbers give the same light.
-//! - **Errors.** Bad input gets a typed error with a [stable code](error) and changes nothing. No
-//!   scene makes the library panic, and it never prints.
+//! - **Random numbers** `u` are in [0, 1). The same numbers give the same light.
+//! - **Errors.** Bad input returns a typed error with a [stable code](error) and changes nothing.
+//!   No scene makes the library panic, and it never prints.
 //! - **Threads.** Edits need the world mutably; any number of threads may share a [`LightSampler`].
 //!   Results do not depend on the number of threads.
 //!
@@ -110,9 +109,9 @@
 //! | module | contents |
 //! |---|---|
 //! | [`light`] | lights: shapes, units, limits |
-//! | [`cone`], [`bounds`], [`cluster`] | what a node knows of its lights: directions, boxes, flux and moments |
+//! | [`cone`], [`bounds`], [`cluster`] | the summary of a group of lights: directions, boxes, flux and moments |
 //! | [`tree`] | bottom-level trees: build, refit, partial rebuild, attributes, soundness check |
-//! | [`policy`] | when a tree asks for a rebuild |
+//! | [`policy`] | when a tree requests a rebuild |
 //! | [`scheduler`] | the frame budget; clocks for tests and replays |
 //! | [`effects`] | the features that a scene has, for which shaders and layouts are specialized |
 //! | [`error`] | all errors and their codes |
@@ -129,8 +128,8 @@
 //! | `parallel` | yes | builds and refits on rayon's threads, and builds in the background |
 //! | `gltf` | no | the module `gltf` |
 
-// In the order in which data passes through them. A module imports only from modules above it;
-// `tests/all/dependencies.rs` checks that.
+// Modules are in the order in which data passes through them. A module imports only from modules
+// above it; `tests/all/dependencies.rs` checks that.
 mod simd;
 mod keys;
 pub mod effects;
@@ -146,9 +145,10 @@ pub mod light;
 pub mod tree;
 pub mod policy;
 pub mod scheduler;
-mod importance;
 mod emit;
+mod importance;
 mod placement;
+mod cut;
 mod walk;
 mod distribution;
 mod noise;

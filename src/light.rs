@@ -13,11 +13,11 @@ use crate::cone::{CAP_PADDING, Cone};
 use crate::effects::Effects;
 use crate::error::LightError;
 
-/// Largest coordinate, radius or edge of a light, in metres. Its square and fourth power stay
-/// within f32.
+/// Largest absolute value of a coordinate of a position, vertex or half edge, and largest radius,
+/// in metres. Its square and fourth power stay within f32.
 pub const MAX_COORDINATE: f32 = 1.0e9;
 
-/// Largest emission per channel, in candela or nits.
+/// Largest emission per channel, in candela, nits or lux.
 pub const MAX_EMISSION: f32 = 1.0e15;
 
 /// The least flux of a light that is not dark, in lumens. Some GPUs would flush smaller values to
@@ -35,7 +35,7 @@ const MIN_SINE: f32 = 1.0e-2;
 /// Least entry of a cross product, in square metres, whose square is a normal number in f32.
 const MIN_CROSS: f32 = 1.0e-18;
 
-/// Least width of a spot's falloff, as a difference of cosines, as KHR_lights_punctual has it.
+/// Least width of a spot's falloff, as a difference of cosines, as KHR_lights_punctual specifies.
 const MIN_SPOT_FALLOFF: f32 = 1.0e-3;
 
 /// Rounding of a spot's falloff at its rim lets through directions this far outside, in radians.
@@ -64,17 +64,17 @@ pub enum Shape {
     /// It is 0 from `outer_angle` on. It is full within `inner_angle` if the cosines of the two
     /// angles differ by at least 0.001. If they differ by less, the falloff is 0.001 wide and
     /// reaches further inward, to the angle whose cosine is cos `outer_angle` + 0.001. Below an
-    /// `outer_angle` of 2.56 degrees there is no such angle, and not even the axis gets the full
-    /// intensity: it gets 37 % at 2 degrees and 2.3 % at 1 degree. For a narrower beam of the
+    /// `outer_angle` of 2.56 degrees there is no such angle, and even the axis is below the full
+    /// intensity: it has 37 % at 2 degrees and 2.3 % at 1 degree. For a narrower beam of the
     /// intended intensity, divide the emission by that share.
     Spot {
         /// The position.
         position: Vec3,
         /// Unit vector along the cone's axis.
         direction: Vec3,
-        /// Angle from the axis, in [0, `outer_angle`].
+        /// Radians from the axis up to which the intensity is full, in [0, `outer_angle`].
         inner_angle: f32,
-        /// Angle from the axis, in [0, pi].
+        /// Radians from the axis from which on the intensity is 0, in [0, pi].
         outer_angle: f32,
     },
     /// A parallelogram that emits evenly (Lambertian) from the side that `half_u` x `half_v` points
@@ -109,6 +109,9 @@ pub enum Shape {
 
 /// One light of a tree.
 ///
+/// Constructors check nothing. [`Light::validate`] checks a light, and so does every call that
+/// adds one to a tree or changes one.
+///
 /// ```
 /// use girandole::{Light, glam::Vec3};
 /// let lamp = Light::point(Vec3::new(0.0, 6.0, 0.0), Vec3::splat(800.0)).with_range(60.0);
@@ -119,12 +122,12 @@ pub enum Shape {
 pub struct Light {
     /// Kind and position.
     pub shape: Shape,
-    /// Linear Rec. 709. Candela for points and spots (before the falloff), nits for the others. At
-    /// least 0.
+    /// Emission per channel, linear Rec. 709: in candela for points and spots (before the
+    /// falloff), in nits for the others. At least 0.
     pub emission: Vec3,
-    /// Distance in metres of the world (not scaled by instances) from which on the light is exactly
-    /// zero; nearer, it has the smooth window of KHR_lights_punctual. Above 0; infinity for no
-    /// limit.
+    /// Range in metres of the world; the scale of an instance does not change it. At this distance
+    /// and beyond, the light is exactly zero. Below it, the light is multiplied by the smooth
+    /// window of KHR_lights_punctual. Above 0; infinity for no limit.
     pub range: f32,
 }
 
@@ -133,39 +136,43 @@ impl Light {
         Self { shape, emission, range: f32::INFINITY }
     }
 
-    /// A point; `intensity` in candela.
+    /// Creates a point light; `intensity` in candela.
     pub fn point(position: Vec3, intensity: Vec3) -> Self {
         Self::new(Shape::Point { position }, intensity)
     }
 
-    /// A spot; angles in radians from its axis, `intensity` in candela. [`Shape::Spot`] has the
-    /// falloff.
+    /// Creates a spot light along the unit vector `direction`; angles in radians from its axis,
+    /// `intensity` in candela. [`Shape::Spot`] defines the falloff.
     pub fn spot(position: Vec3, direction: Vec3, inner_angle: f32, outer_angle: f32, intensity: Vec3) -> Self {
         Self::new(Shape::Spot { position, direction, inner_angle, outer_angle }, intensity)
     }
 
-    /// A one-sided parallelogram with edges of 2 `half_u` and 2 `half_v`; `radiance` in nits.
+    /// Creates a one-sided parallelogram with edges of 2 `half_u` and 2 `half_v`; `radiance` in
+    /// nits.
     pub fn rectangle(center: Vec3, half_u: Vec3, half_v: Vec3, radiance: Vec3) -> Self {
         Self::new(Shape::Rectangle { center, half_u, half_v, two_sided: false }, radiance)
     }
 
-    /// A one-sided triangle; `radiance` in nits.
+    /// Creates a one-sided triangle, which emits from the side on which its vertices appear
+    /// counter-clockwise; `radiance` in nits.
     pub fn triangle(vertices: [Vec3; 3], radiance: Vec3) -> Self {
         Self::new(Shape::Triangle { vertices, two_sided: false }, radiance)
     }
 
-    /// A sphere; `radiance` in nits.
+    /// Creates a sphere; `radius` in metres, `radiance` in nits.
     pub fn sphere(center: Vec3, radius: f32, radiance: Vec3) -> Self {
         Self::new(Shape::Sphere { center, radius }, radiance)
     }
 
     /// The same light with a range in metres, see [`Light::range`].
+    #[must_use]
     pub fn with_range(self, range: f32) -> Self {
         Self { range, ..self }
     }
 
     /// The same light with emission from both sides if it is a rectangle or a triangle; other kinds
     /// have no sides.
+    #[must_use]
     pub fn two_sided(mut self) -> Self {
         if let Shape::Rectangle { two_sided, .. } | Shape::Triangle { two_sided, .. } = &mut self.shape {
             *two_sided = true;
@@ -177,8 +184,13 @@ impl Light {
     /// are allowed.
     ///
     /// # Errors
-    /// The first field that is not finite, outside its range, or beyond [`MAX_COORDINATE`] or
-    /// [`MAX_EMISSION`], or a direction that is not of unit length (to within 0.001).
+    /// For the first field that is invalid:
+    ///
+    /// - [`LightError::NotFinite`] or [`LightError::OutOfRange`] for a number that is not finite or
+    ///   is outside its range, [`MAX_COORDINATE`] and [`MAX_EMISSION`] included.
+    /// - [`LightError::NotPositive`] for a range that is 0, negative or NaN.
+    /// - [`LightError::NoDirection`] or [`LightError::NotUnitLength`] for a direction that is zero
+    ///   or not of unit length (to within 0.001).
     pub fn validate(&self) -> Result<(), LightError> {
         for (what, value) in ["emission.r", "emission.g", "emission.b"].into_iter().zip(self.emission.to_array()) {
             check_between(what, value, 0.0, MAX_EMISSION)?;
@@ -207,7 +219,7 @@ impl Light {
         }
     }
 
-    /// The box of its emitting points.
+    /// The smallest box around all emitting points, in metres, in the space of the tree.
     pub fn aabb(&self) -> Aabb {
         match self.shape {
             Shape::Point { position } | Shape::Spot { position, .. } => Aabb::point(position),
@@ -244,7 +256,7 @@ impl Light {
 
     /// Emitted flux in lumens: the Rec. 709 luminance of `emission` integrated over all directions
     /// and the area. The range is ignored. At most 1e34. A light whose flux is zero, or rounds to
-    /// it, is dark: it sends nothing and is never chosen.
+    /// zero, is *dark*: it emits nothing and is never chosen.
     pub fn flux(&self) -> f32 {
         let luminance = luminance(self.emission);
         match self.shape {
@@ -317,7 +329,7 @@ impl Light {
         }
     }
 
-    /// The effects of the light's kind, whether or not it shines.
+    /// The effects of the light's kind; a dark light has them too.
     pub fn effects(&self) -> Effects {
         let kind = match self.shape {
             Shape::Point { .. } => Effects::empty(),
@@ -336,7 +348,8 @@ impl Light {
     }
 }
 
-/// A light at infinity, such as the moon. It is in no tree; a sampler weighs it against the trees.
+/// A light at infinity, such as the moon. It belongs to no tree; a sampler chooses between it and
+/// the trees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DirectionalLight {
     /// Unit vector along which the light travels.
@@ -349,7 +362,9 @@ impl DirectionalLight {
     /// Checks whether a world accepts this light.
     ///
     /// # Errors
-    /// As [`Light::validate`], for the direction and the illuminance.
+    /// For the first field that is invalid, as for [`Light::validate`]: [`LightError::NotFinite`],
+    /// [`LightError::OutOfRange`] (at most [`MAX_EMISSION`]), [`LightError::NoDirection`] or
+    /// [`LightError::NotUnitLength`].
     pub fn validate(&self) -> Result<(), LightError> {
         check_direction("direction", self.direction)?;
         let channels = ["illuminance.r", "illuminance.g", "illuminance.b"];
@@ -360,7 +375,7 @@ impl DirectionalLight {
     }
 }
 
-/// Rec. 709 luminance of a linear colour.
+/// The Rec. 709 luminance of a linear colour, in the unit of the colour.
 pub fn luminance(rgb: Vec3) -> f32 {
     rgb.dot(Vec3::new(0.2126, 0.7152, 0.0722))
 }
@@ -494,7 +509,7 @@ mod tests {
         assert!(share(29.99, 30.0, 29.99) < 0.01);
         let full = (30.0_f32.to_radians().cos() + 1.001e-3).acos().to_degrees();
         assert_eq!(share(29.99, 30.0, full), 1.0);
-        // Where no angle has such a cosine, the axis gets a share.
+        // Where no angle has such a cosine, the axis has a share.
         assert!(share(0.0, 2.57, 0.0) == 1.0 && share(0.0, 2.55, 0.0) < 1.0);
         assert!((share(1.0, 2.0, 0.0) - 0.37).abs() < 0.005, "{}", share(1.0, 2.0, 0.0));
         assert!((share(0.5, 1.0, 0.0) - 0.023).abs() < 0.0005, "{}", share(0.5, 1.0, 0.0));

@@ -1,7 +1,7 @@
-//! With which density sampling would have chosen the direction to a point of a light that a ray happened to hit.
+//! The density with which sampling chooses the direction to a point on a light that a ray hit.
 //!
-//! Twin of `shaders/pdf.wgsl`. The inverse of `emit.rs`: the same densities, from a point instead of from random
-//! numbers.
+//! Twin of `shaders/pdf.wgsl`. The inverse of `emit.rs`: it computes the same densities from a
+//! point instead of from random numbers.
 
 use std::f32::consts::PI;
 
@@ -14,12 +14,14 @@ use crate::shading_point::ShadingPoint;
 use crate::transform::InstanceTransform;
 
 impl LightSampler<'_> {
-    /// The density per steradian, in the world, with which [`LightSampler::sample`] chooses this light and the direction to
-    /// `point`: `pmf * pdf`, for multiple importance sampling of rays that hit lights.
+    /// Returns the density with which [`LightSampler::sample`] chooses a light and the direction to
+    /// `point`, for multiple importance sampling of rays that hit lights.
     ///
-    /// `point` lies on the light, in metres relative to the world's origin; that is not checked. 0 for lights without
-    /// size, where sampling would find nothing (behind a one-sided light, below the shading point's horizon, out of range,
-    /// inside a sphere), and for a light that is not there. Costs what [`LightSampler::pmf`] does.
+    /// The density is `pmf * pdf`, per steradian in the world. `point` lies on the light, in metres
+    /// relative to the world's origin; this is not checked. 0 where sampling would find nothing
+    /// (behind a one-sided light, below the shading point's horizon, out of range, inside a
+    /// sphere), for lights without size, and for a light that does not exist. The cost is that of
+    /// [`LightSampler::pmf`].
     pub fn pdf(&self, shading_point: &ShadingPoint, light: LightId, point: Vec3) -> f32 {
         let LightId::Local { instance, light: index } = light else { return 0.0 };
         let Some(placed) = self.world.instance(instance) else { return 0.0 };
@@ -31,7 +33,8 @@ impl LightSampler<'_> {
     }
 }
 
-/// The density per steradian of the direction to a point of a light that was chosen; 0 if sampling never gives it.
+/// The density per steradian of the direction to a point on a given light; 0 if sampling never
+/// returns it.
 fn point_pdf(light: &Light, frame: &InstanceTransform, shading_point: &ShadingPoint, point: Vec3) -> f32 {
     let toward = point - shading_point.position;
     let dist_sq = toward.length_squared();
@@ -54,8 +57,9 @@ fn point_pdf(light: &Light, frame: &InstanceTransform, shading_point: &ShadingPo
     }
 }
 
-/// `to_plane` leads from the shading point to any point of the surface: its distance from the plane needs no digits of the
-/// point that was hit, which has few where it lies far from the origin.
+/// `to_plane` is the vector from the shading point to any point of the surface. The distance from
+/// the plane follows from it without the point that was hit, which has few digits far from the
+/// origin.
 fn surface_pdf(to_plane: Vec3, normal_area: Vec3, two_sided: bool, dist_sq: f32) -> f32 {
     let height_area = -normal_area.dot(to_plane);
     let facing_area = (if two_sided { height_area.abs() } else { height_area }) / dist_sq.sqrt();
@@ -70,7 +74,8 @@ fn sphere_pdf(center: Vec3, radius: f32, frame: &InstanceTransform, shading_poin
         return 0.0;
     }
     let one_minus_cos_max = sin_max_sq / (1.0 + (1.0 - sin_max_sq).sqrt());
-    // Put back onto the sphere, so that what the point lost to rounding is not stretched by a flat instance.
+    // Projects the point back onto the sphere, so that a flat instance does not stretch its
+    // rounding error.
     let normal = (frame.to_local * (point - frame.translation) - center).normalize_or_zero();
     let hit = (to_center + normal * radius).length();
     let toward = point - shading_point.position;

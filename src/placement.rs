@@ -1,30 +1,31 @@
-//! Where an instance is: a linear part in f32 and a translation in f64, so that centimetres are
-//! kept 10^7 m from the origin.
+//! The placement of an instance: a linear part in f32 and a translation in f64, which resolves
+//! centimetres 10^7 m from the origin.
 
 use glam::{Affine3A, DAffine3, DVec3, Mat3, Mat4, Vec3};
 
 use crate::cluster::{Linear, RIGID_TOLERANCE};
 use crate::effects::Effects;
 use crate::error::PlacementError;
-use crate::importance::{POSITION_MARGIN, View};
+use crate::importance::{LocalShadingPoint, POSITION_MARGIN};
 use crate::shading_point::ShadingPoint;
 use crate::transform::InstanceTransform;
 
-/// Largest distance of an instance from the world's origin along each axis, in metres.
+/// Largest distance of an instance from [`LightWorld::origin`](crate::LightWorld::origin) along
+/// each axis, in metres.
 pub const MAX_DISTANCE: f64 = 1.0e9;
 
-/// Largest entry of a linear part, and the inverse of the least scale: squares of cofactors stay
-/// within f32.
+/// Largest absolute value of an entry of a linear part, and the inverse of the least scale.
+/// Squares of cofactors then stay within f32.
 pub const MAX_SCALE: f32 = 1.0e9;
 
 /// An affine map from the space of a tree to the world: rotation, scale, mirror or shear, and a
 /// translation.
 ///
-/// Points and spots keep their intensity and range under any scale, as glTF has it; surfaces keep
-/// their radiance.
+/// Points and spots keep their intensity and range under any scale, as glTF specifies; surfaces
+/// keep their radiance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
-    /// The columns are the images of the axes. The matrix is one of two kinds:
+    /// The linear part. Its columns are the images of the axes. It is one of two kinds:
     ///
     /// - It has an inverse. Entries are at most [`MAX_SCALE`] and scales at least 1 /
     ///   [`MAX_SCALE`].
@@ -32,15 +33,16 @@ pub struct Placement {
     ///   and contributes nothing until it is moved to a placement of the first kind. Engines hide
     ///   objects by a scale of zero.
     pub linear: Mat3,
-    /// Metres.
+    /// The translation to the world, in metres: at most [`MAX_DISTANCE`] from
+    /// [`LightWorld::origin`](crate::LightWorld::origin) along each axis.
     pub translation: DVec3,
 }
 
 impl Placement {
-    /// The space of the tree is the world.
+    /// The identity: the space of the tree is that of the world.
     pub const IDENTITY: Self = Self { linear: Mat3::IDENTITY, translation: DVec3::ZERO };
 
-    /// A translation, in metres.
+    /// Creates a placement that only translates, in metres.
     pub fn at(translation: DVec3) -> Self {
         Self { translation, ..Self::IDENTITY }
     }
@@ -59,12 +61,14 @@ impl From<Affine3A> for Placement {
 }
 
 impl From<Mat4> for Placement {
+    /// Takes an affine matrix; the last row is ignored.
     fn from(m: Mat4) -> Self {
         Self { linear: Mat3::from_mat4(m), translation: m.w_axis.truncate().as_dvec3() }
     }
 }
 
 impl From<DAffine3> for Placement {
+    /// Rounds the linear part to f32.
     fn from(a: DAffine3) -> Self {
         Self { linear: a.matrix3.as_mat3(), translation: a.translation }
     }
@@ -123,11 +127,11 @@ impl Placed {
     }
 
     /// A shading point of the world as seen in the space of the tree.
-    pub fn view(&self, shading_point: &ShadingPoint) -> View {
+    pub fn local_shading_point(&self, shading_point: &ShadingPoint) -> LocalShadingPoint {
         // Normals are carried back by the transpose: the horizon stays the horizon under any linear
         // map.
         let normal = (self.linear.linear.transpose() * shading_point.normal).normalize_or_zero();
-        View {
+        LocalShadingPoint {
             position: self.frame.to_local * (shading_point.position - self.frame.translation),
             normal,
             has_normal: normal != Vec3::ZERO,

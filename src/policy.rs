@@ -1,65 +1,68 @@
-//! Policies: when a tree asks for a rebuild.
+//! Policies: when a tree requests a rebuild.
 //!
 //! [`Policy::Deviation`] and [`Policy::Ratio`] are algorithms 1 and 2 of SS. Everything here is a
-//! function of a tree's attributes and their history; nothing here knows trees, time or budgets.
+//! function of a tree's attributes and their history; nothing here depends on trees, time or
+//! budgets.
 
 use std::collections::BTreeMap;
 
 use crate::error::WorldError;
 use crate::tree::{Attribute, Attributes};
 
-/// Stands in for a ratio where the least value since the last rebuild is 0: any value above this
-/// asks for a rebuild. Attributes are of order 1, and rounding leaves about 1e-7 of them.
+/// The limit of [`Policy::Ratio`] where the least value since the last rebuild is 0: any value
+/// above this requests a rebuild. Attributes are of order 1, and rounding leaves about 1e-7 of
+/// them.
 pub(crate) const ATTRIBUTE_FLOOR: f32 = 1.0e-6;
 
-/// How much noisier than a new tree a tree must be before [`Policy::Budgeted`] asks for a rebuild,
-/// as a share of σ. Rebuilds of the same lights differ by less; without this floor, trees at rest
-/// would be rebuilt for ever.
+/// The excess noise above which [`Policy::Budgeted`] requests a rebuild, measured as in
+/// [`Policy::Bounded`]. Rebuilds of the same lights differ by less. Without this floor, trees at
+/// rest would be rebuilt for ever.
 pub const DEFAULT_FLOOR: f32 = 0.005;
 
-/// When an instance asks for a rebuild of its tree. The variants are ordered by how demanding they
-/// are. A tree that several instances share follows the most demanding of their policies.
+/// When an instance requests a rebuild of its tree. A tree that several instances share makes the
+/// most demanding request of all their policies.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Policy {
     /// The lights never change: while all instances of a tree are static, edits of its lights are
-    /// refused.
+    /// refused with [`WorldError::StaticTree`].
     Static,
     /// The tree is refitted and never rebuilt, for cheap lights or lights that move as one. Its
     /// attributes are not measured.
     RefitOnly,
     /// The scheduler weighs a rebuild against those of all other trees, once the tree is noisier
-    /// than a new one by [`DEFAULT_FLOOR`].
+    /// than a new tree by more than [`DEFAULT_FLOOR`].
     #[default]
     Budgeted,
-    /// As [`Policy::Budgeted`], with bounds on the noise. Both bounds are shares of σ, the relative
-    /// standard deviation of a choice within the tree, by which it is estimated to exceed that of a
+    /// As [`Policy::Budgeted`], with bounds on the excess noise. The excess is the estimated share
+    /// by which σ, the relative standard deviation of a choice within the tree, exceeds that of a
     /// new tree: 0.1 is ten percent.
     Bounded {
-        /// Up to this excess no rebuild is asked for. At least 0; a higher floor saves time.
+        /// Up to this excess no rebuild is requested. At least 0; a higher floor saves time.
         floor: f32,
-        /// Above this excess the tree is rebuilt before all trees that are not above their own
-        /// ceiling. At least `floor`.
+        /// Above this excess the request is urgent: the tree is rebuilt before all trees whose
+        /// requests are not urgent. At least `floor`.
         ceiling: f32,
     },
-    /// Algorithm 1 of SS: asks for a rebuild when the attribute exceeds its least value since the
+    /// Algorithm 1 of SS: requests a rebuild when the attribute exceeds its least value since the
     /// last rebuild by `factor` standard deviations.
     Deviation {
         /// The attribute that is watched.
         attribute: Attribute,
         /// Its standard deviation over rebuilt trees, at least 0.
         deviation: f32,
-        /// S of SS, at least 0.
+        /// The factor S of SS, at least 0.
         factor: f32,
     },
-    /// Algorithm 2 of SS: asks for a rebuild when the attribute exceeds `factor` times its least
+    /// Algorithm 2 of SS: requests a rebuild when the attribute exceeds `factor` times its least
     /// value since the last rebuild.
     Ratio {
         /// The attribute that is watched.
         attribute: Attribute,
-        /// S of SS, at least 1; 1.1 is ten percent.
+        /// The factor S of SS, at least 1; 1.1 is ten percent.
         factor: f32,
     },
-    /// The tree is rebuilt whenever its lights change, before trees of all other policies.
+    /// The tree requests a rebuild whenever its lights change. The request is urgent, as above the
+    /// ceiling of [`Policy::Bounded`].
     AlwaysRebuild,
 }
 
@@ -84,7 +87,7 @@ impl Policy {
         }
     }
 
-    /// Whether the policy can ever ask for a rebuild.
+    /// Whether the policy can ever request a rebuild.
     pub(crate) fn may_rebuild(&self) -> bool {
         !matches!(self, Self::Static | Self::RefitOnly)
     }
@@ -115,7 +118,7 @@ impl AttributeHistory {
     }
 }
 
-/// What a policy asks for. A greater request is more demanding.
+/// What a policy requests. A greater request is more demanding.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum RebuildRequest {
     /// No rebuild.
@@ -129,7 +132,7 @@ pub(crate) enum RebuildRequest {
     Urgent,
 }
 
-/// Returns what a policy asks for, for a tree that was just refitted to the attributes `now`.
+/// Returns the request of a policy for a tree that was just refitted to the attributes `now`.
 ///
 /// `history` must have observed `now` already, so that a value below the former least value is its
 /// own least value. `excess` is the share of σ by which the tree is estimated to be noisier than a
@@ -161,8 +164,8 @@ pub(crate) fn rebuild_request(
 
 /// The policies of all instances of a tree.
 ///
-/// What the most demanding of them asks for depends on the least threshold of each criterion alone,
-/// so the thresholds are kept in order. A change of one policy is O(log n) and a request O(log n),
+/// The most demanding of their requests depends on the least threshold of each criterion alone, so
+/// the thresholds are kept in order. A change of one policy is O(log n) and a request O(log n),
 /// where n is the number of distinct thresholds; a list of distinct policies took 4.2 s for 40,000
 /// of them.
 #[derive(Clone, Debug, Default)]
@@ -241,7 +244,7 @@ impl PolicySet {
         }
     }
 
-    /// Whether some policy can ever ask for a rebuild.
+    /// Whether some policy can ever request a rebuild.
     pub fn may_rebuild(&self) -> bool {
         self.len > self.static_count + self.refit_only_count
     }
@@ -257,7 +260,7 @@ impl PolicySet {
         requests.max().unwrap_or_default()
     }
 
-    /// At most ten policies that together ask for what all policies ask for.
+    /// At most ten policies whose most demanding request is that of all policies.
     fn most_demanding(&self) -> impl Iterator<Item = Policy> {
         let always = (self.always_rebuild_count > 0).then_some(Policy::AlwaysRebuild);
         // Each floor is at most its own ceiling, and so the least floor at most the least ceiling.
@@ -307,7 +310,7 @@ mod tests {
         Attributes { overlap: value, ..Attributes::default() }
     }
 
-    /// Whether the policy asks for a rebuild at each value after the first; each request is
+    /// Whether the policy requests a rebuild at each value after the first; each request is
     /// granted.
     fn run(policy: Policy, values: &[f32]) -> Vec<bool> {
         let mut history = AttributeHistory::start(overlap(values[0]));

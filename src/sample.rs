@@ -1,22 +1,26 @@
-//! Sampling and probabilities on the CPU: the top level, then one tree, directional lights beside them.
+//! Sampling and probabilities on the CPU: the top level, then the tree of one instance, and
+//! directional lights beside them.
 //!
 //! Twin of `shaders/sample.wgsl`.
 
+use std::fmt;
+
 use crate::counts::SplitCount;
-use crate::dice::share;
-use crate::distribution::Spread;
+use crate::cut::{InstanceTrees, NO_INSTANCE, NoInstances, TreeView};
+use crate::dice::choice_pmf;
+use crate::distribution::DistributionJob;
 use crate::emit::{Incident, sample_light};
-use crate::importance::View;
+use crate::importance::LocalShadingPoint;
 use crate::keys::{DirectionalKey, InstanceKey, slot_of};
 use crate::light::{DirectionalLight, luminance};
 use crate::shading_point::ShadingPoint;
 use crate::simd::with_vectors;
 use crate::top::TopLevel;
 use crate::tree::LightTree;
-use crate::walk::{Chance, Draw, Drawn, Forest, Leaf, NO_INSTANCE, NoForest, Picked, Scene, Wanted};
+use crate::walk::{DrawJob, LeafPath, Outcome, PmfJob, PmfTarget, TreeLight};
 use crate::world::LightWorld;
 
-/// Names a light that can be sampled.
+/// The name of a light that can be sampled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum LightId {
     /// A light of an instance's tree.
@@ -26,32 +30,78 @@ pub enum LightId {
         /// The light's index in the tree.
         light: u32,
     },
-    /// A light at infinity.
+    /// A directional light of the world.
     Directional(DirectionalKey),
 }
 
-/// A chosen light.
+/// A light that [`LightSampler::pick`] chose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightPick {
-    /// Which.
+    /// The light.
     pub light: LightId,
-    /// The chance of this choice, in (0, 1].
+    /// The probability of this choice, in (0, 1].
     pub pmf: f32,
 }
 
-/// A chosen light and a point on it. Its share of the light that arrives is estimated by
-/// `brdf * cosine * incident.radiance / (pmf * incident.pdf)`, if nothing stands between.
+/// A light and a point on it that [`LightSampler::sample`] chose.
+///
+/// `brdf * cosine * incident.radiance / (pmf * incident.pdf)` estimates the light that arrives from
+/// all lights, if the point is not in shadow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightSample {
-    /// Which.
+    /// The light.
     pub light: LightId,
-    /// The chance of the light, in (0, 1].
+    /// The probability of the light, in (0, 1].
     pub pmf: f32,
-    /// What arrives from the point.
+    /// The light that arrives from the point, and the density of the point's direction.
     pub incident: Incident,
 }
 
-/// Samples a world as it is now. Cheap to make once the top level stands; any number of threads may share it.
+/// Chooses lights of a [`LightWorld`] on the CPU, in proportion to the light that each of them
+/// probably sends to a shading point.
+///
+/// [`LightWorld::sampler`] makes one. It borrows the world as it is, is `Copy`, and any number of
+/// threads may share it.
+///
+/// | method | returns |
+/// |---|---|
+/// | [`sample`](Self::sample) | a light, a point on it, and what arrives from there |
+/// | [`pick`](Self::pick) | a light and its probability |
+/// | [`pmf`](Self::pmf) | the probability of a given light |
+/// | [`pdf`](Self::pdf) | the density of a point that a ray hit, for multiple importance sampling |
+/// | [`resample`](Self::resample) | the best of several samples, weighted |
+/// | [`distribution`](Self::distribution) | the probabilities of all lights |
+///
+/// A light that sends anything to the shading point, unshadowed, has a probability above 0. The
+/// probabilities of all lights and the probability of "no light" add up to 1, to rounding.
+///
+/// ```
+/// use girandole::glam::{DVec3, Vec3};
+/// use girandole::{Light, LightWorld, Placement, Policy, ShadingPoint};
+///
+/// let mut world = LightWorld::new();
+/// let lamp = world.add_tree(vec![Light::point(Vec3::new(0.0, 6.0, 0.0), Vec3::splat(800.0))])?;
+/// for x in [0.0, 10.0, 20.0] {
+///     world.add_instance(lamp, Placement::at(DVec3::new(x, 0.0, 0.0)), Policy::Budgeted)?;
+/// }
+/// let sampler = world.sampler();
+/// let ground = ShadingPoint::surface(Vec3::new(1.0, 0.0, 1.0), Vec3::Y);
+///
+/// // The mean of many samples is the illuminance by all lamps.
+/// let mut lux = 0.0;
+/// for i in 0..1000 {
+///     let u = [(i as f32 + 0.5) / 1000.0, 0.5, 0.5, 0.5];
+///     if let Some(sample) = sampler.sample(&ground, u) {
+///         let cosine = sample.incident.direction.dot(ground.normal);
+///         lux += sample.incident.radiance.x * cosine / (sample.pmf * sample.incident.pdf) / 1000.0;
+///     }
+/// }
+/// let exact: f32 = sampler.all_lights().filter_map(|light| sampler.sample_light(&ground, light, [0.5, 0.5]))
+///     .map(|incident| incident.radiance.x * incident.direction.dot(ground.normal))
+///     .sum();
+/// assert!((lux / exact - 1.0).abs() < 0.01);
+/// # Ok::<(), girandole::WorldError>(())
+/// ```
 #[derive(Clone, Copy)]
 pub struct LightSampler<'a> {
     pub(crate) world: &'a LightWorld,
@@ -59,33 +109,48 @@ pub struct LightSampler<'a> {
     pub(crate) splits: SplitCount,
 }
 
-impl<'a> Forest<'a> for (&LightSampler<'a>, &ShadingPoint) {
-    fn enter(&self, slot: u32) -> Option<Scene<'a>> {
+impl fmt::Debug for LightSampler<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (instances, splits) = (self.world.instances().count(), self.splits);
+        f.debug_struct("LightSampler").field("instances", &instances).field("splits", &splits).finish_non_exhaustive()
+    }
+}
+
+impl<'a> InstanceTrees<'a> for (&LightSampler<'a>, &ShadingPoint) {
+    fn tree_view(&self, slot: u32) -> Option<TreeView<'a>> {
         let (sampler, shading_point) = self;
-        sampler.scene(sampler.world.instance_at(slot)?, shading_point).map(|(_, scene)| scene)
+        sampler.tree_view(sampler.world.instance_at(slot)?, shading_point).map(|(_, tree)| tree)
     }
 }
 
 impl LightWorld {
-    /// A sampler of the world as it is now, its lights as of the last update. The first call after a change builds the
-    /// top level, O(n log n) in instances; engines that sample on the GPU only never pay for it.
+    /// Returns a sampler of the world as it is now, with lights as of the last
+    /// [`LightWorld::update`].
     ///
-    /// Any thread may call this, inside a rayon job too. Threads that make the first call at once may each build the
-    /// top level; to build it once, call this before the parallel loop.
+    /// The first call after a change builds the top level, which takes O(n log n) in instances;
+    /// later calls cost nothing. Engines that sample on the GPU only never pay for it.
+    ///
+    /// Any thread may call this, also inside a rayon job. Threads that make the first call at once may
+    /// each build the top level; to build it once, call this before the parallel loop.
     pub fn sampler(&self) -> LightSampler<'_> {
         LightSampler { world: self, top: self.top_level(), splits: SplitCount::DEFAULT }
     }
 }
 
 impl<'a> LightSampler<'a> {
-    /// Chooses a light and a point on it. `u` in [0, 1): two numbers choose the light, two the point.
+    /// Chooses a light and a point on it. Call it once per sample and trace one shadow ray to the
+    /// result.
     ///
-    /// `None` if no light can reach the shading point, or if the chosen point does not: both are ordinary, and count as black.
+    /// The four numbers of `u` are uniform in [0, 1), random or of a low-discrepancy sequence: two
+    /// choose the light, two the point. Numbers outside are clamped, and NaN counts as 0.
+    ///
+    /// `None` if no light can reach the shading point, or if the chosen point sends nothing to it.
+    /// Both are ordinary: count the sample as black. The cost is that of [`LightSampler::pick`].
     pub fn sample(&self, shading_point: &ShadingPoint, u: [f32; 4]) -> Option<LightSample> {
         self.sample_picked(shading_point, self.pick(shading_point, [u[0], u[1]])?, [u[2], u[3]])
     }
 
-    /// A point on a light that was picked.
+    /// Chooses a point on a light that was picked.
     pub(crate) fn sample_picked(
         &self,
         shading_point: &ShadingPoint,
@@ -97,9 +162,13 @@ impl<'a> LightSampler<'a> {
         Some(LightSample { light, pmf, incident })
     }
 
-    /// Returns the same sampler with another number of splits; [`SplitCount::DEFAULT`] at first.
+    /// Returns the same sampler with another number of splits; [`LightWorld::sampler`] has
+    /// [`SplitCount::DEFAULT`].
     ///
-    /// A split replaces a cluster near the shading point by its children before a light is chosen.
+    /// A split replaces a cluster of lights near the shading point by its children before a light
+    /// is chosen. More splits lower the noise near lights, and each of them takes the time of one
+    /// node. The probabilities of lights depend on the number: call all methods with the same one
+    /// for one estimate.
     pub fn with_splits(self, splits: SplitCount) -> Self {
         Self { splits, ..self }
     }
@@ -110,51 +179,63 @@ impl<'a> LightSampler<'a> {
         Self { top, ..self }
     }
 
-    /// Chooses a light; `None` where bounds prove that there is none to choose.
+    /// Chooses a light, without a point on it. `u` is as the first two numbers of
+    /// [`LightSampler::sample`].
     ///
-    /// One pass over eight children per opened cluster and per level below. Source: CK18 5, see `walk.rs`.
+    /// `None` if no light can reach the shading point. The cost is one node for each split and for
+    /// each level below the clusters, whatever the number of lights: about a microsecond. Source:
+    /// CK18 5; `cut.rs` names the differences.
     pub fn pick(&self, shading_point: &ShadingPoint, u: [f32; 2]) -> Option<LightPick> {
-        let draw = Draw {
+        let job = DrawJob {
             root: self.root(shading_point),
             splits: self.splits,
-            beside: self.directional(shading_point),
+            directional_lux: self.directional_lux(shading_point),
             u,
-            forest: &(self, shading_point),
+            instance_trees: &(self, shading_point),
         };
-        self.named(shading_point, with_vectors(draw))
+        self.picked(shading_point, with_vectors(job))
     }
 
-    /// The keys of what was drawn.
-    pub(crate) fn named(&self, shading_point: &ShadingPoint, drawn: Drawn) -> Option<LightPick> {
-        match drawn {
-            Drawn::Light(Picked { instance, light, pmf }) => {
+    /// The pick that the result of a draw stands for.
+    pub(crate) fn picked(&self, shading_point: &ShadingPoint, outcome: Outcome) -> Option<LightPick> {
+        match outcome {
+            Outcome::Light(TreeLight { instance, light, pmf }) => {
                 Some(LightPick { light: LightId::Local { instance: self.world.instance_at(instance)?, light }, pmf })
             }
-            Drawn::Beside { offset, total } => self.pick_directional(shading_point, offset, total),
-            Drawn::Nothing => None,
+            Outcome::Directional { offset, total } => self.pick_directional(shading_point, offset, total),
+            Outcome::Nothing => None,
         }
     }
 
-    /// The chance that [`LightSampler::pick`] chooses this light; 0 for a light that is dark, unreachable, or not there.
+    /// Returns the probability with which [`LightSampler::pick`] and [`LightSampler::sample`]
+    /// choose a light.
+    ///
+    /// It is in [0, 1], and agrees with the `pmf` that they return up to rounding. 0 for a light
+    /// that is dark, that cannot reach the shading point, or that does not exist. The cost is that
+    /// of [`LightSampler::pick`].
     pub fn pmf(&self, shading_point: &ShadingPoint, light: LightId) -> f32 {
         let root = self.root(shading_point);
-        let of = match light {
+        let target = match light {
             LightId::Directional(key) => match self.world.directional(key) {
-                Some(light) => Wanted::Beside(illuminance(light, shading_point)),
+                Some(light) => PmfTarget::Directional(illuminance(light, shading_point)),
                 None => return 0.0,
             },
             LightId::Local { instance, light } => {
-                let Some((tree, scene)) = self.scene(instance, shading_point) else { return 0.0 };
-                let Some(leaf) = tree.leaves().get(light as usize) else { return 0.0 };
+                let Some((lights, tree)) = self.tree_view(instance, shading_point) else { return 0.0 };
+                let Some(leaf) = lights.leaves().get(light as usize) else { return 0.0 };
                 let place = self.top.places[slot_of(instance) as usize];
-                Wanted::Light(Leaf { scene, place: *leaf, top: Some((root, place)) })
+                PmfTarget::Light(LeafPath { tree, place: *leaf, top: Some((root, place)) })
             }
         };
-        let beside = self.directional(shading_point);
-        with_vectors(Chance { root, splits: self.splits, beside, of, forest: &(self, shading_point) })
+        let directional_lux = self.directional_lux(shading_point);
+        let instance_trees = &(self, shading_point);
+        with_vectors(PmfJob { root, splits: self.splits, directional_lux, target, instance_trees })
     }
 
-    /// A point on a given light; `None` if that point sends nothing to the shading point or the light is not there.
+    /// Chooses a point on a given light. `u` is as the last two numbers of
+    /// [`LightSampler::sample`].
+    ///
+    /// `None` if the point sends nothing to the shading point, or if the light does not exist.
     pub fn sample_light(&self, shading_point: &ShadingPoint, light: LightId, u: [f32; 2]) -> Option<Incident> {
         match light {
             LightId::Directional(key) => {
@@ -175,7 +256,8 @@ impl<'a> LightSampler<'a> {
         }
     }
 
-    /// Every light that can be sampled, for sums over all of them.
+    /// Iterates over every light that can be sampled: those of all instances, then the directional
+    /// lights.
     pub fn all_lights(&self) -> impl Iterator<Item = LightId> + use<'a> {
         let world = self.world;
         let local = world.instances().flat_map(move |instance| {
@@ -185,13 +267,13 @@ impl<'a> LightSampler<'a> {
         local.chain(world.directionals().map(|(key, _)| LightId::Directional(key)))
     }
 
-    /// The chance of every light, in the order of [`LightSampler::all_lights`]: what [`LightSampler::pmf`] tells of each, up to
-    /// rounding.
+    /// Computes the probability of every light, in the order of [`LightSampler::all_lights`]: what
+    /// [`LightSampler::pmf`] returns for each, up to rounding.
     ///
-    /// Fills `chances`, whatever it held. Their sum is 1 less the chance of "no light"; all are 0 where nothing can be
-    /// chosen. O(lights of all instances), but what is proved dark as a whole takes no time beyond its zeros; allocates
-    /// eight bytes a slot besides `chances`.
-    pub fn distribution(&self, shading_point: &ShadingPoint, chances: &mut Vec<f32>) {
+    /// Replaces the content of `pmfs`. Their sum is 1 less the probability of "no light"; all are 0
+    /// where no light can be chosen. O(lights of all instances), though clusters that are proved
+    /// dark cost only their zeros. Allocates eight bytes per slot besides `pmfs`.
+    pub fn distribution(&self, shading_point: &ShadingPoint, pmfs: &mut Vec<f32>) {
         let world = self.world;
         let mut starts = vec![0; self.top.places.len()];
         let mut lights = 0;
@@ -199,49 +281,54 @@ impl<'a> LightSampler<'a> {
             starts[slot_of(key) as usize] = lights;
             lights += world.instance(key).and_then(|i| world.tree(i.tree)).map_or(0, |tree| tree.lights().len());
         }
-        chances.clear();
-        chances.resize(lights, 0.0);
-        let (root, beside) = (self.root(shading_point), self.directional(shading_point));
-        let forest = &(self, shading_point);
-        let total = with_vectors(Spread { root, splits: self.splits, beside, forest, starts: &starts, chances });
-        chances.extend(world.directionals().map(|(_, light)| {
+        pmfs.clear();
+        pmfs.resize(lights, 0.0);
+        let (root, directional_lux) = (self.root(shading_point), self.directional_lux(shading_point));
+        let instance_trees = &(self, shading_point);
+        let starts = &starts;
+        let total =
+            with_vectors(DistributionJob { root, splits: self.splits, directional_lux, instance_trees, starts, pmfs });
+        pmfs.extend(world.directionals().map(|(_, light)| {
             let lux = illuminance(light, shading_point);
-            if total > 0.0 { share(lux, total) } else { 0.0 }
+            if total > 0.0 { choice_pmf(lux, total) } else { 0.0 }
         }));
     }
 
-    /// Illuminance by directional lights, in lux.
-    pub(crate) fn directional(&self, shading_point: &ShadingPoint) -> f32 {
+    /// The illuminance by all directional lights, in lux.
+    pub(crate) fn directional_lux(&self, shading_point: &ShadingPoint) -> f32 {
         self.world.directionals().map(|(_, light)| illuminance(light, shading_point)).sum()
     }
 
     /// The top level.
-    pub(crate) fn root(&self, shading_point: &ShadingPoint) -> Scene<'a> {
-        Scene { nodes: &self.top.nodes, view: View::of(shading_point), instance: NO_INSTANCE, is_top: true }
+    pub(crate) fn root(&self, shading_point: &ShadingPoint) -> TreeView<'a> {
+        let local = LocalShadingPoint::of(shading_point);
+        TreeView { nodes: &self.top.nodes, local, instance: NO_INSTANCE, is_top: true }
     }
 
+    /// The directional light at a point of the line from 0 to the illuminance by all of them.
+    /// `total` includes the trees.
     fn pick_directional(&self, shading_point: &ShadingPoint, point: f32, total: f32) -> Option<LightPick> {
         let mut chosen = None;
         let mut before = 0.0;
         for (key, light) in self.world.directionals() {
-            let value = illuminance(light, shading_point);
-            if value > 0.0 && point >= before {
-                chosen = Some(LightPick { light: LightId::Directional(key), pmf: share(value, total) });
+            let lux = illuminance(light, shading_point);
+            if lux > 0.0 && point >= before {
+                chosen = Some(LightPick { light: LightId::Directional(key), pmf: choice_pmf(lux, total) });
             }
-            before += value;
+            before += lux;
         }
         chosen
     }
 
-    fn scene(&self, key: InstanceKey, shading_point: &ShadingPoint) -> Option<(&'a LightTree, Scene<'a>)> {
+    fn tree_view(&self, key: InstanceKey, shading_point: &ShadingPoint) -> Option<(&'a LightTree, TreeView<'a>)> {
         let instance = self.world.instance(key)?;
         let tree = self.world.tree(instance.tree)?;
-        let view = instance.placed.as_ref()?.view(shading_point);
-        Some((tree, Scene { nodes: tree.nodes(), view, instance: slot_of(key), is_top: false }))
+        let local = instance.placed.as_ref()?.local_shading_point(shading_point);
+        Some((tree, TreeView { nodes: tree.nodes(), local, instance: slot_of(key), is_top: false }))
     }
 }
 
-/// Luminance of what a directional light brings to a shading point, in lux.
+/// The illuminance by a directional light at a shading point, as luminance in lux.
 pub(crate) fn illuminance(light: &DirectionalLight, shading_point: &ShadingPoint) -> f32 {
     let cosine = if shading_point.normal == glam::Vec3::ZERO {
         1.0
@@ -252,21 +339,25 @@ pub(crate) fn illuminance(light: &DirectionalLight, shading_point: &ShadingPoint
 }
 
 impl LightTree {
-    /// Chooses a light of one tree, in the tree's own space: its index and the chance of that. As [`LightSampler::pick`];
-    /// `splits` as in [`LightSampler::with_splits`].
+    /// Chooses a light of this tree alone: returns its index and its probability.
+    ///
+    /// The shading point is in the tree's space. `u` and the result are as for
+    /// [`LightSampler::pick`], `splits` as for [`LightSampler::with_splits`].
     pub fn pick(&self, shading_point: &ShadingPoint, u: [f32; 2], splits: SplitCount) -> Option<(u32, f32)> {
-        let draw = Draw { root: Scene::alone(self.nodes(), shading_point), splits, beside: 0.0, u, forest: &NoForest };
-        match with_vectors(draw) {
-            Drawn::Light(Picked { light, pmf, .. }) => Some((light, pmf)),
-            Drawn::Beside { .. } | Drawn::Nothing => None,
+        let root = TreeView::of_tree(self.nodes(), shading_point);
+        let job = DrawJob { root, splits, directional_lux: 0.0, u, instance_trees: &NoInstances };
+        match with_vectors(job) {
+            Outcome::Light(TreeLight { light, pmf, .. }) => Some((light, pmf)),
+            Outcome::Directional { .. } | Outcome::Nothing => None,
         }
     }
 
-    /// The chance that [`LightTree::pick`] chooses this light; 0 for an index that the tree does not have.
+    /// Returns the probability with which [`LightTree::pick`] chooses a light; 0 for an index that
+    /// the tree does not have.
     pub fn pmf(&self, shading_point: &ShadingPoint, light: u32, splits: SplitCount) -> f32 {
         let Some(place) = self.leaves().get(light as usize) else { return 0.0 };
-        let root = Scene::alone(self.nodes(), shading_point);
-        let of = Wanted::Light(Leaf { scene: root, place: *place, top: None });
-        with_vectors(Chance { root, splits, beside: 0.0, of, forest: &NoForest })
+        let root = TreeView::of_tree(self.nodes(), shading_point);
+        let target = PmfTarget::Light(LeafPath { tree: root, place: *place, top: None });
+        with_vectors(PmfJob { root, splits, directional_lux: 0.0, target, instance_trees: &NoInstances })
     }
 }

@@ -2,25 +2,29 @@
 
 use glam::Vec3;
 
-/// A point that lights are chosen for.
+/// A point to choose a light for: on a surface, or in a volume such as fog.
 ///
-/// Make one with [`ShadingPoint::surface`] or [`ShadingPoint::volume`]; later versions may add fields.
+/// Make one with [`ShadingPoint::surface`] or [`ShadingPoint::volume`]; later versions may add
+/// fields.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ShadingPoint {
-    /// Metres, relative to the world's origin (or in a tree's own space).
+    /// Position in metres, relative to the world's origin. Methods of
+    /// [`LightTree`](crate::LightTree) take it in the tree's own space.
     pub position: Vec3,
-    /// Unit normal of the side that light arrives at. Zero for a point in a volume, which light reaches from all sides.
+    /// Unit normal of the side that light arrives at. Zero for a point in a volume, where light
+    /// arrives from all sides.
     pub normal: Vec3,
 }
 
 impl ShadingPoint {
-    /// A point on a surface. `normal` is a unit vector on the side that is shaded.
+    /// A point on a surface. `normal` is a unit vector that points to the side that is shaded;
+    /// lights behind the surface have the probability 0.
     pub fn surface(position: Vec3, normal: Vec3) -> Self {
         Self { position, normal }
     }
 
-    /// A point in a volume.
+    /// A point in a volume, or any other point that light may reach from all sides.
     pub fn volume(position: Vec3) -> Self {
         Self { position, normal: Vec3::ZERO }
     }

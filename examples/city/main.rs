@@ -31,7 +31,7 @@ fn main() -> ExitCode {
             print!("{text}");
             Ok(())
         }
-        Err(e) => Err(e),
+        Err(error) => Err(error),
     };
     common::exit::exit_code(result)
 }

@@ -1,14 +1,15 @@
-//! Counts of effects, which every edit keeps up to date, and the effects that are held for a while
-//! after the last count.
+//! Counts of effects, which every edit keeps up to date, and the effects that are held for some
+//! updates after their counts have fallen to 0.
 
 use super::Effects;
 
 /// How many calls of [`LightWorld::update`](crate::LightWorld::update) an effect stays in
-/// [`LightWorld::effects`](crate::LightWorld::effects) after the last thing that had it is gone. A
-/// tree also counts as [moving](Effects::MOVING) for this long after its last change.
+/// [`LightWorld::effects`](crate::LightWorld::effects) after nothing in the world has it any more.
+/// A tree also counts as [moving](Effects::MOVING) for this long after its last change.
 ///
-/// 120 updates are two seconds at 60 frames a second. Fewer would follow a real change sooner; more
-/// tolerate slower flicker without another set of effects, and so without another pipeline.
+/// 120 updates are two seconds at 60 frames a second. A smaller value would follow a lasting
+/// change sooner; a larger one would tolerate slower flicker without another set of effects, and so
+/// without another pipeline.
 pub const EFFECT_HOLD_UPDATES: u32 = 120;
 
 const KINDS: usize = Effects::all().bits().count_ones() as usize;
@@ -17,7 +18,7 @@ const KINDS: usize = Effects::all().bits().count_ones() as usize;
 ///
 /// A world and a tree keep their own counts
 /// ([`LightWorld::effect_counts`](crate::LightWorld::effect_counts),
-/// [`LightTree::effects`](crate::LightTree::effects)); elsewhere counts can only be read.
+/// [`LightTree::effects`](crate::LightTree::effects)); callers can only read them.
 ///
 /// ```
 /// use girandole::{Effects, Light, LightTree, glam::Vec3};
@@ -38,12 +39,12 @@ pub struct EffectCounts {
 }
 
 impl EffectCounts {
-    /// Counts one more thing with these effects.
+    /// Adds one light, instance or tree with these effects.
     pub(crate) fn add(&mut self, effects: Effects) {
         indices(effects).for_each(|kind| self.counts[kind] += 1);
     }
 
-    /// Counts one thing less with these effects, which must have been added.
+    /// Removes one light, instance or tree with these effects, which must have been added.
     pub(crate) fn remove(&mut self, effects: Effects) {
         indices(effects).for_each(|kind| self.counts[kind] -= 1);
     }
@@ -58,8 +59,8 @@ impl EffectCounts {
         self.counts.iter_mut().zip(other.counts).for_each(|(count, less)| *count -= less);
     }
 
-    /// The number of things that have an effect; for a set of several effects, the sum of their
-    /// counts.
+    /// The number of lights, instances and trees that have an effect; for a set of several
+    /// effects, the sum of their counts.
     pub fn of(&self, effects: Effects) -> u64 {
         indices(effects).map(|kind| self.counts[kind]).sum()
     }
@@ -91,8 +92,7 @@ impl HeldEffects {
     }
 
     /// The effects with a count above 0 now or within the last [`EFFECT_HOLD_UPDATES`] updates,
-    /// without [`Effects::MOVING`]: a set with it would stand for the same shaders as the set
-    /// without it.
+    /// without [`Effects::MOVING`]: sets that differ only in it have the same shaders.
     pub fn effects(&self) -> Effects {
         let is_held = |kind: &usize| self.updates_left[*kind] > 0;
         let held = (0..KINDS).filter(is_held).map(|kind| Effects::from_bits_retain(1 << kind));

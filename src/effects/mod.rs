@@ -1,12 +1,12 @@
-//! Which effects the lights and instances of a world have: what no light has is neither stored nor
-//! tested nor uploaded.
+//! Effects: the features that the lights and instances of a world have. Data of an absent effect
+//! is neither stored nor uploaded, and shaders do not test for it.
 //!
 //! A world counts what it holds in an [`EffectCounts`]. Each light that is added, changed or
 //! removed changes some counts by one. A tree keeps the counts of its own lights, so no call ever
 //! visits all lights. Two sets follow from the counts:
 //!
 //! - [`LightWorld::active_effects`](crate::LightWorld::active_effects) is the set of effects that
-//!   something has now.
+//!   some light, instance or tree has now.
 //! - [`LightWorld::effects`](crate::LightWorld::effects) is the set that shaders and buffer layouts
 //!   should be made for. It grows at once, since shaders must handle what the buffers hold, and
 //!   shrinks [`EFFECT_HOLD_UPDATES`] updates late, so that a lamp that flickers does not cause a
@@ -14,8 +14,8 @@
 //!
 //! `gpu::PipelineVariants` keeps a pipeline for each set.
 //!
-//! A light that is off has the effects of its kind: its record lies in the buffers, and it may be
-//! on in the next frame.
+//! A light that is off has the effects of its kind: its record is in the buffers, and it may be on
+//! in the next frame.
 
 mod counts;
 

@@ -4,7 +4,7 @@ use crate::error::{LightError, WorldError};
 
 /// Why the lights of a glTF document could not be loaded. The world is as it was before the call.
 ///
-/// Indices are those of the document's arrays.
+/// Indices are those of the document's arrays. Codes 700 to 711.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum GltfError {
@@ -85,7 +85,7 @@ pub enum GltfError {
     /// The usual cause is a node whose scale is zero along one or two axes. A scale that is zero
     /// along all three is not an error: it hides the node.
     #[error("node {node}: {source}")]
-    LightWorld {
+    World {
         /// Index of the node. Of a tree that several nodes share, the first.
         node: usize,
         /// Why the world refused it.
@@ -109,8 +109,8 @@ pub enum GltfError {
 }
 
 impl GltfError {
-    /// A number for each variant, from 700 on. Numbers never change, so that they can cross a C
-    /// interface.
+    /// The stable code, see [`error`](crate::error). An error that wraps a [`LightError`] or a
+    /// [`WorldError`] has a code of its own; the `source` field has the inner code.
     pub fn code(&self) -> u32 {
         match self {
             Self::Document { .. } => 700,
@@ -122,7 +122,7 @@ impl GltfError {
             Self::Transform { .. } => 706,
             Self::NotATree { .. } => 707,
             Self::Light { .. } => 708,
-            Self::LightWorld { .. } => 709,
+            Self::World { .. } => 709,
             Self::TooManyLights { .. } => 710,
             Self::SurfaceScale { .. } => 711,
         }
@@ -147,7 +147,7 @@ mod tests {
             (706, GltfError::Transform { node: 0 }),
             (707, GltfError::NotATree { node: 0 }),
             (708, GltfError::Light { what: "light", index: 0, source: light }),
-            (709, GltfError::LightWorld { node: 0, source }),
+            (709, GltfError::World { node: 0, source }),
             (710, GltfError::TooManyLights { found: 2, limit: 1 }),
             (711, GltfError::SurfaceScale { value: -1.0 }),
         ];

@@ -45,6 +45,7 @@ use plan::Plan;
 /// An instance that a node became. A node with both an emissive mesh and a light becomes two
 /// instances.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct NodeLights {
     /// Index of the node in the document.
     pub node: usize,
@@ -59,6 +60,7 @@ pub struct NodeLights {
 
 /// What a document added to a world.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct GltfLights {
     /// Instances, in the order of [`scene_nodes`].
     pub nodes: Vec<NodeLights>,
@@ -76,7 +78,7 @@ pub struct GltfLights {
 /// world is then as it was before the call.
 ///
 /// # Cost
-/// Linear in the nodes of the document and in the lights of its trees, and the build of these
+/// Linear in the nodes of the document and in the lights of its trees, plus the builds of these
 /// trees.
 pub fn load_lights<B: AsRef<[u8]>>(
     world: &mut LightWorld,
@@ -105,7 +107,7 @@ fn add(
     trees: &mut Vec<TreeKey>,
     lights: &mut GltfLights,
 ) -> Result<(), GltfError> {
-    let refused = |node: usize| move |source: WorldError| GltfError::LightWorld { node, source };
+    let refused = |node: usize| move |source: WorldError| GltfError::World { node, source };
     for tree in plan.trees {
         trees.push(world.add_tree(tree.lights).map_err(refused(tree.node))?);
     }

@@ -9,7 +9,7 @@ pub enum EmissiveSides {
     /// them.
     #[default]
     OfMaterial,
-    /// Always the front only. Correct for closed meshes whatever their material says, and less
+    /// Always the front only. Correct for closed meshes regardless of their material, and less
     /// noisy: a one-sided light is not sampled from behind.
     Front,
     /// Always both sides. Correct for thin sheets whose winding is unreliable.
@@ -24,11 +24,11 @@ pub struct GltfOptions {
     /// Factor on the radiance of emissive triangles, finite and at least 0. Default: 1, which keeps
     /// the file's values.
     pub surface_scale: f32,
-    /// Which sides of emissive triangles emit.
+    /// Which sides of emissive triangles emit. Default: [`EmissiveSides::OfMaterial`].
     pub sides: EmissiveSides,
     /// Whether the lights of KHR_lights_punctual are loaded. Default: true.
     pub punctual: bool,
-    /// The policy of every instance.
+    /// The policy of every instance. Default: [`Policy::Budgeted`].
     pub policy: Policy,
     /// The most lights that one call creates; a document with more is refused with
     /// [`GltfError::TooManyLights`](super::GltfError::TooManyLights) before memory is allocated for

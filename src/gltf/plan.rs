@@ -1,4 +1,4 @@
-//! Works out the trees and instances of a document, and checks them, before the world is changed.
+//! Plans the trees and instances of a document, and checks them, before the world is changed.
 //!
 //! The first pass walks the scene's nodes, finds out which of them share a tree, and counts lights.
 //! Only when the count is within the limit does the second pass read the lights.
@@ -27,7 +27,8 @@ pub enum LightSource {
     Punctual,
 }
 
-/// The radiance that the front of a material emits, in nits.
+/// The radiance that a material emits, in nits: `emissiveFactor` times the strength of
+/// KHR_materials_emissive_strength. Textures are ignored.
 pub fn material_emission(material: &Material<'_>) -> Vec3 {
     Vec3::from(material.emissive_factor()) * material.emissive_strength().unwrap_or(1.0)
 }

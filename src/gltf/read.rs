@@ -9,7 +9,7 @@ use glam::Vec3;
 
 use super::error::GltfError;
 
-/// The elements of an accessor, known to lie within its buffer.
+/// The elements of an accessor, checked to be within its buffer.
 #[derive(Clone, Copy)]
 struct Elements<'a> {
     /// From the first element's first byte to the last element's last.
@@ -150,8 +150,8 @@ impl<'a> VertexOrder<'a> {
     }
 }
 
-/// The triangles of a primitive. Each is read when it is asked for, so that the cost of reading
-/// follows the triangles that are read and not the vertices that the accessor holds.
+/// The triangles of a primitive. Each triangle is read on demand, so that the cost depends on the
+/// triangles that are read and not on the vertices that the accessor holds.
 pub(super) struct Triangles<'a> {
     mesh: usize,
     mode: Mode,

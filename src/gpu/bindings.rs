@@ -8,7 +8,8 @@ use super::memory;
 /// The stages that may read the lights.
 const VISIBILITY: wgpu::ShaderStages = wgpu::ShaderStages::COMPUTE.union(wgpu::ShaderStages::FRAGMENT);
 
-/// The layout of the group that shaders bind: one uniform buffer and four read-only storage buffers.
+/// The layout of the group that shaders bind: one uniform buffer and four read-only storage
+/// buffers.
 pub(super) fn light_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
         label: Some("girandole lights"),

@@ -1,4 +1,4 @@
-//! The uniform that tells a kernel how many candidates it draws.
+//! The uniform with the number of candidates that a kernel draws.
 
 use super::error::GpuError;
 use super::memory;

@@ -1,9 +1,9 @@
-//! What the GPU side refuses: what was given, and what is allowed.
+//! Errors of the GPU side: each states what was given and what is allowed.
 
 use super::stages::{MAX_WORKGROUPS, PASS_STRIDE};
 
 /// Why the GPU side refused a call. What shaders read is as it was before the call, except where
-/// [`GpuError::OutOfMemory`] says otherwise.
+/// [`GpuError::OutOfMemory`] says otherwise. Codes 600 to 603.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum GpuError {
@@ -17,7 +17,7 @@ pub enum GpuError {
         /// Bytes of the largest buffer that the device can bind.
         limit: u64,
     },
-    /// The device was created with less than WebGPU's default of a limit that we depend on.
+    /// A limit of the device is not sufficient. WebGPU's default limits are.
     #[error("the device's {what} is {given}; {needed} is needed")]
     Limit {
         /// The field of `wgpu::Limits`.
@@ -34,7 +34,7 @@ pub enum GpuError {
     DeviceLost,
     /// The device has no memory left for a buffer, for the data of an upload, or for a pipeline.
     ///
-    /// If a buffer is refused, shaders go on reading the buffers of the last upload. If the data of
+    /// If a buffer is refused, shaders keep reading the buffers of the last upload. If the data of
     /// an upload (`"uploaded records"`) is refused, the buffers are incomplete, and shaders sample
     /// no light until an upload succeeds. In both cases the next upload sends what is missing.
     ///
@@ -44,14 +44,13 @@ pub enum GpuError {
     OutOfMemory {
         /// What was refused.
         what: &'static str,
-        /// Bytes that were asked for; 0 for pipelines, whose size only the driver knows.
+        /// Bytes that were requested; 0 for pipelines, whose size only the driver knows.
         bytes: u64,
     },
 }
 
 impl GpuError {
-    /// A stable number for the kind of error, for engines that pass errors through a C interface or
-    /// a log. Codes from 600 to 699 belong to this type. A code never changes its meaning.
+    /// The stable code, see [`error`](crate::error).
     pub fn code(&self) -> u32 {
         match self {
             Self::Full { .. } => 600,
@@ -70,8 +69,8 @@ pub(crate) fn largest_storage_buffer(device: &wgpu::Device) -> u64 {
 
 /// Bind groups of our own kernels: the lights, and the buffers of the caller.
 const BIND_GROUPS: u32 = 2;
-/// Storage buffers in one of our stages, and in a stage of an engine that binds the lights: WebGPU's
-/// default.
+/// Storage buffers in one of our stages, and in a stage of an engine that binds the lights:
+/// WebGPU's default.
 const STORAGE_BUFFERS: u32 = 8;
 /// Bindings in the largest bind group: the storage buffers and one uniform.
 const BINDINGS: u32 = STORAGE_BUFFERS + 1;
@@ -131,7 +130,7 @@ mod tests {
     use crate::policy::Policy;
     use crate::world::LightWorld;
 
-    /// The limits that `check_limits` asks for, and the minimum of all others.
+    /// The limits that `check_limits` requires, and the minimum of all others.
     fn required() -> wgpu::Limits {
         wgpu::Limits {
             max_bind_groups: BIND_GROUPS,

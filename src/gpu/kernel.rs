@@ -14,16 +14,16 @@ pub(super) const LANES: u32 = 64;
 /// Reads the lights at group 0 and the engine's buffers at group 1, with one invocation for each of
 /// their records.
 pub(super) struct Kernel {
-    maker: Maker,
+    source: KernelSource,
     layout: wgpu::BindGroupLayout,
-    /// Made at first use. A caller holds the lock while it looks for a variant; on native platforms
-    /// none is compiled meanwhile.
+    /// Made at first use. A caller holds the lock while it looks for a variant; it compiles one
+    /// under the lock only where no thread can be started.
     variants: OnceLock<Mutex<PipelineVariants<wgpu::ComputePipeline>>>,
 }
 
-/// Compiles variants, on any thread.
+/// What a variant is compiled from, on any thread.
 #[derive(Clone)]
-struct Maker {
+struct KernelSource {
     device: wgpu::Device,
     layout: wgpu::PipelineLayout,
     entry: &'static str,
@@ -57,8 +57,8 @@ impl Kernel {
             bind_group_layouts: &[Some(lights), Some(&layout)],
             ..Default::default()
         });
-        let maker = Maker { device: device.clone(), layout: pipeline_layout, entry, text };
-        Self { maker, layout, variants: OnceLock::new() }
+        let source = KernelSource { device: device.clone(), layout: pipeline_layout, entry, text };
+        Self { source, layout, variants: OnceLock::new() }
     }
 
     /// The best variant that is ready. The first call compiles the one for all effects.
@@ -68,15 +68,15 @@ impl Kernel {
 
     pub fn variants(&self) -> MutexGuard<'_, PipelineVariants<wgpu::ComputePipeline>> {
         let make = || {
-            let maker = self.maker.clone();
-            Mutex::new(PipelineVariants::new(self.make(Effects::all()), move |effects| maker.make(effects)))
+            let source = self.source.clone();
+            Mutex::new(PipelineVariants::new(self.compile(Effects::all()), move |effects| source.compile(effects)))
         };
         self.variants.get_or_init(make).lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Compiles a variant on the calling thread.
-    pub fn make(&self, effects: Effects) -> wgpu::ComputePipeline {
-        self.maker.make(effects)
+    pub fn compile(&self, effects: Effects) -> wgpu::ComputePipeline {
+        self.source.compile(effects)
     }
 
     /// Records the work on `count` records. `own` are the engine's buffers, in the order of their
@@ -89,8 +89,8 @@ impl Kernel {
         own: &[wgpu::BindingResource],
         count: u32,
     ) {
-        let label = self.maker.entry;
-        let group = bind(&self.maker.device, label, &self.layout, own);
+        let label = self.source.entry;
+        let group = bind(&self.source.device, label, &self.layout, own);
         let mut pass =
             encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes: None });
         pass.set_pipeline(pipeline);
@@ -100,8 +100,8 @@ impl Kernel {
     }
 }
 
-impl Maker {
-    fn make(&self, effects: Effects) -> wgpu::ComputePipeline {
+impl KernelSource {
+    fn compile(&self, effects: Effects) -> wgpu::ComputePipeline {
         let label = Some(self.entry);
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label,

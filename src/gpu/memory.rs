@@ -1,5 +1,5 @@
-//! Creates buffers, and turns a refusal for want of memory into a [`GpuError`] instead of a panic in
-//! wgpu's default error handler.
+//! Creates buffers, and turns a refusal for lack of memory into a [`GpuError`] instead of a panic
+//! in wgpu's default error handler.
 //!
 //! On native backends an error scope answers as soon as it is popped. In browsers it answers later,
 //! after the call that needs the answer has returned. This file therefore opens no scope there, and
@@ -7,7 +7,8 @@
 
 use super::error::GpuError;
 
-/// Creates a buffer of `bytes` bytes. `what` names its content, in errors and in graphics debuggers.
+/// Creates a buffer of `bytes` bytes. `what` names its content, in errors and in graphics
+/// debuggers.
 ///
 /// Fails with [`GpuError::OutOfMemory`]; never in browsers.
 pub(super) fn create_buffer(

@@ -1,24 +1,25 @@
-//! The GPU side: uploads, the top level that is rebuilt every frame, and sampling. The only module
-//! that knows wgpu.
+//! The GPU side: uploads, the top level that is rebuilt after each change, and sampling. The only
+//! module that uses wgpu.
 //!
 //! Everything runs on the engine's own device and queue, and is recorded into the engine's own
 //! encoder. The one exception is the copy of a buffer that grows or changes its layout: it is
-//! submitted at once. Nothing waits for the GPU. Nothing is read back except usage counts, and those
-//! only on request ([`GpuLights::count_usage`]).
+//! submitted at once. Nothing waits for the GPU. Nothing is read back except usage counts, and
+//! those only on request ([`GpuLights::count_usage`]).
 //!
 //! A frame has three steps:
 //!
 //! 1. [`GpuLights::upload`] sends what changed.
 //! 2. [`GpuLights::build_top`] records the build of the top level.
-//! 3. The engine's shaders bind [`GpuLights::bind_group`] and call the functions of [`LightShader`].
-//!    An engine without such a shader calls [`GpuLights::sample`] or [`GpuLights::resample`] instead.
+//! 3. The engine's shaders bind [`GpuLights::bind_group`] and call the functions of
+//!    [`LightShader`]. An engine without such a shader calls [`GpuLights::sample`] or
+//!    [`GpuLights::resample`] instead.
 //!
 //! # Browsers
 //!
 //! On WebAssembly, wgpu reports less and there are no threads:
 //!
 //! - The loss of the device and the lack of memory are not noticed: [`GpuError::DeviceLost`] and
-//!   [`GpuError::OutOfMemory`] do not occur. The engine hears of both through its own callbacks and
+//!   [`GpuError::OutOfMemory`] do not occur. The engine learns of both from its own callbacks and
 //!   error scopes.
 //! - [`PipelineVariants::get`] compiles a missing variant before it returns.
 
@@ -81,20 +82,34 @@ use crate::counts::SplitCount;
 use crate::effects::Effects;
 use crate::tree::Node;
 
-/// The lights of one [`LightWorld`](crate::LightWorld) on a GPU: the buffers and the bind group that
-/// shaders read, and the pipelines that fill them.
+/// The lights of one [`LightWorld`](crate::LightWorld) on a GPU: the buffers and the bind group
+/// that shaders read, and the pipelines that fill them.
 ///
-/// Keep one for each world and device. Buffers start small, grow by doubling, and keep their content.
-/// Several threads may share it: recording with [`GpuLights::sample`] takes `&self`.
+/// Keep one for each world and device. Several threads may share it, except in browsers: recording
+/// with [`GpuLights::sample`] takes `&self`.
+///
+/// Buffers start small, grow by doubling, and keep their content. Which parts of a record they
+/// store depends on the effects of the world:
+///
+/// | record | bytes | more bytes |
+/// |---|---:|---|
+/// | node | 160 | 32 for [`Effects::CONES`], 16 for [`Effects::RANGES`] |
+/// | light | 32 | 32 if a light is not a point, or has a range |
+/// | instance | 80 | 48 for [`Effects::NON_RIGID`] |
 ///
 /// ```
-/// use girandole::{LightWorld, gpu::{GpuError, GpuLights}, wgpu};
+/// use girandole::gpu::{GpuError, GpuLights};
+/// use girandole::{LightWorld, wgpu};
 ///
-/// fn frame(lights: &mut GpuLights, world: &mut LightWorld, encoder: &mut wgpu::CommandEncoder) -> Result<(), GpuError> {
+/// fn frame(
+///     lights: &mut GpuLights,
+///     world: &mut LightWorld,
+///     encoder: &mut wgpu::CommandEncoder,
+/// ) -> Result<(), GpuError> {
 ///     let delta = world.take_delta();
 ///     lights.upload(world, &delta)?;
 ///     lights.build_top(encoder);
-///     // Now the engine's passes, which bind `lights.bind_group()`. Submit the encoder before the next upload.
+///     // The engine's passes bind `lights.bind_group()`. Submit the encoder before the next upload.
 ///     Ok(())
 /// }
 /// ```
@@ -162,7 +177,8 @@ impl GpuLights {
     /// nothing.
     ///
     /// # Errors
-    /// - [`GpuError::Limit`] names the first limit of the device that is below WebGPU's default.
+    /// - [`GpuError::Limit`] names the first limit of the device that is not sufficient. WebGPU's
+    ///   default limits are.
     /// - [`GpuError::DeviceLost`] and [`GpuError::OutOfMemory`].
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Self, GpuError> {
         check_limits(&device.limits())?;
@@ -228,15 +244,15 @@ impl GpuLights {
 
     /// Records the build of the top level into the engine's encoder, if a build is due.
     ///
-    /// A build is due after an upload that changed something. It is also due if the commands of the last build
-    /// were dropped before they were submitted, as in a frame that is skipped or whose surface is
-    /// outdated: the next call records it again. Otherwise nothing is recorded.
+    /// A build is due after an upload that changed something. It is also due if the commands of the
+    /// last build were dropped before they were submitted, as in a frame that is skipped or whose
+    /// surface is outdated: the next call records it again. Otherwise nothing is recorded.
     ///
-    /// Submit the encoder before the next [`GpuLights::upload`]: the numbers of instances and rounds
-    /// that a build reads are written ahead of the next submission, and the next build overwrites
-    /// them. Commands that are neither submitted nor dropped yet count as submitted, so submit encoders in
-    /// the order of recording. To submit more than one build of the same upload is harmless: each
-    /// gives the same top level.
+    /// Submit the encoder before the next [`GpuLights::upload`]: the numbers of instances and
+    /// rounds that a build reads are written ahead of the next submission, and the next build
+    /// overwrites them. Commands that are neither submitted nor dropped yet count as submitted, so
+    /// submit encoders in the order of recording. Submitting more than one build of the same
+    /// upload does no harm: each makes the same top level.
     ///
     /// Records 16 dispatches, and two for each round, of which a hundred thousand instances take
     /// five.
@@ -266,39 +282,42 @@ impl GpuLights {
         size_of::<ParamsRecord>() as u64
     }
 
-    /// The layout of [`GpuLights::bind_group`], for the pipeline layouts of the engine's shaders: one
-    /// uniform buffer and four read-only storage buffers, for compute and fragment stages.
+    /// The layout of [`GpuLights::bind_group`], for the pipeline layouts of the engine's shaders:
+    /// one uniform buffer and four read-only storage buffers, for compute and fragment stages.
     pub fn bind_group_layout(&self) -> &wgpu::BindGroupLayout {
         &self.layout
     }
 
-    /// The bind group with the lights, for the group that the engine's [`LightShader`] was made for.
+    /// The bind group with the lights, to be set at the group number of the engine's
+    /// [`LightShader`].
     ///
-    /// An upload replaces it when it replaces a buffer, by a larger one or by one of another layout.
-    /// So ask for it each frame after [`GpuLights::upload`], and submit the commands that use it before
-    /// the next upload. A bind group that was replaced keeps the former buffers, all of them in their former
-    /// layout, for commands that are submitted late.
+    /// An upload replaces it when it replaces a buffer by a larger one or by one of another
+    /// layout. So call this in each frame after [`GpuLights::upload`], and submit the commands
+    /// that use it before the next upload. A bind group that was replaced keeps the former buffers,
+    /// all of them in their former layout, for commands that are submitted late.
     pub fn bind_group(&self) -> &wgpu::BindGroup {
         &self.bind_group
     }
 
-    /// The effects that a shader must serve to use [`GpuLights::bind_group`]: those of
-    /// [`LightWorld::effects`](crate::LightWorld::effects) at the last upload, and all before the first one. Never
-    /// contains [`Effects::MOVING`], on which no shader depends.
+    /// The effects that a shader must support to use [`GpuLights::bind_group`]: those of
+    /// [`LightWorld::effects`](crate::LightWorld::effects) at the last upload, and all before the
+    /// first one. Never contains [`Effects::MOVING`], on which no shader depends.
     pub fn effects(&self) -> Effects {
         self.effects
     }
 
-    /// What an engine's shader needs to choose lights. Joins texts and compiles nothing.
+    /// Returns the WGSL text and the bind group layout that an engine's shader needs to choose
+    /// lights. Joins texts and compiles nothing.
     ///
-    /// `group` is the number of the bind group with the lights, 0 to 3 by WebGPU's default. `effects`
-    /// is what the text has to serve; with [`Effects::all`] it serves every world.
+    /// `group` is the number of the bind group with the lights, 0 to 3 by WebGPU's default.
+    /// `effects` are the effects that the text has to support; with [`Effects::all`] it supports
+    /// every world.
     pub fn shader(&self, group: u32, effects: Effects) -> LightShader {
         let wgsl = wgsl(group, effects);
         LightShader { wgsl, group, effects, records_usage: false, layout: self.layout.clone() }
     }
 
-    /// Writes the parameters, and makes bind groups anew for buffers that were replaced. Returns the
+    /// Writes the parameters, and replaces bind groups whose buffers were replaced. Returns the
     /// bytes sent.
     fn refresh(&mut self, params: ParamsRecord) -> u64 {
         let bound =

@@ -1,4 +1,5 @@
-//! Pipelines for just the effects of a world, made while a more general pipeline serves.
+//! A cache of pipelines for just the effects of a world. A more general pipeline serves while a
+//! variant is made.
 
 use std::fmt;
 use std::io;
@@ -8,7 +9,7 @@ use std::thread::JoinHandle;
 
 use crate::effects::Effects;
 
-/// How many variants [`PipelineVariants`] keeps besides the general one.
+/// The largest number of variants that [`PipelineVariants`] keeps besides the general one.
 ///
 /// With fewer, less memory is used. With more, worlds that switch between more sets of effects find
 /// their pipelines again.
@@ -16,18 +17,18 @@ pub const MAX_VARIANTS: usize = 8;
 
 /// A cache of pipelines by the effects that they serve; `P` is the engine's own type of pipeline.
 ///
-/// A pipeline for fewer effects runs faster, but takes up to seconds to compile. The cache therefore
-/// starts with one pipeline for [`Effects::all`], which serves every world. When
-/// [`PipelineVariants::get`] is asked for a set that it lacks, it starts to make that variant on a
-/// thread of its own, one at a time, and returns the best pipeline that is ready.
+/// A pipeline for fewer effects runs faster, but no frame should wait until it is compiled. The
+/// cache therefore starts with one pipeline for [`Effects::all`], which serves every world. When
+/// [`PipelineVariants::get`] is called for a set that the cache lacks, it starts to make that
+/// variant on a thread of its own, one at a time, and returns the best pipeline that is ready.
 ///
 /// - At most [`MAX_VARIANTS`] variants are kept. The least recently used one is dropped first; the
 ///   general pipeline is never dropped.
-/// - If the making of a variant panics, it is not tried again, and a more general pipeline goes on
-///   serving.
-/// - Where no thread can be started, `get` makes the variant itself before it returns. This is always
-///   so in browsers and other WebAssembly hosts, and on native platforms if the system refuses a
-///   thread.
+/// - If the function panics for a set, that set is not tried again, and a more general pipeline
+///   continues to serve it.
+/// - Where no thread can be started, `get` makes the variant itself before it returns. This is
+///   always so in browsers and other WebAssembly hosts, and on native platforms if the system
+///   refuses a thread.
 /// - [`Effects::MOVING`] changes no shader, so it is ignored: sets that differ only in it share one
 ///   pipeline.
 ///
@@ -51,7 +52,7 @@ pub struct PipelineVariants<P> {
     failed: Vec<Effects>,
     /// The number of calls of `get`.
     calls: u64,
-    workshop: Workshop<P>,
+    maker: VariantMaker<P>,
 }
 
 struct Variant<P> {
@@ -63,20 +64,21 @@ struct Variant<P> {
 }
 
 impl<P> PipelineVariants<P> {
-    /// Of the pipelines that are ready, the one that serves these effects with the fewest others.
+    /// Returns the best pipeline that is ready: the one that serves these effects and the fewest
+    /// others.
     ///
     /// If none is made for just these effects, `get` starts to make one, unless another is being
     /// made. It waits for that only where no thread can be started.
     pub fn get(&mut self, effects: Effects) -> &P {
         let effects = key(effects);
         self.calls += 1;
-        if let Some((effects, made)) = self.workshop.take_finished() {
+        if let Some((effects, made)) = self.maker.take_finished() {
             self.keep(effects, made);
         }
         if !self.has(effects)
             && !self.failed.contains(&effects)
-            && !self.workshop.is_busy()
-            && let Some(made) = self.workshop.start(effects)
+            && !self.maker.is_busy()
+            && let Some(made) = self.maker.start(effects)
         {
             self.keep(effects, made);
         }
@@ -92,8 +94,8 @@ impl<P> PipelineVariants<P> {
         self.ready().any(|ready| ready == key(effects))
     }
 
-    /// The sets that pipelines are ready for, without [`Effects::MOVING`]; the set of all effects is
-    /// first.
+    /// The sets that pipelines are ready for, without [`Effects::MOVING`]; the set of all effects
+    /// is first.
     pub fn ready(&self) -> impl Iterator<Item = Effects> {
         std::iter::once(&self.general).chain(&self.special).map(|variant| variant.effects)
     }
@@ -111,31 +113,32 @@ impl<P> PipelineVariants<P> {
         self.special.push(Variant { effects, pipeline, last_used: self.calls });
     }
 
-    fn with_workshop(general: P, workshop: Workshop<P>) -> Self {
+    fn with_maker(general: P, maker: VariantMaker<P>) -> Self {
         let general = Variant { effects: key(Effects::all()), pipeline: general, last_used: 0 };
-        Self { general, special: Vec::new(), failed: Vec::new(), calls: 0, workshop }
+        Self { general, special: Vec::new(), failed: Vec::new(), calls: 0, maker }
     }
 }
 
 #[cfg(not(target_family = "wasm"))]
 impl<P: Send + 'static> PipelineVariants<P> {
-    /// A cache with the pipeline for [`Effects::all`], and the function that makes the others.
+    /// Creates a cache with the pipeline for [`Effects::all`], and the function that makes the
+    /// others.
     ///
-    /// The function gets sets without [`Effects::MOVING`]. It is called on other threads; it must
-    /// bring with it what it needs, such as a [`LightShader`](super::LightShader).
+    /// The function is given sets without [`Effects::MOVING`]. It is called on other threads; it
+    /// must own what it needs, such as a [`LightShader`](super::LightShader).
     pub fn new(general: P, make: impl Fn(Effects) -> P + Send + Sync + 'static) -> Self {
-        Self::with_workshop(general, Workshop::with_threads(make))
+        Self::with_maker(general, VariantMaker::with_threads(make))
     }
 }
 
 #[cfg(target_family = "wasm")]
 impl<P> PipelineVariants<P> {
-    /// A cache with the pipeline for [`Effects::all`], and the function that makes the others, inside
-    /// of [`PipelineVariants::get`].
+    /// Creates a cache with the pipeline for [`Effects::all`], and the function that makes the
+    /// others, inside of [`PipelineVariants::get`].
     ///
-    /// The function gets sets without [`Effects::MOVING`].
+    /// The function is given sets without [`Effects::MOVING`].
     pub fn new(general: P, make: impl Fn(Effects) -> P + 'static) -> Self {
-        Self::with_workshop(general, Workshop { make: Box::new(make), start: None, job: None })
+        Self::with_maker(general, VariantMaker { make: Box::new(make), start: None, job: None })
     }
 }
 
@@ -144,12 +147,12 @@ impl<P> fmt::Debug for PipelineVariants<P> {
         f.debug_struct("PipelineVariants")
             .field("ready", &self.ready().collect::<Vec<_>>())
             .field("failed", &self.failed)
-            .field("in_progress", &self.workshop.job.as_ref().map(|job| job.effects))
+            .field("in_progress", &self.maker.job.as_ref().map(|job| job.effects))
             .finish_non_exhaustive()
     }
 }
 
-/// What a set is known by: effects that change no shader are left out.
+/// The key of a set: effects that change no shader are left out.
 fn key(effects: Effects) -> Effects {
     effects - Effects::MOVING
 }
@@ -166,7 +169,7 @@ type Make<P> = dyn Fn(Effects) -> P;
 type Start<P> = dyn Fn(Effects) -> io::Result<Job<P>> + Send + Sync;
 
 /// Makes one variant at a time: on a thread of its own, or where there is none on the calling one.
-struct Workshop<P> {
+struct VariantMaker<P> {
     make: Box<Make<P>>,
     /// `None` where there are no threads.
     start: Option<Box<Start<P>>>,
@@ -181,7 +184,7 @@ struct Job<P> {
     thread: JoinHandle<()>,
 }
 
-impl<P> Workshop<P> {
+impl<P> VariantMaker<P> {
     #[cfg(not(target_family = "wasm"))]
     fn with_threads(make: impl Fn(Effects) -> P + Send + Sync + 'static) -> Self
     where
@@ -230,7 +233,7 @@ impl<P> Workshop<P> {
     }
 }
 
-impl<P> Drop for Workshop<P> {
+impl<P> Drop for VariantMaker<P> {
     /// A thread in a driver's compiler must not outlive what tears the driver down.
     fn drop(&mut self) {
         if let Some(job) = self.job.take() {
@@ -279,7 +282,7 @@ mod tests {
             assert!(effects != Effects::AREAS, "a panic that the test asked for");
             effects
         };
-        (PipelineVariants::with_workshop(GENERAL, Workshop { make: Box::new(make), start, job: None }), started)
+        (PipelineVariants::with_maker(GENERAL, VariantMaker { make: Box::new(make), start, job: None }), started)
     }
 
     /// Calls `get` until a variant is ready. The bound only ends a test that fails.
@@ -393,7 +396,7 @@ mod tests {
     fn a_thread_that_the_system_refuses_is_asked_for_again_with_the_next_variant() {
         let is_refused = Arc::new(AtomicBool::new(true));
         let refuses = is_refused.clone();
-        let mut threads = Workshop::with_threads(|effects| effects);
+        let mut threads = VariantMaker::with_threads(|effects| effects);
         let spawn = threads.start.take().expect("there are threads on native platforms");
         let start = move |effects| match refuses.load(Ordering::Relaxed) {
             true => Err(io::Error::from(io::ErrorKind::WouldBlock)),

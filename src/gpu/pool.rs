@@ -1,4 +1,4 @@
-//! A storage buffer that hands out ranges of itself and grows by doubling.
+//! A storage buffer whose ranges are allocated and freed, and which grows by doubling.
 
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -97,7 +97,7 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         if let Some(range) = self.take(len) {
             return Ok(range);
         }
-        // No gap is long enough, so the range begins behind the last one in use.
+        // No gap is long enough, so the range begins after the last one in use.
         let used = self.used();
         let needed = used + u64::from(len);
         if needed > u64::from(self.limit) {
@@ -126,8 +126,8 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         }
     }
 
-    /// Overwrites the records from `first` on, ahead of the next submission to the queue. Sends only
-    /// the stored parts. Returns the bytes sent.
+    /// Overwrites the records from `first` on, ahead of the next submission to the queue. Sends
+    /// only the stored parts. Returns the bytes sent.
     pub(crate) fn write(&self, first: u32, records: &[T]) -> u64 {
         if records.is_empty() {
             return 0;
@@ -150,7 +150,7 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         &self.buffer
     }
 
-    /// Changes when the buffer is replaced: bind groups with the old buffer must then be made anew.
+    /// Changes when the buffer is replaced: bind groups with the old buffer must then be replaced.
     pub(crate) fn generation(&self) -> u64 {
         self.generation
     }
@@ -248,7 +248,7 @@ impl<T: bytemuck::NoUninit> Pool<T> {
     }
 }
 
-/// Records that a buffer of so many bytes holds.
+/// The number of records that a buffer of `limit_bytes` holds.
 fn limit_of(limit_bytes: u64, stored: &Stored) -> u32 {
     u32::try_from(limit_bytes / stored.bytes() as u64).unwrap_or(u32::MAX)
 }
@@ -264,7 +264,7 @@ fn cut(ranges: &RangeAllocator<u64>, end: u64) -> RangeAllocator<u64> {
     let mut smaller = RangeAllocator::new(0..end);
     let mut gaps = Vec::new();
     let mut at = 0;
-    // Taken in order from one piece, each range lies behind the last.
+    // Taken in order from one free range, each range follows the last.
     let mut take = |len: u64| smaller.allocate_range(len).expect("all ranges fit");
     for used in ranges.allocated_ranges() {
         if used.start > at {

@@ -1,17 +1,17 @@
 //! Finds out whether the device was lost.
 //!
 //! A device has a single callback for its loss, which belongs to the engine, and wgpu hides the
-//! errors of a lost device from error scopes. But the mapping of a buffer tells: on a lost device it
-//! fails before the call returns. On a working one its callback runs later, at the next poll or when
-//! the buffer is dropped.
+//! errors of a lost device from error scopes. But the mapping of a buffer reveals the loss: on a
+//! lost device it fails before the call returns. On a working one its callback runs later, at the
+//! next poll or when the buffer is dropped.
 //!
 //! In browsers the mapping fails later on a lost device too, so there is nothing to find out and
 //! nothing is made.
 
 use super::error::GpuError;
 
-/// Fails with [`GpuError::DeviceLost`] once wgpu knows of the loss. Never waits, and never fails in
-/// browsers. Makes a buffer of four bytes and drops it, which takes a few microseconds.
+/// Fails with [`GpuError::DeviceLost`] once wgpu has noticed the loss. Never waits, and never
+/// fails in browsers. Makes a buffer of four bytes and drops it, which takes a few microseconds.
 #[cfg(not(target_family = "wasm"))]
 pub(crate) fn check(device: &wgpu::Device) -> Result<(), GpuError> {
     use std::sync::Arc;
@@ -29,8 +29,8 @@ pub(crate) fn check(device: &wgpu::Device) -> Result<(), GpuError> {
     });
     buffer.map_async(wgpu::MapMode::Read, .., move |result| flag.store(result.is_err(), Ordering::Relaxed));
     let is_lost = has_failed.load(Ordering::Relaxed);
-    // This cancels the mapping. The callback then runs with an error, but nobody reads the flag any
-    // more. `unmap` on a buffer that is kept could fail while another thread polls: for a moment
+    // This cancels the mapping. The callback then runs with an error, but the flag is no longer
+    // read. `unmap` on a buffer that is kept could fail while another thread polls: for a moment
     // wgpu takes the buffer for neither waiting nor mapped.
     drop(buffer);
     drop(scope);
@@ -60,8 +60,8 @@ mod tests {
                     device.poll(wgpu::PollType::Poll).expect("the device works");
                 }
             });
-            // When `unmap` cancelled the mapping, some 100,000 checks were enough to meet the error,
-            // which panics.
+            // When `unmap` cancelled the mapping, some 100,000 checks were enough to meet the
+            // error, which panics.
             let ask = || (0..200_000).all(|_| check(&device).is_ok());
             let answers = std::panic::catch_unwind(std::panic::AssertUnwindSafe(ask));
             is_done.store(true, Ordering::Relaxed);

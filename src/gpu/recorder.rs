@@ -5,8 +5,9 @@ use super::stages;
 
 /// One stage of a build of the top level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct TopStage {
-    /// What the stage does. Several stages of one build may share a name.
+    /// The name of what the stage does. Several stages of one build may share a name.
     pub name: &'static str,
     /// The number of its dispatches.
     pub dispatches: u32,

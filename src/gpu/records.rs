@@ -27,8 +27,8 @@ pub struct SampleRequest {
 /// A chosen light and a point on it: what [`GpuLights::sample`] writes for each request.
 ///
 /// If `pmf` is 0, no light was chosen or the chosen point sends nothing: count the sample as black.
-/// Otherwise `brdf * cosine * radiance / (pmf * pdf)` estimates the radiance that leaves the shading
-/// point, if nothing stands between it and the light.
+/// Otherwise `brdf * cosine * radiance / (pmf * pdf)` estimates the radiance that leaves the
+/// shading point, if nothing occludes the light.
 ///
 /// 48 bytes; `LightSample` in `shaders/sample.wgsl`.
 ///
@@ -43,12 +43,14 @@ pub struct SampleRecord {
     /// Radiance in nits for a surface. For a light without size, the illuminance in lux of a
     /// surface that faces it.
     pub radiance: [f32; 3],
-    /// Density per steradian for a surface, seen from the shading point; 1 for a light without size.
+    /// Density per steradian for a surface, seen from the shading point; 1 for a light without
+    /// size.
     pub pdf: f32,
     /// Probability of the light among all lights, in [0, 1]; 0 for a sample that counts as black.
     pub pmf: f32,
-    /// Slot of the light's instance, see [`LightWorld::instance_at`](crate::LightWorld::instance_at);
-    /// `u32::MAX` for a directional light.
+    /// Slot of the light's instance, see
+    /// [`LightWorld::instance_at`](crate::LightWorld::instance_at); `u32::MAX` for a directional
+    /// light.
     pub instance: u32,
     /// Index of the light in its tree, or in the list of
     /// [`LightWorld::directionals`](crate::LightWorld::directionals) at the last upload.
@@ -61,7 +63,7 @@ pub struct SampleRecord {
 /// request.
 ///
 /// `brdf * cosine * chosen.radiance * weight` estimates the radiance that leaves the shading point,
-/// if nothing stands between it and the light.
+/// if nothing occludes the light.
 ///
 /// 64 bytes; `LightReservoir` in `shaders/resample.wgsl`.
 ///

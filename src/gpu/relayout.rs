@@ -221,7 +221,7 @@ mod tests {
         pool.alloc(count).expect("room enough");
         let last = InstanceRecord { flags: 7, top_place: 9, ..InstanceRecord::NONE };
         pool.write(count - 1, &[last]);
-        // The layout stays the same, but the pool copies all the same.
+        // The layout stays the same, but the pool copies nevertheless.
         pool.set_layout(Stored::instances(Effects::empty()), missing_of_instance, &relayout);
         let words: Vec<u32> = read(&device, &queue, pool.buffer());
         assert_eq!((words.len() / 20, words[words.len() - 8], words[words.len() - 4]), (count as usize, 7, 9));

@@ -7,14 +7,14 @@ use super::usage::RecordKind;
 use crate::counts::CandidateCount;
 
 impl GpuLights {
-    /// Records a pass that draws `candidates` lights for each of the first `count` requests and keeps
-    /// one, as [`LightSampler::resample`](crate::LightSampler::resample) does.
+    /// Records a pass that draws `candidates` lights for each of the first `count` requests and
+    /// keeps one, as [`LightSampler::resample`](crate::LightSampler::resample) does.
     ///
-    /// `requests` holds [`SampleRequest`]s; the pass writes [`ReservoirRecord`]s to `reservoirs`. Both
-    /// are storage buffers of the engine with room for `count` records.
+    /// `requests` holds [`SampleRequest`]s; the pass writes [`ReservoirRecord`]s to `reservoirs`.
+    /// Both are storage buffers of the engine with room for `count` records.
     ///
-    /// The top level must have been built since the last upload: see [`GpuLights::build_top`]. Pipelines
-    /// are made as by [`GpuLights::sample`]. Each call makes a bind group.
+    /// The top level must have been built since the last upload: see [`GpuLights::build_top`].
+    /// Pipelines are made as by [`GpuLights::sample`]. Each call makes a bind group.
     pub fn resample(
         &self,
         encoder: &mut wgpu::CommandEncoder,

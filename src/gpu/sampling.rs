@@ -9,14 +9,15 @@ impl GpuLights {
     /// Records a pass that samples one light for each of the first `count` requests, as
     /// [`LightSampler::sample`](crate::LightSampler::sample) does.
     ///
-    /// `requests` holds [`SampleRequest`]s; the pass writes [`SampleRecord`]s to `samples`. Both are
-    /// storage buffers of the engine with room for `count` records.
+    /// `requests` holds [`SampleRequest`]s; the pass writes [`SampleRecord`]s to `samples`. Both
+    /// are storage buffers of the engine with room for `count` records.
     ///
     /// The top level must have been built since the last upload: see [`GpuLights::build_top`].
     ///
     /// The first call compiles a pipeline for all effects and waits for it. A faster pipeline, for
-    /// just the effects of the world, is then compiled on another thread; a more general one serves until
-    /// it is ready. In browsers it is compiled at once. Each call makes a bind group.
+    /// just the effects of the world, is then compiled on another thread; a more general one serves
+    /// until it is ready. Where no thread can be started, as in browsers, the call compiles it at
+    /// once. Each call makes a bind group.
     pub fn sample(
         &self,
         encoder: &mut wgpu::CommandEncoder,

@@ -5,16 +5,17 @@ use crate::effects::Effects;
 
 /// The WGSL text and the bind group layout that an engine's shader needs to choose lights.
 ///
-/// [`GpuLights::shader`](super::GpuLights::shader) makes one; [`LightShader::join`] puts it before the engine's own text.
-/// `docs/integration.md` goes through both step by step.
+/// [`GpuLights::shader`](super::GpuLights::shader) makes one; [`LightShader::join`] puts it before
+/// the engine's own text. `docs/integration.md` explains both step by step.
 ///
-/// The functions are for compute and fragment shaders, and so for ray queries in them, which are the
-/// only rays that WebGPU has. They are not for vertex shaders, in which the bind group is not visible.
+/// The functions are for compute and fragment shaders, and so for ray queries in them, which are
+/// the only rays that WebGPU has. They are not for vertex shaders, in which the bind group is not
+/// visible.
 ///
 /// # Functions
 ///
-/// Positions and directions are in the space of [`LightWorld::origin`](crate::LightWorld::origin). Random
-/// numbers `u` are in [0, 1).
+/// Positions and directions are in the space of [`LightWorld::origin`](crate::LightWorld::origin).
+/// Random numbers `u` are in [0, 1).
 ///
 /// ```wgsl
 /// fn light_surface_point(position: vec3<f32>, normal: vec3<f32>) -> LightShadingPoint // metres; unit
@@ -41,44 +42,46 @@ use crate::effects::Effects;
 /// fn light_hash(bits: u32) -> u32
 /// ```
 ///
-/// [`GpuLights::usage_shader`](super::GpuLights::usage_shader) adds a function that records which lights are chosen.
+/// [`GpuLights::usage_shader`](super::GpuLights::usage_shader) adds a function that records which
+/// lights are chosen.
 ///
 /// # Measures
 ///
-/// - `pmf` is the probability of the light among all lights, in [0, 1]. In a sample, 0 means that nothing
-///   arrives.
-/// - If `is_delta` is 0, `radiance` is in nits and `pdf` is a density per steradian, seen from the shading
-///   point.
-/// - If `is_delta` is 1 (points, spots and directional lights), `radiance` is the illuminance in lux
-///   of a surface that faces the light, and `pdf` is 1.
+/// - `pmf` is the probability of the light among all lights, in [0, 1]. In a sample, 0 means that
+///   nothing arrives.
+/// - If `is_delta` is 0, `radiance` is in nits and `pdf` is a density per steradian, seen from the
+///   shading point.
+/// - If `is_delta` is 1 (points, spots and directional lights), `radiance` is the illuminance in
+///   lux of a surface that faces the light, and `pdf` is 1.
 /// - In both cases `brdf * cosine * radiance / (pmf * pdf)` estimates the radiance that leaves the
-///   shading point, if nothing stands within `dist`. For a reservoir,
+///   shading point, if nothing occludes the light within `dist`. For a reservoir,
 ///   `brdf * cosine * chosen.radiance * weight` does.
 /// - `light_pdf` is per steradian, and includes the pmf.
 ///
 /// # Names of lights
 ///
 /// `instance` is a slot, which stays the same while the instance lives: see
-/// [`LightWorld::instance_at`](crate::LightWorld::instance_at) and [`LightWorld::slot`](crate::LightWorld::slot). `light` is the
-/// index in the instance's tree. For a directional light, `instance` is `LIGHT_DIRECTIONAL` (`u32::MAX`) and
-/// `light` is the index in [`LightWorld::directionals`](crate::LightWorld::directionals) at the last
-/// upload.
+/// [`LightWorld::instance_at`](crate::LightWorld::instance_at) and
+/// [`LightWorld::slot`](crate::LightWorld::slot). `light` is the index in the instance's tree. For
+/// a directional light, `instance` is `LIGHT_DIRECTIONAL` (`u32::MAX`) and `light` is the index in
+/// [`LightWorld::directionals`](crate::LightWorld::directionals) at the last upload.
 ///
 /// # Bindings
 ///
 /// The text binds one uniform buffer and four read-only storage buffers, at `group`. Of WebGPU's
-/// default limits, that leaves an engine three bind groups, and four storage buffers and eleven uniform
-/// buffers in each stage. All names in the text start with `light_`, `Light` or `LIGHT_`.
+/// default limits, that leaves an engine three bind groups, and four storage buffers and eleven
+/// uniform buffers in each stage. All names in the text start with `light_`, `Light` or `LIGHT_`.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct LightShader {
     /// The text. It goes before the engine's own text and after its directives: see
     /// [`LightShader::join`].
     pub wgsl: String,
-    /// The number of the bind group: the place of [`LightShader::layout`] in pipeline layouts, and of
-    /// [`GpuLights::bind_group`](super::GpuLights::bind_group) in passes.
+    /// The number of the bind group: the place of [`LightShader::layout`] in pipeline layouts, and
+    /// of [`GpuLights::bind_group`](super::GpuLights::bind_group) in passes.
     pub group: u32,
-    /// The effects that the text serves. It may be used while
-    /// [`GpuLights::effects`](super::GpuLights::effects) has no others.
+    /// The effects that the text supports. It may be used while
+    /// [`GpuLights::effects`](super::GpuLights::effects) contains no others.
     pub effects: Effects,
     /// Whether the text has `light_record_usage`: see
     /// [`GpuLights::usage_shader`](super::GpuLights::usage_shader).
@@ -88,18 +91,21 @@ pub struct LightShader {
 }
 
 impl LightShader {
-    /// The same shader for other effects. It needs no [`GpuLights`](super::GpuLights), so it serves
-    /// on the threads of [`PipelineVariants`](super::PipelineVariants). Joins texts and compiles nothing.
+    /// Returns the same shader for other effects. This needs no [`GpuLights`](super::GpuLights),
+    /// so it works on the threads of [`PipelineVariants`](super::PipelineVariants). Joins texts and
+    /// compiles nothing.
+    #[must_use]
     pub fn with_effects(&self, effects: Effects) -> Self {
         let wgsl = if self.records_usage { text::wgsl_with_usage } else { text::wgsl };
         let Self { group, records_usage, .. } = *self;
         Self { wgsl: wgsl(group, effects), group, effects, records_usage, layout: self.layout.clone() }
     }
 
-    /// The engine's text with ours before it, but after the engine's `enable`, `requires` and
-    /// `diagnostic` directives, which WGSL wants first.
+    /// Returns the engine's text with this text before it, but after the engine's `enable`,
+    /// `requires` and `diagnostic` directives, which WGSL requires to be first.
     ///
-    /// Line numbers in errors about the engine's part are shifted by the lines of ours.
+    /// Line numbers in errors about the engine's part are shifted by the lines of this text.
+    #[must_use]
     pub fn join(&self, engine: &str) -> String {
         let is_directive = |line: &str| {
             let word = line.trim_start().split([' ', '\t', '(']).next();

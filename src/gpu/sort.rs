@@ -22,7 +22,7 @@ const LANES: u32 = 256;
 const DIGIT_BITS: u32 = LANES.ilog2();
 /// An even number, so that the sorted keys end in the buffer that held the unsorted keys.
 const PASSES: u32 = u32::BITS / DIGIT_BITS;
-/// The number of blocks from which on blocks grow. The scan adds up as many counts in one step.
+/// The number of blocks from which on blocks grow. The scan adds up this many counts in one step.
 const TARGET_BLOCKS: u32 = 256;
 /// Keys for each lane of a block; more only if a dispatch could not hold all blocks otherwise.
 const MAX_ROUNDS: u32 = 16;

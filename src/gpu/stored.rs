@@ -1,7 +1,7 @@
-//! Which parts of each record are stored: those that the effects of the world need, in multiples of
-//! 16 bytes.
+//! Which parts of each record are stored: the parts that the effects of the world need, in
+//! multiples of 16 bytes.
 //!
-//! A uniform tells the strides and offsets, so any variant of the shaders reads any stored layout
+//! A uniform holds the strides and offsets, so any variant of the shaders reads any stored layout
 //! (`shaders/stored.wgsl`, the twin of this file). A variant skips the parts that it has no use
 //! for. For a part that is not stored it uses the values of a record without that effect.
 

@@ -1,5 +1,5 @@
-//! Devices for the library's own GPU tests: one that they share, with WebGPU's default limits and no
-//! features, and others for tests that need more or less.
+//! Devices for the library's own GPU tests: one that they share, with WebGPU's default limits and
+//! no features, and others for tests that need more or less.
 
 use std::sync::OnceLock;
 

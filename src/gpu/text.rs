@@ -7,6 +7,7 @@ use std::fmt::Write;
 use super::{layout, stored};
 use crate::cluster;
 use crate::counts;
+use crate::cut;
 use crate::dice;
 use crate::effects::Effects;
 use crate::emit;
@@ -14,7 +15,6 @@ use crate::importance;
 use crate::light;
 use crate::resample;
 use crate::tree;
-use crate::walk;
 
 /// The stage of [`GpuLights::sample`](super::GpuLights::sample), with the record that it reads.
 pub(crate) const BATCH: &str =
@@ -26,16 +26,19 @@ pub(crate) const BATCH_RESAMPLE: &str =
 pub(crate) const BATCH_COUNT: &str =
     concat!(include_str!("../../shaders/request.wgsl"), include_str!("../../shaders/batch_count.wgsl"));
 
-/// The WGSL that an engine puts before its own text, after its `enable` and `requires` directives.
+/// Returns the WGSL text that an engine puts before its own text, after its `enable` and
+/// `requires` directives.
 ///
 /// [`LightShader`](super::LightShader) lists the functions and the units of their results. The
-/// bindings are in `@group(group)`, with the layout of `GpuLights::bind_group_layout` for compute
-/// and fragment stages: one uniform buffer and four read-only storage buffers, of the eight that
-/// WebGPU grants a stage. All names start with `light_`, `Light` or `LIGHT_`.
+/// bindings are in `@group(group)`, with the layout of
+/// [`GpuLights::bind_group_layout`](super::GpuLights::bind_group_layout) for compute and fragment
+/// stages: one uniform buffer and four read-only storage buffers, of the eight that WebGPU grants a
+/// stage. All names start with `light_`, `Light` or `LIGHT_`.
 ///
 /// `effects` selects the code of the text. It must contain the effects of the world and needs no
 /// others. The text reads buffers of any layout: parts that it has no code for are skipped, and
 /// parts that are not stored have the values of lights without that effect.
+#[must_use]
 pub fn wgsl(group: u32, effects: Effects) -> String {
     joined(group, effects, false)
 }
@@ -71,6 +74,7 @@ fn joined(group: u32, effects: Effects, counts: bool) -> String {
         include_str!("../../shaders/emit.wgsl"),
         &sample,
         include_str!("../../shaders/stored.wgsl"),
+        include_str!("../../shaders/cut.wgsl"),
         include_str!("../../shaders/walk.wgsl"),
         include_str!("../../shaders/pdf.wgsl"),
         include_str!("../../shaders/resample.wgsl"),
@@ -83,7 +87,7 @@ fn joined(group: u32, effects: Effects, counts: bool) -> String {
 /// Constants that `LightShader` documents for engines. Every variant has them.
 const PROMISED: [&str; 2] = ["LIGHT_DIRECTIONAL", "LIGHT_MAX_CANDIDATES"];
 
-/// The constants that a text names outside of comments, and those that engines may name.
+/// The constants that a text names outside of comments, and the constants that engines may name.
 fn constants_of(text: &str) -> String {
     let code = text.lines().map(|line| line.split("//").next().unwrap_or_default());
     let words = code.flat_map(|code| code.split(|c: char| !c.is_alphanumeric() && c != '_'));
@@ -115,7 +119,7 @@ pub(crate) fn constants() -> String {
         ("LIVE", layout::LIVE),
         ("KEEPS_ANGLES", layout::KEEPS_ANGLES),
         ("DIRECTIONAL", layout::DIRECTIONAL),
-        ("NO_INSTANCE", walk::NO_INSTANCE),
+        ("NO_INSTANCE", cut::NO_INSTANCE),
         ("MAX_SPLITS", counts::MAX_SPLITS as u32),
         ("MAX_CANDIDATES", counts::MAX_CANDIDATES),
         ("LATTICE_Y", resample::LATTICE[0]),
@@ -135,7 +139,7 @@ pub(crate) fn constants() -> String {
     for (name, value) in [
         ("VARIANCE_SHARE", importance::VARIANCE_SHARE),
         ("COSINE_WIDTH_SQ", importance::COSINE_WIDTH_SQ),
-        ("FLOOR", importance::FLOOR),
+        ("MIN_COSINE", importance::MIN_COSINE),
         ("LAMBERTIAN", light::LAMBERTIAN),
         ("LOBE_SHARE", importance::LOBE_SHARE),
         ("RIM_WIDTH_SQ", importance::RIM_WIDTH_SQ),
@@ -148,6 +152,10 @@ pub(crate) fn constants() -> String {
         ("MAX_DIST_SQ", importance::MAX_DIST_SQ),
         ("COSINE_MARGIN", importance::COSINE_MARGIN),
         ("ANGLE_MARGIN", importance::ANGLE_MARGIN),
+        ("MEAN_ERROR_SQ", importance::MEAN_ERROR_SQ),
+        ("POSITION_ERROR", importance::POSITION_ERROR),
+        ("MIN_POSITION_ERROR", importance::MIN_POSITION_ERROR),
+        ("UNRESOLVED_DOUBT", importance::UNRESOLVED_DOUBT),
         ("STEPS", tree::STEPS),
         ("DIRECTION_STEPS", tree::DIRECTION_STEPS),
         ("CAP_STEPS", tree::CAP_STEPS),
@@ -159,8 +167,8 @@ pub(crate) fn constants() -> String {
         ("MIN_PDF", emit::MIN_PDF),
         ("MIN_INVERSE_PDF", emit::MIN_INVERSE_PDF),
         ("CLOSE", emit::CLOSE),
-        ("MIN_CHANCE", dice::MIN_CHANCE),
-        ("MIN_DOUBT", walk::MIN_DOUBT),
+        ("MIN_PMF", dice::MIN_PMF),
+        ("MIN_DOUBT", cut::MIN_DOUBT),
         ("FOUR_PI", 4.0 * std::f32::consts::PI),
         ("ONE_MINUS_EPSILON", dice::ONE_MINUS_EPSILON),
         ("U_STEP", dice::U_STEP),
@@ -295,26 +303,29 @@ mod tests {
         let effects = [
             (
                 Effects::CONES,
-                "light_lobe light_turned_away light_from_spot light_unit_axes light_signed_bytes LightLobe \
-                 LightLobe.value LightLobe.width_sq LightNode.cones LightPackedFour.axis LightPackedFour.shortness LightPackedFour.cap LightFour.axis \
-                 LightFour.length LightFour.cos_half_angle LightView.keeps_angles LIGHT_NO_CONES LIGHT_KIND_SPOT \
+                "light_lobe light_is_turned_away light_from_spot light_unit_axes light_signed_bytes LightLobe LightLobe.value LightLobe.width_sq \
+                 LightNode.cones LightPackedFour.axis LightPackedFour.shortness LightPackedFour.cap LightFour.axis \
+                 LightFour.axis_length LightFour.cos_half_angle LightLocalShadingPoint.keeps_angles LIGHT_NO_CONES LIGHT_KIND_SPOT \
                  LIGHT_LAMBERTIAN LIGHT_LOBE_SHARE LIGHT_RIM_WIDTH_SQ LIGHT_RIM_MIN_SQ LIGHT_MAX_LOBE_LENGTH \
                  LIGHT_CAP_STEPS LIGHT_ANGLE_MARGIN LIGHT_KEEPS_ANGLES",
             ),
             (
                 Effects::RANGES,
-                "light_out_of_range light_window LightNode.range LightPackedFour.range LightFour.range \
-                 LightView.range_scale LightRecord.range LIGHT_NO_RANGES LIGHT_COSINE_MARGIN",
+                "light_is_out_of_range light_range_window LightNode.range LightPackedFour.range LightFour.range \
+                 LightLocalShadingPoint.range_scale LightRecord.range LIGHT_NO_RANGES LIGHT_COSINE_MARGIN",
             ),
             (
                 Effects::AREAS,
                 "light_from_surface light_from_rectangle light_from_triangle light_from_sphere light_is_density \
-                 light_orthonormal light_normal_area light_volume LIGHT_KIND_RECTANGLE LIGHT_KIND_TRIANGLE \
+                 light_orthonormal light_normal_area light_volume_scale LIGHT_KIND_RECTANGLE LIGHT_KIND_TRIANGLE \
                  LIGHT_KIND_SPHERE LIGHT_TWO_SIDED LIGHT_CLOSE LIGHT_MIN_INVERSE_PDF LIGHT_TINY \
                  light_point_pdf light_surface_pdf light_sphere_pdf",
             ),
             (Effects::TWO_SIDED, "LIGHT_TWO_SIDED"),
-            (Effects::DIRECTIONAL, "light_illuminance light_directional light_pick_directional LIGHT_KIND_DIRECTIONAL"),
+            (
+                Effects::DIRECTIONAL,
+                "light_illuminance light_directional_lux light_pick_directional LIGHT_KIND_DIRECTIONAL",
+            ),
             (Effects::NON_RIGID, "light_rigid_to_local LightInstance.to_local LIGHT_RIGID_STRIDE LIGHT_KEEPS_ANGLES"),
         ];
         for (effect, names) in effects {

@@ -14,7 +14,7 @@ pub(super) struct TopStatus {
 }
 
 /// Travels with the commands of a build. wgpu drops it with commands that are never submitted, and
-/// hands it to the callback for finished work otherwise.
+/// passes it to the callback for finished work otherwise.
 struct RecordedBuild {
     is_dropped: Arc<AtomicBool>,
     is_submitted: bool,
@@ -52,8 +52,8 @@ impl TopStatus {
 
     /// To be called where a build is recorded into `encoder`.
     ///
-    /// The commands get a callback for the end of their work, which costs less than the mapping of
-    /// a buffer: two small allocations and no GPU object.
+    /// The commands carry a callback for the end of their work, which costs less than the mapping
+    /// of a buffer: two small allocations and no GPU object.
     pub fn record(&mut self, encoder: &wgpu::CommandEncoder) {
         self.is_stale = false;
         // What happens to earlier builds no longer matters.

@@ -17,25 +17,26 @@ use crate::keys::slot_of;
 use crate::world::{FrameDelta, LightWorld};
 
 impl GpuLights {
-    /// Writes what `delta` names, as `world` has it now.
+    /// Sends the changes that `delta` names, with their present values in `world`.
     ///
     /// Pass every delta that [`LightWorld::take_delta`] returns, in order; or, once,
-    /// [`FrameDelta::everything`]. A tree that an instance needs and that was never sent is sent along.
+    /// [`FrameDelta::everything`]. A tree that an instance needs and that was never sent is sent
+    /// along.
     ///
     /// Writes go through the queue, ahead of the next submission. Which parts of nodes, lights and
-    /// instances are stored follows [`LightWorld::effects`]: when these change, the GPU converts its
-    /// buffers and the bind group is replaced. O(what changed); an upload without changes sends
+    /// instances are stored follows [`LightWorld::effects`]: when these change, the GPU converts
+    /// its buffers and the bind group is replaced. O(what changed); an upload without changes sends
     /// nothing.
     ///
     /// # Errors
-    /// An upload that fails is not lost: its changes are remembered and go with the next one.
+    /// An upload that fails is not lost: its changes are kept and sent with the next one.
     ///
-    /// - [`GpuError::Full`] if a buffer would outgrow what the device can bind. Nothing was written.
-    ///   Later uploads succeed once the world holds less.
-    /// - [`GpuError::OutOfMemory`] if the device has no memory left. Shaders go on reading what they
-    ///   read before, or sample no light: see there.
-    /// - [`GpuError::DeviceLost`] from the first call after wgpu noticed the loss. In browsers only the
-    ///   engine's own `set_device_lost_callback` tells.
+    /// - [`GpuError::Full`] if a buffer would outgrow what the device can bind. Nothing was
+    ///   written. Later uploads succeed once the world holds less.
+    /// - [`GpuError::OutOfMemory`] if the device has no memory left. Shaders keep reading what
+    ///   they read before, or sample no light, as documented there.
+    /// - [`GpuError::DeviceLost`] from the first call after wgpu noticed the loss. In browsers
+    ///   only the engine's own `set_device_lost_callback` reports it.
     pub fn upload(&mut self, world: &LightWorld, delta: &FrameDelta) -> Result<UploadReport, GpuError> {
         self.upload_as(world, delta, world.effects())
     }
@@ -61,7 +62,7 @@ impl GpuLights {
         let device = self.device.clone();
         let (result, is_refused) = memory::watch(&device, || self.send(world, &mut changes, effects));
         if is_refused {
-            // Some write or copy did not happen, and wgpu does not tell which.
+            // Some write or copy did not happen, and wgpu does not report which.
             changes.add_everything(world);
             self.pending = changes;
             self.make_dark();
@@ -110,9 +111,9 @@ impl GpuLights {
         Ok(UploadReport { bytes, trees: changes.trees.len(), instances: changes.instances.len() })
     }
 
-    /// Brings the pools into the layout that stores a world with these effects, or leaves all of them
-    /// as they are. Shaders keep the old buffers, with the old strides, until the upload succeeds.
-    /// Returns the bytes sent.
+    /// Brings the pools into the layout that stores a world with these effects, or leaves all of
+    /// them as they are. Shaders keep the old buffers, with the old strides, until the upload
+    /// succeeds. Returns the bytes sent.
     fn set_layout(&mut self, effects: Effects) -> Result<u64, GpuError> {
         let nodes = self.nodes.prepare_layout(Stored::nodes(effects))?;
         let lights = self.lights.prepare_layout(Stored::lights(effects))?;

@@ -1,4 +1,5 @@
-//! What [`GpuLights::upload`](super::GpuLights::upload) remembers between calls, and what it reports.
+//! What [`GpuLights::upload`](super::GpuLights::upload) remembers between calls, and what it
+//! reports.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -9,6 +10,7 @@ use crate::world::{FrameDelta, LightWorld};
 
 /// What [`GpuLights::upload`](super::GpuLights::upload) sent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct UploadReport {
     /// Bytes written to buffers; 0 if nothing changed.
     pub bytes: u64,
@@ -33,8 +35,8 @@ impl TreeRanges {
     }
 }
 
-/// Slots to be written: those of a delta and of the deltas that failed before it, and the slots that
-/// change as a consequence.
+/// Slots to be written: those of a delta and of the deltas that failed before it, and the slots
+/// that change as a consequence.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PendingChanges {
     pub trees: BTreeSet<u32>,

@@ -1,5 +1,5 @@
-//! Tests that any variant of the shaders reads any layout of the buffers and samples the same lights,
-//! as long as both serve the effects of the world.
+//! Tests that any variant of the shaders reads any layout of the buffers and samples the same
+//! lights, as long as both serve the effects of the world.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock};
@@ -21,7 +21,8 @@ use crate::world::{FrameDelta, LightWorld};
 const SHADING_POINTS: u32 = 2048;
 
 /// How many of [`SHADING_POINTS`] samples may name another light. Variants sum matrix products in
-/// different orders, and a choice within rounding of the border between two lights may take the other.
+/// different orders, and a choice within rounding of the border between two lights may take the
+/// other.
 const MAX_MISMATCHES: usize = 2;
 
 /// Relative difference of probabilities and radiances, which are products of some twenty terms.
@@ -102,7 +103,7 @@ fn pipeline(lights: &GpuLights, variant: Effects) -> wgpu::ComputePipeline {
     static PIPELINES: Mutex<BTreeMap<u8, Arc<OnceLock<wgpu::ComputePipeline>>>> = Mutex::new(BTreeMap::new());
     let variant = variant - Effects::MOVING;
     let place = PIPELINES.lock().unwrap().entry(variant.bits()).or_default().clone();
-    place.get_or_init(|| lights.sampling.make(variant)).clone()
+    place.get_or_init(|| lights.sampling.compile(variant)).clone()
 }
 
 /// The samples of the pipeline for these effects.

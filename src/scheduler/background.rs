@@ -1,9 +1,9 @@
-//! Builds trees on another thread while frames go on. This serves trees that are too large for a
+//! Builds trees on another thread, over several frames. This is for trees that are too large for a
 //! frame.
 //!
 //! The thread belongs to a pool of its own. On rayon's common pool a refit, which waits for its
-//! parts, would wait behind a build. One build runs at a time: background builds are paid from the
-//! budget too, and the choice of the next build can use what has changed in the meantime.
+//! parts, would wait behind a build. One build runs at a time: background builds are charged to
+//! the budget too, and the choice of the next build can use what has changed in the meantime.
 
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -100,7 +100,7 @@ impl BackgroundBuilder {
         }
         self.pool.as_ref()?.spawn(move || {
             // The build is measured by the machine's clock: a run could not be repeated if two
-            // threads read the world's clock. `Clock::background` gets this time and decides.
+            // threads read the world's clock. `Clock::background` receives this time and decides.
             let start = Instant::now();
             let tree = LightTree::build(lights);
             *result.lock() = Some((tree, start.elapsed()));

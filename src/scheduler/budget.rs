@@ -7,11 +7,11 @@ use crate::error::BudgetError;
 /// The time that one frame may spend on rebuilds, 0.3 ms by default. Refits are mandatory and do
 /// not count against it.
 ///
-/// Trees that are too large for a frame are built in the background, on another thread. Such builds
-/// are paid from the part of the budget that frames leave unused. While a large tree waits or is
-/// not yet paid for, each frame leaves at least a quarter of its budget. So on average all rebuilds
-/// together, those in the background included, take no more than the budget. A budget of zero
-/// rebuilds nothing, and starts no build in the background.
+/// Trees that are too large for a frame are built in the background, on another thread. Such
+/// builds are charged to the part of the budget that frames leave unused. While a large tree waits,
+/// or while a build exceeds what frames have left unused, each frame keeps at least a quarter of
+/// its budget free. So on average all rebuilds together, those in the background included, take no
+/// more than the budget. A budget of zero rebuilds nothing, and starts no build in the background.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameBudget(Duration);
 

@@ -28,7 +28,7 @@ pub enum WorkKind {
     /// The rebuild of one subtree within the frame; its lights are those of the subtree.
     RebuildPart,
     /// A copy of lights for a build in the background. The lights of a large tree are copied over
-    /// several frames; each copy is a piece of work of its own.
+    /// several frames; each copy is a separate piece of work.
     Snapshot,
     /// The build of a whole tree in the background, on another thread.
     Background,
@@ -43,9 +43,8 @@ pub enum WorkKind {
 /// [`ReplayClock`](crate::scheduler::ReplayClock) repeats the times of an earlier run. A world
 /// takes its clock in [`LightWorld::with_clock`](crate::LightWorld::with_clock).
 ///
-/// A clock that jumps or stands still does no harm. A step back counts as no time, and every job
-/// counts as at least the time that the fastest machine would need, so the work in a frame stays
-/// bounded.
+/// A clock that jumps or stops does no harm. A step back counts as no time, and every job counts
+/// as at least the time that the fastest machine would need, so the work in a frame stays bounded.
 pub trait Clock: Send + Sync {
     /// Returns the time since a fixed moment, which each clock chooses. It should never decrease.
     fn now(&self) -> Duration;
@@ -65,7 +64,7 @@ pub trait Clock: Send + Sync {
     ///
     /// Returns
     /// - `Some(d)`: install now and block until it is done. The build counts as having taken `d`:
-    ///   the cost model learns from it, and the budgets of frames pay for it.
+    ///   the cost model learns from it, and it is charged to the budgets of frames.
     /// - `None`: not yet.
     ///
     /// The default returns `done`, so that no frame waits for a build. Only clocks whose runs must
@@ -94,8 +93,8 @@ impl Clock for SystemClock {
     }
 }
 
-/// A clock that advances only when it is told to, and by the stated cost of each piece of work. A
-/// run on it repeats exactly, on any machine.
+/// A clock that advances only by [`VirtualClock::advance`] and by the stated cost of each piece of
+/// work. A run on it repeats exactly, on any machine.
 ///
 /// A build in the background counts as done once the time of this clock has advanced by the cost of
 /// the build; if its thread is slower than that, the update waits for it.

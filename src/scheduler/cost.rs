@@ -11,10 +11,10 @@ pub(crate) struct CostModel {
     kinds: [KindCosts; KINDS],
 }
 
-/// Kinds of work that are told apart.
+/// Kinds of work with costs of their own.
 const KINDS: usize = 4;
 
-/// Tree sizes are told apart by their number of binary digits.
+/// Tree sizes are classed by their number of binary digits.
 const SIZES: usize = u32::BITS as usize;
 
 /// Nanoseconds per unit of work before the first measurement: what one core of a 2020s server took
@@ -47,7 +47,7 @@ const MARGIN_RETENTION: f32 = 0.999;
 const MIN_LN_MARGIN: f32 = 0.5;
 
 /// The least nanoseconds per unit of work, about a tenth of what a 2020s server takes. They keep
-/// frames bounded on a clock that stands still.
+/// frames bounded on a clock that has stopped.
 const MIN_NANOS: [f64; KINDS] = [2.0, 2.0, 0.5, 10.0];
 
 /// The greatest nanoseconds of a job, some thirty years, so that sums stay within [`Duration`].

@@ -1,10 +1,11 @@
-//! Estimates how much a rebuild of a tree saves until the tree is as bad as it is now.
+//! Estimates how much a rebuild of a tree saves until the tree is as noisy as it is now.
 //!
 //! The estimate assumes that the tree decays as it did since its last rebuild, `age` frames ago.
-//! Then a rebuilt tree is as bad as now after `age` frames, and until then it loses on average what
-//! it lost in the last `age` frames. So a rebuild saves the present loss in each of `age` frames,
-//! less the sum of the losses in the last `age` frames. For a tree that is scrambled in every frame
-//! this is the loss of one frame; a tree that moves rarely and rests in between saves for long.
+//! Then a rebuilt tree is as noisy as now after `age` frames, and until then it loses on average
+//! what it lost in the last `age` frames. So a rebuild saves the present loss in each of `age`
+//! frames, less the sum of the losses in the last `age` frames. For a tree that is scrambled in
+//! every frame this is the loss of one frame; a tree that moves rarely and rests in between saves
+//! for long.
 //!
 //! Trees are served by savings per unit of time. For losses that grow evenly this makes the best
 //! use of a budget: the time between the rebuilds of a tree is then proportional to the square root
@@ -30,7 +31,7 @@ pub(crate) struct Decay {
 }
 
 impl Decay {
-    /// Starts anew: the tree was rebuilt.
+    /// Resets the decay: the tree was rebuilt.
     pub fn reset(&mut self, frame: u64) {
         *self = Self { rebuilt_at: frame, changed_at: frame, loss: 0.0, accumulated_loss: 0.0 };
     }

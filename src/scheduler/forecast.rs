@@ -17,7 +17,7 @@ const ATTRIBUTES: [Attribute; FEATURES] =
 /// The prior weights: the rise of ln s² per rise of the logarithm of each attribute. Only the
 /// splitting cost has one. All four attributes predict little better (R² of 0.83 held out, against
 /// 0.81), mostly by distance, which also falls when lights come together; then a tree that needs a
-/// rebuild would not request it.
+/// rebuild would not request one.
 const PRIOR: [f32; FEATURES] = [0.0, 0.0, 0.0, 1.51];
 
 /// The prior standard deviations of the weights: how much trees differ. That of the splitting cost
@@ -77,7 +77,7 @@ impl TreeFeatures {
         let units = [box_sq.sqrt(), 1.0, box_sq, box_sq];
         let mut logarithms = [0.0; FEATURES];
         for i in 0..FEATURES {
-            // NaN, say of lights that all lie at one point, counts as the least attribute.
+            // NaN, say of lights that are all at one point, counts as the least attribute.
             logarithms[i] = (attributes.get(ATTRIBUTES[i]) * units[i]).clamp(MIN_ATTRIBUTE, 1.0 / MIN_ATTRIBUTE).ln();
             if logarithms[i].is_nan() {
                 logarithms[i] = MIN_ATTRIBUTE.ln();

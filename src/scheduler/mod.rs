@@ -1,4 +1,4 @@
-//! Frame budgets, clocks, and the parts of the scheduler that decides which trees are rebuilt.
+//! Frame budgets and clocks: the inputs of the scheduler, which decides which trees are rebuilt.
 //!
 //! A [`LightWorld`](crate::LightWorld) rebuilds trees within a [`FrameBudget`], and reads the time
 //! from a [`Clock`]. The default is the machine's clock, [`SystemClock`]; other clocks make a run
@@ -7,7 +7,7 @@
 //! | clock | time | use |
 //! |---|---|---|
 //! | [`SystemClock`] | measured | engines |
-//! | [`VirtualClock`] | computed from the work that is done | tests and benchmarks |
+//! | [`VirtualClock`] | computed from the work | tests and benchmarks |
 //! | [`RecordingClock`] | that of another clock, written to a list | bug reports |
 //! | [`ReplayClock`] | read from that list | debugging |
 //!
@@ -44,7 +44,7 @@
 //! # Ok::<(), WorldError>(())
 //! ```
 
-// None of these files knows a world; `world/schedule.rs` and `world/jobs.rs` put them together.
+// None of these files depends on a world; `world/schedule.rs` and `world/jobs.rs` combine them.
 mod background;
 mod budget;
 mod clock;

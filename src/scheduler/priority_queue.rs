@@ -11,8 +11,8 @@ const BLOCK: usize = 128;
 /// of floats of one sign have the order of the floats.
 const URGENT: u32 = 1 << 31;
 
-/// Trees with scores, in no order. Each tree knows its index, which changes when another is
-/// removed.
+/// Trees with scores, in no order. The caller keeps the index of each tree, which changes when
+/// another is removed.
 ///
 /// To set a score takes O(1), to find the best O(n / 128) and 128 scores of each block whose
 /// maximum is unknown.
@@ -70,8 +70,8 @@ impl PriorityQueue {
         }
     }
 
-    /// Hides a tree from [`PriorityQueue::best`] until [`PriorityQueue::resume`] gets what this
-    /// returns.
+    /// Hides a tree from [`PriorityQueue::best`] until [`PriorityQueue::resume`] is called with
+    /// the value that this returns.
     pub fn suspend(&mut self, index: usize) -> u32 {
         let bits = self.scores[index];
         self.set_bits(index, 0);

@@ -35,6 +35,7 @@ impl<C: Clock> RecordingClock<C> {
     /// records for long should call this regularly, for example to write the events to a file.
     ///
     /// A replay needs all events since the world was created, in order.
+    #[must_use]
     pub fn take_events(&self) -> Vec<ClockEvent> {
         std::mem::take(&mut *lock(&self.events))
     }
@@ -64,13 +65,13 @@ impl<C: Clock> Clock for RecordingClock<C> {
 
 /// A clock that repeats the answers that a [`RecordingClock`] recorded.
 ///
-/// A world that gets the same edits, budgets, viewpoints and usage as in the recorded run makes the
+/// A world with the same edits, budgets, viewpoints and usage as in the recorded run makes the
 /// same decisions and ends with the same trees. Both runs must use the same build of the program.
 /// An update waits for a build in the background where the recorded run installed one.
 ///
 /// If the calls differ from the recorded ones, the replay continues as well as it can: it skips to
-/// the next answer of the right kind. After the last one the time stands still, and a build in the
-/// background is installed once it is done.
+/// the next answer of the right kind. After the last one the time no longer advances, and a build
+/// in the background is installed once it is done.
 #[derive(Debug)]
 pub struct ReplayClock {
     state: Mutex<ReplayState>,

@@ -1,4 +1,4 @@
-//! The four attributes of SS, which tell how much worse a refitted tree has become.
+//! The four attributes of SS, which measure how much a tree has degraded over refits.
 //!
 //! SS names them without formulas; ours are in `docs/math.md`. Each is a sum over nodes of a ratio
 //! without units, weighted by the node's share of the flux. So moving, scaling or dimming the whole
@@ -9,7 +9,7 @@ use super::node::WIDTH;
 use super::wide::{Lanes, Merged, WideCluster, sum};
 use crate::cluster::Cluster;
 
-/// Names one of the four attributes.
+/// Names one of the four attributes of SS. `docs/math.md` has the formulas.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Attribute {
     /// How far apart the children of a node are.
@@ -22,8 +22,8 @@ pub enum Attribute {
     SplittingCost,
 }
 
-/// The four attributes of a tree. They have no unit, and smaller is better. All are 0 for a tree of
-/// at most one light and for a dark tree.
+/// The four attributes of a tree after SS. They have no unit, and smaller is better. All are 0 for
+/// a tree of at most one light and for a dark tree.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Attributes {
     /// See [`Attribute::Distance`].
@@ -100,8 +100,8 @@ impl AttributeSums {
     /// The splitting cost of a subtree relative to its flux times its variance of position. 0 for a
     /// dark subtree and for lights at one point.
     ///
-    /// Flux and variance depend on the lights alone. A box would grow with a bad tree, or with
-    /// lights that only turn.
+    /// Flux and variance depend on the lights alone. A box would also grow as the tree degrades,
+    /// or as lights only rotate.
     pub(super) fn cost_per_spread(&self, all: &Cluster) -> f32 {
         let spread = f64::from(all.flux) * f64::from(all.variance);
         if spread > 0.0 { (self.cost / spread) as f32 } else { 0.0 }
@@ -144,7 +144,7 @@ fn edges(wide: &WideCluster) -> [Lanes; 3] {
 /// The half perimeters of the intersections of all pairs of boxes, summed.
 #[inline(always)]
 fn overlap(wide: &WideCluster) -> f32 {
-    // Repeat half of the lanes after the last, so that the partners of all lanes lie in one piece.
+    // Repeat half of the lanes after the last, so that the partners of all lanes are contiguous.
     let mut repeated = [[[0.0; WIDTH + WIDTH / 2]; 3]; 2];
     for k in 0..3 {
         for (corner, lanes) in [&wide.min[k], &wide.max[k]].into_iter().enumerate() {

@@ -12,7 +12,8 @@ use crate::cluster::Cluster;
 use crate::effects::EffectCounts;
 use crate::light::Light;
 
-/// Threads share the clusters of more lights than this; for fewer, waking a thread does not pay.
+/// The clusters of more lights than this are computed by several threads; for fewer, waking a
+/// thread costs more than it saves.
 #[cfg(feature = "parallel")]
 const PARALLEL_LIGHTS: usize = 4096;
 

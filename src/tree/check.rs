@@ -16,6 +16,7 @@ const PACKED_FLUX_TOLERANCE: f32 = 1.0 / 256.0;
 
 /// An invariant that [`LightTree::check`] found broken.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 #[error("node {node}, slot {slot}: {what}")]
 pub struct CheckError {
     /// The index of the node. The number of nodes if the whole tree is wrong.
@@ -27,7 +28,7 @@ pub struct CheckError {
 }
 
 impl CheckError {
-    /// A number that stays the same in all versions, for callers in other languages: 800.
+    /// The stable code 800, see [`error`](crate::error).
     pub fn code(&self) -> u32 {
         800
     }

@@ -23,11 +23,11 @@ pub(crate) const DIAGONAL_WEIGHT: f32 = 0.05;
 /// Orientation of emission to all sides. The unit is the orientation of flat emitters that agree.
 const ALL_SIDES: f32 = 4.0;
 
-/// How fast the orientation falls from [`ALL_SIDES`] to 1 as the mean direction gets as long as
-/// that of flat emitters that agree.
+/// How fast the orientation falls from [`ALL_SIDES`] to 1 as the length of the mean direction
+/// rises to that of flat emitters that agree.
 const FALL_TO_FLAT: f32 = 3.0 / LAMBERTIAN;
 
-/// How fast it falls from there to 0 as the mean direction gets as long as that of a beam.
+/// How fast it falls from there to 0 as the length rises to that of a beam.
 const FALL_TO_BEAM: f32 = 3.0;
 
 /// The least orientation in a build's cost, in the same unit. Beams that agree would have none, and
@@ -88,8 +88,8 @@ fn narrow<T: CostLanes>(flux: T, directed: T) -> T {
 }
 
 /// The cost of a group in a build. `edges` are of its box, `directed_flux` is its flux times its
-/// mean direction. In CK18, equation 2 but for a constant factor, with at least
-/// [`MIN_ORIENTATION`].
+/// mean direction. This is equation 2 of CK18 but for a constant factor, with an orientation of at
+/// least [`MIN_ORIENTATION`].
 ///
 /// Multiplying by the orientation this way needs no division by the flux.
 #[inline(always)]

@@ -29,7 +29,7 @@ impl LightTree {
         self.tasks = RefitTasks::default();
     }
 
-    /// Whether the tree is frozen.
+    /// Whether the tree is frozen; never for a tree without lights.
     pub fn is_frozen(&self) -> bool {
         self.wide.len() < self.nodes.len()
     }

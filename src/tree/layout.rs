@@ -12,7 +12,7 @@ use crate::cluster::Cluster;
 /// A build adds one spare node for this many nodes.
 const NODES_PER_SPARE: usize = 24;
 
-/// A light that gets a leaf.
+/// A light to be placed in a leaf.
 #[derive(Clone, Copy)]
 pub(super) struct PlacedLight {
     /// Its index in the tree.
@@ -34,10 +34,10 @@ pub(super) fn with_spare(nodes: usize) -> usize {
     nodes + nodes / NODES_PER_SPARE
 }
 
-/// Where the node at `index` of a shape of `used` nodes lies among `span` nodes: the spare nodes
-/// are spread evenly. `index == used` gives the end of the last subtree, which is `span`.
+/// The position of the node at `index` of a shape of `used` nodes among `span` nodes: the spare
+/// nodes are spread evenly. `index == used` gives the end of the last subtree, which is `span`.
 ///
-/// Strictly increasing in `index`, so a subtree stays in one piece. Exact for spans below 2^32; the
+/// Strictly increasing in `index`, so a subtree stays contiguous. Exact for spans below 2^32; the
 /// product needs `u64`, since it passes 2^32 from some 320,000 nodes on.
 fn spread_position(index: u64, used: u64, span: u64) -> u64 {
     index + (span - used) * index / used

@@ -45,19 +45,20 @@ use crate::effects::EffectCounts;
 use crate::error::WorldError;
 use crate::light::Light;
 
-/// Lights and the wide tree over them.
+/// A light tree: lights, and a tree of nodes with up to eight children over them.
 ///
-/// Nodes lie depth first: a parent before its children, and every subtree in one piece. The number
-/// of lights is fixed. [`LightTree::set_lights`] changes lights in place, and [`LightTree::refit`]
-/// brings the nodes up to date. [`LightWorld`](crate::LightWorld) does both for its trees.
+/// Nodes are stored depth first: a parent before its children, and every subtree contiguous. The
+/// number of lights is fixed. [`LightTree::set_lights`] changes lights in place, and
+/// [`LightTree::refit`] brings the nodes up to date. [`LightWorld`](crate::LightWorld) does both
+/// for its trees.
 #[derive(Clone, Default)]
 pub struct LightTree {
     lights: Vec<Light>,
     /// The effects of all lights.
     effects: EffectCounts,
-    /// For each light `node * WIDTH + slot` of its leaf.
+    /// For each light the place of its leaf, `node * WIDTH + slot`.
     leaves: Vec<u32>,
-    /// What is sampled.
+    /// The packed nodes, which are sampled.
     nodes: Vec<Node>,
     /// The clusters that each node is packed from. Edits change the lanes of lights, refits the
     /// lanes of nodes. Empty in a frozen tree.
@@ -83,7 +84,7 @@ pub struct LightTree {
     attributes: Attributes,
 }
 
-/// The flux of a tree by how a transform changes it, in lumens.
+/// The flux of a tree in lumens, separated by how a transform changes it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FluxByKind {
     /// Flux of points and spots.
@@ -121,7 +122,7 @@ impl LightTree {
         &self.nodes
     }
 
-    /// For each light `node * WIDTH + slot` of its leaf.
+    /// For each light the place of its leaf, `node * WIDTH + slot`; see [`WIDTH`].
     pub fn leaves(&self) -> &[u32] {
         &self.leaves
     }
@@ -144,11 +145,13 @@ impl LightTree {
         self.root
     }
 
-    /// Replaces lights, each change an index and a light. The nodes change at the next
-    /// [`LightTree::refit`]. Allocates if the tree is frozen.
+    /// Replaces lights. `changes` are pairs of a light's index and its new value; of several
+    /// values for one light the last one counts. The nodes change at the next [`LightTree::refit`].
+    /// Allocates if the tree is frozen.
     ///
     /// # Errors
-    /// [`WorldError::NoSuchLight`] or [`WorldError::Light`]. Then no light has changed.
+    /// [`WorldError::NoSuchLight`] for an index outside the tree, [`WorldError::Light`] for an
+    /// invalid light. No light has then changed.
     pub fn set_lights(&mut self, changes: &[(u32, Light)]) -> Result<(), WorldError> {
         self.check_changes(changes)?;
         self.apply(changes);
@@ -179,7 +182,7 @@ impl LightTree {
         check_lights(changes.iter().map(|(i, l)| (*i as usize, l)))
     }
 
-    /// Builds the nodes anew from the present lights. O(n log n).
+    /// Rebuilds all nodes from the present lights. O(n log n).
     pub fn rebuild(&mut self) {
         *self = Self::build(std::mem::take(&mut self.lights));
     }

@@ -1,19 +1,19 @@
 //! The record of a wide node: eight children in 208 bytes, and the links between nodes.
 //!
-//! The CPU walks these bytes, and the GPU gets them as they are. `pack.rs` encodes clusters into a
-//! node and decodes them; `shaders/node.wgsl` decodes them on the GPU. A test in `gpu/layout.rs`
-//! compares the record with its twin in `shaders/types.wgsl`.
+//! The CPU samples from these bytes, and the GPU receives the same bytes. `pack.rs` encodes
+//! clusters into a node and decodes them; `shaders/node.wgsl` decodes them on the GPU. A test in
+//! `gpu/layout.rs` compares the record with its twin in `shaders/types.wgsl`.
 
 use bytemuck::{Pod, Zeroable};
 
-/// Children of a node. Eight fill a vector register; `docs/decisions.md` compares the noise of 8,
-/// 16 and 32.
+/// The largest number of children of a node. Eight fill a vector register; `docs/decisions.md`
+/// compares the noise of 8, 16 and 32.
 pub const WIDTH: usize = 8;
 
 /// This bit is set in [`Node::targets`] if the child is one light (in a top level, one instance).
 pub const LEAF: u32 = 1 << 31;
 
-/// The largest number of lights in a tree: as many as 31 bits can name beside the leaf bit.
+/// The largest number of lights in a tree: the number that 31 bits can index beside the leaf bit.
 pub const MAX_LIGHTS: usize = (LEAF - 1) as usize;
 
 /// The target of an unused slot.
@@ -22,7 +22,7 @@ pub const EMPTY_SLOT: u32 = u32::MAX;
 /// [`Node::parent`] of the root.
 pub const NO_PARENT: u32 = u32::MAX;
 
-/// One byte for each child.
+/// One byte for each child of a node.
 pub type Bytes = [u8; WIDTH];
 
 /// A node: up to eight children and a link to the parent. It has 208 bytes: 23 for each child and
@@ -42,7 +42,7 @@ pub struct Node {
     /// For each child the index of its node; or [`LEAF`] with the index of its light; or
     /// [`EMPTY_SLOT`].
     pub targets: [u32; WIDTH],
-    /// Lumens, as the upper half of an f32. 0: no light below shines.
+    /// Lumens, as the upper half of an f32. 0 if all lights below are dark.
     pub flux: [u16; WIDTH],
     /// Least corner of the child's box, in steps from `origin`, rounded down.
     pub low: [Bytes; 3],
@@ -69,7 +69,7 @@ pub struct Node {
     pub range: [u16; WIDTH],
 }
 
-/// What a child is.
+/// The kind and the index of a child.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Target {
     /// The index of a node.

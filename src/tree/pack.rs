@@ -12,16 +12,16 @@ use super::wide::WideCluster;
 use crate::bounds::Aabb;
 use crate::cluster::{Cluster, MIN_AXIS};
 
-/// Stands for an unlimited range, in metres: shaders may not rely on infinity. Its square fits into
-/// f32, and it is longer than any distance in a world.
+/// Represents an unlimited range, in metres: shaders may not rely on infinity. Its square fits
+/// into f32, and it is longer than any distance in a world.
 pub(crate) const UNLIMITED_RANGE: f32 = 1.0e18;
 
 /// Steps of a box, of a share and of a length.
 pub(crate) const STEPS: f32 = 255.0;
 /// Steps of a coordinate of a direction.
 pub(crate) const DIRECTION_STEPS: f32 = 127.0;
-/// Steps from a cosine of 1 to a cosine of 0. Twice as many reach -1; the last value of the byte
-/// lies beyond.
+/// Steps from a cosine of 1 to a cosine of 0. Twice this number reaches -1; the last value of the
+/// byte is beyond it.
 pub(crate) const CAP_STEPS: f32 = 127.0;
 
 /// An unpacked child. Positions are relative to the viewpoint.
@@ -72,8 +72,8 @@ impl Node {
         range: [packed_range(UNLIMITED_RANGE); WIDTH],
     };
 
-    /// The child in a slot as it was packed: its bounds are wider than the original ones by
-    /// rounding. [`Cluster::EMPTY`] for a dark child, an unused slot, and a slot outside the node
+    /// Decodes the cluster of the child in a slot. Rounding makes its bounds wider than the packed
+    /// cluster's. [`Cluster::EMPTY`] for a dark child, an unused slot, and a slot outside the node
     /// (from [`WIDTH`] on).
     ///
     /// A node does not store how much of the flux comes from surfaces: `area_flux` is 0.
@@ -102,7 +102,8 @@ impl Node {
         }
     }
 
-    /// Packs eight clusters whose boxes all lie in `bounds`. Targets and parent stay as they are.
+    /// Packs eight clusters whose boxes are all inside `bounds`. Targets and parent stay as they
+    /// are.
     #[inline(always)]
     pub(crate) fn pack(&mut self, wide: &WideCluster, bounds: &Aabb, count: usize) {
         self.steps = (count as u32) << 24;

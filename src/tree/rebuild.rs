@@ -1,6 +1,6 @@
 //! Rebuilds the subtrees of a deforming tree whose cost has risen most, each in its own place.
 //!
-//! A subtree lies in one piece and keeps its piece, spare nodes included. Nothing outside of it
+//! A subtree is contiguous and keeps its range of nodes, spare nodes included. No other node
 //! moves.
 
 use super::LightTree;
@@ -15,7 +15,7 @@ const MIN_LIGHTS: u32 = 32;
 /// Subtrees of less than one in this many of the tree's lights are not rebuilt alone either.
 const MAX_SUBTREE_SHARE: u32 = 256;
 
-/// A rebuild pays once a subtree's splitting cost has risen by this share.
+/// A subtree is worth a rebuild once its splitting cost has risen by this share.
 const MIN_COST_RISE: f32 = 0.05;
 
 /// A subtree to rebuild, or the whole tree.
@@ -35,18 +35,18 @@ impl RebuildPart {
 }
 
 impl LightTree {
-    /// Rebuilds the parts of the tree that gain most per light, and returns the number of lights in
-    /// them.
+    /// Rebuilds the parts of the tree whose rebuild gains most per light, and returns the number
+    /// of their lights.
     ///
     /// A part is a subtree or the whole tree; its gain is the rise of its splitting cost since it
-    /// was built. The best part is rebuilt again and again while `lights` last. The rest of
-    /// `lights` is kept as credit for later calls, up to one rebuild of the whole tree: where the
-    /// upper levels got worse, nothing less helps. A tree of fewer than 32 lights is never rebuilt;
-    /// [`LightTree::rebuild`] takes microseconds for it.
+    /// was built. Each call adds `lights` to a credit, and then rebuilds the best part as long as
+    /// the credit covers it. The rest of the credit is kept for later calls, up to one rebuild of
+    /// the whole tree: where the upper levels have degraded, nothing less helps. A tree of fewer
+    /// than 32 lights is never rebuilt; [`LightTree::rebuild`] takes microseconds for it.
     ///
-    /// To be called once a frame. Refits first if lights have changed since the last refit. O(n log
-    /// n) in the rebuilt lights, plus a search among the subtrees that hold 1/256 of the tree or
-    /// more. `docs/benchmarks.md` has what it wins back.
+    /// Call it once a frame. Refits first if lights have changed since the last refit. O(n log n)
+    /// in the rebuilt lights, plus a search among the subtrees that hold 1/256 of the tree or more.
+    /// `docs/benchmarks.md` has its effect.
     pub fn rebuild_worst(&mut self, lights: usize) -> usize {
         self.thaw();
         self.refit();
@@ -62,8 +62,8 @@ impl LightTree {
     }
 
     /// How much the tree's splitting cost has risen since its last build, relative to the spread of
-    /// its lights: 0 if it is as good as then, 1 if it is twice as bad. As of the last refit with
-    /// attributes; 0 for a frozen tree. O(1).
+    /// its lights: 0 if the cost is the same, 1 if it has doubled, negative if it has fallen. As
+    /// of the last refit with attributes; 0 for a frozen tree. O(1).
     ///
     /// Unlike [`Attribute::SplittingCost`](super::Attribute) it does not depend on the box around
     /// all lights, which a single stray light stretches.
@@ -82,7 +82,7 @@ impl LightTree {
     }
 
     /// Replaces this tree by one that was built from an earlier state of its lights. Lights that
-    /// have changed since are set again. Returns whether there are any, so that the tree needs a
+    /// have changed since are set again. Returns whether there are any; the tree then needs a
     /// refit.
     ///
     /// O(lights). Each light that changed costs as much as ten others.
@@ -143,8 +143,8 @@ impl LightTree {
         }
         let shape = shape(&mut build_items(&lights));
         if shape.len() > span {
-            // The present cost is the best that this piece can hold, so it is what later costs are
-            // compared with.
+            // The present cost counts as the best that these nodes can hold, so later costs are
+            // compared with it.
             self.built_costs[root] = self.cost_per_spread(root);
             return false;
         }

@@ -14,10 +14,9 @@ use crate::simd::{Job, with_vectors};
 const NODES_PER_LISTED: usize = 8;
 
 impl LightTree {
-    /// Brings every node above a changed light up to date, and the attributes. The shape of the
-    /// tree stays.
+    /// Updates every node above a changed light, and the attributes. The shape of the tree stays.
     ///
-    /// Every cluster is computed from its children anew, so rounding does not add up over many
+    /// Every cluster is recomputed from its children, so rounding does not add up over many
     /// refits. O(changed lights · depth), and at most O(nodes). Allocates nothing, except what
     /// rayon needs to share a large tree among threads, and the dropped data of a frozen tree.
     pub fn refit(&mut self) {
@@ -39,7 +38,7 @@ impl LightTree {
 
     /// [`LightTree::refit`] without the attributes, for trees whose attributes are not read. They
     /// keep their values until the next [`LightTree::refit`], which then visits all nodes. The
-    /// nodes get the same bits as from [`LightTree::refit`].
+    /// nodes have the same bits as after [`LightTree::refit`].
     pub fn refit_without_attributes(&mut self) {
         self.has_stale_sums |= self.dirty.len() > 0;
         self.refit_dirty::<false>();

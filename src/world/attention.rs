@@ -4,11 +4,10 @@
 use glam::DVec3;
 
 use super::LightWorld;
-
 use crate::error::{WorldError, check_finite};
 use crate::keys::{InstanceKey, TreeKey};
 
-/// The illuminance of a tree that requests a rebuild is computed anew after this many updates.
+/// The illuminance of a tree that requests a rebuild is recomputed after this many updates.
 const ILLUMINANCE_LIFETIME: u64 = 8;
 
 /// The instances of a tree that its illuminance is computed from, evenly chosen if it has more.
@@ -58,21 +57,22 @@ pub(super) struct ViewWeights {
 }
 
 impl LightWorld {
-    /// Sets the point that the picture is taken from, in metres in world coordinates. Trees whose
-    /// light is strong there are rebuilt first. The priorities of trees that move follow within
-    /// eight updates; of the trees that wait at rest, one follows in each update. O(1).
+    /// Sets the viewpoint: the position of the camera, in metres in world coordinates. Trees whose
+    /// light is strong there are rebuilt first. Trees whose lights change get their new priorities
+    /// within eight updates; of the waiting trees whose lights do not change, one gets its new
+    /// priority in each update. O(1).
     ///
     /// # Errors
     /// [`WorldError::NotFinite`] for a coordinate that is NaN or infinite.
-    pub fn set_viewpoint(&mut self, eye: DVec3) -> Result<(), WorldError> {
-        check_finite("a coordinate of the viewpoint", eye)?;
-        self.view_weights.viewpoint = Some(eye);
+    pub fn set_viewpoint(&mut self, viewpoint: DVec3) -> Result<(), WorldError> {
+        check_finite("a coordinate of the viewpoint", viewpoint)?;
+        self.view_weights.viewpoint = Some(viewpoint);
         Ok(())
     }
 
     /// Records how often the lights of each instance were sampled lately. Trees whose lights are
     /// sampled often are rebuilt first. This works better than [`LightWorld::set_viewpoint`] alone,
-    /// because usage tells what is visible.
+    /// because usage reflects what is visible.
     ///
     /// The counts may cover one frame or several, and all samples or a part of them: only their
     /// ratios matter. With each call the earlier counts lose a fifth of their weight; 240 updates

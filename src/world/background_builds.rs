@@ -107,8 +107,8 @@ impl LightWorld {
         }
     }
 
-    /// Hands a finished build to its tree, if the clock says so. The refit that follows installs
-    /// it.
+    /// Passes a finished build to its tree, if the clock allows it. The refit that follows
+    /// installs it.
     pub(super) fn take_finished_build(&mut self, report: &mut FrameReport) {
         let Some(running) = self.schedule.running.take() else { return };
         let Some(took) = self.clock.background(running.started, running.work, running.done()) else {

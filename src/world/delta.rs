@@ -4,7 +4,7 @@ use super::LightWorld;
 use crate::keys::slot_of;
 
 /// The changes of a world between two calls of [`LightWorld::take_delta`]: what `GpuLights::upload`
-/// needs to bring a GPU up to date.
+/// sends to a GPU.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameDelta {
     /// Slots of trees that were added, edited, rebuilt or removed.
@@ -107,7 +107,9 @@ impl SlotSet {
 }
 
 impl LightWorld {
-    /// Returns the changes since the last call. Allocates nothing if there are none.
+    /// Returns the changes since the last call. Pass every delta to `GpuLights::upload`: the
+    /// changes of a delta that is dropped are not returned again. Allocates nothing if there are
+    /// none.
     pub fn take_delta(&mut self) -> FrameDelta {
         self.changes.take()
     }

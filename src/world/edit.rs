@@ -58,10 +58,10 @@ impl LightWorld {
 
     /// Changes some lights of a tree, for all its instances, at the next [`LightWorld::update`].
     ///
-    /// `changes` are indices of lights and their new values; of several values for one light the
-    /// last one counts, in one call or in several. A value that the light has already changes
-    /// nothing: if that is so for all, the tree is neither refitted nor uploaded. O(changes).
-    /// Memory: at most one value for each light of the tree.
+    /// `changes` are pairs of a light's index and its new value. Of several values for one light,
+    /// in one call or in several, the last one counts. A value that equals the light's present one
+    /// changes nothing; if all do, the tree is neither refitted nor uploaded. O(changes). Memory:
+    /// at most one value for each light of the tree.
     ///
     /// # Errors
     /// [`WorldError::NoSuchTree`], [`WorldError::StaticTree`], [`WorldError::NoSuchLight`],
@@ -81,11 +81,12 @@ impl LightWorld {
         Ok(())
     }
 
-    /// Replaces all lights of a tree, by any number of others, and builds the tree at once. Staged
-    /// changes are dropped.
+    /// Replaces all lights of a tree by any number of others, and builds the tree at once. Changes
+    /// that wait for the next update are dropped. O(n log n).
     ///
     /// # Errors
-    /// As [`LightWorld::add_tree`], [`WorldError::NoSuchTree`], [`WorldError::StaticTree`].
+    /// [`WorldError::NoSuchTree`], [`WorldError::StaticTree`], [`WorldError::Light`],
+    /// [`WorldError::TooManyLights`].
     pub fn replace_lights(&mut self, tree: TreeKey, lights: Vec<Light>) -> Result<(), WorldError> {
         if self.entry(tree)?.is_static() {
             return Err(WorldError::StaticTree(tree));
@@ -135,8 +136,8 @@ impl LightWorld {
         Ok(key)
     }
 
-    /// Moves an instance, at once. A linear part of all zeros hides it, see [`Placement::linear`];
-    /// the placement that it has already changes nothing. O(1).
+    /// Moves an instance, at once. A linear part of all zeros hides it, see [`Placement::linear`].
+    /// A placement that equals the present one changes nothing. O(1).
     ///
     /// # Errors
     /// [`WorldError::NoSuchInstance`], [`WorldError::Placement`].
@@ -175,13 +176,13 @@ impl LightWorld {
         Ok(())
     }
 
-    /// Changes the policy of an instance. The next [`LightWorld::update`] asks whether its tree
-    /// needs a rebuild by the new policy; nothing is refitted or uploaded for that. The policy that
-    /// it has already changes nothing.
+    /// Changes the policy of an instance. The next [`LightWorld::update`] decides by the new
+    /// policy whether its tree requests a rebuild; nothing is refitted or uploaded for that. A
+    /// policy that equals the present one changes nothing.
     ///
-    /// A tree whose attributes were not measured before, because no policy could ask for a rebuild,
-    /// is measured in that update: O(nodes), once. With [`Policy::AlwaysRebuild`] the tree waits
-    /// for its lights to change.
+    /// A tree whose attributes were not measured before, because no policy could request a
+    /// rebuild, is measured in that update: O(nodes), once. With [`Policy::AlwaysRebuild`] the tree
+    /// waits for its lights to change.
     ///
     /// # Errors
     /// [`WorldError::NoSuchInstance`], [`WorldError::Policy`].
@@ -203,9 +204,9 @@ impl LightWorld {
         Ok(())
     }
 
-    /// Gives an instance a tree of its own, a copy of the one that it shares, and returns the key
+    /// Gives an instance a tree of its own, a copy of the tree that it shares, and returns the key
     /// of the copy. Returns the key of the present tree if the instance shares it with no other.
-    /// Staged changes are copied too. O(lights).
+    /// Changes that wait for the next update are copied too. O(lights).
     ///
     /// # Errors
     /// [`WorldError::NoSuchInstance`].
@@ -218,11 +219,13 @@ impl LightWorld {
         }
         let copy = entry.tree.clone();
         let (history, staged, rebuild_state) = (entry.history, entry.staged.clone(), entry.rebuild_state.for_copy());
+        let has_new_policy = entry.has_new_policy;
         let own = self.insert_tree(copy);
-        if !staged.is_empty() {
+        if !staged.is_empty() || has_new_policy {
             self.pending.insert(own);
         }
         let entry = &mut self.trees[own];
+        entry.has_new_policy = has_new_policy;
         entry.history = history;
         entry.rebuild_state = rebuild_state;
         entry.staged = staged;
@@ -249,7 +252,7 @@ impl LightWorld {
         Ok(self.directionals.insert(light))
     }
 
-    /// Changes a directional light, at once.
+    /// Changes a directional light, at once. A value that equals the present one changes nothing.
     ///
     /// # Errors
     /// [`WorldError::NoSuchDirectional`], [`WorldError::Directional`].
@@ -277,8 +280,8 @@ impl LightWorld {
     /// Moves the point that sampling coordinates are relative to, in metres, for example to the
     /// camera. Instances keep their places in the world.
     ///
-    /// O(instances), and every instance is uploaded again: call it once a kilometre, not once a
-    /// frame.
+    /// O(instances), and every instance is uploaded again: call it when the camera has moved by a
+    /// kilometre, not in every frame.
     ///
     /// # Errors
     /// [`WorldError::NotFinite`] for the origin; [`WorldError::Placement`] if an instance would be

@@ -14,8 +14,9 @@ use crate::tree::{RebuildPart, WIDTH};
 /// The budget divided by this is reserved for the trees that have waited longest.
 const OLDEST_SHARE: u32 = 16;
 
-/// The budget divided by this is reserved for the background while a build waits to begin or is not
-/// yet paid for. Otherwise many small trees would keep a large one waiting for ever.
+/// The budget divided by this is reserved for the background while a build waits to begin or the
+/// background credit is negative. Otherwise many small trees would keep a large one waiting for
+/// ever.
 const BACKGROUND_SHARE: u32 = 4;
 
 /// The time of rebuilds divided by this is spent on measurements of the noise that they remove.
@@ -48,7 +49,8 @@ pub(super) struct FrameTime {
     pub budget: Duration,
     /// The time of the clock before the first job.
     pub start: Duration,
-    /// The least time that the jobs so far can have taken on any machine, whatever the clock says.
+    /// The least time that the jobs so far can have taken on any machine, independent of the
+    /// clock.
     pub min_spent: Duration,
 }
 
@@ -105,7 +107,7 @@ impl LightWorld {
             // A frame that only finds out that no job fits is not an overrun.
             report.overrun = if is_idle { Duration::ZERO } else { elapsed.saturating_sub(budget) };
         }
-        // The time that the frame leaves unused pays for builds in the background.
+        // The time that the frame leaves unused is credited to builds in the background.
         let unused = budget.saturating_sub(report.spent).as_nanos() as f64;
         let credit = &mut self.schedule.background_credit;
         *credit = (*credit + unused).min(budget.as_nanos() as f64);
@@ -157,7 +159,7 @@ impl LightWorld {
     /// waits for ever.
     fn serve_oldest(&mut self, time: &mut FrameTime, report: &mut FrameReport) {
         // The credit is saved up for large trees. One frame spends no more than its own share on
-        // the oldest trees, and then turns to urgent requests.
+        // the oldest trees before it serves urgent requests.
         while report.spent <= report.budget / OLDEST_SHARE {
             let Some(key) = self.schedule.by_age.first() else { return };
             let entry = &self.trees[key];
@@ -324,7 +326,7 @@ impl LightWorld {
             self.changes.tree(slot_of(key));
         }
         self.wake(key);
-        // A request that is still needed starts its wait anew.
+        // The wait of a request that is still needed starts again.
         self.withdraw_request(key);
         self.update_request(key);
         is_rebuilt

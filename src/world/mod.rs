@@ -54,7 +54,7 @@ pub struct LightWorld {
     effects: HeldEffects,
     /// Trees that are not frozen.
     awake: KeySet<TreeKey>,
-    /// Trees that the next update refits or judges.
+    /// Trees that the next update refits, or whose rebuild request it updates.
     pending: KeySet<TreeKey>,
     changes: Changes,
     schedule: schedule::Schedule,
@@ -70,7 +70,7 @@ pub(crate) struct TreeEntry {
     policies: PolicySet,
     history: AttributeHistory,
     staged: StagedLights,
-    /// A policy changed since the last update, so that the tree may ask for a rebuild although no
+    /// A policy changed since the last update, so that the tree may request a rebuild although no
     /// light changes.
     has_new_policy: bool,
     rebuild_state: schedule::RebuildState,
@@ -103,7 +103,7 @@ impl TreeEntry {
         }
     }
 
-    /// Some instance has a policy that can ask for a rebuild.
+    /// Some instance has a policy that can request a rebuild.
     fn may_rebuild(&self) -> bool {
         self.policies.may_rebuild()
     }
@@ -195,8 +195,8 @@ impl LightWorld {
         self.effects.counts()
     }
 
-    /// The effects that something in the world has now, [`Effects::MOVING`] included. Staged edits
-    /// count from the next [`LightWorld::update`] on. O(1).
+    /// The effects that something in the world has now, [`Effects::MOVING`] included. Edits of
+    /// lights count from the next [`LightWorld::update`] on. O(1).
     pub fn active_effects(&self) -> Effects {
         self.effects.counts().effects()
     }
@@ -211,7 +211,8 @@ impl LightWorld {
         self.effects.effects()
     }
 
-    /// The point that sampling coordinates are relative to, in metres.
+    /// The point that sampling coordinates are relative to, in metres. Zero until
+    /// [`LightWorld::set_origin`] is called.
     pub fn origin(&self) -> DVec3 {
         self.origin
     }
@@ -261,7 +262,7 @@ impl LightWorld {
         self.instances.contains_key(instance).then(|| slot_of(instance))
     }
 
-    /// The live instance that shaders refer to by this number.
+    /// The live instance that shaders refer to by this number; `None` if there is none.
     pub fn instance_at(&self, slot: u32) -> Option<InstanceKey> {
         self.slots.get(slot as usize).copied().flatten()
     }
@@ -290,9 +291,9 @@ impl LightWorld {
     /// The top level on the CPU, built when it is first needed after a change.
     ///
     /// It is built outside of any lock. Built inside `OnceLock::get_or_init`, it could deadlock:
-    /// while a rayon worker waits for parts of its build, it may steal a job that asks for the top
-    /// level too. Threads that ask at once may each build it; the results are equal and the first
-    /// one is kept.
+    /// while a rayon worker waits for parts of its build, it may steal a job that needs the top
+    /// level too. Threads that call this at the same time may each build it; the results are equal
+    /// and the first one is kept.
     pub(crate) fn top_level(&self) -> &TopLevel {
         if let Some(top) = self.top.get() {
             return top;
@@ -317,7 +318,7 @@ impl LightWorld {
             return Cluster::EMPTY;
         };
         let flux = placed.linear.flux(tree.flux().punctual, tree.flux().area, cluster.axis);
-        // At a small enough scale, a light that shines would round to dark.
+        // At a small enough scale, the flux of a light that is not dark would round to 0.
         cluster.transformed(&placed.linear, placed.frame.translation, flux.max(MIN_FLUX))
     }
 }

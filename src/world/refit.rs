@@ -9,8 +9,9 @@ use crate::scheduler::{Replacement, TreeFeatures};
 use crate::tree::LightTree;
 
 impl LightWorld {
-    /// Refits the trees whose lights changed or that were built in the background, and judges those
-    /// and the trees with a new policy. Returns the number of refitted trees and of their lights.
+    /// Refits the trees whose lights changed or that were built in the background, and updates the
+    /// rebuild requests of those and of the trees with a new policy. Returns the number of refitted
+    /// trees and of their lights.
     pub(super) fn refit_pending(&mut self) -> (usize, usize) {
         let mut jobs = self.take_pending();
         if jobs.is_empty() {
@@ -62,7 +63,7 @@ impl LightWorld {
         pending.drain().filter_map(job).collect()
     }
 
-    /// Moves a tree back into the map and judges it.
+    /// Moves a tree back into the map and updates its rebuild request.
     fn finish_refit(&mut self, job: RefitJob) {
         let changes_nodes = job.changes_nodes();
         let RefitJob { key, is_edited, former_effects, tree, staged, swap, is_newly_measured, .. } = job;
@@ -91,7 +92,7 @@ impl LightWorld {
             self.wake(key);
         }
         if is_as_built {
-            // No policy asks for more than a tree that was just built, not even
+            // No policy requests more than a tree that was just built, not even
             // `Policy::AlwaysRebuild`.
             self.withdraw_request(key);
         } else {

@@ -30,12 +30,12 @@ impl TreeEntry {
 }
 
 impl LightWorld {
-    /// Decides anew whether a tree requests a rebuild, and with which priority: after a refit, a
+    /// Re-evaluates whether a tree requests a rebuild, and with which priority: after a refit, a
     /// partial rebuild, or a change of its weight.
     pub(super) fn update_request(&mut self, key: TreeKey) {
         let entry = &self.trees[key];
         let mut request = entry.rebuild_request();
-        // A request of the algorithms of SS stands until it is served.
+        // A request of the algorithms of SS is kept until it is served.
         if entry.rebuild_state.request == RebuildRequest::Required && entry.may_rebuild() {
             request = request.max(RebuildRequest::Required);
         }
@@ -74,8 +74,8 @@ impl LightWorld {
         }
     }
 
-    /// Moves a tree that waits to the end of the queue of trees that are too large for a frame, or
-    /// of those that are not, unless it is in that queue already.
+    /// Moves a waiting tree to the end of `oversized` (trees that are too large for a frame) or of
+    /// `by_age` (all others), unless it is in that queue already.
     pub(super) fn set_oversized(&mut self, key: TreeKey, becomes_oversized: bool) {
         let Self { schedule: Schedule { by_age, oversized, .. }, trees, .. } = self;
         let Some(QueuePosition { sequence, is_oversized, .. }) = &mut trees[key].rebuild_state.waiting else { return };

@@ -40,7 +40,7 @@ impl Default for Rest {
 }
 
 impl LightWorld {
-    /// Records that a tree is not frozen. If it was, its time at rest begins anew.
+    /// Records that a tree is not frozen. If it was, its time at rest starts again.
     pub(super) fn wake(&mut self, tree: TreeKey) {
         if self.awake.insert(tree) {
             self.trees[tree].rest.still_updates = 0;
@@ -73,8 +73,8 @@ impl LightWorld {
         }
     }
 
-    /// Counts one update for all trees that are not frozen, and freezes those that have been at
-    /// rest for long enough. O(trees that are not frozen).
+    /// Counts one update for all trees that are not frozen, and freezes the trees that have been
+    /// at rest for long enough. O(trees that are not frozen).
     pub(super) fn freeze_resting(&mut self) {
         let mut frozen = 0;
         // From the last to the first: the tree that takes the index of a removed one has been

@@ -1,4 +1,4 @@
-//! The state of the scheduler: what it knows of each tree, and what it knows of all.
+//! The state of the scheduler: one part for each tree, and one for all trees together.
 
 use std::time::Duration;
 
@@ -14,6 +14,7 @@ use crate::tree::LightTree;
 /// One job of the last [`LightWorld::update`](crate::LightWorld::update): a rebuild, a copy of
 /// lights for a build in the background, or a measurement of noise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct JobReport {
     /// The tree that the job was for.
     pub tree: TreeKey,
@@ -40,7 +41,7 @@ pub(super) struct QueuePosition {
     pub is_oversized: bool,
 }
 
-/// What the scheduler knows of one tree.
+/// The scheduler's state for one tree.
 #[derive(Debug, Default)]
 pub(super) struct RebuildState {
     pub waiting: Option<QueuePosition>,
@@ -64,22 +65,22 @@ impl RebuildState {
         Self { forecast: self.forecast, rise: self.rise, decay: self.decay, ..Self::default() }
     }
 
-    /// Starts anew with a tree that was just built.
+    /// Resets the state for a tree that was just built.
     pub fn start(&mut self, features: TreeFeatures, frame: u64) {
         self.forecast.set_baseline(features);
         self.decay.reset(frame);
         self.rise = 0.0;
     }
 
-    /// Learns from a rebuild, and starts anew. `variances` are those before and after, if they were
-    /// measured.
+    /// Learns from a rebuild, and resets the state. `variances` are the variances before and after
+    /// it, if they were measured.
     pub fn learn(&mut self, replacement: &Replacement, variances: Option<(f32, f32)>, frame: u64) {
         self.forecast.learn(replacement, variances);
         self.start(replacement.after, frame);
     }
 }
 
-/// What the scheduler knows of all trees. Credits are time that may be spent later.
+/// The scheduler's state for all trees together. Credits are time that may be spent later.
 #[derive(Debug, Default)]
 pub(super) struct Schedule {
     /// All trees that wait, by priority.
@@ -93,8 +94,8 @@ pub(super) struct Schedule {
     pub measurement_credit: Duration,
     /// The pmf of each light of the tree that is measured; kept for its allocation.
     pub pmfs: Vec<f32>,
-    /// The credit of builds in the background, in nanoseconds; negative while one is not yet paid
-    /// for.
+    /// The credit of builds in the background, in nanoseconds; negative while a build exceeds what
+    /// frames have left unused.
     pub background_credit: f64,
     pub builder: BackgroundBuilder,
     pub snapshot: Option<LightSnapshot>,

@@ -1,5 +1,5 @@
-//! The update of a world, once a frame: refits the trees that were edited, then rebuilds those that
-//! are worth it.
+//! The update of a world, once a frame: refits the trees that were edited, then rebuilds trees
+//! within the budget.
 
 use std::time::Duration;
 
@@ -10,6 +10,7 @@ use crate::scheduler::{FrameBudget, Work, WorkKind};
 
 /// What [`LightWorld::update`] did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct FrameReport {
     /// Instances that were added, moved or removed since the last update, each counted once.
     pub moved_instances: usize,
@@ -21,10 +22,10 @@ pub struct FrameReport {
     pub rebuilt_trees: usize,
     /// Subtrees that were rebuilt within the frame, of trees that need a rebuild in part only.
     pub rebuilt_parts: usize,
-    /// Trees that ask for a rebuild and wait for a later frame, without those that are built in the
-    /// background.
+    /// Trees that request a rebuild and wait for a later frame, without the tree that is being
+    /// built in the background.
     pub waiting_trees: usize,
-    /// The most updates that a tree has waited, of those that were served in this update and those
+    /// The longest wait in updates, of the trees that were served in this update and of the trees
     /// that still wait.
     pub longest_wait: u64,
     /// Builds on another thread.
@@ -36,7 +37,7 @@ pub struct FrameReport {
     /// The measured time of the rebuilds that were done, by the world's clock. [`LightWorld::jobs`]
     /// lists each.
     pub spent: Duration,
-    /// The time that the choice among waiting trees took.
+    /// The time that the choice among the waiting trees took.
     pub deciding: Duration,
     /// The time by which rebuilds and the choice among them exceeded the budget; 0 if nothing was
     /// rebuilt.
@@ -45,8 +46,10 @@ pub struct FrameReport {
     pub refit_time: Duration,
 }
 
-/// Builds in the background: trees too large for a frame, one at a time.
+/// The builds in the background of [`LightWorld::update`]: trees that are too large for a frame,
+/// one at a time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct BackgroundReport {
     /// Builds that were started in this update.
     pub started: usize,
@@ -55,7 +58,7 @@ pub struct BackgroundReport {
     /// Builds that were dropped because their tree was removed, got other lights or changed its
     /// policy meanwhile.
     pub dropped: usize,
-    /// Builds in progress, 0 or 1.
+    /// Builds in progress, 0 or 1. A build whose lights are still being copied counts.
     pub running: usize,
     /// The time that the finished builds took, on their thread.
     pub spent: Duration,
@@ -66,18 +69,21 @@ impl LightWorld {
     /// budget. Call it once a frame.
     ///
     /// 1. Edited trees are refitted, in parallel.
-    /// 2. Trees whose policy asks for a rebuild are rebuilt, whole or in part. Trees that remove
-    ///    the most noise per millisecond go first. The noise that a rebuild removes is estimated
-    ///    from the tree's attributes and from earlier rebuilds of the tree; it counts by the tree's
-    ///    share of the picture ([`LightWorld::record_usage`], [`LightWorld::set_viewpoint`]). No
-    ///    rebuild starts that would probably not end within the budget.
-    /// 3. One sixteenth of the budget is reserved for the tree that has waited longest. A tree
-    ///    waits at most for 16 times the duration of the rebuilds that were asked for before its
-    ///    own, divided by the budget, in frames. This holds while the budget stays the same and has
-    ///    room for the tree. A rebuild of a part counts as a turn.
-    /// 4. Trees that fit into no frame are built on another thread.
-    /// 5. Effects that nothing had for [`EFFECT_HOLD_UPDATES`](crate::effects::EFFECT_HOLD_UPDATES)
-    ///    calls leave [`LightWorld::effects`], and trees at rest are frozen
+    /// 2. Trees whose policies request a rebuild are rebuilt, whole or in part. Rebuilds that
+    ///    remove the most noise per millisecond go first. The noise that a rebuild removes is
+    ///    estimated from the tree's attributes and from earlier rebuilds of the tree. It is
+    ///    weighted by the tree's share of the picture ([`LightWorld::record_usage`],
+    ///    [`LightWorld::set_viewpoint`]). A rebuild starts only if it will probably end within the
+    ///    budget.
+    /// 3. One sixteenth of the budget is reserved for the tree that has waited longest. In frames,
+    ///    a tree waits at most for 16 times the duration of the rebuilds that were requested before
+    ///    its own, divided by the budget. This holds while the budget stays the same and has room
+    ///    for the tree. A rebuild of a part ends the wait too.
+    /// 4. Trees that are too large for a frame are built on another thread; without the feature
+    ///    `parallel`, they are rebuilt in parts.
+    /// 5. Effects that nothing in the world had for
+    ///    [`EFFECT_HOLD_UPDATES`](crate::effects::EFFECT_HOLD_UPDATES) calls leave
+    ///    [`LightWorld::effects`], and trees at rest are frozen
     ///    ([`LightTree::freeze`](crate::LightTree::freeze)).
     ///
     /// Cost besides rebuilds: O(lights of edited trees), and O(1) for each tree that is not frozen.
@@ -98,9 +104,9 @@ impl LightWorld {
         report
     }
 
-    /// Rebuilds a tree at once, whatever its policies are and outside of any budget, for example at
-    /// a cut between scenes. Staged changes still wait for the next [`LightWorld::update`]. Returns
-    /// the time that the rebuild took. O(n log n).
+    /// Rebuilds a tree at once, regardless of its policies and of any budget, for example at a cut
+    /// between scenes. Changes of its lights still wait for the next [`LightWorld::update`].
+    /// Returns the time that the rebuild took. O(n log n).
     ///
     /// # Errors
     /// [`WorldError::NoSuchTree`].

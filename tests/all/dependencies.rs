@@ -60,7 +60,7 @@ fn files_depend_only_on_modules_that_lib_rs_lists_before_their_own() {
 
 #[test]
 fn no_dependencies_between_files_form_a_circle() {
-    let mut graph = Graph::new(&files());
+    let graph = Graph::new(&files());
     let circles: Vec<String> = graph.circles().iter().map(|files| files.join(" -> ")).collect();
     assert!(circles.is_empty(), "circles of files:\n{}", circles.join("\n"));
 }

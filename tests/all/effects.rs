@@ -138,7 +138,8 @@ fn trees_at_rest_are_frozen_once_and_thaw_when_they_are_edited() {
         world.update(FrameBudget::UNLIMITED);
     }
     assert!(is_frozen(&world, resting) && is_frozen(&world, flickering));
-    // Three edits, each of a frozen tree: after each, the delay before the next freeze is twice as long.
+    // Three edits, each of a frozen tree: after each, the delay before the next freeze is twice as
+    // long.
     for delay in [2 * EFFECT_HOLD_UPDATES, 4 * EFFECT_HOLD_UPDATES, 8 * EFFECT_HOLD_UPDATES] {
         world.set_lights(flickering, &[(3, rng.light(10.0))]).expect("valid");
         for frame in 0..delay {

@@ -170,7 +170,7 @@ fn errors_name_the_element_by_its_index() {
     assert_eq!(short, Err(GltfError::OutOfBounds { accessor: 6, what: "buffer", end: 300, length: 295 }));
     let flat = text.replace("[0.5, 0.5, 0.5] }", "[0.5, 0.0, 0.5] }");
     let flat = load_into(&mut world, &flat, binary(), &GltfOptions::default());
-    assert!(matches!(flat, Err(GltfError::LightWorld { node: 6, source: WorldError::Placement(_) })), "{flat:?}");
+    assert!(matches!(flat, Err(GltfError::World { node: 6, source: WorldError::Placement(_) })), "{flat:?}");
 }
 
 #[test]
@@ -410,6 +410,28 @@ fn animations_move_objects_and_lights_and_loop() {
     assert_eq!(instances.into_iter().filter(|&instance| is_at_sign(instance)).count(), 1);
     stage.animation.advance(4.0, &mut stage.scene, &mut stage.world).unwrap();
     assert!(stage.scene.objects[1].transform.abs_diff_eq(rest, 1e-5));
+}
+
+#[test]
+fn a_node_whose_animated_scale_is_zero_is_hidden() {
+    // The positions of the sign's animation become scales, of which the first is zero.
+    let folder = std::env::temp_dir().join(format!("girandole_scale_{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let path = folder.join("scale.gltf");
+    std::fs::write(&path, replaced("\"path\": \"translation\"", "\"path\": \"scale\"")).unwrap();
+    let mut bytes = binary();
+    bytes[252..264].fill(0);
+    std::fs::write(folder.join("small.bin"), bytes).unwrap();
+    let mut stage = gltf_scene::stage(&path, None).unwrap();
+    std::fs::remove_dir_all(&folder).unwrap();
+    let mut geometry = Geometry::new(&stage.scene).unwrap();
+    for (time, is_hidden) in [(0.0, true), (1.0, false), (4.0, true)] {
+        stage.animation.advance(time, &mut stage.scene, &mut stage.world).unwrap();
+        geometry.update(&stage.scene).unwrap();
+        let hidden = |instance| stage.world.placement(instance).unwrap().linear == Mat3::ZERO;
+        assert_eq!(stage.world.instances().filter(|&instance| hidden(instance)).count(), usize::from(is_hidden));
+        assert_eq!(geometry.objects[1].visible, !is_hidden);
+    }
 }
 
 #[test]

@@ -1,4 +1,5 @@
-//! The GPU samples as the CPU does: the same random numbers give the same lights, to float rounding.
+//! The GPU samples as the CPU does: the same random numbers give the same lights, to float
+//! rounding.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock};
@@ -12,18 +13,18 @@ use girandole::{
 use crate::common::gpu as device;
 use crate::support::{Rng, SPLITS};
 
-/// The share of samples that may name another light. Where a random number falls within rounding of the
-/// border between two lights, the GPU may choose the other one: WGSL allows division an error of 2.5 ulp,
-/// and `pow` far more. A sample takes about ten choices, each with a rounding of 1e-5.
+/// The share of samples that may name another light. Where a random number falls within rounding of
+/// the border between two lights, the GPU may choose the other one: WGSL allows division an error
+/// of 2.5 ulp, and `pow` far more. A sample takes about ten choices, each with a rounding of 1e-5.
 pub(crate) const OTHER_PICKS: f64 = 2.0e-3;
 
-/// Relative difference of probabilities and radiances, which are products of some twenty terms. `pow`
-/// is good to 1e-3 only for the narrowest lobes.
+/// Relative difference of probabilities and radiances, which are products of some twenty terms.
+/// `pow` is good to 1e-3 only for the narrowest lobes.
 const TOLERANCE: f32 = 2.0e-3;
 
-/// Difference at a spot's rim, relative to the light on its axis. An error d in the argument t of the
-/// falloff changes its square by 2 t d, which is at most TOLERANCE t^2 + d^2 / TOLERANCE. d is 2e-7 times
-/// the slope of the falloff, which is below 70 for the spots of these tests.
+/// Difference at a spot's rim, relative to the light on its axis. An error d in the argument t of
+/// the falloff changes its square by 2 t d, which is at most TOLERANCE t^2 + d^2 / TOLERANCE. d is
+/// 2e-7 times the slope of the falloff, which is below 70 for the spots of these tests.
 const RIM: f32 = 1.0e-7;
 
 /// The stage of `GpuLights::sample`, with the record that it reads.
@@ -182,8 +183,8 @@ fn emission(world: &LightWorld, light: LightId) -> f32 {
     }
 }
 
-/// How many of the GPU's samples name another light than the CPU's. Samples that name the same light
-/// must agree in every field.
+/// How many of the GPU's samples name another light than the CPU's. Samples that name the same
+/// light must agree in every field.
 pub(crate) fn compare(
     world: &LightWorld,
     splits: SplitCount,
@@ -207,8 +208,8 @@ pub(crate) fn compare(
                 assert!(close(record.pdf, twin.incident.pdf), "{record:?} {twin:?} {request:?}");
                 let radiance = Vec3::from(record.radiance);
                 let difference = (radiance - twin.incident.radiance).length();
-                // At a spot's rim the falloff is the small difference of two cosines, so the error is
-                // relative to the light on its axis.
+                // At a spot's rim the falloff is the small difference of two cosines, so the error
+                // is relative to the light on its axis.
                 let peak = if twin.incident.is_delta { emission(world, light) / record.dist.powi(2) } else { 0.0 };
                 assert!(difference <= TOLERANCE * radiance.length() + RIM * peak, "{record:?} {twin:?}");
                 let turn = (Vec3::from(record.direction) - twin.incident.direction).length();
@@ -348,8 +349,8 @@ fn a_world_of_points_sends_no_bytes_for_cones_ranges_and_scales() {
     assert_eq!(upload(&mut world), 300 * 32 + nodes(&world, tree) * 160 + 80);
     world.move_instance(instance, Placement::at(DVec3::Y)).expect("valid");
     assert_eq!(upload(&mut world), 80);
-    // A tree of spots with ranges lengthens all nodes and lights, which the GPU converts. The upload
-    // sends the tree, its instance, the two tables for the conversion, and the uniform.
+    // A tree of spots with ranges lengthens all nodes and lights, which the GPU converts. The
+    // upload sends the tree, its instance, the two tables for the conversion, and the uniform.
     let spot = |_| Light::spot(rng.place(5.0), Vec3::NEG_Y, 0.1, 0.4, Vec3::ONE).with_range(9.0);
     let spots = world.add_tree((0..20).map(spot).collect()).expect("valid");
     world.add_instance(spots, Placement::IDENTITY, Policy::Budgeted).expect("valid");
@@ -417,9 +418,9 @@ fn changes_that_do_not_fit_are_refused_and_sent_with_the_next_upload_that_fits()
     assert_eq!(report.instances, 2, "the removed one, and the one that moved in the refused delta");
 }
 
-/// Runs an engine's own shader and returns its answers. The shader has the lights at group 1 and runs
-/// `ask` once for each answer, in workgroups of 64. Group 0 has the questions at binding 0 and the answers
-/// at binding 1.
+/// Runs an engine's own shader and returns its answers. The shader has the lights at group 1 and
+/// runs `ask` once for each answer, in workgroups of 64. Group 0 has the questions at binding 0 and
+/// the answers at binding 1.
 pub(crate) fn ask<Q: bytemuck::Pod, A: bytemuck::Pod>(
     lights: &mut GpuLights,
     text: String,

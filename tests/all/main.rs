@@ -28,6 +28,7 @@ mod references;
 mod resample;
 mod sampling;
 mod scheduler;
+mod shader_text;
 mod small_scene;
 mod support;
 mod tree;

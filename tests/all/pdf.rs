@@ -1,4 +1,4 @@
-//! The density of a point that a ray hit is the one that sampling would have told.
+//! The density of a point that a ray hit is the density that sampling has for it.
 
 use girandole::glam::{DMat3, DVec3, Mat3, Vec3};
 use girandole::gpu::GpuLights;
@@ -7,14 +7,15 @@ use girandole::{Effects, Light, LightId, LightSampler, LightWorld, Placement, Po
 use crate::gpu::{ask, gpu};
 use crate::support::{Rng, SPLITS};
 
-/// Products of some forty factors on both ways.
+/// Rounding of products of some forty factors on both sides.
 const TOLERANCE: f32 = 1.0e-4;
-/// Roundings of coordinates that pile up in a distance or in the height above a surface.
+/// Roundings of coordinates that add up in a distance or in the height above a surface.
 const ROUNDINGS: f32 = 32.0;
-/// As in `gpu.rs`: chances are products of some twenty terms that GPUs round otherwise.
+/// As in `gpu.rs`: probabilities are products of some twenty terms that GPUs round differently.
 const GPU_TOLERANCE: f32 = 2.0e-3;
 
-/// Cosine at a surface, in f64: near its edge the density is the inverse of a small difference.
+/// The cosine at a light's surface, in f64: near its edge the density is the inverse of a small
+/// difference.
 fn cosine(world: &LightWorld, light: LightId, direction: Vec3) -> f32 {
     let LightId::Local { instance, light } = light else { return 1.0 };
     let tree = world.instance_tree(instance).and_then(|tree| world.tree(tree)).expect("a live instance");
@@ -28,7 +29,8 @@ fn cosine(world: &LightWorld, light: LightId, direction: Vec3) -> f32 {
     normal.dot(direction.as_dvec3()).abs() as f32
 }
 
-/// How far two densities may be apart, relatively, at a point of which only the f32 coordinates are known.
+/// The largest relative difference of two densities at a point that is known by its f32 coordinates
+/// only.
 fn tolerance(world: &LightWorld, shading_point: &ShadingPoint, light: LightId, point: Vec3) -> f32 {
     let toward = point - shading_point.position;
     let coordinates = shading_point.position.abs().element_sum() + point.abs().element_sum() + 1.0;
@@ -36,28 +38,37 @@ fn tolerance(world: &LightWorld, shading_point: &ShadingPoint, light: LightId, p
     TOLERANCE + ROUNDINGS * f32::EPSILON * coordinates / height
 }
 
-/// Compares at one sampled point; whether there was one worth comparing.
-fn holds(sampler: &LightSampler<'_>, world: &LightWorld, shading_point: &ShadingPoint, u: [f32; 4]) -> bool {
+/// Compares the densities at one sampled point. Returns whether there was a point that can be
+/// compared.
+fn agrees_at_a_sample(
+    sampler: &LightSampler<'_>,
+    world: &LightWorld,
+    shading_point: &ShadingPoint,
+    u: [f32; 4],
+) -> bool {
     let Some(sample) = sampler.sample(shading_point, u) else { return false };
     let point = shading_point.position + sample.incident.direction * sample.incident.dist;
     if sample.incident.is_delta {
         assert_eq!(sampler.pdf(shading_point, sample.light, point), 0.0);
         return false;
     }
-    let told = sample.pmf * sample.incident.pdf;
+    let expected = sample.pmf * sample.incident.pdf;
     let tolerance = tolerance(world, shading_point, sample.light, point);
     let pdf = sampler.pdf(shading_point, sample.light, point);
-    // Where nothing of a distance or a height is left, nothing can be asked.
-    let is_fair = tolerance < 0.05;
-    assert!(!is_fair || (pdf / told - 1.0).abs() <= tolerance, "{pdf} {told} {tolerance} {shading_point:?} {sample:?}");
-    is_fair
+    // Where rounding leaves nothing of a distance or a height, no density can be compared.
+    let is_comparable = tolerance < 0.05;
+    assert!(
+        !is_comparable || (pdf / expected - 1.0).abs() <= tolerance,
+        "{pdf} {expected} {tolerance} {shading_point:?} {sample:?}"
+    );
+    is_comparable
 }
 
-/// The same world elsewhere.
+/// Moves all instances by `far` along each axis.
 fn moved(mut world: LightWorld, far: f64) -> LightWorld {
     let instances: Vec<_> = world.instances().collect();
     for instance in instances {
-        let placement = world.placement(instance).expect("it lives");
+        let placement = world.placement(instance).expect("a live instance");
         let translation = placement.translation + DVec3::splat(far);
         world.move_instance(instance, Placement { translation, ..placement }).expect("valid");
     }
@@ -65,7 +76,7 @@ fn moved(mut world: LightWorld, far: f64) -> LightWorld {
 }
 
 #[test]
-fn densities_at_sampled_points_are_those_that_sampling_tells() {
+fn densities_at_sampled_points_are_those_of_the_samples() {
     let mut rng = Rng(60);
     let mut compared = 0;
     for far in [0.0, 1.0e4] {
@@ -76,7 +87,7 @@ fn densities_at_sampled_points_are_those_that_sampling_tells() {
                 let mut shading_point = rng.shading_point(20.0);
                 shading_point.position += far as f32;
                 let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit()];
-                compared += usize::from(holds(&sampler, &world, &shading_point, u));
+                compared += usize::from(agrees_at_a_sample(&sampler, &world, &shading_point, u));
             }
         }
     }
@@ -84,7 +95,7 @@ fn densities_at_sampled_points_are_those_that_sampling_tells() {
 }
 
 #[test]
-fn densities_hold_very_near_to_lights() {
+fn densities_agree_very_near_lights() {
     let mut rng = Rng(61);
     let mut compared = 0;
     for _ in 0..20 {
@@ -96,14 +107,14 @@ fn densities_hold_very_near_to_lights() {
             if sample.incident.is_delta {
                 continue;
             }
-            // A point of a light, and a shading point up to a decimetre from it.
+            // A point on a light, and a shading point up to a decimetre from it.
             let from = rng.direction() * 10.0_f32.powf(rng.between(-4.0, -1.0));
             let at = ShadingPoint::volume(rng.place(5.0));
             if let Some(near) = sampler.sample_light(&at, sample.light, [rng.unit(), rng.unit()]) {
                 let shading_point = ShadingPoint::volume(at.position + near.direction * near.dist + from);
                 for _ in 0..4 {
                     let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit()];
-                    compared += usize::from(holds(&sampler, &world, &shading_point, u));
+                    compared += usize::from(agrees_at_a_sample(&sampler, &world, &shading_point, u));
                 }
             }
         }
@@ -111,7 +122,7 @@ fn densities_hold_very_near_to_lights() {
     assert!(compared > 3000, "{compared} are too few to compare");
 }
 
-/// Where a ray first meets a light, in the light's space and in metres of the ray.
+/// The distance along a ray to its first hit of a light, both in the light's space.
 fn hit(light: &Light, origin: DVec3, direction: DVec3) -> Option<f64> {
     let flat = |corner: DVec3, a: DVec3, b: DVec3, inside: &dyn Fn(f64, f64) -> bool| {
         let inverse = DMat3::from_cols(a, b, -direction).inverse();
@@ -138,7 +149,7 @@ fn hit(light: &Light, origin: DVec3, direction: DVec3) -> Option<f64> {
 }
 
 #[test]
-fn densities_sum_to_the_chance_of_a_sample() {
+fn densities_integrate_to_the_probability_of_a_sample() {
     let mut rng = Rng(62);
     let triangle = [Vec3::new(-1.0, -0.7, 0.2), Vec3::new(1.2, -0.8, 0.0), Vec3::new(0.1, 1.1, 0.3)];
     let shapes = [
@@ -184,20 +195,21 @@ fn densities_sum_to_the_chance_of_a_sample() {
                     chosen += u32::from(sampler.sample(&shading_point, u).is_some());
                 }
                 let n = f64::from(draws);
-                let (mean, chance) = (sum / n, f64::from(chosen) / n);
-                // Five standard deviations of both: a false alarm in one of 10^6 checks, of 50 here.
-                let variance = (squares / n - mean * mean + chance * (1.0 - chance)) / n;
-                let difference = (mean - chance).abs();
-                assert!(difference <= 5.0 * variance.sqrt() + 1e-6, "{mean} {chance} {light:?} {linear:?}");
+                let (mean, share) = (sum / n, f64::from(chosen) / n);
+                // Five standard deviations of both: a false alarm in one of 10^6 checks, of which
+                // there are 50.
+                let variance = (squares / n - mean * mean + share * (1.0 - share)) / n;
+                let difference = (mean - share).abs();
+                assert!(difference <= 5.0 * variance.sqrt() + 1e-6, "{mean} {share} {light:?} {linear:?}");
                 lit += u32::from(chosen > 0);
             }
         }
     }
-    assert!(lit >= 25, "only {lit} of 50 shading_points are lit");
+    assert!(lit >= 25, "only {lit} of 50 shading points are lit");
 }
 
 #[test]
-fn what_sampling_never_gives_has_no_density() {
+fn points_that_sampling_never_returns_have_no_density() {
     let mut world = LightWorld::new();
     let lights = vec![
         Light::rectangle(Vec3::ZERO, Vec3::X, Vec3::Z, Vec3::ONE).with_range(2.0),
@@ -223,14 +235,14 @@ fn what_sampling_never_gives_has_no_density() {
 }
 
 #[test]
-fn an_engines_own_shader_asks_for_densities_as_the_cpu_does() {
+fn densities_in_an_engines_shader_are_those_of_the_cpu() {
     let mut rng = Rng(63);
     for far in [0.0, 1.0e4] {
-        asks_for_densities(&mut rng, far);
+        compare_densities(&mut rng, far);
     }
 }
 
-fn asks_for_densities(rng: &mut Rng, far: f64) {
+fn compare_densities(rng: &mut Rng, far: f64) {
     let (device, queue) = gpu();
     let mut world = moved(rng.world(4, 25, 4, 12.0), far);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
@@ -244,7 +256,7 @@ fn asks_for_densities(rng: &mut Rng, far: f64) {
         shading_point.position += far as f32;
         let Some(pick) = sampler.pick(&shading_point, [rng.unit(), rng.unit()]) else { continue };
         let LightId::Local { instance, light } = pick.light else { continue };
-        // From elsewhere, so that some points lie on backs and below horizons.
+        // Sampled from another place, so that some points lie on backs and below horizons.
         let at = ShadingPoint::volume(rng.place(15.0) + far as f32);
         let Some(incident) = sampler.sample_light(&at, pick.light, [rng.unit(), rng.unit()]) else { continue };
         let point = at.position + incident.direction * incident.dist;
@@ -255,7 +267,7 @@ fn asks_for_densities(rng: &mut Rng, far: f64) {
         let [x, y, z] = shading_point.position.to_array().map(f32::to_bits);
         let [p, q, r] = shading_point.normal.to_array().map(f32::to_bits);
         let [a, b, c] = point.to_array().map(f32::to_bits);
-        questions.push([x, y, z, world.slot(instance).expect("it lives"), p, q, r, light, a, b, c, 0]);
+        questions.push([x, y, z, world.slot(instance).expect("a live instance"), p, q, r, light, a, b, c, 0]);
         let tolerance = GPU_TOLERANCE + tolerance(&world, &shading_point, pick.light, point);
         expected.push((sampler.pdf(&shading_point, pick.light, point), tolerance));
     }
@@ -272,10 +284,10 @@ fn asks_for_densities(rng: &mut Rng, far: f64) {
     let answers: Vec<f32> = ask(&mut lights, text, &questions, expected.len());
     let (mut lit, mut dark) = (0, 0);
     for ((cpu, tolerance), gpu) in expected.iter().zip(&answers) {
-        let is_fair = *tolerance < 0.05;
-        assert!(!is_fair || (cpu - gpu).abs() <= tolerance * cpu.max(*gpu), "{cpu} {gpu} {tolerance}");
-        lit += u32::from(is_fair && *cpu > 0.0);
-        dark += u32::from(is_fair && *cpu == 0.0);
+        let is_comparable = *tolerance < 0.05;
+        assert!(!is_comparable || (cpu - gpu).abs() <= tolerance * cpu.max(*gpu), "{cpu} {gpu} {tolerance}");
+        lit += u32::from(is_comparable && *cpu > 0.0);
+        dark += u32::from(is_comparable && *cpu == 0.0);
     }
     assert!(lit > 200 && dark > 200, "{lit} {dark}");
 }

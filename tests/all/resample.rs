@@ -1,4 +1,4 @@
-//! One of several candidates: the mean stays true, the noise falls, and the GPU keeps the same.
+//! Resampling is unbiased, lowers the noise, and is the same on the GPU.
 
 use girandole::glam::Vec3;
 use girandole::gpu::{GpuLights, ReservoirRecord, SampleRequest};
@@ -11,7 +11,7 @@ use girandole::{
 use crate::gpu::{OTHER_PICKS, buffer, close, gpu, read, requests, shading_point};
 use crate::support::Rng;
 
-fn numbers(rng: &mut Rng) -> [f32; 4] {
+fn random_numbers(rng: &mut Rng) -> [f32; 4] {
     [rng.unit(), rng.unit(), rng.unit(), rng.unit()]
 }
 
@@ -26,7 +26,7 @@ fn one_candidate_is_a_plain_sample() {
     let sampler = world.sampler();
     let mut lit = 0;
     for _ in 0..3000 {
-        let (shading_point, u) = (rng.shading_point(20.0), numbers(&mut rng));
+        let (shading_point, u) = (rng.shading_point(20.0), random_numbers(&mut rng));
         let one = sampler.resample(&shading_point, u, CandidateCount::ONE);
         let plain = sampler.sample(&shading_point, u);
         assert_eq!(one.map(|r| r.chosen), plain);
@@ -42,12 +42,14 @@ fn candidate_count(count: u32) -> CandidateCount {
     CandidateCount::new(count).expect("within the limits")
 }
 
-/// Something that differs from what candidates are weighed by, as shadows do: the red light of every second light.
+/// A measure that differs from the weights of candidates, as shadows do: the red light of every
+/// second light.
 fn red_of_even(light: LightId, radiance: Vec3) -> f64 {
     let is_even = matches!(light, LightId::Local { light, .. } if light % 2 == 0);
     if is_even { f64::from(radiance.x) } else { 0.0 }
 }
 
+/// Random lights without size.
 fn without_size(rng: &mut Rng) -> Vec<Light> {
     let all = rng.lights(90, 4.0);
     all.into_iter().filter(|light| matches!(light.shape, Shape::Point { .. } | Shape::Spot { .. })).collect()
@@ -76,23 +78,24 @@ fn the_mean_is_the_sum_over_all_lights() {
             let draws = 6000;
             let (mut sum, mut squares) = (0.0, 0.0);
             for _ in 0..draws {
-                let kept = sampler.resample(&shading_point, numbers(&mut rng), candidates);
+                let kept = sampler.resample(&shading_point, random_numbers(&mut rng), candidates);
                 let value = kept.map_or(0.0, |r| part(r.chosen.light, r.chosen.incident) * f64::from(r.weight));
                 sum += value;
                 squares += value * value;
             }
             let n = f64::from(draws);
             let (mean, deviation) = (sum / n, ((squares / n - (sum / n).powi(2)) / n).sqrt());
-            // Five standard deviations: a false alarm in one of 10^6 checks, of 50 here.
+            // Five standard deviations: a false alarm in one of 10^6 checks, of which there are 50.
             assert!((mean - exact).abs() <= 5.0 * deviation, "{candidates}: {mean} {exact} {deviation}");
-            // And not for want of precision.
+            // Counts the checks that are precise.
             checks += u32::from(deviation < 0.05 * exact);
         }
     }
-    assert!(checks >= 25, "only {checks} of 50 checks say much");
+    assert!(checks >= 25, "only {checks} of 50 checks are precise");
 }
 
-/// Relative variance of the light that one sample tells, surfaces included, without shadows.
+/// The relative variance of the light that one sample estimates, surfaces included, without
+/// shadows.
 fn variance(
     sampler: &LightSampler<'_>,
     shading_point: &ShadingPoint,
@@ -102,7 +105,7 @@ fn variance(
     let draws = 3000;
     let (mut sum, mut squares) = (0.0, 0.0);
     for _ in 0..draws {
-        let kept = sampler.resample(shading_point, numbers(rng), candidates);
+        let kept = sampler.resample(shading_point, random_numbers(rng), candidates);
         let value = kept.map_or(0.0, |Reservoir { chosen: sample, weight }| {
             let lux = luminance(sample.incident.radiance) * cosine(shading_point, sample.incident.direction);
             f64::from(lux) * f64::from(weight)
@@ -114,7 +117,7 @@ fn variance(
 }
 
 #[test]
-fn candidates_from_parts_of_their_own_have_less_noise_than_independent_ones() {
+fn stratified_candidates_have_less_noise_than_independent_ones() {
     let mut rng = Rng(72);
     let world = rng.world(6, 40, 4, 20.0);
     let sampler = world.sampler();
@@ -124,12 +127,12 @@ fn candidates_from_parts_of_their_own_have_less_noise_than_independent_ones() {
         one += variance(&sampler, &shading_point, CandidateCount::ONE, &mut rng).sqrt();
         eight += variance(&sampler, &shading_point, CandidateCount::of::<8>(), &mut rng).sqrt();
     }
-    // Independent ones would have one's deviation over the root of eight.
+    // Independent candidates would have the deviation of one over the root of eight.
     assert!(eight < 0.9 * one / 8.0_f64.sqrt(), "{one} {eight}");
 }
 
 #[test]
-fn extremes_and_emptiness_give_numbers() {
+fn extreme_lights_and_empty_worlds_give_finite_weights_or_none() {
     let mut rng = Rng(73);
     let mut world = LightWorld::new();
     let ground = ShadingPoint::surface(Vec3::ZERO, Vec3::Y);
@@ -143,18 +146,19 @@ fn extremes_and_emptiness_give_numbers() {
     let bright = add(1.0e-10, 1.0e15);
     for candidates in [1, 2, 8, 32].map(candidate_count) {
         for _ in 0..200 {
-            let kept = world.sampler().resample(&ground, numbers(&mut rng), candidates).expect("a light in sight");
+            let kept =
+                world.sampler().resample(&ground, random_numbers(&mut rng), candidates).expect("a light in sight");
             assert!(kept.weight.is_finite() && kept.weight > 0.0, "{kept:?}");
         }
     }
-    world.remove_instance(bright).expect("it lives");
+    world.remove_instance(bright).expect("a live instance");
     assert!(world.sampler().resample(&ground, [0.5; 4], CandidateCount::of::<8>()).is_some_and(|r| r.weight > 0.0));
-    world.remove_instance(dim).expect("it lives");
+    world.remove_instance(dim).expect("a live instance");
     // Only what lies below the ground is left.
     assert_eq!(world.sampler().resample(&ground, [0.5; 4], CandidateCount::of::<8>()), None);
 }
 
-/// Of records that tell another light or another weight than the CPU.
+/// Counts the records with another light or another weight than the CPU's.
 fn others(
     world: &LightWorld,
     requests: &[SampleRequest],
@@ -207,7 +211,8 @@ fn the_gpu_keeps_the_same_candidates_with_the_same_weights() {
             queue.submit([encoder.finish()]);
             let records: Vec<ReservoirRecord> = read(&device, &queue, &output);
             let others = others(&world, &requests, &records, candidates);
-            // Each candidate may fall on the other side of a border; one that does changes the weight.
+            // Each candidate may fall on the other side of a border between two lights, which
+            // changes the weight.
             let allowed = OTHER_PICKS * f64::from(candidates.get()) * count as f64;
             assert!(others as f64 <= allowed, "{candidates}: {others} of {count} differ");
             lit += records.iter().filter(|r| r.weight > 0.0).count();

@@ -1,4 +1,5 @@
-//! The pmf is true, covers every light that contributes, and sums to at most 1.
+//! Probabilities are those of the draws, are above 0 for every light that contributes, and sum to
+//! at most 1.
 
 use std::collections::HashMap;
 
@@ -7,11 +8,12 @@ use girandole::{Light, LightId, LightWorld, Placement, Policy, ShadingPoint};
 
 use crate::support::{Rng, SPLITS, all_chances};
 
-/// Chances are products of at most two dozen ratios of sums of eight: each rounds by a few 6e-8.
+/// Probabilities are products of at most two dozen ratios of sums of eight; each rounds by a few
+/// 6e-8.
 const SUM_TOLERANCE: f64 = 1.0e-4;
 
 #[test]
-fn chances_sum_to_one_or_to_what_dead_ends_leave() {
+fn probabilities_sum_to_one_less_the_share_of_draws_without_a_light() {
     let mut rng = Rng(10);
     for _ in 0..10 {
         let world = rng.world(4, 40, 5, 40.0);
@@ -20,11 +22,13 @@ fn chances_sum_to_one_or_to_what_dead_ends_leave() {
             let sampler = world.sampler().with_splits(SPLITS[round % SPLITS.len()]);
             let sum: f64 = all_chances(&sampler, &shading_point).iter().map(|(_, p)| f64::from(*p)).sum();
             assert!(sum <= 1.0 + SUM_TOLERANCE, "{sum}");
-            // What is missing must be the share of draws that end without a light: at most a few in a hundred here.
+            // The rest to 1 is the share of draws that end without a light: at most a few per cent
+            // here.
             let draws = 2000;
             let none = (0..draws).filter(|_| sampler.pick(&shading_point, [rng.unit(), rng.unit()]).is_none()).count();
             let missing = 1.0 - sum;
-            // Five standard deviations of a binomial and one draw: false alarm below 1e-6 each.
+            // Five standard deviations of a binomial distribution and one draw: false alarms are
+            // below 1e-6 each.
             let deviation = (missing.max(0.0) * sum.min(1.0) / f64::from(draws)).sqrt();
             assert!((none as f64 / f64::from(draws) - missing).abs() < 5.0 * deviation + 1.0 / f64::from(draws));
         }
@@ -32,7 +36,7 @@ fn chances_sum_to_one_or_to_what_dead_ends_leave() {
 }
 
 #[test]
-fn picked_lights_carry_their_own_chance() {
+fn picks_carry_the_probability_that_pmf_returns() {
     let mut rng = Rng(11);
     let world = rng.world(5, 60, 4, 30.0);
     for round in 0..4000 {
@@ -46,7 +50,7 @@ fn picked_lights_carry_their_own_chance() {
 }
 
 #[test]
-fn frequencies_fit_the_chances() {
+fn frequencies_agree_with_the_probabilities() {
     let mut rng = Rng(12);
     let world = rng.world(3, 15, 3, 10.0);
     for round in 0..10 {
@@ -62,20 +66,21 @@ fn frequencies_fit_the_chances() {
         for (light, pmf) in all_chances(&sampler, &shading_point) {
             let expected = f64::from(pmf) * f64::from(draws);
             if expected >= 5.0 {
-                let seen = f64::from(counts.get(&Some(light)).copied().unwrap_or(0));
-                chi_sq += (seen - expected).powi(2) / expected;
+                let observed = f64::from(counts.get(&Some(light)).copied().unwrap_or(0));
+                chi_sq += (observed - expected).powi(2) / expected;
                 cells += 1.0;
             }
         }
-        // Chi squared with at most `cells` degrees of freedom: mean + 5 sqrt(2 cells) + 15 is passed by chance less than 1e-6.
+        // Chi squared with at most `cells` degrees of freedom exceeds mean + 5 sqrt(2 cells) + 15
+        // with a probability below 1e-6.
         assert!(chi_sq < cells + 5.0 * (2.0_f64 * cells).sqrt() + 15.0, "{chi_sq} over {cells}");
     }
 }
 
 #[test]
-fn every_light_that_reaches_a_shading_point_has_a_chance() {
+fn every_light_that_reaches_a_shading_point_has_a_probability_above_zero() {
     let mut rng = Rng(13);
-    let mut reached = 0;
+    let mut contributions = 0;
     for _ in 0..20 {
         let world = rng.world(4, 50, 4, 20.0);
         for round in 0..40 {
@@ -87,16 +92,16 @@ fn every_light_that_reaches_a_shading_point_has_a_chance() {
                     assert!(incident.radiance.is_finite() && incident.pdf > 0.0 && incident.pdf.is_finite());
                     assert!((incident.direction.length() - 1.0).abs() < 1e-4);
                     assert!(pmf > 0.0, "{light:?} sends {incident:?} to {shading_point:?} but is never chosen");
-                    reached += 1;
+                    contributions += 1;
                 }
             }
         }
     }
-    assert!(reached > 100_000, "the test must see many contributions, not {reached}");
+    assert!(contributions > 100_000, "only {contributions} contributions were tested");
 }
 
 #[test]
-fn the_ends_of_the_unit_interval_give_valid_picks() {
+fn random_numbers_at_the_ends_of_the_unit_interval_give_valid_picks() {
     let mut rng = Rng(14);
     let world = rng.world(3, 30, 3, 10.0);
     let below_one = 1.0 - f32::EPSILON / 2.0;
@@ -115,9 +120,10 @@ fn the_ends_of_the_unit_interval_give_valid_picks() {
 
 #[test]
 fn area_lights_integrate_to_their_irradiance() {
-    // A one-sided unit square 2 m above a shading point: form factor by the corner formula, E = L * F * pi.
+    // A one-sided unit square lies 2 m above the shading point. The corner formula gives the form
+    // factor F; E = L * F * pi.
     let tree = vec![Light::rectangle(Vec3::new(0.0, 2.0, 0.0), Vec3::X * 0.5, Vec3::Z * 0.5, Vec3::ONE)];
-    // X x Z points down, to the shading point.
+    // X x Z points down, towards the shading point.
     let corner = |a: f64, b: f64| {
         let (p, q) = ((1.0 + a * a).sqrt(), (1.0 + b * b).sqrt());
         (a / p * (b / p).atan() + b / q * (a / q).atan()) / 2.0
@@ -132,7 +138,7 @@ fn area_lights_integrate_to_their_irradiance() {
 
 #[test]
 fn a_sphere_and_its_stretched_instance_integrate_to_their_irradiance() {
-    // A sphere of radius r at distance d straight above: E = pi L (r / d)^2.
+    // A sphere of radius r lies at the distance d straight above: E = pi L (r / d)^2.
     let mut world = LightWorld::new();
     let key = world.add_tree(vec![Light::sphere(Vec3::ZERO, 0.5, Vec3::ONE)]).expect("valid");
     let at = DVec3::new(0.0, 2.0, 0.0);
@@ -140,7 +146,7 @@ fn a_sphere_and_its_stretched_instance_integrate_to_their_irradiance() {
     let shading_point = ShadingPoint::surface(Vec3::ZERO, Vec3::Y);
     let expected = std::f64::consts::PI * 0.25_f64.powi(2);
     assert!((irradiance(&world, &shading_point, 20_000) / expected - 1.0).abs() < 0.01);
-    // Stretched along the axis of view to an ellipsoid, against a plain sum over its surface.
+    // Stretched to an ellipsoid, it is compared with a plain sum over its surface.
     let linear = Mat3::from_diagonal(Vec3::new(2.0, 0.5, 1.0));
     world.move_instance(instance, Placement { linear, translation: at }).expect("valid");
     let mut rng = Rng(15);
@@ -160,6 +166,7 @@ fn a_sphere_and_its_stretched_instance_integrate_to_their_irradiance() {
     assert!((estimate / expected - 1.0).abs() < 0.015, "{estimate} {expected}");
 }
 
+/// Estimates the irradiance from stratified points on the lights.
 fn irradiance(world: &LightWorld, shading_point: &ShadingPoint, draws: u32) -> f64 {
     let sampler = world.sampler();
     let side = (f64::from(draws)).sqrt() as u32;

@@ -50,8 +50,8 @@ fn upload(lights: &mut GpuLights, world: &mut LightWorld) -> UploadReport {
     lights.upload(world, &delta).expect("room enough")
 }
 
-/// Records a pass of an engine's own shader that calls `light_record_usage` for each of these slots, the
-/// i-th time with random numbers made from i.
+/// Records a pass of an engine's own shader that calls `light_record_usage` for each of these
+/// slots, the i-th time with random numbers made from i.
 fn use_slots(lights: &GpuLights, encoder: &mut wgpu::CommandEncoder, slots: &[u32]) {
     static PIPELINE: OnceLock<(wgpu::BindGroupLayout, wgpu::ComputePipeline)> = OnceLock::new();
     let (device, queue) = gpu();
@@ -143,9 +143,9 @@ fn named<'a>(world: &LightWorld, records: impl Iterator<Item = &'a SampleRecord>
     counts
 }
 
-/// How far the count of `n` uses, each counted with probability `p`, may be from its mean: five standard
-/// deviations. One count in 1.7 million is further away. The tests look at 34 counts, which never
-/// change.
+/// How far the count of `n` uses, each counted with probability `p`, may be from its mean: five
+/// standard deviations. One count in 1.7 million is further away. The tests look at 34 counts,
+/// which never change.
 fn max_deviation(n: f64, p: f64) -> f64 {
     5.0 * (n * p * (1.0 - p)).sqrt()
 }

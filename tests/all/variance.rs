@@ -1,4 +1,4 @@
-//! The measure of the variance example and the published samplers that it compares with.
+//! The measure of the variance example, and the published samplers that it compares with.
 
 use crate::support::Rng;
 use girandole::{Light, LightId, LightWorld, Placement, Policy, ShadingPoint, Shape};
@@ -20,13 +20,14 @@ use baselines::{BinaryTree, Cycles, Formula, Pbrt};
 use lights::{carried, contributions};
 use sigma::{Noise, Summary};
 
-/// Share of a shading point's light by which one light may differ between both spaces: rounding near the horizon.
+/// The share of a shading point's light by which one light may differ between both spaces, by
+/// rounding near the horizon.
 const CARRY_TOLERANCE: f32 = 1.0e-3;
 
-/// Rounding of a sum of a few hundred products of chances, each of about ten f32 factors.
+/// Rounding of a sum of a few hundred probabilities, each a product of about ten f32 factors.
 const SUM_TOLERANCE: f64 = 1.0e-4;
 
-fn is_fair<F: Formula>(formula: F, lights: &[Light], rng: &mut Rng) {
+fn check_formula<F: Formula>(formula: F, lights: &[Light], rng: &mut Rng) {
     let world = in_place(lights.to_vec());
     let sampler = world.sampler();
     let ids: Vec<LightId> = sampler.all_lights().collect();
@@ -47,17 +48,17 @@ fn is_fair<F: Formula>(formula: F, lights: &[Light], rng: &mut Rng) {
 }
 
 #[test]
-fn published_samplers_reach_every_light_that_contributes_and_pick_by_their_chances() {
+fn published_samplers_reach_every_light_that_contributes_and_pick_by_their_pmfs() {
     let mut rng = Rng(41);
     for count in [1, 2, 3, 40, 300] {
         let lights = rng.lights(count, 10.0);
-        is_fair(Pbrt { is_opaque: false }, &lights, &mut rng);
-        is_fair(Pbrt { is_opaque: true }, &lights, &mut rng);
-        is_fair(Cycles, &lights, &mut rng);
+        check_formula(Pbrt { is_opaque: false }, &lights, &mut rng);
+        check_formula(Pbrt { is_opaque: true }, &lights, &mut rng);
+        check_formula(Cycles, &lights, &mut rng);
     }
 }
 
-/// One instance that stands where its lights are.
+/// A world with one instance, placed where its lights are.
 fn in_place(lights: Vec<Light>) -> LightWorld {
     let mut world = LightWorld::new();
     let tree = world.add_tree(lights).expect("valid lights");
@@ -66,7 +67,7 @@ fn in_place(lights: Vec<Light>) -> LightWorld {
 }
 
 #[test]
-fn lights_carried_out_of_their_instances_shine_as_before() {
+fn lights_transformed_out_of_their_instances_contribute_as_before() {
     let mut rng = Rng(43);
     let mut world = rng.world(3, 20, 6, 10.0);
     let directionals: Vec<_> = world.directionals().map(|(key, _)| key).collect();
@@ -82,7 +83,8 @@ fn lights_carried_out_of_their_instances_shine_as_before() {
         let before = contributions(&sampler, &ids, &shading_point);
         let after = contributions(&flat_sampler, &flat_ids, &shading_point);
         let sum: f32 = before.iter().sum();
-        // Spheres become ellipsoids in uneven instances, which no carried sphere is.
+        // Spheres become ellipsoids in unevenly scaled instances; a transformed light stays a
+        // sphere.
         for (light, (a, b)) in flat.iter().zip(before.iter().zip(after)) {
             let is_sphere = matches!(light.shape, Shape::Sphere { .. });
             assert!(is_sphere || (a - b).abs() <= CARRY_TOLERANCE * sum, "{light:?} {a} {b} of {sum}");
@@ -91,7 +93,7 @@ fn lights_carried_out_of_their_instances_shine_as_before() {
 }
 
 #[test]
-fn picks_are_as_frequent_as_their_chances_say() {
+fn picks_of_a_published_sampler_are_as_frequent_as_their_pmfs() {
     let mut rng = Rng(42);
     let binary = BinaryTree::new(Cycles, rng.lights(12, 10.0));
     let shading_point = ShadingPoint::volume(rng.place(10.0));
@@ -103,7 +105,7 @@ fn picks_are_as_frequent_as_their_chances_say() {
         counts[light as usize] += 1;
     }
     for (count, p) in counts.iter().zip(pmfs) {
-        // Five standard deviations: a false alarm in fewer than one of 100,000 runs.
+        // Five standard deviations: a false alarm in less than one of 100,000 runs.
         let (share, p) = (f64::from(*count) / f64::from(draws), f64::from(p));
         assert!((share - p).abs() <= 5.0 * (p * (1.0 - p) / f64::from(draws)).sqrt() + 1e-9, "{share} {p}");
     }
@@ -111,7 +113,7 @@ fn picks_are_as_frequent_as_their_chances_say() {
 
 #[test]
 fn sigma_has_values_computed_by_hand() {
-    let noise = |contributions: &[f32], chances: &[f32]| Noise::of(contributions, chances);
+    let noise = |contributions: &[f32], pmfs: &[f32]| Noise::of(contributions, pmfs);
     let sigma = |sigma: f64, has_unreached: bool| Some(Noise { sigma, has_unreached });
     // (1 / .5 + 9 / .5) / 16 - 1 = 0.25.
     assert_eq!(noise(&[1.0, 3.0], &[0.5, 0.5]), sigma(0.5, false));

@@ -111,7 +111,7 @@ fn an_empty_world_refuses_an_origin_that_is_not_finite() {
 }
 
 #[test]
-fn a_frame_in_which_nothing_moved_refits_and_hands_over_nothing() {
+fn a_frame_in_which_nothing_moved_refits_nothing_and_has_an_empty_delta() {
     let mut world = Rng(21).world(3, 20, 4, 10.0);
     world.update(FrameBudget::UNLIMITED);
     assert!(!world.take_delta().is_empty());
@@ -149,7 +149,7 @@ fn edits_take_effect_at_the_update_and_moves_at_once() {
 }
 
 #[test]
-fn a_shared_tree_follows_the_most_demanding_policy_and_can_be_split_off() {
+fn a_shared_tree_follows_the_most_demanding_policy_and_can_be_made_unique() {
     let mut world = LightWorld::new();
     let tree = world.add_tree((0..20).map(|i| lamp(i as f32)).collect()).expect("valid");
     let still = world.add_instance(tree, at(0.0), Policy::Static).expect("valid");
@@ -221,7 +221,7 @@ proptest! {
 
     /// Random edits against a plain list of (instance, placement, lights).
     #[test]
-    fn random_edits_keep_the_world_as_a_plain_list_has_it(seed in any::<u64>(), steps in 1_usize..60) {
+    fn after_random_edits_a_world_holds_what_a_plain_list_holds(seed in any::<u64>(), steps in 1_usize..60) {
         let mut rng = Rng(seed);
         let mut world = LightWorld::new();
         let mut trees: Vec<(TreeKey, Vec<Light>)> = Vec::new();
@@ -327,8 +327,8 @@ fn the_first_sampler_may_be_asked_for_inside_a_thread_pool() {
         let instances: Vec<_> =
             (0..6000).map(|i| world.add_instance(tree, place(i), Policy::Static).expect("valid")).collect();
         let shading_point = ShadingPoint::volume(Vec3::Y);
-        // Each round makes the top level stale and has it built inside the pool. Built inside a lock, it hung within
-        // 30 rounds.
+        // Each round makes the top level stale and has it built inside the pool. Built inside a
+        // lock, it hung within 50 rounds.
         for round in 0..100 {
             world.move_instance(instances[0], place(7000 + round)).expect("valid");
             let world = &world;
@@ -402,6 +402,13 @@ fn a_new_policy_asks_for_a_rebuild_without_a_refit_or_an_upload() {
         assert!(world.take_delta().is_empty(), "{former:?}");
         assert_eq!(world.update(FrameBudget::UNLIMITED).rebuilt_trees, 1, "{former:?}");
     }
+    // The question goes along with a copy of the tree.
+    let (mut world, instance) = disordered(Policy::RefitOnly);
+    let tree = world.instance_tree(instance).expect("it lives");
+    world.add_instance(tree, at(1.0), Policy::RefitOnly).expect("valid");
+    world.set_policy(instance, Policy::Budgeted).expect("valid");
+    world.make_unique(instance).expect("it lives");
+    assert_eq!(world.update(FrameBudget::UNLIMITED).rebuilt_trees, 1);
     // Another one that asks for nothing, and a tree that waits for its lights to change.
     for policy in [Policy::Bounded { floor: 1.0e9, ceiling: 2.0e9 }, Policy::Static, Policy::AlwaysRebuild] {
         let (mut world, instance) = disordered(Policy::RefitOnly);

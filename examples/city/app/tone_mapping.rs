@@ -77,7 +77,7 @@ pub fn tone_map(image: &Image, exposure: f32) -> Vec<u8> {
         .collect()
 }
 
-/// The curve and its look: exposed linear Rec. 709 to encoded values from 0 to 1.
+/// The AgX curve: exposed linear Rec. 709 to sRGB values in [0, 1].
 pub fn agx(linear: Vec3) -> Vec3 {
     let logarithm = (INSET * linear).max(Vec3::splat(1e-10)).map(f32::log2);
     let x = ((logarithm - MIN_EV) / (MAX_EV - MIN_EV)).clamp(Vec3::ZERO, Vec3::ONE);

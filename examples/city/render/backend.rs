@@ -76,24 +76,21 @@ pub fn choose(choice: BackendChoice) -> Result<ChosenBackend, SceneError> {
     }
 }
 
-/// Opens the best adapter.
+/// Opens the best adapter. The limits are WebGPU's defaults, except for larger buffers and, where
+/// the adapter has it, one storage buffer more.
 fn open_gpu() -> Result<Gpu, SceneError> {
     let adapter = find_adapter(None).map_err(SceneError)?;
-    let info = adapter.get_info();
     let timing = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_ENCODERS;
     let timestamps = adapter.features().contains(timing);
     let features = if timestamps { timing } else { wgpu::Features::empty() };
-    // WebGPU's default limits, except for the size of buffers and, where the adapter has it, one
-    // storage buffer more.
-    let own = large_buffers(&adapter);
+    let default_buffers = wgpu::Limits::default().max_storage_buffers_per_shader_stage;
+    let offered_buffers = adapter.limits().max_storage_buffers_per_shader_stage;
     let limits = wgpu::Limits {
-        max_storage_buffers_per_shader_stage: adapter
-            .limits()
-            .max_storage_buffers_per_shader_stage
-            .clamp(own.max_storage_buffers_per_shader_stage, USAGE_STORAGE_BUFFERS),
-        ..own
+        max_storage_buffers_per_shader_stage: offered_buffers.clamp(default_buffers, USAGE_STORAGE_BUFFERS),
+        ..large_buffers(&adapter)
     };
     let (device, queue) = open_device(&adapter, features, limits).map_err(SceneError)?;
+    let info = adapter.get_info();
     let kind = if info.device_type == wgpu::DeviceType::Cpu { "software, " } else { "" };
     Ok(Gpu { device, queue, timestamps, name: format!("{} ({kind}{:?})", info.name, info.backend) })
 }

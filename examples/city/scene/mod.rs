@@ -10,8 +10,8 @@
 //! Read in this order:
 //!
 //! 1. this file: the types of a stage;
-//! 2. `rng`, `palette`, `part` and `assembly`: random numbers, materials, and meshes that are built
-//!    together with their lights;
+//! 2. `palette`, `part` and `assembly`: materials, and meshes that are built together with their
+//!    lights (`rng` is in `examples/common/pcg.rs`);
 //! 3. `designs`: buildings, street furniture, signs and vehicles;
 //! 4. the loaders, in any order; each folder's `mod.rs` states the order of its files.
 

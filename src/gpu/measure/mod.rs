@@ -21,6 +21,7 @@ const _: () = assert!(top::MAX_STAGES <= MAX_TOP_STAGES);
 
 /// The sizes in bytes of the records that sampling reads, as they are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct RecordBytes {
     /// A node of either level.
     pub node: u32,

@@ -8,7 +8,7 @@ use crate::gpu::testing::{gpu, limited_gpu, read};
 use crate::light::Light;
 use crate::placement::Placement;
 use crate::policy::Policy;
-use crate::resample::numbers;
+use crate::resample::candidate_numbers;
 use crate::world::LightWorld;
 
 /// A world of one tree of point lights with some instances.
@@ -108,7 +108,7 @@ fn the_node_count_is_the_number_of_splits_and_of_steps_down() {
     let (device, queue) = gpu();
     let request = SampleRequest { position: [5.0, 0.0, 3.0], u: [0.3, 0.6, 0.5, 0.5], ..SampleRequest::default() };
     // A request, and for each of its eight candidates a request that makes the same sample.
-    let alone = (0..8).map(|i| SampleRequest { u: numbers(request.u, i, 8), ..request });
+    let alone = (0..8).map(|i| SampleRequest { u: candidate_numbers(request.u, i, 8), ..request });
     let requests: Vec<_> = std::iter::once(request).chain(alone).collect();
     let requests = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
         label: None,

@@ -8,7 +8,7 @@ use super::plan::Plan;
 use crate::effects::Effects;
 use crate::tree::Node;
 
-/// The extremes of all means, the number of instances that shine, and one unused word.
+/// The extremes of all means, the number of instances that are not dark, and one unused word.
 const BOUNDS_BYTES: u64 = 32;
 
 #[derive(Debug)]

@@ -1,13 +1,13 @@
 //! The usage counters and the instances that they belong to.
 //!
-//! A counter is a word for each instance slot. No instance has slot 0; its word tells shaders which
-//! calls to count. Two rules keep the usage of one instance from being credited to another that gets
-//! its slot:
+//! A counter is a word for each instance slot. No instance has slot 0; its word selects the calls
+//! that shaders count. Two rules keep the usage of one instance from being credited to a later
+//! instance of its slot:
 //!
 //! 1. The upload that reports the departure of an instance also sets its counter to zero, ahead of
 //!    all work that is submitted later.
-//! 2. A collection that was recorded before that upload is credited to nobody for that slot. The
-//!    number of the first collection that belongs to an owner is kept with the owner.
+//! 2. A collection that was recorded before that upload is not credited to any instance for that
+//!    slot. The number of the first collection that belongs to an owner is kept with the owner.
 //!
 //! So a collection copies the counters and nothing else.
 
@@ -22,7 +22,7 @@ use super::ring::Ring;
 use crate::keys::InstanceKey;
 use crate::world::LightWorld;
 
-/// The largest interval: one call of so many is counted.
+/// The largest interval; see [`UsageCounters::set_interval`].
 const MAX_INTERVAL: u32 = 1 << 31;
 
 /// Counters that every buffer has room for.
@@ -40,7 +40,7 @@ pub(in crate::gpu) struct UsageCounters {
     counts: wgpu::Buffer,
     /// The owner of each slot as of the last upload.
     owners: Vec<Owner>,
-    /// One call of so many is counted; 0 for none.
+    /// One call in this many is counted; 0 for none.
     interval: u32,
     /// The next upload takes over all instances and starts from zero.
     is_new: bool,
@@ -54,8 +54,8 @@ pub(in crate::gpu) struct UsageCounters {
 /// How often lights of each instance were chosen: what
 /// [`GpuLights::take_usage`](super::super::GpuLights::take_usage) returns.
 ///
-/// Counts are of sampled calls: with an interval of n, a count of c stands for some c · n choices.
-/// Only their shares matter to
+/// Counts are of sampled calls: with an interval of n, a count of c represents about c · n
+/// choices. Only their shares matter to
 /// [`LightWorld::record_usage`](crate::LightWorld::record_usage), which takes
 /// [`UsageCounts::iter`].
 #[derive(Clone, Copy, Debug)]
@@ -66,8 +66,8 @@ pub struct UsageCounts<'a> {
 }
 
 impl UsageCounts<'_> {
-    /// The instances with counted choices, each once, with their counts. Instances that were removed
-    /// before the last upload are left out. O(slots).
+    /// The instances with counted choices, each once, with their counts. Instances that were
+    /// removed before the last upload are left out. O(slots).
     pub fn iter(&self) -> impl Iterator<Item = (InstanceKey, u32)> {
         let used = self.owners.iter().zip(self.sums).filter(|(_, sum)| **sum > 0);
         used.filter_map(|(owner, sum)| Some((owner.key?, *sum)))
@@ -100,8 +100,8 @@ pub(in crate::gpu) fn zeros(device: &wgpu::Device, slots: u32) -> Result<wgpu::B
 }
 
 impl UsageCounters {
-    /// Counts nothing yet. `counts` is a buffer of [`zeros`] and `lights` are the other buffers of the
-    /// bind group.
+    /// Counts nothing yet. `counts` is a buffer of [`zeros`] and `lights` are the other buffers of
+    /// the bind group.
     pub fn new(device: &wgpu::Device, counts: wgpu::Buffer, lights: &[&wgpu::Buffer]) -> Self {
         let layout = usage_layout(device);
         let bind_group = bind(device, &layout, lights, &counts);
@@ -133,7 +133,7 @@ impl UsageCounters {
         self.is_new = true;
     }
 
-    /// Sets the interval, ahead of the next submission.
+    /// Sets the interval, ahead of the next submission: one call in `interval` is counted.
     pub fn set_interval(&mut self, queue: &wgpu::Queue, interval: u32) {
         // While nothing was counted, the owners were not kept up to date.
         self.is_new |= !self.is_counting();
@@ -152,7 +152,8 @@ impl UsageCounters {
         4
     }
 
-    /// The buffer that [`UsageCounters::follow`] needs for so many slots, if it needs another one.
+    /// The buffer that [`UsageCounters::follow`] needs for this number of slots, if it needs
+    /// another one.
     ///
     /// Fails with [`GpuError::OutOfMemory`].
     pub fn reserve(&self, device: &wgpu::Device, slots: u32) -> Result<Option<wgpu::Buffer>, GpuError> {
@@ -166,8 +167,8 @@ impl UsageCounters {
         zeros(device, capacity).map(Some)
     }
 
-    /// Records who owns these slots now. `reserved` comes from [`UsageCounters::reserve`] for as many
-    /// slots as the world has. Returns the bytes sent.
+    /// Records which instances own these slots now. `reserved` comes from
+    /// [`UsageCounters::reserve`] for as many slots as the world has. Returns the bytes sent.
     pub fn follow(
         &mut self,
         (device, queue): (&wgpu::Device, &wgpu::Queue),
@@ -243,8 +244,8 @@ impl UsageCounters {
         u64::from(count) * 4
     }
 
-    /// Makes the bind group anew if a buffer of it was replaced. `generations` tells the light buffers
-    /// apart.
+    /// Replaces the bind group if a buffer of it was replaced. `generations` identifies the light
+    /// buffers.
     pub fn rebind(&mut self, device: &wgpu::Device, lights: &[&wgpu::Buffer], generations: Option<[u64; 4]>) {
         if self.bound.is_none() || self.bound != generations {
             self.bind_group = bind(device, &self.layout, lights, &self.counts);

@@ -82,8 +82,8 @@ impl UsageKernel {
         Self { layout, of_samples, of_reservoirs }
     }
 
-    /// Records a pass over the first `count` records, which counts those that hold a light. They were
-    /// written for `requests`.
+    /// Records a pass over the first `count` records, which counts the records that hold a light.
+    /// They were written for `requests`.
     pub fn record(
         &self,
         (device, encoder): (&wgpu::Device, &mut wgpu::CommandEncoder),

@@ -5,7 +5,8 @@ use std::sync::atomic::{AtomicU8, Ordering};
 
 use super::super::memory;
 
-/// Collections that may be under way: the frames that a GPU lags behind, and one more.
+/// The number of collections that may be under way: the frames that a GPU lags behind, and one
+/// more.
 const RING: usize = 3;
 
 /// The buffer may be used.
@@ -18,12 +19,13 @@ const ARRIVED: u8 = 2;
 /// Buffers for the collections of counts, which are numbered in the order of recording.
 #[derive(Default)]
 pub(super) struct Ring {
-    places: [Place; RING],
+    read_backs: [ReadBack; RING],
     next: u64,
 }
 
+/// A buffer that the CPU can map, and the collection in it.
 #[derive(Default)]
-struct Place {
+struct ReadBack {
     /// Made at first use, and again for more slots.
     buffer: Option<wgpu::Buffer>,
     /// The bytes of its collection.
@@ -33,8 +35,8 @@ struct Place {
     state: Arc<AtomicU8>,
 }
 
-/// Travels with the commands of a collection and reports to its place. If it is dropped without a
-/// report, as with an encoder that is never submitted, it frees the place.
+/// Travels with the commands of a collection and reports when the buffer is mapped. If it is
+/// dropped without a report, as with an encoder that is never submitted, it frees the buffer.
 struct Notice(Arc<AtomicU8>);
 
 impl Notice {
@@ -55,8 +57,8 @@ impl Ring {
         self.next
     }
 
-    /// Records a copy of the first `bytes` bytes of a buffer. Returns `false` and records nothing if no
-    /// place is free, or if the device has no memory for a buffer.
+    /// Records a copy of the first `bytes` bytes of a buffer. Returns `false` and records nothing
+    /// if no buffer is free, or if the device has no memory for a buffer.
     pub fn record(
         &mut self,
         device: &wgpu::Device,
@@ -64,46 +66,47 @@ impl Ring {
         counts: &wgpu::Buffer,
         bytes: u64,
     ) -> bool {
-        let is_free = |place: &&mut Place| place.state.load(Ordering::Acquire) == FREE;
-        let Some(place) = self.places.iter_mut().find(is_free) else { return false };
-        if place.buffer.as_ref().is_none_or(|buffer| buffer.size() < bytes) {
+        let is_free = |read_back: &&mut ReadBack| read_back.state.load(Ordering::Acquire) == FREE;
+        let Some(read_back) = self.read_backs.iter_mut().find(is_free) else { return false };
+        if read_back.buffer.as_ref().is_none_or(|buffer| buffer.size() < bytes) {
             let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
             // As large as the source, which grows by doubling.
-            place.buffer = memory::create_buffer(device, "usage counters, read back", counts.size(), usage).ok();
+            read_back.buffer = memory::create_buffer(device, "usage counters, read back", counts.size(), usage).ok();
         }
-        let Some(buffer) = &place.buffer else { return false };
+        let Some(buffer) = &read_back.buffer else { return false };
         encoder.copy_buffer_to_buffer(counts, 0, buffer, 0, bytes);
-        place.state.store(UNDER_WAY, Ordering::Release);
-        let notice = Notice(Arc::clone(&place.state));
+        read_back.state.store(UNDER_WAY, Ordering::Release);
+        let notice = Notice(Arc::clone(&read_back.state));
         encoder.map_buffer_on_submit(buffer, wgpu::MapMode::Read, ..bytes, move |result| {
             if result.is_ok() {
                 notice.arrived();
             }
         });
-        place.bytes = bytes;
-        place.number = self.next;
+        read_back.bytes = bytes;
+        read_back.number = self.next;
         self.next += 1;
         true
     }
 
-    /// Passes the number and the bytes of each collection that has arrived to `add`, and frees its place.
-    /// Returns whether any has arrived.
+    /// Passes the number and the bytes of each collection that has arrived to `add`, and frees its
+    /// buffer. Returns whether any has arrived.
     pub fn take(&mut self, device: &wgpu::Device, mut add: impl FnMut(u64, &[u8])) -> bool {
         let mut has_any = false;
-        for place in &mut self.places {
-            if place.state.load(Ordering::Acquire) != ARRIVED {
+        for read_back in &mut self.read_backs {
+            if read_back.state.load(Ordering::Acquire) != ARRIVED {
                 continue;
             }
-            let Some(buffer) = &place.buffer else { continue };
-            // A lost device takes its mappings along: there is nothing to read, and to unmap is an error.
+            let Some(buffer) = &read_back.buffer else { continue };
+            // A lost device also loses its mappings: there is nothing to read, and unmapping is an
+            // error.
             let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
-            if let Some(view) = buffer.get_mapped_range(..place.bytes).view() {
-                add(place.number, &view);
+            if let Some(view) = buffer.get_mapped_range(..read_back.bytes).view() {
+                add(read_back.number, &view);
                 has_any = true;
             }
             buffer.unmap();
             drop(scope);
-            place.state.store(FREE, Ordering::Release);
+            read_back.state.store(FREE, Ordering::Release);
         }
         has_any
     }
@@ -123,5 +126,28 @@ impl Mapped for wgpu::BufferView {
 impl<E> Mapped for Result<wgpu::BufferView, E> {
     fn view(self) -> Option<wgpu::BufferView> {
         self.ok()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::memory::refusals::Refusals;
+    use crate::gpu::testing::noop;
+
+    #[test]
+    fn a_collection_whose_buffer_is_refused_is_not_recorded() {
+        let (device, _queue) = noop();
+        let usage = wgpu::BufferUsages::COPY_SRC;
+        let counts = memory::create_buffer(&device, "test counts", 64, usage).expect("room enough");
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let mut ring = Ring::default();
+        {
+            let _refusals = Refusals::of_buffers_after(0);
+            assert!(!ring.record(&device, &mut encoder, &counts, 64));
+        }
+        assert_eq!(ring.next(), 0);
+        assert!(ring.record(&device, &mut encoder, &counts, 64));
+        assert_eq!(ring.next(), 1);
     }
 }

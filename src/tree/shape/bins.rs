@@ -47,7 +47,7 @@ pub(super) struct BinGrid {
     pub origin: Vec4,
     /// Bins per metre; 0 along axes that are too short to be cut.
     pub scale: Vec4,
-    /// Ratio of the longest extent to each extent: thin slices are worse than their area tells
+    /// Ratio of the longest extent to each extent: thin slices are worse than their area suggests
     /// (CK18 equation 3).
     pub stretch: Vec3,
 }

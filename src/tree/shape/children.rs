@@ -8,7 +8,7 @@ use crate::tree::WIDTH;
 
 /// Consecutive lights (in a top level, units) below a node.
 pub(crate) trait ChildGroup: Copy {
-    /// Orders groups by what it brings to split them.
+    /// Orders groups by how much a split of them gains.
     type Cost: PartialOrd;
 
     /// The number of lights.
@@ -26,9 +26,9 @@ pub(crate) struct Children<G> {
 }
 
 impl<G: ChildGroup> Children<G> {
-    /// Divides the group `whole`. `split` gets the place of a group's first light below the node
-    /// and a group of more than [`WIDTH`] lights, and returns its two parts; `None` keeps it whole
-    /// and ends the division.
+    /// Divides the group `whole`. `split` is given the place of a group's first light below the
+    /// node and a group of more than [`WIDTH`] lights, and returns its two parts; `None` keeps it
+    /// whole and ends the division.
     #[inline(always)]
     pub fn choose(whole: G, mut split: impl FnMut(usize, &G) -> Option<[G; 2]>) -> Self {
         let mut groups = [whole; WIDTH];

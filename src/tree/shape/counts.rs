@@ -1,4 +1,5 @@
-//! Counts of lights that fill nodes: nodes over so many lights can hold six or more children each.
+//! Counts of lights that fill nodes: nodes over that many lights can hold six or more children
+//! each.
 
 use crate::tree::WIDTH;
 

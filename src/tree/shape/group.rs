@@ -18,7 +18,7 @@ const RUN: usize = 1 << 14;
 /// Up to this many lights are a single run nevertheless: threads have other groups to work on.
 const MAX_SINGLE_RUN: usize = 1 << 16;
 
-/// What a build knows of one light (in a top level, of one subtree). 64 bytes, a cache line.
+/// The data of one light (in a top level, of one subtree) in a build. 64 bytes, a cache line.
 #[derive(Clone, Copy)]
 #[repr(align(64))]
 pub(crate) struct BuildItem {

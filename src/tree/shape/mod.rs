@@ -29,8 +29,8 @@ const PARALLEL_ITEMS: usize = 4096;
 /// 1e-9 m to 1e9 m they make 16.
 const MAX_COST_DEPTH: u32 = 32;
 
-/// One node of a shape. Nodes lie depth first: a parent before its children, and every subtree in
-/// one piece.
+/// One node of a shape. Nodes are stored depth first: a parent before its children, and every
+/// subtree contiguous.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ShapeNode {
     /// [`LEAF`] with an item's index, or a node's index. [`EMPTY_SLOT`] from `count` on.

@@ -19,15 +19,15 @@ const MAX_SORTED: usize = 16;
 /// 2 to 5 % longer.
 const MIN_MANY_BINS: usize = 128;
 
-/// Lights less than this many metres apart are at one place. Above it, the scale of the thinnest
+/// Lights less than this many metres apart count as one place. Above it, the scale of the thinnest
 /// axis that is cut is finite.
 const MIN_EXTENT: f32 = 1.0e-24;
 
-/// Steps along an axis that sorting tells apart. Lights in the same step keep their order.
+/// Steps along an axis that sorting distinguishes. Lights in the same step keep their order.
 const SORT_STEPS: f32 = (1 << 24) as f32;
 
-/// Splits more than [`WIDTH`] items in two parts and sorts them, the left part first. `halve` asks
-/// for halves instead of the least cost.
+/// Splits more than [`WIDTH`] items in two parts and sorts them, the left part first. If `halve`
+/// is set, the parts are halves instead of those of least cost.
 pub(super) fn split(items: &mut [BuildItem], whole: &Group, halve: bool) -> [Group; 2] {
     let is_dark = whole.sums.per_flux() == 0.0;
     let parts = if halve || is_dark || whole.means.extent().max_element() < MIN_EXTENT {

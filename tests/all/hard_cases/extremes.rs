@@ -1,22 +1,23 @@
-//! Hard cases at the ends of every range: brightness, depth, distance, scale, and what is no number.
+//! Hard cases at the ends of every range: brightness, depth, distance, scale, infinity and NaN.
 
 use super::*;
 
 #[test]
-fn thousands_of_lights_at_one_point_are_all_alike() {
+fn thousands_of_lights_at_one_point_have_equal_probabilities() {
     let mut world = alone((0..6000).map(|_| Light::point(Vec3::splat(3.0), Vec3::ONE)).collect());
     let all = [ShadingPoint::volume(Vec3::ZERO), ShadingPoint::volume(Vec3::splat(3.0))];
     prove(&world, &all, 8);
     let sum: f64 = all_chances(&world.sampler(), &all[0]).iter().map(|(_, p)| f64::from(*p)).sum();
     assert!((sum - 1.0).abs() < SUM_TOLERANCE, "{sum}");
-    // Many instances of it at that point as well.
+    // Many instances of the tree at the same point.
     let tree = world.trees().next().expect("a tree");
     for _ in 0..500 {
         world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("allowed");
     }
     for splits in SPLITS {
-        let pick = world.sampler().with_splits(splits).pick(&all[0], [0.3, 0.7]).expect("it shines");
-        // Nodes pack flux with 8 bits: a share is off by 2^-9 and so is the sum it is a share of, on each of at least 8 levels.
+        let pick = world.sampler().with_splits(splits).pick(&all[0], [0.3, 0.7]).expect("a light");
+        // Nodes pack flux with 8 bits. A share and its sum are each off by up to 2^-9, on each of
+        // at least 8 levels.
         let tolerance = 8.0 * 2.0 / 512.0;
         assert!((f64::from(pick.pmf) * 6000.0 * 501.0 - 1.0).abs() < tolerance, "{splits}: {pick:?}");
     }
@@ -24,7 +25,7 @@ fn thousands_of_lights_at_one_point_are_all_alike() {
 }
 
 #[test]
-fn twenty_four_decades_in_one_tree_leave_nobody_without_a_chance() {
+fn twenty_four_decades_of_brightness_in_one_tree_are_covered() {
     let mut rng = Rng(107);
     for spread in [12.0, 15.0, 40.0] {
         let lights: Vec<_> = (0..400)
@@ -44,14 +45,15 @@ fn twenty_four_decades_in_one_tree_leave_nobody_without_a_chance() {
         all.push(ShadingPoint::volume(first.aabb().center() + Vec3::X * 1.0e-9));
         assert!(prove(&world, &all, 9) > 1000);
         if spread < 40.0 {
-            // Below 1e-38 a GPU may call a light dark that the CPU does not.
+            // Below 1e-38 a light may be dark on a GPU, which flushes denormals, and not on the
+            // CPU.
             prove_on_gpu(&mut world, &all, 9);
         }
     }
 }
 
 #[test]
-fn emissions_too_small_to_weigh_are_dark_for_all() {
+fn emissions_that_round_to_no_flux_are_dark_everywhere() {
     let faint = f32::from_bits(1);
     let emissions = [Vec3::splat(faint), Vec3::new(0.0, 0.0, faint), Vec3::new(faint, 0.0, 0.0), Vec3::splat(1.0e-40)];
     let lights = emissions.into_iter().flat_map(|e| {
@@ -66,7 +68,7 @@ fn emissions_too_small_to_weigh_are_dark_for_all() {
 }
 
 #[test]
-fn faint_lamps_beside_a_bright_moon_keep_a_chance() {
+fn faint_lamps_beside_a_bright_moon_are_covered() {
     let mut world = alone((0..20).map(|i| Light::point(Vec3::X * i as f32, Vec3::splat(1.0e-14))).collect());
     for illuminance in [Vec3::splat(MAX_EMISSION), Vec3::splat(f32::from_bits(1)), Vec3::splat(1.0e-30)] {
         world.add_directional(DirectionalLight { direction: Vec3::NEG_Y, illuminance }).expect("allowed");
@@ -76,7 +78,7 @@ fn faint_lamps_beside_a_bright_moon_keep_a_chance() {
 }
 
 #[test]
-fn lights_at_distances_of_halving_powers_make_a_deep_tree_and_keep_their_chances() {
+fn lights_at_halving_distances_make_a_deep_tree_and_are_covered() {
     for falling in [1.0_f32, 0.5, 0.1] {
         let lights: Vec<_> = (0..140)
             .map(|k| {
@@ -96,7 +98,7 @@ fn lights_at_distances_of_halving_powers_make_a_deep_tree_and_keep_their_chances
 }
 
 #[test]
-fn ten_thousand_kilometres_out_a_centimetre_still_counts() {
+fn centimetres_count_ten_thousand_kilometres_from_the_origin() {
     let mut rng = Rng(108);
     let origin = DVec3::new(1.0e7, -3.0, 1.0e7);
     let mut world = LightWorld::new();
@@ -105,7 +107,7 @@ fn ten_thousand_kilometres_out_a_centimetre_still_counts() {
         let at = origin + DVec3::new(f64::from(i) * 0.01, 0.0, f64::from(i % 7) * 0.01);
         world.add_instance(tree, Placement::at(at), Policy::Static).expect("allowed");
     }
-    // Without a near origin positions are a metre apart: coarse, but nobody loses its chance.
+    // Far from the origin positions are a metre apart; every light is still covered.
     let far: Vec<_> =
         (0..10).map(|_| ShadingPoint::surface(origin.as_vec3() + rng.place(3.0), rng.direction())).collect();
     prove(&world, &far, 13);
@@ -114,7 +116,7 @@ fn ten_thousand_kilometres_out_a_centimetre_still_counts() {
     let near = shading_points(&mut rng, 20, 0.5);
     assert!(prove(&world, &near, 13) > 1000);
     prove_on_gpu(&mut world, &near, 13);
-    // The neighbour a centimetre away is told apart.
+    // The next instance, a centimetre away, sends its light from another direction.
     let sampler = world.sampler();
     let mut ids = world.instances();
     let mut distance = || {
@@ -134,7 +136,7 @@ fn a_lamp_post_far_from_the_origin_keeps_its_horizon_and_its_range() {
         let mut lights = one_of_each(&mut rng, Vec3::Y, 0.3);
         lights.push(Light::point(Vec3::Y, Vec3::ONE).with_range(0.5));
         let world = placed(lights, [Placement { linear: turn, translation }]);
-        // f32 can hold only some places here; all offsets within two metres are tried at any scale.
+        // f32 rounds the positions; offsets within two metres are tried at every distance.
         let all: Vec<_> = (0..60)
             .map(|_| {
                 let offset = rng.place(2.0);
@@ -147,7 +149,7 @@ fn a_lamp_post_far_from_the_origin_keeps_its_horizon_and_its_range() {
 }
 
 #[test]
-fn the_largest_coordinates_and_scales_are_as_good_as_any() {
+fn the_largest_coordinates_and_scales_are_covered() {
     let mut rng = Rng(110);
     let m = MAX_COORDINATE;
     let bright = Vec3::splat(MAX_EMISSION);
@@ -180,7 +182,7 @@ fn the_largest_coordinates_and_scales_are_as_good_as_any() {
             let mut world = placed(lights.clone(), [Placement { linear, translation }]);
             let tree = world.trees().next().expect("a tree");
             world.add_instance(tree, Placement::at(-translation), Policy::Budgeted).expect("allowed");
-            let tree = world.tree(tree).expect("it lives");
+            let tree = world.tree(tree).expect("a live tree");
             let flux = tree.flux();
             assert!(flux.area.is_finite() && flux.punctual.is_finite(), "{flux:?}");
             let a = tree.attributes();
@@ -195,7 +197,7 @@ fn the_largest_coordinates_and_scales_are_as_good_as_any() {
 }
 
 #[test]
-fn ill_conditioned_placements_keep_every_light_or_are_refused() {
+fn ill_conditioned_placements_are_covered_or_refused() {
     let mut rng = Rng(111);
     for round in 0..200 {
         let turn = |rng: &mut Rng| Mat3::from_quat(Quat::from_axis_angle(rng.direction(), rng.between(0.0, 6.0)));
@@ -228,16 +230,16 @@ fn twenty_thousand_refits_leave_a_tree_no_looser_than_its_lights() {
         tree.set_lights(&[(index as u32, lights[index])]).expect("allowed");
         tree.refit();
         if round % 1000 == 0 {
-            tree.check().expect("sound all the way");
+            tree.check().expect("a sound tree after every step");
         }
     }
-    tree.check().expect("sound at the end");
-    // The same shape over the same lights, refitted once: no trace of the way there.
+    tree.check().expect("a sound tree at the end");
+    // The root equals that of a new tree over the same lights: no error adds up.
     let mut fresh = LightTree::new(lights.clone()).expect("allowed");
     let fresh_root = fresh.cluster();
     let root = tree.cluster();
     assert_eq!((root.aabb, root.range), (fresh_root.aabb, fresh_root.range));
-    // Sums of 40 terms in another order.
+    // The sums of 40 terms have another order.
     assert!((root.flux / fresh_root.flux - 1.0).abs() < 1.0e-5, "{root:?} {fresh_root:?}");
     assert!(root.mean.distance(fresh_root.mean) < 1.0e-4, "{root:?} {fresh_root:?}");
     assert!((root.variance / fresh_root.variance - 1.0).abs() < 1.0e-4, "{root:?} {fresh_root:?}");
@@ -261,14 +263,14 @@ fn moved(light: &Light, step: Vec3) -> Light {
 }
 
 #[test]
-fn a_world_that_is_switched_off_and_on_again_shines_as_before() {
+fn a_world_that_is_switched_off_and_on_again_has_the_same_probabilities() {
     let mut rng = Rng(113);
     let mut world = rng.world(2, 30, 3, 10.0);
     let trees: Vec<_> = world.trees().collect();
     let all = shading_points(&mut rng, 10, 12.0);
     let before: Vec<_> = all.iter().map(|r| all_chances(&world.sampler(), r)).collect();
     for tree in &trees {
-        let lights = world.tree(*tree).expect("it lives").lights().to_vec();
+        let lights = world.tree(*tree).expect("a live tree").lights().to_vec();
         let off: Vec<_> = (0..).zip(&lights).map(|(i, l)| (i, Light { emission: Vec3::ZERO, ..*l })).collect();
         world.set_lights(*tree, &off).expect("dark is allowed");
         world.update(FrameBudget::NONE);
@@ -283,7 +285,7 @@ fn a_world_that_is_switched_off_and_on_again_shines_as_before() {
 }
 
 #[test]
-fn shading_points_with_odd_normals_get_valid_chances() {
+fn normals_that_are_not_of_unit_length_give_valid_probabilities() {
     let mut rng = Rng(114);
     let world = rng.world(3, 40, 3, 10.0);
     let mut all = Vec::new();
@@ -294,7 +296,7 @@ fn shading_points_with_odd_normals_get_valid_chances() {
 }
 
 #[test]
-fn shading_points_that_are_not_numbers_get_no_nonsense() {
+fn infinite_and_nan_positions_give_valid_probabilities() {
     let mut rng = Rng(115);
     let world = rng.world(3, 40, 3, 10.0);
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX] {
@@ -309,7 +311,7 @@ fn shading_points_that_are_not_numbers_get_no_nonsense() {
 }
 
 #[test]
-fn a_shading_point_at_the_edge_of_numbers_sees_small_instances() {
+fn very_distant_shading_points_are_lit_by_small_instances() {
     let mut rng = Rng(116);
     for scale in [1.0, 1.0e-3, 1.0e-8] {
         let at = Placement { linear: Mat3::from_diagonal(Vec3::splat(scale)), translation: DVec3::ONE };
@@ -325,20 +327,21 @@ fn a_shading_point_at_the_edge_of_numbers_sees_small_instances() {
     }
 }
 
-/// Log-uniform, of either sign.
+/// A log-uniform number of either sign; the bounds are powers of ten.
 fn any_size(rng: &mut Rng, least: f32, most: f32) -> f32 {
     let size = 10.0_f32.powf(rng.between(least, most));
     if rng.bits().is_multiple_of(2) { size } else { -size }
 }
 
+/// A position at a log-uniform distance from the origin.
 fn any_place(rng: &mut Rng, least: f32, most: f32) -> Vec3 {
     let largest = any_size(rng, least, most).abs();
     rng.direction() * largest
 }
 
 #[test]
-fn whatever_is_allowed_keeps_every_promise() {
-    let mut reached = 0;
+fn random_allowed_scenes_are_covered() {
+    let mut contributions = 0;
     for round in 0..600 {
         let mut rng = Rng(2000 + round);
         let size = any_size(&mut rng, -6.0, 6.0).abs();
@@ -376,12 +379,12 @@ fn whatever_is_allowed_keeps_every_promise() {
                 _ => turn(&mut rng) * Mat3::from_diagonal(uneven) * turn(&mut rng),
             };
             let translation = if rng.bits().is_multiple_of(3) {
-                // The lights come to lie near the origin.
+                // Moves the lights near the origin.
                 -(linear.as_dmat3() * middle.as_dvec3())
             } else {
                 any_place(&mut rng, -3.0, 8.9).as_dvec3()
             };
-            // Far scales may carry the translation out of the world: an ordinary refusal.
+            // A large scale may move the translation out of the world, which is refused.
             if world.add_instance(tree, Placement { linear, translation }, Policy::Static).is_ok() {
                 targets.push((linear, translation.as_vec3()));
             }
@@ -393,12 +396,12 @@ fn whatever_is_allowed_keeps_every_promise() {
                 let away = rng.direction() * any_size(&mut rng, -6.0, 3.0) * size;
                 let position = linear * (light.aabb().center() + away) + translation;
                 let toward = (linear * away).normalize_or(Vec3::X);
-                // Every other one with the light on its horizon.
+                // Half of them have the light on the horizon.
                 let side = toward.cross(rng.direction()).normalize_or(Vec3::Y);
                 all.push(ShadingPoint::surface(position, if rng.bits().is_multiple_of(2) { side } else { -toward }));
             }
         }
-        reached += prove(&world, &all, round);
+        contributions += prove(&world, &all, round);
     }
-    assert!(reached > 100_000, "{reached}");
+    assert!(contributions > 100_000, "{contributions}");
 }

@@ -1,6 +1,8 @@
-//! Cases that other light samplers got wrong: ends of every allowed range, degenerate shapes, and far too much of one thing.
+//! Cases that other light samplers got wrong: the ends of every allowed range, degenerate shapes,
+//! shading points on lights, and thousands of equal lights.
 
 mod extremes;
+mod near_lamps;
 mod shapes;
 
 use std::f32::consts::PI;
@@ -16,11 +18,13 @@ use girandole::{
 use crate::gpu::{OTHER_PICKS, compare, gpu, sample_by};
 use crate::support::{Rng, SPLITS, all_chances};
 
-/// Chances are products of ratios of sums of eight, each rounded by a few 6e-8, summed over thousands of lights.
+/// Rounding of a sum over thousands of lights. Each probability is a product of ratios of sums of
+/// eight, and each ratio rounds by a few 6e-8.
 const SUM_TOLERANCE: f64 = 1.0e-4;
 
 const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON / 2.0;
 
+/// A world with instances of one tree.
 fn placed(lights: Vec<Light>, placements: impl IntoIterator<Item = Placement>) -> LightWorld {
     let mut world = LightWorld::new();
     let tree = world.add_tree(lights).expect("allowed lights");
@@ -31,6 +35,7 @@ fn placed(lights: Vec<Light>, placements: impl IntoIterator<Item = Placement>) -
     world
 }
 
+/// A world with one instance, placed where its lights are.
 fn alone(lights: Vec<Light>) -> LightWorld {
     placed(lights, [Placement::IDENTITY])
 }
@@ -39,21 +44,22 @@ fn linear(linear: Mat3) -> Placement {
     Placement { linear, ..Placement::IDENTITY }
 }
 
-/// Every light that sends anything has a chance; chances are chances, sum to at most 1, and picks carry theirs.
-/// With every bound on splits alike. Returns how many contributions were seen with each.
+/// Checks with every number of splits that each light that sends anything has a probability above
+/// 0, that probabilities sum to at most 1, and that picks carry their own. Returns the number of
+/// contributions.
 fn prove(world: &LightWorld, shading_points: &[ShadingPoint], seed: u64) -> usize {
-    let [plain, opened] = SPLITS.map(|splits| prove_with(&world.sampler().with_splits(splits), shading_points, seed));
-    assert_eq!(plain, opened, "what arrives has nothing to do with splits");
+    let [plain, split] = SPLITS.map(|splits| prove_with(&world.sampler().with_splits(splits), shading_points, seed));
+    assert_eq!(plain, split, "splits do not change what arrives");
     plain
 }
 
 fn prove_with(sampler: &LightSampler, shading_points: &[ShadingPoint], seed: u64) -> usize {
     let mut rng = Rng(seed);
-    let mut reached = 0;
+    let mut contributions = 0;
     for shading_point in shading_points {
         let mut sum = 0.0;
         for (light, pmf) in all_chances(sampler, shading_point) {
-            assert!((0.0..=1.0).contains(&pmf), "{light:?} has the chance {pmf} at {shading_point:?}");
+            assert!((0.0..=1.0).contains(&pmf), "{light:?} has the probability {pmf} at {shading_point:?}");
             sum += f64::from(pmf);
             for u in [[0.0, 0.0], [ONE_MINUS_EPSILON, ONE_MINUS_EPSILON], [rng.unit(), rng.unit()]] {
                 if let Some(incident) = sampler.sample_light(shading_point, light, u) {
@@ -62,11 +68,11 @@ fn prove_with(sampler: &LightSampler, shading_points: &[ShadingPoint], seed: u64
                     assert!(incident.pdf.is_normal() && incident.pdf > 0.0, "{incident:?}");
                     assert!((incident.direction.length() - 1.0).abs() < 1.0e-4, "{incident:?}");
                     assert!(incident.dist > 0.0, "{incident:?}");
-                    reached += 1;
+                    contributions += 1;
                 }
             }
         }
-        assert!(sum <= 1.0 + SUM_TOLERANCE, "chances sum to {sum} at {shading_point:?}");
+        assert!(sum <= 1.0 + SUM_TOLERANCE, "probabilities sum to {sum} at {shading_point:?}");
         for u in [0.0, 0.5, ONE_MINUS_EPSILON, rng.unit(), 1.0, -1.0, f32::NAN, f32::INFINITY] {
             for v in [0.0, ONE_MINUS_EPSILON, rng.unit(), f32::NAN] {
                 let Some(pick) = sampler.pick(shading_point, [u, v]) else { continue };
@@ -76,10 +82,10 @@ fn prove_with(sampler: &LightSampler, shading_points: &[ShadingPoint], seed: u64
             }
         }
     }
-    reached
+    contributions
 }
 
-/// The GPU names the same lights as the CPU.
+/// Checks that the GPU chooses the same lights as the CPU.
 fn prove_on_gpu(world: &mut LightWorld, shading_points: &[ShadingPoint], seed: u64) {
     let mut rng = Rng(seed);
     let (device, queue) = gpu();
@@ -98,12 +104,13 @@ fn prove_on_gpu(world: &mut LightWorld, shading_points: &[ShadingPoint], seed: u
     lights.upload(world, &FrameDelta::everything(world)).expect("room enough");
     for splits in SPLITS {
         lights.set_splits(splits);
-        // What serves every world, and by default what serves just this one.
+        // The variant for this world with the default splits, the variant for every world with the
+        // others.
         let effects = if splits == SplitCount::DEFAULT { lights.effects() } else { Effects::all() };
         let records = sample_by(effects, &mut lights, &requests);
         assert!(records.iter().all(|r| r.pmf.is_finite() && r.pdf.is_finite() && Vec3::from(r.radiance).is_finite()));
         let others = compare(world, splits, &requests, &records);
-        assert!(others as f64 <= OTHER_PICKS * 1024.0 + 1.0, "{others} of 1024 name another light");
+        assert!(others as f64 <= OTHER_PICKS * 1024.0 + 1.0, "{others} of 1024 draws choose another light");
     }
 }
 
@@ -111,13 +118,14 @@ fn shading_points(rng: &mut Rng, count: usize, size: f32) -> Vec<ShadingPoint> {
     (0..count).map(|_| rng.shading_point(size)).collect()
 }
 
-/// Shading points that face along the axes, where f32 meets horizons exactly.
+/// A volume point, and surface points that face along the axes, so that lights lie exactly on
+/// horizons.
 fn at_point(position: Vec3) -> Vec<ShadingPoint> {
     let normals = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_X, Vec3::NEG_Y, Vec3::NEG_Z];
     normals.map(|normal| ShadingPoint::surface(position, normal)).to_vec()
 }
 
-/// One light of every kind, about a metre large.
+/// One light of every kind, about `size` metres large.
 fn one_of_each(rng: &mut Rng, at: Vec3, size: f32) -> Vec<Light> {
     let (u, v) = (rng.direction() * size, rng.direction() * size);
     let bright = Vec3::splat(10.0);

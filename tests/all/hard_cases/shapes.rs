@@ -1,4 +1,4 @@
-//! Hard cases of shapes, placements and places of shading points.
+//! Hard cases of shapes, placements and positions of shading points.
 
 use super::*;
 
@@ -26,16 +26,17 @@ fn emitters_back_to_back_light_both_sides() {
 }
 
 #[test]
-fn beams_that_cancel_keep_their_chances_at_every_scale() {
-    // Two equal beams are opposite, so the mean direction is what a faint third one adds: from a millionth down to
-    // lengths whose squares leave f32, alone and times the areas of small instances.
+fn beams_whose_mean_direction_cancels_keep_their_probabilities_at_every_scale() {
+    // Two equal beams are opposite, so the mean direction is that of a faint third beam. Its length
+    // goes from a millionth down to lengths whose squares leave f32, alone and multiplied by the
+    // areas of small instances.
     let mut rng = Rng(117);
     for k in 0..18 {
         let (axis, third) = (Vec3::X, Vec3::Y);
         let bright = Vec3::splat(MAX_EMISSION);
         let faint = Light::spot(Vec3::ZERO, third, 0.1, 0.3, Vec3::splat(10.0_f32.powi(8 - k)));
         let beam = |axis| Light::spot(Vec3::ZERO, axis, 0.1, 0.2, bright);
-        // The others put the beams below the root.
+        // Other lights put the beams below the root.
         let others = (0..12).map(|_| Light::spot(rng.place(1.0) + 99.0, axis, 0.4, 0.5, faint.emission));
         let below: Vec<_> = [beam(axis), beam(-axis), faint].into_iter().chain(others).collect();
         for lights in [below[..3].to_vec(), below] {
@@ -71,7 +72,7 @@ fn a_shading_point_on_a_light_or_inside_many_boxes_gets_finite_answers() {
 }
 
 #[test]
-fn the_brightest_lamp_right_beside_a_shading_point_is_no_infinity() {
+fn the_brightest_lamp_next_to_a_shading_point_has_a_finite_radiance() {
     let lamp = Light::point(Vec3::ZERO, Vec3::splat(MAX_EMISSION));
     let mut world = alone(vec![lamp, Light::sphere(Vec3::ZERO, 1.0e-20, Vec3::splat(MAX_EMISSION))]);
     let all: Vec<_> = (0..46).flat_map(|k| at_point(Vec3::X * 10.0_f32.powi(-k))).collect();
@@ -80,11 +81,12 @@ fn the_brightest_lamp_right_beside_a_shading_point_is_no_infinity() {
 }
 
 #[test]
-fn chances_do_not_depend_on_the_unit_of_length() {
+fn probabilities_do_not_depend_on_the_unit_of_length() {
     let mut rng = Rng(102);
     let base = rng.lights(300, 20.0);
     let all = shading_points(&mut rng, 30, 25.0);
-    // Powers of two: every rounding is the same, so every chance is; points need the square of the unit for the same lux.
+    // Powers of two keep every rounding, so probabilities are equal. Points need the square of the
+    // unit for the same lux.
     let scaled = |s: f32| {
         let lights = base.iter().map(|light| scale_light(light, s)).collect();
         LightTree::new(lights).expect("allowed")
@@ -97,7 +99,7 @@ fn chances_do_not_depend_on_the_unit_of_length() {
             for light in 0..300 {
                 for splits in SPLITS {
                     let (a, b) = (metre.pmf(shading_point, light, splits), other.pmf(&moved, light, splits));
-                    // Equal but for denormals.
+                    // Only denormal numbers differ.
                     assert!((a - b).abs() <= 1.0e-6 * a, "unit {s}: {a} {b} of {:?}", base[light as usize]);
                 }
             }
@@ -124,7 +126,7 @@ fn scale_light(light: &Light, s: f32) -> Light {
 }
 
 #[test]
-fn a_street_of_lamps_lights_its_own_line() {
+fn collinear_lamps_light_points_on_their_line() {
     let lamps = (0..2000).map(|i| {
         let at = Vec3::new(i as f32 * 10.0, 6.0, 0.0);
         if i % 2 == 0 {
@@ -144,7 +146,7 @@ fn a_street_of_lamps_lights_its_own_line() {
 }
 
 #[test]
-fn every_kind_of_light_survives_every_kind_of_placement() {
+fn every_kind_of_light_is_covered_in_every_kind_of_placement() {
     let mut rng = Rng(103);
     for round in 0..400 {
         let size = 10.0_f32.powf(rng.between(-3.0, 3.0));
@@ -153,7 +155,7 @@ fn every_kind_of_light_survives_every_kind_of_placement() {
         let with_range: Vec<_> = lights.iter().map(|l| l.with_range(rng.between(0.5, 20.0) * size)).collect();
         lights.extend(with_range);
         let turn = |rng: &mut Rng| Mat3::from_quat(Quat::from_axis_angle(rng.direction(), rng.between(0.0, 6.0)));
-        // Stretched by up to 10^4, mirrored, turned before and after.
+        // Stretched by up to 10^4, mirrored, rotated before and after.
         let stretch = [0, 1, 2, 4][round % 4] as f32;
         let mut power = || 10.0_f32.powf(rng.between(-0.5, 0.5) * stretch);
         let diagonal = Vec3::new(power(), power(), power()) * if round % 3 == 0 { -1.0 } else { 1.0 };
@@ -162,7 +164,8 @@ fn every_kind_of_light_survives_every_kind_of_placement() {
         let translation = rng.direction().as_dvec3() * far;
         let mut world = placed(lights, [Placement { linear: shape, translation }]);
         let middle = shape * at + translation.as_vec3();
-        // Many shading points nearby, half of them almost exactly in planes and on horizons of the lights.
+        // Many shading points nearby. Half of them lie almost exactly in planes of the lights, or
+        // have them on the horizon.
         let mut all = Vec::new();
         for i in 0..60 {
             let away = rng.place(3.0 * size);
@@ -181,7 +184,7 @@ fn every_kind_of_light_survives_every_kind_of_placement() {
 }
 
 #[test]
-fn slivers_and_degenerate_triangles_that_are_turned_keep_their_sides() {
+fn rotated_slivers_and_degenerate_triangles_keep_their_sides() {
     let mut rng = Rng(104);
     for round in 0..300 {
         let at = rng.place(10.0);
@@ -197,7 +200,11 @@ fn slivers_and_degenerate_triangles_that_are_turned_keep_their_sides() {
         lights.push(Light::triangle([at, at, at], Vec3::ONE));
         let turn = Mat3::from_quat(Quat::from_axis_angle(rng.direction(), rng.between(0.0, 6.0)));
         let mut world = placed(lights, [Placement { linear: turn, translation: rng.place(100.0).as_dvec3() }]);
-        let middle = world.placement(world.instances().next().expect("one")).expect("it lives").translation.as_vec3();
+        let middle = world
+            .placement(world.instances().next().expect("one instance"))
+            .expect("a live instance")
+            .translation
+            .as_vec3();
         let all: Vec<_> = (0..20).map(|_| ShadingPoint::volume(middle + turn * (at + rng.place(3.0)))).collect();
         prove(&world, &all, round);
         if round % 50 == 0 {
@@ -207,7 +214,7 @@ fn slivers_and_degenerate_triangles_that_are_turned_keep_their_sides() {
 }
 
 #[test]
-fn spots_of_every_width_keep_their_promises() {
+fn spots_of_every_width_are_covered() {
     let mut rng = Rng(105);
     let widths = [0.0, 1.0e-30, 1.0e-9, 1.0e-6, 1.0e-4, 5.0e-4, 1.0e-3, 2.0e-3, 0.03, 0.5 * PI, 3.1, PI - 1.0e-6, PI];
     for _ in 0..20 {
@@ -224,7 +231,7 @@ fn spots_of_every_width_keep_their_promises() {
         let mut all = Vec::new();
         for tree in [Mat3::IDENTITY, turn] {
             for outer in widths {
-                // On the axis, and within rounding of the rim.
+                // On the axis, and near the rim.
                 for angle in [0.0, outer, outer + 3.0e-4, outer + 9.0e-4, outer - 3.0e-4] {
                     let direction = tree * (axis * angle.cos() + side * angle.sin());
                     all.push(ShadingPoint::volume(direction * rng.between(1.0, 100.0)));
@@ -232,14 +239,15 @@ fn spots_of_every_width_keep_their_promises() {
             }
         }
         assert!(prove(&world, &all, 6) > 1000);
-        // Away from the rims: there the falloff is a difference of two cosines, of which f32 leaves a digit or two.
+        // The GPU is compared away from the rims, where f32 leaves few digits of the falloff, a
+        // difference of two cosines.
         let side_lights = shading_points(&mut rng, 40, 30.0);
         prove_on_gpu(&mut world, &side_lights, 6);
     }
 }
 
 #[test]
-fn tiny_and_huge_lights_stand_side_by_side() {
+fn tiny_and_huge_lights_in_one_tree_are_covered() {
     let mut rng = Rng(106);
     for round in 0..30 {
         let mut lights = Vec::new();

@@ -16,7 +16,7 @@ use super::image::{Image, ShadowRays};
 use super::scene::{self, Scene, SceneError};
 use super::settings::Settings;
 use super::shading::View;
-use crate::common::gpu;
+use crate::common::gpu::{map, wait};
 use girandole::glam::Vec4;
 use girandole::gpu::{DEFAULT_USAGE_INTERVAL, GpuLights, LightShader, UsageCounts};
 use girandole::wgpu;
@@ -241,7 +241,7 @@ impl GpuRenderer {
         self.gpu.queue.submit([encoder.finish()]);
         // Waiting keeps the progress bar accurate and the queue short. It costs little beside a
         // dispatch.
-        self.wait()
+        wait(&self.gpu.device).map_err(SceneError)
     }
 
     /// Reads the first `size` bytes of a buffer, which are copied to `readback` first.
@@ -249,10 +249,6 @@ impl GpuRenderer {
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         encoder.copy_buffer_to_buffer(buffer, 0, readback, 0, size);
         self.gpu.queue.submit([encoder.finish()]);
-        gpu::map(&self.gpu.device, readback, size).map_err(SceneError)
-    }
-
-    fn wait(&self) -> Result<(), SceneError> {
-        gpu::wait(&self.gpu.device).map_err(SceneError)
+        map(&self.gpu.device, readback, size).map_err(SceneError)
     }
 }
