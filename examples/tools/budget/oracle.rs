@@ -3,8 +3,8 @@
 //! Let F be the illuminance by all lights at a shading point. The part of a tree in the second
 //! moment of a sample is `S / P`. P is the probability of reaching the tree, which does not depend
 //! on the tree's shape. `S = sum f^2 / p` runs over the tree's lights, where f is the illuminance
-//! by a light and p the probability of the light inside the tree. From `sigma^2 = sum S / P / F^2 -
-//! 1` follows that a rebuild that lowers S by dS lowers sigma by `dS / (2 sigma P F^2)`.
+//! by a light and p the probability of the light inside the tree. A rebuild that lowers S by dS
+//! lowers sigma by `dS / (2 sigma P F^2)`, since `sigma^2 = sum S / P / F^2 - 1`.
 //!
 //! The shape of a tree depends only on the frame in which it was built, so results found for one
 //! budget hold for all.

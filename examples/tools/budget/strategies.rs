@@ -1,4 +1,6 @@
 //! The strategies that are compared: each decides which trees are rebuilt.
+//!
+//! [SS] is Sosnowski and Szajerman, BVH Trees of Many Dynamic Lights for Real-Time Ray Tracing.
 
 use girandole::{Attribute, Policy};
 

@@ -4,7 +4,7 @@
 //! cargo run --release --example gpu_timings -- --out gpu_timings.json [--quick] [--adapter NAME]
 //! ```
 //!
-//! prints three tables as Markdown and writes their numbers as JSON:
+//! The program prints three tables as Markdown and writes their numbers as JSON:
 //!
 //! 1. upload, where 1, 10 and 100 % of the instances have moved;
 //! 2. each stage of the top-level build over 1,000 to 1,000,000 instances, and a radix sort alone
@@ -14,8 +14,8 @@
 //!
 //! Where the adapter has timestamps, times are those of the GPU without submission. The run takes a
 //! few minutes at most, and `--quick` seconds. Expect a sample of eight candidates to read more
-//! nodes than one of a single candidate, but far fewer than eight times as many. The program needs
-//! no files: a copy of the binary runs on any machine. `docs/benchmarks.md` has measured tables.
+//! nodes than one of a single candidate, but far fewer than eight times as many. The binary
+//! needs no files and can be copied to another machine. `docs/benchmarks.md` has measured tables.
 
 #[path = "../../city/modules.rs"]
 #[allow(dead_code, reason = "the city example renders frames; this tool only uses its scenes and camera")]

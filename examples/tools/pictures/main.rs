@@ -5,9 +5,9 @@
 //!     [--world S|M|L] [--us-per-pixel N] [--glossy] [--samples A,B,C] [--quick]
 //! ```
 //!
-//! renders the procedural city from its default camera, as the city example's first frame. Each
-//! sample chooses one light: by flux alone, by pbrt-v4's formula, or by Girandole in two levels.
-//! The formula is on a binary tree and in a variant for opaque surfaces
+//! The program renders the procedural city from its default camera, as the city example's first
+//! frame. Each sample chooses one light: by flux alone, by pbrt-v4's formula, or by Girandole in
+//! two levels. The formula is on a binary tree and in a variant for opaque surfaces
 //! (`../variance/baselines/pbrt.rs`), which has less noise than the published one. All three
 //! samplers draw the same random numbers and share the code for shadow rays and shading. Nothing is
 //! denoised.
@@ -27,8 +27,8 @@
 //!
 //! Expect Girandole to have the fewest samples and by far the least error, and means that agree
 //! within the noise. Times differ from run to run, and so do pictures. With `--samples A,B,C`, the
-//! samples per pixel of a former table, pictures repeat bit for bit. The whole run takes about two
-//! minutes on two cores; `--quick` takes seconds.
+//! samples per pixel of a printed table, its pictures repeat bit for bit. The whole run takes about
+//! two minutes on two cores; `--quick` takes seconds.
 
 #[path = "../variance/baselines/mod.rs"]
 #[allow(dead_code, unused_imports, reason = "the variance tool compares more samplers")]

@@ -34,8 +34,8 @@ pub struct Options {
     #[arg(long, value_name = "N", default_value_t = 40.0, value_parser = parse_time)]
     pub us_per_pixel: f64,
     /// Samples per pixel of the three pictures, instead of equal time: repeats pictures bit for bit
-    #[arg(long, value_name = "A,B,C", value_delimiter = ',', num_args = 3, value_parser = parse_samples)]
-    pub samples: Option<Vec<f64>>,
+    #[arg(long, value_name = "A,B,C", value_parser = parse_samples)]
+    pub samples: Option<[f64; 3]>,
     /// Keep the city's glossy materials instead of matte ones
     #[arg(long)]
     pub glossy: bool,
@@ -49,9 +49,11 @@ fn parse_time(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(is_time).ok_or_else(|| "expected microseconds, from 0.1 to 1000000".into())
 }
 
-fn parse_samples(text: &str) -> Result<f64, String> {
-    let is_count = |count: &f64| (1.0..=1.0e6).contains(count);
-    text.parse().ok().filter(is_count).ok_or_else(|| "expected samples per pixel, from 1 to 1000000".into())
+fn parse_samples(text: &str) -> Result<[f64; 3], String> {
+    let counts: Option<Vec<f64>> = text.split(',').map(|count| count.trim().parse().ok()).collect();
+    let counts = counts.and_then(|counts| <[f64; 3]>::try_from(counts).ok());
+    let are_counts = |counts: &[f64; 3]| counts.iter().all(|count| (1.0..=1.0e6).contains(count));
+    counts.filter(are_counts).ok_or_else(|| "expected three numbers of samples per pixel, from 1 to 1000000".into())
 }
 
 /// How large and how exact the pictures are.
@@ -148,8 +150,9 @@ pub fn run(options: &Options) -> Result<Vec<Row>, SceneError> {
 
     let times = renderer.seconds_per_sample(&choosers);
     let samples = match &options.samples {
-        Some(samples) => samples.clone(),
-        None => times.iter().map(|seconds| options.us_per_pixel * 1.0e-6 / seconds).collect(),
+        Some(samples) => *samples,
+        // As exact as the printed table, which `--samples` takes.
+        None => times.map(|seconds| (options.us_per_pixel * 1.0e-4 / seconds).round() / 100.0),
     };
     if let Some(few) = samples.iter().find(|samples| **samples < 1.0) {
         let us = options.us_per_pixel;
@@ -221,5 +224,5 @@ fn sigmas(
         let noises: Vec<Noise> = chosen.par_iter().zip(&lux).filter_map(noise).collect();
         Summary::of(&noises).mean
     };
-    choosers.iter().map(|chooser| sigma(&**chooser)).collect()
+    choosers.iter().map(|chooser| sigma(chooser.as_ref())).collect()
 }

@@ -49,14 +49,14 @@ impl Renderer<'_> {
 
     /// Measures the seconds per sample of each sampler, on one thread: choosing, shading and shadow
     /// rays.
-    pub fn seconds_per_sample(&self, choosers: &[Box<dyn Chooser + '_>]) -> Vec<f64> {
+    pub fn seconds_per_sample<const N: usize>(&self, choosers: &[Box<dyn Chooser + '_>; N]) -> [f64; N] {
         let width = self.view.width;
         let rows = || self.view.pixels.chunks(width).enumerate().skip(ROW_STEP / 2).step_by(ROW_STEP);
         let timed: Vec<(usize, &Pixel)> = rows()
             .flat_map(|(y, row)| row.iter().enumerate().map(move |(x, pixel)| (y * width + x, pixel)))
             .filter(|(_, pixel)| pixel.surfaces.iter().all(Option::is_some))
             .collect();
-        let mut fastest = vec![f64::INFINITY; choosers.len()];
+        let mut fastest = [f64::INFINITY; N];
         for round in 0..ROUNDS {
             for (chooser, fastest) in choosers.iter().zip(&mut fastest) {
                 let start = Instant::now();

@@ -36,7 +36,7 @@ enum Strategy {
     Refit,
     /// A rebuild of the whole tree every n-th frame.
     RebuildEvery(usize),
-    /// In each frame, rebuilds of the worst subtrees with at most one n-th of the lights.
+    /// In each frame, rebuilds of the worst subtrees, with credit for one n-th of the lights.
     Worst(usize),
 }
 

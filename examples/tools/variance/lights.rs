@@ -19,8 +19,8 @@ pub fn carried(world: &LightWorld) -> Vec<Light> {
 
 /// The illuminance by each light at a shading point, in lux and without shadows.
 ///
-/// It is exact for points and spots. For lights with a surface it is the estimate `radiance *
-/// cosine / pdf` of the one point at `u = (0.5, 0.5)`.
+/// It is exact for points and spots. For lights with a surface it is the estimate from one point,
+/// at `u = (0.5, 0.5)`: the radiance times the cosine over the pdf.
 pub fn contributions(sampler: &LightSampler<'_>, lights: &[LightId], shading_point: &ShadingPoint) -> Vec<f32> {
     let one = |light: &LightId| {
         let incident = sampler.sample_light(shading_point, *light, [0.5, 0.5])?;

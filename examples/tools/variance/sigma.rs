@@ -48,8 +48,8 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Sums up at least one value. A percentile is the least value that this share of the values
-    /// does not exceed.
+    /// Sums up at least one value. The 95th percentile is the least value that at least 95 % of the
+    /// values do not exceed; the median likewise.
     pub fn of(noises: &[Noise]) -> Self {
         let mut sigmas: Vec<f64> = noises.iter().map(|noise| noise.sigma).collect();
         sigmas.sort_by(f64::total_cmp);
