@@ -135,7 +135,9 @@ impl<'a> Cut<'a> {
             cut.remove(index, slot);
         }
         if cut.has_unresolved {
-            cut.limit_unresolved(directional_lux);
+            let count = cut.node_count;
+            limit_unresolved(&mut cut.weights[..count], &mut cut.totals[..count], cut.total + directional_lux);
+            cut.add_totals();
         }
         cut
     }
@@ -206,37 +208,25 @@ impl<'a> Cut<'a> {
     /// Makes a node's children candidates. `None` and no change if there is no such node.
     #[inline(always)]
     fn add_children(&mut self, tree: usize, node: u32) -> Option<()> {
-        let TreeView { nodes, local, is_top, .. } = *self.trees[tree].as_ref()?;
+        let TreeView { nodes, local, is_top, .. } = self.trees[tree].as_ref()?;
         let record = nodes.get(node as usize)?;
-        let children = child_importances(record, &local);
+        let children = child_importances(record, local);
         let ChildImportances { importance, spread } = children;
         let index = self.node_count;
         for i in 0..WIDTH {
             let can_split = is_top | (record.targets[i] & LEAF == 0);
             self.doubts[index][i] = if can_split { importance[i] * spread[i] } else { 0.0 };
         }
+        if children.has_unresolved() {
+            self.has_unresolved = true;
+            doubt_unresolved(&mut self.doubts[index], &importance, &record.targets, *is_top);
+        }
         self.weights[index] = importance;
         self.tree_of[index] = tree;
         self.nodes[index] = node;
         self.node_count += 1;
-        if children.has_unresolved() {
-            self.doubt_unresolved(index);
-        }
         self.sum_up(index);
         Some(())
-    }
-
-    /// Makes the doubts about a node's unresolved children the greatest.
-    #[cold]
-    fn doubt_unresolved(&mut self, index: usize) {
-        self.has_unresolved = true;
-        let is_top = self.tree(index).is_some_and(|tree| tree.is_top);
-        for slot in 0..WIDTH {
-            if self.weights[index][slot] < 0.0 {
-                let can_split = is_top || matches!(self.target(index, slot), Some(Target::Node(_)));
-                self.doubts[index][slot] = if can_split { -self.weights[index][slot] * UNRESOLVED_DOUBT } else { 0.0 };
-            }
-        }
     }
 
     /// Removes a candidate, whose own children replace it.
@@ -251,8 +241,7 @@ impl<'a> Cut<'a> {
     #[inline(always)]
     fn sum_up(&mut self, index: usize) {
         // One huge unresolved importance would make the doubts about all others look small.
-        let weights = &self.weights[index];
-        self.totals[index] = if self.has_unresolved { resolved_sum(weights) } else { running_sums(weights)[WIDTH - 1] };
+        self.totals[index] = resolved_sum(&self.weights[index]);
         let mut max_key = 0;
         for slot in 0..WIDTH {
             let key = (self.doubts[index][slot].to_bits() & !SLOT_BITS) | (SLOT_BITS - slot as u32);
@@ -284,18 +273,29 @@ impl<'a> Cut<'a> {
         let is_worth = f32::from_bits(max_key & !SLOT_BITS) > MIN_DOUBT * self.total;
         is_worth.then_some((index, (SLOT_BITS - (max_key & SLOT_BITS)) as usize))
     }
+}
 
-    /// Limits the weights of all unresolved candidates together, relative to the other candidates
-    /// and the directional lights, and adds them to the sums.
-    #[cold]
-    fn limit_unresolved(&mut self, directional_lux: f32) {
-        let unresolved = self.weights[..self.node_count].iter().map(unresolved_sum).sum();
-        let scale = unresolved_scale(self.total + directional_lux, unresolved);
-        for index in 0..self.node_count {
-            self.weights[index] = scale_unresolved(&self.weights[index], scale);
-            self.totals[index] = running_sums(&self.weights[index])[WIDTH - 1];
+/// Makes the doubts about a node's unresolved children the greatest. Takes only what it needs: a
+/// reference to the whole cut would keep its scalars out of registers.
+#[cold]
+fn doubt_unresolved(doubts: &mut Lanes, importance: &Lanes, targets: &[u32; WIDTH], is_top: bool) {
+    for slot in 0..WIDTH {
+        if importance[slot] < 0.0 {
+            let can_split = is_top || targets[slot] & LEAF == 0;
+            doubts[slot] = if can_split { -importance[slot] * UNRESOLVED_DOUBT } else { 0.0 };
         }
-        self.add_totals();
+    }
+}
+
+/// Limits the weights of all unresolved candidates together to the weight of the `others`: resolved
+/// candidates and directional lights. Adds them to the totals of their nodes.
+#[cold]
+fn limit_unresolved(weights: &mut [Lanes], totals: &mut [f32], others: f32) {
+    let unresolved = weights.iter().map(unresolved_sum).sum();
+    let scale = unresolved_scale(others, unresolved);
+    for (weights, total) in weights.iter_mut().zip(totals) {
+        *weights = scale_unresolved(weights, scale);
+        *total = running_sums(weights)[WIDTH - 1];
     }
 }
 
