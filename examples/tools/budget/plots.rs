@@ -42,8 +42,8 @@ const STYLES: [Style; 7] = [
     style("round robin", "round robin", (230, 159, 0), 2, false),
     style("oldest first", "oldest first", (0, 158, 115), 2, false),
     style("oracle", "oracle", (0, 0, 0), 2, true),
-    style("girandole usage", "girandole, knows camera and usage", (86, 180, 233), 3, false),
-    style("girandole", "girandole, knows camera", (0, 114, 178), 3, false),
+    style("girandole usage", "girandole, told of camera and usage", (86, 180, 233), 3, false),
+    style("girandole", "girandole, told of the camera", (0, 114, 178), 3, false),
 ];
 
 /// The styles of both ends of the gap, in plots over time.
