@@ -215,7 +215,7 @@ pub enum PlacementError {
     },
     /// The linear part has no inverse in single precision: it flattens space, or nearly so. Only a
     /// linear part of all zeros is allowed, see [`Placement::linear`](crate::Placement::linear).
-    #[error("the linear part flattens space (determinant {determinant})")]
+    #[error("the linear part flattens space (determinant {determinant:e}); only an all-zero one is allowed, and hides")]
     Singular {
         /// The determinant of the linear part.
         determinant: f32,

@@ -1,5 +1,6 @@
-//! The exit code of a program.
+//! The options of a program and its exit code.
 
+use clap::Parser;
 use std::fmt::Display;
 use std::process::ExitCode;
 
@@ -13,5 +14,54 @@ pub fn exit_code<E: Display>(result: Result<(), E>) -> ExitCode {
             eprintln!("error: {error}");
             ExitCode::from(2)
         }
+    }
+}
+
+/// Reads the options and runs a program with them. A bad argument is printed to stderr as one line,
+/// and the exit code is 2; `--help` and `--version` are printed to stdout.
+#[allow(clippy::print_stdout, reason = "a program talks to its user")]
+pub fn run_program<T: Parser, E: Display>(run: impl FnOnce(&T) -> Result<(), E>) -> ExitCode {
+    match T::try_parse() {
+        Ok(options) => exit_code(run(&options)),
+        Err(error) if error.use_stderr() => exit_code(Err(one_line(&error))),
+        Err(help) => {
+            print!("{help}");
+            ExitCode::SUCCESS
+        }
+    }
+}
+
+/// What is wrong with the arguments, in one line.
+pub fn one_line(error: &clap::Error) -> String {
+    let text = error.to_string();
+    let mut lines = text.lines().map(str::trim);
+    let mut line = lines.next().unwrap_or_default().trim_start_matches("error: ").to_owned();
+    // clap lists missing arguments and possible values on lines of their own.
+    for detail in lines.take_while(|line| !line.is_empty()) {
+        line = format!("{line} {detail}");
+    }
+    format!("{line}; see --help")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, Parser)]
+    struct Options {
+        #[arg(long)]
+        out: String,
+        #[arg(long, value_parser = ["S", "M"])]
+        size: Option<String>,
+    }
+
+    #[test]
+    fn a_bad_argument_is_told_in_one_line() {
+        let line = |args: &[&str]| one_line(&Options::try_parse_from(args).expect_err("a bad argument"));
+        let missing = line(&["program"]);
+        assert!(missing.contains("--out <OUT>") && missing.ends_with("; see --help"), "{missing}");
+        let value = line(&["program", "--out", "x", "--size", "L"]);
+        assert!(value.contains("[possible values: S, M]"), "{value}");
+        assert!(!missing.contains('\n') && !value.contains('\n'));
     }
 }

@@ -5,6 +5,7 @@ use super::render::settings::{LightChoice, Settings};
 use super::scene::procedural::Size;
 use super::scene::{Camera, SceneError};
 use super::session::Pace;
+use crate::common::exit::one_line;
 use clap::Parser;
 use girandole::FrameBudget;
 use girandole::glam::Vec3;
@@ -89,13 +90,7 @@ impl Options {
     pub fn read(args: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Result<Parsed, SceneError> {
         match Self::try_parse_from(args) {
             Ok(options) => Ok(Parsed::Run(Box::new(options))),
-            Err(error) if error.use_stderr() => {
-                let text = error.to_string();
-                let line = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
-                // clap lists the possible values on a separate line.
-                let values = text.lines().map(str::trim).find(|l| l.starts_with("[possible values"));
-                Err(SceneError(format!("{line} {}; see --help", values.unwrap_or_default()).replace(" ;", ";")))
-            }
+            Err(error) if error.use_stderr() => Err(SceneError(one_line(&error))),
             Err(help) => Ok(Parsed::Help(help.to_string())),
         }
     }

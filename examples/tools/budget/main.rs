@@ -53,10 +53,9 @@ mod scene;
 #[allow(dead_code, reason = "the variance tool prints more statistics")]
 mod sigma;
 
-use clap::Parser;
-use modules::options::{Options, run};
+use modules::options::run;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    common::exit::exit_code(run(&Options::parse()))
+    common::exit::run_program(run)
 }

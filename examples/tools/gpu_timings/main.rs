@@ -29,10 +29,9 @@ mod modules;
 use city::render::{geometry, shading};
 use city::scene;
 
-use clap::Parser;
-use modules::run::{Options, run};
+use modules::run::run;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    common::exit::exit_code(run(&Options::parse()))
+    common::exit::run_program(run)
 }

@@ -50,10 +50,9 @@ mod samplers;
 #[allow(dead_code, reason = "the variance tool prints more statistics")]
 mod sigma;
 
-use clap::Parser;
-use modules::run::{Options, run};
+use modules::run::run;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    common::exit::exit_code(run(&Options::parse()).map(drop))
+    common::exit::run_program(|options| run(options).map(drop))
 }

@@ -86,5 +86,5 @@ fn run(options: &Options) -> Result<(), SceneError> {
 }
 
 fn main() -> ExitCode {
-    common::exit::exit_code(run(&Options::parse()))
+    common::exit::run_program(run)
 }
