@@ -13,7 +13,7 @@ use crate::budget_strategies::program::regression::{
     Line, MAX_FEATURES, Point, best_tenth, fit, predict, spearman, spread,
 };
 use crate::budget_strategies::program::stage::{SceneKind, Stage};
-use crate::support::{Rng, all_chances};
+use crate::support::{Rng, all_pmfs};
 
 #[test]
 fn the_lights_of_a_frame_do_not_depend_on_which_earlier_frames_were_shown() {
@@ -66,7 +66,7 @@ fn sigmas_equal_a_sum_over_all_lights() {
     let sampler = world.sampler();
     for (shading_point, sigma) in shading_points.iter().zip(noise::sigmas(&world, &shading_points)) {
         let (mut sum, mut second_moment) = (0.0, 0.0);
-        for (light, pmf) in all_chances(&sampler, shading_point) {
+        for (light, pmf) in all_pmfs(&sampler, shading_point) {
             let Some(incident) = sampler.sample_light(shading_point, light, [0.5, 0.5]) else { continue };
             let cosine = incident.direction.dot(shading_point.normal).max(0.0);
             let lux = f64::from(luminance(incident.radiance) * cosine / incident.pdf);

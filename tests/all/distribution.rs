@@ -6,7 +6,7 @@ use girandole::{
     SplitCount,
 };
 
-use crate::support::{Rng, all_chances};
+use crate::support::{Rng, all_pmfs};
 
 /// Rounding of products of up to two dozen ratios in another order: each step rounds by 6e-8 of the
 /// probability.
@@ -25,7 +25,7 @@ fn agree(one: f32, other: f32) -> bool {
 /// Compares the probabilities of a world's lights; returns their sum.
 fn compare(sampler: &LightSampler<'_>, shading_point: &ShadingPoint, pmfs: &mut Vec<f32>) -> f64 {
     sampler.distribution(shading_point, pmfs);
-    let one_by_one = all_chances(sampler, shading_point);
+    let one_by_one = all_pmfs(sampler, shading_point);
     assert_eq!(pmfs.len(), one_by_one.len());
     for (pmf, (light, expected)) in pmfs.iter().zip(one_by_one) {
         assert!(agree(*pmf, expected), "{light:?} at {shading_point:?}: {pmf} and {expected}");

@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::{Light, LightId, LightWorld, Placement, Policy, ShadingPoint};
 
-use crate::support::{Rng, SPLITS, all_chances};
+use crate::support::{Rng, SPLITS, all_pmfs};
 
 /// Probabilities are products of at most two dozen ratios of sums of eight; each rounds by a few
 /// 6e-8.
@@ -20,7 +20,7 @@ fn probabilities_sum_to_one_less_the_share_of_draws_without_a_light() {
         for round in 0..20 {
             let shading_point = rng.shading_point(60.0);
             let sampler = world.sampler().with_splits(SPLITS[round % SPLITS.len()]);
-            let sum: f64 = all_chances(&sampler, &shading_point).iter().map(|(_, p)| f64::from(*p)).sum();
+            let sum: f64 = all_pmfs(&sampler, &shading_point).iter().map(|(_, p)| f64::from(*p)).sum();
             assert!(sum <= 1.0 + SUM_TOLERANCE, "{sum}");
             // The rest to 1 is the share of draws that end without a light: at most a few per cent
             // here.
@@ -63,7 +63,7 @@ fn frequencies_agree_with_the_probabilities() {
         }
         let mut chi_sq = 0.0;
         let mut cells = 0.0;
-        for (light, pmf) in all_chances(&sampler, &shading_point) {
+        for (light, pmf) in all_pmfs(&sampler, &shading_point) {
             let expected = f64::from(pmf) * f64::from(draws);
             if expected >= 5.0 {
                 let observed = f64::from(counts.get(&Some(light)).copied().unwrap_or(0));
@@ -86,7 +86,7 @@ fn every_light_that_reaches_a_shading_point_has_a_probability_above_zero() {
         for round in 0..40 {
             let shading_point = rng.shading_point(25.0);
             let sampler = world.sampler().with_splits(SPLITS[round % SPLITS.len()]);
-            for (light, pmf) in all_chances(&sampler, &shading_point) {
+            for (light, pmf) in all_pmfs(&sampler, &shading_point) {
                 let u = [rng.unit(), rng.unit()];
                 if let Some(incident) = sampler.sample_light(&shading_point, light, u) {
                     assert!(incident.radiance.is_finite() && incident.pdf > 0.0 && incident.pdf.is_finite());

@@ -110,6 +110,6 @@ impl Rng {
 pub const SPLITS: [SplitCount; 2] = [SplitCount::NONE, SplitCount::DEFAULT];
 
 /// Every light of a world with its probability at a shading point.
-pub fn all_chances(sampler: &LightSampler, shading_point: &ShadingPoint) -> Vec<(LightId, f32)> {
+pub fn all_pmfs(sampler: &LightSampler, shading_point: &ShadingPoint) -> Vec<(LightId, f32)> {
     sampler.all_lights().map(|light| (light, sampler.pmf(shading_point, light))).collect()
 }

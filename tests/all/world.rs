@@ -13,7 +13,7 @@ use proptest::prelude::*;
 use rayon::prelude::*;
 
 use crate::gpu::{OTHER_PICKS, ask, compare, gpu, requests, sample};
-use crate::support::{Rng, SPLITS, all_chances};
+use crate::support::{Rng, SPLITS, all_pmfs};
 
 fn lamp(x: f32) -> Light {
     Light::point(Vec3::new(x, 0.0, 0.0), Vec3::ONE)
@@ -503,10 +503,10 @@ fn a_hidden_instance_contributes_nothing_until_it_is_moved_back() {
             for splits in SPLITS {
                 let sampler = world.sampler().with_splits(splits);
                 let (of_hidden, of_others): (Vec<_>, Vec<_>) =
-                    all_chances(&sampler, &shading_point).into_iter().partition(|(light, _)| is_of_key(light));
+                    all_pmfs(&sampler, &shading_point).into_iter().partition(|(light, _)| is_of_key(light));
                 assert!(of_hidden.len() == 20 && of_hidden.iter().all(|(_, pmf)| *pmf == 0.0));
                 // To the bit as if it were removed.
-                assert_eq!(of_others, all_chances(&without.sampler().with_splits(splits), &shading_point));
+                assert_eq!(of_others, all_pmfs(&without.sampler().with_splits(splits), &shading_point));
                 sampler.distribution(&shading_point, &mut distribution);
                 let hidden = sampler.all_lights().zip(&distribution).filter(|(light, _)| is_of_key(light));
                 assert!(hidden.map(|(_, pmf)| *pmf).sum::<f32>() == 0.0);
@@ -526,7 +526,7 @@ fn a_hidden_instance_contributes_nothing_until_it_is_moved_back() {
         world.move_instance(key, shown).expect("valid");
         assert!(!world.take_delta().is_empty());
         let shading_point = rng.shading_point(15.0);
-        assert_eq!(all_chances(&world.sampler(), &shading_point), all_chances(&fresh.sampler(), &shading_point));
+        assert_eq!(all_pmfs(&world.sampler(), &shading_point), all_pmfs(&fresh.sampler(), &shading_point));
         assert_eq!(world.effect_counts(), fresh.effect_counts());
     }
 }

@@ -44,8 +44,7 @@ pub struct FrameStats {
     pub background_trees: usize,
     /// Light trees that wait for a rebuild.
     pub waiting_trees: usize,
-    /// The most frames for which a tree has waited, among those that wait and those that were
-    /// rebuilt.
+    /// The longest wait of a tree for its rebuild, in frames.
     pub longest_wait: u64,
     /// Time that rebuilds were allowed to take.
     pub budget: Duration,

@@ -7,7 +7,7 @@ fn thousands_of_lights_at_one_point_have_equal_probabilities() {
     let mut world = alone((0..6000).map(|_| Light::point(Vec3::splat(3.0), Vec3::ONE)).collect());
     let all = [ShadingPoint::volume(Vec3::ZERO), ShadingPoint::volume(Vec3::splat(3.0))];
     prove(&world, &all, 8);
-    let sum: f64 = all_chances(&world.sampler(), &all[0]).iter().map(|(_, p)| f64::from(*p)).sum();
+    let sum: f64 = all_pmfs(&world.sampler(), &all[0]).iter().map(|(_, p)| f64::from(*p)).sum();
     assert!((sum - 1.0).abs() < SUM_TOLERANCE, "{sum}");
     // Many instances of the tree at the same point.
     let tree = world.trees().next().expect("a tree");
@@ -268,7 +268,7 @@ fn a_world_that_is_switched_off_and_on_again_has_the_same_probabilities() {
     let mut world = rng.world(2, 30, 3, 10.0);
     let trees: Vec<_> = world.trees().collect();
     let all = shading_points(&mut rng, 10, 12.0);
-    let before: Vec<_> = all.iter().map(|r| all_chances(&world.sampler(), r)).collect();
+    let before: Vec<_> = all.iter().map(|r| all_pmfs(&world.sampler(), r)).collect();
     for tree in &trees {
         let lights = world.tree(*tree).expect("a live tree").lights().to_vec();
         let off: Vec<_> = (0..).zip(&lights).map(|(i, l)| (i, Light { emission: Vec3::ZERO, ..*l })).collect();
@@ -280,7 +280,7 @@ fn a_world_that_is_switched_off_and_on_again_has_the_same_probabilities() {
         world.set_lights(*tree, &on).expect("allowed");
         world.update(FrameBudget::NONE);
     }
-    let after: Vec<_> = all.iter().map(|r| all_chances(&world.sampler(), r)).collect();
+    let after: Vec<_> = all.iter().map(|r| all_pmfs(&world.sampler(), r)).collect();
     assert_eq!(before, after);
 }
 

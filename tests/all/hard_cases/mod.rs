@@ -16,7 +16,7 @@ use girandole::{
 };
 
 use crate::gpu::{OTHER_PICKS, compare, gpu, sample_by};
-use crate::support::{Rng, SPLITS, all_chances};
+use crate::support::{Rng, SPLITS, all_pmfs};
 
 /// Rounding of a sum over thousands of lights. Each probability is a product of ratios of sums of
 /// eight, and each ratio rounds by a few 6e-8.
@@ -58,7 +58,7 @@ fn prove_with(sampler: &LightSampler, shading_points: &[ShadingPoint], seed: u64
     let mut contributions = 0;
     for shading_point in shading_points {
         let mut sum = 0.0;
-        for (light, pmf) in all_chances(sampler, shading_point) {
+        for (light, pmf) in all_pmfs(sampler, shading_point) {
             assert!((0.0..=1.0).contains(&pmf), "{light:?} has the probability {pmf} at {shading_point:?}");
             sum += f64::from(pmf);
             for u in [[0.0, 0.0], [ONE_MINUS_EPSILON, ONE_MINUS_EPSILON], [rng.unit(), rng.unit()]] {
