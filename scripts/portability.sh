@@ -53,7 +53,8 @@ rustup target add wasm32-unknown-unknown i686-unknown-linux-gnu aarch64-unknown-
 check --target wasm32-unknown-unknown --no-default-features --features gpu,gltf
 check --target i686-unknown-linux-gnu --features gltf
 check --target aarch64-unknown-linux-gnu --features gltf
-step cargo "+$MINIMUM_RUST" check --locked --lib --features gltf
+# Lints differ between versions, so warnings of an older compiler are no failures.
+RUSTFLAGS= step cargo "+$MINIMUM_RUST" check --locked --lib --features gltf
 
 copy_library "$COPY"
 cp "$LOCK" "$COPY/Cargo.lock"
