@@ -1,28 +1,10 @@
 //! Random lights, shading points and worlds for tests and benches.
 
-use crate::common::split_mix;
+pub use crate::common::split_mix::Rng;
 use girandole::glam::{Affine3A, Mat3, Quat, Vec3};
 use girandole::{DirectionalLight, Light, LightId, LightSampler, LightWorld, Policy, ShadingPoint, SplitCount};
 
-/// A random number generator, SplitMix64, made from a seed: every test has its own fixed stream.
-pub struct Rng(pub u64);
-
 impl Rng {
-    /// 64 random bits.
-    pub fn bits(&mut self) -> u64 {
-        split_mix::next(&mut self.0)
-    }
-
-    /// Uniform in [0, 1), with 24 bits.
-    pub fn unit(&mut self) -> f32 {
-        (self.bits() >> 40) as f32 * (1.0 / 16_777_216.0)
-    }
-
-    /// Uniform in [low, high).
-    pub fn between(&mut self, low: f32, high: f32) -> f32 {
-        low + (high - low) * self.unit()
-    }
-
     /// A random unit vector.
     pub fn direction(&mut self) -> Vec3 {
         loop {
