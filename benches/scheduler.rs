@@ -1,5 +1,6 @@
 //! The cost of the scheduler itself: of updates with many trees that wait for a rebuild, of updates
-//! in which nothing moved, and of the update that installs a tree that was built in the background.
+//! in which nothing moved (with trees that are frozen, and with trees that are not), and of the
+//! update that installs a tree that was built in the background.
 //!
 //! Run it with `cargo bench --bench scheduler`. It also prints the times that the world reports. As
 //! a test (`cargo test --benches`) every case runs once, at the smallest size.
@@ -10,7 +11,7 @@ use std::time::{Duration, Instant};
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, BenchmarkId, Criterion, SamplingMode, criterion_group, criterion_main};
 use girandole::glam::{DVec3, Vec3};
-use girandole::{FrameBudget, FrameReport, Light, LightWorld, Placement, Policy, TreeKey};
+use girandole::{Effects, FrameBudget, FrameReport, Light, LightWorld, Placement, Policy, TreeKey};
 
 #[path = "../examples/common/mod.rs"]
 #[allow(dead_code, reason = "examples use more of it")]
@@ -28,6 +29,10 @@ const ONE_TREE: FrameBudget = FrameBudget::new(Duration::from_micros(5));
 
 /// A budget that is too small for trees of more than some hundred lights.
 const TOO_SMALL: FrameBudget = FrameBudget::new(Duration::from_micros(40));
+
+/// The number of updates without a change that are timed before all trees move again: so few that
+/// all trees still count as moving.
+const STILL_UPDATES: u64 = 100;
 
 /// Far more time than any build in the background takes.
 const BUILD_TIMEOUT: Duration = Duration::from_secs(20);
@@ -82,6 +87,7 @@ fn scheduler(c: &mut Criterion) {
     let sizes: &[usize] = if is_bench() { &[100, 1_000, 10_000, 100_000] } else { &[100] };
     for trees in sizes {
         choose_among(&mut group, *trees);
+        stay_awake(&mut group, *trees);
     }
     let sizes: &[usize] = if is_bench() { &[1_000, 10_000] } else { &[1_000] };
     sizes.iter().for_each(|trees| print_frame(*trees));
@@ -95,9 +101,9 @@ fn scheduler(c: &mut Criterion) {
 /// Times updates in which nothing moved, and updates that choose among waiting trees.
 fn choose_among(group: &mut BenchmarkGroup<WallTime>, trees: usize) {
     let mut rng = Rng(trees as u64);
-    let (mut world, mut keys) = grid_of_trees(trees, LIGHTS, &mut rng);
+    let (mut world, keys) = grid_of_trees(trees, LIGHTS, &mut rng);
     assert!(world.update(ONE_TREE).waiting_trees == 0, "new trees request nothing");
-    // Once all trees are frozen, updates no longer count the time that each has been at rest.
+    // Freezes are not timed, so all trees are frozen first. At least 32 are frozen in one update.
     let updates = if is_bench() { girandole::effects::EFFECT_HOLD_UPDATES as usize + trees / 32 } else { 1 };
     for _ in 0..updates {
         world.update(ONE_TREE);
@@ -112,9 +118,6 @@ fn choose_among(group: &mut BenchmarkGroup<WallTime>, trees: usize) {
             let mut took = Duration::ZERO;
             for _ in 0..rounds {
                 if waiting <= trees / 2 {
-                    // Trees learn from their rebuilds, and may stop requesting them; new trees have
-                    // learnt nothing.
-                    (world, keys) = grid_of_trees(trees, LIGHTS, &mut rng);
                     waiting = scatter(&mut world, &keys, LIGHTS, &mut rng, FrameBudget::NONE).waiting_trees;
                     assert!(waiting > trees / 2, "only {waiting} of {trees} request a rebuild");
                 }
@@ -132,6 +135,37 @@ fn choose_among(group: &mut BenchmarkGroup<WallTime>, trees: usize) {
         let rebuilt = reported.iter().map(|(_, rebuilt)| rebuilt).sum::<usize>() as f64 / reported.len() as f64;
         println!("choosing among {trees}: the report says {deciding:?} (median); {rebuilt:.1} trees rebuilt (mean)");
     }
+}
+
+/// Times updates in which nothing moved shortly after all trees moved, so that no tree is frozen
+/// and all of them count as moving.
+fn stay_awake(group: &mut BenchmarkGroup<WallTime>, trees: usize) {
+    const { assert!(STILL_UPDATES < girandole::effects::EFFECT_HOLD_UPDATES as u64) };
+    let lamp = |x: f32| Light::point(Vec3::new(x, 0.0, 0.0), Vec3::ONE);
+    let mut world = LightWorld::new();
+    let keys: Vec<_> = (0..trees).map(|_| world.add_tree(vec![lamp(0.0)]).expect("a valid light")).collect();
+    let mut x = 0.0;
+    group.bench_function(BenchmarkId::new("nothing moved, awake", trees), |b| {
+        b.iter_custom(|rounds| {
+            let (mut took, mut left) = (Duration::ZERO, rounds);
+            while left > 0 {
+                x += 1.0;
+                for key in &keys {
+                    world.set_lights(*key, &[(0, lamp(x))]).expect("a valid light");
+                }
+                world.update(FrameBudget::NONE);
+                let updates = left.min(STILL_UPDATES);
+                let start = Instant::now();
+                for _ in 0..updates {
+                    world.update(FrameBudget::NONE);
+                }
+                took += start.elapsed();
+                left -= updates;
+                assert_eq!(world.effect_counts().of(Effects::MOVING), trees as u64, "all trees count as moving");
+            }
+            took
+        });
+    });
 }
 
 /// Prints the share of the default budget that the choice takes while all trees move in every

@@ -151,7 +151,6 @@ mod placement;
 mod cut;
 mod walk;
 mod distribution;
-mod noise;
 mod curve;
 mod top;
 mod world;

@@ -39,8 +39,8 @@ pub enum Policy {
     Bounded {
         /// Up to this excess no rebuild is requested. At least 0; a higher floor saves time.
         floor: f32,
-        /// Above this excess the request is urgent: the tree is rebuilt before all trees whose
-        /// requests are not urgent. At least `floor`.
+        /// Above this excess the request is urgent: the tree is rebuilt before all trees that ask at
+        /// the same time or later and are not urgent. At least `floor`.
         ceiling: f32,
     },
     /// Algorithm 1 of SS: requests a rebuild when the attribute exceeds its least value since the
@@ -118,31 +118,52 @@ impl AttributeHistory {
     }
 }
 
+/// How much noisier a tree is than a new tree over the same lights: the share by which σ, the
+/// relative standard deviation of a choice within the tree, is greater.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Excess {
+    /// The prediction.
+    pub likely: f32,
+    /// What the prediction cannot exclude; 0 for a tree that has not changed since it was built.
+    pub possible: f32,
+}
+
 /// What a policy requests. A greater request is more demanding.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum RebuildRequest {
     /// No rebuild.
     #[default]
     None,
-    /// A rebuild of the tree or of parts of it, if it is worth its time.
+    /// A rebuild that will probably gain nothing, once much time was granted since the tree changed.
+    /// Without it, a tree whose noise is predicted wrongly would never be rebuilt.
+    Doubtful,
+    /// A rebuild, if it is worth its time.
     Optional,
-    /// A rebuild of the whole tree, when there is time.
+    /// A rebuild, even if the tree is no longer noisy when there is time for it.
     Required,
-    /// A rebuild of the whole tree, before all trees with lesser requests.
+    /// A rebuild before trees with lesser requests that ask at the same time or later.
     Urgent,
 }
 
 /// Returns the request of a policy for a tree that was just refitted to the attributes `now`.
 ///
 /// `history` must have observed `now` already, so that a value below the former least value is its
-/// own least value. `excess` is the share of σ by which the tree is estimated to be noisier than a
-/// new one.
+/// own least value. `excess` is that of the tree now.
 pub(crate) fn rebuild_request(
     policy: &Policy,
     history: &AttributeHistory,
     now: &Attributes,
-    excess: f32,
+    excess: Excess,
 ) -> RebuildRequest {
+    let above = |floor: f32| {
+        if excess.likely > floor {
+            RebuildRequest::Optional
+        } else if excess.possible > floor {
+            RebuildRequest::Doubtful
+        } else {
+            RebuildRequest::None
+        }
+    };
     let request_if = |condition: bool, request| if condition { request } else { RebuildRequest::None };
     match *policy {
         Policy::Static | Policy::RefitOnly => RebuildRequest::None,
@@ -156,9 +177,9 @@ pub(crate) fn rebuild_request(
             let limit = if least > 0.0 { least * factor } else { ATTRIBUTE_FLOOR };
             request_if(now.get(attribute) > limit, RebuildRequest::Required)
         }
-        Policy::Budgeted => request_if(excess > DEFAULT_FLOOR, RebuildRequest::Optional),
-        Policy::Bounded { ceiling, .. } if excess > ceiling => RebuildRequest::Urgent,
-        Policy::Bounded { floor, .. } => request_if(excess > floor, RebuildRequest::Optional),
+        Policy::Budgeted => above(DEFAULT_FLOOR),
+        Policy::Bounded { ceiling, .. } if excess.likely > ceiling => RebuildRequest::Urgent,
+        Policy::Bounded { floor, .. } => above(floor),
     }
 }
 
@@ -255,7 +276,7 @@ impl PolicySet {
     }
 
     /// Returns the greatest [`rebuild_request`] of all policies.
-    pub fn rebuild_request(&self, history: &AttributeHistory, now: &Attributes, excess: f32) -> RebuildRequest {
+    pub fn rebuild_request(&self, history: &AttributeHistory, now: &Attributes, excess: Excess) -> RebuildRequest {
         let requests = self.most_demanding().map(|policy| rebuild_request(&policy, history, now, excess));
         requests.max().unwrap_or_default()
     }
@@ -319,7 +340,7 @@ mod tests {
             .map(|v| {
                 let now = overlap(*v);
                 history.observe(&now);
-                let rebuild = rebuild_request(&policy, &history, &now, 0.0) == RebuildRequest::Required;
+                let rebuild = rebuild_request(&policy, &history, &now, Excess::default()) == RebuildRequest::Required;
                 if rebuild {
                     history = AttributeHistory::start(now);
                 }
@@ -359,7 +380,8 @@ mod tests {
     #[test]
     fn a_bounded_tree_asks_above_its_floor_and_urgently_above_its_ceiling() {
         let now = Attributes::default();
-        let at = |policy, excess| rebuild_request(&policy, &AttributeHistory::start(now), &now, excess);
+        let likely = |likely| Excess { likely, possible: likely };
+        let at = |policy, excess| rebuild_request(&policy, &AttributeHistory::start(now), &now, likely(excess));
         let bounded = Policy::Bounded { floor: 0.1, ceiling: 0.5 };
         assert_eq!(
             [0.1, 0.2, 0.5, 0.51].map(|excess| at(bounded, excess)),
@@ -370,6 +392,10 @@ mod tests {
             [RebuildRequest::None, RebuildRequest::None, RebuildRequest::Optional, RebuildRequest::Optional]
         );
         assert_eq!(at(bounded, f32::NAN), RebuildRequest::None);
+        let doubted = Excess { likely: 0.0, possible: 0.4 };
+        let requests = [Policy::Budgeted, bounded, Policy::Bounded { floor: 0.5, ceiling: 0.5 }]
+            .map(|policy| rebuild_request(&policy, &AttributeHistory::start(now), &now, doubted));
+        assert_eq!(requests, [RebuildRequest::Doubtful, RebuildRequest::Doubtful, RebuildRequest::None]);
     }
 
     /// A number below `limit` that depends on `seed` alone.
@@ -396,7 +422,7 @@ mod tests {
 
     #[test]
     fn a_set_of_policies_asks_for_what_the_most_demanding_of_them_asks_for() {
-        let mut requests = [0; 4];
+        let mut requests = [0; 5];
         for seed in 0..4000 {
             let (mut set, mut list) = (PolicySet::default(), Vec::new());
             for step in 0..1 + random(seed, 12) {
@@ -417,7 +443,7 @@ mod tests {
                 splitting_cost: value(salt + 3),
             };
             let mut history = AttributeHistory::start(attributes(0));
-            let (now, excess) = (attributes(4), value(8));
+            let (now, excess) = (attributes(4), Excess { likely: value(8), possible: value(8) + value(9) });
             history.observe(&now);
             let expected = list.iter().map(|policy| rebuild_request(policy, &history, &now, excess)).max();
             let request = set.rebuild_request(&history, &now, excess);

@@ -7,16 +7,15 @@ use crate::error::BudgetError;
 /// The time that one frame may spend on rebuilds, 0.3 ms by default. Refits are mandatory and do
 /// not count against it.
 ///
-/// Trees that are too large for a frame are built in the background, on another thread. Such
-/// builds are charged to the part of the budget that frames leave unused. While a large tree waits,
-/// or while a build exceeds what frames have left unused, each frame keeps at least a quarter of
-/// its budget free. So on average all rebuilds together, those in the background included, take no
-/// more than the budget. A budget of zero rebuilds nothing, and starts no build in the background.
+/// A tree that does not fit into a frame is built in slices over several frames, or on another
+/// thread. The time of that thread counts against the budgets, too: frames pay for it before they
+/// serve trees of lower priority. So on average all rebuilds together take no more than the budget.
+/// A budget of zero rebuilds nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameBudget(Duration);
 
 impl FrameBudget {
-    /// Every requested rebuild is done within the frame.
+    /// Every tree that is predicted to gain something is rebuilt within the frame.
     pub const UNLIMITED: Self = Self(Duration::MAX);
     /// Nothing is rebuilt.
     pub const NONE: Self = Self(Duration::ZERO);

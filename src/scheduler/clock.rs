@@ -25,15 +25,16 @@ pub enum WorkKind {
     Refit,
     /// The rebuild of a whole tree within the frame.
     Rebuild,
-    /// The rebuild of one subtree within the frame; its lights are those of the subtree.
-    RebuildPart,
-    /// A copy of lights for a build in the background. The lights of a large tree are copied over
-    /// several frames; each copy is a separate piece of work.
-    Snapshot,
-    /// The build of a whole tree in the background, on another thread.
+    /// A slice of the build of a tree that does not fit into one frame. `lights` of the [`Work`]
+    /// is the share of the tree's lights that the slice stands for: over all slices of a build
+    /// they add up to about the number of lights of the tree.
+    Slice {
+        /// The number of lights of the tree.
+        tree_lights: usize,
+    },
+    /// The rest of the build of a tree in the background, on another thread, after its lights were
+    /// copied in slices.
     Background,
-    /// Two measurements of the noise of a tree, one before its rebuild and one after.
-    Probe,
 }
 
 /// A source of time for a [`LightWorld`](crate::LightWorld), which reads the time from nowhere

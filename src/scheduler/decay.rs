@@ -28,12 +28,14 @@ pub(crate) struct Decay {
     loss: f32,
     /// The sum of the losses of all frames from the last rebuild to the last change.
     accumulated_loss: f32,
+    /// The tree has changed since its last rebuild.
+    has_changed: bool,
 }
 
 impl Decay {
     /// Resets the decay: the tree was rebuilt.
     pub fn reset(&mut self, frame: u64) {
-        *self = Self { rebuilt_at: frame, changed_at: frame, loss: 0.0, accumulated_loss: 0.0 };
+        *self = Self { rebuilt_at: frame, changed_at: frame, ..Self::default() };
     }
 
     /// Records that the tree changed, and has this loss per frame from now on.
@@ -42,6 +44,12 @@ impl Decay {
         self.accumulated_loss += self.loss * unchanged;
         self.changed_at = frame;
         self.loss = loss;
+        self.has_changed = true;
+    }
+
+    /// Whether the tree has changed since its last rebuild.
+    pub fn has_changed(&self) -> bool {
+        self.has_changed
     }
 
     /// What a rebuild in this frame would save in all, at least the loss of this frame.

@@ -44,23 +44,184 @@
 //! # Ok::<(), WorldError>(())
 //! ```
 
-// None of these files depends on a world; `world/schedule.rs` and `world/jobs.rs` combine them.
-mod background;
 mod budget;
 mod clock;
+mod constants;
 mod cost;
 mod decay;
 mod forecast;
-mod priority_queue;
+mod jobs;
+mod ledger;
+mod max_tree;
+mod queue;
 mod replay;
-mod wait_queue;
+mod requests;
+#[cfg(test)]
+mod tests;
 
-pub(crate) use background::{BackgroundBuilder, LightSnapshot, RunningBuild};
 pub use budget::FrameBudget;
 pub use clock::{Clock, SystemClock, VirtualClock, Work, WorkKind};
-pub(crate) use cost::CostModel;
-pub(crate) use decay::Decay;
-pub(crate) use forecast::{Forecast, Replacement, TreeFeatures};
-pub(crate) use priority_queue::PriorityQueue;
+pub(crate) use forecast::TreeFeatures;
+pub(crate) use jobs::{DoneJob, Job};
 pub use replay::{ClockEvent, RecordingClock, ReplayClock};
-pub(crate) use wait_queue::WaitQueue;
+
+use std::time::Duration;
+
+use slotmap::SecondaryMap;
+
+use crate::keys::TreeKey;
+use crate::policy::RebuildRequest;
+use cost::CostModel;
+use decay::Decay;
+use jobs::{FrameTime, OpenBuild};
+use ledger::Ledger;
+use queue::Queue;
+
+/// Decides which tree is rebuilt next.
+///
+/// The scheduler knows no trees and no world. It is told what has changed
+/// ([`Scheduler::has_changed`], [`Scheduler::set_request`]) and what jobs took
+/// ([`Scheduler::finish_rebuild`], [`Scheduler::finish_slice`]), and is asked for the next job
+/// ([`Scheduler::next_job`]).
+///
+/// Each tree that waits has a *priority*, in doublings:
+///
+/// ```text
+/// priority = start + AGING * rounds waited
+/// ```
+///
+/// `start` follows from the request of the tree's policies and from the noise that a rebuild
+/// removes per time (`requests.rs`). A *round* is the time granted in which all trees that wait
+/// could be rebuilt once. The tree with the greatest priority is served next, if that is at least
+/// 0. Starts lie within a fixed range, so the wait has a bound in rounds that holds for any
+/// sequence of budgets (`docs/math.md`, "How long a tree waits").
+///
+/// A tree that does not fit into the frame is built in slices, or on another thread. One such build
+/// is open at a time; it keeps the priority of its tree (`jobs.rs`).
+#[derive(Debug, Default)]
+pub(crate) struct Scheduler {
+    trees: SecondaryMap<TreeKey, TreeState>,
+    queue: Queue,
+    open: Option<OpenBuild>,
+    ledger: Ledger,
+    costs: CostModel,
+    /// The number of frames so far.
+    frame: u64,
+    /// Rounds so far. Ranks are relative to this, so it starts anew before they run out of digits.
+    rounds: f64,
+    /// The predicted nanoseconds of all trees that wait.
+    waiting_nanos: u64,
+    /// The logarithm to base 2 of the greatest value of late, if there was any.
+    top_value: Option<f32>,
+    time: FrameTime,
+}
+
+/// What the scheduler knows about one tree.
+#[derive(Clone, Debug, Default)]
+struct TreeState {
+    /// The number of lights.
+    lights: usize,
+    /// The units of a rebuild.
+    units: f64,
+    /// The features right after the last build.
+    built: TreeFeatures,
+    decay: Decay,
+    /// The predicted logarithm of the rise of the variance, as of the last change.
+    rise: f32,
+    request: RebuildRequest,
+    waiting: Option<Waiting>,
+}
+
+/// The place of a tree in the queue.
+#[derive(Clone, Copy, Debug)]
+struct Waiting {
+    index: usize,
+    /// The frame and the number of rounds at which the tree began to wait.
+    since_frame: u64,
+    since_round: f64,
+    /// The number of rounds at which the tree was last doubtful, or began to wait.
+    asked_round: f64,
+    /// The predicted time of its rebuild.
+    nanos: u64,
+}
+
+impl Scheduler {
+    /// The number of frames so far.
+    pub fn frame(&self) -> u64 {
+        self.frame
+    }
+
+    /// The number of trees that wait, without the tree of an open build.
+    pub fn waiting_trees(&self) -> usize {
+        self.queue.len()
+    }
+
+    /// The longest wait in frames of the trees that wait, that of an open build included.
+    pub fn longest_wait(&self) -> u64 {
+        let oldest = self.queue.oldest().and_then(|tree| self.trees[tree].waiting).map(|waiting| waiting.since_frame);
+        let open = self.open.as_ref().filter(|open| !open.is_built).map(|open| open.since_frame);
+        oldest.into_iter().chain(open).map(|since| self.frame - since).max().unwrap_or(0)
+    }
+
+    /// One of the trees that wait, another one in each frame.
+    pub fn tree_in_turn(&self) -> Option<TreeKey> {
+        let len = self.queue.len() as u64;
+        (len > 0).then(|| self.queue.tree((self.frame % len) as usize))
+    }
+
+    /// Whether a build of the tree is open, so that requests for it wait until its end.
+    pub fn is_open(&self, tree: TreeKey) -> bool {
+        self.open.as_ref().is_some_and(|open| open.tree == Some(tree) && !open.is_built)
+    }
+
+    /// Whether the tree waits for a rebuild, in the queue or for its open build.
+    pub fn waits(&self, tree: TreeKey) -> bool {
+        self.trees[tree].waiting.is_some() || self.is_open(tree)
+    }
+
+    /// Adds a tree that was just built.
+    pub fn add(&mut self, tree: TreeKey, features: TreeFeatures, lights: usize) {
+        let mut state = TreeState::default();
+        state.set_lights(lights);
+        state.start(features, self.frame);
+        self.trees.insert(tree, state);
+    }
+
+    /// Lets a tree begin with what is known about another one, of which it is a copy.
+    pub fn copy(&mut self, from: TreeKey, to: TreeKey) {
+        let state = TreeState { waiting: None, request: RebuildRequest::None, ..self.trees[from].clone() };
+        self.trees.insert(to, state);
+    }
+
+    /// Forgets a tree.
+    pub fn remove(&mut self, tree: TreeKey) {
+        self.withdraw(tree);
+        self.cancel(tree);
+        self.trees.remove(tree);
+    }
+
+    /// Starts a frame: grants its budget, and lets trees that wait age.
+    pub fn start_frame(&mut self, budget: Duration) {
+        self.frame += 1;
+        self.ledger.grant(budget);
+        self.costs.shrink_margins();
+        if self.waiting_nanos > 0 {
+            let rounds = (ledger::nanos(budget) / self.waiting_nanos as f64).min(1.0);
+            self.advance_rounds(rounds);
+        }
+    }
+}
+
+impl TreeState {
+    fn set_lights(&mut self, lights: usize) {
+        self.lights = lights;
+        self.units = cost::units_of_build(lights);
+    }
+
+    /// Resets what has happened since the last build.
+    fn start(&mut self, features: TreeFeatures, frame: u64) {
+        self.built = features;
+        self.decay.reset(frame);
+        self.rise = 0.0;
+    }
+}

@@ -55,7 +55,7 @@ fn effects_of(lights: &[Light]) -> EffectCounts {
 
 /// The clusters of all lights.
 fn placed_lights(lights: &[Light]) -> Vec<PlacedLight> {
-    let placed = |(index, light): (usize, &Light)| PlacedLight { index: index as u32, cluster: light.cluster() };
+    let placed = |(index, light): (usize, &Light)| PlacedLight::new(index, light);
     #[cfg(feature = "parallel")]
     {
         use rayon::prelude::*;

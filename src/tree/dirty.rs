@@ -17,6 +17,17 @@ impl DirtyNodes {
         Self { flags: vec![false; count], heap: BinaryHeap::with_capacity(count) }
     }
 
+    /// Reserves memory for a tree of `count` nodes, to which [`DirtyNodes::grow`] grows the set.
+    pub fn reserve(&mut self, count: usize) {
+        self.flags.reserve_exact(count);
+        self.heap.reserve_exact(count);
+    }
+
+    /// Grows the tree to `count` nodes. The new ones are not in the set.
+    pub fn grow(&mut self, count: usize) {
+        self.flags.resize(count, false);
+    }
+
     /// The size of all arrays in bytes.
     pub fn memory_bytes(&self) -> usize {
         self.flags.capacity() + size_of::<u32>() * self.heap.capacity()

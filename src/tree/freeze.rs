@@ -78,6 +78,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
+    use crate::tree::testing::state_of;
 
     fn lamp(i: usize) -> Light {
         let turn = |speed: f32| (i as f32 * speed).sin();
@@ -88,15 +89,6 @@ mod tests {
             1 => Light::spot(place, Vec3::Y, 0.2, 0.9, emission),
             _ => Light::rectangle(place, Vec3::X * turn(0.3), Vec3::new(0.0, turn(0.9), 0.3), emission),
         }
-    }
-
-    /// The complete state of a tree as text, in which equal floats look equal and NaN equals NaN.
-    fn state_of(tree: &LightTree) -> String {
-        let bits: &[u8] = bytemuck::cast_slice(&tree.nodes);
-        let LightTree { spans, light_counts, leaves, wide, built_costs, attribute_sums, .. } = tree;
-        let LightTree { rebuild_credit, root, attributes, effects, .. } = tree;
-        let shape = format!("{bits:?} {spans:?} {light_counts:?} {leaves:?} {root:?}");
-        format!("{shape} {wide:?} {built_costs:?} {attribute_sums:?} {rebuild_credit} {attributes:?} {effects:?}")
     }
 
     #[test]

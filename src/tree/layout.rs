@@ -8,6 +8,7 @@ use super::node::{EMPTY_SLOT, LEAF, NO_PARENT, Node, WIDTH};
 use super::shape::{BuildItem, ShapeNode};
 use super::tasks::RefitTasks;
 use crate::cluster::Cluster;
+use crate::light::Light;
 
 /// A build adds one spare node for this many nodes.
 const NODES_PER_SPARE: usize = 24;
@@ -22,6 +23,11 @@ pub(super) struct PlacedLight {
 
 impl PlacedLight {
     const NONE: Self = Self { index: u32::MAX, cluster: Cluster::EMPTY };
+
+    #[inline(always)]
+    pub fn new(index: usize, light: &Light) -> Self {
+        Self { index: index as u32, cluster: light.cluster() }
+    }
 }
 
 /// The items of a shape: the lights, named by their places in the list.
@@ -43,42 +49,36 @@ fn spread_position(index: u64, used: u64, span: u64) -> u64 {
     index + (span - used) * index / used
 }
 
+/// Where the nodes of a shape lie in a tree.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Layout {
+    /// The node of the tree that becomes the root of the shape.
+    pub root: usize,
+    /// The link of that node to its parent.
+    pub parent: u32,
+    /// The number of nodes of the shape.
+    pub used: usize,
+    /// The number of nodes from `root` on, spare ones included.
+    pub span: usize,
+}
+
+impl Layout {
+    /// The node of the tree for a node of the shape. The end of the last subtree for `used`.
+    #[inline(always)]
+    pub fn position(&self, index: usize) -> usize {
+        self.root + spread_position(index as u64, self.used as u64, self.span as u64) as usize
+    }
+}
+
 impl LightTree {
     /// Lays out a shape over some lights in the `span` empty nodes from `root` on, and refits.
     pub(super) fn lay_out(&mut self, shape: &[ShapeNode], lights: &[PlacedLight], root: usize, span: usize) {
-        let position = |index: usize| root + spread_position(index as u64, shape.len() as u64, span as u64) as usize;
-        let parent = self.nodes[root].parent;
-        for (i, shaped) in shape.iter().enumerate() {
-            let node = position(i);
-            let mut targets = shaped.targets;
-            // Load all at once: they are anywhere in memory, and waiting for one after the other
-            // takes longer than all the rest.
-            let is_light = |target: u32| target != EMPTY_SLOT && target & LEAF != 0;
-            let loaded: [PlacedLight; WIDTH] = targets
-                .map(|target| if is_light(target) { lights[(target & !LEAF) as usize] } else { PlacedLight::NONE });
-            for (slot, target) in targets[..shaped.count as usize].iter_mut().enumerate() {
-                if *target & LEAF != 0 {
-                    let PlacedLight { index, cluster } = &loaded[slot];
-                    self.leaves[*index as usize] = (node * WIDTH + slot) as u32;
-                    self.wide[node].set(slot, cluster);
-                    *target = index | LEAF;
-                } else {
-                    *target = position(*target as usize) as u32;
-                }
-            }
-            let parent = match shaped.parent {
-                NO_PARENT => parent,
-                place => (position(place as usize / WIDTH) * WIDTH) as u32 + place % WIDTH as u32,
-            };
-            self.nodes[node] = Node { targets, parent, steps: shaped.count << 24, ..Node::EMPTY };
-            self.spans[node] = (position(i + shaped.span as usize) - node) as u32;
-            self.dirty.flags_mut()[node] = true;
+        let layout = Layout { root, parent: self.nodes[root].parent, used: shape.len(), span };
+        for i in 0..shape.len() {
+            self.lay_out_node(&layout, &shape[i], i, lights);
         }
         for node in (root..root + span).rev() {
-            self.light_counts[node] = self.nodes[node].targets[..self.nodes[node].count()]
-                .iter()
-                .map(|target| if target & LEAF != 0 { 1 } else { self.light_counts[*target as usize] })
-                .sum();
+            self.count_lights(node);
         }
         self.tasks = RefitTasks::new(&self.spans);
         self.refit_subtree(root);
@@ -86,6 +86,44 @@ impl LightTree {
         for node in root..root + span {
             self.built_costs[node] = self.cost_per_spread(node);
         }
+    }
+
+    /// Lays out the node at index `i` of a shape and marks it for the next refit.
+    #[inline(always)]
+    pub(super) fn lay_out_node(&mut self, layout: &Layout, shaped: &ShapeNode, i: usize, lights: &[PlacedLight]) {
+        let node = layout.position(i);
+        let mut targets = shaped.targets;
+        // Load all at once: they are anywhere in memory, and waiting for one after the other takes
+        // longer than all the rest.
+        let is_light = |target: u32| target != EMPTY_SLOT && target & LEAF != 0;
+        let loaded: [PlacedLight; WIDTH] =
+            targets.map(|target| if is_light(target) { lights[(target & !LEAF) as usize] } else { PlacedLight::NONE });
+        for (slot, target) in targets[..shaped.count as usize].iter_mut().enumerate() {
+            if *target & LEAF != 0 {
+                let PlacedLight { index, cluster } = &loaded[slot];
+                self.leaves[*index as usize] = (node * WIDTH + slot) as u32;
+                self.wide[node].set(slot, cluster);
+                *target = index | LEAF;
+            } else {
+                *target = layout.position(*target as usize) as u32;
+            }
+        }
+        let parent = match shaped.parent {
+            NO_PARENT => layout.parent,
+            place => (layout.position(place as usize / WIDTH) * WIDTH) as u32 + place % WIDTH as u32,
+        };
+        self.nodes[node] = Node { targets, parent, steps: shaped.count << 24, ..Node::EMPTY };
+        self.spans[node] = (layout.position(i + shaped.span as usize) - node) as u32;
+        self.dirty.flags_mut()[node] = true;
+    }
+
+    /// Counts the lights below a node whose child nodes have been counted.
+    #[inline(always)]
+    pub(super) fn count_lights(&mut self, node: usize) {
+        self.light_counts[node] = self.nodes[node].targets[..self.nodes[node].count()]
+            .iter()
+            .map(|target| if target & LEAF != 0 { 1 } else { self.light_counts[*target as usize] })
+            .sum();
     }
 }
 

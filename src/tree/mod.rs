@@ -12,7 +12,9 @@ mod pack;
 mod rebuild;
 mod refit;
 mod shape;
+mod stepped_build;
 mod tasks;
+mod units;
 #[cfg(test)]
 pub(crate) mod testing;
 mod wide;
@@ -26,12 +28,13 @@ pub use node::{Bytes, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_PARENT, Node, Target, WID
 #[cfg(feature = "gpu")]
 pub(crate) use pack::{CAP_STEPS, DIRECTION_STEPS, STEPS};
 pub(crate) use pack::{UNLIMITED_RANGE, Unpacked};
-pub(crate) use rebuild::RebuildPart;
+
 #[cfg(test)]
 pub(crate) use shape::{BuildItem, shape};
 pub(crate) use shape::{ChildGroup, Children, fills_nodes, middle};
 #[cfg(feature = "gpu")]
 pub(crate) use shape::{FULL, SPARSE_COUNTS};
+pub(crate) use stepped_build::{MAX_EXTRA_UNITS, TreeBuild};
 pub(crate) use wide::{Lanes, WideCluster};
 
 use std::fmt;

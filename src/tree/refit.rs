@@ -1,6 +1,8 @@
 //! Refits a tree: brings its nodes up to date with lights that moved, turned or dimmed, from the
 //! leaves to the root, and computes the attributes.
 
+use std::ops::Range;
+
 use super::LightTree;
 use super::attributes::AttributeSums;
 use super::node::{NO_PARENT, Node, Target, WIDTH};
@@ -33,7 +35,22 @@ impl LightTree {
         } else {
             self.refit_dirty::<true>();
         }
+        self.update_attributes();
+    }
+
+    /// Computes the attributes of the tree from the sums at its root.
+    pub(super) fn update_attributes(&mut self) {
         self.attributes = self.attribute_sums.first().copied().unwrap_or_default().relative_to(&self.cluster());
+    }
+
+    /// Refits the marked ones of some consecutive nodes of a tree that is being built. The marked
+    /// nodes after them have been refitted.
+    pub(super) fn refit_nodes(&mut self, range: Range<usize>) {
+        let Self { nodes, wide, attribute_sums: sums, dirty, .. } = self;
+        let slices = NodeSlices { base: 0, nodes, wide, sums, is_dirty: dirty.flags_mut() };
+        if let Some(cluster) = with_vectors(SweepRange(slices, range)) {
+            self.root = cluster;
+        }
     }
 
     /// [`LightTree::refit`] without the attributes, for trees whose attributes are not read. They
@@ -173,6 +190,27 @@ impl<const MEASURE: bool> Job for Sweep<'_, MEASURE> {
             }
         }
         root
+    }
+}
+
+/// Refits the marked nodes of a range, and marks no others. Returns the cluster of the root if the
+/// range contains it.
+struct SweepRange<'a>(NodeSlices<'a>, Range<usize>);
+
+impl Job for SweepRange<'_> {
+    type Output = Option<Cluster>;
+
+    #[inline(always)]
+    fn run(self) -> Option<Cluster> {
+        let Self(mut slices, range) = self;
+        let mut last = None;
+        let has_root = range.start == 0;
+        for node in range.rev() {
+            if slices.is_dirty[node] {
+                last = Some(slices.refit::<true>(node));
+            }
+        }
+        last.filter(|_| has_root)
     }
 }
 

@@ -32,16 +32,21 @@ impl RefitTasks {
         let mut tasks = Self::default();
         let mut node = 0;
         while node < spans.len() {
-            if spans[node] > MAX_TASK_NODES {
-                tasks.upper.push(node as u32);
-                node += 1;
-            } else {
-                let nodes = spans[node].max(1) as usize;
-                tasks.subtrees.push(RefitTask { root: node, nodes, changed: None });
-                node += nodes;
-            }
+            node = tasks.add(node, spans);
         }
         tasks
+    }
+
+    /// Adds a node, or the subtree below it. The nodes before it have been added. Returns the first
+    /// node after the added ones.
+    pub fn add(&mut self, node: usize, spans: &[u32]) -> usize {
+        if spans[node] > MAX_TASK_NODES {
+            self.upper.push(node as u32);
+            return node + 1;
+        }
+        let nodes = spans[node].max(1) as usize;
+        self.subtrees.push(RefitTask { root: node, nodes, changed: None });
+        node + nodes
     }
 
     /// The size of all arrays in bytes.

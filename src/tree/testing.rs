@@ -1,6 +1,9 @@
-//! Random numbers for the unit tests of trees.
+//! Random numbers and comparisons for the unit tests of trees.
 
 use glam::Vec3;
+
+use super::LightTree;
+use crate::cluster::Cluster;
 
 /// The generator of the integration tests.
 #[path = "../../examples/common/split_mix.rs"]
@@ -13,4 +16,42 @@ impl Rng {
     pub fn position(&mut self, size: f32) -> Vec3 {
         Vec3::new(self.between(-size, size), self.between(-size, size), self.between(-size, size))
     }
+}
+
+/// The complete state of a tree but for its lights. Floats are equal if their bits are.
+#[derive(PartialEq)]
+pub(crate) struct State {
+    words: Vec<Vec<u32>>,
+    text: String,
+}
+
+/// The complete state of a tree but for its lights.
+pub(crate) fn state_of(tree: &LightTree) -> State {
+    let LightTree { nodes, leaves, wide, spans, light_counts, built_costs, .. } = tree;
+    let LightTree { attribute_sums, has_stale_sums, dirty, tasks, .. } = tree;
+    let LightTree { rebuild_credit, root, attributes, effects, .. } = tree;
+    let bits = |floats: &[f32]| floats.iter().map(|v| v.to_bits()).collect::<Vec<u32>>();
+    let wide = wide.iter().flat_map(|lanes| {
+        let vectors = [lanes.min, lanes.max, lanes.mean, lanes.axis];
+        let scalars = [lanes.flux, lanes.area_flux, lanes.variance, lanes.cos_half_angle, lanes.range];
+        [bits(vectors.as_flattened().as_flattened()), bits(scalars.as_flattened())].concat()
+    });
+    let words = vec![
+        bytemuck::cast_slice(nodes).to_vec(),
+        leaves.clone(),
+        wide.collect(),
+        spans.clone(),
+        light_counts.clone(),
+        bits(built_costs),
+        cluster_bits(root),
+    ];
+    let text =
+        format!("{attribute_sums:?} {has_stale_sums} {dirty:?} {tasks:?} {rebuild_credit} {attributes:?} {effects:?}");
+    State { words, text }
+}
+
+fn cluster_bits(cluster: &Cluster) -> Vec<u32> {
+    let Cluster { aabb, flux, area_flux, mean, variance, axis, cos_half_angle, range } = cluster;
+    let vectors = [aabb.min, aabb.max, *mean, *axis].into_iter().flat_map(|v| v.to_array());
+    vectors.chain([*flux, *area_flux, *variance, *cos_half_angle, *range]).map(f32::to_bits).collect()
 }

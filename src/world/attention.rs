@@ -85,7 +85,7 @@ impl LightWorld {
         let mut total = 0_u64;
         for (instance, count) in usage {
             let Some(instance) = instances.get(instance) else { continue };
-            let weight = &mut trees[instance.tree].rebuild_state.weight;
+            let weight = &mut trees[instance.tree].weight;
             if count > 0 && weight.pending_count == 0 {
                 view_weights.pending_trees.push(instance.tree);
             }
@@ -96,16 +96,15 @@ impl LightWorld {
             return;
         }
         view_weights.batch = view_weights.batch.wrapping_add(1);
-        view_weights.recorded_at = self.schedule.frame;
+        view_weights.recorded_at = self.scheduler.frame();
         let mut pending_trees = std::mem::take(&mut view_weights.pending_trees);
         for key in pending_trees.drain(..) {
             let batch = self.view_weights.batch;
-            let state = &mut self.trees[key].rebuild_state;
-            let weight = &mut state.weight;
+            let weight = &mut self.trees[key].weight;
             let share = std::mem::take(&mut weight.pending_count) as f32 / total as f32;
             weight.usage_share = weight.usage_share_at(batch) + (1.0 - USAGE_RETENTION) * share;
             weight.batch = batch;
-            if state.waiting.is_some() {
+            if self.scheduler.waits(key) {
                 self.update_request(key);
             }
         }
@@ -115,16 +114,16 @@ impl LightWorld {
     /// The weight of a tree: its share of the illuminance of all trees, or of usage where it is
     /// known.
     pub(super) fn weight_of(&mut self, key: TreeKey) -> f32 {
-        let frame = self.schedule.frame;
-        let weight = self.trees[key].rebuild_state.weight;
+        let frame = self.scheduler.frame();
+        let weight = self.trees[key].weight;
         if weight.computed_at.is_none_or(|computed_at| frame - computed_at >= ILLUMINANCE_LIFETIME) {
             let illuminance = self.illuminance_of(key);
             self.view_weights.total_illuminance += f64::from(illuminance) - f64::from(weight.illuminance);
-            let weight = &mut self.trees[key].rebuild_state.weight;
+            let weight = &mut self.trees[key].weight;
             weight.illuminance = illuminance;
             weight.computed_at = Some(frame);
         }
-        let (weight, view) = (&self.trees[key].rebuild_state.weight, &self.view_weights);
+        let (weight, view) = (&self.trees[key].weight, &self.view_weights);
         let total = view.total_illuminance;
         let illuminance_share = if total > 0.0 { (f64::from(weight.illuminance) / total) as f32 } else { 0.0 };
         if view.batch == 0 || frame - view.recorded_at > USAGE_LIFETIME {
@@ -135,7 +134,7 @@ impl LightWorld {
 
     /// Takes a tree that is to be removed out of the sum over all trees.
     pub(super) fn remove_weight(&mut self, key: TreeKey) {
-        self.view_weights.total_illuminance -= f64::from(self.trees[key].rebuild_state.weight.illuminance);
+        self.view_weights.total_illuminance -= f64::from(self.trees[key].weight.illuminance);
     }
 
     /// The illuminance of a tree at the viewpoint; see [`TreeWeight`].

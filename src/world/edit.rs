@@ -28,7 +28,9 @@ impl LightWorld {
 
     fn insert_tree(&mut self, tree: LightTree) -> TreeKey {
         self.effects.change(|counts| counts.add_all(tree.effects()));
-        let key = self.trees.insert(TreeEntry::new(tree, self.schedule.frame));
+        let (features, lights) = (TreeFeatures::of(&tree), tree.lights().len());
+        let key = self.trees.insert(TreeEntry::new(tree));
+        self.scheduler.add(key, features, lights);
         self.wake(key);
         set_slot(&mut self.tree_slots, slot_of(key), Some(key));
         self.changes.tree(slot_of(key));
@@ -44,8 +46,9 @@ impl LightWorld {
         if instances > 0 {
             return Err(WorldError::TreeInUse { tree, instances });
         }
-        self.let_rest(tree);
-        self.withdraw_request(tree);
+        self.remove_rest_timer(tree);
+        self.cancel_build(tree);
+        self.scheduler.remove(tree);
         self.remove_weight(tree);
         if let Some(entry) = self.trees.remove(tree) {
             self.effects.change(|counts| counts.remove_all(entry.tree.effects()));
@@ -100,12 +103,11 @@ impl LightWorld {
             counts.remove_all(entry.tree.effects());
         });
         entry.history = AttributeHistory::start(built.attributes());
-        entry.rebuild_state.start(TreeFeatures::of(&built), self.schedule.frame);
+        self.scheduler.was_replaced(tree, TreeFeatures::of(&built), built.lights().len());
         entry.tree = built;
         entry.staged = StagedLights::default();
         entry.has_new_policy = false;
         self.pending.remove(tree);
-        self.withdraw_request(tree);
         self.cancel_build(tree);
         self.has_moved(tree);
         self.changes.tree(slot_of(tree));
@@ -201,6 +203,7 @@ impl LightWorld {
             entry.has_new_policy = true;
             self.pending.insert(tree);
         }
+        self.forget_requests_that_no_policy_allows(tree);
         Ok(())
     }
 
@@ -218,7 +221,7 @@ impl LightWorld {
             return Ok(shared);
         }
         let copy = entry.tree.clone();
-        let (history, staged, rebuild_state) = (entry.history, entry.staged.clone(), entry.rebuild_state.for_copy());
+        let (history, staged) = (entry.history, entry.staged.clone());
         let has_new_policy = entry.has_new_policy;
         let own = self.insert_tree(copy);
         if !staged.is_empty() || has_new_policy {
@@ -227,14 +230,13 @@ impl LightWorld {
         let entry = &mut self.trees[own];
         entry.has_new_policy = has_new_policy;
         entry.history = history;
-        entry.rebuild_state = rebuild_state;
         entry.staged = staged;
+        self.scheduler.copy(shared, own);
         self.detach(shared, index_in_tree, policy);
         self.attach(key, own, policy);
         self.instances[key].tree = own;
         self.instance_changed(key);
-        let rebuild_state = &self.trees[shared].rebuild_state;
-        if rebuild_state.waiting.is_some() || rebuild_state.build_id.is_some() {
+        if self.scheduler.waits(shared) || self.trees[shared].successor.is_some() {
             // The copy needs a rebuild as much as the tree that it was copied from.
             self.update_request(own);
         }
@@ -326,6 +328,16 @@ impl LightWorld {
         }
         entry.policies.remove(policy);
         self.light_count -= entry.tree.lights().len();
+        self.forget_requests_that_no_policy_allows(tree);
+    }
+
+    /// Withdraws the request of a tree, and drops its open build, if none of its policies can
+    /// request a rebuild any more.
+    fn forget_requests_that_no_policy_allows(&mut self, tree: TreeKey) {
+        if !self.trees[tree].may_rebuild() {
+            self.scheduler.withdraw(tree);
+            self.cancel_build(tree);
+        }
     }
 
     fn instance_changed(&mut self, key: InstanceKey) {

@@ -5,6 +5,7 @@ use slotmap::{Key, SecondaryMap};
 /// Keys of live entries, each once, in one contiguous list.
 #[derive(Debug)]
 pub(super) struct KeySet<K: Key> {
+    /// In the order of insertion until a key is removed.
     keys: Vec<K>,
     /// The index of each key in the list.
     indices: SecondaryMap<K, usize>,
@@ -19,11 +20,6 @@ impl<K: Key> Default for KeySet<K> {
 impl<K: Key> KeySet<K> {
     pub fn contains(&self, key: K) -> bool {
         self.indices.contains_key(key)
-    }
-
-    /// The list. It is in the order of insertion until a key is removed.
-    pub fn keys(&self) -> &[K] {
-        &self.keys
     }
 
     /// Adds a key. Returns whether it was absent.
@@ -83,7 +79,7 @@ mod tests {
                 _ if step % 500 == 6 => assert!(set.drain().eq(list.drain(..))),
                 _ => {}
             }
-            assert_eq!(set.keys(), list);
+            assert_eq!(set.keys, list);
             assert!(list.iter().enumerate().all(|(index, key)| set.indices[*key] == index));
             assert_eq!(set.indices.len(), list.len());
         }

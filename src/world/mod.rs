@@ -2,15 +2,16 @@
 //! [`FrameDelta`] a frame comes out.
 
 mod attention;
-mod background_builds;
+mod build_thread;
 mod delta;
 mod edit;
-mod jobs;
 mod key_set;
+mod open_build;
+mod rebuild;
 mod refit;
 mod requests;
 mod rest;
-mod schedule;
+mod rest_timers;
 mod staged;
 mod update;
 
@@ -22,7 +23,7 @@ use slotmap::SlotMap;
 
 pub(crate) use delta::Changes;
 pub use delta::FrameDelta;
-pub use schedule::JobReport;
+pub use rebuild::JobReport;
 pub use update::{BackgroundReport, FrameReport};
 
 use crate::cluster::Cluster;
@@ -31,10 +32,11 @@ use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
 use crate::light::{DirectionalLight, MIN_FLUX};
 use crate::placement::{Placed, Placement};
 use crate::policy::{AttributeHistory, Policy, PolicySet};
-use crate::scheduler::{Clock, SystemClock, TreeFeatures};
+use crate::scheduler::{Clock, Scheduler, SystemClock};
 use crate::top::TopLevel;
 use crate::tree::LightTree;
 use key_set::KeySet;
+use rest_timers::RestTimers;
 use staged::StagedLights;
 
 /// All lights of a scene: light trees, instances of them, and directional lights.
@@ -52,12 +54,15 @@ pub struct LightWorld {
     origin: DVec3,
     light_count: usize,
     effects: HeldEffects,
-    /// Trees that are not frozen.
-    awake: KeySet<TreeKey>,
+    /// When trees stop counting as moving, and when they are frozen.
+    rest_timers: RestTimers,
     /// Trees that the next update refits, or whose rebuild request it updates.
     pending: KeySet<TreeKey>,
     changes: Changes,
-    schedule: schedule::Schedule,
+    scheduler: Scheduler,
+    open_build: open_build::OpenBuild,
+    /// The jobs of the last update.
+    jobs: Vec<JobReport>,
     view_weights: attention::ViewWeights,
     clock: Arc<dyn Clock>,
     top: OnceLock<TopLevel>,
@@ -73,8 +78,10 @@ pub(crate) struct TreeEntry {
     /// A policy changed since the last update, so that the tree may request a rebuild although no
     /// light changes.
     has_new_policy: bool,
-    rebuild_state: schedule::RebuildState,
-    rest: rest::Rest,
+    weight: attention::TreeWeight,
+    /// The tree that was built in slices or in the background. It replaces this one at the next
+    /// refit.
+    successor: Option<Box<LightTree>>,
 }
 
 pub(crate) struct Instance {
@@ -88,9 +95,7 @@ pub(crate) struct Instance {
 }
 
 impl TreeEntry {
-    fn new(tree: LightTree, frame: u64) -> Self {
-        let mut rebuild_state = schedule::RebuildState::default();
-        rebuild_state.start(TreeFeatures::of(&tree), frame);
+    fn new(tree: LightTree) -> Self {
         Self {
             history: AttributeHistory::start(tree.attributes()),
             tree,
@@ -98,8 +103,8 @@ impl TreeEntry {
             policies: PolicySet::default(),
             staged: StagedLights::default(),
             has_new_policy: false,
-            rebuild_state,
-            rest: rest::Rest::default(),
+            weight: attention::TreeWeight::default(),
+            successor: None,
         }
     }
 
@@ -163,10 +168,12 @@ impl LightWorld {
             origin: DVec3::ZERO,
             light_count: 0,
             effects: HeldEffects::default(),
-            awake: KeySet::default(),
+            rest_timers: RestTimers::default(),
             pending: KeySet::default(),
             changes: Changes::default(),
-            schedule: schedule::Schedule::default(),
+            scheduler: Scheduler::default(),
+            open_build: open_build::OpenBuild::default(),
+            jobs: Vec::new(),
             view_weights: attention::ViewWeights::default(),
             clock,
             top: OnceLock::new(),

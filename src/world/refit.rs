@@ -2,21 +2,19 @@
 
 use super::LightWorld;
 use super::staged::StagedLights;
+use super::update::FrameReport;
 use crate::effects::EffectCounts;
 use crate::keys::{TreeKey, slot_of};
 use crate::policy::AttributeHistory;
-use crate::scheduler::{Replacement, TreeFeatures};
+use crate::scheduler::{TreeFeatures, Work, WorkKind};
 use crate::tree::LightTree;
 
 impl LightWorld {
-    /// Refits the trees whose lights changed or that were built in the background, and updates the
-    /// rebuild requests of those and of the trees with a new policy. Returns the number of refitted
-    /// trees and of their lights.
-    pub(super) fn refit_pending(&mut self) -> (usize, usize) {
+    /// Refits the trees whose lights changed or that were built in slices or in the background, and
+    /// updates the rebuild requests of those and of the trees with a new policy.
+    pub(super) fn refit_edited(&mut self, report: &mut FrameReport) {
+        let start = self.clock.now();
         let mut jobs = self.take_pending();
-        if jobs.is_empty() {
-            return (0, 0);
-        }
         #[cfg(feature = "parallel")]
         {
             use rayon::prelude::*;
@@ -25,17 +23,18 @@ impl LightWorld {
         #[cfg(not(feature = "parallel"))]
         jobs.iter_mut().for_each(RefitJob::run);
 
-        let mut refitted = (0, 0);
         for job in jobs {
             if job.changes_nodes() {
-                refitted = (refitted.0 + 1, refitted.1 + job.tree.lights().len());
+                report.refit_trees += 1;
+                report.refit_lights += job.tree.lights().len();
             }
             self.finish_refit(job);
         }
-        if refitted.0 > 0 {
+        if report.refit_trees > 0 {
             self.top.take();
+            self.clock.worked(Work { kind: WorkKind::Refit, lights: report.refit_lights });
         }
-        refitted
+        report.refit_time = self.clock.now().saturating_sub(start);
     }
 
     /// Moves the pending trees out of the map, so that threads can work on them. The trees that
@@ -44,7 +43,7 @@ impl LightWorld {
         let Self { pending, trees, .. } = self;
         let job = |key: TreeKey| {
             let entry = &mut trees[key];
-            let successor = entry.rebuild_state.successor.take();
+            let successor = entry.successor.take();
             let has_new_policy = std::mem::take(&mut entry.has_new_policy);
             // Otherwise all edits were taken back.
             let is_needed = !entry.staged.is_empty() || successor.is_some() || has_new_policy;
@@ -58,6 +57,7 @@ impl LightWorld {
                 successor,
                 swap: None,
                 is_newly_measured: false,
+                features: None,
             })
         };
         pending.drain().filter_map(job).collect()
@@ -66,7 +66,7 @@ impl LightWorld {
     /// Moves a tree back into the map and updates its rebuild request.
     fn finish_refit(&mut self, job: RefitJob) {
         let changes_nodes = job.changes_nodes();
-        let RefitJob { key, is_edited, former_effects, tree, staged, swap, is_newly_measured, .. } = job;
+        let RefitJob { key, is_edited, former_effects, tree, staged, swap, features, .. } = job;
         if *tree.effects() != former_effects {
             self.effects.change(|counts| {
                 counts.add_all(tree.effects());
@@ -78,13 +78,14 @@ impl LightWorld {
         entry.tree = tree;
         entry.staged = staged;
         let mut is_as_built = false;
-        if let Some(Swap { replaced, history, is_outdated }) = swap {
+        if let Some(Swap { features, history, is_outdated }) = swap {
             is_as_built = !is_outdated && !is_edited;
-            entry.rebuild_state.learn(&replaced, None, self.schedule.frame);
+            self.scheduler.was_rebuilt(key, features);
             entry.history = history;
         }
-        if entry.may_rebuild() && (changes_nodes || is_newly_measured) {
-            entry.record_change(self.schedule.frame);
+        if let Some(features) = features {
+            entry.history.observe(&entry.tree.attributes());
+            self.scheduler.has_changed(key, &features);
         }
         if is_edited {
             self.has_moved(key);
@@ -94,7 +95,7 @@ impl LightWorld {
         if is_as_built {
             // No policy requests more than a tree that was just built, not even
             // `Policy::AlwaysRebuild`.
-            self.withdraw_request(key);
+            self.scheduler.withdraw(key);
         } else {
             self.update_request(key);
         }
@@ -121,11 +122,14 @@ struct RefitJob {
     swap: Option<Swap>,
     /// The attributes were not up to date before, though no light changed.
     is_newly_measured: bool,
+    /// What the scheduler predicts noise from, if some policy needs it and it has changed.
+    features: Option<TreeFeatures>,
 }
 
 /// The replacement of a tree by one that was built in the background, over about the same lights.
 struct Swap {
-    replaced: Replacement,
+    /// The features of the new tree as it was built.
+    features: TreeFeatures,
     /// The attributes of the new tree as it was built.
     history: AttributeHistory,
     /// Some lights have changed since they were copied for the build.
@@ -141,15 +145,19 @@ impl RefitJob {
     fn run(&mut self) {
         let before = self.tree.attributes();
         if let Some(built) = self.successor.take() {
-            let replaced = Replacement { before: TreeFeatures::of(&self.tree), after: TreeFeatures::of(&built) };
+            let features = TreeFeatures::of(&built);
             let history = AttributeHistory::start(built.attributes());
-            self.swap = Some(Swap { replaced, history, is_outdated: self.tree.succeed(*built) });
+            self.swap = Some(Swap { features, history, is_outdated: self.tree.succeed(*built) });
         }
         self.tree.apply(self.staged.changes());
         self.staged.clear();
         if self.is_measured {
             self.tree.refit();
             self.is_newly_measured = self.tree.attributes() != before;
+            let is_as_built = self.swap.as_ref().is_some_and(|swap| !swap.is_outdated) && !self.is_edited;
+            if (self.changes_nodes() || self.is_newly_measured) && !is_as_built {
+                self.features = Some(TreeFeatures::of(&self.tree));
+            }
         } else if self.changes_nodes() {
             self.tree.refit_without_attributes();
         }

@@ -2,100 +2,70 @@
 //! frozen.
 
 use super::LightWorld;
+use super::rest_timers::MAX_FREEZES;
 use super::staged::StagedLights;
-use crate::effects::{EFFECT_HOLD_UPDATES, Effects};
+use crate::effects::Effects;
 use crate::keys::TreeKey;
 
-/// The most trees that are frozen in one update: freeing their memory takes time, and many trees
-/// may be due at once.
-const MAX_FREEZES: usize = 64;
-
-/// The most updates without a change after which a tree is frozen: 64 times the first delay, two
-/// minutes at 60 frames a second.
-///
-/// Without a limit, a tree whose lamps flicker now and then would keep the memory that freezing
-/// frees for ever. At the limit, a tree is thawed at most once in 7,680 updates. A thaw computes
-/// every node once, as a refit of all lights does, which is then a small share of the time of those
-/// updates.
-const MAX_FREEZE_DELAY: u32 = 64 * EFFECT_HOLD_UPDATES;
-
-/// How long a tree has been at rest.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Rest {
-    /// The tree counts as moving: its lights changed within the last [`EFFECT_HOLD_UPDATES`]
-    /// updates.
-    is_moving: bool,
-    /// Updates since the lights changed or the tree was added, thawed or rebuilt.
-    still_updates: u32,
-    /// The tree is frozen once `still_updates` exceeds this. Doubles with each edit of the frozen
-    /// tree, up to [`MAX_FREEZE_DELAY`], so that a large tree with a lamp that flickers now and
-    /// then is not thawed each time.
-    freeze_delay: u32,
-}
-
-impl Default for Rest {
-    fn default() -> Self {
-        Self { is_moving: false, still_updates: 0, freeze_delay: EFFECT_HOLD_UPDATES }
-    }
-}
-
 impl LightWorld {
-    /// Records that a tree is not frozen. If it was, its time at rest starts again.
+    /// Records that a tree is not frozen. If it is new or was frozen, its time at rest starts
+    /// again. O(1).
     pub(super) fn wake(&mut self, tree: TreeKey) {
-        if self.awake.insert(tree) {
-            self.trees[tree].rest.still_updates = 0;
-        }
+        self.rest_timers.wake(tree);
     }
 
-    /// Records that the lights of a tree have changed, which thaws it.
+    /// Records that the lights of a tree have changed, which thaws it. O(1).
     pub(super) fn has_moved(&mut self, tree: TreeKey) {
-        let rest = &mut self.trees[tree].rest;
-        if !self.awake.contains(tree) {
-            rest.freeze_delay = (2 * rest.freeze_delay).min(MAX_FREEZE_DELAY);
-        }
-        rest.still_updates = 0;
-        if !std::mem::replace(&mut rest.is_moving, true) {
+        if self.rest_timers.has_moved(tree) {
             self.effects.change(|counts| counts.add(Effects::MOVING));
         }
-        self.wake(tree);
     }
 
-    /// Records that a tree is frozen or about to be removed. O(1).
-    pub(super) fn let_rest(&mut self, tree: TreeKey) {
-        self.stop_moving(tree);
-        self.awake.remove(tree);
-    }
-
-    /// Records that a tree does not count as moving any more.
-    fn stop_moving(&mut self, tree: TreeKey) {
-        if std::mem::take(&mut self.trees[tree].rest.is_moving) {
+    /// Records that a tree is about to be removed. O(1).
+    pub(super) fn remove_rest_timer(&mut self, tree: TreeKey) {
+        if self.rest_timers.remove(tree) {
             self.effects.change(|counts| counts.remove(Effects::MOVING));
         }
     }
 
-    /// Counts one update for all trees that are not frozen, and freezes the trees that have been
-    /// at rest for long enough. O(trees that are not frozen).
+    /// Counts one update, and freezes trees that have been at rest for long enough.
+    /// O(trees that come to rest), up to a limit per update.
     pub(super) fn freeze_resting(&mut self) {
-        let mut frozen = 0;
-        // From the last to the first: the tree that takes the index of a removed one has been
-        // visited before.
-        for index in (0..self.awake.keys().len()).rev() {
-            let tree = self.awake.keys()[index];
-            let entry = &mut self.trees[tree];
-            // Without threads large trees are rebuilt in parts, which needs the data that freezing
-            // drops.
-            let is_needed = self.schedule.builder.is_unavailable() && entry.rebuild_state.waiting.is_some();
-            let rest = &mut entry.rest;
-            rest.still_updates = rest.still_updates.saturating_add(1);
-            let Rest { still_updates, freeze_delay, .. } = *rest;
-            if still_updates > freeze_delay && frozen < MAX_FREEZES && !is_needed {
-                frozen += 1;
-                entry.tree.freeze();
-                entry.staged = StagedLights::default();
-                self.let_rest(tree);
-            } else if still_updates > EFFECT_HOLD_UPDATES {
-                self.stop_moving(tree);
-            }
+        let stopped = self.rest_timers.count_update();
+        if stopped > 0 {
+            self.effects.change(|counts| (0..stopped).for_each(|_| counts.remove(Effects::MOVING)));
         }
+        for _ in 0..MAX_FREEZES {
+            let Some(tree) = self.rest_timers.take_due() else { break };
+            let entry = &mut self.trees[tree];
+            entry.tree.freeze();
+            entry.staged = StagedLights::default();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scheduler::FrameBudget;
+
+    #[test]
+    fn an_update_in_which_nothing_moved_visits_as_few_trees_of_100_000_as_of_one() {
+        let accesses = [1, 100_000].map(|count| {
+            let mut world = LightWorld::new();
+            let trees: Vec<_> = (0..count).map(|_| world.add_tree(Vec::new()).expect("valid")).collect();
+            for tree in trees.iter().step_by(2) {
+                world.replace_lights(*tree, Vec::new()).expect("valid");
+            }
+            world.update(FrameBudget::NONE);
+            world.rest_timers.take_accesses();
+            for _ in 0..100 {
+                world.update(FrameBudget::NONE);
+            }
+            assert_eq!(world.rest_timers.awake_count(), count);
+            assert_eq!(world.effect_counts().of(Effects::MOVING), count.div_ceil(2) as u64);
+            world.rest_timers.take_accesses()
+        });
+        assert_eq!(accesses[0], accesses[1]);
     }
 }

@@ -6,7 +6,7 @@ use std::time::Duration;
 use super::LightWorld;
 use crate::error::WorldError;
 use crate::keys::TreeKey;
-use crate::scheduler::{FrameBudget, Work, WorkKind};
+use crate::scheduler::FrameBudget;
 
 /// What [`LightWorld::update`] did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -20,8 +20,6 @@ pub struct FrameReport {
     pub refit_lights: usize,
     /// Trees that were rebuilt within the frame.
     pub rebuilt_trees: usize,
-    /// Subtrees that were rebuilt within the frame, of trees that need a rebuild in part only.
-    pub rebuilt_parts: usize,
     /// Trees that request a rebuild and wait for a later frame, without the tree that is being
     /// built in the background.
     pub waiting_trees: usize,
@@ -46,8 +44,8 @@ pub struct FrameReport {
     pub refit_time: Duration,
 }
 
-/// The builds in the background of [`LightWorld::update`]: trees that are too large for a frame,
-/// one at a time.
+/// The builds in the background of [`LightWorld::update`]: trees that do not fit into a frame, one
+/// at a time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct BackgroundReport {
@@ -58,7 +56,7 @@ pub struct BackgroundReport {
     /// Builds that were dropped because their tree was removed, got other lights or changed its
     /// policy meanwhile.
     pub dropped: usize,
-    /// Builds in progress, 0 or 1. A build whose lights are still being copied counts.
+    /// Builds in progress, 0 or 1.
     pub running: usize,
     /// The time that the finished builds took, on their thread.
     pub spent: Duration,
@@ -69,36 +67,30 @@ impl LightWorld {
     /// budget. Call it once a frame.
     ///
     /// 1. Edited trees are refitted, in parallel.
-    /// 2. Trees whose policies request a rebuild are rebuilt, whole or in part. Rebuilds that
-    ///    remove the most noise per millisecond go first. The noise that a rebuild removes is
-    ///    estimated from the tree's attributes and from earlier rebuilds of the tree. It is
+    /// 2. Trees whose policies request a rebuild are rebuilt, those whose rebuild removes the most
+    ///    noise per millisecond first. The noise is estimated from the tree's attributes, and
     ///    weighted by the tree's share of the picture ([`LightWorld::record_usage`],
     ///    [`LightWorld::set_viewpoint`]). A rebuild starts only if it will probably end within the
     ///    budget.
-    /// 3. One sixteenth of the budget is reserved for the tree that has waited longest. In frames,
-    ///    a tree waits at most for 16 times the duration of the rebuilds that were requested before
-    ///    its own, divided by the budget. This holds while the budget stays the same and has room
-    ///    for the tree. A rebuild of a part ends the wait too.
-    /// 4. Trees that are too large for a frame are built on another thread; without the feature
-    ///    `parallel`, they are rebuilt in parts.
+    /// 3. A tree that does not fit into the budget of a frame is built in slices over several
+    ///    frames, or on another thread ([`LightWorld::set_background_builds`]).
+    /// 4. The longer a tree waits, the higher its priority. A *round* is the time granted in which
+    ///    all trees that wait could be rebuilt once. After five rounds no tree that asks later comes
+    ///    before a tree that gains something, so it waits only for those that wait already. This
+    ///    holds for any sequence of budgets; `docs/math.md` has the exact statement.
     /// 5. Effects that nothing in the world had for
     ///    [`EFFECT_HOLD_UPDATES`](crate::effects::EFFECT_HOLD_UPDATES) calls leave
     ///    [`LightWorld::effects`], and trees at rest are frozen
     ///    ([`LightTree::freeze`](crate::LightTree::freeze)).
     ///
-    /// Cost besides rebuilds: O(lights of edited trees), and O(1) for each tree that is not frozen.
+    /// Cost besides rebuilds: O(lights of edited trees), and O(1) for each tree that comes to rest.
     pub fn update(&mut self, budget: FrameBudget) -> FrameReport {
         let mut report =
             FrameReport { moved_instances: self.changes.take_moved(), budget: budget.time(), ..FrameReport::default() };
-        self.schedule.frame += 1;
+        self.scheduler.start_frame(budget.time());
         self.take_finished_build(&mut report);
-        let start = self.clock.now();
-        (report.refit_trees, report.refit_lights) = self.refit_pending();
-        if report.refit_trees > 0 {
-            self.clock.worked(Work { kind: WorkKind::Refit, lights: report.refit_lights });
-        }
-        report.refit_time = self.clock.now().saturating_sub(start);
-        self.run_jobs(&mut report);
+        self.refit_edited(&mut report);
+        self.do_jobs(&mut report);
         self.effects.count_update();
         self.freeze_resting();
         report
@@ -111,14 +103,7 @@ impl LightWorld {
     /// # Errors
     /// [`WorldError::NoSuchTree`].
     pub fn rebuild_tree(&mut self, tree: TreeKey) -> Result<Duration, WorldError> {
-        let work = Work { kind: WorkKind::Rebuild, lights: self.entry(tree)?.tree.lights().len() };
-        let start = self.clock.now();
-        let replaced = self.rebuild_whole(tree);
-        self.trees[tree].rebuild_state.learn(&replaced, None, self.schedule.frame);
-        self.clock.worked(work);
-        let took = self.clock.now().saturating_sub(start);
-        self.schedule.costs.learn(work, took);
-        self.top.take();
-        Ok(took)
+        self.entry(tree)?;
+        Ok(self.rebuild_now(tree))
     }
 }

@@ -5,7 +5,7 @@ use std::cell::Cell;
 
 use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Vec3};
-use girandole::{CandidateCount, FrameBudget, Light, LightTree, LightWorld, Placement, Policy};
+use girandole::{CandidateCount, Effects, FrameBudget, Light, LightTree, LightWorld, Placement, Policy};
 
 use crate::support::Rng;
 
@@ -127,6 +127,29 @@ fn an_update_of_a_world_at_rest_asks_for_no_memory() {
         assert_eq!(requests(|| drop((world.update(FrameBudget::UNLIMITED), world.take_delta()))), 0);
     }
     assert!(tree_is_frozen(&world));
+}
+
+#[test]
+fn an_update_in_which_nothing_moves_asks_for_no_memory_while_100_000_trees_come_to_rest() {
+    let lamp = |x: f32| Light::point(Vec3::new(x, 0.0, 0.0), Vec3::ONE);
+    let mut world = LightWorld::new();
+    let trees: Vec<_> = (0..100_000).map(|_| world.add_tree(vec![lamp(0.0)]).expect("valid")).collect();
+    // A part of the trees move in each of some updates, so that they come to rest in different
+    // updates.
+    for group in trees.chunks(trees.len() / 10) {
+        for tree in group.iter().step_by(2) {
+            world.set_lights(*tree, &[(0, lamp(1.0))]).expect("valid");
+        }
+        world.update(FrameBudget::NONE);
+        world.take_delta();
+    }
+    let frozen = |world: &LightWorld| trees.iter().filter(|tree| world.tree(**tree).unwrap().is_frozen()).count();
+    assert_eq!((world.effect_counts().of(Effects::MOVING), frozen(&world)), (50_000, 0));
+    for _ in 0..5 * EFFECT_HOLD_UPDATES {
+        assert_eq!(requests(|| drop((world.update(FrameBudget::NONE), world.take_delta()))), 0);
+    }
+    assert_eq!(world.effect_counts().of(Effects::MOVING), 0);
+    assert!(frozen(&world) > 5000);
 }
 
 #[test]

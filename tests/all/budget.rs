@@ -12,7 +12,7 @@ use crate::budget_strategies::program::noise;
 use crate::budget_strategies::program::regression::{
     Line, MAX_FEATURES, Point, best_tenth, fit, predict, spearman, spread,
 };
-use crate::budget_strategies::program::stage::{SceneKind, Stage};
+use crate::budget_strategies::program::stage::{SceneKind, Stage, StageOptions};
 use crate::support::{Rng, all_pmfs};
 
 #[test]
@@ -33,11 +33,26 @@ fn the_lights_of_a_frame_do_not_depend_on_which_earlier_frames_were_shown() {
     }
 }
 
+/// The smallest stage, with 20 shading points.
+fn stage_with_seed(seed: u64) -> Stage {
+    let options = StageOptions { kind: SceneKind::S10, motion: Motion::Teleporting, seed, shading_points: 20 };
+    Stage::new(&options, Arc::new(SystemClock::default())).expect("a stage")
+}
+
+#[test]
+fn the_seed_changes_the_lights_and_the_shading_points_of_a_scene() {
+    let stages = [1, 2].map(stage_with_seed);
+    assert!(stages[0].shading_points != stages[1].shading_points);
+    let lights = stages.each_ref().map(|stage| {
+        let trees = stage.trees.iter().map(|tree| stage.world.tree(*tree).expect("a tree").lights().to_vec());
+        trees.collect::<Vec<_>>()
+    });
+    assert!(lights[0].iter().zip(&lights[1]).all(|(a, b)| a != b));
+}
+
 #[test]
 fn the_lights_of_a_scene_do_not_depend_on_what_is_rebuilt() {
-    let mut stages = [0, 1].map(|_| {
-        Stage::new(SceneKind::S10, Motion::Teleporting, 20, Arc::new(SystemClock::default())).expect("a stage")
-    });
+    let mut stages = [0, 1].map(|_| stage_with_seed(1));
     assert_eq!(stages[0].shading_points, stages[1].shading_points);
     assert_eq!((stages[0].shading_points.len(), stages[0].trees.len()), (20, 10));
     let mut rebuilt = 0;

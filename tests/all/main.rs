@@ -2,6 +2,7 @@
 
 mod allocations;
 mod budget;
+mod budget_cases;
 mod budget_strategies;
 #[path = "../../examples/city/modules.rs"]
 #[allow(dead_code, missing_docs, reason = "the example's main uses what the tests do not")]

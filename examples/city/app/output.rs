@@ -16,14 +16,13 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// The column names of the table.
-pub const CSV_HEADER: [&str; 21] = [
+pub const CSV_HEADER: [&str; 20] = [
     "frame",
     "instances",
     "lights",
     "moved_instances",
     "refit_trees",
     "rebuilt_trees",
-    "rebuilt_parts",
     "background_trees",
     "waiting_trees",
     "longest_wait",
@@ -114,7 +113,7 @@ fn temporary(name: &str) -> String {
 }
 
 /// A line of the table.
-fn row(stats: &FrameStats) -> [String; 21] {
+fn row(stats: &FrameStats) -> [String; 20] {
     let micros = |d: Duration| format!("{:.1}", d.as_secs_f64() * 1e6);
     [
         stats.frame.to_string(),
@@ -123,7 +122,6 @@ fn row(stats: &FrameStats) -> [String; 21] {
         stats.moved_instances.to_string(),
         stats.refit_trees.to_string(),
         stats.rebuilt_trees.to_string(),
-        stats.rebuilt_parts.to_string(),
         stats.background_trees.to_string(),
         stats.waiting_trees.to_string(),
         stats.longest_wait.to_string(),

@@ -38,8 +38,6 @@ pub struct FrameStats {
     pub refit_trees: usize,
     /// Light trees that were rebuilt.
     pub rebuilt_trees: usize,
-    /// Parts of light trees that were rebuilt.
-    pub rebuilt_parts: usize,
     /// Light trees that were replaced by one that was built in the background.
     pub background_trees: usize,
     /// Light trees that wait for a rebuild.
@@ -184,7 +182,6 @@ impl Session {
             moved_instances: report.moved_instances,
             refit_trees: report.refit_trees,
             rebuilt_trees: report.rebuilt_trees,
-            rebuilt_parts: report.rebuilt_parts,
             background_trees: report.background.taken,
             waiting_trees: report.waiting_trees,
             longest_wait: report.longest_wait,

@@ -4,7 +4,7 @@
 use super::motion::Motion;
 use super::noise::sigmas;
 use super::scene::SceneError;
-use super::stage::{SceneKind, Stage};
+use super::stage::{SceneKind, Stage, StageOptions};
 use crate::common::table::markdown_head;
 use girandole::FrameBudget;
 use girandole::scheduler::SystemClock;
@@ -15,7 +15,7 @@ const FRAMES: u32 = 120;
 
 /// Plays a scene in every motion and prints a row for each. "Near trees" and "in view" are the two
 /// halves of the shading points (`stage.rs`).
-pub fn run(kind: SceneKind, shading_points: usize) -> Result<(), SceneError> {
+pub fn run(kind: SceneKind, seed: u64, shading_points: usize) -> Result<(), SceneError> {
     let columns = [
         "scene",
         "lights",
@@ -28,7 +28,8 @@ pub fn run(kind: SceneKind, shading_points: usize) -> Result<(), SceneError> {
     ];
     println!("{}", markdown_head(&columns));
     for motion in Motion::ALL {
-        let mut stage = Stage::new(kind, motion, shading_points, Arc::new(SystemClock::default()))?;
+        let mut stage =
+            Stage::new(&StageOptions { kind, motion, seed, shading_points }, Arc::new(SystemClock::default()))?;
         let mut refits = 0;
         for frame in 1..=FRAMES {
             stage.advance(frame)?;

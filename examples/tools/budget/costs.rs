@@ -16,13 +16,10 @@ use std::time::{Duration, Instant};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 enum Kind {
     Build,
-    Part,
-    Snapshot,
     Refit,
 }
 
-const KINDS: [(Kind, &str); 4] =
-    [(Kind::Build, "build"), (Kind::Part, "part"), (Kind::Snapshot, "snapshot"), (Kind::Refit, "refit")];
+const KINDS: [(Kind, &str); 2] = [(Kind::Build, "build"), (Kind::Refit, "refit")];
 
 /// The sizes that are measured: powers of two, 2^4 to 2^14 lights.
 const POWERS: std::ops::RangeInclusive<u32> = 4..=14;
@@ -59,28 +56,14 @@ impl Costs {
             let mut count = 0;
             while count < effort.least || (count < effort.most && start.elapsed() < effort.time) {
                 let cloud = cloud(lights, 20.0, &mut rng);
-                let (snapshot, copied) = timed(|| cloud.clone());
-                push(Kind::Snapshot, lights, copied);
+                let copy = cloud.clone();
                 let (_, once) = timed(|| LightTree::new(cloud.clone()));
-                let (tree, again) = timed(|| LightTree::new(snapshot));
+                let (tree, again) = timed(|| LightTree::new(copy));
                 push(Kind::Build, lights, once.min(again));
-                // Half of the lights fly far apart, which makes the subtrees bad.
                 let mut tree = tree?;
                 let moved: Vec<(u32, Light)> = (0..).zip(fly(&cloud, &mut rng)).collect();
                 tree.set_lights(&moved)?;
                 push(Kind::Refit, lights, timed(|| tree.refit()).1);
-                // Then only the subtrees in one corner become bad, which are worth rebuilding.
-                tree.rebuild();
-                let share = [2, 4, 8][count % 3];
-                tree.set_lights(&jumble(tree.lights(), lights / share, &mut rng))?;
-                tree.refit();
-                let (rebuilt, took) = timed(|| tree.rebuild_worst(lights * 3 / 4));
-                if rebuilt > 0 && rebuilt < lights {
-                    // Scales the time to the nearest power of two.
-                    let near = 1_usize << (rebuilt as f64).log2().round() as u32;
-                    let whole = took as f64 * near as f64 / rebuilt as f64;
-                    push(Kind::Part, near.clamp(1 << POWERS.start(), 1 << POWERS.end()), whole as u64);
-                }
                 count += 1;
             }
         }
@@ -88,16 +71,17 @@ impl Costs {
         Self(samples).checked()
     }
 
-    /// Reads a file of [`Costs::write`].
+    /// Reads a file of [`Costs::write`]. Rows of other kinds of work are skipped: earlier versions
+    /// measured more kinds.
     pub fn read(path: &Path) -> Result<Self, SceneError> {
         let refuse = |what: String| SceneError(format!("cannot read {}: {what}", path.display()));
         let mut reader = csv::Reader::from_path(path).map_err(|error| refuse(error.to_string()))?;
         let mut samples: BTreeMap<(Kind, usize), Vec<u64>> = BTreeMap::new();
         for record in reader.deserialize() {
             let (name, lights, nanos): (String, usize, u64) = record.map_err(|error| refuse(error.to_string()))?;
-            let kind = KINDS.iter().find(|(_, n)| *n == name).map(|(kind, _)| *kind);
-            let kind = kind.ok_or_else(|| refuse(format!("there is no kind of work {name:?}")))?;
-            samples.entry((kind, lights.max(1))).or_default().push(nanos.max(1));
+            if let Some((kind, _)) = KINDS.iter().find(|(_, n)| *n == name) {
+                samples.entry((*kind, lights.max(1))).or_default().push(nanos.max(1));
+            }
         }
         samples.values_mut().for_each(|nanos| nanos.sort_unstable());
         Self(samples).checked().map_err(|error| refuse(error.0))
@@ -135,8 +119,10 @@ impl Costs {
         let quantile = |nanos: &[u64]| nanos[((u * nanos.len() as f64) as usize).min(nanos.len() - 1)] as f64;
         match work.kind {
             WorkKind::Refit => self.between(Kind::Refit, work.lights, quantile),
-            WorkKind::RebuildPart => self.between(Kind::Part, work.lights, quantile),
-            WorkKind::Snapshot => self.between(Kind::Snapshot, work.lights, quantile),
+            WorkKind::Slice { tree_lights } => {
+                let whole = self.between(Kind::Build, tree_lights, quantile);
+                whole.mul_f64(work.lights as f64 / tree_lights.max(1) as f64)
+            }
             WorkKind::Rebuild | WorkKind::Background => self.between(Kind::Build, work.lights, quantile),
             // Other work is not paid from a budget.
             _ => Duration::ZERO,
@@ -270,17 +256,6 @@ fn fly(cloud: &[Light], rng: &mut Rng) -> Vec<Light> {
         Light::sphere(light.cluster().mean + offset, 0.05, Vec3::splat(100.0))
     };
     cloud.iter().enumerate().map(moved).collect()
-}
-
-/// Shuffles the places of the `count` lights with the least x.
-fn jumble(lights: &[Light], count: usize, rng: &mut Rng) -> Vec<(u32, Light)> {
-    let mut corner: Vec<u32> = (0..lights.len() as u32).collect();
-    let x = |light: &u32| lights[*light as usize].cluster().mean.x;
-    corner.sort_by(|a, b| x(a).total_cmp(&x(b)));
-    corner.truncate(count);
-    let mut places: Vec<Light> = corner.iter().map(|light| lights[*light as usize]).collect();
-    (1..places.len()).for_each(|i| places.swap(i, rng.below(i + 1)));
-    corner.into_iter().zip(places).collect()
 }
 
 #[cfg(test)]

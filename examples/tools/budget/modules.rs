@@ -26,6 +26,8 @@ pub mod strategies;
 pub mod player;
 pub mod run;
 
+pub mod cases;
+
 pub mod plots;
 pub mod report;
 

@@ -1,12 +1,13 @@
 //! The command line, and the whole run.
 
+use super::cases::Extent;
 use super::costs::Costs;
 use super::motion::Motion;
 use super::run::{Plan, measure};
 use super::scene::SceneError;
 use super::stage::SceneKind;
 use super::strategies::Strategy;
-use super::{check, fit, plots, report};
+use super::{cases, check, fit, plots, report};
 use crate::common::table::markdown_head;
 use clap::Parser;
 use girandole::Attribute;
@@ -27,6 +28,9 @@ pub struct Options {
     /// Only measure what rebuilds can gain in a scene
     #[arg(long, value_enum, ignore_case = true, conflicts_with = "out")]
     pub stages: Option<SceneKind>,
+    /// Only play the scenes that broke earlier schedulers
+    #[arg(long, conflicts_with_all = ["stages", "fit"])]
+    pub cases: bool,
     /// A small scene, two motions, few strategies and budgets: less than a minute
     #[arg(long)]
     pub quick: bool,
@@ -42,6 +46,12 @@ pub struct Options {
     /// Only these strategies, by the start of their names
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     pub strategies: Vec<String>,
+    /// Only these budgets, as shares of the time of always rebuilding
+    #[arg(long, value_name = "SHARE", value_delimiter = ',', value_parser = parse_share)]
+    pub shares: Vec<f64>,
+    /// Seeds the city, the trees, their motion and the shading points
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
     /// Number of frames, 60 per second
     #[arg(long, value_parser = clap::value_parser!(u32).range(8..=100_000))]
     pub frames: Option<u32>,
@@ -49,6 +59,16 @@ pub struct Options {
     #[arg(long, value_parser = clap::value_parser!(u32).range(2..=100_000))]
     pub shading_points: Option<u32>,
 }
+
+/// Parses a budget.
+fn parse_share(text: &str) -> Result<f64, String> {
+    let share: f64 = text.parse().map_err(|error| format!("{error}"))?;
+    let is_valid = share.is_finite() && (0.0..=MAX_SHARE).contains(&share);
+    if is_valid { Ok(share) } else { Err(format!("a share is a number from 0 to {MAX_SHARE}")) }
+}
+
+/// The greatest budget, as a share of the time of always rebuilding.
+const MAX_SHARE: f64 = 1_000.0;
 
 /// The budget of the plot of noise over time.
 const DRAWN_SHARE: f64 = 0.1;
@@ -71,6 +91,7 @@ fn plan(kind: SceneKind, is_quick: bool) -> Plan {
         frames,
         every,
         shading_points,
+        seed: 1,
     };
     if is_quick {
         return Plan { strategies: QUICK.to_vec(), ..plan(&[0.02, 0.1, 0.5], &[0.1], 96, 12, 32) };
@@ -118,13 +139,17 @@ pub fn run(options: &Options) -> Result<(), SceneError> {
         fit::run()?;
     }
     if let Some(kind) = options.stages {
-        check::run(kind, options.shading_points.unwrap_or(100) as usize)?;
+        check::run(kind, options.seed, options.shading_points.unwrap_or(100) as usize)?;
     }
     if options.fit || options.stages.is_some() {
         return Ok(());
     }
     let out = options.out.as_ref().ok_or_else(|| SceneError("--out is missing".into()))?;
     let is_quick = options.quick;
+    if options.cases {
+        let scenes = chosen("scene", &options.scene, &cases::SCENES, str::to_owned)?;
+        return cases::run(out, if is_quick { Extent::Quick } else { Extent::Full }, &scenes);
+    }
     let some = |all: &[SceneKind]| chosen("scene", &options.scene, all, |kind| kind.name().to_owned());
     let scenes = some(if is_quick && options.scene.is_empty() { &SceneKind::ALL[..1] } else { &SceneKind::ALL })?;
     let some = |all: &[Motion]| chosen("motion", &options.motion, all, |motion| motion.name().to_owned());
@@ -143,6 +168,11 @@ pub fn run(options: &Options) -> Result<(), SceneError> {
         if !options.strategies.is_empty() {
             plan.strategies.clone_from(&strategies);
         }
+        if !options.shares.is_empty() {
+            plan.shares.clone_from(&options.shares);
+            plan.ss_shares.clone_from(&options.shares);
+        }
+        plan.seed = options.seed;
         plan.frames = options.frames.unwrap_or(plan.frames);
         plan.every = plan.every.min(plan.frames);
         plan.shading_points = options.shading_points.map_or(plan.shading_points, |count| count as usize);

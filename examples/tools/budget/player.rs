@@ -1,11 +1,10 @@
 //! Plays one stage under one strategy and budget, frame by frame.
 
 use super::costs::{Costs, PlayedClock};
-use super::motion::Motion;
 use super::reference::{Reference, instances, set_policies};
 use super::scene::SceneError;
 use super::scene::rng::Rng;
-use super::stage::{SceneKind, Stage};
+use super::stage::{Stage, StageOptions};
 use super::strategies::Strategy;
 use girandole::{FrameBudget, InstanceKey, LightId};
 use std::collections::{HashMap, VecDeque};
@@ -68,15 +67,14 @@ struct External {
 impl<'a> Player<'a> {
     /// Starts before the first frame, with new trees.
     pub fn new(
-        kind: SceneKind,
-        motion: Motion,
-        shading_points: usize,
+        options: &StageOptions,
         (strategy, budget): (Strategy, FrameBudget),
         costs: &'a Arc<Costs>,
         reference: &'a Reference,
     ) -> Result<Self, SceneError> {
         let clock = Arc::new(PlayedClock::new(costs));
-        let mut stage = Stage::new(kind, motion, shading_points, Arc::<PlayedClock>::clone(&clock))?;
+        let mut stage = Stage::new(options, Arc::<PlayedClock>::clone(&clock))?;
+        stage.world.set_background_builds(strategy != Strategy::GirandoleInFrames);
         let instances = instances(&stage);
         set_policies(&mut stage.world, &instances, |tree| strategy.policy(&reference.deviations[tree]))?;
         let count = stage.trees.len();
@@ -114,7 +112,7 @@ impl<'a> Player<'a> {
 
     /// Gives the library's scheduler what its strategy may know: the camera and the usage.
     fn inform_scheduler(&mut self, frame: u32) {
-        if matches!(self.strategy, Strategy::Girandole | Strategy::GirandoleUsage) {
+        if matches!(self.strategy, Strategy::Girandole | Strategy::GirandoleUsage | Strategy::GirandoleInFrames) {
             self.stage.world.set_viewpoint(self.stage.eye).expect("a finite eye");
         }
         if self.usage.front().is_some_and(|(arrival, _)| *arrival <= frame) {

@@ -2,10 +2,9 @@
 //! builds of the trees.
 
 use super::lit::Lit;
-use super::motion::Motion;
 use super::oracle::Gains;
 use super::scene::SceneError;
-use super::stage::{SceneKind, Stage};
+use super::stage::{Stage, StageOptions};
 use super::strategies::{ATTRIBUTES, Deviations};
 use girandole::scheduler::VirtualClock;
 use girandole::{FrameBudget, InstanceKey, Light, LightTree, LightWorld, Policy};
@@ -33,15 +32,9 @@ pub struct Reference {
 impl Reference {
     /// Plays `frames` frames. The gains of rebuilds, which take long, are computed only if
     /// `has_oracle`.
-    pub fn new(
-        kind: SceneKind,
-        motion: Motion,
-        (frames, every): (u32, u32),
-        shading_points: usize,
-        has_oracle: bool,
-    ) -> Result<Self, SceneError> {
+    pub fn new(options: &StageOptions, (frames, every): (u32, u32), has_oracle: bool) -> Result<Self, SceneError> {
         let clock = Arc::new(VirtualClock::new(|_| Duration::ZERO));
-        let mut stage = Stage::new(kind, motion, shading_points, clock)?;
+        let mut stage = Stage::new(options, clock)?;
         let instances = instances(&stage);
         set_policies(&mut stage.world, &instances, |_| Policy::RefitOnly)?;
         let lights = |stage: &Stage| -> Vec<Vec<Light>> {

@@ -6,7 +6,7 @@ use super::player::Player;
 use super::reference::Reference;
 use super::report::{Row, SceneRow};
 use super::scene::SceneError;
-use super::stage::SceneKind;
+use super::stage::{SceneKind, StageOptions};
 use super::strategies::Strategy;
 use girandole::FrameBudget;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -25,6 +25,8 @@ pub struct Plan {
     /// Noise is measured every n-th frame.
     pub every: u32,
     pub shading_points: usize,
+    /// Seeds the stage ([`StageOptions::seed`]).
+    pub seed: u64,
 }
 
 /// The results of one run, in absolute numbers.
@@ -50,10 +52,11 @@ pub fn measure(
     costs: &Arc<Costs>,
 ) -> Result<(SceneRow, Vec<Row>), SceneError> {
     let has_oracle = plan.strategies.contains(&Strategy::Oracle);
-    let reference = Reference::new(kind, motion, (plan.frames, plan.every), plan.shading_points, has_oracle)?;
+    let options = StageOptions { kind, motion, seed: plan.seed, shading_points: plan.shading_points };
+    let reference = Reference::new(&options, (plan.frames, plan.every), has_oracle)?;
     let play = |(strategy, time): &(Strategy, Duration)| {
         let budget = FrameBudget::new(*time);
-        let player = Player::new(kind, motion, plan.shading_points, (*strategy, budget), costs, &reference)?;
+        let player = Player::new(&options, (*strategy, budget), costs, &reference)?;
         play(player, plan, *time)
     };
     let ends = in_parallel(&[(Strategy::UpdateOnly, Duration::ZERO), (Strategy::AlwaysRebuild, Duration::MAX)], play)?;
@@ -132,7 +135,7 @@ fn play(mut player: Player<'_>, plan: &Plan, budget: Duration) -> Result<Played,
 
 /// Works on all jobs with one thread per core. These are not rayon's threads, because jobs wait for
 /// rayon's tasks.
-fn in_parallel<J: Sync, T: Send>(
+pub fn in_parallel<J: Sync, T: Send>(
     jobs: &[J],
     work: impl Fn(&J) -> Result<T, SceneError> + Sync,
 ) -> Result<Vec<T>, SceneError> {

@@ -66,8 +66,6 @@ impl SceneKind {
     }
 }
 
-/// Seeds the city, the trees and the shading points.
-const SEED: u64 = 1;
 /// Half of the shading points are near trees that are at most this far from the middle of the view,
 /// in metres.
 const NEAR: f32 = 450.0;
@@ -77,6 +75,17 @@ const REACH: f32 = 35.0;
 const SIGHT: f32 = 1_000.0;
 /// The number of rays for one shading point, after which the search fails.
 const TRIES: usize = 2_000;
+
+/// What a stage is made of. Equal options give equal stages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StageOptions {
+    pub kind: SceneKind,
+    pub motion: Motion,
+    /// Seeds the city, the trees, their motion and the shading points.
+    pub seed: u64,
+    /// The number of shading points.
+    pub shading_points: usize,
+}
 
 /// A city, its deforming trees and their motion.
 pub struct Stage {
@@ -106,14 +115,10 @@ impl Stage {
     ///
     /// The deforming trees get [`Policy::Budgeted`]. The city's own strings and swarm are only
     /// refitted.
-    pub fn new(
-        kind: SceneKind,
-        motion: Motion,
-        shading_points: usize,
-        clock: Arc<dyn Clock>,
-    ) -> Result<Self, SceneError> {
-        let options = CityOptions { size: kind.size(), cars: None, seed: SEED };
-        let city = procedural::stage_in(&options, LightWorld::with_clock(clock))?;
+    pub fn new(options: &StageOptions, clock: Arc<dyn Clock>) -> Result<Self, SceneError> {
+        let StageOptions { kind, motion, seed, shading_points } = *options;
+        let city = CityOptions { size: kind.size(), cars: None, seed };
+        let city = procedural::stage_in(&city, LightWorld::with_clock(clock))?;
         let (scene, mut world) = (city.scene, city.world);
         let own: Vec<InstanceKey> = world.instances().collect();
         for instance in own {
@@ -124,10 +129,10 @@ impl Stage {
         let camera = scene.camera;
         let troupes: Vec<Troupe> = (0..kind.trees())
             .into_par_iter()
-            .map(|index| Troupe::new(Kind::of(index, motion), motion, SEED << 32 | index as u64))
+            .map(|index| Troupe::new(Kind::of(index, motion), motion, seed << 32 | index as u64))
             .collect();
         let mut sites = Sites::new(kind, middle(&camera));
-        let mut rng = Rng::new(SEED, 0x517e);
+        let mut rng = Rng::new(seed, 0x517e);
         let (mut trees, mut placed) = (Vec::new(), Vec::new());
         for troupe in &troupes {
             let tree = world.add_tree(troupe.lights().to_vec())?;
@@ -154,7 +159,7 @@ impl Stage {
             city: city.animation,
         };
         stage.advance(0)?;
-        stage.shading_points = stage.find_shading_points(&placed, shading_points)?;
+        stage.shading_points = stage.find_shading_points(&placed, shading_points, seed)?;
         Ok(stage)
     }
 
@@ -177,6 +182,7 @@ impl Stage {
         &self,
         placed: &[(TreeKey, Placement)],
         count: usize,
+        seed: u64,
     ) -> Result<Vec<ShadingPoint>, SceneError> {
         let camera = self.scene.camera;
         let middle = middle(&camera);
@@ -187,7 +193,7 @@ impl Stage {
         let near: Vec<&(TreeKey, Placement)> = placed.iter().filter(is_near).collect();
         let (rays, world) = (Rays::new(&self.scene), &self.world);
         let find = |index: usize| {
-            let mut rng = Rng::new(SEED, 0x4ece_0000 + index as u64);
+            let mut rng = Rng::new(seed, 0x4ece_0000 + index as u64);
             (0..TRIES).find_map(|_| {
                 if index % 2 == 1 || near.is_empty() {
                     return rays.first(camera.eye, through(&camera, [rng.unit(), rng.unit()]), SIGHT);

@@ -23,6 +23,9 @@ pub enum Strategy {
     Girandole,
     /// The library's scheduler with the position of the camera and the usage of instances.
     GirandoleUsage,
+    /// [`Strategy::Girandole`] without builds in the background: large trees are built in slices
+    /// within frames.
+    GirandoleInFrames,
     /// The rebuilds with the largest gain per time in this frame come first; the gains are computed
     /// exactly.
     Oracle,
@@ -32,7 +35,7 @@ use Attribute::{Distance, Overlap, SplittingCost, Variance};
 
 impl Strategy {
     /// All strategies, the two ends of the gap first.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::UpdateOnly,
         Self::AlwaysRebuild,
         Self::RoundRobin,
@@ -47,6 +50,7 @@ impl Strategy {
         Self::Ratio(SplittingCost),
         Self::Girandole,
         Self::GirandoleUsage,
+        Self::GirandoleInFrames,
         Self::Oracle,
     ];
 
@@ -67,6 +71,7 @@ impl Strategy {
             Self::Ratio(attribute) => format!("SS 2 {}", of(attribute)),
             Self::Girandole => "girandole".into(),
             Self::GirandoleUsage => "girandole usage".into(),
+            Self::GirandoleInFrames => "girandole in frames".into(),
             Self::Oracle => "oracle".into(),
         }
     }
@@ -91,7 +96,7 @@ impl Strategy {
         match self {
             Self::UpdateOnly | Self::RoundRobin | Self::OldestFirst | Self::Oracle => Policy::RefitOnly,
             Self::AlwaysRebuild => Policy::AlwaysRebuild,
-            Self::Girandole | Self::GirandoleUsage => Policy::Budgeted,
+            Self::Girandole | Self::GirandoleUsage | Self::GirandoleInFrames => Policy::Budgeted,
             Self::Deviation(attribute) => {
                 let deviation = ATTRIBUTES.iter().position(|a| *a == attribute).map_or(0.0, |i| deviations[i]);
                 Policy::Deviation { attribute, deviation, factor: DEVIATIONS }

@@ -9,7 +9,7 @@ use std::mem::swap;
 use glam::{Vec3, Vec4};
 
 use super::counts::fills_nodes;
-use super::group::{BuildItem, Group, GroupSums, MeanBounds, costs, has_several_runs, map_runs};
+use super::group::{BuildItem, Group, GroupSums, ItemSums, MeanBounds, costs, has_several_runs, map_runs};
 
 /// An axis is not cut if its extent is less than this share of the longest one. Slices so thin are
 /// no candidates, and the factor for thinness stays far inside f32.
@@ -29,20 +29,23 @@ const BLOCK: usize = 128;
 /// `None`, and the items stay as they are, if no cut leaves counts that fill nodes.
 pub(super) fn split_binned<const N: usize>(items: &mut [BuildItem], whole: &Group) -> Option<[Group; 2]> {
     let grid = BinGrid::new(&whole.means, N as f32);
-    let bins = Bins::<N>::around(items, &grid);
-    let (axis, cut) = bins.best_cut(items.len(), grid.stretch, whole.sums.per_flux())?;
-    let mut groups = [Group::EMPTY; 2];
-    for bin in 0..N {
-        let side = &mut groups[usize::from(bin >= cut)];
-        side.sums.add(&bins.sums[axis][bin]);
-        side.count += bins.counts[axis][bin] as usize;
-    }
+    let BinCut { axis, bin, mut groups } = Bins::<N>::around(items, &grid).cut(whole, &grid)?;
     let partition = [partition::<0>, partition::<1>, partition::<2>][axis];
-    [groups[0].means, groups[1].means] = partition(items, &grid, cut, groups[0].count);
+    [groups[0].means, groups[1].means] = partition(items, &grid, bin, groups[0].count);
     Some(groups)
 }
 
+/// A cut between two bins.
+pub(super) struct BinCut {
+    pub axis: usize,
+    /// The first bin of the right side.
+    pub bin: usize,
+    /// Both sides, without the bounds of their mean positions.
+    pub groups: [Group; 2],
+}
+
 /// Maps mean positions to bins.
+#[derive(Clone, Copy)]
 pub(super) struct BinGrid {
     pub origin: Vec4,
     /// Bins per metre; 0 along axes that are too short to be cut.
@@ -69,38 +72,64 @@ impl BinGrid {
 }
 
 /// The sums and the number of items in each bin of each axis.
-struct Bins<const N: usize> {
+pub(super) struct Bins<const N: usize> {
     sums: [[GroupSums; N]; 3],
     counts: [[u32; N]; 3],
 }
 
+impl<const N: usize> ItemSums for Bins<N> {
+    fn clear(&mut self) {
+        self.sums.as_flattened_mut().fill(GroupSums::EMPTY);
+        self.counts.as_flattened_mut().fill(0);
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.sums.as_flattened_mut().iter_mut().zip(other.sums.as_flattened()).for_each(|(a, b)| a.add(b));
+        self.counts.as_flattened_mut().iter_mut().zip(other.counts.as_flattened()).for_each(|(a, b)| *a += b);
+    }
+}
+
 impl<const N: usize> Bins<N> {
+    pub const EMPTY: Self = Self { sums: [[GroupSums::EMPTY; N]; 3], counts: [[0; N]; 3] };
+
     fn around(items: &[BuildItem], grid: &BinGrid) -> Self {
+        let around_run = |run: &[BuildItem]| {
+            let mut bins = Self::EMPTY;
+            bins.add_items(run, grid);
+            bins
+        };
         if !has_several_runs(items.len()) {
-            return Self::around_run(items, grid);
+            return around_run(items);
         }
-        let mut runs = map_runs(items, |run| Self::around_run(run, grid)).into_iter();
-        let mut all = runs.next().expect("a run");
-        for run in runs {
-            all.sums.as_flattened_mut().iter_mut().zip(run.sums.as_flattened()).for_each(|(a, b)| a.add(b));
-            all.counts.as_flattened_mut().iter_mut().zip(run.counts.as_flattened()).for_each(|(a, b)| *a += b);
-        }
+        let mut all = Self::EMPTY;
+        map_runs(items, around_run).iter().for_each(|run| all.add(run));
         all
     }
 
     #[inline(never)]
-    fn around_run(items: &[BuildItem], grid: &BinGrid) -> Self {
-        let mut bins = Self { sums: [[GroupSums::EMPTY; N]; 3], counts: [[0; N]; 3] };
+    pub fn add_items(&mut self, items: &[BuildItem], grid: &BinGrid) {
         for item in items {
             let [x, y, z, _] = (grid.positions(item.mean) + WHOLE_BINS).to_array();
             let sums = item.sums();
             for (position, axis) in [x, y, z].into_iter().zip(0..) {
                 let bin = (position.to_bits() >> 8) as usize % N;
-                bins.sums[axis][bin].add(&sums);
-                bins.counts[axis][bin] += 1;
+                self.sums[axis][bin].add(&sums);
+                self.counts[axis][bin] += 1;
             }
         }
-        bins
+    }
+
+    /// The best cut of the group `whole`, all of whose items are in the bins. `None` if no cut
+    /// leaves counts that fill nodes.
+    pub fn cut(&self, whole: &Group, grid: &BinGrid) -> Option<BinCut> {
+        let (axis, bin) = self.best_cut(whole.count, grid.stretch, whole.sums.per_flux())?;
+        let mut groups = [Group::EMPTY; 2];
+        for i in 0..N {
+            let side = &mut groups[usize::from(i >= bin)];
+            side.sums.add(&self.sums[axis][i]);
+            side.count += self.counts[axis][i] as usize;
+        }
+        Some(BinCut { axis, bin, groups })
     }
 
     /// The cut of the least cost: its axis and its number of bins on the left. Of equals the most
@@ -156,32 +185,64 @@ impl<const N: usize> Bins<N> {
 /// of the mean positions on both sides.
 #[inline(never)]
 fn partition<const AXIS: usize>(items: &mut [BuildItem], grid: &BinGrid, cut: usize, count: usize) -> [MeanBounds; 2] {
-    let limit = Vec4::splat(WHOLE_BINS + cut as f32);
-    let along = |item: &BuildItem| Vec4::splat((grid.positions(item.mean) + WHOLE_BINS).to_array()[AXIS]);
-    let (front, back) = items.split_at_mut(count);
-    let (mut lefts, mut rights) = (Side::EMPTY, Side::EMPTY);
-    loop {
+    let mut sides = Sides::EMPTY;
+    while sides.advance::<AXIS>(items, grid, cut, count) > 0 {}
+    sides.means()
+}
+
+/// Both sides of a partition.
+pub(super) struct Sides {
+    left: Side,
+    right: Side,
+}
+
+impl Sides {
+    pub const EMPTY: Self = Self { left: Side::EMPTY, right: Side::EMPTY };
+
+    /// [`Sides::advance`] along `cut.axis`.
+    #[inline(never)]
+    pub fn advance_along(&mut self, items: &mut [BuildItem], grid: &BinGrid, cut: &BinCut) -> usize {
+        let advance = [Self::advance::<0>, Self::advance::<1>, Self::advance::<2>][cut.axis];
+        advance(self, items, grid, cut.bin, cut.groups[0].count)
+    }
+
+    /// Classifies up to [`BLOCK`] items of each side, and swaps items that are on the wrong sides.
+    /// Returns the number of items that were classified or swapped, which is 0 once all items are
+    /// on their side.
+    #[inline(always)]
+    fn advance<const AXIS: usize>(
+        &mut self,
+        items: &mut [BuildItem],
+        grid: &BinGrid,
+        cut: usize,
+        count: usize,
+    ) -> usize {
+        let limit = Vec4::splat(WHOLE_BINS + cut as f32);
+        let along = |item: &BuildItem| Vec4::splat((grid.positions(item.mean) + WHOLE_BINS).to_array()[AXIS]);
+        let (front, back) = items.split_at_mut(count);
         // Without SIMD, glam's masks have another type, so they are turned into numbers here.
-        lefts.classify(front, |item| {
+        let mut handled = self.left.classify(front, |item| {
             let is_right = along(item).cmpge(limit);
             (Vec4::select(is_right, Vec4::INFINITY, Vec4::ZERO), is_right.bitmask())
         });
-        rights.classify(back, |item| {
+        handled += self.right.classify(back, |item| {
             let is_left = along(item).cmplt(limit);
             (Vec4::select(is_left, Vec4::INFINITY, Vec4::ZERO), is_left.bitmask())
         });
-        let (front_misplaced, back_misplaced) = (lefts.misplaced(), rights.misplaced());
+        let (front_misplaced, back_misplaced) = (self.left.misplaced(), self.right.misplaced());
         let pairs = front_misplaced.len().min(back_misplaced.len());
-        if pairs == 0 {
-            break;
-        }
         for (a, b) in front_misplaced.iter().zip(back_misplaced) {
             swap(&mut front[*a as usize], &mut back[*b as usize]);
         }
-        lefts.moved += pairs;
-        rights.moved += pairs;
+        self.left.moved += pairs;
+        self.right.moved += pairs;
+        handled + pairs
     }
-    [lefts.home.union(&rights.away), rights.home.union(&lefts.away)]
+
+    /// The bounds of the mean positions on both sides, once all items are on their side.
+    pub fn means(&self) -> [MeanBounds; 2] {
+        [self.left.home.union(&self.right.away), self.right.home.union(&self.left.away)]
+    }
 }
 
 /// One side of a partition, and its items that belong to the other side.
@@ -214,26 +275,30 @@ impl Side {
         &self.places[self.moved..self.found]
     }
 
-    /// Classifies more items if none is left to move. `is_away` returns, for an item of the other
-    /// side, infinity and set bits; for one of this side, zeros.
+    /// Classifies one more block of items if none is left to move. Returns the number of items.
+    /// `is_away` returns, for an item of the other side, infinity and set bits; for one of this
+    /// side, zeros.
     #[inline(always)]
-    fn classify(&mut self, items: &[BuildItem], is_away: impl Fn(&BuildItem) -> (Vec4, u32)) {
-        while self.moved == self.found && self.classified < items.len() {
-            let end = items.len().min(self.classified + BLOCK);
-            (self.found, self.moved) = (0, 0);
-            for (item, place) in items[self.classified..end].iter().zip(self.classified as u32..) {
-                // No branches: half of them would be mispredicted, for 110 ns more per light (of
-                // 360 in all).
-                let (not_home, bits) = is_away(item);
-                let not_away = Vec4::select(not_home.cmpeq(Vec4::ZERO), Vec4::INFINITY, Vec4::ZERO);
-                self.home.min = self.home.min.min(item.mean + not_home);
-                self.home.max = self.home.max.max(item.mean - not_home);
-                self.away.min = self.away.min.min(item.mean + not_away);
-                self.away.max = self.away.max.max(item.mean - not_away);
-                self.places[self.found % BLOCK] = place;
-                self.found += (bits & 1) as usize;
-            }
-            self.classified = end;
+    fn classify(&mut self, items: &[BuildItem], is_away: impl Fn(&BuildItem) -> (Vec4, u32)) -> usize {
+        if self.moved < self.found || self.classified == items.len() {
+            return 0;
         }
+        let first = self.classified;
+        let end = items.len().min(first + BLOCK);
+        (self.found, self.moved) = (0, 0);
+        for (item, place) in items[first..end].iter().zip(first as u32..) {
+            // No branches: half of them would be mispredicted, for 110 ns more per light (of 360 in
+            // all).
+            let (not_home, bits) = is_away(item);
+            let not_away = Vec4::select(not_home.cmpeq(Vec4::ZERO), Vec4::INFINITY, Vec4::ZERO);
+            self.home.min = self.home.min.min(item.mean + not_home);
+            self.home.max = self.home.max.max(item.mean - not_home);
+            self.away.min = self.away.min.min(item.mean + not_away);
+            self.away.max = self.away.max.max(item.mean - not_away);
+            self.places[self.found % BLOCK] = place;
+            self.found += (bits & 1) as usize;
+        }
+        self.classified = end;
+        end - first
     }
 }

@@ -25,30 +25,61 @@ pub(crate) struct Children<G> {
     count: usize,
 }
 
-impl<G: ChildGroup> Children<G> {
-    /// Divides the group `whole`. `split` is given the place of a group's first light below the
-    /// node and a group of more than [`WIDTH`] lights, and returns its two parts; `None` keeps it
-    /// whole and ends the division.
+/// The division of a group among the children of a node, one split at a time.
+pub(crate) struct ChildChooser<G> {
+    groups: [G; WIDTH],
+    count: usize,
+}
+
+impl<G: ChildGroup> ChildChooser<G> {
+    /// Starts with the group `whole` as the only child.
     #[inline(always)]
-    pub fn choose(whole: G, mut split: impl FnMut(usize, &G) -> Option<[G; 2]>) -> Self {
-        let mut groups = [whole; WIDTH];
-        let mut count = 1;
-        while count < WIDTH {
-            // The costliest group that no node can hold; of equals the largest, then the first.
-            let mut costliest: Option<usize> = None;
-            let rank = |i: usize| (groups[i].cost(), groups[i].count());
-            for i in 0..count {
-                if groups[i].count() > WIDTH && costliest.is_none_or(|best| rank(i) > rank(best)) {
-                    costliest = Some(i);
-                }
-            }
-            let Some(place) = costliest else { break };
-            let first: usize = groups[..place].iter().map(G::count).sum();
-            let Some(parts) = split(first, &groups[place]) else { break };
-            groups.copy_within(place + 1..count, place + 2);
-            groups[place..place + 2].copy_from_slice(&parts);
-            count += 1;
+    pub fn new(whole: G) -> Self {
+        Self { groups: [whole; WIDTH], count: 1 }
+    }
+
+    /// The place of the group to split next, which has more than [`WIDTH`] lights. `None` if the
+    /// node is full or can hold each group.
+    #[inline(always)]
+    pub fn next_split(&self) -> Option<usize> {
+        if self.count >= WIDTH {
+            return None;
         }
+        // The costliest group that no node can hold; of equals the largest, then the first.
+        let mut costliest: Option<usize> = None;
+        let rank = |i: usize| (self.groups[i].cost(), self.groups[i].count());
+        for i in 0..self.count {
+            if self.groups[i].count() > WIDTH && costliest.is_none_or(|best| rank(i) > rank(best)) {
+                costliest = Some(i);
+            }
+        }
+        costliest
+    }
+
+    /// The group at a place.
+    #[inline(always)]
+    pub fn group(&self, place: usize) -> &G {
+        &self.groups[place]
+    }
+
+    /// The number of lights in the groups before a place.
+    #[inline(always)]
+    pub fn first_light(&self, place: usize) -> usize {
+        self.groups[..place].iter().map(G::count).sum()
+    }
+
+    /// Replaces the group at a place by its two parts.
+    #[inline(always)]
+    pub fn replace(&mut self, place: usize, parts: &[G; 2]) {
+        self.groups.copy_within(place + 1..self.count, place + 2);
+        self.groups[place..place + 2].copy_from_slice(parts);
+        self.count += 1;
+    }
+
+    /// Ends the division and opens the smallest groups.
+    #[inline(always)]
+    pub fn finish(&self) -> Children<G> {
+        let Self { groups, count } = *self;
         let mut is_open = [false; WIDTH];
         let mut room = WIDTH - count;
         // The smallest group first, since it takes the least room; of equals the first.
@@ -59,12 +90,32 @@ impl<G: ChildGroup> Children<G> {
             is_open[place] = true;
             room -= groups[place].count() - 1;
         }
-        Self { groups, is_open, count }
+        Children { groups, is_open, count }
+    }
+}
+
+impl<G: ChildGroup> Children<G> {
+    /// Divides the group `whole`. `split` is given the place of a group's first light below the
+    /// node and a group of more than [`WIDTH`] lights, and returns its two parts; `None` keeps it
+    /// whole and ends the division.
+    #[inline(always)]
+    pub fn choose(whole: G, mut split: impl FnMut(usize, &G) -> Option<[G; 2]>) -> Self {
+        let mut chooser = ChildChooser::new(whole);
+        while let Some(place) = chooser.next_split() {
+            let Some(parts) = split(chooser.first_light(place), chooser.group(place)) else { break };
+            chooser.replace(place, &parts);
+        }
+        chooser.finish()
     }
 
     /// The groups and whether each is open.
     pub fn iter(&self) -> impl Iterator<Item = (&G, bool)> {
         self.groups[..self.count].iter().zip(self.is_open)
+    }
+
+    /// The group at a place and whether it is open. `None` after the last group.
+    pub fn get(&self, place: usize) -> Option<(&G, bool)> {
+        self.groups[..self.count].get(place).zip(self.is_open.get(place).copied())
     }
 }
 

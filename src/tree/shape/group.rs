@@ -54,7 +54,7 @@ impl BuildItem {
 }
 
 /// The box and the summed flux of a group. The fourth lane of the corners has no meaning.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct GroupSums {
     min: Vec4,
     max: Vec4,
@@ -88,7 +88,7 @@ pub(super) fn costs(groups: [&GroupSums; 4], per_flux: f32) -> Vec4 {
 }
 
 /// A box of mean positions.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct MeanBounds {
     pub min: Vec4,
     pub max: Vec4,
@@ -98,7 +98,13 @@ impl MeanBounds {
     pub const EMPTY: Self = Self { min: Vec4::INFINITY, max: Vec4::NEG_INFINITY };
 
     pub fn around(items: &[BuildItem]) -> Self {
-        items.iter().fold(Self::EMPTY, |all, item| all.union(&Self { min: item.mean, max: item.mean }))
+        Self::EMPTY.with(items)
+    }
+
+    /// These bounds, widened to contain some items.
+    #[inline(always)]
+    fn with(self, items: &[BuildItem]) -> Self {
+        items.iter().fold(self, |all, item| all.union(&Self { min: item.mean, max: item.mean }))
     }
 
     pub fn union(&self, other: &Self) -> Self {
@@ -111,7 +117,7 @@ impl MeanBounds {
 }
 
 /// The number, the sums and the mean positions of consecutive items.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Group {
     pub count: usize,
     pub sums: GroupSums,
@@ -124,13 +130,13 @@ impl Group {
 
     pub fn around(items: &[BuildItem]) -> Self {
         let parts = map_runs(items, |run| {
-            let mut sums = GroupSums::EMPTY;
-            run.iter().for_each(|item| sums.add(&item.sums()));
-            Self { count: run.len(), sums, means: MeanBounds::around(run) }
+            let mut group = Self::EMPTY;
+            group.add_items(run);
+            group
         });
         parts.into_iter().fold(Self::EMPTY, |mut all, part| {
-            all.sums.add(&part.sums);
-            Self { count: all.count + part.count, sums: all.sums, means: all.means.union(&part.means) }
+            all.add(&part);
+            all
         })
     }
 
@@ -139,6 +145,96 @@ impl Group {
         let four = [&a.sums, &b.sums, &GroupSums::EMPTY, &GroupSums::EMPTY];
         let [a, b, ..] = costs(four, self.sums.per_flux()).to_array();
         [a, b]
+    }
+}
+
+/// Sums over consecutive items, which may be added in several pieces.
+pub(super) trait ItemSums {
+    /// Empties the sums.
+    fn clear(&mut self);
+    /// Adds the sums of other items.
+    fn add(&mut self, other: &Self);
+}
+
+impl Group {
+    /// Adds some items.
+    pub fn add_items(&mut self, items: &[BuildItem]) {
+        self.count += items.len();
+        let mut sums = self.sums;
+        items.iter().for_each(|item| sums.add(&item.sums()));
+        self.sums = sums;
+        self.means = self.means.with(items);
+    }
+}
+
+impl ItemSums for Group {
+    fn clear(&mut self) {
+        *self = Self::EMPTY;
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.count += other.count;
+        self.sums.add(&other.sums);
+        self.means = self.means.union(&other.means);
+    }
+}
+
+/// Sums over many items that are added in pieces, in the order of the sums that [`map_runs`] makes.
+pub(super) struct SumsOfRuns<T> {
+    /// The sums of all complete runs; the only sums if all items are one run.
+    all: T,
+    /// The sums of the present run.
+    run: T,
+    /// The number of items that have been added.
+    added: usize,
+}
+
+impl<T: ItemSums> SumsOfRuns<T> {
+    /// `all` and `run` are empty sums.
+    pub const fn new(all: T, run: T) -> Self {
+        Self { all, run, added: 0 }
+    }
+
+    /// Forgets all items.
+    pub fn clear(&mut self) {
+        self.all.clear();
+        self.run.clear();
+        self.added = 0;
+    }
+
+    /// Adds up to `max_items` more of `items`, which are all items of the sums, with `add_items`.
+    /// Returns their number, 0 once all have been added.
+    pub fn add_some(
+        &mut self,
+        items: &[BuildItem],
+        max_items: usize,
+        add_items: impl FnOnce(&mut T, &[BuildItem]),
+    ) -> usize {
+        let first = self.added;
+        let mut end = items.len().min(first.saturating_add(max_items));
+        if has_several_runs(items.len()) {
+            let run_end = items.len().min((first / RUN + 1) * RUN);
+            end = end.min(run_end);
+            add_items(&mut self.run, &items[first..end]);
+            if end == run_end {
+                self.all.add(&self.run);
+                self.run.clear();
+            }
+        } else {
+            add_items(&mut self.all, &items[first..end]);
+        }
+        self.added = end;
+        end - first
+    }
+
+    /// The number of items that have been added.
+    pub fn added(&self) -> usize {
+        self.added
+    }
+
+    /// The sums, once all items have been added.
+    pub fn get(&self) -> &T {
+        &self.all
     }
 }
 

@@ -6,15 +6,20 @@ mod bins;
 mod children;
 mod counts;
 mod group;
+mod median;
 mod split;
+mod stepped;
+mod stepped_split;
 #[cfg(test)]
 mod tests;
 
+use children::ChildChooser;
 pub(crate) use children::{ChildGroup, Children};
 #[cfg(feature = "gpu")]
 pub(crate) use counts::{FULL, SPARSE_COUNTS};
 pub(crate) use counts::{fills_nodes, middle};
 pub(crate) use group::BuildItem;
+pub(super) use stepped::SteppedShape;
 
 use super::node::{EMPTY_SLOT, LEAF, NO_PARENT, WIDTH};
 use group::Group;
@@ -49,12 +54,16 @@ impl ShapeNode {
         self.targets[self.count as usize] = target;
         self.count += 1;
     }
+
+    fn push_leaves(&mut self, items: &[BuildItem]) {
+        items.iter().for_each(|item| self.push(LEAF | item.index()));
+    }
 }
 
 /// Shapes a tree over some items and sorts them into the order of its leaves. The result does not
 /// depend on the number of threads. O(n log n).
 pub(crate) fn shape(items: &mut [BuildItem]) -> Vec<ShapeNode> {
-    let mut nodes = Vec::with_capacity(likely_nodes(items));
+    let mut nodes = Vec::with_capacity(likely_nodes(items.len()));
     if !items.is_empty() {
         let whole = Group::around(items);
         shape_below(items, &whole, 0, &mut nodes);
@@ -64,20 +73,24 @@ pub(crate) fn shape(items: &mut [BuildItem]) -> Vec<ShapeNode> {
 }
 
 /// Slightly more nodes than most shapes need: nodes usually hold 5.5 to 6 lights.
-fn likely_nodes(items: &[BuildItem]) -> usize {
-    items.len() / 5 + 1
+fn likely_nodes(items: usize) -> usize {
+    items / 5 + 1
 }
 
 /// Turns distances to child nodes into indices, and links the children to their parents.
 fn link(nodes: &mut [ShapeNode]) {
-    for node in 0..nodes.len() {
-        for slot in 0..nodes[node].count as usize {
-            let target = nodes[node].targets[slot];
-            if target & LEAF == 0 {
-                let child = node + target as usize;
-                nodes[node].targets[slot] = child as u32;
-                nodes[child].parent = (node * WIDTH + slot) as u32;
-            }
+    (0..nodes.len()).for_each(|node| link_children(nodes, node));
+}
+
+/// [`link`] for the children of one node.
+#[inline(always)]
+fn link_children(nodes: &mut [ShapeNode], node: usize) {
+    for slot in 0..nodes[node].count as usize {
+        let target = nodes[node].targets[slot];
+        if target & LEAF == 0 {
+            let child = node + target as usize;
+            nodes[node].targets[slot] = child as u32;
+            nodes[child].parent = (node * WIDTH + slot) as u32;
         }
     }
 }
@@ -89,7 +102,7 @@ fn shape_below(items: &mut [BuildItem], whole: &Group, depth: u32, nodes: &mut V
     let mut node = ShapeNode::EMPTY;
     nodes.push(node);
     if items.len() <= WIDTH {
-        items.iter().for_each(|item| node.push(LEAF | item.index()));
+        node.push_leaves(items);
         nodes[own] = node;
         return;
     }
@@ -100,7 +113,7 @@ fn shape_below(items: &mut [BuildItem], whole: &Group, depth: u32, nodes: &mut V
         let (items, others) = rest.split_at_mut(child.group.count);
         rest = others;
         if is_open || items.len() == 1 {
-            items.iter().for_each(|item| node.push(LEAF | item.index()));
+            node.push_leaves(items);
         } else {
             let slot = node.count as usize;
             subtrees[slot] = Some((slot, items, &child.group));
@@ -130,7 +143,7 @@ type Subtrees<'a> = [Option<(usize, &'a mut [BuildItem], &'a Group)>; WIDTH];
 fn shape_in_parallel(subtrees: Subtrees<'_>, depth: u32) -> Vec<(usize, Vec<ShapeNode>)> {
     use rayon::prelude::*;
     let shape_one = |(slot, items, group): (usize, &mut [BuildItem], &Group)| {
-        let mut nodes = Vec::with_capacity(likely_nodes(items));
+        let mut nodes = Vec::with_capacity(likely_nodes(items.len()));
         shape_below(items, group, depth, &mut nodes);
         (slot, nodes)
     };
@@ -142,6 +155,21 @@ fn shape_in_parallel(subtrees: Subtrees<'_>, depth: u32) -> Vec<(usize, Vec<Shap
 struct CostedGroup {
     group: Group,
     cost: f32,
+}
+
+impl CostedGroup {
+    /// The group of a node, the only one to split.
+    #[inline(always)]
+    fn whole(group: &Group) -> Self {
+        Self { group: *group, cost: 0.0 }
+    }
+
+    /// Two groups below the node over `whole`.
+    #[inline(always)]
+    fn parts(whole: &Group, parts: &[Group; 2]) -> [Self; 2] {
+        let costs = whole.costs([&parts[0], &parts[1]]);
+        [0, 1].map(|side| Self { group: parts[side], cost: costs[side] })
+    }
 }
 
 impl ChildGroup for CostedGroup {
@@ -162,9 +190,7 @@ impl ChildGroup for CostedGroup {
 /// [`split()`].
 #[inline(never)]
 fn choose_children(items: &mut [BuildItem], whole: &Group, halve: bool) -> Children<CostedGroup> {
-    Children::choose(CostedGroup { group: *whole, cost: 0.0 }, |first, CostedGroup { group, .. }| {
-        let parts = split(&mut items[first..][..group.count], group, halve);
-        let costs = whole.costs([&parts[0], &parts[1]]);
-        Some([0, 1].map(|side| CostedGroup { group: parts[side], cost: costs[side] }))
+    Children::choose(CostedGroup::whole(whole), |first, CostedGroup { group, .. }| {
+        Some(CostedGroup::parts(whole, &split(&mut items[first..][..group.count], group, halve)))
     })
 }

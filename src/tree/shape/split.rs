@@ -8,6 +8,7 @@ use std::array;
 use super::bins::{BinGrid, split_binned};
 use super::counts::{fills_nodes, middle};
 use super::group::{BuildItem, Group, GroupSums, MeanBounds, costs};
+use super::median;
 use crate::tree::WIDTH;
 
 /// Up to this many lights, all cuts are tried. At most five of them fill nodes on each axis, and
@@ -17,7 +18,7 @@ const MAX_SORTED: usize = 16;
 /// From this many lights on, there are 16 bins instead of 8. With 8 bins for all, the tree of a
 /// city of 10,000 lights costs 5 % more. 16 bins from 32 lights on gain nothing over this and take
 /// 2 to 5 % longer.
-const MIN_MANY_BINS: usize = 128;
+pub(super) const MIN_MANY_BINS: usize = 128;
 
 /// Lights less than this many metres apart count as one place. Above it, the scale of the thinnest
 /// axis that is cut is finite.
@@ -29,8 +30,7 @@ const SORT_STEPS: f32 = (1 << 24) as f32;
 /// Splits more than [`WIDTH`] items in two parts and sorts them, the left part first. If `halve`
 /// is set, the parts are halves instead of those of least cost.
 pub(super) fn split(items: &mut [BuildItem], whole: &Group, halve: bool) -> [Group; 2] {
-    let is_dark = whole.sums.per_flux() == 0.0;
-    let parts = if halve || is_dark || whole.means.extent().max_element() < MIN_EXTENT {
+    let parts = if halve || !has_cost(whole) {
         None
     } else if items.len() <= MAX_SORTED {
         split_sorted(items, whole)
@@ -42,13 +42,27 @@ pub(super) fn split(items: &mut [BuildItem], whole: &Group, halve: bool) -> [Gro
     parts.unwrap_or_else(|| split_middle(items, &whole.means))
 }
 
+/// Whether cuts of a group differ in cost: its lights shine, and they are not all at one place.
+pub(super) fn has_cost(whole: &Group) -> bool {
+    whole.sums.per_flux() != 0.0 && whole.means.extent().max_element() >= MIN_EXTENT
+}
+
+/// The longest axis of a box. `None` if the box is one point.
+pub(super) fn longest_axis(means: &MeanBounds) -> Option<usize> {
+    let extent = means.extent().to_array();
+    (0..3).filter(|axis| extent[*axis] > 0.0).max_by(|a, b| extent[*a].total_cmp(&extent[*b]))
+}
+
 /// Splits near the median along the longest axis. Lights at one place keep their order.
 fn split_middle(items: &mut [BuildItem], means: &MeanBounds) -> [Group; 2] {
-    let extent = means.extent().to_array();
     let left = middle(items.len());
-    if let Some(axis) = (0..3).filter(|axis| extent[*axis] > 0.0).max_by(|a, b| extent[*a].total_cmp(&extent[*b])) {
-        items
-            .select_nth_unstable_by(left, |a, b| a.mean[axis].total_cmp(&b.mean[axis]).then(a.index().cmp(&b.index())));
+    if let Some(axis) = longest_axis(means) {
+        if items.len() < MIN_MANY_BINS {
+            let order = |a: &BuildItem, b: &BuildItem| a.mean[axis].total_cmp(&b.mean[axis]);
+            items.select_nth_unstable_by(left, |a, b| order(a, b).then(a.index().cmp(&b.index())));
+        } else {
+            median::divide(items, axis, left);
+        }
     }
     let (left, right) = items.split_at(left);
     [Group::around(left), Group::around(right)]

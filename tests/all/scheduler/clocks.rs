@@ -10,7 +10,7 @@ use girandole::glam::Vec3;
 use girandole::scheduler::{Clock, RecordingClock, ReplayClock, SystemClock, VirtualClock, WorkKind};
 use girandole::{FrameBudget, FrameReport, JobReport, Light, LightWorld, Placement, Policy, TreeKey};
 
-use super::{TestWorld, check_trees, random_light, scatter, tree_contents};
+use super::{FRAME_INTERVAL, TestWorld, check_trees, random_light, scatter, tree_contents};
 use crate::support::Rng;
 
 /// A clock whose time is a function of the number of calls so far.
@@ -53,8 +53,10 @@ fn frames_stay_bounded_on_clocks_that_stand_still_or_jump() {
         for frame in 0..200 {
             trees.iter().for_each(|tree| scatter(&mut world, &mut rng, *tree));
             let report = world.update(FrameBudget::new(Duration::from_micros(100)));
-            // A rebuild of a hundred lights counts as at least 1.5 µs.
+            // A rebuild of a hundred lights counts as at least 1.5 µs, and a slice as at least
+            // 45 ns.
             assert!(report.rebuilt_trees <= 67, "{name}, frame {frame}: {report:?}");
+            assert!(world.jobs().len() <= 2222, "{name}, frame {frame}: {} jobs", world.jobs().len());
             rebuilt += report.rebuilt_trees;
         }
         assert!(rebuilt >= min_rebuilt, "{name}: {rebuilt}");
@@ -84,8 +86,9 @@ fn a_world_recovers_from_work_that_took_no_time_and_survives_work_that_took_the_
     }
 }
 
-/// Runs 60 frames over trees that move; one of them is too large for a frame.
-fn run_frames(clock: Arc<dyn Clock>) -> (LightWorld, Vec<(FrameReport, Vec<JobReport>)>) {
+/// Runs 60 frames over trees that move; one of them is too large for a frame. `advance` is called
+/// before each frame.
+fn run_frames(clock: Arc<dyn Clock>, advance: impl Fn()) -> (LightWorld, Vec<(FrameReport, Vec<JobReport>)>) {
     let mut world = LightWorld::with_clock(clock);
     let mut rng = Rng(32);
     let trees = add_trees(&mut world, &mut rng, &[50, 100, 400, 1000, 30_000, 20, 700]);
@@ -101,6 +104,7 @@ fn run_frames(clock: Arc<dyn Clock>) -> (LightWorld, Vec<(FrameReport, Vec<JobRe
                 world.set_lights(*tree, &changes).expect("valid lights");
             }
         }
+        advance();
         let report = world.update(FrameBudget::new(Duration::from_micros(400)));
         reports.push((report, world.jobs().to_vec()));
     }
@@ -110,11 +114,11 @@ fn run_frames(clock: Arc<dyn Clock>) -> (LightWorld, Vec<(FrameReport, Vec<JobRe
 #[test]
 fn a_replayed_run_equals_the_recorded_one() {
     let recording = Arc::new(RecordingClock::new(SystemClock::default()));
-    let (world, reports) = run_frames(recording.clone());
+    let (world, reports) = run_frames(recording.clone(), || {});
     let events = recording.take_events();
     assert!(recording.take_events().is_empty() && events.len() > 120);
     let replay = Arc::new(ReplayClock::new(events.iter().copied()));
-    let (replayed_world, replayed_reports) = run_frames(replay.clone());
+    let (replayed_world, replayed_reports) = run_frames(replay.clone(), || {});
     assert_eq!(reports, replayed_reports);
     assert!(tree_contents(&world) == tree_contents(&replayed_world));
     assert!(!replay.has_diverged());
@@ -122,7 +126,7 @@ fn a_replayed_run_equals_the_recorded_one() {
 
     // A record that does not fit the run is detected and does no harm.
     let truncated = Arc::new(ReplayClock::new(events.into_iter().take(40)));
-    let (diverged_world, _) = run_frames(truncated.clone());
+    let (diverged_world, _) = run_frames(truncated.clone(), || {});
     assert!(truncated.has_diverged());
     check_trees(&diverged_world);
 }
@@ -131,15 +135,15 @@ fn a_replayed_run_equals_the_recorded_one() {
 fn a_run_on_a_virtual_clock_repeats_exactly() {
     let run = || {
         let clock = Arc::new(VirtualClock::new(super::cost));
-        let (world, reports) = run_frames(clock.clone());
+        let (world, reports) = run_frames(clock.clone(), || clock.advance(FRAME_INTERVAL));
         (tree_contents(&world), reports, clock.now())
     };
     let (first, second) = (run(), run());
     assert!(first == second);
     let kinds: Vec<_> = first.1.iter().flat_map(|(_, jobs)| jobs.iter().map(|job| job.work.kind)).collect();
-    for kind in [WorkKind::Rebuild, WorkKind::Snapshot] {
-        assert!(kinds.contains(&kind), "{kind:?}");
-    }
+    assert!(kinds.contains(&WorkKind::Rebuild));
+    assert!(kinds.iter().any(|kind| matches!(kind, WorkKind::Slice { .. })));
+    assert!(first.1.iter().any(|(report, _)| report.background.taken == 1));
 }
 
 /// The lines of the library outside of its tests that take a clock from the standard library. Its

@@ -1,9 +1,10 @@
-//! Rebuilds keep to the budget, go first to the trees that gain most, leave no tree waiting for
-//! ever, and repeat exactly on a virtual or replayed clock.
+//! Rebuilds keep to the budget, trees that gain most come first, the wait of every tree has a
+//! bound, and runs repeat exactly on a virtual or replayed clock.
 
 mod background;
 mod clocks;
 mod fairness;
+mod in_frames;
 mod policies;
 
 use std::sync::Arc;
@@ -11,19 +12,21 @@ use std::time::Duration;
 
 use girandole::glam::{DVec3, Vec3};
 use girandole::scheduler::{VirtualClock, Work, WorkKind};
-use girandole::{FrameBudget, FrameReport, InstanceKey, JobReport, Light, LightWorld, Placement, Policy, TreeKey};
+use girandole::tree::Node;
+use girandole::{
+    FrameBudget, FrameReport, InstanceKey, JobReport, Light, LightTree, LightWorld, Placement, Policy, TreeKey,
+};
 
 use crate::support::Rng;
 
 /// The time between two frames, at sixty frames per second.
 const FRAME_INTERVAL: Duration = Duration::from_micros(16_667);
 
-/// The cost of work on the virtual clock: 0.1 µs per light for builds, a tenth of that for copies,
-/// and nothing for refits and measurements.
+/// The cost of work on the virtual clock: 0.1 µs per light for builds and slices of builds, and
+/// nothing for refits.
 pub fn cost(work: Work) -> Duration {
     Duration::from_nanos(match work.kind {
-        WorkKind::Snapshot => 10 * work.lights as u64,
-        WorkKind::Refit | WorkKind::Probe => 0,
+        WorkKind::Refit => 0,
         _ => 100 * work.lights as u64,
     })
 }
@@ -102,6 +105,12 @@ impl TestWorld {
         self.world.remove_tree(tree).expect("the tree has no instances");
     }
 
+    /// The shape of a tree as of the last update equals that of a new tree over the same lights.
+    pub fn is_as_new(&self, tree: TreeKey) -> bool {
+        let fresh = LightTree::new(self.lights(tree).to_vec()).expect("valid lights");
+        self.world.tree(tree).expect("the tree exists").leaves() == fresh.leaves()
+    }
+
     /// The lights of a tree as of the last update.
     pub fn lights(&self, tree: TreeKey) -> &[Light] {
         self.world.tree(tree).expect("the tree exists").lights()
@@ -120,14 +129,14 @@ pub fn check_trees(world: &LightWorld) {
     world.trees().for_each(|tree| world.tree(tree).expect("the tree exists").check().expect("a sound tree"));
 }
 
-/// The rebuilds, whole or in part, among the jobs of the last update.
+/// The jobs of the last update that rebuilt a tree at once.
 pub fn rebuild_jobs(world: &LightWorld) -> Vec<JobReport> {
-    let is_rebuild = |job: &&JobReport| matches!(job.work.kind, WorkKind::Rebuild | WorkKind::RebuildPart);
+    let is_rebuild = |job: &&JobReport| job.work.kind == WorkKind::Rebuild;
     world.jobs().iter().filter(is_rebuild).copied().collect()
 }
 
 /// The contents of a world's trees, in the order of their keys.
-pub fn tree_contents(world: &LightWorld) -> Vec<(Vec<u32>, Vec<girandole::tree::Node>)> {
+pub fn tree_contents(world: &LightWorld) -> Vec<(Vec<u32>, Vec<Node>)> {
     let tree = |key| world.tree(key).expect("the tree exists");
     world.trees().map(|key| (tree(key).leaves().to_vec(), tree(key).nodes().to_vec())).collect()
 }

@@ -1,8 +1,8 @@
 //! The policies of instances bound what the scheduler may do.
 
-use girandole::{Attribute, Policy, WorldError};
+use girandole::{Attribute, FrameBudget, Policy, WorldError};
 
-use super::{TestWorld, rebuild_jobs};
+use super::{TestWorld, far_placement, rebuild_jobs};
 
 #[test]
 fn static_and_refit_only_trees_are_never_rebuilt() {
@@ -13,10 +13,8 @@ fn static_and_refit_only_trees_are_never_rebuilt() {
     for _ in 0..10 {
         test.scatter(refit_only);
         let report = test.frame(1_000_000);
-        assert_eq!(
-            (report.refit_trees, report.rebuilt_trees, report.rebuilt_parts, report.waiting_trees),
-            (1, 0, 0, 0)
-        );
+        assert_eq!((report.refit_trees, report.rebuilt_trees, report.waiting_trees), (1, 0, 0));
+        assert!(test.world.jobs().is_empty());
     }
 }
 
@@ -31,13 +29,16 @@ fn trees_that_always_rebuild_or_exceed_their_ceiling_come_before_budgeted_trees(
     for tree in budgeted.iter().chain(&always).chain([&above_ceiling, &below_floor]) {
         test.scatter(*tree);
     }
-    // The tree that has waited longest comes first, from its own share; then there is time for
-    // three more.
-    let report = test.frame(43);
-    assert_eq!((report.rebuilt_trees, report.waiting_trees), (4, 9));
-    let rebuilt: Vec<_> = rebuild_jobs(&test.world).iter().map(|job| job.tree).collect();
-    assert_eq!(rebuilt[0], budgeted[0]);
-    assert!(always.iter().chain([&above_ceiling]).all(|tree| rebuilt.contains(tree)), "{rebuilt:?}");
+    // There is time for the three urgent trees, for one more, and for a slice of another one.
+    let report = test.frame(40);
+    assert_eq!((report.rebuilt_trees, report.waiting_trees), (4, 8));
+    let mut rebuilt: Vec<_> = rebuild_jobs(&test.world).iter().map(|job| job.tree).collect();
+    assert!(budgeted.contains(&rebuilt[3]), "{rebuilt:?}");
+    rebuilt.truncate(3);
+    rebuilt.sort_unstable();
+    let mut urgent = vec![above_ceiling, always[0], always[1]];
+    urgent.sort_unstable();
+    assert_eq!(rebuilt, urgent);
 }
 
 #[test]
@@ -49,22 +50,45 @@ fn requests_of_the_algorithms_of_ss_stand_until_the_budget_allows_a_rebuild() {
         let mut test = TestWorld::new(12);
         test.calibrate();
         let trees: Vec<_> = (0..6).map(|_| test.add_tree(100, policy)).collect();
+        test.world.set_background_builds(false);
         trees.iter().for_each(|tree| test.scatter(*tree));
         let report = test.frame(28);
-        assert_eq!((report.rebuilt_trees, report.rebuilt_parts, report.waiting_trees), (2, 0, 4), "{policy:?}");
-        // The requests stand although the lights rest.
-        assert_eq!(test.frame(28).waiting_trees, 2);
-        assert_eq!(test.frame(28).waiting_trees, 0);
+        // A third tree is built in slices in the rest of the frame.
+        assert_eq!((report.rebuilt_trees, report.waiting_trees), (2, 3), "{policy:?}");
+        // The requests stand although the lights rest. All rebuilds take 60 µs.
+        test.frame(28);
+        assert_eq!(test.frame(28).waiting_trees, 0, "{policy:?}");
+        test.frame(28);
+        assert!(trees.iter().all(|tree| test.is_as_new(*tree)), "{policy:?}");
     }
 }
 
 #[test]
-fn a_waiting_tree_whose_policy_becomes_refit_only_is_not_rebuilt() {
+fn waiting_trees_whose_policy_becomes_refit_only_are_not_rebuilt() {
     let mut test = TestWorld::new(13);
-    let tree = test.add_tree(100, Policy::AlwaysRebuild);
-    test.scatter(tree);
-    assert_eq!(test.frame(0).waiting_trees, 1);
-    test.world.set_policy(test.instance_of(tree), Policy::RefitOnly).expect("a valid policy");
+    let trees: Vec<_> = (0..10).map(|_| test.add_tree(100, Policy::AlwaysRebuild)).collect();
+    trees.iter().for_each(|tree| test.scatter(*tree));
+    assert_eq!(test.frame(0).waiting_trees, 10);
+    for tree in &trees {
+        test.world.set_policy(test.instance_of(*tree), Policy::RefitOnly).expect("a valid policy");
+    }
     let report = test.frame(1000);
     assert_eq!((report.rebuilt_trees, report.waiting_trees), (0, 0));
+    assert!(test.world.jobs().is_empty());
+}
+
+#[test]
+fn waiting_trees_whose_only_instance_that_rebuilds_is_removed_are_not_rebuilt() {
+    let mut test = TestWorld::new(14);
+    let trees: Vec<_> = (0..10).map(|_| test.add_tree(100, Policy::AlwaysRebuild)).collect();
+    for tree in &trees {
+        let instance = test.instance_of(*tree);
+        test.world.add_instance(*tree, far_placement(), Policy::RefitOnly).expect("a valid instance");
+        test.scatter(*tree);
+        test.world.update(FrameBudget::NONE);
+        test.world.remove_instance(instance).expect("the instance exists");
+    }
+    let report = test.frame(1000);
+    assert_eq!((report.rebuilt_trees, report.waiting_trees), (0, 0));
+    assert!(test.world.jobs().is_empty());
 }

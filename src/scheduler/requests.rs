@@ -1,0 +1,151 @@
+//! Priorities: which request is served first.
+
+use super::constants::{AGING, DOUBT, DOUBTFUL, TOP_DECAY, VALUE_RANGE};
+use super::{Scheduler, TreeFeatures, Waiting};
+use crate::keys::TreeKey;
+use crate::policy::{Excess, RebuildRequest};
+use crate::scheduler::{Work, WorkKind};
+
+/// Steps of rank for one doubling.
+const STEPS: f32 = 1024.0;
+
+/// Rounds after which they are counted anew. Ranks are then far from the limits of their type.
+const MAX_ROUNDS: f64 = (1 << 16) as f64;
+
+impl Scheduler {
+    /// Records that the lights of a tree have changed.
+    pub fn has_changed(&mut self, tree: TreeKey, now: &TreeFeatures) {
+        let frame = self.frame;
+        let state = &mut self.trees[tree];
+        state.rise = now.rise_since(&state.built);
+        state.decay.record_loss(frame, state.built.gain(state.rise));
+    }
+
+    /// How much noisier a tree is predicted to be than a new one, as of its last change.
+    pub fn excess(&self, tree: TreeKey) -> Excess {
+        let state = &self.trees[tree];
+        // Half the logarithm of the variance is that of the standard deviation.
+        let of = |rise: f32| (0.5 * rise).exp_m1();
+        let doubt = if state.decay.has_changed() { DOUBT } else { 0.0 };
+        Excess { likely: of(state.rise), possible: of(state.rise + doubt) }
+    }
+
+    /// Lets a tree start anew that was rebuilt, in any way. Returns the number of frames for which
+    /// it has waited in the queue.
+    pub fn was_rebuilt(&mut self, tree: TreeKey, features: TreeFeatures) -> u64 {
+        let frame = self.frame;
+        let state = &mut self.trees[tree];
+        state.start(features, frame);
+        let waited = state.waiting.map_or(0, |waiting| frame - waiting.since_frame);
+        self.withdraw(tree);
+        waited
+    }
+
+    /// Lets a tree start anew that got other lights and was built for them.
+    pub fn was_replaced(&mut self, tree: TreeKey, features: TreeFeatures, lights: usize) {
+        self.withdraw(tree);
+        self.cancel(tree);
+        let frame = self.frame;
+        let state = &mut self.trees[tree];
+        state.set_lights(lights);
+        state.start(features, frame);
+    }
+
+    /// Sets what the policies of a tree request now. `share` is the tree's share of the picture.
+    ///
+    /// A tree that waits already keeps its age, except that a doubtful tree has no age in other
+    /// requests. A request of [`RebuildRequest::Required`] stands
+    /// until it is served or [withdrawn](Scheduler::withdraw).
+    pub fn set_request(&mut self, tree: TreeKey, request: RebuildRequest, share: f32) {
+        let state = &self.trees[tree];
+        let stands = state.request == RebuildRequest::Required;
+        let request = if stands { request.max(RebuildRequest::Required) } else { request };
+        if request == RebuildRequest::None || self.is_open(tree) {
+            return self.withdraw(tree);
+        }
+        let (start, nanos) = self.start_of(tree, request, share);
+        let Self { trees, queue, frame, rounds, waiting_nanos, .. } = self;
+        let state = &mut trees[tree];
+        state.request = request;
+        let waiting = state.waiting.get_or_insert_with(|| {
+            let index = queue.push(tree, i32::MIN, *frame);
+            Waiting { index, since_frame: *frame, since_round: *rounds, asked_round: *rounds, nanos: 0 }
+        });
+        *waiting_nanos = *waiting_nanos - waiting.nanos + nanos;
+        waiting.nanos = nanos;
+        if request == RebuildRequest::Doubtful {
+            waiting.asked_round = *rounds;
+        }
+        let as_doubtful = rank(DOUBTFUL, waiting.since_round);
+        queue.set(waiting.index, rank(start, waiting.asked_round).max(as_doubtful));
+    }
+
+    /// The priority that a request begins with, and the predicted nanoseconds of the rebuild.
+    ///
+    /// | request | start, in doublings |
+    /// |---|---|
+    /// | doubtful: the tree will probably gain nothing | [`DOUBTFUL`] |
+    /// | optional, required | 0 to [`VALUE_RANGE`], by the value |
+    /// | urgent | `VALUE_RANGE` to `VALUE_RANGE` + 1, by the value |
+    ///
+    /// The value is the noise that the rebuild removes per time. Its logarithm is taken relative to
+    /// that of the greatest value of late.
+    fn start_of(&mut self, tree: TreeKey, request: RebuildRequest, share: f32) -> (f32, u64) {
+        let state = &self.trees[tree];
+        let nanos = self.costs.predict(whole(state.lights)).as_nanos().clamp(1, u128::from(u32::MAX) << 8) as u64;
+        if request == RebuildRequest::Doubtful {
+            return (DOUBTFUL, nanos);
+        }
+        let value = (share * state.decay.savings(self.frame) / nanos as f32).clamp(f32::MIN_POSITIVE, f32::MAX).log2();
+        let top = self.top_value.map_or(value, |top| top.max(value));
+        self.top_value = Some(top);
+        let by_value = (value - top + VALUE_RANGE).max(0.0);
+        let is_urgent = request == RebuildRequest::Urgent;
+        (if is_urgent { VALUE_RANGE + by_value / VALUE_RANGE } else { by_value }, nanos)
+    }
+
+    /// Withdraws the request of a tree.
+    pub fn withdraw(&mut self, tree: TreeKey) {
+        let state = &mut self.trees[tree];
+        state.request = RebuildRequest::None;
+        let Some(waiting) = state.waiting.take() else { return };
+        self.waiting_nanos -= waiting.nanos;
+        let Some(moved) = self.queue.remove(waiting.index) else { return };
+        if let Some(moved) = &mut self.trees[moved].waiting {
+            moved.index = waiting.index;
+        }
+    }
+
+    /// Lets all trees that wait age.
+    pub(super) fn advance_rounds(&mut self, rounds: f64) {
+        self.rounds += rounds;
+        self.top_value = self.top_value.map(|top| top - TOP_DECAY * rounds as f32);
+        if self.rounds >= MAX_ROUNDS {
+            let by = rank(0.0, -MAX_ROUNDS);
+            self.rounds -= MAX_ROUNDS;
+            self.queue.shift(by);
+            self.open.iter_mut().for_each(|open| open.rank = open.rank.saturating_add(by));
+            for waiting in self.trees.values_mut().filter_map(|state| state.waiting.as_mut()) {
+                waiting.since_round -= MAX_ROUNDS;
+                waiting.asked_round -= MAX_ROUNDS;
+            }
+        }
+    }
+
+    /// The priority of a rank now, in doublings.
+    pub(super) fn priority(&self, rank: i32) -> f64 {
+        f64::from(rank) / f64::from(STEPS) + f64::from(AGING) * self.rounds
+    }
+}
+
+/// The rank of a tree that began to wait with the priority `start`. Ranks order as priorities do,
+/// and do not change while trees age.
+fn rank(start: f32, since_round: f64) -> i32 {
+    // The cast saturates.
+    ((f64::from(start) - f64::from(AGING) * since_round) * f64::from(STEPS)) as i32
+}
+
+/// The rebuild of a whole tree within a frame.
+pub(super) fn whole(lights: usize) -> Work {
+    Work { kind: WorkKind::Rebuild, lights }
+}

@@ -1,0 +1,358 @@
+//! Builds a tree in small steps, for builds that are spread over several frames.
+//!
+//! All pieces of work are those of [`LightTree::build`], in an order that does not change the
+//! result: the finished tree has the same bits. No piece takes much longer than a microsecond,
+//! except that the operating system may take longer to allocate an array of megabytes. `units.rs`
+//! has the work that each piece counts.
+
+use std::fmt;
+
+use super::LightTree;
+use super::attributes::AttributeSums;
+use super::layout::{Layout, PlacedLight, with_spare};
+use super::node::{NO_PARENT, Node};
+use super::shape::{BuildItem, SteppedShape};
+use super::units::{
+    ALLOCATE_TICKS, COST_TICKS, REFIT_TICKS, TASK_TICKS, UNIT, build_units, copy_ticks, lay_out_ticks, place_ticks,
+};
+use super::wide::WideCluster;
+use crate::light::Light;
+
+/// Lights that are copied at once.
+const LIGHTS_PER_COPY: usize = 64;
+
+/// Lights whose clusters are computed at once.
+const LIGHTS_PER_PIECE: usize = 16;
+
+/// Lights that are summed at once.
+const LIGHTS_PER_SUM: usize = 64;
+
+/// Nodes that are laid out, or refitted, at once.
+const NODES_PER_PIECE: usize = 2;
+
+/// Refit tasks that are listed at once.
+const TASKS_PER_PIECE: usize = 8;
+
+/// Nodes whose costs are computed at once.
+const COSTS_PER_PIECE: usize = 32;
+
+/// No piece of work has more units than this, so no step exceeds its limit by more.
+pub(crate) const MAX_EXTRA_UNITS: usize = 64;
+
+/// A build of a tree that can stop after any piece of work and go on later.
+pub(crate) struct TreeBuild {
+    /// The number of lights.
+    count: usize,
+    stage: Stage,
+    /// The lights, nodes or entries that the stage has handled.
+    next: usize,
+    tree: LightTree,
+    /// The clusters of the lights.
+    placed: Vec<PlacedLight>,
+    /// `None` before the first step.
+    shape: Option<Box<SteppedShape>>,
+    /// The ticks of all steps.
+    ticks: usize,
+}
+
+/// What a build does next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Stage {
+    /// Allocate the arrays for the lights.
+    AllocateLights,
+    /// Copy the lights.
+    Copy,
+    /// Compute the clusters of the lights.
+    Place,
+    /// Sum all lights.
+    Sum,
+    /// Shape the tree.
+    Shape,
+    /// Allocate the arrays for the nodes.
+    AllocateNodes,
+    /// Lay out the nodes.
+    LayOut,
+    /// List the refit tasks.
+    ListTasks,
+    /// Refit the nodes, the last node first.
+    Refit,
+    /// Compute the costs of all subtrees.
+    Costs,
+    Done,
+}
+
+impl TreeBuild {
+    /// Starts a build over `lights` lights. O(1), allocates nothing.
+    pub fn new(lights: usize) -> Self {
+        Self {
+            count: lights,
+            stage: if lights == 0 { Stage::Done } else { Stage::AllocateLights },
+            next: 0,
+            tree: LightTree::default(),
+            placed: Vec::new(),
+            shape: None,
+            ticks: 0,
+        }
+    }
+
+    /// Works for at least `max_units` units unless it is done before, and for at most
+    /// [`MAX_EXTRA_UNITS`] more. Returns the units of the step. A step does at least one piece of
+    /// work, which may count less than one unit.
+    ///
+    /// `lights` are the present lights. Each is copied once, in order of its index. None is read
+    /// once [`TreeBuild::has_all_lights`] is true.
+    pub fn step(&mut self, lights: &[Light], max_units: usize) -> usize {
+        self.step_while(lights, max_units, |build| !build.is_done())
+    }
+
+    /// [`TreeBuild::step`] that ends once all lights have been copied.
+    pub fn copy_lights(&mut self, lights: &[Light], max_units: usize) -> usize {
+        self.step_while(lights, max_units, |build| !build.has_all_lights())
+    }
+
+    fn step_while(&mut self, lights: &[Light], max_units: usize, goes_on: impl Fn(&Self) -> bool) -> usize {
+        let before = self.ticks / UNIT;
+        let limit = before.saturating_add(max_units).saturating_mul(UNIT);
+        while goes_on(self) {
+            self.ticks += self.advance(lights);
+            if self.ticks >= limit {
+                break;
+            }
+        }
+        self.ticks / UNIT - before
+    }
+
+    /// Whether all lights have been copied.
+    pub fn has_all_lights(&self) -> bool {
+        self.tree.lights.len() == self.count
+    }
+
+    /// Whether the tree is finished.
+    pub fn is_done(&self) -> bool {
+        self.stage == Stage::Done
+    }
+
+    /// An estimate of the units that are left. 0 if the tree is finished, and at least 1 before.
+    pub fn units_left(&self) -> usize {
+        let ticks = match self.stage {
+            Stage::Done => return 0,
+            // A build of other than random lights may take more than the estimate.
+            Stage::AllocateLights | Stage::Copy | Stage::Place | Stage::Sum | Stage::Shape => {
+                let nodes = self.count.div_ceil(5);
+                (UNIT * build_units(self.count)).saturating_sub(self.ticks).max(self.node_ticks(nodes))
+            }
+            Stage::AllocateNodes => self.node_ticks(self.layout().span),
+            Stage::LayOut => self.node_ticks(self.layout().span) - lay_out_ticks(self.count) * self.next,
+            Stage::ListTasks => (REFIT_TICKS + COST_TICKS) * self.layout().span,
+            Stage::Refit => REFIT_TICKS * self.next + COST_TICKS * self.layout().span,
+            Stage::Costs => COST_TICKS * (self.layout().span - self.next),
+        };
+        (ticks / UNIT).max(1)
+    }
+
+    /// The finished tree. Frees the memory of the build, about 150 bytes per light.
+    ///
+    /// # Panics
+    /// If the build is not done.
+    pub fn into_tree(self) -> LightTree {
+        assert!(self.is_done(), "the build of the tree is not done");
+        self.tree
+    }
+
+    fn layout(&self) -> Layout {
+        let used = self.shape.as_ref().map_or(0, |shape| shape.nodes().len());
+        Layout { root: 0, parent: NO_PARENT, used, span: with_spare(used) }
+    }
+
+    /// The ticks of all stages from the lay-out on, for some nodes.
+    fn node_ticks(&self, nodes: usize) -> usize {
+        (lay_out_ticks(self.count) + REFIT_TICKS + COST_TICKS) * nodes
+    }
+
+    /// Does a piece of work. Returns its ticks.
+    fn advance(&mut self, lights: &[Light]) -> usize {
+        match self.stage {
+            Stage::AllocateLights => self.allocate_lights(),
+            Stage::Copy => self.copy(lights),
+            Stage::Place => self.place(),
+            Stage::Sum => {
+                let shape = self.shape.as_mut().expect("the shape was allocated");
+                if !shape.has_sums() {
+                    return shape.sum(LIGHTS_PER_SUM);
+                }
+                let ticks = shape.start();
+                let is_done = shape.is_done();
+                self.begin(if is_done { Stage::AllocateNodes } else { Stage::Shape });
+                ticks
+            }
+            Stage::Shape => {
+                let shape = self.shape.as_mut().expect("the shape was allocated");
+                let ticks = shape.advance();
+                if shape.is_done() {
+                    self.begin(Stage::AllocateNodes);
+                }
+                ticks
+            }
+            Stage::AllocateNodes => self.allocate_nodes(),
+            Stage::LayOut => self.lay_out(),
+            Stage::ListTasks => self.list_tasks(),
+            Stage::Refit => self.refit(),
+            Stage::Costs => self.compute_costs(),
+            Stage::Done => 0,
+        }
+    }
+
+    /// Starts a stage.
+    fn begin(&mut self, stage: Stage) {
+        self.stage = stage;
+        self.next = 0;
+    }
+
+    /// Allocates one of the arrays: for a large tree, each of them is a call of the operating
+    /// system.
+    fn allocate_lights(&mut self) -> usize {
+        let count = self.count;
+        let shape = self.shape.get_or_insert_with(|| Box::new(SteppedShape::new()));
+        match self.next {
+            0 => self.tree.lights.reserve_exact(count),
+            1 => self.tree.leaves.reserve_exact(count),
+            2 => self.placed.reserve_exact(count),
+            3 => shape.reserve_items(count),
+            _ => {
+                shape.reserve_nodes(count);
+                self.begin(Stage::Copy);
+                return ALLOCATE_TICKS;
+            }
+        }
+        self.next += 1;
+        ALLOCATE_TICKS
+    }
+
+    fn copy(&mut self, lights: &[Light]) -> usize {
+        let first = self.tree.lights.len();
+        let end = self.count.min(first + LIGHTS_PER_COPY);
+        self.tree.lights.extend_from_slice(&lights[first..end]);
+        if end == self.count {
+            self.begin(Stage::Place);
+        }
+        copy_ticks(self.count) * (end - first)
+    }
+
+    fn place(&mut self) -> usize {
+        let Self { count, next, tree, placed, shape, .. } = self;
+        let shape = shape.as_mut().expect("the shape was allocated");
+        let (first, end) = (*next, (*count).min(*next + LIGHTS_PER_PIECE));
+        for (index, light) in (first..end).zip(&tree.lights[first..end]) {
+            let light_in_place = PlacedLight::new(index, light);
+            shape.push(BuildItem::new(&light_in_place.cluster, index as u32));
+            placed.push(light_in_place);
+            tree.effects.add(light.effects());
+        }
+        tree.leaves.resize(end, 0);
+        *next = end;
+        if end == self.count {
+            self.begin(Stage::Sum);
+        }
+        place_ticks(self.count) * (end - first)
+    }
+
+    /// Allocates one of the arrays of the tree.
+    fn allocate_nodes(&mut self) -> usize {
+        let count = self.layout().span;
+        let tree = &mut self.tree;
+        match self.next {
+            0 => tree.nodes.reserve_exact(count),
+            1 => tree.wide.reserve_exact(count),
+            2 => tree.spans.reserve_exact(count),
+            3 => tree.light_counts.reserve_exact(count),
+            4 => tree.built_costs.reserve_exact(count),
+            5 => tree.attribute_sums.reserve_exact(count),
+            _ => {
+                tree.dirty.reserve(count);
+                self.begin(Stage::LayOut);
+                return ALLOCATE_TICKS;
+            }
+        }
+        self.next += 1;
+        ALLOCATE_TICKS
+    }
+
+    fn lay_out(&mut self) -> usize {
+        let layout = self.layout();
+        let (first, end) = (self.next, layout.used.min(self.next + NODES_PER_PIECE));
+        let Self { tree, placed, shape, .. } = self;
+        let shape = shape.as_mut().expect("the shape was allocated");
+        let nodes = layout.position(end);
+        tree.nodes.resize(nodes, Node::EMPTY);
+        tree.wide.resize(nodes, WideCluster::EMPTY);
+        tree.spans.resize(nodes, 0);
+        tree.light_counts.resize(nodes, 0);
+        tree.built_costs.resize(nodes, 0.0);
+        tree.attribute_sums.resize(nodes, AttributeSums::default());
+        tree.dirty.grow(nodes);
+        for i in first..end {
+            shape.link_children(i);
+            tree.lay_out_node(&layout, &shape.nodes()[i], i, placed);
+        }
+        self.next = end;
+        if end == layout.used {
+            self.begin(Stage::ListTasks);
+        }
+        lay_out_ticks(self.count) * (end - first)
+    }
+
+    fn list_tasks(&mut self) -> usize {
+        let LightTree { tasks, spans, .. } = &mut self.tree;
+        let mut added = 0;
+        while self.next < spans.len() && added < TASKS_PER_PIECE {
+            self.next = tasks.add(self.next, spans);
+            added += 1;
+        }
+        if self.next == spans.len() {
+            let nodes = spans.len();
+            self.begin(Stage::Refit);
+            self.next = nodes;
+        }
+        TASK_TICKS * added
+    }
+
+    fn refit(&mut self) -> usize {
+        let nodes = self.next.saturating_sub(NODES_PER_PIECE)..self.next;
+        nodes.clone().rev().for_each(|node| self.tree.count_lights(node));
+        self.tree.refit_nodes(nodes.clone());
+        self.next = nodes.start;
+        if self.next == 0 {
+            self.begin(Stage::Costs);
+        }
+        REFIT_TICKS * nodes.len()
+    }
+
+    fn compute_costs(&mut self) -> usize {
+        let tree = &mut self.tree;
+        let nodes = self.next..tree.nodes.len().min(self.next + COSTS_PER_PIECE);
+        for node in nodes.clone() {
+            tree.built_costs[node] = tree.cost_per_spread(node);
+        }
+        self.next = nodes.end;
+        if nodes.end == tree.nodes.len() {
+            tree.update_attributes();
+            self.begin(Stage::Done);
+        }
+        COST_TICKS * nodes.len()
+    }
+}
+
+impl fmt::Debug for TreeBuild {
+    /// Summarises the build: its arrays may be megabytes.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("TreeBuild")
+            .field("lights", &self.count)
+            .field("stage", &self.stage)
+            .field("next", &self.next)
+            .field("units_done", &(self.ticks / UNIT))
+            .finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,105 @@
+//! Rebuilds trees within the budget of a frame, in the order of the scheduler.
+
+use std::time::Duration;
+
+use super::LightWorld;
+use super::update::FrameReport;
+use crate::keys::{TreeKey, slot_of};
+use crate::policy::AttributeHistory;
+use crate::scheduler::{DoneJob, Job, TreeFeatures, Work};
+
+/// One job of the last [`LightWorld::update`](crate::LightWorld::update): a rebuild, or a slice of
+/// a build that takes several frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct JobReport {
+    /// The tree that the job was for.
+    pub tree: TreeKey,
+    /// What was done.
+    pub work: Work,
+    /// The time that the job was predicted to take.
+    pub predicted: Duration,
+    /// The time that it took, by the world's clock.
+    pub took: Duration,
+    /// The number of updates since the tree requested a rebuild.
+    pub waited: u64,
+}
+
+impl LightWorld {
+    /// Returns the jobs of the last [`LightWorld::update`], in the order in which they were done.
+    pub fn jobs(&self) -> &[JobReport] {
+        &self.jobs
+    }
+
+    /// Does the jobs of a frame.
+    pub(super) fn do_jobs(&mut self, report: &mut FrameReport) {
+        self.jobs.clear();
+        if !self.scheduler.has_jobs() {
+            return;
+        }
+        if let Some(tree) = self.scheduler.tree_in_turn() {
+            self.update_request(tree);
+        }
+        let start = self.clock.now();
+        self.scheduler.start_jobs(report.budget, start);
+        let mut now = start;
+        while let Some(job) = self.scheduler.next_job(now) {
+            let begin = self.clock.now();
+            now = match job {
+                Job::Rebuild(tree) => self.rebuild(tree, begin, report),
+                Job::Slice { tree, units } => self.go_on(tree, units, begin, report),
+            };
+        }
+        let elapsed = self.clock.now().saturating_sub(start);
+        report.deciding = elapsed.saturating_sub(report.spent);
+        // A frame that only finds out that no job fits is not an overrun.
+        report.overrun = if self.jobs.is_empty() { Duration::ZERO } else { elapsed.saturating_sub(report.budget) };
+        report.longest_wait = report.longest_wait.max(self.scheduler.longest_wait());
+        report.waiting_trees = self.scheduler.waiting_trees();
+        report.background.running = usize::from(self.open_build.is_in_background());
+    }
+
+    /// Rebuilds a tree. Returns the time at the end.
+    fn rebuild(&mut self, tree: TreeKey, begin: Duration, report: &mut FrameReport) -> Duration {
+        let waited = self.rebuild_whole(tree);
+        self.clock.worked(self.scheduler.work_of_rebuild(tree));
+        let end = self.clock.now();
+        let took = end.saturating_sub(begin);
+        let done = self.scheduler.finish_rebuild(tree, waited, took);
+        report.rebuilt_trees += 1;
+        self.report_job(tree, done, took, report);
+        end
+    }
+
+    /// Adds a job to the report.
+    pub(super) fn report_job(&mut self, tree: TreeKey, done: DoneJob, took: Duration, report: &mut FrameReport) {
+        let DoneJob { work, predicted, waited } = done;
+        self.jobs.push(JobReport { tree, work, predicted, took, waited });
+        report.spent = report.spent.saturating_add(took);
+        report.predicted = report.predicted.saturating_add(predicted);
+        report.longest_wait = report.longest_wait.max(waited);
+    }
+
+    /// Rebuilds a tree. Returns the number of frames for which it has waited.
+    fn rebuild_whole(&mut self, key: TreeKey) -> u64 {
+        let entry = &mut self.trees[key];
+        entry.tree.rebuild();
+        let features = TreeFeatures::of(&entry.tree);
+        entry.history = AttributeHistory::start(entry.tree.attributes());
+        self.changes.tree(slot_of(key));
+        self.wake(key);
+        self.top.take();
+        self.scheduler.was_rebuilt(key, features)
+    }
+
+    /// Rebuilds a tree outside of any budget, and returns the time that it took.
+    pub(super) fn rebuild_now(&mut self, tree: TreeKey) -> Duration {
+        let start = self.clock.now();
+        self.rebuild_whole(tree);
+        self.cancel_build(tree);
+        self.clock.worked(self.scheduler.work_of_rebuild(tree));
+        let took = self.clock.now().saturating_sub(start);
+        self.scheduler.finish_rebuild_outside(tree, took);
+        took
+    }
+}
