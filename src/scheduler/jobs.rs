@@ -2,13 +2,14 @@
 
 use std::time::Duration;
 
+use super::clock::{Work, WorkKind};
 use super::constants::{MAX_CHARGE_RATIO, MAX_PASSED_OVER, MIN_SLICE_UNITS, SLICE};
 use super::cost::{self, CostModel, units_of_build};
 use super::ledger::nanos;
 use super::requests::whole;
+use super::state::{FrameTime, OpenBuild};
 use super::{Scheduler, TreeState, Waiting};
 use crate::keys::TreeKey;
-use crate::scheduler::{Work, WorkKind};
 use crate::tree::{MAX_EXTRA_UNITS, WIDTH};
 
 /// What to do next.
@@ -18,51 +19,6 @@ pub(crate) enum Job {
     Rebuild(TreeKey),
     /// Go on with the open build, or begin it, and do at most about this many units of work.
     Slice { tree: TreeKey, units: usize },
-}
-
-/// The time that the jobs of one frame may take.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct FrameTime {
-    budget: Duration,
-    /// The time of the clock before the first job.
-    start: Duration,
-    /// The least time that the jobs so far can have taken on any machine, whatever the clock says.
-    min_spent: Duration,
-    /// The predicted time of the smallest rebuild.
-    smallest_rebuild: Duration,
-}
-
-impl FrameTime {
-    /// The time that is left of the budget.
-    fn left(&self, now: Duration) -> Duration {
-        self.budget.saturating_sub(now.saturating_sub(self.start).max(self.min_spent))
-    }
-}
-
-/// A build that is cut: it goes on in slices, or in the background.
-#[derive(Clone, Debug)]
-pub(super) struct OpenBuild {
-    /// `None` if the tree no longer needs the build.
-    pub tree: Option<TreeKey>,
-    pub rank: i32,
-    /// The frame in which the tree began to wait.
-    pub since_frame: u64,
-    /// The predicted nanoseconds of the build, which count among those of the trees that wait.
-    nanos: u64,
-    lights: usize,
-    units_left: usize,
-    /// `None` for a build in frames, whose slices are charged as they are done. In the background:
-    /// the nanoseconds that the ledger has not paid for yet. The build is open until it is built
-    /// and paid for.
-    pub unpaid: Option<f64>,
-    pub is_built: bool,
-}
-
-impl OpenBuild {
-    /// Whether the build needs time of this frame or of the ledger.
-    fn is_due(&self) -> bool {
-        self.unpaid.is_none_or(|unpaid| unpaid > 0.0)
-    }
 }
 
 /// A job that was done.

@@ -56,6 +56,7 @@ mod max_tree;
 mod queue;
 mod replay;
 mod requests;
+mod state;
 #[cfg(test)]
 mod tests;
 
@@ -73,9 +74,9 @@ use crate::keys::TreeKey;
 use crate::policy::RebuildRequest;
 use cost::CostModel;
 use decay::Decay;
-use jobs::{FrameTime, OpenBuild};
 use ledger::Ledger;
 use queue::Queue;
+use state::{FrameTime, OpenBuild};
 
 /// Decides which tree is rebuilt next.
 ///

@@ -1,10 +1,10 @@
 //! Priorities: which request is served first.
 
+use super::clock::{Work, WorkKind};
 use super::constants::{AGING, DOUBT, DOUBTFUL, TOP_DECAY, VALUE_RANGE};
 use super::{Scheduler, TreeFeatures, Waiting};
 use crate::keys::TreeKey;
 use crate::policy::{Excess, RebuildRequest};
-use crate::scheduler::{Work, WorkKind};
 
 /// Steps of rank for one doubling.
 const STEPS: f32 = 1024.0;

@@ -1,0 +1,50 @@
+//! The time of a frame, and the build that is cut.
+
+use std::time::Duration;
+
+use crate::keys::TreeKey;
+
+/// The time that the jobs of one frame may take.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct FrameTime {
+    pub budget: Duration,
+    /// The time of the clock before the first job.
+    pub start: Duration,
+    /// The least time that the jobs so far can have taken on any machine, whatever the clock says.
+    pub min_spent: Duration,
+    /// The predicted time of the smallest rebuild.
+    pub smallest_rebuild: Duration,
+}
+
+impl FrameTime {
+    /// The time that is left of the budget.
+    pub fn left(&self, now: Duration) -> Duration {
+        self.budget.saturating_sub(now.saturating_sub(self.start).max(self.min_spent))
+    }
+}
+
+/// A build that is cut: it goes on in slices, or in the background.
+#[derive(Clone, Debug)]
+pub(super) struct OpenBuild {
+    /// `None` if the tree no longer needs the build.
+    pub tree: Option<TreeKey>,
+    pub rank: i32,
+    /// The frame in which the tree began to wait.
+    pub since_frame: u64,
+    /// The predicted nanoseconds of the build, which count among those of the trees that wait.
+    pub nanos: u64,
+    pub lights: usize,
+    pub units_left: usize,
+    /// `None` for a build in frames, whose slices are charged as they are done. In the background:
+    /// the nanoseconds that the ledger has not paid for yet. The build is open until it is built
+    /// and paid for.
+    pub unpaid: Option<f64>,
+    pub is_built: bool,
+}
+
+impl OpenBuild {
+    /// Whether the build needs time of this frame or of the ledger.
+    pub fn is_due(&self) -> bool {
+        self.unpaid.is_none_or(|unpaid| unpaid > 0.0)
+    }
+}
