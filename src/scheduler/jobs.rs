@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::clock::{Work, WorkKind};
-use super::constants::{MAX_CHARGE_RATIO, MAX_PASSED_OVER, MIN_SLICE_UNITS, SLICE};
+use super::constants::{MAX_CHARGE_RATIO, MAX_PASSED_OVER, MAX_UNSPENT_SHARE, MIN_SLICE_UNITS, SLICE};
 use super::cost::{self, CostModel, units_of_build};
 use super::ledger::nanos;
 use super::requests::whole;
@@ -50,7 +50,7 @@ impl Scheduler {
     ///    in slices. It is passed over if it would fit into a whole frame, or if another build is
     ///    open.
     /// 4. The time that is left at the end goes to the open build. If there is none, the first tree
-    ///    that was passed over is opened.
+    ///    that was passed over is opened, unless it is so small that little time is left.
     pub fn next_job(&mut self, now: Duration) -> Option<Job> {
         if self.time.budget.is_zero() {
             return None;
@@ -80,7 +80,8 @@ impl Scheduler {
                 self.queue.pass_over(index);
             }
         }
-        let passed_over = self.restore_passed_over();
+        let min_cost = self.time.budget / MAX_UNSPENT_SHARE;
+        let passed_over = self.restore_passed_over().filter(|tree| self.upper_bound(*tree) > min_cost);
         if self.open.is_none() && self.left(now) >= self.costs.upper_bound(smallest_slice(WIDTH)) {
             self.open(passed_over?);
         }
