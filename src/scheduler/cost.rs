@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use super::clock::{Work, WorkKind};
+use crate::tree::units_of_build;
 
 /// The cost of each kind of work, by its number of lights, learnt from measurements: a typical cost
 /// for each doubling of the lights, and for each kind a margin for the slowest jobs of late.
@@ -41,9 +42,8 @@ const MAX_LEARNING_RATE: f64 = 0.5;
 /// single slow job does not count for ever.
 const MARGIN_RETENTION: f64 = 0.999;
 
-/// The least margin. Of 400 builds of a size the
-/// slowest took 1.3 to 1.8 times as long as the mean (2-core AMD EPYC virtual machine, 2026-11-21,
-/// `costs.csv` of the budget example).
+/// The least margin. Of 400 builds of a size the slowest took 1.3 to 1.8 times as long as the mean
+/// (2-core AMD EPYC virtual machine, 2026-11-21, `costs.csv` of the budget example).
 const MIN_MARGIN: f64 = 1.65;
 
 /// The least nanoseconds per unit of work, about a tenth of what a 2020s server takes. They keep
@@ -85,12 +85,6 @@ fn kind_index(kind: WorkKind) -> usize {
         // Another thread has its own speed, and its stalls hold up no frame.
         WorkKind::Background => 2,
     }
-}
-
-/// The number of units of a build of a tree.
-pub(crate) fn units_of_build(lights: usize) -> f64 {
-    let n = lights.max(1) as f64;
-    n * (n.log2() + 1.0)
 }
 
 /// The number of lights of the tree that is worked on.

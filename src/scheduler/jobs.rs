@@ -4,13 +4,13 @@ use std::time::Duration;
 
 use super::clock::{Work, WorkKind};
 use super::constants::{MAX_CHARGE_RATIO, MAX_PASSED_OVER, MAX_UNSPENT_SHARE, MIN_SLICE_UNITS, SLICE};
-use super::cost::{self, CostModel, units_of_build};
+use super::cost::{self, CostModel};
 use super::ledger::nanos;
 use super::requests::whole;
 use super::state::{FrameTime, OpenBuild};
 use super::{Scheduler, TreeState, Waiting};
 use crate::keys::TreeKey;
-use crate::tree::{MAX_EXTRA_UNITS, WIDTH};
+use crate::tree::{MAX_EXTRA_UNITS, WIDTH, units_of_build};
 
 /// What to do next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -112,8 +112,8 @@ impl Scheduler {
         self.withdraw(tree);
         // The tree waits until the build is done and paid for.
         self.waiting_nanos += nanos;
-        let lights = self.trees[tree].lights;
-        let units_left = units_of_build(lights) as usize;
+        let TreeState { lights, units, .. } = self.trees[tree];
+        let units_left = units as usize;
         self.open = Some(OpenBuild {
             tree: Some(tree),
             rank,

@@ -72,6 +72,7 @@ use slotmap::SecondaryMap;
 
 use crate::keys::TreeKey;
 use crate::policy::RebuildRequest;
+use crate::tree::units_of_build;
 use cost::CostModel;
 use decay::Decay;
 use ledger::Ledger;
@@ -216,7 +217,7 @@ impl Scheduler {
 impl TreeState {
     fn set_lights(&mut self, lights: usize) {
         self.lights = lights;
-        self.units = cost::units_of_build(lights);
+        self.units = units_of_build(lights);
     }
 
     /// Resets what has happened since the last build.

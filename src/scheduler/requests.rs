@@ -53,9 +53,9 @@ impl Scheduler {
 
     /// Sets what the policies of a tree request now. `share` is the tree's share of the picture.
     ///
-    /// A tree that waits already keeps its age, except that a doubtful tree has no age in other
-    /// requests. A request of [`RebuildRequest::Required`] stands
-    /// until it is served or [withdrawn](Scheduler::withdraw).
+    /// A tree that already waits keeps its age. The time for which it was doubtful counts towards
+    /// its age as a doubtful tree only. A request of [`RebuildRequest::Required`] stands until it is
+    /// served or [withdrawn](Scheduler::withdraw).
     pub fn set_request(&mut self, tree: TreeKey, request: RebuildRequest, share: f32) {
         let state = &self.trees[tree];
         let stands = state.request == RebuildRequest::Required;

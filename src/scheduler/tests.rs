@@ -4,9 +4,9 @@
 use slotmap::SlotMap;
 
 use super::constants::{AGING, DOUBTFUL, LEDGER_CAPACITY, VALUE_RANGE};
-use super::cost::units_of_build;
 use super::*;
 use crate::tree::testing::Rng;
+use crate::tree::units_of_build;
 
 /// Nanoseconds of a unit of work, in frames and in the background.
 const NANOS_PER_UNIT: f64 = 25.0;

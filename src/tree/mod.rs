@@ -35,6 +35,7 @@ pub(crate) use shape::{ChildGroup, Children, fills_nodes, middle};
 #[cfg(feature = "gpu")]
 pub(crate) use shape::{FULL, SPARSE_COUNTS};
 pub(crate) use stepped_build::{MAX_EXTRA_UNITS, TreeBuild};
+pub(crate) use units::units_of_build;
 pub(crate) use wide::{Lanes, WideCluster};
 
 use std::fmt;

@@ -3,7 +3,7 @@
 //! A unit is the work for one light in one level of a binary tree. Pieces of work are counted in
 //! ticks, fractions of a unit. The ticks of a piece are proportional to its typical time, so that
 //! the time of a step follows from its units. All numbers were measured in release builds over 64
-//! to 300,000 random lights, with one thread (2-core AMD EPYC virtual machine, 2026-11-22). A tick
+//! to 300,000 random lights, with one thread (2-core Intel Xeon virtual machine, 2026-11-22). A tick
 //! took about 0.3 ns there, and a unit 20 ns.
 
 use super::node::WIDTH;
@@ -68,8 +68,13 @@ pub(super) fn small_subtree_ticks(items: usize) -> usize {
 }
 
 /// The units of a build over `lights` lights, an estimate: their number times the levels of a
-/// binary tree.
+/// binary tree. No lights count as one.
+pub(crate) fn units_of_build(lights: usize) -> f64 {
+    let n = lights.max(1) as f64;
+    n * (n.log2() + 1.0)
+}
+
+/// [`units_of_build`] in whole units; 0 for no lights.
 pub(super) fn build_units(lights: usize) -> usize {
-    let n = lights as f64;
-    if lights == 0 { 0 } else { (n * (n.log2() + 1.0)).ceil() as usize }
+    if lights == 0 { 0 } else { units_of_build(lights).ceil() as usize }
 }

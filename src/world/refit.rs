@@ -65,7 +65,7 @@ impl LightWorld {
 
     /// Moves a tree back into the map and updates its rebuild request.
     fn finish_refit(&mut self, job: RefitJob) {
-        let changes_nodes = job.changes_nodes();
+        let (changes_nodes, is_as_built) = (job.changes_nodes(), job.is_as_built());
         let RefitJob { key, is_edited, former_effects, tree, staged, swap, features, .. } = job;
         if *tree.effects() != former_effects {
             self.effects.change(|counts| {
@@ -77,9 +77,7 @@ impl LightWorld {
         let entry = &mut self.trees[key];
         entry.tree = tree;
         entry.staged = staged;
-        let mut is_as_built = false;
-        if let Some(Swap { features, history, is_outdated }) = swap {
-            is_as_built = !is_outdated && !is_edited;
+        if let Some(Swap { features, history, .. }) = swap {
             self.scheduler.was_rebuilt(key, features);
             entry.history = history;
         }
@@ -116,7 +114,7 @@ struct RefitJob {
     former_effects: EffectCounts,
     tree: LightTree,
     staged: StagedLights,
-    /// The tree that was built in the background and replaces this one.
+    /// The tree that was built in slices or in the background and replaces this one.
     successor: Option<Box<LightTree>>,
     /// What the replacement changed.
     swap: Option<Swap>,
@@ -126,7 +124,8 @@ struct RefitJob {
     features: Option<TreeFeatures>,
 }
 
-/// The replacement of a tree by one that was built in the background, over about the same lights.
+/// The replacement of a tree by one that was built in slices or in the background, over about the
+/// same lights.
 struct Swap {
     /// The features of the new tree as it was built.
     features: TreeFeatures,
@@ -142,6 +141,11 @@ impl RefitJob {
         self.is_edited || self.successor.is_some() || self.swap.is_some()
     }
 
+    /// Whether the tree was replaced and its lights have not changed since they were copied.
+    fn is_as_built(&self) -> bool {
+        self.swap.as_ref().is_some_and(|swap| !swap.is_outdated) && !self.is_edited
+    }
+
     fn run(&mut self) {
         let before = self.tree.attributes();
         if let Some(built) = self.successor.take() {
@@ -154,8 +158,7 @@ impl RefitJob {
         if self.is_measured {
             self.tree.refit();
             self.is_newly_measured = self.tree.attributes() != before;
-            let is_as_built = self.swap.as_ref().is_some_and(|swap| !swap.is_outdated) && !self.is_edited;
-            if (self.changes_nodes() || self.is_newly_measured) && !is_as_built {
+            if (self.changes_nodes() || self.is_newly_measured) && !self.is_as_built() {
                 self.features = Some(TreeFeatures::of(&self.tree));
             }
         } else if self.changes_nodes() {

@@ -6,7 +6,8 @@ use super::figures::{Kind, Troupe};
 use super::motion::Motion;
 use super::scene::rng::Rng;
 use super::sigma::Noise;
-use girandole::glam::{Vec3, vec3};
+use super::stage::direction;
+use girandole::glam::Vec3;
 use girandole::light::luminance;
 use girandole::tree::{Attribute, Attributes};
 use girandole::{Light, LightId, LightTree, LightWorld, Placement, Policy, ShadingPoint, SplitCount, WorldError};
@@ -187,10 +188,4 @@ fn shading_point(tree: &LightTree, rng: &mut Rng) -> ShadingPoint {
     }
     let toward = (cluster.mean - position).normalize_or(Vec3::Y);
     ShadingPoint::surface(position, (toward + 0.9 * direction(rng)).normalize_or(Vec3::Y))
-}
-
-fn direction(rng: &mut Rng) -> Vec3 {
-    let (height, turn) = (rng.range(-1.0, 1.0), rng.unit() * std::f32::consts::TAU);
-    let ring = (1.0 - height * height).sqrt();
-    vec3(ring * turn.cos(), height, ring * turn.sin())
 }

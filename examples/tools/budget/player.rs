@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 /// The time from one frame to the next.
-const FRAME: Duration = Duration::from_nanos(16_666_667);
+pub const FRAME: Duration = Duration::from_nanos(16_666_667);
 
 /// The number of samples whose usage is counted in a frame.
 const USAGE_SAMPLES: u32 = 2_000;

@@ -216,7 +216,8 @@ fn middle(camera: &Camera) -> Vec2 {
     vec2(camera.eye.x, camera.eye.z) + vec2(forward.x, forward.z) * 80.0
 }
 
-fn direction(rng: &mut Rng) -> Vec3 {
+/// A random direction, uniform over the sphere.
+pub fn direction(rng: &mut Rng) -> Vec3 {
     let (height, turn) = (rng.range(-1.0, 1.0), rng.unit() * std::f32::consts::TAU);
     let ring = (1.0 - height * height).sqrt();
     vec3(ring * turn.cos(), height, ring * turn.sin())

@@ -1,6 +1,7 @@
 //! Lights that move, as functions of time.
 
 use super::super::scene::rng::Rng;
+use super::super::stage::direction;
 use girandole::Light;
 use girandole::glam::{Quat, Vec3, vec3};
 use std::f32::consts::{PI, TAU};
@@ -8,13 +9,6 @@ use std::f32::consts::{PI, TAU};
 /// A random vector with coordinates between `-half` and `half`.
 pub fn in_box(half: Vec3, rng: &mut Rng) -> Vec3 {
     vec3(rng.range(-1.0, 1.0), rng.range(-1.0, 1.0), rng.range(-1.0, 1.0)) * half
-}
-
-/// A random direction, uniform over the sphere.
-fn direction(rng: &mut Rng) -> Vec3 {
-    let (height, turn) = (rng.range(-1.0, 1.0), rng.unit() * TAU);
-    let ring = (1.0 - height * height).sqrt();
-    vec3(ring * turn.cos(), height, ring * turn.sin())
 }
 
 /// Point lights that swing through a box, each with its own frequencies. After about a second each

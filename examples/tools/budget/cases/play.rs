@@ -1,15 +1,13 @@
 //! What the scenes have in common: the clock, the placement of trees, and the detection of
 //! rebuilds.
 
+pub use super::super::player::FRAME;
 use super::super::scene::SceneError;
 use girandole::glam::{DVec3, Mat3, dvec3};
 use girandole::scheduler::{Clock, VirtualClock, WorkKind};
 use girandole::{Light, LightTree, LightWorld, Placement, Policy, TreeKey};
 use std::sync::Arc;
 use std::time::Duration;
-
-/// The time from one frame to the next.
-pub const FRAME: Duration = Duration::from_nanos(16_666_667);
 
 /// The distance between neighbouring trees, in metres.
 const STEP: f64 = 60.0;
