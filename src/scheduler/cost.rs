@@ -3,6 +3,8 @@
 use std::time::Duration;
 
 use super::clock::{Work, WorkKind};
+use super::constants::MIN_SLICE_UNITS;
+use super::ledger::nanos;
 use crate::tree::units_of_build;
 
 /// The cost of each kind of work, by its number of lights, learnt from measurements: a typical cost
@@ -78,6 +80,22 @@ impl Default for CostModel {
     }
 }
 
+/// The rebuild of a whole tree within a frame.
+pub(super) fn whole(lights: usize) -> Work {
+    Work { kind: WorkKind::Rebuild, lights }
+}
+
+/// The smallest slice of a build.
+pub(super) fn smallest_slice(tree_lights: usize) -> Work {
+    slice_of(tree_lights, MIN_SLICE_UNITS)
+}
+
+/// A slice of a build, of some units.
+pub(super) fn slice_of(tree_lights: usize, units: usize) -> Work {
+    let units_per_light = units_of_build(tree_lights) / tree_lights.max(1) as f64;
+    Work { kind: WorkKind::Slice { tree_lights }, lights: (units as f64 / units_per_light).round().max(1.0) as usize }
+}
+
 fn kind_index(kind: WorkKind) -> usize {
     match kind {
         WorkKind::Rebuild | WorkKind::Refit => 0,
@@ -102,7 +120,8 @@ pub(crate) fn units(work: Work) -> f64 {
     }
 }
 
-fn size_class(lights: usize) -> usize {
+/// The class of a number of lights.
+pub(super) fn size_class(lights: usize) -> usize {
     (usize::BITS - lights.max(1).leading_zeros()) as usize % SIZES
 }
 
@@ -114,12 +133,12 @@ fn duration(nanos: f64) -> Duration {
 impl CostModel {
     /// The time that the work typically takes.
     pub fn predict(&self, work: Work) -> Duration {
-        duration(self.nanos(work))
+        duration(self.nanos(work, units(work)))
     }
 
     /// The time that the work hardly ever exceeds.
     pub fn upper_bound(&self, work: Work) -> Duration {
-        duration(self.nanos(work) * self.margin(work.kind))
+        duration(self.nanos(work, units(work)) * self.margin(work.kind))
     }
 
     /// The units of a slice that hardly ever takes longer than `time`, in the build of a tree.
@@ -133,8 +152,9 @@ impl CostModel {
         duration(units * MIN_NANOS)
     }
 
-    fn nanos(&self, work: Work) -> f64 {
-        units(work) * self.nanos_per_unit(work)
+    /// The nanoseconds that work of some units typically takes.
+    pub fn nanos(&self, work: Work, units: f64) -> f64 {
+        units * self.nanos_per_unit(work)
     }
 
     /// The ratio of actual to typical cost that hardly any job exceeds.
@@ -157,16 +177,22 @@ impl CostModel {
     /// Learns from work of some units that took `spent`. Returns the time that it was predicted to
     /// take.
     pub fn learn(&mut self, work: Work, units: f64, spent: Duration) -> Duration {
+        let predicted = self.nanos(work, units);
+        self.learn_ratio(work, nanos(spent) / predicted);
+        duration(predicted)
+    }
+
+    /// Learns from work that took `ratio` times the predicted time.
+    pub fn learn_ratio(&mut self, work: Work, ratio: f64) {
         let typical = self.nanos_per_unit(work);
-        let nanos = (spent.as_nanos() as f64 / units).max(MIN_NANOS);
-        let within = |ratio: f64| nanos.clamp(typical / ratio, typical * ratio);
+        let ratio = ratio.max(MIN_NANOS / typical);
+        let within = |limit: f64| ratio.clamp(1.0 / limit, limit);
         let costs = &mut self.kinds[kind_index(work.kind)];
         let size = &mut costs.sizes[size_class(tree_lights(work))];
         let rate = (1.0 / (f64::from(size.count) + 1.0)).clamp(MIN_LEARNING_RATE, MAX_LEARNING_RATE);
-        size.nanos = typical + rate * (within(MAX_STEP) - typical);
+        size.nanos = typical + rate * typical * (within(MAX_STEP) - 1.0);
         size.count = size.count.saturating_add(1);
-        costs.margin = costs.margin.max(within(MAX_DEVIATION) / typical);
-        duration(units * typical)
+        costs.margin = costs.margin.max(within(MAX_DEVIATION));
     }
 
     /// Shrinks the margins; to be called once per frame.

@@ -49,10 +49,11 @@ mod clock;
 mod constants;
 mod cost;
 mod decay;
+mod finish;
 mod forecast;
 mod jobs;
 mod ledger;
-mod max_tree;
+mod lists;
 mod queue;
 mod replay;
 mod requests;
@@ -62,8 +63,9 @@ mod tests;
 
 pub use budget::FrameBudget;
 pub use clock::{Clock, SystemClock, VirtualClock, Work, WorkKind};
+pub(crate) use finish::DoneJob;
 pub(crate) use forecast::TreeFeatures;
-pub(crate) use jobs::{DoneJob, Job};
+pub(crate) use jobs::Job;
 pub use replay::{ClockEvent, RecordingClock, ReplayClock};
 
 use std::time::Duration;
@@ -77,13 +79,13 @@ use cost::CostModel;
 use decay::Decay;
 use ledger::Ledger;
 use queue::Queue;
-use state::{FrameTime, OpenBuild};
+use state::{BatchedTree, FrameTime, OpenBuild};
 
 /// Decides which tree is rebuilt next.
 ///
 /// The scheduler knows no trees and no world. It is told what has changed
 /// ([`Scheduler::has_changed`], [`Scheduler::set_request`]) and what jobs took
-/// ([`Scheduler::finish_rebuild`], [`Scheduler::finish_slice`]), and is asked for the next job
+/// ([`Scheduler::finish_batch`], [`Scheduler::finish_slice`]), and is asked for the next job
 /// ([`Scheduler::next_job`]).
 ///
 /// Each tree that waits has a *priority*, in doublings:
@@ -104,12 +106,14 @@ use state::{FrameTime, OpenBuild};
 pub(crate) struct Scheduler {
     trees: SecondaryMap<TreeKey, TreeState>,
     queue: Queue,
+    /// The trees to rebuild next, or that were rebuilt last.
+    batch: Vec<BatchedTree>,
     open: Option<OpenBuild>,
     ledger: Ledger,
     costs: CostModel,
     /// The number of frames so far.
     frame: u64,
-    /// Rounds so far. Ranks are relative to this, so it starts anew before they run out of digits.
+    /// Rounds so far.
     rounds: f64,
     /// The predicted nanoseconds of all trees that wait.
     waiting_nanos: u64,
@@ -138,13 +142,10 @@ struct TreeState {
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
     index: usize,
-    /// The frame and the number of rounds at which the tree began to wait.
-    since_frame: u64,
+    /// The number of rounds at which the tree began to wait.
     since_round: f64,
     /// The number of rounds at which the tree was last doubtful, or began to wait.
     asked_round: f64,
-    /// The predicted time of its rebuild.
-    nanos: u64,
 }
 
 impl Scheduler {
@@ -160,15 +161,14 @@ impl Scheduler {
 
     /// The longest wait in frames of the trees that wait, that of an open build included.
     pub fn longest_wait(&self) -> u64 {
-        let oldest = self.queue.oldest().and_then(|tree| self.trees[tree].waiting).map(|waiting| waiting.since_frame);
+        let oldest = self.queue.oldest().map(|entry| entry.since_frame);
         let open = self.open.as_ref().filter(|open| !open.is_built).map(|open| open.since_frame);
         oldest.into_iter().chain(open).map(|since| self.frame - since).max().unwrap_or(0)
     }
 
-    /// One of the trees that wait, another one in each frame.
-    pub fn tree_in_turn(&self) -> Option<TreeKey> {
-        let len = self.queue.len() as u64;
-        (len > 0).then(|| self.queue.tree((self.frame % len) as usize))
+    /// One of the trees that wait, another one with each call.
+    pub fn tree_in_turn(&mut self) -> Option<TreeKey> {
+        self.queue.next_in_turn()
     }
 
     /// Whether a build of the tree is open, so that requests for it wait until its end.

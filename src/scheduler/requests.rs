@@ -1,16 +1,17 @@
 //! Priorities: which request is served first.
 
-use super::clock::{Work, WorkKind};
 use super::constants::{AGING, DOUBT, DOUBTFUL, TOP_DECAY, VALUE_RANGE};
+use super::cost::whole;
+use super::queue::Entry;
 use super::{Scheduler, TreeFeatures, Waiting};
 use crate::keys::TreeKey;
 use crate::policy::{Excess, RebuildRequest};
 
-/// Steps of rank for one doubling.
-const STEPS: f32 = 1024.0;
+/// Predictions count as at most this many nanoseconds, about 15 minutes, so that sums are exact.
+const MAX_NANOS: f64 = 1.0e12;
 
-/// Rounds after which they are counted anew. Ranks are then far from the limits of their type.
-const MAX_ROUNDS: f64 = (1 << 16) as f64;
+/// Steps of rank for one doubling. Priorities that differ by less count as equal.
+const STEPS: f64 = 8.0;
 
 impl Scheduler {
     /// Records that the lights of a tree have changed.
@@ -30,15 +31,10 @@ impl Scheduler {
         Excess { likely: of(state.rise), possible: of(state.rise + doubt) }
     }
 
-    /// Lets a tree start anew that was rebuilt, in any way. Returns the number of frames for which
-    /// it has waited in the queue.
-    pub fn was_rebuilt(&mut self, tree: TreeKey, features: TreeFeatures) -> u64 {
-        let frame = self.frame;
-        let state = &mut self.trees[tree];
-        state.start(features, frame);
-        let waited = state.waiting.map_or(0, |waiting| frame - waiting.since_frame);
+    /// Lets a tree start anew that was rebuilt, in any way.
+    pub fn was_rebuilt(&mut self, tree: TreeKey, features: TreeFeatures) {
+        self.trees[tree].start(features, self.frame);
         self.withdraw(tree);
-        waited
     }
 
     /// Lets a tree start anew that got other lights and was built for them.
@@ -68,16 +64,15 @@ impl Scheduler {
         let state = &mut trees[tree];
         state.request = request;
         let waiting = state.waiting.get_or_insert_with(|| {
-            let index = queue.push(tree, i32::MIN, *frame);
-            Waiting { index, since_frame: *frame, since_round: *rounds, asked_round: *rounds, nanos: 0 }
+            let index = queue.push(Entry { tree, since_frame: *frame, nanos: 0 });
+            Waiting { index, since_round: *rounds, asked_round: *rounds }
         });
-        *waiting_nanos = *waiting_nanos - waiting.nanos + nanos;
-        waiting.nanos = nanos;
+        *waiting_nanos = *waiting_nanos - queue.entry(waiting.index).nanos + nanos;
         if request == RebuildRequest::Doubtful {
             waiting.asked_round = *rounds;
         }
         let as_doubtful = rank(DOUBTFUL, waiting.since_round);
-        queue.set(waiting.index, rank(start, waiting.asked_round).max(as_doubtful));
+        queue.set(waiting.index, rank(start, waiting.asked_round).max(as_doubtful), nanos);
     }
 
     /// The priority that a request begins with, and the predicted nanoseconds of the rebuild.
@@ -92,11 +87,12 @@ impl Scheduler {
     /// that of the greatest value of late.
     fn start_of(&mut self, tree: TreeKey, request: RebuildRequest, share: f32) -> (f32, u64) {
         let state = &self.trees[tree];
-        let nanos = self.costs.predict(whole(state.lights)).as_nanos().clamp(1, u128::from(u32::MAX) << 8) as u64;
+        let nanos = self.costs.nanos(whole(state.lights), state.units).clamp(1.0, MAX_NANOS) as u64;
         if request == RebuildRequest::Doubtful {
             return (DOUBTFUL, nanos);
         }
-        let value = (share * state.decay.savings(self.frame) / nanos as f32).clamp(f32::MIN_POSITIVE, f32::MAX).log2();
+        let value = share * state.decay.savings(self.frame) / nanos as f32;
+        let value = value.clamp(f32::MIN_POSITIVE, f32::MAX).log2();
         let top = self.top_value.map_or(value, |top| top.max(value));
         self.top_value = Some(top);
         let by_value = (value - top + VALUE_RANGE).max(0.0);
@@ -109,43 +105,24 @@ impl Scheduler {
         let state = &mut self.trees[tree];
         state.request = RebuildRequest::None;
         let Some(waiting) = state.waiting.take() else { return };
-        self.waiting_nanos -= waiting.nanos;
-        let Some(moved) = self.queue.remove(waiting.index) else { return };
-        if let Some(moved) = &mut self.trees[moved].waiting {
-            moved.index = waiting.index;
-        }
+        self.waiting_nanos -= self.queue.entry(waiting.index).nanos;
+        self.queue.remove(waiting.index);
     }
 
     /// Lets all trees that wait age.
     pub(super) fn advance_rounds(&mut self, rounds: f64) {
         self.rounds += rounds;
         self.top_value = self.top_value.map(|top| top - TOP_DECAY * rounds as f32);
-        if self.rounds >= MAX_ROUNDS {
-            let by = rank(0.0, -MAX_ROUNDS);
-            self.rounds -= MAX_ROUNDS;
-            self.queue.shift(by);
-            self.open.iter_mut().for_each(|open| open.rank = open.rank.saturating_add(by));
-            for waiting in self.trees.values_mut().filter_map(|state| state.waiting.as_mut()) {
-                waiting.since_round -= MAX_ROUNDS;
-                waiting.asked_round -= MAX_ROUNDS;
-            }
-        }
     }
 
     /// The priority of a rank now, in doublings.
-    pub(super) fn priority(&self, rank: i32) -> f64 {
-        f64::from(rank) / f64::from(STEPS) + f64::from(AGING) * self.rounds
+    pub(super) fn priority(&self, rank: i64) -> f64 {
+        rank as f64 / STEPS + f64::from(AGING) * self.rounds
     }
 }
 
 /// The rank of a tree that began to wait with the priority `start`. Ranks order as priorities do,
 /// and do not change while trees age.
-fn rank(start: f32, since_round: f64) -> i32 {
-    // The cast saturates.
-    ((f64::from(start) - f64::from(AGING) * since_round) * f64::from(STEPS)) as i32
-}
-
-/// The rebuild of a whole tree within a frame.
-pub(super) fn whole(lights: usize) -> Work {
-    Work { kind: WorkKind::Rebuild, lights }
+fn rank(start: f32, since_round: f64) -> i64 {
+    ((f64::from(start) - f64::from(AGING) * since_round) * STEPS).ceil() as i64
 }

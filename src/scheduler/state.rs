@@ -1,4 +1,4 @@
-//! The time of a frame, and the build that is cut.
+//! The time of a frame, the trees that are rebuilt next, and the build that is cut.
 
 use std::time::Duration;
 
@@ -23,12 +23,23 @@ impl FrameTime {
     }
 }
 
+/// A tree that is rebuilt in a batch. Reading the clock takes about 50 ns and the rebuild of ten
+/// lights 2 µs, so small trees are rebuilt in batches between two readings.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BatchedTree {
+    pub tree: TreeKey,
+    /// Frames since the tree began to wait.
+    pub waited: u64,
+    /// The predicted time.
+    pub nanos: f64,
+}
+
 /// A build that is cut: it goes on in slices, or in the background.
 #[derive(Clone, Debug)]
 pub(super) struct OpenBuild {
     /// `None` if the tree no longer needs the build.
     pub tree: Option<TreeKey>,
-    pub rank: i32,
+    pub rank: i64,
     /// The frame in which the tree began to wait.
     pub since_frame: u64,
     /// The predicted nanoseconds of the build, which count among those of the trees that wait.

@@ -12,6 +12,11 @@ mod split_mix;
 pub(crate) use split_mix::Rng;
 
 impl Rng {
+    /// A number below `end`.
+    pub fn below(&mut self, end: usize) -> usize {
+        (self.bits() % end as u64) as usize
+    }
+
     /// A position in the cube of half edge `size` about the origin.
     pub fn position(&mut self, size: f32) -> Vec3 {
         Vec3::new(self.between(-size, size), self.between(-size, size), self.between(-size, size))

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use super::LightWorld;
 use super::build_thread::{BuildThread, RunningBuild};
+use super::rebuild::report_job;
 use super::update::FrameReport;
 use crate::keys::TreeKey;
 use crate::tree::TreeBuild;
@@ -74,7 +75,7 @@ impl LightWorld {
         }
         let took = end.saturating_sub(begin);
         let done = self.scheduler.finish_slice(units, units_left, took);
-        self.report_job(tree, done, took, report);
+        report_job(&mut self.jobs, tree, done, report);
         end
     }
 

@@ -19,7 +19,8 @@ pub struct JobReport {
     pub work: Work,
     /// The time that the job was predicted to take.
     pub predicted: Duration,
-    /// The time that it took, by the world's clock.
+    /// The time that it took, by the world's clock. Small trees are rebuilt in batches of at most
+    /// 20 µs; the time of a batch is divided in proportion to the predicted times.
     pub took: Duration,
     /// The number of updates since the tree requested a rebuild.
     pub waited: u64,
@@ -46,7 +47,7 @@ impl LightWorld {
         while let Some(job) = self.scheduler.next_job(now) {
             let begin = self.clock.now();
             now = match job {
-                Job::Rebuild(tree) => self.rebuild(tree, begin, report),
+                Job::Rebuild => self.rebuild_batch(begin, report),
                 Job::Slice { tree, units } => self.go_on(tree, units, begin, report),
             };
         }
@@ -59,29 +60,22 @@ impl LightWorld {
         report.background.running = usize::from(self.open_build.is_in_background());
     }
 
-    /// Rebuilds a tree. Returns the time at the end.
-    fn rebuild(&mut self, tree: TreeKey, begin: Duration, report: &mut FrameReport) -> Duration {
-        let waited = self.rebuild_whole(tree);
-        self.clock.worked(self.scheduler.work_of_rebuild(tree));
+    /// Rebuilds the trees that the scheduler has chosen. Returns the time at the end.
+    fn rebuild_batch(&mut self, begin: Duration, report: &mut FrameReport) -> Duration {
+        let count = self.scheduler.batch().len();
+        for index in 0..count {
+            let tree = self.scheduler.batch()[index].tree;
+            self.rebuild(tree);
+            self.clock.worked(self.scheduler.work_of_rebuild(tree));
+        }
         let end = self.clock.now();
-        let took = end.saturating_sub(begin);
-        let done = self.scheduler.finish_rebuild(tree, waited, took);
-        report.rebuilt_trees += 1;
-        self.report_job(tree, done, took, report);
+        let Self { scheduler, jobs, .. } = self;
+        scheduler.finish_batch(end.saturating_sub(begin), |tree, done| report_job(jobs, tree, done, report));
+        report.rebuilt_trees += count;
         end
     }
 
-    /// Adds a job to the report.
-    pub(super) fn report_job(&mut self, tree: TreeKey, done: DoneJob, took: Duration, report: &mut FrameReport) {
-        let DoneJob { work, predicted, waited } = done;
-        self.jobs.push(JobReport { tree, work, predicted, took, waited });
-        report.spent = report.spent.saturating_add(took);
-        report.predicted = report.predicted.saturating_add(predicted);
-        report.longest_wait = report.longest_wait.max(waited);
-    }
-
-    /// Rebuilds a tree. Returns the number of frames for which it has waited.
-    fn rebuild_whole(&mut self, key: TreeKey) -> u64 {
+    fn rebuild(&mut self, key: TreeKey) {
         let entry = &mut self.trees[key];
         entry.tree.rebuild();
         let features = TreeFeatures::of(&entry.tree);
@@ -89,17 +83,26 @@ impl LightWorld {
         self.changes.tree(slot_of(key));
         self.wake(key);
         self.top.take();
-        self.scheduler.was_rebuilt(key, features)
+        self.scheduler.was_rebuilt(key, features);
     }
 
     /// Rebuilds a tree outside of any budget, and returns the time that it took.
     pub(super) fn rebuild_now(&mut self, tree: TreeKey) -> Duration {
         let start = self.clock.now();
-        self.rebuild_whole(tree);
+        self.rebuild(tree);
         self.cancel_build(tree);
         self.clock.worked(self.scheduler.work_of_rebuild(tree));
         let took = self.clock.now().saturating_sub(start);
         self.scheduler.finish_rebuild_outside(tree, took);
         took
     }
+}
+
+/// Adds a job to the list of jobs and to the report.
+pub(super) fn report_job(jobs: &mut Vec<JobReport>, tree: TreeKey, done: DoneJob, report: &mut FrameReport) {
+    let DoneJob { work, predicted, took, waited } = done;
+    jobs.push(JobReport { tree, work, predicted, took, waited });
+    report.spent = report.spent.saturating_add(took);
+    report.predicted = report.predicted.saturating_add(predicted);
+    report.longest_wait = report.longest_wait.max(waited);
 }

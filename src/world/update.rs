@@ -76,7 +76,7 @@ impl LightWorld {
     ///    frames, or on another thread ([`LightWorld::set_background_builds`]).
     /// 4. The longer a tree waits, the higher its priority. A *round* is the time granted in which
     ///    all trees that wait could be rebuilt once. Once a tree that gains something has waited for
-    ///    five rounds, only trees that already wait are rebuilt before it. This holds for any
+    ///    nine rounds, only trees that already wait are rebuilt before it. This holds for any
     ///    sequence of budgets; `docs/math.md` has the exact statement.
     /// 5. Effects that nothing in the world had for
     ///    [`EFFECT_HOLD_UPDATES`](crate::effects::EFFECT_HOLD_UPDATES) calls leave

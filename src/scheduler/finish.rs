@@ -1,0 +1,116 @@
+//! What jobs took.
+
+use std::time::Duration;
+
+use super::clock::{Work, WorkKind};
+use super::constants::MAX_CHARGE_RATIO;
+use super::cost::{self, CostModel, size_class, slice_of, smallest_slice, whole};
+use super::ledger::nanos;
+use super::state::{BatchedTree, OpenBuild};
+use super::{Scheduler, TreeState};
+use crate::keys::TreeKey;
+use crate::tree::WIDTH;
+
+/// A job that was done.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct DoneJob {
+    pub work: Work,
+    pub predicted: Duration,
+    pub took: Duration,
+    /// Frames since the tree began to wait.
+    pub waited: u64,
+}
+
+impl Scheduler {
+    /// The work of a rebuild of a whole tree.
+    pub fn work_of_rebuild(&self, tree: TreeKey) -> Work {
+        whole(self.trees[tree].lights)
+    }
+
+    /// The work of a slice of the open build.
+    pub fn work_of_slice(&self, units: usize) -> Work {
+        slice_of(self.open.as_ref().map_or(0, |open| open.lights), units)
+    }
+
+    /// Records the time of the batch, which was rebuilt. It is divided among the trees in proportion
+    /// to their predicted times, and counts as one measurement for each of their classes of size.
+    /// Calls `report` for each tree.
+    pub fn finish_batch(&mut self, took: Duration, mut report: impl FnMut(TreeKey, DoneJob)) {
+        let Self { batch, trees, costs, .. } = self;
+        let (mut predicted, mut units) = (0.0, 0.0);
+        for batched in &mut *batch {
+            let state = &trees[batched.tree];
+            // Earlier batches may have changed what is predicted.
+            batched.nanos = costs.nanos(whole(state.lights), state.units);
+            predicted += batched.nanos;
+            units += state.units;
+        }
+        let ratio = nanos(took) / predicted;
+        let (mut left, mut learned) = (took, 0_u64);
+        for (index, BatchedTree { tree, waited, nanos }) in batch.iter().enumerate() {
+            let work = whole(trees[*tree].lights);
+            let class = 1 << size_class(work.lights);
+            if learned & class == 0 {
+                learned |= class;
+                costs.learn_ratio(work, ratio);
+            }
+            let is_last = index + 1 == batch.len();
+            let took = if is_last { left } else { Duration::from_nanos((nanos * ratio) as u64).min(left) };
+            left -= took;
+            let predicted = Duration::from_nanos(*nanos as u64);
+            report(*tree, DoneJob { work, predicted, took, waited: *waited });
+        }
+        self.finish(took, predicted, units);
+    }
+
+    fn finish(&mut self, took: Duration, predicted_nanos: f64, units: f64) {
+        self.ledger.charge(took, Duration::from_nanos(predicted_nanos as u64));
+        self.time.min_spent = self.time.min_spent.saturating_add(CostModel::lower_bound(units));
+    }
+
+    /// Records the time of a rebuild outside of any budget.
+    pub fn finish_rebuild_outside(&mut self, tree: TreeKey, took: Duration) {
+        let TreeState { lights, units, .. } = self.trees[tree];
+        self.costs.learn(whole(lights), units, took);
+    }
+
+    /// Records a slice of the open build: its units, and those that are left.
+    pub fn finish_slice(&mut self, units: usize, units_left: usize, took: Duration) -> DoneJob {
+        let frame = self.frame;
+        let (mut waited, mut work) = (0, smallest_slice(WIDTH));
+        if let Some(open) = &mut self.open {
+            open.units_left = units_left;
+            open.is_built = units_left == 0;
+            (waited, work) = (frame - open.since_frame, slice_of(open.lights, units));
+        }
+        self.close_if_done();
+        let units = cost::units(work);
+        let predicted = self.costs.learn(work, units, took);
+        self.finish(took, nanos(predicted), units);
+        DoneJob { work, predicted, took, waited }
+    }
+
+    /// Records that the open build goes on in the background, and returns its work. The ledger pays
+    /// for the predicted time as it can.
+    pub fn go_on_in_background(&mut self) -> Work {
+        let lights = self.open.as_ref().map_or(0, |open| open.lights);
+        let work = Work { kind: WorkKind::Background, lights };
+        let predicted = nanos(self.costs.predict(work));
+        if let Some(open) = &mut self.open {
+            open.unpaid = Some(predicted);
+        }
+        work
+    }
+
+    /// Records that the build in the background has ended, and corrects its price.
+    pub fn finish_background(&mut self, work: Work, took: Duration) {
+        let predicted = nanos(self.costs.learn(work, cost::units(work), took));
+        let Some(OpenBuild { unpaid: Some(unpaid), is_built, .. }) = &mut self.open else { return };
+        // As for other jobs, a machine that was suspended during the build does not pay for hours.
+        let due = *unpaid + nanos(took).min(MAX_CHARGE_RATIO * predicted) - predicted;
+        *unpaid = due.max(0.0);
+        self.ledger.give_back((-due).max(0.0));
+        *is_built = true;
+        self.close_if_done();
+    }
+}
