@@ -24,9 +24,8 @@ pub(super) const VALUE_RANGE: f32 = 16.0;
 /// How many doublings the greatest value of late loses in a round.
 pub(super) const TOP_DECAY: f32 = 0.0625;
 
-/// The doublings of value that a round of waiting is worth. With 1 the scene M100 recovered 0.84 of
-/// its gap with 2 % of the time, with 2 it recovered 0.88 and with 4 0.93.
-pub(super) const AGING: f32 = 4.0;
+/// The doublings of value that a round of waiting is worth.
+pub(super) const AGING: f32 = 2.0;
 
 /// The priority of a tree that will probably gain nothing, when it begins to wait. It is served
 /// once its priority has reached 0.
@@ -53,6 +52,18 @@ pub(super) const RISE_PER_COST: f32 = 1.51;
 /// number of lights, of the logarithm of its attribute of variance, and of the length of its mean
 /// direction of emission.
 pub(super) const FRESH_COEFFICIENTS: [f32; 4] = [-9.46, 0.389, 4.91, 3.81];
+
+/// The value of a rebuild is proportional to this power of the tree's share of the picture. The share
+/// is known so roughly that its full ratios would rank trees by errors.
+pub(super) const SHARE_POWER: f32 = 0.3;
+
+/// The value of a rebuild is proportional to this power of the s² of the tree when it was just built,
+/// for the same reason.
+pub(super) const FRESH_POWER: f32 = 0.4;
+
+/// The value of a rebuild is computed from a rise of at least this logarithm: trees with a smaller
+/// predicted rise gained about equally little.
+pub(super) const LEAST_RISE: f32 = 0.3;
 
 /// Logarithms of rises count as at most this, 150 times: attributes may rise from 0, or to
 /// infinity.

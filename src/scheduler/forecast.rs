@@ -4,7 +4,9 @@
 //! ln s² of a tree that was just built, and the rise of ln s² since then. Both were fitted over many
 //! trees and motions (docs/math.md, "What a rebuild buys").
 
-use super::constants::{FRESH_COEFFICIENTS, MAX_LN_VARIANCE, MAX_RISE, MIN_ATTRIBUTE, RISE_PER_COST};
+use super::constants::{
+    FRESH_COEFFICIENTS, FRESH_POWER, LEAST_RISE, MAX_LN_VARIANCE, MAX_RISE, MIN_ATTRIBUTE, RISE_PER_COST,
+};
 use crate::tree::LightTree;
 
 /// The properties of a tree that predict its noise. They are finite for every tree.
@@ -54,10 +56,11 @@ impl TreeFeatures {
         (RISE_PER_COST * (self.ln_cost - built.ln_cost)).clamp(0.0, MAX_RISE)
     }
 
-    /// How much a rebuild lowers s² after a rise with this logarithm, for a tree that had these
-    /// features right after it was built.
+    /// The value of what a rebuild gains after a rise with this logarithm, for a tree that had these
+    /// features right after it was built. In proportion to the decrease of s², but for the powers
+    /// and limits in `constants.rs`.
     pub fn gain(&self, rise: f32) -> f32 {
-        self.ln_variance.exp() * rise.exp_m1()
+        (FRESH_POWER * self.ln_variance).exp() * rise.max(LEAST_RISE).exp_m1()
     }
 }
 
@@ -74,10 +77,13 @@ mod tests {
         let now = TreeFeatures { ln_cost: 0.5 + 2.0_f32.ln(), ln_variance: 7.0 };
         let rise = now.rise_since(&built);
         assert!((rise - RISE_PER_COST * 2.0_f32.ln()).abs() < 1.0e-6, "{rise}");
-        // s² was e^-3 and has been multiplied by 2^1.51.
+        // s² was e^-3, of which the power 0.4 counts, and has been multiplied by 2^1.51.
         let gain = built.gain(rise);
-        assert!((gain / (0.049787 * (2.848_1 - 1.0)) - 1.0).abs() < 1.0e-3, "{gain}");
-        assert_eq!((built.rise_since(&now), built.gain(0.0)), (0.0, 0.0), "a cost that fell is no rise");
+        assert!((gain / (0.301_19 * (2.848_1 - 1.0)) - 1.0).abs() < 1.0e-3, "{gain}");
+        assert_eq!(built.rise_since(&now), 0.0, "a cost that fell is no rise");
+        // Small rises count as one of 35 %.
+        assert_eq!(built.gain(0.0), built.gain(0.3));
+        assert!((built.gain(0.0) / (0.301_19 * 0.349_86) - 1.0).abs() < 1.0e-3);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Priorities: which request is served first.
 
-use super::constants::{AGING, DOUBT, DOUBTFUL, TOP_DECAY, VALUE_RANGE};
+use super::constants::{AGING, DOUBT, DOUBTFUL, SHARE_POWER, TOP_DECAY, VALUE_RANGE};
 use super::cost::whole;
 use super::queue::Entry;
 use super::{Scheduler, TreeFeatures, Waiting};
@@ -91,7 +91,7 @@ impl Scheduler {
         if request == RebuildRequest::Doubtful {
             return (DOUBTFUL, nanos);
         }
-        let value = share * state.decay.savings(self.frame) / nanos as f32;
+        let value = share.powf(SHARE_POWER) * state.decay.savings(self.frame) / nanos as f32;
         let value = value.clamp(f32::MIN_POSITIVE, f32::MAX).log2();
         let top = self.top_value.map_or(value, |top| top.max(value));
         self.top_value = Some(top);

@@ -143,5 +143,5 @@ pub fn tree_contents(world: &LightWorld) -> Vec<(Vec<u32>, Vec<Node>)> {
 
 /// A placement that is far from all viewpoints and all other instances.
 pub fn far_placement() -> Placement {
-    Placement::at(DVec3::new(1.0e5, 0.0, 0.0))
+    Placement::at(DVec3::new(9.0e8, 0.0, 0.0))
 }
