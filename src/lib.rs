@@ -132,6 +132,7 @@
 // above it; `tests/all/dependencies.rs` checks that.
 mod simd;
 mod keys;
+mod lists;
 pub mod effects;
 pub mod error;
 mod counts;

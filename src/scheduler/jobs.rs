@@ -8,7 +8,7 @@ use super::cost::{smallest_slice, whole};
 use super::ledger::nanos;
 use super::queue::Entry;
 use super::state::{BatchedTree, FrameTime, OpenBuild};
-use super::{Scheduler, TreeState, Waiting};
+use super::{Scheduler, TreeState};
 use crate::keys::TreeKey;
 use crate::tree::{MAX_EXTRA_UNITS, WIDTH};
 
@@ -54,28 +54,27 @@ impl Scheduler {
                 return Some(Job::Rebuild);
             }
             // The first tree does not fit, or the open build comes first.
-            let Some(index) = self.first() else {
+            let Some(tree) = self.first() else {
                 let is_due = self.open.as_ref().is_some_and(OpenBuild::is_due);
                 if !is_due || !self.pay() {
                     break;
                 }
                 // The trees that were passed over because a build was open may be opened now.
-                self.restore_passed_over();
+                self.queue.restore();
                 continue;
             };
-            let Entry { tree, nanos, .. } = self.queue.entry(index);
-            if self.upper_bound(nanos) > self.time.budget && self.open.is_none() {
+            if self.upper_bound(tree) > self.time.budget && self.open.is_none() {
                 self.open(tree);
             } else if left < self.time.smallest_rebuild {
                 break;
             } else {
-                self.queue.pass_over(index);
+                self.queue.pass_over(tree);
             }
         }
         let min_cost = self.time.budget / MAX_UNSPENT_SHARE;
-        let passed_over = self.restore_passed_over().filter(|entry| self.upper_bound(entry.nanos) > min_cost);
+        let passed_over = self.queue.restore().filter(|tree| self.upper_bound(*tree) > min_cost);
         if self.open.is_none() && self.left(now) >= self.costs.upper_bound(smallest_slice(WIDTH)) {
-            self.open(passed_over?.tree);
+            self.open(passed_over?);
         }
         self.pay();
         self.slice(now)
@@ -88,8 +87,8 @@ impl Scheduler {
         let left = nanos(left) / self.costs.margin(WorkKind::Rebuild);
         let max_nanos = left.min(nanos(SLICE));
         let mut sum = 0.0;
-        while let Some(index) = self.first() {
-            let Entry { tree, since_frame, nanos } = self.queue.entry(index);
+        while let Some(tree) = self.first() {
+            let Entry { since_frame, nanos, .. } = self.queue.entry(tree);
             let nanos = nanos as f64;
             let max_nanos = if self.batch.is_empty() { left } else { max_nanos };
             if sum + nanos > max_nanos {
@@ -97,7 +96,7 @@ impl Scheduler {
             }
             sum += nanos;
             self.batch.push(BatchedTree { tree, waited: self.frame - since_frame, nanos });
-            self.queue.hide(index);
+            self.queue.hide(tree);
         }
     }
 
@@ -107,16 +106,17 @@ impl Scheduler {
     }
 
     /// The first tree that waits, if it comes before the open build and its priority has reached 0.
-    fn first(&self) -> Option<usize> {
-        let index = self.queue.best()?;
-        let rank = self.queue.rank(index);
+    fn first(&self) -> Option<TreeKey> {
+        let tree = self.queue.best()?;
+        let rank = self.queue.entry(tree).rank;
         let open = self.open.as_ref().filter(|open| open.is_due());
-        (self.priority(rank) >= 0.0 && open.is_none_or(|open| rank > open.rank)).then_some(index)
+        (self.priority(rank) >= 0.0 && open.is_none_or(|open| rank > open.rank)).then_some(tree)
     }
 
-    /// The time that a rebuild hardly ever exceeds that is predicted to take `nanos`.
-    fn upper_bound(&self, nanos: u64) -> Duration {
-        Duration::from_nanos((nanos as f64 * self.costs.margin(WorkKind::Rebuild)) as u64)
+    /// The time that the rebuild of a tree that waits hardly ever exceeds.
+    fn upper_bound(&self, tree: TreeKey) -> Duration {
+        let nanos = self.queue.entry(tree).nanos as f64;
+        Duration::from_nanos((nanos * self.costs.margin(WorkKind::Rebuild)) as u64)
     }
 
     /// The time that a job may take now.
@@ -124,16 +124,9 @@ impl Scheduler {
         self.time.left(now).min(self.ledger.balance())
     }
 
-    /// Returns the first tree that was passed over.
-    fn restore_passed_over(&mut self) -> Option<Entry> {
-        let Self { queue, trees, .. } = self;
-        queue.restore(|tree| trees[tree].waiting.map(|waiting| waiting.index)).map(|index| queue.entry(index))
-    }
-
     /// Takes a tree out of the queue and opens a build of it.
     fn open(&mut self, tree: TreeKey) {
-        let Some(Waiting { index, .. }) = self.trees[tree].waiting else { return };
-        let (Entry { since_frame, nanos, .. }, rank) = (self.queue.entry(index), self.queue.rank(index));
+        let Entry { since_frame, nanos, rank, .. } = self.queue.entry(tree);
         self.withdraw(tree);
         // The tree waits until the build is done and paid for.
         self.waiting_nanos += nanos;

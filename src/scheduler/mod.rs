@@ -53,7 +53,6 @@ mod finish;
 mod forecast;
 mod jobs;
 mod ledger;
-mod lists;
 mod queue;
 mod replay;
 mod requests;
@@ -138,10 +137,9 @@ struct TreeState {
     waiting: Option<Waiting>,
 }
 
-/// The place of a tree in the queue.
+/// Since when a tree waits.
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
-    index: usize,
     /// The number of rounds at which the tree began to wait.
     since_round: f64,
     /// The number of rounds at which the tree was last doubtful, or began to wait.
@@ -161,7 +159,7 @@ impl Scheduler {
 
     /// The longest wait in frames of the trees that wait, that of an open build included.
     pub fn longest_wait(&self) -> u64 {
-        let oldest = self.queue.oldest().map(|entry| entry.since_frame);
+        let oldest = self.queue.oldest().map(|tree| self.queue.entry(tree).since_frame);
         let open = self.open.as_ref().filter(|open| !open.is_built).map(|open| open.since_frame);
         oldest.into_iter().chain(open).map(|since| self.frame - since).max().unwrap_or(0)
     }
@@ -178,7 +176,7 @@ impl Scheduler {
 
     /// Whether the tree waits for a rebuild, in the queue or for its open build.
     pub fn waits(&self, tree: TreeKey) -> bool {
-        self.trees[tree].waiting.is_some() || self.is_open(tree)
+        self.queue.contains(tree) || self.is_open(tree)
     }
 
     /// Adds a tree that was just built.

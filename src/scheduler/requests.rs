@@ -2,7 +2,6 @@
 
 use super::constants::{AGING, DOUBT, DOUBTFUL, SHARE_POWER, TOP_DECAY, VALUE_RANGE};
 use super::cost::whole;
-use super::queue::Entry;
 use super::{Scheduler, TreeFeatures, Waiting};
 use crate::keys::TreeKey;
 use crate::policy::{Excess, RebuildRequest};
@@ -64,15 +63,15 @@ impl Scheduler {
         let state = &mut trees[tree];
         state.request = request;
         let waiting = state.waiting.get_or_insert_with(|| {
-            let index = queue.push(Entry { tree, since_frame: *frame, nanos: 0 });
-            Waiting { index, since_round: *rounds, asked_round: *rounds }
+            queue.push(tree, *frame);
+            Waiting { since_round: *rounds, asked_round: *rounds }
         });
-        *waiting_nanos = *waiting_nanos - queue.entry(waiting.index).nanos + nanos;
+        *waiting_nanos = *waiting_nanos - queue.entry(tree).nanos + nanos;
         if request == RebuildRequest::Doubtful {
             waiting.asked_round = *rounds;
         }
         let as_doubtful = rank(DOUBTFUL, waiting.since_round);
-        queue.set(waiting.index, rank(start, waiting.asked_round).max(as_doubtful), nanos);
+        queue.set(tree, rank(start, waiting.asked_round).max(as_doubtful), nanos);
     }
 
     /// The priority that a request begins with, and the predicted nanoseconds of the rebuild.
@@ -103,10 +102,8 @@ impl Scheduler {
     /// Withdraws the request of a tree.
     pub fn withdraw(&mut self, tree: TreeKey) {
         let state = &mut self.trees[tree];
-        state.request = RebuildRequest::None;
-        let Some(waiting) = state.waiting.take() else { return };
-        self.waiting_nanos -= self.queue.entry(waiting.index).nanos;
-        self.queue.remove(waiting.index);
+        (state.request, state.waiting) = (RebuildRequest::None, None);
+        self.waiting_nanos -= self.queue.remove(tree).map_or(0, |entry| entry.nanos);
     }
 
     /// Lets all trees that wait age.

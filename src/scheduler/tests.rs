@@ -230,12 +230,8 @@ fn priorities_grow_by_the_same_in_each_round_even_after_a_year() {
     scheduler.advance_rounds(2.0e9);
     scheduler.set_request(doubtful, RebuildRequest::Doubtful, 0.0);
     scheduler.set_request(optional, RebuildRequest::Optional, 1.0);
-    let priorities = |scheduler: &Scheduler| {
-        [doubtful, optional].map(|tree| {
-            let index = scheduler.trees[tree].waiting.expect("the tree waits").index;
-            scheduler.priority(scheduler.queue.rank(index))
-        })
-    };
+    let priorities =
+        |scheduler: &Scheduler| [doubtful, optional].map(|tree| scheduler.priority(scheduler.queue.entry(tree).rank));
     let start = priorities(&scheduler);
     assert_eq!(start, [f64::from(DOUBTFUL), f64::from(VALUE_RANGE)]);
     for round in 1..=20 {

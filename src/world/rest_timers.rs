@@ -1,8 +1,7 @@
 //! Timers of trees: how long a tree counts as moving after its last change, and when it is due to
 //! be frozen. They know keys of trees only.
 //!
-//! A tree that is not frozen (an *awake* tree) is in one of a few doubly linked lists. Within a
-//! list, all trees have the same delay and are sorted by their last change, so the trees that are
+//! A tree that is not frozen (an *awake* tree) is in one of a few linked lists. Within a list, all trees have the same delay and are sorted by their last change, so the trees that are
 //! due next are at its front. A change moves the tree to the back of the first list, in O(1) and
 //! without allocation. An update looks at the front of each list and at the trees that are due. A
 //! removed tree leaves its list at once.
@@ -10,23 +9,22 @@
 //! A heap of due times was not used: it costs O(log n) for each entry, and it either holds stale
 //! entries for removed trees and outdated times or moves entries at each change.
 
-use slotmap::SecondaryMap;
-
 use crate::effects::EFFECT_HOLD_UPDATES;
 use crate::keys::TreeKey;
+use crate::lists::Lists;
 
 /// The most trees that are frozen in one update: freeing their memory takes time, and many trees
 /// may be due at once.
 pub(super) const MAX_FREEZES: usize = 64;
 
-/// The most trees that leave [`RestTimers::recent`] in one update, when many of them have changed
+/// The most trees that leave [`RECENT`] in one update, when many of them have changed
 /// in the same update. The others count as moving for some updates longer.
 ///
 /// Among 100,000 trees that changed in random order, 256 trees took 17 µs and 1,024 trees 90 µs.
 /// The 64 freezes of such an update took 54 µs.
 const MAX_SETTLED: usize = 256;
 
-const _: () = assert!(MAX_SETTLED >= MAX_FREEZES, "leaving `recent` must not delay freezes");
+const _: () = assert!(MAX_SETTLED >= MAX_FREEZES, "leaving `RECENT` must not delay freezes");
 
 /// The most doublings of the delay before a freeze.
 ///
@@ -36,22 +34,27 @@ const _: () = assert!(MAX_SETTLED >= MAX_FREEZES, "leaving `recent` must not del
 /// refit of all lights does, which is then a small share of the time of those updates.
 const MAX_DOUBLINGS: u8 = 6;
 
+/// The list of awake trees that have changed within the last [`EFFECT_HOLD_UPDATES`] updates, and of
+/// trees that have yet to leave this list because of [`MAX_SETTLED`].
+const RECENT: usize = 0;
+
+/// The list of all other awake trees whose delay has this number of doublings.
+fn settled(doublings: u8) -> usize {
+    1 + usize::from(doublings)
+}
+
 /// The number of updates without a change after which a tree is frozen.
 fn freeze_delay(doublings: u8) -> u64 {
     u64::from(EFFECT_HOLD_UPDATES) << doublings
 }
 
 /// The timers of all trees of a world.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct RestTimers {
-    timers: SecondaryMap<TreeKey, Timer>,
+    /// Each list is sorted by [`Timer::changed_at`].
+    timers: Lists<TreeKey, Timer>,
     /// The number of updates so far, as of [`RestTimers::count_update`].
     updates: u64,
-    /// Awake trees that have changed within the last [`EFFECT_HOLD_UPDATES`] updates, and trees
-    /// that have yet to leave this list because of [`MAX_SETTLED`].
-    recent: List,
-    /// All other awake trees, by the number of doublings of their delay.
-    settled: [List; MAX_DOUBLINGS as usize + 1],
     /// The number of times that the timer of some tree was accessed.
     #[cfg(test)]
     accesses: usize,
@@ -67,41 +70,31 @@ struct Timer {
     /// that a large tree with a lamp that flickers now and then is not thawed each time. At most
     /// [`MAX_DOUBLINGS`].
     doublings: u8,
-    /// The tree counts as moving. It is in [`RestTimers::recent`].
+    /// The tree counts as moving. It is in [`RECENT`].
     is_moving: bool,
-    stage: Stage,
-    /// The neighbours in the list.
-    previous: Option<TreeKey>,
-    next: Option<TreeKey>,
+    /// The list that the tree is in; `None` if it is frozen.
+    list: Option<usize>,
 }
 
-/// The list that a tree is in.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum Stage {
-    /// No list: the tree is frozen.
-    #[default]
-    Frozen,
-    /// [`RestTimers::recent`].
-    Recent,
-    /// The list of [`RestTimers::settled`] for the tree's delay.
-    Settled,
-}
-
-/// A doubly linked list of trees, sorted by [`Timer::changed_at`].
-#[derive(Debug, Default)]
-struct List {
-    first: Option<TreeKey>,
-    last: Option<TreeKey>,
+impl Default for RestTimers {
+    fn default() -> Self {
+        Self {
+            timers: Lists::new(settled(MAX_DOUBLINGS) + 1),
+            updates: 0,
+            #[cfg(test)]
+            accesses: 0,
+        }
+    }
 }
 
 impl RestTimers {
     /// Records that a tree is not frozen. If it is new or was frozen, its time at rest starts
     /// again. O(1).
     pub fn wake(&mut self, tree: TreeKey) {
-        if !self.timers.contains_key(tree) {
+        if !self.timers.contains(tree) {
             self.timers.insert(tree, Timer::default());
         }
-        if self.timer(tree).stage == Stage::Frozen {
+        if self.timer(tree).list.is_none() {
             self.push_recent(tree);
         }
     }
@@ -111,7 +104,7 @@ impl RestTimers {
     pub fn has_moved(&mut self, tree: TreeKey) -> bool {
         let timer = self.timer(tree);
         let was_moving = std::mem::replace(&mut timer.is_moving, true);
-        if timer.stage == Stage::Frozen {
+        if timer.list.is_none() {
             timer.doublings = (timer.doublings + 1).min(MAX_DOUBLINGS);
         } else {
             self.unlink(tree);
@@ -122,10 +115,10 @@ impl RestTimers {
 
     /// Forgets a tree. Returns whether it counted as moving. O(1).
     pub fn remove(&mut self, tree: TreeKey) -> bool {
-        if self.timers.contains_key(tree) {
+        if self.timers.contains(tree) {
             self.unlink(tree);
         }
-        self.timers.remove(tree).is_some_and(|timer| timer.is_moving)
+        self.timers.forget(tree).is_some_and(|timer| timer.is_moving)
     }
 
     /// Counts one update. Returns the number of trees that no longer count as moving.
@@ -134,15 +127,16 @@ impl RestTimers {
         self.updates += 1;
         let mut stopped = 0;
         for _ in 0..MAX_SETTLED {
-            let Some(tree) = self.recent.first else { break };
+            let Some(tree) = self.timers.first(RECENT) else { break };
             let updates = self.updates;
             let timer = self.timer(tree);
             if updates - timer.changed_at <= u64::from(EFFECT_HOLD_UPDATES) {
                 break;
             }
             stopped += usize::from(std::mem::take(&mut timer.is_moving));
+            let list = settled(timer.doublings);
             self.unlink(tree);
-            self.push_back(tree, Stage::Settled);
+            self.push_back(list, tree);
         }
         stopped
     }
@@ -151,7 +145,7 @@ impl RestTimers {
     pub fn take_due(&mut self) -> Option<TreeKey> {
         let mut earliest: Option<(u64, TreeKey)> = None;
         for doublings in 0..=MAX_DOUBLINGS {
-            let Some(tree) = self.settled[usize::from(doublings)].first else { continue };
+            let Some(tree) = self.timers.first(settled(doublings)) else { continue };
             let due = self.timer(tree).changed_at + freeze_delay(doublings);
             if due < self.updates && earliest.is_none_or(|(other, _)| due < other) {
                 earliest = Some((due, tree));
@@ -171,54 +165,23 @@ impl RestTimers {
         &mut self.timers[tree]
     }
 
-    /// The list for a stage; `None` for frozen trees.
-    fn list(&mut self, stage: Stage, doublings: u8) -> Option<&mut List> {
-        match stage {
-            Stage::Frozen => None,
-            Stage::Recent => Some(&mut self.recent),
-            Stage::Settled => Some(&mut self.settled[usize::from(doublings)]),
-        }
-    }
-
     /// Appends a tree that is in no list to the list of trees that have just changed.
     fn push_recent(&mut self, tree: TreeKey) {
         self.timer(tree).changed_at = self.updates;
-        self.push_back(tree, Stage::Recent);
+        self.push_back(RECENT, tree);
     }
 
-    /// Appends a tree that is in no list to the list for a stage.
-    fn push_back(&mut self, tree: TreeKey, stage: Stage) {
-        let doublings = self.timer(tree).doublings;
-        let Some(list) = self.list(stage, doublings) else { return };
-        let previous = list.last.replace(tree);
-        if previous.is_none() {
-            list.first = Some(tree);
-        }
-        if let Some(previous) = previous {
-            self.timer(previous).next = Some(tree);
-        }
-        let timer = self.timer(tree);
-        (timer.stage, timer.previous, timer.next) = (stage, previous, None);
+    /// Appends a tree that is in no list to a list.
+    fn push_back(&mut self, list: usize, tree: TreeKey) {
+        self.timers.push_back(list, tree);
+        self.timer(tree).list = Some(list);
     }
 
     /// Removes a tree from its list. A tree that is in no list stays as it is.
     fn unlink(&mut self, tree: TreeKey) {
-        let Timer { stage, doublings, previous, next, .. } = *self.timer(tree);
-        let Some(list) = self.list(stage, doublings) else { return };
-        if previous.is_none() {
-            list.first = next;
+        if let Some(list) = self.timer(tree).list.take() {
+            self.timers.remove(list, tree);
         }
-        if next.is_none() {
-            list.last = previous;
-        }
-        if let Some(previous) = previous {
-            self.timer(previous).next = next;
-        }
-        if let Some(next) = next {
-            self.timer(next).previous = previous;
-        }
-        let timer = self.timer(tree);
-        (timer.stage, timer.previous, timer.next) = (Stage::Frozen, None, None);
     }
 }
 
@@ -231,7 +194,7 @@ impl RestTimers {
 
     /// The number of awake trees. O(trees).
     pub fn awake_count(&self) -> usize {
-        self.timers.values().filter(|timer| timer.stage != Stage::Frozen).count()
+        self.timers.values().filter(|timer| timer.list.is_some()).count()
     }
 }
 
@@ -245,9 +208,9 @@ mod tests {
     /// The most accesses of an update in which no tree comes to rest: one for each list.
     const IDLE_ACCESSES: usize = 2 + MAX_DOUBLINGS as usize;
 
-    /// The most accesses of any update: each tree that settles or is frozen is moved from one list
-    /// to another one, and the fronts of the lists are compared before each freeze.
-    const MAX_ACCESSES: usize = 10 * MAX_SETTLED + (MAX_FREEZES + 1) * (IDLE_ACCESSES + 5);
+    /// The most accesses of any update: three for each tree that settles, and one for each list and
+    /// one for the tree before each freeze.
+    const MAX_ACCESSES: usize = 3 * MAX_SETTLED + 1 + (MAX_FREEZES + 1) * (IDLE_ACCESSES + 1);
 
     const HOLD: u64 = EFFECT_HOLD_UPDATES as u64;
 
@@ -266,31 +229,24 @@ mod tests {
         (timers, trees, keys)
     }
 
-    /// Checks that the links are consistent, the lists are sorted, and each awake tree is in
-    /// exactly the list that its timer names.
+    /// Checks that the lists are sorted, and each awake tree is in exactly the list that its timer
+    /// names.
     fn check(timers: &RestTimers) {
-        let settled = timers.settled.iter().enumerate().map(|(doublings, list)| (list, Some(doublings)));
         let mut linked = 0;
-        for (list, doublings) in settled.chain([(&timers.recent, None)]) {
-            let (mut previous, mut next, mut changed_at) = (None, list.first, 0);
-            while let Some(tree) = next {
+        for list in RECENT..=settled(MAX_DOUBLINGS) {
+            let trees = std::iter::successors(timers.timers.first(list), |tree| timers.timers.after(*tree));
+            let mut changed_at = 0;
+            for tree in trees {
                 let timer = &timers.timers[tree];
-                assert_eq!(timer.previous, previous);
-                match doublings {
-                    Some(doublings) => {
-                        assert_eq!((timer.stage, usize::from(timer.doublings)), (Stage::Settled, doublings));
-                        assert!(!timer.is_moving);
-                    }
-                    None => assert_eq!(timer.stage, Stage::Recent),
-                }
+                assert_eq!(timer.list, Some(list));
+                assert!(list == RECENT || (list == settled(timer.doublings) && !timer.is_moving));
                 assert!(changed_at <= timer.changed_at && timer.changed_at <= timers.updates);
-                (previous, next, changed_at) = (next, timer.next, timer.changed_at);
+                changed_at = timer.changed_at;
                 linked += 1;
             }
-            assert_eq!(list.last, previous);
         }
         assert_eq!(linked, timers.awake_count());
-        assert!(timers.timers.values().all(|timer| timer.stage != Stage::Frozen || !timer.is_moving));
+        assert!(timers.timers.values().all(|timer| timer.list.is_some() || !timer.is_moving));
     }
 
     /// One tree of an algorithm that counts the updates of each awake tree.
@@ -381,7 +337,7 @@ mod tests {
             check(&timers);
             for tree in &model {
                 let timer = &timers.timers[tree.key];
-                assert_eq!((timer.stage != Stage::Frozen, timer.is_moving), (tree.is_awake, tree.is_moving));
+                assert_eq!((timer.list.is_some(), timer.is_moving), (tree.is_awake, tree.is_moving));
                 assert_eq!(freeze_delay(timer.doublings), tree.freeze_delay);
                 longest_delay = longest_delay.max(tree.freeze_delay);
             }
@@ -480,6 +436,6 @@ mod tests {
         assert_eq!(timers.timers.capacity(), capacity);
         keys.iter().for_each(|key| _ = timers.remove(*key));
         check(&timers);
-        assert!(timers.recent.first.is_none() && timers.settled.iter().all(|list| list.first.is_none()));
+        assert!((RECENT..=settled(MAX_DOUBLINGS)).all(|list| timers.timers.first(list).is_none()));
     }
 }
