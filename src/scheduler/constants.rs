@@ -3,8 +3,8 @@
 
 use std::time::Duration;
 
-/// The balance of the ledger never exceeds this or the budget of the present frame, so only frames
-/// with shorter budgets save up. It is enough for a slice.
+/// What a frame pays in never raises the balance of the ledger above this or above its own budget,
+/// so only frames with shorter budgets save up. It is enough for a slice.
 pub(super) const LEDGER_CAPACITY: Duration = Duration::from_micros(20);
 
 /// The length of a slice of a build that is cut, unless less time is left of the frame. The clock

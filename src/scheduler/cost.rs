@@ -178,13 +178,13 @@ impl CostModel {
     /// take.
     pub fn learn(&mut self, work: Work, units: f64, spent: Duration) -> Duration {
         let predicted = self.nanos(work, units);
-        self.learn_ratio(work, nanos(spent) / predicted);
+        self.learn_ratio(work, predicted / units, nanos(spent) / predicted);
         duration(predicted)
     }
 
-    /// Learns from work that took `ratio` times the predicted time.
-    pub fn learn_ratio(&mut self, work: Work, ratio: f64) {
-        let typical = self.nanos_per_unit(work);
+    /// Learns from work that took `ratio` times the predicted time. `typical` is the predicted time
+    /// of a unit in nanoseconds.
+    pub fn learn_ratio(&mut self, work: Work, typical: f64, ratio: f64) {
         let ratio = ratio.max(MIN_NANOS / typical);
         let within = |limit: f64| ratio.clamp(1.0 / limit, limit);
         let costs = &mut self.kinds[kind_index(work.kind)];

@@ -36,31 +36,25 @@ impl Scheduler {
     /// to their predicted times, and counts as one measurement for each of their classes of size.
     /// Calls `report` for each tree.
     pub fn finish_batch(&mut self, took: Duration, mut report: impl FnMut(TreeKey, DoneJob)) {
-        let Self { batch, trees, costs, .. } = self;
-        let (mut predicted, mut units) = (0.0, 0.0);
-        for batched in &mut *batch {
-            let state = &trees[batched.tree];
-            // Earlier batches may have changed what is predicted.
-            batched.nanos = costs.nanos(whole(state.lights), state.units);
-            predicted += batched.nanos;
-            units += state.units;
-        }
+        let Self { batch, costs, .. } = self;
+        let predicted: f64 = batch.iter().map(|batched| batched.nanos).sum();
         let ratio = nanos(took) / predicted;
-        let (mut left, mut learned) = (took, 0_u64);
-        for (index, BatchedTree { tree, waited, nanos }) in batch.iter().enumerate() {
-            let work = whole(trees[*tree].lights);
-            let class = 1 << size_class(work.lights);
+        let (mut left, mut units_of_all, mut learned) = (took, 0.0, 0_u64);
+        for (index, BatchedTree { tree, waited, lights, units, nanos }) in batch.iter().enumerate() {
+            let work = whole(*lights);
+            let class = 1 << size_class(*lights);
             if learned & class == 0 {
                 learned |= class;
-                costs.learn_ratio(work, ratio);
+                costs.learn_ratio(work, nanos / units, ratio);
             }
+            units_of_all += units;
             let is_last = index + 1 == batch.len();
             let took = if is_last { left } else { Duration::from_nanos((nanos * ratio) as u64).min(left) };
             left -= took;
             let predicted = Duration::from_nanos(*nanos as u64);
             report(*tree, DoneJob { work, predicted, took, waited: *waited });
         }
-        self.finish(took, predicted, units);
+        self.finish(took, predicted, units_of_all);
     }
 
     fn finish(&mut self, took: Duration, predicted_nanos: f64, units: f64) {

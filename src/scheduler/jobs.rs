@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use super::clock::WorkKind;
-use super::constants::{MAX_PASSED_OVER, MAX_UNSPENT_SHARE, MIN_SLICE_UNITS, SLICE};
-use super::cost::{smallest_slice, whole};
+use super::constants::{LEDGER_CAPACITY, MAX_PASSED_OVER, MAX_UNSPENT_SHARE, MIN_SLICE_UNITS, SLICE};
+use super::cost::{slice_of, smallest_slice, whole};
 use super::ledger::nanos;
 use super::queue::Entry;
 use super::state::{BatchedTree, FrameTime, OpenBuild};
@@ -88,14 +88,16 @@ impl Scheduler {
         let max_nanos = left.min(nanos(SLICE));
         let mut sum = 0.0;
         while let Some(tree) = self.first() {
-            let Entry { since_frame, nanos, .. } = self.queue.entry(tree);
-            let nanos = nanos as f64;
+            let since_frame = self.queue.entry(tree).since_frame;
+            let TreeState { lights, units, .. } = self.trees[tree];
+            // As it is predicted now: the times of earlier batches may have changed that.
+            let nanos = self.costs.nanos(whole(lights), units);
             let max_nanos = if self.batch.is_empty() { left } else { max_nanos };
             if sum + nanos > max_nanos {
                 break;
             }
             sum += nanos;
-            self.batch.push(BatchedTree { tree, waited: self.frame - since_frame, nanos });
+            self.batch.push(BatchedTree { tree, waited: self.frame - since_frame, lights, units, nanos });
             self.queue.hide(tree);
         }
     }
@@ -115,8 +117,7 @@ impl Scheduler {
 
     /// The time that the rebuild of a tree that waits hardly ever exceeds.
     fn upper_bound(&self, tree: TreeKey) -> Duration {
-        let nanos = self.queue.entry(tree).nanos as f64;
-        Duration::from_nanos((nanos * self.costs.margin(WorkKind::Rebuild)) as u64)
+        self.costs.upper_bound(whole(self.trees[tree].lights))
     }
 
     /// The time that a job may take now.
@@ -147,12 +148,15 @@ impl Scheduler {
     /// The next slice of the open build, if there is time for it.
     fn slice(&self, now: Duration) -> Option<Job> {
         let open = self.open.as_ref().filter(|open| open.unpaid.is_none())?;
-        // A slice may take more units than it is given.
-        let units = self.costs.units_within(self.left(now).min(SLICE), open.lights).saturating_sub(MAX_EXTRA_UNITS);
+        // A slice may take more units than it is given. On a slow machine even the smallest one is
+        // longer than `SLICE`.
+        let most = self.costs.upper_bound(slice_of(open.lights, MIN_SLICE_UNITS + MAX_EXTRA_UNITS + 1)).max(SLICE);
+        let units = self.costs.units_within(self.left(now).min(most), open.lights).saturating_sub(MAX_EXTRA_UNITS);
         // In frames that are too short for any slice, one is done whenever the ledger has saved up
-        // enough for it.
+        // enough for it, or as much as it can hold.
         let is_first = self.time.min_spent.is_zero();
-        let is_saved = is_first && self.ledger.balance() >= self.costs.upper_bound(smallest_slice(open.lights));
+        let saved = self.costs.upper_bound(smallest_slice(open.lights)).min(LEDGER_CAPACITY);
+        let is_saved = is_first && self.ledger.balance() >= saved;
         let is_enough = units >= MIN_SLICE_UNITS.min(open.units_left) || is_saved;
         is_enough.then_some(Job::Slice { tree: open.tree?, units: units.max(MIN_SLICE_UNITS) })
     }

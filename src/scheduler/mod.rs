@@ -72,7 +72,6 @@ use std::time::Duration;
 use slotmap::SecondaryMap;
 
 use crate::keys::TreeKey;
-use crate::policy::RebuildRequest;
 use crate::tree::units_of_build;
 use cost::CostModel;
 use decay::Decay;
@@ -133,7 +132,8 @@ struct TreeState {
     decay: Decay,
     /// The predicted logarithm of the rise of the variance, as of the last change.
     rise: f32,
-    request: RebuildRequest,
+    /// A request of [`RebuildRequest::Required`] was made and not served yet.
+    is_required: bool,
     waiting: Option<Waiting>,
 }
 
@@ -189,7 +189,7 @@ impl Scheduler {
 
     /// Lets a tree begin with what is known about another one, of which it is a copy.
     pub fn copy(&mut self, from: TreeKey, to: TreeKey) {
-        let state = TreeState { waiting: None, request: RebuildRequest::None, ..self.trees[from].clone() };
+        let state = TreeState { waiting: None, is_required: false, ..self.trees[from].clone() };
         self.trees.insert(to, state);
     }
 

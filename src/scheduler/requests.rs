@@ -46,22 +46,24 @@ impl Scheduler {
         state.start(features, frame);
     }
 
-    /// Sets what the policies of a tree request now. `share` is the tree's share of the picture.
+    /// What a tree requests whose policies make this request now. A request of
+    /// [`RebuildRequest::Required`] stands until it is served or [withdrawn](Scheduler::withdraw).
+    pub fn standing_request(&self, tree: TreeKey, request: RebuildRequest) -> RebuildRequest {
+        if self.trees[tree].is_required { request.max(RebuildRequest::Required) } else { request }
+    }
+
+    /// Sets what a tree requests now. `share` is the tree's share of the picture.
     ///
     /// A tree that already waits keeps its age. The time for which it was doubtful counts towards
-    /// its age as a doubtful tree only. A request of [`RebuildRequest::Required`] stands until it is
-    /// served or [withdrawn](Scheduler::withdraw).
+    /// its age as a doubtful tree only.
     pub fn set_request(&mut self, tree: TreeKey, request: RebuildRequest, share: f32) {
-        let state = &self.trees[tree];
-        let stands = state.request == RebuildRequest::Required;
-        let request = if stands { request.max(RebuildRequest::Required) } else { request };
         if request == RebuildRequest::None || self.is_open(tree) {
             return self.withdraw(tree);
         }
         let (start, nanos) = self.start_of(tree, request, share);
         let Self { trees, queue, frame, rounds, waiting_nanos, .. } = self;
         let state = &mut trees[tree];
-        state.request = request;
+        state.is_required |= request == RebuildRequest::Required;
         let waiting = state.waiting.get_or_insert_with(|| {
             queue.push(tree, *frame);
             Waiting { since_round: *rounds, asked_round: *rounds }
@@ -80,7 +82,7 @@ impl Scheduler {
     /// |---|---|
     /// | doubtful: the tree will probably gain nothing | [`DOUBTFUL`] |
     /// | optional, required | 0 to [`VALUE_RANGE`], by the value |
-    /// | urgent | `VALUE_RANGE` to `VALUE_RANGE` + 1, by the value |
+    /// | urgent | `VALUE_RANGE` + 1 to `VALUE_RANGE` + 2, by the value |
     ///
     /// The value is the noise that the rebuild removes per time. Its logarithm is taken relative to
     /// that of the greatest value of late.
@@ -96,13 +98,13 @@ impl Scheduler {
         self.top_value = Some(top);
         let by_value = (value - top + VALUE_RANGE).max(0.0);
         let is_urgent = request == RebuildRequest::Urgent;
-        (if is_urgent { VALUE_RANGE + by_value / VALUE_RANGE } else { by_value }, nanos)
+        (if is_urgent { VALUE_RANGE + 1.0 + by_value / VALUE_RANGE } else { by_value }, nanos)
     }
 
     /// Withdraws the request of a tree.
     pub fn withdraw(&mut self, tree: TreeKey) {
         let state = &mut self.trees[tree];
-        (state.request, state.waiting) = (RebuildRequest::None, None);
+        (state.is_required, state.waiting) = (false, None);
         self.waiting_nanos -= self.queue.remove(tree).map_or(0, |entry| entry.nanos);
     }
 

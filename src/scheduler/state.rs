@@ -30,6 +30,9 @@ pub(crate) struct BatchedTree {
     pub tree: TreeKey,
     /// Frames since the tree began to wait.
     pub waited: u64,
+    pub lights: usize,
+    /// The units of its rebuild.
+    pub units: f64,
     /// The predicted time.
     pub nanos: f64,
 }

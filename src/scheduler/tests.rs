@@ -5,16 +5,17 @@ use slotmap::SlotMap;
 
 use super::constants::{AGING, DOUBTFUL, LEDGER_CAPACITY, VALUE_RANGE};
 use super::*;
+use crate::policy::RebuildRequest;
 use crate::tree::testing::Rng;
 use crate::tree::units_of_build;
 
-/// Nanoseconds of a unit of work, in frames and in the background.
+/// Nanoseconds of a unit of work, in frames and in the background, unless a test sets others.
 const NANOS_PER_UNIT: f64 = 25.0;
 
 const INTERVAL: Duration = Duration::from_micros(16_667);
 
 /// The rounds after which no tree that asks later comes first.
-const MAX_OVERTAKEN_ROUNDS: f64 = ((VALUE_RANGE + 1.0) / AGING) as f64;
+const MAX_OVERTAKEN_ROUNDS: f64 = ((VALUE_RANGE + 2.0) / AGING) as f64;
 
 /// A simulated world: trees that are nothing but a size and a share of the picture.
 struct Simulation {
@@ -22,6 +23,7 @@ struct Simulation {
     rng: Rng,
     trees: Vec<SimulatedTree>,
     now: Duration,
+    nanos_per_unit: f64,
     has_thread: bool,
     /// Units of the open build that are done, and the tree.
     open: Option<(TreeKey, usize)>,
@@ -62,6 +64,7 @@ impl Simulation {
             rng,
             trees,
             now: Duration::ZERO,
+            nanos_per_unit: NANOS_PER_UNIT,
             has_thread,
             open: None,
             background: None,
@@ -75,7 +78,7 @@ impl Simulation {
     /// The time of some units of work, which varies.
     fn time(&mut self, units: f64) -> Duration {
         let factor = 0.85 + 0.3 * f64::from(self.rng.unit());
-        Duration::from_nanos((units * NANOS_PER_UNIT * factor) as u64)
+        Duration::from_nanos((units * self.nanos_per_unit * factor) as u64)
     }
 
     fn tree(&mut self, key: TreeKey) -> &mut SimulatedTree {
@@ -90,8 +93,14 @@ impl Simulation {
         self.scheduler.was_rebuilt(key, TreeFeatures::default());
     }
 
-    /// One frame, in which some trees change.
+    /// One frame, in which some trees change. Checks the bound on waiting, which assumes that
+    /// predictions hold.
     fn frame(&mut self, budget: Duration, changing: f32) {
+        self.play_frame(budget, changing);
+        self.check_waits();
+    }
+
+    fn play_frame(&mut self, budget: Duration, changing: f32) {
         self.now += INTERVAL;
         self.scheduler.start_frame(budget);
         self.granted += ledger::nanos(budget);
@@ -122,7 +131,6 @@ impl Simulation {
             self.unspent += (ledger::nanos(budget) - (self.scheduler.ledger.charged() - before)).max(0.0);
         }
         self.worst_overrun = self.worst_overrun.max((time - start).saturating_sub(budget));
-        self.check_waits();
     }
 
     /// Does a job, and returns the time that it took.
@@ -238,4 +246,50 @@ fn priorities_grow_by_the_same_in_each_round_even_after_a_year() {
         scheduler.advance_rounds(1.0);
         assert_eq!(priorities(&scheduler), start.map(|start| start + f64::from(round) * f64::from(AGING)));
     }
+}
+
+#[test]
+fn a_slow_machine_spends_whole_budgets_on_slices() {
+    for (nanos_per_unit, budget) in [(300.0, 2000), (300.0, 20), (1500.0, 20)] {
+        let mut simulation = Simulation::new(3, &[10_000], false);
+        simulation.nanos_per_unit = nanos_per_unit;
+        let budget = Duration::from_micros(budget);
+        simulation.play_frame(budget, 1.0);
+        let build = units_of_build(10_000) * nanos_per_unit;
+        // At small budgets there is one slice a frame, which may take half of the frame, or overrun
+        // it so that the next frames pay for it.
+        let frames = 3.0 * build / ledger::nanos(budget) + 20.0;
+        (0..frames as usize).for_each(|_| simulation.play_frame(budget, 0.0));
+        assert_eq!(simulation.rebuilt, 1, "{nanos_per_unit} ns per unit, {budget:?}");
+    }
+}
+
+#[test]
+fn batches_follow_what_is_predicted_now() {
+    let mut simulation = Simulation::new(4, &[12; 1000], false);
+    simulation.nanos_per_unit = 20.0 * NANOS_PER_UNIT;
+    let budget = Duration::from_micros(300);
+    // All trees change at once, on a machine that is much slower than predicted.
+    simulation.play_frame(budget, 1.0);
+    (0..4).for_each(|_| simulation.play_frame(budget, 0.0));
+    simulation.worst_overrun = Duration::ZERO;
+    (0..200).for_each(|_| simulation.play_frame(budget, 0.0));
+    assert!(simulation.rebuilt > 500, "{} of 1000", simulation.rebuilt);
+    assert!(simulation.worst_overrun < LEDGER_CAPACITY, "{:?}", simulation.worst_overrun);
+}
+
+#[test]
+fn a_required_request_outlives_an_urgent_one() {
+    let mut keys = SlotMap::<TreeKey, ()>::with_key();
+    let tree = keys.insert(());
+    let mut scheduler = Scheduler::default();
+    scheduler.add(tree, TreeFeatures::default(), 100);
+    scheduler.has_changed(tree, &TreeFeatures::of_cost(1.0));
+    for request in [RebuildRequest::Required, RebuildRequest::Urgent, RebuildRequest::None] {
+        scheduler.set_request(tree, scheduler.standing_request(tree, request), 1.0);
+    }
+    assert!(scheduler.waits(tree));
+    assert_eq!(scheduler.standing_request(tree, RebuildRequest::None), RebuildRequest::Required);
+    scheduler.was_rebuilt(tree, TreeFeatures::default());
+    assert_eq!(scheduler.standing_request(tree, RebuildRequest::None), RebuildRequest::None);
 }

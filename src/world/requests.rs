@@ -24,6 +24,7 @@ impl LightWorld {
             return self.scheduler.withdraw(key);
         }
         let request = entry.rebuild_request(self.scheduler.excess(key));
+        let request = self.scheduler.standing_request(key, request);
         let share = if request > RebuildRequest::Doubtful { self.weight_of(key) } else { 0.0 };
         self.scheduler.set_request(key, request, share);
     }

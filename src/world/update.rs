@@ -20,8 +20,8 @@ pub struct FrameReport {
     pub refit_lights: usize,
     /// Trees that were rebuilt within the frame.
     pub rebuilt_trees: usize,
-    /// Trees that request a rebuild and wait for a later frame, without the tree that is being
-    /// built in the background.
+    /// Trees that request a rebuild and wait for a later frame, without the tree whose build is
+    /// open: in slices, or in the background.
     pub waiting_trees: usize,
     /// The longest wait in updates, of the trees that were served in this update and of the trees
     /// that still wait.

@@ -129,9 +129,9 @@ fn no_tree_waits_longer_than_the_documented_bound() {
         longest = longest.max(report.longest_wait);
         assert!(report.overrun.is_zero(), "{report:?}");
     }
-    // A round is the time granted in which all trees can be rebuilt. A tree waits for 17 / 2 rounds
+    // A round is the time granted in which all trees can be rebuilt. A tree waits for 9 rounds
     // until no newcomer precedes it, and for one more.
-    let bound = (9.5 * 101.0 * 10.0 / 112.0_f64).ceil() as u64 + 1;
+    let bound = (10.0 * 101.0 * 10.0 / 112.0_f64).ceil() as u64 + 1;
     assert!(longest <= bound, "{longest} of {bound}");
     assert!(longest > bound / 4, "trees wait for {longest} of {bound}, too short to test the bound");
     assert!(test.is_as_new(far));
