@@ -10,7 +10,7 @@ use super::queue::Entry;
 use super::state::{BatchedTree, FrameTime, OpenBuild};
 use super::{Scheduler, TreeState};
 use crate::keys::TreeKey;
-use crate::tree::{MAX_EXTRA_UNITS, WIDTH};
+use crate::tree::{MAX_EXTRA_UNITS, WIDTH, units_of_build};
 
 /// What to do next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,9 +88,9 @@ impl Scheduler {
         let max_nanos = left.min(nanos(SLICE));
         let mut sum = 0.0;
         while let Some(tree) = self.first() {
-            let since_frame = self.queue.entry(tree).since_frame;
-            let TreeState { lights, units, .. } = self.trees[tree];
+            let Entry { since_frame, lights, .. } = self.queue.entry(tree);
             // As it is predicted now: the times of earlier batches may have changed that.
+            let units = units_of_build(lights);
             let nanos = self.costs.nanos(whole(lights), units);
             let max_nanos = if self.batch.is_empty() { left } else { max_nanos };
             if sum + nanos > max_nanos {
@@ -117,7 +117,7 @@ impl Scheduler {
 
     /// The time that the rebuild of a tree that waits hardly ever exceeds.
     fn upper_bound(&self, tree: TreeKey) -> Duration {
-        self.costs.upper_bound(whole(self.trees[tree].lights))
+        self.costs.upper_bound(whole(self.queue.entry(tree).lights))
     }
 
     /// The time that a job may take now.

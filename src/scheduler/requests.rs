@@ -65,7 +65,7 @@ impl Scheduler {
         let state = &mut trees[tree];
         state.is_required |= request == RebuildRequest::Required;
         let waiting = state.waiting.get_or_insert_with(|| {
-            queue.push(tree, *frame);
+            queue.push(tree, state.lights, *frame);
             Waiting { since_round: *rounds, asked_round: *rounds }
         });
         *waiting_nanos = *waiting_nanos - queue.entry(tree).nanos + nanos;
