@@ -15,16 +15,16 @@ use girandole::glam::Vec3;
 use girandole::tree::{Node, Target, WIDTH};
 use girandole::{Light, LightTree, ShadingPoint, Shape, SplitCount};
 
-#[path = "../examples/tools/variance/baselines/mod.rs"]
-#[allow(dead_code, unused_imports, reason = "the example uses more of it")]
-mod baselines;
 #[path = "../examples/common/mod.rs"]
 #[allow(dead_code, reason = "examples use more of it")]
 mod common;
+#[path = "../examples/measuring/mod.rs"]
+#[allow(dead_code, reason = "examples use more of it")]
+mod measuring;
 #[path = "../tests/all/support.rs"]
 #[allow(dead_code, reason = "tests use more of it")]
 mod support;
-use baselines::{BinaryTree, Pbrt};
+use measuring::baselines::{BinaryTree, Pbrt};
 use support::Rng;
 
 /// Bytes of a node that a refit reads and writes in addition to the packed node: 17 properties of

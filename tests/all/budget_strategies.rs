@@ -2,7 +2,6 @@
 //! within a time budget remove.
 
 use crate::city::scene;
-use crate::variance::{lights, sigma};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -13,6 +13,10 @@ mod city_refusals;
 #[allow(dead_code, missing_docs, clippy::duplicate_mod, reason = "engine_shader.rs, a program, includes it too")]
 mod common;
 mod dependencies;
+#[path = "../../examples/direct_light/mod.rs"]
+#[allow(dead_code, missing_docs, reason = "the programs use what the tests do not")]
+mod direct_light;
+mod direct_light_pictures;
 mod distribution;
 mod effects;
 #[path = "../../examples/engine_shader.rs"]
@@ -23,8 +27,10 @@ mod gltf;
 mod gpu;
 mod gpu_timings;
 mod hard_cases;
+#[path = "../../examples/measuring/mod.rs"]
+#[allow(dead_code, missing_docs, reason = "the programs use what the tests do not")]
+mod measuring;
 mod pdf;
-mod pictures;
 mod references;
 mod resample;
 mod sampling;

@@ -1,24 +1,10 @@
 //! The measure of the variance example, and the published samplers that it compares with.
 
+use crate::measuring::baselines::{BinaryTree, Cycles, Formula, Pbrt};
+use crate::measuring::lights::{carried, contributions};
+use crate::measuring::sigma::{Noise, Summary};
 use crate::support::Rng;
 use girandole::{Light, LightId, LightWorld, Placement, Policy, ShadingPoint, Shape};
-
-#[path = "../../examples/tools/variance/baselines/mod.rs"]
-#[allow(dead_code, missing_docs, reason = "the example's main uses what the tests do not")]
-mod baselines;
-#[path = "../../examples/tools/variance/lights.rs"]
-#[allow(missing_docs, reason = "part of a program")]
-pub mod lights;
-#[path = "../../examples/tools/variance/samplers.rs"]
-#[allow(dead_code, missing_docs, reason = "part of a program")]
-pub mod samplers;
-#[path = "../../examples/tools/variance/sigma.rs"]
-#[allow(missing_docs, reason = "part of a program")]
-pub mod sigma;
-
-use baselines::{BinaryTree, Cycles, Formula, Pbrt};
-use lights::{carried, contributions};
-use sigma::{Noise, Summary};
 
 /// The share of a shading point's light by which one light may differ between both spaces, by
 /// rounding near the horizon.

@@ -2,7 +2,7 @@
 //!
 //! Read in this order:
 //!
-//! 1. `options`: the command line;
+//! 1. `scene_options` and `options`: the command line;
 //! 2. `session`: the loop, which shows how an engine uses the library;
 //! 3. `denoiser` and `tone_mapping`: from radiance to a picture for a screen;
 //! 4. `output`: the files;
@@ -10,6 +10,7 @@
 
 use super::{render, scene};
 
+pub mod scene_options;
 pub mod options;
 
 pub mod session;

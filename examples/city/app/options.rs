@@ -2,13 +2,12 @@
 
 use super::render::backend::BackendChoice;
 use super::render::settings::{LightChoice, Settings};
-use super::scene::procedural::Size;
-use super::scene::{Camera, SceneError};
+use super::scene::SceneError;
+use super::scene_options::SceneOptions;
 use super::session::Pace;
 use crate::common::exit::one_line;
 use clap::Parser;
 use girandole::FrameBudget;
-use girandole::glam::Vec3;
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -17,8 +16,6 @@ use std::time::Duration;
 const MAX_SIDE: u32 = 16_384;
 /// Most frames of a run.
 const MAX_FRAMES: u32 = 100_000;
-/// Vertical field of view of `--camera`, radians: 60 degrees.
-const FIELD_OF_VIEW: f32 = std::f32::consts::FRAC_PI_3;
 /// Most samples per pixel.
 const MAX_SPP: u32 = 1 << 20;
 
@@ -36,16 +33,8 @@ pub struct Options {
     /// Samples per pixel; each sample uses one light
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SPP)))]
     pub spp: u32,
-    /// Size of the procedural city
-    #[arg(long, value_name = "SIZE", value_enum, ignore_case = true, default_value_t = Size::S, conflicts_with_all = ["gltf", "lamps", "traffic"])]
-    pub world: Size,
-    /// Number of cars in the procedural city, or parked in a real city without traffic [default:
-    /// depends on the city]
-    #[arg(long, value_name = "N", conflicts_with_all = ["gltf", "traffic"])]
-    pub cars: Option<usize>,
-    /// Seed of the city and of the noise
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    pub seed: u64,
+    #[command(flatten)]
+    pub scene: SceneOptions,
     /// Time that rebuilds of light trees may take per frame, in milliseconds
     #[arg(long, value_name = "MS", default_value_t = 1.0, value_parser = parse_budget, allow_negative_numbers = true)]
     pub budget_ms: f64,
@@ -55,23 +44,10 @@ pub struct Options {
     /// Folder for the pictures and frames.csv; created if it does not exist
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,
-    /// Render this glTF scene (.gltf or .glb) instead of the procedural city
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["lamps", "traffic"])]
-    pub gltf: Option<PathBuf>,
-    /// Render the street lamps of a real city: a CSV file with the columns x_m, y_m, est_height_m
-    /// (metres) and est_lumens
-    #[arg(long, value_name = "FILE.csv")]
-    pub lamps: Option<PathBuf>,
-    /// Render the vehicles of a SUMO simulation: an XML file that `sumo --fcd-output` wrote
-    #[arg(long, value_name = "FILE.xml")]
-    pub traffic: Option<PathBuf>,
     /// Keep the noise in the PNG pictures; by default it is filtered (EXR pictures are never
     /// filtered)
     #[arg(long)]
     pub keep_noise: bool,
-    /// Camera: position and target in metres [default: depends on the scene]
-    #[arg(long, value_name = "x,y,z,x,y,z", value_parser = parse_camera, allow_hyphen_values = true)]
-    pub camera: Option<(Vec3, Vec3)>,
     /// Frames per second of the scene's time
     #[arg(long, value_name = "HZ", default_value_t = 24.0, value_parser = parse_fps, allow_negative_numbers = true)]
     pub fps: f64,
@@ -101,7 +77,7 @@ impl Options {
             width: self.size.0,
             height: self.size.1,
             spp: self.spp,
-            seed: self.seed,
+            seed: self.scene.seed,
             light_choice: LightChoice::Tree,
         }
     }
@@ -109,11 +85,6 @@ impl Options {
     /// The frame rate, and the budget for rebuilds.
     pub fn pace(&self) -> Pace {
         Pace { fps: self.fps, budget: FrameBudget::new(Duration::from_secs_f64(self.budget_ms * 1e-3)) }
-    }
-
-    /// The camera of `--camera`.
-    pub fn camera(&self) -> Option<Camera> {
-        self.camera.map(|(eye, target)| Camera { eye, target, vertical_fov: FIELD_OF_VIEW })
     }
 }
 
@@ -141,24 +112,11 @@ fn parse_fps(text: &str) -> Result<f64, String> {
     }
 }
 
-fn parse_camera(text: &str) -> Result<(Vec3, Vec3), String> {
-    let numbers: Option<Vec<f32>> = text.split(',').map(|x| x.trim().parse().ok()).collect();
-    let Some(&[ex, ey, ez, tx, ty, tz]) = numbers.as_deref() else {
-        return Err("expected six numbers: x,y,z of the position and x,y,z of the target".into());
-    };
-    let (eye, target) = (Vec3::new(ex, ey, ez), Vec3::new(tx, ty, tz));
-    if !eye.is_finite() || !target.is_finite() || eye.max(target).abs().max_element() > 1e7 {
-        return Err("coordinates must be finite and at most 10000000 metres".into());
-    }
-    if (target - eye).length() < 1e-3 {
-        return Err("the position and the target must differ".into());
-    }
-    Ok((eye, target))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::city::scene::procedural::Size;
+    use girandole::glam::Vec3;
 
     fn parse(args: &str) -> Result<Options, SceneError> {
         match Options::read(std::iter::once("city").chain(args.split_whitespace()))? {
@@ -199,8 +157,8 @@ mod tests {
     fn valid_values_are_accepted() {
         let options = parse("--size 64x36 --camera -8,2,6,2,3.5,-14 --budget-ms 0.5 --world m").unwrap();
         assert_eq!(options.size, (64, 36));
-        assert_eq!(options.camera, Some((Vec3::new(-8.0, 2.0, 6.0), Vec3::new(2.0, 3.5, -14.0))));
-        assert_eq!(options.world, Size::M);
+        assert_eq!(options.scene.camera, Some((Vec3::new(-8.0, 2.0, 6.0), Vec3::new(2.0, 3.5, -14.0))));
+        assert_eq!(options.scene.world, Size::M);
         assert_eq!(parse("").unwrap().backend, BackendChoice::Auto);
     }
 }

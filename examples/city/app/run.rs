@@ -4,10 +4,7 @@ use super::options::Options;
 use super::output::{Output, effect_names};
 use super::render::backend;
 use super::render::image::ShadowRays;
-use super::scene::gltf_scene;
-use super::scene::procedural::{self, CityOptions};
-use super::scene::real_city::{self, RealCityOptions};
-use super::scene::{SceneError, Stage};
+use super::scene::SceneError;
 use super::session::Session;
 use girandole::Effects;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -19,7 +16,7 @@ const TICKS: u64 = 1000;
 /// Renders all frames. `print` receives lines for the user. Invalid input is refused before the
 /// first file is written.
 pub fn run(options: &Options, print: &mut dyn FnMut(&str)) -> Result<(), SceneError> {
-    let stage = load(options)?;
+    let stage = options.scene.load()?;
     let chosen = backend::choose(options.backend)?;
     print(&chosen.to_string());
     let mut session = Session::new(stage, options.settings(), options.pace(), chosen)?;
@@ -59,20 +56,4 @@ pub fn run(options: &Options, print: &mut dyn FnMut(&str)) -> Result<(), SceneEr
         rays.skipped,
     ));
     Ok(())
-}
-
-/// Loads the scene that the options select.
-fn load(options: &Options) -> Result<Stage, SceneError> {
-    let Options { gltf, lamps, traffic, seed, cars, .. } = options.clone();
-    let mut stage = if let Some(path) = gltf {
-        return gltf_scene::stage(&path, options.camera());
-    } else if lamps.is_some() || traffic.is_some() {
-        real_city::stage(&RealCityOptions { lamps, traffic, cars, seed })?
-    } else {
-        procedural::stage(&CityOptions { size: options.world, cars, seed })?
-    };
-    if let Some(camera) = options.camera() {
-        stage.scene.camera = camera;
-    }
-    Ok(stage)
 }

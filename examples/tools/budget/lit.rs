@@ -70,7 +70,7 @@ impl Lit {
         let noise = |pmfs: &mut Vec<f32>, (index, (shading_point, light)): (usize, (&ShadingPoint, &Illumination))| {
             let Illumination { total, lights } = light;
             sampler.distribution(shading_point, pmfs);
-            // The formula of `sigma.rs` of the variance tool.
+            // The formula of `examples/measuring/sigma.rs`.
             let part = |(light, lux): &(u32, f32)| f64::from(*lux).powi(2) / f64::from(pmfs[*light as usize]);
             let second: f64 = lights.iter().map(part).sum();
             let sigma = if *total > 0.0 { (second / (total * total) - 1.0).max(0.0).sqrt() } else { 0.0 };

@@ -48,18 +48,15 @@
 #[path = "../../common/mod.rs"]
 #[allow(dead_code, reason = "other programs use more of it")]
 mod common;
-#[path = "../variance/lights.rs"]
+#[path = "../../measuring/mod.rs"]
 #[allow(dead_code, reason = "the variance tool uses more of it")]
-mod lights;
+mod measuring;
 #[path = "modules.rs"]
 #[allow(dead_code, reason = "tests read more fields")]
 mod modules;
 #[path = "../../city/scene/mod.rs"]
 #[allow(dead_code, reason = "the city example renders the scenes that are only measured here")]
 mod scene;
-#[path = "../variance/sigma.rs"]
-#[allow(dead_code, reason = "the variance tool prints more statistics")]
-mod sigma;
 
 use modules::options::run;
 use std::process::ExitCode;

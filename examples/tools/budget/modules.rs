@@ -2,7 +2,8 @@
 //! include this file.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program talks to its user")]
 
-use super::{lights, scene, sigma};
+use super::scene;
+use crate::measuring::{lights, sigma};
 
 pub mod figures;
 pub mod motion;

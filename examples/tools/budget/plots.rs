@@ -3,16 +3,16 @@
 
 use super::report::Row;
 use super::scene::SceneError;
-use plotters::coord::ranged1d::ValueFormatter;
+use crate::measuring::charts::{Area, FONT, Mark, PALETTE, Stroke, legend, line, text};
 use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::path::Path;
 
 /// The size of a panel, in pixels.
 const SIZE: (u32, u32) = (440, 340);
 /// The most panels side by side. The legend takes the place of one.
 const COLUMNS: usize = 3;
-const FONT: &str = "sans-serif";
+/// The size of the font of legends, in pixels.
+const LEGEND: u32 = 17;
 
 /// The least share of time on the axis.
 const MIN_COST: f64 = 0.004;
@@ -26,30 +26,28 @@ struct Style {
     /// The strategy's name in tables, or the beginning of the names of [SS]'s.
     name: &'static str,
     legend: &'static str,
-    color: RGBColor,
-    width: u32,
-    is_dashed: bool,
+    stroke: Stroke,
 }
 
-const fn style(name: &'static str, legend: &'static str, color: (u8, u8, u8), width: u32, is_dashed: bool) -> Style {
-    Style { name, legend, color: RGBColor(color.0, color.1, color.2), width, is_dashed }
+const fn style(name: &'static str, legend: &'static str, color: RGBColor, width: u32, is_dashed: bool) -> Style {
+    Style { name, legend, stroke: Stroke::new(color, width, is_dashed) }
 }
 
-/// The styles in drawing order, with the palette of Okabe and Ito for colour-blind readers.
+/// The styles in drawing order.
 const STYLES: [Style; 7] = [
-    style("SS 1", "SS 1 within the budget, by attribute", (213, 94, 0), 1, false),
-    style("SS 2", "SS 2 within the budget, by attribute", (204, 121, 167), 1, false),
-    style("round robin", "round robin", (230, 159, 0), 2, false),
-    style("oldest first", "oldest first", (0, 158, 115), 2, false),
-    style("oracle", "oracle", (0, 0, 0), 2, true),
-    style("girandole usage", "girandole, told of camera and usage", (86, 180, 233), 3, false),
-    style("girandole", "girandole, told of the camera", (0, 114, 178), 3, false),
+    style("SS 1", "SS 1 within the budget, by attribute", PALETTE[6], 1, false),
+    style("SS 2", "SS 2 within the budget, by attribute", PALETTE[7], 1, false),
+    style("round robin", "round robin", PALETTE[1], 2, false),
+    style("oldest first", "oldest first", PALETTE[3], 2, false),
+    style("oracle", "oracle", PALETTE[0], 2, true),
+    style("girandole usage", "girandole, told of camera and usage", PALETTE[2], 3, false),
+    style("girandole", "girandole, told of the camera", PALETTE[5], 3, false),
 ];
 
 /// The styles of both ends of the gap, in plots over time.
 const ENDS: [Style; 2] = [
-    style("update only", "update only", (150, 150, 150), 2, true),
-    style("always rebuild", "always rebuild", (150, 150, 150), 2, false),
+    style("update only", "update only", RGBColor(150, 150, 150), 2, true),
+    style("always rebuild", "always rebuild", RGBColor(150, 150, 150), 2, false),
 ];
 
 /// The attribute of [SS]'s algorithms in plots over time.
@@ -76,7 +74,7 @@ fn figure(
     path: &Path,
     title: &str,
     rows: &[Row],
-    legend: &[(Mark, &str)],
+    entries: &[(Mark, &str)],
     panel: impl Fn(&Area<'_>, &str, &[&Row]) -> Result<(), String>,
 ) -> Result<(), SceneError> {
     let mut motions: Vec<&str> = Vec::new();
@@ -98,81 +96,21 @@ fn figure(
             let of_motion: Vec<&Row> = rows.iter().filter(|row| row.motion == *motion).collect();
             panel(area, motion, &of_motion)?;
         }
-        draw_legend(&areas[motions.len()], legend)?;
+        legend(&areas[motions.len()], entries, LEGEND)?;
         root.present().map_err(text)
     };
     draw().map_err(|error| refusal(path, &error))
 }
 
-type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
-
-/// A mark of the legend.
-enum Mark<'a> {
-    Line(&'a Style),
-    Points(&'a Style),
-    Goal,
-}
-
-fn text(error: impl std::fmt::Display) -> String {
-    error.to_string()
-}
-
-fn stroke(style: &Style) -> ShapeStyle {
-    style.color.stroke_width(style.width)
-}
-
-fn draw_legend(area: &Area<'_>, legend: &[(Mark<'_>, &str)]) -> Result<(), String> {
-    let font = (FONT, 17).into_font().color(&BLACK).pos(Pos::new(HPos::Left, VPos::Center));
-    for (i, (mark, name)) in legend.iter().enumerate() {
-        let y = 40 + 24 * i as i32;
-        match mark {
-            Mark::Line(style) if style.is_dashed => {
-                for x in [40, 52, 64] {
-                    area.draw(&PathElement::new(vec![(x, y), (x + 7, y)], stroke(style))).map_err(text)?;
-                }
-            }
-            Mark::Line(style) => {
-                area.draw(&PathElement::new(vec![(40, y), (72, y)], stroke(style))).map_err(text)?;
-            }
-            Mark::Points(style) => {
-                area.draw(&Circle::new((56, y), 4, style.color.stroke_width(2))).map_err(text)?;
-            }
-            Mark::Goal => {
-                area.draw(&Cross::new((56, y), 5, BLACK.stroke_width(1))).map_err(text)?;
-            }
-        }
-        area.draw(&Text::new((*name).to_owned(), (84, y), font.clone())).map_err(text)?;
-    }
-    Ok(())
-}
-
-/// Draws one line of a chart, solid or dashed.
-fn line<'a, X, Y>(
-    chart: &mut ChartContext<'a, SVGBackend<'_>, Cartesian2d<X, Y>>,
-    points: Vec<(f64, f64)>,
-    style: &Style,
-) -> Result<(), String>
-where
-    X: Ranged<ValueType = f64> + ValueFormatter<f64>,
-    Y: Ranged<ValueType = f64> + ValueFormatter<f64>,
-{
-    if style.is_dashed {
-        chart.draw_series(DashedLineSeries::new(points, 7, 5, stroke(style))).map_err(text)?;
-    } else {
-        chart.draw_series(LineSeries::new(points, stroke(style))).map_err(text)?;
-    }
-    Ok(())
-}
-
 /// Plots the recovered gap over the share of time spent.
 pub fn gap(path: &Path, scene: &str, rows: &[Row]) -> Result<(), SceneError> {
-    let mut legend: Vec<(Mark<'_>, &str)> =
-        STYLES.iter().rev().map(|style| (Mark::Line(style), style.legend)).collect();
-    legend.push((Mark::Points(&STYLES[0]), "SS 1 without a budget"));
-    legend.push((Mark::Points(&STYLES[1]), "SS 2 without a budget"));
-    legend.push((Mark::Goal, "goal: 90 % for 10 %"));
+    let mut entries: Vec<(Mark, &str)> =
+        STYLES.iter().rev().map(|style| (Mark::Line(style.stroke), style.legend)).collect();
+    entries.push((Mark::Circle(STYLES[0].stroke.color, false), "SS 1 without a budget"));
+    entries.push((Mark::Circle(STYLES[1].stroke.color, false), "SS 2 without a budget"));
+    entries.push((Mark::Cross, "goal: 90 % for 10 %"));
     let title = format!("{scene}: gap recovered over time spent, both relative to always rebuilding");
-    figure(path, &title, rows, &legend, |area, motion, rows| {
+    figure(path, &title, rows, &entries, |area, motion, rows| {
         let mut chart = ChartBuilder::on(area)
             .caption(motion, (FONT, 19))
             .margin(6)
@@ -202,11 +140,11 @@ pub fn gap(path: &Path, scene: &str, rows: &[Row]) -> Result<(), SceneError> {
                     .map(|row| (row.cost_share, row.gap_recovered.clamp(-0.1, 1.15)))
                     .collect();
                 points.retain(|(cost, _)| *cost >= MIN_COST);
-                line(&mut chart, points, style)?;
+                line(&mut chart, points, style.stroke)?;
                 let is_free = |row: &&&Row| row.strategy == name && row.budget_share.is_infinite();
                 let free: Vec<_> = rows.iter().filter(is_free).collect();
                 let point = |row: &&&Row| (row.cost_share.max(MIN_COST), row.gap_recovered.clamp(-0.1, 1.15));
-                let circles = free.iter().map(point).map(|at| Circle::new(at, 4, style.color.stroke_width(2)));
+                let circles = free.iter().map(point).map(|at| Circle::new(at, 4, style.stroke.color.stroke_width(2)));
                 chart.draw_series(circles).map_err(text)?;
             }
         }
@@ -217,14 +155,14 @@ pub fn gap(path: &Path, scene: &str, rows: &[Row]) -> Result<(), SceneError> {
 
 /// Plots noise over time, with a budget of `share`.
 pub fn over_time(path: &Path, scene: &str, share: f64, rows: &[Row]) -> Result<(), SceneError> {
-    let mut legend: Vec<(Mark<'_>, &str)> =
-        STYLES.iter().rev().map(|style| (Mark::Line(style), style.legend)).collect();
-    legend.retain(|(_, name)| !name.starts_with("SS"));
-    legend.push((Mark::Line(&STYLES[1]), "SS 2, splitting cost, within the budget"));
-    legend.push((Mark::Line(&STYLES[0]), "SS 1, splitting cost, within the budget"));
-    legend.extend(ENDS.iter().map(|style| (Mark::Line(style), style.legend)));
+    let mut entries: Vec<(Mark, &str)> =
+        STYLES.iter().rev().map(|style| (Mark::Line(style.stroke), style.legend)).collect();
+    entries.retain(|(_, name)| !name.starts_with("SS"));
+    entries.push((Mark::Line(STYLES[1].stroke), "SS 2, splitting cost, within the budget"));
+    entries.push((Mark::Line(STYLES[0].stroke), "SS 1, splitting cost, within the budget"));
+    entries.extend(ENDS.iter().map(|style| (Mark::Line(style.stroke), style.legend)));
     let title = format!("{scene}: noise over time, with {share} of the time of always rebuilding");
-    figure(path, &title, rows, &legend, |area, motion, rows| {
+    figure(path, &title, rows, &entries, |area, motion, rows| {
         let is_drawn = |row: &&&Row| {
             let is_end = ENDS.iter().any(|style| style.name == row.strategy);
             (is_end || row.budget_share == share) && (!row.strategy.starts_with("SS") || row.strategy.ends_with(OF_SS))
@@ -261,7 +199,7 @@ pub fn over_time(path: &Path, scene: &str, share: f64, rows: &[Row]) -> Result<(
             for name in of_style(style, &drawn) {
                 for row in drawn.iter().filter(|row| row.strategy == name) {
                     let points = row.over_time.iter().map(|(frame, sigma)| (f64::from(*frame), *sigma)).collect();
-                    line(&mut chart, points, style)?;
+                    line(&mut chart, points, style.stroke)?;
                 }
             }
         }

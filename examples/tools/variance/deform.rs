@@ -2,14 +2,14 @@
 //! subtrees remove, and the time of both. One flat tree holds all lights of a scene and follows
 //! them frame by frame.
 
-use super::lights::{carried, contributions};
 use super::scene::procedural::{self, CityOptions, Size};
 use super::scene::rng::Rng;
 use super::scene::{SceneError, Stage, gltf_scene};
 use super::shading_points::shading_points;
-use super::sigma::{Noise, Summary};
 use super::stages::{CITY_BOUNDS, swarm_at};
 use crate::common::table::{Table, markdown_head};
+use crate::measuring::lights::{carried, contributions};
+use crate::measuring::sigma::{Noise, Summary};
 use girandole::bounds::Aabb;
 use girandole::glam::{Vec3, vec3};
 use girandole::{FrameBudget, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint, SplitCount};

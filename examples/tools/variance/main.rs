@@ -8,29 +8,28 @@
 //! ```
 //!
 //! The first form prints a table and writes it as CSV. For each scene and sampler it has the exact
-//! relative standard deviation of one sample over fixed shading points (`sigma.rs`), nanoseconds
-//! per choice, and bytes of tree per light. Expect the sigma of `girandole` to be well below those
+//! relative standard deviation of one sample over fixed shading points
+//! (`examples/measuring/sigma.rs`), nanoseconds per choice, and bytes of tree per light. Expect the sigma of `girandole` to be well below those
 //! of `pbrt` and `cycles`.
 //!
 //! `--deform` measures how much noise moving lights add to a tree, and what rebuilds cost, in city
 //! S (`deform.rs`). `--candidates` measures what choosing one of several candidates gains
 //! (`candidates.rs`). `docs/benchmarks.md` has measured tables and the rules of measurement.
 
-mod baselines;
 mod candidates;
 #[path = "../../common/mod.rs"]
 #[allow(dead_code, reason = "other programs use more of it")]
 mod common;
 mod deform;
-mod lights;
 mod measure;
+#[path = "../../measuring/mod.rs"]
+#[allow(dead_code, reason = "other tools draw charts")]
+mod measuring;
 mod shading_points;
 mod report;
-mod samplers;
 #[path = "../../city/scene/mod.rs"]
 #[allow(dead_code, reason = "the city example renders the scenes that are only measured here")]
 mod scene;
-mod sigma;
 mod stages;
 mod timing;
 

@@ -1,11 +1,11 @@
 //! The rows of one scene: all samplers, measured at the same shading points.
 
-use super::lights::{carried, contributions};
-use super::samplers;
 use super::scene::SceneError;
-use super::sigma::{Noise, Summary};
 use super::stages::Lit;
 use super::timing::nanoseconds;
+use crate::measuring::lights::{carried, contributions};
+use crate::measuring::samplers;
+use crate::measuring::sigma::{Noise, Summary};
 use girandole::{LightId, ShadingPoint};
 use rayon::prelude::*;
 

@@ -1,7 +1,7 @@
 //! The time of one choice, on one thread.
 
-use super::samplers::Chooser;
 use super::scene::rng::Rng;
+use crate::measuring::samplers::Chooser;
 use girandole::ShadingPoint;
 use std::hint::black_box;
 use std::time::Instant;

@@ -1,5 +1,9 @@
 //! Reads .glb and .gltf files with all of their buffers.
 
+use base64::Engine;
+use base64::alphabet::STANDARD;
+use base64::engine::DecodePaddingMode;
+use base64::engine::general_purpose::{GeneralPurpose, GeneralPurposeConfig};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -8,6 +12,10 @@ use girandole::gltf::gltf::{Document, Gltf};
 use girandole::gltf::parse;
 
 use super::SceneError;
+
+/// Writers of data URIs may leave out the padding.
+const LENIENT: GeneralPurposeConfig =
+    GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);
 
 /// A document and its buffers.
 #[derive(Debug)]
@@ -43,8 +51,9 @@ pub fn open(path: &Path) -> Result<GltfFile, SceneError> {
 /// The bytes that a URI refers to: those of a data URI, or of a file in the folder of the document.
 fn resolve(uri: &str, document: &Path) -> Result<Vec<u8>, String> {
     if let Some(data) = uri.strip_prefix("data:") {
+        let base64 = GeneralPurpose::new(&STANDARD, LENIENT);
         let (_, text) = data.split_once(";base64,").ok_or("its data URI is not base64")?;
-        return decode_base64(text).ok_or_else(|| "its data URI is not valid base64".into());
+        return base64.decode(text).map_err(|error| format!("its data URI is not valid base64: {error}"));
     }
     if uri.contains("://") || Path::new(uri).is_absolute() {
         return Err(format!("{uri} is not a relative path"));
@@ -70,37 +79,17 @@ fn decode_percent(text: &str) -> Option<String> {
     String::from_utf8(decoded).ok()
 }
 
-fn decode_base64(text: &str) -> Option<Vec<u8>> {
-    let digits = text.trim_end_matches('=').bytes().map(|byte| match byte {
-        b'A'..=b'Z' => Some(u32::from(byte - b'A')),
-        b'a'..=b'z' => Some(u32::from(byte - b'a') + 26),
-        b'0'..=b'9' => Some(u32::from(byte - b'0') + 52),
-        b'+' => Some(62),
-        b'/' => Some(63),
-        _ => None,
-    });
-    let mut bytes = Vec::with_capacity(text.len() / 4 * 3);
-    let (mut word, mut bits) = (0u32, 0);
-    for digit in digits {
-        word = (word << 6) | digit?;
-        bits += 6;
-        if bits >= 8 {
-            bits -= 8;
-            bytes.push((word >> bits) as u8);
-        }
-    }
-    Some(bytes)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn base64_and_percent_encoding_are_decoded() {
-        assert_eq!(decode_base64("aGVsbG8gd29ybGQ=").as_deref(), Some(b"hello world".as_slice()));
-        assert_eq!(decode_base64("aGk").as_deref(), Some(b"hi".as_slice()));
-        assert_eq!(decode_base64("a*"), None);
+        let data =
+            |text: &str| resolve(&format!("data:application/octet-stream;base64,{text}"), Path::new("scene.gltf"));
+        assert_eq!(data("aGVsbG8gd29ybGQ=").as_deref(), Ok(b"hello world".as_slice()));
+        assert_eq!(data("aGk").as_deref(), Ok(b"hi".as_slice()));
+        assert!(data("a*").is_err());
         assert_eq!(decode_percent("my%20scene.bin").as_deref(), Some("my scene.bin"));
         assert_eq!(decode_percent("bad%2"), None);
     }

@@ -46,26 +46,42 @@ pub fn mean(picture: &[Vec3]) -> f64 {
     picture.iter().map(|pixel| f64::from(luminance(*pixel))).sum::<f64>() / picture.len() as f64
 }
 
-/// Pictures per sampler, which differ in their random numbers.
-pub const PICTURES: usize = 4;
-/// Student's t for 95 % and three degrees of freedom, both sides together.
-const T: f64 = 3.182;
+/// Student's t for 95 %, both sides together, for 1 to 30 degrees of freedom.
+const T: [f64; 30] = [
+    12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131, 2.120,
+    2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064, 2.060, 2.056, 2.052, 2.048, 2.045, 2.042,
+];
 
-/// The mean of an error over pictures.
+/// The mean of independent values, with its 95 % confidence interval by Student's t.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
     pub mean: f64,
-    /// Half of the width of the 95 % confidence interval.
+    /// Half of the width of the interval; infinite for a single value.
     pub half_width: f64,
 }
 
 impl Estimate {
-    /// Estimates from the errors of all pictures.
-    pub fn new(errors: [f64; PICTURES]) -> Self {
-        let count = PICTURES as f64;
-        let mean = errors.iter().sum::<f64>() / count;
-        let variance = errors.iter().map(|error| (error - mean).powi(2)).sum::<f64>() / (count - 1.0);
-        Self { mean, half_width: T * (variance / count).sqrt() }
+    /// Estimates from at least one value.
+    pub fn new(values: &[f64]) -> Self {
+        let count = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / count;
+        if values.len() < 2 {
+            return Self { mean, half_width: f64::INFINITY };
+        }
+        let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (count - 1.0);
+        // Beyond the table, its last entry is too wide by at most 4 %.
+        let t = T[(values.len() - 2).min(T.len() - 1)];
+        Self { mean, half_width: t * (variance / count).sqrt() }
+    }
+
+    /// The lower end of the interval.
+    pub fn low(&self) -> f64 {
+        self.mean - self.half_width
+    }
+
+    /// The upper end of the interval.
+    pub fn high(&self) -> f64 {
+        self.mean + self.half_width
     }
 }
 

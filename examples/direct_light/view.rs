@@ -1,9 +1,9 @@
 //! What the camera sees. The surfaces behind each pixel are found once, so that pictures spend
 //! their time on lights only.
 
-use super::city::render::geometry::Geometry;
-use super::city::render::shading::{View as Frame, shadow_offset, sky_radiance};
-use super::city::scene::Scene;
+use crate::city::render::geometry::Geometry;
+use crate::city::render::shading::{View as Frame, shadow_offset, sky_radiance};
+use crate::city::scene::Scene;
 use girandole::ShadingPoint;
 use girandole::glam::{Vec2, Vec3};
 use rayon::prelude::*;

@@ -1,0 +1,86 @@
+//! The part of the command line that selects a scene, which other programs share.
+
+use super::scene::gltf_scene;
+use super::scene::procedural::{self, CityOptions, Size};
+use super::scene::real_city::{self, RealCityOptions};
+use super::scene::{Camera, SceneError, Stage};
+use clap::Args;
+use girandole::glam::Vec3;
+use std::path::PathBuf;
+
+/// Vertical field of view of `--camera`, radians: 60 degrees.
+const FIELD_OF_VIEW: f32 = std::f32::consts::FRAC_PI_3;
+
+/// A scene and a camera.
+#[derive(Clone, Debug, Args)]
+pub struct SceneOptions {
+    /// Size of the procedural city
+    #[arg(long, value_name = "SIZE", value_enum, ignore_case = true, default_value_t = Size::S, conflicts_with_all = ["gltf", "lamps", "traffic"])]
+    pub world: Size,
+    /// Number of cars in the procedural city, or parked in a real city without traffic [default:
+    /// depends on the city]
+    #[arg(long, value_name = "N", conflicts_with_all = ["gltf", "traffic"])]
+    pub cars: Option<usize>,
+    /// Seed of the city and of the noise
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Use this glTF scene (.gltf or .glb) instead of the procedural city
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["lamps", "traffic"])]
+    pub gltf: Option<PathBuf>,
+    /// Use the street lamps of a real city: a CSV file with the columns x_m, y_m, est_height_m
+    /// (metres) and est_lumens
+    #[arg(long, value_name = "FILE.csv")]
+    pub lamps: Option<PathBuf>,
+    /// Use the vehicles of a SUMO simulation: an XML file that `sumo --fcd-output` wrote
+    #[arg(long, value_name = "FILE.xml")]
+    pub traffic: Option<PathBuf>,
+    /// Camera: position and target in metres [default: depends on the scene]
+    #[arg(long, value_name = "x,y,z,x,y,z", value_parser = parse_camera, allow_hyphen_values = true)]
+    pub camera: Option<(Vec3, Vec3)>,
+}
+
+impl SceneOptions {
+    /// Loads the scene.
+    pub fn load(&self) -> Result<Stage, SceneError> {
+        let Self { gltf, lamps, traffic, seed, cars, world, .. } = self.clone();
+        let mut stage = if let Some(path) = gltf {
+            return gltf_scene::stage(&path, self.camera());
+        } else if lamps.is_some() || traffic.is_some() {
+            real_city::stage(&RealCityOptions { lamps, traffic, cars, seed })?
+        } else {
+            procedural::stage(&CityOptions { size: world, cars, seed })?
+        };
+        if let Some(camera) = self.camera() {
+            stage.scene.camera = camera;
+        }
+        Ok(stage)
+    }
+
+    /// The name of the scene for titles.
+    #[allow(dead_code, reason = "only measuring programs have titles")]
+    pub fn name(&self) -> String {
+        let stem = |path: &PathBuf| path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+        let file = self.gltf.as_ref().or(self.lamps.as_ref()).or(self.traffic.as_ref());
+        file.map_or_else(|| format!("city {:?}", self.world), stem)
+    }
+
+    /// The camera of `--camera`.
+    fn camera(&self) -> Option<Camera> {
+        self.camera.map(|(eye, target)| Camera { eye, target, vertical_fov: FIELD_OF_VIEW })
+    }
+}
+
+fn parse_camera(text: &str) -> Result<(Vec3, Vec3), String> {
+    let numbers: Option<Vec<f32>> = text.split(',').map(|x| x.trim().parse().ok()).collect();
+    let Some(&[ex, ey, ez, tx, ty, tz]) = numbers.as_deref() else {
+        return Err("expected six numbers: x,y,z of the position and x,y,z of the target".into());
+    };
+    let (eye, target) = (Vec3::new(ex, ey, ez), Vec3::new(tx, ty, tz));
+    if !eye.is_finite() || !target.is_finite() || eye.max(target).abs().max_element() > 1e7 {
+        return Err("coordinates must be finite and at most 10000000 metres".into());
+    }
+    if (target - eye).length() < 1e-3 {
+        return Err("the position and the target must differ".into());
+    }
+    Ok((eye, target))
+}

@@ -1,0 +1,14 @@
+//! What measuring tools share: charts, lights one by one, the exact noise of a sample, and
+//! published samplers to compare with.
+//!
+//! The root of a program includes this folder with `#[path]` as `mod measuring`; all other files
+//! refer to it as `crate::measuring`. Read the files in the order of the list below, in which data
+//! passes through them.
+
+pub mod charts;
+
+pub mod lights;
+pub mod sigma;
+
+pub mod baselines;
+pub mod samplers;
