@@ -19,7 +19,7 @@ use girandole::{Light, LightTree, ShadingPoint, Shape, SplitCount};
 #[allow(dead_code, reason = "examples use more of it")]
 mod common;
 #[path = "../examples/measuring/mod.rs"]
-#[allow(dead_code, reason = "examples use more of it")]
+#[allow(dead_code, unused_imports, reason = "examples use more of it")]
 mod measuring;
 #[path = "../tests/all/support.rs"]
 #[allow(dead_code, reason = "tests use more of it")]

@@ -13,7 +13,6 @@ use girandole::{CandidateCount, Incident, LightId, LightSampler};
 /// lights.
 #[derive(Clone, Copy, Debug)]
 pub struct Drawn {
-    pub light: LightId,
     pub incident: Incident,
     /// One over the probability density of the point.
     pub weight: f32,
@@ -36,7 +35,7 @@ impl Draw for Single<'_> {
     fn draw(&self, surface: &Surface, _: &Material, [a, b, x, y]: [f32; 4]) -> Option<Drawn> {
         let pick = self.chooser.choose(&surface.shading_point, [a, b])?;
         let incident = self.lights.sample_light(&surface.shading_point, pick.light, [x, y])?;
-        Some(Drawn { light: pick.light, incident, weight: 1.0 / (incident.pdf * pick.pmf) })
+        Some(Drawn { incident, weight: 1.0 / (incident.pdf * pick.pmf) })
     }
 }
 
@@ -49,8 +48,7 @@ pub struct Resampled<'a> {
 impl Draw for Resampled<'_> {
     fn draw(&self, surface: &Surface, _: &Material, u: [f32; 4]) -> Option<Drawn> {
         let reservoir = self.lights.resample(&surface.shading_point, u, self.candidates)?;
-        let chosen = reservoir.chosen;
-        Some(Drawn { light: chosen.light, incident: chosen.incident, weight: reservoir.weight })
+        Some(Drawn { incident: reservoir.chosen.incident, weight: reservoir.weight })
     }
 }
 
@@ -81,12 +79,12 @@ impl Draw for Streaming<'_> {
                 let weight = target * self.ids.len() as f32 / incident.pdf;
                 total += weight;
                 if keep * total < weight {
-                    kept = Some((light, incident, target));
+                    kept = Some((incident, target));
                 }
             }
         }
-        let (light, incident, target) = kept?;
-        Some(Drawn { light, incident, weight: total / (self.candidates as f32 * target) })
+        let (incident, target) = kept?;
+        Some(Drawn { incident, weight: total / (self.candidates as f32 * target) })
     }
 }
 

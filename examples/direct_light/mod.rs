@@ -10,6 +10,7 @@ pub mod view;
 
 pub mod draw;
 pub mod renderer;
+pub mod converged;
 
 pub mod score;
 pub mod reference;

@@ -4,7 +4,7 @@ use super::draw::{Draw, reflected};
 use super::view::{Pixel, SUBPIXELS, Surface, View};
 use crate::city::render::geometry::Geometry;
 use crate::city::render::shading::{Dimension, random};
-use crate::city::scene::Scene;
+use crate::city::scene::{Material, Scene};
 use girandole::glam::Vec3;
 use girandole::{Incident, LightId, LightSampler, ShadingPoint};
 use rayon::prelude::*;
@@ -144,7 +144,8 @@ impl Renderer<'_> {
         if light.max_element() <= 0.0 || self.is_shadowed(surface, &drawn.incident) { Vec3::ZERO } else { light }
     }
 
-    fn material(&self, surface: &Surface) -> &crate::city::scene::Material {
+    /// The material of a surface.
+    pub fn material(&self, surface: &Surface) -> &Material {
         &self.scene.materials[surface.material as usize]
     }
 

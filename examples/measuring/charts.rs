@@ -108,3 +108,33 @@ where
     }
     Ok(())
 }
+
+/// The label of a value on a logarithmic axis: 1, 2 and 5 times powers of ten have one, other
+/// values stay empty.
+pub fn log_label(value: f64) -> String {
+    let exponent = value.abs().max(f64::MIN_POSITIVE).log10().floor();
+    let digit = value / 10.0_f64.powf(exponent);
+    // Coordinates that are computed from logarithms are rounded.
+    let is_labelled = [1.0, 2.0, 5.0, 10.0].iter().any(|labelled| (digit - labelled).abs() < 1.0e-6);
+    let digits = if (digit - 10.0).abs() < 1.0e-6 { -exponent - 1.0 } else { -exponent };
+    if is_labelled { format!("{value:.0$}", digits.max(0.0) as usize) } else { String::new() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::log_label;
+
+    #[test]
+    fn logarithmic_axes_have_labels_at_1_2_and_5() {
+        for (value, label) in [
+            (0.300_000_000_4, ""),
+            (0.1, "0.1"),
+            (0.020_000_000_01, "0.02"),
+            (5.0, "5"),
+            (99.999_999_999, "100"),
+            (70.0, ""),
+        ] {
+            assert_eq!(log_label(value), label, "{value}");
+        }
+    }
+}

@@ -132,20 +132,23 @@ impl Chooser for TwoLevel<'_> {
         self.sampler.pick(shading_point, u)
     }
 
-    /// Counts the nodes of each tree once, however many instances show it. The top level counts one
-    /// node for six instances, the fewest children that its nodes are filled with, one for six of
-    /// those nodes, and so on.
+    /// Counts the nodes of each tree once, however many instances show it.
     fn bytes(&self) -> usize {
         let trees = self.world.trees().filter_map(|tree| self.world.tree(tree));
         let bottom: usize = trees.map(|tree| tree.nodes().len()).sum();
-        let mut level = self.world.instance_count();
-        let mut top = 0;
-        while level > 1 {
-            level = level.div_ceil(6);
-            top += level;
-        }
-        (bottom + top.max(1)) * size_of::<girandole::tree::Node>()
+        (bottom + top_level_nodes(self.world.instance_count())) * size_of::<girandole::tree::Node>()
     }
+}
+
+/// The nodes of a top level, at most: one for six instances, the fewest children that its nodes are
+/// filled with, one for six of those nodes, and so on.
+pub fn top_level_nodes(instances: usize) -> usize {
+    let (mut level, mut nodes) = (instances, 0);
+    while level > 1 {
+        level = level.div_ceil(6);
+        nodes += level;
+    }
+    nodes.max(1)
 }
 
 /// One tree of this library over all lights, without instances.
@@ -182,41 +185,43 @@ fn wide(u: [f32; 2]) -> f64 {
     f64::from(u[0]) + f64::from(u[1]) / f64::from(1 << 24)
 }
 
-/// The samplers that the pictures compare: flux, pbrt-v4's formula for opaque surfaces, and this
-/// library.
+/// The samplers that this library is compared with: uniform, flux, pbrt, pbrt opaque and cycles.
 ///
 /// `lights` are the world's lights one by one, and `ids` their names, both in the order of
 /// [`LightSampler::all_lights`].
-pub fn main_three<'a>(world: &'a LightWorld, lights: &[Light], ids: &'a [LightId]) -> [Box<dyn Chooser + 'a>; 3] {
-    let tree = BinaryTree::new(Pbrt { is_opaque: true }, lights.to_vec());
+pub fn published<'a>(lights: &[Light], ids: &'a [LightId]) -> [Box<dyn Chooser + 'a>; 5] {
+    let pbrt = |is_opaque| BinaryTree::new(Pbrt { is_opaque }, lights.to_vec());
+    let cycles = BinaryTree::new(Cycles, lights.to_vec());
     [
+        Box::new(Uniform { ids }),
         Box::new(Flux::new(lights, ids)),
-        Box::new(Published { name: "pbrt opaque", ids, tree }),
-        Box::new(TwoLevel { world, sampler: world.sampler() }),
+        Box::new(Published { name: "pbrt", ids, tree: pbrt(false) }),
+        Box::new(Published { name: "pbrt opaque", ids, tree: pbrt(true) }),
+        Box::new(Published { name: "cycles", ids, tree: cycles }),
     ]
 }
 
-/// All samplers. `lights` and `ids` as for [`main_three`].
+/// This library with its two levels and the default number of splits.
+pub fn two_level(world: &LightWorld) -> Box<dyn Chooser + '_> {
+    Box::new(TwoLevel { world, sampler: world.sampler() })
+}
+
+/// All samplers. `lights` and `ids` as for [`published`].
 pub fn all<'a>(
     world: &'a LightWorld,
     lights: &[Light],
     ids: &'a [LightId],
 ) -> Result<Vec<Box<dyn Chooser + 'a>>, WorldError> {
-    let [flux, pbrt_opaque, girandole] = main_three(world, lights, ids);
-    let pbrt = BinaryTree::new(Pbrt { is_opaque: false }, lights.to_vec());
-    let cycles = BinaryTree::new(Cycles, lights.to_vec());
+    let mut all = Vec::from(published(lights, ids));
+    all.push(two_level(world));
     let tree = LightTree::new(lights.to_vec())?;
-    Ok(vec![
-        Box::new(Uniform { ids }),
-        flux,
-        Box::new(Published { name: "pbrt", ids, tree: pbrt }),
-        pbrt_opaque,
-        Box::new(Published { name: "cycles", ids, tree: cycles }),
-        girandole,
-        Box::new(Flat { name: "girandole flat", ids, tree: tree.clone(), splits: SplitCount::DEFAULT }),
-        Box::new(Flat { name: "flat, 0 splits", ids, tree: tree.clone(), splits: SplitCount::of::<0>() }),
-        Box::new(Flat { name: "flat, 2 splits", ids, tree: tree.clone(), splits: SplitCount::of::<2>() }),
-        Box::new(Flat { name: "flat, 4 splits", ids, tree: tree.clone(), splits: SplitCount::of::<4>() }),
-        Box::new(Flat { name: "flat, 8 splits", ids, tree, splits: SplitCount::of::<8>() }),
-    ])
+    let flat = |name, splits| -> Box<dyn Chooser + 'a> { Box::new(Flat { name, ids, tree: tree.clone(), splits }) };
+    all.extend([
+        flat("girandole flat", SplitCount::DEFAULT),
+        flat("flat, 0 splits", SplitCount::of::<0>()),
+        flat("flat, 2 splits", SplitCount::of::<2>()),
+        flat("flat, 4 splits", SplitCount::of::<4>()),
+        flat("flat, 8 splits", SplitCount::of::<8>()),
+    ]);
+    Ok(all)
 }

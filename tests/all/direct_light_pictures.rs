@@ -3,6 +3,7 @@
 use crate::city::render::geometry::Geometry;
 use crate::city::scene::procedural::{self, CityOptions, Size};
 use crate::city::scene::{Scene, Stage};
+use crate::direct_light::converged;
 use crate::direct_light::draw::{Draw, Resampled, Single, Streaming};
 use crate::direct_light::renderer::Renderer;
 use crate::direct_light::score::{Estimate, Score, mean};
@@ -32,7 +33,8 @@ impl Studio<'_> {
     /// Calls `test` with the samplers flux, pbrt opaque and girandole.
     fn with_samplers(&self, test: impl Fn(&[(&str, &dyn Draw)])) {
         let lights = self.world.sampler();
-        let choosers = samplers::main_three(self.world, &lights::carried(self.world), self.ids);
+        let [_, flux, _, pbrt_opaque, _] = samplers::published(&lights::carried(self.world), self.ids);
+        let choosers = [flux, pbrt_opaque, samplers::two_level(self.world)];
         let draws: Vec<Single<'_>> =
             choosers.iter().map(|chooser| Single { chooser: chooser.as_ref(), lights }).collect();
         let named: Vec<(&str, &dyn Draw)> =
@@ -44,26 +46,31 @@ impl Studio<'_> {
     /// and the standard error of the difference, both relative to the reference. There are [`SEEDS`]
     /// independent pictures of each.
     fn difference(&self, draw: &dyn Draw, samples: f64, reference: &[f64]) -> (f64, f64) {
-        let means = (0..SEEDS).map(|seed| mean(&self.renderer.picture(draw, samples, seed)));
-        let differences: Vec<f64> = means.zip(reference).map(|(mean, reference)| mean - reference).collect();
-        let count = f64::from(SEEDS);
-        let level = reference.iter().sum::<f64>() / count;
-        let mean = differences.iter().sum::<f64>() / count;
-        let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (count - 1.0);
-        (mean / level, (variance / count).sqrt() / level)
+        compare(SEEDS_OF_DRAWS.map(|seed| mean(&self.renderer.picture(draw, samples, seed))), reference)
     }
 
     /// The means of pictures by all lights, which no sampler is part of.
-    fn means_by_all(&self, samples: u32) -> Vec<f64> {
-        let pixels = self.renderer.view.pixels.len();
-        let one = |index, seed| self.renderer.pixel_by_all(&self.world.sampler(), self.ids, index, (samples, seed));
-        let picture = |seed| mean(&(0..pixels).map(|index| one(index, seed)).collect::<Vec<_>>());
-        REFERENCE_SEEDS.map(picture).collect()
+    fn means_by_all(&self) -> Vec<f64> {
+        let picture = |seed| converged::picture(&self.renderer, &self.world.sampler(), self.ids, seed);
+        REFERENCE_SEEDS.map(|seed| mean(&picture(seed))).collect()
     }
+}
+
+/// The mean of some pictures minus that of others, and the standard error of the difference, both
+/// relative to the others.
+fn compare(means: impl Iterator<Item = f64>, reference: &[f64]) -> (f64, f64) {
+    let differences: Vec<f64> = means.zip(reference).map(|(mean, reference)| mean - reference).collect();
+    let count = f64::from(SEEDS);
+    let level = reference.iter().sum::<f64>() / count;
+    let mean = differences.iter().sum::<f64>() / count;
+    let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    (mean / level, (variance / count).sqrt() / level)
 }
 
 /// Pictures per mean.
 const SEEDS: u32 = 24;
+/// The seeds of pictures that are compared.
+const SEEDS_OF_DRAWS: std::ops::Range<u32> = 0..SEEDS;
 /// The seeds of references.
 const REFERENCE_SEEDS: std::ops::Range<u32> = 100..100 + SEEDS;
 /// Student's t for 23 degrees of freedom, which chance exceeds once in 10,000 tries, both sides
@@ -77,7 +84,7 @@ fn the_pictures_of_all_ways_to_draw_have_the_mean_of_the_sum_over_all_lights() {
     let Stage { scene, world, .. } = &stage;
     with_studio(scene, world, |studio| {
         let lights = world.sampler();
-        let reference = studio.means_by_all(4);
+        let reference = studio.means_by_all();
         let check = |name: &str, draw: &dyn Draw, samples: f64| {
             let (difference, error) = studio.difference(draw, samples, &reference);
             assert!(difference.abs() <= T_LIMIT * error, "{name}: off by {difference}, standard error {error}");
@@ -89,6 +96,14 @@ fn the_pictures_of_all_ways_to_draw_have_the_mean_of_the_sum_over_all_lights() {
                 check(name, *draw, samples);
             }
         });
+        // With one shadow ray to every light.
+        let pixels = 0..studio.renderer.view.pixels.len();
+        let all = |seed| {
+            let pixel = |index| studio.renderer.pixel_by_all(&lights, studio.ids, index, (8, seed));
+            mean(&pixels.clone().map(pixel).collect::<Vec<_>>())
+        };
+        let (difference, error) = compare(SEEDS_OF_DRAWS.map(all), &reference);
+        assert!(difference.abs() <= T_LIMIT * error && error < 0.01, "all lights: {difference}, {error}");
         check("resampled", &Resampled { lights, candidates: CandidateCount::of::<4>() }, 8.0);
         check("streaming", &Streaming { lights, ids: studio.ids, candidates: 32 }, 6.0);
     });

@@ -1,5 +1,6 @@
 //! All integration tests in one binary, so that wgpu is linked only once.
 
+mod accuracy;
 mod allocations;
 mod budget;
 mod budget_cases;

@@ -1,0 +1,202 @@
+//! The plots of the page.
+
+use super::answers::{Answers, is_plain};
+use super::settings::{Change, DEFAULT, Sampler, resampled_default};
+use super::table::Row;
+use crate::measuring::charts::{FONT, Mark, PALETTE, Stroke, legend, line, log_label, text};
+use plotters::coord::combinators::LogCoord;
+use plotters::prelude::*;
+use std::ops::Range;
+
+/// The size of a plot, in pixels: a phone shows it without scaling it down much.
+const SIZE: (u32, u32) = (480, 420);
+/// The height of the legend below a plot, for each entry.
+const LEGEND_LINE: u32 = 22;
+const LEGEND_FONT: u32 = 15;
+const LABEL_FONT: u32 = 14;
+
+/// A plot as SVG text.
+type Plot = Result<String, String>;
+
+/// A curve of a plot: one mark for each point, joined by a line.
+struct Curve<'a> {
+    name: &'a str,
+    color: RGBColor,
+    is_dashed: bool,
+    points: Vec<(f64, f64)>,
+}
+
+/// The samplers that are compared, with their names and colours.
+const COMPARED: [(Sampler, &str, RGBColor); 6] = [
+    (Sampler::Published("uniform"), "uniform", PALETTE[0]),
+    (Sampler::Published("flux"), "by flux", PALETTE[1]),
+    (Sampler::Streaming, "streaming over 32 uniform candidates", PALETTE[3]),
+    (Sampler::Published("pbrt"), "pbrt-v4's formula", PALETTE[7]),
+    (Sampler::Published("pbrt opaque"), "pbrt-v4's formula, opaque", PALETTE[6]),
+    (Sampler::Published("cycles"), "Cycles' formula", PALETTE[2]),
+];
+
+/// Error over time of all settings of the library, with the front.
+pub fn error_over_time(rows: &[Row], answers: &Answers) -> Plot {
+    let at = |row: &Row| (row.time_ms() * answers.scale, row.errors.rel_mse.mean);
+    let of = |keep: &dyn Fn(&Row) -> bool| -> Vec<(f64, f64)> { rows.iter().filter(|row| keep(row)).map(at).collect() };
+    let own = of(&|row| is_plain(row) && !row.on_front);
+    let one_level = of(&|row| matches!(row.setting.sampler, Sampler::OneLevel { .. }) && !row.on_front);
+    let mut front = of(&|row| row.on_front);
+    front.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let all: Vec<(f64, f64)> = [&own, &one_level, &front].into_iter().flatten().copied().collect();
+    let entries = [
+        (Mark::Line(Stroke::new(PALETTE[5], 2, false)), "front of least error, all samplers"),
+        (Mark::Circle(PALETTE[2], false), "other settings of two levels"),
+        (Mark::Circle(PALETTE[1], false), "one tree over all lights"),
+        (Mark::Line(Stroke::new(RGBColor(150, 150, 150), 1, true)), "budgets of 0.5, 1 and 4 ms"),
+    ];
+    draw(&all, &entries, |chart, (_, y)| {
+        for budget in super::answers::BUDGETS {
+            let stroke = Stroke::new(RGBColor(150, 150, 150), 1, true);
+            line(chart, vec![(budget, y.start), (budget, y.end)], stroke)?;
+        }
+        line(chart, front.clone(), Stroke::new(PALETTE[5], 2, false))?;
+        let circles = |points: &[(f64, f64)], style: ShapeStyle| -> Vec<Circle<(f64, f64), i32>> {
+            points.iter().map(|at| Circle::new(*at, 4, style)).collect()
+        };
+        chart.draw_series(circles(&one_level, PALETTE[1].stroke_width(2))).map_err(text)?;
+        chart.draw_series(circles(&own, PALETTE[2].stroke_width(2))).map_err(text)?;
+        chart.draw_series(circles(&front, PALETTE[5].filled())).map_err(text)?;
+        Ok(())
+    })
+}
+
+/// Error over time of the default and of the samplers to compare with, by samples per pixel.
+pub fn alternatives(rows: &[Row], answers: &Answers, is_quick: bool) -> Plot {
+    let of = |sampler: Sampler| {
+        let is_drawn = |row: &&Row| row.setting.sampler == sampler && row.setting.change == Change::Nothing;
+        let at = |row: &Row| (row.time_ms() * answers.scale, row.errors.rel_mse.mean);
+        let mut points: Vec<(f64, f64)> = rows.iter().filter(is_drawn).map(at).collect();
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        points
+    };
+    let curve = |(sampler, name, color): (Sampler, &'static str, RGBColor)| Curve {
+        name,
+        color,
+        is_dashed: false,
+        points: of(sampler),
+    };
+    let mut curves: Vec<Curve<'_>> = COMPARED.map(curve).into();
+    let best = curve((resampled_default(is_quick), "Girandole, several candidates", PALETTE[5]));
+    curves.push(Curve { is_dashed: true, ..best });
+    curves.push(curve((DEFAULT, "Girandole, default", PALETTE[5])));
+    let all: Vec<(f64, f64)> = curves.iter().flat_map(|curve| curve.points.iter().copied()).collect();
+    let stroke = |curve: &Curve<'_>| Stroke::new(curve.color, 2, curve.is_dashed);
+    let entries: Vec<(Mark, &str)> = curves.iter().rev().map(|curve| (Mark::Line(stroke(curve)), curve.name)).collect();
+    draw(&all, &entries, |chart, _| {
+        for curve in &curves {
+            line(chart, curve.points.clone(), stroke(curve))?;
+            let marks = curve.points.iter().map(|at| Circle::new(*at, 3, curve.color.filled()));
+            chart.draw_series(marks).map_err(text)?;
+        }
+        Ok(())
+    })
+}
+
+type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<LogCoord<f64>, LogCoord<f64>>>;
+
+/// Draws a plot of error over time with logarithmic axes around the points, and its legend below.
+fn draw(
+    points: &[(f64, f64)],
+    entries: &[(Mark, &str)],
+    content: impl Fn(&mut Chart<'_, '_>, (Range<f64>, Range<f64>)) -> Result<(), String>,
+) -> Plot {
+    let range = |value: fn(&(f64, f64)) -> f64| {
+        let values = points.iter().map(value).filter(|value| value.is_finite() && *value > 0.0);
+        let range =
+            values.fold(f64::INFINITY..0.0, |range: Range<f64>, value| range.start.min(value)..range.end.max(value));
+        if range.is_empty() { 0.1..10.0 } else { range.start / 1.4..range.end * 1.4 }
+    };
+    let (x, y) = (range(|point| point.0), range(|point| point.1));
+    let mut svg = String::new();
+    let size = (SIZE.0, SIZE.1 + LEGEND_LINE * (entries.len() as u32 + 1));
+    {
+        let root = SVGBackend::with_string(&mut svg, size).into_drawing_area();
+        root.fill(&WHITE).map_err(text)?;
+        let (upper, lower) = root.split_vertically(SIZE.1);
+        let mut chart = ChartBuilder::on(&upper)
+            .margin(10)
+            .x_label_area_size(46)
+            .y_label_area_size(64)
+            .build_cartesian_2d(x.clone().log_scale(), y.clone().log_scale())
+            .map_err(text)?;
+        chart
+            .configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(BLACK.mix(0.12))
+            .x_desc("time of a frame, ms of the page")
+            .y_desc("error, relMSE")
+            .x_label_formatter(&|x| log_label(*x))
+            .y_label_formatter(&|y| log_label(*y))
+            .label_style((FONT, LABEL_FONT))
+            .axis_desc_style((FONT, LABEL_FONT + 1))
+            .draw()
+            .map_err(text)?;
+        content(&mut chart, (x, y))?;
+        legend(&lower, entries, LEGEND_FONT)?;
+        root.present().map_err(text)?;
+    }
+    Ok(svg)
+}
+
+/// The stages of a sample, in microseconds of one core, for each sampler.
+pub fn stages(rows: &[Row], shaded_pixels: f64, is_quick: bool) -> Plot {
+    const ROW: u32 = 34;
+    const NAMES: u32 = 190;
+    const PARTS: [(&str, RGBColor); 3] =
+        [("choosing", PALETTE[5]), ("shadow ray", PALETTE[1]), ("shading", PALETTE[3])];
+    let find = |sampler: Sampler| {
+        rows.iter().find(|row| row.setting.sampler == sampler && row.setting.change == Change::Nothing)
+    };
+    let splits = |splits| Sampler::TwoLevels { splits, candidates: 1 };
+    let own = [
+        (splits(0), "Girandole, 0 splits"),
+        (DEFAULT, "Girandole, default"),
+        (resampled_default(is_quick), "Girandole, candidates"),
+        (Sampler::OneLevel { splits: 6, candidates: 1 }, "Girandole, one tree"),
+    ];
+    let others = COMPARED
+        .map(|(sampler, name, _)| (sampler, if sampler == Sampler::Streaming { "streaming over 32" } else { name }));
+    let bars: Vec<(&str, [f64; 3])> = own
+        .into_iter()
+        .chain(others)
+        .filter_map(|(sampler, name)| {
+            let row = find(sampler)?;
+            let us = |ms: f64| ms * 1.0e3 / (row.setting.samples * shaded_pixels);
+            Some((name, [us(row.samples.choosing), us(row.samples.shadow_rays), us(row.samples.shading)]))
+        })
+        .collect();
+    let longest = bars.iter().map(|(_, parts)| parts.iter().sum::<f64>()).fold(f64::MIN_POSITIVE, f64::max);
+    let height = ROW * bars.len() as u32 + 30;
+    let mut svg = String::new();
+    {
+        let size = (SIZE.0, height + LEGEND_LINE * 4 + 10);
+        let root = SVGBackend::with_string(&mut svg, size).into_drawing_area();
+        root.fill(&WHITE).map_err(text)?;
+        let (upper, lower) = root.split_vertically(height);
+        let font = (FONT, LABEL_FONT).into_font().color(&BLACK);
+        let width = f64::from(SIZE.0 - NAMES - 70);
+        for (i, (name, parts)) in bars.iter().enumerate() {
+            let top = 14 + (ROW * i as u32) as i32;
+            upper.draw(&Text::new((*name).to_owned(), (10, top + 4), font.clone())).map_err(text)?;
+            let mut x = f64::from(NAMES);
+            for (part, (_, color)) in parts.iter().zip(PARTS) {
+                let end = x + part / longest * width;
+                upper.draw(&Rectangle::new([(x as i32, top), (end as i32, top + 22)], color.filled())).map_err(text)?;
+                x = end;
+            }
+            let total = format!("{:.2} µs", parts.iter().sum::<f64>());
+            upper.draw(&Text::new(total, (x as i32 + 6, top + 4), font.clone())).map_err(text)?;
+        }
+        let entries = PARTS.map(|(name, color)| (Mark::Bar(color), name));
+        legend(&lower, &entries, LEGEND_FONT)?;
+        root.present().map_err(text)?;
+    }
+    Ok(svg)
+}

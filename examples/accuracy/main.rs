@@ -1,0 +1,48 @@
+//! What accuracy costs in time, on one page: direct light with shadows and materials by every
+//! setting of the library and by other samplers, against a converged reference.
+//!
+//! ```text
+//! cargo run --release --example accuracy -- --out DIR [--quick]
+//!     [--world S|M|L | --gltf FILE | --lamps FILE.csv --traffic FILE.xml] [--camera x,y,z,x,y,z]
+//! ```
+//!
+//! The scene plays for two seconds. Then the last frame is rendered with every setting, several
+//! times with other random numbers. The program writes into DIR:
+//!
+//! - `accuracy.html`: the page, in one file without links. It answers what each budget of time
+//!   buys, what half of the error costs, which knob to turn first, and where the time goes;
+//! - `accuracy.csv`: a row for each setting (`table.rs` explains the columns);
+//! - `error_over_time.svg`, `alternatives.svg`, `stages.svg`: the plots of the page;
+//! - `equal_time.svg`: the same part of the picture by several samplers in equal time;
+//! - `reference.bin`: the reference. A run that is interrupted continues it, and the next run of
+//!   the same view starts from it.
+//!
+//! All work is done by threads of the CPU; times are those of one core. Read them as ratios within
+//! one run, since machines and their load differ. Only uploads use a GPU, or a software Vulkan
+//! driver; without one their column stays empty.
+//!
+//! City S takes about 20 minutes on two cores, of which half are the reference. `--quick` takes
+//! seconds and proves only that everything runs. Expect Girandole's settings to form the whole
+//! front of least error, and the errors of all samplers to fall along parallel lines.
+
+#[path = "../city/modules.rs"]
+#[allow(dead_code, reason = "the city example renders frames; this program only uses its scenes and shading")]
+mod city;
+#[path = "../common/mod.rs"]
+#[allow(dead_code, reason = "other programs use more of it")]
+mod common;
+#[path = "../direct_light/mod.rs"]
+#[allow(dead_code, reason = "other programs use more of it")]
+mod direct_light;
+#[path = "../measuring/mod.rs"]
+#[allow(dead_code, reason = "other programs use more of it")]
+mod measuring;
+#[path = "modules.rs"]
+mod modules;
+
+use modules::run::run;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    common::exit::run_program(|options| run(options).map(drop))
+}

@@ -1,0 +1,51 @@
+//! The whole run.
+
+use super::answers::Answers;
+use super::charts;
+use super::crops::Crops;
+use super::measured::{Measured, measure};
+use super::options::Options;
+use super::page::{Plots, page};
+use super::table::COLUMNS;
+use crate::city::scene::SceneError;
+use crate::common::table::Table;
+use std::fs;
+
+/// Measures and writes all files. An error is one line for the user.
+pub fn run(options: &Options) -> Result<Measured, SceneError> {
+    let out = &options.out;
+    fs::create_dir_all(out).map_err(|error| SceneError(format!("cannot create {}: {error}", out.display())))?;
+    let mut table = Table::create(&out.join("accuracy.csv"), &COLUMNS).map_err(SceneError)?;
+    let measured = measure(options)?;
+    measured.rows.iter().try_for_each(|row| table.add(row.fields())).map_err(SceneError)?;
+
+    let answers = Answers::new(&measured.rows).ok_or_else(|| SceneError("the default was not measured".into()))?;
+    let draw = |plot: Result<String, String>| plot.map_err(|error| SceneError(format!("cannot draw a plot: {error}")));
+    let plots = Plots {
+        error_over_time: draw(charts::error_over_time(&measured.rows, &answers))?,
+        alternatives: draw(charts::alternatives(&measured.rows, &answers, options.quick))?,
+        stages: draw(charts::stages(&measured.rows, measured.shaded_pixels, options.quick))?,
+    };
+    let crops = draw_crops(&measured)?;
+    let write = |name: &str, text: &str| {
+        let path = out.join(name);
+        fs::write(&path, text).map_err(|error| SceneError(format!("cannot write {}: {error}", path.display())))
+    };
+    write("error_over_time.svg", &plots.error_over_time)?;
+    write("alternatives.svg", &plots.alternatives)?;
+    write("stages.svg", &plots.stages)?;
+    write("equal_time.svg", &crops.svg())?;
+    write("accuracy.html", &page(options, &measured, &answers, &plots, &crops))?;
+    println!(
+        "{} settings of {}: open {}",
+        measured.rows.len(),
+        options.scene.name(),
+        out.join("accuracy.html").display()
+    );
+    Ok(measured)
+}
+
+fn draw_crops(measured: &Measured) -> Result<Crops, SceneError> {
+    Crops::new(measured, measured.view.scene.exposure)
+        .map_err(|error| SceneError(format!("cannot encode a picture: {error}")))
+}

@@ -1,0 +1,168 @@
+//! What is measured: every setting, by name.
+
+use super::options::Plan;
+use super::played::Upkeep;
+use super::simplified::LIGHT_EFFECTS;
+use girandole::Effects;
+
+/// How a sample draws its light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Sampler {
+    /// The library with its two levels.
+    TwoLevels { splits: usize, candidates: u32 },
+    /// The library with one tree over all lights.
+    OneLevel { splits: usize, candidates: u32 },
+    /// One of the samplers to compare with, by its name in `measuring/samplers.rs`.
+    Published(&'static str),
+    /// One of 32 uniform candidates.
+    Streaming,
+    /// All lights in every sample.
+    AllLights,
+}
+
+/// Splits and candidates of the library's defaults.
+pub const DEFAULT: Sampler = Sampler::TwoLevels { splits: 6, candidates: 1 };
+
+/// The candidates of [`Sampler::Streaming`].
+pub const STREAMED: u32 = 32;
+
+/// What differs from the default frame besides the sampler.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Change {
+    Nothing,
+    /// Another way to keep trees fit while they deform.
+    Upkeep(Upkeep),
+    /// No shadow rays.
+    NoShadows,
+    /// Diffuse materials.
+    NoGloss,
+    /// Lights that lack an effect.
+    Without(Effects, &'static str),
+}
+
+impl Change {
+    /// Whether pictures show something else than the reference, however many samples they have.
+    pub fn is_biased(self) -> bool {
+        matches!(self, Self::NoShadows | Self::NoGloss | Self::Without(..))
+    }
+}
+
+/// One row of the table.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Setting {
+    pub sampler: Sampler,
+    /// Samples per pixel, in the mean.
+    pub samples: f64,
+    pub change: Change,
+}
+
+impl Setting {
+    /// Its name in the table.
+    pub fn name(&self) -> String {
+        let tree = |levels: &str, splits, candidates| format!("{levels} / {splits} splits / {candidates} candidates");
+        let sampler = match self.sampler {
+            Sampler::TwoLevels { splits, candidates } => tree("two levels", splits, candidates),
+            Sampler::OneLevel { splits, candidates } => tree("one level", splits, candidates),
+            Sampler::Published(name) => name.into(),
+            Sampler::Streaming => format!("streaming of {STREAMED}"),
+            Sampler::AllLights => "all lights".into(),
+        };
+        let change = match self.change {
+            Change::Nothing => String::new(),
+            Change::Upkeep(Upkeep::RefitOnly) => " / refit only".into(),
+            Change::Upkeep(Upkeep::AlwaysRebuild) => " / always rebuild".into(),
+            Change::Upkeep(Upkeep::Budgeted(us)) => format!(" / budget {us} us"),
+            Change::NoShadows => " / no shadows".into(),
+            Change::NoGloss => " / no gloss".into(),
+            Change::Without(_, effect) => format!(" / no {effect}"),
+        };
+        // As short as possible: 1, 2.5, 16.
+        let samples = (self.samples * 100.0).round() / 100.0;
+        format!("{sampler} / {samples} spp{change}")
+    }
+}
+
+/// A setting with several candidates that every run measures.
+pub fn resampled_default(is_quick: bool) -> Sampler {
+    Sampler::TwoLevels { splits: 6, candidates: if is_quick { 4 } else { 8 } }
+}
+
+/// The budget of the default frame, in microseconds.
+pub const DEFAULT_BUDGET: u32 = 300;
+
+/// The numbers of splits that are measured with this many candidates.
+fn splits(candidates: u32, is_quick: bool) -> &'static [usize] {
+    match (is_quick, candidates) {
+        (true, _) => &[0, 6],
+        (false, 1 | 4 | 8) => &[0, 2, 4, 6, 8],
+        (false, _) => &[6],
+    }
+}
+
+/// The numbers of samples per pixel that are measured with this many candidates. Expensive settings
+/// need no curve beyond the times of the others.
+fn samples(candidates: u32, is_quick: bool) -> &'static [f64] {
+    match (is_quick, candidates) {
+        (true, _) => &[1.0, 4.0],
+        (false, 1) => &[1.0, 2.0, 4.0, 8.0, 16.0],
+        (false, 4 | 8) => &[1.0, 2.0, 4.0, 8.0],
+        (false, _) => &[1.0, 2.0, 4.0],
+    }
+}
+
+/// The knobs of splits, candidates and samples, for two levels and for one.
+fn of_library(is_quick: bool) -> Vec<Setting> {
+    let candidates: &[u32] = if is_quick { &[1, 4] } else { &[1, 2, 4, 8, 16, 32] };
+    let mut settings = Vec::new();
+    for candidates in candidates.iter().copied() {
+        for samples in samples(candidates, is_quick).iter().copied() {
+            let mut add = |sampler| settings.push(Setting { sampler, samples, change: Change::Nothing });
+            splits(candidates, is_quick)
+                .iter()
+                .for_each(|splits| add(Sampler::TwoLevels { splits: *splits, candidates }));
+            if matches!(candidates, 1 | 8) {
+                add(Sampler::OneLevel { splits: 6, candidates });
+            }
+        }
+    }
+    settings
+}
+
+/// The samplers to compare with.
+pub const PUBLISHED: [&str; 5] = ["uniform", "flux", "pbrt", "pbrt opaque", "cycles"];
+
+/// The samplers to compare with, at numbers of samples whose times span those of the library.
+fn of_others(is_quick: bool) -> Vec<Setting> {
+    let samples: &[f64] = if is_quick { &[1.0, 4.0] } else { &[1.0, 2.0, 4.0, 8.0, 16.0, 32.0] };
+    let samplers = PUBLISHED.map(Sampler::Published).into_iter().chain([Sampler::Streaming]);
+    let settings = samplers.flat_map(|sampler| {
+        samples.iter().map(move |samples| Setting { sampler, samples: *samples, change: Change::Nothing })
+    });
+    settings.collect()
+}
+
+/// Ways to keep trees fit, and effects that are left out, each with the default sampler.
+fn of_frames(effects: Effects, is_matte: bool, is_quick: bool) -> Vec<Setting> {
+    let budgets: &[u32] = if is_quick { &[100] } else { &[0, 30, 100, 1_000] };
+    let ends = [Upkeep::RefitOnly, Upkeep::AlwaysRebuild];
+    let upkeeps = ends.into_iter().chain(budgets.iter().map(|us| Upkeep::Budgeted(*us))).map(Change::Upkeep);
+    let simpler = LIGHT_EFFECTS.into_iter().filter(|(effect, _)| effects.contains(*effect));
+    let simpler = simpler.map(|(effect, name)| Change::Without(effect, name));
+    let gloss = (!is_matte).then_some(Change::NoGloss);
+    let changes = upkeeps.chain([Change::NoShadows]).chain(gloss).chain(simpler);
+    changes.map(|change| Setting { sampler: DEFAULT, samples: 4.0, change }).collect()
+}
+
+/// All settings of a run. `lights` is the number of lights of the world, `effects` what they need.
+pub fn all(lights: usize, effects: Effects, is_matte: bool, plan: &Plan) -> Vec<Setting> {
+    let mut settings = of_library(plan.is_quick);
+    settings.extend(of_others(plan.is_quick));
+    if lights <= MOST_LIGHTS {
+        settings.push(Setting { sampler: Sampler::AllLights, samples: 1.0, change: Change::Nothing });
+    }
+    settings.extend(of_frames(effects, is_matte, plan.is_quick));
+    settings
+}
+
+/// Sums over more lights than this are not worth their time.
+pub const MOST_LIGHTS: usize = 100_000;
