@@ -94,7 +94,7 @@ pub const DEFAULT_BUDGET: u32 = 300;
 fn splits(candidates: u32, is_quick: bool) -> &'static [usize] {
     match (is_quick, candidates) {
         (true, _) => &[0, 6],
-        (false, 1 | 4 | 8) => &[0, 2, 4, 6, 8],
+        (false, 1 | 2 | 4 | 8) => &[0, 2, 4, 6, 8],
         (false, _) => &[6],
     }
 }
@@ -105,7 +105,7 @@ fn samples(candidates: u32, is_quick: bool) -> &'static [f64] {
     match (is_quick, candidates) {
         (true, _) => &[1.0, 4.0],
         (false, 1) => &[1.0, 2.0, 4.0, 8.0, 16.0],
-        (false, 4 | 8) => &[1.0, 2.0, 4.0, 8.0],
+        (false, 2 | 4 | 8) => &[1.0, 2.0, 4.0, 8.0],
         (false, _) => &[1.0, 2.0, 4.0],
     }
 }
