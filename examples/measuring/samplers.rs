@@ -181,7 +181,7 @@ impl Chooser for Flat<'_> {
 }
 
 /// Joins two numbers of 24 bits into one in [0, 1) with 48 bits.
-fn wide(u: [f32; 2]) -> f64 {
+pub fn wide(u: [f32; 2]) -> f64 {
     f64::from(u[0]) + f64::from(u[1]) / f64::from(1 << 24)
 }
 

@@ -1,12 +1,15 @@
 //! Published light trees to compare with, written from their formulas: binary, with one light per
 //! leaf.
 
+mod attributes;
 mod bounds;
 mod cycles;
+mod moving;
 mod pbrt;
 mod saoh;
 mod tree;
 
 pub use cycles::Cycles;
+pub use moving::MovingTree;
 pub use pbrt::Pbrt;
 pub use tree::{BinaryTree, Formula};

@@ -95,7 +95,7 @@ fn join(a: Option<LightBounds>, b: Option<LightBounds>) -> Option<LightBounds> {
 }
 
 /// The power times the orientation measure times the surface area.
-fn measure(bounds: LightBounds) -> f32 {
+pub(super) fn measure(bounds: LightBounds) -> f32 {
     let LightBounds { theta_o, theta_e, .. } = bounds;
     let theta_w = (theta_o + theta_e).min(PI);
     let (sin_o, cos_o) = theta_o.sin_cos();

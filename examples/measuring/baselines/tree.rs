@@ -25,26 +25,35 @@ pub trait Formula: Sync {
 }
 
 #[derive(Clone, Copy)]
-struct BinaryNode<B> {
-    bounds: B,
+pub(super) struct BinaryNode<B> {
+    pub(super) bounds: B,
     /// The index of the second child (the first is the next node), or [`LEAF`] and the index of a
     /// light.
-    target: u32,
+    pub(super) target: u32,
 }
 
-/// A binary tree with one light per leaf. Lights without power are left out.
+/// A binary tree with one light per leaf.
 pub struct BinaryTree<F: Formula> {
     formula: F,
-    lights: Vec<Light>,
-    nodes: Vec<BinaryNode<F::Bounds>>,
+    pub(super) lights: Vec<Light>,
+    pub(super) nodes: Vec<BinaryNode<F::Bounds>>,
 }
 
 impl<F: Formula> BinaryTree<F> {
-    /// Builds a tree over lights in world space.
+    /// Builds a tree over lights in world space. Lights without power are left out.
     pub fn new(formula: F, lights: Vec<Light>) -> Self {
+        Self::over(formula, lights, |light| light.power > 0.0)
+    }
+
+    /// Builds a tree over all lights, of which some may get their power later.
+    pub(super) fn with_dark_lights(formula: F, lights: Vec<Light>) -> Self {
+        Self::over(formula, lights, |_| true)
+    }
+
+    fn over(formula: F, lights: Vec<Light>, is_kept: impl Fn(&LightBounds) -> bool) -> Self {
         let mut bounds: Vec<(u32, LightBounds)> =
             lights.iter().zip(0..).map(|(light, index)| (index, F::bounds(light))).collect();
-        bounds.retain(|(_, light)| light.power > 0.0);
+        bounds.retain(|(_, light)| is_kept(light));
         let nodes = saoh::build(&mut bounds)
             .iter()
             .map(|node| BinaryNode { bounds: F::pack(&node.bounds), target: node.target })
