@@ -31,6 +31,7 @@ mod hard_cases;
 #[path = "../../examples/measuring/mod.rs"]
 #[allow(dead_code, missing_docs, reason = "the programs use what the tests do not")]
 mod measuring;
+mod paper;
 mod pdf;
 mod references;
 mod resample;

@@ -70,7 +70,8 @@ impl SceneOptions {
     }
 }
 
-fn parse_camera(text: &str) -> Result<(Vec3, Vec3), String> {
+/// Parses a position and a target: six numbers, in metres.
+pub fn parse_camera(text: &str) -> Result<(Vec3, Vec3), String> {
     let numbers: Option<Vec<f32>> = text.split(',').map(|x| x.trim().parse().ok()).collect();
     let Some(&[ex, ey, ez, tx, ty, tz]) = numbers.as_deref() else {
         return Err("expected six numbers: x,y,z of the position and x,y,z of the target".into());
