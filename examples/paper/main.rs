@@ -4,9 +4,9 @@
 //! [SS] is Sosnowski and Szajerman, BVH Trees of Many Dynamic Lights for Real-Time Ray Tracing.
 //!
 //! ```text
-//! cargo run --release --example paper -- --out DIR [--quick] [--world S|M|L] [--gltf FILE]
-//!     [--seeds N] [--size WxH] [--frames N] [--fps F] [--start S] [--samples N]
-//!     [--passes N] [--camera x,y,z,x,y,z] [--path x,y,z,x,y,z] [--vehicles N]
+//! cargo run --release --example paper -- --out DIR [--quick] [--budgets] [--world S|M|L]
+//!     [--gltf FILE] [--no-city] [--seeds N] [--size WxH] [--frames N] [--fps F] [--start S]
+//!     [--samples N] [--passes N] [--camera x,y,z,x,y,z] [--path x,y,z,x,y,z] [--vehicles N]
 //! ```
 //!
 //! It plays 44 frames of the procedural city, and of a glTF scene if a file is given. Three kinds of

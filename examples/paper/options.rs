@@ -29,6 +29,9 @@ pub struct Options {
     /// Leave the city out
     #[arg(long, requires = "gltf")]
     pub no_city: bool,
+    /// Play only the library's trees, never rebuilt, always rebuilt and within budgets
+    #[arg(long)]
+    pub budgets: bool,
     /// Size of the city [default: M, or S with --quick]
     #[arg(long, value_name = "SIZE", value_enum, ignore_case = true)]
     pub world: Option<Size>,
@@ -89,6 +92,7 @@ pub fn run(options: &Options) -> Result<(), SceneError> {
     let quick = |full: u32, quick: u32| if options.quick { quick } else { full };
     let plan = Plan {
         frames: options.frames.unwrap_or(quick(44, 8)),
+        has_algorithms: !options.budgets,
         timing: Timing { start: options.start, fps: options.fps },
         settings: Settings {
             size: options.size.unwrap_or(if options.quick { (32, 18) } else { (160, 90) }),
@@ -122,7 +126,7 @@ pub fn run(options: &Options) -> Result<(), SceneError> {
         progress.set_message(source.name());
         let results = play(source, &plan, &threads, &options.out, || progress.inc(1))?;
         tables.add(&results, &plan)?;
-        for kind in [TreeKind::Binary, TreeKind::Library] {
+        for kind in [TreeKind::Binary, TreeKind::Library].into_iter().filter(|_| plan.has_algorithms) {
             plots::over_time(&options.out, &results, kind)?;
         }
         plots::cost(&options.out, &results)?;

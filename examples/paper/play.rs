@@ -20,6 +20,9 @@ use std::path::Path;
 #[derive(Clone, Copy, Debug)]
 pub struct Plan {
     pub frames: u32,
+    /// Play the algorithms of [SS], and the binary tree; otherwise only the library's trees and
+    /// their budgets.
+    pub has_algorithms: bool,
     pub timing: Timing,
     pub settings: Settings,
 }
@@ -35,10 +38,17 @@ struct Cast {
 
 impl Cast {
     /// Builds all trees over the lights of frame 0. Returns what each run did for that.
-    fn new(film: &Film, survey: &Survey, threads: &ThreadPool) -> Result<(Self, Vec<Step>), SceneError> {
+    fn new(
+        film: &Film,
+        survey: &Survey,
+        has_algorithms: bool,
+        threads: &ThreadPool,
+    ) -> Result<(Self, Vec<Step>), SceneError> {
         let (mut pools, mut runs, mut steps) = (Vec::new(), Vec::new(), Vec::new());
-        for kind in [TreeKind::Binary, TreeKind::Library] {
-            let rules = rules(&survey.of(kind).deviations);
+        let kinds = [TreeKind::Binary, TreeKind::Library].into_iter().skip(usize::from(!has_algorithms));
+        for kind in kinds {
+            let mut rules = rules(&survey.of(kind).deviations);
+            rules.retain(|rule| has_algorithms || matches!(rule, Rule::Never | Rule::Always));
             let (pool, first) = Pool::new(kind, &rules, &film.lights, threads)?;
             pools.push((pool, runs.len()));
             runs.extend(rules.iter().map(|rule| Run { kind, strategy: Strategy::Rule(*rule), frames: Vec::new() }));
@@ -116,7 +126,7 @@ pub fn play(
     let survey = Survey::new(source, (plan.frames, plan.timing), threads, &tick)?;
     let mut film = Film::new(source, plan.timing)?;
     let mut geometry = Geometry::new(&film.stage.scene)?;
-    let (mut cast, mut steps) = Cast::new(&film, &survey, threads)?;
+    let (mut cast, mut steps) = Cast::new(&film, &survey, plan.has_algorithms, threads)?;
     let (mut changed, mut reference_error) = (0, 0.0);
     for frame in 0..plan.frames {
         if frame > 0 {

@@ -167,7 +167,8 @@ pub fn cost(out: &Path, results: &Results) -> Result<(), SceneError> {
             cost_panel(area, kind.name(), &rows)?;
         }
         let mut entries: Vec<(Mark, String)> = Vec::new();
-        for attribute in ATTRIBUTES {
+        let has_algorithms = results.runs.iter().any(|run| run.kind == TreeKind::Binary);
+        for attribute in ATTRIBUTES.into_iter().filter(|_| has_algorithms) {
             let (color, name) = (color_of(attribute), attribute_name(attribute));
             entries.push((Mark::Circle(color, true), format!("{name}, alg 1")));
             entries.push((Mark::Circle(color, false), format!("{name}, alg 2")));

@@ -103,7 +103,7 @@ fn csv_fields(results: &Results, row: &Row, plan: &Plan) -> Vec<String> {
 /// The part of `paper.md` about a scene.
 fn section(results: &Results, rows: &[Row], plan: &Plan) -> String {
     let Results { scene, lights, instances, changed_lights, reference_error, .. } = results;
-    let Plan { frames, timing: Timing { start, fps }, settings } = plan;
+    let Plan { frames, timing: Timing { start, fps }, settings, .. } = plan;
     let (width, height) = settings.size;
     let mut text = format!(
         "## {scene}\n\n{lights} lights in {instances} instances, of which {changed_lights:.0} change from a frame to \

@@ -73,6 +73,16 @@ fn the_experiment_writes_all_tables_and_plots_and_continues_from_its_references(
     for (row, again) in rows.iter().zip(&again).filter(|(row, _)| !row["strategy"].starts_with("budget")) {
         assert_eq!((&row["mape"], &row["rebuilds"]), (&again["mape"], &again["rebuilds"]));
     }
+    // The budgets alone give the same errors for the same strategies.
+    let options = Options { budgets: true, ..options };
+    run(&options).expect("the program runs");
+    let budgets = table(&out.join("paper.csv"));
+    assert_eq!(budgets.len(), 2 + 4 + 6);
+    for end in ["always update", "always rebuild"] {
+        let end = budgets.iter().find(|row| row["trees"] == "girandole, one tree" && row["strategy"] == end);
+        let end = end.expect("both ends");
+        assert_eq!(end["mape"], named(&end["trees"], &end["strategy"])["mape"]);
+    }
     std::fs::remove_dir_all(&out).expect("the folder of the test");
 }
 
