@@ -4,7 +4,8 @@ use super::strategies::TreeKind;
 use crate::city::scene::{Material, SceneError};
 use crate::direct_light::draw::{Draw, Drawn};
 use crate::direct_light::view::Surface;
-use crate::measuring::baselines::{MovingTree, Pbrt};
+use crate::measuring::baselines::Pbrt;
+use crate::measuring::baselines::moving::MovingTree;
 use crate::measuring::samplers::wide;
 use girandole::{Attributes, Light, LightId, LightSampler, LightTree, ShadingPoint, SplitCount};
 

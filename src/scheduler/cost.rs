@@ -147,6 +147,13 @@ impl CostModel {
         (units(one_light) * time.as_secs_f64() / self.upper_bound(one_light).as_secs_f64().max(1.0e-9)) as usize
     }
 
+    /// The time that a slice of some units hardly ever exceeds, in the build of a tree. A slice as
+    /// [`Work`] is a whole number of lights, which may be fewer units.
+    pub fn slice_upper_bound(&self, units: usize, tree_lights: usize) -> Duration {
+        let work = Work { kind: WorkKind::Slice { tree_lights }, lights: 1 };
+        duration(self.nanos(work, units as f64) * self.margin(work.kind))
+    }
+
     /// The time that some units of work take on the fastest machine.
     pub fn lower_bound(units: f64) -> Duration {
         duration(units * MIN_NANOS)

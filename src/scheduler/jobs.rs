@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::clock::WorkKind;
 use super::constants::{LEDGER_CAPACITY, MAX_PASSED_OVER, MAX_UNSPENT_SHARE, MIN_SLICE_UNITS, SLICE};
-use super::cost::{slice_of, smallest_slice, whole};
+use super::cost::{smallest_slice, whole};
 use super::ledger::nanos;
 use super::queue::Entry;
 use super::state::{BatchedTree, FrameTime, OpenBuild};
@@ -150,7 +150,7 @@ impl Scheduler {
         let open = self.open.as_ref().filter(|open| open.unpaid.is_none())?;
         // A slice may take more units than it is given. On a slow machine even the smallest one is
         // longer than `SLICE`.
-        let most = self.costs.upper_bound(slice_of(open.lights, MIN_SLICE_UNITS + MAX_EXTRA_UNITS + 1)).max(SLICE);
+        let most = self.costs.slice_upper_bound(MIN_SLICE_UNITS + MAX_EXTRA_UNITS + 1, open.lights).max(SLICE);
         let units = self.costs.units_within(self.left(now).min(most), open.lights).saturating_sub(MAX_EXTRA_UNITS);
         // In frames that are too short for any slice, one is done whenever the ledger has saved up
         // enough for it, or as much as it can hold.

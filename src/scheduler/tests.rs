@@ -250,17 +250,20 @@ fn priorities_grow_by_the_same_in_each_round_even_after_a_year() {
 
 #[test]
 fn a_slow_machine_spends_whole_budgets_on_slices() {
-    for (nanos_per_unit, budget) in [(300.0, 2000), (300.0, 20), (1500.0, 20)] {
-        let mut simulation = Simulation::new(3, &[10_000], false);
+    // A light is a whole number of units only for some sizes.
+    let sizes = [2_000, 5_000, 10_000, 20_832].into_iter();
+    let cases = sizes.flat_map(|lights| [(lights, 300.0, 2000), (lights, 300.0, 20), (lights, 1500.0, 20)]);
+    for (lights, nanos_per_unit, budget) in cases {
+        let mut simulation = Simulation::new(3, &[lights], false);
         simulation.nanos_per_unit = nanos_per_unit;
         let budget = Duration::from_micros(budget);
         simulation.play_frame(budget, 1.0);
-        let build = units_of_build(10_000) * nanos_per_unit;
+        let build = units_of_build(lights) * nanos_per_unit;
         // At small budgets there is one slice a frame, which may take half of the frame, or overrun
         // it so that the next frames pay for it.
         let frames = 3.0 * build / ledger::nanos(budget) + 20.0;
         (0..frames as usize).for_each(|_| simulation.play_frame(budget, 0.0));
-        assert_eq!(simulation.rebuilt, 1, "{nanos_per_unit} ns per unit, {budget:?}");
+        assert_eq!(simulation.rebuilt, 1, "{lights} lights, {nanos_per_unit} ns per unit, {budget:?}");
     }
 }
 

@@ -4,12 +4,11 @@
 mod attributes;
 mod bounds;
 mod cycles;
-mod moving;
+pub mod moving;
 mod pbrt;
 mod saoh;
 mod tree;
 
 pub use cycles::Cycles;
-pub use moving::MovingTree;
 pub use pbrt::Pbrt;
 pub use tree::{BinaryTree, Formula};
