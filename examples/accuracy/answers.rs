@@ -13,7 +13,10 @@ const ROUNDING: f64 = 1.0e-9;
 /// The samples per pixel at which knobs are turned.
 const KNOB_SAMPLES: f64 = 4.0;
 
-/// A quotient of two independent estimates, with its 95 % confidence interval.
+/// A quotient of two estimates, with its 95 % confidence interval.
+///
+/// The interval is for independent estimates. All settings share the seeds of their pictures, so it
+/// may be too wide.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ratio {
     pub value: f64,
@@ -52,13 +55,16 @@ pub struct Knob {
     pub name: String,
     pub time: f64,
     pub error: Ratio,
+    /// The error of plain samples of the default in the same time, over that of the knob: above 1
+    /// where turning the knob is worth more than more samples.
+    pub gain: Ratio,
 }
 
 impl Knob {
-    /// The factor by which the product of error and time falls: above 1 where turning the knob is
-    /// worth more than more samples.
-    pub fn gain(&self) -> f64 {
-        1.0 / (self.time * self.error.value)
+    /// Whether both the error and the gain differ from those of the default. Where the errors are
+    /// equal, the times of the world's stages would decide, which vary from run to run.
+    pub fn is_difference(&self) -> bool {
+        self.error.is_difference() && self.gain.is_difference()
     }
 }
 
@@ -74,7 +80,7 @@ pub struct Answers {
     /// Milliseconds of the page for one measured millisecond.
     pub scale: f64,
     pub purchases: Vec<Purchase>,
-    /// Knobs by falling gain.
+    /// Knobs by falling gain, those without a difference last.
     pub knobs: Vec<Knob>,
     pub left_out: Vec<LeftOut>,
 }
@@ -90,8 +96,12 @@ impl Answers {
         // Fractions of a sample are only for comparisons in equal time.
         let own: Vec<&Row> = rows.iter().filter(|row| is_plain(row) && row.setting.samples.fract() == 0.0).collect();
         let purchases = BUDGETS.map(|budget| purchase(budget, scale, &own)).into();
-        let mut knobs: Vec<Knob> = rows.iter().filter_map(|row| knob(row, base)).collect();
-        knobs.sort_by(|a, b| b.gain().total_cmp(&a.gain()));
+        let mut plain: Vec<&Row> = own.iter().filter(|row| row.setting.sampler == DEFAULT).copied().collect();
+        plain.sort_by(|a, b| a.time_ms().total_cmp(&b.time_ms()));
+        let mut knobs: Vec<Knob> = rows.iter().filter_map(|row| knob(row, base, &plain)).collect();
+        // Knobs that make a difference come first.
+        let order = |knob: &Knob| (knob.is_difference(), knob.gain.value);
+        knobs.sort_by(|a, b| order(b).0.cmp(&order(a).0).then(order(b).1.total_cmp(&order(a).1)));
         let left_out = rows.iter().filter(|row| row.setting.change.is_biased()).map(|row| LeftOut {
             name: short(&row.setting),
             time: row.time_ms() / base.time_ms(),
@@ -142,30 +152,44 @@ fn time_to_reach(points: &[(f64, f64)], error: f64) -> Option<f64> {
     None
 }
 
-/// A row that differs from the base by one knob.
-fn knob(row: &Row, base: &Row) -> Option<Knob> {
+/// A row that differs from the base by one knob other than its samples. `plain` are rows of the
+/// default by time.
+fn knob(row: &Row, base: &Row, plain: &[&Row]) -> Option<Knob> {
     let (own, of_base) = (row.setting, base.setting);
-    let (Sampler::TwoLevels { splits, candidates }, Sampler::TwoLevels { splits: s, candidates: c }) =
-        (own.sampler, of_base.sampler)
-    else {
-        let is_one_level =
-            own.sampler == Sampler::OneLevel { splits: 6, candidates: 1 } && own.samples == of_base.samples;
-        return is_one_level.then(|| turned("one tree over all lights".into(), row, base));
+    if own.samples != of_base.samples || own.change.is_biased() {
+        return None;
+    }
+    let name = match (own.sampler, of_base.sampler) {
+        (Sampler::OneLevel { splits: 6, candidates: 1 }, _) => "one tree over all lights".into(),
+        (sampler, of_base) if sampler == of_base && own.change != Change::Nothing => short(&own),
+        (Sampler::TwoLevels { splits, candidates }, Sampler::TwoLevels { splits: s, candidates: c }) => {
+            match (splits != s, candidates != c) {
+                (true, false) => format!("{s} → {splits} splits"),
+                (false, true) => format!("{c} → {candidates} candidates"),
+                _ => return None,
+            }
+        }
+        _ => return None,
     };
-    let differences = [splits != s, candidates != c, own.samples != of_base.samples, own.change != of_base.change];
-    let is_one = differences.iter().filter(|differs| **differs).count() == 1;
-    let name = match own.change {
-        _ if own.change.is_biased() || !is_one => return None,
-        Change::Nothing if splits != s => format!("{s} → {splits} splits"),
-        Change::Nothing if candidates != c => format!("{c} → {candidates} candidates"),
-        Change::Nothing => format!("{} → {} samples", of_base.samples, own.samples),
-        _ => short(&own),
-    };
-    Some(turned(name, row, base))
+    let points: Vec<(f64, f64)> = plain.iter().map(|row| (row.time_ms(), row.errors.rel_mse.mean)).collect();
+    let mean = error_at(&points, row.time_ms())?;
+    let error = base.errors.rel_mse;
+    let same_time = Estimate { mean, half_width: mean * error.half_width / error.mean };
+    Some(Knob {
+        name,
+        time: row.time_ms() / base.time_ms(),
+        error: Ratio::of(&row.errors.rel_mse, &error),
+        gain: Ratio::of(&same_time, &row.errors.rel_mse),
+    })
 }
 
-fn turned(name: String, row: &Row, base: &Row) -> Knob {
-    Knob { name, time: row.time_ms() / base.time_ms(), error: Ratio::of(&row.errors.rel_mse, &base.errors.rel_mse) }
+/// The error at a time, between points by rising time or beyond them: its logarithm is linear in
+/// that of the time. `None` below two points.
+fn error_at(points: &[(f64, f64)], time: f64) -> Option<f64> {
+    let after = points.partition_point(|(own, _)| *own <= time).clamp(1, points.len().max(2) - 1);
+    let (from, to) = (points.get(after - 1)?, points.get(after)?);
+    let share = (time / from.0).ln() / (to.0 / from.0).ln();
+    Some(from.1 * (to.1 / from.1).powf(share))
 }
 
 /// The last part of a setting's name: what differs from the default.
@@ -186,6 +210,15 @@ mod tests {
         assert!(near(time_to_reach(&points, 2.0), 2.0));
         assert!(near(time_to_reach(&points, 0.5), 8.0));
         assert_eq!(time_to_reach(&points, 0.2), None);
+    }
+
+    #[test]
+    fn the_error_at_a_time_lies_on_the_line_through_the_nearest_points() {
+        let points = [(1.0, 8.0), (2.0, 4.0), (8.0, 2.0)];
+        for (time, error) in [(1.0, 8.0), (0.5, 16.0), (4.0, 4.0 / 2.0_f64.sqrt()), (32.0, 1.0)] {
+            assert!((error_at(&points, time).expect("three points") - error).abs() < 1e-12, "{time}");
+        }
+        assert_eq!(error_at(&points[..1], 1.0), None);
     }
 
     #[test]

@@ -14,6 +14,8 @@ const SIZE: (u32, u32) = (480, 420);
 const LEGEND_LINE: u32 = 22;
 const LEGEND_FONT: u32 = 15;
 const LABEL_FONT: u32 = 14;
+/// So many lines of the grid that 1, 2 and 5 are among them.
+const LABELS: usize = 30;
 
 /// A plot as SVG text.
 type Plot = Result<String, String>;
@@ -132,6 +134,8 @@ fn draw(
             .bold_line_style(BLACK.mix(0.12))
             .x_desc("time of a frame, ms of the page")
             .y_desc("error, relMSE")
+            .x_labels(LABELS)
+            .y_labels(LABELS)
             .x_label_formatter(&|x| log_label(*x))
             .y_label_formatter(&|y| log_label(*y))
             .label_style((FONT, LABEL_FONT))

@@ -180,7 +180,7 @@ impl Bench<'_> {
         for setting in settings {
             let mut row = match setting.change {
                 Change::Nothing => self.plain(setting, samplers, &times)?,
-                change => self.changed(setting, change)?,
+                change => self.changed(setting, change, &times)?,
             };
             row.memory_bytes = samplers.memory_bytes(setting.sampler);
             rows.push(row);
@@ -235,7 +235,14 @@ impl Bench<'_> {
     }
 
     /// A setting that differs from the default frame in more than the sampler, which has two levels.
-    fn changed(&self, setting: &Setting, change: Change) -> Result<Row, SceneError> {
+    /// Its time is measured beside that of the unchanged frame, since the machine may be busier by
+    /// now.
+    fn changed(
+        &self,
+        setting: &Setting,
+        change: Change,
+        times: &HashMap<Sampler, StageTimes>,
+    ) -> Result<Row, SceneError> {
         let Sampler::TwoLevels { splits, candidates } = setting.sampler else {
             return Err(SceneError("only two levels have changes".into()));
         };
@@ -254,12 +261,17 @@ impl Bench<'_> {
         }
         let draw = resampled(other.as_ref().unwrap_or(self.world), splits, candidates);
         let draw = draw.ok_or_else(|| SceneError("a count beyond its limit".into()))?;
+        let unchanged =
+            resampled(self.world, splits, candidates).ok_or_else(|| SceneError("a count beyond its limit".into()))?;
         let mut renderer = self.view.renderer();
+        let now = renderer.stage_times(&[unchanged.as_ref()], self.plan.timed_pixels);
         renderer.scene = diffuse.as_ref().unwrap_or(renderer.scene);
         renderer.geometry = open.as_ref().unwrap_or(renderer.geometry);
-        let [per_sample] = renderer.stage_times(&[draw.as_ref()], self.plan.timed_pixels)[..] else {
+        let changed = renderer.stage_times(&[draw.as_ref()], self.plan.timed_pixels);
+        let ([now], [changed]) = (&now[..], &changed[..]) else {
             return Err(SceneError("one way to draw has one time".into()));
         };
+        let per_sample = changed.scaled(times[&setting.sampler].total() / now.total());
         let (errors, _) = errors(&renderer, draw.as_ref(), setting.samples, self.plan.pictures, self.reference);
         Ok(self.row(setting, world_times, per_sample, errors))
     }
@@ -269,13 +281,7 @@ impl Bench<'_> {
         let per_sample = |sampler: Sampler| {
             let row = rows.iter().find(|row| row.setting.sampler == sampler && row.setting.change == Change::Nothing);
             let row = row.ok_or_else(|| SceneError("a sampler has no time".into()))?;
-            let factor = 1.0e-3 / (row.setting.samples * self.view.shaded_pixels());
-            let StageTimes { choosing, shadow_rays, shading } = row.samples;
-            Ok::<_, SceneError>(StageTimes {
-                choosing: choosing * factor,
-                shadow_rays: shadow_rays * factor,
-                shading: shading * factor,
-            })
+            Ok::<_, SceneError>(row.samples.scaled(1.0e-3 / (row.setting.samples * self.view.shaded_pixels())))
         };
         let time = EQUAL_TIME_SAMPLES * per_sample(DEFAULT)?.total();
         let published = settings::PUBLISHED.map(Sampler::Published);

@@ -22,8 +22,8 @@ pub struct Options {
     /// Passes of the reference: four sums over all lights per pixel in each [default: 2]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
     pub passes: Option<u32>,
-    /// Make all materials diffuse, since smooth surfaces have an error that no choice of a light
-    /// removes
+    /// Make all materials diffuse. Lights are chosen without regard to the BRDF, so glossy surfaces
+    /// are noisier
     #[arg(long)]
     pub matte: bool,
     /// A tiny picture, few settings and a short reference, to try it out

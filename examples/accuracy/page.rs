@@ -1,6 +1,6 @@
 //! The page: `page.html` with the answers filled in.
 
-use super::answers::{Answers, BUDGETS, DEFAULT_FRAME_MS, Knob, Purchase, Ratio};
+use super::answers::{Answers, DEFAULT_FRAME_MS, Knob, Purchase, Ratio};
 use super::crops::{Crops, short};
 use super::measured::{Measured, REFERENCE_CANDIDATES, REFERENCE_SAMPLES};
 use super::options::Options;
@@ -76,7 +76,7 @@ fn describe(row: &Row) -> String {
     match row.setting.sampler {
         Sampler::TwoLevels { splits, candidates: 1 } => format!("{samples}, {splits} splits"),
         Sampler::TwoLevels { splits, candidates } => {
-            format!("{samples}, each the best of {candidates} candidates, {splits} splits")
+            format!("{samples}, each resampled from {candidates} candidates, {splits} splits")
         }
         _ => row.setting.name(),
     }
@@ -154,25 +154,24 @@ fn halving_row(purchase: &Purchase) -> String {
     cells(&[format!("{} ms", purchase.budget), times(purchase.half_rel_mse), times(purchase.half_mape)])
 }
 
-/// The name of a knob, and its gain in words if it is no difference.
+/// The knob that gains most.
 fn first_knob(answers: &Answers) -> String {
-    let is_setting = |knob: &&Knob| knob.error.is_difference() && !knob.name.contains("samples");
-    match answers.knobs.iter().find(is_setting) {
-        Some(knob) if knob.gain() > 1.0 => format!(
-            "<strong>{}</strong>: {} times the time, {} times the error. That is {} times what the same time buys in plain \
-             samples of the default.",
+    match answers.knobs.first() {
+        Some(knob) if knob.is_difference() && knob.gain.value > 1.0 => format!(
+            "<strong>{}</strong>: {} times the time, {} times the error. Plain samples of the default have {} times that \
+             error in the same time.",
             escape(&knob.name),
             factor(knob.time),
             factor(knob.error.value),
-            factor(knob.gain()),
+            factor(knob.gain.value),
         ),
         _ => "More samples: no other knob gains more than they do.".into(),
     }
 }
 
 fn knob_row(knob: &Knob) -> String {
-    let gain = if knob.error.is_difference() { factor(knob.gain()) } else { "no difference".into() };
-    cells(&[knob.name.clone(), factor(knob.time), factor(knob.error.value), interval(&knob.error), gain])
+    let gain = if knob.is_difference() { factor(knob.gain.value) } else { "no difference".into() };
+    cells(&[knob.name.clone(), factor(knob.time), factor(knob.error.value), gain, interval(&knob.gain)])
 }
 
 fn effect_rows(answers: &Answers) -> String {
@@ -278,17 +277,18 @@ fn method(options: &Options, measured: &Measured) -> String {
         ),
         match measured.lights <= MOST_LIGHTS {
             true => format!(
-                "The reference sums up all lights at {} surfaces of each pixel, with 256 shadow rays at each. No sampler is \
-                 part of it.",
-                plan.passes * 4
+                "The reference sums up all lights {} times at each of the four surfaces of a pixel, with 256 shadow rays each \
+                 time. No sampler is part of it.",
+                plan.passes
             ),
             false => format!(
-                "The reference has {} samples per pixel, each the best of {REFERENCE_CANDIDATES} candidates.",
+                "The reference has {} samples per pixel, each resampled from {REFERENCE_CANDIDATES} candidates.",
                 plan.passes * REFERENCE_SAMPLES as u32
             ),
         },
         format!(
-            "sigma is the exact relative standard deviation of one sample's illuminance at {} points of the view; with several \
+            "sigma is the relative standard deviation of the illuminance that one sample estimates, at {} points of the view. \
+             It is computed from the probabilities of all lights, with area lights reduced to their middle; with several \
              candidates it is estimated from {} draws at each point.",
             measured.noise_points, plan.noise_draws
         ),
@@ -298,7 +298,6 @@ fn method(options: &Options, measured: &Measured) -> String {
         "Lights at infinity are left out, because they belong to no tree. Every sample of a pixel meets one of four fixed \
          surfaces, so the errors are those of light alone."
             .into(),
-        format!("Budgets of the page: {} ms.", BUDGETS.map(|budget| budget.to_string()).join(", ")),
     ];
     items.iter().map(|item| format!("<li>{}</li>\n", escape(item))).collect()
 }

@@ -17,8 +17,9 @@
 //! | `memory_bytes` | nodes, lights and instances in the library's GPU format |
 //! | `on_front` | no other unbiased setting has less error in at most the same time |
 //!
-//! Samplers that are no part of the library, and one level, have 0 for the stages of the world: as
-//! if their trees followed all changes for nothing, which favours them.
+//! Samplers that are no part of the library, and one level, have 0 for `update_ms` and
+//! `top_level_ms`, and an empty `upload_ms`: as if their trees followed all changes at no cost, which
+//! favours them.
 
 use super::noise::SamplerNoise;
 use super::pictures::Errors;
@@ -72,13 +73,8 @@ impl Row {
         shaded_pixels: f64,
         errors: Errors,
     ) -> Self {
-        let factor = 1.0e3 * setting.samples * shaded_pixels;
         let world = if matches!(setting.sampler, Sampler::TwoLevels { .. }) { world } else { WorldTimes::default() };
-        let samples = StageTimes {
-            choosing: per_sample.choosing * factor,
-            shadow_rays: per_sample.shadow_rays * factor,
-            shading: per_sample.shading * factor,
-        };
+        let samples = per_sample.scaled(1.0e3 * setting.samples * shaded_pixels);
         Self { setting, world, samples, noise: None, errors, memory_bytes: 0, on_front: false }
     }
 

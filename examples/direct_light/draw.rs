@@ -14,7 +14,8 @@ use girandole::{CandidateCount, Incident, LightId, LightSampler};
 #[derive(Clone, Copy, Debug)]
 pub struct Drawn {
     pub incident: Incident,
-    /// One over the probability density of the point.
+    /// One over the probability density of the point, or the unbiased estimate of it by a
+    /// reservoir.
     pub weight: f32,
 }
 
@@ -88,8 +89,8 @@ impl Draw for Streaming<'_> {
     }
 }
 
-/// The radiance that a surface reflects towards the camera for each unit of density: BRDF times
-/// incident radiance times cosine. Zero from behind.
+/// The integrand of direct light: BRDF times incident radiance times cosine, not yet divided by a
+/// density. Zero from behind.
 pub fn reflected(surface: &Surface, material: &Material, incident: &Incident) -> Vec3 {
     let normal = surface.shading_point.normal;
     let cosine = normal.dot(incident.direction);

@@ -41,6 +41,15 @@ pub struct StageTimes {
 impl StageTimes {
     const UNKNOWN: Self = Self { choosing: f64::INFINITY, shadow_rays: f64::INFINITY, shading: f64::INFINITY };
 
+    /// All times multiplied by a factor.
+    pub fn scaled(&self, factor: f64) -> Self {
+        Self {
+            choosing: self.choosing * factor,
+            shadow_rays: self.shadow_rays * factor,
+            shading: self.shading * factor,
+        }
+    }
+
     /// The time of a whole sample.
     pub fn total(&self) -> f64 {
         self.choosing + self.shadow_rays + self.shading

@@ -75,7 +75,7 @@ impl Draw for FromTree<'_> {
         let (light, pmf) = self.tree.pick(&surface.shading_point, [a, b])?;
         let light = self.ids[light as usize];
         let incident = self.lights.sample_light(&surface.shading_point, light, [x, y])?;
-        Some(Drawn { light, incident, weight: 1.0 / (incident.pdf * pmf) })
+        Some(Drawn { incident, weight: 1.0 / (incident.pdf * pmf) })
     }
 }
 
@@ -86,6 +86,6 @@ impl Draw for FromWorld<'_> {
     fn draw(&self, surface: &Surface, _: &Material, [a, b, x, y]: [f32; 4]) -> Option<Drawn> {
         let pick = self.0.pick(&surface.shading_point, [a, b])?;
         let incident = self.0.sample_light(&surface.shading_point, pick.light, [x, y])?;
-        Some(Drawn { light: pick.light, incident, weight: 1.0 / (incident.pdf * pick.pmf) })
+        Some(Drawn { incident, weight: 1.0 / (incident.pdf * pick.pmf) })
     }
 }
