@@ -9,7 +9,8 @@
 //!
 //! The first form prints a table and writes it as CSV. For each scene and sampler it has the exact
 //! relative standard deviation of one sample over fixed shading points
-//! (`examples/measuring/sigma.rs`), nanoseconds per choice, and bytes of tree per light. Expect the sigma of `girandole` to be well below those
+//! (`examples/measuring/sigma.rs`), the share of draws that end without a light (`dead`), nanoseconds
+//! per choice, and bytes of tree per light. Expect the sigma of `girandole` to be well below those
 //! of `pbrt` and `cycles`.
 //!
 //! `--deform` measures how much noise moving lights add to a tree, and what rebuilds cost, in city

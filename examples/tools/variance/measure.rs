@@ -14,6 +14,8 @@ pub struct Row {
     pub scene: String,
     pub sampler: &'static str,
     pub sigma: Summary,
+    /// The share of draws that end without a light, as a mean over the lit shading points.
+    pub dead: f64,
     pub ns_per_sample: f64,
     pub bytes_per_light: f64,
 }
@@ -40,12 +42,17 @@ pub fn measure(lit: &Lit) -> Result<Measured, SceneError> {
     }
     let times = nanoseconds(&choosers, &lit.shading_points);
     let rows = choosers.iter().zip(times).map(|(chooser, ns_per_sample)| {
-        let noise = |(at, lux): (&ShadingPoint, &Vec<f32>)| Noise::of(lux, &chooser.pmfs(at));
-        let noises: Vec<Noise> = lit.shading_points.par_iter().zip(&lux).filter_map(noise).collect();
+        let noise = |(at, lux): (&ShadingPoint, &Vec<f32>)| {
+            let pmfs = chooser.pmfs(at);
+            let sum: f64 = pmfs.iter().map(|pmf| f64::from(*pmf)).sum();
+            Some((Noise::of(lux, &pmfs)?, (1.0 - sum).max(0.0)))
+        };
+        let (noises, dead): (Vec<Noise>, Vec<f64>) = lit.shading_points.par_iter().zip(&lux).filter_map(noise).unzip();
         Row {
             scene: lit.name.clone(),
             sampler: chooser.name(),
             sigma: Summary::of(&noises),
+            dead: dead.iter().sum::<f64>() / dead.len() as f64,
             ns_per_sample,
             bytes_per_light: chooser.bytes() as f64 / lights.len() as f64,
         }
