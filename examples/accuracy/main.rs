@@ -22,7 +22,7 @@
 //! one run, since machines and their load differ. Only uploads use a GPU, or a software Vulkan
 //! driver; without one their column stays empty.
 //!
-//! City S takes about 20 minutes on two cores, of which half are the reference. `--quick` takes
+//! City S takes about 15 minutes on two cores, a third of it for the reference. `--quick` takes
 //! seconds and proves only that everything runs. Expect Girandole's settings to form the front of
 //! least error from about 0.4 ms of the page on. With few samples, the relMSE of uniform and flux
 //! may rise before it falls.
