@@ -1,6 +1,6 @@
 //! The four questions of the page, answered from the rows.
 
-use super::settings::{Change, DEFAULT, Sampler, Setting};
+use super::settings::{Change, DEFAULT, KNOB_SAMPLES, Sampler, Setting};
 use super::table::Row;
 use crate::direct_light::score::Estimate;
 
@@ -10,8 +10,6 @@ pub const DEFAULT_FRAME_MS: f64 = 0.5;
 pub const BUDGETS: [f64; 3] = [0.5, 1.0, 4.0];
 /// The default fits its own time, whatever the rounding.
 const ROUNDING: f64 = 1.0e-9;
-/// The samples per pixel at which knobs are turned.
-const KNOB_SAMPLES: f64 = 4.0;
 
 /// A quotient of two estimates, with its 95 % confidence interval.
 ///

@@ -10,16 +10,16 @@ use super::settings::{self, Change, DEFAULT, DEFAULT_BUDGET, MOST_LIGHTS, Sample
 use super::simplified::without;
 use super::table::{Row, mark_front};
 use crate::city::scene::SceneError;
+use crate::common::progress::progress;
 use crate::direct_light::converged;
 use crate::direct_light::draw::{Draw, Resampled};
 use crate::direct_light::reference::Reference;
 use crate::direct_light::renderer::{Renderer, StageTimes};
+use crate::direct_light::score::{FLOOR, mean};
 use girandole::glam::Vec3;
 use girandole::light::luminance;
 use girandole::{CandidateCount, LightWorld};
-use indicatif::{ProgressBar, ProgressStyle};
 use std::collections::HashMap;
-use std::time::Duration;
 
 /// Seeds the passes of the reference, above those of all pictures.
 const REFERENCE_SEED: u32 = 1_000_000;
@@ -91,7 +91,6 @@ pub fn measure(options: &Options) -> Result<Measured, SceneError> {
     let (lights, instances) = (prepared.ids.len(), stage.world.instance_count());
     let (shaded_pixels, noise_points) = (view.shaded_pixels(), points.len());
     let reference_error = relative_variance(&reference);
-    drop((samplers, points));
     Ok(Measured {
         rows,
         equal_time,
@@ -139,20 +138,10 @@ fn reference(
 /// The mean over pixels of the squared standard error of a reference, in units of relMSE.
 fn relative_variance(reference: &Reference) -> f64 {
     let picture = reference.picture();
-    let mean = crate::direct_light::score::mean(&picture);
+    let floor = FLOOR * mean(&picture);
     let terms = picture.iter().zip(reference.variance());
-    let sum: f64 = terms.map(|(pixel, variance)| variance / (0.01 * mean + f64::from(luminance(*pixel))).powi(2)).sum();
+    let sum: f64 = terms.map(|(pixel, variance)| variance / (floor + f64::from(luminance(*pixel))).powi(2)).sum();
     sum / picture.len() as f64
-}
-
-/// A progress bar with the time that is left.
-fn progress(what: &str, steps: u64) -> ProgressBar {
-    let bar = ProgressBar::new(steps);
-    let template = "{msg} [{bar:40}] {percent}% {elapsed}, {eta} left";
-    bar.set_style(ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()));
-    bar.set_message(what.to_owned());
-    bar.enable_steady_tick(Duration::from_millis(250));
-    bar
 }
 
 /// What all settings share.

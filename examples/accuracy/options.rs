@@ -1,6 +1,6 @@
 //! The command line, and how closely a run measures.
 
-use crate::city::app::scene_options::SceneOptions;
+use crate::city::app::scene_options::{SceneOptions, parse_size};
 use clap::Parser;
 use std::path::PathBuf;
 
@@ -14,7 +14,7 @@ pub struct Options {
     #[command(flatten)]
     pub scene: SceneOptions,
     /// Width and height of the picture in pixels [default: 256x144]
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    #[arg(long, value_name = "WxH", value_parser = |text: &str| parse_size(text, 16..=4_096))]
     pub size: Option<(u32, u32)>,
     /// Pictures of each setting, which differ in their random numbers [default: 8]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1_000))]
@@ -86,14 +86,5 @@ impl Options {
             passes: self.passes.unwrap_or(plan.passes),
             ..plan
         }
-    }
-}
-
-fn parse_size(text: &str) -> Result<(u32, u32), String> {
-    let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
-    match sides {
-        Some((w, h)) if (16..=4_096).contains(&w) && (16..=4_096).contains(&h) => Ok((w, h)),
-        Some(_) => Err("each side must be from 16 to 4096 pixels".into()),
-        None => Err("expected a width and a height, such as 256x144".into()),
     }
 }

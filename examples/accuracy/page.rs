@@ -4,7 +4,7 @@ use super::answers::{Answers, DEFAULT_FRAME_MS, Knob, Purchase, Ratio};
 use super::crops::{Crops, short};
 use super::measured::{Measured, REFERENCE_CANDIDATES, REFERENCE_SAMPLES};
 use super::options::Options;
-use super::settings::{Change, DEFAULT, MOST_LIGHTS, Sampler};
+use super::settings::{Change, DEFAULT, KNOB_SAMPLES, MOST_LIGHTS, Sampler};
 use super::table::{COLUMNS, Row};
 
 const TEMPLATE: &str = include_str!("page.html");
@@ -27,7 +27,7 @@ pub fn page(options: &Options, measured: &Measured, answers: &Answers, plots: &P
         ("halving", halving(answers)),
         ("halving_rows", answers.purchases.iter().map(halving_row).collect()),
         ("knob", first_knob(answers)),
-        ("knob_samples", "4".into()),
+        ("knob_samples", KNOB_SAMPLES.to_string()),
         ("knob_rows", answers.knobs.iter().map(knob_row).collect()),
         ("world", world(measured)),
         ("world_rows", world_rows(rows)),
@@ -212,7 +212,7 @@ fn world_rows(rows: &[Row]) -> String {
         cells(&[name, format!("{:.2}", row.world.update), upload, format!("{:.2}", row.world.top_level), error])
     };
     let default = rows.iter().find(|row| {
-        row.setting.sampler == DEFAULT && row.setting.change == Change::Nothing && row.setting.samples == 4.0
+        row.setting.sampler == DEFAULT && row.setting.change == Change::Nothing && row.setting.samples == KNOB_SAMPLES
     });
     let default = default.map(|row| line("budget 300 us (default)".into(), row)).unwrap_or_default();
     let name = |row: &Row| row.setting.name().rsplit(" / ").next().unwrap_or_default().to_owned();

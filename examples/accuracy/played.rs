@@ -47,6 +47,7 @@ pub fn play(options: &SceneOptions, frames: u32, upkeep: Upkeep) -> Result<Playe
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     let pool = pool.map_err(|error| SceneError(format!("cannot start a thread: {error}")))?;
     let mut stage = options.load()?;
+    stage.remove_directionals()?;
     let budget = start(&mut stage.world, upkeep)?;
     let mut uploads = Uploads::start();
     let (mut times, mut upload_bytes) = (WorldTimes::default(), 0.0);
@@ -78,10 +79,8 @@ pub fn play(options: &SceneOptions, frames: u32, upkeep: Upkeep) -> Result<Playe
     Ok(Played { stage, times, upload_bytes })
 }
 
-/// Removes the directional lights and applies the policy. Returns the budget of a frame.
+/// Applies the policy. Returns the budget of a frame.
 fn start(world: &mut LightWorld, upkeep: Upkeep) -> Result<FrameBudget, SceneError> {
-    let directionals: Vec<_> = world.directionals().map(|(key, _)| key).collect();
-    directionals.into_iter().try_for_each(|key| world.remove_directional(key))?;
     // Builds on other threads would not be part of the time of a frame.
     world.set_background_builds(false);
     let (policy, budget) = match upkeep {

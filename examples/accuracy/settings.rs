@@ -26,6 +26,9 @@ pub const DEFAULT: Sampler = Sampler::TwoLevels { splits: 6, candidates: 1 };
 /// The candidates of [`Sampler::Streaming`].
 pub const STREAMED: u32 = 32;
 
+/// The samples per pixel at which knobs are turned and changes are measured.
+pub const KNOB_SAMPLES: f64 = 4.0;
+
 /// What differs from the default frame besides the sampler.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Change {
@@ -150,7 +153,7 @@ fn of_frames(effects: Effects, is_matte: bool, is_quick: bool) -> Vec<Setting> {
     let simpler = simpler.map(|(effect, name)| Change::Without(effect, name));
     let gloss = (!is_matte).then_some(Change::NoGloss);
     let changes = upkeeps.chain([Change::NoShadows]).chain(gloss).chain(simpler);
-    changes.map(|change| Setting { sampler: DEFAULT, samples: 4.0, change }).collect()
+    changes.map(|change| Setting { sampler: DEFAULT, samples: KNOB_SAMPLES, change }).collect()
 }
 
 /// All settings of a run. `lights` is the number of lights of the world, `effects` what they need.

@@ -6,5 +6,6 @@
 pub mod exit;
 pub mod gpu;
 pub mod pcg;
+pub mod progress;
 pub mod split_mix;
 pub mod table;

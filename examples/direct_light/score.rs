@@ -5,7 +5,7 @@ use girandole::light::luminance;
 
 /// The share of the reference's mean that is added to each pixel of the reference before errors are
 /// divided by it, so that black pixels do not decide.
-const FLOOR: f64 = 0.01;
+pub const FLOOR: f64 = 0.01;
 /// relMSE leaves out one in so many pixels, those with the largest errors. Otherwise a few pixels
 /// would decide it, and it would differ from run to run by a factor of several.
 const TRIM: usize = 1_000;

@@ -7,8 +7,7 @@ use girandole::FrameBudget;
 /// builds what waits for a rebuild.
 pub fn prepare(mut stage: Stage, time: f64) -> Result<Stage, SceneError> {
     stage.animation.advance(time, &mut stage.scene, &mut stage.world)?;
-    let directionals: Vec<_> = stage.world.directionals().map(|(key, _)| key).collect();
-    directionals.into_iter().try_for_each(|key| stage.world.remove_directional(key))?;
+    stage.remove_directionals()?;
     stage.world.update(FrameBudget::UNLIMITED);
     Ok(stage)
 }

@@ -5,12 +5,12 @@ use super::play::{Plan, play};
 use super::stages::{Source, Timing};
 use super::strategies::TreeKind;
 use super::{plots, report, survey};
-use crate::city::app::scene_options::parse_camera;
+use crate::city::app::scene_options::{parse_camera, parse_size};
 use crate::city::scene::SceneError;
 use crate::city::scene::procedural::Size;
+use crate::common::progress::progress;
 use clap::Parser;
 use girandole::glam::Vec3;
-use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
 
 /// Repeats the experiment of Sosnowski and Szajerman on animated light trees.
@@ -57,7 +57,7 @@ pub struct Options {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1_000))]
     pub seeds: Option<u32>,
     /// Size of the pictures in pixels [default: 160x90, or 32x18 with --quick]
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    #[arg(long, value_name = "WxH", value_parser = |text: &str| parse_size(text, 8..=MAX_SIZE))]
     pub size: Option<(u32, u32)>,
     /// Light samples per pixel
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=4_096))]
@@ -70,12 +70,6 @@ pub struct Options {
 
 /// The greatest width and height of a picture.
 const MAX_SIZE: u32 = 4_096;
-
-fn parse_size(text: &str) -> Result<(u32, u32), String> {
-    let numbers = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
-    let is_valid = |(width, height): &(u32, u32)| [width, height].iter().all(|n| (8..=MAX_SIZE).contains(*n));
-    numbers.filter(is_valid).ok_or_else(|| format!("expected WIDTHxHEIGHT, each from 8 to {MAX_SIZE}"))
-}
 
 fn parse_fps(text: &str) -> Result<f64, String> {
     let fps = text.parse().ok().filter(|fps| (0.01..=1_000.0).contains(fps));
@@ -118,10 +112,7 @@ pub fn run(options: &Options) -> Result<(), SceneError> {
     let threads = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     let threads = threads.map_err(|error| SceneError(format!("cannot start a thread: {error}")))?;
     let steps = sources.len() as u64 * u64::from(plan.frames + survey::points(plan.frames));
-    let progress = ProgressBar::new(steps).with_style(
-        ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len}, {eta} left")
-            .map_err(|error| SceneError(error.to_string()))?,
-    );
+    let progress = progress("", steps);
     for source in &sources {
         progress.set_message(source.name());
         let results = play(source, &plan, &threads, &options.out, || progress.inc(1))?;

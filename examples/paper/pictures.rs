@@ -6,7 +6,7 @@ use crate::city::scene::SceneError;
 use crate::direct_light::draw::{Draw, Resampled};
 use crate::direct_light::reference::{Key, Reference};
 use crate::direct_light::renderer::Renderer;
-use crate::direct_light::score::{Score, mean};
+use crate::direct_light::score::{FLOOR, Score, mean};
 use crate::direct_light::view::View;
 use girandole::CandidateCount;
 use girandole::glam::Vec3;
@@ -22,8 +22,6 @@ pub const PASS_SAMPLES: u32 = 16;
 const REFERENCE_SEED: u32 = 1 << 30;
 /// Seeds of a frame.
 const SEEDS_PER_FRAME: u32 = 1 << 10;
-/// The share of the reference's mean that errors are divided by at least, as in equation 1 of [SS].
-const FLOOR: f64 = 0.01;
 
 /// How frames are rendered.
 #[derive(Clone, Copy, Debug)]

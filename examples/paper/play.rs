@@ -8,11 +8,12 @@ use super::results::{FrameResult, Results, Run};
 use super::stages::{Film, Source, Timing};
 use super::strategies::{BUDGETS, Strategy, TreeKind, rules};
 use super::survey::Survey;
-use super::trees::{FromTree, FromWorld};
+use super::trees::FromTree;
 use super::worlds::Contender;
 use crate::city::render::geometry::Geometry;
 use crate::city::scene::SceneError;
-use girandole::LightId;
+use crate::direct_light::draw::Resampled;
+use girandole::{CandidateCount, LightId};
 use rayon::ThreadPool;
 use std::path::Path;
 
@@ -105,7 +106,7 @@ impl Cast {
         for (world, errors) in worlds.iter().zip(&mut errors[*first..]) {
             *errors = match world.tree_of_all() {
                 Some(tree) => shot.errors(&FromTree { tree, ids: &ids, lights }),
-                None => shot.errors(&FromWorld(world.sampler())),
+                None => shot.errors(&Resampled { lights: world.sampler(), candidates: CandidateCount::ONE }),
             };
         }
         for ((run, step), errors) in self.runs.iter_mut().zip(steps).zip(errors) {

@@ -78,14 +78,3 @@ impl Draw for FromTree<'_> {
         Some(Drawn { incident, weight: 1.0 / (incident.pdf * pmf) })
     }
 }
-
-/// Draws a light from a world, then a point on it.
-pub struct FromWorld<'a>(pub LightSampler<'a>);
-
-impl Draw for FromWorld<'_> {
-    fn draw(&self, surface: &Surface, _: &Material, [a, b, x, y]: [f32; 4]) -> Option<Drawn> {
-        let pick = self.0.pick(&surface.shading_point, [a, b])?;
-        let incident = self.0.sample_light(&surface.shading_point, pick.light, [x, y])?;
-        Some(Drawn { incident, weight: 1.0 / (incident.pdf * pick.pmf) })
-    }
-}

@@ -90,7 +90,8 @@ fn the_experiment_writes_all_tables_and_plots_and_continues_from_its_references(
 fn bad_arguments_are_refused_in_one_line() {
     let out = folder("refusals");
     for (more, part) in [
-        (&["--size", "4x9"][..], "WIDTHxHEIGHT"),
+        (&["--size", "4x9"][..], "from 8 to 4096 pixels"),
+        (&["--size", "9"], "a width and a height"),
         (&["--fps", "0"], "0.01"),
         (&["--frames", "1"], "1 is not in 2"),
         (&["--seeds", "1"], "1 is not in 2"),

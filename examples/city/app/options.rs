@@ -3,7 +3,7 @@
 use super::render::backend::BackendChoice;
 use super::render::settings::{LightChoice, Settings};
 use super::scene::SceneError;
-use super::scene_options::SceneOptions;
+use super::scene_options::{SceneOptions, parse_size};
 use super::session::Pace;
 use crate::common::exit::one_line;
 use clap::Parser;
@@ -28,7 +28,7 @@ pub struct Options {
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_FRAMES)))]
     pub frames: u32,
     /// Width and height of the picture in pixels
-    #[arg(long, value_name = "WxH", default_value = "640x360", value_parser = parse_size)]
+    #[arg(long, value_name = "WxH", default_value = "640x360", value_parser = |text: &str| parse_size(text, 1..=MAX_SIDE))]
     pub size: (u32, u32),
     /// Samples per pixel; each sample uses one light
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SPP)))]
@@ -85,15 +85,6 @@ impl Options {
     /// The frame rate, and the budget for rebuilds.
     pub fn pace(&self) -> Pace {
         Pace { fps: self.fps, budget: FrameBudget::new(Duration::from_secs_f64(self.budget_ms * 1e-3)) }
-    }
-}
-
-fn parse_size(text: &str) -> Result<(u32, u32), String> {
-    let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
-    match sides {
-        Some((w, h)) if (1..=MAX_SIDE).contains(&w) && (1..=MAX_SIDE).contains(&h) => Ok((w, h)),
-        Some(_) => Err(format!("each side must be from 1 to {MAX_SIDE} pixels")),
-        None => Err("expected a width and a height, such as 640x360".into()),
     }
 }
 

@@ -6,8 +6,8 @@ use super::render::backend;
 use super::render::image::ShadowRays;
 use super::scene::SceneError;
 use super::session::Session;
+use crate::common::progress::progress;
 use girandole::Effects;
-use indicatif::{ProgressBar, ProgressStyle};
 use std::time::Duration;
 
 /// Steps of the progress bar in one frame.
@@ -22,10 +22,7 @@ pub fn run(options: &Options, print: &mut dyn FnMut(&str)) -> Result<(), SceneEr
     let mut session = Session::new(stage, options.settings(), options.pace(), chosen)?;
     let mut output = Output::new(&options.out)?;
 
-    let bar = ProgressBar::new(u64::from(options.frames) * TICKS);
-    let template = "{msg} [{bar:40}] {percent}% {elapsed}, {eta} left";
-    bar.set_style(ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()));
-    bar.enable_steady_tick(Duration::from_millis(250));
+    let bar = progress("", u64::from(options.frames) * TICKS);
     let (mut lights, mut total) = (0, Duration::ZERO);
     let (mut effects, mut rays) = (Effects::empty(), ShadowRays::default());
     for number in 0..options.frames {

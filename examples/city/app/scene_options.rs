@@ -6,6 +6,7 @@ use super::scene::real_city::{self, RealCityOptions};
 use super::scene::{Camera, SceneError, Stage};
 use clap::Args;
 use girandole::glam::Vec3;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 /// Vertical field of view of `--camera`, radians: 60 degrees.
@@ -67,6 +68,16 @@ impl SceneOptions {
     /// The camera of `--camera`.
     fn camera(&self) -> Option<Camera> {
         self.camera.map(|(eye, target)| Camera { eye, target, vertical_fov: FIELD_OF_VIEW })
+    }
+}
+
+/// Parses the size of a picture, such as `640x360`; both sides must be in a range of pixels.
+pub fn parse_size(text: &str, sides: RangeInclusive<u32>) -> Result<(u32, u32), String> {
+    let size = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    match size {
+        Some((w, h)) if sides.contains(&w) && sides.contains(&h) => Ok((w, h)),
+        Some(_) => Err(format!("each side must be from {} to {} pixels", sides.start(), sides.end())),
+        None => Err("expected a width and a height, such as 640x360".into()),
     }
 }
 

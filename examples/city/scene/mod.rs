@@ -156,6 +156,15 @@ pub struct Stage {
     pub animation: Box<dyn Animation>,
 }
 
+impl Stage {
+    /// Removes the lights at infinity, which belong to no tree.
+    #[allow(dead_code, reason = "only measuring programs compare samplers that lack such lights")]
+    pub fn remove_directionals(&mut self) -> Result<(), SceneError> {
+        let keys: Vec<_> = self.world.directionals().map(|(key, _)| key).collect();
+        keys.into_iter().try_for_each(|key| Ok(self.world.remove_directional(key)?))
+    }
+}
+
 /// Why a stage could not be loaded, moved or rendered: one line for the user.
 #[derive(Debug)]
 pub struct SceneError(pub String);

@@ -45,8 +45,7 @@ pub fn gltf(path: &Path, count: usize) -> Result<Lit, SceneError> {
 fn moved(mut stage: Stage) -> Result<Stage, SceneError> {
     stage.animation.advance(TIME, &mut stage.scene, &mut stage.world)?;
     stage.world.update(FrameBudget::UNLIMITED);
-    let directionals: Vec<_> = stage.world.directionals().map(|(key, _)| key).collect();
-    directionals.into_iter().try_for_each(|key| stage.world.remove_directional(key))?;
+    stage.remove_directionals()?;
     Ok(stage)
 }
 
