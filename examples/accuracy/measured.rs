@@ -19,7 +19,7 @@ use crate::direct_light::score::{FLOOR, mean};
 use girandole::glam::Vec3;
 use girandole::light::luminance;
 use girandole::{CandidateCount, LightWorld};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// Seeds the passes of the reference, above those of all pictures.
 const REFERENCE_SEED: u32 = 1_000_000;
@@ -78,7 +78,9 @@ pub fn measure(options: &Options) -> Result<Measured, SceneError> {
     let all = settings::all(prepared.ids.len(), stage.world.effects(), options.matte, &plan);
     let mut rows = bench.rows(&all, &samplers)?;
     let mut equal_time = bench.equal_time(&rows, &samplers)?;
-    let new = equal_time.iter().filter(|panel| !all.contains(&panel.row.setting));
+    // Numbers of samples that differ by less than the digits of a name count as the same.
+    let names: HashSet<String> = all.iter().map(Setting::name).collect();
+    let new = equal_time.iter().filter(|panel| !names.contains(&panel.row.setting.name()));
     rows.extend(new.map(|panel| panel.row.clone()));
     let points = Points::new(&view, &samplers, &plan);
     add_noise(&mut rows, &points, &view, &samplers, &plan);

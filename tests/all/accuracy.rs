@@ -32,6 +32,14 @@ fn table(path: &Path) -> (Vec<String>, HashMap<String, Vec<String>>) {
     (columns, rows.map(|row| (row[0].clone(), row)).collect())
 }
 
+/// A page without the data of its pictures, whose letters are arbitrary.
+fn without_pictures(page: &str) -> String {
+    let mut parts = page.split(";base64,");
+    let first = parts.next().unwrap_or_default();
+    let rest = parts.map(|part| part.find('"').map_or(part, |end| &part[end..]));
+    std::iter::once(first).chain(rest).collect()
+}
+
 #[test]
 fn a_quick_run_writes_a_table_plots_and_a_page_that_needs_nothing_else() {
     let out = folder("quick");
@@ -84,7 +92,7 @@ fn a_quick_run_writes_a_table_plots_and_a_page_that_needs_nothing_else() {
     let has = |sampler| measured.equal_time.iter().any(|panel| panel.row.setting.sampler == sampler);
     assert!(has(Sampler::Published("uniform")) && has(Sampler::Streaming) && has(program::settings::DEFAULT));
 
-    let page = fs::read_to_string(out.join("accuracy.html")).expect("a page");
+    let page = without_pictures(&fs::read_to_string(out.join("accuracy.html")).expect("a page"));
     assert!(!page.contains("{{") && !page.contains("NaN"), "something is not filled in");
     let links = page.matches("http").count() - page.matches("http://www.w3.org/2000/svg").count();
     assert_eq!(links, 0, "the page needs no network");
