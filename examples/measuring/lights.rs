@@ -1,6 +1,7 @@
 //! The lights of a world one by one, moved out of their instances, so that all samplers get the
 //! same lights.
 
+use crate::measuring::irradiance::irradiance;
 use girandole::glam::Vec3;
 use girandole::light::luminance;
 use girandole::{Light, LightId, LightSampler, LightWorld, Placement, ShadingPoint, Shape};
@@ -27,6 +28,12 @@ pub fn contributions(sampler: &LightSampler<'_>, lights: &[LightId], shading_poi
         Some(luminance(incident.radiance) * incident.direction.dot(shading_point.normal).max(0.0) / incident.pdf)
     };
     lights.iter().map(|light| one(light).unwrap_or(0.0)).collect()
+}
+
+/// The exact illuminance by each light at a shading point, in lux and without shadows. The lights
+/// are in the world's space.
+pub fn illuminances(lights: &[Light], shading_point: &ShadingPoint) -> Vec<f32> {
+    lights.iter().map(|light| irradiance(light, shading_point) as f32).collect()
 }
 
 /// Moves a light from the space of its tree to the world. A sphere that the instance flattens

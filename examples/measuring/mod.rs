@@ -7,8 +7,11 @@
 
 pub mod charts;
 
+pub mod irradiance;
 pub mod lights;
 pub mod sigma;
 
 pub mod baselines;
 pub mod samplers;
+
+pub mod torture;

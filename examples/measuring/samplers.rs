@@ -206,6 +206,12 @@ pub fn two_level(world: &LightWorld) -> Box<dyn Chooser + '_> {
     Box::new(TwoLevel { world, sampler: world.sampler() })
 }
 
+/// One tree of this library over all lights, with the default number of splits.
+pub fn flat<'a>(lights: &[Light], ids: &'a [LightId]) -> Result<Box<dyn Chooser + 'a>, WorldError> {
+    let tree = LightTree::new(lights.to_vec())?;
+    Ok(Box::new(Flat { name: "girandole flat", ids, tree, splits: SplitCount::DEFAULT }))
+}
+
 /// All samplers. `lights` and `ids` as for [`published`].
 pub fn all<'a>(
     world: &'a LightWorld,

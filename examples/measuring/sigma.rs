@@ -43,22 +43,28 @@ pub struct Summary {
     pub median: f64,
     /// 95th percentile.
     pub p95: f64,
+    /// 99.9th percentile: the fireflies.
+    pub p999: f64,
+    /// Root mean square.
+    pub rms: f64,
     /// The number of shading points where some light contributes and is never chosen.
     pub unreached: usize,
 }
 
 impl Summary {
     /// Sums up at least one value. The 95th percentile is the least value that at least 95 % of the
-    /// values do not exceed; the median likewise.
+    /// values do not exceed; the others likewise.
     pub fn of(noises: &[Noise]) -> Self {
         let mut sigmas: Vec<f64> = noises.iter().map(|noise| noise.sigma).collect();
         sigmas.sort_by(f64::total_cmp);
         let count = sigmas.len();
-        let percentile = |percent: usize| sigmas[(count * percent).div_ceil(100).max(1) - 1];
+        let per_mille = |share: usize| sigmas[(count * share).div_ceil(1000).max(1) - 1];
         Self {
             mean: sigmas.iter().sum::<f64>() / count as f64,
-            median: percentile(50),
-            p95: percentile(95),
+            median: per_mille(500),
+            p95: per_mille(950),
+            p999: per_mille(999),
+            rms: (sigmas.iter().map(|sigma| sigma * sigma).sum::<f64>() / count as f64).sqrt(),
             unreached: noises.iter().filter(|noise| noise.has_unreached).count(),
         }
     }

@@ -108,5 +108,8 @@ fn sigma_has_values_computed_by_hand() {
     assert_eq!(noise(&[1.0e-9, 1.0], &[0.0, 1.0]), sigma(0.0, true));
     assert_eq!(noise(&[0.0, 0.0], &[0.5, 0.5]), None);
     let hundred: Vec<Noise> = (1..=100).map(|i| Noise { sigma: f64::from(i), has_unreached: i == 7 }).collect();
-    assert_eq!(Summary::of(&hundred), Summary { mean: 50.5, median: 50.0, p95: 95.0, unreached: 1 });
+    // The mean of the squares from 1 to n is (n + 1) (2 n + 1) / 6.
+    let rms = (101.0_f64 * 201.0 / 6.0).sqrt();
+    let summary = Summary { mean: 50.5, median: 50.0, p95: 95.0, p999: 100.0, rms, unreached: 1 };
+    assert_eq!(Summary::of(&hundred), summary);
 }

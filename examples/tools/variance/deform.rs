@@ -8,11 +8,11 @@ use super::scene::{SceneError, Stage, gltf_scene};
 use super::shading_points::shading_points;
 use super::stages::{CITY_BOUNDS, swarm_at};
 use crate::common::table::{Table, markdown_head};
-use crate::measuring::lights::{carried, contributions};
+use crate::measuring::lights::{carried, illuminances};
 use crate::measuring::sigma::{Noise, Summary};
 use girandole::bounds::Aabb;
 use girandole::glam::{Vec3, vec3};
-use girandole::{FrameBudget, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint, SplitCount};
+use girandole::{FrameBudget, Light, LightTree, ShadingPoint, SplitCount};
 use rayon::prelude::*;
 use std::path::Path;
 use std::time::Instant;
@@ -117,12 +117,7 @@ fn measure(motion: &Motion) -> Result<Vec<Row>, SceneError> {
     // each light at each shading point.
     let mut fresh = Vec::new();
     for lights in motion.frames.iter().skip(EVERY - 1).step_by(EVERY) {
-        let mut world = LightWorld::new();
-        let tree = world.add_tree(lights.clone())?;
-        world.add_instance(tree, Placement::IDENTITY, Policy::Static)?;
-        let sampler = world.sampler();
-        let ids: Vec<_> = sampler.all_lights().collect();
-        let lux: Vec<Vec<f32>> = motion.shading_points.par_iter().map(|at| contributions(&sampler, &ids, at)).collect();
+        let lux: Vec<Vec<f32>> = motion.shading_points.par_iter().map(|at| illuminances(lights, at)).collect();
         let built = LightTree::new(lights.clone())?;
         fresh.push((noise(&built, &lux, &motion.shading_points), lux));
     }

@@ -5,6 +5,7 @@
 //!     [--gltf FILE] [--world S|M|L] [--shading-points N]
 //! cargo run --release --example variance -- --out FILE.csv --deform [--gltf FILE]
 //! cargo run --release --example variance -- --out FILE.csv --candidates [--gltf FILE]
+//! cargo run --release --example variance -- --out FILE.csv --torture
 //! ```
 //!
 //! The first form prints a table and writes it as CSV. For each scene and sampler it has the exact
@@ -15,7 +16,7 @@
 //!
 //! `--deform` measures how much noise moving lights add to a tree, and what rebuilds cost, in city
 //! S (`deform.rs`). `--candidates` measures what choosing one of several candidates gains
-//! (`candidates.rs`). `docs/benchmarks.md` has measured tables and the rules of measurement.
+//! (`candidates.rs`). `--torture` measures the scenes of `examples/measuring/torture`. `docs/benchmarks.md` has measured tables and the rules of measurement.
 
 mod candidates;
 #[path = "../../common/mod.rs"]
@@ -33,6 +34,7 @@ mod report;
 mod scene;
 mod stages;
 mod timing;
+mod torture;
 
 use clap::Parser;
 use common::table::Table;
@@ -57,6 +59,9 @@ struct Options {
     /// Measure samples that are chosen from several candidates, instead
     #[arg(long, conflicts_with = "deform")]
     candidates: bool,
+    /// Measure the scenes that are hard for a choice of lights, instead
+    #[arg(long, conflicts_with_all = ["deform", "candidates", "gltf", "world", "shading_points"])]
+    torture: bool,
     /// Number of shading points
     #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     shading_points: u32,
@@ -69,6 +74,9 @@ fn run(options: &Options) -> Result<(), SceneError> {
     let count = options.shading_points as usize;
     if options.deform {
         return deform::run(options.gltf.as_deref(), count, &options.out);
+    }
+    if options.torture {
+        return torture::run(&options.out);
     }
     if options.candidates {
         return candidates::run(options.world, options.gltf.as_deref(), count, &options.out);

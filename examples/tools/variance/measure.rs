@@ -3,7 +3,7 @@
 use super::scene::SceneError;
 use super::stages::Lit;
 use super::timing::nanoseconds;
-use crate::measuring::lights::{carried, contributions};
+use crate::measuring::lights::{carried, illuminances};
 use crate::measuring::samplers;
 use crate::measuring::sigma::{Noise, Summary};
 use girandole::{LightId, ShadingPoint};
@@ -35,7 +35,7 @@ pub fn measure(lit: &Lit) -> Result<Measured, SceneError> {
     let sampler = lit.world.sampler();
     let ids: Vec<LightId> = sampler.all_lights().collect();
     let choosers = samplers::all(&lit.world, &lights, &ids)?;
-    let lux: Vec<Vec<f32>> = lit.shading_points.par_iter().map(|at| contributions(&sampler, &ids, at)).collect();
+    let lux: Vec<Vec<f32>> = lit.shading_points.par_iter().map(|at| illuminances(&lights, at)).collect();
     let lit_shading_points = lux.iter().filter(|lux| lux.iter().any(|lux| *lux > 0.0)).count();
     if lit_shading_points == 0 {
         return Err(SceneError(format!("{}: no light reaches any shading point", lit.name)));

@@ -2,16 +2,28 @@
 
 use super::measure::{Measured, Row};
 use crate::common::table::markdown_head;
+use crate::measuring::sigma::Summary;
 
 /// The columns of the CSV file.
-pub const COLUMNS: [&str; 8] =
-    ["scene", "sampler", "sigma_mean", "sigma_median", "sigma_p95", "dead", "ns_per_sample", "bytes_per_light"];
+pub const COLUMNS: [&str; 10] = [
+    "scene",
+    "sampler",
+    "sigma_mean",
+    "sigma_median",
+    "sigma_p95",
+    "sigma_p999",
+    "sigma_rms",
+    "dead",
+    "ns_per_sample",
+    "bytes_per_light",
+];
 
 /// A row of the CSV file, in the order of [`COLUMNS`].
-pub fn fields(row: &Row) -> [String; 8] {
-    let [mean, median, p95] = [row.sigma.mean, row.sigma.median, row.sigma.p95].map(|sigma| format!("{sigma:.3}"));
+pub fn fields(row: &Row) -> [String; 10] {
+    let Summary { mean, median, p95, p999, rms, .. } = row.sigma;
+    let [mean, median, p95, p999, rms] = [mean, median, p95, p999, rms].map(|sigma| format!("{sigma:.3}"));
     let (ns, bytes) = (format!("{:.0}", row.ns_per_sample), format!("{:.1}", row.bytes_per_light));
-    [row.scene.clone(), row.sampler.to_owned(), mean, median, p95, format!("{:.4}", row.dead), ns, bytes]
+    [row.scene.clone(), row.sampler.to_owned(), mean, median, p95, p999, rms, format!("{:.4}", row.dead), ns, bytes]
 }
 
 /// Prints one scene's rows as a Markdown table. Its last column counts the shading points where

@@ -1,0 +1,22 @@
+//! Scenes that are hard for a choice of lights: scaled, overlapping and deformed instances, shading
+//! points near and on emitters, narrow beams, great contrasts.
+//!
+//! They are a search for *cliffs*: scenes in which a sampler that is good on cities is worse than a
+//! simple one. None has shadows, so sigma is exact.
+
+mod contrasts;
+mod emitters;
+mod instances;
+mod scene;
+mod table;
+
+pub use scene::TortureScene;
+pub use table::{TortureRow, rows};
+
+use girandole::WorldError;
+
+/// All scenes. They are the same in every run.
+pub fn scenes() -> Result<Vec<TortureScene>, WorldError> {
+    let makers = instances::SCENES.iter().chain(emitters::SCENES).chain(contrasts::SCENES);
+    makers.map(|(name, make)| TortureScene::new(name, *make)).collect()
+}

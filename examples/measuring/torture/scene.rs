@@ -1,0 +1,87 @@
+//! A scene of the set, and what scenes are made of.
+
+use crate::common::pcg::Rng;
+use girandole::glam::{Mat3, Quat, Vec3, vec3};
+use girandole::{FrameBudget, Light, LightWorld, Placement, Policy, ShadingPoint, WorldError};
+use std::f32::consts::PI;
+
+/// Shading points of each scene.
+pub const SHADING_POINTS: usize = 200;
+
+/// Lights in instances, and shading points.
+pub struct TortureScene {
+    pub name: &'static str,
+    pub world: LightWorld,
+    pub shading_points: Vec<ShadingPoint>,
+}
+
+/// Makes a scene from random numbers of its own.
+pub type Make = fn(&mut Parts, &mut Rng) -> Result<(), WorldError>;
+
+/// A scene that is being made.
+#[derive(Default)]
+pub struct Parts {
+    pub world: LightWorld,
+    pub shading_points: Vec<ShadingPoint>,
+}
+
+impl TortureScene {
+    pub fn new(name: &'static str, make: Make) -> Result<Self, WorldError> {
+        let mut parts = Parts::default();
+        make(&mut parts, &mut Rng::new(77, name.bytes().fold(0, |hash, byte| hash * 31 + u64::from(byte))))?;
+        parts.world.update(FrameBudget::UNLIMITED);
+        Ok(Self { name, world: parts.world, shading_points: parts.shading_points })
+    }
+}
+
+impl Parts {
+    /// Adds lights as one instance.
+    pub fn add(&mut self, lights: Vec<Light>, linear: Mat3, translation: Vec3) -> Result<(), WorldError> {
+        let tree = self.world.add_tree(lights)?;
+        let placement = Placement { linear, translation: translation.as_dvec3() };
+        self.world.add_instance(tree, placement, Policy::Budgeted).map(drop)
+    }
+
+    /// Adds lights as one instance in the space of the world.
+    pub fn add_here(&mut self, lights: Vec<Light>) -> Result<(), WorldError> {
+        self.add(lights, Mat3::IDENTITY, Vec3::ZERO)
+    }
+
+    /// Adds shading points on surfaces; `point` returns position and normal.
+    pub fn receive(&mut self, mut point: impl FnMut() -> (Vec3, Vec3)) {
+        for _ in 0..SHADING_POINTS {
+            let (position, normal) = point();
+            self.shading_points.push(ShadingPoint::surface(position, normal));
+        }
+    }
+}
+
+/// A point of the box around the origin with these half edges.
+pub fn in_box(rng: &mut Rng, half: Vec3) -> Vec3 {
+    half * vec3(rng.range(-1.0, 1.0), rng.range(-1.0, 1.0), rng.range(-1.0, 1.0))
+}
+
+/// A unit vector.
+pub fn direction(rng: &mut Rng) -> Vec3 {
+    let z = rng.range(-1.0, 1.0);
+    let (s, c) = (2.0 * PI * rng.unit()).sin_cos();
+    vec3(c, s, 0.0) * (1.0 - z * z).sqrt() + Vec3::Z * z
+}
+
+/// A rotation.
+pub fn rotation(rng: &mut Rng) -> Mat3 {
+    Mat3::from_quat(Quat::from_axis_angle(direction(rng), rng.range(0.0, 2.0 * PI)))
+}
+
+/// A lamp of some candela.
+pub fn lamp(position: Vec3, candela: f32) -> Light {
+    Light::point(position, Vec3::splat(candela))
+}
+
+/// A square panel with edges of twice `half` metres that emits along `normal`, with a radiance that
+/// gives the flux of a lamp of some candela.
+pub fn panel(center: Vec3, normal: Vec3, half: f32, candela: f32) -> Light {
+    let u = normal.any_orthonormal_vector();
+    let v = normal.cross(u);
+    Light::rectangle(center, u * half, v * half, Vec3::splat(candela / (half * half)))
+}
