@@ -11,7 +11,7 @@
 
 use crate::cluster::Cluster;
 use crate::curve::{exponent, power_of_two};
-use crate::tree::{ChildGroup, WIDTH, build_cost, fills_nodes, middle};
+use crate::tree::{ChildGroup, WIDTH, build_cost, build_size, fills_nodes, middle};
 
 /// Cuts that are tried along each axis, evenly spaced in space. Up to this many units, all cuts are
 /// tried. Cuts that are evenly spaced in the number of units are noisier (docs/decisions.md, 4).
@@ -156,7 +156,8 @@ impl GridSums {
     /// The cost, with lengths in cells.
     #[inline(always)]
     fn cost(&self) -> f32 {
-        build_cost([0, 1, 2].map(|k| self.high[k].saturating_sub(self.low[k]) as f32), self.power, self.flux)
+        let edges = [0, 1, 2].map(|k| self.high[k].saturating_sub(self.low[k]) as f32);
+        build_cost(build_size(edges), self.power, self.flux)
     }
 }
 

@@ -87,15 +87,15 @@ fn narrow<T: CostLanes>(flux: T, directed: T) -> T {
     (flux - directed) * FALL_TO_BEAM
 }
 
-/// The cost of a group in a build. `edges` are of its box, `directed_flux` is its flux times its
+/// The cost of a group in a build. `size` is its [`size()`], `directed_flux` is its flux times its
 /// mean direction. This is equation 2 of CK18 but for a constant factor, with an orientation of at
 /// least [`MIN_ORIENTATION`].
 ///
 /// Multiplying by the orientation this way needs no division by the flux.
 #[inline(always)]
-pub(crate) fn build_cost<T: CostLanes>(edges: [T; 3], [x, y, z]: [T; 3], flux: T) -> T {
+pub(crate) fn build_cost<T: CostLanes>(size: T, [x, y, z]: [T; 3], flux: T) -> T {
     let directed = (x * x + y * y + z * z).square_root();
-    size(edges) * wide(flux, directed).larger(narrow(flux, directed)).larger(flux * MIN_ORIENTATION)
+    size * wide(flux, directed).larger(narrow(flux, directed)).larger(flux * MIN_ORIENTATION)
 }
 
 /// How widely a group emits, in steradians, from the length of its mean direction: 4π to all sides,
@@ -130,8 +130,8 @@ mod tests {
         let lanes = |of: &dyn Fn(usize) -> f32| Vec4::new(of(0), of(1), of(2), of(3));
         let edges = [0, 1, 2].map(|k| lanes(&|i| GROUPS[i].0[k]));
         let powers = [0, 1, 2].map(|k| lanes(&|i| directed(&GROUPS[i])[k]));
-        let four = build_cost(edges, powers, lanes(&|i| GROUPS[i].2));
-        let alone = GROUPS.map(|group| build_cost(group.0, directed(&group), group.2));
+        let four = build_cost(size(edges), powers, lanes(&|i| GROUPS[i].2));
+        let alone = GROUPS.map(|group| build_cost(size(group.0), directed(&group), group.2));
         assert_eq!(four.to_array().map(f32::to_bits), alone.map(f32::to_bits));
     }
 
@@ -141,7 +141,7 @@ mod tests {
             let length = group.1.iter().map(|v| v * v).sum::<f32>().sqrt();
             let measured = group.2 * size(group.0) * orientation(length) / PI;
             let least = group.2 * size(group.0) * MIN_ORIENTATION;
-            let built = build_cost(group.0, directed(&group), group.2);
+            let built = build_cost(size(group.0), directed(&group), group.2);
             assert!((built - measured.max(least)).abs() <= 1.0e-5 * built, "{built} {measured} {least}");
         }
     }
@@ -149,11 +149,11 @@ mod tests {
     #[test]
     fn costs_have_the_values_worked_out_by_hand() {
         // A box of 1 m x 2 m x 3 m has a half area of 11 m² and a squared diagonal of 14 m².
-        let size = 11.0 + 0.05 * 14.0;
+        let square_metres = 11.0 + 0.05 * 14.0;
         let close = |a: f32, b: f32| assert!((a - b).abs() <= 1.0e-5 * b.abs(), "{a} {b}");
         for (length, expected) in [(0.0, 4.0), (1.0 / 3.0, 2.5), (2.0 / 3.0, 1.0), (5.0 / 6.0, 0.5), (1.0, 1.0 / 256.0)]
         {
-            close(build_cost([1.0, 2.0, 3.0], [0.0, 10.0 * length, 0.0], 10.0), 10.0 * size * expected);
+            close(build_cost(size([1.0, 2.0, 3.0]), [0.0, 10.0 * length, 0.0], 10.0), 10.0 * square_metres * expected);
         }
         close(orientation(0.0), 4.0 * PI);
         close(orientation(2.0 / 3.0), PI);

@@ -21,9 +21,9 @@ mod wide;
 
 pub use attributes::{Attribute, Attributes};
 pub use check::CheckError;
-pub(crate) use cost::build_cost;
 #[cfg(feature = "gpu")]
 pub(crate) use cost::{DIAGONAL_WEIGHT, MIN_ORIENTATION};
+pub(crate) use cost::{build_cost, size as build_size};
 pub use node::{Bytes, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_PARENT, Node, Target, WIDTH};
 #[cfg(feature = "gpu")]
 pub(crate) use pack::{CAP_STEPS, DIRECTION_STEPS, STEPS};

@@ -1,6 +1,7 @@
 //! Sums lights in bins along each axis, finds the best cut between bins, and partitions the lights.
+//! Where directions of emission differ, there are axes of direction besides those of position.
 //!
-//! Based on CK18 4.4. These are the hot loops of a build: every split bins and partitions each of
+//! Based on CK18 4.4. Differs: CK18 bins positions only. These are the hot loops of a build: every split bins and partitions each of
 //! its lights once. In a tree of a million lights that is about 17 times for each light.
 
 use std::array;
@@ -9,11 +10,26 @@ use std::mem::swap;
 use glam::{Vec3, Vec4};
 
 use super::counts::fills_nodes;
-use super::group::{BuildItem, Group, GroupSums, ItemSums, MeanBounds, costs, has_several_runs, map_runs};
+use super::group::{Bounds, BuildItem, Group, GroupSums, ItemSums, MeanBounds, costs, has_several_runs, map_runs};
 
 /// An axis is not cut if its extent is less than this share of the longest one. Slices so thin are
 /// no candidates, and the factor for thinness stays far inside f32.
 const MIN_EXTENT_SHARE: f32 = 1.0e-6;
+
+/// Lights less than this many metres apart count as one place. Above it, the scale of the thinnest
+/// axis that is cut is finite.
+pub(super) const MIN_EXTENT: f32 = 1.0e-30;
+
+/// An axis of direction is not cut if its extent is less than this share of the longest one.
+const MIN_DIRECTION_SHARE: f32 = 0.1;
+
+/// The factor by which a cut by direction costs more than its size and orientation tell, less 1, in
+/// a group as large as its tree. Without it, beams in all directions from all places of a hall are
+/// first divided by direction, which doubles the noise.
+const MAX_DIRECTION_PENALTY: f32 = 1.0;
+
+/// At this share of the tree's diagonal the penalty has half its value.
+const FAR_SHARE: f32 = 0.2;
 
 /// Adding 2^15 to a position in bins leaves 8 bits for its fraction, with the whole bins above
 /// them. This is cheaper than a conversion to an integer, which checks the range.
@@ -28,9 +44,10 @@ const BLOCK: usize = 128;
 /// Splits items at the best cut between two of `N` bins along some axis, the left side first.
 /// `None`, and the items stay as they are, if no cut leaves counts that fill nodes.
 pub(super) fn split_binned<const N: usize>(items: &mut [BuildItem], whole: &Group) -> Option<[Group; 2]> {
-    let grid = BinGrid::new(&whole.means, N as f32);
+    let grid = BinGrid::new(whole, N as f32);
     let BinCut { axis, bin, mut groups } = Bins::<N>::around(items, &grid).cut(whole, &grid)?;
-    let partition = [partition::<0>, partition::<1>, partition::<2>][axis];
+    let partition =
+        [partition::<0>, partition::<1>, partition::<2>, partition::<3>, partition::<4>, partition::<5>][axis];
     [groups[0].means, groups[1].means] = partition(items, &grid, bin, groups[0].count);
     Some(groups)
 }
@@ -44,37 +61,86 @@ pub(super) struct BinCut {
     pub groups: [Group; 2],
 }
 
-/// Maps mean positions to bins.
+/// The axes along which groups are cut: three of position, then three of direction.
+pub(super) const AXES: usize = 6;
+
+/// Maps the mean positions and directions of items to bins.
 #[derive(Clone, Copy)]
 pub(super) struct BinGrid {
-    pub origin: Vec4,
-    /// Bins per metre; 0 along axes that are too short to be cut.
-    pub scale: Vec4,
-    /// Ratio of the longest extent to each extent: thin slices are worse than their area suggests
-    /// (CK18 equation 3).
-    pub stretch: Vec3,
+    position: GridBox,
+    direction: GridBox,
+    /// The factors on the costs of cuts: thin slices are worse than their area suggests (CK18
+    /// equation 3).
+    pub stretch: [f32; AXES],
+    /// 3, or [`AXES`] if directions differ.
+    pub axes: usize,
 }
 
-impl BinGrid {
-    pub fn new(means: &MeanBounds, bins: f32) -> Self {
-        let extent = means.extent();
+/// The bins along three axes.
+#[derive(Clone, Copy)]
+struct GridBox {
+    origin: Vec4,
+    /// Bins per unit; 0 along axes that are too short to be cut.
+    scale: Vec4,
+    /// Ratio of the longest extent to each extent.
+    stretch: Vec3,
+}
+
+impl GridBox {
+    /// Axes shorter than `min_share` of the longest one are not cut.
+    fn new(bounds: &Bounds, bins: f32, min_share: f32) -> Self {
+        let extent = bounds.extent();
         let longest = extent.max_element();
-        let is_cut = extent.cmpge(Vec3::splat(longest * MIN_EXTENT_SHARE));
+        let is_cut = extent.cmpge(Vec3::splat((longest * min_share).max(MIN_EXTENT)));
         let scale = Vec3::select(is_cut, bins * LAST_BIN / extent, Vec3::ZERO);
-        Self { origin: means.min, scale: scale.extend(0.0), stretch: longest / extent }
+        Self { origin: bounds.min, scale: scale.extend(0.0), stretch: longest / extent }
     }
 
     /// The position along each axis, from 0 to the number of bins.
     #[inline(always)]
-    pub fn positions(&self, mean: Vec4) -> Vec4 {
-        (mean - self.origin) * self.scale
+    fn positions(&self, point: Vec4) -> Vec4 {
+        (point - self.origin) * self.scale
     }
+}
+
+impl BinGrid {
+    pub fn new(whole: &Group, bins: f32) -> Self {
+        let position = GridBox::new(&whole.means.position, bins, MIN_EXTENT_SHARE);
+        let direction = GridBox::new(&whole.means.direction, bins, MIN_DIRECTION_SHARE);
+        let [x, y, z] = position.stretch.to_array();
+        let [a, b, c] = (direction_penalty(whole) * direction.stretch).to_array();
+        let axes = if whole.means.has_directions() { AXES } else { 3 };
+        Self { position, direction, stretch: [x, y, z, a, b, c], axes }
+    }
+
+    /// Whether items may be cut along an axis.
+    pub fn is_cut(&self, axis: usize) -> bool {
+        axis < self.axes && [self.position.scale, self.direction.scale][axis / 3][axis % 3] > 0.0
+    }
+
+    /// The place of an item along the three axes of position, or of direction, from 0 to the number
+    /// of bins.
+    #[inline(always)]
+    pub fn places<const DIRECTION: bool>(&self, item: &BuildItem) -> Vec4 {
+        if DIRECTION { self.direction.positions(item.direction()) } else { self.position.positions(item.mean) }
+    }
+}
+
+/// The factor on the costs of cuts by direction.
+///
+/// A shading point inside a group needs its lights apart by position. One far from it needs them
+/// apart by direction. Most shading points of a group that is small in its tree are far from it.
+fn direction_penalty(whole: &Group) -> f32 {
+    let diagonal_sq = whole.sums.diagonal_sq();
+    let limit_sq = FAR_SHARE * FAR_SHARE * whole.tree_diagonal_sq();
+    let is_point = diagonal_sq + limit_sq < f32::MIN_POSITIVE;
+    1.0 + if is_point { 0.0 } else { MAX_DIRECTION_PENALTY * diagonal_sq / (diagonal_sq + limit_sq) }
 }
 
 /// The sums and the number of items in each bin of each axis.
 pub(super) struct Bins<const N: usize> {
-    sums: [[GroupSums; N]; 3],
-    counts: [[u32; N]; 3],
+    sums: [[GroupSums; N]; AXES],
+    counts: [[u32; N]; AXES],
 }
 
 impl<const N: usize> ItemSums for Bins<N> {
@@ -90,7 +156,7 @@ impl<const N: usize> ItemSums for Bins<N> {
 }
 
 impl<const N: usize> Bins<N> {
-    pub const EMPTY: Self = Self { sums: [[GroupSums::EMPTY; N]; 3], counts: [[0; N]; 3] };
+    pub const EMPTY: Self = Self { sums: [[GroupSums::EMPTY; N]; AXES], counts: [[0; N]; AXES] };
 
     fn around(items: &[BuildItem], grid: &BinGrid) -> Self {
         let around_run = |run: &[BuildItem]| {
@@ -109,20 +175,29 @@ impl<const N: usize> Bins<N> {
     #[inline(never)]
     pub fn add_items(&mut self, items: &[BuildItem], grid: &BinGrid) {
         for item in items {
-            let [x, y, z, _] = (grid.positions(item.mean) + WHOLE_BINS).to_array();
-            let sums = item.sums();
-            for (position, axis) in [x, y, z].into_iter().zip(0..) {
-                let bin = (position.to_bits() >> 8) as usize % N;
-                self.sums[axis][bin].add(&sums);
-                self.counts[axis][bin] += 1;
-            }
+            self.add_along(0, item, grid.places::<false>(item));
+        }
+        if grid.axes > 3 {
+            items.iter().for_each(|item| self.add_along(3, item, grid.places::<true>(item)));
+        }
+    }
+
+    /// Adds an item to the bins of three axes.
+    #[inline(always)]
+    fn add_along(&mut self, first_axis: usize, item: &BuildItem, places: Vec4) {
+        let [x, y, z, _] = (places + WHOLE_BINS).to_array();
+        let sums = item.sums();
+        for (place, axis) in [x, y, z].into_iter().zip(first_axis..) {
+            let bin = (place.to_bits() >> 8) as usize % N;
+            self.sums[axis][bin].add(&sums);
+            self.counts[axis][bin] += 1;
         }
     }
 
     /// The best cut of the group `whole`, all of whose items are in the bins. `None` if no cut
     /// leaves counts that fill nodes.
     pub fn cut(&self, whole: &Group, grid: &BinGrid) -> Option<BinCut> {
-        let (axis, bin) = self.best_cut(whole.count, grid.stretch, whole.sums.per_flux())?;
+        let (axis, bin) = self.best_cut(whole, grid)?;
         let mut groups = [Group::EMPTY; 2];
         for i in 0..N {
             let side = &mut groups[usize::from(i >= bin)];
@@ -135,9 +210,10 @@ impl<const N: usize> Bins<N> {
     /// The cut of the least cost: its axis and its number of bins on the left. Of equals the most
     /// even cut, then the first.
     #[inline(never)]
-    fn best_cut(&self, count: usize, stretch: Vec3, per_flux: f32) -> Option<(usize, usize)> {
+    fn best_cut(&self, whole: &Group, grid: &BinGrid) -> Option<(usize, usize)> {
+        let (count, unit) = (whole.count, whole.cost_unit());
         let (mut least, mut most_even, mut best) = (f32::INFINITY, 0, None);
-        for axis in 0..3 {
+        for axis in (0..AXES).filter(|axis| grid.is_cut(*axis)) {
             let bins = &self.sums[axis];
             // For each cut the smaller of both counts; 0 if the counts would not fill nodes.
             let mut evenness = [0; N];
@@ -159,7 +235,7 @@ impl<const N: usize> Bins<N> {
                     right
                 };
                 let [d, c, b, a] = [add(four + 3), add(four + 2), add(four + 1), add(four)];
-                right_costs[four] = costs([&a, &b, &c, &d], per_flux);
+                right_costs[four] = costs([&a, &b, &c, &d], unit);
             }
             let mut left = GroupSums::EMPTY;
             for four in (0..N).step_by(4) {
@@ -168,7 +244,7 @@ impl<const N: usize> Bins<N> {
                     left.add(&bins[four + lane]);
                     before
                 });
-                let cost = stretch[axis] * (costs(lefts.each_ref(), per_flux) + right_costs[four]);
+                let cost = grid.stretch[axis] * (costs(lefts.each_ref(), unit) + right_costs[four]);
                 for (cost, cut) in cost.to_array().into_iter().zip(four..) {
                     let even = evenness[cut];
                     if even > 0 && (cost < least || cost == least && even > most_even) {
@@ -182,7 +258,7 @@ impl<const N: usize> Bins<N> {
 }
 
 /// Moves the items of bins below `cut` to the front; there are `count` of them. Returns the bounds
-/// of the mean positions on both sides.
+/// of the means on both sides.
 #[inline(never)]
 fn partition<const AXIS: usize>(items: &mut [BuildItem], grid: &BinGrid, cut: usize, count: usize) -> [MeanBounds; 2] {
     let mut sides = Sides::EMPTY;
@@ -202,8 +278,15 @@ impl Sides {
     /// [`Sides::advance`] along `cut.axis`.
     #[inline(never)]
     pub fn advance_along(&mut self, items: &mut [BuildItem], grid: &BinGrid, cut: &BinCut) -> usize {
-        let advance = [Self::advance::<0>, Self::advance::<1>, Self::advance::<2>][cut.axis];
-        advance(self, items, grid, cut.bin, cut.groups[0].count)
+        let advance = [
+            Self::advance::<0>,
+            Self::advance::<1>,
+            Self::advance::<2>,
+            Self::advance::<3>,
+            Self::advance::<4>,
+            Self::advance::<5>,
+        ];
+        advance[cut.axis](self, items, grid, cut.bin, cut.groups[0].count)
     }
 
     /// Classifies up to [`BLOCK`] items of each side, and swaps items that are on the wrong sides.
@@ -218,7 +301,10 @@ impl Sides {
         count: usize,
     ) -> usize {
         let limit = Vec4::splat(WHOLE_BINS + cut as f32);
-        let along = |item: &BuildItem| Vec4::splat((grid.positions(item.mean) + WHOLE_BINS).to_array()[AXIS]);
+        let along = |item: &BuildItem| {
+            let places = if AXIS < 3 { grid.places::<false>(item) } else { grid.places::<true>(item) };
+            Vec4::splat((places + WHOLE_BINS).to_array()[AXIS % 3])
+        };
         let (front, back) = items.split_at_mut(count);
         // Without SIMD, glam's masks have another type, so they are turned into numbers here.
         let mut handled = self.left.classify(front, |item| {
@@ -291,10 +377,8 @@ impl Side {
             // all).
             let (not_home, bits) = is_away(item);
             let not_away = Vec4::select(not_home.cmpeq(Vec4::ZERO), Vec4::INFINITY, Vec4::ZERO);
-            self.home.min = self.home.min.min(item.mean + not_home);
-            self.home.max = self.home.max.max(item.mean - not_home);
-            self.away.min = self.away.min.min(item.mean + not_away);
-            self.away.max = self.away.max.max(item.mean - not_away);
+            self.home.add(item, not_home);
+            self.away.add(item, not_away);
             self.places[self.found % BLOCK] = place;
             self.found += (bits & 1) as usize;
         }

@@ -5,11 +5,20 @@
 use glam::{Mat4, Vec3, Vec4};
 
 use crate::cluster::Cluster;
-use crate::tree::cost::build_cost;
+use crate::tree::cost::{build_cost, size};
 
 /// Fluxes are divided by 2^30: 2^31 lights of the largest flux (1e34 lm) add up to 2e34, and the
 /// least flux (1e-18 lm) stays a normal number.
 const FLUX_UNIT: f32 = 1.0 / (1 << 30) as f32;
+
+/// Directions are not cut if they differ by less than this along every axis, in units of the sphere's
+/// radius.
+const MIN_DIRECTION_EXTENT: f32 = 0.2;
+
+/// Where directions differ, a group counts as this much larger than its box, as a share of the
+/// squared diagonal of the group that is split: where the lights lie close together, their
+/// directions decide.
+const MIN_SIZE: f32 = 0.03 * 0.03;
 
 /// Lights that one thread sums in a row. Sums over more lights are sums of such runs, in order,
 /// with threads or without.
@@ -25,7 +34,7 @@ pub(crate) struct BuildItem {
     min: Vec4,
     /// The fourth lane holds the bits of the index; no arithmetic touches it, only comparisons.
     max: Vec4,
-    /// Mean position.
+    /// Mean position. The fourth lane holds 1 / flux, or 0 for a dark light.
     pub(super) mean: Vec4,
     /// Flux times mean direction, then flux, in units of [`FLUX_UNIT`].
     power: Vec4,
@@ -35,10 +44,11 @@ impl BuildItem {
     /// Takes the box, flux, mean and axis of a cluster.
     pub fn new(cluster: &Cluster, index: u32) -> Self {
         let flux = cluster.flux * FLUX_UNIT;
+        let per_flux = if flux >= f32::MIN_POSITIVE { flux.recip() } else { 0.0 };
         Self {
             min: cluster.aabb.min.extend(0.0),
             max: cluster.aabb.max.extend(f32::from_bits(index)),
-            mean: cluster.mean.extend(0.0),
+            mean: cluster.mean.extend(per_flux),
             power: (cluster.axis * flux).extend(flux),
         }
     }
@@ -46,6 +56,12 @@ impl BuildItem {
     /// The index that was given.
     pub fn index(&self) -> u32 {
         self.max.w.to_bits()
+    }
+
+    /// The mean direction of emission. The fourth lane has no meaning.
+    #[inline(always)]
+    pub(super) fn direction(&self) -> Vec4 {
+        self.power * self.mean.w
     }
 
     pub(super) fn sums(&self) -> GroupSums {
@@ -71,40 +87,53 @@ impl GroupSums {
         self.power += other.power;
     }
 
+    /// The squared diagonal of the box.
+    pub fn diagonal_sq(&self) -> f32 {
+        (self.max - self.min).max(Vec4::ZERO).truncate().length_squared()
+    }
+
     /// The factor that makes this group's flux 1. 0 for a dark group.
     pub fn per_flux(&self) -> f32 {
         if self.power.w >= f32::MIN_POSITIVE { self.power.w.recip() } else { 0.0 }
     }
 }
 
-/// Costs of four groups, with their flux multiplied by `per_flux`.
+/// What the costs of the parts of a group are relative to.
+#[derive(Clone, Copy)]
+pub(super) struct CostUnit {
+    /// The factor that makes the group's flux 1.
+    pub per_flux: f32,
+    /// Added to the size of each part, in square metres.
+    pub min_size: f32,
+}
+
+/// Costs of four groups.
 #[inline(always)]
-pub(super) fn costs(groups: [&GroupSums; 4], per_flux: f32) -> Vec4 {
+pub(super) fn costs(groups: [&GroupSums; 4], unit: CostUnit) -> Vec4 {
     let lanes = |[a, b, c, d]: [Vec4; 4]| Mat4::from_cols(a, b, c, d).transpose();
     // Empty boxes are inverted.
     let edges = lanes(groups.map(|group| (group.max - group.min).max(Vec4::ZERO)));
-    let powers = lanes(groups.map(|group| group.power * per_flux));
-    build_cost([edges.x_axis, edges.y_axis, edges.z_axis], [powers.x_axis, powers.y_axis, powers.z_axis], powers.w_axis)
+    let powers = lanes(groups.map(|group| group.power * unit.per_flux));
+    let size = size([edges.x_axis, edges.y_axis, edges.z_axis]) + Vec4::splat(unit.min_size);
+    build_cost(size, [powers.x_axis, powers.y_axis, powers.z_axis], powers.w_axis)
 }
 
-/// A box of mean positions.
+/// A box of positions or of directions.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct MeanBounds {
+pub(super) struct Bounds {
     pub min: Vec4,
     pub max: Vec4,
 }
 
-impl MeanBounds {
+impl Bounds {
     pub const EMPTY: Self = Self { min: Vec4::INFINITY, max: Vec4::NEG_INFINITY };
 
-    pub fn around(items: &[BuildItem]) -> Self {
-        Self::EMPTY.with(items)
-    }
-
-    /// These bounds, widened to contain some items.
+    /// Widens the box to contain a point. `outside` is 0 in all lanes, or infinity in all lanes for
+    /// a point that is left out.
     #[inline(always)]
-    fn with(self, items: &[BuildItem]) -> Self {
-        items.iter().fold(self, |all, item| all.union(&Self { min: item.mean, max: item.mean }))
+    pub fn add(&mut self, point: Vec4, outside: Vec4) {
+        self.min = self.min.min(point + outside);
+        self.max = self.max.max(point - outside);
     }
 
     pub fn union(&self, other: &Self) -> Self {
@@ -116,17 +145,57 @@ impl MeanBounds {
     }
 }
 
+/// The boxes of the mean positions and of the mean directions of some items.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct MeanBounds {
+    pub position: Bounds,
+    pub direction: Bounds,
+}
+
+impl MeanBounds {
+    pub const EMPTY: Self = Self { position: Bounds::EMPTY, direction: Bounds::EMPTY };
+
+    pub fn around(items: &[BuildItem]) -> Self {
+        Self::EMPTY.with(items)
+    }
+
+    /// These bounds, widened to contain some items.
+    #[inline(always)]
+    fn with(mut self, items: &[BuildItem]) -> Self {
+        items.iter().for_each(|item| self.add(item, Vec4::ZERO));
+        self
+    }
+
+    /// Whether the directions differ enough to divide the items by them.
+    pub fn has_directions(&self) -> bool {
+        self.direction.extent().max_element() >= MIN_DIRECTION_EXTENT
+    }
+
+    /// Widens the boxes to contain an item. `outside` is as in [`Bounds::add`].
+    #[inline(always)]
+    pub fn add(&mut self, item: &BuildItem, outside: Vec4) {
+        self.position.add(item.mean, outside);
+        self.direction.add(item.direction(), outside);
+    }
+
+    pub fn union(&self, other: &Self) -> Self {
+        Self { position: self.position.union(&other.position), direction: self.direction.union(&other.direction) }
+    }
+}
+
 /// The number, the sums and the mean positions of consecutive items.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Group {
     pub count: usize,
     pub sums: GroupSums,
+    /// The squared diagonal of the box of the whole tree; 0 in the group of the whole tree itself.
+    pub tree_sq: f32,
     /// Left empty for groups that fit into one node: no split needs it.
     pub means: MeanBounds,
 }
 
 impl Group {
-    pub const EMPTY: Self = Self { count: 0, sums: GroupSums::EMPTY, means: MeanBounds::EMPTY };
+    pub const EMPTY: Self = Self { count: 0, sums: GroupSums::EMPTY, tree_sq: 0.0, means: MeanBounds::EMPTY };
 
     pub fn around(items: &[BuildItem]) -> Self {
         let parts = map_runs(items, |run| {
@@ -140,10 +209,26 @@ impl Group {
         })
     }
 
-    /// Costs of two parts of this group, relative to its flux.
+    /// What the costs of this group's parts are relative to.
+    pub fn cost_unit(&self) -> CostUnit {
+        let min_size = match MIN_SIZE * self.sums.diagonal_sq() {
+            _ if !self.means.has_directions() => 0.0,
+            // Lights at one place have no size but this one.
+            0.0 => 1.0,
+            size => size,
+        };
+        CostUnit { per_flux: self.sums.per_flux(), min_size }
+    }
+
+    /// The squared diagonal of the box of the whole tree.
+    pub fn tree_diagonal_sq(&self) -> f32 {
+        self.tree_sq.max(self.sums.diagonal_sq())
+    }
+
+    /// Costs of two parts of this group.
     pub fn costs(&self, [a, b]: [&Self; 2]) -> [f32; 2] {
         let four = [&a.sums, &b.sums, &GroupSums::EMPTY, &GroupSums::EMPTY];
-        let [a, b, ..] = costs(four, self.sums.per_flux()).to_array();
+        let [a, b, ..] = costs(four, self.cost_unit()).to_array();
         [a, b]
     }
 }

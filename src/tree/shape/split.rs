@@ -5,7 +5,9 @@
 
 use std::array;
 
-use super::bins::{BinGrid, split_binned};
+use glam::Vec4;
+
+use super::bins::{AXES, BinGrid, MIN_EXTENT, split_binned};
 use super::counts::{fills_nodes, middle};
 use super::group::{BuildItem, Group, GroupSums, MeanBounds, costs};
 use super::median;
@@ -19,10 +21,6 @@ const MAX_SORTED: usize = 16;
 /// city of 10,000 lights costs 5 % more. 16 bins from 32 lights on gain nothing over this and take
 /// 2 to 5 % longer.
 pub(super) const MIN_MANY_BINS: usize = 128;
-
-/// Lights less than this many metres apart count as one place. Above it, the scale of the thinnest
-/// axis that is cut is finite.
-const MIN_EXTENT: f32 = 1.0e-24;
 
 /// Steps along an axis that sorting distinguishes. Lights in the same step keep their order.
 const SORT_STEPS: f32 = (1 << 24) as f32;
@@ -39,17 +37,24 @@ pub(super) fn split(items: &mut [BuildItem], whole: &Group, halve: bool) -> [Gro
     } else {
         split_binned::<16>(items, whole)
     };
-    parts.unwrap_or_else(|| split_middle(items, &whole.means))
+    let parts = parts.unwrap_or_else(|| split_middle(items, &whole.means));
+    of_tree(whole, parts)
 }
 
-/// Whether cuts of a group differ in cost: its lights shine, and they are not all at one place.
+/// The parts of a group, which belong to the same tree.
+pub(super) fn of_tree(whole: &Group, parts: [Group; 2]) -> [Group; 2] {
+    parts.map(|part| Group { tree_sq: whole.tree_diagonal_sq(), ..part })
+}
+
+/// Whether cuts of a group differ in cost: its lights shine, and they differ in place or direction.
 pub(super) fn has_cost(whole: &Group) -> bool {
-    whole.sums.per_flux() != 0.0 && whole.means.extent().max_element() >= MIN_EXTENT
+    let is_one_place = whole.means.position.extent().max_element() < MIN_EXTENT;
+    whole.sums.per_flux() != 0.0 && (!is_one_place || whole.means.has_directions())
 }
 
 /// The longest axis of a box. `None` if the box is one point.
 pub(super) fn longest_axis(means: &MeanBounds) -> Option<usize> {
-    let extent = means.extent().to_array();
+    let extent = means.position.extent().to_array();
     (0..3).filter(|axis| extent[*axis] > 0.0).max_by(|a, b| extent[*a].total_cmp(&extent[*b]))
 }
 
@@ -81,15 +86,20 @@ struct SortedCut {
 #[inline(never)]
 fn split_sorted(items: &mut [BuildItem], whole: &Group) -> Option<[Group; 2]> {
     let count = items.len();
-    let per_flux = whole.sums.per_flux();
-    let grid = BinGrid::new(&whole.means, SORT_STEPS);
+    let unit = whole.cost_unit();
+    let grid = BinGrid::new(whole, SORT_STEPS);
     let mut sums = [GroupSums::EMPTY; MAX_SORTED];
-    let mut keys = [[0; MAX_SORTED]; 3];
+    let mut keys = [[0; MAX_SORTED]; AXES];
     for (place, item) in items.iter().enumerate() {
         sums[place] = item.sums();
-        let steps = grid.positions(item.mean).to_array();
-        // The place in the last digits makes all keys of an axis different.
-        (0..3).for_each(|axis| keys[axis][place] = steps[axis] as i32 * MAX_SORTED as i32 + place as i32);
+        let mut add_keys = |first_axis: usize, steps: Vec4| {
+            for (keys, step) in keys[first_axis..][..3].iter_mut().zip(steps.to_array()) {
+                // The place in the last digits makes all keys of an axis different.
+                keys[place] = step as i32 * MAX_SORTED as i32 + place as i32;
+            }
+        };
+        add_keys(0, grid.places::<false>(item));
+        add_keys(3, grid.places::<true>(item));
     }
     let mut cuts = [0; MAX_SORTED];
     let mut allowed = 0;
@@ -98,7 +108,7 @@ fn split_sorted(items: &mut [BuildItem], whole: &Group) -> Option<[Group; 2]> {
         allowed += 1;
     }
     let (mut least, mut best) = (f32::INFINITY, None);
-    for axis in (0..3).filter(|axis| grid.scale[*axis] > 0.0) {
+    for axis in (0..AXES).filter(|axis| grid.is_cut(*axis)) {
         let order = sorted(&keys[axis], count);
         let mut lefts = [GroupSums::EMPTY; MAX_SORTED];
         let mut rights = [GroupSums::EMPTY; MAX_SORTED];
@@ -113,7 +123,7 @@ fn split_sorted(items: &mut [BuildItem], whole: &Group) -> Option<[Group; 2]> {
         }
         for pair in cuts[..allowed].chunks(2) {
             let [a, b] = [pair[0], pair[pair.len() - 1]];
-            let cost = grid.stretch[axis] * costs([&lefts[a], &rights[a], &lefts[b], &rights[b]], per_flux);
+            let cost = grid.stretch[axis] * costs([&lefts[a], &rights[a], &lefts[b], &rights[b]], unit);
             for (cut, cost) in [(a, cost.x + cost.y), (b, cost.z + cost.w)] {
                 if cost < least {
                     (least, best) = (cost, Some(SortedCut { cut, order, sums: [lefts[cut], rights[cut]] }));
@@ -126,7 +136,7 @@ fn split_sorted(items: &mut [BuildItem], whole: &Group) -> Option<[Group; 2]> {
     items.iter_mut().zip(order).for_each(|(item, place)| *item = unsorted[place as usize % MAX_SORTED]);
     let group = |items: &[BuildItem], sums| {
         let means = if items.len() > WIDTH { MeanBounds::around(items) } else { MeanBounds::EMPTY };
-        Group { count: items.len(), sums, means }
+        Group { count: items.len(), sums, means, ..Group::EMPTY }
     };
     let (left, right) = items.split_at(cut);
     Some([group(left, sums[0]), group(right, sums[1])])

@@ -5,9 +5,9 @@
 
 use super::bins::{BinCut, BinGrid, Bins, Sides};
 use super::counts::middle;
-use super::group::{BuildItem, Group, MeanBounds, SumsOfRuns};
+use super::group::{BuildItem, Group, SumsOfRuns};
 use super::median::{KeyPartition, Selection};
-use super::split::{MIN_MANY_BINS, has_cost, longest_axis};
+use super::split::{MIN_MANY_BINS, has_cost, longest_axis, of_tree};
 use crate::tree::units::{BIN_TICKS, CLASSIFY_TICKS, CUT_TICKS, DIGIT_TICKS, MOVE_TICKS, SELECT_TICKS, SUM_TICKS};
 
 /// Splits of fewer items are not cut.
@@ -46,7 +46,7 @@ impl SteppedSplit {
     pub fn new() -> Self {
         Self {
             stage: Stage::Sum,
-            grid: BinGrid::new(&MeanBounds::EMPTY, 16.0),
+            grid: BinGrid::new(&Group::EMPTY, 16.0),
             bins: SumsOfRuns::new(Bins::EMPTY, Bins::EMPTY),
             sides: Sides::EMPTY,
             halves: [const { SumsOfRuns::new(Group::EMPTY, Group::EMPTY) }; 2],
@@ -59,7 +59,7 @@ impl SteppedSplit {
         if halve || !has_cost(whole) {
             return self.start_middle(whole);
         }
-        self.grid = BinGrid::new(&whole.means, 16.0);
+        self.grid = BinGrid::new(whole, 16.0);
         self.bins.clear();
         self.stage = Stage::Bin;
     }
@@ -99,7 +99,7 @@ impl SteppedSplit {
                 *ticks += CLASSIFY_TICKS * handled.max(1);
                 if handled == 0 {
                     [cut.groups[0].means, cut.groups[1].means] = self.sides.means();
-                    return Some(cut.groups);
+                    return Some(of_tree(whole, cut.groups));
                 }
             }
             Stage::Select(selection, counted) => {
@@ -127,7 +127,7 @@ impl SteppedSplit {
                 let (half, sums) = if left_sums.added() < left.len() { (left, left_sums) } else { (right, right_sums) };
                 *ticks += SUM_TICKS * sums.add_some(half, PIECE, Group::add_items);
                 if self.halves[1].added() == right.len() {
-                    return Some([*self.halves[0].get(), *self.halves[1].get()]);
+                    return Some(of_tree(whole, [*self.halves[0].get(), *self.halves[1].get()]));
                 }
             }
         }
