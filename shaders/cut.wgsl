@@ -22,7 +22,7 @@ struct LightCut {
     // The importance of each child; 0 for a child that was split itself. After the last split the
     // weights: none is negative then, and unresolved ones are limited.
     weights: array<mat2x4<f32>, LIGHT_CUT_NODES>,
-    // Importance times spread; 0 for what cannot be split.
+    // Importance times relative doubt; 0 for what cannot be split.
     doubts: array<mat2x4<f32>, LIGHT_CUT_NODES>,
 }
 
@@ -116,7 +116,7 @@ fn light_add_children(cut: ptr<function, LightCut>, instance: u32, index: u32, s
     let node = light_node(in_top, index);
     let children = light_child_importances(node, light_local_to(instance, shading_point));
     let importance = children.importance;
-    var doubts = mat2x4(importance[0] * children.spread[0], importance[1] * children.spread[1]);
+    var doubts = mat2x4(importance[0] * children.doubt[0], importance[1] * children.doubt[1]);
     if children.has_unresolved {
         (*cut).has_unresolved = true;
         doubts[0] = select(doubts[0], importance[0] * -LIGHT_UNRESOLVED_DOUBT, importance[0] < vec4(0.0));

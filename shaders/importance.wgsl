@@ -37,14 +37,15 @@ struct LightLocalShadingPoint {
 
 struct LightFourImportances {
     importance: vec4<f32>,
-    spread: vec4<f32>,
+    doubt: vec4<f32>,
 }
 
 // Of all eight children: the columns are children 0 to 3 and 4 to 7.
 struct LightChildImportances {
     // Negative if a child is unresolved.
     importance: mat2x4<f32>,
-    spread: mat2x4<f32>,
+    // The error that the estimate of a child may have, relative to the estimate.
+    doubt: mat2x4<f32>,
     has_unresolved: bool,
 }
 
@@ -58,12 +59,12 @@ fn light_child_importances(node: LightNode, local: LightLocalShadingPoint) -> Li
     let margin = (farthest.x + farthest.y + farthest.z) * local.margin;
     let error = LIGHT_POSITION_ERROR * (own.x + own.y + own.z) + LIGHT_MIN_POSITION_ERROR;
     let error_sq = (2.0 * 3.0) * (error * error);
-    let first_four = light_unpack(light_first_four(node), origin, half_step);
+    let first_four = light_unpack(light_first_four(node), origin, half_step, local.normal, margin);
     let first = light_four_importances(first_four, local, margin, error_sq);
-    let last_four = light_unpack(light_last_four(node), origin, half_step);
+    let last_four = light_unpack(light_last_four(node), origin, half_step, local.normal, margin);
     let last = light_four_importances(last_four, local, margin, error_sq);
     return LightChildImportances(
-        mat2x4(first.importance, last.importance), mat2x4(first.spread, last.spread),
+        mat2x4(first.importance, last.importance), mat2x4(first.doubt, last.doubt),
         any(min(first.importance, last.importance) < vec4(0.0)),
     );
 }
@@ -116,23 +117,25 @@ fn light_four_importances(
 ) -> LightFourImportances {
     let estimate = light_estimate(four, local, position_error_sq);
     let is_lit = (four.flux > vec4(0.0)) & !light_is_provably_dark(four, local, margin);
-    return LightFourImportances(select(vec4(0.0), estimate.importance, is_lit), estimate.spread);
+    return LightFourImportances(select(vec4(0.0), estimate.importance, is_lit), estimate.doubt);
 }
 
 fn light_estimate(four: LightFour, local: LightLocalShadingPoint, position_error_sq: f32) -> LightFourImportances {
-    let x = four.toward[0];
-    let y = four.toward[1];
-    let z = four.toward[2];
-    let dist_sq = max(x * x + y * y + z * z, vec4(LIGHT_MIN_IMPORTANCE));
+    let dist_sq = max(four.dist_sq, vec4(LIGHT_MIN_IMPORTANCE));
     let dist = sqrt(dist_sq);
     let spread = four.variance / (dist_sq + four.variance);
 
-    let along = local.normal.x * x + local.normal.y * y + local.normal.z * z;
-    let rounded = 0.5 * (along + sqrt(along * along + LIGHT_COSINE_WIDTH_SQ * spread * dist_sq));
+    let mean_sq = dist_sq + LIGHT_VARIANCE_SHARE * four.variance;
+    let doubt = spread
+        * (mean_sq / max(four.gap_sq + LIGHT_NEAR_VARIANCE * four.variance, LIGHT_MIN_GAP * mean_sq));
+    let nearness = 1.0 + LIGHT_NEAR_GAIN * doubt;
+
+    let width_sq = LIGHT_COSINE_WIDTH_SQ * four.across_variance * (1.0 - spread);
+    let rounded = 0.5 * (four.along + sqrt(four.along * four.along + width_sq));
     let cosine = select(dist, max(rounded, LIGHT_MIN_COSINE * dist), local.has_normal);
 
     var cosines = cosine * (1.0 / dist);
-    var reach = dist_sq + LIGHT_VARIANCE_SHARE * four.variance;
+    var reach = mean_sq;
     // Lights that shine to all sides alike have no lobe. Their value is then the distance, and the
     // quotient is 1; a product with the inverse might not be. So all variants give such lights the
     // same bits.
@@ -141,25 +144,19 @@ fn light_estimate(four: LightFour, local: LightLocalShadingPoint, position_error
     cosines *= lobe.value / dist;
     reach *= lobe.width_sq;
     // #endif
-    let lux = four.flux * (1.0 / LIGHT_FOUR_PI) * (cosines / reach);
+    let lux = (four.flux * (1.0 / LIGHT_FOUR_PI) * nearness) * (cosines / reach);
     // NaN is not above the least importance; WGSL's max may keep it.
     let above_least = select(vec4(LIGHT_MIN_IMPORTANCE), lux, lux > vec4(LIGHT_MIN_IMPORTANCE));
     let importance = min(above_least, vec4(LIGHT_MAX_IMPORTANCE));
     let is_unresolved = dist_sq + four.variance <= LIGHT_MEAN_ERROR_SQ * four.radius_sq + position_error_sq;
-    return LightFourImportances(select(importance, -importance, is_unresolved), spread);
+    return LightFourImportances(select(importance, -importance, is_unresolved), doubt);
 }
 
 fn light_is_provably_dark(four: LightFour, local: LightLocalShadingPoint, margin: f32) -> vec4<bool> {
     // Everything is below the horizon.
-    let n = local.normal;
-    let size = abs(n);
-    let highest = margin * (size.x + size.y + size.z)
-        + (n.x * four.center[0] + size.x * four.half_size[0])
-        + (n.y * four.center[1] + size.y * four.half_size[1])
-        + (n.z * four.center[2] + size.z * four.half_size[2]);
-    var is_dark = vec4(local.has_normal) & (highest <= vec4(0.0));
+    var is_dark = vec4(local.has_normal) & (four.highest <= vec4(0.0));
     // #if RANGES
-    is_dark = is_dark | light_is_out_of_range(four, local, margin);
+    is_dark = is_dark | light_is_out_of_range(four, local);
     // #endif
     // #if CONES
     is_dark = is_dark | light_is_turned_away(four, local, margin);
@@ -168,13 +165,10 @@ fn light_is_provably_dark(four: LightFour, local: LightLocalShadingPoint, margin
 }
 
 // #if RANGES
-fn light_is_out_of_range(four: LightFour, local: LightLocalShadingPoint, margin: f32) -> vec4<bool> {
-    let out_x = max(abs(four.center[0]) - (four.half_size[0] + margin), vec4(0.0));
-    let out_y = max(abs(four.center[1]) - (four.half_size[1] + margin), vec4(0.0));
-    let out_z = max(abs(four.center[2]) - (four.half_size[2] + margin), vec4(0.0));
-    let gap_sq = out_x * out_x + out_y * out_y + out_z * out_z;
+fn light_is_out_of_range(four: LightFour, local: LightLocalShadingPoint) -> vec4<bool> {
     let reach = four.range * (local.range_scale * (1.0 + LIGHT_COSINE_MARGIN));
-    return (four.range < vec4(LIGHT_UNLIMITED_RANGE)) & (gap_sq > reach * reach) & (gap_sq <= vec4(LIGHT_MAX_DIST_SQ));
+    return (four.range < vec4(LIGHT_UNLIMITED_RANGE)) & (four.gap_sq > reach * reach)
+        & (four.gap_sq <= vec4(LIGHT_MAX_DIST_SQ));
 }
 // #endif
 
@@ -191,19 +185,15 @@ fn light_lobe(four: LightFour, spread: vec4<f32>, dist_sq: vec4<f32>, dist: vec4
     let share = LIGHT_LOBE_SHARE * min(length * (1.0 / LIGHT_LAMBERTIAN), vec4(1.0)) * (1.0 - spread);
     let min_cos = max(3.0 * length - 2.0, vec4(0.0));
     let width_sq = (1.0 - min_cos) * (1.0 - min_cos);
-    let facing = four.axis[0] * four.toward[0] + four.axis[1] * four.toward[1] + four.axis[2] * four.toward[2];
-    let above = -facing - min_cos * dist;
+    let above = -four.facing - min_cos * dist;
     let rim = (LIGHT_RIM_WIDTH_SQ * spread + LIGHT_RIM_MIN_SQ * width_sq) * dist_sq;
     let value = (1.0 - share) * width_sq * dist + 2.0 * share * (above + sqrt(above * above + rim));
     return LightLobe(value, width_sq);
 }
 
 fn light_is_turned_away(four: LightFour, local: LightLocalShadingPoint, margin: f32) -> vec4<bool> {
-    let x = four.center[0];
-    let y = four.center[1];
-    let z = four.center[2];
-    let dist_sq = x * x + y * y + z * z;
-    let along = -(four.axis[0] * x + four.axis[1] * y + four.axis[2] * z);
+    let dist_sq = four.center_sq;
+    let along = -four.center_facing;
     let across = sqrt(max(dist_sq - along * along, vec4(0.0)));
     let cos = four.cos_half_angle;
     let sin = sqrt(max(1.0 - cos * cos, vec4(0.0)));

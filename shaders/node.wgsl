@@ -18,19 +18,28 @@ struct LightPackedFour {
     // #endif
 }
 
-// Four children relative to a shading point. The columns of matrices are x, y and z.
+// Four children relative to a shading point: sums over the three axes. Coordinates themselves would
+// need more registers.
 struct LightFour {
-    // From the shading point to the mean position, and to the centre of the box.
-    toward: mat3x4<f32>,
-    center: mat3x4<f32>,
-    // Half the box's edges, and their squared length.
-    half_size: mat3x4<f32>,
+    // From the shading point to the mean position: the squared length, and the part along the normal.
+    dist_sq: vec4<f32>,
+    along: vec4<f32>,
+    // How far the box rises above the plane through the shading point.
+    highest: vec4<f32>,
+    // The squared distance of the box.
+    gap_sq: vec4<f32>,
+    // Half the diagonal of the box, squared.
     radius_sq: vec4<f32>,
     variance: vec4<f32>,
+    // The part of the variance that lies along the normal, times 3; at most the variance.
+    across_variance: vec4<f32>,
     flux: vec4<f32>,
     // #if CONES
-    // Unit vectors.
-    axis: mat3x4<f32>,
+    // The part of the mean position along the axis of emission.
+    facing: vec4<f32>,
+    // The centre of the box: the squared distance, and the part along the axis.
+    center_sq: vec4<f32>,
+    center_facing: vec4<f32>,
     // Length of the mean direction of emission, in [0, 1].
     axis_length: vec4<f32>,
     cos_half_angle: vec4<f32>,
@@ -98,25 +107,54 @@ fn light_half_steps(steps: u32) -> vec3<f32> {
     return 0.5 * vec3(light_step(steps, 0u), light_step(steps, 1u), light_step(steps, 2u));
 }
 
-// `origin` is the vector from the shading point to the node's origin.
-fn light_unpack(packed: LightPackedFour, origin: vec3<f32>, half_step: vec3<f32>) -> LightFour {
-    let low = mat3x4(light_bytes(packed.low.x), light_bytes(packed.low.y), light_bytes(packed.low.z));
-    let high = mat3x4(light_bytes(packed.high.x), light_bytes(packed.high.y), light_bytes(packed.high.z));
-    let mean = mat3x4(light_bytes(packed.mean.x), light_bytes(packed.mean.y), light_bytes(packed.mean.z));
+// Adds the part of one axis to the sums. `origin` is the coordinate of the node's origin, relative
+// to the shading point, and `normal` that of the normal.
+fn light_add_axis(
+    four: ptr<function, LightFour>, words: vec3<u32>, axis: vec4<f32>, origin: f32, half_step: f32, normal: f32,
+    margin: f32,
+) {
+    let low = light_bytes(words.x);
+    let high = light_bytes(words.y);
+    let width = high - low;
+    let half_size = width * half_step;
+    let center = origin + (high + low) * half_step;
+    let toward = origin + (low + width * (light_bytes(words.z) * (1.0 / LIGHT_STEPS))) * (2.0 * half_step);
+    let outside = max(abs(center) - (half_size + margin), vec4(0.0));
+    (*four).dist_sq += toward * toward;
+    (*four).along += normal * toward;
+    (*four).highest += normal * center + abs(normal) * half_size;
+    (*four).gap_sq += outside * outside;
+    (*four).radius_sq += half_size * half_size;
+    (*four).across_variance += (normal * half_size) * (normal * half_size);
+    // #if CONES
+    (*four).facing += axis * toward;
+    (*four).center_sq += center * center;
+    (*four).center_facing += axis * center;
+    // #endif
+}
+
+// `origin` is the vector from the shading point to the node's origin, `normal` the normal of the
+// shading point. `margin` is the largest rounding error of a position.
+fn light_unpack(
+    packed: LightPackedFour, origin: vec3<f32>, half_step: vec3<f32>, normal: vec3<f32>, margin: f32,
+) -> LightFour {
     var four: LightFour;
-    for (var k = 0u; k < 3u; k++) {
-        let width = high[k] - low[k];
-        four.half_size[k] = width * half_step[k];
-        four.center[k] = origin[k] + (high[k] + low[k]) * half_step[k];
-        four.toward[k] = origin[k] + (low[k] + width * (mean[k] * (1.0 / LIGHT_STEPS))) * (2.0 * half_step[k]);
-    }
-    four.radius_sq = four.half_size[0] * four.half_size[0] + four.half_size[1] * four.half_size[1]
-        + four.half_size[2] * four.half_size[2];
+    var axis = mat3x4<f32>();
+    // #if CONES
+    axis = light_unit_axes(packed.axis);
+    // #endif
+    four.highest = vec4(margin * (abs(normal.x) + abs(normal.y) + abs(normal.z)));
+    let x = vec3(packed.low.x, packed.high.x, packed.mean.x);
+    light_add_axis(&four, x, axis[0], origin.x, half_step.x, normal.x, margin);
+    let y = vec3(packed.low.y, packed.high.y, packed.mean.y);
+    light_add_axis(&four, y, axis[1], origin.y, half_step.y, normal.y, margin);
+    let z = vec3(packed.low.z, packed.high.z, packed.mean.z);
+    light_add_axis(&four, z, axis[2], origin.z, half_step.z, normal.z, margin);
     let deviation = light_bytes(packed.deviation) * (1.0 / LIGHT_STEPS);
     four.variance = deviation * deviation * four.radius_sq;
+    four.across_variance = min(3.0 * (deviation * deviation) * four.across_variance, four.variance);
     four.flux = light_halves(packed.flux);
     // #if CONES
-    four.axis = light_unit_axes(packed.axis);
     let shortness = light_bytes(packed.shortness) * (1.0 / LIGHT_STEPS);
     four.axis_length = 1.0 - shortness * shortness;
     let cap = light_bytes(packed.cap);

@@ -78,8 +78,8 @@ pub(crate) struct Cut<'a> {
     /// The importance of each child; 0 for a child that was split itself. After the last split the
     /// weights: no importance is negative then, and unresolved ones are limited.
     weights: [Lanes; MAX_NODES],
-    /// How much light the estimate of a child may be wrong by: importance times spread. 0 for what
-    /// cannot be split.
+    /// How much light the estimate of a child may be wrong by: the importance times the relative
+    /// doubt. 0 for what cannot be split.
     doubts: [Lanes; MAX_NODES],
     has_unresolved: bool,
     /// The sums of the weights, without unresolved children until the last split.
@@ -211,11 +211,11 @@ impl<'a> Cut<'a> {
         let TreeView { nodes, local, is_top, .. } = self.trees[tree].as_ref()?;
         let record = nodes.get(node as usize)?;
         let children = child_importances(record, local);
-        let ChildImportances { importance, spread } = children;
+        let ChildImportances { importance, doubt } = children;
         let index = self.node_count;
         for i in 0..WIDTH {
             let can_split = is_top | (record.targets[i] & LEAF == 0);
-            self.doubts[index][i] = if can_split { importance[i] * spread[i] } else { 0.0 };
+            self.doubts[index][i] = if can_split { importance[i] * doubt[i] } else { 0.0 };
         }
         if children.has_unresolved() {
             self.has_unresolved = true;

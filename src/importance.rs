@@ -5,8 +5,9 @@
 //!
 //! Twin of `shaders/importance.wgsl`; `tests/all/gpu.rs` runs both on the same inputs. Based on
 //! CK18 5.1 and pbrt-v4's light bounds. Differs: the flux-weighted mean and variance of position
-//! replace the box's centre, the cosine at the shading point is smooth, and the emission is a lobe
-//! about the mean direction (docs/math.md). All eight children of a node are evaluated together and
+//! replace the box's centre, the cosine at the shading point is smooth, the emission is a lobe about
+//! the mean direction, and and clusters whose box is nearer than their mean position count as
+//! more doubtful and brighter (docs/math.md). All eight children of a node are evaluated together and
 //! without branches, so that the compiler can use vectors.
 
 use glam::Vec3;
@@ -50,10 +51,18 @@ impl LocalShadingPoint {
 }
 
 /// The share of the variance of position that is added to the squared distance.
-pub(crate) const VARIANCE_SHARE: f32 = 0.4;
+pub(crate) const VARIANCE_SHARE: f32 = 0.5;
 /// The squared width of the smooth cosine at the shading point, per unit of the cluster's angular
 /// size.
-pub(crate) const COSINE_WIDTH_SQ: f32 = 0.81;
+pub(crate) const COSINE_WIDTH_SQ: f32 = 0.5;
+/// The brightness that a cluster gains per unit of doubt: a weak light at the shading point may
+/// outshine the strong ones that decide the mean position.
+pub(crate) const NEAR_GAIN: f32 = 0.2;
+/// The share of the variance of position that is added to the squared distance of the box. It
+/// limits the doubt about a cluster around the shading point.
+pub(crate) const NEAR_VARIANCE: f32 = 0.02;
+/// The least squared distance of a box, per unit of that of the mean position.
+pub(crate) const MIN_GAP: f32 = 1.0e-6;
 /// The least cosine at the shading point. It keeps the probability of what the bounds cannot
 /// exclude above 0.
 pub(crate) const MIN_COSINE: f32 = 1.0e-3;
@@ -98,9 +107,9 @@ pub(crate) const POSITION_ERROR: f32 = 3.0e-7;
 /// The least error in metres: twice the distance below which a light counts as sending nothing
 /// (`MIN_DIST_SQ`).
 pub(crate) const MIN_POSITION_ERROR: f32 = 2.0e-11;
-/// The doubt about an unresolved child, relative to its importance. All others have at most 1, so
-/// it is split first.
-pub(crate) const UNRESOLVED_DOUBT: f32 = 2.0;
+/// The doubt about an unresolved child, relative to its importance. All others have at most 1 /
+/// [`NEAR_VARIANCE`], so it is split first.
+pub(crate) const UNRESOLVED_DOUBT: f32 = 2.0 / NEAR_VARIANCE;
 
 /// How much light the children of a node send to a shading point.
 #[derive(Clone, Copy, Debug)]
@@ -108,9 +117,9 @@ pub(crate) struct ChildImportances {
     /// Estimated illuminance in lux, with a negative sign if the child is unresolved. 0 only if the
     /// box, the cap or the range proves that it is 0.
     pub importance: Lanes,
-    /// The angular size of a child, from 0 (far away) to 1 (the shading point is inside). The error
-    /// of the estimate grows with it.
-    pub spread: Lanes,
+    /// The error that the estimate of a child may have, relative to the estimate: from 0 (far away)
+    /// to 1 / [`NEAR_VARIANCE`] (the shading point is inside).
+    pub doubt: Lanes,
 }
 
 impl ChildImportances {
@@ -129,32 +138,51 @@ pub(crate) fn child_importances(node: &Node, local: &LocalShadingPoint) -> Child
     let margin = (node.reach(&grid) + coordinates) * local.margin;
     let position_error = POSITION_ERROR * coordinates + MIN_POSITION_ERROR;
     let position_error_sq = (2.0 * 3.0) * (position_error * position_error);
-    let mut children = ChildImportances { importance: [0.0; WIDTH], spread: [0.0; WIDTH] };
+    let mut children = ChildImportances { importance: [0.0; WIDTH], doubt: [0.0; WIDTH] };
     for i in 0..WIDTH {
         let child = node.unpack(i, &grid);
-        let (importance, spread) = estimate(&child, local, position_error_sq);
-        let is_lit = (child.flux > 0.0) & !is_provably_dark(&child, local, margin);
+        let mut gap_sq = 0.0;
+        for k in 0..3 {
+            let outside = max(child.center[k].abs() - (child.half[k] + margin), 0.0);
+            gap_sq += outside * outside;
+        }
+        let (importance, doubt) = estimate(&child, local, gap_sq, position_error_sq);
+        let is_lit = (child.flux > 0.0) & !is_provably_dark(&child, local, gap_sq, margin);
         children.importance[i] = if is_lit { importance } else { 0.0 };
-        children.spread[i] = spread;
+        children.doubt[i] = doubt;
     }
     children
 }
 
-/// The importance and the spread of one child. See [`ChildImportances`].
+/// The importance and the doubt of one child. See [`ChildImportances`]. `gap_sq` is the squared
+/// distance of its box.
 #[inline(always)]
-fn estimate(child: &Unpacked, local: &LocalShadingPoint, position_error_sq: f32) -> (f32, f32) {
+fn estimate(child: &Unpacked, local: &LocalShadingPoint, gap_sq: f32, position_error_sq: f32) -> (f32, f32) {
     let [x, y, z] = child.toward;
     let dist_sq = max(x * x + y * y + z * z, MIN_IMPORTANCE);
     let dist = dist_sq.sqrt();
     let variance = child.variance;
+    // The angular size of the cluster, from 0 (far away) to 1 (the shading point is inside).
     let spread = variance / (dist_sq + variance);
+
+    // A cluster whose box is nearer than its mean position may have lights that are, too.
+    let mean_sq = dist_sq + VARIANCE_SHARE * variance;
+    let doubt = spread * (mean_sq / max(gap_sq + NEAR_VARIANCE * variance, MIN_GAP * mean_sq));
+    let nearness = 1.0 + NEAR_GAIN * doubt;
 
     // Cosines stay multiplied by the distance until the end, which need not wait for a division.
     // The cosine at the shading point is a hyperbola that follows max(cos, 0), rounded off over the
-    // angular size of the cluster.
+    // angular size of the cluster. Only its extent along the normal changes the cosine: a façade
+    // that faces another one, or a ceiling over a floor, has none.
     let normal = local.normal;
     let along = normal.x * x + normal.y * y + normal.z * z;
-    let cosine = 0.5 * (along + (along * along + COSINE_WIDTH_SQ * spread * dist_sq).sqrt());
+    let mut across_sq = 0.0;
+    for (normal, half) in normal.to_array().into_iter().zip(child.half) {
+        across_sq += (normal * half) * (normal * half);
+    }
+    let across_variance = min(3.0 * child.deviation_sq * across_sq, variance);
+    let width_sq = COSINE_WIDTH_SQ * across_variance * (1.0 - spread);
+    let cosine = 0.5 * (along + (along * along + width_sq).sqrt());
     let cosine = if local.has_normal { max(cosine, MIN_COSINE * dist) } else { dist };
 
     // A share of the light goes along a lobe about the mean direction, the rest to all sides:
@@ -172,11 +200,12 @@ fn estimate(child: &Unpacked, local: &LocalShadingPoint, position_error_sq: f32)
     // Each factor is divided by one distance, because the fourth power of a long distance leaves
     // f32.
     let inverse = 1.0 / dist;
-    let reach = width_sq * (dist_sq + VARIANCE_SHARE * variance);
-    let lux = child.flux * (0.25 * std::f32::consts::FRAC_1_PI) * ((lobe * inverse) * (cosine * inverse) / reach);
+    let reach = width_sq * mean_sq;
+    let flux = child.flux * (0.25 * std::f32::consts::FRAC_1_PI) * nearness;
+    let lux = flux * ((lobe * inverse) * (cosine * inverse) / reach);
     let importance = min(max(lux, MIN_IMPORTANCE), MAX_IMPORTANCE);
     let is_unresolved = dist_sq + variance <= MEAN_ERROR_SQ * child.radius_sq + position_error_sq;
-    (if is_unresolved { -importance } else { importance }, spread)
+    (if is_unresolved { -importance } else { importance }, doubt)
 }
 
 /// What a walk chooses one of a node's children by: the importances, where those of unresolved
@@ -218,17 +247,15 @@ pub(crate) fn scale_unresolved(importance: &Lanes, scale: f32) -> Lanes {
     importance.map(|importance| if importance < 0.0 { max(-importance * scale, MIN_IMPORTANCE) } else { importance })
 }
 
-/// Whether the bounds prove that no light of a child reaches the shading point. `margin` is the
-/// largest rounding error of a position.
+/// Whether the bounds prove that no light of a child reaches the shading point. `gap_sq` is the
+/// squared distance of its box, `margin` the largest rounding error of a position.
 #[inline(always)]
-fn is_provably_dark(child: &Unpacked, local: &LocalShadingPoint, margin: f32) -> bool {
+fn is_provably_dark(child: &Unpacked, local: &LocalShadingPoint, gap_sq: f32, margin: f32) -> bool {
     let normal = local.normal.to_array();
     let mut highest = margin * (normal[0].abs() + normal[1].abs() + normal[2].abs());
-    let (mut gap_sq, mut dist_sq, mut along) = (0.0, 0.0, 0.0);
+    let (mut dist_sq, mut along) = (0.0, 0.0);
     for k in 0..3 {
         highest += normal[k] * child.center[k] + normal[k].abs() * child.half[k];
-        let outside = max(child.center[k].abs() - (child.half[k] + margin), 0.0);
-        gap_sq += outside * outside;
         dist_sq += child.center[k] * child.center[k];
         along -= child.axis[k] * child.center[k];
     }
@@ -321,7 +348,7 @@ mod tests {
     fn importances_are_the_same_bits_with_vectors_and_without() {
         let tree = tree_of_all_kinds();
         let bits =
-            |children: ChildImportances| [children.importance, children.spread].map(|lanes| lanes.map(f32::to_bits));
+            |children: ChildImportances| [children.importance, children.doubt].map(|lanes| lanes.map(f32::to_bits));
         for (i, node) in tree.nodes().iter().enumerate() {
             // The third point is on a lamp, or near one.
             for shading_point in [

@@ -139,6 +139,9 @@ pub(crate) fn constants() -> String {
     for (name, value) in [
         ("VARIANCE_SHARE", importance::VARIANCE_SHARE),
         ("COSINE_WIDTH_SQ", importance::COSINE_WIDTH_SQ),
+        ("NEAR_GAIN", importance::NEAR_GAIN),
+        ("NEAR_VARIANCE", importance::NEAR_VARIANCE),
+        ("MIN_GAP", importance::MIN_GAP),
         ("MIN_COSINE", importance::MIN_COSINE),
         ("LAMBERTIAN", light::LAMBERTIAN),
         ("LOBE_SHARE", importance::LOBE_SHARE),
@@ -304,8 +307,8 @@ mod tests {
             (
                 Effects::CONES,
                 "light_lobe light_is_turned_away light_from_spot light_unit_axes light_signed_bytes LightLobe LightLobe.value LightLobe.width_sq \
-                 LightNode.cones LightPackedFour.axis LightPackedFour.shortness LightPackedFour.cap LightFour.axis \
-                 LightFour.axis_length LightFour.cos_half_angle LightLocalShadingPoint.keeps_angles LIGHT_NO_CONES LIGHT_KIND_SPOT \
+                 LightNode.cones LightPackedFour.axis LightPackedFour.shortness LightPackedFour.cap LightFour.facing \
+                 LightFour.center_sq LightFour.center_facing LightFour.axis_length LightFour.cos_half_angle LightLocalShadingPoint.keeps_angles LIGHT_NO_CONES LIGHT_KIND_SPOT \
                  LIGHT_LAMBERTIAN LIGHT_LOBE_SHARE LIGHT_RIM_WIDTH_SQ LIGHT_RIM_MIN_SQ LIGHT_MAX_LOBE_LENGTH \
                  LIGHT_CAP_STEPS LIGHT_ANGLE_MARGIN LIGHT_KEEPS_ANGLES",
             ),

@@ -36,6 +36,8 @@ pub(crate) struct Unpacked {
     /// Squared length of `half`.
     pub radius_sq: f32,
     pub variance: f32,
+    /// `variance` over `radius_sq`.
+    pub deviation_sq: f32,
     /// A unit vector.
     pub axis: [f32; 3],
     /// Length of the mean direction of emission, in [0, 1].
@@ -212,6 +214,7 @@ impl Node {
             half,
             radius_sq,
             variance: deviation * deviation * radius_sq,
+            deviation_sq: deviation * deviation,
             axis: [axis[0] * inverse, axis[1] * inverse, axis[2] * inverse],
             length: 1.0 - shortness * shortness,
             cos_half_angle: if cos > -1.0 { cos } else { -1.0 },
