@@ -34,51 +34,62 @@ fn light_candidate_numbers(u: vec4<f32>, i: u32, count: u32) -> vec4<f32> {
 }
 
 // The unshadowed illuminance by a candidate in lux, divided by its probability density. Twin of
-// `candidate_weight`.
-fn light_candidate_weight(shading_point: LightShadingPoint, candidate: LightSample) -> f32 {
+// `illuminance_weight`.
+fn light_illuminance_weight(shading_point: LightShadingPoint, candidate: LightSample) -> f32 {
     var cosine = 1.0;
     if any(shading_point.normal != vec3(0.0)) {
         cosine = dot(shading_point.normal, candidate.direction);
     }
     let lux = dot(candidate.radiance, vec3(0.2126, 0.7152, 0.0722)) * cosine;
-    let weight = lux / candidate.pdf / candidate.pmf;
+    return light_clamp_weight(lux / candidate.pdf / candidate.pmf);
+}
+
+// Clamps to [LIGHT_MIN_WEIGHT, LIGHT_MAX_WEIGHT]; NaN becomes the least.
+fn light_clamp_weight(weight: f32) -> f32 {
     return min(select(LIGHT_MIN_WEIGHT, weight, weight > LIGHT_MIN_WEIGHT), LIGHT_MAX_WEIGHT);
 }
 
-// Draws several candidates and chooses one of them in proportion to its unshadowed light. `u` in
-// [0, 1) as for light_sample, which this equals for one candidate. `candidates` is clamped to 1 and
-// LIGHT_MAX_CANDIDATES.
-fn light_resample(shading_point: LightShadingPoint, u: vec4<f32>, candidates: u32) -> LightReservoir {
-    let count = clamp(candidates, 1u, LIGHT_MAX_CANDIDATES);
-    var directional_lux = 0.0;
-    // #if DIRECTIONAL
-    directional_lux = light_directional_lux(shading_point);
-    // #endif
-    var cut: LightCut;
-    light_new_cut(&cut, directional_lux, shading_point);
-    let bits = bitcast<vec4<u32>>(u);
-    var state = light_hash(bits.x ^ light_hash(bits.y ^ light_hash(bits.z ^ light_hash(bits.w))));
-    var kept = LightSample(vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0u, 0u, 0u);
-    var kept_weight = 0.0;
-    var total = 0.0;
-    for (var i = 0u; i < count; i++) {
-        state = light_hash(state);
-        let numbers = light_candidate_numbers(u, i, count);
-        let pick = light_draw(&cut, directional_lux, shading_point, numbers.xy);
-        let candidate = light_sample_picked(shading_point, pick, numbers.zw);
-        if candidate.pmf <= 0.0 {
-            continue;
+// The candidates of one shading point, in order.
+struct LightCandidates {
+    count: u32,
+    // The sum of all weights.
+    total: f32,
+    picks: array<LightPick, LIGHT_MAX_CANDIDATES>,
+    // 0 for a candidate that is not wanted.
+    weights: array<f32, LIGHT_MAX_CANDIDATES>,
+}
+
+// Gives the next candidate its weight.
+fn light_add_weight(candidates: ptr<function, LightCandidates>, weight: f32) {
+    (*candidates).weights[(*candidates).count] = weight;
+    (*candidates).total += weight;
+    (*candidates).count += 1u;
+}
+
+// The candidate that `choice` in [0, 1) keeps. Twin of `kept_candidate`.
+fn light_kept_candidate(candidates: ptr<function, LightCandidates>, choice: f32) -> u32 {
+    let point = max(light_clamp_unit(choice), 0.5 * LIGHT_U_STEP) * (*candidates).total;
+    var kept = 0u;
+    var before = 0.0;
+    for (var i = 0u; i < (*candidates).count; i++) {
+        let weight = (*candidates).weights[i];
+        if weight > 0.0 && point >= before {
+            kept = i;
         }
-        let weight = light_candidate_weight(shading_point, candidate);
-        total += weight;
-        if kept_weight <= 0.0 || f32(state >> 8u) * LIGHT_U_STEP * total < weight {
-            kept = candidate;
-            kept_weight = weight;
-        }
+        before += weight;
     }
-    if kept_weight <= 0.0 {
-        return LightReservoir(kept, 0.0);
+    return kept;
+}
+
+// The candidate that was kept, with its weight W.
+fn light_reservoir(
+    candidates: ptr<function, LightCandidates>, kept: u32, candidate: LightSample,
+) -> LightReservoir {
+    let weight = (*candidates).weights[kept];
+    if weight <= 0.0 {
+        return LightReservoir(LightSample(vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0u, 0u, 0u), 0.0);
     }
-    let density = max(kept.pmf * kept.pdf, LIGHT_MIN_PDF);
-    return LightReservoir(kept, total / (f32(count) * kept_weight) / density);
+    let density = max(candidate.pmf * candidate.pdf, LIGHT_MIN_PDF);
+    let w = (*candidates).total / (f32((*candidates).count) * weight) / density;
+    return LightReservoir(candidate, min(w, LIGHT_MAX_RESERVOIR_WEIGHT));
 }

@@ -17,6 +17,7 @@
 //! | 600 to 699 | `gpu::GpuError` |
 //! | 700 to 799 | `gltf::GltfError` |
 //! | 800 | `tree::CheckError` |
+//! | 900 | `gpu::TargetHookError` |
 
 use glam::DVec3;
 

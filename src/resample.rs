@@ -1,14 +1,16 @@
-//! Resampling: chooses one of several candidates in proportion to its unshadowed light, with a
-//! weight that keeps the estimate unbiased.
+//! Resampling: chooses one of several candidates in proportion to its unshadowed light or to a
+//! function of the caller, with a weight that keeps the estimate unbiased.
 //!
-//! Twin of `shaders/resample.wgsl`. Source: Talbot, Cline and Egbert, Importance Resampling for
-//! Global Illumination (2005); one pass and the weight W as in Bitterli et al., Spatiotemporal
-//! Reservoir Resampling (2020). Differs: all candidates come from one cut, and each is drawn from
-//! its own stratum (docs/math.md says why that is unbiased).
+//! Twin of `shaders/resample.wgsl`, `shaders/resample_loop.wgsl` and `shaders/resample_by.wgsl`.
+//! Source: Talbot, Cline and Egbert, Importance Resampling for Global Illumination (2005); the
+//! weight W as in Bitterli et al., Spatiotemporal Reservoir Resampling (2020). Differs: all
+//! candidates come from one cut, each is drawn from its own stratum (docs/math.md says why that is
+//! unbiased), and one number chooses among them after all are weighed. Choosing in one pass, with
+//! the number rescaled after each decision, had 3 to 5 % more error (docs/decisions.md, 20).
 
 use crate::counts::{CandidateCount, MAX_CANDIDATES, SplitCount};
 use crate::cut::{Cut, InstanceTrees, TreeView};
-use crate::dice::{U_STEP, clamp_unit, hash};
+use crate::dice::{U_STEP, clamp_unit};
 use crate::emit::MIN_PDF;
 use crate::light::luminance;
 use crate::sample::{LightSample, LightSampler};
@@ -28,6 +30,10 @@ pub(crate) const MIN_WEIGHT: f32 = 1.0e-30;
 /// See [`MIN_WEIGHT`].
 pub(crate) const MAX_WEIGHT: f32 = 1.0e30;
 
+/// The largest W. Only a candidate whose share of the weights is below 2^-24 and whose density is
+/// tiny has one; infinity would become NaN where it is multiplied by a BRDF of 0.
+pub(crate) const MAX_RESERVOIR_WEIGHT: f32 = f32::MAX;
+
 /// The candidate that [`LightSampler::resample`] kept, and its weight.
 ///
 /// `brdf * cosine * chosen.incident.radiance * weight` estimates the light that arrives from all
@@ -46,12 +52,75 @@ impl LightSampler<'_> {
     /// luminance of `radiance * cosine / (pmf * pdf)`. One shadow ray then has the noise of many
     /// where little is shadowed.
     ///
-    /// `u` is as for [`LightSampler::sample`], which this equals for one candidate. `None` if no
-    /// candidate sends anything to the shading point: count that as black.
+    /// The first four numbers of `u` are as for [`LightSampler::sample`], which this equals for one
+    /// candidate. The fifth chooses among the candidates: it is uniform in [0, 1) too, and best
+    /// evenly distributed over the samples of a pixel, not a hash. `None` if no candidate sends anything to the shading
+    /// point: count that as black.
     ///
     /// Clusters are split once for all candidates. Each candidate costs a walk down the trees and a
     /// point on a light. No memory is allocated.
-    pub fn resample(&self, shading_point: &ShadingPoint, u: [f32; 4], candidates: CandidateCount) -> Option<Reservoir> {
+    pub fn resample(&self, shading_point: &ShadingPoint, u: [f32; 5], candidates: CandidateCount) -> Option<Reservoir> {
+        self.keep_one(shading_point, u, candidates, |sample| illuminance_weight(shading_point, sample))
+    }
+
+    /// Does the same as [`LightSampler::resample`], but chooses in proportion to
+    /// `target / (pmf * pdf)`, where the function `target` is the caller's.
+    ///
+    /// The best target is the light that the candidate would reflect without shadows: the luminance
+    /// of `brdf * cosine * radiance`. The library divides it by `pmf * pdf`.
+    ///
+    /// A target that is NaN or below [`f32::MIN_POSITIVE`] means that the candidate is not wanted.
+    /// It is never kept, but counts as a candidate. The estimate is unbiased if the target is
+    /// positive wherever the integrand is: a candidate that is not wanted must reflect nothing.
+    /// Beyond that the target changes the noise only. Its scale has no effect while
+    /// `target / (pmf * pdf)` is within 1e-30 and 1e30, to which it is clamped; infinity counts as
+    /// the upper end. `None` if no candidate is wanted: count that as black.
+    ///
+    /// `target` is called once for each candidate that sends light to the shading point.
+    ///
+    /// ```
+    /// use girandole::glam::Vec3;
+    /// use girandole::light::luminance;
+    /// use girandole::{CandidateCount, Light, LightWorld, Placement, Policy, ShadingPoint};
+    ///
+    /// let mut world = LightWorld::new();
+    /// let lamps = (0..9).map(|i| Light::point(Vec3::new(i as f32, 3.0, 0.0), Vec3::splat(100.0)));
+    /// let tree = world.add_tree(lamps.collect())?;
+    /// world.add_instance(tree, Placement::IDENTITY, Policy::Static)?;
+    ///
+    /// let ground = ShadingPoint::surface(Vec3::ZERO, Vec3::Y);
+    /// let mirrored = Vec3::new(0.8, 0.6, 0.0); // the view direction, reflected at the ground
+    /// let brdf = |direction: Vec3| 0.1 + direction.dot(mirrored).max(0.0).powi(50);
+    /// let reflected = |incident: &girandole::Incident| {
+    ///     incident.radiance * brdf(incident.direction) * incident.direction.dot(ground.normal)
+    /// };
+    /// let kept = world.sampler().resample_by(&ground, [0.1, 0.2, 0.3, 0.4, 0.5], CandidateCount::of::<8>(), |sample| {
+    ///     luminance(reflected(&sample.incident))
+    /// });
+    /// let kept = kept.expect("lamps are in sight");
+    /// let estimate = reflected(&kept.chosen.incident) * kept.weight; // after one shadow ray
+    /// assert!(estimate.x > 0.0);
+    /// # Ok::<(), girandole::WorldError>(())
+    /// ```
+    pub fn resample_by(
+        &self,
+        shading_point: &ShadingPoint,
+        u: [f32; 5],
+        candidates: CandidateCount,
+        mut target: impl FnMut(&LightSample) -> f32,
+    ) -> Option<Reservoir> {
+        self.keep_one(shading_point, u, candidates, |sample| target_weight(target(sample), sample))
+    }
+
+    /// `weight` returns 0 for candidates that are not wanted.
+    fn keep_one(
+        &self,
+        shading_point: &ShadingPoint,
+        [a, b, x, y, choice]: [f32; 5],
+        candidates: CandidateCount,
+        mut weight: impl FnMut(&LightSample) -> f32,
+    ) -> Option<Reservoir> {
+        let u = [a, b, x, y];
         let count = candidates.get();
         let outcomes = with_vectors(DrawManyJob {
             root: self.root(shading_point),
@@ -61,42 +130,61 @@ impl LightSampler<'_> {
             count,
             instance_trees: &(self, shading_point),
         });
-        let mut total = 0.0;
-        let mut kept = None;
-        let mut state = u.iter().rev().fold(0, |state, u| hash(u.to_bits() ^ state));
+        let mut samples = [const { None }; MAX_CANDIDATES as usize];
+        let mut weights = [0.0; MAX_CANDIDATES as usize];
         for (i, outcome) in (0..count).zip(outcomes) {
-            state = hash(state);
-            let [.., a, b] = candidate_numbers(u, i, count);
+            let [.., x, y] = candidate_numbers(u, i, count);
             let pick = self.picked(shading_point, outcome);
-            let sample = pick.and_then(|pick| self.sample_picked(shading_point, pick, [a, b]));
-            let Some(sample) = sample else { continue };
-            let weight = candidate_weight(shading_point, &sample);
-            total += weight;
-            if kept.is_none() || (state >> 8) as f32 * U_STEP * total < weight {
-                kept = Some((sample, weight));
-            }
+            samples[i as usize] = pick.and_then(|pick| self.sample_picked(shading_point, pick, [x, y]));
+            weights[i as usize] = samples[i as usize].as_ref().map_or(0.0, &mut weight);
         }
-        kept.map(|(sample, weight)| {
-            let density = (sample.pmf * sample.incident.pdf).max(MIN_PDF);
-            Reservoir { chosen: sample, weight: total / (count as f32 * weight) / density }
-        })
+        let total = weights.iter().sum();
+        let kept = kept_candidate(&weights[..count as usize], total, choice)?;
+        let (chosen, weight) = (samples[kept]?, weights[kept]);
+        let density = (chosen.pmf * chosen.incident.pdf).max(MIN_PDF);
+        Some(Reservoir { chosen, weight: (total / (count as f32 * weight) / density).min(MAX_RESERVOIR_WEIGHT) })
     }
 }
 
 /// The unshadowed illuminance by a candidate in lux, divided by its probability density.
 #[allow(clippy::manual_clamp, reason = "not the same for NaN, which becomes the least")]
-fn candidate_weight(shading_point: &ShadingPoint, sample: &LightSample) -> f32 {
+fn illuminance_weight(shading_point: &ShadingPoint, sample: &LightSample) -> f32 {
     let is_volume = shading_point.normal == glam::Vec3::ZERO;
     let cosine = if is_volume { 1.0 } else { shading_point.normal.dot(sample.incident.direction) };
     let lux = luminance(sample.incident.radiance) * cosine;
     (lux / sample.incident.pdf / sample.pmf).max(MIN_WEIGHT).min(MAX_WEIGHT)
 }
 
+/// The target of a candidate divided by its probability density; 0 if the candidate is not wanted.
+fn target_weight(target: f32, sample: &LightSample) -> f32 {
+    let weight = (target / sample.incident.pdf / sample.pmf).clamp(MIN_WEIGHT, MAX_WEIGHT);
+    // GPUs may flush subnormal numbers to 0. NaN is not above anything.
+    if target >= f32::MIN_POSITIVE { weight } else { 0.0 }
+}
+
+/// The candidate that `choice` in [0, 1) keeps: the one at `choice * total` on the line on which
+/// the weights lie one after the other. `None` if all weights are 0. `total` is their sum.
+///
+/// The number stands for an interval of 2^-24: at 0, the middle of that interval decides. Otherwise
+/// a first candidate with a tiny share would be kept far too often, with a huge weight.
+fn kept_candidate(weights: &[f32], total: f32, choice: f32) -> Option<usize> {
+    let point = clamp_unit(choice).max(0.5 * U_STEP) * total;
+    let mut kept = None;
+    let mut before = 0.0;
+    for (i, weight) in weights.iter().enumerate() {
+        if *weight > 0.0 && point >= before {
+            kept = Some(i);
+        }
+        before += weight;
+    }
+    kept
+}
+
 /// The random numbers of candidate `i`: the first lies in the candidate's stratum of [0, 1), the
 /// others are shifted along a lattice.
 ///
-/// It uses integers and sums only, so that GPUs compute the same bits: the numbers are hashed
-/// later.
+/// It uses integers and sums only, so that GPUs compute the same bits: the numbers that choose a
+/// light are hashed later.
 pub(crate) fn candidate_numbers(u: [f32; 4], i: u32, count: u32) -> [f32; 4] {
     if count == 1 {
         return u;
@@ -160,6 +248,41 @@ mod tests {
         }
         let nan = candidate_numbers([f32::NAN, -1.0, f32::INFINITY, 2.0], 3, 5);
         assert!(nan.iter().all(|x| (0.0..1.0).contains(x)), "{nan:?}");
+    }
+
+    #[test]
+    fn numbers_that_choose_are_divided_in_proportion_to_the_weights_and_in_their_order() {
+        let rows: [&[f32]; 5] =
+            [&[1.0], &[0.0, 2.0, 0.0, 1.0, 0.0], &[1.0; 32], &[1.0e-30, 1.0, 0.0, 3.0], &[1.0e30, 1.0e-30, 1.0e30]];
+        let steps = 1 << 16;
+        for weights in rows {
+            let total: f32 = weights.iter().sum();
+            let mut counts = vec![0; weights.len()];
+            let mut last = 0;
+            for step in 0..steps {
+                let kept = kept_candidate(weights, total, step as f32 / steps as f32).expect("one is positive");
+                assert!(kept >= last, "{weights:?}");
+                counts[kept] += 1;
+                last = kept;
+            }
+            for (weight, count) in weights.iter().zip(counts) {
+                // A step on each side, and nothing for a weight of 0.
+                let expected = f64::from(*weight) / f64::from(total) * f64::from(steps);
+                assert!((f64::from(count) - expected).abs() <= 1.0, "{weights:?}: {count} {expected}");
+                assert!(*weight > 0.0 || count == 0, "{weights:?}");
+            }
+        }
+        assert_eq!(kept_candidate(&[0.0; 4], 0.0, 0.5), None);
+        assert_eq!(kept_candidate(&[], 0.0, 0.5), None);
+    }
+
+    #[test]
+    fn the_ends_of_the_unit_interval_choose_candidates_that_weigh_something() {
+        let weights = [0.0, 1.0e-30, 5.0, 0.7, 0.0];
+        let total = weights.iter().sum();
+        for (choice, kept) in [(0.0, 2), (-1.0, 2), (f32::NAN, 2), (0.999_999_94, 3), (1.0, 3), (f32::INFINITY, 3)] {
+            assert_eq!(kept_candidate(&weights, total, choice), Some(kept), "{choice}");
+        }
     }
 
     #[test]

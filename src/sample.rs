@@ -70,6 +70,7 @@ pub struct LightSample {
 /// | [`pmf`](Self::pmf) | the probability of a given light |
 /// | [`pdf`](Self::pdf) | the density of a point that a ray hit, for multiple importance sampling |
 /// | [`resample`](Self::resample) | the best of several samples, weighted |
+/// | [`resample_by`](Self::resample_by) | the same, by a function of the caller |
 /// | [`distribution`](Self::distribution) | the probabilities of all lights |
 ///
 /// A light that sends anything to the shading point, unshadowed, has a probability above 0. The

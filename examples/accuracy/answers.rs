@@ -111,7 +111,8 @@ impl Answers {
 
 /// Whether a row is of the library's two levels in the default frame.
 pub fn is_plain(row: &Row) -> bool {
-    matches!(row.setting.sampler, Sampler::TwoLevels { .. }) && row.setting.change == Change::Nothing
+    matches!(row.setting.sampler, Sampler::TwoLevels { .. } | Sampler::ByBrdf { .. })
+        && row.setting.change == Change::Nothing
 }
 
 fn purchase(budget: f64, scale: f64, own: &[&Row]) -> Purchase {
@@ -160,6 +161,9 @@ fn knob(row: &Row, base: &Row, plain: &[&Row]) -> Option<Knob> {
     let name = match (own.sampler, of_base.sampler) {
         (Sampler::OneLevel { splits: 6, candidates: 1 }, _) => "one tree over all lights".into(),
         (sampler, of_base) if sampler == of_base && own.change != Change::Nothing => short(&own),
+        (Sampler::ByBrdf { splits, candidates }, Sampler::TwoLevels { splits: s, candidates: c }) if splits == s => {
+            format!("{c} → {candidates} candidates by BRDF")
+        }
         (Sampler::TwoLevels { splits, candidates }, Sampler::TwoLevels { splits: s, candidates: c }) => {
             match (splits != s, candidates != c) {
                 (true, false) => format!("{s} → {splits} splits"),

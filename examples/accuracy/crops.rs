@@ -95,6 +95,7 @@ fn title(sampler: Sampler) -> String {
     match sampler {
         DEFAULT => "Girandole, default".into(),
         Sampler::TwoLevels { candidates, .. } => format!("Girandole, {candidates} candidates"),
+        Sampler::ByBrdf { candidates, .. } => format!("Girandole, {candidates} candidates by BRDF"),
         Sampler::OneLevel { .. } => "Girandole, one tree".into(),
         Sampler::Published("uniform") => "Uniform".into(),
         Sampler::Published("flux") => "By flux".into(),

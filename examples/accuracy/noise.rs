@@ -8,7 +8,7 @@ use super::options::Plan;
 use super::samplers::Samplers;
 use super::scene_view::SceneView;
 use super::settings::Sampler;
-use crate::city::render::shading::{Dimension, random};
+use crate::direct_light::numbers::numbers;
 use crate::direct_light::view::Surface;
 use crate::measuring::sigma::Noise;
 use girandole::light::luminance;
@@ -79,11 +79,10 @@ impl Points {
         let at = |(index, point): (usize, &Point)| match samplers.pmfs(sampler, &point.surface.shading_point) {
             Some(pmfs) => exact(point, &pmfs),
             None => {
-                let numbers = |i| random(index as u32, i, SEED, Dimension::Light);
                 let renderer = view.renderer();
                 let material = &view.scene.materials[point.surface.material as usize];
                 let values = (0..draws).map(|i| {
-                    let drawn = draw.draw(&point.surface, material, numbers(i))?;
+                    let drawn = draw.draw(&point.surface, material, numbers(index as u32, i, SEED))?;
                     let cosine = point.surface.shading_point.normal.dot(drawn.incident.direction).max(0.0);
                     let lux = luminance(drawn.incident.radiance) * cosine * drawn.weight;
                     Some([f64::from(lux), f64::from(u8::from(!renderer.is_shadowed(&point.surface, &drawn.incident)))])

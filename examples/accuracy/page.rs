@@ -78,6 +78,9 @@ fn describe(row: &Row) -> String {
         Sampler::TwoLevels { splits, candidates } => {
             format!("{samples}, each resampled from {candidates} candidates, {splits} splits")
         }
+        Sampler::ByBrdf { splits, candidates } => {
+            format!("{samples}, each resampled from {candidates} candidates by BRDF, {splits} splits")
+        }
         _ => row.setting.name(),
     }
 }

@@ -10,6 +10,8 @@ use girandole::Effects;
 pub enum Sampler {
     /// The library with its two levels.
     TwoLevels { splits: usize, candidates: u32 },
+    /// The library with its two levels; candidates are weighed by the light that they reflect.
+    ByBrdf { splits: usize, candidates: u32 },
     /// The library with one tree over all lights.
     OneLevel { splits: usize, candidates: u32 },
     /// One of the samplers to compare with, by its name in `measuring/samplers.rs`.
@@ -65,6 +67,7 @@ impl Setting {
         let tree = |levels: &str, splits, candidates| format!("{levels} / {splits} splits / {candidates} candidates");
         let sampler = match self.sampler {
             Sampler::TwoLevels { splits, candidates } => tree("two levels", splits, candidates),
+            Sampler::ByBrdf { splits, candidates } => tree("two levels", splits, candidates) + " by BRDF",
             Sampler::OneLevel { splits, candidates } => tree("one level", splits, candidates),
             Sampler::Published(name) => name.into(),
             Sampler::Streaming => format!("streaming of {STREAMED}"),
@@ -87,7 +90,12 @@ impl Setting {
 
 /// A setting with several candidates that every run measures.
 pub fn resampled_default(is_quick: bool) -> Sampler {
-    Sampler::TwoLevels { splits: 6, candidates: if is_quick { 4 } else { 8 } }
+    Sampler::TwoLevels { splits: 6, candidates: resampled_candidates(is_quick) }
+}
+
+/// The candidates of [`resampled_default`], which are also weighed by BRDF.
+fn resampled_candidates(is_quick: bool) -> u32 {
+    if is_quick { 4 } else { 8 }
 }
 
 /// The budget of the default frame, in microseconds.
@@ -123,6 +131,9 @@ fn of_library(is_quick: bool) -> Vec<Setting> {
             splits(candidates, is_quick)
                 .iter()
                 .for_each(|splits| add(Sampler::TwoLevels { splits: *splits, candidates }));
+            if candidates == resampled_candidates(is_quick) {
+                add(Sampler::ByBrdf { splits: 6, candidates });
+            }
             if matches!(candidates, 1 | 8) {
                 add(Sampler::OneLevel { splits: 6, candidates });
             }

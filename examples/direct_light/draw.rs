@@ -7,7 +7,7 @@ use crate::common::split_mix;
 use crate::measuring::samplers::Chooser;
 use girandole::glam::Vec3;
 use girandole::light::luminance;
-use girandole::{CandidateCount, Incident, LightId, LightSampler};
+use girandole::{CandidateCount, Incident, LightId, LightSample, LightSampler};
 
 /// A point on a light, and the factor that turns its light into an estimate of the light by all
 /// lights.
@@ -21,9 +21,9 @@ pub struct Drawn {
 
 /// A way to draw a point on a light.
 pub trait Draw: Sync {
-    /// Draws a point for a surface. `u` are uniform in [0, 1). `None` where the draw ends without
-    /// light: the sample is black.
-    fn draw(&self, surface: &Surface, material: &Material, u: [f32; 4]) -> Option<Drawn>;
+    /// Draws a point for a surface. `u` are uniform in [0, 1); the fifth chooses among candidates.
+    /// `None` where the draw ends without light: the sample is black.
+    fn draw(&self, surface: &Surface, material: &Material, u: [f32; 5]) -> Option<Drawn>;
 }
 
 /// Chooses one light, then a point on it.
@@ -33,7 +33,7 @@ pub struct Single<'a> {
 }
 
 impl Draw for Single<'_> {
-    fn draw(&self, surface: &Surface, _: &Material, [a, b, x, y]: [f32; 4]) -> Option<Drawn> {
+    fn draw(&self, surface: &Surface, _: &Material, [a, b, x, y, _]: [f32; 5]) -> Option<Drawn> {
         let pick = self.chooser.choose(&surface.shading_point, [a, b])?;
         let incident = self.lights.sample_light(&surface.shading_point, pick.light, [x, y])?;
         Some(Drawn { incident, weight: 1.0 / (incident.pdf * pick.pmf) })
@@ -47,8 +47,23 @@ pub struct Resampled<'a> {
 }
 
 impl Draw for Resampled<'_> {
-    fn draw(&self, surface: &Surface, _: &Material, u: [f32; 4]) -> Option<Drawn> {
+    fn draw(&self, surface: &Surface, _: &Material, u: [f32; 5]) -> Option<Drawn> {
         let reservoir = self.lights.resample(&surface.shading_point, u, self.candidates)?;
+        Some(Drawn { incident: reservoir.chosen.incident, weight: reservoir.weight })
+    }
+}
+
+/// Draws several candidates from the light trees and keeps one in proportion to the light that it
+/// reflects without shadows.
+pub struct ResampledByBrdf<'a> {
+    pub lights: LightSampler<'a>,
+    pub candidates: CandidateCount,
+}
+
+impl Draw for ResampledByBrdf<'_> {
+    fn draw(&self, surface: &Surface, material: &Material, u: [f32; 5]) -> Option<Drawn> {
+        let target = |sample: &LightSample| luminance(reflected(surface, material, &sample.incident));
+        let reservoir = self.lights.resample_by(&surface.shading_point, u, self.candidates, target)?;
         Some(Drawn { incident: reservoir.chosen.incident, weight: reservoir.weight })
     }
 }
@@ -65,7 +80,7 @@ pub struct Streaming<'a> {
 }
 
 impl Draw for Streaming<'_> {
-    fn draw(&self, surface: &Surface, material: &Material, u: [f32; 4]) -> Option<Drawn> {
+    fn draw(&self, surface: &Surface, material: &Material, u: [f32; 5]) -> Option<Drawn> {
         let mut state = u.iter().fold(0, |state, u| split_mix::mix(state ^ u64::from(u.to_bits())));
         let mut unit = || (split_mix::next(&mut state) >> 40) as f32 * (1.0 / 16_777_216.0);
         let (mut total, mut kept) = (0.0, None);

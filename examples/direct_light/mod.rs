@@ -8,6 +8,7 @@
 pub mod stage;
 pub mod view;
 
+pub mod numbers;
 pub mod draw;
 pub mod renderer;
 pub mod converged;

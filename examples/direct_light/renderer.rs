@@ -1,6 +1,7 @@
 //! Pictures by one drawn light per sample, and the time that each stage of a sample takes.
 
 use super::draw::{Draw, reflected};
+use super::numbers::numbers;
 use super::view::{Pixel, SUBPIXELS, Surface, View};
 use crate::city::render::geometry::Geometry;
 use crate::city::render::shading::{Dimension, random};
@@ -119,7 +120,7 @@ impl Renderer<'_> {
                 lit.clear();
                 let start = Instant::now();
                 for (index, surface) in &timed {
-                    let u = random(*index as u32, round as u32, TIMING_SEED, Dimension::Light);
+                    let u = numbers(*index as u32, round as u32, TIMING_SEED);
                     drawn.push(draw.draw(surface, self.material(surface), u));
                 }
                 let chosen = Instant::now();
@@ -147,7 +148,7 @@ impl Renderer<'_> {
     /// numbered `first`.
     fn sample(&self, draw: &dyn Draw, index: usize, pixel: &Pixel, (sample, first): (u32, usize), seed: u32) -> Vec3 {
         let Some(surface) = &pixel.surfaces[(sample as usize + first) % SUBPIXELS] else { return Vec3::ZERO };
-        let u = random(index as u32, sample, seed, Dimension::Light);
+        let u = numbers(index as u32, sample, seed);
         let Some(drawn) = draw.draw(surface, self.material(surface), u) else { return Vec3::ZERO };
         let light = self.reflected(surface, &drawn.incident) * drawn.weight;
         if light.max_element() <= 0.0 || self.is_shadowed(surface, &drawn.incident) { Vec3::ZERO } else { light }

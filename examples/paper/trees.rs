@@ -71,7 +71,7 @@ pub struct FromTree<'a> {
 }
 
 impl Draw for FromTree<'_> {
-    fn draw(&self, surface: &Surface, _: &Material, [a, b, x, y]: [f32; 4]) -> Option<Drawn> {
+    fn draw(&self, surface: &Surface, _: &Material, [a, b, x, y, _]: [f32; 5]) -> Option<Drawn> {
         let (light, pmf) = self.tree.pick(&surface.shading_point, [a, b])?;
         let light = self.ids[light as usize];
         let incident = self.lights.sample_light(&surface.shading_point, light, [x, y])?;

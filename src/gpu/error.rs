@@ -61,6 +61,24 @@ impl GpuError {
     }
 }
 
+/// A name of a [`TargetHook`](super::TargetHook) is not an ASCII identifier of WGSL. Code 900.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the {what} of a target hook is named {name:?}, which is not an ASCII identifier of WGSL")]
+#[non_exhaustive]
+pub struct TargetHookError {
+    /// What is named: `"function"` or `"argument"`.
+    pub what: &'static str,
+    /// The given name.
+    pub name: String,
+}
+
+impl TargetHookError {
+    /// The stable code, see [`error`](crate::error).
+    pub fn code(&self) -> u32 {
+        900
+    }
+}
+
 /// Bytes of the largest storage buffer that the device can create and bind whole.
 pub(crate) fn largest_storage_buffer(device: &wgpu::Device) -> u64 {
     let limits = device.limits();
@@ -233,6 +251,7 @@ mod tests {
             GpuError::OutOfMemory { what: "lights", bytes: 64 },
         ];
         assert_eq!(errors.map(|error| error.code()), [600, 601, 602, 603]);
+        assert_eq!(TargetHookError { what: "function", name: String::new() }.code(), 900);
         assert_eq!(errors[3].to_string(), "the device has no memory for lights (64 bytes)");
     }
 }

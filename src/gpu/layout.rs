@@ -332,7 +332,7 @@ mod tests {
             [to_world, flags, tree, node_base, light_base, top_place, padding_a, padding_b, padding_c, to_local]
         );
         record!(structs, TreeRecord, "LightTree", [root, punctual_flux, area_flux, padding]);
-        record!(structs, SampleRequest, "Request", [position, padding_a, normal, padding_b, u]);
+        record!(structs, SampleRequest, "Request", [position, choice, normal, padding, u]);
         record!(structs, SampleRecord, "LightSample", [direction, dist, radiance, pdf, pmf, instance, light, is_delta]);
         // WGSL pads the struct without naming the padding.
         assert_eq!(structs["LightReservoir"], (64, vec![("chosen".into(), 0), ("weight".into(), 48)]));

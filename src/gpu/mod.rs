@@ -42,6 +42,7 @@ mod shader;
 mod sort;
 mod stages;
 mod stored;
+mod target_hook;
 #[cfg(test)]
 mod testing;
 mod text;
@@ -59,8 +60,8 @@ use std::sync::OnceLock;
 
 use bindings::{bind_lights, light_layout, params_buffer};
 use candidates::CandidateTable;
-pub use error::GpuError;
 use error::check_limits;
+pub use error::{GpuError, TargetHookError};
 use kernel::Kernel;
 use layout::{InstanceRecord, LightRecord, ParamsRecord, Strides, TreeRecord};
 use measure::CountKernel;
@@ -70,6 +71,7 @@ use recorder::Recorder;
 pub use records::{ReservoirRecord, SampleRecord, SampleRequest};
 use relayout::Relayout;
 pub use shader::LightShader;
+pub use target_hook::TargetHook;
 pub use text::wgsl;
 use top::TopBuild;
 use top_status::TopStatus;
@@ -314,7 +316,7 @@ impl GpuLights {
     /// every world.
     pub fn shader(&self, group: u32, effects: Effects) -> LightShader {
         let wgsl = wgsl(group, effects);
-        LightShader { wgsl, group, effects, records_usage: false, layout: self.layout.clone() }
+        LightShader { wgsl, group, effects, records_usage: false, target: None, layout: self.layout.clone() }
     }
 
     /// Writes the parameters, and replaces bind groups whose buffers were replaced. Returns the
@@ -394,6 +396,8 @@ mod tests {
         check::<ReservoirRecord>();
         check::<SampleRecord>();
         check::<SampleRequest>();
+        check::<TargetHook>();
+        check::<TargetHookError>();
         check::<UploadReport>();
         check::<UsageCounts<'static>>();
         fn has_debug_form<T: fmt::Debug>() {}

@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-/// A shading point and its four random numbers: the input of [`GpuLights::sample`] and
+/// A shading point and its random numbers: the input of [`GpuLights::sample`] and
 /// [`GpuLights::resample`].
 ///
 /// 48 bytes; `Request` in `shaders/request.wgsl`.
@@ -14,12 +14,16 @@ use bytemuck::{Pod, Zeroable};
 pub struct SampleRequest {
     /// Metres, relative to [`LightWorld::origin`](crate::LightWorld::origin).
     pub position: [f32; 3],
-    /// Not read.
-    pub padding_a: u32,
+    /// A random number in [0, 1), which chooses among the candidates of [`GpuLights::resample`].
+    /// [`GpuLights::sample`] does not read it.
+    ///
+    /// [`GpuLights::sample`]: super::GpuLights::sample
+    /// [`GpuLights::resample`]: super::GpuLights::resample
+    pub choice: f32,
     /// The unit normal of a surface, or zero for a point in a volume.
     pub normal: [f32; 3],
     /// Not read.
-    pub padding_b: u32,
+    pub padding: u32,
     /// Random numbers in [0, 1). The first two choose the light, the last two the point on it.
     pub u: [f32; 4],
 }

@@ -1,5 +1,6 @@
 //! What an engine needs to call our functions from a shader of its own.
 
+use super::target_hook::TargetHook;
 use super::text;
 use crate::effects::Effects;
 
@@ -30,8 +31,11 @@ use crate::effects::Effects;
 ///
 /// // A light and a point on it.
 /// fn light_sample(shading_point: LightShadingPoint, u: vec4<f32>) -> LightSample
-/// // One of up to LIGHT_MAX_CANDIDATES samples, kept in proportion to its unshadowed light.
-/// fn light_resample(shading_point: LightShadingPoint, u: vec4<f32>, candidates: u32) -> LightReservoir
+/// // One of up to LIGHT_MAX_CANDIDATES samples, kept in proportion to its unshadowed light. `choice` is a
+/// // fifth random number, which chooses among them.
+/// fn light_resample(
+///     shading_point: LightShadingPoint, u: vec4<f32>, choice: f32, candidates: u32,
+/// ) -> LightReservoir
 /// // A light alone; then a point on a picked light, whose pmf must be above 0.
 /// fn light_pick(shading_point: LightShadingPoint, u: vec2<f32>) -> LightPick
 /// fn light_sample_picked(shading_point: LightShadingPoint, pick: LightPick, u: vec2<f32>) -> LightSample
@@ -43,7 +47,8 @@ use crate::effects::Effects;
 /// ```
 ///
 /// [`GpuLights::usage_shader`](super::GpuLights::usage_shader) adds a function that records which
-/// lights are chosen.
+/// lights are chosen. [`LightShader::with_target`] adds `light_resample_by`, which weighs candidates
+/// by a function of the engine.
 ///
 /// # Measures
 ///
@@ -86,6 +91,9 @@ pub struct LightShader {
     /// Whether the text has `light_record_usage`: see
     /// [`GpuLights::usage_shader`](super::GpuLights::usage_shader).
     pub records_usage: bool,
+    /// The function that weighs candidates, if the text has `light_resample_by`: see
+    /// [`LightShader::with_target`].
+    pub target: Option<TargetHook>,
     /// The layout of the bind group, for compute and fragment stages.
     pub layout: wgpu::BindGroupLayout,
 }
@@ -96,9 +104,53 @@ impl LightShader {
     /// compiles nothing.
     #[must_use]
     pub fn with_effects(&self, effects: Effects) -> Self {
-        let wgsl = if self.records_usage { text::wgsl_with_usage } else { text::wgsl };
         let Self { group, records_usage, .. } = *self;
-        Self { wgsl: wgsl(group, effects), group, effects, records_usage, layout: self.layout.clone() }
+        let wgsl = text::wgsl_of_shader(group, effects, records_usage, self.target.as_ref());
+        Self { wgsl, effects, ..self.clone() }
+    }
+
+    /// Returns the same shader with `light_resample_by`, which keeps candidates in proportion to a
+    /// function of the engine. [`TargetHook`] has the functions' parameters. A second call replaces
+    /// the function of the first.
+    ///
+    /// Only shaders that have this function pay for it. [`LightShader::with_effects`] keeps it.
+    ///
+    /// ```
+    /// use girandole::Effects;
+    /// use girandole::gpu::{GpuLights, TargetHook, TargetHookError};
+    ///
+    /// const ENGINE: &str = "
+    /// struct Material { base_color: vec3<f32>, toward_eye: vec3<f32>, shininess: f32 }
+    ///
+    /// fn brdf(normal: vec3<f32>, direction: vec3<f32>, material: Material) -> vec3<f32> {
+    ///     let half_vector = normalize(direction + material.toward_eye);
+    ///     return material.base_color / 3.14 + pow(max(dot(normal, half_vector), 0.0), material.shininess);
+    /// }
+    ///
+    /// fn reflected(shading_point: LightShadingPoint, material: Material, candidate: LightSample) -> vec3<f32> {
+    ///     let cosine = max(dot(shading_point.normal, candidate.direction), 0.0);
+    ///     return brdf(shading_point.normal, candidate.direction, material) * cosine * candidate.radiance;
+    /// }
+    ///
+    /// fn reflected_luminance(shading_point: LightShadingPoint, material: Material, candidate: LightSample) -> f32 {
+    ///     return dot(reflected(shading_point, material, candidate), vec3(0.2126, 0.7152, 0.0722));
+    /// }
+    ///
+    /// fn direct_light(at: LightShadingPoint, material: Material, u: vec4<f32>, choice: f32) -> vec3<f32> {
+    ///     let kept = light_resample_by(at, material, u, choice, 8u);
+    ///     // An engine traces a shadow ray of length kept.chosen.dist here, if the weight is above 0.
+    ///     return reflected(at, material, kept.chosen) * kept.weight;
+    /// }";
+    ///
+    /// fn text(lights: &GpuLights) -> Result<String, TargetHookError> {
+    ///     let hook = TargetHook::new("reflected_luminance", "Material")?;
+    ///     Ok(lights.shader(1, Effects::all()).with_target(hook).join(ENGINE))
+    /// }
+    /// ```
+    #[must_use]
+    pub fn with_target(self, hook: TargetHook) -> Self {
+        let effects = self.effects;
+        Self { target: Some(hook), ..self }.with_effects(effects)
     }
 
     /// Returns the engine's text with this text before it, but after the engine's `enable`,
@@ -165,12 +217,13 @@ mod tests {
     fn the_shaders_of_the_guide_are_valid_for_all_effects_and_for_none() {
         let guide = include_str!("../../docs/integration.md");
         let blocks: Vec<_> = guide.split("```wgsl").skip(1).filter_map(|rest| rest.split("```").next()).collect();
-        assert_eq!(blocks.len(), 5);
+        assert_eq!(blocks.len(), 6);
         for effects in [Effects::all(), Effects::empty()] {
             for block in &blocks {
                 let counts = block.contains("light_record_usage");
-                let ours = if counts { text::wgsl_with_usage } else { text::wgsl };
-                let text = ours(1, effects) + STUBS + block;
+                let hook = TargetHook::new("engine_target", "EngineSurface").expect("identifiers");
+                let hook = block.contains("light_resample_by").then_some(&hook);
+                let text = text::wgsl_of_shader(1, effects, counts, hook) + STUBS + block;
                 let module =
                     naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("it parses");
                 naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::default())

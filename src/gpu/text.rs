@@ -4,6 +4,7 @@
 use std::collections::HashSet;
 use std::fmt::Write;
 
+use super::target_hook::TargetHook;
 use super::{layout, stored};
 use crate::cluster;
 use crate::counts;
@@ -40,18 +41,20 @@ pub(crate) const BATCH_COUNT: &str =
 /// parts that are not stored have the values of lights without that effect.
 #[must_use]
 pub fn wgsl(group: u32, effects: Effects) -> String {
-    joined(group, effects, false)
+    joined(group, effects, false, None)
 }
 
 /// The same as [`wgsl`] with the variable `light_nodes_read`, which counts the nodes that an
 /// invocation reads.
 pub(crate) fn wgsl_counting(group: u32, effects: Effects) -> String {
-    joined(group, effects, true)
+    joined(group, effects, true, None)
 }
 
-/// The same as [`wgsl`] with `light_record_usage`.
-pub(crate) fn wgsl_with_usage(group: u32, effects: Effects) -> String {
-    wgsl(group, effects) + &usage(group)
+/// The same as [`wgsl`], with `light_record_usage` if the shader records usage, and with
+/// `light_resample_by` if it has a target.
+pub(crate) fn wgsl_of_shader(group: u32, effects: Effects, records_usage: bool, target: Option<&TargetHook>) -> String {
+    let text = joined(group, effects, false, target);
+    if records_usage { text + &usage(group) } else { text }
 }
 
 /// `light_record_usage` and the functions that it calls, for a shader that chooses no light.
@@ -63,7 +66,26 @@ fn usage(group: u32) -> String {
     include_str!("../../shaders/usage.wgsl").replace("LIGHT_GROUP", &group.to_string())
 }
 
-fn joined(group: u32, effects: Effects, counts: bool) -> String {
+/// `light_resample`, and `light_resample_by` if the engine weighs candidates.
+fn resampling(target: Option<&TargetHook>) -> String {
+    let function = |name, parameters: &str, arguments, weight| {
+        include_str!("../../shaders/resample_loop.wgsl")
+            .replace("LIGHT_RESAMPLE", name)
+            .replace("LIGHT_ARGUMENTS", arguments)
+            .replace("LIGHT_WEIGHT", weight)
+            .replace("LIGHT_PARAMETERS", parameters)
+    };
+    let point = "shading_point: LightShadingPoint";
+    let plain = function("light_resample", point, "shading_point", "light_illuminance_weight");
+    let Some(hook) = target else { return plain };
+    let weight = include_str!("../../shaders/resample_by.wgsl")
+        .replace("LIGHT_TARGET", hook.function())
+        .replace("LIGHT_ARGUMENT", hook.argument());
+    let parameters = format!("{point}, argument: {}", hook.argument());
+    plain + &weight + &function("light_resample_by", &parameters, "shading_point, argument", "light_target_weight")
+}
+
+fn joined(group: u32, effects: Effects, counts: bool, target: Option<&TargetHook>) -> String {
     let sample = include_str!("../../shaders/sample.wgsl").replace("LIGHT_GROUP", &group.to_string());
     let body = [
         include_str!("../../shaders/types.wgsl"),
@@ -78,6 +100,7 @@ fn joined(group: u32, effects: Effects, counts: bool) -> String {
         include_str!("../../shaders/walk.wgsl"),
         include_str!("../../shaders/pdf.wgsl"),
         include_str!("../../shaders/resample.wgsl"),
+        &resampling(target),
     ]
     .concat();
     let body = variant(&body, effects, counts);
@@ -177,6 +200,7 @@ pub(crate) fn constants() -> String {
         ("U_STEP", dice::U_STEP),
         ("MIN_WEIGHT", resample::MIN_WEIGHT),
         ("MAX_WEIGHT", resample::MAX_WEIGHT),
+        ("MAX_RESERVOIR_WEIGHT", resample::MAX_RESERVOIR_WEIGHT),
     ] {
         let _ = writeln!(text, "const LIGHT_{name}: f32 = {value:e};");
     }
@@ -281,6 +305,32 @@ mod tests {
             assert_eq!(counting.len(), module_names(&text).len() + 1, "only the counter is added");
         }
         assert_eq!(wgsl(0, Effects::all()), wgsl(0, Effects::all() - Effects::MOVING), "moving lights need no code");
+    }
+
+    #[test]
+    fn a_target_adds_its_functions_to_every_variant_and_nothing_else() {
+        let engine = "
+            struct Material { roughness: f32 }
+            fn brdf_target(at: LightShadingPoint, material: Material, candidate: LightSample) -> f32 {
+                return candidate.radiance.x * material.roughness;
+            }
+            fn use_it(at: LightShadingPoint, material: Material) -> f32 {
+                return light_resample_by(at, material, vec4(0.5), 0.5, 8u).weight;
+            }";
+        let hook = TargetHook::new("brdf_target", "Material").expect("identifiers");
+        for effects in (0..=Effects::all().bits()).map(Effects::from_bits_truncate) {
+            for records_usage in [false, true] {
+                let plain = wgsl_of_shader(2, effects, records_usage, None);
+                assert!(plain.starts_with(&wgsl(2, effects)), "{effects:?}");
+                let text = wgsl_of_shader(2, effects, records_usage, Some(&hook)) + engine;
+                let own = ["brdf_target", "use_it", "Material", "Material.roughness"].map(String::from);
+                let names = module_names(&text);
+                let added: HashSet<_> = names.difference(&module_names(&plain)).cloned().collect();
+                let ours = ["light_resample_by", "light_target_weight"].map(String::from);
+                let tiny = (!effects.contains(Effects::AREAS)).then(|| String::from("LIGHT_TINY"));
+                assert_eq!(added, own.into_iter().chain(ours).chain(tiny).collect(), "{effects:?}");
+            }
+        }
     }
 
     /// The names of functions, variables, constants and types, and of members as `Type.member`.

@@ -162,7 +162,8 @@ fn sampling_asks_for_no_memory() {
     let asked = requests(|| {
         for shading_point in &shading_points {
             let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit()];
-            if let Some(kept) = sampler.resample(shading_point, u, CandidateCount::MAX) {
+            let five = [u[0], u[1], u[2], u[3], rng.unit()];
+            if let Some(kept) = sampler.resample(shading_point, five, CandidateCount::MAX) {
                 std::hint::black_box(sampler.pdf(shading_point, kept.chosen.light, Vec3::ZERO));
             }
             std::hint::black_box(sampler.sample(shading_point, u));

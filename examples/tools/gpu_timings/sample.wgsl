@@ -17,7 +17,7 @@ fn sample(@builtin(global_invocation_id) id: vec3<u32>) {
         chosen = light_sample(shading_point, requests[i].u);
         weight = 1.0 / (chosen.pmf * chosen.pdf);
     } else {
-        let reservoir = light_resample(shading_point, requests[i].u, CANDIDATES);
+        let reservoir = light_resample(shading_point, requests[i].u, requests[i].choice, CANDIDATES);
         chosen = reservoir.chosen;
         weight = reservoir.weight;
     }

@@ -31,12 +31,12 @@ const TIMED: usize = 4_000;
 
 const COLUMNS: [&str; 5] = ["scene", "candidates", "rmse", "rmse_independent", "ns_per_estimate"];
 
-fn numbers(rng: &mut Rng) -> [f32; 4] {
+fn numbers(rng: &mut Rng) -> [f32; 5] {
     std::array::from_fn(|_| rng.unit())
 }
 
 /// The unshadowed illuminance in lux, estimated by one chosen candidate.
-fn estimate(sampler: &LightSampler<'_>, shading_point: &ShadingPoint, u: [f32; 4], candidates: CandidateCount) -> f64 {
+fn estimate(sampler: &LightSampler<'_>, shading_point: &ShadingPoint, u: [f32; 5], candidates: CandidateCount) -> f64 {
     sampler.resample(shading_point, u, candidates).map_or(0.0, |reservoir| {
         let incident = reservoir.chosen.incident;
         let lux = luminance(incident.radiance) * incident.direction.dot(shading_point.normal).max(0.0);

@@ -1,0 +1,13 @@
+// Weighs candidates by a function of the engine, whose name src/gpu/text.rs puts here. The names of
+// locals cannot hide that function.
+
+// The target of a candidate divided by its probability density; 0 if the candidate is not wanted.
+// Twin of `target_weight`.
+fn light_target_weight(
+    light_shading_point: LightShadingPoint, light_argument: LIGHT_ARGUMENT, light_candidate: LightSample,
+) -> f32 {
+    let light_value = LIGHT_TARGET(light_shading_point, light_argument, light_candidate);
+    let light_weight = light_clamp_weight(light_value / light_candidate.pdf / light_candidate.pmf);
+    // GPUs may flush subnormal numbers to 0. NaN is not above anything.
+    return select(0.0, light_weight, light_value >= LIGHT_TINY);
+}
