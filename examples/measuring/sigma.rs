@@ -43,6 +43,8 @@ pub struct Summary {
     pub median: f64,
     /// 95th percentile.
     pub p95: f64,
+    /// Root of the mean square.
+    pub rms: f64,
     /// The number of shading points where some light contributes and is never chosen.
     pub unreached: usize,
 }
@@ -59,6 +61,7 @@ impl Summary {
             mean: sigmas.iter().sum::<f64>() / count as f64,
             median: percentile(50),
             p95: percentile(95),
+            rms: (sigmas.iter().map(|sigma| sigma * sigma).sum::<f64>() / count as f64).sqrt(),
             unreached: noises.iter().filter(|noise| noise.has_unreached).count(),
         }
     }

@@ -108,5 +108,7 @@ fn sigma_has_values_computed_by_hand() {
     assert_eq!(noise(&[1.0e-9, 1.0], &[0.0, 1.0]), sigma(0.0, true));
     assert_eq!(noise(&[0.0, 0.0], &[0.5, 0.5]), None);
     let hundred: Vec<Noise> = (1..=100).map(|i| Noise { sigma: f64::from(i), has_unreached: i == 7 }).collect();
-    assert_eq!(Summary::of(&hundred), Summary { mean: 50.5, median: 50.0, p95: 95.0, unreached: 1 });
+    // The squares of 1 to 100 sum up to 338,350.
+    let rms = 3383.5_f64.sqrt();
+    assert_eq!(Summary::of(&hundred), Summary { mean: 50.5, median: 50.0, p95: 95.0, rms, unreached: 1 });
 }
