@@ -38,6 +38,7 @@ mod resample;
 mod sampling;
 mod scheduler;
 mod shader_text;
+mod shadow_oracle;
 mod small_scene;
 mod support;
 mod tree;
