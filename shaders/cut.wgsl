@@ -40,6 +40,7 @@ fn light_local_to_top(shading_point: LightShadingPoint) -> LightLocalShadingPoin
     local.normal = light_normalize_or_zero(shading_point.normal);
     local.has_normal = any(local.normal != vec3(0.0));
     local.margin = LIGHT_POSITION_MARGIN;
+    local.light_bit = 0u;
     // #if RANGES
     local.range_scale = 1.0;
     // #endif
@@ -57,6 +58,7 @@ fn light_local_to_tree(instance: u32, shading_point: LightShadingPoint) -> Light
     local.normal = light_normalize_or_zero(light_transposed(placed.to_world, shading_point.normal));
     local.has_normal = any(local.normal != vec3(0.0));
     local.margin = LIGHT_POSITION_MARGIN + LIGHT_RIGID_TOLERANCE;
+    local.light_bit = LIGHT_LEAF;
     // #if RANGES
     local.range_scale = 1.0;
     // #endif
@@ -112,26 +114,27 @@ fn light_add_totals(cut: ptr<function, LightCut>) {
 
 // Makes the children of a node candidates.
 fn light_add_children(cut: ptr<function, LightCut>, instance: u32, index: u32, shading_point: LightShadingPoint) {
-    let in_top = instance == LIGHT_NO_INSTANCE;
-    let node = light_node(in_top, index);
-    let children = light_child_importances(node, light_local_to(instance, shading_point));
+    let node = light_node(instance == LIGHT_NO_INSTANCE, index);
+    let local = light_local_to(instance, shading_point);
+    let children = light_child_importances(node, local);
     let importance = children.importance;
     var doubts = mat2x4(importance[0] * children.doubt[0], importance[1] * children.doubt[1]);
     if children.has_unresolved {
         (*cut).has_unresolved = true;
-        doubts[0] = select(doubts[0], importance[0] * -LIGHT_UNRESOLVED_DOUBT, importance[0] < vec4(0.0));
-        doubts[1] = select(doubts[1], importance[1] * -LIGHT_UNRESOLVED_DOUBT, importance[1] < vec4(0.0));
+        // Single lights cannot be split.
+        let first_is_cluster = (node.targets[0] & vec4(local.light_bit)) == vec4(0u);
+        let last_is_cluster = (node.targets[1] & vec4(local.light_bit)) == vec4(0u);
+        let first = select(vec4(0.0), importance[0] * -LIGHT_UNRESOLVED_DOUBT, first_is_cluster);
+        let last = select(vec4(0.0), importance[1] * -LIGHT_UNRESOLVED_DOUBT, last_is_cluster);
+        doubts[0] = select(doubts[0], first, importance[0] < vec4(0.0));
+        doubts[1] = select(doubts[1], last, importance[1] < vec4(0.0));
     }
-    let first_can_split = vec4(in_top) | ((node.targets[0] & vec4(LIGHT_LEAF)) == vec4(0u));
-    let last_can_split = vec4(in_top) | ((node.targets[1] & vec4(LIGHT_LEAF)) == vec4(0u));
     let entry = (*cut).node_count;
     (*cut).node_count = entry + 1u;
     (*cut).instances[entry] = instance;
     (*cut).nodes[entry] = index;
     (*cut).weights[entry] = importance;
-    (*cut).doubts[entry] = mat2x4(
-        select(vec4(0.0), doubts[0], first_can_split), select(vec4(0.0), doubts[1], last_can_split),
-    );
+    (*cut).doubts[entry] = doubts;
     light_sum_up(cut, entry);
     light_add_totals(cut);
 }

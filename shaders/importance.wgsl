@@ -27,6 +27,8 @@ struct LightLocalShadingPoint {
     // False in a volume.
     has_normal: bool,
     margin: f32,
+    // The bit of a target that marks a single light; 0 in the top level.
+    light_bit: u32,
     // #if RANGES
     range_scale: f32,
     // #endif
@@ -60,9 +62,11 @@ fn light_child_importances(node: LightNode, local: LightLocalShadingPoint) -> Li
     let error = LIGHT_POSITION_ERROR * (own.x + own.y + own.z) + LIGHT_MIN_POSITION_ERROR;
     let error_sq = (2.0 * 3.0) * (error * error);
     let first_four = light_unpack(light_first_four(node), origin, half_step, local.normal, margin);
-    let first = light_four_importances(first_four, local, margin, error_sq);
+    let first_is_light = (node.targets[0] & vec4(local.light_bit)) != vec4(0u);
+    let first = light_four_importances(first_four, first_is_light, local, margin, error_sq);
     let last_four = light_unpack(light_last_four(node), origin, half_step, local.normal, margin);
-    let last = light_four_importances(last_four, local, margin, error_sq);
+    let last_is_light = (node.targets[1] & vec4(local.light_bit)) != vec4(0u);
+    let last = light_four_importances(last_four, last_is_light, local, margin, error_sq);
     return LightChildImportances(
         mat2x4(first.importance, last.importance), mat2x4(first.doubt, last.doubt),
         any(min(first.importance, last.importance) < vec4(0.0)),
@@ -113,21 +117,23 @@ fn light_child_weights(node: LightNode, local: LightLocalShadingPoint) -> mat2x4
 }
 
 fn light_four_importances(
-    four: LightFour, local: LightLocalShadingPoint, margin: f32, position_error_sq: f32,
+    four: LightFour, is_light: vec4<bool>, local: LightLocalShadingPoint, margin: f32, position_error_sq: f32,
 ) -> LightFourImportances {
-    let estimate = light_estimate(four, local, position_error_sq);
+    let estimate = light_estimate(four, is_light, local, position_error_sq);
     let is_lit = (four.flux > vec4(0.0)) & !light_is_provably_dark(four, local, margin);
     return LightFourImportances(select(vec4(0.0), estimate.importance, is_lit), estimate.doubt);
 }
 
-fn light_estimate(four: LightFour, local: LightLocalShadingPoint, position_error_sq: f32) -> LightFourImportances {
+fn light_estimate(
+    four: LightFour, is_light: vec4<bool>, local: LightLocalShadingPoint, position_error_sq: f32,
+) -> LightFourImportances {
     let dist_sq = max(four.dist_sq, vec4(LIGHT_MIN_IMPORTANCE));
     let dist = sqrt(dist_sq);
     let spread = four.variance / (dist_sq + four.variance);
 
     let mean_sq = dist_sq + LIGHT_VARIANCE_SHARE * four.variance;
-    let doubt = spread
-        * (mean_sq / max(four.gap_sq + LIGHT_NEAR_VARIANCE * four.variance, LIGHT_MIN_GAP * mean_sq));
+    let nearer = mean_sq / max(four.gap_sq + LIGHT_NEAR_VARIANCE * four.variance, LIGHT_MIN_GAP * mean_sq);
+    let doubt = select(spread * nearer, vec4(0.0), is_light);
     let nearness = 1.0 + LIGHT_NEAR_GAIN * doubt;
 
     let width_sq = LIGHT_COSINE_WIDTH_SQ * four.across_variance * (1.0 - spread);

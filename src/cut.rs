@@ -12,7 +12,7 @@ use crate::importance::{
     scale_unresolved, unresolved_scale, unresolved_sum,
 };
 use crate::shading_point::ShadingPoint;
-use crate::tree::{LEAF, Lanes, Node, Target, WIDTH};
+use crate::tree::{Lanes, Node, Target, WIDTH};
 
 /// A candidate is split only while its doubt is more than this share of the importance of all
 /// candidates.
@@ -208,18 +208,17 @@ impl<'a> Cut<'a> {
     /// Makes a node's children candidates. `None` and no change if there is no such node.
     #[inline(always)]
     fn add_children(&mut self, tree: usize, node: u32) -> Option<()> {
-        let TreeView { nodes, local, is_top, .. } = self.trees[tree].as_ref()?;
+        let TreeView { nodes, local, .. } = self.trees[tree].as_ref()?;
         let record = nodes.get(node as usize)?;
         let children = child_importances(record, local);
         let ChildImportances { importance, doubt } = children;
         let index = self.node_count;
         for i in 0..WIDTH {
-            let can_split = is_top | (record.targets[i] & LEAF == 0);
-            self.doubts[index][i] = if can_split { importance[i] * doubt[i] } else { 0.0 };
+            self.doubts[index][i] = importance[i] * doubt[i];
         }
         if children.has_unresolved() {
             self.has_unresolved = true;
-            doubt_unresolved(&mut self.doubts[index], &importance, &record.targets, *is_top);
+            doubt_unresolved(&mut self.doubts[index], &importance, &record.targets, local.light_bit);
         }
         self.weights[index] = importance;
         self.tree_of[index] = tree;
@@ -278,11 +277,11 @@ impl<'a> Cut<'a> {
 /// Makes the doubts about a node's unresolved children the greatest. Takes only what it needs: a
 /// reference to the whole cut would keep its scalars out of registers.
 #[cold]
-fn doubt_unresolved(doubts: &mut Lanes, importance: &Lanes, targets: &[u32; WIDTH], is_top: bool) {
+fn doubt_unresolved(doubts: &mut Lanes, importance: &Lanes, targets: &[u32; WIDTH], light_bit: u32) {
     for slot in 0..WIDTH {
         if importance[slot] < 0.0 {
-            let can_split = is_top || targets[slot] & LEAF == 0;
-            doubts[slot] = if can_split { -importance[slot] * UNRESOLVED_DOUBT } else { 0.0 };
+            let is_light = targets[slot] & light_bit != 0;
+            doubts[slot] = if is_light { 0.0 } else { -importance[slot] * UNRESOLVED_DOUBT };
         }
     }
 }

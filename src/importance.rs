@@ -14,7 +14,7 @@ use glam::Vec3;
 
 use crate::light::LAMBERTIAN;
 use crate::shading_point::ShadingPoint;
-use crate::tree::{Lanes, Node, UNLIMITED_RANGE, Unpacked, WIDTH};
+use crate::tree::{LEAF, Lanes, Node, UNLIMITED_RANGE, Unpacked, WIDTH};
 
 /// A shading point in the space of a tree, and how that space affects bounds.
 #[derive(Clone, Copy, Debug)]
@@ -32,6 +32,9 @@ pub(crate) struct LocalShadingPoint {
     pub margin: f32,
     /// False where the space is sheared or scaled unevenly: caps of directions prove nothing there.
     pub keeps_angles: bool,
+    /// The bit of [`Node::targets`] that marks single lights: [`LEAF`] in a tree, 0 in a top level,
+    /// whose leaves are instances.
+    pub light_bit: u32,
 }
 
 impl LocalShadingPoint {
@@ -46,6 +49,7 @@ impl LocalShadingPoint {
             range_scale: 1.0,
             margin: POSITION_MARGIN,
             keeps_angles: true,
+            light_bit: LEAF,
         }
     }
 }
@@ -118,7 +122,8 @@ pub(crate) struct ChildImportances {
     /// box, the cap or the range proves that it is 0.
     pub importance: Lanes,
     /// The error that the estimate of a child may have, relative to the estimate: from 0 (far away)
-    /// to 1 / [`NEAR_VARIANCE`] (the shading point is inside).
+    /// to 1 / [`NEAR_VARIANCE`] (the shading point is inside). 0 for a single light, which cannot
+    /// be split.
     pub doubt: Lanes,
 }
 
@@ -146,7 +151,8 @@ pub(crate) fn child_importances(node: &Node, local: &LocalShadingPoint) -> Child
             let outside = max(child.center[k].abs() - (child.half[k] + margin), 0.0);
             gap_sq += outside * outside;
         }
-        let (importance, doubt) = estimate(&child, local, gap_sq, position_error_sq);
+        let is_light = node.targets[i] & local.light_bit != 0;
+        let (importance, doubt) = estimate(&child, is_light, local, gap_sq, position_error_sq);
         let is_lit = (child.flux > 0.0) & !is_provably_dark(&child, local, gap_sq, margin);
         children.importance[i] = if is_lit { importance } else { 0.0 };
         children.doubt[i] = doubt;
@@ -154,10 +160,16 @@ pub(crate) fn child_importances(node: &Node, local: &LocalShadingPoint) -> Child
     children
 }
 
-/// The importance and the doubt of one child. See [`ChildImportances`]. `gap_sq` is the squared
-/// distance of its box.
+/// The importance and the doubt of one child. See [`ChildImportances`]. `is_light` is set for a
+/// single light, `gap_sq` is the squared distance of the child's box.
 #[inline(always)]
-fn estimate(child: &Unpacked, local: &LocalShadingPoint, gap_sq: f32, position_error_sq: f32) -> (f32, f32) {
+fn estimate(
+    child: &Unpacked,
+    is_light: bool,
+    local: &LocalShadingPoint,
+    gap_sq: f32,
+    position_error_sq: f32,
+) -> (f32, f32) {
     let [x, y, z] = child.toward;
     let dist_sq = max(x * x + y * y + z * z, MIN_IMPORTANCE);
     let dist = dist_sq.sqrt();
@@ -168,6 +180,7 @@ fn estimate(child: &Unpacked, local: &LocalShadingPoint, gap_sq: f32, position_e
     // A cluster whose box is nearer than its mean position may have lights that are, too.
     let mean_sq = dist_sq + VARIANCE_SHARE * variance;
     let doubt = spread * (mean_sq / max(gap_sq + NEAR_VARIANCE * variance, MIN_GAP * mean_sq));
+    let doubt = if is_light { 0.0 } else { doubt };
     let nearness = 1.0 + NEAR_GAIN * doubt;
 
     // Cosines stay multiplied by the distance until the end, which need not wait for a division.

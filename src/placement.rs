@@ -9,6 +9,7 @@ use crate::error::PlacementError;
 use crate::importance::{LocalShadingPoint, POSITION_MARGIN};
 use crate::shading_point::ShadingPoint;
 use crate::transform::InstanceTransform;
+use crate::tree::LEAF;
 
 /// Largest distance of an instance from [`LightWorld::origin`](crate::LightWorld::origin) along
 /// each axis, in metres.
@@ -139,6 +140,7 @@ impl Placed {
             margin: POSITION_MARGIN * (self.linear.mean_square_scale.sqrt() * self.range_scale()).max(1.0)
                 + RIGID_TOLERANCE,
             keeps_angles: self.linear.is_similarity,
+            light_bit: LEAF,
         }
     }
 

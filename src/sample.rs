@@ -302,7 +302,7 @@ impl<'a> LightSampler<'a> {
 
     /// The top level.
     pub(crate) fn root(&self, shading_point: &ShadingPoint) -> TreeView<'a> {
-        let local = LocalShadingPoint::of(shading_point);
+        let local = LocalShadingPoint { light_bit: 0, ..LocalShadingPoint::of(shading_point) };
         TreeView { nodes: &self.top.nodes, local, instance: NO_INSTANCE, is_top: true }
     }
 

@@ -9,10 +9,10 @@ use super::samplers::Samplers;
 use super::scene_view::SceneView;
 use super::settings::Sampler;
 use crate::direct_light::numbers::numbers;
+use crate::direct_light::shadows::Shadows;
 use crate::direct_light::view::Surface;
 use crate::measuring::sigma::Noise;
 use girandole::light::luminance;
-use girandole::{LightId, LightSampler};
 use rayon::prelude::*;
 
 /// The numbers of light contributions that a run keeps, at most: they bound the memory.
@@ -49,12 +49,13 @@ impl Points {
     /// Sums up all lights at surfaces that are spread evenly over the view.
     pub fn new(view: &SceneView, samplers: &Samplers<'_>, plan: &Plan) -> Self {
         let (lights, ids) = (samplers.lights(), samplers.ids());
+        let shadows = Shadows::new(&view.scene, &view.geometry);
         let count = (MOST_CONTRIBUTIONS / ids.len().max(1)).clamp(LEAST_POINTS, plan.noise_points);
         let all: Vec<&Surface> = view.view.pixels.iter().filter_map(|pixel| pixel.surfaces[0].as_ref()).collect();
         let spread = all.len().div_ceil(count).max(1);
         let at = |surface: &&Surface| {
             let (lux, visible): (Vec<f32>, Vec<f32>) =
-                ids.iter().map(|light| contribution(view, &lights, surface, *light)).unzip();
+                ids.iter().map(|light| shadows.illuminance(&lights, &surface.shading_point, *light)).unzip();
             let is_lit = lux.iter().any(|lux| *lux > 0.0);
             is_lit.then_some(Point { surface: **surface, lux, visible })
         };
@@ -109,16 +110,6 @@ struct PointNoise {
     /// `None` in full shadow.
     sigma_visible: Option<f64>,
     dead: f64,
-}
-
-/// The illuminance by one light without and with shadows. For surfaces it is estimated from the
-/// middle of the light.
-fn contribution(view: &SceneView, lights: &LightSampler<'_>, surface: &Surface, light: LightId) -> (f32, f32) {
-    let Some(incident) = lights.sample_light(&surface.shading_point, light, [0.5, 0.5]) else { return (0.0, 0.0) };
-    let cosine = surface.shading_point.normal.dot(incident.direction).max(0.0);
-    let lux = luminance(incident.radiance) * cosine / incident.pdf;
-    let is_visible = lux > 0.0 && !view.renderer().is_shadowed(surface, &incident);
-    (lux, if is_visible { lux } else { 0.0 })
 }
 
 fn exact(point: &Point, pmfs: &[f32]) -> PointNoise {

@@ -7,6 +7,7 @@
 
 pub mod stage;
 pub mod view;
+pub mod shadows;
 
 pub mod numbers;
 pub mod draw;

@@ -2,18 +2,16 @@
 
 use super::draw::{Draw, reflected};
 use super::numbers::numbers;
+use super::shadows::Shadows;
 use super::view::{Pixel, SUBPIXELS, Surface, View};
 use crate::city::render::geometry::Geometry;
 use crate::city::render::shading::{Dimension, random};
 use crate::city::scene::{Material, Scene};
 use girandole::glam::Vec3;
-use girandole::{Incident, LightId, LightSampler, ShadingPoint};
+use girandole::{Incident, LightId, LightSampler};
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
 
-/// Shadow rays towards area lights end just before the surface of the light, which would shadow
-/// itself.
-const STOP_BEFORE_LIGHT: f32 = 1.0 - 1.0e-3;
 /// Ways to draw take turns for this many rounds, and the fastest round of each stage counts:
 /// moments in which the machine is busy do not.
 const ROUNDS: usize = 15;
@@ -165,12 +163,6 @@ impl Renderer<'_> {
 
     /// Whether something opaque lies between a surface and a point on a light.
     pub fn is_shadowed(&self, surface: &Surface, incident: &Incident) -> bool {
-        let ShadingPoint { position, .. } = surface.shading_point;
-        let limit = match incident.is_delta {
-            true => incident.dist - self.scene.lamp_clearance,
-            false => incident.dist * STOP_BEFORE_LIGHT,
-        };
-        self.geometry.occluders.may_block(position, incident.direction, limit)
-            && self.geometry.occluded(position, incident.direction, limit)
+        Shadows::new(self.scene, self.geometry).is_shadowed(&surface.shading_point, incident)
     }
 }

@@ -2,6 +2,7 @@
 //! their time on lights only.
 
 use crate::city::render::geometry::Geometry;
+use crate::city::render::rays::Hit;
 use crate::city::render::shading::{View as Frame, shadow_offset, sky_radiance};
 use crate::city::scene::Scene;
 use girandole::ShadingPoint;
@@ -66,17 +67,27 @@ fn trace(scene: &Scene, geometry: &Geometry, eye: Vec3, direction: Vec3) -> (Opt
     let Some(hit) = geometry.nearest(eye, direction) else {
         return (None, sky_radiance(&scene.sky, direction));
     };
-    let index = geometry.triangles[hit.triangle as usize].material;
-    let material = &scene.materials[index as usize];
-    let front = geometry.normal(&hit);
-    let is_front = front.dot(direction) <= 0.0;
-    let normal = if is_front { front } else { -front };
+    let (surface, is_front) = surface_at(geometry, eye, direction, &hit);
+    let material = &scene.materials[surface.material as usize];
     let mut radiance = scene.sky.ambient * material.base_color;
     if is_front || material.two_sided_emission {
         radiance += material.emission * geometry.objects[hit.object as usize].emission_scale;
     }
+    (Some(surface), radiance)
+}
+
+/// The surface that a ray from `eye` meets first; `None` for the sky. `direction` is a unit vector.
+pub fn first_surface(geometry: &Geometry, eye: Vec3, direction: Vec3) -> Option<Surface> {
+    geometry.nearest(eye, direction).map(|hit| surface_at(geometry, eye, direction, &hit).0)
+}
+
+/// The surface at a hit, with the normal on the side of the eye, and whether that is the front.
+fn surface_at(geometry: &Geometry, eye: Vec3, direction: Vec3, hit: &Hit) -> (Surface, bool) {
+    let front = geometry.normal(hit);
+    let is_front = front.dot(direction) <= 0.0;
+    let normal = if is_front { front } else { -front };
     let position = eye + direction * hit.distance;
     let position = position + normal * shadow_offset(position, hit.distance);
-    let shading_point = ShadingPoint::surface(position, normal);
-    (Some(Surface { shading_point, toward_eye: -direction, material: index }), radiance)
+    let material = geometry.triangles[hit.triangle as usize].material;
+    (Surface { shading_point: ShadingPoint::surface(position, normal), toward_eye: -direction, material }, is_front)
 }

@@ -4,7 +4,7 @@
 use crate::measuring::irradiance::irradiance;
 use girandole::glam::Vec3;
 use girandole::light::luminance;
-use girandole::{Light, LightId, LightSampler, LightWorld, Placement, ShadingPoint, Shape};
+use girandole::{Incident, Light, LightId, LightSampler, LightWorld, Placement, ShadingPoint, Shape};
 
 /// Every light of a world in the world's space, in the order of [`LightSampler::all_lights`].
 pub fn carried(world: &LightWorld) -> Vec<Light> {
@@ -18,16 +18,25 @@ pub fn carried(world: &LightWorld) -> Vec<Light> {
     lights
 }
 
-/// The illuminance by each light at a shading point, in lux and without shadows.
-///
-/// It is exact for points and spots. For lights with a surface it is the estimate from one point,
-/// at `u = (0.5, 0.5)`: the radiance times the cosine over the pdf.
+/// The illuminance by each light at a shading point, in lux and without shadows: that of
+/// [`contribution`].
 pub fn contributions(sampler: &LightSampler<'_>, lights: &[LightId], shading_point: &ShadingPoint) -> Vec<f32> {
-    let one = |light: &LightId| {
-        let incident = sampler.sample_light(shading_point, *light, [0.5, 0.5])?;
-        Some(luminance(incident.radiance) * incident.direction.dot(shading_point.normal).max(0.0) / incident.pdf)
-    };
-    lights.iter().map(|light| one(light).unwrap_or(0.0)).collect()
+    lights.iter().map(|light| contribution(sampler, *light, shading_point).map_or(0.0, |(_, lux)| lux)).collect()
+}
+
+/// A point on a light as seen from a shading point, and the illuminance by the light in lux without
+/// shadows. `None` if that point sends nothing to the shading point.
+///
+/// The illuminance is exact for points and spots. For lights with a surface it is the estimate from
+/// one point, at `u = (0.5, 0.5)`: the radiance times the cosine over the pdf.
+pub fn contribution(
+    sampler: &LightSampler<'_>,
+    light: LightId,
+    shading_point: &ShadingPoint,
+) -> Option<(Incident, f32)> {
+    let incident = sampler.sample_light(shading_point, light, [0.5, 0.5])?;
+    let cosine = incident.direction.dot(shading_point.normal).max(0.0);
+    Some((incident, luminance(incident.radiance) * cosine / incident.pdf))
 }
 
 /// The exact illuminance by each light at a shading point, in lux and without shadows. The lights

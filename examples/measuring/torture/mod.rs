@@ -8,10 +8,9 @@ mod contrasts;
 mod emitters;
 mod instances;
 mod scene;
-mod table;
+pub mod table;
 
 pub use scene::TortureScene;
-pub use table::{TortureRow, rows};
 
 use girandole::WorldError;
 

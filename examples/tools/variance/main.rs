@@ -6,6 +6,7 @@
 //! cargo run --release --example variance -- --out FILE.csv --deform [--gltf FILE]
 //! cargo run --release --example variance -- --out FILE.csv --candidates [--gltf FILE]
 //! cargo run --release --example variance -- --out FILE.csv --torture
+//! cargo run --release --example variance -- --out FILE.csv --shadows [--gltf FILE]
 //! ```
 //!
 //! The first form prints a table and writes it as CSV. For each scene and sampler it has the exact
@@ -16,26 +17,34 @@
 //!
 //! `--deform` measures how much noise moving lights add to a tree, and what rebuilds cost, in city
 //! S (`deform.rs`). `--candidates` measures what choosing one of several candidates gains
-//! (`candidates.rs`). `--torture` measures the scenes of `examples/measuring/torture`. `docs/benchmarks.md` has measured tables and the rules of measurement.
+//! (`candidates.rs`). `--torture` measures the scenes of `examples/measuring/torture`, which are hard
+//! for a choice of lights. `--shadows` measures how much noise with shadows a sampler would lose if
+//! it knew which lights are visible (`shadow_oracle/`); it takes some minutes. `docs/benchmarks.md`
+//! has measured tables and the rules of measurement.
 
 mod candidates;
+#[path = "../../city/modules.rs"]
+#[allow(dead_code, reason = "the city example renders the scenes that are only measured here")]
+mod city;
 #[path = "../../common/mod.rs"]
 #[allow(dead_code, reason = "other programs use more of it")]
 mod common;
 mod deform;
+#[path = "../../direct_light/mod.rs"]
+#[allow(dead_code, reason = "other programs draw pictures")]
+mod direct_light;
 mod measure;
 #[path = "../../measuring/mod.rs"]
 #[allow(dead_code, reason = "other tools draw charts")]
 mod measuring;
 mod shading_points;
 mod report;
-#[path = "../../city/scene/mod.rs"]
-#[allow(dead_code, reason = "the city example renders the scenes that are only measured here")]
-mod scene;
+mod shadow_oracle;
 mod stages;
 mod timing;
 mod torture;
 
+use city::scene;
 use clap::Parser;
 use common::table::Table;
 use scene::SceneError;
@@ -62,6 +71,9 @@ struct Options {
     /// Measure the scenes that are hard for a choice of lights, instead
     #[arg(long, conflicts_with_all = ["deform", "candidates", "gltf", "world", "shading_points"])]
     torture: bool,
+    /// Measure what a sampler that knows which lights are visible would gain, instead
+    #[arg(long, conflicts_with_all = ["world", "deform", "candidates", "torture"])]
+    shadows: bool,
     /// Number of shading points
     #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     shading_points: u32,
@@ -80,6 +92,9 @@ fn run(options: &Options) -> Result<(), SceneError> {
     }
     if options.candidates {
         return candidates::run(options.world, options.gltf.as_deref(), count, &options.out);
+    }
+    if options.shadows {
+        return shadow_oracle::run(options.gltf.as_deref(), count, &options.out);
     }
     let mut scenes = Vec::from(stages::city(options.world, count)?);
     if let Some(path) = &options.gltf {

@@ -2,7 +2,8 @@
 
 use super::scene::SceneError;
 use crate::common::table::{Table, markdown_head};
-use crate::measuring::torture::{self, TortureRow};
+use crate::measuring::torture;
+use crate::measuring::torture::table::{TortureRow, rows};
 use std::path::Path;
 
 const COLUMNS: [&str; 8] =
@@ -18,7 +19,7 @@ fn fields(row: &TortureRow) -> [String; 8] {
     [row.scene.to_owned(), row.sampler.to_owned(), mean, median, p95, p999, rms, format!("{:.4}", row.dead)]
 }
 
-/// One line of the summary. The rows are those of [`torture::rows`].
+/// One line of the summary. The rows are those of [`rows`].
 fn summary(rows: &[TortureRow]) -> Option<String> {
     let [others @ .., two, flat] = rows else { return None };
     let other = others.iter().map(|row| row.sigma.mean).fold(f64::INFINITY, f64::min);
@@ -35,9 +36,9 @@ pub fn run(out: &Path) -> Result<(), SceneError> {
     let mut table = Table::create(out, &COLUMNS).map_err(SceneError)?;
     println!("{}", markdown_head(&SUMMARY));
     for scene in torture::scenes()? {
-        let rows = torture::rows(&scene)?;
-        rows.iter().try_for_each(|row| table.add(fields(row))).map_err(SceneError)?;
-        summary(&rows).iter().for_each(|line| println!("{line}"));
+        let measured = rows(&scene)?;
+        measured.iter().try_for_each(|row| table.add(fields(row))).map_err(SceneError)?;
+        summary(&measured).iter().for_each(|line| println!("{line}"));
     }
     Ok(())
 }

@@ -21,6 +21,8 @@ pub(super) struct SteppedSplit {
     stage: Stage,
     grid: BinGrid,
     bins: SumsOfRuns<Bins<16>>,
+    /// The best cut, once it is chosen.
+    cut: Option<BinCut>,
     sides: Sides,
     /// The sums of the left and of the right half.
     halves: [SumsOfRuns<Group>; 2],
@@ -33,7 +35,7 @@ enum Stage {
     /// Choose the best cut.
     Cut,
     /// Move the items to their side of the cut.
-    Partition(BinCut),
+    Partition,
     /// Search the limit between both halves.
     Select(Box<Selection>, usize),
     /// Move the items to their half.
@@ -48,6 +50,7 @@ impl SteppedSplit {
             stage: Stage::Sum,
             grid: BinGrid::new(&Group::EMPTY, 16.0),
             bins: SumsOfRuns::new(Bins::EMPTY, Bins::EMPTY),
+            cut: None,
             sides: Sides::EMPTY,
             halves: [const { SumsOfRuns::new(Group::EMPTY, Group::EMPTY) }; 2],
         }
@@ -86,15 +89,16 @@ impl SteppedSplit {
             }
             Stage::Cut => {
                 *ticks += CUT_TICKS;
-                match self.bins.get().cut(whole, &self.grid) {
-                    Some(cut) => {
-                        self.sides = Sides::EMPTY;
-                        self.stage = Stage::Partition(cut);
-                    }
-                    None => self.start_middle(whole),
+                self.cut = self.bins.get().cut(whole, &self.grid);
+                if self.cut.is_some() {
+                    self.sides = Sides::EMPTY;
+                    self.stage = Stage::Partition;
+                } else {
+                    self.start_middle(whole);
                 }
             }
-            Stage::Partition(cut) => {
+            Stage::Partition => {
+                let cut = self.cut.as_mut()?;
                 let handled = self.sides.advance_along(items, &self.grid, cut);
                 *ticks += CLASSIFY_TICKS * handled.max(1);
                 if handled == 0 {

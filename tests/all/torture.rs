@@ -1,0 +1,110 @@
+//! The scenes that are hard for a choice of lights, and the exact light by which they are judged.
+
+use crate::measuring::irradiance::irradiance;
+use crate::measuring::torture::scenes;
+use crate::measuring::torture::table::{TortureRow, rows};
+use crate::support::Rng;
+use girandole::glam::Vec3;
+use girandole::{Light, LightWorld, Placement, Policy, ShadingPoint};
+
+/// The goals: sigma relative to the least of other samplers, and to one tree over the same lights.
+const OF_OTHERS: f64 = 0.6;
+/// See [`OF_OTHERS`].
+const OF_FLAT: f64 = 1.5;
+
+/// The scenes that do not reach both goals, and the most that sigma may be there: 5 to 10 % above
+/// what was measured.
+const MISSED: [(&str, f64); 12] = [
+    ("scaled by 0.01", 50.0),
+    ("scaled by 100", 54.0),
+    ("squashed along x by 0.01", 52.0),
+    ("stretched along x by 100", 10.0),
+    ("scales from 0.001 to 1", 138.0),
+    ("200 overlapping instances", 5.6),
+    ("1,000 overlapping instances", 13.0),
+    ("overlapping strings of lamps", 1.5),
+    ("sheared spots", 5.5),
+    ("inside a sphere light", 4.8),
+    ("one light 1e9 m away", 23.0),
+    ("dense clusters far apart", 5.4),
+];
+/// Below this sigma the ratios do not matter: the lights of others than the sampler decide the noise.
+const NO_NOISE: f64 = 0.2;
+
+#[test]
+fn no_scene_is_a_cliff_but_those_that_are_known() {
+    for scene in scenes().expect("valid scenes") {
+        let rows = rows(&scene).expect("valid lights");
+        let [others @ .., two, flat] = &rows[..] else { panic!("rows are missing") };
+        assert_eq!((others.len(), two.sampler, flat.sampler), (5, "girandole", "girandole flat"));
+        let sigma = |row: &TortureRow| row.sigma.mean;
+        let other = others.iter().map(sigma).fold(f64::INFINITY, f64::min);
+        let ratios = (sigma(two) / other, sigma(two) / sigma(flat));
+        assert!(two.sigma.unreached + flat.sigma.unreached == 0, "{}: lights are never chosen", scene.name);
+        match MISSED.iter().find(|(name, _)| *name == scene.name) {
+            Some((name, most)) => assert!(sigma(two) <= *most, "{name}: {}", sigma(two)),
+            None => {
+                assert!(ratios.0 <= OF_OTHERS, "{}: {ratios:?} of {other}", scene.name);
+                assert!(ratios.1 <= OF_FLAT || sigma(two) < NO_NOISE, "{}: {ratios:?}", scene.name);
+            }
+        }
+    }
+}
+
+/// Draws for each light in [`illuminances_are_the_means_of_sampled_points`].
+const DRAWS: u32 = 4_000;
+
+#[test]
+fn illuminances_are_the_means_of_sampled_points() {
+    let mut rng = Rng(91);
+    let mut compared = 0;
+    for light in rng.lights(60, 4.0).into_iter().map(|light| Light { range: f32::INFINITY, ..light }) {
+        let mut world = LightWorld::new();
+        let tree = world.add_tree(vec![light]).expect("a valid light");
+        world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("a valid placement");
+        let sampler = world.sampler();
+        let Some(id) = sampler.all_lights().next() else { continue };
+        for normal in [Vec3::ZERO, rng.direction(), rng.direction()] {
+            let at = ShadingPoint::surface(rng.place(9.0), normal);
+            let (mut sum, mut squares) = (0.0, 0.0);
+            for _ in 0..DRAWS {
+                let lux = sampler.sample_light(&at, id, [rng.unit(), rng.unit()]).map_or(0.0, |incident| {
+                    let cosine = if normal == Vec3::ZERO { 1.0 } else { normal.dot(incident.direction).max(0.0) };
+                    girandole::light::luminance(incident.radiance) * cosine / incident.pdf
+                });
+                sum += f64::from(lux);
+                squares += f64::from(lux).powi(2);
+            }
+            let mean = sum / f64::from(DRAWS);
+            let error = (squares / f64::from(DRAWS) - mean * mean).max(0.0).sqrt() / f64::from(DRAWS).sqrt();
+            let exact = irradiance(&light, &at);
+            compared += u32::from(exact > 0.0);
+            // Five standard errors and rounding: a false alarm in less than one of 10,000 runs.
+            assert!((mean - exact).abs() <= 5.0 * error + 1.0e-4 * exact, "{light:?} {at:?}: {mean} {exact} {error}");
+        }
+    }
+    assert!(compared > 60, "only {compared} lights shine on their shading points");
+}
+
+#[test]
+fn illuminances_have_values_worked_out_by_hand() {
+    let up = ShadingPoint::surface(Vec3::ZERO, Vec3::Y);
+    let volume = ShadingPoint::volume(Vec3::ZERO);
+    let close = |light: &Light, at: &ShadingPoint, expected: f64| {
+        let exact = irradiance(light, at);
+        assert!((exact / expected - 1.0).abs() < 1.0e-5, "{light:?}: {exact} {expected}");
+    };
+    let grey = |value: f32| Vec3::splat(value);
+    close(&Light::point(Vec3::Y * 2.0, grey(8.0)), &up, 2.0);
+    // A disc that is seen under the half-angle a brings pi sin² a lux per nit; so does a sphere.
+    close(&Light::sphere(Vec3::Y * 2.0, 1.0, grey(1.0)), &up, std::f64::consts::PI / 4.0);
+    // An endless wall fills half of the hemisphere, and half of its weight by the cosine.
+    let wall = Light::rectangle(Vec3::X, Vec3::Z * 1.0e4, Vec3::Y * 1.0e4, grey(1.0));
+    let flipped = Light::rectangle(Vec3::X, Vec3::Y * 1.0e4, Vec3::Z * 1.0e4, grey(1.0));
+    let lit: Vec<f64> = [&wall, &flipped].into_iter().map(|light| irradiance(light, &up)).collect();
+    let sum = lit[0] + lit[1];
+    assert!(lit.contains(&0.0) && (sum - std::f64::consts::FRAC_PI_2).abs() < 1.0e-3, "{lit:?}");
+    // One octant of directions is a half pi of solid angle.
+    let octant = Light::triangle([Vec3::X, Vec3::Z, Vec3::Y].map(|axis| axis * 3.0), grey(2.0)).two_sided();
+    close(&octant, &volume, std::f64::consts::PI);
+}
