@@ -7,6 +7,7 @@
 
 pub mod charts;
 
+pub mod irradiance;
 pub mod lights;
 pub mod sigma;
 

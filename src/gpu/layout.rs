@@ -128,7 +128,9 @@ pub(crate) struct ParamsRecord {
     pub directional_count: u32,
     pub splits: u32,
     pub strides: Strides,
-    pub padding: [u32; 3],
+    /// 1 if large and near surfaces are sampled by solid angle.
+    pub solid_angles: u32,
+    pub padding: [u32; 2],
 }
 
 impl LightRecord {

@@ -39,6 +39,7 @@ mod sampling;
 mod scheduler;
 mod shader_text;
 mod small_scene;
+mod solid_angle;
 mod support;
 mod tree;
 mod usage;
