@@ -290,7 +290,7 @@ impl LightWorld {
     /// the shading point and the light: surfaces whose squared edges add up to less than half of the
     /// squared distance of their centre are sampled by area, with the same bits as when this is off.
     ///
-    /// A point on a near surface takes 0.13 µs (triangle) or 0.2 µs (rectangle) more on the CPU. On
+    /// A point on a near surface takes 0.2 µs (triangle) or 0.3 µs (rectangle) more on the CPU. On
     /// the GPU only shaders that have [`Effects::SOLID_ANGLES`], which this setting adds to
     /// [`LightWorld::effects`], contain the code. Takes effect at once on the CPU and with the next
     /// upload on the GPU, which sends 48 bytes for it. Probabilities of lights do not change.
