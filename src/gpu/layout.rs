@@ -353,6 +353,7 @@ mod tests {
                 strides.range as "node_range",
                 strides.light as "light_stride",
                 strides.instance as "instance_stride",
+                solid_angles,
                 padding as "padding_a"
             ]
         );
