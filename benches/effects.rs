@@ -207,6 +207,7 @@ fn cases(machine: &Machine, lights: &GpuLights, own: &wgpu::BindGroupLayout, is_
             ("`RANGES`", Effects::RANGES),
             ("`AREAS`", Effects::AREAS),
             ("`AREAS` and `TWO_SIDED`", Effects::AREAS | Effects::TWO_SIDED),
+            ("`AREAS` and `SOLID_ANGLES`", Effects::AREAS | Effects::SOLID_ANGLES),
             ("`DIRECTIONAL`", Effects::DIRECTIONAL),
             ("`NON_RIGID`", Effects::NON_RIGID),
         ];

@@ -139,6 +139,56 @@ fn light_from_triangle(
     return light_from_surface(light, point, light_normal_area(normal_area, instance), shading_point);
 }
 
+// The normal of a rectangle or triangle times its area, in the world.
+fn light_flat_normal_area(light: LightRecord, instance: LightInstance) -> vec3<f32> {
+    var normal_area = cross(light.b, light.c) * 4.0;
+    if (light.kind & LIGHT_KIND_MASK) == LIGHT_KIND_TRIANGLE {
+        normal_area = cross(light.b - light.a, light.c - light.a) * 0.5;
+    }
+    return light_normal_area(normal_area, instance);
+}
+
+// #if SOLID_ANGLES
+// A rectangle or triangle as a shading point sees it.
+fn light_near(light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint) -> LightNearSurface {
+    let is_parallelogram = (light.kind & LIGHT_KIND_MASK) == LIGHT_KIND_RECTANGLE;
+    let start = select(light.a, vec3(0.0), is_parallelogram);
+    let edge_scale = select(1.0, 2.0, is_parallelogram);
+    let u = light_linear(instance.to_world, (light.b - start) * edge_scale);
+    let v = light_linear(instance.to_world, (light.c - start) * edge_scale);
+    let to_corner = light_toward(light.a, instance, shading_point) - select(vec3(0.0), 0.5 * (u + v), is_parallelogram);
+    return light_near_surface(to_corner, u, v, is_parallelogram);
+}
+
+// Whether a flat surface emits to the side of the shading point. Twin of `is_lit_side`.
+fn light_is_lit_side(light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint) -> bool {
+    let to_plane = light_toward(light.a, instance, shading_point);
+    var is_lit = dot(light_flat_normal_area(light, instance), to_plane) < 0.0;
+    // #if TWO_SIDED
+    is_lit = is_lit || (light.kind & LIGHT_TWO_SIDED) != 0u;
+    // #endif
+    return is_lit;
+}
+
+// From a rectangle or triangle that is sampled by solid angle. Twin of `from_near_surface`.
+fn light_from_near_surface(
+    light: LightRecord, instance: LightInstance, near: LightNearSurface, shading_point: LightShadingPoint,
+    u: vec2<f32>,
+) -> LightIncident {
+    let toward = light_sample_near_surface(near, u);
+    let dist_sq = dot(toward, toward);
+    if dist_sq < LIGHT_MIN_DIST_SQ || !light_is_lit_side(light, instance, shading_point) {
+        return light_nothing();
+    }
+    let dist = sqrt(dist_sq);
+    var radiance = light.emission;
+    // #if RANGES
+    radiance *= light_range_window(dist_sq, light.range);
+    // #endif
+    return light_arriving(shading_point, toward / dist, dist, radiance, 1.0 / near.solid_angle, false);
+}
+// #endif
+
 // A unit vector perpendicular to a unit vector.
 fn light_orthonormal(v: vec3<f32>) -> vec3<f32> {
     let sign = select(-1.0, 1.0, v.z >= 0.0);
@@ -216,6 +266,14 @@ fn light_incident(
     }
     // #endif
     // #if AREAS
+    // #if SOLID_ANGLES
+    if kind == LIGHT_KIND_RECTANGLE || kind == LIGHT_KIND_TRIANGLE {
+        let near = light_near(light, instance, shading_point);
+        if near.solid_angle > 0.0 {
+            return light_from_near_surface(light, instance, near, shading_point, u);
+        }
+    }
+    // #endif
     if kind == LIGHT_KIND_RECTANGLE {
         return light_from_rectangle(light, instance, shading_point, u);
     }

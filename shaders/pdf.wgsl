@@ -70,12 +70,14 @@ fn light_point_pdf(
     if kind != LIGHT_KIND_RECTANGLE && kind != LIGHT_KIND_TRIANGLE {
         return 0.0;
     }
-    var normal_area = cross(light.b, light.c) * 4.0;
-    if kind == LIGHT_KIND_TRIANGLE {
-        normal_area = cross(light.b - light.a, light.c - light.a) * 0.5;
+    // #if SOLID_ANGLES
+    let near = light_near(light, instance, shading_point);
+    if near.solid_angle > 0.0 {
+        return select(0.0, 1.0 / near.solid_angle, light_is_lit_side(light, instance, shading_point));
     }
+    // #endif
     let to_plane = light_toward(light.a, instance, shading_point);
-    return light_surface_pdf(to_plane, light_normal_area(normal_area, instance), light.kind, dist_sq);
+    return light_surface_pdf(to_plane, light_flat_normal_area(light, instance), light.kind, dist_sq);
 }
 // #endif
 

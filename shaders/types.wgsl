@@ -102,7 +102,8 @@ struct LightParams {
     // The strides of lights and of instances.
     light_stride: u32,
     instance_stride: u32,
+    // 1 if large and near surfaces are sampled by solid angle.
+    solid_angles: u32,
     padding_a: u32,
     padding_b: u32,
-    padding_c: u32,
 }

@@ -11,6 +11,7 @@ use glam::Vec3;
 
 use crate::light::{Light, Shape, range_window, spot_falloff};
 use crate::shading_point::ShadingPoint;
+use crate::solid_angle::NearSurface;
 use crate::transform::InstanceTransform;
 
 /// The light that arrives at a shading point from a point on a light, not yet shadowed.
@@ -48,12 +49,14 @@ pub(crate) const CLOSE: f32 = 0.1;
 /// Samples a point on a light. `None` if that point sends nothing to the shading point, because it
 /// faces away, is out of range, or lies behind the shading point's surface.
 ///
-/// Surfaces are sampled uniformly by area, spheres uniformly by the solid angle that they subtend
-/// (PBRT4 6.2.4).
+/// Flat surfaces are sampled uniformly by area, spheres uniformly by the solid angle that they
+/// subtend (PBRT4 6.2.4). With `by_solid_angle`, so are flat surfaces that are large or near
+/// (`solid_angle.rs`).
 pub(crate) fn sample_light(
     light: &Light,
     frame: &InstanceTransform,
     shading_point: &ShadingPoint,
+    by_solid_angle: bool,
     u: [f32; 2],
 ) -> Option<Incident> {
     // A light whose flux rounds to 0 has the probability 0 as well.
@@ -70,15 +73,27 @@ pub(crate) fn sample_light(
         }
         Shape::Rectangle { center, half_u, half_v, two_sided } => {
             let (a, b) = (frame.to_world * half_u, frame.to_world * half_v);
-            let toward = frame.toward(center, shading_point) + a * (2.0 * u[0] - 1.0) + b * (2.0 * u[1] - 1.0);
-            from_surface(light, toward, frame.normal_area(half_u.cross(half_v) * 4.0), two_sided, shading_point)
+            let to_center = frame.toward(center, shading_point);
+            let normal_area = frame.normal_area(half_u.cross(half_v) * 4.0);
+            if let Some(near) = by_solid_angle.then(|| NearSurface::parallelogram(to_center, a, b)).flatten() {
+                let is_lit = is_lit_side(to_center, normal_area, two_sided);
+                return is_lit.then(|| from_near_surface(light, &near, shading_point, u)).flatten();
+            }
+            let toward = to_center + a * (2.0 * u[0] - 1.0) + b * (2.0 * u[1] - 1.0);
+            from_surface(light, toward, normal_area, two_sided, shading_point)
         }
         Shape::Triangle { vertices, two_sided } => {
             let [p, q, r] = vertices;
             let (a, b) = (frame.to_world * (q - p), frame.to_world * (r - p));
+            let to_corner = frame.toward(p, shading_point);
+            let normal_area = frame.normal_area((q - p).cross(r - p) * 0.5);
+            if let Some(near) = by_solid_angle.then(|| NearSurface::triangle(to_corner, a, b)).flatten() {
+                let is_lit = is_lit_side(to_corner, normal_area, two_sided);
+                return is_lit.then(|| from_near_surface(light, &near, shading_point, u)).flatten();
+            }
             let root = u[0].sqrt();
-            let toward = frame.toward(p, shading_point) + a * (root * (1.0 - u[1])) + b * (root * u[1]);
-            from_surface(light, toward, frame.normal_area((q - p).cross(r - p) * 0.5), two_sided, shading_point)
+            let toward = to_corner + a * (root * (1.0 - u[1])) + b * (root * u[1]);
+            from_surface(light, toward, normal_area, two_sided, shading_point)
         }
         Shape::Sphere { center, radius } => from_sphere(light, center, radius, frame, shading_point, u),
     }
@@ -110,6 +125,22 @@ fn from_surface(
     (dist_sq >= MIN_DIST_SQ && facing_area > 0.0 && is_density(dist_sq, facing_area)).then_some(())?;
     let radiance = light.emission * range_window(dist_sq, light.range);
     arriving(shading_point, direction, dist, radiance, dist_sq / facing_area, false)
+}
+
+/// Whether a flat surface emits to the side of the shading point. `to_plane` is the vector from the
+/// shading point to any point of it.
+pub(crate) fn is_lit_side(to_plane: Vec3, normal_area: Vec3, two_sided: bool) -> bool {
+    two_sided || normal_area.dot(to_plane) < 0.0
+}
+
+/// From a surface that is sampled by solid angle and emits to the side of the shading point.
+fn from_near_surface(light: &Light, near: &NearSurface, shading_point: &ShadingPoint, u: [f32; 2]) -> Option<Incident> {
+    let toward = near.sample(u);
+    let dist_sq = toward.length_squared();
+    (dist_sq >= MIN_DIST_SQ).then_some(())?;
+    let dist = dist_sq.sqrt();
+    let radiance = light.emission * range_window(dist_sq, light.range);
+    arriving(shading_point, toward / dist, dist, radiance, 1.0 / near.solid_angle(), false)
 }
 
 /// Whether a quotient is a density inside the limits that [`MIN_PDF`] describes.

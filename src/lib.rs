@@ -147,6 +147,7 @@ pub mod light;
 pub mod tree;
 pub mod policy;
 pub mod scheduler;
+mod solid_angle;
 mod emit;
 mod importance;
 mod placement;

@@ -7,10 +7,11 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
-use crate::emit::{CLOSE, MIN_DIST_SQ, is_density};
+use crate::emit::{CLOSE, MIN_DIST_SQ, is_density, is_lit_side};
 use crate::light::{Light, Shape, range_window};
 use crate::sample::{LightId, LightSampler};
 use crate::shading_point::ShadingPoint;
+use crate::solid_angle::NearSurface;
 use crate::transform::InstanceTransform;
 
 impl LightSampler<'_> {
@@ -28,14 +29,20 @@ impl LightSampler<'_> {
         let tree = self.world.tree(placed.tree);
         let Some(record) = tree.and_then(|tree| tree.lights().get(index as usize)) else { return 0.0 };
         let Some(transform) = placed.placed.as_ref() else { return 0.0 };
-        let pdf = point_pdf(record, &transform.frame, shading_point, point);
+        let pdf = point_pdf(record, &transform.frame, shading_point, self.world.solid_angle_sampling(), point);
         if pdf > 0.0 { pdf * self.pmf(shading_point, light) } else { 0.0 }
     }
 }
 
 /// The density per steradian of the direction to a point on a given light; 0 if sampling never
 /// returns it.
-fn point_pdf(light: &Light, frame: &InstanceTransform, shading_point: &ShadingPoint, point: Vec3) -> f32 {
+fn point_pdf(
+    light: &Light,
+    frame: &InstanceTransform,
+    shading_point: &ShadingPoint,
+    by_solid_angle: bool,
+    point: Vec3,
+) -> f32 {
     let toward = point - shading_point.position;
     let dist_sq = toward.length_squared();
     let is_above = shading_point.normal == Vec3::ZERO || shading_point.normal.dot(toward) > 0.0;
@@ -47,11 +54,21 @@ fn point_pdf(light: &Light, frame: &InstanceTransform, shading_point: &ShadingPo
         Shape::Point { .. } | Shape::Spot { .. } => 0.0,
         Shape::Rectangle { center, half_u, half_v, two_sided } => {
             let normal_area = frame.normal_area(half_u.cross(half_v) * 4.0);
-            surface_pdf(frame.toward(center, shading_point), normal_area, two_sided, dist_sq)
+            let to_center = frame.toward(center, shading_point);
+            let near = || NearSurface::parallelogram(to_center, frame.to_world * half_u, frame.to_world * half_v);
+            match by_solid_angle.then(near).flatten() {
+                Some(near) => near_surface_pdf(&near, to_center, normal_area, two_sided),
+                None => surface_pdf(to_center, normal_area, two_sided, dist_sq),
+            }
         }
         Shape::Triangle { vertices: [p, q, r], two_sided } => {
             let normal_area = frame.normal_area((q - p).cross(r - p) * 0.5);
-            surface_pdf(frame.toward(p, shading_point), normal_area, two_sided, dist_sq)
+            let to_corner = frame.toward(p, shading_point);
+            let near = || NearSurface::triangle(to_corner, frame.to_world * (q - p), frame.to_world * (r - p));
+            match by_solid_angle.then(near).flatten() {
+                Some(near) => near_surface_pdf(&near, to_corner, normal_area, two_sided),
+                None => surface_pdf(to_corner, normal_area, two_sided, dist_sq),
+            }
         }
         Shape::Sphere { center, radius } => sphere_pdf(center, radius, frame, shading_point, point),
     }
@@ -64,6 +81,11 @@ fn surface_pdf(to_plane: Vec3, normal_area: Vec3, two_sided: bool, dist_sq: f32)
     let height_area = -normal_area.dot(to_plane);
     let facing_area = (if two_sided { height_area.abs() } else { height_area }) / dist_sq.sqrt();
     if facing_area > 0.0 && is_density(dist_sq, facing_area) { dist_sq / facing_area } else { 0.0 }
+}
+
+/// The same density for all points of a surface that is sampled by solid angle.
+fn near_surface_pdf(near: &NearSurface, to_plane: Vec3, normal_area: Vec3, two_sided: bool) -> f32 {
+    if is_lit_side(to_plane, normal_area, two_sided) { 1.0 / near.solid_angle() } else { 0.0 }
 }
 
 fn sphere_pdf(center: Vec3, radius: f32, frame: &InstanceTransform, shading_point: &ShadingPoint, point: Vec3) -> f32 {

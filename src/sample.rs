@@ -252,7 +252,8 @@ impl<'a> LightSampler<'a> {
             LightId::Local { instance, light } => {
                 let placed = self.world.instance(instance)?;
                 let light = self.world.tree(placed.tree)?.lights().get(light as usize)?;
-                sample_light(light, &placed.placed.as_ref()?.frame, shading_point, u)
+                let by_solid_angle = self.world.solid_angle_sampling();
+                sample_light(light, &placed.placed.as_ref()?.frame, shading_point, by_solid_angle, u)
             }
         }
     }

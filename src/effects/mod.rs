@@ -48,6 +48,12 @@ bitflags::bitflags! {
         /// [`LightWorld::active_effects`](crate::LightWorld::active_effects), but never of
         /// [`LightWorld::effects`](crate::LightWorld::effects).
         const MOVING = 1 << 6;
+        /// The world samples large and near surfaces by solid angle: see
+        /// [`LightWorld::set_solid_angle_sampling`](crate::LightWorld::set_solid_angle_sampling).
+        ///
+        /// This is a setting, not a feature of a light or an instance: its count is 0 or 1. It
+        /// changes no layout, and no shader that is made without [`Effects::AREAS`].
+        const SOLID_ANGLES = 1 << 7;
     }
 }
 

@@ -128,7 +128,9 @@ pub(crate) struct ParamsRecord {
     pub directional_count: u32,
     pub splits: u32,
     pub strides: Strides,
-    pub padding: [u32; 3],
+    /// 1 if large and near surfaces are sampled by solid angle.
+    pub solid_angles: u32,
+    pub padding: [u32; 2],
 }
 
 impl LightRecord {
@@ -351,6 +353,7 @@ mod tests {
                 strides.range as "node_range",
                 strides.light as "light_stride",
                 strides.instance as "instance_stride",
+                solid_angles,
                 padding as "padding_a"
             ]
         );

@@ -15,6 +15,7 @@ use crate::emit;
 use crate::importance;
 use crate::light;
 use crate::resample;
+use crate::solid_angle;
 use crate::tree;
 
 /// The stage of [`GpuLights::sample`](super::GpuLights::sample), with the record that it reads.
@@ -93,6 +94,7 @@ fn joined(group: u32, effects: Effects, counts: bool, target: Option<&TargetHook
         include_str!("../../shaders/node.wgsl"),
         include_str!("../../shaders/importance.wgsl"),
         include_str!("../../shaders/dice.wgsl"),
+        include_str!("../../shaders/solid_angle.wgsl"),
         include_str!("../../shaders/emit.wgsl"),
         &sample,
         include_str!("../../shaders/stored.wgsl"),
@@ -193,6 +195,9 @@ pub(crate) fn constants() -> String {
         ("MIN_PDF", emit::MIN_PDF),
         ("MIN_INVERSE_PDF", emit::MIN_INVERSE_PDF),
         ("CLOSE", emit::CLOSE),
+        ("NEAR_SIZE_SQ", solid_angle::NEAR_SIZE_SQ),
+        ("MIN_DETERMINANT", solid_angle::MIN_DETERMINANT),
+        ("MAX_DETERMINANT", solid_angle::MAX_DETERMINANT),
         ("MIN_PMF", dice::MIN_PMF),
         ("MIN_DOUBT", cut::MIN_DOUBT),
         ("FOUR_PI", 4.0 * std::f32::consts::PI),
@@ -258,6 +263,12 @@ mod tests {
         assert_eq!(all(Effects::all(), true), "abcde");
     }
 
+    /// Every set of effects that has a text of its own. Whether lights move changes no text.
+    fn text_variants() -> impl Iterator<Item = Effects> {
+        let all = (0..=Effects::all().bits()).map(Effects::from_bits_truncate);
+        all.filter(|effects| !effects.contains(Effects::MOVING))
+    }
+
     fn module(text: &str) -> naga::Module {
         let module = naga::front::wgsl::parse_str(text).map_err(|e| e.emit_to_string(text)).expect("it parses");
         naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::default())
@@ -289,7 +300,7 @@ mod tests {
             ["surface_point", "volume_point", "sample", "resample", "pick", "sample_picked", "pmf", "pdf", "hash"]
                 .map(|f| format!("light_{f}"));
         let promised: Vec<&str> = functions.iter().map(String::as_str).chain(PROMISED).collect();
-        for effects in (0..=Effects::all().bits()).map(Effects::from_bits_truncate) {
+        for effects in text_variants() {
             let text = wgsl(0, effects);
             let module = module(&text);
             let functions = module.functions.iter().filter_map(|(_, f)| f.name.clone());
@@ -318,7 +329,7 @@ mod tests {
                 return light_resample_by(at, material, vec4(0.5), 0.5, 8u).weight;
             }";
         let hook = TargetHook::new("brdf_target", "Material").expect("identifiers");
-        for effects in (0..=Effects::all().bits()).map(Effects::from_bits_truncate) {
+        for effects in text_variants() {
             for records_usage in [false, true] {
                 let plain = wgsl_of_shader(2, effects, records_usage, None);
                 assert!(plain.starts_with(&wgsl(2, effects)), "{effects:?}");
@@ -372,7 +383,18 @@ mod tests {
                 "light_from_surface light_from_rectangle light_from_triangle light_from_sphere light_is_density \
                  light_orthonormal light_normal_area light_volume_scale LIGHT_KIND_RECTANGLE LIGHT_KIND_TRIANGLE \
                  LIGHT_KIND_SPHERE LIGHT_TWO_SIDED LIGHT_CLOSE LIGHT_MIN_INVERSE_PDF LIGHT_TINY \
-                 light_point_pdf light_surface_pdf light_sphere_pdf",
+                 light_point_pdf light_surface_pdf light_sphere_pdf light_flat_normal_area \
+                 light_spherical_triangle light_near_surface light_share light_sample_near_surface light_near \
+                 light_is_lit_side light_from_near_surface LightNearSurface LightNearSurface.corner \
+                 LightNearSurface.u LightNearSurface.v LightNearSurface.first LightNearSurface.second \
+                 LightNearSurface.solid_angle LIGHT_NEAR_SIZE_SQ LIGHT_MIN_DETERMINANT LIGHT_MAX_DETERMINANT",
+            ),
+            (
+                Effects::SOLID_ANGLES,
+                "light_spherical_triangle light_near_surface light_share light_sample_near_surface light_near \
+                 light_is_lit_side light_from_near_surface LightNearSurface LightNearSurface.corner \
+                 LightNearSurface.u LightNearSurface.v LightNearSurface.first LightNearSurface.second \
+                 LightNearSurface.solid_angle LIGHT_NEAR_SIZE_SQ LIGHT_MIN_DETERMINANT LIGHT_MAX_DETERMINANT",
             ),
             (Effects::TWO_SIDED, "LIGHT_TWO_SIDED"),
             (

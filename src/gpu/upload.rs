@@ -55,7 +55,9 @@ impl GpuLights {
         let is_unchanged = delta.is_empty() && self.pending.is_empty() && !is_starting_usage;
         if is_unchanged && self.params.strides == Strides::of(effects) {
             self.effects = effects;
-            return Ok(UploadReport::default());
+            let solid_angles = u32::from(world.solid_angle_sampling());
+            let bytes = self.send_params(ParamsRecord { solid_angles, ..self.params });
+            return Ok(UploadReport { bytes, ..UploadReport::default() });
         }
         let mut changes = std::mem::take(&mut self.pending);
         changes.add(delta);
@@ -266,6 +268,7 @@ impl GpuLights {
             directional_base: self.directionals.start,
             directional_count: self.directionals.len() as u32,
             strides: Strides::of(effects),
+            solid_angles: u32::from(world.solid_angle_sampling()),
             ..self.params
         }
     }

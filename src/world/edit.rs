@@ -279,6 +279,34 @@ impl LightWorld {
         Ok(())
     }
 
+    /// Sets whether rectangles and triangles that are large or near are sampled uniformly by the
+    /// solid angle that they subtend, in steradians, instead of by area. Off at first.
+    ///
+    /// Turn it on for worlds in which panels, screens or windows light surfaces that are about as
+    /// near as the panels are wide. There sampling by area is noisy: for a square of one metre and
+    /// surfaces that face it, the relative variance of a sample falls from 0.03 to 0.002 at a
+    /// distance of 1 m, from 0.95 to 0.04 at 0.3 m, and from 11 to 0.16 at 0.1 m. Where the
+    /// horizon of the surface cuts the panel, it may rise by up to a third. The choice follows from
+    /// the shading point and the light: surfaces whose squared edges add up to less than half of the
+    /// squared distance of their centre are sampled by area, with the same bits as when this is off.
+    ///
+    /// A point on a near surface takes 0.2 µs (triangle) or 0.3 µs (rectangle) more on the CPU. On
+    /// the GPU only shaders that have [`Effects::SOLID_ANGLES`], which this setting adds to
+    /// [`LightWorld::effects`], contain the code. Takes effect at once on the CPU and with the next
+    /// upload on the GPU, which sends 48 bytes for it. Probabilities of lights do not change.
+    /// `LightSampler::pdf` and `light_pdf` follow the setting.
+    ///
+    /// Source: Arvo, Stratified Sampling of Spherical Triangles (1995).
+    pub fn set_solid_angle_sampling(&mut self, is_on: bool) {
+        if is_on != self.solid_angle_sampling {
+            self.solid_angle_sampling = is_on;
+            self.effects.change(|counts| match is_on {
+                true => counts.add(Effects::SOLID_ANGLES),
+                false => counts.remove(Effects::SOLID_ANGLES),
+            });
+        }
+    }
+
     /// Moves the point that sampling coordinates are relative to, in metres, for example to the
     /// camera. Instances keep their places in the world.
     ///

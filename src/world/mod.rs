@@ -54,6 +54,7 @@ pub struct LightWorld {
     origin: DVec3,
     light_count: usize,
     effects: HeldEffects,
+    solid_angle_sampling: bool,
     /// When trees stop counting as moving, and when they are frozen.
     rest_timers: RestTimers,
     /// Trees that the next update refits, or whose rebuild request it updates.
@@ -168,6 +169,7 @@ impl LightWorld {
             origin: DVec3::ZERO,
             light_count: 0,
             effects: HeldEffects::default(),
+            solid_angle_sampling: false,
             rest_timers: RestTimers::default(),
             pending: KeySet::default(),
             changes: Changes::default(),
@@ -222,6 +224,12 @@ impl LightWorld {
     /// [`LightWorld::set_origin`] is called.
     pub fn origin(&self) -> DVec3 {
         self.origin
+    }
+
+    /// Whether rectangles and triangles that are large or near are sampled by solid angle. False
+    /// until [`LightWorld::set_solid_angle_sampling`] is called.
+    pub fn solid_angle_sampling(&self) -> bool {
+        self.solid_angle_sampling
     }
 
     /// A tree as of the last update; `None` for a stale key.

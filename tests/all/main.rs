@@ -40,6 +40,7 @@ mod scheduler;
 mod shader_text;
 mod shadow_oracle;
 mod small_scene;
+mod solid_angle;
 mod support;
 mod torture;
 mod tree;

@@ -80,8 +80,9 @@ fn densities_at_sampled_points_are_those_of_the_samples() {
     let mut rng = Rng(60);
     let mut compared = 0;
     for far in [0.0, 1.0e4] {
-        for round in 0..6 {
-            let world = moved(rng.world(5, 40, 5, 15.0), far);
+        for round in 0..12 {
+            let mut world = moved(rng.world(5, 40, 5, 15.0), far);
+            world.set_solid_angle_sampling(round >= 6);
             let sampler = world.sampler().with_splits(SPLITS[round % SPLITS.len()]);
             for _ in 0..2500 {
                 let mut shading_point = rng.shading_point(20.0);
@@ -91,15 +92,16 @@ fn densities_at_sampled_points_are_those_of_the_samples() {
             }
         }
     }
-    assert!(compared > 3000, "{compared} are too few to compare");
+    assert!(compared > 6000, "{compared} are too few to compare");
 }
 
 #[test]
 fn densities_agree_very_near_lights() {
     let mut rng = Rng(61);
     let mut compared = 0;
-    for _ in 0..20 {
-        let world = rng.world(2, 12, 3, 4.0);
+    for round in 0..40 {
+        let mut world = rng.world(2, 12, 3, 4.0);
+        world.set_solid_angle_sampling(round % 2 == 1);
         let sampler = world.sampler();
         for _ in 0..400 {
             let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit()];
@@ -119,7 +121,7 @@ fn densities_agree_very_near_lights() {
             }
         }
     }
-    assert!(compared > 3000, "{compared} are too few to compare");
+    assert!(compared > 4000, "{compared} are too few to compare");
 }
 
 /// The distance along a ray to its first hit of a light, both in the light's space.
@@ -150,7 +152,12 @@ fn hit(light: &Light, origin: DVec3, direction: DVec3) -> Option<f64> {
 
 #[test]
 fn densities_integrate_to_the_probability_of_a_sample() {
-    let mut rng = Rng(62);
+    for by_solid_angle in [false, true] {
+        check_integrals(&mut Rng(62), by_solid_angle);
+    }
+}
+
+fn check_integrals(rng: &mut Rng, by_solid_angle: bool) {
     let triangle = [Vec3::new(-1.0, -0.7, 0.2), Vec3::new(1.2, -0.8, 0.0), Vec3::new(0.1, 1.1, 0.3)];
     let shapes = [
         Light::rectangle(Vec3::ZERO, Vec3::X, Vec3::new(0.3, 0.8, 0.0), Vec3::ONE),
@@ -170,6 +177,7 @@ fn densities_integrate_to_the_probability_of_a_sample() {
     for light in shapes {
         for linear in linears {
             let mut world = LightWorld::new();
+            world.set_solid_angle_sampling(by_solid_angle);
             let tree = world.add_tree(vec![light]).expect("valid");
             let placement = Placement { linear, translation: DVec3::new(0.5, -0.2, 0.3) };
             let instance = world.add_instance(tree, placement, Policy::Static).expect("valid");
@@ -197,7 +205,7 @@ fn densities_integrate_to_the_probability_of_a_sample() {
                 let n = f64::from(draws);
                 let (mean, share) = (sum / n, f64::from(chosen) / n);
                 // Five standard deviations of both: a false alarm in one of 10^6 checks, of which
-                // there are 50.
+                // there are 100.
                 let variance = (squares / n - mean * mean + share * (1.0 - share)) / n;
                 let difference = (mean - share).abs();
                 assert!(difference <= 5.0 * variance.sqrt() + 1e-6, "{mean} {share} {light:?} {linear:?}");
@@ -237,14 +245,15 @@ fn points_that_sampling_never_returns_have_no_density() {
 #[test]
 fn densities_in_an_engines_shader_are_those_of_the_cpu() {
     let mut rng = Rng(63);
-    for far in [0.0, 1.0e4] {
-        compare_densities(&mut rng, far);
+    for (far, by_solid_angle) in [(0.0, false), (1.0e4, false), (0.0, true), (1.0e4, true)] {
+        compare_densities(&mut rng, far, by_solid_angle);
     }
 }
 
-fn compare_densities(rng: &mut Rng, far: f64) {
+fn compare_densities(rng: &mut Rng, far: f64, by_solid_angle: bool) {
     let (device, queue) = gpu();
     let mut world = moved(rng.world(4, 25, 4, 12.0), far);
+    world.set_solid_angle_sampling(by_solid_angle);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let delta = world.take_delta();
     lights.upload(&world, &delta).expect("room enough");
