@@ -60,6 +60,10 @@ impl ChildGroup for PiecePart {
     fn cost(&self) -> u32 {
         self.cost >> COST_SLACK
     }
+
+    fn is_tiny(&self) -> bool {
+        false
+    }
 }
 
 /// A piece that has been split.

@@ -14,7 +14,7 @@ const OF_FLAT: f64 = 1.5;
 
 /// The scenes that do not reach both goals, and the most that sigma may be there: 5 to 10 % above
 /// what was measured.
-const MISSED: [(&str, f64); 12] = [
+const MISSED: [(&str, f64); 11] = [
     ("scaled by 0.01", 50.0),
     ("scaled by 100", 54.0),
     ("squashed along x by 0.01", 52.0),
@@ -25,8 +25,7 @@ const MISSED: [(&str, f64); 12] = [
     ("overlapping strings of lamps", 1.5),
     ("sheared spots", 5.5),
     ("inside a sphere light", 4.8),
-    ("one light 1e9 m away", 23.0),
-    ("dense clusters far apart", 5.4),
+    ("dense clusters far apart", 4.9),
 ];
 /// Below this sigma the ratios do not matter: the lights of others than the sampler decide the noise.
 const NO_NOISE: f64 = 0.2;

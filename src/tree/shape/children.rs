@@ -15,6 +15,9 @@ pub(crate) trait ChildGroup: Copy {
     fn count(&self) -> usize;
     /// The cost of the group.
     fn cost(&self) -> Self::Cost;
+    /// Whether the group is so small beside its node that the node could not tell its lights apart.
+    /// Such a group stays whole: it gets a node of its own, whose grid is as small as the group.
+    fn is_tiny(&self) -> bool;
 }
 
 /// The children of a node, in the order of their lights.
@@ -49,7 +52,8 @@ impl<G: ChildGroup> ChildChooser<G> {
         let mut costliest: Option<usize> = None;
         let rank = |i: usize| (self.groups[i].cost(), self.groups[i].count());
         for i in 0..self.count {
-            if self.groups[i].count() > WIDTH && costliest.is_none_or(|best| rank(i) > rank(best)) {
+            let is_whole = self.groups[i].count() <= WIDTH || self.groups[i].is_tiny();
+            if !is_whole && costliest.is_none_or(|best| rank(i) > rank(best)) {
                 costliest = Some(i);
             }
         }
@@ -83,8 +87,9 @@ impl<G: ChildGroup> ChildChooser<G> {
         let mut is_open = [false; WIDTH];
         let mut room = WIDTH - count;
         // The smallest group first, since it takes the least room; of equals the first.
-        while let Some(place) =
-            (0..count).filter(|i| groups[*i].count() > 1 && !is_open[*i]).min_by_key(|i| groups[*i].count())
+        while let Some(place) = (0..count)
+            .filter(|i| groups[*i].count() > 1 && !groups[*i].is_tiny() && !is_open[*i])
+            .min_by_key(|i| groups[*i].count())
             && groups[place].count() - 1 <= room
         {
             is_open[place] = true;
@@ -136,6 +141,10 @@ mod tests {
 
         fn cost(&self) -> usize {
             self.0
+        }
+
+        fn is_tiny(&self) -> bool {
+            false
         }
     }
 

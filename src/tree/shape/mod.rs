@@ -34,6 +34,10 @@ const PARALLEL_ITEMS: usize = 4096;
 /// 1e-9 m to 1e9 m they make 16.
 const MAX_COST_DEPTH: u32 = 32;
 
+/// Groups with a smaller share of the diagonal of their node are tiny. A node stores mean positions to
+/// 1/65,025 of its extent.
+const TINY_SHARE: f32 = 1.0e-3;
+
 /// One node of a shape. Nodes are stored depth first: a parent before its children, and every
 /// subtree contiguous.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -155,20 +159,24 @@ fn shape_in_parallel(subtrees: Subtrees<'_>, depth: u32) -> Vec<(usize, Vec<Shap
 struct CostedGroup {
     group: Group,
     cost: f32,
+    /// See [`ChildGroup::is_tiny`].
+    is_tiny: bool,
 }
 
 impl CostedGroup {
     /// The group of a node, the only one to split.
     #[inline(always)]
     fn whole(group: &Group) -> Self {
-        Self { group: *group, cost: 0.0 }
+        Self { group: *group, cost: 0.0, is_tiny: false }
     }
 
     /// Two groups below the node over `whole`.
     #[inline(always)]
     fn parts(whole: &Group, parts: &[Group; 2]) -> [Self; 2] {
         let costs = whole.costs([&parts[0], &parts[1]]);
-        [0, 1].map(|side| Self { group: parts[side], cost: costs[side] })
+        let most_sq = TINY_SHARE * TINY_SHARE * whole.sums.diagonal_sq();
+        let is_tiny = |part: &Group| part.sums.diagonal_sq() < most_sq;
+        [0, 1].map(|side| Self { group: parts[side], cost: costs[side], is_tiny: is_tiny(&parts[side]) })
     }
 }
 
@@ -183,6 +191,11 @@ impl ChildGroup for CostedGroup {
     #[inline(always)]
     fn cost(&self) -> f32 {
         self.cost
+    }
+
+    #[inline(always)]
+    fn is_tiny(&self) -> bool {
+        self.is_tiny
     }
 }
 

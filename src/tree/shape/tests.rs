@@ -46,14 +46,29 @@ fn items(clusters: &[Cluster]) -> Vec<BuildItem> {
 /// The shape over some lights, after a check that it is sound.
 fn sound_shape(clusters: &[Cluster]) -> Vec<ShapeNode> {
     let nodes = shape(&mut items(clusters));
-    check(&nodes, clusters.len());
+    check(&nodes, clusters);
     nodes
+}
+
+/// The squared diagonal of the box around the lights below each node.
+fn diagonals_sq(nodes: &[ShapeNode], clusters: &[Cluster]) -> Vec<f32> {
+    let mut boxes = vec![Aabb::EMPTY; nodes.len()];
+    for (index, node) in nodes.iter().enumerate().rev() {
+        boxes[index] = node.targets[..node.count as usize].iter().fold(Aabb::EMPTY, |all, target| {
+            all.union(&match target & LEAF {
+                0 => boxes[*target as usize],
+                _ => clusters[(target ^ LEAF) as usize].aabb,
+            })
+        });
+    }
+    boxes.iter().map(|aabb| aabb.extent().length_squared()).collect()
 }
 
 /// Checks that each light has one leaf, that links agree, that subtrees lie in one piece, and that
 /// no node has fewer children than it must. Returns the depth.
-fn check(nodes: &[ShapeNode], lights: usize) -> u32 {
-    let mut has_leaf = vec![false; lights];
+fn check(nodes: &[ShapeNode], clusters: &[Cluster]) -> u32 {
+    let mut has_leaf = vec![false; clusters.len()];
+    let diagonals_sq = diagonals_sq(nodes, clusters);
     let mut depths = vec![0; nodes.len()];
     for (index, node) in nodes.iter().enumerate() {
         let count = node.count as usize;
@@ -77,8 +92,11 @@ fn check(nodes: &[ShapeNode], lights: usize) -> u32 {
         }
         assert_eq!(next - index, node.span as usize);
         // A sparse node is the root, or its children are full of lights and none fits into its
-        // room.
-        let is_full = node.count as usize >= FULL;
+        // room, or it has a tiny child that stayed whole.
+        let has_tiny_child = node.targets[..count].iter().any(|target| {
+            target & LEAF == 0 && diagonals_sq[*target as usize] < TINY_SHARE * TINY_SHARE * diagonals_sq[index]
+        });
+        let is_full = node.count as usize >= FULL || has_tiny_child;
         if let (false, Some((count, span))) = (is_full, smallest_child) {
             assert!(index == 0 || span == 1 && count - 1 > WIDTH as u32 - node.count, "node {index}: {node:?}");
         } else {
@@ -161,7 +179,7 @@ fn nodes_below_the_depth_of_cost_splits_are_split_into_halves() {
     let mut nodes = Vec::new();
     shape_below(&mut items, &whole, MAX_COST_DEPTH, &mut nodes);
     link(&mut nodes);
-    assert!(check(&nodes, lights.len()) < 16, "the number 50,000 has 16 bits");
+    assert!(check(&nodes, &lights) < 16, "the number 50,000 has 16 bits");
 }
 
 #[test]
@@ -209,7 +227,7 @@ fn a_shape_costs_at_most_3_percent_more_than_that_of_an_exhaustive_search() {
             let mut order: Vec<u32> = (0..count as u32).collect();
             let mut sweep = Vec::new();
             sweep_below(&lights, &mut order, NO_PARENT, &mut sweep);
-            check(&sweep, count);
+            check(&sweep, &lights);
             let (ours, least) = (summed_cost(&sound_shape(&lights), &lights), summed_cost(&sweep, &lights));
             assert!(ours < 1.03 * least, "{count} lights, {clumped} of them in clumps: {ours} instead of {least}");
         }
