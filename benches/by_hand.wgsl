@@ -73,6 +73,8 @@ struct View {
     normal: vec3<f32>,
     has_normal: bool,
     margin: f32,
+    // The bit of a target that marks a single light; 0 in the top level.
+    light_bit: u32,
 }
 
 struct Dice {
@@ -82,12 +84,12 @@ struct Dice {
 
 struct Four {
     importance: vec4<f32>,
-    spread: vec4<f32>,
+    doubt: vec4<f32>,
 }
 
 struct Estimate {
     importance: mat2x4<f32>,
-    spread: mat2x4<f32>,
+    doubt: mat2x4<f32>,
     has_unresolved: bool,
 }
 
@@ -154,7 +156,7 @@ fn unit_or_zero(v: vec3<f32>) -> vec3<f32> {
 
 fn world_view(shading_point: ShadingPoint) -> View {
     let normal = unit_or_zero(shading_point.normal);
-    return View(shading_point.position, normal, any(normal != vec3(0.0)), LIGHT_POSITION_MARGIN);
+    return View(shading_point.position, normal, any(normal != vec3(0.0)), LIGHT_POSITION_MARGIN, 0u);
 }
 
 fn tree_view(instance: u32, shading_point: ShadingPoint) -> View {
@@ -164,7 +166,7 @@ fn tree_view(instance: u32, shading_point: ShadingPoint) -> View {
     let normal = unit_or_zero(rows[0].xyz * n.x + rows[1].xyz * n.y + rows[2].xyz * n.z);
     return View(
         rows[0].xyz * p.x + rows[1].xyz * p.y + rows[2].xyz * p.z, normal, any(normal != vec3(0.0)),
-        LIGHT_POSITION_MARGIN + LIGHT_RIGID_TOLERANCE,
+        LIGHT_POSITION_MARGIN + LIGHT_RIGID_TOLERANCE, LIGHT_LEAF,
     );
 }
 
@@ -201,10 +203,9 @@ fn step_along(steps: u32, axis: u32) -> f32 {
     return bitcast<f32>(((steps >> (8u * axis)) & 0xffu) << 23u);
 }
 
-// The estimated illuminance of four children, and how far each is spread as seen from the shading
-// point.
+// The estimated illuminance of four children, and the error that each estimate may have.
 fn estimate_four(
-    low: vec3<u32>, high: vec3<u32>, mean: vec3<u32>, deviations: u32, fluxes: vec2<u32>,
+    low: vec3<u32>, high: vec3<u32>, mean: vec3<u32>, deviations: u32, fluxes: vec2<u32>, targets: vec4<u32>,
     origin: vec3<f32>, half_step: vec3<f32>, view: View, margin: f32, error_sq: f32,
 ) -> Four {
     let low_x = bytes(low.x);
@@ -228,26 +229,40 @@ fn estimate_four(
     let flux = halves(fluxes);
 
     let n = view.normal;
+    let center_x = origin.x + (high_x + low_x) * half_step.x;
+    let center_y = origin.y + (high_y + low_y) * half_step.y;
+    let center_z = origin.z + (high_z + low_z) * half_step.z;
+    let out_x = max(abs(center_x) - (half_x + margin), vec4(0.0));
+    let out_y = max(abs(center_y) - (half_y + margin), vec4(0.0));
+    let out_z = max(abs(center_z) - (half_z + margin), vec4(0.0));
+    let gap_sq = out_x * out_x + out_y * out_y + out_z * out_z;
     let dist_sq = max(x * x + y * y + z * z, vec4(LIGHT_MIN_IMPORTANCE));
     let dist = sqrt(dist_sq);
     let spread = variance / (dist_sq + variance);
+    let mean_sq = dist_sq + LIGHT_VARIANCE_SHARE * variance;
+    let nearer = mean_sq / max(gap_sq + LIGHT_NEAR_VARIANCE * variance, LIGHT_MIN_GAP * mean_sq);
+    let is_light = (targets & vec4(view.light_bit)) != vec4(0u);
+    let doubt = select(spread * nearer, vec4(0.0), is_light);
     let along = n.x * x + n.y * y + n.z * z;
-    let rounded = 0.5 * (along + sqrt(along * along + LIGHT_COSINE_WIDTH_SQ * spread * dist_sq));
+    let across_sq = (n.x * half_x) * (n.x * half_x) + (n.y * half_y) * (n.y * half_y) + (n.z * half_z) * (n.z * half_z);
+    let across_variance = min(3.0 * (deviation * deviation) * across_sq, variance);
+    let width_sq = LIGHT_COSINE_WIDTH_SQ * across_variance * (1.0 - spread);
+    let rounded = 0.5 * (along + sqrt(along * along + width_sq));
     let cosine = select(dist, max(rounded, LIGHT_MIN_COSINE * dist), view.has_normal);
-    let lux = flux * (1.0 / LIGHT_FOUR_PI) * (cosine / dist / (dist_sq + LIGHT_VARIANCE_SHARE * variance));
+    let lux = (flux * (1.0 / LIGHT_FOUR_PI) * (1.0 + LIGHT_NEAR_GAIN * doubt)) * (cosine / dist / mean_sq);
     let at_least_min = select(vec4(LIGHT_MIN_IMPORTANCE), lux, lux > vec4(LIGHT_MIN_IMPORTANCE));
 
     // A child that lies wholly below the horizon sends nothing.
     let steep = abs(n);
     let highest = margin * (steep.x + steep.y + steep.z)
-        + (n.x * (origin.x + (high_x + low_x) * half_step.x) + steep.x * half_x)
-        + (n.y * (origin.y + (high_y + low_y) * half_step.y) + steep.y * half_y)
-        + (n.z * (origin.z + (high_z + low_z) * half_step.z) + steep.z * half_z);
+        + (n.x * center_x + steep.x * half_x)
+        + (n.y * center_y + steep.y * half_y)
+        + (n.z * center_z + steep.z * half_z);
     let is_dark = vec4(view.has_normal) & (highest <= vec4(0.0));
     let is_lit = (flux > vec4(0.0)) & !is_dark;
     let importance = min(at_least_min, vec4(LIGHT_MAX_IMPORTANCE));
     let is_unresolved = dist_sq + variance <= LIGHT_MEAN_ERROR_SQ * radius_sq + error_sq;
-    return Four(select(vec4(0.0), select(importance, -importance, is_unresolved), is_lit), spread);
+    return Four(select(vec4(0.0), select(importance, -importance, is_unresolved), is_lit), doubt);
 }
 
 fn sum(v: mat2x4<f32>) -> f32 {
@@ -265,14 +280,14 @@ fn estimate(node: Node, view: View) -> Estimate {
     let b = node.boxes;
     let first = estimate_four(
         vec3(b[0].x, b[0].z, b[1].x), vec3(b[1].z, b[2].x, b[2].z), vec3(b[3].x, b[3].z, b[4].x), b[4].z,
-        node.flux.xy, origin, half_step, view, margin, error_sq,
+        node.flux.xy, node.targets[0], origin, half_step, view, margin, error_sq,
     );
     let last = estimate_four(
         vec3(b[0].y, b[0].w, b[1].y), vec3(b[1].w, b[2].y, b[2].w), vec3(b[3].y, b[3].w, b[4].y), b[4].w,
-        node.flux.zw, origin, half_step, view, margin, error_sq,
+        node.flux.zw, node.targets[1], origin, half_step, view, margin, error_sq,
     );
     return Estimate(
-        mat2x4(first.importance, last.importance), mat2x4(first.spread, last.spread),
+        mat2x4(first.importance, last.importance), mat2x4(first.doubt, last.doubt),
         any(min(first.importance, last.importance) < vec4(0.0)),
     );
 }
@@ -323,24 +338,24 @@ fn total_block(cut: ptr<function, Cut>, block: u32) {
 fn add_block(cut: ptr<function, Cut>, instance: u32, index: u32, shading_point: ShadingPoint) {
     let in_top = instance == LIGHT_NO_INSTANCE;
     let node = node_at(in_top, index);
-    let estimated = estimate(node, view_in(instance, shading_point));
+    let view = view_in(instance, shading_point);
+    let estimated = estimate(node, view);
     let block = (*cut).count;
     (*cut).count = block + 1u;
     (*cut).instances[block] = instance;
     (*cut).nodes[block] = index;
     (*cut).values[block] = estimated.importance;
-    var doubts = mat2x4(estimated.importance[0] * estimated.spread[0], estimated.importance[1] * estimated.spread[1]);
+    var doubts = mat2x4(estimated.importance[0] * estimated.doubt[0], estimated.importance[1] * estimated.doubt[1]);
     if estimated.has_unresolved {
         (*cut).has_unresolved = true;
-        doubts[0] = select(doubts[0], estimated.importance[0] * -LIGHT_UNRESOLVED_DOUBT, estimated.importance[0] < vec4(0.0));
-        doubts[1] = select(doubts[1], estimated.importance[1] * -LIGHT_UNRESOLVED_DOUBT, estimated.importance[1] < vec4(0.0));
+        let first = (node.targets[0] & vec4(view.light_bit)) == vec4(0u);
+        let last = (node.targets[1] & vec4(view.light_bit)) == vec4(0u);
+        let split_first = select(vec4(0.0), estimated.importance[0] * -LIGHT_UNRESOLVED_DOUBT, first);
+        let split_last = select(vec4(0.0), estimated.importance[1] * -LIGHT_UNRESOLVED_DOUBT, last);
+        doubts[0] = select(doubts[0], split_first, estimated.importance[0] < vec4(0.0));
+        doubts[1] = select(doubts[1], split_last, estimated.importance[1] < vec4(0.0));
     }
-    let first = vec4(in_top) | ((node.targets[0] & vec4(LIGHT_LEAF)) == vec4(0u));
-    let last = vec4(in_top) | ((node.targets[1] & vec4(LIGHT_LEAF)) == vec4(0u));
-    (*cut).doubts[block] = mat2x4(
-        select(vec4(0.0), doubts[0], first),
-        select(vec4(0.0), doubts[1], last),
-    );
+    (*cut).doubts[block] = doubts;
     total_block(cut, block);
 }
 

@@ -142,7 +142,9 @@ fn stored(machine: &Machine, instances: u32) -> Result<(GpuLights, GpuLights), W
     world.remove_instance(scaled)?;
     world.remove_tree(extra)?;
     world.remove_directional(sun)?;
+    world.set_solid_angle_sampling(true);
     let all = upload(machine, &world, Effects::all());
+    world.set_solid_angle_sampling(false);
     for _ in 0..=EFFECT_HOLD_UPDATES {
         world.update(FrameBudget::UNLIMITED);
     }
