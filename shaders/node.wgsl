@@ -32,6 +32,7 @@ struct LightFour {
     radius_sq: vec4<f32>,
     variance: vec4<f32>,
     // The part of the variance that lies along the normal, times 3; at most the variance.
+    // `light_add_axis` sums up half the extent along the normal, squared, which `light_unpack` scales.
     across_variance: vec4<f32>,
     flux: vec4<f32>,
     // #if CONES

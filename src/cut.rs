@@ -28,14 +28,18 @@ pub(crate) struct TreeView<'a> {
     pub local: LocalShadingPoint,
     /// The slot of the instance whose tree this is, or [`NO_INSTANCE`].
     pub instance: u32,
-    /// Leaves are instances.
-    pub is_top: bool,
 }
 
 impl<'a> TreeView<'a> {
     /// A tree that is sampled by itself, in its own space.
     pub fn of_tree(nodes: &'a [Node], shading_point: &ShadingPoint) -> Self {
-        Self { nodes, local: LocalShadingPoint::of(shading_point), instance: NO_INSTANCE, is_top: false }
+        Self { nodes, local: LocalShadingPoint::of(shading_point), instance: NO_INSTANCE }
+    }
+
+    /// Whether leaves are instances.
+    #[inline(always)]
+    pub fn is_top(&self) -> bool {
+        self.local.light_bit == 0
     }
 }
 

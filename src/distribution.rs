@@ -53,7 +53,7 @@ impl<'a, T: InstanceTrees<'a>> Job for DistributionJob<'a, '_, T> {
         let (mut stack, mut inner_stack) = (Vec::new(), Vec::new());
         for (tree, target, weight) in cut.candidates() {
             let pmf = joint_pmf(cut_pmf, choice_pmf(weight, cut.total()));
-            if !tree.is_top {
+            if !tree.is_top() {
                 let start = if tree.instance == NO_INSTANCE { 0 } else { starts[tree.instance as usize] };
                 visit_leaves(tree, target, pmf, &mut inner_stack, |light, pmf| pmfs[start + light as usize] = pmf);
                 continue;

@@ -5,9 +5,9 @@
 //!
 //! Twin of `shaders/importance.wgsl`; `tests/all/gpu.rs` runs both on the same inputs. Based on
 //! CK18 5.1 and pbrt-v4's light bounds. Differs: the flux-weighted mean and variance of position
-//! replace the box's centre, the cosine at the shading point is smooth, the emission is a lobe about
-//! the mean direction, and and clusters whose box is nearer than their mean position count as
-//! more doubtful and brighter (docs/math.md). All eight children of a node are evaluated together and
+//! replace the box's centre, the cosine at the shading point is smooth, the emission is a lobe
+//! about the mean direction, and clusters whose box is nearer than their mean position count as more
+//! doubtful and brighter (docs/math.md). All eight children of a node are evaluated together and
 //! without branches, so that the compiler can use vectors.
 
 use glam::Vec3;
@@ -57,7 +57,7 @@ impl LocalShadingPoint {
 /// The share of the variance of position that is added to the squared distance.
 pub(crate) const VARIANCE_SHARE: f32 = 0.5;
 /// The squared width of the smooth cosine at the shading point, per unit of the cluster's angular
-/// size.
+/// size along the normal.
 pub(crate) const COSINE_WIDTH_SQ: f32 = 0.5;
 /// The brightness that a cluster gains per unit of doubt: a weak light at the shading point may
 /// outshine the strong ones that decide the mean position.

@@ -53,9 +53,9 @@ impl LightSampler<'_> {
     /// where little is shadowed.
     ///
     /// The first four numbers of `u` are as for [`LightSampler::sample`], which this equals for one
-    /// candidate. The fifth chooses among the candidates: it is uniform in [0, 1) too, and best
-    /// evenly distributed over the samples of a pixel, not a hash. `None` if no candidate sends anything to the shading
-    /// point: count that as black.
+    /// candidate. The fifth chooses among the candidates: it is uniform in [0, 1) too. Numbers that
+    /// are evenly distributed over the samples of a pixel give less noise than a hash. `None` if no
+    /// candidate sends anything to the shading point: count that as black.
     ///
     /// Clusters are split once for all candidates. Each candidate costs a walk down the trees and a
     /// point on a light. No memory is allocated.

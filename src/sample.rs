@@ -304,7 +304,7 @@ impl<'a> LightSampler<'a> {
     /// The top level.
     pub(crate) fn root(&self, shading_point: &ShadingPoint) -> TreeView<'a> {
         let local = LocalShadingPoint { light_bit: 0, ..LocalShadingPoint::of(shading_point) };
-        TreeView { nodes: &self.top.nodes, local, instance: NO_INSTANCE, is_top: true }
+        TreeView { nodes: &self.top.nodes, local, instance: NO_INSTANCE }
     }
 
     /// The directional light at a point of the line from 0 to the illuminance by all of them.
@@ -326,7 +326,7 @@ impl<'a> LightSampler<'a> {
         let instance = self.world.instance(key)?;
         let tree = self.world.tree(instance.tree)?;
         let local = instance.placed.as_ref()?.local_shading_point(shading_point);
-        Some((tree, TreeView { nodes: tree.nodes(), local, instance: slot_of(key), is_top: false }))
+        Some((tree, TreeView { nodes: tree.nodes(), local, instance: slot_of(key) }))
     }
 }
 

@@ -76,7 +76,7 @@ fn descend<'a>(
     outer.remap(offset / cut.total(), pmf);
     loop {
         let node = match target {
-            Target::Leaf(slot) if tree.is_top => {
+            Target::Leaf(slot) if tree.is_top() => {
                 tree = instance_trees.tree_view(slot)?;
                 0
             }

@@ -2,7 +2,9 @@
 //! shading point, and single choices, which can be timed.
 
 use super::baselines::{BinaryTree, Cycles, Formula, Pbrt};
+use super::sigma::{Noise, Summary};
 use girandole::{Light, LightId, LightPick, LightSampler, LightTree, LightWorld, ShadingPoint, SplitCount, WorldError};
+use rayon::prelude::*;
 
 /// A way to choose one of many lights.
 pub trait Chooser: Sync {
@@ -230,4 +232,17 @@ pub fn all<'a>(
         flat("flat, 8 splits", SplitCount::of::<8>()),
     ]);
     Ok(all)
+}
+
+/// The noise of a sampler over the shading points that some light reaches, and the share of its draws
+/// that end without a light, as a mean over them. `lux` has the illuminance by each light at each
+/// shading point. At least one shading point must be lit.
+pub fn noise(chooser: &dyn Chooser, shading_points: &[ShadingPoint], lux: &[Vec<f32>]) -> (Summary, f64) {
+    let one = |(at, lux): (&ShadingPoint, &Vec<f32>)| {
+        let pmfs = chooser.pmfs(at);
+        let sum: f64 = pmfs.iter().map(|pmf| f64::from(*pmf)).sum();
+        Some((Noise::of(lux, &pmfs)?, (1.0 - sum).max(0.0)))
+    };
+    let (noises, dead): (Vec<Noise>, Vec<f64>) = shading_points.par_iter().zip(lux).filter_map(one).unzip();
+    (Summary::of(&noises), dead.iter().sum::<f64>() / dead.len() as f64)
 }

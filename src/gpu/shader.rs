@@ -31,8 +31,8 @@ use crate::effects::Effects;
 ///
 /// // A light and a point on it.
 /// fn light_sample(shading_point: LightShadingPoint, u: vec4<f32>) -> LightSample
-/// // One of up to LIGHT_MAX_CANDIDATES samples, kept in proportion to its unshadowed light. `choice` is a
-/// // fifth random number, which chooses among them.
+/// // One of up to LIGHT_MAX_CANDIDATES samples, kept in proportion to its unshadowed light.
+/// // `choice` is a fifth random number, which chooses among them.
 /// fn light_resample(
 ///     shading_point: LightShadingPoint, u: vec4<f32>, choice: f32, candidates: u32,
 /// ) -> LightReservoir

@@ -3,8 +3,8 @@
 use super::TortureScene;
 use crate::measuring::lights::{carried, illuminances};
 use crate::measuring::samplers::{self, Chooser};
-use crate::measuring::sigma::{Noise, Summary};
-use girandole::{LightId, ShadingPoint, WorldError};
+use crate::measuring::sigma::Summary;
+use girandole::{LightId, WorldError};
 use rayon::prelude::*;
 
 /// The noise of one sampler on one scene.
@@ -29,16 +29,6 @@ pub fn rows(scene: &TortureScene) -> Result<Vec<TortureRow>, WorldError> {
 }
 
 fn row(scene: &TortureScene, chooser: &dyn Chooser, lux: &[Vec<f32>]) -> TortureRow {
-    let noise = |(at, lux): (&ShadingPoint, &Vec<f32>)| {
-        let pmfs = chooser.pmfs(at);
-        let sum: f64 = pmfs.iter().map(|pmf| f64::from(*pmf)).sum();
-        Some((Noise::of(lux, &pmfs)?, (1.0 - sum).max(0.0)))
-    };
-    let (noises, dead): (Vec<Noise>, Vec<f64>) = scene.shading_points.par_iter().zip(lux).filter_map(noise).unzip();
-    TortureRow {
-        scene: scene.name,
-        sampler: chooser.name(),
-        sigma: Summary::of(&noises),
-        dead: dead.iter().sum::<f64>() / dead.len() as f64,
-    }
+    let (sigma, dead) = samplers::noise(chooser, &scene.shading_points, lux);
+    TortureRow { scene: scene.name, sampler: chooser.name(), sigma, dead }
 }

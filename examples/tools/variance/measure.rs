@@ -5,8 +5,8 @@ use super::stages::Lit;
 use super::timing::nanoseconds;
 use crate::measuring::lights::{carried, illuminances};
 use crate::measuring::samplers;
-use crate::measuring::sigma::{Noise, Summary};
-use girandole::{LightId, ShadingPoint};
+use crate::measuring::sigma::Summary;
+use girandole::LightId;
 use rayon::prelude::*;
 
 /// One sampler on one scene.
@@ -42,17 +42,12 @@ pub fn measure(lit: &Lit) -> Result<Measured, SceneError> {
     }
     let times = nanoseconds(&choosers, &lit.shading_points);
     let rows = choosers.iter().zip(times).map(|(chooser, ns_per_sample)| {
-        let noise = |(at, lux): (&ShadingPoint, &Vec<f32>)| {
-            let pmfs = chooser.pmfs(at);
-            let sum: f64 = pmfs.iter().map(|pmf| f64::from(*pmf)).sum();
-            Some((Noise::of(lux, &pmfs)?, (1.0 - sum).max(0.0)))
-        };
-        let (noises, dead): (Vec<Noise>, Vec<f64>) = lit.shading_points.par_iter().zip(&lux).filter_map(noise).unzip();
+        let (sigma, dead) = samplers::noise(chooser.as_ref(), &lit.shading_points, &lux);
         Row {
             scene: lit.name.clone(),
             sampler: chooser.name(),
-            sigma: Summary::of(&noises),
-            dead: dead.iter().sum::<f64>() / dead.len() as f64,
+            sigma,
+            dead,
             ns_per_sample,
             bytes_per_light: chooser.bytes() as f64 / lights.len() as f64,
         }

@@ -15,9 +15,8 @@ const FLUX_UNIT: f32 = 1.0 / (1 << 30) as f32;
 /// radius.
 const MIN_DIRECTION_EXTENT: f32 = 0.2;
 
-/// Where directions differ, a group counts as this much larger than its box, as a share of the
-/// squared diagonal of the group that is split: where the lights lie close together, their
-/// directions decide.
+/// Added to the size of each part where directions differ, as a share of the squared diagonal of the
+/// group that is split. Where the lights lie close together, their directions then decide.
 const MIN_SIZE: f32 = 0.03 * 0.03;
 
 /// Lights that one thread sums in a row. Sums over more lights are sums of such runs, in order,
@@ -44,11 +43,10 @@ impl BuildItem {
     /// Takes the box, flux, mean and axis of a cluster.
     pub fn new(cluster: &Cluster, index: u32) -> Self {
         let flux = cluster.flux * FLUX_UNIT;
-        let per_flux = if flux >= f32::MIN_POSITIVE { flux.recip() } else { 0.0 };
         Self {
             min: cluster.aabb.min.extend(0.0),
             max: cluster.aabb.max.extend(f32::from_bits(index)),
-            mean: cluster.mean.extend(per_flux),
+            mean: cluster.mean.extend(per_flux(flux)),
             power: (cluster.axis * flux).extend(flux),
         }
     }
@@ -67,6 +65,11 @@ impl BuildItem {
     pub(super) fn sums(&self) -> GroupSums {
         GroupSums { min: self.min, max: self.max, power: self.power }
     }
+}
+
+/// The inverse of a flux; 0 for a flux of 0.
+fn per_flux(flux: f32) -> f32 {
+    if flux >= f32::MIN_POSITIVE { flux.recip() } else { 0.0 }
 }
 
 /// The box and the summed flux of a group. The fourth lane of the corners has no meaning.
@@ -94,7 +97,7 @@ impl GroupSums {
 
     /// The factor that makes this group's flux 1. 0 for a dark group.
     pub fn per_flux(&self) -> f32 {
-        if self.power.w >= f32::MIN_POSITIVE { self.power.w.recip() } else { 0.0 }
+        per_flux(self.power.w)
     }
 }
 
