@@ -27,7 +27,7 @@ bitflags::bitflags! {
     ///
     /// Shaders that are made for a set serve every world whose effects are a subset of it.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-    pub struct Effects: u8 {
+    pub struct Effects: u16 {
         /// A light emits into less than all directions: a spot, or a surface with one emitting
         /// side.
         const CONES = 1;

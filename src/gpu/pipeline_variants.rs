@@ -341,7 +341,7 @@ mod tests {
     #[test]
     fn the_least_recently_used_variant_is_dropped_and_the_general_pipeline_stays() {
         let (mut variants, allow, started) = controlled();
-        let sets: Vec<_> = (0..=MAX_VARIANTS as u8).map(Effects::from_bits_truncate).collect();
+        let sets: Vec<_> = (0..=MAX_VARIANTS as u16).map(Effects::from_bits_truncate).collect();
         for (number, effects) in sets.iter().enumerate() {
             allow.send(true).expect("the function will wait");
             await_ready(&mut variants, *effects);

@@ -101,7 +101,7 @@ fn requests() -> Vec<SampleRequest> {
 
 /// The pipeline for these effects, compiled once for all tests.
 fn pipeline(lights: &GpuLights, variant: Effects) -> wgpu::ComputePipeline {
-    static PIPELINES: Mutex<BTreeMap<u8, Arc<OnceLock<wgpu::ComputePipeline>>>> = Mutex::new(BTreeMap::new());
+    static PIPELINES: Mutex<BTreeMap<u16, Arc<OnceLock<wgpu::ComputePipeline>>>> = Mutex::new(BTreeMap::new());
     let variant = variant - Effects::MOVING;
     let place = PIPELINES.lock().unwrap().entry(variant.bits()).or_default().clone();
     place.get_or_init(|| lights.sampling.compile(variant)).clone()

@@ -17,9 +17,9 @@ fn moon() -> DirectionalLight {
 }
 
 /// The counts of all effects but [`Effects::MOVING`], from a visit of everything.
-fn counted(world: &LightWorld) -> BTreeMap<u8, u64> {
+fn counted(world: &LightWorld) -> BTreeMap<u16, u64> {
     let all = Effects::all() - Effects::MOVING;
-    let mut counts: BTreeMap<u8, u64> = all.iter().map(|effect| (effect.bits(), 0)).collect();
+    let mut counts: BTreeMap<u16, u64> = all.iter().map(|effect| (effect.bits(), 0)).collect();
     let mut add = |effects: Effects| effects.iter().for_each(|effect| *counts.entry(effect.bits()).or_default() += 1);
     for tree in world.trees() {
         let tree = world.tree(tree).expect("it lives");
@@ -38,7 +38,7 @@ fn counted(world: &LightWorld) -> BTreeMap<u8, u64> {
 }
 
 /// The same as the world keeps them.
-fn kept(counts: &EffectCounts) -> BTreeMap<u8, u64> {
+fn kept(counts: &EffectCounts) -> BTreeMap<u16, u64> {
     (Effects::all() - Effects::MOVING).iter().map(|effect| (effect.bits(), counts.of(effect))).collect()
 }
 

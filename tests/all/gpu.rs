@@ -109,7 +109,7 @@ fn sample_again(
 /// Samples the lights of the last upload with a pipeline for these effects. It has the text of
 /// `GpuLights::sample` and is compiled once for all tests, while each `GpuLights` compiles its own.
 pub(crate) fn sample_by(effects: Effects, lights: &mut GpuLights, requests: &[SampleRequest]) -> Vec<SampleRecord> {
-    static PIPELINES: Mutex<BTreeMap<u8, Arc<OnceLock<wgpu::ComputePipeline>>>> = Mutex::new(BTreeMap::new());
+    static PIPELINES: Mutex<BTreeMap<u16, Arc<OnceLock<wgpu::ComputePipeline>>>> = Mutex::new(BTreeMap::new());
     let (device, queue) = gpu();
     let entry = |binding, read_only| wgpu::BindGroupLayoutEntry {
         binding,
