@@ -38,7 +38,8 @@ struct Linear {
     area_x: vec3<f32>,
     area_y: vec3<f32>,
     area_z: vec3<f32>,
-    keeps_angles: bool,
+    // Cosine and sine of the angle by which caps are widened.
+    turn: vec2<f32>,
     mean_square_scale: f32,
 }
 
@@ -52,7 +53,7 @@ fn linear_of(instance: LightInstance) -> Linear {
     return Linear(
         x, y, z, vec3(rows[0].w, rows[1].w, rows[2].w),
         cross(y, z) * mirrored, cross(z, x) * mirrored, cross(x, y) * mirrored,
-        (instance.flags & LIGHT_KEEPS_ANGLES) != 0u, instance.to_local[2].w,
+        vec2(instance.cos_turn, instance.sin_turn), instance.to_local[2].w,
     );
 }
 
@@ -64,6 +65,12 @@ fn linear_flux(map: Linear, punctual: f32, area: f32, axis: vec3<f32>) -> f32 {
     let normal = normalize_or(axis, vec3(0.0));
     let along = safe_length(map.area_x * normal.x + map.area_y * normal.y + map.area_z * normal.z);
     return min(punctual + area * (agreement * along + (1.0 - agreement) * all_sides), LIGHT_MAX_FLUX);
+}
+
+// The cosine of the half-angle of a widened cap. Twin of `Linear::widened`.
+fn linear_widened(map: Linear, cos: f32) -> f32 {
+    let sin = sqrt(max(1.0 - cos * cos, 0.0));
+    return select(cos * map.turn.x - sin * map.turn.y, -1.0, cos <= -map.turn.x);
 }
 
 // A transformed cluster, which must not be empty. Twin of `Cluster::transformed`.
@@ -83,7 +90,7 @@ fn cluster_transformed(cluster: LightCluster, map: Linear, flux: f32) -> LightCl
     moved.box_max = moved_center + (reach + size * TRANSFORM_PADDING);
     moved.range = cluster.range;
     moved.axis = normalize_or(axis, vec3(0.0)) * length(cluster.axis);
-    moved.cos_half_angle = select(-1.0, cluster.cos_half_angle, map.keeps_angles);
+    moved.cos_half_angle = linear_widened(map, linear_widened(map, cluster.cos_half_angle));
     return moved;
 }
 
@@ -325,6 +332,8 @@ fn pack_four(four: ClusterFour, origin: vec3<f32>, bits: vec3<u32>) -> LightPack
         vec3(x.mean, y.mean, z.mean),
         pack_bytes(trunc(sqrt(ratio_sq) * LIGHT_STEPS + 0.5)),
         pack_halves(four.flux, 0x8000u),
+        // A top level has no ratios of flux.
+        0u,
         pack_bytes(trunc(sqrt(1.0 - select(vec4(0.0), min(length, vec4(1.0)), is_lit)) * LIGHT_STEPS + 0.5)),
         vec3(pack_signed_bytes(axis_x), pack_signed_bytes(axis_y), pack_signed_bytes(axis_z)),
         pack_bytes(select(vec4(2.0 * LIGHT_CAP_STEPS), ceil((1.0 - caps) * LIGHT_CAP_STEPS), is_lit)),

@@ -44,8 +44,11 @@ fn light_local_to_top(shading_point: LightShadingPoint) -> LightLocalShadingPoin
     // #if RANGES
     local.range_scale = 1.0;
     // #endif
+    // #if NON_RIGID
+    local.scaled_instance = LIGHT_NO_INSTANCE;
     // #if CONES
-    local.keeps_angles = true;
+    local.turn = vec2(1.0, 0.0);
+    // #endif
     // #endif
     return local;
 }
@@ -62,17 +65,15 @@ fn light_local_to_tree(instance: u32, shading_point: LightShadingPoint) -> Light
     // #if RANGES
     local.range_scale = 1.0;
     // #endif
-    // #if CONES
-    local.keeps_angles = true;
-    // #endif
     // #if NON_RIGID
     let squeeze = max(sqrt(placed.to_local[2].w) * placed.to_local[1].w, 1.0);
     local.margin = LIGHT_POSITION_MARGIN * squeeze + LIGHT_RIGID_TOLERANCE;
     // #if RANGES
     local.range_scale = placed.to_local[1].w;
     // #endif
+    local.scaled_instance = select(LIGHT_NO_INSTANCE, instance, (placed.flags & LIGHT_NON_RIGID) != 0u);
     // #if CONES
-    local.keeps_angles = (placed.flags & LIGHT_KEEPS_ANGLES) != 0u;
+    local.turn = vec2(placed.cos_turn, placed.sin_turn);
     // #endif
     // #endif
     return local;

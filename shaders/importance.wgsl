@@ -32,9 +32,25 @@ struct LightLocalShadingPoint {
     // #if RANGES
     range_scale: f32,
     // #endif
+    // #if NON_RIGID
+    // The slot of an instance that is scaled, sheared or mirrored, or LIGHT_NO_INSTANCE.
+    scaled_instance: u32,
     // #if CONES
-    keeps_angles: bool,
+    // Cosine and sine of the angle by which caps are widened.
+    turn: vec2<f32>,
     // #endif
+    // #endif
+}
+
+// A node as seen from a shading point.
+struct LightNodeView {
+    // The vector from the shading point to the origin of the node's grid.
+    origin: vec3<f32>,
+    half_step: vec3<f32>,
+    // The largest rounding error of a position.
+    margin: f32,
+    // The squared error of a shading point's position, below which children are unresolved.
+    position_error_sq: f32,
 }
 
 struct LightFourImportances {
@@ -61,12 +77,11 @@ fn light_child_importances(node: LightNode, local: LightLocalShadingPoint) -> Li
     let margin = (farthest.x + farthest.y + farthest.z) * local.margin;
     let error = LIGHT_POSITION_ERROR * (own.x + own.y + own.z) + LIGHT_MIN_POSITION_ERROR;
     let error_sq = (2.0 * 3.0) * (error * error);
-    let first_four = light_unpack(light_first_four(node), origin, half_step, local.normal, margin);
+    let view = LightNodeView(origin, half_step, margin, error_sq);
     let first_is_light = (node.targets[0] & vec4(local.light_bit)) != vec4(0u);
-    let first = light_four_importances(first_four, first_is_light, local, margin, error_sq);
-    let last_four = light_unpack(light_last_four(node), origin, half_step, local.normal, margin);
+    let first = light_four_importances(light_first_four(node), first_is_light, local, view);
     let last_is_light = (node.targets[1] & vec4(local.light_bit)) != vec4(0u);
-    let last = light_four_importances(last_four, last_is_light, local, margin, error_sq);
+    let last = light_four_importances(light_last_four(node), last_is_light, local, view);
     return LightChildImportances(
         mat2x4(first.importance, last.importance), mat2x4(first.doubt, last.doubt),
         any(min(first.importance, last.importance) < vec4(0.0)),
@@ -117,16 +132,30 @@ fn light_child_weights(node: LightNode, local: LightLocalShadingPoint) -> mat2x4
 }
 
 fn light_four_importances(
-    four: LightFour, is_light: vec4<bool>, local: LightLocalShadingPoint, margin: f32, position_error_sq: f32,
+    packed: LightPackedFour, is_light: vec4<bool>, local: LightLocalShadingPoint, view: LightNodeView,
 ) -> LightFourImportances {
-    let estimate = light_estimate(four, is_light, local, position_error_sq);
-    let is_lit = (four.flux > vec4(0.0)) & !light_is_provably_dark(four, local, margin);
-    return LightFourImportances(select(vec4(0.0), estimate.importance, is_lit), estimate.doubt);
+    var four = light_unpack(packed, view.origin, view.half_step, local.normal, view.margin);
+    // #if NON_RIGID
+    // #if CONES
+    four.cos_half_angle = light_widened(four.cos_half_angle, local.turn);
+    // #endif
+    // #endif
+    let is_lit = (four.flux > vec4(0.0)) & !light_is_provably_dark(four, local, view.margin);
+    let error_sq = LIGHT_MEAN_ERROR_SQ * four.radius_sq + view.position_error_sq;
+    let is_unresolved = four.dist_sq + four.variance <= error_sq;
+    // #if NON_RIGID
+    if local.scaled_instance != LIGHT_NO_INSTANCE {
+        light_four_into_world(
+            &four, packed, local.scaled_instance, view.origin, view.half_step, local.normal,
+        );
+    }
+    // #endif
+    let estimate = light_estimate(four, is_light, local);
+    let importance = select(estimate.importance, -estimate.importance, is_unresolved);
+    return LightFourImportances(select(vec4(0.0), importance, is_lit), estimate.doubt);
 }
 
-fn light_estimate(
-    four: LightFour, is_light: vec4<bool>, local: LightLocalShadingPoint, position_error_sq: f32,
-) -> LightFourImportances {
+fn light_estimate(four: LightFour, is_light: vec4<bool>, local: LightLocalShadingPoint) -> LightFourImportances {
     let dist_sq = max(four.dist_sq, vec4(LIGHT_MIN_IMPORTANCE));
     let dist = sqrt(dist_sq);
     let spread = four.variance / (dist_sq + four.variance);
@@ -153,9 +182,7 @@ fn light_estimate(
     let lux = (four.flux * (1.0 / LIGHT_FOUR_PI) * nearness) * (cosines / reach);
     // NaN is not above the least importance; WGSL's max may keep it.
     let above_least = select(vec4(LIGHT_MIN_IMPORTANCE), lux, lux > vec4(LIGHT_MIN_IMPORTANCE));
-    let importance = min(above_least, vec4(LIGHT_MAX_IMPORTANCE));
-    let is_unresolved = dist_sq + four.variance <= LIGHT_MEAN_ERROR_SQ * four.radius_sq + position_error_sq;
-    return LightFourImportances(select(importance, -importance, is_unresolved), doubt);
+    return LightFourImportances(min(above_least, vec4(LIGHT_MAX_IMPORTANCE)), doubt);
 }
 
 fn light_is_provably_dark(four: LightFour, local: LightLocalShadingPoint, margin: f32) -> vec4<bool> {
@@ -165,7 +192,7 @@ fn light_is_provably_dark(four: LightFour, local: LightLocalShadingPoint, margin
     is_dark = is_dark | light_is_out_of_range(four, local);
     // #endif
     // #if CONES
-    is_dark = is_dark | light_is_turned_away(four, local, margin);
+    is_dark = is_dark | light_is_turned_away(four, margin);
     // #endif
     return is_dark;
 }
@@ -197,7 +224,7 @@ fn light_lobe(four: LightFour, spread: vec4<f32>, dist_sq: vec4<f32>, dist: vec4
     return LightLobe(value, width_sq);
 }
 
-fn light_is_turned_away(four: LightFour, local: LightLocalShadingPoint, margin: f32) -> vec4<bool> {
+fn light_is_turned_away(four: LightFour, margin: f32) -> vec4<bool> {
     let dist_sq = four.center_sq;
     let along = -four.center_facing;
     let across = sqrt(max(dist_sq - along * along, vec4(0.0)));
@@ -207,7 +234,6 @@ fn light_is_turned_away(four: LightFour, local: LightLocalShadingPoint, margin: 
     let radius = sqrt(four.radius_sq) + slack;
     let beyond = across * cos - along * sin;
     let is_behind = (beyond > vec4(0.0)) & (along * cos + across * sin < -slack) & (dist_sq > radius * radius);
-    return vec4(local.keeps_angles) & (cos > vec4(-1.0)) & ((beyond > radius) | is_behind)
-        & (dist_sq <= vec4(LIGHT_MAX_DIST_SQ));
+    return (cos > vec4(-1.0)) & ((beyond > radius) | is_behind) & (dist_sq <= vec4(LIGHT_MAX_DIST_SQ));
 }
 // #endif

@@ -8,6 +8,10 @@ struct LightPackedFour {
     mean: vec3<u32>,
     deviation: u32,
     flux: vec2<u32>,
+    // #if NON_RIGID
+    // Four bits for each child, the lowest first.
+    area_ratios: u32,
+    // #endif
     // #if CONES
     shortness: u32,
     axis: vec3<u32>,
@@ -58,6 +62,9 @@ fn light_first_four(node: LightNode) -> LightPackedFour {
     four.mean = vec3(b[3].x, b[3].z, b[4].x);
     four.deviation = b[4].z;
     four.flux = node.flux.xy;
+    // #if NON_RIGID
+    four.area_ratios = node.tail.y;
+    // #endif
     // #if CONES
     four.shortness = node.tail.z;
     four.axis = vec3(node.cones[0].x, node.cones[0].z, node.cones[1].x);
@@ -77,6 +84,9 @@ fn light_last_four(node: LightNode) -> LightPackedFour {
     four.mean = vec3(b[3].y, b[3].w, b[4].y);
     four.deviation = b[4].w;
     four.flux = node.flux.zw;
+    // #if NON_RIGID
+    four.area_ratios = node.tail.y >> 16u;
+    // #endif
     // #if CONES
     four.shortness = node.tail.w;
     four.axis = vec3(node.cones[0].y, node.cones[0].w, node.cones[1].y);

@@ -127,6 +127,10 @@ fn light_instance(slot: u32) -> LightInstance {
     instance.node_base = words.z;
     instance.light_base = words.w;
     // #if NON_RIGID
+    // #if CONES
+    instance.cos_turn = bitcast<f32>(light_instances[at + LIGHT_INSTANCE_PLACE].y);
+    instance.sin_turn = bitcast<f32>(light_instances[at + LIGHT_INSTANCE_PLACE].z);
+    // #endif
     instance.to_local = light_rigid_to_local(instance.to_world);
     if light_params.instance_stride > LIGHT_RIGID_STRIDE {
         let local = at + LIGHT_RIGID_STRIDE;

@@ -19,6 +19,8 @@ fn instance_of(slot: u32) -> LightInstance {
     instance.to_world = light_rows(instances[at], instances[at + 1u], instances[at + 2u]);
     instance.flags = instances[at + LIGHT_INSTANCE_TREE].x;
     instance.tree = instances[at + LIGHT_INSTANCE_TREE].y;
+    instance.cos_turn = bitcast<f32>(instances[at + LIGHT_INSTANCE_PLACE].y);
+    instance.sin_turn = bitcast<f32>(instances[at + LIGHT_INSTANCE_PLACE].z);
     instance.to_local = light_rigid_to_local(instance.to_world);
     if top_pass.instance_stride > LIGHT_RIGID_STRIDE {
         let local = at + LIGHT_RIGID_STRIDE;

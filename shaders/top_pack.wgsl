@@ -25,7 +25,7 @@ fn node_pack(node: u32) {
         }
         if (bits & LIGHT_LEAF) != 0u {
             let instance = (bits & ~LIGHT_LEAF) * top_pass.instance_stride + LIGHT_INSTANCE_PLACE;
-            instances[instance] = vec4(place, 0u, 0u, 0u);
+            instances[instance].x = place;
         } else {
             nodes[4u * (bits * stored.stride + LIGHT_NODE_TAIL)] = place;
         }

@@ -13,7 +13,7 @@ struct LightNode {
     // The minimum corners, maximum corners and means: for each axis the children 0 to 3, then the
     // children 4 to 7. The deviations.
     boxes: array<vec4<u32>, 5>,
-    // The parent, padding, and the shortness of the mean directions.
+    // The parent, the ratios of flux by surfaces, and the shortness of the mean directions.
     tail: vec4<u32>,
     // #if CONES
     // The axes, ordered as the corners are, and the caps.
@@ -67,9 +67,10 @@ struct LightInstance {
     light_base: u32,
     // The place of the instance's leaf in the top level; the top-level build writes it.
     top_place: u32,
-    padding_a: u32,
-    padding_b: u32,
-    padding_c: u32,
+    // Cosine and sine of the angle by which the placement may turn one direction against another.
+    cos_turn: f32,
+    sin_turn: f32,
+    padding: u32,
     // #if NON_RIGID
     // The rows of the inverse; the fourth column is the determinant, the range scale and the mean
     // squared scale of `to_world`.

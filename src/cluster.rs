@@ -1,13 +1,19 @@
 //! Clusters: summaries of groups of lights. Bounds prove where none of their light arrives, and
 //! moments estimate how much arrives elsewhere.
 
-use glam::{Mat3, Vec3};
+use glam::{Mat3, Vec2, Vec3};
 
 use crate::bounds::Aabb;
 
 /// A matrix whose scaled Gram matrix is this close to the identity preserves angles to about 1e-5
 /// rad. This is inside the margin that the sampling code leaves around every cap.
 const SIMILARITY_TOLERANCE: f32 = 1.0e-5;
+
+/// Added to the angle of [`Linear::turn`] for rounding, in radians.
+const TURN_MARGIN: f64 = 1.0e-6;
+
+/// Angles of [`Linear::turn`] from here on count as half a turn: such caps prove next to nothing.
+const MAX_TURN: f64 = 3.0;
 
 /// A matrix whose Gram matrix is this close to the identity, entry by entry, is a rotation. Its
 /// transpose is its inverse up to this share of the coordinates. Products of about ten rotations in
@@ -65,7 +71,7 @@ impl Cluster {
     ///
     /// `flux` is the flux of the transformed lights, see [`Linear::flux`]. The box stays
     /// conservative. So does the cap: a transform that preserves angles rotates it, and any other
-    /// transform widens it to all directions. The range stays, since it is in metres of the world.
+    /// transform widens it. The range stays, since it is in metres of the world.
     #[must_use]
     pub fn transformed(&self, map: &Linear, translation: Vec3, flux: f32) -> Self {
         // Normalise first: the square of an area at the least scale times a short mean direction
@@ -78,7 +84,9 @@ impl Cluster {
             mean: map.linear * self.mean + translation,
             variance: self.variance * map.mean_square_scale,
             axis: axis.normalize_or_zero() * self.axis.length(),
-            cos_half_angle: if map.is_similarity { self.cos_half_angle } else { -1.0 },
+            // Once for directions of lights against the axis, and once for the axis, which turns
+            // as normals do, against spots, which do not.
+            cos_half_angle: map.widened(map.widened(self.cos_half_angle)),
             range: self.range,
         }
     }
@@ -102,6 +110,9 @@ pub struct Linear {
     /// Whether the transform preserves angles: it consists of rotations, mirrors and uniform
     /// scales.
     pub is_similarity: bool,
+    /// Cosine and sine of the angle by which the transform may turn one direction against another,
+    /// from (1, 0) for a similarity to (-1, 0) for half a turn.
+    pub turn: Vec2,
     /// The mean of the squared singular values.
     pub mean_square_scale: f32,
     /// A lower bound of the least singular value. 0 if `linear` is singular or has an entry that is
@@ -131,16 +142,24 @@ impl Linear {
         // Test for singularity before inverting: glam's assertions, if enabled, panic on a
         // determinant of 0.
         let is_invertible = exact_determinant != 0.0 && exact_determinant.is_finite();
-        let least_scale = if is_similarity {
-            mean_square_scale.sqrt() * (1.0 - SIMILARITY_TOLERANCE)
+        let norm = |entries: [f64; 9]| entries.iter().map(|e| e * e).sum::<f64>().sqrt();
+        let (least_scale, turn) = if is_similarity {
+            (mean_square_scale.sqrt() * (1.0 - SIMILARITY_TOLERANCE), Vec2::X)
         } else if !is_invertible {
-            0.0
+            (0.0, Vec2::NEG_X)
         } else {
             // The Frobenius norm of the inverse bounds its largest singular value.
-            let inverse = exact.inverse().to_cols_array();
-            (1.0 / inverse.iter().map(|e| e * e).sum::<f64>().sqrt()) as f32
+            let inverse_norm = norm(exact.inverse().to_cols_array());
+            ((1.0 / inverse_norm) as f32, greatest_turn(norm(exact.to_cols_array()) * inverse_norm))
         };
-        Self { linear, cofactor, determinant, is_similarity, mean_square_scale, least_scale }
+        Self { linear, cofactor, determinant, is_similarity, turn, mean_square_scale, least_scale }
+    }
+
+    /// The cosine of the half-angle of a cap that is widened by [`Self::turn`]: -1 if it becomes all
+    /// directions.
+    pub(crate) fn widened(&self, cos: f32) -> f32 {
+        let sin = (1.0 - cos * cos).max(0.0).sqrt();
+        if cos <= -self.turn.x { -1.0 } else { cos * self.turn.x - sin * self.turn.y }
     }
 
     /// The flux of a cluster after the transform, in lumens: points and spots keep their flux, and
@@ -156,6 +175,18 @@ impl Linear {
         let along = (self.cofactor * axis.normalize_or_zero()).length();
         (punctual + area * (agreement * along + (1.0 - agreement) * all_sides)).min(MAX_FLUX)
     }
+}
+
+/// Cosine and sine of the greatest angle by which a matrix turns two directions against each other,
+/// at most half a turn. `norms` is the product of the Frobenius norms of the matrix and its inverse.
+///
+/// The angle is 4 atan(√κ) − π, where κ is the greatest by the least singular value
+/// (docs/math.md, Placements). The product of the norms is at least κ + 1 + 1/κ.
+fn greatest_turn(norms: f64) -> Vec2 {
+    let twice = norms - 1.0;
+    let condition = 0.5 * (twice + (twice * twice - 4.0).max(0.0).sqrt());
+    let angle = 4.0 * condition.sqrt().atan() - std::f64::consts::PI + TURN_MARGIN;
+    if angle < MAX_TURN { Vec2::new(angle.cos() as f32, angle.sin() as f32) } else { Vec2::NEG_X }
 }
 
 #[cfg(test)]
@@ -188,6 +219,44 @@ mod tests {
         let flat = Linear::new(Mat3::from_diagonal(Vec3::new(2.0, 7.0, 3.0)));
         assert!((flat.flux(0.0, 1.0, axis) - 6.0).abs() < 1e-5);
         assert!(!flat.is_similarity && flat.least_scale <= 2.0 && flat.least_scale > 1.0);
+    }
+
+    #[test]
+    fn no_two_directions_turn_by_more_than_the_bound_and_some_by_all_of_it() {
+        let unit = |k: f32| Vec3::new((3.1 * k).sin(), (1.7 * k).cos(), (2.3 * k + 1.0).sin()).normalize();
+        let turn_of = |map: &Linear| f64::from(map.turn.y).atan2(f64::from(map.turn.x));
+        for (stretch, rotation) in [(1.0001, 0.3), (1.05, 1.1), (1.5, 2.0), (4.0, 2.9)] {
+            let stretched = Mat3::from_diagonal(Vec3::new(stretch, 1.0, 1.0 / stretch));
+            let map = Linear::new(Mat3::from_axis_angle(unit(rotation), rotation) * stretched);
+            let bound = turn_of(&map);
+            // The directions of the greatest turn lie to both sides of the axis that shrinks least, by
+            // atan(√κ), where κ is the square of `stretch`: the angle between their images is known.
+            let expected = 2.0 * (f64::from(stretch).atan() - f64::from(1.0 / stretch).atan());
+            assert!((bound - expected).abs() < 1.0e-4 * expected + 1.0e-5, "{stretch}: {bound} for {expected}");
+            let (mut greatest, exact) = (0.0_f64, map.linear.as_dmat3());
+            for i in 0..20_000 {
+                let (a, b) = (unit(i as f32).as_dvec3(), unit(1.37 * i as f32 + 0.2).as_dvec3());
+                let turned = (exact * a).angle_between(exact * b) - a.angle_between(b);
+                greatest = greatest.max(turned.abs());
+            }
+            assert!(greatest <= bound && greatest > 0.8 * bound, "{stretch}: {greatest} of {bound}");
+        }
+    }
+
+    #[test]
+    fn caps_widen_by_the_turn_and_stay_as_they_are_under_similarities() {
+        let map = Linear::new(Mat3::from_cols(Vec3::X, Vec3::new(0.05, 1.0, 0.0), Vec3::Z));
+        let turn = map.turn.y.atan2(map.turn.x);
+        assert!(turn > 0.04 && turn < 0.06, "{turn}");
+        for half_angle in [0.0_f32, 0.1, 1.0, 2.0, 3.0] {
+            let widened = map.widened(half_angle.cos());
+            assert!((widened.acos() - half_angle - turn).abs() < 1.0e-3, "{half_angle}");
+            let similar = Linear::new(Mat3::from_diagonal(Vec3::splat(7.0)));
+            assert_eq!(similar.widened(half_angle.cos()), half_angle.cos());
+        }
+        assert_eq!(map.widened((std::f32::consts::PI - 0.9 * turn).cos()), -1.0);
+        let squashed = Linear::new(Mat3::from_diagonal(Vec3::new(1.0e-3, 1.0, 1.0)));
+        assert_eq!(squashed.widened(1.0), -1.0);
     }
 
     #[test]

@@ -25,7 +25,7 @@ pub(crate) const NO_INSTANCE: u32 = u32::MAX;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TreeView<'a> {
     pub nodes: &'a [Node],
-    pub local: LocalShadingPoint,
+    pub local: LocalShadingPoint<'a>,
     /// The slot of the instance whose tree this is, or [`NO_INSTANCE`].
     pub instance: u32,
 }

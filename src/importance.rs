@@ -12,13 +12,14 @@
 
 use glam::Vec3;
 
+use crate::cluster::Linear;
 use crate::light::LAMBERTIAN;
 use crate::shading_point::ShadingPoint;
-use crate::tree::{LEAF, Lanes, Node, UNLIMITED_RANGE, Unpacked, WIDTH};
+use crate::tree::{LEAF, Lanes, Node, NodeGrid, UNLIMITED_RANGE, Unpacked, WIDTH};
 
 /// A shading point in the space of a tree, and how that space affects bounds.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct LocalShadingPoint {
+pub(crate) struct LocalShadingPoint<'a> {
     pub position: Vec3,
     /// A unit vector, or zero.
     pub normal: Vec3,
@@ -30,14 +31,15 @@ pub(crate) struct LocalShadingPoint {
     /// The largest rounding error of a position, per metre of its coordinates. It grows where the
     /// space is squeezed.
     pub margin: f32,
-    /// False where the space is sheared or scaled unevenly: caps of directions prove nothing there.
-    pub keeps_angles: bool,
     /// The bit of [`Node::targets`] that marks single lights: [`LEAF`] in a tree, 0 in a top level,
     /// whose leaves are instances.
     pub light_bit: u32,
+    /// The map to the world where lengths, angles or fluxes differ there: that of an instance that
+    /// is scaled, sheared or mirrored. `None` if they are the same.
+    pub to_world: Option<&'a Linear>,
 }
 
-impl LocalShadingPoint {
+impl LocalShadingPoint<'_> {
     /// A shading point whose coordinates are already in the nodes' space.
     pub fn of(shading_point: &ShadingPoint) -> Self {
         // A normal too short to have a direction proves nothing.
@@ -48,8 +50,8 @@ impl LocalShadingPoint {
             has_normal: normal != Vec3::ZERO,
             range_scale: 1.0,
             margin: POSITION_MARGIN,
-            keeps_angles: true,
             light_bit: LEAF,
+            to_world: None,
         }
     }
 }
@@ -143,16 +145,16 @@ pub(crate) fn child_importances(node: &Node, local: &LocalShadingPoint) -> Child
     let margin = (node.reach(&grid) + coordinates) * local.margin;
     let position_error = POSITION_ERROR * coordinates + MIN_POSITION_ERROR;
     let position_error_sq = (2.0 * 3.0) * (position_error * position_error);
+    if let Some(to_world) = local.to_world {
+        return importances_in_world(node, local, to_world, &grid, (margin, position_error_sq));
+    }
     let mut children = ChildImportances { importance: [0.0; WIDTH], doubt: [0.0; WIDTH] };
     for i in 0..WIDTH {
         let child = node.unpack(i, &grid);
-        let mut gap_sq = 0.0;
-        for k in 0..3 {
-            let outside = max(child.center[k].abs() - (child.half[k] + margin), 0.0);
-            gap_sq += outside * outside;
-        }
+        let gap_sq = child.gap_sq(margin);
         let is_light = node.targets[i] & local.light_bit != 0;
-        let (importance, doubt) = estimate(&child, is_light, local, gap_sq, position_error_sq);
+        let view = ClusterView::new(&child, local, gap_sq);
+        let (importance, doubt) = estimate(&child, &view, is_light, local.has_normal, position_error_sq);
         let is_lit = (child.flux > 0.0) & !is_provably_dark(&child, local, gap_sq, margin);
         children.importance[i] = if is_lit { importance } else { 0.0 };
         children.doubt[i] = doubt;
@@ -160,26 +162,129 @@ pub(crate) fn child_importances(node: &Node, local: &LocalShadingPoint) -> Child
     children
 }
 
+/// [`child_importances`] for a tree whose instance is scaled, sheared or mirrored. The bounds prove
+/// darkness in the tree's space, but what arrives is estimated from lengths, angles and fluxes of the
+/// world.
+#[inline(never)]
+fn importances_in_world(
+    node: &Node,
+    local: &LocalShadingPoint,
+    to_world: &Linear,
+    grid: &NodeGrid,
+    (margin, position_error_sq): (f32, f32),
+) -> ChildImportances {
+    let normal_area = (to_world.cofactor * local.normal).length();
+    let normal_scale = if local.has_normal { to_world.determinant.abs() / normal_area } else { 1.0 };
+    let map = WorldMap { linear: to_world, normal_scale };
+    let mut children = ChildImportances { importance: [0.0; WIDTH], doubt: [0.0; WIDTH] };
+    for i in 0..WIDTH {
+        let mut child = node.unpack(i, grid);
+        child.cos_half_angle = to_world.widened(child.cos_half_angle);
+        let gap_sq = child.gap_sq(margin);
+        let is_light = node.targets[i] & local.light_bit != 0;
+        let view = ClusterView::new(&child, local, gap_sq).in_world(&child, &map, node.area_share(i));
+        let (importance, doubt) = estimate(&child, &view, is_light, local.has_normal, position_error_sq);
+        let is_lit = (child.flux > 0.0) & !is_provably_dark(&child, local, gap_sq, margin);
+        children.importance[i] = if is_lit { importance } else { 0.0 };
+        children.doubt[i] = doubt;
+    }
+    children
+}
+
+/// The map from a tree's space to the world.
+struct WorldMap<'a> {
+    linear: &'a Linear,
+    /// The length along the shading point's normal, in metres of the world, per metre of the tree's
+    /// space.
+    normal_scale: f32,
+}
+
+/// A cluster as the shading point sees it. Lengths are in metres.
+struct ClusterView {
+    /// Squared distance of the mean position.
+    dist_sq: f32,
+    /// The mean position along the normal.
+    along: f32,
+    /// The mean position along the axis of emission.
+    facing: f32,
+    /// Squared distance of the box.
+    gap_sq: f32,
+    variance: f32,
+    /// The part of the variance along the normal, times 3; at most the variance.
+    across_variance: f32,
+    flux: f32,
+}
+
+impl ClusterView {
+    /// In the space of the tree.
+    #[inline(always)]
+    fn new(child: &Unpacked, local: &LocalShadingPoint, gap_sq: f32) -> Self {
+        let [x, y, z] = child.toward;
+        let normal = local.normal;
+        let mut across_sq = 0.0;
+        for (normal, half) in normal.to_array().into_iter().zip(child.half) {
+            across_sq += (normal * half) * (normal * half);
+        }
+        Self {
+            dist_sq: x * x + y * y + z * z,
+            along: normal.x * x + normal.y * y + normal.z * z,
+            facing: child.axis[0] * x + child.axis[1] * y + child.axis[2] * z,
+            gap_sq,
+            variance: child.variance,
+            across_variance: min(3.0 * child.deviation_sq * across_sq, child.variance),
+            flux: child.flux,
+        }
+    }
+
+    /// In the world. `area_share` is the share of the flux that comes from surfaces. The distance of
+    /// the box is scaled as that of the mean position.
+    fn in_world(&self, child: &Unpacked, map: &WorldMap, area_share: f32) -> Self {
+        let WorldMap { linear, normal_scale } = *map;
+        let (toward, axis) = (Vec3::from(child.toward), Vec3::from(child.axis));
+        let seen = linear.linear * toward;
+        let dist_sq = seen.length_squared();
+        // Normals of surfaces and beams are transformed by different matrices. The product of a
+        // normal and a vector changes by the determinant.
+        let facing = if area_share >= 0.5 {
+            linear.determinant.abs() * self.facing / (linear.cofactor * axis).length()
+        } else {
+            (linear.linear * axis).normalize_or_zero().dot(seen)
+        };
+        let half_sq = Vec3::from(child.half) * Vec3::from(child.half);
+        let columns = [linear.linear.x_axis, linear.linear.y_axis, linear.linear.z_axis];
+        let variance = child.deviation_sq * half_sq.dot(Vec3::from(columns.map(Vec3::length_squared)));
+        let area = child.flux * area_share;
+        Self {
+            dist_sq,
+            along: normal_scale * self.along,
+            facing,
+            gap_sq: self.gap_sq * (dist_sq / max(self.dist_sq, MIN_IMPORTANCE)),
+            variance,
+            across_variance: min(normal_scale * normal_scale * self.across_variance, variance),
+            flux: linear.flux(child.flux - area, area, axis * child.length),
+        }
+    }
+}
+
 /// The importance and the doubt of one child. See [`ChildImportances`]. `is_light` is set for a
-/// single light, `gap_sq` is the squared distance of the child's box.
+/// single light.
 #[inline(always)]
 fn estimate(
     child: &Unpacked,
+    view: &ClusterView,
     is_light: bool,
-    local: &LocalShadingPoint,
-    gap_sq: f32,
+    has_normal: bool,
     position_error_sq: f32,
 ) -> (f32, f32) {
-    let [x, y, z] = child.toward;
-    let dist_sq = max(x * x + y * y + z * z, MIN_IMPORTANCE);
+    let dist_sq = max(view.dist_sq, MIN_IMPORTANCE);
     let dist = dist_sq.sqrt();
-    let variance = child.variance;
+    let variance = view.variance;
     // The angular size of the cluster, from 0 (far away) to 1 (the shading point is inside).
     let spread = variance / (dist_sq + variance);
 
     // A cluster whose box is nearer than its mean position may have lights that are, too.
     let mean_sq = dist_sq + VARIANCE_SHARE * variance;
-    let doubt = spread * (mean_sq / max(gap_sq + NEAR_VARIANCE * variance, MIN_GAP * mean_sq));
+    let doubt = spread * (mean_sq / max(view.gap_sq + NEAR_VARIANCE * variance, MIN_GAP * mean_sq));
     let doubt = if is_light { 0.0 } else { doubt };
     let nearness = 1.0 + NEAR_GAIN * doubt;
 
@@ -187,16 +292,9 @@ fn estimate(
     // The cosine at the shading point is a hyperbola that follows max(cos, 0), rounded off over the
     // angular size of the cluster. Only its extent along the normal changes the cosine: a façade
     // that faces another one, or a ceiling over a floor, has none.
-    let normal = local.normal;
-    let along = normal.x * x + normal.y * y + normal.z * z;
-    let mut across_sq = 0.0;
-    for (normal, half) in normal.to_array().into_iter().zip(child.half) {
-        across_sq += (normal * half) * (normal * half);
-    }
-    let across_variance = min(3.0 * child.deviation_sq * across_sq, variance);
-    let width_sq = COSINE_WIDTH_SQ * across_variance * (1.0 - spread);
-    let cosine = 0.5 * (along + (along * along + width_sq).sqrt());
-    let cosine = if local.has_normal { max(cosine, MIN_COSINE * dist) } else { dist };
+    let width_sq = COSINE_WIDTH_SQ * view.across_variance * (1.0 - spread);
+    let cosine = 0.5 * (view.along + (view.along * view.along + width_sq).sqrt());
+    let cosine = if has_normal { max(cosine, MIN_COSINE * dist) } else { dist };
 
     // A share of the light goes along a lobe about the mean direction, the rest to all sides:
     // emitters that disagree, or that are near, form no broad lobe but a mixture whose back must
@@ -206,7 +304,7 @@ fn estimate(
     let share = LOBE_SHARE * min(length * (1.0 / LAMBERTIAN), 1.0) * (1.0 - spread);
     let min_cos = max(3.0 * length - 2.0, 0.0);
     let width_sq = (1.0 - min_cos) * (1.0 - min_cos);
-    let above = -(child.axis[0] * x + child.axis[1] * y + child.axis[2] * z) - min_cos * dist;
+    let above = -view.facing - min_cos * dist;
     let rim = (RIM_WIDTH_SQ * spread + RIM_MIN_SQ * width_sq) * dist_sq;
     let lobe = (1.0 - share) * width_sq * dist + 2.0 * share * (above + (above * above + rim).sqrt());
 
@@ -214,10 +312,11 @@ fn estimate(
     // f32.
     let inverse = 1.0 / dist;
     let reach = width_sq * mean_sq;
-    let flux = child.flux * (0.25 * std::f32::consts::FRAC_1_PI) * nearness;
+    let flux = view.flux * (0.25 * std::f32::consts::FRAC_1_PI) * nearness;
     let lux = flux * ((lobe * inverse) * (cosine * inverse) / reach);
     let importance = min(max(lux, MIN_IMPORTANCE), MAX_IMPORTANCE);
-    let is_unresolved = dist_sq + variance <= MEAN_ERROR_SQ * child.radius_sq + position_error_sq;
+    let [x, y, z] = child.toward;
+    let is_unresolved = x * x + y * y + z * z + child.variance <= MEAN_ERROR_SQ * child.radius_sq + position_error_sq;
     (if is_unresolved { -importance } else { importance }, doubt)
 }
 
@@ -288,7 +387,7 @@ fn is_provably_dark(child: &Unpacked, local: &LocalShadingPoint, gap_sq: f32, ma
     let radius = child.radius_sq.sqrt() + slack;
     let beyond = across * cos - along * sin;
     let is_behind = (beyond > 0.0) & (along * cos + across * sin < -slack) & (dist_sq > radius * radius);
-    let is_turned_away = local.keeps_angles & (cos > -1.0) & ((beyond > radius) | is_behind) & (dist_sq <= MAX_DIST_SQ);
+    let is_turned_away = (cos > -1.0) & ((beyond > radius) | is_behind) & (dist_sq <= MAX_DIST_SQ);
 
     is_below_horizon | is_out_of_range | is_turned_away
 }
@@ -327,7 +426,7 @@ mod tests {
     use crate::simd::{Job, with_vectors};
     use crate::tree::LightTree;
 
-    struct Importances<'a>(&'a Node, &'a LocalShadingPoint);
+    struct Importances<'a>(&'a Node, &'a LocalShadingPoint<'a>);
 
     impl Job for Importances<'_> {
         type Output = ChildImportances;

@@ -80,6 +80,8 @@ impl From<DAffine3> for Placement {
 pub(crate) struct Placed {
     pub linear: Linear,
     pub frame: InstanceTransform,
+    /// Whether the placement only rotates and translates.
+    pub is_rigid: bool,
 }
 
 impl Placed {
@@ -119,16 +121,16 @@ impl Placed {
         }
         let frame =
             InstanceTransform { to_world: placement.linear, translation: offset.as_vec3(), to_local, determinant };
-        Ok(Some(Self { linear, frame }))
+        Ok(Some(Self { linear, frame, is_rigid: linear.is_rigid() }))
     }
 
     /// The effects of an instance that is placed here.
     pub fn effects(&self) -> Effects {
-        if self.linear.is_rigid() { Effects::empty() } else { Effects::NON_RIGID }
+        if self.is_rigid { Effects::empty() } else { Effects::NON_RIGID }
     }
 
     /// A shading point of the world as seen in the space of the tree.
-    pub fn local_shading_point(&self, shading_point: &ShadingPoint) -> LocalShadingPoint {
+    pub fn local_shading_point(&self, shading_point: &ShadingPoint) -> LocalShadingPoint<'_> {
         // Normals are carried back by the transpose: the horizon stays the horizon under any linear
         // map.
         let normal = (self.linear.linear.transpose() * shading_point.normal).normalize_or_zero();
@@ -139,8 +141,8 @@ impl Placed {
             range_scale: self.range_scale(),
             margin: POSITION_MARGIN * (self.linear.mean_square_scale.sqrt() * self.range_scale()).max(1.0)
                 + RIGID_TOLERANCE,
-            keeps_angles: self.linear.is_similarity,
             light_bit: LEAF,
+            to_world: (!self.is_rigid).then_some(&self.linear),
         }
     }
 

@@ -31,9 +31,8 @@ pub(crate) const TWO_SIDED: u32 = 0x100;
 
 /// The bit of [`InstanceRecord::flags`] for a slot with an instance.
 pub(crate) const LIVE: u32 = 1;
-/// The bit of [`InstanceRecord::flags`] for a placement that preserves angles, so that the cones of
-/// directions in the tree's space hold as they are.
-pub(crate) const KEEPS_ANGLES: u32 = 2;
+/// The bit of [`InstanceRecord::flags`] for a placement that is scaled, sheared or mirrored.
+pub(crate) const NON_RIGID: u32 = 2;
 
 /// The instance slot that samples of directional lights report.
 pub(crate) const DIRECTIONAL: u32 = u32::MAX;
@@ -68,9 +67,10 @@ pub(crate) struct InstanceRecord {
     pub light_base: u32,
     /// The place of the instance's leaf in the top level; the top-level build writes it.
     pub top_place: u32,
-    pub padding_a: u32,
-    pub padding_b: u32,
-    pub padding_c: u32,
+    /// Cosine and sine of [`Linear::turn`](crate::cluster::Linear::turn).
+    pub cos_turn: f32,
+    pub sin_turn: f32,
+    pub padding: u32,
     /// The rows of the inverse; the fourth column is the determinant, the range scale and the mean
     /// squared scale of `to_world`.
     pub to_local: [[f32; 4]; 3],
@@ -197,9 +197,9 @@ impl InstanceRecord {
         node_base: 0,
         light_base: 0,
         top_place: 0,
-        padding_a: 0,
-        padding_b: 0,
-        padding_c: 0,
+        cos_turn: 0.0,
+        sin_turn: 0.0,
+        padding: 0,
         to_local: [[0.0, 0.0, 0.0, 1.0]; 3],
     };
 
@@ -209,14 +209,15 @@ impl InstanceRecord {
     pub fn of(placed: &Placed, tree: u32, node_base: u32, light_base: u32) -> Self {
         let frame = &placed.frame;
         let scales = Vec3::new(frame.determinant, placed.range_scale(), placed.linear.mean_square_scale);
-        let is_rigid = placed.linear.is_rigid();
         Self {
             to_world: rows(&frame.to_world, frame.translation),
-            flags: LIVE | if placed.linear.is_similarity { KEEPS_ANGLES } else { 0 },
+            flags: LIVE | if placed.is_rigid { 0 } else { NON_RIGID },
             tree,
             node_base,
             light_base,
-            to_local: if is_rigid {
+            cos_turn: placed.linear.turn.x,
+            sin_turn: placed.linear.turn.y,
+            to_local: if placed.is_rigid {
                 rows(&frame.to_world.transpose(), Vec3::ONE)
             } else {
                 rows(&frame.to_local, scales)
@@ -331,7 +332,7 @@ mod tests {
             structs,
             InstanceRecord,
             "LightInstance",
-            [to_world, flags, tree, node_base, light_base, top_place, padding_a, padding_b, padding_c, to_local]
+            [to_world, flags, tree, node_base, light_base, top_place, cos_turn, sin_turn, padding, to_local]
         );
         record!(structs, TreeRecord, "LightTree", [root, punctual_flux, area_flux, padding]);
         record!(structs, SampleRequest, "Request", [position, choice, normal, padding, u]);

@@ -98,6 +98,7 @@ fn joined(group: u32, effects: Effects, counts: bool, target: Option<&TargetHook
         include_str!("../../shaders/emit.wgsl"),
         &sample,
         include_str!("../../shaders/stored.wgsl"),
+        include_str!("../../shaders/scaled.wgsl"),
         include_str!("../../shaders/cut.wgsl"),
         include_str!("../../shaders/walk.wgsl"),
         include_str!("../../shaders/pdf.wgsl"),
@@ -142,7 +143,7 @@ pub(crate) fn constants() -> String {
         ("KIND_DIRECTIONAL", layout::KIND_DIRECTIONAL),
         ("TWO_SIDED", layout::TWO_SIDED),
         ("LIVE", layout::LIVE),
-        ("KEEPS_ANGLES", layout::KEEPS_ANGLES),
+        ("NON_RIGID", layout::NON_RIGID),
         ("DIRECTIONAL", layout::DIRECTIONAL),
         ("NO_INSTANCE", cut::NO_INSTANCE),
         ("MAX_SPLITS", counts::MAX_SPLITS as u32),
@@ -281,8 +282,9 @@ mod tests {
     #[test]
     fn the_joined_text_is_valid_wgsl() {
         let module = module(&wgsl(3, Effects::all()));
-        let groups: Vec<_> =
+        let mut groups: Vec<_> =
             module.global_variables.iter().filter_map(|(_, v)| v.binding.map(|b| (b.group, b.binding))).collect();
+        groups.sort_unstable();
         assert_eq!(groups, [(3, 0), (3, 1), (3, 2), (3, 3), (3, 4)]);
     }
 
@@ -374,9 +376,9 @@ mod tests {
                 Effects::CONES,
                 "light_lobe light_is_turned_away light_from_spot light_unit_axes light_signed_bytes LightLobe LightLobe.value LightLobe.width_sq \
                  LightNode.cones LightPackedFour.axis LightPackedFour.shortness LightPackedFour.cap LightFour.facing \
-                 LightFour.center_sq LightFour.center_facing LightFour.axis_length LightFour.cos_half_angle LightLocalShadingPoint.keeps_angles LIGHT_NO_CONES LIGHT_KIND_SPOT \
+                 LightFour.center_sq LightFour.center_facing LightFour.axis_length LightFour.cos_half_angle LIGHT_NO_CONES LIGHT_KIND_SPOT \
                  LIGHT_LAMBERTIAN LIGHT_LOBE_SHARE LIGHT_RIM_WIDTH_SQ LIGHT_RIM_MIN_SQ LIGHT_MAX_LOBE_LENGTH \
-                 LIGHT_CAP_STEPS LIGHT_ANGLE_MARGIN LIGHT_KEEPS_ANGLES",
+                 LIGHT_CAP_STEPS LIGHT_ANGLE_MARGIN light_widened LightLocalShadingPoint.turn",
             ),
             (
                 Effects::RANGES,
@@ -396,7 +398,12 @@ mod tests {
                 Effects::DIRECTIONAL,
                 "light_illuminance light_directional_lux light_pick_directional LIGHT_KIND_DIRECTIONAL",
             ),
-            (Effects::NON_RIGID, "light_rigid_to_local LightInstance.to_local LIGHT_RIGID_STRIDE LIGHT_KEEPS_ANGLES"),
+            (
+                Effects::NON_RIGID,
+                "light_rigid_to_local light_area_shares light_four_into_world light_mean light_half_sq light_widened LightInstance.to_local \
+                 LightPackedFour.area_ratios LightLocalShadingPoint.scaled_instance LightLocalShadingPoint.turn \
+                 LIGHT_RIGID_STRIDE LIGHT_NON_RIGID LIGHT_MAX_FLUX",
+            ),
         ];
         for (effect, names) in effects {
             let without = module_names(&wgsl(0, Effects::all() - effect));

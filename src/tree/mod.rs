@@ -27,7 +27,7 @@ pub(crate) use cost::{build_cost, size as build_size};
 pub use node::{Bytes, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_PARENT, Node, Target, WIDTH};
 #[cfg(feature = "gpu")]
 pub(crate) use pack::{CAP_STEPS, DIRECTION_STEPS, STEPS};
-pub(crate) use pack::{UNLIMITED_RANGE, Unpacked};
+pub(crate) use pack::{NodeGrid, UNLIMITED_RANGE, Unpacked};
 
 #[cfg(test)]
 pub(crate) use shape::{BuildItem, shape};

@@ -24,6 +24,10 @@ pub(crate) const DIRECTION_STEPS: f32 = 127.0;
 /// byte is beyond it.
 pub(crate) const CAP_STEPS: f32 = 127.0;
 
+/// Less flux than this of lights without size, per unit of the flux of surfaces, counts as none: it is
+/// the rounding of sums.
+const MIN_PUNCTUAL: f32 = 1.0e-5;
+
 /// An unpacked child. Positions are relative to the viewpoint.
 #[derive(Clone, Copy)]
 pub(crate) struct Unpacked {
@@ -47,6 +51,20 @@ pub(crate) struct Unpacked {
     pub range: f32,
 }
 
+impl Unpacked {
+    /// Squared distance of the box, less `margin` along each axis.
+    #[inline(always)]
+    pub(crate) fn gap_sq(&self, margin: f32) -> f32 {
+        let mut gap_sq = 0.0;
+        for k in 0..3 {
+            let outside = self.center[k].abs() - (self.half[k] + margin);
+            let outside = if outside > 0.0 { outside } else { 0.0 };
+            gap_sq += outside * outside;
+        }
+        gap_sq
+    }
+}
+
 /// The grid of a node's boxes, relative to a viewpoint.
 #[derive(Clone, Copy)]
 pub(crate) struct NodeGrid {
@@ -67,7 +85,7 @@ impl Node {
         mean: [[0; WIDTH]; 3],
         deviation: [0; WIDTH],
         parent: NO_PARENT,
-        padding: 0,
+        area_ratios: 0,
         shortness: [STEPS as u8; WIDTH],
         axis: [[0; WIDTH], [0; WIDTH], [DIRECTION_STEPS as i8; WIDTH]],
         cap: [2 * CAP_STEPS as u8; WIDTH],
@@ -167,6 +185,35 @@ impl Node {
             let has_range = is_lit & (wide.range[i] < UNLIMITED_RANGE);
             self.range[i] = packed_range(if has_range { wide.range[i] } else { UNLIMITED_RANGE });
             self.flux[i] = ((wide.flux[i].to_bits() + 0x8000) >> 16) as u16;
+        }
+    }
+
+    /// Packs how the flux of each child is divided between surfaces and lights without size.
+    pub(crate) fn pack_area_ratios(&mut self, wide: &WideCluster) {
+        self.area_ratios = 0;
+        for i in 0..WIDTH {
+            let (area, punctual) = (wide.area_flux[i], wide.flux[i] - wide.area_flux[i]);
+            let code = if area <= 0.0 {
+                0
+            } else if punctual <= area * MIN_PUNCTUAL {
+                15
+            } else {
+                (((area / punctual).log2() + 15.0) * 0.5).round().clamp(1.0, 14.0) as u32
+            };
+            self.area_ratios |= code << (4 * i);
+        }
+    }
+
+    /// The share of the flux of the child in slot `i` that comes from surfaces.
+    #[inline(always)]
+    pub(crate) fn area_share(&self, i: usize) -> f32 {
+        let code = self.area_ratios >> (4 * i) & 15;
+        // 2^(2k - 15) from its exponent.
+        let ratio = f32::from_bits((2 * code + 112) << 23);
+        match code {
+            0 => 0.0,
+            15 => 1.0,
+            _ => ratio / (1.0 + ratio),
         }
     }
 

@@ -126,6 +126,7 @@ impl NodeSlices<'_> {
         let merged = wide.merged();
         let count = node.count();
         node.pack(wide, &merged.cluster.aabb, count);
+        node.pack_area_ratios(wide);
         if MEASURE {
             let mut sums = AttributeSums::of(wide, &merged);
             for slot in 0..count {

@@ -448,11 +448,13 @@ fn the_text_with_usage_is_valid_for_all_effects_and_binds_five_storage_buffers()
             .validate(&module)
             .map_err(|e| e.emit_to_string(&text))
             .expect("it is valid");
-        let storage = module
+        let mut storage: Vec<_> = module
             .global_variables
             .iter()
             .filter(|(_, v)| matches!(v.space, naga::AddressSpace::Storage { .. }))
-            .filter_map(|(_, v)| v.binding.map(|b| (b.group, b.binding)));
-        assert_eq!(storage.collect::<Vec<_>>(), [(2, 1), (2, 2), (2, 3), (2, 4), (2, 5)]);
+            .filter_map(|(_, v)| v.binding.map(|b| (b.group, b.binding)))
+            .collect();
+        storage.sort_unstable();
+        assert_eq!(storage, [(2, 1), (2, 2), (2, 3), (2, 4), (2, 5)]);
     }
 }

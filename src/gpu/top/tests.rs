@@ -88,11 +88,12 @@ fn trees(world: &mut LightWorld) -> Vec<TreeKey> {
 /// Rotations, mirrors, uniform and non-uniform scales, spread over a flat city.
 fn placement(i: u32) -> Placement {
     let rotation = Quat::from_euler(EulerRot::XYZ, 6.0 * random(i, 20), 6.0 * random(i, 21), 6.0 * random(i, 22));
-    let scale = match i % 4 {
-        0 => Vec3::ONE,
-        1 => Vec3::splat(0.1 + 4.0 * random(i, 23)),
-        2 => Vec3::new(-1.0, 1.0, 1.0),
-        _ => Vec3::new(0.5, 2.0, 1.0 + random(i, 23)),
+    let scale = match i % 8 {
+        0 | 4 => Vec3::ONE,
+        1 | 5 => Vec3::splat(0.1 + 4.0 * random(i, 23)),
+        2 | 6 => Vec3::new(-1.0, 1.0, 1.0),
+        3 => Vec3::new(0.5, 2.0, 1.0 + random(i, 23)),
+        _ => Vec3::new(0.98, 1.03, 1.0),
     };
     let linear = Mat3::from_quat(rotation) * Mat3::from_diagonal(scale);
     let translation = Vec3::new(4000.0, 50.0, 3000.0) * random_vec(i, 24);
