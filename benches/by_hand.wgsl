@@ -248,17 +248,17 @@ fn estimate_four(
     let across_variance = min(3.0 * (deviation * deviation) * across_sq, variance);
     let width_sq = LIGHT_COSINE_WIDTH_SQ * across_variance * (1.0 - spread);
     let rounded = 0.5 * (along + sqrt(along * along + width_sq));
-    let cosine = select(dist, max(rounded, LIGHT_MIN_COSINE * dist), view.has_normal);
+    let steep = abs(n);
+    let highest = (n.x * center_x + steep.x * half_x)
+        + (n.y * center_y + steep.y * half_y)
+        + (n.z * center_z + steep.z * half_z);
+    let limited = min(rounded, max(along, vec4(0.0)) + LIGHT_HORIZON_SHARE * highest);
+    let cosine = select(dist, max(limited, LIGHT_MIN_COSINE * dist), view.has_normal);
     let lux = (flux * (1.0 / LIGHT_FOUR_PI) * (1.0 + LIGHT_NEAR_GAIN * doubt)) * (cosine / dist / mean_sq);
     let at_least_min = select(vec4(LIGHT_MIN_IMPORTANCE), lux, lux > vec4(LIGHT_MIN_IMPORTANCE));
 
     // A child that lies wholly below the horizon sends nothing.
-    let steep = abs(n);
-    let highest = margin * (steep.x + steep.y + steep.z)
-        + (n.x * center_x + steep.x * half_x)
-        + (n.y * center_y + steep.y * half_y)
-        + (n.z * center_z + steep.z * half_z);
-    let is_dark = vec4(view.has_normal) & (highest <= vec4(0.0));
+    let is_dark = vec4(view.has_normal) & (highest + margin * (steep.x + steep.y + steep.z) <= vec4(0.0));
     let is_lit = (flux > vec4(0.0)) & !is_dark;
     let importance = min(at_least_min, vec4(LIGHT_MAX_IMPORTANCE));
     let is_unresolved = dist_sq + variance <= LIGHT_MEAN_ERROR_SQ * radius_sq + error_sq;

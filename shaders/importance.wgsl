@@ -167,7 +167,8 @@ fn light_estimate(four: LightFour, is_light: vec4<bool>, local: LightLocalShadin
 
     let width_sq = LIGHT_COSINE_WIDTH_SQ * four.across_variance * (1.0 - spread);
     let rounded = 0.5 * (four.along + sqrt(four.along * four.along + width_sq));
-    let cosine = select(dist, max(rounded, LIGHT_MIN_COSINE * dist), local.has_normal);
+    let limited = min(rounded, max(four.along, vec4(0.0)) + LIGHT_HORIZON_SHARE * four.highest);
+    let cosine = select(dist, max(limited, LIGHT_MIN_COSINE * dist), local.has_normal);
 
     var cosines = cosine * (1.0 / dist);
     var reach = mean_sq;
@@ -187,7 +188,8 @@ fn light_estimate(four: LightFour, is_light: vec4<bool>, local: LightLocalShadin
 
 fn light_is_provably_dark(four: LightFour, local: LightLocalShadingPoint, margin: f32) -> vec4<bool> {
     // Everything is below the horizon.
-    var is_dark = vec4(local.has_normal) & (four.highest <= vec4(0.0));
+    let steepness = abs(local.normal.x) + abs(local.normal.y) + abs(local.normal.z);
+    var is_dark = vec4(local.has_normal) & (four.highest + margin * steepness <= vec4(0.0));
     // #if RANGES
     is_dark = is_dark | light_is_out_of_range(four, local);
     // #endif

@@ -154,7 +154,6 @@ fn light_unpack(
     // #if CONES
     axis = light_unit_axes(packed.axis);
     // #endif
-    four.highest = vec4(margin * (abs(normal.x) + abs(normal.y) + abs(normal.z)));
     let x = vec3(packed.low.x, packed.high.x, packed.mean.x);
     light_add_axis(&four, x, axis[0], origin.x, half_step.x, normal.x, margin);
     let y = vec3(packed.low.y, packed.high.y, packed.mean.y);

@@ -71,6 +71,7 @@ fn light_four_into_world(
         normal_scale = 1.0 / length(light_transposed(to_local, local_normal));
     }
     (*four).along *= normal_scale;
+    (*four).highest *= normal_scale;
     let deviation = light_bytes(packed.deviation) * (1.0 / LIGHT_STEPS);
     let column_sq = rows[0].xyz * rows[0].xyz + rows[1].xyz * rows[1].xyz + rows[2].xyz * rows[2].xyz;
     (*four).variance = deviation * deviation * (

@@ -69,6 +69,10 @@ pub(crate) const NEAR_GAIN: f32 = 0.2;
 pub(crate) const NEAR_VARIANCE: f32 = 0.02;
 /// The least squared distance of a box, per unit of that of the mean position.
 pub(crate) const MIN_GAP: f32 = 1.0e-6;
+/// The greatest cosine at the shading point of a cluster whose mean position is below the horizon, as
+/// a share of the greatest cosine in its box. From 0.2 to 0.3 makes no difference; without this
+/// limit, sigma of city S is 0.97 in place of 0.88.
+pub(crate) const HORIZON_SHARE: f32 = 0.25;
 /// The least cosine at the shading point. It keeps the probability of what the bounds cannot
 /// exclude above 0.
 pub(crate) const MIN_COSINE: f32 = 1.0e-3;
@@ -155,7 +159,7 @@ pub(crate) fn child_importances(node: &Node, local: &LocalShadingPoint) -> Child
         let is_light = node.targets[i] & local.light_bit != 0;
         let view = ClusterView::new(&child, local, gap_sq);
         let (importance, doubt) = estimate(&child, &view, is_light, local.has_normal, position_error_sq);
-        let is_lit = (child.flux > 0.0) & !is_provably_dark(&child, local, gap_sq, margin);
+        let is_lit = (child.flux > 0.0) & !is_provably_dark(&child, &view, local, margin);
         children.importance[i] = if is_lit { importance } else { 0.0 };
         children.doubt[i] = doubt;
     }
@@ -182,9 +186,10 @@ fn importances_in_world(
         child.cos_half_angle = to_world.widened(child.cos_half_angle);
         let gap_sq = child.gap_sq(margin);
         let is_light = node.targets[i] & local.light_bit != 0;
-        let view = ClusterView::new(&child, local, gap_sq).in_world(&child, &map, node.area_share(i));
+        let view = ClusterView::new(&child, local, gap_sq);
+        let is_lit = (child.flux > 0.0) & !is_provably_dark(&child, &view, local, margin);
+        let view = view.in_world(&child, &map, node.area_share(i));
         let (importance, doubt) = estimate(&child, &view, is_light, local.has_normal, position_error_sq);
-        let is_lit = (child.flux > 0.0) & !is_provably_dark(&child, local, gap_sq, margin);
         children.importance[i] = if is_lit { importance } else { 0.0 };
         children.doubt[i] = doubt;
     }
@@ -205,6 +210,8 @@ struct ClusterView {
     dist_sq: f32,
     /// The mean position along the normal.
     along: f32,
+    /// How far the box rises above the plane through the shading point.
+    highest: f32,
     /// The mean position along the axis of emission.
     facing: f32,
     /// Squared distance of the box.
@@ -221,13 +228,15 @@ impl ClusterView {
     fn new(child: &Unpacked, local: &LocalShadingPoint, gap_sq: f32) -> Self {
         let [x, y, z] = child.toward;
         let normal = local.normal;
-        let mut across_sq = 0.0;
-        for (normal, half) in normal.to_array().into_iter().zip(child.half) {
-            across_sq += (normal * half) * (normal * half);
+        let (mut highest, mut across_sq) = (0.0, 0.0);
+        for (k, normal) in normal.to_array().into_iter().enumerate() {
+            highest += normal * child.center[k] + normal.abs() * child.half[k];
+            across_sq += (normal * child.half[k]) * (normal * child.half[k]);
         }
         Self {
             dist_sq: x * x + y * y + z * z,
             along: normal.x * x + normal.y * y + normal.z * z,
+            highest,
             facing: child.axis[0] * x + child.axis[1] * y + child.axis[2] * z,
             gap_sq,
             variance: child.variance,
@@ -257,6 +266,7 @@ impl ClusterView {
         Self {
             dist_sq,
             along: normal_scale * self.along,
+            highest: normal_scale * self.highest,
             facing,
             gap_sq: self.gap_sq * (dist_sq / max(self.dist_sq, MIN_IMPORTANCE)),
             variance,
@@ -291,9 +301,11 @@ fn estimate(
     // Cosines stay multiplied by the distance until the end, which need not wait for a division.
     // The cosine at the shading point is a hyperbola that follows max(cos, 0), rounded off over the
     // angular size of the cluster. Only its extent along the normal changes the cosine: a façade
-    // that faces another one, or a ceiling over a floor, has none.
+    // that faces another one, or a ceiling over a floor, has none. The hyperbola falls off too slowly
+    // where the mean position is below the horizon and only a part of the box rises above it.
     let width_sq = COSINE_WIDTH_SQ * view.across_variance * (1.0 - spread);
     let cosine = 0.5 * (view.along + (view.along * view.along + width_sq).sqrt());
+    let cosine = min(cosine, max(view.along, 0.0) + HORIZON_SHARE * view.highest);
     let cosine = if has_normal { max(cosine, MIN_COSINE * dist) } else { dist };
 
     // A share of the light goes along a lobe about the mean direction, the rest to all sides:
@@ -359,23 +371,23 @@ pub(crate) fn scale_unresolved(importance: &Lanes, scale: f32) -> Lanes {
     importance.map(|importance| if importance < 0.0 { max(-importance * scale, MIN_IMPORTANCE) } else { importance })
 }
 
-/// Whether the bounds prove that no light of a child reaches the shading point. `gap_sq` is the
-/// squared distance of its box, `margin` the largest rounding error of a position.
+/// Whether the bounds prove that no light of a child reaches the shading point. `view` is in the space
+/// of the tree, `margin` the largest rounding error of a position.
 #[inline(always)]
-fn is_provably_dark(child: &Unpacked, local: &LocalShadingPoint, gap_sq: f32, margin: f32) -> bool {
-    let normal = local.normal.to_array();
-    let mut highest = margin * (normal[0].abs() + normal[1].abs() + normal[2].abs());
+fn is_provably_dark(child: &Unpacked, view: &ClusterView, local: &LocalShadingPoint, margin: f32) -> bool {
     let (mut dist_sq, mut along) = (0.0, 0.0);
     for k in 0..3 {
-        highest += normal[k] * child.center[k] + normal[k].abs() * child.half[k];
         dist_sq += child.center[k] * child.center[k];
         along -= child.axis[k] * child.center[k];
     }
 
-    let is_below_horizon = local.has_normal & (highest <= 0.0);
+    let [x, y, z] = local.normal.to_array();
+    let rise = view.highest + margin * (x.abs() + y.abs() + z.abs());
+    let is_below_horizon = local.has_normal & (rise <= 0.0);
 
     let reach = child.range * (local.range_scale * (1.0 + COSINE_MARGIN));
-    let is_out_of_range = (child.range < UNLIMITED_RANGE) & (gap_sq > reach * reach) & (gap_sq <= MAX_DIST_SQ);
+    let is_out_of_range =
+        (child.range < UNLIMITED_RANGE) & (view.gap_sq > reach * reach) & (view.gap_sq <= MAX_DIST_SQ);
 
     // Everything is turned away if, with the angle b beyond the cap at which the box's centre sees
     // the shading point and the box's bounding sphere of radius r at the distance d, sin(b) d > r,

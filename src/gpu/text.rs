@@ -168,6 +168,7 @@ pub(crate) fn constants() -> String {
         ("NEAR_GAIN", importance::NEAR_GAIN),
         ("NEAR_VARIANCE", importance::NEAR_VARIANCE),
         ("MIN_GAP", importance::MIN_GAP),
+        ("HORIZON_SHARE", importance::HORIZON_SHARE),
         ("MIN_COSINE", importance::MIN_COSINE),
         ("LAMBERTIAN", light::LAMBERTIAN),
         ("LOBE_SHARE", importance::LOBE_SHARE),

@@ -24,7 +24,7 @@ const MISSED: [(&str, f64); 10] = [
     ("1,000 overlapping instances", 13.0),
     ("overlapping strings of lamps", 1.5),
     ("inside a sphere light", 4.8),
-    ("dense clusters far apart", 4.9),
+    ("dense clusters far apart", 1.65),
 ];
 /// Below this sigma the ratios do not matter: the lights of others than the sampler decide the noise.
 const NO_NOISE: f64 = 0.2;
