@@ -48,6 +48,14 @@ pub(crate) trait InstanceTrees<'a> {
     /// The tree of the instance in a slot; `None` if the slot has no instance, or the instance has
     /// no tree.
     fn tree_view(&self, slot: u32) -> Option<TreeView<'a>>;
+
+    /// The learnt visible share of each child of a node, in (0, 1]; `None` if nothing is learnt
+    /// here. Shares multiply importances in the cut, and nowhere below it: so all that reads
+    /// weights from the cut stays exact.
+    #[inline(always)]
+    fn visible_shares(&self, _tree: &TreeView<'a>, _node: &Node) -> Option<Lanes> {
+        None
+    }
 }
 
 /// Serves a tree whose leaves are lights.
@@ -124,7 +132,7 @@ impl<'a> Cut<'a> {
         let mut next = (cut.add_tree(root), 0);
         loop {
             let (tree, node) = next;
-            if cut.add_children(tree, node).is_none() || cut.node_count > splits.get() {
+            if cut.add_children(tree, node, instance_trees).is_none() || cut.node_count > splits.get() {
                 break;
             }
             let Some((index, slot)) = cut.most_doubtful() else { break };
@@ -211,10 +219,16 @@ impl<'a> Cut<'a> {
 
     /// Makes a node's children candidates. `None` and no change if there is no such node.
     #[inline(always)]
-    fn add_children(&mut self, tree: usize, node: u32) -> Option<()> {
-        let TreeView { nodes, local, .. } = self.trees[tree].as_ref()?;
+    fn add_children(&mut self, tree: usize, node: u32, instance_trees: &impl InstanceTrees<'a>) -> Option<()> {
+        let view = self.trees[tree].as_ref()?;
+        let TreeView { nodes, local, .. } = view;
         let record = nodes.get(node as usize)?;
-        let children = child_importances(record, local);
+        let mut children = child_importances(record, local);
+        if let Some(shares) = instance_trees.visible_shares(view, record) {
+            for i in 0..WIDTH {
+                children.importance[i] *= shares[i];
+            }
+        }
         let ChildImportances { importance, doubt } = children;
         let index = self.node_count;
         for i in 0..WIDTH {

@@ -18,6 +18,7 @@
 //! | 700 to 799 | `gltf::GltfError` |
 //! | 800 | `tree::CheckError` |
 //! | 900 | `gpu::TargetHookError` |
+//! | 1000 to 1001 | [`VisibilityError`] |
 
 use glam::DVec3;
 
@@ -282,6 +283,43 @@ impl CountError {
     }
 }
 
+/// Why the options of a [`VisibilityTable`](crate::VisibilityTable) were refused. Codes 1000 and
+/// 1001.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum VisibilityError {
+    /// The edge of a cell is out of range, or NaN.
+    #[error("the edge of a cell is {edge} m, outside {min} to {max} m")]
+    Edge {
+        /// The given edge.
+        edge: f32,
+        /// The least edge allowed.
+        min: f32,
+        /// The greatest edge allowed.
+        max: f32,
+    },
+    /// The number of cells is out of range, or no power of two.
+    #[error("{cells} cells; their number must be a power of two from {min} to {max}")]
+    Cells {
+        /// The given number.
+        cells: usize,
+        /// The least number allowed.
+        min: usize,
+        /// The greatest number allowed.
+        max: usize,
+    },
+}
+
+impl VisibilityError {
+    /// The stable code, see [`error`](self).
+    pub fn code(&self) -> u32 {
+        match self {
+            Self::Edge { .. } => 1000,
+            Self::Cells { .. } => 1001,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeSet;
@@ -332,9 +370,13 @@ mod tests {
             .chain(world_errors().map(|error| error.code()))
             .chain(placement_errors().map(|error| error.code()))
             .chain([BudgetError { millis: -1.0 }.code(), CountError { what: WHAT, given: 0, min: 1, max: 2 }.code()])
+            .chain([
+                VisibilityError::Edge { edge: 0.0, min: 1.0, max: 2.0 }.code(),
+                VisibilityError::Cells { cells: 3, min: 4, max: 8 }.code(),
+            ])
             .collect();
         assert_eq!(codes.iter().collect::<BTreeSet<_>>().len(), codes.len());
-        let expected: Vec<u32> = (100..105).chain(200..209).chain(300..304).chain([400, 500]).collect();
+        let expected: Vec<u32> = (100..105).chain(200..209).chain(300..304).chain([400, 500, 1000, 1001]).collect();
         assert_eq!(codes, expected);
     }
 

@@ -151,6 +151,7 @@ mod solid_angle;
 mod emit;
 mod importance;
 mod placement;
+mod visibility;
 mod cut;
 mod walk;
 mod distribution;
@@ -160,6 +161,7 @@ mod world;
 mod sample;
 mod resample;
 mod pdf;
+mod learn;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 #[cfg(feature = "gltf")]
@@ -168,7 +170,7 @@ pub mod gltf;
 pub use counts::{CandidateCount, MAX_CANDIDATES, MAX_SPLITS, SplitCount};
 pub use effects::{EffectCounts, Effects};
 pub use emit::Incident;
-pub use error::{BudgetError, CountError, LightError, PlacementError, WorldError};
+pub use error::{BudgetError, CountError, LightError, PlacementError, VisibilityError, WorldError};
 pub use glam;
 pub use keys::{DirectionalKey, InstanceKey, TreeKey};
 pub use light::{DirectionalLight, Light, Shape};
@@ -180,6 +182,7 @@ pub use sample::{LightId, LightPick, LightSample, LightSampler};
 pub use scheduler::FrameBudget;
 pub use shading_point::ShadingPoint;
 pub use tree::{Attribute, Attributes, LightTree};
+pub use visibility::{VisibilityOptions, VisibilityTable};
 #[cfg(feature = "gpu")]
 pub use wgpu;
 pub use world::{BackgroundReport, FrameDelta, FrameReport, JobReport, LightWorld};

@@ -128,7 +128,7 @@ impl LightSampler<'_> {
             directional_lux: self.directional_lux(shading_point),
             u,
             count,
-            instance_trees: &(self, shading_point),
+            instance_trees: &self.surroundings(shading_point),
         });
         let mut samples = [const { None }; MAX_CANDIDATES as usize];
         let mut weights = [0.0; MAX_CANDIDATES as usize];

@@ -5,6 +5,8 @@
 
 use std::fmt;
 
+use glam::Mat3;
+
 use crate::counts::SplitCount;
 use crate::cut::{InstanceTrees, NO_INSTANCE, NoInstances, TreeView};
 use crate::dice::choice_pmf;
@@ -16,7 +18,8 @@ use crate::light::{DirectionalLight, luminance};
 use crate::shading_point::ShadingPoint;
 use crate::simd::with_vectors;
 use crate::top::TopLevel;
-use crate::tree::LightTree;
+use crate::tree::{Lanes, LightTree, Node};
+use crate::visibility::{CellGrid, LearntCell, VisibilityTable};
 use crate::walk::{DrawJob, LeafPath, Outcome, PmfJob, PmfTarget, TreeLight};
 use crate::world::LightWorld;
 
@@ -108,6 +111,8 @@ pub struct LightSampler<'a> {
     pub(crate) world: &'a LightWorld,
     pub(crate) top: &'a TopLevel,
     pub(crate) splits: SplitCount,
+    /// What is learnt, and its cells relative to the world's origin.
+    pub(crate) visibility: Option<(&'a VisibilityTable, CellGrid)>,
 }
 
 impl fmt::Debug for LightSampler<'_> {
@@ -117,10 +122,23 @@ impl fmt::Debug for LightSampler<'_> {
     }
 }
 
-impl<'a> InstanceTrees<'a> for (&LightSampler<'a>, &ShadingPoint) {
+/// The trees of a sampler's instances as seen from a shading point, and what is learnt there.
+pub(crate) struct Surroundings<'a, 's> {
+    sampler: &'s LightSampler<'a>,
+    shading_point: &'s ShadingPoint,
+    learnt: Option<LearntCell<'a>>,
+}
+
+impl<'a> InstanceTrees<'a> for Surroundings<'a, '_> {
     fn tree_view(&self, slot: u32) -> Option<TreeView<'a>> {
-        let (sampler, shading_point) = self;
-        sampler.tree_view(sampler.world.instance_at(slot)?, shading_point).map(|(_, tree)| tree)
+        let sampler = self.sampler;
+        sampler.tree_view(sampler.world.instance_at(slot)?, self.shading_point).map(|(_, tree)| tree)
+    }
+
+    #[inline(always)]
+    fn visible_shares(&self, tree: &TreeView<'a>, node: &Node) -> Option<Lanes> {
+        let learnt = self.learnt.as_ref()?;
+        Some(learnt.shares(node, tree.local.position, &self.sampler.to_world(tree)))
     }
 }
 
@@ -134,7 +152,7 @@ impl LightWorld {
     /// Any thread may call this, also inside a rayon job. Threads that make the first call at once may
     /// each build the top level; to build it once, call this before the parallel loop.
     pub fn sampler(&self) -> LightSampler<'_> {
-        LightSampler { world: self, top: self.top_level(), splits: SplitCount::DEFAULT }
+        LightSampler { world: self, top: self.top_level(), splits: SplitCount::DEFAULT, visibility: None }
     }
 }
 
@@ -174,6 +192,16 @@ impl<'a> LightSampler<'a> {
         Self { splits, ..self }
     }
 
+    /// Returns the same sampler with learnt visibility: lights that shadow rays did not reach from
+    /// the neighbourhood of a shading point are chosen less often, down to a tenth as often.
+    ///
+    /// All methods use it, with exact probabilities: call them with the same table for one
+    /// estimate. Where the table knows nothing, they return the same bits as without it. A sample
+    /// takes about half as long again (docs/benchmarks.md). [`VisibilityTable`] says when to use it.
+    pub fn with_visibility(self, table: &'a VisibilityTable) -> Self {
+        Self { visibility: Some((table, table.grid(self.world.origin()))), ..self }
+    }
+
     /// The same sampler over another top level of the same world.
     #[cfg(test)]
     pub(crate) fn with_top(self, top: &'a TopLevel) -> Self {
@@ -192,7 +220,7 @@ impl<'a> LightSampler<'a> {
             splits: self.splits,
             directional_lux: self.directional_lux(shading_point),
             u,
-            instance_trees: &(self, shading_point),
+            instance_trees: &self.surroundings(shading_point),
         };
         self.picked(shading_point, with_vectors(job))
     }
@@ -229,7 +257,7 @@ impl<'a> LightSampler<'a> {
             }
         };
         let directional_lux = self.directional_lux(shading_point);
-        let instance_trees = &(self, shading_point);
+        let instance_trees = &self.surroundings(shading_point);
         with_vectors(PmfJob { root, splits: self.splits, directional_lux, target, instance_trees })
     }
 
@@ -286,7 +314,7 @@ impl<'a> LightSampler<'a> {
         pmfs.clear();
         pmfs.resize(lights, 0.0);
         let (root, directional_lux) = (self.root(shading_point), self.directional_lux(shading_point));
-        let instance_trees = &(self, shading_point);
+        let instance_trees = &self.surroundings(shading_point);
         let starts = &starts;
         let total =
             with_vectors(DistributionJob { root, splits: self.splits, directional_lux, instance_trees, starts, pmfs });
@@ -299,6 +327,18 @@ impl<'a> LightSampler<'a> {
     /// The illuminance by all directional lights, in lux.
     pub(crate) fn directional_lux(&self, shading_point: &ShadingPoint) -> f32 {
         self.world.directionals().map(|(_, light)| illuminance(light, shading_point)).sum()
+    }
+
+    /// The trees of all instances, and what is learnt about the cell of a shading point.
+    pub(crate) fn surroundings<'s>(&'s self, shading_point: &'s ShadingPoint) -> Surroundings<'a, 's> {
+        let learnt = self.visibility.as_ref().and_then(|(table, grid)| table.cell(&grid.cell(shading_point)));
+        Surroundings { sampler: self, shading_point, learnt }
+    }
+
+    /// The linear part of the map from the space of a tree to the world.
+    pub(crate) fn to_world(&self, tree: &TreeView<'_>) -> Mat3 {
+        let instance = self.world.instance_at(tree.instance).and_then(|key| self.world.instance(key));
+        instance.and_then(|instance| instance.placed.as_ref()).map_or(Mat3::IDENTITY, |placed| placed.frame.to_world)
     }
 
     /// The top level.
@@ -322,7 +362,11 @@ impl<'a> LightSampler<'a> {
         chosen
     }
 
-    fn tree_view(&self, key: InstanceKey, shading_point: &ShadingPoint) -> Option<(&'a LightTree, TreeView<'a>)> {
+    pub(crate) fn tree_view(
+        &self,
+        key: InstanceKey,
+        shading_point: &ShadingPoint,
+    ) -> Option<(&'a LightTree, TreeView<'a>)> {
         let instance = self.world.instance(key)?;
         let tree = self.world.tree(instance.tree)?;
         let local = instance.placed.as_ref()?.local_shading_point(shading_point);

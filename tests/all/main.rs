@@ -46,4 +46,5 @@ mod torture;
 mod tree;
 mod usage;
 mod variance;
+mod visibility;
 mod world;

@@ -1,0 +1,301 @@
+//! Learnt visibility: which lights reach which cells of the world, learnt from shadow rays.
+//!
+//! A cell is a cube of the world and one of six sides, or none for a volume. For each cell a row of
+//! the table holds a share for each of [`BINS`] groups of lights, which are told apart by their
+//! direction and distance from the cell. A share multiplies the importance of clusters in the cut.
+//! Nothing is removed: no share is below 26/256. docs/math.md has the formulas and the sources.
+//!
+//! During a frame the table is read, and what is recorded goes to counters. The end of the frame
+//! folds the counters into the shares. All of that adds and compares integers, so the result does
+//! not depend on the order of records. Twin of `shaders/visibility.wgsl`.
+
+mod cell;
+mod fold;
+
+use std::fmt;
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+
+use glam::DVec3;
+
+#[cfg(feature = "gpu")]
+pub(crate) use cell::{BIN_SHIFT, COORDINATE_BITS, MAX_COORDINATE, MAX_DIST, ROUNDING, TAG_SEED};
+pub(crate) use cell::{BINS, Cell, CellGrid, LearntCell, bin_of_child};
+pub(crate) use fold::FULL_SHARE;
+use fold::{Known, fold};
+#[cfg(feature = "gpu")]
+pub(crate) use fold::{MAX_NEW, MEMORY, MIN_SHARE, PRIOR, UNITS};
+
+use crate::error::VisibilityError;
+
+/// The number of rows among which a cell may choose: a bucket.
+pub(crate) const WAYS: usize = 4;
+
+/// A row can be given to another cell once nothing was recorded in it for this many frames.
+pub(crate) const MIN_IDLE: u32 = 8;
+
+/// The quads of parameters with which the table of a GPU begins.
+#[cfg(feature = "gpu")]
+pub(crate) const TABLE_HEAD: u32 = 4;
+
+/// The largest number of cells of [`VisibilityOptions`]. The counters of a GPU then take 64 MiB, half of what
+/// one storage binding of WebGPU holds.
+pub(crate) const MAX_CELLS: usize = 1 << 16;
+
+/// The least and the largest edge of a cell, in metres.
+pub(crate) const EDGES: [f32; 2] = [0.01, 1.0e4];
+
+/// How a [`VisibilityTable`] divides the world, and how much of it fits.
+///
+/// ```
+/// use girandole::VisibilityOptions;
+/// let options = VisibilityOptions::new(0.5, 16_384)?;
+/// assert_eq!((options.edge(), options.cells()), (0.5, 16_384));
+/// assert!(VisibilityOptions::new(0.0, 16_384).is_err() && VisibilityOptions::new(0.5, 1000).is_err());
+/// # Ok::<(), girandole::VisibilityError>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VisibilityOptions {
+    edge: f32,
+    cells: usize,
+}
+
+impl VisibilityOptions {
+    /// Cells with edges of `edge` metres, of which `cells` are known at the same time.
+    ///
+    /// Shorter edges know more about each place and learn more slowly, because fewer samples share a
+    /// cell. The default is 1 m and 4,096 cells. A cell takes 1.7 kB. A floor of one square metre has
+    /// one cell, and so has each square metre of a wall.
+    ///
+    /// # Errors
+    /// [`VisibilityError`] for an edge outside 0.01 to 10,000 m, and for a number of cells that is not
+    /// a power of two from 4 to 65,536.
+    pub const fn new(edge: f32, cells: usize) -> Result<Self, VisibilityError> {
+        // NaN is in no range.
+        if !(edge >= EDGES[0] && edge <= EDGES[1]) {
+            return Err(VisibilityError::Edge { edge, min: EDGES[0], max: EDGES[1] });
+        }
+        if !(cells.is_power_of_two() && cells >= WAYS && cells <= MAX_CELLS) {
+            return Err(VisibilityError::Cells { cells, min: WAYS, max: MAX_CELLS });
+        }
+        Ok(Self { edge, cells })
+    }
+
+    /// The edge of a cell, in metres.
+    pub const fn edge(&self) -> f32 {
+        self.edge
+    }
+
+    /// The number of cells that are known at the same time.
+    pub const fn cells(&self) -> usize {
+        self.cells
+    }
+}
+
+impl Default for VisibilityOptions {
+    fn default() -> Self {
+        Self { edge: 1.0, cells: 4096 }
+    }
+}
+
+/// What shadow rays have taught about the visibility of lights, by place.
+///
+/// Samplers that are made [`with_visibility`](crate::LightSampler::with_visibility) choose lights
+/// that were seen from the neighbourhood of a shading point more often, and lights that were not
+/// seen down to a tenth as often. No light loses its probability, so estimates stay unbiased
+/// whatever the table holds. Probabilities are exact, because a table does not change while a
+/// sampler borrows it.
+///
+/// Use it where walls hide most lights, as in houses; in streets it gains little
+/// (docs/benchmarks.md).
+///
+/// 1. During a frame, record the result of each shadow ray with
+///    [`LightSampler::record_visibility`](crate::LightSampler::record_visibility), from any thread.
+/// 2. After the frame, call [`VisibilityTable::end_frame`].
+///
+/// The table forgets: the last [`end_frame`](Self::end_frame) counts as at most 64 earlier records
+/// for each group of lights in a cell, so doors and lamps may move. It knows places of the world and
+/// no lights, so instances may come and go. Cells stay where they are when
+/// [`LightWorld::set_origin`](crate::LightWorld::set_origin) moves the origin.
+///
+/// A cell gets a row of the table in the frame after it was first recorded. If its rows are taken,
+/// it takes that of a cell in which nothing was recorded for 8 frames; until there is one, lights
+/// are chosen there as without a table.
+///
+/// ```
+/// use girandole::glam::Vec3;
+/// use girandole::{Light, LightWorld, Placement, Policy, ShadingPoint, VisibilityTable};
+///
+/// let mut world = LightWorld::new();
+/// let lamp = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE)])?;
+/// for position in [Vec3::new(-2.0, 3.0, 0.0), Vec3::new(2.0, 3.0, 0.0)] {
+///     world.add_instance(lamp, Placement::at(position.as_dvec3()), Policy::Static)?;
+/// }
+/// let ground = ShadingPoint::surface(Vec3::ZERO, Vec3::Y);
+/// let mut table = VisibilityTable::default();
+/// for _ in 0..16 {
+///     let sampler = world.sampler().with_visibility(&table);
+///     for i in 0..8 {
+///         let sample = sampler.sample(&ground, [(i as f32 + 0.5) / 8.0, 0.5, 0.5, 0.5]).expect("a lamp");
+///         let is_visible = sample.incident.direction.x > 0.0; // a wall hides the other lamp
+///         sampler.record_visibility(&ground, sample.light, is_visible);
+///     }
+///     table.end_frame();
+/// }
+/// let sampler = world.sampler().with_visibility(&table);
+/// let pmfs: Vec<f32> = sampler.all_lights().map(|light| sampler.pmf(&ground, light)).collect();
+/// assert!((pmfs[0] - 0.1).abs() < 0.02 && (pmfs[1] - 0.9).abs() < 0.02);
+/// # Ok::<(), girandole::WorldError>(())
+/// ```
+pub struct VisibilityTable {
+    options: VisibilityOptions,
+    /// The tag of the cell of each row, or 0.
+    tags: Vec<u32>,
+    /// Frames without a record, for each row.
+    idle: Vec<u32>,
+    /// [`BINS`] for each row, as [`fold::share`] encodes them.
+    shares: Vec<u8>,
+    /// [`BINS`] for each row.
+    known: Vec<Known>,
+    /// The greatest tag of the cells that want a row, for each row; 0 for none.
+    claims: Vec<AtomicU32>,
+    /// 1 for rows with new counts.
+    touched: Vec<AtomicU32>,
+    /// The hidden and the visible samples of this frame, [`BINS`] for each row.
+    counts: Vec<[AtomicU32; 2]>,
+}
+
+impl VisibilityTable {
+    /// Creates a table that knows nothing.
+    pub fn new(options: VisibilityOptions) -> Self {
+        let VisibilityOptions { cells, .. } = options;
+        let zeros = || (0..cells).map(|_| AtomicU32::new(0)).collect();
+        Self {
+            options,
+            tags: vec![0; cells],
+            idle: vec![0; cells],
+            shares: vec![FULL_SHARE; cells * BINS],
+            known: vec![Known::default(); cells * BINS],
+            claims: zeros(),
+            touched: zeros(),
+            counts: (0..cells * BINS).map(|_| [AtomicU32::new(0), AtomicU32::new(0)]).collect(),
+        }
+    }
+
+    /// The options that the table was made with.
+    pub fn options(&self) -> VisibilityOptions {
+        self.options
+    }
+
+    /// The number of cells that have a row. O(cells of the table).
+    pub fn cell_count(&self) -> usize {
+        self.tags.iter().filter(|tag| **tag != 0).count()
+    }
+
+    /// Ends a frame: what was recorded since the last call becomes part of what samplers read.
+    ///
+    /// The result does not depend on the order or the threads of the records. Rows without a record
+    /// cost a comparison, others about 0.2 µs.
+    pub fn end_frame(&mut self) {
+        for row in 0..self.tags.len() {
+            let is_touched = std::mem::take(self.touched[row].get_mut()) != 0;
+            let claim = std::mem::take(self.claims[row].get_mut());
+            let bins = row * BINS..(row + 1) * BINS;
+            if is_touched {
+                self.idle[row] = 0;
+                for bin in bins {
+                    let [hidden, visible] = self.counts[bin].each_mut().map(|count| std::mem::take(count.get_mut()));
+                    if hidden | visible != 0 {
+                        (self.known[bin], self.shares[bin]) = fold(self.known[bin], visible, hidden);
+                    }
+                }
+            } else if claim != 0 {
+                self.tags[row] = claim;
+                self.idle[row] = 0;
+                self.known[bins.clone()].fill(Known::default());
+                self.shares[bins].fill(FULL_SHARE);
+            } else {
+                self.idle[row] = self.idle[row].saturating_add(1);
+            }
+        }
+    }
+
+    /// Forgets everything, as after a cut to another scene. O(cells of the table).
+    pub fn clear(&mut self) {
+        *self = Self::new(self.options);
+    }
+
+    /// The grid of cells in coordinates relative to an origin.
+    pub(crate) fn grid(&self, origin: DVec3) -> CellGrid {
+        CellGrid::new(self.options.edge, origin)
+    }
+
+    /// What is known about a cell; `None` if it has no row.
+    #[inline]
+    pub(crate) fn cell(&self, cell: &Cell) -> Option<LearntCell<'_>> {
+        let row = self.row(cell)?;
+        let shares = self.shares[row * BINS..].first_chunk()?;
+        Some(LearntCell { shares, from_center: cell.from_center, edge: self.options.edge })
+    }
+
+    /// The row of a cell.
+    #[inline]
+    fn row(&self, cell: &Cell) -> Option<usize> {
+        let first = self.bucket(cell);
+        (first..first + WAYS).find(|row| self.tags[*row] == cell.tag)
+    }
+
+    /// The row of a cell for records. If there is none, asks for one from the next frame on.
+    pub(crate) fn row_or_claim(&self, cell: &Cell) -> Option<usize> {
+        let found = self.row(cell);
+        if found.is_none() {
+            let first = self.bucket(cell);
+            let rows = first..first + WAYS;
+            // Cells that come at once begin at different rows, so that most of them find one.
+            let turned = (0..WAYS).map(|way| first + (cell.tag as usize + way) % WAYS);
+            let free = turned.into_iter().find(|row| self.tags[*row] == 0);
+            // The first of the most idle ones: `max_by_key` would return the last.
+            let idlest = || rows.rev().max_by_key(|row| self.idle[*row]).filter(|row| self.idle[*row] >= MIN_IDLE);
+            if let Some(row) = free.or_else(idlest) {
+                self.claims[row].fetch_max(cell.tag, Relaxed);
+            }
+        }
+        found
+    }
+
+    /// Counts a sample of a light in a bin of a row.
+    pub(crate) fn count(&self, row: usize, bin: usize, is_visible: bool) {
+        self.touched[row].store(1, Relaxed);
+        self.counts[row * BINS + bin][usize::from(is_visible)].fetch_add(1, Relaxed);
+    }
+
+    /// The tags, the idle frames and the shares, as a GPU stores them.
+    #[cfg(all(test, feature = "gpu"))]
+    pub(crate) fn words(&self) -> Vec<u32> {
+        let shares = self.shares.as_chunks().0.iter().map(|bytes| u32::from_le_bytes(*bytes));
+        self.tags.iter().chain(&self.idle).copied().chain(shares).collect()
+    }
+
+    /// The first row of a cell's bucket.
+    #[inline]
+    fn bucket(&self, cell: &Cell) -> usize {
+        cell.hash as usize & (self.tags.len() - WAYS)
+    }
+}
+
+impl Default for VisibilityTable {
+    fn default() -> Self {
+        Self::new(VisibilityOptions::default())
+    }
+}
+
+impl fmt::Debug for VisibilityTable {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("VisibilityTable")
+            .field("options", &self.options)
+            .field("cell_count", &self.cell_count())
+            .finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+mod tests;
