@@ -24,6 +24,9 @@ struct LightCut {
     weights: array<mat2x4<f32>, LIGHT_CUT_NODES>,
     // Importance times relative doubt; 0 for what cannot be split.
     doubts: array<mat2x4<f32>, LIGHT_CUT_NODES>,
+    // #if LEARNS
+    cell: LightCell,
+    // #endif
 }
 
 // A child and where its part of the line of weights begins.
@@ -118,7 +121,11 @@ fn light_add_children(cut: ptr<function, LightCut>, instance: u32, index: u32, s
     let node = light_node(instance == LIGHT_NO_INSTANCE, index);
     let local = light_local_to(instance, shading_point);
     let children = light_child_importances(node, local);
-    let importance = children.importance;
+    var importance = children.importance;
+    // #if LEARNS
+    let shares = light_visible_shares(node, instance, local.position, (*cut).cell);
+    importance = mat2x4(importance[0] * shares[0], importance[1] * shares[1]);
+    // #endif
     var doubts = mat2x4(importance[0] * children.doubt[0], importance[1] * children.doubt[1]);
     if children.has_unresolved {
         (*cut).has_unresolved = true;
@@ -162,6 +169,9 @@ fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_poi
     let splits = min(light_params.splits, LIGHT_MAX_SPLITS);
     (*cut).node_count = 0u;
     (*cut).has_unresolved = false;
+    // #if LEARNS
+    (*cut).cell = light_cell(shading_point);
+    // #endif
     var instance = LIGHT_NO_INSTANCE;
     var index = 0u;
     loop {

@@ -27,6 +27,16 @@ pub(super) fn usage_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     })
 }
 
+/// The same layout with what is learnt about visibility, and the records of a frame.
+pub(super) fn visibility_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    let records = wgpu::BindGroupLayoutEntry { visibility: VISIBILITY, ..storage_entry(6, false) };
+    let entries: Vec<_> = light_entries().into_iter().chain([storage_entry(5, true), records]).collect();
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: Some("girandole lights and visibility"),
+        entries: &entries,
+    })
+}
+
 fn light_entries() -> [wgpu::BindGroupLayoutEntry; 5] {
     [uniform_entry(0), storage_entry(1, true), storage_entry(2, true), storage_entry(3, true), storage_entry(4, true)]
 }

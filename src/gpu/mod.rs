@@ -53,10 +53,13 @@ mod upload_state;
 mod usage;
 #[cfg(test)]
 mod variants;
+mod visibility;
 
 use std::fmt;
 use std::ops::Range;
 use std::sync::OnceLock;
+
+use glam::DVec3;
 
 use bindings::{bind_lights, light_layout, params_buffer};
 use candidates::CandidateTable;
@@ -79,6 +82,7 @@ pub use upload_state::UploadReport;
 use upload_state::{PendingChanges, TreeRanges};
 use usage::UsageCounters;
 pub use usage::{DEFAULT_USAGE_INTERVAL, UsageCounts};
+use visibility::LearntTable;
 
 use crate::counts::SplitCount;
 use crate::effects::Effects;
@@ -149,6 +153,10 @@ pub struct GpuLights {
     node_counter: OnceLock<CountKernel>,
     /// Made at first use.
     usage: OnceLock<UsageCounters>,
+    /// Made at first use.
+    learnt: OnceLock<LearntTable>,
+    /// The world's origin at the last upload.
+    origin: DVec3,
     /// Bound as usage counters until the first upload that counts.
     no_usage: wgpu::Buffer,
     /// An upload was refused memory, so the buffers are incomplete: `dark` is bound in their place.
@@ -235,6 +243,8 @@ impl GpuLights {
             effects: Effects::all() - Effects::MOVING,
             node_counter: OnceLock::new(),
             usage: OnceLock::new(),
+            learnt: OnceLock::new(),
+            origin: DVec3::ZERO,
             no_usage,
             is_dark: false,
             dark,
@@ -316,7 +326,8 @@ impl GpuLights {
     /// every world.
     pub fn shader(&self, group: u32, effects: Effects) -> LightShader {
         let wgsl = wgsl(group, effects);
-        LightShader { wgsl, group, effects, records_usage: false, target: None, layout: self.layout.clone() }
+        let layout = self.layout.clone();
+        LightShader { wgsl, group, effects, records_usage: false, learns_visibility: false, target: None, layout }
     }
 
     /// Writes the parameters, and replaces bind groups whose buffers were replaced. Returns the
@@ -338,6 +349,7 @@ impl GpuLights {
             size_of::<ParamsRecord>() as u64
         };
         self.rebind_usage();
+        self.rebind_visibility();
         sent
     }
 
@@ -350,6 +362,7 @@ impl GpuLights {
             usage.restart();
         }
         self.rebind_usage();
+        self.rebind_visibility();
     }
 
     /// The buffers that shaders bind, in the order of the layout.

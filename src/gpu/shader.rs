@@ -47,7 +47,8 @@ use crate::effects::Effects;
 /// ```
 ///
 /// [`GpuLights::usage_shader`](super::GpuLights::usage_shader) adds a function that records which
-/// lights are chosen. [`LightShader::with_target`] adds `light_resample_by`, which weighs candidates
+/// lights are chosen, and [`GpuLights::visibility_shader`](super::GpuLights::visibility_shader) one
+/// that records which are visible. [`LightShader::with_target`] adds `light_resample_by`, which weighs candidates
 /// by a function of the engine.
 ///
 /// # Measures
@@ -91,6 +92,9 @@ pub struct LightShader {
     /// Whether the text has `light_record_usage`: see
     /// [`GpuLights::usage_shader`](super::GpuLights::usage_shader).
     pub records_usage: bool,
+    /// Whether choices depend on learnt visibility, and the text has `light_record_visibility`: see
+    /// [`GpuLights::visibility_shader`](super::GpuLights::visibility_shader).
+    pub learns_visibility: bool,
     /// The function that weighs candidates, if the text has `light_resample_by`: see
     /// [`LightShader::with_target`].
     pub target: Option<TargetHook>,
@@ -99,13 +103,20 @@ pub struct LightShader {
 }
 
 impl LightShader {
+    fn records(&self) -> text::Records {
+        match (self.records_usage, self.learns_visibility) {
+            (_, true) => text::Records::Visibility,
+            (true, _) => text::Records::Usage,
+            _ => text::Records::Nothing,
+        }
+    }
+
     /// Returns the same shader for other effects. This needs no [`GpuLights`](super::GpuLights),
     /// so it works on the threads of [`PipelineVariants`](super::PipelineVariants). Joins texts and
     /// compiles nothing.
     #[must_use]
     pub fn with_effects(&self, effects: Effects) -> Self {
-        let Self { group, records_usage, .. } = *self;
-        let wgsl = text::wgsl_of_shader(group, effects, records_usage, self.target.as_ref());
+        let wgsl = text::wgsl_of_shader(self.group, effects, self.records(), self.target.as_ref());
         Self { wgsl, effects, ..self.clone() }
     }
 
@@ -220,10 +231,14 @@ mod tests {
         assert_eq!(blocks.len(), 6);
         for effects in [Effects::all(), Effects::empty()] {
             for block in &blocks {
-                let counts = block.contains("light_record_usage");
+                let records = match () {
+                    () if block.contains("light_record_usage") => text::Records::Usage,
+                    () if block.contains("light_record_visibility") => text::Records::Visibility,
+                    () => text::Records::Nothing,
+                };
                 let hook = TargetHook::new("engine_target", "EngineSurface").expect("identifiers");
                 let hook = block.contains("light_resample_by").then_some(&hook);
-                let text = text::wgsl_of_shader(1, effects, counts, hook) + STUBS + block;
+                let text = text::wgsl_of_shader(1, effects, records, hook) + STUBS + block;
                 let module =
                     naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("it parses");
                 naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::default())

@@ -17,6 +17,7 @@ use crate::light;
 use crate::resample;
 use crate::solid_angle;
 use crate::tree;
+use crate::visibility;
 
 /// The stage of [`GpuLights::sample`](super::GpuLights::sample), with the record that it reads.
 pub(crate) const BATCH: &str =
@@ -42,20 +43,56 @@ pub(crate) const BATCH_COUNT: &str =
 /// parts that are not stored have the values of lights without that effect.
 #[must_use]
 pub fn wgsl(group: u32, effects: Effects) -> String {
-    joined(group, effects, false, None)
+    joined(group, effects, Extras::default(), None)
+}
+
+/// Code of a text that does not depend on effects.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Extras {
+    /// Counts the nodes that an invocation reads.
+    pub counts: bool,
+    /// Reads and records learnt visibility.
+    pub learns: bool,
+}
+
+impl Extras {
+    /// Whether the lines between `// #if NAME` and `// #endif` are kept; `None` for another name.
+    fn keep(self, name: &str) -> Option<bool> {
+        match name {
+            "COUNTS" => Some(self.counts),
+            "LEARNS" => Some(self.learns),
+            _ => None,
+        }
+    }
 }
 
 /// The same as [`wgsl`] with the variable `light_nodes_read`, which counts the nodes that an
 /// invocation reads.
 pub(crate) fn wgsl_counting(group: u32, effects: Effects) -> String {
-    joined(group, effects, true, None)
+    joined(group, effects, Extras { counts: true, ..Extras::default() }, None)
 }
 
-/// The same as [`wgsl`], with `light_record_usage` if the shader records usage, and with
-/// `light_resample_by` if it has a target.
-pub(crate) fn wgsl_of_shader(group: u32, effects: Effects, records_usage: bool, target: Option<&TargetHook>) -> String {
-    let text = joined(group, effects, false, target);
-    if records_usage { text + &usage(group) } else { text }
+/// What a shader records, with the bindings that it needs for it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Records {
+    Nothing,
+    /// `light_record_usage`.
+    Usage,
+    /// `light_record_visibility`. Choices depend on what was recorded.
+    Visibility,
+}
+
+/// The same as [`wgsl`], with the function that records, and with `light_resample_by` if it has a
+/// target.
+pub(crate) fn wgsl_of_shader(group: u32, effects: Effects, records: Records, target: Option<&TargetHook>) -> String {
+    let text = joined(group, effects, Extras { learns: records == Records::Visibility, ..Extras::default() }, target);
+    if records == Records::Usage { text + &usage(group) } else { text }
+}
+
+/// The stage that folds what was recorded about visibility.
+pub(crate) fn wgsl_of_visibility_fold() -> String {
+    let body = include_str!("../../shaders/visibility_fold.wgsl");
+    constants_of(body) + body
 }
 
 /// `light_record_usage` and the functions that it calls, for a shader that chooses no light.
@@ -86,8 +123,10 @@ fn resampling(target: Option<&TargetHook>) -> String {
     plain + &weight + &function("light_resample_by", &parameters, "shading_point, argument", "light_target_weight")
 }
 
-fn joined(group: u32, effects: Effects, counts: bool, target: Option<&TargetHook>) -> String {
-    let sample = include_str!("../../shaders/sample.wgsl").replace("LIGHT_GROUP", &group.to_string());
+fn joined(group: u32, effects: Effects, extras: Extras, target: Option<&TargetHook>) -> String {
+    let grouped = |text: &str| text.replace("LIGHT_GROUP", &group.to_string());
+    let sample = grouped(include_str!("../../shaders/sample.wgsl"));
+    let learnt = grouped(include_str!("../../shaders/visibility.wgsl"));
     let body = [
         include_str!("../../shaders/types.wgsl"),
         include_str!("../../shaders/instance.wgsl"),
@@ -104,9 +143,10 @@ fn joined(group: u32, effects: Effects, counts: bool, target: Option<&TargetHook
         include_str!("../../shaders/pdf.wgsl"),
         include_str!("../../shaders/resample.wgsl"),
         &resampling(target),
+        if extras.learns { &learnt } else { "" },
     ]
     .concat();
-    let body = variant(&body, effects, counts);
+    let body = variant(&body, effects, extras);
     constants_of(&body) + &body
 }
 
@@ -159,6 +199,19 @@ pub(crate) fn constants() -> String {
         ("INSTANCE_PLACE", stored::INSTANCE_PLACE),
         ("POINT_STRIDE", stored::POINT_STRIDE),
         ("RIGID_STRIDE", stored::RIGID_STRIDE),
+        ("WAYS", visibility::WAYS as u32),
+        ("MIN_IDLE", visibility::MIN_IDLE),
+        ("BINS", visibility::BINS as u32),
+        ("BIN_SHIFT", visibility::BIN_SHIFT),
+        ("COORDINATE_BITS", visibility::COORDINATE_BITS),
+        ("TAG_SEED", visibility::TAG_SEED),
+        ("TABLE_HEAD", visibility::TABLE_HEAD),
+        ("UNITS", visibility::UNITS),
+        ("MEMORY", visibility::MEMORY),
+        ("PRIOR", visibility::PRIOR),
+        ("MAX_NEW", visibility::MAX_NEW),
+        ("FULL_SHARE", visibility::FULL_SHARE.into()),
+        ("MIN_SHARE", visibility::MIN_SHARE.into()),
     ] {
         let _ = writeln!(text, "const LIGHT_{name}: u32 = {value}u;");
     }
@@ -208,6 +261,9 @@ pub(crate) fn constants() -> String {
         ("MIN_WEIGHT", resample::MIN_WEIGHT),
         ("MAX_WEIGHT", resample::MAX_WEIGHT),
         ("MAX_RESERVOIR_WEIGHT", resample::MAX_RESERVOIR_WEIGHT),
+        ("MAX_COORDINATE", visibility::MAX_COORDINATE),
+        ("MAX_DIST", visibility::MAX_DIST),
+        ("ROUNDING", visibility::ROUNDING),
     ] {
         let _ = writeln!(text, "const LIGHT_{name}: f32 = {value:e};");
     }
@@ -221,11 +277,11 @@ pub(crate) fn constants() -> String {
 
 /// The lines of a text that a variant needs. `// #if NAME` and `// #endif` enclose lines that only
 /// worlds with the effect of that name need, and `// #if A | B` lines that worlds with any of these
-/// effects need. `// #if COUNTS` encloses the code that counts nodes. The directives nest, and the
-/// text is valid WGSL with and without the enclosed lines.
+/// effects need. `// #if COUNTS` and `// #if LEARNS` enclose the code of [`Extras`]. The directives
+/// nest, and the text is valid WGSL with and without the enclosed lines.
 ///
 /// Panics on an unknown name and on an unbalanced directive: the texts are part of this crate.
-pub(crate) fn variant(text: &str, effects: Effects, counts: bool) -> String {
+pub(crate) fn variant(text: &str, effects: Effects, extras: Extras) -> String {
     let mut kept = String::with_capacity(text.len());
     let mut open: Vec<bool> = Vec::new();
     for line in text.lines() {
@@ -234,9 +290,8 @@ pub(crate) fn variant(text: &str, effects: Effects, counts: bool) -> String {
             Some(directive) => {
                 let names = directive.strip_prefix("if ").unwrap_or_else(|| panic!("an unknown directive: {line}"));
                 open.push(names.split(" | ").any(|name| {
-                    let effect = Effects::from_name(name);
-                    assert!(effect.is_some() || name == "COUNTS", "an unknown effect: {name}");
-                    effect.map_or(counts, |effect| effects.contains(effect))
+                    let kept = Effects::from_name(name).map(|effect| effects.contains(effect));
+                    kept.or(extras.keep(name)).unwrap_or_else(|| panic!("an unknown effect: {name}"))
                 }));
             }
             None if open.iter().all(|kept| *kept) => {
@@ -258,7 +313,7 @@ mod tests {
     fn a_variant_keeps_the_lines_that_its_effects_need() {
         let text =
             "a\n// #if CONES\nb\n    // #if RANGES\nc\n    // #endif\n// #endif\n// #if COUNTS\nd\n// #endif\ne\n";
-        let all = |effects, counts| variant(text, effects, counts).replace('\n', "");
+        let all = |effects, counts| variant(text, effects, Extras { counts, learns: false }).replace('\n', "");
         assert_eq!(all(Effects::empty(), false), "ae");
         assert_eq!(all(Effects::CONES, false), "abe");
         assert_eq!(all(Effects::RANGES, true), "ade");
@@ -321,6 +376,29 @@ mod tests {
         assert_eq!(wgsl(0, Effects::all()), wgsl(0, Effects::all() - Effects::MOVING), "moving lights need no code");
     }
 
+    const LEARNING_NAMES: &str = "light_learnt light_visibility_records light_row_count light_side light_cell light_bin \
+        light_child_byte light_toward_child light_child_bin light_learnt_share light_visible_shares light_claim_row \
+        light_record_visibility LightCell LightCell.tag LightCell.bucket LightCell.row LightCell.from_center \
+        LightCut.cell LIGHT_NO_ROW LIGHT_WAYS LIGHT_MIN_IDLE LIGHT_BINS LIGHT_BIN_SHIFT LIGHT_COORDINATE_BITS \
+        LIGHT_TAG_SEED LIGHT_TABLE_HEAD LIGHT_MAX_COORDINATE LIGHT_MAX_DIST LIGHT_ROUNDING";
+
+    #[test]
+    fn learning_adds_its_names_and_bindings_with_every_effect_and_without_any() {
+        let all = Effects::all() - Effects::MOVING;
+        let sets = all.iter().flat_map(|effect| [effect, all - effect]).chain([all, Effects::empty()]);
+        for effects in sets {
+            let text = wgsl_of_shader(2, effects, Records::Visibility, None);
+            let (names, plain) = (module_names(&text), module_names(&wgsl(2, effects)));
+            let added: HashSet<&str> = names.difference(&plain).map(String::as_str).collect();
+            assert_eq!(added, LEARNING_NAMES.split_whitespace().collect(), "{effects:?}");
+            assert!(plain.is_subset(&names));
+            let bindings = module(&text).global_variables.iter().filter(|(_, v)| v.binding.is_some()).count();
+            assert_eq!(bindings, 7, "{effects:?}");
+        }
+        let fold = module(&wgsl_of_visibility_fold());
+        assert_eq!(fold.entry_points[0].workgroup_size, [visibility::BINS as u32 / 4, 1, 1]);
+    }
+
     #[test]
     fn a_target_adds_its_functions_to_every_variant_and_nothing_else() {
         let engine = "
@@ -333,10 +411,10 @@ mod tests {
             }";
         let hook = TargetHook::new("brdf_target", "Material").expect("identifiers");
         for effects in text_variants() {
-            for records_usage in [false, true] {
-                let plain = wgsl_of_shader(2, effects, records_usage, None);
+            for records in [Records::Nothing, Records::Usage] {
+                let plain = wgsl_of_shader(2, effects, records, None);
                 assert!(plain.starts_with(&wgsl(2, effects)), "{effects:?}");
-                let text = wgsl_of_shader(2, effects, records_usage, Some(&hook)) + engine;
+                let text = wgsl_of_shader(2, effects, records, Some(&hook)) + engine;
                 let own = ["brdf_target", "use_it", "Material", "Material.roughness"].map(String::from);
                 let names = module_names(&text);
                 let added: HashSet<_> = names.difference(&module_names(&plain)).cloned().collect();

@@ -106,6 +106,7 @@ impl GpuLights {
         if let Some(counters) = self.usage.get_mut() {
             bytes += counters.follow((&self.device, &self.queue), usage, &changes.instances, world);
         }
+        bytes += self.follow_origin(world.origin());
         self.is_dark = false;
         bytes += self.refresh(self.params_of(world, effects));
         self.top_status.invalidate();

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::super::text::{constants, variant};
+use super::super::text::{Extras, constants, variant};
 use super::plan::{FIRST_ROUND, MAX_GROUPS, ROOT_PARTS};
 use crate::bounds;
 use crate::cluster;
@@ -100,6 +100,6 @@ impl Stage {
             text += part;
         }
         text += &self.sources.concat();
-        variant(&text, Effects::all(), false)
+        variant(&text, Effects::all(), Extras::default())
     }
 }

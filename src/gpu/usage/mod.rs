@@ -64,9 +64,9 @@ impl GpuLights {
     /// it needs `wgpu::DownlevelFlags::FRAGMENT_WRITABLE_STORAGE`, which every WebGPU device has.
     /// Before [`GpuLights::count_usage`] the function does nothing.
     pub fn usage_shader(&self, group: u32, effects: Effects) -> LightShader {
-        let wgsl = text::wgsl_of_shader(group, effects, true, None);
+        let wgsl = text::wgsl_of_shader(group, effects, text::Records::Usage, None);
         let layout = self.usage_counters().layout.clone();
-        LightShader { wgsl, group, effects, records_usage: true, target: None, layout }
+        LightShader { wgsl, group, effects, records_usage: true, learns_visibility: false, target: None, layout }
     }
 
     /// The bind group for a [`GpuLights::usage_shader`]. Call this in each frame after

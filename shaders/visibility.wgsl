@@ -1,0 +1,206 @@
+// Learnt visibility: which groups of lights reach the cell of a shading point. Twin of
+// src/visibility/cell.rs and src/learn.rs, which explain it. src/gpu/visibility owns the buffers.
+
+// Four quads of parameters; the tags and the idle frames of all rows, four rows in a quad; the
+// shares of all rows, four in a word.
+@group(LIGHT_GROUP) @binding(5) var<storage, read> light_learnt: array<vec4<u32>>;
+// For each row the tag that claims it; for each row whether it has counts; for each row and group
+// the hidden and the visible samples.
+@group(LIGHT_GROUP) @binding(6) var<storage, read_write> light_visibility_records: array<atomic<u32>>;
+
+// The cell of a shading point. Twin of `Cell`, with its row in the table.
+struct LightCell {
+    tag: u32,
+    // The quad of the bucket's tags.
+    bucket: u32,
+    // The row, or LIGHT_NO_ROW.
+    row: u32,
+    // From the middle of the cube to the shading point, in metres.
+    from_center: vec3<f32>,
+}
+
+const LIGHT_NO_ROW: u32 = 0xffffffffu;
+
+// The number of rows; 0 while nothing is learnt.
+fn light_row_count() -> u32 {
+    return light_learnt[0].z;
+}
+
+// Twin of `side`.
+fn light_side(normal: vec3<f32>) -> u32 {
+    let size = abs(normal);
+    var axis = 2u;
+    if size.x >= size.y && size.x >= size.z {
+        axis = 0u;
+    } else if size.y >= size.z {
+        axis = 1u;
+    }
+    return select(2u * axis + select(0u, 1u, normal[axis] < 0.0), 6u, all(normal == vec3(0.0)));
+}
+
+// Twin of `CellGrid::cell` and `VisibilityTable::row`.
+fn light_cell(shading_point: LightShadingPoint) -> LightCell {
+    var cell = LightCell(0u, 0u, LIGHT_NO_ROW, vec3(0.0));
+    let rows = light_row_count();
+    if rows == 0u {
+        return cell;
+    }
+    let grid = bitcast<vec4<f32>>(light_learnt[0]);
+    let place = shading_point.position + bitcast<vec3<f32>>(light_learnt[1].xyz);
+    let cube = floor(place * grid.y);
+    let limited = clamp(cube, vec3(-LIGHT_MAX_COORDINATE), vec3(LIGHT_MAX_COORDINATE));
+    let c = bitcast<vec3<u32>>(vec3<i32>(limited)) + light_learnt[2].xyz;
+    let first = light_hash(c.x ^ light_hash(c.y ^ light_hash(c.z ^ light_hash(light_side(shading_point.normal)))));
+    cell.tag = max(light_hash(first ^ light_hash(c.x ^ LIGHT_TAG_SEED)), 1u);
+    cell.bucket = (first & (rows - LIGHT_WAYS)) / LIGHT_WAYS;
+    cell.from_center = place - (cube + 0.5) * grid.x;
+    let tags = light_learnt[LIGHT_TABLE_HEAD + cell.bucket];
+    for (var i = 0u; i < LIGHT_WAYS; i++) {
+        if tags[i] == cell.tag && cell.row == LIGHT_NO_ROW {
+            cell.row = cell.bucket * LIGHT_WAYS + i;
+        }
+    }
+    return cell;
+}
+
+// The group of a cluster. `toward` is the vector from the middle of the cell to the mean position of
+// the cluster, in metres. Twin of `bins`.
+fn light_bin(toward: vec3<f32>) -> u32 {
+    let edge = bitcast<f32>(light_learnt[0].x);
+    let size = abs(toward);
+    let dist = min(max(max(size.x, size.y), max(size.z, edge)), LIGHT_MAX_DIST);
+    let exponent = bitcast<u32>(dist) >> 23u;
+    let steps_per_metre = bitcast<f32>((255u - exponent) << 23u);
+    let step = bitcast<vec3<u32>>(toward * steps_per_metre + LIGHT_ROUNDING) & vec3((1u << LIGHT_COORDINATE_BITS) - 1u);
+    let key = (((exponent << LIGHT_COORDINATE_BITS) | step.x) << LIGHT_COORDINATE_BITS) | step.y;
+    return light_hash((key << LIGHT_COORDINATE_BITS) | step.z) >> LIGHT_BIN_SHIFT;
+}
+
+// The byte of a packed node that belongs to a child; `first` is the word of children 0 to 3.
+fn light_child_byte(first: u32, last: u32, slot: u32) -> f32 {
+    return f32((select(first, last, slot >= 4u) >> (8u * (slot % 4u))) & 0xffu);
+}
+
+// The vector from a shading point to the mean position of a child, in the space of a tree. Twin of
+// `Unpacked::toward`.
+fn light_toward_child(node: LightNode, position: vec3<f32>, slot: u32) -> vec3<f32> {
+    let b = node.boxes;
+    let low = vec3(
+        light_child_byte(b[0].x, b[0].y, slot), light_child_byte(b[0].z, b[0].w, slot),
+        light_child_byte(b[1].x, b[1].y, slot),
+    );
+    let high = vec3(
+        light_child_byte(b[1].z, b[1].w, slot), light_child_byte(b[2].x, b[2].y, slot),
+        light_child_byte(b[2].z, b[2].w, slot),
+    );
+    let mean = vec3(
+        light_child_byte(b[3].x, b[3].y, slot), light_child_byte(b[3].z, b[3].w, slot),
+        light_child_byte(b[4].x, b[4].y, slot),
+    );
+    let origin = bitcast<vec3<f32>>(node.head.xyz) - position;
+    return origin + (low + (high - low) * (mean * (1.0 / LIGHT_STEPS))) * (2.0 * light_half_steps(node.head.w));
+}
+
+// The group of a child of a node. Twin of `bin_of_child`.
+fn light_child_bin(
+    node: LightNode, instance: u32, local_position: vec3<f32>, from_center: vec3<f32>, slot: u32,
+) -> u32 {
+    var toward = light_toward_child(node, local_position, slot);
+    if instance != LIGHT_NO_INSTANCE {
+        toward = light_linear(light_instance(instance).to_world, toward);
+    }
+    return light_bin(toward + from_center);
+}
+
+// The learnt share of a group.
+fn light_learnt_share(row: u32, bin: u32) -> f32 {
+    let byte = row * LIGHT_BINS + bin;
+    let rows = light_row_count();
+    let quad = light_learnt[LIGHT_TABLE_HEAD + rows / 2u + byte / 16u];
+    return (f32((quad[(byte / 4u) % 4u] >> (8u * (byte % 4u))) & 0xffu) + 1.0) * (1.0 / 256.0);
+}
+
+// The learnt share of each child of a node; 1 where nothing is learnt. Twin of
+// `LearntCell::shares`.
+fn light_visible_shares(
+    node: LightNode, instance: u32, local_position: vec3<f32>, cell: LightCell,
+) -> mat2x4<f32> {
+    var shares = mat2x4(vec4(1.0), vec4(1.0));
+    if cell.row == LIGHT_NO_ROW {
+        return shares;
+    }
+    for (var slot = 0u; slot < LIGHT_WIDTH; slot++) {
+        let bin = light_child_bin(node, instance, local_position, cell.from_center, slot);
+        shares[slot / 4u][slot % 4u] = light_learnt_share(cell.row, bin);
+    }
+    return shares;
+}
+
+// Asks for a row from the next frame on. Twin of `VisibilityTable::row_or_claim`.
+fn light_claim_row(cell: LightCell) {
+    let rows = light_row_count();
+    let tags = light_learnt[LIGHT_TABLE_HEAD + cell.bucket];
+    let idle = light_learnt[LIGHT_TABLE_HEAD + rows / LIGHT_WAYS + cell.bucket];
+    var chosen = LIGHT_WAYS;
+    var longest = LIGHT_MIN_IDLE - 1u;
+    for (var i = 0u; i < LIGHT_WAYS; i++) {
+        if idle[i] > longest {
+            chosen = i;
+            longest = idle[i];
+        }
+    }
+    // From the last to the first free row that the CPU would find.
+    for (var i = LIGHT_WAYS; i > 0u; i--) {
+        let way = (cell.tag + i - 1u) % LIGHT_WAYS;
+        if tags[way] == 0u {
+            chosen = way;
+        }
+    }
+    if chosen < LIGHT_WAYS {
+        atomicMax(&light_visibility_records[cell.bucket * LIGHT_WAYS + chosen], cell.tag);
+    }
+}
+
+// Records whether a light that was sampled is visible: whether a shadow ray to the point that
+// light_sample chose met nothing. Nothing is recorded for directional lights, and for samples whose
+// pmf is 0. It takes effect when the frame is folded. Twin of `LightSampler::record_visibility`.
+fn light_record_visibility(shading_point: LightShadingPoint, chosen: LightSample, is_visible: bool) {
+    if chosen.pmf <= 0.0 || chosen.instance == LIGHT_DIRECTIONAL {
+        return;
+    }
+    let cell = light_cell(shading_point);
+    let rows = light_row_count();
+    if rows == 0u {
+        return;
+    }
+    if cell.row == LIGHT_NO_ROW {
+        light_claim_row(cell);
+        return;
+    }
+    atomicStore(&light_visibility_records[rows + cell.row], 1u);
+    let counts = 2u * (rows + cell.row * LIGHT_BINS) + select(0u, 1u, is_visible);
+    var instance = chosen.instance;
+    let placed = light_instance(instance);
+    var base = placed.node_base;
+    var position = light_into_tree(placed, shading_point.position - light_translation(placed.to_world));
+    var place = light_place(placed.light_base + chosen.light);
+    var last = LIGHT_BINS;
+    loop {
+        let node = light_node(instance == LIGHT_NO_INSTANCE, base + place / LIGHT_WIDTH);
+        let bin = light_child_bin(node, instance, position, cell.from_center, place % LIGHT_WIDTH);
+        if bin != last {
+            atomicAdd(&light_visibility_records[counts + 2u * bin], 1u);
+        }
+        last = bin;
+        place = node.tail.x;
+        if place == LIGHT_NO_PARENT {
+            if instance == LIGHT_NO_INSTANCE {
+                break;
+            }
+            place = light_top_place(chosen.instance);
+            instance = LIGHT_NO_INSTANCE;
+            base = 0u;
+            position = shading_point.position;
+        }
+    }
+}
