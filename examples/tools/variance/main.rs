@@ -7,6 +7,7 @@
 //! cargo run --release --example variance -- --out FILE.csv --candidates [--gltf FILE]
 //! cargo run --release --example variance -- --out FILE.csv --torture
 //! cargo run --release --example variance -- --out FILE.csv --shadows [--gltf FILE]
+//! cargo run --release --example variance -- --out FILE.csv --learn
 //! ```
 //!
 //! The first form prints a table and writes it as CSV. For each scene and sampler it has the exact
@@ -19,7 +20,8 @@
 //! S (`deform.rs`). `--candidates` measures what choosing one of several candidates gains
 //! (`candidates.rs`). `--torture` measures the scenes of `examples/measuring/torture`, which are hard
 //! for a choice of lights. `--shadows` measures how much noise with shadows a sampler would lose if
-//! it knew which lights are visible (`shadow_oracle/`); it takes some minutes. `docs/benchmarks.md`
+//! it knew which lights are visible (`shadow_oracle/`); it takes some minutes. `--learn` measures how
+//! much of that a table of learnt visibility gains, and how fast (`learning.rs`). `docs/benchmarks.md`
 //! has measured tables and the rules of measurement.
 
 mod candidates;
@@ -33,6 +35,7 @@ mod deform;
 #[path = "../../direct_light/mod.rs"]
 #[allow(dead_code, reason = "other programs draw pictures")]
 mod direct_light;
+mod learning;
 mod measure;
 #[path = "../../measuring/mod.rs"]
 #[allow(dead_code, reason = "other tools draw charts")]
@@ -74,6 +77,9 @@ struct Options {
     /// Measure what a sampler that knows which lights are visible would gain, instead
     #[arg(long, conflicts_with_all = ["world", "deform", "candidates", "torture"])]
     shadows: bool,
+    /// Measure what a table of learnt visibility gains, instead
+    #[arg(long, conflicts_with_all = ["gltf", "world", "deform", "candidates", "torture", "shadows"])]
+    learn: bool,
     /// Number of shading points
     #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     shading_points: u32,
@@ -95,6 +101,9 @@ fn run(options: &Options) -> Result<(), SceneError> {
     }
     if options.shadows {
         return shadow_oracle::run(options.gltf.as_deref(), count, &options.out);
+    }
+    if options.learn {
+        return learning::run(count, &options.out);
     }
     let mut scenes = Vec::from(stages::city(options.world, count)?);
     if let Some(path) = &options.gltf {

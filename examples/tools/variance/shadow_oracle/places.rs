@@ -43,7 +43,12 @@ pub fn street() -> Result<Place, SceneError> {
 
 /// Ten rooms and a corridor.
 pub fn rooms() -> Result<Place, SceneError> {
-    let (scene, world, eyes) = rooms::rooms()?;
+    rooms_with_doors(true)
+}
+
+/// The same with all doors open or closed.
+pub fn rooms_with_doors(are_open: bool) -> Result<Place, SceneError> {
+    let (scene, world, eyes) = rooms::rooms(are_open)?;
     Ok(Place { name: "ten rooms".into(), geometry: Geometry::new(&scene)?, scene, world, eyes })
 }
 

@@ -43,11 +43,11 @@ const PANEL: f32 = 2_000.0;
 /// Nits of a window, about 11,000 lm.
 const WINDOW: f32 = 1_500.0;
 
-/// The scene, its lights, and eyes in every room and in the corridor.
-pub fn rooms() -> Result<(Scene, LightWorld, Vec<Vec3>), SceneError> {
+/// The scene, its lights, and eyes in every room and in the corridor. All doors are open or closed.
+pub fn rooms(are_open: bool) -> Result<(Scene, LightWorld, Vec<Vec3>), SceneError> {
     let mut assembly = Assembly::new();
     let mut palette = Palette::default();
-    let shell = assembly.mesh(shell(&mut palette).mesh);
+    let shell = assembly.mesh(shell(&mut palette, are_open).mesh);
     assembly.object(shell, Affine3A::IDENTITY);
     let cabinet = assembly.mesh(cabinet(&mut palette).mesh);
     let window = palette.glow(COOL, WINDOW);
@@ -113,8 +113,8 @@ fn room_to_world(room: usize) -> Affine3A {
     }
 }
 
-/// Floor, ceiling and all walls.
-fn shell(palette: &mut Palette) -> Part {
+/// Floor, ceiling and all walls, with openings for doors or without.
+fn shell(palette: &mut Palette, are_open: bool) -> Part {
     let mut part = Part::default();
     let [plaster, carpet] = [palette.matte(0.6, 0.59, 0.56), palette.matte(0.25, 0.24, 0.23)];
     let length = PITCH * (ROOMS / 2) as f32;
@@ -135,11 +135,11 @@ fn shell(palette: &mut Palette) -> Part {
             let start = column as f32 * PITCH;
             let [from, to] = across(inner - WALL, inner);
             let door = start + PITCH * 0.5;
-            wall(&mut part, vec2(start, from), vec2(start + PITCH, to), Some(door), plaster);
+            wall(&mut part, vec2(start, from), vec2(start + PITCH, to), are_open.then_some(door), plaster);
             if column > 0 {
                 let [from, to] = across(inner, outer);
                 let door = side * (inner + 1.5);
-                wall(&mut part, vec2(start - half, from), vec2(start + half, to), Some(door), plaster);
+                wall(&mut part, vec2(start - half, from), vec2(start + half, to), are_open.then_some(door), plaster);
             }
         }
     }
@@ -233,7 +233,7 @@ mod tests {
 
     #[test]
     fn walls_block_and_doors_do_not() {
-        let (scene, _, eyes) = rooms().expect("a valid scene");
+        let (scene, _, eyes) = rooms(true).expect("a valid scene");
         let geometry = Geometry::new(&scene).expect("valid geometry");
         let is_blocked = |from: Vec3, to: Vec3| geometry.occluded(from, (to - from).normalize(), from.distance(to));
         let beside_door = |eye: Vec3| eye.with_z(eye.z.signum() * (CORRIDOR * 0.5 + WALL + 1.5));
@@ -254,7 +254,7 @@ mod tests {
 
     #[test]
     fn the_rooms_have_the_stated_lights_and_doors() {
-        let (scene, world, eyes) = rooms().expect("a valid scene");
+        let (scene, world, eyes) = rooms(true).expect("a valid scene");
         assert_eq!(eyes.len(), ROOMS + 2);
         assert!((350..=450).contains(&world.light_count()), "{}", world.light_count());
         let count = |part: Part| part.lights.len();
