@@ -26,7 +26,7 @@ impl LightSampler<'_> {
         let cell = grid.cell(shading_point);
         let Some(row) = table.row_or_claim(&cell) else { return };
         let mut place = *place;
-        let mut to_world = self.to_world(&tree);
+        let mut to_world = self.world_of(&tree);
         let mut last = None;
         // Each cluster that holds the light may be a member of the cut.
         loop {
@@ -44,7 +44,7 @@ impl LightSampler<'_> {
                 }
                 place = self.top.places[slot_of(instance) as usize];
                 tree = self.root(shading_point);
-                to_world = self.to_world(&tree);
+                to_world = self.world_of(&tree);
             }
         }
     }

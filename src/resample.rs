@@ -13,7 +13,7 @@ use crate::cut::{Cut, InstanceTrees, TreeView};
 use crate::dice::{U_STEP, clamp_unit};
 use crate::emit::MIN_PDF;
 use crate::light::luminance;
-use crate::sample::{LightSample, LightSampler};
+use crate::sample::{LightSample, LightSampler, with_surroundings};
 use crate::shading_point::ShadingPoint;
 use crate::simd::{Job, with_vectors};
 use crate::walk::{Outcome, draw};
@@ -122,13 +122,10 @@ impl LightSampler<'_> {
     ) -> Option<Reservoir> {
         let u = [a, b, x, y];
         let count = candidates.get();
-        let outcomes = with_vectors(DrawManyJob {
-            root: self.root(shading_point),
-            splits: self.splits,
-            directional_lux: self.directional_lux(shading_point),
-            u,
-            count,
-            instance_trees: &self.surroundings(shading_point),
+        let (root, splits) = (self.root(shading_point), self.splits);
+        let directional_lux = self.directional_lux(shading_point);
+        let outcomes = with_surroundings!(self, shading_point, |instance_trees| {
+            with_vectors(DrawManyJob { root, splits, directional_lux, u, count, instance_trees })
         });
         let mut samples = [const { None }; MAX_CANDIDATES as usize];
         let mut weights = [0.0; MAX_CANDIDATES as usize];

@@ -228,7 +228,7 @@ mod tests {
     fn the_shaders_of_the_guide_are_valid_for_all_effects_and_for_none() {
         let guide = include_str!("../../docs/integration.md");
         let blocks: Vec<_> = guide.split("```wgsl").skip(1).filter_map(|rest| rest.split("```").next()).collect();
-        assert_eq!(blocks.len(), 6);
+        assert_eq!(blocks.len(), 7);
         for effects in [Effects::all(), Effects::empty()] {
             for block in &blocks {
                 let records = match () {

@@ -168,7 +168,7 @@ fn the_order_of_records_does_not_matter() {
             for i in 0..997 {
                 let i = i * step % 997;
                 let cell = cell(&table, Vec3::new((i % 61) as f32, 0.0, 0.0), Vec3::Y);
-                record(&table, &cell, (i + frame) % BINS, i % 3 == 0, 1);
+                record(&table, &cell, (i + frame) % BINS, i.is_multiple_of(3), 1);
             }
             table.end_frame();
         }
