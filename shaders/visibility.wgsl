@@ -162,17 +162,18 @@ fn light_claim_row(cell: LightCell) {
 }
 
 // Records whether a light that was sampled is visible: whether a shadow ray to the point that
-// light_sample chose met nothing. Nothing is recorded for directional lights, and for samples whose
-// pmf is 0. It takes effect when the frame is folded. Twin of `LightSampler::record_visibility`.
+// light_sample chose met nothing. Nothing is recorded for directional lights, for instances that are
+// gone, and for samples whose pmf is 0. It takes effect when the frame is folded. Twin of `LightSampler::record_visibility`.
 fn light_record_visibility(shading_point: LightShadingPoint, chosen: LightSample, is_visible: bool) {
     if chosen.pmf <= 0.0 || chosen.instance == LIGHT_DIRECTIONAL {
         return;
     }
-    let cell = light_cell(shading_point);
+    let placed = light_instance(chosen.instance);
     let rows = light_row_count();
-    if rows == 0u {
+    if rows == 0u || (placed.flags & LIGHT_LIVE) == 0u {
         return;
     }
+    let cell = light_cell(shading_point);
     if cell.row == LIGHT_NO_ROW {
         light_claim_row(cell);
         return;
@@ -180,7 +181,6 @@ fn light_record_visibility(shading_point: LightShadingPoint, chosen: LightSample
     atomicStore(&light_visibility_records[rows + cell.row], 1u);
     let counts = 2u * (rows + cell.row * LIGHT_BINS) + select(0u, 1u, is_visible);
     var instance = chosen.instance;
-    let placed = light_instance(instance);
     var base = placed.node_base;
     var position = light_into_tree(placed, shading_point.position - light_translation(placed.to_world));
     var place = light_place(placed.light_base + chosen.light);

@@ -63,8 +63,10 @@ impl VisibilityOptions {
     /// Cells with edges of `edge` metres, of which `cells` are known at the same time.
     ///
     /// Shorter edges know more about each place and learn more slowly, because fewer samples share a
-    /// cell. The default is 1 m and 4,096 cells. A cell takes 1.7 kB. A floor of one square metre has
-    /// one cell, and so has each square metre of a wall.
+    /// cell. The default is 1 m and 8,192 cells, which take 1.7 kB each. A floor of one square metre
+    /// has one cell, and so has each square metre of a wall. Cells choose among four rows each, so a
+    /// table should have twice as many as there are in sight: with 56 % of its rows taken, 5 % of the
+    /// cells found none.
     ///
     /// # Errors
     /// [`VisibilityError`] for an edge outside 0.01 to 10,000 m, and for a number of cells that is not
@@ -93,7 +95,7 @@ impl VisibilityOptions {
 
 impl Default for VisibilityOptions {
     fn default() -> Self {
-        Self { edge: 1.0, cells: 4096 }
+        Self { edge: 1.0, cells: 8192 }
     }
 }
 

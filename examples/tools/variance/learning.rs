@@ -104,7 +104,7 @@ impl Learner<'_> {
             if FRAMES.contains(&frame) {
                 let cells = table.cell_count();
                 rows.push(Row {
-                    what: format!("{what}{} frames", frame - 1),
+                    what: format!("{what}{frame} frames"),
                     samples_per_cell: samples as f64 / cells as f64,
                     sigma: self.sigma(&self.sampler.with_visibility(table)),
                     cells,
@@ -161,15 +161,15 @@ pub fn run(count: usize, out: &Path) -> Result<(), SceneError> {
     let table = |edge: f32, cells: usize| {
         VisibilityOptions::new(edge, cells).map(VisibilityTable::new).map_err(|error| SceneError(error.to_string()))
     };
-    for (place, cells) in [(places::rooms()?, 4_096), (places::street()?, 65_536)] {
+    for (place, cells) in [(places::rooms()?, 8_192), (places::street()?, 65_536)] {
         let sampler = place.world.sampler();
         let ids: Vec<LightId> = sampler.all_lights().collect();
         let receivers = receivers(&place, &sampler, &ids, count)?;
-        let is_rooms = cells == 4_096;
+        let is_rooms = cells == 8_192;
         let learner = |name| Learner { name, sampler, receivers: &receivers, place: &place, is_all_visible: false };
         for edge in if is_rooms { [0.5, 1.0, 2.0].as_slice() } else { [1.0, 2.0].as_slice() } {
             let learner = learner(&place.name);
-            let mut learnt = table(*edge, cells.max(16_384 * usize::from(*edge < 1.0)))?;
+            let mut learnt = table(*edge, cells.max(32_768 * usize::from(*edge < 1.0)))?;
             report(learner.name, &learner.measure(&mut learnt, &format!("{edge} m, ")))?;
             if *edge == 1.0 {
                 let [plain, with, record] = learner.nanoseconds(&learnt);
