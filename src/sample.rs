@@ -235,7 +235,7 @@ impl<'a> LightSampler<'a> {
     ///
     /// All methods use it, with exact probabilities: call them with the same table for one
     /// estimate. Where the table knows nothing, they return the same bits as without it. A sample
-    /// takes 1.3 to 1.5 times as long (docs/benchmarks.md). [`VisibilityTable`] says when to use it.
+    /// takes about 1.3 times as long (docs/benchmarks.md). [`VisibilityTable`] says when to use it.
     pub fn with_visibility(self, table: &'a VisibilityTable) -> Self {
         Self { visibility: Some((table, table.grid(self.world.origin()))), ..self }
     }
