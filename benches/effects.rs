@@ -143,8 +143,10 @@ fn stored(machine: &Machine, instances: u32) -> Result<(GpuLights, GpuLights), W
     world.remove_tree(extra)?;
     world.remove_directional(sun)?;
     world.set_solid_angle_sampling(true);
+    world.set_glossy_sampling(true);
     let all = upload(machine, &world, Effects::all());
     world.set_solid_angle_sampling(false);
+    world.set_glossy_sampling(false);
     for _ in 0..=EFFECT_HOLD_UPDATES {
         world.update(FrameBudget::UNLIMITED);
     }
@@ -212,6 +214,7 @@ fn cases(machine: &Machine, lights: &GpuLights, own: &wgpu::BindGroupLayout, is_
             ("`AREAS` and `SOLID_ANGLES`", Effects::AREAS | Effects::SOLID_ANGLES),
             ("`DIRECTIONAL`", Effects::DIRECTIONAL),
             ("`NON_RIGID`", Effects::NON_RIGID),
+            ("`GLOSSY`", Effects::GLOSSY),
         ];
         cases.extend(effects.map(|(name, effects)| case(name, &batch(effects), false)));
     }

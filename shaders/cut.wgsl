@@ -44,6 +44,9 @@ fn light_local_to_top(shading_point: LightShadingPoint) -> LightLocalShadingPoin
     local.has_normal = any(local.normal != vec3(0.0));
     local.margin = LIGHT_POSITION_MARGIN;
     local.light_bit = 0u;
+    // #if GLOSSY
+    local.gloss = shading_point.gloss;
+    // #endif
     // #if RANGES
     local.range_scale = 1.0;
     // #endif
@@ -65,6 +68,11 @@ fn light_local_to_tree(instance: u32, shading_point: LightShadingPoint) -> Light
     local.has_normal = any(local.normal != vec3(0.0));
     local.margin = LIGHT_POSITION_MARGIN + LIGHT_RIGID_TOLERANCE;
     local.light_bit = LIGHT_LEAF;
+    // #if GLOSSY
+    local.gloss = shading_point.gloss;
+    local.gloss.tangent = light_transposed(placed.to_world, shading_point.gloss.tangent);
+    local.gloss.bitangent = light_transposed(placed.to_world, shading_point.gloss.bitangent);
+    // #endif
     // #if RANGES
     local.range_scale = 1.0;
     // #endif

@@ -7,16 +7,34 @@ struct LightShadingPoint {
     position: vec3<f32>,
     // Unit normal of the side that light arrives at; zero for a point in a volume.
     normal: vec3<f32>,
+    // #if GLOSSY
+    gloss: LightGloss,
+    // #endif
 }
 
 // A point on a surface; `normal` is a unit vector that points to the side that is shaded.
 fn light_surface_point(position: vec3<f32>, normal: vec3<f32>) -> LightShadingPoint {
-    return LightShadingPoint(position, normal);
+    var shading_point: LightShadingPoint;
+    shading_point.position = position;
+    shading_point.normal = normal;
+    return shading_point;
+}
+
+// A point on a glossy surface. `view` points to the viewer, and the other arguments are the fields
+// of `Gloss` in src/gloss.rs. The same as light_surface_point in shaders without GLOSSY.
+fn light_glossy_point(
+    position: vec3<f32>, normal: vec3<f32>, view: vec3<f32>, roughness: f32, specular: f32, diffuse: f32,
+) -> LightShadingPoint {
+    var shading_point = light_surface_point(position, normal);
+    // #if GLOSSY
+    shading_point.gloss = light_gloss(light_normalize_or_zero(normal), view, roughness, specular, diffuse);
+    // #endif
+    return shading_point;
 }
 
 // A point in a volume, where light arrives from all sides.
 fn light_volume_point(position: vec3<f32>) -> LightShadingPoint {
-    return LightShadingPoint(position, vec3(0.0));
+    return light_surface_point(position, vec3(0.0));
 }
 
 // A shading point in the space of a tree. Twin of `LocalShadingPoint`.
@@ -29,6 +47,9 @@ struct LightLocalShadingPoint {
     margin: f32,
     // The bit of a target that marks a single light; 0 in the top level.
     light_bit: u32,
+    // #if GLOSSY
+    gloss: LightGloss,
+    // #endif
     // #if RANGES
     range_scale: f32,
     // #endif
@@ -150,6 +171,9 @@ fn light_four_importances(
         );
     }
     // #endif
+    // #if GLOSSY
+    light_add_tangents(&four, packed, view.origin, view.half_step, local.gloss);
+    // #endif
     let estimate = light_estimate(four, is_light, local);
     let importance = select(estimate.importance, -estimate.importance, is_unresolved);
     return LightFourImportances(select(vec4(0.0), importance, is_lit), estimate.doubt);
@@ -162,7 +186,7 @@ fn light_estimate(four: LightFour, is_light: vec4<bool>, local: LightLocalShadin
 
     let mean_sq = dist_sq + LIGHT_VARIANCE_SHARE * four.variance;
     let nearer = mean_sq / max(four.gap_sq + LIGHT_NEAR_VARIANCE * four.variance, LIGHT_MIN_GAP * mean_sq);
-    let doubt = select(spread * nearer, vec4(0.0), is_light);
+    var doubt = select(spread * nearer, vec4(0.0), is_light);
     let nearness = 1.0 + LIGHT_NEAR_GAIN * doubt;
 
     let width_sq = LIGHT_COSINE_WIDTH_SQ * four.across_variance * (1.0 - spread);
@@ -180,7 +204,17 @@ fn light_estimate(four: LightFour, is_light: vec4<bool>, local: LightLocalShadin
     cosines *= lobe.value / dist;
     reach *= lobe.width_sq;
     // #endif
-    let lux = (four.flux * (1.0 / LIGHT_FOUR_PI) * nearness) * (cosines / reach);
+    var lux = (four.flux * (1.0 / LIGHT_FOUR_PI) * nearness) * (cosines / reach);
+    // #if GLOSSY
+    if local.gloss.alpha > 0.0 {
+        let inverse = 1.0 / dist;
+        let reflected = light_reflected(
+            local.gloss, four.tangent * inverse, four.bitangent * inverse, cosine * inverse, spread,
+        );
+        lux *= reflected.value;
+        doubt += select(reflected.doubt, vec4(0.0), is_light);
+    }
+    // #endif
     // NaN is not above the least importance; WGSL's max may keep it.
     let above_least = select(vec4(LIGHT_MIN_IMPORTANCE), lux, lux > vec4(LIGHT_MIN_IMPORTANCE));
     return LightFourImportances(min(above_least, vec4(LIGHT_MAX_IMPORTANCE)), doubt);

@@ -52,6 +52,11 @@ struct LightFour {
     // #if RANGES
     range: vec4<f32>,
     // #endif
+    // #if GLOSSY
+    // The part of the mean position along each tangent of the gloss.
+    tangent: vec4<f32>,
+    bitangent: vec4<f32>,
+    // #endif
 }
 
 fn light_first_four(node: LightNode) -> LightPackedFour {
@@ -189,5 +194,14 @@ fn light_unit_axes(packed: vec3<u32>) -> mat3x4<f32> {
     let z = light_signed_bytes(packed.z);
     let inverse = 1.0 / sqrt(max(x * x + y * y + z * z, vec4(1.0)));
     return mat3x4(x * inverse, y * inverse, z * inverse);
+}
+// #endif
+
+// #if NON_RIGID | GLOSSY
+// The coordinates of four mean positions along one axis, relative to the shading point.
+fn light_mean(low_word: u32, high_word: u32, mean_word: u32, origin: f32, half_step: f32) -> vec4<f32> {
+    let low = light_bytes(low_word);
+    let width = light_bytes(high_word) - low;
+    return origin + (low + width * (light_bytes(mean_word) * (1.0 / LIGHT_STEPS))) * (2.0 * half_step);
 }
 // #endif

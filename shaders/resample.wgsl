@@ -33,14 +33,19 @@ fn light_candidate_numbers(u: vec4<f32>, i: u32, count: u32) -> vec4<f32> {
     );
 }
 
-// The unshadowed illuminance by a candidate in lux, divided by its probability density. Twin of
-// `illuminance_weight`.
+// The unshadowed illuminance by a candidate in lux, times the reflectance of a glossy surface and
+// divided by its probability density. Twin of `illuminance_weight`.
 fn light_illuminance_weight(shading_point: LightShadingPoint, candidate: LightSample) -> f32 {
     var cosine = 1.0;
     if any(shading_point.normal != vec3(0.0)) {
         cosine = dot(shading_point.normal, candidate.direction);
     }
-    let lux = dot(candidate.radiance, vec3(0.2126, 0.7152, 0.0722)) * cosine;
+    var lux = dot(candidate.radiance, vec3(0.2126, 0.7152, 0.0722)) * cosine;
+    // #if GLOSSY
+    if lux > 0.0 {
+        lux *= light_reflectance(shading_point.gloss, candidate.direction, cosine);
+    }
+    // #endif
     return light_clamp_weight(lux / candidate.pdf / candidate.pmf);
 }
 

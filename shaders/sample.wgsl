@@ -40,14 +40,21 @@ struct LightPick {
 }
 
 // #if DIRECTIONAL
-// The illuminance by a directional light at a shading point, as luminance in lux.
+// What a directional light is chosen by: its illuminance at a shading point, as luminance in lux,
+// times the reflectance of a glossy surface.
 fn light_illuminance(index: u32, shading_point: LightShadingPoint) -> f32 {
     let light = light_record(light_params.directional_base + index);
     var cosine = 1.0;
     if any(shading_point.normal != vec3(0.0)) {
         cosine = -dot(shading_point.normal, light.b);
     }
-    return dot(light.emission, vec3(0.2126, 0.7152, 0.0722)) * max(cosine, 0.0);
+    var lux = dot(light.emission, vec3(0.2126, 0.7152, 0.0722)) * max(cosine, 0.0);
+    // #if GLOSSY
+    if lux > 0.0 {
+        lux *= light_reflectance(shading_point.gloss, -light.b, cosine);
+    }
+    // #endif
+    return lux;
 }
 
 // The illuminance by all directional lights, in lux.

@@ -82,13 +82,6 @@ fn light_four_into_world(
     (*four).across_variance = min(normal_scale * normal_scale * (*four).across_variance, (*four).variance);
 }
 
-// The coordinates of four mean positions along one axis, relative to the shading point.
-fn light_mean(low_word: u32, high_word: u32, mean_word: u32, origin: f32, half_step: f32) -> vec4<f32> {
-    let low = light_bytes(low_word);
-    let width = light_bytes(high_word) - low;
-    return origin + (low + width * (light_bytes(mean_word) * (1.0 / LIGHT_STEPS))) * (2.0 * half_step);
-}
-
 // Half the sizes of four boxes along one axis, squared.
 fn light_half_sq(low_word: u32, high_word: u32, half_step: f32) -> vec4<f32> {
     let half_size = (light_bytes(high_word) - light_bytes(low_word)) * half_step;

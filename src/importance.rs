@@ -13,6 +13,7 @@
 use glam::Vec3;
 
 use crate::cluster::Linear;
+use crate::gloss::LocalGloss;
 use crate::light::LAMBERTIAN;
 use crate::shading_point::ShadingPoint;
 use crate::tree::{LEAF, Lanes, Node, NodeGrid, UNLIMITED_RANGE, Unpacked, WIDTH};
@@ -37,6 +38,8 @@ pub(crate) struct LocalShadingPoint<'a> {
     /// The map to the world where lengths, angles or fluxes differ there: that of an instance that
     /// is scaled, sheared or mirrored. `None` if they are the same.
     pub to_world: Option<&'a Linear>,
+    /// How a glossy surface reflects.
+    pub gloss: Option<LocalGloss>,
 }
 
 impl LocalShadingPoint<'_> {
@@ -52,7 +55,13 @@ impl LocalShadingPoint<'_> {
             margin: POSITION_MARGIN,
             light_bit: LEAF,
             to_world: None,
+            gloss: Self::gloss_of(shading_point),
         }
+    }
+
+    /// The gloss of a shading point in the space of its position.
+    pub fn gloss_of(shading_point: &ShadingPoint) -> Option<LocalGloss> {
+        shading_point.gloss.and_then(|gloss| LocalGloss::of(&gloss, shading_point.normal.normalize_or_zero()))
     }
 }
 
@@ -144,6 +153,15 @@ impl ChildImportances {
 /// Estimates the importances of a node's children.
 #[inline(always)]
 pub(crate) fn child_importances(node: &Node, local: &LocalShadingPoint) -> ChildImportances {
+    // Two copies of the loop, so that matte surfaces take no more time than without gloss.
+    match &local.gloss {
+        None => importances(node, local, None),
+        Some(gloss) => importances(node, local, Some(gloss)),
+    }
+}
+
+#[inline(always)]
+fn importances(node: &Node, local: &LocalShadingPoint, gloss: Option<&LocalGloss>) -> ChildImportances {
     let grid = node.grid(local.position);
     let coordinates = local.position.abs().element_sum();
     let margin = (node.reach(&grid) + coordinates) * local.margin;
@@ -158,7 +176,7 @@ pub(crate) fn child_importances(node: &Node, local: &LocalShadingPoint) -> Child
         let gap_sq = child.gap_sq(margin);
         let is_light = node.targets[i] & local.light_bit != 0;
         let view = ClusterView::new(&child, local, gap_sq);
-        let (importance, doubt) = estimate(&child, &view, is_light, local.has_normal, position_error_sq);
+        let (importance, doubt) = estimate(&child, &view, is_light, local.has_normal, gloss, position_error_sq);
         let is_lit = (child.flux > 0.0) & !is_provably_dark(&child, &view, local, margin);
         children.importance[i] = if is_lit { importance } else { 0.0 };
         children.doubt[i] = doubt;
@@ -189,7 +207,8 @@ fn importances_in_world(
         let view = ClusterView::new(&child, local, gap_sq);
         let is_lit = (child.flux > 0.0) & !is_provably_dark(&child, &view, local, margin);
         let view = view.in_world(&child, &map, node.area_share(i));
-        let (importance, doubt) = estimate(&child, &view, is_light, local.has_normal, position_error_sq);
+        let (importance, doubt) =
+            estimate(&child, &view, is_light, local.has_normal, local.gloss.as_ref(), position_error_sq);
         children.importance[i] = if is_lit { importance } else { 0.0 };
         children.doubt[i] = doubt;
     }
@@ -284,6 +303,7 @@ fn estimate(
     view: &ClusterView,
     is_light: bool,
     has_normal: bool,
+    gloss: Option<&LocalGloss>,
     position_error_sq: f32,
 ) -> (f32, f32) {
     let dist_sq = max(view.dist_sq, MIN_IMPORTANCE);
@@ -326,6 +346,14 @@ fn estimate(
     let reach = width_sq * mean_sq;
     let flux = view.flux * (0.25 * std::f32::consts::FRAC_1_PI) * nearness;
     let lux = flux * ((lobe * inverse) * (cosine * inverse) / reach);
+    let (lux, doubt) = match gloss {
+        Some(gloss) => {
+            let [x, y] = gloss.along(child.toward);
+            let (reflected, gloss_doubt) = gloss.reflected(x * inverse, y * inverse, cosine * inverse, spread);
+            (lux * reflected, if is_light { 0.0 } else { doubt + gloss_doubt })
+        }
+        None => (lux, doubt),
+    };
     let importance = min(max(lux, MIN_IMPORTANCE), MAX_IMPORTANCE);
     let [x, y, z] = child.toward;
     let is_unresolved = x * x + y * y + z * z + child.variance <= MEAN_ERROR_SQ * child.radius_sq + position_error_sq;

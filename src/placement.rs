@@ -143,6 +143,7 @@ impl Placed {
                 + RIGID_TOLERANCE,
             light_bit: LEAF,
             to_world: (!self.is_rigid).then_some(&self.linear),
+            gloss: LocalShadingPoint::gloss_of(shading_point).map(|gloss| gloss.carried(&self.linear.linear)),
         }
     }
 

@@ -12,6 +12,7 @@ use crate::counts::{CandidateCount, MAX_CANDIDATES, SplitCount};
 use crate::cut::{Cut, InstanceTrees, TreeView};
 use crate::dice::{U_STEP, clamp_unit};
 use crate::emit::MIN_PDF;
+use crate::importance::LocalShadingPoint;
 use crate::light::luminance;
 use crate::sample::{LightSample, LightSampler, with_surroundings};
 use crate::shading_point::ShadingPoint;
@@ -143,12 +144,17 @@ impl LightSampler<'_> {
     }
 }
 
-/// The unshadowed illuminance by a candidate in lux, divided by its probability density.
+/// The unshadowed illuminance by a candidate in lux, times the reflectance of a glossy surface and
+/// divided by its probability density.
 #[allow(clippy::manual_clamp, reason = "not the same for NaN, which becomes the least")]
 fn illuminance_weight(shading_point: &ShadingPoint, sample: &LightSample) -> f32 {
     let is_volume = shading_point.normal == glam::Vec3::ZERO;
     let cosine = if is_volume { 1.0 } else { shading_point.normal.dot(sample.incident.direction) };
     let lux = luminance(sample.incident.radiance) * cosine;
+    let lux = match LocalShadingPoint::gloss_of(shading_point) {
+        Some(gloss) if lux > 0.0 => lux * gloss.toward(sample.incident.direction, cosine),
+        _ => lux,
+    };
     (lux / sample.incident.pdf / sample.pmf).max(MIN_WEIGHT).min(MAX_WEIGHT)
 }
 

@@ -416,14 +416,16 @@ impl<'a> LightSampler<'a> {
     }
 }
 
-/// The illuminance by a directional light at a shading point, as luminance in lux.
+/// What a directional light is chosen by: its illuminance at a shading point, as luminance in lux,
+/// times the reflectance of a glossy surface.
 pub(crate) fn illuminance(light: &DirectionalLight, shading_point: &ShadingPoint) -> f32 {
-    let cosine = if shading_point.normal == glam::Vec3::ZERO {
-        1.0
-    } else {
-        -shading_point.normal.dot(light.direction.normalize())
-    };
-    luminance(light.illuminance) * cosine.max(0.0)
+    let toward = -light.direction.normalize();
+    let cosine = if shading_point.normal == glam::Vec3::ZERO { 1.0 } else { shading_point.normal.dot(toward) };
+    let lux = luminance(light.illuminance) * cosine.max(0.0);
+    match LocalShadingPoint::gloss_of(shading_point) {
+        Some(gloss) if lux > 0.0 => lux * gloss.toward(toward, cosine),
+        _ => lux,
+    }
 }
 
 impl LightTree {

@@ -154,6 +154,7 @@ impl<'a, T: InstanceTrees<'a>> Job for DrawJob<'a, '_, T> {
 }
 
 /// A light whose probability is computed.
+#[allow(clippy::large_enum_variant, reason = "one exists at a time, on the stack")]
 pub(crate) enum PmfTarget<'a> {
     Light(LeafPath<'a>),
     /// A directional light that brings so many lux.

@@ -2,6 +2,7 @@
 //! same lights.
 
 use crate::measuring::irradiance::irradiance;
+use crate::measuring::reflection::reflection;
 use girandole::glam::Vec3;
 use girandole::light::luminance;
 use girandole::{Incident, Light, LightId, LightSampler, LightWorld, Placement, ShadingPoint, Shape};
@@ -43,6 +44,12 @@ pub fn contribution(
 /// are in the world's space.
 pub fn illuminances(lights: &[Light], shading_point: &ShadingPoint) -> Vec<f32> {
     lights.iter().map(|light| irradiance(light, shading_point) as f32).collect()
+}
+
+/// The exact light that a surface reflects of each light toward the viewer, without shadows; for matte
+/// surfaces the illuminance. The lights are in the world's space.
+pub fn reflections(lights: &[Light], shading_point: &ShadingPoint) -> Vec<f32> {
+    lights.iter().map(|light| reflection(light, shading_point) as f32).collect()
 }
 
 /// Moves a light from the space of its tree to the world. A sphere that the instance flattens

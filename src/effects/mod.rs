@@ -54,6 +54,12 @@ bitflags::bitflags! {
         /// This is a setting, not a feature of a light or an instance: its count is 0 or 1. It
         /// changes no layout, and no shader that is made without [`Effects::AREAS`].
         const SOLID_ANGLES = 1 << 7;
+        /// Shading points may be glossy: see
+        /// [`LightWorld::set_glossy_sampling`](crate::LightWorld::set_glossy_sampling).
+        ///
+        /// This is a setting: its count is 0 or 1. It changes no layout. Shaders without it treat
+        /// all surfaces as matte.
+        const GLOSSY = 1 << 8;
     }
 }
 

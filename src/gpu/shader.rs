@@ -20,6 +20,8 @@ use crate::effects::Effects;
 ///
 /// ```wgsl
 /// fn light_surface_point(position: vec3<f32>, normal: vec3<f32>) -> LightShadingPoint // metres; unit
+/// fn light_glossy_point(position: vec3<f32>, normal: vec3<f32>, view: vec3<f32>,
+///     roughness: f32, specular: f32, diffuse: f32) -> LightShadingPoint // see `Gloss`
 /// fn light_volume_point(position: vec3<f32>) -> LightShadingPoint
 /// struct LightPick { instance: u32, light: u32, pmf: f32 }
 /// struct LightSample {

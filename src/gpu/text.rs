@@ -12,6 +12,7 @@ use crate::cut;
 use crate::dice;
 use crate::effects::Effects;
 use crate::emit;
+use crate::gloss;
 use crate::importance;
 use crate::light;
 use crate::resample;
@@ -131,6 +132,7 @@ fn joined(group: u32, effects: Effects, extras: Extras, target: Option<&TargetHo
         include_str!("../../shaders/types.wgsl"),
         include_str!("../../shaders/instance.wgsl"),
         include_str!("../../shaders/node.wgsl"),
+        include_str!("../../shaders/gloss.wgsl"),
         include_str!("../../shaders/importance.wgsl"),
         include_str!("../../shaders/dice.wgsl"),
         include_str!("../../shaders/solid_angle.wgsl"),
@@ -253,6 +255,14 @@ pub(crate) fn constants() -> String {
         ("NEAR_SIZE_SQ", solid_angle::NEAR_SIZE_SQ),
         ("MIN_DETERMINANT", solid_angle::MIN_DETERMINANT),
         ("MAX_DETERMINANT", solid_angle::MAX_DETERMINANT),
+        ("MIN_VIEW_SQ", gloss::MIN_VIEW_SQ),
+        ("MAX_VIEW_SQ", gloss::MAX_VIEW_SQ),
+        ("MIN_VIEW_SINE_SQ", gloss::MIN_VIEW_SINE_SQ),
+        ("MIN_VIEW_COSINE", gloss::MIN_VIEW_COSINE),
+        ("MIN_ALPHA", gloss::MIN_ALPHA),
+        ("GLOSS_WIDTH", gloss::GLOSS_WIDTH),
+        ("MIN_GLOSS", gloss::MIN_GLOSS),
+        ("MAX_FINITE", f32::MAX),
         ("MIN_PMF", dice::MIN_PMF),
         ("MIN_DOUBT", cut::MIN_DOUBT),
         ("FOUR_PI", 4.0 * std::f32::consts::PI),
@@ -305,6 +315,11 @@ pub(crate) fn variant(text: &str, effects: Effects, extras: Extras) -> String {
     kept
 }
 
+/// Joined to the tests of this file and to those of the text in `tests/all`.
+#[cfg(test)]
+#[path = "../../tests/all/effect_sets.rs"]
+mod effect_sets;
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -320,10 +335,10 @@ mod tests {
         assert_eq!(all(Effects::all(), true), "abcde");
     }
 
-    /// Every set of effects that has a text of its own. Whether lights move changes no text.
+    /// Sets that have any four effects in every combination. Whether lights move changes no text.
     fn text_variants() -> impl Iterator<Item = Effects> {
-        let all = (0..=Effects::all().bits()).map(Effects::from_bits_truncate);
-        all.filter(|effects| !effects.contains(Effects::MOVING))
+        let sets = effect_sets::effect_sets(Effects::all().bits(), Effects::MOVING.bits());
+        sets.into_iter().map(Effects::from_bits_truncate)
     }
 
     fn module(text: &str) -> naga::Module {
@@ -354,9 +369,19 @@ mod tests {
 
     #[test]
     fn every_variant_is_valid_and_uses_all_its_functions_and_constants() {
-        let functions =
-            ["surface_point", "volume_point", "sample", "resample", "pick", "sample_picked", "pmf", "pdf", "hash"]
-                .map(|f| format!("light_{f}"));
+        let functions = [
+            "surface_point",
+            "glossy_point",
+            "volume_point",
+            "sample",
+            "resample",
+            "pick",
+            "sample_picked",
+            "pmf",
+            "pdf",
+            "hash",
+        ]
+        .map(|f| format!("light_{f}"));
         let promised: Vec<&str> = functions.iter().map(String::as_str).chain(PROMISED).collect();
         for effects in text_variants() {
             let text = wgsl(0, effects);
@@ -474,12 +499,21 @@ mod tests {
             (Effects::SOLID_ANGLES, SOLID_ANGLE_NAMES),
             (Effects::TWO_SIDED, "LIGHT_TWO_SIDED"),
             (
+                Effects::GLOSSY,
+                "light_gloss light_reflected light_reflectance light_add_tangents LightGloss \
+                 LightGloss.tangent LightGloss.alpha LightGloss.bitangent LightGloss.specular LightGloss.view \
+                 LightGloss.flat_part LightReflected LightReflected.value LightReflected.doubt \
+                 LightShadingPoint.gloss LightLocalShadingPoint.gloss LightFour.tangent LightFour.bitangent \
+                 LIGHT_MIN_VIEW_SQ LIGHT_MAX_VIEW_SQ LIGHT_MIN_VIEW_SINE_SQ LIGHT_MIN_VIEW_COSINE LIGHT_MIN_ALPHA \
+                 LIGHT_GLOSS_WIDTH LIGHT_MIN_GLOSS LIGHT_MAX_FINITE",
+            ),
+            (
                 Effects::DIRECTIONAL,
                 "light_illuminance light_directional_lux light_pick_directional LIGHT_KIND_DIRECTIONAL",
             ),
             (
                 Effects::NON_RIGID,
-                "light_rigid_to_local light_area_shares light_four_into_world light_mean light_half_sq light_widened LightInstance.to_local \
+                "light_rigid_to_local light_area_shares light_four_into_world light_half_sq light_widened LightInstance.to_local \
                  LightPackedFour.area_ratios LightLocalShadingPoint.scaled_instance LightLocalShadingPoint.turn \
                  LIGHT_RIGID_STRIDE LIGHT_NON_RIGID LIGHT_MAX_FLUX",
             ),

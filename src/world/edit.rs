@@ -307,6 +307,24 @@ impl LightWorld {
         }
     }
 
+    /// Sets whether shaders that are made for this world's [`LightWorld::effects`] choose lights by
+    /// the [`Gloss`](crate::Gloss) of `light_glossy_point`. Off at first.
+    ///
+    /// Turn it on for scenes with wet streets, polished floors or metal, which reflect a few lights
+    /// far more strongly than all others: there the noise of one sample falls to a fifth and less.
+    /// It adds [`Effects::GLOSSY`]; nothing is uploaded. Shaders without that effect treat glossy
+    /// points as matte ones. [`LightSampler`](crate::LightSampler) does not need the setting: it
+    /// always follows [`ShadingPoint::gloss`](crate::ShadingPoint::gloss).
+    pub fn set_glossy_sampling(&mut self, is_on: bool) {
+        if is_on != self.glossy_sampling {
+            self.glossy_sampling = is_on;
+            self.effects.change(|counts| match is_on {
+                true => counts.add(Effects::GLOSSY),
+                false => counts.remove(Effects::GLOSSY),
+            });
+        }
+    }
+
     /// Moves the point that sampling coordinates are relative to, in metres, for example to the
     /// camera. Instances keep their places in the world.
     ///

@@ -55,6 +55,7 @@ pub struct LightWorld {
     light_count: usize,
     effects: HeldEffects,
     solid_angle_sampling: bool,
+    glossy_sampling: bool,
     /// When trees stop counting as moving, and when they are frozen.
     rest_timers: RestTimers,
     /// Trees that the next update refits, or whose rebuild request it updates.
@@ -170,6 +171,7 @@ impl LightWorld {
             light_count: 0,
             effects: HeldEffects::default(),
             solid_angle_sampling: false,
+            glossy_sampling: false,
             rest_timers: RestTimers::default(),
             pending: KeySet::default(),
             changes: Changes::default(),
@@ -230,6 +232,12 @@ impl LightWorld {
     /// until [`LightWorld::set_solid_angle_sampling`] is called.
     pub fn solid_angle_sampling(&self) -> bool {
         self.solid_angle_sampling
+    }
+
+    /// Whether shaders that are made for this world know glossy surfaces. False until
+    /// [`LightWorld::set_glossy_sampling`] is called.
+    pub fn glossy_sampling(&self) -> bool {
+        self.glossy_sampling
     }
 
     /// A tree as of the last update; `None` for a stale key.

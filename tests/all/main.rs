@@ -19,11 +19,14 @@ mod dependencies;
 mod direct_light;
 mod direct_light_pictures;
 mod distribution;
+#[allow(missing_docs, reason = "the library's own tests include it too")]
+mod effect_sets;
 mod effects;
 #[path = "../../examples/engine_shader.rs"]
 #[allow(dead_code, missing_docs, reason = "a program; its main is not called")]
 mod engine_shader;
 mod engine_shader_runs;
+mod gloss;
 mod gltf;
 mod gpu;
 mod gpu_timings;

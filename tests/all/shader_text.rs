@@ -1,13 +1,15 @@
 //! The WGSL that engines join to their own: no compiler warns of it or renames what engines name.
 
+use crate::effect_sets::effect_sets;
 use girandole::Effects;
 use girandole::gpu::wgsl;
 use naga::{Block, Module, Statement};
 
-/// The text of every variant. Whether lights move changes no text.
+/// The text of variants that have any four effects in every combination. Whether lights move changes
+/// no text.
 fn variants() -> impl Iterator<Item = (Effects, String)> {
-    let all = (0..=Effects::all().bits()).filter_map(Effects::from_bits);
-    all.filter(|effects| !effects.contains(Effects::MOVING)).map(|effects| (effects, wgsl(0, effects)))
+    let sets = effect_sets(Effects::all().bits(), Effects::MOVING.bits());
+    sets.into_iter().map(Effects::from_bits_truncate).map(|effects| (effects, wgsl(0, effects)))
 }
 
 fn parsed(text: &str) -> Module {

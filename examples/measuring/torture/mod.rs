@@ -6,6 +6,7 @@
 
 mod contrasts;
 mod emitters;
+pub mod gloss;
 mod instances;
 mod scene;
 pub mod table;
@@ -16,6 +17,6 @@ use girandole::WorldError;
 
 /// All scenes. They are the same in every run.
 pub fn scenes() -> Result<Vec<TortureScene>, WorldError> {
-    let makers = instances::SCENES.iter().chain(emitters::SCENES).chain(contrasts::SCENES);
+    let makers = instances::SCENES.iter().chain(emitters::SCENES).chain(contrasts::SCENES).chain(gloss::SCENES);
     makers.map(|(name, make)| TortureScene::new(name, *make)).collect()
 }

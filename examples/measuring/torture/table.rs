@@ -1,7 +1,7 @@
 //! What each sampler achieves on a scene of the set.
 
 use super::TortureScene;
-use crate::measuring::lights::{carried, illuminances};
+use crate::measuring::lights::{carried, reflections};
 use crate::measuring::samplers::{self, Chooser};
 use crate::measuring::sigma::Summary;
 use girandole::{LightId, WorldError};
@@ -24,7 +24,7 @@ pub fn rows(scene: &TortureScene) -> Result<Vec<TortureRow>, WorldError> {
     let mut choosers = Vec::from(samplers::published(&lights, &ids));
     choosers.push(samplers::two_level(&scene.world));
     choosers.push(samplers::flat(&lights, &ids)?);
-    let lux: Vec<Vec<f32>> = scene.shading_points.par_iter().map(|at| illuminances(&lights, at)).collect();
+    let lux: Vec<Vec<f32>> = scene.shading_points.par_iter().map(|at| reflections(&lights, at)).collect();
     Ok(choosers.iter().map(|chooser| row(scene, chooser.as_ref(), &lux)).collect())
 }
 

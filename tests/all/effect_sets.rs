@@ -1,0 +1,37 @@
+//! A choice of sets of effects that stands for all of them.
+//!
+//! Joined to the library's own tests by path, so it knows sets as bits alone.
+
+/// The effects whose subsets are all chosen.
+const FREE: u16 = 0xff;
+
+/// The later effects: each follows from the free effects of its mask, by parity. The masks are such
+/// that any four effects occur together in every way: all sums of masks, with the later effects that
+/// they are for, have at least five bits.
+const LATER: [(u16, u16); 3] = [(1 << 8, 0b1011_1111), (1 << 9, 0b0000_1111), (1 << 10, 0b0011_0011)];
+
+/// All subsets of the first eight effects, each with one choice of the later ones, and the set of all
+/// effects. `all` are the bits of all effects, and `unused` those of effects that are never chosen.
+pub fn effect_sets(all: u16, unused: u16) -> Vec<u16> {
+    let free = (0..=FREE).filter(|set| set & unused == 0);
+    let with_later = free.map(|set| {
+        let is_on = |mask: u16| (set & mask).count_ones() % 2 == 1;
+        LATER.iter().filter(|(_, mask)| is_on(*mask)).fold(set, |set, (effect, _)| set | effect) & all
+    });
+    with_later.chain([all & !unused]).collect()
+}
+
+#[test]
+fn any_four_effects_occur_in_every_combination() {
+    let (all, unused) = (FREE | LATER.iter().fold(0, |all, (effect, _)| all | effect), 1 << 6);
+    let sets = effect_sets(all, unused);
+    let used: Vec<u16> = (0..16).map(|bit| 1 << bit).filter(|effect| all & !unused & effect != 0).collect();
+    for four in 0..used.len().pow(4) {
+        let pick = |i: u32| used[four / used.len().pow(i) % used.len()];
+        let mask = pick(0) | pick(1) | pick(2) | pick(3);
+        let mut seen: Vec<u16> = sets.iter().map(|set| set & mask).collect();
+        seen.sort_unstable();
+        seen.dedup();
+        assert_eq!(seen.len(), 1 << mask.count_ones(), "{mask:#b}");
+    }
+}
