@@ -111,7 +111,7 @@ impl Answers {
 
 /// Whether a row is of the library's two levels in the default frame.
 pub fn is_plain(row: &Row) -> bool {
-    matches!(row.setting.sampler, Sampler::TwoLevels { .. } | Sampler::ByBrdf { .. })
+    matches!(row.setting.sampler, Sampler::TwoLevels { .. } | Sampler::ByBrdf { .. } | Sampler::WithGloss { .. })
         && row.setting.change == Change::Nothing
 }
 
@@ -163,6 +163,13 @@ fn knob(row: &Row, base: &Row, plain: &[&Row]) -> Option<Knob> {
         (sampler, of_base) if sampler == of_base && own.change != Change::Nothing => short(&own),
         (Sampler::ByBrdf { splits, candidates }, Sampler::TwoLevels { splits: s, candidates: c }) if splits == s => {
             format!("{c} → {candidates} candidates by BRDF")
+        }
+        (Sampler::WithGloss { splits, candidates }, Sampler::TwoLevels { splits: s, candidates: c }) if splits == s => {
+            if candidates == c {
+                "gloss".into()
+            } else {
+                format!("{c} → {candidates} candidates with gloss")
+            }
         }
         (Sampler::TwoLevels { splits, candidates }, Sampler::TwoLevels { splits: s, candidates: c }) => {
             match (splits != s, candidates != c) {

@@ -96,6 +96,8 @@ fn title(sampler: Sampler) -> String {
         DEFAULT => "Girandole, default".into(),
         Sampler::TwoLevels { candidates, .. } => format!("Girandole, {candidates} candidates"),
         Sampler::ByBrdf { candidates, .. } => format!("Girandole, {candidates} candidates by BRDF"),
+        Sampler::WithGloss { candidates: 1, .. } => "Girandole, with gloss".into(),
+        Sampler::WithGloss { candidates, .. } => format!("Girandole with gloss, {candidates} candidates"),
         Sampler::OneLevel { .. } => "Girandole, one tree".into(),
         Sampler::Published("uniform") => "Uniform".into(),
         Sampler::Published("flux") => "By flux".into(),

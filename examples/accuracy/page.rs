@@ -81,6 +81,10 @@ fn describe(row: &Row) -> String {
         Sampler::ByBrdf { splits, candidates } => {
             format!("{samples}, each resampled from {candidates} candidates by BRDF, {splits} splits")
         }
+        Sampler::WithGloss { splits, candidates: 1 } => format!("{samples} with gloss, {splits} splits"),
+        Sampler::WithGloss { splits, candidates } => {
+            format!("{samples} with gloss, each resampled from {candidates} candidates, {splits} splits")
+        }
         _ => row.setting.name(),
     }
 }

@@ -2,7 +2,7 @@
 
 use super::settings::{STREAMED, Sampler};
 use crate::city::scene::SceneError;
-use crate::direct_light::draw::{Draw, Resampled, ResampledByBrdf, Single, Streaming};
+use crate::direct_light::draw::{Draw, Resampled, ResampledByBrdf, ResampledWithGloss, Single, Streaming};
 use crate::measuring::lights::carried;
 use crate::measuring::samplers::{self, Chooser};
 use girandole::tree::Node;
@@ -59,6 +59,10 @@ impl<'a> Samplers<'a> {
                 let lights = self.world.sampler().with_splits(SplitCount::new(splits).ok()?);
                 Box::new(ResampledByBrdf { lights, candidates: CandidateCount::new(candidates).ok()? })
             }
+            Sampler::WithGloss { splits, candidates } => {
+                let lights = self.world.sampler().with_splits(SplitCount::new(splits).ok()?);
+                Box::new(ResampledWithGloss { lights, candidates: CandidateCount::new(candidates).ok()? })
+            }
             Sampler::OneLevel { splits, candidates } => resampled(&self.prepared.one_level, splits, candidates)?,
             Sampler::Published(name) => {
                 Box::new(Single { chooser: self.published(name)?, lights: self.world.sampler() })
@@ -97,7 +101,7 @@ impl<'a> Samplers<'a> {
             (nodes + top) * size_of::<Node>() + lights * LIGHT_BYTES + world.instance_count() * INSTANCE_BYTES
         };
         match sampler {
-            Sampler::TwoLevels { .. } | Sampler::ByBrdf { .. } => of_world(self.world),
+            Sampler::TwoLevels { .. } | Sampler::ByBrdf { .. } | Sampler::WithGloss { .. } => of_world(self.world),
             Sampler::OneLevel { .. } => of_world(&self.prepared.one_level),
             Sampler::Published(name) => {
                 self.published(name).map_or(0, Chooser::bytes) + self.prepared.lights.len() * LIGHT_BYTES

@@ -12,6 +12,8 @@ pub enum Sampler {
     TwoLevels { splits: usize, candidates: u32 },
     /// The library with its two levels; candidates are weighed by the light that they reflect.
     ByBrdf { splits: usize, candidates: u32 },
+    /// The library with its two levels, which are told how surfaces reflect.
+    WithGloss { splits: usize, candidates: u32 },
     /// The library with one tree over all lights.
     OneLevel { splits: usize, candidates: u32 },
     /// One of the samplers to compare with, by its name in `measuring/samplers.rs`.
@@ -68,6 +70,7 @@ impl Setting {
         let sampler = match self.sampler {
             Sampler::TwoLevels { splits, candidates } => tree("two levels", splits, candidates),
             Sampler::ByBrdf { splits, candidates } => tree("two levels", splits, candidates) + " by BRDF",
+            Sampler::WithGloss { splits, candidates } => tree("two levels", splits, candidates) + " with gloss",
             Sampler::OneLevel { splits, candidates } => tree("one level", splits, candidates),
             Sampler::Published(name) => name.into(),
             Sampler::Streaming => format!("streaming of {STREAMED}"),
@@ -133,6 +136,9 @@ fn of_library(is_quick: bool) -> Vec<Setting> {
                 .for_each(|splits| add(Sampler::TwoLevels { splits: *splits, candidates }));
             if candidates == resampled_candidates(is_quick) {
                 add(Sampler::ByBrdf { splits: 6, candidates });
+            }
+            if candidates == 1 || candidates == resampled_candidates(is_quick) {
+                add(Sampler::WithGloss { splits: 6, candidates });
             }
             if matches!(candidates, 1 | 8) {
                 add(Sampler::OneLevel { splits: 6, candidates });

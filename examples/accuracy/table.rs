@@ -73,7 +73,8 @@ impl Row {
         shaded_pixels: f64,
         errors: Errors,
     ) -> Self {
-        let has_two_levels = matches!(setting.sampler, Sampler::TwoLevels { .. } | Sampler::ByBrdf { .. });
+        let has_two_levels =
+            matches!(setting.sampler, Sampler::TwoLevels { .. } | Sampler::ByBrdf { .. } | Sampler::WithGloss { .. });
         let world = if has_two_levels { world } else { WorldTimes::default() };
         let samples = per_sample.scaled(1.0e3 * setting.samples * shaded_pixels);
         Self { setting, world, samples, noise: None, errors, memory_bytes: 0, on_front: false }

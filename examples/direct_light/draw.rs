@@ -1,13 +1,13 @@
 //! Ways to draw a point on a light for one sample.
 
 use super::view::Surface;
-use crate::city::render::shading::brdf;
+use crate::city::render::shading::{brdf, specular_reflectance};
 use crate::city::scene::Material;
 use crate::common::split_mix;
 use crate::measuring::samplers::Chooser;
 use girandole::glam::Vec3;
 use girandole::light::luminance;
-use girandole::{CandidateCount, Incident, LightId, LightSample, LightSampler};
+use girandole::{CandidateCount, Gloss, Incident, LightId, LightSample, LightSampler};
 
 /// A point on a light, and the factor that turns its light into an estimate of the light by all
 /// lights.
@@ -66,6 +66,27 @@ impl Draw for ResampledByBrdf<'_> {
         let reservoir = self.lights.resample_by(&surface.shading_point, u, self.candidates, target)?;
         Some(Drawn { incident: reservoir.chosen.incident, weight: reservoir.weight })
     }
+}
+
+/// Draws several candidates, which are chosen and weighed by the light that a glossy surface reflects.
+pub struct ResampledWithGloss<'a> {
+    pub lights: LightSampler<'a>,
+    pub candidates: CandidateCount,
+}
+
+impl Draw for ResampledWithGloss<'_> {
+    fn draw(&self, surface: &Surface, material: &Material, u: [f32; 5]) -> Option<Drawn> {
+        let at = surface.shading_point.with_gloss(gloss(surface, material));
+        let reservoir = self.lights.resample(&at, u, self.candidates)?;
+        Some(Drawn { incident: reservoir.chosen.incident, weight: reservoir.weight })
+    }
+}
+
+/// What the library is told of a surface.
+fn gloss(surface: &Surface, material: &Material) -> Gloss {
+    let specular = luminance(specular_reflectance(material));
+    let diffuse = luminance(material.base_color) * (1.0 - material.metallic);
+    Gloss { view: surface.toward_eye, roughness: material.roughness, specular, diffuse }
 }
 
 /// Streams uniformly chosen lights through a reservoir and keeps one in proportion to the light

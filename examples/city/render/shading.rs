@@ -117,12 +117,17 @@ pub fn brdf(material: &Material, normal: Vec3, view: Vec3, light: Vec3) -> Vec3 
     let lambda_l = n_dot_v * (n_dot_l * n_dot_l * (1.0 - alpha_sq) + alpha_sq).sqrt();
     let visibility = 0.5 / (lambda_v + lambda_l).max(1e-12);
 
-    let f0 = Vec3::splat(DIELECTRIC_F0).lerp(material.base_color, material.metallic);
+    let f0 = specular_reflectance(material);
     let grazing = 1.0 - v_dot_h;
     let grazing_sq = grazing * grazing;
     let fresnel = f0 + (Vec3::ONE - f0) * (grazing_sq * grazing_sq * grazing);
     let diffuse = material.base_color * ((1.0 - material.metallic) / PI);
     (Vec3::ONE - fresnel) * diffuse + fresnel * (distribution * visibility)
+}
+
+/// The specular reflectance at normal incidence.
+pub fn specular_reflectance(material: &Material) -> Vec3 {
+    Vec3::splat(DIELECTRIC_F0).lerp(material.base_color, material.metallic)
 }
 
 /// The distance of the origin of shadow rays from the surface. It exceeds the rounding of a hit at

@@ -35,6 +35,7 @@ mod deform;
 #[path = "../../direct_light/mod.rs"]
 #[allow(dead_code, reason = "other programs draw pictures")]
 mod direct_light;
+mod gloss;
 mod learning;
 mod measure;
 #[path = "../../measuring/mod.rs"]
@@ -71,6 +72,9 @@ struct Options {
     /// Measure samples that are chosen from several candidates, instead
     #[arg(long, conflicts_with = "deform")]
     candidates: bool,
+    /// Measure the light that glossy surfaces reflect, instead
+    #[arg(long, conflicts_with_all = ["deform", "candidates", "gltf", "torture"])]
+    gloss: bool,
     /// Measure the scenes that are hard for a choice of lights, instead
     #[arg(long, conflicts_with_all = ["deform", "candidates", "gltf", "world", "shading_points"])]
     torture: bool,
@@ -95,6 +99,9 @@ fn run(options: &Options) -> Result<(), SceneError> {
     }
     if options.torture {
         return torture::run(&options.out);
+    }
+    if options.gloss {
+        return gloss::run(options.world, count, &options.out);
     }
     if options.candidates {
         return candidates::run(options.world, options.gltf.as_deref(), count, &options.out);
