@@ -1,11 +1,12 @@
 //! The scenes that are hard for a choice of lights, and the exact light by which they are judged.
 
 use crate::measuring::irradiance::irradiance;
+use crate::measuring::reflection::{brdf, reflection};
 use crate::measuring::torture::scenes;
 use crate::measuring::torture::table::{TortureRow, rows};
 use crate::support::Rng;
 use girandole::glam::Vec3;
-use girandole::{Light, LightWorld, Placement, Policy, ShadingPoint};
+use girandole::{Gloss, Light, LightWorld, Placement, Policy, ShadingPoint, Shape};
 
 /// The goals: sigma relative to the least of other samplers, and to one tree over the same lights.
 const OF_OTHERS: f64 = 0.6;
@@ -82,6 +83,43 @@ fn illuminances_are_the_means_of_sampled_points() {
         }
     }
     assert!(compared > 60, "only {compared} lights shine on their shading points");
+}
+
+#[test]
+fn reflections_are_the_means_of_sampled_points() {
+    let mut rng = Rng(92);
+    let mut compared = 0;
+    let is_flat = |light: &Light| !matches!(light.shape, Shape::Sphere { .. });
+    for light in rng.lights(60, 4.0).into_iter().filter(is_flat) {
+        let light = Light { range: f32::INFINITY, ..light };
+        let mut world = LightWorld::new();
+        let tree = world.add_tree(vec![light]).expect("a valid light");
+        world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("a valid placement");
+        let sampler = world.sampler();
+        let Some(id) = sampler.all_lights().next() else { continue };
+        let normal = rng.direction();
+        let view = normal + rng.direction() * 0.9;
+        let gloss = Gloss { view, roughness: rng.between(0.2, 1.0), specular: 0.3, diffuse: 0.1 };
+        let at = ShadingPoint::surface(rng.place(9.0), normal).with_gloss(gloss);
+        let (mut sum, mut squares) = (0.0, 0.0);
+        for _ in 0..DRAWS {
+            let value = sampler.sample_light(&at, id, [rng.unit(), rng.unit()]).map_or(0.0, |incident| {
+                let cosine = normal.dot(incident.direction).max(0.0);
+                let lux = girandole::light::luminance(incident.radiance) * cosine / incident.pdf;
+                brdf(&gloss, &at, incident.direction.as_dvec3()) * f64::from(lux)
+            });
+            sum += value;
+            squares += value.powi(2);
+        }
+        let mean = sum / f64::from(DRAWS);
+        let error = (squares / f64::from(DRAWS) - mean * mean).max(0.0).sqrt() / f64::from(DRAWS).sqrt();
+        let exact = reflection(&light, &at);
+        compared += u32::from(exact > 0.0);
+        // Five standard errors: a false alarm in less than one of 10,000 runs. Pieces are as large as half
+        // the width of a lobe, which costs 2 %.
+        assert!((mean - exact).abs() <= 5.0 * error + 0.02 * exact, "{light:?} {at:?}: {mean} {exact} {error}");
+    }
+    assert!(compared > 15, "only {compared} lights shine on their shading points");
 }
 
 #[test]
