@@ -6,6 +6,7 @@
 //! cargo run --release --example variance -- --out FILE.csv --deform [--gltf FILE]
 //! cargo run --release --example variance -- --out FILE.csv --candidates [--gltf FILE]
 //! cargo run --release --example variance -- --out FILE.csv --torture
+//! cargo run --release --example variance -- --out FILE.csv --gloss [--shading-points N]
 //! cargo run --release --example variance -- --out FILE.csv --shadows [--gltf FILE]
 //! cargo run --release --example variance -- --out FILE.csv --learn
 //! ```
@@ -19,7 +20,8 @@
 //! `--deform` measures how much noise moving lights add to a tree, and what rebuilds cost, in city
 //! S (`deform.rs`). `--candidates` measures what choosing one of several candidates gains
 //! (`candidates.rs`). `--torture` measures the scenes of `examples/measuring/torture`, which are hard
-//! for a choice of lights. `--shadows` measures how much noise with shadows a sampler would lose if
+//! for a choice of lights. `--gloss` measures the light that glossy surfaces reflect, by roughness
+//! (`gloss.rs`). `--shadows` measures how much noise with shadows a sampler would lose if
 //! it knew which lights are visible (`shadow_oracle/`); it takes some minutes. `--learn` measures how
 //! much of that a table of learnt visibility gains, and how fast (`learning.rs`). `docs/benchmarks.md`
 //! has measured tables and the rules of measurement.
@@ -82,7 +84,7 @@ struct Options {
     #[arg(long, conflicts_with_all = ["world", "deform", "candidates", "torture"])]
     shadows: bool,
     /// Measure what a table of learnt visibility gains, instead
-    #[arg(long, conflicts_with_all = ["gltf", "world", "deform", "candidates", "torture", "shadows"])]
+    #[arg(long, conflicts_with_all = ["gltf", "world", "deform", "candidates", "gloss", "torture", "shadows"])]
     learn: bool,
     /// Number of shading points
     #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
