@@ -16,8 +16,8 @@ use glam::{Mat3, Vec3};
 /// luminances of its colours. They need not be exact: they change which lights are probable, and
 /// every light above the horizon keeps a probability above 0.
 ///
-/// A surface counts as matte where the gloss describes no highlight: where `view` has no length, where
-/// a number is not finite, and where `specular` is 0 or less.
+/// A surface counts as matte where the gloss describes no highlight: where `view` has no length,
+/// where a number is not finite, and where `specular` is 0 or less.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gloss {
     /// The direction to the viewer, in the space of the shading point, with a length from 1e-15 to
@@ -72,8 +72,8 @@ pub(crate) struct LocalGloss {
 }
 
 impl LocalGloss {
-    /// The gloss of a surface in the space of its shading point; `None` if it is matte. `normal` is a
-    /// unit vector, or zero in a volume.
+    /// The gloss of a surface in the space of its shading point; `None` if it is matte. `normal` is
+    /// a unit vector, or zero in a volume.
     pub fn of(gloss: &Gloss, normal: Vec3) -> Option<Self> {
         let Gloss { roughness, specular, diffuse, .. } = *gloss;
         let view_sq = gloss.view.length_squared();
@@ -124,8 +124,8 @@ impl LocalGloss {
         self.reflected(x, y, cosine, 0.0).0
     }
 
-    /// The reflectance for a cluster of lights, which is π times the mean of the BRDF, and the doubt
-    /// about it relative to the cluster's importance.
+    /// The reflectance for a cluster of lights, which is π times the mean of the BRDF, and the
+    /// doubt about it relative to the cluster's importance.
     ///
     /// `x` and `y` are the coordinates of the unit vector to the mean position along the tangents,
     /// `z` is the positive cosine at the surface, and `spread` is the cluster's angular size from 0
@@ -146,8 +146,8 @@ impl LocalGloss {
         let det = max(xx * yy - xy * xy, alpha_sq * alpha_sq);
         let (square_x, square_y) = (slope_x * slope_x, slope_y * slope_y);
         let outside = square_x * yy - 2.0 * (slope_x * slope_y) * xy + square_y * xx;
-        // A lobe that is widened has facets of all slopes below its width: their area, not that of the
-        // half vector at the mean, turns slopes into directions.
+        // A lobe that is widened has facets of all slopes below its width: their area, not that of
+        // the half vector at the mean, turns slopes into directions.
         let slope_sq = square_x + square_y;
         let area = 1.0 + slope_sq * (2.0 * alpha_sq / (xx + yy));
         let half_cosine = 0.5 * height * area.sqrt();

@@ -68,7 +68,8 @@ impl Draw for ResampledByBrdf<'_> {
     }
 }
 
-/// Draws several candidates, which are chosen and weighed by the light that a glossy surface reflects.
+/// Draws several candidates, which are chosen and weighed by the light that a glossy surface
+/// reflects.
 pub struct ResampledWithGloss<'a> {
     pub lights: LightSampler<'a>,
     pub candidates: CandidateCount,

@@ -46,8 +46,8 @@ pub fn illuminances(lights: &[Light], shading_point: &ShadingPoint) -> Vec<f32> 
     lights.iter().map(|light| irradiance(light, shading_point) as f32).collect()
 }
 
-/// The exact light that a surface reflects of each light toward the viewer, without shadows; for matte
-/// surfaces the illuminance. The lights are in the world's space.
+/// The exact light that a surface reflects of each light toward the viewer, without shadows; for
+/// matte surfaces the illuminance. The lights are in the world's space.
 pub fn reflections(lights: &[Light], shading_point: &ShadingPoint) -> Vec<f32> {
     lights.iter().map(|light| reflection(light, shading_point) as f32).collect()
 }

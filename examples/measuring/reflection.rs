@@ -35,8 +35,8 @@ pub fn reflection(light: &Light, at: &ShadingPoint) -> f64 {
         Shape::Triangle { vertices: [p, q, r], .. } => {
             let (u, v) = (q - p, r - p);
             let n = pieces(gloss, at, p, u.length().max(v.length()));
-            // The cells of a parallelogram, of which each half stands for one piece of the triangle: those
-            // beyond its diagonal are the upside-down pieces.
+            // The cells of a parallelogram, of which each half stands for one piece of the
+            // triangle: those beyond its diagonal are the upside-down pieces.
             let piece = |i: usize| {
                 let (row, column) = (i / n, i % n);
                 let is_upright = row + column < n;

@@ -13,7 +13,8 @@ use crate::gpu::{ask, close, gpu};
 use crate::measuring::reflection::brdf;
 use crate::support::{Rng, SPLITS, all_pmfs};
 
-/// A gloss of any kind: coated or metal, nearly a mirror or rough, seen from anywhere above or below.
+/// A gloss of any kind: coated or metal, nearly a mirror or rough, seen from anywhere above or
+/// below.
 fn gloss(rng: &mut Rng) -> Gloss {
     Gloss {
         view: rng.direction() * 10.0_f32.powf(rng.between(-3.0, 3.0)),
@@ -316,8 +317,8 @@ fn the_shader_gives_the_probabilities_of_the_cpu_and_drops_the_gloss_without_the
     assert!(changed > 500, "only {changed} probabilities depend on the gloss");
 }
 
-/// Whether probabilities agree to what a position that is rounded to 1e-6 of 20 m changes in lobes of
-/// the width 0.02.
+/// Whether probabilities agree to what a position that is rounded to 1e-6 of 20 m changes in lobes
+/// of the width 0.02.
 fn close_lobe(a: f32, b: f32) -> bool {
     (a - b).abs() <= 1.0e-2 * a.max(b).max(1.0e-20)
 }

@@ -5,8 +5,8 @@ use girandole::Effects;
 use girandole::gpu::wgsl;
 use naga::{Block, Module, Statement};
 
-/// The text of variants that have any four effects in every combination. Whether lights move changes
-/// no text.
+/// The text of variants that have any four effects in every combination. Whether lights move
+/// changes no text.
 fn variants() -> impl Iterator<Item = (Effects, String)> {
     let sets = effect_sets(Effects::all().bits(), Effects::MOVING.bits());
     sets.into_iter().map(Effects::from_bits_truncate).map(|effects| (effects, wgsl(0, effects)))

@@ -115,8 +115,8 @@ fn reflections_are_the_means_of_sampled_points() {
         let error = (squares / f64::from(DRAWS) - mean * mean).max(0.0).sqrt() / f64::from(DRAWS).sqrt();
         let exact = reflection(&light, &at);
         compared += u32::from(exact > 0.0);
-        // Five standard errors: a false alarm in less than one of 10,000 runs. Pieces are as large as half
-        // the width of a lobe, which costs 2 %.
+        // Five standard errors: a false alarm in less than one of 10,000 runs. Pieces are as large
+        // as half the width of a lobe, which costs 2 %.
         assert!((mean - exact).abs() <= 5.0 * error + 0.02 * exact, "{light:?} {at:?}: {mean} {exact} {error}");
     }
     assert!(compared > 15, "only {compared} lights shine on their shading points");

@@ -27,7 +27,8 @@ pub fn with_floor(scene: &TortureScene, floor: Gloss) -> Vec<ShadingPoint> {
     scene.shading_points.iter().map(seen).collect()
 }
 
-/// Lamps in rows under a ceiling, strings of lamps, spots, and lamps on the walls of a hall of 80 m.
+/// Lamps in rows under a ceiling, strings of lamps, spots, and lamps on the walls of a hall of 80
+/// m.
 fn hall(parts: &mut Parts, rng: &mut Rng) -> Result<(), WorldError> {
     let ceiling = |i: usize| vec3((i % 20) as f32 * 4.0 - 38.0, 8.0, (i / 20) as f32 * 4.0 - 38.0);
     parts.add_here((0..400).map(|i| lamp(ceiling(i), rng.range(5.0, 60.0))).collect())?;

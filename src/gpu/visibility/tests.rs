@@ -46,7 +46,7 @@ const ENGINE: &str = "
     @compute @workgroup_size(64) fn engine(@builtin(global_invocation_id) id: vec3<u32>) {
         if id.x >= arrayLength(&inputs) { return; }
         let input = inputs[id.x];
-        let at = LightShadingPoint(input.position, input.normal);
+        let at = light_surface_point(input.position, input.normal);
         let pick = light_pick(at, input.u);
         var pmf = 0.0;
         if pick.pmf > 0.0 { pmf = light_pmf(at, pick.instance, pick.light); }
