@@ -25,7 +25,8 @@ struct LightPackedFour {
 // Four children relative to a shading point: sums over the three axes. Coordinates themselves would
 // need more registers.
 struct LightFour {
-    // From the shading point to the mean position: the squared length, and the part along the normal.
+    // From the shading point to the mean position: the squared length, and the part along the
+    // normal.
     dist_sq: vec4<f32>,
     along: vec4<f32>,
     // How far the box rises above the plane through the shading point.
@@ -36,7 +37,8 @@ struct LightFour {
     radius_sq: vec4<f32>,
     variance: vec4<f32>,
     // The part of the variance that lies along the normal, times 3; at most the variance.
-    // `light_add_axis` sums up half the extent along the normal, squared, which `light_unpack` scales.
+    // `light_add_axis` sums up half the extent along the normal, squared, which `light_unpack`
+    // scales.
     across_variance: vec4<f32>,
     flux: vec4<f32>,
     // #if CONES

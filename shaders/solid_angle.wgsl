@@ -4,8 +4,8 @@
 // #if AREAS
 // #if SOLID_ANGLES
 // The determinant of the unit vectors to the corners of a triangle, and its solid angle in
-// steradians; zeros if it is touched, seen from its edge or a sliver. `u` and `v` are the edges from
-// `corner`. Twin of `SphericalTriangle::new`.
+// steradians; zeros if it is touched, seen from its edge or a sliver. `u` and `v` are the edges
+// from `corner`. Twin of `SphericalTriangle::new`.
 fn light_spherical_triangle(corner: vec3<f32>, u: vec3<f32>, v: vec3<f32>) -> vec2<f32> {
     let to_u = corner + u;
     let to_v = corner + v;

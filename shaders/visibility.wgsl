@@ -63,8 +63,8 @@ fn light_cell(shading_point: LightShadingPoint) -> LightCell {
     return cell;
 }
 
-// The group of a cluster. `toward` is the vector from the middle of the cell to the mean position of
-// the cluster, in metres. Twin of `bins`.
+// The group of a cluster. `toward` is the vector from the middle of the cell to the mean position
+// of the cluster, in metres. Twin of `bins`.
 fn light_bin(toward: vec3<f32>) -> u32 {
     let edge = bitcast<f32>(light_learnt[0].x);
     let size = abs(toward);
@@ -162,8 +162,9 @@ fn light_claim_row(cell: LightCell) {
 }
 
 // Records whether a light that was sampled is visible: whether a shadow ray to the point that
-// light_sample chose met nothing. Nothing is recorded for directional lights, for instances that are
-// gone, and for samples whose pmf is 0. It takes effect when the frame is folded. Twin of `LightSampler::record_visibility`.
+// light_sample chose met nothing. Nothing is recorded for directional lights, for instances that
+// are gone, and for samples whose pmf is 0. It takes effect when the frame is folded. Twin of
+// `LightSampler::record_visibility`.
 fn light_record_visibility(shading_point: LightShadingPoint, chosen: LightSample, is_visible: bool) {
     if chosen.pmf <= 0.0 || chosen.instance == LIGHT_DIRECTIONAL {
         return;

@@ -155,8 +155,8 @@ impl Linear {
         Self { linear, cofactor, determinant, is_similarity, turn, mean_square_scale, least_scale }
     }
 
-    /// The cosine of the half-angle of a cap that is widened by [`Self::turn`]: -1 if it becomes all
-    /// directions.
+    /// The cosine of the half-angle of a cap that is widened by [`Self::turn`]: -1 if it becomes
+    /// all directions.
     pub(crate) fn widened(&self, cos: f32) -> f32 {
         let sin = (1.0 - cos * cos).max(0.0).sqrt();
         if cos <= -self.turn.x { -1.0 } else { cos * self.turn.x - sin * self.turn.y }
@@ -178,7 +178,8 @@ impl Linear {
 }
 
 /// Cosine and sine of the greatest angle by which a matrix turns two directions against each other,
-/// at most half a turn. `norms` is the product of the Frobenius norms of the matrix and its inverse.
+/// at most half a turn. `norms` is the product of the Frobenius norms of the matrix and its
+/// inverse.
 ///
 /// The angle is 4 atan(√κ) − π, where κ is the greatest by the least singular value
 /// (docs/math.md, Placements). The product of the norms is at least κ + 1 + 1/κ.
@@ -229,8 +230,9 @@ mod tests {
             let stretched = Mat3::from_diagonal(Vec3::new(stretch, 1.0, 1.0 / stretch));
             let map = Linear::new(Mat3::from_axis_angle(unit(rotation), rotation) * stretched);
             let bound = turn_of(&map);
-            // The directions of the greatest turn lie to both sides of the axis that shrinks least, by
-            // atan(√κ), where κ is the square of `stretch`: the angle between their images is known.
+            // The directions of the greatest turn lie to both sides of the axis that shrinks least,
+            // by atan(√κ), where κ is the square of `stretch`: the angle between their images is
+            // known.
             let expected = 2.0 * (f64::from(stretch).atan() - f64::from(1.0 / stretch).atan());
             assert!((bound - expected).abs() < 1.0e-4 * expected + 1.0e-5, "{stretch}: {bound} for {expected}");
             let (mut greatest, exact) = (0.0_f64, map.linear.as_dmat3());

@@ -6,9 +6,9 @@
 //! Twin of `shaders/importance.wgsl`; `tests/all/gpu.rs` runs both on the same inputs. Based on
 //! CK18 5.1 and pbrt-v4's light bounds. Differs: the flux-weighted mean and variance of position
 //! replace the box's centre, the cosine at the shading point is smooth, the emission is a lobe
-//! about the mean direction, and clusters whose box is nearer than their mean position count as more
-//! doubtful and brighter (docs/math.md). All eight children of a node are evaluated together and
-//! without branches, so that the compiler can use vectors.
+//! about the mean direction, and clusters whose box is nearer than their mean position count as
+//! more doubtful and brighter (docs/math.md). All eight children of a node are evaluated together
+//! and without branches, so that the compiler can use vectors.
 
 use glam::Vec3;
 
@@ -78,8 +78,8 @@ pub(crate) const NEAR_GAIN: f32 = 0.2;
 pub(crate) const NEAR_VARIANCE: f32 = 0.02;
 /// The least squared distance of a box, per unit of that of the mean position.
 pub(crate) const MIN_GAP: f32 = 1.0e-6;
-/// The greatest cosine at the shading point of a cluster whose mean position is below the horizon, as
-/// a share of the greatest cosine in its box. From 0.2 to 0.3 makes no difference; without this
+/// The greatest cosine at the shading point of a cluster whose mean position is below the horizon,
+/// as a share of the greatest cosine in its box. From 0.2 to 0.3 makes no difference; without this
 /// limit, sigma of city S is 0.97 in place of 0.88.
 pub(crate) const HORIZON_SHARE: f32 = 0.25;
 /// The least cosine at the shading point. It keeps the probability of what the bounds cannot
@@ -185,8 +185,8 @@ fn importances(node: &Node, local: &LocalShadingPoint, gloss: Option<&LocalGloss
 }
 
 /// [`child_importances`] for a tree whose instance is scaled, sheared or mirrored. The bounds prove
-/// darkness in the tree's space, but what arrives is estimated from lengths, angles and fluxes of the
-/// world.
+/// darkness in the tree's space, but what arrives is estimated from lengths, angles and fluxes of
+/// the world.
 #[inline(never)]
 fn importances_in_world(
     node: &Node,
@@ -264,8 +264,8 @@ impl ClusterView {
         }
     }
 
-    /// In the world. `area_share` is the share of the flux that comes from surfaces. The distance of
-    /// the box is scaled as that of the mean position.
+    /// In the world. `area_share` is the share of the flux that comes from surfaces. The distance
+    /// of the box is scaled as that of the mean position.
     fn in_world(&self, child: &Unpacked, map: &WorldMap, area_share: f32) -> Self {
         let WorldMap { linear, normal_scale } = *map;
         let (toward, axis) = (Vec3::from(child.toward), Vec3::from(child.axis));
@@ -321,8 +321,9 @@ fn estimate(
     // Cosines stay multiplied by the distance until the end, which need not wait for a division.
     // The cosine at the shading point is a hyperbola that follows max(cos, 0), rounded off over the
     // angular size of the cluster. Only its extent along the normal changes the cosine: a façade
-    // that faces another one, or a ceiling over a floor, has none. The hyperbola falls off too slowly
-    // where the mean position is below the horizon and only a part of the box rises above it.
+    // that faces another one, or a ceiling over a floor, has none. The hyperbola falls off too
+    // slowly where the mean position is below the horizon and only a part of the box rises above
+    // it.
     let width_sq = COSINE_WIDTH_SQ * view.across_variance * (1.0 - spread);
     let cosine = 0.5 * (view.along + (view.along * view.along + width_sq).sqrt());
     let cosine = min(cosine, max(view.along, 0.0) + HORIZON_SHARE * view.highest);
@@ -399,8 +400,8 @@ pub(crate) fn scale_unresolved(importance: &Lanes, scale: f32) -> Lanes {
     importance.map(|importance| if importance < 0.0 { max(-importance * scale, MIN_IMPORTANCE) } else { importance })
 }
 
-/// Whether the bounds prove that no light of a child reaches the shading point. `view` is in the space
-/// of the tree, `margin` the largest rounding error of a position.
+/// Whether the bounds prove that no light of a child reaches the shading point. `view` is in the
+/// space of the tree, `margin` the largest rounding error of a position.
 #[inline(always)]
 fn is_provably_dark(child: &Unpacked, view: &ClusterView, local: &LocalShadingPoint, margin: f32) -> bool {
     let (mut dist_sq, mut along) = (0.0, 0.0);

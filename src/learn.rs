@@ -13,9 +13,10 @@ impl LightSampler<'_> {
     ///
     /// Goes to the table that the sampler was made [`with`](Self::with_visibility), and changes
     /// what that returns from its next [`end_frame`](crate::VisibilityTable::end_frame) on. Without
-    /// a table, for directional lights and for lights that do not exist, nothing is recorded. Record
-    /// all samples, or a random part of them: a share is the visible part of what is recorded. Any
-    /// threads may call this at once; additions to shared counters are all that they contend for.
+    /// a table, for directional lights and for lights that do not exist, nothing is recorded.
+    /// Record all samples, or a random part of them: a share is the visible part of what is
+    /// recorded. Any threads may call this at once; additions to shared counters are all that they
+    /// contend for.
     ///
     /// The cost is one node for each level above the light, about a fifth of a sample.
     pub fn record_visibility(&self, shading_point: &ShadingPoint, light: LightId, is_visible: bool) {

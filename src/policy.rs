@@ -39,8 +39,8 @@ pub enum Policy {
     Bounded {
         /// Up to this excess no rebuild is requested. At least 0; a higher floor saves time.
         floor: f32,
-        /// Above this excess the request is urgent: the tree is rebuilt before all trees that ask at
-        /// the same time or later and are not urgent. At least `floor`.
+        /// Above this excess the request is urgent: the tree is rebuilt before all trees that ask
+        /// at the same time or later and are not urgent. At least `floor`.
         ceiling: f32,
     },
     /// Algorithm 1 of SS: requests a rebuild when the attribute exceeds its least value since the
@@ -134,8 +134,8 @@ pub(crate) enum RebuildRequest {
     /// No rebuild.
     #[default]
     None,
-    /// A rebuild that will probably gain nothing, once much time was granted since the tree changed.
-    /// Without it, a tree whose noise is predicted wrongly would never be rebuilt.
+    /// A rebuild that will probably gain nothing, once much time was granted since the tree
+    /// changed. Without it, a tree whose noise is predicted wrongly would never be rebuilt.
     Doubtful,
     /// A rebuild, if it is worth its time.
     Optional,

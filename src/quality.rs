@@ -35,9 +35,9 @@ pub enum Quality {
     /// Two splits, one candidate: 0.86 of the time, 1.31 of the error on diffuse materials, 1.36 on
     /// glossy ones. No setting with more splits is as fast.
     Fast,
-    /// Six splits, four candidates: 1.5 times the time, 0.54 of the error on diffuse materials, 0.71
-    /// on glossy ones. On both, no other setting has less error in its time, with one, two or four
-    /// samples per pixel.
+    /// Six splits, four candidates: 1.5 times the time, 0.54 of the error on diffuse materials,
+    /// 0.71 on glossy ones. On both, no other setting has less error in its time, with one, two or
+    /// four samples per pixel.
     #[default]
     Balanced,
     /// Eight splits, eight candidates: 2.1 times the time, 0.47 of the error on diffuse materials,

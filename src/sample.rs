@@ -129,8 +129,8 @@ pub(crate) struct Surroundings<'a, 's> {
     shading_point: &'s ShadingPoint,
 }
 
-/// The same, where something is learnt. A type of its own, because one branch for each node would cost
-/// all samplers 1.6 % more instructions.
+/// The same, where something is learnt. A type of its own, because one branch for each node would
+/// cost all samplers 1.6 % more instructions.
 pub(crate) struct LearntSurroundings<'a, 's> {
     trees: Surroundings<'a, 's>,
     learnt: LearntCell<'a>,
@@ -187,8 +187,8 @@ impl LightWorld {
     /// The first call after a change builds the top level, which takes O(n log n) in instances;
     /// later calls cost nothing. Engines that sample on the GPU only never pay for it.
     ///
-    /// Any thread may call this, also inside a rayon job. Threads that make the first call at once may
-    /// each build the top level; to build it once, call this before the parallel loop.
+    /// Any thread may call this, also inside a rayon job. Threads that make the first call at once
+    /// may each build the top level; to build it once, call this before the parallel loop.
     pub fn sampler(&self) -> LightSampler<'_> {
         LightSampler { world: self, top: self.top_level(), splits: SplitCount::DEFAULT, visibility: None }
     }

@@ -90,7 +90,8 @@ impl SphericalTriangle {
         let direction = corner / a;
         let determinant = u.cross(v).dot(direction).abs() / (b * c);
         (MIN_DETERMINANT..=MAX_DETERMINANT).contains(&determinant).then_some(())?;
-        // Van Oosterom and Strackee (1983). The sum of the cosines follows from that of the vectors.
+        // Van Oosterom and Strackee (1983). The sum of the cosines follows from that of the
+        // vectors.
         let sum = direction + to_u / b + to_v / c;
         let solid_angle = 2.0 * determinant.atan2(0.5 * (sum.length_squared() - 1.0));
         Some(Self { corner, edges: [u, v], determinant, solid_angle })
@@ -103,8 +104,8 @@ impl SphericalTriangle {
         let (to_u, to_v) = (corner + u, corner + v);
         let [a_length, b_length, c_length] = [corner, to_u, to_v].map(Vec3::length);
         let (a, b, c) = (corner / a_length, to_u / b_length, to_v / c_length);
-        // The arc from a to c, and the part of it up to the point that divides the solid angle; both
-        // as the sine and cosine of half the angle.
+        // The arc from a to c, and the part of it up to the point that divides the solid angle;
+        // both as the sine and cosine of half the angle.
         let (arc_sin, arc_cos) = (0.5 * (a - c).length(), 0.5 * (a + c).length());
         let (at_sin, at_cos) = (0.5 * at.min(solid_angle)).sin_cos();
         let sin = at_sin * (a + b).length_squared() * arc_sin * arc_cos;

@@ -225,9 +225,9 @@ impl Bench<'_> {
         Ok(self.row(setting, self.world_times, times[&setting.sampler], errors))
     }
 
-    /// A setting that differs from the default frame in more than the sampler, which has two levels.
-    /// Its time is measured beside that of the unchanged frame, since the machine may be busier by
-    /// now.
+    /// A setting that differs from the default frame in more than the sampler, which has two
+    /// levels. Its time is measured beside that of the unchanged frame, since the machine may be
+    /// busier by now.
     fn changed(
         &self,
         setting: &Setting,

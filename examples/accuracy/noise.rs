@@ -1,8 +1,8 @@
-//! The noise of one sample at surfaces of the view, without and with shadows, and the share of draws
-//! that end without a light.
+//! The noise of one sample at surfaces of the view, without and with shadows, and the share of
+//! draws that end without a light.
 //!
-//! It is computed from the probabilities of all lights, with area lights reduced to their middle. For
-//! samplers that choose among candidates it is estimated from many draws.
+//! It is computed from the probabilities of all lights, with area lights reduced to their middle.
+//! For samplers that choose among candidates it is estimated from many draws.
 
 use super::options::Plan;
 use super::samplers::Samplers;

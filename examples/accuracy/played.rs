@@ -1,5 +1,5 @@
-//! Plays a scene for some frames under a policy and a budget, and times what happens to the world in
-//! each frame: updates of trees, uploads and builds of the top level.
+//! Plays a scene for some frames under a policy and a budget, and times what happens to the world
+//! in each frame: updates of trees, uploads and builds of the top level.
 
 use crate::city::app::scene_options::SceneOptions;
 use crate::city::scene::{SceneError, Stage};

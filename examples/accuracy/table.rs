@@ -18,8 +18,8 @@
 //! | `on_front` | no other unbiased setting has less error in at most the same time |
 //!
 //! Samplers that are no part of the library, and one level, have 0 for `update_ms` and
-//! `top_level_ms`, and an empty `upload_ms`: as if their trees followed all changes at no cost, which
-//! favours them.
+//! `top_level_ms`, and an empty `upload_ms`: as if their trees followed all changes at no cost,
+//! which favours them.
 
 use super::noise::SamplerNoise;
 use super::pictures::Errors;

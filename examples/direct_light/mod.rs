@@ -1,5 +1,5 @@
-//! Pictures of direct light with shadows and materials, drawn with one chosen light per sample: what
-//! the programs that judge samplers render.
+//! Pictures of direct light with shadows and materials, drawn with one chosen light per sample:
+//! what the programs that judge samplers render.
 //!
 //! The root of a program includes this folder with `#[path]` as `mod direct_light`, beside
 //! `crate::city`, `crate::common` and `crate::measuring`. Read the files in the order of the list

@@ -234,9 +234,9 @@ pub fn all<'a>(
     Ok(all)
 }
 
-/// The noise of a sampler over the shading points that some light reaches, and the share of its draws
-/// that end without a light, as a mean over them. `lux` has the illuminance by each light at each
-/// shading point. At least one shading point must be lit.
+/// The noise of a sampler over the shading points that some light reaches, and the share of its
+/// draws that end without a light, as a mean over them. `lux` has the illuminance by each light at
+/// each shading point. At least one shading point must be lit.
 pub fn noise(chooser: &dyn Chooser, shading_points: &[ShadingPoint], lux: &[Vec<f32>]) -> (Summary, f64) {
     let one = |(at, lux): (&ShadingPoint, &Vec<f32>)| {
         let pmfs = chooser.pmfs(at);

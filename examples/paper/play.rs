@@ -115,8 +115,8 @@ impl Cast {
     }
 }
 
-/// Plays a scene. Trees are timed on `threads`. References are kept in `out`. `tick` is called after
-/// each point of the survey and after each frame.
+/// Plays a scene. Trees are timed on `threads`. References are kept in `out`. `tick` is called
+/// after each point of the survey and after each frame.
 pub fn play(
     source: &Source,
     plan: &Plan,

@@ -44,7 +44,8 @@ fn drawing(
     all().map_err(|error| SceneError(format!("cannot draw {}: {error}", path.display())))
 }
 
-/// Plots each attribute: a column for each algorithm, with a panel of MAPE and one of the attribute.
+/// Plots each attribute: a column for each algorithm, with a panel of MAPE and one of the
+/// attribute.
 pub fn over_time(out: &Path, results: &Results, kind: TreeKind) -> Result<(), SceneError> {
     for attribute in ATTRIBUTES {
         let name = attribute_name(attribute);
@@ -190,7 +191,8 @@ fn color_of(attribute: Attribute) -> RGBColor {
     }
 }
 
-/// The color of a strategy's circle, and whether it is filled. The line of always updating has none.
+/// The color of a strategy's circle, and whether it is filled. The line of always updating has
+/// none.
 fn mark_of(strategy: &Strategy) -> Option<(RGBColor, bool)> {
     match strategy {
         Strategy::Rule(Rule::Never) => None,

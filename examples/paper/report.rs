@@ -41,8 +41,8 @@ const CSV_COLUMNS: [&str; 15] = [
     "frames",
 ];
 
-/// The files of a folder. They are created before anything is measured, so that a folder that cannot
-/// be written is reported early.
+/// The files of a folder. They are created before anything is measured, so that a folder that
+/// cannot be written is reported early.
 pub struct Tables {
     rows: Table,
     frames: Table,

@@ -123,8 +123,8 @@ impl Results {
 }
 
 /// The ratio of the means of two lists of pairs, with the interval that follows from the deviations
-/// of the pairs from that ratio (the delta method). `None` unless the interval of the second mean is
-/// above 0.
+/// of the pairs from that ratio (the delta method). `None` unless the interval of the second mean
+/// is above 0.
 fn gap_recovered(gains: &[f64], gaps: &[f64]) -> Option<Estimate> {
     let gap = Estimate::new(gaps);
     if gap.low() <= 0.0 {

@@ -41,8 +41,8 @@ impl Source {
         }
     }
 
-    /// Loads the scene as it is at a time in seconds, without lights at infinity, which belong to no
-    /// tree.
+    /// Loads the scene as it is at a time in seconds, without lights at infinity, which belong to
+    /// no tree.
     pub fn load(&self, start: f64) -> Result<Stage, SceneError> {
         let stage = match self {
             Self::City(size) => procedural::stage(&CityOptions { size: *size, cars: None, seed: CITY_SEED })?,

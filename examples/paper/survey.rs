@@ -31,7 +31,8 @@ pub struct Calibration {
 pub struct Survey {
     pub binary: Calibration,
     pub library: Calibration,
-    /// The mean times per frame of work on the trees of the two levels. No lights if no tree changes.
+    /// The mean times per frame of work on the trees of the two levels. No lights if no tree
+    /// changes.
     pub two_levels: Times,
 }
 

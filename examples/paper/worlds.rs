@@ -2,8 +2,8 @@
 //!
 //! Worlds under a budget run on a virtual clock: a piece of work takes the time that the survey
 //! measured, in proportion to its lights, and a frame lasts as long as in the animation. So the
-//! scheduler decides the same on a busy machine. A tree that does not fit into the budget of a frame
-//! is built in the background, and later budgets pay for it.
+//! scheduler decides the same on a busy machine. A tree that does not fit into the budget of a
+//! frame is built in the background, and later budgets pay for it.
 
 use super::decisions::Rule;
 use super::pool::Step;
@@ -127,9 +127,9 @@ impl Contender {
         Ok(self.world.set_viewpoint(eye.as_dvec3())?)
     }
 
-    /// Follows the world of the film to its next frame, and updates and rebuilds trees on the threads
-    /// of a pool. `changes` are the changed lights in world space, and `frame_time` the seconds of a
-    /// frame. The lights of the updated trees come with what was done.
+    /// Follows the world of the film to its next frame, and updates and rebuilds trees on the
+    /// threads of a pool. `changes` are the changed lights in world space, and `frame_time` the
+    /// seconds of a frame. The lights of the updated trees come with what was done.
     pub fn advance(
         &mut self,
         (film, changes): (&LightWorld, &[(u32, Light)]),

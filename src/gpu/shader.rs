@@ -50,8 +50,8 @@ use crate::effects::Effects;
 ///
 /// [`GpuLights::usage_shader`](super::GpuLights::usage_shader) adds a function that records which
 /// lights are chosen, and [`GpuLights::visibility_shader`](super::GpuLights::visibility_shader) one
-/// that records which are visible. [`LightShader::with_target`] adds `light_resample_by`, which weighs candidates
-/// by a function of the engine.
+/// that records which are visible. [`LightShader::with_target`] adds `light_resample_by`, which
+/// weighs candidates by a function of the engine.
 ///
 /// # Measures
 ///

@@ -53,12 +53,12 @@ pub(super) const RISE_PER_COST: f32 = 1.51;
 /// direction of emission.
 pub(super) const FRESH_COEFFICIENTS: [f32; 4] = [-9.46, 0.389, 4.91, 3.81];
 
-/// The value of a rebuild is proportional to this power of the tree's share of the picture. The share
-/// is known so roughly that its full ratios would rank trees by errors.
+/// The value of a rebuild is proportional to this power of the tree's share of the picture. The
+/// share is known so roughly that its full ratios would rank trees by errors.
 pub(super) const SHARE_POWER: f32 = 0.3;
 
-/// The value of a rebuild is proportional to this power of the s² of the tree when it was just built,
-/// for the same reason.
+/// The value of a rebuild is proportional to this power of the s² of the tree when it was just
+/// built, for the same reason.
 pub(super) const FRESH_POWER: f32 = 0.4;
 
 /// The value of a rebuild is computed from a rise of at least this logarithm: trees with a smaller

@@ -169,7 +169,8 @@ impl CostModel {
         self.kinds[kind_index(kind)].margin
     }
 
-    /// The nanoseconds per unit. A size that was never measured counts as the nearest size that was.
+    /// The nanoseconds per unit. A size that was never measured counts as the nearest size that
+    /// was.
     fn nanos_per_unit(&self, work: Work) -> f64 {
         let sizes = &self.kinds[kind_index(work.kind)].sizes;
         let class = size_class(tree_lights(work));

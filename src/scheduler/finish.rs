@@ -32,9 +32,9 @@ impl Scheduler {
         slice_of(self.open.as_ref().map_or(0, |open| open.lights), units)
     }
 
-    /// Records the time of the batch, which was rebuilt. It is divided among the trees in proportion
-    /// to their predicted times, and counts as one measurement for each of their classes of size.
-    /// Calls `report` for each tree.
+    /// Records the time of the batch, which was rebuilt. It is divided among the trees in
+    /// proportion to their predicted times, and counts as one measurement for each of their classes
+    /// of size. Calls `report` for each tree.
     pub fn finish_batch(&mut self, took: Duration, mut report: impl FnMut(TreeKey, DoneJob)) {
         let Self { batch, costs, .. } = self;
         let predicted: f64 = batch.iter().map(|batched| batched.nanos).sum();

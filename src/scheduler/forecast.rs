@@ -1,8 +1,8 @@
 //! Predicts how much noise a rebuild of a tree removes, from the tree's attributes.
 //!
 //! The noise inside a tree is measured by its relative variance s². Two linear models predict it:
-//! ln s² of a tree that was just built, and the rise of ln s² since then. Both were fitted over many
-//! trees and motions (docs/math.md, "What a rebuild buys").
+//! ln s² of a tree that was just built, and the rise of ln s² since then. Both were fitted over
+//! many trees and motions (docs/math.md, "What a rebuild buys").
 
 use super::constants::{
     FRESH_COEFFICIENTS, FRESH_POWER, LEAST_RISE, MAX_LN_VARIANCE, MAX_RISE, MIN_ATTRIBUTE, RISE_PER_COST,
@@ -56,9 +56,9 @@ impl TreeFeatures {
         (RISE_PER_COST * (self.ln_cost - built.ln_cost)).clamp(0.0, MAX_RISE)
     }
 
-    /// The value of what a rebuild gains after a rise with this logarithm, for a tree that had these
-    /// features right after it was built. In proportion to the decrease of s², but for the powers
-    /// and limits in `constants.rs`.
+    /// The value of what a rebuild gains after a rise with this logarithm, for a tree that had
+    /// these features right after it was built. In proportion to the decrease of s², but for the
+    /// powers and limits in `constants.rs`.
     pub fn gain(&self, rise: f32) -> f32 {
         (FRESH_POWER * self.ln_variance).exp() * rise.max(LEAST_RISE).exp_m1()
     }

@@ -36,8 +36,8 @@ impl Scheduler {
     /// Returns the next job, or `None` at the end of the frame.
     ///
     /// 1. The tree or the open build with the greatest priority comes first.
-    /// 2. A tree that fits into the rest of the frame is rebuilt. Small trees are rebuilt in batches
-    ///    of at most a slice.
+    /// 2. A tree that fits into the rest of the frame is rebuilt. Small trees are rebuilt in
+    ///    batches of at most a slice.
     /// 3. A tree that exceeds even the whole budget of the frame is opened: from now on it is built
     ///    in slices. It is passed over if it would fit into a whole frame, or if another build is
     ///    open.

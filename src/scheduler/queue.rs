@@ -3,8 +3,8 @@
 use crate::keys::TreeKey;
 use crate::lists::Lists;
 
-/// Lists by rank. The ranks of all trees at one time lie within a range of this length; ranks beyond
-/// it count as its ends. A tree would have to wait for more than 100 rounds to need more.
+/// Lists by rank. The ranks of all trees at one time lie within a range of this length; ranks
+/// beyond it count as its ends. A tree would have to wait for more than 100 rounds to need more.
 const RANKS: i64 = 2048;
 
 /// Bits of a word of [`Queue::is_filled`].
@@ -169,7 +169,8 @@ impl Queue {
     fn lower_top(&mut self) {
         let list = list_of(self.top);
         let (word, bit) = (list / WORD, list % WORD);
-        // The lists in this word that come before, then all other words, then the rest of this word.
+        // The lists in this word that come before, then all other words, then the rest of this
+        // word.
         let found = (0..=WORDS).find_map(|step| {
             let word = (word + WORDS - step) % WORDS;
             let mask = if step == 0 { !(!0 << bit) } else { !0 };

@@ -217,8 +217,8 @@ fn every_tree_is_served_within_the_bound_whatever_the_budgets() {
             assert!(simulation.rebuilt > 0, "{name}");
             // Frames exceed their budget by less than a slice.
             assert!(simulation.worst_overrun < LEDGER_CAPACITY, "{name}: {:?}", simulation.worst_overrun);
-            // While trees wait, a frame leaves a few microseconds unspent, or an eighth of its budget
-            // where only small trees wait.
+            // While trees wait, a frame leaves a few microseconds unspent, or an eighth of its
+            // budget where only small trees wait.
             let max_unspent = 3000.0 * 6000.0 + simulation.granted / 8.0;
             assert!(simulation.unspent < max_unspent, "{name}: {} ns", simulation.unspent);
         }

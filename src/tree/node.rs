@@ -55,9 +55,9 @@ pub struct Node {
     pub deviation: Bytes,
     /// `parent node * WIDTH + slot`, or [`NO_PARENT`].
     pub parent: u32,
-    /// Four bits for each child, the lowest first: how its flux is divided between surfaces and lights
-    /// without size. 0 is without surfaces, 15 is surfaces alone, and k in between a ratio of
-    /// 2^(2k − 15). 0 in a top level.
+    /// Four bits for each child, the lowest first: how its flux is divided between surfaces and
+    /// lights without size. 0 is without surfaces, 15 is surfaces alone, and k in between a ratio
+    /// of 2^(2k − 15). 0 in a top level.
     pub area_ratios: u32,
     /// √(1 − length) of the mean direction of emission, in steps of 1/255.
     pub shortness: Bytes,

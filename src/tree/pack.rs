@@ -24,8 +24,8 @@ pub(crate) const DIRECTION_STEPS: f32 = 127.0;
 /// byte is beyond it.
 pub(crate) const CAP_STEPS: f32 = 127.0;
 
-/// Less flux than this of lights without size, per unit of the flux of surfaces, counts as none: it is
-/// the rounding of sums.
+/// Less flux than this of lights without size, per unit of the flux of surfaces, counts as none: it
+/// is the rounding of sums.
 const MIN_PUNCTUAL: f32 = 1.0e-5;
 
 /// An unpacked child. Positions are relative to the viewpoint.

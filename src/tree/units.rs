@@ -3,8 +3,8 @@
 //! A unit is the work for one light in one level of a binary tree. Pieces of work are counted in
 //! ticks, fractions of a unit. The ticks of a piece are proportional to its typical time, so that
 //! the time of a step follows from its units. All numbers were measured in release builds over 64
-//! to 300,000 random lights, with one thread (2-core Intel Xeon virtual machine, 2026-11-22). A tick
-//! took about 0.3 ns there, and a unit 20 ns.
+//! to 300,000 random lights, with one thread (2-core Intel Xeon virtual machine, 2026-11-22). A
+//! tick took about 0.3 ns there, and a unit 20 ns.
 
 use super::node::WIDTH;
 

@@ -97,15 +97,15 @@ fn side(normal: Vec3) -> u32 {
     if normal == Vec3::ZERO { 6 } else { 2 * axis + u32::from(normal[axis as usize] < 0.0) }
 }
 
-/// Adding this rounds to a whole number, which the lowest bits of the sum then hold. Unlike a cast, it
-/// is one instruction for a whole vector, and it has the same bits on a GPU.
+/// Adding this rounds to a whole number, which the lowest bits of the sum then hold. Unlike a cast,
+/// it is one instruction for a whole vector, and it has the same bits on a GPU.
 pub(crate) const ROUNDING: f32 = 12_582_912.0;
 
 /// Bits of a key for each coordinate.
 pub(crate) const COORDINATE_BITS: u32 = 4;
 
-/// The groups of some clusters of lights. `toward` are the vectors from the middle of the cell to the
-/// mean positions of the clusters, in metres, one array for each axis.
+/// The groups of some clusters of lights. `toward` are the vectors from the middle of the cell to
+/// the mean positions of the clusters, in metres, one array for each axis.
 ///
 /// The groups are cubes whose edge is half the distance, rounded down to a power of two, and the
 /// hash puts some together. Distances below `edge` count as `edge`. So near clusters are told apart
@@ -159,8 +159,8 @@ pub(crate) fn bin_of_child(node: &Node, slot: usize, position: Vec3, to_world: &
     bin as usize
 }
 
-/// From the middle of a cell to the end of a vector that starts at the shading point, in the space of
-/// a tree.
+/// From the middle of a cell to the end of a vector that starts at the shading point, in the space
+/// of a tree.
 #[inline(always)]
 fn from_center(toward: [f32; 3], from_center: Vec3, to_world: &Mat3) -> [f32; 3] {
     let [x, y, z] = toward;

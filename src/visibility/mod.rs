@@ -37,8 +37,8 @@ pub(crate) const MIN_IDLE: u32 = 8;
 #[cfg(feature = "gpu")]
 pub(crate) const TABLE_HEAD: u32 = 4;
 
-/// The largest number of cells of [`VisibilityOptions`]. The counters of a GPU then take 64 MiB, half of what
-/// one storage binding of WebGPU holds.
+/// The largest number of cells of [`VisibilityOptions`]. The counters of a GPU then take 64 MiB,
+/// half of what one storage binding of WebGPU holds.
 pub(crate) const MAX_CELLS: usize = 1 << 16;
 
 /// The least and the largest edge of a cell, in metres.
@@ -62,11 +62,11 @@ pub struct VisibilityOptions {
 impl VisibilityOptions {
     /// Cells with edges of `edge` metres, of which `cells` are known at the same time.
     ///
-    /// Shorter edges know more about each place and learn more slowly, because fewer samples share a
-    /// cell. The default is 1 m and 8,192 cells, which take 1.7 kB each. A floor of one square metre
-    /// has one cell, and so has each square metre of a wall. Cells choose among four rows each, so a
-    /// table should have twice as many as there are in sight: with 56 % of its rows taken, 5 % of the
-    /// cells found none.
+    /// Shorter edges know more about each place and learn more slowly, because fewer samples share
+    /// a cell. The default is 1 m and 8,192 cells, which take 1.7 kB each. A floor of one square
+    /// metre has one cell, and so has each square metre of a wall. Cells choose among four rows
+    /// each, so a table should have twice as many as there are in sight: with 56 % of its rows
+    /// taken, 5 % of the cells found none.
     ///
     /// # Errors
     /// [`VisibilityError`] for an edge outside 0.01 to 10,000 m, and for a number of cells that is not
@@ -195,8 +195,8 @@ impl VisibilityTable {
 
     /// Ends a frame: what was recorded since the last call becomes part of what samplers read.
     ///
-    /// The result does not depend on the order or the threads of the records. O(cells of the table),
-    /// and 128 small sums for each cell in which something was recorded.
+    /// The result does not depend on the order or the threads of the records. O(cells of the
+    /// table), and 128 small sums for each cell in which something was recorded.
     pub fn end_frame(&mut self) {
         for row in 0..self.tags.len() {
             let is_touched = std::mem::take(self.touched[row].get_mut()) != 0;

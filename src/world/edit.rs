@@ -285,10 +285,11 @@ impl LightWorld {
     /// Turn it on for worlds in which panels, screens or windows light surfaces that are about as
     /// near as the panels are wide. There sampling by area is noisy: for a square of one metre and
     /// surfaces that face it, the relative variance of a sample falls from 0.03 to 0.002 at a
-    /// distance of 1 m, from 0.95 to 0.04 at 0.3 m, and from 11 to 0.16 at 0.1 m. Where the
-    /// horizon of the surface cuts the panel, it may rise by 15 %, or 35 % for a narrow strip. The choice follows from
-    /// the shading point and the light: surfaces whose squared edges add up to less than half of the
-    /// squared distance of their centre are sampled by area, with the same bits as when this is off.
+    /// distance of 1 m, from 0.95 to 0.04 at 0.3 m, and from 11 to 0.16 at 0.1 m. Where the horizon
+    /// of the surface cuts the panel, it may rise by 15 %, or 35 % for a narrow strip. The choice
+    /// follows from the shading point and the light: surfaces whose squared edges add up to less
+    /// than half of the squared distance of their centre are sampled by area, with the same bits as
+    /// when this is off.
     ///
     /// A point on a near surface takes 0.2 µs (triangle) or 0.3 µs (rectangle) more on the CPU. On
     /// the GPU only shaders that have [`Effects::SOLID_ANGLES`], which this setting adds to

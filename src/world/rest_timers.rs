@@ -2,8 +2,8 @@
 //! be frozen. They know keys of trees only.
 //!
 //! A tree that is not frozen (an *awake* tree) is in one of a few linked lists. Within a list, all
-//! trees have the same delay and are sorted by their last change, so the trees that are due next are
-//! at its front. A change moves the tree to the back of the first list, in O(1) and without
+//! trees have the same delay and are sorted by their last change, so the trees that are due next
+//! are at its front. A change moves the tree to the back of the first list, in O(1) and without
 //! allocation. An update looks at the front of each list and at the trees that are due. A removed
 //! tree leaves its list at once.
 //!
@@ -35,8 +35,8 @@ const _: () = assert!(MAX_SETTLED >= MAX_FREEZES, "leaving `RECENT` must not del
 /// refit of all lights does, which is then a small share of the time of those updates.
 const MAX_DOUBLINGS: u8 = 6;
 
-/// The list of awake trees that have changed within the last [`EFFECT_HOLD_UPDATES`] updates, and of
-/// trees that have yet to leave this list because of [`MAX_SETTLED`].
+/// The list of awake trees that have changed within the last [`EFFECT_HOLD_UPDATES`] updates, and
+/// of trees that have yet to leave this list because of [`MAX_SETTLED`].
 const RECENT: usize = 0;
 
 /// The list of all other awake trees whose delay has this number of doublings.

@@ -75,8 +75,8 @@ impl LightWorld {
     /// 3. A tree that does not fit into the budget of a frame is built in slices over several
     ///    frames, or on another thread ([`LightWorld::set_background_builds`]).
     /// 4. The longer a tree waits, the higher its priority. A *round* is the time granted in which
-    ///    all trees that wait could be rebuilt once. Once a tree that gains something has waited for
-    ///    nine rounds, only trees that already wait are rebuilt before it. This holds for any
+    ///    all trees that wait could be rebuilt once. Once a tree that gains something has waited
+    ///    for nine rounds, only trees that already wait are rebuilt before it. This holds for any
     ///    sequence of budgets; `docs/math.md` has the exact statement.
     /// 5. Effects that nothing in the world had for
     ///    [`EFFECT_HOLD_UPDATES`](crate::effects::EFFECT_HOLD_UPDATES) calls leave

@@ -42,9 +42,9 @@ impl Studio<'_> {
         test(&named);
     }
 
-    /// The mean of the pictures of a way to draw minus that of the reference, whose means are given,
-    /// and the standard error of the difference, both relative to the reference. There are [`SEEDS`]
-    /// independent pictures of each.
+    /// The mean of the pictures of a way to draw minus that of the reference, whose means are
+    /// given, and the standard error of the difference, both relative to the reference. There are
+    /// [`SEEDS`] independent pictures of each.
     fn difference(&self, draw: &dyn Draw, samples: f64, reference: &[f64]) -> (f64, f64) {
         compare(SEEDS_OF_DRAWS.map(|seed| mean(&self.renderer.picture(draw, samples, seed))), reference)
     }

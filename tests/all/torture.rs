@@ -27,7 +27,8 @@ const MISSED: [(&str, f64); 10] = [
     ("inside a sphere light", 4.8),
     ("dense clusters far apart", 1.65),
 ];
-/// Below this sigma the ratios do not matter: the lights of others than the sampler decide the noise.
+/// Below this sigma the ratios do not matter: the lights of others than the sampler decide the
+/// noise.
 const NO_NOISE: f64 = 0.2;
 
 #[test]

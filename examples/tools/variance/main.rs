@@ -13,18 +13,18 @@
 //!
 //! The first form prints a table and writes it as CSV. For each scene and sampler it has the exact
 //! relative standard deviation of one sample over fixed shading points
-//! (`examples/measuring/sigma.rs`), the share of draws that end without a light (`dead`), nanoseconds
-//! per choice, and bytes of tree per light. Expect the sigma of `girandole` to be well below those
-//! of `pbrt` and `cycles`.
+//! (`examples/measuring/sigma.rs`), the share of draws that end without a light (`dead`),
+//! nanoseconds per choice, and bytes of tree per light. Expect the sigma of `girandole` to be well
+//! below those of `pbrt` and `cycles`.
 //!
 //! `--deform` measures how much noise moving lights add to a tree, and what rebuilds cost, in city
 //! S (`deform.rs`). `--candidates` measures what choosing one of several candidates gains
-//! (`candidates.rs`). `--torture` measures the scenes of `examples/measuring/torture`, which are hard
-//! for a choice of lights. `--gloss` measures the light that glossy surfaces reflect, by roughness
-//! (`gloss.rs`). `--shadows` measures how much noise with shadows a sampler would lose if
-//! it knew which lights are visible (`shadow_oracle/`); it takes some minutes. `--learn` measures how
-//! much of that a table of learnt visibility gains, and how fast (`learning.rs`). `docs/benchmarks.md`
-//! has measured tables and the rules of measurement.
+//! (`candidates.rs`). `--torture` measures the scenes of `examples/measuring/torture`, which are
+//! hard for a choice of lights. `--gloss` measures the light that glossy surfaces reflect, by
+//! roughness (`gloss.rs`). `--shadows` measures how much noise with shadows a sampler would lose if
+//! it knew which lights are visible (`shadow_oracle/`); it takes some minutes. `--learn` measures
+//! how much of that a table of learnt visibility gains, and how fast (`learning.rs`).
+//! `docs/benchmarks.md` has measured tables and the rules of measurement.
 
 mod candidates;
 #[path = "../../city/modules.rs"]

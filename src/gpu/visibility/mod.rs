@@ -57,16 +57,16 @@ impl GpuLights {
     /// fn light_record_visibility(shading_point: LightShadingPoint, chosen: LightSample, is_visible: bool)
     /// ```
     ///
-    /// Call it for all samples, or for a random part of them. Samples with a pmf of 0 and directional
-    /// lights may be passed and are not recorded. The cost is one node and one atomic addition for
-    /// each level above the light. All functions that choose lights and return probabilities use the
-    /// table, which does not change before [`GpuLights::fold_visibility`]: so all probabilities of a
-    /// frame are exact.
+    /// Call it for all samples, or for a random part of them. Samples with a pmf of 0 and
+    /// directional lights may be passed and are not recorded. The cost is one node and one atomic
+    /// addition for each level above the light. All functions that choose lights and return
+    /// probabilities use the table, which does not change before [`GpuLights::fold_visibility`]: so
+    /// all probabilities of a frame are exact.
     ///
     /// The layout has two more storage buffers, of which one is written. It takes
     /// [`GpuLights::visibility_bind_group`] in place of [`GpuLights::bind_group`]. In fragment
-    /// shaders it needs `wgpu::DownlevelFlags::FRAGMENT_WRITABLE_STORAGE`, which every WebGPU device
-    /// has. Such a shader does not count usage. Without a table (before
+    /// shaders it needs `wgpu::DownlevelFlags::FRAGMENT_WRITABLE_STORAGE`, which every WebGPU
+    /// device has. Such a shader does not count usage. Without a table (before
     /// [`GpuLights::learn_visibility`]), lights are chosen as by other shaders.
     /// [`GpuLights::sample`] and [`GpuLights::resample`] do not use the table.
     pub fn visibility_shader(&self, group: u32, effects: Effects) -> LightShader {
@@ -82,8 +82,8 @@ impl GpuLights {
         &self.learnt_table().bind_group
     }
 
-    /// Records a pass that makes what was recorded part of the table. Call it once a frame, after the
-    /// passes that record. Does nothing without a table.
+    /// Records a pass that makes what was recorded part of the table. Call it once a frame, after
+    /// the passes that record. Does nothing without a table.
     ///
     /// One dispatch, of a workgroup for each cell of the table; most end at once.
     pub fn fold_visibility(&mut self, encoder: &mut wgpu::CommandEncoder) {

@@ -42,8 +42,8 @@ struct Fold {
 }
 
 impl LearntTable {
-    /// No table. `learnt` and `records` are two buffers of zeros, and `lights` are the other buffers
-    /// of the bind group.
+    /// No table. `learnt` and `records` are two buffers of zeros, and `lights` are the other
+    /// buffers of the bind group.
     pub fn new(device: &wgpu::Device, learnt: wgpu::Buffer, records: wgpu::Buffer, lights: &[&wgpu::Buffer]) -> Self {
         let layout = visibility_layout(device);
         let bind_group = bind_group(device, &layout, lights, &learnt, &records);
@@ -78,7 +78,8 @@ impl LearntTable {
         self.table = None;
     }
 
-    /// Places the cells relative to an origin, ahead of the next submission. Returns the bytes sent.
+    /// Places the cells relative to an origin, ahead of the next submission. Returns the bytes
+    /// sent.
     pub fn set_origin(&mut self, queue: &wgpu::Queue, origin: DVec3) -> u64 {
         let Some(table) = &mut self.table else { return 0 };
         let head = head(&table.options, origin);

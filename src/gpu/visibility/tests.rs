@@ -16,7 +16,8 @@ use crate::shading_point::ShadingPoint;
 use crate::visibility::{TABLE_HEAD, VisibilityTable};
 use crate::world::{FrameDelta, LightWorld};
 
-/// What an invocation of the shader below gets: a shading point, and the light that was seen or not.
+/// What an invocation of the shader below gets: a shading point, and the light that was seen or
+/// not.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct Input {

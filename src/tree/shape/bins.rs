@@ -2,8 +2,8 @@
 //! Where directions of emission differ, there are axes of direction besides those of position.
 //!
 //! Based on CK18 4.4. Differs: CK18 bins positions only. These are the hot loops of a build: every
-//! split bins and partitions each of its lights once. In a tree of a million lights that is about 17
-//! times for each light.
+//! split bins and partitions each of its lights once. In a tree of a million lights that is about
+//! 17 times for each light.
 
 use std::array;
 use std::mem::swap;
@@ -24,8 +24,8 @@ pub(super) const MIN_EXTENT: f32 = 1.0e-30;
 /// An axis of direction is not cut if its extent is less than this share of the longest one.
 const MIN_DIRECTION_SHARE: f32 = 0.1;
 
-/// The most that is added to the factor on the cost of a cut by direction, in a group that is large in
-/// its tree. Without it, beams in all directions from all places of a hall are first divided by
+/// The most that is added to the factor on the cost of a cut by direction, in a group that is large
+/// in its tree. Without it, beams in all directions from all places of a hall are first divided by
 /// direction, which nearly doubles the noise (docs/decisions.md, 41).
 const MAX_DIRECTION_PENALTY: f32 = 1.0;
 

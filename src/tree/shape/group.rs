@@ -11,12 +11,12 @@ use crate::tree::cost::{build_cost, size};
 /// least flux (1e-18 lm) stays a normal number.
 const FLUX_UNIT: f32 = 1.0 / (1 << 30) as f32;
 
-/// Directions are not cut if they differ by less than this along every axis, in units of the sphere's
-/// radius.
+/// Directions are not cut if they differ by less than this along every axis, in units of the
+/// sphere's radius.
 const MIN_DIRECTION_EXTENT: f32 = 0.2;
 
-/// Added to the size of each part where directions differ, as a share of the squared diagonal of the
-/// group that is split. Where the lights lie close together, their directions then decide.
+/// Added to the size of each part where directions differ, as a share of the squared diagonal of
+/// the group that is split. Where the lights lie close together, their directions then decide.
 const MIN_SIZE: f32 = 0.03 * 0.03;
 
 /// Lights that one thread sums in a row. Sums over more lights are sums of such runs, in order,

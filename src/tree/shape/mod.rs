@@ -34,8 +34,8 @@ const PARALLEL_ITEMS: usize = 4096;
 /// 1e-9 m to 1e9 m they make 16.
 const MAX_COST_DEPTH: u32 = 32;
 
-/// Groups with a smaller share of the diagonal of their node are tiny. A node stores mean positions to
-/// 1/65,025 of its extent.
+/// Groups with a smaller share of the diagonal of their node are tiny. A node stores mean positions
+/// to 1/65,025 of its extent.
 const TINY_SHARE: f32 = 1.0e-3;
 
 /// One node of a shape. Nodes are stored depth first: a parent before its children, and every

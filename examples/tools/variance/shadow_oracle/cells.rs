@@ -9,7 +9,8 @@ use girandole::glam::{IVec3, Vec3};
 
 /// The number of other surfaces of a cell that are looked for.
 pub const NEIGHBOURS: usize = 16;
-/// Camera rays per cell, at most. Few rays meet a cell on a surface that is seen at a grazing angle.
+/// Camera rays per cell, at most. Few rays meet a cell on a surface that is seen at a grazing
+/// angle.
 const TRIES: usize = 4_000;
 
 /// A cube of the world and one of six sides.

@@ -52,8 +52,8 @@ impl Clusters {
     /// At most `count` clusters by position: weighted k-means (Lloyd 1982), which starts from
     /// k-means++ (Arthur and Vassilvitskii 2007).
     ///
-    /// `weights` say how much each light matters. Lights of weight 0 join the nearest cluster. There
-    /// are fewer clusters if fewer places have a weight. O(lights · `count`).
+    /// `weights` say how much each light matters. Lights of weight 0 join the nearest cluster.
+    /// There are fewer clusters if fewer places have a weight. O(lights · `count`).
     pub fn by_position(lights: &[Light], weights: &[f64], count: usize) -> Self {
         let places: Vec<Vec3> = lights.iter().map(middle).collect();
         let mut middles = first_middles(&places, weights, count);
@@ -109,8 +109,8 @@ fn middle(light: &Light) -> Vec3 {
     }
 }
 
-/// Chooses places at random: the first by weight, the others by weight times the squared distance to
-/// those chosen before.
+/// Chooses places at random: the first by weight, the others by weight times the squared distance
+/// to those chosen before.
 fn first_middles(places: &[Vec3], weights: &[f64], count: usize) -> Vec<Vec3> {
     let mut rng = Rng::new(SEED, count as u64);
     let mut chances = weights.to_vec();

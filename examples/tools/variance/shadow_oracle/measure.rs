@@ -55,8 +55,8 @@ pub struct Measured {
 
 /// Measures a scene at `count` surfaces that some light reaches.
 ///
-/// Traces a shadow ray for each contributing light at 49 surfaces per shading point, and keeps eight
-/// bytes for each pair of a light and a shading point.
+/// Traces a shadow ray for each contributing light at 49 surfaces per shading point, and keeps
+/// eight bytes for each pair of a light and a shading point.
 pub fn measure(place: &Place, count: usize) -> Result<Measured, SceneError> {
     let sampler = place.world.sampler();
     let ids: Vec<LightId> = sampler.all_lights().collect();

@@ -2,9 +2,9 @@
 //! with shadows, for the library and for oracles whose probabilities account for visibility.
 //!
 //! An oracle multiplies the library's probability of each light by a visibility: that of the light,
-//! of a cluster of lights at the shading point, or of a cluster in a cell of the world. The last one
-//! is what a table hashed by cell, side and cluster could learn at best. No oracle is part of the
-//! library.
+//! of a cluster of lights at the shading point, or of a cluster in a cell of the world. The last
+//! one is what a table hashed by cell, side and cluster could learn at best. No oracle is part of
+//! the library.
 //!
 //! Read the files in the order of the list below, in which data passes through them. They refer to
 //! `crate::city`, `crate::common`, `crate::direct_light` and `crate::measuring`.

@@ -266,7 +266,8 @@ mod tests {
         let most = count(ceiling([5, 7], glow)) + 8 * desk + 3 * track + fixed;
         assert!(fewest >= 20 && most <= 60, "{fewest} to {most}");
         assert!(!scene.materials.is_empty());
-        // Three cuboids of 12 triangles make a wall with a door: 10 to the corridor, 8 between rooms.
+        // Three cuboids of 12 triangles make a wall with a door: 10 to the corridor, 8 between
+        // rooms.
         let solid = 2 + 2 + 2;
         assert_eq!(scene.meshes[0].triangles.len(), 12 * (solid + 3 * (10 + 8)));
     }
