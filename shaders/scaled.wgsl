@@ -16,9 +16,9 @@ fn light_area_shares(area_ratios: u32) -> vec4<f32> {
 }
 // #endif
 
-// Turns sums of the tree's space into those of the world. `packed` holds the same four children,
-// and the other arguments are as in `light_unpack`. What proves darkness stays in the tree's space:
-// it must be tested before.
+// Converts the lengths, cosines and fluxes of four children from tree space to the world. `packed`
+// holds the same four children, and the other arguments are as in `light_unpack`. Bounds hold in
+// tree space only: test for darkness before this call.
 fn light_four_into_world(
     four: ptr<function, LightFour>, packed: LightPackedFour, instance_slot: u32, origin: vec3<f32>,
     half_step: vec3<f32>, local_normal: vec3<f32>,

@@ -16,8 +16,8 @@ use glam::{Mat3, Vec3};
 /// luminances of its colours. They need not be exact: they change which lights are probable, and
 /// every light above the horizon keeps a probability above 0.
 ///
-/// A surface counts as matte where the gloss describes no highlight: where `view` has no length,
-/// where a number is not finite, and where `specular` is 0 or less.
+/// A surface counts as matte if the length of `view` is out of range, if a number is not finite, or
+/// if `specular` is 0 or less.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gloss {
     /// The direction to the viewer, in the space of the shading point, with a length from 1e-15 to

@@ -101,11 +101,11 @@ impl Default for VisibilityOptions {
 
 /// What shadow rays have taught about the visibility of lights, by place.
 ///
-/// Samplers that are made [`with_visibility`](crate::LightSampler::with_visibility) choose lights
-/// that were seen from the neighbourhood of a shading point more often, and lights that were not
-/// seen down to a tenth as often. No light loses its probability, so estimates stay unbiased
-/// whatever the table holds. Probabilities are exact, because a table does not change while a
-/// sampler borrows it.
+/// A sampler that is made [`with_visibility`](crate::LightSampler::with_visibility) multiplies the
+/// weight of a group of lights by the share of its shadow rays from the same cell that were not
+/// blocked, or by a tenth if that is more. No light loses its probability, so estimates stay
+/// unbiased whatever the table holds. Probabilities are exact, because a table does not change
+/// while a sampler borrows it.
 ///
 /// Use it where walls hide most lights, as in houses; in streets it gains little
 /// (docs/benchmarks.md).
