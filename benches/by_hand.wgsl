@@ -245,8 +245,8 @@ fn estimate_four(
     let doubt = select(spread * nearer, vec4(0.0), is_light);
     let along = n.x * x + n.y * y + n.z * z;
     let across_sq = (n.x * half_x) * (n.x * half_x) + (n.y * half_y) * (n.y * half_y) + (n.z * half_z) * (n.z * half_z);
-    let across_variance = min(3.0 * (deviation * deviation) * across_sq, variance);
-    let width_sq = LIGHT_COSINE_WIDTH_SQ * across_variance * (1.0 - spread);
+    let normal_variance = min(3.0 * (deviation * deviation) * across_sq, variance);
+    let width_sq = LIGHT_COSINE_WIDTH_SQ * normal_variance * (1.0 - spread);
     let rounded = 0.5 * (along + sqrt(along * along + width_sq));
     let steep = abs(n);
     let highest = (n.x * center_x + steep.x * half_x)

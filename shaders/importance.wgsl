@@ -189,7 +189,7 @@ fn light_estimate(four: LightFour, is_light: vec4<bool>, local: LightLocalShadin
     var doubt = select(spread * nearer, vec4(0.0), is_light);
     let nearness = 1.0 + LIGHT_NEAR_GAIN * doubt;
 
-    let width_sq = LIGHT_COSINE_WIDTH_SQ * four.across_variance * (1.0 - spread);
+    let width_sq = LIGHT_COSINE_WIDTH_SQ * four.normal_variance * (1.0 - spread);
     let rounded = 0.5 * (four.along + sqrt(four.along * four.along + width_sq));
     let limited = min(rounded, max(four.along, vec4(0.0)) + LIGHT_HORIZON_SHARE * four.highest);
     let cosine = select(dist, max(limited, LIGHT_MIN_COSINE * dist), local.has_normal);

@@ -39,7 +39,7 @@ struct LightFour {
     // The part of the variance that lies along the normal, times 3; at most the variance.
     // `light_add_axis` sums up half the extent along the normal, squared, which `light_unpack`
     // scales.
-    across_variance: vec4<f32>,
+    normal_variance: vec4<f32>,
     flux: vec4<f32>,
     // #if CONES
     // The part of the mean position along the axis of emission.
@@ -143,7 +143,7 @@ fn light_add_axis(
     (*four).highest += normal * center + abs(normal) * half_size;
     (*four).gap_sq += outside * outside;
     (*four).radius_sq += half_size * half_size;
-    (*four).across_variance += (normal * half_size) * (normal * half_size);
+    (*four).normal_variance += (normal * half_size) * (normal * half_size);
     // #if CONES
     (*four).facing += axis * toward;
     (*four).center_sq += center * center;
@@ -169,7 +169,7 @@ fn light_unpack(
     light_add_axis(&four, z, axis[2], origin.z, half_step.z, normal.z, margin);
     let deviation = light_bytes(packed.deviation) * (1.0 / LIGHT_STEPS);
     four.variance = deviation * deviation * four.radius_sq;
-    four.across_variance = min(3.0 * (deviation * deviation) * four.across_variance, four.variance);
+    four.normal_variance = min(3.0 * (deviation * deviation) * four.normal_variance, four.variance);
     four.flux = light_halves(packed.flux);
     // #if CONES
     let shortness = light_bytes(packed.shortness) * (1.0 / LIGHT_STEPS);

@@ -65,7 +65,8 @@ fn light_four_into_world(
     (*four).flux = min(((*four).flux - area) + area * (volume * area_factor), vec4(LIGHT_MAX_FLUX));
     // #endif
 
-    // The length along the normal per metre of the tree's space.
+    // The distance in the world between two planes that are parallel to the surface and one metre
+    // apart in the tree's space.
     var normal_scale = 1.0;
     if any(local_normal != vec3(0.0)) {
         normal_scale = 1.0 / length(light_transposed(to_local, local_normal));
@@ -79,7 +80,7 @@ fn light_four_into_world(
         + light_half_sq(packed.low.y, packed.high.y, half_step.y) * column_sq.y
         + light_half_sq(packed.low.z, packed.high.z, half_step.z) * column_sq.z
     );
-    (*four).across_variance = min(normal_scale * normal_scale * (*four).across_variance, (*four).variance);
+    (*four).normal_variance = min(normal_scale * normal_scale * (*four).normal_variance, (*four).variance);
 }
 
 // Half the sizes of four boxes along one axis, squared.

@@ -23,13 +23,13 @@ pub struct Gloss {
     /// The direction to the viewer, in the space of the shading point, with a length from 1e-15 to
     /// 1e18. A view below the horizon counts as grazing.
     pub view: Vec3,
-    /// Perceptual roughness, whose square is the α of GGX. It is clamped to 0.032 (nearly a mirror)
-    /// and 1.
+    /// Perceptual roughness, whose square is the α of GGX. It is clamped to the range from 0.032
+    /// (nearly a mirror) to 1.
     pub roughness: f32,
     /// Specular reflectance at normal incidence: 0.04 for most materials, more for metals. It rises
-    /// toward grazing angles by Schlick's formula. It is clamped to 1.
+    /// toward grazing angles by Schlick's formula. Values above 1 count as 1.
     pub specular: f32,
-    /// Diffuse reflectance, which is 0 for metals. It is clamped to 0 and 1.
+    /// Diffuse reflectance, which is 0 for metals. It is clamped to the range from 0 to 1.
     pub diffuse: f32,
 }
 
@@ -54,11 +54,11 @@ pub(crate) const MIN_GLOSS: f32 = 0.02;
 /// A gloss in the space of a tree.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LocalGloss {
-    /// Give the coordinates of a vector of the tree's space along two tangents of the world: one in
-    /// the plane of the view and the normal, and one across. Unit vectors if the tree is not
-    /// scaled.
+    /// Its dot product with a vector of the tree's space is the coordinate of that vector along a
+    /// tangent of the surface in the world: the tangent in the plane of the view and the normal. A
+    /// unit vector if the tree is not scaled or sheared.
     tangent: Vec3,
-    /// See `tangent`.
+    /// The same for the tangent across that plane.
     bitangent: Vec3,
     /// The view along the tangent and along the normal.
     view: [f32; 2],

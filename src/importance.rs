@@ -219,8 +219,8 @@ fn importances_in_world(
 /// The map from a tree's space to the world.
 struct WorldMap<'a> {
     linear: &'a Linear,
-    /// The length along the shading point's normal, in metres of the world, per metre of the tree's
-    /// space.
+    /// The distance in the world between two planes that are parallel to the surface and one metre
+    /// apart in the tree's space.
     normal_scale: f32,
 }
 
@@ -239,7 +239,7 @@ struct ClusterView {
     gap_sq: f32,
     variance: f32,
     /// The part of the variance along the normal, times 3; at most the variance.
-    across_variance: f32,
+    normal_variance: f32,
     flux: f32,
 }
 
@@ -261,7 +261,7 @@ impl ClusterView {
             facing: child.axis[0] * x + child.axis[1] * y + child.axis[2] * z,
             gap_sq,
             variance: child.variance,
-            across_variance: min(3.0 * child.deviation_sq * across_sq, child.variance),
+            normal_variance: min(3.0 * child.deviation_sq * across_sq, child.variance),
             flux: child.flux,
         }
     }
@@ -291,7 +291,7 @@ impl ClusterView {
             facing,
             gap_sq: self.gap_sq * (dist_sq / max(self.dist_sq, MIN_IMPORTANCE)),
             variance,
-            across_variance: min(normal_scale * normal_scale * self.across_variance, variance),
+            normal_variance: min(normal_scale * normal_scale * self.normal_variance, variance),
             flux: linear.flux(child.flux - area, area, axis * child.length),
         }
     }
@@ -326,7 +326,7 @@ fn estimate(
     // that faces another one, or a ceiling over a floor, has none. The hyperbola falls off too
     // slowly where the mean position is below the horizon and only a part of the box rises above
     // it.
-    let width_sq = COSINE_WIDTH_SQ * view.across_variance * (1.0 - spread);
+    let width_sq = COSINE_WIDTH_SQ * view.normal_variance * (1.0 - spread);
     let cosine = 0.5 * (view.along + (view.along * view.along + width_sq).sqrt());
     let cosine = min(cosine, max(view.along, 0.0) + HORIZON_SHARE * view.highest);
     let cosine = if has_normal { max(cosine, MIN_COSINE * dist) } else { dist };

@@ -41,6 +41,27 @@ fn teach(world: &LightWorld, table: &mut VisibilityTable, points: &[ShadingPoint
     }
 }
 
+/// Picks lights at shading points and records the same for all of them, for some frames: whether they
+/// are visible, and how often.
+fn teach_alike(
+    world: &LightWorld,
+    table: &mut VisibilityTable,
+    points: &[ShadingPoint],
+    frames: u32,
+    (is_visible, records): (bool, u32),
+    rng: &mut Rng,
+) {
+    for _ in 0..frames {
+        let sampler = world.sampler().with_visibility(table);
+        for at in points {
+            if let Some(pick) = sampler.pick(at, [rng.unit(), rng.unit()]) {
+                (0..records).for_each(|_| sampler.record_visibility(at, pick.light, is_visible));
+            }
+        }
+        table.end_frame();
+    }
+}
+
 /// A table with few large cells, so that many samples share one.
 fn table() -> VisibilityTable {
     VisibilityTable::new(VisibilityOptions::new(8.0, 4096).expect("valid"))
@@ -81,15 +102,7 @@ fn where_everything_is_visible_the_bits_stay_the_same() {
     let world = rng.world(4, 30, 5, 20.0);
     let at = points(&mut rng, 100, 20.0);
     let mut table = table();
-    for _ in 0..10 {
-        let sampler = world.sampler().with_visibility(&table);
-        for at in &at {
-            if let Some(pick) = sampler.pick(at, [rng.unit(), rng.unit()]) {
-                sampler.record_visibility(at, pick.light, true);
-            }
-        }
-        table.end_frame();
-    }
+    teach_alike(&world, &mut table, &at, 10, (true, 1), &mut rng);
     assert!(table.cell_count() > 50, "{table:?}");
     let sampler = world.sampler().with_visibility(&table);
     for at in &at {
@@ -140,16 +153,8 @@ fn every_light_that_contributes_has_a_probability_whatever_was_learnt() {
     let world = rng.world(4, 30, 5, 15.0);
     let at = points(&mut rng, 100, 15.0);
     let mut table = table();
-    for _ in 0..40 {
-        let sampler = world.sampler().with_visibility(&table);
-        for at in &at {
-            // A false witness: everything is hidden, often.
-            if let Some(pick) = sampler.pick(at, [rng.unit(), rng.unit()]) {
-                (0..20).for_each(|_| sampler.record_visibility(at, pick.light, false));
-            }
-        }
-        table.end_frame();
-    }
+    // What is recorded is wrong: everything counts as hidden, often.
+    teach_alike(&world, &mut table, &at, 40, (false, 20), &mut rng);
     let sampler = world.sampler().with_visibility(&table);
     let mut contributions = 0;
     for at in &at {
