@@ -43,7 +43,7 @@ fn light_local_to_top(shading_point: LightShadingPoint) -> LightLocalShadingPoin
     local.normal = light_normalize_or_zero(shading_point.normal);
     local.has_normal = any(local.normal != vec3(0.0));
     local.margin = LIGHT_POSITION_MARGIN;
-    local.light_bit = 0u;
+    local.light_bit = LIGHT_SINGLE;
     // #if GLOSSY
     local.gloss = shading_point.gloss;
     // #endif
@@ -200,9 +200,10 @@ fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_poi
         let slot = (*cut).doubtful_slots[entry];
         let bits = light_target(instance == LIGHT_NO_INSTANCE, (*cut).nodes[entry], slot);
         if (bits & LIGHT_LEAF) != 0u {
-            // Leaves of bottom-level trees are never split.
-            instance = bits & ~LIGHT_LEAF;
-            index = light_node_base(instance);
+            // Single lights are never split.
+            let part = light_part(bits);
+            instance = part.slot;
+            index = light_node_base(instance) + part.target_bits;
         } else if instance == LIGHT_NO_INSTANCE {
             index = bits;
         } else {

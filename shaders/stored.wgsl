@@ -116,7 +116,7 @@ fn light_place(index: u32) -> u32 {
     return light_records[index * light_params.light_stride + 1u].w;
 }
 
-// The instance in a slot, without its place in the top level.
+// The instance in a slot, without its first part.
 fn light_instance(slot: u32) -> LightInstance {
     let at = slot * light_params.instance_stride;
     let words = light_instances[at + LIGHT_INSTANCE_TREE];
@@ -128,8 +128,8 @@ fn light_instance(slot: u32) -> LightInstance {
     instance.light_base = words.w;
     // #if NON_RIGID
     // #if CONES
-    instance.cos_turn = bitcast<f32>(light_instances[at + LIGHT_INSTANCE_PLACE].y);
-    instance.sin_turn = bitcast<f32>(light_instances[at + LIGHT_INSTANCE_PLACE].z);
+    instance.cos_turn = bitcast<f32>(light_instances[at + LIGHT_INSTANCE_PART].y);
+    instance.sin_turn = bitcast<f32>(light_instances[at + LIGHT_INSTANCE_PART].z);
     // #endif
     instance.to_local = light_rigid_to_local(instance.to_world);
     if light_params.instance_stride > LIGHT_RIGID_STRIDE {
@@ -151,7 +151,23 @@ fn light_light_base(slot: u32) -> u32 {
     return light_instances[slot * light_params.instance_stride + LIGHT_INSTANCE_TREE].w;
 }
 
-// The place of an instance's leaf in the top level.
-fn light_top_place(slot: u32) -> u32 {
-    return light_instances[slot * light_params.instance_stride + LIGHT_INSTANCE_PLACE].x;
+// The part that a leaf of the top level is; `bits` are its target.
+fn light_part(bits: u32) -> LightPart {
+    if (bits & LIGHT_PART) == 0u {
+        return LightPart(bits & LIGHT_PART_BITS, 0u, 0u, 0u);
+    }
+    let words = light_top[light_params.parts + (bits & LIGHT_PART_BITS)];
+    return LightPart(words.x, words.y, words.z, words.w);
+}
+
+// The place in the top level of the leaf that is a part of an instance; `index` counts the parts of
+// the instance.
+fn light_part_place(slot: u32, index: u32) -> u32 {
+    let first = light_instances[slot * light_params.instance_stride + LIGHT_INSTANCE_PART].x;
+    return light_top[light_params.parts + first + index].z;
+}
+
+// Whether a walk up an instance's tree goes on in the top level. `place` is where it has arrived.
+fn light_leaves_tree(flags: u32, place: u32) -> bool {
+    return place == LIGHT_NO_PARENT || ((flags & LIGHT_DIVIDED) != 0u && place < LIGHT_WIDTH);
 }

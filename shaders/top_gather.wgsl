@@ -1,5 +1,5 @@
-// Finds the units of a round: the instances in the order of the curve, or the units that the last
-// round has left. Binds nothing; reads the variables `units`, `slots` and `bounds` of the stage,
+// Finds the units of a round: the parts in the order of the curve, or the units that the last
+// round has left. Binds nothing; reads the variables `units`, `order` and `bounds` of the stage,
 // and uses `split_order` of top_split.wgsl as scratch memory.
 
 var<workgroup> gather_total: u32;
@@ -43,7 +43,7 @@ fn gather_count(lane: u32) -> u32 {
 // The unit at an index among all units of the round.
 fn gather_unit(index: u32) -> u32 {
     if top_pass.units_before == TOP_FIRST_ROUND {
-        return slots[index];
+        return order[index];
     }
     // The last share that begins at or before the index.
     var low = 0u;
@@ -65,7 +65,7 @@ fn gather_unit(index: u32) -> u32 {
     return units[top_pass.units_before + top_pass.pieces_before + piece * TOP_MAX_GROUPS + rest];
 }
 
-// The target of a child that is this unit.
+// The target of a child that is this unit. Of a part it is its number until node_pack replaces it.
 fn gather_target(unit: u32) -> u32 {
     if unit < top_pass.capacity {
         return LIGHT_LEAF | unit;

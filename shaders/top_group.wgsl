@@ -3,11 +3,11 @@
 // stays a unit. Twin of `grouped` in src/top/mod.rs. One workgroup for each piece.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
-@group(0) @binding(3) var<storage, read_write> clusters: array<LightCluster>;
-@group(0) @binding(4) var<storage, read_write> bounds: array<u32, 8>;
-@group(0) @binding(6) var<storage, read_write> slots: array<u32>;
-@group(0) @binding(7) var<storage, read_write> nodes: array<u32>;
-@group(0) @binding(8) var<storage, read_write> units: array<u32>;
+@group(0) @binding(1) var<storage, read_write> clusters: array<LightCluster>;
+@group(0) @binding(2) var<storage, read_write> bounds: array<u32, 8>;
+@group(0) @binding(3) var<storage, read_write> nodes: array<u32>;
+@group(0) @binding(5) var<storage, read_write> order: array<u32>;
+@group(0) @binding(6) var<storage, read_write> units: array<u32>;
 
 // Rounds need no record of their splits.
 fn split_record(lane: u32, parts: u32) {

@@ -1,22 +1,22 @@
-// Top level, stage 2: the place of each instance that shines on a curve through space, as its key
-// for the sort. One invocation for each slot.
+// Top level, stage 2: the place of each part that shines on a curve through space, as its key for
+// the sort. One invocation for each part.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
-@group(0) @binding(3) var<storage, read_write> clusters: array<LightCluster>;
-@group(0) @binding(4) var<storage, read_write> bounds: array<u32, 8>;
-@group(0) @binding(5) var<storage, read_write> keys: array<u32>;
-@group(0) @binding(6) var<storage, read_write> slots: array<u32>;
+@group(0) @binding(1) var<storage, read_write> clusters: array<LightCluster>;
+@group(0) @binding(2) var<storage, read_write> bounds: array<u32, 8>;
+@group(0) @binding(4) var<storage, read_write> keys: array<u32>;
+@group(0) @binding(5) var<storage, read_write> order: array<u32>;
 
 @compute @workgroup_size(TOP_LANES)
 fn top_keys(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let slot = top_index(id, groups);
-    if slot >= top_pass.slots {
+    let part = top_index(id, groups);
+    if part >= top_pass.count {
         return;
     }
     var key = TOP_NO_KEY;
-    if clusters[slot].flux > 0.0 {
-        key = curve_key_of(clusters[slot].mean);
+    if clusters[part].flux > 0.0 {
+        key = curve_key_of(clusters[part].mean);
     }
-    keys[slot] = key;
-    slots[slot] = slot;
+    keys[part] = key;
+    order[part] = part;
 }

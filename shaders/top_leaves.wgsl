@@ -1,15 +1,19 @@
-// Top level, stage 1: the cluster of each instance, and the bounds of the means of these clusters.
-// Twin of `LightWorld::cluster`. One invocation for each slot.
+// Top level, stage 1: the cluster of each part of an instance, and the bounds of the means of these
+// clusters. Twin of `LightWorld::parts`. One invocation for each part.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
-@group(0) @binding(1) var<storage, read_write> instances: array<vec4<u32>>;
-@group(0) @binding(2) var<storage, read> trees: array<LightTree>;
-@group(0) @binding(3) var<storage, read_write> clusters: array<LightCluster>;
+@group(0) @binding(1) var<storage, read_write> clusters: array<LightCluster>;
 // The maxima of the `top_ordered` coordinates, the maxima of their complements, and the number of
-// instances that shine. The buffer is cleared before the stage.
-@group(0) @binding(4) var<storage, read_write> bounds: array<atomic<u32>, 8>;
+// parts that shine. The buffer is cleared before the stage.
+@group(0) @binding(2) var<storage, read_write> bounds: array<atomic<u32>, 8>;
+@group(0) @binding(3) var<storage, read_write> nodes: array<u32>;
+// For each part the slot of its instance, or LIGHT_NO_INSTANCE, and its index among the parts of
+// that instance.
+@group(0) @binding(4) var<storage, read> parts: array<vec2<u32>>;
+@group(0) @binding(5) var<storage, read> instances: array<vec4<u32>>;
+@group(0) @binding(6) var<storage, read> trees: array<LightTree>;
 
-// The same for this workgroup. Maxima and sums do not depend on the order of the invocations.
+// The bounds for this workgroup. Maxima and sums do not depend on the order of the invocations.
 var<workgroup> group_bounds: array<atomic<u32>, 8>;
 
 // Reads an instance as light_instance in stored.wgsl does.
@@ -19,8 +23,8 @@ fn instance_of(slot: u32) -> LightInstance {
     instance.to_world = light_rows(instances[at], instances[at + 1u], instances[at + 2u]);
     instance.flags = instances[at + LIGHT_INSTANCE_TREE].x;
     instance.tree = instances[at + LIGHT_INSTANCE_TREE].y;
-    instance.cos_turn = bitcast<f32>(instances[at + LIGHT_INSTANCE_PLACE].y);
-    instance.sin_turn = bitcast<f32>(instances[at + LIGHT_INSTANCE_PLACE].z);
+    instance.cos_turn = bitcast<f32>(instances[at + LIGHT_INSTANCE_PART].y);
+    instance.sin_turn = bitcast<f32>(instances[at + LIGHT_INSTANCE_PART].z);
     instance.to_local = light_rigid_to_local(instance.to_world);
     if top_pass.instance_stride > LIGHT_RIGID_STRIDE {
         let local = at + LIGHT_RIGID_STRIDE;
@@ -29,19 +33,27 @@ fn instance_of(slot: u32) -> LightInstance {
     return instance;
 }
 
-// The cluster of the instance in a slot; empty if there is none or if it is dark.
-fn leaf_of(slot: u32) -> LightCluster {
-    let instance = instance_of(slot);
+// The cluster of a part; empty if it is not in use or dark. Stores where a walk goes on below it.
+fn leaf_of(index: u32) -> LightCluster {
+    let part = parts[index];
+    if part.x == LIGHT_NO_INSTANCE {
+        return CLUSTER_EMPTY;
+    }
+    let instance = instance_of(part.x);
     if (instance.flags & LIGHT_LIVE) == 0u {
         return CLUSTER_EMPTY;
     }
-    let tree = trees[instance.tree];
-    if tree.root.flux <= 0.0 {
+    let tree = trees[instance.tree + part.y];
+    nodes[top_part(index)] = part.x;
+    nodes[top_part(index) + 1u] = tree.target_bits;
+    // A dark part has no leaf.
+    nodes[top_part(index) + 2u] = LIGHT_NO_PARENT;
+    if tree.cluster.flux <= 0.0 {
         return CLUSTER_EMPTY;
     }
     let map = linear_of(instance);
-    let flux = max(linear_flux(map, tree.punctual_flux, tree.area_flux, tree.root.axis), LIGHT_MIN_FLUX);
-    return cluster_transformed(tree.root, map, flux);
+    let flux = max(linear_flux(map, tree.punctual_flux, tree.area_flux, tree.cluster.axis), LIGHT_MIN_FLUX);
+    return cluster_transformed(tree.cluster, map, flux);
 }
 
 @compute @workgroup_size(TOP_LANES)
@@ -50,10 +62,10 @@ fn top_leaves(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let slot = top_index(id, groups);
-    if slot < top_pass.slots {
-        let leaf = leaf_of(slot);
-        clusters[slot] = leaf;
+    let part = top_index(id, groups);
+    if part < top_pass.count {
+        let leaf = leaf_of(part);
+        clusters[part] = leaf;
         if leaf.flux > 0.0 {
             atomicAdd(&group_bounds[6], 1u);
             for (var axis = 0u; axis < 3u; axis++) {

@@ -2,10 +2,9 @@
 // written. Twin of `TopLevel::add`. One invocation for each node.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
-@group(0) @binding(1) var<storage, read_write> instances: array<vec4<u32>>;
-@group(0) @binding(3) var<storage, read_write> clusters: array<LightCluster>;
-@group(0) @binding(7) var<storage, read_write> nodes: array<u32>;
-@group(0) @binding(8) var<storage, read_write> units: array<u32>;
+@group(0) @binding(1) var<storage, read_write> clusters: array<LightCluster>;
+@group(0) @binding(3) var<storage, read_write> nodes: array<u32>;
+@group(0) @binding(6) var<storage, read_write> units: array<u32>;
 
 @compute @workgroup_size(TOP_LANES)
 fn top_node(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {

@@ -1,5 +1,5 @@
-// Packs a node of the top level. Binds nothing; uses the variables `top_pass`, `clusters`, `nodes`
-// and `instances` of the stage.
+// Packs a node of the top level. Binds nothing; uses the variables `top_pass`, `clusters` and
+// `nodes` of the stage.
 
 // The cluster of a child.
 fn node_child(target_bits: u32) -> LightCluster {
@@ -12,24 +12,20 @@ fn node_child(target_bits: u32) -> LightCluster {
     return clusters[top_pass.capacity + target_bits];
 }
 
+// The target of the leaf that is a part. Twin of `Part::leaf`.
+fn node_leaf(part: u32) -> u32 {
+    let below = nodes[top_part(part) + 1u];
+    if below == 0u {
+        return LIGHT_LEAF | nodes[top_part(part)];
+    }
+    return LIGHT_LEAF | LIGHT_PART | select(0u, LIGHT_SINGLE, (below & LIGHT_LEAF) != 0u) | part;
+}
+
 // Packs a node from the clusters of the children that its targets name, and writes into each child
 // where its parent is.
 fn node_pack(node: u32) {
     let stored = node_layout();
     let at = 4u * (node * stored.stride + LIGHT_NODE_TARGETS);
-    for (var slot = 0u; slot < LIGHT_WIDTH; slot++) {
-        let bits = nodes[at + slot];
-        let place = node * LIGHT_WIDTH + slot;
-        if bits == LIGHT_EMPTY_SLOT {
-            continue;
-        }
-        if (bits & LIGHT_LEAF) != 0u {
-            let instance = (bits & ~LIGHT_LEAF) * top_pass.instance_stride + LIGHT_INSTANCE_PLACE;
-            instances[instance].x = place;
-        } else {
-            nodes[4u * (bits * stored.stride + LIGHT_NODE_TAIL)] = place;
-        }
-    }
     let eight = ClusterEight(
         cluster_four(
             node_child(nodes[at]),
@@ -47,4 +43,18 @@ fn node_pack(node: u32) {
     let merged = cluster_merged(eight);
     node_store(stored, node, node_packed(eight, merged), LIGHT_NO_PARENT);
     clusters[top_pass.capacity + node] = merged;
+    for (var slot = 0u; slot < LIGHT_WIDTH; slot++) {
+        let bits = nodes[at + slot];
+        let place = node * LIGHT_WIDTH + slot;
+        if bits == LIGHT_EMPTY_SLOT {
+            continue;
+        }
+        if (bits & LIGHT_LEAF) != 0u {
+            let part = bits & ~LIGHT_LEAF;
+            nodes[top_part(part) + 2u] = place;
+            nodes[at + slot] = node_leaf(part);
+        } else {
+            nodes[4u * (bits * stored.stride + LIGHT_NODE_TAIL)] = place;
+        }
+    }
 }

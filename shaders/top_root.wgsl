@@ -2,10 +2,9 @@
 // its barriers keep the order. Twin of `TopLevel::add_part`.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
-@group(0) @binding(1) var<storage, read_write> instances: array<vec4<u32>>;
-@group(0) @binding(3) var<storage, read_write> clusters: array<LightCluster>;
-@group(0) @binding(7) var<storage, read_write> nodes: array<u32>;
-@group(0) @binding(8) var<storage, read_write> units: array<u32>;
+@group(0) @binding(1) var<storage, read_write> clusters: array<LightCluster>;
+@group(0) @binding(3) var<storage, read_write> nodes: array<u32>;
+@group(0) @binding(6) var<storage, read_write> units: array<u32>;
 
 var<workgroup> root_deepest: atomic<u32>;
 var<workgroup> root_depth: u32;

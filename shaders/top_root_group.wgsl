@@ -3,12 +3,12 @@
 // Twin of `TopLevel::add_root`. One workgroup.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
-@group(0) @binding(3) var<storage, read_write> clusters: array<LightCluster>;
-@group(0) @binding(4) var<storage, read_write> bounds: array<u32, 8>;
-@group(0) @binding(6) var<storage, read_write> slots: array<u32>;
-@group(0) @binding(7) var<storage, read_write> nodes: array<u32>;
+@group(0) @binding(1) var<storage, read_write> clusters: array<LightCluster>;
+@group(0) @binding(2) var<storage, read_write> bounds: array<u32, 8>;
+@group(0) @binding(3) var<storage, read_write> nodes: array<u32>;
+@group(0) @binding(5) var<storage, read_write> order: array<u32>;
 // From `units_after` on: for each part the depth of its node, 1 for the root; 0 if it has no node.
-@group(0) @binding(8) var<storage, read_write> units: array<u32>;
+@group(0) @binding(6) var<storage, read_write> units: array<u32>;
 
 // For each part: first | count << 9 | half << 18. `half` is the first of its two halves, and the
 // other half is the part after that; it is 0 if the part was not split.

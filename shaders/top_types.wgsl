@@ -1,18 +1,20 @@
 // What the stages of the top-level build share. Binds nothing.
 
-// One round of the build. A unit is an instance or a node that has no parent yet. The number of a
-// unit is the slot of the instance if it is below `capacity`, and otherwise `capacity` plus the
+// One round of the build. A unit is a part of an instance or a node that has no parent yet. The
+// number of a unit is that of the part if it is below `capacity`, and otherwise `capacity` plus the
 // node's index. Twin of `TopPass` in src/gpu/top/plan.rs; the test
 // `the_stages_are_valid_and_have_the_sizes_that_the_host_expects` compares them.
 struct TopPass {
-    // The number of instance slots.
-    slots: u32,
-    // The number of slots that there is room for. The clusters of the nodes come after the clusters
-    // of that many instances.
+    // The number of parts, in use or not.
+    count: u32,
+    // The number of parts that there is room for. The clusters of the nodes come after the clusters
+    // of that many parts.
     capacity: u32,
+    // Where the parts begin in the buffer of the nodes, in units of 16 bytes.
+    parts: u32,
     // The place in `units` of what the last round has left, and how many pieces it had.
-    // `units_before` is TOP_FIRST_ROUND in the first round, whose units are the instances in the
-    // order of the sort.
+    // `units_before` is TOP_FIRST_ROUND in the first round, whose units are the parts in the order
+    // of the sort.
     units_before: u32,
     pieces_before: u32,
     // The place in `units` of what this round leaves: the number of units of each piece, then
@@ -27,6 +29,11 @@ struct TopPass {
     node_range: u32,
     light_stride: u32,
     instance_stride: u32,
+}
+
+// The first word of a part in the buffer of the nodes: see LightPart.
+fn top_part(index: u32) -> u32 {
+    return 4u * (top_pass.parts + index);
 }
 
 // The index of an invocation in a dispatch of one or two dimensions.

@@ -61,12 +61,12 @@ struct LightInstance {
     // The rows of the matrix; the fourth column is the translation.
     to_world: array<vec4<f32>, 3>,
     flags: u32,
-    // The slot of the instance's tree, and the tree's first node and first light in their buffers.
+    // The first record, node and light of the instance's tree in their buffers.
     tree: u32,
     node_base: u32,
     light_base: u32,
-    // The place of the instance's leaf in the top level; the top-level build writes it.
-    top_place: u32,
+    // The first of the instance's parts: its tree, or the sides of its tree.
+    first_part: u32,
     // Cosine and sine of the angle by which the placement may turn one direction against another.
     cos_turn: f32,
     sin_turn: f32,
@@ -78,12 +78,26 @@ struct LightInstance {
     // #endif
 }
 
-// What the top-level build reads of a tree. Twin of `TreeRecord`.
+// What the top-level build reads of a tree, or of one side of it. Twin of `TreeRecord`.
 struct LightTree {
-    root: LightCluster,
+    cluster: LightCluster,
     punctual_flux: f32,
     area_flux: f32,
-    padding: vec2<f32>,
+    // As in LightPart.
+    target_bits: u32,
+    padding: u32,
+}
+
+// A part of an instance, which is a leaf of the top level. The parts come after the nodes of the
+// top level; its build writes them.
+struct LightPart {
+    // The slot of the instance.
+    slot: u32,
+    // Where a walk goes on in the instance's tree: a node, or LIGHT_LEAF with a light.
+    target_bits: u32,
+    // The place of the part's leaf: node * LIGHT_WIDTH + slot.
+    place: u32,
+    padding: u32,
 }
 
 // The parameters of sampling. Twin of `ParamsRecord`.
@@ -105,6 +119,7 @@ struct LightParams {
     instance_stride: u32,
     // 1 if large and near surfaces are sampled by solid angle.
     solid_angles: u32,
-    padding_a: u32,
-    padding_b: u32,
+    // The offset of the parts in the buffer of the top level.
+    parts: u32,
+    padding: u32,
 }

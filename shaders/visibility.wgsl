@@ -187,6 +187,15 @@ fn light_record_visibility(shading_point: LightShadingPoint, chosen: LightSample
     var place = light_place(placed.light_base + chosen.light);
     var last = LIGHT_BINS;
     loop {
+        if instance != LIGHT_NO_INSTANCE && light_leaves_tree(placed.flags, place) {
+            place = light_part_place(instance, select(place, 0u, place == LIGHT_NO_PARENT));
+            instance = LIGHT_NO_INSTANCE;
+            base = 0u;
+            position = shading_point.position;
+        }
+        if instance == LIGHT_NO_INSTANCE && place == LIGHT_NO_PARENT {
+            break;
+        }
         let node = light_node(instance == LIGHT_NO_INSTANCE, base + place / LIGHT_WIDTH);
         let bin = light_child_bin(node, instance, position, cell.from_center, place % LIGHT_WIDTH);
         if bin != last {
@@ -194,14 +203,5 @@ fn light_record_visibility(shading_point: LightShadingPoint, chosen: LightSample
         }
         last = bin;
         place = node.tail.x;
-        if place == LIGHT_NO_PARENT {
-            if instance == LIGHT_NO_INSTANCE {
-                break;
-            }
-            place = light_top_place(chosen.instance);
-            instance = LIGHT_NO_INSTANCE;
-            base = 0u;
-            position = shading_point.position;
-        }
     }
 }

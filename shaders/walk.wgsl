@@ -37,18 +37,19 @@ fn light_descend(
     }
     var local = light_local_to(instance, shading_point);
     loop {
-        let bits = light_target(instance == LIGHT_NO_INSTANCE, index, slot);
-        if (bits & LIGHT_LEAF) == 0u {
-            index = base + bits;
-        } else if instance == LIGHT_NO_INSTANCE {
-            instance = bits & ~LIGHT_LEAF;
+        var bits = light_target(instance == LIGHT_NO_INSTANCE, index, slot);
+        if instance == LIGHT_NO_INSTANCE && (bits & LIGHT_LEAF) != 0u {
+            let part = light_part(bits);
+            instance = part.slot;
+            bits = part.target_bits;
             base = light_node_base(instance);
             local = light_local_to_tree(instance, shading_point);
-            index = base;
-        } else {
+        }
+        if (bits & LIGHT_LEAF) != 0u {
             pick = LightPick(instance, bits & ~LIGHT_LEAF, pmf);
             break;
         }
+        index = base + bits;
         let in_top = instance == LIGHT_NO_INSTANCE;
         let weights = light_child_weights(light_node(in_top, index), local);
         let total = light_sum(weights);
@@ -77,7 +78,8 @@ fn light_climb(
 ) -> f32 {
     var instance = slot_of_instance;
     // A slot without an instance, or with one that is hidden by a scale of zero.
-    if (light_instance(instance).flags & LIGHT_LIVE) == 0u {
+    let flags = light_instance(instance).flags;
+    if (flags & LIGHT_LIVE) == 0u {
         return 0.0;
     }
     var base = light_node_base(instance);
@@ -85,7 +87,18 @@ fn light_climb(
     var place = light_place(light_light_base(instance) + light);
     var pmf = 1.0;
     loop {
+        if instance != LIGHT_NO_INSTANCE && light_leaves_tree(flags, place) {
+            place = light_part_place(instance, select(place, 0u, place == LIGHT_NO_PARENT));
+            instance = LIGHT_NO_INSTANCE;
+            base = 0u;
+            local = light_local_to_top(shading_point);
+        }
         let in_top = instance == LIGHT_NO_INSTANCE;
+        // A dark part has no leaf. The root of the top level is always in the cut.
+        if in_top && place == LIGHT_NO_PARENT {
+            pmf = 0.0;
+            break;
+        }
         let index = base + place / LIGHT_WIDTH;
         let slot = place % LIGHT_WIDTH;
         var entry = 0u;
@@ -100,16 +113,8 @@ fn light_climb(
         var weights = light_child_weights(node, local);
         pmf = light_joint_pmf(pmf, light_choice_pmf(weights[slot / 4u][slot % 4u], light_sum(weights)));
         place = node.tail.x;
-        // The root of the top level is always in the cut.
-        if pmf <= 0.0 || (in_top && place == LIGHT_NO_PARENT) {
-            pmf = 0.0;
+        if pmf <= 0.0 {
             break;
-        }
-        if place == LIGHT_NO_PARENT {
-            place = light_top_place(instance);
-            instance = LIGHT_NO_INSTANCE;
-            base = 0u;
-            local = light_local_to_top(shading_point);
         }
     }
     return pmf;

@@ -67,6 +67,11 @@ impl Cluster {
         range: 0.0,
     };
 
+    /// The flux of lights without size, in lumens.
+    pub(crate) fn punctual_flux(&self) -> f32 {
+        (self.flux - self.area_flux).max(0.0)
+    }
+
     /// The cluster after the transform `x -> linear * x + translation`.
     ///
     /// `flux` is the flux of the transformed lights, see [`Linear::flux`]. The box stays

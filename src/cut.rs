@@ -11,6 +11,7 @@ use crate::importance::{
     ChildImportances, LocalShadingPoint, UNRESOLVED_DOUBT, child_importances, resolved_sum, running_sums,
     scale_unresolved, unresolved_scale, unresolved_sum,
 };
+use crate::part::SINGLE;
 use crate::shading_point::ShadingPoint;
 use crate::tree::{Lanes, Node, Target, WIDTH};
 
@@ -39,15 +40,15 @@ impl<'a> TreeView<'a> {
     /// Whether leaves are instances.
     #[inline(always)]
     pub fn is_top(&self) -> bool {
-        self.local.light_bit == 0
+        self.local.light_bit == SINGLE
     }
 }
 
 /// Finds the trees of the instances that are the leaves of a top level.
 pub(crate) trait InstanceTrees<'a> {
-    /// The tree of the instance in a slot; `None` if the slot has no instance, or the instance has
-    /// no tree.
-    fn tree_view(&self, slot: u32) -> Option<TreeView<'a>>;
+    /// The tree below a leaf of the top level, and where in it a walk goes on. `None` if there is no
+    /// such leaf, or if the tree has no nodes.
+    fn tree_view(&self, leaf: u32) -> Option<(TreeView<'a>, Target)>;
 
     /// The learnt visible share of each child of a node, in (0, 1]; `None` if nothing is learnt
     /// here. Shares multiply importances in the cut, and nowhere below it: so all that reads
@@ -62,7 +63,7 @@ pub(crate) trait InstanceTrees<'a> {
 pub(crate) struct NoInstances;
 
 impl<'a> InstanceTrees<'a> for NoInstances {
-    fn tree_view(&self, _: u32) -> Option<TreeView<'a>> {
+    fn tree_view(&self, _: u32) -> Option<(TreeView<'a>, Target)> {
         None
     }
 }
@@ -139,7 +140,8 @@ impl<'a> Cut<'a> {
             next = match cut.target(index, slot) {
                 Some(Target::Node(node)) => (cut.tree_of[index], node),
                 Some(Target::Leaf(leaf)) => match instance_trees.tree_view(leaf) {
-                    Some(tree) if !tree.nodes.is_empty() => (cut.add_tree(tree), 0),
+                    Some((tree, Target::Node(node))) => (cut.add_tree(tree), node),
+                    // The doubt about a single light is 0.
                     _ => break,
                 },
                 None => break,
@@ -208,8 +210,7 @@ impl<'a> Cut<'a> {
         self.tree(index)?.nodes[self.nodes[index] as usize].target(slot)
     }
 
-    /// Adds a tree, which cannot be here yet: each leaf of the top level is an instance of its own
-    /// and is split once.
+    /// Adds a tree. It may be here already, if another part of the same instance was split before.
     #[inline(always)]
     fn add_tree(&mut self, tree: TreeView<'a>) -> usize {
         self.trees[self.tree_count] = Some(tree);

@@ -58,12 +58,11 @@ impl<'a, T: InstanceTrees<'a>> Job for DistributionJob<'a, '_, T> {
                 visit_leaves(tree, target, pmf, &mut inner_stack, |light, pmf| pmfs[start + light as usize] = pmf);
                 continue;
             }
-            visit_leaves(tree, target, pmf, &mut stack, |slot, pmf| {
-                let tree = instance_trees.tree_view(slot).filter(|tree| !tree.nodes.is_empty());
-                let Some(tree) = tree else { return };
-                let start = starts[slot as usize];
+            visit_leaves(tree, target, pmf, &mut stack, |leaf, pmf| {
+                let Some((tree, target)) = instance_trees.tree_view(leaf) else { return };
+                let start = starts[tree.instance as usize];
                 let visit = |light: u32, pmf| pmfs[start + light as usize] = pmf;
-                visit_leaves(&tree, Target::Node(0), pmf, &mut inner_stack, visit);
+                visit_leaves(&tree, target, pmf, &mut inner_stack, visit);
             });
         }
         total

@@ -153,6 +153,7 @@ mod emit;
 mod importance;
 mod placement;
 mod visibility;
+mod part;
 mod cut;
 mod walk;
 mod distribution;

@@ -15,12 +15,13 @@ use crate::emit::{Incident, sample_light};
 use crate::importance::LocalShadingPoint;
 use crate::keys::{DirectionalKey, InstanceKey, slot_of};
 use crate::light::{DirectionalLight, luminance};
+use crate::part::{Part, SINGLE};
 use crate::shading_point::ShadingPoint;
 use crate::simd::with_vectors;
 use crate::top::TopLevel;
-use crate::tree::{Lanes, LightTree, Node};
+use crate::tree::{Lanes, LightTree, Node, Target};
 use crate::visibility::{CellGrid, LearntCell, VisibilityTable};
-use crate::walk::{DrawJob, LeafPath, Outcome, PmfJob, PmfTarget, TreeLight};
+use crate::walk::{DrawJob, LeafPath, Outcome, PmfJob, PmfTarget, TopPath, TreeLight};
 use crate::world::LightWorld;
 
 /// The name of a light that can be sampled.
@@ -137,9 +138,11 @@ pub(crate) struct LearntSurroundings<'a, 's> {
 }
 
 impl<'a> InstanceTrees<'a> for Surroundings<'a, '_> {
-    fn tree_view(&self, slot: u32) -> Option<TreeView<'a>> {
+    fn tree_view(&self, leaf: u32) -> Option<(TreeView<'a>, Target)> {
         let sampler = self.sampler;
-        sampler.tree_view(sampler.world.instance_at(slot)?, self.shading_point).map(|(_, tree)| tree)
+        let Part { slot, target } = sampler.top.part(leaf)?;
+        let (_, tree) = sampler.tree_view(sampler.world.instance_at(slot)?, self.shading_point)?;
+        (!tree.nodes.is_empty()).then_some((tree, target))
     }
 }
 
@@ -151,8 +154,8 @@ impl<'a, 's> Surroundings<'a, 's> {
 }
 
 impl<'a> InstanceTrees<'a> for LearntSurroundings<'a, '_> {
-    fn tree_view(&self, slot: u32) -> Option<TreeView<'a>> {
-        self.trees.tree_view(slot)
+    fn tree_view(&self, leaf: u32) -> Option<(TreeView<'a>, Target)> {
+        self.trees.tree_view(leaf)
     }
 
     #[inline(always)]
@@ -288,8 +291,8 @@ impl<'a> LightSampler<'a> {
             LightId::Local { instance, light } => {
                 let Some((lights, tree)) = self.tree_view(instance, shading_point) else { return 0.0 };
                 let Some(leaf) = lights.leaves().get(light as usize) else { return 0.0 };
-                let place = self.top.places[slot_of(instance) as usize];
-                PmfTarget::Light(LeafPath { tree, place: *leaf, top: Some((root, place)) })
+                let top = Some(self.top_path(instance, lights, shading_point));
+                PmfTarget::Light(LeafPath { tree, place: *leaf, top })
             }
         };
         let (splits, directional_lux) = (self.splits, self.directional_lux(shading_point));
@@ -342,7 +345,7 @@ impl<'a> LightSampler<'a> {
     /// dark cost only their zeros. Allocates eight bytes per slot besides `pmfs`.
     pub fn distribution(&self, shading_point: &ShadingPoint, pmfs: &mut Vec<f32>) {
         let world = self.world;
-        let mut starts = vec![0; self.top.places.len()];
+        let mut starts = vec![0; world.slot_count()];
         let mut lights = 0;
         for key in world.instances() {
             starts[slot_of(key) as usize] = lights;
@@ -385,8 +388,22 @@ impl<'a> LightSampler<'a> {
 
     /// The top level.
     pub(crate) fn root(&self, shading_point: &ShadingPoint) -> TreeView<'a> {
-        let local = LocalShadingPoint { light_bit: 0, ..LocalShadingPoint::of(shading_point) };
+        let local = LocalShadingPoint { light_bit: SINGLE, ..LocalShadingPoint::of(shading_point) };
         TreeView { nodes: &self.top.nodes, local, instance: NO_INSTANCE }
+    }
+
+    /// The way from an instance's tree to the top level.
+    pub(crate) fn top_path(
+        &self,
+        instance: InstanceKey,
+        tree: &LightTree,
+        shading_point: &ShadingPoint,
+    ) -> TopPath<'a> {
+        TopPath {
+            tree: self.root(shading_point),
+            places: self.top.places(slot_of(instance)),
+            is_divided: !tree.sides().is_empty(),
+        }
     }
 
     /// The directional light at a point of the line from 0 to the illuminance by all of them.

@@ -76,9 +76,12 @@ fn descend<'a>(
     outer.remap(offset / cut.total(), pmf);
     loop {
         let node = match target {
-            Target::Leaf(slot) if tree.is_top() => {
-                tree = instance_trees.tree_view(slot)?;
-                0
+            Target::Leaf(leaf) if tree.is_top() => {
+                (tree, target) = instance_trees.tree_view(leaf)?;
+                match target {
+                    Target::Node(node) => node,
+                    Target::Leaf(light) => return Some(TreeLight { instance: tree.instance, light, pmf }),
+                }
             }
             Target::Leaf(light) => return Some(TreeLight { instance: tree.instance, light, pmf }),
             Target::Node(node) => node,
@@ -99,24 +102,53 @@ fn descend<'a>(
     }
 }
 
-/// The place of a light in its tree, and of the tree's instance in the top level.
+/// The way from the leaf of a light to a root.
 #[derive(Clone, Copy)]
 pub(crate) struct LeafPath<'a> {
     pub tree: TreeView<'a>,
-    /// `node * WIDTH + slot`.
+    /// The place of the leaf in the tree: `node * WIDTH + slot`.
     pub place: u32,
-    /// The top level and the place of the instance's leaf there, if there is a top level.
-    pub top: Option<(TreeView<'a>, u32)>,
+    /// How it goes on above the tree, if there is a top level.
+    pub top: Option<TopPath<'a>>,
+}
+
+/// The way from a tree to the top level.
+#[derive(Clone, Copy)]
+pub(crate) struct TopPath<'a> {
+    pub tree: TreeView<'a>,
+    /// The places of the parts of the instance: of its sides if it is divided, and otherwise of its
+    /// root.
+    pub places: &'a [u32],
+    pub is_divided: bool,
+}
+
+impl<'a> LeafPath<'a> {
+    /// Enters the top level if the next node on the way is above the instance's parts. Returns
+    /// false if the way ends here.
+    #[inline(always)]
+    pub fn enter_top(&mut self) -> bool {
+        let side = match (self.place, &self.top) {
+            (NO_PARENT, _) => 0,
+            (place, Some(top)) if top.is_divided && place < WIDTH as u32 => place as usize,
+            _ => return true,
+        };
+        let Some(TopPath { tree, places, .. }) = self.top.take() else { return false };
+        let Some(place) = places.get(side) else { return false };
+        (self.tree, self.place) = (tree, *place);
+        // A dark part has no leaf.
+        *place != NO_PARENT
+    }
 }
 
 /// The probability that [`descend`] ends at a leaf.
 #[inline(always)]
 fn climb<'a>(cut: &Cut<'a>, leaf: &LeafPath<'a>) -> f32 {
-    let LeafPath { mut tree, mut place, mut top } = *leaf;
+    let mut path = *leaf;
     let mut pmf = 1.0;
-    loop {
-        let (node, slot) = (place / WIDTH as u32, place as usize % WIDTH);
-        if let Some(weight) = cut.weight(&tree, node, slot) {
+    while path.enter_top() {
+        let LeafPath { tree, place, .. } = &path;
+        let (node, slot) = (place / WIDTH as u32, *place as usize % WIDTH);
+        if let Some(weight) = cut.weight(tree, node, slot) {
             return joint_pmf(pmf, choice_pmf(weight, cut.total()));
         }
         let record = &tree.nodes[node as usize];
@@ -125,12 +157,9 @@ fn climb<'a>(cut: &Cut<'a>, leaf: &LeafPath<'a>) -> f32 {
         if pmf <= 0.0 {
             return 0.0;
         }
-        place = record.parent;
-        if place == NO_PARENT {
-            let Some(above) = top.take() else { return 0.0 };
-            (tree, place) = above;
-        }
+        path.place = record.parent;
     }
+    0.0
 }
 
 /// Draws one light.

@@ -7,6 +7,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{Mat3, Vec3};
 
 use crate::cluster::Cluster;
+use crate::cut::NO_INSTANCE;
 use crate::light::{DirectionalLight, Light, Shape, spot_falloff};
 use crate::placement::Placed;
 use crate::tree::{LightTree, UNLIMITED_RANGE};
@@ -33,6 +34,8 @@ pub(crate) const TWO_SIDED: u32 = 0x100;
 pub(crate) const LIVE: u32 = 1;
 /// The bit of [`InstanceRecord::flags`] for a placement that is scaled, sheared or mirrored.
 pub(crate) const NON_RIGID: u32 = 2;
+/// The bit of [`InstanceRecord::flags`] for an instance whose parts are the sides of its tree.
+pub(crate) const DIVIDED: u32 = 4;
 
 /// The instance slot that samples of directional lights report.
 pub(crate) const DIRECTIONAL: u32 = u32::MAX;
@@ -59,14 +62,14 @@ pub(crate) struct InstanceRecord {
     /// The rows of the matrix; the fourth column is the translation.
     pub to_world: [[f32; 4]; 3],
     pub flags: u32,
-    /// The slot of the instance's tree.
+    /// The tree's first record in the tree pool.
     pub tree: u32,
     /// The tree's first node in the node pool.
     pub node_base: u32,
     /// The tree's first light in the light pool.
     pub light_base: u32,
-    /// The place of the instance's leaf in the top level; the top-level build writes it.
-    pub top_place: u32,
+    /// The first of the instance's parts.
+    pub first_part: u32,
     /// Cosine and sine of [`Linear::turn`](crate::cluster::Linear::turn).
     pub cos_turn: f32,
     pub sin_turn: f32,
@@ -91,15 +94,47 @@ pub(crate) struct ClusterRecord {
     pub cos_half_angle: f32,
 }
 
-/// What the top-level build reads of a tree; `LightTree` in WGSL. 80 bytes.
+/// What the top-level build reads of a tree that is a leaf as a whole, or of one side of a divided
+/// tree; `LightTree` in WGSL. 80 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct TreeRecord {
-    /// The whole tree; its flux is 0 if the tree is dark or empty.
-    pub root: ClusterRecord,
+    /// Its flux is 0 if all lights are dark.
+    pub cluster: ClusterRecord,
     pub punctual_flux: f32,
     pub area_flux: f32,
-    pub padding: [f32; 2],
+    /// Where a walk goes on: 0 for the root, or as in [`Node::targets`](crate::tree::Node).
+    pub target: u32,
+    pub padding: u32,
+}
+
+/// A part of an instance, as the top-level build reads it; 8 bytes.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(crate) struct PartRecord {
+    /// The slot of the instance; [`NO_INSTANCE`] for a part that is not in use.
+    pub slot: u32,
+    /// The index among the parts of the instance.
+    pub index: u32,
+}
+
+/// A part of an instance, as the top-level build writes it; `LightPart` in WGSL. 16 bytes.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct LeafRecord {
+    /// The slot of the instance.
+    pub slot: u32,
+    /// As in [`TreeRecord`].
+    pub target: u32,
+    /// The place of the part's leaf in the top level; [`NO_PARENT`](crate::tree::NO_PARENT) for a
+    /// dark part.
+    pub place: u32,
+    pub padding: u32,
+}
+
+impl PartRecord {
+    /// A part that is not in use.
+    pub const NONE: Self = Self { slot: NO_INSTANCE, index: 0 };
 }
 
 /// The strides of all records and the offsets of a node's optional parts; part of `LightParams` and
@@ -130,7 +165,9 @@ pub(crate) struct ParamsRecord {
     pub strides: Strides,
     /// 1 if large and near surfaces are sampled by solid angle.
     pub solid_angles: u32,
-    pub padding: [u32; 2],
+    /// The offset of the parts in the buffer of the top level, in units of 16 bytes.
+    pub parts: u32,
+    pub padding: u32,
 }
 
 impl LightRecord {
@@ -188,6 +225,17 @@ fn two_sided_bit(two_sided: bool) -> u32 {
     if two_sided { TWO_SIDED } else { 0 }
 }
 
+/// Where the records of an instance and its tree start in their pools.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Bases {
+    pub tree: u32,
+    pub node: u32,
+    pub light: u32,
+    pub part: u32,
+    /// Whether the parts are the sides of the tree.
+    pub is_divided: bool,
+}
+
 impl InstanceRecord {
     /// A slot without an instance, or with one that is hidden by a scale of zero.
     pub const NONE: Self = Self {
@@ -196,25 +244,25 @@ impl InstanceRecord {
         tree: 0,
         node_base: 0,
         light_base: 0,
-        top_place: 0,
+        first_part: 0,
         cos_turn: 0.0,
         sin_turn: 0.0,
         padding: 0,
         to_local: [[0.0, 0.0, 0.0, 1.0]; 3],
     };
 
-    /// The record of a tree with a placement; `node_base` and `light_base` are its first records in
-    /// the pools. The inverse of a rigid placement is written as the exact transpose without scale,
+    /// The record of a tree with a placement, which starts at `bases` in the pools. The inverse of a rigid placement is written as the exact transpose without scale,
     /// because that is what shaders compute where the inverse is not stored.
-    pub fn of(placed: &Placed, tree: u32, node_base: u32, light_base: u32) -> Self {
+    pub fn of(placed: &Placed, bases: Bases) -> Self {
         let frame = &placed.frame;
         let scales = Vec3::new(frame.determinant, placed.range_scale(), placed.linear.mean_square_scale);
         Self {
             to_world: rows(&frame.to_world, frame.translation),
-            flags: LIVE | if placed.is_rigid { 0 } else { NON_RIGID },
-            tree,
-            node_base,
-            light_base,
+            flags: LIVE | if placed.is_rigid { 0 } else { NON_RIGID } | if bases.is_divided { DIVIDED } else { 0 },
+            tree: bases.tree,
+            node_base: bases.node,
+            light_base: bases.light,
+            first_part: bases.part,
             cos_turn: placed.linear.turn.x,
             sin_turn: placed.linear.turn.y,
             to_local: if placed.is_rigid {
@@ -252,14 +300,22 @@ impl ClusterRecord {
 }
 
 impl TreeRecord {
-    /// The record of a tree.
-    pub fn of(tree: &LightTree) -> Self {
-        let flux = tree.flux();
+    /// The records of a tree: one for each side, or one for the whole tree if it is not divided.
+    pub fn of(tree: &LightTree) -> Vec<Self> {
+        if tree.sides().is_empty() {
+            return vec![Self::of_cluster(&tree.cluster(), 0)];
+        }
+        let targets = tree.nodes()[0].targets;
+        tree.sides().iter().zip(targets).map(|(side, target)| Self::of_cluster(side, target)).collect()
+    }
+
+    fn of_cluster(cluster: &Cluster, target: u32) -> Self {
         Self {
-            root: ClusterRecord::of(&tree.cluster()),
-            punctual_flux: flux.punctual,
-            area_flux: flux.area,
-            padding: [0.0; 2],
+            cluster: ClusterRecord::of(cluster),
+            punctual_flux: cluster.punctual_flux(),
+            area_flux: cluster.area_flux,
+            target,
+            padding: 0,
         }
     }
 }
@@ -332,9 +388,15 @@ mod tests {
             structs,
             InstanceRecord,
             "LightInstance",
-            [to_world, flags, tree, node_base, light_base, top_place, cos_turn, sin_turn, padding, to_local]
+            [to_world, flags, tree, node_base, light_base, first_part, cos_turn, sin_turn, padding, to_local]
         );
-        record!(structs, TreeRecord, "LightTree", [root, punctual_flux, area_flux, padding]);
+        record!(
+            structs,
+            TreeRecord,
+            "LightTree",
+            [cluster, punctual_flux, area_flux, target as "target_bits", padding]
+        );
+        record!(structs, LeafRecord, "LightPart", [slot, target as "target_bits", place, padding]);
         record!(structs, SampleRequest, "Request", [position, choice, normal, padding, u]);
         record!(structs, SampleRecord, "LightSample", [direction, dist, radiance, pdf, pmf, instance, light, is_delta]);
         // WGSL pads the struct without naming the padding.
@@ -355,7 +417,8 @@ mod tests {
                 strides.light as "light_stride",
                 strides.instance as "instance_stride",
                 solid_angles,
-                padding as "padding_a"
+                parts,
+                padding
             ]
         );
     }

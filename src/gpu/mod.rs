@@ -30,6 +30,7 @@ mod kernel;
 mod layout;
 pub mod measure;
 mod memory;
+mod parts;
 mod pipeline_variants;
 mod pool;
 mod probe;
@@ -68,6 +69,7 @@ pub use error::{GpuError, TargetHookError};
 use kernel::Kernel;
 use layout::{InstanceRecord, LightRecord, ParamsRecord, Strides, TreeRecord};
 use measure::CountKernel;
+use parts::PartTable;
 pub use pipeline_variants::{MAX_VARIANTS, PipelineVariants};
 use pool::Pool;
 use recorder::Recorder;
@@ -127,10 +129,9 @@ pub struct GpuLights {
     /// A table by slot.
     instances: Pool<InstanceRecord>,
     instance_count: u32,
-    /// A table by slot.
     trees: Pool<TreeRecord>,
-    tree_count: u32,
     tree_ranges: Vec<TreeRanges>,
+    parts: PartTable,
     /// The changes of failed uploads.
     pending: PendingChanges,
     /// A range of the light pool.
@@ -202,6 +203,7 @@ impl GpuLights {
         let lights = Pool::new(device, queue, "lights", 64)?;
         let instances = Pool::new(device, queue, "instances", 64)?;
         let trees = Pool::new(device, queue, "light trees", 16)?;
+        let parts = PartTable::new(device, queue)?;
         let candidates = CandidateTable::new(device, queue)?;
         let no_usage = usage::zeros(device, 0)?;
         let dark = DarkBuffers::new(device)?;
@@ -227,8 +229,8 @@ impl GpuLights {
             instances,
             instance_count: 0,
             trees,
-            tree_count: 0,
             tree_ranges: Vec::new(),
+            parts,
             pending: PendingChanges::default(),
             directionals: 0..0,
             params,
@@ -274,7 +276,7 @@ impl GpuLights {
         }
         self.top_status.record(encoder);
         let mut recorder = Recorder::together(encoder, "girandole top level");
-        self.top.record(&mut recorder, self.params.slots);
+        self.top.record(&mut recorder, self.parts.count());
     }
 
     /// Sets how many clusters shaders split before they choose a light, as
@@ -336,7 +338,7 @@ impl GpuLights {
         let bound =
             [self.top.generation(), self.nodes.generation(), self.instances.generation(), self.lights.generation()];
         self.top.set_strides(params.strides);
-        self.top.bind(&self.instances, &self.trees);
+        self.top.bind(self.parts.pool(), &self.instances, &self.trees);
         let sent = if Some(bound) == self.bound {
             self.send_params(params)
         } else {
@@ -381,7 +383,8 @@ impl fmt::Debug for GpuLights {
             .field("effects", &self.effects)
             .field("splits", &self.params.splits)
             .field("instance_slots", &self.params.slots)
-            .field("tree_slots", &self.tree_count)
+            .field("tree_slots", &self.tree_ranges.len())
+            .field("parts", &self.parts.count())
             .field("node_capacity", &self.nodes.capacity())
             .field("light_capacity", &self.lights.capacity())
             .field("needs_build", &self.top_status.needs_build())

@@ -243,7 +243,7 @@ impl<T: bytemuck::NoUninit> Pool<T> {
     }
 
     /// The end of the last range in use.
-    fn used(&self) -> u64 {
+    pub(crate) fn used(&self) -> u64 {
         self.ranges.allocated_ranges().last().map_or(0, |r| r.end)
     }
 }

@@ -115,7 +115,7 @@ mod tests {
 
     use super::*;
     use crate::effects::Effects;
-    use crate::gpu::layout::{InstanceRecord, LightRecord};
+    use crate::gpu::layout::{Bases, InstanceRecord, LightRecord};
     use crate::gpu::pool::Pool;
     use crate::gpu::stored::{missing_of_instance, missing_of_light, missing_of_node};
     use crate::gpu::testing::{gpu, read};
@@ -162,7 +162,7 @@ mod tests {
             let placement = Placement { linear: rotation * scale, translation: DVec3::new(f64::from(i), 2.0, -3.0) };
             let placed = Placed::new(&placement, DVec3::ZERO).expect("a valid placement").expect("not hidden");
             assert_eq!(placed.linear.is_rigid(), scale == 1.0);
-            InstanceRecord::of(&placed, i, 10 * i, 20 * i)
+            InstanceRecord::of(&placed, Bases { tree: i, node: 10 * i, light: 20 * i, ..Bases::default() })
         };
         (0..40).map(instance).collect()
     }
@@ -219,7 +219,7 @@ mod tests {
         let mut pool = Pool::<InstanceRecord>::new(&device, &queue, "test records", 1).expect("room");
         pool.set_layout(Stored::instances(Effects::empty()), missing_of_instance, &relayout);
         pool.alloc(count).expect("room enough");
-        let last = InstanceRecord { flags: 7, top_place: 9, ..InstanceRecord::NONE };
+        let last = InstanceRecord { flags: 7, first_part: 9, ..InstanceRecord::NONE };
         pool.write(count - 1, &[last]);
         // The layout stays the same, but the pool copies nevertheless.
         pool.set_layout(Stored::instances(Effects::empty()), missing_of_instance, &relayout);

@@ -22,9 +22,9 @@ pub(crate) const NODE_TARGETS: u32 = quads(offset_of!(Node, targets));
 pub(crate) const NODE_FLUX: u32 = quads(offset_of!(Node, flux));
 pub(crate) const NODE_BOXES: u32 = quads(offset_of!(Node, low));
 pub(crate) const NODE_TAIL: u32 = quads(offset_of!(Node, parent));
-/// The offsets of an instance's flags and tree and of its place in the top level, in quads.
+/// The offsets of an instance's flags and tree and of its first part, in quads.
 pub(crate) const INSTANCE_TREE: u32 = quads(offset_of!(InstanceRecord, flags));
-pub(crate) const INSTANCE_PLACE: u32 = quads(offset_of!(InstanceRecord, top_place));
+pub(crate) const INSTANCE_PART: u32 = quads(offset_of!(InstanceRecord, first_part));
 /// The strides of lights where all are points, and of instances where all are rigid, in quads.
 pub(crate) const POINT_STRIDE: u32 = quads(offset_of!(LightRecord, b));
 pub(crate) const RIGID_STRIDE: u32 = quads(offset_of!(InstanceRecord, to_local));

@@ -15,6 +15,7 @@ use crate::emit;
 use crate::gloss;
 use crate::importance;
 use crate::light;
+use crate::part;
 use crate::resample;
 use crate::solid_angle;
 use crate::tree;
@@ -186,6 +187,10 @@ pub(crate) fn constants() -> String {
         ("TWO_SIDED", layout::TWO_SIDED),
         ("LIVE", layout::LIVE),
         ("NON_RIGID", layout::NON_RIGID),
+        ("DIVIDED", layout::DIVIDED),
+        ("PART", part::PART),
+        ("SINGLE", part::SINGLE),
+        ("PART_BITS", part::PART_BITS),
         ("DIRECTIONAL", layout::DIRECTIONAL),
         ("NO_INSTANCE", cut::NO_INSTANCE),
         ("MAX_SPLITS", counts::MAX_SPLITS as u32),
@@ -198,7 +203,7 @@ pub(crate) fn constants() -> String {
         ("NODE_BOXES", stored::NODE_BOXES),
         ("NODE_TAIL", stored::NODE_TAIL),
         ("INSTANCE_TREE", stored::INSTANCE_TREE),
-        ("INSTANCE_PLACE", stored::INSTANCE_PLACE),
+        ("INSTANCE_PART", stored::INSTANCE_PART),
         ("POINT_STRIDE", stored::POINT_STRIDE),
         ("RIGID_STRIDE", stored::RIGID_STRIDE),
         ("WAYS", visibility::WAYS as u32),

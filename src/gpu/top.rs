@@ -1,14 +1,14 @@
-//! Builds the top level on the GPU from the instances and the roots of their trees. Nothing is read
+//! Builds the top level on the GPU from the instances and the parts of their trees. Nothing is read
 //! back.
 //!
-//! Twin of `src/top`, which explains the tree, and of `LightWorld::cluster`, which makes the
-//! cluster of an instance; the tests compare both and also check the bounds on the GPU by
+//! Twin of `src/top`, which explains the tree, and of `LightWorld::parts`, which makes the
+//! clusters of the parts; the tests compare both and also check the bounds on the GPU by
 //! themselves.
 //!
 //! The build has these stages; `shaders/top_*.wgsl` are their sources.
 //!
-//! 1. The leaves: the cluster of each instance, and the bounds of their means.
-//! 2. The keys: the place of each instance on a curve through space.
+//! 1. The leaves: the cluster of each part, and the bounds of their means.
+//! 2. The keys: the place of each part on a curve through space.
 //! 3. The sort along the curve.
 //! 4. Rounds of two stages each. The first divides the units into pieces of neighbours and forms
 //!    groups within each piece. The second makes a node of each group.
@@ -27,7 +27,7 @@ use plan::{MAX_GROUPS, MAX_PASSES, Plan, TopPass};
 use stage::{GROUP, KEYS, LANES, LEAVES, NODE, ROOT, ROOT_GROUP, Stage};
 
 use super::error::GpuError;
-use super::layout::{InstanceRecord, Strides, TreeRecord};
+use super::layout::{InstanceRecord, PartRecord, Strides, TreeRecord};
 use super::memory;
 use super::pool::Pool;
 use super::recorder::Recorder;
@@ -43,6 +43,9 @@ pub(super) const MAX_STAGES: u32 = 5 + 2 * (MAX_PASSES - 1);
 pub(crate) struct TopBuild {
     device: wgpu::Device,
     queue: wgpu::Queue,
+    /// The layout of the first stage, which reads the records of the world.
+    leaf_stages: Stages,
+    /// The layout of all other stages.
     stages: Stages,
     leaves: wgpu::ComputePipeline,
     keys: wgpu::ComputePipeline,
@@ -59,18 +62,28 @@ pub(crate) struct TopBuild {
     /// The strides with which the build reads instances and stores nodes.
     strides: Strides,
     generation: u64,
-    /// The bind group, and the generations of the pools of instances and trees that it binds.
-    bound: Option<([u64; 2], wgpu::BindGroup)>,
+    bound: Option<Bound>,
+}
+
+/// The bind groups of a build.
+#[derive(Debug)]
+struct Bound {
+    /// The generations of the pools of parts, instances and trees.
+    generations: [u64; 3],
+    leaves: wgpu::BindGroup,
+    others: wgpu::BindGroup,
 }
 
 impl TopBuild {
-    /// Compiles the pipelines and makes room for 64 slots.
+    /// Compiles the pipelines and makes room for 64 parts.
     pub(crate) fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Self, GpuError> {
-        // Instances, trees, clusters, bounds, keys, slots, nodes, units: WebGPU's limit for a
-        // stage.
-        let mut storage = [Access::Write; 8];
-        storage[1] = Access::Read;
-        let stages = Stages::new(device, "top level", size_of::<TopPass>() as u64, &storage);
+        // Clusters, bounds and nodes; then parts, instances and trees for the leaves, and keys, order
+        // and units for the other stages.
+        let bytes = size_of::<TopPass>() as u64;
+        let mut storage = [Access::Write; 6];
+        let stages = Stages::new(device, "top level", bytes, &storage);
+        storage[3..].fill(Access::Read);
+        let leaf_stages = Stages::new(device, "top level leaves", bytes, &storage);
         let pipeline = |stage: &Stage| stages.pipeline(device, stage.entry, stage.text());
         let sort = RadixSort::new(device);
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
@@ -79,12 +92,13 @@ impl TopBuild {
         Ok(Self {
             device: device.clone(),
             queue: queue.clone(),
-            leaves: pipeline(&LEAVES),
+            leaves: leaf_stages.pipeline(device, LEAVES.entry, LEAVES.text()),
             keys: pipeline(&KEYS),
             group: pipeline(&GROUP),
             node: pipeline(&NODE),
             root_group: pipeline(&ROOT_GROUP),
             root: pipeline(&ROOT),
+            leaf_stages,
             stages,
             sort,
             passes,
@@ -96,15 +110,15 @@ impl TopBuild {
         })
     }
 
-    /// Makes room for `slots` instance slots, or for twice as many as before if that is more.
+    /// Makes room for `parts` parts, or for twice as many as before if that is more.
     ///
     /// Fails and changes nothing: with [`GpuError::Full`] if the device cannot bind buffers for
-    /// that many slots, with [`GpuError::OutOfMemory`] if it has no memory for them.
-    pub(crate) fn reserve(&mut self, slots: u32) -> Result<(), GpuError> {
-        if slots > self.buffers.capacity {
-            let doubled = slots.max(self.buffers.capacity.saturating_mul(2));
+    /// that many parts, with [`GpuError::OutOfMemory`] if it has no memory for them.
+    pub(crate) fn reserve(&mut self, parts: u32) -> Result<(), GpuError> {
+        if parts > self.buffers.capacity {
+            let doubled = parts.max(self.buffers.capacity.saturating_mul(2));
             self.buffers = TopBuffers::new(&self.device, &self.sort, doubled)
-                .or_else(|_| TopBuffers::new(&self.device, &self.sort, slots))?;
+                .or_else(|_| TopBuffers::new(&self.device, &self.sort, parts))?;
             self.generation += 1;
             self.bound = None;
             self.plan = None;
@@ -112,41 +126,53 @@ impl TopBuild {
         Ok(())
     }
 
-    /// Sets the records to build from, both indexed by slot. The build writes the `top_place` of
-    /// the instances. To be called after [`TopBuild::reserve`] and after a pool has replaced its
-    /// buffer.
-    pub(crate) fn bind(&mut self, instances: &Pool<InstanceRecord>, trees: &Pool<TreeRecord>) {
-        let generations = [instances.generation(), trees.generation()];
-        if self.bound.as_ref().is_some_and(|(bound, _)| *bound == generations) {
+    /// Sets the records to build from, which the build does not change. To be called after
+    /// [`TopBuild::reserve`] and after a pool has replaced its buffer.
+    pub(crate) fn bind(
+        &mut self,
+        parts: &Pool<PartRecord>,
+        instances: &Pool<InstanceRecord>,
+        trees: &Pool<TreeRecord>,
+    ) {
+        let generations = [parts.generation(), instances.generation(), trees.generation()];
+        if self.bound.as_ref().is_some_and(|bound| bound.generations == generations) {
             return;
         }
         let TopBuffers { bounds, nodes, clusters, units, sort, .. } = &self.buffers;
-        let storage = [instances.buffer(), trees.buffer(), clusters, bounds, sort.keys(), sort.values(), nodes, units];
-        self.bound = Some((generations, self.stages.bind(&self.device, &self.passes, &storage)));
+        let records = [clusters, bounds, nodes, parts.buffer(), instances.buffer(), trees.buffer()];
+        let work = [clusters, bounds, nodes, sort.keys(), sort.values(), units];
+        self.bound = Some(Bound {
+            generations,
+            leaves: self.leaf_stages.bind(&self.device, &self.passes, &records),
+            others: self.stages.bind(&self.device, &self.passes, &work),
+        });
     }
 
-    /// Records the build over the first `slots` slots. Records nothing before the first call of
+    /// Records the build over the first `parts` parts. Records nothing before the first call of
     /// [`TopBuild::bind`]; until then all nodes are zero, so that sampling finds no light.
     ///
-    /// Takes 4 dispatches, 12 more for the sort, and 2 for each round: 26 for 100,000 slots. Sends
-    /// a few hundred bytes if the number of slots has changed since the last build, and none
+    /// Takes 4 dispatches, 12 more for the sort, and 2 for each round: 26 for 100,000 parts. Sends
+    /// a few hundred bytes if the number of parts has changed since the last build, and none
     /// otherwise.
-    pub(crate) fn record(&mut self, recorder: &mut Recorder<'_>, slots: u32) {
+    pub(crate) fn record(&mut self, recorder: &mut Recorder<'_>, parts: u32) {
         if self.bound.is_none() {
             return;
         }
-        self.set_slots(slots);
-        let (Some((_, group)), Some(plan)) = (&self.bound, &self.plan) else { return };
+        self.set_count(parts);
+        let (Some(bound), Some(plan)) = (&self.bound, &self.plan) else { return };
         recorder.clear(&self.buffers.bounds);
-        let run = |recorder: &mut Recorder<'_>, pipeline, index: usize, workgroups: u32| {
+        let run = |recorder: &mut Recorder<'_>, group, pipeline, index: usize, workgroups: u32| {
             recorder.set_bind_group(0, group, &[index as u32 * PASS_STRIDE]);
             recorder.set_pipeline(pipeline);
             recorder.dispatch(workgroups);
         };
         recorder.stage("leaves");
-        run(recorder, &self.leaves, 0, slots.div_ceil(LANES));
+        run(recorder, &bound.leaves, &self.leaves, 0, parts.div_ceil(LANES));
+        let run = |recorder: &mut Recorder<'_>, pipeline, index, workgroups| {
+            run(recorder, &bound.others, pipeline, index, workgroups);
+        };
         recorder.stage("keys");
-        run(recorder, &self.keys, 0, slots.div_ceil(LANES));
+        run(recorder, &self.keys, 0, parts.div_ceil(LANES));
         recorder.stage("sort");
         self.sort.record(recorder, &self.buffers.sort);
         let root = plan.passes.len() - 1;
@@ -163,13 +189,13 @@ impl TopBuild {
     }
 
     /// Sends the plan if it changes.
-    fn set_slots(&mut self, slots: u32) {
-        self.buffers.sort.set_count(&self.queue, slots);
-        let is_same = |pass: &TopPass| (pass.slots, pass.strides) == (slots, self.strides);
+    fn set_count(&mut self, count: u32) {
+        self.buffers.sort.set_count(&self.queue, count);
+        let is_same = |pass: &TopPass| (pass.count, pass.strides) == (count, self.strides);
         if self.plan.as_ref().is_some_and(|plan| is_same(&plan.passes[0])) {
             return;
         }
-        let plan = Plan::new(slots, self.buffers.capacity, self.strides);
+        let plan = Plan::new(count, self.buffers.capacity, self.buffers.parts, self.strides);
         self.queue.write_buffer(&self.passes, 0, &pass_bytes(&plan.passes));
         self.plan = Some(plan);
     }
@@ -179,7 +205,12 @@ impl TopBuild {
         self.strides = strides;
     }
 
-    /// The nodes of the top level, the root first. The buffer is replaced when
+    /// Where the parts begin in the buffer of the nodes, in units of 16 bytes.
+    pub(crate) fn parts(&self) -> u32 {
+        self.buffers.parts
+    }
+
+    /// The nodes of the top level, the root first, and then its parts. The buffer is replaced when
     /// [`TopBuild::generation`] changes.
     pub(crate) fn nodes(&self) -> &wgpu::Buffer {
         &self.buffers.nodes

@@ -5,8 +5,9 @@ use std::collections::BTreeSet;
 use super::GpuLights;
 use super::bindings::params_buffer;
 use super::error::GpuError;
-use super::layout::{InstanceRecord, LightRecord, ParamsRecord, Strides, TreeRecord};
+use super::layout::{Bases, InstanceRecord, LightRecord, ParamsRecord, Strides, TreeRecord};
 use super::memory;
+use super::parts::NewParts;
 use super::pool::Pool;
 use super::probe;
 use super::relayout::Relayout;
@@ -66,6 +67,7 @@ impl GpuLights {
         if is_refused {
             // Some write or copy did not happen, and wgpu does not report which.
             changes.add_everything(world);
+            self.parts.lose_records();
             self.pending = changes;
             self.make_dark();
             let bytes = result.map_or(0, |report| report.bytes);
@@ -85,16 +87,13 @@ impl GpuLights {
         effects: Effects,
     ) -> Result<UploadReport, GpuError> {
         let mut bytes = self.set_layout(effects)?;
-        let Reserved { placed, usage } = self.reserve(world, changes)?;
+        let Reserved { placed, parts, usage } = self.reserve(world, changes)?;
 
-        // The instances of trees that moved within the pools are written too.
         for (slot, ranges) in placed {
             let former = std::mem::replace(self.tree_ranges_mut(slot), ranges);
             self.release(former);
-            if let Some(entry) = world.tree_at(slot).and_then(|key| world.tree_entry(key)) {
-                changes.instances.extend(entry.instances.iter().map(|key| slot_of(*key)));
-            }
         }
+        bytes += self.parts.write(parts);
         for slot in &changes.trees {
             bytes += self.write_tree(*slot, world);
         }
@@ -152,10 +151,12 @@ impl GpuLights {
             }
         }
         let mut placed = Vec::new();
-        match self.reserve_all(world, changes, &mut placed) {
-            Ok(usage) => Ok(Reserved { placed, usage }),
+        let mut parts = NewParts::default();
+        match self.reserve_all(world, changes, &mut placed, &mut parts) {
+            Ok(usage) => Ok(Reserved { placed, parts, usage }),
             Err(error) => {
                 placed.into_iter().for_each(|(_, ranges)| self.release(ranges));
+                self.parts.release(parts);
                 Err(error)
             }
         }
@@ -165,8 +166,9 @@ impl GpuLights {
     fn reserve_all(
         &mut self,
         world: &LightWorld,
-        changes: &PendingChanges,
+        changes: &mut PendingChanges,
         placed: &mut Vec<(u32, TreeRanges)>,
+        parts: &mut NewParts,
     ) -> Result<Option<wgpu::Buffer>, GpuError> {
         if self.spare_params.is_none() {
             self.spare_params = Some(params_buffer(&self.device)?);
@@ -176,21 +178,26 @@ impl GpuLights {
             match key.and_then(|key| world.tree(key)) {
                 Some(tree) if self.tree_ranges_mut(slot).key == key && self.tree_ranges_mut(slot).fit(tree) => {}
                 Some(tree) => {
-                    let nodes = self.nodes.alloc(tree.nodes().len() as u32)?;
-                    match self.lights.alloc(tree.lights().len() as u32) {
-                        Ok(lights) => placed.push((slot, TreeRanges { key, nodes, lights })),
-                        Err(error) => {
-                            self.nodes.free(nodes);
-                            return Err(error);
-                        }
-                    }
+                    // Pushed first, so that what was reserved is released if the rest fails.
+                    placed.push((slot, TreeRanges { key, ..TreeRanges::default() }));
+                    let ranges = placed.last_mut().map(|(_, ranges)| ranges).expect("pushed above");
+                    ranges.nodes = self.nodes.alloc(tree.nodes().len() as u32)?;
+                    ranges.lights = self.lights.alloc(tree.lights().len() as u32)?;
+                    ranges.records = self.trees.alloc(tree.sides().len().max(1) as u32)?;
                 }
                 None => placed.push((slot, TreeRanges::default())),
             }
         }
+        // The instances of trees that moved within the pools are written too.
+        for (slot, _) in &*placed {
+            if let Some(entry) = world.tree_at(*slot).and_then(|key| world.tree_entry(key)) {
+                changes.instances.extend(entry.instances.iter().map(|key| slot_of(*key)));
+            }
+        }
+        let counts = changes.instances.iter().map(|slot| (*slot, self.part_count(*slot, world, placed)));
+        let counts: Vec<_> = counts.collect();
+        *parts = self.parts.reserve(counts.into_iter())?;
         let slots = world.slot_count() as u32;
-        let highest = changes.trees.iter().max().map_or(0, |slot| slot + 1);
-        grow_table(&mut self.trees, &mut self.tree_count, highest)?;
         grow_table(&mut self.instances, &mut self.instance_count, slots)?;
         let usage = match self.usage.get() {
             Some(usage) => usage.reserve(&self.device, slots)?,
@@ -202,7 +209,7 @@ impl GpuLights {
             false => None,
         };
         // Last, because a build of the last upload may still be due, in the present buffers.
-        if let Err(error) = self.top.reserve(slots) {
+        if let Err(error) = self.top.reserve(self.parts.count()) {
             directionals.into_iter().for_each(|range| self.lights.free(range));
             return Err(error);
         }
@@ -212,9 +219,23 @@ impl GpuLights {
         Ok(usage)
     }
 
+    /// The number of parts of the instance in a slot: as many as its tree has records, once the
+    /// ranges in `placed` replace the present ones. 0 without an instance.
+    fn part_count(&self, slot: u32, world: &LightWorld, placed: &[(u32, TreeRanges)]) -> u32 {
+        let tree = world.instance_at(slot).and_then(|key| world.instance_tree(key));
+        let Some(tree) = tree.map(slot_of) else { return 0 };
+        // In ascending order of slots.
+        let ranges = match placed.binary_search_by_key(&tree, |(slot, _)| *slot) {
+            Ok(index) => &placed[index].1,
+            Err(_) => &self.tree_ranges[tree as usize],
+        };
+        ranges.records.len() as u32
+    }
+
     fn release(&mut self, ranges: TreeRanges) {
         self.nodes.free(ranges.nodes);
         self.lights.free(ranges.lights);
+        self.trees.free(ranges.records);
     }
 
     fn tree_ranges_mut(&mut self, slot: u32) -> &mut TreeRanges {
@@ -233,7 +254,7 @@ impl GpuLights {
         let ranges = &self.tree_ranges[slot as usize];
         self.nodes.write(ranges.nodes.start, tree.nodes())
             + self.lights.write(ranges.lights.start, &lights)
-            + self.trees.write(slot, &[TreeRecord::of(tree)])
+            + self.trees.write(ranges.records.start, &TreeRecord::of(tree))
     }
 
     /// Writes the records of these slots, neighbouring ones together. Returns the bytes sent.
@@ -258,9 +279,16 @@ impl GpuLights {
         };
         // Hidden by a scale of zero.
         let Some(placed) = &instance.placed else { return InstanceRecord::NONE };
-        let tree = slot_of(instance.tree);
-        let ranges = &self.tree_ranges[tree as usize];
-        InstanceRecord::of(placed, tree, ranges.nodes.start, ranges.lights.start)
+        let ranges = &self.tree_ranges[slot_of(instance.tree) as usize];
+        let parts = self.parts.range(slot);
+        let bases = Bases {
+            tree: ranges.records.start,
+            node: ranges.nodes.start,
+            light: ranges.lights.start,
+            part: parts.start,
+            is_divided: ranges.records.len() > 1,
+        };
+        InstanceRecord::of(placed, bases)
     }
 
     fn params_of(&self, world: &LightWorld, effects: Effects) -> ParamsRecord {
@@ -270,6 +298,7 @@ impl GpuLights {
             directional_count: self.directionals.len() as u32,
             strides: Strides::of(effects),
             solid_angles: u32::from(world.solid_angle_sampling()),
+            parts: self.top.parts(),
             ..self.params
         }
     }
@@ -279,6 +308,8 @@ impl GpuLights {
 struct Reserved {
     /// New ranges for trees by slot; empty for a tree that was removed.
     placed: Vec<(u32, TreeRanges)>,
+    /// New ranges for the parts of instances.
+    parts: NewParts,
     /// For the usage counters, if they need another buffer.
     usage: Option<wgpu::Buffer>,
 }

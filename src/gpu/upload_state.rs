@@ -26,12 +26,16 @@ pub(super) struct TreeRanges {
     pub key: Option<TreeKey>,
     pub nodes: Range<u32>,
     pub lights: Range<u32>,
+    /// One record for each side of the tree, or one for the whole tree.
+    pub records: Range<u32>,
 }
 
 impl TreeRanges {
-    /// Whether a tree has as many nodes and lights as the ranges.
+    /// Whether a tree has as many nodes, lights and sides as the ranges.
     pub fn fit(&self, tree: &LightTree) -> bool {
-        self.nodes.len() == tree.nodes().len() && self.lights.len() == tree.lights().len()
+        self.nodes.len() == tree.nodes().len()
+            && self.lights.len() == tree.lights().len()
+            && self.records.len() == tree.sides().len().max(1)
     }
 }
 

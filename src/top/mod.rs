@@ -15,7 +15,8 @@ mod split;
 use crate::bounds::Aabb;
 use crate::cluster::Cluster;
 use crate::curve::{Curve, NO_KEY};
-use crate::tree::{Children, EMPTY_SLOT, LEAF, NO_PARENT, Node, WIDTH, WideCluster};
+use crate::part::{PART, PART_BITS, Part};
+use crate::tree::{Children, EMPTY_SLOT, NO_PARENT, Node, Target, WIDTH, WideCluster};
 #[cfg(feature = "gpu")]
 pub(crate) use split::{AXIS_STEPS, COST_SLACK, CUT_BITS, CUTS, LAST_CELL, ROUNDS};
 use split::{PiecePart, split};
@@ -34,21 +35,32 @@ pub(crate) const SHARE: usize = PIECE - 2 * WINDOW;
 /// Up to this many units become the upper part of the tree at once.
 pub(crate) const ROOT_UNITS: usize = 256;
 
-/// A tree over instance slots.
+/// A tree over parts of instances.
 #[derive(Clone, Debug)]
 pub(crate) struct TopLevel {
     /// The root first.
     pub nodes: Vec<Node>,
-    /// For each instance slot the place (`node * WIDTH + slot`) of its leaf.
-    pub places: Vec<u32>,
+    /// The parts of all instances, in the order of their slots.
+    parts: Vec<Part>,
+    /// For each part the place (`node * WIDTH + slot`) of its leaf; [`NO_PARENT`] for a dark part.
+    places: Vec<u32>,
+    /// For each instance slot the first of its parts, and the number of all parts.
+    first_parts: Vec<u32>,
 }
 
-/// An instance or a node that has no parent yet.
+/// A part or a node that has no parent yet.
 #[derive(Clone, Copy)]
 struct Unit {
     cluster: Cluster,
-    /// As in [`Node::targets`].
-    target: u32,
+    kind: UnitKind,
+}
+
+#[derive(Clone, Copy)]
+enum UnitKind {
+    /// The number of a part.
+    Part(u32),
+    /// The index of a node.
+    Node(u32),
 }
 
 /// The largest number of units that a piece of `count` units may leave. A piece that would leave
@@ -75,17 +87,17 @@ fn piece_start(keys: &[u32], pieces: usize, piece: usize) -> usize {
 }
 
 impl TopLevel {
-    /// Builds a tree over the clusters of all instance slots. Slots without an instance are dark.
-    /// O(n log n).
-    pub fn build(instances: &[Cluster]) -> Self {
-        let mut top = Self { nodes: vec![Node::EMPTY], places: vec![0; instances.len()] };
-        let bounds = Aabb::around(instances.iter().filter(|c| c.flux > 0.0).map(|c| c.mean));
+    /// Builds a tree over parts and their clusters, in the order of the slots of their instances,
+    /// of which there are `slots`. O(n log n).
+    pub fn build(parts: &[(Part, Cluster)], slots: usize) -> Self {
+        let mut top = Self::without_nodes(parts, slots);
+        let bounds = Aabb::around(parts.iter().map(|(_, c)| c).filter(|c| c.flux > 0.0).map(|c| c.mean));
         let curve = Curve::new(&bounds);
-        let lit = instances.iter().zip(0..).filter(|(c, _)| c.flux > 0.0);
-        let mut order: Vec<(u32, u32)> = lit.map(|(c, slot)| (curve.key(c.mean), slot)).collect();
+        let lit = parts.iter().zip(0..).filter(|((_, c), _)| c.flux > 0.0);
+        let mut order: Vec<(u32, u32)> = lit.map(|((_, c), part)| (curve.key(c.mean), part)).collect();
         order.sort_unstable();
         debug_assert!(order.last().is_none_or(|(key, _)| *key < NO_KEY));
-        let unit = |(_, slot): &(u32, u32)| Unit { cluster: instances[*slot as usize], target: LEAF | slot };
+        let unit = |(_, part): &(u32, u32)| Unit { cluster: parts[*part as usize].1, kind: UnitKind::Part(*part) };
         let mut units: Vec<Unit> = order.iter().map(unit).collect();
         while units.len() > ROOT_UNITS {
             let mut left = Vec::with_capacity(units.len() / 4);
@@ -100,6 +112,34 @@ impl TopLevel {
         top
     }
 
+    /// The lists of all parts, and a root without children.
+    fn without_nodes(parts: &[(Part, Cluster)], slots: usize) -> Self {
+        let mut first_parts = Vec::with_capacity(slots + 1);
+        for (index, (part, _)) in parts.iter().enumerate() {
+            first_parts.resize(first_parts.len().max(part.slot as usize + 1), index as u32);
+        }
+        first_parts.resize(slots + 1, parts.len() as u32);
+        let parts: Vec<Part> = parts.iter().map(|(part, _)| *part).collect();
+        Self { nodes: vec![Node::EMPTY], places: vec![NO_PARENT; parts.len()], parts, first_parts }
+    }
+
+    /// The part that a leaf is. `leaf` are the bits of its target below [`LEAF`]. `None` if there
+    /// is no such part.
+    pub fn part(&self, leaf: u32) -> Option<Part> {
+        if leaf & PART == 0 {
+            return Some(Part { slot: leaf, target: Target::Node(0) });
+        }
+        self.parts.get((leaf & PART_BITS) as usize).copied()
+    }
+
+    /// The places of the leaves of an instance's parts, in the order of the parts. Empty for a slot
+    /// that there is not.
+    pub fn places(&self, slot: u32) -> &[u32] {
+        let slot = slot as usize;
+        let [first, end] = [slot, slot + 1].map(|i| self.first_parts.get(i).map_or(self.places.len(), |p| *p as usize));
+        &self.places[first..end]
+    }
+
     /// Makes a node of some units, at `index` or at the end, and links them to it. Returns the node
     /// as a unit.
     fn add(&mut self, units: &[Unit], index: Option<u32>) -> Unit {
@@ -112,11 +152,15 @@ impl TopLevel {
         for (slot, unit) in units.iter().enumerate() {
             let place = index * WIDTH as u32 + slot as u32;
             wide.set(slot, &unit.cluster);
-            targets[slot] = unit.target;
-            if unit.target & LEAF != 0 {
-                self.places[(unit.target & !LEAF) as usize] = place;
-            } else {
-                self.nodes[unit.target as usize].parent = place;
+            match unit.kind {
+                UnitKind::Part(part) => {
+                    self.places[part as usize] = place;
+                    targets[slot] = self.parts[part as usize].leaf(part);
+                }
+                UnitKind::Node(node) => {
+                    self.nodes[node as usize].parent = place;
+                    targets[slot] = node;
+                }
             }
         }
         let cluster = wide.merged().cluster;
@@ -124,7 +168,7 @@ impl TopLevel {
         node.targets = targets;
         node.parent = NO_PARENT;
         node.pack(&wide, &cluster.aabb, WIDTH);
-        Unit { cluster, target: index }
+        Unit { cluster, kind: UnitKind::Node(index) }
     }
 
     /// Makes the upper part of the tree, from the root down.

@@ -7,7 +7,7 @@ use crate::policy::Policy;
 use crate::sample::{LightId, LightSampler};
 use crate::shading_point::ShadingPoint;
 use crate::tree::testing::Rng;
-use crate::tree::{BuildItem, shape};
+use crate::tree::{BuildItem, LEAF, shape};
 use crate::world::LightWorld;
 
 /// A number in [0, 1) for each index and purpose.
@@ -49,13 +49,14 @@ fn city(instances: usize) -> LightWorld {
     world
 }
 
-/// The top level over the same instances that is built like a bottom-level tree.
-fn by_cost(instances: &[Cluster]) -> TopLevel {
-    let lit: Vec<u32> = (0..instances.len() as u32).filter(|slot| instances[*slot as usize].flux > 0.0).collect();
-    let item = |(slot, i): (&u32, u32)| BuildItem::new(&instances[*slot as usize], i);
+/// The top level over the same parts that is built like a bottom-level tree.
+fn by_cost(parts: &[(Part, Cluster)], slots: usize) -> TopLevel {
+    let lit: Vec<u32> = (0..parts.len() as u32).filter(|part| parts[*part as usize].1.flux > 0.0).collect();
+    let item = |(part, i): (&u32, u32)| BuildItem::new(&parts[*part as usize].1, i);
     let mut items: Vec<BuildItem> = lit.iter().zip(0..).map(item).collect();
     let shape = shape(&mut items);
-    let mut top = TopLevel { nodes: vec![Node::EMPTY; shape.len()], places: vec![0; instances.len()] };
+    let mut top = TopLevel::without_nodes(parts, slots);
+    top.nodes = vec![Node::EMPTY; shape.len()];
     let mut made: Vec<Option<Unit>> = vec![None; shape.len()];
     for (index, node) in shape.iter().enumerate().rev() {
         let units: Vec<Unit> = node.targets[..node.count as usize]
@@ -63,8 +64,8 @@ fn by_cost(instances: &[Cluster]) -> TopLevel {
             .map(|target| match target & LEAF {
                 0 => made[*target as usize].expect("children come after their parents"),
                 _ => {
-                    let slot = lit[(target & !LEAF) as usize];
-                    Unit { cluster: instances[slot as usize], target: LEAF | slot }
+                    let part = lit[(target & !LEAF) as usize];
+                    Unit { cluster: parts[part as usize].1, kind: UnitKind::Part(part) }
                 }
             })
             .collect();
@@ -100,8 +101,8 @@ fn sigmas(sampler: &LightSampler<'_>, shading_points: &[ShadingPoint]) -> Vec<f6
 fn the_top_level_is_at_most_20_percent_noisier_than_a_bottom_level_build_over_the_instances() {
     // Enough instances for two rounds of pieces before the upper part.
     let world = city(6000);
-    let instances = world.clusters();
-    let (ours, best) = (TopLevel::build(&instances), by_cost(&instances));
+    let (parts, slots) = (world.parts(), world.slot_count());
+    let (ours, best) = (TopLevel::build(&parts, slots), by_cost(&parts, slots));
     let size = 12.0 * 6000.0_f32.sqrt();
     let position = |i: usize| Vec3::new(random(i, 20) * size, 0.0, random(i, 21) * size);
     let shading_points: Vec<ShadingPoint> = (0..40).map(|i| ShadingPoint::surface(position(i), Vec3::Y)).collect();

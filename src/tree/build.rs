@@ -5,7 +5,7 @@ use super::attributes::{AttributeSums, Attributes};
 use super::dirty::DirtyNodes;
 use super::layout::{PlacedLight, build_items, with_spare};
 use super::node::Node;
-use super::shape::shape;
+use super::shape::{TreeShape, shape_tree};
 use super::tasks::RefitTasks;
 use super::wide::WideCluster;
 use crate::cluster::Cluster;
@@ -21,7 +21,7 @@ impl LightTree {
     /// Builds a tree over valid lights.
     pub(crate) fn build(lights: Vec<Light>) -> Self {
         let placed = placed_lights(&lights);
-        let shape = shape(&mut build_items(&placed));
+        let TreeShape { nodes: shape, sides } = shape_tree(&mut build_items(&placed));
         let count = with_spare(shape.len());
         let mut tree = Self {
             leaves: vec![0; lights.len()],
@@ -38,6 +38,7 @@ impl LightTree {
             dirty: DirtyNodes::empty(count),
             tasks: RefitTasks::default(),
             root: Cluster::EMPTY,
+            sides: vec![Cluster::EMPTY; sides],
             attributes: Attributes::default(),
         };
         if count > 0 {

@@ -3,6 +3,7 @@
 use super::LightTree;
 use super::node::{EMPTY_SLOT, NO_PARENT, Node, Target, WIDTH};
 use super::pack::UNLIMITED_RANGE;
+use super::wide::WideCluster;
 use crate::cluster::{Cluster, MAX_FLUX};
 use crate::cone::angle;
 use crate::light::MIN_FLUX;
@@ -124,6 +125,12 @@ impl LightTree {
         if has_leaf.contains(&false) {
             return fail("a light has no leaf");
         }
+        let root = self.wide.first().copied().unwrap_or(WideCluster::EMPTY);
+        let is_side = |(slot, side): (usize, &Cluster)| *side == root.get(slot);
+        let children = self.nodes.first().map_or(0, Node::count);
+        if !self.sides.is_empty() && self.sides.len() != children || !self.sides.iter().enumerate().all(is_side) {
+            return fail("the sides are not the children of the root");
+        }
         let total =
             self.lights.iter().map(|light| f64::from(light.cluster().flux)).sum::<f64>().min(f64::from(MAX_FLUX));
         let floors = f64::from(MIN_FLUX) * self.lights.len() as f64;
@@ -217,6 +224,7 @@ mod tests {
         assert!(message(|tree| tree.nodes[0].cap[3] = 0).contains("slot 3: the cap does not cover"));
         assert!(message(|tree| tree.nodes[0].range[1] = 0).contains("slot 1: the range is shorter"));
         assert!(message(|tree| tree.nodes[0].high[0][1] = 0).contains("slot 1: the box does not contain"));
+        assert!(message(|tree| tree.sides = vec![tree.root]).ends_with("the sides are not the children of the root"));
         assert!(message(|tree| tree.wide[0].axis = [[0.0; WIDTH]; 3]).contains("the cap does not cover"));
     }
 }

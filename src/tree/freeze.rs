@@ -7,6 +7,7 @@ use super::dirty::DirtyNodes;
 use super::node::{Node, WIDTH};
 use super::tasks::RefitTasks;
 use super::wide::WideCluster;
+use crate::cluster::Cluster;
 use crate::light::Light;
 
 impl LightTree {
@@ -36,11 +37,12 @@ impl LightTree {
 
     /// The size of all arrays in bytes, lights included: the memory of the tree on the heap.
     pub fn memory_bytes(&self) -> usize {
-        let Self { lights, leaves, nodes, wide, spans, light_counts, built_costs, attribute_sums, .. } = self;
+        let Self { lights, leaves, nodes, wide, spans, light_counts, built_costs, attribute_sums, sides, .. } = self;
         size_of::<Light>() * lights.capacity()
             + size_of::<Node>() * nodes.capacity()
             + size_of::<WideCluster>() * wide.capacity()
             + size_of::<AttributeSums>() * attribute_sums.capacity()
+            + size_of::<Cluster>() * sides.capacity()
             + size_of::<u32>() * (leaves.capacity() + spans.capacity())
             + size_of::<u32>() * (light_counts.capacity() + built_costs.capacity())
             + self.dirty.memory_bytes()

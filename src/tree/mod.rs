@@ -85,6 +85,9 @@ pub struct LightTree {
     tasks: RefitTasks,
     /// The cluster of all lights.
     root: Cluster,
+    /// The clusters of the sides, which are the children of the root; empty if the tree is not
+    /// divided by direction.
+    sides: Vec<Cluster>,
     attributes: Attributes,
 }
 
@@ -139,14 +142,20 @@ impl LightTree {
 
     /// The flux of all lights by kind, in lumens.
     pub fn flux(&self) -> FluxByKind {
-        let Cluster { flux, area_flux, .. } = self.cluster();
-        FluxByKind { punctual: (flux - area_flux).max(0.0), area: area_flux }
+        FluxByKind { punctual: self.root.punctual_flux(), area: self.root.area_flux }
     }
 
     /// The cluster of all lights as of the last build or refit, at full precision. The root's
     /// children are packed and therefore wider.
     pub fn cluster(&self) -> Cluster {
         self.root
+    }
+
+    /// The clusters of the tree's sides at full precision, as of the last build or refit. They are
+    /// the children of the root. Empty if the tree is not divided: if its lights all shine to the
+    /// same side, to all sides, or are many.
+    pub fn sides(&self) -> &[Cluster] {
+        &self.sides
     }
 
     /// Replaces lights. `changes` are pairs of a light's index and its new value; of several

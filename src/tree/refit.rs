@@ -35,7 +35,14 @@ impl LightTree {
         } else {
             self.refit_dirty::<true>();
         }
+        self.update_sides();
         self.update_attributes();
+    }
+
+    /// Copies the clusters of the sides, which frozen trees keep.
+    pub(super) fn update_sides(&mut self) {
+        let Some(root) = self.wide.first() else { return };
+        (0..).zip(&mut self.sides).for_each(|(slot, side)| *side = root.get(slot));
     }
 
     /// Computes the attributes of the tree from the sums at its root.
@@ -59,6 +66,7 @@ impl LightTree {
     pub fn refit_without_attributes(&mut self) {
         self.has_stale_sums |= self.dirty.len() > 0;
         self.refit_dirty::<false>();
+        self.update_sides();
     }
 
     fn refit_dirty<const MEASURE: bool>(&mut self) {

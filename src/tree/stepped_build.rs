@@ -16,6 +16,7 @@ use super::units::{
     ALLOCATE_TICKS, COST_TICKS, REFIT_TICKS, TASK_TICKS, UNIT, build_units, copy_ticks, lay_out_ticks, place_ticks,
 };
 use super::wide::WideCluster;
+use crate::cluster::Cluster;
 use crate::light::Light;
 
 /// Lights that are copied at once.
@@ -335,6 +336,9 @@ impl TreeBuild {
         }
         self.next = nodes.end;
         if nodes.end == tree.nodes.len() {
+            let sides = self.shape.as_ref().map_or(0, |shape| shape.sides());
+            tree.sides = vec![Cluster::EMPTY; sides];
+            tree.update_sides();
             tree.update_attributes();
             self.begin(Stage::Done);
         }

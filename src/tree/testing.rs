@@ -34,7 +34,7 @@ pub(crate) struct State {
 pub(crate) fn state_of(tree: &LightTree) -> State {
     let LightTree { nodes, leaves, wide, spans, light_counts, built_costs, .. } = tree;
     let LightTree { attribute_sums, has_stale_sums, dirty, tasks, .. } = tree;
-    let LightTree { rebuild_credit, root, attributes, effects, .. } = tree;
+    let LightTree { rebuild_credit, root, sides, attributes, effects, .. } = tree;
     let bits = |floats: &[f32]| floats.iter().map(|v| v.to_bits()).collect::<Vec<u32>>();
     let wide = wide.iter().flat_map(|lanes| {
         let vectors = [lanes.min, lanes.max, lanes.mean, lanes.axis];
@@ -49,6 +49,7 @@ pub(crate) fn state_of(tree: &LightTree) -> State {
         light_counts.clone(),
         bits(built_costs),
         cluster_bits(root),
+        sides.iter().flat_map(cluster_bits).collect(),
     ];
     let text =
         format!("{attribute_sums:?} {has_stale_sums} {dirty:?} {tasks:?} {rebuild_credit} {attributes:?} {effects:?}");

@@ -7,6 +7,7 @@ mod delta;
 mod edit;
 mod key_set;
 mod open_build;
+mod parts;
 mod rebuild;
 mod refit;
 mod requests;
@@ -26,10 +27,9 @@ pub use delta::FrameDelta;
 pub use rebuild::JobReport;
 pub use update::{BackgroundReport, FrameReport};
 
-use crate::cluster::Cluster;
 use crate::effects::{EffectCounts, Effects, HeldEffects};
 use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
-use crate::light::{DirectionalLight, MIN_FLUX};
+use crate::light::DirectionalLight;
 use crate::placement::{Placed, Placement};
 use crate::policy::{AttributeHistory, Policy, PolicySet};
 use crate::scheduler::{Clock, Scheduler, SystemClock};
@@ -291,7 +291,6 @@ impl LightWorld {
     }
 
     /// The number of instance slots that are or were in use.
-    #[cfg(feature = "gpu")]
     pub(crate) fn slot_count(&self) -> usize {
         self.slots.len()
     }
@@ -321,28 +320,8 @@ impl LightWorld {
         if let Some(top) = self.top.get() {
             return top;
         }
-        let built = TopLevel::build(&self.clusters());
+        let built = TopLevel::build(&self.parts(), self.slots.len());
         self.top.get_or_init(|| built)
-    }
-
-    /// The clusters that the top level is built over, by slot; slots without an instance are empty.
-    pub(crate) fn clusters(&self) -> Vec<Cluster> {
-        let cluster = |slot: u32| self.instance_at(slot).map_or(Cluster::EMPTY, |key| self.cluster(key));
-        (0..self.slots.len() as u32).map(cluster).collect()
-    }
-
-    /// The cluster of all lights of an instance, in the world. Empty for a dark tree and for a
-    /// hidden instance.
-    pub(crate) fn cluster(&self, key: InstanceKey) -> Cluster {
-        let instance = &self.instances[key];
-        let tree = &self.trees[instance.tree].tree;
-        let cluster = tree.cluster();
-        let Some(placed) = instance.placed.as_ref().filter(|_| cluster.flux > 0.0) else {
-            return Cluster::EMPTY;
-        };
-        let flux = placed.linear.flux(tree.flux().punctual, tree.flux().area, cluster.axis);
-        // At a small enough scale, the flux of a light that is not dark would round to 0.
-        cluster.transformed(&placed.linear, placed.frame.translation, flux.max(MIN_FLUX))
     }
 }
 

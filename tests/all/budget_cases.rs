@@ -40,8 +40,9 @@ fn a_large_tree_that_was_scrambled_once_becomes_as_good_as_new() {
 fn no_tree_is_locked_out_by_measurements_that_mislead() {
     let outcomes = lock_out(Extent::Quick).expect("the scene plays");
     let [turning, at_rest] = &outcomes[..] else { panic!("{} moments", outcomes.len()) };
-    // Trees that turn wait again after each rebuild.
-    assert!(100 * turning.locked_out <= turning.trees, "{turning:?}");
+    // Trees that turn wait again after each rebuild. A beam that turns away from the others of its
+    // side doubles the noise of a tree until then.
+    assert!(20 * turning.locked_out <= turning.trees, "{turning:?}");
     assert_eq!((at_rest.locked_out, at_rest.waiting), (0, 0), "{at_rest:?}");
 }
 

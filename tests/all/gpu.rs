@@ -323,8 +323,10 @@ fn an_upload_sends_what_changed_and_nothing_else() {
     let tree = world.trees().next().expect("a tree");
     world.set_lights(tree, &[(0, Light::point(Vec3::ONE, Vec3::ONE))]).expect("valid");
     let edited = upload(&mut world);
-    let nodes = world.tree(tree).expect("it lives").nodes().len() as u64;
-    assert_eq!((edited.bytes, edited.trees, edited.instances), (nodes * 208 + 30 * 64 + 80, 1, 0));
+    let tree = world.tree(tree).expect("it lives");
+    let (nodes, sides) = (tree.nodes().len() as u64, tree.sides().len() as u64);
+    assert!(sides > 1, "lights of all kinds shine to several sides");
+    assert_eq!((edited.bytes, edited.trees, edited.instances), (nodes * 208 + 30 * 64 + sides * 80, 1, 0));
 }
 
 #[test]
@@ -350,12 +352,13 @@ fn a_world_of_points_sends_no_bytes_for_cones_ranges_and_scales() {
     world.move_instance(instance, Placement::at(DVec3::Y)).expect("valid");
     assert_eq!(upload(&mut world), 80);
     // A tree of spots with ranges lengthens all nodes and lights, which the GPU converts. The
-    // upload sends the tree, its instance, the two tables for the conversion, and the uniform.
+    // upload sends the tree, its instance and that one's part, the two tables for the conversion,
+    // and the uniform.
     let spot = |_| Light::spot(rng.place(5.0), Vec3::NEG_Y, 0.1, 0.4, Vec3::ONE).with_range(9.0);
     let spots = world.add_tree((0..20).map(spot).collect()).expect("valid");
     world.add_instance(spots, Placement::IDENTITY, Policy::Budgeted).expect("valid");
     let table = 16 + 2 * 13 * 16;
-    assert_eq!(upload(&mut world), 20 * 64 + nodes(&world, spots) * 208 + 80 + 80 + 2 * table + 48);
+    assert_eq!(upload(&mut world), 20 * 64 + nodes(&world, spots) * 208 + 80 + 80 + 8 + 2 * table + 48);
     // A scaled instance lengthens all instances.
     world.move_instance(instance, Placement { linear: 2.0 * Mat3::IDENTITY, ..Placement::IDENTITY }).expect("valid");
     assert_eq!(upload(&mut world), 128 + table + 48);

@@ -20,7 +20,7 @@ const MISSED: [(&str, f64); 10] = [
     ("scaled by 100", 0.97),
     ("squashed along x by 0.01", 2.6),
     ("stretched along x by 100", 2.5),
-    ("scales from 0.001 to 1", 1.1),
+    ("scales from 0.001 to 1", 0.72),
     ("200 overlapping instances", 5.6),
     ("1,000 overlapping instances", 13.0),
     ("overlapping strings of lamps", 1.5),

@@ -48,7 +48,7 @@ impl GpuLights {
     ) -> Vec<TopStage> {
         self.top_status.record(encoder);
         let mut recorder = Recorder::apart(encoder, "girandole top level", queries);
-        self.top.record(&mut recorder, self.params.slots);
+        self.top.record(&mut recorder, self.parts.count());
         recorder.finish()
     }
 

@@ -1,23 +1,26 @@
-//! The buffers of the top level whose sizes follow the number of instance slots.
+//! The buffers of the top level whose sizes follow the number of parts.
 
 use super::super::error::{GpuError, largest_storage_buffer};
-use super::super::layout::{ClusterRecord, Strides};
+use super::super::layout::{ClusterRecord, LeafRecord, Strides};
 use super::super::memory;
 use super::super::sort::{RadixSort, SortBuffers};
 use super::plan::Plan;
 use crate::effects::Effects;
 use crate::tree::Node;
 
-/// The extremes of all means, the number of instances that are not dark, and one unused word.
+/// The extremes of all means, the number of parts that are not dark, and one unused word.
 const BOUNDS_BYTES: u64 = 32;
 
 #[derive(Debug)]
 pub(super) struct TopBuffers {
-    /// The number of slots that there is room for.
+    /// The number of parts that there is room for.
     pub capacity: u32,
+    /// Where the parts begin in the buffer of the nodes, in units of 16 bytes.
+    pub parts: u32,
     pub bounds: wgpu::Buffer,
+    /// The nodes, then the parts.
     pub nodes: wgpu::Buffer,
-    /// The clusters of all slots, then of all nodes.
+    /// The clusters of all parts, then of all nodes.
     pub clusters: wgpu::Buffer,
     /// The lists of units that the rounds leave.
     pub units: wgpu::Buffer,
@@ -25,12 +28,13 @@ pub(super) struct TopBuffers {
 }
 
 impl TopBuffers {
-    /// Makes room for `capacity` slots. Fails with [`GpuError::Full`] if a buffer would be larger
+    /// Makes room for `capacity` parts. Fails with [`GpuError::Full`] if a buffer would be larger
     /// than the device can bind, and with [`GpuError::OutOfMemory`].
     pub(super) fn new(device: &wgpu::Device, sort: &RadixSort, capacity: u32) -> Result<Self, GpuError> {
         let limit = largest_storage_buffer(device);
-        let plan = Plan::new(capacity, capacity, Strides::of(Effects::all()));
-        let nodes = u64::from(plan.nodes) * size_of::<Node>() as u64;
+        let plan = Plan::new(capacity, capacity, 0, Strides::of(Effects::all()));
+        let parts = u64::from(plan.nodes) * size_of::<Node>() as u64;
+        let nodes = parts + u64::from(capacity) * size_of::<LeafRecord>() as u64;
         let clusters = (u64::from(capacity) + u64::from(plan.nodes)) * size_of::<ClusterRecord>() as u64;
         let units = u64::from(plan.words) * 4;
         for (what, needed) in [("top-level clusters", clusters), ("top-level nodes", nodes)] {
@@ -42,6 +46,8 @@ impl TopBuffers {
         let buffer = |what, bytes| memory::create_buffer(device, what, bytes, usage);
         Ok(Self {
             capacity,
+            // Within the limit of the buffer.
+            parts: (parts / 16) as u32,
             sort: SortBuffers::new(device, sort, capacity)?,
             bounds: buffer("top level bounds", BOUNDS_BYTES)?,
             nodes: buffer("top level nodes", nodes)?,

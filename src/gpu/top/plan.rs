@@ -9,19 +9,20 @@ pub(super) const MAX_GROUPS: u32 = top::most_units(top::PIECE) as u32;
 /// The number of parts of the upper part of the tree: every split makes two parts of one.
 pub(super) const ROOT_PARTS: u32 = 2 * top::ROOT_UNITS as u32 - 1;
 
-/// The value of [`TopPass::units_before`] in the first round, whose units are the sorted slots.
+/// The value of [`TopPass::units_before`] in the first round, whose units are the sorted parts.
 pub(super) const FIRST_ROUND: u32 = u32::MAX;
 
 /// The largest number of passes, the upper part included. Each round leaves hardly more than a
-/// quarter of its units, so 16 passes are enough for any number of slots.
+/// quarter of its units, so 16 passes are enough for any number of parts.
 pub(super) const MAX_PASSES: u32 = 16;
 
 /// Twin of `TopPass` in `shaders/top_types.wgsl`, which explains the fields.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub(super) struct TopPass {
-    pub slots: u32,
+    pub count: u32,
     pub capacity: u32,
+    pub parts: u32,
     pub units_before: u32,
     pub pieces_before: u32,
     pub units_after: u32,
@@ -42,11 +43,12 @@ pub(super) struct Plan {
 }
 
 impl Plan {
-    /// The passes for the first `slots` slots in buffers for `capacity` slots.
-    pub(super) fn new(slots: u32, capacity: u32, strides: Strides) -> Self {
-        let mut pass = TopPass { slots, capacity, units_before: FIRST_ROUND, strides, ..TopPass::default() };
+    /// The passes for the first `count` parts in buffers for `capacity` parts. `parts` is where
+    /// these begin in the buffer of the nodes, in units of 16 bytes.
+    pub(super) fn new(count: u32, capacity: u32, parts: u32, strides: Strides) -> Self {
+        let mut pass = TopPass { count, capacity, parts, units_before: FIRST_ROUND, strides, ..TopPass::default() };
         let mut plan = Self { passes: Vec::new(), nodes: ROOT_PARTS + 1, words: 0 };
-        let mut units = slots;
+        let mut units = count;
         while units > top::ROOT_UNITS as u32 {
             pass.pieces = units.div_ceil(top::SHARE as u32);
             pass.units_after = plan.words;

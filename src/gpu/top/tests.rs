@@ -5,21 +5,27 @@ mod layouts;
 mod limits;
 mod twin;
 
+use std::collections::HashMap;
+
 use glam::{EulerRot, Mat3, Quat, Vec3};
 
 use super::*;
 use crate::bounds::Aabb;
 use crate::cluster::Cluster;
-use crate::gpu::layout::ClusterRecord;
+use crate::gpu::layout::{Bases, ClusterRecord, LeafRecord};
 use crate::gpu::testing::{gpu, read};
 use crate::keys::slot_of;
+use crate::part::{PART, PART_BITS, Part};
 use crate::tree::{Node, Target, WIDTH};
 use crate::{InstanceKey, Light, LightWorld, Placement, Policy, TreeKey};
 
 /// What a build on the GPU has written. Some nodes may be left over: no other node refers to them.
 struct Built {
-    instances: Vec<InstanceRecord>,
-    /// The clusters of the instances.
+    /// The parts of the world, as the twin numbers them.
+    parts: Vec<Part>,
+    /// What the build has written about each part.
+    records: Vec<LeafRecord>,
+    /// The clusters of the parts.
     leaves: Vec<Cluster>,
     /// The clusters of the nodes.
     clusters: Vec<ClusterRecord>,
@@ -27,11 +33,19 @@ struct Built {
 }
 
 impl Built {
+    /// The number of the part that is a leaf.
+    fn part_of(&self, leaf: u32) -> usize {
+        match leaf & PART {
+            0 => self.parts.partition_point(|part| part.slot < leaf),
+            _ => (leaf & PART_BITS) as usize,
+        }
+    }
+
     /// The cluster from which the child at a place was packed.
     fn child(&self, place: usize) -> Cluster {
         match self.nodes[place / WIDTH].target(place % WIDTH) {
             None => Cluster::EMPTY,
-            Some(Target::Leaf(slot)) => self.leaves[slot as usize],
+            Some(Target::Leaf(leaf)) => self.leaves[self.part_of(leaf)],
             Some(Target::Node(node)) => cluster_of(&self.clusters[node as usize]),
         }
     }
@@ -123,31 +137,41 @@ fn pool<T: bytemuck::NoUninit>(records: &[T]) -> Pool<T> {
 /// Builds the top level of a world.
 fn build(top: &mut TopBuild, world: &LightWorld) -> Built {
     let (device, queue) = gpu();
-    let slots = world.slot_count();
-    let mut instances = vec![InstanceRecord::NONE; slots.max(1)];
+    let (mut trees, mut bases) = (vec![TreeRecord::default()], HashMap::new());
+    for key in world.trees() {
+        bases.insert(key, trees.len() as u32);
+        trees.extend(TreeRecord::of(world.tree(key).unwrap()));
+    }
+    let mut instances = vec![InstanceRecord::NONE; world.slot_count().max(1)];
     for key in world.instances() {
         let instance = world.instance(key).unwrap();
         let placed = instance.placed.as_ref().expect("no test hides an instance");
-        instances[slot_of(key) as usize] = InstanceRecord::of(placed, slot_of(instance.tree), 0, 0);
+        let bases = Bases { tree: bases[&instance.tree], ..Bases::default() };
+        instances[slot_of(key) as usize] = InstanceRecord::of(placed, bases);
     }
-    let mut trees = vec![TreeRecord::default(); world.tree_count() + 1];
-    for key in world.trees() {
-        trees[slot_of(key) as usize] = TreeRecord::of(world.tree(key).unwrap());
-    }
-    let (instances, trees) = (pool(&instances), pool(&trees));
-    top.reserve(slots as u32).unwrap();
+    let parts: Vec<Part> = world.parts().iter().map(|(part, _)| *part).collect();
+    let index = |i: usize| i - parts.partition_point(|part| part.slot < parts[i].slot);
+    let record = |i: usize| PartRecord { slot: parts[i].slot, index: index(i) as u32 };
+    let mut part_records: Vec<PartRecord> = (0..parts.len()).map(record).collect();
+    part_records.resize(parts.len().max(1), PartRecord::NONE);
+    let (part_records, instances, trees) = (pool(&part_records), pool(&instances), pool(&trees));
+    let count = parts.len() as u32;
+    top.reserve(count).unwrap();
     top.bound = None;
-    top.bind(&instances, &trees);
+    top.bind(&part_records, &instances, &trees);
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    top.record(&mut Recorder::together(&mut encoder, "test"), slots as u32);
+    top.record(&mut Recorder::together(&mut encoder, "test"), count);
     queue.submit([encoder.finish()]);
     let mut leaves: Vec<ClusterRecord> = read(&device, &queue, &top.buffers.clusters);
     let clusters = leaves.split_off(top.buffers.capacity as usize);
+    let words: Vec<[u32; 4]> = read(&device, &queue, top.nodes());
+    let (nodes, records) = words.split_at(top.parts() as usize);
     Built {
-        instances: read(&device, &queue, instances.buffer()),
-        leaves: leaves[..slots].iter().map(cluster_of).collect(),
+        records: bytemuck::cast_slice(&records[..parts.len()]).to_vec(),
+        leaves: leaves[..parts.len()].iter().map(cluster_of).collect(),
+        parts,
         clusters,
-        nodes: read(&device, &queue, top.nodes()),
+        nodes: bytemuck::cast_slice(nodes).to_vec(),
     }
 }
 

@@ -113,6 +113,23 @@ impl<G: ChildGroup> Children<G> {
         chooser.finish()
     }
 
+    /// Children that stay whole. There is at least one.
+    pub fn closed(groups: impl Iterator<Item = G>) -> Self {
+        let mut groups = groups.peekable();
+        let first = *groups.peek().expect("a node has children");
+        let mut children = Self { groups: [first; WIDTH], is_open: [false; WIDTH], count: 0 };
+        for group in groups {
+            children.groups[children.count] = group;
+            children.count += 1;
+        }
+        children
+    }
+
+    /// The number of children.
+    pub fn len(&self) -> usize {
+        self.count
+    }
+
     /// The groups and whether each is open.
     pub fn iter(&self) -> impl Iterator<Item = (&G, bool)> {
         self.groups[..self.count].iter().zip(self.is_open)

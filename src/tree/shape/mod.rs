@@ -4,9 +4,11 @@
 
 mod bins;
 mod children;
+mod costed;
 mod counts;
 mod group;
 mod median;
+mod sides;
 mod split;
 mod stepped;
 mod stepped_split;
@@ -15,6 +17,7 @@ mod tests;
 
 use children::ChildChooser;
 pub(crate) use children::{ChildGroup, Children};
+use costed::CostedGroup;
 #[cfg(feature = "gpu")]
 pub(crate) use counts::{FULL, SPARSE_COUNTS};
 pub(crate) use counts::{fills_nodes, middle};
@@ -33,10 +36,6 @@ const PARALLEL_ITEMS: usize = 4096;
 /// bits of its number of lights. A million lights make 8 or 9 levels; at geometric distances from
 /// 1e-9 m to 1e9 m they make 16.
 const MAX_COST_DEPTH: u32 = 32;
-
-/// Groups with a smaller share of the diagonal of their node are tiny. A node stores mean positions
-/// to 1/65,025 of its extent.
-const TINY_SHARE: f32 = 1.0e-3;
 
 /// One node of a shape. Nodes are stored depth first: a parent before its children, and every
 /// subtree contiguous.
@@ -62,6 +61,24 @@ impl ShapeNode {
     fn push_leaves(&mut self, items: &[BuildItem]) {
         items.iter().for_each(|item| self.push(LEAF | item.index()));
     }
+}
+
+/// The shape of a whole tree.
+pub(crate) struct TreeShape {
+    pub nodes: Vec<ShapeNode>,
+    /// The number of sides, which are the children of the root; 0 for a tree that is not divided.
+    pub sides: usize,
+}
+
+/// Shapes the tree of an object: divides it into sides, if its lights disagree in direction, and
+/// each side as [`shape()`] does. O(n log n).
+pub(crate) fn shape_tree(items: &mut [BuildItem]) -> TreeShape {
+    let Some(children) = sides::sides(items) else { return TreeShape { nodes: shape(items), sides: 0 } };
+    let mut nodes = Vec::with_capacity(likely_nodes(items.len()));
+    nodes.push(ShapeNode::EMPTY);
+    shape_children(items, &children, 0, 0, &mut nodes);
+    link(&mut nodes);
+    TreeShape { nodes, sides: children.len() }
 }
 
 /// Shapes a tree over some items and sorts them into the order of its leaves. The result does not
@@ -103,14 +120,27 @@ fn link_children(nodes: &mut [ShapeNode], node: usize) {
 /// list.
 fn shape_below(items: &mut [BuildItem], whole: &Group, depth: u32, nodes: &mut Vec<ShapeNode>) {
     let own = nodes.len();
-    let mut node = ShapeNode::EMPTY;
-    nodes.push(node);
+    nodes.push(ShapeNode::EMPTY);
     if items.len() <= WIDTH {
-        node.push_leaves(items);
-        nodes[own] = node;
+        nodes[own].push_leaves(items);
         return;
     }
     let children = choose_children(items, whole, depth >= MAX_COST_DEPTH);
+    shape_children(items, &children, own, depth, nodes);
+}
+
+/// Appends the subtrees of the node `own`, which is the last of `nodes` and still empty, and names
+/// them as its children.
+fn shape_children(
+    items: &mut [BuildItem],
+    children: &Children<CostedGroup>,
+    own: usize,
+    depth: u32,
+    nodes: &mut Vec<ShapeNode>,
+) {
+    let mut node = ShapeNode::EMPTY;
+    #[cfg(feature = "parallel")]
+    let count = items.len();
     let mut subtrees = Subtrees::default();
     let mut rest = items;
     for (child, is_open) in children.iter() {
@@ -125,7 +155,7 @@ fn shape_below(items: &mut [BuildItem], whole: &Group, depth: u32, nodes: &mut V
         }
     }
     #[cfg(feature = "parallel")]
-    if whole.count >= PARALLEL_ITEMS {
+    if count >= PARALLEL_ITEMS {
         for (slot, subtree) in shape_in_parallel(std::mem::take(&mut subtrees), depth + 1) {
             node.targets[slot] = (nodes.len() - own) as u32;
             nodes.extend(subtree);
@@ -152,51 +182,6 @@ fn shape_in_parallel(subtrees: Subtrees<'_>, depth: u32) -> Vec<(usize, Vec<Shap
         (slot, nodes)
     };
     subtrees.into_par_iter().flatten().map(shape_one).collect()
-}
-
-/// A group with its cost relative to the node that it is a child of.
-#[derive(Clone, Copy)]
-struct CostedGroup {
-    group: Group,
-    cost: f32,
-    /// See [`ChildGroup::is_tiny`].
-    is_tiny: bool,
-}
-
-impl CostedGroup {
-    /// The group of a node, the only one to split.
-    #[inline(always)]
-    fn whole(group: &Group) -> Self {
-        Self { group: *group, cost: 0.0, is_tiny: false }
-    }
-
-    /// Two groups below the node over `whole`.
-    #[inline(always)]
-    fn parts(whole: &Group, parts: &[Group; 2]) -> [Self; 2] {
-        let costs = whole.costs([&parts[0], &parts[1]]);
-        let most_sq = TINY_SHARE * TINY_SHARE * whole.sums.diagonal_sq();
-        let is_tiny = |part: &Group| part.sums.diagonal_sq() < most_sq;
-        [0, 1].map(|side| Self { group: parts[side], cost: costs[side], is_tiny: is_tiny(&parts[side]) })
-    }
-}
-
-impl ChildGroup for CostedGroup {
-    type Cost = f32;
-
-    #[inline(always)]
-    fn count(&self) -> usize {
-        self.group.count
-    }
-
-    #[inline(always)]
-    fn cost(&self) -> f32 {
-        self.cost
-    }
-
-    #[inline(always)]
-    fn is_tiny(&self) -> bool {
-        self.is_tiny
-    }
 }
 
 /// Divides a node's items among its children, and sorts the items accordingly. `halve` is as in

@@ -4,6 +4,7 @@
 //! are shaped by the functions of the parent module, and splits of many items are cut into pieces.
 
 use super::group::{BuildItem, Group, SumsOfRuns};
+use super::sides::sides;
 use super::split::split;
 use super::stepped_split::{MIN_STEPPED, SteppedSplit};
 use super::{ChildChooser, Children, CostedGroup, MAX_COST_DEPTH, ShapeNode, likely_nodes, link_children, shape_below};
@@ -24,6 +25,7 @@ pub(in crate::tree) struct SteppedShape {
     /// The nodes that are not complete: each one below the one before it.
     unfinished: Vec<Unfinished>,
     split: SteppedSplit,
+    sides: usize,
 }
 
 /// A node that is not complete.
@@ -53,6 +55,7 @@ impl SteppedShape {
             whole: SumsOfRuns::new(Group::EMPTY, Group::EMPTY),
             unfinished: Vec::new(),
             split: SteppedSplit::new(),
+            sides: 0,
         }
     }
 
@@ -96,8 +99,19 @@ impl SteppedShape {
 
     /// Starts the shape over the items, of which there is at least one. Returns the ticks.
     pub fn start(&mut self) -> usize {
+        if let Some(children) = sides(&mut self.items) {
+            self.sides = children.len();
+            self.nodes.push(ShapeNode::EMPTY);
+            self.unfinished.push(Unfinished { node: 0, depth: 0, first: 0, stage: Stage::Shape { children, next: 0 } });
+            return whole_split_ticks(self.items.len());
+        }
         let whole = *self.whole.get();
         self.begin(0, &whole, 0)
+    }
+
+    /// The number of sides, which are the children of the root; 0 if the tree is not divided.
+    pub fn sides(&self) -> usize {
+        self.sides
     }
 
     /// Whether all nodes are complete.

@@ -5,6 +5,7 @@ use std::cmp::Reverse;
 
 use glam::{DVec3, Vec3};
 
+use super::costed::TINY_SHARE;
 use super::counts::FULL;
 use super::*;
 use crate::bounds::Aabb;

@@ -8,10 +8,9 @@ use super::{Built, build, placement, random_vec, world_of};
 use crate::cluster::Cluster;
 use crate::cone::angle;
 use crate::gpu::testing::gpu;
-use crate::keys::slot_of;
 use crate::placement::Placed;
-use crate::tree::{CAP_STEPS, LEAF, NO_PARENT, UNLIMITED_RANGE, WIDTH};
-use crate::{Light, LightWorld, Policy};
+use crate::tree::{CAP_STEPS, NO_PARENT, Target, UNLIMITED_RANGE, WIDTH};
+use crate::{Light, LightTree, LightWorld, Policy};
 
 /// The first property of `inner` that `outer` does not hold; `outer` is decoded as sampling decodes
 /// it.
@@ -50,6 +49,17 @@ pub(super) fn assert_bounds_hold(built: &Built) {
     }
 }
 
+/// The lights of a tree at or below a target.
+fn lights_below(tree: &LightTree, target: Target) -> Vec<Light> {
+    match target {
+        Target::Leaf(light) => vec![tree.lights()[light as usize]],
+        Target::Node(node) => {
+            let node = &tree.nodes()[node as usize];
+            (0..WIDTH).filter_map(|slot| node.target(slot)).flat_map(|target| lights_below(tree, target)).collect()
+        }
+    }
+}
+
 #[test]
 fn every_packed_child_on_the_way_up_holds_every_light_of_an_instance() {
     let (device, queue) = gpu();
@@ -57,14 +67,14 @@ fn every_packed_child_on_the_way_up_holds_every_light_of_an_instance() {
     let world = world_of(400, placement);
     let built = build(&mut top, &world);
     let (mut caps, mut sheared_caps) = (0, 0);
-    for key in world.instances() {
-        let slot = slot_of(key) as usize;
-        let instance = world.instance(key).unwrap();
+    for (index, part) in built.parts.iter().enumerate() {
+        let instance = world.instance(world.instance_at(part.slot).unwrap()).unwrap();
         let Placed { frame, linear, .. } = instance.placed.expect("no test hides an instance");
-        for light in world.tree(instance.tree).unwrap().lights().iter().filter(|l| l.flux() > 0.0) {
+        let tree = world.tree(instance.tree).unwrap();
+        for light in lights_below(tree, part.target).into_iter().filter(|light| light.flux() > 0.0) {
             let inner = light.cluster();
-            let mut place = built.instances[slot].top_place as usize;
-            assert_eq!(built.nodes[place / WIDTH].targets[place % WIDTH], LEAF | slot as u32);
+            let mut place = built.records[index].place as usize;
+            assert_eq!(built.nodes[place / WIDTH].targets[place % WIDTH], part.leaf(index as u32));
             while place != NO_PARENT as usize {
                 let node = &built.nodes[place / WIDTH];
                 let outer = node.cluster(place % WIDTH);

@@ -13,7 +13,7 @@ fn two_builds_of_one_world_are_equal_bit_for_bit() {
     let world = world_of(2000, placement);
     let (first, second) = (build(&mut top, &world), build(&mut top, &world));
     assert_eq!(first.nodes, second.nodes);
-    assert_eq!(first.instances, second.instances);
+    assert_eq!(first.records, second.records);
 }
 
 #[test]

@@ -9,35 +9,36 @@ use super::super::plan::{MAX_PASSES, Plan, TopPass};
 use super::super::stage::{GROUP, KEYS, LANES, LEAVES, NODE, ROOT, ROOT_GROUP, SPLIT_LANES};
 use crate::effects::Effects;
 use crate::gpu::error::{GpuError, largest_storage_buffer};
-use crate::gpu::layout::{ClusterRecord, Strides};
+use crate::gpu::layout::{ClusterRecord, LeafRecord, Strides};
 use crate::gpu::testing::gpu;
 use crate::tree::Node;
 
 #[test]
-fn more_slots_than_the_device_can_bind_are_refused_and_change_nothing() {
+fn more_parts_than_the_device_can_bind_are_refused_and_change_nothing() {
     let (device, queue) = gpu();
     let mut top = TopBuild::new(&device, &queue).unwrap();
     top.reserve(100).unwrap();
     assert_eq!(top.generation(), 1);
     top.reserve(100).unwrap();
     let before = (top.generation(), top.buffers.capacity, top.nodes().clone());
-    // The largest number of slots whose clusters and nodes fit, and one more.
+    // The largest number of parts whose clusters and nodes fit, and one more.
     let limit = largest_storage_buffer(&device);
-    let needed = |slots: u32| {
-        let nodes = u64::from(Plan::new(slots, slots, Strides::of(Effects::all())).nodes);
-        let clusters = (u64::from(slots) + nodes) * size_of::<ClusterRecord>() as u64;
-        [("top-level clusters", clusters), ("top-level nodes", nodes * size_of::<Node>() as u64)]
+    let needed = |parts: u32| {
+        let nodes = u64::from(Plan::new(parts, parts, 0, Strides::of(Effects::all())).nodes);
+        let clusters = (u64::from(parts) + nodes) * size_of::<ClusterRecord>() as u64;
+        let records = u64::from(parts) * size_of::<LeafRecord>() as u64;
+        [("top-level clusters", clusters), ("top-level nodes", nodes * size_of::<Node>() as u64 + records)]
     };
-    let too_much = |slots: u32| needed(slots).into_iter().find(|(_, needed)| *needed > limit);
+    let too_much = |parts: u32| needed(parts).into_iter().find(|(_, needed)| *needed > limit);
     let (mut fits, mut fails) = (0u32, 1 << 24);
     while fails - fits > 1 {
         let middle = fits.midpoint(fails);
         if too_much(middle).is_none() { fits = middle } else { fails = middle }
     }
-    assert!(fits > 1_400_000, "{fits} slots fit");
-    for slots in [fails, u32::MAX] {
-        let (what, needed) = too_much(slots).unwrap();
-        assert_eq!(top.reserve(slots), Err(GpuError::Full { what, needed, limit }));
+    assert!(fits > 1_200_000, "{fits} parts fit");
+    for parts in [fails, u32::MAX] {
+        let (what, needed) = too_much(parts).unwrap();
+        assert_eq!(top.reserve(parts), Err(GpuError::Full { what, needed, limit }));
     }
     assert_eq!(before, (top.generation(), top.buffers.capacity, top.nodes().clone()));
     top.reserve(fits).unwrap();
@@ -45,11 +46,11 @@ fn more_slots_than_the_device_can_bind_are_refused_and_change_nothing() {
 }
 
 #[test]
-fn a_plan_for_any_number_of_slots_fits_into_the_uniform() {
-    for slots in [0, 1, 256, 257, 512, 513, 100_000, 1 << 20, 1 << 30, u32::MAX] {
-        let plan = Plan::new(slots, slots, Strides::of(Effects::all()));
-        assert!(plan.passes.len() <= MAX_PASSES as usize, "{slots}: {}", plan.passes.len());
-        assert!(u64::from(plan.nodes) <= u64::from(slots) / 2 + 1024, "{slots}: {}", plan.nodes);
+fn a_plan_for_any_number_of_parts_fits_into_the_uniform() {
+    for parts in [0, 1, 256, 257, 512, 513, 100_000, 1 << 20, 1 << 30, u32::MAX] {
+        let plan = Plan::new(parts, parts, 0, Strides::of(Effects::all()));
+        assert!(plan.passes.len() <= MAX_PASSES as usize, "{parts}: {}", plan.passes.len());
+        assert!(u64::from(plan.nodes) <= u64::from(parts) / 2 + 1024, "{parts}: {}", plan.nodes);
     }
 }
 
@@ -73,8 +74,9 @@ fn the_stages_are_valid_and_have_the_sizes_that_the_host_expects() {
         assert_eq!(
             names,
             [
-                ("slots", offset_of!(TopPass, slots)),
+                ("count", offset_of!(TopPass, count)),
                 ("capacity", offset_of!(TopPass, capacity)),
+                ("parts", offset_of!(TopPass, parts)),
                 ("units_before", offset_of!(TopPass, units_before)),
                 ("pieces_before", offset_of!(TopPass, pieces_before)),
                 ("units_after", offset_of!(TopPass, units_after)),

@@ -6,8 +6,8 @@ use super::super::TopBuild;
 use super::bounds::assert_bounds_hold;
 use super::{Built, build, placement, world_of};
 use crate::cluster::Cluster;
+use crate::gpu::layout::LeafRecord;
 use crate::gpu::testing::gpu;
-use crate::keys::slot_of;
 use crate::top::TopLevel;
 use crate::tree::{EMPTY_SLOT, NO_PARENT, Node, Target, UNLIMITED_RANGE, WIDTH};
 use crate::{Light, LightWorld, Placement, Policy};
@@ -83,17 +83,24 @@ fn assert_same_tree(built: &Built, twin: &TopLevel) {
 /// Builds the top level of a world, compares it with the CPU's and checks its bounds.
 pub(super) fn check(top: &mut TopBuild, world: &LightWorld) -> Built {
     let built = build(top, world);
-    // The clusters of the instances agree.
-    for key in world.instances() {
-        let slot = slot_of(key) as usize;
-        assert_alike(&built.leaves[slot], &world.cluster(key), &format!("instance in slot {slot}"));
+    // The clusters of the parts agree.
+    for (index, (part, cluster)) in world.parts().iter().enumerate() {
+        assert_alike(&built.leaves[index], cluster, &format!("part {index}, {part:?}"));
     }
     // From the GPU's own leaves the CPU makes the same tree.
-    let twin = TopLevel::build(&built.leaves);
-    for (slot, leaf) in built.leaves.iter().enumerate().filter(|(_, leaf)| leaf.flux > 0.0) {
-        let place = built.instances[slot].top_place as usize;
-        assert_eq!(built.nodes[place / WIDTH].target(place % WIDTH), Some(Target::Leaf(slot as u32)));
-        assert_eq!(built.child(place), *leaf, "slot {slot}");
+    let parts: Vec<_> = built.parts.iter().copied().zip(built.leaves.iter().copied()).collect();
+    let twin = TopLevel::build(&parts, world.slot_count());
+    for (index, (part, leaf)) in parts.iter().enumerate() {
+        let LeafRecord { slot, target, place, .. } = built.records[index];
+        let below = if target == 0 { Target::Node(0) } else { Target::of(target).unwrap() };
+        assert_eq!((slot, below), (part.slot, part.target), "part {index}");
+        if leaf.flux <= 0.0 {
+            assert_eq!(place, NO_PARENT, "part {index} is dark");
+            continue;
+        }
+        let place = place as usize;
+        assert_eq!(built.nodes[place / WIDTH].targets[place % WIDTH], part.leaf(index as u32));
+        assert_eq!(built.child(place), *leaf, "part {index}");
     }
     assert_same_tree(&built, &twin);
     assert_bounds_hold(&built);

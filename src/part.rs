@@ -1,0 +1,33 @@
+//! The parts of instances, which are the leaves of the top level.
+
+use crate::tree::{LEAF, Target};
+
+/// This bit is set in the target of a leaf whose other bits name a [`Part`]; without it they name
+/// the slot of an instance that is a leaf as a whole.
+pub(crate) const PART: u32 = 1 << 30;
+
+/// This bit is set in the target of a leaf that is a single light.
+pub(crate) const SINGLE: u32 = 1 << 29;
+
+/// The bits of a leaf's target that hold the number of a part or the slot of an instance.
+pub(crate) const PART_BITS: u32 = SINGLE - 1;
+
+/// A part of an instance: all of its tree, one side of it or one light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Part {
+    /// The slot of the instance.
+    pub slot: u32,
+    /// Where a walk goes on in the tree: the root, the node of a side, or a light.
+    pub target: Target,
+}
+
+impl Part {
+    /// The target of the leaf that is this part, the one with number `index`.
+    pub fn leaf(&self, index: u32) -> u32 {
+        match self.target {
+            Target::Node(0) => LEAF | self.slot,
+            Target::Node(_) => LEAF | PART | index,
+            Target::Leaf(_) => LEAF | PART | SINGLE | index,
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! Divides the lights of an object by the sides to which they shine.
+//!
+//! A cluster has one cone and one mean direction. Of a car with beams to the front and lamps at the
+//! back the cone is the whole sphere and the mean direction says nothing, so a wall beside the car
+//! seems to receive light that it does not. Where the lights of an object disagree, the children of
+//! its root are therefore its sides, and each side becomes a leaf of the top level
+//! (docs/decisions.md, 49).
+
+use super::children::Children;
+use super::costed::CostedGroup;
+use super::group::{BuildItem, Group};
+use crate::tree::WIDTH;
+
+/// Objects of more lights are not divided. Their trees divide by direction too, further down.
+const MAX_DIVIDED: usize = 256;
+
+/// A light whose mean direction is shorter than this shines to all sides: a point, a sphere or a
+/// dark light. That of a surface has a length of 2/3.
+const MIN_LENGTH: f32 = 0.3;
+
+/// A light whose mean direction is longer than this is a beam. Beams are apart from lights that
+/// shine widely to the same side, unless the object would then have more sides than a node has
+/// children.
+const BEAM_LENGTH: f32 = 0.8;
+
+/// The side of lights that shine to all sides.
+const ALL_SIDES: usize = 6;
+
+/// The sides of wide lights, that of lights that shine to all sides, and the sides of beams.
+const MAX_SIDES: usize = 2 * ALL_SIDES + 1;
+
+/// The side to which a light shines: the axis of the greatest coordinate of its mean direction,
+/// and its sign.
+fn side_of(item: &BuildItem, has_beams: bool) -> usize {
+    let direction = item.direction().truncate();
+    let length_sq = direction.length_squared();
+    if length_sq < MIN_LENGTH * MIN_LENGTH {
+        return ALL_SIDES;
+    }
+    let size = direction.abs();
+    let axis = if size.x >= size.y && size.x >= size.z {
+        0
+    } else if size.y >= size.z {
+        1
+    } else {
+        2
+    };
+    let side = 2 * axis + usize::from(direction[axis] < 0.0);
+    if has_beams && length_sq > BEAM_LENGTH * BEAM_LENGTH { side + ALL_SIDES + 1 } else { side }
+}
+
+/// The number of lights of each side.
+fn counts(items: &[BuildItem], has_beams: bool) -> [usize; MAX_SIDES] {
+    let mut counts = [0; MAX_SIDES];
+    items.iter().for_each(|item| counts[side_of(item, has_beams)] += 1);
+    counts
+}
+
+/// Sorts the lights of an object by side and returns the sides, which become the children of its
+/// root. `None`, and no change, if the object is not to be divided. O(n log n) for up to
+/// [`MAX_DIVIDED`] lights, and O(1) for more.
+pub(super) fn sides(items: &mut [BuildItem]) -> Option<Children<CostedGroup>> {
+    if items.len() > MAX_DIVIDED {
+        return None;
+    }
+    let count = |counts: &[usize; MAX_SIDES]| counts.iter().filter(|count| **count > 0).count();
+    let mut has_beams = true;
+    let mut lights = counts(items, has_beams);
+    if count(&lights) > WIDTH {
+        has_beams = false;
+        lights = counts(items, has_beams);
+    }
+    if count(&lights) < 2 {
+        return None;
+    }
+    // Stable: the shape does not depend on how the lights are sorted.
+    items.sort_by_key(|item| side_of(item, has_beams));
+    let mut rest = &*items;
+    let groups = lights.into_iter().filter(|count| *count > 0).map(|count| {
+        let (own, others) = rest.split_at(count);
+        rest = others;
+        CostedGroup::whole(&Group::around(own))
+    });
+    Some(Children::closed(groups))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::light::Light;
+    use crate::tree::{LightTree, Target};
+
+    fn beam(direction: Vec3) -> Light {
+        Light::spot(direction, direction, 0.1, 0.3, Vec3::ONE)
+    }
+
+    fn panel(at: Vec3, normal: Vec3) -> Light {
+        let u = 0.1 * normal.any_orthonormal_vector();
+        Light::rectangle(at, u, normal.cross(u), Vec3::ONE)
+    }
+
+    /// The lights of each side of a tree, in ascending order of indices.
+    fn sides_of(lights: Vec<Light>) -> Vec<Vec<u32>> {
+        fn below(tree: &LightTree, target: Target) -> Vec<u32> {
+            match target {
+                Target::Leaf(light) => vec![light],
+                Target::Node(node) => {
+                    let node = &tree.nodes()[node as usize];
+                    (0..WIDTH).filter_map(|slot| node.target(slot)).flat_map(|target| below(tree, target)).collect()
+                }
+            }
+        }
+        let tree = LightTree::new(lights).expect("valid lights");
+        tree.check().expect("the tree is sound");
+        let targets = (0..tree.sides().len()).map(|side| tree.nodes()[0].target(side).expect("a side has a target"));
+        let mut sides: Vec<_> = targets.map(|target| below(&tree, target)).collect();
+        sides.iter_mut().for_each(|side| side.sort_unstable());
+        sides
+    }
+
+    #[test]
+    fn the_lights_of_a_car_are_divided_into_front_and_back() {
+        let front = |x| {
+            Light::spot(Vec3::new(x, 0.6, 2.0), Vec3::new(0.0, -0.1, 1.0).normalize(), 0.2, 0.5, Vec3::splat(900.0))
+        };
+        let back = |x| panel(Vec3::new(x, 0.8, -2.0), Vec3::NEG_Z);
+        assert_eq!(sides_of(vec![front(-0.7), back(-0.7), front(0.7), back(0.7)]), [[1, 3], [0, 2]]);
+        // A side of one light is a leaf.
+        assert_eq!(sides_of(vec![front(0.0), back(0.0)]), [[1], [0]]);
+    }
+
+    #[test]
+    fn lights_that_agree_are_not_divided() {
+        let lamp = |i: usize| Light::point(Vec3::X * i as f32, Vec3::ONE);
+        for count in [0, 1, 2, 30] {
+            assert!(sides_of((0..count).map(lamp).collect()).is_empty());
+            assert!(sides_of((0..count).map(|i| panel(Vec3::X * i as f32, Vec3::Y)).collect()).is_empty());
+        }
+        // The directions of dark lights do not count.
+        let dark = Light::spot(Vec3::ZERO, Vec3::NEG_Y, 0.1, 0.3, Vec3::ZERO);
+        assert!(sides_of(vec![lamp(0), dark, lamp(1)]).is_empty());
+    }
+
+    #[test]
+    fn beams_are_apart_from_wide_lights_while_the_root_has_room_for_their_sides() {
+        let mut lights = vec![panel(Vec3::ZERO, Vec3::X), beam(Vec3::X), Light::point(Vec3::ZERO, Vec3::ONE)];
+        assert_eq!(sides_of(lights.clone()), [[0], [2], [1]]);
+        // Twelve sides are too many, so beams are with the wide lights of their side.
+        for direction in [Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z] {
+            lights.extend([panel(Vec3::ZERO, direction), beam(direction)]);
+        }
+        assert_eq!(
+            sides_of(lights),
+            [vec![0, 1], vec![3, 4], vec![5, 6], vec![7, 8], vec![9, 10], vec![11, 12], vec![2]]
+        );
+    }
+
+    #[test]
+    fn objects_of_more_than_256_lights_are_not_divided() {
+        let lights = |count: usize| (0..count).map(|i| beam([Vec3::X, Vec3::NEG_X][i % 2])).collect::<Vec<_>>();
+        assert_eq!(sides_of(lights(256)).iter().map(Vec::len).collect::<Vec<_>>(), [128, 128]);
+        assert!(sides_of(lights(257)).is_empty());
+    }
+
+    #[test]
+    fn the_sides_follow_lights_that_turn_and_a_rebuild_divides_them_anew() {
+        let mut tree = LightTree::new(vec![beam(Vec3::X), beam(Vec3::NEG_X), beam(Vec3::NEG_X)]).expect("valid lights");
+        assert_eq!(tree.sides().len(), 2);
+        tree.set_lights(&[(1, beam(Vec3::X))]).expect("valid");
+        tree.refit_without_attributes();
+        tree.check().expect("the tree is sound");
+        assert_eq!((tree.sides().len(), tree.sides()[1].cos_half_angle), (2, -1.0), "two opposite beams");
+        tree.freeze();
+        assert_eq!(tree.sides()[1].cos_half_angle, -1.0);
+        tree.rebuild();
+        assert_eq!(tree.sides().iter().filter(|side| side.cos_half_angle > 0.9).count(), 2);
+        tree.set_lights(&[(2, beam(Vec3::X))]).expect("valid");
+        tree.rebuild();
+        tree.check().expect("the tree is sound");
+        assert!(tree.sides().is_empty());
+    }
+}

@@ -1,0 +1,49 @@
+//! The parts of instances that become leaves of the top level.
+
+use super::LightWorld;
+use crate::cluster::Cluster;
+use crate::keys::InstanceKey;
+use crate::light::MIN_FLUX;
+use crate::part::Part;
+use crate::tree::Target;
+
+impl LightWorld {
+    /// The parts of all instances in the order of their slots, with their clusters in the world.
+    pub(crate) fn parts(&self) -> Vec<(Part, Cluster)> {
+        let mut parts = Vec::with_capacity(self.slots.len());
+        for slot in 0..self.slots.len() as u32 {
+            if let Some(key) = self.instance_at(slot) {
+                self.add_parts(slot, key, &mut parts);
+            }
+        }
+        parts
+    }
+
+    /// The cluster of all lights of an instance, in the world. Empty for a dark tree and for a
+    /// hidden instance.
+    pub(crate) fn cluster(&self, key: InstanceKey) -> Cluster {
+        self.cluster_of(key, &self.trees[self.instances[key].tree].tree.cluster())
+    }
+
+    fn add_parts(&self, slot: u32, key: InstanceKey, parts: &mut Vec<(Part, Cluster)>) {
+        let tree = &self.trees[self.instances[key].tree].tree;
+        if tree.sides().is_empty() {
+            parts.push((Part { slot, target: Target::Node(0) }, self.cluster_of(key, &tree.cluster())));
+        }
+        for (index, side) in tree.sides().iter().enumerate() {
+            let target = tree.nodes()[0].target(index).expect("each side has a target");
+            parts.push((Part { slot, target }, self.cluster_of(key, side)));
+        }
+    }
+
+    /// A cluster of an instance's tree in the world. Empty if it is dark or if the instance is
+    /// hidden.
+    fn cluster_of(&self, key: InstanceKey, cluster: &Cluster) -> Cluster {
+        let Some(placed) = self.instances[key].placed.as_ref().filter(|_| cluster.flux > 0.0) else {
+            return Cluster::EMPTY;
+        };
+        let flux = placed.linear.flux(cluster.punctual_flux(), cluster.area_flux, cluster.axis);
+        // At a small enough scale, the flux of a light that is not dark would round to 0.
+        cluster.transformed(&placed.linear, placed.frame.translation, flux.max(MIN_FLUX))
+    }
+}
