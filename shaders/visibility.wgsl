@@ -188,7 +188,7 @@ fn light_record_visibility(shading_point: LightShadingPoint, chosen: LightSample
     var last = LIGHT_BINS;
     loop {
         if instance != LIGHT_NO_INSTANCE && light_leaves_tree(placed.flags, place) {
-            place = light_part_place(instance, select(place, 0u, place == LIGHT_NO_PARENT));
+            place = light_place_above(instance, placed.flags, place, chosen.light);
             instance = LIGHT_NO_INSTANCE;
             base = 0u;
             position = shading_point.position;

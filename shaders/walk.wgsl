@@ -88,7 +88,7 @@ fn light_climb(
     var pmf = 1.0;
     loop {
         if instance != LIGHT_NO_INSTANCE && light_leaves_tree(flags, place) {
-            place = light_part_place(instance, select(place, 0u, place == LIGHT_NO_PARENT));
+            place = light_place_above(instance, flags, place, light);
             instance = LIGHT_NO_INSTANCE;
             base = 0u;
             local = light_local_to_top(shading_point);

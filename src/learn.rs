@@ -23,17 +23,14 @@ impl LightSampler<'_> {
     pub fn record_visibility(&self, shading_point: &ShadingPoint, light: LightId, is_visible: bool) {
         let Some((table, grid)) = &self.visibility else { return };
         let LightId::Local { instance, light } = light else { return };
-        let Some((lights, tree)) = self.tree_view(instance, shading_point) else { return };
-        let Some(place) = lights.leaves().get(light as usize) else { return };
+        let Some(mut path) = self.leaf_path(instance, light, shading_point) else { return };
         let cell = grid.cell(shading_point);
         let Some(row) = table.row_or_claim(&cell) else { return };
-        let top = Some(self.top_path(instance, lights, shading_point));
-        let mut path = LeafPath { tree, place: *place, top };
-        let mut to_world = self.world_of(&tree);
+        let mut to_world = self.world_of(&path.tree);
         let mut last = None;
         // Each cluster that holds the light may be a member of the cut.
         while path.enter_top() {
-            let LeafPath { tree, place, top } = &path;
+            let LeafPath { tree, place, top, .. } = &path;
             if top.is_none() {
                 to_world = Mat3::IDENTITY;
             }

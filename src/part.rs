@@ -12,6 +12,17 @@ pub(crate) const SINGLE: u32 = 1 << 29;
 /// The bits of a leaf's target that hold the number of a part or the slot of an instance.
 pub(crate) const PART_BITS: u32 = SINGLE - 1;
 
+/// Which parts of a tree are leaves of the top level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Division {
+    /// The tree as a whole.
+    Whole,
+    /// The sides to which its lights shine: the children of its root.
+    Sides,
+    /// Each light.
+    Lights,
+}
+
 /// A part of an instance: all of its tree, one side of it or one light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Part {

@@ -288,12 +288,10 @@ impl<'a> LightSampler<'a> {
                 Some(light) => PmfTarget::Directional(illuminance(light, shading_point)),
                 None => return 0.0,
             },
-            LightId::Local { instance, light } => {
-                let Some((lights, tree)) = self.tree_view(instance, shading_point) else { return 0.0 };
-                let Some(leaf) = lights.leaves().get(light as usize) else { return 0.0 };
-                let top = Some(self.top_path(instance, lights, shading_point));
-                PmfTarget::Light(LeafPath { tree, place: *leaf, top })
-            }
+            LightId::Local { instance, light } => match self.leaf_path(instance, light, shading_point) {
+                Some(path) => PmfTarget::Light(path),
+                None => return 0.0,
+            },
         };
         let (splits, directional_lux) = (self.splits, self.directional_lux(shading_point));
         with_surroundings!(self, shading_point, |instance_trees| {
@@ -392,18 +390,21 @@ impl<'a> LightSampler<'a> {
         TreeView { nodes: &self.top.nodes, local, instance: NO_INSTANCE }
     }
 
-    /// The way from an instance's tree to the top level.
-    pub(crate) fn top_path(
+    /// The way up from a light of an instance; `None` if there is no such light.
+    pub(crate) fn leaf_path(
         &self,
         instance: InstanceKey,
-        tree: &LightTree,
+        light: u32,
         shading_point: &ShadingPoint,
-    ) -> TopPath<'a> {
-        TopPath {
+    ) -> Option<LeafPath<'a>> {
+        let (lights, tree) = self.tree_view(instance, shading_point)?;
+        let place = *lights.leaves().get(light as usize)?;
+        let top = TopPath {
             tree: self.root(shading_point),
             places: self.top.places(slot_of(instance)),
-            is_divided: !tree.sides().is_empty(),
-        }
+            division: self.world.division(self.world.instance(instance)?.tree),
+        };
+        Some(LeafPath { tree, light, place, top: Some(top) })
     }
 
     /// The directional light at a point of the line from 0 to the illuminance by all of them.
@@ -464,7 +465,7 @@ impl LightTree {
     pub fn pmf(&self, shading_point: &ShadingPoint, light: u32, splits: SplitCount) -> f32 {
         let Some(place) = self.leaves().get(light as usize) else { return 0.0 };
         let root = TreeView::of_tree(self.nodes(), shading_point);
-        let target = PmfTarget::Light(LeafPath { tree: root, place: *place, top: None });
+        let target = PmfTarget::Light(LeafPath { tree: root, light, place: *place, top: None });
         with_vectors(PmfJob { root, splits, directional_lux: 0.0, target, instance_trees: &NoInstances })
     }
 }

@@ -8,6 +8,7 @@ use crate::counts::SplitCount;
 use crate::cut::{Choice, Cut, InstanceTrees, NO_INSTANCE, TreeView, choose_lane};
 use crate::dice::{Dice, choice_pmf, joint_pmf};
 use crate::importance::{child_weights, running_sums};
+use crate::part::Division;
 use crate::simd::Job;
 use crate::tree::{NO_PARENT, Target, WIDTH};
 
@@ -106,6 +107,7 @@ fn descend<'a>(
 #[derive(Clone, Copy)]
 pub(crate) struct LeafPath<'a> {
     pub tree: TreeView<'a>,
+    pub light: u32,
     /// The place of the leaf in the tree: `node * WIDTH + slot`.
     pub place: u32,
     /// How it goes on above the tree, if there is a top level.
@@ -116,10 +118,9 @@ pub(crate) struct LeafPath<'a> {
 #[derive(Clone, Copy)]
 pub(crate) struct TopPath<'a> {
     pub tree: TreeView<'a>,
-    /// The places of the parts of the instance: of its sides if it is divided, and otherwise of its
-    /// root.
+    /// The places of the leaves that are the parts of the instance.
     pub places: &'a [u32],
-    pub is_divided: bool,
+    pub division: Division,
 }
 
 impl<'a> LeafPath<'a> {
@@ -127,13 +128,14 @@ impl<'a> LeafPath<'a> {
     /// false if the way ends here.
     #[inline(always)]
     pub fn enter_top(&mut self) -> bool {
-        let side = match (self.place, &self.top) {
+        let part = match (self.place, &self.top) {
             (NO_PARENT, _) => 0,
-            (place, Some(top)) if top.is_divided && place < WIDTH as u32 => place as usize,
+            (place, Some(top)) if top.division == Division::Sides && place < WIDTH as u32 => place as usize,
+            (_, Some(top)) if top.division == Division::Lights => self.light as usize,
             _ => return true,
         };
         let Some(TopPath { tree, places, .. }) = self.top.take() else { return false };
-        let Some(place) = places.get(side) else { return false };
+        let Some(place) = places.get(part) else { return false };
         (self.tree, self.place) = (tree, *place);
         // A dark part has no leaf.
         *place != NO_PARENT

@@ -9,8 +9,9 @@ use glam::{Mat3, Vec3};
 use crate::cluster::Cluster;
 use crate::cut::NO_INSTANCE;
 use crate::light::{DirectionalLight, Light, Shape, spot_falloff};
+use crate::part::Division;
 use crate::placement::Placed;
-use crate::tree::{LightTree, UNLIMITED_RANGE};
+use crate::tree::{LEAF, LightTree, UNLIMITED_RANGE};
 
 /// The bits of [`LightRecord::kind`] that hold the kind.
 pub(crate) const KIND_MASK: u32 = 0xff;
@@ -35,7 +36,9 @@ pub(crate) const LIVE: u32 = 1;
 /// The bit of [`InstanceRecord::flags`] for a placement that is scaled, sheared or mirrored.
 pub(crate) const NON_RIGID: u32 = 2;
 /// The bit of [`InstanceRecord::flags`] for an instance whose parts are the sides of its tree.
-pub(crate) const DIVIDED: u32 = 4;
+pub(crate) const SIDES: u32 = 4;
+/// The bit of [`InstanceRecord::flags`] for an instance whose parts are its lights.
+pub(crate) const LIGHTS: u32 = 8;
 
 /// The instance slot that samples of directional lights report.
 pub(crate) const DIRECTIONAL: u32 = u32::MAX;
@@ -225,15 +228,30 @@ fn two_sided_bit(two_sided: bool) -> u32 {
     if two_sided { TWO_SIDED } else { 0 }
 }
 
+fn division_bit(division: Division) -> u32 {
+    match division {
+        Division::Whole => 0,
+        Division::Sides => SIDES,
+        Division::Lights => LIGHTS,
+    }
+}
+
 /// Where the records of an instance and its tree start in their pools.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Bases {
     pub tree: u32,
     pub node: u32,
     pub light: u32,
     pub part: u32,
-    /// Whether the parts are the sides of the tree.
-    pub is_divided: bool,
+    /// What the parts are.
+    pub division: Division,
+}
+
+#[cfg(test)]
+impl Default for Bases {
+    fn default() -> Self {
+        Self { tree: 0, node: 0, light: 0, part: 0, division: Division::Whole }
+    }
 }
 
 impl InstanceRecord {
@@ -258,7 +276,7 @@ impl InstanceRecord {
         let scales = Vec3::new(frame.determinant, placed.range_scale(), placed.linear.mean_square_scale);
         Self {
             to_world: rows(&frame.to_world, frame.translation),
-            flags: LIVE | if placed.is_rigid { 0 } else { NON_RIGID } | if bases.is_divided { DIVIDED } else { 0 },
+            flags: LIVE | if placed.is_rigid { 0 } else { NON_RIGID } | division_bit(bases.division),
             tree: bases.tree,
             node_base: bases.node,
             light_base: bases.light,
@@ -300,13 +318,28 @@ impl ClusterRecord {
 }
 
 impl TreeRecord {
-    /// The records of a tree: one for each side, or one for the whole tree if it is not divided.
-    pub fn of(tree: &LightTree) -> Vec<Self> {
-        if tree.sides().is_empty() {
-            return vec![Self::of_cluster(&tree.cluster(), 0)];
+    /// The number of records of a tree: one for each part.
+    pub fn count(tree: &LightTree, division: Division) -> u32 {
+        match division {
+            Division::Whole => 1,
+            Division::Sides => tree.sides().len() as u32,
+            Division::Lights => tree.lights().len() as u32,
         }
-        let targets = tree.nodes()[0].targets;
-        tree.sides().iter().zip(targets).map(|(side, target)| Self::of_cluster(side, target)).collect()
+    }
+
+    /// The records of a tree.
+    pub fn of(tree: &LightTree, division: Division) -> Vec<Self> {
+        match division {
+            Division::Whole => vec![Self::of_cluster(&tree.cluster(), 0)],
+            Division::Sides => {
+                let targets = tree.nodes()[0].targets;
+                tree.sides().iter().zip(targets).map(|(side, target)| Self::of_cluster(side, target)).collect()
+            }
+            Division::Lights => {
+                let record = |(index, light): (u32, &Light)| Self::of_cluster(&light.cluster(), LEAF | index);
+                (0..).zip(tree.lights()).map(record).collect()
+            }
+        }
     }
 
     fn of_cluster(cluster: &Cluster, target: u32) -> Self {

@@ -175,17 +175,19 @@ impl GpuLights {
         }
         for slot in changes.trees.iter().copied() {
             let key = world.tree_at(slot);
-            match key.and_then(|key| world.tree(key)) {
-                Some(tree) if self.tree_ranges_mut(slot).key == key && self.tree_ranges_mut(slot).fit(tree) => {}
-                Some(tree) => {
+            let tree = key.and_then(|key| Some((world.tree(key)?, world.division(key))));
+            match tree {
+                Some((tree, division))
+                    if self.tree_ranges_mut(slot).key == key && self.tree_ranges_mut(slot).fit(tree, division) => {}
+                Some((tree, division)) => {
                     // Pushed first, so that what was reserved is released if the rest fails.
-                    placed.push((slot, TreeRanges { key, ..TreeRanges::default() }));
+                    placed.push((slot, TreeRanges { key, division, ..TreeRanges::NONE }));
                     let ranges = placed.last_mut().map(|(_, ranges)| ranges).expect("pushed above");
                     ranges.nodes = self.nodes.alloc(tree.nodes().len() as u32)?;
                     ranges.lights = self.lights.alloc(tree.lights().len() as u32)?;
-                    ranges.records = self.trees.alloc(tree.sides().len().max(1) as u32)?;
+                    ranges.records = self.trees.alloc(TreeRecord::count(tree, division))?;
                 }
-                None => placed.push((slot, TreeRanges::default())),
+                None => placed.push((slot, TreeRanges::NONE)),
             }
         }
         // The instances of trees that moved within the pools are written too.
@@ -241,7 +243,7 @@ impl GpuLights {
     fn tree_ranges_mut(&mut self, slot: u32) -> &mut TreeRanges {
         let slot = slot as usize;
         if self.tree_ranges.len() <= slot {
-            self.tree_ranges.resize_with(slot + 1, TreeRanges::default);
+            self.tree_ranges.resize(slot + 1, TreeRanges::NONE);
         }
         &mut self.tree_ranges[slot]
     }
@@ -254,7 +256,7 @@ impl GpuLights {
         let ranges = &self.tree_ranges[slot as usize];
         self.nodes.write(ranges.nodes.start, tree.nodes())
             + self.lights.write(ranges.lights.start, &lights)
-            + self.trees.write(ranges.records.start, &TreeRecord::of(tree))
+            + self.trees.write(ranges.records.start, &TreeRecord::of(tree, ranges.division))
     }
 
     /// Writes the records of these slots, neighbouring ones together. Returns the bytes sent.
@@ -286,7 +288,7 @@ impl GpuLights {
             node: ranges.nodes.start,
             light: ranges.lights.start,
             part: parts.start,
-            is_divided: ranges.records.len() > 1,
+            division: ranges.division,
         };
         InstanceRecord::of(placed, bases)
     }

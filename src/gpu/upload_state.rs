@@ -4,7 +4,9 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
 
+use super::layout::TreeRecord;
 use crate::keys::TreeKey;
+use crate::part::Division;
 use crate::tree::LightTree;
 use crate::world::{FrameDelta, LightWorld};
 
@@ -21,21 +23,26 @@ pub struct UploadReport {
 }
 
 /// The tree of a slot on the GPU, and its ranges of the pools.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct TreeRanges {
     pub key: Option<TreeKey>,
     pub nodes: Range<u32>,
     pub lights: Range<u32>,
-    /// One record for each side of the tree, or one for the whole tree.
+    /// One record for each part of an instance of the tree.
     pub records: Range<u32>,
+    pub division: Division,
 }
 
 impl TreeRanges {
-    /// Whether a tree has as many nodes, lights and sides as the ranges.
-    pub fn fit(&self, tree: &LightTree) -> bool {
+    /// No tree.
+    pub const NONE: Self = Self { key: None, nodes: 0..0, lights: 0..0, records: 0..0, division: Division::Whole };
+
+    /// Whether a tree has as many nodes, lights and parts as the ranges.
+    pub fn fit(&self, tree: &LightTree, division: Division) -> bool {
         self.nodes.len() == tree.nodes().len()
             && self.lights.len() == tree.lights().len()
-            && self.records.len() == tree.sides().len().max(1)
+            && self.records.len() == TreeRecord::count(tree, division) as usize
+            && self.division == division
     }
 }
 

@@ -110,6 +110,9 @@ impl LightWorld {
         self.pending.remove(tree);
         self.cancel_build(tree);
         self.has_moved(tree);
+        for index in 0..self.trees[tree].instances.len() {
+            self.file_new(self.trees[tree].instances[index]);
+        }
         self.changes.tree(slot_of(tree));
         self.top.take();
         Ok(())
@@ -134,6 +137,7 @@ impl LightWorld {
         let key = self.instances.insert(Instance { tree, placement, policy, placed, index_in_tree: 0 });
         set_slot(&mut self.slots, slot_of(key), Some(key));
         self.attach(key, tree, policy);
+        self.file_new(key);
         self.instance_changed(key);
         Ok(key)
     }
@@ -173,6 +177,7 @@ impl LightWorld {
         let instance = self.instances.remove(key).ok_or(WorldError::NoSuchInstance(key))?;
         self.effects.change(|counts| counts.remove(instance.effects()));
         set_slot(&mut self.slots, slot_of(key), None);
+        self.forget_overlap(key, instance.tree);
         self.detach(instance.tree, instance.index_in_tree, instance.policy);
         self.instance_changed(key);
         Ok(())
@@ -232,9 +237,11 @@ impl LightWorld {
         entry.history = history;
         entry.staged = staged;
         self.scheduler.copy(shared, own);
+        self.forget_overlap(key, shared);
         self.detach(shared, index_in_tree, policy);
         self.attach(key, own, policy);
         self.instances[key].tree = own;
+        self.file_new(key);
         self.instance_changed(key);
         if self.scheduler.waits(shared) || self.trees[shared].successor.is_some() {
             // The copy needs a rebuild as much as the tree that it was copied from.
@@ -346,6 +353,7 @@ impl LightWorld {
             instance.placed = placed;
         }
         self.origin = origin;
+        self.file_all();
         for key in self.instances.keys() {
             self.changes.instance(slot_of(key));
         }

@@ -7,6 +7,7 @@ mod delta;
 mod edit;
 mod key_set;
 mod open_build;
+mod overlap;
 mod parts;
 mod rebuild;
 mod refit;
@@ -66,6 +67,7 @@ pub struct LightWorld {
     /// The jobs of the last update.
     jobs: Vec<JobReport>,
     view_weights: attention::ViewWeights,
+    overlaps: overlap::Overlaps,
     clock: Arc<dyn Clock>,
     top: OnceLock<TopLevel>,
 }
@@ -81,6 +83,10 @@ pub(crate) struct TreeEntry {
     /// light changes.
     has_new_policy: bool,
     weight: attention::TreeWeight,
+    /// The number of instances that lie within others.
+    surrounded: u32,
+    /// Each light is a leaf of the top level.
+    is_open: bool,
     /// The tree that was built in slices or in the background. It replaces this one at the next
     /// refit.
     successor: Option<Box<LightTree>>,
@@ -106,6 +112,8 @@ impl TreeEntry {
             staged: StagedLights::default(),
             has_new_policy: false,
             weight: attention::TreeWeight::default(),
+            surrounded: 0,
+            is_open: false,
             successor: None,
         }
     }
@@ -179,6 +187,7 @@ impl LightWorld {
             open_build: open_build::OpenBuild::default(),
             jobs: Vec::new(),
             view_weights: attention::ViewWeights::default(),
+            overlaps: overlap::Overlaps::default(),
             clock,
             top: OnceLock::new(),
         }

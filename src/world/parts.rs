@@ -4,7 +4,7 @@ use super::LightWorld;
 use crate::cluster::Cluster;
 use crate::keys::InstanceKey;
 use crate::light::MIN_FLUX;
-use crate::part::Part;
+use crate::part::{Division, Part};
 use crate::tree::Target;
 
 impl LightWorld {
@@ -26,13 +26,24 @@ impl LightWorld {
     }
 
     fn add_parts(&self, slot: u32, key: InstanceKey, parts: &mut Vec<(Part, Cluster)>) {
-        let tree = &self.trees[self.instances[key].tree].tree;
-        if tree.sides().is_empty() {
-            parts.push((Part { slot, target: Target::Node(0) }, self.cluster_of(key, &tree.cluster())));
-        }
-        for (index, side) in tree.sides().iter().enumerate() {
-            let target = tree.nodes()[0].target(index).expect("each side has a target");
-            parts.push((Part { slot, target }, self.cluster_of(key, side)));
+        let tree_key = self.instances[key].tree;
+        let tree = &self.trees[tree_key].tree;
+        match self.division(tree_key) {
+            Division::Whole => {
+                parts.push((Part { slot, target: Target::Node(0) }, self.cluster_of(key, &tree.cluster())));
+            }
+            Division::Sides => {
+                for (index, side) in tree.sides().iter().enumerate() {
+                    let target = tree.nodes()[0].target(index).expect("each side has a target");
+                    parts.push((Part { slot, target }, self.cluster_of(key, side)));
+                }
+            }
+            Division::Lights => {
+                for (index, light) in (0..).zip(tree.lights()) {
+                    let part = Part { slot, target: Target::Leaf(index) };
+                    parts.push((part, self.cluster_of(key, &light.cluster())));
+                }
+            }
         }
     }
 

@@ -85,11 +85,12 @@ impl LightWorld {
     ///
     /// Cost besides rebuilds: O(lights of edited trees), and O(1) for each tree that comes to rest.
     pub fn update(&mut self, budget: FrameBudget) -> FrameReport {
-        let mut report =
-            FrameReport { moved_instances: self.changes.take_moved(), budget: budget.time(), ..FrameReport::default() };
+        let moved_instances = self.changes.take_moved();
+        let mut report = FrameReport { moved_instances, budget: budget.time(), ..FrameReport::default() };
         self.scheduler.start_frame(budget.time());
         self.take_finished_build(&mut report);
         self.refit_edited(&mut report);
+        self.judge_overlaps(report.moved_instances > 0);
         self.do_jobs(&mut report);
         self.effects.count_update();
         self.freeze_resting();

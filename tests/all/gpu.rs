@@ -545,6 +545,13 @@ fn the_shader_function_for_a_pmf_gives_the_probabilities_of_the_cpu() {
     let (device, queue) = gpu();
     let mut rng = Rng(48);
     let mut world = rng.world(4, 25, 3, 15.0);
+    // Strings that cross each other, whose lights are leaves of the top level.
+    for i in 0..4 {
+        let tree = world.add_tree((0..9).map(|i| Light::point(Vec3::X * (i as f32 - 4.0), Vec3::ONE)).collect());
+        let placement = Placement { linear: Mat3::from_rotation_y(i as f32), ..Placement::IDENTITY };
+        world.add_instance(tree.expect("valid"), placement, Policy::Budgeted).expect("valid");
+    }
+    world.update(FrameBudget::NONE);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let delta = world.take_delta();
     lights.upload(&world, &delta).expect("room enough");

@@ -35,6 +35,7 @@ mod hard_cases;
 #[allow(dead_code, missing_docs, reason = "the programs use what the tests do not")]
 mod measuring;
 mod paper;
+mod parts;
 mod pdf;
 mod references;
 mod resample;

@@ -1,0 +1,396 @@
+//! Finds trees whose instances lie inside one another, such as strings of lamps across a square.
+//!
+//! Where many clusters surround a shading point, a few splits cannot tell which of them has a light
+//! near by. The lights of such trees therefore become leaves of the top level, which sorts them by
+//! position whatever instance they belong to (docs/decisions.md, 49).
+//!
+//! Instances are filed in grids by size and position, so that the instances around a position are
+//! found without a search. An instance is judged when it is added, and again a few at a time while
+//! anything moves. The work of an update is bounded.
+
+use std::collections::HashMap;
+
+use glam::{IVec3, Vec3};
+use slotmap::SecondaryMap;
+
+use super::LightWorld;
+use crate::bounds::Aabb;
+use crate::keys::{InstanceKey, TreeKey, slot_of};
+use crate::part::Division;
+
+/// Trees of more lights stay whole: each light of an open tree is a leaf of the top level, which is
+/// built anew when anything moves. So do trees that are divided into sides: as single lights they
+/// are noisier, because the top level divides by position alone.
+const MAX_OPEN: usize = 128;
+
+/// An instance is surrounded if its middle lies within this many others.
+const MIN_SURROUNDING: usize = 2;
+
+/// Boxes count as larger by this share of their diagonal, because flat ones rarely meet.
+const MARGIN: f32 = 0.1;
+
+/// A tree is opened when more than this share of its instances is surrounded, and closed when less
+/// than half of it is.
+const OPEN_SHARE: f32 = 0.5;
+
+/// Instances that an update judges again while anything moves.
+const JUDGED_PER_UPDATE: usize = 4;
+
+/// Slots that an update looks at to find them.
+const SLOTS_PER_UPDATE: usize = 64;
+
+/// The instances around a position that are looked at, at most. In a grid by size only instances
+/// that lie inside one another are so many, and then the first few decide.
+const MAX_LOOKED_AT: usize = 64;
+
+/// The range of sizes: powers of two in metres.
+const SIZES: std::ops::Range<i32> = -32..32;
+
+/// A cell of the grid for one size.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct GridCell {
+    size: i32,
+    at: IVec3,
+}
+
+/// What is known of an instance.
+#[derive(Clone, Copy, Debug)]
+struct Filed {
+    cell: GridCell,
+    /// The box around its lights in the world.
+    aabb: Aabb,
+    is_surrounded: bool,
+}
+
+/// The instances of trees that may be opened, filed by size and position.
+#[derive(Debug, Default)]
+pub(super) struct Overlaps {
+    cells: HashMap<GridCell, Vec<(InstanceKey, Aabb)>>,
+    /// The number of instances of each size; empty at first.
+    counts: Vec<u32>,
+    filed: SecondaryMap<InstanceKey, Filed>,
+    /// Instances that were added since the last update.
+    new: Vec<InstanceKey>,
+    /// Slots that are to be looked at until all have been since the last change.
+    slots_left: usize,
+    /// The next of them.
+    next_slot: usize,
+}
+
+/// The length of the cells for a size: twice the extent of the largest instance of that size, so
+/// that the boxes around a position are filed in the eight cells nearest to it.
+fn cell_length(size: i32) -> f32 {
+    2.0 * f32::powi(2.0, size)
+}
+
+/// The cell of a box. Its size is the extent, with the margin, rounded up to a power of two.
+fn cell_of(aabb: &Aabb) -> GridCell {
+    let extent = widened(aabb).extent().max_element().clamp(1.0e-9, 1.0e9);
+    let size = extent.log2().ceil() as i32;
+    GridCell { size, at: (aabb.center() / cell_length(size)).floor().as_ivec3() }
+}
+
+fn widened(aabb: &Aabb) -> Aabb {
+    let margin = Vec3::splat(MARGIN * aabb.extent().length());
+    Aabb { min: aabb.min - margin, max: aabb.max + margin }
+}
+
+fn index_of(size: i32) -> usize {
+    (size - SIZES.start) as usize
+}
+
+impl Overlaps {
+    /// Files an instance with the box around its lights, in place of what was filed before. Returns
+    /// whether that had another box.
+    fn file(&mut self, key: InstanceKey, aabb: Aabb) -> bool {
+        let cell = cell_of(&aabb);
+        let former = self.filed.get(key).copied();
+        self.filed.insert(key, Filed { cell, aabb, is_surrounded: former.is_some_and(|filed| filed.is_surrounded) });
+        match former {
+            Some(former) if former.cell == cell => {
+                let boxes = self.cells.get_mut(&cell).into_iter().flatten();
+                boxes.filter(|(other, _)| *other == key).for_each(|(_, former)| *former = aabb);
+                return former.aabb != aabb;
+            }
+            Some(former) => self.take_from(key, former.cell),
+            None => {}
+        }
+        self.cells.entry(cell).or_default().push((key, aabb));
+        self.counts.resize(SIZES.len(), 0);
+        self.counts[index_of(cell.size)] += 1;
+        former.is_some()
+    }
+
+    /// Forgets an instance. Returns whether it was surrounded.
+    fn forget(&mut self, key: InstanceKey) -> bool {
+        let Some(filed) = self.filed.remove(key) else { return false };
+        self.take_from(key, filed.cell);
+        filed.is_surrounded
+    }
+
+    fn take_from(&mut self, key: InstanceKey, cell: GridCell) {
+        self.counts[index_of(cell.size)] -= 1;
+        if let Some(instances) = self.cells.get_mut(&cell) {
+            instances.retain(|(other, _)| *other != key);
+            if instances.is_empty() {
+                self.cells.remove(&cell);
+            }
+        }
+    }
+
+    /// Whether the middle of a filed instance lies within enough others of about its size: a small
+    /// object within large ones is well described by its cluster.
+    fn is_surrounded(&self, key: InstanceKey) -> bool {
+        let Some(Filed { cell, aabb, .. }) = self.filed.get(key) else { return false };
+        let middle = Aabb::point(aabb.center());
+        let (mut surrounding, mut looked_at) = (0, 0);
+        let has_any = |size: &i32| self.counts.get(index_of(*size)).is_some_and(|count| *count > 0);
+        for size in (cell.size - 1..=cell.size + 1).filter(has_any) {
+            // The nearest corner between cells.
+            let corner = (middle.min / cell_length(size)).round().as_ivec3();
+            for i in 0..8 {
+                let at = corner - IVec3::new(i & 1, i >> 1 & 1, i >> 2);
+                for (other, aabb) in self.cells.get(&GridCell { size, at }).into_iter().flatten() {
+                    looked_at += 1;
+                    surrounding += usize::from(*other != key && widened(aabb).contains(&middle));
+                    if surrounding >= MIN_SURROUNDING || looked_at >= MAX_LOOKED_AT {
+                        return surrounding >= MIN_SURROUNDING;
+                    }
+                }
+            }
+        }
+        false
+    }
+}
+
+impl LightWorld {
+    /// How the tree of an entry is divided in the top level.
+    pub(crate) fn division(&self, tree: TreeKey) -> Division {
+        let entry = &self.trees[tree];
+        match &entry.tree {
+            tree if !tree.sides().is_empty() => Division::Sides,
+            tree if entry.is_open && tree.lights().len() <= MAX_OPEN => Division::Lights,
+            _ => Division::Whole,
+        }
+    }
+
+    /// Files an instance of a tree that may be opened. The next update judges it.
+    pub(super) fn file_new(&mut self, key: InstanceKey) {
+        if self.file(key) {
+            self.overlaps.new.push(key);
+        }
+    }
+
+    /// Files all instances again, because the origin of their coordinates has moved.
+    pub(super) fn file_all(&mut self) {
+        let keys: Vec<InstanceKey> = self.overlaps.filed.keys().collect();
+        for key in keys {
+            self.file(key);
+        }
+    }
+
+    /// Files an instance, or forgets it if it is hidden or its tree may not be opened. Returns
+    /// whether it is filed.
+    fn file(&mut self, key: InstanceKey) -> bool {
+        let Some(instance) = self.instances.get(key) else { return false };
+        let tree = &self.trees[instance.tree].tree;
+        let (cluster, count) = (tree.cluster(), tree.lights().len());
+        let may_open = (2..=MAX_OPEN).contains(&count) && tree.sides().is_empty() && cluster.flux > 0.0;
+        let placed = instance.placed.as_ref().filter(|_| may_open);
+        let Some(placed) = placed else {
+            self.forget_overlap(key, instance.tree);
+            return false;
+        };
+        let aabb = cluster.aabb.transformed(&placed.frame.to_world, placed.frame.translation);
+        if self.overlaps.file(key, aabb) {
+            // What was judged by its former box is judged again.
+            self.overlaps.slots_left = self.slots.len();
+        }
+        true
+    }
+
+    /// Forgets an instance that leaves its tree, or that may not be opened any more.
+    pub(super) fn forget_overlap(&mut self, key: InstanceKey, tree: TreeKey) {
+        if self.overlaps.forget(key) {
+            self.trees[tree].surrounded -= 1;
+            self.open_or_close(tree);
+        }
+    }
+
+    /// Judges the instances that were added since the last update, and some others if anything has
+    /// moved since all of them were judged. O(1) for each.
+    pub(super) fn judge_overlaps(&mut self, has_moved: bool) {
+        for key in std::mem::take(&mut self.overlaps.new) {
+            self.judge(key);
+        }
+        if has_moved {
+            self.overlaps.slots_left = self.slots.len();
+        }
+        let mut judged = 0;
+        for _ in 0..SLOTS_PER_UPDATE.min(self.overlaps.slots_left) {
+            if judged == JUDGED_PER_UPDATE {
+                break;
+            }
+            let slot = self.overlaps.next_slot % self.slots.len();
+            self.overlaps.next_slot = slot + 1;
+            self.overlaps.slots_left -= 1;
+            if let Some(key) = self.slots[slot] {
+                judged += usize::from(self.judge(key));
+            }
+        }
+    }
+
+    /// Judges one instance. Returns whether its tree may be opened.
+    fn judge(&mut self, key: InstanceKey) -> bool {
+        if !self.file(key) {
+            return false;
+        }
+        let is_surrounded = self.overlaps.is_surrounded(key);
+        let filed = &mut self.overlaps.filed[key];
+        if std::mem::replace(&mut filed.is_surrounded, is_surrounded) != is_surrounded {
+            let tree = self.instances[key].tree;
+            let surrounded = &mut self.trees[tree].surrounded;
+            if is_surrounded {
+                *surrounded += 1
+            } else {
+                *surrounded -= 1
+            }
+            self.open_or_close(tree);
+        }
+        true
+    }
+
+    /// Opens or closes a tree according to the share of its instances that are surrounded.
+    fn open_or_close(&mut self, tree: TreeKey) {
+        let entry = &mut self.trees[tree];
+        let share = entry.surrounded as f32 / entry.instances.len().max(1) as f32;
+        let is_open = share > if entry.is_open { 0.5 * OPEN_SHARE } else { OPEN_SHARE };
+        if std::mem::replace(&mut entry.is_open, is_open) != is_open {
+            self.changes.tree(slot_of(tree));
+            self.top.take();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DVec3, Mat3};
+
+    use super::*;
+    use crate::light::Light;
+    use crate::placement::Placement;
+    use crate::policy::Policy;
+    use crate::scheduler::FrameBudget;
+
+    fn string(lamps: usize) -> Vec<Light> {
+        (0..lamps).map(|i| Light::point(Vec3::X * (i as f32 - 0.5 * lamps as f32), Vec3::ONE)).collect()
+    }
+
+    /// A string through the origin at an angle.
+    fn crossing(angle: f32) -> Placement {
+        Placement { linear: Mat3::from_rotation_y(angle), translation: DVec3::Y * 0.05 * f64::from(angle) }
+    }
+
+    /// A world of one instance per tree.
+    fn world_of(placements: impl IntoIterator<Item = Placement>, lamps: usize) -> (LightWorld, Vec<InstanceKey>) {
+        let mut world = LightWorld::new();
+        let mut add = |placement| {
+            let tree = world.add_tree(string(lamps)).expect("valid");
+            world.add_instance(tree, placement, Policy::Budgeted).expect("valid")
+        };
+        let keys = placements.into_iter().map(&mut add).collect();
+        (world, keys)
+    }
+
+    fn open_count(world: &LightWorld) -> usize {
+        world.trees().filter(|tree| world.division(*tree) == Division::Lights).count()
+    }
+
+    #[test]
+    fn strings_that_cross_are_opened_by_the_next_update_and_strings_in_a_row_are_not() {
+        let (mut world, _) = world_of((0..5).map(|i| crossing(i as f32)), 40);
+        assert_eq!(open_count(&world), 0);
+        world.update(FrameBudget::NONE);
+        assert_eq!(open_count(&world), 5);
+        assert_eq!(world.parts().len(), 5 * 40);
+        // Side by side, ten metres apart or end to end.
+        let row = (0..20).map(|i| Placement::at(DVec3::new(0.0, 0.0, 10.0 * f64::from(i))));
+        let chain = (0..20).map(|i| Placement::at(DVec3::new(41.0 * f64::from(i), 50.0, 0.0)));
+        let (mut world, _) = world_of(row.chain(chain), 40);
+        world.update(FrameBudget::NONE);
+        assert_eq!((open_count(&world), world.parts().len()), (0, 40));
+    }
+
+    #[test]
+    fn two_strings_more_than_128_lights_and_small_objects_in_large_ones_stay_whole() {
+        let (mut world, _) = world_of((0..2).map(|i| crossing(i as f32)), 40);
+        world.update(FrameBudget::NONE);
+        assert_eq!(open_count(&world), 0);
+        let (mut world, _) = world_of((0..5).map(|i| crossing(i as f32)), MAX_OPEN + 1);
+        world.update(FrameBudget::NONE);
+        assert_eq!(open_count(&world), 0);
+        let (mut world, _) = world_of((0..5).map(|i| crossing(i as f32)), MAX_OPEN);
+        let lantern = world.add_tree(string(2)).expect("valid");
+        world.add_instance(lantern, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+        world.update(FrameBudget::NONE);
+        assert_eq!((open_count(&world), world.division(lantern)), (5, Division::Whole));
+    }
+
+    #[test]
+    fn strings_that_move_apart_are_closed_after_some_updates_of_bounded_work() {
+        let (mut world, keys) = world_of((0..40).map(|i| crossing(0.01 * i as f32)), 20);
+        world.update(FrameBudget::NONE);
+        assert_eq!(open_count(&world), 40);
+        for (key, i) in keys.iter().zip(0..) {
+            world.move_instance(*key, Placement::at(DVec3::Z * 100.0 * f64::from(i))).expect("valid");
+        }
+        let mut before = open_count(&world);
+        // Once for the moves, and once more because those that came first met the former places of
+        // others. Slot 0 is never in use.
+        for _ in 0..21 {
+            world.update(FrameBudget::NONE);
+            let now = open_count(&world);
+            assert!(before - now <= JUDGED_PER_UPDATE, "{before} {now}");
+            before = now;
+        }
+        assert_eq!(before, 0);
+        // Everything was judged, so updates do nothing more.
+        assert_eq!(world.overlaps.slots_left, 0);
+        assert!(world.overlaps.new.is_empty());
+    }
+
+    #[test]
+    fn what_is_filed_follows_instances_that_are_hidden_removed_copied_and_replaced() {
+        let (mut world, keys) = world_of((0..6).map(|i| crossing(i as f32)), 10);
+        world.update(FrameBudget::NONE);
+        let filed = |world: &LightWorld| {
+            let in_cells: usize = world.overlaps.cells.values().map(Vec::len).sum();
+            let counted: u32 = world.overlaps.counts.iter().sum();
+            assert_eq!((in_cells, counted as usize), (world.overlaps.filed.len(), world.overlaps.filed.len()));
+            let surrounded = world.overlaps.filed.values().filter(|filed| filed.is_surrounded).count();
+            assert_eq!(world.trees.values().map(|entry| entry.surrounded as usize).sum::<usize>(), surrounded);
+            in_cells
+        };
+        assert_eq!(filed(&world), 6);
+        world.remove_instance(keys[0]).expect("it lives");
+        assert_eq!(filed(&world), 5);
+        let shared = world.instance_tree(keys[1]).expect("it lives");
+        let second = world.add_instance(shared, crossing(0.5), Policy::Budgeted).expect("valid");
+        world.make_unique(second).expect("it lives");
+        world.update(FrameBudget::NONE);
+        assert_eq!((filed(&world), open_count(&world)), (6, 6));
+        world.set_origin(DVec3::new(1.0e4, 0.0, 7.0)).expect("near");
+        assert_eq!(filed(&world), 6);
+        world.replace_lights(shared, string(1)).expect("valid");
+        world.move_instance(keys[2], Placement { linear: Mat3::ZERO, ..Placement::IDENTITY }).expect("valid");
+        for _ in 0..4 {
+            world.update(FrameBudget::NONE);
+        }
+        assert_eq!((filed(&world), open_count(&world)), (4, 4));
+        keys[2..].iter().for_each(|key| world.remove_instance(*key).expect("it lives"));
+        world.update(FrameBudget::NONE);
+        world.update(FrameBudget::NONE);
+        assert_eq!((filed(&world), open_count(&world)), (1, 0));
+        assert_eq!(world.overlaps.cells.len(), 1);
+    }
+}
