@@ -29,6 +29,12 @@ struct LightSample {
     light: u32,
     // 1 for a light without size, which rays cannot hit.
     is_delta: u32,
+    // #if SEGMENTS
+    // For a segment, the distance in metres from its start to the point at which the light arrives:
+    // the other fields are as seen from there, and `pdf` is multiplied by the density per metre of
+    // that distance. 0 for a point.
+    along: f32,
+    // #endif
 }
 
 // A light that light_pick chose; the fields are as in LightSample.
@@ -147,8 +153,18 @@ fn light_sample(shading_point: LightShadingPoint, u: vec4<f32>) -> LightSample {
 
 // Chooses a point on a light that was picked.
 fn light_sample_picked(shading_point: LightShadingPoint, pick: LightPick, u: vec2<f32>) -> LightSample {
+    // #if SEGMENTS
+    if light_is_segment(shading_point) {
+        return light_sample_picked_along(shading_point, pick, u);
+    }
+    // #endif
     if pick.pmf <= 0.0 {
-        return LightSample(vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0u, 0u, 0u);
+        return LightSample(
+            vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0u, 0u, 0u,
+            // #if SEGMENTS
+            0.0,
+            // #endif
+        );
     }
     var slot = pick.instance;
     // #if DIRECTIONAL
@@ -165,5 +181,8 @@ fn light_sample_picked(shading_point: LightShadingPoint, pick: LightPick, u: vec
     return LightSample(
         incident.direction, incident.dist, incident.radiance, incident.pdf,
         pmf, pick.instance, pick.light, select(0u, 1u, incident.is_delta),
+        // #if SEGMENTS
+        0.0,
+        // #endif
     );
 }
