@@ -11,11 +11,12 @@ struct LightAlong {
 
 // The part of a segment that a light may reach. Twin of `Stretch`.
 struct LightStretch {
-    // The foot, from the start of the segment.
-    foot: f32,
-    // The ends, relative to the foot. Empty unless b > a.
+    // Where the stretch starts, from the start of the segment.
+    start: f32,
+    // 0 if the light reaches no point of the segment.
+    length: f32,
+    // Where it starts, relative to the foot.
     a: f32,
-    b: f32,
     // 0 for a directional light, which reaches all points alike.
     soft: f32,
     angle: f32,
@@ -103,7 +104,7 @@ fn light_stretch(light: LightRecord, instance: LightInstance, shading_point: Lig
     let segment = light_local_segment(shading_point.segment);
     // #if DIRECTIONAL
     if (light.kind & LIGHT_KIND_MASK) == LIGHT_KIND_DIRECTIONAL {
-        return LightStretch(0.0, 0.0, 2.0 * segment.w, 0.0, 0.0);
+        return LightStretch(0.0, 2.0 * segment.w, 0.0, 0.0, 0.0);
     }
     // #endif
     let source = light_source(light, instance, shading_point);
@@ -137,8 +138,15 @@ fn light_stretch(light: LightRecord, instance: LightInstance, shading_point: Lig
         }
     }
     // #endif
+    let whole = 2.0 * segment.w;
+    if !(b > a) {
+        return LightStretch(0.0, 0.0, 0.0, 0.0, 0.0);
+    }
+    let start = select(0.0, clamp(a + (segment.w + foot), 0.0, whole), a > -segment.w - foot);
+    let end = select(whole, clamp(b + (segment.w + foot), start, whole), b < segment.w - foot);
     let soft = max(sqrt(line_sq + source.variance), LIGHT_MIN_LINE_SHARE * max(abs(a), abs(b)));
-    return LightStretch(foot + segment.w, a, b, soft, atan2((b - a) * soft, soft * soft + a * b));
+    let length = end - start;
+    return LightStretch(start, length, a, soft, atan2(length * soft, soft * soft + a * (a + length)));
 }
 
 // Twin of `Stretch::density`.
@@ -146,12 +154,12 @@ fn light_stretch_density(stretch: LightStretch, place: f32) -> f32 {
     if stretch.soft > 0.0 {
         return stretch.soft / (stretch.soft * stretch.soft + place * place) / stretch.angle;
     }
-    return 1.0 / (stretch.b - stretch.a);
+    return 1.0 / stretch.length;
 }
 
 // Twin of `Stretch::sample`.
 fn light_stretch_sample(stretch: LightStretch, u: f32) -> LightAlong {
-    let length = stretch.b - stretch.a;
+    let length = stretch.length;
     if !(length > 0.0) {
         return LightAlong(0.0, 0.0);
     }
@@ -163,7 +171,7 @@ fn light_stretch_sample(stretch: LightStretch, u: f32) -> LightAlong {
         from_a = clamp(scaled / (stretch.soft * cosine - stretch.a * sine), 0.0, length);
     }
     let place = stretch.a + from_a;
-    return LightAlong(stretch.foot + place, light_stretch_density(stretch, place));
+    return LightAlong(stretch.start + from_a, light_stretch_density(stretch, place));
 }
 
 // The stretch of a light, which may be directional.
@@ -195,9 +203,9 @@ fn light_along_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, 
         return 1.0;
     }
     let stretch = light_stretch_of(shading_point, instance, light);
-    let place = along - stretch.foot;
-    if stretch.b > stretch.a && place >= stretch.a && place <= stretch.b {
-        return light_stretch_density(stretch, place);
+    let from_a = along - stretch.start;
+    if stretch.length > 0.0 && from_a >= 0.0 && from_a <= stretch.length {
+        return light_stretch_density(stretch, stretch.a + from_a);
     }
     return 0.0;
 }

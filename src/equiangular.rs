@@ -28,13 +28,15 @@ pub(crate) const CONE_MARGIN: f32 = 2.0e-6;
 pub(crate) const RANGE_SLACK: f32 = 1.0e-4;
 
 /// The part of a segment that a light may reach. Lengths are in metres, and places are relative to
-/// the foot: the point of the line nearest to the light's centre.
+/// the foot: the point of the line nearest to the light's centre. The start and the length are kept
+/// beside the place of the start: places far from the foot of a short segment have too few digits.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Stretch {
-    /// The foot, from the start of the segment.
-    foot: f32,
+    /// Where the stretch starts, from the start of the segment.
+    start: f32,
+    length: f32,
+    /// The place where it starts.
     a: f32,
-    b: f32,
     /// The softened distance of the centre from the line. Infinite for a directional light, which
     /// reaches all points alike.
     soft: f32,
@@ -129,39 +131,41 @@ impl Stretch {
             }
         }
         // NaN fails the comparison.
-        (b > a).then(|| {
+        let stretch = (b > a).then(|| {
+            let start = if a > -half - foot { (a + (half + foot)).clamp(0.0, 2.0 * half) } else { 0.0 };
+            let end = if b < half - foot { (b + (half + foot)).clamp(start, 2.0 * half) } else { 2.0 * half };
             let soft = (line_sq + variance).sqrt().max(MIN_LINE_SHARE * a.abs().max(b.abs()));
-            let angle = ((b - a) * soft).atan2(soft * soft + a * b);
-            Self { foot: foot + half, a, b, soft, angle }
-        })
+            let length = end - start;
+            Self { start, length, a, soft, angle: (length * soft).atan2(soft * soft + a * (a + length)) }
+        })?;
+        (stretch.length > 0.0).then_some(stretch)
     }
 
     /// All of a segment, for a directional light.
     pub fn uniform(segment: &LocalSegment) -> Self {
-        Self { foot: 0.0, a: 0.0, b: 2.0 * segment.half, soft: f32::INFINITY, angle: 0.0 }
+        Self { start: 0.0, length: 2.0 * segment.half, a: 0.0, soft: f32::INFINITY, angle: 0.0 }
     }
 
     /// A distance from the start of the segment, and its density per metre. `u` in [0, 1).
     pub fn sample(&self, u: f32) -> (f32, f32) {
-        let Self { foot, a, b, soft, angle } = *self;
-        let length = b - a;
+        let Self { start, length, a, soft, angle } = *self;
         let from_a = if soft < f32::INFINITY {
             let (sin, cos) = (u * angle).sin_cos();
             (sin * (soft * soft + a * a) / (soft * cos - a * sin)).clamp(0.0, length)
         } else {
             u * length
         };
-        (foot + (a + from_a), self.density(a + from_a))
+        (start + from_a, self.density(a + from_a))
     }
 
     /// The density per metre of a distance from the start of the segment; 0 outside the stretch.
     pub fn pdf(&self, along: f32) -> f32 {
-        let place = along - self.foot;
-        if place >= self.a && place <= self.b { self.density(place) } else { 0.0 }
+        let from_a = along - self.start;
+        if from_a >= 0.0 && from_a <= self.length { self.density(self.a + from_a) } else { 0.0 }
     }
 
     fn density(&self, place: f32) -> f32 {
-        let Self { a, b, soft, angle, .. } = *self;
-        if soft < f32::INFINITY { soft / (soft * soft + place * place) / angle } else { 1.0 / (b - a) }
+        let Self { length, soft, angle, .. } = *self;
+        if soft < f32::INFINITY { soft / (soft * soft + place * place) / angle } else { 1.0 / length }
     }
 }

@@ -52,6 +52,23 @@ impl ShadingPoint {
     ///
     /// A segment that is shorter than 1e-9 m, longer than 1e9 m or not finite becomes the point
     /// `origin`: clip rays that hit nothing to the extent of the medium.
+    ///
+    /// ```
+    /// use girandole::glam::Vec3;
+    /// use girandole::{Light, LightWorld, Placement, Policy, ShadingPoint};
+    ///
+    /// let mut world = LightWorld::new();
+    /// let lamp = world.add_tree(vec![Light::point(Vec3::new(4.0, 3.0, 0.0), Vec3::ONE)])?;
+    /// world.add_instance(lamp, Placement::IDENTITY, Policy::Static)?;
+    ///
+    /// // The lamp is 3 m from the ray, and sees it under a right angle.
+    /// let ray = ShadingPoint::segment(Vec3::new(1.0, 0.0, 0.0), Vec3::X, 6.0);
+    /// let sample = world.sampler().sample(&ray, [0.1, 0.2, 0.3, 0.4]).expect("the lamp is in sight");
+    /// let integral = sample.incident.radiance.x / (sample.pmf * sample.incident.pdf);
+    /// assert!((integral - std::f32::consts::FRAC_PI_2 / 3.0).abs() < 1.0e-3);
+    /// assert!((0.0..=6.0).contains(&sample.incident.along));
+    /// # Ok::<(), girandole::WorldError>(())
+    /// ```
     pub fn segment(origin: Vec3, direction: Vec3, length: f32) -> Self {
         let segment = direction * length;
         // NaN fails the comparisons.

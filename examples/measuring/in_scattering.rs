@@ -21,6 +21,9 @@ pub struct Ray {
     pub direction: DVec3,
     /// In metres.
     pub length: f64,
+    /// The extinction of a homogeneous medium, per metre, on the way from the light to the segment
+    /// and along the segment to its origin.
+    pub extinction: f64,
 }
 
 impl Ray {
@@ -28,7 +31,7 @@ impl Ray {
     pub fn of(at: &ShadingPoint) -> Self {
         let segment = at.segment.as_dvec3();
         let origin = at.position.as_dvec3() - 0.5 * segment;
-        Self { origin, direction: segment.normalize_or_zero(), length: segment.length() }
+        Self { origin, direction: segment.normalize_or_zero(), length: segment.length(), extinction: 0.0 }
     }
 
     /// The point in the volume at a distance from the origin.
@@ -38,7 +41,7 @@ impl Ray {
 }
 
 /// The integral over a segment of the illuminance by a light, in lux times metres, where each point
-/// faces the light.
+/// faces the light, attenuated by the medium.
 ///
 /// The variable of integration is the angle at which the light's centre sees the segment, so the
 /// integrand is constant for a point without range. The integral is divided where the emission or
@@ -99,7 +102,9 @@ pub fn in_scattered(light: &Light, ray: &Ray, panels: usize) -> f64 {
     cuts.sort_by(f64::total_cmp);
     let value = |angle: f64| {
         let place = soft * angle.tan();
-        irradiance(light, &ray.point(foot + place)) * (soft * soft + place * place) / soft
+        let at = ray.point(foot + place);
+        let way = foot + place + at.position.as_dvec3().distance(center);
+        irradiance(light, &at) * (-ray.extinction * way).exp() * (soft * soft + place * place) / soft
     };
     let mut sum = 0.0;
     for pair in cuts.windows(2) {

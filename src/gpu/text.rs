@@ -497,7 +497,7 @@ mod tests {
         LightLocalShadingPoint.segment LightSample.along LightSegmentView LightSegmentView.foot \
         LightSegmentView.half_length LightSegmentView.line_sq LightShadingPoint.segment LightSource \
         LightSource.axis LightSource.cos LightSource.radius LightSource.toward LightSource.variance \
-        LightStretch LightStretch.a LightStretch.angle LightStretch.b LightStretch.foot \
+        LightStretch LightStretch.a LightStretch.angle LightStretch.length LightStretch.start \
         LightStretch.soft light_along_pdf light_angle light_are_turned_away light_box_center \
         light_box_half light_cone_place light_emitted_along light_end light_estimate_along \
         light_four_along light_gaps light_halved light_is_segment light_local_segment light_near_sq \

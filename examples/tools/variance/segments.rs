@@ -14,7 +14,7 @@ use crate::measuring::irradiance::irradiance;
 use crate::measuring::lights::{carried, illuminances};
 use crate::measuring::samplers::{self, Chooser};
 use crate::measuring::sigma::{Noise, Summary};
-use girandole::glam::Vec2;
+use girandole::glam::{Vec2, Vec3};
 use girandole::{Light, LightId, LightSampler, ShadingPoint};
 use rayon::prelude::*;
 use std::path::Path;
@@ -62,15 +62,14 @@ const CUTS: [Cut; 5] = [
 const PLACES: usize = 64;
 /// Segments for which the whole estimate is measured.
 const WHOLE: usize = 60;
+/// The extinction of the fog that the choice does not know, per metre: one sees 100 m far.
+const EXTINCTION: f64 = 0.03;
 /// Choices that are timed.
 const TIMED: usize = 8_000;
 const ROUNDS: usize = 15;
 
 /// Camera rays through random pixels, as far as they see or [`FAR`].
-fn rays(
-    stage: &Stage,
-    count: usize,
-) -> Result<Vec<(girandole::glam::Vec3, girandole::glam::Vec3, f32, f32)>, SceneError> {
+fn rays(stage: &Stage, count: usize) -> Result<Vec<(Vec3, Vec3, f32, f32)>, SceneError> {
     let geometry = Geometry::new(&stage.scene)?;
     let view = View::new(&stage.scene.camera, 16, 9);
     let mut rng = Rng::new(77, 1);
@@ -189,34 +188,37 @@ fn measure(name: &str, stage: &Stage, count: usize, table: &mut Table) -> Result
         for (sampler, chooser, points, ns) in choices {
             rows.push(("choice", sampler, samplers::noise(chooser, points, &light).0, ns));
         }
-        if std::env::var("WHOLE").as_deref() != Ok("0") {
-            let whole: Vec<[Noise; 4]> = segments
-                .par_iter()
-                .zip(&light)
-                .take(WHOLE)
-                .filter_map(|(at, light)| {
-                    let exact = light.iter().map(|lux| f64::from(*lux)).sum::<f64>();
-                    let pmfs = ours.pmfs(at);
-                    let all = (lights.as_slice(), ids.as_slice());
-                    let middle = ours.pmfs(&ShadingPoint::volume(at.position));
-                    (exact > 0.0).then(|| {
-                        Some([
-                            whole_by_lights(&sampler, all, at, &pmfs, (exact, true)),
-                            whole_by_lights(&sampler, all, at, &middle, (exact, true)),
-                            whole_by_lights(&sampler, all, at, &pmfs, (exact, false)),
-                            whole_by_points(&sampler, &lights, &Ray::of(at), exact)?,
-                        ])
-                    })?
-                })
-                .collect();
-            for (i, sampler) in
-                ["segment, equiangular", "middle, equiangular", "segment, uniform", "uniform point, tree"]
-                    .into_iter()
-                    .enumerate()
-            {
-                let noises: Vec<Noise> = whole.iter().map(|all| all[i]).collect();
-                rows.push(("estimate", sampler, Summary::of(&noises), f64::NAN));
-            }
+        let fog = |at: &ShadingPoint| -> Vec<f32> {
+            let ray = Ray { extinction: EXTINCTION, ..Ray::of(at) };
+            lights.iter().map(|light| in_scattered(light, &ray, 1) as f32).collect()
+        };
+        let foggy: Vec<Vec<f32>> = segments.par_iter().map(fog).collect();
+        rows.push(("choice in thick fog", "segment", samplers::noise(ours.as_ref(), &segments, &foggy).0, f64::NAN));
+        let whole: Vec<[Noise; 4]> = segments
+            .par_iter()
+            .zip(&light)
+            .take(WHOLE)
+            .filter_map(|(at, light)| {
+                let exact = light.iter().map(|lux| f64::from(*lux)).sum::<f64>();
+                let pmfs = ours.pmfs(at);
+                let all = (lights.as_slice(), ids.as_slice());
+                let middle = ours.pmfs(&ShadingPoint::volume(at.position));
+                (exact > 0.0).then(|| {
+                    Some([
+                        whole_by_lights(&sampler, all, at, &pmfs, (exact, true)),
+                        whole_by_lights(&sampler, all, at, &middle, (exact, true)),
+                        whole_by_lights(&sampler, all, at, &pmfs, (exact, false)),
+                        whole_by_points(&sampler, &lights, &Ray::of(at), exact)?,
+                    ])
+                })?
+            })
+            .collect();
+        for (i, sampler) in ["segment, equiangular", "middle, equiangular", "segment, uniform", "uniform point, tree"]
+            .into_iter()
+            .enumerate()
+        {
+            let noises: Vec<Noise> = whole.iter().map(|all| all[i]).collect();
+            rows.push(("estimate", sampler, Summary::of(&noises), f64::NAN));
         }
         for (what, sampler, sigma, ns) in rows {
             let Summary { mean, median, p95, unreached, .. } = sigma;
