@@ -286,7 +286,7 @@ fn lamps_on_the_line_behind_it_and_beyond_their_range_have_defined_distances() {
         lamp(Vec3::new(-5.0, 0.0, 0.0)),
         lamp(Vec3::new(5.0, 3.0, 0.0)).with_range(2.0),
         Light::spot(Vec3::new(5.0, 3.0, 0.0), Vec3::Y, 0.1, 0.5, Vec3::ONE),
-        Light::spot(Vec3::new(5.0, 3.0, 0.0), Vec3::NEG_Y, 0.1, 0.785_398_2, Vec3::ONE),
+        Light::spot(Vec3::new(5.0, 3.0, 0.0), Vec3::NEG_Y, 0.1, std::f32::consts::FRAC_PI_4, Vec3::ONE),
     ]);
     let sampler = world.sampler();
     let ids: Vec<LightId> = sampler.all_lights().collect();
