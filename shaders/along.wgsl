@@ -2,6 +2,13 @@
 // src/equiangular.rs and src/along.rs, which explain it. Reads the buffers that sample.wgsl binds.
 
 // #if SEGMENTS
+// The distance in metres from the start of a segment to the point at which the light of a sample
+// arrives: of the last sample of a segment that this invocation took, which after light_resample is
+// the one that was kept. The fields of the sample are as seen from there, and its pdf is multiplied
+// by the density per metre of this distance. A variable, because samples and reservoirs have the
+// same records for all effects.
+var<private> light_along: f32;
+
 // A distance from the start of a segment in metres, and its density per metre. The density is 0 if
 // the light reaches no point of the segment.
 struct LightAlong {
@@ -221,7 +228,7 @@ fn light_point_along(shading_point: LightShadingPoint, along: f32) -> LightShadi
 fn light_sample_picked_along(shading_point: LightShadingPoint, pick: LightPick, u: vec2<f32>) -> LightSample {
     let chosen = light_sample_along(shading_point, pick.instance, pick.light, u.x);
     if pick.pmf <= 0.0 || chosen.pdf <= 0.0 {
-        return LightSample(vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0u, 0u, 0u, 0.0);
+        return LightSample(vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0u, 0u, 0u);
     }
     var slot = pick.instance;
     // #if DIRECTIONAL
@@ -232,6 +239,7 @@ fn light_sample_picked_along(shading_point: LightShadingPoint, pick: LightPick, 
     // #if DIRECTIONAL
     base = select(base, light_params.directional_base, pick.instance == LIGHT_DIRECTIONAL);
     // #endif
+    light_along = chosen.along;
     let hashed = f32(light_hash(bitcast<u32>(u.x) ^ light_hash(bitcast<u32>(u.y))) >> 8u) * LIGHT_U_STEP;
     let seen_from = light_point_along(shading_point, chosen.along);
     let incident = light_incident(light_record(base + pick.light), instance, seen_from, vec2(u.y, hashed));
@@ -239,7 +247,7 @@ fn light_sample_picked_along(shading_point: LightShadingPoint, pick: LightPick, 
     return LightSample(
         incident.direction, incident.dist, incident.radiance, pdf,
         select(0.0, pick.pmf, any(incident.radiance != vec3(0.0))), pick.instance, pick.light,
-        select(0u, 1u, incident.is_delta), chosen.along,
+        select(0u, 1u, incident.is_delta),
     );
 }
 // #endif

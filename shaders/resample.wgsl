@@ -92,15 +92,7 @@ fn light_reservoir(
 ) -> LightReservoir {
     let weight = (*candidates).weights[kept];
     if weight <= 0.0 {
-        return LightReservoir(
-            LightSample(
-                vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0u, 0u, 0u,
-                // #if SEGMENTS
-                0.0,
-                // #endif
-            ),
-            0.0,
-        );
+        return LightReservoir(LightSample(vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0u, 0u, 0u), 0.0);
     }
     let density = max(candidate.pmf * candidate.pdf, LIGHT_MIN_PDF);
     let w = (*candidates).total / (f32((*candidates).count) * weight) / density;

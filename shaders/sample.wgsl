@@ -29,12 +29,6 @@ struct LightSample {
     light: u32,
     // 1 for a light without size, which rays cannot hit.
     is_delta: u32,
-    // #if SEGMENTS
-    // For a segment, the distance in metres from its start to the point at which the light arrives:
-    // the other fields are as seen from there, and `pdf` is multiplied by the density per metre of
-    // that distance. 0 for a point.
-    along: f32,
-    // #endif
 }
 
 // A light that light_pick chose; the fields are as in LightSample.
@@ -159,12 +153,7 @@ fn light_sample_picked(shading_point: LightShadingPoint, pick: LightPick, u: vec
     }
     // #endif
     if pick.pmf <= 0.0 {
-        return LightSample(
-            vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0u, 0u, 0u,
-            // #if SEGMENTS
-            0.0,
-            // #endif
-        );
+        return LightSample(vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0u, 0u, 0u);
     }
     var slot = pick.instance;
     // #if DIRECTIONAL
@@ -181,8 +170,5 @@ fn light_sample_picked(shading_point: LightShadingPoint, pick: LightPick, u: vec
     return LightSample(
         incident.direction, incident.dist, incident.radiance, incident.pdf,
         pmf, pick.instance, pick.light, select(0u, 1u, incident.is_delta),
-        // #if SEGMENTS
-        0.0,
-        // #endif
     );
 }

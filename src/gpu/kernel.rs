@@ -62,11 +62,8 @@ impl Kernel {
     }
 
     /// The best variant that is ready. The first call compiles the one for all effects.
-    ///
-    /// Requests hold no segments, so variants that know segments are not made: their samples are
-    /// longer than [`SampleRecord`](super::SampleRecord).
     pub fn pipeline(&self, effects: Effects) -> wgpu::ComputePipeline {
-        self.variants().get(effects - Effects::SEGMENTS).clone()
+        self.variants().get(effects).clone()
     }
 
     pub fn variants(&self) -> MutexGuard<'_, PipelineVariants<wgpu::ComputePipeline>> {
@@ -106,7 +103,6 @@ impl Kernel {
 impl KernelSource {
     fn compile(&self, effects: Effects) -> wgpu::ComputePipeline {
         let label = Some(self.entry);
-        let effects = effects - Effects::SEGMENTS;
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label,
             source: wgpu::ShaderSource::Wgsl((text::wgsl(0, effects) + self.text).into()),
@@ -130,8 +126,8 @@ mod tests {
     fn the_stages_have_one_entry_point_with_as_many_invocations_as_the_host_assumes() {
         let all = Effects::all();
         for (entry, text) in [
-            ("batch", text::wgsl(0, all - Effects::SEGMENTS) + text::BATCH),
-            ("batch_resample", text::wgsl(0, all - Effects::SEGMENTS) + text::BATCH_RESAMPLE),
+            ("batch", text::wgsl(0, all) + text::BATCH),
+            ("batch_resample", text::wgsl(0, all) + text::BATCH_RESAMPLE),
             ("batch_count", text::wgsl_counting(0, all) + text::BATCH_COUNT),
         ] {
             let module = naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("it parses");

@@ -305,9 +305,7 @@ mod tests {
 
     #[test]
     fn records_have_the_same_layout_in_rust_and_wgsl() {
-        // Samples of segments have one field more, and no kernel makes them.
-        let effects = crate::effects::Effects::all() - crate::effects::Effects::SEGMENTS;
-        let text = crate::gpu::wgsl(0, effects) + text::BATCH;
+        let text = crate::gpu::wgsl(0, crate::effects::Effects::all()) + text::BATCH;
         let structs = structs(&text);
         record!(
             structs,

@@ -30,7 +30,6 @@ use crate::effects::Effects;
 ///     direction: vec3<f32>, dist: f32, // unit, from the shading point; metres
 ///     radiance: vec3<f32>, pdf: f32, pmf: f32, // see below
 ///     instance: u32, light: u32, is_delta: u32,
-///     along: f32, // with Effects::SEGMENTS only: metres from the start of a segment
 /// }
 /// struct LightReservoir { chosen: LightSample, weight: f32 }
 ///
@@ -47,6 +46,9 @@ use crate::effects::Effects;
 /// // The probability of a light, and the density of a point on it.
 /// fn light_pmf(shading_point: LightShadingPoint, instance: u32, light: u32) -> f32
 /// fn light_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, point: vec3<f32>) -> f32
+/// // With Effects::SEGMENTS only: where on its segment the last sample was taken, in metres from the
+/// // start; after light_resample, the one that was kept.
+/// var<private> light_along: f32;
 /// // With Effects::SEGMENTS only: the distance along a segment for a given light, and its density.
 /// struct LightAlong { along: f32, pdf: f32 }
 /// fn light_sample_along(shading_point: LightShadingPoint, instance: u32, light: u32, u: f32) -> LightAlong
@@ -71,8 +73,8 @@ use crate::effects::Effects;
 /// - In both cases `brdf * cosine * radiance / (pmf * pdf)` estimates the radiance that leaves the
 ///   shading point, if nothing occludes the light within `dist`. For a reservoir,
 ///   `brdf * cosine * chosen.radiance * weight` does.
-/// - For a segment, `pdf` is multiplied by the density of `along` per metre, and the estimate is
-///   that of an integral over the segment. A record of samples is then 64 bytes long.
+/// - For a segment, `pdf` is multiplied by the density of `light_along` per metre, and the estimate
+///   is that of an integral over the segment.
 /// - `light_pdf` is per steradian, and includes the pmf. It is 0 for segments.
 ///
 /// # Names of lights

@@ -494,7 +494,7 @@ mod tests {
         LIGHT_CONE_MARGIN LIGHT_CONE_SLACK LIGHT_MAX_DENSITY LIGHT_MIN_LINE_SHARE LIGHT_RANGE_SLACK \
         LightAlong LightAlong.along LightAlong.pdf LightBoxes LightBoxes.center LightBoxes.half_size \
         LightEnds LightEnds.dist LightEnds.place LightGaps LightGaps.center_sq LightGaps.gap_sq \
-        LightLocalShadingPoint.segment LightSample.along LightSegmentView LightSegmentView.foot \
+        LightLocalShadingPoint.segment light_along LightSegmentView LightSegmentView.foot \
         LightSegmentView.half_length LightSegmentView.line_sq LightShadingPoint.segment LightSource \
         LightSource.axis LightSource.cos LightSource.radius LightSource.toward LightSource.variance \
         LightStretch LightStretch.a LightStretch.angle LightStretch.length LightStretch.start \

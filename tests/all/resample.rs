@@ -405,8 +405,7 @@ fn an_engines_function_weighs_the_same_candidates_on_the_gpu() {
     let delta = world.take_delta();
     lights.upload(&world, &delta).expect("room enough");
     let hook = TargetHook::new("candidate", "argument").expect("identifiers");
-    // Reservoirs of shaders that know segments are longer than the record.
-    let shader = lights.shader(1, Effects::all() - Effects::SEGMENTS).with_target(hook);
+    let shader = lights.shader(1, Effects::all()).with_target(hook);
     let mut lit = 0;
     for candidates in [1, 5, 8, MAX_CANDIDATES].map(candidate_count) {
         let constant = format!("const CANDIDATES = {}u;\n", candidates.get());

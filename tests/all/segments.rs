@@ -351,8 +351,9 @@ const STAGE: &str = "
             return light_pmf(at, q.instance, q.light);
         }
         let chosen = light_sample_picked(at, LightPick(q.instance, q.light, 1.0), q.u);
+        let along = ALONG;
         switch q.kind {
-            case 1u: { return ALONG; }
+            case 1u: { return select(0.0, along, chosen.pmf > 0.0); }
             case 2u: { return PDF_ALONG; }
             case 3u: { return chosen.radiance.x / max(chosen.pdf, 1.0e-30) * chosen.pmf; }
             case 4u: { return light_resample(at, vec4(q.u, q.u), 0.5, 4u).weight; }
@@ -392,10 +393,9 @@ fn the_shader_gives_the_answers_of_the_cpu_and_takes_the_middle_without_the_effe
             let [a, b] = u.map(f32::to_bits);
             questions.push([x, y, z, instance, p, q, r, index, length.to_bits(), kind, a, b, 0, 0, 0, 0]);
             let sample = sampler.sample_light(&at, light, u);
-            let along = sampler.sample_along(&at, light, u[0]).map_or(0.0, |chosen| chosen.along);
             expected.push(match kind {
                 0 => sampler.pmf(&at, light),
-                1 => along,
+                1 => sample.map_or(0.0, |incident| incident.along),
                 2 => sampler.along_pdf(&at, light, 0.4 * length),
                 3 => sample.map_or(0.0, |incident| incident.radiance.x / incident.pdf.max(1.0e-30)),
                 4 => sampler
@@ -412,10 +412,7 @@ fn the_shader_gives_the_answers_of_the_cpu_and_takes_the_middle_without_the_effe
     };
     let of_segments = with(
         Effects::all(),
-        [
-            "light_sample_along(at, q.instance, q.light, q.u.x).along",
-            "light_along_pdf(at, q.instance, q.light, 0.4 * q.length)",
-        ],
+        ["select(0.0, light_along, light_is_segment(at))", "light_along_pdf(at, q.instance, q.light, 0.4 * q.length)"],
     );
     let without = with(Effects::all() - Effects::SEGMENTS, ["0.0", "0.0"]);
     let mut changed = 0;
