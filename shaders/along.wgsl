@@ -21,7 +21,7 @@ struct LightStretch {
     // Where the stretch starts, from the start of the segment.
     start: f32,
     // 0 if the light reaches no point of the segment.
-    length: f32,
+    extent: f32,
     // Where it starts, relative to the foot.
     a: f32,
     // 0 for a directional light, which reaches all points alike.
@@ -161,12 +161,12 @@ fn light_stretch_density(stretch: LightStretch, place: f32) -> f32 {
     if stretch.soft > 0.0 {
         return stretch.soft / (stretch.soft * stretch.soft + place * place) / stretch.angle;
     }
-    return 1.0 / stretch.length;
+    return 1.0 / stretch.extent;
 }
 
 // Twin of `Stretch::sample`.
 fn light_stretch_sample(stretch: LightStretch, u: f32) -> LightAlong {
-    let length = stretch.length;
+    let length = stretch.extent;
     if !(length > 0.0) {
         return LightAlong(0.0, 0.0);
     }
@@ -211,7 +211,7 @@ fn light_along_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, 
     }
     let stretch = light_stretch_of(shading_point, instance, light);
     let from_a = along - stretch.start;
-    if stretch.length > 0.0 && from_a >= 0.0 && from_a <= stretch.length {
+    if stretch.extent > 0.0 && from_a >= 0.0 && from_a <= stretch.extent {
         return light_stretch_density(stretch, stretch.a + from_a);
     }
     return 0.0;

@@ -497,13 +497,13 @@ mod tests {
         LightLocalShadingPoint.segment light_along LightSegmentView LightSegmentView.foot \
         LightSegmentView.half_length LightSegmentView.line_sq LightShadingPoint.segment LightSource \
         LightSource.axis LightSource.cos LightSource.radius LightSource.toward LightSource.variance \
-        LightStretch LightStretch.a LightStretch.angle LightStretch.length LightStretch.start \
+        LightStretch LightStretch.a LightStretch.angle LightStretch.extent LightStretch.start \
         LightStretch.soft light_along_pdf light_angle light_are_turned_away light_box_center \
         light_box_half light_cone_place light_emitted_along light_end light_estimate_along \
         light_four_along light_gaps light_halved light_is_segment light_local_segment light_near_sq \
         light_point_along light_sample_along light_sample_picked_along light_segment_view \
         light_source light_source_of light_stretch light_stretch_density light_stretch_of \
-        light_stretch_sample";
+        light_stretch_sample light_facing_along_in_world";
 
     #[test]
     fn a_variant_without_an_effect_lacks_exactly_the_names_that_the_effect_needs() {
