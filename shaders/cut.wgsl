@@ -47,6 +47,11 @@ fn light_local_to_top(shading_point: LightShadingPoint) -> LightLocalShadingPoin
     // #if GLOSSY
     local.gloss = shading_point.gloss;
     // #endif
+    // #if SEGMENTS
+    if light_is_segment(shading_point) {
+        local.segment = light_local_segment(shading_point.segment);
+    }
+    // #endif
     // #if RANGES
     local.range_scale = 1.0;
     // #endif
@@ -72,6 +77,11 @@ fn light_local_to_tree(instance: u32, shading_point: LightShadingPoint) -> Light
     local.gloss = shading_point.gloss;
     local.gloss.tangent = light_transposed(placed.to_world, shading_point.gloss.tangent);
     local.gloss.bitangent = light_transposed(placed.to_world, shading_point.gloss.bitangent);
+    // #endif
+    // #if SEGMENTS
+    if light_is_segment(shading_point) {
+        local.segment = light_local_segment(light_into_tree(placed, shading_point.segment));
+    }
     // #endif
     // #if RANGES
     local.range_scale = 1.0;

@@ -10,6 +10,11 @@ struct LightShadingPoint {
     // #if GLOSSY
     gloss: LightGloss,
     // #endif
+    // #if SEGMENTS
+    // From the start of a segment to its end, in metres; the position is its middle. Zero for a
+    // point.
+    segment: vec3<f32>,
+    // #endif
 }
 
 // A point on a surface; `normal` is a unit vector that points to the side that is shaded.
@@ -37,6 +42,20 @@ fn light_volume_point(position: vec3<f32>) -> LightShadingPoint {
     return light_surface_point(position, vec3(0.0));
 }
 
+// The segment origin + t * direction of a ray through a volume, for t from 0 to `length`. Twin of
+// `ShadingPoint::segment`. The point in its middle in shaders without SEGMENTS.
+fn light_segment(origin: vec3<f32>, direction: vec3<f32>, length: f32) -> LightShadingPoint {
+    let segment = direction * length;
+    let length_sq = dot(segment, segment);
+    // NaN and infinity fail one of the comparisons.
+    let is_segment = length_sq >= LIGHT_MIN_SEGMENT_SQ && length_sq <= LIGHT_MAX_SEGMENT_SQ;
+    var shading_point = light_volume_point(select(origin, origin + 0.5 * segment, is_segment));
+    // #if SEGMENTS
+    shading_point.segment = select(vec3(0.0), segment, is_segment);
+    // #endif
+    return shading_point;
+}
+
 // A shading point in the space of a tree. Twin of `LocalShadingPoint`.
 struct LightLocalShadingPoint {
     position: vec3<f32>,
@@ -49,6 +68,10 @@ struct LightLocalShadingPoint {
     light_bit: u32,
     // #if GLOSSY
     gloss: LightGloss,
+    // #endif
+    // #if SEGMENTS
+    // The unit vector and half the length of a segment; 0 for a point.
+    segment: vec4<f32>,
     // #endif
     // #if RANGES
     range_scale: f32,
@@ -155,6 +178,11 @@ fn light_child_weights(node: LightNode, local: LightLocalShadingPoint) -> mat2x4
 fn light_four_importances(
     packed: LightPackedFour, is_light: vec4<bool>, local: LightLocalShadingPoint, view: LightNodeView,
 ) -> LightFourImportances {
+    // #if SEGMENTS
+    if local.segment.w > 0.0 {
+        return light_four_along(packed, is_light, local, view);
+    }
+    // #endif
     var four = light_unpack(packed, view.origin, view.half_step, local.normal, view.margin);
     // #if NON_RIGID
     // #if CONES

@@ -199,7 +199,7 @@ fn light_unit_axes(packed: vec3<u32>) -> mat3x4<f32> {
 }
 // #endif
 
-// #if NON_RIGID | GLOSSY
+// #if NON_RIGID | GLOSSY | SEGMENTS
 // The coordinates of four mean positions along one axis, relative to the shading point.
 fn light_mean(low_word: u32, high_word: u32, mean_word: u32, origin: f32, half_step: f32) -> vec4<f32> {
     let low = light_bytes(low_word);

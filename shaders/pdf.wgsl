@@ -87,6 +87,11 @@ fn light_point_pdf(
 // light_sample would find nothing.
 fn light_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, point: vec3<f32>) -> f32 {
     // #if AREAS
+    // #if SEGMENTS
+    if light_is_segment(shading_point) {
+        return 0.0;
+    }
+    // #endif
     if instance == LIGHT_DIRECTIONAL {
         return 0.0;
     }

@@ -147,6 +147,11 @@ fn light_sample(shading_point: LightShadingPoint, u: vec4<f32>) -> LightSample {
 
 // Chooses a point on a light that was picked.
 fn light_sample_picked(shading_point: LightShadingPoint, pick: LightPick, u: vec2<f32>) -> LightSample {
+    // #if SEGMENTS
+    if light_is_segment(shading_point) {
+        return light_sample_picked_along(shading_point, pick, u);
+    }
+    // #endif
     if pick.pmf <= 0.0 {
         return LightSample(vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0u, 0u, 0u);
     }

@@ -83,6 +83,31 @@ fn light_four_into_world(
     (*four).normal_variance = min(normal_scale * normal_scale * (*four).normal_variance, (*four).variance);
 }
 
+// #if SEGMENTS
+// #if CONES
+// The part along the axes of emission of four children of a unit vector of the world. `facing` are
+// these parts in the tree's space, of the vector there that becomes the unit vector.
+fn light_facing_along_in_world(
+    facing: vec4<f32>, packed: LightPackedFour, instance_slot: u32, unit: vec3<f32>,
+) -> vec4<f32> {
+    let instance = light_instance(instance_slot);
+    let rows = instance.to_world;
+    let to_local = instance.to_local;
+    let axis = light_unit_axes(packed.axis);
+    let beam_x = axis * rows[0].xyz;
+    let beam_y = axis * rows[1].xyz;
+    let beam_z = axis * rows[2].xyz;
+    let beam_length = sqrt(beam_x * beam_x + beam_y * beam_y + beam_z * beam_z);
+    let beam = (beam_x * unit.x + beam_y * unit.y + beam_z * unit.z) / beam_length;
+    let normal_x = axis * vec3(to_local[0].x, to_local[1].x, to_local[2].x);
+    let normal_y = axis * vec3(to_local[0].y, to_local[1].y, to_local[2].y);
+    let normal_z = axis * vec3(to_local[0].z, to_local[1].z, to_local[2].z);
+    let normal_length = sqrt(normal_x * normal_x + normal_y * normal_y + normal_z * normal_z);
+    return select(beam, facing / normal_length, light_area_shares(packed.area_ratios) >= vec4(0.5));
+}
+// #endif
+// #endif
+
 // Half the sizes of four boxes along one axis, squared.
 fn light_half_sq(low_word: u32, high_word: u32, half_step: f32) -> vec4<f32> {
     let half_size = (light_bytes(high_word) - light_bytes(low_word)) * half_step;

@@ -59,6 +59,11 @@ pub(crate) fn clamp_unit(u: f32) -> f32 {
     u.max(0.0).min(ONE_MINUS_EPSILON)
 }
 
+/// A number in [0, 1) with 24 bits from a hash of two others.
+pub(crate) fn hashed_unit(u: [f32; 2]) -> f32 {
+    (hash(u[0].to_bits() ^ hash(u[1].to_bits())) >> 8) as f32 * U_STEP
+}
+
 /// Source: Jarzynski and Olano, Hash Functions for GPU Rendering (JCGT 2020), the 1-D PCG hash.
 pub(crate) fn hash(x: u32) -> u32 {
     let state = x.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);

@@ -27,8 +27,12 @@ pub struct Incident {
     /// Density of the direction per steradian for surfaces; 1 for points, spots and directional
     /// lights.
     pub pdf: f32,
-    /// True for lights without size: rays cannot hit them, and `pdf` is no density.
+    /// True for lights without size: rays cannot hit them, and `pdf` is no density of directions.
     pub is_delta: bool,
+    /// For a segment, the distance in metres from its start to the point at which the light
+    /// arrives: the other fields are as seen from there, and `pdf` is multiplied by the density per
+    /// metre of that distance. 0 for a point.
+    pub along: f32,
 }
 
 /// The squared distance, in square metres, below which a point on a light counts as sending
@@ -215,5 +219,6 @@ fn arriving(
         radiance,
         pdf,
         is_delta,
+        along: 0.0,
     })
 }

@@ -150,6 +150,8 @@ pub mod policy;
 pub mod scheduler;
 mod solid_angle;
 mod emit;
+mod segment;
+mod equiangular;
 mod importance;
 mod placement;
 mod visibility;
@@ -161,6 +163,7 @@ mod curve;
 mod top;
 mod world;
 mod sample;
+mod along;
 mod resample;
 mod pdf;
 mod learn;
@@ -169,6 +172,7 @@ pub mod gpu;
 #[cfg(feature = "gltf")]
 pub mod gltf;
 
+pub use along::SegmentPoint;
 pub use counts::{CandidateCount, MAX_CANDIDATES, MAX_SPLITS, SplitCount};
 pub use effects::{EffectCounts, Effects};
 pub use emit::Incident;

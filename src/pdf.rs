@@ -10,6 +10,7 @@ use glam::Vec3;
 use crate::emit::{CLOSE, MIN_DIST_SQ, is_density, is_lit_side};
 use crate::light::{Light, Shape, range_window};
 use crate::sample::{LightId, LightSampler};
+use crate::segment::LocalSegment;
 use crate::shading_point::ShadingPoint;
 use crate::solid_angle::NearSurface;
 use crate::transform::InstanceTransform;
@@ -21,10 +22,14 @@ impl LightSampler<'_> {
     /// The density is `pmf * pdf`, per steradian in the world. `point` lies on the light, in metres
     /// relative to the world's origin; this is not checked. 0 where sampling would find nothing
     /// (behind a one-sided light, below the shading point's horizon, out of range, inside a
-    /// sphere), for lights without size, and for a light that does not exist. The cost is that of
+    /// sphere), for lights without size, and for a light that does not exist. Also 0 for a segment,
+    /// of which a ray has only one point: call this for points. The cost is that of
     /// [`LightSampler::pmf`].
     pub fn pdf(&self, shading_point: &ShadingPoint, light: LightId, point: Vec3) -> f32 {
         let LightId::Local { instance, light: index } = light else { return 0.0 };
+        if LocalSegment::of(shading_point).is_some() {
+            return 0.0;
+        }
         let Some(placed) = self.world.instance(instance) else { return 0.0 };
         let tree = self.world.tree(placed.tree);
         let Some(record) = tree.and_then(|tree| tree.lights().get(index as usize)) else { return 0.0 };

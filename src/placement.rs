@@ -7,6 +7,7 @@ use crate::cluster::{Linear, RIGID_TOLERANCE};
 use crate::effects::Effects;
 use crate::error::PlacementError;
 use crate::importance::{LocalShadingPoint, POSITION_MARGIN};
+use crate::segment::LocalSegment;
 use crate::shading_point::ShadingPoint;
 use crate::transform::InstanceTransform;
 use crate::tree::LEAF;
@@ -144,6 +145,7 @@ impl Placed {
             light_bit: LEAF,
             to_world: (!self.is_rigid).then_some(&self.linear),
             gloss: LocalShadingPoint::gloss_of(shading_point).map(|gloss| gloss.carried(&self.linear.linear)),
+            segment: LocalSegment::of(shading_point).map(|segment| segment.carried(&self.frame.to_local)),
         }
     }
 

@@ -9,13 +9,15 @@ use glam::Mat3;
 
 use crate::counts::SplitCount;
 use crate::cut::{InstanceTrees, NO_INSTANCE, NoInstances, TreeView};
-use crate::dice::choice_pmf;
+use crate::dice::{choice_pmf, clamp_unit, hashed_unit};
 use crate::distribution::DistributionJob;
-use crate::emit::{Incident, sample_light};
+use crate::emit::{Incident, MIN_INVERSE_PDF, MIN_PDF, sample_light};
+use crate::equiangular::Stretch;
 use crate::importance::LocalShadingPoint;
 use crate::keys::{DirectionalKey, InstanceKey, slot_of};
 use crate::light::{DirectionalLight, luminance};
 use crate::part::{Part, SINGLE};
+use crate::segment::LocalSegment;
 use crate::shading_point::ShadingPoint;
 use crate::simd::with_vectors;
 use crate::top::TopLevel;
@@ -50,7 +52,10 @@ pub struct LightPick {
 /// A light and a point on it that [`LightSampler::sample`] chose.
 ///
 /// `brdf * cosine * incident.radiance / (pmf * incident.pdf)` estimates the light that arrives from
-/// all lights, if the point is not in shadow.
+/// all lights, if the point is not in shadow. For a segment,
+/// `phase * incident.radiance / (pmf * incident.pdf)` estimates the integral of what arrives over
+/// the segment, where the phase function and any factor of the medium are those at
+/// [`Incident::along`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightSample {
     /// The light.
@@ -303,7 +308,50 @@ impl<'a> LightSampler<'a> {
     /// [`LightSampler::sample`].
     ///
     /// `None` if the point sends nothing to the shading point, or if the light does not exist.
+    ///
+    /// For a segment this is a point of the light as seen from a point of the segment: see
+    /// [`Incident::along`]. The first number chooses the point of the segment as
+    /// [`LightSampler::sample_along`] does; the second, and a hash of both, the point on the light.
     pub fn sample_light(&self, shading_point: &ShadingPoint, light: LightId, u: [f32; 2]) -> Option<Incident> {
+        match LocalSegment::of(shading_point) {
+            None => self.sample_light_from(shading_point, light, u),
+            Some(segment) => self.sample_light_along(shading_point, &segment, light, u),
+        }
+    }
+
+    fn sample_light_along(
+        &self,
+        shading_point: &ShadingPoint,
+        segment: &LocalSegment,
+        light: LightId,
+        u: [f32; 2],
+    ) -> Option<Incident> {
+        let (along, pdf) = self.stretch(shading_point, segment, light)?.sample(clamp_unit(u[0]));
+        let from = ShadingPoint::volume(shading_point.position + segment.unit * (along - segment.half));
+        let incident = self.sample_light_from(&from, light, [u[1], hashed_unit(u)])?;
+        let pdf = (incident.pdf * pdf).clamp(MIN_PDF, 1.0 / MIN_INVERSE_PDF);
+        Some(Incident { along, pdf, ..incident })
+    }
+
+    /// The part of a segment that a light may reach; `None` if there is none.
+    pub(crate) fn stretch(
+        &self,
+        shading_point: &ShadingPoint,
+        segment: &LocalSegment,
+        light: LightId,
+    ) -> Option<Stretch> {
+        match light {
+            LightId::Directional(key) => self.world.directional(key).map(|_| Stretch::uniform(segment)),
+            LightId::Local { instance, light } => {
+                let placed = self.world.instance(instance)?;
+                let light = self.world.tree(placed.tree)?.lights().get(light as usize)?;
+                Stretch::of(light, &placed.placed.as_ref()?.frame, shading_point, segment)
+            }
+        }
+    }
+
+    /// [`LightSampler::sample_light`] for a point.
+    fn sample_light_from(&self, shading_point: &ShadingPoint, light: LightId, u: [f32; 2]) -> Option<Incident> {
         match light {
             LightId::Directional(key) => {
                 let light = self.world.directional(key)?;
@@ -313,6 +361,7 @@ impl<'a> LightSampler<'a> {
                     radiance: light.illuminance,
                     pdf: 1.0,
                     is_delta: true,
+                    along: 0.0,
                 })
             }
             LightId::Local { instance, light } => {

@@ -8,6 +8,7 @@
 pub mod charts;
 
 pub mod irradiance;
+pub mod in_scattering;
 pub mod reflection;
 pub mod lights;
 pub mod sigma;

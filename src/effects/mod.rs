@@ -60,6 +60,12 @@ bitflags::bitflags! {
         /// This is a setting: its count is 0 or 1. It changes no layout. Shaders without it treat
         /// all surfaces as matte.
         const GLOSSY = 1 << 8;
+        /// Shading points may be segments of rays: see
+        /// [`LightWorld::set_segment_sampling`](crate::LightWorld::set_segment_sampling).
+        ///
+        /// This is a setting: its count is 0 or 1. It changes no layout. Shaders without it treat a
+        /// segment as the point in its middle.
+        const SEGMENTS = 1 << 9;
     }
 }
 

@@ -23,6 +23,8 @@ use crate::effects::Effects;
 /// fn light_glossy_point(position: vec3<f32>, normal: vec3<f32>, view: vec3<f32>,
 ///     roughness: f32, specular: f32, diffuse: f32) -> LightShadingPoint // see `Gloss`
 /// fn light_volume_point(position: vec3<f32>) -> LightShadingPoint
+/// // A segment of a ray through a medium: metres; unit; metres.
+/// fn light_segment(origin: vec3<f32>, direction: vec3<f32>, length: f32) -> LightShadingPoint
 /// struct LightPick { instance: u32, light: u32, pmf: f32 }
 /// struct LightSample {
 ///     direction: vec3<f32>, dist: f32, // unit, from the shading point; metres
@@ -44,6 +46,13 @@ use crate::effects::Effects;
 /// // The probability of a light, and the density of a point on it.
 /// fn light_pmf(shading_point: LightShadingPoint, instance: u32, light: u32) -> f32
 /// fn light_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, point: vec3<f32>) -> f32
+/// // With Effects::SEGMENTS only: where on its segment the last sample was taken, in metres from the
+/// // start; after light_resample, the one that was kept.
+/// var<private> light_along: f32;
+/// // With Effects::SEGMENTS only: the distance along a segment for a given light, and its density.
+/// struct LightAlong { along: f32, pdf: f32 }
+/// fn light_sample_along(shading_point: LightShadingPoint, instance: u32, light: u32, u: f32) -> LightAlong
+/// fn light_along_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, along: f32) -> f32
 /// // Well-mixed bits, for random numbers.
 /// fn light_hash(bits: u32) -> u32
 /// ```
@@ -64,7 +73,9 @@ use crate::effects::Effects;
 /// - In both cases `brdf * cosine * radiance / (pmf * pdf)` estimates the radiance that leaves the
 ///   shading point, if nothing occludes the light within `dist`. For a reservoir,
 ///   `brdf * cosine * chosen.radiance * weight` does.
-/// - `light_pdf` is per steradian, and includes the pmf.
+/// - For a segment, `pdf` is multiplied by the density of `light_along` per metre, and the estimate
+///   is that of an integral over the segment.
+/// - `light_pdf` is per steradian, and includes the pmf. It is 0 for segments.
 ///
 /// # Names of lights
 ///
@@ -230,9 +241,11 @@ mod tests {
     fn the_shaders_of_the_guide_are_valid_for_all_effects_and_for_none() {
         let guide = include_str!("../../docs/integration.md");
         let blocks: Vec<_> = guide.split("```wgsl").skip(1).filter_map(|rest| rest.split("```").next()).collect();
-        assert_eq!(blocks.len(), 7);
+        assert_eq!(blocks.len(), 8);
         for effects in [Effects::all(), Effects::empty()] {
-            for block in &blocks {
+            // Only shaders that know segments have the distance along one.
+            let knows = |block: &&&str| effects.contains(Effects::SEGMENTS) || !block.contains("light_segment(");
+            for block in blocks.iter().filter(knows) {
                 let records = match () {
                     () if block.contains("light_record_usage") => text::Records::Usage,
                     () if block.contains("light_record_visibility") => text::Records::Visibility,

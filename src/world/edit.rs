@@ -333,6 +333,23 @@ impl LightWorld {
         }
     }
 
+    /// Sets whether shaders that are made for this world's [`LightWorld::effects`] choose lights for
+    /// the segments of `light_segment`. Off at first.
+    ///
+    /// Turn it on for fog and other media that scatter light into camera rays. It adds
+    /// [`Effects::SEGMENTS`]; nothing is uploaded. Shaders without that effect treat a segment as
+    /// the point in its middle. [`LightSampler`](crate::LightSampler) does not need the setting: it
+    /// always follows [`ShadingPoint::segment`](crate::ShadingPoint::segment).
+    pub fn set_segment_sampling(&mut self, is_on: bool) {
+        if is_on != self.segment_sampling {
+            self.segment_sampling = is_on;
+            self.effects.change(|counts| match is_on {
+                true => counts.add(Effects::SEGMENTS),
+                false => counts.remove(Effects::SEGMENTS),
+            });
+        }
+    }
+
     /// Moves the point that sampling coordinates are relative to, in metres, for example to the
     /// camera. Instances keep their places in the world.
     ///

@@ -57,6 +57,7 @@ pub struct LightWorld {
     effects: HeldEffects,
     solid_angle_sampling: bool,
     glossy_sampling: bool,
+    segment_sampling: bool,
     /// When trees stop counting as moving, and when they are frozen.
     rest_timers: RestTimers,
     /// Trees that the next update refits, or whose rebuild request it updates.
@@ -180,6 +181,7 @@ impl LightWorld {
             effects: HeldEffects::default(),
             solid_angle_sampling: false,
             glossy_sampling: false,
+            segment_sampling: false,
             rest_timers: RestTimers::default(),
             pending: KeySet::default(),
             changes: Changes::default(),
@@ -247,6 +249,12 @@ impl LightWorld {
     /// [`LightWorld::set_glossy_sampling`] is called.
     pub fn glossy_sampling(&self) -> bool {
         self.glossy_sampling
+    }
+
+    /// Whether shaders that are made for this world know segments of rays. False until
+    /// [`LightWorld::set_segment_sampling`] is called.
+    pub fn segment_sampling(&self) -> bool {
+        self.segment_sampling
     }
 
     /// A tree as of the last update; `None` for a stale key.

@@ -41,6 +41,7 @@ mod references;
 mod resample;
 mod sampling;
 mod scheduler;
+mod segments;
 mod shader_text;
 mod shadow_oracle;
 mod small_scene;

@@ -7,6 +7,8 @@
 //! cargo run --release --example variance -- --out FILE.csv --candidates [--gltf FILE]
 //! cargo run --release --example variance -- --out FILE.csv --torture
 //! cargo run --release --example variance -- --out FILE.csv --gloss [--shading-points N]
+//! cargo run --release --example variance -- --out FILE.csv --segments [--gltf FILE]
+//!     [--world S|M|L] [--shading-points N]
 //! cargo run --release --example variance -- --out FILE.csv --shadows [--gltf FILE]
 //! cargo run --release --example variance -- --out FILE.csv --learn
 //! ```
@@ -21,7 +23,8 @@
 //! S (`deform.rs`). `--candidates` measures what choosing one of several candidates gains
 //! (`candidates.rs`). `--torture` measures the scenes of `examples/measuring/torture`, which are
 //! hard for a choice of lights. `--gloss` measures the light that glossy surfaces reflect, by
-//! roughness (`gloss.rs`). `--shadows` measures how much noise with shadows a sampler would lose if
+//! roughness (`gloss.rs`). `--segments` measures the light that fog scatters into camera rays, by
+//! the length of their segments (`segments.rs`). `--shadows` measures how much noise with shadows a sampler would lose if
 //! it knew which lights are visible (`shadow_oracle/`); it takes some minutes. `--learn` measures
 //! how much of that a table of learnt visibility gains, and how fast (`learning.rs`).
 //! `docs/benchmarks.md` has measured tables and the rules of measurement.
@@ -45,6 +48,7 @@ mod measure;
 mod measuring;
 mod shading_points;
 mod report;
+mod segments;
 mod shadow_oracle;
 mod stages;
 mod timing;
@@ -80,6 +84,9 @@ struct Options {
     /// Measure the scenes that are hard for a choice of lights, instead
     #[arg(long, conflicts_with_all = ["deform", "candidates", "gltf", "world", "shading_points"])]
     torture: bool,
+    /// Measure the light that fog scatters into segments of camera rays, instead
+    #[arg(long, conflicts_with_all = ["deform", "candidates", "gloss", "torture", "shadows", "learn"])]
+    segments: bool,
     /// Measure what a sampler that knows which lights are visible would gain, instead
     #[arg(long, conflicts_with_all = ["world", "deform", "candidates", "torture"])]
     shadows: bool,
@@ -104,6 +111,9 @@ fn run(options: &Options) -> Result<(), SceneError> {
     }
     if options.gloss {
         return gloss::run(options.world, count, &options.out);
+    }
+    if options.segments {
+        return segments::run(options.world, options.gltf.as_deref(), count, &options.out);
     }
     if options.candidates {
         return candidates::run(options.world, options.gltf.as_deref(), count, &options.out);

@@ -42,7 +42,8 @@ pub fn gltf(path: &Path, count: usize) -> Result<Lit, SceneError> {
     Ok(Lit { name, world: stage.world, shading_points })
 }
 
-fn moved(mut stage: Stage) -> Result<Stage, SceneError> {
+/// A stage after [`TIME`], without directional lights.
+pub fn moved(mut stage: Stage) -> Result<Stage, SceneError> {
     stage.animation.advance(TIME, &mut stage.scene, &mut stage.world)?;
     stage.world.update(FrameBudget::UNLIMITED);
     stage.remove_directionals()?;
