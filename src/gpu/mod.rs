@@ -104,6 +104,7 @@ use crate::tree::Node;
 /// | node | 160 | 32 for [`Effects::CONES`], 16 for [`Effects::RANGES`] |
 /// | light | 32 | 32 if a light is not a point, or has a range |
 /// | instance | 80 | 48 for [`Effects::NON_RIGID`] |
+/// | leaf of the top level | 24 | none |
 ///
 /// ```
 /// use girandole::gpu::{GpuError, GpuLights};

@@ -71,6 +71,10 @@ fn placement(i: u32, effects: Effects) -> Placement {
     Placement { linear: turn * Mat3::from_diagonal(scale), translation: (30.0 * random_vec(i, 23)).as_dvec3() }
 }
 
+/// Lights of a tree: too many to become leaves of the top level one by one when instances overlap,
+/// which would move all records in the pools.
+const LIGHTS: u32 = 130;
+
 /// A world with exactly these effects.
 fn world_of(effects: Effects) -> LightWorld {
     let mut world = LightWorld::new();
@@ -78,7 +82,7 @@ fn world_of(effects: Effects) -> LightWorld {
     world.set_glossy_sampling(effects.contains(Effects::GLOSSY));
     world.set_segment_sampling(effects.contains(Effects::SEGMENTS));
     for tree in 0..4 {
-        let key = world.add_tree((0..60).map(|i| light(100 * tree + i, effects)).collect()).unwrap();
+        let key = world.add_tree((0..LIGHTS).map(|i| light(200 * tree + i, effects)).collect()).unwrap();
         for i in 0..5 {
             world.add_instance(key, placement(10 * tree + i, effects), Policy::default()).unwrap();
         }
@@ -255,7 +259,7 @@ fn a_world_whose_effects_come_and_go_is_stored_as_a_fresh_upload_stores_it() {
             .into_iter()
             .enumerate()
     {
-        let tree = world.add_tree((0..40).map(|i| light(i, effects)).collect()).unwrap();
+        let tree = world.add_tree((0..LIGHTS).map(|i| light(i, effects)).collect()).unwrap();
         let at = placement(1 + 4 * i as u32, effects);
         undo.push((tree, world.add_instance(tree, at, Policy::default()).unwrap()));
         check(&mut world, &format!("with {effects:?}"));

@@ -78,7 +78,10 @@ impl LightWorld {
     ///    all trees that wait could be rebuilt once. Once a tree that gains something has waited
     ///    for nine rounds, only trees that already wait are rebuilt before it. This holds for any
     ///    sequence of budgets; `docs/math.md` has the exact statement.
-    /// 5. Effects that nothing in the world had for
+    /// 5. Trees of up to 128 lights are opened, so that the top level sorts their lights by position,
+    ///    if most of their instances lie within others, and closed if few do. Instances that were
+    ///    added are judged at once, four others in each call while anything moves.
+    /// 6. Effects that nothing in the world had for
     ///    [`EFFECT_HOLD_UPDATES`](crate::effects::EFFECT_HOLD_UPDATES) calls leave
     ///    [`LightWorld::effects`], and trees at rest are frozen
     ///    ([`LightTree::freeze`](crate::LightTree::freeze)).
