@@ -8,7 +8,7 @@ use super::node::Node;
 use super::shape::{TreeShape, shape_tree};
 use super::tasks::RefitTasks;
 use super::wide::WideCluster;
-use crate::cluster::Cluster;
+use crate::cluster::{Cluster, Linear};
 use crate::effects::EffectCounts;
 use crate::light::Light;
 
@@ -19,9 +19,15 @@ const PARALLEL_LIGHTS: usize = 4096;
 
 impl LightTree {
     /// Builds a tree over valid lights.
+    #[cfg(test)]
     pub(crate) fn build(lights: Vec<Light>) -> Self {
+        Self::build_for(lights, None)
+    }
+
+    /// Builds a tree over valid lights that is shaped as its image under `reference` would be.
+    pub(crate) fn build_for(lights: Vec<Light>, reference: Option<Box<Linear>>) -> Self {
         let placed = placed_lights(&lights);
-        let TreeShape { nodes: shape, sides } = shape_tree(&mut build_items(&placed));
+        let TreeShape { nodes: shape, sides } = shape_tree(&mut build_items(&placed, reference.as_deref()));
         let count = with_spare(shape.len());
         let mut tree = Self {
             leaves: vec![0; lights.len()],
@@ -39,6 +45,7 @@ impl LightTree {
             tasks: RefitTasks::default(),
             root: Cluster::EMPTY,
             sides: vec![Cluster::EMPTY; sides],
+            reference,
             attributes: Attributes::default(),
         };
         if count > 0 {

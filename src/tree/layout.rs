@@ -3,12 +3,14 @@
 //! Later rebuilds of a subtree stay within the nodes that it already has. Their shapes may need a
 //! few more nodes or fewer, which is what the spare nodes are for.
 
+use glam::Vec3;
+
 use super::LightTree;
 use super::node::{EMPTY_SLOT, LEAF, NO_PARENT, Node, WIDTH};
 use super::shape::{BuildItem, ShapeNode};
 use super::tasks::RefitTasks;
-use crate::cluster::Cluster;
-use crate::light::Light;
+use crate::cluster::{Cluster, Linear};
+use crate::light::{Light, MIN_FLUX};
 
 /// A build adds one spare node for this many nodes.
 const NODES_PER_SPARE: usize = 24;
@@ -30,9 +32,22 @@ impl PlacedLight {
     }
 }
 
-/// The items of a shape: the lights, named by their places in the list.
-pub(super) fn build_items(lights: &[PlacedLight]) -> Vec<BuildItem> {
-    (0..).zip(lights).map(|(place, light)| BuildItem::new(&light.cluster, place)).collect()
+/// The items of a shape: the lights, named by their places in the list. `reference` is that of the
+/// tree.
+pub(super) fn build_items(lights: &[PlacedLight], reference: Option<&Linear>) -> Vec<BuildItem> {
+    (0..).zip(lights).map(|(place, light)| build_item(&light.cluster, place, reference)).collect()
+}
+
+/// One item of a shape.
+#[inline(always)]
+pub(super) fn build_item(cluster: &Cluster, place: u32, reference: Option<&Linear>) -> BuildItem {
+    match reference {
+        Some(map) if cluster.flux > 0.0 => {
+            let flux = map.flux(cluster.punctual_flux(), cluster.area_flux, cluster.axis).max(MIN_FLUX);
+            BuildItem::new(&cluster.transformed(map, Vec3::ZERO, flux), place)
+        }
+        _ => BuildItem::new(cluster, place),
+    }
 }
 
 /// The number of nodes to allocate for a shape, spare ones included.

@@ -44,7 +44,7 @@ use attributes::AttributeSums;
 use dirty::DirtyNodes;
 use tasks::RefitTasks;
 
-use crate::cluster::Cluster;
+use crate::cluster::{Cluster, Linear};
 use crate::effects::EffectCounts;
 use crate::error::WorldError;
 use crate::light::Light;
@@ -88,6 +88,9 @@ pub struct LightTree {
     /// The clusters of the sides, which are the children of the root; empty if the tree is not
     /// divided by direction.
     sides: Vec<Cluster>,
+    /// The map of the tree's first instance, if it stretches: builds divide the lights as they lie
+    /// in the world.
+    reference: Option<Box<Linear>>,
     attributes: Attributes,
 }
 
@@ -109,9 +112,14 @@ impl LightTree {
     ///
     /// O(n log n). Source: CK18 4.2-4.4, see `tree/shape`.
     pub fn new(lights: Vec<Light>) -> Result<Self, WorldError> {
+        Self::new_like(&Self::default(), lights)
+    }
+
+    /// [`LightTree::new`] for a tree that takes the place of another.
+    pub(crate) fn new_like(former: &Self, lights: Vec<Light>) -> Result<Self, WorldError> {
         check_light_count(lights.len())?;
         check_lights(lights.iter().enumerate())?;
-        Ok(Self::build(lights))
+        Ok(Self::build_for(lights, former.reference.clone()))
     }
 
     /// The lights, in the order in which they were given.
@@ -197,7 +205,17 @@ impl LightTree {
 
     /// Rebuilds all nodes from the present lights. O(n log n).
     pub fn rebuild(&mut self) {
-        *self = Self::build(std::mem::take(&mut self.lights));
+        *self = Self::build_for(std::mem::take(&mut self.lights), self.reference.take());
+    }
+
+    /// The map for which builds divide the lights; `None` for the tree's own space.
+    pub(crate) fn reference(&self) -> Option<&Linear> {
+        self.reference.as_deref()
+    }
+
+    /// Sets that map for later builds.
+    pub(crate) fn set_reference(&mut self, reference: Option<Linear>) {
+        self.reference = reference.map(Box::new);
     }
 
     /// The cluster of a node at full precision.

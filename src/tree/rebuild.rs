@@ -141,7 +141,7 @@ impl LightTree {
                 }
             }
         }
-        let shape = shape(&mut build_items(&lights));
+        let shape = shape(&mut build_items(&lights, self.reference()));
         if shape.len() > span {
             // The present cost counts as the best that these nodes can hold, so later costs are
             // compared with it.

@@ -9,14 +9,14 @@ use std::fmt;
 
 use super::LightTree;
 use super::attributes::AttributeSums;
-use super::layout::{Layout, PlacedLight, with_spare};
+use super::layout::{Layout, PlacedLight, build_item, with_spare};
 use super::node::{NO_PARENT, Node};
-use super::shape::{BuildItem, SteppedShape};
+use super::shape::SteppedShape;
 use super::units::{
     ALLOCATE_TICKS, COST_TICKS, REFIT_TICKS, TASK_TICKS, UNIT, build_units, copy_ticks, lay_out_ticks, place_ticks,
 };
 use super::wide::WideCluster;
-use crate::cluster::Cluster;
+use crate::cluster::{Cluster, Linear};
 use crate::light::Light;
 
 /// Lights that are copied at once.
@@ -83,13 +83,14 @@ enum Stage {
 }
 
 impl TreeBuild {
-    /// Starts a build over `lights` lights. O(1), allocates nothing.
-    pub fn new(lights: usize) -> Self {
+    /// Starts a build over `lights` lights, for the map `reference` as [`LightTree::build_for`].
+    /// O(1), allocates nothing but that map.
+    pub fn new(lights: usize, reference: Option<&Linear>) -> Self {
         Self {
             count: lights,
             stage: if lights == 0 { Stage::Done } else { Stage::AllocateLights },
             next: 0,
-            tree: LightTree::default(),
+            tree: LightTree { reference: reference.map(|map| Box::new(*map)), ..LightTree::default() },
             placed: Vec::new(),
             shape: None,
             ticks: 0,
@@ -245,7 +246,7 @@ impl TreeBuild {
         let (first, end) = (*next, (*count).min(*next + LIGHTS_PER_PIECE));
         for (index, light) in (first..end).zip(&tree.lights[first..end]) {
             let light_in_place = PlacedLight::new(index, light);
-            shape.push(BuildItem::new(&light_in_place.cluster, index as u32));
+            shape.push(build_item(&light_in_place.cluster, index as u32, tree.reference()));
             placed.push(light_in_place);
             tree.effects.add(light.effects());
         }

@@ -94,7 +94,7 @@ impl LightWorld {
         if self.entry(tree)?.is_static() {
             return Err(WorldError::StaticTree(tree));
         }
-        let built = LightTree::new(lights)?;
+        let built = LightTree::new_like(&self.trees[tree].tree, lights)?;
         let entry = &mut self.trees[tree];
         self.light_count -= entry.tree.lights().len() * entry.instances.len();
         self.light_count += built.lights().len() * entry.instances.len();
@@ -121,6 +121,10 @@ impl LightWorld {
     /// Adds an instance of a tree to the world. A linear part of all zeros hides it, see
     /// [`Placement::linear`].
     ///
+    /// O(1), but for the first instance of a tree if it is stretched, by a factor of 1.5 or more
+    /// between two directions. The tree is then built again, as its lights lie in the world:
+    /// O(n log n).
+    ///
     /// # Errors
     /// [`WorldError::NoSuchTree`], [`WorldError::Placement`], [`WorldError::Policy`].
     pub fn add_instance(
@@ -137,6 +141,7 @@ impl LightWorld {
         let key = self.instances.insert(Instance { tree, placement, policy, placed, index_in_tree: 0 });
         set_slot(&mut self.slots, slot_of(key), Some(key));
         self.attach(key, tree, policy);
+        self.build_for_first(key);
         self.file_new(key);
         self.instance_changed(key);
         Ok(key)

@@ -10,6 +10,7 @@ mod open_build;
 mod overlap;
 mod parts;
 mod rebuild;
+mod reference;
 mod refit;
 mod requests;
 mod rest;

@@ -51,7 +51,10 @@ impl LightWorld {
     pub(super) fn go_on(&mut self, tree: TreeKey, units: usize, begin: Duration, report: &mut FrameReport) -> Duration {
         let mut build = match std::mem::take(&mut self.open_build.state) {
             State::InFrames(open, build) if open == tree => build,
-            _ => Box::new(TreeBuild::new(self.trees[tree].tree.lights().len())),
+            _ => {
+                let tree = &self.trees[tree].tree;
+                Box::new(TreeBuild::new(tree.lights().len(), tree.reference()))
+            }
         };
         let OpenBuild { state, thread, is_kept_in_frames } = &mut self.open_build;
         let goes_to_background = !*is_kept_in_frames && thread.is_available();

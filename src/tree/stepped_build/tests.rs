@@ -45,7 +45,7 @@ fn lights(scene: Scene, count: usize) -> Vec<Light> {
 
 /// Builds a tree in steps. Returns it and the sum of all units. Checks each step.
 fn built(lights: &[Light], mut max_units: impl FnMut() -> usize) -> (LightTree, usize) {
-    let mut build = TreeBuild::new(lights.len());
+    let mut build = TreeBuild::new(lights.len(), None);
     let mut sum = 0;
     while !build.is_done() {
         assert!(build.units_left() > 0);
@@ -112,7 +112,7 @@ fn the_units_of_a_build_of_random_lights_are_its_lights_times_its_levels() {
 fn the_units_that_are_left_fall_to_zero_and_agree_with_the_units_done() {
     for count in [64, 1000, 20_000] {
         let lights = lights(Scene::Random, count);
-        let mut build = TreeBuild::new(count);
+        let mut build = TreeBuild::new(count, None);
         let mut done = 0;
         let total = built(&lights, || 100).1;
         assert_eq!(build.units_left(), build_units(count));
@@ -129,7 +129,7 @@ fn each_light_has_the_value_that_it_had_when_it_was_copied() {
     let mut rng = Rng(4);
     let count = 3000;
     let mut present = lights(Scene::Random, count);
-    let mut build = TreeBuild::new(count);
+    let mut build = TreeBuild::new(count, None);
     let mut copied = Vec::new();
     while !build.has_all_lights() {
         let first = copied.len();
@@ -149,10 +149,10 @@ fn each_light_has_the_value_that_it_had_when_it_was_copied() {
 
 #[test]
 fn a_new_build_allocates_nothing_and_its_debug_text_is_short() {
-    let build = TreeBuild::new(1_000_000);
+    let build = TreeBuild::new(1_000_000, None);
     assert!(!build.has_all_lights() && !build.is_done() && build.shape.is_none());
     assert_eq!((build.tree.memory_bytes(), build.placed.capacity()), (0, 0));
-    assert!(TreeBuild::new(0).has_all_lights() && TreeBuild::new(0).is_done());
+    assert!(TreeBuild::new(0, None).has_all_lights() && TreeBuild::new(0, None).is_done());
     let text = format!("{build:?}");
     assert!(text.contains("lights: 1000000") && text.len() < 200, "{text}");
     fn is_send<T: Send>(_: &T) {}

@@ -1,0 +1,100 @@
+//! Trees of stretched instances are built for the world.
+//!
+//! The lights of a stretched object have other neighbours in the world than in its tree. A tree
+//! whose first instance is stretched is therefore built again, divided as its lights lie in the
+//! world.
+
+use super::LightWorld;
+use crate::cluster::Linear;
+use crate::keys::InstanceKey;
+use crate::tree::{LightTree, WIDTH};
+
+/// A tree is built again if directions turn against each other by more than the angle of this
+/// cosine: if the greatest scale is 1.5 times the least.
+const MAX_TURN_COSINE: f32 = 0.92;
+
+/// Whether a map changes how the lights of a tree should be divided. Trees of one node are not
+/// divided.
+fn changes_tree(map: &Linear, tree: &LightTree) -> bool {
+    !map.is_similarity && map.turn.x < MAX_TURN_COSINE && tree.lights().len() > WIDTH
+}
+
+impl LightWorld {
+    /// Builds the tree of an instance for the placement of that instance, if it is the only one and
+    /// the placement changes how the lights should be divided.
+    pub(super) fn build_for_first(&mut self, key: InstanceKey) {
+        let instance = &self.instances[key];
+        let (tree, placed) = (instance.tree, instance.placed.as_ref());
+        let Some(map) = placed.map(|placed| placed.linear) else { return };
+        let entry = &mut self.trees[tree];
+        if entry.instances.len() == 1 && changes_tree(&map, &entry.tree) && entry.tree.reference() != Some(&map) {
+            entry.tree.set_reference(Some(map));
+            self.rebuild_now(tree);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DVec3, Mat3, Vec3};
+
+    use super::*;
+    use crate::light::Light;
+    use crate::placement::Placement;
+    use crate::policy::Policy;
+
+    /// A row of pairs: neighbours along x are nearer than the two of a pair.
+    fn lights() -> Vec<Light> {
+        let light = |i: usize| Light::point(Vec3::new((i / 2) as f32, 0.0, 40.0 * (i % 2) as f32), Vec3::ONE);
+        (0..80).map(light).collect()
+    }
+
+    fn tree_of(linear: Mat3) -> LightTree {
+        let mut world = LightWorld::new();
+        let tree = world.add_tree(lights()).expect("valid");
+        world.add_instance(tree, Placement { linear, translation: DVec3::ZERO }, Policy::Static).expect("valid");
+        world.tree(tree).expect("it lives").clone()
+    }
+
+    /// The mean extent of the nodes below the root along x and z, in the space of the tree.
+    fn extents(tree: &LightTree) -> [f32; 2] {
+        let root = &tree.nodes()[0];
+        let boxes: Vec<Vec3> = (0..root.count()).map(|slot| root.cluster(slot).aabb.extent()).collect();
+        [0, 2].map(|axis| boxes.iter().map(|extent| extent[axis]).sum::<f32>() / boxes.len() as f32)
+    }
+
+    #[test]
+    fn a_tree_is_divided_as_its_lights_lie_in_the_world_if_its_first_instance_is_stretched() {
+        let plain = LightTree::new(lights()).expect("valid");
+        for linear in [Mat3::IDENTITY, Mat3::from_rotation_y(1.0) * 7.0, Mat3::from_diagonal(Vec3::new(1.1, 1.0, 1.0))]
+        {
+            assert_eq!(tree_of(linear).nodes(), plain.nodes(), "{linear}");
+        }
+        let squashed = tree_of(Mat3::from_diagonal(Vec3::new(1.0, 1.0, 0.01)));
+        squashed.check().expect("the tree is sound");
+        assert!(extents(&plain)[1] < 1.0 && extents(&squashed)[1] > 30.0, "{:?}", extents(&squashed));
+        assert!(extents(&squashed)[0] < 0.7 * extents(&plain)[0], "{:?} {:?}", extents(&squashed), extents(&plain));
+    }
+
+    #[test]
+    fn later_builds_keep_the_reference_and_later_instances_do_not_change_it() {
+        let mut world = LightWorld::new();
+        let tree = world.add_tree(lights()).expect("valid");
+        let squashed = Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, 1.0, 0.01)), ..Placement::IDENTITY };
+        world.add_instance(tree, squashed, Policy::Budgeted).expect("valid");
+        let nodes = |world: &LightWorld| world.tree(tree).expect("it lives").nodes().to_vec();
+        let built = nodes(&world);
+        world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+        assert_eq!(nodes(&world), built);
+        world.rebuild_tree(tree).expect("it lives");
+        assert_eq!(nodes(&world), built);
+        world.replace_lights(tree, lights()).expect("valid");
+        assert_eq!(nodes(&world), built);
+        let reference = world.tree(tree).and_then(LightTree::reference).copied();
+        let mut stepped = crate::tree::TreeBuild::new(80, reference.as_ref());
+        while !stepped.is_done() {
+            stepped.step(&lights(), 1);
+        }
+        assert_eq!(stepped.into_tree().nodes(), built);
+    }
+}
