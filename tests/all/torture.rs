@@ -18,8 +18,8 @@ const OF_FLAT: f64 = 1.5;
 const MISSED: [(&str, f64); 7] = [
     ("scaled by 0.01", 1.3),
     ("scaled by 100", 0.97),
-    ("squashed along x by 0.01", 2.6),
-    ("stretched along x by 100", 2.5),
+    ("squashed along x by 0.01", 1.1),
+    ("stretched along x by 100", 0.65),
     ("scales from 0.001 to 1", 0.72),
     ("inside a sphere light", 4.8),
     ("dense clusters far apart", 1.65),
