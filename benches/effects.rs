@@ -144,9 +144,11 @@ fn stored(machine: &Machine, instances: u32) -> Result<(GpuLights, GpuLights), W
     world.remove_directional(sun)?;
     world.set_solid_angle_sampling(true);
     world.set_glossy_sampling(true);
+    world.set_segment_sampling(true);
     let all = upload(machine, &world, Effects::all());
     world.set_solid_angle_sampling(false);
     world.set_glossy_sampling(false);
+    world.set_segment_sampling(false);
     for _ in 0..=EFFECT_HOLD_UPDATES {
         world.update(FrameBudget::UNLIMITED);
     }

@@ -65,7 +65,7 @@ struct LightInstance {
     tree: u32,
     node_base: u32,
     light_base: u32,
-    // The first of the instance's parts: its tree, or the sides of its tree.
+    // The first of the instance's parts: its tree, the sides of its tree, or its lights.
     first_part: u32,
     // Cosine and sine of the angle by which the placement may turn one direction against another.
     cos_turn: f32,
@@ -78,7 +78,8 @@ struct LightInstance {
     // #endif
 }
 
-// What the top-level build reads of a tree, or of one side of it. Twin of `TreeRecord`.
+// What the top-level build reads of one part of a tree: the whole tree, one side or one light.
+// Twin of `TreeRecord`.
 struct LightTree {
     cluster: LightCluster,
     punctual_flux: f32,
@@ -95,7 +96,7 @@ struct LightPart {
     slot: u32,
     // Where a walk goes on in the instance's tree: a node, or LIGHT_LEAF with a light.
     target_bits: u32,
-    // The place of the part's leaf: node * LIGHT_WIDTH + slot.
+    // The place of the part's leaf: node * LIGHT_WIDTH + slot. LIGHT_NO_PARENT for a dark part.
     place: u32,
     padding: u32,
 }

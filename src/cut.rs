@@ -37,17 +37,17 @@ impl<'a> TreeView<'a> {
         Self { nodes, local: LocalShadingPoint::of(shading_point), instance: NO_INSTANCE }
     }
 
-    /// Whether leaves are instances.
+    /// Whether this is a top level, whose leaves are parts of instances.
     #[inline(always)]
     pub fn is_top(&self) -> bool {
         self.local.light_bit == SINGLE
     }
 }
 
-/// Finds the trees of the instances that are the leaves of a top level.
+/// Finds the trees of the parts of instances that are the leaves of a top level.
 pub(crate) trait InstanceTrees<'a> {
-    /// The tree below a leaf of the top level, and where in it a walk goes on. `None` if there is no
-    /// such leaf, or if the tree has no nodes.
+    /// The tree below a leaf of the top level, and where in it a walk goes on. `None` if there is
+    /// no such leaf, or if the tree has no nodes.
     fn tree_view(&self, leaf: u32) -> Option<(TreeView<'a>, Target)>;
 
     /// The learnt visible share of each child of a node, in (0, 1]; `None` if nothing is learnt

@@ -5,7 +5,7 @@
 //! Media (2012), 4: equiangular sampling. Differs: only the part of the segment that the cone and
 //! the range of the light reach is sampled, the size of a surface softens the distance from the
 //! line, and the distance is computed from the start of that part without a difference of angles.
-//! Twin of `light_stretch` and `light_along` in `shaders/segment.wgsl`.
+//! Twin of `light_stretch` and the functions beside it in `shaders/along.wgsl`.
 
 use std::f32::consts::FRAC_PI_2;
 

@@ -34,8 +34,8 @@ pub(crate) struct LocalShadingPoint<'a> {
     /// The largest rounding error of a position, per metre of its coordinates. It grows where the
     /// space is squeezed.
     pub margin: f32,
-    /// The bit of [`Node::targets`] that marks single lights: [`LEAF`] in a tree, 0 in a top level,
-    /// whose leaves are instances.
+    /// The bit of [`Node::targets`] that marks single lights: [`LEAF`] in a tree,
+    /// `part::SINGLE` in a top level, whose leaves are parts of instances.
     pub light_bit: u32,
     /// The map to the world where lengths, angles or fluxes differ there: that of an instance that
     /// is scaled, sheared or mirrored. `None` if they are the same.
@@ -85,8 +85,8 @@ pub(crate) const NEAR_VARIANCE: f32 = 0.02;
 pub(crate) const MIN_GAP: f32 = 1.0e-6;
 /// The greatest amount by which the smooth cosine exceeds max(cos, 0), per unit of h / d: h is the
 /// height of the box above the horizon, and d the distance of the mean position. Without this
-/// limit, sigma of city S is 0.97 instead of 0.88. At 0.5, city M has 1 to 2 % less noise and city S
-/// more.
+/// limit, sigma of city S is 0.97 instead of 0.88. At 0.5, city M has 1 to 2 % less noise and city
+/// S more.
 pub(crate) const HORIZON_SHARE: f32 = 0.25;
 /// The least cosine at the shading point. It keeps the probability of what the bounds cannot
 /// exclude above 0.

@@ -12,7 +12,8 @@ pub(crate) const SINGLE: u32 = 1 << 29;
 /// The bits of a leaf's target that hold the number of a part or the slot of an instance.
 pub(crate) const PART_BITS: u32 = SINGLE - 1;
 
-/// Which parts of a tree are leaves of the top level.
+/// Which parts of a tree are leaves of the top level. A tree of [`Division::Sides`] is *divided*,
+/// one of [`Division::Lights`] is *open*.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Division {
     /// The tree as a whole.

@@ -192,7 +192,7 @@ impl LightWorld {
     /// Returns a sampler of the world as it is now, with lights as of the last
     /// [`LightWorld::update`].
     ///
-    /// The first call after a change builds the top level, which takes O(n log n) in instances;
+    /// The first call after a change builds the top level, which takes O(n log n) in parts;
     /// later calls cost nothing. Engines that sample on the GPU only never pay for it.
     ///
     /// Any thread may call this, also inside a rayon job. Threads that make the first call at once

@@ -2,9 +2,10 @@
 //! and the mean of the inverse squared distance over it.
 //!
 //! Based on Kulla and Fajardo, Importance Sampling Techniques for Path Tracing in Participating
-//! Media (2012): the integral of the inverse squared distance of a point over a segment is the angle
-//! under which the point sees the segment, over its distance from the line. Differs: the distance
-//! is softened by the variance of a cluster (docs/math.md). Twin of `shaders/segment.wgsl`.
+//! Media (2012): the integral of the inverse squared distance of a point over a segment is the
+//! angle under which the point sees the segment, over its distance from the line. Differs: the
+//! distance is softened by the variance of a cluster (docs/math.md). Twin of
+//! `shaders/segment.wgsl`.
 
 use glam::{Mat3, Vec3};
 

@@ -97,8 +97,8 @@ pub(crate) struct ClusterRecord {
     pub cos_half_angle: f32,
 }
 
-/// What the top-level build reads of a tree that is a leaf as a whole, or of one side of a divided
-/// tree; `LightTree` in WGSL. 80 bytes.
+/// What the top-level build reads of one part of a tree: the whole tree, one side of a divided
+/// tree, or one light of an open tree. `LightTree` in WGSL; 80 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct TreeRecord {
@@ -269,7 +269,8 @@ impl InstanceRecord {
         to_local: [[0.0, 0.0, 0.0, 1.0]; 3],
     };
 
-    /// The record of a tree with a placement, which starts at `bases` in the pools. The inverse of a rigid placement is written as the exact transpose without scale,
+    /// The record of an instance with this placement, whose tree and parts start at `bases` in the
+    /// pools. The inverse of a rigid placement is written as the exact transpose without scale,
     /// because that is what shaders compute where the inverse is not stored.
     pub fn of(placed: &Placed, bases: Bases) -> Self {
         let frame = &placed.frame;

@@ -1,7 +1,7 @@
 //! The table of parts on the GPU: which parts of the instances are leaves of the top level.
 //!
-//! An instance has one part for its whole tree, or one for each side of a divided tree. Its parts
-//! are neighbours in the table.
+//! An instance has one part for its whole tree, one for each side of a divided tree, or one for
+//! each light of an open tree. Its parts are neighbours in the table.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -74,8 +74,8 @@ impl PartTable {
         self.has_lost_records = true;
     }
 
-    /// Writes the parts of reserved ranges, in place of the former parts of their slots. Returns the
-    /// bytes sent.
+    /// Writes the parts of reserved ranges, in place of the former parts of their slots. Returns
+    /// the bytes sent.
     pub fn write(&mut self, new: NewParts) -> u64 {
         let mut records = BTreeMap::new();
         for (slot, range) in &new.0 {

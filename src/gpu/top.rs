@@ -77,8 +77,8 @@ struct Bound {
 impl TopBuild {
     /// Compiles the pipelines and makes room for 64 parts.
     pub(crate) fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Self, GpuError> {
-        // Clusters, bounds and nodes; then parts, instances and trees for the leaves, and keys, order
-        // and units for the other stages.
+        // Clusters, bounds and nodes; then parts, instances and trees for the leaves, and keys,
+        // order and units for the other stages.
         let bytes = size_of::<TopPass>() as u64;
         let mut storage = [Access::Write; 6];
         let stages = Stages::new(device, "top level", bytes, &storage);

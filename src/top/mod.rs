@@ -1,10 +1,10 @@
-//! The top level: one tree over all instances, built anew whenever an instance has moved.
+//! The top level: one tree over the parts of all instances, built anew after every change.
 //!
 //! Twin of the stages in `gpu/top.rs`, which build the same tree on the GPU; a test there compares
-//! both. The instances are sorted along a curve through space (Lauterbach et al. 2009) and cut into
-//! pieces of neighbours. Each piece is split by cost (`split.rs`), and each part of it becomes a
-//! node. The nodes of all pieces, still in the order of the curve, are cut into pieces again, and
-//! so on. The last few units become a tree by cost from the root down.
+//! both. The parts are sorted along a curve through space (Lauterbach et al. 2009) and cut into
+//! pieces of neighbours. Each piece is split by cost (`split.rs`) into groups, and each group
+//! becomes a node. The nodes of all pieces, still in the order of the curve, are cut into pieces
+//! again, and so on. The last few units become a tree by cost from the root down.
 //!
 //! Differs from trees along a curve: the curve only decides which units are split together. Each
 //! step is one dispatch over pieces that fit into a workgroup, so no workgroup waits for another

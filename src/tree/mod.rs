@@ -160,8 +160,8 @@ impl LightTree {
     }
 
     /// The clusters of the tree's sides at full precision, as of the last build or refit. They are
-    /// the children of the root. Empty if the tree is not divided: if its lights all shine to the
-    /// same side, to all sides, or are many.
+    /// the children of the root. Empty if the tree is not divided: if all of its lights shine to
+    /// the same side or to all sides, or if it has more than 256 lights.
     pub fn sides(&self) -> &[Cluster] {
         &self.sides
     }

@@ -10,7 +10,8 @@ use bytemuck::{Pod, Zeroable};
 /// compares the noise of 8, 16 and 32.
 pub const WIDTH: usize = 8;
 
-/// This bit is set in [`Node::targets`] if the child is one light (in a top level, one instance).
+/// This bit is set in [`Node::targets`] if the child is one light (in a top level, one part of an
+/// instance).
 pub const LEAF: u32 = 1 << 31;
 
 /// The largest number of lights in a tree: the number that 31 bits can index beside the leaf bit.
@@ -76,7 +77,7 @@ pub struct Node {
 pub enum Target {
     /// The index of a node.
     Node(u32),
-    /// The index of a light; in a top level, the slot of an instance.
+    /// The index of a light; in a top level, the bits that name a part of an instance.
     Leaf(u32),
 }
 

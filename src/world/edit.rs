@@ -121,9 +121,9 @@ impl LightWorld {
     /// Adds an instance of a tree to the world. A linear part of all zeros hides it, see
     /// [`Placement::linear`].
     ///
-    /// O(1), but for the first instance of a tree if it is stretched, by a factor of 1.5 or more
-    /// between two directions. The tree is then built again, as its lights lie in the world:
-    /// O(n log n).
+    /// O(1), but for the only instance of a tree of more than eight lights if it is stretched, by a
+    /// factor of 1.5 or more between two directions. The tree is then built again, as its lights
+    /// lie in the world: O(n log n).
     ///
     /// # Errors
     /// [`WorldError::NoSuchTree`], [`WorldError::Placement`], [`WorldError::Policy`].
@@ -338,8 +338,8 @@ impl LightWorld {
         }
     }
 
-    /// Sets whether shaders that are made for this world's [`LightWorld::effects`] choose lights for
-    /// the segments of `light_segment`. Off at first.
+    /// Sets whether shaders that are made for this world's [`LightWorld::effects`] choose lights
+    /// for the segments of `light_segment`. Off at first.
     ///
     /// Turn it on for fog and other media that scatter light into camera rays. It adds
     /// [`Effects::SEGMENTS`]; nothing is uploaded. Shaders without that effect treat a segment as

@@ -29,8 +29,8 @@ const MIN_SURROUNDING: usize = 2;
 /// Boxes count as larger by this share of their diagonal, because flat ones rarely meet.
 const MARGIN: f32 = 0.1;
 
-/// A tree is opened when more than this share of its instances is surrounded, and closed when less
-/// than half of it is.
+/// A tree is opened when more than this share of its instances is surrounded. It is closed when the
+/// share is at most half of this.
 const OPEN_SHARE: f32 = 0.5;
 
 /// Instances that an update judges again while anything moves.
@@ -39,8 +39,8 @@ const JUDGED_PER_UPDATE: usize = 4;
 /// Slots that an update looks at to find them.
 const SLOTS_PER_UPDATE: usize = 64;
 
-/// The instances around a position that are looked at, at most. In a grid by size only instances
-/// that lie inside one another are so many, and then the first few decide.
+/// The largest number of instances that are compared with one position. In a grid by size, only
+/// instances that lie inside one another are this many, and then the first few decide.
 const MAX_LOOKED_AT: usize = 64;
 
 /// The range of sizes: powers of two in metres.
@@ -71,9 +71,9 @@ pub(super) struct Overlaps {
     filed: SecondaryMap<InstanceKey, Filed>,
     /// Instances that were added since the last update.
     new: Vec<InstanceKey>,
-    /// Slots that are to be looked at until all have been since the last change.
+    /// The number of slots that are still to be visited after the last change.
     slots_left: usize,
-    /// The next of them.
+    /// The slot to visit next, modulo the number of slots.
     next_slot: usize,
 }
 

@@ -1,8 +1,8 @@
 //! Trees of stretched instances are built for the world.
 //!
 //! The lights of a stretched object have other neighbours in the world than in its tree. A tree
-//! whose first instance is stretched is therefore built again, divided as its lights lie in the
-//! world.
+//! whose only instance is stretched is therefore built again, divided as its lights lie in the
+//! world. It keeps that division when other instances come.
 
 use super::LightWorld;
 use crate::cluster::Linear;

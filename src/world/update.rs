@@ -67,26 +67,28 @@ impl LightWorld {
     /// budget. Call it once a frame.
     ///
     /// 1. Edited trees are refitted, in parallel.
-    /// 2. Trees whose policies request a rebuild are rebuilt, those whose rebuild removes the most
+    /// 2. A tree of up to 128 lights that do not shine to several sides is *opened* if most of its
+    ///    instances lie within others, and closed again if few do. The top level sorts the lights
+    ///    of an open tree by position. Instances that were added are judged in the next call, and
+    ///    four others in each call while anything moves.
+    /// 3. Trees whose policies request a rebuild are rebuilt, those whose rebuild removes the most
     ///    noise per millisecond first. The noise is estimated from the tree's attributes, and
     ///    weighted by the tree's share of the picture ([`LightWorld::record_usage`],
     ///    [`LightWorld::set_viewpoint`]). A rebuild starts only if it will probably end within the
     ///    budget.
-    /// 3. A tree that does not fit into the budget of a frame is built in slices over several
+    /// 4. A tree that does not fit into the budget of a frame is built in slices over several
     ///    frames, or on another thread ([`LightWorld::set_background_builds`]).
-    /// 4. The longer a tree waits, the higher its priority. A *round* is the time granted in which
+    /// 5. The longer a tree waits, the higher its priority. A *round* is the time granted in which
     ///    all trees that wait could be rebuilt once. Once a tree that gains something has waited
     ///    for nine rounds, only trees that already wait are rebuilt before it. This holds for any
     ///    sequence of budgets; `docs/math.md` has the exact statement.
-    /// 5. Trees of up to 128 lights are opened, so that the top level sorts their lights by position,
-    ///    if most of their instances lie within others, and closed if few do. Instances that were
-    ///    added are judged at once, four others in each call while anything moves.
     /// 6. Effects that nothing in the world had for
     ///    [`EFFECT_HOLD_UPDATES`](crate::effects::EFFECT_HOLD_UPDATES) calls leave
     ///    [`LightWorld::effects`], and trees at rest are frozen
     ///    ([`LightTree::freeze`](crate::LightTree::freeze)).
     ///
-    /// Cost besides rebuilds: O(lights of edited trees), and O(1) for each tree that comes to rest.
+    /// Cost besides rebuilds: O(lights of edited trees), and O(1) for each instance that was added
+    /// and for each tree that comes to rest.
     pub fn update(&mut self, budget: FrameBudget) -> FrameReport {
         let moved_instances = self.changes.take_moved();
         let mut report = FrameReport { moved_instances, budget: budget.time(), ..FrameReport::default() };

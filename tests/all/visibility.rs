@@ -41,8 +41,8 @@ fn teach(world: &LightWorld, table: &mut VisibilityTable, points: &[ShadingPoint
     }
 }
 
-/// Picks lights at shading points and records the same for all of them, for some frames: whether they
-/// are visible, and how often.
+/// Picks lights at shading points and records the same for all of them, for some frames: whether
+/// they are visible, and how often.
 fn teach_alike(
     world: &LightWorld,
     table: &mut VisibilityTable,

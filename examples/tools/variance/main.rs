@@ -24,10 +24,10 @@
 //! (`candidates.rs`). `--torture` measures the scenes of `examples/measuring/torture`, which are
 //! hard for a choice of lights. `--gloss` measures the light that glossy surfaces reflect, by
 //! roughness (`gloss.rs`). `--segments` measures the light that fog scatters into camera rays, by
-//! the length of their segments (`segments.rs`). `--shadows` measures how much noise with shadows a sampler would lose if
-//! it knew which lights are visible (`shadow_oracle/`); it takes some minutes. `--learn` measures
-//! how much of that a table of learnt visibility gains, and how fast (`learning.rs`).
-//! `docs/benchmarks.md` has measured tables and the rules of measurement.
+//! the length of their segments (`segments.rs`). `--shadows` measures how much noise with shadows a
+//! sampler would lose if it knew which lights are visible (`shadow_oracle/`); it takes some
+//! minutes. `--learn` measures how much of that a table of learnt visibility gains, and how fast
+//! (`learning.rs`). `docs/benchmarks.md` has measured tables and the rules of measurement.
 
 mod candidates;
 #[path = "../../city/modules.rs"]
