@@ -43,8 +43,13 @@ const SLOTS_PER_UPDATE: usize = 64;
 /// instances that lie inside one another are this many, and then the first few decide.
 const MAX_LOOKED_AT: usize = 64;
 
-/// The range of sizes: powers of two in metres.
-const SIZES: std::ops::Range<i32> = -32..32;
+/// The range of sizes: powers of two in metres. Objects of a few centimetres and less count as the
+/// smallest size.
+const SIZES: std::ops::Range<i32> = -4..32;
+
+/// The largest number of instances that a cell lists. More of them would not change a judgement, and
+/// instances at one place would make it slow to file them.
+const MAX_LISTED: usize = 128;
 
 /// A cell of the grid for one size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -59,6 +64,8 @@ struct Filed {
     cell: GridCell,
     /// The box around its lights in the world.
     aabb: Aabb,
+    /// The cell lists it.
+    is_listed: bool,
     is_surrounded: bool,
 }
 
@@ -66,7 +73,7 @@ struct Filed {
 #[derive(Debug, Default)]
 pub(super) struct Overlaps {
     cells: HashMap<GridCell, Vec<(InstanceKey, Aabb)>>,
-    /// The number of instances of each size; empty at first.
+    /// The number of listed instances of each size; empty at first.
     counts: Vec<u32>,
     filed: SecondaryMap<InstanceKey, Filed>,
     /// Instances that were added since the last update.
@@ -85,8 +92,8 @@ fn cell_length(size: i32) -> f32 {
 
 /// The cell of a box. Its size is the extent, with the margin, rounded up to a power of two.
 fn cell_of(aabb: &Aabb) -> GridCell {
-    let extent = widened(aabb).extent().max_element().clamp(1.0e-9, 1.0e9);
-    let size = extent.log2().ceil() as i32;
+    let extent = widened(aabb).extent().max_element().max(f32::MIN_POSITIVE);
+    let size = (extent.log2().ceil() as i32).clamp(SIZES.start, SIZES.end - 1);
     GridCell { size, at: (aabb.center() / cell_length(size)).floor().as_ivec3() }
 }
 
@@ -103,38 +110,40 @@ impl Overlaps {
     /// Files an instance with the box around its lights, in place of what was filed before. Returns
     /// whether that had another box.
     fn file(&mut self, key: InstanceKey, aabb: Aabb) -> bool {
-        let cell = cell_of(&aabb);
         let former = self.filed.get(key).copied();
-        self.filed.insert(key, Filed { cell, aabb, is_surrounded: former.is_some_and(|filed| filed.is_surrounded) });
-        match former {
-            Some(former) if former.cell == cell => {
-                let boxes = self.cells.get_mut(&cell).into_iter().flatten();
-                boxes.filter(|(other, _)| *other == key).for_each(|(_, former)| *former = aabb);
-                return former.aabb != aabb;
-            }
-            Some(former) => self.take_from(key, former.cell),
-            None => {}
+        if former.is_some_and(|former| former.aabb == aabb) {
+            return false;
         }
-        self.cells.entry(cell).or_default().push((key, aabb));
-        self.counts.resize(SIZES.len(), 0);
-        self.counts[index_of(cell.size)] += 1;
+        if let Some(former) = &former {
+            self.take_from_cell(key, former);
+        }
+        let cell = cell_of(&aabb);
+        let listed = self.cells.entry(cell).or_default();
+        let is_listed = listed.len() < MAX_LISTED;
+        if is_listed {
+            listed.push((key, aabb));
+            self.counts.resize(SIZES.len(), 0);
+            self.counts[index_of(cell.size)] += 1;
+        }
+        let is_surrounded = former.is_some_and(|former| former.is_surrounded);
+        self.filed.insert(key, Filed { cell, aabb, is_listed, is_surrounded });
         former.is_some()
     }
 
     /// Forgets an instance. Returns whether it was surrounded.
     fn forget(&mut self, key: InstanceKey) -> bool {
         let Some(filed) = self.filed.remove(key) else { return false };
-        self.take_from(key, filed.cell);
+        self.take_from_cell(key, &filed);
         filed.is_surrounded
     }
 
-    fn take_from(&mut self, key: InstanceKey, cell: GridCell) {
-        self.counts[index_of(cell.size)] -= 1;
-        if let Some(instances) = self.cells.get_mut(&cell) {
-            instances.retain(|(other, _)| *other != key);
-            if instances.is_empty() {
-                self.cells.remove(&cell);
-            }
+    /// O([`MAX_LISTED`]).
+    fn take_from_cell(&mut self, key: InstanceKey, filed: &Filed) {
+        let Some(listed) = self.cells.get_mut(&filed.cell).filter(|_| filed.is_listed) else { return };
+        self.counts[index_of(filed.cell.size)] -= 1;
+        listed.retain(|(other, _)| *other != key);
+        if listed.is_empty() {
+            self.cells.remove(&filed.cell);
         }
     }
 
@@ -149,7 +158,8 @@ impl Overlaps {
             // The nearest corner between cells.
             let corner = (middle.min / cell_length(size)).round().as_ivec3();
             for i in 0..8 {
-                let at = corner - IVec3::new(i & 1, i >> 1 & 1, i >> 2);
+                // Coordinates beyond the range of integers are all the same, and only that.
+                let at = corner.wrapping_sub(IVec3::new(i & 1, i >> 1 & 1, i >> 2));
                 for (other, aabb) in self.cells.get(&GridCell { size, at }).into_iter().flatten() {
                     looked_at += 1;
                     surrounding += usize::from(*other != key && widened(aabb).contains(&middle));
@@ -360,13 +370,37 @@ mod tests {
     }
 
     #[test]
+    fn instances_at_one_place_far_away_or_without_extent_cost_no_more_than_others() {
+        let (mut world, keys) = world_of((0..1000).map(|_| crossing(0.0)), 3);
+        world.update(FrameBudget::NONE);
+        assert!(world.overlaps.cells.values().all(|listed| listed.len() <= MAX_LISTED));
+        assert_eq!(open_count(&world), 1000);
+        let point = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE); 2]).expect("valid");
+        for i in 0..1000 {
+            let translation = DVec3::new(f64::from(i), -1.0e9 + f64::from(i), 1.0e9);
+            world.add_instance(point, Placement::at(translation), Policy::Budgeted).expect("in range");
+            let scale = Mat3::from_diagonal(Vec3::splat(if i % 2 == 0 { 1.0e-8 } else { 1.0e8 }));
+            world.move_instance(keys[i as usize], Placement { linear: scale, translation }).expect("in range");
+        }
+        for _ in 0..1100 {
+            world.update(FrameBudget::NONE);
+        }
+        assert!(world.overlaps.cells.values().all(|listed| listed.len() <= MAX_LISTED));
+        for key in keys {
+            world.remove_instance(key).expect("it lives");
+        }
+        assert_eq!(world.overlaps.filed.len(), 1000);
+    }
+
+    #[test]
     fn what_is_filed_follows_instances_that_are_hidden_removed_copied_and_replaced() {
         let (mut world, keys) = world_of((0..6).map(|i| crossing(i as f32)), 10);
         world.update(FrameBudget::NONE);
         let filed = |world: &LightWorld| {
             let in_cells: usize = world.overlaps.cells.values().map(Vec::len).sum();
             let counted: u32 = world.overlaps.counts.iter().sum();
-            assert_eq!((in_cells, counted as usize), (world.overlaps.filed.len(), world.overlaps.filed.len()));
+            let listed = world.overlaps.filed.values().filter(|filed| filed.is_listed).count();
+            assert_eq!((in_cells, counted as usize), (listed, listed));
             let surrounded = world.overlaps.filed.values().filter(|filed| filed.is_surrounded).count();
             assert_eq!(world.trees.values().map(|entry| entry.surrounded as usize).sum::<usize>(), surrounded);
             in_cells
