@@ -24,7 +24,7 @@ use crate::part::Division;
 const MAX_OPEN: usize = 128;
 
 /// An instance is surrounded if its middle lies within this many others.
-const MIN_SURROUNDING: usize = 2;
+const MIN_SURROUNDING: usize = 4;
 
 /// Boxes count as larger by this share of their diagonal, because flat ones rarely meet.
 const MARGIN: f32 = 0.1;
@@ -332,8 +332,8 @@ mod tests {
     }
 
     #[test]
-    fn two_strings_more_than_128_lights_and_small_objects_in_large_ones_stay_whole() {
-        let (mut world, _) = world_of((0..2).map(|i| crossing(i as f32)), 40);
+    fn four_strings_more_than_128_lights_and_small_objects_in_large_ones_stay_whole() {
+        let (mut world, _) = world_of((0..4).map(|i| crossing(i as f32)), 40);
         world.update(FrameBudget::NONE);
         assert_eq!(open_count(&world), 0);
         let (mut world, _) = world_of((0..5).map(|i| crossing(i as f32)), MAX_OPEN + 1);
@@ -394,7 +394,7 @@ mod tests {
 
     #[test]
     fn what_is_filed_follows_instances_that_are_hidden_removed_copied_and_replaced() {
-        let (mut world, keys) = world_of((0..6).map(|i| crossing(i as f32)), 10);
+        let (mut world, keys) = world_of((0..8).map(|i| crossing(i as f32)), 10);
         world.update(FrameBudget::NONE);
         let filed = |world: &LightWorld| {
             let in_cells: usize = world.overlaps.cells.values().map(Vec::len).sum();
@@ -405,22 +405,22 @@ mod tests {
             assert_eq!(world.trees.values().map(|entry| entry.surrounded as usize).sum::<usize>(), surrounded);
             in_cells
         };
-        assert_eq!(filed(&world), 6);
+        assert_eq!(filed(&world), 8);
         world.remove_instance(keys[0]).expect("it lives");
-        assert_eq!(filed(&world), 5);
+        assert_eq!(filed(&world), 7);
         let shared = world.instance_tree(keys[1]).expect("it lives");
         let second = world.add_instance(shared, crossing(0.5), Policy::Budgeted).expect("valid");
         world.make_unique(second).expect("it lives");
         world.update(FrameBudget::NONE);
-        assert_eq!((filed(&world), open_count(&world)), (6, 6));
+        assert_eq!((filed(&world), open_count(&world)), (8, 8));
         world.set_origin(DVec3::new(1.0e4, 0.0, 7.0)).expect("near");
-        assert_eq!(filed(&world), 6);
+        assert_eq!(filed(&world), 8);
         world.replace_lights(shared, string(1)).expect("valid");
         world.move_instance(keys[2], Placement { linear: Mat3::ZERO, ..Placement::IDENTITY }).expect("valid");
         for _ in 0..4 {
             world.update(FrameBudget::NONE);
         }
-        assert_eq!((filed(&world), open_count(&world)), (4, 4));
+        assert_eq!((filed(&world), open_count(&world)), (6, 6));
         keys[2..].iter().for_each(|key| world.remove_instance(*key).expect("it lives"));
         world.update(FrameBudget::NONE);
         world.update(FrameBudget::NONE);

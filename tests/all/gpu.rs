@@ -546,7 +546,7 @@ fn the_shader_function_for_a_pmf_gives_the_probabilities_of_the_cpu() {
     let mut rng = Rng(48);
     let mut world = rng.world(4, 25, 3, 15.0);
     // Strings that cross each other, whose lights are leaves of the top level.
-    for i in 0..4 {
+    for i in 0..6 {
         let tree = world.add_tree((0..9).map(|i| Light::point(Vec3::X * (i as f32 - 4.0), Vec3::ONE)).collect());
         let placement = Placement { linear: Mat3::from_rotation_y(i as f32), ..Placement::IDENTITY };
         world.add_instance(tree.expect("valid"), placement, Policy::Budgeted).expect("valid");
