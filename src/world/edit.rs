@@ -313,10 +313,7 @@ impl LightWorld {
     pub fn set_solid_angle_sampling(&mut self, is_on: bool) {
         if is_on != self.solid_angle_sampling {
             self.solid_angle_sampling = is_on;
-            self.effects.change(|counts| match is_on {
-                true => counts.add(Effects::SOLID_ANGLES),
-                false => counts.remove(Effects::SOLID_ANGLES),
-            });
+            self.switch(Effects::SOLID_ANGLES, is_on);
         }
     }
 
@@ -331,10 +328,7 @@ impl LightWorld {
     pub fn set_glossy_sampling(&mut self, is_on: bool) {
         if is_on != self.glossy_sampling {
             self.glossy_sampling = is_on;
-            self.effects.change(|counts| match is_on {
-                true => counts.add(Effects::GLOSSY),
-                false => counts.remove(Effects::GLOSSY),
-            });
+            self.switch(Effects::GLOSSY, is_on);
         }
     }
 
@@ -348,11 +342,13 @@ impl LightWorld {
     pub fn set_segment_sampling(&mut self, is_on: bool) {
         if is_on != self.segment_sampling {
             self.segment_sampling = is_on;
-            self.effects.change(|counts| match is_on {
-                true => counts.add(Effects::SEGMENTS),
-                false => counts.remove(Effects::SEGMENTS),
-            });
+            self.switch(Effects::SEGMENTS, is_on);
         }
+    }
+
+    /// Adds an effect that a setting of the world has, or removes it.
+    fn switch(&mut self, effect: Effects, is_on: bool) {
+        self.effects.change(|counts| if is_on { counts.add(effect) } else { counts.remove(effect) });
     }
 
     /// Moves the point that sampling coordinates are relative to, in metres, for example to the

@@ -11,7 +11,7 @@ use girandole::{
 
 use crate::gpu::{ask, close, gpu};
 use crate::measuring::reflection::brdf;
-use crate::support::{Rng, SPLITS, all_pmfs};
+use crate::support::{Rng, SPLITS, all_pmfs, assert_frequencies};
 
 /// A gloss of any kind: coated or metal, nearly a mirror or rough, seen from anywhere above or
 /// below.
@@ -90,18 +90,7 @@ fn frequencies_are_the_probabilities() {
     let sampler = world.sampler();
     for _ in 0..6 {
         let at = ShadingPoint::surface(rng.place(5.0), rng.direction()).with_gloss(gloss(&mut rng));
-        let pmfs = all_pmfs(&sampler, &at);
-        let mut counts = vec![0_u32; pmfs.len()];
-        for _ in 0..DRAWS {
-            if let Some(pick) = sampler.pick(&at, [rng.unit(), rng.unit()]) {
-                counts[pmfs.iter().position(|(light, _)| *light == pick.light).expect("a light")] += 1;
-            }
-        }
-        for ((_, pmf), count) in pmfs.iter().zip(counts) {
-            let mean = f64::from(*pmf) * DRAWS as f64;
-            // Six standard deviations and six counts: a false alarm in less than one of 10^6 runs.
-            assert!((f64::from(count) - mean).abs() <= 6.0 * mean.sqrt() + 6.0, "{count} of {mean} at {at:?}");
-        }
+        assert_frequencies(&sampler, &at, DRAWS, &mut rng);
     }
 }
 

@@ -352,7 +352,7 @@ fn a_world_of_points_sends_no_bytes_for_cones_ranges_and_scales() {
     world.move_instance(instance, Placement::at(DVec3::Y)).expect("valid");
     assert_eq!(upload(&mut world), 80);
     // A tree of spots with ranges lengthens all nodes and lights, which the GPU converts. The
-    // upload sends the tree, its instance and that one's part, the two tables for the conversion,
+    // upload sends the tree, its instance, the part of the instance, two tables for the conversion,
     // and the uniform.
     let spot = |_| Light::spot(rng.place(5.0), Vec3::NEG_Y, 0.1, 0.4, Vec3::ONE).with_range(9.0);
     let spots = world.add_tree((0..20).map(spot).collect()).expect("valid");

@@ -12,7 +12,7 @@ use girandole::{
 use crate::gpu::{ask, close, gpu};
 use crate::measuring::in_scattering::{Ray, in_scattered};
 use crate::measuring::lights::carried;
-use crate::support::{Rng, SPLITS, all_pmfs};
+use crate::support::{Rng, SPLITS, all_pmfs, assert_frequencies};
 
 /// A segment in the cube from `-size` to `size`, from a millimetre to a few hundred metres long.
 fn segment(rng: &mut Rng, size: f32) -> ShadingPoint {
@@ -91,18 +91,7 @@ fn frequencies_are_the_probabilities() {
     let sampler = world.sampler();
     for _ in 0..6 {
         let at = segment(&mut rng, 5.0);
-        let pmfs = all_pmfs(&sampler, &at);
-        let mut counts = vec![0_u32; pmfs.len()];
-        for _ in 0..DRAWS {
-            if let Some(pick) = sampler.pick(&at, [rng.unit(), rng.unit()]) {
-                counts[pmfs.iter().position(|(light, _)| *light == pick.light).expect("a light")] += 1;
-            }
-        }
-        for ((_, pmf), count) in pmfs.iter().zip(counts) {
-            let mean = f64::from(*pmf) * DRAWS as f64;
-            // Six standard deviations and six counts: a false alarm in less than one of 10^6 runs.
-            assert!((f64::from(count) - mean).abs() <= 6.0 * mean.sqrt() + 6.0, "{count} of {mean} at {at:?}");
-        }
+        assert_frequencies(&sampler, &at, DRAWS, &mut rng);
     }
 }
 

@@ -95,3 +95,19 @@ pub const SPLITS: [SplitCount; 2] = [SplitCount::NONE, SplitCount::DEFAULT];
 pub fn all_pmfs(sampler: &LightSampler, shading_point: &ShadingPoint) -> Vec<(LightId, f32)> {
     sampler.all_lights().map(|light| (light, sampler.pmf(shading_point, light))).collect()
 }
+
+/// Checks that the frequencies of all lights among some draws are their probabilities.
+pub fn assert_frequencies(sampler: &LightSampler, at: &ShadingPoint, draws: usize, rng: &mut Rng) {
+    let pmfs = all_pmfs(sampler, at);
+    let mut counts = vec![0_u32; pmfs.len()];
+    for _ in 0..draws {
+        if let Some(pick) = sampler.pick(at, [rng.unit(), rng.unit()]) {
+            counts[pmfs.iter().position(|(light, _)| *light == pick.light).expect("a light")] += 1;
+        }
+    }
+    for ((_, pmf), count) in pmfs.iter().zip(counts) {
+        let mean = f64::from(*pmf) * draws as f64;
+        // Six standard deviations and six counts: a false alarm in less than one of 10^6 runs.
+        assert!((f64::from(count) - mean).abs() <= 6.0 * mean.sqrt() + 6.0, "{count} of {mean} at {at:?}");
+    }
+}
