@@ -17,23 +17,28 @@ fn string(rng: &mut Rng, lamps: usize) -> Vec<Light> {
     (0..lamps).map(lamp).collect()
 }
 
-/// Two beams to the front, one lamp at the back and one that shines to all sides.
-fn car(turn: f32) -> Vec<Light> {
+/// A train of five cars. Each has two beams to the front, one lamp at the back and one that shines
+/// to all sides.
+fn train(turn: f32) -> Vec<Light> {
     let front = Mat3::from_rotation_y(turn) * Vec3::Z;
-    let back = Light::rectangle(Vec3::new(0.0, 0.8, -2.0), Vec3::X * 0.1, Vec3::NEG_Y * 0.1, Vec3::splat(900.0));
-    let beam = |x| Light::spot(Vec3::new(x, 0.6, 2.0), front, 0.2, 0.5, Vec3::splat(900.0));
-    vec![beam(-0.7), back, beam(0.7), Light::point(Vec3::Y * 1.5, Vec3::splat(5.0))]
+    let car = |i: usize| {
+        let at = Vec3::NEG_Z * i as f32;
+        let back = Light::rectangle(at + Vec3::Y * 0.8, Vec3::X * 0.1, Vec3::NEG_Y * 0.1, Vec3::splat(900.0));
+        let beam = |x| Light::spot(at + Vec3::new(x, 0.6, 2.0), front, 0.2, 0.5, Vec3::splat(900.0));
+        [beam(-0.7), back, beam(0.7), Light::point(at + Vec3::Y * 1.5, Vec3::splat(5.0))]
+    };
+    (0..5).flat_map(car).collect()
 }
 
 struct Street {
     world: LightWorld,
     strings: Vec<InstanceKey>,
     string_trees: Vec<TreeKey>,
-    cars: Vec<InstanceKey>,
-    car: TreeKey,
+    trains: Vec<InstanceKey>,
+    train: TreeKey,
 }
 
-/// Eight strings that cross each other, twenty cars that share a tree, and objects of all kinds.
+/// Eight strings that cross each other, twenty trains that share a tree, and objects of all kinds.
 fn street(rng: &mut Rng) -> Street {
     let mut world = rng.world(3, 20, 3, 15.0);
     let (mut strings, mut string_trees) = (Vec::new(), Vec::new());
@@ -42,10 +47,11 @@ fn street(rng: &mut Rng) -> Street {
         string_trees.push(tree);
         strings.push(world.add_instance(tree, crossing(rng), Policy::Budgeted).expect("valid"));
     }
-    let tree = world.add_tree(car(0.0)).expect("valid");
-    let cars = (0..20).map(|_| world.add_instance(tree, rng.affine(15.0), Policy::Budgeted).expect("valid")).collect();
+    let train = world.add_tree(train(0.0)).expect("valid");
+    let trains =
+        (0..20).map(|_| world.add_instance(train, rng.affine(15.0), Policy::Budgeted).expect("valid")).collect();
     world.update(FrameBudget::UNLIMITED);
-    Street { world, strings, string_trees, cars, car: tree }
+    Street { world, strings, string_trees, trains, train }
 }
 
 /// Somewhere near the origin, at any angle and some size.
@@ -56,12 +62,12 @@ fn crossing(rng: &mut Rng) -> Placement {
 
 /// Changes the world in the way of one of eight rounds.
 fn change(street: &mut Street, rng: &mut Rng, round: usize) {
-    let Street { world, strings, string_trees, cars, car: tree } = street;
+    let Street { world, strings, string_trees, trains, train: tree } = street;
     match round {
         0 => {}
         // Beams turn away from each other, and a lamp of an open string is switched on.
         1 => {
-            let lights = car(1.8);
+            let lights = train(1.8);
             world.set_lights(*tree, &[(0, lights[0]), (3, lights[3])]).expect("valid");
             world.set_lights(string_trees[0], &[(3, Light::point(Vec3::Y, Vec3::ONE))]).expect("valid");
         }
@@ -89,12 +95,12 @@ fn change(street: &mut Street, rng: &mut Rng, round: usize) {
         }
         // Another number of sides, and of lights.
         5 => {
-            world.replace_lights(*tree, car(0.0)[..3].to_vec()).expect("valid");
+            world.replace_lights(*tree, train(0.0)[..18].to_vec()).expect("valid");
             world.replace_lights(string_trees[5], string(rng, 7)).expect("valid");
         }
         6 => {
-            cars.drain(..5).for_each(|key| world.remove_instance(key).expect("it lives"));
-            world.make_unique(cars[0]).expect("it lives");
+            trains.drain(..5).for_each(|key| world.remove_instance(key).expect("it lives"));
+            world.make_unique(trains[0]).expect("it lives");
             world.set_origin(DVec3::new(5.0, -3.0, 40.0)).expect("near");
         }
         _ => world.replace_lights(*tree, rng.lights(300, 3.0)).expect("valid"),
@@ -149,13 +155,15 @@ fn probabilities_add_up_and_every_light_that_contributes_has_one() {
 #[test]
 fn dark_lights_of_divided_and_open_trees_are_never_chosen() {
     let mut rng = Rng(91);
-    let Street { mut world, strings, cars, car: tree, .. } = street(&mut rng);
-    world.set_lights(tree, &[(1, Light { emission: Vec3::ZERO, ..car(0.0)[1] })]).expect("valid");
+    let Street { mut world, strings, trains, train: tree, .. } = street(&mut rng);
+    let lamps = (1..20).step_by(4);
+    let dark = lamps.clone().map(|i| (i as u32, Light { emission: Vec3::ZERO, ..train(0.0)[i] }));
+    world.set_lights(tree, &dark.collect::<Vec<_>>()).expect("valid");
     world.update(FrameBudget::NONE);
     let sampler = world.sampler();
     for _ in 0..50 {
         let shading_point = rng.shading_point(15.0);
-        let dark = strings.iter().map(|key| (key, 3)).chain(cars.iter().map(|key| (key, 1)));
+        let dark = strings.iter().map(|key| (key, 3)).chain(trains.iter().map(|key| (key, 1)));
         for (key, light) in dark {
             assert_eq!(sampler.pmf(&shading_point, LightId::Local { instance: *key, light }), 0.0);
         }

@@ -1,15 +1,18 @@
 //! Divides the lights of an object by the sides to which they shine.
 //!
-//! A cluster has one cone and one mean direction. Of a car with beams to the front and lamps at the
-//! back the cone is the whole sphere and the mean direction says nothing, so a wall beside the car
-//! seems to receive light that it does not. Where the lights of an object disagree, the children of
-//! its root are therefore its sides, and each side becomes a leaf of the top level
-//! (docs/decisions.md, 49).
+//! A cluster has one cone and one mean direction. Of a house with windows on all sides the cone is
+//! the whole sphere and the mean direction says nothing, so a wall across the street seems to
+//! receive light from all of them. Where the lights of an object disagree, the children of its root
+//! are therefore its sides, and each side becomes a leaf of the top level (docs/decisions.md, 49).
 
 use super::children::Children;
 use super::costed::CostedGroup;
 use super::group::{BuildItem, Group};
 use crate::tree::WIDTH;
+
+/// Objects of fewer lights, such as cars, are not divided: the top level gets more leaves and no
+/// better (docs/decisions.md, 49).
+const MIN_DIVIDED: usize = 16;
 
 /// Objects of more lights are not divided. Their trees divide by direction too, further down.
 const MAX_DIVIDED: usize = 256;
@@ -57,10 +60,10 @@ fn counts(items: &[BuildItem], has_beams: bool) -> [usize; MAX_SIDES] {
 }
 
 /// Sorts the lights of an object by side and returns the sides, which become the children of its
-/// root. `None`, and no change, if the object is not to be divided. O(n log n) for up to
-/// [`MAX_DIVIDED`] lights, and O(1) for more.
+/// root. `None`, and no change, if the object is not to be divided. O(n log n) from
+/// [`MIN_DIVIDED`] to [`MAX_DIVIDED`] lights, and O(1) otherwise.
 pub(super) fn sides(items: &mut [BuildItem]) -> Option<Children<CostedGroup>> {
-    if items.len() > MAX_DIVIDED {
+    if !(MIN_DIVIDED..=MAX_DIVIDED).contains(&items.len()) {
         return None;
     }
     let count = |counts: &[usize; MAX_SIDES]| counts.iter().filter(|count| **count > 0).count();
@@ -101,8 +104,28 @@ mod tests {
         Light::rectangle(at, u, normal.cross(u), Vec3::ONE)
     }
 
-    /// The lights of each side of a tree, in ascending order of indices.
+    /// Eight copies of each light, so that two lights are enough for a division.
+    fn copied(lights: &[Light]) -> Vec<Light> {
+        lights.iter().flat_map(|light| [*light; COPIES]).collect()
+    }
+
+    const COPIES: usize = 8;
+
+    /// The lights of each side of a tree of eight copies of each light, in ascending order of
+    /// indices. All copies of a light must be on the same side.
     fn sides_of(lights: Vec<Light>) -> Vec<Vec<u32>> {
+        let mut sides = all_sides_of(copied(&lights));
+        for side in &mut sides {
+            let copies: Vec<u32> = std::mem::take(side);
+            *side = copies.iter().step_by(COPIES).map(|light| light / COPIES as u32).collect();
+            let whole = side.iter().flat_map(|light| (0..COPIES as u32).map(move |copy| light * COPIES as u32 + copy));
+            assert!(whole.eq(copies));
+        }
+        sides
+    }
+
+    /// The lights of each side of a tree, in ascending order of indices.
+    fn all_sides_of(lights: Vec<Light>) -> Vec<Vec<u32>> {
         fn below(tree: &LightTree, target: Target) -> Vec<u32> {
             match target {
                 Target::Leaf(light) => vec![light],
@@ -121,14 +144,16 @@ mod tests {
     }
 
     #[test]
-    fn the_lights_of_a_car_are_divided_into_front_and_back() {
+    fn the_lights_of_a_bus_are_divided_into_front_and_back() {
         let front = |x| {
             Light::spot(Vec3::new(x, 0.6, 2.0), Vec3::new(0.0, -0.1, 1.0).normalize(), 0.2, 0.5, Vec3::splat(900.0))
         };
         let back = |x| panel(Vec3::new(x, 0.8, -2.0), Vec3::NEG_Z);
         assert_eq!(sides_of(vec![front(-0.7), back(-0.7), front(0.7), back(0.7)]), [[1, 3], [0, 2]]);
         // A side of one light is a leaf.
-        assert_eq!(sides_of(vec![front(0.0), back(0.0)]), [[1], [0]]);
+        let mut one_ahead = vec![back(0.0); MIN_DIVIDED];
+        one_ahead[3] = front(0.0);
+        assert_eq!(all_sides_of(one_ahead)[1], [3]);
     }
 
     #[test]
@@ -158,17 +183,22 @@ mod tests {
     }
 
     #[test]
-    fn objects_of_more_than_256_lights_are_not_divided() {
-        let lights = |count: usize| (0..count).map(|i| beam([Vec3::X, Vec3::NEG_X][i % 2])).collect::<Vec<_>>();
-        assert_eq!(sides_of(lights(256)).iter().map(Vec::len).collect::<Vec<_>>(), [128, 128]);
-        assert!(sides_of(lights(257)).is_empty());
+    fn objects_of_16_to_256_lights_are_divided() {
+        let counts = |count: usize| {
+            let lights = (0..count).map(|i| beam([Vec3::X, Vec3::NEG_X][i % 2])).collect();
+            all_sides_of(lights).iter().map(Vec::len).collect::<Vec<_>>()
+        };
+        assert_eq!([16, 256].map(counts), [[8, 8], [128, 128]]);
+        assert_eq!([2, 15, 257].map(counts), [[0; 0]; 3]);
     }
 
     #[test]
     fn the_sides_follow_lights_that_turn_and_a_rebuild_divides_them_anew() {
-        let mut tree = LightTree::new(vec![beam(Vec3::X), beam(Vec3::NEG_X), beam(Vec3::NEG_X)]).expect("valid lights");
+        let ahead = |range: std::ops::Range<u32>| range.map(|light| (light, beam(Vec3::X))).collect::<Vec<_>>();
+        let lights = copied(&[beam(Vec3::X), beam(Vec3::NEG_X), beam(Vec3::NEG_X)]);
+        let mut tree = LightTree::new(lights).expect("valid lights");
         assert_eq!(tree.sides().len(), 2);
-        tree.set_lights(&[(1, beam(Vec3::X))]).expect("valid");
+        tree.set_lights(&ahead(8..16)).expect("valid");
         tree.refit_without_attributes();
         tree.check().expect("the tree is sound");
         assert_eq!((tree.sides().len(), tree.sides()[1].cos_half_angle), (2, -1.0), "two opposite beams");
@@ -176,7 +206,7 @@ mod tests {
         assert_eq!(tree.sides()[1].cos_half_angle, -1.0);
         tree.rebuild();
         assert_eq!(tree.sides().iter().filter(|side| side.cos_half_angle > 0.9).count(), 2);
-        tree.set_lights(&[(2, beam(Vec3::X))]).expect("valid");
+        tree.set_lights(&ahead(16..24)).expect("valid");
         tree.rebuild();
         tree.check().expect("the tree is sound");
         assert!(tree.sides().is_empty());
