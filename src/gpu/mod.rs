@@ -38,6 +38,7 @@ mod records;
 mod recorder;
 mod relayout;
 mod resampling;
+mod runs;
 mod sampling;
 mod shader;
 mod sort;

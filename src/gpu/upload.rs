@@ -11,11 +11,18 @@ use super::parts::NewParts;
 use super::pool::Pool;
 use super::probe;
 use super::relayout::Relayout;
+use super::runs::runs;
 use super::stored::{self, Stored};
 use super::upload_state::{PendingChanges, TreeRanges, UploadReport};
 use crate::effects::Effects;
 use crate::keys::slot_of;
-use crate::world::{FrameDelta, LightWorld};
+use crate::world::{FrameDelta, LightWorld, TreeChanges};
+
+/// Nodes that did not change are sent along if at most this many lie between two that did: a write
+/// of its own costs more than 400 bytes.
+const NODE_GAP: u32 = 2;
+/// The same for lights.
+const LIGHT_GAP: u32 = 8;
 
 impl GpuLights {
     /// Sends the changes that `delta` names, with their present values in `world`.
@@ -67,6 +74,7 @@ impl GpuLights {
         if is_refused {
             // Some write or copy did not happen, and wgpu does not report which.
             changes.add_everything(world);
+            self.tree_ranges.iter_mut().for_each(|ranges| ranges.revision = 0);
             self.parts.lose_records();
             self.pending = changes;
             self.make_dark();
@@ -94,9 +102,11 @@ impl GpuLights {
             self.release(former);
         }
         bytes += self.parts.write(parts);
+        let mut written = WrittenTrees::default();
         for slot in &changes.trees {
-            bytes += self.write_tree(*slot, world);
+            self.write_tree(*slot, world, &mut written);
         }
+        bytes += written.bytes;
         bytes += self.write_instances(&changes.instances, world);
         if changes.directionals {
             let records: Vec<_> = world.directionals().map(|(_, light)| LightRecord::directional(light)).collect();
@@ -110,7 +120,8 @@ impl GpuLights {
         bytes += self.refresh(self.params_of(world, effects));
         self.top_status.invalidate();
         self.effects = effects;
-        Ok(UploadReport { bytes, trees: changes.trees.len(), instances: changes.instances.len() })
+        let WrittenTrees { nodes, lights, .. } = written;
+        Ok(UploadReport { bytes, trees: changes.trees.len(), nodes, lights, instances: changes.instances.len() })
     }
 
     /// Brings the pools into the layout that stores a world with these effects, or leaves all of
@@ -248,15 +259,27 @@ impl GpuLights {
         &mut self.tree_ranges[slot]
     }
 
-    /// Returns the bytes sent.
-    fn write_tree(&mut self, slot: u32, world: &LightWorld) -> u64 {
-        let Some(tree) = world.tree_at(slot).and_then(|key| world.tree(key)) else { return 0 };
-        let lights: Vec<_> =
-            tree.lights().iter().zip(tree.leaves()).map(|(light, place)| LightRecord::of(light, *place)).collect();
-        let ranges = &self.tree_ranges[slot as usize];
-        self.nodes.write(ranges.nodes.start, tree.nodes())
-            + self.lights.write(ranges.lights.start, &lights)
-            + self.trees.write(ranges.records.start, &TreeRecord::of(tree, ranges.division))
+    /// Writes what has changed in a tree since it was written last.
+    fn write_tree(&mut self, slot: u32, world: &LightWorld, written: &mut WrittenTrees) {
+        let Some(entry) = world.tree_at(slot).and_then(|key| world.tree_entry(key)) else { return };
+        let (tree, ranges) = (&entry.tree, &mut self.tree_ranges[slot as usize]);
+        let (nodes, lights) = match entry.log.since(ranges.revision) {
+            Some(TreeChanges { nodes, lights }) => (runs(&nodes, NODE_GAP), runs(&lights, LIGHT_GAP)),
+            None => (vec![0..ranges.nodes.len() as u32], vec![0..ranges.lights.len() as u32]),
+        };
+        ranges.revision = entry.log.revision();
+        for run in nodes {
+            let records = &tree.nodes()[run.start as usize..run.end as usize];
+            written.nodes += records.len();
+            written.bytes += self.nodes.write(ranges.nodes.start + run.start, records);
+        }
+        for run in lights {
+            let record = |light: u32| LightRecord::of(&tree.lights()[light as usize], tree.leaves()[light as usize]);
+            let records: Vec<_> = run.clone().map(record).collect();
+            written.lights += records.len();
+            written.bytes += self.lights.write(ranges.lights.start + run.start, &records);
+        }
+        written.bytes += self.trees.write(ranges.records.start, &TreeRecord::of(tree, ranges.division));
     }
 
     /// Writes the records of these slots, neighbouring ones together. Returns the bytes sent.
@@ -304,6 +327,14 @@ impl GpuLights {
             ..self.params
         }
     }
+}
+
+/// What an upload has written of trees.
+#[derive(Default)]
+struct WrittenTrees {
+    bytes: u64,
+    nodes: usize,
+    lights: usize,
 }
 
 /// What an upload needs before it changes anything.

@@ -16,8 +16,12 @@ use crate::world::{FrameDelta, LightWorld};
 pub struct UploadReport {
     /// Bytes written to buffers; 0 if nothing changed.
     pub bytes: u64,
-    /// Trees whose nodes and lights were written.
+    /// Trees of which nodes and lights were written.
     pub trees: usize,
+    /// Nodes that were written.
+    pub nodes: usize,
+    /// Lights of trees that were written.
+    pub lights: usize,
     /// Instances whose records were written.
     pub instances: usize,
 }
@@ -31,11 +35,14 @@ pub(super) struct TreeRanges {
     /// One record for each part of an instance of the tree.
     pub records: Range<u32>,
     pub division: Division,
+    /// What of the tree was written: see [`ChangeLog`](crate::world::ChangeLog).
+    pub revision: u64,
 }
 
 impl TreeRanges {
     /// No tree.
-    pub const NONE: Self = Self { key: None, nodes: 0..0, lights: 0..0, records: 0..0, division: Division::Whole };
+    pub const NONE: Self =
+        Self { key: None, nodes: 0..0, lights: 0..0, records: 0..0, division: Division::Whole, revision: 0 };
 
     /// Whether a tree has as many nodes, lights and parts as the ranges.
     pub fn fit(&self, tree: &LightTree, division: Division) -> bool {

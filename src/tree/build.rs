@@ -5,6 +5,7 @@ use super::attributes::{AttributeSums, Attributes};
 use super::dirty::DirtyNodes;
 use super::layout::{PlacedLight, build_items, with_spare};
 use super::node::Node;
+use super::refitted::RefittedNodes;
 use super::shape::{TreeShape, shape_tree};
 use super::tasks::RefitTasks;
 use super::wide::WideCluster;
@@ -42,6 +43,7 @@ impl LightTree {
             attribute_sums: vec![AttributeSums::default(); count],
             has_stale_sums: false,
             dirty: DirtyNodes::empty(count),
+            refitted: RefittedNodes::empty(count),
             tasks: RefitTasks::default(),
             root: Cluster::EMPTY,
             sides: vec![Cluster::EMPTY; sides],

@@ -5,6 +5,7 @@ use super::LightTree;
 use super::attributes::AttributeSums;
 use super::dirty::DirtyNodes;
 use super::node::{Node, WIDTH};
+use super::refitted::RefittedNodes;
 use super::tasks::RefitTasks;
 use super::wide::WideCluster;
 use crate::cluster::Cluster;
@@ -15,8 +16,8 @@ impl LightTree {
     /// of the attributes, some 100 bytes per light. Refits first if lights have changed since the
     /// last refit.
     ///
-    /// The next [`LightTree::set_lights`] allocates the data again, and the refit after it visits
-    /// all nodes once. The results have the same bits as if nothing had been dropped.
+    /// The next [`LightTree::set_lights`] allocates the data and computes them again: O(nodes), once.
+    /// The results have the same bits as if nothing had been dropped.
     ///
     /// [`LightWorld`](crate::LightWorld) freezes its trees once their lights have not changed for a
     /// while. O(1) apart from the refit.
@@ -27,6 +28,7 @@ impl LightTree {
         self.wide = Vec::new();
         self.attribute_sums = Vec::new();
         self.dirty = DirtyNodes::default();
+        self.refitted = RefittedNodes::default();
         self.tasks = RefitTasks::default();
     }
 
@@ -46,10 +48,11 @@ impl LightTree {
             + size_of::<u32>() * (leaves.capacity() + spans.capacity())
             + size_of::<u32>() * (light_counts.capacity() + built_costs.capacity())
             + self.dirty.memory_bytes()
+            + self.refitted.memory_bytes()
             + self.tasks.memory_bytes()
     }
 
-    /// Allocates the dropped data again and marks all nodes, so that the next refit computes it.
+    /// Allocates the dropped data and computes them again. The nodes keep their bits.
     pub(super) fn thaw(&mut self) {
         if !self.is_frozen() {
             return;
@@ -62,15 +65,16 @@ impl LightTree {
         }
         self.attribute_sums = vec![AttributeSums::default(); count];
         self.dirty = DirtyNodes::empty(count);
-        (0..count).filter(|node| self.spans[*node] > 0).for_each(|node| self.dirty.insert(node));
         self.tasks = RefitTasks::new(&self.spans);
+        self.mark_all();
+        self.refit_all::<true>();
+        self.refitted = RefittedNodes::empty(count);
     }
 
     /// A copy that is not frozen, with nodes made from its lights.
     pub(super) fn thawed(&self) -> Self {
         let mut tree = self.clone();
         tree.thaw();
-        tree.refit_without_attributes();
         tree
     }
 }

@@ -11,6 +11,7 @@ mod node;
 mod pack;
 mod rebuild;
 mod refit;
+mod refitted;
 mod shape;
 mod stepped_build;
 mod tasks;
@@ -28,6 +29,7 @@ pub use node::{Bytes, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_PARENT, Node, Target, WID
 #[cfg(feature = "gpu")]
 pub(crate) use pack::{CAP_STEPS, DIRECTION_STEPS, STEPS};
 pub(crate) use pack::{NodeGrid, UNLIMITED_RANGE, Unpacked};
+pub(crate) use refitted::Refitted;
 
 #[cfg(test)]
 pub(crate) use shape::{BuildItem, shape};
@@ -42,6 +44,7 @@ use std::fmt;
 
 use attributes::AttributeSums;
 use dirty::DirtyNodes;
+use refitted::RefittedNodes;
 use tasks::RefitTasks;
 
 use crate::cluster::{Cluster, Linear};
@@ -82,14 +85,15 @@ pub struct LightTree {
     has_stale_sums: bool,
     /// Nodes with lanes that changed since the last refit.
     dirty: DirtyNodes,
+    refitted: RefittedNodes,
     tasks: RefitTasks,
     /// The cluster of all lights.
     root: Cluster,
     /// The clusters of the sides, which are the children of the root; empty if the tree is not
     /// divided by direction.
     sides: Vec<Cluster>,
-    /// The map of the instance that the tree was built for, if it stretches: builds divide the lights as they lie
-    /// in the world.
+    /// The map of the instance that the tree was built for, if it stretches: builds divide the lights
+    /// as they lie in the world.
     reference: Option<Box<Linear>>,
     attributes: Attributes,
 }
@@ -161,20 +165,20 @@ impl LightTree {
 
     /// The clusters of the tree's sides at full precision, as of the last build or refit. They are
     /// the children of the root. Empty if the tree is not divided: if all of its lights shine to
-    /// the same side or to all sides, or if it has more than 256 lights.
+    /// the same side or to all sides, or if it has fewer than 16 or more than 256 lights.
     pub fn sides(&self) -> &[Cluster] {
         &self.sides
     }
 
     /// Replaces lights. `changes` are pairs of a light's index and its new value; of several
     /// values for one light the last one counts. The nodes change at the next [`LightTree::refit`].
-    /// Allocates if the tree is frozen.
+    /// O(changes); in a frozen tree O(lights), with allocations.
     ///
     /// # Errors
     /// [`WorldError::NoSuchLight`] for an index outside the tree, [`WorldError::Light`] for an
     /// invalid light. No light has then changed.
     pub fn set_lights(&mut self, changes: &[(u32, Light)]) -> Result<(), WorldError> {
-        self.check_changes(changes)?;
+        self.check_changes(changes.iter().map(|(index, light)| (*index, light)))?;
         self.apply(changes);
         Ok(())
     }
@@ -194,13 +198,26 @@ impl LightTree {
         }
     }
 
+    /// The nodes that refits have written since [`LightTree::forget_refitted`] was last called.
+    pub(crate) fn refitted(&self) -> Refitted<'_> {
+        self.refitted.get()
+    }
+
+    /// Empties the list of [`LightTree::refitted`] nodes.
+    pub(crate) fn forget_refitted(&mut self) {
+        self.refitted.clear();
+    }
+
     /// Checks that [`LightTree::set_lights`] would accept these changes.
-    pub(crate) fn check_changes(&self, changes: &[(u32, Light)]) -> Result<(), WorldError> {
+    pub(crate) fn check_changes<'a>(
+        &self,
+        mut changes: impl Iterator<Item = (u32, &'a Light)> + Clone,
+    ) -> Result<(), WorldError> {
         let count = self.lights.len();
-        if let Some((index, _)) = changes.iter().find(|(index, _)| *index as usize >= count) {
-            return Err(WorldError::NoSuchLight { index: *index, count });
+        if let Some((index, _)) = changes.clone().find(|(index, _)| *index as usize >= count) {
+            return Err(WorldError::NoSuchLight { index, count });
         }
-        check_lights(changes.iter().map(|(i, l)| (*i as usize, l)))
+        changes.try_for_each(|(index, light)| check_light(index as usize, light))
     }
 
     /// Rebuilds all nodes from the present lights. O(n log n).
@@ -251,7 +268,11 @@ fn check_light_count(given: usize) -> Result<(), WorldError> {
 }
 
 fn check_lights<'a>(mut lights: impl Iterator<Item = (usize, &'a Light)>) -> Result<(), WorldError> {
-    lights.try_for_each(|(index, light)| light.validate().map_err(|source| WorldError::Light { index, source }))
+    lights.try_for_each(|(index, light)| check_light(index, light))
+}
+
+fn check_light(index: usize, light: &Light) -> Result<(), WorldError> {
+    light.validate().map_err(|source| WorldError::Light { index, source })
 }
 
 #[cfg(test)]

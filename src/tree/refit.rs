@@ -29,8 +29,7 @@ impl LightTree {
             self.thaw();
         }
         if std::mem::take(&mut self.has_stale_sums) {
-            let is_used = self.spans.iter().map(|span| *span > 0);
-            self.dirty.flags_mut().iter_mut().zip(is_used).for_each(|(flag, is_used)| *flag = is_used);
+            self.mark_all();
             self.refit_all::<true>();
         } else {
             self.refit_dirty::<true>();
@@ -77,9 +76,16 @@ impl LightTree {
         }
     }
 
+    /// Marks all nodes that have children.
+    pub(super) fn mark_all(&mut self) {
+        let is_used = self.spans.iter().map(|span| *span > 0);
+        self.dirty.flags_mut().iter_mut().zip(is_used).for_each(|(flag, is_used)| *flag = is_used);
+    }
+
     /// Sweeps over all nodes: over the subtrees in parallel, then over the nodes above them.
-    fn refit_all<const MEASURE: bool>(&mut self) {
+    pub(super) fn refit_all<const MEASURE: bool>(&mut self) {
         self.dirty.drop_order();
+        self.refitted.add_all();
         let Self { nodes, wide, attribute_sums: sums, dirty, tasks, .. } = self;
         let slices = NodeSlices { base: 0, nodes, wide, sums, is_dirty: dirty.flags_mut() };
         sweep_tasks::<MEASURE>(&mut tasks.subtrees, slices);
@@ -91,6 +97,7 @@ impl LightTree {
         if root == 0 {
             return self.refit_all::<true>();
         }
+        self.refitted.add_all();
         let Self { nodes, wide, attribute_sums: sums, dirty, spans, .. } = self;
         let end = root + spans[root] as usize;
         let (_, slices) = NodeSlices { base: 0, nodes, wide, sums, is_dirty: dirty.flags_mut() }.split(root);
@@ -264,8 +271,9 @@ impl<const MEASURE: bool> Job for RefitListed<'_, MEASURE> {
 
     #[inline(always)]
     fn run(self) {
-        let LightTree { nodes, wide, attribute_sums: sums, dirty, root, .. } = self.0;
+        let LightTree { nodes, wide, attribute_sums: sums, dirty, refitted, root, .. } = self.0;
         while let Some(node) = dirty.pop() {
+            refitted.add(node);
             let mut slices = NodeSlices { base: 0, nodes, wide, sums, is_dirty: dirty.flags_mut() };
             let cluster = slices.refit::<MEASURE>(node);
             match nodes[node].parent {

@@ -11,6 +11,7 @@ use super::LightTree;
 use super::attributes::AttributeSums;
 use super::layout::{Layout, PlacedLight, build_item, with_spare};
 use super::node::{NO_PARENT, Node};
+use super::refitted::RefittedNodes;
 use super::shape::SteppedShape;
 use super::units::{
     ALLOCATE_TICKS, COST_TICKS, REFIT_TICKS, TASK_TICKS, UNIT, build_units, copy_ticks, lay_out_ticks, place_ticks,
@@ -271,6 +272,7 @@ impl TreeBuild {
             5 => tree.attribute_sums.reserve_exact(count),
             _ => {
                 tree.dirty.reserve(count);
+                tree.refitted = RefittedNodes::empty(count);
                 self.begin(Stage::LayOut);
                 return ALLOCATE_TICKS;
             }

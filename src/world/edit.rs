@@ -1,6 +1,6 @@
 //! Edits of a world. Every call checks its input first and changes the world after.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use super::staged::StagedLights;
 use super::{Instance, LightWorld, TreeEntry, placed_effects, set_slot};
@@ -70,13 +70,45 @@ impl LightWorld {
     /// [`WorldError::NoSuchTree`], [`WorldError::StaticTree`], [`WorldError::NoSuchLight`],
     /// [`WorldError::Light`].
     pub fn set_lights(&mut self, tree: TreeKey, changes: &[(u32, Light)]) -> Result<(), WorldError> {
+        self.stage(tree, changes.iter().map(|(index, light)| (*index, light)))
+    }
+
+    /// [`LightWorld::set_lights`] for the consecutive lights from index `first` on.
+    ///
+    /// # Errors
+    /// As [`LightWorld::set_lights`].
+    pub fn set_light_range(&mut self, tree: TreeKey, first: u32, lights: &[Light]) -> Result<(), WorldError> {
+        self.stage(tree, lights.iter().zip(0..).map(|(light, i)| (first.saturating_add(i), light)))
+    }
+
+    /// Changes the emission of one light of a tree, in the unit of [`Light::emission`], for all
+    /// instances of the tree, at the next [`LightWorld::update`]. A change of the same light that
+    /// waits for that update keeps its other properties. O(1).
+    ///
+    /// # Errors
+    /// As [`LightWorld::set_lights`].
+    pub fn set_emission(&mut self, tree: TreeKey, light: u32, emission: Vec3) -> Result<(), WorldError> {
+        let entry = self.entry(tree)?;
+        let lights = entry.tree.lights();
+        let present = entry.staged.get(light).or(lights.get(light as usize));
+        let present = present.ok_or(WorldError::NoSuchLight { index: light, count: lights.len() })?;
+        let changed = Light { emission, ..*present };
+        self.stage(tree, std::iter::once((light, &changed)))
+    }
+
+    /// Checks changes of lights, and stages them.
+    fn stage<'a>(
+        &mut self,
+        tree: TreeKey,
+        changes: impl Iterator<Item = (u32, &'a Light)> + Clone,
+    ) -> Result<(), WorldError> {
         let entry = self.trees.get_mut(tree).ok_or(WorldError::NoSuchTree(tree))?;
-        entry.tree.check_changes(changes)?;
+        entry.tree.check_changes(changes.clone())?;
         if entry.is_static() {
             return Err(WorldError::StaticTree(tree));
         }
         for (index, light) in changes {
-            entry.staged.set(*index, *light, entry.tree.lights());
+            entry.staged.set(index, *light, entry.tree.lights());
         }
         if !entry.staged.is_empty() {
             self.pending.insert(tree);
@@ -113,7 +145,7 @@ impl LightWorld {
         for index in 0..self.trees[tree].instances.len() {
             self.file_new(self.trees[tree].instances[index]);
         }
-        self.changes.tree(slot_of(tree));
+        self.whole_tree_changed(tree);
         self.top.take();
         Ok(())
     }
@@ -411,6 +443,12 @@ impl LightWorld {
             self.scheduler.withdraw(tree);
             self.cancel_build(tree);
         }
+    }
+
+    /// Records that all nodes and lights of a tree changed.
+    pub(super) fn whole_tree_changed(&mut self, key: TreeKey) {
+        self.trees[key].log.restart();
+        self.changes.tree(slot_of(key));
     }
 
     fn instance_changed(&mut self, key: InstanceKey) {

@@ -3,6 +3,7 @@
 
 mod attention;
 mod build_thread;
+mod change_log;
 mod delta;
 mod edit;
 mod key_set;
@@ -24,6 +25,8 @@ use std::sync::{Arc, OnceLock};
 use glam::DVec3;
 use slotmap::SlotMap;
 
+#[cfg(feature = "gpu")]
+pub(crate) use change_log::TreeChanges;
 pub(crate) use delta::Changes;
 pub use delta::FrameDelta;
 pub use rebuild::JobReport;
@@ -37,6 +40,7 @@ use crate::policy::{AttributeHistory, Policy, PolicySet};
 use crate::scheduler::{Clock, Scheduler, SystemClock};
 use crate::top::TopLevel;
 use crate::tree::LightTree;
+use change_log::ChangeLog;
 use key_set::KeySet;
 use rest_timers::RestTimers;
 use staged::StagedLights;
@@ -79,6 +83,8 @@ pub(crate) struct TreeEntry {
     pub instances: Vec<InstanceKey>,
     /// The policies of all instances.
     policies: PolicySet,
+    /// The nodes and lights that changed, for uploads.
+    pub log: ChangeLog,
     history: AttributeHistory,
     staged: StagedLights,
     /// A policy changed since the last update, so that the tree may request a rebuild although no
@@ -111,6 +117,7 @@ impl TreeEntry {
             tree,
             instances: Vec::new(),
             policies: PolicySet::default(),
+            log: ChangeLog::default(),
             staged: StagedLights::default(),
             has_new_policy: false,
             weight: attention::TreeWeight::default(),

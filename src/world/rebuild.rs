@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::LightWorld;
 use super::update::FrameReport;
-use crate::keys::{TreeKey, slot_of};
+use crate::keys::TreeKey;
 use crate::policy::AttributeHistory;
 use crate::scheduler::{DoneJob, Job, TreeFeatures, Work};
 
@@ -80,7 +80,7 @@ impl LightWorld {
         entry.tree.rebuild();
         let features = TreeFeatures::of(&entry.tree);
         entry.history = AttributeHistory::start(entry.tree.attributes());
-        self.changes.tree(slot_of(key));
+        self.whole_tree_changed(key);
         self.wake(key);
         self.top.take();
         self.scheduler.was_rebuilt(key, features);

@@ -1,13 +1,14 @@
 //! Brings trees up to date with the edits since the last update, in parallel.
 
 use super::LightWorld;
+use super::change_log::ChangeLog;
 use super::staged::StagedLights;
 use super::update::FrameReport;
 use crate::effects::EffectCounts;
 use crate::keys::{TreeKey, slot_of};
 use crate::policy::AttributeHistory;
 use crate::scheduler::{TreeFeatures, Work, WorkKind};
-use crate::tree::LightTree;
+use crate::tree::{LightTree, Refitted};
 
 impl LightWorld {
     /// Refits the trees whose lights changed or that were built in slices or in the background, and
@@ -27,6 +28,7 @@ impl LightWorld {
             if job.changes_nodes() {
                 report.refit_trees += 1;
                 report.refit_lights += job.tree.lights().len();
+                report.refit_nodes += job.refit_nodes;
             }
             self.finish_refit(job);
         }
@@ -54,6 +56,8 @@ impl LightWorld {
                 former_effects: *entry.tree.effects(),
                 tree: std::mem::take(&mut entry.tree),
                 staged: std::mem::take(&mut entry.staged),
+                log: std::mem::take(&mut entry.log),
+                refit_nodes: 0,
                 successor,
                 swap: None,
                 is_newly_measured: false,
@@ -66,7 +70,7 @@ impl LightWorld {
     /// Moves a tree back into the map and updates its rebuild request.
     fn finish_refit(&mut self, job: RefitJob) {
         let (changes_nodes, is_as_built) = (job.changes_nodes(), job.is_as_built());
-        let RefitJob { key, is_edited, former_effects, tree, staged, swap, features, .. } = job;
+        let RefitJob { key, is_edited, former_effects, tree, staged, log, swap, features, .. } = job;
         if *tree.effects() != former_effects {
             self.effects.change(|counts| {
                 counts.add_all(tree.effects());
@@ -77,6 +81,7 @@ impl LightWorld {
         let entry = &mut self.trees[key];
         entry.tree = tree;
         entry.staged = staged;
+        entry.log = log;
         if let Some(Swap { features, history, .. }) = swap {
             self.scheduler.was_rebuilt(key, features);
             entry.history = history;
@@ -114,6 +119,9 @@ struct RefitJob {
     former_effects: EffectCounts,
     tree: LightTree,
     staged: StagedLights,
+    log: ChangeLog,
+    /// The nodes that were refitted.
+    refit_nodes: usize,
     /// The tree that was built in slices or in the background and replaces this one.
     successor: Option<Box<LightTree>>,
     /// What the replacement changed.
@@ -153,8 +161,8 @@ impl RefitJob {
             let history = AttributeHistory::start(built.attributes());
             self.swap = Some(Swap { features, history, is_outdated: self.tree.succeed(*built) });
         }
+        self.tree.forget_refitted();
         self.tree.apply(self.staged.changes());
-        self.staged.clear();
         if self.is_measured {
             self.tree.refit();
             self.is_newly_measured = self.tree.attributes() != before;
@@ -163,6 +171,28 @@ impl RefitJob {
             }
         } else if self.changes_nodes() {
             self.tree.refit_without_attributes();
+        }
+        self.log_changes();
+        self.staged.clear();
+    }
+
+    /// Counts the nodes that were refitted, and logs them and the lights that were edited.
+    fn log_changes(&mut self) {
+        let records = self.tree.nodes().len() + self.tree.lights().len();
+        match self.tree.refitted() {
+            _ if self.swap.is_some() => {
+                self.refit_nodes = self.tree.nodes().len();
+                self.log.restart();
+            }
+            _ if !self.changes_nodes() => {}
+            Refitted::All => {
+                self.refit_nodes = self.tree.nodes().len();
+                self.log.restart();
+            }
+            Refitted::Some(nodes) => {
+                self.refit_nodes = nodes.len();
+                self.log.add(nodes, self.staged.changes().iter().map(|(light, _)| *light), records);
+            }
         }
     }
 }

@@ -22,6 +22,12 @@ impl StagedLights {
         &self.changes
     }
 
+    /// The value that a light will have; `None` if it does not change.
+    pub fn get(&self, index: u32) -> Option<&Light> {
+        let place = self.places.get(index as usize)?.checked_sub(1)?;
+        self.changes.get(place as usize).map(|(_, light)| light)
+    }
+
     /// Stages a value of the light at `index`, in place of an earlier one. `present` are the lights
     /// of the tree; a value that equals the present one is not staged, and an earlier one is
     /// withdrawn. O(1), but for the first call.

@@ -18,6 +18,9 @@ pub struct FrameReport {
     pub refit_trees: usize,
     /// Lights of these trees.
     pub refit_lights: usize,
+    /// Nodes of these trees that were computed anew: those above a changed light, or all nodes of a
+    /// tree where many lights changed.
+    pub refit_nodes: usize,
     /// Trees that were rebuilt within the frame.
     pub rebuilt_trees: usize,
     /// Trees that request a rebuild and wait for a later frame, without the tree whose build is
@@ -67,7 +70,7 @@ impl LightWorld {
     /// budget. Call it once a frame.
     ///
     /// 1. Edited trees are refitted, in parallel.
-    /// 2. A tree of up to 128 lights that do not shine to several sides is *opened* if most of its
+    /// 2. A tree of up to 128 lights that is not divided by side is *opened* if most of its
     ///    instances lie within others, and closed again if few do. The top level sorts the lights
     ///    of an open tree by position. Instances that were added are judged in the next call, and
     ///    four others in each call while anything moves.

@@ -347,7 +347,8 @@ fn a_world_of_points_sends_no_bytes_for_cones_ranges_and_scales() {
     upload(&mut world);
     let nodes = |world: &LightWorld, tree| world.tree(tree).expect("it lives").nodes().len() as u64;
     // A light has 32 bytes, a node 160, a tree 80 and an instance 80.
-    world.set_lights(tree, &[(0, Light::point(Vec3::ONE, Vec3::ONE))]).expect("valid");
+    let all: Vec<_> = (0..).zip(points(&mut rng, 300)).collect();
+    world.set_lights(tree, &all).expect("valid");
     assert_eq!(upload(&mut world), 300 * 32 + nodes(&world, tree) * 160 + 80);
     world.move_instance(instance, Placement::at(DVec3::Y)).expect("valid");
     assert_eq!(upload(&mut world), 80);

@@ -21,6 +21,7 @@ mod direct_light_pictures;
 mod distribution;
 #[allow(missing_docs, reason = "the library's own tests include it too")]
 mod effect_sets;
+mod edits;
 mod effects;
 #[path = "../../examples/engine_shader.rs"]
 #[allow(dead_code, missing_docs, reason = "a program; its main is not called")]
