@@ -49,6 +49,7 @@ mod solid_angle;
 mod support;
 mod torture;
 mod tree;
+mod trees_made_elsewhere;
 mod usage;
 mod variance;
 mod visibility;

@@ -9,7 +9,8 @@ use crc32fast::Hasher;
 
 use super::error::BakeError;
 use super::header::{CHECKSUM, HEADER_BYTES};
-use super::light_record::{self, LIGHT_BYTES};
+use super::light_check::{self, KINDS};
+use super::light_record::{self, LIGHT_BYTES, WORDS};
 use super::words;
 use crate::effects::{EffectCounts, Effects};
 
@@ -21,11 +22,11 @@ const BLOCK_LIGHTS: usize = 1024;
 /// takes microseconds.
 const PIECE_BYTES: usize = 16 * BLOCK_LIGHTS * LIGHT_BYTES;
 
-/// All effects that a light can have.
-const LIGHT_EFFECTS: Effects = Effects::CONES.union(Effects::RANGES).union(Effects::AREAS).union(Effects::TWO_SIDED);
+/// The range of a light that has none.
+const NO_RANGE: u32 = f32::INFINITY.to_bits();
 
-/// The numbers of lights, by the bits of their effects.
-type Histogram = [u64; LIGHT_EFFECTS.bits() as usize + 1];
+/// The numbers of lights of each kind, without a range and with one.
+type Histogram = [[u64; 2]; KINDS.len()];
 
 /// A piece of the file after the header.
 #[derive(Clone, Copy)]
@@ -61,8 +62,10 @@ pub(super) fn check(bytes: &[u8], lights: Range<usize>) -> Result<EffectCounts, 
         if let Some(fault) = report.fault {
             return Err(fault);
         }
-        for (bits, count) in (0..).zip(report.lights) {
-            effects.add_several(Effects::from_bits_retain(bits), count);
+        for (kind, counts) in KINDS.into_iter().zip(report.lights) {
+            for (range, count) in [f32::INFINITY, 1.0].into_iter().zip(counts) {
+                effects.add_several(effects_of(kind, range), count);
+            }
         }
     }
     Ok(effects)
@@ -122,9 +125,24 @@ fn report(piece: &Piece<'_>) -> PieceReport {
 /// Checks and counts the lights in some records. `first` is the index of the first.
 fn check_lights(first: usize, records: &[u8], counts: &mut Histogram) -> Result<(), BakeError> {
     for (index, record) in (first..).zip(records.chunks_exact(LIGHT_BYTES)) {
-        let light = light_record::read(record).ok_or(BakeError::Record { what: "a light: a field", index })?;
-        light.validate().map_err(|source| BakeError::Light { index, source })?;
-        counts[usize::from(light.effects().bits())] += 1;
+        let record = light_record::read(record);
+        let kind = light_check::kind_of(&record).filter(|kind| light_check::is_certainly_valid(&record, *kind));
+        let kind = match kind {
+            Some(kind) => kind,
+            None => {
+                let light = light_record::decode(&record, index)?;
+                // The kind of a valid light is known.
+                light_check::kind_of(&light_record::encode(&light)).unwrap_or_default()
+            }
+        };
+        counts[kind][usize::from(record[WORDS - 1] != NO_RANGE)] += 1;
     }
     Ok(())
+}
+
+/// The effects of the lights of a kind that have this range.
+fn effects_of(kind: u32, range: f32) -> Effects {
+    let mut record = [0; WORDS];
+    record[0] = kind;
+    light_record::decode_accepted(&record).with_range(range).effects()
 }

@@ -9,27 +9,30 @@
 
 use glam::Vec3;
 
-use super::words::{self, WORD};
+use super::error::BakeError;
+use super::words::WORD;
 use crate::light::{Light, Shape};
 
 /// Numbers of a record.
-const WORDS: usize = 14;
+pub(super) const WORDS: usize = 14;
 
 /// Bytes of a record.
 pub(super) const LIGHT_BYTES: usize = WORDS * WORD;
 
-const POINT: u32 = 0;
-const SPOT: u32 = 1;
-const RECTANGLE: u32 = 2;
-const TRIANGLE: u32 = 3;
-const SPHERE: u32 = 4;
+pub(super) const POINT: u32 = 0;
+pub(super) const SPOT: u32 = 1;
+pub(super) const RECTANGLE: u32 = 2;
+pub(super) const TRIANGLE: u32 = 3;
+pub(super) const SPHERE: u32 = 4;
 
 /// This bit is set in the kind of a rectangle or a triangle that emits from both sides.
-const TWO_SIDED: u32 = 1 << 8;
+pub(super) const TWO_SIDED: u32 = 1 << 8;
+
+/// The numbers of a record.
+pub(super) type Record = [u32; WORDS];
 
 /// The record of a light.
-#[inline(always)]
-pub(super) fn encode(light: &Light) -> [u32; WORDS] {
+pub(super) fn encode(light: &Light) -> Record {
     let sided = |kind: u32, two_sided: bool| if two_sided { kind | TWO_SIDED } else { kind };
     let zero = Vec3::ZERO;
     let (kind, [a, b, c]) = match light.shape {
@@ -48,40 +51,42 @@ pub(super) fn encode(light: &Light) -> [u32; WORDS] {
     [kind, a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2], emission[0], emission[1], emission[2], range.to_bits()]
 }
 
-/// The light of a record, unchecked. `None` for a record that [`encode`] never makes: of an unknown
-/// kind, or with numbers other than zero where the kind has no fields.
-#[inline(always)]
-pub(super) fn decode(record: [u32; WORDS]) -> Option<Light> {
-    let light = decode_any(record);
-    (encode(&light) == record).then_some(light)
+/// The light of a record, if a tree accepts it. `index` is that of the light.
+///
+/// # Errors
+/// [`BakeError::Record`] for a record that [`encode`] never makes: of an unknown kind, or with
+/// numbers other than zero where the kind has no fields. [`BakeError::Light`] for an invalid light.
+pub(super) fn decode(record: &Record, index: usize) -> Result<Light, BakeError> {
+    let light = decode_accepted(record);
+    if encode(&light) != *record {
+        return Err(BakeError::Record { what: "a light: a field", index });
+    }
+    light.validate().map_err(|source| BakeError::Light { index, source })?;
+    Ok(light)
 }
 
 /// The light of a record that [`decode`] accepts; some light for any other.
 #[inline(always)]
-fn decode_any(record: [u32; WORDS]) -> Light {
-    let v = record.map(f32::from_bits);
-    let point = |first: usize| Vec3::new(v[first], v[first + 1], v[first + 2]);
+pub(super) fn decode_accepted(record: &Record) -> Light {
+    let number = |at: usize| f32::from_bits(record[at]);
+    let point = |first: usize| Vec3::new(number(first), number(first + 1), number(first + 2));
     let two_sided = record[0] & TWO_SIDED != 0;
     let shape = match record[0] & !TWO_SIDED {
-        SPOT => Shape::Spot { position: point(1), direction: point(4), inner_angle: v[7], outer_angle: v[8] },
+        SPOT => Shape::Spot { position: point(1), direction: point(4), inner_angle: number(7), outer_angle: number(8) },
         RECTANGLE => Shape::Rectangle { center: point(1), half_u: point(4), half_v: point(7), two_sided },
         TRIANGLE => Shape::Triangle { vertices: [point(1), point(4), point(7)], two_sided },
-        SPHERE => Shape::Sphere { center: point(1), radius: v[4] },
+        SPHERE => Shape::Sphere { center: point(1), radius: number(4) },
         _ => Shape::Point { position: point(1) },
     };
-    Light { shape, emission: point(10), range: v[13] }
+    Light { shape, emission: point(10), range: number(13) }
 }
 
-/// [`decode`] for the bytes of a record.
+/// The record in some bytes, which are [`LIGHT_BYTES`].
 #[inline(always)]
-pub(super) fn read(bytes: &[u8]) -> Option<Light> {
-    decode(words::read_array(bytes))
-}
-
-/// The light in the bytes of a record that [`read`] accepts.
-#[inline(always)]
-pub(super) fn read_accepted(bytes: &[u8]) -> Light {
-    decode_any(words::read_array(bytes))
+pub(super) fn read(bytes: &[u8]) -> Record {
+    let mut record: Record = bytemuck::pod_read_unaligned(bytes);
+    record.iter_mut().for_each(|word| *word = u32::from_le(*word));
+    record
 }
 
 #[cfg(test)]
@@ -118,7 +123,7 @@ mod tests {
         for shape in shapes {
             for range in [f32::INFINITY, 7.0] {
                 let light = Light { shape, emission: vector(), range };
-                let back = decode(encode(&light)).expect("a record that was written");
+                let back = decode_accepted(&encode(&light));
                 assert_eq!(bits(&back), bits(&light));
             }
         }
@@ -127,14 +132,18 @@ mod tests {
     #[test]
     fn records_that_are_never_written_are_refused() {
         let record = encode(&Light::point(Vec3::ONE, Vec3::ONE));
-        assert!(decode(record).is_some());
+        assert!(decode(&record, 0).is_ok());
+        let refused = |record: &Record| decode(record, 7).err();
+        let expected = Some(BakeError::Record { what: "a light: a field", index: 7 });
         for (place, value) in [(0, 5), (0, u32::MAX), (0, TWO_SIDED), (4, 1), (9, 1 << 31)] {
             let mut wrong = record;
             wrong[place] = value;
-            assert_eq!(decode(wrong), None, "{place} {value}");
+            assert_eq!(refused(&wrong), expected, "{place} {value}");
         }
         let mut sphere = encode(&Light::sphere(Vec3::ONE, 1.0, Vec3::ONE));
         sphere[0] |= TWO_SIDED;
-        assert_eq!(decode(sphere), None);
+        assert_eq!(refused(&sphere), expected);
+        let dim = encode(&Light::point(Vec3::ONE, -Vec3::ONE));
+        assert_eq!(refused(&dim).map(|error| error.code()), Some(101));
     }
 }

@@ -22,6 +22,7 @@
 mod content;
 mod error;
 mod header;
+mod light_check;
 mod light_record;
 mod node_record;
 mod sound;
@@ -118,9 +119,10 @@ impl LightTree {
         let effects = content::check(bytes, counts.place_of_lights())?;
         let Header { rebuild_credit, has_stale_sums, attributes, root, reference, .. } = Header::read(bytes, counts)?;
         let numbers = |section| words::read(section).collect();
+        let light = |bytes: &[u8]| light_record::decode_accepted(&light_record::read(bytes));
         let cluster = |bytes| words::to_cluster(words::read_array(bytes));
         let tree = Self {
-            lights: records(sections.lights, LIGHT_BYTES, light_record::read_accepted),
+            lights: records(sections.lights, LIGHT_BYTES, light),
             effects,
             leaves: numbers(sections.leaves),
             nodes: records(sections.nodes, NODE_BYTES, node_record::read),

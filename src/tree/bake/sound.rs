@@ -175,11 +175,18 @@ fn grid_fault(node: &Node) -> Option<&'static str> {
     if !is_near || !is_fine {
         return Some("the boxes are not within the range of coordinates");
     }
+    // One loop for each field, so that the compiler compares all lanes at once.
     let (mut has_boxes, mut has_fluxes, mut has_ranges) = (true, true, true);
+    for k in 0..3 {
+        for i in 0..WIDTH {
+            has_boxes &= node.low[k][i] <= node.high[k][i];
+        }
+    }
+    let (least, most) = const { (packed_flux(MIN_FLUX), packed_flux(MAX_FLUX)) };
     for i in 0..WIDTH {
-        has_boxes &= (0..3).all(|k| node.low[k][i] <= node.high[k][i]);
-        has_fluxes &= node.flux[i] == 0
-            || (node.flux[i] >= const { packed_flux(MIN_FLUX) }) & (node.flux[i] <= const { packed_flux(MAX_FLUX) });
+        has_fluxes &= (node.flux[i] == 0) | (node.flux[i] >= least) & (node.flux[i] <= most);
+    }
+    for i in 0..WIDTH {
         has_ranges &= (node.range[i] > 0) & (node.range[i] <= const { packed_range(UNLIMITED_RANGE) });
     }
     if !has_boxes {

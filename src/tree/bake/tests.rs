@@ -62,7 +62,7 @@ fn trees() -> Vec<LightTree> {
 }
 
 /// The complete state of a tree.
-fn whole_state(tree: &LightTree) -> (State, Vec<[u32; 14]>, String) {
+fn whole_state(tree: &LightTree) -> (State, Vec<super::light_record::Record>, String) {
     let lights = tree.lights().iter().map(super::light_record::encode).collect();
     (state_of(tree), lights, format!("{:?}", tree.reference()))
 }

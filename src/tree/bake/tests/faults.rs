@@ -154,7 +154,7 @@ fn each_broken_link_between_nodes_is_named_with_its_place() {
     assert!(broken(|tree| tree.spans[1] = 0).contains("the child does not lie behind its siblings"));
     assert!(broken(|tree| tree.spans[1] += 1).contains("the child does not lie behind its siblings"));
     assert!(broken(|tree| tree.spans[1] = u32::MAX).contains("the child's subtree reaches beyond the node's"));
-    assert!(broken(|tree| tree.spans[0] -= 1).contains("the root's subtree is not the whole tree"));
+    assert!(broken(|tree| tree.spans[0] -= 1).contains("the child's subtree reaches beyond the node's"));
     assert!(broken(|tree| tree.light_counts[1] += 1).contains("the number of lights is not the sum"));
     assert!(broken(|tree| tree.built_costs[2] = f32::NAN).contains("node 2, slot 0: the cost of the subtree"));
     let spare = tree().spans.iter().position(|span| *span == 0).expect("a spare node");
