@@ -20,7 +20,9 @@ fn placements(rng: &mut Rng) -> Vec<Placement> {
 
 /// Adds an instance for each placement.
 fn place(world: &mut LightWorld, tree: TreeKey, placements: &[Placement], policy: Policy) {
-    placements.iter().for_each(|placement| drop(world.add_instance(tree, *placement, policy).expect("valid")));
+    for placement in placements {
+        world.add_instance(tree, *placement, policy).expect("valid");
+    }
 }
 
 /// What 200 shading points see of a world: samples with the bits of their probabilities.
