@@ -47,7 +47,7 @@ pub fn load(folder: &Path) -> Result<Loaded, SceneError> {
             keys.push(world.insert_tree(tree));
             inserting += start.elapsed();
         }
-        Ok(())
+        Ok::<(), SceneError>(())
     })?;
     let start = Instant::now();
     for (tree, placement) in instances {

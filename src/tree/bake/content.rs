@@ -36,10 +36,11 @@ struct Piece<'a> {
     first_light: Option<usize>,
 }
 
-/// What was found in a piece.
-struct PieceReport {
+/// What was found in some pieces that follow one another.
+struct Findings {
     sum: Hasher,
     lights: Histogram,
+    /// What is wrong with the first invalid light.
     fault: Option<BakeError>,
 }
 
@@ -49,23 +50,19 @@ struct PieceReport {
 /// A wrong checksum is reported before anything else that is wrong: the file is then damaged, and
 /// everything else follows from it. Of several invalid lights the first is reported.
 pub(super) fn check(bytes: &[u8], lights: Range<usize>) -> Result<EffectCounts, BakeError> {
-    let reports = reports(&pieces(bytes, lights));
-    let mut sum = sum_of_header(bytes);
-    reports.iter().for_each(|report| sum.combine(&report.sum));
+    let Findings { sum, lights, fault } = findings(bytes, lights);
     let [stored] = words::read_array(&bytes[CHECKSUM]);
     let computed = sum.finalize();
     if stored != computed {
         return Err(BakeError::Checksum { stored, computed });
     }
+    if let Some(fault) = fault {
+        return Err(fault);
+    }
     let mut effects = EffectCounts::default();
-    for report in reports {
-        if let Some(fault) = report.fault {
-            return Err(fault);
-        }
-        for (kind, counts) in KINDS.into_iter().zip(report.lights) {
-            for (range, count) in [f32::INFINITY, 1.0].into_iter().zip(counts) {
-                effects.add_several(effects_of(kind, range), count);
-            }
+    for (kind, counts) in KINDS.into_iter().zip(lights) {
+        for (range, count) in [f32::INFINITY, 1.0].into_iter().zip(counts) {
+            effects.add_several(effects_of(kind, range), count);
         }
     }
     Ok(effects)
@@ -87,39 +84,64 @@ fn sum_of_header(bytes: &[u8]) -> Hasher {
 }
 
 /// The pieces of a file, in order. Pieces of lights hold whole records.
-fn pieces(bytes: &[u8], lights: Range<usize>) -> Vec<Piece<'_>> {
+fn pieces(bytes: &[u8], lights: Range<usize>) -> impl Iterator<Item = Piece<'_>> {
     let plain = |range: Range<usize>| bytes[range].chunks(PIECE_BYTES).map(|bytes| Piece { bytes, first_light: None });
     let (before, after) = (plain(HEADER_BYTES..lights.start), plain(lights.end..bytes.len()));
     let of_lights = bytes[lights]
         .chunks(PIECE_BYTES)
         .enumerate()
         .map(|(index, bytes)| Piece { bytes, first_light: Some(index * (PIECE_BYTES / LIGHT_BYTES)) });
-    before.chain(of_lights).chain(after).collect()
+    before.chain(of_lights).chain(after)
 }
 
-fn reports(pieces: &[Piece<'_>]) -> Vec<PieceReport> {
+/// What is found in a file. Small ones are left to one thread.
+fn findings(bytes: &[u8], lights: Range<usize>) -> Findings {
+    let mut all = Findings::after(sum_of_header(bytes));
     #[cfg(feature = "parallel")]
-    {
+    if bytes.len() > 2 * PIECE_BYTES {
         use rayon::prelude::*;
-        pieces.par_iter().map(report).collect()
+        let pieces: Vec<_> = pieces(bytes, lights).collect();
+        let of_piece = |piece: &Piece<'_>| {
+            let mut findings = Findings::after(Hasher::new());
+            findings.examine(piece);
+            findings
+        };
+        let findings: Vec<_> = pieces.par_iter().map(of_piece).collect();
+        findings.into_iter().for_each(|findings| all.append(findings));
+        return all;
     }
-    #[cfg(not(feature = "parallel"))]
-    pieces.iter().map(report).collect()
+    pieces(bytes, lights).for_each(|piece| all.examine(&piece));
+    all
 }
 
-fn report(piece: &Piece<'_>) -> PieceReport {
-    let mut report = PieceReport { sum: Hasher::new(), lights: Histogram::default(), fault: None };
-    let Some(first) = piece.first_light else {
-        report.sum.update(piece.bytes);
-        return report;
-    };
-    for (block, bytes) in piece.bytes.chunks(BLOCK_LIGHTS * LIGHT_BYTES).enumerate() {
-        report.sum.update(bytes);
-        if report.fault.is_none() {
-            report.fault = check_lights(first + block * BLOCK_LIGHTS, bytes, &mut report.lights).err();
+impl Findings {
+    /// Nothing yet, after what `sum` has summed.
+    fn after(sum: Hasher) -> Self {
+        Self { sum, lights: Histogram::default(), fault: None }
+    }
+
+    /// Adds the next piece.
+    fn examine(&mut self, piece: &Piece<'_>) {
+        let Some(first) = piece.first_light else { return self.sum.update(piece.bytes) };
+        for (block, bytes) in piece.bytes.chunks(BLOCK_LIGHTS * LIGHT_BYTES).enumerate() {
+            self.sum.update(bytes);
+            if self.fault.is_none() {
+                self.fault = check_lights(first + block * BLOCK_LIGHTS, bytes, &mut self.lights).err();
+            }
         }
     }
-    report
+
+    /// Adds what was found in the pieces that follow.
+    #[cfg(feature = "parallel")]
+    fn append(&mut self, next: Self) {
+        self.sum.combine(&next.sum);
+        self.lights
+            .as_flattened_mut()
+            .iter_mut()
+            .zip(next.lights.as_flattened())
+            .for_each(|(sum, count)| *sum += count);
+        self.fault = self.fault.take().or(next.fault);
+    }
 }
 
 /// Checks and counts the lights in some records. `first` is the index of the first.

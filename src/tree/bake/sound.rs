@@ -47,19 +47,20 @@ impl LightTree {
     /// What is wrong with a tree that was loaded, if anything is. Of several faults the one at the
     /// first node. O(nodes), allocates nothing.
     pub(super) fn loading_fault(&self) -> Option<CheckError> {
+        let of_tree = |what| CheckError { node: self.nodes.len(), slot: 0, what };
+        self.first_node_fault().or_else(|| self.whole_fault().map(of_tree))
+    }
+
+    /// What is wrong with the first node that is wrong. Small trees are left to one thread.
+    fn first_node_fault(&self) -> Option<CheckError> {
         let count = self.nodes.len();
-        let fault = {
-            #[cfg(feature = "parallel")]
-            {
-                use rayon::prelude::*;
-                let nodes = (0..count).into_par_iter().with_min_len(NODES_PER_TASK);
-                nodes.find_map_first(|node| self.node_fault(node))
-            }
-            #[cfg(not(feature = "parallel"))]
-            (0..count).find_map(|node| self.node_fault(node))
-        };
-        let of_tree = |what| CheckError { node: count, slot: 0, what };
-        fault.or_else(|| self.whole_fault().map(of_tree))
+        #[cfg(feature = "parallel")]
+        if count > NODES_PER_TASK {
+            use rayon::prelude::*;
+            let nodes = (0..count).into_par_iter().with_min_len(NODES_PER_TASK);
+            return nodes.find_map_first(|node| self.node_fault(node));
+        }
+        (0..count).find_map(|node| self.node_fault(node))
     }
 
     /// What is wrong with one node.
@@ -67,7 +68,7 @@ impl LightTree {
         let node = &self.nodes[index];
         let fail = |slot, what| Some(CheckError { node: index, slot, what });
         let is_spare = self.spans[index] == 0;
-        if !(self.built_costs[index] >= 0.0) {
+        if self.built_costs[index].is_nan() || self.built_costs[index] < 0.0 {
             return fail(0, "the cost of the subtree is negative or not a number");
         }
         if is_spare {
