@@ -77,15 +77,17 @@ pub(super) fn kind_of(record: &Record) -> Option<usize> {
     }
 }
 
-/// Whether a record of the kind `KINDS[kind]` is certainly one of a valid light.
+/// Whether a record of the kind `KINDS[kind]` is certainly one of a valid light. Has no branches:
+/// kinds come in any order.
 #[inline(always)]
 pub(super) fn is_certainly_valid(record: &Record, kind: usize) -> bool {
     let Limits { masks, most } = &LIMITS[kind];
-    let mut is_within = record[13] != 0;
+    let mut excess = 0;
     for i in 0..WORDS {
-        is_within &= record[i] & masks[i] <= most[i];
+        excess |= (record[i] & masks[i]).saturating_sub(most[i]);
     }
-    is_within && (KINDS[kind] != SPOT || is_certainly_spot(record))
+    let has_range = record[WORDS - 1] != 0;
+    (excess == 0) & has_range & ((record[0] != SPOT) | is_certainly_spot(record))
 }
 
 /// What else holds for a spot whose numbers are within the limits.
@@ -93,7 +95,7 @@ pub(super) fn is_certainly_valid(record: &Record, kind: usize) -> bool {
 fn is_certainly_spot(record: &Record) -> bool {
     let [x, y, z] = [4, 5, 6].map(|at| f32::from_bits(record[at]));
     let length_sq = x * x + y * y + z * z;
-    (length_sq - 1.0).abs() <= UNIT_TOLERANCE_SQ && record[7] <= record[8]
+    ((length_sq - 1.0).abs() <= UNIT_TOLERANCE_SQ) & (record[7] <= record[8])
 }
 
 #[cfg(test)]

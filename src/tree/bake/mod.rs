@@ -88,8 +88,8 @@ impl LightTree {
     /// [`LightTree::rebuild_worst`] has saved. It is frozen, so its first edit allocates what refits
     /// need, and the refit after it visits all nodes.
     ///
-    /// Nothing is built or refitted. The time is about that of a copy of the bytes
-    /// (`docs/benchmarks.md`). The work is shared with rayon's threads; an engine that loads while
+    /// Nothing is built or refitted. O(bytes): 1.5 times as long as a copy into new memory for a
+    /// million lights, on one thread (`docs/benchmarks.md`). The work is shared with rayon's threads; an engine that loads while
     /// it draws calls this inside a thread pool of its own. Memory: that of the frozen tree, about
     /// as much as the bytes.
     ///

@@ -15,7 +15,7 @@
 //!
 //! That the box and the cap of a child contain its lights is not checked: the checksum proves it
 //! for every file that this library has written, and whoever writes another file might as well
-//! leave lights out. [`LightTree::check`] checks it too, in the time of a refit of all nodes.
+//! leave lights out. [`LightTree::check`] checks it too, in eight times the time of a load.
 
 use super::super::LightTree;
 use crate::bounds::Aabb;
