@@ -85,8 +85,8 @@ fn a_tree_does_not_depend_on_the_number_of_threads_that_load_it() {
 
 #[test]
 fn a_tree_that_was_baked_by_the_first_version_still_loads() {
-    // The tree of these lights, as `trees` built it when the format was made. No function of the
-    // machine's mathematical library decides anything that is compared here.
+    // `write_the_file_of_this_version` wrote the file when the format was made. Nothing that is
+    // compared here depends on the machine's mathematical library.
     let bytes = include_bytes!("../../../../tests/data/version_1.tree");
     let tree = LightTree::from_baked(bytes).expect("a file of version 1");
     let lights = any_lights(&mut Rng(14), 60);
