@@ -50,14 +50,14 @@ check() {
 rustup toolchain install --profile minimal --no-self-update "$MINIMUM_RUST"
 rustup target add wasm32-unknown-unknown i686-unknown-linux-gnu aarch64-unknown-linux-gnu
 
-check --target wasm32-unknown-unknown --no-default-features --features gpu,gltf
-check --target i686-unknown-linux-gnu --features gltf
-check --target aarch64-unknown-linux-gnu --features gltf
+check --target wasm32-unknown-unknown --no-default-features --features gpu,gltf,bake
+check --target i686-unknown-linux-gnu --features gltf,bake
+check --target aarch64-unknown-linux-gnu --features gltf,bake
 # Lints differ between versions, so warnings of an older compiler are no failures.
-RUSTFLAGS= step cargo "+$MINIMUM_RUST" check --locked --lib --features gltf
+RUSTFLAGS= step cargo "+$MINIMUM_RUST" check --locked --lib --features gltf,bake
 
 copy_library "$COPY"
 cp "$LOCK" "$COPY/Cargo.lock"
-(cd "$COPY" && check --features gltf)
+(cd "$COPY" && check --features gltf,bake)
 
 step cargo test --locked --no-default-features

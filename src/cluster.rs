@@ -25,6 +25,10 @@ pub(crate) const RIGID_TOLERANCE: f32 = 4.0e-6;
 /// sampled, by position alone.
 pub(crate) const MAX_FLUX: f32 = 1.0e34;
 
+/// Largest absolute value of an entry of a linear part, and the inverse of the least scale.
+/// Squares of cofactors then stay within f32.
+pub const MAX_SCALE: f32 = 1.0e9;
+
 /// A mean direction shorter than this counts as none. It is what is left after emitters have
 /// cancelled: its square may underflow f32, and a cap about a vector that is not of unit length
 /// proves nothing.

@@ -19,6 +19,7 @@
 //! | 800 | `tree::CheckError` |
 //! | 900 | `gpu::TargetHookError` |
 //! | 1000 to 1001 | [`VisibilityError`] |
+//! | 1100 to 1106 | `tree::BakeError` |
 
 use glam::DVec3;
 

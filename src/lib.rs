@@ -127,6 +127,7 @@
 //! | `gpu` | yes | the module `gpu`, with wgpu |
 //! | `parallel` | yes | builds and refits on rayon's threads, and builds in the background |
 //! | `gltf` | no | the module `gltf` |
+//! | `bake` | no | `LightTree::bake` and `from_baked`: trees as bytes |
 
 // Modules are in the order in which data passes through them. A module imports only from modules
 // above it; `tests/all/dependencies.rs` checks that.

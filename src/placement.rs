@@ -3,6 +3,7 @@
 
 use glam::{Affine3A, DAffine3, DVec3, Mat3, Mat4, Vec3};
 
+pub use crate::cluster::MAX_SCALE;
 use crate::cluster::{Linear, RIGID_TOLERANCE};
 use crate::effects::Effects;
 use crate::error::PlacementError;
@@ -15,10 +16,6 @@ use crate::tree::LEAF;
 /// Largest distance of an instance from [`LightWorld::origin`](crate::LightWorld::origin) along
 /// each axis, in metres.
 pub const MAX_DISTANCE: f64 = 1.0e9;
-
-/// Largest absolute value of an entry of a linear part, and the inverse of the least scale.
-/// Squares of cofactors then stay within f32.
-pub const MAX_SCALE: f32 = 1.0e9;
 
 /// An affine map from the space of a tree to the world: rotation, scale, mirror or shear, and a
 /// translation.

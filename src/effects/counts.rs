@@ -44,6 +44,12 @@ impl EffectCounts {
         indices(effects).for_each(|kind| self.counts[kind] += 1);
     }
 
+    /// Adds several lights that all have these effects.
+    #[cfg(feature = "bake")]
+    pub(crate) fn add_several(&mut self, effects: Effects, count: u64) {
+        indices(effects).for_each(|kind| self.counts[kind] += count);
+    }
+
     /// Removes one light, instance or tree with these effects, which must have been added.
     pub(crate) fn remove(&mut self, effects: Effects) {
         indices(effects).for_each(|kind| self.counts[kind] -= 1);

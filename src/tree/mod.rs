@@ -1,6 +1,8 @@
 //! The bottom level: one light tree per object.
 
 mod attributes;
+#[cfg(feature = "bake")]
+mod bake;
 mod build;
 mod check;
 mod cost;
@@ -21,6 +23,8 @@ pub(crate) mod testing;
 mod wide;
 
 pub use attributes::{Attribute, Attributes};
+#[cfg(feature = "bake")]
+pub use bake::BakeError;
 pub use check::CheckError;
 #[cfg(feature = "gpu")]
 pub(crate) use cost::{DIAGONAL_WEIGHT, MIN_ORIENTATION};
@@ -116,14 +120,14 @@ impl LightTree {
     ///
     /// O(n log n). Source: CK18 4.2-4.4, see `tree/shape`.
     pub fn new(lights: Vec<Light>) -> Result<Self, WorldError> {
-        Self::new_like(&Self::default(), lights)
+        Self::with_reference(lights, None)
     }
 
-    /// [`LightTree::new`] for a tree that takes the place of another.
-    pub(crate) fn new_like(former: &Self, lights: Vec<Light>) -> Result<Self, WorldError> {
+    /// [`LightTree::new`] for a map for which builds divide the lights.
+    pub(crate) fn with_reference(lights: Vec<Light>, reference: Option<Linear>) -> Result<Self, WorldError> {
         check_light_count(lights.len())?;
         check_lights(lights.iter().enumerate())?;
-        Ok(Self::build_for(lights, former.reference.clone()))
+        Ok(Self::build_for(lights, reference.map(Box::new)))
     }
 
     /// The lights, in the order in which they were given.

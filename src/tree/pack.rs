@@ -184,7 +184,7 @@ impl Node {
             self.cap[i] = byte(if whole < steps { whole + 1.0 } else { whole });
             let has_range = is_lit & (wide.range[i] < UNLIMITED_RANGE);
             self.range[i] = packed_range(if has_range { wide.range[i] } else { UNLIMITED_RANGE });
-            self.flux[i] = ((wide.flux[i].to_bits() + 0x8000) >> 16) as u16;
+            self.flux[i] = packed_flux(wide.flux[i]);
         }
     }
 
@@ -291,9 +291,15 @@ fn step_bits(min: f32, max: f32) -> u32 {
     }
 }
 
+/// The upper half of a flux, rounded to the nearest.
+#[inline(always)]
+pub(super) const fn packed_flux(flux: f32) -> u16 {
+    ((flux.to_bits() + 0x8000) >> 16) as u16
+}
+
 /// The upper half of a range, rounded up.
 #[inline(always)]
-const fn packed_range(range: f32) -> u16 {
+pub(super) const fn packed_range(range: f32) -> u16 {
     ((range.to_bits() + 0xffff) >> 16) as u16
 }
 

@@ -38,6 +38,13 @@ impl LightTree {
         self.update_attributes();
     }
 
+    /// [`LightTree::refit`] if lights have changed since the last refit. O(1) otherwise.
+    pub(crate) fn refit_changes(&mut self) {
+        if self.dirty.len() > 0 {
+            self.refit();
+        }
+    }
+
     /// Copies the clusters of the sides, which frozen trees keep.
     pub(super) fn update_sides(&mut self) {
         let Some(root) = self.wide.first() else { return };

@@ -26,7 +26,18 @@ impl LightWorld {
         Ok(self.insert_tree(tree))
     }
 
-    fn insert_tree(&mut self, tree: LightTree) -> TreeKey {
+    /// Takes a tree that was made elsewhere: built on another thread, loaded from a file or removed
+    /// from another world. It contributes nothing until it has an instance.
+    ///
+    /// The tree is moved in and used as it is: nothing is built or copied. A clone that is inserted
+    /// too is a second tree, which knows nothing of the first. The present attributes of the tree
+    /// count as those of a fresh build, also if it has degraded over refits. If its lights have
+    /// changed since its last refit, it is refitted at once.
+    ///
+    /// O(1), but for that refit. Adding its first instance may build it again if that instance is
+    /// stretched: see [`LightTree::new_for`].
+    pub fn insert_tree(&mut self, mut tree: LightTree) -> TreeKey {
+        tree.refit_changes();
         self.effects.change(|counts| counts.add_all(tree.effects()));
         let (features, lights) = (TreeFeatures::of(&tree), tree.lights().len());
         let key = self.trees.insert(TreeEntry::new(tree));
@@ -126,17 +137,47 @@ impl LightWorld {
         if self.entry(tree)?.is_static() {
             return Err(WorldError::StaticTree(tree));
         }
-        let built = LightTree::new_like(&self.trees[tree].tree, lights)?;
+        let built = LightTree::with_reference(lights, self.trees[tree].tree.reference().copied())?;
+        self.exchange(tree, built);
+        Ok(())
+    }
+
+    /// Replaces a tree by one that was made elsewhere, of any number of lights, and returns the
+    /// former one. Changes that wait for the next update are dropped.
+    ///
+    /// The given tree is moved in as by [`LightWorld::insert_tree`]: nothing is built. If it was not
+    /// made for a stretched instance, later builds divide it as they would have divided the former
+    /// tree. To free the memory of a large tree takes milliseconds: drop the former one on another
+    /// thread.
+    ///
+    /// O(instances of the tree), but for a refit as in [`LightWorld::insert_tree`].
+    ///
+    /// # Errors
+    /// [`WorldError::NoSuchTree`], [`WorldError::StaticTree`]. The given tree is dropped.
+    pub fn replace_tree(&mut self, tree: TreeKey, mut by: LightTree) -> Result<LightTree, WorldError> {
+        let entry = self.entry(tree)?;
+        if entry.is_static() {
+            return Err(WorldError::StaticTree(tree));
+        }
+        if by.reference().is_none() {
+            by.set_reference(entry.tree.reference().copied());
+        }
+        by.refit_changes();
+        Ok(self.exchange(tree, by))
+    }
+
+    /// Puts a tree whose nodes are up to date in the place of another one, which is returned.
+    fn exchange(&mut self, tree: TreeKey, by: LightTree) -> LightTree {
         let entry = &mut self.trees[tree];
         self.light_count -= entry.tree.lights().len() * entry.instances.len();
-        self.light_count += built.lights().len() * entry.instances.len();
+        self.light_count += by.lights().len() * entry.instances.len();
         self.effects.change(|counts| {
-            counts.add_all(built.effects());
+            counts.add_all(by.effects());
             counts.remove_all(entry.tree.effects());
         });
-        entry.history = AttributeHistory::start(built.attributes());
-        self.scheduler.was_replaced(tree, TreeFeatures::of(&built), built.lights().len());
-        entry.tree = built;
+        entry.history = AttributeHistory::start(by.attributes());
+        self.scheduler.was_replaced(tree, TreeFeatures::of(&by), by.lights().len());
+        let former = std::mem::replace(&mut entry.tree, by);
         entry.staged = StagedLights::default();
         entry.has_new_policy = false;
         self.pending.remove(tree);
@@ -147,7 +188,7 @@ impl LightWorld {
         }
         self.whole_tree_changed(tree);
         self.top.take();
-        Ok(())
+        former
     }
 
     /// Adds an instance of a tree to the world. A linear part of all zeros hides it, see

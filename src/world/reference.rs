@@ -4,19 +4,44 @@
 //! whose only instance is stretched is therefore built again, divided as its lights lie in the
 //! world. It keeps that division when other instances come.
 
+use glam::DVec3;
+
 use super::LightWorld;
 use crate::cluster::Linear;
+use crate::error::WorldError;
 use crate::keys::InstanceKey;
+use crate::light::Light;
+use crate::placement::{Placed, Placement};
 use crate::tree::{LightTree, WIDTH};
 
 /// A tree is built again if directions turn against each other by more than the angle of this
 /// cosine: if the greatest scale is 1.5 times the least.
 const MAX_TURN_COSINE: f32 = 0.92;
 
-/// Whether a map changes how the lights of a tree should be divided. Trees of one node are not
-/// divided.
-fn changes_tree(map: &Linear, tree: &LightTree) -> bool {
-    !map.is_similarity && map.turn.x < MAX_TURN_COSINE && tree.lights().len() > WIDTH
+/// Whether a map changes how some lights should be divided. Trees of one node are not divided.
+fn changes_tree(map: &Linear, lights: usize) -> bool {
+    !map.is_similarity && map.turn.x < MAX_TURN_COSINE && lights > WIDTH
+}
+
+impl LightTree {
+    /// Builds a tree for lights whose first instance will have this placement, on any thread.
+    ///
+    /// [`LightTree::new`], unless the placement is stretched, by a factor of 1.5 or more between two
+    /// directions. The tree is then divided as its lights lie in the world, as
+    /// [`LightWorld::add_instance`] would build it again for its first instance. A tree that was
+    /// made here is not built again when its instance is added with the same linear part. Only the
+    /// linear part of the placement matters.
+    ///
+    /// # Errors
+    /// [`WorldError::Placement`], [`WorldError::Light`], [`WorldError::TooManyLights`].
+    ///
+    /// O(n log n).
+    pub fn new_for(lights: Vec<Light>, placement: impl Into<Placement>) -> Result<Self, WorldError> {
+        let placement = Placement { translation: DVec3::ZERO, ..placement.into() };
+        let map = Placed::new(&placement, DVec3::ZERO)?.map(|placed| placed.linear);
+        let reference = map.filter(|map| changes_tree(map, lights.len()));
+        Self::with_reference(lights, reference)
+    }
 }
 
 impl LightWorld {
@@ -27,7 +52,9 @@ impl LightWorld {
         let (tree, placed) = (instance.tree, instance.placed.as_ref());
         let Some(map) = placed.map(|placed| placed.linear) else { return };
         let entry = &mut self.trees[tree];
-        if entry.instances.len() == 1 && changes_tree(&map, &entry.tree) && entry.tree.reference() != Some(&map) {
+        // What is derived from the matrix may differ in the last bit where another machine baked it.
+        let has_map = entry.tree.reference().is_some_and(|reference| reference.linear == map.linear);
+        if entry.instances.len() == 1 && !has_map && changes_tree(&map, entry.tree.lights().len()) {
             entry.tree.set_reference(Some(map));
             self.rebuild_now(tree);
         }

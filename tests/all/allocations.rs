@@ -1,4 +1,4 @@
-//! A frame in which nothing grows allocates nothing.
+//! A frame in which nothing grows allocates nothing, and what a file claims allocates nothing.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -9,24 +9,26 @@ use girandole::{CandidateCount, Effects, FrameBudget, Light, LightTree, LightWor
 
 use crate::support::Rng;
 
-/// The system allocator with a count of the requests of each thread.
+/// The system allocator with counts of the requests of each thread and of their bytes.
 struct Counting;
 
 thread_local! {
     /// Constant and without a destructor, so that reading it allocates nothing.
     static REQUESTS: Cell<usize> = const { Cell::new(0) };
+    static BYTES: Cell<usize> = const { Cell::new(0) };
 }
 
-fn count_request() {
-    // A thread that is about to end has lost its counter.
+fn count_request(bytes: usize) {
+    // A thread that is about to end has lost its counters.
     let _ = REQUESTS.try_with(|requests| requests.set(requests.get() + 1));
+    let _ = BYTES.try_with(|sum| sum.set(sum.get() + bytes));
 }
 
 // SAFETY: every call is passed to the system allocator unchanged.
 #[allow(unsafe_code, reason = "an allocator cannot be written without it")]
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count_request();
+        count_request(layout.size());
         unsafe { System.alloc(layout) }
     }
 
@@ -35,12 +37,12 @@ unsafe impl GlobalAlloc for Counting {
     }
 
     unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        count_request();
+        count_request(layout.size());
         unsafe { System.alloc_zeroed(layout) }
     }
 
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count_request();
+        count_request(size);
         unsafe { System.realloc(pointer, layout, size) }
     }
 }
@@ -53,6 +55,13 @@ fn requests(work: impl FnOnce()) -> usize {
     let before = REQUESTS.get();
     work();
     REQUESTS.get() - before
+}
+
+/// Returns the number of bytes that this thread asks for during some work, freed ones included.
+fn requested_bytes(work: impl FnOnce()) -> usize {
+    let before = BYTES.get();
+    work();
+    BYTES.get() - before
 }
 
 /// Runs on a pool of one thread, so that all of the work is counted.
@@ -88,6 +97,61 @@ fn an_edit_and_a_refit_of_a_tree_ask_for_no_memory() {
                 }
             }
         }
+    });
+}
+
+#[test]
+fn a_tree_that_was_made_elsewhere_is_taken_in_without_a_copy_or_a_build() {
+    on_one_thread(|| {
+        let mut rng = Rng(74);
+        let made: Vec<_> = (0..3).map(|_| LightTree::new(rng.lights(20_000, 50.0)).expect("valid")).collect();
+        let addresses: Vec<_> = made.iter().map(|tree| (tree.nodes().as_ptr(), tree.lights().as_ptr())).collect();
+        let mut world = rng.world(2, 50, 3, 20.0);
+        world.update(FrameBudget::NONE);
+        let small = world.trees().next().expect("a tree");
+        let [first, second, third] = <[LightTree; 3]>::try_from(made).expect("three trees");
+        let mut keys = Vec::with_capacity(3);
+        // Lists of the world grow, whatever the size of the tree; a build asks for 10 MB.
+        let asked = requested_bytes(|| {
+            keys.push(world.insert_tree(first));
+            keys.push(world.insert_tree(second));
+        });
+        assert!(asked < 20_000, "{asked} bytes");
+        let asked = requested_bytes(|| drop(world.replace_tree(small, third).expect("it lives")));
+        assert!(asked < 10_000, "{asked} bytes");
+        keys.push(small);
+        for (key, address) in keys.into_iter().zip(addresses) {
+            let tree = world.tree(key).expect("it lives");
+            assert_eq!((tree.nodes().as_ptr(), tree.lights().as_ptr()), address);
+        }
+    });
+}
+
+#[test]
+fn a_load_asks_for_about_the_bytes_of_the_file_and_a_refusal_for_none() {
+    on_one_thread(|| {
+        let bytes = LightTree::new(Rng(75).lights(20_000, 50.0)).expect("valid").bake();
+        let asked = requested_bytes(|| drop(LightTree::from_baked(&bytes).expect("bytes that were just written")));
+        assert!(asked <= bytes.len() + 20_000, "{asked} bytes for a file of {}", bytes.len());
+        let put = |at: usize, word: u32| {
+            let mut bytes = bytes.clone();
+            bytes[at..at + 4].copy_from_slice(&word.to_le_bytes());
+            bytes
+        };
+        // The header claims up to 2^31 lights, 2^29 nodes or 2^32 sides.
+        let counts = [24, 28, 32]
+            .into_iter()
+            .flat_map(|at| [u32::MAX, (1 << 31) - 1, (1 << 29) - 1, 1 << 20].map(|n| put(at, n)));
+        let shorter = [0, 7, 20, 159, 160, bytes.len() / 2, bytes.len() - 1].map(|length| bytes[..length].to_vec());
+        let others = [put(0, 7), put(8, 0x0102_0304_u32.swap_bytes()), put(12, 2)];
+        for wrong in counts.chain(shorter).chain(others) {
+            let asked = requests(|| assert!(LightTree::from_baked(&wrong).is_err()));
+            assert_eq!(asked, 0);
+        }
+        // The checksum of the parts takes a list, and nothing is loaded.
+        let damaged = put(bytes.len() / 2, 0x5eed);
+        let asked = requested_bytes(|| assert!(LightTree::from_baked(&damaged).is_err()));
+        assert!(asked < 20_000, "{asked} bytes");
     });
 }
 

@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod allocations;
+mod bake;
 mod budget;
 mod budget_cases;
 mod budget_strategies;
@@ -50,6 +51,7 @@ mod solid_angle;
 mod support;
 mod torture;
 mod tree;
+mod trees_made_elsewhere;
 mod usage;
 mod variance;
 mod visibility;

@@ -7,7 +7,7 @@ use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::GpuLights;
 use girandole::{
     Attribute, DirectionalKey, DirectionalLight, Effects, FrameBudget, InstanceKey, Light, LightError, LightId,
-    LightWorld, Placement, PlacementError, Policy, ShadingPoint, SplitCount, TreeKey, WorldError,
+    LightTree, LightWorld, Placement, PlacementError, Policy, ShadingPoint, SplitCount, TreeKey, WorldError,
 };
 use proptest::prelude::*;
 use rayon::prelude::*;
@@ -68,6 +68,7 @@ fn a_refused_call_leaves_the_world_as_it_was() {
         world.add_tree(vec![lamp(0.0), bad_light]).err(),
         world.add_tree(vec![lamp(0.0).with_range(f32::NAN)]).err(),
         world.replace_lights(tree, vec![bad_light]).err(),
+        world.replace_tree(gone.0, LightTree::default()).err(),
         world.set_lights(tree, &[(0, lamp(0.0)), (1, bad_light)]).err(),
         world.set_lights(tree, &[(0, lamp(0.0)), (20, lamp(0.0))]).err(),
         world.set_lights(gone.0, &[]).err(),
@@ -94,12 +95,12 @@ fn a_refused_call_leaves_the_world_as_it_was() {
         assert!(!refusal.to_string().is_empty());
     }
     assert_eq!(fingerprint(&mut world), before);
-    assert!(matches!(refusals[6], Some(WorldError::Placement(PlacementError::NotFinite { .. }))));
+    assert!(matches!(refusals[7], Some(WorldError::Placement(PlacementError::NotFinite { .. }))));
     assert!(matches!(refusals[0], Some(WorldError::Light { index: 1, .. })));
-    assert!(matches!(refusals[18], Some(WorldError::Directional { source: LightError::NoDirection { .. } })));
-    assert!(matches!(refusals[20], Some(WorldError::NotFinite { value, .. }) if value.is_nan()));
-    assert!(matches!(refusals[21], Some(WorldError::NotFinite { value: f64::INFINITY, .. })));
-    assert!(matches!(refusals[22], Some(WorldError::Directional { source: LightError::NotUnitLength { .. } })));
+    assert!(matches!(refusals[19], Some(WorldError::Directional { source: LightError::NoDirection { .. } })));
+    assert!(matches!(refusals[21], Some(WorldError::NotFinite { value, .. }) if value.is_nan()));
+    assert!(matches!(refusals[22], Some(WorldError::NotFinite { value: f64::INFINITY, .. })));
+    assert!(matches!(refusals[23], Some(WorldError::Directional { source: LightError::NotUnitLength { .. } })));
 }
 
 #[test]

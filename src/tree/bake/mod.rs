@@ -1,0 +1,158 @@
+//! The baked format: a finished tree as bytes, which are loaded without a build.
+//!
+//! A file holds what a frozen tree holds, so its loading computes nothing. All numbers have the
+//! least significant byte first, on every machine.
+//!
+//! | bytes | content |
+//! |---:|---|
+//! | 8 | the mark of the format |
+//! | 4, 4 | the mark of the byte order, the version |
+//! | 4 | CRC-32 of all other bytes |
+//! | 140 | flags, numbers of records, attributes, the cluster of all lights, the reference |
+//! | 68 per side | the clusters of the sides |
+//! | 56 per light | the lights |
+//! | 208 per node | the nodes |
+//! | 4 per light | the places of the lights |
+//! | 12 per node | spans, numbers of lights, costs when built |
+//!
+//! Files are checked in this order, so that each fault has one name: what the file is, its version,
+//! its length, its checksum, its lights, its nodes. Nothing is allocated before the length is
+//! known to agree with the numbers of records.
+
+mod content;
+mod error;
+mod header;
+mod light_check;
+mod light_record;
+mod node_record;
+mod sound;
+#[cfg(test)]
+mod tests;
+mod words;
+
+pub use error::BakeError;
+
+use super::LightTree;
+use super::dirty::DirtyNodes;
+use super::tasks::RefitTasks;
+use crate::cluster::Linear;
+use header::{Counts, Header};
+use light_record::LIGHT_BYTES;
+use node_record::NODE_BYTES;
+
+/// Records that one thread reads in turn.
+#[cfg(feature = "parallel")]
+const RECORDS_PER_TASK: usize = 4096;
+
+impl LightTree {
+    /// The tree as bytes, for [`LightTree::from_baked`].
+    ///
+    /// About 100 bytes per light. Equal trees give equal bytes on every machine. The bytes hold the
+    /// tree as [`LightTree::freeze`] leaves it: if lights have changed since the last refit, a copy
+    /// of the tree is refitted first.
+    ///
+    /// O(lights).
+    pub fn bake(&self) -> Vec<u8> {
+        if self.dirty.len() > 0 {
+            let mut refitted = self.clone();
+            refitted.freeze();
+            return refitted.bake();
+        }
+        let Self { lights, leaves, nodes, spans, light_counts, built_costs, sides, .. } = self;
+        let counts = Counts { lights: lights.len(), nodes: nodes.len(), sides: sides.len() };
+        let header = Header {
+            counts,
+            rebuild_credit: self.rebuild_credit,
+            has_stale_sums: self.has_stale_sums,
+            attributes: self.attributes,
+            root: self.root,
+            reference: self.reference().map(|map| map.linear),
+        };
+        let mut bytes = Vec::with_capacity(counts.file_bytes() as usize);
+        header.write(&mut bytes);
+        sides.iter().for_each(|side| words::write(words::of_cluster(side), &mut bytes));
+        lights.iter().for_each(|light| words::write(light_record::encode(light), &mut bytes));
+        node_record::write(nodes, &mut bytes);
+        for numbers in [leaves, spans, light_counts] {
+            words::write(numbers.iter().copied(), &mut bytes);
+        }
+        words::write(built_costs.iter().map(|cost| cost.to_bits()), &mut bytes);
+        content::seal(&mut bytes);
+        bytes
+    }
+
+    /// Loads a tree that [`LightTree::bake`] has written, on this machine or another one.
+    ///
+    /// The tree is the one that was baked after [`LightTree::freeze`], bit for bit: its lights,
+    /// nodes, attributes and division into sides, the map that later builds divide for, and what
+    /// [`LightTree::rebuild_worst`] has saved. It is frozen, so its first edit allocates what refits
+    /// need, and the refit after it visits all nodes.
+    ///
+    /// Nothing is built or refitted. O(bytes): 1.5 times as long as a copy into new memory for a
+    /// million lights, on one thread (`docs/benchmarks.md`). The work is shared with rayon's threads; an engine that loads while
+    /// it draws calls this inside a thread pool of its own. Memory: that of the frozen tree, about
+    /// as much as the bytes.
+    ///
+    /// # Errors
+    /// [`BakeError`] for bytes of another format, byte order or version, for a truncated or damaged
+    /// file, and for one with a right checksum that is no sound tree. Whatever the bytes are, a
+    /// tree that is returned can be sampled, refitted and rebuilt, with true probabilities. It
+    /// takes memory in proportion to the bytes that were given, never to what they claim.
+    ///
+    /// That boxes and caps contain the lights below them follows from the checksum alone. Call
+    /// [`LightTree::check`] too for files that someone may have forged.
+    ///
+    /// ```
+    /// use girandole::{Light, LightTree, LightWorld, glam::Vec3};
+    /// let lamps = (0..100).map(|i| Light::point(Vec3::X * i as f32, Vec3::ONE)).collect();
+    /// let bytes = LightTree::new(lamps)?.bake();
+    /// // Later, on any thread.
+    /// let tree = LightTree::from_baked(&bytes)?;
+    /// // On the thread of the world.
+    /// let mut world = LightWorld::new();
+    /// let key = world.insert_tree(tree);
+    /// assert_eq!(world.tree(key).map(|tree| tree.lights().len()), Some(100));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn from_baked(bytes: &[u8]) -> Result<Self, BakeError> {
+        let (counts, sections) = Header::measure(bytes)?;
+        let effects = content::check(bytes, counts.place_of_lights())?;
+        let Header { rebuild_credit, has_stale_sums, attributes, root, reference, .. } = Header::read(bytes, counts)?;
+        let numbers = |section| words::read(section).collect();
+        let light = |bytes: &[u8]| light_record::decode_accepted(&light_record::read(bytes));
+        let cluster = |bytes| words::to_cluster(words::read_array(bytes));
+        let tree = Self {
+            lights: records(sections.lights, LIGHT_BYTES, light),
+            effects,
+            leaves: numbers(sections.leaves),
+            nodes: records(sections.nodes, NODE_BYTES, node_record::read),
+            wide: Vec::new(),
+            spans: numbers(sections.spans),
+            light_counts: numbers(sections.light_counts),
+            built_costs: words::read(sections.built_costs).map(f32::from_bits).collect(),
+            rebuild_credit,
+            attribute_sums: Vec::new(),
+            has_stale_sums,
+            dirty: DirtyNodes::default(),
+            tasks: RefitTasks::default(),
+            root,
+            sides: sections.sides.chunks_exact(words::CLUSTER_WORDS * words::WORD).map(cluster).collect(),
+            reference: reference.map(|matrix| Box::new(Linear::new(matrix))),
+            attributes,
+        };
+        match tree.loading_fault() {
+            Some(fault) => Err(BakeError::Tree(fault)),
+            None => Ok(tree),
+        }
+    }
+}
+
+/// Reads a section of records, in parallel.
+fn records<T: Send>(section: &[u8], bytes: usize, read: impl Fn(&[u8]) -> T + Send + Sync) -> Vec<T> {
+    #[cfg(feature = "parallel")]
+    if section.len() > RECORDS_PER_TASK * bytes {
+        use rayon::prelude::*;
+        return section.par_chunks_exact(bytes).with_min_len(RECORDS_PER_TASK).map(read).collect();
+    }
+    section.chunks_exact(bytes).map(read).collect()
+}

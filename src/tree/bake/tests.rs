@@ -1,0 +1,75 @@
+//! Baked trees come back bit for bit, and files that were damaged or forged are refused.
+
+mod corruptions;
+mod faults;
+mod forgeries;
+mod round_trips;
+
+use glam::{Mat3, Vec3};
+
+use crate::light::Light;
+use crate::placement::Placement;
+use crate::tree::LightTree;
+use crate::tree::testing::{Rng, State, state_of};
+
+/// A light of any shape, some of them dark, some with a range.
+fn any_light(rng: &mut Rng) -> Light {
+    let place = rng.position(30.0);
+    let emission = Vec3::splat(rng.between(-0.2, 5.0).max(0.0));
+    let (u, v) = (rng.position(0.5), rng.position(0.5));
+    let direction = rng.position(1.0).normalize_or(Vec3::X);
+    let light = match rng.below(7) {
+        0 => Light::point(place, emission),
+        1 => Light::spot(place, direction, 0.2, 0.9, emission),
+        2 => Light::rectangle(place, u, v, emission),
+        3 => Light::triangle([place, place + u, place + v], emission),
+        4 => Light::triangle([place, place + u, place + v], emission).two_sided(),
+        5 => Light::rectangle(place, u, v, emission).two_sided(),
+        _ => Light::sphere(place, rng.between(0.0, 0.5), emission),
+    };
+    if rng.below(5) == 0 { light.with_range(rng.between(1.0, 90.0)) } else { light }
+}
+
+fn any_lights(rng: &mut Rng, count: usize) -> Vec<Light> {
+    (0..count).map(|_| any_light(rng)).collect()
+}
+
+/// Trees of all kinds: of no light, of one node, divided into sides, deep, built for a stretched
+/// instance, edited and degraded, with stale attributes, with credit for rebuilds, frozen.
+fn trees() -> Vec<LightTree> {
+    let mut rng = Rng(11);
+    let mut trees: Vec<_> =
+        [0, 1, 8, 9, 70, 257, 3000].into_iter().map(|count| LightTree::build(any_lights(&mut rng, count))).collect();
+    assert!(trees.iter().any(|tree| !tree.sides().is_empty()) && trees.iter().any(|tree| tree.sides().is_empty()));
+    let squashed = Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, 1.0, 0.01)), ..Placement::IDENTITY };
+    let stretched = LightTree::new_for(any_lights(&mut rng, 300), squashed).expect("valid");
+    assert!(stretched.reference().is_some());
+    trees.push(stretched);
+    let mut edited = LightTree::build(any_lights(&mut rng, 900));
+    for refit in [LightTree::refit, LightTree::refit_without_attributes] {
+        let changes: Vec<_> = (0..900).step_by(3).map(|index| (index, any_light(&mut rng))).collect();
+        edited.apply(&changes);
+        refit(&mut edited);
+        trees.push(edited.clone());
+    }
+    edited.rebuild_worst(100);
+    edited.rebuild_worst(250);
+    trees.push(edited.clone());
+    edited.freeze();
+    trees.push(edited);
+    trees.push(LightTree::build((0..40).map(|i| Light::point(Vec3::X * i as f32, Vec3::ZERO)).collect()));
+    trees
+}
+
+/// The complete state of a tree.
+fn whole_state(tree: &LightTree) -> (State, Vec<super::light_record::Record>, String) {
+    let lights = tree.lights().iter().map(super::light_record::encode).collect();
+    (state_of(tree), lights, format!("{:?}", tree.reference()))
+}
+
+/// The tree as its bytes keep it.
+fn frozen(tree: &LightTree) -> LightTree {
+    let mut tree = tree.clone();
+    tree.freeze();
+    tree
+}

@@ -1,0 +1,216 @@
+//! Each kind of a wrong file is refused by an error that names what is wrong.
+
+use super::*;
+use crate::cluster::Cluster;
+use crate::tree::bake::content::seal;
+use crate::tree::bake::header::{CHECKSUM, HEADER_BYTES, VERSION};
+use crate::tree::bake::light_record::LIGHT_BYTES;
+use crate::tree::{BakeError, EMPTY_SLOT, LEAF, NO_PARENT, Node};
+
+fn tree() -> LightTree {
+    let lamp = |i: usize| Light::spot(Vec3::splat(i as f32), Vec3::Y, 0.1, 0.3, Vec3::ONE).with_range(9.0);
+    LightTree::build((0..300).map(lamp).collect())
+}
+
+/// The error for the bytes of a tree after a change.
+fn refusal(change: impl FnOnce(&mut Vec<u8>)) -> BakeError {
+    let mut bytes = tree().bake();
+    change(&mut bytes);
+    LightTree::from_baked(&bytes).expect_err("a wrong file")
+}
+
+/// The error for bytes that were changed by someone who knows how to seal them.
+fn forged(change: impl FnOnce(&mut Vec<u8>)) -> BakeError {
+    refusal(|bytes| {
+        change(bytes);
+        seal(bytes);
+    })
+}
+
+/// The error for a tree that was broken before it was baked.
+fn broken(break_it: impl FnOnce(&mut LightTree)) -> String {
+    let mut tree = tree();
+    break_it(&mut tree);
+    let error = LightTree::from_baked(&tree.bake()).expect_err("the tree is broken");
+    error.to_string()
+}
+
+fn put(bytes: &mut [u8], at: usize, word: u32) {
+    bytes[at..at + 4].copy_from_slice(&word.to_le_bytes());
+}
+
+#[test]
+fn a_file_of_another_format_or_byte_order_is_refused() {
+    for bytes in [&b"glTF"[..], b"\x89PNG\r\n\x1a\n and more than a header", &[0; 500]] {
+        assert_eq!(LightTree::from_baked(bytes).err(), Some(BakeError::NotBaked));
+    }
+    assert_eq!(refusal(|bytes| bytes[3] ^= 32), BakeError::NotBaked);
+    assert_eq!(refusal(|bytes| put(bytes, 8, 7)), BakeError::NotBaked);
+    // All numbers reversed, with the mark and without it.
+    assert_eq!(refusal(|bytes| bytes[8..].chunks_mut(4).for_each(<[u8]>::reverse)), BakeError::ByteOrder);
+    assert_eq!(refusal(|bytes| bytes.chunks_mut(4).for_each(<[u8]>::reverse)), BakeError::ByteOrder);
+}
+
+#[test]
+fn a_file_of_a_newer_version_is_refused_whatever_follows() {
+    for given in [0, VERSION + 1, u32::MAX] {
+        let expected = BakeError::Version { given, supported: VERSION };
+        assert_eq!(forged(|bytes| put(bytes, 12, given)), expected);
+        assert_eq!(refusal(|bytes| put(bytes, 12, given)), expected);
+        let shorter = refusal(|bytes| {
+            put(bytes, 12, given);
+            bytes.truncate(16);
+        });
+        assert_eq!(shorter, expected);
+    }
+}
+
+#[test]
+fn a_file_of_the_wrong_length_is_refused_with_both_lengths() {
+    let whole = tree().bake();
+    let length = whole.len() as u64;
+    let lengths = (0..HEADER_BYTES + 8).chain((0..whole.len()).step_by(611)).chain(whole.len() - 5..whole.len());
+    for given in lengths {
+        let expected = if given < HEADER_BYTES { HEADER_BYTES as u64 } else { length };
+        let error = LightTree::from_baked(&whole[..given]).err();
+        assert_eq!(error, Some(BakeError::Length { given: given as u64, expected }));
+    }
+    assert_eq!(refusal(|bytes| bytes.push(0)), BakeError::Length { given: length + 1, expected: length });
+}
+
+#[test]
+fn numbers_of_records_that_do_not_fit_the_file_are_refused_before_anything_is_read() {
+    let limit = |what, limit| BakeError::TooMany { what, given: u32::MAX, limit };
+    assert_eq!(forged(|bytes| put(bytes, 24, u32::MAX)), limit("lights", (1 << 31) - 1));
+    assert_eq!(forged(|bytes| put(bytes, 28, u32::MAX)), limit("nodes", (1 << 29) - 1));
+    assert_eq!(forged(|bytes| put(bytes, 32, u32::MAX)), limit("sides", 8));
+    assert_eq!(forged(|bytes| put(bytes, 36, u32::MAX)), limit("lights of credit", 300));
+    for (at, most) in [(24, (1 << 31) - 1), (28, (1 << 29) - 1)] {
+        assert!(
+            matches!(forged(|bytes| put(bytes, at, most)), BakeError::Length { expected, .. } if expected > 1 << 36)
+        );
+    }
+}
+
+#[test]
+fn any_flipped_bit_is_found() {
+    let bytes = LightTree::build(any_lights(&mut Rng(21), 20)).bake();
+    for bit in 0..8 * bytes.len() {
+        let mut flipped = bytes.clone();
+        flipped[bit / 8] ^= 1 << (bit % 8);
+        let error = LightTree::from_baked(&flipped).expect_err("a bit was flipped");
+        let in_records = bit / 8 >= HEADER_BYTES || CHECKSUM.contains(&(bit / 8));
+        assert!(!in_records || matches!(error, BakeError::Checksum { .. }), "bit {bit}: {error}");
+    }
+}
+
+#[test]
+fn values_that_are_never_written_are_refused_although_the_checksum_is_right() {
+    let record = |what, index| BakeError::Record { what, index };
+    assert_eq!(forged(|bytes| put(bytes, 20, 4)), record("the header: a flag", 0));
+    assert_eq!(forged(|bytes| put(bytes, 40, f32::NAN.to_bits())), record("the header: an attribute", 0));
+    assert_eq!(forged(|bytes| put(bytes, 128, 1)), record("the header: the reference", 0));
+    for (entry, value) in [(0, f32::NAN), (4, f32::INFINITY), (8, 2.0e9), (0, 0.0)] {
+        let wrong = |bytes: &mut Vec<u8>| {
+            put(bytes, 20, 2);
+            (0..9).for_each(|i| put(bytes, 124 + 4 * i, if i % 4 == 0 { 1.0_f32 } else { 0.0 }.to_bits()));
+            put(bytes, 124 + 4 * entry, value.to_bits());
+        };
+        assert_eq!(forged(wrong), record("the header: the reference", 0), "{entry} {value}");
+    }
+    // The third light: an unknown kind, and a coordinate that is not finite.
+    let third = HEADER_BYTES + 2 * LIGHT_BYTES;
+    assert_eq!(forged(|bytes| put(bytes, third, 99)), record("a light: a field", 2));
+    let error = forged(|bytes| {
+        put(bytes, third + 4, f32::INFINITY.to_bits());
+        put(bytes, third + 2 * LIGHT_BYTES, 99);
+    });
+    assert_eq!(error.to_string(), "light 2: position is inf, not a finite number");
+    assert_eq!(error.code(), 100);
+}
+
+#[test]
+fn each_broken_link_between_nodes_is_named_with_its_place() {
+    let first_child = tree().nodes[0].targets[0];
+    assert_eq!(first_child, 1);
+    assert!(broken(|tree| tree.nodes[0].parent = 8).starts_with("node 0, slot 0: the node is not a child"));
+    assert!(broken(|tree| tree.nodes[1].parent = NO_PARENT).starts_with("node 0, slot 0: the child's link"));
+    assert!(broken(|tree| tree.nodes[1].parent ^= 1).contains("slot 0: the child's link to its parent"));
+    let swap = |tree: &mut LightTree| {
+        let [first, second, ..] = tree.nodes[0].targets.map(|target| target as usize);
+        tree.nodes[0].targets.swap(0, 1);
+        tree.nodes[0].flux.swap(0, 1);
+        (tree.nodes[first].parent, tree.nodes[second].parent) = (1, 0);
+    };
+    assert!(broken(swap).contains("slot 1: the child does not lie behind its siblings"));
+    assert!(broken(|tree| tree.nodes[0].targets[0] = u32::MAX / 2).contains("the child does not lie behind"));
+    assert!(broken(|tree| tree.nodes[0].targets[0] = 0).contains("the child does not lie behind"));
+    assert!(broken(|tree| tree.nodes[0].targets[1] = EMPTY_SLOT).contains("slot 1: the slot is in use"));
+    assert!(broken(|tree| tree.nodes[0].targets[1] = LEAF | 300).contains("slot 1: the tree has no such light"));
+    assert!(broken(|tree| tree.leaves.swap(3, 4)).contains("the light names another leaf"));
+    assert!(broken(|tree| tree.leaves[299] = u32::MAX).contains("the light names another leaf"));
+    assert!(broken(|tree| tree.nodes[0].steps = 0).contains("the number of children is outside 1 to 8"));
+    assert!(broken(|tree| tree.nodes[0].steps |= 9 << 24).contains("the number of children is outside"));
+    assert!(broken(|tree| tree.spans[1] = 0).contains("the child does not lie behind its siblings"));
+    assert!(broken(|tree| tree.spans[1] += 1).contains("the child does not lie behind its siblings"));
+    assert!(broken(|tree| tree.spans[1] = u32::MAX).contains("the child's subtree reaches beyond the node's"));
+    assert!(broken(|tree| tree.spans[0] -= 1).contains("the child's subtree reaches beyond the node's"));
+    assert!(broken(|tree| tree.light_counts[1] += 1).contains("the number of lights is not the sum"));
+    assert!(broken(|tree| tree.built_costs[2] = f32::NAN).contains("node 2, slot 0: the cost of the subtree"));
+    let spare = tree().spans.iter().position(|span| *span == 0).expect("a spare node");
+    let message = broken(|tree| tree.nodes[spare].parent = 0);
+    assert_eq!(message, format!("node {spare}, slot 0: the spare node is not empty"));
+    let orphan = broken(|tree| tree.spans[spare] = 1);
+    assert!(orphan.starts_with(&format!("node {spare}, slot 0: the node is not a child of the node")), "{orphan}");
+}
+
+#[test]
+fn each_number_that_builds_do_not_make_is_named_with_its_place() {
+    assert!(broken(|tree| tree.nodes[0].origin[1] = f32::NAN).contains("the boxes are not within the range"));
+    assert!(broken(|tree| tree.nodes[0].origin[1] = 1.0e30).contains("the boxes are not within the range"));
+    assert!(broken(|tree| tree.nodes[1].steps |= 0xff00).starts_with("node 1, slot 0: the boxes are not within"));
+    let inverted = |tree: &mut LightTree| (tree.nodes[0].low[2][0], tree.nodes[0].high[2][0]) = (2, 1);
+    assert!(broken(inverted).contains("the least corner of a box is beyond the greatest"));
+    assert!(broken(|tree| tree.nodes[0].flux[0] = 0x7fc0).contains("a flux is outside its limits"));
+    assert!(broken(|tree| tree.nodes[0].flux[0] |= 0x8000).contains("a flux is outside its limits"));
+    assert!(broken(|tree| tree.nodes[0].flux[2] += 4).contains("slot 2: the flux is not the sum"));
+    assert!(broken(|tree| tree.nodes[0].flux[2] = 0).contains("slot 2: the flux is not the sum"));
+    assert!(broken(|tree| tree.nodes[0].range[2] = 0).contains("a range is outside its limits"));
+    assert!(broken(|tree| tree.nodes[0].range[2] = 0x7fc0).contains("a range is outside its limits"));
+    let root = |change: fn(&mut Cluster)| broken(|tree| change(&mut tree.root));
+    assert!(root(|root| root.flux *= 2.0).contains("the flux of a cluster is not that of its children"));
+    assert!(root(|root| root.flux = f32::NAN).contains("the flux of a cluster is not that of its children"));
+    assert!(root(|root| root.mean.x = f32::NAN).contains("a number of a cluster is outside its limits"));
+    assert!(root(|root| root.variance = -1.0).contains("a number of a cluster is outside its limits"));
+    assert!(root(|root| root.axis.y = 2.0).contains("a number of a cluster is outside its limits"));
+    assert!(root(|root| root.cos_half_angle = f32::NAN).contains("a number of a cluster is outside its limits"));
+    assert!(root(|root| root.range = 0.0).contains("the box or the range of a cluster"));
+    assert!(root(|root| root.aabb.min.x = 1.0e6).contains("the box or the range of a cluster"));
+    assert!(broken(|tree| tree.sides = vec![tree.root]).ends_with("the sides are not the children of the root"));
+}
+
+#[test]
+fn a_side_that_does_not_lie_in_its_node_is_refused() {
+    let mut tree = LightTree::build(
+        (0..6).map(|i| Light::spot(Vec3::X * i as f32, [Vec3::X, Vec3::NEG_X][i % 2], 0.1, 0.3, Vec3::ONE)).collect(),
+    );
+    assert_eq!(tree.sides.len(), 2);
+    tree.sides[1].aabb.max.x += 50.0;
+    let error = LightTree::from_baked(&tree.bake()).expect_err("the side is too large");
+    assert!(error.to_string().ends_with("a side is not inside its node"), "{error}");
+}
+
+#[test]
+fn an_empty_tree_has_no_nodes_and_no_lights() {
+    let bytes = LightTree::build(Vec::new()).bake();
+    assert_eq!(bytes.len(), HEADER_BYTES);
+    let mut tree = LightTree::build(Vec::new());
+    tree.sides.push(Cluster::EMPTY);
+    let error = LightTree::from_baked(&tree.bake()).expect_err("a side of nothing");
+    assert!(error.to_string().ends_with("there are lights or sides without a node"), "{error}");
+    let mut tree = LightTree::build(Vec::new());
+    (tree.nodes, tree.spans) = (vec![Node::EMPTY], vec![0]);
+    (tree.light_counts, tree.built_costs) = (vec![0], vec![0.0]);
+    let error = LightTree::from_baked(&tree.bake()).expect_err("a root that is spare");
+    assert!(error.to_string().ends_with("the root's subtree is not the whole tree"), "{error}");
+}

@@ -1,0 +1,109 @@
+//! Files with wrong contents and a right checksum, at random: a tree that loads can be sampled,
+//! refitted and rebuilt, and its probabilities are true.
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::policy::Policy;
+use crate::shading_point::ShadingPoint;
+use crate::tree::bake::content::seal;
+use crate::tree::bake::header::HEADER_BYTES;
+use crate::tree::testing::Rng;
+use crate::world::LightWorld;
+
+/// A pick multiplies probabilities on the way down and a pmf on the way up, so both round
+/// differently.
+const PMF_TOLERANCE: f32 = 1.0e-5;
+
+/// Samples the tree in a world, and uses it in all other ways.
+fn use_tree(tree: LightTree, rng: &mut Rng) -> Result<(), TestCaseError> {
+    let mut world = LightWorld::new();
+    let key = world.insert_tree(tree.clone());
+    world.add_instance(key, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+    let sampler = world.sampler();
+    for _ in 0..8 {
+        let at = ShadingPoint::surface(rng.position(40.0), rng.position(1.0).normalize_or(Vec3::Y));
+        let pmfs: Vec<f32> = sampler.all_lights().map(|light| sampler.pmf(&at, light)).collect();
+        prop_assert!(pmfs.iter().all(|pmf| (0.0..=1.0 + PMF_TOLERANCE).contains(pmf)), "{pmfs:?}");
+        let sum: f32 = pmfs.iter().sum();
+        prop_assert!(sum <= 1.0 + 1.0e-4, "the probabilities of all lights sum to {sum}");
+        for _ in 0..8 {
+            if let Some(pick) = sampler.pick(&at, [rng.unit(), rng.unit()]) {
+                let pmf = sampler.pmf(&at, pick.light);
+                prop_assert!(pick.pmf > 0.0 && (pick.pmf - pmf).abs() <= PMF_TOLERANCE * pmf, "{} {pmf}", pick.pmf);
+            }
+        }
+    }
+    let mut tree = tree;
+    if !tree.lights().is_empty() {
+        let changes: Vec<_> = (0..tree.lights().len() as u32).step_by(3).map(|i| (i, any_light(rng))).collect();
+        tree.apply(&changes);
+        tree.refit();
+        // The first refit makes all nodes anew, so nothing of the file is left but its shape.
+        prop_assert!(tree.check().is_ok(), "{:?}", tree.check());
+        tree.rebuild_worst(tree.lights().len());
+        prop_assert!(tree.check().is_ok(), "{:?}", tree.check());
+    }
+    tree.rebuild();
+    prop_assert!(tree.check().is_ok());
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 600, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_forged_file_is_refused_or_holds_a_tree_that_can_be_used(
+        seed in any::<u64>(),
+        count in 0_usize..120,
+        // Bytes of nodes and numbers more often than those of lights, which are most.
+        changes in proptest::collection::vec((any::<usize>(), any::<bool>(), any::<u8>(), 0_u8..4), 1..4),
+    ) {
+        let mut rng = Rng(seed);
+        let mut bytes = LightTree::build(any_lights(&mut rng, count)).bake();
+        let after_lights = HEADER_BYTES + count * 56;
+        for (at, is_anywhere, value, kind) in changes {
+            let start = if is_anywhere || after_lights >= bytes.len() { 20 } else { after_lights };
+            let at = start + at % (bytes.len() - start);
+            match kind {
+                0 => bytes[at] = value,
+                1 => bytes[at] ^= 1 << (value % 8),
+                2 => bytes[at] = bytes[at].wrapping_add(1),
+                _ => bytes[at] = [0, 255, 127, 128][usize::from(value) % 4],
+            }
+        }
+        seal(&mut bytes);
+        if let Ok(tree) = LightTree::from_baked(&bytes) {
+            prop_assert_eq!(tree.bake(), bytes);
+            use_tree(tree, &mut rng)?;
+        }
+    }
+
+    /// Nodes and their lists, changed as numbers.
+    #[test]
+    fn a_tree_with_forged_links_is_refused_or_can_be_used(
+        seed in any::<u64>(),
+        count in 9_usize..200,
+        changes in proptest::collection::vec((0_u8..7, any::<usize>(), any::<usize>()), 1..4),
+    ) {
+        let mut rng = Rng(seed);
+        let mut tree = LightTree::build(any_lights(&mut rng, count));
+        tree.freeze();
+        let nodes = tree.nodes.len();
+        for (kind, a, b) in changes {
+            let (node, slot) = (a % nodes, a / nodes % 8);
+            match kind {
+                0 => tree.nodes[node].targets[slot] = (b % nodes) as u32,
+                1 => tree.nodes[node].targets[slot] = crate::tree::LEAF | (b % count) as u32,
+                2 => tree.nodes[node].parent = (b % (8 * nodes)) as u32,
+                3 => tree.leaves.swap(a % count, b % count),
+                4 => tree.spans[node] = (b % (nodes + 1)) as u32,
+                5 => tree.nodes.swap(node, b % nodes),
+                _ => tree.light_counts[node] = (b % count) as u32,
+            }
+        }
+        if let Ok(tree) = LightTree::from_baked(&tree.bake()) {
+            use_tree(tree, &mut rng)?;
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! A loaded tree is the baked one, now and after later edits.
+
+use super::*;
+use crate::tree::bake::header::HEADER_BYTES;
+use crate::tree::bake::light_record::LIGHT_BYTES;
+use crate::tree::bake::node_record::NODE_BYTES;
+
+fn loaded(tree: &LightTree) -> LightTree {
+    LightTree::from_baked(&tree.bake()).expect("bytes that were just written")
+}
+
+#[test]
+fn a_loaded_tree_is_the_frozen_tree_bit_for_bit_and_bakes_to_the_same_bytes() {
+    for tree in trees() {
+        let bytes = tree.bake();
+        let loaded = LightTree::from_baked(&bytes).expect("bytes that were just written");
+        loaded.check().expect("the loaded tree is sound");
+        assert!(whole_state(&loaded) == whole_state(&frozen(&tree)), "{tree:?}");
+        assert_eq!(loaded.bake(), bytes);
+        assert_eq!(loaded.memory_bytes(), frozen(&tree).memory_bytes());
+        let records = LIGHT_BYTES * tree.lights().len() + NODE_BYTES * tree.nodes().len();
+        let numbers = 4 * tree.lights().len() + 12 * tree.nodes().len();
+        assert_eq!(bytes.len(), HEADER_BYTES + 68 * tree.sides().len() + records + numbers);
+    }
+}
+
+#[test]
+fn a_tree_whose_last_edits_wait_for_a_refit_is_baked_as_if_they_did_not() {
+    let mut rng = Rng(12);
+    for mut tree in trees().into_iter().filter(|tree| !tree.lights().is_empty()) {
+        tree.apply(&[(0, any_light(&mut rng))]);
+        let before = whole_state(&tree);
+        let loaded = loaded(&tree);
+        assert!(whole_state(&tree) == before, "the baked tree has not changed");
+        loaded.check().expect("the loaded tree is sound");
+        assert!(whole_state(&loaded) == whole_state(&frozen(&tree)));
+    }
+}
+
+#[test]
+fn a_loaded_tree_goes_on_as_the_baked_one() {
+    type Step = fn(&mut LightTree, &mut Rng);
+    let edit: Step = |tree, rng| {
+        let changes: Vec<_> = (0..tree.lights().len() as u32).step_by(5).map(|i| (i, any_light(rng))).collect();
+        tree.apply(&changes);
+    };
+    let next: [Step; 6] = [
+        |tree, _| tree.refit(),
+        |tree, _| tree.refit_without_attributes(),
+        |tree, _| _ = tree.rebuild_worst(tree.lights().len() / 2),
+        |tree, _| tree.rebuild(),
+        |tree, _| tree.freeze(),
+        |tree, _| *tree = LightTree::from_baked(&tree.bake()).expect("bytes that were just written"),
+    ];
+    for (number, tree) in trees().into_iter().enumerate() {
+        for first in 0..next.len() {
+            let [mut kept, mut loaded] = [tree.clone(), loaded(&tree)];
+            for tree in [&mut kept, &mut loaded] {
+                let mut rng = Rng(first as u64);
+                for round in 0..3 {
+                    edit(tree, &mut rng);
+                    next[(first + round * round) % next.len()](tree, &mut rng);
+                }
+                // Both are equal once the attributes are up to date and neither is frozen.
+                edit(tree, &mut rng);
+                tree.refit();
+                tree.check().expect("the tree is sound");
+            }
+            assert!(whole_state(&kept) == whole_state(&loaded), "tree {number}, first step {first}");
+        }
+    }
+}
+
+#[test]
+fn a_tree_does_not_depend_on_the_number_of_threads_that_load_it() {
+    let bytes = LightTree::build(any_lights(&mut Rng(13), 40_000)).bake();
+    let load = || LightTree::from_baked(&bytes).expect("bytes that were just written");
+    let [one, four] = [1, 4].map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+        pool.install(load)
+    });
+    assert!(whole_state(&one) == whole_state(&four));
+    assert_eq!(one.bake(), bytes);
+}
+
+#[test]
+fn a_tree_that_was_baked_by_the_first_version_still_loads() {
+    // `write_the_file_of_this_version` wrote the file when the format was made. Nothing that is
+    // compared here depends on the machine's mathematical library.
+    let bytes = include_bytes!("../../../../tests/data/version_1.tree");
+    let tree = LightTree::from_baked(bytes).expect("a file of version 1");
+    let lights = any_lights(&mut Rng(14), 60);
+    assert_eq!(tree.lights(), lights);
+    assert!(!tree.sides().is_empty() && tree.nodes().len() > 8 && tree.reference().is_some());
+    assert_eq!(tree.bake(), bytes);
+    let mut edited = tree.clone();
+    edited.apply(&[(3, lights[4])]);
+    edited.refit();
+    edited.check().expect("the tree is sound");
+}
+
+#[test]
+#[ignore = "writes the file of the test above, once for each version"]
+fn write_the_file_of_this_version() {
+    let squashed = Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, 1.0, 0.01)), ..Placement::IDENTITY };
+    let tree = LightTree::new_for(any_lights(&mut Rng(14), 60), squashed).expect("valid");
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/version_1.tree");
+    std::fs::write(path, tree.bake()).expect("the folder of test data can be written");
+}
