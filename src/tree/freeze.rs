@@ -52,12 +52,14 @@ impl LightTree {
             + self.tasks.memory_bytes()
     }
 
-    /// Allocates the dropped data and computes them again. The nodes keep their bits.
+    /// Allocates the dropped data and computes them again. The nodes keep their bits, unless the
+    /// tree was baked on a machine whose sines and cosines round differently.
     pub(super) fn thaw(&mut self) {
         if !self.is_frozen() {
             return;
         }
         let count = self.nodes.len();
+        let former = self.nodes.clone();
         self.wide = vec![WideCluster::EMPTY; count];
         for (light, place) in self.lights.iter().zip(&self.leaves) {
             let place = *place as usize;
@@ -69,6 +71,9 @@ impl LightTree {
         self.mark_all();
         self.refit_all::<true>();
         self.refitted = RefittedNodes::empty(count);
+        if self.nodes != former {
+            self.refitted.add_all();
+        }
     }
 
     /// A copy that is not frozen, with nodes made from its lights.

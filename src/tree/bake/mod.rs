@@ -34,6 +34,7 @@ pub use error::BakeError;
 
 use super::LightTree;
 use super::dirty::DirtyNodes;
+use super::refitted::RefittedNodes;
 use super::tasks::RefitTasks;
 use crate::cluster::Linear;
 use header::{Counts, Header};
@@ -134,6 +135,7 @@ impl LightTree {
             attribute_sums: Vec::new(),
             has_stale_sums,
             dirty: DirtyNodes::default(),
+            refitted: RefittedNodes::default(),
             tasks: RefitTasks::default(),
             root,
             sides: sections.sides.chunks_exact(words::CLUSTER_WORDS * words::WORD).map(cluster).collect(),
