@@ -151,6 +151,15 @@ fn light_light_base(slot: u32) -> u32 {
     return light_instances[slot * light_params.instance_stride + LIGHT_INSTANCE_TREE].w;
 }
 
+// Returns the 32 bits that the engine has given to an instance; 0 for LIGHT_DIRECTIONAL and for a
+// slot without a shown instance. Twin of `LightWorld::user_data`.
+fn light_user_data(instance: u32) -> u32 {
+    if instance >= light_params.slots {
+        return 0u;
+    }
+    return light_instances[instance * light_params.instance_stride + LIGHT_INSTANCE_PART].w;
+}
+
 // The part that a leaf of the top level is; `bits` are its target.
 fn light_part(bits: u32) -> LightPart {
     if (bits & LIGHT_PART) == 0u {

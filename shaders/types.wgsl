@@ -70,7 +70,8 @@ struct LightInstance {
     // Cosine and sine of the angle by which the placement may turn one direction against another.
     cos_turn: f32,
     sin_turn: f32,
-    padding: u32,
+    // The engine's own 32 bits.
+    user_data: u32,
     // #if NON_RIGID
     // The rows of the inverse; the fourth column is the determinant, the range scale and the mean
     // squared scale of `to_world`.

@@ -77,7 +77,7 @@ fn light_climb(
     cut: ptr<function, LightCut>, shading_point: LightShadingPoint, slot_of_instance: u32, light: u32,
 ) -> f32 {
     var instance = slot_of_instance;
-    // A slot without an instance, or with one that is hidden by a scale of zero.
+    // A slot without an instance, or with one that is not shown.
     let flags = light_instance(instance).flags;
     if (flags & LIGHT_LIVE) == 0u {
         return 0.0;

@@ -145,6 +145,7 @@ pub mod bounds;
 pub mod cone;
 pub mod cluster;
 pub mod light;
+mod appearance;
 pub mod tree;
 pub mod policy;
 pub mod scheduler;

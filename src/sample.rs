@@ -64,6 +64,9 @@ pub struct LightSample {
     pub pmf: f32,
     /// The light that arrives from the point, and the density of the point's direction.
     pub incident: Incident,
+    /// The user data of the light's instance ([`LightWorld::set_user_data`]); 0 for a directional
+    /// light.
+    pub user_data: u32,
 }
 
 /// Chooses lights of a [`LightWorld`] on the CPU, in proportion to the light that each of them
@@ -224,7 +227,11 @@ impl<'a> LightSampler<'a> {
     ) -> Option<LightSample> {
         let LightPick { light, pmf } = pick;
         let incident = self.sample_light(shading_point, light, u)?;
-        Some(LightSample { light, pmf, incident })
+        let user_data = match light {
+            LightId::Local { instance, .. } => self.world.user_data(instance).unwrap_or(0),
+            LightId::Directional(_) => 0,
+        };
+        Some(LightSample { light, pmf, incident, user_data })
     }
 
     /// Returns the same sampler with another number of splits; [`LightWorld::sampler`] has
@@ -345,7 +352,7 @@ impl<'a> LightSampler<'a> {
             LightId::Local { instance, light } => {
                 let placed = self.world.instance(instance)?;
                 let light = self.world.tree(placed.tree)?.lights().get(light as usize)?;
-                Stretch::of(light, &placed.placed.as_ref()?.frame, shading_point, segment)
+                Stretch::of(light, &placed.shown()?.frame, shading_point, segment)
             }
         }
     }
@@ -368,7 +375,7 @@ impl<'a> LightSampler<'a> {
                 let placed = self.world.instance(instance)?;
                 let light = self.world.tree(placed.tree)?.lights().get(light as usize)?;
                 let by_solid_angle = self.world.solid_angle_sampling();
-                sample_light(light, &placed.placed.as_ref()?.frame, shading_point, by_solid_angle, u)
+                sample_light(light, &placed.shown()?.frame, shading_point, by_solid_angle, u)
             }
         }
     }
@@ -430,7 +437,7 @@ impl<'a> LightSampler<'a> {
     /// The linear part of the map from the space of a tree to the world.
     pub(crate) fn world_of(&self, tree: &TreeView<'_>) -> Mat3 {
         let instance = self.world.instance_at(tree.instance).and_then(|key| self.world.instance(key));
-        instance.and_then(|instance| instance.placed.as_ref()).map_or(Mat3::IDENTITY, |placed| placed.frame.to_world)
+        instance.and_then(|instance| instance.shown()).map_or(Mat3::IDENTITY, |placed| placed.frame.to_world)
     }
 
     /// The top level.
@@ -478,7 +485,7 @@ impl<'a> LightSampler<'a> {
     ) -> Option<(&'a LightTree, TreeView<'a>)> {
         let instance = self.world.instance(key)?;
         let tree = self.world.tree(instance.tree)?;
-        let local = instance.placed.as_ref()?.local_shading_point(shading_point);
+        let local = instance.shown()?.local_shading_point(shading_point);
         Some((tree, TreeView { nodes: tree.nodes(), local, instance: slot_of(key) }))
     }
 }

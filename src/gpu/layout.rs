@@ -76,7 +76,8 @@ pub(crate) struct InstanceRecord {
     /// Cosine and sine of [`Linear::turn`](crate::cluster::Linear::turn).
     pub cos_turn: f32,
     pub sin_turn: f32,
-    pub padding: u32,
+    /// The engine's own 32 bits.
+    pub user_data: u32,
     /// The rows of the inverse; the fourth column is the determinant, the range scale and the mean
     /// squared scale of `to_world`.
     pub to_local: [[f32; 4]; 3],
@@ -255,7 +256,7 @@ impl Default for Bases {
 }
 
 impl InstanceRecord {
-    /// A slot without an instance, or with one that is hidden by a scale of zero.
+    /// A slot without an instance, or with one that is not shown.
     pub const NONE: Self = Self {
         to_world: [[0.0; 4]; 3],
         flags: 0,
@@ -265,7 +266,7 @@ impl InstanceRecord {
         first_part: 0,
         cos_turn: 0.0,
         sin_turn: 0.0,
-        padding: 0,
+        user_data: 0,
         to_local: [[0.0, 0.0, 0.0, 1.0]; 3],
     };
 
@@ -422,7 +423,7 @@ mod tests {
             structs,
             InstanceRecord,
             "LightInstance",
-            [to_world, flags, tree, node_base, light_base, first_part, cos_turn, sin_turn, padding, to_local]
+            [to_world, flags, tree, node_base, light_base, first_part, cos_turn, sin_turn, user_data, to_local]
         );
         record!(
             structs,

@@ -46,6 +46,8 @@ use crate::effects::Effects;
 /// // The probability of a light, and the density of a point on it.
 /// fn light_pmf(shading_point: LightShadingPoint, instance: u32, light: u32) -> f32
 /// fn light_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, point: vec3<f32>) -> f32
+/// // The 32 bits that the engine has given to an instance: see `LightWorld::set_user_data`.
+/// fn light_user_data(instance: u32) -> u32
 /// // With Effects::SEGMENTS only: where on its segment the last sample was taken, in metres from the
 /// // start; after light_resample, the one that was kept.
 /// var<private> light_along: f32;

@@ -86,6 +86,7 @@ impl GpuLights {
         changes: &mut PendingChanges,
         effects: Effects,
     ) -> Result<UploadReport, GpuError> {
+        let former = (self.top.generation(), self.params.strides, self.is_dark);
         let mut bytes = self.set_layout(effects)?;
         let Reserved { placed, parts, usage } = self.reserve(world, changes)?;
 
@@ -97,7 +98,8 @@ impl GpuLights {
         for slot in &changes.trees {
             bytes += self.write_tree(*slot, world);
         }
-        bytes += self.write_instances(&changes.instances, world);
+        let records = changes.records();
+        bytes += self.write_instances(&records, world);
         if changes.directionals {
             let records: Vec<_> = world.directionals().map(|(_, light)| LightRecord::directional(light)).collect();
             bytes += self.lights.write(self.directionals.start, &records);
@@ -108,9 +110,11 @@ impl GpuLights {
         bytes += self.follow_origin(world.origin());
         self.is_dark = false;
         bytes += self.refresh(self.params_of(world, effects));
-        self.top_status.invalidate();
+        if changes.concern_lights() || former != (self.top.generation(), self.params.strides, self.is_dark) {
+            self.top_status.invalidate();
+        }
         self.effects = effects;
-        Ok(UploadReport { bytes, trees: changes.trees.len(), instances: changes.instances.len() })
+        Ok(UploadReport { bytes, trees: changes.trees.len(), instances: records.len() })
     }
 
     /// Brings the pools into the layout that stores a world with these effects, or leaves all of
@@ -279,8 +283,7 @@ impl GpuLights {
         let Some(instance) = world.instance_at(slot).and_then(|key| world.instance(key)) else {
             return InstanceRecord::NONE;
         };
-        // Hidden by a scale of zero.
-        let Some(placed) = &instance.placed else { return InstanceRecord::NONE };
+        let Some(placed) = instance.shown() else { return InstanceRecord::NONE };
         let ranges = &self.tree_ranges[slot_of(instance.tree) as usize];
         let parts = self.parts.range(slot);
         let bases = Bases {
@@ -290,7 +293,7 @@ impl GpuLights {
             part: parts.start,
             division: ranges.division,
         };
-        InstanceRecord::of(placed, bases)
+        InstanceRecord { user_data: instance.appearance.user_data, ..InstanceRecord::of(placed, bases) }
     }
 
     fn params_of(&self, world: &LightWorld, effects: Effects) -> ParamsRecord {

@@ -50,7 +50,7 @@ impl LightWorld {
     /// A cluster of an instance's tree in the world. Empty if it is dark or if the instance is
     /// hidden.
     fn cluster_of(&self, key: InstanceKey, cluster: &Cluster) -> Cluster {
-        let Some(placed) = self.instances[key].placed.as_ref().filter(|_| cluster.flux > 0.0) else {
+        let Some(placed) = self.instances[key].shown().filter(|_| cluster.flux > 0.0) else {
             return Cluster::EMPTY;
         };
         let flux = placed.linear.flux(cluster.punctual_flux(), cluster.area_flux, cluster.axis);

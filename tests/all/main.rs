@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod allocations;
+mod appearance;
 mod budget;
 mod budget_cases;
 mod budget_strategies;

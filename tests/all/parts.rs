@@ -35,7 +35,7 @@ struct Street {
 
 /// Eight strings that cross each other, twenty cars that share a tree, and objects of all kinds.
 fn street(rng: &mut Rng) -> Street {
-    let mut world = rng.world(3, 20, 3, 15.0);
+    let mut world = rng.varied_world(3, 20, 3, 15.0);
     let (mut strings, mut string_trees) = (Vec::new(), Vec::new());
     for i in 0..8 {
         let tree = world.add_tree(string(rng, 30 + i)).expect("valid");

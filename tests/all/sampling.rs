@@ -16,7 +16,7 @@ const SUM_TOLERANCE: f64 = 1.0e-4;
 fn probabilities_sum_to_one_less_the_share_of_draws_without_a_light() {
     let mut rng = Rng(10);
     for _ in 0..10 {
-        let world = rng.world(4, 40, 5, 40.0);
+        let world = rng.varied_world(4, 40, 5, 40.0);
         for round in 0..20 {
             let shading_point = rng.shading_point(60.0);
             let sampler = world.sampler().with_splits(SPLITS[round % SPLITS.len()]);
@@ -38,7 +38,7 @@ fn probabilities_sum_to_one_less_the_share_of_draws_without_a_light() {
 #[test]
 fn picks_carry_the_probability_that_pmf_returns() {
     let mut rng = Rng(11);
-    let world = rng.world(5, 60, 4, 30.0);
+    let world = rng.varied_world(5, 60, 4, 30.0);
     for round in 0..4000 {
         let shading_point = rng.shading_point(40.0);
         let sampler = world.sampler().with_splits(SPLITS[round % SPLITS.len()]);
@@ -52,7 +52,7 @@ fn picks_carry_the_probability_that_pmf_returns() {
 #[test]
 fn frequencies_agree_with_the_probabilities() {
     let mut rng = Rng(12);
-    let world = rng.world(3, 15, 3, 10.0);
+    let world = rng.varied_world(3, 15, 3, 10.0);
     for round in 0..10 {
         let shading_point = rng.shading_point(12.0);
         let sampler = world.sampler().with_splits(SPLITS[round % SPLITS.len()]);
@@ -82,7 +82,7 @@ fn every_light_that_reaches_a_shading_point_has_a_probability_above_zero() {
     let mut rng = Rng(13);
     let mut contributions = 0;
     for _ in 0..20 {
-        let world = rng.world(4, 50, 4, 20.0);
+        let world = rng.varied_world(4, 50, 4, 20.0);
         for round in 0..40 {
             let shading_point = rng.shading_point(25.0);
             let sampler = world.sampler().with_splits(SPLITS[round % SPLITS.len()]);
@@ -103,7 +103,7 @@ fn every_light_that_reaches_a_shading_point_has_a_probability_above_zero() {
 #[test]
 fn random_numbers_at_the_ends_of_the_unit_interval_give_valid_picks() {
     let mut rng = Rng(14);
-    let world = rng.world(3, 30, 3, 10.0);
+    let world = rng.varied_world(3, 30, 3, 10.0);
     let below_one = 1.0 - f32::EPSILON / 2.0;
     for round in 0..200 {
         let shading_point = rng.shading_point(10.0);

@@ -2,7 +2,9 @@
 
 pub use crate::common::split_mix::Rng;
 use girandole::glam::{Affine3A, Mat3, Quat, Vec3};
-use girandole::{DirectionalLight, Light, LightId, LightSampler, LightWorld, Policy, ShadingPoint, SplitCount};
+use girandole::{
+    DirectionalLight, InstanceKey, Light, LightId, LightSampler, LightWorld, Policy, ShadingPoint, SplitCount,
+};
 
 impl Rng {
     /// A random unit vector.
@@ -86,6 +88,27 @@ impl Rng {
         }
         world
     }
+
+    /// The same, where some instances are disabled and all have user data.
+    pub fn varied_world(&mut self, trees: usize, lights: usize, instances: usize, size: f32) -> LightWorld {
+        let mut world = self.world(trees, lights, instances, size);
+        vary(&mut world);
+        world
+    }
+}
+
+/// Disables one of eight instances, never the first, and gives all of them user data.
+pub fn vary(world: &mut LightWorld) {
+    let keys: Vec<InstanceKey> = world.instances().collect();
+    for (i, key) in (0..).zip(keys) {
+        world.set_enabled(key, i % 8 != 5).expect("a live key");
+        world.set_user_data(key, user_data_of(world, key)).expect("a live key");
+    }
+}
+
+/// The user data that [`vary`] gives to an instance.
+pub fn user_data_of(world: &LightWorld, instance: InstanceKey) -> u32 {
+    world.slot(instance).expect("a live key").wrapping_mul(0x9e37_79b9)
 }
 
 /// The numbers of splits that tests of probabilities run with: none, and the default.

@@ -35,7 +35,9 @@ fn scattered(rng: &mut Rng, count: u32) -> Vec<(u32, Light)> {
 
 /// Everything about a world that a refused call must not change.
 fn fingerprint(world: &mut LightWorld) -> String {
-    let placements: Vec<_> = world.instances().map(|i| (i, world.placement(i), world.policy(i))).collect();
+    let appearance = |i| (world.is_enabled(i), world.user_data(i));
+    let placements: Vec<_> =
+        world.instances().map(|i| (i, world.placement(i), world.policy(i), appearance(i))).collect();
     let trees: Vec<_> = world.trees().map(|t| (t, world.tree(t).map(|t| t.nodes().to_vec()))).collect();
     let directionals: Vec<_> = world.directionals().map(|(k, l)| (k, *l)).collect();
     let counts = (world.light_count(), world.origin());
@@ -79,6 +81,8 @@ fn a_refused_call_leaves_the_world_as_it_was() {
         world.move_instance(instance, at(f64::INFINITY)).err(),
         world.move_instance(gone.1, at(0.0)).err(),
         world.set_policy(instance, bad_policy).err(),
+        world.set_enabled(gone.1, false).err(),
+        world.set_user_data(gone.1, 7).err(),
         world.remove_tree(tree).err(),
         world.remove_tree(gone.0).err(),
         world.remove_instance(gone.1).err(),
@@ -96,10 +100,10 @@ fn a_refused_call_leaves_the_world_as_it_was() {
     assert_eq!(fingerprint(&mut world), before);
     assert!(matches!(refusals[6], Some(WorldError::Placement(PlacementError::NotFinite { .. }))));
     assert!(matches!(refusals[0], Some(WorldError::Light { index: 1, .. })));
-    assert!(matches!(refusals[18], Some(WorldError::Directional { source: LightError::NoDirection { .. } })));
-    assert!(matches!(refusals[20], Some(WorldError::NotFinite { value, .. }) if value.is_nan()));
-    assert!(matches!(refusals[21], Some(WorldError::NotFinite { value: f64::INFINITY, .. })));
-    assert!(matches!(refusals[22], Some(WorldError::Directional { source: LightError::NotUnitLength { .. } })));
+    assert!(matches!(refusals[20], Some(WorldError::Directional { source: LightError::NoDirection { .. } })));
+    assert!(matches!(refusals[22], Some(WorldError::NotFinite { value, .. }) if value.is_nan()));
+    assert!(matches!(refusals[23], Some(WorldError::NotFinite { value: f64::INFINITY, .. })));
+    assert!(matches!(refusals[24], Some(WorldError::Directional { source: LightError::NotUnitLength { .. } })));
 }
 
 #[test]

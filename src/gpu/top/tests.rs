@@ -145,7 +145,7 @@ fn build(top: &mut TopBuild, world: &LightWorld) -> Built {
     let mut instances = vec![InstanceRecord::NONE; world.slot_count().max(1)];
     for key in world.instances() {
         let instance = world.instance(key).unwrap();
-        let placed = instance.placed.as_ref().expect("no test hides an instance");
+        let placed = instance.shown().expect("no test hides an instance");
         let bases = Bases { tree: bases[&instance.tree], ..Bases::default() };
         instances[slot_of(key) as usize] = InstanceRecord::of(placed, bases);
     }

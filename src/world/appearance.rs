@@ -1,0 +1,75 @@
+//! Edits of what an instance changes about the lights of its tree, besides their place.
+
+use super::LightWorld;
+use crate::appearance::Appearance;
+use crate::error::WorldError;
+use crate::keys::{InstanceKey, slot_of};
+
+impl LightWorld {
+    /// Enables or disables all lights of an instance, at once. A disabled instance is treated as
+    /// one that a scale of zero hides: it keeps its key, slot, placement and policy, and
+    /// contributes nothing. Instances are enabled at first. A value that equals the present one
+    /// changes nothing. O(1).
+    ///
+    /// # Errors
+    /// [`WorldError::NoSuchInstance`].
+    pub fn set_enabled(&mut self, instance: InstanceKey, is_enabled: bool) -> Result<(), WorldError> {
+        self.change_appearance(instance, |appearance| appearance.is_enabled = is_enabled)
+    }
+
+    /// Whether an instance is enabled; `None` for a stale key.
+    pub fn is_enabled(&self, instance: InstanceKey) -> Option<bool> {
+        self.instance(instance).map(|instance| instance.appearance.is_enabled)
+    }
+
+    /// Sets 32 bits that each sample of the instance's lights returns:
+    /// [`LightSample::user_data`](crate::LightSample::user_data) on the CPU, and
+    /// `light_user_data(sample.instance)` in shaders. They are 0 at first, and the library does not
+    /// interpret them. Takes effect at once.
+    ///
+    /// The next upload sends the record of the instance, and the top level is not built again. A
+    /// value that equals the present one changes nothing. O(1).
+    ///
+    /// # Errors
+    /// [`WorldError::NoSuchInstance`].
+    pub fn set_user_data(&mut self, instance: InstanceKey, user_data: u32) -> Result<(), WorldError> {
+        self.change_appearance(instance, |appearance| appearance.user_data = user_data)
+    }
+
+    /// The user data of an instance; `None` for a stale key.
+    pub fn user_data(&self, instance: InstanceKey) -> Option<u32> {
+        self.instance(instance).map(|instance| instance.appearance.user_data)
+    }
+
+    /// Changes the appearance of an instance, and records what follows from that. An instance that
+    /// is not shown has no record on the GPU, so a change of it has no consequences until it is
+    /// shown.
+    fn change_appearance(&mut self, key: InstanceKey, change: impl FnOnce(&mut Appearance)) -> Result<(), WorldError> {
+        let instance = self.instances.get_mut(key).ok_or(WorldError::NoSuchInstance(key))?;
+        let mut appearance = instance.appearance;
+        change(&mut appearance);
+        let is_alike = appearance.is_alike(&instance.appearance);
+        if is_alike && appearance.user_data == instance.appearance.user_data {
+            return Ok(());
+        }
+        let (was_shown, former) = (instance.shown().is_some(), instance.effects());
+        instance.appearance = appearance;
+        let (is_shown, present) = (instance.shown().is_some(), instance.effects());
+        if former != present {
+            self.effects.change(|counts| {
+                counts.add(present);
+                counts.remove(former);
+            });
+        }
+        match (was_shown, is_shown) {
+            (false, false) => {}
+            (true, true) if is_alike => self.changes.user_data(slot_of(key)),
+            (true, true) => {
+                self.changes.instance(slot_of(key));
+                self.top.take();
+            }
+            _ => self.instance_changed(key),
+        }
+        Ok(())
+    }
+}
