@@ -242,7 +242,10 @@ fn light_sample_picked_along(shading_point: LightShadingPoint, pick: LightPick, 
     light_along = chosen.along;
     let hashed = f32(light_hash(bitcast<u32>(u.x) ^ light_hash(bitcast<u32>(u.y))) >> 8u) * LIGHT_U_STEP;
     let seen_from = light_point_along(shading_point, chosen.along);
-    let incident = light_incident(light_record(base + pick.light), instance, seen_from, vec2(u.y, hashed));
+    var incident = light_incident(light_record(base + pick.light), instance, seen_from, vec2(u.y, hashed));
+    // #if FACTORS
+    incident = light_factored(incident, pick.instance, instance);
+    // #endif
     let pdf = clamp(incident.pdf * chosen.pdf, LIGHT_MIN_PDF, LIGHT_MAX_DENSITY);
     return LightSample(
         incident.direction, incident.dist, incident.radiance, pdf,

@@ -55,6 +55,9 @@ fn light_local_to_top(shading_point: LightShadingPoint) -> LightLocalShadingPoin
     // #if RANGES
     local.range_scale = 1.0;
     // #endif
+    // #if FACTORS
+    local.brightness = 1.0;
+    // #endif
     // #if NON_RIGID
     local.scaled_instance = LIGHT_NO_INSTANCE;
     // #if CONES
@@ -85,6 +88,9 @@ fn light_local_to_tree(instance: u32, shading_point: LightShadingPoint) -> Light
     // #endif
     // #if RANGES
     local.range_scale = 1.0;
+    // #endif
+    // #if FACTORS
+    local.brightness = light_brightness(placed.factor);
     // #endif
     // #if NON_RIGID
     let squeeze = max(sqrt(placed.to_local[2].w) * placed.to_local[1].w, 1.0);

@@ -76,6 +76,10 @@ struct LightLocalShadingPoint {
     // #if RANGES
     range_scale: f32,
     // #endif
+    // #if FACTORS
+    // What the flux of the lights is multiplied by.
+    brightness: f32,
+    // #endif
     // #if NON_RIGID
     // The slot of an instance that is scaled, sheared or mirrored, or LIGHT_NO_INSTANCE.
     scaled_instance: u32,
@@ -198,6 +202,9 @@ fn light_four_importances(
             &four, packed, local.scaled_instance, view.origin, view.half_step, local.normal,
         );
     }
+    // #endif
+    // #if FACTORS
+    four.flux *= local.brightness;
     // #endif
     // #if GLOSSY
     light_add_tangents(&four, packed, view.origin, view.half_step, local.gloss);

@@ -132,10 +132,17 @@ fn light_instance(slot: u32) -> LightInstance {
     instance.sin_turn = bitcast<f32>(light_instances[at + LIGHT_INSTANCE_PART].z);
     // #endif
     instance.to_local = light_rigid_to_local(instance.to_world);
-    if light_params.instance_stride > LIGHT_RIGID_STRIDE {
+    if light_params.instance_stride > LIGHT_RIGID_STRIDE + LIGHT_FACTOR_QUADS {
         let local = at + LIGHT_RIGID_STRIDE;
         instance.to_local =
             light_rows(light_instances[local], light_instances[local + 1u], light_instances[local + 2u]);
+    }
+    // #endif
+    // #if FACTORS
+    instance.factor = vec3(1.0);
+    if light_has_factors(light_params.instance_stride) {
+        instance.factor =
+            bitcast<vec3<f32>>(light_instances[at + light_params.instance_stride - LIGHT_FACTOR_QUADS].xyz);
     }
     // #endif
     return instance;

@@ -56,7 +56,8 @@ struct LightRecord {
     // #endif
 }
 
-// One instance slot. Where all instances are rigid, records end before `to_local`.
+// One instance slot. `to_local` is stored if some instance is not rigid, and `factor` if some
+// instance has one.
 struct LightInstance {
     // The rows of the matrix; the fourth column is the translation.
     to_world: array<vec4<f32>, 3>,
@@ -76,6 +77,10 @@ struct LightInstance {
     // The rows of the inverse; the fourth column is the determinant, the range scale and the mean
     // squared scale of `to_world`.
     to_local: array<vec4<f32>, 3>,
+    // #endif
+    // #if FACTORS
+    // What the emission of the lights is multiplied by.
+    factor: vec3<f32>,
     // #endif
 }
 

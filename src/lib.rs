@@ -174,6 +174,7 @@ pub mod gpu;
 pub mod gltf;
 
 pub use along::SegmentPoint;
+pub use appearance::MAX_FACTOR;
 pub use counts::{CandidateCount, MAX_CANDIDATES, MAX_SPLITS, SplitCount};
 pub use effects::{EffectCounts, Effects};
 pub use emit::Incident;

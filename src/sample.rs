@@ -375,7 +375,8 @@ impl<'a> LightSampler<'a> {
                 let placed = self.world.instance(instance)?;
                 let light = self.world.tree(placed.tree)?.lights().get(light as usize)?;
                 let by_solid_angle = self.world.solid_angle_sampling();
-                sample_light(light, &placed.shown()?.frame, shading_point, by_solid_angle, u)
+                let incident = sample_light(light, &placed.shown()?.frame, shading_point, by_solid_angle, u)?;
+                Some(Incident { radiance: placed.appearance.arriving(incident.radiance)?, ..incident })
             }
         }
     }
@@ -485,7 +486,7 @@ impl<'a> LightSampler<'a> {
     ) -> Option<(&'a LightTree, TreeView<'a>)> {
         let instance = self.world.instance(key)?;
         let tree = self.world.tree(instance.tree)?;
-        let local = instance.shown()?.local_shading_point(shading_point);
+        let local = instance.shown()?.local_shading_point(shading_point, instance.appearance.brightness());
         Some((tree, TreeView { nodes: tree.nodes(), local, instance: slot_of(key) }))
     }
 }

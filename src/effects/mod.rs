@@ -66,6 +66,9 @@ bitflags::bitflags! {
         /// This is a setting: its count is 0 or 1. It changes no layout. Shaders without it treat a
         /// segment as the point in its middle.
         const SEGMENTS = 1 << 9;
+        /// An instance that is shown has a factor other than 1: see
+        /// [`LightWorld::set_factor`](crate::LightWorld::set_factor).
+        const FACTORS = 1 << 10;
     }
 }
 

@@ -6,6 +6,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat3, Vec3};
 
+use crate::appearance::Appearance;
 use crate::cluster::Cluster;
 use crate::cut::NO_INSTANCE;
 use crate::light::{DirectionalLight, Light, Shape, spot_falloff};
@@ -57,8 +58,9 @@ pub(crate) struct LightRecord {
     pub padding: u32,
 }
 
-/// One instance slot; `LightInstance` in WGSL. 128 bytes, of which a rigid placement (a rotation
-/// and a translation) needs the first 80.
+/// One instance slot; `LightInstance` in WGSL. 144 bytes, of which a rigid placement (a rotation
+/// and a translation) needs the first 80, and an appearance without factor and mask all but the
+/// last 16.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(crate) struct InstanceRecord {
@@ -81,6 +83,9 @@ pub(crate) struct InstanceRecord {
     /// The rows of the inverse; the fourth column is the determinant, the range scale and the mean
     /// squared scale of `to_world`.
     pub to_local: [[f32; 4]; 3],
+    /// What the emission of the lights is multiplied by.
+    pub factor: [f32; 3],
+    pub padding: u32,
 }
 
 /// A cluster at full precision; `LightCluster` in WGSL. 64 bytes. Of a cluster without flux all
@@ -268,12 +273,14 @@ impl InstanceRecord {
         sin_turn: 0.0,
         user_data: 0,
         to_local: [[0.0, 0.0, 0.0, 1.0]; 3],
+        factor: [1.0; 3],
+        padding: 0,
     };
 
-    /// The record of an instance with this placement, whose tree and parts start at `bases` in the
+    /// The record of an instance with this placement and appearance, whose tree and parts start at `bases` in the
     /// pools. The inverse of a rigid placement is written as the exact transpose without scale,
     /// because that is what shaders compute where the inverse is not stored.
-    pub fn of(placed: &Placed, bases: Bases) -> Self {
+    pub fn of(placed: &Placed, appearance: &Appearance, bases: Bases) -> Self {
         let frame = &placed.frame;
         let scales = Vec3::new(frame.determinant, placed.range_scale(), placed.linear.mean_square_scale);
         Self {
@@ -290,6 +297,8 @@ impl InstanceRecord {
             } else {
                 rows(&frame.to_local, scales)
             },
+            user_data: appearance.user_data,
+            factor: appearance.factor().to_array(),
             ..Self::NONE
         }
     }
@@ -423,7 +432,7 @@ mod tests {
             structs,
             InstanceRecord,
             "LightInstance",
-            [to_world, flags, tree, node_base, light_base, first_part, cos_turn, sin_turn, user_data, to_local]
+            [to_world, flags, tree, node_base, light_base, first_part, cos_turn, sin_turn, user_data, to_local, factor]
         );
         record!(
             structs,

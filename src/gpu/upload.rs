@@ -293,7 +293,7 @@ impl GpuLights {
             part: parts.start,
             division: ranges.division,
         };
-        InstanceRecord { user_data: instance.appearance.user_data, ..InstanceRecord::of(placed, bases) }
+        InstanceRecord::of(placed, &instance.appearance, bases)
     }
 
     fn params_of(&self, world: &LightWorld, effects: Effects) -> ParamsRecord {

@@ -1,7 +1,9 @@
 //! Edits of what an instance changes about the lights of its tree, besides their place.
 
+use glam::Vec3;
+
 use super::LightWorld;
-use crate::appearance::Appearance;
+use crate::appearance::{Appearance, check_factor};
 use crate::error::WorldError;
 use crate::keys::{InstanceKey, slot_of};
 
@@ -14,12 +16,37 @@ impl LightWorld {
     /// # Errors
     /// [`WorldError::NoSuchInstance`].
     pub fn set_enabled(&mut self, instance: InstanceKey, is_enabled: bool) -> Result<(), WorldError> {
-        self.change_appearance(instance, |appearance| appearance.is_enabled = is_enabled)
+        self.change_appearance(instance, |appearance| appearance.set_enabled(is_enabled))
     }
 
     /// Whether an instance is enabled; `None` for a stale key.
     pub fn is_enabled(&self, instance: InstanceKey) -> Option<bool> {
-        self.instance(instance).map(|instance| instance.appearance.is_enabled)
+        self.instance(instance).map(|instance| instance.appearance.is_enabled())
+    }
+
+    /// Sets what the emission of an instance's lights is multiplied by, at once: a linear colour,
+    /// each channel from 0 to [`MAX_FACTOR`](crate::MAX_FACTOR). It is 1 at first.
+    ///
+    /// One of 5,000 cars dims without a tree of its own: the next upload sends one record of 96 or
+    /// 144 bytes, and the top level is built again. Samples, probabilities and all sums over lights
+    /// follow the factor; [`LightWorld::tree`] holds the lights without it. Lights are chosen by
+    /// the luminance of the factor, so a factor whose colour differs from that of the lights costs
+    /// some noise. An instance whose factor has no luminance in f32 is not shown, as if it were
+    /// disabled. A value that equals the present one changes nothing. O(1).
+    ///
+    /// Instances with a factor other than 1 have [`Effects::FACTORS`](crate::Effects::FACTORS).
+    ///
+    /// # Errors
+    /// [`WorldError::Factor`] for a channel that is negative, NaN or too large;
+    /// [`WorldError::NoSuchInstance`].
+    pub fn set_factor(&mut self, instance: InstanceKey, factor: Vec3) -> Result<(), WorldError> {
+        check_factor(factor)?;
+        self.change_appearance(instance, |appearance| appearance.set_factor(factor))
+    }
+
+    /// The factor of an instance; `None` for a stale key.
+    pub fn factor(&self, instance: InstanceKey) -> Option<Vec3> {
+        self.instance(instance).map(|instance| instance.appearance.factor())
     }
 
     /// Sets 32 bits that each sample of the instance's lights returns:

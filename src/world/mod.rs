@@ -144,7 +144,7 @@ impl Instance {
 
     /// The effects that the instance has; none if it is not shown.
     fn effects(&self) -> Effects {
-        self.shown().map_or(Effects::empty(), Placed::effects)
+        self.shown().map_or(Effects::empty(), |placed| placed.effects() | self.appearance.effects())
     }
 }
 

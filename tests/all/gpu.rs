@@ -178,7 +178,8 @@ fn emission(world: &LightWorld, light: LightId) -> f32 {
         LightId::Directional(key) => world.directional(key).map_or(0.0, |light| light.illuminance.length()),
         LightId::Local { instance, light } => {
             let tree = world.instance_tree(instance).and_then(|tree| world.tree(tree));
-            tree.map_or(0.0, |tree| tree.lights()[light as usize].emission.length())
+            let factor = world.factor(instance).unwrap_or(Vec3::ONE);
+            tree.map_or(0.0, |tree| (tree.lights()[light as usize].emission * factor).length())
         }
     }
 }

@@ -89,7 +89,7 @@ impl Rng {
         world
     }
 
-    /// The same, where some instances are disabled and all have user data.
+    /// The same, where some instances are disabled, some have factors, and all have user data.
     pub fn varied_world(&mut self, trees: usize, lights: usize, instances: usize, size: f32) -> LightWorld {
         let mut world = self.world(trees, lights, instances, size);
         vary(&mut world);
@@ -97,10 +97,18 @@ impl Rng {
     }
 }
 
-/// Disables one of eight instances, never the first, and gives all of them user data.
+/// Disables one of eight instances, never the first, and gives all of them user data. Every third
+/// gets a factor over four decades, and one of sixteen the factor 0.
 pub fn vary(world: &mut LightWorld) {
     let keys: Vec<InstanceKey> = world.instances().collect();
     for (i, key) in (0..).zip(keys) {
+        let mut rng = Rng(i);
+        let factor = match i % 48 {
+            7 | 23 | 39 => Vec3::ZERO,
+            i if i % 3 == 1 => (rng.place(0.5) + 0.5) * 10.0_f32.powf(rng.between(-2.0, 2.0)),
+            _ => Vec3::ONE,
+        };
+        world.set_factor(key, factor).expect("a valid factor");
         world.set_enabled(key, i % 8 != 5).expect("a live key");
         world.set_user_data(key, user_data_of(world, key)).expect("a live key");
     }

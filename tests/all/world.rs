@@ -7,7 +7,7 @@ use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::GpuLights;
 use girandole::{
     Attribute, DirectionalKey, DirectionalLight, Effects, FrameBudget, InstanceKey, Light, LightError, LightId,
-    LightWorld, Placement, PlacementError, Policy, ShadingPoint, SplitCount, TreeKey, WorldError,
+    LightWorld, MAX_FACTOR, Placement, PlacementError, Policy, ShadingPoint, SplitCount, TreeKey, WorldError,
 };
 use proptest::prelude::*;
 use rayon::prelude::*;
@@ -35,7 +35,7 @@ fn scattered(rng: &mut Rng, count: u32) -> Vec<(u32, Light)> {
 
 /// Everything about a world that a refused call must not change.
 fn fingerprint(world: &mut LightWorld) -> String {
-    let appearance = |i| (world.is_enabled(i), world.user_data(i));
+    let appearance = |i| (world.is_enabled(i), world.user_data(i), world.factor(i));
     let placements: Vec<_> =
         world.instances().map(|i| (i, world.placement(i), world.policy(i), appearance(i))).collect();
     let trees: Vec<_> = world.trees().map(|t| (t, world.tree(t).map(|t| t.nodes().to_vec()))).collect();
@@ -92,12 +92,19 @@ fn a_refused_call_leaves_the_world_as_it_was() {
         world.set_origin(DVec3::new(0.0, f64::NAN, 0.0)).err(),
         world.set_viewpoint(DVec3::new(0.0, 0.0, f64::INFINITY)).err(),
         world.set_directional(moon, DirectionalLight { direction: Vec3::X * 2.0, ..bad_moon }).err(),
+        world.set_factor(instance, Vec3::new(1.0, -1.0e-9, 1.0)).err(),
+        world.set_factor(instance, Vec3::new(1.0, 1.0, f32::NAN)).err(),
+        world.set_factor(instance, Vec3::new(f32::INFINITY, 1.0, 1.0)).err(),
+        world.set_factor(instance, Vec3::splat(MAX_FACTOR.next_up())).err(),
+        world.set_factor(gone.1, Vec3::ONE).err(),
     ];
     for (number, refusal) in refusals.iter().enumerate() {
         let refusal = refusal.as_ref().unwrap_or_else(|| panic!("call {number} was accepted"));
         assert!(!refusal.to_string().is_empty());
     }
     assert_eq!(fingerprint(&mut world), before);
+    let is_refused_factor = |refusal: &Option<WorldError>| matches!(refusal, Some(WorldError::Factor { .. }));
+    assert!(refusals[25..29].iter().all(is_refused_factor));
     assert!(matches!(refusals[6], Some(WorldError::Placement(PlacementError::NotFinite { .. }))));
     assert!(matches!(refusals[0], Some(WorldError::Light { index: 1, .. })));
     assert!(matches!(refusals[20], Some(WorldError::Directional { source: LightError::NoDirection { .. } })));

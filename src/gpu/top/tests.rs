@@ -122,6 +122,9 @@ fn world_of(slots: u32, place: impl Fn(u32) -> Placement) -> LightWorld {
         .map(|i| world.add_instance(trees[i as usize % trees.len()], place(i), Policy::default()).unwrap())
         .collect();
     keys.iter().skip(3).step_by(7).for_each(|key| world.remove_instance(*key).unwrap());
+    for (i, key) in (0..).zip(&keys).skip(1).step_by(7) {
+        world.set_factor(*key, Vec3::new(0.5, 100.0 * random(i, 25), 2.0)).unwrap();
+    }
     world
 }
 
@@ -147,7 +150,7 @@ fn build(top: &mut TopBuild, world: &LightWorld) -> Built {
         let instance = world.instance(key).unwrap();
         let placed = instance.shown().expect("no test hides an instance");
         let bases = Bases { tree: bases[&instance.tree], ..Bases::default() };
-        instances[slot_of(key) as usize] = InstanceRecord::of(placed, bases);
+        instances[slot_of(key) as usize] = InstanceRecord::of(placed, &instance.appearance, bases);
     }
     let parts: Vec<Part> = world.parts().iter().map(|(part, _)| *part).collect();
     let index = |i: usize| i - parts.partition_point(|part| part.slot < parts[i].slot);
