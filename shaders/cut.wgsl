@@ -143,7 +143,10 @@ fn light_add_totals(cut: ptr<function, LightCut>) {
 // Makes the children of a node candidates.
 fn light_add_children(cut: ptr<function, LightCut>, instance: u32, index: u32, shading_point: LightShadingPoint) {
     let node = light_node(instance == LIGHT_NO_INSTANCE, index);
-    let local = light_local_to(instance, shading_point);
+    var local = light_local_to(instance, shading_point);
+    // #if MASKS
+    local.met_children = light_met_children(instance == LIGHT_NO_INSTANCE, index, shading_point.mask);
+    // #endif
     let children = light_child_importances(node, local);
     var importance = children.importance;
     // #if LEARNS

@@ -20,12 +20,15 @@ fn light_rows(x: vec4<u32>, y: vec4<u32>, z: vec4<u32>) -> array<vec4<f32>, 3> {
     return array(bitcast<vec4<f32>>(x), bitcast<vec4<f32>>(y), bitcast<vec4<f32>>(z));
 }
 
-// #if FACTORS
-// Whether instances of this stride end with a factor.
+// #if FACTORS | MASKS
+// Whether instances of this stride end with a factor and a mask.
 fn light_has_factors(stride: u32) -> bool {
     return stride == LIGHT_RIGID_STRIDE + LIGHT_FACTOR_QUADS || stride == LIGHT_INSTANCE_STRIDE;
 }
 
+// #endif
+
+// #if FACTORS
 // What the flux of lights with this factor is multiplied by: its luminance. Twin of
 // `Appearance::brightness`.
 fn light_brightness(factor: vec3<f32>) -> f32 {

@@ -184,6 +184,11 @@ fn light_sample_picked(shading_point: LightShadingPoint, pick: LightPick, u: vec
     // #if FACTORS
     incident = light_factored(incident, pick.instance, instance);
     // #endif
+    // #if MASKS
+    if pick.instance != LIGHT_DIRECTIONAL && (instance.mask & shading_point.mask) == 0u {
+        incident = light_nothing();
+    }
+    // #endif
     let pmf = select(0.0, pick.pmf, any(incident.radiance != vec3(0.0)));
     return LightSample(
         incident.direction, incident.dist, incident.radiance, incident.pdf,

@@ -31,8 +31,11 @@ fn instance_of(slot: u32) -> LightInstance {
         instance.to_local = light_rows(instances[local], instances[local + 1u], instances[local + 2u]);
     }
     instance.factor = vec3(1.0);
+    instance.mask = 0xffffffffu;
     if light_has_factors(top_pass.instance_stride) {
-        instance.factor = bitcast<vec3<f32>>(instances[at + top_pass.instance_stride - LIGHT_FACTOR_QUADS].xyz);
+        let last = instances[at + top_pass.instance_stride - LIGHT_FACTOR_QUADS];
+        instance.factor = bitcast<vec3<f32>>(last.xyz);
+        instance.mask = last.w;
     }
     return instance;
 }
@@ -52,6 +55,9 @@ fn leaf_of(index: u32) -> LightCluster {
     nodes[top_part(index) + 1u] = tree.target_bits;
     // A dark part has no leaf.
     nodes[top_part(index) + 2u] = LIGHT_NO_PARENT;
+    if top_pass.masks != 0u {
+        nodes[top_part(index) + 3u] = instance.mask;
+    }
     if tree.cluster.flux <= 0.0 {
         return CLUSTER_EMPTY;
     }

@@ -56,8 +56,8 @@ struct LightRecord {
     // #endif
 }
 
-// One instance slot. `to_local` is stored if some instance is not rigid, and `factor` if some
-// instance has one.
+// One instance slot. `to_local` is stored if some instance is not rigid, and what follows it if some
+// instance has a factor or a mask.
 struct LightInstance {
     // The rows of the matrix; the fourth column is the translation.
     to_world: array<vec4<f32>, 3>,
@@ -82,6 +82,10 @@ struct LightInstance {
     // What the emission of the lights is multiplied by.
     factor: vec3<f32>,
     // #endif
+    // #if MASKS
+    // A shading point sees the lights if its mask and this one have a bit in common.
+    mask: u32,
+    // #endif
 }
 
 // What the top-level build reads of one part of a tree: the whole tree, one side or one light.
@@ -104,7 +108,8 @@ struct LightPart {
     target_bits: u32,
     // The place of the part's leaf: node * LIGHT_WIDTH + slot. LIGHT_NO_PARENT for a dark part.
     place: u32,
-    padding: u32,
+    // The mask of the instance; not set unless masks are stored.
+    mask: u32,
 }
 
 // The parameters of sampling. Twin of `ParamsRecord`.
@@ -128,5 +133,7 @@ struct LightParams {
     solid_angles: u32,
     // The offset of the parts in the buffer of the top level.
     parts: u32,
-    padding: u32,
+    // The offset of the masks in the same buffer; 0 if they are not stored. For each child of each
+    // node of the top level there is the union of the masks of all instances below it.
+    masks: u32,
 }

@@ -17,6 +17,8 @@ pub(crate) struct Appearance {
     factor: Vec3,
     /// The luminance of the factor; 0 if the lights do not shine.
     brightness: f32,
+    /// A shading point sees the lights if its mask and this one have a bit in common.
+    pub mask: u32,
     /// What every sample of the instance's lights returns to the engine.
     pub user_data: u32,
 }
@@ -24,7 +26,7 @@ pub(crate) struct Appearance {
 impl Default for Appearance {
     /// The lights are as the tree has them.
     fn default() -> Self {
-        Self { is_enabled: true, factor: Vec3::ONE, brightness: 1.0, user_data: 0 }
+        Self { is_enabled: true, factor: Vec3::ONE, brightness: 1.0, mask: u32::MAX, user_data: 0 }
     }
 }
 
@@ -72,7 +74,9 @@ impl Appearance {
 
     /// The effects of an instance with this appearance that is shown.
     pub fn effects(&self) -> Effects {
-        if self.factor == Vec3::ONE { Effects::empty() } else { Effects::FACTORS }
+        let factors = if self.factor == Vec3::ONE { Effects::empty() } else { Effects::FACTORS };
+        let masks = if self.mask == u32::MAX { Effects::empty() } else { Effects::MASKS };
+        factors | masks
     }
 
     /// What arrives from a light of the instance, where `radiance` would arrive without the factor.

@@ -160,6 +160,13 @@ impl ChildImportances {
     pub fn has_unresolved(&self) -> bool {
         self.importance.iter().fold(0, |bits, importance| bits | importance.to_bits()) >> 31 == 1
     }
+
+    /// What a walk chooses one of the children by: the importances, where those of unresolved
+    /// children add up to at most the sum of the others.
+    #[inline(always)]
+    pub fn weights(&self) -> Lanes {
+        if self.has_unresolved() { limited_weights(&self.importance) } else { self.importance }
+    }
 }
 
 /// Estimates the importances of a node's children.
@@ -615,14 +622,6 @@ fn segment_is_provably_dark(
     is_out_of_range | is_turned_away
 }
 
-/// What a walk chooses one of a node's children by: the importances, where those of unresolved
-/// children add up to at most the sum of the others.
-#[inline(always)]
-pub(crate) fn child_weights(node: &Node, local: &LocalShadingPoint) -> Lanes {
-    let children = child_importances(node, local);
-    if children.has_unresolved() { limited_weights(&children.importance) } else { children.importance }
-}
-
 #[cold]
 fn limited_weights(importance: &Lanes) -> Lanes {
     scale_unresolved(importance, unresolved_scale(resolved_sum(importance), unresolved_sum(importance)))
@@ -793,7 +792,7 @@ mod tests {
                 let local = LocalShadingPoint::of(&ShadingPoint::surface(place(10 * i + 3) + 0.4, place(i)));
                 let children = child_importances(node, &local);
                 assert!(!children.has_unresolved());
-                assert_eq!(child_weights(node, &local), children.importance);
+                assert_eq!(children.weights(), children.importance);
             }
         }
     }

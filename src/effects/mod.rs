@@ -69,6 +69,9 @@ bitflags::bitflags! {
         /// An instance that is shown has a factor other than 1: see
         /// [`LightWorld::set_factor`](crate::LightWorld::set_factor).
         const FACTORS = 1 << 10;
+        /// An instance that is shown has a mask with a bit that is not set: see
+        /// [`LightWorld::set_mask`](crate::LightWorld::set_mask).
+        const MASKS = 1 << 11;
     }
 }
 

@@ -85,7 +85,8 @@ pub(crate) struct InstanceRecord {
     pub to_local: [[f32; 4]; 3],
     /// What the emission of the lights is multiplied by.
     pub factor: [f32; 3],
-    pub padding: u32,
+    /// Which shading points the lights reach.
+    pub mask: u32,
 }
 
 /// A cluster at full precision; `LightCluster` in WGSL. 64 bytes. Of a cluster without flux all
@@ -138,7 +139,8 @@ pub(crate) struct LeafRecord {
     /// The place of the part's leaf in the top level; [`NO_PARENT`](crate::tree::NO_PARENT) for a
     /// dark part.
     pub place: u32,
-    pub padding: u32,
+    /// The mask of the instance; not set unless masks are stored.
+    pub mask: u32,
 }
 
 impl PartRecord {
@@ -176,7 +178,8 @@ pub(crate) struct ParamsRecord {
     pub solid_angles: u32,
     /// The offset of the parts in the buffer of the top level, in units of 16 bytes.
     pub parts: u32,
-    pub padding: u32,
+    /// The offset of the masks in the same buffer; 0 if they are not stored.
+    pub masks: u32,
 }
 
 impl LightRecord {
@@ -274,7 +277,7 @@ impl InstanceRecord {
         user_data: 0,
         to_local: [[0.0, 0.0, 0.0, 1.0]; 3],
         factor: [1.0; 3],
-        padding: 0,
+        mask: u32::MAX,
     };
 
     /// The record of an instance with this placement and appearance, whose tree and parts start at `bases` in the
@@ -299,6 +302,7 @@ impl InstanceRecord {
             },
             user_data: appearance.user_data,
             factor: appearance.factor().to_array(),
+            mask: appearance.mask,
             ..Self::NONE
         }
     }
@@ -432,7 +436,10 @@ mod tests {
             structs,
             InstanceRecord,
             "LightInstance",
-            [to_world, flags, tree, node_base, light_base, first_part, cos_turn, sin_turn, user_data, to_local, factor]
+            [
+                to_world, flags, tree, node_base, light_base, first_part, cos_turn, sin_turn, user_data, to_local,
+                factor, mask
+            ]
         );
         record!(
             structs,
@@ -440,7 +447,7 @@ mod tests {
             "LightTree",
             [cluster, punctual_flux, area_flux, target as "target_bits", padding]
         );
-        record!(structs, LeafRecord, "LightPart", [slot, target as "target_bits", place, padding]);
+        record!(structs, LeafRecord, "LightPart", [slot, target as "target_bits", place, mask]);
         record!(structs, SampleRequest, "Request", [position, choice, normal, padding, u]);
         record!(structs, SampleRecord, "LightSample", [direction, dist, radiance, pdf, pmf, instance, light, is_delta]);
         // WGSL pads the struct without naming the padding.
@@ -462,7 +469,7 @@ mod tests {
                 strides.instance as "instance_stride",
                 solid_angles,
                 parts,
-                padding
+                masks
             ]
         );
     }

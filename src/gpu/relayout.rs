@@ -135,7 +135,7 @@ mod tests {
         Effects::NON_RIGID,
         Effects::NON_RIGID.union(Effects::CONES),
         Effects::FACTORS,
-        Effects::NON_RIGID.union(Effects::FACTORS),
+        Effects::NON_RIGID.union(Effects::MASKS),
         Effects::all(),
     ];
 
@@ -168,6 +168,9 @@ mod tests {
             let mut appearance = Appearance::default();
             if effects.contains(Effects::FACTORS) && i.is_multiple_of(3) {
                 appearance.set_factor(Vec3::new(0.5, 2.0, i as f32));
+            }
+            if effects.contains(Effects::MASKS) {
+                appearance.mask = i;
             }
             InstanceRecord::of(&placed, &appearance, Bases { tree: i, node: 10 * i, light: 20 * i, ..Bases::default() })
         };

@@ -22,6 +22,8 @@ use crate::effects::Effects;
 /// fn light_surface_point(position: vec3<f32>, normal: vec3<f32>) -> LightShadingPoint // metres; unit
 /// fn light_glossy_point(position: vec3<f32>, normal: vec3<f32>, view: vec3<f32>,
 ///     roughness: f32, specular: f32, diffuse: f32) -> LightShadingPoint // see `Gloss`
+/// // The same point with another mask: see `LightWorld::set_mask`.
+/// fn light_masked_point(shading_point: LightShadingPoint, mask: u32) -> LightShadingPoint
 /// fn light_volume_point(position: vec3<f32>) -> LightShadingPoint
 /// // A segment of a ray through a medium: metres; unit; metres.
 /// fn light_segment(origin: vec3<f32>, direction: vec3<f32>, length: f32) -> LightShadingPoint

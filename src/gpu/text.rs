@@ -397,6 +397,7 @@ mod tests {
             "surface_point",
             "glossy_point",
             "volume_point",
+            "masked_point",
             "segment",
             "sample",
             "resample",
@@ -554,8 +555,11 @@ mod tests {
             (Effects::SEGMENTS, SEGMENT_NAMES),
             (
                 Effects::FACTORS,
-                "light_brightness light_has_factors light_factored LightInstance.factor LightLocalShadingPoint.brightness \
-                 LIGHT_INSTANCE_STRIDE",
+                "light_brightness light_factored LightInstance.factor LightLocalShadingPoint.brightness",
+            ),
+            (
+                Effects::MASKS,
+                "light_met_children LightInstance.mask LightShadingPoint.mask LightLocalShadingPoint.met_children",
             ),
             (
                 Effects::DIRECTIONAL,

@@ -54,7 +54,9 @@ impl GpuLights {
         let effects = effects - Effects::MOVING;
         let is_starting_usage = self.usage.get().is_some_and(|usage| usage.is_starting());
         let is_unchanged = delta.is_empty() && self.pending.is_empty() && !is_starting_usage;
-        if is_unchanged && self.params.strides == Strides::of(effects) {
+        let is_laid_out =
+            self.params.strides == Strides::of(effects) && (self.params.masks != 0) == effects.contains(Effects::MASKS);
+        if is_unchanged && is_laid_out {
             self.effects = effects;
             let solid_angles = u32::from(world.solid_angle_sampling());
             let bytes = self.send_params(ParamsRecord { solid_angles, ..self.params });
@@ -86,9 +88,9 @@ impl GpuLights {
         changes: &mut PendingChanges,
         effects: Effects,
     ) -> Result<UploadReport, GpuError> {
-        let former = (self.top.generation(), self.params.strides, self.is_dark);
+        let former = (self.top.generation(), self.params.strides, self.params.masks, self.is_dark);
         let mut bytes = self.set_layout(effects)?;
-        let Reserved { placed, parts, usage } = self.reserve(world, changes)?;
+        let Reserved { placed, parts, usage } = self.reserve(world, changes, effects)?;
 
         for (slot, ranges) in placed {
             let former = std::mem::replace(self.tree_ranges_mut(slot), ranges);
@@ -110,7 +112,9 @@ impl GpuLights {
         bytes += self.follow_origin(world.origin());
         self.is_dark = false;
         bytes += self.refresh(self.params_of(world, effects));
-        if changes.concern_lights() || former != (self.top.generation(), self.params.strides, self.is_dark) {
+        if changes.concern_lights()
+            || former != (self.top.generation(), self.params.strides, self.params.masks, self.is_dark)
+        {
             self.top_status.invalidate();
         }
         self.effects = effects;
@@ -145,7 +149,12 @@ impl GpuLights {
     }
 
     /// Reserves room for everything that grew, or nothing.
-    fn reserve(&mut self, world: &LightWorld, changes: &mut PendingChanges) -> Result<Reserved, GpuError> {
+    fn reserve(
+        &mut self,
+        world: &LightWorld,
+        changes: &mut PendingChanges,
+        effects: Effects,
+    ) -> Result<Reserved, GpuError> {
         for slot in &changes.instances {
             let tree = world.instance_at(*slot).and_then(|key| world.instance_tree(key));
             if let Some(tree) = tree
@@ -156,7 +165,7 @@ impl GpuLights {
         }
         let mut placed = Vec::new();
         let mut parts = NewParts::default();
-        match self.reserve_all(world, changes, &mut placed, &mut parts) {
+        match self.reserve_all((world, effects), changes, &mut placed, &mut parts) {
             Ok(usage) => Ok(Reserved { placed, parts, usage }),
             Err(error) => {
                 placed.into_iter().for_each(|(_, ranges)| self.release(ranges));
@@ -169,7 +178,7 @@ impl GpuLights {
     /// Returns the buffer for usage counters, if another one is needed.
     fn reserve_all(
         &mut self,
-        world: &LightWorld,
+        (world, effects): (&LightWorld, Effects),
         changes: &mut PendingChanges,
         placed: &mut Vec<(u32, TreeRanges)>,
         parts: &mut NewParts,
@@ -215,7 +224,7 @@ impl GpuLights {
             false => None,
         };
         // Last, because a build of the last upload may still be due, in the present buffers.
-        if let Err(error) = self.top.reserve(self.parts.count()) {
+        if let Err(error) = self.top.reserve(self.parts.count(), effects.contains(Effects::MASKS)) {
             directionals.into_iter().for_each(|range| self.lights.free(range));
             return Err(error);
         }
@@ -304,6 +313,7 @@ impl GpuLights {
             strides: Strides::of(effects),
             solid_angles: u32::from(world.solid_angle_sampling()),
             parts: self.top.parts(),
+            masks: if effects.contains(Effects::MASKS) { self.top.masks() } else { 0 },
             ..self.params
         }
     }

@@ -80,6 +80,10 @@ fn adorn(world: &mut LightWorld, instance: InstanceKey, i: u32, effects: Effects
     if effects.contains(Effects::FACTORS) && i.is_multiple_of(2) {
         world.set_factor(instance, Vec3::new(0.2, 3.0 * random(i, 30), 1.0)).unwrap();
     }
+    // The shading points of these tests have all bits.
+    if effects.contains(Effects::MASKS) && i != 1 {
+        world.set_mask(instance, if i == 3 { 0 } else { 0x80 }).unwrap();
+    }
 }
 
 /// A world with exactly these effects.
@@ -177,7 +181,7 @@ fn assert_alike(ours: &[SampleRecord], twin: &[SampleRecord], what: &str) {
     assert!(mismatches <= MAX_MISMATCHES && lit > 500, "{what}: {mismatches} differ, {lit} are lit");
 }
 
-const EFFECTS: [Effects; 7] = [
+const EFFECTS: [Effects; 8] = [
     Effects::CONES,
     Effects::RANGES,
     Effects::AREAS,
@@ -185,6 +189,7 @@ const EFFECTS: [Effects; 7] = [
     Effects::DIRECTIONAL,
     Effects::NON_RIGID,
     Effects::FACTORS,
+    Effects::MASKS,
 ];
 
 #[test]
@@ -269,14 +274,14 @@ fn a_world_whose_effects_come_and_go_is_stored_as_a_fresh_upload_stores_it() {
     check(&mut world, "points");
     let mut undo: Vec<(TreeKey, InstanceKey)> = Vec::new();
     // Each tree adds an effect that none before it had; the last two instances are scaled, and have a
-    // factor.
+    // factor and a mask.
     for (i, effects) in [
         Effects::RANGES,
         Effects::CONES,
         Effects::AREAS,
         Effects::AREAS | Effects::TWO_SIDED,
         Effects::NON_RIGID,
-        Effects::FACTORS,
+        Effects::FACTORS | Effects::MASKS,
     ]
     .into_iter()
     .enumerate()

@@ -49,6 +49,30 @@ impl LightWorld {
         self.instance(instance).map(|instance| instance.appearance.factor())
     }
 
+    /// Sets which shading points the lights of an instance reach, at once: those whose
+    /// [mask](crate::ShadingPoint::mask) has a bit in common with this one. All bits are set at
+    /// first. A mask of 0 meets no shading point.
+    ///
+    /// A light that does not reach a shading point is never chosen there: its probability is 0, it
+    /// sends nothing, and those of the other lights add up as if it did not exist. Use it to link
+    /// lights with rooms or with objects. Directional lights reach all shading points. A value that
+    /// equals the present one changes nothing. O(1).
+    ///
+    /// Instances with another mask than that of all bits have
+    /// [`Effects::MASKS`](crate::Effects::MASKS). The next upload sends one record, and the top
+    /// level is built again. Shaders without the effect ignore the masks of shading points.
+    ///
+    /// # Errors
+    /// [`WorldError::NoSuchInstance`].
+    pub fn set_mask(&mut self, instance: InstanceKey, mask: u32) -> Result<(), WorldError> {
+        self.change_appearance(instance, |appearance| appearance.mask = mask)
+    }
+
+    /// The mask of an instance; `None` for a stale key.
+    pub fn mask(&self, instance: InstanceKey) -> Option<u32> {
+        self.instance(instance).map(|instance| instance.appearance.mask)
+    }
+
     /// Sets 32 bits that each sample of the instance's lights returns:
     /// [`LightSample::user_data`](crate::LightSample::user_data) on the CPU, and
     /// `light_user_data(sample.instance)` in shaders. They are 0 at first, and the library does not

@@ -343,7 +343,10 @@ impl LightWorld {
         if let Some(top) = self.top.get() {
             return top;
         }
-        let built = TopLevel::build(&self.parts(), self.slots.len());
+        let mut built = TopLevel::build(&self.parts(), self.slots.len());
+        if self.active_effects().contains(Effects::MASKS) {
+            built.set_masks(|slot| self.instance_at(slot).map_or(0, |key| self.instances[key].appearance.mask));
+        }
         self.top.get_or_init(|| built)
     }
 }

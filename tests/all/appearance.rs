@@ -1,14 +1,15 @@
-//! What instances change about the lights of their trees: factors, lights that are disabled, and
-//! user data.
+//! What instances change about the lights of their trees: factors, masks, lights that are disabled,
+//! and user data.
 
 use girandole::glam::{DVec3, Vec3};
 use girandole::gpu::{GpuLights, wgsl};
 use girandole::light::MAX_EMISSION;
 use girandole::{
     Effects, FrameBudget, InstanceKey, Light, LightId, LightWorld, MAX_FACTOR, Placement, Policy, ShadingPoint,
+    VisibilityTable,
 };
 
-use crate::gpu::{ask, gpu, requests, sample};
+use crate::gpu::{OTHER_PICKS, ask, close, gpu, requests, sample};
 use crate::support::{Rng, SPLITS, all_pmfs, user_data_of};
 
 /// Cars in a row along x that share a tree of one lamp.
@@ -92,7 +93,218 @@ fn edits_of_one_instance_send_one_record_and_edits_without_effect_send_nothing()
     assert_eq!(upload(&mut world), nothing);
     world.set_factor(car, Vec3::new(0.1, 0.2, 0.3)).expect("valid");
     assert_eq!(upload(&mut world), (96, 0, 1, true));
+    // The first mask makes room for the masks of the top level, so the uniform is sent too.
+    world.set_mask(car, 3).expect("it lives");
+    assert_eq!(upload(&mut world), (96 + 48, 0, 1, true));
+    world.set_mask(car, 3).expect("it lives");
+    assert_eq!(upload(&mut world), nothing);
+    world.set_mask(car, 4).expect("it lives");
+    assert_eq!(upload(&mut world), (96, 0, 1, true));
     assert_eq!(world.tree_count(), 1);
+}
+
+#[test]
+fn masked_lights_are_never_drawn_and_the_others_are_drawn_as_if_they_did_not_exist() {
+    let mut rng = Rng(305);
+    for masks in [[0b01, 0b10, 0b11], [0, 0b01, u32::MAX], [u32::MAX; 3]] {
+        let mut world = rng.world(6, 12, 6, 15.0);
+        let keys: Vec<InstanceKey> = world.instances().collect();
+        for (key, mask) in keys.iter().zip(masks.into_iter().cycle()) {
+            world.set_mask(*key, mask).expect("it lives");
+        }
+        for mask in [0b01, 0b10, 0b100, 0, u32::MAX] {
+            let mut seen = rng.shading_point(15.0);
+            seen.normal = Vec3::ZERO;
+            let seen = seen.with_mask(mask);
+            let sampler = world.sampler();
+            let pmfs = all_pmfs(&sampler, &seen);
+            let is_seen = |light: &LightId| match light {
+                LightId::Local { instance, .. } => world.mask(*instance).expect("it lives") & mask != 0,
+                LightId::Directional(_) => true,
+            };
+            for (light, pmf) in &pmfs {
+                let incident = sampler.sample_light(&seen, *light, [rng.unit(), rng.unit()]);
+                assert!(is_seen(light) || (*pmf == 0.0 && incident.is_none()), "{light:?} {mask:b}");
+                assert!(*pmf > 0.0 || incident.is_none(), "{light:?} is never drawn");
+            }
+            // In a volume every cluster that is seen can be estimated, so few draws are lost.
+            let total: f64 = pmfs.iter().map(|(_, pmf)| f64::from(*pmf)).sum();
+            assert!(total > 0.5 && total <= 1.0 + 1.0e-4, "{total} for {mask:b}");
+            let mut misses = 0;
+            for i in 0..2000 {
+                match sampler.pick(&seen, [(i as f32 + 0.5) / 2000.0, rng.unit()]) {
+                    Some(pick) => assert!(is_seen(&pick.light), "{pick:?} {mask:b}"),
+                    None => misses += 1,
+                }
+            }
+            assert!((f64::from(misses) / 2000.0 - (1.0 - total)).abs() < 0.06, "{misses} of 2000 for {total}");
+        }
+    }
+}
+
+#[test]
+fn the_mean_over_a_masked_world_is_that_of_the_lights_that_reach_the_point() {
+    let mut rng = Rng(306);
+    let mut world = rng.world(4, 10, 5, 10.0);
+    for (i, key) in world.instances().collect::<Vec<_>>().into_iter().enumerate() {
+        world.set_mask(key, 1 << (i % 4)).expect("it lives");
+    }
+    // Lights without size, so that the sum over all lights is exact.
+    for tree in world.trees().collect::<Vec<_>>() {
+        let points = (0..10).map(|_| Light::point(rng.place(1.0), Vec3::splat(rng.between(0.1, 10.0)))).collect();
+        world.replace_lights(tree, points).expect("valid");
+    }
+    let sampler = world.sampler();
+    for mask in [0b0001, 0b0110, 0b1111] {
+        let at = ShadingPoint::volume(rng.place(10.0)).with_mask(mask);
+        let (mut exact, mut second) = (0.0, 0.0);
+        for (light, pmf) in all_pmfs(&sampler, &at) {
+            let Some(incident) = sampler.sample_light(&at, light, [0.5; 2]) else { continue };
+            exact += f64::from(incident.radiance.y);
+            second += f64::from(incident.radiance.y).powi(2) / f64::from(pmf);
+        }
+        let draws = 20_000;
+        let draw = |u| sampler.sample(&at, u).map_or(0.0, |s| f64::from(s.incident.radiance.y) / f64::from(s.pmf));
+        let mean = (0..draws).map(|_| draw([rng.unit(), rng.unit(), 0.5, 0.5])).sum::<f64>() / f64::from(draws);
+        // Six standard deviations: a false alarm in one of 10^8 runs.
+        let limit = 6.0 * ((second - exact * exact).max(0.0) / f64::from(draws)).sqrt() + 1.0e-4 * exact;
+        assert!((mean - exact).abs() <= limit && limit < 0.2 * exact, "{mean} for {exact}, within {limit}");
+    }
+}
+
+#[test]
+fn masks_without_a_common_bit_leave_the_directional_lights() {
+    let mut rng = Rng(307);
+    let mut world = rng.world(2, 10, 3, 10.0);
+    let nowhere = ShadingPoint::volume(rng.place(5.0)).with_mask(0);
+    let only_directionals = |world: &LightWorld, at: &ShadingPoint| {
+        let sampler = world.sampler();
+        let mut sum = 0.0;
+        for (light, pmf) in all_pmfs(&sampler, at) {
+            assert!(matches!(light, LightId::Directional(_)) || pmf == 0.0, "{light:?} {pmf}");
+            sum += pmf;
+        }
+        let mut pmfs = Vec::new();
+        sampler.distribution(at, &mut pmfs);
+        assert!((pmfs.iter().sum::<f32>() - sum).abs() < 1.0e-5);
+        sum
+    };
+    // A point without bits, in a world without masks and in one with masks.
+    assert!((only_directionals(&world, &nowhere) - 1.0).abs() < 1.0e-5);
+    for key in world.instances().collect::<Vec<_>>() {
+        world.set_mask(key, 0b1000).expect("it lives");
+    }
+    assert!((only_directionals(&world, &nowhere) - 1.0).abs() < 1.0e-5);
+    // Bits that no instance has.
+    assert!((only_directionals(&world, &nowhere.with_mask(!0b1000)) - 1.0).abs() < 1.0e-5);
+    for key in world.directionals().map(|(key, _)| key).collect::<Vec<_>>() {
+        world.remove_directional(key).expect("it lives");
+    }
+    assert_eq!(world.sampler().sample(&nowhere, [0.5; 4]), None);
+    assert_eq!(only_directionals(&world, &nowhere), 0.0);
+}
+
+#[test]
+fn learnt_visibility_and_segments_follow_masks() {
+    let mut rng = Rng(308);
+    let world = rng.varied_world(4, 20, 6, 10.0);
+    let mut table = VisibilityTable::default();
+    let at = ShadingPoint::volume(rng.place(5.0)).with_mask(0b10);
+    for _ in 0..8 {
+        let sampler = world.sampler().with_visibility(&table);
+        for _ in 0..32 {
+            let Some(sample) = sampler.sample(&at, [rng.unit(), rng.unit(), 0.5, 0.5]) else { continue };
+            sampler.record_visibility(&at, sample.light, sample.incident.direction.x > 0.0);
+        }
+        table.end_frame();
+    }
+    let ray = ShadingPoint::segment(rng.place(5.0), rng.direction(), 6.0).with_mask(0b10);
+    for (sampler, at) in [(world.sampler().with_visibility(&table), at), (world.sampler(), ray)] {
+        let mut drawn = 0;
+        for _ in 0..500 {
+            let Some(sample) = sampler.sample(&at, [rng.unit(), rng.unit(), rng.unit(), rng.unit()]) else { continue };
+            let pmf = sampler.pmf(&at, sample.light);
+            assert!((sample.pmf - pmf).abs() <= 1.0e-4 * pmf, "{sample:?} {pmf}");
+            let LightId::Local { instance, .. } = sample.light else { continue };
+            assert!(world.mask(instance).expect("it lives") & 0b10 != 0, "{sample:?}");
+            drawn += 1;
+        }
+        assert!(drawn > 50, "{drawn}");
+        let sum: f64 = all_pmfs(&sampler, &at).iter().map(|(_, pmf)| f64::from(*pmf)).sum();
+        assert!(sum <= 1.0 + 1.0e-4, "{sum}");
+    }
+}
+
+/// A question of [`the_gpu_chooses_the_same_lights_for_masked_points`].
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+struct Question {
+    position: [f32; 3],
+    mask: u32,
+    normal: [f32; 3],
+    padding: u32,
+    u: [f32; 4],
+}
+
+#[test]
+fn the_gpu_chooses_the_same_lights_for_masked_points() {
+    let (device, queue) = gpu();
+    let mut rng = Rng(309);
+    let mut world = rng.varied_world(6, 30, 8, 20.0);
+    // More parts than one piece of the top level, so that masks pass through rounds.
+    let lamp = world.add_tree(rng.lights(3, 1.0)).expect("valid");
+    for i in 0..900 {
+        let key = world.add_instance(lamp, rng.affine(60.0), Policy::Static).expect("valid");
+        world.set_mask(key, [0b01, 0b10, u32::MAX, 0][i % 4]).expect("it lives");
+    }
+    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let text = wgsl(1, Effects::all())
+        + "struct Question { position: vec3<f32>, mask: u32, normal: vec3<f32>, padding: u32, u: vec4<f32> }
+        @group(0) @binding(0) var<storage, read> questions: array<Question>;
+        @group(0) @binding(1) var<storage, read_write> answers: array<vec4<f32>>;
+        @compute @workgroup_size(64) fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
+            if id.x >= arrayLength(&questions) { return; }
+            let q = questions[id.x];
+            let at = light_masked_point(light_surface_point(q.position, q.normal), q.mask);
+            let s = light_sample(at, q.u);
+            var pmf = 0.0;
+            if s.pmf > 0.0 { pmf = light_pmf(at, s.instance, s.light); }
+            answers[id.x] = vec4(bitcast<f32>(s.light), s.pmf, pmf, s.radiance.y);
+        }";
+    let (mut questions, mut points) = (Vec::new(), Vec::new());
+    for _ in 0..2048 {
+        let at = rng.masked_point(25.0);
+        let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit()];
+        let (position, normal) = (at.position.to_array(), at.normal.to_array());
+        questions.push(Question { position, mask: at.mask, normal, padding: 0, u });
+        points.push(at);
+    }
+    for splits in SPLITS {
+        sample(&mut lights, &mut world, splits, &requests(&mut Rng(1), 64, 1.0));
+        let answers: Vec<[f32; 4]> = ask(&mut lights, text.clone(), &questions, questions.len());
+        let sampler = world.sampler().with_splits(splits);
+        let (mut others, mut lit) = (0, 0);
+        for ((at, question), [light, pmf, again, green]) in points.iter().zip(&questions).zip(answers) {
+            match sampler.sample(at, question.u) {
+                None => others += usize::from(pmf > 0.0),
+                Some(twin) => {
+                    let index = match twin.light {
+                        LightId::Local { light, .. } => light,
+                        LightId::Directional(_) => light.to_bits(),
+                    };
+                    if index != light.to_bits() || !close(pmf, twin.pmf) || pmf == 0.0 {
+                        others += 1;
+                        continue;
+                    }
+                    assert!(close(again, pmf), "{again} {pmf}");
+                    let radiance = twin.incident.radiance;
+                    assert!((green - radiance.y).abs() <= 1.0e-2 * radiance.max_element(), "{green} {twin:?}");
+                    lit += 1;
+                }
+            }
+        }
+        assert!(others as f64 <= OTHER_PICKS * 2048.0 + 1.0 && lit > 800, "{others} differ, {lit} are lit");
+    }
 }
 
 #[test]
@@ -210,7 +422,9 @@ fn keys_of_removed_instances_are_refused() {
     assert_eq!(world.set_enabled(gone, false), refused);
     assert_eq!(world.set_user_data(gone, 1), refused);
     assert_eq!(world.set_factor(gone, Vec3::ZERO), refused);
-    assert_eq!((world.is_enabled(gone), world.user_data(gone), world.factor(gone)), (None, None, None));
+    assert_eq!(world.set_mask(gone, 1), refused);
+    assert_eq!((world.is_enabled(gone), world.user_data(gone)), (None, None));
+    assert_eq!((world.factor(gone), world.mask(gone)), (None, None));
     // The next instance in the slot has the properties of any new instance.
     let tree = world.trees().next().expect("a tree");
     let new = world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");

@@ -55,7 +55,7 @@ fn the_distribution_of_a_world_is_the_pmf_of_each_light() {
         world.update(girandole::FrameBudget::UNLIMITED);
         for splits in (0..=MAX_SPLITS).filter_map(|count| SplitCount::new(count).ok()) {
             for _ in 0..6 {
-                let shading_point = rng.shading_point(60.0);
+                let shading_point = rng.masked_point(60.0);
                 let sum = compare(&world.sampler().with_splits(splits), &shading_point, &mut pmfs);
                 assert!(sum <= 1.0 + SUM_TOLERANCE, "{sum}");
                 most = most.max(sum);

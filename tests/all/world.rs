@@ -35,7 +35,7 @@ fn scattered(rng: &mut Rng, count: u32) -> Vec<(u32, Light)> {
 
 /// Everything about a world that a refused call must not change.
 fn fingerprint(world: &mut LightWorld) -> String {
-    let appearance = |i| (world.is_enabled(i), world.user_data(i), world.factor(i));
+    let appearance = |i| (world.is_enabled(i), world.user_data(i), world.factor(i), world.mask(i));
     let placements: Vec<_> =
         world.instances().map(|i| (i, world.placement(i), world.policy(i), appearance(i))).collect();
     let trees: Vec<_> = world.trees().map(|t| (t, world.tree(t).map(|t| t.nodes().to_vec()))).collect();
@@ -97,6 +97,7 @@ fn a_refused_call_leaves_the_world_as_it_was() {
         world.set_factor(instance, Vec3::new(f32::INFINITY, 1.0, 1.0)).err(),
         world.set_factor(instance, Vec3::splat(MAX_FACTOR.next_up())).err(),
         world.set_factor(gone.1, Vec3::ONE).err(),
+        world.set_mask(gone.1, 0).err(),
     ];
     for (number, refusal) in refusals.iter().enumerate() {
         let refusal = refusal.as_ref().unwrap_or_else(|| panic!("call {number} was accepted"));
