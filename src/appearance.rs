@@ -15,6 +15,8 @@ pub const MAX_FACTOR: f32 = 1.0e4;
 pub(crate) struct Appearance {
     is_enabled: bool,
     factor: Vec3,
+    /// The factor is not 1.
+    has_factor: bool,
     /// The luminance of the factor; 0 if the lights do not shine.
     brightness: f32,
     /// A shading point sees the lights if its mask and this one have a bit in common.
@@ -26,7 +28,7 @@ pub(crate) struct Appearance {
 impl Default for Appearance {
     /// The lights are as the tree has them.
     fn default() -> Self {
-        Self { is_enabled: true, factor: Vec3::ONE, brightness: 1.0, mask: u32::MAX, user_data: 0 }
+        Self { is_enabled: true, factor: Vec3::ONE, has_factor: false, brightness: 1.0, mask: u32::MAX, user_data: 0 }
     }
 }
 
@@ -39,6 +41,11 @@ impl Appearance {
     /// What the emission of the lights is multiplied by, as a linear colour.
     pub fn factor(&self) -> Vec3 {
         self.factor
+    }
+
+    /// Whether the factor is not 1.
+    pub fn has_factor(&self) -> bool {
+        self.has_factor
     }
 
     /// What the flux of the lights is multiplied by: the luminance of the factor. 0 if they do not
@@ -61,12 +68,13 @@ impl Appearance {
     /// Sets the factor, which [`check_factor`] has accepted.
     pub fn set_factor(&mut self, factor: Vec3) {
         self.factor = factor;
+        self.has_factor = factor != Vec3::ONE;
         self.find_brightness();
     }
 
     fn find_brightness(&mut self) {
         // The weights of the channels need not add up to 1 exactly.
-        let luminance = if self.factor == Vec3::ONE { 1.0 } else { luminance(self.factor) };
+        let luminance = if self.has_factor { luminance(self.factor) } else { 1.0 };
         // GPUs may flush subnormal numbers to 0.
         let is_shown = self.is_enabled && luminance >= f32::MIN_POSITIVE;
         self.brightness = if is_shown { luminance } else { 0.0 };
@@ -74,7 +82,7 @@ impl Appearance {
 
     /// The effects of an instance with this appearance that is shown.
     pub fn effects(&self) -> Effects {
-        let factors = if self.factor == Vec3::ONE { Effects::empty() } else { Effects::FACTORS };
+        let factors = if self.has_factor { Effects::FACTORS } else { Effects::empty() };
         let masks = if self.mask == u32::MAX { Effects::empty() } else { Effects::MASKS };
         factors | masks
     }
@@ -82,7 +90,7 @@ impl Appearance {
     /// What arrives from a light of the instance, where `radiance` would arrive without the factor.
     /// `None` if that rounds to 0 or exceeds f32, as it does on the light itself.
     pub fn arriving(&self, radiance: Vec3) -> Option<Vec3> {
-        if self.factor == Vec3::ONE {
+        if !self.has_factor {
             return Some(radiance);
         }
         let limit = f32::MAX / self.factor.max_element().max(1.0);

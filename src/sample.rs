@@ -419,7 +419,12 @@ impl<'a> LightSampler<'a> {
                 (placed.appearance.mask & shading_point.mask != 0).then_some(())?;
                 let light = self.world.tree(placed.tree)?.lights().get(light as usize)?;
                 let by_solid_angle = self.world.solid_angle_sampling();
-                let incident = sample_light(light, &placed.shown()?.frame, shading_point, by_solid_angle, u)?;
+                let frame = &placed.shown()?.frame;
+                // Two calls, so that what is returned without a factor is not copied.
+                if !placed.appearance.has_factor() {
+                    return sample_light(light, frame, shading_point, by_solid_angle, u);
+                }
+                let incident = sample_light(light, frame, shading_point, by_solid_angle, u)?;
                 Some(Incident { radiance: placed.appearance.arriving(incident.radiance)?, ..incident })
             }
         }

@@ -40,7 +40,7 @@ bitflags::bitflags! {
         /// The world has a directional light.
         const DIRECTIONAL = 1 << 4;
         /// An instance is scaled, sheared or mirrored (not only rotated and translated, to
-        /// rounding). An instance that is hidden by a scale of zero does not count.
+        /// rounding). An instance that is not shown does not count.
         const NON_RIGID = 1 << 5;
         /// The lights of a tree changed within the last [`EFFECT_HOLD_UPDATES`] updates.
         ///

@@ -303,7 +303,6 @@ impl InstanceRecord {
             user_data: appearance.user_data,
             factor: appearance.factor().to_array(),
             mask: appearance.mask,
-            ..Self::NONE
         }
     }
 }
