@@ -138,6 +138,8 @@ fn stored(machine: &Machine, instances: u32) -> Result<(GpuLights, GpuLights), W
     ])?;
     let scaled = Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, 2.0, 3.0)), translation: DVec3::ZERO };
     let scaled = world.add_instance(extra, scaled, Policy::Static)?;
+    world.set_factor(scaled, 0.5 * Vec3::ONE)?;
+    world.set_mask(scaled, 1)?;
     let sun = world.add_directional(DirectionalLight { direction: Vec3::NEG_Y, illuminance: Vec3::ONE })?;
     world.remove_instance(scaled)?;
     world.remove_tree(extra)?;
@@ -217,6 +219,8 @@ fn cases(machine: &Machine, lights: &GpuLights, own: &wgpu::BindGroupLayout, is_
             ("`DIRECTIONAL`", Effects::DIRECTIONAL),
             ("`NON_RIGID`", Effects::NON_RIGID),
             ("`GLOSSY`", Effects::GLOSSY),
+            ("`FACTORS`", Effects::FACTORS),
+            ("`MASKS`", Effects::MASKS),
         ];
         cases.extend(effects.map(|(name, effects)| case(name, &batch(effects), false)));
     }

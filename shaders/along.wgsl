@@ -220,7 +220,11 @@ fn light_along_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, 
 // The point of a segment at a distance from its start.
 fn light_point_along(shading_point: LightShadingPoint, along: f32) -> LightShadingPoint {
     let segment = light_local_segment(shading_point.segment);
-    return light_volume_point(shading_point.position + segment.xyz * (along - segment.w));
+    var seen_from = light_volume_point(shading_point.position + segment.xyz * (along - segment.w));
+    // #if MASKS
+    seen_from.mask = shading_point.mask;
+    // #endif
+    return seen_from;
 }
 
 // Chooses a point of a segment and a point on a light that was picked. Twin of
@@ -242,7 +246,15 @@ fn light_sample_picked_along(shading_point: LightShadingPoint, pick: LightPick, 
     light_along = chosen.along;
     let hashed = f32(light_hash(bitcast<u32>(u.x) ^ light_hash(bitcast<u32>(u.y))) >> 8u) * LIGHT_U_STEP;
     let seen_from = light_point_along(shading_point, chosen.along);
-    let incident = light_incident(light_record(base + pick.light), instance, seen_from, vec2(u.y, hashed));
+    var incident = light_incident(light_record(base + pick.light), instance, seen_from, vec2(u.y, hashed));
+    // #if FACTORS
+    incident = light_factored(incident, pick.instance, instance);
+    // #endif
+    // #if MASKS
+    if pick.instance != LIGHT_DIRECTIONAL && (instance.mask & shading_point.mask) == 0u {
+        incident = light_nothing();
+    }
+    // #endif
     let pdf = clamp(incident.pdf * chosen.pdf, LIGHT_MIN_PDF, LIGHT_MAX_DENSITY);
     return LightSample(
         incident.direction, incident.dist, incident.radiance, pdf,

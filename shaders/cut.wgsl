@@ -55,6 +55,9 @@ fn light_local_to_top(shading_point: LightShadingPoint) -> LightLocalShadingPoin
     // #if RANGES
     local.range_scale = 1.0;
     // #endif
+    // #if FACTORS
+    local.brightness = 1.0;
+    // #endif
     // #if NON_RIGID
     local.scaled_instance = LIGHT_NO_INSTANCE;
     // #if CONES
@@ -85,6 +88,9 @@ fn light_local_to_tree(instance: u32, shading_point: LightShadingPoint) -> Light
     // #endif
     // #if RANGES
     local.range_scale = 1.0;
+    // #endif
+    // #if FACTORS
+    local.brightness = light_brightness(placed.factor);
     // #endif
     // #if NON_RIGID
     let squeeze = max(sqrt(placed.to_local[2].w) * placed.to_local[1].w, 1.0);
@@ -137,7 +143,10 @@ fn light_add_totals(cut: ptr<function, LightCut>) {
 // Makes the children of a node candidates.
 fn light_add_children(cut: ptr<function, LightCut>, instance: u32, index: u32, shading_point: LightShadingPoint) {
     let node = light_node(instance == LIGHT_NO_INSTANCE, index);
-    let local = light_local_to(instance, shading_point);
+    var local = light_local_to(instance, shading_point);
+    // #if MASKS
+    local.met_children = light_met_children(instance == LIGHT_NO_INSTANCE, index, shading_point.mask);
+    // #endif
     let children = light_child_importances(node, local);
     var importance = children.importance;
     // #if LEARNS

@@ -15,6 +15,10 @@ struct LightShadingPoint {
     // point.
     segment: vec3<f32>,
     // #endif
+    // #if MASKS
+    // Only lights of instances whose mask has a bit in common with this one reach the point.
+    mask: u32,
+    // #endif
 }
 
 // A point on a surface; `normal` is a unit vector that points to the side that is shaded.
@@ -22,7 +26,20 @@ fn light_surface_point(position: vec3<f32>, normal: vec3<f32>) -> LightShadingPo
     var shading_point: LightShadingPoint;
     shading_point.position = position;
     shading_point.normal = normal;
+    // #if MASKS
+    shading_point.mask = 0xffffffffu;
+    // #endif
     return shading_point;
+}
+
+// The same point with another mask; all bits are set in that of other points. Twin of
+// `ShadingPoint::with_mask`. Returns the point as it is in shaders without MASKS.
+fn light_masked_point(shading_point: LightShadingPoint, mask: u32) -> LightShadingPoint {
+    var masked = shading_point;
+    // #if MASKS
+    masked.mask = mask;
+    // #endif
+    return masked;
 }
 
 // A point on a glossy surface. `view` points to the viewer, and the other arguments are the fields
@@ -76,6 +93,14 @@ struct LightLocalShadingPoint {
     // #if RANGES
     range_scale: f32,
     // #endif
+    // #if MASKS
+    // See `light_met_children`: those of the node whose children are evaluated next.
+    met_children: u32,
+    // #endif
+    // #if FACTORS
+    // What the flux of the lights is multiplied by.
+    brightness: f32,
+    // #endif
     // #if NON_RIGID
     // The slot of an instance that is scaled, sheared or mirrored, or LIGHT_NO_INSTANCE.
     scaled_instance: u32,
@@ -123,9 +148,14 @@ fn light_child_importances(node: LightNode, local: LightLocalShadingPoint) -> Li
     let error_sq = (2.0 * 3.0) * (error * error);
     let view = LightNodeView(origin, half_step, margin, error_sq);
     let first_is_light = (node.targets[0] & vec4(local.light_bit)) != vec4(0u);
-    let first = light_four_importances(light_first_four(node), first_is_light, local, view);
+    var first = light_four_importances(light_first_four(node), first_is_light, local, view);
     let last_is_light = (node.targets[1] & vec4(local.light_bit)) != vec4(0u);
-    let last = light_four_importances(light_last_four(node), last_is_light, local, view);
+    var last = light_four_importances(light_last_four(node), last_is_light, local, view);
+    // #if MASKS
+    let bits = vec4(local.met_children);
+    first.importance = select(vec4(0.0), first.importance, (bits & vec4(1u, 2u, 4u, 8u)) != vec4(0u));
+    last.importance = select(vec4(0.0), last.importance, (bits & vec4(16u, 32u, 64u, 128u)) != vec4(0u));
+    // #endif
     return LightChildImportances(
         mat2x4(first.importance, last.importance), mat2x4(first.doubt, last.doubt),
         any(min(first.importance, last.importance) < vec4(0.0)),
@@ -198,6 +228,9 @@ fn light_four_importances(
             &four, packed, local.scaled_instance, view.origin, view.half_step, local.normal,
         );
     }
+    // #endif
+    // #if FACTORS
+    four.flux *= local.brightness;
     // #endif
     // #if GLOSSY
     light_add_tangents(&four, packed, view.origin, view.half_step, local.gloss);

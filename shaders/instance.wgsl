@@ -20,6 +20,22 @@ fn light_rows(x: vec4<u32>, y: vec4<u32>, z: vec4<u32>) -> array<vec4<f32>, 3> {
     return array(bitcast<vec4<f32>>(x), bitcast<vec4<f32>>(y), bitcast<vec4<f32>>(z));
 }
 
+// #if FACTORS | MASKS
+// Whether instances of this stride end with a factor and a mask.
+fn light_has_factors(stride: u32) -> bool {
+    return stride == LIGHT_RIGID_STRIDE + LIGHT_FACTOR_QUADS || stride == LIGHT_INSTANCE_STRIDE;
+}
+
+// #endif
+
+// #if FACTORS
+// What the flux of lights with this factor is multiplied by: its luminance. Twin of
+// `Appearance::brightness`.
+fn light_brightness(factor: vec3<f32>) -> f32 {
+    return dot(factor, vec3(0.2126, 0.7152, 0.0722));
+}
+// #endif
+
 // #if NON_RIGID
 // The map to the tree's space where none is stored: the transpose, and no scale.
 fn light_rigid_to_local(to_world: array<vec4<f32>, 3>) -> array<vec4<f32>, 3> {

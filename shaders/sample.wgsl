@@ -145,6 +145,21 @@ fn light_sample(shading_point: LightShadingPoint, u: vec4<f32>) -> LightSample {
     return light_sample_picked(shading_point, light_pick(shading_point, u.xy), u.zw);
 }
 
+// #if FACTORS
+// What arrives from a light of an instance with a factor. `slot` is LIGHT_DIRECTIONAL for a light
+// without an instance. Twin of `Appearance::arriving`.
+fn light_factored(incident: LightIncident, slot: u32, instance: LightInstance) -> LightIncident {
+    var factored = incident;
+    if slot != LIGHT_DIRECTIONAL {
+        let factor = instance.factor;
+        let limit = LIGHT_MAX_FINITE / max(max(factor.x, factor.y), max(factor.z, 1.0));
+        let is_finite = all(incident.radiance <= vec3(limit));
+        factored.radiance = select(vec3(0.0), incident.radiance * factor, is_finite);
+    }
+    return factored;
+}
+// #endif
+
 // Chooses a point on a light that was picked.
 fn light_sample_picked(shading_point: LightShadingPoint, pick: LightPick, u: vec2<f32>) -> LightSample {
     // #if SEGMENTS
@@ -165,7 +180,15 @@ fn light_sample_picked(shading_point: LightShadingPoint, pick: LightPick, u: vec
     // #if DIRECTIONAL
     base = select(base, light_params.directional_base, is_directional);
     // #endif
-    let incident = light_incident(light_record(base + pick.light), instance, shading_point, u);
+    var incident = light_incident(light_record(base + pick.light), instance, shading_point, u);
+    // #if FACTORS
+    incident = light_factored(incident, pick.instance, instance);
+    // #endif
+    // #if MASKS
+    if pick.instance != LIGHT_DIRECTIONAL && (instance.mask & shading_point.mask) == 0u {
+        incident = light_nothing();
+    }
+    // #endif
     let pmf = select(0.0, pick.pmf, any(incident.radiance != vec3(0.0)));
     return LightSample(
         incident.direction, incident.dist, incident.radiance, incident.pdf,

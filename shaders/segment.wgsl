@@ -265,6 +265,9 @@ fn light_four_along(
         // #endif
     }
     // #endif
+    // #if FACTORS
+    four.flux *= local.brightness;
+    // #endif
     let estimate = light_estimate_along(four, seen, facing_along, is_light);
     let importance = select(estimate.importance, -estimate.importance, is_unresolved);
     return LightFourImportances(select(vec4(0.0), importance, is_lit), estimate.doubt);

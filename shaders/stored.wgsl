@@ -73,6 +73,24 @@ fn light_tree_node(at: u32) -> LightNode {
     return node;
 }
 
+// #if MASKS
+// A bit for each child of a node: 1 if the masks of instances below it and a mask have a bit in
+// common. All of them in a tree, whose lights have the mask of one instance. Twin of `hide_masked`.
+fn light_met_children(in_top: bool, index: u32, mask: u32) -> u32 {
+    if !in_top || (light_params.masks == 0u && mask != 0u) {
+        return 0xffu;
+    }
+    if light_params.masks == 0u {
+        return 0u;
+    }
+    let at = light_params.masks + 2u * index;
+    let first = (light_top[at] & vec4(mask)) != vec4(0u);
+    let last = (light_top[at + 1u] & vec4(mask)) != vec4(0u);
+    let bits = select(vec4(0u), vec4(1u, 2u, 4u, 8u), first) | select(vec4(0u), vec4(16u, 32u, 64u, 128u), last);
+    return bits.x | bits.y | bits.z | bits.w;
+}
+// #endif
+
 // The target of the child in a slot of a node.
 fn light_target(in_top: bool, index: u32, slot: u32) -> u32 {
     let at = index * light_params.node_stride + LIGHT_NODE_TARGETS + slot / 4u;
@@ -132,10 +150,27 @@ fn light_instance(slot: u32) -> LightInstance {
     instance.sin_turn = bitcast<f32>(light_instances[at + LIGHT_INSTANCE_PART].z);
     // #endif
     instance.to_local = light_rigid_to_local(instance.to_world);
-    if light_params.instance_stride > LIGHT_RIGID_STRIDE {
+    if light_params.instance_stride > LIGHT_RIGID_STRIDE + LIGHT_FACTOR_QUADS {
         let local = at + LIGHT_RIGID_STRIDE;
         instance.to_local =
             light_rows(light_instances[local], light_instances[local + 1u], light_instances[local + 2u]);
+    }
+    // #endif
+    // #if FACTORS
+    instance.factor = vec3(1.0);
+    // #endif
+    // #if MASKS
+    instance.mask = 0xffffffffu;
+    // #endif
+    // #if FACTORS | MASKS
+    if light_has_factors(light_params.instance_stride) {
+        let last = light_instances[at + light_params.instance_stride - LIGHT_FACTOR_QUADS];
+        // #if FACTORS
+        instance.factor = bitcast<vec3<f32>>(last.xyz);
+        // #endif
+        // #if MASKS
+        instance.mask = last.w;
+        // #endif
     }
     // #endif
     return instance;
@@ -149,6 +184,15 @@ fn light_node_base(slot: u32) -> u32 {
 // The first light of an instance's tree.
 fn light_light_base(slot: u32) -> u32 {
     return light_instances[slot * light_params.instance_stride + LIGHT_INSTANCE_TREE].w;
+}
+
+// Returns the 32 bits that the engine has given to an instance; 0 for LIGHT_DIRECTIONAL and for a
+// slot without a shown instance. Twin of `LightWorld::user_data`.
+fn light_user_data(instance: u32) -> u32 {
+    if instance >= light_params.slots {
+        return 0u;
+    }
+    return light_instances[instance * light_params.instance_stride + LIGHT_INSTANCE_PART].w;
 }
 
 // The part that a leaf of the top level is; `bits` are its target.

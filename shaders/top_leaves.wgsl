@@ -26,9 +26,16 @@ fn instance_of(slot: u32) -> LightInstance {
     instance.cos_turn = bitcast<f32>(instances[at + LIGHT_INSTANCE_PART].y);
     instance.sin_turn = bitcast<f32>(instances[at + LIGHT_INSTANCE_PART].z);
     instance.to_local = light_rigid_to_local(instance.to_world);
-    if top_pass.instance_stride > LIGHT_RIGID_STRIDE {
+    if top_pass.instance_stride > LIGHT_RIGID_STRIDE + LIGHT_FACTOR_QUADS {
         let local = at + LIGHT_RIGID_STRIDE;
         instance.to_local = light_rows(instances[local], instances[local + 1u], instances[local + 2u]);
+    }
+    instance.factor = vec3(1.0);
+    instance.mask = 0xffffffffu;
+    if light_has_factors(top_pass.instance_stride) {
+        let last = instances[at + top_pass.instance_stride - LIGHT_FACTOR_QUADS];
+        instance.factor = bitcast<vec3<f32>>(last.xyz);
+        instance.mask = last.w;
     }
     return instance;
 }
@@ -48,12 +55,18 @@ fn leaf_of(index: u32) -> LightCluster {
     nodes[top_part(index) + 1u] = tree.target_bits;
     // A dark part has no leaf.
     nodes[top_part(index) + 2u] = LIGHT_NO_PARENT;
+    if top_pass.masks != 0u {
+        nodes[top_part(index) + 3u] = instance.mask;
+    }
     if tree.cluster.flux <= 0.0 {
         return CLUSTER_EMPTY;
     }
     let map = linear_of(instance);
-    let flux = max(linear_flux(map, tree.punctual_flux, tree.area_flux, tree.cluster.axis), LIGHT_MIN_FLUX);
-    return cluster_transformed(tree.cluster, map, flux);
+    let has_factors = light_has_factors(top_pass.instance_stride);
+    let brightness = select(1.0, light_brightness(instance.factor), has_factors);
+    let all_flux = linear_flux(map, tree.punctual_flux, tree.area_flux, tree.cluster.axis);
+    let flux = min(all_flux, LIGHT_MAX_FLUX / max(brightness, 1.0)) * brightness;
+    return cluster_transformed(tree.cluster, map, max(flux, LIGHT_MIN_FLUX));
 }
 
 @compute @workgroup_size(TOP_LANES)

@@ -21,6 +21,21 @@ fn node_leaf(part: u32) -> u32 {
     return LIGHT_LEAF | LIGHT_PART | select(0u, LIGHT_SINGLE, (below & LIGHT_LEAF) != 0u) | part;
 }
 
+// The union of the masks of all instances below a child.
+fn node_mask(target_bits: u32) -> u32 {
+    if target_bits == LIGHT_EMPTY_SLOT {
+        return 0u;
+    }
+    if (target_bits & LIGHT_LEAF) != 0u {
+        return nodes[top_part(target_bits & ~LIGHT_LEAF) + 3u];
+    }
+    var all_masks = 0u;
+    for (var slot = 0u; slot < LIGHT_WIDTH; slot++) {
+        all_masks |= nodes[top_masks(target_bits) + slot];
+    }
+    return all_masks;
+}
+
 // Packs a node from the clusters of the children that its targets name, and writes into each child
 // where its parent is.
 fn node_pack(node: u32) {
@@ -46,6 +61,9 @@ fn node_pack(node: u32) {
     for (var slot = 0u; slot < LIGHT_WIDTH; slot++) {
         let bits = nodes[at + slot];
         let place = node * LIGHT_WIDTH + slot;
+        if top_pass.masks != 0u {
+            nodes[top_masks(node) + slot] = node_mask(bits);
+        }
         if bits == LIGHT_EMPTY_SLOT {
             continue;
         }

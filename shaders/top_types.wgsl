@@ -29,11 +29,19 @@ struct TopPass {
     node_range: u32,
     light_stride: u32,
     instance_stride: u32,
+    // Where the masks of the nodes begin in the buffer of the nodes, in units of 16 bytes; 0 if they
+    // are not stored.
+    masks: u32,
 }
 
 // The first word of a part in the buffer of the nodes: see LightPart.
 fn top_part(index: u32) -> u32 {
     return 4u * (top_pass.parts + index);
+}
+
+// The first of the eight words with the masks of a node's children.
+fn top_masks(node: u32) -> u32 {
+    return 4u * (top_pass.masks + 2u * node);
 }
 
 // The index of an invocation in a dispatch of one or two dimensions.

@@ -56,7 +56,8 @@ struct LightRecord {
     // #endif
 }
 
-// One instance slot. Where all instances are rigid, records end before `to_local`.
+// One instance slot. `to_local` is stored if some instance is not rigid, and what follows it if some
+// instance has a factor or a mask.
 struct LightInstance {
     // The rows of the matrix; the fourth column is the translation.
     to_world: array<vec4<f32>, 3>,
@@ -70,11 +71,20 @@ struct LightInstance {
     // Cosine and sine of the angle by which the placement may turn one direction against another.
     cos_turn: f32,
     sin_turn: f32,
-    padding: u32,
+    // The engine's own 32 bits.
+    user_data: u32,
     // #if NON_RIGID
     // The rows of the inverse; the fourth column is the determinant, the range scale and the mean
     // squared scale of `to_world`.
     to_local: array<vec4<f32>, 3>,
+    // #endif
+    // #if FACTORS
+    // What the emission of the lights is multiplied by.
+    factor: vec3<f32>,
+    // #endif
+    // #if MASKS
+    // A shading point sees the lights if its mask and this one have a bit in common.
+    mask: u32,
     // #endif
 }
 
@@ -98,7 +108,8 @@ struct LightPart {
     target_bits: u32,
     // The place of the part's leaf: node * LIGHT_WIDTH + slot. LIGHT_NO_PARENT for a dark part.
     place: u32,
-    padding: u32,
+    // The mask of the instance; not set unless masks are stored.
+    mask: u32,
 }
 
 // The parameters of sampling. Twin of `ParamsRecord`.
@@ -122,5 +133,7 @@ struct LightParams {
     solid_angles: u32,
     // The offset of the parts in the buffer of the top level.
     parts: u32,
-    padding: u32,
+    // The offset of the masks in the same buffer; 0 if they are not stored. For each child of each
+    // node of the top level there is the union of the masks of all instances below it.
+    masks: u32,
 }

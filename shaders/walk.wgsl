@@ -51,6 +51,9 @@ fn light_descend(
         }
         index = base + bits;
         let in_top = instance == LIGHT_NO_INSTANCE;
+        // #if MASKS
+        local.met_children = light_met_children(in_top, index, shading_point.mask);
+        // #endif
         let weights = light_child_weights(light_node(in_top, index), local);
         let total = light_sum(weights);
         if total <= 0.0 {
@@ -77,7 +80,7 @@ fn light_climb(
     cut: ptr<function, LightCut>, shading_point: LightShadingPoint, slot_of_instance: u32, light: u32,
 ) -> f32 {
     var instance = slot_of_instance;
-    // A slot without an instance, or with one that is hidden by a scale of zero.
+    // A slot without an instance, or with one that is not shown.
     let flags = light_instance(instance).flags;
     if (flags & LIGHT_LIVE) == 0u {
         return 0.0;
@@ -110,6 +113,9 @@ fn light_climb(
             break;
         }
         let node = light_node(in_top, index);
+        // #if MASKS
+        local.met_children = light_met_children(in_top, index, shading_point.mask);
+        // #endif
         var weights = light_child_weights(node, local);
         pmf = light_joint_pmf(pmf, light_choice_pmf(weights[slot / 4u][slot % 4u], light_sum(weights)));
         place = node.tail.x;

@@ -38,7 +38,7 @@ impl LightSampler<'_> {
         };
         let (along, pdf) = self.stretch(segment, &local, light)?.sample(clamp_unit(u));
         let position = segment.position + local.unit * (along - local.half);
-        Some(SegmentPoint { along, pdf, shading_point: ShadingPoint::volume(position) })
+        Some(SegmentPoint { along, pdf, shading_point: ShadingPoint::volume(position).with_mask(segment.mask) })
     }
 
     /// Returns the density per metre with which [`LightSampler::sample_along`] chooses a distance

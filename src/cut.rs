@@ -57,6 +57,26 @@ pub(crate) trait InstanceTrees<'a> {
     fn visible_shares(&self, _tree: &TreeView<'a>, _node: &Node) -> Option<Lanes> {
         None
     }
+
+    /// Sets the importances of those children to 0 which no light is below that reaches the shading
+    /// point by its mask.
+    #[inline(always)]
+    fn hide_masked(&self, _tree: &TreeView<'a>, _node: u32, _importance: &mut Lanes) {}
+}
+
+/// The importances of the children of a node, which is in `tree`. 0 where masks hide all lights.
+///
+/// All choices are made by these, in the cut and below it, so masked lights are never drawn.
+#[inline(always)]
+pub(crate) fn seen_importances<'a>(
+    tree: &TreeView<'a>,
+    node: u32,
+    record: &Node,
+    instance_trees: &impl InstanceTrees<'a>,
+) -> ChildImportances {
+    let mut children = child_importances(record, &tree.local);
+    instance_trees.hide_masked(tree, node, &mut children.importance);
+    children
 }
 
 /// Serves a tree whose leaves are lights.
@@ -224,7 +244,7 @@ impl<'a> Cut<'a> {
         let view = self.trees[tree].as_ref()?;
         let TreeView { nodes, local, .. } = view;
         let record = nodes.get(node as usize)?;
-        let mut children = child_importances(record, local);
+        let mut children = seen_importances(view, node, record, instance_trees);
         if let Some(shares) = instance_trees.visible_shares(view, record) {
             for i in 0..WIDTH {
                 children.importance[i] *= shares[i];

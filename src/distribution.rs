@@ -4,9 +4,9 @@
 //! down instead of from a light up: each node is evaluated once for all lights below it.
 
 use crate::counts::SplitCount;
-use crate::cut::{Cut, InstanceTrees, NO_INSTANCE, NoInstances, TreeView};
+use crate::cut::{Cut, InstanceTrees, NO_INSTANCE, NoInstances, TreeView, seen_importances};
 use crate::dice::{choice_pmf, joint_pmf};
-use crate::importance::{child_weights, running_sums};
+use crate::importance::running_sums;
 use crate::shading_point::ShadingPoint;
 use crate::simd::{Job, with_vectors};
 use crate::tree::{LightTree, Target, WIDTH};
@@ -55,14 +55,16 @@ impl<'a, T: InstanceTrees<'a>> Job for DistributionJob<'a, '_, T> {
             let pmf = joint_pmf(cut_pmf, choice_pmf(weight, cut.total()));
             if !tree.is_top() {
                 let start = if tree.instance == NO_INSTANCE { 0 } else { starts[tree.instance as usize] };
-                visit_leaves(tree, target, pmf, &mut inner_stack, |light, pmf| pmfs[start + light as usize] = pmf);
+                visit_leaves(tree, target, pmf, instance_trees, &mut inner_stack, |light, pmf| {
+                    pmfs[start + light as usize] = pmf
+                });
                 continue;
             }
-            visit_leaves(tree, target, pmf, &mut stack, |leaf, pmf| {
+            visit_leaves(tree, target, pmf, instance_trees, &mut stack, |leaf, pmf| {
                 let Some((tree, target)) = instance_trees.tree_view(leaf) else { return };
                 let start = starts[tree.instance as usize];
                 let visit = |light: u32, pmf| pmfs[start + light as usize] = pmf;
-                visit_leaves(&tree, target, pmf, &mut inner_stack, visit);
+                visit_leaves(&tree, target, pmf, instance_trees, &mut inner_stack, visit);
             });
         }
         total
@@ -72,10 +74,11 @@ impl<'a, T: InstanceTrees<'a>> Job for DistributionJob<'a, '_, T> {
 /// Visits every leaf of a tree at or below `target` with its probability; `pmf` is that of
 /// `target`. `stack` is empty before and after.
 #[inline(always)]
-fn visit_leaves(
-    tree: &TreeView<'_>,
+fn visit_leaves<'a>(
+    tree: &TreeView<'a>,
     target: Target,
     pmf: f32,
+    instance_trees: &impl InstanceTrees<'a>,
     stack: &mut Vec<(u32, f32)>,
     mut visit: impl FnMut(u32, f32),
 ) {
@@ -85,7 +88,7 @@ fn visit_leaves(
     }
     while let Some((node, pmf)) = stack.pop() {
         let record = &tree.nodes[node as usize];
-        let weights = child_weights(record, &tree.local);
+        let weights = seen_importances(tree, node, record, instance_trees).weights();
         let total = running_sums(&weights)[WIDTH - 1];
         for slot in 0..WIDTH {
             if weights[slot] <= 0.0 {

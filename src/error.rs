@@ -88,7 +88,7 @@ impl LightError {
     }
 }
 
-/// Why a world or a tree refused a call, which has then changed nothing. Codes 200 to 208, or the
+/// Why a world or a tree refused a call, which has then changed nothing. Codes 200 to 209, or the
 /// code of the [`LightError`] or [`PlacementError`] inside.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -167,6 +167,14 @@ pub enum WorldError {
         /// The given value.
         value: f64,
     },
+    /// A channel of the factor of an instance is negative, NaN or too large.
+    #[error("a channel of the factor is {value}; it must be from 0 to {limit}")]
+    Factor {
+        /// The given value.
+        value: f32,
+        /// The greatest value allowed.
+        limit: f32,
+    },
 }
 
 impl WorldError {
@@ -184,6 +192,7 @@ impl WorldError {
             Self::StaticTree(_) => 206,
             Self::Policy { .. } => 207,
             Self::NotFinite { .. } => 208,
+            Self::Factor { .. } => 209,
         }
     }
 }

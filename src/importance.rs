@@ -37,6 +37,9 @@ pub(crate) struct LocalShadingPoint<'a> {
     /// The bit of [`Node::targets`] that marks single lights: [`LEAF`] in a tree,
     /// `part::SINGLE` in a top level, whose leaves are parts of instances.
     pub light_bit: u32,
+    /// The intensity of a light that shines to all sides, per unit of flux and after the factor of
+    /// the instance: [`CANDELA_PER_LUMEN`] without a factor.
+    pub candela_per_lumen: f32,
     /// The map to the world where lengths, angles or fluxes differ there: that of an instance that
     /// is scaled, sheared or mirrored. `None` if they are the same.
     pub to_world: Option<&'a Linear>,
@@ -58,6 +61,7 @@ impl LocalShadingPoint<'_> {
             range_scale: 1.0,
             margin: POSITION_MARGIN,
             light_bit: LEAF,
+            candela_per_lumen: CANDELA_PER_LUMEN,
             to_world: None,
             gloss: Self::gloss_of(shading_point),
             segment: LocalSegment::of(shading_point),
@@ -70,6 +74,8 @@ impl LocalShadingPoint<'_> {
     }
 }
 
+/// The intensity in candela of a light of one lumen that shines to all sides.
+pub(crate) const CANDELA_PER_LUMEN: f32 = 0.25 * std::f32::consts::FRAC_1_PI;
 /// The share of the variance of position that is added to the squared distance.
 pub(crate) const VARIANCE_SHARE: f32 = 0.5;
 /// The squared width of the smooth cosine at the shading point, per unit of the cluster's angular
@@ -154,6 +160,13 @@ impl ChildImportances {
     pub fn has_unresolved(&self) -> bool {
         self.importance.iter().fold(0, |bits, importance| bits | importance.to_bits()) >> 31 == 1
     }
+
+    /// What a walk chooses one of the children by: the importances, where those of unresolved
+    /// children add up to at most the sum of the others.
+    #[inline(always)]
+    pub fn weights(&self) -> Lanes {
+        if self.has_unresolved() { limited_weights(&self.importance) } else { self.importance }
+    }
 }
 
 /// Estimates the importances of a node's children.
@@ -185,7 +198,7 @@ fn importances(node: &Node, local: &LocalShadingPoint, gloss: Option<&LocalGloss
         let gap_sq = child.gap_sq(margin);
         let is_light = node.targets[i] & local.light_bit != 0;
         let view = ClusterView::new(&child, local, gap_sq);
-        let (importance, doubt) = estimate(&child, &view, is_light, local.has_normal, gloss, position_error_sq);
+        let (importance, doubt) = estimate(&child, &view, is_light, local, gloss, position_error_sq);
         let is_lit = (child.flux > 0.0) & !is_provably_dark(&child, &view, local, margin);
         children.importance[i] = if is_lit { importance } else { 0.0 };
         children.doubt[i] = doubt;
@@ -216,8 +229,7 @@ fn importances_in_world(
         let view = ClusterView::new(&child, local, gap_sq);
         let is_lit = (child.flux > 0.0) & !is_provably_dark(&child, &view, local, margin);
         let view = view.in_world(&child, &map, node.area_share(i));
-        let (importance, doubt) =
-            estimate(&child, &view, is_light, local.has_normal, local.gloss.as_ref(), position_error_sq);
+        let (importance, doubt) = estimate(&child, &view, is_light, local, local.gloss.as_ref(), position_error_sq);
         children.importance[i] = if is_lit { importance } else { 0.0 };
         children.doubt[i] = doubt;
     }
@@ -312,7 +324,7 @@ fn estimate(
     child: &Unpacked,
     view: &ClusterView,
     is_light: bool,
-    has_normal: bool,
+    local: &LocalShadingPoint,
     gloss: Option<&LocalGloss>,
     position_error_sq: f32,
 ) -> (f32, f32) {
@@ -337,7 +349,7 @@ fn estimate(
     let width_sq = COSINE_WIDTH_SQ * view.normal_variance * (1.0 - spread);
     let cosine = 0.5 * (view.along + (view.along * view.along + width_sq).sqrt());
     let cosine = min(cosine, max(view.along, 0.0) + HORIZON_SHARE * view.highest);
-    let cosine = if has_normal { max(cosine, MIN_COSINE * dist) } else { dist };
+    let cosine = if local.has_normal { max(cosine, MIN_COSINE * dist) } else { dist };
 
     let Lobe { value: lobe, width_sq } = Lobe::new(child.length, view.facing, spread, dist_sq, dist);
 
@@ -345,8 +357,8 @@ fn estimate(
     // f32.
     let inverse = 1.0 / dist;
     let reach = width_sq * mean_sq;
-    let flux = view.flux * (0.25 * std::f32::consts::FRAC_1_PI) * nearness;
-    let lux = flux * ((lobe * inverse) * (cosine * inverse) / reach);
+    let intensity = view.flux * local.candela_per_lumen * nearness;
+    let lux = intensity * ((lobe * inverse) * (cosine * inverse) / reach);
     let (lux, doubt) = match gloss {
         Some(gloss) => {
             let [x, y] = gloss.along(child.toward);
@@ -445,7 +457,7 @@ fn importances_along(
             None => cluster,
         };
         let is_light = node.targets[i] & local.light_bit != 0;
-        let (importance, doubt) = cluster.estimate(child.length, is_light);
+        let (importance, doubt) = cluster.estimate(child.length, is_light, local.candela_per_lumen);
         let importance = if is_unresolved { -importance } else { importance };
         children.importance[i] = if (child.flux > 0.0) & !is_dark { importance } else { 0.0 };
         children.doubt[i] = doubt;
@@ -524,7 +536,7 @@ impl SegmentCluster {
     /// The importance and the doubt of the cluster. See [`ChildImportances`]. The importance is the
     /// mean over the segment. `length` is that of the mean direction of emission.
     #[inline(always)]
-    fn estimate(&self, length: f32, is_light: bool) -> (f32, f32) {
+    fn estimate(&self, length: f32, is_light: bool, candela_per_lumen: f32) -> (f32, f32) {
         let Self { view, variance, .. } = *self;
         let near_sq = max(view.near_sq(), MIN_IMPORTANCE);
         let spread = variance / (near_sq + variance);
@@ -552,7 +564,7 @@ impl SegmentCluster {
             lobe.value / (lobe.width_sq * dist)
         };
         let emitted = 0.5 * (emitted(a, middle) + emitted(middle, b));
-        let lux = self.flux * (0.25 * std::f32::consts::FRAC_1_PI) * nearness * (emitted / reach);
+        let lux = self.flux * candela_per_lumen * nearness * (emitted / reach);
         (min(max(lux, MIN_IMPORTANCE), MAX_IMPORTANCE), doubt)
     }
 }
@@ -608,14 +620,6 @@ fn segment_is_provably_dark(
     let is_turned_away = (cos > -1.0) & ((beyond > radius) | is_behind) & (farthest * farthest <= MAX_DIST_SQ);
 
     is_out_of_range | is_turned_away
-}
-
-/// What a walk chooses one of a node's children by: the importances, where those of unresolved
-/// children add up to at most the sum of the others.
-#[inline(always)]
-pub(crate) fn child_weights(node: &Node, local: &LocalShadingPoint) -> Lanes {
-    let children = child_importances(node, local);
-    if children.has_unresolved() { limited_weights(&children.importance) } else { children.importance }
 }
 
 #[cold]
@@ -788,7 +792,7 @@ mod tests {
                 let local = LocalShadingPoint::of(&ShadingPoint::surface(place(10 * i + 3) + 0.4, place(i)));
                 let children = child_importances(node, &local);
                 assert!(!children.has_unresolved());
-                assert_eq!(child_weights(node, &local), children.importance);
+                assert_eq!(children.weights(), children.importance);
             }
         }
     }

@@ -146,6 +146,7 @@ pub mod bounds;
 pub mod cone;
 pub mod cluster;
 pub mod light;
+mod appearance;
 pub mod tree;
 pub mod policy;
 pub mod scheduler;
@@ -174,6 +175,7 @@ pub mod gpu;
 pub mod gltf;
 
 pub use along::SegmentPoint;
+pub use appearance::MAX_FACTOR;
 pub use counts::{CandidateCount, MAX_CANDIDATES, MAX_SPLITS, SplitCount};
 pub use effects::{EffectCounts, Effects};
 pub use emit::Incident;

@@ -33,7 +33,7 @@ impl LightSampler<'_> {
         let Some(placed) = self.world.instance(instance) else { return 0.0 };
         let tree = self.world.tree(placed.tree);
         let Some(record) = tree.and_then(|tree| tree.lights().get(index as usize)) else { return 0.0 };
-        let Some(transform) = placed.placed.as_ref() else { return 0.0 };
+        let Some(transform) = placed.shown() else { return 0.0 };
         let pdf = point_pdf(record, &transform.frame, shading_point, self.world.solid_angle_sampling(), point);
         if pdf > 0.0 { pdf * self.pmf(shading_point, light) } else { 0.0 }
     }

@@ -7,7 +7,7 @@ pub use crate::cluster::MAX_SCALE;
 use crate::cluster::{Linear, RIGID_TOLERANCE};
 use crate::effects::Effects;
 use crate::error::PlacementError;
-use crate::importance::{LocalShadingPoint, POSITION_MARGIN};
+use crate::importance::{CANDELA_PER_LUMEN, LocalShadingPoint, POSITION_MARGIN};
 use crate::segment::LocalSegment;
 use crate::shading_point::ShadingPoint;
 use crate::transform::InstanceTransform;
@@ -127,8 +127,9 @@ impl Placed {
         if self.is_rigid { Effects::empty() } else { Effects::NON_RIGID }
     }
 
-    /// A shading point of the world as seen in the space of the tree.
-    pub fn local_shading_point(&self, shading_point: &ShadingPoint) -> LocalShadingPoint<'_> {
+    /// A shading point of the world as seen in the space of the tree. `brightness` is what the flux
+    /// of the instance's lights is multiplied by.
+    pub fn local_shading_point(&self, shading_point: &ShadingPoint, brightness: f32) -> LocalShadingPoint<'_> {
         // Normals are carried back by the transpose: the horizon stays the horizon under any linear
         // map.
         let normal = (self.linear.linear.transpose() * shading_point.normal).normalize_or_zero();
@@ -140,6 +141,7 @@ impl Placed {
             margin: POSITION_MARGIN * (self.linear.mean_square_scale.sqrt() * self.range_scale()).max(1.0)
                 + RIGID_TOLERANCE,
             light_bit: LEAF,
+            candela_per_lumen: CANDELA_PER_LUMEN * brightness,
             to_world: (!self.is_rigid).then_some(&self.linear),
             gloss: LocalShadingPoint::gloss_of(shading_point).map(|gloss| gloss.carried(&self.linear.linear)),
             segment: LocalSegment::of(shading_point).map(|segment| segment.carried(&self.frame.to_local)),

@@ -21,7 +21,7 @@ use crate::segment::LocalSegment;
 use crate::shading_point::ShadingPoint;
 use crate::simd::with_vectors;
 use crate::top::TopLevel;
-use crate::tree::{Lanes, LightTree, Node, Target};
+use crate::tree::{Lanes, LightTree, Node, Target, WIDTH};
 use crate::visibility::{CellGrid, LearntCell, VisibilityTable};
 use crate::walk::{DrawJob, LeafPath, Outcome, PmfJob, PmfTarget, TopPath, TreeLight};
 use crate::world::LightWorld;
@@ -64,6 +64,9 @@ pub struct LightSample {
     pub pmf: f32,
     /// The light that arrives from the point, and the density of the point's direction.
     pub incident: Incident,
+    /// The user data of the light's instance ([`LightWorld::set_user_data`]); 0 for a directional
+    /// light.
+    pub user_data: u32,
 }
 
 /// Chooses lights of a [`LightWorld`] on the CPU, in proportion to the light that each of them
@@ -142,6 +145,15 @@ pub(crate) struct LearntSurroundings<'a, 's> {
     learnt: LearntCell<'a>,
 }
 
+/// The same, where masks hide some lights, and whatever is learnt. A type of its own for the same
+/// reason.
+pub(crate) struct MaskedSurroundings<'a, 's> {
+    trees: Surroundings<'a, 's>,
+    learnt: Option<LearntCell<'a>>,
+    /// [`TopLevel::masks`].
+    masks: &'a [[u32; WIDTH]],
+}
+
 impl<'a> InstanceTrees<'a> for Surroundings<'a, '_> {
     fn tree_view(&self, leaf: u32) -> Option<(TreeView<'a>, Target)> {
         let sampler = self.sampler;
@@ -156,6 +168,11 @@ impl<'a, 's> Surroundings<'a, 's> {
     pub fn with(self, learnt: LearntCell<'a>) -> LearntSurroundings<'a, 's> {
         LearntSurroundings { trees: self, learnt }
     }
+
+    /// The same with the masks of the top level.
+    pub fn with_masks(self, masks: &'a [[u32; WIDTH]], learnt: Option<LearntCell<'a>>) -> MaskedSurroundings<'a, 's> {
+        MaskedSurroundings { trees: self, learnt, masks }
+    }
 }
 
 impl<'a> InstanceTrees<'a> for LearntSurroundings<'a, '_> {
@@ -169,17 +186,45 @@ impl<'a> InstanceTrees<'a> for LearntSurroundings<'a, '_> {
     }
 }
 
+impl<'a> InstanceTrees<'a> for MaskedSurroundings<'a, '_> {
+    fn tree_view(&self, leaf: u32) -> Option<(TreeView<'a>, Target)> {
+        self.trees.tree_view(leaf)
+    }
+
+    #[inline(always)]
+    fn visible_shares(&self, tree: &TreeView<'a>, node: &Node) -> Option<Lanes> {
+        let learnt = self.learnt.as_ref()?;
+        Some(learnt.shares(node, tree.local.position, &self.trees.sampler.world_of(tree)))
+    }
+
+    #[inline(always)]
+    fn hide_masked(&self, tree: &TreeView<'a>, node: u32, importance: &mut Lanes) {
+        // Below the top level all lights have the mask of one instance.
+        if tree.is_top() {
+            let mask = self.trees.shading_point.mask;
+            let masks = self.masks.get(node as usize).unwrap_or(&[u32::MAX; WIDTH]);
+            for slot in 0..WIDTH {
+                importance[slot] = if masks[slot] & mask == 0 { 0.0 } else { importance[slot] };
+            }
+        }
+    }
+}
+
 /// Evaluates an expression with a reference to the trees around a shading point, whatever is learnt
-/// there.
+/// there and whether masks hide lights.
 macro_rules! with_surroundings {
     ($sampler:expr, $shading_point:expr, |$trees:ident| $run:expr) => {{
         let trees = $sampler.surroundings($shading_point);
-        match $sampler.learnt($shading_point) {
-            Some(learnt) => {
+        match ($sampler.masks($shading_point), $sampler.learnt($shading_point)) {
+            (Some(masks), learnt) => {
+                let $trees = &trees.with_masks(masks, learnt);
+                $run
+            }
+            (None, Some(learnt)) => {
                 let $trees = &trees.with(learnt);
                 $run
             }
-            None => {
+            (None, None) => {
                 let $trees = &trees;
                 $run
             }
@@ -224,7 +269,11 @@ impl<'a> LightSampler<'a> {
     ) -> Option<LightSample> {
         let LightPick { light, pmf } = pick;
         let incident = self.sample_light(shading_point, light, u)?;
-        Some(LightSample { light, pmf, incident })
+        let user_data = match light {
+            LightId::Local { instance, .. } => self.world.user_data(instance).unwrap_or(0),
+            LightId::Directional(_) => 0,
+        };
+        Some(LightSample { light, pmf, incident, user_data })
     }
 
     /// Returns the same sampler with another number of splits; [`LightWorld::sampler`] has
@@ -328,6 +377,7 @@ impl<'a> LightSampler<'a> {
     ) -> Option<Incident> {
         let (along, pdf) = self.stretch(shading_point, segment, light)?.sample(clamp_unit(u[0]));
         let from = ShadingPoint::volume(shading_point.position + segment.unit * (along - segment.half));
+        let from = from.with_mask(shading_point.mask);
         let incident = self.sample_light_from(&from, light, [u[1], hashed_unit(u)])?;
         let pdf = (incident.pdf * pdf).clamp(MIN_PDF, 1.0 / MIN_INVERSE_PDF);
         Some(Incident { along, pdf, ..incident })
@@ -345,7 +395,7 @@ impl<'a> LightSampler<'a> {
             LightId::Local { instance, light } => {
                 let placed = self.world.instance(instance)?;
                 let light = self.world.tree(placed.tree)?.lights().get(light as usize)?;
-                Stretch::of(light, &placed.placed.as_ref()?.frame, shading_point, segment)
+                Stretch::of(light, &placed.shown()?.frame, shading_point, segment)
             }
         }
     }
@@ -366,9 +416,16 @@ impl<'a> LightSampler<'a> {
             }
             LightId::Local { instance, light } => {
                 let placed = self.world.instance(instance)?;
+                (placed.appearance.mask & shading_point.mask != 0).then_some(())?;
                 let light = self.world.tree(placed.tree)?.lights().get(light as usize)?;
                 let by_solid_angle = self.world.solid_angle_sampling();
-                sample_light(light, &placed.placed.as_ref()?.frame, shading_point, by_solid_angle, u)
+                let frame = &placed.shown()?.frame;
+                // Two calls, so that what is returned without a factor is not copied.
+                if !placed.appearance.has_factor() {
+                    return sample_light(light, frame, shading_point, by_solid_angle, u);
+                }
+                let incident = sample_light(light, frame, shading_point, by_solid_angle, u)?;
+                Some(Incident { radiance: placed.appearance.arriving(incident.radiance)?, ..incident })
             }
         }
     }
@@ -421,6 +478,12 @@ impl<'a> LightSampler<'a> {
         Surroundings { sampler: self, shading_point }
     }
 
+    /// The masks of the top level; `None` if no mask hides anything from a shading point.
+    pub(crate) fn masks(&self, shading_point: &ShadingPoint) -> Option<&'a [[u32; WIDTH]]> {
+        let masks = &self.top.masks;
+        (!masks.is_empty() || shading_point.mask == 0).then_some(masks)
+    }
+
     /// What is learnt about the cell of a shading point.
     pub(crate) fn learnt(&self, shading_point: &ShadingPoint) -> Option<LearntCell<'a>> {
         let (table, grid) = self.visibility.as_ref()?;
@@ -430,7 +493,7 @@ impl<'a> LightSampler<'a> {
     /// The linear part of the map from the space of a tree to the world.
     pub(crate) fn world_of(&self, tree: &TreeView<'_>) -> Mat3 {
         let instance = self.world.instance_at(tree.instance).and_then(|key| self.world.instance(key));
-        instance.and_then(|instance| instance.placed.as_ref()).map_or(Mat3::IDENTITY, |placed| placed.frame.to_world)
+        instance.and_then(|instance| instance.shown()).map_or(Mat3::IDENTITY, |placed| placed.frame.to_world)
     }
 
     /// The top level.
@@ -478,7 +541,7 @@ impl<'a> LightSampler<'a> {
     ) -> Option<(&'a LightTree, TreeView<'a>)> {
         let instance = self.world.instance(key)?;
         let tree = self.world.tree(instance.tree)?;
-        let local = instance.placed.as_ref()?.local_shading_point(shading_point);
+        let local = instance.shown()?.local_shading_point(shading_point, instance.appearance.brightness());
         Some((tree, TreeView { nodes: tree.nodes(), local, instance: slot_of(key) }))
     }
 }

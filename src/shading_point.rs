@@ -30,18 +30,23 @@ pub struct ShadingPoint {
     /// point with a normal counts as a point, whatever its segment is. So does a vector that is
     /// shorter than 1e-9 m, longer than 1e9 m or not finite.
     pub segment: Vec3,
+    /// Only lights of instances whose mask has a bit in common with this one reach the point: see
+    /// [`LightWorld::set_mask`](crate::LightWorld::set_mask). All bits are set unless
+    /// [`ShadingPoint::with_mask`] sets others. With 0 only directional lights reach it. Methods of
+    /// [`LightTree`](crate::LightTree) ignore it.
+    pub mask: u32,
 }
 
 impl ShadingPoint {
     /// A point on a surface. `normal` is a unit vector that points to the side that is shaded;
     /// lights behind the surface have the probability 0.
     pub fn surface(position: Vec3, normal: Vec3) -> Self {
-        Self { position, normal, gloss: None, segment: Vec3::ZERO }
+        Self { position, normal, gloss: None, segment: Vec3::ZERO, mask: u32::MAX }
     }
 
     /// A point in a volume, or any other point that light may reach from all sides.
     pub fn volume(position: Vec3) -> Self {
-        Self { position, normal: Vec3::ZERO, gloss: None, segment: Vec3::ZERO }
+        Self { position, normal: Vec3::ZERO, gloss: None, segment: Vec3::ZERO, mask: u32::MAX }
     }
 
     /// The segment `origin + t * direction` of a ray through a volume, for t from 0 to `length`.
@@ -83,5 +88,11 @@ impl ShadingPoint {
     #[must_use]
     pub fn with_gloss(self, gloss: Gloss) -> Self {
         Self { gloss: Some(gloss), ..self }
+    }
+
+    /// The same point with another [mask](ShadingPoint::mask).
+    #[must_use]
+    pub fn with_mask(self, mask: u32) -> Self {
+        Self { mask, ..self }
     }
 }

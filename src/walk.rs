@@ -5,9 +5,9 @@
 //! so the depth of trees has no cap.
 
 use crate::counts::SplitCount;
-use crate::cut::{Choice, Cut, InstanceTrees, NO_INSTANCE, TreeView, choose_lane};
+use crate::cut::{Choice, Cut, InstanceTrees, NO_INSTANCE, TreeView, choose_lane, seen_importances};
 use crate::dice::{Dice, choice_pmf, joint_pmf};
-use crate::importance::{child_weights, running_sums};
+use crate::importance::running_sums;
 use crate::part::Division;
 use crate::simd::Job;
 use crate::tree::{NO_PARENT, Target, WIDTH};
@@ -89,7 +89,7 @@ fn descend<'a>(
         };
         let dice = if tree.instance == NO_INSTANCE { &mut outer } else { &mut inner };
         let record = tree.nodes.get(node as usize)?;
-        let weights = child_weights(record, &tree.local);
+        let weights = seen_importances(&tree, node, record, instance_trees).weights();
         let sums = running_sums(&weights);
         let total = sums[WIDTH - 1];
         if total <= 0.0 {
@@ -144,7 +144,7 @@ impl<'a> LeafPath<'a> {
 
 /// The probability that [`descend`] ends at a leaf.
 #[inline(always)]
-fn climb<'a>(cut: &Cut<'a>, leaf: &LeafPath<'a>) -> f32 {
+fn climb<'a>(cut: &Cut<'a>, leaf: &LeafPath<'a>, instance_trees: &impl InstanceTrees<'a>) -> f32 {
     let mut path = *leaf;
     let mut pmf = 1.0;
     while path.enter_top() {
@@ -154,7 +154,7 @@ fn climb<'a>(cut: &Cut<'a>, leaf: &LeafPath<'a>) -> f32 {
             return joint_pmf(pmf, choice_pmf(weight, cut.total()));
         }
         let record = &tree.nodes[node as usize];
-        let weights = child_weights(record, &tree.local);
+        let weights = seen_importances(tree, node, record, instance_trees).weights();
         pmf = joint_pmf(pmf, choice_pmf(weights[slot], running_sums(&weights)[WIDTH - 1]));
         if pmf <= 0.0 {
             return 0.0;
@@ -214,7 +214,7 @@ impl<'a, T: InstanceTrees<'a>> Job for PmfJob<'a, '_, T> {
             _ if total <= 0.0 => 0.0,
             PmfTarget::Light(leaf) => {
                 let pmf = if directional_lux > 0.0 { choice_pmf(cut.total(), total) } else { 1.0 };
-                joint_pmf(pmf, climb(&cut, &leaf))
+                joint_pmf(pmf, climb(&cut, &leaf, instance_trees))
             }
             PmfTarget::Directional(lux) => choice_pmf(lux, total),
         }

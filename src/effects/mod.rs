@@ -40,7 +40,7 @@ bitflags::bitflags! {
         /// The world has a directional light.
         const DIRECTIONAL = 1 << 4;
         /// An instance is scaled, sheared or mirrored (not only rotated and translated, to
-        /// rounding). An instance that is hidden by a scale of zero does not count.
+        /// rounding). An instance that is not shown does not count.
         const NON_RIGID = 1 << 5;
         /// The lights of a tree changed within the last [`EFFECT_HOLD_UPDATES`] updates.
         ///
@@ -66,6 +66,12 @@ bitflags::bitflags! {
         /// This is a setting: its count is 0 or 1. It changes no layout. Shaders without it treat a
         /// segment as the point in its middle.
         const SEGMENTS = 1 << 9;
+        /// An instance that is shown has a factor other than 1: see
+        /// [`LightWorld::set_factor`](crate::LightWorld::set_factor).
+        const FACTORS = 1 << 10;
+        /// An instance that is shown has a mask with a bit that is not set: see
+        /// [`LightWorld::set_mask`](crate::LightWorld::set_mask).
+        const MASKS = 1 << 11;
     }
 }
 

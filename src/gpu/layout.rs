@@ -6,6 +6,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat3, Vec3};
 
+use crate::appearance::Appearance;
 use crate::cluster::Cluster;
 use crate::cut::NO_INSTANCE;
 use crate::light::{DirectionalLight, Light, Shape, spot_falloff};
@@ -57,8 +58,9 @@ pub(crate) struct LightRecord {
     pub padding: u32,
 }
 
-/// One instance slot; `LightInstance` in WGSL. 128 bytes, of which a rigid placement (a rotation
-/// and a translation) needs the first 80.
+/// One instance slot; `LightInstance` in WGSL. 144 bytes, of which a rigid placement (a rotation
+/// and a translation) needs the first 80, and an appearance without factor and mask all but the
+/// last 16.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(crate) struct InstanceRecord {
@@ -76,10 +78,15 @@ pub(crate) struct InstanceRecord {
     /// Cosine and sine of [`Linear::turn`](crate::cluster::Linear::turn).
     pub cos_turn: f32,
     pub sin_turn: f32,
-    pub padding: u32,
+    /// The engine's own 32 bits.
+    pub user_data: u32,
     /// The rows of the inverse; the fourth column is the determinant, the range scale and the mean
     /// squared scale of `to_world`.
     pub to_local: [[f32; 4]; 3],
+    /// What the emission of the lights is multiplied by.
+    pub factor: [f32; 3],
+    /// Which shading points the lights reach.
+    pub mask: u32,
 }
 
 /// A cluster at full precision; `LightCluster` in WGSL. 64 bytes. Of a cluster without flux all
@@ -132,7 +139,8 @@ pub(crate) struct LeafRecord {
     /// The place of the part's leaf in the top level; [`NO_PARENT`](crate::tree::NO_PARENT) for a
     /// dark part.
     pub place: u32,
-    pub padding: u32,
+    /// The mask of the instance; not set unless masks are stored.
+    pub mask: u32,
 }
 
 impl PartRecord {
@@ -170,7 +178,8 @@ pub(crate) struct ParamsRecord {
     pub solid_angles: u32,
     /// The offset of the parts in the buffer of the top level, in units of 16 bytes.
     pub parts: u32,
-    pub padding: u32,
+    /// The offset of the masks in the same buffer; 0 if they are not stored.
+    pub masks: u32,
 }
 
 impl LightRecord {
@@ -255,7 +264,7 @@ impl Default for Bases {
 }
 
 impl InstanceRecord {
-    /// A slot without an instance, or with one that is hidden by a scale of zero.
+    /// A slot without an instance, or with one that is not shown.
     pub const NONE: Self = Self {
         to_world: [[0.0; 4]; 3],
         flags: 0,
@@ -265,14 +274,16 @@ impl InstanceRecord {
         first_part: 0,
         cos_turn: 0.0,
         sin_turn: 0.0,
-        padding: 0,
+        user_data: 0,
         to_local: [[0.0, 0.0, 0.0, 1.0]; 3],
+        factor: [1.0; 3],
+        mask: u32::MAX,
     };
 
-    /// The record of an instance with this placement, whose tree and parts start at `bases` in the
+    /// The record of an instance with this placement and appearance, whose tree and parts start at `bases` in the
     /// pools. The inverse of a rigid placement is written as the exact transpose without scale,
     /// because that is what shaders compute where the inverse is not stored.
-    pub fn of(placed: &Placed, bases: Bases) -> Self {
+    pub fn of(placed: &Placed, appearance: &Appearance, bases: Bases) -> Self {
         let frame = &placed.frame;
         let scales = Vec3::new(frame.determinant, placed.range_scale(), placed.linear.mean_square_scale);
         Self {
@@ -289,7 +300,9 @@ impl InstanceRecord {
             } else {
                 rows(&frame.to_local, scales)
             },
-            ..Self::NONE
+            user_data: appearance.user_data,
+            factor: appearance.factor().to_array(),
+            mask: appearance.mask,
         }
     }
 }
@@ -422,7 +435,10 @@ mod tests {
             structs,
             InstanceRecord,
             "LightInstance",
-            [to_world, flags, tree, node_base, light_base, first_part, cos_turn, sin_turn, padding, to_local]
+            [
+                to_world, flags, tree, node_base, light_base, first_part, cos_turn, sin_turn, user_data, to_local,
+                factor, mask
+            ]
         );
         record!(
             structs,
@@ -430,7 +446,7 @@ mod tests {
             "LightTree",
             [cluster, punctual_flux, area_flux, target as "target_bits", padding]
         );
-        record!(structs, LeafRecord, "LightPart", [slot, target as "target_bits", place, padding]);
+        record!(structs, LeafRecord, "LightPart", [slot, target as "target_bits", place, mask]);
         record!(structs, SampleRequest, "Request", [position, choice, normal, padding, u]);
         record!(structs, SampleRecord, "LightSample", [direction, dist, radiance, pdf, pmf, instance, light, is_delta]);
         // WGSL pads the struct without naming the padding.
@@ -452,7 +468,7 @@ mod tests {
                 strides.instance as "instance_stride",
                 solid_angles,
                 parts,
-                padding
+                masks
             ]
         );
     }

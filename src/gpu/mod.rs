@@ -104,8 +104,9 @@ use crate::tree::Node;
 /// |---|---:|---|
 /// | node | 160 | 32 for [`Effects::CONES`], 16 for [`Effects::RANGES`] |
 /// | light | 32 | 32 if a light is not a point, or has a range |
-/// | instance | 80 | 48 for [`Effects::NON_RIGID`] |
+/// | instance | 80 | 48 for [`Effects::NON_RIGID`], 16 for [`Effects::FACTORS`] or [`Effects::MASKS`] |
 /// | leaf of the top level | 24 | none |
+/// | node of the top level | as any node | 32 for [`Effects::MASKS`] |
 ///
 /// ```
 /// use girandole::gpu::{GpuError, GpuLights};
@@ -339,7 +340,7 @@ impl GpuLights {
     fn refresh(&mut self, params: ParamsRecord) -> u64 {
         let bound =
             [self.top.generation(), self.nodes.generation(), self.instances.generation(), self.lights.generation()];
-        self.top.set_strides(params.strides);
+        self.top.set_layout(params.strides, params.masks);
         self.top.bind(self.parts.pool(), &self.instances, &self.trees);
         let sent = if Some(bound) == self.bound {
             self.send_params(params)

@@ -114,6 +114,7 @@ mod tests {
     use naga::TypeInner;
 
     use super::*;
+    use crate::appearance::Appearance;
     use crate::effects::Effects;
     use crate::gpu::layout::{Bases, InstanceRecord, LightRecord};
     use crate::gpu::pool::Pool;
@@ -124,7 +125,7 @@ mod tests {
     use crate::tree::{LightTree, Node};
 
     /// Effects that between them use every layout of every record.
-    const LAYOUTS: [Effects; 9] = [
+    const LAYOUTS: [Effects; 11] = [
         Effects::empty(),
         Effects::CONES,
         Effects::RANGES,
@@ -133,6 +134,8 @@ mod tests {
         Effects::DIRECTIONAL,
         Effects::NON_RIGID,
         Effects::NON_RIGID.union(Effects::CONES),
+        Effects::FACTORS,
+        Effects::NON_RIGID.union(Effects::MASKS),
         Effects::all(),
     ];
 
@@ -162,7 +165,14 @@ mod tests {
             let placement = Placement { linear: rotation * scale, translation: DVec3::new(f64::from(i), 2.0, -3.0) };
             let placed = Placed::new(&placement, DVec3::ZERO).expect("a valid placement").expect("not hidden");
             assert_eq!(placed.linear.is_rigid(), scale == 1.0);
-            InstanceRecord::of(&placed, Bases { tree: i, node: 10 * i, light: 20 * i, ..Bases::default() })
+            let mut appearance = Appearance::default();
+            if effects.contains(Effects::FACTORS) && i.is_multiple_of(3) {
+                appearance.set_factor(Vec3::new(0.5, 2.0, i as f32));
+            }
+            if effects.contains(Effects::MASKS) {
+                appearance.mask = i;
+            }
+            InstanceRecord::of(&placed, &appearance, Bases { tree: i, node: 10 * i, light: 20 * i, ..Bases::default() })
         };
         (0..40).map(instance).collect()
     }

@@ -18,13 +18,18 @@ pub(super) fn runs(indices: &[u32], gap: u32) -> Vec<Range<u32>> {
 mod tests {
     use super::*;
 
+    /// First and last index of each run.
+    fn ends(indices: &[u32], gap: u32) -> Vec<[u32; 2]> {
+        runs(indices, gap).into_iter().map(|run| [run.start, run.end - 1]).collect()
+    }
+
     #[test]
     fn near_indices_share_a_run() {
-        assert_eq!(runs(&[], 9), []);
-        assert_eq!(runs(&[3], 0), [3..4]);
-        assert_eq!(runs(&[0, 1, 2, 4, 7], 0), [0..3, 4..5, 7..8]);
-        assert_eq!(runs(&[0, 1, 2, 4, 7], 1), [0..5, 7..8]);
-        assert_eq!(runs(&[0, 1, 2, 4, 7], 2), [0..8]);
-        assert_eq!(runs(&[u32::MAX - 1], 9), [u32::MAX - 1..u32::MAX]);
+        assert!(ends(&[], 9).is_empty());
+        assert_eq!(ends(&[3], 0), [[3, 3]]);
+        assert_eq!(ends(&[0, 1, 2, 4, 7], 0), [[0, 2], [4, 4], [7, 7]]);
+        assert_eq!(ends(&[0, 1, 2, 4, 7], 1), [[0, 4], [7, 7]]);
+        assert_eq!(ends(&[0, 1, 2, 4, 7], 2), [[0, 7]]);
+        assert_eq!(ends(&[u32::MAX - 1], 9), [[u32::MAX - 1; 2]]);
     }
 }

@@ -22,6 +22,8 @@ use crate::effects::Effects;
 /// fn light_surface_point(position: vec3<f32>, normal: vec3<f32>) -> LightShadingPoint // metres; unit
 /// fn light_glossy_point(position: vec3<f32>, normal: vec3<f32>, view: vec3<f32>,
 ///     roughness: f32, specular: f32, diffuse: f32) -> LightShadingPoint // see `Gloss`
+/// // The same point with another mask: see `LightWorld::set_mask`.
+/// fn light_masked_point(shading_point: LightShadingPoint, mask: u32) -> LightShadingPoint
 /// fn light_volume_point(position: vec3<f32>) -> LightShadingPoint
 /// // A segment of a ray through a medium: metres; unit; metres.
 /// fn light_segment(origin: vec3<f32>, direction: vec3<f32>, length: f32) -> LightShadingPoint
@@ -46,6 +48,8 @@ use crate::effects::Effects;
 /// // The probability of a light, and the density of a point on it.
 /// fn light_pmf(shading_point: LightShadingPoint, instance: u32, light: u32) -> f32
 /// fn light_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, point: vec3<f32>) -> f32
+/// // The 32 bits that the engine has given to an instance: see `LightWorld::set_user_data`.
+/// fn light_user_data(instance: u32) -> u32
 /// // With Effects::SEGMENTS only: where on its segment the last sample was taken, in metres from the
 /// // start; after light_resample, the one that was kept.
 /// var<private> light_along: f32;

@@ -25,9 +25,14 @@ pub(crate) const NODE_TAIL: u32 = quads(offset_of!(Node, parent));
 /// The offsets of an instance's flags and tree and of its first part, in quads.
 pub(crate) const INSTANCE_TREE: u32 = quads(offset_of!(InstanceRecord, flags));
 pub(crate) const INSTANCE_PART: u32 = quads(offset_of!(InstanceRecord, first_part));
-/// The strides of lights where all are points, and of instances where all are rigid, in quads.
+/// The strides of lights where all are points, and of instances where all are rigid and none has a
+/// factor or a mask, in quads.
 pub(crate) const POINT_STRIDE: u32 = quads(offset_of!(LightRecord, b));
 pub(crate) const RIGID_STRIDE: u32 = quads(offset_of!(InstanceRecord, to_local));
+/// The quads of an instance's factor and mask, which are the last of its record where they are stored.
+pub(crate) const FACTOR_QUADS: u32 = quads(size_of::<InstanceRecord>() - offset_of!(InstanceRecord, factor));
+/// The stride of instances where nothing is left out.
+pub(crate) const INSTANCE_STRIDE: u32 = quads(size_of::<InstanceRecord>());
 
 const fn quads(bytes: usize) -> u32 {
     assert!(bytes.is_multiple_of(QUAD), "parts of records start at multiples of 16 bytes");
@@ -36,6 +41,9 @@ const fn quads(bytes: usize) -> u32 {
 
 /// The effects that need more of a light than its first 32 bytes.
 const SHAPES: Effects = Effects::CONES.union(Effects::RANGES).union(Effects::AREAS).union(Effects::DIRECTIONAL);
+
+/// The effects that need the last 16 bytes of an instance.
+const APPEARANCES: Effects = Effects::FACTORS.union(Effects::MASKS);
 
 impl Strides {
     /// The strides that a world of these effects is stored with.
@@ -92,9 +100,9 @@ impl Stored {
 
     /// The layout of instances in a world of these effects.
     pub(crate) fn instances(effects: Effects) -> Self {
-        let local = offset_of!(InstanceRecord, to_local);
-        let optional = [(Effects::NON_RIGID, local..size_of::<InstanceRecord>())];
-        let stored = optional.into_iter().filter(|(effect, _)| effects.contains(*effect));
+        let [local, factor] = [offset_of!(InstanceRecord, to_local), offset_of!(InstanceRecord, factor)];
+        let optional = [(Effects::NON_RIGID, local..factor), (APPEARANCES, factor..size_of::<InstanceRecord>())];
+        let stored = optional.into_iter().filter(|(any, _)| effects.intersects(*any));
         Self::with_optional::<InstanceRecord>(local, stored)
     }
 
@@ -151,9 +159,13 @@ pub(crate) fn missing_of_light(word: usize) -> Missing {
     Missing::Value(bytemuck::cast_slice(std::slice::from_ref(&LightRecord::DARK))[word])
 }
 
-/// A word of the inverse of a rigid instance: the inverse is the transpose, and all scales are 1.
+/// A word of an instance without factor and mask, or of the inverse of a rigid instance: the inverse is
+/// the transpose, and all scales are 1.
 pub(crate) fn missing_of_instance(word: usize) -> Missing {
     let [to_world, to_local] = [offset_of!(InstanceRecord, to_world), offset_of!(InstanceRecord, to_local)];
+    if word >= offset_of!(InstanceRecord, factor) / WORD {
+        return Missing::Value(bytemuck::cast_slice(std::slice::from_ref(&InstanceRecord::NONE))[word]);
+    }
     let (row, column) = ((word - to_local / WORD) / 4, (word - to_local / WORD) % 4);
     match column {
         3 => Missing::Value(1.0_f32.to_bits()),
@@ -180,13 +192,16 @@ mod tests {
             [strides.node, strides.light, strides.instance].map(|quads| quads as usize * QUAD)
         };
         let whole = [size_of::<Node>(), size_of::<LightRecord>(), size_of::<InstanceRecord>()];
-        assert_eq!((bytes(Effects::all()), whole), ([208, 64, 128], [208, 64, 128]));
+        assert_eq!((bytes(Effects::all()), whole), ([208, 64, 144], [208, 64, 144]));
         assert_eq!(bytes(Effects::empty()), [160, 32, 80]);
         assert_eq!(bytes(Effects::MOVING | Effects::TWO_SIDED), [160, 32, 80]);
         assert_eq!(bytes(Effects::RANGES), [176, 64, 80]);
         assert_eq!(bytes(Effects::CONES), [192, 64, 80]);
         assert_eq!(bytes(Effects::AREAS | Effects::NON_RIGID), [160, 64, 128]);
         assert_eq!(bytes(Effects::DIRECTIONAL), [160, 64, 80]);
+        assert_eq!(bytes(Effects::FACTORS), [160, 32, 96]);
+        assert_eq!(bytes(Effects::MASKS), [160, 32, 96]);
+        assert_eq!(bytes(Effects::FACTORS | Effects::NON_RIGID), [160, 32, 144]);
         let offsets = |effects| (Strides::of(effects).cones, Strides::of(effects).range);
         assert_eq!(offsets(Effects::empty()), (0, 0));
         assert_eq!(offsets(Effects::RANGES), (0, 10));

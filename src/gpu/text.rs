@@ -212,6 +212,8 @@ pub(crate) fn constants() -> String {
         ("INSTANCE_PART", stored::INSTANCE_PART),
         ("POINT_STRIDE", stored::POINT_STRIDE),
         ("RIGID_STRIDE", stored::RIGID_STRIDE),
+        ("FACTOR_QUADS", stored::FACTOR_QUADS),
+        ("INSTANCE_STRIDE", stored::INSTANCE_STRIDE),
         ("WAYS", visibility::WAYS as u32),
         ("MIN_IDLE", visibility::MIN_IDLE),
         ("BINS", visibility::BINS as u32),
@@ -395,6 +397,7 @@ mod tests {
             "surface_point",
             "glossy_point",
             "volume_point",
+            "masked_point",
             "segment",
             "sample",
             "resample",
@@ -402,6 +405,7 @@ mod tests {
             "sample_picked",
             "pmf",
             "pdf",
+            "user_data",
             "hash",
         ]
         .map(|f| format!("light_{f}"));
@@ -546,9 +550,17 @@ mod tests {
                  LightGloss.flat_part LightReflected LightReflected.value LightReflected.doubt \
                  LightShadingPoint.gloss LightLocalShadingPoint.gloss LightFour.tangent LightFour.bitangent \
                  LIGHT_MIN_VIEW_SQ LIGHT_MAX_VIEW_SQ LIGHT_MIN_VIEW_SINE_SQ LIGHT_MIN_VIEW_COSINE LIGHT_MIN_ALPHA \
-                 LIGHT_GLOSS_WIDTH LIGHT_MIN_GLOSS LIGHT_MAX_FINITE",
+                 LIGHT_GLOSS_WIDTH LIGHT_MIN_GLOSS",
             ),
             (Effects::SEGMENTS, SEGMENT_NAMES),
+            (
+                Effects::FACTORS,
+                "light_brightness light_factored LightInstance.factor LightLocalShadingPoint.brightness",
+            ),
+            (
+                Effects::MASKS,
+                "light_met_children LightInstance.mask LightShadingPoint.mask LightLocalShadingPoint.met_children",
+            ),
             (
                 Effects::DIRECTIONAL,
                 "light_illuminance light_directional_lux light_pick_directional LIGHT_KIND_DIRECTIONAL",
@@ -557,7 +569,7 @@ mod tests {
                 Effects::NON_RIGID,
                 "light_rigid_to_local light_area_shares light_four_into_world light_half_sq light_widened LightInstance.to_local \
                  LightPackedFour.area_ratios LightLocalShadingPoint.scaled_instance LightLocalShadingPoint.turn \
-                 LIGHT_RIGID_STRIDE LIGHT_NON_RIGID LIGHT_MAX_FLUX light_facing_along_in_world",
+                 LIGHT_NON_RIGID LIGHT_MAX_FLUX light_facing_along_in_world",
             ),
         ];
         for (effect, names) in effects {

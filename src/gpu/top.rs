@@ -23,7 +23,7 @@ mod plan;
 mod stage;
 
 use buffers::TopBuffers;
-use plan::{MAX_GROUPS, MAX_PASSES, Plan, TopPass};
+use plan::{MAX_GROUPS, MAX_PASSES, Places, Plan, TopPass};
 use stage::{GROUP, KEYS, LANES, LEAVES, NODE, ROOT, ROOT_GROUP, Stage};
 
 use super::error::GpuError;
@@ -61,6 +61,8 @@ pub(crate) struct TopBuild {
     plan: Option<Plan>,
     /// The strides with which the build reads instances and stores nodes.
     strides: Strides,
+    /// Where it stores masks, in units of 16 bytes; 0 if it stores none.
+    masks: u32,
     generation: u64,
     bound: Option<Bound>,
 }
@@ -88,7 +90,7 @@ impl TopBuild {
         let sort = RadixSort::new(device);
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let passes = memory::create_buffer(device, "top level passes", u64::from(MAX_PASSES * PASS_STRIDE), usage)?;
-        let buffers = TopBuffers::new(device, &sort, 64)?;
+        let buffers = TopBuffers::new(device, &sort, 64, false)?;
         Ok(Self {
             device: device.clone(),
             queue: queue.clone(),
@@ -105,20 +107,23 @@ impl TopBuild {
             buffers,
             plan: None,
             strides: Strides::of(Effects::all()),
+            masks: 0,
             generation: 0,
             bound: None,
         })
     }
 
-    /// Makes room for `parts` parts, or for twice as many as before if that is more.
+    /// Makes room for `parts` parts, or for twice as many as before if that is more, and for masks if
+    /// `has_masks` or if there is room for them already.
     ///
     /// Fails and changes nothing: with [`GpuError::Full`] if the device cannot bind buffers for
     /// that many parts, with [`GpuError::OutOfMemory`] if it has no memory for them.
-    pub(crate) fn reserve(&mut self, parts: u32) -> Result<(), GpuError> {
-        if parts > self.buffers.capacity {
-            let doubled = parts.max(self.buffers.capacity.saturating_mul(2));
-            self.buffers = TopBuffers::new(&self.device, &self.sort, doubled)
-                .or_else(|_| TopBuffers::new(&self.device, &self.sort, parts))?;
+    pub(crate) fn reserve(&mut self, parts: u32, has_masks: bool) -> Result<(), GpuError> {
+        let (capacity, had_masks) = (self.buffers.capacity, self.masks() != 0);
+        if parts > capacity || has_masks && !had_masks {
+            let new = |capacity| TopBuffers::new(&self.device, &self.sort, capacity, has_masks || had_masks);
+            let more = if parts > capacity { parts.max(capacity.saturating_mul(2)) } else { capacity };
+            self.buffers = new(more).or_else(|_| new(parts))?;
             self.generation += 1;
             self.bound = None;
             self.plan = None;
@@ -191,26 +196,34 @@ impl TopBuild {
     /// Sends the plan if it changes.
     fn set_count(&mut self, count: u32) {
         self.buffers.sort.set_count(&self.queue, count);
-        let is_same = |pass: &TopPass| (pass.count, pass.strides) == (count, self.strides);
+        let is_same = |pass: &TopPass| (pass.count, pass.strides, pass.masks) == (count, self.strides, self.masks);
         if self.plan.as_ref().is_some_and(|plan| is_same(&plan.passes[0])) {
             return;
         }
-        let plan = Plan::new(count, self.buffers.capacity, self.buffers.parts, self.strides);
+        let places = Places { masks: self.masks, ..self.buffers.places };
+        let plan = Plan::new(count, self.buffers.capacity, places, self.strides);
         self.queue.write_buffer(&self.passes, 0, &pass_bytes(&plan.passes));
         self.plan = Some(plan);
     }
 
-    /// Sets the strides with which the next builds read instances and store nodes.
-    pub(crate) fn set_strides(&mut self, strides: Strides) {
+    /// Sets the strides with which the next builds read instances and store nodes, and where they
+    /// store masks: 0 or [`TopBuild::masks`].
+    pub(crate) fn set_layout(&mut self, strides: Strides, masks: u32) {
         self.strides = strides;
+        self.masks = masks;
     }
 
     /// Where the parts begin in the buffer of the nodes, in units of 16 bytes.
     pub(crate) fn parts(&self) -> u32 {
-        self.buffers.parts
+        self.buffers.places.parts
     }
 
-    /// The nodes of the top level, the root first, and then its parts. The buffer is replaced when
+    /// Where masks can be stored in the same buffer, in units of 16 bytes; 0 if there is no room.
+    pub(crate) fn masks(&self) -> u32 {
+        self.buffers.places.masks
+    }
+
+    /// The nodes of the top level, the root first, then its parts, then room for masks. The buffer is replaced when
     /// [`TopBuild::generation`] changes.
     pub(crate) fn nodes(&self) -> &wgpu::Buffer {
         &self.buffers.nodes

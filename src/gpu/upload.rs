@@ -1,6 +1,7 @@
 //! Brings the GPU's buffers up to date with a world. Sends what changed and nothing else.
 
 use std::collections::BTreeSet;
+use std::ops::Range;
 
 use super::GpuLights;
 use super::bindings::params_buffer;
@@ -61,7 +62,9 @@ impl GpuLights {
         let effects = effects - Effects::MOVING;
         let is_starting_usage = self.usage.get().is_some_and(|usage| usage.is_starting());
         let is_unchanged = delta.is_empty() && self.pending.is_empty() && !is_starting_usage;
-        if is_unchanged && self.params.strides == Strides::of(effects) {
+        let is_laid_out =
+            self.params.strides == Strides::of(effects) && (self.params.masks != 0) == effects.contains(Effects::MASKS);
+        if is_unchanged && is_laid_out {
             self.effects = effects;
             let solid_angles = u32::from(world.solid_angle_sampling());
             let bytes = self.send_params(ParamsRecord { solid_angles, ..self.params });
@@ -94,8 +97,9 @@ impl GpuLights {
         changes: &mut PendingChanges,
         effects: Effects,
     ) -> Result<UploadReport, GpuError> {
+        let former = (self.top.generation(), self.params.strides, self.params.masks, self.is_dark);
         let mut bytes = self.set_layout(effects)?;
-        let Reserved { placed, parts, usage } = self.reserve(world, changes)?;
+        let Reserved { placed, parts, usage } = self.reserve(world, changes, effects)?;
 
         for (slot, ranges) in placed {
             let former = std::mem::replace(self.tree_ranges_mut(slot), ranges);
@@ -107,7 +111,8 @@ impl GpuLights {
             self.write_tree(*slot, world, &mut written);
         }
         bytes += written.bytes;
-        bytes += self.write_instances(&changes.instances, world);
+        let records = changes.records();
+        bytes += self.write_instances(&records, world);
         if changes.directionals {
             let records: Vec<_> = world.directionals().map(|(_, light)| LightRecord::directional(light)).collect();
             bytes += self.lights.write(self.directionals.start, &records);
@@ -118,10 +123,14 @@ impl GpuLights {
         bytes += self.follow_origin(world.origin());
         self.is_dark = false;
         bytes += self.refresh(self.params_of(world, effects));
-        self.top_status.invalidate();
+        if changes.concern_lights()
+            || former != (self.top.generation(), self.params.strides, self.params.masks, self.is_dark)
+        {
+            self.top_status.invalidate();
+        }
         self.effects = effects;
         let WrittenTrees { nodes, lights, .. } = written;
-        Ok(UploadReport { bytes, trees: changes.trees.len(), nodes, lights, instances: changes.instances.len() })
+        Ok(UploadReport { bytes, trees: changes.trees.len(), nodes, lights, instances: records.len() })
     }
 
     /// Brings the pools into the layout that stores a world with these effects, or leaves all of
@@ -152,7 +161,12 @@ impl GpuLights {
     }
 
     /// Reserves room for everything that grew, or nothing.
-    fn reserve(&mut self, world: &LightWorld, changes: &mut PendingChanges) -> Result<Reserved, GpuError> {
+    fn reserve(
+        &mut self,
+        world: &LightWorld,
+        changes: &mut PendingChanges,
+        effects: Effects,
+    ) -> Result<Reserved, GpuError> {
         for slot in &changes.instances {
             let tree = world.instance_at(*slot).and_then(|key| world.instance_tree(key));
             if let Some(tree) = tree
@@ -163,7 +177,7 @@ impl GpuLights {
         }
         let mut placed = Vec::new();
         let mut parts = NewParts::default();
-        match self.reserve_all(world, changes, &mut placed, &mut parts) {
+        match self.reserve_all((world, effects), changes, &mut placed, &mut parts) {
             Ok(usage) => Ok(Reserved { placed, parts, usage }),
             Err(error) => {
                 placed.into_iter().for_each(|(_, ranges)| self.release(ranges));
@@ -176,7 +190,7 @@ impl GpuLights {
     /// Returns the buffer for usage counters, if another one is needed.
     fn reserve_all(
         &mut self,
-        world: &LightWorld,
+        (world, effects): (&LightWorld, Effects),
         changes: &mut PendingChanges,
         placed: &mut Vec<(u32, TreeRanges)>,
         parts: &mut NewParts,
@@ -222,7 +236,7 @@ impl GpuLights {
             false => None,
         };
         // Last, because a build of the last upload may still be due, in the present buffers.
-        if let Err(error) = self.top.reserve(self.parts.count()) {
+        if let Err(error) = self.top.reserve(self.parts.count(), effects.contains(Effects::MASKS)) {
             directionals.into_iter().for_each(|range| self.lights.free(range));
             return Err(error);
         }
@@ -263,9 +277,10 @@ impl GpuLights {
     fn write_tree(&mut self, slot: u32, world: &LightWorld, written: &mut WrittenTrees) {
         let Some(entry) = world.tree_at(slot).and_then(|key| world.tree_entry(key)) else { return };
         let (tree, ranges) = (&entry.tree, &mut self.tree_ranges[slot as usize]);
+        let all = |range: &Range<u32>| vec![Range { start: 0, end: range.len() as u32 }];
         let (nodes, lights) = match entry.log.since(ranges.revision) {
             Some(TreeChanges { nodes, lights }) => (runs(&nodes, NODE_GAP), runs(&lights, LIGHT_GAP)),
-            None => (vec![0..ranges.nodes.len() as u32], vec![0..ranges.lights.len() as u32]),
+            None => (all(&ranges.nodes), all(&ranges.lights)),
         };
         ranges.revision = entry.log.revision();
         for run in nodes {
@@ -302,8 +317,7 @@ impl GpuLights {
         let Some(instance) = world.instance_at(slot).and_then(|key| world.instance(key)) else {
             return InstanceRecord::NONE;
         };
-        // Hidden by a scale of zero.
-        let Some(placed) = &instance.placed else { return InstanceRecord::NONE };
+        let Some(placed) = instance.shown() else { return InstanceRecord::NONE };
         let ranges = &self.tree_ranges[slot_of(instance.tree) as usize];
         let parts = self.parts.range(slot);
         let bases = Bases {
@@ -313,7 +327,7 @@ impl GpuLights {
             part: parts.start,
             division: ranges.division,
         };
-        InstanceRecord::of(placed, bases)
+        InstanceRecord::of(placed, &instance.appearance, bases)
     }
 
     fn params_of(&self, world: &LightWorld, effects: Effects) -> ParamsRecord {
@@ -324,6 +338,7 @@ impl GpuLights {
             strides: Strides::of(effects),
             solid_angles: u32::from(world.solid_angle_sampling()),
             parts: self.top.parts(),
+            masks: if effects.contains(Effects::MASKS) { self.top.masks() } else { 0 },
             ..self.params
         }
     }

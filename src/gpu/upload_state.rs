@@ -59,17 +59,30 @@ impl TreeRanges {
 pub(super) struct PendingChanges {
     pub trees: BTreeSet<u32>,
     pub instances: BTreeSet<u32>,
+    /// Slots of instances whose user data changed.
+    pub user_data: BTreeSet<u32>,
     pub directionals: bool,
 }
 
 impl PendingChanges {
     pub fn is_empty(&self) -> bool {
-        self.trees.is_empty() && self.instances.is_empty() && !self.directionals
+        !self.concern_lights() && self.user_data.is_empty()
+    }
+
+    /// Whether more changes than user data, so that the top level must be built again.
+    pub fn concern_lights(&self) -> bool {
+        !self.trees.is_empty() || !self.instances.is_empty() || self.directionals
+    }
+
+    /// The slots of instances whose records change.
+    pub fn records(&self) -> BTreeSet<u32> {
+        self.instances.union(&self.user_data).copied().collect()
     }
 
     pub fn add(&mut self, delta: &FrameDelta) {
         self.trees.extend(&delta.trees);
         self.instances.extend(&delta.instances);
+        self.user_data.extend(&delta.user_data);
         self.directionals |= delta.directionals;
     }
 

@@ -75,6 +75,17 @@ fn placement(i: u32, effects: Effects) -> Placement {
 /// which would move all records in the pools.
 const LIGHTS: u32 = 130;
 
+/// Gives an instance what these effects allow.
+fn adorn(world: &mut LightWorld, instance: InstanceKey, i: u32, effects: Effects) {
+    if effects.contains(Effects::FACTORS) && i.is_multiple_of(2) {
+        world.set_factor(instance, Vec3::new(0.2, 3.0 * random(i, 30), 1.0)).unwrap();
+    }
+    // The shading points of these tests have all bits.
+    if effects.contains(Effects::MASKS) && i != 1 {
+        world.set_mask(instance, if i == 3 { 0 } else { 0x80 }).unwrap();
+    }
+}
+
 /// A world with exactly these effects.
 fn world_of(effects: Effects) -> LightWorld {
     let mut world = LightWorld::new();
@@ -84,7 +95,8 @@ fn world_of(effects: Effects) -> LightWorld {
     for tree in 0..4 {
         let key = world.add_tree((0..LIGHTS).map(|i| light(200 * tree + i, effects)).collect()).unwrap();
         for i in 0..5 {
-            world.add_instance(key, placement(10 * tree + i, effects), Policy::default()).unwrap();
+            let instance = world.add_instance(key, placement(10 * tree + i, effects), Policy::default()).unwrap();
+            adorn(&mut world, instance, i, effects);
         }
     }
     if effects.contains(Effects::DIRECTIONAL) {
@@ -169,8 +181,16 @@ fn assert_alike(ours: &[SampleRecord], twin: &[SampleRecord], what: &str) {
     assert!(mismatches <= MAX_MISMATCHES && lit > 500, "{what}: {mismatches} differ, {lit} are lit");
 }
 
-const EFFECTS: [Effects; 6] =
-    [Effects::CONES, Effects::RANGES, Effects::AREAS, Effects::TWO_SIDED, Effects::DIRECTIONAL, Effects::NON_RIGID];
+const EFFECTS: [Effects; 8] = [
+    Effects::CONES,
+    Effects::RANGES,
+    Effects::AREAS,
+    Effects::TWO_SIDED,
+    Effects::DIRECTIONAL,
+    Effects::NON_RIGID,
+    Effects::FACTORS,
+    Effects::MASKS,
+];
 
 #[test]
 fn a_world_that_lacks_an_effect_is_sampled_alike_by_the_variant_without_it() {
@@ -253,15 +273,23 @@ fn a_world_whose_effects_come_and_go_is_stored_as_a_fresh_upload_stores_it() {
     };
     check(&mut world, "points");
     let mut undo: Vec<(TreeKey, InstanceKey)> = Vec::new();
-    // Each tree adds an effect that none before it had; the last instance is scaled.
-    for (i, effects) in
-        [Effects::RANGES, Effects::CONES, Effects::AREAS, Effects::AREAS | Effects::TWO_SIDED, Effects::NON_RIGID]
-            .into_iter()
-            .enumerate()
+    // Each tree adds an effect that none before it had; the last instance is scaled, and has
+    // a factor and a mask.
+    for (i, effects) in [
+        Effects::RANGES,
+        Effects::CONES,
+        Effects::AREAS,
+        Effects::AREAS | Effects::TWO_SIDED,
+        Effects::NON_RIGID | Effects::FACTORS | Effects::MASKS,
+    ]
+    .into_iter()
+    .enumerate()
     {
         let tree = world.add_tree((0..LIGHTS).map(|i| light(i, effects)).collect()).unwrap();
         let at = placement(1 + 4 * i as u32, effects);
-        undo.push((tree, world.add_instance(tree, at, Policy::default()).unwrap()));
+        let instance = world.add_instance(tree, at, Policy::default()).unwrap();
+        adorn(&mut world, instance, 0, effects);
+        undo.push((tree, instance));
         check(&mut world, &format!("with {effects:?}"));
     }
     let sun = DirectionalLight { direction: Vec3::NEG_Y, illuminance: Vec3::ONE };
@@ -298,9 +326,10 @@ fn commands_recorded_before_a_change_of_layout_read_the_former_buffers() {
     world.take_delta();
     let before = sample(&mut lights, Effects::empty());
     let (encoder, output) = record(&mut lights, Effects::empty());
-    let effects = Effects::CONES | Effects::RANGES | Effects::NON_RIGID;
+    let effects = Effects::CONES | Effects::RANGES | Effects::NON_RIGID | Effects::FACTORS;
     let tree = world.add_tree((0..60).map(|i| light(i, effects)).collect()).unwrap();
-    world.add_instance(tree, placement(1, effects), Policy::default()).unwrap();
+    let instance = world.add_instance(tree, placement(1, effects), Policy::default()).unwrap();
+    adorn(&mut world, instance, 0, effects);
     let delta = world.take_delta();
     lights.upload(&world, &delta).unwrap();
     assert_eq!((lights.params.strides, lights.effects()), (Strides::of(effects), effects));

@@ -46,6 +46,9 @@ pub(crate) struct TopLevel {
     places: Vec<u32>,
     /// For each instance slot the first of its parts, and the number of all parts.
     first_parts: Vec<u32>,
+    /// For each child of each node the union of the masks of all instances below it. Empty if all
+    /// instances have all bits.
+    pub masks: Vec<[u32; WIDTH]>,
 }
 
 /// A part or a node that has no parent yet.
@@ -112,6 +115,20 @@ impl TopLevel {
         top
     }
 
+    /// Stores the masks of all children. `mask_of` returns the mask of the instance in a slot.
+    /// O(nodes).
+    pub fn set_masks(&mut self, mask_of: impl Fn(u32) -> u32) {
+        self.masks = vec![[0; WIDTH]; self.nodes.len()];
+        // Children come before their parents, and the root is the parent of the last ones.
+        for node in (1..self.nodes.len()).chain([0]) {
+            self.masks[node] = std::array::from_fn(|slot| match self.nodes[node].target(slot) {
+                Some(Target::Leaf(leaf)) => self.part(leaf).map_or(0, |part| mask_of(part.slot)),
+                Some(Target::Node(child)) => self.masks[child as usize].iter().fold(0, |all, mask| all | mask),
+                None => 0,
+            });
+        }
+    }
+
     /// The lists of all parts, and a root without children.
     fn without_nodes(parts: &[(Part, Cluster)], slots: usize) -> Self {
         let mut first_parts = Vec::with_capacity(slots + 1);
@@ -120,7 +137,8 @@ impl TopLevel {
         }
         first_parts.resize(slots + 1, parts.len() as u32);
         let parts: Vec<Part> = parts.iter().map(|(part, _)| *part).collect();
-        Self { nodes: vec![Node::EMPTY], places: vec![NO_PARENT; parts.len()], parts, first_parts }
+        let places = vec![NO_PARENT; parts.len()];
+        Self { nodes: vec![Node::EMPTY], places, parts, first_parts, masks: Vec::new() }
     }
 
     /// The part that a leaf is. `leaf` are the bits of its target below [`LEAF`]. `None` if there

@@ -9,8 +9,10 @@ use crate::keys::slot_of;
 pub struct FrameDelta {
     /// Slots of trees that were added, edited, rebuilt or removed.
     pub(crate) trees: Vec<u32>,
-    /// Slots of instances that were added, moved or removed.
+    /// Slots of instances that were added, moved, changed or removed.
     pub(crate) instances: Vec<u32>,
+    /// Slots of instances whose user data changed, which the top level does not depend on.
+    pub(crate) user_data: Vec<u32>,
     /// Some directional light was added, changed or removed.
     pub(crate) directionals: bool,
 }
@@ -18,7 +20,7 @@ pub struct FrameDelta {
 impl FrameDelta {
     /// Whether nothing changed, so that an upload of this delta writes no byte.
     pub fn is_empty(&self) -> bool {
-        self.trees.is_empty() && self.instances.is_empty() && !self.directionals
+        self.trees.is_empty() && self.instances.is_empty() && self.user_data.is_empty() && !self.directionals
     }
 
     /// The delta of a whole world, for a GPU that nothing was uploaded to yet.
@@ -26,6 +28,7 @@ impl FrameDelta {
         Self {
             trees: world.trees.keys().map(slot_of).collect(),
             instances: world.instances.keys().map(slot_of).collect(),
+            user_data: Vec::new(),
             directionals: !world.directionals.is_empty(),
         }
     }
@@ -37,7 +40,9 @@ impl FrameDelta {
 pub(crate) struct Changes {
     trees: SlotSet,
     instances: SlotSet,
-    /// Instances that were added, moved or removed since the last update, for its report.
+    user_data: SlotSet,
+    /// Instances that were added, moved, shown, hidden or removed since the last update, for its
+    /// report.
     moved: SlotSet,
     pub directionals: bool,
 }
@@ -53,13 +58,18 @@ impl Changes {
         self.instances.insert(slot);
     }
 
-    /// Records that the instance of a slot was added, moved or removed.
+    /// Records that the user data of the instance in a slot changed.
+    pub fn user_data(&mut self, slot: u32) {
+        self.user_data.insert(slot);
+    }
+
+    /// Records that the instance of a slot was added, moved, shown, hidden or removed.
     pub fn moved(&mut self, slot: u32) {
         self.instance(slot);
         self.moved.insert(slot);
     }
 
-    /// Returns how many instances were added, moved or removed since the last call.
+    /// Returns how many instances were added, moved, shown, hidden or removed since the last call.
     pub fn take_moved(&mut self) -> usize {
         self.moved.clear()
     }
@@ -68,6 +78,7 @@ impl Changes {
         FrameDelta {
             trees: self.trees.take(),
             instances: self.instances.take(),
+            user_data: self.user_data.take(),
             directionals: std::mem::take(&mut self.directionals),
         }
     }

@@ -3,7 +3,8 @@
 use glam::{DVec3, Vec3};
 
 use super::staged::StagedLights;
-use super::{Instance, LightWorld, TreeEntry, placed_effects, set_slot};
+use super::{Instance, LightWorld, TreeEntry, set_slot};
+use crate::appearance::Appearance;
 use crate::effects::Effects;
 use crate::error::{WorldError, check_finite};
 use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
@@ -210,8 +211,10 @@ impl LightWorld {
         policy.validate()?;
         let placement = placement.into();
         let placed = Placed::new(&placement, self.origin)?;
-        self.effects.change(|counts| counts.add(placed_effects(placed.as_ref())));
-        let key = self.instances.insert(Instance { tree, placement, policy, placed, index_in_tree: 0 });
+        let instance =
+            Instance { tree, placement, policy, appearance: Appearance::default(), placed, index_in_tree: 0 };
+        self.effects.change(|counts| counts.add(instance.effects()));
+        let key = self.instances.insert(instance);
         set_slot(&mut self.slots, slot_of(key), Some(key));
         self.attach(key, tree, policy);
         self.build_for_first(key);
@@ -492,7 +495,7 @@ impl LightWorld {
         self.changes.tree(slot_of(key));
     }
 
-    fn instance_changed(&mut self, key: InstanceKey) {
+    pub(super) fn instance_changed(&mut self, key: InstanceKey) {
         self.changes.moved(slot_of(key));
         self.top.take();
     }

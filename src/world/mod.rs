@@ -1,6 +1,7 @@
 //! The light world: trees, instances of them and directional lights. Edits go in, one
 //! [`FrameDelta`] a frame comes out.
 
+mod appearance;
 mod attention;
 mod build_thread;
 mod change_log;
@@ -32,6 +33,7 @@ pub use delta::FrameDelta;
 pub use rebuild::JobReport;
 pub use update::{BackgroundReport, FrameReport};
 
+use crate::appearance::Appearance;
 use crate::effects::{EffectCounts, Effects, HeldEffects};
 use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
 use crate::light::DirectionalLight;
@@ -104,8 +106,10 @@ pub(crate) struct Instance {
     pub tree: TreeKey,
     pub placement: Placement,
     pub policy: Policy,
-    /// `None` while the instance is hidden by a scale of zero.
-    pub placed: Option<Placed>,
+    pub appearance: Appearance,
+    /// `None` while the instance is hidden by a scale of zero. [`Instance::shown`] tells whether
+    /// its lights shine.
+    placed: Option<Placed>,
     /// Its index in its tree's list of instances.
     index_in_tree: usize,
 }
@@ -139,15 +143,16 @@ impl TreeEntry {
 }
 
 impl Instance {
-    /// The effects that the placement has.
-    fn effects(&self) -> Effects {
-        placed_effects(self.placed.as_ref())
+    /// Where the lights shine; `None` if they do not, because a scale of zero hides the instance or
+    /// because of its appearance.
+    pub fn shown(&self) -> Option<&Placed> {
+        self.placed.as_ref().filter(|_| self.appearance.is_shown())
     }
-}
 
-/// The effects of a placement; a hidden instance has none.
-fn placed_effects(placed: Option<&Placed>) -> Effects {
-    placed.map_or(Effects::empty(), Placed::effects)
+    /// The effects that the instance has; none if it is not shown.
+    fn effects(&self) -> Effects {
+        self.shown().map_or(Effects::empty(), |placed| placed.effects() | self.appearance.effects())
+    }
 }
 
 impl Default for LightWorld {
@@ -345,7 +350,10 @@ impl LightWorld {
         if let Some(top) = self.top.get() {
             return top;
         }
-        let built = TopLevel::build(&self.parts(), self.slots.len());
+        let mut built = TopLevel::build(&self.parts(), self.slots.len());
+        if self.active_effects().contains(Effects::MASKS) {
+            built.set_masks(|slot| self.instance_at(slot).map_or(0, |key| self.instances[key].appearance.mask));
+        }
         self.top.get_or_init(|| built)
     }
 }

@@ -206,7 +206,7 @@ impl LightWorld {
         let tree = &self.trees[instance.tree].tree;
         let (cluster, count) = (tree.cluster(), tree.lights().len());
         let may_open = (2..=MAX_OPEN).contains(&count) && tree.sides().is_empty() && cluster.flux > 0.0;
-        let placed = instance.placed.as_ref().filter(|_| may_open);
+        let placed = instance.shown().filter(|_| may_open);
         let Some(placed) = placed else {
             self.forget_overlap(key, instance.tree);
             return false;

@@ -1,7 +1,7 @@
 //! The parts of instances that become leaves of the top level.
 
 use super::LightWorld;
-use crate::cluster::Cluster;
+use crate::cluster::{Cluster, MAX_FLUX};
 use crate::keys::InstanceKey;
 use crate::light::MIN_FLUX;
 use crate::part::{Division, Part};
@@ -50,10 +50,13 @@ impl LightWorld {
     /// A cluster of an instance's tree in the world. Empty if it is dark or if the instance is
     /// hidden.
     fn cluster_of(&self, key: InstanceKey, cluster: &Cluster) -> Cluster {
-        let Some(placed) = self.instances[key].placed.as_ref().filter(|_| cluster.flux > 0.0) else {
+        let instance = &self.instances[key];
+        let Some(placed) = instance.shown().filter(|_| cluster.flux > 0.0) else {
             return Cluster::EMPTY;
         };
         let flux = placed.linear.flux(cluster.punctual_flux(), cluster.area_flux, cluster.axis);
+        let brightness = instance.appearance.brightness();
+        let flux = flux.min(MAX_FLUX / brightness.max(1.0)) * brightness;
         // At a small enough scale, the flux of a light that is not dark would round to 0.
         cluster.transformed(&placed.linear, placed.frame.translation, flux.max(MIN_FLUX))
     }

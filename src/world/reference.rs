@@ -49,7 +49,7 @@ impl LightWorld {
     /// the placement changes how the lights should be divided.
     pub(super) fn build_for_first(&mut self, key: InstanceKey) {
         let instance = &self.instances[key];
-        let (tree, placed) = (instance.tree, instance.placed.as_ref());
+        let (tree, placed) = (instance.tree, instance.shown());
         let Some(map) = placed.map(|placed| placed.linear) else { return };
         let entry = &mut self.trees[tree];
         // What is derived from the matrix may differ in the last bit where another machine baked it.

@@ -12,7 +12,8 @@ use crate::scheduler::FrameBudget;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct FrameReport {
-    /// Instances that were added, moved or removed since the last update, each counted once.
+    /// Instances that were added, moved, shown, hidden or removed since the last update, each
+    /// counted once.
     pub moved_instances: usize,
     /// Trees that were refitted because their lights changed.
     pub refit_trees: usize,

@@ -41,7 +41,7 @@ fn the_distribution_of_a_world_is_the_pmf_of_each_light() {
     for round in 0..12 {
         // Sheared and mirrored instances of several trees, of which one has a single light and one
         // has none, and unused slots.
-        let mut world = rng.world(4, 10 + 25 * (round % 4), 5, 40.0);
+        let mut world = rng.varied_world(4, 10 + 25 * (round % 4), 5, 40.0);
         for lights in [0, 1] {
             let tree = world.add_tree(rng.lights(lights, 4.0)).expect("random lights are valid");
             world.add_instance(tree, rng.affine(40.0), Policy::Budgeted).expect("a valid placement");
@@ -55,7 +55,7 @@ fn the_distribution_of_a_world_is_the_pmf_of_each_light() {
         world.update(girandole::FrameBudget::UNLIMITED);
         for splits in (0..=MAX_SPLITS).filter_map(|count| SplitCount::new(count).ok()) {
             for _ in 0..6 {
-                let shading_point = rng.shading_point(60.0);
+                let shading_point = rng.masked_point(60.0);
                 let sum = compare(&world.sampler().with_splits(splits), &shading_point, &mut pmfs);
                 assert!(sum <= 1.0 + SUM_TOLERANCE, "{sum}");
                 most = most.max(sum);

@@ -8,7 +8,8 @@ const FREE: u16 = 0xff;
 /// The later effects: each follows from the free effects of its mask, by parity. The masks are such
 /// that any four effects occur together in every way: all sums of masks, with the later effects
 /// that they are for, have at least five bits.
-const LATER: [(u16, u16); 3] = [(1 << 8, 0b1011_1111), (1 << 9, 0b0000_1111), (1 << 10, 0b0011_0011)];
+const LATER: [(u16, u16); 4] =
+    [(1 << 8, 0b1011_1111), (1 << 9, 0b0000_1111), (1 << 10, 0b0011_0011), (1 << 11, 0b1001_0101)];
 
 /// All subsets of the first eight effects, each with one choice of the later ones, and the set of
 /// all effects. `all` are the bits of all effects, and `unused` those of effects that are never

@@ -29,7 +29,17 @@ fn counted(world: &LightWorld) -> BTreeMap<u16, u64> {
         let linear = world.placement(instance).expect("it lives").linear;
         let gram = linear.transpose() * linear;
         let is_rigid = gram.abs_diff_eq(Mat3::IDENTITY, 1.0e-4) && linear.determinant() > 0.0;
-        if !is_rigid && linear != Mat3::ZERO {
+        let factor = world.factor(instance).expect("it lives");
+        if world.is_enabled(instance) == Some(false) || factor == Vec3::ZERO || linear == Mat3::ZERO {
+            continue;
+        }
+        if factor != Vec3::ONE {
+            add(Effects::FACTORS);
+        }
+        if world.mask(instance) != Some(u32::MAX) {
+            add(Effects::MASKS);
+        }
+        if !is_rigid {
             add(Effects::NON_RIGID);
         }
     }
@@ -229,7 +239,7 @@ proptest! {
             let tree = trees.get(any(trees.len())).copied();
             let instance = instances.get(any(instances.len())).copied();
             let bad = Light::point(Vec3::NAN, Vec3::ONE).with_range(2.0);
-            match (any(12), tree, instance) {
+            match (any(17), tree, instance) {
                 (0, ..) => drop(world.add_tree(numbers.lights(any(30), 5.0))),
                 (1, Some(tree), _) => {
                     let _ = world.remove_tree(tree);
@@ -264,6 +274,12 @@ proptest! {
                     world.remove_directional(key).expect("it lives");
                     prop_assert!(world.remove_directional(key).is_err());
                 }
+                (15, _, Some(instance)) => world.set_mask(instance, [0, 7, u32::MAX][any(3)]).expect("it lives"),
+                (13 | 14, _, Some(instance)) => {
+                    let factor = [Vec3::ZERO, Vec3::ONE, Vec3::new(0.0, 0.5, 2.0)][any(3)];
+                    world.set_factor(instance, factor).expect("valid");
+                }
+                (11 | 12, _, Some(instance)) => world.set_enabled(instance, any(2) == 0).expect("it lives"),
                 _ => {
                     // Often enough for some trees to freeze.
                     for _ in 0..[1, EFFECT_HOLD_UPDATES][any(2)] {

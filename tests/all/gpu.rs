@@ -178,7 +178,8 @@ fn emission(world: &LightWorld, light: LightId) -> f32 {
         LightId::Directional(key) => world.directional(key).map_or(0.0, |light| light.illuminance.length()),
         LightId::Local { instance, light } => {
             let tree = world.instance_tree(instance).and_then(|tree| world.tree(tree));
-            tree.map_or(0.0, |tree| tree.lights()[light as usize].emission.length())
+            let factor = world.factor(instance).unwrap_or(Vec3::ONE);
+            tree.map_or(0.0, |tree| (tree.lights()[light as usize].emission * factor).length())
         }
     }
 }
@@ -227,7 +228,7 @@ fn the_gpu_chooses_the_same_lights_with_the_same_probabilities() {
     let (device, queue) = gpu();
     for (seed, trees, count, instances) in [(40, 6, 60, 5), (41, 1, 1, 1), (42, 1, 300, 9), (43, 90, 3, 2)] {
         let mut rng = Rng(seed);
-        let mut world = rng.world(trees, count, instances, 30.0);
+        let mut world = rng.varied_world(trees, count, instances, 30.0);
         let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
         let requests = requests(&mut rng, 4096, 40.0);
         for has_directionals in [true, false] {
@@ -274,7 +275,7 @@ fn an_empty_world_gives_no_light_and_no_error() {
 fn a_world_that_changes_and_grows_is_sampled_alike_on_both_sides() {
     let (device, queue) = gpu();
     let mut rng = Rng(45);
-    let mut world = rng.world(3, 30, 4, 20.0);
+    let mut world = rng.varied_world(3, 30, 4, 20.0);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let requests = requests(&mut rng, 2048, 25.0);
     for round in 0..6 {
@@ -545,7 +546,7 @@ fn a_lost_device_is_reported_by_the_next_upload_and_by_new_lights() {
 fn the_shader_function_for_a_pmf_gives_the_probabilities_of_the_cpu() {
     let (device, queue) = gpu();
     let mut rng = Rng(48);
-    let mut world = rng.world(4, 25, 3, 15.0);
+    let mut world = rng.varied_world(4, 25, 3, 15.0);
     // Strings that cross each other, whose lights are leaves of the top level.
     for i in 0..6 {
         let tree = world.add_tree((0..9).map(|i| Light::point(Vec3::X * (i as f32 - 4.0), Vec3::ONE)).collect());

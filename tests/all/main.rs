@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod allocations;
+mod appearance;
 mod bake;
 mod budget;
 mod budget_cases;

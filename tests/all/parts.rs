@@ -40,7 +40,7 @@ struct Street {
 
 /// Eight strings that cross each other, twenty trains that share a tree, and objects of all kinds.
 fn street(rng: &mut Rng) -> Street {
-    let mut world = rng.world(3, 20, 3, 15.0);
+    let mut world = rng.varied_world(3, 20, 3, 15.0);
     let (mut strings, mut string_trees) = (Vec::new(), Vec::new());
     for i in 0..8 {
         let tree = world.add_tree(string(rng, 30 + i)).expect("valid");
@@ -119,7 +119,7 @@ fn probabilities_add_up_and_every_light_that_contributes_has_one() {
             let sampler = world.sampler().with_splits(splits);
             let mut distribution = Vec::new();
             for _ in 0..12 {
-                let shading_point = rng.shading_point(15.0);
+                let shading_point = rng.masked_point(15.0);
                 sampler.distribution(&shading_point, &mut distribution);
                 let pmfs = all_pmfs(&sampler, &shading_point);
                 let mut sum = 0.0;
@@ -162,7 +162,7 @@ fn dark_lights_of_divided_and_open_trees_are_never_chosen() {
     world.update(FrameBudget::NONE);
     let sampler = world.sampler();
     for _ in 0..50 {
-        let shading_point = rng.shading_point(15.0);
+        let shading_point = rng.masked_point(15.0);
         let dark = strings.iter().map(|key| (key, 3)).chain(trains.iter().map(|key| (key, 1)));
         for (key, light) in dark {
             assert_eq!(sampler.pmf(&shading_point, LightId::Local { instance: *key, light }), 0.0);

@@ -98,7 +98,7 @@ fn check_means(
         let at = rng.shading_point(10.0);
         let of = |light| {
             let incident = sampler.sample_light(&at, light, [0.5, 0.5])?;
-            Some(part(&at, &LightSample { light, pmf: sampler.pmf(&at, light), incident }))
+            Some(part(&at, &LightSample { light, pmf: sampler.pmf(&at, light), incident, user_data: 0 }))
         };
         let exact: f64 = sampler.all_lights().filter_map(of).sum();
         for candidates in [1, 2, 3, 8, MAX_CANDIDATES].map(candidate_count) {

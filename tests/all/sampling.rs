@@ -16,9 +16,9 @@ const SUM_TOLERANCE: f64 = 1.0e-4;
 fn probabilities_sum_to_one_less_the_share_of_draws_without_a_light() {
     let mut rng = Rng(10);
     for _ in 0..10 {
-        let world = rng.world(4, 40, 5, 40.0);
+        let world = rng.varied_world(4, 40, 5, 40.0);
         for round in 0..20 {
-            let shading_point = rng.shading_point(60.0);
+            let shading_point = rng.masked_point(60.0);
             let sampler = world.sampler().with_splits(SPLITS[round % SPLITS.len()]);
             let sum: f64 = all_pmfs(&sampler, &shading_point).iter().map(|(_, p)| f64::from(*p)).sum();
             assert!(sum <= 1.0 + SUM_TOLERANCE, "{sum}");
@@ -38,9 +38,9 @@ fn probabilities_sum_to_one_less_the_share_of_draws_without_a_light() {
 #[test]
 fn picks_carry_the_probability_that_pmf_returns() {
     let mut rng = Rng(11);
-    let world = rng.world(5, 60, 4, 30.0);
+    let world = rng.varied_world(5, 60, 4, 30.0);
     for round in 0..4000 {
-        let shading_point = rng.shading_point(40.0);
+        let shading_point = rng.masked_point(40.0);
         let sampler = world.sampler().with_splits(SPLITS[round % SPLITS.len()]);
         if let Some(pick) = sampler.pick(&shading_point, [rng.unit(), rng.unit()]) {
             let pmf = sampler.pmf(&shading_point, pick.light);
@@ -52,9 +52,9 @@ fn picks_carry_the_probability_that_pmf_returns() {
 #[test]
 fn frequencies_agree_with_the_probabilities() {
     let mut rng = Rng(12);
-    let world = rng.world(3, 15, 3, 10.0);
+    let world = rng.varied_world(3, 15, 3, 10.0);
     for round in 0..10 {
-        let shading_point = rng.shading_point(12.0);
+        let shading_point = rng.masked_point(12.0);
         let sampler = world.sampler().with_splits(SPLITS[round % SPLITS.len()]);
         let draws = 100_000;
         let mut counts: HashMap<Option<LightId>, u32> = HashMap::new();
@@ -82,9 +82,9 @@ fn every_light_that_reaches_a_shading_point_has_a_probability_above_zero() {
     let mut rng = Rng(13);
     let mut contributions = 0;
     for _ in 0..20 {
-        let world = rng.world(4, 50, 4, 20.0);
+        let world = rng.varied_world(4, 50, 4, 20.0);
         for round in 0..40 {
-            let shading_point = rng.shading_point(25.0);
+            let shading_point = rng.masked_point(25.0);
             let sampler = world.sampler().with_splits(SPLITS[round % SPLITS.len()]);
             for (light, pmf) in all_pmfs(&sampler, &shading_point) {
                 let u = [rng.unit(), rng.unit()];
@@ -103,10 +103,10 @@ fn every_light_that_reaches_a_shading_point_has_a_probability_above_zero() {
 #[test]
 fn random_numbers_at_the_ends_of_the_unit_interval_give_valid_picks() {
     let mut rng = Rng(14);
-    let world = rng.world(3, 30, 3, 10.0);
+    let world = rng.varied_world(3, 30, 3, 10.0);
     let below_one = 1.0 - f32::EPSILON / 2.0;
     for round in 0..200 {
-        let shading_point = rng.shading_point(10.0);
+        let shading_point = rng.masked_point(10.0);
         let sampler = world.sampler().with_splits(SPLITS[round % SPLITS.len()]);
         for u in [0.0, below_one] {
             for v in [0.0, below_one] {

@@ -2,7 +2,9 @@
 
 pub use crate::common::split_mix::Rng;
 use girandole::glam::{Affine3A, Mat3, Quat, Vec3};
-use girandole::{DirectionalLight, Light, LightId, LightSampler, LightWorld, Policy, ShadingPoint, SplitCount};
+use girandole::{
+    DirectionalLight, InstanceKey, Light, LightId, LightSampler, LightWorld, Policy, ShadingPoint, SplitCount,
+};
 
 impl Rng {
     /// A random unit vector.
@@ -56,6 +58,12 @@ impl Rng {
         }
     }
 
+    /// Such a shading point, half of them with another mask than that of all bits.
+    pub fn masked_point(&mut self, size: f32) -> ShadingPoint {
+        let mask = [0b01, 0b10, 1 << 31 | 0b10, 0].get(self.bits() as usize % 8).copied();
+        self.shading_point(size).with_mask(mask.unwrap_or(u32::MAX))
+    }
+
     /// A rotation and translation, with one of: no scale, uniform scale, mirroring, non-uniform
     /// scale, shear.
     pub fn affine(&mut self, size: f32) -> Affine3A {
@@ -86,6 +94,39 @@ impl Rng {
         }
         world
     }
+
+    /// The same, where some instances are disabled, some have factors or masks, and all have user
+    /// data.
+    pub fn varied_world(&mut self, trees: usize, lights: usize, instances: usize, size: f32) -> LightWorld {
+        let mut world = self.world(trees, lights, instances, size);
+        vary(&mut world);
+        world
+    }
+}
+
+/// Disables one of eight instances, never the first, and gives all of them user data. Every third
+/// gets a factor over four decades, and one of sixteen the factor 0. Half of them have masks of few
+/// bits, and some of none.
+pub fn vary(world: &mut LightWorld) {
+    let keys: Vec<InstanceKey> = world.instances().collect();
+    for (i, key) in (0..).zip(keys) {
+        let mut rng = Rng(i);
+        let factor = match i % 48 {
+            7 | 23 | 39 => Vec3::ZERO,
+            i if i % 3 == 1 => (rng.place(0.5) + 0.5) * 10.0_f32.powf(rng.between(-2.0, 2.0)),
+            _ => Vec3::ONE,
+        };
+        world.set_factor(key, factor).expect("a valid factor");
+        let mask = [u32::MAX, 0b01, 0b10, 1 << 31, u32::MAX, 0b11, u32::MAX, 0b100][i as usize % 8];
+        world.set_mask(key, if i % 16 == 14 { 0 } else { mask }).expect("a live key");
+        world.set_enabled(key, i % 8 != 5).expect("a live key");
+        world.set_user_data(key, user_data_of(world, key)).expect("a live key");
+    }
+}
+
+/// The user data that [`vary`] gives to an instance.
+pub fn user_data_of(world: &LightWorld, instance: InstanceKey) -> u32 {
+    world.slot(instance).expect("a live key").wrapping_mul(0x9e37_79b9)
 }
 
 /// The numbers of splits that tests of probabilities run with: none, and the default.

@@ -7,7 +7,8 @@ use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::GpuLights;
 use girandole::{
     Attribute, DirectionalKey, DirectionalLight, Effects, FrameBudget, InstanceKey, Light, LightError, LightId,
-    LightTree, LightWorld, Placement, PlacementError, Policy, ShadingPoint, SplitCount, TreeKey, WorldError,
+    LightTree, LightWorld, MAX_FACTOR, Placement, PlacementError, Policy, ShadingPoint, SplitCount, TreeKey,
+    WorldError,
 };
 use proptest::prelude::*;
 use rayon::prelude::*;
@@ -35,7 +36,9 @@ fn scattered(rng: &mut Rng, count: u32) -> Vec<(u32, Light)> {
 
 /// Everything about a world that a refused call must not change.
 fn fingerprint(world: &mut LightWorld) -> String {
-    let placements: Vec<_> = world.instances().map(|i| (i, world.placement(i), world.policy(i))).collect();
+    let appearance = |i| (world.is_enabled(i), world.user_data(i), world.factor(i), world.mask(i));
+    let placements: Vec<_> =
+        world.instances().map(|i| (i, world.placement(i), world.policy(i), appearance(i))).collect();
     let trees: Vec<_> = world.trees().map(|t| (t, world.tree(t).map(|t| t.nodes().to_vec()))).collect();
     let directionals: Vec<_> = world.directionals().map(|(k, l)| (k, *l)).collect();
     let counts = (world.light_count(), world.origin());
@@ -80,6 +83,8 @@ fn a_refused_call_leaves_the_world_as_it_was() {
         world.move_instance(instance, at(f64::INFINITY)).err(),
         world.move_instance(gone.1, at(0.0)).err(),
         world.set_policy(instance, bad_policy).err(),
+        world.set_enabled(gone.1, false).err(),
+        world.set_user_data(gone.1, 7).err(),
         world.remove_tree(tree).err(),
         world.remove_tree(gone.0).err(),
         world.remove_instance(gone.1).err(),
@@ -89,18 +94,32 @@ fn a_refused_call_leaves_the_world_as_it_was() {
         world.set_origin(DVec3::new(0.0, f64::NAN, 0.0)).err(),
         world.set_viewpoint(DVec3::new(0.0, 0.0, f64::INFINITY)).err(),
         world.set_directional(moon, DirectionalLight { direction: Vec3::X * 2.0, ..bad_moon }).err(),
+        world.set_factor(instance, Vec3::new(1.0, -1.0e-9, 1.0)).err(),
+        world.set_factor(instance, Vec3::new(1.0, 1.0, f32::NAN)).err(),
+        world.set_factor(instance, Vec3::new(f32::INFINITY, 1.0, 1.0)).err(),
+        world.set_factor(instance, Vec3::splat(MAX_FACTOR.next_up())).err(),
+        world.set_factor(gone.1, Vec3::ONE).err(),
+        world.set_mask(gone.1, 0).err(),
+        world.set_light_range(tree, 18, &[lamp(0.0); 3]).err(),
+        world.set_light_range(tree, u32::MAX, &[lamp(0.0); 2]).err(),
+        world.set_light_range(tree, 0, &[lamp(0.0), bad_light]).err(),
+        world.set_emission(tree, 20, Vec3::ONE).err(),
+        world.set_emission(tree, 0, Vec3::NAN).err(),
+        world.set_emission(gone.0, 0, Vec3::ONE).err(),
     ];
     for (number, refusal) in refusals.iter().enumerate() {
         let refusal = refusal.as_ref().unwrap_or_else(|| panic!("call {number} was accepted"));
         assert!(!refusal.to_string().is_empty());
     }
     assert_eq!(fingerprint(&mut world), before);
+    let is_refused_factor = |refusal: &Option<WorldError>| matches!(refusal, Some(WorldError::Factor { .. }));
+    assert!(refusals[26..30].iter().all(is_refused_factor));
     assert!(matches!(refusals[7], Some(WorldError::Placement(PlacementError::NotFinite { .. }))));
     assert!(matches!(refusals[0], Some(WorldError::Light { index: 1, .. })));
-    assert!(matches!(refusals[19], Some(WorldError::Directional { source: LightError::NoDirection { .. } })));
-    assert!(matches!(refusals[21], Some(WorldError::NotFinite { value, .. }) if value.is_nan()));
-    assert!(matches!(refusals[22], Some(WorldError::NotFinite { value: f64::INFINITY, .. })));
-    assert!(matches!(refusals[23], Some(WorldError::Directional { source: LightError::NotUnitLength { .. } })));
+    assert!(matches!(refusals[21], Some(WorldError::Directional { source: LightError::NoDirection { .. } })));
+    assert!(matches!(refusals[23], Some(WorldError::NotFinite { value, .. }) if value.is_nan()));
+    assert!(matches!(refusals[24], Some(WorldError::NotFinite { value: f64::INFINITY, .. })));
+    assert!(matches!(refusals[25], Some(WorldError::Directional { source: LightError::NotUnitLength { .. } })));
 }
 
 #[test]

@@ -4,9 +4,12 @@ use super::super::error::{GpuError, largest_storage_buffer};
 use super::super::layout::{ClusterRecord, LeafRecord, Strides};
 use super::super::memory;
 use super::super::sort::{RadixSort, SortBuffers};
-use super::plan::Plan;
+use super::plan::{Places, Plan};
 use crate::effects::Effects;
-use crate::tree::Node;
+use crate::tree::{Node, WIDTH};
+
+/// The bytes of the masks of one node: a word for each child.
+pub(super) const MASK_BYTES: u64 = 4 * WIDTH as u64;
 
 /// The extremes of all means, the number of parts that are not dark, and one unused word.
 const BOUNDS_BYTES: u64 = 32;
@@ -15,10 +18,9 @@ const BOUNDS_BYTES: u64 = 32;
 pub(super) struct TopBuffers {
     /// The number of parts that there is room for.
     pub capacity: u32,
-    /// Where the parts begin in the buffer of the nodes, in units of 16 bytes.
-    pub parts: u32,
+    pub places: Places,
     pub bounds: wgpu::Buffer,
-    /// The nodes, then the parts.
+    /// The nodes, then the parts, then the masks of the nodes if they are stored.
     pub nodes: wgpu::Buffer,
     /// The clusters of all parts, then of all nodes.
     pub clusters: wgpu::Buffer,
@@ -28,13 +30,19 @@ pub(super) struct TopBuffers {
 }
 
 impl TopBuffers {
-    /// Makes room for `capacity` parts. Fails with [`GpuError::Full`] if a buffer would be larger
+    /// Makes room for `capacity` parts, and for masks if `has_masks`. Fails with [`GpuError::Full`] if a buffer would be larger
     /// than the device can bind, and with [`GpuError::OutOfMemory`].
-    pub(super) fn new(device: &wgpu::Device, sort: &RadixSort, capacity: u32) -> Result<Self, GpuError> {
+    pub(super) fn new(
+        device: &wgpu::Device,
+        sort: &RadixSort,
+        capacity: u32,
+        has_masks: bool,
+    ) -> Result<Self, GpuError> {
         let limit = largest_storage_buffer(device);
-        let plan = Plan::new(capacity, capacity, 0, Strides::of(Effects::all()));
+        let plan = Plan::new(capacity, capacity, Places::default(), Strides::of(Effects::all()));
         let parts = u64::from(plan.nodes) * size_of::<Node>() as u64;
-        let nodes = parts + u64::from(capacity) * size_of::<LeafRecord>() as u64;
+        let masks = parts + u64::from(capacity) * size_of::<LeafRecord>() as u64;
+        let nodes = masks + if has_masks { u64::from(plan.nodes) * MASK_BYTES } else { 0 };
         let clusters = (u64::from(capacity) + u64::from(plan.nodes)) * size_of::<ClusterRecord>() as u64;
         let units = u64::from(plan.words) * 4;
         for (what, needed) in [("top-level clusters", clusters), ("top-level nodes", nodes)] {
@@ -47,7 +55,7 @@ impl TopBuffers {
         Ok(Self {
             capacity,
             // Within the limit of the buffer.
-            parts: (parts / 16) as u32,
+            places: Places { parts: (parts / 16) as u32, masks: if has_masks { (masks / 16) as u32 } else { 0 } },
             sort: SortBuffers::new(device, sort, capacity)?,
             bounds: buffer("top level bounds", BOUNDS_BYTES)?,
             nodes: buffer("top level nodes", nodes)?,

@@ -29,6 +29,15 @@ pub(super) struct TopPass {
     pub pieces: u32,
     pub first_node: u32,
     pub strides: Strides,
+    pub masks: u32,
+}
+
+/// Where the parts and the masks begin in the buffer of the nodes, in units of 16 bytes. `masks` is
+/// 0 if they are not stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Places {
+    pub parts: u32,
+    pub masks: u32,
 }
 
 /// The passes of a build.
@@ -43,10 +52,12 @@ pub(super) struct Plan {
 }
 
 impl Plan {
-    /// The passes for the first `count` parts in buffers for `capacity` parts. `parts` is where
-    /// these begin in the buffer of the nodes, in units of 16 bytes.
-    pub(super) fn new(count: u32, capacity: u32, parts: u32, strides: Strides) -> Self {
-        let mut pass = TopPass { count, capacity, parts, units_before: FIRST_ROUND, strides, ..TopPass::default() };
+    /// The passes for the first `count` parts in buffers for `capacity` parts. `places` is where the
+    /// parts and the masks begin in the buffer of the nodes, in units of 16 bytes.
+    pub(super) fn new(count: u32, capacity: u32, places: Places, strides: Strides) -> Self {
+        let Places { parts, masks } = places;
+        let mut pass =
+            TopPass { count, capacity, parts, units_before: FIRST_ROUND, strides, masks, ..TopPass::default() };
         let mut plan = Self { passes: Vec::new(), nodes: ROOT_PARTS + 1, words: 0 };
         let mut units = count;
         while units > top::ROOT_UNITS as u32 {

@@ -30,6 +30,8 @@ struct Built {
     /// The clusters of the nodes.
     clusters: Vec<ClusterRecord>,
     nodes: Vec<Node>,
+    /// The masks of the nodes; empty if they are not stored.
+    masks: Vec<[u32; WIDTH]>,
 }
 
 impl Built {
@@ -122,6 +124,10 @@ fn world_of(slots: u32, place: impl Fn(u32) -> Placement) -> LightWorld {
         .map(|i| world.add_instance(trees[i as usize % trees.len()], place(i), Policy::default()).unwrap())
         .collect();
     keys.iter().skip(3).step_by(7).for_each(|key| world.remove_instance(*key).unwrap());
+    for (i, key) in (0..).zip(&keys).skip(1).step_by(7) {
+        world.set_factor(*key, Vec3::new(0.5, 100.0 * random(i, 25), 2.0)).unwrap();
+        world.set_mask(*key, 1 << (i % 32)).unwrap();
+    }
     world
 }
 
@@ -145,9 +151,9 @@ fn build(top: &mut TopBuild, world: &LightWorld) -> Built {
     let mut instances = vec![InstanceRecord::NONE; world.slot_count().max(1)];
     for key in world.instances() {
         let instance = world.instance(key).unwrap();
-        let placed = instance.placed.as_ref().expect("no test hides an instance");
+        let placed = instance.shown().expect("no test hides an instance");
         let bases = Bases { tree: bases[&instance.tree], ..Bases::default() };
-        instances[slot_of(key) as usize] = InstanceRecord::of(placed, bases);
+        instances[slot_of(key) as usize] = InstanceRecord::of(placed, &instance.appearance, bases);
     }
     let parts: Vec<Part> = world.parts().iter().map(|(part, _)| *part).collect();
     let index = |i: usize| i - parts.partition_point(|part| part.slot < parts[i].slot);
@@ -156,7 +162,9 @@ fn build(top: &mut TopBuild, world: &LightWorld) -> Built {
     part_records.resize(parts.len().max(1), PartRecord::NONE);
     let (part_records, instances, trees) = (pool(&part_records), pool(&instances), pool(&trees));
     let count = parts.len() as u32;
-    top.reserve(count).unwrap();
+    let has_masks = world.effects().contains(Effects::MASKS);
+    top.reserve(count, has_masks).unwrap();
+    top.masks = if has_masks { top.masks() } else { 0 };
     top.bound = None;
     top.bind(&part_records, &instances, &trees);
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -166,12 +174,14 @@ fn build(top: &mut TopBuild, world: &LightWorld) -> Built {
     let clusters = leaves.split_off(top.buffers.capacity as usize);
     let words: Vec<[u32; 4]> = read(&device, &queue, top.nodes());
     let (nodes, records) = words.split_at(top.parts() as usize);
+    let masks: &[[u32; 4]] = if has_masks { &words[top.masks() as usize..] } else { &[] };
     Built {
         records: bytemuck::cast_slice(&records[..parts.len()]).to_vec(),
         leaves: leaves[..parts.len()].iter().map(cluster_of).collect(),
         parts,
         clusters,
         nodes: bytemuck::cast_slice(nodes).to_vec(),
+        masks: bytemuck::cast_slice(masks).to_vec(),
     }
 }
 

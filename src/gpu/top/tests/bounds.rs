@@ -69,7 +69,7 @@ fn every_packed_child_on_the_way_up_holds_every_light_of_an_instance() {
     let (mut caps, mut sheared_caps) = (0, 0);
     for (index, part) in built.parts.iter().enumerate() {
         let instance = world.instance(world.instance_at(part.slot).unwrap()).unwrap();
-        let Placed { frame, linear, .. } = instance.placed.expect("no test hides an instance");
+        let Placed { frame, linear, .. } = instance.shown().expect("no test hides an instance");
         let tree = world.tree(instance.tree).unwrap();
         for light in lights_below(tree, part.target).into_iter().filter(|light| light.flux() > 0.0) {
             let inner = light.cluster();

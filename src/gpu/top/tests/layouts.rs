@@ -26,7 +26,7 @@ fn every_layout_stores_its_parts_of_the_same_nodes() {
     for effects in [Effects::empty(), Effects::CONES, Effects::RANGES, Effects::all()] {
         // The layout of the instances stays the same.
         let strides = Strides { instance: Strides::of(Effects::all()).instance, ..Strides::of(effects) };
-        top.set_strides(strides);
+        top.set_layout(strides, 0);
         build(&mut top, &world);
         let stored: Vec<[u32; 4]> = read(&device, &queue, top.nodes());
         for node in built.reached() {

@@ -5,7 +5,7 @@ use std::mem::offset_of;
 use naga::TypeInner;
 
 use super::super::TopBuild;
-use super::super::plan::{MAX_PASSES, Plan, TopPass};
+use super::super::plan::{MAX_PASSES, Places, Plan, TopPass};
 use super::super::stage::{GROUP, KEYS, LANES, LEAVES, NODE, ROOT, ROOT_GROUP, SPLIT_LANES};
 use crate::effects::Effects;
 use crate::gpu::error::{GpuError, largest_storage_buffer};
@@ -17,14 +17,14 @@ use crate::tree::Node;
 fn more_parts_than_the_device_can_bind_are_refused_and_change_nothing() {
     let (device, queue) = gpu();
     let mut top = TopBuild::new(&device, &queue).unwrap();
-    top.reserve(100).unwrap();
+    top.reserve(100, false).unwrap();
     assert_eq!(top.generation(), 1);
-    top.reserve(100).unwrap();
+    top.reserve(100, false).unwrap();
     let before = (top.generation(), top.buffers.capacity, top.nodes().clone());
     // The largest number of parts whose clusters and nodes fit, and one more.
     let limit = largest_storage_buffer(&device);
     let needed = |parts: u32| {
-        let nodes = u64::from(Plan::new(parts, parts, 0, Strides::of(Effects::all())).nodes);
+        let nodes = u64::from(Plan::new(parts, parts, Places::default(), Strides::of(Effects::all())).nodes);
         let clusters = (u64::from(parts) + nodes) * size_of::<ClusterRecord>() as u64;
         let records = u64::from(parts) * size_of::<LeafRecord>() as u64;
         [("top-level clusters", clusters), ("top-level nodes", nodes * size_of::<Node>() as u64 + records)]
@@ -38,17 +38,26 @@ fn more_parts_than_the_device_can_bind_are_refused_and_change_nothing() {
     assert!(fits > 1_200_000, "{fits} parts fit");
     for parts in [fails, u32::MAX] {
         let (what, needed) = too_much(parts).unwrap();
-        assert_eq!(top.reserve(parts), Err(GpuError::Full { what, needed, limit }));
+        assert_eq!(top.reserve(parts, false), Err(GpuError::Full { what, needed, limit }));
     }
     assert_eq!(before, (top.generation(), top.buffers.capacity, top.nodes().clone()));
-    top.reserve(fits).unwrap();
+    top.reserve(fits, false).unwrap();
     assert_eq!((top.generation(), top.buffers.capacity), (2, fits));
+    // Masks take room beside as many parts, once.
+    let mut top = TopBuild::new(&device, &queue).unwrap();
+    top.reserve(100, false).unwrap();
+    let (capacity, bytes) = (top.buffers.capacity, top.nodes().size());
+    for _ in 0..2 {
+        top.reserve(100, true).unwrap();
+        assert_eq!((top.generation(), top.buffers.capacity), (2, capacity));
+        assert!(top.nodes().size() > bytes && top.masks() > top.parts());
+    }
 }
 
 #[test]
 fn a_plan_for_any_number_of_parts_fits_into_the_uniform() {
     for parts in [0, 1, 256, 257, 512, 513, 100_000, 1 << 20, 1 << 30, u32::MAX] {
-        let plan = Plan::new(parts, parts, 0, Strides::of(Effects::all()));
+        let plan = Plan::new(parts, parts, Places::default(), Strides::of(Effects::all()));
         assert!(plan.passes.len() <= MAX_PASSES as usize, "{parts}: {}", plan.passes.len());
         assert!(u64::from(plan.nodes) <= u64::from(parts) / 2 + 1024, "{parts}: {}", plan.nodes);
     }
@@ -87,6 +96,7 @@ fn the_stages_are_valid_and_have_the_sizes_that_the_host_expects() {
                 ("node_range", offset_of!(TopPass, strides.range)),
                 ("light_stride", offset_of!(TopPass, strides.light)),
                 ("instance_stride", offset_of!(TopPass, strides.instance)),
+                ("masks", offset_of!(TopPass, masks)),
             ]
         );
     }

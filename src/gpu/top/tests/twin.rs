@@ -6,6 +6,7 @@ use super::super::TopBuild;
 use super::bounds::assert_bounds_hold;
 use super::{Built, build, placement, world_of};
 use crate::cluster::Cluster;
+use crate::effects::Effects;
 use crate::gpu::layout::LeafRecord;
 use crate::gpu::testing::gpu;
 use crate::top::TopLevel;
@@ -69,6 +70,10 @@ fn assert_same_tree(built: &Built, twin: &TopLevel) {
     while let Some((ours, theirs)) = pairs.get(next).copied() {
         let (node, other) = (&built.nodes[ours], &twin.nodes[theirs]);
         assert_same_node(node, other, ours);
+        assert_eq!(built.masks.is_empty(), twin.masks.is_empty());
+        if !built.masks.is_empty() {
+            assert_eq!(built.masks[ours], twin.masks[theirs], "node {ours} and {theirs}");
+        }
         for slot in 0..WIDTH {
             match (node.target(slot), other.target(slot)) {
                 (Some(Target::Node(a)), Some(Target::Node(b))) => pairs.push((a as usize, b as usize)),
@@ -89,7 +94,14 @@ pub(super) fn check(top: &mut TopBuild, world: &LightWorld) -> Built {
     }
     // From the GPU's own leaves the CPU makes the same tree.
     let parts: Vec<_> = built.parts.iter().copied().zip(built.leaves.iter().copied()).collect();
-    let twin = TopLevel::build(&parts, world.slot_count());
+    let mut twin = TopLevel::build(&parts, world.slot_count());
+    let mask_of = |slot| world.instance_at(slot).and_then(|key| world.mask(key)).unwrap_or(0);
+    if world.effects().contains(Effects::MASKS) {
+        twin.set_masks(mask_of);
+        for (index, record) in built.records.iter().enumerate() {
+            assert_eq!(record.mask, mask_of(record.slot), "part {index}");
+        }
+    }
     for (index, (part, leaf)) in parts.iter().enumerate() {
         let LeafRecord { slot, target, place, .. } = built.records[index];
         let below = if target == 0 { Target::Node(0) } else { Target::of(target).unwrap() };
