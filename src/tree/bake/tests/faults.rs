@@ -192,7 +192,7 @@ fn each_number_that_builds_do_not_make_is_named_with_its_place() {
 #[test]
 fn a_side_that_does_not_lie_in_its_node_is_refused() {
     let mut tree = LightTree::build(
-        (0..6).map(|i| Light::spot(Vec3::X * i as f32, [Vec3::X, Vec3::NEG_X][i % 2], 0.1, 0.3, Vec3::ONE)).collect(),
+        (0..20).map(|i| Light::spot(Vec3::X * i as f32, [Vec3::X, Vec3::NEG_X][i % 2], 0.1, 0.3, Vec3::ONE)).collect(),
     );
     assert_eq!(tree.sides.len(), 2);
     tree.sides[1].aabb.max.x += 50.0;
