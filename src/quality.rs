@@ -28,20 +28,20 @@ use crate::counts::{CandidateCount, SplitCount};
 /// The numbers below are those of one sample per pixel in city S, relative to plain sampling with
 /// six splits and one candidate. Time is that of a whole frame on one core, with one shadow ray per
 /// sample; error is relMSE, on diffuse materials and with the city's glossy ones. Measured by
-/// `cargo run --release --example accuracy -- --out DIR [--matte]` on an Intel Xeon, 2026-11-22;
+/// `cargo run --release --example accuracy -- --out DIR --pictures 4 [--matte]` on an Intel Xeon, 2026-11-22;
 /// `docs/accuracy.md` has the intervals and the other settings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Quality {
-    /// Two splits, one candidate: 0.86 of the time, 1.31 of the error on diffuse materials, 1.36 on
-    /// glossy ones. No setting with more splits is as fast.
+    /// Four splits, one candidate: 0.86 of the time, 1.49 of the error on diffuse materials, 1.40 on
+    /// glossy ones. Fewer splits are hardly faster.
     Fast,
-    /// Six splits, four candidates: 1.5 times the time, 0.54 of the error on diffuse materials,
-    /// 0.71 on glossy ones. On both, no other setting has less error in its time, with one, two or
-    /// four samples per pixel.
+    /// Six splits, four candidates: 1.4 times the time, 0.51 of the error on diffuse materials,
+    /// 0.79 on glossy ones. On diffuse materials, no other setting has less error in its time, with
+    /// one, two or four samples per pixel.
     #[default]
     Balanced,
-    /// Eight splits, eight candidates: 2.1 times the time, 0.47 of the error on diffuse materials,
-    /// 0.69 on glossy ones. It has less error per shadow ray than [`Quality::Balanced`] on diffuse
+    /// Eight splits, eight candidates: 2.0 times the time, 0.42 of the error on diffuse materials,
+    /// 0.65 on glossy ones. It has less error per shadow ray than [`Quality::Balanced`] on diffuse
     /// materials, and no measured difference on glossy ones. If shadow rays are not the limit, take
     /// two samples of `Balanced` instead.
     High,
@@ -54,7 +54,7 @@ impl Quality {
     /// The splits, for [`LightSampler::with_splits`](crate::LightSampler::with_splits).
     pub const fn splits(self) -> SplitCount {
         match self {
-            Self::Fast => SplitCount::of::<2>(),
+            Self::Fast => SplitCount::of::<4>(),
             Self::Balanced => SplitCount::DEFAULT,
             Self::High => SplitCount::MAX,
         }
