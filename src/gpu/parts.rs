@@ -9,6 +9,7 @@ use std::ops::Range;
 use super::error::GpuError;
 use super::layout::PartRecord;
 use super::pool::Pool;
+use super::runs::runs;
 
 /// The parts of all instances.
 pub(super) struct PartTable {
@@ -92,7 +93,7 @@ impl PartTable {
             (0..).zip(&self.ranges).for_each(|(slot, range)| records.extend(records_of(slot, range)));
         }
         new.0.iter().for_each(|(slot, range)| records.extend(records_of(*slot, range)));
-        write_runs(&self.pool, records)
+        write_runs(&self.pool, &records)
     }
 }
 
@@ -102,15 +103,10 @@ fn records_of(slot: u32, range: &Range<u32>) -> impl Iterator<Item = (u32, PartR
 }
 
 /// Writes records, neighbouring ones together. Returns the bytes sent.
-fn write_runs(pool: &Pool<PartRecord>, records: BTreeMap<u32, PartRecord>) -> u64 {
-    let (mut bytes, mut first, mut run) = (0, 0, Vec::new());
-    for (place, record) in records {
-        if first + run.len() as u32 != place {
-            bytes += pool.write(first, &run);
-            run.clear();
-            first = place;
-        }
-        run.push(record);
-    }
-    bytes + pool.write(first, &run)
+fn write_runs(pool: &Pool<PartRecord>, records: &BTreeMap<u32, PartRecord>) -> u64 {
+    let write = |run: Range<u32>| {
+        let run_records: Vec<_> = records.range(run.clone()).map(|(_, record)| *record).collect();
+        pool.write(run.start, &run_records)
+    };
+    runs(records.keys().copied(), 0).into_iter().map(write).sum()
 }

@@ -3,12 +3,12 @@
 use std::ops::Range;
 
 /// Joins ascending indices to runs. Two indices with at most `gap` others between them share a run.
-pub(super) fn runs(indices: &[u32], gap: u32) -> Vec<Range<u32>> {
+pub(super) fn runs(indices: impl IntoIterator<Item = u32>, gap: u32) -> Vec<Range<u32>> {
     let mut runs: Vec<Range<u32>> = Vec::new();
     for index in indices {
         match runs.last_mut() {
             Some(run) if index - run.end <= gap => run.end = index + 1,
-            _ => runs.push(*index..index + 1),
+            _ => runs.push(index..index + 1),
         }
     }
     runs
@@ -20,7 +20,7 @@ mod tests {
 
     /// First and last index of each run.
     fn ends(indices: &[u32], gap: u32) -> Vec<[u32; 2]> {
-        runs(indices, gap).into_iter().map(|run| [run.start, run.end - 1]).collect()
+        runs(indices.iter().copied(), gap).into_iter().map(|run| [run.start, run.end - 1]).collect()
     }
 
     #[test]

@@ -19,8 +19,8 @@ use crate::effects::Effects;
 use crate::keys::slot_of;
 use crate::world::{FrameDelta, LightWorld, TreeChanges};
 
-/// Nodes that did not change are sent along if at most this many lie between two that did: a write
-/// of its own costs more than 400 bytes.
+/// Nodes that did not change are sent along if at most this many lie between two that did. That
+/// saves a write.
 const NODE_GAP: u32 = 2;
 /// The same for lights.
 const LIGHT_GAP: u32 = 8;
@@ -279,7 +279,7 @@ impl GpuLights {
         let (tree, ranges) = (&entry.tree, &mut self.tree_ranges[slot as usize]);
         let all = |range: &Range<u32>| vec![Range { start: 0, end: range.len() as u32 }];
         let (nodes, lights) = match entry.log.since(ranges.revision) {
-            Some(TreeChanges { nodes, lights }) => (runs(&nodes, NODE_GAP), runs(&lights, LIGHT_GAP)),
+            Some(TreeChanges { nodes, lights }) => (runs(nodes, NODE_GAP), runs(lights, LIGHT_GAP)),
             None => (all(&ranges.nodes), all(&ranges.lights)),
         };
         ranges.revision = entry.log.revision();
@@ -299,18 +299,11 @@ impl GpuLights {
 
     /// Writes the records of these slots, neighbouring ones together. Returns the bytes sent.
     fn write_instances(&mut self, slots: &BTreeSet<u32>, world: &LightWorld) -> u64 {
-        let mut bytes = 0;
-        let mut run: Vec<InstanceRecord> = Vec::new();
-        let mut first = 0;
-        for slot in slots {
-            if first + run.len() as u32 != *slot {
-                bytes += self.instances.write(first, &run);
-                run.clear();
-                first = *slot;
-            }
-            run.push(self.instance_record(*slot, world));
-        }
-        bytes + self.instances.write(first, &run)
+        let write = |run: Range<u32>| {
+            let records: Vec<_> = run.clone().map(|slot| self.instance_record(slot, world)).collect();
+            self.instances.write(run.start, &records)
+        };
+        runs(slots.iter().copied(), 0).into_iter().map(write).sum()
     }
 
     fn instance_record(&self, slot: u32, world: &LightWorld) -> InstanceRecord {

@@ -16,8 +16,8 @@ impl LightTree {
     /// of the attributes, some 100 bytes per light. Refits first if lights have changed since the
     /// last refit.
     ///
-    /// The next [`LightTree::set_lights`] allocates the data and computes them again: O(nodes), once.
-    /// The results have the same bits as if nothing had been dropped.
+    /// The next [`LightTree::set_lights`] allocates the data and computes them again: O(nodes),
+    /// once. The results have the same bits as if nothing had been dropped.
     ///
     /// [`LightWorld`](crate::LightWorld) freezes its trees once their lights have not changed for a
     /// while. O(1) apart from the refit.

@@ -96,8 +96,8 @@ pub struct LightTree {
     /// The clusters of the sides, which are the children of the root; empty if the tree is not
     /// divided by direction.
     sides: Vec<Cluster>,
-    /// The map of the instance that the tree was built for, if it stretches: builds divide the lights
-    /// as they lie in the world.
+    /// The map of the instance that the tree was built for, if it stretches: builds divide the
+    /// lights as they lie in the world.
     reference: Option<Box<Linear>>,
     attributes: Attributes,
 }

@@ -85,8 +85,9 @@ fn a_tree_does_not_depend_on_the_number_of_threads_that_load_it() {
 
 #[test]
 fn a_tree_that_was_baked_by_the_first_version_still_loads() {
-    // `write_the_file_of_this_version` wrote the file when the format was made. Nothing that is
-    // compared here depends on the machine's mathematical library.
+    // The file is what `bake` returned for `LightTree::new_for` of the lights below and a placement
+    // that squashes z by 0.01, when the format was made. Nothing that is compared here depends on the
+    // machine's mathematical library.
     let bytes = include_bytes!("../../../../tests/data/version_1.tree");
     let tree = LightTree::from_baked(bytes).expect("a file of version 1");
     let lights = any_lights(&mut Rng(14), 60);
@@ -97,13 +98,4 @@ fn a_tree_that_was_baked_by_the_first_version_still_loads() {
     edited.apply(&[(3, lights[4])]);
     edited.refit();
     edited.check().expect("the tree is sound");
-}
-
-#[test]
-#[ignore = "writes the file of the test above, once for each version"]
-fn write_the_file_of_this_version() {
-    let squashed = Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, 1.0, 0.01)), ..Placement::IDENTITY };
-    let tree = LightTree::new_for(any_lights(&mut Rng(14), 60), squashed).expect("valid");
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/version_1.tree");
-    std::fs::write(path, tree.bake()).expect("the folder of test data can be written");
 }
