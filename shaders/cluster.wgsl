@@ -1,5 +1,5 @@
 // Transforms, merges and packs clusters for the top level. Twin of src/cluster.rs, of `WideCluster`
-// in src/tree/wide.rs and of `Node::pack`; the tests in src/gpu/top/tests compare them. Binds
+// in src/tree/wide.rs and of `Node::pack`; the tests in src/gpu/tests/top compare them. Binds
 // nothing.
 
 // The corner of an empty box. WGSL has no infinity, and no box extends farther.

@@ -1,7 +1,7 @@
 // Copies records to another layout; a table tells the source of each word. One invocation for each
-// 16 bytes that are written. The tests in src/gpu/relayout.rs compare the copies with uploads.
+// 16 bytes that are written. The tests in src/plan/relayout.rs compare the copies with uploads.
 
-// Twin of `RelayoutPass` in src/gpu/relayout.rs.
+// Twin of `RelayoutPass` in src/plan/relayout.rs.
 struct RelayoutPass {
     // The number of records.
     records: u32,

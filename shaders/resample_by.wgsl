@@ -1,4 +1,4 @@
-// Weighs candidates by a function of the engine, whose name src/gpu/text.rs puts here. The names of
+// Weighs candidates by a function of the engine, whose name src/plan/text.rs puts here. The names of
 // locals cannot hide that function.
 
 // The target of a candidate divided by its probability density; 0 if the candidate is not wanted.

@@ -1,7 +1,7 @@
 // Draws several candidates and keeps one in proportion to its weight. `u` in [0, 1) as for
 // light_sample, which this equals for one candidate; `choice` in [0, 1) chooses among the
 // candidates. `candidates` is clamped to 1 and LIGHT_MAX_CANDIDATES. Twin of
-// `LightSampler::keep_one`; src/gpu/text.rs replaces the placeholders.
+// `LightSampler::keep_one`; src/plan/text.rs replaces the placeholders.
 fn LIGHT_RESAMPLE(LIGHT_PARAMETERS, u: vec4<f32>, choice: f32, candidates: u32) -> LightReservoir {
     let count = clamp(candidates, 1u, LIGHT_MAX_CANDIDATES);
     var directional_lux = 0.0;

@@ -1,9 +1,9 @@
-// What the three stages of the radix sort share. Binds nothing. src/gpu/sort.rs defines two
+// What the three stages of the radix sort share. Binds nothing. src/plan/sort.rs defines two
 // constants: SORT_LANES is the number of invocations in a workgroup and also of the values of a
 // digit, so that lane d can own digit d. SORT_WORDS is the number of words with one bit for each
 // lane.
 
-// Twin of `SortPass` in src/gpu/sort.rs. The test
+// Twin of `SortPass` in src/plan/sort.rs. The test
 // `the_stages_have_the_sizes_that_the_host_expects` there compares them.
 struct SortPass {
     // The number of keys.

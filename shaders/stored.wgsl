@@ -1,4 +1,4 @@
-// Reads stored records. Twin of src/gpu/stored.rs. light_params holds the strides, so any variant
+// Reads stored records. Twin of src/plan/stored.rs. light_params holds the strides, so any variant
 // of the text reads any layout. A part that is not stored gets the values of a record without that
 // effect. Reads the buffers that sample.wgsl binds; binds nothing itself.
 

@@ -2,7 +2,7 @@
 
 // One round of the build. A unit is a part of an instance or a node that has no parent yet. The
 // number of a unit is that of the part if it is below `capacity`, and otherwise `capacity` plus the
-// node's index. Twin of `TopPass` in src/gpu/top/plan.rs; the test
+// node's index. Twin of `TopPass` in src/plan/top/rounds.rs; the test
 // `the_stages_are_valid_and_have_the_sizes_that_the_host_expects` compares them.
 struct TopPass {
     // The number of parts, in use or not.

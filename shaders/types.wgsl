@@ -1,4 +1,4 @@
-// The records that the host uploads and the stages share. The Rust twins are in src/gpu/layout.rs.
+// The records that the host uploads and the stages share. The Rust twins are in src/plan/layout.rs.
 // The test `records_have_the_same_layout_in_rust_and_wgsl` there compares every offset and size.
 // Binds nothing.
 
@@ -37,7 +37,7 @@ struct LightCluster {
     cos_half_angle: f32,
 }
 
-// One light in the space of its tree. src/gpu/layout.rs explains the fields for each kind of light.
+// One light in the space of its tree. src/plan/layout.rs explains the fields for each kind of light.
 // Where all lights are points, records end before `b`.
 struct LightRecord {
     a: vec3<f32>,

@@ -169,6 +169,8 @@ mod along;
 mod resample;
 mod pdf;
 mod learn;
+#[cfg(feature = "gpu-plan")]
+pub mod plan;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 #[cfg(feature = "gltf")]

@@ -1,10 +1,6 @@
 //! Bind group layouts and bind groups of the lights, and the entries that they share with the
 //! layouts of our own kernels.
 
-use super::error::GpuError;
-use super::layout::ParamsRecord;
-use super::memory;
-
 /// The stages that may read the lights.
 const VISIBILITY: wgpu::ShaderStages = wgpu::ShaderStages::COMPUTE.union(wgpu::ShaderStages::FRAGMENT);
 
@@ -89,10 +85,4 @@ pub(super) fn records(buffer: &wgpu::Buffer, count: u32, bytes: usize) -> wgpu::
         offset: 0,
         size: wgpu::BufferSize::new(u64::from(count) * bytes as u64),
     })
-}
-
-/// The uniform buffer of the layouts, without content.
-pub(super) fn params_buffer(device: &wgpu::Device) -> Result<wgpu::Buffer, GpuError> {
-    let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-    memory::create_buffer(device, "sampling parameters", size_of::<ParamsRecord>() as u64, usage)
 }

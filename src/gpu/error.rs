@@ -1,6 +1,7 @@
 //! Errors of the GPU side: each states what was given and what is allowed.
 
-use super::stages::{MAX_WORKGROUPS, PASS_STRIDE};
+use crate::plan::kernel::MAX_WORKGROUPS;
+use crate::plan::{MIN_LARGEST_BUFFER, PlanError, UNIFORM_ALIGNMENT};
 
 /// Why the GPU side refused a call. What shaders read is as it was before the call, except where
 /// [`GpuError::OutOfMemory`] says otherwise. Codes 600 to 603.
@@ -61,21 +62,12 @@ impl GpuError {
     }
 }
 
-/// A name of a [`TargetHook`](super::TargetHook) is not an ASCII identifier of WGSL. Code 900.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the {what} of a target hook is named {name:?}, which is not an ASCII identifier of WGSL")]
-#[non_exhaustive]
-pub struct TargetHookError {
-    /// What is named: `"function"` or `"argument"`.
-    pub what: &'static str,
-    /// The given name.
-    pub name: String,
-}
-
-impl TargetHookError {
-    /// The stable code, see [`error`](crate::error).
-    pub fn code(&self) -> u32 {
-        900
+impl From<PlanError> for GpuError {
+    fn from(error: PlanError) -> Self {
+        match error {
+            PlanError::Full { what, needed, limit } => Self::Full { what, needed, limit },
+            PlanError::OutOfOrder { .. } => unreachable!("plans are played when they are made"),
+        }
     }
 }
 
@@ -98,16 +90,16 @@ const UNIFORM_BUFFERS: u32 = 2;
 const INVOCATIONS: u32 = 256;
 /// Bytes of workgroup memory in the stage that uses most: WebGPU's default.
 const WORKGROUP_BYTES: u32 = 16 * 1024;
-/// The largest buffer before the first upload. Later growth beyond a device's limit is
-/// [`GpuError::Full`].
-const FIRST_BYTES: u64 = 128 * 1024;
+
+/// Bytes of the largest uniform: that of conversions to another layout.
+const LARGEST_UNIFORM: u32 = 512;
 
 /// Refuses a device with a limit below the WebGPU default that we depend on, and names that limit.
 pub(crate) fn check_limits(limits: &wgpu::Limits) -> Result<(), GpuError> {
     let alignment = limits.min_uniform_buffer_offset_alignment;
-    if alignment > PASS_STRIDE {
+    if alignment > UNIFORM_ALIGNMENT {
         let what = "min_uniform_buffer_offset_alignment";
-        return Err(GpuError::Limit { what, given: alignment.into(), needed: PASS_STRIDE.into() });
+        return Err(GpuError::Limit { what, given: alignment.into(), needed: UNIFORM_ALIGNMENT.into() });
     }
     macro_rules! at_least {
         ($($limit:ident: $needed:expr),* $(,)?) => {
@@ -120,9 +112,9 @@ pub(crate) fn check_limits(limits: &wgpu::Limits) -> Result<(), GpuError> {
         max_storage_buffers_per_shader_stage: STORAGE_BUFFERS,
         max_uniform_buffers_per_shader_stage: UNIFORM_BUFFERS,
         max_dynamic_uniform_buffers_per_pipeline_layout: 1u32,
-        max_uniform_buffer_binding_size: PASS_STRIDE,
-        max_storage_buffer_binding_size: FIRST_BYTES,
-        max_buffer_size: FIRST_BYTES,
+        max_uniform_buffer_binding_size: LARGEST_UNIFORM,
+        max_storage_buffer_binding_size: MIN_LARGEST_BUFFER,
+        max_buffer_size: MIN_LARGEST_BUFFER,
         max_compute_invocations_per_workgroup: INVOCATIONS,
         max_compute_workgroup_size_x: INVOCATIONS,
         max_compute_workgroup_storage_size: WORKGROUP_BYTES,
@@ -157,9 +149,9 @@ mod tests {
             max_uniform_buffers_per_shader_stage: UNIFORM_BUFFERS,
             max_dynamic_uniform_buffers_per_pipeline_layout: 1,
             max_dynamic_storage_buffers_per_pipeline_layout: 0,
-            max_uniform_buffer_binding_size: PASS_STRIDE.into(),
-            max_storage_buffer_binding_size: FIRST_BYTES,
-            max_buffer_size: FIRST_BYTES,
+            max_uniform_buffer_binding_size: LARGEST_UNIFORM.into(),
+            max_storage_buffer_binding_size: MIN_LARGEST_BUFFER,
+            max_buffer_size: MIN_LARGEST_BUFFER,
             max_sampled_textures_per_shader_stage: 0,
             max_samplers_per_shader_stage: 0,
             max_storage_textures_per_shader_stage: 0,
@@ -251,7 +243,6 @@ mod tests {
             GpuError::OutOfMemory { what: "lights", bytes: 64 },
         ];
         assert_eq!(errors.map(|error| error.code()), [600, 601, 602, 603]);
-        assert_eq!(TargetHookError { what: "function", name: String::new() }.code(), 900);
         assert_eq!(errors[3].to_string(), "the device has no memory for lights (64 bytes)");
     }
 }

@@ -1,16 +1,18 @@
 //! The GPU side: uploads, the top level that is rebuilt after each change, and sampling. The only
-//! module that uses wgpu.
+//! module that uses wgpu: it plays the plans of [`plan`](crate::plan) on the engine's device.
 //!
 //! Everything runs on the engine's own device and queue, and is recorded into the engine's own
-//! encoder. The one exception is the copy of a buffer that grows or changes its layout: it is
-//! submitted at once. Nothing waits for the GPU. Nothing is read back except usage counts, and
+//! encoder. There are two exceptions, which an upload submits at once: the copy of a buffer that
+//! grows or changes its layout, and the pass that brings many changed records to their places.
+//! Nothing waits for the GPU. Nothing is read back except usage counts, and
 //! those only on request ([`GpuLights::count_usage`]).
 //!
-//! A frame has three steps:
+//! A frame has two steps:
 //!
-//! 1. [`GpuLights::upload`] sends what changed.
-//! 2. [`GpuLights::build_top`] records the build of the top level.
-//! 3. The engine's shaders bind [`GpuLights::bind_group`] and call the functions of
+//! 1. [`GpuLights::sync`] updates the world ([`LightWorld::update`](crate::LightWorld::update)),
+//!    sends what changed ([`GpuLights::upload`]) and records the build of the top level
+//!    ([`GpuLights::build_top`]). An engine may make these calls by itself.
+//! 2. The engine's shaders bind [`GpuLights::bind_group`] and call the functions of
 //!    [`LightShader`]. An engine without such a shader calls [`GpuLights::sample`] or
 //!    [`GpuLights::resample`] instead.
 //!
@@ -27,69 +29,57 @@ mod bindings;
 mod candidates;
 mod error;
 mod kernel;
-mod layout;
 pub mod measure;
 mod memory;
-mod parts;
 mod pipeline_variants;
-mod pool;
+mod player;
 mod probe;
 mod records;
 mod recorder;
-mod relayout;
 mod resampling;
-mod runs;
 mod sampling;
 mod shader;
-mod sort;
-mod stages;
-mod stored;
-mod target_hook;
+mod sync;
 #[cfg(test)]
 mod testing;
-mod text;
-mod top;
+#[cfg(test)]
+mod tests;
 mod top_status;
 mod upload;
-mod upload_state;
 mod usage;
 #[cfg(test)]
 mod variants;
 mod visibility;
 
 use std::fmt;
-use std::ops::Range;
 use std::sync::OnceLock;
 
 use glam::DVec3;
 
-use bindings::{bind_lights, light_layout, params_buffer};
+use bindings::{bind_lights, light_layout};
 use candidates::CandidateTable;
-use error::check_limits;
-pub use error::{GpuError, TargetHookError};
+pub use error::GpuError;
+use error::{check_limits, largest_storage_buffer};
 use kernel::Kernel;
-use layout::{InstanceRecord, LightRecord, ParamsRecord, Strides, TreeRecord};
 use measure::CountKernel;
-use parts::PartTable;
 pub use pipeline_variants::{MAX_VARIANTS, PipelineVariants};
-use pool::Pool;
+use player::Player;
 use recorder::Recorder;
 pub use records::{ReservoirRecord, SampleRecord, SampleRequest};
-use relayout::Relayout;
 pub use shader::LightShader;
-pub use target_hook::TargetHook;
-pub use text::wgsl;
-use top::TopBuild;
+pub use sync::SyncReport;
 use top_status::TopStatus;
-pub use upload_state::UploadReport;
-use upload_state::{PendingChanges, TreeRanges};
 use usage::UsageCounters;
 pub use usage::{DEFAULT_USAGE_INTERVAL, UsageCounts};
 use visibility::LearntTable;
 
 use crate::counts::SplitCount;
 use crate::effects::Effects;
-use crate::tree::Node;
+use crate::plan::layout::ParamsRecord;
+use crate::plan::pool::Growth;
+use crate::plan::{BufferId, Commands, KERNELS, LightPlanner, PlanLimits};
+pub use crate::plan::{TargetHook, TargetHookError, UploadReport, wgsl};
+use crate::world::{FrameDelta, LightWorld};
 
 /// The lights of one [`LightWorld`](crate::LightWorld) on a GPU: the buffers and the bind group
 /// that shaders read, and the pipelines that fill them.
@@ -110,49 +100,31 @@ use crate::tree::Node;
 ///
 /// ```
 /// use girandole::gpu::{GpuError, GpuLights};
-/// use girandole::{LightWorld, wgpu};
+/// use girandole::{FrameBudget, LightWorld, wgpu};
 ///
 /// fn frame(
 ///     lights: &mut GpuLights,
 ///     world: &mut LightWorld,
 ///     encoder: &mut wgpu::CommandEncoder,
 /// ) -> Result<(), GpuError> {
-///     let delta = world.take_delta();
-///     lights.upload(world, &delta)?;
-///     lights.build_top(encoder);
-///     // The engine's passes bind `lights.bind_group()`. Submit the encoder before the next upload.
+///     lights.sync(world, FrameBudget::NONE, encoder)?;
+///     // The engine's passes bind `lights.bind_group()`. Submit the encoder before the next call.
 ///     Ok(())
 /// }
 /// ```
 pub struct GpuLights {
     device: wgpu::Device,
     queue: wgpu::Queue,
-    nodes: Pool<Node>,
-    lights: Pool<LightRecord>,
-    /// A table by slot.
-    instances: Pool<InstanceRecord>,
-    instance_count: u32,
-    trees: Pool<TreeRecord>,
-    tree_ranges: Vec<TreeRanges>,
-    parts: PartTable,
-    /// The changes of failed uploads.
-    pending: PendingChanges,
-    /// A range of the light pool.
-    directionals: Range<u32>,
-    params: ParamsRecord,
-    params_buffer: wgpu::Buffer,
-    /// For the next bind group: the old one keeps its own parameters. An upload makes it before it
-    /// changes anything.
-    spare_params: Option<wgpu::Buffer>,
-    /// Made at first use.
-    relayout: Option<Relayout>,
-    top: TopBuild,
+    /// Decides what the buffers hold.
+    planner: LightPlanner,
+    /// Has the buffers.
+    player: Player,
+    /// The build of the top level after the last upload.
+    top: Commands,
     top_status: TopStatus,
     sampling: Kernel,
     resampling: Kernel,
     candidates: CandidateTable,
-    /// The effects that the buffers are stored for, without [`Effects::MOVING`].
-    effects: Effects,
     /// Made at first use.
     node_counter: OnceLock<CountKernel>,
     /// Made at first use.
@@ -168,8 +140,8 @@ pub struct GpuLights {
     dark: DarkBuffers,
     layout: wgpu::BindGroupLayout,
     bind_group: wgpu::BindGroup,
-    /// The generations of the buffers that the bind group was made for; `None` for `dark`.
-    bound: Option<[u64; 4]>,
+    /// The buffers that the bind group was made for; `None` for `dark`.
+    bound: Option<[BufferId; 5]>,
 }
 
 /// Zeros in place of all buffers that shaders bind: a world without lights.
@@ -182,7 +154,9 @@ impl DarkBuffers {
     fn new(device: &wgpu::Device) -> Result<Self, GpuError> {
         // The root node and more: shaders never read past the end of a buffer.
         let storage = memory::create_buffer(device, "no lights", 256, wgpu::BufferUsages::STORAGE)?;
-        Ok(Self { params: params_buffer(device)?, storage })
+        let usage = wgpu::BufferUsages::UNIFORM;
+        let params = memory::create_buffer(device, "no parameters", size_of::<ParamsRecord>() as u64, usage)?;
+        Ok(Self { params, storage })
     }
 }
 
@@ -202,61 +176,52 @@ impl GpuLights {
     }
 
     fn make(device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Self, GpuError> {
-        let nodes = Pool::new(device, queue, "light tree nodes", 64)?;
-        let lights = Pool::new(device, queue, "lights", 64)?;
-        let instances = Pool::new(device, queue, "instances", 64)?;
-        let trees = Pool::new(device, queue, "light trees", 16)?;
-        let parts = PartTable::new(device, queue)?;
         let candidates = CandidateTable::new(device, queue)?;
         let no_usage = usage::zeros(device, 0)?;
         let dark = DarkBuffers::new(device)?;
-        let params_buffer = params_buffer(device)?;
-        let params = ParamsRecord {
-            splits: SplitCount::DEFAULT.get() as u32,
-            strides: Strides::of(Effects::all()),
-            ..ParamsRecord::default()
-        };
-        queue.write_buffer(&params_buffer, 0, bytemuck::bytes_of(&params));
-        let top = TopBuild::new(device, queue)?;
         let layout = light_layout(device);
-        let sampling = Kernel::sampling(device, &layout);
-        let resampling = Kernel::resampling(device, &layout);
-        let buffers = [&params_buffer, top.nodes(), nodes.buffer(), instances.buffer(), lights.buffer()];
-        let bind_group = bind_lights(device, &layout, &buffers);
-        let bound = [top.generation(), nodes.generation(), instances.generation(), lights.generation()];
-        Ok(Self {
+        let storage = &dark.storage;
+        let bind_group = bind_lights(device, &layout, &[&dark.params, storage, storage, storage, storage]);
+        let mut lights = Self {
             device: device.clone(),
             queue: queue.clone(),
-            nodes,
-            lights,
-            instances,
-            instance_count: 0,
-            trees,
-            tree_ranges: Vec::new(),
-            parts,
-            pending: PendingChanges::default(),
-            directionals: 0..0,
-            params,
-            params_buffer,
-            spare_params: None,
-            relayout: None,
-            top,
+            planner: LightPlanner::new(PlanLimits::new(largest_storage_buffer(device))),
+            player: Player::new(device, queue),
+            top: Commands::default(),
             top_status: TopStatus::new(),
-            sampling,
-            resampling,
+            sampling: Kernel::sampling(device, &layout),
+            resampling: Kernel::resampling(device, &layout),
             candidates,
-            effects: Effects::all() - Effects::MOVING,
             node_counter: OnceLock::new(),
             usage: OnceLock::new(),
             learnt: OnceLock::new(),
             origin: DVec3::ZERO,
             no_usage,
-            is_dark: false,
+            is_dark: true,
             dark,
             layout,
             bind_group,
-            bound: Some(bound),
-        })
+            bound: None,
+        };
+        // Conversions are rare, so their kernel is compiled when one is needed.
+        KERNELS
+            .into_iter()
+            .filter(|kernel| kernel.stage() != "relayout")
+            .for_each(|kernel| lights.player.compile(kernel));
+        lights.start()?;
+        Ok(lights)
+    }
+
+    /// Makes the first buffers, of a world without lights, in the layout for all effects.
+    fn start(&mut self) -> Result<(), GpuError> {
+        let (world, delta) = (LightWorld::new(), FrameDelta::default());
+        let reservation = self.planner.reserve_as(&world, &delta, Effects::all(), Growth::Double)?;
+        self.player.create(reservation.new_buffers())?;
+        // All nodes of the top level are zero, as a build of no lights leaves the root.
+        self.player.play(&reservation.plan().upload);
+        self.is_dark = false;
+        self.rebind();
+        Ok(())
     }
 
     /// Records the build of the top level into the engine's encoder, if a build is due.
@@ -279,24 +244,15 @@ impl GpuLights {
         }
         self.top_status.record(encoder);
         let mut recorder = Recorder::together(encoder, "girandole top level");
-        self.top.record(&mut recorder, self.parts.count());
+        self.player.record(&mut recorder, &self.top);
     }
 
     /// Sets how many clusters shaders split before they choose a light, as
     /// [`LightSampler::with_splits`](crate::LightSampler::with_splits) does. It is
     /// [`SplitCount::DEFAULT`] at first. Writes 48 bytes, ahead of the next submission.
     pub fn set_splits(&mut self, splits: SplitCount) {
-        self.send_params(ParamsRecord { splits: splits.get() as u32, ..self.params });
-    }
-
-    /// Returns the bytes sent.
-    fn send_params(&mut self, params: ParamsRecord) -> u64 {
-        if params == self.params {
-            return 0;
-        }
-        self.params = params;
-        self.queue.write_buffer(&self.params_buffer, 0, bytemuck::bytes_of(&params));
-        size_of::<ParamsRecord>() as u64
+        self.planner.set_splits(splits);
+        self.player.play(&self.planner.settings());
     }
 
     /// The layout of [`GpuLights::bind_group`], for the pipeline layouts of the engine's shaders:
@@ -320,7 +276,7 @@ impl GpuLights {
     /// [`LightWorld::effects`](crate::LightWorld::effects) at the last upload, and all before the
     /// first one. Never contains [`Effects::MOVING`], on which no shader depends.
     pub fn effects(&self) -> Effects {
-        self.effects
+        self.planner.effects()
     }
 
     /// Returns the WGSL text and the bind group layout that an engine's shader needs to choose
@@ -335,121 +291,43 @@ impl GpuLights {
         LightShader { wgsl, group, effects, records_usage: false, learns_visibility: false, target: None, layout }
     }
 
-    /// Writes the parameters, and replaces bind groups whose buffers were replaced. Returns the
-    /// bytes sent.
-    fn refresh(&mut self, params: ParamsRecord) -> u64 {
-        let bound =
-            [self.top.generation(), self.nodes.generation(), self.instances.generation(), self.lights.generation()];
-        self.top.set_layout(params.strides, params.masks);
-        self.top.bind(self.parts.pool(), &self.instances, &self.trees);
-        let sent = if Some(bound) == self.bound {
-            self.send_params(params)
-        } else {
-            // The former bind group keeps the former buffers, to which the former strides belong.
-            self.params_buffer = self.spare_params.take().expect("the upload has made a spare buffer");
-            self.params = params;
-            self.queue.write_buffer(&self.params_buffer, 0, bytemuck::bytes_of(&params));
+    /// Replaces bind groups whose buffers were replaced. A former bind group keeps the former
+    /// buffers, with the parameters that belong to them.
+    fn rebind(&mut self) {
+        let bound = self.planner.bindings().filter(|_| !self.is_dark);
+        if bound.is_none() || bound != self.bound {
+            self.bound = bound;
             self.bind_group = bind_lights(&self.device, &self.layout, &self.buffers());
-            self.bound = Some(bound);
-            size_of::<ParamsRecord>() as u64
-        };
+        }
         self.rebind_usage();
         self.rebind_visibility();
-        sent
     }
 
     /// Binds buffers of zeros, in which shaders find no light, until an upload succeeds.
     fn make_dark(&mut self) {
         self.is_dark = true;
-        self.bound = None;
-        self.bind_group = bind_lights(&self.device, &self.layout, &self.buffers());
         if let Some(usage) = self.usage.get_mut() {
             usage.restart();
         }
-        self.rebind_usage();
-        self.rebind_visibility();
+        self.rebind();
     }
 
     /// The buffers that shaders bind, in the order of the layout.
     fn buffers(&self) -> [&wgpu::Buffer; 5] {
-        if self.is_dark {
-            let DarkBuffers { params, storage } = &self.dark;
-            return [params, storage, storage, storage, storage];
+        if let Some(bound) = self.bound {
+            return bound.map(|id| self.player.buffer(id));
         }
-        [&self.params_buffer, self.top.nodes(), self.nodes.buffer(), self.instances.buffer(), self.lights.buffer()]
+        let DarkBuffers { params, storage } = &self.dark;
+        [params, storage, storage, storage, storage]
     }
 }
 
 impl fmt::Debug for GpuLights {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("GpuLights")
-            .field("effects", &self.effects)
-            .field("splits", &self.params.splits)
-            .field("instance_slots", &self.params.slots)
-            .field("tree_slots", &self.tree_ranges.len())
-            .field("parts", &self.parts.count())
-            .field("node_capacity", &self.nodes.capacity())
-            .field("light_capacity", &self.lights.capacity())
+            .field("planner", &self.planner)
+            .field("is_dark", &self.is_dark)
             .field("needs_build", &self.top_status.needs_build())
             .finish_non_exhaustive()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use glam::{DVec3, Vec3};
-
-    use super::*;
-    use crate::gpu::testing::{gpu, read};
-    use crate::light::Light;
-    use crate::placement::Placement;
-    use crate::policy::Policy;
-    use crate::world::{FrameDelta, LightWorld};
-
-    #[test]
-    fn every_public_type_has_a_debug_form_and_may_be_shared_by_threads() {
-        fn check<T: fmt::Debug + Send + Sync>() {}
-        check::<GpuLights>();
-        check::<GpuError>();
-        check::<LightShader>();
-        check::<ReservoirRecord>();
-        check::<SampleRecord>();
-        check::<SampleRequest>();
-        check::<TargetHook>();
-        check::<TargetHookError>();
-        check::<UploadReport>();
-        check::<UsageCounts<'static>>();
-        fn has_debug_form<T: fmt::Debug>() {}
-        has_debug_form::<PipelineVariants<wgpu::ComputePipeline>>();
-        let (device, queue) = gpu();
-        let lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-        let text = format!("{lights:?}");
-        assert!(text.contains("instance_slots: 0") && text.contains("needs_build: true"), "{text}");
-    }
-
-    #[test]
-    fn two_builds_of_one_upload_give_the_same_top_level() {
-        let (device, queue) = gpu();
-        let mut world = LightWorld::new();
-        let tree = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
-        for i in 0..700_u32 {
-            let place = DVec3::new(f64::from(i * i % 97), 0.0, f64::from(i % 31));
-            world.add_instance(tree, Placement::at(place), Policy::Static).expect("valid");
-        }
-        let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-        lights.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
-        let mut record = || {
-            lights.top_status.invalidate();
-            let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            lights.build_top(&mut encoder);
-            encoder.finish()
-        };
-        let [dropped, once, again] = [record(), record(), record()];
-        drop(dropped);
-        queue.submit([once]);
-        let nodes: Vec<u32> = read(&device, &queue, lights.top.nodes());
-        assert!(nodes.iter().any(|word| *word != 0));
-        queue.submit([again]);
-        assert!(read::<u32>(&device, &queue, lights.top.nodes()) == nodes);
     }
 }

@@ -1,7 +1,5 @@
-//! Records the stages of a build, all in one compute pass or each in a pass of its own. Separate
-//! passes can be timed.
-
-use super::stages;
+//! Records commands of plans, all dispatches in one compute pass or each stage in a pass of its own.
+//! Separate passes can be timed.
 
 /// One stage of a build of the top level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,7 +21,7 @@ enum Passes<'a> {
     Each(Option<&'a wgpu::QuerySet>),
 }
 
-/// Records stages; counts the dispatches of each stage if it has a pass of its own.
+/// Records commands; counts the dispatches of each stage if it has a pass of its own.
 #[derive(Debug)]
 pub(crate) struct Recorder<'a> {
     encoder: &'a mut wgpu::CommandEncoder,
@@ -39,7 +37,7 @@ impl<'a> Recorder<'a> {
         Self { encoder, label, passes: Passes::One, pass: None, stages: Vec::new() }
     }
 
-    /// Records each stage in a pass of its own, with timestamps if `queries` is given.
+    /// Records each stage in a pass of its own, with timestamps in `queries` if there is one.
     pub(crate) fn apart(
         encoder: &'a mut wgpu::CommandEncoder,
         label: &'static str,
@@ -48,14 +46,49 @@ impl<'a> Recorder<'a> {
         Self { encoder, label, passes: Passes::Each(queries), pass: None, stages: Vec::new() }
     }
 
-    /// Fills a buffer with zeros. To be called before the first stage.
-    pub(crate) fn clear(&mut self, buffer: &wgpu::Buffer) {
-        self.encoder.clear_buffer(buffer, 0, None);
+    /// Copies the first bytes of a buffer.
+    pub(crate) fn copy(&mut self, from: &wgpu::Buffer, to: &wgpu::Buffer, bytes: u64) {
+        self.pass = None;
+        self.encoder.copy_buffer_to_buffer(from, 0, to, 0, bytes);
     }
 
-    /// Begins the stage of this name.
-    pub(crate) fn stage(&mut self, name: &'static str) {
-        if matches!(self.passes, Passes::One) && self.pass.is_some() {
+    /// Sets bytes of a buffer to zero.
+    pub(crate) fn clear(&mut self, buffer: &wgpu::Buffer, offset: u64, bytes: u64) {
+        self.pass = None;
+        self.encoder.clear_buffer(buffer, offset, Some(bytes));
+    }
+
+    /// Dispatches workgroups, which belong to the stage of this name.
+    pub(crate) fn dispatch(
+        &mut self,
+        stage: &'static str,
+        pipeline: &wgpu::ComputePipeline,
+        group: &wgpu::BindGroup,
+        uniform_offset: u32,
+        [x, y, z]: [u32; 3],
+    ) {
+        self.begin(stage);
+        if let Some(stage) = self.stages.last_mut() {
+            stage.dispatches += 1;
+        }
+        let pass = self.pass.as_mut().expect("a stage has begun");
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, group, &[uniform_offset]);
+        pass.dispatch_workgroups(x, y, z);
+    }
+
+    /// Returns the stages in order; none if they share a pass.
+    pub(crate) fn finish(self) -> Vec<TopStage> {
+        self.stages
+    }
+
+    /// Begins a pass, if the open one is not for this stage.
+    fn begin(&mut self, name: &'static str) {
+        let is_open = match self.passes {
+            Passes::One => true,
+            Passes::Each(_) => self.stages.last().is_some_and(|stage| stage.name == name),
+        };
+        if is_open && self.pass.is_some() {
             return;
         }
         // The open pass locks the encoder, so it has to end first.
@@ -72,30 +105,5 @@ impl<'a> Recorder<'a> {
             self.stages.push(TopStage { name, dispatches: 0 });
         }
         self.pass = Some(self.encoder.begin_compute_pass(&descriptor).forget_lifetime());
-    }
-
-    pub(crate) fn set_bind_group(&mut self, index: u32, group: &wgpu::BindGroup, offsets: &[u32]) {
-        self.pass().set_bind_group(index, group, offsets);
-    }
-
-    pub(crate) fn set_pipeline(&mut self, pipeline: &wgpu::ComputePipeline) {
-        self.pass().set_pipeline(pipeline);
-    }
-
-    /// Dispatches at least `groups` workgroups, in two dimensions if one is too short.
-    pub(crate) fn dispatch(&mut self, groups: u32) {
-        stages::dispatch(self.pass(), groups);
-        if let Some(stage) = self.stages.last_mut() {
-            stage.dispatches += 1;
-        }
-    }
-
-    /// Returns the stages in order; none if they share a pass.
-    pub(crate) fn finish(self) -> Vec<TopStage> {
-        self.stages
-    }
-
-    fn pass(&mut self) -> &mut wgpu::ComputePass<'static> {
-        self.pass.as_mut().expect("a stage has begun")
     }
 }

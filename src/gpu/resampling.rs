@@ -26,7 +26,7 @@ impl GpuLights {
         if count == 0 {
             return;
         }
-        let pipeline = self.resampling.pipeline(self.effects);
+        let pipeline = self.resampling.pipeline(self.effects());
         let own = [
             records(requests, count, size_of::<SampleRequest>()),
             records(reservoirs, count, size_of::<ReservoirRecord>()),

@@ -26,7 +26,7 @@ impl GpuLights {
         count: u32,
     ) {
         if count > 0 {
-            self.sample_with(&self.sampling.pipeline(self.effects), encoder, requests, samples, count);
+            self.sample_with(&self.sampling.pipeline(self.effects()), encoder, requests, samples, count);
             self.record_usage_of(encoder, (requests, samples), RecordKind::Sample, count);
         }
     }

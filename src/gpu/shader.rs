@@ -1,8 +1,8 @@
 //! What an engine needs to call our functions from a shader of its own.
 
-use super::target_hook::TargetHook;
-use super::text;
 use crate::effects::Effects;
+use crate::plan::TargetHook;
+use crate::plan::text;
 
 /// The WGSL text and the bind group layout that an engine's shader needs to choose lights.
 ///

@@ -2,21 +2,21 @@
 //! lights, as long as both serve the effects of the world.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, OnceLock};
+use std::ops::Range;
+use std::sync::{Arc, Mutex};
 
 use glam::{DVec3, Mat3, Quat, Vec3};
 
-use super::stages::{Access, Stages};
 use super::testing::{gpu, read};
 use super::*;
-use crate::counts::SplitCount;
 use crate::effects::EFFECT_HOLD_UPDATES;
 use crate::keys::{InstanceKey, TreeKey};
 use crate::light::{DirectionalLight, Light};
 use crate::placement::Placement;
+use crate::plan::layout::Strides;
+use crate::plan::text;
 use crate::policy::Policy;
 use crate::scheduler::FrameBudget;
-use crate::world::{FrameDelta, LightWorld};
 
 const SHADING_POINTS: u32 = 2048;
 
@@ -235,15 +235,15 @@ fn content(lights: &mut GpuLights) -> [Vec<u32>; 4] {
         let words: Vec<u32> = read(&device, &queue, buffer);
         words[(records.start * quads * 4) as usize..(records.end * quads * 4) as usize].to_vec()
     };
-    let strides = lights.params.strides;
-    let end = |range: fn(&TreeRanges) -> u32| lights.tree_ranges.iter().map(range).max().unwrap_or(0);
+    let (planner, [_, top, nodes, instances, others]) = (&lights.planner, lights.buffers());
+    let ([used_nodes, used_lights], strides) = (planner.used(), planner.strides());
     [
-        words(lights.nodes.buffer(), 0..end(|tree| tree.nodes.end), strides.node),
-        words(lights.lights.buffer(), 0..end(|tree| tree.lights.end).max(lights.directionals.end), strides.light),
+        words(nodes, 0..used_nodes, strides.node),
+        words(others, 0..used_lights, strides.light),
         // No instance has slot 0, so it is never written.
-        words(lights.instances.buffer(), 1..lights.params.slots, strides.instance),
+        words(instances, 1..planner.params().slots, strides.instance),
         // The root: the nodes behind it may be left over from other builds.
-        words(lights.top.nodes(), 0..1, strides.node),
+        words(top, 0..1, strides.node),
     ]
 }
 
@@ -263,13 +263,13 @@ fn a_world_whose_effects_come_and_go_is_stored_as_a_fresh_upload_stores_it() {
         lights.upload(world, &delta).unwrap();
         let mut fresh = upload(world, effects);
         let twin = sample(&mut fresh, effects);
-        assert_eq!(lights.params, fresh.params, "{what}");
+        assert_eq!(lights.planner.params(), fresh.planner.params(), "{what}");
         for (i, (ours, theirs)) in content(&mut lights).iter().zip(&content(&mut fresh)).enumerate() {
             let other = ours.iter().zip(theirs).position(|(a, b)| a != b);
             assert!(ours.len() == theirs.len() && other.is_none(), "{what}, buffer {i}: word {other:?} differs");
         }
         assert_eq!(sample(&mut lights, effects), twin, "{what}");
-        strides.push(lights.params.strides);
+        strides.push(lights.planner.strides());
     };
     check(&mut world, "points");
     let mut undo: Vec<(TreeKey, InstanceKey)> = Vec::new();
@@ -310,7 +310,7 @@ fn a_world_whose_effects_come_and_go_is_stored_as_a_fresh_upload_stores_it() {
 fn an_upload_without_changes_still_drops_what_lost_effects_stored() {
     let world = world_of(Effects::empty());
     let mut lights = upload(&world, Effects::all());
-    assert_eq!(lights.params.strides, Strides::of(Effects::all()));
+    assert_eq!(lights.planner.strides(), Strides::of(Effects::all()));
     let report = lights.upload(&world, &FrameDelta::default()).unwrap();
     assert_eq!((report.trees, report.instances), (0, 0));
     assert!(report.bytes > 0 && report.bytes < 4096, "uniforms and no records: {report:?}");
@@ -332,7 +332,7 @@ fn commands_recorded_before_a_change_of_layout_read_the_former_buffers() {
     adorn(&mut world, instance, 0, effects);
     let delta = world.take_delta();
     lights.upload(&world, &delta).unwrap();
-    assert_eq!((lights.params.strides, lights.effects()), (Strides::of(effects), effects));
+    assert_eq!((lights.planner.strides(), lights.effects()), (Strides::of(effects), effects));
     queue.submit([encoder.finish()]);
     assert!(read::<SampleRecord>(&device, &queue, &output) == before);
 }
@@ -344,16 +344,33 @@ fn the_variant_that_counts_nodes_counts_those_that_a_sample_reads() {
     let lamp = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).unwrap();
     world.add_instance(lamp, Placement::at(DVec3::X), Policy::default()).unwrap();
     let mut lights = upload(&world, Effects::empty());
-    let mut storage = [Access::Read; 5];
-    storage[4] = Access::Write;
-    let stages = Stages::new(&device, "counts", size_of::<ParamsRecord>() as u64, &storage);
     let text = text::wgsl_counting(0, Effects::empty())
-        + "@group(0) @binding(5) var<storage, read_write> counts: array<u32>;
+        + "@group(1) @binding(0) var<storage, read_write> counts: array<u32>;
         @compute @workgroup_size(1) fn count() {
             let s = light_sample(light_surface_point(vec3(0.0), vec3(0.0)), vec4(0.5));
             counts[0] = select(0u, light_nodes_read, s.pmf > 0.0);
         }";
-    let pipeline = stages.pipeline(&device, "count", text);
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: None,
+        source: wgpu::ShaderSource::Wgsl(text.into()),
+    });
+    let own = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: None,
+        entries: &[bindings::storage_entry(0, false)],
+    });
+    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: None,
+        bind_group_layouts: &[Some(lights.bind_group_layout()), Some(&own)],
+        ..Default::default()
+    });
+    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: None,
+        layout: Some(&layout),
+        module: &module,
+        entry_point: Some("count"),
+        compilation_options: wgpu::PipelineCompilationOptions::default(),
+        cache: None,
+    });
     let output = device.create_buffer(&wgpu::BufferDescriptor {
         label: None,
         size: 4,
@@ -365,13 +382,12 @@ fn the_variant_that_counts_nodes_counts_those_that_a_sample_reads() {
         lights.set_splits(splits);
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         lights.build_top(&mut encoder);
-        let buffers =
-            [lights.top.nodes(), lights.nodes.buffer(), lights.instances.buffer(), lights.lights.buffer(), &output];
-        let group = stages.bind(&device, &lights.params_buffer, &buffers);
+        let group = bindings::bind(&device, "counts", &own, &[output.as_entire_binding()]);
         {
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
             pass.set_pipeline(&pipeline);
-            pass.set_bind_group(0, &group, &[0]);
+            pass.set_bind_group(0, lights.bind_group(), &[]);
+            pass.set_bind_group(1, &group, &[]);
             pass.dispatch_workgroups(1, 1, 1);
         }
         queue.submit([encoder.finish()]);

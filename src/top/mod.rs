@@ -1,6 +1,6 @@
 //! The top level: one tree over the parts of all instances, built anew after every change.
 //!
-//! Twin of the stages in `gpu/top.rs`, which build the same tree on the GPU; a test there compares
+//! Twin of the stages in `plan/top.rs`, which build the same tree on the GPU; a test there compares
 //! both. The parts are sorted along a curve through space (Lauterbach et al. 2009) and cut into
 //! pieces of neighbours. Each piece is split by cost (`split.rs`) into groups, and each group
 //! becomes a node. The nodes of all pieces, still in the order of the curve, are cut into pieces
@@ -17,7 +17,7 @@ use crate::cluster::Cluster;
 use crate::curve::{Curve, NO_KEY};
 use crate::part::{PART, PART_BITS, Part};
 use crate::tree::{Children, EMPTY_SLOT, NO_PARENT, Node, Target, WIDTH, WideCluster};
-#[cfg(feature = "gpu")]
+#[cfg(feature = "gpu-plan")]
 pub(crate) use split::{AXIS_STEPS, COST_SLACK, CUT_BITS, CUTS, LAST_CELL, ROUNDS};
 use split::{PiecePart, split};
 

@@ -26,11 +26,11 @@ pub use attributes::{Attribute, Attributes};
 #[cfg(feature = "bake")]
 pub use bake::BakeError;
 pub use check::CheckError;
-#[cfg(feature = "gpu")]
+#[cfg(feature = "gpu-plan")]
 pub(crate) use cost::{DIAGONAL_WEIGHT, MIN_ORIENTATION};
 pub(crate) use cost::{build_cost, size as build_size};
 pub use node::{Bytes, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_PARENT, Node, Target, WIDTH};
-#[cfg(feature = "gpu")]
+#[cfg(feature = "gpu-plan")]
 pub(crate) use pack::{CAP_STEPS, DIRECTION_STEPS, STEPS};
 pub(crate) use pack::{NodeGrid, UNLIMITED_RANGE, Unpacked};
 pub(crate) use refitted::Refitted;
@@ -38,7 +38,7 @@ pub(crate) use refitted::Refitted;
 #[cfg(test)]
 pub(crate) use shape::{BuildItem, shape};
 pub(crate) use shape::{ChildGroup, Children, fills_nodes, middle};
-#[cfg(feature = "gpu")]
+#[cfg(feature = "gpu-plan")]
 pub(crate) use shape::{FULL, SPARSE_COUNTS};
 pub(crate) use stepped_build::{MAX_EXTRA_UNITS, TreeBuild};
 pub(crate) use units::units_of_build;

@@ -2,7 +2,7 @@
 //!
 //! The CPU samples from these bytes, and the GPU receives the same bytes. `pack.rs` encodes
 //! clusters into a node and decodes them; `shaders/node.wgsl` decodes them on the GPU. A test in
-//! `gpu/layout.rs` compares the record with its twin in `shaders/types.wgsl`.
+//! `plan/layout.rs` compares the record with its twin in `shaders/types.wgsl`.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -30,7 +30,7 @@ pub type Bytes = [u8; WIDTH];
 /// 24 of its own.
 ///
 /// The fields that a GPU may leave out come last, in pieces of 16 bytes: `axis` and `cap` where no
-/// light has a cone, `range` where no light has a range (`gpu/stored.rs`). A dark child has the
+/// light has a cone, `range` where no light has a range (`plan/stored.rs`). A dark child has the
 /// values of a child without a cone and without a range.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]

@@ -1,6 +1,6 @@
 //! Packs clusters into a node and unpacks them, as the CPU sees them.
 //!
-//! Only this file and `shaders/node.wgsl` know the encoding; `gpu/top/tests.rs` compares what both
+//! Only this file and `shaders/node.wgsl` know the encoding; `gpu/tests/top.rs` compares what both
 //! pack. Boxes are quantised as in Ylitie, Karras and Laine (2017). Everything else has a byte or
 //! two: at the leaves, where most bytes are, the importance needs no more (docs/decisions.md, 1).
 //! Rounding is outward wherever it could hide a light.

@@ -1,7 +1,7 @@
 //! Eight clusters side by side, at full precision. A node is packed from them, and merged they are
 //! the node's own cluster, which is one lane of its parent.
 //!
-//! Twin of the merging in `shaders/cluster.wgsl`; `gpu/top/tests.rs` compares both. All loops over
+//! Twin of the merging in `shaders/cluster.wgsl`; `gpu/tests/top.rs` compares both. All loops over
 //! the lanes are plain, so that the compiler turns each into a few vector instructions.
 
 use glam::Vec3;

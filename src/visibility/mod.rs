@@ -17,12 +17,12 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use glam::DVec3;
 
-#[cfg(feature = "gpu")]
+#[cfg(feature = "gpu-plan")]
 pub(crate) use cell::{BIN_SHIFT, COORDINATE_BITS, MAX_COORDINATE, MAX_DIST, ROUNDING, TAG_SEED};
 pub(crate) use cell::{BINS, Cell, CellGrid, LearntCell, bin_of_child};
 pub(crate) use fold::FULL_SHARE;
 use fold::{Known, fold};
-#[cfg(feature = "gpu")]
+#[cfg(feature = "gpu-plan")]
 pub(crate) use fold::{MAX_NEW, MEMORY, MIN_SHARE, PRIOR, UNITS};
 
 use crate::error::VisibilityError;
@@ -34,7 +34,7 @@ pub(crate) const WAYS: usize = 4;
 pub(crate) const MIN_IDLE: u32 = 8;
 
 /// The quads of parameters with which the table of a GPU begins.
-#[cfg(feature = "gpu")]
+#[cfg(feature = "gpu-plan")]
 pub(crate) const TABLE_HEAD: u32 = 4;
 
 /// The largest number of cells of [`VisibilityOptions`]. The counters of a GPU then take 64 MiB,
@@ -271,7 +271,7 @@ impl VisibilityTable {
     }
 
     /// The tags, the idle frames and the shares, as a GPU stores them.
-    #[cfg(all(test, feature = "gpu"))]
+    #[cfg(all(test, feature = "gpu-plan"))]
     pub(crate) fn words(&self) -> Vec<u32> {
         let shares = self.shares.as_chunks().0.iter().map(|bytes| u32::from_le_bytes(*bytes));
         self.tags.iter().chain(&self.idle).copied().chain(shares).collect()

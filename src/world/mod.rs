@@ -26,7 +26,7 @@ use std::sync::{Arc, OnceLock};
 use glam::DVec3;
 use slotmap::SlotMap;
 
-#[cfg(feature = "gpu")]
+#[cfg(feature = "gpu-plan")]
 pub(crate) use change_log::TreeChanges;
 pub(crate) use delta::Changes;
 pub use delta::FrameDelta;
@@ -326,12 +326,12 @@ impl LightWorld {
     }
 
     /// The live tree of a tree slot.
-    #[cfg(feature = "gpu")]
+    #[cfg(feature = "gpu-plan")]
     pub(crate) fn tree_at(&self, slot: u32) -> Option<TreeKey> {
         self.tree_slots.get(slot as usize).copied().flatten()
     }
 
-    #[cfg(feature = "gpu")]
+    #[cfg(feature = "gpu-plan")]
     pub(crate) fn tree_entry(&self, tree: TreeKey) -> Option<&TreeEntry> {
         self.trees.get(tree)
     }

@@ -40,6 +40,7 @@ mod measuring;
 mod paper;
 mod parts;
 mod pdf;
+mod plan;
 mod references;
 mod resample;
 mod sampling;

@@ -113,7 +113,7 @@ pub fn measure(machine: &Machine, timer: &Timer, instances: u32) -> Result<Row, 
         stages = lights.build_top_timed(encoder, queries);
         stages.len()
     })?;
-    let keys = match KeySort::new(&machine.device, &machine.queue, instances) {
+    let mut keys = match KeySort::new(&machine.device, &machine.queue, instances) {
         Ok(keys) => keys,
         Err(refusal) => return refused(refusal),
     };

@@ -1,11 +1,12 @@
 //! A kernel that counts the nodes that each sample reads.
 
 use super::super::bindings::{bind, records, storage_entry, uniform_entry};
-use super::super::kernel::LANES;
+use super::super::kernel::{BATCH_COUNT, LANES};
 use super::super::records::SampleRequest;
-use super::super::{GpuLights, stages, text};
+use super::super::{GpuLights, player};
 use crate::counts::CandidateCount;
 use crate::effects::Effects;
+use crate::plan::text;
 
 /// The pipeline of `shaders/batch_count.wgsl`.
 #[derive(Debug)]
@@ -19,7 +20,7 @@ impl CountKernel {
         let label = Some("girandole count");
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label,
-            source: wgpu::ShaderSource::Wgsl((text::wgsl_counting(0, Effects::all()) + text::BATCH_COUNT).into()),
+            source: wgpu::ShaderSource::Wgsl((text::wgsl_counting(0, Effects::all()) + BATCH_COUNT).into()),
         });
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label,
@@ -76,6 +77,6 @@ impl GpuLights {
         pass.set_pipeline(&kernel.pipeline);
         pass.set_bind_group(0, &self.bind_group, &[]);
         pass.set_bind_group(1, &group, &[]);
-        stages::dispatch(&mut pass, count.div_ceil(LANES));
+        player::dispatch(&mut pass, count.div_ceil(LANES));
     }
 }

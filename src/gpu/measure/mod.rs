@@ -11,7 +11,7 @@ pub use key_sort::KeySort;
 use super::GpuLights;
 use super::recorder::Recorder;
 pub use super::recorder::TopStage;
-use super::top;
+use crate::plan::top;
 
 /// The largest number of stages of a top-level build. A query set of twice as many timestamps has
 /// room for any build.
@@ -48,13 +48,13 @@ impl GpuLights {
     ) -> Vec<TopStage> {
         self.top_status.record(encoder);
         let mut recorder = Recorder::apart(encoder, "girandole top level", queries);
-        self.top.record(&mut recorder, self.parts.count());
+        self.player.record(&mut recorder, &self.top);
         recorder.finish()
     }
 
     /// The sizes of all records as of the last upload.
     pub fn record_bytes(&self) -> RecordBytes {
-        let strides = self.params.strides;
+        let strides = self.planner.strides();
         RecordBytes { node: 16 * strides.node, light: 16 * strides.light, instance: 16 * strides.instance }
     }
 }

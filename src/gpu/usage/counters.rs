@@ -11,7 +11,6 @@
 //!
 //! So a collection copies the counters and nothing else.
 
-use std::collections::BTreeSet;
 use std::sync::OnceLock;
 
 use super::super::bindings::{bind_lights, usage_layout};
@@ -20,6 +19,7 @@ use super::super::memory;
 use super::kernel::UsageKernel;
 use super::ring::Ring;
 use crate::keys::InstanceKey;
+use crate::plan::BufferId;
 use crate::world::LightWorld;
 
 /// The largest interval; see [`UsageCounters::set_interval`].
@@ -36,7 +36,7 @@ pub(in crate::gpu) struct UsageCounters {
     pub layout: wgpu::BindGroupLayout,
     pub bind_group: wgpu::BindGroup,
     /// The light buffers that the bind group was made for; `None` if the counters were replaced.
-    bound: Option<[u64; 4]>,
+    bound: Option<[BufferId; 5]>,
     counts: wgpu::Buffer,
     /// The owner of each slot as of the last upload.
     owners: Vec<Owner>,
@@ -123,11 +123,6 @@ impl UsageCounters {
         self.interval > 0
     }
 
-    /// Whether the next upload has to look at all slots.
-    pub fn is_starting(&self) -> bool {
-        self.is_new && self.is_counting()
-    }
-
     /// Starts from zero with the next upload.
     pub fn restart(&mut self) {
         self.is_new = true;
@@ -173,7 +168,7 @@ impl UsageCounters {
         &mut self,
         (device, queue): (&wgpu::Device, &wgpu::Queue),
         reserved: Option<wgpu::Buffer>,
-        slots: &BTreeSet<u32>,
+        slots: &[u32],
         world: &LightWorld,
     ) -> u64 {
         if !self.is_counting() {
@@ -244,12 +239,12 @@ impl UsageCounters {
         u64::from(count) * 4
     }
 
-    /// Replaces the bind group if a buffer of it was replaced. `generations` identifies the light
+    /// Replaces the bind group if a buffer of it was replaced. `identity` identifies the light
     /// buffers.
-    pub fn rebind(&mut self, device: &wgpu::Device, lights: &[&wgpu::Buffer], generations: Option<[u64; 4]>) {
-        if self.bound.is_none() || self.bound != generations {
+    pub fn rebind(&mut self, device: &wgpu::Device, lights: &[&wgpu::Buffer], identity: Option<[BufferId; 5]>) {
+        if self.bound.is_none() || self.bound != identity {
             self.bind_group = bind(device, &self.layout, lights, &self.counts);
-            self.bound = generations;
+            self.bound = identity;
         }
     }
 

@@ -4,9 +4,9 @@ use std::mem::offset_of;
 
 use super::super::bindings::{bind, records, storage_entry};
 use super::super::kernel::LANES;
+use super::super::player;
 use super::super::records::{ReservoirRecord, SampleRecord, SampleRequest};
-use super::super::stages;
-use super::super::text;
+use crate::plan::text;
 
 /// A pipeline for each kind of record.
 pub(in crate::gpu) struct UsageKernel {
@@ -103,7 +103,7 @@ impl UsageKernel {
         });
         pass.set_bind_group(0, lights, &[]);
         pass.set_bind_group(1, &group, &[]);
-        stages::dispatch(&mut pass, count.div_ceil(LANES));
+        player::dispatch(&mut pass, count.div_ceil(LANES));
     }
 }
 

@@ -14,8 +14,8 @@ use kernel::UsageKernel;
 
 use super::GpuLights;
 use super::shader::LightShader;
-use super::text;
 use crate::effects::Effects;
+use crate::plan::text;
 
 /// One choice in sixteen: the recommended interval for [`GpuLights::count_usage`].
 ///

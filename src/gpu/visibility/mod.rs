@@ -16,8 +16,8 @@ pub(super) use table::LearntTable;
 use super::GpuLights;
 use super::error::GpuError;
 use super::shader::LightShader;
-use super::text;
 use crate::effects::Effects;
+use crate::plan::text;
 use crate::visibility::VisibilityOptions;
 
 impl GpuLights {

@@ -7,8 +7,9 @@ use glam::DVec3;
 use super::super::bindings::{bind, bind_lights, storage_entry, visibility_layout};
 use super::super::error::GpuError;
 use super::super::memory;
-use super::super::stages;
-use super::super::text;
+use super::super::player;
+use crate::plan::BufferId;
+use crate::plan::text;
 use crate::visibility::{BINS, CellGrid, TABLE_HEAD, VisibilityOptions};
 
 /// The parameters at the start of the table; `shaders/visibility.wgsl` reads them.
@@ -19,7 +20,7 @@ pub(in crate::gpu) struct LearntTable {
     pub layout: wgpu::BindGroupLayout,
     pub bind_group: wgpu::BindGroup,
     /// The light buffers that the bind group was made for; `None` if the table was replaced.
-    bound: Option<[u64; 4]>,
+    bound: Option<[BufferId; 5]>,
     /// What samples read: zeros without a table.
     pub learnt: wgpu::Buffer,
     /// What shaders write in a frame.
@@ -91,12 +92,12 @@ impl LearntTable {
         size_of::<Head>() as u64
     }
 
-    /// Replaces the bind group if a buffer of it was replaced. `generations` identifies the light
+    /// Replaces the bind group if a buffer of it was replaced. `identity` identifies the light
     /// buffers.
-    pub fn rebind(&mut self, device: &wgpu::Device, lights: &[&wgpu::Buffer], generations: Option<[u64; 4]>) {
-        if self.bound.is_none() || self.bound != generations {
+    pub fn rebind(&mut self, device: &wgpu::Device, lights: &[&wgpu::Buffer], identity: Option<[BufferId; 5]>) {
+        if self.bound.is_none() || self.bound != identity {
             self.bind_group = bind_group(device, &self.layout, lights, &self.learnt, &self.records);
-            self.bound = generations;
+            self.bound = identity;
         }
     }
 
@@ -111,7 +112,7 @@ impl LearntTable {
             encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes: None });
         pass.set_pipeline(&fold.pipeline);
         pass.set_bind_group(0, &group, &[]);
-        stages::dispatch(&mut pass, table.options.cells() as u32);
+        player::dispatch(&mut pass, table.options.cells() as u32);
     }
 }
 

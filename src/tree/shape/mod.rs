@@ -18,7 +18,7 @@ mod tests;
 use children::ChildChooser;
 pub(crate) use children::{ChildGroup, Children};
 use costed::CostedGroup;
-#[cfg(feature = "gpu")]
+#[cfg(feature = "gpu-plan")]
 pub(crate) use counts::{FULL, SPARSE_COUNTS};
 pub(crate) use counts::{fills_nodes, middle};
 pub(crate) use group::BuildItem;

@@ -1,15 +1,12 @@
 //! Builds can be repeated, and store the same nodes in every layout.
 
-use super::super::TopBuild;
-use super::{build, placement, world_of};
+use super::{TopRig, build, placement, world_of};
 use crate::effects::Effects;
-use crate::gpu::layout::Strides;
-use crate::gpu::testing::{gpu, read};
+use crate::plan::layout::Strides;
 
 #[test]
 fn two_builds_of_one_world_are_equal_bit_for_bit() {
-    let (device, queue) = gpu();
-    let mut top = TopBuild::new(&device, &queue).unwrap();
+    let mut top = TopRig::new();
     let world = world_of(2000, placement);
     let (first, second) = (build(&mut top, &world), build(&mut top, &world));
     assert_eq!(first.nodes, second.nodes);
@@ -18,17 +15,16 @@ fn two_builds_of_one_world_are_equal_bit_for_bit() {
 
 #[test]
 fn every_layout_stores_its_parts_of_the_same_nodes() {
-    let (device, queue) = gpu();
-    let mut top = TopBuild::new(&device, &queue).unwrap();
+    let mut top = TopRig::new();
     let world = world_of(600, placement);
     let built = build(&mut top, &world);
     let full: &[[[u32; 4]; 13]] = bytemuck::cast_slice(&built.nodes);
     for effects in [Effects::empty(), Effects::CONES, Effects::RANGES, Effects::all()] {
         // The layout of the instances stays the same.
         let strides = Strides { instance: Strides::of(Effects::all()).instance, ..Strides::of(effects) };
-        top.set_layout(strides, 0);
+        top.strides = strides;
         build(&mut top, &world);
-        let stored: Vec<[u32; 4]> = read(&device, &queue, top.nodes());
+        let stored: Vec<[u32; 4]> = top.rig.read(top.top.nodes());
         for node in built.reached() {
             let ours = &stored[node * strides.node as usize..][..strides.node as usize];
             let (core, rest) = full[node].split_at(10);

@@ -24,24 +24,14 @@ use crate::solid_angle;
 use crate::tree;
 use crate::visibility;
 
-/// The stage of [`GpuLights::sample`](super::GpuLights::sample), with the record that it reads.
-pub(crate) const BATCH: &str =
-    concat!(include_str!("../../shaders/request.wgsl"), include_str!("../../shaders/batch.wgsl"));
-/// The stage of [`GpuLights::resample`](super::GpuLights::resample).
-pub(crate) const BATCH_RESAMPLE: &str =
-    concat!(include_str!("../../shaders/request.wgsl"), include_str!("../../shaders/batch_resample.wgsl"));
-/// The stage of [`GpuLights::count_nodes`](super::GpuLights::count_nodes).
-pub(crate) const BATCH_COUNT: &str =
-    concat!(include_str!("../../shaders/request.wgsl"), include_str!("../../shaders/batch_count.wgsl"));
-
 /// Returns the WGSL text that an engine puts before its own text, after its `enable` and
 /// `requires` directives.
 ///
-/// [`LightShader`](super::LightShader) lists the functions and the units of their results. The
-/// bindings are in `@group(group)`, with the layout of
-/// [`GpuLights::bind_group_layout`](super::GpuLights::bind_group_layout) for compute and fragment
-/// stages: one uniform buffer and four read-only storage buffers, of the eight that WebGPU grants a
-/// stage. All names start with `light_`, `Light` or `LIGHT_`.
+/// `girandole::gpu::LightShader` lists the functions and the units of their results. The bindings
+/// are in `@group(group)`, for compute and fragment stages: one uniform buffer at binding 0 and four
+/// read-only storage buffers at 1 to 4, of the eight that WebGPU grants a stage.
+/// [`LightPlanner::bindings`](super::LightPlanner::bindings) names the buffers. All names start with
+/// `light_`, `Light` or `LIGHT_`.
 ///
 /// `effects` selects the code of the text. It must contain the effects of the world and needs no
 /// others. The text reads buffers of any layout: parts that it has no code for are skipped, and
@@ -49,6 +39,13 @@ pub(crate) const BATCH_COUNT: &str =
 #[must_use]
 pub fn wgsl(group: u32, effects: Effects) -> String {
     joined(group, effects, Extras::default(), None)
+}
+
+/// As [`wgsl`], with the function `light_resample_by`, which weighs candidates by a function of the
+/// engine. [`TargetHook`] has its parameters.
+#[must_use]
+pub fn wgsl_with_target(group: u32, effects: Effects, target: &TargetHook) -> String {
+    joined(group, effects, Extras::default(), Some(target))
 }
 
 /// Code of a text that does not depend on effects.
@@ -73,11 +70,13 @@ impl Extras {
 
 /// The same as [`wgsl`] with the variable `light_nodes_read`, which counts the nodes that an
 /// invocation reads.
+#[cfg(feature = "gpu")]
 pub(crate) fn wgsl_counting(group: u32, effects: Effects) -> String {
     joined(group, effects, Extras { counts: true, ..Extras::default() }, None)
 }
 
 /// What a shader records, with the bindings that it needs for it.
+#[cfg(feature = "gpu")]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Records {
     Nothing,
@@ -89,22 +88,26 @@ pub(crate) enum Records {
 
 /// The same as [`wgsl`], with the function that records, and with `light_resample_by` if it has a
 /// target.
+#[cfg(feature = "gpu")]
 pub(crate) fn wgsl_of_shader(group: u32, effects: Effects, records: Records, target: Option<&TargetHook>) -> String {
     let text = joined(group, effects, Extras { learns: records == Records::Visibility, ..Extras::default() }, target);
     if records == Records::Usage { text + &usage(group) } else { text }
 }
 
 /// The stage that folds what was recorded about visibility.
+#[cfg(feature = "gpu")]
 pub(crate) fn wgsl_of_visibility_fold() -> String {
     let body = include_str!("../../shaders/visibility_fold.wgsl");
     constants_of(body) + body
 }
 
 /// `light_record_usage` and the functions that it calls, for a shader that chooses no light.
+#[cfg(feature = "gpu")]
 pub(crate) fn wgsl_of_usage(group: u32) -> String {
     constants() + include_str!("../../shaders/dice.wgsl") + &usage(group)
 }
 
+#[cfg(feature = "gpu")]
 fn usage(group: u32) -> String {
     include_str!("../../shaders/usage.wgsl").replace("LIGHT_GROUP", &group.to_string())
 }
@@ -176,7 +179,7 @@ fn constants_of(text: &str) -> String {
 
 /// The constants of the Rust sources, as WGSL.
 pub(crate) fn constants() -> String {
-    let mut text = String::from("// Constants of the Rust sources; see src/gpu/text.rs.\n");
+    let mut text = String::from("// Constants of the Rust sources; see src/plan/text.rs.\n");
     for (name, value) in [
         ("WIDTH", tree::WIDTH as u32),
         ("LEAF", tree::LEAF),

@@ -4,14 +4,14 @@ use super::error::TargetHookError;
 
 /// Names of an engine's WGSL: the function that weighs candidates, and the type of its argument.
 ///
-/// [`LightShader::with_target`](super::LightShader::with_target) adds the function
+/// [`wgsl_with_target`](super::wgsl_with_target) adds the function
 /// `light_resample_by` to the text, which calls the engine's function for each candidate:
 ///
 /// ```
-/// use girandole::gpu::TargetHook;
+/// use girandole::plan::TargetHook;
 /// let hook = TargetHook::new("reflected_luminance", "Material")?;
 /// # assert_eq!((hook.function(), hook.argument()), ("reflected_luminance", "Material"));
-/// # Ok::<(), girandole::gpu::TargetHookError>(())
+/// # Ok::<(), girandole::plan::TargetHookError>(())
 /// ```
 ///
 /// ```wgsl

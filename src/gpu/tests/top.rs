@@ -2,20 +2,23 @@
 
 mod bounds;
 mod layouts;
-mod limits;
 mod twin;
 
 use std::collections::HashMap;
 
 use glam::{EulerRot, Mat3, Quat, Vec3};
 
-use super::*;
+use super::Rig;
+use super::pool::TestPool;
 use crate::bounds::Aabb;
 use crate::cluster::Cluster;
-use crate::gpu::layout::{Bases, ClusterRecord, LeafRecord};
-use crate::gpu::testing::{gpu, read};
+use crate::effects::Effects;
 use crate::keys::slot_of;
 use crate::part::{PART, PART_BITS, Part};
+use crate::plan::layout::{Bases, ClusterRecord, InstanceRecord, LeafRecord, PartRecord, Strides, TreeRecord};
+use crate::plan::pool::Growth;
+use crate::plan::stored::Missing;
+use crate::plan::top::TopBuild;
 use crate::tree::{Node, Target, WIDTH};
 use crate::{InstanceKey, Light, LightWorld, Placement, Policy, TreeKey};
 
@@ -131,18 +134,30 @@ fn world_of(slots: u32, place: impl Fn(u32) -> Placement) -> LightWorld {
     world
 }
 
-/// A pool that holds these records.
-fn pool<T: bytemuck::NoUninit>(records: &[T]) -> Pool<T> {
-    let (device, queue) = gpu();
-    let mut pool = Pool::new(&device, &queue, "test records", 1).unwrap();
-    pool.alloc(records.len() as u32).unwrap();
-    pool.write(0, records);
-    pool
+/// Builds top levels on the shared device.
+struct TopRig {
+    rig: Rig,
+    top: TopBuild,
+    /// The strides of the nodes that are stored.
+    strides: Strides,
+}
+
+impl TopRig {
+    fn new() -> Self {
+        Self { rig: Rig::new(), top: TopBuild::new(128 << 20), strides: Strides::of(Effects::all()) }
+    }
+
+    /// A pool that holds these records.
+    fn pool<T: bytemuck::NoUninit>(&mut self, records: &[T]) -> TestPool<T> {
+        let mut pool = TestPool::new(&mut self.rig, 1, 128 << 20, |_| Missing::Value(0));
+        pool.alloc(&mut self.rig, records.len() as u32).unwrap();
+        pool.write(&mut self.rig, 0, records);
+        pool
+    }
 }
 
 /// Builds the top level of a world.
-fn build(top: &mut TopBuild, world: &LightWorld) -> Built {
-    let (device, queue) = gpu();
+fn build(top: &mut TopRig, world: &LightWorld) -> Built {
     let (mut trees, mut bases) = (vec![TreeRecord::default()], HashMap::new());
     for key in world.trees() {
         bases.insert(key, trees.len() as u32);
@@ -160,19 +175,22 @@ fn build(top: &mut TopBuild, world: &LightWorld) -> Built {
     let record = |i: usize| PartRecord { slot: parts[i].slot, index: index(i) as u32 };
     let mut part_records: Vec<PartRecord> = (0..parts.len()).map(record).collect();
     part_records.resize(parts.len().max(1), PartRecord::NONE);
-    let (part_records, instances, trees) = (pool(&part_records), pool(&instances), pool(&trees));
+    let (part_records, instances, trees) = (top.pool(&part_records), top.pool(&instances), top.pool(&trees));
+    let pools = [part_records.pool.buffer(), instances.pool.buffer(), trees.pool.buffer()];
     let count = parts.len() as u32;
     let has_masks = world.effects().contains(Effects::MASKS);
-    top.reserve(count, has_masks).unwrap();
-    top.masks = if has_masks { top.masks() } else { 0 };
-    top.bound = None;
-    top.bind(&part_records, &instances, &trees);
-    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    top.record(&mut Recorder::together(&mut encoder, "test"), count);
-    queue.submit([encoder.finish()]);
-    let mut leaves: Vec<ClusterRecord> = read(&device, &queue, &top.buffers.clusters);
-    let clusters = leaves.split_off(top.buffers.capacity as usize);
-    let words: Vec<[u32; 4]> = read(&device, &queue, top.nodes());
+    let mut new = Vec::new();
+    top.top.reserve(count, has_masks, Growth::Double, (&mut top.rig.ids, &mut new)).unwrap();
+    let (strides, build) = (top.strides, &mut top.top);
+    top.rig.play(&new, |commands| {
+        build.adopt(commands, &mut Vec::new());
+        build.prepare(commands, count, strides, if has_masks { build.masks() } else { 0 });
+        build.build(commands, pools);
+    });
+    let (top, rig) = (&top.top, &top.rig);
+    let mut leaves: Vec<ClusterRecord> = rig.read(top.clusters());
+    let clusters = leaves.split_off(top.capacity() as usize);
+    let words: Vec<[u32; 4]> = rig.read(top.nodes());
     let (nodes, records) = words.split_at(top.parts() as usize);
     let masks: &[[u32; 4]] = if has_masks { &words[top.masks() as usize..] } else { &[] };
     Built {

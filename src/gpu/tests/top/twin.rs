@@ -2,13 +2,11 @@
 
 use glam::{DVec3, Vec3};
 
-use super::super::TopBuild;
 use super::bounds::assert_bounds_hold;
-use super::{Built, build, placement, world_of};
+use super::{Built, TopRig, build, placement, world_of};
 use crate::cluster::Cluster;
 use crate::effects::Effects;
-use crate::gpu::layout::LeafRecord;
-use crate::gpu::testing::gpu;
+use crate::plan::layout::LeafRecord;
 use crate::top::TopLevel;
 use crate::tree::{EMPTY_SLOT, NO_PARENT, Node, Target, UNLIMITED_RANGE, WIDTH};
 use crate::{Light, LightWorld, Placement, Policy};
@@ -86,7 +84,7 @@ fn assert_same_tree(built: &Built, twin: &TopLevel) {
 }
 
 /// Builds the top level of a world, compares it with the CPU's and checks its bounds.
-pub(super) fn check(top: &mut TopBuild, world: &LightWorld) -> Built {
+pub(super) fn check(top: &mut TopRig, world: &LightWorld) -> Built {
     let built = build(top, world);
     // The clusters of the parts agree.
     for (index, (part, cluster)) in world.parts().iter().enumerate() {
@@ -121,8 +119,7 @@ pub(super) fn check(top: &mut TopBuild, world: &LightWorld) -> Built {
 
 #[test]
 fn any_number_of_slots_makes_the_same_tree_as_on_the_cpu() {
-    let (device, queue) = gpu();
-    let mut top = TopBuild::new(&device, &queue).unwrap();
+    let mut top = TopRig::new();
     // The buffers grow, and later builds are not disturbed by what a larger world has left in them.
     for slots in [0, 1, 2, 8, 9, 65, 256, 257, 300, 513, 600, 5000, 20_000, 1100, 7, 0] {
         check(&mut top, &world_of(slots, placement));
@@ -131,16 +128,14 @@ fn any_number_of_slots_makes_the_same_tree_as_on_the_cpu() {
 
 #[test]
 fn instances_at_one_point_and_along_a_line_make_the_same_tree_as_on_the_cpu() {
-    let (device, queue) = gpu();
-    let mut top = TopBuild::new(&device, &queue).unwrap();
+    let mut top = TopRig::new();
     check(&mut top, &world_of(100, |_| Placement::IDENTITY));
     check(&mut top, &world_of(300, |i| Placement::at(DVec3::new(-5.0e6 + f64::from(i) * 0.5, 0.0, 0.0))));
 }
 
 #[test]
 fn rows_and_grids_of_equal_lamps_make_the_same_tree_as_on_the_cpu() {
-    let (device, queue) = gpu();
-    let mut top = TopBuild::new(&device, &queue).unwrap();
+    let mut top = TopRig::new();
     // Many cuts have the same cost, and many sides of boxes are within rounding of a grid line.
     for (side, step) in [(16, 10.0), (23, 10.0), (50, 10.0), (50, 0.1)] {
         let mut world = LightWorld::new();
@@ -155,8 +150,7 @@ fn rows_and_grids_of_equal_lamps_make_the_same_tree_as_on_the_cpu() {
 
 #[test]
 fn pieces_with_too_many_single_units_are_cut_into_groups_of_eight() {
-    let (device, queue) = gpu();
-    let mut top = TopBuild::new(&device, &queue).unwrap();
+    let mut top = TopRig::new();
     // Each split of a site separates its farthest instance: four of sixteen remain single units.
     let place = |i: u32| {
         let (site, k) = (i / 16, i % 16);
@@ -177,8 +171,7 @@ fn pieces_with_too_many_single_units_are_cut_into_groups_of_eight() {
 
 #[test]
 fn a_world_without_light_has_a_root_of_empty_slots() {
-    let (device, queue) = gpu();
-    let mut top = TopBuild::new(&device, &queue).unwrap();
+    let mut top = TopRig::new();
     let mut world = LightWorld::new();
     let dark = world.add_tree(vec![Light::point(Vec3::ONE, Vec3::ZERO)]).unwrap();
     for i in 0..20 {

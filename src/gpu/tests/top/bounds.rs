@@ -2,12 +2,10 @@
 
 use glam::{Affine3A, Quat, Vec3};
 
-use super::super::TopBuild;
 use super::twin::check;
-use super::{Built, build, placement, random_vec, world_of};
+use super::{Built, TopRig, build, placement, random_vec, world_of};
 use crate::cluster::Cluster;
 use crate::cone::angle;
-use crate::gpu::testing::gpu;
 use crate::placement::Placed;
 use crate::tree::{CAP_STEPS, NO_PARENT, Target, UNLIMITED_RANGE, WIDTH};
 use crate::{Light, LightTree, LightWorld, Policy};
@@ -62,8 +60,7 @@ fn lights_below(tree: &LightTree, target: Target) -> Vec<Light> {
 
 #[test]
 fn every_packed_child_on_the_way_up_holds_every_light_of_an_instance() {
-    let (device, queue) = gpu();
-    let mut top = TopBuild::new(&device, &queue).unwrap();
+    let mut top = TopRig::new();
     let world = world_of(400, placement);
     let built = build(&mut top, &world);
     let (mut caps, mut sheared_caps) = (0, 0);
@@ -103,8 +100,7 @@ fn every_packed_child_on_the_way_up_holds_every_light_of_an_instance() {
 
 #[test]
 fn caps_of_beams_with_similar_directions_stay_narrow_up_to_the_root() {
-    let (device, queue) = gpu();
-    let mut top = TopBuild::new(&device, &queue).unwrap();
+    let mut top = TopRig::new();
     for widest in [0.0, 1.0e-4, 0.05, 0.9, 1.4] {
         let mut world = LightWorld::new();
         let beam = Light::spot(Vec3::ZERO, Vec3::NEG_Y, 0.0, 0.5 * widest + 1.0e-3, Vec3::ONE);

@@ -40,9 +40,9 @@ pub(super) struct Places {
     pub masks: u32,
 }
 
-/// The passes of a build.
+/// The rounds of a build.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Plan {
+pub(super) struct Rounds {
     /// The rounds, and the upper part as the last.
     pub passes: Vec<TopPass>,
     /// The number of nodes that there is room for.
@@ -51,28 +51,28 @@ pub(super) struct Plan {
     pub words: u32,
 }
 
-impl Plan {
+impl Rounds {
     /// The passes for the first `count` parts in buffers for `capacity` parts. `places` is where the
     /// parts and the masks begin in the buffer of the nodes, in units of 16 bytes.
     pub(super) fn new(count: u32, capacity: u32, places: Places, strides: Strides) -> Self {
         let Places { parts, masks } = places;
         let mut pass =
             TopPass { count, capacity, parts, units_before: FIRST_ROUND, strides, masks, ..TopPass::default() };
-        let mut plan = Self { passes: Vec::new(), nodes: ROOT_PARTS + 1, words: 0 };
+        let mut rounds = Self { passes: Vec::new(), nodes: ROOT_PARTS + 1, words: 0 };
         let mut units = count;
         while units > top::ROOT_UNITS as u32 {
             pass.pieces = units.div_ceil(top::SHARE as u32);
-            pass.units_after = plan.words;
-            pass.first_node = plan.nodes;
-            plan.words += pass.pieces + (pass.pieces * MAX_GROUPS).max(top::ROOT_UNITS as u32);
-            plan.nodes += pass.pieces * MAX_GROUPS;
-            plan.passes.push(pass);
+            pass.units_after = rounds.words;
+            pass.first_node = rounds.nodes;
+            rounds.words += pass.pieces + (pass.pieces * MAX_GROUPS).max(top::ROOT_UNITS as u32);
+            rounds.nodes += pass.pieces * MAX_GROUPS;
+            rounds.passes.push(pass);
             // Each piece leaves a quarter of its units, rounded up.
             units = (units / 4 + pass.pieces).min(pass.pieces * MAX_GROUPS);
             (pass.units_before, pass.pieces_before) = (pass.units_after, pass.pieces);
         }
-        plan.passes.push(TopPass { units_after: plan.words, pieces: 0, first_node: 0, ..pass });
-        plan.words += ROOT_PARTS;
-        plan
+        rounds.passes.push(TopPass { units_after: rounds.words, pieces: 0, first_node: 0, ..pass });
+        rounds.words += ROOT_PARTS;
+        rounds
     }
 }

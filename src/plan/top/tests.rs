@@ -1,30 +1,34 @@
-//! Sizes: of buffers, plans, workgroups and uniforms.
+//! Sizes: of buffers, rounds, workgroups and uniforms.
 
 use std::mem::offset_of;
 
 use naga::TypeInner;
 
-use super::super::TopBuild;
-use super::super::plan::{MAX_PASSES, Places, Plan, TopPass};
-use super::super::stage::{GROUP, KEYS, LANES, LEAVES, NODE, ROOT, ROOT_GROUP, SPLIT_LANES};
+use super::rounds::{MAX_PASSES, Places, Rounds, TopPass};
+use super::stage::{GROUP, KEYS, LANES, LEAVES, NODE, ROOT, ROOT_GROUP, SPLIT_LANES};
+use super::*;
 use crate::effects::Effects;
-use crate::gpu::error::{GpuError, largest_storage_buffer};
-use crate::gpu::layout::{ClusterRecord, LeafRecord, Strides};
-use crate::gpu::testing::gpu;
+use crate::plan::layout::{ClusterRecord, LeafRecord};
 use crate::tree::Node;
+
+/// Reserves and takes into use. Returns the bytes of the new buffers by what they hold.
+fn reserve(top: &mut TopBuild, parts: u32, has_masks: bool, growth: Growth) -> Result<Vec<NewBuffer>, PlanError> {
+    let mut new = Vec::new();
+    top.reserve(parts, has_masks, growth, (&mut Ids::default(), &mut new))?;
+    top.adopt(&mut Commands::default(), &mut Vec::new());
+    Ok(new)
+}
 
 #[test]
 fn more_parts_than_the_device_can_bind_are_refused_and_change_nothing() {
-    let (device, queue) = gpu();
-    let mut top = TopBuild::new(&device, &queue).unwrap();
-    top.reserve(100, false).unwrap();
-    assert_eq!(top.generation(), 1);
-    top.reserve(100, false).unwrap();
-    let before = (top.generation(), top.buffers.capacity, top.nodes().clone());
+    let limit = 128 << 20;
+    let mut top = TopBuild::new(limit);
+    let first = reserve(&mut top, 3, false, Growth::Double).unwrap();
+    assert_eq!((first.len(), top.capacity()), (11, 64));
+    assert_eq!(reserve(&mut top, 64, false, Growth::Double), Ok(Vec::new()));
     // The largest number of parts whose clusters and nodes fit, and one more.
-    let limit = largest_storage_buffer(&device);
     let needed = |parts: u32| {
-        let nodes = u64::from(Plan::new(parts, parts, Places::default(), Strides::of(Effects::all())).nodes);
+        let nodes = u64::from(Rounds::new(parts, parts, Places::default(), Strides::of(Effects::all())).nodes);
         let clusters = (u64::from(parts) + nodes) * size_of::<ClusterRecord>() as u64;
         let records = u64::from(parts) * size_of::<LeafRecord>() as u64;
         [("top-level clusters", clusters), ("top-level nodes", nodes * size_of::<Node>() as u64 + records)]
@@ -36,30 +40,45 @@ fn more_parts_than_the_device_can_bind_are_refused_and_change_nothing() {
         if too_much(middle).is_none() { fits = middle } else { fails = middle }
     }
     assert!(fits > 1_200_000, "{fits} parts fit");
+    let before = (top.nodes(), top.capacity());
     for parts in [fails, u32::MAX] {
         let (what, needed) = too_much(parts).unwrap();
-        assert_eq!(top.reserve(parts, false), Err(GpuError::Full { what, needed, limit }));
+        let refused = reserve(&mut top, parts, false, Growth::Double);
+        assert_eq!(refused, Err(PlanError::Full { what, needed, limit }));
     }
-    assert_eq!(before, (top.generation(), top.buffers.capacity, top.nodes().clone()));
-    top.reserve(fits, false).unwrap();
-    assert_eq!((top.generation(), top.buffers.capacity), (2, fits));
-    // Masks take room beside as many parts, once.
-    let mut top = TopBuild::new(&device, &queue).unwrap();
-    top.reserve(100, false).unwrap();
-    let (capacity, bytes) = (top.buffers.capacity, top.nodes().size());
-    for _ in 0..2 {
-        top.reserve(100, true).unwrap();
-        assert_eq!((top.generation(), top.buffers.capacity), (2, capacity));
-        assert!(top.nodes().size() > bytes && top.masks() > top.parts());
-    }
+    assert_eq!((top.nodes(), top.capacity()), before);
+    assert_eq!(reserve(&mut top, fits, false, Growth::Double).map(|new| new.len()), Ok(10));
+    assert_eq!(top.capacity(), fits);
 }
 
 #[test]
-fn a_plan_for_any_number_of_parts_fits_into_the_uniform() {
+fn buffers_double_or_grow_to_what_is_needed_and_make_room_for_masks_once() {
+    let nodes = |new: &[NewBuffer]| new.iter().find(|buffer| buffer.what == "top level nodes").unwrap().bytes;
+    let mut top = TopBuild::new(128 << 20);
+    reserve(&mut top, 100, false, Growth::Double).unwrap();
+    assert_eq!(top.capacity(), 100);
+    reserve(&mut top, 101, false, Growth::Exact).unwrap();
+    assert_eq!(top.capacity(), 101);
+    let plain = nodes(&reserve(&mut top, 102, false, Growth::Double).unwrap());
+    assert_eq!((top.capacity(), top.masks()), (202, 0));
+    let masked = nodes(&reserve(&mut top, 102, true, Growth::Double).unwrap());
+    assert!(masked > plain && top.masks() > top.parts());
+    assert_eq!(top.capacity(), 202);
+    assert_eq!(reserve(&mut top, 102, true, Growth::Double), Ok(Vec::new()));
+    // An undone frame leaves the buffers in use.
+    let before = (top.nodes(), top.capacity());
+    top.reserve(1000, true, Growth::Double, (&mut Ids::default(), &mut Vec::new())).unwrap();
+    top.undo();
+    assert!(!top.is_replaced());
+    assert_eq!((top.nodes(), top.capacity()), before);
+}
+
+#[test]
+fn the_rounds_for_any_number_of_parts_fits_into_the_uniform() {
     for parts in [0, 1, 256, 257, 512, 513, 100_000, 1 << 20, 1 << 30, u32::MAX] {
-        let plan = Plan::new(parts, parts, Places::default(), Strides::of(Effects::all()));
-        assert!(plan.passes.len() <= MAX_PASSES as usize, "{parts}: {}", plan.passes.len());
-        assert!(u64::from(plan.nodes) <= u64::from(parts) / 2 + 1024, "{parts}: {}", plan.nodes);
+        let rounds = Rounds::new(parts, parts, Places::default(), Strides::of(Effects::all()));
+        assert!(rounds.passes.len() <= MAX_PASSES as usize, "{parts}: {}", rounds.passes.len());
+        assert!(u64::from(rounds.nodes) <= u64::from(parts) / 2 + 1024, "{parts}: {}", rounds.nodes);
     }
 }
 

@@ -135,17 +135,15 @@ impl Stored {
         self.parts.iter().any(|part| part.contains(&byte)).then(|| self.offset(byte) / WORD)
     }
 
-    /// Takes the bytes of whole records and returns the bytes that are stored; `None` if these are
-    /// the same.
-    pub(crate) fn strip(&self, records: &[u8]) -> Option<Vec<u8>> {
+    /// Appends the stored bytes of whole records, which are given as bytes.
+    pub(crate) fn strip_into(&self, records: &[u8], bytes: &mut Vec<u8>) {
         if self.bytes() == self.whole {
-            return None;
+            return bytes.extend_from_slice(records);
         }
-        let mut bytes = Vec::with_capacity(records.len() / self.whole * self.bytes());
+        bytes.reserve(records.len() / self.whole * self.bytes());
         for record in records.chunks_exact(self.whole) {
             self.parts.iter().for_each(|part| bytes.extend_from_slice(&record[part.clone()]));
         }
-        Some(bytes)
     }
 }
 
@@ -213,8 +211,14 @@ mod tests {
         let bytes: Vec<u8> = (0..=255).collect();
         let record = &bytes[..size_of::<Node>()];
         let two: Vec<u8> = [record, record].concat();
-        assert_eq!(Stored::nodes(Effects::all()).strip(&two), None);
-        let stripped = Stored::nodes(Effects::RANGES).strip(&two).expect("cones are not stored");
+        let strip = |effects| {
+            let mut bytes = vec![7];
+            Stored::nodes(effects).strip_into(&two, &mut bytes);
+            assert_eq!(bytes.remove(0), 7, "the bytes are appended");
+            bytes
+        };
+        assert_eq!(strip(Effects::all()), two);
+        let stripped = strip(Effects::RANGES);
         let expected = [&record[..160], &record[192..208]].concat();
         assert_eq!(stripped, [&expected[..], &expected[..]].concat());
         let words: Vec<usize> = Stored::nodes(Effects::RANGES).words().collect();

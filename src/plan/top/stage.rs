@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::super::text::{Extras, constants, variant};
-use super::plan::{FIRST_ROUND, MAX_GROUPS, ROOT_PARTS};
+use super::rounds::{FIRST_ROUND, MAX_GROUPS, ROOT_PARTS};
 use crate::bounds;
 use crate::cluster;
 use crate::cone;

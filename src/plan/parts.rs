@@ -6,10 +6,14 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::error::GpuError;
+use super::buffers::BufferId;
+use super::commands::Commands;
+use super::error::PlanError;
 use super::layout::PartRecord;
-use super::pool::Pool;
+use super::pool::{Growth, Pool};
 use super::runs::runs;
+use super::scatter::Scattered;
+use super::stored::Missing;
 
 /// The parts of all instances.
 pub(super) struct PartTable {
@@ -25,9 +29,11 @@ pub(super) struct PartTable {
 pub(super) struct NewParts(Vec<(u32, Range<u32>)>);
 
 impl PartTable {
-    pub fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Self, GpuError> {
-        let pool = Pool::new(device, queue, "parts of instances", 64)?;
-        Ok(Self { pool, ranges: Vec::new(), has_lost_records: false })
+    /// An empty table in a buffer of at most `limit_bytes`.
+    pub fn new(limit_bytes: u64) -> Self {
+        // Every layout stores whole records.
+        let pool = Pool::new("parts of instances", 64, limit_bytes, |_| Missing::Value(0));
+        Self { pool, ranges: Vec::new(), has_lost_records: false }
     }
 
     /// The parts of a slot.
@@ -41,20 +47,25 @@ impl PartTable {
     }
 
     /// The records, as the top-level build reads them.
-    pub fn pool(&self) -> &Pool<PartRecord> {
-        &self.pool
+    pub fn pool(&mut self) -> &mut Pool<PartRecord> {
+        &mut self.pool
+    }
+
+    /// The buffer of the records. Panics before the first plan.
+    pub fn buffer(&self) -> BufferId {
+        self.pool.buffer()
     }
 
     /// Reserves ranges for those slots whose number of parts has changed. `counts` are slots, each
     /// once, with the number of parts that their instances have now; 0 without an instance. Changes
     /// nothing if it fails, as [`Pool::alloc`] does.
-    pub fn reserve(&mut self, counts: impl Iterator<Item = (u32, u32)>) -> Result<NewParts, GpuError> {
+    pub fn reserve(&mut self, counts: impl Iterator<Item = (u32, u32)>, growth: Growth) -> Result<NewParts, PlanError> {
         let mut new = NewParts::default();
         for (slot, count) in counts {
             if count == self.range(slot).len() as u32 {
                 continue;
             }
-            match self.pool.alloc(count) {
+            match self.pool.alloc(count, growth) {
                 Ok(range) => new.0.push((slot, range)),
                 Err(error) => {
                     self.release(new);
@@ -75,9 +86,8 @@ impl PartTable {
         self.has_lost_records = true;
     }
 
-    /// Writes the parts of reserved ranges, in place of the former parts of their slots. Returns
-    /// the bytes sent.
-    pub fn write(&mut self, new: NewParts) -> u64 {
+    /// Writes the parts of reserved ranges, in place of the former parts of their slots.
+    pub fn write(&mut self, commands: &mut Commands, new: NewParts) {
         let mut records = BTreeMap::new();
         for (slot, range) in &new.0 {
             let index = *slot as usize;
@@ -93,7 +103,7 @@ impl PartTable {
             (0..).zip(&self.ranges).for_each(|(slot, range)| records.extend(records_of(slot, range)));
         }
         new.0.iter().for_each(|(slot, range)| records.extend(records_of(*slot, range)));
-        write_runs(&self.pool, &records)
+        write_runs(commands, &self.pool, &records);
     }
 }
 
@@ -102,11 +112,10 @@ fn records_of(slot: u32, range: &Range<u32>) -> impl Iterator<Item = (u32, PartR
     range.clone().zip(0..).map(move |(part, index)| (part, PartRecord { slot, index }))
 }
 
-/// Writes records, neighbouring ones together. Returns the bytes sent.
-fn write_runs(pool: &Pool<PartRecord>, records: &BTreeMap<u32, PartRecord>) -> u64 {
-    let write = |run: Range<u32>| {
-        let run_records: Vec<_> = records.range(run.clone()).map(|(_, record)| *record).collect();
-        pool.write(run.start, &run_records)
-    };
-    runs(records.keys().copied(), 0).into_iter().map(write).sum()
+/// Writes records, neighbouring ones together.
+fn write_runs(commands: &mut Commands, pool: &Pool<PartRecord>, records: &BTreeMap<u32, PartRecord>) {
+    for run in runs(records.keys().copied(), 0) {
+        let records = records.range(run.clone()).map(|(_, record)| *record);
+        pool.write(commands, &mut Scattered::default(), run, records);
+    }
 }

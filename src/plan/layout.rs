@@ -1,7 +1,7 @@
 //! The records that the host uploads. `shaders/types.wgsl` has their twins; a test compares them.
 //!
 //! Nodes are uploaded as the CPU walks them: see [`Node`](crate::tree::Node). Which parts of a
-//! record are stored depends on the world's effects: see `gpu/stored.rs`.
+//! record are stored depends on the world's effects: see `plan/stored.rs`.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat3, Vec3};
@@ -367,7 +367,7 @@ impl TreeRecord {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "gpu"))]
 mod tests {
     use std::collections::HashMap;
     use std::mem::offset_of;
@@ -375,8 +375,8 @@ mod tests {
     use naga::TypeInner;
 
     use super::*;
-    use crate::gpu::text;
     use crate::gpu::{ReservoirRecord, SampleRecord, SampleRequest};
+    use crate::plan::text;
     use crate::tree::Node;
 
     /// The size of each struct of a WGSL text, and the offset of each of its members.
@@ -408,7 +408,8 @@ mod tests {
 
     #[test]
     fn records_have_the_same_layout_in_rust_and_wgsl() {
-        let text = crate::gpu::wgsl(0, crate::effects::Effects::all()) + text::BATCH;
+        let samples = text::wgsl(0, crate::effects::Effects::all());
+        let text = samples + include_str!("../../shaders/request.wgsl");
         let structs = structs(&text);
         record!(
             structs,

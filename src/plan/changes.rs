@@ -1,7 +1,5 @@
-//! What [`GpuLights::upload`](super::GpuLights::upload) remembers between calls, and what it
-//! reports.
+//! What a planner remembers between frames, and what it reports.
 
-use std::collections::BTreeSet;
 use std::ops::Range;
 
 use super::layout::TreeRecord;
@@ -10,11 +8,11 @@ use crate::part::Division;
 use crate::tree::LightTree;
 use crate::world::{FrameDelta, LightWorld};
 
-/// What [`GpuLights::upload`](super::GpuLights::upload) sent.
+/// What a plan sends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct UploadReport {
-    /// Bytes written to buffers; 0 if nothing changed.
+    /// Bytes that the writes of the plan carry; 0 if nothing changed.
     pub bytes: u64,
     /// Trees of which nodes and lights were written.
     pub trees: usize,
@@ -57,33 +55,61 @@ impl TreeRanges {
 /// that change as a consequence.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PendingChanges {
-    pub trees: BTreeSet<u32>,
-    pub instances: BTreeSet<u32>,
+    pub trees: Slots,
+    pub instances: Slots,
     /// Slots of instances whose user data changed.
-    pub user_data: BTreeSet<u32>,
+    pub user_data: Slots,
     pub directionals: bool,
+}
+
+/// A set of slots: ascending, each once, after [`Slots::sort`].
+#[derive(Clone, Debug, Default)]
+pub(super) struct Slots(Vec<u32>);
+
+impl Slots {
+    /// Adds slots in any order.
+    pub fn extend(&mut self, slots: impl IntoIterator<Item = u32>) {
+        self.0.extend(slots);
+    }
+
+    /// Brings the slots in order. Linear if they are in order already.
+    pub fn sort(&mut self) {
+        self.0.sort_unstable();
+        self.0.dedup();
+    }
+
+    /// The slots, in ascending order if they were sorted.
+    pub fn as_slice(&self) -> &[u32] {
+        &self.0
+    }
 }
 
 impl PendingChanges {
     pub fn is_empty(&self) -> bool {
-        !self.concern_lights() && self.user_data.is_empty()
+        !self.concern_lights() && self.user_data.as_slice().is_empty()
     }
 
     /// Whether more changes than user data, so that the top level must be built again.
     pub fn concern_lights(&self) -> bool {
-        !self.trees.is_empty() || !self.instances.is_empty() || self.directionals
+        !self.trees.as_slice().is_empty() || !self.instances.as_slice().is_empty() || self.directionals
     }
 
-    /// The slots of instances whose records change.
-    pub fn records(&self) -> BTreeSet<u32> {
-        self.instances.union(&self.user_data).copied().collect()
+    /// The slots of instances whose records change, in ascending order.
+    pub fn records(&self) -> Slots {
+        let mut records = self.instances.clone();
+        if !self.user_data.as_slice().is_empty() {
+            records.extend(self.user_data.as_slice().iter().copied());
+            records.sort();
+        }
+        records
     }
 
     pub fn add(&mut self, delta: &FrameDelta) {
-        self.trees.extend(&delta.trees);
-        self.instances.extend(&delta.instances);
-        self.user_data.extend(&delta.user_data);
+        self.trees.extend(delta.trees.iter().copied());
+        self.instances.extend(delta.instances.iter().copied());
+        self.user_data.extend(delta.user_data.iter().copied());
         self.directionals |= delta.directionals;
+        [&mut self.trees, &mut self.instances, &mut self.user_data].into_iter().for_each(Slots::sort);
     }
 
     /// Adds all that the world holds. The slots of removed trees and instances stay.

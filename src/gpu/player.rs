@@ -1,0 +1,228 @@
+//! Plays plans on the engine's wgpu device.
+
+use std::collections::HashMap;
+
+use super::error::GpuError;
+use super::memory;
+use super::recorder::Recorder;
+use crate::plan::{Binding, BufferId, BufferKind, Command, Commands, Kernel, NewBuffer};
+
+/// The buffers of plans, and the pipelines and bind groups of their kernels.
+#[derive(Debug)]
+pub(super) struct Player {
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    buffers: HashMap<BufferId, wgpu::Buffer>,
+    layouts: Vec<Layout>,
+    pipelines: HashMap<Kernel, wgpu::ComputePipeline>,
+    /// A handful: each kernel binds the same buffers in every frame.
+    groups: Vec<Group>,
+}
+
+/// What kernels with the same bindings share.
+#[derive(Debug)]
+struct Layout {
+    bindings: &'static [Binding],
+    group: wgpu::BindGroupLayout,
+    pipeline: wgpu::PipelineLayout,
+}
+
+#[derive(Debug)]
+struct Group {
+    /// The index of the layout.
+    layout: usize,
+    buffers: Vec<BufferId>,
+    group: wgpu::BindGroup,
+}
+
+impl Player {
+    /// Compiles no kernel and makes no buffer yet.
+    pub fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
+        Self {
+            device: device.clone(),
+            queue: queue.clone(),
+            buffers: HashMap::new(),
+            layouts: Vec::new(),
+            pipelines: HashMap::new(),
+            groups: Vec::new(),
+        }
+    }
+
+    /// Compiles a kernel, if it is not compiled yet.
+    pub fn compile(&mut self, kernel: Kernel) {
+        if self.pipelines.contains_key(&kernel) {
+            return;
+        }
+        let layout = self.layout(kernel.bindings());
+        let label = Some(kernel.entry());
+        let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label,
+            source: wgpu::ShaderSource::Wgsl(kernel.wgsl().into()),
+        });
+        let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label,
+            layout: Some(&self.layouts[layout].pipeline),
+            module: &module,
+            entry_point: label,
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
+        self.pipelines.insert(kernel, pipeline);
+    }
+
+    /// Whether a kernel was compiled.
+    #[cfg(test)]
+    pub fn has_compiled(&self, entry: &str) -> bool {
+        self.pipelines.keys().any(|kernel| kernel.entry() == entry)
+    }
+
+    /// Makes all buffers, or none.
+    pub fn create(&mut self, buffers: &[NewBuffer]) -> Result<(), GpuError> {
+        let mut made = Vec::with_capacity(buffers.len());
+        for NewBuffer { id, what, bytes, kind } in buffers {
+            let usage = wgpu::BufferUsages::COPY_DST
+                | match kind {
+                    BufferKind::Uniform => wgpu::BufferUsages::UNIFORM,
+                    BufferKind::Storage => wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+                };
+            let buffer = memory::create_buffer(&self.device, what, *bytes, usage)?;
+            #[cfg(test)]
+            fill_with_garbage(&self.queue, &buffer);
+            made.push((*id, buffer));
+        }
+        self.buffers.extend(made);
+        Ok(())
+    }
+
+    /// Lets go of buffers. Commands that were recorded before keep them alive.
+    pub fn free(&mut self, freed: &[BufferId]) {
+        freed.iter().for_each(|id| drop(self.buffers.remove(id)));
+        self.groups.retain(|group| !group.buffers.iter().any(|buffer| freed.contains(buffer)));
+    }
+
+    /// A buffer of a plan. Panics if it was not made or was freed.
+    pub fn buffer(&self, id: BufferId) -> &wgpu::Buffer {
+        self.buffers.get(&id).expect("plans name buffers that exist")
+    }
+
+    /// Runs commands on the queue. Writes go ahead of the next submission. Other commands are
+    /// submitted at once, where a later write needs their order, or at the end.
+    pub fn play(&mut self, commands: &Commands) {
+        let mut encoder: Option<wgpu::CommandEncoder> = None;
+        // The buffers that the encoder's commands use.
+        let mut used: Vec<BufferId> = Vec::new();
+        for command in commands.iter() {
+            if let Command::Write { buffer, offset, bytes } = command {
+                if used.contains(&buffer) {
+                    self.queue.submit(encoder.take().map(wgpu::CommandEncoder::finish));
+                    used.clear();
+                }
+                self.queue.write_buffer(self.buffer(buffer), offset, bytes);
+                continue;
+            }
+            match command {
+                Command::Copy { from, to, .. } => used.extend([from, to]),
+                Command::Clear { buffer, .. } => used.push(buffer),
+                Command::Dispatch { buffers, .. } => used.extend(buffers),
+                Command::Write { .. } => {}
+            }
+            let device = &self.device;
+            let encoder = encoder
+                .get_or_insert_with(|| device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default()));
+            self.record_one(&mut Recorder::together(encoder, "girandole upload"), command);
+        }
+        self.queue.submit(encoder.map(wgpu::CommandEncoder::finish));
+    }
+
+    /// Records commands, none of them a write.
+    pub fn record(&mut self, recorder: &mut Recorder<'_>, commands: &Commands) {
+        commands.iter().for_each(|command| self.record_one(recorder, command));
+    }
+
+    fn record_one(&mut self, recorder: &mut Recorder<'_>, command: Command<'_>) {
+        match command {
+            Command::Write { .. } => unreachable!("writes go through the queue"),
+            Command::Copy { from, to, bytes } => recorder.copy(self.buffer(from), self.buffer(to), bytes),
+            Command::Clear { buffer, offset, bytes } => recorder.clear(self.buffer(buffer), offset, bytes),
+            Command::Dispatch { kernel, buffers, uniform_offset, workgroups } => {
+                self.compile(kernel);
+                let group = self.group(kernel, buffers);
+                recorder.dispatch(
+                    kernel.stage(),
+                    &self.pipelines[&kernel],
+                    &self.groups[group].group,
+                    uniform_offset,
+                    workgroups,
+                );
+            }
+        }
+    }
+
+    /// The index of a layout, which is made at first use.
+    fn layout(&mut self, bindings: &'static [Binding]) -> usize {
+        if let Some(index) = self.layouts.iter().position(|layout| layout.bindings == bindings) {
+            return index;
+        }
+        let entry = |(binding, kind): (u32, &Binding)| {
+            let (ty, has_dynamic_offset, bytes) = match kind {
+                Binding::Uniform { bytes } => (wgpu::BufferBindingType::Uniform, true, u64::from(*bytes)),
+                Binding::Read => (wgpu::BufferBindingType::Storage { read_only: true }, false, 0),
+                Binding::ReadWrite => (wgpu::BufferBindingType::Storage { read_only: false }, false, 0),
+            };
+            let min_binding_size = wgpu::BufferSize::new(bytes);
+            wgpu::BindGroupLayoutEntry {
+                binding,
+                visibility: wgpu::ShaderStages::COMPUTE,
+                ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset, min_binding_size },
+                count: None,
+            }
+        };
+        let entries: Vec<_> = (0..).zip(bindings).map(entry).collect();
+        let label = Some("girandole");
+        let group = self.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries });
+        let pipeline = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label,
+            bind_group_layouts: &[Some(&group)],
+            ..Default::default()
+        });
+        self.layouts.push(Layout { bindings, group, pipeline });
+        self.layouts.len() - 1
+    }
+
+    /// The index of a bind group, which is made at first use.
+    fn group(&mut self, kernel: Kernel, buffers: &[BufferId]) -> usize {
+        let layout = self.layout(kernel.bindings());
+        let is_same = |group: &Group| group.layout == layout && group.buffers == buffers;
+        if let Some(index) = self.groups.iter().position(is_same) {
+            return index;
+        }
+        let entry = |((binding, id), kind): ((u32, &BufferId), &Binding)| {
+            let size = match kind {
+                Binding::Uniform { bytes } => wgpu::BufferSize::new(u64::from(*bytes)),
+                Binding::Read | Binding::ReadWrite => None,
+            };
+            let buffer = wgpu::BufferBinding { buffer: self.buffer(*id), offset: 0, size };
+            wgpu::BindGroupEntry { binding, resource: wgpu::BindingResource::Buffer(buffer) }
+        };
+        let entries: Vec<_> = (0..).zip(buffers).zip(kernel.bindings()).map(entry).collect();
+        let group = self.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(kernel.stage()),
+            layout: &self.layouts[layout].group,
+            entries: &entries,
+        });
+        self.groups.push(Group { layout, buffers: buffers.to_vec(), group });
+        self.groups.len() - 1
+    }
+}
+
+/// Dispatches at least `groups` workgroups, in two dimensions if one is too short.
+pub(super) fn dispatch(pass: &mut wgpu::ComputePass<'_>, groups: u32) {
+    let [x, y, z] = crate::plan::kernel::workgroups(groups);
+    pass.dispatch_workgroups(x, y, z);
+}
+
+/// Plans must not rely on the content of new buffers, although wgpu fills them with zeros.
+#[cfg(test)]
+fn fill_with_garbage(queue: &wgpu::Queue, buffer: &wgpu::Buffer) {
+    queue.write_buffer(buffer, 0, &vec![0xcd; buffer.size() as usize]);
+}

@@ -1,0 +1,58 @@
+//! [`GpuLights`] as engines see it.
+
+use std::fmt;
+
+use glam::{DVec3, Vec3};
+
+use crate::gpu::testing::{gpu, read};
+use crate::gpu::*;
+use crate::light::Light;
+use crate::placement::Placement;
+use crate::policy::Policy;
+
+#[test]
+fn every_public_type_has_a_debug_form_and_may_be_shared_by_threads() {
+    fn check<T: fmt::Debug + Send + Sync>() {}
+    check::<GpuLights>();
+    check::<GpuError>();
+    check::<LightShader>();
+    check::<ReservoirRecord>();
+    check::<SampleRecord>();
+    check::<SampleRequest>();
+    check::<TargetHook>();
+    check::<TargetHookError>();
+    check::<UploadReport>();
+    check::<UsageCounts<'static>>();
+    fn has_debug_form<T: fmt::Debug>() {}
+    has_debug_form::<PipelineVariants<wgpu::ComputePipeline>>();
+    let (device, queue) = gpu();
+    let lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let text = format!("{lights:?}");
+    assert!(text.contains("instance_slots: 0") && text.contains("needs_build: true"), "{text}");
+}
+
+#[test]
+fn two_builds_of_one_upload_give_the_same_top_level() {
+    let (device, queue) = gpu();
+    let mut world = LightWorld::new();
+    let tree = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
+    for i in 0..700_u32 {
+        let place = DVec3::new(f64::from(i * i % 97), 0.0, f64::from(i % 31));
+        world.add_instance(tree, Placement::at(place), Policy::Static).expect("valid");
+    }
+    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    lights.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
+    let mut record = || {
+        lights.top_status.invalidate();
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        lights.build_top(&mut encoder);
+        encoder.finish()
+    };
+    let [dropped, once, again] = [record(), record(), record()];
+    drop(dropped);
+    queue.submit([once]);
+    let nodes: Vec<u32> = read(&device, &queue, lights.buffers()[1]);
+    assert!(nodes.iter().any(|word| *word != 0));
+    queue.submit([again]);
+    assert!(read::<u32>(&device, &queue, lights.buffers()[1]) == nodes);
+}

@@ -1,0 +1,41 @@
+//! Tests that need a device: of the plans' commands, one by one, and of [`GpuLights`] as a whole.
+
+mod lights;
+mod pool;
+mod relayout;
+mod scatter;
+mod sort;
+mod top;
+mod upload;
+
+use super::player::Player;
+use super::testing::{gpu, read};
+use crate::plan::buffers::Ids;
+use crate::plan::{BufferId, Commands, NewBuffer};
+
+/// Plays commands of single parts of the planner on the shared device.
+pub(super) struct Rig {
+    pub player: Player,
+    pub ids: Ids,
+}
+
+impl Rig {
+    pub fn new() -> Self {
+        let (device, queue) = gpu();
+        Self { player: Player::new(&device, &queue), ids: Ids::default() }
+    }
+
+    /// Makes buffers and plays what `plan` adds.
+    pub fn play(&mut self, new: &[NewBuffer], plan: impl FnOnce(&mut Commands)) {
+        self.player.create(new).expect("room enough");
+        let mut commands = Commands::default();
+        plan(&mut commands);
+        self.player.play(&commands);
+    }
+
+    /// The content of a buffer.
+    pub fn read<T: bytemuck::Pod>(&self, id: BufferId) -> Vec<T> {
+        let (device, queue) = gpu();
+        read(&device, &queue, self.player.buffer(id))
+    }
+}

@@ -1,0 +1,78 @@
+//! The sort of keys.
+
+use super::Rig;
+use crate::dice::hash;
+use crate::gpu::testing::gpu;
+use crate::plan::sort::SortBuffers;
+
+/// The same keys every time, with only the bits of `mask`.
+fn random_keys(count: u32, mask: u32) -> Vec<u32> {
+    (0..count).map(|i| hash(i) & mask).collect()
+}
+
+fn buffers(rig: &mut Rig, capacity: u32) -> SortBuffers {
+    let mut new = Vec::new();
+    let buffers = SortBuffers::new(&mut rig.ids, &mut new, capacity, 128 << 20).expect("they fit");
+    rig.player.create(&new).expect("room enough");
+    buffers
+}
+
+/// Sorts keys whose values are their places, so one comparison checks order, pairing and
+/// stability.
+fn check(rig: &mut Rig, buffers: &mut SortBuffers, keys: &[u32]) {
+    let (_, queue) = gpu();
+    let count = keys.len() as u32;
+    let values: Vec<u32> = (0..count).collect();
+    queue.write_buffer(rig.player.buffer(buffers.keys), 0, bytemuck::cast_slice(keys));
+    queue.write_buffer(rig.player.buffer(buffers.values), 0, bytemuck::cast_slice(&values));
+    rig.play(&[], |commands| {
+        buffers.set_count(commands, count);
+        buffers.sort(commands);
+    });
+    let mut expected: Vec<(u32, u32)> = keys.iter().copied().zip(values).collect();
+    expected.sort_by_key(|pair| pair.0);
+    let found = rig.read::<u32>(buffers.keys).into_iter().zip(rig.read::<u32>(buffers.values)).take(keys.len());
+    assert!(found.eq(expected), "{count} keys are not sorted as a stable sort does it");
+}
+
+#[test]
+fn counts_around_the_sizes_of_a_word_and_a_block_sort_stably() {
+    let mut rig = Rig::new();
+    let mut buffers = buffers(&mut rig, 4097);
+    for count in [0, 1, 2, 31, 32, 33, 255, 256, 257, 511, 512, 513, 4095, 4096, 4097] {
+        check(&mut rig, &mut buffers, &random_keys(count, u32::MAX));
+        // Few different keys: only their values tell equal keys apart.
+        check(&mut rig, &mut buffers, &random_keys(count, 0x0100_0301));
+    }
+}
+
+#[test]
+fn equal_sorted_and_reversed_keys_sort_stably() {
+    let mut rig = Rig::new();
+    let mut buffers = buffers(&mut rig, 5000);
+    check(&mut rig, &mut buffers, &[0; 5000]);
+    check(&mut rig, &mut buffers, &[u32::MAX; 5000]);
+    let mut keys = random_keys(5000, u32::MAX);
+    keys.sort_unstable();
+    check(&mut rig, &mut buffers, &keys);
+    keys.reverse();
+    check(&mut rig, &mut buffers, &keys);
+}
+
+#[test]
+fn blocks_of_several_rounds_sort_stably() {
+    let mut rig = Rig::new();
+    let mut buffers = buffers(&mut rig, 100_000);
+    check(&mut rig, &mut buffers, &random_keys(65_536, u32::MAX));
+    check(&mut rig, &mut buffers, &random_keys(65_537, u32::MAX));
+    check(&mut rig, &mut buffers, &random_keys(100_000, u32::MAX));
+    check(&mut rig, &mut buffers, &random_keys(100_000, 0xff));
+}
+
+#[test]
+fn more_blocks_than_one_scan_step_adds_up_sort_stably() {
+    let mut rig = Rig::new();
+    let count = 1_050_000;
+    let mut buffers = buffers(&mut rig, count);
+    check(&mut rig, &mut buffers, &random_keys(count, u32::MAX));
+}

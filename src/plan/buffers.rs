@@ -1,0 +1,58 @@
+//! The names of buffers, which the engine makes and the plans use.
+
+/// The number of a buffer. A planner gives each buffer a number of its own and never uses it again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct BufferId(u32);
+
+impl BufferId {
+    /// The number itself, from 0 on.
+    pub fn get(self) -> u32 {
+        self.0
+    }
+}
+
+/// What a buffer is bound as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum BufferKind {
+    /// A uniform buffer that plans also write.
+    Uniform,
+    /// A storage buffer that plans also write, copy from, copy to and clear.
+    Storage,
+}
+
+/// A buffer that the engine has to make.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct NewBuffer {
+    /// Its number in all later plans.
+    pub id: BufferId,
+    /// What it holds, for graphics debuggers and messages.
+    pub what: &'static str,
+    /// Its size: a multiple of 4. Its content is undefined at first; plans clear what they rely on.
+    pub bytes: u64,
+    /// What it is bound as.
+    pub kind: BufferKind,
+}
+
+/// Gives out numbers for buffers.
+#[derive(Debug, Default)]
+pub(crate) struct Ids(u32);
+
+impl Ids {
+    /// A storage buffer with a number of its own.
+    pub fn storage(&mut self, what: &'static str, bytes: u64) -> NewBuffer {
+        NewBuffer { id: self.next(), what, bytes, kind: BufferKind::Storage }
+    }
+
+    /// A uniform buffer with a number of its own.
+    pub fn uniform(&mut self, what: &'static str, bytes: u64) -> NewBuffer {
+        NewBuffer { id: self.next(), what, bytes, kind: BufferKind::Uniform }
+    }
+
+    fn next(&mut self) -> BufferId {
+        let id = BufferId(self.0);
+        self.0 += 1;
+        id
+    }
+}

@@ -1,0 +1,351 @@
+//! What a GPU has to do for a frame, as data: buffers to make and free, writes, copies, clears and
+//! dispatches. Needs no graphics API.
+//!
+//! An engine on Vulkan, D3D12 or Metal plays these plans on its own device. An engine on wgpu uses
+//! `girandole::gpu::GpuLights`, which plays them too.
+//!
+//! A frame has these steps:
+//!
+//! 1. [`LightPlanner::reserve`] finds out which buffers the changes of a world need.
+//! 2. The engine makes [`Reservation::new_buffers`]. If it has no memory for one, it drops the
+//!    reservation, and nothing has changed.
+//! 3. [`Reservation::plan`] returns the [`FramePlan`] of the frame.
+//! 4. The engine runs its [`FramePlan::upload`] and [`FramePlan::top`], in this order, and frees
+//!    [`FramePlan::freed`] once the GPU has finished with them.
+//! 5. The engine's shaders bind [`LightPlanner::bindings`] and call the functions of [`wgsl`].
+//!
+//! ```
+//! use girandole::plan::{Command, FramePlan, LightPlanner, NewBuffer, PlanError, PlanLimits};
+//! use girandole::{FrameDelta, LightWorld};
+//!
+//! fn make_buffer(buffer: &NewBuffer) { /* The engine's own code. */ }
+//!
+//! fn frame(planner: &mut LightPlanner, world: &mut LightWorld) -> Result<FramePlan, PlanError> {
+//!     let delta = world.take_delta();
+//!     let reservation = planner.reserve(world, &delta)?;
+//!     reservation.new_buffers().iter().for_each(make_buffer);
+//!     Ok(reservation.plan())
+//! }
+//!
+//! let mut planner = LightPlanner::new(PlanLimits::default());
+//! let plan = frame(&mut planner, &mut LightWorld::new())?;
+//! for command in plan.upload.iter().chain(plan.top.iter()) {
+//!     match command {
+//!         Command::Write { buffer, offset, bytes } => { /* ... */ }
+//!         Command::Copy { from, to, bytes } => { /* ... */ }
+//!         Command::Clear { buffer, offset, bytes } => { /* ... */ }
+//!         Command::Dispatch { kernel, buffers, uniform_offset, workgroups } => { /* ... */ }
+//!         _ => unreachable!("this version has no other commands"),
+//!     }
+//! }
+//! # Ok::<(), PlanError>(())
+//! ```
+//!
+//! # Order
+//!
+//! Each command sees what the commands before it have done, in the same plan and in earlier ones.
+//! On Vulkan and D3D12 that takes a barrier between two commands of which the second uses a buffer
+//! that the first writes. One global memory barrier between all commands is enough, and costs
+//! little: all but a few dispatches of a frame depend on the one before.
+//!
+//! Plans have to be played in the order of their numbers, each once. [`PlanCursor`] checks that.
+//! If a plan is lost, call [`LightPlanner::lose`]: the next plan sends everything again.
+//!
+//! # Shaders
+//!
+//! All kernels are WGSL text: [`KERNELS`]. naga turns it into SPIR-V, HLSL or MSL, at the build of
+//! the engine or at run time. Each kernel has its bindings in group 0: one uniform, whose offset
+//! changes, and storage buffers. Writes are never larger than [`PlanLimits`] allows.
+
+pub(crate) mod buffers;
+mod changes;
+pub(crate) mod commands;
+mod cursor;
+mod error;
+mod frame;
+pub(crate) mod kernel;
+pub(crate) mod layout;
+mod parts;
+pub(crate) mod pool;
+pub(crate) mod relayout;
+mod reserve;
+mod runs;
+pub(crate) mod scatter;
+pub(crate) mod sort;
+pub(crate) mod stored;
+mod target_hook;
+pub(crate) mod text;
+pub(crate) mod top;
+mod write;
+
+use std::fmt;
+use std::ops::Range;
+
+pub use buffers::{BufferId, BufferKind, NewBuffer};
+pub use changes::UploadReport;
+pub use commands::{Command, Commands};
+pub use cursor::PlanCursor;
+pub use error::{PlanError, TargetHookError};
+pub use frame::FramePlan;
+pub use kernel::{Binding, Kernel, UNIFORM_ALIGNMENT};
+pub use reserve::Reservation;
+pub use target_hook::TargetHook;
+pub use text::{wgsl, wgsl_with_target};
+
+use crate::counts::SplitCount;
+use crate::effects::Effects;
+use crate::tree::Node;
+use crate::world::LightWorld;
+use buffers::Ids;
+use changes::{PendingChanges, TreeRanges};
+use layout::{InstanceRecord, LightRecord, ParamsRecord, Strides, TreeRecord};
+use parts::PartTable;
+use pool::Pool;
+use stored::Missing;
+use top::TopBuild;
+
+/// All kernels that plans dispatch. A kernel need not use all of its bindings.
+pub const KERNELS: [Kernel; 11] = [
+    relayout::RELAYOUT,
+    scatter::SCATTER,
+    top::LEAVES,
+    top::KEYS,
+    sort::COUNT,
+    sort::SCAN,
+    sort::SCATTER_KEYS,
+    top::GROUP,
+    top::NODE,
+    top::ROOT_GROUP,
+    top::ROOT,
+];
+
+/// What buffers the engine's device can have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct PlanLimits {
+    /// Bytes of the largest storage buffer that the device can make and bind whole. At least
+    /// 131,072. More lets a world hold more trees, lights and instances.
+    pub largest_buffer: u64,
+}
+
+impl PlanLimits {
+    /// Limits with a largest storage buffer of this many bytes; at least 131,072.
+    pub fn new(largest_buffer: u64) -> Self {
+        Self { largest_buffer: largest_buffer.max(MIN_LARGEST_BUFFER) }
+    }
+}
+
+impl Default for PlanLimits {
+    /// WebGPU's default: 128 MiB.
+    fn default() -> Self {
+        Self { largest_buffer: 128 << 20 }
+    }
+}
+
+/// The largest buffer of an empty world.
+pub(crate) const MIN_LARGEST_BUFFER: u64 = 128 * 1024;
+
+/// What the GPU holds of one [`LightWorld`], and what it has to do to follow the world.
+///
+/// Keep one for each world and device. It holds no GPU object and no copy of the world's data: 60
+/// bytes for each tree and 8 bytes for each instance.
+pub struct LightPlanner {
+    limits: PlanLimits,
+    ids: Ids,
+    nodes: Pool<Node>,
+    lights: Pool<LightRecord>,
+    /// A table by slot.
+    instances: Pool<InstanceRecord>,
+    instance_count: u32,
+    trees: Pool<TreeRecord>,
+    tree_ranges: Vec<TreeRanges>,
+    parts: PartTable,
+    /// The changes of reservations that were dropped, and of lost plans.
+    pending: PendingChanges,
+    /// A range of the light pool.
+    directionals: Range<u32>,
+    /// What the uniform holds.
+    params: ParamsRecord,
+    /// For the next plan.
+    wanted_splits: u32,
+    params_buffer: Option<BufferId>,
+    /// The uniform of conversions. Made at first use.
+    relayout_uniform: Option<BufferId>,
+    /// Staged records and the uniform of the pass that scatters them. Made at first use.
+    scatter_uniform: Option<BufferId>,
+    staging: Option<(BufferId, u64)>,
+    top: TopBuild,
+    /// The buffers have changed since the last build of the top level.
+    is_top_due: bool,
+    /// The device may lack what was written.
+    is_lost: bool,
+    /// The effects that the buffers are stored for, without [`Effects::MOVING`].
+    effects: Effects,
+    /// Plans that were made.
+    number: u64,
+}
+
+/// Records that the first buffer of each pool has room for.
+const FIRST_RECORDS: u32 = 64;
+
+impl LightPlanner {
+    /// A planner for a device that holds nothing yet.
+    pub fn new(limits: PlanLimits) -> Self {
+        let limit = limits.largest_buffer;
+        // Every layout stores whole records of trees.
+        let none = |_| Missing::Value(0);
+        Self {
+            limits,
+            ids: Ids::default(),
+            nodes: Pool::new("light tree nodes", FIRST_RECORDS, limit, stored::missing_of_node),
+            lights: Pool::new("lights", FIRST_RECORDS, limit, stored::missing_of_light),
+            instances: Pool::new("instances", FIRST_RECORDS, limit, stored::missing_of_instance),
+            instance_count: 0,
+            trees: Pool::new("light trees", FIRST_RECORDS / 4, limit, none),
+            tree_ranges: Vec::new(),
+            parts: PartTable::new(limit),
+            pending: PendingChanges::default(),
+            directionals: 0..0,
+            params: ParamsRecord { strides: Strides::of(Effects::all()), ..ParamsRecord::default() },
+            wanted_splits: SplitCount::DEFAULT.get() as u32,
+            params_buffer: None,
+            relayout_uniform: None,
+            scatter_uniform: None,
+            staging: None,
+            top: TopBuild::new(limit),
+            is_top_due: true,
+            is_lost: false,
+            effects: Effects::all() - Effects::MOVING,
+            number: 0,
+        }
+    }
+
+    /// The buffers that the engine's shaders bind after the last plan, in the order of the bindings
+    /// of [`wgsl`]: a uniform buffer of 48 bytes, then four storage buffers that are only read, each
+    /// bound whole. `None` before the first plan.
+    ///
+    /// A plan that replaces one of them replaces the first one too. So commands that were recorded
+    /// before go on reading the former buffers, as long as these are not freed.
+    pub fn bindings(&self) -> Option<[BufferId; 5]> {
+        let params = self.params_buffer?;
+        Some([params, self.top.nodes(), self.nodes.buffer(), self.instances.buffer(), self.lights.buffer()])
+    }
+
+    /// The effects that the text of [`wgsl`] must support to read these buffers: those of
+    /// [`LightWorld::effects`] at the last plan, and all before the first one. Never contains
+    /// [`Effects::MOVING`], on which no shader depends.
+    pub fn effects(&self) -> Effects {
+        self.effects
+    }
+
+    /// The strides of the records after the last plan.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn strides(&self) -> Strides {
+        self.params.strides
+    }
+
+    /// The parameters of shaders after the last plan.
+    #[cfg(all(test, feature = "gpu"))]
+    pub(crate) fn params(&self) -> ParamsRecord {
+        self.params
+    }
+
+    /// The ends of the ranges of nodes and lights that are in use.
+    #[cfg(all(test, feature = "gpu"))]
+    pub(crate) fn used(&self) -> [u32; 2] {
+        [self.nodes.used() as u32, self.lights.used() as u32]
+    }
+
+    /// Sets how many clusters shaders split before they choose a light, as
+    /// [`LightSampler::with_splits`](crate::LightSampler::with_splits) does, from the next plan on.
+    /// It is [`SplitCount::DEFAULT`] at first.
+    pub fn set_splits(&mut self, splits: SplitCount) {
+        self.wanted_splits = splits.get() as u32;
+    }
+
+    /// Returns the write that brings settings to the device before the next plan; empty if none has
+    /// changed. It has to be played before the next plan.
+    #[must_use]
+    pub fn settings(&mut self) -> Commands {
+        let mut commands = Commands::default();
+        let params = ParamsRecord { splits: self.wanted_splits, ..self.params };
+        if let Some(buffer) = self.params_buffer.filter(|_| params != self.params) {
+            commands.write(buffer, 0, bytemuck::bytes_of(&params));
+            self.params = params;
+        }
+        commands
+    }
+
+    /// Tells that the device may lack some of what was planned: a plan was not played, or not to its
+    /// end. The next plan sends everything again, into the same buffers. Until then the buffers are
+    /// not to be read.
+    ///
+    /// If the buffers are gone too, as after the loss of a device, make another planner.
+    pub fn lose(&mut self) {
+        self.is_lost = true;
+        self.is_top_due = true;
+    }
+
+    /// Tells that the last build of the top level was not played, so the next plan has another one.
+    /// Needed only if [`FramePlan::top`] alone was left out; see [`LightPlanner::lose`] otherwise.
+    pub fn lose_top(&mut self) {
+        self.is_top_due = true;
+    }
+
+    /// The build of the top level after the last plan, whether it is due or not. It may be played
+    /// again at any time between two plans. Adds nothing before the first plan.
+    pub fn top_level(&self) -> Commands {
+        let mut commands = Commands::default();
+        self.build_top(&mut commands);
+        commands
+    }
+
+    fn build_top(&self, commands: &mut Commands) {
+        if self.params_buffer.is_some() {
+            self.top.build(commands, [self.parts.buffer(), self.instances.buffer(), self.trees.buffer()]);
+        }
+    }
+
+    fn tree_ranges_mut(&mut self, slot: u32) -> &mut TreeRanges {
+        let slot = slot as usize;
+        if self.tree_ranges.len() <= slot {
+            self.tree_ranges.resize(slot + 1, TreeRanges::NONE);
+        }
+        &mut self.tree_ranges[slot]
+    }
+
+    fn release(&mut self, ranges: TreeRanges) {
+        self.nodes.free(ranges.nodes);
+        self.lights.free(ranges.lights);
+        self.trees.free(ranges.records);
+    }
+
+    /// The parameters of shaders after a frame.
+    fn params_of(&self, world: &LightWorld, effects: Effects) -> ParamsRecord {
+        ParamsRecord {
+            slots: world.slot_count() as u32,
+            directional_base: self.directionals.start,
+            directional_count: self.directionals.len() as u32,
+            splits: self.wanted_splits,
+            strides: Strides::of(effects),
+            solid_angles: u32::from(world.solid_angle_sampling()),
+            parts: self.top.parts(),
+            masks: if effects.contains(Effects::MASKS) { self.top.masks() } else { 0 },
+        }
+    }
+}
+
+impl fmt::Debug for LightPlanner {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("LightPlanner")
+            .field("plans", &self.number)
+            .field("effects", &self.effects)
+            .field("splits", &self.wanted_splits)
+            .field("instance_slots", &self.instance_count)
+            .field("tree_slots", &self.tree_ranges.len())
+            .field("parts", &self.parts.count())
+            .field("node_capacity", &self.nodes.capacity())
+            .field("light_capacity", &self.lights.capacity())
+            .finish_non_exhaustive()
+    }
+}

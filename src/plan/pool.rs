@@ -1,0 +1,259 @@
+//! A storage buffer whose ranges are allocated and freed, and which grows by doubling.
+
+use std::marker::PhantomData;
+use std::ops::Range;
+
+use range_alloc::RangeAllocator;
+
+use super::buffers::{BufferId, Ids, NewBuffer};
+use super::commands::Commands;
+use super::error::PlanError;
+use super::relayout::relayout;
+use super::scatter::{RunCount, Scattered};
+use super::stored::{Missing, Stored};
+
+/// How much room a buffer gets that has to grow.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Growth {
+    /// At least twice as much as before, so that growth takes amortised constant time.
+    Double,
+    /// No more than needed. Short of memory, that may still fit.
+    Exact,
+}
+
+/// Records of type `T` in one storage buffer. Ranges are in records, never in bytes.
+///
+/// A frame goes through four steps: [`Pool::begin`], calls of [`Pool::alloc`], [`Pool::end`], which
+/// names the new buffer if one is needed, and then either [`Pool::adopt`] or [`Pool::undo`].
+pub(crate) struct Pool<T> {
+    /// Names the records, in the plural.
+    what: &'static str,
+    /// The largest buffer.
+    limit_bytes: u64,
+    /// What the words are that are not stored in every layout.
+    missing: fn(usize) -> Missing,
+    /// `None` before the first plan.
+    buffer: Option<BufferId>,
+    /// Records that the buffer has room for, or that the first one will have.
+    capacity: u32,
+    /// Which parts of a record the buffer holds.
+    stored: Stored,
+    /// In u64, because the allocator doubles the lengths that it is given. Between the first and
+    /// the last step there may be more room than in the buffer.
+    ranges: RangeAllocator<u64>,
+    /// The layout after this frame.
+    next: Stored,
+    /// The end of the last range in use when the frame began.
+    kept: u32,
+    /// The buffer after this frame, if it is another one.
+    replacement: Option<BufferId>,
+    records: PhantomData<T>,
+}
+
+impl<T: bytemuck::NoUninit> Pool<T> {
+    /// An empty pool that will have room for `capacity` records, at least one, in a buffer of at
+    /// most `limit_bytes`. `what` names the records in errors and in graphics debuggers, in the
+    /// plural. `missing` is the value of a word that is not stored.
+    pub(crate) fn new(what: &'static str, capacity: u32, limit_bytes: u64, missing: fn(usize) -> Missing) -> Self {
+        const { assert!(size_of::<T>() != 0 && size_of::<T>().is_multiple_of(4), "writes are whole 4-byte words") };
+        let stored = Stored::whole::<T>();
+        Self {
+            what,
+            limit_bytes,
+            missing,
+            buffer: None,
+            capacity: capacity.max(1),
+            ranges: RangeAllocator::new(0..u64::from(capacity.max(1))),
+            next: stored.clone(),
+            stored,
+            kept: 0,
+            replacement: None,
+            records: PhantomData,
+        }
+    }
+
+    /// Begins a frame that ends in this layout.
+    ///
+    /// Fails with [`PlanError::Full`] and changes nothing if the records do not fit in it.
+    pub(crate) fn begin(&mut self, stored: Stored) -> Result<(), PlanError> {
+        let limit = limit_of(self.limit_bytes, &stored);
+        let used = self.used();
+        if used > u64::from(limit) {
+            return Err(self.full(used, &stored));
+        }
+        if self.ranges.initial_range().end > u64::from(limit) {
+            self.ranges = cut(&self.ranges, u64::from(limit));
+        }
+        // Within the limit.
+        self.kept = used as u32;
+        self.next = stored;
+        Ok(())
+    }
+
+    /// Reserves `len` contiguous records, and makes more room if no gap is long enough. Their
+    /// content is undefined until it is written. A range of no records is empty and need not be
+    /// freed.
+    ///
+    /// Fails with [`PlanError::Full`] and changes nothing if the buffer would outgrow its limit.
+    pub(crate) fn alloc(&mut self, len: u32, growth: Growth) -> Result<Range<u32>, PlanError> {
+        if len == 0 {
+            return Ok(0..0);
+        }
+        if let Some(range) = self.take(len) {
+            return Ok(range);
+        }
+        // No gap is long enough, so the range begins after the last one in use.
+        let needed = self.used() + u64::from(len);
+        let limit = u64::from(limit_of(self.limit_bytes, &self.next));
+        if needed > limit {
+            return Err(self.full(needed, &self.next));
+        }
+        let doubled = (2 * self.ranges.initial_range().end).min(limit);
+        self.ranges.grow_to(if growth == Growth::Double { doubled.max(needed) } else { needed });
+        Ok(self.take(len).expect("the pool has just grown by enough"))
+    }
+
+    /// Reserves from what is free.
+    fn take(&mut self, len: u32) -> Option<Range<u32>> {
+        let range = self.ranges.allocate_range(u64::from(len)).ok()?;
+        // Within the limit, which is a u32.
+        Some(range.start as u32..range.end as u32)
+    }
+
+    /// Gives a range back. It must come from [`Pool::alloc`] of this pool and be freed once.
+    pub(crate) fn free(&mut self, range: Range<u32>) {
+        if !range.is_empty() {
+            self.ranges.free_range(u64::from(range.start)..u64::from(range.end));
+        }
+    }
+
+    /// Names the new buffer, if one is needed.
+    pub(crate) fn end(&mut self, ids: &mut Ids) -> Option<NewBuffer> {
+        let is_same = self.buffer.is_some() && self.room() == self.capacity && self.next == self.stored;
+        let new = (!is_same).then(|| ids.storage(self.what, u64::from(self.room()) * self.next.bytes() as u64));
+        self.replacement = new.map(|buffer| buffer.id);
+        new
+    }
+
+    /// Whether records have to be converted to another layout.
+    pub(crate) fn has_conversion(&self) -> bool {
+        self.kept > 0 && self.next != self.stored
+    }
+
+    /// Takes the new buffer into use, if there is one: adds the commands that bring the records
+    /// there and set the rest to zero. `uniform` is the uniform for conversions and the pass of it
+    /// to use. Returns the former buffer, which no later command uses.
+    pub(crate) fn adopt(&mut self, commands: &mut Commands, uniform: Option<(BufferId, u32)>) -> Option<BufferId> {
+        let new = self.replacement.take()?;
+        let (kept, stride) = (self.kept, self.next.bytes() as u64);
+        if let Some(old) = self.buffer.filter(|_| kept > 0) {
+            if self.next == self.stored {
+                commands.copy(old, new, u64::from(kept) * stride);
+            } else {
+                let uniform = uniform.expect("a conversion has a uniform");
+                relayout(commands, kept, (old, &self.stored), (new, &self.next), self.missing, uniform);
+            }
+        }
+        commands.zero(new, u64::from(kept) * stride..u64::from(self.room()) * stride);
+        self.capacity = self.room();
+        self.stored = self.next.clone();
+        self.buffer.replace(new)
+    }
+
+    /// Ends the frame without the new buffer. All ranges that were reserved in it must have been
+    /// freed.
+    pub(crate) fn undo(&mut self) {
+        self.replacement = None;
+        self.next = self.stored.clone();
+        let capacity = u64::from(self.capacity);
+        match self.ranges.initial_range().end {
+            room if room > capacity => self.ranges = cut(&self.ranges, capacity),
+            room if room < capacity => self.ranges.grow_to(capacity),
+            _ => {}
+        }
+    }
+
+    /// Overwrites the records of a run with the given ones, as many as it is long. Short runs may go
+    /// to `scattered`.
+    pub(crate) fn write(
+        &self,
+        commands: &mut Commands,
+        scattered: &mut Scattered,
+        run: Range<u32>,
+        records: impl Iterator<Item = T>,
+    ) {
+        assert!(run.end <= self.capacity, "{run:?} does not fit into {}", self.capacity);
+        let start = u64::from(run.start) * self.stride();
+        let append = |bytes: &mut Vec<u8>| {
+            records.for_each(|record| self.stored.strip_into(bytemuck::bytes_of(&record), bytes));
+        };
+        match scattered.add(&run) {
+            Some(bytes) => append(bytes),
+            None => commands.write_with(self.buffer(), start, append),
+        }
+    }
+
+    /// The bytes of staged data that the counted runs take; 0 if they are written one by one.
+    pub(crate) fn staged_bytes(&self, runs: &RunCount) -> u64 {
+        runs.staged_bytes(self.next.bytes() as u64)
+    }
+
+    /// The buffer. Panics before the first plan.
+    pub(crate) fn buffer(&self) -> BufferId {
+        self.buffer.expect("the first plan has made the buffer")
+    }
+
+    /// Whether the frame gives the pool another buffer.
+    pub(crate) fn is_replaced(&self) -> bool {
+        self.replacement.is_some()
+    }
+
+    /// Records that the buffer has room for.
+    pub(crate) fn capacity(&self) -> u32 {
+        self.capacity
+    }
+
+    /// Bytes from one record to the next.
+    pub(crate) fn stride(&self) -> u64 {
+        self.stored.bytes() as u64
+    }
+
+    /// The end of the last range in use.
+    pub(crate) fn used(&self) -> u64 {
+        self.ranges.allocated_ranges().last().map_or(0, |r| r.end)
+    }
+
+    /// Records that there will be room for.
+    fn room(&self) -> u32 {
+        self.ranges.initial_range().end as u32
+    }
+
+    fn full(&self, records: u64, stored: &Stored) -> PlanError {
+        let stride = stored.bytes() as u64;
+        let limit = u64::from(limit_of(self.limit_bytes, stored)) * stride;
+        PlanError::Full { what: self.what, needed: records * stride, limit }
+    }
+}
+
+/// The number of records that a buffer of `limit_bytes` holds.
+fn limit_of(limit_bytes: u64, stored: &Stored) -> u32 {
+    u32::try_from(limit_bytes / stored.bytes() as u64).unwrap_or(u32::MAX)
+}
+
+/// The same ranges in an allocator with less room, since an allocator only grows. All of them must
+/// end before `end`.
+fn cut(ranges: &RangeAllocator<u64>, end: u64) -> RangeAllocator<u64> {
+    let mut smaller = RangeAllocator::new(0..end);
+    let mut gaps = Vec::new();
+    let mut at = 0;
+    // Taken in order from one free range, each range follows the last.
+    let mut take = |len: u64| smaller.allocate_range(len).expect("all ranges fit");
+    for used in ranges.allocated_ranges() {
+        if used.start > at {
+            gaps.push(take(used.start - at));
+        }
+        at = take(used.end - used.start).end;
+    }
+    gaps.into_iter().for_each(|gap| smaller.free_range(gap));
+    smaller
+}

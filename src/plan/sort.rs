@@ -1,0 +1,267 @@
+//! Sorts 32-bit keys, each with a 32-bit value, on the GPU.
+//!
+//! A stable least-significant-digit radix sort in four passes of 8 bits. Each pass counts the
+//! digits of each block, adds up the counts, and scatters the keys. Based on Satish, Harris and
+//! Garland, Designing Efficient Sorting Algorithms for Manycore GPUs (2009). Differs: the rank of a
+//! key among the lanes of its workgroup comes from a bitmap in workgroup memory, one bit for each
+//! lane and digit, so neither subgroups nor a local sort are needed. One-sweep sorts need fewer
+//! passes over the keys, but in them workgroups wait for other workgroups, and WGSL does not
+//! guarantee that those make progress.
+//!
+//! Blocks are as short as it takes to have [`TARGET_BLOCKS`] of them, so that small inputs also
+//! spread over the whole GPU. Blocks stop growing at [`MAX_ROUNDS`] keys a lane, where the counts
+//! take a sixteenth of the memory of the keys.
+
+use super::buffers::{BufferId, Ids, NewBuffer};
+use super::commands::Commands;
+use super::error::PlanError;
+use super::kernel::{Binding, Kernel, MAX_WORKGROUPS, UNIFORM_ALIGNMENT, pass_bytes};
+
+/// Invocations in a workgroup, and values of a digit.
+const LANES: u32 = 256;
+const DIGIT_BITS: u32 = LANES.ilog2();
+/// An even number, so that the sorted keys end in the buffer that held the unsorted keys.
+const PASSES: u32 = u32::BITS / DIGIT_BITS;
+/// The number of blocks from which on blocks grow. The scan adds up this many counts in one step.
+const TARGET_BLOCKS: u32 = 256;
+/// Keys for each lane of a block; more only if a dispatch could not hold all blocks otherwise.
+const MAX_ROUNDS: u32 = 16;
+/// The largest number of keys. The last block may extend past the keys by up to 257 rounds of 256
+/// lanes, and the shaders count these places in a `u32` too.
+const MAX_KEYS: u32 = 1 << 31;
+
+/// The text of a stage: constants, the shared file, and the files of the stage.
+fn text(parts: &[&str]) -> String {
+    let constants = format!("const SORT_LANES: u32 = {LANES}u;\nconst SORT_WORDS: u32 = {}u;\n", LANES / u32::BITS);
+    constants + include_str!("../../shaders/sort_types.wgsl") + &parts.concat()
+}
+
+fn count_text() -> String {
+    text(&[include_str!("../../shaders/sort_count.wgsl")])
+}
+
+fn scan_text() -> String {
+    text(&[include_str!("../../shaders/sort_prefix.wgsl"), include_str!("../../shaders/sort_scan.wgsl")])
+}
+
+fn scatter_text() -> String {
+    text(&[include_str!("../../shaders/sort_prefix.wgsl"), include_str!("../../shaders/sort_scatter.wgsl")])
+}
+
+/// Twin of `SortPass` in `shaders/sort_types.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+struct SortPass {
+    count: u32,
+    blocks: u32,
+    rounds: u32,
+    shift: u32,
+}
+
+/// Keys and values in, keys and values out, histogram.
+const BINDINGS: &[Binding] = &[
+    Binding::Uniform { bytes: size_of::<SortPass>() as u32 },
+    Binding::Read,
+    Binding::Read,
+    Binding::ReadWrite,
+    Binding::ReadWrite,
+    Binding::ReadWrite,
+];
+
+pub(super) const COUNT: Kernel = Kernel::new("sort_count", "sort", BINDINGS, count_text);
+pub(super) const SCAN: Kernel = Kernel::new("sort_scan", "sort", BINDINGS, scan_text);
+pub(super) const SCATTER_KEYS: Kernel = Kernel::new("sort_scatter", "sort", BINDINGS, scatter_text);
+
+/// Keys, values and scratch memory of one sort.
+#[derive(Clone, Debug)]
+pub(crate) struct SortBuffers {
+    /// The keys, as `u32`; in ascending order after the sort.
+    pub keys: BufferId,
+    /// The values, as `u32`; each has the same place as its key.
+    pub values: BufferId,
+    scratch_keys: BufferId,
+    scratch_values: BufferId,
+    histogram: BufferId,
+    passes: BufferId,
+    capacity: u32,
+    count: u32,
+}
+
+impl SortBuffers {
+    /// Room for `capacity` keys; 0 counts as 1. Adds the buffers to `new`. Takes about 16.3 bytes
+    /// for each key, and 20 where there are few keys.
+    ///
+    /// Fails with [`PlanError::Full`] if a buffer would be larger than `limit`, or if there are
+    /// more than [`MAX_KEYS`].
+    pub(crate) fn new(ids: &mut Ids, new: &mut Vec<NewBuffer>, capacity: u32, limit: u64) -> Result<Self, PlanError> {
+        let capacity = capacity.max(1);
+        let keys_bytes = u64::from(capacity) * 4;
+        // The counts of few keys are larger than the keys.
+        let histogram_bytes = u64::from(LANES) * (u64::from(max_blocks(capacity)) + 1) * 4;
+        let needed = keys_bytes.max(histogram_bytes);
+        let limit = limit.min(u64::from(MAX_KEYS) * 4);
+        if needed > limit {
+            return Err(PlanError::Full { what: "sorted keys", needed, limit });
+        }
+        let mut add = |buffer: NewBuffer| {
+            new.push(buffer);
+            buffer.id
+        };
+        Ok(Self {
+            keys: add(ids.storage("sort keys", keys_bytes)),
+            values: add(ids.storage("sort values", keys_bytes)),
+            scratch_keys: add(ids.storage("sort scratch keys", keys_bytes)),
+            scratch_values: add(ids.storage("sort scratch values", keys_bytes)),
+            histogram: add(ids.storage("sort histogram", histogram_bytes)),
+            passes: add(ids.uniform("sort passes", u64::from(PASSES * UNIFORM_ALIGNMENT))),
+            capacity,
+            count: 0,
+        })
+    }
+
+    /// All buffers.
+    pub(crate) fn ids(&self) -> [BufferId; 6] {
+        [self.keys, self.values, self.scratch_keys, self.scratch_values, self.histogram, self.passes]
+    }
+
+    /// Sets how many keys the next sorts sort, at most the capacity. Sends nothing if the count does
+    /// not change.
+    pub(crate) fn set_count(&mut self, commands: &mut Commands, count: u32) {
+        assert!(count <= self.capacity, "{count} keys do not fit in buffers for {}", self.capacity);
+        if count == self.count {
+            return;
+        }
+        self.count = count;
+        let (blocks, rounds) = blocks_and_rounds(count);
+        let passes: [SortPass; PASSES as usize] =
+            std::array::from_fn(|pass| SortPass { count, blocks, rounds, shift: pass as u32 * DIGIT_BITS });
+        commands.write(self.passes, 0, &pass_bytes(&passes, UNIFORM_ALIGNMENT));
+    }
+
+    /// The device may lack the count, so the next call of [`SortBuffers::set_count`] sends it.
+    pub(crate) fn lose(&mut self) {
+        self.count = 0;
+    }
+
+    /// Adds the sort, in place, of the first keys and their values; [`SortBuffers::set_count`] sets
+    /// how many. Takes 12 dispatches for any count from 2 on, and none below.
+    pub(crate) fn sort(&self, commands: &mut Commands) {
+        if self.count < 2 {
+            return;
+        }
+        let (blocks, _) = blocks_and_rounds(self.count);
+        let ours = [self.keys, self.values];
+        let scratch = [self.scratch_keys, self.scratch_values];
+        for pass in 0..PASSES {
+            // The first pass reads the caller's buffers and writes the scratch buffers, the second
+            // the reverse.
+            let [[keys, values], [keys_out, values_out]] =
+                if pass % 2 == 0 { [ours, scratch] } else { [scratch, ours] };
+            let buffers = [self.passes, keys, values, keys_out, values_out, self.histogram];
+            for (kernel, groups) in [(COUNT, blocks), (SCAN, LANES), (SCATTER_KEYS, blocks)] {
+                commands.dispatch(kernel, &buffers, pass * UNIFORM_ALIGNMENT, groups);
+            }
+        }
+    }
+}
+
+/// The number of blocks that `count` keys are divided into, and of the keys for each lane of a
+/// block.
+fn blocks_and_rounds(count: u32) -> (u32, u32) {
+    let rounds = count.div_ceil(LANES * TARGET_BLOCKS).clamp(1, MAX_ROUNDS);
+    let rounds = rounds.max(count.div_ceil(LANES * MAX_WORKGROUPS));
+    (count.div_ceil(LANES * rounds), rounds)
+}
+
+/// The largest number of blocks of any count up to `capacity`. The number of blocks does not grow
+/// steadily: it falls wherever the number of rounds rises.
+fn max_blocks(capacity: u32) -> u32 {
+    capacity.div_ceil(LANES).min(TARGET_BLOCKS.max(capacity.div_ceil(LANES * MAX_ROUNDS)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_get_more_rounds_where_there_are_many_keys() {
+        let around = [65_536, 65_537, 1_050_000].map(blocks_and_rounds);
+        assert_eq!(around, [(256, 1), (129, 2), (257, 16)]);
+    }
+
+    #[test]
+    fn setting_the_same_count_again_sends_nothing() {
+        let mut buffers = SortBuffers::new(&mut Ids::default(), &mut Vec::new(), 10, 1 << 20).expect("they fit");
+        let mut commands = Commands::default();
+        buffers.set_count(&mut commands, 10);
+        assert_eq!(commands.len(), 1);
+        buffers.set_count(&mut commands, 10);
+        assert_eq!(commands.len(), 1);
+        buffers.lose();
+        buffers.set_count(&mut commands, 10);
+        assert_eq!(commands.len(), 2, "what was lost is sent again");
+    }
+
+    #[test]
+    fn more_keys_than_a_buffer_holds_are_refused() {
+        let refused = |keys, limit| {
+            let mut new = Vec::new();
+            let error = SortBuffers::new(&mut Ids::default(), &mut new, keys, limit).expect_err("too many");
+            assert!(new.is_empty());
+            error
+        };
+        let limit = 128 << 20;
+        let full = |needed, limit| PlanError::Full { what: "sorted keys", needed, limit };
+        assert_eq!(refused((limit / 4) as u32 + 1, limit), full(limit + 4, limit));
+        // 2^16 keys fit into 2^18 bytes, but their counts do not.
+        assert_eq!(refused(1 << 16, 1 << 18), full(257 * 1024, 1 << 18));
+    }
+
+    #[test]
+    fn blocks_cover_every_count_within_the_limits_of_a_dispatch() {
+        let around = (0..=32).flat_map(|bit| [-1i64, 0, 1].map(|d| ((1i64 << bit) + d).clamp(1, 0xffff_ffff) as u32));
+        let rounds_change = (1..=17).flat_map(|r| [-1, 0, 1].map(|d| (r * 65_536 + d) as u32));
+        for count in around.chain(rounds_change) {
+            let (blocks, rounds) = blocks_and_rounds(count);
+            assert!(blocks <= MAX_WORKGROUPS, "{count} keys in {blocks} blocks");
+            assert!(u64::from(blocks) * u64::from(rounds * LANES) >= u64::from(count));
+            assert!(u64::from(blocks - 1) * u64::from(rounds * LANES) < u64::from(count), "{count}: an empty block");
+            assert!(blocks <= max_blocks(count));
+            assert!(max_blocks(count) <= max_blocks(count.saturating_add(1)));
+            let places = u64::from(blocks) * u64::from(rounds * LANES);
+            assert!(count > MAX_KEYS || places <= u64::from(u32::MAX), "the places of {count} keys fit in a u32");
+        }
+    }
+
+    #[test]
+    fn the_stages_have_the_sizes_that_the_host_expects() {
+        for (entry, text) in
+            [("sort_count", count_text()), ("sort_scan", scan_text()), ("sort_scatter", scatter_text())]
+        {
+            let module = naga::front::wgsl::parse_str(&text).expect(entry);
+            assert_eq!(module.entry_points.len(), 1);
+            assert_eq!(module.entry_points[0].name, entry);
+            assert_eq!(module.entry_points[0].workgroup_size, [LANES, 1, 1]);
+            let (_, pass) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some("SortPass")).unwrap();
+            let naga::TypeInner::Struct { members, span } = &pass.inner else { panic!("SortPass is a struct") };
+            assert_eq!(*span as usize, size_of::<SortPass>());
+            let offsets: Vec<_> = members.iter().map(|m| (m.name.as_deref().unwrap(), m.offset as usize)).collect();
+            assert_eq!(
+                offsets,
+                [
+                    ("count", std::mem::offset_of!(SortPass, count)),
+                    ("blocks", std::mem::offset_of!(SortPass, blocks)),
+                    ("rounds", std::mem::offset_of!(SortPass, rounds)),
+                    ("shift", std::mem::offset_of!(SortPass, shift)),
+                ]
+            );
+            let workgroup_bytes: u32 = module
+                .global_variables
+                .iter()
+                .filter(|(_, v)| v.space == naga::AddressSpace::WorkGroup)
+                .map(|(_, v)| module.types[v.ty].inner.size(module.to_ctx()))
+                .sum();
+            assert!(workgroup_bytes <= wgpu::Limits::default().max_compute_workgroup_storage_size);
+        }
+    }
+}

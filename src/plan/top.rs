@@ -1,0 +1,231 @@
+//! Plans the build of the top level on the GPU from the instances and the parts of their trees. Nothing is read
+//! back.
+//!
+//! Twin of `src/top`, which explains the tree, and of `LightWorld::parts`, which makes the
+//! clusters of the parts; the tests compare both and also check the bounds on the GPU by
+//! themselves.
+//!
+//! The build has these stages; `shaders/top_*.wgsl` are their sources.
+//!
+//! 1. The leaves: the cluster of each part, and the bounds of their means.
+//! 2. The keys: the place of each part on a curve through space.
+//! 3. The sort along the curve.
+//! 4. Rounds of two stages each. The first divides the units into pieces of neighbours and forms
+//!    groups within each piece. The second makes a node of each group.
+//! 5. The upper part of the tree, again in two stages, once few units are left.
+//!
+//! Only the GPU knows how many units a round leaves, so the build records as many rounds as the
+//! worst case needs, and the last rounds may find nothing to do. No workgroup waits for another:
+//! the bounds are maxima, which do not depend on the order of the operations.
+
+mod buffers;
+mod rounds;
+mod stage;
+
+use buffers::{BOUNDS_BYTES, TopBuffers};
+use rounds::{MAX_GROUPS, MAX_PASSES, Places, Rounds, TopPass};
+use stage::{LANES, Stage};
+
+use super::buffers::{BufferId, Ids, NewBuffer};
+use super::commands::Commands;
+use super::error::PlanError;
+use super::kernel::{Binding, Kernel, UNIFORM_ALIGNMENT, pass_bytes};
+use super::layout::Strides;
+use super::pool::Growth;
+
+/// The largest number of stages of a build: five, and two for each round.
+#[cfg(feature = "gpu")]
+pub(crate) const MAX_STAGES: u32 = 5 + 2 * (MAX_PASSES - 1);
+
+/// Parts that the first buffers have room for.
+const FIRST_CAPACITY: u32 = 64;
+
+const UNIFORM: Binding = Binding::Uniform { bytes: size_of::<TopPass>() as u32 };
+
+/// Clusters, bounds and nodes; parts, instances and trees.
+const LEAF_BINDINGS: &[Binding] =
+    &[UNIFORM, Binding::ReadWrite, Binding::ReadWrite, Binding::ReadWrite, Binding::Read, Binding::Read, Binding::Read];
+
+/// Clusters, bounds and nodes; keys, order and units.
+const BINDINGS: &[Binding] = &[
+    UNIFORM,
+    Binding::ReadWrite,
+    Binding::ReadWrite,
+    Binding::ReadWrite,
+    Binding::ReadWrite,
+    Binding::ReadWrite,
+    Binding::ReadWrite,
+];
+
+const fn kernel(stage: &'static Stage, name: &'static str, text: fn() -> String) -> Kernel {
+    Kernel::new(stage.entry, name, BINDINGS, text)
+}
+
+pub(super) const LEAVES: Kernel = Kernel::new(stage::LEAVES.entry, "leaves", LEAF_BINDINGS, || stage::LEAVES.text());
+pub(super) const KEYS: Kernel = kernel(&stage::KEYS, "keys", || stage::KEYS.text());
+pub(super) const GROUP: Kernel = kernel(&stage::GROUP, "groups", || stage::GROUP.text());
+pub(super) const NODE: Kernel = kernel(&stage::NODE, "nodes", || stage::NODE.text());
+pub(super) const ROOT_GROUP: Kernel = kernel(&stage::ROOT_GROUP, "root groups", || stage::ROOT_GROUP.text());
+pub(super) const ROOT: Kernel = kernel(&stage::ROOT, "root nodes", || stage::ROOT.text());
+
+/// The buffers of the top level, and what the next build makes of them.
+///
+/// As with a pool, a frame reserves, and then adopts or undoes what it reserved.
+#[derive(Debug)]
+pub(crate) struct TopBuild {
+    limit: u64,
+    /// `None` before the first plan.
+    buffers: Option<TopBuffers>,
+    passes: Option<BufferId>,
+    /// The buffers after this frame, if they are others.
+    replacement: Option<TopBuffers>,
+    new_passes: Option<BufferId>,
+    /// The rounds of the last build; `None` before the first build and after the buffers were
+    /// replaced.
+    rounds: Option<Rounds>,
+}
+
+impl TopBuild {
+    /// No buffers yet. None will be larger than `limit` bytes.
+    pub(crate) fn new(limit: u64) -> Self {
+        Self { limit, buffers: None, passes: None, replacement: None, new_passes: None, rounds: None }
+    }
+
+    /// Makes room for `parts` parts, and for masks if `has_masks` or if there is room for them
+    /// already. Adds new buffers to `new`.
+    ///
+    /// Fails with [`PlanError::Full`] and changes nothing if a buffer would be too large.
+    pub(crate) fn reserve(
+        &mut self,
+        parts: u32,
+        has_masks: bool,
+        growth: Growth,
+        (ids, new): (&mut Ids, &mut Vec<NewBuffer>),
+    ) -> Result<(), PlanError> {
+        let (capacity, had_masks) = self.buffers.as_ref().map_or((0, false), |b| (b.capacity, b.places.masks != 0));
+        if self.buffers.is_none() || parts > capacity || has_masks && !had_masks {
+            let wanted = match parts > capacity {
+                true if growth == Growth::Double => parts.max(capacity.saturating_mul(2)).max(FIRST_CAPACITY),
+                true => parts,
+                false => capacity,
+            };
+            let has_masks = has_masks || had_masks;
+            let mut make = |capacity| {
+                let mut buffers = Vec::new();
+                let made = TopBuffers::new(ids, &mut buffers, capacity, has_masks, self.limit)?;
+                Ok((made, buffers))
+            };
+            let (made, buffers) = make(wanted).or_else(|_| make(parts))?;
+            self.replacement = Some(made);
+            new.extend(buffers);
+        }
+        if self.passes.is_none() {
+            let passes = ids.uniform("top level passes", u64::from(MAX_PASSES * UNIFORM_ALIGNMENT));
+            self.new_passes = Some(passes.id);
+            new.push(passes);
+        }
+        Ok(())
+    }
+
+    /// Whether the frame brings another buffer of nodes.
+    pub(crate) fn is_replaced(&self) -> bool {
+        self.replacement.is_some()
+    }
+
+    /// Takes new buffers into use. Adds former ones, which no later command uses, to `freed`. In
+    /// new buffers all nodes are zero, so that sampling finds no light before the first build.
+    pub(crate) fn adopt(&mut self, commands: &mut Commands, freed: &mut Vec<BufferId>) {
+        self.passes = self.new_passes.take().or(self.passes);
+        let Some(new) = self.replacement.take() else { return };
+        commands.zero(new.nodes, 0..new.nodes_bytes);
+        self.rounds = None;
+        if let Some(old) = self.buffers.replace(new) {
+            freed.extend(old.ids());
+        }
+    }
+
+    /// Drops what was reserved.
+    pub(crate) fn undo(&mut self) {
+        self.replacement = None;
+        self.new_passes = None;
+    }
+
+    /// The device may lack what was written, so the next [`TopBuild::prepare`] sends all of it.
+    pub(crate) fn lose(&mut self) {
+        self.rounds = None;
+        if let Some(buffers) = &mut self.buffers {
+            buffers.sort.lose();
+        }
+    }
+
+    /// Sets what the next builds read and store: `parts` parts, records with these strides, and
+    /// masks at this place of the nodes, 0 for none. Sends a few hundred bytes if any of them
+    /// changes.
+    pub(crate) fn prepare(&mut self, commands: &mut Commands, parts: u32, strides: Strides, masks: u32) {
+        let (Some(buffers), Some(passes)) = (&mut self.buffers, self.passes) else { return };
+        buffers.sort.set_count(commands, parts);
+        let is_same = |pass: &TopPass| (pass.count, pass.strides, pass.masks) == (parts, strides, masks);
+        if self.rounds.as_ref().is_some_and(|rounds| is_same(&rounds.passes[0])) {
+            return;
+        }
+        let places = Places { masks, ..buffers.places };
+        let rounds = Rounds::new(parts, buffers.capacity, places, strides);
+        commands.write(passes, 0, &pass_bytes(&rounds.passes, UNIFORM_ALIGNMENT));
+        self.rounds = Some(rounds);
+    }
+
+    /// Adds the build from these buffers of parts, instances and trees. Adds nothing before the
+    /// first [`TopBuild::prepare`].
+    ///
+    /// Takes 4 dispatches, 12 more for the sort, and 2 for each round: 26 for 100,000 parts.
+    pub(crate) fn build(&self, commands: &mut Commands, [parts, instances, trees]: [BufferId; 3]) {
+        let (Some(buffers), Some(passes), Some(rounds)) = (&self.buffers, self.passes, &self.rounds) else { return };
+        let TopBuffers { bounds, nodes, clusters, units, sort, .. } = buffers;
+        commands.zero(*bounds, 0..BOUNDS_BYTES);
+        let leaves = [passes, *clusters, *bounds, *nodes, parts, instances, trees];
+        let work = [passes, *clusters, *bounds, *nodes, sort.keys, sort.values, *units];
+        let groups = rounds.passes[0].count.div_ceil(LANES);
+        commands.dispatch(LEAVES, &leaves, 0, groups);
+        commands.dispatch(KEYS, &work, 0, groups);
+        sort.sort(commands);
+        let root = rounds.passes.len() as u32 - 1;
+        for (round, index) in rounds.passes[..root as usize].iter().zip(0..) {
+            commands.dispatch(GROUP, &work, index * UNIFORM_ALIGNMENT, round.pieces);
+            let groups = (round.pieces * MAX_GROUPS).div_ceil(LANES);
+            commands.dispatch(NODE, &work, index * UNIFORM_ALIGNMENT, groups);
+        }
+        commands.dispatch(ROOT_GROUP, &work, root * UNIFORM_ALIGNMENT, 1);
+        commands.dispatch(ROOT, &work, root * UNIFORM_ALIGNMENT, 1);
+    }
+
+    /// Where the parts begin in the buffer of the nodes, in units of 16 bytes.
+    pub(crate) fn parts(&self) -> u32 {
+        self.buffers.as_ref().map_or(0, |buffers| buffers.places.parts)
+    }
+
+    /// Where masks can be stored in the same buffer, in units of 16 bytes; 0 if there is no room.
+    pub(crate) fn masks(&self) -> u32 {
+        self.buffers.as_ref().map_or(0, |buffers| buffers.places.masks)
+    }
+
+    /// The nodes of the top level, the root first, then its parts, then room for masks. Panics
+    /// before the first plan.
+    pub(crate) fn nodes(&self) -> BufferId {
+        self.buffers.as_ref().expect("the first plan has made the buffers").nodes
+    }
+
+    /// The clusters of all parts, then of all nodes.
+    #[cfg(test)]
+    pub(crate) fn clusters(&self) -> BufferId {
+        self.buffers.as_ref().expect("the first plan has made the buffers").clusters
+    }
+
+    /// The number of parts that there is room for.
+    #[cfg(test)]
+    pub(crate) fn capacity(&self) -> u32 {
+        self.buffers.as_ref().map_or(0, |buffers| buffers.capacity)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,292 @@
+//! Plans of frames: their commands, their cost, and what happens to lost, repeated and refused
+//! ones. The kernels run on GPUs in other tests, by way of `GpuLights`, which plays these plans.
+
+mod device;
+
+use device::{Device, Played};
+use girandole::glam::{DVec3, Vec3};
+use girandole::plan::{Command, FramePlan, KERNELS, LightPlanner, PlanCursor, PlanError, PlanLimits};
+use girandole::{FrameBudget, FrameDelta, InstanceKey, Light, LightWorld, Placement, Policy, TreeKey};
+
+use crate::support::Rng;
+
+fn place(rng: &mut Rng) -> Placement {
+    Placement::at(rng.place(5000.0).as_dvec3())
+}
+
+/// Instances of one lamp each.
+fn lamps(count: usize) -> (LightWorld, TreeKey, Vec<InstanceKey>) {
+    let (mut world, mut rng) = (LightWorld::new(), Rng(5));
+    let tree = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
+    let mut add = |_| world.add_instance(tree, place(&mut rng), Policy::Static).expect("valid");
+    let keys = (0..count).map(&mut add).collect();
+    (world, tree, keys)
+}
+
+fn update(world: &mut LightWorld) -> FrameDelta {
+    world.update(FrameBudget::NONE);
+    world.take_delta()
+}
+
+/// The record of a rigid instance without factor and mask.
+const INSTANCE_BYTES: usize = 80;
+
+#[test]
+fn ten_thousand_scattered_moves_go_up_in_one_write_and_one_pass() {
+    for count in [20_000, 100_000] {
+        let (mut world, _, keys) = lamps(count);
+        let mut played = Played::new();
+        let delta = update(&mut world);
+        played.frame(&world, &delta);
+        let mut rng = Rng(6);
+        for moves in [10_000, 1_000] {
+            for key in keys.iter().step_by(count / moves) {
+                world.move_instance(*key, place(&mut rng)).expect("valid");
+            }
+            let delta = update(&mut world);
+            let plan = played.frame(&world, &delta);
+            assert_eq!(plan.report.instances, moves);
+            // The records with their places, and the uniform of the pass.
+            assert_eq!(plan.report.bytes, (moves * (INSTANCE_BYTES + 4) + 16) as u64);
+            assert_eq!((played.device.writes, played.device.dispatches["scatter"]), (2, 1));
+            let mut fresh = Played::new();
+            fresh.frame(&world, &FrameDelta::everything(&world));
+            assert!(played.instances(&world, INSTANCE_BYTES) == fresh.instances(&world, INSTANCE_BYTES));
+        }
+        // Few moves take a write each, and all of them in a row one.
+        for key in &keys[..50] {
+            world.move_instance(*key, place(&mut rng)).expect("valid");
+        }
+        world.move_instance(keys[60], place(&mut rng)).expect("valid");
+        let delta = update(&mut world);
+        let plan = played.frame(&world, &delta);
+        assert_eq!((plan.report.bytes, played.device.writes), ((51 * INSTANCE_BYTES) as u64, 2));
+        assert!(!played.device.dispatches.contains_key("scatter"));
+    }
+}
+
+#[test]
+fn many_flickering_trees_go_up_in_one_write() {
+    let (mut world, mut rng) = (LightWorld::new(), Rng(7));
+    let lamp = |rng: &mut Rng| Light::point(rng.place(1.0), Vec3::splat(rng.between(1.0, 2.0)));
+    let mut trees = Vec::new();
+    for _ in 0..1000 {
+        let tree = world.add_tree((0..4).map(|_| lamp(&mut rng)).collect()).expect("valid");
+        world.add_instance(tree, place(&mut rng), Policy::Budgeted).expect("valid");
+        trees.push(tree);
+    }
+    let mut played = Played::new();
+    let delta = update(&mut world);
+    played.frame(&world, &delta);
+    for _ in 0..3 {
+        for tree in trees.iter().step_by(2) {
+            world.set_emission(*tree, 1, Vec3::splat(rng.between(3.0, 4.0))).expect("valid");
+        }
+        let delta = update(&mut world);
+        let plan = played.frame(&world, &delta);
+        assert_eq!((plan.report.trees, plan.report.nodes, plan.report.lights), (500, 500, 500));
+        // A node, a light and the record of the tree, each with its place.
+        assert_eq!(plan.report.bytes, 500 * (160 + 32 + 80 + 3 * 4) + 3 * 16);
+        assert_eq!((played.device.writes, played.device.dispatches["scatter"]), (4, 3));
+        let mut fresh = Played::new();
+        fresh.frame(&world, &FrameDelta::everything(&world));
+        let content = |played: &Played| {
+            let [_, _, nodes, _, lights] = played.planner.bindings().expect("a plan was made");
+            (played.device.content(nodes)[..1000 * 160].to_vec(), played.device.content(lights)[..4000 * 32].to_vec())
+        };
+        assert!(content(&played) == content(&fresh));
+    }
+}
+
+#[test]
+fn a_frame_without_changes_has_an_empty_plan() {
+    let (mut world, tree, keys) = lamps(100);
+    let mut played = Played::new();
+    let delta = update(&mut world);
+    assert!(!played.frame(&world, &delta).is_empty());
+    let delta = update(&mut world);
+    assert!(played.frame(&world, &delta).is_empty());
+    // Edits that change nothing.
+    let at = world.placement(keys[3]).expect("it lives");
+    world.move_instance(keys[3], at).expect("valid");
+    world.set_enabled(keys[4], true).expect("valid");
+    world.set_factor(keys[5], Vec3::ONE).expect("valid");
+    world.set_user_data(keys[6], 0).expect("valid");
+    assert!(world.set_emission(tree, 0, Vec3::ONE).is_err(), "the tree is static");
+    let delta = update(&mut world);
+    assert!(played.frame(&world, &delta).is_empty());
+    // User data need no build of the top level, and a move needs one.
+    world.set_user_data(keys[6], 9).expect("valid");
+    let delta = update(&mut world);
+    let plan = played.frame(&world, &delta);
+    assert!(plan.top.is_empty() && plan.report.bytes == INSTANCE_BYTES as u64);
+    world.move_instance(keys[6], Placement::IDENTITY).expect("valid");
+    let delta = update(&mut world);
+    assert!(!played.frame(&world, &delta).top.is_empty());
+}
+
+/// The parts of a plan that a GPU sees.
+fn commands(plan: &FramePlan) -> Vec<Command<'_>> {
+    plan.upload.iter().chain(plan.top.iter()).collect()
+}
+
+#[test]
+fn a_dropped_reservation_changes_nothing_and_its_changes_come_with_the_next() {
+    let (mut world, _, _) = lamps(300);
+    let (mut dropping, mut plain) = (Played::new(), Played::new());
+    let delta = update(&mut world);
+    dropping.frame(&world, &delta);
+    plain.frame(&world, &delta);
+    let mut rng = Rng(8);
+    for round in 0..4 {
+        // More of everything than the buffers hold, also in another layout.
+        let lights = (0..300).map(|_| Light::sphere(rng.place(5.0), 0.1, Vec3::ONE)).collect();
+        let tree = world.add_tree(lights).expect("valid");
+        for _ in 0..200 << round {
+            world.add_instance(tree, place(&mut rng), Policy::Static).expect("valid");
+        }
+        let delta = update(&mut world);
+        let before = (dropping.planner.bindings(), dropping.planner.effects());
+        for _ in 0..2 {
+            let reservation = dropping.planner.reserve(&world, &delta).expect("room enough");
+            assert!(!reservation.new_buffers().is_empty());
+            drop(reservation);
+            assert_eq!((dropping.planner.bindings(), dropping.planner.effects()), before);
+        }
+        drop(dropping.planner.reserve_exactly(&world, &FrameDelta::default()).expect("room enough"));
+        let kept = dropping.frame(&world, &FrameDelta::default());
+        let expected = plain.frame(&world, &delta);
+        assert_eq!(kept.report, expected.report);
+        assert_eq!(commands(&kept).len(), commands(&expected).len());
+        let sizes = |plan: &FramePlan| plan.new_buffers.iter().map(|b| (b.what, b.bytes)).collect::<Vec<_>>();
+        assert_eq!(sizes(&kept), sizes(&expected));
+    }
+}
+
+#[test]
+fn buffers_of_an_exact_reservation_are_no_larger_than_needed() {
+    let (mut world, tree, _) = lamps(100);
+    let mut played = Played::new();
+    let delta = update(&mut world);
+    played.frame(&world, &delta);
+    let slots = world.slot_count();
+    let mut add = |world: &mut LightWorld| {
+        while world.slot_count() <= 128 {
+            world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
+        }
+        update(world)
+    };
+    assert!(slots < 128);
+    let delta = add(&mut world);
+    let bytes = |buffers: &[girandole::plan::NewBuffer]| {
+        buffers.iter().find(|b| b.what == "instances").expect("the instances have grown").bytes
+    };
+    assert_eq!(bytes(played.planner.reserve(&world, &delta).expect("room").new_buffers()), 256 * 80);
+    let exact = played.planner.reserve_exactly(&world, &FrameDelta::default()).expect("room");
+    assert_eq!(bytes(exact.new_buffers()), 129 * 80);
+}
+
+#[test]
+fn a_plan_that_is_played_twice_or_out_of_order_is_refused() {
+    let (mut world, _, keys) = lamps(10);
+    let mut played = Played::new();
+    let delta = update(&mut world);
+    let first = played.frame(&world, &delta);
+    let before: Vec<u8> = played.instances(&world, INSTANCE_BYTES);
+    assert_eq!(played.device.play(&first), Err(PlanError::OutOfOrder { expected: 2, given: 1 }));
+    let mut next = || {
+        world.move_instance(keys[0], Placement::at(DVec3::X)).expect("valid");
+        world.move_instance(keys[0], Placement::at(DVec3::Y)).expect("valid");
+        let delta = update(&mut world);
+        played.planner.reserve(&world, &delta).expect("room enough").plan()
+    };
+    let (second, third) = (next(), next());
+    assert_eq!(played.device.play(&third), Err(PlanError::OutOfOrder { expected: 2, given: 3 }));
+    assert_eq!(played.instances(&world, INSTANCE_BYTES), before, "a refused plan does nothing");
+    assert_eq!(played.device.play(&second), Ok(()));
+    assert_eq!(played.device.play(&third), Ok(()));
+    let mut cursor = PlanCursor::default();
+    assert!(cursor.advance(&third).is_err());
+    cursor.skip_to(&third);
+    assert_eq!(cursor.advance(&third), Ok(()));
+}
+
+#[test]
+fn what_a_device_lost_is_sent_again_by_the_next_plan() {
+    let (mut world, _, keys) = lamps(500);
+    let mut played = Played::new();
+    let delta = update(&mut world);
+    played.frame(&world, &delta);
+    // A plan with growth is made and never played.
+    world.move_instance(keys[0], Placement::at(DVec3::X)).expect("valid");
+    let delta = update(&mut world);
+    let lost = played.planner.reserve(&world, &delta).expect("room enough").plan();
+    assert!(lost.new_buffers.is_empty(), "the engine keeps its buffers");
+    played.planner.lose();
+    let plan = played.planner.reserve(&world, &FrameDelta::default()).expect("room enough").plan();
+    assert_eq!((plan.report.instances, plan.report.trees), (500, 1));
+    assert!(!plan.top.is_empty());
+    let mut cursor = PlanCursor::default();
+    cursor.skip_to(&plan);
+    let mut device = std::mem::take(&mut played.device);
+    device.skip_to(&plan);
+    device.play(&plan).expect("it was skipped to");
+    played.device = device;
+    let mut fresh = Played::new();
+    fresh.frame(&world, &FrameDelta::everything(&world));
+    assert!(played.instances(&world, INSTANCE_BYTES) == fresh.instances(&world, INSTANCE_BYTES));
+    assert!(played.frame(&world, &FrameDelta::default()).is_empty(), "nothing is sent a third time");
+}
+
+#[test]
+fn a_world_that_does_not_fit_is_refused_and_fits_once_it_holds_less() {
+    let (mut world, _, keys) = lamps(10);
+    let mut played = Played { planner: LightPlanner::new(PlanLimits::new(0)), device: Device::default() };
+    let delta = update(&mut world);
+    played.frame(&world, &delta);
+    let lamp = |i: u32| Light::point(Vec3::splat(i as f32), Vec3::ONE);
+    let tree = world.add_tree((0..5000).map(lamp).collect()).expect("valid");
+    world.move_instance(keys[0], Placement::at(DVec3::X)).expect("valid");
+    let delta = update(&mut world);
+    let refused = played.planner.reserve(&world, &delta).map(|_| ()).expect_err("too many lights");
+    assert_eq!(refused, PlanError::Full { what: "lights", needed: 5001 * 32, limit: 131_072 });
+    world.remove_tree(tree).expect("it has no instances");
+    let delta = update(&mut world);
+    let plan = played.frame(&world, &delta);
+    assert_eq!((plan.report.instances, plan.report.lights), (1, 0), "the move was kept");
+}
+
+#[test]
+fn every_kernel_is_valid_wgsl_with_the_bindings_of_its_table() {
+    use girandole::plan::Binding;
+    let mut entries = Vec::new();
+    for kernel in KERNELS {
+        let text = kernel.wgsl();
+        let module = naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("it parses");
+        naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::default())
+            .validate(&module)
+            .map_err(|e| e.emit_to_string(&text))
+            .expect("it is valid");
+        assert_eq!(module.entry_points.len(), 1);
+        assert_eq!(module.entry_points[0].name, kernel.entry());
+        for (_, variable) in module.global_variables.iter() {
+            let Some(binding) = &variable.binding else { continue };
+            assert_eq!(binding.group, 0);
+            let expected = kernel.bindings()[binding.binding as usize];
+            let found = match variable.space {
+                naga::AddressSpace::Uniform => {
+                    Binding::Uniform { bytes: module.types[variable.ty].inner.size(module.to_ctx()) }
+                }
+                naga::AddressSpace::Storage { access } if access.contains(naga::StorageAccess::STORE) => {
+                    Binding::ReadWrite
+                }
+                _ => Binding::Read,
+            };
+            // A kernel may only read what another one with the same table writes.
+            let is_read_only = found == Binding::Read && expected == Binding::ReadWrite;
+            assert!(found == expected || is_read_only, "{}: {found:?}, not {expected:?}", kernel.entry());
+        }
+        assert!(!entries.contains(&kernel.entry()));
+        entries.push(kernel.entry());
+    }
+}
