@@ -355,15 +355,17 @@ fn a_world_of_points_sends_no_bytes_for_cones_ranges_and_scales() {
     assert_eq!(upload(&mut world), 80);
     // A tree of spots with ranges lengthens all nodes and lights, which the GPU converts. The
     // upload sends the tree, its instance, the part of the instance, two tables for the conversion,
-    // and the uniform.
+    // the uniform of shaders, and those of the top level: of the four passes of its sort, since
+    // there is one part more, and of its only round.
     let spot = |_| Light::spot(rng.place(5.0), Vec3::NEG_Y, 0.1, 0.4, Vec3::ONE).with_range(9.0);
     let spots = world.add_tree((0..20).map(spot).collect()).expect("valid");
     world.add_instance(spots, Placement::IDENTITY, Policy::Budgeted).expect("valid");
     let table = 16 + 2 * 13 * 16;
-    assert_eq!(upload(&mut world), 20 * 64 + nodes(&world, spots) * 208 + 80 + 80 + 8 + 2 * table + 48);
+    let sent = 20 * 64 + nodes(&world, spots) * 208 + 80 + 80 + 8 + 2 * table + 48 + 4 * 256 + 256;
+    assert_eq!(upload(&mut world), sent);
     // A scaled instance lengthens all instances.
     world.move_instance(instance, Placement { linear: 2.0 * Mat3::IDENTITY, ..Placement::IDENTITY }).expect("valid");
-    assert_eq!(upload(&mut world), 128 + table + 48);
+    assert_eq!(upload(&mut world), 128 + table + 48 + 256);
 }
 
 #[test]

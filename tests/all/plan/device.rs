@@ -130,6 +130,12 @@ impl Played {
     /// The records of instances, which have the same place on every device that follows the world.
     pub fn instances(&self, world: &LightWorld, stride: usize) -> Vec<u8> {
         let [_, _, _, instances, _] = self.planner.bindings().expect("a plan was made");
-        self.device.content(instances)[stride..stride * world.slot_count()].to_vec()
+        // Slots begin at 1.
+        self.device.content(instances)[stride..stride * slots(world)].to_vec()
     }
+}
+
+/// One more than the greatest slot.
+pub fn slots(world: &LightWorld) -> usize {
+    world.instances().filter_map(|key| world.slot(key)).max().map_or(1, |slot| slot as usize + 1)
 }

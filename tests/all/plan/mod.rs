@@ -3,7 +3,7 @@
 
 mod device;
 
-use device::{Device, Played};
+use device::{Device, Played, slots};
 use girandole::glam::{DVec3, Vec3};
 use girandole::plan::{Command, FramePlan, KERNELS, LightPlanner, PlanCursor, PlanError, PlanLimits};
 use girandole::{FrameBudget, FrameDelta, InstanceKey, Light, LightWorld, Placement, Policy, TreeKey};
@@ -169,14 +169,13 @@ fn buffers_of_an_exact_reservation_are_no_larger_than_needed() {
     let mut played = Played::new();
     let delta = update(&mut world);
     played.frame(&world, &delta);
-    let slots = world.slot_count();
-    let mut add = |world: &mut LightWorld| {
-        while world.slot_count() <= 128 {
+        let add = |world: &mut LightWorld| {
+        while slots(world) <= 128 {
             world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
         }
         update(world)
     };
-    assert!(slots < 128);
+    assert!(slots(&world) < 128);
     let delta = add(&mut world);
     let bytes = |buffers: &[girandole::plan::NewBuffer]| {
         buffers.iter().find(|b| b.what == "instances").expect("the instances have grown").bytes
