@@ -8,6 +8,7 @@ mod change_log;
 mod delta;
 mod edit;
 mod key_set;
+mod moves;
 mod open_build;
 mod overlap;
 mod parts;
@@ -17,6 +18,7 @@ mod refit;
 mod requests;
 mod rest;
 mod rest_timers;
+mod slot_set;
 mod staged;
 mod update;
 
@@ -70,6 +72,7 @@ pub struct LightWorld {
     /// Trees that the next update refits, or whose rebuild request it updates.
     pending: KeySet<TreeKey>,
     changes: Changes,
+    move_scratch: moves::MoveScratch,
     scheduler: Scheduler,
     open_build: open_build::OpenBuild,
     /// The jobs of the last update.
@@ -198,6 +201,7 @@ impl LightWorld {
             rest_timers: RestTimers::default(),
             pending: KeySet::default(),
             changes: Changes::default(),
+            move_scratch: moves::MoveScratch::default(),
             scheduler: Scheduler::default(),
             open_build: open_build::OpenBuild::default(),
             jobs: Vec::new(),
