@@ -1,5 +1,6 @@
 //! Times moves of a tenth of all instances, which are scattered over the slots: one by one and in
-//! one call, turned and scaled or only translated; and the delta that names them.
+//! one call, turned and scaled or only translated; and the delta that names them. The throughput is
+//! that of moved instances.
 //!
 //! `cargo bench --bench moves`; set `RAYON_NUM_THREADS=1` for the figures of one core. As a test
 //! (`cargo test --benches`) every case runs once, at the smallest size.
@@ -9,7 +10,7 @@ use std::time::{Duration, Instant};
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, BenchmarkId, Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use girandole::glam::DVec3;
-use girandole::{FrameBudget, FrameDelta, InstanceKey, LightWorld, Placement, Policy};
+use girandole::{FrameBudget, InstanceKey, LightWorld, Placement, Policy};
 
 #[path = "../examples/common/mod.rs"]
 #[allow(dead_code, reason = "examples use more of it")]
@@ -66,51 +67,50 @@ fn scattered(world: &LightWorld, kind: Kind, rng: &mut Rng) -> Moves {
     keys[..moved].iter().map(|key| (*key, kind.place(rng))).collect()
 }
 
-/// Times work in frames that each move other instances. The work returns the time that counts.
+/// Times frames that each move other instances. `frame` makes the moves, and returns the time of
+/// what is measured.
 fn time(
     group: &mut BenchmarkGroup<WallTime>,
-    id: BenchmarkId,
-    kind: Kind,
-    count: usize,
-    work: impl Fn(&mut LightWorld, &Moves) -> Duration,
+    (name, kind, count): (&str, Kind, usize),
+    frame: fn(&mut LightWorld, &Moves) -> Duration,
 ) {
     let mut rng = Rng(count as u64);
     let mut world = world(count, kind, &mut rng);
     group.throughput(Throughput::Elements(count as u64 / 10));
-    group.bench_function(id, |b| {
+    group.bench_function(BenchmarkId::new(format!("{name}, {kind:?}"), count), |b| {
         b.iter_custom(|rounds| {
-            let frame = |_| {
+            let mut took = Duration::ZERO;
+            for _ in 0..rounds {
                 let moves = scattered(&world, kind, &mut rng);
-                let took = work(&mut world, &moves);
+                took += frame(&mut world, &moves);
                 world.update(FrameBudget::NONE);
                 world.take_delta();
                 assert!(moves.iter().all(|(key, placement)| world.placement(*key) == Some(*placement)));
-                took
-            };
-            (0..rounds).map(frame).sum()
+            }
+            took
         });
     });
 }
 
-fn since(start: Instant, work: impl FnOnce()) -> Duration {
-    work();
-    start.elapsed()
-}
-
-fn one_by_one(world: &mut LightWorld, moves: &Moves) {
+fn one_by_one(world: &mut LightWorld, moves: &Moves) -> Duration {
+    let start = Instant::now();
     for (key, placement) in moves {
         world.move_instance(*key, *placement).expect("a valid placement");
     }
+    start.elapsed()
 }
 
-fn in_one_call(world: &mut LightWorld, moves: &Moves) {
+fn in_one_call(world: &mut LightWorld, moves: &Moves) -> Duration {
+    let start = Instant::now();
     world.move_instances(moves).expect("valid placements");
+    start.elapsed()
 }
 
-fn take(world: &mut LightWorld, moves: &Moves) -> Duration {
+fn take_delta(world: &mut LightWorld, moves: &Moves) -> Duration {
     in_one_call(world, moves);
-    let mut delta = FrameDelta::default();
-    let took = since(Instant::now(), || delta = world.take_delta());
+    let start = Instant::now();
+    let delta = world.take_delta();
+    let took = start.elapsed();
     assert_eq!(delta.moved_instances().len(), moves.len());
     took
 }
@@ -119,16 +119,12 @@ fn moves(c: &mut Criterion) {
     let mut group = c.benchmark_group("moves");
     group.sample_size(20).sampling_mode(SamplingMode::Flat);
     group.warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(1));
-    let count = if std::env::args().any(|a| a == "--bench") { 100_000 } else { 1_000 };
+    let count = if std::env::args().any(|a| a == "--bench") { 100_000 } else { 10_000 };
     for kind in [Kind::Translated, Kind::Affine] {
-        let id = |name| BenchmarkId::new(format!("{name}, {kind:?}"), count);
-        let timed = |work: fn(&mut LightWorld, &Moves)| {
-            move |world: &mut LightWorld, moves: &Moves| since(Instant::now(), || work(world, moves))
-        };
-        time(&mut group, id("one by one"), kind, count, timed(one_by_one));
-        time(&mut group, id("move_instances"), kind, count, timed(in_one_call));
+        time(&mut group, ("move_instance", kind, count), one_by_one);
+        time(&mut group, ("move_instances", kind, count), in_one_call);
     }
-    time(&mut group, BenchmarkId::new("take_delta", count), Kind::Translated, count, take);
+    time(&mut group, ("take_delta", Kind::Translated, count), take_delta);
     group.finish();
 }
 

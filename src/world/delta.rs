@@ -67,7 +67,7 @@ impl FrameDelta {
 /// Changes that wait for [`LightWorld::take_delta`]. Each slot is kept once, so the memory is
 /// bounded by the number of slots even if no delta is ever taken.
 #[derive(Debug, Default)]
-pub(crate) struct Changes {
+pub(super) struct Changes {
     trees: SlotSet,
     instances: SlotSet,
     user_data: SlotSet,
@@ -117,6 +117,14 @@ impl Changes {
         if !self.added.contains(slot) {
             self.moved.insert(slot);
         }
+    }
+
+    /// Records that the instances of some slots were moved.
+    pub fn all_moved(&mut self, slots: &SlotSet) {
+        let none = SlotSet::default();
+        self.instances.extend(slots, &none);
+        self.reported.extend(slots, &none);
+        self.moved.extend(slots, &self.added);
     }
 
     /// Records that the instance of a slot was removed.

@@ -215,7 +215,6 @@ impl LightWorld {
             Instance { tree, placement, policy, appearance: Appearance::default(), placed, index_in_tree: 0 };
         self.effects.change(|counts| counts.add(instance.effects()));
         let key = self.instances.insert(instance);
-        set_slot(&mut self.slots, slot_of(key), Some(key));
         self.attach(key, tree, policy);
         self.build_for_first(key);
         self.file_new(key);
@@ -231,7 +230,6 @@ impl LightWorld {
     pub fn remove_instance(&mut self, key: InstanceKey) -> Result<(), WorldError> {
         let instance = self.instances.remove(key).ok_or(WorldError::NoSuchInstance(key))?;
         self.effects.change(|counts| counts.remove(instance.effects()));
-        set_slot(&mut self.slots, slot_of(key), None);
         self.forget_overlap(key, instance.tree);
         self.detach(instance.tree, instance.index_in_tree, instance.policy);
         self.changes.removed(slot_of(key));

@@ -16,6 +16,15 @@ pub(super) struct SlotSet {
     len: usize,
 }
 
+/// The numbers of the bits that are set, in ascending order.
+fn bits_of(mut bits: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let bit = (bits != 0).then(|| bits.trailing_zeros() as usize)?;
+        bits &= bits - 1;
+        Some(bit)
+    })
+}
+
 /// The index of the word that holds a bit, and the word with that bit alone.
 fn place(bit: usize) -> (usize, u64) {
     (bit / BITS, 1 << (bit % BITS))
@@ -57,6 +66,57 @@ impl SlotSet {
         true
     }
 
+    /// Adds the slots of a set, without those of another one. O(words that hold some).
+    pub fn extend(&mut self, slots: &Self, without: &Self) {
+        if self.words.len() < slots.words.len() {
+            self.words.resize(slots.words.len(), 0);
+            self.in_use.resize(slots.in_use.len(), 0);
+        }
+        for (above, in_use) in slots.in_use.iter().enumerate() {
+            for bit in bits_of(*in_use) {
+                let word = above * BITS + bit;
+                let except = without.words.get(word).copied().unwrap_or(0) | self.words[word];
+                let new = slots.words[word] & !except;
+                self.words[word] |= new;
+                self.in_use[above] |= u64::from(self.words[word] != 0) << bit;
+                self.len += new.count_ones() as usize;
+            }
+        }
+    }
+
+    /// Keeps the slots for which `keep` returns true, and returns what it has added up.
+    ///
+    /// `keep` is called once for each slot, on rayon's threads, with the item of that index and a
+    /// sum. Each sum starts at its default, and `merge` adds them up in any order. There must be an
+    /// item for each slot of the set.
+    #[cfg(feature = "parallel")]
+    pub fn retain_on_threads<T: Send, S: Default + Send>(
+        &mut self,
+        items: &mut [T],
+        keep: impl Fn(&mut S, &mut T) -> bool + Sync,
+        merge: impl Fn(S, S) -> S + Sync,
+    ) -> S {
+        use rayon::prelude::*;
+        let Self { words, in_use, len } = self;
+        let parts = in_use.par_iter_mut().zip(words.par_chunks_mut(BITS)).zip(items.par_chunks_mut(BITS * BITS));
+        let retain = |((in_use, words), items): ((&mut u64, &mut [u64]), &mut [T])| {
+            let (mut sum, mut removed) = (S::default(), 0_usize);
+            for word in bits_of(*in_use) {
+                for bit in bits_of(words[word]) {
+                    if !keep(&mut sum, &mut items[word * BITS + bit]) {
+                        words[word] &= !(1 << bit);
+                        removed += 1;
+                    }
+                }
+                *in_use &= !(u64::from(words[word] == 0) << word);
+            }
+            (sum, removed)
+        };
+        let (sum, removed) = parts.map(retain).reduce(|| (S::default(), 0), |(a, m), (b, n)| (merge(a, b), m + n));
+        *len -= removed;
+        sum
+    }
+
     /// Empties the set and returns how many slots it held. Keeps the memory.
     pub fn clear(&mut self) -> usize {
         let count = self.len;
@@ -68,12 +128,7 @@ impl SlotSet {
     /// and nothing for an empty set.
     pub fn take(&mut self) -> Vec<u32> {
         let mut slots = Vec::with_capacity(self.len);
-        self.drain_words(|word, mut bits| {
-            while bits != 0 {
-                slots.push((word * BITS) as u32 + bits.trailing_zeros());
-                bits &= bits - 1;
-            }
-        });
+        self.drain_words(|word, bits| slots.extend(bits_of(bits).map(|bit| (word * BITS + bit) as u32)));
         slots
     }
 
@@ -84,10 +139,9 @@ impl SlotSet {
         }
         self.len = 0;
         for (above, in_use) in self.in_use.iter_mut().enumerate() {
-            while *in_use != 0 {
-                let word = above * BITS + in_use.trailing_zeros() as usize;
+            for bit in bits_of(std::mem::take(in_use)) {
+                let word = above * BITS + bit;
                 each(word, std::mem::take(&mut self.words[word]));
-                *in_use &= *in_use - 1;
             }
         }
     }
@@ -117,5 +171,46 @@ mod tests {
         }
         assert!(set.take().into_iter().eq(sorted));
         assert!(set.words.iter().chain(&set.in_use).all(|bits| *bits == 0));
+    }
+
+    fn set_of(slots: impl IntoIterator<Item = u32>) -> SlotSet {
+        let mut set = SlotSet::default();
+        for slot in slots {
+            set.insert(slot);
+        }
+        set
+    }
+
+    #[cfg(feature = "parallel")]
+    #[test]
+    fn a_set_keeps_what_it_is_told_to_keep() {
+        for step in [1, 7, 5000] {
+            let slots = (0..30_000).step_by(step);
+            let mut set = set_of(slots.clone());
+            let mut items: Vec<u32> = (0..40_000).collect();
+            let keep = |sum: &mut u64, item: &mut u32| {
+                *sum += u64::from(*item);
+                *item += 1;
+                *item % 3 == 0 && *item > 200
+            };
+            let sum = set.retain_on_threads(&mut items, keep, |a, b| a + b);
+            assert_eq!(sum, slots.clone().map(u64::from).sum::<u64>());
+            let raised =
+                |(slot, item): (usize, &u32)| *item as usize == slot + usize::from(slot < 30_000 && slot % step == 0);
+            assert!(items.iter().enumerate().all(raised), "each slot once");
+            let kept: Vec<u32> = slots.filter(|slot| (slot + 1) % 3 == 0 && slot + 1 > 200).collect();
+            assert_eq!((set.len, set.take()), (kept.len(), kept));
+            assert!(set.in_use.iter().all(|bits| *bits == 0), "words without slots are not in use");
+        }
+    }
+
+    #[test]
+    fn a_set_takes_in_another_without_a_third() {
+        let mut set = set_of([1, 64, 5000]);
+        set.extend(&set_of([1, 2, 64, 70, 9000, 100_000]), &set_of([2, 9000]));
+        assert_eq!(set.len, 5);
+        assert_eq!(set.take(), [1, 64, 70, 5000, 100_000]);
+        set.extend(&set_of([2]), &set_of([2]));
+        assert!(set.take().is_empty() && set.in_use.iter().all(|bits| *bits == 0));
     }
 }
