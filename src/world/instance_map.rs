@@ -77,6 +77,7 @@ impl<T> InstanceMap<T> {
     }
 
     /// What each slot holds.
+    #[cfg(feature = "parallel")]
     pub fn slots_mut(&mut self) -> &mut [Option<(InstanceKey, T)>] {
         &mut self.slots
     }

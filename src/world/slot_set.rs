@@ -164,7 +164,7 @@ mod tests {
             match step * 17 % 101 {
                 0 => assert!(set.take().into_iter().eq(std::mem::take(&mut sorted))),
                 50 => assert_eq!(set.clear(), std::mem::take(&mut sorted).len()),
-                step if step % 3 == 0 => assert_eq!(set.remove(slot), sorted.remove(&slot)),
+                step if step.is_multiple_of(3) => assert_eq!(set.remove(slot), sorted.remove(&slot)),
                 _ => assert_eq!(set.insert(slot), sorted.insert(slot)),
             }
             assert_eq!((set.len, set.contains(slot)), (sorted.len(), sorted.contains(&slot)));
@@ -191,14 +191,15 @@ mod tests {
             let keep = |sum: &mut u64, item: &mut u32| {
                 *sum += u64::from(*item);
                 *item += 1;
-                *item % 3 == 0 && *item > 200
+                item.is_multiple_of(3) && *item > 200
             };
             let sum = set.retain_on_threads(&mut items, keep, |a, b| a + b);
             assert_eq!(sum, slots.clone().map(u64::from).sum::<u64>());
-            let raised =
-                |(slot, item): (usize, &u32)| *item as usize == slot + usize::from(slot < 30_000 && slot % step == 0);
+            let raised = |(slot, item): (usize, &u32)| {
+                *item as usize == slot + usize::from(slot < 30_000 && slot.is_multiple_of(step))
+            };
             assert!(items.iter().enumerate().all(raised), "each slot once");
-            let kept: Vec<u32> = slots.filter(|slot| (slot + 1) % 3 == 0 && slot + 1 > 200).collect();
+            let kept: Vec<u32> = slots.filter(|slot| (slot + 1).is_multiple_of(3) && slot + 1 > 200).collect();
             assert_eq!((set.len, set.take()), (kept.len(), kept));
             assert!(set.in_use.iter().all(|bits| *bits == 0), "words without slots are not in use");
         }
