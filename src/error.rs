@@ -89,7 +89,7 @@ impl LightError {
 }
 
 /// Why a world or a tree refused a call, which has then changed nothing. Codes 200 to 209, or the
-/// code of the [`LightError`] or [`PlacementError`] inside.
+/// code of the error inside.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum WorldError {
@@ -111,6 +111,14 @@ pub enum WorldError {
     /// A placement is refused.
     #[error("placement: {0}")]
     Placement(#[from] PlacementError),
+    /// One move of a list is refused, and with it the whole list.
+    #[error("move {index}: {source}")]
+    Move {
+        /// The index of the move in the given list.
+        index: usize,
+        /// [`WorldError::NoSuchInstance`] or [`WorldError::Placement`].
+        source: Box<WorldError>,
+    },
     /// More lights than a tree can hold.
     #[error("{given} lights in one tree; the limit is {limit}")]
     TooManyLights {
@@ -183,6 +191,7 @@ impl WorldError {
         match self {
             Self::Light { source, .. } | Self::Directional { source } => source.code(),
             Self::Placement(source) => source.code(),
+            Self::Move { source, .. } => source.code(),
             Self::TooManyLights { .. } => 200,
             Self::NoSuchLight { .. } => 201,
             Self::NoSuchTree(_) => 202,
@@ -358,7 +367,7 @@ mod tests {
     }
 
     /// Errors of a world that wrap no other.
-    fn world_errors() -> [WorldError; 9] {
+    fn world_errors() -> [WorldError; 10] {
         [
             WorldError::TooManyLights { given: 3, limit: 2 },
             WorldError::NoSuchLight { index: 3, count: 2 },
@@ -369,6 +378,7 @@ mod tests {
             WorldError::StaticTree(TreeKey::default()),
             WorldError::Policy { what: WHAT, value: -1.0, min: 0.0 },
             WorldError::NotFinite { what: WHAT, value: f64::NAN },
+            WorldError::Factor { value: -1.0, limit: 2.0 },
         ]
     }
 
@@ -386,7 +396,7 @@ mod tests {
             ])
             .collect();
         assert_eq!(codes.iter().collect::<BTreeSet<_>>().len(), codes.len());
-        let expected: Vec<u32> = (100..105).chain(200..209).chain(300..304).chain([400, 500, 1000, 1001]).collect();
+        let expected: Vec<u32> = (100..105).chain(200..210).chain(300..304).chain([400, 500, 1000, 1001]).collect();
         assert_eq!(codes, expected);
     }
 
@@ -397,7 +407,9 @@ mod tests {
             assert_eq!(WorldError::Directional { source }.code(), source.code());
         }
         for source in placement_errors() {
-            assert_eq!(WorldError::from(source).code(), source.code());
+            let error = WorldError::from(source);
+            assert_eq!(error.code(), source.code());
+            assert_eq!(WorldError::Move { index: 7, source: Box::new(error) }.code(), source.code());
         }
     }
 

@@ -15,8 +15,10 @@ use std::fs;
 pub fn run(options: &Options) -> Result<Measured, SceneError> {
     let out = &options.out;
     fs::create_dir_all(out).map_err(|error| SceneError(format!("cannot create {}: {error}", out.display())))?;
-    let mut table = Table::create(&out.join("accuracy.csv"), &COLUMNS).map_err(SceneError)?;
     let measured = measure(options)?;
+    // Only now, so that a refused scene leaves the table of an earlier run. A folder that cannot be
+    // written to was refused with the first pass of the reference.
+    let mut table = Table::create(&out.join("accuracy.csv"), &COLUMNS).map_err(SceneError)?;
     measured.rows.iter().try_for_each(|row| table.add(row.fields())).map_err(SceneError)?;
 
     let answers = Answers::new(&measured.rows).ok_or_else(|| SceneError("the default was not measured".into()))?;

@@ -48,10 +48,10 @@ pub struct Options {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=10_000))]
     pub frames: Option<u32>,
     /// Frames per second of the animation; fewer move the lights further in each frame
-    #[arg(long, value_name = "F", value_parser = parse_fps, default_value = "4")]
+    #[arg(long, value_name = "F", value_parser = parse_fps, allow_negative_numbers = true, default_value = "4")]
     pub fps: f64,
     /// Time of the first frame in the animation, in seconds; another start gives other trees
-    #[arg(long, value_name = "S", value_parser = parse_start, default_value = "0")]
+    #[arg(long, value_name = "S", value_parser = parse_start, allow_negative_numbers = true, default_value = "0")]
     pub start: f64,
     /// Number of independent pictures of each frame and strategy [default: 5, or 2 with --quick]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1_000))]
@@ -107,6 +107,10 @@ pub fn run(options: &Options) -> Result<(), SceneError> {
             path: options.path,
             vehicles: options.vehicles as usize,
         });
+    }
+    // Before a city plays for an hour, and before the tables of an earlier run are emptied.
+    for file in sources.iter().filter(|source| matches!(source, Source::Gltf { .. })) {
+        file.load(options.start)?;
     }
     let mut tables = report::Tables::create(&options.out)?;
     let threads = rayon::ThreadPoolBuilder::new().num_threads(1).build();

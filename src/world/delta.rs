@@ -1,10 +1,13 @@
 //! Changes since the last upload to the GPU.
 
 use super::LightWorld;
+use super::slot_set::SlotSet;
 use crate::keys::slot_of;
 
 /// The changes of a world between two calls of [`LightWorld::take_delta`]: what `GpuLights::upload`
 /// sends to a GPU.
+///
+/// Each list of slots is in ascending order and names each slot once.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameDelta {
     /// Slots of trees that were added, edited, rebuilt or removed.
@@ -15,6 +18,10 @@ pub struct FrameDelta {
     pub(crate) user_data: Vec<u32>,
     /// Some directional light was added, changed or removed.
     pub(crate) directionals: bool,
+    /// Some of `instances`.
+    moved: Vec<u32>,
+    /// Others of `instances`.
+    removed: Vec<u32>,
 }
 
 impl FrameDelta {
@@ -23,28 +30,57 @@ impl FrameDelta {
         self.trees.is_empty() && self.instances.is_empty() && self.user_data.is_empty() && !self.directionals
     }
 
-    /// The delta of a whole world, for a GPU that nothing was uploaded to yet.
+    /// The delta of a whole world, for a GPU that nothing was uploaded to yet. It names nothing as
+    /// moved or removed.
     pub fn everything(world: &LightWorld) -> Self {
         Self {
             trees: world.trees.keys().map(slot_of).collect(),
             instances: world.instances.keys().map(slot_of).collect(),
-            user_data: Vec::new(),
             directionals: !world.directionals.is_empty(),
+            ..Self::default()
         }
+    }
+
+    /// The slots of instances that were moved since the last delta, in ascending order, for shaders
+    /// that keep samples from frame to frame: the field `instance` of a kept sample is such a slot
+    /// ([`LightWorld::slot`]).
+    ///
+    /// These slots hold the same instance as before, in another place; an instance that was moved
+    /// away and back may be among them. Instances that are hidden by a scale of zero, or shown
+    /// again, count as moved. Not listed are new instances, those whose appearance or lights
+    /// changed, and the change of all positions by [`LightWorld::set_origin`].
+    pub fn moved_instances(&self) -> &[u32] {
+        &self.moved
+    }
+
+    /// The slots of instances that were removed since the last delta, in ascending order. A sample
+    /// that was kept from before and names such a slot means nothing any more: the slot is free, or
+    /// holds another instance.
+    ///
+    /// An instance that was added and removed since the last delta is not listed, unless an older
+    /// one had its slot before.
+    pub fn removed_instances(&self) -> &[u32] {
+        &self.removed
     }
 }
 
 /// Changes that wait for [`LightWorld::take_delta`]. Each slot is kept once, so the memory is
 /// bounded by the number of slots even if no delta is ever taken.
 #[derive(Debug, Default)]
-pub(crate) struct Changes {
+pub(super) struct Changes {
     trees: SlotSet,
     instances: SlotSet,
     user_data: SlotSet,
+    pub directionals: bool,
+    /// Slots whose instance was moved, and was there when the last delta was taken.
+    moved: SlotSet,
+    /// Slots whose instance at that time was removed.
+    removed: SlotSet,
+    /// Slots whose instance was added since.
+    added: SlotSet,
     /// Instances that were added, moved, shown, hidden or removed since the last update, for its
     /// report.
-    moved: SlotSet,
-    pub directionals: bool,
+    reported: SlotSet,
 }
 
 impl Changes {
@@ -63,64 +99,67 @@ impl Changes {
         self.user_data.insert(slot);
     }
 
-    /// Records that the instance of a slot was added, moved, shown, hidden or removed.
-    pub fn moved(&mut self, slot: u32) {
+    /// Records that the instance of a slot was shown or hidden, or got another tree.
+    pub fn reported(&mut self, slot: u32) {
         self.instance(slot);
-        self.moved.insert(slot);
+        self.reported.insert(slot);
+    }
+
+    /// Records that an instance was added in a slot.
+    pub fn added(&mut self, slot: u32) {
+        self.reported(slot);
+        self.added.insert(slot);
+    }
+
+    /// Records that the instance of a slot was moved.
+    pub fn moved(&mut self, slot: u32) {
+        self.reported(slot);
+        if !self.added.contains(slot) {
+            self.moved.insert(slot);
+        }
+    }
+
+    /// Records that the instances of some slots were moved.
+    pub fn all_moved(&mut self, slots: &SlotSet) {
+        let none = SlotSet::default();
+        self.instances.extend(slots, &none);
+        self.reported.extend(slots, &none);
+        self.moved.extend(slots, &self.added);
+    }
+
+    /// Records that the instance of a slot was removed.
+    pub fn removed(&mut self, slot: u32) {
+        self.reported(slot);
+        self.moved.remove(slot);
+        if !self.added.remove(slot) {
+            self.removed.insert(slot);
+        }
     }
 
     /// Returns how many instances were added, moved, shown, hidden or removed since the last call.
-    pub fn take_moved(&mut self) -> usize {
-        self.moved.clear()
+    pub fn take_reported(&mut self) -> usize {
+        self.reported.clear()
     }
 
     fn take(&mut self) -> FrameDelta {
+        self.added.clear();
         FrameDelta {
             trees: self.trees.take(),
             instances: self.instances.take(),
             user_data: self.user_data.take(),
             directionals: std::mem::take(&mut self.directionals),
+            moved: self.moved.take(),
+            removed: self.removed.take(),
         }
-    }
-}
-
-/// A set of slots in the order of insertion.
-#[derive(Debug, Default)]
-struct SlotSet {
-    slots: Vec<u32>,
-    contains: Vec<bool>,
-}
-
-impl SlotSet {
-    fn insert(&mut self, slot: u32) {
-        let index = slot as usize;
-        if self.contains.len() <= index {
-            self.contains.resize(index + 1, false);
-        }
-        if !std::mem::replace(&mut self.contains[index], true) {
-            self.slots.push(slot);
-        }
-    }
-
-    /// Empties the set and returns how many slots it held.
-    fn clear(&mut self) -> usize {
-        self.slots.iter().for_each(|slot| self.contains[*slot as usize] = false);
-        let count = self.slots.len();
-        self.slots.clear();
-        count
-    }
-
-    /// Empties the set and returns its slots.
-    fn take(&mut self) -> Vec<u32> {
-        self.slots.iter().for_each(|slot| self.contains[*slot as usize] = false);
-        std::mem::take(&mut self.slots)
     }
 }
 
 impl LightWorld {
     /// Returns the changes since the last call. Pass every delta to `GpuLights::upload`: the
-    /// changes of a delta that is dropped are not returned again. Allocates nothing if there are
-    /// none.
+    /// changes of a delta that is dropped are not returned again.
+    ///
+    /// O(what changed), and a look at 8 bytes for each 4096 slots. Allocates one list for each kind
+    /// of change, and nothing if there are no changes.
     pub fn take_delta(&mut self) -> FrameDelta {
         self.changes.take()
     }

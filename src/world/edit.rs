@@ -215,39 +215,12 @@ impl LightWorld {
             Instance { tree, placement, policy, appearance: Appearance::default(), placed, index_in_tree: 0 };
         self.effects.change(|counts| counts.add(instance.effects()));
         let key = self.instances.insert(instance);
-        set_slot(&mut self.slots, slot_of(key), Some(key));
         self.attach(key, tree, policy);
         self.build_for_first(key);
         self.file_new(key);
-        self.instance_changed(key);
+        self.changes.added(slot_of(key));
+        self.top.take();
         Ok(key)
-    }
-
-    /// Moves an instance, at once. A linear part of all zeros hides it, see [`Placement::linear`].
-    /// A placement that equals the present one changes nothing. O(1).
-    ///
-    /// # Errors
-    /// [`WorldError::NoSuchInstance`], [`WorldError::Placement`].
-    pub fn move_instance(&mut self, key: InstanceKey, placement: impl Into<Placement>) -> Result<(), WorldError> {
-        let origin = self.origin;
-        let instance = self.instances.get_mut(key).ok_or(WorldError::NoSuchInstance(key))?;
-        let placement = placement.into();
-        if placement == instance.placement {
-            return Ok(());
-        }
-        let placed = Placed::new(&placement, origin)?;
-        let former = instance.effects();
-        instance.placed = placed;
-        instance.placement = placement;
-        let present = instance.effects();
-        if former != present {
-            self.effects.change(|counts| {
-                counts.add(present);
-                counts.remove(former);
-            });
-        }
-        self.instance_changed(key);
-        Ok(())
     }
 
     /// Removes an instance; its tree stays. O(1).
@@ -257,10 +230,10 @@ impl LightWorld {
     pub fn remove_instance(&mut self, key: InstanceKey) -> Result<(), WorldError> {
         let instance = self.instances.remove(key).ok_or(WorldError::NoSuchInstance(key))?;
         self.effects.change(|counts| counts.remove(instance.effects()));
-        set_slot(&mut self.slots, slot_of(key), None);
         self.forget_overlap(key, instance.tree);
         self.detach(instance.tree, instance.index_in_tree, instance.policy);
-        self.instance_changed(key);
+        self.changes.removed(slot_of(key));
+        self.top.take();
         Ok(())
     }
 
@@ -495,8 +468,9 @@ impl LightWorld {
         self.changes.tree(slot_of(key));
     }
 
+    /// Records that an instance was shown or hidden, or got another tree.
     pub(super) fn instance_changed(&mut self, key: InstanceKey) {
-        self.changes.moved(slot_of(key));
+        self.changes.reported(slot_of(key));
         self.top.take();
     }
 }

@@ -7,7 +7,9 @@ mod build_thread;
 mod change_log;
 mod delta;
 mod edit;
+mod instance_map;
 mod key_set;
+mod moves;
 mod open_build;
 mod overlap;
 mod parts;
@@ -17,6 +19,7 @@ mod refit;
 mod requests;
 mod rest;
 mod rest_timers;
+mod slot_set;
 mod staged;
 mod update;
 
@@ -28,7 +31,7 @@ use slotmap::SlotMap;
 
 #[cfg(feature = "gpu-plan")]
 pub(crate) use change_log::TreeChanges;
-pub(crate) use delta::Changes;
+use delta::Changes;
 pub use delta::FrameDelta;
 pub use rebuild::JobReport;
 pub use update::{BackgroundReport, FrameReport};
@@ -43,6 +46,7 @@ use crate::scheduler::{Clock, Scheduler, SystemClock};
 use crate::top::TopLevel;
 use crate::tree::LightTree;
 use change_log::ChangeLog;
+use instance_map::InstanceMap;
 use key_set::KeySet;
 use rest_timers::RestTimers;
 use staged::StagedLights;
@@ -53,10 +57,8 @@ use staged::StagedLights;
 /// [`LightWorld::update`]; moves, additions and removals take effect at once.
 pub struct LightWorld {
     trees: SlotMap<TreeKey, TreeEntry>,
-    instances: SlotMap<InstanceKey, Instance>,
+    instances: InstanceMap<Instance>,
     directionals: SlotMap<DirectionalKey, DirectionalLight>,
-    /// The live instance of each slot; an instance keeps its slot while it lives.
-    slots: Vec<Option<InstanceKey>>,
     /// The live tree of each slot.
     tree_slots: Vec<Option<TreeKey>>,
     origin: DVec3,
@@ -70,6 +72,7 @@ pub struct LightWorld {
     /// Trees that the next update refits, or whose rebuild request it updates.
     pending: KeySet<TreeKey>,
     changes: Changes,
+    move_scratch: moves::MoveScratch,
     scheduler: Scheduler,
     open_build: open_build::OpenBuild,
     /// The jobs of the last update.
@@ -185,9 +188,8 @@ impl LightWorld {
     pub fn with_clock(clock: Arc<dyn Clock>) -> Self {
         Self {
             trees: SlotMap::with_key(),
-            instances: SlotMap::with_key(),
+            instances: InstanceMap::default(),
             directionals: SlotMap::with_key(),
-            slots: Vec::new(),
             tree_slots: Vec::new(),
             origin: DVec3::ZERO,
             light_count: 0,
@@ -198,6 +200,7 @@ impl LightWorld {
             rest_timers: RestTimers::default(),
             pending: KeySet::default(),
             changes: Changes::default(),
+            move_scratch: moves::MoveScratch::default(),
             scheduler: Scheduler::default(),
             open_build: open_build::OpenBuild::default(),
             jobs: Vec::new(),
@@ -317,12 +320,12 @@ impl LightWorld {
 
     /// The live instance that shaders refer to by this number; `None` if there is none.
     pub fn instance_at(&self, slot: u32) -> Option<InstanceKey> {
-        self.slots.get(slot as usize).copied().flatten()
+        self.instances.key_at(slot)
     }
 
     /// The number of instance slots that are or were in use.
     pub(crate) fn slot_count(&self) -> usize {
-        self.slots.len()
+        self.instances.slot_count()
     }
 
     /// The live tree of a tree slot.
@@ -350,7 +353,7 @@ impl LightWorld {
         if let Some(top) = self.top.get() {
             return top;
         }
-        let mut built = TopLevel::build(&self.parts(), self.slots.len());
+        let mut built = TopLevel::build(&self.parts(), self.instances.slot_count());
         if self.active_effects().contains(Effects::MASKS) {
             built.set_masks(|slot| self.instance_at(slot).map_or(0, |key| self.instances[key].appearance.mask));
         }

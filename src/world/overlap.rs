@@ -214,7 +214,7 @@ impl LightWorld {
         let aabb = cluster.aabb.transformed(&placed.frame.to_world, placed.frame.translation);
         if self.overlaps.file(key, aabb) {
             // What was judged by its former box is judged again.
-            self.overlaps.slots_left = self.slots.len();
+            self.overlaps.slots_left = self.slot_count();
         }
         true
     }
@@ -234,17 +234,17 @@ impl LightWorld {
             self.judge(key);
         }
         if has_moved {
-            self.overlaps.slots_left = self.slots.len();
+            self.overlaps.slots_left = self.slot_count();
         }
         let mut judged = 0;
         for _ in 0..SLOTS_PER_UPDATE.min(self.overlaps.slots_left) {
             if judged == JUDGED_PER_UPDATE {
                 break;
             }
-            let slot = self.overlaps.next_slot % self.slots.len();
+            let slot = self.overlaps.next_slot % self.slot_count();
             self.overlaps.next_slot = slot + 1;
             self.overlaps.slots_left -= 1;
-            if let Some(key) = self.slots[slot] {
+            if let Some(key) = self.instance_at(slot as u32) {
                 judged += usize::from(self.judge(key));
             }
         }

@@ -10,8 +10,8 @@ use crate::tree::Target;
 impl LightWorld {
     /// The parts of all instances in the order of their slots, with their clusters in the world.
     pub(crate) fn parts(&self) -> Vec<(Part, Cluster)> {
-        let mut parts = Vec::with_capacity(self.slots.len());
-        for slot in 0..self.slots.len() as u32 {
+        let mut parts = Vec::with_capacity(self.slot_count());
+        for slot in 0..self.slot_count() as u32 {
             if let Some(key) = self.instance_at(slot) {
                 self.add_parts(slot, key, &mut parts);
             }

@@ -122,6 +122,8 @@ fn bad_arguments_and_scenes_are_refused_in_one_line() {
         assert!(!line.is_empty() && !line.contains('\n'), "{line}");
     }
     let out = folder("refused");
+    fs::create_dir_all(&out).expect("a writable folder");
+    fs::write(out.join("accuracy.csv"), "of an earlier run").expect("a writable folder");
     for (more, cause) in [
         (&["--gltf", "/nowhere/at/all.glb"][..], "/nowhere/at/all.glb"),
         // From above the clouds, away from the ground.
@@ -130,5 +132,6 @@ fn bad_arguments_and_scenes_are_refused_in_one_line() {
         let error = run(&options(&out, more)).err().expect("it is refused").to_string();
         assert!(error.contains(cause) && !error.contains('\n'), "{error}");
     }
+    assert_eq!(fs::read_to_string(out.join("accuracy.csv")).expect("it is still there"), "of an earlier run");
     fs::remove_dir_all(&out).expect("the test made it");
 }

@@ -5,7 +5,7 @@ use std::cell::Cell;
 
 use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Vec3};
-use girandole::{CandidateCount, Effects, FrameBudget, Light, LightTree, LightWorld, Placement, Policy};
+use girandole::{CandidateCount, Effects, FrameBudget, InstanceKey, Light, LightTree, LightWorld, Placement, Policy};
 
 use crate::support::Rng;
 
@@ -214,6 +214,35 @@ fn an_update_in_which_nothing_moves_asks_for_no_memory_while_100_000_trees_come_
     }
     assert_eq!(world.effect_counts().of(Effects::MOVING), 0);
     assert!(frozen(&world) > 5000);
+}
+
+#[test]
+fn moves_of_many_instances_ask_for_no_memory_and_their_delta_for_two_lists() {
+    on_one_thread(|| {
+        let mut rng = Rng(76);
+        let mut world = rng.world(5, 3, 4_000, 100.0);
+        let keys: Vec<_> = world.instances().collect();
+        let mut moves = |count: usize| -> Vec<(InstanceKey, Placement)> {
+            // A part of the instances is moved twice.
+            let key = |bits: u64| keys[bits as usize % keys.len()];
+            (0..count).map(|_| (key(rng.bits()), rng.affine(100.0).into())).collect()
+        };
+        world.take_delta();
+        let all: Vec<_> = keys.iter().map(|key| (*key, Placement::at(DVec3::ONE))).collect();
+        world.move_instances(&all).expect("valid");
+        world.update(FrameBudget::NONE);
+        world.take_delta();
+        for count in [1, 100, 10_000] {
+            let moves = moves(count);
+            assert_eq!(requests(|| world.move_instances(&moves).expect("valid")), 0, "{count} moves");
+            world.update(FrameBudget::NONE);
+            // The slots of changed records, and those of moved instances.
+            assert_eq!(requests(|| drop(world.take_delta())), 2, "{count} moves");
+            let asked = requests(|| moves.iter().for_each(|(key, to)| world.move_instance(*key, *to).expect("valid")));
+            assert_eq!(asked, 0, "{count} moves, one by one");
+            world.take_delta();
+        }
+    });
 }
 
 #[test]

@@ -37,6 +37,7 @@ mod hard_cases;
 #[path = "../../examples/measuring/mod.rs"]
 #[allow(dead_code, missing_docs, reason = "the programs use what the tests do not")]
 mod measuring;
+mod moves;
 mod paper;
 mod parts;
 mod pdf;

@@ -93,6 +93,7 @@ fn bad_arguments_are_refused_in_one_line() {
         (&["--size", "4x9"][..], "from 8 to 4096 pixels"),
         (&["--size", "9"], "a width and a height"),
         (&["--fps", "0"], "0.01"),
+        (&["--start", "-1"], "from 0 to 10000"),
         (&["--frames", "1"], "1 is not in 2"),
         (&["--seeds", "1"], "1 is not in 2"),
         (&["--path", "1,2,3"], "six numbers"),
@@ -101,8 +102,12 @@ fn bad_arguments_are_refused_in_one_line() {
         let error = options(&out, more).expect_err("a bad argument");
         assert!(error.contains(part) && !error.contains('\n'), "{more:?}: {error}");
     }
-    let missing = options(&out, &["--no-city", "--gltf", "/nowhere/at/all.glb"]).expect("valid options");
+    // Before the city plays, and before the tables of an earlier run are lost.
+    std::fs::create_dir_all(&out).expect("a writable folder");
+    std::fs::write(out.join("paper.csv"), "of an earlier run").expect("a writable folder");
+    let missing = options(&out, &["--gltf", "/nowhere/at/all.glb"]).expect("valid options");
     let error = run(&missing).expect_err("no such file").to_string();
     assert!(error.contains("/nowhere/at/all.glb") && !error.contains('\n'), "{error}");
+    assert_eq!(std::fs::read_to_string(out.join("paper.csv")).expect("it is still there"), "of an earlier run");
     std::fs::remove_dir_all(&out).expect("the folder of the test");
 }

@@ -1,0 +1,259 @@
+//! Moves of many instances in one call, and what a delta says of them.
+
+use std::collections::{BTreeMap, HashMap};
+
+use girandole::effects::EFFECT_HOLD_UPDATES;
+use girandole::glam::{DVec3, Mat3, Vec3};
+use girandole::gpu::{GpuLights, UploadReport};
+use girandole::{
+    FrameBudget, FrameDelta, InstanceKey, LightTree, LightWorld, MAX_DISTANCE, Placement, PlacementError, Policy,
+    WorldError,
+};
+use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
+
+use crate::gpu::gpu;
+use crate::support::{Rng, SPLITS, vary};
+
+type Moves = Vec<(InstanceKey, Placement)>;
+
+fn below(rng: &mut Rng, end: usize) -> usize {
+    (rng.bits() % end as u64) as usize
+}
+
+/// A world of small trees, which may be opened, and of trees that are divided by side. The first
+/// instance of a tree of each kind is stretched.
+fn world(seed: u64) -> LightWorld {
+    let mut rng = Rng(seed);
+    let mut world = LightWorld::new();
+    for lights in [5, 12, 12, 40] {
+        for first in [Placement::IDENTITY, stretched(&mut rng)] {
+            let tree = world.add_tree(rng.lights(lights, 2.0)).expect("valid");
+            world.add_instance(tree, first, Policy::Budgeted).expect("valid");
+            for _ in 0..4 {
+                world.add_instance(tree, rng.affine(10.0), Policy::Budgeted).expect("valid");
+            }
+        }
+    }
+    vary(&mut world);
+    world
+}
+
+/// So much that a tree whose first instance this is would be divided in another way.
+fn stretched(rng: &mut Rng) -> Placement {
+    let scale = Vec3::new(rng.between(0.1, 0.3), rng.between(0.5, 1.0), rng.between(2.0, 5.0));
+    Placement { linear: Mat3::from_diagonal(scale), translation: rng.place(10.0).as_dvec3() }
+}
+
+/// Moves of random instances, some of them several times: apart and into one another, to where they
+/// are, and out of sight.
+fn random_moves(world: &LightWorld, rng: &mut Rng, count: usize) -> Moves {
+    let keys: Vec<_> = world.instances().collect();
+    let place = |key, rng: &mut Rng| match below(rng, 8) {
+        0 => world.placement(key).expect("it lives"),
+        1 => Placement { linear: Mat3::ZERO, translation: rng.place(10.0).as_dvec3() },
+        2 => stretched(rng),
+        3 | 4 => Placement::at(rng.place(0.5).as_dvec3()),
+        _ => rng.affine(20.0).into(),
+    };
+    let mut one = |_| {
+        let key = keys[below(rng, keys.len())];
+        (key, place(key, rng))
+    };
+    (0..count).map(&mut one).collect()
+}
+
+fn one_by_one(world: &mut LightWorld, moves: &[(InstanceKey, Placement)]) {
+    for (key, placement) in moves {
+        world.move_instance(*key, *placement).expect("valid");
+    }
+}
+
+/// The last move of each instance.
+fn last_ones(moves: &Moves) -> Moves {
+    let last: HashMap<_, _> = moves.iter().copied().collect();
+    moves.iter().filter(|(key, _)| last.contains_key(key)).map(|(key, _)| (*key, last[key])).collect()
+}
+
+/// The placements of a world, its trees and its probabilities, to the bit.
+fn state(world: &LightWorld, seed: u64) -> impl PartialEq + std::fmt::Debug + use<> {
+    let placements: Vec<_> = world.instances().map(|key| (key, world.placement(key))).collect();
+    let tree = |key| world.tree(key).map(|tree| (tree.nodes().to_vec(), tree.is_frozen()));
+    let trees: Vec<_> = world.trees().map(tree).collect();
+    let mut rng = Rng(seed);
+    let mut pmfs = Vec::new();
+    for splits in SPLITS {
+        let mut distribution = Vec::new();
+        world.sampler().with_splits(splits).distribution(&rng.masked_point(12.0), &mut distribution);
+        pmfs.extend(distribution.iter().map(|pmf| pmf.to_bits()));
+    }
+    (placements, trees, pmfs, *world.effect_counts())
+}
+
+/// An update without its times.
+fn update(world: &mut LightWorld) -> [usize; 5] {
+    let report = world.update(FrameBudget::NONE);
+    let frozen = world.trees().filter(|key| world.tree(*key).is_some_and(LightTree::is_frozen)).count();
+    [report.moved_instances, report.refit_trees, report.rebuilt_trees, report.waiting_trees, frozen]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: 24,
+        rng_seed: RngSeed::Fixed(56),
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
+
+    #[test]
+    fn many_moves_in_one_call_do_what_they_do_one_by_one(seed in any::<u64>(), steps in 1_usize..12) {
+        let [mut together, mut last, mut all] = [0; 3].map(|_| world(seed));
+        let mut rng = Rng(seed ^ 1);
+        for _ in 0..steps {
+            // Few, or more than one thread takes.
+            let count = [1, 7, 1500][below(&mut rng, 3)];
+            let moves = random_moves(&together, &mut rng, count);
+            together.move_instances(&moves).expect("valid");
+            one_by_one(&mut last, &last_ones(&moves));
+            one_by_one(&mut all, &moves);
+            prop_assert_eq!(together.effects(), last.effects());
+            if rng.bits().is_multiple_of(2) {
+                prop_assert_eq!(together.take_delta(), last.take_delta());
+            }
+            let updates = if rng.bits().is_multiple_of(6) { EFFECT_HOLD_UPDATES as usize + 2 } else { below(&mut rng, 3) };
+            for _ in 0..updates {
+                prop_assert_eq!(update(&mut together), update(&mut last));
+                all.update(FrameBudget::NONE);
+            }
+            let seed = rng.bits();
+            let expected = state(&last, seed);
+            prop_assert!(state(&together, seed) == expected && state(&all, seed) == expected);
+        }
+    }
+
+    /// Random edits, and what the next delta must name, from the keys and placements of two times.
+    #[test]
+    fn a_delta_names_what_was_moved_and_what_was_removed(seed in any::<u64>()) {
+        let mut rng = Rng(seed);
+        let mut world = LightWorld::new();
+        let tree = world.add_tree(rng.lights(3, 1.0)).expect("valid");
+        for _ in 0..80 {
+            world.add_instance(tree, rng.affine(9.0), Policy::Budgeted).expect("valid");
+        }
+        world.take_delta();
+        for _ in 0..12 {
+            let present = |world: &LightWorld| -> BTreeMap<u32, (InstanceKey, Option<Placement>)> {
+                let of = |key| (world.slot(key).expect("it lives"), (key, world.placement(key)));
+                world.instances().map(of).collect()
+            };
+            let before = present(&world);
+            for _ in 0..below(&mut rng, 30) {
+                let keys: Vec<_> = world.instances().collect();
+                let key = keys[below(&mut rng, keys.len())];
+                match below(&mut rng, 7) {
+                    0 => drop(world.add_instance(tree, rng.affine(9.0), Policy::Budgeted).expect("valid")),
+                    1 => world.remove_instance(key).expect("it lives"),
+                    2 => world.set_enabled(key, rng.bits().is_multiple_of(2)).expect("it lives"),
+                    3 => drop(world.make_unique(key).expect("it lives")),
+                    4 => world.set_origin(rng.place(5.0).as_dvec3()).expect("near"),
+                    5 => world.move_instance(key, rng.affine(9.0)).expect("valid"),
+                    _ => {
+                        let moves = random_moves(&world, &mut rng, 5);
+                        world.move_instances(&moves).expect("valid");
+                    }
+                }
+                if rng.bits().is_multiple_of(9) {
+                    world.update(FrameBudget::NONE);
+                }
+            }
+            let (after, delta) = (present(&world), world.take_delta());
+            let key_after = |slot: &u32| after.get(slot).map(|(key, _)| *key);
+            let removed: Vec<_> =
+                before.iter().filter(|(slot, (key, _))| key_after(slot) != Some(*key)).map(|(slot, _)| *slot).collect();
+            prop_assert_eq!(delta.removed_instances(), removed);
+            // Random placements never lead back.
+            let is_moved = |slot: &u32| before.get(slot).is_some_and(|(key, placement)| {
+                after.get(slot).is_some_and(|(now, other)| key == now && placement != other)
+            });
+            let moved: Vec<_> = after.keys().copied().filter(is_moved).collect();
+            prop_assert_eq!(delta.moved_instances(), moved);
+        }
+    }
+}
+
+#[test]
+fn the_lists_of_a_delta_are_sorted_and_a_whole_world_names_nothing_as_moved() {
+    let mut world = Rng(560).world(3, 4, 300, 50.0);
+    world.take_delta();
+    let mut moves = random_moves(&world, &mut Rng(561), 5000);
+    moves.reverse();
+    world.move_instances(&moves).expect("valid");
+    let gone: Vec<_> = world.instances().step_by(50).collect();
+    gone.iter().rev().for_each(|key| world.remove_instance(*key).expect("it lives"));
+    let delta = world.take_delta();
+    assert!(delta.moved_instances().len() > 500 && delta.removed_instances().len() == gone.len());
+    assert!(delta.moved_instances().is_sorted() && delta.removed_instances().is_sorted());
+    let whole = FrameDelta::everything(&world);
+    assert!(whole.moved_instances().is_empty() && whole.removed_instances().is_empty() && !whole.is_empty());
+}
+
+#[test]
+fn a_refused_move_is_named_and_no_other_move_is_done() {
+    let mut world = world(562);
+    let gone = world.instances().last().expect("some instance");
+    world.remove_instance(gone).expect("it lives");
+    world.update(FrameBudget::NONE);
+    world.take_delta();
+    let before = state(&world, 1);
+    let good = last_ones(&random_moves(&world, &mut Rng(563), 1000));
+    let far = Placement::at(DVec3::X * MAX_DISTANCE.next_up());
+    let distance = MAX_DISTANCE.next_up();
+    let too_far = WorldError::Placement(PlacementError::TooFar { distance, limit: MAX_DISTANCE });
+    let singular = Placement { linear: Mat3::from_diagonal(Vec3::X), translation: DVec3::ZERO };
+    for at in [0, 1, 600, good.len()] {
+        let mut refuse = |key, placement, source: WorldError| {
+            let mut moves = good.clone();
+            // Later moves that are refused, and one that supersedes the refused one, change nothing.
+            let first = good[0].0;
+            moves.splice(at..at, [(key, placement), (gone, far), (first, singular), (first, Placement::IDENTITY)]);
+            assert_eq!(source.code(), WorldError::Move { index: at, source: Box::new(source.clone()) }.code());
+            assert_eq!(world.move_instances(&moves), Err(WorldError::Move { index: at, source: Box::new(source) }));
+            assert_eq!(world.take_delta(), FrameDelta::default());
+            assert_eq!(update(&mut world)[0], 0);
+        };
+        refuse(gone, Placement::IDENTITY, WorldError::NoSuchInstance(gone));
+        refuse(InstanceKey::default(), far, WorldError::NoSuchInstance(InstanceKey::default()));
+        refuse(good[0].0, far, too_far.clone());
+    }
+    assert!(state(&world, 1) == before);
+    world.move_instances(&[]).expect("nothing to refuse");
+    world.move_instances(&good).expect("what was refused before leaves no trace");
+    assert!(good.iter().all(|(key, placement)| world.placement(*key) == Some(*placement)));
+}
+
+#[test]
+fn moves_to_where_instances_are_cost_nothing() {
+    let (device, queue) = gpu();
+    let mut world = world(564);
+    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let mut sent = |world: &mut LightWorld| {
+        let moved = world.update(FrameBudget::NONE).moved_instances;
+        let delta = world.take_delta();
+        (moved, delta.is_empty(), lights.upload(world, &delta).expect("room enough"))
+    };
+    sent(&mut world);
+    let present: Moves = world.instances().map(|key| (key, world.placement(key).expect("it lives"))).collect();
+    let nothing = (0, true, UploadReport::default());
+    one_by_one(&mut world, &present);
+    assert_eq!(sent(&mut world), nothing);
+    // Away and back in one call.
+    let mut moves = random_moves(&world, &mut Rng(565), 700);
+    moves.extend(&present);
+    world.move_instances(&moves).expect("valid");
+    assert_eq!(sent(&mut world), nothing);
+    // One that stays away.
+    moves.push((present[3].0, Placement::at(DVec3::ONE)));
+    world.move_instances(&moves).expect("valid");
+    let (moved, _, report) = sent(&mut world);
+    assert_eq!((moved, report.instances), (1, 1));
+}
