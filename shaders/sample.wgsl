@@ -118,6 +118,12 @@ fn light_draw(
 // Returns the probability with which light_pick and light_sample choose a light. `instance` is the
 // slot of its instance, or 0xffffffff for directional lights.
 fn light_pmf(shading_point: LightShadingPoint, instance: u32, light: u32) -> f32 {
+    // #if PREVIOUS
+    // The slot was empty, or held another instance.
+    if instance != LIGHT_DIRECTIONAL && light_generation(instance) != light_present_generation(instance) {
+        return 0.0;
+    }
+    // #endif
     var directional_lux = 0.0;
     // #if DIRECTIONAL
     directional_lux = light_directional_lux(shading_point);

@@ -195,6 +195,15 @@ fn light_user_data(instance: u32) -> u32 {
     return light_instances[instance * light_params.instance_stride + LIGHT_INSTANCE_PART].w;
 }
 
+// Returns a number that changes when the slot gets another instance, at least 1; 0 for
+// LIGHT_DIRECTIONAL and for a slot without an instance. Twin of `LightWorld::generation`.
+fn light_generation(instance: u32) -> u32 {
+    if instance >= light_params.slots {
+        return 0u;
+    }
+    return light_instances[instance * light_params.instance_stride + LIGHT_INSTANCE_TREE].x >> LIGHT_GENERATION_SHIFT;
+}
+
 // The part that a leaf of the top level is; `bits` are its target.
 fn light_part(bits: u32) -> LightPart {
     if (bits & LIGHT_PART) == 0u {

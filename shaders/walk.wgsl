@@ -89,7 +89,17 @@ fn light_climb(
     var local = light_local_to_tree(instance, shading_point);
     var place = light_place(light_light_base(instance) + light);
     var pmf = 1.0;
+    // #if PREVIOUS
+    // A light that did not exist in the last frame may lead anywhere.
+    var steps = 0u;
+    // #endif
     loop {
+        // #if PREVIOUS
+        steps++;
+        if steps > LIGHT_MAX_STEPS {
+            return 0.0;
+        }
+        // #endif
         if instance != LIGHT_NO_INSTANCE && light_leaves_tree(flags, place) {
             place = light_place_above(instance, flags, place, light);
             instance = LIGHT_NO_INSTANCE;

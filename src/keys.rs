@@ -68,6 +68,13 @@ pub(crate) fn slot_of(key: impl Key) -> u32 {
     (key.data().as_ffi() & 0xffff_ffff) as u32
 }
 
+/// A number that differs between the instances that a slot holds one after the other: at least 1 and
+/// below 2²⁴. It repeats after 2²⁴ - 1 of them.
+pub(crate) fn generation_of(key: impl Key) -> u32 {
+    let version = (key.data().as_ffi() >> 32) as u32;
+    (version >> 1) % 0xff_ffff + 1
+}
+
 #[cfg(test)]
 mod tests {
     use slotmap::SlotMap;
@@ -88,6 +95,21 @@ mod tests {
             }
         }
         assert_eq!(TreeKey::from(u64::from(TreeKey::null())), TreeKey::null());
+    }
+
+    #[test]
+    fn the_instances_of_a_slot_have_different_generations() {
+        let mut map = SlotMap::<InstanceKey, ()>::with_key();
+        let mut generations = Vec::new();
+        for _ in 0..100 {
+            let key = map.insert(());
+            assert_eq!(slot_of(key), 1);
+            generations.push(generation_of(key));
+            map.remove(key);
+        }
+        assert!(generations.iter().eq(&(1..=100).collect::<Vec<_>>()), "{generations:?}");
+        let last = InstanceKey::from(u64::from(u32::MAX) << 32 | 1);
+        assert!((1..1 << 24).contains(&generation_of(last)));
     }
 
     #[test]

@@ -33,6 +33,7 @@ pub mod measure;
 mod memory;
 mod pipeline_variants;
 mod player;
+mod previous;
 mod probe;
 mod records;
 mod recorder;
@@ -142,6 +143,8 @@ pub struct GpuLights {
     bind_group: wgpu::BindGroup,
     /// The buffers that the bind group was made for; `None` for `dark`.
     bound: Option<[BufferId; 5]>,
+    /// The bind group of the last frame, and its buffers; without them `dark` is bound.
+    previous: (Option<[BufferId; 5]>, wgpu::BindGroup),
 }
 
 /// Zeros in place of all buffers that shaders bind: a world without lights.
@@ -200,6 +203,7 @@ impl GpuLights {
             is_dark: true,
             dark,
             layout,
+            previous: (None, bind_group.clone()),
             bind_group,
             bound: None,
         };
@@ -288,7 +292,16 @@ impl GpuLights {
     pub fn shader(&self, group: u32, effects: Effects) -> LightShader {
         let wgsl = wgsl(group, effects);
         let layout = self.layout.clone();
-        LightShader { wgsl, group, effects, records_usage: false, learns_visibility: false, target: None, layout }
+        LightShader {
+            wgsl,
+            group,
+            effects,
+            records_usage: false,
+            learns_visibility: false,
+            target: None,
+            previous_group: None,
+            layout,
+        }
     }
 
     /// Replaces bind groups whose buffers were replaced. A former bind group keeps the former
@@ -299,6 +312,7 @@ impl GpuLights {
             self.bound = bound;
             self.bind_group = bind_lights(&self.device, &self.layout, &self.buffers());
         }
+        self.rebind_previous();
         self.rebind_usage();
         self.rebind_visibility();
     }

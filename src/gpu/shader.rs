@@ -57,6 +57,8 @@ use crate::plan::text;
 /// struct LightAlong { along: f32, pdf: f32 }
 /// fn light_sample_along(shading_point: LightShadingPoint, instance: u32, light: u32, u: f32) -> LightAlong
 /// fn light_along_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, along: f32) -> f32
+/// // A number that changes when the slot gets another instance: see `LightWorld::generation`.
+/// fn light_generation(instance: u32) -> u32
 /// // Well-mixed bits, for random numbers.
 /// fn light_hash(bits: u32) -> u32
 /// ```
@@ -115,6 +117,9 @@ pub struct LightShader {
     /// The function that weighs candidates, if the text has `light_resample_by`: see
     /// [`LightShader::with_target`].
     pub target: Option<TargetHook>,
+    /// The number of the bind group with the lights of the last frame, if the text has
+    /// `light_pmf_previous`: see [`LightShader::with_previous`].
+    pub previous_group: Option<u32>,
     /// The layout of the bind group, for compute and fragment stages.
     pub layout: wgpu::BindGroupLayout,
 }
@@ -133,8 +138,37 @@ impl LightShader {
     /// compiles nothing.
     #[must_use]
     pub fn with_effects(&self, effects: Effects) -> Self {
-        let wgsl = text::wgsl_of_shader(self.group, effects, self.records(), self.target.as_ref());
+        let mut wgsl = text::wgsl_of_shader(self.group, effects, self.records(), self.target.as_ref());
+        if let Some(group) = self.previous_group {
+            wgsl += &text::wgsl_previous(group, effects);
+        }
         Self { wgsl, effects, ..self.clone() }
+    }
+
+    /// Returns the same shader with the probabilities of the last frame, which samplers that reuse
+    /// samples from frame to frame need:
+    ///
+    /// ```wgsl
+    /// // The probability of a light in the last frame, as light_pmf returned it then; 0 for an
+    /// // instance that did not exist.
+    /// fn light_pmf_previous(shading_point: LightShadingPoint, instance: u32, light: u32) -> f32
+    /// ```
+    ///
+    /// `group` is the number of a second bind group, of the same layout:
+    /// [`GpuLights::previous_bind_group`](super::GpuLights::previous_bind_group), which needs
+    /// [`GpuLights::keep_previous`](super::GpuLights::keep_previous). A stage that calls the function
+    /// binds eight storage buffers, which is WebGPU's default limit.
+    ///
+    /// The shading point is relative to the origin that the world had then
+    /// ([`LightWorld::origin`](crate::LightWorld::origin)). A light is named as in the last frame.
+    /// Instances keep their slots, and the function compares their generations. Indices of lights
+    /// stay the same as long as no lights are replaced
+    /// ([`LightWorld::replace_lights`](crate::LightWorld::replace_lights)). Learnt visibility is left
+    /// out.
+    #[must_use]
+    pub fn with_previous(self, group: u32) -> Self {
+        let effects = self.effects;
+        Self { previous_group: Some(group), ..self }.with_effects(effects)
     }
 
     /// Returns the same shader with `light_resample_by`, which keeps candidates in proportion to a

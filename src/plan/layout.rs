@@ -41,6 +41,9 @@ pub(crate) const SIDES: u32 = 4;
 /// The bit of [`InstanceRecord::flags`] for an instance whose parts are its lights.
 pub(crate) const LIGHTS: u32 = 8;
 
+/// Where the generation of the slot begins in [`InstanceRecord::flags`].
+pub(crate) const GENERATION_SHIFT: u32 = 8;
+
 /// The instance slot that samples of directional lights report.
 pub(crate) const DIRECTIONAL: u32 = u32::MAX;
 
@@ -66,6 +69,7 @@ pub(crate) struct LightRecord {
 pub(crate) struct InstanceRecord {
     /// The rows of the matrix; the fourth column is the translation.
     pub to_world: [[f32; 4]; 3],
+    /// Bits, and from [`GENERATION_SHIFT`] on the generation of the slot.
     pub flags: u32,
     /// The tree's first record in the tree pool.
     pub tree: u32,
@@ -256,7 +260,7 @@ pub(crate) struct Bases {
     pub division: Division,
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "gpu"))]
 impl Default for Bases {
     fn default() -> Self {
         Self { tree: 0, node: 0, light: 0, part: 0, division: Division::Whole }
@@ -264,7 +268,7 @@ impl Default for Bases {
 }
 
 impl InstanceRecord {
-    /// A slot without an instance, or with one that is not shown.
+    /// A slot without an instance.
     pub const NONE: Self = Self {
         to_world: [[0.0; 4]; 3],
         flags: 0,
@@ -279,6 +283,16 @@ impl InstanceRecord {
         factor: [1.0; 3],
         mask: u32::MAX,
     };
+
+    /// The record of an instance that is not shown.
+    pub fn hidden(generation: u32) -> Self {
+        Self { flags: generation << GENERATION_SHIFT, ..Self::NONE }
+    }
+
+    /// The same record with the generation of its slot.
+    pub fn with_generation(self, generation: u32) -> Self {
+        Self { flags: self.flags | generation << GENERATION_SHIFT, ..self }
+    }
 
     /// The record of an instance with this placement and appearance, whose tree and parts start at `bases` in the
     /// pools. The inverse of a rigid placement is written as the exact transpose without scale,

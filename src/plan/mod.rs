@@ -63,10 +63,12 @@ pub(crate) mod commands;
 mod cursor;
 mod error;
 mod frame;
+mod items;
 pub(crate) mod kernel;
 pub(crate) mod layout;
 mod parts;
 pub(crate) mod pool;
+mod previous;
 pub(crate) mod relayout;
 mod reserve;
 mod runs;
@@ -90,7 +92,7 @@ pub use frame::FramePlan;
 pub use kernel::{Binding, Kernel, UNIFORM_ALIGNMENT};
 pub use reserve::Reservation;
 pub use target_hook::TargetHook;
-pub use text::{wgsl, wgsl_with_target};
+pub use text::{wgsl, wgsl_previous, wgsl_with_target};
 
 use crate::counts::SplitCount;
 use crate::effects::Effects;
@@ -101,6 +103,7 @@ use changes::{PendingChanges, TreeRanges};
 use layout::{InstanceRecord, LightRecord, ParamsRecord, Strides, TreeRecord};
 use parts::PartTable;
 use pool::Pool;
+use previous::Previous;
 use stored::Missing;
 use top::TopBuild;
 
@@ -175,6 +178,7 @@ pub struct LightPlanner {
     scatter_uniform: Option<BufferId>,
     staging: Option<(BufferId, u64)>,
     top: TopBuild,
+    previous: Previous,
     /// The buffers have changed since the last build of the top level.
     is_top_due: bool,
     /// The device may lack what was written.
@@ -213,6 +217,7 @@ impl LightPlanner {
             scatter_uniform: None,
             staging: None,
             top: TopBuild::new(limit),
+            previous: Previous::new(),
             is_top_due: true,
             is_lost: false,
             effects: Effects::all() - Effects::MOVING,
@@ -284,6 +289,7 @@ impl LightPlanner {
     pub fn lose(&mut self) {
         self.is_lost = true;
         self.is_top_due = true;
+        self.previous.lose();
     }
 
     /// Tells that the last build of the top level was not played, so the next plan has another one.

@@ -218,6 +218,11 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         self.stored.bytes() as u64
     }
 
+    /// The size of the buffer.
+    pub(crate) fn bytes(&self) -> u64 {
+        u64::from(self.capacity) * self.stride()
+    }
+
     /// The end of the last range in use.
     pub(crate) fn used(&self) -> u64 {
         self.ranges.allocated_ranges().last().map_or(0, |r| r.end)

@@ -10,6 +10,7 @@ use super::error::PlanError;
 use super::layout::{ParamsRecord, PartRecord, TreeRecord};
 use super::parts::NewParts;
 use super::pool::Growth;
+use super::previous::Copies;
 use super::relayout::RELAYOUT_STRIDE;
 use super::runs::runs;
 use super::scatter::{self, RunCount};
@@ -41,6 +42,8 @@ pub struct Reservation<'a> {
 /// What a frame needs before it changes anything.
 #[derive(Debug, Default)]
 pub(super) struct Room {
+    /// Nothing has changed in what shaders read.
+    pub is_idle: bool,
     pub new_buffers: Vec<NewBuffer>,
     /// New ranges for trees by slot, in ascending order; empty for a tree that was removed.
     pub placed: Vec<(u32, TreeRanges)>,
@@ -57,6 +60,8 @@ pub(super) struct Room {
     pub is_scattered: [bool; scatter::MAX_TARGETS],
     pub staged_bytes: u64,
     pub params: Option<BufferId>,
+    /// Copies of the present buffers, for shaders that read those of the last frame.
+    pub copies: Copies,
     pub relayout_uniform: Option<BufferId>,
     pub scatter_uniform: Option<BufferId>,
     pub staging: Option<(BufferId, u64)>,
@@ -152,9 +157,13 @@ impl LightPlanner {
             self.top.lose();
         }
         let mut room = Room::default();
-        let is_idle =
-            changes.is_empty() && self.params_buffer.is_some() && self.params == self.params_of(world, effects);
-        if !is_idle && let Err(error) = self.make_room((world, effects), &mut changes, growth, &mut room) {
+        let present = self.present();
+        room.copies = self.previous.reserve(present, (&mut self.ids, &mut room.new_buffers));
+        let has_params = self.params_buffer.is_some() && self.params == self.params_of(world, effects);
+        room.is_idle = changes.is_empty() && has_params;
+        if !room.is_idle
+            && let Err(error) = self.make_room((world, effects), &mut changes, growth, &mut room)
+        {
             self.undo(room);
             self.pending = changes;
             return Err(error);

@@ -4,6 +4,7 @@
 use std::collections::HashSet;
 use std::fmt::Write;
 
+use super::items::renamed;
 use super::target_hook::TargetHook;
 use super::{layout, stored};
 use crate::cluster;
@@ -48,6 +49,40 @@ pub fn wgsl_with_target(group: u32, effects: Effects, target: &TargetHook) -> St
     joined(group, effects, Extras::default(), Some(target))
 }
 
+/// Returns the text that adds `light_pmf_previous` to the text of [`wgsl`]. `group` is the group of the
+/// buffers of the last frame: [`LightPlanner::previous_bindings`](super::LightPlanner::previous_bindings).
+///
+/// ```wgsl
+/// // The probability of a light in the last frame, as light_pmf returned it then. 0 for a light
+/// // that did not exist.
+/// fn light_pmf_previous(shading_point: LightShadingPoint, instance: u32, light: u32) -> f32
+/// ```
+///
+/// The shading point is in the space of the last frame's [`LightWorld::origin`]. The function is in
+/// every respect that of the last frame: lights, placements, and the number of splits. It does not
+/// know learnt visibility.
+///
+/// [`LightWorld::origin`]: crate::LightWorld::origin
+#[must_use]
+pub fn wgsl_previous(group: u32, effects: Effects) -> String {
+    let grouped = include_str!("../../shaders/sample.wgsl").replace("LIGHT_GROUP", &group.to_string());
+    let sources = [
+        &grouped,
+        include_str!("../../shaders/stored.wgsl"),
+        include_str!("../../shaders/scaled.wgsl"),
+        include_str!("../../shaders/cut.wgsl"),
+        include_str!("../../shaders/walk.wgsl"),
+    ];
+    let text = variant(&sources.concat(), effects, Extras { previous: true, ..Extras::default() });
+    // Shaders name the constants that they use.
+    let steps = format!("const LIGHT_MAX_STEPS: u32 = {MAX_STEPS}u;\n");
+    let present = "fn light_present_generation(instance: u32) -> u32 {\n    return light_generation(instance);\n}\n";
+    steps + present + &renamed(&text, "light_pmf", "_previous")
+}
+
+/// Nodes that a walk through the buffers of the last frame climbs at most, in both levels together.
+const MAX_STEPS: u32 = 1024;
+
 /// Code of a text that does not depend on effects.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Extras {
@@ -55,6 +90,8 @@ pub(crate) struct Extras {
     pub counts: bool,
     /// Reads and records learnt visibility.
     pub learns: bool,
+    /// Reads the buffers of the last frame.
+    pub previous: bool,
 }
 
 impl Extras {
@@ -63,6 +100,7 @@ impl Extras {
         match name {
             "COUNTS" => Some(self.counts),
             "LEARNS" => Some(self.learns),
+            "PREVIOUS" => Some(self.previous),
             _ => None,
         }
     }
@@ -197,6 +235,7 @@ pub(crate) fn constants() -> String {
         ("NON_RIGID", layout::NON_RIGID),
         ("SIDES", layout::SIDES),
         ("LIGHTS", layout::LIGHTS),
+        ("GENERATION_SHIFT", layout::GENERATION_SHIFT),
         ("PART", part::PART),
         ("SINGLE", part::SINGLE),
         ("PART_BITS", part::PART_BITS),
@@ -355,7 +394,7 @@ mod tests {
     fn a_variant_keeps_the_lines_that_its_effects_need() {
         let text =
             "a\n// #if CONES\nb\n    // #if RANGES\nc\n    // #endif\n// #endif\n// #if COUNTS\nd\n// #endif\ne\n";
-        let all = |effects, counts| variant(text, effects, Extras { counts, learns: false }).replace('\n', "");
+        let all = |effects, counts| variant(text, effects, Extras { counts, ..Extras::default() }).replace('\n', "");
         assert_eq!(all(Effects::empty(), false), "ae");
         assert_eq!(all(Effects::CONES, false), "abe");
         assert_eq!(all(Effects::RANGES, true), "ade");
@@ -409,6 +448,7 @@ mod tests {
             "pmf",
             "pdf",
             "user_data",
+            "generation",
             "hash",
         ]
         .map(|f| format!("light_{f}"));

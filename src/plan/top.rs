@@ -214,6 +214,11 @@ impl TopBuild {
         self.buffers.as_ref().expect("the first plan has made the buffers").nodes
     }
 
+    /// The size of that buffer.
+    pub(crate) fn nodes_bytes(&self) -> u64 {
+        self.buffers.as_ref().map_or(0, |buffers| buffers.nodes_bytes)
+    }
+
     /// The clusters of all parts, then of all nodes.
     #[cfg(test)]
     pub(crate) fn clusters(&self) -> BufferId {

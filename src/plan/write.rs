@@ -9,7 +9,7 @@ use super::frame::FramePlan;
 use super::layout::{Bases, InstanceRecord, LightRecord, ParamsRecord, TreeRecord};
 use super::reserve::{Reservation, Room, TreeRuns, TreeWrite};
 use super::scatter::{Scattered, scatter};
-use crate::keys::slot_of;
+use crate::keys::{generation_of, slot_of};
 use crate::world::LightWorld;
 
 /// The short runs of each pool that takes them from staged records.
@@ -26,25 +26,27 @@ impl Reservation<'_> {
     /// Copies what is sent: O(what changed). A plan without changes has no commands.
     pub fn plan(mut self) -> FramePlan {
         self.is_used = true;
-        let room = std::mem::take(&mut self.room);
+        let mut room = std::mem::take(&mut self.room);
         let (planner, world, changes, effects) = (&mut *self.planner, self.world, &self.changes, self.effects);
         planner.number += 1;
         planner.effects = effects;
         let mut plan = FramePlan { number: planner.number, ..FramePlan::default() };
-        let is_idle =
-            changes.is_empty() && room.new_buffers.is_empty() && planner.params == planner.params_of(world, effects);
-        if is_idle {
+        plan.new_buffers = std::mem::take(&mut room.new_buffers);
+        let copies = std::mem::take(&mut room.copies);
+        planner.previous.adopt(copies, planner.params, (&mut plan.upload, &mut plan.freed));
+        if room.is_idle {
             if planner.is_top_due {
                 planner.finish_top(&mut plan.top);
             }
+            plan.report.bytes = plan.upload.bytes_written();
+            planner.previous.changed([!plan.top.is_empty(), false, false, false]);
             return plan;
         }
         let former = (planner.params.strides, planner.params.masks);
         let is_new_top = planner.top.is_replaced() || planner.is_lost;
-        let Room { new_buffers, placed, parts, directionals, trees, instances, instance_runs, is_scattered, .. } =
+        let replaced = [planner.nodes.is_replaced(), planner.instances.is_replaced(), planner.lights.is_replaced()];
+        let Room { placed, parts, directionals, trees, instances, instance_runs, is_scattered, .. } =
             planner.adopt(room, &mut plan);
-        plan.new_buffers = new_buffers;
-
         for (slot, ranges) in placed {
             let former = std::mem::replace(planner.tree_ranges_mut(slot), ranges);
             planner.release(former);
@@ -79,6 +81,12 @@ impl Reservation<'_> {
         if changes.concern_lights() || is_new_top || former != (strides, masks) || planner.is_top_due {
             planner.finish_top(&mut plan.top);
         }
+        planner.previous.changed([
+            !plan.top.is_empty(),
+            replaced[0] || report.nodes > 0,
+            replaced[1] || report.instances > 0,
+            replaced[2] || report.lights > 0 || changes.directionals,
+        ]);
         plan
     }
 }
@@ -150,10 +158,10 @@ impl LightPlanner {
     }
 
     fn instance_record(&self, slot: u32, world: &LightWorld) -> InstanceRecord {
-        let Some(instance) = world.instance_at(slot).and_then(|key| world.instance(key)) else {
-            return InstanceRecord::NONE;
-        };
-        let Some(placed) = instance.shown() else { return InstanceRecord::NONE };
+        let Some(key) = world.instance_at(slot) else { return InstanceRecord::NONE };
+        let generation = generation_of(key);
+        let Some(instance) = world.instance(key) else { return InstanceRecord::NONE };
+        let Some(placed) = instance.shown() else { return InstanceRecord::hidden(generation) };
         let ranges = &self.tree_ranges[slot_of(instance.tree) as usize];
         let parts = self.parts.range(slot);
         let bases = Bases {
@@ -163,7 +171,7 @@ impl LightPlanner {
             part: parts.start,
             division: ranges.division,
         };
-        InstanceRecord::of(placed, &instance.appearance, bases)
+        InstanceRecord::of(placed, &instance.appearance, bases).with_generation(generation)
     }
 
     /// Sends the staged records, if there are any.

@@ -38,7 +38,7 @@ pub use update::{BackgroundReport, FrameReport};
 
 use crate::appearance::Appearance;
 use crate::effects::{EffectCounts, Effects, HeldEffects};
-use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
+use crate::keys::{DirectionalKey, InstanceKey, TreeKey, generation_of, slot_of};
 use crate::light::DirectionalLight;
 use crate::placement::{Placed, Placement};
 use crate::policy::{AttributeHistory, Policy, PolicySet};
@@ -316,6 +316,14 @@ impl LightWorld {
     /// The number by which shaders refer to an instance; `None` for a stale key.
     pub fn slot(&self, instance: InstanceKey) -> Option<u32> {
         self.instances.contains_key(instance).then(|| slot_of(instance))
+    }
+
+    /// A number that shaders read with `light_generation(slot)`, at least 1; `None` for a stale key.
+    /// It changes when the slot gets another instance, so a sample that was kept from an earlier
+    /// frame still means the same instance if its slot has the same generation. It repeats after
+    /// 2²⁴ - 1 instances of one slot.
+    pub fn generation(&self, instance: InstanceKey) -> Option<u32> {
+        self.instances.contains_key(instance).then(|| generation_of(instance))
     }
 
     /// The live instance that shaders refer to by this number; `None` if there is none.

@@ -42,6 +42,7 @@ mod paper;
 mod parts;
 mod pdf;
 mod plan;
+mod previous;
 mod references;
 mod resample;
 mod sampling;

@@ -66,7 +66,16 @@ impl GpuLights {
     pub fn usage_shader(&self, group: u32, effects: Effects) -> LightShader {
         let wgsl = text::wgsl_of_shader(group, effects, text::Records::Usage, None);
         let layout = self.usage_counters().layout.clone();
-        LightShader { wgsl, group, effects, records_usage: true, learns_visibility: false, target: None, layout }
+        LightShader {
+            wgsl,
+            group,
+            effects,
+            records_usage: true,
+            learns_visibility: false,
+            target: None,
+            previous_group: None,
+            layout,
+        }
     }
 
     /// The bind group for a [`GpuLights::usage_shader`]. Call this in each frame after

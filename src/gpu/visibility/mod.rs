@@ -72,7 +72,16 @@ impl GpuLights {
     pub fn visibility_shader(&self, group: u32, effects: Effects) -> LightShader {
         let wgsl = text::wgsl_of_shader(group, effects, text::Records::Visibility, None);
         let layout = self.learnt_table().layout.clone();
-        LightShader { wgsl, group, effects, records_usage: false, learns_visibility: true, target: None, layout }
+        LightShader {
+            wgsl,
+            group,
+            effects,
+            records_usage: false,
+            learns_visibility: true,
+            target: None,
+            previous_group: None,
+            layout,
+        }
     }
 
     /// The bind group for a [`GpuLights::visibility_shader`]. Call this in each frame after

@@ -169,7 +169,7 @@ fn buffers_of_an_exact_reservation_are_no_larger_than_needed() {
     let mut played = Played::new();
     let delta = update(&mut world);
     played.frame(&world, &delta);
-        let add = |world: &mut LightWorld| {
+    let add = |world: &mut LightWorld| {
         while slots(world) <= 128 {
             world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
         }

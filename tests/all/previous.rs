@@ -1,0 +1,220 @@
+//! The probabilities of the last frame.
+
+use girandole::glam::{Mat3, Vec3};
+use girandole::gpu::GpuLights;
+use girandole::{Effects, FrameBudget, InstanceKey, Light, LightWorld, Placement, Policy, TreeKey, wgpu};
+use wgpu::util::DeviceExt;
+
+use crate::common;
+use crate::gpu::read;
+use crate::support::Rng;
+
+const TEXT: &str = "
+    struct Query { position: vec3<f32>, instance: u32, light: u32, a: u32, b: u32, c: u32 }
+    @group(2) @binding(0) var<storage, read> queries: array<Query>;
+    @group(2) @binding(1) var<storage, read_write> answers: array<vec4<f32>>;
+    @compute @workgroup_size(64) fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
+        if id.x >= arrayLength(&queries) {
+            return;
+        }
+        let q = queries[id.x];
+        let at = light_surface_point(q.position, vec3(0.0, 1.0, 0.0));
+        answers[id.x] = vec4(
+            light_pmf(at, q.instance, q.light), light_pmf_previous(at, q.instance, q.light),
+            f32(light_generation(q.instance)), 0.0,
+        );
+    }
+";
+
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+struct Query {
+    position: [f32; 3],
+    instance: u32,
+    light: u32,
+    padding: [u32; 3],
+}
+
+struct Asker {
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    lights: GpuLights,
+    own: wgpu::BindGroupLayout,
+    pipeline: wgpu::ComputePipeline,
+}
+
+impl Asker {
+    fn new() -> Self {
+        // Eight storage buffers of the lights, and two of the test.
+        let limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 10, ..wgpu::Limits::default() };
+        let adapter = common::gpu::find_adapter(None).expect("an adapter");
+        let (device, queue) =
+            common::gpu::open_device(&adapter, wgpu::Features::empty(), limits).expect("ten storage buffers");
+        let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+        lights.keep_previous(true);
+        let shader = lights.shader(0, Effects::all()).with_previous(1);
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: None,
+            source: wgpu::ShaderSource::Wgsl(shader.join(TEXT).into()),
+        });
+        let entry = |binding, read_only| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: wgpu::ShaderStages::COMPUTE,
+            ty: wgpu::BindingType::Buffer {
+                ty: wgpu::BufferBindingType::Storage { read_only },
+                has_dynamic_offset: false,
+                min_binding_size: None,
+            },
+            count: None,
+        };
+        let own = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: None,
+            entries: &[entry(0, true), entry(1, false)],
+        });
+        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: None,
+            bind_group_layouts: &[Some(&shader.layout), Some(&shader.layout), Some(&own)],
+            ..Default::default()
+        });
+        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: None,
+            layout: Some(&layout),
+            module: &module,
+            entry_point: Some("ask"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
+        Self { device, queue, lights, own, pipeline }
+    }
+
+    /// Uploads a frame and asks for the probabilities of lights: now, and in the last frame.
+    fn frame(&mut self, world: &mut LightWorld, queries: &[Query]) -> Vec<[f32; 4]> {
+        let Self { device, queue, lights, own, pipeline } = self;
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        lights.sync(world, FrameBudget::NONE, &mut encoder).expect("room enough");
+        let input = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: None,
+            contents: bytemuck::cast_slice(queries),
+            usage: wgpu::BufferUsages::STORAGE,
+        });
+        let output = device.create_buffer(&wgpu::BufferDescriptor {
+            label: None,
+            size: 16 * queries.len() as u64,
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        });
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: own,
+            entries: &[
+                wgpu::BindGroupEntry { binding: 0, resource: input.as_entire_binding() },
+                wgpu::BindGroupEntry { binding: 1, resource: output.as_entire_binding() },
+            ],
+        });
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, lights.bind_group(), &[]);
+            pass.set_bind_group(1, lights.previous_bind_group(), &[]);
+            pass.set_bind_group(2, &group, &[]);
+            pass.dispatch_workgroups((queries.len() as u32).div_ceil(64), 1, 1);
+        }
+        queue.submit([encoder.finish()]);
+        read(device, queue, &output)
+    }
+}
+
+fn tree(world: &mut LightWorld, rng: &mut Rng, round: u32) -> TreeKey {
+    let light = |rng: &mut Rng| {
+        let (at, emission) = (rng.place(4.0), Vec3::splat(rng.between(1.0, 9.0)));
+        match round {
+            // Other layouts of nodes and lights.
+            8.. => Light::spot(at, Vec3::NEG_Y, 0.2, 1.4, emission).with_range(300.0),
+            _ => Light::point(at, emission),
+        }
+    };
+    let count = 4 + 60 * (round as usize % 3);
+    world.add_tree((0..count).map(|_| light(rng)).collect()).expect("valid")
+}
+
+#[test]
+fn the_last_frames_probabilities_are_those_that_it_had() {
+    let (mut asker, mut world, mut rng) = (Asker::new(), LightWorld::new(), Rng(71));
+    let mut instances: Vec<(InstanceKey, u32)> = Vec::new();
+    let mut before: Option<(Vec<Query>, Vec<[f32; 4]>)> = None;
+    let (mut compared, mut gone) = (0, 0);
+    for round in 0..20 {
+        // Growth, moves, removals whose slots are used again, edits, and frames without any change.
+        if round % 5 != 4 {
+            for _ in 0..1 + round % 7 * 9 {
+                let tree = tree(&mut world, &mut rng, round);
+                let lights = world.tree(tree).expect("it lives").lights().len() as u32;
+                let at = Placement::at(rng.place(30.0).as_dvec3());
+                let key = world.add_instance(tree, at, Policy::Budgeted).expect("valid");
+                instances.push((key, lights));
+            }
+            for i in 0..instances.len() {
+                match rng.bits() % 10 {
+                    0 => {
+                        let scale = Mat3::IDENTITY * if round > 12 { 2.0 } else { 1.0 };
+                        let at = Placement { linear: scale, ..Placement::at(rng.place(30.0).as_dvec3()) };
+                        world.move_instance(instances[i].0, at).expect("valid");
+                    }
+                    1 => {
+                        let tree = world.instance_tree(instances[i].0).expect("it lives");
+                        world.set_emission(tree, 1, Vec3::splat(rng.between(1.0, 50.0))).expect("valid");
+                    }
+                    2 if i % 3 == 0 => world.set_enabled(instances[i].0, rng.bits() % 2 == 0).expect("it lives"),
+                    _ => {}
+                }
+            }
+            if round % 3 == 1 {
+                for _ in 0..instances.len() / 3 {
+                    let index = (rng.bits() % instances.len() as u64) as usize;
+                    world.remove_instance(instances.swap_remove(index).0).expect("it lives");
+                }
+            }
+        }
+        // The queries of the last frame first, then others.
+        let asked = before.as_ref().map_or(0, |(queries, _)| queries.len());
+        let mut queries = before.as_ref().map_or_else(Vec::new, |(queries, _)| queries.clone());
+        let fresh: Vec<Query> = (0..200)
+            .map(|_| {
+                let (key, lights) = instances[(rng.bits() % instances.len() as u64) as usize];
+                Query {
+                    position: rng.place(30.0).to_array(),
+                    instance: world.slot(key).expect("it lives"),
+                    light: rng.bits() as u32 % lights,
+                    padding: [0; 3],
+                }
+            })
+            .collect();
+        queries.extend(&fresh);
+        let answers = asker.frame(&mut world, &queries);
+        if let Some((_, then)) = &before {
+            for ((query, now), then) in queries.iter().zip(&answers).zip(then).take(asked) {
+                let generation = world.instance_at(query.instance).and_then(|key| world.generation(key)).unwrap_or(0);
+                assert_eq!(now[2], generation as f32);
+                if now[2] == then[2] {
+                    compared += usize::from(then[0] > 0.0);
+                    assert_eq!(now[1], then[0], "round {round}");
+                } else {
+                    gone += 1;
+                    assert_eq!(now[1], 0.0, "round {round}");
+                }
+            }
+        }
+        before = Some((fresh, answers[asked..].to_vec()));
+    }
+    assert!(compared > 2000 && gone > 50, "{compared} {gone}");
+}
+
+#[test]
+fn before_the_first_frame_there_were_no_lights() {
+    let (mut asker, mut world) = (Asker::new(), LightWorld::new());
+    let tree = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
+    let key = world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+    let query = Query { position: [0.0; 3], instance: world.slot(key).expect("it lives"), light: 0, padding: [0; 3] };
+    let answers: Vec<_> = (0..3).map(|_| asker.frame(&mut world, &[query])[0]).collect();
+    assert_eq!(answers, [[1.0, 0.0, 1.0, 0.0], [1.0, 1.0, 1.0, 0.0], [1.0, 1.0, 1.0, 0.0]]);
+}
