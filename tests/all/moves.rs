@@ -205,14 +205,15 @@ fn a_refused_move_is_named_and_no_other_move_is_done() {
     world.update(FrameBudget::NONE);
     world.take_delta();
     let before = state(&world, 1);
-    let good = last_ones(&random_moves(&world, &mut Rng(563), 1000));
+    // Few are done in turn, and many on threads.
+    let good = last_ones(&random_moves(&world, &mut Rng(563), 2000));
     let far = Placement::at(DVec3::X * MAX_DISTANCE.next_up());
     let distance = MAX_DISTANCE.next_up();
     let too_far = WorldError::Placement(PlacementError::TooFar { distance, limit: MAX_DISTANCE });
     let singular = Placement { linear: Mat3::from_diagonal(Vec3::X), translation: DVec3::ZERO };
-    for at in [0, 1, 600, good.len()] {
+    for (at, count) in [(0, 9), (1, 2000), (1600, 2000), (2000, 2000)] {
         let mut refuse = |key, placement, source: WorldError| {
-            let mut moves = good.clone();
+            let mut moves = good[..count].to_vec();
             // Later moves that are refused, and one that supersedes the refused one, change nothing.
             let first = good[0].0;
             moves.splice(at..at, [(key, placement), (gone, far), (first, singular), (first, Placement::IDENTITY)]);

@@ -5,7 +5,7 @@ use girandole::gpu::GpuLights;
 use girandole::{Effects, FrameBudget, InstanceKey, Light, LightWorld, Placement, Policy, TreeKey, wgpu};
 use wgpu::util::DeviceExt;
 
-use crate::common;
+use crate::common::gpu as device;
 use crate::gpu::read;
 use crate::support::Rng;
 
@@ -47,9 +47,9 @@ impl Asker {
     fn new() -> Self {
         // Eight storage buffers of the lights, and two of the test.
         let limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 10, ..wgpu::Limits::default() };
-        let adapter = common::gpu::find_adapter(None).expect("an adapter");
+        let adapter = device::find_adapter(None).expect("an adapter");
         let (device, queue) =
-            common::gpu::open_device(&adapter, wgpu::Features::empty(), limits).expect("ten storage buffers");
+            device::open_device(&adapter, wgpu::Features::empty(), limits).expect("ten storage buffers");
         let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
         lights.keep_previous(true);
         let shader = lights.shader(0, Effects::all()).with_previous(1);
