@@ -14,7 +14,7 @@ use super::probe;
 use super::relayout::Relayout;
 use super::runs::runs;
 use super::stored::{self, Stored};
-use super::upload_state::{PendingChanges, TreeRanges, UploadReport};
+use super::upload_state::{PendingChanges, TreeRanges, UploadReport, room};
 use crate::effects::Effects;
 use crate::keys::slot_of;
 use crate::world::{FrameDelta, LightWorld, TreeChanges};
@@ -208,8 +208,13 @@ impl GpuLights {
                     // Pushed first, so that what was reserved is released if the rest fails.
                     placed.push((slot, TreeRanges { key, division, ..TreeRanges::NONE }));
                     let ranges = placed.last_mut().map(|(_, ranges)| ranges).expect("pushed above");
-                    ranges.nodes = self.nodes.alloc(tree.nodes().len() as u32)?;
-                    ranges.lights = self.lights.alloc(tree.lights().len() as u32)?;
+                    let former = &self.tree_ranges[slot as usize];
+                    let [nodes, lights] = [tree.nodes().len(), tree.lights().len()];
+                    let has_grown = |range: &Range<u32>, count: usize| former.key == key && count > range.len();
+                    let has_grown = has_grown(&former.nodes, nodes) || has_grown(&former.lights, lights);
+                    let [nodes, lights] = [nodes, lights].map(|count| if has_grown { room(count) } else { count as u32 });
+                    ranges.nodes = self.nodes.alloc(nodes)?;
+                    ranges.lights = self.lights.alloc(lights)?;
                     ranges.records = self.trees.alloc(TreeRecord::count(tree, division))?;
                 }
                 None => placed.push((slot, TreeRanges::NONE)),
@@ -277,10 +282,10 @@ impl GpuLights {
     fn write_tree(&mut self, slot: u32, world: &LightWorld, written: &mut WrittenTrees) {
         let Some(entry) = world.tree_at(slot).and_then(|key| world.tree_entry(key)) else { return };
         let (tree, ranges) = (&entry.tree, &mut self.tree_ranges[slot as usize]);
-        let all = |range: &Range<u32>| vec![Range { start: 0, end: range.len() as u32 }];
+        let all = |count: usize| vec![Range { start: 0, end: count as u32 }];
         let (nodes, lights) = match entry.log.since(ranges.revision) {
             Some(TreeChanges { nodes, lights }) => (runs(nodes, NODE_GAP), runs(lights, LIGHT_GAP)),
-            None => (all(&ranges.nodes), all(&ranges.lights)),
+            None => (all(tree.nodes().len()), all(tree.lights().len())),
         };
         ranges.revision = entry.log.revision();
         for run in nodes {

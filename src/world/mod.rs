@@ -69,6 +69,9 @@ pub struct LightWorld {
     rest_timers: RestTimers,
     /// Trees that the next update refits, or whose rebuild request it updates.
     pending: KeySet<TreeKey>,
+    /// What the last update added and removed.
+    added_lights: Vec<(TreeKey, u32)>,
+    removed_lights: Vec<(TreeKey, u32)>,
     changes: Changes,
     scheduler: Scheduler,
     open_build: open_build::OpenBuild,
@@ -197,6 +200,8 @@ impl LightWorld {
             segment_sampling: false,
             rest_timers: RestTimers::default(),
             pending: KeySet::default(),
+            added_lights: Vec::new(),
+            removed_lights: Vec::new(),
             changes: Changes::default(),
             scheduler: Scheduler::default(),
             open_build: open_build::OpenBuild::default(),
@@ -219,7 +224,8 @@ impl LightWorld {
     }
 
     /// The number of lights that have a [`LightId`](crate::LightId): the lights of each tree once
-    /// per instance, hidden instances included, and the directional lights.
+    /// per instance, hidden instances included, and the directional lights. Lights that were added
+    /// or removed count from the next [`LightWorld::update`] on.
     pub fn light_count(&self) -> usize {
         self.light_count + self.directionals.len()
     }
