@@ -212,7 +212,8 @@ impl GpuLights {
                     let [nodes, lights] = [tree.nodes().len(), tree.lights().len()];
                     let has_grown = |range: &Range<u32>, count: usize| former.key == key && count > range.len();
                     let has_grown = has_grown(&former.nodes, nodes) || has_grown(&former.lights, lights);
-                    let [nodes, lights] = [nodes, lights].map(|count| if has_grown { room(count) } else { count as u32 });
+                    let [nodes, lights] =
+                        [nodes, lights].map(|count| if has_grown { room(count) } else { count as u32 });
                     ranges.nodes = self.nodes.alloc(nodes)?;
                     ranges.lights = self.lights.alloc(lights)?;
                     ranges.records = self.trees.alloc(TreeRecord::count(tree, division))?;

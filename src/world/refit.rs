@@ -7,9 +7,9 @@ use super::staged::StagedLights;
 use super::update::FrameReport;
 use crate::effects::EffectCounts;
 use crate::keys::{TreeKey, slot_of};
+use crate::light::Light;
 use crate::policy::AttributeHistory;
 use crate::scheduler::{TreeFeatures, Work, WorkKind};
-use crate::light::Light;
 use crate::tree::{LightTree, Refitted};
 
 impl LightWorld {

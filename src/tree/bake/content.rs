@@ -128,7 +128,8 @@ impl Findings {
         for (block, bytes) in piece.bytes.chunks(BLOCK_LIGHTS * LIGHT_BYTES).enumerate() {
             self.sum.update(bytes);
             if self.fault.is_none() {
-                self.fault = check_lights(first + block * BLOCK_LIGHTS, bytes, &mut self.lights, &mut self.removed).err();
+                self.fault =
+                    check_lights(first + block * BLOCK_LIGHTS, bytes, &mut self.lights, &mut self.removed).err();
             }
         }
     }
@@ -148,12 +149,7 @@ impl Findings {
 }
 
 /// Checks and counts the lights in some records. `first` is the index of the first.
-fn check_lights(
-    first: usize,
-    records: &[u8],
-    counts: &mut Histogram,
-    removed: &mut usize,
-) -> Result<(), BakeError> {
+fn check_lights(first: usize, records: &[u8], counts: &mut Histogram, removed: &mut usize) -> Result<(), BakeError> {
     for (index, record) in (first..).zip(records.chunks_exact(LIGHT_BYTES)) {
         let record = light_record::read(record);
         let kind = light_check::kind_of(&record).filter(|kind| light_check::is_certainly_valid(&record, *kind));
