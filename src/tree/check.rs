@@ -245,6 +245,15 @@ mod tests {
         assert!(message(|tree| tree.nodes[0].range[1] = 0).contains("slot 1: the range is shorter"));
         assert!(message(|tree| tree.nodes[0].high[0][1] = 0).contains("slot 1: the box does not contain"));
         assert!(message(|tree| tree.sides = vec![tree.root]).ends_with("the sides are not the children of the root"));
+        assert!(
+            message(|tree| tree.light_counts[0] += 1)
+                .ends_with("the number of lights is not the sum of the children's")
+        );
+        assert!(message(|tree| tree.edited.set_vacant(3, true)).contains("the list of vacant indices is not that of"));
+        assert!(message(|tree| tree.edited.set_vacant(100, true)).contains("an index beyond the last is vacant"));
+        assert!(
+            message(|tree| tree.lights[3] = Light::REMOVED).contains("the leaf is that of a light that was removed")
+        );
         assert!(message(|tree| tree.wide[0].axis = [[0.0; WIDTH]; 3]).contains("the cap does not cover"));
     }
 }

@@ -25,6 +25,10 @@ use crate::tree::attributes::AttributeSums;
 /// A subtree is made again once it has this many times the lights that it was made for.
 const MAX_GROWTH: u32 = 2;
 
+/// A light does not go below a child whose cost it would raise by more than this share, if the node
+/// has room for it (docs/decisions.md, 55).
+const MAX_RISE: f64 = 0.3;
+
 /// Where a light goes below a node.
 struct Choice {
     slot: usize,
@@ -81,7 +85,7 @@ impl LightTree {
             let count = self.nodes[node].count();
             let choice = self.choose(node, &lit);
             let has_room = count < WIDTH;
-            let Some(choice) = choice.filter(|choice| !has_room || choice.rise <= choice.cost) else {
+            let Some(choice) = choice.filter(|choice| !has_room || choice.rise <= MAX_RISE * choice.cost) else {
                 self.nodes[node].set_count(count + 1);
                 self.put_leaf(node, count, index, &own);
                 return;

@@ -45,6 +45,9 @@ impl LightTree {
     /// the whole tree: where the upper levels have degraded, nothing less helps. A tree of fewer
     /// than 32 lights is never rebuilt; [`LightTree::rebuild`] takes microseconds for it.
     ///
+    /// Where lights were added since the last build, subtrees may not be contiguous. The only part is
+    /// then the whole tree.
+    ///
     /// Call it once a frame. Refits first if lights have changed since the last refit. O(n log n)
     /// in the rebuilt lights, plus a search among the subtrees that hold 1/256 of the tree or more.
     /// `docs/benchmarks.md` has its effect.
@@ -84,7 +87,7 @@ impl LightTree {
 
     /// Replaces this tree by one that was built from an earlier state of its lights. Lights that
     /// have changed since are set again. Returns whether there are any; the tree then needs a
-    /// refit.
+    /// refit, unless it was built again for lights that were added or removed.
     ///
     /// O(lights). Each light that changed costs as much as ten others.
     ///
@@ -95,12 +98,12 @@ impl LightTree {
             None => !light.is_removed(),
         };
         let changes: Vec<(u32, Light)> = (0..).zip(self.lights.iter().copied()).filter(differs).collect();
-        built.apply(&changes);
+        let is_built_again = built.apply(&changes);
         if let Some(last) = self.lights.len().checked_sub(1) {
             built.hold_index(last as u32);
         }
         *self = built;
-        self.dirty.len() > 0
+        self.dirty.len() > 0 || is_built_again
     }
 
     /// The part of up to `max_lights` lights whose rebuild probably gains most per light. `None` if

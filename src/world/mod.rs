@@ -49,8 +49,9 @@ use staged::StagedLights;
 
 /// All lights of a scene: light trees, instances of them, and directional lights.
 ///
-/// A call that returns an error has changed nothing. Edits of lights take effect at the next
-/// [`LightWorld::update`]; moves, additions and removals take effect at once.
+/// A call that returns an error has changed nothing. Lights that are changed, added or removed follow
+/// at the next [`LightWorld::update`]; moves, additions and removals of instances and trees take
+/// effect at once.
 pub struct LightWorld {
     trees: SlotMap<TreeKey, TreeEntry>,
     instances: SlotMap<InstanceKey, Instance>,

@@ -113,9 +113,30 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
+    use crate::tree::{MAX_LIGHTS, check_light_count};
 
     fn lamp(intensity: usize) -> Light {
         Light::point(Vec3::ZERO, Vec3::splat(intensity as f32))
+    }
+
+    #[test]
+    fn indices_of_new_lights_are_counted_before_they_are_given() {
+        let mut tree = LightTree::new((0..5).map(lamp).collect()).expect("valid");
+        tree.remove_lights(&[1, 3]).expect("it has the lights");
+        let mut staged = StagedLights::default();
+        for (given, index) in [1, 3, 5, 6].into_iter().enumerate() {
+            let counts = [0, 1, 2, 9].map(|count| staged.index_count_with(count, &tree));
+            let vacant = 2_usize.saturating_sub(given);
+            let present = 5 + given.saturating_sub(2);
+            assert_eq!(counts, [0, 1, 2, 9].map(|count| present + usize::saturating_sub(count, vacant)));
+            assert_eq!(staged.add(lamp(7), &tree), index);
+        }
+        let room = MAX_LIGHTS - 7;
+        assert!(check_light_count(staged.index_count_with(room, &tree)).is_ok());
+        let refused = Err(WorldError::TooManyLights { given: MAX_LIGHTS + 1, limit: MAX_LIGHTS });
+        assert_eq!(check_light_count(staged.index_count_with(room + 1, &tree)), refused);
+        staged.clear();
+        assert_eq!(staged.add(lamp(7), &tree), 1);
     }
 
     #[test]

@@ -184,7 +184,7 @@ fn a_removed_light_has_no_pmf_no_sample_and_no_effect() {
 fn adding_and_removing_a_light_costs_a_path_of_nodes_in_a_tree_of_any_size() {
     let (device, queue) = gpu();
     let mut rng = Rng(403);
-    for (count, edits) in [(1_000, 400), (100_000, 200)] {
+    for (count, edits, moves) in [(1_000, 400, 4), (100_000, 200, 1)] {
         let (mut world, tree, _) = world_of(lamps(&mut rng, count), Policy::RefitOnly);
         let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
         frame(&mut world, &mut lights);
@@ -207,11 +207,10 @@ fn adding_and_removing_a_light_costs_a_path_of_nodes_in_a_tree_of_any_size() {
             ];
             assert_eq!((sent.trees, sent.instances), (1, 0), "edit {edit}");
         }
-        println!(
-            "{count} lights, {edits} added: sent whole {resent} times; nodes {nodes}, bytes {bytes}, {greatest:?}"
-        );
-        assert!(resent <= 2, "{resent} of {edits} additions to {count} lights sent the whole tree");
-        assert!(nodes <= 14 * edits && bytes <= 5_000 * edits as u64, "{nodes} nodes, {bytes} bytes");
+        // The first range of the lights has their exact size. Each later one has a quarter more than
+        // the lights or nodes that it is made for.
+        assert!(resent <= moves, "{resent} of {edits} additions to {count} lights sent the whole tree");
+        assert!(nodes <= 10 * edits && bytes <= 2_500 * edits as u64, "{count}: {nodes} nodes, {bytes} bytes");
         let [nodes, lights_sent, bytes] = greatest;
         assert!(nodes <= 64 && lights_sent <= 400 && bytes <= 32_768, "{greatest:?}");
         let (mut nodes, mut bytes) = (0, 0);
@@ -223,8 +222,7 @@ fn adding_and_removing_a_light_costs_a_path_of_nodes_in_a_tree_of_any_size() {
             bytes += sent.bytes;
             assert!(refit.refit_nodes <= 24 && sent.lights <= 24 && sent.bytes <= 16_384, "{refit:?} {sent:?}");
         }
-        println!("{count} lights, {edits} removed: nodes {nodes}, bytes {bytes}");
-        assert!(nodes <= 12 * edits && bytes <= 5_000 * edits as u64, "{nodes} nodes, {bytes} bytes");
+        assert!(nodes <= 10 * edits && bytes <= 2_500 * edits as u64, "{count}: {nodes} nodes, {bytes} bytes");
         world.tree(tree).expect("it lives").check().expect("the tree is sound");
     }
 }
@@ -249,8 +247,7 @@ fn paths_stay_short_whatever_the_order_of_the_lights_is() {
         let nodes = tree.nodes().len();
         tree.rebuild();
         let built = greatest_depth(&tree);
-        println!("{name}: depth {grown}, built {built}; nodes {nodes}, built {}", tree.nodes().len());
-        assert!(grown <= built + 12, "{name}: {grown} nodes deep, a new tree {built}");
+        assert!(grown <= built + 3, "{name}: {grown} nodes deep, a new tree {built}");
         assert!(nodes <= 3 * tree.nodes().len(), "{name}: {nodes} nodes, a new tree {}", tree.nodes().len());
     }
 }
@@ -270,7 +267,6 @@ fn nodes_of_removed_lights_are_used_again() {
     tree.check().expect("the tree is sound");
     assert_eq!((tree.lights().len(), tree.light_count()), (2_000, 2_000));
     tree.rebuild();
-    println!("{most} nodes at most, {} when built", tree.nodes().len());
     assert!(most <= 2 * tree.nodes().len(), "{most} nodes, a new tree {}", tree.nodes().len());
 }
 
@@ -651,12 +647,11 @@ fn a_tree_whose_lights_were_replaced_one_by_one_is_little_worse_and_a_rebuild_ma
         let fresh = mean_sigma(&LightTree::new(tree.lights().to_vec()).expect("valid"));
         tree.rebuild();
         let rebuilt = mean_sigma(&tree);
-        println!(
-            "{count} {clustered}: sigma {before:.3}, worn {worn:.3}, new {fresh:.3}, rebuilt {rebuilt:.3}; rise {rise:.3}"
-        );
         assert_eq!(rebuilt, fresh);
-        assert!(worn <= 1.25 * fresh, "{worn} after the edits, {fresh} in a new tree");
-        assert!(rise > 0.0, "the splitting cost tells");
+        // Where lights appear at places that had none, the splitting cost tells.
+        let (bound, least_rise) = if clustered { (2.5, 0.3) } else { (1.25, -0.05) };
+        assert!(worn <= bound * fresh, "{worn} after the edits, {fresh} in a new tree, {before} before them");
+        assert!(rise >= least_rise, "the splitting cost has risen by {rise}");
     }
 }
 
@@ -673,9 +668,10 @@ fn a_tree_that_has_degraded_by_additions_asks_for_a_rebuild() {
             waited_at.get_or_insert(added);
         }
     }
-    println!("waits since {waited_at:?}");
     assert!(waited_at.is_some_and(|at| at < 1_000), "{waited_at:?}");
-    let nodes = world.tree(tree).expect("it lives").nodes().len();
+    let worn = world.tree(tree).expect("it lives");
+    assert!(worn.cost_rise() > 0.1, "{}", worn.cost_rise());
+    let nodes = worn.nodes().len();
     assert_eq!(world.update(FrameBudget::UNLIMITED).rebuilt_trees, 1);
     let built = world.tree(tree).expect("it lives");
     built.check().expect("the tree is sound");
