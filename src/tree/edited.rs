@@ -144,3 +144,11 @@ impl Edited {
         size_of::<u32>() * (vacant.len() + free.len() + built_lights.capacity() + moved.capacity())
     }
 }
+
+/// Makes room in a full list for an eighth more entries: doubling would double the memory of a large
+/// tree for its first new light.
+pub(super) fn make_room<T>(list: &mut Vec<T>) {
+    if list.len() == list.capacity() {
+        list.reserve_exact(list.len() / 8 + 16);
+    }
+}

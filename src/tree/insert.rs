@@ -12,6 +12,7 @@
 //! at most in each subtree that holds it.
 
 use super::cost::{orientation, size};
+use super::edited::make_room;
 use super::layout::{PlacedLight, build_items};
 use super::node::{LEAF, NO_PARENT, Node, WIDTH};
 use super::shape::shape;
@@ -154,6 +155,9 @@ impl LightTree {
     /// An empty node behind another one: a spare one, or one that is appended.
     fn new_node_after(&mut self, node: usize) -> usize {
         let new = self.edited.take_node_after(node).unwrap_or_else(|| {
+            make_room(&mut self.nodes);
+            make_room(&mut self.wide);
+            make_room(&mut self.attribute_sums);
             self.nodes.push(Node::EMPTY);
             self.wide.push(WideCluster::EMPTY);
             self.spans.push(0);

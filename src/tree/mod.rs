@@ -52,7 +52,7 @@ use std::fmt;
 
 use attributes::AttributeSums;
 use dirty::DirtyNodes;
-use edited::Edited;
+use edited::{Edited, make_room};
 use refitted::RefittedNodes;
 use tasks::RefitTasks;
 
@@ -262,6 +262,7 @@ impl LightTree {
     /// Lengthens the list of lights so that it has an index. The new indices are vacant.
     pub(super) fn hold_index(&mut self, index: u32) {
         for vacant in self.lights.len() as u32..=index {
+            make_room(&mut self.lights);
             self.lights.push(Light::REMOVED);
             self.leaves.push(NO_LEAF);
             self.edited.set_vacant(vacant, true);
