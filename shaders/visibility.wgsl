@@ -185,6 +185,10 @@ fn light_record_visibility(shading_point: LightShadingPoint, chosen: LightSample
     var base = placed.node_base;
     var position = light_into_tree(placed, shading_point.position - light_translation(placed.to_world));
     var place = light_place(placed.light_base + chosen.light);
+    // The light was removed.
+    if place == LIGHT_NO_PARENT {
+        return;
+    }
     var last = LIGHT_BINS;
     loop {
         if instance != LIGHT_NO_INSTANCE && light_leaves_tree(placed.flags, place) {

@@ -88,6 +88,10 @@ fn light_climb(
     var base = light_node_base(instance);
     var local = light_local_to_tree(instance, shading_point);
     var place = light_place(light_light_base(instance) + light);
+    // The light was removed.
+    if place == LIGHT_NO_PARENT {
+        return 0.0;
+    }
     var pmf = 1.0;
     // #if PREVIOUS
     // A light that did not exist in the last frame may lead anywhere.

@@ -13,7 +13,7 @@ use crate::tree::{LightTree, Target, WIDTH};
 
 impl LightTree {
     /// Computes the probability of every light, by its index: what [`LightTree::pmf`] returns for
-    /// each, up to rounding.
+    /// each, up to rounding. 0 at the indices of removed lights.
     ///
     /// The shading point is in the tree's space. Replaces the content of `pmfs`. `splits` is as for
     /// [`LightSampler::with_splits`](crate::LightSampler::with_splits). O(lights).

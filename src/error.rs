@@ -88,7 +88,7 @@ impl LightError {
     }
 }
 
-/// Why a world or a tree refused a call, which has then changed nothing. Codes 200 to 209, or the
+/// Why a world or a tree refused a call, which has then changed nothing. Codes 200 to 210, or the
 /// code of the error inside.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -132,8 +132,14 @@ pub enum WorldError {
     NoSuchLight {
         /// The given index.
         index: u32,
-        /// The number of lights in the tree.
+        /// The number of indices in the tree, those of removed lights included.
         count: usize,
+    },
+    /// The light of this index was removed: before, or in the same call.
+    #[error("light index {index} is that of a light that was removed")]
+    RemovedLight {
+        /// The given index.
+        index: u32,
     },
     /// No tree has this key: it was removed, or never existed. A key of another world is not
     /// recognized as such; it may name something else here.
@@ -202,6 +208,7 @@ impl WorldError {
             Self::Policy { .. } => 207,
             Self::NotFinite { .. } => 208,
             Self::Factor { .. } => 209,
+            Self::RemovedLight { .. } => 210,
         }
     }
 }

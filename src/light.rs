@@ -132,6 +132,17 @@ pub struct Light {
 }
 
 impl Light {
+    /// What a list of lights holds at the index of a light that was removed: a dark point whose
+    /// range of 0 no valid light has.
+    pub(crate) const REMOVED: Self =
+        Self { shape: Shape::Point { position: Vec3::ZERO }, emission: Vec3::ZERO, range: 0.0 };
+
+    /// Whether this is no light, but what [`LightTree::lights`](crate::LightTree::lights) has at
+    /// the index of a light that was removed. It emits nothing, and [`Light::validate`] refuses it.
+    pub fn is_removed(&self) -> bool {
+        self.range == 0.0
+    }
+
     fn new(shape: Shape, emission: Vec3) -> Self {
         Self { shape, emission, range: f32::INFINITY }
     }

@@ -21,7 +21,7 @@ use crate::segment::LocalSegment;
 use crate::shading_point::ShadingPoint;
 use crate::simd::with_vectors;
 use crate::top::TopLevel;
-use crate::tree::{Lanes, LightTree, Node, Target, WIDTH};
+use crate::tree::{Lanes, LightTree, NO_LEAF, Node, Target, WIDTH};
 use crate::visibility::{CellGrid, LearntCell, VisibilityTable};
 use crate::walk::{DrawJob, LeafPath, Outcome, PmfJob, PmfTarget, TopPath, TreeLight};
 use crate::world::LightWorld;
@@ -431,7 +431,7 @@ impl<'a> LightSampler<'a> {
     }
 
     /// Iterates over every light that can be sampled: those of all instances, then the directional
-    /// lights.
+    /// lights. The indices of removed lights are among them, until they are used again.
     pub fn all_lights(&self) -> impl Iterator<Item = LightId> + use<'a> {
         let world = self.world;
         let local = world.instances().flat_map(move |instance| {
@@ -510,7 +510,7 @@ impl<'a> LightSampler<'a> {
         shading_point: &ShadingPoint,
     ) -> Option<LeafPath<'a>> {
         let (lights, tree) = self.tree_view(instance, shading_point)?;
-        let place = *lights.leaves().get(light as usize)?;
+        let place = *lights.leaves().get(light as usize).filter(|place| **place != NO_LEAF)?;
         let top = TopPath {
             tree: self.root(shading_point),
             places: self.top.places(slot_of(instance)),
@@ -573,9 +573,9 @@ impl LightTree {
     }
 
     /// Returns the probability with which [`LightTree::pick`] chooses a light; 0 for an index that
-    /// the tree does not have.
+    /// the tree does not have and for that of a removed light.
     pub fn pmf(&self, shading_point: &ShadingPoint, light: u32, splits: SplitCount) -> f32 {
-        let Some(place) = self.leaves().get(light as usize) else { return 0.0 };
+        let Some(place) = self.leaves().get(light as usize).filter(|place| **place != NO_LEAF) else { return 0.0 };
         let root = TreeView::of_tree(self.nodes(), shading_point);
         let target = PmfTarget::Light(LeafPath { tree: root, light, place: *place, top: None });
         with_vectors(PmfJob { root, splits, directional_lux: 0.0, target, instance_trees: &NoInstances })

@@ -42,13 +42,27 @@ impl TreeRanges {
     pub const NONE: Self =
         Self { key: None, nodes: 0..0, lights: 0..0, records: 0..0, division: Division::Whole, revision: 0 };
 
-    /// Whether a tree has as many nodes, lights and parts as the ranges.
+    /// Whether the ranges have room for the nodes, lights and parts of a tree, and not much more.
     pub fn fit(&self, tree: &LightTree, division: Division) -> bool {
-        self.nodes.len() == tree.nodes().len()
-            && self.lights.len() == tree.lights().len()
+        let fits = |range: &Range<u32>, count: usize| (count..=most_room(count)).contains(&range.len());
+        fits(&self.nodes, tree.nodes().len())
+            && fits(&self.lights, tree.lights().len())
             && self.records.len() == TreeRecord::count(tree, division) as usize
             && self.division == division
     }
+
+    /// The room for numbers of nodes and lights that the ranges do not fit. If either has grown, both
+    /// get a quarter more, so that a tree to which lights are added one by one moves within the pools
+    /// once for a quarter of its lights.
+    pub fn room_for(&self, [nodes, lights]: [usize; 2]) -> [u32; 2] {
+        let has_grown = nodes > self.nodes.len() || lights > self.lights.len();
+        [nodes, lights].map(|count| if has_grown { count + count / 4 + 16 } else { count } as u32)
+    }
+}
+
+/// More room than this is given back.
+fn most_room(count: usize) -> usize {
+    2 * count + 64
 }
 
 /// Slots to be written: those of a delta and of the deltas that failed before it, and the slots

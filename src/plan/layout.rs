@@ -217,7 +217,8 @@ impl LightRecord {
             a: a.to_array(),
             kind,
             b: b.to_array(),
-            range: light.range.min(UNLIMITED_RANGE),
+            // A removed light is a dark point like others.
+            range: if light.is_removed() { UNLIMITED_RANGE } else { light.range.min(UNLIMITED_RANGE) },
             c: c.to_array(),
             place,
             // Shaders do not see the light's flux, so a light without flux must have no emission.

@@ -241,8 +241,12 @@ impl LightPlanner {
                     // Pushed first, so that what was reserved is released if the rest fails.
                     placed.push((slot, TreeRanges { key, division, ..TreeRanges::NONE }));
                     let ranges = placed.last_mut().map(|(_, ranges)| ranges).expect("pushed above");
-                    ranges.nodes = self.nodes.alloc(tree.nodes().len() as u32, growth)?;
-                    ranges.lights = self.lights.alloc(tree.lights().len() as u32, growth)?;
+                    let former = &self.tree_ranges[slot as usize];
+                    let counts = [tree.nodes().len(), tree.lights().len()];
+                    let [nodes, lights] =
+                        if former.key == key { former.room_for(counts) } else { counts.map(|n| n as u32) };
+                    ranges.nodes = self.nodes.alloc(nodes, growth)?;
+                    ranges.lights = self.lights.alloc(lights, growth)?;
                     ranges.records = self.trees.alloc(TreeRecord::count(tree, division), growth)?;
                 }
                 None => placed.push((slot, TreeRanges::NONE)),

@@ -31,7 +31,7 @@ impl TreeFeatures {
             // NaN, say of lights that are all at one point, counts as the least attribute.
             if clamped.is_nan() { MIN_ATTRIBUTE.ln() } else { clamped.ln() }
         };
-        let lights = tree.lights().len().max(1) as f32;
+        let lights = tree.light_count().max(1) as f32;
         let [constant, by_lights, by_variance, by_axis] = FRESH_COEFFICIENTS;
         let ln_variance = constant
             + by_lights * lights.ln()

@@ -46,6 +46,12 @@ impl Scheduler {
         state.start(features, frame);
     }
 
+    /// Records that lights were added to a tree or removed from it. A tree that waits keeps its
+    /// place in the queue, and the size that it had when it began to wait.
+    pub fn was_resized(&mut self, tree: TreeKey, lights: usize) {
+        self.trees[tree].set_lights(lights);
+    }
+
     /// What a tree requests whose policies make this request now. A request of
     /// [`RebuildRequest::Required`] stands until it is served or [withdrawn](Scheduler::withdraw).
     pub fn standing_request(&self, tree: TreeKey, request: RebuildRequest) -> RebuildRequest {

@@ -1,10 +1,13 @@
 //! Builds a tree over lights: first its shape, then its nodes.
 
+use std::collections::BTreeSet;
+
 use super::LightTree;
 use super::attributes::{AttributeSums, Attributes};
 use super::dirty::DirtyNodes;
+use super::edited::Edited;
 use super::layout::{PlacedLight, build_items, with_spare};
-use super::node::Node;
+use super::node::{NO_LEAF, Node};
 use super::refitted::RefittedNodes;
 use super::shape::{TreeShape, shape_tree};
 use super::tasks::RefitTasks;
@@ -22,16 +25,17 @@ impl LightTree {
     /// Builds a tree over valid lights.
     #[cfg(test)]
     pub(crate) fn build(lights: Vec<Light>) -> Self {
-        Self::build_for(lights, None)
+        Self::build_for(lights, None, BTreeSet::new())
     }
 
-    /// Builds a tree over valid lights that is shaped as its image under `reference` would be.
-    pub(crate) fn build_for(lights: Vec<Light>, reference: Option<Box<Linear>>) -> Self {
-        let placed = placed_lights(&lights);
+    /// Builds a tree over valid lights that is shaped as its image under `reference` would be. The
+    /// indices in `vacant` have no light.
+    pub(crate) fn build_for(lights: Vec<Light>, reference: Option<Box<Linear>>, vacant: BTreeSet<u32>) -> Self {
+        let placed = if vacant.is_empty() { placed_lights(&lights) } else { placed_lights_of_some(&lights) };
         let TreeShape { nodes: shape, sides } = shape_tree(&mut build_items(&placed, reference.as_deref()));
         let count = with_spare(shape.len());
         let mut tree = Self {
-            leaves: vec![0; lights.len()],
+            leaves: vec![NO_LEAF; lights.len()],
             effects: effects_of(&lights),
             lights,
             nodes: vec![Node::EMPTY; count],
@@ -44,6 +48,7 @@ impl LightTree {
             has_stale_sums: false,
             dirty: DirtyNodes::empty(count),
             refitted: RefittedNodes::empty(count),
+            edited: Edited::of_build(vacant),
             tasks: RefitTasks::default(),
             root: Cluster::EMPTY,
             sides: vec![Cluster::EMPTY; sides],
@@ -59,8 +64,14 @@ impl LightTree {
 
 fn effects_of(lights: &[Light]) -> EffectCounts {
     let mut counts = EffectCounts::default();
-    lights.iter().for_each(|light| counts.add(light.effects()));
+    lights.iter().filter(|light| !light.is_removed()).for_each(|light| counts.add(light.effects()));
     counts
+}
+
+/// The clusters of all lights that were not removed.
+fn placed_lights_of_some(lights: &[Light]) -> Vec<PlacedLight> {
+    let present = lights.iter().enumerate().filter(|(_, light)| !light.is_removed());
+    present.map(|(index, light)| PlacedLight::new(index, light)).collect()
 }
 
 /// The clusters of all lights.

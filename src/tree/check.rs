@@ -1,7 +1,7 @@
 //! Proves that a tree keeps its invariants. Every test of trees calls it after every step.
 
 use super::LightTree;
-use super::node::{EMPTY_SLOT, NO_PARENT, Node, Target, WIDTH};
+use super::node::{EMPTY_SLOT, NO_LEAF, NO_PARENT, Node, Target, WIDTH};
 use super::pack::UNLIMITED_RANGE;
 use super::wide::WideCluster;
 use crate::cluster::{Cluster, MAX_FLUX};
@@ -74,7 +74,9 @@ impl LightTree {
             if record.count() == 0 || record.count() > WIDTH {
                 return fail(0, "the number of children is outside 1 to 8");
             }
-            let end = node + self.spans[node] as usize;
+            let is_contiguous = !self.edited.is_scattered();
+            let end = if is_contiguous { node + self.spans[node] as usize } else { self.nodes.len() };
+            let mut lights = 0;
             for slot in record.count()..WIDTH {
                 if record.targets[slot] != EMPTY_SLOT || record.flux[slot] != 0 || self.wide[node].flux[slot] != 0.0 {
                     return fail(slot, "the slot is unused but not empty");
@@ -95,6 +97,10 @@ impl LightTree {
                         if self.leaves[light as usize] != place {
                             return fail(slot, "the light's entry in `leaves` names another place");
                         }
+                        lights += 1;
+                        if self.lights[light as usize].is_removed() {
+                            return fail(slot, "the leaf is that of a light that was removed");
+                        }
                         if exact != self.lights[light as usize].cluster() {
                             return fail(slot, "the cluster at full precision is not the light's");
                         }
@@ -105,25 +111,39 @@ impl LightTree {
                         let Some(lower) = self.nodes.get(below) else {
                             return fail(slot, "the tree has no node of the child's index");
                         };
-                        if below <= node || below + self.spans[below] as usize > end {
+                        let span = if is_contiguous { self.spans[below] as usize } else { 1 };
+                        if below <= node || below + span > end {
                             return fail(slot, "the child's subtree does not lie within the node's");
                         }
                         if lower.parent != place {
                             return fail(slot, "the child's link to its parent names another place");
                         }
+                        lights += self.light_counts[below];
                         let children = (0..lower.count()).map(|slot| self.wide[below].get(slot));
                         merge_fault(&exact, children).map_or(Ok(()), |what| fail(slot, what))?;
                     }
                 }
                 cover_fault(&record.cluster(slot), &exact).map_or(Ok(()), |what| fail(slot, what))?;
             }
+            if lights != self.light_counts[node] {
+                return fail(0, "the number of lights is not the sum of the children's");
+            }
         }
         let fail = |what| Err(CheckError { node: self.nodes.len(), slot: 0, what });
         if reached + spares != self.nodes.len() {
             return fail("a node cannot be reached from the root");
         }
-        if has_leaf.contains(&false) {
-            return fail("a light has no leaf");
+        for (index, light) in (0..).zip(&self.lights) {
+            let (has_leaf, is_vacant) = (has_leaf[index as usize], self.edited.vacant().contains(&index));
+            if has_leaf == light.is_removed() || (self.leaves[index as usize] == NO_LEAF) == has_leaf {
+                return fail("a light has no leaf, or a removed light has one");
+            }
+            if is_vacant != light.is_removed() {
+                return fail("the list of vacant indices is not that of the removed lights");
+            }
+        }
+        if self.edited.vacant().last().is_some_and(|last| *last as usize >= self.lights.len()) {
+            return fail("an index beyond the last is vacant");
         }
         let root = self.wide.first().copied().unwrap_or(WideCluster::EMPTY);
         let is_side = |(slot, side): (usize, &Cluster)| *side == root.get(slot);
@@ -225,6 +245,15 @@ mod tests {
         assert!(message(|tree| tree.nodes[0].range[1] = 0).contains("slot 1: the range is shorter"));
         assert!(message(|tree| tree.nodes[0].high[0][1] = 0).contains("slot 1: the box does not contain"));
         assert!(message(|tree| tree.sides = vec![tree.root]).ends_with("the sides are not the children of the root"));
+        assert!(
+            message(|tree| tree.light_counts[0] += 1)
+                .ends_with("the number of lights is not the sum of the children's")
+        );
+        assert!(message(|tree| tree.edited.set_vacant(3, true)).contains("the list of vacant indices is not that of"));
+        assert!(message(|tree| tree.edited.set_vacant(100, true)).contains("an index beyond the last is vacant"));
+        assert!(
+            message(|tree| tree.lights[3] = Light::REMOVED).contains("the leaf is that of a light that was removed")
+        );
         assert!(message(|tree| tree.wide[0].axis = [[0.0; WIDTH]; 3]).contains("the cap does not cover"));
     }
 }

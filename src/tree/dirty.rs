@@ -33,7 +33,7 @@ impl DirtyNodes {
         self.flags.capacity() + size_of::<u32>() * self.heap.capacity()
     }
 
-    /// The number of nodes in the set.
+    /// The number of nodes in the set, and of nodes that were removed from it.
     pub fn len(&self) -> usize {
         self.heap.len()
     }
@@ -45,11 +45,20 @@ impl DirtyNodes {
         }
     }
 
+    /// Removes a node that is not part of the tree any more.
+    pub fn remove(&mut self, node: usize) {
+        // Its entry in the heap is skipped.
+        self.flags[node] = false;
+    }
+
     /// Takes out the greatest index. `None` if the set is empty.
     pub fn pop(&mut self) -> Option<usize> {
-        let node = self.heap.pop()? as usize;
-        self.flags[node] = false;
-        Some(node)
+        loop {
+            let node = self.heap.pop()? as usize;
+            if std::mem::take(&mut self.flags[node]) {
+                return Some(node);
+            }
+        }
     }
 
     /// Drops the order and keeps the flags, for a sweep that visits all nodes and clears the flags
@@ -85,5 +94,12 @@ mod tests {
         assert_eq!([dirty.pop(), dirty.pop()], [Some(2), Some(1)]);
         dirty.insert(2);
         assert_eq!([dirty.pop(), dirty.pop(), dirty.pop()], [Some(2), Some(0), None]);
+        dirty.insert(1);
+        dirty.remove(1);
+        assert_eq!(dirty.pop(), None);
+        dirty.insert(1);
+        dirty.remove(1);
+        dirty.insert(1);
+        assert_eq!([dirty.pop(), dirty.pop()], [Some(1), None]);
     }
 }

@@ -4,7 +4,7 @@
 use super::LightTree;
 use super::attributes::AttributeSums;
 use super::dirty::DirtyNodes;
-use super::node::{Node, WIDTH};
+use super::node::{NO_LEAF, Node, WIDTH};
 use super::refitted::RefittedNodes;
 use super::tasks::RefitTasks;
 use super::wide::WideCluster;
@@ -49,6 +49,7 @@ impl LightTree {
             + size_of::<u32>() * (light_counts.capacity() + built_costs.capacity())
             + self.dirty.memory_bytes()
             + self.refitted.memory_bytes()
+            + self.edited.memory_bytes()
             + self.tasks.memory_bytes()
     }
 
@@ -62,8 +63,10 @@ impl LightTree {
         let former = self.nodes.clone();
         self.wide = vec![WideCluster::EMPTY; count];
         for (light, place) in self.lights.iter().zip(&self.leaves) {
-            let place = *place as usize;
-            self.wide[place / WIDTH].set(place % WIDTH, &light.cluster());
+            if *place != NO_LEAF {
+                let place = *place as usize;
+                self.wide[place / WIDTH].set(place % WIDTH, &light.cluster());
+            }
         }
         self.attribute_sums = vec![AttributeSums::default(); count];
         self.dirty = DirtyNodes::empty(count);

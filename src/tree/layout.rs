@@ -100,6 +100,7 @@ impl LightTree {
         self.refit();
         for node in root..root + span {
             self.built_costs[node] = self.cost_per_spread(node);
+            self.edited.was_built(node, self.light_counts[node]);
         }
     }
 

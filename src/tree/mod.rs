@@ -7,13 +7,16 @@ mod build;
 mod check;
 mod cost;
 mod dirty;
+mod edited;
 mod freeze;
+mod insert;
 mod layout;
 mod node;
 mod pack;
 mod rebuild;
 mod refit;
 mod refitted;
+mod remove;
 mod shape;
 mod stepped_build;
 mod tasks;
@@ -29,7 +32,7 @@ pub use check::CheckError;
 #[cfg(feature = "gpu-plan")]
 pub(crate) use cost::{DIAGONAL_WEIGHT, MIN_ORIENTATION};
 pub(crate) use cost::{build_cost, size as build_size};
-pub use node::{Bytes, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_PARENT, Node, Target, WIDTH};
+pub use node::{Bytes, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_LEAF, NO_PARENT, Node, Target, WIDTH};
 #[cfg(feature = "gpu-plan")]
 pub(crate) use pack::{CAP_STEPS, DIRECTION_STEPS, STEPS};
 pub(crate) use pack::{NodeGrid, UNLIMITED_RANGE, Unpacked};
@@ -44,10 +47,12 @@ pub(crate) use stepped_build::{MAX_EXTRA_UNITS, TreeBuild};
 pub(crate) use units::units_of_build;
 pub(crate) use wide::{Lanes, WideCluster};
 
+use std::collections::BTreeSet;
 use std::fmt;
 
 use attributes::AttributeSums;
 use dirty::DirtyNodes;
+use edited::{Edited, make_room};
 use refitted::RefittedNodes;
 use tasks::RefitTasks;
 
@@ -58,16 +63,17 @@ use crate::light::Light;
 
 /// A light tree: lights, and a tree of nodes with up to eight children over them.
 ///
-/// Nodes are stored depth first: a parent before its children, and every subtree contiguous. The
-/// number of lights is fixed. [`LightTree::set_lights`] changes lights in place, and
-/// [`LightTree::refit`] brings the nodes up to date. [`LightWorld`](crate::LightWorld) does both
-/// for its trees.
+/// A build stores nodes depth first: a parent before its children, and every subtree contiguous.
+/// [`LightTree::set_lights`] changes lights in place, and [`LightTree::refit`] brings the nodes up
+/// to date. [`LightTree::add_lights`] and [`LightTree::remove_lights`] change the nodes near a light
+/// only. [`LightWorld`](crate::LightWorld) does all of this for its trees.
 #[derive(Clone, Default)]
 pub struct LightTree {
+    /// [`Light::REMOVED`] at the indices of removed lights.
     lights: Vec<Light>,
     /// The effects of all lights.
     effects: EffectCounts,
-    /// For each light the place of its leaf, `node * WIDTH + slot`.
+    /// For each light the place of its leaf, `node * WIDTH + slot`. [`NO_LEAF`] for removed lights.
     leaves: Vec<u32>,
     /// The packed nodes, which are sampled.
     nodes: Vec<Node>,
@@ -90,6 +96,8 @@ pub struct LightTree {
     /// Nodes with lanes that changed since the last refit.
     dirty: DirtyNodes,
     refitted: RefittedNodes,
+    /// What additions and removals of lights have changed since the build.
+    edited: Edited,
     tasks: RefitTasks,
     /// The cluster of all lights.
     root: Cluster,
@@ -127,12 +135,19 @@ impl LightTree {
     pub(crate) fn with_reference(lights: Vec<Light>, reference: Option<Linear>) -> Result<Self, WorldError> {
         check_light_count(lights.len())?;
         check_lights(lights.iter().enumerate())?;
-        Ok(Self::build_for(lights, reference.map(Box::new)))
+        Ok(Self::build_for(lights, reference.map(Box::new), BTreeSet::new()))
     }
 
-    /// The lights, in the order in which they were given.
+    /// The lights by index: in the order in which they were given, then those that were added. A
+    /// removed light keeps its place in this list until its index is used again; what stands there
+    /// is dark, and [`Light::is_removed`] tells it from lights.
     pub fn lights(&self) -> &[Light] {
         &self.lights
+    }
+
+    /// The number of lights, without those that were removed. O(1).
+    pub fn light_count(&self) -> usize {
+        self.lights.len() - self.edited.vacant().len()
     }
 
     /// The number of lights that have each effect.
@@ -145,7 +160,8 @@ impl LightTree {
         &self.nodes
     }
 
-    /// For each light the place of its leaf, `node * WIDTH + slot`; see [`WIDTH`].
+    /// For each light the place of its leaf, `node * WIDTH + slot`; see [`WIDTH`]. [`NO_LEAF`] for a
+    /// light that was removed.
     pub fn leaves(&self) -> &[u32] {
         &self.leaves
     }
@@ -179,27 +195,99 @@ impl LightTree {
     /// O(changes); in a frozen tree O(lights), with allocations.
     ///
     /// # Errors
-    /// [`WorldError::NoSuchLight`] for an index outside the tree, [`WorldError::Light`] for an
-    /// invalid light. No light has then changed.
+    /// [`WorldError::NoSuchLight`] for an index outside the tree, [`WorldError::RemovedLight`] for
+    /// that of a light that was removed, [`WorldError::Light`] for an invalid light. No light has
+    /// then changed.
     pub fn set_lights(&mut self, changes: &[(u32, Light)]) -> Result<(), WorldError> {
-        self.check_changes(changes.iter().map(|(index, light)| (*index, light)))?;
+        check_indices(changes.iter().map(|(index, _)| *index), self.lights.len(), |index| self.lights.get(index))?;
+        check_lights(changes.iter().map(|(index, light)| (*index as usize, light)))?;
         self.apply(changes);
         Ok(())
     }
 
-    /// [`LightTree::set_lights`] for changes that have been checked.
-    pub(crate) fn apply(&mut self, changes: &[(u32, Light)]) {
+    /// Applies changes that have been checked. A light at the index of a removed one, or beyond the
+    /// last index, is added; [`Light::REMOVED`] removes a light. Each added or removed light occurs
+    /// once. Returns whether the tree was built again for that, with all nodes up to date.
+    pub(crate) fn apply(&mut self, changes: &[(u32, Light)]) -> bool {
+        let is_vacant = |index: u32| self.lights.get(index as usize).is_none_or(Light::is_removed);
+        let [mut added, mut removed] = [0, 0];
+        for (index, light) in changes {
+            added += usize::from(is_vacant(*index) && !light.is_removed());
+            removed += usize::from(!is_vacant(*index) && light.is_removed());
+        }
+        if added + removed > 0 && self.is_built_for(added, removed) {
+            self.edit_list(changes);
+            self.rebuild();
+            return true;
+        }
         if !changes.is_empty() {
             self.thaw();
         }
+        // Removals make room for additions.
         for (index, light) in changes {
-            let former = std::mem::replace(&mut self.lights[*index as usize], *light);
-            self.effects.remove(former.effects());
-            self.effects.add(light.effects());
-            let place = self.leaves[*index as usize] as usize;
-            self.wide[place / WIDTH].set(place % WIDTH, &light.cluster());
-            self.dirty.insert(place / WIDTH);
+            match (self.lights.get(*index as usize).is_none_or(Light::is_removed), light.is_removed()) {
+                (false, false) => self.set(*index, light),
+                (false, true) => self.remove(*index),
+                (true, _) => {}
+            }
         }
+        if added == 0 {
+            return false;
+        }
+        let before = self.edited.builds();
+        for (index, light) in changes {
+            if !light.is_removed() && self.lights.get(*index as usize).is_none_or(Light::is_removed) {
+                self.insert(*index, light);
+            }
+        }
+        self.edited.builds() != before
+    }
+
+    /// Whether a tree is built again for additions and removals: if it is divided into sides, which
+    /// builds choose, if most lights are new, and if none are left.
+    fn is_built_for(&self, added: usize, removed: usize) -> bool {
+        let present = self.light_count();
+        !self.sides.is_empty() || added > present - removed || added + present == removed
+    }
+
+    /// Writes changes to the list of lights only, before a build.
+    fn edit_list(&mut self, changes: &[(u32, Light)]) {
+        for (index, light) in changes {
+            self.hold_index(*index);
+            self.lights[*index as usize] = *light;
+            self.edited.set_vacant(*index, light.is_removed());
+        }
+    }
+
+    /// Lengthens the list of lights so that it has an index. The new indices are vacant.
+    pub(super) fn hold_index(&mut self, index: u32) {
+        for vacant in self.lights.len() as u32..=index {
+            make_room(&mut self.lights);
+            self.lights.push(Light::REMOVED);
+            self.leaves.push(NO_LEAF);
+            self.edited.set_vacant(vacant, true);
+        }
+    }
+
+    /// Replaces one light.
+    fn set(&mut self, index: u32, light: &Light) {
+        let former = std::mem::replace(&mut self.lights[index as usize], *light);
+        self.effects.remove(former.effects());
+        self.effects.add(light.effects());
+        let place = self.leaves[index as usize] as usize;
+        self.wide[place / WIDTH].set(place % WIDTH, &light.cluster());
+        self.dirty.insert(place / WIDTH);
+    }
+
+    /// The indices without a light, in ascending order.
+    pub(crate) fn vacant_indices(&self) -> &BTreeSet<u32> {
+        self.edited.vacant()
+    }
+
+    /// The lights whose leaves have moved since [`LightTree::forget_refitted`] was last called. A
+    /// light may occur several times.
+    pub(crate) fn moved_leaves(&self) -> &[u32] {
+        self.edited.moved()
     }
 
     /// The nodes that refits have written since [`LightTree::forget_refitted`] was last called.
@@ -207,26 +295,18 @@ impl LightTree {
         self.refitted.get()
     }
 
-    /// Empties the list of [`LightTree::refitted`] nodes.
+    /// Empties the lists of [`LightTree::refitted`] nodes and of [`LightTree::moved_leaves`].
     pub(crate) fn forget_refitted(&mut self) {
         self.refitted.clear();
+        self.edited.forget_moved();
     }
 
-    /// Checks that [`LightTree::set_lights`] would accept these changes.
-    pub(crate) fn check_changes<'a>(
-        &self,
-        mut changes: impl Iterator<Item = (u32, &'a Light)> + Clone,
-    ) -> Result<(), WorldError> {
-        let count = self.lights.len();
-        if let Some((index, _)) = changes.clone().find(|(index, _)| *index as usize >= count) {
-            return Err(WorldError::NoSuchLight { index, count });
-        }
-        changes.try_for_each(|(index, light)| check_light(index as usize, light))
-    }
-
-    /// Rebuilds all nodes from the present lights. O(n log n).
+    /// Rebuilds all nodes from the present lights. Lights keep their indices. O(n log n).
     pub fn rebuild(&mut self) {
-        *self = Self::build_for(std::mem::take(&mut self.lights), self.reference.take());
+        let vacant = self.edited.take_vacant();
+        let builds = self.edited.builds();
+        *self = Self::build_for(std::mem::take(&mut self.lights), self.reference.take(), vacant);
+        self.edited.count_build_after(builds);
     }
 
     /// The map for which builds divide the lights; `None` for the tree's own space.
@@ -257,7 +337,7 @@ impl fmt::Debug for LightTree {
     /// Summarises the tree: its lights and nodes may be megabytes.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("LightTree")
-            .field("lights", &self.lights.len())
+            .field("lights", &self.light_count())
             .field("nodes", &self.nodes.len())
             .field("is_frozen", &self.is_frozen())
             .field("effects", &self.effects)
@@ -267,11 +347,35 @@ impl fmt::Debug for LightTree {
     }
 }
 
-fn check_light_count(given: usize) -> Result<(), WorldError> {
+/// Checks that each of these indices is that of a light. `count` indices are known; `light` returns
+/// what is at an index.
+pub(crate) fn check_indices<'a>(
+    mut indices: impl Iterator<Item = u32>,
+    count: usize,
+    light: impl Fn(usize) -> Option<&'a Light>,
+) -> Result<(), WorldError> {
+    indices.try_for_each(|index| match light(index as usize) {
+        _ if index as usize >= count => Err(WorldError::NoSuchLight { index, count }),
+        Some(light) if !light.is_removed() => Ok(()),
+        _ => Err(WorldError::RemovedLight { index }),
+    })
+}
+
+/// Checks that no index occurs twice in a list of lights to remove.
+pub(crate) fn check_distinct(indices: &[u32]) -> Result<(), WorldError> {
+    let mut sorted = indices.to_vec();
+    sorted.sort_unstable();
+    match sorted.windows(2).find(|pair| pair[0] == pair[1]) {
+        Some(pair) => Err(WorldError::RemovedLight { index: pair[0] }),
+        None => Ok(()),
+    }
+}
+
+pub(crate) fn check_light_count(given: usize) -> Result<(), WorldError> {
     if given > MAX_LIGHTS { Err(WorldError::TooManyLights { given, limit: MAX_LIGHTS }) } else { Ok(()) }
 }
 
-fn check_lights<'a>(mut lights: impl Iterator<Item = (usize, &'a Light)>) -> Result<(), WorldError> {
+pub(crate) fn check_lights<'a>(mut lights: impl Iterator<Item = (usize, &'a Light)>) -> Result<(), WorldError> {
     lights.try_for_each(|(index, light)| check_light(index, light))
 }
 

@@ -20,6 +20,10 @@ pub const MAX_LIGHTS: usize = (LEAF - 1) as usize;
 /// The target of an unused slot.
 pub const EMPTY_SLOT: u32 = u32::MAX;
 
+/// The place of the leaf of a light that was removed: see
+/// [`LightTree::leaves`](crate::LightTree::leaves).
+pub const NO_LEAF: u32 = u32::MAX;
+
 /// [`Node::parent`] of the root.
 pub const NO_PARENT: u32 = u32::MAX;
 
@@ -96,6 +100,11 @@ impl Node {
     /// The number of children. They have the first slots.
     pub fn count(&self) -> usize {
         (self.steps >> 24) as usize
+    }
+
+    /// Sets the number of children.
+    pub(super) fn set_count(&mut self, count: usize) {
+        self.steps = self.steps & 0x00ff_ffff | (count as u32) << 24;
     }
 
     /// The child in a slot. `None` for an unused slot and for a slot outside the node (from

@@ -9,6 +9,7 @@ use super::layout::{PlacedLight, build_items};
 use super::node::{LEAF, Node};
 use super::shape::shape;
 use super::wide::WideCluster;
+use crate::light::Light;
 
 /// Smaller subtrees are not rebuilt alone: they could gain too little to be worth the search.
 const MIN_LIGHTS: u32 = 32;
@@ -44,13 +45,16 @@ impl LightTree {
     /// the whole tree: where the upper levels have degraded, nothing less helps. A tree of fewer
     /// than 32 lights is never rebuilt; [`LightTree::rebuild`] takes microseconds for it.
     ///
+    /// Where lights were added since the last build, subtrees may not be contiguous. The only part is
+    /// then the whole tree.
+    ///
     /// Call it once a frame. Refits first if lights have changed since the last refit. O(n log n)
     /// in the rebuilt lights, plus a search among the subtrees that hold 1/256 of the tree or more.
     /// `docs/benchmarks.md` has its effect.
     pub fn rebuild_worst(&mut self, lights: usize) -> usize {
         self.thaw();
         self.refit();
-        self.rebuild_credit = self.rebuild_credit.saturating_add(lights).min(self.lights.len());
+        self.rebuild_credit = self.rebuild_credit.saturating_add(lights).min(self.light_count());
         let mut rebuilt = 0;
         while let Some(part) = self.worst(usize::MAX).filter(|part| part.lights <= self.rebuild_credit) {
             self.rebuild_credit -= part.lights;
@@ -83,18 +87,23 @@ impl LightTree {
 
     /// Replaces this tree by one that was built from an earlier state of its lights. Lights that
     /// have changed since are set again. Returns whether there are any; the tree then needs a
-    /// refit.
+    /// refit, unless it was built again for lights that were added or removed.
     ///
     /// O(lights). Each light that changed costs as much as ten others.
+    ///
+    /// Lights that were added or removed since are added and removed.
     pub(crate) fn succeed(&mut self, mut built: Self) -> bool {
-        let present = std::mem::take(&mut self.lights);
-        for (index, light) in (0..).zip(present) {
-            if built.lights[index as usize] != light {
-                built.apply(&[(index, light)]);
-            }
+        let differs = |(index, light): &(u32, Light)| match built.lights.get(*index as usize) {
+            Some(then) => then != light,
+            None => !light.is_removed(),
+        };
+        let changes: Vec<(u32, Light)> = (0..).zip(self.lights.iter().copied()).filter(differs).collect();
+        let is_built_again = built.apply(&changes);
+        if let Some(last) = self.lights.len().checked_sub(1) {
+            built.hold_index(last as u32);
         }
         *self = built;
-        self.dirty.len() > 0
+        self.dirty.len() > 0 || is_built_again
     }
 
     /// The part of up to `max_lights` lights whose rebuild probably gains most per light. `None` if
@@ -103,12 +112,14 @@ impl LightTree {
         if self.is_frozen() {
             return None;
         }
-        let min_lights = MIN_LIGHTS.max(self.lights.len() as u32 / MAX_SUBTREE_SHARE);
+        // Where subtrees are not contiguous, only the whole tree can be rebuilt.
+        let share = if self.edited.is_scattered() { 1 } else { MAX_SUBTREE_SHARE };
+        let min_lights = MIN_LIGHTS.max(self.light_count() as u32 / share);
         let mut worst = (0.0, None);
         let mut node = 0;
         while node < self.nodes.len() {
             let lights = self.light_counts[node];
-            if lights < min_lights {
+            if lights < min_lights || (node > 0 && self.edited.is_scattered()) {
                 node += self.spans[node].max(1) as usize;
                 continue;
             }
@@ -155,6 +166,7 @@ impl LightTree {
         self.spans[root..root + span].fill(0);
         self.light_counts[root..root + span].fill(0);
         self.nodes[root].parent = parent;
+        self.edited.will_lay_out(root..root + span);
         self.lay_out(&shape, &lights, root, span);
         true
     }

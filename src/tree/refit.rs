@@ -6,7 +6,7 @@ use std::ops::Range;
 use super::LightTree;
 use super::attributes::AttributeSums;
 use super::node::{NO_PARENT, Node, Target, WIDTH};
-use super::tasks::RefitTask;
+use super::tasks::{RefitTask, RefitTasks};
 use super::wide::WideCluster;
 use crate::cluster::Cluster;
 use crate::simd::{Job, with_vectors};
@@ -89,10 +89,22 @@ impl LightTree {
         self.dirty.flags_mut().iter_mut().zip(is_used).for_each(|(flag, is_used)| *flag = is_used);
     }
 
-    /// Sweeps over all nodes: over the subtrees in parallel, then over the nodes above them.
+    /// Sweeps over all nodes: over the subtrees in parallel, then over the nodes above them. Over
+    /// all nodes in turn if subtrees are not contiguous.
     pub(super) fn refit_all<const MEASURE: bool>(&mut self) {
         self.dirty.drop_order();
         self.refitted.add_all();
+        if self.edited.take_stale_tasks() {
+            self.tasks = RefitTasks::new(&self.spans);
+        }
+        if self.edited.is_scattered() {
+            let Self { nodes, wide, attribute_sums: sums, dirty, .. } = self;
+            let slices = NodeSlices { base: 0, nodes, wide, sums, is_dirty: dirty.flags_mut() };
+            if let Some(cluster) = with_vectors(Sweep::<MEASURE>(slices)) {
+                self.root = cluster;
+            }
+            return;
+        }
         let Self { nodes, wide, attribute_sums: sums, dirty, tasks, .. } = self;
         let slices = NodeSlices { base: 0, nodes, wide, sums, is_dirty: dirty.flags_mut() };
         sweep_tasks::<MEASURE>(&mut tasks.subtrees, slices);

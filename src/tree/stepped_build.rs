@@ -10,7 +10,7 @@ use std::fmt;
 use super::LightTree;
 use super::attributes::AttributeSums;
 use super::layout::{Layout, PlacedLight, build_item, with_spare};
-use super::node::{NO_PARENT, Node};
+use super::node::{NO_LEAF, NO_PARENT, Node};
 use super::refitted::RefittedNodes;
 use super::shape::SteppedShape;
 use super::units::{
@@ -246,15 +246,20 @@ impl TreeBuild {
         let shape = shape.as_mut().expect("the shape was allocated");
         let (first, end) = (*next, (*count).min(*next + LIGHTS_PER_PIECE));
         for (index, light) in (first..end).zip(&tree.lights[first..end]) {
+            if light.is_removed() {
+                tree.edited.set_vacant(index as u32, true);
+                continue;
+            }
             let light_in_place = PlacedLight::new(index, light);
-            shape.push(build_item(&light_in_place.cluster, index as u32, tree.reference()));
+            let reference = tree.reference.as_deref();
+            shape.push(build_item(&light_in_place.cluster, placed.len() as u32, reference));
             placed.push(light_in_place);
             tree.effects.add(light.effects());
         }
-        tree.leaves.resize(end, 0);
+        tree.leaves.resize(end, NO_LEAF);
         *next = end;
         if end == self.count {
-            self.begin(Stage::Sum);
+            self.begin(if self.placed.is_empty() { Stage::Done } else { Stage::Sum });
         }
         place_ticks(self.count) * (end - first)
     }

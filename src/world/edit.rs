@@ -12,7 +12,7 @@ use crate::light::{DirectionalLight, Light};
 use crate::placement::{Placed, Placement};
 use crate::policy::{AttributeHistory, Policy};
 use crate::scheduler::TreeFeatures;
-use crate::tree::LightTree;
+use crate::tree::{LightTree, check_distinct, check_light_count, check_lights};
 
 impl LightWorld {
     /// Builds a tree over lights. It contributes nothing until it has an instance. A tree of no
@@ -40,7 +40,7 @@ impl LightWorld {
     pub fn insert_tree(&mut self, mut tree: LightTree) -> TreeKey {
         tree.refit_changes();
         self.effects.change(|counts| counts.add_all(tree.effects()));
-        let (features, lights) = (TreeFeatures::of(&tree), tree.lights().len());
+        let (features, lights) = (TreeFeatures::of(&tree), tree.light_count());
         let key = self.trees.insert(TreeEntry::new(tree));
         self.scheduler.add(key, features, lights);
         self.wake(key);
@@ -80,7 +80,7 @@ impl LightWorld {
     ///
     /// # Errors
     /// [`WorldError::NoSuchTree`], [`WorldError::StaticTree`], [`WorldError::NoSuchLight`],
-    /// [`WorldError::Light`].
+    /// [`WorldError::RemovedLight`], [`WorldError::Light`].
     pub fn set_lights(&mut self, tree: TreeKey, changes: &[(u32, Light)]) -> Result<(), WorldError> {
         self.stage(tree, changes.iter().map(|(index, light)| (*index, light)))
     }
@@ -93,6 +93,75 @@ impl LightWorld {
         self.stage(tree, lights.iter().zip(0..).map(|(light, i)| (first.saturating_add(i), light)))
     }
 
+    /// Adds lights to a tree, for all its instances, at the next [`LightWorld::update`]. Returns
+    /// their indices, in the order of the lights. They may be passed to the other calls at once.
+    ///
+    /// The indices of other lights never change. Indices of lights that were removed are used again,
+    /// the least first, but never in the update that removes the light: see
+    /// [`LightWorld::removed_lights`].
+    ///
+    /// The tree is not built again: each light is put near others, and the nodes above it are
+    /// refitted. Its policies judge by its attributes whether it needs a rebuild, as after changes
+    /// of lights. These trees are built again in the update: those that are divided into sides,
+    /// which have at most 256 lights; those of fewer lights than are added; and those that have
+    /// grown to twice their lights without a rebuild. O(lights); the update then takes O(depth) for
+    /// each light, and amortised the build of O(log n) lights.
+    ///
+    /// # Errors
+    /// [`WorldError::NoSuchTree`], [`WorldError::StaticTree`], [`WorldError::Light`] with an index in
+    /// `lights`, [`WorldError::TooManyLights`] for more than [`MAX_LIGHTS`](crate::tree::MAX_LIGHTS)
+    /// indices.
+    pub fn add_lights(&mut self, tree: TreeKey, lights: &[Light]) -> Result<Vec<u32>, WorldError> {
+        let entry = self.trees.get_mut(tree).ok_or(WorldError::NoSuchTree(tree))?;
+        check_lights(lights.iter().enumerate())?;
+        if entry.is_static() {
+            return Err(WorldError::StaticTree(tree));
+        }
+        check_light_count(entry.staged.index_count_with(lights.len(), &entry.tree))?;
+        let indices = lights.iter().map(|light| entry.staged.add(*light, &entry.tree)).collect();
+        if !lights.is_empty() {
+            self.pending.insert(tree);
+        }
+        Ok(indices)
+    }
+
+    /// Removes lights of a tree, for all its instances, at the next [`LightWorld::update`]. Changes
+    /// of these lights that wait for that update are dropped. A light that was added since the last
+    /// update may be removed too; the tree never has it then.
+    ///
+    /// Until the update, calls refuse the indices, and sampling still finds the lights. After it
+    /// their probability is 0. The indices of other lights never change. The nodes above a removed
+    /// light are refitted; a tree that is divided into sides, which has at most 256 lights, is built
+    /// again. O(lights); the update then takes O(depth) for each light.
+    ///
+    /// # Errors
+    /// [`WorldError::NoSuchTree`], [`WorldError::StaticTree`], [`WorldError::NoSuchLight`],
+    /// [`WorldError::RemovedLight`] for a light that was removed, or that occurs twice in `lights`.
+    pub fn remove_lights(&mut self, tree: TreeKey, lights: &[u32]) -> Result<(), WorldError> {
+        let removed = lights.iter().map(|index| (*index, &Light::REMOVED));
+        let entry = self.entry(tree)?;
+        entry.staged.check_indices(lights.iter().copied(), &entry.tree)?;
+        check_distinct(lights)?;
+        self.stage_checked(tree, removed)
+    }
+
+    /// The lights that the last [`LightWorld::update`] removed from trees, as
+    /// [`LightWorld::remove_lights`] asked for.
+    ///
+    /// An index in this list is not used again before the next update. So a renderer that keeps
+    /// lights over frames, for reservoirs or caches, drops those in this list after each update, and
+    /// never takes a new light for an old one. Calls that replace or remove whole trees or instances
+    /// are not listed.
+    pub fn removed_lights(&self) -> &[(TreeKey, u32)] {
+        &self.removed_lights
+    }
+
+    /// The lights that the last [`LightWorld::update`] added to trees, as
+    /// [`LightWorld::add_lights`] asked for.
+    pub fn added_lights(&self) -> &[(TreeKey, u32)] {
+        &self.added_lights
+    }
+
     /// Changes the emission of one light of a tree, in the unit of [`Light::emission`], for all
     /// instances of the tree, at the next [`LightWorld::update`]. A change of the same light that
     /// waits for that update keeps its other properties. O(1).
@@ -102,8 +171,8 @@ impl LightWorld {
     pub fn set_emission(&mut self, tree: TreeKey, light: u32, emission: Vec3) -> Result<(), WorldError> {
         let entry = self.entry(tree)?;
         let lights = entry.tree.lights();
-        let present = entry.staged.get(light).or(lights.get(light as usize));
-        let present = present.ok_or(WorldError::NoSuchLight { index: light, count: lights.len() })?;
+        entry.staged.check_indices(std::iter::once(light), &entry.tree)?;
+        let present = entry.staged.get(light).unwrap_or_else(|| &lights[light as usize]);
         let changed = Light { emission, ..*present };
         self.stage(tree, std::iter::once((light, &changed)))
     }
@@ -114,8 +183,19 @@ impl LightWorld {
         tree: TreeKey,
         changes: impl Iterator<Item = (u32, &'a Light)> + Clone,
     ) -> Result<(), WorldError> {
-        let entry = self.trees.get_mut(tree).ok_or(WorldError::NoSuchTree(tree))?;
-        entry.tree.check_changes(changes.clone())?;
+        let entry = self.entry(tree)?;
+        entry.staged.check_indices(changes.clone().map(|(index, _)| index), &entry.tree)?;
+        check_lights(changes.clone().map(|(index, light)| (index as usize, light)))?;
+        self.stage_checked(tree, changes)
+    }
+
+    /// Stages changes of lights that have been checked.
+    fn stage_checked<'a>(
+        &mut self,
+        tree: TreeKey,
+        changes: impl Iterator<Item = (u32, &'a Light)>,
+    ) -> Result<(), WorldError> {
+        let entry = &mut self.trees[tree];
         if entry.is_static() {
             return Err(WorldError::StaticTree(tree));
         }
@@ -129,7 +209,8 @@ impl LightWorld {
     }
 
     /// Replaces all lights of a tree by any number of others, and builds the tree at once. Changes
-    /// that wait for the next update are dropped. O(n log n).
+    /// that wait for the next update are dropped, and so are lights that wait to be added. The new
+    /// lights have the indices of the list. O(n log n).
     ///
     /// # Errors
     /// [`WorldError::NoSuchTree`], [`WorldError::StaticTree`], [`WorldError::Light`],
@@ -170,14 +251,14 @@ impl LightWorld {
     /// Puts a tree whose nodes are up to date in the place of another one, which is returned.
     fn exchange(&mut self, tree: TreeKey, by: LightTree) -> LightTree {
         let entry = &mut self.trees[tree];
-        self.light_count -= entry.tree.lights().len() * entry.instances.len();
-        self.light_count += by.lights().len() * entry.instances.len();
+        self.light_count -= entry.tree.light_count() * entry.instances.len();
+        self.light_count += by.light_count() * entry.instances.len();
         self.effects.change(|counts| {
             counts.add_all(by.effects());
             counts.remove_all(entry.tree.effects());
         });
         entry.history = AttributeHistory::start(by.attributes());
-        self.scheduler.was_replaced(tree, TreeFeatures::of(&by), by.lights().len());
+        self.scheduler.was_replaced(tree, TreeFeatures::of(&by), by.light_count());
         let former = std::mem::replace(&mut entry.tree, by);
         entry.staged = StagedLights::default();
         entry.has_new_policy = false;
@@ -437,7 +518,7 @@ impl LightWorld {
         self.instances[key].index_in_tree = entry.instances.len();
         entry.instances.push(key);
         entry.policies.insert(policy);
-        self.light_count += entry.tree.lights().len();
+        self.light_count += entry.tree.light_count();
     }
 
     /// Removes the instance at an index of its tree's list; the last instance of the list takes the
@@ -449,7 +530,7 @@ impl LightWorld {
             self.instances[*moved].index_in_tree = index;
         }
         entry.policies.remove(policy);
-        self.light_count -= entry.tree.lights().len();
+        self.light_count -= entry.tree.light_count();
         self.forget_requests_that_no_policy_allows(tree);
     }
 

@@ -53,8 +53,9 @@ use staged::StagedLights;
 
 /// All lights of a scene: light trees, instances of them, and directional lights.
 ///
-/// A call that returns an error has changed nothing. Edits of lights take effect at the next
-/// [`LightWorld::update`]; moves, additions and removals take effect at once.
+/// A call that returns an error has changed nothing. Lights that are changed, added or removed follow
+/// at the next [`LightWorld::update`]; moves, additions and removals of instances and trees take
+/// effect at once.
 pub struct LightWorld {
     trees: SlotMap<TreeKey, TreeEntry>,
     instances: InstanceMap<Instance>,
@@ -71,6 +72,9 @@ pub struct LightWorld {
     rest_timers: RestTimers,
     /// Trees that the next update refits, or whose rebuild request it updates.
     pending: KeySet<TreeKey>,
+    /// What the last update added and removed.
+    added_lights: Vec<(TreeKey, u32)>,
+    removed_lights: Vec<(TreeKey, u32)>,
     changes: Changes,
     move_scratch: moves::MoveScratch,
     scheduler: Scheduler,
@@ -199,6 +203,8 @@ impl LightWorld {
             segment_sampling: false,
             rest_timers: RestTimers::default(),
             pending: KeySet::default(),
+            added_lights: Vec::new(),
+            removed_lights: Vec::new(),
             changes: Changes::default(),
             move_scratch: moves::MoveScratch::default(),
             scheduler: Scheduler::default(),
@@ -222,7 +228,8 @@ impl LightWorld {
     }
 
     /// The number of lights that have a [`LightId`](crate::LightId): the lights of each tree once
-    /// per instance, hidden instances included, and the directional lights.
+    /// per instance, hidden instances included, and the directional lights. Lights that were added
+    /// or removed count from the next [`LightWorld::update`] on.
     pub fn light_count(&self) -> usize {
         self.light_count + self.directionals.len()
     }

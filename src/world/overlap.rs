@@ -173,6 +173,11 @@ impl Overlaps {
     }
 }
 
+/// Whether a tree of so many lights may be opened.
+pub(super) fn may_open(lights: usize) -> bool {
+    (2..=MAX_OPEN).contains(&lights)
+}
+
 impl LightWorld {
     /// How the tree of an entry is divided in the top level.
     pub(crate) fn division(&self, tree: TreeKey) -> Division {
@@ -204,8 +209,8 @@ impl LightWorld {
     fn file(&mut self, key: InstanceKey) -> bool {
         let Some(instance) = self.instances.get(key) else { return false };
         let tree = &self.trees[instance.tree].tree;
-        let (cluster, count) = (tree.cluster(), tree.lights().len());
-        let may_open = (2..=MAX_OPEN).contains(&count) && tree.sides().is_empty() && cluster.flux > 0.0;
+        let (cluster, count) = (tree.cluster(), tree.light_count());
+        let may_open = may_open(count) && tree.sides().is_empty() && cluster.flux > 0.0;
         let placed = instance.shown().filter(|_| may_open);
         let Some(placed) = placed else {
             self.forget_overlap(key, instance.tree);

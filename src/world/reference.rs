@@ -54,7 +54,7 @@ impl LightWorld {
         let entry = &mut self.trees[tree];
         // What is derived from the matrix may differ in the last bit where another machine baked it.
         let has_map = entry.tree.reference().is_some_and(|reference| reference.linear == map.linear);
-        if entry.instances.len() == 1 && !has_map && changes_tree(&map, entry.tree.lights().len()) {
+        if entry.instances.len() == 1 && !has_map && changes_tree(&map, entry.tree.light_count()) {
             entry.tree.set_reference(Some(map));
             self.rebuild_now(tree);
         }

@@ -2,10 +2,12 @@
 
 use super::LightWorld;
 use super::change_log::ChangeLog;
+use super::overlap::may_open;
 use super::staged::StagedLights;
 use super::update::FrameReport;
 use crate::effects::EffectCounts;
 use crate::keys::{TreeKey, slot_of};
+use crate::light::Light;
 use crate::policy::AttributeHistory;
 use crate::scheduler::{TreeFeatures, Work, WorkKind};
 use crate::tree::{LightTree, Refitted};
@@ -15,6 +17,8 @@ impl LightWorld {
     /// updates the rebuild requests of those and of the trees with a new policy.
     pub(super) fn refit_edited(&mut self, report: &mut FrameReport) {
         let start = self.clock.now();
+        self.added_lights.clear();
+        self.removed_lights.clear();
         let mut jobs = self.take_pending();
         #[cfg(feature = "parallel")]
         {
@@ -27,7 +31,7 @@ impl LightWorld {
         for job in jobs {
             if job.changes_nodes() {
                 report.refit_trees += 1;
-                report.refit_lights += job.tree.lights().len();
+                report.refit_lights += job.tree.light_count();
                 report.refit_nodes += job.refit_nodes;
             }
             self.finish_refit(job);
@@ -49,11 +53,16 @@ impl LightWorld {
             let has_new_policy = std::mem::take(&mut entry.has_new_policy);
             // Otherwise all edits were taken back.
             let is_needed = !entry.staged.is_empty() || successor.is_some() || has_new_policy;
+            if !is_needed {
+                entry.staged.clear();
+            }
             is_needed.then(|| RefitJob {
                 key,
                 is_edited: !entry.staged.is_empty(),
                 is_measured: entry.may_rebuild(),
                 former_effects: *entry.tree.effects(),
+                former_lights: entry.tree.light_count(),
+                was_divided: !entry.tree.sides().is_empty(),
                 tree: std::mem::take(&mut entry.tree),
                 staged: std::mem::take(&mut entry.staged),
                 log: std::mem::take(&mut entry.log),
@@ -62,6 +71,8 @@ impl LightWorld {
                 swap: None,
                 is_newly_measured: false,
                 features: None,
+                added: Vec::new(),
+                removed: Vec::new(),
             })
         };
         pending.drain().filter_map(job).collect()
@@ -70,7 +81,8 @@ impl LightWorld {
     /// Moves a tree back into the map and updates its rebuild request.
     fn finish_refit(&mut self, job: RefitJob) {
         let (changes_nodes, is_as_built) = (job.changes_nodes(), job.is_as_built());
-        let RefitJob { key, is_edited, former_effects, tree, staged, log, swap, features, .. } = job;
+        let RefitJob { key, is_edited, former_effects, former_lights, was_divided, .. } = job;
+        let RefitJob { tree, staged, log, swap, features, added, removed, .. } = job;
         if *tree.effects() != former_effects {
             self.effects.change(|counts| {
                 counts.add_all(tree.effects());
@@ -82,6 +94,12 @@ impl LightWorld {
         entry.tree = tree;
         entry.staged = staged;
         entry.log = log;
+        let (lights, is_divided) = (entry.tree.light_count(), !entry.tree.sides().is_empty());
+        if lights != former_lights {
+            self.scheduler.was_resized(key, lights);
+            self.light_count += lights * entry.instances.len();
+            self.light_count -= former_lights * entry.instances.len();
+        }
         if let Some(Swap { features, history, .. }) = swap {
             self.scheduler.was_rebuilt(key, features);
             entry.history = history;
@@ -105,6 +123,13 @@ impl LightWorld {
         if changes_nodes {
             self.changes.tree(slot_of(key));
         }
+        self.added_lights.extend(added.into_iter().map(|light| (key, light)));
+        self.removed_lights.extend(removed.into_iter().map(|light| (key, light)));
+        if is_divided != was_divided || may_open(lights) != may_open(former_lights) {
+            for index in 0..self.trees[key].instances.len() {
+                self.file_new(self.trees[key].instances[index]);
+            }
+        }
     }
 }
 
@@ -117,6 +142,10 @@ struct RefitJob {
     is_measured: bool,
     /// The effects of the lights before the edits.
     former_effects: EffectCounts,
+    /// The number of lights before the edits.
+    former_lights: usize,
+    /// The tree was divided into sides before the edits.
+    was_divided: bool,
     tree: LightTree,
     staged: StagedLights,
     log: ChangeLog,
@@ -130,6 +159,9 @@ struct RefitJob {
     is_newly_measured: bool,
     /// What the scheduler predicts noise from, if some policy needs it and it has changed.
     features: Option<TreeFeatures>,
+    /// The lights that the edits add and remove.
+    added: Vec<u32>,
+    removed: Vec<u32>,
 }
 
 /// The replacement of a tree by one that was built in slices or in the background, over about the
@@ -162,7 +194,13 @@ impl RefitJob {
             self.swap = Some(Swap { features, history, is_outdated: self.tree.succeed(*built) });
         }
         self.tree.forget_refitted();
-        self.tree.apply(self.staged.changes());
+        self.list_added_and_removed();
+        let is_rebuilt = self.tree.apply(self.staged.changes());
+        if is_rebuilt {
+            let features = TreeFeatures::of(&self.tree);
+            let history = AttributeHistory::start(self.tree.attributes());
+            self.swap = Some(Swap { features, history, is_outdated: true });
+        }
         if self.is_measured {
             self.tree.refit();
             self.is_newly_measured = self.tree.attributes() != before;
@@ -174,6 +212,17 @@ impl RefitJob {
         }
         self.log_changes();
         self.staged.clear();
+    }
+
+    fn list_added_and_removed(&mut self) {
+        for (index, light) in self.staged.changes() {
+            let was_removed = self.tree.lights().get(*index as usize).is_none_or(Light::is_removed);
+            match (was_removed, light.is_removed()) {
+                (true, false) => self.added.push(*index),
+                (false, true) => self.removed.push(*index),
+                _ => {}
+            }
+        }
     }
 
     /// Counts the nodes that were refitted, and logs them and the lights that were edited.
@@ -192,6 +241,7 @@ impl RefitJob {
             Refitted::Some(nodes) => {
                 self.refit_nodes = nodes.len();
                 self.log.add(nodes, self.staged.changes().iter().map(|(light, _)| *light), records);
+                self.log.add(&[], self.tree.moved_leaves().iter().copied(), records);
             }
         }
     }

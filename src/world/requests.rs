@@ -10,7 +10,7 @@ impl TreeEntry {
     fn rebuild_request(&self, excess: Excess) -> RebuildRequest {
         let request = self.policies.rebuild_request(&self.history, &self.tree.attributes(), excess);
         // There is only one tree over so few lights.
-        let is_pointless = request <= RebuildRequest::Optional && self.tree.lights().len() <= WIDTH;
+        let is_pointless = request <= RebuildRequest::Optional && self.tree.light_count() <= WIDTH;
         if is_pointless { RebuildRequest::None } else { request }
     }
 }

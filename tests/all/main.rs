@@ -1,6 +1,7 @@
 //! All integration tests in one binary, so that wgpu is linked only once.
 
 mod accuracy;
+mod added_lights;
 mod allocations;
 mod appearance;
 mod bake;

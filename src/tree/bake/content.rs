@@ -10,7 +10,7 @@ use crc32fast::Hasher;
 use super::error::BakeError;
 use super::header::{CHECKSUM, HEADER_BYTES};
 use super::light_check::{self, KINDS};
-use super::light_record::{self, LIGHT_BYTES, WORDS};
+use super::light_record::{self, LIGHT_BYTES, REMOVED, WORDS};
 use super::words;
 use crate::effects::{EffectCounts, Effects};
 
@@ -40,17 +40,19 @@ struct Piece<'a> {
 struct Findings {
     sum: Hasher,
     lights: Histogram,
+    /// The records of removed lights.
+    removed: usize,
     /// What is wrong with the first invalid light.
     fault: Option<BakeError>,
 }
 
 /// Checks a file of the length that its header requires. `lights` is the place of the section of its
-/// lights. Returns the effects of the lights.
+/// lights. Returns the effects of the lights, and the number of lights that were removed.
 ///
 /// A wrong checksum is reported before anything else that is wrong: the file is then damaged, and
 /// everything else follows from it. Of several invalid lights the first is reported.
-pub(super) fn check(bytes: &[u8], lights: Range<usize>) -> Result<EffectCounts, BakeError> {
-    let Findings { sum, lights, fault } = findings(bytes, lights);
+pub(super) fn check(bytes: &[u8], lights: Range<usize>) -> Result<(EffectCounts, usize), BakeError> {
+    let Findings { sum, lights, removed, fault } = findings(bytes, lights);
     let [stored] = words::read_array(&bytes[CHECKSUM]);
     let computed = sum.finalize();
     if stored != computed {
@@ -65,7 +67,7 @@ pub(super) fn check(bytes: &[u8], lights: Range<usize>) -> Result<EffectCounts, 
             effects.add_several(effects_of(kind, range), count);
         }
     }
-    Ok(effects)
+    Ok((effects, removed))
 }
 
 /// Writes the checksum of a file into its header.
@@ -117,7 +119,7 @@ fn findings(bytes: &[u8], lights: Range<usize>) -> Findings {
 impl Findings {
     /// Nothing yet, after what `sum` has summed.
     fn after(sum: Hasher) -> Self {
-        Self { sum, lights: Histogram::default(), fault: None }
+        Self { sum, lights: Histogram::default(), removed: 0, fault: None }
     }
 
     /// Adds the next piece.
@@ -126,7 +128,8 @@ impl Findings {
         for (block, bytes) in piece.bytes.chunks(BLOCK_LIGHTS * LIGHT_BYTES).enumerate() {
             self.sum.update(bytes);
             if self.fault.is_none() {
-                self.fault = check_lights(first + block * BLOCK_LIGHTS, bytes, &mut self.lights).err();
+                self.fault =
+                    check_lights(first + block * BLOCK_LIGHTS, bytes, &mut self.lights, &mut self.removed).err();
             }
         }
     }
@@ -140,17 +143,22 @@ impl Findings {
             .iter_mut()
             .zip(next.lights.as_flattened())
             .for_each(|(sum, count)| *sum += count);
+        self.removed += next.removed;
         self.fault = self.fault.take().or(next.fault);
     }
 }
 
 /// Checks and counts the lights in some records. `first` is the index of the first.
-fn check_lights(first: usize, records: &[u8], counts: &mut Histogram) -> Result<(), BakeError> {
+fn check_lights(first: usize, records: &[u8], counts: &mut Histogram, removed: &mut usize) -> Result<(), BakeError> {
     for (index, record) in (first..).zip(records.chunks_exact(LIGHT_BYTES)) {
         let record = light_record::read(record);
         let kind = light_check::kind_of(&record).filter(|kind| light_check::is_certainly_valid(&record, *kind));
         let kind = match kind {
             Some(kind) => kind,
+            None if record == REMOVED => {
+                *removed += 1;
+                continue;
+            }
             None => {
                 let light = light_record::decode(&record, index)?;
                 // The kind of a valid light is known.

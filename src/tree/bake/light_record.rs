@@ -51,6 +51,9 @@ pub(super) fn encode(light: &Light) -> Record {
     [kind, a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2], emission[0], emission[1], emission[2], range.to_bits()]
 }
 
+/// The record of [`Light::REMOVED`].
+pub(super) const REMOVED: Record = [0; WORDS];
+
 /// The light of a record, if a tree accepts it. `index` is that of the light.
 ///
 /// # Errors
@@ -127,6 +130,12 @@ mod tests {
                 assert_eq!(bits(&back), bits(&light));
             }
         }
+    }
+
+    #[test]
+    fn the_record_of_a_removed_light_is_no_light() {
+        assert_eq!(encode(&Light::REMOVED), REMOVED);
+        assert!(decode_accepted(&REMOVED).is_removed() && decode(&REMOVED, 0).is_err());
     }
 
     #[test]

@@ -10,9 +10,9 @@
 //! | 4 | CRC-32 of all other bytes |
 //! | 140 | flags, numbers of records, attributes, the cluster of all lights, the reference |
 //! | 68 per side | the clusters of the sides |
-//! | 56 per light | the lights |
+//! | 56 per light | the lights; zeros for a light that was removed |
 //! | 208 per node | the nodes |
-//! | 4 per light | the places of the lights |
+//! | 4 per light | the places of the lights; all bits for a light that was removed |
 //! | 12 per node | spans, numbers of lights, costs when built |
 //!
 //! Files are checked in this order, so that each fault has one name: what the file is, its version,
@@ -34,6 +34,8 @@ pub use error::BakeError;
 
 use super::LightTree;
 use super::dirty::DirtyNodes;
+use super::edited::Edited;
+use super::node::NO_LEAF;
 use super::refitted::RefittedNodes;
 use super::tasks::RefitTasks;
 use crate::cluster::Linear;
@@ -50,14 +52,21 @@ impl LightTree {
     ///
     /// About 100 bytes per light. Equal trees give equal bytes on every machine. The bytes hold the
     /// tree as [`LightTree::freeze`] leaves it: if lights have changed since the last refit, a copy
-    /// of the tree is refitted first.
+    /// of the tree is refitted first. If lights were added or removed since the last build, a copy of
+    /// the tree is built again first; lights keep their indices, and those of removed lights stay
+    /// vacant.
     ///
-    /// O(lights).
+    /// O(lights), but for that build.
     pub fn bake(&self) -> Vec<u8> {
         if self.dirty.len() > 0 {
             let mut refitted = self.clone();
             refitted.freeze();
             return refitted.bake();
+        }
+        if self.edited.is_changed() {
+            let mut built = self.clone();
+            built.rebuild();
+            return built.bake();
         }
         let Self { lights, leaves, nodes, spans, light_counts, built_costs, sides, .. } = self;
         let counts = Counts { lights: lights.len(), nodes: nodes.len(), sides: sides.len() };
@@ -117,15 +126,17 @@ impl LightTree {
     /// ```
     pub fn from_baked(bytes: &[u8]) -> Result<Self, BakeError> {
         let (counts, sections) = Header::measure(bytes)?;
-        let effects = content::check(bytes, counts.place_of_lights())?;
+        let (effects, removed) = content::check(bytes, counts.place_of_lights())?;
         let Header { rebuild_credit, has_stale_sums, attributes, root, reference, .. } = Header::read(bytes, counts)?;
         let numbers = |section| words::read(section).collect();
         let light = |bytes: &[u8]| light_record::decode_accepted(&light_record::read(bytes));
         let cluster = |bytes| words::to_cluster(words::read_array(bytes));
+        let leaves: Vec<u32> = numbers(sections.leaves);
+        let vacant = (0..).zip(&leaves).filter(|(_, place)| **place == NO_LEAF).map(|(index, _)| index).collect();
         let tree = Self {
             lights: records(sections.lights, LIGHT_BYTES, light),
             effects,
-            leaves: numbers(sections.leaves),
+            leaves,
             nodes: records(sections.nodes, NODE_BYTES, node_record::read),
             wide: Vec::new(),
             spans: numbers(sections.spans),
@@ -136,13 +147,14 @@ impl LightTree {
             has_stale_sums,
             dirty: DirtyNodes::default(),
             refitted: RefittedNodes::default(),
+            edited: Edited::of_build(vacant),
             tasks: RefitTasks::default(),
             root,
             sides: sections.sides.chunks_exact(words::CLUSTER_WORDS * words::WORD).map(cluster).collect(),
             reference: reference.map(|matrix| Box::new(Linear::new(matrix))),
             attributes,
         };
-        match tree.loading_fault() {
+        match tree.loading_fault(removed) {
             Some(fault) => Err(BakeError::Tree(fault)),
             None => Ok(tree),
         }

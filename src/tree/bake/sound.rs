@@ -44,11 +44,12 @@ const FLUX_TOLERANCE: f32 = 2.1 / 256.0;
 const UNIT_TOLERANCE: f32 = 1.0e-2;
 
 impl LightTree {
-    /// What is wrong with a tree that was loaded, if anything is. Of several faults the one at the
+    /// What is wrong with a tree that was loaded, if anything is; `removed` of its lights have the
+    /// record of a removed light. Of several faults the one at the
     /// first node. O(nodes), allocates nothing.
-    pub(super) fn loading_fault(&self) -> Option<CheckError> {
+    pub(super) fn loading_fault(&self, removed: usize) -> Option<CheckError> {
         let of_tree = |what| CheckError { node: self.nodes.len(), slot: 0, what };
-        self.first_node_fault().or_else(|| self.whole_fault().map(of_tree))
+        self.first_node_fault().or_else(|| self.whole_fault(removed).map(of_tree))
     }
 
     /// What is wrong with the first node that is wrong. Small trees are left to one thread.
@@ -138,16 +139,20 @@ impl LightTree {
     }
 
     /// What is wrong with the tree as a whole, whose nodes are sound.
-    fn whole_fault(&self) -> Option<&'static str> {
+    fn whole_fault(&self, removed: usize) -> Option<&'static str> {
+        let vacant = self.vacant_indices();
+        if vacant.len() != removed || !vacant.iter().all(|index| self.lights[*index as usize].is_removed()) {
+            return Some("a light has no leaf, or a removed light has one");
+        }
         let Some(root) = self.nodes.first() else {
-            return if !self.lights.is_empty() || !self.sides.is_empty() {
+            return if self.light_count() > 0 || !self.sides.is_empty() {
                 Some("there are lights or sides without a node")
             } else {
                 cluster_fault(&self.root, 0.0)
             };
         };
         // Each leaf names a light that names it, so with this number every light has one leaf.
-        if self.light_counts[0] as usize != self.lights.len() {
+        if self.light_counts[0] as usize != self.light_count() {
             return Some("the number of leaves is not that of lights");
         }
         if self.spans[0] as usize != self.nodes.len() {

@@ -58,7 +58,20 @@ fn trees() -> Vec<LightTree> {
     edited.freeze();
     trees.push(edited);
     trees.push(LightTree::build((0..40).map(|i| Light::point(Vec3::X * i as f32, Vec3::ZERO)).collect()));
+    // With vacant indices, and of them alone.
+    let mut some = LightTree::build(any_lights(&mut rng, 700));
+    some.remove_lights(&[0, 3, 4, 500, 699]).expect("it has the lights");
+    some.rebuild();
+    trees.push(some);
+    let mut none = LightTree::build(any_lights(&mut rng, 3));
+    none.remove_lights(&[0, 1, 2]).expect("it has the lights");
+    trees.push(none);
     trees
+}
+
+/// The indices of the lights of a tree.
+fn present(tree: &LightTree) -> Vec<u32> {
+    (0..).zip(tree.lights()).filter(|(_, light)| !light.is_removed()).map(|(index, _)| index).collect()
 }
 
 /// The complete state of a tree.

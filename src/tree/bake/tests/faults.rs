@@ -149,6 +149,13 @@ fn each_broken_link_between_nodes_is_named_with_its_place() {
     assert!(broken(|tree| tree.nodes[0].targets[1] = LEAF | 300).contains("slot 1: the tree has no such light"));
     assert!(broken(|tree| tree.leaves.swap(3, 4)).contains("the light names another leaf"));
     assert!(broken(|tree| tree.leaves[299] = u32::MAX).contains("the light names another leaf"));
+    let message = broken(|tree| tree.lights[7] = Light::REMOVED);
+    assert!(message.ends_with("a light has no leaf, or a removed light has one"), "{message}");
+    let lost = broken(|tree| {
+        tree.hold_index(300);
+        tree.lights[300] = Light::point(Vec3::ZERO, Vec3::ONE);
+    });
+    assert!(lost.ends_with("a light has no leaf, or a removed light has one"), "{lost}");
     assert!(broken(|tree| tree.nodes[0].steps = 0).contains("the number of children is outside 1 to 8"));
     assert!(broken(|tree| tree.nodes[0].steps |= 9 << 24).contains("the number of children is outside"));
     assert!(broken(|tree| tree.spans[1] = 0).contains("the child does not lie behind its siblings"));

@@ -1,0 +1,155 @@
+//! What additions and removals of lights have changed in a tree since it was built.
+
+use std::collections::BTreeSet;
+use std::ops::Range;
+
+/// What additions and removals have changed since the last build. Nothing is allocated before the
+/// first of them.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Edited {
+    /// The indices that have no light.
+    vacant: BTreeSet<u32>,
+    /// The spare nodes that removals and rebuilt subtrees have left. The spare nodes of a build are
+    /// not among them.
+    free: BTreeSet<u32>,
+    /// For each node the number of lights below it when it was made. Empty before the first
+    /// addition.
+    built_lights: Vec<u32>,
+    /// Lights whose leaves have moved. In no order; a light may occur several times.
+    moved: Vec<u32>,
+    /// Nodes were added: a parent still comes before its children, but subtrees are not contiguous.
+    is_scattered: bool,
+    /// Lights were added or removed since the last build.
+    is_changed: bool,
+    /// The list of refit tasks is older than the nodes.
+    has_stale_tasks: bool,
+    /// The builds of the whole tree so far.
+    builds: u64,
+}
+
+impl Edited {
+    /// The state of a tree that was just built.
+    pub fn of_build(vacant: BTreeSet<u32>) -> Self {
+        Self { vacant, ..Self::default() }
+    }
+
+    pub fn vacant(&self) -> &BTreeSet<u32> {
+        &self.vacant
+    }
+
+    pub fn take_vacant(&mut self) -> BTreeSet<u32> {
+        std::mem::take(&mut self.vacant)
+    }
+
+    /// Records whether an index has no light.
+    pub fn set_vacant(&mut self, index: u32, is_vacant: bool) {
+        if is_vacant {
+            self.vacant.insert(index);
+        } else {
+            self.vacant.remove(&index);
+        }
+    }
+
+    /// Whether lights were added or removed since the last build.
+    #[cfg_attr(not(feature = "bake"), expect(dead_code, reason = "only bakes ask"))]
+    pub fn is_changed(&self) -> bool {
+        self.is_changed
+    }
+
+    /// Whether subtrees may not be contiguous.
+    pub fn is_scattered(&self) -> bool {
+        self.is_scattered
+    }
+
+    pub fn builds(&self) -> u64 {
+        self.builds
+    }
+
+    /// Counts a build of the whole tree; `before` is the count before it.
+    pub fn count_build_after(&mut self, before: u64) {
+        self.builds = before + 1;
+    }
+
+    /// Records that a light was removed.
+    pub fn was_removed(&mut self) {
+        self.is_changed = true;
+    }
+
+    /// Prepares for an addition to a tree with these numbers of lights below its nodes.
+    pub fn will_add(&mut self, light_counts: &[u32]) {
+        self.is_changed = true;
+        if self.built_lights.is_empty() {
+            self.built_lights.extend_from_slice(light_counts);
+        }
+    }
+
+    /// The number of lights below a node when it was made.
+    pub fn built_lights(&self, node: usize) -> u32 {
+        self.built_lights[node]
+    }
+
+    /// Records the number of lights below a node that was just made.
+    pub fn was_built(&mut self, node: usize, lights: u32) {
+        if let Some(built) = self.built_lights.get_mut(node) {
+            *built = lights;
+        }
+    }
+
+    /// Records that a subtree will be laid out again in its own range of nodes.
+    pub fn will_lay_out(&mut self, range: Range<usize>) {
+        self.free.retain(|node| !range.contains(&(*node as usize)));
+        self.has_stale_tasks = false;
+    }
+
+    /// Records that a node is spare now.
+    pub fn free(&mut self, node: usize) {
+        self.free.insert(node as u32);
+        self.has_stale_tasks = true;
+    }
+
+    /// Takes the first free node after another node. `None` if there is none: the new node is then
+    /// appended.
+    pub fn take_node_after(&mut self, node: usize) -> Option<usize> {
+        self.is_scattered = true;
+        let free = *self.free.range(node as u32 + 1..).next()?;
+        self.free.remove(&free);
+        Some(free as usize)
+    }
+
+    /// Records that a node was appended.
+    pub fn append_node(&mut self) {
+        self.built_lights.push(0);
+    }
+
+    /// Records that the leaf of a light has moved.
+    pub fn add_moved(&mut self, light: u32) {
+        self.moved.push(light);
+    }
+
+    pub fn moved(&self) -> &[u32] {
+        &self.moved
+    }
+
+    pub fn forget_moved(&mut self) {
+        self.moved.clear();
+    }
+
+    /// Whether the list of refit tasks must be made again.
+    pub fn take_stale_tasks(&mut self) -> bool {
+        std::mem::take(&mut self.has_stale_tasks)
+    }
+
+    /// The size of all arrays in bytes. Entries of sets count as numbers.
+    pub fn memory_bytes(&self) -> usize {
+        let Self { vacant, free, built_lights, moved, .. } = self;
+        size_of::<u32>() * (vacant.len() + free.len() + built_lights.capacity() + moved.capacity())
+    }
+}
+
+/// Makes room in a full list for an eighth more entries: doubling would double the memory of a large
+/// tree for its first new light.
+pub(super) fn make_room<T>(list: &mut Vec<T>) {
+    if list.len() == list.capacity() {
+        list.reserve_exact(list.len() / 8 + 16);
+    }
+}
