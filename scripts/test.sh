@@ -42,6 +42,7 @@ step() {
 step cargo fmt --all --check
 step cargo clippy --locked --all-targets -- -D warnings
 step cargo clippy --locked --no-default-features --lib -- -D warnings
+step cargo clippy --locked --no-default-features --features gpu-plan --lib -- -D warnings
 RUSTDOCFLAGS='-D warnings' step cargo doc --locked --no-deps --features gltf,bake
 step cargo test --locked
 step cargo test --locked --benches

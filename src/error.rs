@@ -14,10 +14,10 @@
 //! | 300 to 399 | [`PlacementError`] |
 //! | 400 | [`BudgetError`] |
 //! | 500 | [`CountError`] |
-//! | 600 to 699 | `gpu::GpuError` |
+//! | 600 to 699 | `gpu::GpuError`, `plan::PlanError` |
 //! | 700 to 799 | `gltf::GltfError` |
 //! | 800 | `tree::CheckError` |
-//! | 900 | `gpu::TargetHookError` |
+//! | 900 | `plan::TargetHookError` |
 //! | 1000 to 1001 | [`VisibilityError`] |
 //! | 1100 to 1106 | `tree::BakeError` |
 

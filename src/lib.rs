@@ -115,7 +115,8 @@
 //! | [`scheduler`] | the frame budget; clocks for tests and replays |
 //! | [`effects`] | the features that a scene has, for which shaders and layouts are specialized |
 //! | [`error`] | all errors and their codes |
-//! | `gpu` | upload, top level and sampling with wgpu; the WGSL functions |
+//! | `plan` | what a GPU has to do for a frame, as data; the WGSL functions |
+//! | `gpu` | plays plans on wgpu: upload, top level and sampling |
 //! | `gltf` | lights from glTF scenes |
 //!
 //! `docs/math.md` derives the formulas and names the papers behind keys such as CK18 and SS.
@@ -124,7 +125,8 @@
 //!
 //! | feature | default | what it adds |
 //! |---|---|---|
-//! | `gpu` | yes | the module `gpu`, with wgpu |
+//! | `gpu` | yes | the module `gpu`, with wgpu, and the feature `gpu-plan` |
+//! | `gpu-plan` | with `gpu` | the module `plan`, for engines that have no wgpu device |
 //! | `parallel` | yes | builds and refits on rayon's threads, and builds in the background |
 //! | `gltf` | no | the module `gltf` |
 //! | `bake` | no | `LightTree::bake` and `from_baked`: trees as bytes |

@@ -279,7 +279,7 @@ mod tests {
     fn the_shaders_of_the_guide_are_valid_for_all_effects_and_for_none() {
         let guide = include_str!("../../docs/integration.md");
         let blocks: Vec<_> = guide.split("```wgsl").skip(1).filter_map(|rest| rest.split("```").next()).collect();
-        assert_eq!(blocks.len(), 8);
+        assert_eq!(blocks.len(), 9);
         for effects in [Effects::all(), Effects::empty()] {
             // Only shaders that know segments have the distance along one.
             let knows = |block: &&&str| effects.contains(Effects::SEGMENTS) || !block.contains("light_segment(");
@@ -291,7 +291,9 @@ mod tests {
                 };
                 let hook = TargetHook::new("engine_target", "EngineSurface").expect("identifiers");
                 let hook = block.contains("light_resample_by").then_some(&hook);
-                let text = text::wgsl_of_shader(1, effects, records, hook) + STUBS + block;
+                let previous = block.contains("light_pmf_previous").then(|| text::wgsl_previous(2, effects));
+                let text = text::wgsl_of_shader(1, effects, records, hook) + &previous.unwrap_or_default();
+                let text = text + STUBS + block;
                 let module =
                     naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("it parses");
                 naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::default())

@@ -58,7 +58,7 @@ impl Instance {
         if *placement == self.placement {
             return Ok(false);
         }
-        let placed = Placed::new(placement, origin)?;
+        let placed = Placed::moved(self.placed.as_ref(), &self.placement, placement, origin)?;
         let former = self.effects();
         self.placed = placed;
         self.placement = *placement;
@@ -136,10 +136,10 @@ impl LightWorld {
     /// The first move that is refused, with its index and the reason.
     fn first_refusal(&self, moves: &[(InstanceKey, Placement)]) -> Option<(usize, WorldError)> {
         let refusal = |(index, (key, placement)): (usize, &(InstanceKey, Placement))| {
-            if !self.instances.contains_key(*key) {
+            let Some(instance) = self.instances.get(*key) else {
                 return Some((index, WorldError::NoSuchInstance(*key)));
-            }
-            Placed::new(placement, self.origin).err().map(|source| (index, source.into()))
+            };
+            Placed::check(&instance.placement, placement, self.origin).err().map(|source| (index, source.into()))
         };
         #[cfg(feature = "parallel")]
         if is_shared(moves) {
