@@ -219,10 +219,13 @@ impl GpuLights {
     /// Makes the first buffers, of a world without lights, in the layout for all effects.
     fn start(&mut self) -> Result<(), GpuError> {
         let (world, delta) = (LightWorld::new(), FrameDelta::default());
-        let reservation = self.planner.reserve_as(&world, &delta, Effects::all(), Growth::Double)?;
+        // Without room for masks, which few worlds have.
+        let effects = Effects::all() - Effects::MASKS;
+        let reservation = self.planner.reserve_as(&world, &delta, effects, Growth::Double)?;
         self.player.create(reservation.new_buffers())?;
         // All nodes of the top level are zero, as a build of no lights leaves the root.
         self.player.play(&reservation.plan().upload);
+        self.planner.announce_all_effects();
         self.is_dark = false;
         self.rebind();
         Ok(())

@@ -2,51 +2,70 @@
 
 use std::collections::{HashMap, HashSet};
 
-/// Returns the functions and variables of a text that the function `root` needs, `root` included,
-/// with `suffix` added to their names. Names that the text does not define stay as they are, and so
-/// do constants and types, which the copy shares with the text.
+/// Returns a copy of the function `root` under another name, with `suffix` added, that works on
+/// variables of its own.
+///
+/// Copied with it are the variables that it uses, and the functions that it calls if they use
+/// variables, all with the suffix. Everything else is shared with the text: other functions,
+/// constants and types.
 ///
 /// The text has the form of this crate's files: each item begins at the start of a line and ends
 /// with a line `}` or with a semicolon.
 pub(super) fn renamed(text: &str, root: &str, suffix: &str) -> String {
     let items = items(text);
-    let names: HashMap<&str, usize> = items.iter().enumerate().map(|(index, (name, _))| (*name, index)).collect();
-    let mut needed = HashSet::from([names[root]]);
-    let mut open = vec![names[root]];
-    while let Some(index) = open.pop() {
-        let named = words(items[index].1).filter_map(|(_, word)| names.get(word).copied());
-        open.extend(named.filter(|index| needed.insert(*index)));
-    }
+    let all: HashMap<&str, usize> = items.iter().enumerate().map(|(index, item)| (item.name, index)).collect();
+    let uses: Vec<Vec<usize>> =
+        items.iter().map(|item| words(item.text).filter_map(|(_, word)| all.get(word).copied()).collect()).collect();
+    // From an item to those that it names, and from one that is named to those that name it.
+    let mut users = vec![Vec::new(); items.len()];
+    uses.iter().enumerate().for_each(|(user, used)| used.iter().for_each(|used| users[*used].push(user)));
+    let variables = items.iter().enumerate().filter(|(_, item)| item.is_variable).map(|(index, _)| index);
+    let with_variables = reached(variables.collect(), &users);
+    let needed: HashSet<usize> = &reached(vec![all[root]], &uses) & &with_variables;
+    let names: HashSet<&str> = needed.iter().map(|index| items[*index].name).collect();
     let mut copy = String::new();
-    for (_, item) in items.iter().enumerate().filter(|(index, _)| needed.contains(index)).map(|(_, item)| item) {
+    for item in items.iter().filter(|item| names.contains(item.name)) {
         let mut end = 0;
-        for (start, word) in words(item).filter(|(_, word)| names.contains_key(word)) {
-            copy += &item[end..start + word.len()];
+        for (start, word) in words(item.text).filter(|(_, word)| names.contains(word)) {
+            copy += &item.text[end..start + word.len()];
             copy += suffix;
             end = start + word.len();
         }
-        copy += &item[end..];
+        copy += &item.text[end..];
         copy.push('\n');
     }
     copy
 }
 
-/// The functions and variables of a text, by name.
-fn items(text: &str) -> Vec<(&str, &str)> {
+/// What can be reached from some items, these included.
+fn reached(mut open: Vec<usize>, next: &[Vec<usize>]) -> HashSet<usize> {
+    let mut reached: HashSet<usize> = open.iter().copied().collect();
+    while let Some(index) = open.pop() {
+        open.extend(next[index].iter().filter(|index| reached.insert(**index)));
+    }
+    reached
+}
+
+/// A function or variable of a text.
+struct Item<'a> {
+    name: &'a str,
+    text: &'a str,
+    is_variable: bool,
+}
+
+/// The functions and variables of a text.
+fn items(text: &str) -> Vec<Item<'_>> {
     let mut items = Vec::new();
     let mut start = 0;
     let mut open: Option<(&str, usize)> = None;
     for line in text.split_inclusive('\n') {
         let end = start + line.len();
-        if open.is_none()
-            && let Some(name) = name_of(line)
-        {
-            open = Some((name, start));
+        let is_variable = open.is_none() && is_variable(line);
+        if open.is_none() {
+            open = name_of(line).map(|name| (name, start));
         }
-        if let Some((name, first)) =
-            open.filter(|_| line.starts_with('}') || line.trim_end().ends_with(';') && is_variable(line))
-        {
-            items.push((name, &text[first..end]));
+        if let Some((name, first)) = open.filter(|_| is_variable || line.starts_with('}')) {
+            items.push(Item { name, text: &text[first..end], is_variable });
             open = None;
         }
         start = end;
@@ -108,7 +127,11 @@ struct S {
 }
 // Calls g, not h.
 fn f(s: S) -> u32 {
-    return g(s.a) + C + b; // h
+    return g(s.a) + C + b + pure(1u); // h
+}
+
+fn pure(i: u32) -> u32 {
+    return i * C;
 }
 
 fn g(
@@ -126,7 +149,7 @@ fn h() -> u32 {
 var<private> b_old: u32;
 
 fn f_old(s: S) -> u32 {
-    return g_old(s.a) + C + b_old; // h
+    return g_old(s.a) + C + b_old + pure(1u); // h
 }
 
 fn g_old(

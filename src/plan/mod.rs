@@ -243,6 +243,12 @@ impl LightPlanner {
         self.effects
     }
 
+    /// Reports all effects until the next plan.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn announce_all_effects(&mut self) {
+        self.effects = Effects::all() - Effects::MOVING;
+    }
+
     /// The strides of the records after the last plan.
     #[cfg(feature = "gpu")]
     pub(crate) fn strides(&self) -> Strides {

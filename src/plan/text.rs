@@ -65,15 +65,7 @@ pub fn wgsl_with_target(group: u32, effects: Effects, target: &TargetHook) -> St
 /// [`LightWorld::origin`]: crate::LightWorld::origin
 #[must_use]
 pub fn wgsl_previous(group: u32, effects: Effects) -> String {
-    let grouped = include_str!("../../shaders/sample.wgsl").replace("LIGHT_GROUP", &group.to_string());
-    let sources = [
-        &grouped,
-        include_str!("../../shaders/stored.wgsl"),
-        include_str!("../../shaders/scaled.wgsl"),
-        include_str!("../../shaders/cut.wgsl"),
-        include_str!("../../shaders/walk.wgsl"),
-    ];
-    let text = variant(&sources.concat(), effects, Extras { previous: true, ..Extras::default() });
+    let text = functions(group, effects, Extras { previous: true, ..Extras::default() }, None);
     // Shaders name the constants that they use.
     let steps = format!("const LIGHT_MAX_STEPS: u32 = {MAX_STEPS}u;\n");
     let present = "fn light_present_generation(instance: u32) -> u32 {\n    return light_generation(instance);\n}\n";
@@ -170,6 +162,12 @@ fn resampling(target: Option<&TargetHook>) -> String {
 }
 
 fn joined(group: u32, effects: Effects, extras: Extras, target: Option<&TargetHook>) -> String {
+    let body = functions(group, effects, extras, target);
+    constants_of(&body) + &body
+}
+
+/// All functions, without the constants.
+fn functions(group: u32, effects: Effects, extras: Extras, target: Option<&TargetHook>) -> String {
     let grouped = |text: &str| text.replace("LIGHT_GROUP", &group.to_string());
     let sample = grouped(include_str!("../../shaders/sample.wgsl"));
     let learnt = grouped(include_str!("../../shaders/visibility.wgsl"));
@@ -195,8 +193,7 @@ fn joined(group: u32, effects: Effects, extras: Extras, target: Option<&TargetHo
         if extras.learns { &learnt } else { "" },
     ]
     .concat();
-    let body = variant(&body, effects, extras);
-    constants_of(&body) + &body
+    variant(&body, effects, extras)
 }
 
 /// Constants that `LightShader` documents for engines. Every variant has them.
