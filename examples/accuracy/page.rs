@@ -4,8 +4,10 @@ use super::answers::{Answers, DEFAULT_FRAME_MS, Knob, Purchase, Ratio};
 use super::crops::{Crops, short};
 use super::measured::{Measured, REFERENCE_CANDIDATES, REFERENCE_SAMPLES};
 use super::options::Options;
+use super::pictures::Errors;
 use super::settings::{Change, DEFAULT, KNOB_SAMPLES, MOST_LIGHTS, Sampler};
 use super::table::{COLUMNS, Row};
+use crate::direct_light::score::Estimate;
 
 const TEMPLATE: &str = include_str!("page.html");
 
@@ -69,6 +71,12 @@ fn interval(ratio: &Ratio) -> String {
     format!("{} to {}", factor(ratio.low), factor(ratio.high))
 }
 
+/// The interval of an error.
+fn interval_of(error: &Estimate) -> String {
+    let [low, high] = error.positive_interval();
+    format!("{} to {}", short(low), short(high))
+}
+
 /// The sampler and the samples of a setting, for people.
 fn describe(row: &Row) -> String {
     let samples = row.setting.samples;
@@ -114,8 +122,8 @@ fn units(measured: &Measured, answers: &Answers) -> String {
     format!(
         "A frame with one default sample at every pixel (six splits, one candidate) takes {default:.0} ms on one core of the \
          measured machine. The page scales all times so that this frame takes {DEFAULT_FRAME_MS} ms, and speaks of any device that is as fast as that. \
-         Only ratios of times mean anything. Errors are those of pictures against a reference whose own relMSE is {}; ± is \
-         half of a 95 % confidence interval over {} pictures.",
+         Only ratios of times mean anything. Errors are those of pictures against a reference whose own relMSE is {}. \
+         Ranges after errors are 95 % confidence intervals over {} pictures, of the logarithm of the error.",
         short(measured.reference_error),
         measured.pictures,
     )
@@ -126,13 +134,14 @@ fn budget(purchase: &Purchase, answers: &Answers) -> String {
     let Some(row) = &purchase.row else {
         return format!("<div><b>{budget} ms</b><br>No setting is fast enough.</div>");
     };
-    let error = row.errors.rel_mse;
+    let Errors { rel_mse, mape, .. } = &row.errors;
     format!(
-        "<div><b>{budget} ms</b><br>{}<br>relMSE <strong>{}</strong> ± {}, MAPE {}<br><span class=\"soft\">takes {} ms</span></div>",
+        "<div><b>{budget} ms</b><br>{}<br>relMSE <strong>{}</strong> ({})<br>MAPE {} ({})<br><span class=\"soft\">takes {} ms</span></div>",
         describe(row),
-        short(error.mean),
-        short(error.half_width),
-        short(row.errors.mape.mean),
+        short(rel_mse.mean),
+        interval_of(rel_mse),
+        short(mape.mean),
+        interval_of(mape),
         short(row.time_ms() * answers.scale),
     )
 }
@@ -214,9 +223,9 @@ fn world_rows(rows: &[Row]) -> String {
     let is_upkeep = |row: &&Row| matches!(row.setting.change, Change::Upkeep(_));
     let line = |name: String, row: &Row| {
         let upload = row.world.upload.map_or("no device".into(), |ms| format!("{ms:.2}"));
-        let error = row.errors.rel_mse;
-        let error = format!("{} ± {}", short(error.mean), short(error.half_width));
-        cells(&[name, format!("{:.2}", row.world.update), upload, format!("{:.2}", row.world.top_level), error])
+        let error = &row.errors.rel_mse;
+        let [update, top_level] = [row.world.update, row.world.top_level].map(|ms| format!("{ms:.2}"));
+        cells(&[name, update, upload, top_level, short(error.mean), interval_of(error)])
     };
     let default = rows.iter().find(|row| {
         row.setting.sampler == DEFAULT && row.setting.change == Change::Nothing && row.setting.samples == KNOB_SAMPLES
@@ -250,17 +259,18 @@ fn alternatives(measured: &Measured) -> String {
 }
 
 fn equal_time_row(row: &Row) -> String {
-    let error = row.errors.rel_mse;
+    let Errors { rel_mse, mape, mean } = &row.errors;
     let noise =
         |value: fn(&super::noise::SamplerNoise) -> f64| row.noise.as_ref().map_or("–".into(), |n| short(value(n)));
     let name = row.setting.name();
     cells(&[
         name.rsplit_once(" / ").map_or(name.clone(), |(sampler, _)| sampler.into()),
         format!("{:.2}", row.setting.samples),
-        short(error.mean),
-        format!("{} to {}", short(error.low()), short(error.high())),
-        short(row.errors.mape.mean),
-        format!("{:.3} ± {:.3}", row.errors.mean.mean, row.errors.mean.half_width),
+        short(rel_mse.mean),
+        interval_of(rel_mse),
+        short(mape.mean),
+        interval_of(mape),
+        format!("{:.3} ± {:.3}", mean.mean, mean.half_width),
         noise(|noise| noise.sigma),
         noise(|noise| noise.sigma_visible),
         row.noise.as_ref().map_or("–".into(), |noise| percent(noise.dead)),

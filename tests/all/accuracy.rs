@@ -46,7 +46,7 @@ fn a_quick_run_writes_a_table_plots_and_a_page_that_needs_nothing_else() {
     let measured = run(&options(&out, &[])).expect("it runs");
     let (columns, rows) = table(&out.join("accuracy.csv"));
     let expected = "setting time_ms update_ms upload_ms top_level_ms choosing_ms shadow_rays_ms shading_ms sigma \
-                    sigma_visible dead rel_mse rel_mse_low rel_mse_high mape memory_bytes on_front";
+                    sigma_visible dead rel_mse rel_mse_low rel_mse_high mape mape_low mape_high memory_bytes on_front";
     assert_eq!(columns.join(" "), expected);
     assert_eq!(rows.len(), measured.rows.len(), "settings have names of their own");
     let number = |name: &str, column: &str| -> f64 {
@@ -60,7 +60,11 @@ fn a_quick_run_writes_a_table_plots_and_a_page_that_needs_nothing_else() {
         let time = number(name, "time_ms");
         // Numbers have four digits after the point.
         assert!((sum - time).abs() < 5.0e-4 && time > 0.0, "{name}: {sum}, {time}");
-        assert!(number(name, "rel_mse_low") <= number(name, "rel_mse"), "{name}");
+        for error in ["rel_mse", "mape"] {
+            let [low, high] = ["low", "high"].map(|end| number(name, &format!("{error}_{end}")));
+            let mean = number(name, error);
+            assert!(0.0 < low && low <= mean && mean <= high, "{name}: {error}");
+        }
     }
     // The exact noise does not depend on random numbers: with shadows there is more of it, and
     // splits lower it.
