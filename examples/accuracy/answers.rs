@@ -159,7 +159,7 @@ fn knob(row: &Row, base: &Row, plain: &[&Row]) -> Option<Knob> {
         return None;
     }
     let name = match (own.sampler, of_base.sampler) {
-        (Sampler::OneLevel { splits: 6, candidates: 1 }, _) => "one tree over all lights".into(),
+        (Sampler::OneLevel { splits: 6, candidates: 1 }, _) => "one tree".into(),
         (sampler, of_base) if sampler == of_base && own.change != Change::Nothing => short(&own),
         (Sampler::ByBrdf { splits, candidates }, Sampler::TwoLevels { splits: s, candidates: c }) if splits == s => {
             format!("{c} → {candidates} candidates by BRDF")

@@ -21,21 +21,21 @@ const LABELS: usize = 30;
 type Plot = Result<String, String>;
 
 /// A curve of a plot: one mark for each point, joined by a line.
-struct Curve<'a> {
-    name: &'a str,
+struct Curve {
+    name: String,
     color: RGBColor,
     is_dashed: bool,
     points: Vec<(f64, f64)>,
 }
 
-/// The samplers that are compared, with their names and colours.
-const COMPARED: [(Sampler, &str, RGBColor); 6] = [
-    (Sampler::Published("uniform"), "uniform", PALETTE[0]),
-    (Sampler::Published("flux"), "by flux", PALETTE[1]),
-    (Sampler::Streaming, "streaming over 32 uniform candidates", PALETTE[3]),
-    (Sampler::Published("pbrt"), "pbrt-v4's formula", PALETTE[7]),
-    (Sampler::Published("pbrt opaque"), "pbrt-v4's formula, opaque", PALETTE[6]),
-    (Sampler::Published("cycles"), "Cycles' formula", PALETTE[2]),
+/// The samplers that are compared, with their colours.
+const COMPARED: [(Sampler, RGBColor); 6] = [
+    (Sampler::Published("uniform"), PALETTE[0]),
+    (Sampler::Published("flux"), PALETTE[1]),
+    (Sampler::Streaming, PALETTE[3]),
+    (Sampler::Published("pbrt"), PALETTE[7]),
+    (Sampler::Published("pbrt opaque"), PALETTE[6]),
+    (Sampler::Published("cycles"), PALETTE[2]),
 ];
 
 /// Error over time of all settings of the library, with the front.
@@ -78,19 +78,19 @@ pub fn alternatives(rows: &[Row], answers: &Answers, is_quick: bool) -> Plot {
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         points
     };
-    let curve = |(sampler, name, color): (Sampler, &'static str, RGBColor)| Curve {
-        name,
+    let curve = |(sampler, color): (Sampler, RGBColor)| Curve {
+        name: sampler.name(),
         color,
         is_dashed: false,
         points: of(sampler),
     };
-    let mut curves: Vec<Curve<'_>> = COMPARED.map(curve).into();
-    let best = curve((resampled_default(is_quick), "Girandole, several candidates", PALETTE[5]));
-    curves.push(Curve { is_dashed: true, ..best });
-    curves.push(curve((DEFAULT, "Girandole, default", PALETTE[5])));
+    let mut curves: Vec<Curve> = COMPARED.map(curve).into();
+    curves.push(Curve { is_dashed: true, ..curve((resampled_default(is_quick), PALETTE[5])) });
+    curves.push(curve((DEFAULT, PALETTE[5])));
     let all: Vec<(f64, f64)> = curves.iter().flat_map(|curve| curve.points.iter().copied()).collect();
-    let stroke = |curve: &Curve<'_>| Stroke::new(curve.color, 2, curve.is_dashed);
-    let entries: Vec<(Mark, &str)> = curves.iter().rev().map(|curve| (Mark::Line(stroke(curve)), curve.name)).collect();
+    let stroke = |curve: &Curve| Stroke::new(curve.color, 2, curve.is_dashed);
+    let entry = |curve| (Mark::Line(stroke(curve)), curve.name.as_str());
+    let entries: Vec<(Mark, &str)> = curves.iter().rev().map(entry).collect();
     draw(&all, &entries, |chart, _| {
         for curve in &curves {
             line(chart, curve.points.clone(), stroke(curve))?;
@@ -151,29 +151,23 @@ fn draw(
 
 /// The stages of a sample, in microseconds of one core, for each sampler.
 pub fn stages(rows: &[Row], shaded_pixels: f64, is_quick: bool) -> Plot {
-    const ROW: u32 = 34;
-    const NAMES: u32 = 190;
+    const ROW: u32 = 46;
+    /// The left end of the bars.
+    const LEFT: u32 = 10;
     const PARTS: [(&str, RGBColor); 3] =
         [("choosing", PALETTE[5]), ("shadow ray", PALETTE[1]), ("shading", PALETTE[3])];
     let find = |sampler: Sampler| {
         rows.iter().find(|row| row.setting.sampler == sampler && row.setting.change == Change::Nothing)
     };
     let splits = |splits| Sampler::TwoLevels { splits, candidates: 1 };
-    let own = [
-        (splits(0), "Girandole, 0 splits"),
-        (DEFAULT, "Girandole, default"),
-        (resampled_default(is_quick), "Girandole, candidates"),
-        (Sampler::OneLevel { splits: 6, candidates: 1 }, "Girandole, one tree"),
-    ];
-    let others = COMPARED
-        .map(|(sampler, name, _)| (sampler, if sampler == Sampler::Streaming { "streaming over 32" } else { name }));
-    let bars: Vec<(&str, [f64; 3])> = own
+    let own = [splits(0), DEFAULT, resampled_default(is_quick), Sampler::OneLevel { splits: 6, candidates: 1 }];
+    let bars: Vec<(String, [f64; 3])> = own
         .into_iter()
-        .chain(others)
-        .filter_map(|(sampler, name)| {
+        .chain(COMPARED.map(|(sampler, _)| sampler))
+        .filter_map(|sampler| {
             let row = find(sampler)?;
             let us = |ms: f64| ms * 1.0e3 / (row.setting.samples * shaded_pixels);
-            Some((name, [us(row.samples.choosing), us(row.samples.shadow_rays), us(row.samples.shading)]))
+            Some((sampler.name(), [us(row.samples.choosing), us(row.samples.shadow_rays), us(row.samples.shading)]))
         })
         .collect();
     let longest = bars.iter().map(|(_, parts)| parts.iter().sum::<f64>()).fold(f64::MIN_POSITIVE, f64::max);
@@ -185,14 +179,15 @@ pub fn stages(rows: &[Row], shaded_pixels: f64, is_quick: bool) -> Plot {
         root.fill(&WHITE).map_err(text)?;
         let (upper, lower) = root.split_vertically(height);
         let font = (FONT, LABEL_FONT).into_font().color(&BLACK);
-        let width = f64::from(SIZE.0 - NAMES - 70);
+        let width = f64::from(SIZE.0 - LEFT - 80);
         for (i, (name, parts)) in bars.iter().enumerate() {
             let top = 14 + (ROW * i as u32) as i32;
-            upper.draw(&Text::new((*name).to_owned(), (10, top + 4), font.clone())).map_err(text)?;
-            let mut x = f64::from(NAMES);
+            upper.draw(&Text::new(name.as_str(), (LEFT as i32, top), font.clone())).map_err(text)?;
+            let mut x = f64::from(LEFT);
+            let top = top + 18;
             for (part, (_, color)) in parts.iter().zip(PARTS) {
                 let end = x + part / longest * width;
-                upper.draw(&Rectangle::new([(x as i32, top), (end as i32, top + 22)], color.filled())).map_err(text)?;
+                upper.draw(&Rectangle::new([(x as i32, top), (end as i32, top + 20)], color.filled())).map_err(text)?;
                 x = end;
             }
             let total = format!("{:.2} µs", parts.iter().sum::<f64>());

@@ -80,21 +80,8 @@ fn interval_of(error: &Estimate) -> String {
 /// The sampler and the samples of a setting, for people.
 fn describe(row: &Row) -> String {
     let samples = row.setting.samples;
-    let samples = if samples == 1.0 { "1 sample per pixel".into() } else { format!("{samples} samples per pixel") };
-    match row.setting.sampler {
-        Sampler::TwoLevels { splits, candidates: 1 } => format!("{samples}, {splits} splits"),
-        Sampler::TwoLevels { splits, candidates } => {
-            format!("{samples}, each resampled from {candidates} candidates, {splits} splits")
-        }
-        Sampler::ByBrdf { splits, candidates } => {
-            format!("{samples}, each resampled from {candidates} candidates by BRDF, {splits} splits")
-        }
-        Sampler::WithGloss { splits, candidates: 1 } => format!("{samples} with gloss, {splits} splits"),
-        Sampler::WithGloss { splits, candidates } => {
-            format!("{samples} with gloss, each resampled from {candidates} candidates, {splits} splits")
-        }
-        _ => row.setting.name(),
-    }
+    let samples = if samples == 1.0 { "1 sample".into() } else { format!("{samples} samples") };
+    format!("{}, {samples} per pixel", escape(&row.setting.sampler.name()))
 }
 
 fn summary(options: &Options, measured: &Measured) -> String {
@@ -120,10 +107,11 @@ fn capital(text: &str) -> String {
 fn units(measured: &Measured, answers: &Answers) -> String {
     let default = DEFAULT_FRAME_MS / answers.scale;
     format!(
-        "A frame with one default sample at every pixel (six splits, one candidate) takes {default:.0} ms on one core of the \
+        "The default is {}. A frame with one sample of it at every pixel takes {default:.0} ms on one core of the \
          measured machine. The page scales all times so that this frame takes {DEFAULT_FRAME_MS} ms, and speaks of any device that is as fast as that. \
          Only ratios of times mean anything. Errors are those of pictures against a reference whose own relMSE is {}. \
          Ranges after errors are 95 % confidence intervals over {} pictures, of the logarithm of the error.",
+        escape(&DEFAULT.name()),
         short(measured.reference_error),
         measured.pictures,
     )
@@ -244,15 +232,14 @@ fn alternatives(measured: &Measured) -> String {
             continue;
         }
         let ratio = Ratio::of(&panel.row.errors.rel_mse, &own.row.errors.rel_mse);
-        let name = panel.row.setting.name();
-        let name = escape(name.split(" / ").next().unwrap_or_default());
+        let name = escape(&panel.row.setting.sampler.name());
         parts.push(match ratio.is_difference() {
             true => format!("{name} {} ({})", factor(ratio.value), interval(&ratio)),
             false => format!("{name} no difference ({})", interval(&ratio)),
         });
     }
     format!(
-        "In the time of {} default samples, the relMSE of the other samplers is that of Girandole's default times: {}.",
+        "In the time of {} default samples, the relMSE of the other samplers is that of the default times: {}.",
         own.row.setting.samples,
         parts.join(", ")
     )
@@ -262,9 +249,8 @@ fn equal_time_row(row: &Row) -> String {
     let Errors { rel_mse, mape, mean } = &row.errors;
     let noise =
         |value: fn(&super::noise::SamplerNoise) -> f64| row.noise.as_ref().map_or("–".into(), |n| short(value(n)));
-    let name = row.setting.name();
     cells(&[
-        name.rsplit_once(" / ").map_or(name.clone(), |(sampler, _)| sampler.into()),
+        row.setting.sampler.name(),
         format!("{:.2}", row.setting.samples),
         short(rel_mse.mean),
         interval_of(rel_mse),

@@ -24,6 +24,32 @@ pub enum Sampler {
     AllLights,
 }
 
+impl Sampler {
+    /// Its name in the table, the plots and the page.
+    pub fn name(self) -> String {
+        let tree = |levels: &str, splits, candidates: u32| {
+            format!("{levels} / {} / {}", counted(splits, "split"), counted(candidates as usize, "candidate"))
+        };
+        match self {
+            Self::TwoLevels { splits, candidates } => tree("Girandole", splits, candidates),
+            Self::ByBrdf { splits, candidates } => tree("Girandole", splits, candidates) + " by BRDF",
+            Self::WithGloss { splits, candidates } => tree("Girandole", splits, candidates) + " with gloss",
+            Self::OneLevel { splits, candidates } => tree("Girandole, one tree", splits, candidates),
+            Self::Published("pbrt") => "pbrt-v4's formula".into(),
+            Self::Published("pbrt opaque") => "pbrt-v4's formula, opaque".into(),
+            Self::Published("cycles") => "Cycles' formula".into(),
+            Self::Published(name) => name.into(),
+            Self::Streaming => format!("streaming over {STREAMED} uniform candidates"),
+            Self::AllLights => "all lights".into(),
+        }
+    }
+}
+
+/// A number of things: "1 split", "6 splits".
+pub fn counted(count: usize, thing: &str) -> String {
+    format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
+}
+
 /// Splits and candidates of the library's defaults.
 pub const DEFAULT: Sampler = Sampler::TwoLevels { splits: 6, candidates: 1 };
 
@@ -66,16 +92,6 @@ pub struct Setting {
 impl Setting {
     /// Its name in the table.
     pub fn name(&self) -> String {
-        let tree = |levels: &str, splits, candidates| format!("{levels} / {splits} splits / {candidates} candidates");
-        let sampler = match self.sampler {
-            Sampler::TwoLevels { splits, candidates } => tree("two levels", splits, candidates),
-            Sampler::ByBrdf { splits, candidates } => tree("two levels", splits, candidates) + " by BRDF",
-            Sampler::WithGloss { splits, candidates } => tree("two levels", splits, candidates) + " with gloss",
-            Sampler::OneLevel { splits, candidates } => tree("one level", splits, candidates),
-            Sampler::Published(name) => name.into(),
-            Sampler::Streaming => format!("streaming of {STREAMED}"),
-            Sampler::AllLights => "all lights".into(),
-        };
         let change = match self.change {
             Change::Nothing => String::new(),
             Change::Upkeep(Upkeep::RefitOnly) => " / refit only".into(),
@@ -87,7 +103,7 @@ impl Setting {
         };
         // As short as possible: 1, 2.5, 16.
         let samples = (self.samples * 100.0).round() / 100.0;
-        format!("{sampler} / {samples} spp{change}")
+        format!("{} / {samples} spp{change}", self.sampler.name())
     }
 }
 

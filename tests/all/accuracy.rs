@@ -69,14 +69,15 @@ fn a_quick_run_writes_a_table_plots_and_a_page_that_needs_nothing_else() {
     // The exact noise does not depend on random numbers: with shadows there is more of it, and
     // splits lower it.
     let [default, no_splits] =
-        ["two levels / 6 splits / 1 candidates / 1 spp", "two levels / 0 splits / 1 candidates / 1 spp"];
+        ["Girandole / 6 splits / 1 candidate / 1 spp", "Girandole / 0 splits / 1 candidate / 1 spp"];
     assert!(number(default, "sigma") < number(default, "sigma_visible"));
     assert!(number(default, "sigma") < number(no_splits, "sigma"));
-    assert!(number(default, "sigma") < 0.5 * number("pbrt opaque / 1 spp", "sigma"));
+    assert!(number(default, "sigma") < 0.5 * number("pbrt-v4's formula, opaque / 1 spp", "sigma"));
     assert!((0.0..0.5).contains(&number(default, "dead")) && number("uniform / 1 spp", "dead") < 1.0e-3);
 
     // Instances share their trees. The lights alone have 64 bytes each.
-    let [two, one] = [default, "one level / 6 splits / 1 candidates / 1 spp"].map(|name| number(name, "memory_bytes"));
+    let [two, one] =
+        [default, "Girandole, one tree / 6 splits / 1 candidate / 1 spp"].map(|name| number(name, "memory_bytes"));
     assert!(two < one && number("uniform / 1 spp", "memory_bytes") == 64.0 * measured.lights as f64);
 
     let front: Vec<_> = measured.rows.iter().filter(|row| row.on_front).collect();
@@ -100,6 +101,16 @@ fn a_quick_run_writes_a_table_plots_and_a_page_that_needs_nothing_else() {
     assert!(!page.contains("{{") && !page.contains("NaN"), "something is not filled in");
     let links = page.matches("http").count() - page.matches("http://www.w3.org/2000/svg").count();
     assert_eq!(links, 0, "the page needs no network");
+    // Samplers have the names of the table everywhere.
+    for panel in &measured.equal_time {
+        let name = panel.row.setting.sampler.name();
+        assert!(rows.keys().any(|row| row.starts_with(&format!("{name} / "))), "{name}");
+        for file in ["alternatives.svg", "stages.svg", "equal_time.svg"] {
+            assert!(fs::read_to_string(out.join(file)).expect("a figure").contains(&name), "{file}: {name}");
+        }
+        assert!(page.contains(&name), "{name}");
+    }
+    assert!(!page.contains("1 candidates"));
     for question in ["What do I get for 0.5, 1 and 4 ms", "halving the error", "Which knob", "Where does the time go"] {
         assert!(page.contains(question), "{question}");
     }
