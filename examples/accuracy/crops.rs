@@ -1,6 +1,7 @@
 //! The same part of the picture by several samplers in equal time.
 
 use super::measured::{Measured, Panel};
+use super::table::short;
 use crate::city::app::tone_mapping::agx;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -87,12 +88,6 @@ impl Crops {
         }
         svg + "</svg>\n"
     }
-}
-
-/// A number with two significant digits.
-pub fn short(value: f64) -> String {
-    let digits = (1.0 - value.abs().max(1.0e-9).log10().floor()).clamp(0.0, 6.0) as usize;
-    format!("{value:.digits$}")
 }
 
 /// The corner of the window of this size in which the logarithm of the luminance varies most.

@@ -1,12 +1,12 @@
 //! The page: `page.html` with the answers filled in.
 
 use super::answers::{Answers, DEFAULT_FRAME_MS, Knob, Purchase, Ratio};
-use super::crops::{Crops, short};
+use super::crops::Crops;
 use super::measured::{Measured, REFERENCE_CANDIDATES, REFERENCE_SAMPLES};
 use super::options::Options;
 use super::pictures::Errors;
 use super::settings::{Change, DEFAULT, KNOB_SAMPLES, MOST_LIGHTS, Sampler};
-use super::table::{COLUMNS, Row};
+use super::table::{COLUMNS, Row, short};
 use crate::direct_light::score::Estimate;
 
 const TEMPLATE: &str = include_str!("page.html");
@@ -26,6 +26,8 @@ pub fn page(options: &Options, measured: &Measured, answers: &Answers, plots: &P
         ("summary", summary(options, measured)),
         ("units", units(measured, answers)),
         ("budgets", answers.purchases.iter().map(|purchase| budget(purchase, answers)).collect()),
+        ("front_columns", FRONT_COLUMNS.map(|column| format!("<th>{column}</th>")).concat()),
+        ("front_rows", front(answers).iter().map(|fields| cells(fields)).collect()),
         ("halving", halving(answers)),
         ("halving_rows", answers.purchases.iter().map(halving_row).collect()),
         ("knob", first_knob(answers)),
@@ -132,6 +134,18 @@ fn budget(purchase: &Purchase, answers: &Answers) -> String {
         interval_of(mape),
         short(row.time_ms() * answers.scale),
     )
+}
+
+/// The columns of [`front`].
+pub const FRONT_COLUMNS: [&str; 4] = ["setting", "time, ms of the page", "relMSE", "95 % interval"];
+
+/// The points of the front, by rising time.
+pub fn front(answers: &Answers) -> Vec<[String; 4]> {
+    let line = |row: &Row| {
+        let error = &row.errors.rel_mse;
+        [row.setting.name(), short(row.time_ms() * answers.scale), short(error.mean), interval_of(error)]
+    };
+    answers.front.iter().map(line).collect()
 }
 
 fn halving(answers: &Answers) -> String {

@@ -111,6 +111,13 @@ fn a_quick_run_writes_a_table_plots_and_a_page_that_needs_nothing_else() {
         assert!(page.contains(&name), "{name}");
     }
     assert!(!page.contains("1 candidates"));
+    // The page lists the points of the front.
+    let list = page.split("<th>time, ms of the page</th>").nth(1).and_then(|rest| rest.split("</table>").next());
+    let list = list.expect("a list of the front");
+    assert_eq!(list.matches("<tr>").count(), front.len());
+    for row in &front {
+        assert!(list.contains(&format!("<td>{}</td>", row.setting.name())), "{:?}", row.setting);
+    }
     for question in ["What do I get for 0.5, 1 and 4 ms", "halving the error", "Which knob", "Where does the time go"] {
         assert!(page.contains(question), "{question}");
     }
