@@ -312,6 +312,11 @@ fn method(options: &Options, measured: &Measured) -> String {
         "Times of samples are those of one core: 15 rounds in turn, of which the fastest counts. Other samplers pay nothing \
          for keeping their trees fit, which favours them. Their formulas are on binary trees with one light per leaf."
             .into(),
+        format!(
+            "Learnt visibility was taught by {} frames of the same view, with {KNOB_SAMPLES} samples per pixel each. Its time \
+             includes that of its records. With solid angles, the world has played again.",
+            plan.frames
+        ),
         "Lights at infinity are left out, because they belong to no tree. Every sample of a pixel meets one of four fixed \
          surfaces, so the errors are those of light alone."
             .into(),

@@ -65,6 +65,10 @@ pub enum Change {
     Nothing,
     /// Another way to keep trees fit while they deform.
     Upkeep(Upkeep),
+    /// Large and near surfaces are sampled by solid angle.
+    SolidAngles,
+    /// Choices follow learnt visibility, which earlier frames taught.
+    LearntVisibility,
     /// No shadow rays.
     NoShadows,
     /// Diffuse materials.
@@ -97,6 +101,8 @@ impl Setting {
             Change::Upkeep(Upkeep::RefitOnly) => " / refit only".into(),
             Change::Upkeep(Upkeep::AlwaysRebuild) => " / always rebuild".into(),
             Change::Upkeep(Upkeep::Budgeted(us)) => format!(" / budget {us} us"),
+            Change::SolidAngles => " / solid angles".into(),
+            Change::LearntVisibility => " / learnt visibility".into(),
             Change::NoShadows => " / no shadows".into(),
             Change::NoGloss => " / no gloss".into(),
             Change::Without(_, effect) => format!(" / no {effect}"),
@@ -177,7 +183,8 @@ fn of_others(is_quick: bool) -> Vec<Setting> {
     settings.collect()
 }
 
-/// Ways to keep trees fit, and effects that are left out, each with the default sampler.
+/// Ways to keep trees fit, settings of the library that are off by default, and effects that are left
+/// out, each with the default sampler.
 fn of_frames(effects: Effects, is_matte: bool, is_quick: bool) -> Vec<Setting> {
     let budgets: &[u32] = if is_quick { &[100] } else { &[0, 30, 100, 1_000] };
     let ends = [Upkeep::RefitOnly, Upkeep::AlwaysRebuild];
@@ -185,7 +192,9 @@ fn of_frames(effects: Effects, is_matte: bool, is_quick: bool) -> Vec<Setting> {
     let simpler = LIGHT_EFFECTS.into_iter().filter(|(effect, _)| effects.contains(*effect));
     let simpler = simpler.map(|(effect, name)| Change::Without(effect, name));
     let gloss = (!is_matte).then_some(Change::NoGloss);
-    let changes = upkeeps.chain([Change::NoShadows]).chain(gloss).chain(simpler);
+    let solid_angles = effects.contains(Effects::AREAS).then_some(Change::SolidAngles);
+    let switches = solid_angles.into_iter().chain([Change::LearntVisibility]);
+    let changes = upkeeps.chain(switches).chain([Change::NoShadows]).chain(gloss).chain(simpler);
     changes.map(|change| Setting { sampler: DEFAULT, samples: KNOB_SAMPLES, change }).collect()
 }
 

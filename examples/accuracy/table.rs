@@ -4,17 +4,17 @@
 //! |---|---|
 //! | `setting` | sampler, samples per pixel (spp), and what else differs from the default |
 //! | `time_ms` | the time of a frame on one core: the sum of the next six columns |
-//! | `update_ms` | refits, rebuilds and their choice; a mean over the frames |
+//! | `update_ms` | refits, rebuilds and their choice; a mean over the frames. Learnt visibility adds the end of a frame of its table |
 //! | `upload_ms` | the call that uploads what changed; empty without a device |
 //! | `top_level_ms` | the build of the top level |
-//! | `choosing_ms` | drawing lights and points on them |
+//! | `choosing_ms` | drawing lights and points on them; with learnt visibility also its records |
 //! | `shadow_rays_ms`, `shading_ms` | shadow rays; the BRDF and the product of all factors |
 //! | `sigma` | relative standard deviation of one sample's illuminance without shadows |
 //! | `sigma_visible` | the same with shadows |
 //! | `dead` | share of draws that end without a light |
 //! | `rel_mse`, `rel_mse_low`, `rel_mse_high` | mean squared relative error without the worst 0.1 % of the pixels, and its 95 % confidence interval |
 //! | `mape`, `mape_low`, `mape_high` | mean absolute relative error, and its 95 % confidence interval |
-//! | `memory_bytes` | nodes, lights and instances in the library's GPU format |
+//! | `memory_bytes` | nodes, lights and instances in the library's GPU format, and the table of learnt visibility |
 //! | `on_front` | no other unbiased setting has less error in at most the same time |
 //!
 //! Samplers that are no part of the library, and one level, have 0 for `update_ms` and

@@ -80,6 +80,13 @@ fn a_quick_run_writes_a_table_plots_and_a_page_that_needs_nothing_else() {
         [default, "Girandole, one tree / 6 splits / 1 candidate / 1 spp"].map(|name| number(name, "memory_bytes"));
     assert!(two < one && number("uniform / 1 spp", "memory_bytes") == 64.0 * measured.lights as f64);
 
+    // Settings that are off by default change the picture, and the table takes memory.
+    let [off, solid_angles, learnt] = ["", " / solid angles", " / learnt visibility"]
+        .map(|switch| format!("Girandole / 6 splits / 1 candidate / 4 spp{switch}"));
+    assert_ne!(number(&off, "rel_mse"), number(&learnt, "rel_mse"));
+    assert_ne!(number(&off, "rel_mse"), number(&solid_angles, "rel_mse"));
+    assert!(number(&learnt, "memory_bytes") > number(&off, "memory_bytes"));
+
     let front: Vec<_> = measured.rows.iter().filter(|row| row.on_front).collect();
     assert!(!front.is_empty());
     for row in &front {
