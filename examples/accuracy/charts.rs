@@ -92,10 +92,11 @@ pub fn error_over_time(rows: &[Row], answers: &Answers) -> Plot {
         chart.draw_series(others).map_err(text)?;
         // Last and larger, so that no point of the front covers a ring.
         chart.draw_series(circles(&one_tree, 6, PALETTE[1].stroke_width(2))).map_err(text)?;
-        let font = (FONT, LABEL_FONT).into_font().color(&BLACK).pos(Pos::new(HPos::Right, VPos::Bottom));
-        for (place, note) in notes.iter().rev().enumerate() {
-            let offset = (-6, -6 - (LABEL_FONT as i32 + 4) * place as i32);
-            let note = EmptyElement::at((x.end, y.start)) + Text::new(note.clone(), offset, font.clone());
+        let font = (FONT, LABEL_FONT).into_font().color(&BLACK).pos(Pos::new(HPos::Right, VPos::Top));
+        // Errors fall with the time, so this corner is empty.
+        for (place, note) in notes.iter().enumerate() {
+            let offset = (-6, 6 + (LABEL_FONT as i32 + 4) * place as i32);
+            let note = EmptyElement::at((x.end, y.end)) + Text::new(note.clone(), offset, font.clone());
             chart.draw_series([note]).map_err(text)?;
         }
         Ok(())
