@@ -77,6 +77,8 @@ pub struct LeftOut {
 pub struct Answers {
     /// Milliseconds of the page for one measured millisecond.
     pub scale: f64,
+    /// The front of least error, by rising time.
+    pub front: Vec<Row>,
     pub purchases: Vec<Purchase>,
     /// Knobs by falling gain, those without a difference last.
     pub knobs: Vec<Knob>,
@@ -105,7 +107,9 @@ impl Answers {
             time: row.time_ms() / base.time_ms(),
             error: Ratio::of(&row.errors.rel_mse, &base.errors.rel_mse),
         });
-        Some(Self { scale, purchases, knobs, left_out: left_out.collect() })
+        let mut front: Vec<Row> = rows.iter().filter(|row| row.on_front).cloned().collect();
+        front.sort_by(|a, b| a.time_ms().total_cmp(&b.time_ms()));
+        Some(Self { scale, front, purchases, knobs, left_out: left_out.collect() })
     }
 }
 
@@ -159,7 +163,7 @@ fn knob(row: &Row, base: &Row, plain: &[&Row]) -> Option<Knob> {
         return None;
     }
     let name = match (own.sampler, of_base.sampler) {
-        (Sampler::OneLevel { splits: 6, candidates: 1 }, _) => "one tree over all lights".into(),
+        (Sampler::OneLevel { splits: 6, candidates: 1 }, _) => "one tree".into(),
         (sampler, of_base) if sampler == of_base && own.change != Change::Nothing => short(&own),
         (Sampler::ByBrdf { splits, candidates }, Sampler::TwoLevels { splits: s, candidates: c }) if splits == s => {
             format!("{c} → {candidates} candidates by BRDF")

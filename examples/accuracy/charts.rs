@@ -1,11 +1,12 @@
 //! The plots of the page.
 
-use super::answers::{Answers, is_plain};
+use super::answers::{Answers, BUDGETS, is_plain};
 use super::settings::{Change, DEFAULT, Sampler, resampled_default};
-use super::table::Row;
+use super::table::{Row, short};
 use crate::measuring::charts::{FONT, Mark, PALETTE, Stroke, legend, line, log_label, text};
 use plotters::coord::combinators::LogCoord;
 use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::ops::Range;
 
 /// The size of a plot, in pixels: a phone shows it without scaling it down much.
@@ -21,50 +22,83 @@ const LABELS: usize = 30;
 type Plot = Result<String, String>;
 
 /// A curve of a plot: one mark for each point, joined by a line.
-struct Curve<'a> {
-    name: &'a str,
+struct Curve {
+    name: String,
     color: RGBColor,
     is_dashed: bool,
     points: Vec<(f64, f64)>,
 }
 
-/// The samplers that are compared, with their names and colours.
-const COMPARED: [(Sampler, &str, RGBColor); 6] = [
-    (Sampler::Published("uniform"), "uniform", PALETTE[0]),
-    (Sampler::Published("flux"), "by flux", PALETTE[1]),
-    (Sampler::Streaming, "streaming over 32 uniform candidates", PALETTE[3]),
-    (Sampler::Published("pbrt"), "pbrt-v4's formula", PALETTE[7]),
-    (Sampler::Published("pbrt opaque"), "pbrt-v4's formula, opaque", PALETTE[6]),
-    (Sampler::Published("cycles"), "Cycles' formula", PALETTE[2]),
+/// The samplers that are compared, with their colours.
+const COMPARED: [(Sampler, RGBColor); 6] = [
+    (Sampler::Published("uniform"), PALETTE[0]),
+    (Sampler::Published("flux"), PALETTE[1]),
+    (Sampler::Streaming, PALETTE[3]),
+    (Sampler::Published("pbrt"), PALETTE[7]),
+    (Sampler::Published("pbrt opaque"), PALETTE[6]),
+    (Sampler::Published("cycles"), PALETTE[2]),
 ];
+
+/// The axis of [`error_over_time`] ends at so many times the time of the slowest setting of the
+/// library that is swept, or of the last budget if that is more. Points of the front beyond it are
+/// named in the plot.
+const AXIS_END: f64 = 1.4;
 
 /// Error over time of all settings of the library, with the front.
 pub fn error_over_time(rows: &[Row], answers: &Answers) -> Plot {
     let at = |row: &Row| (row.time_ms() * answers.scale, row.errors.rel_mse.mean);
-    let of = |keep: &dyn Fn(&Row) -> bool| -> Vec<(f64, f64)> { rows.iter().filter(|row| keep(row)).map(at).collect() };
-    let own = of(&|row| is_plain(row) && !row.on_front);
-    let one_level = of(&|row| matches!(row.setting.sampler, Sampler::OneLevel { .. }) && !row.on_front);
-    let mut front = of(&|row| row.on_front);
-    front.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let all: Vec<(f64, f64)> = [&own, &one_level, &front].into_iter().flatten().copied().collect();
+    let is_one_tree = |row: &Row| matches!(row.setting.sampler, Sampler::OneLevel { .. });
+    // Changes of the frame are to the library's two levels.
+    let is_own = |row: &Row| is_plain(row) || row.setting.change != Change::Nothing;
+    let swept = rows.iter().filter(|row| is_plain(row) || is_one_tree(row)).map(|row| at(row).0);
+    let end = AXIS_END * swept.chain(BUDGETS).fold(f64::MIN_POSITIVE, f64::max);
+    let of = |rows: &mut dyn Iterator<Item = &Row>| -> Vec<(f64, f64)> { rows.map(at).collect() };
+    let own = of(&mut rows.iter().filter(|row| is_plain(row) && !row.on_front));
+    let one_tree = of(&mut rows.iter().filter(|row| is_one_tree(row) && !row.on_front));
+    let (front, beyond): (Vec<&Row>, Vec<&Row>) = answers.front.iter().partition(|row| at(row).0 <= end);
+    let of_front = |keep: &dyn Fn(&Row) -> bool| of(&mut front.iter().copied().filter(|row| keep(row)));
+    let own_front = of_front(&is_own);
+    let one_tree_front = of_front(&is_one_tree);
+    let other_front = of_front(&|row| !is_own(row) && !is_one_tree(row));
+    let path = of_front(&|_| true);
+    let all: Vec<(f64, f64)> = [&own, &one_tree, &path].into_iter().flatten().copied().collect();
+    let notes: Vec<String> = beyond
+        .iter()
+        .map(|row| format!("{}: relMSE {} at {:.0} ms →", row.setting.sampler.name(), short(at(row).1), at(row).0))
+        .collect();
     let entries = [
         (Mark::Line(Stroke::new(PALETTE[5], 2, false)), "front of least error, all samplers"),
-        (Mark::Circle(PALETTE[2], false), "other settings of two levels"),
-        (Mark::Circle(PALETTE[1], false), "one tree over all lights"),
+        (Mark::Circle(PALETTE[5], true), "Girandole on the front"),
+        (Mark::Circle(PALETTE[1], true), "Girandole, one tree, on the front"),
+        (Mark::Triangle(PALETTE[6]), "other samplers on the front"),
+        (Mark::Circle(PALETTE[2], false), "other settings of Girandole"),
+        (Mark::Circle(PALETTE[1], false), "other settings of Girandole, one tree"),
         (Mark::Line(Stroke::new(RGBColor(150, 150, 150), 1, true)), "budgets of 0.5, 1 and 4 ms"),
     ];
-    draw(&all, &entries, |chart, (_, y)| {
-        for budget in super::answers::BUDGETS {
+    let (x, y) = (around(all.iter().map(|at| at.0)).start..end, around(all.iter().map(|at| at.1)));
+    draw((x.clone(), y.clone()), &entries, |chart| {
+        for budget in BUDGETS {
             let stroke = Stroke::new(RGBColor(150, 150, 150), 1, true);
             line(chart, vec![(budget, y.start), (budget, y.end)], stroke)?;
         }
-        line(chart, front.clone(), Stroke::new(PALETTE[5], 2, false))?;
-        let circles = |points: &[(f64, f64)], style: ShapeStyle| -> Vec<Circle<(f64, f64), i32>> {
-            points.iter().map(|at| Circle::new(*at, 4, style)).collect()
+        line(chart, path.clone(), Stroke::new(PALETTE[5], 2, false))?;
+        let circles = |points: &[(f64, f64)], radius: i32, style: ShapeStyle| -> Vec<Circle<(f64, f64), i32>> {
+            points.iter().map(|at| Circle::new(*at, radius, style)).collect()
         };
-        chart.draw_series(circles(&one_level, PALETTE[1].stroke_width(2))).map_err(text)?;
-        chart.draw_series(circles(&own, PALETTE[2].stroke_width(2))).map_err(text)?;
-        chart.draw_series(circles(&front, PALETTE[5].filled())).map_err(text)?;
+        chart.draw_series(circles(&own, 4, PALETTE[2].stroke_width(2))).map_err(text)?;
+        chart.draw_series(circles(&own_front, 4, PALETTE[5].filled())).map_err(text)?;
+        chart.draw_series(circles(&one_tree_front, 4, PALETTE[1].filled())).map_err(text)?;
+        let others = other_front.iter().map(|at| TriangleMarker::new(*at, 6, PALETTE[6].filled()));
+        chart.draw_series(others).map_err(text)?;
+        // Last and larger, so that no point of the front covers a ring.
+        chart.draw_series(circles(&one_tree, 6, PALETTE[1].stroke_width(2))).map_err(text)?;
+        let font = (FONT, LABEL_FONT).into_font().color(&BLACK).pos(Pos::new(HPos::Right, VPos::Top));
+        // Errors fall with the time, so this corner is empty.
+        for (place, note) in notes.iter().enumerate() {
+            let offset = (-6, 6 + (LABEL_FONT as i32 + 4) * place as i32);
+            let note = EmptyElement::at((x.end, y.end)) + Text::new(note.clone(), offset, font.clone());
+            chart.draw_series([note]).map_err(text)?;
+        }
         Ok(())
     })
 }
@@ -78,20 +112,21 @@ pub fn alternatives(rows: &[Row], answers: &Answers, is_quick: bool) -> Plot {
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         points
     };
-    let curve = |(sampler, name, color): (Sampler, &'static str, RGBColor)| Curve {
-        name,
+    let curve = |(sampler, color): (Sampler, RGBColor)| Curve {
+        name: sampler.name(),
         color,
         is_dashed: false,
         points: of(sampler),
     };
-    let mut curves: Vec<Curve<'_>> = COMPARED.map(curve).into();
-    let best = curve((resampled_default(is_quick), "Girandole, several candidates", PALETTE[5]));
-    curves.push(Curve { is_dashed: true, ..best });
-    curves.push(curve((DEFAULT, "Girandole, default", PALETTE[5])));
-    let all: Vec<(f64, f64)> = curves.iter().flat_map(|curve| curve.points.iter().copied()).collect();
-    let stroke = |curve: &Curve<'_>| Stroke::new(curve.color, 2, curve.is_dashed);
-    let entries: Vec<(Mark, &str)> = curves.iter().rev().map(|curve| (Mark::Line(stroke(curve)), curve.name)).collect();
-    draw(&all, &entries, |chart, _| {
+    let mut curves: Vec<Curve> = COMPARED.map(curve).into();
+    curves.push(Curve { is_dashed: true, ..curve((resampled_default(is_quick), PALETTE[5])) });
+    curves.push(curve((DEFAULT, PALETTE[5])));
+    let all = || curves.iter().flat_map(|curve| &curve.points);
+    let ranges = (around(all().map(|at| at.0)), around(all().map(|at| at.1)));
+    let stroke = |curve: &Curve| Stroke::new(curve.color, 2, curve.is_dashed);
+    let entry = |curve| (Mark::Line(stroke(curve)), curve.name.as_str());
+    let entries: Vec<(Mark, &str)> = curves.iter().rev().map(entry).collect();
+    draw(ranges, &entries, |chart| {
         for curve in &curves {
             line(chart, curve.points.clone(), stroke(curve))?;
             let marks = curve.points.iter().map(|at| Circle::new(*at, 3, curve.color.filled()));
@@ -103,19 +138,20 @@ pub fn alternatives(rows: &[Row], answers: &Answers, is_quick: bool) -> Plot {
 
 type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<LogCoord<f64>, LogCoord<f64>>>;
 
-/// Draws a plot of error over time with logarithmic axes around the points, and its legend below.
+/// The range of a logarithmic axis around values.
+fn around(values: impl Iterator<Item = f64>) -> Range<f64> {
+    let values = values.filter(|value| value.is_finite() && *value > 0.0);
+    let range =
+        values.fold(f64::INFINITY..0.0, |range: Range<f64>, value| range.start.min(value)..range.end.max(value));
+    if range.is_empty() { 0.1..10.0 } else { range.start / 1.4..range.end * 1.4 }
+}
+
+/// Draws a plot of error over time with logarithmic axes, and its legend below.
 fn draw(
-    points: &[(f64, f64)],
+    (x, y): (Range<f64>, Range<f64>),
     entries: &[(Mark, &str)],
-    content: impl Fn(&mut Chart<'_, '_>, (Range<f64>, Range<f64>)) -> Result<(), String>,
+    content: impl Fn(&mut Chart<'_, '_>) -> Result<(), String>,
 ) -> Plot {
-    let range = |value: fn(&(f64, f64)) -> f64| {
-        let values = points.iter().map(value).filter(|value| value.is_finite() && *value > 0.0);
-        let range =
-            values.fold(f64::INFINITY..0.0, |range: Range<f64>, value| range.start.min(value)..range.end.max(value));
-        if range.is_empty() { 0.1..10.0 } else { range.start / 1.4..range.end * 1.4 }
-    };
-    let (x, y) = (range(|point| point.0), range(|point| point.1));
     let mut svg = String::new();
     let size = (SIZE.0, SIZE.1 + LEGEND_LINE * (entries.len() as u32 + 1));
     {
@@ -126,7 +162,7 @@ fn draw(
             .margin(10)
             .x_label_area_size(46)
             .y_label_area_size(64)
-            .build_cartesian_2d(x.clone().log_scale(), y.clone().log_scale())
+            .build_cartesian_2d(x.log_scale(), y.log_scale())
             .map_err(text)?;
         chart
             .configure_mesh()
@@ -142,7 +178,7 @@ fn draw(
             .axis_desc_style((FONT, LABEL_FONT + 1))
             .draw()
             .map_err(text)?;
-        content(&mut chart, (x, y))?;
+        content(&mut chart)?;
         legend(&lower, entries, LEGEND_FONT)?;
         root.present().map_err(text)?;
     }
@@ -151,29 +187,23 @@ fn draw(
 
 /// The stages of a sample, in microseconds of one core, for each sampler.
 pub fn stages(rows: &[Row], shaded_pixels: f64, is_quick: bool) -> Plot {
-    const ROW: u32 = 34;
-    const NAMES: u32 = 190;
+    const ROW: u32 = 46;
+    /// The left end of the bars.
+    const LEFT: u32 = 10;
     const PARTS: [(&str, RGBColor); 3] =
         [("choosing", PALETTE[5]), ("shadow ray", PALETTE[1]), ("shading", PALETTE[3])];
     let find = |sampler: Sampler| {
         rows.iter().find(|row| row.setting.sampler == sampler && row.setting.change == Change::Nothing)
     };
     let splits = |splits| Sampler::TwoLevels { splits, candidates: 1 };
-    let own = [
-        (splits(0), "Girandole, 0 splits"),
-        (DEFAULT, "Girandole, default"),
-        (resampled_default(is_quick), "Girandole, candidates"),
-        (Sampler::OneLevel { splits: 6, candidates: 1 }, "Girandole, one tree"),
-    ];
-    let others = COMPARED
-        .map(|(sampler, name, _)| (sampler, if sampler == Sampler::Streaming { "streaming over 32" } else { name }));
-    let bars: Vec<(&str, [f64; 3])> = own
+    let own = [splits(0), DEFAULT, resampled_default(is_quick), Sampler::OneLevel { splits: 6, candidates: 1 }];
+    let bars: Vec<(String, [f64; 3])> = own
         .into_iter()
-        .chain(others)
-        .filter_map(|(sampler, name)| {
+        .chain(COMPARED.map(|(sampler, _)| sampler))
+        .filter_map(|sampler| {
             let row = find(sampler)?;
             let us = |ms: f64| ms * 1.0e3 / (row.setting.samples * shaded_pixels);
-            Some((name, [us(row.samples.choosing), us(row.samples.shadow_rays), us(row.samples.shading)]))
+            Some((sampler.name(), [us(row.samples.choosing), us(row.samples.shadow_rays), us(row.samples.shading)]))
         })
         .collect();
     let longest = bars.iter().map(|(_, parts)| parts.iter().sum::<f64>()).fold(f64::MIN_POSITIVE, f64::max);
@@ -185,14 +215,15 @@ pub fn stages(rows: &[Row], shaded_pixels: f64, is_quick: bool) -> Plot {
         root.fill(&WHITE).map_err(text)?;
         let (upper, lower) = root.split_vertically(height);
         let font = (FONT, LABEL_FONT).into_font().color(&BLACK);
-        let width = f64::from(SIZE.0 - NAMES - 70);
+        let width = f64::from(SIZE.0 - LEFT - 80);
         for (i, (name, parts)) in bars.iter().enumerate() {
             let top = 14 + (ROW * i as u32) as i32;
-            upper.draw(&Text::new((*name).to_owned(), (10, top + 4), font.clone())).map_err(text)?;
-            let mut x = f64::from(NAMES);
+            upper.draw(&Text::new(name.as_str(), (LEFT as i32, top), font.clone())).map_err(text)?;
+            let mut x = f64::from(LEFT);
+            let top = top + 18;
             for (part, (_, color)) in parts.iter().zip(PARTS) {
                 let end = x + part / longest * width;
-                upper.draw(&Rectangle::new([(x as i32, top), (end as i32, top + 22)], color.filled())).map_err(text)?;
+                upper.draw(&Rectangle::new([(x as i32, top), (end as i32, top + 20)], color.filled())).map_err(text)?;
                 x = end;
             }
             let total = format!("{:.2} µs", parts.iter().sum::<f64>());

@@ -1,7 +1,7 @@
 //! The same part of the picture by several samplers in equal time.
 
 use super::measured::{Measured, Panel};
-use super::settings::{DEFAULT, Sampler};
+use super::table::short;
 use crate::city::app::tone_mapping::agx;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -55,7 +55,7 @@ impl Crops {
         for Panel { row, picture } in &measured.equal_time {
             let error = row.errors.rel_mse;
             all.push(Crop {
-                title: title(row.setting.sampler),
+                title: row.setting.sampler.name(),
                 caption: format!("{:.1} samples, relMSE {}", row.setting.samples, short(error.mean)),
                 image: cut(picture)?,
             });
@@ -88,32 +88,6 @@ impl Crops {
         }
         svg + "</svg>\n"
     }
-}
-
-/// What a sampler is called below its crop.
-fn title(sampler: Sampler) -> String {
-    match sampler {
-        DEFAULT => "Girandole, default".into(),
-        Sampler::TwoLevels { candidates, .. } => format!("Girandole, {candidates} candidates"),
-        Sampler::ByBrdf { candidates, .. } => format!("Girandole, {candidates} candidates by BRDF"),
-        Sampler::WithGloss { candidates: 1, .. } => "Girandole, with gloss".into(),
-        Sampler::WithGloss { candidates, .. } => format!("Girandole with gloss, {candidates} candidates"),
-        Sampler::OneLevel { .. } => "Girandole, one tree".into(),
-        Sampler::Published("uniform") => "Uniform".into(),
-        Sampler::Published("flux") => "By flux".into(),
-        Sampler::Published("pbrt") => "pbrt-v4's formula".into(),
-        Sampler::Published("pbrt opaque") => "pbrt-v4's formula, opaque".into(),
-        Sampler::Published("cycles") => "Cycles' formula".into(),
-        Sampler::Published(name) => name.into(),
-        Sampler::Streaming => "Streaming over 32 candidates".into(),
-        Sampler::AllLights => "All lights".into(),
-    }
-}
-
-/// A number with two significant digits.
-pub fn short(value: f64) -> String {
-    let digits = (1.0 - value.abs().max(1.0e-9).log10().floor()).clamp(0.0, 6.0) as usize;
-    format!("{value:.digits$}")
 }
 
 /// The corner of the window of this size in which the logarithm of the luminance varies most.

@@ -8,7 +8,8 @@
 //! ```
 //!
 //! The scene plays for two seconds. Then the last frame is rendered eight times with every setting;
-//! all settings use the same eight seeds. The program writes into DIR:
+//! all settings use the same eight seeds. The program prints the front of least error, and writes
+//! into DIR:
 //!
 //! - `accuracy.html`: the page, in one file without links. It answers what each budget of time
 //!   buys, what half of the error costs, which knob to turn first, and where the time goes;

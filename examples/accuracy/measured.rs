@@ -1,5 +1,6 @@
 //! Measures all settings of a run.
 
+use super::learnt::{ByVisibility, Learnt};
 use super::noise::{Points, SamplerNoise};
 use super::options::{Options, Plan};
 use super::pictures::{Errors, errors, errors_of_all, times_of_all};
@@ -18,7 +19,7 @@ use crate::direct_light::renderer::{Renderer, StageTimes};
 use crate::direct_light::score::{FLOOR, mean};
 use girandole::glam::Vec3;
 use girandole::light::luminance;
-use girandole::{CandidateCount, LightWorld};
+use girandole::{CandidateCount, LightWorld, SplitCount};
 use std::collections::{HashMap, HashSet};
 
 /// Seeds the passes of the reference, above those of all pictures.
@@ -173,7 +174,7 @@ impl Bench<'_> {
                 Change::Nothing => self.plain(setting, samplers, &times)?,
                 change => self.changed(setting, change, &times)?,
             };
-            row.memory_bytes = samplers.memory_bytes(setting.sampler);
+            row.memory_bytes += samplers.memory_bytes(setting.sampler);
             rows.push(row);
             bar.inc(work(setting));
         }
@@ -237,23 +238,41 @@ impl Bench<'_> {
         let Sampler::TwoLevels { splits, candidates } = setting.sampler else {
             return Err(SceneError("only two levels have changes".into()));
         };
+        let beyond = || SceneError("a count beyond its limit".into());
         let mut world_times = self.world_times;
-        let (mut other, mut diffuse, mut open) = (None, None, None);
+        let (mut other, mut learnt, mut diffuse, mut open) = (None, None, None, None);
         match change {
             Change::Upkeep(upkeep) => {
                 let Played { stage, times, .. } = play(&self.options.scene, self.plan.frames, upkeep)?;
                 world_times = times;
                 other = Some(stage.world);
             }
+            Change::SolidAngles => {
+                let budget = Upkeep::Budgeted(DEFAULT_BUDGET);
+                let Played { mut stage, .. } = play(&self.options.scene, self.plan.frames, budget)?;
+                stage.world.set_solid_angle_sampling(true);
+                other = Some(stage.world);
+            }
+            Change::LearntVisibility => {
+                let splits = SplitCount::new(splits).map_err(|_| beyond())?;
+                let candidates = CandidateCount::new(candidates).map_err(|_| beyond())?;
+                let lights = self.world.sampler().with_splits(splits);
+                let taught = Learnt::new(&self.view.renderer(), lights, candidates, self.plan.frames)?;
+                world_times.update += taught.end_ms;
+                learnt = Some((taught, lights, candidates));
+            }
             Change::Without(effect, _) => other = Some(without(self.world, effect)?),
             Change::NoShadows => open = Some(self.view.without_shadows()?),
             Change::NoGloss => diffuse = Some(matte(self.view.scene.clone())),
             Change::Nothing => {}
         }
-        let draw = resampled(other.as_ref().unwrap_or(self.world), splits, candidates);
-        let draw = draw.ok_or_else(|| SceneError("a count beyond its limit".into()))?;
-        let unchanged =
-            resampled(self.world, splits, candidates).ok_or_else(|| SceneError("a count beyond its limit".into()))?;
+        let draw: Box<dyn Draw + '_> = match &learnt {
+            Some((learnt, lights, candidates)) => {
+                Box::new(ByVisibility { lights: lights.with_visibility(&learnt.table), candidates: *candidates })
+            }
+            None => resampled(other.as_ref().unwrap_or(self.world), splits, candidates).ok_or_else(beyond)?,
+        };
+        let unchanged = resampled(self.world, splits, candidates).ok_or_else(beyond)?;
         let mut renderer = self.view.renderer();
         let now = renderer.stage_times(&[unchanged.as_ref()], self.plan.timed_pixels);
         renderer.scene = diffuse.as_ref().unwrap_or(renderer.scene);
@@ -264,7 +283,9 @@ impl Bench<'_> {
         };
         let per_sample = changed.scaled(times[&setting.sampler].total() / now.total());
         let (errors, _) = errors(&renderer, draw.as_ref(), setting.samples, self.plan.pictures, self.reference);
-        Ok(self.row(setting, world_times, per_sample, errors))
+        let mut row = self.row(setting, world_times, per_sample, errors);
+        row.memory_bytes = learnt.as_ref().map_or(0, |(learnt, ..)| learnt.memory_bytes());
+        Ok(row)
     }
 
     /// Samplers in the time that samples of the default take.

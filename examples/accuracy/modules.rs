@@ -10,6 +10,7 @@ pub mod simplified;
 
 pub mod settings;
 pub mod samplers;
+pub mod learnt;
 pub mod noise;
 pub mod pictures;
 

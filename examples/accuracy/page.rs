@@ -1,11 +1,13 @@
 //! The page: `page.html` with the answers filled in.
 
 use super::answers::{Answers, DEFAULT_FRAME_MS, Knob, Purchase, Ratio};
-use super::crops::{Crops, short};
+use super::crops::Crops;
 use super::measured::{Measured, REFERENCE_CANDIDATES, REFERENCE_SAMPLES};
 use super::options::Options;
+use super::pictures::Errors;
 use super::settings::{Change, DEFAULT, KNOB_SAMPLES, MOST_LIGHTS, Sampler};
-use super::table::{COLUMNS, Row};
+use super::table::{COLUMNS, Row, short};
+use crate::direct_light::score::Estimate;
 
 const TEMPLATE: &str = include_str!("page.html");
 
@@ -24,6 +26,8 @@ pub fn page(options: &Options, measured: &Measured, answers: &Answers, plots: &P
         ("summary", summary(options, measured)),
         ("units", units(measured, answers)),
         ("budgets", answers.purchases.iter().map(|purchase| budget(purchase, answers)).collect()),
+        ("front_columns", FRONT_COLUMNS.map(|column| format!("<th>{column}</th>")).concat()),
+        ("front_rows", front(answers).iter().map(|fields| cells(fields)).collect()),
         ("halving", halving(answers)),
         ("halving_rows", answers.purchases.iter().map(halving_row).collect()),
         ("knob", first_knob(answers)),
@@ -69,24 +73,17 @@ fn interval(ratio: &Ratio) -> String {
     format!("{} to {}", factor(ratio.low), factor(ratio.high))
 }
 
+/// The interval of an error.
+fn interval_of(error: &Estimate) -> String {
+    let [low, high] = error.positive_interval();
+    format!("{} to {}", short(low), short(high))
+}
+
 /// The sampler and the samples of a setting, for people.
 fn describe(row: &Row) -> String {
     let samples = row.setting.samples;
-    let samples = if samples == 1.0 { "1 sample per pixel".into() } else { format!("{samples} samples per pixel") };
-    match row.setting.sampler {
-        Sampler::TwoLevels { splits, candidates: 1 } => format!("{samples}, {splits} splits"),
-        Sampler::TwoLevels { splits, candidates } => {
-            format!("{samples}, each resampled from {candidates} candidates, {splits} splits")
-        }
-        Sampler::ByBrdf { splits, candidates } => {
-            format!("{samples}, each resampled from {candidates} candidates by BRDF, {splits} splits")
-        }
-        Sampler::WithGloss { splits, candidates: 1 } => format!("{samples} with gloss, {splits} splits"),
-        Sampler::WithGloss { splits, candidates } => {
-            format!("{samples} with gloss, each resampled from {candidates} candidates, {splits} splits")
-        }
-        _ => row.setting.name(),
-    }
+    let samples = if samples == 1.0 { "1 sample".into() } else { format!("{samples} samples") };
+    format!("{}, {samples} per pixel", escape(&row.setting.sampler.name()))
 }
 
 fn summary(options: &Options, measured: &Measured) -> String {
@@ -112,10 +109,11 @@ fn capital(text: &str) -> String {
 fn units(measured: &Measured, answers: &Answers) -> String {
     let default = DEFAULT_FRAME_MS / answers.scale;
     format!(
-        "A frame with one default sample at every pixel (six splits, one candidate) takes {default:.0} ms on one core of the \
+        "The default is {}. A frame with one sample of it at every pixel takes {default:.0} ms on one core of the \
          measured machine. The page scales all times so that this frame takes {DEFAULT_FRAME_MS} ms, and speaks of any device that is as fast as that. \
-         Only ratios of times mean anything. Errors are those of pictures against a reference whose own relMSE is {}; ± is \
-         half of a 95 % confidence interval over {} pictures.",
+         Only ratios of times mean anything. Errors are those of pictures against a reference whose own relMSE is {}. \
+         Ranges after errors are 95 % confidence intervals over {} pictures, of the logarithm of the error.",
+        escape(&DEFAULT.name()),
         short(measured.reference_error),
         measured.pictures,
     )
@@ -126,15 +124,28 @@ fn budget(purchase: &Purchase, answers: &Answers) -> String {
     let Some(row) = &purchase.row else {
         return format!("<div><b>{budget} ms</b><br>No setting is fast enough.</div>");
     };
-    let error = row.errors.rel_mse;
+    let Errors { rel_mse, mape, .. } = &row.errors;
     format!(
-        "<div><b>{budget} ms</b><br>{}<br>relMSE <strong>{}</strong> ± {}, MAPE {}<br><span class=\"soft\">takes {} ms</span></div>",
+        "<div><b>{budget} ms</b><br>{}<br>relMSE <strong>{}</strong> ({})<br>MAPE {} ({})<br><span class=\"soft\">takes {} ms</span></div>",
         describe(row),
-        short(error.mean),
-        short(error.half_width),
-        short(row.errors.mape.mean),
+        short(rel_mse.mean),
+        interval_of(rel_mse),
+        short(mape.mean),
+        interval_of(mape),
         short(row.time_ms() * answers.scale),
     )
+}
+
+/// The columns of [`front`].
+pub const FRONT_COLUMNS: [&str; 4] = ["setting", "time, ms of the page", "relMSE", "95 % interval"];
+
+/// The points of the front, by rising time.
+pub fn front(answers: &Answers) -> Vec<[String; 4]> {
+    let line = |row: &Row| {
+        let error = &row.errors.rel_mse;
+        [row.setting.name(), short(row.time_ms() * answers.scale), short(error.mean), interval_of(error)]
+    };
+    answers.front.iter().map(line).collect()
 }
 
 fn halving(answers: &Answers) -> String {
@@ -214,9 +225,9 @@ fn world_rows(rows: &[Row]) -> String {
     let is_upkeep = |row: &&Row| matches!(row.setting.change, Change::Upkeep(_));
     let line = |name: String, row: &Row| {
         let upload = row.world.upload.map_or("no device".into(), |ms| format!("{ms:.2}"));
-        let error = row.errors.rel_mse;
-        let error = format!("{} ± {}", short(error.mean), short(error.half_width));
-        cells(&[name, format!("{:.2}", row.world.update), upload, format!("{:.2}", row.world.top_level), error])
+        let error = &row.errors.rel_mse;
+        let [update, top_level] = [row.world.update, row.world.top_level].map(|ms| format!("{ms:.2}"));
+        cells(&[name, update, upload, top_level, short(error.mean), interval_of(error)])
     };
     let default = rows.iter().find(|row| {
         row.setting.sampler == DEFAULT && row.setting.change == Change::Nothing && row.setting.samples == KNOB_SAMPLES
@@ -235,32 +246,31 @@ fn alternatives(measured: &Measured) -> String {
             continue;
         }
         let ratio = Ratio::of(&panel.row.errors.rel_mse, &own.row.errors.rel_mse);
-        let name = panel.row.setting.name();
-        let name = escape(name.split(" / ").next().unwrap_or_default());
+        let name = escape(&panel.row.setting.sampler.name());
         parts.push(match ratio.is_difference() {
             true => format!("{name} {} ({})", factor(ratio.value), interval(&ratio)),
             false => format!("{name} no difference ({})", interval(&ratio)),
         });
     }
     format!(
-        "In the time of {} default samples, the relMSE of the other samplers is that of Girandole's default times: {}.",
+        "In the time of {} default samples, the relMSE of the other samplers is that of the default times: {}.",
         own.row.setting.samples,
         parts.join(", ")
     )
 }
 
 fn equal_time_row(row: &Row) -> String {
-    let error = row.errors.rel_mse;
+    let Errors { rel_mse, mape, mean } = &row.errors;
     let noise =
         |value: fn(&super::noise::SamplerNoise) -> f64| row.noise.as_ref().map_or("–".into(), |n| short(value(n)));
-    let name = row.setting.name();
     cells(&[
-        name.rsplit_once(" / ").map_or(name.clone(), |(sampler, _)| sampler.into()),
+        row.setting.sampler.name(),
         format!("{:.2}", row.setting.samples),
-        short(error.mean),
-        format!("{} to {}", short(error.low()), short(error.high())),
-        short(row.errors.mape.mean),
-        format!("{:.3} ± {:.3}", row.errors.mean.mean, row.errors.mean.half_width),
+        short(rel_mse.mean),
+        interval_of(rel_mse),
+        short(mape.mean),
+        interval_of(mape),
+        format!("{:.3} ± {:.3}", mean.mean, mean.half_width),
         noise(|noise| noise.sigma),
         noise(|noise| noise.sigma_visible),
         row.noise.as_ref().map_or("–".into(), |noise| percent(noise.dead)),
@@ -302,6 +312,11 @@ fn method(options: &Options, measured: &Measured) -> String {
         "Times of samples are those of one core: 15 rounds in turn, of which the fastest counts. Other samplers pay nothing \
          for keeping their trees fit, which favours them. Their formulas are on binary trees with one light per leaf."
             .into(),
+        format!(
+            "Learnt visibility was taught by {} frames of the same view, with {KNOB_SAMPLES} samples per pixel each. Its time \
+             includes that of its records. With solid angles, the world has played again.",
+            plan.frames
+        ),
         "Lights at infinity are left out, because they belong to no tree. Every sample of a pixel meets one of four fixed \
          surfaces, so the errors are those of light alone."
             .into(),

@@ -5,10 +5,10 @@ use super::charts;
 use super::crops::Crops;
 use super::measured::{Measured, measure};
 use super::options::Options;
-use super::page::{Plots, page};
+use super::page::{FRONT_COLUMNS, Plots, front, page};
 use super::table::COLUMNS;
 use crate::city::scene::SceneError;
-use crate::common::table::Table;
+use crate::common::table::{Table, markdown_head};
 use std::fs;
 
 /// Measures and writes all files. An error is one line for the user.
@@ -38,8 +38,10 @@ pub fn run(options: &Options) -> Result<Measured, SceneError> {
     write("stages.svg", &plots.stages)?;
     write("equal_time.svg", &crops.svg())?;
     write("accuracy.html", &page(options, &measured, &answers, &plots, &crops))?;
+    println!("The front of least error:\n\n{}", markdown_head(&FRONT_COLUMNS));
+    front(&answers).iter().for_each(|fields| println!("| {} |", fields.join(" | ")));
     println!(
-        "{} settings of {}: open {}",
+        "\n{} settings of {}: open {}",
         measured.rows.len(),
         options.scene.name(),
         out.join("accuracy.html").display()

@@ -24,6 +24,32 @@ pub enum Sampler {
     AllLights,
 }
 
+impl Sampler {
+    /// Its name in the table, the plots and the page.
+    pub fn name(self) -> String {
+        let tree = |levels: &str, splits, candidates: u32| {
+            format!("{levels} / {} / {}", counted(splits, "split"), counted(candidates as usize, "candidate"))
+        };
+        match self {
+            Self::TwoLevels { splits, candidates } => tree("Girandole", splits, candidates),
+            Self::ByBrdf { splits, candidates } => tree("Girandole", splits, candidates) + " by BRDF",
+            Self::WithGloss { splits, candidates } => tree("Girandole", splits, candidates) + " with gloss",
+            Self::OneLevel { splits, candidates } => tree("Girandole, one tree", splits, candidates),
+            Self::Published("pbrt") => "pbrt-v4's formula".into(),
+            Self::Published("pbrt opaque") => "pbrt-v4's formula, opaque".into(),
+            Self::Published("cycles") => "Cycles' formula".into(),
+            Self::Published(name) => name.into(),
+            Self::Streaming => format!("streaming over {STREAMED} uniform candidates"),
+            Self::AllLights => "all lights".into(),
+        }
+    }
+}
+
+/// A number of things: "1 split", "6 splits".
+pub fn counted(count: usize, thing: &str) -> String {
+    format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
+}
+
 /// Splits and candidates of the library's defaults.
 pub const DEFAULT: Sampler = Sampler::TwoLevels { splits: 6, candidates: 1 };
 
@@ -39,6 +65,10 @@ pub enum Change {
     Nothing,
     /// Another way to keep trees fit while they deform.
     Upkeep(Upkeep),
+    /// Large and near surfaces are sampled by solid angle.
+    SolidAngles,
+    /// Choices follow learnt visibility, which earlier frames taught.
+    LearntVisibility,
     /// No shadow rays.
     NoShadows,
     /// Diffuse materials.
@@ -66,28 +96,20 @@ pub struct Setting {
 impl Setting {
     /// Its name in the table.
     pub fn name(&self) -> String {
-        let tree = |levels: &str, splits, candidates| format!("{levels} / {splits} splits / {candidates} candidates");
-        let sampler = match self.sampler {
-            Sampler::TwoLevels { splits, candidates } => tree("two levels", splits, candidates),
-            Sampler::ByBrdf { splits, candidates } => tree("two levels", splits, candidates) + " by BRDF",
-            Sampler::WithGloss { splits, candidates } => tree("two levels", splits, candidates) + " with gloss",
-            Sampler::OneLevel { splits, candidates } => tree("one level", splits, candidates),
-            Sampler::Published(name) => name.into(),
-            Sampler::Streaming => format!("streaming of {STREAMED}"),
-            Sampler::AllLights => "all lights".into(),
-        };
         let change = match self.change {
             Change::Nothing => String::new(),
             Change::Upkeep(Upkeep::RefitOnly) => " / refit only".into(),
             Change::Upkeep(Upkeep::AlwaysRebuild) => " / always rebuild".into(),
             Change::Upkeep(Upkeep::Budgeted(us)) => format!(" / budget {us} us"),
+            Change::SolidAngles => " / solid angles".into(),
+            Change::LearntVisibility => " / learnt visibility".into(),
             Change::NoShadows => " / no shadows".into(),
             Change::NoGloss => " / no gloss".into(),
             Change::Without(_, effect) => format!(" / no {effect}"),
         };
         // As short as possible: 1, 2.5, 16.
         let samples = (self.samples * 100.0).round() / 100.0;
-        format!("{sampler} / {samples} spp{change}")
+        format!("{} / {samples} spp{change}", self.sampler.name())
     }
 }
 
@@ -161,7 +183,8 @@ fn of_others(is_quick: bool) -> Vec<Setting> {
     settings.collect()
 }
 
-/// Ways to keep trees fit, and effects that are left out, each with the default sampler.
+/// Ways to keep trees fit, settings of the library that are off by default, and effects that are left
+/// out, each with the default sampler.
 fn of_frames(effects: Effects, is_matte: bool, is_quick: bool) -> Vec<Setting> {
     let budgets: &[u32] = if is_quick { &[100] } else { &[0, 30, 100, 1_000] };
     let ends = [Upkeep::RefitOnly, Upkeep::AlwaysRebuild];
@@ -169,7 +192,9 @@ fn of_frames(effects: Effects, is_matte: bool, is_quick: bool) -> Vec<Setting> {
     let simpler = LIGHT_EFFECTS.into_iter().filter(|(effect, _)| effects.contains(*effect));
     let simpler = simpler.map(|(effect, name)| Change::Without(effect, name));
     let gloss = (!is_matte).then_some(Change::NoGloss);
-    let changes = upkeeps.chain([Change::NoShadows]).chain(gloss).chain(simpler);
+    let solid_angles = effects.contains(Effects::AREAS).then_some(Change::SolidAngles);
+    let switches = solid_angles.into_iter().chain([Change::LearntVisibility]);
+    let changes = upkeeps.chain(switches).chain([Change::NoShadows]).chain(gloss).chain(simpler);
     changes.map(|change| Setting { sampler: DEFAULT, samples: KNOB_SAMPLES, change }).collect()
 }
 

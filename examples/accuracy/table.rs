@@ -4,22 +4,23 @@
 //! |---|---|
 //! | `setting` | sampler, samples per pixel (spp), and what else differs from the default |
 //! | `time_ms` | the time of a frame on one core: the sum of the next six columns |
-//! | `update_ms` | refits, rebuilds and their choice; a mean over the frames |
+//! | `update_ms` | refits, rebuilds and their choice; a mean over the frames. Learnt visibility adds the end of a frame of its table |
 //! | `upload_ms` | the call that uploads what changed; empty without a device |
 //! | `top_level_ms` | the build of the top level |
-//! | `choosing_ms` | drawing lights and points on them |
+//! | `choosing_ms` | drawing lights and points on them; with learnt visibility also its records |
 //! | `shadow_rays_ms`, `shading_ms` | shadow rays; the BRDF and the product of all factors |
 //! | `sigma` | relative standard deviation of one sample's illuminance without shadows |
 //! | `sigma_visible` | the same with shadows |
 //! | `dead` | share of draws that end without a light |
 //! | `rel_mse`, `rel_mse_low`, `rel_mse_high` | mean squared relative error without the worst 0.1 % of the pixels, and its 95 % confidence interval |
-//! | `mape` | mean absolute relative error |
-//! | `memory_bytes` | nodes, lights and instances in the library's GPU format |
+//! | `mape`, `mape_low`, `mape_high` | mean absolute relative error, and its 95 % confidence interval |
+//! | `memory_bytes` | nodes, lights and instances in the library's GPU format, and the table of learnt visibility |
 //! | `on_front` | no other unbiased setting has less error in at most the same time |
 //!
 //! Samplers that are no part of the library, and one level, have 0 for `update_ms` and
 //! `top_level_ms`, and an empty `upload_ms`: as if their trees followed all changes at no cost,
-//! which favours them.
+//! which favours them. The intervals are those of the logarithms of the errors, to first order, so
+//! they never reach 0.
 
 use super::noise::SamplerNoise;
 use super::pictures::Errors;
@@ -28,7 +29,7 @@ use super::settings::{Sampler, Setting};
 use crate::direct_light::renderer::StageTimes;
 
 /// The columns, in order.
-pub const COLUMNS: [&str; 17] = [
+pub const COLUMNS: [&str; 19] = [
     "setting",
     "time_ms",
     "update_ms",
@@ -44,6 +45,8 @@ pub const COLUMNS: [&str; 17] = [
     "rel_mse_low",
     "rel_mse_high",
     "mape",
+    "mape_low",
+    "mape_high",
     "memory_bytes",
     "on_front",
 ];
@@ -90,7 +93,9 @@ impl Row {
         let ms = |ms: f64| format!("{ms:.4}");
         let of_noise =
             |value: fn(&SamplerNoise) -> f64| self.noise.as_ref().map_or(String::new(), |n| format!("{:.4}", value(n)));
-        let rel_mse = &self.errors.rel_mse;
+        let Errors { rel_mse, mape, .. } = &self.errors;
+        let ([rel_mse_low, rel_mse_high], [mape_low, mape_high]) =
+            (rel_mse.positive_interval(), mape.positive_interval());
         vec![
             self.setting.name(),
             ms(self.time_ms()),
@@ -104,9 +109,11 @@ impl Row {
             of_noise(|noise| noise.sigma_visible),
             of_noise(|noise| noise.dead),
             format!("{:.6}", rel_mse.mean),
-            format!("{:.6}", rel_mse.low()),
-            format!("{:.6}", rel_mse.high()),
-            format!("{:.5}", self.errors.mape.mean),
+            format!("{:.6}", rel_mse_low),
+            format!("{:.6}", rel_mse_high),
+            format!("{:.5}", mape.mean),
+            format!("{mape_low:.5}"),
+            format!("{mape_high:.5}"),
             self.memory_bytes.to_string(),
             self.on_front.to_string(),
         ]
@@ -121,4 +128,10 @@ pub fn mark_front(rows: &mut [Row]) {
         let (time, error) = of(row);
         row.on_front = !row.setting.change.is_biased() && !unbiased.iter().any(|(t, e)| *t <= time && *e < error);
     }
+}
+
+/// A number with two significant digits.
+pub fn short(value: f64) -> String {
+    let digits = (1.0 - value.abs().max(1.0e-9).log10().floor()).clamp(0.0, 6.0) as usize;
+    format!("{value:.digits$}")
 }

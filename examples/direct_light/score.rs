@@ -83,10 +83,39 @@ impl Estimate {
     pub fn high(&self) -> f64 {
         self.mean + self.half_width
     }
+
+    /// The ends of the interval for a mean that cannot be negative, such as that of errors.
+    ///
+    /// It is the interval of the logarithm of the mean, to first order, so both ends are above 0.
+    /// For half-widths that are small beside the mean it is that of [`Estimate::low`] and
+    /// [`Estimate::high`].
+    pub fn positive_interval(&self) -> [f64; 2] {
+        if self.mean <= 0.0 {
+            return [0.0, self.half_width];
+        }
+        let spread = self.half_width / self.mean;
+        [self.mean * (-spread).exp(), self.mean * spread.exp()]
+    }
 }
 
 impl std::fmt::Display for Estimate {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{:.3} ± {:.3}", self.mean, self.half_width)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_interval_of_an_error_stays_above_zero() {
+        let wide = Estimate { mean: 2.0, half_width: 6.0 };
+        let [low, high] = wide.positive_interval();
+        assert!(wide.low() < 0.0);
+        assert!((low * high - 4.0).abs() < 1e-12 && (high - 2.0 * 3.0_f64.exp()).abs() < 1e-12, "{low}, {high}");
+        let [low, high] = Estimate { mean: 2.0, half_width: 0.01 }.positive_interval();
+        assert!((low - 1.99).abs() < 1e-4 && (high - 2.01).abs() < 1e-4, "{low}, {high}");
+        assert_eq!(Estimate { mean: 0.0, half_width: 0.0 }.positive_interval(), [0.0, 0.0]);
     }
 }

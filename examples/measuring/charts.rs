@@ -51,6 +51,8 @@ pub enum Mark {
     /// A circle, filled or empty.
     Circle(RGBColor, bool),
     Cross,
+    /// A filled triangle.
+    Triangle(RGBColor),
     /// A filled rectangle, as in a bar chart.
     Bar(RGBColor),
 }
@@ -81,6 +83,9 @@ pub fn legend(area: &Area<'_>, entries: &[(Mark, &str)], size: u32) -> Result<()
             }
             Mark::Cross => {
                 area.draw(&Cross::new((56, y), 5, BLACK.stroke_width(1))).map_err(text)?;
+            }
+            Mark::Triangle(color) => {
+                area.draw(&TriangleMarker::new((56, y), 6, color.filled())).map_err(text)?;
             }
             Mark::Bar(color) => {
                 area.draw(&Rectangle::new([(48, y - 6), (64, y + 6)], color.filled())).map_err(text)?;

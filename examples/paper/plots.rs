@@ -144,7 +144,7 @@ fn padded(values: impl Iterator<Item = f64>) -> Range<f64> {
     low - margin..high + margin
 }
 
-/// The least share of the cost on the axis.
+/// The axis of costs begins here, or below the least share of a panel.
 const MIN_COST: f64 = 0.005;
 /// The greatest share of the cost on the axis.
 const MAX_COST: f64 = 1.6;
@@ -154,6 +154,9 @@ const COST_PANEL: (u32, u32) = (440, 420);
 const COST_LEGEND: u32 = 320;
 
 /// Plots the change of the MAPE over the share of the cost, with a panel for each kind of tree.
+///
+/// The axis is logarithmic, so runs without rebuilds have no place on it. A note in the panel
+/// counts them.
 pub fn cost(out: &Path, results: &Results) -> Result<(), SceneError> {
     let rows = results.rows();
     let is_compared = |kind: &TreeKind| rows.iter().filter(|row| row.kind == *kind).count() > 1;
@@ -207,13 +210,17 @@ fn cost_panel(area: &Area<'_>, caption: &str, rows: &[&Row]) -> Result<(), Strin
     let update =
         rows.iter().find(|row| row.strategy == Strategy::Rule(Rule::Never)).ok_or("no run without rebuilds")?;
     let percent = 100.0 / update.mape.mean;
-    let ends = rows.iter().flat_map(|row| [row.difference.low() * percent, row.difference.high() * percent]);
+    let (drawn, free): (Vec<&Row>, Vec<&Row>) = rows.iter().copied().partition(|row| row.cost_share > 0.0);
+    let least = drawn.iter().map(|row| 0.8 * row.cost_share).fold(MIN_COST, f64::min);
+    let ends = drawn.iter().flat_map(|row| [row.difference.low() * percent, row.difference.high() * percent]);
+    let y_range = padded(ends.chain([0.0]));
+    let top = y_range.end;
     let mut chart = ChartBuilder::on(area)
         .caption(caption, (FONT, 18))
         .margin(8)
         .x_label_area_size(44)
         .y_label_area_size(64)
-        .build_cartesian_2d((MIN_COST..MAX_COST).log_scale(), padded(ends.chain([0.0])))
+        .build_cartesian_2d((least..MAX_COST).log_scale(), y_range)
         .map_err(text)?;
     chart
         .configure_mesh()
@@ -229,10 +236,18 @@ fn cost_panel(area: &Area<'_>, caption: &str, rows: &[&Row]) -> Result<(), Strin
         .axis_desc_style((FONT, 16))
         .draw()
         .map_err(text)?;
-    line(&mut chart, vec![(MIN_COST, 0.0), (MAX_COST, 0.0)], Stroke::new(BLACK, 1, true))?;
-    for row in rows {
+    line(&mut chart, vec![(least, 0.0), (MAX_COST, 0.0)], Stroke::new(BLACK, 1, true))?;
+    let free = free.iter().filter(|row| mark_of(&row.strategy).is_some()).count();
+    if free > 0 {
+        let runs = if free == 1 { "run" } else { "runs" };
+        let note = format!("not shown: {free} {runs} without later rebuilds");
+        let font = (FONT, 14).into_font().color(&BLACK);
+        let at = EmptyElement::at((least, top)) + Text::new(note, (6, 4), font);
+        chart.draw_series([at]).map_err(text)?;
+    }
+    for row in drawn {
         let Some((color, is_filled)) = mark_of(&row.strategy) else { continue };
-        let (x, y) = (row.cost_share.max(MIN_COST), row.difference);
+        let (x, y) = (row.cost_share, row.difference);
         line(&mut chart, vec![(x, y.low() * percent), (x, y.high() * percent)], Stroke::new(color, 1, false))?;
         let style = if is_filled { color.filled() } else { color.stroke_width(2) };
         chart.draw_series([Circle::new((x, y.mean * percent), 4, style)]).map_err(text)?;

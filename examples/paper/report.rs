@@ -91,10 +91,11 @@ impl Tables {
 
 fn csv_fields(results: &Results, row: &Row, plan: &Plan) -> Vec<String> {
     let number = |value: f64| format!("{value:.5}");
-    let gap = row.gap.unwrap_or(Estimate { mean: f64::NAN, half_width: f64::NAN });
+    // Empty where there is no gap.
+    let gap = |value: fn(&Estimate) -> f64| row.gap.as_ref().map_or(String::new(), |gap| number(value(gap)));
     let mut fields = vec![results.scene.clone(), row.kind.name().into(), row.strategy.name()];
     fields.extend([row.mape, row.difference].iter().flat_map(|e| [number(e.mean), number(e.half_width)]));
-    fields.extend([row.verdict().to_owned(), number(gap.mean), number(gap.half_width), row.rebuilds.to_string()]);
+    fields.extend([row.verdict().to_owned(), gap(|gap| gap.mean), gap(|gap| gap.half_width), row.rebuilds.to_string()]);
     fields.extend([row.update_ms, row.rebuild_ms, row.cost_share].map(number));
     fields.push(plan.frames.to_string());
     fields

@@ -46,7 +46,7 @@ fn a_quick_run_writes_a_table_plots_and_a_page_that_needs_nothing_else() {
     let measured = run(&options(&out, &[])).expect("it runs");
     let (columns, rows) = table(&out.join("accuracy.csv"));
     let expected = "setting time_ms update_ms upload_ms top_level_ms choosing_ms shadow_rays_ms shading_ms sigma \
-                    sigma_visible dead rel_mse rel_mse_low rel_mse_high mape memory_bytes on_front";
+                    sigma_visible dead rel_mse rel_mse_low rel_mse_high mape mape_low mape_high memory_bytes on_front";
     assert_eq!(columns.join(" "), expected);
     assert_eq!(rows.len(), measured.rows.len(), "settings have names of their own");
     let number = |name: &str, column: &str| -> f64 {
@@ -60,20 +60,32 @@ fn a_quick_run_writes_a_table_plots_and_a_page_that_needs_nothing_else() {
         let time = number(name, "time_ms");
         // Numbers have four digits after the point.
         assert!((sum - time).abs() < 5.0e-4 && time > 0.0, "{name}: {sum}, {time}");
-        assert!(number(name, "rel_mse_low") <= number(name, "rel_mse"), "{name}");
+        for error in ["rel_mse", "mape"] {
+            let [low, high] = ["low", "high"].map(|end| number(name, &format!("{error}_{end}")));
+            let mean = number(name, error);
+            assert!(0.0 < low && low <= mean && mean <= high, "{name}: {error}");
+        }
     }
     // The exact noise does not depend on random numbers: with shadows there is more of it, and
     // splits lower it.
     let [default, no_splits] =
-        ["two levels / 6 splits / 1 candidates / 1 spp", "two levels / 0 splits / 1 candidates / 1 spp"];
+        ["Girandole / 6 splits / 1 candidate / 1 spp", "Girandole / 0 splits / 1 candidate / 1 spp"];
     assert!(number(default, "sigma") < number(default, "sigma_visible"));
     assert!(number(default, "sigma") < number(no_splits, "sigma"));
-    assert!(number(default, "sigma") < 0.5 * number("pbrt opaque / 1 spp", "sigma"));
+    assert!(number(default, "sigma") < 0.5 * number("pbrt-v4's formula, opaque / 1 spp", "sigma"));
     assert!((0.0..0.5).contains(&number(default, "dead")) && number("uniform / 1 spp", "dead") < 1.0e-3);
 
     // Instances share their trees. The lights alone have 64 bytes each.
-    let [two, one] = [default, "one level / 6 splits / 1 candidates / 1 spp"].map(|name| number(name, "memory_bytes"));
+    let [two, one] =
+        [default, "Girandole, one tree / 6 splits / 1 candidate / 1 spp"].map(|name| number(name, "memory_bytes"));
     assert!(two < one && number("uniform / 1 spp", "memory_bytes") == 64.0 * measured.lights as f64);
+
+    // Settings that are off by default change the picture, and the table takes memory.
+    let [off, solid_angles, learnt] = ["", " / solid angles", " / learnt visibility"]
+        .map(|switch| format!("Girandole / 6 splits / 1 candidate / 4 spp{switch}"));
+    assert_ne!(number(&off, "rel_mse"), number(&learnt, "rel_mse"));
+    assert_ne!(number(&off, "rel_mse"), number(&solid_angles, "rel_mse"));
+    assert!(number(&learnt, "memory_bytes") > number(&off, "memory_bytes"));
 
     let front: Vec<_> = measured.rows.iter().filter(|row| row.on_front).collect();
     assert!(!front.is_empty());
@@ -96,12 +108,35 @@ fn a_quick_run_writes_a_table_plots_and_a_page_that_needs_nothing_else() {
     assert!(!page.contains("{{") && !page.contains("NaN"), "something is not filled in");
     let links = page.matches("http").count() - page.matches("http://www.w3.org/2000/svg").count();
     assert_eq!(links, 0, "the page needs no network");
+    // Samplers have the names of the table everywhere.
+    for panel in &measured.equal_time {
+        let name = panel.row.setting.sampler.name();
+        assert!(rows.keys().any(|row| row.starts_with(&format!("{name} / "))), "{name}");
+        for file in ["alternatives.svg", "stages.svg", "equal_time.svg"] {
+            let text = fs::read_to_string(out.join(file)).expect("a figure").replace("&apos;", "'");
+            assert!(text.contains(&name), "{file}: {name}");
+        }
+        assert!(page.contains(&name), "{name}");
+    }
+    assert!(!page.contains("1 candidates"));
+    // The page lists the points of the front.
+    let list = page.split("<th>time, ms of the page</th>").nth(1).and_then(|rest| rest.split("</table>").next());
+    let list = list.expect("a list of the front");
+    assert_eq!(list.matches("<tr>").count(), front.len());
+    for row in &front {
+        assert!(list.contains(&format!("<td>{}</td>", row.setting.name())), "{:?}", row.setting);
+    }
     for question in ["What do I get for 0.5, 1 and 4 ms", "halving the error", "Which knob", "Where does the time go"] {
         assert!(page.contains(question), "{question}");
     }
     for (name, axis) in [("error_over_time.svg", "relMSE"), ("alternatives.svg", "relMSE"), ("stages.svg", "µs")] {
         assert!(fs::read_to_string(out.join(name)).expect("a plot").contains(axis), "{name}");
     }
+    // The sum over all lights takes a hundred times the time of any other row. The plot names it
+    // instead of stretching its axis.
+    let all_lights = front.iter().any(|row| row.setting.sampler == Sampler::AllLights);
+    let plot = fs::read_to_string(out.join("error_over_time.svg")).expect("a plot");
+    assert!(all_lights && plot.contains("all lights: relMSE") && !plot.contains("\n100\n"));
     assert_eq!(fs::read_to_string(out.join("equal_time.svg")).expect("a figure").matches("<image").count(), 9);
     fs::remove_dir_all(&out).expect("the test made it");
 }
