@@ -291,7 +291,7 @@ mod tests {
                 Err(_) => refused += 1,
             }
         }
-        assert!(refused > 1000 && quick > 5000, "{refused} {quick}");
+        assert!(refused > 1000 && quick > 1000, "{refused} {quick}");
     }
 
     #[test]
