@@ -252,6 +252,7 @@ impl GpuLights {
         self.top_status.record(encoder);
         let mut recorder = Recorder::together(encoder, "girandole top level");
         self.player.record(&mut recorder, &self.top);
+        self.planner.top_changed();
     }
 
     /// Sets how many clusters shaders split before they choose a light, as

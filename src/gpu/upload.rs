@@ -12,9 +12,9 @@ use crate::world::{FrameDelta, LightWorld};
 impl GpuLights {
     /// Sends the changes that `delta` names, with their present values in `world`.
     ///
-    /// Pass every delta that [`LightWorld::take_delta`] returns, in order; or, once,
-    /// [`FrameDelta::everything`]. A tree that an instance needs and that was never sent is sent
-    /// along.
+    /// Pass every delta that [`LightWorld::take_delta`] returns, in order. Pass
+    /// [`FrameDelta::everything`] first if the world was used before, and whenever a delta was left
+    /// out. A tree that an instance needs and that was never sent is sent along.
     ///
     /// Writes go through the queue, ahead of the next submission. Which parts of nodes, lights and
     /// instances are stored follows [`LightWorld::effects`]: when these change, the GPU converts

@@ -126,9 +126,10 @@ impl PendingChanges {
         [&mut self.trees, &mut self.instances, &mut self.user_data].into_iter().for_each(Slots::sort);
     }
 
-    /// Adds all that the world holds. The slots of removed trees and instances stay.
+    /// Adds all slots, for a device whose records may be undefined. No instance has slot 0, but
+    /// shaders may read its record.
     pub fn add_everything(&mut self, world: &LightWorld) {
+        self.instances.extend([0].into_iter().filter(|_| world.slot_count() > 0));
         self.add(&FrameDelta::everything(world));
-        self.directionals = true;
     }
 }

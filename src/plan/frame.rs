@@ -19,8 +19,8 @@ pub struct FramePlan {
     pub upload: Commands,
     /// Builds the top level. Empty if it is up to date.
     pub top: Commands,
-    /// Buffers that neither this plan nor a later one uses. Commands that the engine recorded
-    /// earlier may still read them.
+    /// Buffers that no later plan uses. The commands of this plan may still read them, and so may
+    /// commands that the engine recorded earlier.
     pub freed: Vec<BufferId>,
     /// What was sent.
     pub report: UploadReport,

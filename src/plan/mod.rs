@@ -11,7 +11,7 @@
 //!    reservation, and nothing has changed.
 //! 3. [`Reservation::plan`] returns the [`FramePlan`] of the frame.
 //! 4. The engine runs its [`FramePlan::upload`] and [`FramePlan::top`], in this order, and frees
-//!    [`FramePlan::freed`] once the GPU has finished with them.
+//!    [`FramePlan::freed`] once the GPU has finished the frame.
 //! 5. The engine's shaders bind [`LightPlanner::bindings`] and call the functions of [`wgsl`].
 //!
 //! ```

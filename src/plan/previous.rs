@@ -24,6 +24,8 @@ pub(super) struct Previous {
     written: Option<ParamsRecord>,
     /// Which buffers the last plan has changed.
     is_stale: [bool; BUFFERS],
+    /// The device may lack what the present buffers should hold, so they are not worth a copy.
+    is_lost: bool,
 }
 
 /// A buffer and its size.
@@ -44,7 +46,7 @@ pub(super) struct Copies {
 
 impl Previous {
     pub fn new() -> Self {
-        Self { is_kept: false, buffers: None, params: None, written: None, is_stale: [true; BUFFERS] }
+        Self { is_kept: false, buffers: None, params: None, written: None, is_stale: [true; BUFFERS], is_lost: false }
     }
 
     /// The buffers in the order of the bindings; `None` before the first plan that keeps them.
@@ -77,7 +79,7 @@ impl Previous {
             }
         };
         copies.buffers = Some([0, 1, 2, 3].map(&mut buffer));
-        if let Some(present) = present {
+        if let Some(present) = present.filter(|_| !self.is_lost) {
             let is_new = |index: usize| {
                 let [before, after] = [self.buffers, copies.buffers].map(|buffers| buffers.map(|b| b[index].id));
                 before != after
@@ -117,17 +119,21 @@ impl Previous {
                 None => {}
             }
         }
-        self.is_stale = [false; BUFFERS];
+        let is_lost = std::mem::take(&mut self.is_lost);
+        self.is_stale = [is_lost; BUFFERS];
         self.params = copies.params;
+        // After a loss all buffers are zero, and shaders find no light.
+        let params = if is_lost { ParamsRecord { strides: params.strides, ..ParamsRecord::default() } } else { params };
         if let Some(buffer) = self.params.filter(|_| self.written != Some(params)) {
             commands.write(buffer, 0, bytemuck::bytes_of(&params));
             self.written = Some(params);
         }
     }
 
-    /// The device may lack what was copied, so the next plan copies everything.
+    /// The device may lack what was planned, copies among it. So the next plan leaves no light in the
+    /// last frame, and the one after it copies everything.
     pub fn lose(&mut self) {
-        self.is_stale = [true; BUFFERS];
+        self.is_lost = true;
         self.written = None;
     }
 
@@ -145,7 +151,7 @@ impl LightPlanner {
     /// [`wgsl_previous`](super::wgsl_previous).
     ///
     /// Make one plan for each frame then, also if nothing has changed: a frame is what lies between
-    /// two plans.
+    /// two plans. After [`LightPlanner::lose`], the last frame has no lights until the second plan.
     pub fn keep_previous(&mut self, is_kept: bool) {
         self.previous.is_kept = is_kept;
     }
@@ -155,6 +161,12 @@ impl LightPlanner {
     /// frame they are those of the plan before it.
     pub fn previous_bindings(&self) -> Option<[BufferId; 5]> {
         self.previous.bindings()
+    }
+
+    /// Tells that a build of the top level is played that need not be one of the last plan.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn top_changed(&mut self) {
+        self.previous.changed([true, false, false, false]);
     }
 
     /// The buffers that shaders bind, with the bytes that are in use and their sizes.

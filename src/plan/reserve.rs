@@ -114,8 +114,9 @@ impl Drop for Reservation<'_> {
 impl LightPlanner {
     /// Finds out which buffers the GPU needs to follow `world`. Changes nothing that shaders read.
     ///
-    /// Pass every delta that [`LightWorld::take_delta`] returns, in order; or, once,
-    /// [`FrameDelta::everything`](crate::FrameDelta::everything). A tree that an instance needs and
+    /// Pass every delta that [`LightWorld::take_delta`] returns, in order. Pass
+    /// [`FrameDelta::everything`](crate::FrameDelta::everything) first if the world was used before,
+    /// and whenever a delta was left out. A tree that an instance needs and
     /// that was never sent is sent along. O(what changed).
     ///
     /// # Errors
@@ -212,7 +213,7 @@ impl LightPlanner {
 
     /// Adds the trees that changed instances need and that were never sent.
     fn add_missing_trees(&mut self, world: &LightWorld, changes: &mut PendingChanges) {
-        for slot in changes.instances.as_slice() {
+        for slot in changes.instances.as_slice().iter().chain(changes.user_data.as_slice()) {
             let tree = world.instance_at(*slot).and_then(|key| world.instance_tree(key));
             if let Some(tree) = tree
                 && self.tree_ranges_mut(slot_of(tree)).key != Some(tree)
@@ -335,7 +336,8 @@ impl LightPlanner {
         }
         let staging = self.staging.map_or(0, |(_, bytes)| bytes);
         if room.staged_bytes > staging {
-            let bytes = room.staged_bytes.max(2 * staging).min(self.limits.largest_buffer);
+            let largest = self.limits.largest_buffer & !3;
+            let bytes = room.staged_bytes.max(2 * staging).min(largest);
             room.staging = Some((add(ids.storage("staged records", bytes)), bytes));
         }
         // The former parameters belong to the former buffers.

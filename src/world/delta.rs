@@ -2,7 +2,6 @@
 
 use super::LightWorld;
 use super::slot_set::SlotSet;
-use crate::keys::slot_of;
 
 /// The changes of a world between two calls of [`LightWorld::take_delta`]: what `GpuLights::upload`
 /// sends to a GPU.
@@ -30,13 +29,16 @@ impl FrameDelta {
         self.trees.is_empty() && self.instances.is_empty() && self.user_data.is_empty() && !self.directionals
     }
 
-    /// The delta of a whole world, for a GPU that nothing was uploaded to yet. It names nothing as
-    /// moved or removed.
+    /// The delta of a whole world, for a GPU that nothing was uploaded to yet, or that missed some
+    /// deltas. It contains the slots that are free, because a GPU that missed a removal still has
+    /// something there. It names nothing as moved or removed.
     pub fn everything(world: &LightWorld) -> Self {
+        // No key has slot 0.
+        let all = |count: usize| (1..count.max(1) as u32).collect();
         Self {
-            trees: world.trees.keys().map(slot_of).collect(),
-            instances: world.instances.keys().map(slot_of).collect(),
-            directionals: !world.directionals.is_empty(),
+            trees: all(world.tree_slots.len()),
+            instances: all(world.instances.slot_count()),
+            directionals: true,
             ..Self::default()
         }
     }

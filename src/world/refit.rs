@@ -195,6 +195,7 @@ impl RefitJob {
         }
         self.tree.forget_refitted();
         self.list_added_and_removed();
+        let former_indices = self.tree.lights().len();
         let is_rebuilt = self.tree.apply(self.staged.changes());
         if is_rebuilt {
             let features = TreeFeatures::of(&self.tree);
@@ -210,7 +211,7 @@ impl RefitJob {
         } else if self.changes_nodes() {
             self.tree.refit_without_attributes();
         }
-        self.log_changes();
+        self.log_changes(former_indices);
         self.staged.clear();
     }
 
@@ -225,8 +226,9 @@ impl RefitJob {
         }
     }
 
-    /// Counts the nodes that were refitted, and logs them and the lights that were edited.
-    fn log_changes(&mut self) {
+    /// Counts the nodes that were refitted, and logs them, the lights that were edited and the new
+    /// indices. `former_indices` is the number of indices before the edits.
+    fn log_changes(&mut self, former_indices: usize) {
         let records = self.tree.nodes().len() + self.tree.lights().len();
         match self.tree.refitted() {
             _ if self.swap.is_some() => {
@@ -242,6 +244,10 @@ impl RefitJob {
                 self.refit_nodes = nodes.len();
                 self.log.add(nodes, self.staged.changes().iter().map(|(light, _)| *light), records);
                 self.log.add(&[], self.tree.moved_leaves().iter().copied(), records);
+                // Of lights that were added and removed before this update.
+                let new = (0..).zip(self.tree.lights()).skip(former_indices);
+                let vacant: Vec<u32> = new.filter(|(_, light)| light.is_removed()).map(|(index, _)| index).collect();
+                self.log.add(&[], vacant.into_iter(), records);
             }
         }
     }

@@ -218,3 +218,29 @@ fn before_the_first_frame_there_were_no_lights() {
     let answers: Vec<_> = (0..3).map(|_| asker.frame(&mut world, &[query])[0]).collect();
     assert_eq!(answers, [[1.0, 0.0, 1.0, 0.0], [1.0, 1.0, 1.0, 0.0], [1.0, 1.0, 1.0, 0.0]]);
 }
+
+#[test]
+fn a_build_that_was_dropped_belongs_to_the_frame_in_which_it_is_made() {
+    let (mut asker, mut world) = (Asker::new(), LightWorld::new());
+    let tree = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("valid");
+    let mut add = |x| world.add_instance(tree, Placement::at(Vec3::new(x, 1.0, 0.0).as_dvec3()), Policy::Budgeted);
+    let keys: Vec<_> = (0..40).map(|i| add(3.0 * i as f32 - 60.0).expect("valid")).collect();
+    let query = |key: &InstanceKey| Query {
+        position: [0.0; 3],
+        instance: world.slot(*key).expect("it lives"),
+        light: 0,
+        padding: [0; 3],
+    };
+    let queries: Vec<_> = keys.iter().map(query).collect();
+    let first = asker.frame(&mut world, &queries);
+    for (key, x) in keys.iter().zip(0..) {
+        world.move_instance(*key, Placement::at(Vec3::new(50.0 - x as f32, 2.0, 9.0).as_dvec3())).expect("valid");
+    }
+    let mut encoder = asker.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    asker.lights.sync(&mut world, FrameBudget::NONE, &mut encoder).expect("room enough");
+    drop(encoder);
+    // Nothing changes any more, but the build is recorded again.
+    let [made, next] = [(); 2].map(|_| asker.frame(&mut world, &queries));
+    assert!(made.iter().zip(&first).any(|(made, first)| made[0] != first[0]));
+    assert!(made.iter().zip(&next).all(|(made, next)| made[0] == next[0] && made[0] == next[1]));
+}

@@ -74,7 +74,7 @@ fn buffers_double_or_grow_to_what_is_needed_and_make_room_for_masks_once() {
 }
 
 #[test]
-fn the_rounds_for_any_number_of_parts_fits_into_the_uniform() {
+fn the_rounds_for_any_number_of_parts_fit_into_the_uniform() {
     for parts in [0, 1, 256, 257, 512, 513, 100_000, 1 << 20, 1 << 30, u32::MAX] {
         let rounds = Rounds::new(parts, parts, Places::default(), Strides::of(Effects::all()));
         assert!(rounds.passes.len() <= MAX_PASSES as usize, "{parts}: {}", rounds.passes.len());

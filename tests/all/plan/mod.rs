@@ -224,7 +224,7 @@ fn what_a_device_lost_is_sent_again_by_the_next_plan() {
     assert!(lost.new_buffers.is_empty(), "the engine keeps its buffers");
     played.planner.lose();
     let plan = played.planner.reserve(&world, &FrameDelta::default()).expect("room enough").plan();
-    assert_eq!((plan.report.instances, plan.report.trees), (500, 1));
+    assert_eq!((plan.report.instances, plan.report.trees), (501, 1), "slot 0 is never in use, and sent too");
     assert!(!plan.top.is_empty());
     let mut cursor = PlanCursor::default();
     cursor.skip_to(&plan);
@@ -236,6 +236,119 @@ fn what_a_device_lost_is_sent_again_by_the_next_plan() {
     fresh.frame(&world, &FrameDelta::everything(&world));
     assert!(played.instances(&world, INSTANCE_BYTES) == fresh.instances(&world, INSTANCE_BYTES));
     assert!(played.frame(&world, &FrameDelta::default()).is_empty(), "nothing is sent a third time");
+}
+
+#[test]
+fn instances_whose_removal_a_device_missed_are_removed_by_what_sends_everything() {
+    let removed = || {
+        let (mut world, _, keys) = lamps(300);
+        let mut played = Played::new();
+        let delta = update(&mut world);
+        played.frame(&world, &delta);
+        keys.iter().step_by(3).for_each(|key| world.remove_instance(*key).expect("it lives"));
+        let delta = update(&mut world);
+        (world, played, delta)
+    };
+    // Free slots hold zeros.
+    let check = |world: &LightWorld, played: &Played| {
+        let records = played.instances(world, INSTANCE_BYTES);
+        for (slot, record) in (1..).zip(records.chunks_exact(INSTANCE_BYTES)) {
+            assert_eq!(record.iter().any(|byte| *byte != 0), world.instance_at(slot).is_some(), "slot {slot}");
+        }
+    };
+    // The plan with the removals is not played.
+    let (world, mut played, delta) = removed();
+    drop(played.planner.reserve(&world, &delta).expect("room enough").plan());
+    played.planner.lose();
+    let plan = played.planner.reserve(&world, &FrameDelta::default()).expect("room enough").plan();
+    played.device.skip_to(&plan);
+    played.device.play(&plan).expect("it was skipped to");
+    check(&world, &played);
+    // The delta with the removals is dropped.
+    let (world, mut played, _) = removed();
+    played.frame(&world, &FrameDelta::everything(&world));
+    check(&world, &played);
+}
+
+#[test]
+fn after_a_loss_the_last_frame_has_no_lights_until_the_second_plan() {
+    let (mut world, _, _) = lamps(100);
+    let mut played = Played::new();
+    played.planner.keep_previous(true);
+    let delta = update(&mut world);
+    played.frame(&world, &delta);
+    played.planner.lose();
+    let zeros = |played: &Played| {
+        let [params, buffers @ ..] = played.planner.previous_bindings().expect("they are kept");
+        let is_zero = |bytes: &[u8]| bytes.iter().all(|byte| *byte == 0);
+        // The numbers of slots and of directional lights, and all buffers.
+        is_zero(&played.device.content(params)[..12]) && buffers.iter().all(|id| is_zero(played.device.content(*id)))
+    };
+    played.frame(&world, &FrameDelta::default());
+    assert!(zeros(&played));
+    played.frame(&world, &FrameDelta::default());
+    assert!(!zeros(&played));
+    let [[.., present, _], [.., previous, _]] =
+        [played.planner.bindings(), played.planner.previous_bindings()].map(|ids| ids.expect("a plan was made"));
+    let used = slots(&world) * INSTANCE_BYTES;
+    assert!(played.device.content(present)[..used] == played.device.content(previous)[..used]);
+}
+
+#[test]
+fn indices_of_lights_that_never_were_are_sent_as_removed_lights() {
+    let mut world = LightWorld::new();
+    let lamp = |i: u32| Light::point(Vec3::splat(i as f32), Vec3::ONE);
+    let tree = world.add_tree((0..100).map(lamp).collect()).expect("valid");
+    world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+    let mut played = Played::new();
+    let delta = update(&mut world);
+    played.frame(&world, &delta);
+    // The first addition moves the tree to ranges with more room.
+    for count in [1, 4] {
+        let added = world.add_lights(tree, &vec![lamp(200); count]).expect("valid");
+        world.remove_lights(tree, &added[..count - 1]).expect("they wait to be added");
+        let delta = update(&mut world);
+        played.frame(&world, &delta);
+    }
+    assert_eq!(world.tree(tree).map(|tree| tree.lights().len()), Some(105));
+    let mut fresh = Played::new();
+    fresh.frame(&world, &FrameDelta::everything(&world));
+    let lights = |played: &Played| {
+        let [_, _, _, _, lights] = played.planner.bindings().expect("a plan was made");
+        let base = u32::from_le_bytes(played.instances(&world, INSTANCE_BYTES)[60..64].try_into().expect("a word"));
+        played.device.content(lights)[base as usize * 32..][..105 * 32].to_vec()
+    };
+    assert!(lights(&played) == lights(&fresh));
+}
+
+#[test]
+fn a_planner_that_starts_with_a_change_of_user_data_sends_the_tree() {
+    let (mut world, _, keys) = lamps(10);
+    update(&mut world);
+    world.set_user_data(keys[3], 7).expect("valid");
+    let delta = update(&mut world);
+    let plan = Played::new().frame(&world, &delta);
+    assert_eq!((plan.report.trees, plan.report.instances), (1, 10));
+}
+
+#[test]
+fn sizes_are_multiples_of_4_whatever_the_limit_is() {
+    let (mut world, _, keys) = lamps(5000);
+    let mut played = Played { planner: LightPlanner::new(PlanLimits::new(700_003)), device: Device::default() };
+    let delta = update(&mut world);
+    played.frame(&world, &delta);
+    let mut rng = Rng(9);
+    // Two sets of staged records, so that the buffer of the second would be twice that of the first.
+    for period in [9, 16] {
+        for (_, key) in keys.iter().enumerate().filter(|(index, _)| index % period > 0) {
+            world.move_instance(*key, place(&mut rng)).expect("valid");
+        }
+        let delta = update(&mut world);
+        let plan = played.frame(&world, &delta);
+        let staged = plan.new_buffers.iter().filter(|buffer| buffer.what == "staged records");
+        let staged: Vec<u64> = staged.map(|buffer| buffer.bytes).collect();
+        assert_eq!(staged, [if period == 9 { 4444 * (INSTANCE_BYTES as u64 + 4) } else { 700_000 }]);
+    }
 }
 
 #[test]
