@@ -53,14 +53,14 @@ pub fn wgsl_with_target(group: u32, effects: Effects, target: &TargetHook) -> St
 /// buffers of the last frame: [`LightPlanner::previous_bindings`](super::LightPlanner::previous_bindings).
 ///
 /// ```wgsl
-/// // The probability of a light in the last frame, as light_pmf returned it then. 0 for a light
-/// // that did not exist.
+/// // The probability of a light in the last frame, as light_pmf returned it then. 0 for an
+/// // instance that did not exist.
 /// fn light_pmf_previous(shading_point: LightShadingPoint, instance: u32, light: u32) -> f32
 /// ```
 ///
-/// The shading point is in the space of the last frame's [`LightWorld::origin`]. The function is in
-/// every respect that of the last frame: lights, placements, and the number of splits. It does not
-/// know learnt visibility.
+/// The shading point is in the space of the last frame's [`LightWorld::origin`]. Lights, placements
+/// and the number of splits are those of the last frame. Learnt visibility is left out. For a light
+/// that was added to a tree since then, the result is some number in [0, 1].
 ///
 /// [`LightWorld::origin`]: crate::LightWorld::origin
 #[must_use]
