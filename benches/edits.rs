@@ -1,0 +1,214 @@
+//! Times edits, and the plans that send them to a GPU.
+//!
+//! - Moves of a tenth of all instances, which are scattered over the slots: one by one and in one
+//!   call, turned and scaled or only translated; the delta that names them; and the plan of their
+//!   frame. The throughput is that of moved instances.
+//! - One light of a large tree that is changed, or removed and added elsewhere: the edit with the
+//!   update of the world, and the plan of the frame.
+//!
+//! `cargo bench --bench edits`; set `RAYON_NUM_THREADS=1` for the figures of one core. As a test
+//! (`cargo test --benches`) every case runs once, at the smallest size.
+
+use std::time::{Duration, Instant};
+
+use criterion::measurement::WallTime;
+use criterion::{BenchmarkGroup, BenchmarkId, Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
+use girandole::glam::{DVec3, Vec3};
+use girandole::plan::{LightPlanner, PlanLimits};
+use girandole::{FrameBudget, FrameDelta, InstanceKey, Light, LightWorld, Placement, Policy, TreeKey};
+
+#[path = "../examples/common/mod.rs"]
+#[allow(dead_code, reason = "examples use more of it")]
+mod common;
+#[path = "../tests/all/support.rs"]
+#[allow(dead_code, reason = "tests use more of it")]
+mod support;
+use support::Rng;
+
+/// The trees that the instances share.
+const TREES: usize = 100;
+
+/// Half of the side of the block in which the instances lie, in metres.
+const SIZE: f32 = 500.0;
+
+type Moves = Vec<(InstanceKey, Placement)>;
+
+/// How the instances are placed.
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    Translated,
+    Affine,
+}
+
+impl Kind {
+    fn place(self, rng: &mut Rng) -> Placement {
+        match self {
+            Self::Translated => Placement::at(DVec3::from(rng.place(SIZE))),
+            Self::Affine => rng.affine(SIZE).into(),
+        }
+    }
+}
+
+/// A world whose changes were taken.
+fn world(count: usize, kind: Kind, rng: &mut Rng) -> LightWorld {
+    let mut world = LightWorld::new();
+    let trees: Vec<_> = (0..TREES).map(|_| world.add_tree(rng.lights(4, 2.0)).expect("valid lights")).collect();
+    for index in 0..count {
+        world.add_instance(trees[index % TREES], kind.place(rng), Policy::Budgeted).expect("a valid placement");
+    }
+    world.update(FrameBudget::NONE);
+    world.take_delta();
+    world
+}
+
+/// Moves of a tenth of all instances, in random order.
+fn scattered(world: &LightWorld, kind: Kind, rng: &mut Rng) -> Moves {
+    let mut keys: Vec<_> = world.instances().collect();
+    let moved = keys.len() / 10;
+    for i in 0..moved {
+        let other = i + rng.bits() as usize % (keys.len() - i);
+        keys.swap(i, other);
+    }
+    keys[..moved].iter().map(|key| (*key, kind.place(rng))).collect()
+}
+
+/// Times frames that each move other instances. `frame` makes the moves, and returns the time of
+/// what is measured.
+fn time(
+    group: &mut BenchmarkGroup<WallTime>,
+    (name, kind, count): (&str, Kind, usize),
+    mut frame: impl FnMut(&mut LightWorld, &Moves) -> Duration,
+) {
+    let mut rng = Rng(count as u64);
+    let mut world = world(count, kind, &mut rng);
+    group.throughput(Throughput::Elements(count as u64 / 10));
+    group.bench_function(BenchmarkId::new(format!("{name}, {kind:?}"), count), |b| {
+        b.iter_custom(|rounds| {
+            let mut took = Duration::ZERO;
+            for _ in 0..rounds {
+                let moves = scattered(&world, kind, &mut rng);
+                took += frame(&mut world, &moves);
+                world.update(FrameBudget::NONE);
+                world.take_delta();
+                assert!(moves.iter().all(|(key, placement)| world.placement(*key) == Some(*placement)));
+            }
+            took
+        });
+    });
+}
+
+fn one_by_one(world: &mut LightWorld, moves: &Moves) -> Duration {
+    let start = Instant::now();
+    for (key, placement) in moves {
+        world.move_instance(*key, *placement).expect("a valid placement");
+    }
+    start.elapsed()
+}
+
+fn in_one_call(world: &mut LightWorld, moves: &Moves) -> Duration {
+    let start = Instant::now();
+    world.move_instances(moves).expect("valid placements");
+    start.elapsed()
+}
+
+fn take_delta(world: &mut LightWorld, moves: &Moves) -> Duration {
+    in_one_call(world, moves);
+    let start = Instant::now();
+    let delta = world.take_delta();
+    let took = start.elapsed();
+    assert_eq!(delta.moved_instances().len(), moves.len());
+    took
+}
+
+/// Plans frames with moves.
+fn plan() -> impl FnMut(&mut LightWorld, &Moves) -> Duration {
+    let mut planner = LightPlanner::new(PlanLimits::default());
+    let mut is_first = true;
+    move |world, moves| {
+        if std::mem::take(&mut is_first) {
+            let delta = FrameDelta::everything(world);
+            planner.reserve(world, &delta).expect("room enough").plan();
+        }
+        world.move_instances(moves).expect("valid placements");
+        let delta = world.take_delta();
+        let start = Instant::now();
+        let plan = planner.reserve(world, &delta).expect("room enough").plan();
+        let took = start.elapsed();
+        assert_eq!(plan.report.instances, moves.len());
+        took
+    }
+}
+
+fn moves(c: &mut Criterion) {
+    let mut group = c.benchmark_group("moves");
+    group.sample_size(20).sampling_mode(SamplingMode::Flat);
+    group.warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(1));
+    let count = if std::env::args().any(|a| a == "--bench") { 100_000 } else { 10_000 };
+    for kind in [Kind::Translated, Kind::Affine] {
+        time(&mut group, ("move_instance", kind, count), one_by_one);
+        time(&mut group, ("move_instances", kind, count), in_one_call);
+    }
+    time(&mut group, ("take_delta", Kind::Translated, count), take_delta);
+    time(&mut group, ("plan", Kind::Translated, count), plan());
+    group.finish();
+}
+
+/// A light that is dimmed.
+fn change(world: &mut LightWorld, tree: TreeKey, light: u32, rng: &mut Rng) {
+    world.set_emission(tree, light, Vec3::splat(rng.between(10.0, 20.0))).expect("valid");
+}
+
+/// A light that is removed, and one that is added elsewhere.
+fn replace(world: &mut LightWorld, tree: TreeKey, light: u32, rng: &mut Rng) {
+    let is_light = world.tree(tree).is_some_and(|tree| !tree.lights()[light as usize].is_removed());
+    if is_light {
+        world.remove_lights(tree, &[light]).expect("it is a light");
+    }
+    world.add_lights(tree, &[Light::point(rng.place(SIZE), Vec3::ONE)]).expect("valid");
+}
+
+fn lights(c: &mut Criterion) {
+    let mut group = c.benchmark_group("lights");
+    group.sample_size(20).warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(1));
+    let counts: &[u32] = if std::env::args().any(|a| a == "--bench") { &[1_000, 1_000_000] } else { &[1_000] };
+    for count in counts.iter().copied() {
+        let edits: [(&str, fn(&mut LightWorld, TreeKey, u32, &mut Rng)); 2] =
+            [("change", change), ("remove and add", replace)];
+        for (name, edit) in edits {
+            let mut rng = Rng(7);
+            let mut world = LightWorld::new();
+            let lamp = |rng: &mut Rng| Light::point(rng.place(SIZE), Vec3::ONE);
+            let tree = world.add_tree((0..count).map(|_| lamp(&mut rng)).collect()).expect("valid");
+            world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+            world.update(FrameBudget::NONE);
+            let mut planner = LightPlanner::new(PlanLimits::new(1 << 30));
+            let delta = world.take_delta();
+            planner.reserve(&world, &delta).expect("room enough").plan();
+            for is_planned in [false, true] {
+                let name = format!("{name}{}", if is_planned { ", plan" } else { "" });
+                group.bench_function(BenchmarkId::new(name, count), |b| {
+                    b.iter_custom(|rounds| {
+                        let mut took = Duration::ZERO;
+                        for _ in 0..rounds {
+                            let light = rng.bits() as u32 % count;
+                            let start = Instant::now();
+                            edit(&mut world, tree, light, &mut rng);
+                            world.update(FrameBudget::NONE);
+                            let edited = start.elapsed();
+                            let delta = world.take_delta();
+                            let start = Instant::now();
+                            let plan = planner.reserve(&world, &delta).expect("room enough").plan();
+                            took += if is_planned { start.elapsed() } else { edited };
+                            assert!(plan.report.trees == 1 && plan.report.lights > 0);
+                        }
+                        took
+                    });
+                });
+            }
+        }
+    }
+    group.finish();
+}
+
+criterion_group!(benches, moves, lights);
+criterion_main!(benches);
