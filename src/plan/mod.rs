@@ -45,8 +45,8 @@
 //!
 //! Each command sees what the commands before it have done, in the same plan and in earlier ones.
 //! On Vulkan and D3D12 that takes a barrier between two commands of which the second uses a buffer
-//! that the first writes. One global memory barrier between all commands is enough, and costs
-//! little: all but a few dispatches of a frame depend on the one before.
+//! that the first writes. One global memory barrier between all commands is enough, and little is
+//! lost by it: all but a few dispatches of a frame depend on the one before.
 //!
 //! Plans have to be played in the order of their numbers, each once. [`PlanCursor`] checks that.
 //! If a plan is lost, call [`LightPlanner::lose`]: the next plan sends everything again.

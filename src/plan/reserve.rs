@@ -158,7 +158,7 @@ impl LightPlanner {
             self.top.lose();
         }
         let mut room = Room::default();
-        let present = self.present();
+        let present = if self.previous.is_kept { self.present() } else { None };
         room.copies = self.previous.reserve(present, (&mut self.ids, &mut room.new_buffers));
         let has_params = self.params_buffer.is_some() && self.params == self.params_of(world, effects);
         room.is_idle = changes.is_empty() && has_params;

@@ -16,6 +16,8 @@ use crate::tree::Node;
 const QUAD: usize = 16;
 /// Bytes of a `u32`.
 const WORD: usize = 4;
+/// The most parts that a record is divided into.
+const MAX_PARTS: usize = 3;
 
 /// The offsets of a node's targets, fluxes, boxes and parent, in quads; the same in every layout.
 pub(crate) const NODE_TARGETS: u32 = quads(offset_of!(Node, targets));
@@ -63,8 +65,8 @@ impl Strides {
 /// The parts of a record that are stored, without gaps between them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Stored {
-    /// Ranges of bytes of the whole record, in ascending order.
-    parts: Vec<Range<usize>>,
+    /// Ranges of bytes of the whole record, in ascending order, then empty ones.
+    parts: [Range<usize>; MAX_PARTS],
     /// Bytes of the whole record.
     whole: usize,
 }
@@ -108,7 +110,10 @@ impl Stored {
 
     /// The first `core` bytes and some of the parts after them.
     fn with_optional<T>(core: usize, optional: impl Iterator<Item = (Effects, Range<usize>)>) -> Self {
-        let parts = std::iter::once(0..core).chain(optional.map(|(_, part)| part)).collect();
+        let mut parts = [const { 0..0 }; MAX_PARTS];
+        parts[0] = 0..core;
+        // No record has more parts, which the tests of the strides see.
+        parts[1..].iter_mut().zip(optional).for_each(|(part, (_, stored))| *part = stored);
         Self { parts, whole: size_of::<T>() }
     }
 

@@ -5,7 +5,10 @@ use std::cell::Cell;
 
 use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Vec3};
-use girandole::{CandidateCount, Effects, FrameBudget, InstanceKey, Light, LightTree, LightWorld, Placement, Policy};
+use girandole::plan::{LightPlanner, PlanLimits, UploadReport};
+use girandole::{
+    CandidateCount, Effects, FrameBudget, InstanceKey, Light, LightTree, LightWorld, Placement, Policy, TreeKey,
+};
 
 use crate::support::Rng;
 
@@ -241,6 +244,60 @@ fn moves_of_many_instances_ask_for_no_memory_and_their_delta_for_two_lists() {
             let asked = requests(|| moves.iter().for_each(|(key, to)| world.move_instance(*key, *to).expect("valid")));
             assert_eq!(asked, 0, "{count} moves, one by one");
             world.take_delta();
+        }
+    });
+}
+
+/// An edit of a world of one large tree and many instances.
+type Edit = fn(&mut LightWorld, TreeKey, InstanceKey, u32);
+
+#[test]
+fn a_frame_asks_for_memory_by_what_it_changes_and_not_by_the_size_of_the_world() {
+    let lamp = |i: u32| Light::point(Vec3::new(i as f32, 3.0, 7.0), Vec3::ONE);
+    let edits: [(&str, Edit); 8] = [
+        ("move", |world, _, key, i| world.move_instance(key, Placement::at(DVec3::splat(i.into()))).expect("valid")),
+        ("enabled", |world, _, key, i| world.set_enabled(key, i % 2 == 1).expect("it lives")),
+        ("factor", |world, _, key, i| world.set_factor(key, Vec3::splat(0.5 + i as f32)).expect("valid")),
+        ("user data", |world, _, key, i| world.set_user_data(key, i).expect("it lives")),
+        ("change", |world, tree, _, i| world.set_emission(tree, 7, Vec3::splat(2.0 + i as f32)).expect("valid")),
+        ("add", |world, tree, _, i| drop(world.add_lights(tree, &[Light::point(Vec3::splat(i as f32), Vec3::ONE)]))),
+        ("remove", |world, tree, _, i| world.remove_lights(tree, &[20 + i]).expect("a light")),
+        ("nothing", |_, _, _, _| {}),
+    ];
+    on_one_thread(|| {
+        for (name, edit) in edits {
+            let mut asked_before = None;
+            for (lights, instances) in [(1_000, 300), (30_000, 20_000)] {
+                let mut world = LightWorld::new();
+                let tree = world.add_tree((0..lights).map(lamp).collect()).expect("valid");
+                world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+                let small = world.add_tree(vec![lamp(0)]).expect("valid");
+                let place = |i: u32| Placement::at(DVec3::new(f64::from(i * i % 9973), 0.0, f64::from(i % 997)));
+                let add = |i| world.add_instance(small, place(i), Policy::Budgeted).expect("valid");
+                let keys: Vec<_> = (0..instances).map(add).collect();
+                let mut planner = LightPlanner::new(PlanLimits::new(1 << 30));
+                let mut frame = |world: &mut LightWorld, i: u32| {
+                    edit(world, tree, keys[17], i);
+                    world.update(FrameBudget::NONE);
+                    let delta = world.take_delta();
+                    planner.reserve(world, &delta).expect("room enough").plan().report
+                };
+                // Lists reach their size.
+                (0..6).for_each(|i| drop(frame(&mut world, i)));
+                let mut least = usize::MAX;
+                for i in 6..10 {
+                    let mut report = UploadReport::default();
+                    let asked = requested_bytes(|| report = frame(&mut world, i));
+                    assert_eq!(report == UploadReport::default(), name == "nothing", "{name}");
+                    least = least.min(asked);
+                }
+                // Now and then a list grows; it does not in all four frames. A larger top level takes
+                // some more dispatches.
+                let limit = asked_before.map_or(16_384, |before| 2 * before);
+                assert!(least <= limit, "{name}: {least} bytes with {lights} lights and {instances} instances");
+                assert_eq!(least == 0, name == "nothing");
+                asked_before = Some(least);
+            }
         }
     });
 }

@@ -6,7 +6,7 @@ mod device;
 use device::{Device, Played, slots};
 use girandole::glam::{DVec3, Vec3};
 use girandole::plan::{Command, FramePlan, KERNELS, LightPlanner, PlanCursor, PlanError, PlanLimits};
-use girandole::{FrameBudget, FrameDelta, InstanceKey, Light, LightWorld, Placement, Policy, TreeKey};
+use girandole::{FrameBudget, FrameDelta, InstanceKey, Light, LightTree, LightWorld, Placement, Policy, TreeKey};
 
 use crate::support::Rng;
 
@@ -368,6 +368,27 @@ fn a_world_that_does_not_fit_is_refused_and_fits_once_it_holds_less() {
     let delta = update(&mut world);
     let plan = played.frame(&world, &delta);
     assert_eq!((plan.report.instances, plan.report.lights), (1, 0), "the move was kept");
+}
+
+#[test]
+fn a_loaded_tree_is_sent_as_the_tree_that_was_baked() {
+    let mut rng = Rng(11);
+    let light = |rng: &mut Rng| Light::spot(rng.place(9.0), Vec3::NEG_Y, 0.2, 0.9, Vec3::ONE).with_range(50.0);
+    let tree = LightTree::new((0..500).map(|_| light(&mut rng)).collect()).expect("valid");
+    let baked = tree.bake();
+    let loaded = LightTree::from_baked(&baked).expect("it was just baked");
+    let sent = [tree, loaded].map(|tree| {
+        let mut world = LightWorld::new();
+        let key = world.insert_tree(tree);
+        world.add_instance(key, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+        let mut played = Played::new();
+        let delta = update(&mut world);
+        let report = played.frame(&world, &delta).report;
+        let [_, _, nodes, instances, lights] = played.planner.bindings().expect("a plan was made");
+        (report, [nodes, instances, lights].map(|id| played.device.content(id).to_vec()))
+    });
+    assert_eq!(sent[0].0.lights, 500);
+    assert!(sent[0] == sent[1]);
 }
 
 #[test]
