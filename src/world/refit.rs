@@ -245,7 +245,8 @@ impl RefitJob {
                 self.log.add(nodes, self.staged.changes().iter().map(|(light, _)| *light), records);
                 self.log.add(&[], self.tree.moved_leaves().iter().copied(), records);
                 // Of lights that were added and removed before this update.
-                let new = (0..).zip(self.tree.lights()).skip(former_indices);
+                let new = self.tree.lights().get(former_indices..).unwrap_or_default();
+                let new = (former_indices as u32..).zip(new);
                 let vacant: Vec<u32> = new.filter(|(_, light)| light.is_removed()).map(|(index, _)| index).collect();
                 self.log.add(&[], vacant.into_iter(), records);
             }
