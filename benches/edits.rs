@@ -153,6 +153,9 @@ fn moves(c: &mut Criterion) {
     group.finish();
 }
 
+/// An edit of one light of a tree.
+type Edit = fn(&mut LightWorld, TreeKey, u32, &mut Rng);
+
 /// A light that is dimmed.
 fn change(world: &mut LightWorld, tree: TreeKey, light: u32, rng: &mut Rng) {
     world.set_emission(tree, light, Vec3::splat(rng.between(10.0, 20.0))).expect("valid");
@@ -172,8 +175,7 @@ fn lights(c: &mut Criterion) {
     group.sample_size(20).warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(1));
     let counts: &[u32] = if std::env::args().any(|a| a == "--bench") { &[1_000, 1_000_000] } else { &[1_000] };
     for count in counts.iter().copied() {
-        let edits: [(&str, fn(&mut LightWorld, TreeKey, u32, &mut Rng)); 2] =
-            [("change", change), ("remove and add", replace)];
+        let edits: [(&str, Edit); 2] = [("change", change), ("remove and add", replace)];
         for (name, edit) in edits {
             let mut rng = Rng(7);
             let mut world = LightWorld::new();
