@@ -82,8 +82,8 @@ use crate::plan::{BufferId, Commands, KERNELS, LightPlanner, PlanLimits};
 pub use crate::plan::{TargetHook, TargetHookError, UploadReport, wgsl};
 use crate::world::{FrameDelta, LightWorld};
 
-/// The lights of one [`LightWorld`] on a GPU: the buffers and the bind group
-/// that shaders read, and the pipelines that fill them.
+/// The lights of one [`LightWorld`] on a GPU: the buffers and the bind group that shaders read, and
+/// the pipelines that fill them.
 ///
 /// Keep one for each world and device. Several threads may share it, except in browsers: recording
 /// with [`GpuLights::sample`] takes `&self`.

@@ -17,6 +17,8 @@ pub(super) struct Player {
     pipelines: HashMap<Kernel, wgpu::ComputePipeline>,
     /// A handful: each kernel binds the same buffers in every frame.
     groups: Vec<Group>,
+    #[cfg(test)]
+    pub submissions: usize,
 }
 
 /// What kernels with the same bindings share.
@@ -45,6 +47,8 @@ impl Player {
             layouts: Vec::new(),
             pipelines: HashMap::new(),
             groups: Vec::new(),
+            #[cfg(test)]
+            submissions: 0,
         }
     }
 
@@ -114,7 +118,7 @@ impl Player {
         for command in commands.iter() {
             if let Command::Write { buffer, offset, bytes } = command {
                 if used.contains(&buffer) {
-                    self.queue.submit(encoder.take().map(wgpu::CommandEncoder::finish));
+                    self.submit(encoder.take());
                     used.clear();
                 }
                 self.queue.write_buffer(self.buffer(buffer), offset, bytes);
@@ -131,7 +135,19 @@ impl Player {
                 .get_or_insert_with(|| device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default()));
             self.record_one(&mut Recorder::together(encoder, "girandole upload"), command);
         }
-        self.queue.submit(encoder.map(wgpu::CommandEncoder::finish));
+        self.submit(encoder);
+    }
+
+    /// Submits the commands of an encoder; nothing without one, so that writes wait for the engine's
+    /// own submission.
+    fn submit(&mut self, encoder: Option<wgpu::CommandEncoder>) {
+        if let Some(encoder) = encoder {
+            self.queue.submit([encoder.finish()]);
+            #[cfg(test)]
+            {
+                self.submissions += 1;
+            }
+        }
     }
 
     /// Records commands, none of them a write.

@@ -3,6 +3,8 @@
 
 use std::sync::OnceLock;
 
+use glam::Vec3;
+
 /// The code that examples, tests and benches open devices with.
 #[path = "../../examples/common/gpu.rs"]
 #[allow(dead_code, reason = "examples use more of it")]
@@ -32,4 +34,16 @@ pub(crate) fn noop() -> (wgpu::Device, wgpu::Queue) {
 /// The content of a buffer with `COPY_SRC` after all work that was submitted so far.
 pub(crate) fn read<T: bytemuck::Pod>(device: &wgpu::Device, queue: &wgpu::Queue, buffer: &wgpu::Buffer) -> Vec<T> {
     shared::read(device, queue, buffer).expect("the device finishes its work and the buffer maps")
+}
+
+/// A number in [0, 1) for each index and purpose; the same every time.
+pub(crate) fn random(index: u32, salt: u32) -> f32 {
+    let mix = (u64::from(index) << 32 | u64::from(salt)).wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    let mix = (mix ^ (mix >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    (mix >> 40) as f32 / (1u64 << 24) as f32
+}
+
+/// A vector with coordinates in [-0.5, 0.5) for each index and purpose.
+pub(crate) fn random_vec(index: u32, salt: u32) -> Vec3 {
+    Vec3::new(random(index, salt), random(index, salt + 1), random(index, salt + 2)) - Vec3::splat(0.5)
 }

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 
 use glam::{DVec3, Mat3, Quat, Vec3};
 
-use super::testing::{gpu, read};
+use super::testing::{gpu, random, random_vec, read};
 use super::*;
 use crate::effects::EFFECT_HOLD_UPDATES;
 use crate::keys::{InstanceKey, TreeKey};
@@ -27,17 +27,6 @@ const MAX_MISMATCHES: usize = 2;
 
 /// Relative difference of probabilities and radiances, which are products of some twenty terms.
 const ROUNDING: f32 = 1.0e-5;
-
-/// A number in [0, 1) for each index and purpose.
-fn random(index: u32, salt: u32) -> f32 {
-    let mix = (u64::from(index) << 32 | u64::from(salt)).wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    let mix = (mix ^ (mix >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    (mix >> 40) as f32 / (1u64 << 24) as f32
-}
-
-fn random_vec(index: u32, salt: u32) -> Vec3 {
-    Vec3::new(random(index, salt), random(index, salt + 1), random(index, salt + 2)) - Vec3::splat(0.5)
-}
 
 fn light(i: u32, effects: Effects) -> Light {
     let at = 6.0 * random_vec(i, 0);

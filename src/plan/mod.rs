@@ -150,8 +150,8 @@ pub(crate) const MIN_LARGEST_BUFFER: u64 = 128 * 1024;
 
 /// What the GPU holds of one [`LightWorld`], and what it has to do to follow the world.
 ///
-/// Keep one for each world and device. It holds no GPU object and no copy of the world's data: 60
-/// bytes for each tree and 8 bytes for each instance.
+/// Keep one for each world and device. It holds no GPU object and no copy of the world's data: at
+/// most 48 bytes for each tree and 8 bytes for each instance.
 pub struct LightPlanner {
     limits: PlanLimits,
     ids: Ids,

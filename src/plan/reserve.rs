@@ -116,8 +116,8 @@ impl LightPlanner {
     ///
     /// Pass every delta that [`LightWorld::take_delta`] returns, in order. Pass
     /// [`FrameDelta::everything`](crate::FrameDelta::everything) first if the world was used before,
-    /// and whenever a delta was left out. A tree that an instance needs and
-    /// that was never sent is sent along. O(what changed).
+    /// and whenever a delta was left out. A tree that an instance needs and that was never sent is sent
+    /// along. O(what changed).
     ///
     /// # Errors
     /// [`PlanError::Full`] if a buffer would outgrow [`PlanLimits`](super::PlanLimits). The changes

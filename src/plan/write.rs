@@ -9,6 +9,7 @@ use super::frame::FramePlan;
 use super::layout::{Bases, InstanceRecord, LightRecord, ParamsRecord, TreeRecord};
 use super::reserve::{Reservation, Room, TreeRuns, TreeWrite};
 use super::scatter::{Scattered, scatter};
+use crate::effects::Effects;
 use crate::keys::{generation_of, slot_of};
 use crate::world::LightWorld;
 
@@ -187,7 +188,7 @@ impl LightPlanner {
     }
 
     /// Sends the parameters, if they have changed.
-    fn write_params(&mut self, commands: &mut Commands, world: &LightWorld, effects: crate::effects::Effects) {
+    fn write_params(&mut self, commands: &mut Commands, world: &LightWorld, effects: Effects) {
         let params = self.params_of(world, effects);
         if let Some(buffer) = self.params_buffer
             && (params != self.params || self.is_lost)

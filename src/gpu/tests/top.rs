@@ -13,6 +13,7 @@ use super::pool::TestPool;
 use crate::bounds::Aabb;
 use crate::cluster::Cluster;
 use crate::effects::Effects;
+use crate::gpu::testing::{random, random_vec};
 use crate::keys::slot_of;
 use crate::part::{PART, PART_BITS, Part};
 use crate::plan::layout::{Bases, ClusterRecord, InstanceRecord, LeafRecord, PartRecord, Strides, TreeRecord};
@@ -71,17 +72,6 @@ impl Built {
         }
         reached
     }
-}
-
-/// A number in [0, 1) for each index and salt; the same every time.
-fn random(index: u32, salt: u32) -> f32 {
-    let mix = (u64::from(index) << 32 | u64::from(salt)).wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    let mix = (mix ^ (mix >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    (mix >> 40) as f32 / (1u64 << 24) as f32
-}
-
-fn random_vec(index: u32, salt: u32) -> Vec3 {
-    Vec3::new(random(index, salt), random(index, salt + 1), random(index, salt + 2)) - Vec3::splat(0.5)
 }
 
 /// Trees of 1 to 20 lights of all kinds, trees of narrow beams, and a dark tree.

@@ -190,3 +190,28 @@ fn the_first_upload_compiles_no_pipeline_to_convert_records() {
     lights.upload(&world, &delta).expect("room enough");
     assert!(lights.player.has_compiled("relayout"));
 }
+
+#[test]
+fn an_upload_submits_only_growth_and_scattered_records() {
+    let (device, queue) = noop();
+    let mut world = small_world();
+    let tree = world.trees().next().expect("a tree");
+    let place = |i: u32| Placement::at(DVec3::new(f64::from(i), 0.0, 0.0));
+    let keys: Vec<_> = (0..400).map(|i| world.add_instance(tree, place(i), Policy::Static).expect("valid")).collect();
+    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let submissions = |world: &mut LightWorld, lights: &mut GpuLights| {
+        let (delta, before) = (world.take_delta(), lights.player.submissions);
+        lights.upload(world, &delta).expect("room enough");
+        lights.player.submissions - before
+    };
+    assert!(submissions(&mut world, &mut lights) > 0, "the buffers grow");
+    assert_eq!(submissions(&mut world, &mut lights), 0, "nothing has changed");
+    world.move_instance(keys[7], place(9)).expect("valid");
+    assert_eq!(submissions(&mut world, &mut lights), 0, "one write");
+    lights.set_splits(SplitCount::NONE);
+    assert_eq!(submissions(&mut world, &mut lights), 0);
+    for key in keys.iter().step_by(2) {
+        world.move_instance(*key, place(999)).expect("valid");
+    }
+    assert_eq!(submissions(&mut world, &mut lights), 1, "the pass that scatters");
+}

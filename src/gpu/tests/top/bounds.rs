@@ -3,9 +3,10 @@
 use glam::{Affine3A, Quat, Vec3};
 
 use super::twin::check;
-use super::{Built, TopRig, build, placement, random_vec, world_of};
+use super::{Built, TopRig, build, placement, world_of};
 use crate::cluster::Cluster;
 use crate::cone::angle;
+use crate::gpu::testing::random_vec;
 use crate::placement::Placed;
 use crate::tree::{CAP_STEPS, NO_PARENT, Target, UNLIMITED_RANGE, WIDTH};
 use crate::{Light, LightTree, LightWorld, Policy};
