@@ -204,6 +204,16 @@ fn light_generation(instance: u32) -> u32 {
     return light_instances[instance * light_params.instance_stride + LIGHT_INSTANCE_TREE].x >> LIGHT_GENERATION_SHIFT;
 }
 
+// Whether the lights of an instance are stand-ins. Then their indices begin at LIGHT_STAND_IN, and
+// the buffers do not hold the tree. Twin of `LightPlanner::stands_in`.
+fn light_stands_in(instance: u32) -> bool {
+    if instance >= light_params.slots {
+        return false;
+    }
+    let flags = light_instances[instance * light_params.instance_stride + LIGHT_INSTANCE_TREE].x;
+    return (flags & LIGHT_STANDS_IN) != 0u;
+}
+
 // The part that a leaf of the top level is; `bits` are its target.
 fn light_part(bits: u32) -> LightPart {
     if (bits & LIGHT_PART) == 0u {

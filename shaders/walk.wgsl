@@ -85,6 +85,10 @@ fn light_climb(
     if (flags & LIGHT_LIVE) == 0u {
         return 0.0;
     }
+    // The buffers hold either the lights of the tree or their stand-ins.
+    if ((flags & LIGHT_STANDS_IN) != 0u) != (light >= LIGHT_STAND_IN) {
+        return 0.0;
+    }
     var base = light_node_base(instance);
     var local = light_local_to_tree(instance, shading_point);
     var place = light_place(light_light_base(instance) + light);

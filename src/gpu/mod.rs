@@ -29,6 +29,7 @@ mod bindings;
 mod candidates;
 mod error;
 mod kernel;
+mod limits;
 pub mod measure;
 mod memory;
 mod pipeline_variants;
@@ -79,7 +80,7 @@ use crate::effects::Effects;
 use crate::plan::layout::ParamsRecord;
 use crate::plan::pool::Growth;
 use crate::plan::{BufferId, Commands, KERNELS, LightPlanner, PlanLimits};
-pub use crate::plan::{TargetHook, TargetHookError, UploadReport, wgsl};
+pub use crate::plan::{GpuMemory, TargetHook, TargetHookError, UploadReport, wgsl};
 use crate::world::{FrameDelta, LightWorld};
 
 /// The lights of one [`LightWorld`] on a GPU: the buffers and the bind group that shaders read, and

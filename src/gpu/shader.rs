@@ -59,6 +59,8 @@ use crate::plan::text;
 /// fn light_along_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, along: f32) -> f32
 /// // A number that changes when the slot gets another instance: see `LightWorld::generation`.
 /// fn light_generation(instance: u32) -> u32
+/// // Whether the lights of an instance are stand-ins: see `GpuLights::set_tree_memory`.
+/// fn light_stands_in(instance: u32) -> bool
 /// // Well-mixed bits, for random numbers.
 /// fn light_hash(bits: u32) -> u32
 /// ```
@@ -87,8 +89,8 @@ use crate::plan::text;
 ///
 /// `instance` is a slot, which stays the same while the instance lives: see
 /// [`LightWorld::instance_at`](crate::LightWorld::instance_at) and
-/// [`LightWorld::slot`](crate::LightWorld::slot). `light` is the index in the instance's tree. For
-/// a directional light, `instance` is `LIGHT_DIRECTIONAL` (`u32::MAX`) and `light` is the index in
+/// [`LightWorld::slot`](crate::LightWorld::slot). `light` is the index in the instance's tree, or
+/// `LIGHT_STAND_IN` (2³⁰) and more for a stand-in of that tree's lights. For a directional light, `instance` is `LIGHT_DIRECTIONAL` (`u32::MAX`) and `light` is the index in
 /// [`LightWorld::directionals`](crate::LightWorld::directionals) at the last upload.
 ///
 /// # Bindings

@@ -1,11 +1,5 @@
 //! What a planner remembers between frames, and what it reports.
 
-use std::ops::Range;
-
-use super::layout::TreeRecord;
-use crate::keys::TreeKey;
-use crate::part::Division;
-use crate::tree::LightTree;
 use crate::world::{FrameDelta, LightWorld};
 
 /// What a plan sends.
@@ -22,47 +16,12 @@ pub struct UploadReport {
     pub lights: usize,
     /// Instances whose records were written.
     pub instances: usize,
-}
-
-/// The tree of a slot on the GPU, and its ranges of the pools.
-#[derive(Clone, Debug)]
-pub(super) struct TreeRanges {
-    pub key: Option<TreeKey>,
-    pub nodes: Range<u32>,
-    pub lights: Range<u32>,
-    /// One record for each part of an instance of the tree.
-    pub records: Range<u32>,
-    pub division: Division,
-    /// What of the tree was written: see [`ChangeLog`](crate::world::ChangeLog).
-    pub revision: u64,
-}
-
-impl TreeRanges {
-    /// No tree.
-    pub const NONE: Self =
-        Self { key: None, nodes: 0..0, lights: 0..0, records: 0..0, division: Division::Whole, revision: 0 };
-
-    /// Whether the ranges have room for the nodes, lights and parts of a tree, and not much more.
-    pub fn fit(&self, tree: &LightTree, division: Division) -> bool {
-        let fits = |range: &Range<u32>, count: usize| (count..=most_room(count)).contains(&range.len());
-        fits(&self.nodes, tree.nodes().len())
-            && fits(&self.lights, tree.lights().len())
-            && self.records.len() == TreeRecord::count(tree, division) as usize
-            && self.division == division
-    }
-
-    /// The room for numbers of nodes and lights that the ranges do not fit. If either has grown, both
-    /// get a quarter more, so that a tree to which lights are added one by one moves within the pools
-    /// once for a quarter of its lights.
-    pub fn room_for(&self, [nodes, lights]: [usize; 2]) -> [u32; 2] {
-        let has_grown = nodes > self.nodes.len() || lights > self.lights.len();
-        [nodes, lights].map(|count| if has_grown { count + count / 4 + 16 } else { count } as u32)
-    }
-}
-
-/// More room than this is given back.
-fn most_room(count: usize) -> usize {
-    2 * count + 64
+    /// Trees that wait to be sent whole. Shaders see stand-ins of them, or an older version.
+    pub waiting_trees: usize,
+    /// Bytes of the nodes and lights of these trees.
+    pub waiting_bytes: u64,
+    /// Trees of which shaders see stand-ins.
+    pub stand_ins: usize,
 }
 
 /// Slots to be written: those of a delta and of the deltas that failed before it, and the slots

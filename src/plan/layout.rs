@@ -41,6 +41,12 @@ pub(crate) const SIDES: u32 = 4;
 /// The bit of [`InstanceRecord::flags`] for an instance whose parts are its lights.
 pub(crate) const LIGHTS: u32 = 8;
 
+/// The bit of [`InstanceRecord::flags`] for an instance of whose tree the GPU holds stand-ins.
+pub(crate) const STANDS_IN: u32 = 16;
+
+/// The index of the first stand-in of a tree. Lights of trees that are whole have smaller indices.
+pub(crate) const STAND_IN: u32 = 1 << 30;
+
 /// Where the generation of the slot begins in [`InstanceRecord::flags`].
 pub(crate) const GENERATION_SHIFT: u32 = 8;
 
@@ -259,12 +265,14 @@ pub(crate) struct Bases {
     pub part: u32,
     /// What the parts are.
     pub division: Division,
+    /// The nodes and lights are stand-ins.
+    pub stands_in: bool,
 }
 
 #[cfg(all(test, feature = "gpu"))]
 impl Default for Bases {
     fn default() -> Self {
-        Self { tree: 0, node: 0, light: 0, part: 0, division: Division::Whole }
+        Self { tree: 0, node: 0, light: 0, part: 0, division: Division::Whole, stands_in: false }
     }
 }
 
@@ -303,7 +311,10 @@ impl InstanceRecord {
         let scales = Vec3::new(frame.determinant, placed.range_scale(), placed.linear.mean_square_scale);
         Self {
             to_world: rows(&frame.to_world, frame.translation),
-            flags: LIVE | if placed.is_rigid { 0 } else { NON_RIGID } | division_bit(bases.division),
+            flags: LIVE
+                | if placed.is_rigid { 0 } else { NON_RIGID }
+                | if bases.stands_in { STANDS_IN } else { 0 }
+                | division_bit(bases.division),
             tree: bases.tree,
             node_base: bases.node,
             light_base: bases.light,

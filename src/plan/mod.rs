@@ -66,14 +66,19 @@ mod frame;
 mod items;
 pub(crate) mod kernel;
 pub(crate) mod layout;
+mod limits;
+mod memory;
 mod parts;
+mod place;
 pub(crate) mod pool;
 mod previous;
 pub(crate) mod relayout;
 mod reserve;
+mod residency;
 mod runs;
 pub(crate) mod scatter;
 pub(crate) mod sort;
+mod stand_in;
 pub(crate) mod stored;
 mod target_hook;
 pub(crate) mod text;
@@ -90,6 +95,10 @@ pub use cursor::PlanCursor;
 pub use error::{PlanError, TargetHookError};
 pub use frame::FramePlan;
 pub use kernel::{Binding, Kernel, UNIFORM_ALIGNMENT};
+#[cfg(feature = "gpu")]
+pub(crate) use limits::MIN_LARGEST_BUFFER;
+pub use limits::PlanLimits;
+pub use memory::GpuMemory;
 pub use reserve::Reservation;
 pub use target_hook::TargetHook;
 pub use text::{wgsl, wgsl_previous, wgsl_with_target};
@@ -99,11 +108,13 @@ use crate::effects::Effects;
 use crate::tree::Node;
 use crate::world::LightWorld;
 use buffers::Ids;
-use changes::{PendingChanges, TreeRanges};
+use changes::PendingChanges;
 use layout::{InstanceRecord, LightRecord, ParamsRecord, Strides, TreeRecord};
+use memory::BufferSizes;
 use parts::PartTable;
 use pool::Pool;
 use previous::Previous;
+use residency::Residency;
 use stored::Missing;
 use top::TopBuild;
 
@@ -122,32 +133,6 @@ pub const KERNELS: [Kernel; 11] = [
     top::ROOT,
 ];
 
-/// What buffers the engine's device can have.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct PlanLimits {
-    /// Bytes of the largest storage buffer that the device can make and bind whole. At least
-    /// 131,072. More lets a world hold more trees, lights and instances.
-    pub largest_buffer: u64,
-}
-
-impl PlanLimits {
-    /// Limits with a largest storage buffer of this many bytes; at least 131,072.
-    pub fn new(largest_buffer: u64) -> Self {
-        Self { largest_buffer: largest_buffer.max(MIN_LARGEST_BUFFER) }
-    }
-}
-
-impl Default for PlanLimits {
-    /// WebGPU's default: 128 MiB.
-    fn default() -> Self {
-        Self { largest_buffer: 128 << 20 }
-    }
-}
-
-/// The largest buffer of an empty world.
-pub(crate) const MIN_LARGEST_BUFFER: u64 = 128 * 1024;
-
 /// What the GPU holds of one [`LightWorld`], and what it has to do to follow the world.
 ///
 /// Keep one for each world and device. It holds no GPU object and no copy of the world's data: at
@@ -161,7 +146,13 @@ pub struct LightPlanner {
     instances: Pool<InstanceRecord>,
     instance_count: u32,
     trees: Pool<TreeRecord>,
-    tree_ranges: Vec<TreeRanges>,
+    residency: Residency,
+    /// The bytes of a limited memory that nodes and lights may take.
+    shares: Option<[u64; 2]>,
+    /// The limit of memory has changed since the last plan.
+    is_resized: bool,
+    /// The bytes of all buffers.
+    buffers: BufferSizes,
     parts: PartTable,
     /// The changes of reservations that were dropped, and of lost plans.
     pending: PendingChanges,
@@ -206,7 +197,10 @@ impl LightPlanner {
             instances: Pool::new("instances", FIRST_RECORDS, limit, stored::missing_of_instance),
             instance_count: 0,
             trees: Pool::new("light trees", FIRST_RECORDS / 4, limit, none),
-            tree_ranges: Vec::new(),
+            residency: Residency::default(),
+            shares: None,
+            is_resized: false,
+            buffers: BufferSizes::default(),
             parts: PartTable::new(limit),
             pending: PendingChanges::default(),
             directionals: 0..0,
@@ -318,20 +312,6 @@ impl LightPlanner {
         }
     }
 
-    fn tree_ranges_mut(&mut self, slot: u32) -> &mut TreeRanges {
-        let slot = slot as usize;
-        if self.tree_ranges.len() <= slot {
-            self.tree_ranges.resize(slot + 1, TreeRanges::NONE);
-        }
-        &mut self.tree_ranges[slot]
-    }
-
-    fn release(&mut self, ranges: TreeRanges) {
-        self.nodes.free(ranges.nodes);
-        self.lights.free(ranges.lights);
-        self.trees.free(ranges.records);
-    }
-
     /// The parameters of shaders after a frame.
     fn params_of(&self, world: &LightWorld, effects: Effects) -> ParamsRecord {
         ParamsRecord {
@@ -354,7 +334,7 @@ impl fmt::Debug for LightPlanner {
             .field("effects", &self.effects)
             .field("splits", &self.wanted_splits)
             .field("instance_slots", &self.instance_count)
-            .field("tree_slots", &self.tree_ranges.len())
+            .field("tree_slots", &self.residency.slots())
             .field("parts", &self.parts.count())
             .field("node_capacity", &self.nodes.capacity())
             .field("light_capacity", &self.lights.capacity())

@@ -13,13 +13,33 @@ use super::scatter::{RunCount, Scattered};
 use super::stored::{Missing, Stored};
 
 /// How much room a buffer gets that has to grow.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Growth {
-    /// At least twice as much as before, so that growth takes amortised constant time.
+    /// At least twice as much as before, so that growth takes amortised constant time; by larger
+    /// steps if the memory is limited.
+    #[default]
     Double,
     /// No more than needed. Short of memory, that may still fit.
     Exact,
+    /// None.
+    None,
 }
+
+/// What a range is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Demand {
+    /// The frame fails without it.
+    Must,
+    /// The frame does without it if little room is left for what it must have.
+    May,
+}
+
+/// This share of the limit of a pool is kept for [`Demand::Must`].
+const SPARE: u64 = 8;
+
+/// A pool of limited memory grows by steps of this factor, up to its whole share. So it copies no
+/// more than a sixteenth of its share.
+const STEP: u64 = 16;
 
 /// Records of type `T` in one storage buffer. Ranges are in records, never in bytes.
 ///
@@ -30,6 +50,8 @@ pub(crate) struct Pool<T> {
     what: &'static str,
     /// The largest buffer.
     limit_bytes: u64,
+    /// The bytes of a limited memory that the pool may take.
+    share: Option<u64>,
     /// What the words are that are not stored in every layout.
     missing: fn(usize) -> Missing,
     /// `None` before the first plan.
@@ -41,6 +63,8 @@ pub(crate) struct Pool<T> {
     /// In u64, because the allocator doubles the lengths that it is given. Between the first and
     /// the last step there may be more room than in the buffer.
     ranges: RangeAllocator<u64>,
+    /// Records in use.
+    taken: u64,
     /// The layout after this frame.
     next: Stored,
     /// The end of the last range in use when the frame began.
@@ -60,10 +84,12 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         Self {
             what,
             limit_bytes,
+            share: None,
             missing,
             buffer: None,
             capacity: capacity.max(1),
             ranges: RangeAllocator::new(0..u64::from(capacity.max(1))),
+            taken: 0,
             next: stored.clone(),
             stored,
             kept: 0,
@@ -72,17 +98,22 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         }
     }
 
+    /// Limits the bytes of the buffer, from the next frame on.
+    pub(crate) fn set_share(&mut self, share: Option<u64>) {
+        self.share = share;
+    }
+
     /// Begins a frame that ends in this layout.
     ///
     /// Fails with [`PlanError::Full`] and changes nothing if the records do not fit in it.
     pub(crate) fn begin(&mut self, stored: Stored) -> Result<(), PlanError> {
-        let limit = limit_of(self.limit_bytes, &stored);
+        let limit = self.limit(&stored);
         let used = self.used();
-        if used > u64::from(limit) {
+        if used > limit {
             return Err(self.full(used, &stored));
         }
-        if self.ranges.initial_range().end > u64::from(limit) {
-            self.ranges = cut(&self.ranges, u64::from(limit));
+        if self.ranges.initial_range().end > limit {
+            self.ranges = cut(&self.ranges, limit);
         }
         // Within the limit.
         self.kept = used as u32;
@@ -104,18 +135,56 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         }
         // No gap is long enough, so the range begins after the last one in use.
         let needed = self.used() + u64::from(len);
-        let limit = u64::from(limit_of(self.limit_bytes, &self.next));
-        if needed > limit {
+        let limit = self.limit(&self.next);
+        if needed > limit || growth == Growth::None {
             return Err(self.full(needed, &self.next));
         }
         let doubled = (2 * self.ranges.initial_range().end).min(limit);
-        self.ranges.grow_to(if growth == Growth::Double { doubled.max(needed) } else { needed });
+        let room = match growth {
+            Growth::Exact | Growth::None => needed,
+            Growth::Double if self.share.is_none() => doubled.max(needed),
+            Growth::Double => {
+                let steps = [limit / (STEP * STEP), limit / STEP];
+                steps.into_iter().find(|step| *step >= needed.max(u64::from(self.capacity))).unwrap_or(limit)
+            }
+        };
+        self.ranges.grow_to(room);
         Ok(self.take(len).expect("the pool has just grown by enough"))
+    }
+
+    /// As [`Pool::alloc`]. A [`Demand::May`] is also refused if it leaves too little for others.
+    pub(crate) fn alloc_for(&mut self, len: u32, demand: Demand, growth: Growth) -> Result<Range<u32>, PlanError> {
+        if demand == Demand::May && self.missing(len.into()) > 0 {
+            return Err(self.full(self.taken + u64::from(len), &self.next));
+        }
+        self.alloc(len, growth)
+    }
+
+    /// How many more records have to be free before there is room for a [`Demand::May`] of `len`,
+    /// gaps aside.
+    pub(crate) fn missing(&self, len: u64) -> u64 {
+        let limit = self.limit(&self.next);
+        (self.taken + len + limit / SPARE).saturating_sub(limit)
+    }
+
+    /// Forgets all ranges, and makes the buffer as small as its limit if that has fallen. Returns what
+    /// [`Pool::restore`] takes. To be called before [`Pool::begin`].
+    pub(crate) fn restart(&mut self) -> RestartedPool {
+        let room = self.limit(&self.stored).min(self.capacity.into());
+        let ranges = std::mem::replace(&mut self.ranges, RangeAllocator::new(0..room));
+        RestartedPool { ranges, taken: std::mem::take(&mut self.taken) }
+    }
+
+    /// Takes a restart back, after [`Pool::undo`].
+    pub(crate) fn restore(&mut self, former: RestartedPool) {
+        self.ranges = former.ranges;
+        self.taken = former.taken;
     }
 
     /// Reserves from what is free.
     fn take(&mut self, len: u32) -> Option<Range<u32>> {
         let range = self.ranges.allocate_range(u64::from(len)).ok()?;
+        self.taken += u64::from(len);
         // Within the limit, which is a u32.
         Some(range.start as u32..range.end as u32)
     }
@@ -123,6 +192,7 @@ impl<T: bytemuck::NoUninit> Pool<T> {
     /// Gives a range back. It must come from [`Pool::alloc`] of this pool and be freed once.
     pub(crate) fn free(&mut self, range: Range<u32>) {
         if !range.is_empty() {
+            self.taken -= range.len() as u64;
             self.ranges.free_range(u64::from(range.start)..u64::from(range.end));
         }
     }
@@ -218,6 +288,16 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         self.stored.bytes() as u64
     }
 
+    /// Bytes from one record to the next after this frame.
+    pub(crate) fn next_stride(&self) -> u64 {
+        self.next.bytes() as u64
+    }
+
+    /// Records in use.
+    pub(crate) fn taken(&self) -> u64 {
+        self.taken
+    }
+
     /// The size of the buffer.
     pub(crate) fn bytes(&self) -> u64 {
         u64::from(self.capacity) * self.stride()
@@ -233,11 +313,24 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         self.ranges.initial_range().end as u32
     }
 
+    /// The most records in this layout.
+    fn limit(&self, stored: &Stored) -> u64 {
+        let bytes = self.share.map_or(self.limit_bytes, |share| share.min(self.limit_bytes));
+        u64::from(limit_of(bytes, stored))
+    }
+
     fn full(&self, records: u64, stored: &Stored) -> PlanError {
         let stride = stored.bytes() as u64;
-        let limit = u64::from(limit_of(self.limit_bytes, stored)) * stride;
+        let limit = self.limit(stored) * stride;
         PlanError::Full { what: self.what, needed: records * stride, limit }
     }
+}
+
+/// The ranges of a pool before a restart.
+#[derive(Debug)]
+pub(crate) struct RestartedPool {
+    ranges: RangeAllocator<u64>,
+    taken: u64,
 }
 
 /// The number of records that a buffer of `limit_bytes` holds.

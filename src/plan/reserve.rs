@@ -1,29 +1,26 @@
 //! Finds out which buffers a frame needs, before anything is written.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::ops::Range;
 
 use super::LightPlanner;
 use super::buffers::{BufferId, NewBuffer};
-use super::changes::{PendingChanges, Slots, TreeRanges};
+use super::changes::{PendingChanges, Slots};
 use super::error::PlanError;
 use super::layout::{ParamsRecord, PartRecord, TreeRecord};
 use super::parts::NewParts;
-use super::pool::Growth;
+use super::pool::{Growth, RestartedPool};
 use super::previous::Copies;
 use super::relayout::RELAYOUT_STRIDE;
+use super::residency::{Incoming, Residency, TreeState};
 use super::runs::runs;
 use super::scatter::{self, RunCount};
 use super::stored::Stored;
 use crate::effects::Effects;
 use crate::keys::slot_of;
-use crate::world::{FrameDelta, LightWorld, TreeChanges};
-
-/// Nodes that did not change are sent along if at most this many lie between two that did. That
-/// saves a write.
-const NODE_GAP: u32 = 2;
-/// The same for lights.
-const LIGHT_GAP: u32 = 8;
+use crate::tree::LightTree;
+use crate::world::{FrameDelta, LightWorld};
 
 /// The room that the changes of a world need on the GPU. Make [`Reservation::new_buffers`], then
 /// call [`Reservation::plan`].
@@ -45,8 +42,15 @@ pub(super) struct Room {
     /// Nothing has changed in what shaders read.
     pub is_idle: bool,
     pub new_buffers: Vec<NewBuffer>,
-    /// New ranges for trees by slot, in ascending order; empty for a tree that was removed.
-    pub placed: Vec<(u32, TreeRanges)>,
+    /// The trees whose place or form changes, by slot.
+    pub placed: BTreeMap<u32, TreeState>,
+    /// The tree that is sent in pieces, after this frame.
+    pub incoming: Option<Incoming>,
+    /// Bytes of new trees that may still be sent.
+    pub left: u64,
+    pub growth: Growth,
+    /// What was in the pools of trees before they were begun anew.
+    pub restarted: Option<Box<Restarted>>,
     /// New ranges for the parts of instances.
     pub parts: NewParts,
     /// The continuation of the table of instances.
@@ -72,15 +76,47 @@ pub(super) struct Room {
 pub(super) struct TreeRuns {
     /// Runs of nodes and lights within their trees.
     pub runs: Vec<Range<u32>>,
-    pub trees: Vec<TreeWrite>,
+    /// What is written, and the ranges of `runs` that are nodes and lights.
+    pub writes: Vec<(TreeWrite, [Range<usize>; 2])>,
 }
 
-/// What is written of one tree: ranges of [`TreeRuns::runs`].
+/// What is written of one tree.
 #[derive(Debug)]
 pub(super) struct TreeWrite {
     pub slot: u32,
-    pub nodes: Range<usize>,
-    pub lights: Range<usize>,
+    pub source: Source,
+    /// The places in the pools of the first node and the first light of the tree.
+    pub bases: [u32; 2],
+}
+
+#[derive(Debug)]
+pub(super) enum Source {
+    /// The tree, which is then up to date.
+    Tree,
+    /// Some of the tree.
+    Piece,
+    /// Stand-ins of the tree.
+    StandIns(Box<LightTree>),
+}
+
+impl TreeRuns {
+    pub fn add(&mut self, write: TreeWrite, runs: [Vec<Range<u32>>; 2]) {
+        let ranges = runs.map(|runs| {
+            let start = self.runs.len();
+            self.runs.extend(runs);
+            start..self.runs.len()
+        });
+        self.writes.push((write, ranges));
+    }
+}
+
+/// The trees and their pools before a restart.
+#[derive(Debug)]
+pub(super) struct Restarted {
+    nodes: RestartedPool,
+    lights: RestartedPool,
+    residency: Residency,
+    directionals: Range<u32>,
 }
 
 impl Reservation<'_> {
@@ -153,18 +189,29 @@ impl LightPlanner {
         changes.add(delta);
         if self.is_lost {
             changes.add_everything(world);
-            self.tree_ranges.iter_mut().for_each(|ranges| ranges.revision = 0);
+            self.residency.lose();
             self.parts.lose_records();
             self.top.lose();
         }
-        let mut room = Room::default();
-        let present = if self.previous.is_kept { self.present() } else { None };
-        room.copies = self.previous.reserve(present, (&mut self.ids, &mut room.new_buffers));
         let has_params = self.params_buffer.is_some() && self.params == self.params_of(world, effects);
-        room.is_idle = changes.is_empty() && has_params;
-        if !room.is_idle
-            && let Err(error) = self.make_room((world, effects), &mut changes, growth, &mut room)
-        {
+        let is_idle = changes.is_empty() && has_params && !self.has_work();
+        self.divide_memory(world, effects);
+        let mut room = self.new_room(growth);
+        room.is_idle = is_idle;
+        let mut result = if is_idle { Ok(()) } else { self.make_room((world, effects), &mut changes, &mut room) };
+        if result.is_err() {
+            // Without gaps, and with stand-ins in place of the less useful trees, they may fit.
+            self.undo(std::mem::take(&mut room));
+            let mut everything = changes.clone();
+            everything.add_everything(world);
+            room = self.new_room(growth);
+            room.restarted = Some(self.restart(world, effects));
+            result = self.make_room((world, effects), &mut everything, &mut room);
+            if result.is_ok() {
+                changes = everything;
+            }
+        }
+        if let Err(error) = result {
             self.undo(room);
             self.pending = changes;
             return Err(error);
@@ -172,41 +219,62 @@ impl LightPlanner {
         Ok(Reservation { planner: self, world, changes, effects, room, is_used: false })
     }
 
+    /// Whether trees wait that this frame may send.
+    fn has_work(&self) -> bool {
+        let may_send = self.limits.frame_bytes != Some(0);
+        let has_waiting = self.residency.waiting_count() > 0 || self.residency.incoming.is_some();
+        has_waiting && may_send || self.is_resized
+    }
+
+    fn new_room(&mut self, growth: Growth) -> Room {
+        let mut room = Room { growth, ..Room::default() };
+        let present = if self.previous.is_kept { self.present() } else { None };
+        room.copies = self.previous.reserve(present, (&mut self.ids, &mut room.new_buffers));
+        room
+    }
+
+    /// Forgets where trees are, so that all of them are placed anew.
+    fn restart(&mut self, world: &LightWorld, effects: Effects) -> Box<Restarted> {
+        let restarted = Restarted {
+            nodes: self.nodes.restart(),
+            lights: self.lights.restart(),
+            residency: self.residency.restart(),
+            directionals: std::mem::take(&mut self.directionals),
+        };
+        self.shares = None;
+        self.divide_memory(world, effects);
+        Box::new(restarted)
+    }
+
     /// Reserves room for everything that grew. To be undone if it fails.
     fn make_room(
         &mut self,
         (world, effects): (&LightWorld, Effects),
         changes: &mut PendingChanges,
-        growth: Growth,
         room: &mut Room,
     ) -> Result<(), PlanError> {
+        let growth = room.growth;
         self.nodes.begin(Stored::nodes(effects))?;
         self.lights.begin(Stored::lights(effects))?;
         self.instances.begin(Stored::instances(effects))?;
         self.trees.begin(Stored::whole::<TreeRecord>())?;
         self.parts.pool().begin(Stored::whole::<PartRecord>())?;
         self.add_missing_trees(world, changes);
-        self.place_trees(world, changes, growth, &mut room.placed)?;
-        // The instances of trees that moved within the pools are written too.
-        for (slot, _) in &room.placed {
-            if let Some(entry) = world.tree_at(*slot).and_then(|key| world.tree_entry(key)) {
-                changes.instances.extend(entry.instances.iter().map(|key| slot_of(*key)));
-            }
+        self.place_trees(world, changes, room)?;
+        self.add_placed_instances(world, room, changes);
+        let directionals = world.directionals().count() as u32;
+        if changes.directionals && directionals as usize != self.directionals.len() {
+            room.directionals = Some(self.lights.alloc(directionals, growth)?);
         }
-        changes.instances.sort();
         let slots = changes.instances.as_slice().iter();
         let counts: Vec<_> = slots.map(|slot| (*slot, self.part_count(*slot, world, &room.placed))).collect();
         room.parts = self.parts.reserve(counts.into_iter(), growth)?;
         // Nothing of the table is ever given back, so every reservation continues the last one.
         let more_slots = (world.slot_count() as u32).saturating_sub(self.instance_count);
         room.slots = self.instances.alloc(more_slots, growth)?;
-        let directionals = world.directionals().count() as u32;
-        if changes.directionals && directionals as usize != self.directionals.len() {
-            room.directionals = Some(self.lights.alloc(directionals, growth)?);
-        }
         let has_masks = effects.contains(Effects::MASKS);
         self.top.reserve(self.parts.count(), has_masks, growth, (&mut self.ids, &mut room.new_buffers))?;
-        self.find_runs(world, changes, room);
+        self.find_runs(changes, room);
         self.name_buffers(room);
         Ok(())
     }
@@ -216,7 +284,7 @@ impl LightPlanner {
         for slot in changes.instances.as_slice().iter().chain(changes.user_data.as_slice()) {
             let tree = world.instance_at(*slot).and_then(|key| world.instance_tree(key));
             if let Some(tree) = tree
-                && self.tree_ranges_mut(slot_of(tree)).key != Some(tree)
+                && self.residency.get(slot_of(tree)).key != Some(tree)
             {
                 changes.trees.extend([slot_of(tree)]);
             }
@@ -224,77 +292,29 @@ impl LightPlanner {
         changes.trees.sort();
     }
 
-    /// Reserves ranges for the trees whose size has changed.
-    fn place_trees(
-        &mut self,
-        world: &LightWorld,
-        changes: &PendingChanges,
-        growth: Growth,
-        placed: &mut Vec<(u32, TreeRanges)>,
-    ) -> Result<(), PlanError> {
-        for slot in changes.trees.as_slice().iter().copied() {
-            let key = world.tree_at(slot);
-            let tree = key.and_then(|key| Some((world.tree(key)?, world.division(key))));
-            match tree {
-                Some((tree, division))
-                    if self.tree_ranges_mut(slot).key == key && self.tree_ranges_mut(slot).fit(tree, division) => {}
-                Some((tree, division)) => {
-                    // Pushed first, so that what was reserved is released if the rest fails.
-                    placed.push((slot, TreeRanges { key, division, ..TreeRanges::NONE }));
-                    let ranges = placed.last_mut().map(|(_, ranges)| ranges).expect("pushed above");
-                    let former = &self.tree_ranges[slot as usize];
-                    let counts = [tree.nodes().len(), tree.lights().len()];
-                    let [nodes, lights] =
-                        if former.key == key { former.room_for(counts) } else { counts.map(|n| n as u32) };
-                    ranges.nodes = self.nodes.alloc(nodes, growth)?;
-                    ranges.lights = self.lights.alloc(lights, growth)?;
-                    ranges.records = self.trees.alloc(TreeRecord::count(tree, division), growth)?;
-                }
-                None => placed.push((slot, TreeRanges::NONE)),
-            }
-        }
-        Ok(())
-    }
-
     /// The number of parts of the instance in a slot: as many as its tree has records, once the
-    /// ranges in `placed` replace the present ones. 0 without an instance.
-    fn part_count(&self, slot: u32, world: &LightWorld, placed: &[(u32, TreeRanges)]) -> u32 {
+    /// states in `placed` replace the present ones. 0 without an instance.
+    fn part_count(&self, slot: u32, world: &LightWorld, placed: &BTreeMap<u32, TreeState>) -> u32 {
         let tree = world.instance_at(slot).and_then(|key| world.instance_tree(key));
-        tree.map_or(0, |tree| self.ranges_after(slot_of(tree), placed).records.len() as u32)
+        tree.map_or(0, |tree| self.state_after(slot_of(tree), placed).records.len() as u32)
     }
 
-    /// The ranges of a tree once those in `placed` replace the present ones.
-    fn ranges_after<'a>(&'a self, slot: u32, placed: &'a [(u32, TreeRanges)]) -> &'a TreeRanges {
-        // In ascending order of slots.
-        match placed.binary_search_by_key(&slot, |(slot, _)| *slot) {
-            Ok(index) => &placed[index].1,
-            Err(_) => &self.tree_ranges[slot as usize],
-        }
+    /// The state of a tree once those in `placed` replace the present ones.
+    fn state_after<'a>(&'a self, slot: u32, placed: &'a BTreeMap<u32, TreeState>) -> &'a TreeState {
+        placed.get(&slot).unwrap_or_else(|| self.residency.get(slot))
     }
 
-    /// Finds the runs of records that will be written, and decides which pools take them from staged
+    /// Counts the runs of records that will be written, and decides which pools take them from staged
     /// records.
-    fn find_runs(&self, world: &LightWorld, changes: &PendingChanges, room: &mut Room) {
+    fn find_runs(&self, changes: &PendingChanges, room: &mut Room) {
         let [mut node_count, mut light_count, mut tree_count, mut instance_count] =
             [RunCount::default(); scatter::MAX_TARGETS];
-        let found = &mut room.trees;
-        let add = |runs: Vec<Range<u32>>, count: &mut RunCount, all: &mut Vec<Range<u32>>| {
-            let start = all.len();
-            runs.iter().for_each(|run| count.add(run));
-            all.extend(runs);
-            start..all.len()
-        };
-        for slot in changes.trees.as_slice().iter().copied() {
-            let Some(entry) = world.tree_at(slot).and_then(|key| world.tree_entry(key)) else { continue };
-            let ranges = self.ranges_after(slot, &room.placed);
-            let (nodes, lights) = match entry.log.since(ranges.revision) {
-                Some(TreeChanges { nodes, lights }) => (runs(nodes, NODE_GAP), runs(lights, LIGHT_GAP)),
-                None => (all(entry.tree.nodes().len()), all(entry.tree.lights().len())),
-            };
-            let nodes = add(nodes, &mut node_count, &mut found.runs);
-            let lights = add(lights, &mut light_count, &mut found.runs);
-            tree_count.add(&ranges.records);
-            found.trees.push(TreeWrite { slot, nodes, lights });
+        for (write, [nodes, lights]) in &room.trees.writes {
+            room.trees.runs[nodes.clone()].iter().for_each(|run| node_count.add(run));
+            room.trees.runs[lights.clone()].iter().for_each(|run| light_count.add(run));
+            if !matches!(write.source, Source::Piece) {
+                tree_count.add(&self.state_after(write.slot, &room.placed).records);
+            }
         }
         room.instances = changes.records();
         room.instance_runs = runs(room.instances.as_slice().iter().copied(), 0);
@@ -352,7 +372,12 @@ impl LightPlanner {
 
     /// Takes back what was reserved.
     fn undo(&mut self, room: Room) {
-        room.placed.into_iter().for_each(|(_, ranges)| self.release(ranges));
+        for (slot, state) in room.placed {
+            let former = self.residency.get(slot).clone();
+            self.release_others(&state, &former);
+        }
+        let incoming = self.residency.incoming.clone();
+        self.release_incoming(room.incoming, incoming.as_ref(), None);
         self.parts.release(room.parts);
         self.instances.free(room.slots);
         room.directionals.into_iter().for_each(|range| self.lights.free(range));
@@ -362,10 +387,47 @@ impl LightPlanner {
         self.trees.undo();
         self.parts.pool().undo();
         self.top.undo();
+        if let Some(restarted) = room.restarted {
+            self.nodes.restore(restarted.nodes);
+            self.lights.restore(restarted.lights);
+            self.residency = restarted.residency;
+            self.directionals = restarted.directionals;
+        }
     }
-}
 
-/// A run of all records of a tree.
-fn all(count: usize) -> Vec<Range<u32>> {
-    std::iter::once(0..count as u32).filter(|run| !run.is_empty()).collect()
+    /// Frees the ranges of one state of a tree that another state of it does not have, and that are
+    /// not those of a tree that is sent in pieces.
+    pub(super) fn release_others(&mut self, state: &TreeState, kept: &TreeState) {
+        let incoming = self.residency.incoming.clone();
+        let is_incoming = |nodes: &Range<u32>, of: fn(&Incoming) -> &Range<u32>| {
+            incoming.as_ref().is_some_and(|incoming| of(incoming) == nodes)
+        };
+        if state.nodes != kept.nodes && !is_incoming(&state.nodes, |incoming| &incoming.nodes) {
+            self.nodes.free(state.nodes.clone());
+        }
+        if state.lights != kept.lights && !is_incoming(&state.lights, |incoming| &incoming.lights) {
+            self.lights.free(state.lights.clone());
+        }
+        if state.records != kept.records {
+            self.trees.free(state.records.clone());
+        }
+    }
+
+    /// Frees the ranges of a tree that is sent in pieces, but for those of another one and those that
+    /// shaders see.
+    pub(super) fn release_incoming(
+        &mut self,
+        incoming: Option<Incoming>,
+        kept: Option<&Incoming>,
+        seen: Option<&TreeState>,
+    ) {
+        let Some(incoming) = incoming else { return };
+        let is_kept = |range: &Range<u32>, of: [Option<&Range<u32>>; 2]| of.contains(&Some(range));
+        if !is_kept(&incoming.nodes, [kept.map(|kept| &kept.nodes), seen.map(|seen| &seen.nodes)]) {
+            self.nodes.free(incoming.nodes);
+        }
+        if !is_kept(&incoming.lights, [kept.map(|kept| &kept.lights), seen.map(|seen| &seen.lights)]) {
+            self.lights.free(incoming.lights);
+        }
+    }
 }

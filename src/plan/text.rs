@@ -232,6 +232,8 @@ pub(crate) fn constants() -> String {
         ("NON_RIGID", layout::NON_RIGID),
         ("SIDES", layout::SIDES),
         ("LIGHTS", layout::LIGHTS),
+        ("STANDS_IN", layout::STANDS_IN),
+        ("STAND_IN", layout::STAND_IN),
         ("GENERATION_SHIFT", layout::GENERATION_SHIFT),
         ("PART", part::PART),
         ("SINGLE", part::SINGLE),
@@ -446,6 +448,7 @@ mod tests {
             "pdf",
             "user_data",
             "generation",
+            "stands_in",
             "hash",
         ]
         .map(|f| format!("light_{f}"));

@@ -1,16 +1,19 @@
 //! Plans the upload of a frame: what changed, and nothing else.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::LightPlanner;
-use super::changes::{TreeRanges, UploadReport};
+use super::changes::UploadReport;
 use super::commands::Commands;
 use super::frame::FramePlan;
-use super::layout::{Bases, InstanceRecord, LightRecord, ParamsRecord, TreeRecord};
-use super::reserve::{Reservation, Room, TreeRuns, TreeWrite};
+use super::layout::{Bases, InstanceRecord, LightRecord, ParamsRecord, STAND_IN, TreeRecord};
+use super::reserve::{Reservation, Room, Source, TreeRuns};
+use super::residency::{Form, Incoming, TreeState};
 use super::scatter::{Scattered, scatter};
 use crate::effects::Effects;
 use crate::keys::{generation_of, slot_of};
+use crate::tree::{LEAF, Node, Target};
 use crate::world::LightWorld;
 
 /// The short runs of each pool that takes them from staged records.
@@ -33,25 +36,24 @@ impl Reservation<'_> {
         planner.effects = effects;
         let mut plan = FramePlan { number: planner.number, ..FramePlan::default() };
         plan.new_buffers = std::mem::take(&mut room.new_buffers);
+        planner.is_resized = false;
         let copies = std::mem::take(&mut room.copies);
         planner.previous.adopt(copies, planner.params, (&mut plan.upload, &mut plan.freed));
         if room.is_idle {
             if planner.is_top_due {
                 planner.finish_top(&mut plan.top);
             }
-            plan.report.bytes = plan.upload.bytes_written();
+            plan.report = UploadReport { bytes: plan.upload.bytes_written(), ..planner.waiting_report() };
             planner.previous.changed([!plan.top.is_empty(), false, false, false]);
+            planner.buffers.change(&plan.new_buffers, &plan.freed);
             return plan;
         }
         let former = (planner.params.strides, planner.params.masks);
         let is_new_top = planner.top.is_replaced() || planner.is_lost;
         let replaced = [planner.nodes.is_replaced(), planner.instances.is_replaced(), planner.lights.is_replaced()];
-        let Room { placed, parts, directionals, trees, instances, instance_runs, is_scattered, .. } =
+        let Room { placed, incoming, parts, directionals, trees, instances, instance_runs, is_scattered, .. } =
             planner.adopt(room, &mut plan);
-        for (slot, ranges) in placed {
-            let former = std::mem::replace(planner.tree_ranges_mut(slot), ranges);
-            planner.release(former);
-        }
+        planner.place(placed, incoming);
         if let Some(range) = directionals {
             let former = std::mem::replace(&mut planner.directionals, range);
             planner.lights.free(former);
@@ -63,7 +65,7 @@ impl Reservation<'_> {
         let mut report = UploadReport {
             trees: changes.trees.as_slice().len(),
             instances: instances.as_slice().len(),
-            ..UploadReport::default()
+            ..planner.waiting_report()
         };
         planner.write_trees(commands, &mut staged, world, &trees, &mut report);
         planner.write_instances(commands, &mut staged, world, instance_runs);
@@ -88,11 +90,45 @@ impl Reservation<'_> {
             replaced[1] || report.instances > 0,
             replaced[2] || report.lights > 0 || changes.directionals,
         ]);
+        planner.buffers.change(&plan.new_buffers, &plan.freed);
         plan
     }
 }
 
+/// A node whose lights have indices from `offset` on.
+fn with_lights_from(offset: u32, mut node: Node) -> Node {
+    if offset > 0 {
+        for target in &mut node.targets {
+            if let Some(Target::Leaf(light)) = Target::of(*target) {
+                *target = LEAF | (light + offset);
+            }
+        }
+    }
+    node
+}
+
 impl LightPlanner {
+    /// Takes the new places of trees into use.
+    fn place(&mut self, placed: BTreeMap<u32, TreeState>, incoming: Option<Incoming>) {
+        let former_incoming = std::mem::replace(&mut self.residency.incoming, incoming.clone());
+        let seen = former_incoming.as_ref().and_then(|former| placed.get(&former.slot)).cloned();
+        for (slot, state) in placed {
+            let former = self.residency.replace(slot, state.clone());
+            self.release_others(&former, &state);
+        }
+        self.release_incoming(former_incoming, incoming.as_ref(), seen.as_ref());
+    }
+
+    /// What waits now.
+    fn waiting_report(&self) -> UploadReport {
+        UploadReport {
+            waiting_trees: self.residency.waiting_count(),
+            waiting_bytes: self.residency.waiting_bytes(),
+            stand_ins: self.residency.stand_in_count(),
+            ..UploadReport::default()
+        }
+    }
+
     /// Takes new buffers into use. Returns what is left of the room.
     fn adopt(&mut self, room: Room, plan: &mut FramePlan) -> Room {
         let FramePlan { upload, freed, .. } = plan;
@@ -123,30 +159,43 @@ impl LightPlanner {
         commands: &mut Commands,
         staged: &mut Staged,
         world: &LightWorld,
-        TreeRuns { runs, trees }: &TreeRuns,
+        TreeRuns { runs, writes }: &TreeRuns,
         report: &mut UploadReport,
     ) {
-        for TreeWrite { slot, nodes, lights } in trees {
-            let Some(entry) = world.tree_at(*slot).and_then(|key| world.tree_entry(key)) else { continue };
-            let (tree, ranges) = (&entry.tree, &mut self.tree_ranges[*slot as usize]);
-            ranges.revision = entry.log.revision();
-            let TreeRanges { nodes: node_range, lights: light_range, records, division, .. } = &*ranges;
-            for run in &runs[nodes.clone()] {
+        for (write, [node_runs, light_runs]) in writes {
+            let Some(entry) = world.tree_at(write.slot).and_then(|key| world.tree_entry(key)) else { continue };
+            // Of a tree, indices of lights are those of the tree. Those of stand-ins follow on `STAND_IN`.
+            let (tree, offset) = match &write.source {
+                Source::StandIns(few) => (&**few, STAND_IN),
+                Source::Tree | Source::Piece => (&entry.tree, 0),
+            };
+            let [node_base, light_base] = write.bases;
+            for run in &runs[node_runs.clone()] {
                 let range = run.start as usize..run.end as usize;
                 report.nodes += range.len();
-                let target = node_range.start + run.start..node_range.start + run.end;
-                self.nodes.write(commands, &mut staged.nodes, target, tree.nodes()[range].iter().copied());
+                let nodes = tree.nodes()[range].iter().map(|node| with_lights_from(offset, *node));
+                let target = node_base + run.start..node_base + run.end;
+                self.nodes.write(commands, &mut staged.nodes, target, nodes);
             }
-            for run in &runs[lights.clone()] {
+            for run in &runs[light_runs.clone()] {
                 let range = run.start as usize..run.end as usize;
                 report.lights += range.len();
                 let lights = tree.lights()[range.clone()].iter().zip(&tree.leaves()[range]);
                 let fill = lights.map(|(light, place)| LightRecord::of(light, *place));
-                let target = light_range.start + run.start..light_range.start + run.end;
+                let target = light_base + run.start..light_base + run.end;
                 self.lights.write(commands, &mut staged.lights, target, fill);
             }
-            let fill = TreeRecord::of(tree, *division).into_iter();
-            self.trees.write(commands, &mut staged.trees, records.clone(), fill);
+            if matches!(write.source, Source::Piece) {
+                continue;
+            }
+            if matches!(write.source, Source::Tree) {
+                self.residency.was_written(write.slot, entry.log.revision());
+            }
+            // The records of stand-ins describe the whole tree, so nothing changes in the top level
+            // when it takes their place.
+            let state = self.residency.get(write.slot);
+            let fill = TreeRecord::of(&entry.tree, state.division).into_iter();
+            self.trees.write(commands, &mut staged.trees, state.records.clone(), fill);
         }
     }
 
@@ -163,14 +212,17 @@ impl LightPlanner {
         let generation = generation_of(key);
         let Some(instance) = world.instance(key) else { return InstanceRecord::NONE };
         let Some(placed) = instance.shown() else { return InstanceRecord::hidden(generation) };
-        let ranges = &self.tree_ranges[slot_of(instance.tree) as usize];
+        let state = self.residency.get(slot_of(instance.tree));
         let parts = self.parts.range(slot);
+        let stands_in = state.form == Form::StandIns;
         let bases = Bases {
-            tree: ranges.records.start,
-            node: ranges.nodes.start,
-            light: ranges.lights.start,
+            tree: state.records.start,
+            node: state.nodes.start,
+            // Shaders add the index of a light, and sums wrap around.
+            light: state.lights.start.wrapping_sub(if stands_in { STAND_IN } else { 0 }),
             part: parts.start,
-            division: ranges.division,
+            division: state.division,
+            stands_in,
         };
         InstanceRecord::of(placed, &instance.appearance, bases).with_generation(generation)
     }

@@ -4,6 +4,7 @@
 use glam::DVec3;
 
 use super::LightWorld;
+use crate::cluster::Cluster;
 use crate::error::{WorldError, check_finite};
 use crate::keys::{InstanceKey, TreeKey};
 
@@ -139,16 +140,34 @@ impl LightWorld {
 
     /// The illuminance of a tree at the viewpoint; see [`TreeWeight`].
     fn illuminance_of(&self, key: TreeKey) -> f32 {
+        self.sum_over_instances(key, |cluster, dist_sq| cluster.flux / dist_sq)
+    }
+
+    /// About how wrong the illuminance at the viewpoint may be, in lux, if a few lights stand in for
+    /// those of a tree: its illuminance times its squared angular size, at most 1. Without a
+    /// viewpoint its flux. Not negative.
+    #[cfg(feature = "gpu-plan")]
+    pub(crate) fn error_of_stand_ins(&self, key: TreeKey) -> f32 {
+        let has_viewpoint = self.view_weights.viewpoint.is_some();
+        self.sum_over_instances(key, |cluster, dist_sq| {
+            let angular_size = if has_viewpoint { (cluster.variance / dist_sq).min(1.0) } else { 1.0 };
+            cluster.flux / dist_sq * angular_size
+        })
+    }
+
+    /// The sum of a function of the clusters of a tree's instances and of their mean squared
+    /// distances from the viewpoint, 1 without a viewpoint. Many instances are estimated from some.
+    fn sum_over_instances(&self, key: TreeKey, f: impl Fn(&Cluster, f32) -> f32) -> f32 {
         let instances = &self.trees[key].instances;
         let step = instances.len().div_ceil(MAX_SAMPLED_INSTANCES).max(1);
         let viewpoint = self.view_weights.viewpoint.map(|viewpoint| (viewpoint - self.origin).as_vec3());
-        let illuminances = instances.iter().step_by(step).map(|instance| {
+        let values = instances.iter().step_by(step).map(|instance| {
             let cluster = self.cluster(*instance);
             let dist_sq =
                 viewpoint.map_or(1.0, |viewpoint| viewpoint.distance_squared(cluster.mean) + cluster.variance);
-            cluster.flux / dist_sq.max(f32::MIN_POSITIVE)
+            f(&cluster, dist_sq.max(f32::MIN_POSITIVE))
         });
-        let sum = illuminances.sum::<f32>() * step as f32;
+        let sum = values.sum::<f32>() * step as f32;
         // At a viewpoint inside the only lamp of a tree the illuminance has no bound. A greater
         // value would swallow those of all other trees in the sum.
         if sum.is_nan() { 0.0 } else { sum.min(MAX_ILLUMINANCE) }

@@ -343,6 +343,12 @@ impl LightWorld {
         self.instances.slot_count()
     }
 
+    /// The number of tree slots that are or were in use.
+    #[cfg(feature = "gpu-plan")]
+    pub(crate) fn tree_slot_count(&self) -> u32 {
+        self.tree_slots.len() as u32
+    }
+
     /// The live tree of a tree slot.
     #[cfg(feature = "gpu-plan")]
     pub(crate) fn tree_at(&self, slot: u32) -> Option<TreeKey> {

@@ -408,9 +408,9 @@ fn changes_that_do_not_fit_are_refused_and_sent_with_the_next_upload_that_fits()
     let mut lights = GpuLights::new(&device, &queue).expect("such limits are enough");
     let first = world.take_delta();
     lights.upload(&world, &first).expect("room enough");
-    // 20,000 lights of 64 bytes take more than a mebibyte.
-    let large = world.add_tree(rng.lights(20_000, 5.0)).expect("valid");
-    let instance = world.add_instance(large, Placement::IDENTITY, Policy::Static).expect("valid");
+    // 20,000 lights of 64 bytes take more than a mebibyte, and trees of 16 lights have no stand-ins.
+    let trees: Vec<_> = (0..1250).map(|_| world.add_tree(rng.lights(16, 5.0)).expect("valid")).collect();
+    let instance = world.add_instance(trees[0], Placement::IDENTITY, Policy::Static).expect("valid");
     let mover = world.instances().next().expect("seven instances");
     world.move_instance(mover, Placement::at(DVec3::X)).expect("valid");
     let delta = world.take_delta();
@@ -419,7 +419,7 @@ fn changes_that_do_not_fit_are_refused_and_sent_with_the_next_upload_that_fits()
         assert!(matches!(refused, Some(GpuError::Full { .. })), "{refused:?}");
     }
     world.remove_instance(instance).expect("it lives");
-    world.remove_tree(large).expect("unused");
+    trees.into_iter().for_each(|tree| world.remove_tree(tree).expect("unused"));
     let delta = world.take_delta();
     let report = lights.upload(&world, &delta).expect("room enough again");
     assert_eq!(report.instances, 2, "the removed one, and the one that moved in the refused delta");
@@ -493,18 +493,22 @@ fn an_upload_that_does_not_fit_in_its_longer_layout_leaves_the_last_one_in_place
     let limited = limited_gpu(1 << 20);
     let mut rng = Rng(52);
     let mut world = LightWorld::new();
-    let points = (0..12_000).map(|_| Light::point(rng.place(5.0), Vec3::ONE)).collect();
-    let tree = world.add_tree(points).expect("valid");
-    world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
+    for _ in 0..750 {
+        // Trees of 16 lights have no stand-ins.
+        let points = (0..16).map(|_| Light::point(rng.place(5.0), Vec3::ONE)).collect();
+        let tree = world.add_tree(points).expect("valid");
+        world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
+    }
     let mut lights = GpuLights::new(&limited.0, &limited.1).expect("such limits are enough");
     let delta = world.take_delta();
     lights.upload(&world, &delta).expect("room enough");
     let requests = requests(&mut rng, 512, 10.0);
     let before = sample_again(&limited, &mut lights, &requests);
     // At 64 bytes each, 12,000 lights fit into a mebibyte, and 18,000 do not.
-    let spot = |_| Light::spot(rng.place(5.0), Vec3::NEG_Y, 0.1, 0.4, Vec3::ONE);
-    let spots = world.add_tree((0..6000).map(spot).collect()).expect("valid");
-    let instance = world.add_instance(spots, Placement::IDENTITY, Policy::Static).expect("valid");
+    let mut spot = |_| Light::spot(rng.place(5.0), Vec3::NEG_Y, 0.1, 0.4, Vec3::ONE);
+    let mut add = |_| world.add_tree((0..16).map(&mut spot).collect()).expect("valid");
+    let spots: Vec<_> = (0..375).map(&mut add).collect();
+    let instance = world.add_instance(spots[0], Placement::IDENTITY, Policy::Static).expect("valid");
     let delta = world.take_delta();
     let refused = lights.upload(&world, &delta).err();
     assert!(matches!(refused, Some(GpuError::Full { what: "lights", .. })), "{refused:?}");
@@ -512,7 +516,7 @@ fn an_upload_that_does_not_fit_in_its_longer_layout_leaves_the_last_one_in_place
     lights.set_splits(SplitCount::DEFAULT);
     assert_eq!(sample_again(&limited, &mut lights, &requests), before);
     world.remove_instance(instance).expect("it lives");
-    world.remove_tree(spots).expect("unused");
+    spots.into_iter().for_each(|tree| world.remove_tree(tree).expect("unused"));
     let delta = world.take_delta();
     lights.upload(&world, &delta).expect("room enough again");
     assert_eq!(sample_again(&limited, &mut lights, &requests), before);

@@ -53,6 +53,7 @@ mod shader_text;
 mod shadow_oracle;
 mod small_scene;
 mod solid_angle;
+mod stand_ins;
 mod support;
 mod torture;
 mod tree;

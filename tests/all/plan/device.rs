@@ -50,6 +50,11 @@ impl Device {
         &self.buffers[&id].1
     }
 
+    /// The bytes of all buffers.
+    pub fn bytes_of_all(&self) -> u64 {
+        self.buffers.values().map(|(_, bytes)| bytes.len() as u64).sum()
+    }
+
     fn bytes(&mut self, id: BufferId, offset: u64, length: u64) -> &mut [u8] {
         assert!(offset.is_multiple_of(4) && length.is_multiple_of(4) && length > 0);
         let (_, bytes) = self.buffers.get_mut(&id).expect("the buffer exists");

@@ -1,0 +1,51 @@
+//! What an engine allows the GPU side to take.
+
+/// What buffers the engine's device can have, how much memory trees may take there, and how much may
+/// be sent in a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct PlanLimits {
+    /// Bytes of the largest storage buffer that the device can make and bind whole. At least
+    /// 131,072. More lets a world hold more instances, and more of its trees whole.
+    pub largest_buffer: u64,
+    /// Bytes of the buffers that hold the nodes and lights of trees; `None` if only
+    /// [`PlanLimits::largest_buffer`] bounds them. See [`LightPlanner::set_tree_memory`].
+    ///
+    /// [`LightPlanner::set_tree_memory`]: super::LightPlanner::set_tree_memory
+    pub tree_memory: Option<u64>,
+    /// Bytes of new trees that one frame sends; `None` for any number. See
+    /// [`LightPlanner::set_frame_bytes`].
+    ///
+    /// [`LightPlanner::set_frame_bytes`]: super::LightPlanner::set_frame_bytes
+    pub frame_bytes: Option<u64>,
+}
+
+impl PlanLimits {
+    /// Limits with a largest storage buffer of this many bytes, at least 131,072, and no others.
+    pub fn new(largest_buffer: u64) -> Self {
+        let largest_buffer = largest_buffer.max(MIN_LARGEST_BUFFER);
+        Self { largest_buffer, tree_memory: None, frame_bytes: None }
+    }
+
+    /// The same limits, and at most this many bytes for the nodes and lights of trees.
+    #[must_use]
+    pub fn with_tree_memory(self, bytes: u64) -> Self {
+        Self { tree_memory: Some(bytes), ..self }
+    }
+
+    /// The same limits, and at most this many bytes of new trees in a frame.
+    #[must_use]
+    pub fn with_frame_bytes(self, bytes: u64) -> Self {
+        Self { frame_bytes: Some(bytes), ..self }
+    }
+}
+
+impl Default for PlanLimits {
+    /// WebGPU's default: 128 MiB.
+    fn default() -> Self {
+        Self::new(128 << 20)
+    }
+}
+
+/// The largest buffer of an empty world.
+pub(crate) const MIN_LARGEST_BUFFER: u64 = 128 * 1024;

@@ -1,0 +1,153 @@
+//! The memory that the GPU side takes, and how it is divided.
+
+use std::collections::BTreeMap;
+
+use super::LightPlanner;
+use super::buffers::{BufferId, NewBuffer};
+use super::residency::Form;
+use super::stored::Stored;
+use crate::effects::Effects;
+use crate::keys::{TreeKey, slot_of};
+use crate::world::LightWorld;
+
+/// The least memory of trees: enough for the pools of an empty world.
+const MIN_TREE_MEMORY: u64 = 128 * 1024;
+
+/// Each of the two pools of trees gets at least this share of the memory: one part in so many.
+const LEAST_SHARE: u64 = 8;
+
+/// Trees that are looked at to divide the memory between nodes and lights.
+const SAMPLED_TREES: u32 = 256;
+
+/// The bytes that the GPU side takes: see [`LightPlanner::memory`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct GpuMemory {
+    /// Bytes of all buffers.
+    pub buffers: u64,
+    /// Bytes of the two buffers of nodes and lights: the part that
+    /// [`LightPlanner::set_tree_memory`] limits.
+    pub trees: u64,
+    /// Bytes of nodes and lights in these two that are in use.
+    pub used: u64,
+    /// Bytes of gaps between those in use.
+    pub gaps: u64,
+}
+
+/// The sizes of the buffers that exist.
+#[derive(Debug, Default)]
+pub(super) struct BufferSizes {
+    bytes: BTreeMap<BufferId, u64>,
+    total: u64,
+}
+
+impl BufferSizes {
+    /// Notes that buffers were made and freed.
+    pub fn change(&mut self, new: &[NewBuffer], freed: &[BufferId]) {
+        for buffer in new {
+            self.total += buffer.bytes;
+            self.bytes.insert(buffer.id, buffer.bytes);
+        }
+        for id in freed {
+            self.total -= self.bytes.remove(id).unwrap_or(0);
+        }
+    }
+}
+
+impl LightPlanner {
+    /// Limits the memory that the nodes and lights of trees take, in bytes, from the next plan on;
+    /// `None` lifts the limit. At first it is [`PlanLimits::tree_memory`](super::PlanLimits).
+    ///
+    /// Trees that do not fit are seen by shaders as *stand-ins*: up to 64 of their lights that shine
+    /// as brightly as all of them. Those whose stand-ins are the least wrong at
+    /// [`LightWorld::set_viewpoint`] give way first: far ones, small ones and dim ones. So no light is
+    /// lost, and accuracy degrades. Without a limit the same happens to trees for which
+    /// [`PlanLimits::largest_buffer`](super::PlanLimits) has no room.
+    ///
+    /// With a limit, buffers grow by steps of 16 up to the whole limit, so that little is ever copied,
+    /// and the limit holds for old and new buffers together but for a sixteenth. Without one, they
+    /// double. A lower limit than before may send all trees again. Less than 131,072 counts as that.
+    /// Tables of instances and the top level are not part of it: they take about 300 bytes for each
+    /// instance.
+    ///
+    /// A plan fails with [`PlanError::Full`](super::PlanError::Full) if not even stand-ins fit, of up
+    /// to 3.5 KB for each tree, and trees of up to 16 lights, which are always whole.
+    pub fn set_tree_memory(&mut self, bytes: Option<u64>) {
+        if bytes != self.limits.tree_memory {
+            self.limits.tree_memory = bytes;
+            self.shares = None;
+            self.is_resized = true;
+        }
+    }
+
+    /// Limits the bytes of new trees and of new versions of trees that a plan sends; `None` lifts the
+    /// limit. At first it is [`PlanLimits::frame_bytes`](super::PlanLimits).
+    ///
+    /// Trees wait until it is their turn, and shaders see stand-ins of them, or their older version:
+    /// see [`UploadReport::waiting_trees`](super::UploadReport::waiting_trees). A tree of more bytes
+    /// is sent in pieces. What else changed is sent at once, whatever it takes: changes of trees that
+    /// shaders see whole, trees of up to 16 lights, stand-ins, and the records of instances. A tree
+    /// that is rebuilt three times while it is sent in pieces is sent at once too. With 0, nothing
+    /// that waits is sent.
+    pub fn set_frame_bytes(&mut self, bytes: Option<u64>) {
+        self.limits.frame_bytes = bytes;
+    }
+
+    /// Whether shaders see stand-ins of a tree after the last plan. False for a tree that was never
+    /// planned.
+    pub fn stands_in(&self, tree: TreeKey) -> bool {
+        let state = self.residency.get(slot_of(tree));
+        state.key == Some(tree) && state.form == Form::StandIns
+    }
+
+    /// Whether shaders do not see a tree as it is after the last plan: they see stand-ins, an older
+    /// version, or nothing of a tree that was never planned.
+    pub fn is_waiting(&self, tree: TreeKey) -> bool {
+        let state = self.residency.get(slot_of(tree));
+        state.key != Some(tree) || state.waits
+    }
+
+    /// The memory that the buffers take after the last plan. O(gaps).
+    pub fn memory(&self) -> GpuMemory {
+        let pools = [
+            (self.nodes.bytes(), self.nodes.taken(), self.nodes.used(), self.nodes.stride()),
+            (self.lights.bytes(), self.lights.taken(), self.lights.used(), self.lights.stride()),
+        ];
+        let mut memory = GpuMemory { buffers: self.buffers.total, ..GpuMemory::default() };
+        for (bytes, taken, end, stride) in pools {
+            memory.trees += bytes;
+            memory.used += taken * stride;
+            memory.gaps += (end - taken) * stride;
+        }
+        memory
+    }
+
+    /// Divides a limited memory between nodes and lights, as the trees of the world need it. The
+    /// division stays the same once a pool has taken its last step.
+    pub(super) fn divide_memory(&mut self, world: &LightWorld, effects: Effects) {
+        let Some(memory) = self.limits.tree_memory.map(|memory| memory.max(MIN_TREE_MEMORY)) else {
+            self.nodes.set_share(None);
+            self.lights.set_share(None);
+            return;
+        };
+        if let Some([nodes, lights]) = self.shares
+            && (self.nodes.bytes() > nodes / 8 || self.lights.bytes() > lights / 8)
+        {
+            return;
+        }
+        let (mut nodes, mut lights) = (1, 1);
+        let slots = self.residency.slots().max(world.tree_slot_count());
+        for slot in (0..slots).step_by(slots.div_ceil(SAMPLED_TREES).max(1) as usize) {
+            if let Some(tree) = world.tree_at(slot).and_then(|key| world.tree(key)) {
+                nodes += (tree.nodes().len() * Stored::nodes(effects).bytes()) as u64;
+                lights += (tree.lights().len() * Stored::lights(effects).bytes()) as u64;
+            }
+        }
+        let least = memory / LEAST_SHARE;
+        let share = (u128::from(memory) * u128::from(nodes) / u128::from(nodes + lights)) as u64;
+        let share = share.clamp(least, memory - least);
+        self.shares = Some([share, memory - share]);
+        self.nodes.set_share(Some(share));
+        self.lights.set_share(Some(memory - share));
+    }
+}

@@ -1,0 +1,508 @@
+//! Decides what of each tree a frame sends: the whole tree, what changed, a piece, or stand-ins.
+//!
+//! What changed in a tree that shaders see whole is sent at once, whatever it takes. New trees and new
+//! versions of trees share the bytes of a frame, the most useful first. Until a tree has been sent,
+//! shaders see its stand-ins or its older version.
+
+use std::ops::Range;
+
+use super::LightPlanner;
+use super::changes::PendingChanges;
+use super::error::PlanError;
+use super::layout::TreeRecord;
+use super::pool::{Demand, Growth};
+use super::reserve::{Room, Source, TreeWrite};
+use super::residency::{Form, Incoming, TreeState, has_room};
+use super::runs::runs;
+use super::stand_in::{may_stand_in, stand_ins};
+use crate::keys::{TreeKey, slot_of};
+use crate::part::Division;
+use crate::tree::LightTree;
+use crate::world::{LightWorld, TreeChanges, TreeEntry};
+
+/// Nodes that did not change are sent along if at most this many lie between two that did. That
+/// saves a write.
+const NODE_GAP: u32 = 2;
+/// The same for lights.
+const LIGHT_GAP: u32 = 8;
+
+/// Trees whose usefulness a frame computes again while some wait.
+const WEIGHED_PER_FRAME: u32 = 64;
+
+/// A tree gives way only to one that is more useful by this factor, so that they do not take turns.
+const MIN_GAIN: f32 = 1.25;
+
+/// The most trees that give way to one.
+const MAX_FALLBACKS: usize = 64;
+
+/// The most trees that are looked at to find one that can move to a gap.
+const MAX_MOVES: usize = 64;
+
+/// Bytes that a frame moves to join gaps if nothing bounds what it sends.
+const MOVED_BYTES: u64 = 256 * 1024;
+
+/// A tree that changes as a whole while it is sent in pieces is begun again this many times. Then it
+/// is sent at once.
+const MAX_RESTARTS: u32 = 2;
+
+/// The most trees that a frame brings.
+const MAX_BROUGHT: usize = 4096;
+
+/// The most trees for which a frame finds no room before it gives up.
+const MAX_REFUSALS: usize = 8;
+
+/// A tree of the world, and the key under which shaders know it.
+#[derive(Clone, Copy)]
+struct Subject<'a> {
+    slot: u32,
+    key: TreeKey,
+    entry: &'a TreeEntry,
+    division: Division,
+}
+
+impl<'a> Subject<'a> {
+    /// The tree of a slot; `None` if it has none.
+    fn of(world: &'a LightWorld, slot: u32) -> Option<Self> {
+        let key = world.tree_at(slot)?;
+        let entry = world.tree_entry(key)?;
+        Some(Self { slot, key, entry, division: world.division(key) })
+    }
+
+    fn tree(&self) -> &'a LightTree {
+        &self.entry.tree
+    }
+
+    fn counts(&self) -> [usize; 2] {
+        [self.tree().nodes().len(), self.tree().lights().len()]
+    }
+
+    /// The error that stand-ins of the tree make, per record of the tree, as the bits of an f32 that is
+    /// not negative, so that bits compare as numbers. The greatest for a tree that is always whole.
+    fn usefulness(&self, world: &LightWorld) -> u32 {
+        if !may_stand_in(self.tree()) {
+            return u32::MAX;
+        }
+        let records: usize = self.counts().into_iter().sum();
+        let usefulness = world.error_of_stand_ins(self.key) / records as f32;
+        if usefulness > 0.0 { usefulness.to_bits() } else { 0 }
+    }
+
+    /// The runs of nodes and lights that changed after a revision. All, and `true`, if the tree
+    /// changed as a whole.
+    fn changes_since(&self, revision: u64) -> ([Vec<Range<u32>>; 2], bool) {
+        match self.entry.log.since(revision) {
+            Some(TreeChanges { nodes, lights }) => ([runs(nodes, NODE_GAP), runs(lights, LIGHT_GAP)], false),
+            None => (self.counts().map(all), true),
+        }
+    }
+}
+
+/// A run of all records.
+fn all(count: usize) -> Vec<Range<u32>> {
+    std::iter::once(0..count as u32).filter(|run| !run.is_empty()).collect()
+}
+
+/// Whether the ranges of a tree have room for its present nodes and lights, and not much more.
+fn has_room_for(state: &TreeState, subject: &Subject) -> bool {
+    let [nodes, lights] = subject.counts();
+    has_room(&state.nodes, nodes) && has_room(&state.lights, lights)
+}
+
+fn length(runs: &[Range<u32>]) -> usize {
+    runs.iter().map(|run| run.len()).sum()
+}
+
+impl LightPlanner {
+    /// Reserves ranges for trees whose size has changed and for trees that waited, and lists what is
+    /// written of all trees.
+    pub(super) fn place_trees(
+        &mut self,
+        world: &LightWorld,
+        changes: &PendingChanges,
+        room: &mut Room,
+    ) -> Result<(), PlanError> {
+        // After a restart all trees stand in, so that it leaves as much room as there can be.
+        let is_restarted = room.restarted.is_some();
+        room.left = if is_restarted { 0 } else { self.limits.frame_bytes.unwrap_or(u64::MAX) };
+        match self.residency.incoming.clone() {
+            Some(incoming) if room.left > 0 => self.go_on(world, incoming, room)?,
+            incoming => room.incoming = incoming,
+        }
+        if room.left > 0 && self.residency.waiting_count() > 0 {
+            self.stream(world, room)?;
+        }
+        for slot in changes.trees.as_slice() {
+            // A tree that has just arrived is up to date.
+            if !room.placed.contains_key(slot) {
+                self.follow(world, *slot, room)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn bytes(&self, [nodes, lights]: [usize; 2]) -> u64 {
+        nodes as u64 * self.nodes.next_stride() + lights as u64 * self.lights.next_stride()
+    }
+
+    /// Follows the tree of a slot that was added, changed or removed.
+    fn follow(&mut self, world: &LightWorld, slot: u32, room: &mut Room) -> Result<(), PlanError> {
+        let subject = Subject::of(world, slot);
+        let key = subject.map(|subject| subject.key);
+        let incoming = room.incoming.as_ref().filter(|incoming| incoming.slot == slot);
+        let is_coming = incoming.is_some_and(|incoming| Some(incoming.key) == key);
+        if incoming.is_some() && !is_coming {
+            room.incoming = None;
+        }
+        let Some(subject) = subject else {
+            room.placed.insert(slot, TreeState::NONE);
+            return Ok(());
+        };
+        let is_small = !may_stand_in(subject.tree());
+        let present = self.residency.get(slot);
+        let is_known = present.key == key;
+        if is_coming {
+            // What changes meanwhile is sent with the last piece.
+            let state = present.clone();
+            return if state.form == Form::Whole { Ok(()) } else { self.show_stand_ins(world, &subject, state, room) };
+        }
+        if is_known && present.form == Form::Whole && has_room_for(present, &subject) {
+            let (runs, is_all) = subject.changes_since(present.revision);
+            let bytes = self.bytes([length(&runs[0]), length(&runs[1])]);
+            if !is_all || is_small || bytes <= room.left {
+                room.left = room.left.saturating_sub(bytes);
+                return self.write_in_place(world, &subject, runs, room);
+            }
+        }
+        let state = if is_known { present.clone() } else { TreeState::new(subject.key) };
+        let bytes = self.bytes(subject.counts());
+        let is_in_place = state.form == Form::Whole && has_room_for(&state, &subject);
+        if !is_in_place && (is_small || bytes <= room.left) {
+            let demand = if is_small { Demand::Must } else { Demand::May };
+            match self.alloc(state.room_for(subject.counts()), demand, room.growth) {
+                Ok(ranges) => {
+                    room.left = room.left.saturating_sub(bytes);
+                    return self.show_whole(world, &subject, state, ranges, room);
+                }
+                Err(error) if is_small => return Err(error),
+                Err(_) => {}
+            }
+        }
+        if state.form == Form::Whole {
+            let usefulness = subject.usefulness(world);
+            room.placed.insert(slot, TreeState { waits: true, bytes, usefulness, ..state });
+            return Ok(());
+        }
+        self.show_stand_ins(world, &subject, state, room)
+    }
+
+    /// Ranges for nodes and lights, or none.
+    fn alloc(
+        &mut self,
+        [nodes, lights]: [u32; 2],
+        demand: Demand,
+        growth: Growth,
+    ) -> Result<[Range<u32>; 2], PlanError> {
+        let nodes = self.nodes.alloc_for(nodes, demand, growth)?;
+        match self.lights.alloc_for(lights, demand, growth) {
+            Ok(lights) => Ok([nodes, lights]),
+            Err(error) => {
+                self.nodes.free(nodes);
+                Err(error)
+            }
+        }
+    }
+
+    /// Writes runs of a tree to the ranges where shaders see it.
+    fn write_in_place(
+        &mut self,
+        world: &LightWorld,
+        subject: &Subject,
+        runs: [Vec<Range<u32>>; 2],
+        room: &mut Room,
+    ) -> Result<(), PlanError> {
+        let state = self.residency.get(subject.slot);
+        let bases = [state.nodes.start, state.lights.start];
+        let count = TreeRecord::count(subject.tree(), subject.division) as usize;
+        if state.waits || state.division != subject.division || state.records.len() != count {
+            let state = TreeState { waits: false, ..state.clone() };
+            self.stage(world, subject, state, subject.division, room)?;
+        }
+        room.trees.add(TreeWrite { slot: subject.slot, source: Source::Tree, bases }, runs);
+        Ok(())
+    }
+
+    /// Writes a tree to these ranges, and lets shaders see it.
+    fn show_whole(
+        &mut self,
+        world: &LightWorld,
+        subject: &Subject,
+        state: TreeState,
+        [nodes, lights]: [Range<u32>; 2],
+        room: &mut Room,
+    ) -> Result<(), PlanError> {
+        let bases = [nodes.start, lights.start];
+        let state = TreeState { form: Form::Whole, waits: false, nodes, lights, ..state };
+        self.stage(world, subject, state, subject.division, room)?;
+        room.trees.add(TreeWrite { slot: subject.slot, source: Source::Tree, bases }, subject.counts().map(all));
+        Ok(())
+    }
+
+    /// Lets shaders see stand-ins of the tree.
+    fn show_stand_ins(
+        &mut self,
+        world: &LightWorld,
+        subject: &Subject,
+        state: TreeState,
+        room: &mut Room,
+    ) -> Result<(), PlanError> {
+        let few = stand_ins(subject.tree());
+        let counts = [few.nodes().len(), few.lights().len()];
+        let is_same = state.form == Form::StandIns && [state.nodes.len(), state.lights.len()] == counts;
+        let [nodes, lights] = match is_same {
+            true => [state.nodes.clone(), state.lights.clone()],
+            false => self.alloc(counts.map(|count| count as u32), Demand::Must, room.growth)?,
+        };
+        let bases = [nodes.start, lights.start];
+        let bytes = self.bytes(subject.counts());
+        let state = TreeState { form: Form::StandIns, waits: true, bytes, nodes, lights, ..state };
+        self.stage(world, subject, state, Division::Whole, room)?;
+        room.trees
+            .add(TreeWrite { slot: subject.slot, source: Source::StandIns(Box::new(few)), bases }, counts.map(all));
+        Ok(())
+    }
+
+    /// Notes the state of a tree after the frame, with room for the records of its parts.
+    fn stage(
+        &mut self,
+        world: &LightWorld,
+        subject: &Subject,
+        mut state: TreeState,
+        division: Division,
+        room: &mut Room,
+    ) -> Result<(), PlanError> {
+        let count = TreeRecord::count(subject.tree(), division);
+        let has_records = state.records.len() as u32 == count;
+        state.division = division;
+        if state.waits || self.residency.is_sorted() {
+            state.usefulness = subject.usefulness(world);
+        }
+        // Staged first, so that what was reserved is released if the rest fails.
+        room.placed.insert(subject.slot, state);
+        if !has_records {
+            let records = self.trees.alloc(count, room.growth)?;
+            room.placed.entry(subject.slot).and_modify(|state| state.records = records);
+        }
+        Ok(())
+    }
+
+    /// Sends trees that wait, as far as the frame's bytes and the pools allow.
+    fn stream(&mut self, world: &LightWorld, room: &mut Room) -> Result<(), PlanError> {
+        for slot in self.residency.next_slots(WEIGHED_PER_FRAME) {
+            self.weigh(world, slot);
+        }
+        let waiting: Vec<u32> = self.residency.waiting().take(MAX_BROUGHT).collect();
+        let mut refusals = 0;
+        for slot in waiting {
+            if room.left == 0 || room.incoming.is_some() || refusals == MAX_REFUSALS {
+                break;
+            }
+            if room.placed.contains_key(&slot) {
+                continue;
+            }
+            let is_same = |subject: &Subject| self.residency.get(slot).key == Some(subject.key);
+            let Some(subject) = Subject::of(world, slot).filter(is_same) else { continue };
+            if self.bring(world, &subject, room)? {
+                continue;
+            }
+            if self.make_way(world, &subject, room)? {
+                break;
+            }
+            refusals += 1;
+        }
+        Ok(())
+    }
+
+    /// Computes anew how useful it is to hold the tree of a slot whole.
+    fn weigh(&mut self, world: &LightWorld, slot: u32) {
+        if let Some(subject) = Subject::of(world, slot)
+            && self.residency.get(slot).key == Some(subject.key)
+        {
+            self.residency.set_usefulness(slot, subject.usefulness(world));
+        }
+    }
+
+    /// Sends a tree that waits, or its first piece. Returns whether there is room for it.
+    fn bring(&mut self, world: &LightWorld, subject: &Subject, room: &mut Room) -> Result<bool, PlanError> {
+        let state = self.residency.get(subject.slot).clone();
+        let bytes = self.bytes(subject.counts());
+        let fits = bytes <= room.left;
+        if fits && state.form == Form::Whole && has_room_for(&state, subject) {
+            room.left -= bytes;
+            self.write_in_place(world, subject, subject.counts().map(all), room)?;
+            return Ok(true);
+        }
+        let Ok(ranges) = self.alloc(state.room_for(subject.counts()), Demand::May, room.growth) else {
+            return Ok(false);
+        };
+        if fits {
+            room.left -= bytes;
+            self.show_whole(world, subject, state, ranges, room)?;
+        } else {
+            let [nodes, lights] = ranges;
+            let revision = subject.entry.log.revision();
+            let (slot, key) = (subject.slot, subject.key);
+            let incoming = Incoming { slot, key, nodes, lights, sent: [0; 2], revision, restarts: 0 };
+            self.go_on(world, incoming, room)?;
+        }
+        Ok(true)
+    }
+
+    /// Sends the next piece of a tree. With the last one, shaders see the tree.
+    fn go_on(&mut self, world: &LightWorld, mut incoming: Incoming, room: &mut Room) -> Result<(), PlanError> {
+        let subject = Subject::of(world, incoming.slot).filter(|subject| subject.key == incoming.key);
+        let Some(subject) = subject else { return Ok(()) };
+        let counts = subject.counts();
+        if !has_room(&incoming.nodes, counts[0]) || !has_room(&incoming.lights, counts[1]) {
+            return Ok(());
+        }
+        if subject.entry.log.since(incoming.revision).is_none() {
+            incoming.sent = [0; 2];
+            incoming.revision = subject.entry.log.revision();
+            incoming.restarts += 1;
+        }
+        let mut left = if incoming.restarts > MAX_RESTARTS { u64::MAX } else { room.left };
+        let strides = [self.nodes.next_stride(), self.lights.next_stride()];
+        let mut pieces = [Vec::new(), Vec::new()];
+        for pool in 0..2 {
+            let start = incoming.sent[pool];
+            // At least one record, however few bytes are left.
+            let most = left.div_ceil(strides[pool]).min(u64::from(u32::MAX)) as u32;
+            let end = start.saturating_add(most).min(counts[pool] as u32).max(start);
+            pieces[pool].extend(std::iter::once(start..end).filter(|piece| !piece.is_empty()));
+            incoming.sent[pool] = end;
+            let bytes = u64::from(end - start) * strides[pool];
+            left = left.saturating_sub(bytes);
+            room.left = room.left.saturating_sub(bytes);
+        }
+        let bases = [incoming.nodes.start, incoming.lights.start];
+        room.trees.add(TreeWrite { slot: subject.slot, source: Source::Piece, bases }, pieces);
+        if (0..2).any(|pool| (incoming.sent[pool] as usize) < counts[pool]) {
+            room.incoming = Some(incoming);
+            return Ok(());
+        }
+        let (runs, _) = subject.changes_since(incoming.revision);
+        let Incoming { nodes, lights, .. } = incoming;
+        let state = self.residency.get(subject.slot).clone();
+        let state = TreeState { form: Form::Whole, waits: false, nodes, lights, ..state };
+        self.stage(world, &subject, state, subject.division, room)?;
+        room.trees.add(TreeWrite { slot: subject.slot, source: Source::Tree, bases }, runs);
+        Ok(())
+    }
+
+    /// Makes room for a tree in the next frame: joins gaps, or lets less useful trees fall back to
+    /// stand-ins. Returns whether it did either.
+    fn make_way(&mut self, world: &LightWorld, subject: &Subject, room: &mut Room) -> Result<bool, PlanError> {
+        if !self.residency.is_sorted() {
+            self.residency.sort();
+            (0..self.residency.slots()).for_each(|slot| self.weigh(world, slot));
+        }
+        let usefulness = self.residency.get(subject.slot).usefulness;
+        let [nodes, lights] = subject.counts().map(|count| count as u64);
+        let mut missing = [self.nodes.missing(nodes), self.lights.missing(lights)];
+        if missing == [0; 2] {
+            return self.join_gaps(world, room);
+        }
+        let below = (f32::from_bits(usefulness) / MIN_GAIN).to_bits();
+        let mut fallbacks = Vec::new();
+        for slot in self.residency.less_useful(below).filter(|slot| !room.placed.contains_key(slot)) {
+            if missing == [0; 2] || fallbacks.len() == MAX_FALLBACKS {
+                break;
+            }
+            let state = self.residency.get(slot);
+            let freed = [state.nodes.len() as u64, state.lights.len() as u64];
+            missing = [0, 1].map(|pool: usize| missing[pool].saturating_sub(freed[pool]));
+            fallbacks.push(slot);
+        }
+        if missing != [0; 2] {
+            return Ok(false);
+        }
+        for slot in fallbacks {
+            let is_same = |subject: &Subject| self.residency.get(slot).key == Some(subject.key);
+            let Some(subject) = Subject::of(world, slot).filter(is_same) else { continue };
+            let state = self.residency.get(slot).clone();
+            match self.show_stand_ins(world, &subject, state, room) {
+                // Without room for stand-ins the tree stays.
+                Err(_) if !room.placed.contains_key(&slot) => break,
+                result => result?,
+            }
+        }
+        Ok(true)
+    }
+
+    /// Moves trees from the end of each pool to gaps. Returns whether it moved any.
+    fn join_gaps(&mut self, world: &LightWorld, room: &mut Room) -> Result<bool, PlanError> {
+        let mut left = room.left.min(self.limits.frame_bytes.unwrap_or(MOVED_BYTES));
+        let mut has_moved = false;
+        for pool in 0..2 {
+            let last: Vec<u32> = self.residency.places_from_last(pool).take(MAX_MOVES).collect();
+            for slot in last {
+                let state = self.residency.get(slot).clone();
+                let Some(subject) = Subject::of(world, slot) else { continue };
+                let is_current = state.key == Some(subject.key)
+                    && state.form == Form::Whole
+                    && subject.entry.log.since(state.revision) == Some(TreeChanges::default())
+                    && has_room_for(&state, &subject);
+                let mut runs = subject.counts().map(all);
+                runs[1 - pool].clear();
+                let bytes = self.bytes([length(&runs[0]), length(&runs[1])]);
+                if room.placed.contains_key(&slot) || !is_current || bytes > left {
+                    continue;
+                }
+                let mut ranges = [state.nodes.clone(), state.lights.clone()];
+                let Some(lower) = self.take_lower(pool, &ranges[pool]) else { continue };
+                ranges[pool] = lower;
+                left -= bytes;
+                room.left = room.left.saturating_sub(bytes);
+                has_moved = true;
+                let bases = [ranges[0].start, ranges[1].start];
+                let [nodes, lights] = ranges;
+                self.stage(world, &subject, TreeState { nodes, lights, ..state }, subject.division, room)?;
+                room.trees.add(TreeWrite { slot, source: Source::Piece, bases }, runs);
+            }
+        }
+        Ok(has_moved)
+    }
+
+    /// Reserves a range as long as the given one and before it, if there is a gap.
+    fn take_lower(&mut self, pool: usize, range: &Range<u32>) -> Option<Range<u32>> {
+        let length = range.len() as u32;
+        let alloc = match pool {
+            0 => self.nodes.alloc_for(length, Demand::Must, Growth::None),
+            _ => self.lights.alloc_for(length, Demand::Must, Growth::None),
+        };
+        let found = alloc.ok()?;
+        if found.start < range.start {
+            return Some(found);
+        }
+        match pool {
+            0 => self.nodes.free(found),
+            _ => self.lights.free(found),
+        }
+        None
+    }
+
+    /// Adds the slots of instances whose tree shaders find in another place or form after the frame.
+    pub(super) fn add_placed_instances(&self, world: &LightWorld, room: &Room, changes: &mut PendingChanges) {
+        for (slot, state) in &room.placed {
+            let former = self.residency.get(*slot);
+            let is_same = former.ranges() == state.ranges() && former.form == state.form;
+            if is_same && former.key == state.key && former.division == state.division {
+                continue;
+            }
+            if let Some(entry) = world.tree_at(*slot).and_then(|key| world.tree_entry(key)) {
+                changes.instances.extend(entry.instances.iter().map(|key| slot_of(*key)));
+            }
+        }
+        changes.instances.sort();
+    }
+}

@@ -1,0 +1,268 @@
+//! Which trees the GPU holds, and in what form: whole, or as stand-ins.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
+
+use crate::keys::TreeKey;
+use crate::part::Division;
+
+/// What shaders see of a tree.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Form {
+    /// Nothing was sent yet.
+    Nothing,
+    /// A few lights: see `stand_in.rs`.
+    StandIns,
+    Whole,
+}
+
+/// A tree on the GPU, and its ranges of the pools.
+#[derive(Clone, Debug)]
+pub(super) struct TreeState {
+    pub key: Option<TreeKey>,
+    pub form: Form,
+    /// The tree is to be sent whole, and has not been yet: shaders see stand-ins or an older version.
+    pub waits: bool,
+    pub nodes: Range<u32>,
+    pub lights: Range<u32>,
+    /// One record for each part of an instance of the tree.
+    pub records: Range<u32>,
+    pub division: Division,
+    /// What of the tree was written: see [`ChangeLog`](crate::world::ChangeLog).
+    pub revision: u64,
+    /// The error that stand-ins would make, per byte of the tree, as the bits of an f32 that is not
+    /// negative. Bits compare as the numbers do.
+    pub usefulness: u32,
+    /// The bytes of the whole tree, if it waits.
+    pub bytes: u64,
+}
+
+impl TreeState {
+    /// No tree.
+    pub const NONE: Self = Self {
+        key: None,
+        form: Form::Nothing,
+        waits: false,
+        nodes: 0..0,
+        lights: 0..0,
+        records: 0..0,
+        division: Division::Whole,
+        revision: 0,
+        usefulness: 0,
+        bytes: 0,
+    };
+
+    /// A tree of which nothing was sent.
+    pub fn new(key: TreeKey) -> Self {
+        Self { key: Some(key), ..Self::NONE }
+    }
+
+    /// The room for numbers of nodes and lights that the ranges do not fit. If either has grown, both
+    /// get a quarter more, so that a tree to which lights are added one by one moves within the pools
+    /// once for a quarter of its lights.
+    pub fn room_for(&self, [nodes, lights]: [usize; 2]) -> [u32; 2] {
+        let has_grown = self.form == Form::Whole && (nodes > self.nodes.len() || lights > self.lights.len());
+        [nodes, lights].map(|count| if has_grown { count + count / 4 + 16 } else { count } as u32)
+    }
+
+    /// The ranges of nodes, lights and records.
+    pub fn ranges(&self) -> [&Range<u32>; 3] {
+        [&self.nodes, &self.lights, &self.records]
+    }
+}
+
+/// Whether a range has room for so many records, and not much more.
+pub(super) fn has_room(range: &Range<u32>, count: usize) -> bool {
+    (count..=2 * count + 64).contains(&range.len())
+}
+
+/// A tree that is sent over several frames, into ranges that shaders do not read yet.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Incoming {
+    pub slot: u32,
+    pub key: TreeKey,
+    pub nodes: Range<u32>,
+    pub lights: Range<u32>,
+    /// How many nodes and lights were sent.
+    pub sent: [u32; 2],
+    /// The revision of the tree when the first of them were sent.
+    pub revision: u64,
+    /// How often the tree changed as a whole meanwhile, so that everything had to be sent again.
+    pub restarts: u32,
+}
+
+/// The trees of a world as the GPU holds them, by slot.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Residency {
+    trees: Vec<TreeState>,
+    /// The trees that wait to be sent whole, the most useful last.
+    waiting: BTreeSet<(u32, u32)>,
+    /// Bytes of the trees that wait.
+    waiting_bytes: u64,
+    /// The number of trees of which shaders see stand-ins.
+    stand_ins: usize,
+    pub incoming: Option<Incoming>,
+    /// Where the trees are, if that has been asked for: see [`Residency::sort`].
+    order: Option<Order>,
+    /// The slot whose usefulness is computed next.
+    next: u32,
+}
+
+/// What it takes to make room.
+#[derive(Clone, Debug, Default)]
+struct Order {
+    /// The trees that may fall back to stand-ins, the least useful first.
+    whole: BTreeSet<(u32, u32)>,
+    /// The slots of trees by the start of their nodes and of their lights.
+    places: [BTreeMap<u32, u32>; 2],
+}
+
+impl Order {
+    fn remove(&mut self, slot: u32, state: &TreeState) {
+        self.whole.remove(&(state.usefulness, slot));
+        for (places, range) in self.places.iter_mut().zip([&state.nodes, &state.lights]) {
+            if !range.is_empty() && places.get(&range.start) == Some(&slot) {
+                places.remove(&range.start);
+            }
+        }
+    }
+
+    fn insert(&mut self, slot: u32, state: &TreeState) {
+        if state.form == Form::Whole {
+            self.whole.insert((state.usefulness, slot));
+        }
+        for (places, range) in self.places.iter_mut().zip([&state.nodes, &state.lights]) {
+            if !range.is_empty() {
+                places.insert(range.start, slot);
+            }
+        }
+    }
+}
+
+impl Residency {
+    /// The tree of a slot.
+    pub fn get(&self, slot: u32) -> &TreeState {
+        self.trees.get(slot as usize).unwrap_or(&TreeState::NONE)
+    }
+
+    /// The number of slots.
+    pub fn slots(&self) -> u32 {
+        self.trees.len() as u32
+    }
+
+    /// The trees that wait, the most useful first.
+    pub fn waiting(&self) -> impl Iterator<Item = u32> + '_ {
+        self.waiting.iter().rev().map(|(_, slot)| *slot)
+    }
+
+    /// The number of trees that wait.
+    pub fn waiting_count(&self) -> usize {
+        self.waiting.len()
+    }
+
+    /// Bytes of the trees that wait.
+    pub fn waiting_bytes(&self) -> u64 {
+        self.waiting_bytes
+    }
+
+    /// The number of trees of which shaders see stand-ins.
+    pub fn stand_in_count(&self) -> usize {
+        self.stand_ins
+    }
+
+    /// Puts a tree in place of the former one of its slot, which is returned.
+    pub fn replace(&mut self, slot: u32, state: TreeState) -> TreeState {
+        let index = slot as usize;
+        if self.trees.len() <= index {
+            self.trees.resize(index + 1, TreeState::NONE);
+        }
+        let former = std::mem::replace(&mut self.trees[index], state);
+        let state = &self.trees[index];
+        if former.waits {
+            self.waiting.remove(&(former.usefulness, slot));
+            self.waiting_bytes -= former.bytes;
+        }
+        if state.waits {
+            self.waiting_bytes += state.bytes;
+            self.waiting.insert((state.usefulness, slot));
+        }
+        self.stand_ins += usize::from(state.form == Form::StandIns);
+        self.stand_ins -= usize::from(former.form == Form::StandIns);
+        if let Some(order) = &mut self.order {
+            order.remove(slot, &former);
+            order.insert(slot, state);
+        }
+        former
+    }
+
+    /// Notes that a tree was written up to a revision.
+    pub fn was_written(&mut self, slot: u32, revision: u64) {
+        self.trees[slot as usize].revision = revision;
+    }
+
+    /// Forgets where nodes and lights of all trees are; records keep their places. Returns the former
+    /// trees.
+    pub fn restart(&mut self) -> Self {
+        let mut restarted = Self { next: self.next, ..Self::default() };
+        let state = |former: &TreeState| TreeState {
+            key: former.key,
+            records: former.records.clone(),
+            division: former.division,
+            usefulness: former.usefulness,
+            ..TreeState::NONE
+        };
+        restarted.trees = self.trees.iter().map(state).collect();
+        std::mem::replace(self, restarted)
+    }
+
+    /// Forgets what was written, so that the next frame writes everything.
+    pub fn lose(&mut self) {
+        self.trees.iter_mut().for_each(|state| state.revision = 0);
+        if let Some(incoming) = &mut self.incoming {
+            incoming.sent = [0; 2];
+        }
+    }
+
+    /// The next slots whose usefulness is to be computed again, at most `count`.
+    pub fn next_slots(&mut self, count: u32) -> impl Iterator<Item = u32> + use<> {
+        let slots = self.slots();
+        let first = self.next;
+        let count = count.min(slots);
+        self.next = if slots == 0 { 0 } else { (first + count) % slots };
+        (0..count).map(move |i| (first + i) % slots)
+    }
+
+    /// Sets how useful it is to hold a tree whole.
+    pub fn set_usefulness(&mut self, slot: u32, usefulness: u32) {
+        if self.get(slot).usefulness != usefulness {
+            let state = TreeState { usefulness, ..self.get(slot).clone() };
+            self.replace(slot, state);
+        }
+    }
+
+    /// Whether the trees are kept in order.
+    pub fn is_sorted(&self) -> bool {
+        self.order.is_some()
+    }
+
+    /// Begins to keep the trees in order of usefulness and of place. O(trees · log trees) the first
+    /// time.
+    pub fn sort(&mut self) {
+        if self.order.is_none() {
+            let mut order = Order::default();
+            (0..).zip(&self.trees).for_each(|(slot, state)| order.insert(slot, state));
+            self.order = Some(order);
+        }
+    }
+
+    /// The whole trees that are less useful than this, the least useful first.
+    pub fn less_useful(&self, than: u32) -> impl Iterator<Item = u32> + '_ {
+        let whole = self.order.iter().flat_map(move |order| order.whole.range(..(than, 0)));
+        whole.map(|(_, slot)| *slot)
+    }
+
+    /// The slots of trees by the place of their nodes (0) or of their lights (1), the last first.
+    pub fn places_from_last(&self, pool: usize) -> impl Iterator<Item = u32> + '_ {
+        self.order.iter().flat_map(move |order| order.places[pool].values().rev().copied())
+    }
+}

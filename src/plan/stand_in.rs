@@ -1,0 +1,193 @@
+//! Stand-ins: a few lights of a tree that shine as brightly as all of them, for a GPU that does not
+//! hold the tree.
+//!
+//! The tree is divided into clusters, the brightest and largest first. One light of each cluster is
+//! drawn with a probability in proportion to its flux, and gets the flux of the whole cluster. So the
+//! expected illuminance of the stand-ins, over all draws, is that of the tree's lights at every point
+//! (as in Yuksel, Stochastic Lightcuts, 2019). The draw depends on the tree alone, so it stays the
+//! same from frame to frame.
+
+use crate::dice::hash;
+use crate::light::{Light, MAX_EMISSION};
+use crate::tree::{LightTree, Target, WIDTH};
+
+/// A tree of up to this many lights is never replaced by stand-ins: they would take half as much.
+const MAX_SENT_WHOLE: usize = 2 * WIDTH;
+
+/// One stand-in for this many lights, but at least eight and at most [`MOST`].
+const LIGHTS_PER_STAND_IN: usize = 32;
+
+/// The largest number of stand-ins of a tree.
+const MOST: usize = 64;
+
+/// Whether stand-ins of a tree take less memory than the tree.
+pub(super) fn may_stand_in(tree: &LightTree) -> bool {
+    tree.lights().len() > MAX_SENT_WHOLE
+}
+
+/// The stand-ins of a tree, as a tree of their own; without lights if the tree is dark.
+///
+/// O(stand-ins · depth).
+pub(super) fn stand_ins(tree: &LightTree) -> LightTree {
+    let wanted = (tree.light_count() / LIGHTS_PER_STAND_IN).clamp(WIDTH, MOST);
+    let parts = divide(tree, wanted);
+    let lights = (0..).zip(&parts).filter_map(|(index, part)| stand_in(tree, part, hash(index))).collect();
+    // Values that a tree has accepted are accepted again.
+    LightTree::new(lights).unwrap_or_default()
+}
+
+/// A cluster that gets a stand-in.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    target: Target,
+    flux: f32,
+    /// How much it is worth to divide it; 0 for a single light.
+    spread: f32,
+}
+
+impl Part {
+    fn of(tree: &LightTree, node: u32, slot: usize) -> Option<Self> {
+        let node = &tree.nodes()[node as usize];
+        let (target, cluster) = (node.target(slot)?, node.cluster(slot));
+        let extent = cluster.aabb.extent().length();
+        let spread = if matches!(target, Target::Node(_)) { cluster.flux * extent } else { 0.0 };
+        (cluster.flux > 0.0).then_some(Self { target, flux: cluster.flux, spread })
+    }
+}
+
+/// The children of a node that are not dark.
+fn children(tree: &LightTree, node: u32) -> impl Iterator<Item = Part> + '_ {
+    (0..WIDTH).filter_map(move |slot| Part::of(tree, node, slot))
+}
+
+/// At most `wanted` clusters that hold all lights, dark ones aside.
+fn divide(tree: &LightTree, wanted: usize) -> Vec<Part> {
+    if tree.nodes().is_empty() {
+        return Vec::new();
+    }
+    let mut parts: Vec<Part> = children(tree, 0).collect();
+    loop {
+        let largest = (0..parts.len()).max_by(|a, b| parts[*a].spread.total_cmp(&parts[*b].spread));
+        let Some((index, Target::Node(node))) = largest.map(|index| (index, parts[index].target)) else { break };
+        if parts.len() - 1 + children(tree, node).count() > wanted {
+            break;
+        }
+        parts.swap_remove(index);
+        parts.extend(children(tree, node));
+    }
+    parts
+}
+
+/// A light of a cluster with the flux of the cluster; `random` decides which. `None` if it has none.
+fn stand_in(tree: &LightTree, part: &Part, random: u32) -> Option<Light> {
+    let (mut target, mut random) = (part.target, random);
+    let index = loop {
+        match target {
+            Target::Leaf(light) => break light,
+            Target::Node(node) => {
+                random = hash(random);
+                target = draw(tree, node, random)?;
+            }
+        }
+    };
+    let light = tree.lights()[index as usize];
+    // Not above the largest emission, which only lights of a trillion candela reach.
+    let most = MAX_EMISSION / light.emission.max_element();
+    let emission = light.emission * (part.flux / light.flux()).min(most);
+    emission.is_finite().then_some(Light { emission, ..light })
+}
+
+/// A child of a node, drawn by flux.
+fn draw(tree: &LightTree, node: u32, random: u32) -> Option<Target> {
+    let total: f32 = children(tree, node).map(|child| child.flux).sum();
+    let mut left = random as f32 / u32::MAX as f32 * total;
+    let mut chosen = None;
+    for child in children(tree, node) {
+        chosen = Some(child.target);
+        left -= child.flux;
+        if left < 0.0 {
+            break;
+        }
+    }
+    chosen
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+
+    fn random(i: u32) -> f32 {
+        (hash(i) >> 8) as f32 / (1 << 24) as f32
+    }
+
+    fn tree(lights: u32) -> LightTree {
+        let light = |i: u32| {
+            let place = Vec3::new(random(4 * i), random(4 * i + 1), random(4 * i + 2)) * 100.0;
+            Light::point(place, Vec3::splat(random(4 * i + 3).powi(4) * 100.0 + 0.01))
+        };
+        LightTree::new((0..lights).map(light).collect()).expect("valid")
+    }
+
+    #[test]
+    fn stand_ins_are_few_and_as_bright_as_all_lights_together() {
+        for (lights, most) in [(17, 8), (255, 8), (1000, 31), (5000, 64), (100_000, 64)] {
+            let tree = tree(lights);
+            let few = stand_ins(&tree);
+            let count = few.light_count();
+            assert!((2..=most).contains(&count), "{count} of {lights}");
+            let (ours, theirs) = (few.cluster(), tree.cluster());
+            // Nodes hold flux with a relative error of at most 1/256.
+            assert!((ours.flux / theirs.flux - 1.0).abs() < 1.0 / 256.0, "{lights}");
+            for light in few.lights() {
+                let position = light.cluster().mean;
+                assert!(tree.lights().iter().any(|other| other.cluster().mean == position), "{lights}");
+            }
+        }
+    }
+
+    #[test]
+    fn each_light_is_drawn_in_proportion_to_its_flux() {
+        let tree = tree(40);
+        let mut counts = [0_u32; 40];
+        let parts = divide(&tree, 8);
+        let draws = 20_000;
+        for part in &parts {
+            for i in 0..draws {
+                let light = stand_in(&tree, part, hash(i ^ 0x5bd1)).expect("not dark");
+                let index = tree.lights().iter().position(|other| other.cluster().mean == light.cluster().mean);
+                counts[index.expect("a light of the tree")] += 1;
+            }
+        }
+        for part in &parts {
+            // Five standard deviations, and the rounding of flux in nodes.
+            let mut below = vec![part.target];
+            while let Some(target) = below.pop() {
+                match target {
+                    Target::Node(node) => below.extend(children(&tree, node).map(|child| child.target)),
+                    Target::Leaf(light) => {
+                        let share = tree.lights()[light as usize].flux() / part.flux;
+                        let expected = share * draws as f32;
+                        let difference = (counts[light as usize] as f32 - expected).abs();
+                        assert!(difference < 5.0 * expected.sqrt() + 0.01 * expected + 1.0, "{light}: {difference}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_dark_tree_has_no_stand_ins() {
+        let dark = vec![Light::point(Vec3::ONE, Vec3::ZERO); 100];
+        assert_eq!(stand_ins(&LightTree::new(dark).expect("valid")).light_count(), 0);
+        assert_eq!(stand_ins(&LightTree::default()).light_count(), 0);
+    }
+
+    #[test]
+    fn emission_stays_within_its_limit() {
+        let lights = (0..100).map(|i| Light::point(Vec3::X * i as f32, Vec3::splat(MAX_EMISSION))).collect();
+        let few = stand_ins(&LightTree::new(lights).expect("valid"));
+        assert!(few.light_count() == 8 && few.lights().iter().all(|light| light.validate().is_ok()));
+    }
+}
