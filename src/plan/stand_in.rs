@@ -177,6 +177,38 @@ mod tests {
         }
     }
 
+    /// The root mean square, over directions and trees, of the relative error of the illuminance of
+    /// stand-ins at this distance, in units of the standard deviation of the lights' positions.
+    fn error_at(distance: f32) -> f32 {
+        let illuminance = |tree: &LightTree, point: Vec3| -> f32 {
+            tree.lights().iter().map(|light| light.flux() / light.cluster().mean.distance_squared(point)).sum()
+        };
+        let (trees, directions) = (8, 100);
+        let squares = (0..trees).flat_map(|salt| {
+            let lights = (0..1000).map(|i| {
+                let r = |j| random(4 * (i + 1000 * salt) + j);
+                Light::point(Vec3::new(r(0), r(1), r(2)) * 100.0, Vec3::splat(r(3) + 0.1))
+            });
+            let tree = LightTree::new(lights.collect()).expect("valid");
+            let few = stand_ins(&tree);
+            let cluster = tree.cluster();
+            (0..directions).map(move |i| {
+                let direction = Vec3::new(random(3 * i) - 0.5, random(3 * i + 1) - 0.5, random(3 * i + 2) - 0.5);
+                let point = cluster.mean + direction.normalize() * cluster.variance.sqrt() * distance;
+                (illuminance(&few, point) / illuminance(&tree, point) - 1.0).powi(2)
+            })
+        });
+        (squares.sum::<f32>() / (trees * directions) as f32).sqrt()
+    }
+
+    #[test]
+    fn the_error_of_stand_ins_falls_with_the_distance() {
+        let errors = [2.0, 4.0, 8.0, 16.0, 64.0].map(error_at);
+        // About 0.13, 0.04, 0.02, 0.009 and 0.002.
+        assert!(errors.windows(2).all(|pair| pair[1] < 0.7 * pair[0]), "{errors:?}");
+        assert!(errors[0] < 0.3 && errors[4] < 0.01, "{errors:?}");
+    }
+
     #[test]
     fn a_dark_tree_has_no_stand_ins() {
         let dark = vec![Light::point(Vec3::ONE, Vec3::ZERO); 100];
