@@ -1,4 +1,5 @@
-//! Keys of trees, instances, directional lights and regions, and their conversion to and from `u64`.
+//! Keys of trees, instances, directional lights and regions, and their conversion to and from
+//! `u64`.
 
 use slotmap::{Key, KeyData, new_key_type};
 

@@ -7,8 +7,8 @@ use super::wide::WideCluster;
 use crate::cluster::{Cluster, Linear};
 use crate::light::Light;
 
-/// The memory of a tree on the heap, in bytes: the capacities of its arrays times the sizes of their
-/// elements.
+/// The memory of a tree on the heap, in bytes: the capacities of its arrays times the sizes of
+/// their elements.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct TreeMemory {

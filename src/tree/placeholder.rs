@@ -1,8 +1,9 @@
 //! Placeholders: trees that are made fast and are built later.
 //!
 //! The lights are sorted along a Hilbert curve through their positions and grouped by eight, from
-//! the bottom up, as the leaves of a linear tree in Lauterbach et al., Fast BVH Construction on GPUs
-//! (2009). Differs: nothing is split by cost, and all nodes but the last of each level are full.
+//! the bottom up, as the leaves of a linear tree in Lauterbach et al., Fast BVH Construction on
+//! GPUs (2009). Differs: nothing is split by cost, and all nodes but the last of each level are
+//! full.
 
 use std::collections::BTreeSet;
 
@@ -22,15 +23,15 @@ const DIGIT_BITS: u32 = 11;
 const LEAST_DIGIT_SORTED: usize = 256;
 
 impl LightTree {
-    /// Makes a tree in a fraction of the time of a build, to be built later: a *placeholder*. Lights
-    /// keep their order. Call it on any thread.
+    /// Makes a tree in a fraction of the time of a build, to be built later: a *placeholder*.
+    /// Lights keep their order. Call it on any thread.
     ///
-    /// A placeholder is a sound tree with true fluxes, bounds and probabilities, so its lights can be
-    /// sampled at once, on the CPU and the GPU, with more noise than after a build. It may be edited,
-    /// refitted, frozen and cloned as any tree. A [`LightWorld`](crate::LightWorld) builds the
-    /// placeholders that it holds in the background of its frames, whatever the policies of their
-    /// instances are. [`LightTree::rebuild`] builds one at once. The built tree has the same bits as
-    /// [`LightTree::new`] of these lights.
+    /// A placeholder is a sound tree with true fluxes, bounds and probabilities, so its lights can
+    /// be sampled at once, on the CPU and the GPU, with more noise than after a build. It may be
+    /// edited, refitted, frozen and cloned as any tree. A [`LightWorld`](crate::LightWorld) builds
+    /// the placeholders that it holds in the background of its frames, whatever the policies of
+    /// their instances are. [`LightTree::rebuild`] builds one at once. The built tree has the same
+    /// bits as [`LightTree::new`] of these lights.
     ///
     /// Up to eight lights make one node, which is built at once.
     ///

@@ -72,8 +72,8 @@ impl LightWorld {
         Ok(())
     }
 
-    /// Takes a live tree without instances out of the world, with the build that frames have begun for
-    /// it. Frees nothing. O(1).
+    /// Takes a live tree without instances out of the world, with the build that frames have begun
+    /// for it. Frees nothing. O(1).
     pub(super) fn take_tree(&mut self, tree: TreeKey) -> RemovedTree {
         self.remove_rest_timer(tree);
         let build = self.take_open_build(tree);

@@ -24,8 +24,8 @@ pub struct WorldMemory {
     pub edits: usize,
     /// The lists of the instances of each tree, and the lists of regions.
     pub lists: usize,
-    /// The records of all trees, instances and regions. They grow to the greatest numbers so far, and
-    /// do not shrink.
+    /// The records of all trees, instances and regions. They grow to the greatest numbers so far,
+    /// and do not shrink.
     pub tables: usize,
 }
 
@@ -97,8 +97,8 @@ impl Counted {
 }
 
 impl LightWorld {
-    /// The memory that the world takes on the heap of the CPU, by what takes it. O(1): the sums follow
-    /// every change.
+    /// The memory that the world takes on the heap of the CPU, by what takes it. O(1): the sums
+    /// follow every change.
     ///
     /// When all instances, regions and trees have been removed, all but the tables are 0.
     pub fn memory(&self) -> WorldMemory {

@@ -1,7 +1,8 @@
 //! Placeholders: trees of the world that have yet to be built.
 //!
-//! A placeholder is a sound tree that was made fast. It requests its build from the scheduler, like a
-//! tree that must be rebuilt, whatever the policies of its instances say, until it has been built.
+//! A placeholder is a sound tree that was made fast. It requests its build from the scheduler, like
+//! a tree that must be rebuilt, whatever the policies of its instances say, until it has been
+//! built.
 
 use super::LightWorld;
 use crate::error::WorldError;
@@ -22,8 +23,8 @@ impl LightWorld {
     /// built tree has the same bits as [`LightWorld::add_tree`] makes. If the first instance is
     /// stretched, the build is for that instance, and adding it builds nothing.
     ///
-    /// O(n), about half of the time of a build, on the calling thread. To pay for that elsewhere, make
-    /// the tree on another thread and pass it to [`LightWorld::insert_tree`], or fill a
+    /// O(n), about half of the time of a build, on the calling thread. To pay for that elsewhere,
+    /// make the tree on another thread and pass it to [`LightWorld::insert_tree`], or fill a
     /// [`Region`](crate::Region) there.
     ///
     /// | before the tree is built | outcome |

@@ -18,8 +18,8 @@ use crate::tree::{LightTree, WIDTH};
 /// cosine: if the greatest scale is 1.5 times the least.
 const MAX_TURN_COSINE: f32 = 0.92;
 
-/// The map for which builds divide lights whose first instance is placed so; `None` for the tree's own
-/// space.
+/// The map for which builds divide lights whose first instance is placed so; `None` for the tree's
+/// own space.
 pub(super) fn reference_for(placed: Option<&Placed>, lights: usize) -> Option<Linear> {
     placed.map(|placed| placed.linear).filter(|map| changes_tree(map, lights))
 }

@@ -10,8 +10,8 @@ pub(super) struct Regions {
     pub by_key: SlotMap<RegionKey, RegionEntry>,
 }
 
-/// What a region has brought into the world. Keys may be stale: trees and instances can be removed one
-/// by one.
+/// What a region has brought into the world. Keys may be stale: trees and instances can be removed
+/// one by one.
 #[derive(Debug, Default)]
 pub(super) struct RegionEntry {
     /// In the order of the region, as all lists here.
@@ -53,8 +53,8 @@ pub struct RegionView<'a> {
 }
 
 impl<'a> RegionView<'a> {
-    /// The trees of the region in its order, those of the world included. The keys of trees that were
-    /// removed since are stale.
+    /// The trees of the region in its order, those of the world included. The keys of trees that
+    /// were removed since are stale.
     pub fn trees(&self) -> &'a [TreeKey] {
         &self.entry.trees
     }
@@ -65,8 +65,8 @@ impl<'a> RegionView<'a> {
         &self.entry.instances
     }
 
-    /// The trees that [`LightWorld::make_unique`] has made for instances of the region, in the order
-    /// of the calls. The keys of trees that were removed since are stale.
+    /// The trees that [`LightWorld::make_unique`] has made for instances of the region, in the
+    /// order of the calls. The keys of trees that were removed since are stale.
     pub fn copies(&self) -> &'a [TreeKey] {
         &self.entry.copies
     }

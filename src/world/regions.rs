@@ -11,8 +11,8 @@ use crate::keys::{InstanceKey, RegionKey, TreeKey};
 use crate::placement::Placed;
 use crate::tree::LightTree;
 
-/// The trees of a region that was removed, with all that the world kept for them. To free the memory of
-/// large trees takes milliseconds: drop it on another thread.
+/// The trees of a region that was removed, with all that the world kept for them. To free the
+/// memory of large trees takes milliseconds: drop it on another thread.
 #[must_use = "dropping it frees the memory of its trees, which another thread may do"]
 pub struct RemovedRegion {
     trees: Vec<RemovedTree>,
@@ -25,9 +25,9 @@ impl fmt::Debug for RemovedRegion {
 }
 
 impl RemovedRegion {
-    /// The trees that the region had brought and that were still in the world, in its order, then the
-    /// copies that were made for its instances. Each is as of the last update; edits that waited for
-    /// the next one are dropped.
+    /// The trees that the region had brought and that were still in the world, in its order, then
+    /// the copies that were made for its instances. Each is as of the last update; edits that
+    /// waited for the next one are dropped.
     pub fn trees(&self) -> impl ExactSizeIterator<Item = &LightTree> {
         self.trees.iter().map(|removed| &removed.entry.tree)
     }
@@ -43,14 +43,14 @@ impl LightWorld {
     /// Adds all trees and instances of a region. They take effect at once, as if each were added by
     /// itself.
     ///
-    /// O(trees + instances): nothing is built or refitted, and no light is copied or read. Trees of the
-    /// world that have no instance yet, and whose first one is stretched, become placeholders.
+    /// O(trees + instances): nothing is built or refitted, and no light is copied or read. Trees of
+    /// the world that have no instance yet, and whose first one is stretched, become placeholders.
     ///
     /// # Errors
     /// [`WorldError::RegionTree`] for a tree of the world whose key is stale,
-    /// [`WorldError::RegionInstance`] for an instance that is too far from
-    /// [`LightWorld::origin`]. Each names the first culprit by its index in the region, trees first.
-    /// The region is returned as it was, and the world has not changed.
+    /// [`WorldError::RegionInstance`] for an instance that is too far from [`LightWorld::origin`].
+    /// Each names the first culprit by its index in the region, trees first. The region is returned
+    /// as it was, and the world has not changed.
     pub fn add_region(&mut self, region: Region) -> Result<RegionKey, RefusedRegion> {
         match self.region_error(&region) {
             Some(error) => Err(RefusedRegion { region: Box::new(region), error }),
@@ -107,13 +107,14 @@ impl LightWorld {
         self.regions.by_key.keys()
     }
 
-    /// The trees and instances that a region has brought into the world; `None` for a stale key. O(1).
+    /// The trees and instances that a region has brought into the world; `None` for a stale key.
+    /// O(1).
     pub fn region(&self, region: RegionKey) -> Option<RegionView<'_>> {
         self.regions.by_key.get(region).map(|entry| RegionView { entry })
     }
 
-    /// Removes what is left of a region: its instances, the trees that it has brought, and the copies
-    /// that [`LightWorld::make_unique`] has made for its instances. Returns these trees.
+    /// Removes what is left of a region: its instances, the trees that it has brought, and the
+    /// copies that [`LightWorld::make_unique`] has made for its instances. Returns these trees.
     ///
     /// | before | outcome |
     /// |---|---|
@@ -124,8 +125,8 @@ impl LightWorld {
     /// | edits wait for the next update, or a build is under way | they are dropped |
     ///
     /// O(instances and trees of the region), whatever the number of lights. Frees no tree: what is
-    /// returned does when it is dropped, on any thread. A build that runs in the background goes on,
-    /// and is dropped when it ends.
+    /// returned does when it is dropped, on any thread. A build that runs in the background goes
+    /// on, and is dropped when it ends.
     ///
     /// # Errors
     /// [`WorldError::NoSuchRegion`] for a region that was removed before or never existed;

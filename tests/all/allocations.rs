@@ -147,8 +147,8 @@ fn a_tree_that_was_made_elsewhere_is_taken_in_without_a_copy_or_a_build() {
     });
 }
 
-/// A region of three trees of so many lights: a placeholder, a built tree and a frozen one; with 30
-/// instances.
+/// A region of three trees of so many lights: a placeholder, a built tree and a frozen one; with
+/// 30 instances.
 fn region(rng: &mut Rng, lights: usize) -> Region {
     let mut region = Region::new();
     let mut frozen = LightTree::new(rng.lights(lights, 50.0)).expect("valid");

@@ -1,13 +1,15 @@
-//! Placeholders light the scene at once, are built within the budgets whatever their policies are, and
-//! become the trees that a build makes.
+//! Placeholders light the scene at once, are built within the budgets whatever their policies are,
+//! and become the trees that a build makes.
 
 use std::time::Duration;
 
 use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Mat3, Vec3};
+use girandole::gpu::GpuLights;
 use girandole::scheduler::WorkKind;
 use girandole::{FrameBudget, Light, LightId, LightTree, LightWorld, Placement, Policy, TreeKey, WorldError};
 
+use crate::gpu::{OTHER_PICKS, close, gpu, requests, sample};
 use crate::measuring::lights::{carried, illuminances};
 use crate::scheduler::{TestWorld, random_light, rebuild_jobs};
 use crate::support::{Rng, assert_frequencies};
@@ -111,6 +113,31 @@ fn a_placeholder_is_built_whatever_the_policies_are_and_without_any() {
             let report = world.update(UNLIMITED);
             assert_eq!((report.rebuilt_trees, report.refit_trees), (0, 0), "{policy:?}");
         }
+    }
+}
+
+#[test]
+fn a_gpu_that_got_a_placeholder_and_then_the_built_tree_samples_as_the_cpu_does() {
+    let (device, queue) = gpu();
+    let mut rng = Rng(413);
+    let mut world = LightWorld::new();
+    let key = world.add_placeholder(lamps(&mut rng, 600)).expect("valid");
+    world.add_instance(key, Placement::IDENTITY, Policy::Static).expect("valid");
+    let requests = requests(&mut rng, 512, 15.0);
+    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    for budget in [FrameBudget::NONE, UNLIMITED] {
+        world.update(budget);
+        let records = sample(&mut lights, &mut world, SplitCount::DEFAULT, &requests);
+        let sampler = world.sampler();
+        let mut others = 0;
+        for (request, record) in requests.iter().zip(&records) {
+            let at = ShadingPoint::surface(request.position.into(), request.normal.into());
+            let expected = sampler.sample(&at, request.u).map_or(0.0, |sample| sample.pmf);
+            others += usize::from(!close(record.pmf, expected));
+        }
+        // Where a random number falls on the border between two lights.
+        assert!(others as f64 <= OTHER_PICKS * requests.len() as f64, "{others}");
+        assert!(records.iter().filter(|record| record.pmf > 0.0).count() > 400);
     }
 }
 

@@ -1,5 +1,5 @@
-//! A world that regions, trees, instances and lights enter and leave in random order has the lights of
-//! a plain model.
+//! A world that regions, trees, instances and lights enter and leave in random order has the lights
+//! of a plain model.
 
 use std::collections::BTreeMap;
 
@@ -133,7 +133,8 @@ impl Run {
             instances.push(tree.index());
         }
         if self.rng.bits().is_multiple_of(3) {
-            // A region with a key that was never that of a tree, or with an instance that is too far.
+            // A region with a key that was never that of a tree, or with an instance that is too
+            // far.
             if self.rng.bits().is_multiple_of(2) || trees.is_empty() {
                 region.add_world_tree(TreeKey::default());
             } else {

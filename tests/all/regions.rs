@@ -8,8 +8,8 @@ use girandole::{
 
 use crate::support::{Rng, all_pmfs, assert_frequencies};
 
-/// A region of a placeholder, a built tree, a baked tree and a tree of the world, with two instances
-/// of each.
+/// A region of a placeholder, a built tree, a baked tree and a tree of the world, with two
+/// instances of each.
 fn region(rng: &mut Rng, of_world: TreeKey) -> Region {
     let mut region = Region::new();
     let trees = [

@@ -22,8 +22,8 @@ use crate::policy::Policy;
 use crate::tree::BakeError;
 use crate::tree::LightTree;
 
-/// Trees, and instances of them, that [`LightWorld::add_region`](crate::LightWorld::add_region) adds
-/// to a world in one call, all or none.
+/// Trees, and instances of them, that [`LightWorld::add_region`](crate::LightWorld::add_region)
+/// adds to a world in one call, all or none.
 ///
 /// It is plain data that any thread may fill: a thread that loads a part of the world makes the
 /// trees, and the thread of the world only moves them in. A call that is refused leaves the region
@@ -72,7 +72,8 @@ pub struct Region {
 pub struct RegionTree(usize);
 
 impl RegionTree {
-    /// The index of the tree in its region: trees are numbered in the order in which they were added.
+    /// The index of the tree in its region: trees are numbered in the order in which they were
+    /// added.
     pub fn index(self) -> usize {
         self.0
     }
@@ -144,8 +145,8 @@ impl Region {
         self.trees.is_empty() && self.instances.is_empty()
     }
 
-    /// Adds a tree whose lights shine as soon as the region is added, and which the world builds within
-    /// its budgets: see [`LightTree::new_placeholder`]. O(lights).
+    /// Adds a tree whose lights shine as soon as the region is added, and which the world builds
+    /// within its budgets: see [`LightTree::new_placeholder`]. O(lights).
     ///
     /// # Errors
     /// As [`LightTree::new`].
@@ -155,8 +156,8 @@ impl Region {
     }
 
     /// Adds a tree that is moved in as by
-    /// [`LightWorld::insert_tree`](crate::LightWorld::insert_tree). If its lights have changed since
-    /// its last refit, it is refitted now. O(1), but for that refit.
+    /// [`LightWorld::insert_tree`](crate::LightWorld::insert_tree). If its lights have changed
+    /// since its last refit, it is refitted now. O(1), but for that refit.
     pub fn add_tree(&mut self, mut tree: LightTree) -> RegionTree {
         tree.refit_changes();
         self.add(RegionSource::Own { tree: Box::new(tree), has_instance: false })
@@ -186,15 +187,15 @@ impl Region {
     /// Adds an instance of a tree of this region. Returns its index: instances are numbered in the
     /// order in which they were added.
     ///
-    /// O(1), but for the first instance of a tree of more than eight lights if it is stretched, as in
-    /// [`LightWorld::add_instance`](crate::LightWorld::add_instance): a tree that is built and not
-    /// made for that instance is built again now. A placeholder is not, and is later built for the
-    /// instance; so is a tree of the world that has no instance yet.
+    /// O(1), but for the first instance of a tree of more than eight lights if it is stretched, as
+    /// in [`LightWorld::add_instance`](crate::LightWorld::add_instance): a tree that is built and
+    /// not made for that instance is built again now. A placeholder is not, and is later built for
+    /// the instance; so is a tree of the world that has no instance yet.
     ///
     /// # Errors
     /// [`WorldError::NoSuchRegionTree`], [`WorldError::Policy`], [`WorldError::Factor`],
-    /// [`WorldError::Placement`]. How far the placement is from the world's origin is checked when the
-    /// region is added.
+    /// [`WorldError::Placement`]. How far the placement is from the world's origin is checked when
+    /// the region is added.
     pub fn add_instance(&mut self, instance: RegionInstance) -> Result<usize, WorldError> {
         let RegionInstance { tree: RegionTree(tree), placement, policy, is_enabled, factor, mask, user_data } =
             instance;

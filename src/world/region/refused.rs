@@ -3,8 +3,8 @@
 use super::Region;
 use crate::error::WorldError;
 
-/// A region that [`LightWorld::add_region`](crate::LightWorld::add_region) has refused, unchanged, and
-/// the reason. It converts to that reason, so `?` works where only the reason matters.
+/// A region that [`LightWorld::add_region`](crate::LightWorld::add_region) has refused, unchanged,
+/// and the reason. It converts to that reason, so `?` works where only the reason matters.
 #[derive(Debug, thiserror::Error)]
 #[error("{error}")]
 pub struct RefusedRegion {
