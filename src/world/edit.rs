@@ -501,7 +501,6 @@ impl LightWorld {
             instance.placed = placed;
         }
         self.origin = origin;
-        self.file_all();
         for key in self.instances.keys() {
             self.changes.instance(slot_of(key));
         }
