@@ -88,7 +88,7 @@ impl LightError {
     }
 }
 
-/// Why a world or a tree refused a call, which has then changed nothing. Codes 200 to 210, or the
+/// Why a world or a tree refused a call, which has then changed nothing. Codes 200 to 212, or the
 /// code of the error inside.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -189,6 +189,25 @@ pub enum WorldError {
         /// The greatest value allowed.
         limit: f32,
     },
+    /// The origin does not lie on the grid that the world's [`OriginMode`](crate::OriginMode) wants.
+    #[error("a coordinate of the origin is {value} m; it must be a multiple of {grid} m")]
+    OriginOffGrid {
+        /// The given coordinate, in metres.
+        value: f64,
+        /// [`ORIGIN_GRID`](crate::ORIGIN_GRID).
+        grid: f64,
+    },
+    /// The origin, or the viewpoint that it would follow, is too far from zero for a world whose
+    /// origin lies on a grid.
+    #[error("{what} is {value} m; the limit is {limit} m where the origin lies on a grid")]
+    OriginTooFar {
+        /// A description of the coordinate.
+        what: &'static str,
+        /// The given coordinate, in metres.
+        value: f64,
+        /// The greatest absolute value allowed, in metres.
+        limit: f64,
+    },
 }
 
 impl WorldError {
@@ -209,6 +228,8 @@ impl WorldError {
             Self::NotFinite { .. } => 208,
             Self::Factor { .. } => 209,
             Self::RemovedLight { .. } => 210,
+            Self::OriginOffGrid { .. } => 211,
+            Self::OriginTooFar { .. } => 212,
         }
     }
 }
@@ -221,7 +242,7 @@ pub(crate) fn check_finite(what: &'static str, point: DVec3) -> Result<(), World
     }
 }
 
-/// Why a placement was refused. Codes 300 to 303.
+/// Why a placement was refused. Codes 300 to 304.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PlacementError {
@@ -257,6 +278,15 @@ pub enum PlacementError {
         /// The greatest distance allowed, in metres.
         limit: f64,
     },
+    /// The translation is too far from zero for a world whose origin lies on a grid, see
+    /// [`OriginMode`](crate::OriginMode).
+    #[error("{distance} m from zero along one axis; the limit is {limit} m where the origin lies on a grid")]
+    TooFarFromZero {
+        /// The largest coordinate without its sign, in metres.
+        distance: f64,
+        /// The greatest distance allowed, in metres.
+        limit: f64,
+    },
 }
 
 impl PlacementError {
@@ -267,6 +297,7 @@ impl PlacementError {
             Self::TooLarge { .. } => 301,
             Self::Singular { .. } => 302,
             Self::TooFar { .. } => 303,
+            Self::TooFarFromZero { .. } => 304,
         }
     }
 }
@@ -364,17 +395,18 @@ mod tests {
         ]
     }
 
-    fn placement_errors() -> [PlacementError; 4] {
+    fn placement_errors() -> [PlacementError; 5] {
         [
             PlacementError::NotFinite { what: WHAT, value: f64::NAN },
             PlacementError::TooLarge { value: 3.0, limit: 2.0 },
             PlacementError::Singular { determinant: 0.0 },
             PlacementError::TooFar { distance: 3.0, limit: 2.0 },
+            PlacementError::TooFarFromZero { distance: 3.0, limit: 2.0 },
         ]
     }
 
     /// Errors of a world that wrap no other.
-    fn world_errors() -> [WorldError; 10] {
+    fn world_errors() -> [WorldError; 13] {
         [
             WorldError::TooManyLights { given: 3, limit: 2 },
             WorldError::NoSuchLight { index: 3, count: 2 },
@@ -386,6 +418,9 @@ mod tests {
             WorldError::Policy { what: WHAT, value: -1.0, min: 0.0 },
             WorldError::NotFinite { what: WHAT, value: f64::NAN },
             WorldError::Factor { value: -1.0, limit: 2.0 },
+            WorldError::RemovedLight { index: 3 },
+            WorldError::OriginOffGrid { value: 3.0, grid: 2.0 },
+            WorldError::OriginTooFar { what: WHAT, value: 3.0, limit: 2.0 },
         ]
     }
 
@@ -403,7 +438,7 @@ mod tests {
             ])
             .collect();
         assert_eq!(codes.iter().collect::<BTreeSet<_>>().len(), codes.len());
-        let expected: Vec<u32> = (100..105).chain(200..210).chain(300..304).chain([400, 500, 1000, 1001]).collect();
+        let expected: Vec<u32> = (100..105).chain(200..213).chain(300..305).chain([400, 500, 1000, 1001]).collect();
         assert_eq!(codes, expected);
     }
 

@@ -11,6 +11,7 @@ mod instance_map;
 mod key_set;
 mod moves;
 mod open_build;
+mod origin;
 mod overlap;
 mod parts;
 mod rebuild;
@@ -26,13 +27,13 @@ mod update;
 use std::fmt;
 use std::sync::{Arc, OnceLock};
 
-use glam::DVec3;
 use slotmap::SlotMap;
 
 #[cfg(feature = "gpu-plan")]
 pub(crate) use change_log::TreeChanges;
 use delta::Changes;
 pub use delta::FrameDelta;
+pub use origin::OriginMode;
 pub use rebuild::JobReport;
 pub use update::{BackgroundReport, FrameReport};
 
@@ -62,7 +63,7 @@ pub struct LightWorld {
     directionals: SlotMap<DirectionalKey, DirectionalLight>,
     /// The live tree of each slot.
     tree_slots: Vec<Option<TreeKey>>,
-    origin: DVec3,
+    origin: origin::Origin,
     light_count: usize,
     effects: HeldEffects,
     solid_angle_sampling: bool,
@@ -177,7 +178,7 @@ impl fmt::Debug for LightWorld {
             .field("directionals", &self.directionals.len())
             .field("lights", &self.light_count())
             .field("effects", &self.effects())
-            .field("origin", &self.origin)
+            .field("origin", &self.origin())
             .finish_non_exhaustive()
     }
 }
@@ -195,7 +196,7 @@ impl LightWorld {
             instances: InstanceMap::default(),
             directionals: SlotMap::with_key(),
             tree_slots: Vec::new(),
-            origin: DVec3::ZERO,
+            origin: origin::Origin::default(),
             light_count: 0,
             effects: HeldEffects::default(),
             solid_angle_sampling: false,
@@ -254,12 +255,6 @@ impl LightWorld {
     /// [`Effects::MOVING`], which changes no shader.
     pub fn effects(&self) -> Effects {
         self.effects.effects()
-    }
-
-    /// The point that sampling coordinates are relative to, in metres. Zero until
-    /// [`LightWorld::set_origin`] is called.
-    pub fn origin(&self) -> DVec3 {
-        self.origin
     }
 
     /// Whether rectangles and triangles that are large or near are sampled by solid angle. False

@@ -223,7 +223,7 @@ impl LightWorld {
             return false;
         };
         // Without the translation, which f32 would round.
-        let aabb = cluster.aabb.transformed(&placed.frame.to_world, Vec3::ZERO);
+        let aabb = cluster.aabb.transformed(&placed.linear.linear, Vec3::ZERO);
         let center = instance.placement.translation + aabb.center().as_dvec3();
         if self.overlaps.file(key, WorldBox { center, half_extent: 0.5 * aabb.extent() }) {
             // What was judged by its former box is judged again.

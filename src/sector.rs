@@ -1,0 +1,102 @@
+//! Positions as a cell of a coarse grid and a rest, for worlds whose origin moves along that grid.
+//!
+//! A sector is a cube of [`ORIGIN_GRID`] metres whose centre lies on the grid. The rest is at most
+//! half as long along each axis, so f32 holds it to 15 micrometres anywhere in the world. Relative
+//! to an origin on the grid, a position is the rest plus a whole number of sectors. f32 holds that
+//! number exactly, so the sum is rounded once (docs/math.md, "Sectors").
+
+use glam::{DVec3, IVec3, Vec3};
+
+/// The step of the grid that the origin of a world lies on, in metres: a power of two. See
+/// [`OriginMode`](crate::OriginMode).
+///
+/// A larger step moves the origin less often and leaves fewer digits: 2 km from the origin, f32
+/// resolves a quarter of a millimetre.
+pub const ORIGIN_GRID: f64 = EDGE as f64;
+
+/// The edge of a sector, in metres. A power of two, so that products with it are exact.
+pub(crate) const EDGE: f32 = 1024.0;
+
+/// A position whose distances from zero f32 would round.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct SectorPoint {
+    pub sector: IVec3,
+    /// From the centre of the sector, in metres.
+    pub rest: Vec3,
+}
+
+impl SectorPoint {
+    /// The position of finite coordinates of at most 10^12 m. The same rest, bit for bit, for
+    /// positions that are a multiple of the grid apart.
+    pub fn new(position: DVec3) -> Self {
+        let sector = nearest(position);
+        // Exact in f64, and rounded once.
+        Self { sector, rest: (position - center(sector)).as_vec3() }
+    }
+
+    /// The position relative to the centre of the sector `home`, rounded once. Twin of
+    /// `light_from_home` in `shaders/instance.wgsl`.
+    pub fn from_home(&self, home: IVec3) -> Vec3 {
+        self.rest + (self.sector - home).as_vec3() * EDGE
+    }
+}
+
+/// The sector of a position, which must be finite.
+pub(crate) fn nearest(position: DVec3) -> IVec3 {
+    let sectors = position / ORIGIN_GRID;
+    // Not `round`, which treats ties below zero in another way than ties above, and not a sum with
+    // 0.5, which may be rounded.
+    let below = sectors.floor();
+    let is_upper_half = (sectors - below).cmpge(DVec3::splat(0.5));
+    (below + DVec3::select(is_upper_half, DVec3::ONE, DVec3::ZERO)).as_ivec3()
+}
+
+/// The centre of a sector, in metres; exact.
+pub(crate) fn center(sector: IVec3) -> DVec3 {
+    sector.as_dvec3() * ORIGIN_GRID
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dice::hash;
+
+    /// A coordinate of up to 2^`bits` metres, in steps of 2^-22 m.
+    fn coordinate(i: u32, bits: i32) -> f64 {
+        let random = f64::from(hash(i)) / f64::from(u32::MAX) * 2.0 - 1.0;
+        (random * f64::powi(2.0, bits + 22)).round() * f64::powi(2.0, -22)
+    }
+
+    #[test]
+    fn a_position_is_its_sector_and_a_rest_of_at_most_half_an_edge() {
+        for i in 0..30_000 {
+            let position = DVec3::new(coordinate(3 * i, 29), coordinate(3 * i + 1, 20), coordinate(3 * i + 2, 9));
+            let point = SectorPoint::new(position);
+            assert!(point.rest.abs().max_element() <= 0.5 * EDGE, "{position}");
+            let error = center(point.sector) + point.rest.as_dvec3() - position;
+            assert!(error.abs().max_element() <= f64::powi(2.0, -16), "{position}: {error}");
+        }
+    }
+
+    #[test]
+    fn positions_a_multiple_of_the_grid_apart_have_the_same_rest() {
+        for i in 0..30_000 {
+            let edge = |k: u32| if (i + k).is_multiple_of(5) { 512.0 } else { coordinate(7 * i + k, 12) };
+            let position = DVec3::new(edge(0), -edge(1), edge(2));
+            let shift = IVec3::new(hash(i) as i32 >> 13, i as i32 - 15_000, -9766);
+            let (here, there) = (SectorPoint::new(position), SectorPoint::new(position + center(shift)));
+            assert_eq!((there.sector - shift, there.rest), (here.sector, here.rest), "{position}");
+        }
+    }
+
+    #[test]
+    fn a_position_from_home_is_rounded_once() {
+        for i in 0..30_000 {
+            let position = DVec3::new(coordinate(5 * i, 29), coordinate(5 * i + 1, 16), coordinate(5 * i + 2, 12));
+            let point = SectorPoint::new(position);
+            let home = IVec3::new(hash(i) as i32 >> 11, 3, -(i as i32 % 7));
+            let exact = center(point.sector - home) + point.rest.as_dvec3();
+            assert_eq!(point.from_home(home), exact.as_vec3(), "{position}");
+        }
+    }
+}
