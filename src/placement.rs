@@ -1,7 +1,7 @@
 //! The placement of an instance: a linear part in f32 and a translation in f64, which resolves
 //! centimetres 10^7 m from the origin.
 
-use glam::{Affine3A, DAffine3, DVec3, IVec3, Mat3, Mat4, Vec3};
+use glam::{Affine3A, DAffine3, DVec3, Mat3, Mat4, Vec3};
 
 pub use crate::cluster::MAX_SCALE;
 use crate::cluster::{Linear, RIGID_TOLERANCE};
@@ -79,7 +79,7 @@ impl From<DAffine3> for Placement {
 /// What translations are stored relative to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Anchor {
-    /// A point, which is the origin of the world. All sectors are 0.
+    /// A point, which is the origin of the world. All centres of sectors are 0.
     Point(DVec3),
     /// The centre of the sector that each lies in. The origin of the world is the centre of any
     /// sector.
@@ -148,13 +148,13 @@ impl Placed {
         Self::new(placement, anchor).map(drop)
     }
 
-    /// The translation relative to the world's origin, the centre of the sector `home`.
-    pub fn translation(&self, home: IVec3) -> Vec3 {
+    /// The translation relative to the world's origin, which is the centre `home` of a sector.
+    pub fn translation(&self, home: Vec3) -> Vec3 {
         self.place.from_home(home)
     }
 
-    /// The map to the world relative to its origin, the centre of the sector `home`.
-    pub fn frame(&self, home: IVec3) -> InstanceTransform {
+    /// The map to the world relative to its origin, which is the centre `home` of a sector.
+    pub fn frame(&self, home: Vec3) -> InstanceTransform {
         InstanceTransform {
             to_world: self.linear.linear,
             translation: self.translation(home),
@@ -168,12 +168,12 @@ impl Placed {
         if self.is_rigid { Effects::empty() } else { Effects::NON_RIGID }
     }
 
-    /// A shading point of the world, relative to the centre of the sector `home`, as seen in the
+    /// A shading point of the world, relative to the centre `home` of a sector, as seen in the
     /// space of the tree. `brightness` is what the flux of the instance's lights is multiplied by.
     pub fn local_shading_point(
         &self,
         shading_point: &ShadingPoint,
-        home: IVec3,
+        home: Vec3,
         brightness: f32,
     ) -> LocalShadingPoint<'_> {
         // Normals are carried back by the transpose: the horizon stays the horizon under any linear
@@ -223,7 +223,7 @@ fn place(translation: DVec3, anchor: Anchor) -> Result<SectorPoint, PlacementErr
             if distance > MAX_DISTANCE {
                 return Err(PlacementError::TooFar { distance, limit: MAX_DISTANCE });
             }
-            Ok(SectorPoint { sector: IVec3::ZERO, rest: offset.as_vec3() })
+            Ok(SectorPoint { center: Vec3::ZERO, rest: offset.as_vec3() })
         }
         Anchor::Sector => {
             let distance = translation.abs().max_element();
@@ -346,14 +346,14 @@ mod tests {
         let origin = DVec3::new(1.0e7, 0.0, -1.0e7);
         let placement = Placement::at(origin + DVec3::new(0.01, 0.0, 0.0));
         let placed = Placed::new(&placement, Anchor::Point(origin)).unwrap().unwrap();
-        assert_eq!(placed.translation(IVec3::ZERO), Vec3::new(0.01, 0.0, 0.0));
+        assert_eq!(placed.translation(Vec3::ZERO), Vec3::new(0.01, 0.0, 0.0));
     }
 
     #[test]
     fn with_sectors_the_limit_counts_from_zero() {
         let placed = |x| Placed::new(&Placement::at(DVec3::NEG_Y * x), Anchor::Sector);
         let at_limit = placed(MAX_DISTANCE).unwrap().unwrap();
-        assert_eq!(at_limit.translation(IVec3::ZERO), Vec3::NEG_Y * MAX_DISTANCE as f32);
+        assert_eq!(at_limit.translation(Vec3::ZERO), Vec3::NEG_Y * MAX_DISTANCE as f32);
         assert!(matches!(placed(MAX_DISTANCE.next_up()), Err(PlacementError::TooFarFromZero { .. })));
         assert!(matches!(placed(f64::INFINITY), Err(PlacementError::NotFinite { .. })));
     }

@@ -12,6 +12,7 @@ use crate::cut::NO_INSTANCE;
 use crate::light::{DirectionalLight, Light, Shape, spot_falloff};
 use crate::part::Division;
 use crate::placement::Placed;
+use crate::sector;
 use crate::tree::{LEAF, LightTree, UNLIMITED_RANGE};
 
 /// The bits of [`LightRecord::kind`] that hold the kind.
@@ -328,7 +329,7 @@ impl InstanceRecord {
             user_data: appearance.user_data,
             factor: appearance.factor().to_array(),
             mask: appearance.mask,
-            sector: placed.place.sector.to_array(),
+            sector: sector::number(placed.place.center),
             padding: 0,
         }
     }

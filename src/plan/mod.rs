@@ -96,6 +96,7 @@ pub use text::{wgsl, wgsl_previous, wgsl_with_target};
 
 use crate::counts::SplitCount;
 use crate::effects::Effects;
+use crate::sector;
 use crate::tree::Node;
 use crate::world::LightWorld;
 use buffers::Ids;
@@ -342,7 +343,7 @@ impl LightPlanner {
             strides: Strides::of(effects),
             solid_angles: u32::from(world.solid_angle_sampling()),
             parts: self.top.parts(),
-            home: world.home().to_array(),
+            home: sector::number(world.home()),
             masks: if effects.contains(Effects::MASKS) { self.top.masks() } else { 0 },
         }
     }

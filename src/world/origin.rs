@@ -1,6 +1,6 @@
 //! The point that sampling coordinates are relative to, and how it moves.
 
-use glam::{DVec3, IVec3};
+use glam::{DVec3, Vec3};
 
 use super::LightWorld;
 use crate::effects::Effects;
@@ -43,8 +43,8 @@ pub enum OriginMode {
 pub(super) struct Origin {
     mode: OriginMode,
     position: DVec3,
-    /// The sector whose centre the origin is; 0 where it is not on a grid.
-    home: IVec3,
+    /// The origin as the centre of a sector; 0 where it is not on a grid.
+    home: Vec3,
 }
 
 impl Origin {
@@ -61,13 +61,13 @@ impl Origin {
         let what = "a coordinate of the origin";
         check_finite(what, position)?;
         if mode == OriginMode::Free {
-            return Ok(Self { mode, position, home: IVec3::ZERO });
+            return Ok(Self { mode, position, home: Vec3::ZERO });
         }
         check_limit(what, position)?;
         if let Some(value) = position.to_array().into_iter().find(|value| value % ORIGIN_GRID != 0.0) {
             return Err(WorldError::OriginOffGrid { value, grid: ORIGIN_GRID });
         }
-        Ok(Self { mode, position, home: sector::nearest(position) })
+        Ok(Self { mode, position, home: position.as_vec3() })
     }
 }
 
@@ -95,8 +95,8 @@ impl LightWorld {
         self.origin.mode
     }
 
-    /// The sector whose centre the origin is.
-    pub(crate) fn home(&self) -> IVec3 {
+    /// The centre of the sector that placements are relative to; 0 where there are no sectors.
+    pub(crate) fn home(&self) -> Vec3 {
         self.origin.home
     }
 
@@ -175,5 +175,5 @@ impl LightWorld {
 /// The point of the grid that is nearest to a viewpoint, within the limits of the origin.
 fn nearest_origin(viewpoint: DVec3) -> DVec3 {
     let last = (MAX_DISTANCE / ORIGIN_GRID).floor() * ORIGIN_GRID;
-    sector::center(sector::nearest(viewpoint)).clamp(DVec3::splat(-last), DVec3::splat(last))
+    sector::nearest(viewpoint).clamp(DVec3::splat(-last), DVec3::splat(last))
 }

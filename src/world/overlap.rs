@@ -55,14 +55,16 @@ const MAX_LISTED: usize = 128;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct GridCell {
     size: i32,
-    at: [i64; 3],
+    /// Modulo 2^32. Cells that share a number are half a million kilometres apart.
+    at: [i32; 3],
 }
 
-/// A box in world coordinates.
+/// A box in world coordinates, with the margin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct WorldBox {
     center: DVec3,
-    half_extent: Vec3,
+    /// Half of the edges.
+    reach: DVec3,
 }
 
 /// What is known of an instance.
@@ -97,22 +99,27 @@ fn cell_length(size: i32) -> f64 {
     2.0 * f64::powi(2.0, size)
 }
 
+/// The numbers of a cell, from whole coordinates.
+fn numbers(coordinates: DVec3) -> [i32; 3] {
+    coordinates.to_array().map(|coordinate| coordinate as i64 as i32)
+}
+
 impl WorldBox {
-    /// How far the box reaches from its centre along each axis, with the margin.
-    fn reach(&self) -> Vec3 {
-        self.half_extent + MARGIN * (2.0 * self.half_extent).length()
+    /// The box of these edge lengths, before the margin.
+    fn new(center: DVec3, extent: Vec3) -> Self {
+        Self { center, reach: (0.5 * extent + MARGIN * extent.length()).as_dvec3() }
     }
 
-    /// Whether a position lies in the box or its margin.
+    /// Whether a position lies in the box.
     fn is_around(&self, position: DVec3) -> bool {
-        (position - self.center).abs().cmple(self.reach().as_dvec3()).all()
+        (position - self.center).abs().cmple(self.reach).all()
     }
 
-    /// The cell of the box. Its size is the extent, with the margin, rounded up to a power of two.
+    /// The cell of the box. Its size is the extent, rounded up to a power of two.
     fn cell(&self) -> GridCell {
-        let extent = (2.0 * self.reach()).max_element().max(f32::MIN_POSITIVE);
+        let extent = (2.0 * self.reach.max_element()).max(f64::MIN_POSITIVE);
         let size = (extent.log2().ceil() as i32).clamp(SIZES.start, SIZES.end - 1);
-        GridCell { size, at: (self.center / cell_length(size)).floor().to_array().map(|v| v as i64) }
+        GridCell { size, at: numbers((self.center / cell_length(size)).floor()) }
     }
 }
 
@@ -170,9 +177,8 @@ impl Overlaps {
         let has_any = |size: &i32| self.counts.get(index_of(*size)).is_some_and(|count| *count > 0);
         for size in (cell.size - 1..=cell.size + 1).filter(has_any) {
             // The nearest corner between cells.
-            let corner = (middle / cell_length(size)).round().to_array().map(|v| v as i64);
+            let corner = numbers((middle / cell_length(size)).round());
             for i in 0..8 {
-                // Coordinates beyond the range of integers are all the same, and only that.
                 let at = [0, 1, 2].map(|k| corner[k].wrapping_sub(i >> k & 1));
                 for (other, bounds) in self.cells.get(&GridCell { size, at }).into_iter().flatten() {
                     looked_at += 1;
@@ -225,7 +231,7 @@ impl LightWorld {
         // Without the translation, which f32 would round.
         let aabb = cluster.aabb.transformed(&placed.linear.linear, Vec3::ZERO);
         let center = instance.placement.translation + aabb.center().as_dvec3();
-        if self.overlaps.file(key, WorldBox { center, half_extent: 0.5 * aabb.extent() }) {
+        if self.overlaps.file(key, WorldBox::new(center, aabb.extent())) {
             // What was judged by its former box is judged again.
             self.overlaps.slots_left = self.slot_count();
         }

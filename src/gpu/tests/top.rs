@@ -175,7 +175,7 @@ fn build(top: &mut TopRig, world: &LightWorld) -> Built {
     top.rig.play(&new, |commands| {
         build.adopt(commands, &mut Vec::new());
         let masks = if has_masks { build.masks() } else { 0 };
-        build.prepare(commands, count, strides, (masks, world.home().to_array()));
+        build.prepare(commands, count, strides, (masks, crate::sector::number(world.home())));
         build.build(commands, pools);
     });
     let (top, rig) = (&top.top, &top.rig);
