@@ -22,7 +22,7 @@ fn light_rows(x: vec4<u32>, y: vec4<u32>, z: vec4<u32>) -> array<vec4<f32>, 3> {
 
 // #if SECTORS
 // The position of a point that is `rest` from the centre of a sector, relative to the centre of the
-// sector `home`. Twin of `SectorPoint::from_home`.
+// sector `home`. Twin of `SectorPoint::relative_to`.
 fn light_from_home(rest: vec3<f32>, sector: vec3<i32>, home: vec3<i32>) -> vec3<f32> {
     return rest + vec3<f32>(sector - home) * LIGHT_SECTOR_EDGE;
 }

@@ -150,7 +150,7 @@ impl Placed {
 
     /// The translation relative to the world's origin, which is the centre `home` of a sector.
     pub fn translation(&self, home: Vec3) -> Vec3 {
-        self.place.from_home(home)
+        self.place.relative_to(home)
     }
 
     /// The map to the world relative to its origin, which is the centre `home` of a sector.

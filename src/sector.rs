@@ -39,7 +39,7 @@ impl SectorPoint {
     /// The position relative to the centre of another sector, rounded once. Twin of
     /// `light_from_home` in `shaders/instance.wgsl`, which has integers because compilers of shaders
     /// may reorder sums of floats.
-    pub fn from_home(&self, home: Vec3) -> Vec3 {
+    pub fn relative_to(&self, home: Vec3) -> Vec3 {
         self.rest + (self.center - home)
     }
 }
@@ -101,7 +101,7 @@ mod tests {
             let point = SectorPoint::new(position);
             let home = Vec3::new((hash(i) as i32 >> 12) as f32, 3.0, -((i % 7) as f32)) * EDGE;
             let exact = point.center.as_dvec3() - home.as_dvec3() + point.rest.as_dvec3();
-            assert_eq!(point.from_home(home), exact.as_vec3(), "{position}");
+            assert_eq!(point.relative_to(home), exact.as_vec3(), "{position}");
         }
     }
 }
