@@ -5,6 +5,8 @@
 //!   frame. The throughput is that of moved instances.
 //! - One light of a large tree that is changed, or removed and added elsewhere: the edit with the
 //!   update of the world, and the plan of the frame.
+//! - Frames in which the origin moves, in each mode, and frames in which it does not: the call that
+//!   moves it, the update, the delta and the plan.
 //!
 //! `cargo bench --bench edits`; set `RAYON_NUM_THREADS=1` for the figures of one core. As a test
 //! (`cargo test --benches`) every case runs once, at the smallest size.
@@ -15,7 +17,9 @@ use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, BenchmarkId, Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use girandole::glam::{DVec3, Vec3};
 use girandole::plan::{LightPlanner, PlanLimits};
-use girandole::{FrameBudget, FrameDelta, InstanceKey, Light, LightWorld, Placement, Policy, TreeKey};
+use girandole::{
+    FrameBudget, FrameDelta, InstanceKey, Light, LightWorld, ORIGIN_GRID, OriginMode, Placement, Policy, TreeKey,
+};
 
 #[path = "../examples/common/mod.rs"]
 #[allow(dead_code, reason = "examples use more of it")]
@@ -212,5 +216,41 @@ fn lights(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, moves, lights);
+/// Frames of a camera that moves by a step of the grid in each, or rests.
+fn origin(c: &mut Criterion) {
+    let mut group = c.benchmark_group("origin");
+    group.sample_size(20).sampling_mode(SamplingMode::Flat);
+    group.warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(1));
+    let counts: &[usize] = if std::env::args().any(|a| a == "--bench") { &[1_000, 100_000] } else { &[1_000] };
+    for count in counts.iter().copied() {
+        for (mode, moves) in [(OriginMode::Free, true), (OriginMode::Following, true), (OriginMode::Following, false)] {
+            let mut world = world(count, Kind::Affine, &mut Rng(9));
+            world.set_origin_mode(mode).expect("zero is on the grid");
+            let mut planner = LightPlanner::new(PlanLimits::default());
+            let delta = FrameDelta::everything(&world);
+            planner.reserve(&world, &delta).expect("room enough").plan();
+            world.take_delta();
+            let mut step = 0.0;
+            let name = format!("{mode:?}{}", if moves { "" } else { ", at rest" });
+            group.bench_function(BenchmarkId::new(name, count), |b| {
+                b.iter(|| {
+                    step += if moves { 2.0 * ORIGIN_GRID } else { 0.0 };
+                    let viewpoint = DVec3::X * (step % 1.0e6);
+                    if mode == OriginMode::Free {
+                        world.set_origin(viewpoint).expect("near");
+                    }
+                    world.set_viewpoint(viewpoint).expect("near");
+                    world.update(FrameBudget::NONE);
+                    let delta = world.take_delta();
+                    let plan = planner.reserve(&world, &delta).expect("room enough").plan();
+                    assert_eq!(plan.report.instances, if mode == OriginMode::Free { count } else { 0 });
+                    assert_eq!(plan.is_empty(), !moves);
+                });
+            });
+        }
+    }
+    group.finish();
+}
+
+criterion_group!(benches, moves, lights, origin);
 criterion_main!(benches);

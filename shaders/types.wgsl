@@ -56,8 +56,8 @@ struct LightRecord {
     // #endif
 }
 
-// One instance slot. `to_local` is stored if some instance is not rigid, a factor and a mask if some
-// instance has either, and the sector in worlds with sectors.
+// One instance slot. `to_local` is stored if some instance is not rigid, a factor and a mask if
+// some instance has either, and the sector in worlds with sectors.
 struct LightInstance {
     // The rows of the matrix; the fourth column is the translation. It is stored relative to the
     // centre of the sector, and read relative to the origin.
@@ -134,8 +134,8 @@ struct LightParams {
     // The strides of lights and of instances.
     light_stride: u32,
     instance_stride: u32,
-    // The offset of an instance's sector, which is the last of its record; as the stride if it is not
-    // stored.
+    // The offset of an instance's sector, which is the last of its record; as the stride if it is
+    // not stored.
     instance_sector: u32,
     // 1 if large and near surfaces are sampled by solid angle.
     solid_angles: u32,

@@ -189,7 +189,7 @@ pub enum WorldError {
         /// The greatest value allowed.
         limit: f32,
     },
-    /// The origin does not lie on the grid that the world's [`OriginMode`](crate::OriginMode) wants.
+    /// The origin does not lie on the grid of the world's [`OriginMode`](crate::OriginMode).
     #[error("a coordinate of the origin is {value} m; it must be a multiple of {grid} m")]
     OriginOffGrid {
         /// The given coordinate, in metres.
