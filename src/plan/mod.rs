@@ -105,6 +105,7 @@ pub use text::{wgsl, wgsl_previous, wgsl_with_target};
 
 use crate::counts::SplitCount;
 use crate::effects::Effects;
+use crate::sector;
 use crate::tree::Node;
 use crate::world::LightWorld;
 use buffers::Ids;
@@ -220,7 +221,7 @@ impl LightPlanner {
     }
 
     /// The buffers that the engine's shaders bind after the last plan, in the order of the bindings
-    /// of [`wgsl`]: a uniform buffer of 48 bytes, then four storage buffers that are only read, each
+    /// of [`wgsl`]: a uniform buffer of 64 bytes, then four storage buffers that are only read, each
     /// bound whole. `None` before the first plan.
     ///
     /// A plan that replaces one of them replaces the first one too. So commands that were recorded
@@ -322,6 +323,7 @@ impl LightPlanner {
             strides: Strides::of(effects),
             solid_angles: u32::from(world.solid_angle_sampling()),
             parts: self.top.parts(),
+            home: sector::number(world.home()),
             masks: if effects.contains(Effects::MASKS) { self.top.masks() } else { 0 },
         }
     }
