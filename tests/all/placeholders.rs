@@ -7,7 +7,10 @@ use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::GpuLights;
 use girandole::scheduler::WorkKind;
-use girandole::{FrameBudget, Light, LightId, LightTree, LightWorld, Placement, Policy, TreeKey, WorldError};
+use girandole::{
+    FrameBudget, Light, LightId, LightTree, LightWorld, Placement, Policy, ShadingPoint, SplitCount, TreeKey,
+    WorldError,
+};
 
 use crate::gpu::{OTHER_PICKS, close, gpu, requests, sample};
 use crate::measuring::lights::{carried, illuminances};
