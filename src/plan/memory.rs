@@ -77,6 +77,7 @@ impl LightPlanner {
             self.limits.tree_memory = bytes;
             self.shares = None;
             self.is_resized = true;
+            self.residency.sort();
         }
     }
 

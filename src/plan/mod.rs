@@ -198,7 +198,7 @@ impl LightPlanner {
             instances: Pool::new("instances", FIRST_RECORDS, limit, stored::missing_of_instance),
             instance_count: 0,
             trees: Pool::new("light trees", FIRST_RECORDS / 4, limit, none),
-            residency: Residency::default(),
+            residency: Residency::new(limits.tree_memory.is_some()),
             shares: None,
             is_resized: false,
             buffers: BufferSizes::default(),

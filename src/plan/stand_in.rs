@@ -69,7 +69,7 @@ fn divide(tree: &LightTree, wanted: usize) -> Vec<Part> {
     loop {
         let largest = (0..parts.len()).max_by(|a, b| parts[*a].spread.total_cmp(&parts[*b].spread));
         let Some((index, Target::Node(node))) = largest.map(|index| (index, parts[index].target)) else { break };
-        if parts.len() - 1 + children(tree, node).count() > wanted {
+        if parts.len() - 1 + tree.nodes()[node as usize].count() > wanted {
             break;
         }
         parts.swap_remove(index);
@@ -99,12 +99,14 @@ fn stand_in(tree: &LightTree, part: &Part, random: u32) -> Option<Light> {
 
 /// A child of a node, drawn by flux.
 fn draw(tree: &LightTree, node: u32, random: u32) -> Option<Target> {
-    let total: f32 = children(tree, node).map(|child| child.flux).sum();
-    let mut left = random as f32 / u32::MAX as f32 * total;
+    let node = &tree.nodes()[node as usize];
+    // Unused slots have no flux.
+    let flux = node.flux.map(|half| f32::from_bits(u32::from(half) << 16));
+    let mut left = random as f32 / u32::MAX as f32 * flux.iter().sum::<f32>();
     let mut chosen = None;
-    for child in children(tree, node) {
-        chosen = Some(child.target);
-        left -= child.flux;
+    for (slot, flux) in flux.into_iter().enumerate().filter(|(_, flux)| *flux > 0.0) {
+        chosen = node.target(slot);
+        left -= flux;
         if left < 0.0 {
             break;
         }
