@@ -90,6 +90,9 @@ impl LightPlanner {
     /// shaders see whole, trees of up to 16 lights, stand-ins, and the records of instances. A tree
     /// that is rebuilt three times while it is sent in pieces is sent at once too. With 0, nothing
     /// that waits is sent.
+    ///
+    /// With a limit, plans also join gaps that trees have left: up to a quarter of the bytes of a
+    /// frame goes to trees that move to gaps, once more than an eighth of a buffer is gaps.
     pub fn set_frame_bytes(&mut self, bytes: Option<u64>) {
         self.limits.frame_bytes = bytes;
     }

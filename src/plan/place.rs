@@ -41,7 +41,13 @@ const MAX_FALLBACKS: usize = 16;
 /// The most trees that are looked at to find one that can move to a gap.
 const MAX_MOVES: usize = 64;
 
-/// Bytes that a frame moves to join gaps if nothing bounds what it sends.
+/// Trees move to gaps once more than one part in so many of a pool is gaps, up to the last tree.
+const MAX_GAPS: u64 = 8;
+
+/// They may take one part in so many of the bytes of a frame.
+const MOVED_SHARE: u64 = 4;
+
+/// Bytes that a frame moves to make room for a tree if nothing bounds what it sends.
 const MOVED_BYTES: u64 = 256 * 1024;
 
 /// A tree that changes as a whole while it is sent in pieces is begun again this many times. Then it
@@ -140,7 +146,20 @@ impl LightPlanner {
                 self.follow(world, *slot, room)?;
             }
         }
+        if room.left > 0 && self.may_join_gaps() {
+            let bytes = self.limits.frame_bytes.map_or(0, |bytes| bytes.div_ceil(MOVED_SHARE));
+            room.is_packed = !self.join_gaps(world, bytes, room)?;
+        }
         Ok(())
+    }
+
+    /// Whether so much of the pools is gaps that trees should move to them, as far as that is known.
+    pub(super) fn may_join_gaps(&self) -> bool {
+        let has_gaps = |end: u64, taken: u64| (end - taken) * MAX_GAPS > end;
+        let sends = self.limits.frame_bytes.is_some_and(|bytes| bytes > 0);
+        sends
+            && !self.residency.is_packed
+            && (has_gaps(self.nodes.used(), self.nodes.taken()) || has_gaps(self.lights.used(), self.lights.taken()))
     }
 
     fn bytes(&self, [nodes, lights]: [usize; 2]) -> u64 {
@@ -409,7 +428,7 @@ impl LightPlanner {
         let [nodes, lights] = subject.counts().map(|count| count as u64);
         let mut missing = [self.nodes.missing(nodes), self.lights.missing(lights)];
         if missing == [0; 2] {
-            return self.join_gaps(world, room);
+            return self.join_gaps(world, self.limits.frame_bytes.unwrap_or(MOVED_BYTES), room);
         }
         let below = (f32::from_bits(usefulness) / MIN_GAIN).to_bits();
         let mut fallbacks = Vec::new();
@@ -440,9 +459,11 @@ impl LightPlanner {
         Ok(true)
     }
 
-    /// Moves trees from the end of each pool to gaps. Returns whether it moved any.
-    fn join_gaps(&mut self, world: &LightWorld, room: &mut Room) -> Result<bool, PlanError> {
-        let mut left = room.left.min(self.limits.frame_bytes.unwrap_or(MOVED_BYTES));
+    /// Moves trees from the end of each pool to gaps, of at most so many bytes. Returns whether it
+    /// moved any.
+    fn join_gaps(&mut self, world: &LightWorld, bytes: u64, room: &mut Room) -> Result<bool, PlanError> {
+        let mut left = room.left.min(bytes);
+        self.residency.sort();
         let mut has_moved = false;
         for pool in 0..2 {
             let last: Vec<u32> = self.residency.places_from_last(pool).take(MAX_MOVES).collect();

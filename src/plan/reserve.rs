@@ -48,6 +48,8 @@ pub(super) struct Room {
     pub incoming: Option<Incoming>,
     /// Bytes of new trees that may still be sent.
     pub left: u64,
+    /// No tree was found that can move to a gap.
+    pub is_packed: bool,
     pub growth: Growth,
     /// What was in the pools of trees before they were begun anew.
     pub restarted: Option<Box<Restarted>>,
@@ -223,7 +225,7 @@ impl LightPlanner {
     fn has_work(&self) -> bool {
         let may_send = self.limits.frame_bytes != Some(0);
         let has_waiting = self.residency.waiting_count() > 0 || self.residency.incoming.is_some();
-        has_waiting && may_send || self.is_resized
+        has_waiting && may_send || self.is_resized || self.may_join_gaps()
     }
 
     fn new_room(&mut self, growth: Growth) -> Room {

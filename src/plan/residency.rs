@@ -105,6 +105,8 @@ pub(super) struct Residency {
     /// The number of trees of which shaders see stand-ins.
     stand_ins: usize,
     pub incoming: Option<Incoming>,
+    /// No tree can move to a gap before it, as far as was looked.
+    pub is_packed: bool,
     /// Where the trees are, if that has been asked for: see [`Residency::sort`].
     order: Option<Order>,
     /// The slot whose usefulness is computed next.
@@ -186,6 +188,7 @@ impl Residency {
         }
         let former = std::mem::replace(&mut self.trees[index], state);
         let state = &self.trees[index];
+        self.is_packed &= former.ranges() == state.ranges();
         if former.waits {
             self.waiting.remove(&(former.usefulness, slot));
             self.waiting_bytes -= former.bytes;

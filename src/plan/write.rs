@@ -52,9 +52,20 @@ impl Reservation<'_> {
         let former = (strides, masks, home);
         let is_new_top = planner.top.is_replaced() || planner.is_lost;
         let replaced = [planner.nodes.is_replaced(), planner.instances.is_replaced(), planner.lights.is_replaced()];
-        let Room { placed, incoming, parts, directionals, trees, instances, instance_runs, is_scattered, .. } =
-            planner.adopt(room, &mut plan);
+        let Room {
+            placed,
+            incoming,
+            is_packed,
+            parts,
+            directionals,
+            trees,
+            instances,
+            instance_runs,
+            is_scattered,
+            ..
+        } = planner.adopt(room, &mut plan);
         planner.place(placed, incoming);
+        planner.residency.is_packed |= is_packed;
         if let Some(range) = directionals {
             let former = std::mem::replace(&mut planner.directionals, range);
             planner.lights.free(former);

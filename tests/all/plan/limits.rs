@@ -202,6 +202,43 @@ fn limits_of_zero_have_an_outcome() {
 }
 
 #[test]
+fn gaps_are_joined_within_the_bytes_of_each_frame_and_then_nothing_is_sent() {
+    let mut rng = Rng(26);
+    let budget = 40_000;
+    let (mut world, keys) = row(&mut rng, 60, 200);
+    let mut played = played(PlanLimits::default().with_frame_bytes(budget));
+    let delta = update(&mut world);
+    played.frame(&world, &delta);
+    while !idle(&mut played, &world).is_empty() {}
+    let full = played.planner.memory();
+    // Every other tree goes.
+    let instances: Vec<_> = world.instances().collect();
+    for (key, tree) in instances.into_iter().zip(&keys).step_by(2) {
+        assert_eq!(world.instance_tree(key), Some(*tree));
+        world.remove_instance(key).expect("it lives");
+        world.remove_tree(*tree).expect("no instances");
+    }
+    let delta = update(&mut world);
+    played.frame(&world, &delta);
+    let holed = played.planner.memory();
+    assert!(holed.gaps > full.used / 3, "{holed:?} of {full:?}");
+    let mut frames = 0;
+    loop {
+        let plan = idle(&mut played, &world);
+        assert_eq!(check(&played, &world), Found { lights: 30 * 200, stand_ins: 0 });
+        if plan.is_empty() {
+            break;
+        }
+        // Records of instances, and of trees, come on top.
+        assert!(plan.report.bytes <= budget / 4 + 2_000, "{:?}", plan.report);
+        frames += 1;
+    }
+    let joined = played.planner.memory();
+    assert!(joined.gaps * 8 <= joined.used + joined.gaps && joined.used == holed.used, "{joined:?}");
+    assert!((10..200).contains(&frames), "{frames} frames");
+}
+
+#[test]
 fn a_world_larger_than_the_largest_buffer_is_seen_whole_or_by_stand_ins() {
     let mut rng = Rng(25);
     // The lights of one tree fill a third of the largest buffer.
