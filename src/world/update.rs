@@ -106,6 +106,7 @@ impl LightWorld {
         self.refit_edited(&mut report);
         self.request_first_builds();
         self.judge_overlaps(report.moved_instances > 0);
+        self.judge_surroundings(report.moved_instances > 0);
         self.do_jobs(&mut report);
         self.effects.count_update();
         self.freeze_resting();
