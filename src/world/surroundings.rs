@@ -23,7 +23,7 @@ const MIN_SHARE: f64 = 0.25;
 
 /// Boxes count as at least this thick, relative to half of their diagonal: lamps above a town are
 /// among its houses.
-const THICKNESS: f64 = 0.1;
+const THICKNESS: f64 = 0.02;
 
 /// A tree has sections when more than this share of its instances lies among others, and until the
 /// share is at most half of this.

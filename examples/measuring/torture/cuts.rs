@@ -108,7 +108,9 @@ fn town(parts: &mut Parts, cut: fn(&mut Rng, &TownLight) -> usize) -> Result<(),
 /// Four trees of 1,000 lamps over the same 500 m, and 1,000 trees of six lamps within them.
 fn large_over_small(parts: &mut Parts, rng: &mut Rng) -> Result<(), WorldError> {
     for _ in 0..4 {
-        parts.add_here((0..1000).map(|_| lamp(in_box(rng, vec3(250.0, 5.0, 250.0)), rng.range(20.0, 200.0))).collect())?;
+        parts.add_here(
+            (0..1000).map(|_| lamp(in_box(rng, vec3(250.0, 5.0, 250.0)), rng.range(20.0, 200.0))).collect(),
+        )?;
     }
     for _ in 0..1000 {
         let lights = (0..6).map(|_| lamp(in_box(rng, vec3(3.0, 2.0, 3.0)), rng.range(1.0, 10.0))).collect();

@@ -18,6 +18,11 @@ use girandole::WorldError;
 
 /// All scenes. They are the same in every run.
 pub fn scenes() -> Result<Vec<TortureScene>, WorldError> {
-    let makers = instances::SCENES.iter().chain(cuts::SCENES).chain(emitters::SCENES).chain(contrasts::SCENES).chain(gloss::SCENES);
+    let makers = instances::SCENES
+        .iter()
+        .chain(cuts::SCENES)
+        .chain(emitters::SCENES)
+        .chain(contrasts::SCENES)
+        .chain(gloss::SCENES);
     makers.map(|(name, make)| TortureScene::new(name, *make)).collect()
 }
