@@ -124,7 +124,7 @@ pub(crate) struct ClusterRecord {
 }
 
 /// What the top-level build reads of one part of a tree: the whole tree, one side of a divided
-/// tree, or one light of an open tree. `LightTree` in WGSL; 80 bytes.
+/// tree, one section, or one light of an open tree. `LightTree` in WGSL; 80 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct TreeRecord {

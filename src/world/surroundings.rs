@@ -21,7 +21,7 @@ const NEIGHBOURS: usize = 2;
 /// Another instance is a neighbour if the common box is this share of the smaller box.
 const MIN_SHARE: f64 = 0.25;
 
-/// Boxes count as at least this thick, relative to half of their diagonal: lamps above a town are
+/// Boxes count as at least this thick, relative to their diagonal: lamps above a town are
 /// among its houses.
 const THICKNESS: f64 = 0.02;
 
