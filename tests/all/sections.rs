@@ -2,12 +2,13 @@
 //! light is lost, and both sides agree, also while lights and instances come, go, move and change.
 
 use girandole::glam::{DVec3, Mat3, Vec3};
-use girandole::gpu::GpuLights;
+use girandole::gpu::{GpuLights, wgsl};
 use girandole::{
-    FrameBudget, InstanceKey, Light, LightTree, LightWorld, Placement, Policy, Region, RegionInstance, TreeKey,
+    Effects, FrameBudget, FrameDelta, InstanceKey, Light, LightTree, LightWorld, Placement, Policy, Region,
+    RegionInstance, TreeKey,
 };
 
-use crate::gpu::{OTHER_PICKS, compare, gpu, requests, sample};
+use crate::gpu::{OTHER_PICKS, ask, compare, gpu, requests, sample};
 use crate::support::{Rng, SPLITS, all_pmfs};
 
 /// Lamps over a square of 40 m, some of them dark.
@@ -99,6 +100,48 @@ fn change(town: &mut Town, rng: &mut Rng, round: usize) {
 
 const ROUNDS: usize = 10;
 
+/// For a shading point and random numbers: the probability of a sample, as `light_sample` and as
+/// `light_pmf` give it.
+const TEXT: &str = "
+    struct Question { position: vec3<f32>, padding: f32, u: vec4<f32> }
+    @group(0) @binding(0) var<storage, read> questions: array<Question>;
+    @group(0) @binding(1) var<storage, read_write> answers: array<vec2<f32>>;
+    @compute @workgroup_size(64) fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
+        if id.x >= arrayLength(&questions) { return; }
+        let q = questions[id.x];
+        let point = light_volume_point(q.position);
+        let s = light_sample(point, q.u);
+        answers[id.x] = vec2(0.0);
+        if s.pmf > 0.0 {
+            answers[id.x] = vec2(s.pmf, light_pmf(point, s.instance, s.light));
+        }
+    }";
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+struct Question {
+    position: [f32; 3],
+    padding: f32,
+    u: [f32; 4],
+}
+
+/// Checks that a shader that walks up from a light finds the probability of its sample.
+fn check_pmfs(lights: &mut GpuLights, rng: &mut Rng) {
+    let question = |rng: &mut Rng| Question {
+        position: rng.place(15.0).to_array(),
+        padding: 0.0,
+        u: [rng.unit(), rng.unit(), rng.unit(), rng.unit()],
+    };
+    let questions: Vec<_> = (0..512).map(|_| question(rng)).collect();
+    let answers: Vec<[f32; 2]> = ask(lights, wgsl(1, Effects::all()) + TEXT, &questions, questions.len());
+    let mut compared = 0;
+    for [pmf, asked] in answers.into_iter().filter(|[pmf, _]| *pmf > 0.0) {
+        assert!((asked / pmf - 1.0).abs() < 2.0e-3, "{asked} {pmf}");
+        compared += 1;
+    }
+    assert!(compared > 100, "{compared}");
+}
+
 #[test]
 fn probabilities_add_up_and_every_light_that_contributes_has_one() {
     let mut rng = Rng(190);
@@ -157,7 +200,41 @@ fn the_gpu_chooses_the_same_lights_while_sections_come_and_go() {
             assert!(mismatches as f64 <= OTHER_PICKS * 1024.0 + 1.0, "round {round}: {mismatches} of 1024 differ");
             assert!(records.iter().filter(|record| record.pmf > 0.0).count() > 200, "round {round}");
         }
+        check_pmfs(&mut lights, &mut rng);
     }
+}
+
+#[test]
+fn sections_arrive_with_the_last_piece_of_a_tree_that_is_sent_over_several_frames() {
+    let (device, queue) = gpu();
+    let mut rng = Rng(194);
+    let mut town = town(&mut rng);
+    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    lights.set_frame_bytes(Some(30_000));
+    let mut frames = 0;
+    for round in 0..ROUNDS - 1 {
+        change(&mut town, &mut rng, round);
+        let trees: Vec<TreeKey> = town.world.trees().collect();
+        let is_waiting = |lights: &GpuLights| trees.iter().any(|tree| lights.is_waiting(*tree));
+        let mut delta = town.world.take_delta();
+        loop {
+            lights.upload(&town.world, &delta).expect("room enough");
+            delta = FrameDelta::default();
+            if !is_waiting(&lights) {
+                break;
+            }
+            frames += 1;
+            // Trees and stand-ins of different ages are side by side, each of them sound.
+            check_pmfs(&mut lights, &mut rng);
+        }
+        let requests = requests(&mut rng, 512, 20.0);
+        for splits in SPLITS {
+            let records = sample(&mut lights, &mut town.world, splits, &requests);
+            let mismatches = compare(&town.world, splits, &requests, &records);
+            assert!(mismatches as f64 <= OTHER_PICKS * 512.0 + 1.0, "round {round}: {mismatches} of 512 differ");
+        }
+    }
+    assert!(frames > 8, "{frames} frames with trees that wait");
 }
 
 #[test]
