@@ -234,14 +234,15 @@ fn light_part(bits: u32) -> LightPart {
 
 // Whether a walk up an instance's tree goes on in the top level. `place` is where it has arrived.
 fn light_leaves_tree(flags: u32, place: u32) -> bool {
-    return place == LIGHT_NO_PARENT || (flags & LIGHT_LIGHTS) != 0u
+    // LIGHT_NO_PARENT has the bit LIGHT_SECTION as well.
+    return place >= LIGHT_SECTION || (flags & LIGHT_LIGHTS) != 0u
         || ((flags & LIGHT_SIDES) != 0u && place < LIGHT_WIDTH);
 }
 
 // The place in the top level where it goes on. `light` is the index of the light in its tree.
 fn light_place_above(slot: u32, flags: u32, place: u32, light: u32) -> u32 {
     let first = light_instances[slot * light_params.instance_stride + LIGHT_INSTANCE_PART].x;
-    let side = select(place, 0u, place == LIGHT_NO_PARENT);
+    let side = select(place & ~LIGHT_SECTION, 0u, place == LIGHT_NO_PARENT);
     let index = select(side, light, (flags & LIGHT_LIGHTS) != 0u);
     return light_top[light_params.parts + first + index].z;
 }

@@ -93,7 +93,8 @@ struct LightInstance {
     // #endif
 }
 
-// What the top-level build reads of one part of a tree: the whole tree, one side or one light.
+// What the top-level build reads of one part of a tree: the whole tree, one side, one section or
+// one light.
 // Twin of `TreeRecord`.
 struct LightTree {
     cluster: LightCluster,

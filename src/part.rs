@@ -22,14 +22,16 @@ pub(crate) enum Division {
     Sides,
     /// Each light.
     Lights,
+    /// Its sections, and how many they are: the clusters of a cut through the tree.
+    Sections(u32),
 }
 
-/// A part of an instance: all of its tree, one side of it or one light.
+/// A part of an instance: all of its tree, one side of it, one section or one light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Part {
     /// The slot of the instance.
     pub slot: u32,
-    /// Where a walk goes on in the tree: the root, the node of a side, or a light.
+    /// Where a walk goes on in the tree: the root, the node of a side or section, or a light.
     pub target: Target,
 }
 

@@ -511,10 +511,12 @@ impl<'a> LightSampler<'a> {
     ) -> Option<LeafPath<'a>> {
         let (lights, tree) = self.tree_view(instance, shading_point)?;
         let place = *lights.leaves().get(light as usize).filter(|place| **place != NO_LEAF)?;
+        let tree_key = self.world.instance(instance)?.tree;
         let top = TopPath {
             tree: self.root(shading_point),
             places: self.top.places(slot_of(instance)),
-            division: self.world.division(self.world.instance(instance)?.tree),
+            division: self.world.division(tree_key),
+            sections: self.world.sections(tree_key),
         };
         Some(LeafPath { tree, light, place, top: Some(top) })
     }

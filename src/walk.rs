@@ -10,7 +10,7 @@ use crate::dice::{Dice, choice_pmf, joint_pmf};
 use crate::importance::running_sums;
 use crate::part::Division;
 use crate::simd::Job;
-use crate::tree::{NO_PARENT, Target, WIDTH};
+use crate::tree::{NO_PARENT, Section, Target, WIDTH};
 
 /// A light of a tree and the probability of its choice.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -121,6 +121,8 @@ pub(crate) struct TopPath<'a> {
     /// The places of the leaves that are the parts of the instance.
     pub places: &'a [u32],
     pub division: Division,
+    /// The sections of the tree, if it is divided into them.
+    pub sections: &'a [Section],
 }
 
 impl<'a> LeafPath<'a> {
@@ -131,6 +133,12 @@ impl<'a> LeafPath<'a> {
         let part = match (self.place, &self.top) {
             (NO_PARENT, _) => 0,
             (place, Some(top)) if top.division == Division::Sides && place < WIDTH as u32 => place as usize,
+            (place, Some(TopPath { division: Division::Sections(_), sections, .. })) => {
+                match sections.binary_search_by_key(&place, |section| section.place) {
+                    Ok(part) => part,
+                    Err(_) => return true,
+                }
+            }
             (_, Some(top)) if top.division == Division::Lights => self.light as usize,
             _ => return true,
         };

@@ -13,7 +13,7 @@ use crate::light::{DirectionalLight, Light, Shape, spot_falloff};
 use crate::part::Division;
 use crate::placement::Placed;
 use crate::sector;
-use crate::tree::{LEAF, LightTree, UNLIMITED_RANGE};
+use crate::tree::{LEAF, LightTree, Section, UNLIMITED_RANGE};
 
 /// The bits of [`LightRecord::kind`] that hold the kind.
 pub(crate) const KIND_MASK: u32 = 0xff;
@@ -47,6 +47,10 @@ pub(crate) const STANDS_IN: u32 = 16;
 
 /// The index of the first stand-in of a tree. Lights of trees that are whole have smaller indices.
 pub(crate) const STAND_IN: u32 = 1 << 30;
+
+/// This bit is set in the place above a section of a tree, where the other bits are the number of the
+/// section. Places have smaller bits: a buffer of 4 GiB has room for 2^29 places.
+pub(crate) const SECTION: u32 = 1 << 31;
 
 /// Where the generation of the slot begins in [`InstanceRecord::flags`].
 pub(crate) const GENERATION_SHIFT: u32 = 8;
@@ -120,7 +124,7 @@ pub(crate) struct ClusterRecord {
 }
 
 /// What the top-level build reads of one part of a tree: the whole tree, one side of a divided
-/// tree, or one light of an open tree. `LightTree` in WGSL; 80 bytes.
+/// tree, one section, or one light of an open tree. `LightTree` in WGSL; 80 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct TreeRecord {
@@ -259,7 +263,8 @@ fn two_sided_bit(two_sided: bool) -> u32 {
 
 fn division_bit(division: Division) -> u32 {
     match division {
-        Division::Whole => 0,
+        // Their nodes and lights are marked.
+        Division::Whole | Division::Sections(_) => 0,
         Division::Sides => SIDES,
         Division::Lights => LIGHTS,
     }
@@ -346,6 +351,12 @@ impl InstanceRecord {
     }
 }
 
+/// The place of a child of a tree's node, as shaders climb from it: the number of a section with the
+/// bit [`SECTION`], or the place itself.
+pub(crate) fn stored_place(place: u32, sections: &[Section]) -> u32 {
+    sections.binary_search_by_key(&place, |section| section.place).map_or(place, |index| SECTION | index as u32)
+}
+
 fn rows(m: &Mat3, last: Vec3) -> [[f32; 4]; 3] {
     std::array::from_fn(|i| m.row(i).extend(last[i]).to_array())
 }
@@ -375,18 +386,22 @@ impl TreeRecord {
     pub fn count(tree: &LightTree, division: Division) -> u32 {
         match division {
             Division::Whole => 1,
+            Division::Sections(count) => count,
             Division::Sides => tree.sides().len() as u32,
             Division::Lights => tree.lights().len() as u32,
         }
     }
 
-    /// The records of a tree.
-    pub fn of(tree: &LightTree, division: Division) -> Vec<Self> {
+    /// The records of a tree. `sections` are those of a tree of [`Division::Sections`].
+    pub fn of(tree: &LightTree, division: Division, sections: &[Section]) -> Vec<Self> {
         match division {
             Division::Whole => vec![Self::of_cluster(&tree.cluster(), 0)],
             Division::Sides => {
                 let targets = tree.nodes()[0].targets;
                 tree.sides().iter().zip(targets).map(|(side, target)| Self::of_cluster(side, target)).collect()
+            }
+            Division::Sections(_) => {
+                sections.iter().map(|s| Self::of_cluster(&tree.section_cluster(s), s.target)).collect()
             }
             Division::Lights => {
                 let record = |(index, light): (u32, &Light)| Self::of_cluster(&light.cluster(), LEAF | index);

@@ -233,6 +233,7 @@ pub(crate) fn constants() -> String {
         ("NON_RIGID", layout::NON_RIGID),
         ("SIDES", layout::SIDES),
         ("LIGHTS", layout::LIGHTS),
+        ("SECTION", layout::SECTION),
         ("STANDS_IN", layout::STANDS_IN),
         ("STAND_IN", layout::STAND_IN),
         ("GENERATION_SHIFT", layout::GENERATION_SHIFT),

@@ -7,7 +7,7 @@ use super::LightPlanner;
 use super::changes::UploadReport;
 use super::commands::Commands;
 use super::frame::FramePlan;
-use super::layout::{Bases, InstanceRecord, LightRecord, ParamsRecord, STAND_IN, TreeRecord};
+use super::layout::{Bases, InstanceRecord, LightRecord, ParamsRecord, STAND_IN, TreeRecord, stored_place};
 use super::reserve::{Reservation, Room, Source, TreeRuns};
 use super::residency::{Form, Incoming, TreeState};
 use super::scatter::{Scattered, scatter};
@@ -177,15 +177,18 @@ impl LightPlanner {
         for (write, [node_runs, light_runs]) in writes {
             let Some(entry) = world.tree_at(write.slot).and_then(|key| world.tree_entry(key)) else { continue };
             // Of a tree, indices of lights are those of the tree. Those of stand-ins follow on `STAND_IN`.
-            let (tree, offset) = match &write.source {
-                Source::StandIns(few) => (&**few, STAND_IN),
-                Source::Tree | Source::Piece => (&entry.tree, 0),
+            let (tree, offset, sections) = match &write.source {
+                Source::StandIns(few) => (&**few, STAND_IN, [].as_slice()),
+                Source::Tree | Source::Piece => (&entry.tree, 0, entry.sections.as_slice()),
             };
             let [node_base, light_base] = write.bases;
             for run in &runs[node_runs.clone()] {
                 let range = run.start as usize..run.end as usize;
                 report.nodes += range.len();
-                let nodes = tree.nodes()[range].iter().map(|node| with_lights_from(offset, *node));
+                let nodes = tree.nodes()[range].iter().map(|node| {
+                    let parent = stored_place(node.parent, sections);
+                    with_lights_from(offset, Node { parent, ..*node })
+                });
                 let target = node_base + run.start..node_base + run.end;
                 self.nodes.write(commands, &mut staged.nodes, target, nodes);
             }
@@ -193,7 +196,7 @@ impl LightPlanner {
                 let range = run.start as usize..run.end as usize;
                 report.lights += range.len();
                 let lights = tree.lights()[range.clone()].iter().zip(&tree.leaves()[range]);
-                let fill = lights.map(|(light, place)| LightRecord::of(light, *place));
+                let fill = lights.map(|(light, place)| LightRecord::of(light, stored_place(*place, sections)));
                 let target = light_base + run.start..light_base + run.end;
                 self.lights.write(commands, &mut staged.lights, target, fill);
             }
@@ -206,7 +209,7 @@ impl LightPlanner {
             // The records of stand-ins describe the whole tree, so nothing changes in the top level
             // when it takes their place.
             let state = self.residency.get(write.slot);
-            let fill = TreeRecord::of(&entry.tree, state.division).into_iter();
+            let fill = TreeRecord::of(&entry.tree, state.division, &entry.sections).into_iter();
             self.trees.write(commands, &mut staged.trees, state.records.clone(), fill);
         }
     }

@@ -19,6 +19,7 @@ mod rebuild;
 mod refit;
 mod refitted;
 mod remove;
+mod sections;
 mod shape;
 mod stepped_build;
 mod tasks;
@@ -40,6 +41,7 @@ pub use node::{Bytes, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_LEAF, NO_PARENT, Node, Ta
 pub(crate) use pack::{CAP_STEPS, DIRECTION_STEPS, STEPS};
 pub(crate) use pack::{NodeGrid, UNLIMITED_RANGE, Unpacked};
 pub(crate) use refitted::Refitted;
+pub(crate) use sections::Section;
 
 #[cfg(test)]
 pub(crate) use shape::{BuildItem, shape};

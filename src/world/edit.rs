@@ -287,9 +287,10 @@ impl LightWorld {
         self.recount(tree);
         self.has_moved(tree);
         for index in 0..self.trees[tree].instances.len() {
-            self.file_new(self.trees[tree].instances[index]);
+            self.judge_later(self.trees[tree].instances[index]);
         }
         self.whole_tree_changed(tree);
+        self.renew_sections(tree);
         self.top.take();
         former
     }
@@ -326,7 +327,7 @@ impl LightWorld {
         let key = self.instances.insert(instance);
         self.attach(key, tree, policy);
         self.build_for_first(key, builds_later);
-        self.file_new(key);
+        self.judge_later(key);
         self.changes.added(slot_of(key));
         self.top.take();
         key
@@ -340,6 +341,7 @@ impl LightWorld {
         let instance = self.instances.remove(key).ok_or(WorldError::NoSuchInstance(key))?;
         self.effects.change(|counts| counts.remove(instance.effects()));
         self.forget_overlap(key, instance.tree);
+        self.forget_surroundings(key, instance.tree);
         self.detach(instance.tree, instance.index_in_tree, instance.policy);
         self.changes.removed(slot_of(key));
         self.top.take();
@@ -402,11 +404,12 @@ impl LightWorld {
         self.recount(own);
         self.scheduler.copy(shared, own);
         self.forget_overlap(key, shared);
+        self.forget_surroundings(key, shared);
         self.detach(shared, index_in_tree, policy);
         self.attach(key, own, policy);
         self.instances[key].tree = own;
         self.was_copied(key, own);
-        self.file_new(key);
+        self.judge_later(key);
         self.instance_changed(key);
         if self.scheduler.waits(shared) || self.trees[shared].successor.is_some() {
             // The copy needs a rebuild as much as the tree that it was copied from.
@@ -521,6 +524,7 @@ impl LightWorld {
         entry.instances.push(key);
         entry.policies.insert(policy);
         self.light_count += entry.tree.light_count();
+        self.section_count += entry.sections.len();
         self.recount(tree);
     }
 
@@ -534,6 +538,7 @@ impl LightWorld {
         }
         entry.policies.remove(policy);
         self.light_count -= entry.tree.light_count();
+        self.section_count -= entry.sections.len();
         self.forget_requests_that_no_policy_allows(tree);
     }
 

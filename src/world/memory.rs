@@ -2,7 +2,7 @@
 
 use super::{Instance, LightWorld, TreeEntry};
 use crate::keys::{InstanceKey, TreeKey};
-use crate::tree::TreeMemory;
+use crate::tree::{Section, TreeMemory};
 
 /// The memory of a [`LightWorld`] on the heap of the CPU, in bytes: the capacities of its arrays
 /// times the sizes of their elements.
@@ -67,7 +67,8 @@ impl TreeEntry {
             trees: self.tree.memory(),
             successors: self.successor.as_ref().map_or(0, |tree| size_of_val(&**tree) + tree.memory_bytes()),
             edits: self.staged.memory_bytes() + self.log.memory_bytes(),
-            lists: size_of::<InstanceKey>() * self.instances.capacity(),
+            lists: size_of::<InstanceKey>() * self.instances.capacity()
+                + size_of::<Section>() * self.sections.capacity(),
             tables: 0,
         };
         Counted { memory, placeholders: usize::from(self.tree.is_placeholder()) }

@@ -25,8 +25,10 @@ mod regions;
 mod requests;
 mod rest;
 mod rest_timers;
+mod sections;
 mod slot_set;
 mod staged;
+mod surroundings;
 mod update;
 
 use std::fmt;
@@ -54,7 +56,7 @@ use crate::placement::{Placed, Placement};
 use crate::policy::{AttributeHistory, Policy, PolicySet};
 use crate::scheduler::{Clock, Scheduler, SystemClock};
 use crate::top::TopLevel;
-use crate::tree::LightTree;
+use crate::tree::{LightTree, Section};
 use change_log::ChangeLog;
 use instance_map::InstanceMap;
 use key_set::KeySet;
@@ -95,6 +97,9 @@ pub struct LightWorld {
     jobs: Vec<JobReport>,
     view_weights: attention::ViewWeights,
     overlaps: overlap::Overlaps,
+    surroundings: surroundings::Surroundings,
+    /// The number of sections of all instances.
+    section_count: usize,
     regions: Regions,
     /// Placeholders that came since the last update.
     new_placeholders: Vec<TreeKey>,
@@ -121,6 +126,12 @@ pub(crate) struct TreeEntry {
     surrounded: u32,
     /// Each light is a leaf of the top level.
     is_open: bool,
+    /// The number of instances of a large tree that lie among others.
+    among_others: u32,
+    /// Enough of them do for the tree to have sections.
+    is_among_others: bool,
+    /// The sections that are leaves of the top level; none of a tree that has another division.
+    pub sections: Vec<Section>,
     /// The tree that was built in slices or in the background. It replaces this one at the next
     /// refit.
     successor: Option<Box<LightTree>>,
@@ -155,6 +166,9 @@ impl TreeEntry {
             weight: attention::TreeWeight::default(),
             surrounded: 0,
             is_open: false,
+            among_others: 0,
+            is_among_others: false,
+            sections: Vec::new(),
             successor: None,
             counted: Counted::default(),
         }
@@ -235,6 +249,8 @@ impl LightWorld {
             jobs: Vec::new(),
             view_weights: attention::ViewWeights::default(),
             overlaps: overlap::Overlaps::default(),
+            surroundings: surroundings::Surroundings::default(),
+            section_count: 0,
             regions: Regions::default(),
             new_placeholders: Vec::new(),
             counted: Counted::default(),

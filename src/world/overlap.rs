@@ -16,12 +16,11 @@ use slotmap::SecondaryMap;
 
 use super::LightWorld;
 use crate::keys::{InstanceKey, TreeKey, slot_of};
-use crate::part::Division;
 
 /// Trees of more lights stay whole: each light of an open tree is a leaf of the top level, which is
 /// built anew when anything moves. So do trees that are divided into sides: as single lights they
 /// are noisier, because the top level divides by position alone.
-const MAX_OPEN: usize = 128;
+pub(super) const MAX_OPEN: usize = 128;
 
 /// An instance is surrounded if its middle lies within this many others.
 const MIN_SURROUNDING: usize = 4;
@@ -53,8 +52,8 @@ const MAX_LISTED: usize = 128;
 
 /// A cell of the grid for one size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-struct GridCell {
-    size: i32,
+pub(super) struct GridCell {
+    pub size: i32,
     /// Modulo 2^32. Cells that share a number are half a million kilometres apart.
     at: [i32; 3],
 }
@@ -115,12 +114,24 @@ impl WorldBox {
         (position - self.center).abs().cmple(self.reach).all()
     }
 
-    /// The cell of the box. Its size is the extent, rounded up to a power of two.
     fn cell(&self) -> GridCell {
-        let extent = (2.0 * self.reach.max_element()).max(f64::MIN_POSITIVE);
-        let size = (extent.log2().ceil() as i32).clamp(SIZES.start, SIZES.end - 1);
-        GridCell { size, at: numbers((self.center / cell_length(size)).floor()) }
+        GridCell::around(self.center, 2.0 * self.reach.max_element())
     }
+}
+
+impl GridCell {
+    /// The cell of a box with this longest edge. Its size is the edge, rounded up to a power of two.
+    pub fn around(center: DVec3, edge: f64) -> Self {
+        let size = (edge.max(f64::MIN_POSITIVE).log2().ceil() as i32).clamp(SIZES.start, SIZES.end - 1);
+        Self { size, at: numbers((center / cell_length(size)).floor()) }
+    }
+}
+
+/// The eight cells of a size nearest to a position.
+pub(super) fn corner_cells(size: i32, position: DVec3) -> impl Iterator<Item = GridCell> {
+    // The nearest corner between cells.
+    let corner = numbers((position / cell_length(size)).round());
+    (0..8).map(move |i| GridCell { size, at: [0, 1, 2].map(|k| corner[k].wrapping_sub(i >> k & 1)) })
 }
 
 fn index_of(size: i32) -> usize {
@@ -176,11 +187,8 @@ impl Overlaps {
         let (mut surrounding, mut looked_at) = (0, 0);
         let has_any = |size: &i32| self.counts.get(index_of(*size)).is_some_and(|count| *count > 0);
         for size in (cell.size - 1..=cell.size + 1).filter(has_any) {
-            // The nearest corner between cells.
-            let corner = numbers((middle / cell_length(size)).round());
-            for i in 0..8 {
-                let at = [0, 1, 2].map(|k| corner[k].wrapping_sub(i >> k & 1));
-                for (other, bounds) in self.cells.get(&GridCell { size, at }).into_iter().flatten() {
+            for cell in corner_cells(size, middle) {
+                for (other, bounds) in self.cells.get(&cell).into_iter().flatten() {
                     looked_at += 1;
                     surrounding += usize::from(*other != key && bounds.is_around(middle));
                     if surrounding >= MIN_SURROUNDING || looked_at >= MAX_LOOKED_AT {
@@ -199,16 +207,6 @@ pub(super) fn may_open(lights: usize) -> bool {
 }
 
 impl LightWorld {
-    /// How the tree of an entry is divided in the top level.
-    pub(crate) fn division(&self, tree: TreeKey) -> Division {
-        let entry = &self.trees[tree];
-        match &entry.tree {
-            tree if !tree.sides().is_empty() => Division::Sides,
-            tree if entry.is_open && tree.lights().len() <= MAX_OPEN => Division::Lights,
-            _ => Division::Whole,
-        }
-    }
-
     /// Files an instance of a tree that may be opened. The next update judges it.
     pub(super) fn file_new(&mut self, key: InstanceKey) {
         if self.file(key) {
@@ -307,6 +305,7 @@ mod tests {
 
     use super::*;
     use crate::light::Light;
+    use crate::part::Division;
     use crate::placement::Placement;
     use crate::policy::Policy;
     use crate::scheduler::FrameBudget;

@@ -38,6 +38,12 @@ impl LightWorld {
                     parts.push((Part { slot, target }, self.cluster_of(key, side)));
                 }
             }
+            Division::Sections(_) => {
+                for section in self.sections(tree_key) {
+                    let target = Target::of(section.target).expect("a section is a child");
+                    parts.push((Part { slot, target }, self.cluster_of(key, &tree.section_cluster(section))));
+                }
+            }
             Division::Lights => {
                 for (index, light) in (0..).zip(tree.lights()) {
                     let part = Part { slot, target: Target::Leaf(index) };

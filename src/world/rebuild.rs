@@ -83,6 +83,7 @@ impl LightWorld {
         let features = TreeFeatures::of(&entry.tree);
         entry.history = AttributeHistory::start(entry.tree.attributes());
         self.whole_tree_changed(key);
+        self.renew_sections(key);
         self.wake(key);
         self.top.take();
         self.scheduler.was_rebuilt(key, features);
@@ -90,7 +91,7 @@ impl LightWorld {
         if is_divided != was_divided {
             // A placeholder is never divided.
             for index in 0..self.trees[key].instances.len() {
-                self.file_new(self.trees[key].instances[index]);
+                self.judge_later(self.trees[key].instances[index]);
             }
         }
     }

@@ -89,7 +89,7 @@ impl LightWorld {
                 counts.remove_all(&former_effects);
             });
         }
-        let is_thawed = !tree.is_frozen();
+        let (is_thawed, is_replaced) = (!tree.is_frozen(), swap.is_some());
         let entry = &mut self.trees[key];
         entry.tree = tree;
         entry.staged = staged;
@@ -122,13 +122,14 @@ impl LightWorld {
         }
         if changes_nodes {
             self.changes.tree(slot_of(key));
+            if is_replaced { self.renew_sections(key) } else { self.update_sections(key) }
         }
         self.recount(key);
         self.added_lights.extend(added.into_iter().map(|light| (key, light)));
         self.removed_lights.extend(removed.into_iter().map(|light| (key, light)));
         if is_divided != was_divided || may_open(lights) != may_open(former_lights) {
             for index in 0..self.trees[key].instances.len() {
-                self.file_new(self.trees[key].instances[index]);
+                self.judge_later(self.trees[key].instances[index]);
             }
         }
     }

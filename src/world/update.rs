@@ -77,7 +77,10 @@ impl LightWorld {
     /// 2. A tree of up to 128 lights that is not divided by side is *opened* if most of its
     ///    instances lie within others, and closed again if few do. The top level sorts the lights
     ///    of an open tree by position. Instances that were added are judged in the next call, and
-    ///    four others in each call while anything moves.
+    ///    four others in each call while anything moves. A larger tree is divided into up to 2,048
+    ///    *sections* if most of its instances lie among others, of any size up to twice their own.
+    ///    The top level sorts the sections by position. Instances that were added are judged in the
+    ///    next call, and 256 others in each call while anything moves.
     /// 3. Trees whose policies request a rebuild are rebuilt, those whose rebuild removes the most
     ///    noise per millisecond first. The noise is estimated from the tree's attributes, and
     ///    weighted by the tree's share of the picture ([`LightWorld::record_usage`],
@@ -106,6 +109,7 @@ impl LightWorld {
         self.refit_edited(&mut report);
         self.request_first_builds();
         self.judge_overlaps(report.moved_instances > 0);
+        self.judge_surroundings(report.moved_instances > 0);
         self.do_jobs(&mut report);
         self.effects.count_update();
         self.freeze_resting();

@@ -52,6 +52,7 @@ mod regions;
 mod resample;
 mod sampling;
 mod scheduler;
+mod sections;
 mod segments;
 mod shader_text;
 mod shadow_oracle;

@@ -1,12 +1,15 @@
 //! The scenes that are hard for a choice of lights, and the exact light by which they are judged.
 
 use crate::measuring::irradiance::irradiance;
+use crate::measuring::lights::{carried, reflections};
 use crate::measuring::reflection::{brdf, reflection};
+use crate::measuring::samplers::{self, Chooser};
+use crate::measuring::torture::cuts::TOWN;
 use crate::measuring::torture::scenes;
 use crate::measuring::torture::table::{TortureRow, rows};
 use crate::support::Rng;
 use girandole::glam::Vec3;
-use girandole::{Gloss, Light, LightWorld, Placement, Policy, ShadingPoint, Shape};
+use girandole::{Gloss, Light, LightId, LightWorld, Placement, Policy, ShadingPoint, Shape};
 
 /// The goals: sigma relative to the least of other samplers, and to one tree over the same lights.
 const OF_OTHERS: f64 = 0.6;
@@ -45,6 +48,26 @@ fn no_scene_is_a_cliff_but_those_that_are_known() {
                 assert!(ratios.1 <= OF_FLAT || sigma(two) < NO_NOISE, "{}: {ratios:?}", scene.name);
             }
         }
+    }
+}
+
+/// The most that sigma of a town may be, relative to one tree without a top level, however its lights
+/// are cut into trees. The top level over all lights one by one has 1.36.
+const OF_CUTS: f64 = 1.4;
+
+#[test]
+fn quality_does_not_depend_on_how_a_town_is_cut() {
+    let scenes = scenes().expect("valid scenes");
+    let towns: Vec<_> = scenes.iter().filter(|scene| TOWN.contains(&scene.name)).collect();
+    assert_eq!(towns.len(), TOWN.len());
+    for scene in towns {
+        let lights = carried(&scene.world);
+        let ids: Vec<LightId> = scene.world.sampler().all_lights().collect();
+        let lux: Vec<Vec<f32>> = scene.shading_points.iter().map(|at| reflections(&lights, at)).collect();
+        let sigma = |chooser: &dyn Chooser| samplers::noise(chooser, &scene.shading_points, &lux).0.mean;
+        let two = sigma(samplers::two_level(&scene.world).as_ref());
+        let flat = sigma(samplers::flat(&lights, &ids).expect("valid lights").as_ref());
+        assert!(two <= OF_CUTS * flat, "{}: {two} {flat}", scene.name);
     }
 }
 

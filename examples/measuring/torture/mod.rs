@@ -5,6 +5,7 @@
 //! simple one. None has shadows, so sigma is exact.
 
 mod contrasts;
+pub mod cuts;
 mod emitters;
 pub mod gloss;
 mod instances;
@@ -17,6 +18,11 @@ use girandole::WorldError;
 
 /// All scenes. They are the same in every run.
 pub fn scenes() -> Result<Vec<TortureScene>, WorldError> {
-    let makers = instances::SCENES.iter().chain(emitters::SCENES).chain(contrasts::SCENES).chain(gloss::SCENES);
+    let makers = instances::SCENES
+        .iter()
+        .chain(cuts::SCENES)
+        .chain(emitters::SCENES)
+        .chain(contrasts::SCENES)
+        .chain(gloss::SCENES);
     makers.map(|(name, make)| TortureScene::new(name, *make)).collect()
 }

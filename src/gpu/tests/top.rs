@@ -151,7 +151,7 @@ fn build(top: &mut TopRig, world: &LightWorld) -> Built {
     let (mut trees, mut bases) = (vec![TreeRecord::default()], HashMap::new());
     for key in world.trees() {
         bases.insert(key, trees.len() as u32);
-        trees.extend(TreeRecord::of(world.tree(key).unwrap(), world.division(key)));
+        trees.extend(TreeRecord::of(world.tree(key).unwrap(), world.division(key), world.sections(key)));
     }
     let mut instances = vec![InstanceRecord::NONE; world.slot_count().max(1)];
     for key in world.instances() {

@@ -1,0 +1,95 @@
+//! Keeps the sections of trees: which trees have them, and that they follow every change of a tree.
+
+use super::LightWorld;
+use super::overlap::MAX_OPEN;
+use crate::keys::{TreeKey, slot_of};
+use crate::part::Division;
+use crate::tree::Section;
+
+/// The largest number of sections of a tree. Each of them is a leaf of the top level for each
+/// instance of the tree: 104 bytes on the GPU, and work in each build (docs/decisions.md, 62).
+const MAX_SECTIONS: usize = 2048;
+
+/// The largest number of sections of all instances of a tree.
+const MAX_OF_INSTANCES: usize = 8192;
+
+/// The largest number of sections of all instances of a world, unless instances are added to trees
+/// that have sections.
+const MAX_OF_WORLD: usize = 65_536;
+
+impl LightWorld {
+    /// How the tree of an entry is divided in the top level.
+    pub(crate) fn division(&self, tree: TreeKey) -> Division {
+        let entry = &self.trees[tree];
+        match &entry.tree {
+            _ if !entry.sections.is_empty() => Division::Sections(entry.sections.len() as u32),
+            tree if !tree.sides().is_empty() => Division::Sides,
+            tree if entry.is_open && tree.lights().len() <= MAX_OPEN => Division::Lights,
+            _ => Division::Whole,
+        }
+    }
+
+    /// The sections of a tree, in the order of their places; none of a tree that has another
+    /// division.
+    pub(crate) fn sections(&self, tree: TreeKey) -> &[Section] {
+        &self.trees[tree].sections
+    }
+
+    /// Whether a tree may have sections. Smaller ones may be opened instead.
+    pub(super) fn is_large(&self, tree: TreeKey) -> bool {
+        let tree = &self.trees[tree].tree;
+        tree.light_count() > MAX_OPEN && tree.sides().is_empty()
+    }
+
+    /// Chooses the sections of a tree anew after its nodes were replaced.
+    pub(super) fn renew_sections(&mut self, tree: TreeKey) {
+        self.set_sections(tree, Vec::new());
+        self.update_sections(tree);
+    }
+
+    /// Gives a tree sections or takes them away, and chooses them anew if they do not fit the tree
+    /// any more. O(sections).
+    pub(super) fn update_sections(&mut self, key: TreeKey) {
+        let entry = &self.trees[key];
+        let is_wanted = entry.is_among_others && self.is_large(key);
+        let instances = entry.instances.len().max(1);
+        if entry.sections.is_empty() && !is_wanted {
+            return;
+        }
+        if is_wanted && !entry.sections.is_empty() {
+            // Twice as many as wanted, so that instances that come and go do not change them often.
+            let fits = entry.sections.len() * instances <= 2 * MAX_OF_INSTANCES;
+            if fits && entry.tree.has_sections(&entry.sections) {
+                return;
+            }
+        }
+        let others = self.section_count - entry.sections.len() * entry.instances.len();
+        let left = MAX_OF_WORLD.saturating_sub(others).min(MAX_OF_INSTANCES) / instances;
+        let sections = if is_wanted { entry.tree.sections(left.min(MAX_SECTIONS)) } else { Vec::new() };
+        self.set_sections(key, sections);
+    }
+
+    fn set_sections(&mut self, key: TreeKey, sections: Vec<Section>) {
+        let entry = &mut self.trees[key];
+        if entry.sections == sections {
+            return;
+        }
+        let instances = entry.instances.len();
+        self.section_count = self.section_count - entry.sections.len() * instances + sections.len() * instances;
+        let former = std::mem::replace(&mut entry.sections, sections);
+        // Their nodes and lights are uploaded with the number of the section.
+        let (tree, mut nodes, mut lights) = (&entry.tree, Vec::new(), Vec::new());
+        for section in former.iter().chain(&entry.sections) {
+            match section.light() {
+                Some(light) if (light as usize) < tree.lights().len() => lights.push(light),
+                None if (section.target as usize) < tree.nodes().len() => nodes.push(section.target),
+                _ => {}
+            }
+        }
+        let records = tree.nodes().len() + tree.lights().len();
+        entry.log.add(&nodes, lights.into_iter(), records);
+        self.recount(key);
+        self.changes.tree(slot_of(key));
+        self.top.take();
+    }
+}

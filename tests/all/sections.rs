@@ -1,0 +1,271 @@
+//! Worlds in which sections of large trees are leaves of the top level: probabilities are exact, no
+//! light is lost, and both sides agree, also while lights and instances come, go, move and change.
+
+use girandole::glam::{DVec3, Mat3, Vec3};
+use girandole::gpu::{GpuLights, wgsl};
+use girandole::{
+    Effects, FrameBudget, FrameDelta, InstanceKey, Light, LightTree, LightWorld, Placement, Policy, Region,
+    RegionInstance, TreeKey,
+};
+
+use crate::gpu::{OTHER_PICKS, ask, compare, gpu, requests, sample};
+use crate::support::{Rng, SPLITS, all_pmfs};
+
+/// Lamps over a square of 40 m, some of them dark.
+fn lamps(rng: &mut Rng, count: usize) -> Vec<Light> {
+    let lamp = |i: usize| {
+        let at = Vec3::new(rng.between(-20.0, 20.0), rng.between(4.0, 6.0), rng.between(-20.0, 20.0));
+        let emission = if i % 50 == 7 { Vec3::ZERO } else { Vec3::splat(rng.between(1.0, 50.0)) };
+        Light::point(at, emission).with_range(rng.between(20.0, 200.0))
+    };
+    (0..count).map(lamp).collect()
+}
+
+struct Town {
+    world: LightWorld,
+    /// Two trees of lamps above the houses; the second one is scaled.
+    lamps: [TreeKey; 2],
+    large: [InstanceKey; 2],
+    houses: Vec<InstanceKey>,
+}
+
+/// Two large trees that cover one another, and objects of all kinds between their lights.
+fn town(rng: &mut Rng) -> Town {
+    let mut world = rng.varied_world(3, 20, 3, 15.0);
+    let houses: Vec<InstanceKey> = world.instances().collect();
+    let lamps = [3000, 400].map(|count| world.add_tree(lamps(rng, count)).expect("valid"));
+    let placements = [Mat3::IDENTITY, Mat3::from_rotation_y(0.4) * Mat3::from_diagonal(Vec3::new(0.8, 1.1, 1.2))]
+        .map(|linear| Placement { linear, translation: DVec3::Y * 2.0 });
+    let large = [0, 1].map(|i| world.add_instance(lamps[i], placements[i], Policy::Budgeted).expect("valid"));
+    world.update(FrameBudget::UNLIMITED);
+    Town { world, lamps, large, houses }
+}
+
+/// Changes the world in the way of one of ten rounds.
+fn change(town: &mut Town, rng: &mut Rng, round: usize) {
+    let Town { world, lamps: trees, large, houses } = town;
+    match round {
+        0 => {}
+        // A light moves, one is switched off and one on.
+        1 => {
+            let dark = Light::point(Vec3::new(3.0, 5.0, 1.0), Vec3::ZERO);
+            let lit = Light::point(Vec3::new(-9.0, 5.0, 1.0), Vec3::splat(60.0));
+            world.set_lights(trees[0], &[(3, lit), (4, dark), (7, lit)]).expect("valid");
+        }
+        // Most of the new lights go below sections, and some removed ones are sections.
+        2 => {
+            world.add_lights(trees[0], &lamps(rng, 60)).expect("valid");
+            world.remove_lights(trees[0], &[0, 10, 11, 2000]).expect("valid");
+            world.add_lights(trees[1], &lamps(rng, 5)).expect("valid");
+            world.remove_lights(trees[1], &[17, 18, 19]).expect("valid");
+        }
+        3 => {
+            world.rebuild_tree(trees[0]).expect("it lives");
+            world.rebuild_tree(trees[1]).expect("it lives");
+        }
+        // Whatever lies around goes away.
+        4 => {
+            for key in houses.iter() {
+                world.move_instance(*key, Placement::at(DVec3::X * 9000.0)).expect("valid");
+            }
+            world.move_instance(large[1], Placement::at(DVec3::X * -300.0)).expect("valid");
+        }
+        5 => {
+            for key in houses.iter() {
+                world.move_instance(*key, rng.affine(15.0)).expect("valid");
+            }
+        }
+        // More instances of one tree, a copy, and another origin.
+        6 => {
+            for _ in 0..6 {
+                let place = Placement::at(rng.place(10.0).as_dvec3());
+                world.add_instance(trees[0], place, Policy::Budgeted).expect("valid");
+            }
+            world.make_unique(large[0]).expect("it lives");
+            world.set_origin(DVec3::new(5.0, -3.0, 40.0)).expect("near");
+        }
+        7 => world.replace_lights(trees[0], lamps(rng, 900)).expect("valid"),
+        // Too few lights for sections.
+        8 => world.replace_lights(trees[1], lamps(rng, 100)).expect("valid"),
+        _ => {
+            for key in large.iter() {
+                world.remove_instance(*key).expect("it lives");
+            }
+        }
+    }
+    for _ in 0..4 {
+        world.update(FrameBudget::UNLIMITED);
+    }
+}
+
+const ROUNDS: usize = 10;
+
+/// For a shading point and random numbers: the probability of a sample, as `light_sample` and as
+/// `light_pmf` give it.
+const TEXT: &str = "
+    struct Question { position: vec3<f32>, padding: f32, u: vec4<f32> }
+    @group(0) @binding(0) var<storage, read> questions: array<Question>;
+    @group(0) @binding(1) var<storage, read_write> answers: array<vec2<f32>>;
+    @compute @workgroup_size(64) fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
+        if id.x >= arrayLength(&questions) { return; }
+        let q = questions[id.x];
+        let point = light_volume_point(q.position);
+        let s = light_sample(point, q.u);
+        answers[id.x] = vec2(0.0);
+        if s.pmf > 0.0 {
+            answers[id.x] = vec2(s.pmf, light_pmf(point, s.instance, s.light));
+        }
+    }";
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+struct Question {
+    position: [f32; 3],
+    padding: f32,
+    u: [f32; 4],
+}
+
+/// Checks that a shader that walks up from a light finds the probability of its sample.
+fn check_pmfs(lights: &mut GpuLights, rng: &mut Rng) {
+    let question = |rng: &mut Rng| Question {
+        position: rng.place(15.0).to_array(),
+        padding: 0.0,
+        u: [rng.unit(), rng.unit(), rng.unit(), rng.unit()],
+    };
+    let questions: Vec<_> = (0..512).map(|_| question(rng)).collect();
+    let answers: Vec<[f32; 2]> = ask(lights, wgsl(1, Effects::all()) + TEXT, &questions, questions.len());
+    let mut compared = 0;
+    for [pmf, asked] in answers.into_iter().filter(|[pmf, _]| *pmf > 0.0) {
+        assert!((asked / pmf - 1.0).abs() < 2.0e-3, "{asked} {pmf}");
+        compared += 1;
+    }
+    assert!(compared > 100, "{compared}");
+}
+
+#[test]
+fn probabilities_add_up_and_every_light_that_contributes_has_one() {
+    let mut rng = Rng(190);
+    let mut town = town(&mut rng);
+    for round in 0..ROUNDS {
+        change(&mut town, &mut rng, round);
+        let world = &town.world;
+        for splits in SPLITS {
+            let sampler = world.sampler().with_splits(splits);
+            let mut distribution = Vec::new();
+            for _ in 0..3 {
+                let shading_point = rng.masked_point(15.0);
+                sampler.distribution(&shading_point, &mut distribution);
+                let pmfs = all_pmfs(&sampler, &shading_point);
+                let mut sum = 0.0;
+                for ((light, pmf), same) in pmfs.iter().zip(&distribution) {
+                    assert!((pmf - same).abs() <= 1.0e-5 * pmf.max(1.0e-3), "round {round}: {light:?} {pmf} {same}");
+                    sum += f64::from(*pmf);
+                    let sends = sampler.sample_light(&shading_point, *light, [rng.unit(); 2]).is_some();
+                    assert!(*pmf > 0.0 || !sends, "round {round}: {light:?} is never chosen");
+                }
+                assert!(sum <= 1.0 + 1.0e-4, "round {round}: {sum}");
+                let draws = 200;
+                let mut misses = 0;
+                for i in 0..draws {
+                    let u = [(i as f32 + 0.5) / draws as f32, rng.unit()];
+                    let Some(pick) = sampler.pick(&shading_point, u) else {
+                        misses += 1;
+                        continue;
+                    };
+                    let pmf = sampler.pmf(&shading_point, pick.light);
+                    assert!((pick.pmf - pmf).abs() <= 1.0e-4 * pmf, "round {round}: {pick:?} {pmf}");
+                }
+                // Six standard deviations: one false alarm in a billion comparisons.
+                let expected = 1.0 - sum.min(1.0);
+                let deviation = (expected * (1.0 - expected) / f64::from(draws)).sqrt();
+                let share = f64::from(misses) / f64::from(draws);
+                assert!((share - expected).abs() <= 6.0 * deviation + 1.0e-3, "round {round}: {share} {expected}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_gpu_chooses_the_same_lights_while_sections_come_and_go() {
+    let (device, queue) = gpu();
+    let mut rng = Rng(192);
+    let mut town = town(&mut rng);
+    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    for round in 0..ROUNDS {
+        change(&mut town, &mut rng, round);
+        let requests = requests(&mut rng, 1024, 20.0);
+        for splits in SPLITS {
+            let records = sample(&mut lights, &mut town.world, splits, &requests);
+            let mismatches = compare(&town.world, splits, &requests, &records);
+            assert!(mismatches as f64 <= OTHER_PICKS * 1024.0 + 1.0, "round {round}: {mismatches} of 1024 differ");
+            assert!(records.iter().filter(|record| record.pmf > 0.0).count() > 200, "round {round}");
+        }
+        check_pmfs(&mut lights, &mut rng);
+    }
+}
+
+#[test]
+fn sections_arrive_with_the_last_piece_of_a_tree_that_is_sent_over_several_frames() {
+    let (device, queue) = gpu();
+    let mut rng = Rng(194);
+    let mut town = town(&mut rng);
+    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    lights.set_frame_bytes(Some(30_000));
+    let mut frames = 0;
+    for round in 0..ROUNDS - 1 {
+        change(&mut town, &mut rng, round);
+        let trees: Vec<TreeKey> = town.world.trees().collect();
+        let is_waiting = |lights: &GpuLights| trees.iter().any(|tree| lights.is_waiting(*tree));
+        let mut delta = town.world.take_delta();
+        loop {
+            lights.upload(&town.world, &delta).expect("room enough");
+            delta = FrameDelta::default();
+            if !is_waiting(&lights) {
+                break;
+            }
+            frames += 1;
+            // Trees and stand-ins of different ages are side by side, each of them sound.
+            check_pmfs(&mut lights, &mut rng);
+        }
+        let requests = requests(&mut rng, 512, 20.0);
+        for splits in SPLITS {
+            let records = sample(&mut lights, &mut town.world, splits, &requests);
+            let mismatches = compare(&town.world, splits, &requests, &records);
+            assert!(mismatches as f64 <= OTHER_PICKS * 512.0 + 1.0, "round {round}: {mismatches} of 512 differ");
+        }
+    }
+    assert!(frames > 8, "{frames} frames with trees that wait");
+}
+
+#[test]
+fn regions_that_overlap_come_and_go_with_their_sections() {
+    let mut rng = Rng(193);
+    let mut world = LightWorld::new();
+    let region = |rng: &mut Rng| {
+        let mut region = Region::new();
+        let tree = region.add_tree(LightTree::new(lamps(rng, 500)).expect("valid"));
+        let place = Placement::at(rng.place(5.0).as_dvec3());
+        region.add_instance(RegionInstance::new(tree, place, Policy::Static)).expect("valid");
+        region
+    };
+    let mut keys = Vec::new();
+    for round in 0..12 {
+        keys.push(world.add_region(region(&mut rng)).expect("valid"));
+        if round >= 4 {
+            drop(world.remove_region(keys.remove(0)).expect("it lives"));
+        }
+        world.update(FrameBudget::UNLIMITED);
+        let sampler = world.sampler();
+        let shading_point = rng.masked_point(15.0);
+        let mut distribution = Vec::new();
+        sampler.distribution(&shading_point, &mut distribution);
+        let pmfs = all_pmfs(&sampler, &shading_point);
+        assert_eq!(pmfs.len(), world.light_count());
+        let mut sum = 0.0;
+        for ((light, pmf), same) in pmfs.iter().zip(&distribution) {
+            assert!((pmf - same).abs() <= 1.0e-5 * pmf.max(1.0e-3), "round {round}: {light:?} {pmf} {same}");
+            sum += f64::from(*pmf);
+        }
+        assert!(sum <= 1.0 + 1.0e-4, "round {round}: {sum}");
+    }
+}
