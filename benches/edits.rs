@@ -5,6 +5,9 @@
 //!   frame. The throughput is that of moved instances.
 //! - One light of a large tree that is changed, or removed and added elsewhere: the edit with the
 //!   update of the world, and the plan of the frame.
+//! - A region of 1,000 instances and 10,000 lights, in 100 trees or in one, of placeholders or built:
+//!   to fill it, to add it, to remove it, and to free it. The throughput is that of lights where it is
+//!   filled, and of instances elsewhere.
 //!
 //! `cargo bench --bench edits`; set `RAYON_NUM_THREADS=1` for the figures of one core. As a test
 //! (`cargo test --benches`) every case runs once, at the smallest size.
@@ -15,7 +18,10 @@ use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, BenchmarkId, Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use girandole::glam::{DVec3, Vec3};
 use girandole::plan::{LightPlanner, PlanLimits};
-use girandole::{FrameBudget, FrameDelta, InstanceKey, Light, LightWorld, Placement, Policy, TreeKey};
+use girandole::{
+    FrameBudget, FrameDelta, InstanceKey, Light, LightTree, LightWorld, Placement, Policy, Region, RegionInstance,
+    TreeKey,
+};
 
 #[path = "../examples/common/mod.rs"]
 #[allow(dead_code, reason = "examples use more of it")]
@@ -212,5 +218,78 @@ fn lights(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, moves, lights);
+/// The instances and the lights of a region.
+const REGION_INSTANCES: usize = 1_000;
+const REGION_LIGHTS: usize = 10_000;
+
+/// A region of so many trees, of placeholders or of built ones.
+fn region(trees: usize, are_placeholders: bool, rng: &mut Rng) -> Region {
+    let mut region = Region::new();
+    let make = if are_placeholders { LightTree::new_placeholder } else { LightTree::new };
+    let mut trees = (0..trees)
+        .map(|_| region.add_tree(make(rng.lights(REGION_LIGHTS / trees, 5.0)).expect("valid lights")))
+        .collect::<Vec<_>>()
+        .into_iter()
+        .cycle();
+    for _ in 0..REGION_INSTANCES {
+        let tree = trees.next().expect("a tree");
+        let instance = RegionInstance::new(tree, rng.affine(SIZE), Policy::Budgeted);
+        region.add_instance(instance).expect("a valid placement");
+    }
+    region
+}
+
+/// The stages of a region in a world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Stage {
+    Fill,
+    Add,
+    Remove,
+    Free,
+}
+
+fn regions(c: &mut Criterion) {
+    let mut group = c.benchmark_group("regions");
+    group.sample_size(20).sampling_mode(SamplingMode::Flat);
+    group.warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(1));
+    for (trees, are_placeholders) in [(100, true), (100, false), (1, true), (1, false)] {
+        for stage in [Stage::Fill, Stage::Add, Stage::Remove, Stage::Free] {
+            let is_fill = stage == Stage::Fill;
+            group.throughput(Throughput::Elements(if is_fill { REGION_LIGHTS } else { REGION_INSTANCES } as u64));
+            let kind = if are_placeholders { "placeholders" } else { "built" };
+            group.bench_function(BenchmarkId::new(format!("{stage:?}, {kind}"), trees), |b| {
+                let mut rng = Rng(9);
+                let mut world = world(10_000, Kind::Translated, &mut rng);
+                let counts = (world.instance_count(), world.light_count());
+                b.iter_custom(|rounds| {
+                    let mut took = [Duration::ZERO; 4];
+                    for _ in 0..rounds {
+                        let start = Instant::now();
+                        let filled = region(trees, are_placeholders, &mut rng);
+                        took[Stage::Fill as usize] += start.elapsed();
+                        let start = Instant::now();
+                        let key = world.add_region(filled).expect("a valid region");
+                        took[Stage::Add as usize] += start.elapsed();
+                        let lights = REGION_INSTANCES * (REGION_LIGHTS / trees);
+                        assert_eq!(world.light_count(), counts.1 + lights);
+                        world.update(FrameBudget::NONE);
+                        let start = Instant::now();
+                        let removed = world.remove_region(key).expect("it lives");
+                        took[Stage::Remove as usize] += start.elapsed();
+                        assert_eq!((world.instance_count(), world.light_count()), counts);
+                        let start = Instant::now();
+                        drop(removed);
+                        took[Stage::Free as usize] += start.elapsed();
+                        world.update(FrameBudget::NONE);
+                        world.take_delta();
+                    }
+                    took[stage as usize]
+                });
+            });
+        }
+    }
+    group.finish();
+}
+
+criterion_group!(benches, moves, lights, regions);
 criterion_main!(benches);

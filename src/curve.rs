@@ -1,4 +1,5 @@
-//! A curve through all instances. Neighbours on the curve are neighbours in space.
+//! A curve through the parts of instances, or through the lights of a placeholder. Neighbours on
+//! the curve are neighbours in space.
 //!
 //! Twin of `shaders/top_curve.wgsl`. This is a Hilbert curve over cubic cells, after Skilling,
 //! Programming the Hilbert Curve (2004). Differs: while one extent is far longer than the others,

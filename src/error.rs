@@ -23,7 +23,7 @@
 
 use glam::DVec3;
 
-use crate::keys::{DirectionalKey, InstanceKey, TreeKey};
+use crate::keys::{DirectionalKey, InstanceKey, RegionKey, TreeKey};
 
 /// Why a light was refused. Codes 100 to 104.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -88,7 +88,7 @@ impl LightError {
     }
 }
 
-/// Why a world or a tree refused a call, which has then changed nothing. Codes 200 to 210, or the
+/// Why a world or a tree refused a call, which has then changed nothing. Codes 200 to 213, or the
 /// code of the error inside.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -117,6 +117,22 @@ pub enum WorldError {
         /// The index of the move in the given list.
         index: usize,
         /// [`WorldError::NoSuchInstance`] or [`WorldError::Placement`].
+        source: Box<WorldError>,
+    },
+    /// A tree of a region is refused, and with it the whole region.
+    #[error("tree {index} of the region: {source}")]
+    RegionTree {
+        /// The index of the tree in the region.
+        index: usize,
+        /// [`WorldError::NoSuchTree`].
+        source: Box<WorldError>,
+    },
+    /// An instance of a region is refused, and with it the whole region.
+    #[error("instance {index} of the region: {source}")]
+    RegionInstance {
+        /// The index of the instance in the region.
+        index: usize,
+        /// [`WorldError::Placement`].
         source: Box<WorldError>,
     },
     /// More lights than a tree can hold.
@@ -151,6 +167,27 @@ pub enum WorldError {
     /// No directional light has this key, see [`WorldError::NoSuchTree`].
     #[error("no directional light {0:?} in this world")]
     NoSuchDirectional(DirectionalKey),
+    /// No region has this key, see [`WorldError::NoSuchTree`].
+    #[error("no region {0:?} in this world")]
+    NoSuchRegion(RegionKey),
+    /// The region that is being filled has no tree of this index.
+    #[error("tree index {index} in a region of {count} trees")]
+    NoSuchRegionTree {
+        /// The given index.
+        index: usize,
+        /// The number of trees in the region.
+        count: usize,
+    },
+    /// A tree of the region has instances that are not part of the region.
+    #[error("tree {tree:?} of region {region:?} has {instances} instances outside of it; remove them first")]
+    RegionInUse {
+        /// The region.
+        region: RegionKey,
+        /// The tree.
+        tree: TreeKey,
+        /// The number of its instances outside of the region.
+        instances: usize,
+    },
     /// The tree still has instances.
     #[error("tree {tree:?} still has {instances} instances; remove them first")]
     TreeInUse {
@@ -197,7 +234,9 @@ impl WorldError {
         match self {
             Self::Light { source, .. } | Self::Directional { source } => source.code(),
             Self::Placement(source) => source.code(),
-            Self::Move { source, .. } => source.code(),
+            Self::Move { source, .. } | Self::RegionTree { source, .. } | Self::RegionInstance { source, .. } => {
+                source.code()
+            }
             Self::TooManyLights { .. } => 200,
             Self::NoSuchLight { .. } => 201,
             Self::NoSuchTree(_) => 202,
@@ -209,6 +248,9 @@ impl WorldError {
             Self::NotFinite { .. } => 208,
             Self::Factor { .. } => 209,
             Self::RemovedLight { .. } => 210,
+            Self::NoSuchRegion(_) => 211,
+            Self::NoSuchRegionTree { .. } => 212,
+            Self::RegionInUse { .. } => 213,
         }
     }
 }
@@ -374,7 +416,7 @@ mod tests {
     }
 
     /// Errors of a world that wrap no other.
-    fn world_errors() -> [WorldError; 10] {
+    fn world_errors() -> [WorldError; 14] {
         [
             WorldError::TooManyLights { given: 3, limit: 2 },
             WorldError::NoSuchLight { index: 3, count: 2 },
@@ -386,6 +428,10 @@ mod tests {
             WorldError::Policy { what: WHAT, value: -1.0, min: 0.0 },
             WorldError::NotFinite { what: WHAT, value: f64::NAN },
             WorldError::Factor { value: -1.0, limit: 2.0 },
+            WorldError::RemovedLight { index: 3 },
+            WorldError::NoSuchRegion(RegionKey::default()),
+            WorldError::NoSuchRegionTree { index: 3, count: 2 },
+            WorldError::RegionInUse { region: RegionKey::default(), tree: TreeKey::default(), instances: 1 },
         ]
     }
 
@@ -403,7 +449,7 @@ mod tests {
             ])
             .collect();
         assert_eq!(codes.iter().collect::<BTreeSet<_>>().len(), codes.len());
-        let expected: Vec<u32> = (100..105).chain(200..210).chain(300..304).chain([400, 500, 1000, 1001]).collect();
+        let expected: Vec<u32> = (100..105).chain(200..214).chain(300..304).chain([400, 500, 1000, 1001]).collect();
         assert_eq!(codes, expected);
     }
 
@@ -416,7 +462,12 @@ mod tests {
         for source in placement_errors() {
             let error = WorldError::from(source);
             assert_eq!(error.code(), source.code());
-            assert_eq!(WorldError::Move { index: 7, source: Box::new(error) }.code(), source.code());
+            let wrapped: [fn(Box<WorldError>) -> WorldError; 3] = [
+                |source| WorldError::Move { index: 7, source },
+                |source| WorldError::RegionTree { index: 7, source },
+                |source| WorldError::RegionInstance { index: 7, source },
+            ];
+            assert!(wrapped.iter().all(|wrap| wrap(Box::new(error.clone())).code() == source.code()));
         }
     }
 

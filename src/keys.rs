@@ -1,4 +1,5 @@
-//! Keys of trees, instances and directional lights, and their conversion to and from `u64`.
+//! Keys of trees, instances, directional lights and regions, and their conversion to and from
+//! `u64`.
 
 use slotmap::{Key, KeyData, new_key_type};
 
@@ -32,6 +33,9 @@ new_key_type! {
     /// Identifies a directional light of a world. Becomes stale and converts to a number as
     /// [`TreeKey`] does.
     pub struct DirectionalKey;
+
+    /// Identifies a region of a world. Becomes stale and converts to a number as [`TreeKey`] does.
+    pub struct RegionKey;
 }
 
 macro_rules! convert_to_and_from_u64 {
@@ -50,7 +54,7 @@ macro_rules! convert_to_and_from_u64 {
     )*};
 }
 
-convert_to_and_from_u64!(TreeKey, InstanceKey, DirectionalKey);
+convert_to_and_from_u64!(TreeKey, InstanceKey, DirectionalKey, RegionKey);
 
 /// The inverse of [`KeyData::as_ffi`]; the null key, which is never live, for a number that no key
 /// has.

@@ -149,6 +149,7 @@ pub mod cone;
 pub mod cluster;
 pub mod light;
 mod appearance;
+mod curve;
 pub mod tree;
 pub mod policy;
 pub mod scheduler;
@@ -163,7 +164,6 @@ mod part;
 mod cut;
 mod walk;
 mod distribution;
-mod curve;
 mod top;
 mod world;
 mod sample;
@@ -186,7 +186,7 @@ pub use emit::Incident;
 pub use error::{BudgetError, CountError, LightError, PlacementError, VisibilityError, WorldError};
 pub use glam;
 pub use gloss::Gloss;
-pub use keys::{DirectionalKey, InstanceKey, TreeKey};
+pub use keys::{DirectionalKey, InstanceKey, RegionKey, TreeKey};
 pub use light::{DirectionalLight, Light, Shape};
 pub use placement::{MAX_DISTANCE, MAX_SCALE, Placement};
 pub use policy::Policy;
@@ -199,7 +199,10 @@ pub use tree::{Attribute, Attributes, LightTree};
 pub use visibility::{VisibilityOptions, VisibilityTable};
 #[cfg(feature = "gpu")]
 pub use wgpu;
-pub use world::{BackgroundReport, FrameDelta, FrameReport, JobReport, LightWorld};
+pub use world::{
+    BackgroundReport, FrameDelta, FrameReport, JobReport, LightWorld, RefusedRegion, Region, RegionInstance,
+    RegionTree, RegionView, RemovedRegion, WorldMemory,
+};
 
 /// The README's programs, compiled and run as documentation tests.
 #[cfg(all(doctest, feature = "gpu"))]

@@ -5,7 +5,8 @@
 //! many trees and motions (docs/math.md, "What a rebuild buys").
 
 use super::constants::{
-    FRESH_COEFFICIENTS, FRESH_POWER, LEAST_RISE, MAX_LN_VARIANCE, MAX_RISE, MIN_ATTRIBUTE, RISE_PER_COST,
+    FRESH_COEFFICIENTS, FRESH_POWER, LEAST_RISE, MAX_LN_VARIANCE, MAX_RISE, MIN_ATTRIBUTE, PLACEHOLDER_RISE,
+    RISE_PER_COST,
 };
 use crate::tree::LightTree;
 
@@ -42,6 +43,11 @@ impl TreeFeatures {
             ln_cost: logarithm(attributes.splitting_cost),
             ln_variance: ln_variance.clamp(-MAX_LN_VARIANCE, MAX_LN_VARIANCE),
         }
+    }
+
+    /// The features that a placeholder with these ones will probably have once it is built.
+    pub fn once_built(self) -> Self {
+        Self { ln_cost: self.ln_cost - PLACEHOLDER_RISE / RISE_PER_COST, ..self }
     }
 
     /// The features of a tree with this logarithm of the splitting cost.

@@ -31,9 +31,21 @@ impl LightTree {
     /// Builds a tree over valid lights that is shaped as its image under `reference` would be. The
     /// indices in `vacant` have no light.
     pub(crate) fn build_for(lights: Vec<Light>, reference: Option<Box<Linear>>, vacant: BTreeSet<u32>) -> Self {
-        let placed = if vacant.is_empty() { placed_lights(&lights) } else { placed_lights_of_some(&lights) };
-        let TreeShape { nodes: shape, sides } = shape_tree(&mut build_items(&placed, reference.as_deref()));
-        let count = with_spare(shape.len());
+        let placed = if vacant.is_empty() { Self::placed_lights(&lights) } else { placed_lights_of_some(&lights) };
+        let shape = shape_tree(&mut build_items(&placed, reference.as_deref()));
+        let count = with_spare(shape.nodes.len());
+        Self::of_shape(lights, &placed, &shape, count, reference, vacant)
+    }
+
+    /// Makes a tree of a shape over some of the lights, `placed`, in `count` nodes.
+    pub(super) fn of_shape(
+        lights: Vec<Light>,
+        placed: &[PlacedLight],
+        shape: &TreeShape,
+        count: usize,
+        reference: Option<Box<Linear>>,
+        vacant: BTreeSet<u32>,
+    ) -> Self {
         let mut tree = Self {
             leaves: vec![NO_LEAF; lights.len()],
             effects: effects_of(&lights),
@@ -51,14 +63,27 @@ impl LightTree {
             edited: Edited::of_build(vacant),
             tasks: RefitTasks::default(),
             root: Cluster::EMPTY,
-            sides: vec![Cluster::EMPTY; sides],
+            sides: vec![Cluster::EMPTY; shape.sides],
             reference,
             attributes: Attributes::default(),
+            is_placeholder: false,
         };
         if count > 0 {
-            tree.lay_out(&shape, &placed, 0, count);
+            tree.lay_out(&shape.nodes, placed, 0, count);
         }
         tree
+    }
+
+    /// The clusters of all lights.
+    pub(super) fn placed_lights(lights: &[Light]) -> Vec<PlacedLight> {
+        let placed = |(index, light): (usize, &Light)| PlacedLight::new(index, light);
+        #[cfg(feature = "parallel")]
+        {
+            use rayon::prelude::*;
+            lights.par_iter().enumerate().with_min_len(PARALLEL_LIGHTS).map(placed).collect()
+        }
+        #[cfg(not(feature = "parallel"))]
+        lights.iter().enumerate().map(placed).collect()
     }
 }
 
@@ -72,16 +97,4 @@ fn effects_of(lights: &[Light]) -> EffectCounts {
 fn placed_lights_of_some(lights: &[Light]) -> Vec<PlacedLight> {
     let present = lights.iter().enumerate().filter(|(_, light)| !light.is_removed());
     present.map(|(index, light)| PlacedLight::new(index, light)).collect()
-}
-
-/// The clusters of all lights.
-fn placed_lights(lights: &[Light]) -> Vec<PlacedLight> {
-    let placed = |(index, light): (usize, &Light)| PlacedLight::new(index, light);
-    #[cfg(feature = "parallel")]
-    {
-        use rayon::prelude::*;
-        lights.par_iter().enumerate().with_min_len(PARALLEL_LIGHTS).map(placed).collect()
-    }
-    #[cfg(not(feature = "parallel"))]
-    lights.iter().enumerate().map(placed).collect()
 }

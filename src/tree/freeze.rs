@@ -4,12 +4,10 @@
 use super::LightTree;
 use super::attributes::AttributeSums;
 use super::dirty::DirtyNodes;
-use super::node::{NO_LEAF, Node, WIDTH};
+use super::node::{NO_LEAF, WIDTH};
 use super::refitted::RefittedNodes;
 use super::tasks::RefitTasks;
 use super::wide::WideCluster;
-use crate::cluster::Cluster;
-use crate::light::Light;
 
 impl LightTree {
     /// Drops the data that only refits need: the clusters at full precision and each subtree's part
@@ -35,22 +33,6 @@ impl LightTree {
     /// Whether the tree is frozen; never for a tree without lights.
     pub fn is_frozen(&self) -> bool {
         self.wide.len() < self.nodes.len()
-    }
-
-    /// The size of all arrays in bytes, lights included: the memory of the tree on the heap.
-    pub fn memory_bytes(&self) -> usize {
-        let Self { lights, leaves, nodes, wide, spans, light_counts, built_costs, attribute_sums, sides, .. } = self;
-        size_of::<Light>() * lights.capacity()
-            + size_of::<Node>() * nodes.capacity()
-            + size_of::<WideCluster>() * wide.capacity()
-            + size_of::<AttributeSums>() * attribute_sums.capacity()
-            + size_of::<Cluster>() * sides.capacity()
-            + size_of::<u32>() * (leaves.capacity() + spans.capacity())
-            + size_of::<u32>() * (light_counts.capacity() + built_costs.capacity())
-            + self.dirty.memory_bytes()
-            + self.refitted.memory_bytes()
-            + self.edited.memory_bytes()
-            + self.tasks.memory_bytes()
     }
 
     /// Allocates the dropped data and computes them again. The nodes keep their bits, unless the
@@ -92,6 +74,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
+    use crate::light::Light;
     use crate::tree::testing::state_of;
 
     fn lamp(i: usize) -> Light {

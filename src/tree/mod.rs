@@ -11,8 +11,10 @@ mod edited;
 mod freeze;
 mod insert;
 mod layout;
+mod memory;
 mod node;
 mod pack;
+mod placeholder;
 mod rebuild;
 mod refit;
 mod refitted;
@@ -32,6 +34,7 @@ pub use check::CheckError;
 #[cfg(feature = "gpu-plan")]
 pub(crate) use cost::{DIAGONAL_WEIGHT, MIN_ORIENTATION};
 pub(crate) use cost::{build_cost, size as build_size};
+pub use memory::TreeMemory;
 pub use node::{Bytes, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_LEAF, NO_PARENT, Node, Target, WIDTH};
 #[cfg(feature = "gpu-plan")]
 pub(crate) use pack::{CAP_STEPS, DIRECTION_STEPS, STEPS};
@@ -108,6 +111,8 @@ pub struct LightTree {
     /// lights as they lie in the world.
     reference: Option<Box<Linear>>,
     attributes: Attributes,
+    /// The tree has yet to be built.
+    is_placeholder: bool,
 }
 
 /// The flux of a tree in lumens, separated by how a transform changes it.

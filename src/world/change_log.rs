@@ -43,6 +43,11 @@ impl ChangeLog {
         self.start + self.entries.len() as u64
     }
 
+    /// The size of the log in bytes.
+    pub fn memory_bytes(&self) -> usize {
+        size_of::<u32>() * self.entries.capacity()
+    }
+
     /// Records that the whole tree changed: all readers have to read all of it.
     pub fn restart(&mut self) {
         self.start = self.revision() + 1;

@@ -12,7 +12,15 @@ use crate::light::{DirectionalLight, Light};
 use crate::placement::{Placed, Placement};
 use crate::policy::{AttributeHistory, Policy};
 use crate::scheduler::TreeFeatures;
-use crate::tree::{LightTree, check_distinct, check_light_count, check_lights};
+use crate::tree::{LightTree, TreeBuild, check_distinct, check_light_count, check_lights};
+
+/// A tree that was taken out of a world.
+pub(super) struct RemovedTree {
+    pub entry: TreeEntry,
+    /// Freed with the tree.
+    #[expect(dead_code, reason = "it is kept to be dropped with the tree")]
+    pub build: Option<Box<TreeBuild>>,
+}
 
 impl LightWorld {
     /// Builds a tree over lights. It contributes nothing until it has an instance. A tree of no
@@ -43,6 +51,8 @@ impl LightWorld {
         let (features, lights) = (TreeFeatures::of(&tree), tree.light_count());
         let key = self.trees.insert(TreeEntry::new(tree));
         self.scheduler.add(key, features, lights);
+        self.await_first_build(key);
+        self.recount(key);
         self.wake(key);
         set_slot(&mut self.tree_slots, slot_of(key), Some(key));
         self.changes.tree(slot_of(key));
@@ -58,17 +68,24 @@ impl LightWorld {
         if instances > 0 {
             return Err(WorldError::TreeInUse { tree, instances });
         }
+        self.take_tree(tree);
+        Ok(())
+    }
+
+    /// Takes a live tree without instances out of the world, with the build that frames have begun
+    /// for it. Frees nothing. O(1).
+    pub(super) fn take_tree(&mut self, tree: TreeKey) -> RemovedTree {
         self.remove_rest_timer(tree);
-        self.cancel_build(tree);
+        let build = self.take_open_build(tree);
         self.scheduler.remove(tree);
         self.remove_weight(tree);
-        if let Some(entry) = self.trees.remove(tree) {
-            self.effects.change(|counts| counts.remove_all(entry.tree.effects()));
-        }
+        let entry = self.trees.remove(tree).expect("a live tree");
+        self.counted.remove(&entry.counted);
+        self.effects.change(|counts| counts.remove_all(entry.tree.effects()));
         self.pending.remove(tree);
         set_slot(&mut self.tree_slots, slot_of(tree), None);
         self.changes.tree(slot_of(tree));
-        Ok(())
+        RemovedTree { entry, build }
     }
 
     /// Changes some lights of a tree, for all its instances, at the next [`LightWorld::update`].
@@ -122,6 +139,7 @@ impl LightWorld {
         if !lights.is_empty() {
             self.pending.insert(tree);
         }
+        self.recount(tree);
         Ok(indices)
     }
 
@@ -205,6 +223,7 @@ impl LightWorld {
         if !entry.staged.is_empty() {
             self.pending.insert(tree);
         }
+        self.recount(tree);
         Ok(())
     }
 
@@ -264,6 +283,8 @@ impl LightWorld {
         entry.has_new_policy = false;
         self.pending.remove(tree);
         self.cancel_build(tree);
+        self.await_first_build(tree);
+        self.recount(tree);
         self.has_moved(tree);
         for index in 0..self.trees[tree].instances.len() {
             self.file_new(self.trees[tree].instances[index]);
@@ -292,16 +313,23 @@ impl LightWorld {
         policy.validate()?;
         let placement = placement.into();
         let placed = Placed::new(&placement, self.origin)?;
-        let instance =
-            Instance { tree, placement, policy, appearance: Appearance::default(), placed, index_in_tree: 0 };
+        let appearance = Appearance::default();
+        let instance = Instance { tree, placement, policy, appearance, placed, index_in_tree: 0, region: None };
+        Ok(self.insert_instance(instance, false))
+    }
+
+    /// Adds an instance that has been checked. O(1), but for a build of its tree if it is the first
+    /// one; `builds_later` leaves that to later updates.
+    pub(super) fn insert_instance(&mut self, instance: Instance, builds_later: bool) -> InstanceKey {
+        let (tree, policy) = (instance.tree, instance.policy);
         self.effects.change(|counts| counts.add(instance.effects()));
         let key = self.instances.insert(instance);
         self.attach(key, tree, policy);
-        self.build_for_first(key);
+        self.build_for_first(key, builds_later);
         self.file_new(key);
         self.changes.added(slot_of(key));
         self.top.take();
-        Ok(key)
+        key
     }
 
     /// Removes an instance; its tree stays. O(1).
@@ -371,11 +399,13 @@ impl LightWorld {
         entry.has_new_policy = has_new_policy;
         entry.history = history;
         entry.staged = staged;
+        self.recount(own);
         self.scheduler.copy(shared, own);
         self.forget_overlap(key, shared);
         self.detach(shared, index_in_tree, policy);
         self.attach(key, own, policy);
         self.instances[key].tree = own;
+        self.was_copied(key, own);
         self.file_new(key);
         self.instance_changed(key);
         if self.scheduler.waits(shared) || self.trees[shared].successor.is_some() {
@@ -519,6 +549,7 @@ impl LightWorld {
         entry.instances.push(key);
         entry.policies.insert(policy);
         self.light_count += entry.tree.light_count();
+        self.recount(tree);
     }
 
     /// Removes the instance at an index of its tree's list; the last instance of the list takes the
@@ -535,7 +566,7 @@ impl LightWorld {
     }
 
     /// Withdraws the request of a tree, and drops its open build, if none of its policies can
-    /// request a rebuild any more.
+    /// request a rebuild any more. A placeholder keeps them.
     fn forget_requests_that_no_policy_allows(&mut self, tree: TreeKey) {
         if !self.trees[tree].may_rebuild() {
             self.scheduler.withdraw(tree);

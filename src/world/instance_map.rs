@@ -29,6 +29,16 @@ impl<T> InstanceMap<T> {
         self.slots.len()
     }
 
+    /// The number of slots that the list has room for.
+    pub fn capacity(&self) -> usize {
+        self.slots.capacity()
+    }
+
+    /// The number of keys that the map has room for.
+    pub fn key_capacity(&self) -> usize {
+        self.keys.capacity()
+    }
+
     pub fn contains_key(&self, key: InstanceKey) -> bool {
         self.keys.contains_key(key)
     }

@@ -9,13 +9,18 @@ mod delta;
 mod edit;
 mod instance_map;
 mod key_set;
+mod memory;
 mod moves;
 mod open_build;
 mod overlap;
 mod parts;
+mod placeholders;
 mod rebuild;
 mod reference;
 mod refit;
+mod region;
+mod region_table;
+mod regions;
 mod requests;
 mod rest;
 mod rest_timers;
@@ -33,12 +38,16 @@ use slotmap::SlotMap;
 pub(crate) use change_log::TreeChanges;
 use delta::Changes;
 pub use delta::FrameDelta;
+pub use memory::WorldMemory;
 pub use rebuild::JobReport;
+pub use region::{RefusedRegion, Region, RegionInstance, RegionTree};
+pub use region_table::RegionView;
+pub use regions::RemovedRegion;
 pub use update::{BackgroundReport, FrameReport};
 
 use crate::appearance::Appearance;
 use crate::effects::{EffectCounts, Effects, HeldEffects};
-use crate::keys::{DirectionalKey, InstanceKey, TreeKey, generation_of, slot_of};
+use crate::keys::{DirectionalKey, InstanceKey, RegionKey, TreeKey, generation_of, slot_of};
 use crate::light::DirectionalLight;
 use crate::placement::{Placed, Placement};
 use crate::policy::{AttributeHistory, Policy, PolicySet};
@@ -48,6 +57,8 @@ use crate::tree::LightTree;
 use change_log::ChangeLog;
 use instance_map::InstanceMap;
 use key_set::KeySet;
+use memory::Counted;
+use region_table::Regions;
 use rest_timers::RestTimers;
 use staged::StagedLights;
 
@@ -83,6 +94,11 @@ pub struct LightWorld {
     jobs: Vec<JobReport>,
     view_weights: attention::ViewWeights,
     overlaps: overlap::Overlaps,
+    regions: Regions,
+    /// Placeholders that came since the last update.
+    new_placeholders: Vec<TreeKey>,
+    /// Sums over all trees, and over the lists of regions.
+    counted: Counted,
     clock: Arc<dyn Clock>,
     top: OnceLock<TopLevel>,
 }
@@ -107,6 +123,8 @@ pub(crate) struct TreeEntry {
     /// The tree that was built in slices or in the background. It replaces this one at the next
     /// refit.
     successor: Option<Box<LightTree>>,
+    /// What the sums over all trees hold of this one.
+    counted: Counted,
 }
 
 pub(crate) struct Instance {
@@ -119,6 +137,8 @@ pub(crate) struct Instance {
     placed: Option<Placed>,
     /// Its index in its tree's list of instances.
     index_in_tree: usize,
+    /// The region that it was added with.
+    region: Option<RegionKey>,
 }
 
 impl TreeEntry {
@@ -135,12 +155,13 @@ impl TreeEntry {
             surrounded: 0,
             is_open: false,
             successor: None,
+            counted: Counted::default(),
         }
     }
 
-    /// Some instance has a policy that can request a rebuild.
+    /// The tree has yet to be built, or some instance has a policy that can request a rebuild.
     fn may_rebuild(&self) -> bool {
-        self.policies.may_rebuild()
+        self.policies.may_rebuild() || self.tree.is_placeholder()
     }
 
     /// There are instances, and all of them promise that the lights do not change.
@@ -174,6 +195,7 @@ impl fmt::Debug for LightWorld {
         f.debug_struct("LightWorld")
             .field("trees", &self.tree_count())
             .field("instances", &self.instance_count())
+            .field("regions", &self.region_count())
             .field("directionals", &self.directionals.len())
             .field("lights", &self.light_count())
             .field("effects", &self.effects())
@@ -212,6 +234,9 @@ impl LightWorld {
             jobs: Vec::new(),
             view_weights: attention::ViewWeights::default(),
             overlaps: overlap::Overlaps::default(),
+            regions: Regions::default(),
+            new_placeholders: Vec::new(),
+            counted: Counted::default(),
             clock,
             top: OnceLock::new(),
         }

@@ -68,6 +68,7 @@ impl LightWorld {
             entry.successor = Some(Box::new(build.into_tree()));
             // The refit of the next update installs it.
             self.pending.insert(tree);
+            self.recount(tree);
         } else if goes_to_background && build.has_all_lights() {
             let work = self.scheduler.go_on_in_background();
             *state = State::InBackground(Some(tree), thread.start(*build, work, end));
@@ -100,6 +101,7 @@ impl LightWorld {
             (Some(tree), Some(built)) => {
                 self.trees[tree].successor = Some(Box::new(built));
                 self.pending.insert(tree);
+                self.recount(tree);
                 report.background.taken += 1;
             }
             (tree, _) => {
@@ -114,12 +116,23 @@ impl LightWorld {
 
     /// Forgets the open build of a tree, and its result.
     pub(super) fn cancel_build(&mut self, tree: TreeKey) {
+        drop(self.take_open_build(tree));
+        if self.trees[tree].successor.take().is_some() {
+            self.recount(tree);
+        }
+    }
+
+    /// Forgets the open build of a tree, and returns what frames have done of it.
+    pub(super) fn take_open_build(&mut self, tree: TreeKey) -> Option<Box<TreeBuild>> {
         self.scheduler.cancel(tree);
-        self.trees[tree].successor = None;
         match &mut self.open_build.state {
-            State::InFrames(open, _) if *open == tree => self.open_build.state = State::None,
+            State::InFrames(open, _) if *open == tree => match std::mem::take(&mut self.open_build.state) {
+                State::InFrames(_, build) => return Some(build),
+                other => self.open_build.state = other,
+            },
             State::InBackground(open, _) if *open == Some(tree) => *open = None,
             _ => {}
         }
+        None
     }
 }

@@ -77,13 +77,22 @@ impl LightWorld {
 
     fn rebuild(&mut self, key: TreeKey) {
         let entry = &mut self.trees[key];
+        let was_divided = !entry.tree.sides().is_empty();
         entry.tree.rebuild();
+        let is_divided = !entry.tree.sides().is_empty();
         let features = TreeFeatures::of(&entry.tree);
         entry.history = AttributeHistory::start(entry.tree.attributes());
         self.whole_tree_changed(key);
         self.wake(key);
         self.top.take();
         self.scheduler.was_rebuilt(key, features);
+        self.recount(key);
+        if is_divided != was_divided {
+            // A placeholder is never divided.
+            for index in 0..self.trees[key].instances.len() {
+                self.file_new(self.trees[key].instances[index]);
+            }
+        }
     }
 
     /// Rebuilds a tree outside of any budget, and returns the time that it took.

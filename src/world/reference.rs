@@ -18,6 +18,12 @@ use crate::tree::{LightTree, WIDTH};
 /// cosine: if the greatest scale is 1.5 times the least.
 const MAX_TURN_COSINE: f32 = 0.92;
 
+/// The map for which builds divide lights whose first instance is placed so; `None` for the tree's
+/// own space.
+pub(super) fn reference_for(placed: Option<&Placed>, lights: usize) -> Option<Linear> {
+    placed.map(|placed| placed.linear).filter(|map| changes_tree(map, lights))
+}
+
 /// Whether a map changes how some lights should be divided. Trees of one node are not divided.
 fn changes_tree(map: &Linear, lights: usize) -> bool {
     !map.is_similarity && map.turn.x < MAX_TURN_COSINE && lights > WIDTH
@@ -38,16 +44,16 @@ impl LightTree {
     /// O(n log n).
     pub fn new_for(lights: Vec<Light>, placement: impl Into<Placement>) -> Result<Self, WorldError> {
         let placement = Placement { translation: DVec3::ZERO, ..placement.into() };
-        let map = Placed::new(&placement, DVec3::ZERO)?.map(|placed| placed.linear);
-        let reference = map.filter(|map| changes_tree(map, lights.len()));
+        let reference = reference_for(Placed::new(&placement, DVec3::ZERO)?.as_ref(), lights.len());
         Self::with_reference(lights, reference)
     }
 }
 
 impl LightWorld {
     /// Builds the tree of an instance for the placement of that instance, if it is the only one and
-    /// the placement changes how the lights should be divided.
-    pub(super) fn build_for_first(&mut self, key: InstanceKey) {
+    /// the placement changes how the lights should be divided. A placeholder is built later, and so is
+    /// any tree if `is_later`.
+    pub(super) fn build_for_first(&mut self, key: InstanceKey, is_later: bool) {
         let instance = &self.instances[key];
         let (tree, placed) = (instance.tree, instance.shown());
         let Some(map) = placed.map(|placed| placed.linear) else { return };
@@ -56,7 +62,17 @@ impl LightWorld {
         let has_map = entry.tree.reference().is_some_and(|reference| reference.linear == map.linear);
         if entry.instances.len() == 1 && !has_map && changes_tree(&map, entry.tree.light_count()) {
             entry.tree.set_reference(Some(map));
-            self.rebuild_now(tree);
+            if is_later {
+                entry.tree.mark_placeholder();
+            }
+            if !entry.tree.is_placeholder() {
+                self.rebuild_now(tree);
+                return;
+            }
+            // A build that is open does not know the map.
+            self.cancel_build(tree);
+            self.await_first_build(tree);
+            self.recount(tree);
         }
     }
 }

@@ -123,6 +123,7 @@ impl LightWorld {
         if changes_nodes {
             self.changes.tree(slot_of(key));
         }
+        self.recount(key);
         self.added_lights.extend(added.into_iter().map(|light| (key, light)));
         self.removed_lights.extend(removed.into_iter().map(|light| (key, light)));
         if is_divided != was_divided || may_open(lights) != may_open(former_lights) {

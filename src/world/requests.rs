@@ -6,9 +6,13 @@ use crate::policy::{Excess, RebuildRequest};
 use crate::tree::WIDTH;
 
 impl TreeEntry {
-    /// The most demanding request of the tree's policies.
+    /// The most demanding request of the tree's policies. A placeholder requests its build whatever
+    /// they are.
     fn rebuild_request(&self, excess: Excess) -> RebuildRequest {
         let request = self.policies.rebuild_request(&self.history, &self.tree.attributes(), excess);
+        if self.tree.is_placeholder() {
+            return request.max(RebuildRequest::Required);
+        }
         // There is only one tree over so few lights.
         let is_pointless = request <= RebuildRequest::Optional && self.tree.light_count() <= WIDTH;
         if is_pointless { RebuildRequest::None } else { request }

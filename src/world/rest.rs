@@ -40,6 +40,7 @@ impl LightWorld {
             let entry = &mut self.trees[tree];
             entry.tree.freeze();
             entry.staged = StagedLights::default();
+            self.recount(tree);
         }
     }
 }

@@ -22,6 +22,11 @@ pub(super) struct StagedLights {
 }
 
 impl StagedLights {
+    /// The size of all arrays in bytes.
+    pub fn memory_bytes(&self) -> usize {
+        size_of::<(u32, Light)>() * self.changes.capacity() + size_of::<u32>() * self.places.capacity()
+    }
+
     pub fn is_empty(&self) -> bool {
         self.changes.is_empty()
     }

@@ -27,6 +27,9 @@ pub struct FrameReport {
     /// Trees that request a rebuild and wait for a later frame, without the tree whose build is
     /// open: in slices, or in the background.
     pub waiting_trees: usize,
+    /// [Placeholders](LightWorld::add_placeholder) that have yet to be built, those whose build is
+    /// open included.
+    pub placeholder_trees: usize,
     /// The longest wait in updates, of the trees that were served in this update and of the trees
     /// that still wait.
     pub longest_wait: u64,
@@ -86,6 +89,8 @@ impl LightWorld {
     ///    all trees that wait could be rebuilt once. Once a tree that gains something has waited
     ///    for nine rounds, only trees that already wait are rebuilt before it. This holds for any
     ///    sequence of budgets; `docs/math.md` has the exact statement.
+    ///    [Placeholders](LightWorld::add_placeholder) request their build as a policy that must be
+    ///    served does.
     /// 6. Effects that nothing in the world had for
     ///    [`EFFECT_HOLD_UPDATES`](crate::effects::EFFECT_HOLD_UPDATES) calls leave
     ///    [`LightWorld::effects`], and trees at rest are frozen
@@ -99,10 +104,12 @@ impl LightWorld {
         self.scheduler.start_frame(budget.time());
         self.take_finished_build(&mut report);
         self.refit_edited(&mut report);
+        self.request_first_builds();
         self.judge_overlaps(report.moved_instances > 0);
         self.do_jobs(&mut report);
         self.effects.count_update();
         self.freeze_resting();
+        report.placeholder_trees = self.counted.placeholders;
         report
     }
 

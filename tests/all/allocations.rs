@@ -7,7 +7,8 @@ use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Vec3};
 use girandole::plan::{LightPlanner, PlanLimits, UploadReport};
 use girandole::{
-    CandidateCount, Effects, FrameBudget, InstanceKey, Light, LightTree, LightWorld, Placement, Policy, TreeKey,
+    CandidateCount, Effects, FrameBudget, InstanceKey, Light, LightTree, LightWorld, Placement, Policy, Region,
+    RegionInstance, TreeKey,
 };
 
 use crate::support::Rng;
@@ -19,12 +20,19 @@ thread_local! {
     /// Constant and without a destructor, so that reading it allocates nothing.
     static REQUESTS: Cell<usize> = const { Cell::new(0) };
     static BYTES: Cell<usize> = const { Cell::new(0) };
+    /// The bytes that this thread holds: negative if it frees what another one asked for.
+    static LIVE: Cell<isize> = const { Cell::new(0) };
+}
+
+fn count_live(change: isize) {
+    let _ = LIVE.try_with(|live| live.set(live.get() + change));
 }
 
 fn count_request(bytes: usize) {
     // A thread that is about to end has lost its counters.
     let _ = REQUESTS.try_with(|requests| requests.set(requests.get() + 1));
     let _ = BYTES.try_with(|sum| sum.set(sum.get() + bytes));
+    count_live(bytes as isize);
 }
 
 // SAFETY: every call is passed to the system allocator unchanged.
@@ -36,6 +44,7 @@ unsafe impl GlobalAlloc for Counting {
     }
 
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        count_live(-(layout.size() as isize));
         unsafe { System.dealloc(pointer, layout) }
     }
 
@@ -46,6 +55,7 @@ unsafe impl GlobalAlloc for Counting {
 
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         count_request(size);
+        count_live(-(layout.size() as isize));
         unsafe { System.realloc(pointer, layout, size) }
     }
 }
@@ -65,6 +75,13 @@ fn requested_bytes(work: impl FnOnce()) -> usize {
     let before = BYTES.get();
     work();
     BYTES.get() - before
+}
+
+/// Returns how many bytes more this thread holds after some work than before.
+fn held_bytes<T>(work: impl FnOnce() -> T) -> (T, isize) {
+    let before = LIVE.get();
+    let result = work();
+    (result, LIVE.get() - before)
 }
 
 /// Runs on a pool of one thread, so that all of the work is counted.
@@ -127,6 +144,140 @@ fn a_tree_that_was_made_elsewhere_is_taken_in_without_a_copy_or_a_build() {
             let tree = world.tree(key).expect("it lives");
             assert_eq!((tree.nodes().as_ptr(), tree.lights().as_ptr()), address);
         }
+    });
+}
+
+/// A region of three trees of so many lights: a placeholder, a built tree and a frozen one; with
+/// 30 instances.
+fn region(rng: &mut Rng, lights: usize) -> Region {
+    let mut region = Region::new();
+    let mut frozen = LightTree::new(rng.lights(lights, 50.0)).expect("valid");
+    frozen.freeze();
+    let trees = [
+        region.add_placeholder(rng.lights(lights, 50.0)).expect("valid"),
+        region.add_tree(LightTree::new(rng.lights(lights, 50.0)).expect("valid")),
+        region.add_tree(frozen),
+    ];
+    for i in 0..30 {
+        let instance = RegionInstance::new(trees[i % 3], rng.affine(100.0), Policy::Budgeted);
+        region.add_instance(instance).expect("valid");
+    }
+    region
+}
+
+#[test]
+fn a_region_is_added_and_removed_without_a_build_a_copy_or_a_freed_tree() {
+    on_one_thread(|| {
+        let mut rng = Rng(77);
+        let mut asked_before = None;
+        for lights in [1_000, 20_000] {
+            let mut world = rng.world(2, 50, 3, 20.0);
+            drop(world.add_region(region(&mut rng, 9)).map(|key| world.remove_region(key)));
+            world.update(FrameBudget::NONE);
+            let filled = region(&mut rng, lights);
+            let mut key = None;
+            let asked = requested_bytes(|| key = Some(world.add_region(filled).expect("valid")));
+            let key = key.expect("it was added");
+            // The lists of the region and of the world; the trees have 20 MB.
+            assert!(asked < 10_000, "{asked} bytes for trees of {lights} lights");
+            assert!(asked_before.is_none_or(|before| asked <= before), "{asked} bytes");
+            asked_before = Some(asked);
+            let trees = world.region(key).expect("it lives").trees().to_vec();
+            let tree = |index: usize| world.tree(trees[index]).expect("it lives");
+            assert!(tree(0).is_placeholder() && !tree(1).is_placeholder() && tree(2).is_frozen());
+            let bytes: usize = (0..3).map(|index| tree(index).memory_bytes()).sum();
+
+            let mut removed = None;
+            let ((), held) = held_bytes(|| removed = Some(world.remove_region(key).expect("it lives")));
+            assert!(held > -10_000, "{held} bytes");
+            let ((), held) = held_bytes(|| drop(removed));
+            assert!(held <= -(bytes as isize), "{held} of {bytes} bytes");
+        }
+    });
+}
+
+#[test]
+fn the_memory_of_a_tree_is_what_it_holds() {
+    on_one_thread(|| {
+        let mut rng = Rng(78);
+        for count in [0, 1, 40, 3_000, 50_000] {
+            let (lights, more) = (rng.lights(count, 50.0), rng.lights(count / 3, 50.0));
+            let exact = |tree: &LightTree, held: isize, what: &str| {
+                let bytes = tree.memory_bytes() as isize;
+                let parts = tree.memory();
+                assert_eq!(tree.memory_bytes(), parts.nodes + parts.lights + parts.refits);
+                assert_eq!(bytes, held, "{what}: {parts:?} of {count} lights");
+            };
+            let (tree, of_lights) = held_bytes(|| lights.clone());
+            let (tree, held) = held_bytes(|| LightTree::new(tree).expect("valid"));
+            exact(&tree, held + of_lights, "built");
+            let held_before = held + of_lights;
+            let (tree, held) = held_bytes(|| {
+                let mut tree = tree;
+                tree.freeze();
+                tree
+            });
+            exact(&tree, held_before + held, "frozen");
+            let (copy, held) = held_bytes(|| tree.clone());
+            exact(&copy, held, "copied");
+            let (_, of_lights) = held_bytes(|| ());
+            let (placeholder, held) = held_bytes(|| LightTree::new_placeholder(lights.clone()).expect("valid"));
+            exact(&placeholder, of_lights + held, "placeholder");
+            // Sets of indices take more than their 4 bytes for each.
+            let before = placeholder.memory_bytes() as isize;
+            let (edited, held) = held_bytes(|| {
+                let mut tree = placeholder;
+                tree.add_lights(&more).expect("valid");
+                tree.remove_lights(&(0..count as u32 / 5).collect::<Vec<_>>()).expect("lights");
+                tree
+            });
+            let slack = 16 * (edited.lights().len() - edited.light_count()) as isize + 1_000;
+            let bytes = edited.memory_bytes() as isize;
+            assert!((bytes - before - held).abs() <= slack, "{bytes} and {} bytes held", before + held);
+        }
+    });
+}
+
+#[test]
+fn the_memory_of_a_world_is_what_it_holds_but_for_one_percent() {
+    on_one_thread(|| {
+        let mut rng = Rng(79);
+        let trees: Vec<_> = (0..200).map(|_| rng.lights(100, 5.0)).collect();
+        let changes: Vec<_> = (0..2_000).map(|index| (index, rng.light(50.0))).collect();
+        let places: Vec<_> = (0..5_000).map(|_| rng.affine(100.0)).collect();
+        let before = LIVE.get();
+        let mut world = LightWorld::new();
+        let check = |world: &LightWorld, what: &str| {
+            let (held, memory) = (LIVE.get() - before, world.memory());
+            let bytes = memory.total() as isize;
+            // Left out are the lists of the scheduler, of what changed and of overlapping instances: at
+            // most 200 bytes for each instance and each tree.
+            let left_out = 200 * (world.instance_count() + world.tree_count()) as isize + 60_000;
+            assert!((bytes..bytes + bytes / 100 + left_out).contains(&held), "{what}: {held} held, {memory:?}");
+        };
+        check(&world, "empty");
+        let mut keys = Vec::with_capacity(2);
+        for lights in [20_000, 300] {
+            keys.push(world.add_region(region(&mut rng, lights)).expect("valid"));
+        }
+        check(&world, "regions");
+        for lights in &trees {
+            let tree = world.add_placeholder(lights.clone()).expect("valid");
+            places.iter().step_by(200).for_each(|place| drop(world.add_instance(tree, *place, Policy::Budgeted)));
+        }
+        check(&world, "trees");
+        let large = world.region(keys[0]).expect("it lives").trees()[1];
+        world.set_lights(large, &changes).expect("valid");
+        check(&world, "edits");
+        for _ in 0..6 {
+            world.update(FrameBudget::UNLIMITED);
+            check(&world, "updates");
+        }
+        for key in keys {
+            drop(world.remove_region(key).expect("it lives"));
+        }
+        check(&world, "after the removal");
+        assert_eq!(world.memory().successors, 0);
     });
 }
 

@@ -665,6 +665,10 @@ fn keys_become_numbers_and_back_and_other_numbers_are_refused() {
 #[test]
 fn the_debug_text_of_a_world_has_counts_and_not_contents() {
     let text = |lights| format!("{:?}", Rng(42).world(2, lights, 3, 10.0));
-    assert!(text(5).starts_with("LightWorld { trees: 2, instances: 6, directionals: 2, lights: 32, "), "{}", text(5));
+    assert!(
+        text(5).starts_with("LightWorld { trees: 2, instances: 6, regions: 0, directionals: 2, lights: 32, "),
+        "{}",
+        text(5)
+    );
     assert!(text(500).len() < text(5).len() + 10);
 }

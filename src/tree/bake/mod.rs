@@ -52,9 +52,9 @@ impl LightTree {
     ///
     /// About 100 bytes per light. Equal trees give equal bytes on every machine. The bytes hold the
     /// tree as [`LightTree::freeze`] leaves it: if lights have changed since the last refit, a copy
-    /// of the tree is refitted first. If lights were added or removed since the last build, a copy of
-    /// the tree is built again first; lights keep their indices, and those of removed lights stay
-    /// vacant.
+    /// of the tree is refitted first. If lights were added or removed since the last build, or if
+    /// the tree is a placeholder, a copy of the tree is built first; lights keep their indices, and
+    /// those of removed lights stay vacant.
     ///
     /// O(lights), but for that build.
     pub fn bake(&self) -> Vec<u8> {
@@ -63,7 +63,7 @@ impl LightTree {
             refitted.freeze();
             return refitted.bake();
         }
-        if self.edited.is_changed() {
+        if self.edited.is_changed() || self.is_placeholder {
             let mut built = self.clone();
             built.rebuild();
             return built.bake();
@@ -153,6 +153,7 @@ impl LightTree {
             sides: sections.sides.chunks_exact(words::CLUSTER_WORDS * words::WORD).map(cluster).collect(),
             reference: reference.map(|matrix| Box::new(Linear::new(matrix))),
             attributes,
+            is_placeholder: false,
         };
         match tree.loading_fault(removed) {
             Some(fault) => Err(BakeError::Tree(fault)),

@@ -1,0 +1,71 @@
+//! The memory that a tree takes.
+
+use super::LightTree;
+use super::attributes::AttributeSums;
+use super::node::Node;
+use super::wide::WideCluster;
+use crate::cluster::{Cluster, Linear};
+use crate::light::Light;
+
+/// The memory of a tree on the heap, in bytes: the capacities of its arrays times the sizes of
+/// their elements.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct TreeMemory {
+    /// The nodes, with what builds record about them.
+    pub nodes: usize,
+    /// The lights, the places of their leaves, and the sets of what was added and removed.
+    pub lights: usize,
+    /// What only refits need, and [`LightTree::freeze`] drops.
+    pub refits: usize,
+}
+
+impl TreeMemory {
+    /// The sum of all parts.
+    pub fn total(&self) -> usize {
+        self.nodes + self.lights + self.refits
+    }
+
+    /// Adds another tree.
+    pub(crate) fn add(&mut self, other: &Self) {
+        self.nodes += other.nodes;
+        self.lights += other.lights;
+        self.refits += other.refits;
+    }
+
+    /// Removes a tree that was added.
+    pub(crate) fn remove(&mut self, other: &Self) {
+        self.nodes -= other.nodes;
+        self.lights -= other.lights;
+        self.refits -= other.refits;
+    }
+}
+
+impl LightTree {
+    /// The memory of the tree on the heap, by what takes it. Indices of removed lights count as 4
+    /// bytes each, wherever they are kept. O(1).
+    pub fn memory(&self) -> TreeMemory {
+        let Self { lights, leaves, nodes, wide, spans, light_counts, built_costs, attribute_sums, sides, .. } = self;
+        let words = spans.capacity() + light_counts.capacity() + built_costs.capacity();
+        let reference = self.reference.as_ref().map_or(0, |_| size_of::<Linear>());
+        TreeMemory {
+            nodes: size_of::<Node>() * nodes.capacity()
+                + size_of::<Cluster>() * sides.capacity()
+                + size_of::<u32>() * words
+                + reference,
+            lights: size_of::<Light>() * lights.capacity()
+                + size_of::<u32>() * leaves.capacity()
+                + self.edited.memory_bytes(),
+            refits: size_of::<WideCluster>() * wide.capacity()
+                + size_of::<AttributeSums>() * attribute_sums.capacity()
+                + self.dirty.memory_bytes()
+                + self.refitted.memory_bytes()
+                + self.tasks.memory_bytes(),
+        }
+    }
+
+    /// The sum of all parts of [`LightTree::memory`]. O(1).
+    pub fn memory_bytes(&self) -> usize {
+        self.memory().total()
+    }
+}

@@ -1,0 +1,122 @@
+//! The memory that a world takes, kept up to date by what changes.
+
+use super::{Instance, LightWorld, TreeEntry};
+use crate::keys::{InstanceKey, TreeKey};
+use crate::tree::TreeMemory;
+
+/// The memory of a [`LightWorld`] on the heap of the CPU, in bytes: the capacities of its arrays
+/// times the sizes of their elements.
+///
+/// Left out is what is small beside it or lives for short: builds that are under way (about 150
+/// bytes per light, and the tree that they make), the top level that the CPU samples, the grid in
+/// which overlapping instances are found, the lists of the scheduler and of what changed, and what
+/// the allocator adds. Sets of removed lights count as 4 bytes for each.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct WorldMemory {
+    /// The parts of all trees.
+    pub trees: TreeMemory,
+    /// Trees that were built in slices or in the background, and that replace theirs in the next
+    /// update.
+    pub successors: usize,
+    /// Edits of lights that wait for the next update, and the logs of changes for uploads. A tree
+    /// that was edited keeps this memory for its next edits until it is frozen.
+    pub edits: usize,
+    /// The lists of the instances of each tree, and the lists of regions.
+    pub lists: usize,
+    /// The records of all trees, instances and regions. They grow to the greatest numbers so far,
+    /// and do not shrink.
+    pub tables: usize,
+}
+
+impl WorldMemory {
+    /// The sum of all parts.
+    pub fn total(&self) -> usize {
+        self.trees.total() + self.successors + self.edits + self.lists + self.tables
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.trees.add(&other.trees);
+        self.successors += other.successors;
+        self.edits += other.edits;
+        self.lists += other.lists;
+    }
+
+    fn remove(&mut self, other: &Self) {
+        self.trees.remove(&other.trees);
+        self.successors -= other.successors;
+        self.edits -= other.edits;
+        self.lists -= other.lists;
+    }
+}
+
+/// What one tree adds to the sums over all trees, or these sums.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Counted {
+    memory: WorldMemory,
+    pub placeholders: usize,
+}
+
+impl TreeEntry {
+    /// A slot map has a version beside each record.
+    const RECORD_BYTES: usize = size_of::<(u64, Self)>();
+
+    /// What the sums over all trees should hold of this one.
+    fn present_count(&self) -> Counted {
+        let memory = WorldMemory {
+            trees: self.tree.memory(),
+            successors: self.successor.as_ref().map_or(0, |tree| size_of_val(&**tree) + tree.memory_bytes()),
+            edits: self.staged.memory_bytes() + self.log.memory_bytes(),
+            lists: size_of::<InstanceKey>() * self.instances.capacity(),
+            tables: 0,
+        };
+        Counted { memory, placeholders: usize::from(self.tree.is_placeholder()) }
+    }
+}
+
+impl Instance {
+    const RECORD_BYTES: usize = size_of::<Option<(InstanceKey, Self)>>();
+}
+
+impl Counted {
+    fn add(&mut self, other: &Self) {
+        self.memory.add(&other.memory);
+        self.placeholders += other.placeholders;
+    }
+
+    /// Subtracts what was added.
+    pub fn remove(&mut self, other: &Self) {
+        self.memory.remove(&other.memory);
+        self.placeholders -= other.placeholders;
+    }
+
+    /// Adds or removes bytes of the lists of regions.
+    pub fn change_lists(&mut self, former: usize, present: usize) {
+        self.memory.lists = self.memory.lists - former + present;
+    }
+}
+
+impl LightWorld {
+    /// The memory that the world takes on the heap of the CPU, by what takes it. O(1): the sums
+    /// follow every change.
+    ///
+    /// When all instances, regions and trees have been removed, all but the tables are 0.
+    pub fn memory(&self) -> WorldMemory {
+        // A slot map has one slot that it never uses.
+        let trees = (self.trees.capacity() + 1) * TreeEntry::RECORD_BYTES;
+        let instances = self.instances.capacity() * Instance::RECORD_BYTES;
+        let keys = (self.instances.key_capacity() + 1) * size_of::<u64>();
+        let tables = trees + instances + keys + self.tree_slots.capacity() * size_of::<Option<TreeKey>>();
+        WorldMemory { tables: tables + self.regions.memory_bytes(), ..self.counted.memory }
+    }
+
+    /// Brings the sums over all trees up to date with a tree that changed. O(1).
+    pub(super) fn recount(&mut self, tree: TreeKey) {
+        let entry = &mut self.trees[tree];
+        let former = std::mem::replace(&mut entry.counted, Counted::default());
+        let present = entry.present_count();
+        entry.counted = present;
+        self.counted.remove(&former);
+        self.counted.add(&present);
+    }
+}

@@ -1,0 +1,240 @@
+//! Regions: trees and instances that enter a world together, and leave it together.
+//!
+//! A region is filled on any thread. All that does not depend on the world is checked and computed
+//! there.
+
+mod refused;
+
+pub use refused::RefusedRegion;
+
+use std::fmt;
+
+use glam::Vec3;
+
+use super::reference::reference_for;
+use crate::appearance::{Appearance, check_factor};
+use crate::error::WorldError;
+use crate::keys::TreeKey;
+use crate::light::Light;
+use crate::placement::{Placed, Placement};
+use crate::policy::Policy;
+#[cfg(feature = "bake")]
+use crate::tree::BakeError;
+use crate::tree::LightTree;
+
+/// Trees, and instances of them, that [`LightWorld::add_region`](crate::LightWorld::add_region)
+/// adds to a world in one call, all or none.
+///
+/// It is plain data that any thread may fill: a thread that loads a part of the world makes the
+/// trees, and the thread of the world only moves them in. A call that is refused leaves the region
+/// as it was.
+///
+/// | a tree | by | cost on the thread that fills the region |
+/// |---|---|---|
+/// | whose lights shine at once, and which the world builds within its budgets | [`Region::add_placeholder`] | about half of a build |
+/// | that is built, or removed from a world | [`Region::add_tree`] | none |
+/// | that was baked | [`Region::add_baked`] (feature `bake`) | that of [`LightTree::from_baked`] |
+/// | of the world, which the region does not own | [`Region::add_world_tree`] | none |
+///
+/// ```
+/// use girandole::glam::{DVec3, Vec3};
+/// use girandole::{FrameBudget, Light, LightWorld, Placement, Policy, Region, RegionInstance};
+/// // On a thread that loads.
+/// let mut region = Region::new();
+/// let lamps = (0..100).map(|i| Light::point(Vec3::X * i as f32, Vec3::ONE)).collect();
+/// let street = region.add_placeholder(lamps)?;
+/// for i in 0..10 {
+///     let placement = Placement::at(DVec3::Z * 20.0 * f64::from(i));
+///     region.add_instance(RegionInstance::new(street, placement, Policy::Static))?;
+/// }
+/// // On the thread of the world.
+/// let mut world = LightWorld::new();
+/// let key = world.add_region(region)?;
+/// assert_eq!(world.light_count(), 1000);
+/// assert_eq!(world.region(key).map(|region| region.instances().len()), Some(10));
+/// let report = world.update(FrameBudget::UNLIMITED);
+/// assert_eq!((report.rebuilt_trees, report.placeholder_trees), (1, 0));
+/// // The memory of the trees is freed where this is dropped.
+/// let removed = world.remove_region(key)?;
+/// assert_eq!((removed.trees().len(), world.light_count()), (1, 0));
+/// # Ok::<(), girandole::WorldError>(())
+/// ```
+#[derive(Default)]
+pub struct Region {
+    pub(super) trees: Vec<RegionSource>,
+    pub(super) instances: Vec<PlacedInstance>,
+}
+
+/// Names a tree of the [`Region`] that has returned it, for its instances.
+///
+/// In another region it names the tree of the same index, or none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct RegionTree(usize);
+
+impl RegionTree {
+    /// The index of the tree in its region: trees are numbered in the order in which they were
+    /// added.
+    pub fn index(self) -> usize {
+        self.0
+    }
+}
+
+/// An instance of a tree of a [`Region`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RegionInstance {
+    /// The tree.
+    pub tree: RegionTree,
+    /// As in [`LightWorld::add_instance`](crate::LightWorld::add_instance).
+    pub placement: Placement,
+    /// As in [`LightWorld::add_instance`](crate::LightWorld::add_instance).
+    pub policy: Policy,
+    /// As in [`LightWorld::set_enabled`](crate::LightWorld::set_enabled).
+    pub is_enabled: bool,
+    /// As in [`LightWorld::set_factor`](crate::LightWorld::set_factor).
+    pub factor: Vec3,
+    /// As in [`LightWorld::set_mask`](crate::LightWorld::set_mask).
+    pub mask: u32,
+    /// As in [`LightWorld::set_user_data`](crate::LightWorld::set_user_data).
+    pub user_data: u32,
+}
+
+impl RegionInstance {
+    /// An instance that is enabled, with factor 1, a mask of all bits and user data 0.
+    pub fn new(tree: RegionTree, placement: impl Into<Placement>, policy: Policy) -> Self {
+        let placement = placement.into();
+        Self { tree, placement, policy, is_enabled: true, factor: Vec3::ONE, mask: u32::MAX, user_data: 0 }
+    }
+}
+
+/// Where a tree of a region comes from.
+pub(super) enum RegionSource {
+    /// The region brings the tree.
+    Own { tree: Box<LightTree>, has_instance: bool },
+    /// The world has it.
+    OfWorld(TreeKey),
+}
+
+/// An instance that has been checked, but for its distance from the world's origin.
+pub(super) struct PlacedInstance {
+    pub tree: usize,
+    pub placement: Placement,
+    pub policy: Policy,
+    pub appearance: Appearance,
+    /// As placed where the origin of the world is that of the instance.
+    pub placed: Option<Placed>,
+}
+
+impl Region {
+    /// An empty region.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// The number of trees, those of the world included.
+    pub fn tree_count(&self) -> usize {
+        self.trees.len()
+    }
+
+    /// The number of instances.
+    pub fn instance_count(&self) -> usize {
+        self.instances.len()
+    }
+
+    /// Whether there are neither trees nor instances.
+    pub fn is_empty(&self) -> bool {
+        self.trees.is_empty() && self.instances.is_empty()
+    }
+
+    /// Adds a tree whose lights shine as soon as the region is added, and which the world builds
+    /// within its budgets: see [`LightTree::new_placeholder`]. O(lights).
+    ///
+    /// # Errors
+    /// As [`LightTree::new`].
+    pub fn add_placeholder(&mut self, lights: Vec<Light>) -> Result<RegionTree, WorldError> {
+        let tree = LightTree::new_placeholder(lights)?;
+        Ok(self.add_tree(tree))
+    }
+
+    /// Adds a tree that is moved in as by
+    /// [`LightWorld::insert_tree`](crate::LightWorld::insert_tree). If its lights have changed
+    /// since its last refit, it is refitted now. O(1), but for that refit.
+    pub fn add_tree(&mut self, mut tree: LightTree) -> RegionTree {
+        tree.refit_changes();
+        self.add(RegionSource::Own { tree: Box::new(tree), has_instance: false })
+    }
+
+    /// Adds a tree that [`LightTree::bake`] has written. As [`LightTree::from_baked`].
+    ///
+    /// # Errors
+    /// As [`LightTree::from_baked`].
+    #[cfg(feature = "bake")]
+    pub fn add_baked(&mut self, bytes: &[u8]) -> Result<RegionTree, BakeError> {
+        let tree = LightTree::from_baked(bytes)?;
+        Ok(self.add_tree(tree))
+    }
+
+    /// Lets the region use a tree of the world, which stays when the region is removed. Whether the
+    /// world has such a tree is checked when the region is added. O(1).
+    pub fn add_world_tree(&mut self, tree: TreeKey) -> RegionTree {
+        self.add(RegionSource::OfWorld(tree))
+    }
+
+    fn add(&mut self, tree: RegionSource) -> RegionTree {
+        self.trees.push(tree);
+        RegionTree(self.trees.len() - 1)
+    }
+
+    /// Adds an instance of a tree of this region. Returns its index: instances are numbered in the
+    /// order in which they were added.
+    ///
+    /// O(1), but for the first instance of a tree of more than eight lights if it is stretched, as
+    /// in [`LightWorld::add_instance`](crate::LightWorld::add_instance): a tree that is built and
+    /// not made for that instance is built again now. A placeholder is not, and is later built for
+    /// the instance; so is a tree of the world that has no instance yet.
+    ///
+    /// # Errors
+    /// [`WorldError::NoSuchRegionTree`], [`WorldError::Policy`], [`WorldError::Factor`],
+    /// [`WorldError::Placement`]. How far the placement is from the world's origin is checked when
+    /// the region is added.
+    pub fn add_instance(&mut self, instance: RegionInstance) -> Result<usize, WorldError> {
+        let RegionInstance { tree: RegionTree(tree), placement, policy, is_enabled, factor, mask, user_data } =
+            instance;
+        let count = self.trees.len();
+        let source = self.trees.get_mut(tree).ok_or(WorldError::NoSuchRegionTree { index: tree, count })?;
+        policy.validate()?;
+        check_factor(factor)?;
+        let placed = Placed::new(&placement, placement.translation)?;
+        let mut appearance = Appearance::default();
+        (appearance.mask, appearance.user_data) = (mask, user_data);
+        appearance.set_factor(factor);
+        appearance.set_enabled(is_enabled);
+        if let RegionSource::Own { tree, has_instance } = source
+            && !std::mem::replace(has_instance, true)
+        {
+            divide_for(tree, placed.as_ref().filter(|_| appearance.is_shown()));
+        }
+        self.instances.push(PlacedInstance { tree, placement, policy, appearance, placed });
+        Ok(self.instances.len() - 1)
+    }
+}
+
+/// Lets builds divide a tree for its first instance, and builds it again if that changes it.
+fn divide_for(tree: &mut LightTree, placed: Option<&Placed>) {
+    let Some(map) = reference_for(placed, tree.light_count()) else { return };
+    if tree.reference().is_none_or(|reference| reference.linear != map.linear) {
+        tree.set_reference(Some(map));
+        if !tree.is_placeholder() {
+            tree.rebuild();
+        }
+    }
+}
+
+impl fmt::Debug for Region {
+    /// Counts, not contents.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Region")
+            .field("trees", &self.trees.len())
+            .field("instances", &self.instances.len())
+            .finish_non_exhaustive()
+    }
+}

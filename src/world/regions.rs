@@ -1,0 +1,170 @@
+//! Adds regions to a world, shows them, and removes them.
+
+use std::fmt;
+
+use super::edit::RemovedTree;
+use super::region::{PlacedInstance, RefusedRegion, Region, RegionSource};
+use super::region_table::{RegionEntry, RegionView};
+use super::{Instance, LightWorld};
+use crate::error::WorldError;
+use crate::keys::{InstanceKey, RegionKey, TreeKey};
+use crate::placement::Placed;
+use crate::tree::LightTree;
+
+/// The trees of a region that was removed, with all that the world kept for them. To free the
+/// memory of large trees takes milliseconds: drop it on another thread.
+#[must_use = "dropping it frees the memory of its trees, which another thread may do"]
+pub struct RemovedRegion {
+    trees: Vec<RemovedTree>,
+}
+
+impl fmt::Debug for RemovedRegion {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_list().entries(self.trees()).finish()
+    }
+}
+
+impl RemovedRegion {
+    /// The trees that the region had brought and that were still in the world, in its order, then
+    /// the copies that were made for its instances. Each is as of the last update; edits that
+    /// waited for the next one are dropped.
+    pub fn trees(&self) -> impl ExactSizeIterator<Item = &LightTree> {
+        self.trees.iter().map(|removed| &removed.entry.tree)
+    }
+
+    /// The same trees. Placeholders that were not built yet are still placeholders. Frees what the
+    /// world kept besides them.
+    pub fn into_trees(self) -> Vec<LightTree> {
+        self.trees.into_iter().map(|removed| removed.entry.tree).collect()
+    }
+}
+
+impl LightWorld {
+    /// Adds all trees and instances of a region. They take effect at once, as if each were added by
+    /// itself.
+    ///
+    /// O(trees + instances): nothing is built or refitted, and no light is copied or read. Trees of
+    /// the world that have no instance yet, and whose first one is stretched, become placeholders.
+    ///
+    /// # Errors
+    /// [`WorldError::RegionTree`] for a tree of the world whose key is stale,
+    /// [`WorldError::RegionInstance`] for an instance that is too far from [`LightWorld::origin`].
+    /// Each names the first culprit by its index in the region, trees first. The region is returned
+    /// as it was, and the world has not changed.
+    pub fn add_region(&mut self, region: Region) -> Result<RegionKey, RefusedRegion> {
+        match self.region_error(&region) {
+            Some(error) => Err(RefusedRegion { region: Box::new(region), error }),
+            None => Ok(self.insert_region(region)),
+        }
+    }
+
+    /// Why a region cannot be added.
+    fn region_error(&self, region: &Region) -> Option<WorldError> {
+        let tree_error = |(index, tree): (usize, &RegionSource)| match tree {
+            RegionSource::OfWorld(key) if !self.trees.contains_key(*key) => {
+                Some(WorldError::RegionTree { index, source: Box::new(WorldError::NoSuchTree(*key)) })
+            }
+            _ => None,
+        };
+        let instance_error = |(index, PlacedInstance { placement, .. }): (usize, &PlacedInstance)| {
+            let error = Placed::check(placement, placement, self.origin).err()?;
+            Some(WorldError::RegionInstance { index, source: Box::new(error.into()) })
+        };
+        let in_trees = region.trees.iter().enumerate().find_map(tree_error);
+        in_trees.or_else(|| region.instances.iter().enumerate().find_map(instance_error))
+    }
+
+    /// Adds a region that has been checked.
+    fn insert_region(&mut self, region: Region) -> RegionKey {
+        let key = self.regions.by_key.insert(RegionEntry::default());
+        let is_own = region.trees.iter().map(|tree| matches!(tree, RegionSource::Own { .. })).collect();
+        let insert_tree = |source| match source {
+            RegionSource::Own { tree, .. } => self.insert_tree(*tree),
+            RegionSource::OfWorld(tree) => tree,
+        };
+        let trees: Vec<TreeKey> = region.trees.into_iter().map(insert_tree).collect();
+        let insert_instance = |instance: PlacedInstance| {
+            let PlacedInstance { tree, placement, policy, appearance, placed } = instance;
+            let placed = Placed::moved(placed.as_ref(), &placement, &placement, self.origin).expect("checked before");
+            let (tree, region) = (trees[tree], Some(key));
+            let instance = Instance { tree, placement, policy, appearance, placed, index_in_tree: 0, region };
+            self.insert_instance(instance, true)
+        };
+        let instances = region.instances.into_iter().map(insert_instance).collect();
+        let entry = RegionEntry { trees, is_own, instances, copies: Vec::new() };
+        self.counted.change_lists(0, entry.memory_bytes());
+        self.regions.by_key[key] = entry;
+        key
+    }
+
+    /// The number of regions.
+    pub fn region_count(&self) -> usize {
+        self.regions.by_key.len()
+    }
+
+    /// The keys of all regions.
+    pub fn regions(&self) -> impl Iterator<Item = RegionKey> {
+        self.regions.by_key.keys()
+    }
+
+    /// The trees and instances that a region has brought into the world; `None` for a stale key.
+    /// O(1).
+    pub fn region(&self, region: RegionKey) -> Option<RegionView<'_>> {
+        self.regions.by_key.get(region).map(|entry| RegionView { entry })
+    }
+
+    /// Removes what is left of a region: its instances, the trees that it has brought, and the
+    /// copies that [`LightWorld::make_unique`] has made for its instances. Returns these trees.
+    ///
+    /// | before | outcome |
+    /// |---|---|
+    /// | an instance or a tree of the region was removed | it is skipped |
+    /// | an instance of the region got a tree of its own by [`LightWorld::make_unique`] | the copy is removed too, also if the instance was removed before |
+    /// | instances outside of the region use one of these trees | the call is refused |
+    /// | the region uses a tree of the world | the tree stays |
+    /// | edits wait for the next update, or a build is under way | they are dropped |
+    ///
+    /// O(instances and trees of the region), whatever the number of lights. Frees no tree: what is
+    /// returned does when it is dropped, on any thread. A build that runs in the background goes
+    /// on, and is dropped when it ends.
+    ///
+    /// # Errors
+    /// [`WorldError::NoSuchRegion`] for a region that was removed before or never existed;
+    /// [`WorldError::RegionInUse`].
+    pub fn remove_region(&mut self, region: RegionKey) -> Result<RemovedRegion, WorldError> {
+        let entry = self.regions.by_key.get(region).ok_or(WorldError::NoSuchRegion(region))?;
+        let is_outside = |key: &&InstanceKey| self.instances[**key].region != Some(region);
+        for tree in entry.own_trees() {
+            let Some(entry) = self.trees.get(tree) else { continue };
+            // Found at the latest behind the instances of the region, and only then counted.
+            if entry.instances.iter().any(|key| is_outside(&key)) {
+                let instances = entry.instances.iter().filter(is_outside).count();
+                return Err(WorldError::RegionInUse { region, tree, instances });
+            }
+        }
+        let entry = self.regions.by_key.remove(region).expect("a live region");
+        self.counted.change_lists(entry.memory_bytes(), 0);
+        for key in &entry.instances {
+            // Those that were removed before are skipped.
+            let _ = self.remove_instance(*key);
+        }
+        let mut trees = Vec::with_capacity(entry.trees.len() + entry.copies.len());
+        for tree in entry.own_trees() {
+            if self.trees.contains_key(tree) {
+                trees.push(self.take_tree(tree));
+            }
+        }
+        Ok(RemovedRegion { trees })
+    }
+
+    /// Records that an instance has got a copy of its tree, which then belongs to the region of the
+    /// instance.
+    pub(super) fn was_copied(&mut self, instance: InstanceKey, copy: TreeKey) {
+        let Some(region) = self.instances[instance].region else { return };
+        let entry = &mut self.regions.by_key[region];
+        let former = entry.memory_bytes();
+        entry.copies.push(copy);
+        let present = entry.memory_bytes();
+        self.counted.change_lists(former, present);
+    }
+}
