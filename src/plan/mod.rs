@@ -72,6 +72,7 @@ mod parts;
 mod place;
 pub(crate) mod pool;
 mod previous;
+mod ranges;
 pub(crate) mod relayout;
 mod reserve;
 mod residency;
