@@ -14,7 +14,7 @@ use girandole::{Light, LightTree, LightWorld, Placement, Policy, Region, RegionI
 const HOUSES: usize = 4;
 const HOUSE_LIGHTS: usize = 16;
 /// Kinds of houses.
-const KINDS: usize = 4;
+pub const KINDS: usize = 4;
 
 /// The index of the market among the trees of a block.
 pub const MARKET: usize = 1;

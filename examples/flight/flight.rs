@@ -1,6 +1,6 @@
 //! The frames of a flight.
 
-use super::blocks::Builder;
+use super::blocks::{Builder, KINDS};
 use super::loader::Loader;
 use super::route::Route;
 use super::settings::Settings;
@@ -30,6 +30,9 @@ pub struct FrameCosts {
     pub left: usize,
     pub report: FrameReport,
 }
+
+/// Trees that belong to no block: the houses, and the car.
+pub const SHARED_TREES: usize = KINDS + 1;
 
 /// A world, its planner, and a camera above it.
 #[derive(Debug)]

@@ -53,7 +53,7 @@ pub fn draw(path: &Path, settings: &Settings, flight: &Flight) -> Result<(), Str
         };
         let points = (0..=1000).map(|i| at(f64::from(i) / 1000.0));
         chart.draw_series(LineSeries::new(points, WHITE.stroke_width(3))).map_err(text)?;
-        for (i, share) in [0.0, 0.25, 0.5, 0.75].into_iter().enumerate() {
+        for (i, share) in [0.0, 0.25, 0.5].into_iter().enumerate() {
             let color = PALETTE[2].stroke_width(if i == 0 { 3 } else { 1 });
             chart.draw_series(LineSeries::new(circle(at(share)), color)).map_err(text)?;
             chart.draw_series([Circle::new(at(share), 5, PALETTE[2].filled())]).map_err(text)?;

@@ -12,6 +12,7 @@ pub mod flight;
 pub mod device;
 pub mod record;
 pub mod summary;
+pub mod scale;
 pub mod plots;
 pub mod map;
 pub mod options;

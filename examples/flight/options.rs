@@ -5,7 +5,7 @@ use super::flight::{Flight, FlightError};
 use super::record::{Row, write};
 use super::settings::Settings;
 use super::summary::{Ends, Summary};
-use super::{map, plots};
+use super::{map, plots, scale};
 use crate::common::progress::progress;
 use clap::Parser;
 use girandole::plan::UploadReport;
@@ -22,6 +22,9 @@ pub struct Options {
     /// A smaller world and 600 frames: some seconds
     #[arg(long)]
     pub quick: bool,
+    /// Only measure frames in worlds of several sizes
+    #[arg(long)]
+    pub scale: bool,
     /// Seeds the lights and the traffic
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
@@ -37,9 +40,15 @@ const WORST: usize = 20;
 #[allow(clippy::print_stdout, reason = "a program talks to its user")]
 pub fn run(options: &Options) -> Result<(), String> {
     fs::create_dir_all(&options.out).map_err(|error| format!("cannot make {}: {error}", options.out.display()))?;
-    let settings = if options.quick { Settings::quick(options.seed) } else { Settings::full(options.seed) };
     // One thread, so that its CPU time is that of the whole frame.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|error| error.to_string())?;
+    if options.scale {
+        let path = options.out.join("scale.csv");
+        let lines = pool.install(|| scale::measure(&path, options.seed, options.quick))?;
+        lines.iter().for_each(|line| println!("{line}"));
+        return Ok(());
+    }
+    let settings = if options.quick { Settings::quick(options.seed) } else { Settings::full(options.seed) };
     let (rows, ends, flight) = pool.install(|| fly(&settings)).map_err(|FlightError(text)| text)?;
     write(&options.out.join("flight.csv"), &rows)?;
     let mut worst = rows.clone();
