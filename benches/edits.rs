@@ -8,6 +8,8 @@
 //! - A region of 1,000 instances and 10,000 lights, in 100 trees or in one, of placeholders or built:
 //!   to fill it, to add it, to remove it, and to free it. The throughput is that of lights where it is
 //!   filled, and of instances elsewhere.
+//! - Frames in which the origin moves, in each mode, and frames in which it does not: the call that
+//!   moves it, the update, the delta and the plan.
 //!
 //! `cargo bench --bench edits`; set `RAYON_NUM_THREADS=1` for the figures of one core. As a test
 //! (`cargo test --benches`) every case runs once, at the smallest size.
@@ -19,8 +21,8 @@ use criterion::{BenchmarkGroup, BenchmarkId, Criterion, SamplingMode, Throughput
 use girandole::glam::{DVec3, Vec3};
 use girandole::plan::{LightPlanner, PlanLimits};
 use girandole::{
-    FrameBudget, FrameDelta, InstanceKey, Light, LightTree, LightWorld, Placement, Policy, Region, RegionInstance,
-    TreeKey,
+    FrameBudget, FrameDelta, InstanceKey, Light, LightTree, LightWorld, ORIGIN_GRID, OriginMode, Placement, Policy,
+    Region, RegionInstance, TreeKey,
 };
 
 #[path = "../examples/common/mod.rs"]
@@ -291,5 +293,41 @@ fn regions(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, moves, lights, regions);
+/// Frames of a camera that moves by a step of the grid in each, or rests.
+fn origin(c: &mut Criterion) {
+    let mut group = c.benchmark_group("origin");
+    group.sample_size(20).sampling_mode(SamplingMode::Flat);
+    group.warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(1));
+    let counts: &[usize] = if std::env::args().any(|a| a == "--bench") { &[1_000, 100_000] } else { &[1_000] };
+    for count in counts.iter().copied() {
+        for (mode, moves) in [(OriginMode::Free, true), (OriginMode::Following, true), (OriginMode::Following, false)] {
+            let mut world = world(count, Kind::Affine, &mut Rng(9));
+            world.set_origin_mode(mode).expect("zero is on the grid");
+            let mut planner = LightPlanner::new(PlanLimits::default());
+            let delta = FrameDelta::everything(&world);
+            planner.reserve(&world, &delta).expect("room enough").plan();
+            world.take_delta();
+            let mut step = 0.0;
+            let name = format!("{mode:?}{}", if moves { "" } else { ", at rest" });
+            group.bench_function(BenchmarkId::new(name, count), |b| {
+                b.iter(|| {
+                    step += if moves { 2.0 * ORIGIN_GRID } else { 0.0 };
+                    let viewpoint = DVec3::X * (step % 1.0e6);
+                    if mode == OriginMode::Free {
+                        world.set_origin(viewpoint).expect("near");
+                    }
+                    world.set_viewpoint(viewpoint).expect("near");
+                    world.update(FrameBudget::NONE);
+                    let delta = world.take_delta();
+                    let plan = planner.reserve(&world, &delta).expect("room enough").plan();
+                    assert_eq!(plan.report.instances, if mode == OriginMode::Free { count } else { 0 });
+                    assert_eq!(plan.is_empty(), !moves);
+                });
+            });
+        }
+    }
+    group.finish();
+}
+
+criterion_group!(benches, moves, lights, regions, origin);
 criterion_main!(benches);

@@ -20,10 +20,18 @@ fn light_rows(x: vec4<u32>, y: vec4<u32>, z: vec4<u32>) -> array<vec4<f32>, 3> {
     return array(bitcast<vec4<f32>>(x), bitcast<vec4<f32>>(y), bitcast<vec4<f32>>(z));
 }
 
+// #if SECTORS
+// The position of a point that is `rest` from the centre of a sector, relative to the centre of the
+// sector `home`. Twin of `SectorPoint::relative_to`.
+fn light_from_home(rest: vec3<f32>, sector: vec3<i32>, home: vec3<i32>) -> vec3<f32> {
+    return rest + vec3<f32>(sector - home) * LIGHT_SECTOR_EDGE;
+}
+// #endif
+
 // #if FACTORS | MASKS
-// Whether instances of this stride end with a factor and a mask.
-fn light_has_factors(stride: u32) -> bool {
-    return stride == LIGHT_RIGID_STRIDE + LIGHT_FACTOR_QUADS || stride == LIGHT_INSTANCE_STRIDE;
+// Whether instances of which so much is stored, without the sector, end with a factor and a mask.
+fn light_has_factors(quads: u32) -> bool {
+    return quads == LIGHT_RIGID_STRIDE + LIGHT_FACTOR_QUADS || quads == LIGHT_WITHOUT_SECTOR;
 }
 
 // #endif

@@ -140,6 +140,15 @@ fn light_instance(slot: u32) -> LightInstance {
     let words = light_instances[at + LIGHT_INSTANCE_TREE];
     var instance: LightInstance;
     instance.to_world = light_rows(light_instances[at], light_instances[at + 1u], light_instances[at + 2u]);
+    // #if SECTORS
+    if light_params.instance_sector < light_params.instance_stride {
+        let sector = bitcast<vec3<i32>>(light_instances[at + light_params.instance_sector].xyz);
+        let place = light_from_home(light_translation(instance.to_world), sector, light_params.home);
+        instance.to_world[0].w = place.x;
+        instance.to_world[1].w = place.y;
+        instance.to_world[2].w = place.z;
+    }
+    // #endif
     instance.flags = words.x;
     instance.tree = words.y;
     instance.node_base = words.z;
@@ -150,7 +159,7 @@ fn light_instance(slot: u32) -> LightInstance {
     instance.sin_turn = bitcast<f32>(light_instances[at + LIGHT_INSTANCE_PART].z);
     // #endif
     instance.to_local = light_rigid_to_local(instance.to_world);
-    if light_params.instance_stride > LIGHT_RIGID_STRIDE + LIGHT_FACTOR_QUADS {
+    if light_params.instance_sector > LIGHT_RIGID_STRIDE + LIGHT_FACTOR_QUADS {
         let local = at + LIGHT_RIGID_STRIDE;
         instance.to_local =
             light_rows(light_instances[local], light_instances[local + 1u], light_instances[local + 2u]);
@@ -163,8 +172,8 @@ fn light_instance(slot: u32) -> LightInstance {
     instance.mask = 0xffffffffu;
     // #endif
     // #if FACTORS | MASKS
-    if light_has_factors(light_params.instance_stride) {
-        let last = light_instances[at + light_params.instance_stride - LIGHT_FACTOR_QUADS];
+    if light_has_factors(light_params.instance_sector) {
+        let last = light_instances[at + light_params.instance_sector - LIGHT_FACTOR_QUADS];
         // #if FACTORS
         instance.factor = bitcast<vec3<f32>>(last.xyz);
         // #endif

@@ -29,9 +29,12 @@ struct TopPass {
     node_range: u32,
     light_stride: u32,
     instance_stride: u32,
+    instance_sector: u32,
     // Where the masks of the nodes begin in the buffer of the nodes, in units of 16 bytes; 0 if they
     // are not stored.
     masks: u32,
+    // The sector whose centre the origin is. Only the first stage reads it.
+    home: vec3<i32>,
 }
 
 // The first word of a part in the buffer of the nodes: see LightPart.

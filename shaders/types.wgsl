@@ -56,10 +56,11 @@ struct LightRecord {
     // #endif
 }
 
-// One instance slot. `to_local` is stored if some instance is not rigid, and what follows it if some
-// instance has a factor or a mask.
+// One instance slot. `to_local` is stored if some instance is not rigid, a factor and a mask if
+// some instance has either, and the sector in worlds with sectors.
 struct LightInstance {
-    // The rows of the matrix; the fourth column is the translation.
+    // The rows of the matrix; the fourth column is the translation. It is stored relative to the
+    // centre of the sector, and read relative to the origin.
     to_world: array<vec4<f32>, 3>,
     flags: u32,
     // The first record, node and light of the instance's tree in their buffers.
@@ -85,6 +86,10 @@ struct LightInstance {
     // #if MASKS
     // A shading point sees the lights if its mask and this one have a bit in common.
     mask: u32,
+    // #endif
+    // #if SECTORS
+    // The sector that the instance lies in.
+    sector: vec3<i32>,
     // #endif
 }
 
@@ -129,10 +134,15 @@ struct LightParams {
     // The strides of lights and of instances.
     light_stride: u32,
     instance_stride: u32,
+    // The offset of an instance's sector, which is the last of its record; as the stride if it is
+    // not stored.
+    instance_sector: u32,
     // 1 if large and near surfaces are sampled by solid angle.
     solid_angles: u32,
     // The offset of the parts in the buffer of the top level.
     parts: u32,
+    // The sector whose centre the origin is; 0 in worlds without sectors.
+    home: vec3<i32>,
     // The offset of the masks in the same buffer; 0 if they are not stored. For each child of each
     // node of the top level there is the union of the masks of all instances below it.
     masks: u32,

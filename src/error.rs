@@ -88,7 +88,7 @@ impl LightError {
     }
 }
 
-/// Why a world or a tree refused a call, which has then changed nothing. Codes 200 to 213, or the
+/// Why a world or a tree refused a call, which has then changed nothing. Codes 200 to 215, or the
 /// code of the error inside.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -226,6 +226,25 @@ pub enum WorldError {
         /// The greatest value allowed.
         limit: f32,
     },
+    /// The origin does not lie on the grid of the world's [`OriginMode`](crate::OriginMode).
+    #[error("a coordinate of the origin is {value} m; it must be a multiple of {grid} m")]
+    OriginOffGrid {
+        /// The given coordinate, in metres.
+        value: f64,
+        /// [`ORIGIN_GRID`](crate::ORIGIN_GRID).
+        grid: f64,
+    },
+    /// The origin, or the viewpoint that it would follow, is too far from zero for a world whose
+    /// origin lies on a grid.
+    #[error("{what} is {value} m; the limit is {limit} m where the origin lies on a grid")]
+    OriginTooFar {
+        /// A description of the coordinate.
+        what: &'static str,
+        /// The given coordinate, in metres.
+        value: f64,
+        /// The greatest absolute value allowed, in metres.
+        limit: f64,
+    },
 }
 
 impl WorldError {
@@ -251,6 +270,8 @@ impl WorldError {
             Self::NoSuchRegion(_) => 211,
             Self::NoSuchRegionTree { .. } => 212,
             Self::RegionInUse { .. } => 213,
+            Self::OriginOffGrid { .. } => 214,
+            Self::OriginTooFar { .. } => 215,
         }
     }
 }
@@ -263,7 +284,7 @@ pub(crate) fn check_finite(what: &'static str, point: DVec3) -> Result<(), World
     }
 }
 
-/// Why a placement was refused. Codes 300 to 303.
+/// Why a placement was refused. Codes 300 to 304.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PlacementError {
@@ -299,6 +320,15 @@ pub enum PlacementError {
         /// The greatest distance allowed, in metres.
         limit: f64,
     },
+    /// The translation is too far from zero for a world whose origin lies on a grid, see
+    /// [`OriginMode`](crate::OriginMode).
+    #[error("{distance} m from zero along one axis; the limit is {limit} m where the origin lies on a grid")]
+    TooFarFromZero {
+        /// The largest coordinate without its sign, in metres.
+        distance: f64,
+        /// The greatest distance allowed, in metres.
+        limit: f64,
+    },
 }
 
 impl PlacementError {
@@ -309,6 +339,7 @@ impl PlacementError {
             Self::TooLarge { .. } => 301,
             Self::Singular { .. } => 302,
             Self::TooFar { .. } => 303,
+            Self::TooFarFromZero { .. } => 304,
         }
     }
 }
@@ -406,17 +437,18 @@ mod tests {
         ]
     }
 
-    fn placement_errors() -> [PlacementError; 4] {
+    fn placement_errors() -> [PlacementError; 5] {
         [
             PlacementError::NotFinite { what: WHAT, value: f64::NAN },
             PlacementError::TooLarge { value: 3.0, limit: 2.0 },
             PlacementError::Singular { determinant: 0.0 },
             PlacementError::TooFar { distance: 3.0, limit: 2.0 },
+            PlacementError::TooFarFromZero { distance: 3.0, limit: 2.0 },
         ]
     }
 
     /// Errors of a world that wrap no other.
-    fn world_errors() -> [WorldError; 14] {
+    fn world_errors() -> [WorldError; 16] {
         [
             WorldError::TooManyLights { given: 3, limit: 2 },
             WorldError::NoSuchLight { index: 3, count: 2 },
@@ -432,6 +464,8 @@ mod tests {
             WorldError::NoSuchRegion(RegionKey::default()),
             WorldError::NoSuchRegionTree { index: 3, count: 2 },
             WorldError::RegionInUse { region: RegionKey::default(), tree: TreeKey::default(), instances: 1 },
+            WorldError::OriginOffGrid { value: 3.0, grid: 2.0 },
+            WorldError::OriginTooFar { what: WHAT, value: 3.0, limit: 2.0 },
         ]
     }
 
@@ -449,7 +483,7 @@ mod tests {
             ])
             .collect();
         assert_eq!(codes.iter().collect::<BTreeSet<_>>().len(), codes.len());
-        let expected: Vec<u32> = (100..105).chain(200..214).chain(300..304).chain([400, 500, 1000, 1001]).collect();
+        let expected: Vec<u32> = (100..105).chain(200..216).chain(300..305).chain([400, 500, 1000, 1001]).collect();
         assert_eq!(codes, expected);
     }
 

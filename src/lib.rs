@@ -91,7 +91,8 @@
 //! - **Units** are metres, seconds, radians, lumens, candela, nits and lux. Colours are linear Rec.
 //!   709. Axes are right-handed.
 //! - **Spaces.** A tree has a space of its own. A [`Placement`] maps it to the world, with an f64
-//!   translation. Sampling happens in f32, relative to [`LightWorld::origin`].
+//!   translation. Sampling happens in f32, relative to [`LightWorld::origin`], which can follow the
+//!   camera ([`OriginMode`]).
 //! - **Probabilities.** A *pmf* is the probability of a light; a *pdf* is a density per steradian.
 //!   At every shading point the pmf of all lights and the probability of "no light" sum to 1. Every
 //!   light that can contribute has a pmf above 0.
@@ -158,6 +159,7 @@ mod emit;
 mod segment;
 mod equiangular;
 mod importance;
+mod sector;
 mod placement;
 mod visibility;
 mod part;
@@ -194,14 +196,15 @@ pub use quality::Quality;
 pub use resample::Reservoir;
 pub use sample::{LightId, LightPick, LightSample, LightSampler};
 pub use scheduler::FrameBudget;
+pub use sector::ORIGIN_GRID;
 pub use shading_point::ShadingPoint;
 pub use tree::{Attribute, Attributes, LightTree};
 pub use visibility::{VisibilityOptions, VisibilityTable};
 #[cfg(feature = "gpu")]
 pub use wgpu;
 pub use world::{
-    BackgroundReport, FrameDelta, FrameReport, JobReport, LightWorld, RefusedRegion, Region, RegionInstance,
-    RegionTree, RegionView, RemovedRegion, WorldMemory,
+    BackgroundReport, FrameDelta, FrameReport, JobReport, LightWorld, OriginMode, RefusedRegion, Region,
+    RegionInstance, RegionTree, RegionView, RemovedRegion, WorldMemory,
 };
 
 /// The README's programs, compiled and run as documentation tests.

@@ -33,8 +33,8 @@ impl LightSampler<'_> {
         let Some(placed) = self.world.instance(instance) else { return 0.0 };
         let tree = self.world.tree(placed.tree);
         let Some(record) = tree.and_then(|tree| tree.lights().get(index as usize)) else { return 0.0 };
-        let Some(transform) = placed.shown() else { return 0.0 };
-        let pdf = point_pdf(record, &transform.frame, shading_point, self.world.solid_angle_sampling(), point);
+        let Some(frame) = placed.shown().map(|placed| placed.frame(self.world.home())) else { return 0.0 };
+        let pdf = point_pdf(record, &frame, shading_point, self.world.solid_angle_sampling(), point);
         if pdf > 0.0 { pdf * self.pmf(shading_point, light) } else { 0.0 }
     }
 }

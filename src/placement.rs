@@ -8,13 +8,15 @@ use crate::cluster::{Linear, RIGID_TOLERANCE};
 use crate::effects::Effects;
 use crate::error::PlacementError;
 use crate::importance::{CANDELA_PER_LUMEN, LocalShadingPoint, POSITION_MARGIN};
+use crate::sector::SectorPoint;
 use crate::segment::LocalSegment;
 use crate::shading_point::ShadingPoint;
 use crate::transform::InstanceTransform;
 use crate::tree::LEAF;
 
 /// Largest distance of an instance from [`LightWorld::origin`](crate::LightWorld::origin) along
-/// each axis, in metres.
+/// each axis, in metres. Where the origin lies on a grid, it and all instances are at most this far
+/// from zero instead: see [`OriginMode`](crate::OriginMode).
 pub const MAX_DISTANCE: f64 = 1.0e9;
 
 /// An affine map from the space of a tree to the world: rotation, scale, mirror or shear, and a
@@ -32,8 +34,9 @@ pub struct Placement {
     ///   and contributes nothing until it is moved to a placement of the first kind. Engines hide
     ///   objects by a scale of zero.
     pub linear: Mat3,
-    /// The translation to the world, in metres: at most [`MAX_DISTANCE`] from
-    /// [`LightWorld::origin`](crate::LightWorld::origin) along each axis.
+    /// The translation to the world, in metres: along each axis at most [`MAX_DISTANCE`] from
+    /// [`LightWorld::origin`](crate::LightWorld::origin), or from zero where the origin lies on a
+    /// grid.
     pub translation: DVec3,
 }
 
@@ -73,21 +76,35 @@ impl From<DAffine3> for Placement {
     }
 }
 
-/// A placement relative to the world's origin, with what sampling derives from it.
+/// What translations are stored relative to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Anchor {
+    /// A point, which is the origin of the world. All centres of sectors are 0.
+    Point(DVec3),
+    /// The centre of the sector that each lies in. The origin of the world is the centre of any
+    /// sector.
+    Sector,
+}
+
+/// A placement with what sampling derives from it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Placed {
     pub linear: Linear,
-    pub frame: InstanceTransform,
+    /// The linear part of the inverse.
+    pub to_local: Mat3,
+    pub determinant: f32,
     /// Whether the placement only rotates and translates.
     pub is_rigid: bool,
+    /// The translation.
+    pub place: SectorPoint,
 }
 
 impl Placed {
     /// Checks a placement and derives the rest; `None` for a linear part of all zeros, which hides
     /// the instance.
-    pub fn new(placement: &Placement, origin: DVec3) -> Result<Option<Self>, PlacementError> {
+    pub fn new(placement: &Placement, anchor: Anchor) -> Result<Option<Self>, PlacementError> {
         check_entries(&placement.linear)?;
-        let offset = offset(placement.translation, origin)?;
+        let place = place(placement.translation, anchor)?;
         if placement.linear == Mat3::ZERO {
             return Ok(None);
         }
@@ -104,8 +121,7 @@ impl Placed {
         if !(to_local.is_finite() && linear.least_scale >= 1.0 / MAX_SCALE) {
             return Err(PlacementError::Singular { determinant });
         }
-        let frame = InstanceTransform { to_world: placement.linear, translation: offset, to_local, determinant };
-        Ok(Some(Self { linear, frame, is_rigid: linear.is_rigid() }))
+        Ok(Some(Self { linear, to_local, determinant, is_rigid: linear.is_rigid(), place }))
     }
 
     /// As [`Placed::new`], for an instance that is at `present`, from which `placed` was derived. Bit
@@ -114,22 +130,37 @@ impl Placed {
         placed: Option<&Self>,
         present: &Placement,
         placement: &Placement,
-        origin: DVec3,
+        anchor: Anchor,
     ) -> Result<Option<Self>, PlacementError> {
         if placement.linear != present.linear {
-            return Self::new(placement, origin);
+            return Self::new(placement, anchor);
         }
-        let translation = offset(placement.translation, origin)?;
-        Ok(placed.map(|placed| Self { frame: InstanceTransform { translation, ..placed.frame }, ..*placed }))
+        let place = place(placement.translation, anchor)?;
+        Ok(placed.map(|placed| Self { place, ..*placed }))
     }
 
     /// Whether [`Placed::moved`] accepts a placement. Derives nothing if the linear part stays the
     /// same, or is nearly a rotation.
-    pub fn check(present: &Placement, placement: &Placement, origin: DVec3) -> Result<(), PlacementError> {
+    pub fn check(present: &Placement, placement: &Placement, anchor: Anchor) -> Result<(), PlacementError> {
         if placement.linear == present.linear || is_nearly_rotation(&placement.linear) {
-            return offset(placement.translation, origin).map(drop);
+            return place(placement.translation, anchor).map(drop);
         }
-        Self::new(placement, origin).map(drop)
+        Self::new(placement, anchor).map(drop)
+    }
+
+    /// The translation relative to the world's origin, which is the centre `home` of a sector.
+    pub fn translation(&self, home: Vec3) -> Vec3 {
+        self.place.relative_to(home)
+    }
+
+    /// The map to the world relative to its origin, which is the centre `home` of a sector.
+    pub fn frame(&self, home: Vec3) -> InstanceTransform {
+        InstanceTransform {
+            to_world: self.linear.linear,
+            translation: self.translation(home),
+            to_local: self.to_local,
+            determinant: self.determinant,
+        }
     }
 
     /// The effects of an instance that is placed here.
@@ -137,14 +168,19 @@ impl Placed {
         if self.is_rigid { Effects::empty() } else { Effects::NON_RIGID }
     }
 
-    /// A shading point of the world as seen in the space of the tree. `brightness` is what the flux
-    /// of the instance's lights is multiplied by.
-    pub fn local_shading_point(&self, shading_point: &ShadingPoint, brightness: f32) -> LocalShadingPoint<'_> {
+    /// A shading point of the world, relative to the centre `home` of a sector, as seen in the
+    /// space of the tree. `brightness` is what the flux of the instance's lights is multiplied by.
+    pub fn local_shading_point(
+        &self,
+        shading_point: &ShadingPoint,
+        home: Vec3,
+        brightness: f32,
+    ) -> LocalShadingPoint<'_> {
         // Normals are carried back by the transpose: the horizon stays the horizon under any linear
         // map.
         let normal = (self.linear.linear.transpose() * shading_point.normal).normalize_or_zero();
         LocalShadingPoint {
-            position: self.frame.to_local * (shading_point.position - self.frame.translation),
+            position: self.to_local * (shading_point.position - self.translation(home)),
             normal,
             has_normal: normal != Vec3::ZERO,
             range_scale: self.range_scale(),
@@ -154,7 +190,7 @@ impl Placed {
             candela_per_lumen: CANDELA_PER_LUMEN * brightness,
             to_world: (!self.is_rigid).then_some(&self.linear),
             gloss: LocalShadingPoint::gloss_of(shading_point).map(|gloss| gloss.carried(&self.linear.linear)),
-            segment: LocalSegment::of(shading_point).map(|segment| segment.carried(&self.frame.to_local)),
+            segment: LocalSegment::of(shading_point).map(|segment| segment.carried(&self.to_local)),
         }
     }
 
@@ -175,17 +211,28 @@ fn check_entries(linear: &Mat3) -> Result<(), PlacementError> {
     }
 }
 
-/// A translation relative to the world's origin.
-fn offset(translation: DVec3, origin: DVec3) -> Result<Vec3, PlacementError> {
+/// A translation as it is stored.
+fn place(translation: DVec3, anchor: Anchor) -> Result<SectorPoint, PlacementError> {
     if let Some(value) = translation.to_array().into_iter().find(|e| !e.is_finite()) {
         return Err(PlacementError::NotFinite { what: "a coordinate of the translation", value });
     }
-    let offset = translation - origin;
-    let distance = offset.abs().max_element();
-    if distance > MAX_DISTANCE {
-        return Err(PlacementError::TooFar { distance, limit: MAX_DISTANCE });
+    match anchor {
+        Anchor::Point(origin) => {
+            let offset = translation - origin;
+            let distance = offset.abs().max_element();
+            if distance > MAX_DISTANCE {
+                return Err(PlacementError::TooFar { distance, limit: MAX_DISTANCE });
+            }
+            Ok(SectorPoint { center: Vec3::ZERO, rest: offset.as_vec3() })
+        }
+        Anchor::Sector => {
+            let distance = translation.abs().max_element();
+            if distance > MAX_DISTANCE {
+                return Err(PlacementError::TooFarFromZero { distance, limit: MAX_DISTANCE });
+            }
+            Ok(SectorPoint::new(translation))
+        }
     }
-    Ok(offset.as_vec3())
 }
 
 /// Whether lengths change by less than a factor of 4 and angles stay near: such a linear part is
@@ -203,7 +250,7 @@ mod tests {
     use crate::dice::hash;
 
     fn place(placement: Placement) -> Result<Option<Placed>, PlacementError> {
-        Placed::new(&placement, DVec3::ZERO)
+        Placed::new(&placement, Anchor::Point(DVec3::ZERO))
     }
 
     fn scaled(x: f32, y: f32, z: f32) -> Placement {
@@ -255,7 +302,7 @@ mod tests {
         assert!(place(Placement::at(DVec3::X * MAX_DISTANCE)).is_ok());
         let beyond = Placement::at(DVec3::X * MAX_DISTANCE.next_up());
         assert!(matches!(place(beyond), Err(PlacementError::TooFar { .. })));
-        assert!(Placed::new(&beyond, DVec3::X).is_ok());
+        assert!(Placed::new(&beyond, Anchor::Point(DVec3::X)).is_ok());
     }
 
     #[test]
@@ -277,13 +324,13 @@ mod tests {
             let far = if i % 11 == 0 { MAX_DISTANCE } else { 100.0 };
             let translation = DVec3::new(r(9).into(), r(10).into(), r(11).into()) * far * 1.5;
             let placement = Placement { linear, translation };
-            let origin = DVec3::new(3.0, -7.0, 0.5);
-            let before = Placed::new(&present, origin).expect("it was accepted");
-            let expected = Placed::new(&placement, origin);
-            let moved = Placed::moved(before.as_ref(), &present, &placement, origin);
+            let anchor = if i % 2 == 0 { Anchor::Point(DVec3::new(3.0, -7.0, 0.5)) } else { Anchor::Sector };
+            let before = Placed::new(&present, anchor).expect("it was accepted");
+            let expected = Placed::new(&placement, anchor);
+            let moved = Placed::moved(before.as_ref(), &present, &placement, anchor);
             // NaN differs from itself, so errors and placements are compared as text.
             assert_eq!(format!("{moved:?}"), format!("{expected:?}"), "{placement:?}");
-            let checked = Placed::check(&present, &placement, origin);
+            let checked = Placed::check(&present, &placement, anchor);
             assert_eq!(format!("{checked:?}"), format!("{:?}", expected.as_ref().map(|_| ())), "{placement:?}");
             quick += usize::from(is_nearly_rotation(&linear));
             match expected {
@@ -297,7 +344,17 @@ mod tests {
     #[test]
     fn centimetres_are_kept_ten_thousand_kilometres_from_the_origin() {
         let origin = DVec3::new(1.0e7, 0.0, -1.0e7);
-        let placed = Placed::new(&Placement::at(origin + DVec3::new(0.01, 0.0, 0.0)), origin).unwrap().unwrap();
-        assert_eq!(placed.frame.translation, Vec3::new(0.01, 0.0, 0.0));
+        let placement = Placement::at(origin + DVec3::new(0.01, 0.0, 0.0));
+        let placed = Placed::new(&placement, Anchor::Point(origin)).unwrap().unwrap();
+        assert_eq!(placed.translation(Vec3::ZERO), Vec3::new(0.01, 0.0, 0.0));
+    }
+
+    #[test]
+    fn with_sectors_the_limit_counts_from_zero() {
+        let placed = |x| Placed::new(&Placement::at(DVec3::NEG_Y * x), Anchor::Sector);
+        let at_limit = placed(MAX_DISTANCE).unwrap().unwrap();
+        assert_eq!(at_limit.translation(Vec3::ZERO), Vec3::NEG_Y * MAX_DISTANCE as f32);
+        assert!(matches!(placed(MAX_DISTANCE.next_up()), Err(PlacementError::TooFarFromZero { .. })));
+        assert!(matches!(placed(f64::INFINITY), Err(PlacementError::NotFinite { .. })));
     }
 }

@@ -395,7 +395,7 @@ impl<'a> LightSampler<'a> {
             LightId::Local { instance, light } => {
                 let placed = self.world.instance(instance)?;
                 let light = self.world.tree(placed.tree)?.lights().get(light as usize)?;
-                Stretch::of(light, &placed.shown()?.frame, shading_point, segment)
+                Stretch::of(light, &placed.shown()?.frame(self.world.home()), shading_point, segment)
             }
         }
     }
@@ -419,7 +419,7 @@ impl<'a> LightSampler<'a> {
                 (placed.appearance.mask & shading_point.mask != 0).then_some(())?;
                 let light = self.world.tree(placed.tree)?.lights().get(light as usize)?;
                 let by_solid_angle = self.world.solid_angle_sampling();
-                let frame = &placed.shown()?.frame;
+                let frame = &placed.shown()?.frame(self.world.home());
                 // Two calls, so that what is returned without a factor is not copied.
                 if !placed.appearance.has_factor() {
                     return sample_light(light, frame, shading_point, by_solid_angle, u);
@@ -493,7 +493,7 @@ impl<'a> LightSampler<'a> {
     /// The linear part of the map from the space of a tree to the world.
     pub(crate) fn world_of(&self, tree: &TreeView<'_>) -> Mat3 {
         let instance = self.world.instance_at(tree.instance).and_then(|key| self.world.instance(key));
-        instance.and_then(|instance| instance.shown()).map_or(Mat3::IDENTITY, |placed| placed.frame.to_world)
+        instance.and_then(|instance| instance.shown()).map_or(Mat3::IDENTITY, |placed| placed.linear.linear)
     }
 
     /// The top level.
@@ -541,7 +541,8 @@ impl<'a> LightSampler<'a> {
     ) -> Option<(&'a LightTree, TreeView<'a>)> {
         let instance = self.world.instance(key)?;
         let tree = self.world.tree(instance.tree)?;
-        let local = instance.shown()?.local_shading_point(shading_point, instance.appearance.brightness());
+        let (home, brightness) = (self.world.home(), instance.appearance.brightness());
+        let local = instance.shown()?.local_shading_point(shading_point, home, brightness);
         Some((tree, TreeView { nodes: tree.nodes(), local, instance: slot_of(key) }))
     }
 }

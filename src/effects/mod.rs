@@ -72,6 +72,11 @@ bitflags::bitflags! {
         /// An instance that is shown has a mask with a bit that is not set: see
         /// [`LightWorld::set_mask`](crate::LightWorld::set_mask).
         const MASKS = 1 << 11;
+        /// Placements are stored by sector, so that the origin moves without them: see
+        /// [`OriginMode`](crate::OriginMode).
+        ///
+        /// This is a setting: its count is 0 or 1.
+        const SECTORS = 1 << 12;
     }
 }
 

@@ -96,7 +96,7 @@ use crate::world::{FrameDelta, LightWorld};
 /// |---|---:|---|
 /// | node | 160 | 32 for [`Effects::CONES`], 16 for [`Effects::RANGES`] |
 /// | light | 32 | 32 if a light is not a point, or has a range |
-/// | instance | 80 | 48 for [`Effects::NON_RIGID`], 16 for [`Effects::FACTORS`] or [`Effects::MASKS`] |
+/// | instance | 80 | 48 for [`Effects::NON_RIGID`], 16 for [`Effects::FACTORS`] or [`Effects::MASKS`], 16 for [`Effects::SECTORS`] |
 /// | leaf of the top level | 24 | none |
 /// | node of the top level | as any node | 32 for [`Effects::MASKS`] |
 ///
@@ -258,7 +258,7 @@ impl GpuLights {
 
     /// Sets how many clusters shaders split before they choose a light, as
     /// [`LightSampler::with_splits`](crate::LightSampler::with_splits) does. It is
-    /// [`SplitCount::DEFAULT`] at first. Writes 48 bytes, ahead of the next submission.
+    /// [`SplitCount::DEFAULT`] at first. Writes 64 bytes, ahead of the next submission.
     pub fn set_splits(&mut self, splits: SplitCount) {
         self.planner.set_splits(splits);
         self.player.play(&self.planner.settings());

@@ -17,6 +17,7 @@ use crate::plan::layout::Strides;
 use crate::plan::text;
 use crate::policy::Policy;
 use crate::scheduler::FrameBudget;
+use crate::world::OriginMode;
 
 const SHADING_POINTS: u32 = 2048;
 
@@ -75,16 +76,26 @@ fn adorn(world: &mut LightWorld, instance: InstanceKey, i: u32, effects: Effects
     }
 }
 
+/// The origin of worlds with sectors, 12,000 km from zero.
+const ORIGIN: DVec3 = DVec3::new(9_766.0 * 1024.0, -8_000.0 * 1024.0, 7.0 * 1024.0);
+
 /// A world with exactly these effects.
 fn world_of(effects: Effects) -> LightWorld {
     let mut world = LightWorld::new();
     world.set_solid_angle_sampling(effects.contains(Effects::SOLID_ANGLES));
     world.set_glossy_sampling(effects.contains(Effects::GLOSSY));
     world.set_segment_sampling(effects.contains(Effects::SEGMENTS));
+    if effects.contains(Effects::SECTORS) {
+        world.set_origin_mode(OriginMode::Grid).unwrap();
+        world.set_origin(ORIGIN).unwrap();
+    }
+    let origin = world.origin();
     for tree in 0..4 {
         let key = world.add_tree((0..LIGHTS).map(|i| light(200 * tree + i, effects)).collect()).unwrap();
         for i in 0..5 {
-            let instance = world.add_instance(key, placement(10 * tree + i, effects), Policy::default()).unwrap();
+            let here = placement(10 * tree + i, effects);
+            let there = Placement { translation: origin + here.translation, ..here };
+            let instance = world.add_instance(key, there, Policy::default()).unwrap();
             adorn(&mut world, instance, i, effects);
         }
     }
@@ -170,7 +181,7 @@ fn assert_alike(ours: &[SampleRecord], twin: &[SampleRecord], what: &str) {
     assert!(mismatches <= MAX_MISMATCHES && lit > 500, "{what}: {mismatches} differ, {lit} are lit");
 }
 
-const EFFECTS: [Effects; 8] = [
+const EFFECTS: [Effects; 9] = [
     Effects::CONES,
     Effects::RANGES,
     Effects::AREAS,
@@ -179,6 +190,7 @@ const EFFECTS: [Effects; 8] = [
     Effects::NON_RIGID,
     Effects::FACTORS,
     Effects::MASKS,
+    Effects::SECTORS,
 ];
 
 #[test]

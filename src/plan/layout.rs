@@ -12,6 +12,7 @@ use crate::cut::NO_INSTANCE;
 use crate::light::{DirectionalLight, Light, Shape, spot_falloff};
 use crate::part::Division;
 use crate::placement::Placed;
+use crate::sector;
 use crate::tree::{LEAF, LightTree, UNLIMITED_RANGE};
 
 /// The bits of [`LightRecord::kind`] that hold the kind.
@@ -67,13 +68,14 @@ pub(crate) struct LightRecord {
     pub padding: u32,
 }
 
-/// One instance slot; `LightInstance` in WGSL. 144 bytes, of which a rigid placement (a rotation
-/// and a translation) needs the first 80, and an appearance without factor and mask all but the
-/// last 16.
+/// One instance slot; `LightInstance` in WGSL. 160 bytes, of which a rigid placement (a rotation
+/// and a translation) needs the first 80. The inverse of other placements takes 48 more, a factor
+/// and a mask 16, and a sector 16.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(crate) struct InstanceRecord {
-    /// The rows of the matrix; the fourth column is the translation.
+    /// The rows of the matrix; the fourth column is the translation, relative to the centre of the
+    /// sector.
     pub to_world: [[f32; 4]; 3],
     /// Bits, and from [`GENERATION_SHIFT`] on the generation of the slot.
     pub flags: u32,
@@ -97,6 +99,9 @@ pub(crate) struct InstanceRecord {
     pub factor: [f32; 3],
     /// Which shading points the lights reach.
     pub mask: u32,
+    /// The sector that the instance lies in; 0 in a world without sectors.
+    pub sector: [i32; 3],
+    pub padding: u32,
 }
 
 /// A cluster at full precision; `LightCluster` in WGSL. 64 bytes. Of a cluster without flux all
@@ -173,9 +178,11 @@ pub(crate) struct Strides {
     pub light: u32,
     /// From one instance to the next.
     pub instance: u32,
+    /// From the start of an instance to its sector, which is last; as `instance` if it is not stored.
+    pub sector: u32,
 }
 
-/// The uniform that sampling reads; `LightParams` in WGSL. 48 bytes.
+/// The uniform that sampling reads; `LightParams` in WGSL. 64 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct ParamsRecord {
@@ -188,6 +195,8 @@ pub(crate) struct ParamsRecord {
     pub solid_angles: u32,
     /// The offset of the parts in the buffer of the top level, in units of 16 bytes.
     pub parts: u32,
+    /// The sector whose centre the origin is.
+    pub home: [i32; 3],
     /// The offset of the masks in the same buffer; 0 if they are not stored.
     pub masks: u32,
 }
@@ -291,6 +300,8 @@ impl InstanceRecord {
         to_local: [[0.0, 0.0, 0.0, 1.0]; 3],
         factor: [1.0; 3],
         mask: u32::MAX,
+        sector: [0; 3],
+        padding: 0,
     };
 
     /// The record of an instance that is not shown.
@@ -307,10 +318,10 @@ impl InstanceRecord {
     /// pools. The inverse of a rigid placement is written as the exact transpose without scale,
     /// because that is what shaders compute where the inverse is not stored.
     pub fn of(placed: &Placed, appearance: &Appearance, bases: Bases) -> Self {
-        let frame = &placed.frame;
-        let scales = Vec3::new(frame.determinant, placed.range_scale(), placed.linear.mean_square_scale);
+        let to_world = &placed.linear.linear;
+        let scales = Vec3::new(placed.determinant, placed.range_scale(), placed.linear.mean_square_scale);
         Self {
-            to_world: rows(&frame.to_world, frame.translation),
+            to_world: rows(to_world, placed.place.rest),
             flags: LIVE
                 | if placed.is_rigid { 0 } else { NON_RIGID }
                 | if bases.stands_in { STANDS_IN } else { 0 }
@@ -322,13 +333,15 @@ impl InstanceRecord {
             cos_turn: placed.linear.turn.x,
             sin_turn: placed.linear.turn.y,
             to_local: if placed.is_rigid {
-                rows(&frame.to_world.transpose(), Vec3::ONE)
+                rows(&to_world.transpose(), Vec3::ONE)
             } else {
-                rows(&frame.to_local, scales)
+                rows(&placed.to_local, scales)
             },
             user_data: appearance.user_data,
             factor: appearance.factor().to_array(),
             mask: appearance.mask,
+            sector: sector::number(placed.place.center),
+            padding: 0,
         }
     }
 }
@@ -464,7 +477,7 @@ mod tests {
             "LightInstance",
             [
                 to_world, flags, tree, node_base, light_base, first_part, cos_turn, sin_turn, user_data, to_local,
-                factor, mask
+                factor, mask, sector
             ]
         );
         record!(
@@ -493,8 +506,10 @@ mod tests {
                 strides.range as "node_range",
                 strides.light as "light_stride",
                 strides.instance as "instance_stride",
+                strides.sector as "instance_sector",
                 solid_angles,
                 parts,
+                home,
                 masks
             ]
         );

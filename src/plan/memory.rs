@@ -67,8 +67,8 @@ impl LightPlanner {
     /// With a limit, buffers grow by steps of 16 up to the whole limit, so that little is ever copied,
     /// and the limit holds for old and new buffers together but for a sixteenth. Without one, they
     /// double. A lower limit than before may send all trees again. Less than 131,072 counts as that.
-    /// Tables of instances and the top level are not part of it: they take about 300 bytes for each
-    /// instance.
+    /// Tables of instances and the top level are not part of it: they take about 320 bytes for each
+    /// instance, and up to twice as much once they have grown.
     ///
     /// A plan fails with [`PlanError::Full`](super::PlanError::Full) if not even stand-ins fit, of up
     /// to 3.5 KB for each tree, and trees of up to 16 lights, which are always whole.
@@ -77,6 +77,7 @@ impl LightPlanner {
             self.limits.tree_memory = bytes;
             self.shares = None;
             self.is_resized = true;
+            self.residency.sort();
         }
     }
 

@@ -108,6 +108,7 @@ pub use text::{wgsl, wgsl_previous, wgsl_with_target};
 
 use crate::counts::SplitCount;
 use crate::effects::Effects;
+use crate::sector;
 use crate::tree::Node;
 use crate::world::LightWorld;
 use buffers::Ids;
@@ -203,7 +204,7 @@ impl LightPlanner {
             instances: Pool::new("instances", FIRST_RECORDS, limit, stored::missing_of_instance),
             instance_count: 0,
             trees: Pool::new("light trees", FIRST_RECORDS / 4, limit, none),
-            residency: Residency::default(),
+            residency: Residency::new(limits.tree_memory.is_some()),
             shares: None,
             is_resized: false,
             buffers: BufferSizes::default(),
@@ -228,7 +229,7 @@ impl LightPlanner {
     }
 
     /// The buffers that the engine's shaders bind after the last plan, in the order of the bindings
-    /// of [`wgsl`]: a uniform buffer of 48 bytes, then four storage buffers that are only read, each
+    /// of [`wgsl`]: a uniform buffer of 64 bytes, then four storage buffers that are only read, each
     /// bound whole. `None` before the first plan.
     ///
     /// A plan that replaces one of them replaces the first one too. So commands that were recorded
@@ -330,6 +331,7 @@ impl LightPlanner {
             strides: Strides::of(effects),
             solid_angles: u32::from(world.solid_angle_sampling()),
             parts: self.top.parts(),
+            home: sector::number(world.home()),
             masks: if effects.contains(Effects::MASKS) { self.top.masks() } else { 0 },
         }
     }

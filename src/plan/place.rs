@@ -12,7 +12,7 @@ use super::error::PlanError;
 use super::layout::TreeRecord;
 use super::pool::{Demand, Growth};
 use super::reserve::{Room, Source, TreeWrite};
-use super::residency::{Form, Incoming, TreeState, has_room};
+use super::residency::{Form, Incoming, NOT_WEIGHED, TreeState, has_room};
 use super::runs::runs;
 use super::stand_in::{may_stand_in, stand_ins};
 use crate::keys::{TreeKey, slot_of};
@@ -33,7 +33,10 @@ const WEIGHED_PER_FRAME: u32 = 64;
 const MIN_GAIN: f32 = 1.25;
 
 /// The most trees that give way to one.
-const MAX_FALLBACKS: usize = 64;
+const MAX_LOOKED_AT: usize = 4096;
+
+/// The most of them that do so in one frame.
+const MAX_FALLBACKS: usize = 16;
 
 /// The most trees that are looked at to find one that can move to a gap.
 const MAX_MOVES: usize = 64;
@@ -77,10 +80,10 @@ impl<'a> Subject<'a> {
     }
 
     /// The error that stand-ins of the tree make, per record of the tree, as the bits of an f32 that is
-    /// not negative, so that bits compare as numbers. The greatest for a tree that is always whole.
+    /// not negative, so that bits compare as numbers. [`NOT_WEIGHED`] for a tree that is always whole.
     fn usefulness(&self, world: &LightWorld) -> u32 {
         if !may_stand_in(self.tree()) {
-            return u32::MAX;
+            return NOT_WEIGHED;
         }
         let records: usize = self.counts().into_iter().sum();
         let usefulness = world.error_of_stand_ins(self.key) / records as f32;
@@ -283,9 +286,8 @@ impl LightPlanner {
         let count = TreeRecord::count(subject.tree(), division);
         let has_records = state.records.len() as u32 == count;
         state.division = division;
-        if state.waits || self.residency.is_sorted() {
-            state.usefulness = subject.usefulness(world);
-        }
+        let is_weighed = state.waits || self.residency.is_sorted();
+        state.usefulness = if is_weighed { subject.usefulness(world) } else { NOT_WEIGHED };
         // Staged first, so that what was reserved is released if the rest fails.
         room.placed.insert(subject.slot, state);
         if !has_records {
@@ -402,10 +404,7 @@ impl LightPlanner {
     /// Makes room for a tree in the next frame: joins gaps, or lets less useful trees fall back to
     /// stand-ins. Returns whether it did either.
     fn make_way(&mut self, world: &LightWorld, subject: &Subject, room: &mut Room) -> Result<bool, PlanError> {
-        if !self.residency.is_sorted() {
-            self.residency.sort();
-            (0..self.residency.slots()).for_each(|slot| self.weigh(world, slot));
-        }
+        self.residency.sort();
         let usefulness = self.residency.get(subject.slot).usefulness;
         let [nodes, lights] = subject.counts().map(|count| count as u64);
         let mut missing = [self.nodes.missing(nodes), self.lights.missing(lights)];
@@ -414,8 +413,9 @@ impl LightPlanner {
         }
         let below = (f32::from_bits(usefulness) / MIN_GAIN).to_bits();
         let mut fallbacks = Vec::new();
-        for slot in self.residency.less_useful(below).filter(|slot| !room.placed.contains_key(slot)) {
-            if missing == [0; 2] || fallbacks.len() == MAX_FALLBACKS {
+        for slot in self.residency.less_useful(below).filter(|slot| !room.placed.contains_key(slot)).take(MAX_LOOKED_AT)
+        {
+            if missing == [0; 2] {
                 break;
             }
             let state = self.residency.get(slot);
@@ -426,7 +426,8 @@ impl LightPlanner {
         if missing != [0; 2] {
             return Ok(false);
         }
-        for slot in fallbacks {
+        // More of them in the next frames.
+        for slot in fallbacks.into_iter().take(MAX_FALLBACKS) {
             let is_same = |subject: &Subject| self.residency.get(slot).key == Some(subject.key);
             let Some(subject) = Subject::of(world, slot).filter(is_same) else { continue };
             let state = self.residency.get(slot).clone();

@@ -6,6 +6,9 @@ use std::ops::Range;
 use crate::keys::TreeKey;
 use crate::part::Division;
 
+/// The usefulness of a tree that was not weighed yet, or is always whole: it does not give way.
+pub(super) const NOT_WEIGHED: u32 = u32::MAX;
+
 /// What shaders see of a tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Form {
@@ -30,8 +33,8 @@ pub(super) struct TreeState {
     pub division: Division,
     /// What of the tree was written: see [`ChangeLog`](crate::world::ChangeLog).
     pub revision: u64,
-    /// The error that stand-ins would make, per byte of the tree, as the bits of an f32 that is not
-    /// negative. Bits compare as the numbers do.
+    /// The error that stand-ins would make, per record of the tree, as the bits of an f32 that is not
+    /// negative, or [`NOT_WEIGHED`]. Bits compare as the numbers do.
     pub usefulness: u32,
     /// The bytes of the whole tree, if it waits.
     pub bytes: u64,
@@ -48,7 +51,7 @@ impl TreeState {
         records: 0..0,
         division: Division::Whole,
         revision: 0,
-        usefulness: 0,
+        usefulness: NOT_WEIGHED,
         bytes: 0,
     };
 
@@ -140,6 +143,11 @@ impl Order {
 }
 
 impl Residency {
+    /// No trees. They are kept in order from the start if `is_sorted`.
+    pub fn new(is_sorted: bool) -> Self {
+        Self { order: is_sorted.then(Order::default), ..Self::default() }
+    }
+
     /// The tree of a slot.
     pub fn get(&self, slot: u32) -> &TreeState {
         self.trees.get(slot as usize).unwrap_or(&TreeState::NONE)
@@ -203,7 +211,7 @@ impl Residency {
     /// Forgets where nodes and lights of all trees are; records keep their places. Returns the former
     /// trees.
     pub fn restart(&mut self) -> Self {
-        let mut restarted = Self { next: self.next, ..Self::default() };
+        let mut restarted = Self { next: self.next, ..Self::new(self.is_sorted()) };
         let state = |former: &TreeState| TreeState {
             key: former.key,
             records: former.records.clone(),
@@ -246,7 +254,7 @@ impl Residency {
     }
 
     /// Begins to keep the trees in order of usefulness and of place. O(trees · log trees) the first
-    /// time.
+    /// time. Trees give way only once they have been weighed.
     pub fn sort(&mut self) {
         if self.order.is_none() {
             let mut order = Order::default();

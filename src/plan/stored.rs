@@ -17,7 +17,7 @@ const QUAD: usize = 16;
 /// Bytes of a `u32`.
 const WORD: usize = 4;
 /// The most parts that a record is divided into.
-const MAX_PARTS: usize = 3;
+const MAX_PARTS: usize = 4;
 
 /// The offsets of a node's targets, fluxes, boxes and parent, in quads; the same in every layout.
 pub(crate) const NODE_TARGETS: u32 = quads(offset_of!(Node, targets));
@@ -31,10 +31,11 @@ pub(crate) const INSTANCE_PART: u32 = quads(offset_of!(InstanceRecord, first_par
 /// factor or a mask, in quads.
 pub(crate) const POINT_STRIDE: u32 = quads(offset_of!(LightRecord, b));
 pub(crate) const RIGID_STRIDE: u32 = quads(offset_of!(InstanceRecord, to_local));
-/// The quads of an instance's factor and mask, which are the last of its record where they are stored.
-pub(crate) const FACTOR_QUADS: u32 = quads(size_of::<InstanceRecord>() - offset_of!(InstanceRecord, factor));
-/// The stride of instances where nothing is left out.
-pub(crate) const INSTANCE_STRIDE: u32 = quads(size_of::<InstanceRecord>());
+/// The quads of an instance's factor and mask, which are the last of its record where they are stored,
+/// but for the sector.
+pub(crate) const FACTOR_QUADS: u32 = quads(offset_of!(InstanceRecord, sector) - offset_of!(InstanceRecord, factor));
+/// The quads of an instance where nothing but the sector is left out.
+pub(crate) const WITHOUT_SECTOR: u32 = quads(offset_of!(InstanceRecord, sector));
 
 const fn quads(bytes: usize) -> u32 {
     assert!(bytes.is_multiple_of(QUAD), "parts of records start at multiples of 16 bytes");
@@ -44,20 +45,21 @@ const fn quads(bytes: usize) -> u32 {
 /// The effects that need more of a light than its first 32 bytes.
 const SHAPES: Effects = Effects::CONES.union(Effects::RANGES).union(Effects::AREAS).union(Effects::DIRECTIONAL);
 
-/// The effects that need the last 16 bytes of an instance.
+/// The effects that need the factor and the mask of an instance.
 const APPEARANCES: Effects = Effects::FACTORS.union(Effects::MASKS);
 
 impl Strides {
     /// The strides that a world of these effects is stored with.
     pub(crate) fn of(effects: Effects) -> Self {
-        let nodes = Stored::nodes(effects);
+        let (nodes, instances) = (Stored::nodes(effects), Stored::instances(effects));
         let offset = |effect, byte: usize| if effects.contains(effect) { quads(nodes.offset(byte)) } else { 0 };
         Self {
             node: quads(nodes.bytes()),
             cones: offset(Effects::CONES, offset_of!(Node, axis)),
             range: offset(Effects::RANGES, offset_of!(Node, range)),
             light: quads(Stored::lights(effects).bytes()),
-            instance: quads(Stored::instances(effects).bytes()),
+            instance: quads(instances.bytes()),
+            sector: quads(instances.offset(offset_of!(InstanceRecord, sector))),
         }
     }
 }
@@ -103,7 +105,12 @@ impl Stored {
     /// The layout of instances in a world of these effects.
     pub(crate) fn instances(effects: Effects) -> Self {
         let [local, factor] = [offset_of!(InstanceRecord, to_local), offset_of!(InstanceRecord, factor)];
-        let optional = [(Effects::NON_RIGID, local..factor), (APPEARANCES, factor..size_of::<InstanceRecord>())];
+        let sector = offset_of!(InstanceRecord, sector);
+        let optional = [
+            (Effects::NON_RIGID, local..factor),
+            (APPEARANCES, factor..sector),
+            (Effects::SECTORS, sector..size_of::<InstanceRecord>()),
+        ];
         let stored = optional.into_iter().filter(|(any, _)| effects.intersects(*any));
         Self::with_optional::<InstanceRecord>(local, stored)
     }
@@ -122,7 +129,8 @@ impl Stored {
         self.parts.iter().map(Range::len).sum()
     }
 
-    /// The offset in the stored record of a byte of the whole record, which must be stored.
+    /// The offset in the stored record of a byte of the whole record. If it is not stored, that of
+    /// the next one that is, or the end.
     fn offset(&self, byte: usize) -> usize {
         let before = |part: &Range<usize>| part.end.min(byte).saturating_sub(part.start);
         self.parts.iter().map(before).sum()
@@ -162,7 +170,7 @@ pub(crate) fn missing_of_light(word: usize) -> Missing {
     Missing::Value(bytemuck::cast_slice(std::slice::from_ref(&LightRecord::DARK))[word])
 }
 
-/// A word of an instance without factor and mask, or of the inverse of a rigid instance: the inverse is
+/// A word of an instance without factor, mask and sector, or of the inverse of a rigid instance: the inverse is
 /// the transpose, and all scales are 1.
 pub(crate) fn missing_of_instance(word: usize) -> Missing {
     let [to_world, to_local] = [offset_of!(InstanceRecord, to_world), offset_of!(InstanceRecord, to_local)];
@@ -195,7 +203,7 @@ mod tests {
             [strides.node, strides.light, strides.instance].map(|quads| quads as usize * QUAD)
         };
         let whole = [size_of::<Node>(), size_of::<LightRecord>(), size_of::<InstanceRecord>()];
-        assert_eq!((bytes(Effects::all()), whole), ([208, 64, 144], [208, 64, 144]));
+        assert_eq!((bytes(Effects::all()), whole), ([208, 64, 160], [208, 64, 160]));
         assert_eq!(bytes(Effects::empty()), [160, 32, 80]);
         assert_eq!(bytes(Effects::MOVING | Effects::TWO_SIDED), [160, 32, 80]);
         assert_eq!(bytes(Effects::RANGES), [176, 64, 80]);
@@ -205,6 +213,13 @@ mod tests {
         assert_eq!(bytes(Effects::FACTORS), [160, 32, 96]);
         assert_eq!(bytes(Effects::MASKS), [160, 32, 96]);
         assert_eq!(bytes(Effects::FACTORS | Effects::NON_RIGID), [160, 32, 144]);
+        assert_eq!(bytes(Effects::SECTORS), [160, 32, 96]);
+        assert_eq!(bytes(Effects::SECTORS | Effects::MASKS), [160, 32, 112]);
+        assert_eq!(bytes(Effects::SECTORS | Effects::NON_RIGID), [160, 32, 144]);
+        assert_eq!(Strides::of(Effects::FACTORS | Effects::NON_RIGID).sector, 9);
+        assert_eq!(Strides::of(Effects::empty()).sector, RIGID_STRIDE);
+        assert_eq!(Strides::of(Effects::SECTORS | Effects::NON_RIGID).sector, 8);
+        assert_eq!(Strides::of(Effects::all()).sector, WITHOUT_SECTOR);
         let offsets = |effects| (Strides::of(effects).cones, Strides::of(effects).range);
         assert_eq!(offsets(Effects::empty()), (0, 0));
         assert_eq!(offsets(Effects::RANGES), (0, 10));

@@ -19,6 +19,7 @@ use crate::importance;
 use crate::light;
 use crate::part;
 use crate::resample;
+use crate::sector;
 use crate::segment;
 use crate::shading_point;
 use crate::solid_angle;
@@ -254,7 +255,7 @@ pub(crate) fn constants() -> String {
         ("POINT_STRIDE", stored::POINT_STRIDE),
         ("RIGID_STRIDE", stored::RIGID_STRIDE),
         ("FACTOR_QUADS", stored::FACTOR_QUADS),
-        ("INSTANCE_STRIDE", stored::INSTANCE_STRIDE),
+        ("WITHOUT_SECTOR", stored::WITHOUT_SECTOR),
         ("WAYS", visibility::WAYS as u32),
         ("MIN_IDLE", visibility::MIN_IDLE),
         ("BINS", visibility::BINS as u32),
@@ -318,6 +319,7 @@ pub(crate) fn constants() -> String {
         ("GLOSS_WIDTH", gloss::GLOSS_WIDTH),
         ("MIN_GLOSS", gloss::MIN_GLOSS),
         ("MAX_FINITE", f32::MAX),
+        ("SECTOR_EDGE", sector::EDGE),
         ("MIN_SEGMENT_SQ", shading_point::MIN_SEGMENT_SQ),
         ("MAX_SEGMENT_SQ", shading_point::MAX_SEGMENT_SQ),
         ("ARC_TANGENT_3", segment::ARC_TANGENT[0]),
@@ -604,6 +606,7 @@ mod tests {
                 Effects::MASKS,
                 "light_met_children LightInstance.mask LightShadingPoint.mask LightLocalShadingPoint.met_children",
             ),
+            (Effects::SECTORS, "light_from_home LightInstance.sector LIGHT_SECTOR_EDGE"),
             (
                 Effects::DIRECTIONAL,
                 "light_illuminance light_directional_lux light_pick_directional LIGHT_KIND_DIRECTIONAL",

@@ -53,7 +53,8 @@ impl Reservation<'_> {
             planner.buffers.change(&plan.new_buffers, &plan.freed);
             return plan;
         }
-        let former = (planner.params.strides, planner.params.masks);
+        let ParamsRecord { strides, masks, home, .. } = planner.params;
+        let former = (strides, masks, home);
         let is_new_top = planner.top.is_replaced() || planner.is_lost;
         let replaced = [planner.nodes.is_replaced(), planner.instances.is_replaced(), planner.lights.is_replaced()];
         let room = planner.adopt(room, &mut plan);
@@ -81,12 +82,12 @@ impl Reservation<'_> {
         }
         planner.scatter(commands, staged);
         planner.write_params(commands, world, effects);
-        let ParamsRecord { strides, masks, .. } = planner.params;
-        planner.top.prepare(commands, planner.parts.count(), strides, masks);
+        let ParamsRecord { strides, masks, home, .. } = planner.params;
+        planner.top.prepare(commands, planner.parts.count(), strides, (masks, home));
         report.bytes = commands.bytes_written();
         plan.report = report;
         planner.is_lost = false;
-        if changes.concern_lights() || is_new_top || former != (strides, masks) || planner.is_top_due {
+        if changes.concern_lights() || is_new_top || former != (strides, masks, home) || planner.is_top_due {
             planner.finish_top(&mut plan.top);
         }
         planner.previous.changed([

@@ -178,6 +178,7 @@ mod tests {
             assert_eq!(tree.is_placeholder(), count > WIDTH);
             assert!(!built.is_placeholder());
             if count > WIDTH {
+                assert!(tree.nodes().iter().all(|node| node.count() > 1), "{count} lights");
                 // The nodes of a complete tree, and at most one more on each level.
                 let levels = count.ilog2() as usize / 3 + 1;
                 assert!(tree.nodes().len() <= count.div_ceil(WIDTH - 1) + levels, "{count} lights");

@@ -63,10 +63,16 @@ impl LightWorld {
     /// within eight updates; of the waiting trees whose lights do not change, one gets its new
     /// priority in each update. O(1).
     ///
+    /// With [`OriginMode::Following`](crate::OriginMode::Following) this also moves the origin if the
+    /// viewpoint is far from it. Call it before [`LightWorld::take_delta`] in every frame then.
+    ///
     /// # Errors
-    /// [`WorldError::NotFinite`] for a coordinate that is NaN or infinite.
+    /// [`WorldError::NotFinite`] for a coordinate that is NaN or infinite. If the origin follows the
+    /// viewpoint, [`WorldError::OriginTooFar`] for a coordinate beyond
+    /// [`MAX_DISTANCE`](crate::MAX_DISTANCE).
     pub fn set_viewpoint(&mut self, viewpoint: DVec3) -> Result<(), WorldError> {
         check_finite("a coordinate of the viewpoint", viewpoint)?;
+        self.follow(viewpoint)?;
         self.view_weights.viewpoint = Some(viewpoint);
         Ok(())
     }
@@ -160,7 +166,7 @@ impl LightWorld {
     fn sum_over_instances(&self, key: TreeKey, f: impl Fn(&Cluster, f32) -> f32) -> f32 {
         let instances = &self.trees[key].instances;
         let step = instances.len().div_ceil(MAX_SAMPLED_INSTANCES).max(1);
-        let viewpoint = self.view_weights.viewpoint.map(|viewpoint| (viewpoint - self.origin).as_vec3());
+        let viewpoint = self.view_weights.viewpoint.map(|viewpoint| (viewpoint - self.origin()).as_vec3());
         let values = instances.iter().step_by(step).map(|instance| {
             let cluster = self.cluster(*instance);
             let dist_sq =

@@ -1,5 +1,7 @@
 //! Changes since the last upload to the GPU.
 
+use glam::DVec3;
+
 use super::LightWorld;
 use super::slot_set::SlotSet;
 
@@ -21,12 +23,17 @@ pub struct FrameDelta {
     moved: Vec<u32>,
     /// Others of `instances`.
     removed: Vec<u32>,
+    origin_shift: Option<DVec3>,
 }
 
 impl FrameDelta {
     /// Whether nothing changed, so that an upload of this delta writes no byte.
     pub fn is_empty(&self) -> bool {
-        self.trees.is_empty() && self.instances.is_empty() && self.user_data.is_empty() && !self.directionals
+        self.trees.is_empty()
+            && self.instances.is_empty()
+            && self.user_data.is_empty()
+            && !self.directionals
+            && self.origin_shift.is_none()
     }
 
     /// The delta of a whole world, for a GPU that nothing was uploaded to yet, or that missed some
@@ -43,6 +50,16 @@ impl FrameDelta {
         }
     }
 
+    /// By how much [`LightWorld::origin`] moved since the last delta, in metres; `None` if it is where
+    /// it was. Exact where the origin lies on a grid ([`OriginMode`](crate::OriginMode)).
+    ///
+    /// Once this delta is uploaded, shaders expect positions relative to the new origin: subtract the
+    /// shift from every position that was kept from earlier frames. To ask for probabilities of the
+    /// last frame, add it to a present position.
+    pub fn origin_shift(&self) -> Option<DVec3> {
+        self.origin_shift
+    }
+
     /// The slots of instances that were moved since the last delta, in ascending order, for shaders
     /// that keep samples from frame to frame: the field `instance` of a kept sample is such a slot
     /// ([`LightWorld::slot`]).
@@ -50,7 +67,7 @@ impl FrameDelta {
     /// These slots hold the same instance as before, in another place; an instance that was moved
     /// away and back may be among them. Instances that are hidden by a scale of zero, or shown
     /// again, count as moved. Not listed are new instances, those whose appearance or lights
-    /// changed, and the change of all positions by [`LightWorld::set_origin`].
+    /// changed, and the change of all positions by a new origin ([`FrameDelta::origin_shift`]).
     pub fn moved_instances(&self) -> &[u32] {
         &self.moved
     }
@@ -74,6 +91,8 @@ pub(super) struct Changes {
     instances: SlotSet,
     user_data: SlotSet,
     pub directionals: bool,
+    /// The origin when the last delta was taken.
+    origin: DVec3,
     /// Slots whose instance was moved, and was there when the last delta was taken.
     moved: SlotSet,
     /// Slots whose instance at that time was removed.
@@ -143,8 +162,9 @@ impl Changes {
         self.reported.clear()
     }
 
-    fn take(&mut self) -> FrameDelta {
+    fn take(&mut self, origin: DVec3) -> FrameDelta {
         self.added.clear();
+        let shift = origin - std::mem::replace(&mut self.origin, origin);
         FrameDelta {
             trees: self.trees.take(),
             instances: self.instances.take(),
@@ -152,6 +172,7 @@ impl Changes {
             directionals: std::mem::take(&mut self.directionals),
             moved: self.moved.take(),
             removed: self.removed.take(),
+            origin_shift: (shift != DVec3::ZERO).then_some(shift),
         }
     }
 }
@@ -163,6 +184,6 @@ impl LightWorld {
     /// O(what changed), and a look at 8 bytes for each 4096 slots. Allocates one list for each kind
     /// of change, and nothing if there are no changes.
     pub fn take_delta(&mut self) -> FrameDelta {
-        self.changes.take()
+        self.changes.take(self.origin())
     }
 }

@@ -1,12 +1,12 @@
 //! Edits of a world. Every call checks its input first and changes the world after.
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 use super::staged::StagedLights;
 use super::{Instance, LightWorld, TreeEntry, set_slot};
 use crate::appearance::Appearance;
 use crate::effects::Effects;
-use crate::error::{WorldError, check_finite};
+use crate::error::WorldError;
 use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
 use crate::light::{DirectionalLight, Light};
 use crate::placement::{Placed, Placement};
@@ -312,7 +312,7 @@ impl LightWorld {
         self.entry(tree)?;
         policy.validate()?;
         let placement = placement.into();
-        let placed = Placed::new(&placement, self.origin)?;
+        let placed = Placed::new(&placement, self.origin.anchor())?;
         let appearance = Appearance::default();
         let instance = Instance { tree, placement, policy, appearance, placed, index_in_tree: 0, region: None };
         Ok(self.insert_instance(instance, false))
@@ -466,7 +466,7 @@ impl LightWorld {
     /// A point on a near surface takes 0.2 µs (triangle) or 0.3 µs (rectangle) more on the CPU. On
     /// the GPU only shaders that have [`Effects::SOLID_ANGLES`], which this setting adds to
     /// [`LightWorld::effects`], contain the code. Takes effect at once on the CPU and with the next
-    /// upload on the GPU, which sends 48 bytes for it. Probabilities of lights do not change.
+    /// upload on the GPU, which sends 64 bytes for it. Probabilities of lights do not change.
     /// `LightSampler::pdf` and `light_pdf` follow the setting.
     ///
     /// Source: Arvo, Stratified Sampling of Spherical Triangles (1995).
@@ -507,36 +507,8 @@ impl LightWorld {
     }
 
     /// Adds an effect that a setting of the world has, or removes it.
-    fn switch(&mut self, effect: Effects, is_on: bool) {
+    pub(super) fn switch(&mut self, effect: Effects, is_on: bool) {
         self.effects.change(|counts| if is_on { counts.add(effect) } else { counts.remove(effect) });
-    }
-
-    /// Moves the point that sampling coordinates are relative to, in metres, for example to the
-    /// camera. Instances keep their places in the world.
-    ///
-    /// O(instances), and every instance is uploaded again: call it when the camera has moved by a
-    /// kilometre, not in every frame.
-    ///
-    /// # Errors
-    /// [`WorldError::NotFinite`] for the origin; [`WorldError::Placement`] if an instance would be
-    /// too far from it.
-    pub fn set_origin(&mut self, origin: DVec3) -> Result<(), WorldError> {
-        check_finite("a coordinate of the origin", origin)?;
-        if origin == self.origin {
-            return Ok(());
-        }
-        let placed: Vec<Option<Placed>> =
-            self.instances.values().map(|i| Placed::new(&i.placement, origin)).collect::<Result<_, _>>()?;
-        for (instance, placed) in self.instances.values_mut().zip(placed) {
-            instance.placed = placed;
-        }
-        self.origin = origin;
-        self.file_all();
-        for key in self.instances.keys() {
-            self.changes.instance(slot_of(key));
-        }
-        self.top.take();
-        Ok(())
     }
 
     pub(super) fn entry(&self, tree: TreeKey) -> Result<&TreeEntry, WorldError> {

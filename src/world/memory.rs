@@ -113,7 +113,7 @@ impl LightWorld {
     /// Brings the sums over all trees up to date with a tree that changed. O(1).
     pub(super) fn recount(&mut self, tree: TreeKey) {
         let entry = &mut self.trees[tree];
-        let former = std::mem::replace(&mut entry.counted, Counted::default());
+        let former = std::mem::take(&mut entry.counted);
         let present = entry.present_count();
         entry.counted = present;
         self.counted.remove(&former);

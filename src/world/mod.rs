@@ -12,6 +12,7 @@ mod key_set;
 mod memory;
 mod moves;
 mod open_build;
+mod origin;
 mod overlap;
 mod parts;
 mod placeholders;
@@ -31,7 +32,6 @@ mod update;
 use std::fmt;
 use std::sync::{Arc, OnceLock};
 
-use glam::DVec3;
 use slotmap::SlotMap;
 
 #[cfg(feature = "gpu-plan")]
@@ -39,6 +39,7 @@ pub(crate) use change_log::TreeChanges;
 use delta::Changes;
 pub use delta::FrameDelta;
 pub use memory::WorldMemory;
+pub use origin::OriginMode;
 pub use rebuild::JobReport;
 pub use region::{RefusedRegion, Region, RegionInstance, RegionTree};
 pub use region_table::RegionView;
@@ -73,7 +74,7 @@ pub struct LightWorld {
     directionals: SlotMap<DirectionalKey, DirectionalLight>,
     /// The live tree of each slot.
     tree_slots: Vec<Option<TreeKey>>,
-    origin: DVec3,
+    origin: origin::Origin,
     light_count: usize,
     effects: HeldEffects,
     solid_angle_sampling: bool,
@@ -199,7 +200,7 @@ impl fmt::Debug for LightWorld {
             .field("directionals", &self.directionals.len())
             .field("lights", &self.light_count())
             .field("effects", &self.effects())
-            .field("origin", &self.origin)
+            .field("origin", &self.origin())
             .finish_non_exhaustive()
     }
 }
@@ -217,7 +218,7 @@ impl LightWorld {
             instances: InstanceMap::default(),
             directionals: SlotMap::with_key(),
             tree_slots: Vec::new(),
-            origin: DVec3::ZERO,
+            origin: origin::Origin::default(),
             light_count: 0,
             effects: HeldEffects::default(),
             solid_angle_sampling: false,
@@ -279,12 +280,6 @@ impl LightWorld {
     /// [`Effects::MOVING`], which changes no shader.
     pub fn effects(&self) -> Effects {
         self.effects.effects()
-    }
-
-    /// The point that sampling coordinates are relative to, in metres. Zero until
-    /// [`LightWorld::set_origin`] is called.
-    pub fn origin(&self) -> DVec3 {
-        self.origin
     }
 
     /// Whether rectangles and triangles that are large or near are sampled by solid angle. False

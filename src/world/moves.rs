@@ -1,13 +1,11 @@
 //! Moves of instances, one by one and many at once.
 
-use glam::DVec3;
-
 use super::slot_set::SlotSet;
 use super::{Instance, LightWorld};
 use crate::effects::EffectCounts;
 use crate::error::{PlacementError, WorldError};
 use crate::keys::{InstanceKey, slot_of};
-use crate::placement::{Placed, Placement};
+use crate::placement::{Anchor, Placed, Placement};
 
 /// Threads take this many moves at a time, and share the work of four times as many: about 300 µs,
 /// several times what it takes to wake a thread.
@@ -52,13 +50,13 @@ impl Instance {
     fn place(
         &mut self,
         placement: &Placement,
-        origin: DVec3,
+        anchor: Anchor,
         effects: &mut EffectChanges,
     ) -> Result<bool, PlacementError> {
         if *placement == self.placement {
             return Ok(false);
         }
-        let placed = Placed::moved(self.placed.as_ref(), &self.placement, placement, origin)?;
+        let placed = Placed::moved(self.placed.as_ref(), &self.placement, placement, anchor)?;
         let former = self.effects();
         self.placed = placed;
         self.placement = *placement;
@@ -80,7 +78,7 @@ impl LightWorld {
     pub fn move_instance(&mut self, key: InstanceKey, placement: impl Into<Placement>) -> Result<(), WorldError> {
         let instance = self.instances.get_mut(key).ok_or(WorldError::NoSuchInstance(key))?;
         let mut effects = EffectChanges::default();
-        if instance.place(&placement.into(), self.origin, &mut effects)? {
+        if instance.place(&placement.into(), self.origin.anchor(), &mut effects)? {
             self.effects.change(|counts| effects.apply(counts));
             self.changes.moved(slot_of(key));
             self.top.take();
@@ -135,11 +133,12 @@ impl LightWorld {
 
     /// The first move that is refused, with its index and the reason.
     fn first_refusal(&self, moves: &[(InstanceKey, Placement)]) -> Option<(usize, WorldError)> {
+        let anchor = self.origin.anchor();
         let refusal = |(index, (key, placement)): (usize, &(InstanceKey, Placement))| {
             let Some(instance) = self.instances.get(*key) else {
                 return Some((index, WorldError::NoSuchInstance(*key)));
             };
-            Placed::check(&instance.placement, placement, self.origin).err().map(|source| (index, source.into()))
+            Placed::check(&instance.placement, placement, anchor).err().map(|source| (index, source.into()))
         };
         #[cfg(feature = "parallel")]
         if is_shared(moves) {
@@ -161,7 +160,7 @@ impl LightWorld {
         // The last move first: the earlier ones of an instance do not count.
         for (key, placement) in moves.iter().rev().filter(|(key, _)| done.insert(slot_of(*key))) {
             let instance = &mut self.instances[*key];
-            if instance.place(placement, self.origin, &mut effects).expect("checked before") {
+            if instance.place(placement, self.origin.anchor(), &mut effects).expect("checked before") {
                 moved.insert(slot_of(*key));
             }
         }
@@ -174,6 +173,7 @@ impl LightWorld {
     #[cfg(feature = "parallel")]
     fn place_on_threads(&mut self, moves: &[(InstanceKey, Placement)]) -> EffectChanges {
         let Self { instances, origin, move_scratch: MoveScratch { moved, last, .. }, .. } = self;
+        let anchor = origin.anchor();
         last.resize(instances.slot_count(), 0);
         for (index, (key, _)) in moves.iter().enumerate() {
             moved.insert(slot_of(*key));
@@ -182,7 +182,7 @@ impl LightWorld {
         let place = |effects: &mut EffectChanges, slot: &mut Option<(InstanceKey, Instance)>| {
             let (key, instance) = slot.as_mut().expect("checked before");
             let (_, placement) = &moves[last[slot_of(*key) as usize]];
-            instance.place(placement, *origin, effects).expect("checked before")
+            instance.place(placement, anchor, effects).expect("checked before")
         };
         moved.retain_on_threads(instances.slots_mut(), place, EffectChanges::merge)
     }

@@ -6,15 +6,15 @@
 //!
 //! Instances are filed in grids by size and position, so that the instances around a position are
 //! found without a search. An instance is judged when it is added, and again a few at a time while
-//! anything moves. The work of an update is bounded.
+//! anything moves. The work of an update is bounded. All boxes are in world coordinates, so nothing
+//! is filed again when the origin moves.
 
 use std::collections::HashMap;
 
-use glam::{IVec3, Vec3};
+use glam::{DVec3, Vec3};
 use slotmap::SecondaryMap;
 
 use super::LightWorld;
-use crate::bounds::Aabb;
 use crate::keys::{InstanceKey, TreeKey, slot_of};
 use crate::part::Division;
 
@@ -55,15 +55,24 @@ const MAX_LISTED: usize = 128;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct GridCell {
     size: i32,
-    at: IVec3,
+    /// Modulo 2^32. Cells that share a number are half a million kilometres apart.
+    at: [i32; 3],
+}
+
+/// A box in world coordinates, with the margin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct WorldBox {
+    center: DVec3,
+    /// Half of the edges.
+    reach: DVec3,
 }
 
 /// What is known of an instance.
 #[derive(Clone, Copy, Debug)]
 struct Filed {
     cell: GridCell,
-    /// The box around its lights in the world.
-    aabb: Aabb,
+    /// The box around its lights.
+    bounds: WorldBox,
     /// The cell lists it.
     is_listed: bool,
     is_surrounded: bool,
@@ -72,7 +81,7 @@ struct Filed {
 /// The instances of trees that may be opened, filed by size and position.
 #[derive(Debug, Default)]
 pub(super) struct Overlaps {
-    cells: HashMap<GridCell, Vec<(InstanceKey, Aabb)>>,
+    cells: HashMap<GridCell, Vec<(InstanceKey, WorldBox)>>,
     /// The number of listed instances of each size; empty at first.
     counts: Vec<u32>,
     filed: SecondaryMap<InstanceKey, Filed>,
@@ -86,20 +95,32 @@ pub(super) struct Overlaps {
 
 /// The length of the cells for a size: twice the extent of the largest instance of that size, so
 /// that the boxes around a position are filed in the eight cells nearest to it.
-fn cell_length(size: i32) -> f32 {
-    2.0 * f32::powi(2.0, size)
+fn cell_length(size: i32) -> f64 {
+    2.0 * f64::powi(2.0, size)
 }
 
-/// The cell of a box. Its size is the extent, with the margin, rounded up to a power of two.
-fn cell_of(aabb: &Aabb) -> GridCell {
-    let extent = widened(aabb).extent().max_element().max(f32::MIN_POSITIVE);
-    let size = (extent.log2().ceil() as i32).clamp(SIZES.start, SIZES.end - 1);
-    GridCell { size, at: (aabb.center() / cell_length(size)).floor().as_ivec3() }
+/// The numbers of a cell, from whole coordinates.
+fn numbers(coordinates: DVec3) -> [i32; 3] {
+    coordinates.to_array().map(|coordinate| coordinate as i64 as i32)
 }
 
-fn widened(aabb: &Aabb) -> Aabb {
-    let margin = Vec3::splat(MARGIN * aabb.extent().length());
-    Aabb { min: aabb.min - margin, max: aabb.max + margin }
+impl WorldBox {
+    /// The box of these edge lengths, before the margin.
+    fn new(center: DVec3, extent: Vec3) -> Self {
+        Self { center, reach: (0.5 * extent + MARGIN * extent.length()).as_dvec3() }
+    }
+
+    /// Whether a position lies in the box.
+    fn is_around(&self, position: DVec3) -> bool {
+        (position - self.center).abs().cmple(self.reach).all()
+    }
+
+    /// The cell of the box. Its size is the extent, rounded up to a power of two.
+    fn cell(&self) -> GridCell {
+        let extent = (2.0 * self.reach.max_element()).max(f64::MIN_POSITIVE);
+        let size = (extent.log2().ceil() as i32).clamp(SIZES.start, SIZES.end - 1);
+        GridCell { size, at: numbers((self.center / cell_length(size)).floor()) }
+    }
 }
 
 fn index_of(size: i32) -> usize {
@@ -109,24 +130,24 @@ fn index_of(size: i32) -> usize {
 impl Overlaps {
     /// Files an instance with the box around its lights, in place of what was filed before. Returns
     /// whether that had another box.
-    fn file(&mut self, key: InstanceKey, aabb: Aabb) -> bool {
+    fn file(&mut self, key: InstanceKey, bounds: WorldBox) -> bool {
         let former = self.filed.get(key).copied();
-        if former.is_some_and(|former| former.aabb == aabb) {
+        if former.is_some_and(|former| former.bounds == bounds) {
             return false;
         }
         if let Some(former) = &former {
             self.take_from_cell(key, former);
         }
-        let cell = cell_of(&aabb);
+        let cell = bounds.cell();
         let listed = self.cells.entry(cell).or_default();
         let is_listed = listed.len() < MAX_LISTED;
         if is_listed {
-            listed.push((key, aabb));
+            listed.push((key, bounds));
             self.counts.resize(SIZES.len(), 0);
             self.counts[index_of(cell.size)] += 1;
         }
         let is_surrounded = former.is_some_and(|former| former.is_surrounded);
-        self.filed.insert(key, Filed { cell, aabb, is_listed, is_surrounded });
+        self.filed.insert(key, Filed { cell, bounds, is_listed, is_surrounded });
         former.is_some()
     }
 
@@ -150,19 +171,18 @@ impl Overlaps {
     /// Whether the middle of a filed instance lies within enough others of about its size: a small
     /// object within large ones is well described by its cluster.
     fn is_surrounded(&self, key: InstanceKey) -> bool {
-        let Some(Filed { cell, aabb, .. }) = self.filed.get(key) else { return false };
-        let middle = Aabb::point(aabb.center());
+        let Some(Filed { cell, bounds, .. }) = self.filed.get(key) else { return false };
+        let middle = bounds.center;
         let (mut surrounding, mut looked_at) = (0, 0);
         let has_any = |size: &i32| self.counts.get(index_of(*size)).is_some_and(|count| *count > 0);
         for size in (cell.size - 1..=cell.size + 1).filter(has_any) {
             // The nearest corner between cells.
-            let corner = (middle.min / cell_length(size)).round().as_ivec3();
+            let corner = numbers((middle / cell_length(size)).round());
             for i in 0..8 {
-                // Coordinates beyond the range of integers are all the same, and only that.
-                let at = corner.wrapping_sub(IVec3::new(i & 1, i >> 1 & 1, i >> 2));
-                for (other, aabb) in self.cells.get(&GridCell { size, at }).into_iter().flatten() {
+                let at = [0, 1, 2].map(|k| corner[k].wrapping_sub(i >> k & 1));
+                for (other, bounds) in self.cells.get(&GridCell { size, at }).into_iter().flatten() {
                     looked_at += 1;
-                    surrounding += usize::from(*other != key && widened(aabb).contains(&middle));
+                    surrounding += usize::from(*other != key && bounds.is_around(middle));
                     if surrounding >= MIN_SURROUNDING || looked_at >= MAX_LOOKED_AT {
                         return surrounding >= MIN_SURROUNDING;
                     }
@@ -196,14 +216,6 @@ impl LightWorld {
         }
     }
 
-    /// Files all instances again, because the origin of their coordinates has moved.
-    pub(super) fn file_all(&mut self) {
-        let keys: Vec<InstanceKey> = self.overlaps.filed.keys().collect();
-        for key in keys {
-            self.file(key);
-        }
-    }
-
     /// Files an instance, or forgets it if it is hidden or its tree may not be opened. Returns
     /// whether it is filed.
     fn file(&mut self, key: InstanceKey) -> bool {
@@ -216,8 +228,10 @@ impl LightWorld {
             self.forget_overlap(key, instance.tree);
             return false;
         };
-        let aabb = cluster.aabb.transformed(&placed.frame.to_world, placed.frame.translation);
-        if self.overlaps.file(key, aabb) {
+        // Without the translation, which f32 would round.
+        let aabb = cluster.aabb.transformed(&placed.linear.linear, Vec3::ZERO);
+        let center = instance.placement.translation + aabb.center().as_dvec3();
+        if self.overlaps.file(key, WorldBox::new(center, aabb.extent())) {
             // What was judged by its former box is judged again.
             self.overlaps.slots_left = self.slot_count();
         }
@@ -337,6 +351,24 @@ mod tests {
     }
 
     #[test]
+    fn overlaps_are_found_ten_thousand_kilometres_from_zero_as_at_zero() {
+        let far = DVec3::new(1.0e7, -9.0e6, 8.0e6);
+        let strings = |apart: f64| {
+            let at = |i: u32| {
+                let here = crossing(i as f32);
+                let translation = far + here.translation + DVec3::Z * apart * f64::from(i);
+                Placement { translation, ..here }
+            };
+            // The origin stays at zero, from where f32 resolves a metre.
+            let (mut world, _) = world_of((0..5).map(at), 40);
+            world.update(FrameBudget::NONE);
+            open_count(&world)
+        };
+        assert_eq!(strings(0.0), 5);
+        assert_eq!(strings(60.0), 0);
+    }
+
+    #[test]
     fn four_strings_more_than_128_lights_and_small_objects_in_large_ones_stay_whole() {
         let (mut world, _) = world_of((0..4).map(|i| crossing(i as f32)), 40);
         world.update(FrameBudget::NONE);
@@ -418,8 +450,10 @@ mod tests {
         world.make_unique(second).expect("it lives");
         world.update(FrameBudget::NONE);
         assert_eq!((filed(&world), open_count(&world)), (8, 8));
+        let slots_left = world.overlaps.slots_left;
         world.set_origin(DVec3::new(1.0e4, 0.0, 7.0)).expect("near");
-        assert_eq!(filed(&world), 8);
+        // Nothing is filed again.
+        assert_eq!((filed(&world), world.overlaps.slots_left), (8, slots_left));
         world.replace_lights(shared, string(1)).expect("valid");
         world.move_instance(keys[2], Placement { linear: Mat3::ZERO, ..Placement::IDENTITY }).expect("valid");
         for _ in 0..4 {

@@ -58,6 +58,6 @@ impl LightWorld {
         let brightness = instance.appearance.brightness();
         let flux = flux.min(MAX_FLUX / brightness.max(1.0)) * brightness;
         // At a small enough scale, the flux of a light that is not dark would round to 0.
-        cluster.transformed(&placed.linear, placed.frame.translation, flux.max(MIN_FLUX))
+        cluster.transformed(&placed.linear, placed.translation(self.home()), flux.max(MIN_FLUX))
     }
 }

@@ -11,7 +11,7 @@ use crate::cluster::Linear;
 use crate::error::WorldError;
 use crate::keys::InstanceKey;
 use crate::light::Light;
-use crate::placement::{Placed, Placement};
+use crate::placement::{Anchor, Placed, Placement};
 use crate::tree::{LightTree, WIDTH};
 
 /// A tree is built again if directions turn against each other by more than the angle of this
@@ -44,7 +44,7 @@ impl LightTree {
     /// O(n log n).
     pub fn new_for(lights: Vec<Light>, placement: impl Into<Placement>) -> Result<Self, WorldError> {
         let placement = Placement { translation: DVec3::ZERO, ..placement.into() };
-        let reference = reference_for(Placed::new(&placement, DVec3::ZERO)?.as_ref(), lights.len());
+        let reference = reference_for(Placed::new(&placement, Anchor::Point(DVec3::ZERO))?.as_ref(), lights.len());
         Self::with_reference(lights, reference)
     }
 }

@@ -19,7 +19,7 @@ pub(super) struct RegionEntry {
     /// For each tree, whether the region has brought it.
     pub is_own: Vec<bool>,
     pub instances: Vec<InstanceKey>,
-    /// The trees that [`LightWorld::make_unique`] has made for these instances.
+    /// The trees that `LightWorld::make_unique` has made for these instances.
     pub copies: Vec<TreeKey>,
 }
 
@@ -65,8 +65,9 @@ impl<'a> RegionView<'a> {
         &self.entry.instances
     }
 
-    /// The trees that [`LightWorld::make_unique`] has made for instances of the region, in the
-    /// order of the calls. The keys of trees that were removed since are stale.
+    /// The trees that [`LightWorld::make_unique`](crate::LightWorld::make_unique) has made for
+    /// instances of the region, in the order of the calls. The keys of trees that were removed since
+    /// are stale.
     pub fn copies(&self) -> &'a [TreeKey] {
         &self.entry.copies
     }

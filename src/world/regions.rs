@@ -67,7 +67,7 @@ impl LightWorld {
             _ => None,
         };
         let instance_error = |(index, PlacedInstance { placement, .. }): (usize, &PlacedInstance)| {
-            let error = Placed::check(placement, placement, self.origin).err()?;
+            let error = Placed::check(placement, placement, self.origin.anchor()).err()?;
             Some(WorldError::RegionInstance { index, source: Box::new(error.into()) })
         };
         let in_trees = region.trees.iter().enumerate().find_map(tree_error);
@@ -85,7 +85,8 @@ impl LightWorld {
         let trees: Vec<TreeKey> = region.trees.into_iter().map(insert_tree).collect();
         let insert_instance = |instance: PlacedInstance| {
             let PlacedInstance { tree, placement, policy, appearance, placed } = instance;
-            let placed = Placed::moved(placed.as_ref(), &placement, &placement, self.origin).expect("checked before");
+            let placed =
+                Placed::moved(placed.as_ref(), &placement, &placement, self.origin.anchor()).expect("checked before");
             let (tree, region) = (trees[tree], Some(key));
             let instance = Instance { tree, placement, policy, appearance, placed, index_in_tree: 0, region };
             self.insert_instance(instance, true)

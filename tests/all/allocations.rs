@@ -7,8 +7,8 @@ use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Vec3};
 use girandole::plan::{LightPlanner, PlanLimits, UploadReport};
 use girandole::{
-    CandidateCount, Effects, FrameBudget, InstanceKey, Light, LightTree, LightWorld, Placement, Policy, Region,
-    RegionInstance, TreeKey,
+    CandidateCount, Effects, FrameBudget, InstanceKey, Light, LightTree, LightWorld, OriginMode, Placement, Policy,
+    Region, RegionInstance, TreeKey,
 };
 
 use crate::support::Rng;
@@ -453,6 +453,29 @@ fn a_frame_asks_for_memory_by_what_it_changes_and_not_by_the_size_of_the_world()
             }
         }
     });
+}
+
+#[test]
+fn an_origin_that_follows_the_viewpoint_asks_for_no_memory() {
+    let (mut world, mut rng) = (LightWorld::new(), Rng(79));
+    world.set_origin_mode(OriginMode::Following).expect("zero is on the grid");
+    let tree = world.add_tree(rng.lights(20, 1.0)).expect("valid");
+    for _ in 0..1000 {
+        world.add_instance(tree, rng.affine(3000.0), Policy::Static).expect("valid");
+    }
+    world.update(FrameBudget::NONE);
+    world.take_delta();
+    let mut shifts = 0;
+    for i in 0..200 {
+        let viewpoint = DVec3::new(300.0 * f64::from(i), 1.7, -5.0);
+        let asked = requests(|| {
+            world.set_viewpoint(viewpoint).expect("within the limits");
+            world.update(FrameBudget::NONE);
+            shifts += usize::from(world.take_delta().origin_shift().is_some());
+        });
+        assert_eq!(asked, 0, "frame {i}");
+    }
+    assert!(shifts > 50, "{shifts}");
 }
 
 #[test]

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::{
-    DirectionalKey, DirectionalLight, EffectCounts, Effects, FrameBudget, InstanceKey, Light, LightWorld, Placement,
-    Policy,
+    DirectionalKey, DirectionalLight, EffectCounts, Effects, FrameBudget, InstanceKey, Light, LightWorld, OriginMode,
+    Placement, Policy,
 };
 use proptest::prelude::*;
 
@@ -44,6 +44,9 @@ fn counted(world: &LightWorld) -> BTreeMap<u16, u64> {
         }
     }
     world.directionals().for_each(|_| add(Effects::DIRECTIONAL));
+    if world.origin_mode() != OriginMode::Free {
+        add(Effects::SECTORS);
+    }
     counts
 }
 

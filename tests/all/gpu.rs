@@ -361,11 +361,11 @@ fn a_world_of_points_sends_no_bytes_for_cones_ranges_and_scales() {
     let spots = world.add_tree((0..20).map(spot).collect()).expect("valid");
     world.add_instance(spots, Placement::IDENTITY, Policy::Budgeted).expect("valid");
     let table = 16 + 2 * 13 * 16;
-    let sent = 20 * 64 + nodes(&world, spots) * 208 + 80 + 80 + 8 + 2 * table + 48 + 4 * 256 + 256;
+    let sent = 20 * 64 + nodes(&world, spots) * 208 + 80 + 80 + 8 + 2 * table + 64 + 4 * 256 + 256;
     assert_eq!(upload(&mut world), sent);
     // A scaled instance lengthens all instances.
     world.move_instance(instance, Placement { linear: 2.0 * Mat3::IDENTITY, ..Placement::IDENTITY }).expect("valid");
-    assert_eq!(upload(&mut world), 128 + table + 48 + 256);
+    assert_eq!(upload(&mut world), 128 + table + 64 + 256);
 }
 
 #[test]

@@ -39,6 +39,7 @@ mod hard_cases;
 #[allow(dead_code, missing_docs, reason = "the programs use what the tests do not")]
 mod measuring;
 mod moves;
+mod origin;
 mod paper;
 mod parts;
 mod pdf;

@@ -6,8 +6,8 @@ use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::{GpuLights, UploadReport};
 use girandole::{
-    FrameBudget, FrameDelta, InstanceKey, LightTree, LightWorld, MAX_DISTANCE, Placement, PlacementError, Policy,
-    WorldError,
+    FrameBudget, FrameDelta, InstanceKey, LightTree, LightWorld, MAX_DISTANCE, OriginMode, Placement, PlacementError,
+    Policy, WorldError,
 };
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -22,10 +22,13 @@ fn below(rng: &mut Rng, end: usize) -> usize {
 }
 
 /// A world of small trees, which may be opened, and of trees that are divided by side. The first
-/// instance of a tree of each kind is stretched.
+/// instance of a tree of each kind is stretched. Half of the worlds have sectors.
 fn world(seed: u64) -> LightWorld {
     let mut rng = Rng(seed);
     let mut world = LightWorld::new();
+    if rng.bits().is_multiple_of(2) {
+        world.set_origin_mode(OriginMode::Grid).expect("zero is on the grid");
+    }
     for lights in [5, 12, 12, 40] {
         for first in [Placement::IDENTITY, stretched(&mut rng)] {
             let tree = world.add_tree(rng.lights(lights, 2.0)).expect("valid");

@@ -1,8 +1,10 @@
 //! The probabilities of the last frame.
 
-use girandole::glam::{Mat3, Vec3};
+use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::GpuLights;
-use girandole::{Effects, FrameBudget, InstanceKey, Light, LightWorld, Placement, Policy, TreeKey, wgpu};
+use girandole::{
+    Effects, FrameBudget, InstanceKey, Light, LightWorld, ORIGIN_GRID, OriginMode, Placement, Policy, TreeKey, wgpu,
+};
 use wgpu::util::DeviceExt;
 
 use crate::common::gpu as device;
@@ -243,4 +245,37 @@ fn a_build_that_was_dropped_belongs_to_the_frame_in_which_it_is_made() {
     let [made, next] = [(); 2].map(|_| asker.frame(&mut world, &queries));
     assert!(made.iter().zip(&first).any(|(made, first)| made[0] != first[0]));
     assert!(made.iter().zip(&next).all(|(made, next)| made[0] == next[0] && made[0] == next[1]));
+}
+
+#[test]
+fn the_last_frame_keeps_the_origin_that_it_had() {
+    let (mut asker, mut world, mut rng) = (Asker::new(), LightWorld::new(), Rng(72));
+    world.set_origin_mode(OriginMode::Following).expect("zero is on the grid");
+    let start = DVec3::new(6.0e6, -40.0, 8.0e6);
+    world.set_viewpoint(start).expect("within the limits");
+    let mut keys = Vec::new();
+    for round in 0..30 {
+        let tree = tree(&mut world, &mut rng, round % 8);
+        let at = Placement::at(start + rng.place(60.0).as_dvec3());
+        keys.push(world.add_instance(tree, at, Policy::Budgeted).expect("valid"));
+    }
+    let queries: Vec<Query> = (0..200)
+        .map(|i| Query {
+            position: (start + rng.place(50.0).as_dvec3() - world.origin()).as_vec3().to_array(),
+            instance: world.slot(keys[i % keys.len()]).expect("it lives"),
+            light: i as u32 % 4,
+            padding: [0; 3],
+        })
+        .collect();
+    let first = asker.frame(&mut world, &queries);
+    // The queries stay where they were, relative to the origin of the first frame.
+    let mut last = first.clone();
+    for step in [1.2, 2.4, 6.0e3, 6.0e3] {
+        world.set_viewpoint(start + DVec3::X * step * ORIGIN_GRID).expect("within the limits");
+        let answers = asker.frame(&mut world, &queries);
+        assert!(answers.iter().zip(&last).all(|(now, last)| now[1] == last[0]), "{step}");
+        last = answers;
+    }
+    assert!(first.iter().filter(|answer| answer[0] > 0.0).count() > 60);
+    assert!(first.iter().zip(&last).any(|(first, last)| first[0] != last[0]), "the origin has moved");
 }

@@ -186,11 +186,11 @@ fn a_pool_can_be_filled_to_its_limit_and_refuses_one_record_more_without_a_chang
 fn a_change_to_longer_records_keeps_ranges_and_gaps_or_is_refused() {
     let mut rig = Rig::new();
     let (short, whole) = (Stored::instances(Effects::empty()), Stored::instances(Effects::all()));
-    let mut pool = TestPool::<InstanceRecord>::new(&mut rig, 1, 24 * 80, missing_of_instance);
+    let mut pool = TestPool::<InstanceRecord>::new(&mut rig, 1, 26 * 80, missing_of_instance);
     pool.set_layout(&mut rig, &short);
-    let ranges: Vec<_> = [3, 4, 3, 14].map(|len| pool.alloc(&mut rig, len).unwrap()).into();
+    let ranges: Vec<_> = [3, 4, 3, 16].map(|len| pool.alloc(&mut rig, len).unwrap()).into();
     pool.write(&mut rig, 7, &[InstanceRecord { tree: 5, ..InstanceRecord::NONE }]);
-    let refused = PlanError::Full { what: "test records", needed: 24 * 144, limit: 13 * 144 };
+    let refused = PlanError::Full { what: "test records", needed: 26 * 160, limit: 13 * 160 };
     assert_eq!(pool.pool.begin(whole.clone()), Err(refused));
     pool.pool.free(ranges[3].clone());
     pool.pool.free(ranges[1].clone());
@@ -204,7 +204,7 @@ fn a_change_to_longer_records_keeps_ranges_and_gaps_or_is_refused() {
     assert_eq!((gap, end), (3..7, 10..13));
     assert!(pool.alloc(&mut rig, 1).is_err());
     pool.set_layout(&mut rig, &short);
-    assert_eq!(pool.alloc(&mut rig, 11).unwrap(), 13..24);
+    assert_eq!(pool.alloc(&mut rig, 13).unwrap(), 13..26);
 }
 
 #[test]

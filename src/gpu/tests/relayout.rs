@@ -7,13 +7,13 @@ use super::pool::TestPool;
 use crate::appearance::Appearance;
 use crate::effects::Effects;
 use crate::light::Light;
-use crate::placement::{Placed, Placement};
+use crate::placement::{Anchor, Placed, Placement};
 use crate::plan::layout::{Bases, InstanceRecord, LightRecord};
 use crate::plan::stored::{Missing, Stored, missing_of_instance, missing_of_light, missing_of_node};
 use crate::tree::{LightTree, Node};
 
 /// Effects that between them use every layout of every record.
-const LAYOUTS: [Effects; 11] = [
+const LAYOUTS: [Effects; 14] = [
     Effects::empty(),
     Effects::CONES,
     Effects::RANGES,
@@ -24,6 +24,9 @@ const LAYOUTS: [Effects; 11] = [
     Effects::NON_RIGID.union(Effects::CONES),
     Effects::FACTORS,
     Effects::NON_RIGID.union(Effects::MASKS),
+    Effects::SECTORS,
+    Effects::SECTORS.union(Effects::NON_RIGID),
+    Effects::SECTORS.union(Effects::FACTORS),
     Effects::all(),
 ];
 
@@ -50,8 +53,10 @@ fn instances(effects: Effects) -> Vec<InstanceRecord> {
         }
         let rotation = Mat3::from_quat(Quat::from_axis_angle(Vec3::new(1.0, 2.0, 3.0).normalize(), 0.1 * i as f32));
         let scale = if effects.contains(Effects::NON_RIGID) { 0.5 + i as f32 } else { 1.0 };
-        let placement = Placement { linear: rotation * scale, translation: DVec3::new(f64::from(i), 2.0, -3.0) };
-        let placed = Placed::new(&placement, DVec3::ZERO).expect("a valid placement").expect("not hidden");
+        let placement = Placement { linear: rotation * scale, translation: DVec3::new(f64::from(i), 2.0, -30_000.0) };
+        let has_sectors = effects.contains(Effects::SECTORS);
+        let anchor = if has_sectors { Anchor::Sector } else { Anchor::Point(DVec3::ZERO) };
+        let placed = Placed::new(&placement, anchor).expect("a valid placement").expect("not hidden");
         assert_eq!(placed.linear.is_rigid(), scale == 1.0);
         let mut appearance = Appearance::default();
         if effects.contains(Effects::FACTORS) && i.is_multiple_of(3) {
@@ -104,8 +109,8 @@ fn a_copy_to_a_new_layout_equals_an_upload_in_that_layout_byte_for_byte() {
 #[test]
 fn more_workgroups_than_fit_into_one_dimension_copy_all_records() {
     let mut rig = Rig::new();
-    // A record has 144 bytes, which 9 invocations of 64 in a workgroup copy.
-    let count = 65_540 * 64 / 9;
+    // A record has 160 bytes, which 10 invocations of 64 in a workgroup copy.
+    let count = 65_540 * 64 / 10;
     let mut pool = TestPool::<InstanceRecord>::new(&mut rig, 1, 128 << 20, missing_of_instance);
     pool.set_layout(&mut rig, &Stored::instances(Effects::empty()));
     pool.alloc(&mut rig, count).expect("room enough");
@@ -113,5 +118,5 @@ fn more_workgroups_than_fit_into_one_dimension_copy_all_records() {
     pool.write(&mut rig, count - 1, &[last]);
     pool.set_layout(&mut rig, &Stored::instances(Effects::all()));
     let words: Vec<u32> = rig.read(pool.pool.buffer());
-    assert_eq!((words.len() / 36, words[words.len() - 24], words[words.len() - 20]), (count as usize, 7, 9));
+    assert_eq!((words.len() / 40, words[words.len() - 28], words[words.len() - 24]), (count as usize, 7, 9));
 }

@@ -174,7 +174,8 @@ fn build(top: &mut TopRig, world: &LightWorld) -> Built {
     let (strides, build) = (top.strides, &mut top.top);
     top.rig.play(&new, |commands| {
         build.adopt(commands, &mut Vec::new());
-        build.prepare(commands, count, strides, if has_masks { build.masks() } else { 0 });
+        let masks = if has_masks { build.masks() } else { 0 };
+        build.prepare(commands, count, strides, (masks, crate::sector::number(world.home())));
         build.build(commands, pools);
     });
     let (top, rig) = (&top.top, &top.rig);

@@ -30,6 +30,10 @@ pub(super) struct TopPass {
     pub first_node: u32,
     pub strides: Strides,
     pub masks: u32,
+    pub padding: u32,
+    /// The sector whose centre the origin is; not set but in the first pass.
+    pub home: [i32; 3],
+    pub padding_after: u32,
 }
 
 /// Where the parts and the masks begin in the buffer of the nodes, in units of 16 bytes. `masks` is

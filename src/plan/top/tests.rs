@@ -115,7 +115,9 @@ fn the_stages_are_valid_and_have_the_sizes_that_the_host_expects() {
                 ("node_range", offset_of!(TopPass, strides.range)),
                 ("light_stride", offset_of!(TopPass, strides.light)),
                 ("instance_stride", offset_of!(TopPass, strides.instance)),
+                ("instance_sector", offset_of!(TopPass, strides.sector)),
                 ("masks", offset_of!(TopPass, masks)),
+                ("home", offset_of!(TopPass, home)),
             ]
         );
     }

@@ -16,7 +16,7 @@ use crate::appearance::{Appearance, check_factor};
 use crate::error::WorldError;
 use crate::keys::TreeKey;
 use crate::light::Light;
-use crate::placement::{Placed, Placement};
+use crate::placement::{Anchor, Placed, Placement};
 use crate::policy::Policy;
 #[cfg(feature = "bake")]
 use crate::tree::BakeError;
@@ -203,7 +203,7 @@ impl Region {
         let source = self.trees.get_mut(tree).ok_or(WorldError::NoSuchRegionTree { index: tree, count })?;
         policy.validate()?;
         check_factor(factor)?;
-        let placed = Placed::new(&placement, placement.translation)?;
+        let placed = Placed::new(&placement, Anchor::Point(placement.translation))?;
         let mut appearance = Appearance::default();
         (appearance.mask, appearance.user_data) = (mask, user_data);
         appearance.set_factor(factor);

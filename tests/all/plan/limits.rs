@@ -300,3 +300,15 @@ fn what_shaders_see_is_sound_after_any_sequence_of_edits_and_limits() {
         assert_eq!((played.planner.memory().used, played.planner.memory().gaps), (0, 0), "seed {seed}");
     }
 }
+
+#[test]
+fn instances_take_memory_in_proportion() {
+    let count = 66_000;
+    let (world, _, _) = super::lamps(count);
+    let mut played = played(PlanLimits::default());
+    played.frame(&world, &FrameDelta::everything(&world));
+    let memory = played.planner.memory();
+    let each = (memory.buffers - memory.trees) / count as u64;
+    // As `LightPlanner::set_tree_memory` says.
+    assert!((300..340).contains(&each), "{each} bytes for each of {count} instances");
+}

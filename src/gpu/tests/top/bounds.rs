@@ -7,7 +7,6 @@ use super::{Built, TopRig, build, placement, world_of};
 use crate::cluster::Cluster;
 use crate::cone::angle;
 use crate::gpu::testing::random_vec;
-use crate::placement::Placed;
 use crate::tree::{CAP_STEPS, NO_PARENT, Target, UNLIMITED_RANGE, WIDTH};
 use crate::{Light, LightTree, LightWorld, Policy};
 
@@ -67,7 +66,8 @@ fn every_packed_child_on_the_way_up_holds_every_light_of_an_instance() {
     let (mut caps, mut sheared_caps) = (0, 0);
     for (index, part) in built.parts.iter().enumerate() {
         let instance = world.instance(world.instance_at(part.slot).unwrap()).unwrap();
-        let Placed { frame, linear, .. } = instance.shown().expect("no test hides an instance");
+        let placed = instance.shown().expect("no test hides an instance");
+        let (frame, linear) = (placed.frame(world.home()), placed.linear);
         let tree = world.tree(instance.tree).unwrap();
         for light in lights_below(tree, part.target).into_iter().filter(|light| light.flux() > 0.0) {
             let inner = light.cluster();

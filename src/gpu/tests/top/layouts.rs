@@ -21,7 +21,8 @@ fn every_layout_stores_its_parts_of_the_same_nodes() {
     let full: &[[[u32; 4]; 13]] = bytemuck::cast_slice(&built.nodes);
     for effects in [Effects::empty(), Effects::CONES, Effects::RANGES, Effects::all()] {
         // The layout of the instances stays the same.
-        let strides = Strides { instance: Strides::of(Effects::all()).instance, ..Strides::of(effects) };
+        let Strides { instance, sector, .. } = Strides::of(Effects::all());
+        let strides = Strides { instance, sector, ..Strides::of(effects) };
         top.strides = strides;
         build(&mut top, &world);
         let stored: Vec<[u32; 4]> = top.rig.read(top.top.nodes());
