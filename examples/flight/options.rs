@@ -2,9 +2,9 @@
 
 use super::device::Device;
 use super::flight::{Flight, FlightError};
-use super::record::{Row, write};
+use super::record::{Row, us, write};
 use super::settings::Settings;
-use super::summary::{Ends, Summary};
+use super::summary::{Ends, Spread, Summary};
 use super::{map, plots, scale};
 use crate::common::progress::progress;
 use clap::Parser;
@@ -25,6 +25,9 @@ pub struct Options {
     /// Only measure frames in worlds of several sizes
     #[arg(long)]
     pub scale: bool,
+    /// How often to fly; of each frame the run in which it took the least time counts
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100))]
+    pub runs: u32,
     /// Seeds the lights and the traffic
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
@@ -49,7 +52,21 @@ pub fn run(options: &Options) -> Result<(), String> {
         return Ok(());
     }
     let settings = if options.quick { Settings::quick(options.seed) } else { Settings::full(options.seed) };
-    let (rows, ends, flight) = pool.install(|| fly(&settings)).map_err(|FlightError(text)| text)?;
+    let (mut rows, ends, flight) = pool.install(|| fly(&settings)).map_err(|FlightError(text)| text)?;
+    let tell_run = |rows: &[Row]| {
+        let Spread { median, high, worst } = Spread::of(rows.iter().map(|row| us(row.costs.frame)));
+        println!("one run: median {median:.0} us, 99.9 % {high:.0}, worst {worst:.0} ({:.2} x)", worst / median);
+    };
+    tell_run(&rows);
+    for _ in 1..options.runs {
+        let (others, ..) = pool.install(|| fly(&settings)).map_err(|FlightError(text)| text)?;
+        tell_run(&others);
+        for (row, other) in rows.iter_mut().zip(others) {
+            if other.costs.frame < row.costs.frame {
+                *row = other;
+            }
+        }
+    }
     write(&options.out.join("flight.csv"), &rows)?;
     let mut worst = rows.clone();
     worst.sort_by_key(|row| std::cmp::Reverse(row.costs.frame));

@@ -21,7 +21,7 @@ pub struct Row {
 }
 
 /// The columns of `flight.csv`.
-const COLUMNS: [&str; 22] = [
+const COLUMNS: [&str; 21] = [
     "frame",
     "frame_us",
     "update_us",
@@ -34,8 +34,7 @@ const COLUMNS: [&str; 22] = [
     "edit_us",
     "plan_us",
     "wall_us",
-    "refit_us",
-    "rebuild_us",
+    "refit_trees",
     "rebuilt_trees",
     "placeholders",
     "stand_ins",
@@ -76,8 +75,8 @@ impl Row {
         fields.extend(counts.map(|count| count.to_string()));
         fields.extend([self.cpu_bytes as u64, self.gpu_bytes].map(|count| count.to_string()));
         let report = &costs.report;
-        fields.extend(times(&[costs.regions, costs.edits, costs.plan, costs.wall, report.refit_time, report.spent]));
-        let counts = [report.rebuilt_trees, report.placeholder_trees, self.upload.stand_ins];
+        fields.extend(times(&[costs.regions, costs.edits, costs.plan, costs.wall]));
+        let counts = [report.refit_trees, report.rebuilt_trees, report.placeholder_trees, self.upload.stand_ins];
         fields.extend(counts.map(|count| count.to_string()));
         fields.extend([self.used_bytes, self.gap_bytes].map(|count| count.to_string()));
         fields.extend([costs.arrived, costs.left, self.upload.instances].map(|count| count.to_string()));
