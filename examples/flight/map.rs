@@ -58,7 +58,8 @@ pub fn draw(path: &Path, settings: &Settings, flight: &Flight) -> Result<(), Str
             chart.draw_series(LineSeries::new(circle(at(share)), color)).map_err(text)?;
             chart.draw_series([Circle::new(at(share), 5, PALETTE[2].filled())]).map_err(text)?;
             let frame = (share * f64::from(settings.frames)).round();
-            let label = Text::new(format!("frame {frame}"), at(share), (FONT, 15).into_font().color(&WHITE));
+            let (x, z) = at(share);
+            let label = Text::new(format!("frame {frame}"), (x + 0.012 * km, z), (FONT, 15).into_font().color(&WHITE));
             chart.draw_series([label]).map_err(text)?;
         }
         root.present().map_err(text)

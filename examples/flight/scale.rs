@@ -13,8 +13,8 @@ use std::path::Path;
 const SIZES: [u32; 4] = [30, 100, 300, 3_000];
 /// The sizes of `--quick`.
 const QUICK: usize = 2;
-/// Frames before the first that counts: all trees are frozen then.
-const REST: u32 = 300;
+/// Frames before the first that counts: all trees are frozen then, 64 in each frame at most.
+const REST: u32 = 650;
 const FRAMES: u32 = 500;
 
 const COLUMNS: [&str; 8] =
