@@ -69,7 +69,27 @@ enum Entry {
     Dispatch { kernel: Kernel, buffers: Range<usize>, uniform_offset: u32, workgroups: [u32; 3] },
 }
 
+/// The lengths of the lists of commands.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct CommandSizes {
+    entries: usize,
+    bytes: usize,
+    buffers: usize,
+}
+
 impl Commands {
+    /// How much memory the commands take.
+    pub(super) fn sizes(&self) -> CommandSizes {
+        CommandSizes { entries: self.entries.len(), bytes: self.bytes.len(), buffers: self.buffers.len() }
+    }
+
+    /// Makes room for as many commands as other ones have taken.
+    pub(super) fn reserve_as(&mut self, CommandSizes { entries, bytes, buffers }: CommandSizes) {
+        self.entries.reserve(entries);
+        self.bytes.reserve(bytes);
+        self.buffers.reserve(buffers);
+    }
+
     /// The commands in order.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = Command<'_>> {
         self.entries.iter().map(|entry| match entry {
@@ -102,6 +122,12 @@ impl Commands {
     /// The bytes of all writes.
     pub fn bytes_written(&self) -> u64 {
         self.bytes.len() as u64
+    }
+
+    /// Makes room for more commands, and for the bytes of their writes.
+    pub(crate) fn reserve(&mut self, commands: usize, bytes: u64) {
+        self.entries.reserve(commands);
+        self.bytes.reserve(bytes as usize);
     }
 
     /// Adds a write of what `fill` appends; nothing if that is empty.

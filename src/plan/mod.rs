@@ -72,6 +72,7 @@ mod parts;
 mod place;
 pub(crate) mod pool;
 mod previous;
+mod ranges;
 pub(crate) mod relayout;
 mod reserve;
 mod residency;
@@ -90,6 +91,7 @@ use std::ops::Range;
 
 pub use buffers::{BufferId, BufferKind, NewBuffer};
 pub use changes::UploadReport;
+use commands::CommandSizes;
 pub use commands::{Command, Commands};
 pub use cursor::PlanCursor;
 pub use error::{PlanError, TargetHookError};
@@ -99,6 +101,7 @@ pub use kernel::{Binding, Kernel, UNIFORM_ALIGNMENT};
 pub(crate) use limits::MIN_LARGEST_BUFFER;
 pub use limits::PlanLimits;
 pub use memory::GpuMemory;
+use reserve::Lists;
 pub use reserve::Reservation;
 pub use target_hook::TargetHook;
 pub use text::{wgsl, wgsl_previous, wgsl_with_target};
@@ -179,6 +182,9 @@ pub struct LightPlanner {
     effects: Effects,
     /// Plans that were made.
     number: u64,
+    lists: Lists,
+    /// What the last build of the top level took.
+    top_sizes: CommandSizes,
 }
 
 /// Records that the first buffer of each pool has room for.
@@ -217,6 +223,8 @@ impl LightPlanner {
             is_lost: false,
             effects: Effects::all() - Effects::MOVING,
             number: 0,
+            lists: Lists::default(),
+            top_sizes: CommandSizes::default(),
         }
     }
 

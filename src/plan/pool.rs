@@ -3,11 +3,10 @@
 use std::marker::PhantomData;
 use std::ops::Range;
 
-use range_alloc::RangeAllocator;
-
 use super::buffers::{BufferId, Ids, NewBuffer};
 use super::commands::Commands;
 use super::error::PlanError;
+use super::ranges::Ranges;
 use super::relayout::relayout;
 use super::scatter::{RunCount, Scattered};
 use super::stored::{Missing, Stored};
@@ -60,9 +59,8 @@ pub(crate) struct Pool<T> {
     capacity: u32,
     /// Which parts of a record the buffer holds.
     stored: Stored,
-    /// In u64, because the allocator doubles the lengths that it is given. Between the first and
-    /// the last step there may be more room than in the buffer.
-    ranges: RangeAllocator<u64>,
+    /// Between the first and the last step there may be more room than in the buffer.
+    ranges: Ranges,
     /// Records in use.
     taken: u64,
     /// The layout after this frame.
@@ -88,7 +86,7 @@ impl<T: bytemuck::NoUninit> Pool<T> {
             missing,
             buffer: None,
             capacity: capacity.max(1),
-            ranges: RangeAllocator::new(0..u64::from(capacity.max(1))),
+            ranges: Ranges::new(u64::from(capacity.max(1))),
             taken: 0,
             next: stored.clone(),
             stored,
@@ -112,8 +110,8 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         if used > limit {
             return Err(self.full(used, &stored));
         }
-        if self.ranges.initial_range().end > limit {
-            self.ranges = cut(&self.ranges, limit);
+        if self.ranges.end() > limit {
+            self.ranges.cut_to(limit);
         }
         // Within the limit.
         self.kept = used as u32;
@@ -139,7 +137,7 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         if needed > limit || growth == Growth::None {
             return Err(self.full(needed, &self.next));
         }
-        let doubled = (2 * self.ranges.initial_range().end).min(limit);
+        let doubled = (2 * self.ranges.end()).min(limit);
         let room = match growth {
             Growth::Exact | Growth::None => needed,
             Growth::Double if self.share.is_none() => doubled.max(needed),
@@ -171,7 +169,7 @@ impl<T: bytemuck::NoUninit> Pool<T> {
     /// [`Pool::restore`] takes. To be called before [`Pool::begin`].
     pub(crate) fn restart(&mut self) -> RestartedPool {
         let room = self.limit(&self.stored).min(self.capacity.into());
-        let ranges = std::mem::replace(&mut self.ranges, RangeAllocator::new(0..room));
+        let ranges = std::mem::replace(&mut self.ranges, Ranges::new(room));
         RestartedPool { ranges, taken: std::mem::take(&mut self.taken) }
     }
 
@@ -183,7 +181,7 @@ impl<T: bytemuck::NoUninit> Pool<T> {
 
     /// Reserves from what is free.
     fn take(&mut self, len: u32) -> Option<Range<u32>> {
-        let range = self.ranges.allocate_range(u64::from(len)).ok()?;
+        let range = self.ranges.take(u64::from(len))?;
         self.taken += u64::from(len);
         // Within the limit, which is a u32.
         Some(range.start as u32..range.end as u32)
@@ -193,7 +191,7 @@ impl<T: bytemuck::NoUninit> Pool<T> {
     pub(crate) fn free(&mut self, range: Range<u32>) {
         if !range.is_empty() {
             self.taken -= range.len() as u64;
-            self.ranges.free_range(u64::from(range.start)..u64::from(range.end));
+            self.ranges.free(u64::from(range.start)..u64::from(range.end));
         }
     }
 
@@ -236,10 +234,9 @@ impl<T: bytemuck::NoUninit> Pool<T> {
         self.replacement = None;
         self.next = self.stored.clone();
         let capacity = u64::from(self.capacity);
-        match self.ranges.initial_range().end {
-            room if room > capacity => self.ranges = cut(&self.ranges, capacity),
-            room if room < capacity => self.ranges.grow_to(capacity),
-            _ => {}
+        match self.ranges.end() {
+            room if room > capacity => self.ranges.cut_to(capacity),
+            _ => self.ranges.grow_to(capacity),
         }
     }
 
@@ -305,12 +302,12 @@ impl<T: bytemuck::NoUninit> Pool<T> {
 
     /// The end of the last range in use.
     pub(crate) fn used(&self) -> u64 {
-        self.ranges.allocated_ranges().last().map_or(0, |r| r.end)
+        self.ranges.used()
     }
 
     /// Records that there will be room for.
     fn room(&self) -> u32 {
-        self.ranges.initial_range().end as u32
+        self.ranges.end() as u32
     }
 
     /// The most records in this layout.
@@ -329,29 +326,11 @@ impl<T: bytemuck::NoUninit> Pool<T> {
 /// The ranges of a pool before a restart.
 #[derive(Debug)]
 pub(crate) struct RestartedPool {
-    ranges: RangeAllocator<u64>,
+    ranges: Ranges,
     taken: u64,
 }
 
 /// The number of records that a buffer of `limit_bytes` holds.
 fn limit_of(limit_bytes: u64, stored: &Stored) -> u32 {
     u32::try_from(limit_bytes / stored.bytes() as u64).unwrap_or(u32::MAX)
-}
-
-/// The same ranges in an allocator with less room, since an allocator only grows. All of them must
-/// end before `end`.
-fn cut(ranges: &RangeAllocator<u64>, end: u64) -> RangeAllocator<u64> {
-    let mut smaller = RangeAllocator::new(0..end);
-    let mut gaps = Vec::new();
-    let mut at = 0;
-    // Taken in order from one free range, each range follows the last.
-    let mut take = |len: u64| smaller.allocate_range(len).expect("all ranges fit");
-    for used in ranges.allocated_ranges() {
-        if used.start > at {
-            gaps.push(take(used.start - at));
-        }
-        at = take(used.end - used.start).end;
-    }
-    gaps.into_iter().for_each(|gap| smaller.free_range(gap));
-    smaller
 }

@@ -14,7 +14,7 @@ use super::pool::{Growth, RestartedPool};
 use super::previous::Copies;
 use super::relayout::RELAYOUT_STRIDE;
 use super::residency::{Incoming, Residency, TreeState};
-use super::runs::runs;
+use super::runs::add_runs;
 use super::scatter::{self, RunCount};
 use super::stored::Stored;
 use crate::effects::Effects;
@@ -62,7 +62,9 @@ pub(super) struct Room {
     /// The slots of the instances that are written, and their runs.
     pub instances: Slots,
     pub instance_runs: Vec<Range<u32>>,
-    /// Which pools take their short runs from staged records: nodes, lights, trees, instances.
+    /// The runs of records that are written to these pools: nodes, lights, trees, instances.
+    pub run_counts: [RunCount; scatter::MAX_TARGETS],
+    /// Which of these pools take their short runs from staged records.
     pub is_scattered: [bool; scatter::MAX_TARGETS],
     pub staged_bytes: u64,
     pub params: Option<BufferId>,
@@ -99,6 +101,17 @@ pub(super) enum Source {
     Piece,
     /// Stand-ins of the tree.
     StandIns(Box<LightTree>),
+}
+
+/// The most items of a list whose memory is kept for the next frame.
+const KEPT: usize = 4096;
+
+/// Lists that each frame fills anew. Their memory is kept: lists that grow are copied, and large
+/// requests take the allocator longer than small ones.
+#[derive(Debug, Default)]
+pub(super) struct Lists {
+    trees: TreeRuns,
+    instance_runs: Vec<Range<u32>>,
 }
 
 impl TreeRuns {
@@ -229,7 +242,8 @@ impl LightPlanner {
     }
 
     fn new_room(&mut self, growth: Growth) -> Room {
-        let mut room = Room { growth, ..Room::default() };
+        let Lists { trees, instance_runs } = std::mem::take(&mut self.lists);
+        let mut room = Room { growth, trees, instance_runs, ..Room::default() };
         let present = if self.previous.is_kept { self.present() } else { None };
         room.copies = self.previous.reserve(present, (&mut self.ids, &mut room.new_buffers));
         room
@@ -319,7 +333,7 @@ impl LightPlanner {
             }
         }
         room.instances = changes.records();
-        room.instance_runs = runs(room.instances.as_slice().iter().copied(), 0);
+        add_runs(&mut room.instance_runs, room.instances.as_slice().iter().copied(), 0);
         room.instance_runs.iter().for_each(|run| instance_count.add(run));
         let staged = [
             self.nodes.staged_bytes(&node_count),
@@ -327,6 +341,7 @@ impl LightPlanner {
             self.trees.staged_bytes(&tree_count),
             self.instances.staged_bytes(&instance_count),
         ];
+        room.run_counts = [node_count, light_count, tree_count, instance_count];
         let bytes: u64 = staged.iter().sum();
         if bytes <= self.limits.largest_buffer {
             room.is_scattered = staged.map(|bytes| bytes > 0);
@@ -372,8 +387,20 @@ impl LightPlanner {
         }
     }
 
+    /// Keeps the memory of the lists of a frame for the next one.
+    pub(super) fn keep_lists(&mut self, mut trees: TreeRuns, mut instance_runs: Vec<Range<u32>>) {
+        trees.runs.clear();
+        trees.writes.clear();
+        instance_runs.clear();
+        trees.runs.shrink_to(KEPT);
+        trees.writes.shrink_to(KEPT);
+        instance_runs.shrink_to(KEPT);
+        self.lists = Lists { trees, instance_runs };
+    }
+
     /// Takes back what was reserved.
     fn undo(&mut self, room: Room) {
+        self.keep_lists(room.trees, room.instance_runs);
         for (slot, state) in room.placed {
             let former = self.residency.get(slot).clone();
             self.release_others(&state, &former);

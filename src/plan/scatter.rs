@@ -55,7 +55,11 @@ fn text() -> String {
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct RunCount {
     short_runs: usize,
+    /// Records of the short runs.
     records: u32,
+    long_runs: usize,
+    /// Records of the others.
+    long_records: u64,
 }
 
 impl RunCount {
@@ -64,6 +68,25 @@ impl RunCount {
         if length <= MAX_RUN {
             self.short_runs += 1;
             self.records += length;
+        } else {
+            self.long_runs += 1;
+            self.long_records += u64::from(length);
+        }
+    }
+
+    /// The runs that are written one by one, and the bytes of their records.
+    pub fn written(&self, stride: u64, is_scattered: bool) -> (usize, u64) {
+        let (runs, records) = if is_scattered { (0, 0) } else { (self.short_runs, u64::from(self.records)) };
+        (runs + self.long_runs, (records + self.long_records) * stride)
+    }
+
+    /// An empty list for the short runs, with room for all of them if they are to be scattered.
+    pub fn list(&self, stride: u64, is_scattered: bool) -> Scattered {
+        let records = if is_scattered { self.records as usize } else { 0 };
+        Scattered {
+            is_used: is_scattered,
+            places: Vec::with_capacity(records.next_multiple_of(4)),
+            records: Vec::with_capacity(records * stride as usize),
         }
     }
 
@@ -86,11 +109,6 @@ pub(crate) struct Scattered {
 }
 
 impl Scattered {
-    /// Collects short runs if `is_used`.
-    pub fn new(is_used: bool) -> Self {
-        Self { is_used, ..Self::default() }
-    }
-
     /// Where the bytes of the records of a run go; `None` if the run is to be written by itself.
     pub fn add(&mut self, run: &Range<u32>) -> Option<&mut Vec<u8>> {
         if !self.is_used || run.end - run.start > MAX_RUN {
@@ -147,8 +165,9 @@ mod tests {
         assert_eq!(count(MIN_RUNS, 1), MIN_RUNS as u64 * (4 + 80));
         assert_eq!(count(1000, MAX_RUN + 1), 0);
         assert_eq!(count(65, 1), 17 * 16 + 65 * 80, "places fill whole units of 16 bytes");
-        assert!(Scattered::new(true).add(&(5..6)).is_some());
-        assert!(Scattered::new(true).add(&(0..MAX_RUN + 1)).is_none());
-        assert!(Scattered::new(false).add(&(5..6)).is_none());
+        let list = |is_scattered| RunCount::default().list(80, is_scattered);
+        assert!(list(true).add(&(5..6)).is_some());
+        assert!(list(true).add(&(0..MAX_RUN + 1)).is_none());
+        assert!(list(false).add(&(5..6)).is_none());
     }
 }

@@ -10,11 +10,15 @@ use super::frame::FramePlan;
 use super::layout::{Bases, InstanceRecord, LightRecord, ParamsRecord, STAND_IN, TreeRecord, stored_place};
 use super::reserve::{Reservation, Room, Source, TreeRuns};
 use super::residency::{Form, Incoming, TreeState};
-use super::scatter::{Scattered, scatter};
+use super::scatter::{MAX_TARGETS, Scattered, scatter};
 use crate::effects::Effects;
 use crate::keys::{generation_of, slot_of};
 use crate::tree::{LEAF, Node, Target};
 use crate::world::LightWorld;
+
+/// Commands and bytes of a plan besides the records of the large pools: parts and parameters.
+const MORE_COMMANDS: usize = 32;
+const MORE_BYTES: u64 = 4096;
 
 /// The short runs of each pool that takes them from staged records.
 struct Staged {
@@ -40,6 +44,7 @@ impl Reservation<'_> {
         let copies = std::mem::take(&mut room.copies);
         planner.previous.adopt(copies, planner.params, (&mut plan.upload, &mut plan.freed));
         if room.is_idle {
+            planner.keep_lists(room.trees, room.instance_runs);
             if planner.is_top_due {
                 planner.finish_top(&mut plan.top);
             }
@@ -52,18 +57,9 @@ impl Reservation<'_> {
         let former = (strides, masks, home);
         let is_new_top = planner.top.is_replaced() || planner.is_lost;
         let replaced = [planner.nodes.is_replaced(), planner.instances.is_replaced(), planner.lights.is_replaced()];
-        let Room {
-            placed,
-            incoming,
-            is_packed,
-            parts,
-            directionals,
-            trees,
-            instances,
-            instance_runs,
-            is_scattered,
-            ..
-        } = planner.adopt(room, &mut plan);
+        let room = planner.adopt(room, &mut plan);
+        let mut staged = planner.make_lists(&room, &mut plan.upload);
+        let Room { placed, incoming, is_packed, parts, directionals, trees, instances, instance_runs, .. } = room;
         planner.place(placed, incoming);
         planner.residency.is_packed |= is_packed;
         if let Some(range) = directionals {
@@ -72,15 +68,14 @@ impl Reservation<'_> {
         }
         let commands = &mut plan.upload;
         planner.parts.write(commands, parts);
-        let [nodes, lights, of_trees, of_instances] = is_scattered.map(Scattered::new);
-        let mut staged = Staged { nodes, lights, trees: of_trees, instances: of_instances };
         let mut report = UploadReport {
             trees: changes.trees.as_slice().len(),
             instances: instances.as_slice().len(),
             ..planner.waiting_report()
         };
         planner.write_trees(commands, &mut staged, world, &trees, &mut report);
-        planner.write_instances(commands, &mut staged, world, instance_runs);
+        planner.write_instances(commands, &mut staged, world, &instance_runs);
+        planner.keep_lists(trees, instance_runs);
         if changes.directionals {
             let run = planner.directionals.clone();
             let records = world.directionals().map(|(_, light)| LightRecord::directional(light));
@@ -129,6 +124,23 @@ impl LightPlanner {
             self.release_others(&former, &state);
         }
         self.release_incoming(former_incoming, incoming.as_ref(), seen.as_ref());
+    }
+
+    /// Makes room for what is written, so that no list is copied while it grows. A few more commands
+    /// and bytes are for parameters.
+    fn make_lists(&self, room: &Room, commands: &mut Commands) -> Staged {
+        let strides = [self.nodes.stride(), self.lights.stride(), self.trees.stride(), self.instances.stride()];
+        let (mut writes, mut bytes) = (MORE_COMMANDS, room.staged_bytes + MORE_BYTES);
+        let lists: [Scattered; MAX_TARGETS] = std::array::from_fn(|i| {
+            let (count, stride, is_scattered) = (&room.run_counts[i], strides[i], room.is_scattered[i]);
+            let (runs, bytes_of_runs) = count.written(stride, is_scattered);
+            writes += runs;
+            bytes += bytes_of_runs;
+            count.list(stride, is_scattered)
+        });
+        commands.reserve(writes, bytes);
+        let [nodes, lights, trees, instances] = lists;
+        Staged { nodes, lights, trees, instances }
     }
 
     /// What waits now.
@@ -215,10 +227,10 @@ impl LightPlanner {
     }
 
     /// Writes the records of instances.
-    fn write_instances(&self, commands: &mut Commands, staged: &mut Staged, world: &LightWorld, runs: Vec<Range<u32>>) {
+    fn write_instances(&self, commands: &mut Commands, staged: &mut Staged, world: &LightWorld, runs: &[Range<u32>]) {
         for run in runs {
             let records = run.clone().map(|slot| self.instance_record(slot, world));
-            self.instances.write(commands, &mut staged.instances, run, records);
+            self.instances.write(commands, &mut staged.instances, run.clone(), records);
         }
     }
 
@@ -267,7 +279,9 @@ impl LightPlanner {
 
     /// Adds the build of the top level, which is then no longer due.
     fn finish_top(&mut self, commands: &mut Commands) {
+        commands.reserve_as(self.top_sizes);
         self.build_top(commands);
+        self.top_sizes = commands.sizes();
         self.is_top_due = false;
     }
 }

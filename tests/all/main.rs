@@ -30,6 +30,8 @@ mod effects;
 #[allow(dead_code, missing_docs, reason = "a program; its main is not called")]
 mod engine_shader;
 mod engine_shader_runs;
+#[allow(dead_code, reason = "the program uses what the tests do not")]
+mod flight;
 mod gloss;
 mod gltf;
 mod gpu;

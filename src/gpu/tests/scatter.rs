@@ -3,7 +3,7 @@
 use super::Rig;
 use super::pool::TestPool;
 use crate::dice::hash;
-use crate::plan::scatter::{MAX_TARGETS, Scattered, UNIFORM_BYTES, scatter};
+use crate::plan::scatter::{MAX_TARGETS, RunCount, UNIFORM_BYTES, scatter};
 use crate::plan::stored::Missing;
 
 /// Two pools of records of different sizes, and two targets without any records.
@@ -20,7 +20,7 @@ fn scattered_records_arrive_in_their_places_and_no_others_change() {
     large.write(&mut rig, 0, &expected_large);
     let new = [rig.ids.storage("staged records", 1 << 20), rig.ids.uniform("scatter", UNIFORM_BYTES)];
     rig.play(&new, |commands| {
-        let mut targets = [(); MAX_TARGETS].map(|()| Scattered::new(true));
+        let mut targets = [(); MAX_TARGETS].map(|()| RunCount::default().list(0, true));
         // Odd counts, so that places do not fill whole units of 16 bytes; each run apart from the
         // others.
         for i in 0..333 {

@@ -1,9 +1,9 @@
 //! Plans of frames: their commands, their cost, and what happens to lost, repeated and refused
 //! ones. The kernels run on GPUs in other tests, by way of `GpuLights`, which plays these plans.
 
-mod device;
+pub mod device;
 mod limits;
-mod sound;
+pub mod sound;
 
 use device::{Device, Played, slots};
 use girandole::glam::{DVec3, Vec3};

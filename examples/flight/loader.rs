@@ -1,0 +1,76 @@
+//! The thread that fills regions, and frees those that have left the world.
+
+use super::blocks::{Block, Builder};
+use girandole::{Region, RemovedRegion, WorldError};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::JoinHandle;
+
+/// What the thread is asked for.
+#[derive(Debug)]
+enum Job {
+    Fill(Block),
+    Free(RemovedRegion),
+}
+
+/// A handle of the thread, which ends when it is dropped.
+#[derive(Debug)]
+pub struct Loader {
+    jobs: Option<Sender<Job>>,
+    filled: Receiver<Result<Region, WorldError>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// What goes wrong if the thread is gone.
+const GONE: &str = "the loader lives as long as its handle";
+
+impl Loader {
+    pub fn start(builder: Builder) -> Result<Self, String> {
+        // A pool of its own, so that it takes no thread from the world's.
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|error| error.to_string())?;
+        let (jobs, asked) = channel();
+        let (sender, filled) = channel();
+        let run = move || {
+            for job in asked {
+                match job {
+                    Job::Fill(block) => {
+                        if sender.send(pool.install(|| builder.fill(block))).is_err() {
+                            break;
+                        }
+                    }
+                    Job::Free(removed) => drop(removed),
+                }
+            }
+        };
+        let thread = std::thread::spawn(run);
+        Ok(Self { jobs: Some(jobs), filled, thread: Some(thread) })
+    }
+
+    fn ask(&self, job: Job) {
+        self.jobs.as_ref().and_then(|jobs| jobs.send(job).ok()).expect(GONE);
+    }
+
+    /// Asks for a block.
+    pub fn fill(&self, block: Block) {
+        self.ask(Job::Fill(block));
+    }
+
+    /// Hands over what has left the world.
+    pub fn free(&self, removed: RemovedRegion) {
+        self.ask(Job::Free(removed));
+    }
+
+    /// Waits for the next block, in the order of the requests.
+    pub fn take(&self) -> Result<Region, WorldError> {
+        self.filled.recv().expect(GONE)
+    }
+}
+
+impl Drop for Loader {
+    fn drop(&mut self) {
+        self.jobs = None;
+        if let Some(thread) = self.thread.take() {
+            // A panic of the thread has been told by `take`.
+            drop(thread.join());
+        }
+    }
+}
