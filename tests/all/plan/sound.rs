@@ -9,6 +9,9 @@ use super::device::Played;
 /// The index of the first stand-in of a tree.
 const STAND_IN: u32 = 1 << 30;
 
+/// The word of a node that holds its parent.
+const PARENT: usize = 36;
+
 /// Bits of the flags of an instance.
 const LIVE: u32 = 1;
 const STANDS_IN: u32 = 16;
@@ -53,7 +56,7 @@ pub fn check(played: &Played, world: &LightWorld) -> Found {
         let [node_base, light_base] = [14, 15].map(|word| instances.word(slot, word));
         let tree_key = world.instance_tree(key).expect("it lives");
         let tree = world.tree(tree_key).expect("it lives");
-        let mut found = Vec::new();
+        let (mut found, mut sections) = (Vec::new(), Vec::new());
         let mut stack = vec![0];
         while let Some(node) = stack.pop() {
             if tree.nodes().is_empty() {
@@ -66,12 +69,20 @@ pub fn check(played: &Played, world: &LightWorld) -> Found {
                 }
                 if target & LEAF == 0 {
                     assert!(target > node, "children follow their parents");
+                    match nodes.word(node_base + target, PARENT) {
+                        section if section & LEAF != 0 => sections.push(section & !LEAF),
+                        found => assert_eq!(found, node * WIDTH as u32 + place, "the parent of a node"),
+                    }
                     stack.push(target);
                     continue;
                 }
                 let index = target & !LEAF;
                 let record = light_base.wrapping_add(index);
-                assert_eq!(lights.word(record, 7), node * WIDTH as u32 + place, "the place of a light");
+                match lights.word(record, 7) {
+                    // A light that is a section of its tree by itself.
+                    section if section & LEAF != 0 => sections.push(section & !LEAF),
+                    found => assert_eq!(found, node * WIDTH as u32 + place, "the place of a light"),
+                }
                 let light = Light::point(
                     [0, 1, 2].map(|word| lights.float(record, word)).into(),
                     [4, 5, 6].map(|word| lights.float(record, word)).into(),
@@ -81,6 +92,8 @@ pub fn check(played: &Played, world: &LightWorld) -> Found {
         }
         found.sort_by_key(|(index, _)| *index);
         assert!(found.windows(2).all(|pair| pair[0].0 < pair[1].0), "each light once");
+        sections.sort_unstable();
+        assert!(sections.iter().zip(0..).all(|(section, index)| *section == index), "{sections:?}");
         let stands_in = flags & STANDS_IN != 0;
         assert_eq!(stands_in, played.planner.stands_in(tree_key), "slot {slot}");
         if stands_in {
