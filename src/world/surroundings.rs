@@ -337,7 +337,9 @@ mod tests {
         for (count, others, expected) in [(129, 2, true), (128, 2, false), (129, 1, false)] {
             let mut world = LightWorld::new();
             let (tree, _) = add(&mut world, lamps(count), DVec3::ZERO);
-            (0..others).for_each(|i| drop(add(&mut world, lamps(2), DVec3::X * f64::from(i))));
+            for i in 0..others {
+                add(&mut world, lamps(2), DVec3::X * f64::from(i));
+            }
             world.update(FrameBudget::NONE);
             assert_eq!(has_sections(&world, tree), expected, "{count} {others}");
         }
