@@ -400,14 +400,17 @@ impl TreeRecord {
                 let targets = tree.nodes()[0].targets;
                 tree.sides().iter().zip(targets).map(|(side, target)| Self::of_cluster(side, target)).collect()
             }
-            Division::Sections(_) => {
-                sections.iter().map(|s| Self::of_cluster(&tree.section_cluster(s), s.target)).collect()
-            }
+            Division::Sections(_) => sections.iter().map(|section| Self::of_section(tree, section)).collect(),
             Division::Lights => {
                 let record = |(index, light): (u32, &Light)| Self::of_cluster(&light.cluster(), LEAF | index);
                 (0..).zip(tree.lights()).map(record).collect()
             }
         }
+    }
+
+    /// The record of a section of a tree.
+    pub fn of_section(tree: &LightTree, section: &Section) -> Self {
+        Self::of_cluster(&tree.section_cluster(section), section.target)
     }
 
     fn of_cluster(cluster: &Cluster, target: u32) -> Self {

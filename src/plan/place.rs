@@ -245,11 +245,12 @@ impl LightPlanner {
         let state = self.residency.get(subject.slot);
         let bases = [state.nodes.start, state.lights.start];
         let count = TreeRecord::count(subject.tree(), subject.division) as usize;
-        if state.waits || state.division != subject.division || state.records.len() != count {
+        let has_new_records = state.waits || state.division != subject.division || state.records.len() != count;
+        if has_new_records {
             let state = TreeState { waits: false, ..state.clone() };
             self.stage(world, subject, state, subject.division, room)?;
         }
-        room.trees.add(TreeWrite { slot: subject.slot, source: Source::Tree, bases }, runs);
+        room.trees.add(TreeWrite { slot: subject.slot, source: Source::Tree, bases, has_new_records }, runs);
         Ok(())
     }
 
@@ -265,7 +266,10 @@ impl LightPlanner {
         let bases = [nodes.start, lights.start];
         let state = TreeState { form: Form::Whole, waits: false, nodes, lights, ..state };
         self.stage(world, subject, state, subject.division, room)?;
-        room.trees.add(TreeWrite { slot: subject.slot, source: Source::Tree, bases }, subject.counts().map(all));
+        room.trees.add(
+            TreeWrite { slot: subject.slot, source: Source::Tree, bases, has_new_records: true },
+            subject.counts().map(all),
+        );
         Ok(())
     }
 
@@ -288,8 +292,10 @@ impl LightPlanner {
         let bytes = self.bytes(subject.counts());
         let state = TreeState { form: Form::StandIns, waits: true, bytes, nodes, lights, ..state };
         self.stage(world, subject, state, Division::Whole, room)?;
-        room.trees
-            .add(TreeWrite { slot: subject.slot, source: Source::StandIns(Box::new(few)), bases }, counts.map(all));
+        room.trees.add(
+            TreeWrite { slot: subject.slot, source: Source::StandIns(Box::new(few)), bases, has_new_records: true },
+            counts.map(all),
+        );
         Ok(())
     }
 
@@ -406,7 +412,7 @@ impl LightPlanner {
             room.left = room.left.saturating_sub(bytes);
         }
         let bases = [incoming.nodes.start, incoming.lights.start];
-        room.trees.add(TreeWrite { slot: subject.slot, source: Source::Piece, bases }, pieces);
+        room.trees.add(TreeWrite { slot: subject.slot, source: Source::Piece, bases, has_new_records: false }, pieces);
         if (0..2).any(|pool| (incoming.sent[pool] as usize) < counts[pool]) {
             room.incoming = Some(incoming);
             return Ok(());
@@ -416,7 +422,7 @@ impl LightPlanner {
         let state = self.residency.get(subject.slot).clone();
         let state = TreeState { form: Form::Whole, waits: false, nodes, lights, ..state };
         self.stage(world, &subject, state, subject.division, room)?;
-        room.trees.add(TreeWrite { slot: subject.slot, source: Source::Tree, bases }, runs);
+        room.trees.add(TreeWrite { slot: subject.slot, source: Source::Tree, bases, has_new_records: true }, runs);
         Ok(())
     }
 
@@ -489,7 +495,7 @@ impl LightPlanner {
                 let bases = [ranges[0].start, ranges[1].start];
                 let [nodes, lights] = ranges;
                 self.stage(world, &subject, TreeState { nodes, lights, ..state }, subject.division, room)?;
-                room.trees.add(TreeWrite { slot, source: Source::Piece, bases }, runs);
+                room.trees.add(TreeWrite { slot, source: Source::Piece, bases, has_new_records: false }, runs);
             }
         }
         Ok(has_moved)

@@ -91,6 +91,8 @@ pub(super) struct TreeWrite {
     pub source: Source,
     /// The places in the pools of the first node and the first light of the tree.
     pub bases: [u32; 2],
+    /// The records of all parts are written, and not only those of the sections below written nodes.
+    pub has_new_records: bool,
 }
 
 #[derive(Debug)]

@@ -13,7 +13,8 @@ use super::residency::{Form, Incoming, TreeState};
 use super::scatter::{MAX_TARGETS, Scattered, scatter};
 use crate::effects::Effects;
 use crate::keys::{generation_of, slot_of};
-use crate::tree::{LEAF, Node, Target};
+use crate::part::Division;
+use crate::tree::{LEAF, Node, Target, WIDTH};
 use crate::world::LightWorld;
 
 /// Commands and bytes of a plan besides the records of the large pools: parts and parameters.
@@ -221,6 +222,20 @@ impl LightPlanner {
             // The records of stand-ins describe the whole tree, so nothing changes in the top level
             // when it takes their place.
             let state = self.residency.get(write.slot);
+            if matches!(state.division, Division::Sections(_)) && !write.has_new_records {
+                // What a section's record says is in the node above it.
+                let of_node = |node: u32| sections.partition_point(|section| section.place / (WIDTH as u32) < node);
+                for run in &runs[node_runs.clone()] {
+                    let found = of_node(run.start)..of_node(run.end);
+                    if found.is_empty() {
+                        continue;
+                    }
+                    let target = state.records.start + found.start as u32..state.records.start + found.end as u32;
+                    let fill = sections[found].iter().map(|section| TreeRecord::of_section(tree, section));
+                    self.trees.write(commands, &mut staged.trees, target, fill);
+                }
+                continue;
+            }
             let fill = TreeRecord::of(&entry.tree, state.division, &entry.sections).into_iter();
             self.trees.write(commands, &mut staged.trees, state.records.clone(), fill);
         }

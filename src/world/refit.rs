@@ -122,7 +122,11 @@ impl LightWorld {
         }
         if changes_nodes {
             self.changes.tree(slot_of(key));
-            if is_replaced { self.renew_sections(key) } else { self.update_sections(key) }
+            if is_replaced {
+                self.renew_sections(key)
+            } else if !added.is_empty() || !removed.is_empty() {
+                self.update_sections(key)
+            }
         }
         self.recount(key);
         self.added_lights.extend(added.into_iter().map(|light| (key, light)));

@@ -4,7 +4,7 @@ use super::LightWorld;
 use super::overlap::MAX_OPEN;
 use crate::keys::{TreeKey, slot_of};
 use crate::part::Division;
-use crate::tree::Section;
+use crate::tree::{Section, WIDTH};
 
 /// The largest number of sections of a tree. Each of them is a leaf of the top level for each
 /// instance of the tree: 104 bytes on the GPU, and work in each build (docs/decisions.md, 62).
@@ -86,6 +86,9 @@ impl LightWorld {
                 _ => {}
             }
         }
+        // The records of sections are sent with the nodes above them.
+        nodes.extend(entry.sections.iter().map(|section| section.place / WIDTH as u32));
+        nodes.dedup();
         let records = tree.nodes().len() + tree.lights().len();
         entry.log.add(&nodes, lights.into_iter(), records);
         self.recount(key);

@@ -3,6 +3,7 @@
 
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::{GpuLights, wgsl};
+use girandole::plan::{LightPlanner, PlanLimits};
 use girandole::{
     Effects, FrameBudget, FrameDelta, InstanceKey, Light, LightTree, LightWorld, Placement, Policy, Region,
     RegionInstance, TreeKey,
@@ -235,6 +236,25 @@ fn sections_arrive_with_the_last_piece_of_a_tree_that_is_sent_over_several_frame
         }
     }
     assert!(frames > 8, "{frames} frames with trees that wait");
+}
+
+#[test]
+fn a_changed_light_sends_the_sections_near_it_and_not_all_of_them() {
+    let mut rng = Rng(195);
+    let Town { mut world, lamps: [tree, _], .. } = town(&mut rng);
+    let mut planner = LightPlanner::new(PlanLimits::new(1 << 30));
+    let mut send = |world: &mut LightWorld| {
+        world.update(FrameBudget::NONE);
+        let delta = world.take_delta();
+        planner.reserve(world, &delta).expect("room enough").plan().report.bytes
+    };
+    let all = send(&mut world);
+    for i in 0..10 {
+        world.set_emission(tree, 100 * i, Vec3::splat(70.0 + i as f32)).expect("valid");
+        // 2,048 sections have 80 bytes each.
+        let bytes = send(&mut world);
+        assert!((500..=8192).contains(&bytes) && all > 160_000, "{bytes} of {all}");
+    }
 }
 
 #[test]
