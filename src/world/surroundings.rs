@@ -310,11 +310,11 @@ mod tests {
     /// A large tree, and two small objects at a distance along x.
     fn small_beside_large(distance: f64, far: DVec3) -> (LightWorld, TreeKey, [InstanceKey; 2]) {
         let mut world = LightWorld::new();
-        let small = |i: f64| far + DVec3::new(distance, 1.0, 10.0 * i);
+        let small = |i: f64| far + DVec3::new(distance, 4.0, 10.0 * i);
         let first = add(&mut world, vec![Light::point(Vec3::ZERO, Vec3::ONE)], small(0.0)).1;
         world.update(FrameBudget::NONE);
         let (tree, _) = add(&mut world, lamps(300), far);
-        let second = add(&mut world, lamps(1), small(1.0)).1;
+        let second = add(&mut world, vec![Light::point(Vec3::ZERO, Vec3::ONE)], small(1.0)).1;
         world.update(FrameBudget::NONE);
         (world, tree, [first, second])
     }
@@ -366,7 +366,7 @@ mod tests {
         world.move_instance(second, Placement::at(DVec3::X * 500.0)).expect("valid");
         world.update(FrameBudget::NONE);
         assert!(!has_sections(&world, tree) && world.section_count == 0);
-        world.move_instance(second, Placement::at(DVec3::X)).expect("valid");
+        world.move_instance(second, Placement::at(DVec3::new(1.0, 4.0, 0.0))).expect("valid");
         add(&mut world, lamps(1), DVec3::Z);
         world.update(FrameBudget::NONE);
         assert!(has_sections(&world, tree));

@@ -101,6 +101,9 @@ fn change(town: &mut Town, rng: &mut Rng, round: usize) {
 
 const ROUNDS: usize = 10;
 
+/// The rounds after which a shader is compiled that walks up from lights.
+const PMF_ROUNDS: [usize; 3] = [0, 2, 6];
+
 /// For a shading point and random numbers: the probability of a sample, as `light_sample` and as
 /// `light_pmf` give it.
 const TEXT: &str = "
@@ -201,7 +204,9 @@ fn the_gpu_chooses_the_same_lights_while_sections_come_and_go() {
             assert!(mismatches as f64 <= OTHER_PICKS * 1024.0 + 1.0, "round {round}: {mismatches} of 1024 differ");
             assert!(records.iter().filter(|record| record.pmf > 0.0).count() > 200, "round {round}");
         }
-        check_pmfs(&mut lights, &mut rng);
+        if PMF_ROUNDS.contains(&round) {
+            check_pmfs(&mut lights, &mut rng);
+        }
     }
 }
 
@@ -211,9 +216,10 @@ fn sections_arrive_with_the_last_piece_of_a_tree_that_is_sent_over_several_frame
     let mut rng = Rng(194);
     let mut town = town(&mut rng);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    lights.set_frame_bytes(Some(120_000));
-    let mut frames = 0;
+    lights.set_frame_bytes(Some(30_000));
+    let (mut frames, mut checked) = (0, 0);
     for round in 0..ROUNDS - 1 {
+        let mut is_due = PMF_ROUNDS.contains(&round);
         change(&mut town, &mut rng, round);
         let trees: Vec<TreeKey> = town.world.trees().collect();
         let is_waiting = |lights: &GpuLights| trees.iter().any(|tree| lights.is_waiting(*tree));
@@ -226,7 +232,10 @@ fn sections_arrive_with_the_last_piece_of_a_tree_that_is_sent_over_several_frame
             }
             frames += 1;
             // Trees and stand-ins of different ages are side by side, each of them sound.
-            check_pmfs(&mut lights, &mut rng);
+            if std::mem::take(&mut is_due) {
+                check_pmfs(&mut lights, &mut rng);
+                checked += 1;
+            }
         }
         let requests = requests(&mut rng, 512, 20.0);
         for splits in SPLITS {
@@ -235,7 +244,7 @@ fn sections_arrive_with_the_last_piece_of_a_tree_that_is_sent_over_several_frame
             assert!(mismatches as f64 <= OTHER_PICKS * 512.0 + 1.0, "round {round}: {mismatches} of 512 differ");
         }
     }
-    assert!(frames > 3, "{frames} frames with trees that wait");
+    assert!(frames > 8 && checked > 1, "{frames} frames with trees that wait, {checked} checked");
 }
 
 #[test]
