@@ -247,6 +247,11 @@ impl LightTree {
                 self.insert(*index, light);
             }
         }
+        if !self.sides.is_empty() {
+            // A build on the way has divided the tree into sides, and lights that came later have not
+            // been considered.
+            self.rebuild();
+        }
         self.edited.builds() != before
     }
 
