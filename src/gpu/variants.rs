@@ -2,6 +2,7 @@
 //! lights, as long as both serve the effects of the world.
 
 use std::collections::BTreeMap;
+use std::mem::offset_of;
 use std::ops::Range;
 use std::sync::{Arc, Mutex};
 
@@ -13,7 +14,7 @@ use crate::effects::EFFECT_HOLD_UPDATES;
 use crate::keys::{InstanceKey, TreeKey};
 use crate::light::{DirectionalLight, Light};
 use crate::placement::Placement;
-use crate::plan::layout::Strides;
+use crate::plan::layout::{InstanceRecord, ParamsRecord, Strides};
 use crate::plan::text;
 use crate::policy::Policy;
 use crate::scheduler::FrameBudget;
@@ -61,8 +62,7 @@ fn placement(i: u32, effects: Effects) -> Placement {
     Placement { linear: turn * Mat3::from_diagonal(scale), translation: (30.0 * random_vec(i, 23)).as_dvec3() }
 }
 
-/// Lights of a tree: too many to become leaves of the top level one by one when instances overlap,
-/// which would move all records in the pools.
+/// Lights of a tree: enough for sections, since the instances overlap.
 const LIGHTS: u32 = 130;
 
 /// Gives an instance what these effects allow.
@@ -226,7 +226,8 @@ fn any_variant_reads_any_layout() {
     }
 }
 
-/// The ranges of the pools that are in use, and the root that is built from them.
+/// The ranges of the pools that are in use, and the root that is built from them. Where the records
+/// of a tree and the parts of an instance lie is left out: it depends on the edits before.
 fn content(lights: &mut GpuLights) -> [Vec<u32>; 4] {
     let (device, queue) = gpu();
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -236,13 +237,20 @@ fn content(lights: &mut GpuLights) -> [Vec<u32>; 4] {
         let words: Vec<u32> = read(&device, &queue, buffer);
         words[(records.start * quads * 4) as usize..(records.end * quads * 4) as usize].to_vec()
     };
+    let without_places = |mut words: Vec<u32>, quads: u32| {
+        for record in words.chunks_exact_mut(4 * quads as usize) {
+            record[offset_of!(InstanceRecord, tree) / 4] = 0;
+            record[offset_of!(InstanceRecord, first_part) / 4] = 0;
+        }
+        words
+    };
     let (planner, [_, top, nodes, instances, others]) = (&lights.planner, lights.buffers());
     let ([used_nodes, used_lights], strides) = (planner.used(), planner.strides());
     [
         words(nodes, 0..used_nodes, strides.node),
         words(others, 0..used_lights, strides.light),
         // No instance has slot 0, so it is never written.
-        words(instances, 1..planner.params().slots, strides.instance),
+        without_places(words(instances, 1..planner.params().slots, strides.instance), strides.instance),
         // The root: the nodes behind it may be left over from other builds.
         words(top, 0..1, strides.node),
     ]
@@ -264,7 +272,12 @@ fn a_world_whose_effects_come_and_go_is_stored_as_a_fresh_upload_stores_it() {
         lights.upload(world, &delta).unwrap();
         let mut fresh = upload(world, effects);
         let twin = sample(&mut fresh, effects);
-        assert_eq!(lights.planner.params(), fresh.planner.params(), "{what}");
+        // Two offsets depend on how a buffer has grown.
+        let params = |lights: &GpuLights| {
+            let params = lights.planner.params();
+            ParamsRecord { parts: 0, masks: (params.masks > 0).into(), ..params }
+        };
+        assert_eq!(params(&lights), params(&fresh), "{what}");
         for (i, (ours, theirs)) in content(&mut lights).iter().zip(&content(&mut fresh)).enumerate() {
             let other = ours.iter().zip(theirs).position(|(a, b)| a != b);
             assert!(ours.len() == theirs.len() && other.is_none(), "{what}, buffer {i}: word {other:?} differs");
