@@ -571,6 +571,24 @@ fn divided_and_open_trees_follow_additions_and_removals_on_both_sides() {
 }
 
 #[test]
+fn a_tree_that_a_build_divides_while_lights_are_added_takes_the_rest_of_them() {
+    let panel = |i: usize, up: Vec3| {
+        let u = 0.2 * up.any_orthonormal_vector();
+        Light::rectangle(Vec3::new(i as f32, 0.0, 0.0), u, up.cross(u), Vec3::ONE)
+    };
+    // Too few to be divided.
+    let mut tree = LightTree::new((0..10).map(|i| panel(i, Vec3::Y)).collect()).expect("valid");
+    let others: Vec<_> = (10..19).map(|i| panel(i, -Vec3::Y)).collect();
+    tree.add_lights(&others).expect("valid");
+    assert!(tree.sides().is_empty());
+    // With the first of these, the tree has twice the lights that it was built for.
+    let more: Vec<_> = (19..29).map(|i| panel(i, Vec3::X)).collect();
+    tree.add_lights(&more).expect("valid");
+    tree.check().expect("the tree is sound");
+    assert_eq!((tree.sides().len(), tree.light_count()), (3, 29));
+}
+
+#[test]
 fn a_gpu_that_got_only_changes_samples_as_one_that_got_everything() {
     let (device, queue) = gpu();
     let mut rng = Rng(409);

@@ -74,6 +74,12 @@ pub(crate) fn requests(rng: &mut Rng, count: usize, size: f32) -> Vec<SampleRequ
     (0..count).map(request).collect()
 }
 
+/// A position and random numbers, as `struct Question { position: vec3<f32>, padding: f32, u: vec4<f32> }`
+/// in WGSL.
+pub(crate) fn question_at(position: Vec3, rng: &mut Rng) -> [[f32; 4]; 2] {
+    [position.extend(0.0).to_array(), [rng.unit(), rng.unit(), rng.unit(), rng.unit()]]
+}
+
 pub(crate) fn shading_point(request: &SampleRequest) -> ShadingPoint {
     ShadingPoint::surface(request.position.into(), request.normal.into())
 }

@@ -6,7 +6,7 @@ use girandole::gpu::GpuLights;
 use girandole::{FrameBudget, InstanceKey, Light, LightId, LightWorld, Placement, Policy, TreeKey};
 
 use crate::gpu::{OTHER_PICKS, compare, gpu, requests, sample};
-use crate::support::{Rng, SPLITS, all_pmfs};
+use crate::support::{Rng, SPLITS, assert_probabilities};
 
 /// A string of lamps along x, one of them dark.
 fn string(rng: &mut Rng, lamps: usize) -> Vec<Light> {
@@ -117,36 +117,8 @@ fn probabilities_add_up_and_every_light_that_contributes_has_one() {
         let world = &street.world;
         for splits in SPLITS {
             let sampler = world.sampler().with_splits(splits);
-            let mut distribution = Vec::new();
             for _ in 0..12 {
-                let shading_point = rng.masked_point(15.0);
-                sampler.distribution(&shading_point, &mut distribution);
-                let pmfs = all_pmfs(&sampler, &shading_point);
-                let mut sum = 0.0;
-                for ((light, pmf), same) in pmfs.iter().zip(&distribution) {
-                    assert!((pmf - same).abs() <= 1.0e-5 * pmf.max(1.0e-3), "round {round}: {light:?} {pmf} {same}");
-                    sum += f64::from(*pmf);
-                    let sends = (0..4).any(|_| sampler.sample_light(&shading_point, *light, [rng.unit(); 2]).is_some());
-                    assert!(*pmf > 0.0 || !sends, "round {round}: {light:?} is never chosen");
-                }
-                // The rest is the probability that no light is chosen.
-                assert!(sum <= 1.0 + 1.0e-4, "round {round}: {sum}");
-                let draws = 400;
-                let mut misses = 0;
-                for i in 0..draws {
-                    let u = [(i as f32 + 0.5) / draws as f32, rng.unit()];
-                    let Some(pick) = sampler.pick(&shading_point, u) else {
-                        misses += 1;
-                        continue;
-                    };
-                    let pmf = sampler.pmf(&shading_point, pick.light);
-                    assert!((pick.pmf - pmf).abs() <= 1.0e-4 * pmf, "round {round}: {pick:?} {pmf}");
-                }
-                // Six standard deviations: one false alarm in a billion comparisons.
-                let expected = 1.0 - sum.min(1.0);
-                let deviation = (expected * (1.0 - expected) / f64::from(draws)).sqrt();
-                let share = f64::from(misses) / f64::from(draws);
-                assert!((share - expected).abs() <= 6.0 * deviation + 1.0e-3, "round {round}: {share} {expected}");
+                assert_probabilities(&sampler, &rng.masked_point(15.0), 400, &mut rng);
             }
         }
     }

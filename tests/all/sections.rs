@@ -9,8 +9,8 @@ use girandole::{
     RegionInstance, TreeKey,
 };
 
-use crate::gpu::{OTHER_PICKS, ask, compare, gpu, requests, sample};
-use crate::support::{Rng, SPLITS, all_pmfs};
+use crate::gpu::{OTHER_PICKS, ask, compare, gpu, question_at, requests, sample};
+use crate::support::{Rng, SPLITS, all_pmfs, assert_probabilities};
 
 /// Lamps over a square of 40 m, some of them dark.
 fn lamps(rng: &mut Rng, count: usize) -> Vec<Light> {
@@ -121,22 +121,9 @@ const TEXT: &str = "
         }
     }";
 
-#[repr(C)]
-#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
-struct Question {
-    position: [f32; 3],
-    padding: f32,
-    u: [f32; 4],
-}
-
 /// Checks that a shader that walks up from a light finds the probability of its sample.
 fn check_pmfs(lights: &mut GpuLights, rng: &mut Rng) {
-    let question = |rng: &mut Rng| Question {
-        position: rng.place(15.0).to_array(),
-        padding: 0.0,
-        u: [rng.unit(), rng.unit(), rng.unit(), rng.unit()],
-    };
-    let questions: Vec<_> = (0..512).map(|_| question(rng)).collect();
+    let questions: Vec<_> = (0..512).map(|_| question_at(rng.place(15.0), rng)).collect();
     let answers: Vec<[f32; 2]> = ask(lights, wgsl(1, Effects::all()) + TEXT, &questions, questions.len());
     let mut compared = 0;
     for [pmf, asked] in answers.into_iter().filter(|[pmf, _]| *pmf > 0.0) {
@@ -155,35 +142,8 @@ fn probabilities_add_up_and_every_light_that_contributes_has_one() {
         let world = &town.world;
         for splits in SPLITS {
             let sampler = world.sampler().with_splits(splits);
-            let mut distribution = Vec::new();
             for _ in 0..3 {
-                let shading_point = rng.masked_point(15.0);
-                sampler.distribution(&shading_point, &mut distribution);
-                let pmfs = all_pmfs(&sampler, &shading_point);
-                let mut sum = 0.0;
-                for ((light, pmf), same) in pmfs.iter().zip(&distribution) {
-                    assert!((pmf - same).abs() <= 1.0e-5 * pmf.max(1.0e-3), "round {round}: {light:?} {pmf} {same}");
-                    sum += f64::from(*pmf);
-                    let sends = sampler.sample_light(&shading_point, *light, [rng.unit(); 2]).is_some();
-                    assert!(*pmf > 0.0 || !sends, "round {round}: {light:?} is never chosen");
-                }
-                assert!(sum <= 1.0 + 1.0e-4, "round {round}: {sum}");
-                let draws = 200;
-                let mut misses = 0;
-                for i in 0..draws {
-                    let u = [(i as f32 + 0.5) / draws as f32, rng.unit()];
-                    let Some(pick) = sampler.pick(&shading_point, u) else {
-                        misses += 1;
-                        continue;
-                    };
-                    let pmf = sampler.pmf(&shading_point, pick.light);
-                    assert!((pick.pmf - pmf).abs() <= 1.0e-4 * pmf, "round {round}: {pick:?} {pmf}");
-                }
-                // Six standard deviations: one false alarm in a billion comparisons.
-                let expected = 1.0 - sum.min(1.0);
-                let deviation = (expected * (1.0 - expected) / f64::from(draws)).sqrt();
-                let share = f64::from(misses) / f64::from(draws);
-                assert!((share - expected).abs() <= 6.0 * deviation + 1.0e-3, "round {round}: {share} {expected}");
+                assert_probabilities(&sampler, &rng.masked_point(15.0), 200, &mut rng);
             }
         }
     }

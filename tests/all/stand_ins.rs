@@ -6,7 +6,7 @@ use girandole::glam::{DVec3, Vec3};
 use girandole::gpu::{GpuLights, wgsl};
 use girandole::{Effects, FrameBudget, FrameDelta, Light, LightWorld, Placement, Policy, ShadingPoint};
 
-use crate::gpu::{ask, gpu};
+use crate::gpu::{ask, gpu, question_at};
 use crate::support::Rng;
 
 /// The index of the first stand-in of a tree.
@@ -35,14 +35,6 @@ const TEXT: &str = "
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
-struct Question {
-    position: [f32; 3],
-    padding: f32,
-    u: [f32; 4],
-}
-
-#[repr(C)]
-#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 struct Answer {
     instance: u32,
     light: u32,
@@ -55,9 +47,7 @@ struct Answer {
 }
 
 fn samples(lights: &mut GpuLights, rng: &mut Rng, position: Vec3, count: usize) -> Vec<Answer> {
-    let u = |rng: &mut Rng| [rng.unit(), rng.unit(), rng.unit(), rng.unit()];
-    let questions: Vec<_> =
-        (0..count).map(|_| Question { position: position.to_array(), padding: 0.0, u: u(rng) }).collect();
+    let questions: Vec<_> = (0..count).map(|_| question_at(position, rng)).collect();
     ask(lights, wgsl(1, Effects::all()) + TEXT, &questions, count)
 }
 

@@ -137,6 +137,37 @@ pub fn all_pmfs(sampler: &LightSampler, shading_point: &ShadingPoint) -> Vec<(Li
     sampler.all_lights().map(|light| (light, sampler.pmf(shading_point, light))).collect()
 }
 
+/// Checks that the probabilities of all lights at a shading point are those of `distribution` and of
+/// picks, that they add up to the share of random numbers that pick a light, and that every light
+/// that contributes has one.
+pub fn assert_probabilities(sampler: &LightSampler, at: &ShadingPoint, draws: u32, rng: &mut Rng) {
+    let mut distribution = Vec::new();
+    sampler.distribution(at, &mut distribution);
+    let mut sum = 0.0;
+    for ((light, pmf), same) in all_pmfs(sampler, at).into_iter().zip(distribution) {
+        assert!((pmf - same).abs() <= 1.0e-5 * pmf.max(1.0e-3), "{light:?} {pmf} {same}");
+        sum += f64::from(pmf);
+        let contributes = (0..4).any(|_| sampler.sample_light(at, light, [rng.unit(); 2]).is_some());
+        assert!(pmf > 0.0 || !contributes, "{light:?} is never chosen");
+    }
+    // The rest is the probability that no light is chosen.
+    assert!(sum <= 1.0 + 1.0e-4, "{sum}");
+    let mut misses = 0;
+    for i in 0..draws {
+        let Some(pick) = sampler.pick(at, [(i as f32 + 0.5) / draws as f32, rng.unit()]) else {
+            misses += 1;
+            continue;
+        };
+        let pmf = sampler.pmf(at, pick.light);
+        assert!((pick.pmf - pmf).abs() <= 1.0e-4 * pmf, "{pick:?} {pmf}");
+    }
+    // Six standard deviations: one false alarm in a billion comparisons.
+    let expected = 1.0 - sum.min(1.0);
+    let deviation = (expected * (1.0 - expected) / f64::from(draws)).sqrt();
+    let share = f64::from(misses) / f64::from(draws);
+    assert!((share - expected).abs() <= 6.0 * deviation + 1.0e-3, "{share} {expected}");
+}
+
 /// Checks that the frequencies of all lights among some draws are their probabilities.
 pub fn assert_frequencies(sampler: &LightSampler, at: &ShadingPoint, draws: usize, rng: &mut Rng) {
     let pmfs = all_pmfs(sampler, at);
