@@ -21,10 +21,15 @@ fn light_rows(x: vec4<u32>, y: vec4<u32>, z: vec4<u32>) -> array<vec4<f32>, 3> {
 }
 
 // #if SECTORS
-// The position of a point that is `rest` from the centre of a sector, relative to the centre of the
-// sector `home`. Twin of `SectorPoint::relative_to`.
-fn light_from_home(rest: vec3<f32>, sector: vec3<i32>, home: vec3<i32>) -> vec3<f32> {
-    return rest + vec3<f32>(sector - home) * LIGHT_SECTOR_EDGE;
+// A map with its translation relative to the centre of the sector `home`, instead of that of
+// `sector`. Twin of `SectorPoint::relative_to`.
+fn light_from_home(rows: array<vec4<f32>, 3>, sector: vec3<i32>, home: vec3<i32>) -> array<vec4<f32>, 3> {
+    let away = vec3<f32>(sector - home) * LIGHT_SECTOR_EDGE;
+    var moved = rows;
+    moved[0].w += away.x;
+    moved[1].w += away.y;
+    moved[2].w += away.z;
+    return moved;
 }
 // #endif
 

@@ -143,10 +143,7 @@ fn light_instance(slot: u32) -> LightInstance {
     // #if SECTORS
     if light_params.instance_sector < light_params.instance_stride {
         let sector = bitcast<vec3<i32>>(light_instances[at + light_params.instance_sector].xyz);
-        let place = light_from_home(light_translation(instance.to_world), sector, light_params.home);
-        instance.to_world[0].w = place.x;
-        instance.to_world[1].w = place.y;
-        instance.to_world[2].w = place.z;
+        instance.to_world = light_from_home(instance.to_world, sector, light_params.home);
     }
     // #endif
     instance.flags = words.x;

@@ -23,10 +23,7 @@ fn instance_of(slot: u32) -> LightInstance {
     instance.to_world = light_rows(instances[at], instances[at + 1u], instances[at + 2u]);
     if top_pass.instance_sector < top_pass.instance_stride {
         let sector = bitcast<vec3<i32>>(instances[at + top_pass.instance_sector].xyz);
-        let place = light_from_home(light_translation(instance.to_world), sector, top_pass.home);
-        instance.to_world[0].w = place.x;
-        instance.to_world[1].w = place.y;
-        instance.to_world[2].w = place.z;
+        instance.to_world = light_from_home(instance.to_world, sector, top_pass.home);
     }
     instance.flags = instances[at + LIGHT_INSTANCE_TREE].x;
     instance.tree = instances[at + LIGHT_INSTANCE_TREE].y;
