@@ -26,6 +26,7 @@ mod requests;
 mod rest;
 mod rest_timers;
 mod sections;
+mod slot_round;
 mod slot_set;
 mod staged;
 mod surroundings;

@@ -15,6 +15,7 @@ use glam::{DVec3, Vec3};
 use slotmap::SecondaryMap;
 
 use super::LightWorld;
+use super::slot_round::SlotRound;
 use crate::keys::{InstanceKey, TreeKey, slot_of};
 
 /// Trees of more lights stay whole: each light of an open tree is a leaf of the top level, which is
@@ -86,10 +87,8 @@ pub(super) struct Overlaps {
     filed: SecondaryMap<InstanceKey, Filed>,
     /// Instances that were added since the last update.
     new: Vec<InstanceKey>,
-    /// The number of slots that are still to be visited after the last change.
-    slots_left: usize,
-    /// The slot to visit next, modulo the number of slots.
-    next_slot: usize,
+    /// The slots that are visited after the last change.
+    round: SlotRound,
 }
 
 /// The length of the cells for a size: twice the extent of the largest instance of that size, so
@@ -231,7 +230,7 @@ impl LightWorld {
         let center = instance.placement.translation + aabb.center().as_dvec3();
         if self.overlaps.file(key, WorldBox::new(center, aabb.extent())) {
             // What was judged by its former box is judged again.
-            self.overlaps.slots_left = self.slot_count();
+            self.overlaps.round.restart(self.slot_count());
         }
         true
     }
@@ -251,17 +250,15 @@ impl LightWorld {
             self.judge(key);
         }
         if has_moved {
-            self.overlaps.slots_left = self.slot_count();
+            self.overlaps.round.restart(self.slot_count());
         }
         let mut judged = 0;
-        for _ in 0..SLOTS_PER_UPDATE.min(self.overlaps.slots_left) {
+        for _ in 0..SLOTS_PER_UPDATE {
             if judged == JUDGED_PER_UPDATE {
                 break;
             }
-            let slot = self.overlaps.next_slot % self.slot_count();
-            self.overlaps.next_slot = slot + 1;
-            self.overlaps.slots_left -= 1;
-            if let Some(key) = self.instance_at(slot as u32) {
+            let Some(slot) = self.overlaps.round.visit(self.slot_count()) else { break };
+            if let Some(key) = self.instance_at(slot) {
                 judged += usize::from(self.judge(key));
             }
         }
@@ -401,7 +398,7 @@ mod tests {
         }
         assert_eq!(before, 0);
         // Everything was judged, so updates do nothing more.
-        assert_eq!(world.overlaps.slots_left, 0);
+        assert_eq!(world.overlaps.round.visit(world.slot_count()), None);
         assert!(world.overlaps.new.is_empty());
     }
 
@@ -449,10 +446,10 @@ mod tests {
         world.make_unique(second).expect("it lives");
         world.update(FrameBudget::NONE);
         assert_eq!((filed(&world), open_count(&world)), (8, 8));
-        let slots_left = world.overlaps.slots_left;
+        let round = world.overlaps.round;
         world.set_origin(DVec3::new(1.0e4, 0.0, 7.0)).expect("near");
         // Nothing is filed again.
-        assert_eq!((filed(&world), world.overlaps.slots_left), (8, slots_left));
+        assert_eq!((filed(&world), world.overlaps.round), (8, round));
         world.replace_lights(shared, string(1)).expect("valid");
         world.move_instance(keys[2], Placement { linear: Mat3::ZERO, ..Placement::IDENTITY }).expect("valid");
         for _ in 0..4 {

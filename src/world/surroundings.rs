@@ -13,6 +13,7 @@ use slotmap::SecondaryMap;
 
 use super::LightWorld;
 use super::overlap::{GridCell, corner_cells};
+use super::slot_round::SlotRound;
 use crate::keys::{InstanceKey, TreeKey};
 
 /// An instance lies among others if it has this many neighbours, and until it has none.
@@ -30,7 +31,7 @@ const THICKNESS: f64 = 0.02;
 const MIN_AMONG: f32 = 0.5;
 
 /// Slots that an update looks at while anything moves.
-const SLOTS_PER_UPDATE: usize = 256;
+const SLOTS_PER_UPDATE: usize = 64;
 
 /// Large instances that are compared with one instance.
 const MAX_LOOKED_AT: usize = 64;
@@ -65,10 +66,8 @@ pub(super) struct Surroundings {
     large: SecondaryMap<InstanceKey, Large>,
     /// Instances that were added since the last update.
     new: Vec<InstanceKey>,
-    /// The number of slots that are still to be visited after the last change.
-    slots_left: usize,
-    /// The slot to visit next, modulo the number of slots.
-    next_slot: usize,
+    /// The slots that are visited after the last change.
+    round: SlotRound,
 }
 
 impl ThickBox {
@@ -209,20 +208,18 @@ impl LightWorld {
             self.file_large(*key);
         }
         if self.surroundings.large.is_empty() {
-            self.surroundings.slots_left = 0;
+            self.surroundings.round.end();
             return;
         }
         for key in new {
             self.meet_others(key);
         }
         if has_moved {
-            self.surroundings.slots_left = self.slot_count();
+            self.surroundings.round.restart(self.slot_count());
         }
-        for _ in 0..SLOTS_PER_UPDATE.min(self.surroundings.slots_left) {
-            let slot = self.surroundings.next_slot % self.slot_count();
-            self.surroundings.next_slot = slot + 1;
-            self.surroundings.slots_left -= 1;
-            if let Some(key) = self.instance_at(slot as u32) {
+        for _ in 0..SLOTS_PER_UPDATE {
+            let Some(slot) = self.surroundings.round.visit(self.slot_count()) else { break };
+            if let Some(key) = self.instance_at(slot) {
                 self.file_large(key);
                 self.meet_others(key);
                 self.part_from_others(key);
@@ -237,7 +234,7 @@ impl LightWorld {
             Some(bounds) => {
                 if self.surroundings.file(key, bounds) {
                     // All others may be neighbours.
-                    self.surroundings.slots_left = self.slot_count();
+                    self.surroundings.round.restart(self.slot_count());
                 }
             }
             None => self.forget_surroundings(key, tree),
@@ -372,7 +369,7 @@ mod tests {
         assert!(has_sections(&world, tree));
         // Everything was judged, so updates do nothing more.
         world.update(FrameBudget::NONE);
-        assert_eq!((world.surroundings.slots_left, world.surroundings.new.len()), (0, 0));
+        assert_eq!((world.surroundings.round.visit(world.slot_count()), world.surroundings.new.len()), (None, 0));
     }
 
     #[test]
