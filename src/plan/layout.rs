@@ -392,25 +392,15 @@ impl TreeRecord {
         }
     }
 
-    /// The records of a tree. `sections` are those of a tree of [`Division::Sections`].
-    pub fn of(tree: &LightTree, division: Division, sections: &[Section]) -> Vec<Self> {
+    /// The record of a part of a tree. `sections` are those of a tree of [`Division::Sections`].
+    pub fn of(tree: &LightTree, division: Division, sections: &[Section], index: u32) -> Self {
+        let part = index as usize;
         match division {
-            Division::Whole => vec![Self::of_cluster(&tree.cluster(), 0)],
-            Division::Sides => {
-                let targets = tree.nodes()[0].targets;
-                tree.sides().iter().zip(targets).map(|(side, target)| Self::of_cluster(side, target)).collect()
-            }
-            Division::Sections(_) => sections.iter().map(|section| Self::of_section(tree, section)).collect(),
-            Division::Lights => {
-                let record = |(index, light): (u32, &Light)| Self::of_cluster(&light.cluster(), LEAF | index);
-                (0..).zip(tree.lights()).map(record).collect()
-            }
+            Division::Whole => Self::of_cluster(&tree.cluster(), 0),
+            Division::Sides => Self::of_cluster(&tree.sides()[part], tree.nodes()[0].targets[part]),
+            Division::Sections(_) => Self::of_cluster(&tree.section_cluster(&sections[part]), sections[part].target),
+            Division::Lights => Self::of_cluster(&tree.lights()[part].cluster(), LEAF | index),
         }
-    }
-
-    /// The record of a section of a tree.
-    pub fn of_section(tree: &LightTree, section: &Section) -> Self {
-        Self::of_cluster(&tree.section_cluster(section), section.target)
     }
 
     fn of_cluster(cluster: &Cluster, target: u32) -> Self {

@@ -68,6 +68,7 @@ pub(crate) mod kernel;
 pub(crate) mod layout;
 mod limits;
 mod memory;
+mod part_records;
 mod parts;
 mod place;
 pub(crate) mod pool;

@@ -9,6 +9,7 @@ use super::buffers::{BufferId, NewBuffer};
 use super::changes::{PendingChanges, Slots};
 use super::error::PlanError;
 use super::layout::{ParamsRecord, PartRecord, TreeRecord};
+use super::part_records::written_records;
 use super::parts::NewParts;
 use super::pool::{Growth, RestartedPool};
 use super::previous::Copies;
@@ -91,7 +92,7 @@ pub(super) struct TreeWrite {
     pub source: Source,
     /// The places in the pools of the first node and the first light of the tree.
     pub bases: [u32; 2],
-    /// The records of all parts are written, and not only those of the sections below written nodes.
+    /// The records of all parts are written, and not only those that change with the nodes and lights.
     pub has_new_records: bool,
 }
 
@@ -292,7 +293,7 @@ impl LightPlanner {
         room.slots = self.instances.alloc(more_slots, growth)?;
         let has_masks = effects.contains(Effects::MASKS);
         self.top.reserve(self.parts.count(), has_masks, growth, (&mut self.ids, &mut room.new_buffers))?;
-        self.find_runs(changes, room);
+        self.find_runs(world, changes, room);
         self.name_buffers(room);
         Ok(())
     }
@@ -324,15 +325,17 @@ impl LightPlanner {
 
     /// Counts the runs of records that will be written, and decides which pools take them from staged
     /// records.
-    fn find_runs(&self, changes: &PendingChanges, room: &mut Room) {
+    fn find_runs(&self, world: &LightWorld, changes: &PendingChanges, room: &mut Room) {
         let [mut node_count, mut light_count, mut tree_count, mut instance_count] =
             [RunCount::default(); scatter::MAX_TARGETS];
         for (write, [nodes, lights]) in &room.trees.writes {
-            room.trees.runs[nodes.clone()].iter().for_each(|run| node_count.add(run));
-            room.trees.runs[lights.clone()].iter().for_each(|run| light_count.add(run));
-            if !matches!(write.source, Source::Piece) {
-                tree_count.add(&self.state_after(write.slot, &room.placed).records);
-            }
+            let runs = [&room.trees.runs[nodes.clone()], &room.trees.runs[lights.clone()]];
+            runs[0].iter().for_each(|run| node_count.add(run));
+            runs[1].iter().for_each(|run| light_count.add(run));
+            let Some(key) = world.tree_at(write.slot) else { continue };
+            let state = self.state_after(write.slot, &room.placed);
+            let written = written_records(write, state.division, world.sections(key), state.records.len(), runs);
+            written.for_each(|run| tree_count.add(&run));
         }
         room.instances = changes.records();
         add_runs(&mut room.instance_runs, room.instances.as_slice().iter().copied(), 0);

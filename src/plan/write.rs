@@ -8,13 +8,13 @@ use super::changes::UploadReport;
 use super::commands::Commands;
 use super::frame::FramePlan;
 use super::layout::{Bases, InstanceRecord, LightRecord, ParamsRecord, STAND_IN, TreeRecord, stored_place};
+use super::part_records::written_records;
 use super::reserve::{Reservation, Room, Source, TreeRuns};
 use super::residency::{Form, Incoming, TreeState};
 use super::scatter::{MAX_TARGETS, Scattered, scatter};
 use crate::effects::Effects;
 use crate::keys::{generation_of, slot_of};
-use crate::part::Division;
-use crate::tree::{LEAF, Node, Target, WIDTH};
+use crate::tree::{LEAF, Node, Target};
 use crate::world::LightWorld;
 
 /// Commands and bytes of a plan besides the records of the large pools: parts and parameters.
@@ -213,31 +213,18 @@ impl LightPlanner {
                 let target = light_base + run.start..light_base + run.end;
                 self.lights.write(commands, &mut staged.lights, target, fill);
             }
-            if matches!(write.source, Source::Piece) {
-                continue;
-            }
             if matches!(write.source, Source::Tree) {
                 self.residency.was_written(write.slot, entry.log.revision());
             }
             // The records of stand-ins describe the whole tree, so nothing changes in the top level
             // when it takes their place.
-            let state = self.residency.get(write.slot);
-            if matches!(state.division, Division::Sections(_)) && !write.has_new_records {
-                // What a section's record says is in the node above it.
-                let of_node = |node: u32| sections.partition_point(|section| section.place / (WIDTH as u32) < node);
-                for run in &runs[node_runs.clone()] {
-                    let found = of_node(run.start)..of_node(run.end);
-                    if found.is_empty() {
-                        continue;
-                    }
-                    let target = state.records.start + found.start as u32..state.records.start + found.end as u32;
-                    let fill = sections[found].iter().map(|section| TreeRecord::of_section(tree, section));
-                    self.trees.write(commands, &mut staged.trees, target, fill);
-                }
-                continue;
+            let (tree, sections, state) = (&entry.tree, &entry.sections, self.residency.get(write.slot));
+            let runs = [&runs[node_runs.clone()], &runs[light_runs.clone()]];
+            for run in written_records(write, state.division, sections, state.records.len(), runs) {
+                let target = state.records.start + run.start..state.records.start + run.end;
+                let fill = run.map(|index| TreeRecord::of(tree, state.division, sections, index));
+                self.trees.write(commands, &mut staged.trees, target, fill);
             }
-            let fill = TreeRecord::of(&entry.tree, state.division, &entry.sections).into_iter();
-            self.trees.write(commands, &mut staged.trees, state.records.clone(), fill);
         }
     }
 

@@ -151,7 +151,8 @@ fn build(top: &mut TopRig, world: &LightWorld) -> Built {
     let (mut trees, mut bases) = (vec![TreeRecord::default()], HashMap::new());
     for key in world.trees() {
         bases.insert(key, trees.len() as u32);
-        trees.extend(TreeRecord::of(world.tree(key).unwrap(), world.division(key), world.sections(key)));
+        let (tree, division, sections) = (world.tree(key).unwrap(), world.division(key), world.sections(key));
+        trees.extend((0..TreeRecord::count(tree, division)).map(|i| TreeRecord::of(tree, division, sections, i)));
     }
     let mut instances = vec![InstanceRecord::NONE; world.slot_count().max(1)];
     for key in world.instances() {

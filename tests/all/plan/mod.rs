@@ -102,6 +102,48 @@ fn many_flickering_trees_go_up_in_one_write() {
 }
 
 #[test]
+fn changed_lights_of_trees_in_sections_and_open_trees_go_up_alone_beside_many_small_trees() {
+    let (mut world, mut rng) = (LightWorld::new(), Rng(8));
+    let lamp = |rng: &mut Rng| Light::point(rng.place(50.0), Vec3::splat(rng.between(1.0, 2.0)));
+    let mut add = |world: &mut LightWorld, lights: usize| {
+        let tree = world.add_tree((0..lights).map(|_| lamp(&mut rng)).collect()).expect("valid");
+        world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
+        tree
+    };
+    let town = add(&mut world, 5000);
+    let strings = [100; 6].map(|lights| add(&mut world, lights));
+    let houses = [4; 70].map(|lights| add(&mut world, lights));
+    let mut played = Played::new();
+    let delta = update(&mut world);
+    played.frame(&world, &delta);
+    let mut bytes = |world: &mut LightWorld| {
+        let delta = update(world);
+        played.frame(world, &delta).report.bytes
+    };
+    // A path of nodes with their sections or with nothing else, a few lights, and one record.
+    let dim = Vec3::splat(0.5);
+    world.set_emission(strings[2], 50, dim).expect("valid");
+    let of_string = bytes(&mut world);
+    assert!(of_string <= 1500, "{of_string}");
+    world.set_emission(town, 50, dim).expect("valid");
+    let of_town = bytes(&mut world);
+    assert!(of_town <= 4000, "{of_town}");
+    // The records of many trees are scattered, and so are short runs of sections.
+    for house in houses {
+        world.set_emission(house, 1, dim).expect("valid");
+    }
+    let of_houses = bytes(&mut world);
+    for i in (0..5000).step_by(100) {
+        world.set_emission(town, i, 2.0 * dim).expect("valid");
+    }
+    for house in houses {
+        world.set_emission(house, 1, 2.0 * dim).expect("valid");
+    }
+    let of_all = bytes(&mut world);
+    assert!(of_all <= of_houses + 50 * of_town, "{of_all}");
+}
+
+#[test]
 fn a_frame_without_changes_has_an_empty_plan() {
     let (mut world, tree, keys) = lamps(100);
     let mut played = Played::new();
