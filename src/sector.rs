@@ -1,9 +1,10 @@
 //! Positions as a cell of a coarse grid and a rest, for worlds whose origin moves along that grid.
 //!
-//! A sector is a cube with an edge of [`ORIGIN_GRID`] metres whose centre lies on the grid. The rest
-//! is at most half an edge along each axis, so f32 holds it to 15 micrometres anywhere in the world.
-//! Relative to an origin on the grid, a position is the rest plus a whole number of edges. f32 holds
-//! the length of these edges exactly, so the sum is rounded once (docs/math.md, "Sectors").
+//! A sector is a cube with an edge of [`ORIGIN_GRID`] metres whose centre lies on the grid. The
+//! rest is at most half an edge along each axis, so f32 holds it to 15 micrometres anywhere in the
+//! world. Relative to an origin on the grid, a position is the rest plus a whole number of edges.
+//! f32 holds the length of these edges exactly, so the sum is rounded once (docs/math.md,
+//! "Sectors").
 
 use glam::{DVec3, Vec3};
 
@@ -37,8 +38,8 @@ impl SectorPoint {
     }
 
     /// The position relative to the centre of another sector, rounded once. Twin of
-    /// `light_from_home` in `shaders/instance.wgsl`, which has integers because shader compilers may
-    /// reorder sums of floats.
+    /// `light_from_home` in `shaders/instance.wgsl`, which has integers because shader compilers
+    /// may reorder sums of floats.
     pub fn relative_to(&self, home: Vec3) -> Vec3 {
         self.rest + (self.center - home)
     }

@@ -1,7 +1,7 @@
 //! The limits that an engine sets for the GPU side.
 
-/// The largest buffer of the engine's device, the memory that trees may take there, and the bytes of
-/// new trees that a frame may send.
+/// The largest buffer of the engine's device, the memory that trees may take there, and the bytes
+/// of new trees that a frame may send.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct PlanLimits {
@@ -21,8 +21,8 @@ pub struct PlanLimits {
 }
 
 impl PlanLimits {
-    /// A largest storage buffer of this many bytes, and no other limits. Less than 131,072 counts as
-    /// 131,072.
+    /// A largest storage buffer of this many bytes, and no other limits. Less than 131,072 counts
+    /// as 131,072.
     pub fn new(largest_buffer: u64) -> Self {
         let largest_buffer = largest_buffer.max(MIN_LARGEST_BUFFER);
         Self { largest_buffer, tree_memory: None, frame_bytes: None }

@@ -58,19 +58,19 @@ impl LightPlanner {
     /// Limits the memory that the nodes and lights of trees take, in bytes, from the next plan on;
     /// `None` lifts the limit. At first it is [`PlanLimits::tree_memory`](super::PlanLimits).
     ///
-    /// Shaders see trees that do not fit as *stand-ins*, a coarse level of detail: up to 64 of their
-    /// lights that shine as brightly as all of them. So no light is lost, but accuracy degrades.
-    /// Trees whose stand-ins are the least wrong at [`LightWorld::set_viewpoint`] are evicted first:
-    /// far, small and dim ones. Without a viewpoint, dim trees are evicted first. Without a limit
-    /// the same happens to trees for which [`PlanLimits::largest_buffer`](super::PlanLimits) has no
-    /// room.
+    /// Shaders see trees that do not fit as *stand-ins*, a coarse level of detail: up to 64 of
+    /// their lights that shine as brightly as all of them. So no light is lost, but accuracy
+    /// degrades. Trees whose stand-ins are the least wrong at [`LightWorld::set_viewpoint`] are
+    /// evicted first: far, small and dim ones. Without a viewpoint, dim trees are evicted first.
+    /// Without a limit the same happens to trees for which
+    /// [`PlanLimits::largest_buffer`](super::PlanLimits) has no room.
     ///
     /// With a limit, a buffer grows by a factor of 16 at a time up to its share of the limit, so
-    /// little is ever copied. While it grows, the old and the new buffer together exceed the share by
-    /// at most a sixteenth. Without a limit, buffers double. A lower limit than before may send all
-    /// trees again. A limit below 131,072 counts as 131,072. Instances and the top level do not count
-    /// towards the limit: they take about 320 bytes for each instance, and up to twice as much
-    /// because their buffers double.
+    /// little is ever copied. While it grows, the old and the new buffer together exceed the share
+    /// by at most a sixteenth. Without a limit, buffers double. A lower limit than before may send
+    /// all trees again. A limit below 131,072 counts as 131,072. Instances and the top level do not
+    /// count towards the limit: they take about 320 bytes for each instance, and up to twice as
+    /// much because their buffers double.
     ///
     /// A plan fails with [`PlanError::Full`](super::PlanError::Full) if there is not even room for
     /// stand-ins, of up to 3.5 KB for each tree, and for trees of up to 16 lights, which are always
@@ -91,11 +91,12 @@ impl LightPlanner {
     /// [`UploadReport::waiting_trees`](super::UploadReport::waiting_trees) counts the trees that wait.
     /// A tree of more bytes than the limit is sent in pieces. What else changed is sent at once,
     /// whatever its size: changes of trees that shaders see whole, trees of up to 16 lights,
-    /// stand-ins, and the records of instances. So is a tree that is rebuilt three times while it is
-    /// sent in pieces. With 0, nothing that waits is sent.
+    /// stand-ins, and the records of instances. So is a tree that is rebuilt three times while it
+    /// is sent in pieces. With 0, nothing that waits is sent.
     ///
-    /// With a limit other than 0, plans also defragment: once more than an eighth of a buffer is gaps
-    /// that trees have left, up to a quarter of the bytes of a frame goes to trees that move to gaps.
+    /// With a limit other than 0, plans also defragment: once more than an eighth of a buffer is
+    /// gaps that trees have left, up to a quarter of the bytes of a frame goes to trees that move
+    /// to gaps.
     pub fn set_frame_bytes(&mut self, bytes: Option<u64>) {
         self.limits.frame_bytes = bytes;
     }

@@ -1,8 +1,8 @@
 //! A best-fit suballocator of ranges of a buffer.
 //!
-//! A range comes from the shortest gap that is long enough, the first one of several. All calls take
-//! O(log gaps), so frames hardly take longer as a pool gets more gaps. (The crate range-alloc, which
-//! was used before, makes the same choices but looks at all gaps in each call.)
+//! A range comes from the shortest gap that is long enough, the first one of several. All calls
+//! take O(log gaps), so frames hardly take longer as a pool gets more gaps. (The crate range-alloc,
+//! which was used before, makes the same choices but looks at all gaps in each call.)
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;

@@ -61,8 +61,8 @@ impl TreeState {
     }
 
     /// The lengths of new ranges for these numbers of nodes and lights. If either number has grown,
-    /// both ranges get a quarter more. So a tree to which lights are added one by one moves within the
-    /// pools once for each quarter of its lights.
+    /// both ranges get a quarter more. So a tree to which lights are added one by one moves within
+    /// the pools once for each quarter of its lights.
     pub fn room_for(&self, [nodes, lights]: [usize; 2]) -> [u32; 2] {
         let has_grown = self.form == Form::Whole && (nodes > self.nodes.len() || lights > self.lights.len());
         [nodes, lights].map(|count| if has_grown { count + count / 4 + 16 } else { count } as u32)

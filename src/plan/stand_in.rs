@@ -1,11 +1,11 @@
-//! Stand-ins, a coarse level of detail: a few lights of a tree that shine as brightly as all of them,
-//! while the GPU does not hold the tree.
+//! Stand-ins, a coarse level of detail: a few lights of a tree that shine as brightly as all of
+//! them, while the GPU does not hold the tree.
 //!
 //! The tree is divided into clusters; the brightest and largest are split first. One light of each
 //! cluster is drawn with a probability proportional to its flux, and gets the flux of the whole
-//! cluster. So the expected illuminance of the stand-ins is that of the tree's lights at every point
-//! (as in Yuksel, Stochastic Lightcuts, 2019). The draw depends on the tree alone, so it stays the
-//! same from frame to frame.
+//! cluster. So the expected illuminance of the stand-ins is that of the tree's lights at every
+//! point (as in Yuksel, Stochastic Lightcuts, 2019). The draw depends on the tree alone, so it
+//! stays the same from frame to frame.
 
 use crate::dice::hash;
 use crate::light::{Light, MAX_EMISSION};
@@ -81,8 +81,8 @@ fn divide(tree: &LightTree, wanted: usize) -> Vec<Part> {
     parts
 }
 
-/// A light of a cluster, with the flux of the cluster; `random` decides which. `None` if all of them
-/// are dark.
+/// A light of a cluster, with the flux of the cluster; `random` decides which. `None` if all of
+/// them are dark.
 fn stand_in(tree: &LightTree, part: &Part, random: u32) -> Option<Light> {
     let (mut target, mut random) = (part.target, random);
     let index = loop {

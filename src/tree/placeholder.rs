@@ -27,8 +27,9 @@ impl LightTree {
     ///
     /// A placeholder is a sound tree with true fluxes, bounds and probabilities, so its lights can
     /// be sampled at once, on the CPU and the GPU, with more noise than after a build. It may be
-    /// edited, refitted, frozen and cloned like any tree. A [`LightWorld`](crate::LightWorld) builds
-    /// its placeholders within the budgets of its updates, whatever the policies of their instances.
+    /// edited, refitted, frozen and cloned like any tree. A [`LightWorld`](crate::LightWorld)
+    /// builds its placeholders within the budgets of its updates, whatever the policies of their
+    /// instances.
     /// [`LightTree::rebuild`] builds one at once. The built tree has the same bits as
     /// [`LightTree::new`] of these lights.
     ///

@@ -52,7 +52,8 @@ impl LightTree {
         sections
     }
 
-    /// Whether these sections, in the order of their places, are still a cut of the tree. O(sections).
+    /// Whether these sections, in the order of their places, are still a cut of the tree.
+    /// O(sections).
     pub(crate) fn has_sections(&self, sections: &[Section]) -> bool {
         let mut open = vec![0];
         let mut found = 0;

@@ -10,8 +10,8 @@ pub(super) struct Regions {
     pub by_key: SlotMap<RegionKey, RegionEntry>,
 }
 
-/// The trees and instances of a region. Keys may be stale: trees and instances can be removed one by
-/// one.
+/// The trees and instances of a region. Keys may be stale: trees and instances can be removed one
+/// by one.
 #[derive(Debug, Default)]
 pub(super) struct RegionEntry {
     /// In the order of the region, as all lists here.
@@ -65,8 +65,9 @@ impl<'a> RegionView<'a> {
         &self.entry.instances
     }
 
-    /// The trees that [`LightWorld::make_unique`](crate::LightWorld::make_unique) made for instances
-    /// of the region, in the order of the calls. The keys of trees that were removed since are stale.
+    /// The trees that [`LightWorld::make_unique`](crate::LightWorld::make_unique) made for
+    /// instances of the region, in the order of the calls. The keys of trees that were removed
+    /// since are stale.
     pub fn copies(&self) -> &'a [TreeKey] {
         &self.entry.copies
     }

@@ -43,8 +43,8 @@ impl LightWorld {
     /// Adds all trees and instances of a region. They take effect at once, as if each were added by
     /// itself.
     ///
-    /// O(trees + instances): nothing is built or refitted, and no light is copied or read. A tree of
-    /// the world whose first instance is in the region, and is stretched, becomes a placeholder.
+    /// O(trees + instances): nothing is built or refitted, and no light is copied or read. A tree
+    /// of the world whose first instance is in the region, and is stretched, becomes a placeholder.
     ///
     /// # Errors
     /// [`WorldError::RegionTree`] for a tree of the world whose key is stale,
@@ -157,7 +157,8 @@ impl LightWorld {
         Ok(RemovedRegion { trees })
     }
 
-    /// Records that an instance got a copy of its tree, which belongs to the region of the instance.
+    /// Records that an instance got a copy of its tree, which belongs to the region of the
+    /// instance.
     pub(super) fn was_copied(&mut self, instance: InstanceKey, copy: TreeKey) {
         let Some(region) = self.instances[instance].region else { return };
         let entry = &mut self.regions.by_key[region];

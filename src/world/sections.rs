@@ -57,7 +57,8 @@ impl LightWorld {
             return;
         }
         if is_wanted && !entry.sections.is_empty() {
-            // Hysteresis: up to twice as many stay, so instances that come and go seldom change them.
+            // Hysteresis: up to twice as many stay, so instances that come and go seldom change
+            // them.
             let fits = entry.sections.len() * instances <= 2 * MAX_OF_INSTANCES;
             if fits && entry.tree.has_sections(&entry.sections) {
                 return;

@@ -3,8 +3,9 @@
 //!
 //! Instances of large trees are filed in grids by size and position. Every instance looks for large
 //! ones that its own box overlaps, and becomes one of their *neighbours*. It does so after it was
-//! added. While anything moves, each update lets some instances look again. Work and memory for each
-//! instance are bounded, and a world without large trees pays only for a list of added instances.
+//! added. While anything moves, each update lets some instances look again. Work and memory for
+//! each instance are bounded, and a world without large trees pays only for a list of added
+//! instances.
 
 use std::collections::HashMap;
 

@@ -162,7 +162,8 @@ impl Region {
         self.add(RegionSource::Own { tree: Box::new(tree), has_instance: false })
     }
 
-    /// Adds a tree that [`LightTree::bake`] has written. Costs as much as [`LightTree::from_baked`].
+    /// Adds a tree that [`LightTree::bake`] has written. Costs as much as
+    /// [`LightTree::from_baked`].
     ///
     /// # Errors
     /// As [`LightTree::from_baked`].
@@ -186,10 +187,10 @@ impl Region {
     /// Adds an instance of a tree of this region. Returns its index: instances are numbered in the
     /// order in which they were added.
     ///
-    /// O(1), unless it is the first instance of a tree of more than eight lights and is stretched, as
-    /// in [`LightWorld::add_instance`](crate::LightWorld::add_instance). Then a built tree that was
-    /// not made for the instance is rebuilt now. A placeholder, or a tree of the world without an
-    /// instance, is built for the instance later.
+    /// O(1), unless it is the first instance of a tree of more than eight lights and is stretched,
+    /// as in [`LightWorld::add_instance`](crate::LightWorld::add_instance). Then a built tree that
+    /// was not made for the instance is rebuilt now. A placeholder, or a tree of the world without
+    /// an instance, is built for the instance later.
     ///
     /// # Errors
     /// [`WorldError::NoSuchRegionTree`], [`WorldError::Policy`], [`WorldError::Factor`],
