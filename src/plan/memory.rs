@@ -61,9 +61,9 @@ impl LightPlanner {
     /// Shaders see trees that do not fit as *stand-ins*, a coarse level of detail: up to 64 of
     /// their lights that shine as brightly as all of them. So no light is lost, but accuracy
     /// degrades. Trees whose stand-ins are the least wrong at [`LightWorld::set_viewpoint`] are
-    /// evicted first: far, small and dim ones. Without a viewpoint, dim trees are evicted first.
-    /// Without a limit the same happens to trees for which
-    /// [`PlanLimits::largest_buffer`](super::PlanLimits) has no room.
+    /// evicted first: far, small and dim ones. Without a viewpoint, trees of dim lights are. Without
+    /// a limit the same happens to trees for which [`PlanLimits::largest_buffer`](super::PlanLimits)
+    /// has no room.
     ///
     /// With a limit, a buffer grows by a factor of 16 at a time up to its share of the limit, so
     /// little is ever copied. While it grows, the old and the new buffer together exceed the share
@@ -88,9 +88,9 @@ impl LightPlanner {
     /// limit. At first it is [`PlanLimits::frame_bytes`](super::PlanLimits).
     ///
     /// Until it is a tree's turn, shaders see its stand-ins or its older version:
-    /// [`UploadReport::waiting_trees`](super::UploadReport::waiting_trees) counts the trees that wait.
-    /// A tree of more bytes than the limit is sent in pieces. What else changed is sent at once,
-    /// whatever its size: changes of trees that shaders see whole, trees of up to 16 lights,
+    /// [`UploadReport::waiting_trees`](super::UploadReport::waiting_trees) counts the trees that
+    /// wait. A tree of more bytes than the limit is sent in pieces. What else changed is sent at
+    /// once, whatever its size: changes of trees that shaders see whole, trees of up to 16 lights,
     /// stand-ins, and the records of instances. So is a tree that is rebuilt three times while it
     /// is sent in pieces. With 0, nothing that waits is sent.
     ///

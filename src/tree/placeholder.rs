@@ -29,11 +29,10 @@ impl LightTree {
     /// be sampled at once, on the CPU and the GPU, with more noise than after a build. It may be
     /// edited, refitted, frozen and cloned like any tree. A [`LightWorld`](crate::LightWorld)
     /// builds its placeholders within the budgets of its updates, whatever the policies of their
-    /// instances.
-    /// [`LightTree::rebuild`] builds one at once. The built tree has the same bits as
+    /// instances. [`LightTree::rebuild`] builds one at once. The built tree has the same bits as
     /// [`LightTree::new`] of these lights.
     ///
-    /// Up to eight lights make one node, which is built at once: no placeholder.
+    /// Up to eight lights make one node, which is built at once: the tree is no placeholder.
     ///
     /// O(lights): `docs/decisions.md`, 59, has times and the noise.
     ///

@@ -106,11 +106,12 @@ impl LightWorld {
     ///
     /// Call it before instances are added: then it is O(1). Later, a change from or to
     /// [`OriginMode::Free`] is O(instances) and uploads every instance again. It also changes
-    /// [`LightWorld::effects`], so other shaders are needed. Between the other two modes it is O(1).
+    /// [`LightWorld::effects`], so other shaders are needed. Between the other two modes it is
+    /// O(1).
     ///
     /// # Errors
-    /// [`WorldError::OriginOffGrid`] and [`WorldError::OriginTooFar`] if the new mode does not allow
-    /// the present origin; [`WorldError::Placement`] if an instance would be too far away.
+    /// [`WorldError::OriginOffGrid`] and [`WorldError::OriginTooFar`] if the new mode does not
+    /// allow the present origin; [`WorldError::Placement`] if an instance would be too far away.
     pub fn set_origin_mode(&mut self, mode: OriginMode) -> Result<(), WorldError> {
         let former = self.origin.mode;
         let origin = Origin::at(mode, self.origin.position)?;
@@ -133,9 +134,9 @@ impl LightWorld {
     /// next call to [`LightWorld::set_viewpoint`] may move the origin again.
     ///
     /// # Errors
-    /// [`WorldError::NotFinite`] for a coordinate that is NaN or infinite. With [`OriginMode::Free`]
-    /// [`WorldError::Placement`] if an instance would be too far from the origin. With the other
-    /// modes [`WorldError::OriginOffGrid`] and [`WorldError::OriginTooFar`].
+    /// [`WorldError::NotFinite`] for a coordinate that is NaN or infinite. With
+    /// [`OriginMode::Free`] [`WorldError::Placement`] if an instance would be too far from the
+    /// origin. With the other modes [`WorldError::OriginOffGrid`] and [`WorldError::OriginTooFar`].
     pub fn set_origin(&mut self, position: DVec3) -> Result<(), WorldError> {
         let origin = Origin::at(self.origin.mode, position)?;
         if position == self.origin.position {

@@ -26,8 +26,8 @@ impl fmt::Debug for RemovedRegion {
 
 impl RemovedRegion {
     /// The trees of the region that were still in the world, in its order, then the copies that
-    /// [`LightWorld::make_unique`] made for its instances. Each is as of the last update; edits that
-    /// waited for the next one are dropped.
+    /// [`LightWorld::make_unique`] made for its instances. Each is as of the last update; edits
+    /// that waited for the next one are dropped.
     pub fn trees(&self) -> impl ExactSizeIterator<Item = &LightTree> {
         self.trees.iter().map(|removed| &removed.entry.tree)
     }
