@@ -1,35 +1,36 @@
 //! Positions as a cell of a coarse grid and a rest, for worlds whose origin moves along that grid.
 //!
-//! A sector is a cube of [`ORIGIN_GRID`] metres whose centre lies on the grid. The rest is at most
-//! half as long along each axis, so f32 holds it to 15 micrometres anywhere in the world. Relative
-//! to an origin on the grid, a position is the rest plus a whole number of sectors. f32 holds their
-//! length exactly, so the sum is rounded once (docs/math.md, "Sectors").
+//! A sector is a cube with an edge of [`ORIGIN_GRID`] metres whose centre lies on the grid. The
+//! rest is at most half an edge along each axis, so f32 holds it to 15 micrometres anywhere in the
+//! world. Relative to an origin on the grid, a position is the rest plus a whole number of edges.
+//! f32 holds the length of these edges exactly, so the sum is rounded once (docs/math.md,
+//! "Sectors").
 
 use glam::{DVec3, Vec3};
 
 /// The step of the grid that the origin of a world lies on, in metres: a power of two. See
 /// [`OriginMode`](crate::OriginMode).
 ///
-/// A larger step moves the origin less often and leaves fewer digits: 2 km from the origin, f32
-/// resolves a quarter of a millimetre.
+/// A larger step would move the origin less often and leave less precision: 2 to 4 km from the
+/// origin, f32 resolves a quarter of a millimetre.
 pub const ORIGIN_GRID: f64 = EDGE as f64;
 
 /// The edge of a sector, in metres. A power of two, so that products with it are exact.
 pub(crate) const EDGE: f32 = 1024.0;
 
-/// A position whose distances from zero f32 would round.
+/// A position that f32 coordinates relative to zero would round.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct SectorPoint {
     /// The centre of the sector, in metres. f32 holds it exactly up to 10^10 m: it is a multiple of
     /// the edge.
     pub center: Vec3,
-    /// From there to the position, in metres.
+    /// From the centre to the position, in metres.
     pub rest: Vec3,
 }
 
 impl SectorPoint {
-    /// A position of finite coordinates of at most 10^9 m. The same rest, bit for bit, for positions
-    /// that are a multiple of the grid apart.
+    /// From a position with finite coordinates of at most 10^9 m. Positions that are a multiple of
+    /// the grid apart have the same rest, bit for bit.
     pub fn new(position: DVec3) -> Self {
         let center = nearest(position);
         // Exact in f64, and rounded once.
@@ -37,7 +38,7 @@ impl SectorPoint {
     }
 
     /// The position relative to the centre of another sector, rounded once. Twin of
-    /// `light_from_home` in `shaders/instance.wgsl`, which has integers because compilers of shaders
+    /// `light_from_home` in `shaders/instance.wgsl`, which has integers because shader compilers
     /// may reorder sums of floats.
     pub fn relative_to(&self, home: Vec3) -> Vec3 {
         self.rest + (self.center - home)
@@ -47,8 +48,7 @@ impl SectorPoint {
 /// The centre of the sector in which a position lies; the position must be finite.
 pub(crate) fn nearest(position: DVec3) -> DVec3 {
     let sectors = position / ORIGIN_GRID;
-    // Not `round`, which treats ties below zero in another way than ties above, and not a sum with
-    // 0.5, which may be rounded.
+    // Not `round`, which rounds ties away from zero, and not a sum with 0.5, which may round.
     let below = sectors.floor();
     let is_upper_half = (sectors - below).cmpge(DVec3::splat(0.5));
     (below + DVec3::select(is_upper_half, DVec3::ONE, DVec3::ZERO)) * ORIGIN_GRID

@@ -1,17 +1,18 @@
-//! What the blocks of the world hold: a street, two towers and a market of their own, and four
-//! houses that the whole world shares.
+//! The contents of blocks: each has a street, two towers and a market of its own, and four houses
+//! whose trees the whole world shares.
 //!
-//! A block is a region. Its content depends on the seed and its place alone, so a block that comes
-//! back is the same. The street and the market come as placeholders, which the world builds; the
-//! towers are built by the thread that loads, as trees would be that were baked.
+//! A block is a region. Its contents depend only on the seed and its place, so a block that comes
+//! back is the same. The street and the market are placeholders, which the world builds. The loader
+//! thread builds the towers, in place of loading baked trees.
 
 use super::settings::Settings;
 use crate::common::pcg::Rng;
 use girandole::glam::{DVec3, Vec3};
 use girandole::{Light, LightTree, LightWorld, Placement, Policy, Region, RegionInstance, TreeKey, WorldError};
 
-/// Houses of a block, and lights of a house.
+/// Houses of a block.
 const HOUSES: usize = 4;
+/// Lights of a house.
 const HOUSE_LIGHTS: usize = 16;
 /// Kinds of houses.
 pub const KINDS: usize = 4;
@@ -32,7 +33,7 @@ impl Block {
         DVec3::new((f64::from(self.x) + 0.5) * size, 0.0, (f64::from(self.z) + 0.5) * size)
     }
 
-    /// Twice the distance of middles is twice as far.
+    /// The horizontal distance from the camera to the middle, in metres.
     pub fn distance(self, size: f64, camera: DVec3) -> f64 {
         let away = self.middle(size) - camera;
         away.x.hypot(away.z)
@@ -77,7 +78,7 @@ impl Builder {
         Ok(builder)
     }
 
-    /// How bright a part of the world is: 0.5 to 1.5 times the mean.
+    /// The number of lights per area at a block, relative to the mean: 0.5 to 1.5.
     pub fn density(&self, block: Block) -> f32 {
         let place = block.middle(self.size) * 1.0e-3;
         1.0 + 0.5 * ((place.x * 1.9).sin() * (place.z * 2.3).cos()) as f32
@@ -102,7 +103,7 @@ impl Builder {
         (0..side).flat_map(|x| (0..side).map(move |z| Block { x, z })).map(|block| self.light_count(block)).sum()
     }
 
-    /// The lights of the market of a block, as they are before they flicker.
+    /// The lights of the market of a block, before they flicker.
     pub fn market(&self, block: Block) -> Vec<Light> {
         let mut rng = Rng::new(self.seed, self.stream(block) + 1);
         let half = 0.2 * self.size as f32;

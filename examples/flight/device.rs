@@ -1,5 +1,4 @@
-//! The GPU that plans are made for: it knows the sizes of its buffers, and checks what would be
-//! written there.
+//! A mock of the GPU: it keeps the sizes of buffers, and checks the commands of plans.
 
 use girandole::plan::{BufferId, Command, FramePlan, PlanCursor};
 use std::collections::HashMap;

@@ -19,25 +19,25 @@ use std::time::{Duration, Instant};
 pub struct FrameCosts {
     /// CPU time of the thread: all of the following parts.
     pub frame: Duration,
-    /// The same on the wall.
+    /// The same as wall-clock time.
     pub wall: Duration,
-    /// Regions that leave and come.
+    /// Removing and adding regions.
     pub regions: Duration,
     /// Moves of vehicles and edits of lights, and the viewpoint.
     pub edits: Duration,
     pub update: Duration,
-    /// The delta, and the plan of the frame.
+    /// Taking the delta, and planning the frame.
     pub plan: Duration,
     pub arrived: usize,
     pub left: usize,
     pub report: FrameReport,
 }
 
-/// What a rebuild takes for each light by the world's clock, about what it takes on our machine. With
-/// the machine's own clock, each run would rebuild other trees in other frames.
+/// The time of a rebuild for each light by the world's clock, about as on the machine of the
+/// figures. With a real clock, each run would rebuild other trees in other frames.
 const LIGHT_TIME: Duration = Duration::from_nanos(400);
 
-/// Trees that belong to no block: the houses, and the car.
+/// The number of trees that belong to no block: the houses, and the car.
 pub const SHARED_TREES: usize = KINDS + 1;
 
 /// A world, its planner, and a camera above it.
@@ -52,7 +52,7 @@ pub struct Flight {
     loader: Loader,
     traffic: Traffic,
     frame: u32,
-    /// Frames of the path that were flown.
+    /// The number of frames flown along the path.
     flown: u32,
     pub camera: DVec3,
 }
@@ -109,16 +109,17 @@ impl Flight {
         self.advance(self.settings.block_size, play)
     }
 
-    /// The next frame, with the camera where it is. All blocks go that are not wanted there.
+    /// The next frame, with the camera where it is. Blocks that are not wanted there leave without
+    /// a margin.
     pub fn hover(&mut self, play: impl FnOnce(&FramePlan)) -> Result<FrameCosts, FlightError> {
         self.advance(0.0, play)
     }
 
-    /// `margin` is how much farther away blocks are that go than blocks that come.
+    /// Blocks leave when they are farther away than the radius by `margin`, in metres.
     fn advance(&mut self, margin: f64, play: impl FnOnce(&FramePlan)) -> Result<FrameCosts, FlightError> {
         self.frame += 1;
         let camera = self.camera;
-        // What the engine does for itself, and what it waits for.
+        // The engine's own work, and waiting for the loader, are not measured.
         let leaving = self.stream.departures(camera, margin);
         let leaving: Vec<_> = leaving.iter().filter_map(|block| self.stream.resident.remove(block)).collect();
         self.stream.request(self.frame, camera).into_iter().for_each(|block| self.loader.fill(block));
@@ -161,7 +162,7 @@ impl Flight {
         Ok(costs)
     }
 
-    /// Removes all blocks, and plans that.
+    /// Removes all blocks, and plans a frame.
     pub fn remove_all(&mut self, play: impl FnOnce(&FramePlan)) -> Result<(), FlightError> {
         for (_, key) in self.stream.resident.drain() {
             self.loader.free(self.world.remove_region(key)?);

@@ -1,11 +1,11 @@
-//! The thread that fills regions, and frees those that have left the world.
+//! The loader thread: it fills regions, and frees those that have left the world.
 
 use super::blocks::{Block, Builder};
 use girandole::{Region, RemovedRegion, WorldError};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 
-/// What the thread is asked for.
+/// A job for the thread.
 #[derive(Debug)]
 enum Job {
     Fill(Block),
@@ -20,12 +20,12 @@ pub struct Loader {
     thread: Option<JoinHandle<()>>,
 }
 
-/// What goes wrong if the thread is gone.
+/// The message of a panic if the thread is gone.
 const GONE: &str = "the loader lives as long as its handle";
 
 impl Loader {
     pub fn start(builder: Builder) -> Result<Self, String> {
-        // A pool of its own, so that it takes no thread from the world's.
+        // A pool of its own, so that it takes no thread from the world's pool.
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|error| error.to_string())?;
         let (jobs, asked) = channel();
         let (sender, filled) = channel();
@@ -49,7 +49,7 @@ impl Loader {
         self.jobs.as_ref().and_then(|jobs| jobs.send(job).ok()).expect(GONE);
     }
 
-    /// Asks for a block.
+    /// Requests a block.
     pub fn fill(&self, block: Block) {
         self.ask(Job::Fill(block));
     }
@@ -69,7 +69,7 @@ impl Drop for Loader {
     fn drop(&mut self) {
         self.jobs = None;
         if let Some(thread) = self.thread.take() {
-            // A panic of the thread has been told by `take`.
+            // `take` has reported a panic of the thread.
             drop(thread.join());
         }
     }

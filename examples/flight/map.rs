@@ -1,4 +1,4 @@
-//! The world from above: how many lights there are, the path, and what is resident.
+//! The world from above: lights per area, the path, and the radius of residency.
 
 use super::blocks::Block;
 use super::flight::Flight;

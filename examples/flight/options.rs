@@ -12,7 +12,7 @@ use girandole::plan::UploadReport;
 use std::fs;
 use std::path::PathBuf;
 
-/// Flies over a world that streams, and measures each frame.
+/// Flies over a streaming world, and measures each frame.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "flight", version)]
 pub struct Options {
@@ -25,7 +25,7 @@ pub struct Options {
     /// Only measure frames in worlds of several sizes
     #[arg(long)]
     pub scale: bool,
-    /// How often to fly; of each frame the run in which it took the least time counts
+    /// How often to fly; each frame counts in the run in which it took the least time
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100))]
     pub runs: u32,
     /// Seeds the lights and the traffic
@@ -33,10 +33,11 @@ pub struct Options {
     pub seed: u64,
 }
 
-/// Frames that the camera rests before and after the flight: until all trees are built and frozen.
+/// Frames for which the camera rests before and after the flight, until all trees are built and
+/// frozen.
 const REST: u32 = 400;
 
-/// The frames that `worst.csv` lists.
+/// The number of frames that `worst.csv` lists.
 const WORST: usize = 20;
 
 /// Flies, and writes what was measured.
@@ -78,7 +79,7 @@ pub fn run(options: &Options) -> Result<(), String> {
     Ok(())
 }
 
-/// The rows of all frames, and what there was before and after them.
+/// The rows of all frames, and the state before and after them.
 fn fly(settings: &Settings) -> Result<(Vec<Row>, [Ends; 2], Flight), FlightError> {
     let bar = progress("flight", u64::from(settings.frames + 2 * REST));
     let mut device = Device::default();

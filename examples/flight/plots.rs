@@ -8,7 +8,7 @@ use std::path::Path;
 /// The size of a panel, in pixels.
 const SIZE: (u32, u32) = (520, 260);
 const COLUMNS: usize = 2;
-/// Points of a line: each stands for several frames.
+/// The most points of a line; each stands for several frames.
 const POINTS: usize = 250;
 
 /// A column and its unit.
@@ -24,11 +24,11 @@ const PANELS: [Panel; 10] = [
     Panel { title: "delta and plan, µs", value: |row| us(row.costs.plan) },
     Panel { title: "uploaded, KB", value: |row| row.upload.bytes as f64 * 1.0e-3 },
     Panel { title: "resident lights, thousands", value: |row| row.lights as f64 * 1.0e-3 },
-    Panel { title: "trees that wait for an upload", value: |row| row.upload.waiting_trees as f64 },
+    Panel { title: "trees waiting for an upload", value: |row| row.upload.waiting_trees as f64 },
     Panel { title: "memory on the CPU, MB", value: |row| row.cpu_bytes as f64 * 1.0e-6 },
     Panel { title: "memory on the GPU, MB", value: |row| row.gpu_bytes as f64 * 1.0e-6 },
     Panel {
-        title: "gaps in the pools over bytes in use",
+        title: "gaps in the pools, relative to bytes in use",
         value: |row| row.gap_bytes as f64 / row.used_bytes.max(1) as f64,
     },
 ];
@@ -36,7 +36,7 @@ const PANELS: [Panel; 10] = [
 const WORST: Stroke = Stroke::new(PALETTE[6], 1, false);
 const MEDIAN: Stroke = Stroke::new(PALETTE[5], 2, false);
 
-/// Draws all columns. A line shows the median of some frames, another one the largest of them.
+/// Draws all columns. One line shows the median of several frames, another one their largest value.
 pub fn draw(path: &Path, rows: &[Row]) -> Result<(), String> {
     let lines = PANELS.len().div_ceil(COLUMNS) as u32;
     let size = (SIZE.0 * COLUMNS as u32, SIZE.1 * lines + 60);

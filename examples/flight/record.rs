@@ -6,7 +6,7 @@ use girandole::plan::UploadReport;
 use std::path::Path;
 use std::time::Duration;
 
-/// What is known of a frame.
+/// The measurements of a frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Row {
     pub frame: u32,

@@ -6,9 +6,9 @@ use std::f64::consts::TAU;
 
 /// Metres above the ground.
 const HEIGHT: f64 = 120.0;
-/// Half of the extent of the path along x and z, before it gets its length.
+/// Half of the extent of the path along x and z, before it is scaled to its length.
 const EXTENT: DVec2 = DVec2::new(2.0, 1.0);
-/// Pieces that the length of the path is measured with.
+/// The number of straight pieces that measure the length of the path.
 const PIECES: u32 = 4096;
 
 /// A closed path through the middle of the world.
@@ -40,7 +40,7 @@ impl Route {
         self.middle + self.extent * DVec2::new(angle.cos(), (2.0 * angle).sin())
     }
 
-    /// The camera after a share of a round; 1 is the start again.
+    /// The position of the camera after a share of a round; 1 is the start again.
     pub fn camera(&self, share: f64) -> DVec3 {
         let target = share.rem_euclid(1.0) * self.lengths[self.lengths.len() - 1];
         let piece = self.lengths.partition_point(|length| *length <= target).min(self.lengths.len() - 1);

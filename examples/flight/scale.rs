@@ -1,4 +1,4 @@
-//! What frames cost in worlds of several sizes, in which the same number of things change.
+//! The cost of frames in worlds of several sizes, in which the same number of things change.
 
 use super::device::Device;
 use super::flight::{Flight, FlightError};
@@ -9,11 +9,11 @@ use crate::common::table::Table;
 use girandole::plan::PlanLimits;
 use std::path::Path;
 
-/// About so many resident lights, in thousands.
+/// Approximate numbers of resident lights, in thousands.
 const SIZES: [u32; 4] = [30, 100, 300, 3_000];
-/// The sizes of `--quick`.
+/// The number of these sizes with `--quick`.
 const QUICK: usize = 2;
-/// Frames before the first that counts: all trees are frozen then, 64 in each frame at most.
+/// Frames before the first that counts. All trees are frozen then: 64 in each frame at most.
 const REST: u32 = 650;
 const FRAMES: u32 = 500;
 

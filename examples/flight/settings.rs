@@ -3,7 +3,7 @@
 use girandole::plan::PlanLimits;
 use std::time::Duration;
 
-/// What is flown over, and what each frame may take.
+/// The world, the path, and the limits of each frame.
 #[derive(Clone, Debug)]
 pub struct Settings {
     pub seed: u64,
@@ -13,9 +13,10 @@ pub struct Settings {
     pub block_size: f64,
     /// Lights of a block, on average: see `blocks.rs`.
     pub lights_per_block: f32,
-    /// All lights are points, as the tests' checker of buffers wants them.
+    /// All lights are points, which the tests' checker of buffers needs.
     pub is_plain: bool,
-    /// Blocks whose middle is nearer than this to the camera are to be resident, in metres.
+    /// Blocks whose middle is within this horizontal distance of the camera should be resident, in
+    /// metres.
     pub radius: f64,
     /// Frames of one round along the path.
     pub frames: u32,
@@ -23,13 +24,13 @@ pub struct Settings {
     pub speed: f64,
     /// Vehicles that move in each frame.
     pub vehicles: usize,
-    /// Blocks around the camera whose lights flicker, along each side of a square.
+    /// Blocks with lights that flicker, along each side of a square around the camera.
     pub flickering: i32,
-    /// Blocks that come, and blocks that go, in one frame at most.
+    /// The most blocks that arrive, and the most that leave, in one frame.
     pub blocks_per_frame: usize,
     /// Frames from the request of a block to its arrival.
     pub latency: u32,
-    /// Time for rebuilds in one frame.
+    /// The budget for rebuilds in one frame.
     pub budget: Duration,
     pub limits: PlanLimits,
 }

@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
-/// The CPU time that this thread has taken so far. Where the system cannot tell, the time on the
-/// wall since the first call.
+/// The CPU time that this thread has taken so far. On systems other than Linux, the wall-clock time
+/// since the first call.
 #[cfg(target_os = "linux")]
-#[allow(unsafe_code, reason = "the standard library does not tell the time of threads")]
+#[allow(unsafe_code, reason = "the standard library has no CPU time of threads")]
 pub fn thread_time() -> Duration {
     let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
     // SAFETY: the call writes one `timespec`, which is ours.
@@ -14,7 +14,7 @@ pub fn thread_time() -> Duration {
     Duration::new(time.tv_sec as u64, time.tv_nsec as u32)
 }
 
-/// The time since the first call.
+/// The wall-clock time since the first call.
 #[cfg(not(target_os = "linux"))]
 pub fn thread_time() -> Duration {
     use std::sync::OnceLock;

@@ -1,4 +1,4 @@
-//! Which blocks come and go.
+//! Which blocks arrive and leave.
 
 use super::blocks::Block;
 use super::settings::Settings;
@@ -6,14 +6,14 @@ use girandole::RegionKey;
 use girandole::glam::DVec3;
 use std::collections::{HashMap, HashSet, VecDeque};
 
-/// The blocks that are resident, and those that are on their way.
+/// The blocks that are resident, and those that were requested.
 #[derive(Debug)]
 pub struct Stream {
     blocks: u32,
     size: f64,
     radius: f64,
     latency: u32,
-    /// Blocks that come or go in one frame at most.
+    /// The most blocks that are requested, and the most that leave, in one frame.
     most: usize,
     pub resident: HashMap<Block, RegionKey>,
     requested: HashSet<Block>,
@@ -35,7 +35,7 @@ impl Stream {
         }
     }
 
-    /// The blocks that are wanted and neither there nor requested, the nearest first.
+    /// The wanted blocks that are neither resident nor requested, the nearest first.
     pub fn missing(&self, camera: DVec3) -> Vec<Block> {
         let column = |at: f64| ((at / self.size).floor() as i32).clamp(0, self.blocks as i32 - 1);
         let columns = |at: f64| column(at - self.radius)..=column(at + self.radius);
@@ -53,7 +53,7 @@ impl Stream {
         near.total_cmp(&far).then(a.cmp(&b))
     }
 
-    /// Notes what to request in a frame, and returns it.
+    /// Chooses the blocks to request in a frame.
     pub fn request(&mut self, frame: u32, camera: DVec3) -> Vec<Block> {
         let mut blocks = self.missing(camera);
         blocks.truncate(self.most);
@@ -72,8 +72,8 @@ impl Stream {
         blocks
     }
 
-    /// The blocks that leave in this frame, the farthest first. They are farther away by `margin` than
-    /// those that come, so that none comes and goes in turn.
+    /// The blocks that leave in this frame, the farthest first. They are farther away than the
+    /// radius by `margin`, in metres, so that none arrives and leaves in turn.
     pub fn departures(&self, camera: DVec3, margin: f64) -> Vec<Block> {
         let is_far = |block: &&Block| block.distance(self.size, camera) > self.radius + margin;
         let mut far: Vec<Block> = self.resident.keys().filter(is_far).copied().collect();
@@ -82,7 +82,7 @@ impl Stream {
         far
     }
 
-    /// The square of blocks around the camera, this many along each side, that are resident.
+    /// The resident blocks of a square around the camera, with `side` blocks along each side.
     pub fn around(&self, camera: DVec3, side: i32) -> Vec<(Block, RegionKey)> {
         let first = |at: f64| (at / self.size).round() as i32 - side / 2;
         let (x, z) = (first(camera.x), first(camera.z));

@@ -7,7 +7,7 @@ use girandole::WorldMemory;
 use girandole::plan::GpuMemory;
 use std::fmt;
 
-/// What there was while the camera rested, before or after the flight.
+/// The state while the camera rested, before or after the flight.
 #[derive(Clone, Copy, Debug)]
 pub struct Ends {
     pub lights: usize,
@@ -59,7 +59,7 @@ impl Summary {
         line("resident lights", format!("median {:.0}, most {:.0}", resident.median, resident.worst));
         let [arrived, left]: [usize; 2] =
             [rows.iter().map(|row| row.costs.arrived).sum(), rows.iter().map(|row| row.costs.left).sum()];
-        line("blocks", format!("{} resident at the end, {arrived} came, {left} went", ends[1].regions));
+        line("blocks", format!("{} resident at the end, {arrived} arrived, {left} left", ends[1].regions));
         let mut times = |what: &str, time: fn(&Row) -> f64| {
             let Spread { median, high, worst } = Spread::of(rows.iter().map(time));
             let ratios =
@@ -67,7 +67,7 @@ impl Summary {
             line(what, format!("median {median:.0} us, {ratios}"));
         };
         times("frame, CPU time", |row| us(row.costs.frame));
-        times("frame, time on the wall", |row| us(row.costs.wall));
+        times("frame, wall-clock time", |row| us(row.costs.wall));
         times("  regions", |row| us(row.costs.regions));
         times("  moves and edits", |row| us(row.costs.edits));
         times("  update", |row| us(row.costs.update));
@@ -75,9 +75,9 @@ impl Summary {
         let bytes = Spread::of(rows.iter().map(|row| row.upload.bytes as f64));
         line("bytes uploaded in a frame", format!("median {:.0}, worst {:.0}", bytes.median, bytes.worst));
         let waiting = Spread::of(rows.iter().map(|row| row.upload.waiting_trees as f64));
-        line("trees that wait for upload", format!("median {:.0}, most {:.0}", waiting.median, waiting.worst));
+        line("trees waiting for an upload", format!("median {:.0}, most {:.0}", waiting.median, waiting.worst));
         let builds = Spread::of(rows.iter().map(|row| row.costs.report.placeholder_trees as f64));
-        line("trees that wait for a build", format!("median {:.0}, most {:.0}", builds.median, builds.worst));
+        line("trees waiting for a build", format!("median {:.0}, most {:.0}", builds.median, builds.worst));
         let per_light = |bytes: fn(&Row) -> f64| Spread::of(rows.iter().map(|row| bytes(row) / row.lights as f64));
         let cpu = per_light(|row| row.cpu_bytes as f64);
         let gpu = per_light(|row| row.gpu_bytes as f64);

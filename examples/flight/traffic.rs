@@ -1,5 +1,5 @@
-//! What changes in every frame: vehicles that drive along the streets near the camera, and lights
-//! of the markets near it that flicker.
+//! The changes of every frame: vehicles drive along streets near the camera, and lights of the
+//! markets near it flicker.
 
 use super::blocks::{Block, Builder, MARKET};
 use super::settings::Settings;
@@ -34,7 +34,7 @@ pub struct Traffic {
     pub moves: Vec<(InstanceKey, Placement)>,
     /// The edits of a frame.
     pub edits: Vec<(TreeKey, Vec<(u32, Light)>)>,
-    /// The lights of the markets that flicker, before they do.
+    /// The lights of these markets, before they flicker.
     markets: HashMap<Block, Vec<Light>>,
 }
 
@@ -71,7 +71,7 @@ impl Traffic {
         (world, builder): (&LightWorld, &Builder),
     ) {
         let reach = REACH * self.size;
-        // The place that repeats every two reaches and is the nearest to the camera.
+        // Streets repeat every two reaches: the coordinate nearest to the camera.
         let wrap = |at: f64, camera: f64| camera - reach + (at - camera + reach).rem_euclid(2.0 * reach);
         self.moves.clear();
         for drive in &self.drives {

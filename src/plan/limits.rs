@@ -1,12 +1,12 @@
-//! What an engine allows the GPU side to take.
+//! The limits that an engine sets for the GPU side.
 
-/// What buffers the engine's device can have, how much memory trees may take there, and how much may
-/// be sent in a frame.
+/// The largest buffer of the engine's device, the memory that trees may take there, and the bytes
+/// of new trees that a frame may send.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct PlanLimits {
     /// Bytes of the largest storage buffer that the device can make and bind whole. At least
-    /// 131,072. More lets a world hold more instances, and more of its trees whole.
+    /// 131,072. With more, the GPU holds more instances, and more trees whole.
     pub largest_buffer: u64,
     /// Bytes of the buffers that hold the nodes and lights of trees; `None` if only
     /// [`PlanLimits::largest_buffer`] bounds them. See [`LightPlanner::set_tree_memory`].
@@ -21,7 +21,8 @@ pub struct PlanLimits {
 }
 
 impl PlanLimits {
-    /// Limits with a largest storage buffer of this many bytes, at least 131,072, and no others.
+    /// A largest storage buffer of this many bytes, and no other limits. Less than 131,072 counts
+    /// as 131,072.
     pub fn new(largest_buffer: u64) -> Self {
         let largest_buffer = largest_buffer.max(MIN_LARGEST_BUFFER);
         Self { largest_buffer, tree_memory: None, frame_bytes: None }
@@ -47,5 +48,5 @@ impl Default for PlanLimits {
     }
 }
 
-/// The largest buffer of an empty world.
+/// The size of the largest buffer of an empty world, in bytes.
 pub(crate) const MIN_LARGEST_BUFFER: u64 = 128 * 1024;

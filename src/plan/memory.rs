@@ -1,4 +1,4 @@
-//! The memory that the GPU side takes, and how it is divided.
+//! The memory that the GPU side takes, and how a limit of it is divided between nodes and lights.
 
 use std::collections::BTreeMap;
 
@@ -10,13 +10,13 @@ use crate::effects::Effects;
 use crate::keys::{TreeKey, slot_of};
 use crate::world::LightWorld;
 
-/// The least memory of trees: enough for the pools of an empty world.
+/// The least memory of trees, in bytes: enough for the pools of an empty world.
 const MIN_TREE_MEMORY: u64 = 128 * 1024;
 
-/// Each of the two pools of trees gets at least this share of the memory: one part in so many.
+/// Each of the two pools of trees gets at least one part in this many of the memory.
 const LEAST_SHARE: u64 = 8;
 
-/// Trees that are looked at to divide the memory between nodes and lights.
+/// About how many trees are looked at to divide the memory between nodes and lights.
 const SAMPLED_TREES: u32 = 256;
 
 /// The bytes that the GPU side takes: see [`LightPlanner::memory`].
@@ -28,9 +28,9 @@ pub struct GpuMemory {
     /// Bytes of the two buffers of nodes and lights: the part that
     /// [`LightPlanner::set_tree_memory`] limits.
     pub trees: u64,
-    /// Bytes of nodes and lights in these two that are in use.
+    /// Bytes of these two that hold nodes and lights.
     pub used: u64,
-    /// Bytes of gaps between those in use.
+    /// Bytes of gaps between nodes and lights in use: fragmentation.
     pub gaps: u64,
 }
 
@@ -42,7 +42,7 @@ pub(super) struct BufferSizes {
 }
 
 impl BufferSizes {
-    /// Notes that buffers were made and freed.
+    /// Records buffers that were made and freed.
     pub fn change(&mut self, new: &[NewBuffer], freed: &[BufferId]) {
         for buffer in new {
             self.total += buffer.bytes;
@@ -58,20 +58,23 @@ impl LightPlanner {
     /// Limits the memory that the nodes and lights of trees take, in bytes, from the next plan on;
     /// `None` lifts the limit. At first it is [`PlanLimits::tree_memory`](super::PlanLimits).
     ///
-    /// Trees that do not fit are seen by shaders as *stand-ins*: up to 64 of their lights that shine
-    /// as brightly as all of them. Those whose stand-ins are the least wrong at
-    /// [`LightWorld::set_viewpoint`] give way first: far ones, small ones and dim ones. So no light is
-    /// lost, and accuracy degrades. Without a limit the same happens to trees for which
-    /// [`PlanLimits::largest_buffer`](super::PlanLimits) has no room.
+    /// Shaders see trees that do not fit as *stand-ins*, a coarse level of detail: up to 64 of
+    /// their lights that shine as brightly as all of them. So no light is lost, but accuracy
+    /// degrades. Trees whose stand-ins are the least wrong at [`LightWorld::set_viewpoint`] are
+    /// evicted first: far, small and dim ones. Without a viewpoint, trees of dim lights are. Without
+    /// a limit the same happens to trees for which [`PlanLimits::largest_buffer`](super::PlanLimits)
+    /// has no room.
     ///
-    /// With a limit, buffers grow by steps of 16 up to the whole limit, so that little is ever copied,
-    /// and the limit holds for old and new buffers together but for a sixteenth. Without one, they
-    /// double. A lower limit than before may send all trees again. Less than 131,072 counts as that.
-    /// Tables of instances and the top level are not part of it: they take about 320 bytes for each
-    /// instance, and up to twice as much once they have grown.
+    /// With a limit, a buffer grows by a factor of 16 at a time up to its share of the limit, so
+    /// little is ever copied. While it grows, the old and the new buffer together exceed the share
+    /// by at most a sixteenth. Without a limit, buffers double. A lower limit than before may send
+    /// all trees again. A limit below 131,072 counts as 131,072. Instances and the top level do not
+    /// count towards the limit: they take about 320 bytes for each instance, and up to twice as
+    /// much because their buffers double.
     ///
-    /// A plan fails with [`PlanError::Full`](super::PlanError::Full) if not even stand-ins fit, of up
-    /// to 3.5 KB for each tree, and trees of up to 16 lights, which are always whole.
+    /// A plan fails with [`PlanError::Full`](super::PlanError::Full) if there is not even room for
+    /// stand-ins, of up to 3.5 KB for each tree, and for trees of up to 16 lights, which are always
+    /// whole.
     pub fn set_tree_memory(&mut self, bytes: Option<u64>) {
         if bytes != self.limits.tree_memory {
             self.limits.tree_memory = bytes;
@@ -84,15 +87,16 @@ impl LightPlanner {
     /// Limits the bytes of new trees and of new versions of trees that a plan sends; `None` lifts the
     /// limit. At first it is [`PlanLimits::frame_bytes`](super::PlanLimits).
     ///
-    /// Trees wait until it is their turn, and shaders see stand-ins of them, or their older version:
-    /// see [`UploadReport::waiting_trees`](super::UploadReport::waiting_trees). A tree of more bytes
-    /// is sent in pieces. What else changed is sent at once, whatever it takes: changes of trees that
-    /// shaders see whole, trees of up to 16 lights, stand-ins, and the records of instances. A tree
-    /// that is rebuilt three times while it is sent in pieces is sent at once too. With 0, nothing
-    /// that waits is sent.
+    /// Until it is a tree's turn, shaders see its stand-ins or its older version:
+    /// [`UploadReport::waiting_trees`](super::UploadReport::waiting_trees) counts the trees that
+    /// wait. A tree of more bytes than the limit is sent in pieces. What else changed is sent at
+    /// once, whatever its size: changes of trees that shaders see whole, trees of up to 16 lights,
+    /// stand-ins, and the records of instances. So is a tree that is rebuilt three times while it
+    /// is sent in pieces. With 0, nothing that waits is sent.
     ///
-    /// With a limit, plans also join gaps that trees have left: up to a quarter of the bytes of a
-    /// frame goes to trees that move to gaps, once more than an eighth of a buffer is gaps.
+    /// With a limit other than 0, plans also defragment: once more than an eighth of a buffer is
+    /// gaps that trees have left, up to a quarter of the bytes of a frame goes to trees that move
+    /// to gaps.
     pub fn set_frame_bytes(&mut self, bytes: Option<u64>) {
         self.limits.frame_bytes = bytes;
     }
@@ -104,8 +108,8 @@ impl LightPlanner {
         state.key == Some(tree) && state.form == Form::StandIns
     }
 
-    /// Whether shaders do not see a tree as it is after the last plan: they see stand-ins, an older
-    /// version, or nothing of a tree that was never planned.
+    /// Whether shaders do not see the present version of a tree after the last plan. They see
+    /// stand-ins, an older version, or nothing of a tree that was never planned.
     pub fn is_waiting(&self, tree: TreeKey) -> bool {
         let state = self.residency.get(slot_of(tree));
         state.key != Some(tree) || state.waits
@@ -126,8 +130,8 @@ impl LightPlanner {
         memory
     }
 
-    /// Divides a limited memory between nodes and lights, as the trees of the world need it. The
-    /// division stays the same once a pool has taken its last step.
+    /// Divides a limited memory between nodes and lights, in the ratio of their bytes in the world.
+    /// The division stays the same once a pool has grown to its whole share.
     pub(super) fn divide_memory(&mut self, world: &LightWorld, effects: Effects) {
         let Some(memory) = self.limits.tree_memory.map(|memory| memory.max(MIN_TREE_MEMORY)) else {
             self.nodes.set_share(None);

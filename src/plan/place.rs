@@ -1,8 +1,8 @@
 //! Decides what of each tree a frame sends: the whole tree, what changed, a piece, or stand-ins.
 //!
-//! What changed in a tree that shaders see whole is sent at once, whatever it takes. New trees and new
-//! versions of trees share the bytes of a frame, the most useful first. Until a tree has been sent,
-//! shaders see its stand-ins or its older version.
+//! What changed in a tree that shaders see whole is sent at once, whatever its size. New trees and
+//! new versions of trees share the bytes of a frame, the most useful first. Until a tree has been
+//! sent, shaders see its stand-ins or its older version.
 
 use std::ops::Range;
 
@@ -20,44 +20,45 @@ use crate::part::Division;
 use crate::tree::LightTree;
 use crate::world::{LightWorld, TreeChanges, TreeEntry};
 
-/// Nodes that did not change are sent along if at most this many lie between two that did. That
-/// saves a write.
+/// Nodes that did not change are sent too if at most this many lie between two that did. That saves
+/// a write.
 const NODE_GAP: u32 = 2;
 /// The same for lights.
 const LIGHT_GAP: u32 = 8;
 
-/// Trees whose usefulness a frame computes again while some wait.
+/// The number of trees whose usefulness a frame computes again while trees wait.
 const WEIGHED_PER_FRAME: u32 = 64;
 
-/// A tree gives way only to one that is more useful by this factor, so that they do not take turns.
+/// A tree is evicted only for one that is more useful by this factor, so that two trees do not
+/// displace each other in turn.
 const MIN_GAIN: f32 = 1.25;
 
-/// The most trees that give way to one.
+/// The most trees that are evicted for one.
 const MAX_LOOKED_AT: usize = 4096;
 
-/// The most of them that do so in one frame.
+/// The most of them in one frame.
 const MAX_FALLBACKS: usize = 16;
 
 /// The most trees that are looked at to find one that can move to a gap.
 const MAX_MOVES: usize = 64;
 
-/// Trees move to gaps once more than one part in so many of a pool is gaps, up to the last tree.
+/// Trees move to gaps once more than one part in this many of a pool, up to its last tree, is gaps.
 const MAX_GAPS: u64 = 8;
 
-/// They may take one part in so many of the bytes of a frame.
+/// These moves may take one part in this many of the bytes of a frame.
 const MOVED_SHARE: u64 = 4;
 
 /// Bytes that a frame moves to make room for a tree if nothing bounds what it sends.
 const MOVED_BYTES: u64 = 256 * 1024;
 
-/// A tree that changes as a whole while it is sent in pieces is begun again this many times. Then it
-/// is sent at once.
+/// A tree that changes as a whole while it is sent in pieces is started again at most this many
+/// times. Then it is sent at once.
 const MAX_RESTARTS: u32 = 2;
 
-/// The most trees that a frame brings.
+/// The most waiting trees that a frame looks at.
 const MAX_BROUGHT: usize = 4096;
 
-/// The most trees for which a frame finds no room before it gives up.
+/// A frame gives up once it has found no room for this many trees.
 const MAX_REFUSALS: usize = 8;
 
 /// A tree of the world, and the key under which shaders know it.
@@ -85,8 +86,9 @@ impl<'a> Subject<'a> {
         [self.tree().nodes().len(), self.tree().lights().len()]
     }
 
-    /// The error that stand-ins of the tree make, per record of the tree, as the bits of an f32 that is
-    /// not negative, so that bits compare as numbers. [`NOT_WEIGHED`] for a tree that is always whole.
+    /// The error that stand-ins of the tree make, per node and light of the tree, as the bits of a
+    /// non-negative f32, which compare like the number. [`NOT_WEIGHED`] for a tree that is always
+    /// whole.
     fn usefulness(&self, world: &LightWorld) -> u32 {
         if !may_stand_in(self.tree()) {
             return NOT_WEIGHED;
@@ -96,8 +98,8 @@ impl<'a> Subject<'a> {
         if usefulness > 0.0 { usefulness.to_bits() } else { 0 }
     }
 
-    /// The runs of nodes and lights that changed after a revision. All, and `true`, if the tree
-    /// changed as a whole.
+    /// The runs of nodes and lights that changed after a revision. If the tree changed as a whole,
+    /// all of them and `true`.
     fn changes_since(&self, revision: u64) -> ([Vec<Range<u32>>; 2], bool) {
         match self.entry.log.since(revision) {
             Some(TreeChanges { nodes, lights }) => ([runs(nodes, NODE_GAP), runs(lights, LIGHT_GAP)], false),
@@ -106,12 +108,12 @@ impl<'a> Subject<'a> {
     }
 }
 
-/// A run of all records.
+/// One run of all records, or none.
 fn all(count: usize) -> Vec<Range<u32>> {
     std::iter::once(0..count as u32).filter(|run| !run.is_empty()).collect()
 }
 
-/// Whether the ranges of a tree have room for its present nodes and lights, and not much more.
+/// Whether the ranges of a tree have room for its present nodes and lights, but not much more.
 fn has_room_for(state: &TreeState, subject: &Subject) -> bool {
     let [nodes, lights] = subject.counts();
     has_room(&state.nodes, nodes) && has_room(&state.lights, lights)
@@ -122,15 +124,15 @@ fn length(runs: &[Range<u32>]) -> usize {
 }
 
 impl LightPlanner {
-    /// Reserves ranges for trees whose size has changed and for trees that waited, and lists what is
-    /// written of all trees.
+    /// Reserves ranges for trees whose size has changed and for trees that waited, and lists what
+    /// the frame writes of all trees.
     pub(super) fn place_trees(
         &mut self,
         world: &LightWorld,
         changes: &PendingChanges,
         room: &mut Room,
     ) -> Result<(), PlanError> {
-        // After a restart all trees stand in, so that it leaves as much room as there can be.
+        // After a restart all trees start as stand-ins, which leaves as much room as possible.
         let is_restarted = room.restarted.is_some();
         room.left = if is_restarted { 0 } else { self.limits.frame_bytes.unwrap_or(u64::MAX) };
         match self.residency.incoming.clone() {
@@ -153,7 +155,8 @@ impl LightPlanner {
         Ok(())
     }
 
-    /// Whether so much of the pools is gaps that trees should move to them, as far as that is known.
+    /// Whether so much of the pools is gaps that trees should move to them, unless the last search
+    /// found none that can.
     pub(super) fn may_join_gaps(&self) -> bool {
         let has_gaps = |end: u64, taken: u64| (end - taken) * MAX_GAPS > end;
         let sends = self.limits.frame_bytes.is_some_and(|bytes| bytes > 0);
@@ -166,7 +169,7 @@ impl LightPlanner {
         nodes as u64 * self.nodes.next_stride() + lights as u64 * self.lights.next_stride()
     }
 
-    /// Follows the tree of a slot that was added, changed or removed.
+    /// Decides what to send of the tree of a slot that was added, changed or removed.
     fn follow(&mut self, world: &LightWorld, slot: u32, room: &mut Room) -> Result<(), PlanError> {
         let subject = Subject::of(world, slot);
         let key = subject.map(|subject| subject.key);
@@ -217,7 +220,7 @@ impl LightPlanner {
         self.show_stand_ins(world, &subject, state, room)
     }
 
-    /// Ranges for nodes and lights, or none.
+    /// Ranges for nodes and lights, both or neither.
     fn alloc(
         &mut self,
         [nodes, lights]: [u32; 2],
@@ -299,7 +302,7 @@ impl LightPlanner {
         Ok(())
     }
 
-    /// Notes the state of a tree after the frame, with room for the records of its parts.
+    /// Records the state of a tree after the frame, with room for the records of its parts.
     fn stage(
         &mut self,
         world: &LightWorld,
@@ -313,7 +316,7 @@ impl LightPlanner {
         state.division = division;
         let is_weighed = state.waits || self.residency.is_sorted();
         state.usefulness = if is_weighed { subject.usefulness(world) } else { NOT_WEIGHED };
-        // Staged first, so that what was reserved is released if the rest fails.
+        // First, so that the reserved ranges are released if the rest fails.
         room.placed.insert(subject.slot, state);
         if !has_records {
             let records = self.trees.alloc(count, room.growth)?;
@@ -322,7 +325,7 @@ impl LightPlanner {
         Ok(())
     }
 
-    /// Sends trees that wait, as far as the frame's bytes and the pools allow.
+    /// Sends waiting trees, as far as the frame's bytes and the pools allow.
     fn stream(&mut self, world: &LightWorld, room: &mut Room) -> Result<(), PlanError> {
         for slot in self.residency.next_slots(WEIGHED_PER_FRAME) {
             self.weigh(world, slot);
@@ -349,7 +352,7 @@ impl LightPlanner {
         Ok(())
     }
 
-    /// Computes anew how useful it is to hold the tree of a slot whole.
+    /// Computes the usefulness of the tree of a slot again.
     fn weigh(&mut self, world: &LightWorld, slot: u32) {
         if let Some(subject) = Subject::of(world, slot)
             && self.residency.get(slot).key == Some(subject.key)
@@ -358,7 +361,7 @@ impl LightPlanner {
         }
     }
 
-    /// Sends a tree that waits, or its first piece. Returns whether there is room for it.
+    /// Sends a waiting tree, or its first piece. Returns whether there is room for it.
     fn bring(&mut self, world: &LightWorld, subject: &Subject, room: &mut Room) -> Result<bool, PlanError> {
         let state = self.residency.get(subject.slot).clone();
         let bytes = self.bytes(subject.counts());
@@ -426,8 +429,8 @@ impl LightPlanner {
         Ok(())
     }
 
-    /// Makes room for a tree in the next frame: joins gaps, or lets less useful trees fall back to
-    /// stand-ins. Returns whether it did either.
+    /// Makes room for a tree in the next frame: joins gaps, or evicts less useful trees, which fall
+    /// back to stand-ins. Returns whether it did either.
     fn make_way(&mut self, world: &LightWorld, subject: &Subject, room: &mut Room) -> Result<bool, PlanError> {
         self.residency.sort();
         let usefulness = self.residency.get(subject.slot).usefulness;
@@ -451,7 +454,7 @@ impl LightPlanner {
         if missing != [0; 2] {
             return Ok(false);
         }
-        // More of them in the next frames.
+        // The next frames evict the rest.
         for slot in fallbacks.into_iter().take(MAX_FALLBACKS) {
             let is_same = |subject: &Subject| self.residency.get(slot).key == Some(subject.key);
             let Some(subject) = Subject::of(world, slot).filter(is_same) else { continue };
@@ -465,8 +468,8 @@ impl LightPlanner {
         Ok(true)
     }
 
-    /// Moves trees from the end of each pool to gaps, of at most so many bytes. Returns whether it
-    /// moved any.
+    /// Defragments: moves trees of at most `bytes` bytes from the end of each pool to gaps. Returns
+    /// whether it moved any.
     fn join_gaps(&mut self, world: &LightWorld, bytes: u64, room: &mut Room) -> Result<bool, PlanError> {
         let mut left = room.left.min(bytes);
         self.residency.sort();
@@ -501,7 +504,7 @@ impl LightPlanner {
         Ok(has_moved)
     }
 
-    /// Reserves a range as long as the given one and before it, if there is a gap.
+    /// Reserves a range of the same length before the given one, if there is a gap.
     fn take_lower(&mut self, pool: usize, range: &Range<u32>) -> Option<Range<u32>> {
         let length = range.len() as u32;
         let alloc = match pool {
@@ -519,7 +522,7 @@ impl LightPlanner {
         None
     }
 
-    /// Adds the slots of instances whose tree shaders find in another place or form after the frame.
+    /// Adds the slots of instances whose tree has another place or form after the frame.
     pub(super) fn add_placed_instances(&self, world: &LightWorld, room: &Room, changes: &mut PendingChanges) {
         for (slot, state) in &room.placed {
             let former = self.residency.get(*slot);

@@ -1,20 +1,20 @@
-//! Hands out ranges of a buffer, and takes them back.
+//! A best-fit suballocator of ranges of a buffer.
 //!
-//! Best fit: a range comes from the shortest gap that is long enough, the first one of several. All
-//! calls take O(log gaps), so frames do not take longer as a pool gets more gaps. (The crate
-//! range-alloc, which was used before, makes the same choices and looks at all gaps in each call.)
+//! A range comes from the shortest gap that is long enough, the first one of several. All calls
+//! take O(log gaps), so frames hardly take longer as a pool gets more gaps. (The crate range-alloc,
+//! which was used before, makes the same choices but looks at all gaps in each call.)
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
-/// The ranges of one buffer. Numbers are of records.
+/// The ranges of one buffer, in records.
 #[derive(Clone, Debug)]
 pub(super) struct Ranges {
-    /// Where the buffer ends.
+    /// The length of the buffer.
     end: u64,
-    /// The gaps: their ends by their starts. No two of them touch.
+    /// The ends of the gaps by their starts. No two gaps touch.
     gaps: BTreeMap<u64, u64>,
-    /// The same gaps as length and start.
+    /// The lengths and starts of the same gaps.
     by_length: BTreeSet<(u64, u64)>,
 }
 
@@ -26,7 +26,7 @@ impl Ranges {
         ranges
     }
 
-    /// Where the buffer ends.
+    /// The length of the buffer.
     pub fn end(&self) -> u64 {
         self.end
     }
@@ -65,7 +65,7 @@ impl Ranges {
         Some(start..start + length)
     }
 
-    /// Makes a gap of a range, and joins it with the gaps beside it. The range must be in use.
+    /// Frees a range, which must be in use, and joins the gap with the gaps beside it.
     pub fn free(&mut self, range: Range<u64>) {
         let Range { mut start, mut end } = range;
         if start == end {
@@ -91,7 +91,7 @@ impl Ranges {
         }
     }
 
-    /// Returns the end of the gap.
+    /// Removes the gap that begins at `start`. Returns its end.
     fn remove_gap(&mut self, start: u64) -> u64 {
         let end = self.gaps.remove(&start).expect("a gap begins there");
         self.by_length.remove(&(end - start, start));

@@ -1,4 +1,4 @@
-//! Which trees the GPU holds, and in what form: whole, or as stand-ins.
+//! The residency of trees on the GPU: which it holds whole, and which as stand-ins.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -6,7 +6,7 @@ use std::ops::Range;
 use crate::keys::TreeKey;
 use crate::part::Division;
 
-/// The usefulness of a tree that was not weighed yet, or is always whole: it does not give way.
+/// The usefulness of a tree that was not weighed yet, or is always whole: it is not evicted.
 pub(super) const NOT_WEIGHED: u32 = u32::MAX;
 
 /// What shaders see of a tree.
@@ -31,10 +31,10 @@ pub(super) struct TreeState {
     /// One record for each part of an instance of the tree.
     pub records: Range<u32>,
     pub division: Division,
-    /// What of the tree was written: see [`ChangeLog`](crate::world::ChangeLog).
+    /// The revision up to which the tree was written: see [`ChangeLog`](crate::world::ChangeLog).
     pub revision: u64,
-    /// The error that stand-ins would make, per record of the tree, as the bits of an f32 that is not
-    /// negative, or [`NOT_WEIGHED`]. Bits compare as the numbers do.
+    /// The error that stand-ins would make, per node and light of the tree, as the bits of a
+    /// non-negative f32, which compare like the number. Or [`NOT_WEIGHED`].
     pub usefulness: u32,
     /// The bytes of the whole tree, if it waits.
     pub bytes: u64,
@@ -60,9 +60,9 @@ impl TreeState {
         Self { key: Some(key), ..Self::NONE }
     }
 
-    /// The room for numbers of nodes and lights that the ranges do not fit. If either has grown, both
-    /// get a quarter more, so that a tree to which lights are added one by one moves within the pools
-    /// once for a quarter of its lights.
+    /// The lengths of new ranges for these numbers of nodes and lights. If either number has grown,
+    /// both ranges get a quarter more. So a tree to which lights are added one by one moves within
+    /// the pools once for each quarter of its lights.
     pub fn room_for(&self, [nodes, lights]: [usize; 2]) -> [u32; 2] {
         let has_grown = self.form == Form::Whole && (nodes > self.nodes.len() || lights > self.lights.len());
         [nodes, lights].map(|count| if has_grown { count + count / 4 + 16 } else { count } as u32)
@@ -74,7 +74,7 @@ impl TreeState {
     }
 }
 
-/// Whether a range has room for so many records, and not much more.
+/// Whether a range has room for this many records, and not more than about twice as many.
 pub(super) fn has_room(range: &Range<u32>, count: usize) -> bool {
     (count..=2 * count + 64).contains(&range.len())
 }
@@ -86,11 +86,11 @@ pub(super) struct Incoming {
     pub key: TreeKey,
     pub nodes: Range<u32>,
     pub lights: Range<u32>,
-    /// How many nodes and lights were sent.
+    /// The numbers of nodes and lights that were sent.
     pub sent: [u32; 2],
     /// The revision of the tree when the first of them were sent.
     pub revision: u64,
-    /// How often the tree changed as a whole meanwhile, so that everything had to be sent again.
+    /// How often the tree changed as a whole meanwhile, so that it had to be sent again.
     pub restarts: u32,
 }
 
@@ -105,18 +105,18 @@ pub(super) struct Residency {
     /// The number of trees of which shaders see stand-ins.
     stand_ins: usize,
     pub incoming: Option<Incoming>,
-    /// No tree can move to a gap before it, as far as was looked.
+    /// The last search found no tree that can move to a gap before it.
     pub is_packed: bool,
-    /// Where the trees are, if that has been asked for: see [`Residency::sort`].
+    /// The trees by usefulness and by place, once that was asked for: see [`Residency::sort`].
     order: Option<Order>,
     /// The slot whose usefulness is computed next.
     next: u32,
 }
 
-/// What it takes to make room.
+/// The orders of trees that evictions and moves to gaps need.
 #[derive(Clone, Debug, Default)]
 struct Order {
-    /// The trees that may fall back to stand-ins, the least useful first.
+    /// The trees that may be evicted, by usefulness and slot, the least useful first.
     whole: BTreeSet<(u32, u32)>,
     /// The slots of trees by the start of their nodes and of their lights.
     places: [BTreeMap<u32, u32>; 2],
@@ -206,13 +206,13 @@ impl Residency {
         former
     }
 
-    /// Notes that a tree was written up to a revision.
+    /// Records that a tree was written up to a revision.
     pub fn was_written(&mut self, slot: u32, revision: u64) {
         self.trees[slot as usize].revision = revision;
     }
 
-    /// Forgets where nodes and lights of all trees are; records keep their places. Returns the former
-    /// trees.
+    /// Forgets the ranges of nodes and lights of all trees, but not those of records. Returns the
+    /// former state.
     pub fn restart(&mut self) -> Self {
         let mut restarted = Self { next: self.next, ..Self::new(self.is_sorted()) };
         let state = |former: &TreeState| TreeState {
@@ -257,7 +257,7 @@ impl Residency {
     }
 
     /// Begins to keep the trees in order of usefulness and of place. O(trees · log trees) the first
-    /// time. Trees give way only once they have been weighed.
+    /// time. Trees are evicted only once their usefulness was computed.
     pub fn sort(&mut self) {
         if self.order.is_none() {
             let mut order = Order::default();
@@ -266,7 +266,7 @@ impl Residency {
         }
     }
 
-    /// The whole trees that are less useful than this, the least useful first.
+    /// The whole trees of less usefulness than this, the least useful first.
     pub fn less_useful(&self, than: u32) -> impl Iterator<Item = u32> + '_ {
         let whole = self.order.iter().flat_map(move |order| order.whole.range(..(than, 0)));
         whole.map(|(_, slot)| *slot)

@@ -1,17 +1,18 @@
-//! Stand-ins: a few lights of a tree that shine as brightly as all of them, for a GPU that does not
-//! hold the tree.
+//! Stand-ins, a coarse level of detail: a few lights of a tree that shine as brightly as all of
+//! them, while the GPU does not hold the tree.
 //!
-//! The tree is divided into clusters, the brightest and largest first. One light of each cluster is
-//! drawn with a probability in proportion to its flux, and gets the flux of the whole cluster. So the
-//! expected illuminance of the stand-ins, over all draws, is that of the tree's lights at every point
-//! (as in Yuksel, Stochastic Lightcuts, 2019). The draw depends on the tree alone, so it stays the
-//! same from frame to frame.
+//! The tree is divided into clusters; the brightest and largest are split first. One light of each
+//! cluster is drawn with a probability proportional to its flux, and gets the flux of the whole
+//! cluster. So the expected illuminance of the stand-ins is that of the tree's lights at every
+//! point (as in Yuksel, Stochastic Lightcuts, 2019). The draw depends on the tree alone, so it
+//! stays the same from frame to frame.
 
 use crate::dice::hash;
 use crate::light::{Light, MAX_EMISSION};
 use crate::tree::{LightTree, Target, WIDTH};
 
-/// A tree of up to this many lights is never replaced by stand-ins: they would take half as much.
+/// A tree of up to this many lights is never replaced by stand-ins: they would take half as much
+/// memory.
 const MAX_SENT_WHOLE: usize = 2 * WIDTH;
 
 /// One stand-in for this many lights, but at least eight and at most [`MOST`].
@@ -41,7 +42,8 @@ pub(super) fn stand_ins(tree: &LightTree) -> LightTree {
 struct Part {
     target: Target,
     flux: f32,
-    /// How much it is worth to divide it; 0 for a single light.
+    /// Flux times the diagonal of the box, in metres: the cluster with the largest is split next. 0
+    /// for a single light.
     spread: f32,
 }
 
@@ -60,7 +62,8 @@ fn children(tree: &LightTree, node: u32) -> impl Iterator<Item = Part> + '_ {
     (0..WIDTH).filter_map(move |slot| Part::of(tree, node, slot))
 }
 
-/// At most `wanted` clusters that hold all lights, dark ones aside.
+/// At most `wanted` clusters that hold all lights but dark ones; all children of the root if these
+/// are more.
 fn divide(tree: &LightTree, wanted: usize) -> Vec<Part> {
     if tree.nodes().is_empty() {
         return Vec::new();
@@ -78,7 +81,8 @@ fn divide(tree: &LightTree, wanted: usize) -> Vec<Part> {
     parts
 }
 
-/// A light of a cluster with the flux of the cluster; `random` decides which. `None` if it has none.
+/// A light of a cluster, with the flux of the cluster; `random` decides which. `None` if all of
+/// them are dark.
 fn stand_in(tree: &LightTree, part: &Part, random: u32) -> Option<Light> {
     let (mut target, mut random) = (part.target, random);
     let index = loop {
@@ -91,7 +95,7 @@ fn stand_in(tree: &LightTree, part: &Part, random: u32) -> Option<Light> {
         }
     };
     let light = tree.lights()[index as usize];
-    // Not above the largest emission, which only lights of a trillion candela reach.
+    // At most the largest emission, which only lights of a trillion candela reach.
     let most = MAX_EMISSION / light.emission.max_element();
     let emission = light.emission * (part.flux / light.flux()).min(most);
     emission.is_finite().then_some(Light { emission, ..light })

@@ -12,11 +12,11 @@ use crate::light::Light;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct TreeMemory {
-    /// The nodes, with what builds record about them.
+    /// The nodes, and the data that builds record about them.
     pub nodes: usize,
-    /// The lights, the places of their leaves, and the sets of what was added and removed.
+    /// The lights, the places of their leaves, and the sets of added and removed lights.
     pub lights: usize,
-    /// What only refits need, and [`LightTree::freeze`] drops.
+    /// The data that only refits need, and that [`LightTree::freeze`] drops.
     pub refits: usize,
 }
 
@@ -42,8 +42,8 @@ impl TreeMemory {
 }
 
 impl LightTree {
-    /// The memory of the tree on the heap, by what takes it. Indices of removed lights count as 4
-    /// bytes each, wherever they are kept. O(1).
+    /// The memory of the tree on the heap, by use. Each index in a set of removed lights counts as
+    /// 4 bytes. O(1).
     pub fn memory(&self) -> TreeMemory {
         let Self { lights, leaves, nodes, wide, spans, light_counts, built_costs, attribute_sums, sides, .. } = self;
         let words = spans.capacity() + light_counts.capacity() + built_costs.capacity();

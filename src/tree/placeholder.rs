@@ -1,9 +1,8 @@
 //! Placeholders: trees that are made fast and are built later.
 //!
 //! The lights are sorted along a Hilbert curve through their positions and grouped by eight, from
-//! the bottom up, as the leaves of a linear tree in Lauterbach et al., Fast BVH Construction on
-//! GPUs (2009). Differs: nothing is split by cost, and all nodes but the last of each level are
-//! full.
+//! the bottom up, as in the linear BVH of Lauterbach et al., Fast BVH Construction on GPUs (2009).
+//! Differs: all nodes but the last of each level are full.
 
 use std::collections::BTreeSet;
 
@@ -19,26 +18,26 @@ use crate::light::Light;
 /// Bits of the digits by which keys are sorted. Three digits hold a key.
 const DIGIT_BITS: u32 = 11;
 
-/// Fewer lights are sorted by comparison, which needs no counts of digits.
+/// Fewer lights than this are sorted by comparison, which needs no counts of digits.
 const LEAST_DIGIT_SORTED: usize = 256;
 
 impl LightTree {
-    /// Makes a tree in a fraction of the time of a build, to be built later: a *placeholder*.
-    /// Lights keep their order. Call it on any thread.
+    /// Makes a tree in about half of the time of a build, to be built later: a *placeholder*.
+    /// Lights keep their indices. Call it on any thread.
     ///
     /// A placeholder is a sound tree with true fluxes, bounds and probabilities, so its lights can
     /// be sampled at once, on the CPU and the GPU, with more noise than after a build. It may be
-    /// edited, refitted, frozen and cloned as any tree. A [`LightWorld`](crate::LightWorld) builds
-    /// the placeholders that it holds in the background of its frames, whatever the policies of
-    /// their instances are. [`LightTree::rebuild`] builds one at once. The built tree has the same
-    /// bits as [`LightTree::new`] of these lights.
+    /// edited, refitted, frozen and cloned like any tree. A [`LightWorld`](crate::LightWorld)
+    /// builds its placeholders within the budgets of its updates, whatever the policies of their
+    /// instances. [`LightTree::rebuild`] builds one at once. The built tree has the same bits as
+    /// [`LightTree::new`] of these lights.
     ///
-    /// Up to eight lights make one node, which is built at once.
+    /// Up to eight lights make one node, which is built at once: the tree is no placeholder.
+    ///
+    /// O(lights): `docs/decisions.md`, 59, has times and the noise.
     ///
     /// # Errors
     /// As [`LightTree::new`].
-    ///
-    /// O(n): about half of the time of a build (`docs/decisions.md`, 59).
     ///
     /// ```
     /// use girandole::{Light, LightTree, glam::Vec3};
@@ -64,8 +63,8 @@ impl LightTree {
         Ok(tree)
     }
 
-    /// Whether the tree has yet to be built: it was made by [`LightTree::new_placeholder`], or a
-    /// region of a world uses it first in a stretched instance. O(1).
+    /// Whether the tree has yet to be built: it was made by [`LightTree::new_placeholder`], or its
+    /// first instance in a world is that of a region, and stretched. O(1).
     pub fn is_placeholder(&self) -> bool {
         self.is_placeholder
     }
@@ -76,8 +75,8 @@ impl LightTree {
     }
 }
 
-/// The places of all lights in the list, in their order along the curve; of equal ones in the order
-/// of the list.
+/// The places of all lights in the list, in the order of their keys along the curve. Lights with
+/// equal keys keep their order.
 fn order_along_curve(lights: &[PlacedLight]) -> Vec<u32> {
     let curve = Curve::new(&Aabb::around(lights.iter().map(|light| light.cluster.mean)));
     let mut keys: Vec<(u32, u32)> =
@@ -110,10 +109,10 @@ fn sort_by_digits(keys: &mut Vec<(u32, u32)>) {
     }
 }
 
-/// A shape over lights in this order. Subtrees of eight children are full, but for the last.
+/// A shape over lights in this order. All nodes but the last of each level are full.
 fn grouped(order: &[u32]) -> Vec<ShapeNode> {
     let mut nodes = Vec::with_capacity(order.len() / (WIDTH - 1) + WIDTH);
-    // The lights below each child of the root.
+    // The number of lights below each child of the root.
     let mut lights = 1;
     while lights * WIDTH < order.len() {
         lights *= WIDTH;
@@ -244,7 +243,7 @@ mod tests {
         assert!(tree.is_placeholder() && tree.clone().is_placeholder());
         tree.rebuild();
         assert!(!tree.is_placeholder());
-        // Most lights are new.
+        // Most lights are new, so the tree was built.
         let mut tree = LightTree::new_placeholder(lamps(20)).expect("valid");
         tree.add_lights(&lamps(40)).expect("valid");
         assert!(!tree.is_placeholder());

@@ -1,7 +1,7 @@
 //! Divides a tree into sections: the clusters of a cut, which hold each light once.
 //!
-//! The root is split first, then again and again the cluster with the largest box, until there are
-//! as many sections as are wanted. So sections are about as large as one another.
+//! The root is split first, then repeatedly the cluster with the largest box, until there are as
+//! many sections as wanted. So all sections are about equally large.
 
 use std::collections::BinaryHeap;
 
@@ -19,7 +19,7 @@ pub(crate) struct Section {
 }
 
 impl LightTree {
-    /// At most `most` sections, in the order of their places. None if the root has more children.
+    /// At most `most` sections, in the order of their places; empty if the root has more children.
     ///
     /// O(most · log most).
     pub(crate) fn sections(&self, most: usize) -> Vec<Section> {
@@ -52,7 +52,8 @@ impl LightTree {
         sections
     }
 
-    /// Whether these are still sections of the tree, in the order of their places. O(sections).
+    /// Whether these sections, in the order of their places, are still a cut of the tree.
+    /// O(sections).
     pub(crate) fn has_sections(&self, sections: &[Section]) -> bool {
         let mut open = vec![0];
         let mut found = 0;

@@ -1,4 +1,4 @@
-//! The memory that a world takes, kept up to date by what changes.
+//! The memory that a world takes, kept up to date by every change.
 
 use super::{Instance, LightWorld, TreeEntry};
 use crate::keys::{InstanceKey, TreeKey};
@@ -7,25 +7,25 @@ use crate::tree::{Section, TreeMemory};
 /// The memory of a [`LightWorld`] on the heap of the CPU, in bytes: the capacities of its arrays
 /// times the sizes of their elements.
 ///
-/// Left out is what is small beside it or lives for short: builds that are under way (about 150
-/// bytes per light, and the tree that they make), the top level that the CPU samples, the grid in
-/// which overlapping instances are found, the lists of the scheduler and of what changed, and what
-/// the allocator adds. Sets of removed lights count as 4 bytes for each.
+/// Not counted is what is comparatively small or short-lived: builds that are under way (about 150
+/// bytes per light, and the tree that they make), the top level that the CPU samples, the grids in
+/// which overlaps of instances are found, the lists of the scheduler and of changes, and the
+/// overhead of the allocator. Each removed light counts as 4 bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct WorldMemory {
     /// The parts of all trees.
     pub trees: TreeMemory,
-    /// Trees that were built in slices or in the background, and that replace theirs in the next
+    /// Results of builds in slices or in the background that replace their trees in the next
     /// update.
     pub successors: usize,
     /// Edits of lights that wait for the next update, and the logs of changes for uploads. A tree
-    /// that was edited keeps this memory for its next edits until it is frozen.
+    /// that was edited keeps this memory until it is frozen.
     pub edits: usize,
-    /// The lists of the instances of each tree, and the lists of regions.
+    /// The lists of the instances and sections of each tree, and the lists of regions.
     pub lists: usize,
-    /// The records of all trees, instances and regions. They grow to the greatest numbers so far,
-    /// and do not shrink.
+    /// The tables of all trees, instances and regions. They grow with the largest numbers so far,
+    /// and never shrink.
     pub tables: usize,
 }
 
@@ -50,7 +50,7 @@ impl WorldMemory {
     }
 }
 
-/// What one tree adds to the sums over all trees, or these sums.
+/// The terms of one tree in the sums over all trees, or these sums.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Counted {
     memory: WorldMemory,
@@ -61,7 +61,7 @@ impl TreeEntry {
     /// A slot map has a version beside each record.
     const RECORD_BYTES: usize = size_of::<(u64, Self)>();
 
-    /// What the sums over all trees should hold of this one.
+    /// The present terms of this tree in the sums.
     fn present_count(&self) -> Counted {
         let memory = WorldMemory {
             trees: self.tree.memory(),
@@ -98,10 +98,10 @@ impl Counted {
 }
 
 impl LightWorld {
-    /// The memory that the world takes on the heap of the CPU, by what takes it. O(1): the sums
-    /// follow every change.
+    /// The memory that the world takes on the heap of the CPU, by use. O(1): the sums follow every
+    /// change.
     ///
-    /// When all instances, regions and trees have been removed, all but the tables are 0.
+    /// Once all instances, regions and trees have been removed, everything but the tables is 0.
     pub fn memory(&self) -> WorldMemory {
         // A slot map has one slot that it never uses.
         let trees = (self.trees.capacity() + 1) * TreeEntry::RECORD_BYTES;

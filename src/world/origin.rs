@@ -1,4 +1,4 @@
-//! The point that sampling coordinates are relative to, and how it moves.
+//! The point that sampling coordinates are relative to (a floating origin), and how it moves.
 
 use glam::{DVec3, Vec3};
 
@@ -15,26 +15,28 @@ use crate::sector::{self, ORIGIN_GRID};
 /// stay near the camera: 10 km away, f32 resolves a millimetre.
 ///
 /// With [`OriginMode::Free`] a new origin changes the data of every instance. With the other modes
-/// the data of instances do not depend on the origin, which lies on a grid of
-/// [`ORIGIN_GRID`](crate::ORIGIN_GRID). These modes add
+/// the origin lies on a grid of [`ORIGIN_GRID`](crate::ORIGIN_GRID) metres, and the data of
+/// instances do not depend on it. These modes add
 /// [`Effects::SECTORS`](crate::Effects::SECTORS): 16 bytes more for each instance on the GPU, and
-/// three additions more for each instance that a walk enters.
+/// three more additions for each instance that a walk enters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum OriginMode {
     /// The origin is anywhere. [`LightWorld::set_origin`] is O(instances), and all instances are
-    /// uploaded again. Instances are at most [`MAX_DISTANCE`](crate::MAX_DISTANCE) from the origin.
+    /// uploaded again. Instances are at most [`MAX_DISTANCE`](crate::MAX_DISTANCE) from the origin
+    /// along each axis.
     #[default]
     Free,
     /// The origin is on the grid. [`LightWorld::set_origin`] is O(1), and an upload sends less than
     /// 200 bytes for it. The origin and all instances are at most
-    /// [`MAX_DISTANCE`](crate::MAX_DISTANCE) from zero, so no instance prevents a move of the origin.
+    /// [`MAX_DISTANCE`](crate::MAX_DISTANCE) from zero along each axis, so no instance prevents a
+    /// move of the origin.
     Grid,
     /// As [`OriginMode::Grid`], and the origin follows [`LightWorld::set_viewpoint`]: once the
     /// viewpoint is more than [`ORIGIN_GRID`](crate::ORIGIN_GRID) from the origin along some axis,
-    /// the origin moves to the nearest point of the grid. That is at most half of the grid's step
-    /// away from the viewpoint, so a camera that turns around moves the origin again only after half
-    /// a step.
+    /// the origin moves to the nearest point of the grid. That point is at most half a step of the
+    /// grid away along each axis, so a camera that turns around moves the origin again only after
+    /// half a step.
     Following,
 }
 
@@ -48,7 +50,7 @@ pub(super) struct Origin {
 }
 
 impl Origin {
-    /// What the translations of instances are stored relative to.
+    /// What translations of instances are stored relative to.
     pub fn anchor(&self) -> Anchor {
         match self.mode {
             OriginMode::Free => Anchor::Point(self.position),
@@ -83,8 +85,8 @@ impl LightWorld {
     /// The point that sampling coordinates are relative to, in metres. Zero until
     /// [`LightWorld::set_origin`] is called or the origin follows the viewpoint.
     ///
-    /// A shader sees a new origin after the upload of the next delta, which tells it as
-    /// [`FrameDelta::origin_shift`](crate::FrameDelta::origin_shift). A
+    /// A shader sees a new origin after the upload of the next delta, whose
+    /// [`FrameDelta::origin_shift`](crate::FrameDelta::origin_shift) is the move. A
     /// [`LightSampler`](crate::LightSampler) sees it at once.
     pub fn origin(&self) -> DVec3 {
         self.origin.position
@@ -95,20 +97,21 @@ impl LightWorld {
         self.origin.mode
     }
 
-    /// The centre of the sector that placements are relative to; 0 where there are no sectors.
+    /// The origin as the centre of a sector; 0 where there are no sectors.
     pub(crate) fn home(&self) -> Vec3 {
         self.origin.home
     }
 
     /// Sets how the origin moves. The origin itself stays where it is.
     ///
-    /// Call it before instances are added: then it is O(1). From [`OriginMode::Free`] and back it is
-    /// O(instances), every instance is uploaded again, and shaders for other
-    /// [`LightWorld::effects`] are needed. Between the other two modes it is O(1).
+    /// Call it before instances are added: then it is O(1). Later, a change from or to
+    /// [`OriginMode::Free`] is O(instances) and uploads every instance again. It also changes
+    /// [`LightWorld::effects`], so other shaders are needed. Between the other two modes it is
+    /// O(1).
     ///
     /// # Errors
-    /// [`WorldError::OriginOffGrid`] and [`WorldError::OriginTooFar`] if the origin may not be where
-    /// it is; [`WorldError::Placement`] if an instance would be too far away.
+    /// [`WorldError::OriginOffGrid`] and [`WorldError::OriginTooFar`] if the new mode does not
+    /// allow the present origin; [`WorldError::Placement`] if an instance would be too far away.
     pub fn set_origin_mode(&mut self, mode: OriginMode) -> Result<(), WorldError> {
         let former = self.origin.mode;
         let origin = Origin::at(mode, self.origin.position)?;
@@ -128,12 +131,12 @@ impl LightWorld {
     /// when the camera has moved by kilometres, not in every frame. With the other modes it is O(1),
     /// and the next upload sends less than 200 bytes for it. In all modes the top level is built
     /// again: once on the GPU, and at the next sample on the CPU. With [`OriginMode::Following`] the
-    /// next call of [`LightWorld::set_viewpoint`] may move the origin again.
+    /// next call to [`LightWorld::set_viewpoint`] may move the origin again.
     ///
     /// # Errors
-    /// [`WorldError::NotFinite`] for the origin. With [`OriginMode::Free`]
-    /// [`WorldError::Placement`] if an instance would be too far from it. With the other modes
-    /// [`WorldError::OriginOffGrid`] and [`WorldError::OriginTooFar`].
+    /// [`WorldError::NotFinite`] for a coordinate that is NaN or infinite. With
+    /// [`OriginMode::Free`] [`WorldError::Placement`] if an instance would be too far from the
+    /// origin. With the other modes [`WorldError::OriginOffGrid`] and [`WorldError::OriginTooFar`].
     pub fn set_origin(&mut self, position: DVec3) -> Result<(), WorldError> {
         let origin = Origin::at(self.origin.mode, position)?;
         if position == self.origin.position {
@@ -157,7 +160,7 @@ impl LightWorld {
         if is_far { self.set_origin(nearest_origin(viewpoint)) } else { Ok(()) }
     }
 
-    /// Computes the data of all instances anew for translations that are stored in another way.
+    /// Computes the data of all instances again, with translations relative to another anchor.
     fn place_all_relative_to(&mut self, anchor: Anchor) -> Result<(), WorldError> {
         let placed: Vec<Option<Placed>> =
             self.instances.values().map(|i| Placed::new(&i.placement, anchor)).collect::<Result<_, _>>()?;

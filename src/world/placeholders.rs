@@ -1,8 +1,7 @@
 //! Placeholders: trees of the world that have yet to be built.
 //!
-//! A placeholder is a sound tree that was made fast. It requests its build from the scheduler, like
-//! a tree that must be rebuilt, whatever the policies of its instances say, until it has been
-//! built.
+//! A placeholder is a sound tree that was made fast. Until it has been built, it requests its build
+//! from the scheduler, like a tree that must be rebuilt, whatever the policies of its instances.
 
 use super::LightWorld;
 use crate::error::WorldError;
@@ -16,25 +15,25 @@ impl LightWorld {
     /// [placeholder](LightTree::new_placeholder). It contributes nothing until it has an instance.
     ///
     /// The tree requests its build until it has been built, with or without instances, whatever
-    /// their policies are, [`Policy::Static`](crate::Policy::Static) and
+    /// their policies, [`Policy::Static`](crate::Policy::Static) and
     /// [`Policy::RefitOnly`](crate::Policy::RefitOnly) included.
     /// [`LightTree::is_placeholder`] tells whether it still waits, and
-    /// [`FrameReport::placeholder_trees`](crate::FrameReport::placeholder_trees) how many do. The
-    /// built tree has the same bits as [`LightWorld::add_tree`] makes. If the first instance is
-    /// stretched, the build is for that instance, and adding it builds nothing.
+    /// [`FrameReport::placeholder_trees`](crate::FrameReport::placeholder_trees) how many trees do.
+    /// The built tree has the same bits as one from [`LightWorld::add_tree`]. If the first instance
+    /// is stretched, the tree is built for that instance, and adding the instance builds nothing.
     ///
-    /// O(n), about half of the time of a build, on the calling thread. To pay for that elsewhere,
-    /// make the tree on another thread and pass it to [`LightWorld::insert_tree`], or fill a
+    /// O(lights) on the calling thread, about half of the time of a build. To spend that time on
+    /// another thread, make the tree there and pass it to [`LightWorld::insert_tree`], or fill a
     /// [`Region`](crate::Region) there.
     ///
     /// | before the tree is built | outcome |
     /// |---|---|
-    /// | lights are changed, added or removed | the placeholder is refitted. Lights that change during the build are set again in the built tree. The tree is built at once if [`LightWorld::add_lights`] would build any tree. |
+    /// | lights are changed, added or removed | the placeholder is refitted. Lights that change during the build are set again in the built tree. It is built at once where [`LightWorld::add_lights`] would rebuild any tree. |
     /// | [`LightWorld::replace_lights`], [`LightWorld::rebuild_tree`] | the tree is built at once |
     /// | [`LightWorld::replace_tree`] | the build is for the new tree, if that is a placeholder |
     /// | [`LightWorld::make_unique`] | the copy is a placeholder too |
     /// | instances come, go, move or change | nothing |
-    /// | the tree rests | it is frozen, and still built later |
+    /// | the tree does not change for some time | it is frozen, and still built later |
     /// | [`LightWorld::remove_tree`] | nothing is built |
     ///
     /// # Errors

@@ -1,4 +1,4 @@
-//! What regions have brought into a world.
+//! The regions of a world: keys of their trees and instances.
 
 use slotmap::SlotMap;
 
@@ -10,16 +10,16 @@ pub(super) struct Regions {
     pub by_key: SlotMap<RegionKey, RegionEntry>,
 }
 
-/// What a region has brought into the world. Keys may be stale: trees and instances can be removed
-/// one by one.
+/// The trees and instances of a region. Keys may be stale: trees and instances can be removed one
+/// by one.
 #[derive(Debug, Default)]
 pub(super) struct RegionEntry {
     /// In the order of the region, as all lists here.
     pub trees: Vec<TreeKey>,
-    /// For each tree, whether the region has brought it.
+    /// For each tree, whether the region brought it.
     pub is_own: Vec<bool>,
     pub instances: Vec<InstanceKey>,
-    /// The trees that `LightWorld::make_unique` has made for these instances.
+    /// The trees that `LightWorld::make_unique` made for these instances.
     pub copies: Vec<TreeKey>,
 }
 
@@ -46,7 +46,7 @@ impl RegionEntry {
     }
 }
 
-/// What the world holds of a region.
+/// The keys of the trees and instances of a region.
 #[derive(Clone, Copy, Debug)]
 pub struct RegionView<'a> {
     pub(super) entry: &'a RegionEntry,
@@ -65,9 +65,9 @@ impl<'a> RegionView<'a> {
         &self.entry.instances
     }
 
-    /// The trees that [`LightWorld::make_unique`](crate::LightWorld::make_unique) has made for
-    /// instances of the region, in the order of the calls. The keys of trees that were removed since
-    /// are stale.
+    /// The trees that [`LightWorld::make_unique`](crate::LightWorld::make_unique) made for
+    /// instances of the region, in the order of the calls. The keys of trees that were removed
+    /// since are stale.
     pub fn copies(&self) -> &'a [TreeKey] {
         &self.entry.copies
     }

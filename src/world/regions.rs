@@ -11,7 +11,7 @@ use crate::keys::{InstanceKey, RegionKey, TreeKey};
 use crate::placement::Placed;
 use crate::tree::LightTree;
 
-/// The trees of a region that was removed, with all that the world kept for them. To free the
+/// The trees of a region that was removed, with all that the world kept for them. Freeing the
 /// memory of large trees takes milliseconds: drop it on another thread.
 #[must_use = "dropping it frees the memory of its trees, which another thread may do"]
 pub struct RemovedRegion {
@@ -25,15 +25,15 @@ impl fmt::Debug for RemovedRegion {
 }
 
 impl RemovedRegion {
-    /// The trees that the region had brought and that were still in the world, in its order, then
-    /// the copies that were made for its instances. Each is as of the last update; edits that
-    /// waited for the next one are dropped.
+    /// The trees of the region that were still in the world, in its order, then the copies that
+    /// [`LightWorld::make_unique`] made for its instances. Each is as of the last update; edits
+    /// that waited for the next one are dropped.
     pub fn trees(&self) -> impl ExactSizeIterator<Item = &LightTree> {
         self.trees.iter().map(|removed| &removed.entry.tree)
     }
 
-    /// The same trees. Placeholders that were not built yet are still placeholders. Frees what the
-    /// world kept besides them.
+    /// The same trees. Those that were not built yet are still placeholders. Frees what the world
+    /// kept besides them.
     pub fn into_trees(self) -> Vec<LightTree> {
         self.trees.into_iter().map(|removed| removed.entry.tree).collect()
     }
@@ -43,14 +43,14 @@ impl LightWorld {
     /// Adds all trees and instances of a region. They take effect at once, as if each were added by
     /// itself.
     ///
-    /// O(trees + instances): nothing is built or refitted, and no light is copied or read. Trees of
-    /// the world that have no instance yet, and whose first one is stretched, become placeholders.
+    /// O(trees + instances): nothing is built or refitted, and no light is copied or read. A tree
+    /// of the world whose first instance is in the region, and is stretched, becomes a placeholder.
     ///
     /// # Errors
     /// [`WorldError::RegionTree`] for a tree of the world whose key is stale,
     /// [`WorldError::RegionInstance`] for an instance that is too far from [`LightWorld::origin`].
-    /// Each names the first culprit by its index in the region, trees first. The region is returned
-    /// as it was, and the world has not changed.
+    /// The error names the first invalid tree or, if all are valid, the first invalid instance, by
+    /// its index in the region. The region is returned as it was, and the world does not change.
     pub fn add_region(&mut self, region: Region) -> Result<RegionKey, RefusedRegion> {
         match self.region_error(&region) {
             Some(error) => Err(RefusedRegion { region: Box::new(region), error }),
@@ -108,36 +108,35 @@ impl LightWorld {
         self.regions.by_key.keys()
     }
 
-    /// The trees and instances that a region has brought into the world; `None` for a stale key.
-    /// O(1).
+    /// The trees and instances of a region; `None` for a stale key. O(1).
     pub fn region(&self, region: RegionKey) -> Option<RegionView<'_>> {
         self.regions.by_key.get(region).map(|entry| RegionView { entry })
     }
 
-    /// Removes what is left of a region: its instances, the trees that it has brought, and the
-    /// copies that [`LightWorld::make_unique`] has made for its instances. Returns these trees.
+    /// Removes what is left of a region: its instances, the trees that it brought, and the copies
+    /// that [`LightWorld::make_unique`] made for its instances. Returns these trees.
     ///
-    /// | before | outcome |
+    /// | before the call | outcome |
     /// |---|---|
     /// | an instance or a tree of the region was removed | it is skipped |
-    /// | an instance of the region got a tree of its own by [`LightWorld::make_unique`] | the copy is removed too, also if the instance was removed before |
-    /// | instances outside of the region use one of these trees | the call is refused |
+    /// | an instance of the region got a tree of its own by [`LightWorld::make_unique`] | the copy is removed too, even if that instance was removed |
+    /// | instances outside the region use one of these trees | the call is refused |
     /// | the region uses a tree of the world | the tree stays |
     /// | edits wait for the next update, or a build is under way | they are dropped |
     ///
-    /// O(instances and trees of the region), whatever the number of lights. Frees no tree: what is
-    /// returned does when it is dropped, on any thread. A build that runs in the background goes
-    /// on, and is dropped when it ends.
+    /// O(instances and trees of the region), whatever the number of lights. Frees no tree: dropping
+    /// the returned value does, on any thread. A background build runs to its end, and its result
+    /// is dropped.
     ///
     /// # Errors
     /// [`WorldError::NoSuchRegion`] for a region that was removed before or never existed;
-    /// [`WorldError::RegionInUse`].
+    /// [`WorldError::RegionInUse`] if an instance outside the region uses one of its trees.
     pub fn remove_region(&mut self, region: RegionKey) -> Result<RemovedRegion, WorldError> {
         let entry = self.regions.by_key.get(region).ok_or(WorldError::NoSuchRegion(region))?;
         let is_outside = |key: &&InstanceKey| self.instances[**key].region != Some(region);
         for tree in entry.own_trees() {
             let Some(entry) = self.trees.get(tree) else { continue };
-            // Found at the latest behind the instances of the region, and only then counted.
+            // Stops at the first one outside, so it costs no more than the instances of the region.
             if entry.instances.iter().any(|key| is_outside(&key)) {
                 let instances = entry.instances.iter().filter(is_outside).count();
                 return Err(WorldError::RegionInUse { region, tree, instances });
@@ -158,7 +157,7 @@ impl LightWorld {
         Ok(RemovedRegion { trees })
     }
 
-    /// Records that an instance has got a copy of its tree, which then belongs to the region of the
+    /// Records that an instance got a copy of its tree, which belongs to the region of the
     /// instance.
     pub(super) fn was_copied(&mut self, instance: InstanceKey, copy: TreeKey) {
         let Some(region) = self.instances[instance].region else { return };

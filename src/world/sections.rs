@@ -1,4 +1,4 @@
-//! Keeps the sections of trees: which trees have them, and that they follow every change of a tree.
+//! The sections of trees in a world: which trees have them, and how they follow changes of a tree.
 
 use super::LightWorld;
 use super::overlap::MAX_OPEN;
@@ -6,15 +6,16 @@ use crate::keys::{TreeKey, slot_of};
 use crate::part::Division;
 use crate::tree::{Section, WIDTH};
 
-/// The largest number of sections of a tree. Each of them is a leaf of the top level for each
-/// instance of the tree: 104 bytes on the GPU, and work in each build (docs/decisions.md, 62).
+/// The largest number of sections of a tree. Each of them takes 80 bytes on the GPU. For each
+/// instance of the tree it takes 24 bytes more and is a leaf of the top level, which costs work in
+/// each build (docs/decisions.md, 62).
 const MAX_SECTIONS: usize = 2048;
 
 /// The largest number of sections of all instances of a tree.
 const MAX_OF_INSTANCES: usize = 8192;
 
-/// The largest number of sections of all instances of a world, unless instances are added to trees
-/// that have sections.
+/// The largest number of sections of all instances of a world. Instances that are added to trees
+/// with sections may exceed it.
 const MAX_OF_WORLD: usize = 65_536;
 
 impl LightWorld {
@@ -29,8 +30,7 @@ impl LightWorld {
         }
     }
 
-    /// The sections of a tree, in the order of their places; none of a tree that has another
-    /// division.
+    /// The sections of a tree, in the order of their places; empty for another division.
     pub(crate) fn sections(&self, tree: TreeKey) -> &[Section] {
         &self.trees[tree].sections
     }
@@ -41,7 +41,7 @@ impl LightWorld {
         tree.light_count() > MAX_OPEN && tree.sides().is_empty()
     }
 
-    /// Chooses the sections of a tree anew after its nodes were replaced.
+    /// Chooses the sections of a tree anew, after its nodes were replaced.
     pub(super) fn renew_sections(&mut self, tree: TreeKey) {
         self.set_sections(tree, Vec::new());
         self.update_sections(tree);
@@ -57,7 +57,8 @@ impl LightWorld {
             return;
         }
         if is_wanted && !entry.sections.is_empty() {
-            // Twice as many as wanted, so that instances that come and go do not change them often.
+            // Hysteresis: up to twice as many stay, so instances that come and go seldom change
+            // them.
             let fits = entry.sections.len() * instances <= 2 * MAX_OF_INSTANCES;
             if fits && entry.tree.has_sections(&entry.sections) {
                 return;
@@ -77,7 +78,7 @@ impl LightWorld {
         let instances = entry.instances.len();
         self.section_count = self.section_count - entry.sections.len() * instances + sections.len() * instances;
         let former = std::mem::replace(&mut entry.sections, sections);
-        // Their nodes and lights are uploaded with the number of the section.
+        // The nodes and lights of sections are uploaded with the number of the section.
         let (tree, mut nodes, mut lights) = (&entry.tree, Vec::new(), Vec::new());
         for section in former.iter().chain(&entry.sections) {
             match section.light() {
@@ -86,7 +87,7 @@ impl LightWorld {
                 _ => {}
             }
         }
-        // The records of sections are sent with the nodes above them.
+        // The record of a section is sent with its parent node.
         nodes.extend(entry.sections.iter().map(|section| section.place / WIDTH as u32));
         nodes.dedup();
         let records = tree.nodes().len() + tree.lights().len();

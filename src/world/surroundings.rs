@@ -1,10 +1,11 @@
 //! Finds large trees whose instances lie among others, such as all lamps of a town above its
 //! houses. Such trees have sections (`sections.rs`), which the top level sorts among the neighbours.
 //!
-//! Instances of large trees are filed in grids by size and position. Every instance looks for those
-//! that its own box lies in, and becomes one of their *neighbours*. It does so after it was added,
-//! and again some instances in each update while anything moves. Work and memory for each instance
-//! are bounded, and a world without large trees pays nothing.
+//! Instances of large trees are filed in grids by size and position. Every instance looks for large
+//! ones that its own box overlaps, and becomes one of their *neighbours*. It does so after it was
+//! added. While anything moves, each update lets some instances look again. Work and memory for
+//! each instance are bounded, and a world without large trees pays only for a list of added
+//! instances.
 
 use std::collections::HashMap;
 
@@ -16,24 +17,25 @@ use super::overlap::{GridCell, corner_cells};
 use super::slot_round::SlotRound;
 use crate::keys::{InstanceKey, TreeKey};
 
-/// An instance lies among others if it has this many neighbours, and until it has none.
+/// An instance lies among others once it has this many neighbours, and until it has none.
 const NEIGHBOURS: usize = 2;
 
-/// Another instance is a neighbour if the common box is this share of the smaller box.
+/// Another instance is a neighbour if the intersection of the boxes is at least this share of the
+/// smaller box.
 const MIN_SHARE: f64 = 0.25;
 
 /// Boxes count as at least this thick, relative to their diagonal: lamps above a town are
 /// among its houses.
 const THICKNESS: f64 = 0.02;
 
-/// A tree has sections when more than this share of its instances lies among others, and until the
-/// share is at most half of this.
+/// A tree gets sections once more than this share of its instances lie among others, and keeps them
+/// until the share is at most half of this.
 const MIN_AMONG: f32 = 0.5;
 
-/// Slots that an update looks at while anything moves.
+/// Slots that an update visits while anything moves.
 const SLOTS_PER_UPDATE: usize = 64;
 
-/// Large instances that are compared with one instance.
+/// The largest number of large instances that are compared with one instance.
 const MAX_LOOKED_AT: usize = 64;
 
 /// The largest number of instances that a cell lists.
@@ -43,11 +45,11 @@ const MAX_LISTED: usize = 128;
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct ThickBox {
     center: DVec3,
-    /// Half of the edges.
+    /// Half of the edge lengths.
     reach: DVec3,
 }
 
-/// What is known of an instance of a large tree.
+/// The state of an instance of a large tree.
 #[derive(Clone, Copy, Debug)]
 struct Large {
     cell: GridCell,
@@ -61,7 +63,7 @@ struct Large {
 #[derive(Debug, Default)]
 pub(super) struct Surroundings {
     cells: HashMap<GridCell, Vec<InstanceKey>>,
-    /// The numbers of listed instances by size, the least size first, and none that is 0.
+    /// The numbers of listed instances by size, in ascending order of size. None is 0.
     sizes: Vec<(i32, u32)>,
     large: SecondaryMap<InstanceKey, Large>,
     /// Instances that were added since the last update.
@@ -80,7 +82,7 @@ impl ThickBox {
         GridCell::around(self.center, 2.0 * self.reach.max_element())
     }
 
-    /// The common part of two boxes, as a share of the smaller one along each axis.
+    /// The intersection of two boxes, relative to the smaller edge along each axis; 0 to 1.
     fn share(&self, other: &Self) -> f64 {
         let common = self.reach + other.reach - (self.center - other.center).abs();
         let smaller = 2.0 * self.reach.min(other.reach);
@@ -141,8 +143,8 @@ impl Surroundings {
         }
     }
 
-    /// Makes an instance a neighbour of those large ones that its box lies in. Calls `changed` for
-    /// those that now lie among others.
+    /// Makes an instance a neighbour of the large ones that its box overlaps. Calls `changed` for
+    /// each of them that now begins to lie among others.
     fn meet(&mut self, key: InstanceKey, bounds: &ThickBox, mut changed: impl FnMut(InstanceKey)) {
         let own = bounds.cell().size;
         let mut looked_at = 0;
@@ -187,7 +189,7 @@ impl LightWorld {
         self.surroundings.new.push(key);
         let tree = self.instances[key].tree;
         if !self.trees[tree].sections.is_empty() {
-            // More instances share fewer sections.
+            // With more instances, each may have fewer sections.
             self.update_sections(tree);
         }
     }
@@ -200,8 +202,8 @@ impl LightWorld {
         }
     }
 
-    /// Judges the instances that were added since the last update, and some others if anything has
-    /// moved since all of them were judged. O(1) for each.
+    /// Judges the instances that were added since the last update. Until all instances have been
+    /// judged after the last move, judges some others too. O(1) for each.
     pub(super) fn judge_surroundings(&mut self, has_moved: bool) {
         let new = std::mem::take(&mut self.surroundings.new);
         for key in &new {
@@ -233,7 +235,7 @@ impl LightWorld {
         match self.thick_box(key).filter(|_| self.is_large(tree)) {
             Some(bounds) => {
                 if self.surroundings.file(key, bounds) {
-                    // All others may be neighbours.
+                    // Any other instance may be its neighbour.
                     self.surroundings.round.restart(self.slot_count());
                 }
             }

@@ -20,8 +20,8 @@ use program::settings::Settings;
 const INTERVAL: u32 = 100;
 const FRAMES: u32 = 600;
 
-/// The most bytes of a tree on the CPU, and of an instance with its share of all tables, in these
-/// worlds: nodes of 208 bytes for at least three lights each, with data for refits.
+/// The most bytes on the CPU for each light and for each tree in these worlds, tables aside: nodes
+/// of 208 bytes for at least three lights each, with data for refits.
 const BYTES_PER_LIGHT: usize = 400;
 const BYTES_PER_TREE: usize = 4_000;
 
@@ -76,8 +76,8 @@ impl Soak {
     }
 }
 
-/// Every light has a chance at shading points near the camera, and the chances add up to 1 with that
-/// of no light.
+/// Every light has a positive pmf at shading points near the camera, and all of them and the
+/// probability of no light add up to 1.
 fn check_pmfs(world: &LightWorld, camera: DVec3, rng: &mut Rng) {
     for splits in SPLITS {
         let sampler = world.sampler().with_splits(splits);
@@ -91,7 +91,7 @@ fn check_pmfs(world: &LightWorld, camera: DVec3, rng: &mut Rng) {
                 assert!(pmf > 0.0, "{light:?} is lost at {at:?}");
                 sum += f64::from(pmf);
             }
-            assert!((sum - 1.0).abs() < 1.0e-3, "the chances add up to {sum}");
+            assert!((sum - 1.0).abs() < 1.0e-3, "the probabilities add up to {sum}");
         }
     }
 }
@@ -121,7 +121,7 @@ fn a_flight_in_which_regions_come_and_go_keeps_all_invariants_and_leaves_nothing
             went += costs.left;
             rebuilt += costs.report.rebuilt_trees;
             most_instances = most_instances.max(world.instance_count());
-            // New trees share the bytes of a frame; stand-ins, edits and records come on top.
+            // The limit is for new trees; stand-ins, edits and records come on top.
             assert!(plan.report.bytes <= frame_bytes + 64 * 1024, "{:?}", plan.report);
             if frame % INTERVAL != 0 {
                 continue;
@@ -134,7 +134,7 @@ fn a_flight_in_which_regions_come_and_go_keeps_all_invariants_and_leaves_nothing
             assert!(soak.flight.planner.memory().trees <= memory);
             stand_ins += soak.check_device();
         }
-        assert!(came > 30 && went > 30 && rebuilt > 50, "{came} came, {went} went, {rebuilt} trees were built");
+        assert!(came > 30 && went > 30 && rebuilt > 50, "{came} arrived, {went} left, {rebuilt} trees were built");
         assert_eq!(stand_ins > 0, needs_stand_ins, "{stand_ins} stand-ins in {memory} bytes");
 
         let Soak { flight, device } = &mut soak;

@@ -1,4 +1,4 @@
-//! The origin of a world that is large: sampling far from zero, and across moves of the origin.
+//! The origin of large worlds: sampling far from zero, and across moves of the origin.
 
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::GpuLights;
@@ -102,7 +102,7 @@ fn lights_at(world: &LightWorld, points: &[(DVec3, Vec3)]) -> (Vec<f32>, Vec<DVe
 #[test]
 fn nothing_jumps_when_the_origin_moves() {
     let mut world = world_at(FAR, 300.0, OriginMode::Grid);
-    // These have no more digits than f32 holds, so only the world's own rounding is left.
+    // f32 holds these exactly, so only the world's own rounding is left.
     let points = points_at(FAR, 300.0, 40);
     let (pmfs, places) = lights_at(&world, &points);
     for step in [DVec3::X, DVec3::new(-1.0, 0.0, 1.0), DVec3::new(2.0, 1.0, -2.0)] {
@@ -119,15 +119,15 @@ fn nothing_jumps_when_the_origin_moves() {
         let (largest, mean) =
             (ratios.iter().copied().fold(0.0, f64::max), ratios.iter().sum::<f64>() / ratios.len() as f64);
         assert_eq!(apart, 0.0);
-        // The nodes of the top level hold boxes in 255 steps, and a coordinate that is rounded in
-        // another way may take another step: a hundredth of a probability, for few lights.
+        // The nodes of the top level hold boxes in 255 steps, and a coordinate that rounds
+        // differently may take another step: a hundredth of a probability, for few lights.
         assert!(largest < 0.03 && mean < 1.0e-4, "{largest} {mean}");
     }
 }
 
 #[test]
 fn lamps_with_all_digits_are_where_they_are_to_an_ulp_of_their_coordinates() {
-    // Of a coordinate of 1 to 2 km in f32, and what a distance of up to 90 m is rounded by.
+    // The rounding of a coordinate of 1 to 2 km in f32, and of a distance of up to 90 m.
     const BOUND: f64 = 1.25e-4 + 2.0e-5;
     let mut rng = Rng(93);
     let mut world = LightWorld::new();
@@ -157,7 +157,7 @@ fn on_flight(kilometres: f64) -> DVec3 {
     FAR + DVec3::new(1000.0 * kilometres, 0.3, -400.0 * kilometres)
 }
 
-/// What a frame with this viewpoint changes.
+/// The delta of a frame with this viewpoint.
 fn frame(world: &mut LightWorld, viewpoint: DVec3) -> FrameDelta {
     world.set_viewpoint(viewpoint).expect("within the limits");
     world.update(FrameBudget::NONE);

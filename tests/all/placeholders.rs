@@ -1,5 +1,5 @@
-//! Placeholders light the scene at once, are built within the budgets whatever their policies are,
-//! and become the trees that a build makes.
+//! Placeholders light the scene at once, are built within the budgets whatever the policies of
+//! their instances, and become the trees that a build makes.
 
 use std::time::Duration;
 
@@ -17,7 +17,7 @@ use crate::measuring::lights::{carried, illuminances};
 use crate::scheduler::{TestWorld, random_light, rebuild_jobs};
 use crate::support::{Rng, assert_frequencies};
 
-/// Lights of a smaller share of the illuminance may be beyond the horizon, but for rounding.
+/// Lights with a smaller share of the illuminance may be above the horizon only by rounding.
 const ROUNDING_SHARE: f32 = 1.0e-6;
 
 const UNLIMITED: FrameBudget = FrameBudget::UNLIMITED;
@@ -26,8 +26,8 @@ const UNLIMITED: FrameBudget = FrameBudget::UNLIMITED;
 const LARGE: usize = 5_000;
 const MICROS: u64 = 125;
 
-/// Frames after which the build of a large tree has not begun, runs in the background, or is
-/// done in part; and whether builds go to the background.
+/// Numbers of frames after which the build of a large tree has not begun, runs in the background,
+/// or is partly done, and whether builds run in the background.
 const BUILDS_UNDER_WAY: [(u64, bool); 4] = [(0, true), (1, true), (1, false), (3, false)];
 
 fn lamps(rng: &mut Rng, count: usize) -> Vec<Light> {
@@ -219,7 +219,7 @@ fn a_placeholder_waits_no_longer_than_trees_that_always_ask() {
     let busy: Vec<_> = (0..20).map(|_| test.add_tree(300, Policy::AlwaysRebuild)).collect();
     let lights = lamps(&mut test.rng, 300);
     let key = test.world.add_placeholder(lights).expect("valid");
-    // Far away, and without a single instance, it gains little.
+    // Far away and without an instance, so its build gains little.
     let mut frames = 0;
     while test.world.tree(key).expect("it lives").is_placeholder() {
         busy.iter().for_each(|tree| test.scatter(*tree));

@@ -1,5 +1,5 @@
-//! A world that regions, trees, instances and lights enter and leave in random order has the lights
-//! of a plain model.
+//! Regions, trees, instances and lights enter and leave a world in random order, and the world has
+//! the same lights as a plain model.
 
 use std::collections::BTreeMap;
 
@@ -16,7 +16,7 @@ use crate::support::{Rng, all_pmfs};
 /// Rounding of a sum of some hundred products of about ten factors each.
 const SUM_TOLERANCE: f32 = 1.0e-3;
 
-/// What a world should hold.
+/// The expected contents of a world.
 #[derive(Clone, Debug, Default)]
 struct Model {
     /// For each tree, the lights by index; `None` for one that was removed.
@@ -25,7 +25,7 @@ struct Model {
     instances: BTreeMap<InstanceKey, (TreeKey, Option<RegionKey>)>,
     /// For each region, the trees that it owns, copies included.
     regions: BTreeMap<RegionKey, Vec<TreeKey>>,
-    /// Edits that wait: they take effect at the next update.
+    /// Edits that take effect at the next update.
     edits: Vec<Edit>,
 }
 
@@ -134,7 +134,7 @@ impl Run {
         }
         if self.rng.bits().is_multiple_of(3) {
             // A region with a key that was never that of a tree, or with an instance that is too
-            // far.
+            // far away.
             if self.rng.bits().is_multiple_of(2) || trees.is_empty() {
                 region.add_world_tree(TreeKey::default());
             } else {
@@ -227,7 +227,7 @@ impl Run {
         let Some(tree) = self.tree() else { return };
         let waits = |light: u32| self.model.edits.iter().rev().find(|edit| (edit.tree, edit.light) == (tree, light));
         let lights = self.model.trees[&tree].iter().zip(0..);
-        // Lights without an edit that waits.
+        // Lights without a staged edit.
         let lights: Vec<u32> = lights
             .filter(|(light, index)| light.is_some() && waits(*index).is_none())
             .map(|(_, index)| index)
@@ -261,7 +261,7 @@ impl Run {
         self.check();
     }
 
-    /// Checks that a call that is refused changes nothing.
+    /// Checks that a refused call changes nothing.
     fn refuse(&mut self, call: impl FnOnce(&mut LightWorld)) {
         let state = |world: &LightWorld| {
             let keys = (world.trees().collect::<Vec<_>>(), world.instances().collect::<Vec<_>>());
@@ -275,7 +275,7 @@ impl Run {
         assert!(self.world.take_delta().is_empty());
     }
 
-    /// Checks a world that was just updated.
+    /// Checks the world after an update.
     fn check(&mut self) {
         let Self { world, model, rng } = self;
         assert!(world.trees().eq(model.trees.keys().copied()) || world.tree_count() == model.trees.len());
@@ -330,7 +330,7 @@ impl Run {
             }
             self.model.instances.retain(|_, (_, region)| *region != Some(key));
         }
-        // Two regions may use trees of one another.
+        // Two regions may use each other's trees.
         for key in std::mem::take(&mut self.model.instances).into_keys() {
             self.world.remove_instance(key).expect("it lives");
         }

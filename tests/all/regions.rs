@@ -1,4 +1,4 @@
-//! Regions enter a world wholly or not at all, and leave it with all that they brought.
+//! Regions enter a world wholly or not at all, and leave it with all of their trees and instances.
 
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::{
@@ -36,7 +36,7 @@ fn world(rng: &mut Rng) -> (LightWorld, TreeKey) {
     (world, tree)
 }
 
-/// All that can be seen of a world, as text.
+/// The observable state of a world, as text.
 fn state(world: &LightWorld) -> String {
     let mut state = format!(
         "{:?} {:?} {:?} {:?} {:?}",
@@ -58,7 +58,7 @@ fn state(world: &LightWorld) -> String {
     state
 }
 
-/// Checks that the chances of all lights of a world are true.
+/// Checks that the pmf of all lights of a world is exact.
 fn check_chances(world: &LightWorld, rng: &mut Rng) {
     for _ in 0..5 {
         assert_frequencies(&world.sampler(), &rng.shading_point(40.0), 4000, rng);
@@ -177,7 +177,7 @@ fn an_empty_region_and_one_without_instances_are_ordinary() {
     let alone = world.add_region(region).expect("valid");
     assert_eq!((world.region_count(), world.tree_count(), world.light_count()), (2, 1, 0));
     assert!(world.sampler().sample(&ShadingPoint::volume(Vec3::ZERO), [0.5; 4]).is_none());
-    // It is built all the same.
+    // It is built although it has no instance.
     assert_eq!(world.update(FrameBudget::UNLIMITED).rebuilt_trees, 1);
     assert_eq!(world.remove_region(empty).expect("it lives").trees().len(), 0);
     assert_eq!(world.remove_region(alone).expect("it lives").trees().len(), 1);
@@ -241,7 +241,7 @@ fn a_world_that_refuses_a_region_is_unchanged_names_the_culprit_and_returns_the_
     assert_eq!(error.code(), 202);
     assert!(error.to_string().starts_with("tree 4 of the region: no tree"));
 
-    // Without the tree, the instance that is too far.
+    // Without the stale key, the instance that is too far away is refused.
     let mut filled = *filled;
     assert_eq!((filled.tree_count(), filled.instance_count()), (5, 9));
     let refused = world.add_region(std::mem::replace(&mut filled, region(&mut Rng(508), tree)));
@@ -284,7 +284,7 @@ fn instances_and_trees_that_were_removed_one_by_one_are_skipped() {
     }
     world.remove_tree(trees[1]).expect("unused");
     assert_eq!(world.region(key).expect("it lives").trees(), trees);
-    // Others take the slots.
+    // New trees and instances take the slots.
     let other = world.add_tree(vec![Light::point(Vec3::ONE, Vec3::ONE)]).expect("valid");
     let others: Vec<_> =
         (0..4).map(|_| world.add_instance(other, Placement::IDENTITY, Policy::Budgeted).expect("valid")).collect();
@@ -319,7 +319,7 @@ fn copies_for_single_instances_leave_with_the_region() {
     // Of a tree of the region, and of one of the world.
     let copies = [instances[0], instances[3]].map(|key| world.make_unique(key).expect("it lives"));
     assert_eq!(world.region(key).expect("it lives").copies(), copies);
-    // The other instance of the first tree has it alone now.
+    // The other instance of the first tree is the only one now.
     assert_eq!(world.make_unique(instances[4]), Ok(trees[0]));
     // A copy outlives its instance, and still leaves with the region.
     world.remove_instance(instances[3]).expect("it lives");

@@ -1,5 +1,5 @@
 //! Worlds in which sections of large trees are leaves of the top level: probabilities are exact, no
-//! light is lost, and both sides agree, also while lights and instances come, go, move and change.
+//! light is lost, and CPU and GPU agree, also while lights and instances come, go, move and change.
 
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::{GpuLights, wgsl};
@@ -30,7 +30,7 @@ struct Town {
     houses: Vec<InstanceKey>,
 }
 
-/// Two large trees that cover one another, and objects of all kinds between their lights.
+/// Two large trees that overlap, and objects of all kinds between their lights.
 fn town(rng: &mut Rng) -> Town {
     let mut world = rng.varied_world(3, 20, 3, 15.0);
     let houses: Vec<InstanceKey> = world.instances().collect();
@@ -42,7 +42,7 @@ fn town(rng: &mut Rng) -> Town {
     Town { world, lamps, large, houses }
 }
 
-/// Changes the world in the way of one of ten rounds.
+/// Changes the world: each of ten rounds has its own way.
 fn change(town: &mut Town, rng: &mut Rng, round: usize) {
     let Town { world, lamps: trees, large, houses } = town;
     match round {
@@ -64,7 +64,7 @@ fn change(town: &mut Town, rng: &mut Rng, round: usize) {
             world.rebuild_tree(trees[0]).expect("it lives");
             world.rebuild_tree(trees[1]).expect("it lives");
         }
-        // Whatever lies around goes away.
+        // The objects around the large trees move away.
         4 => {
             for key in houses.iter() {
                 world.move_instance(*key, Placement::at(DVec3::X * 9000.0)).expect("valid");
@@ -191,7 +191,7 @@ fn sections_arrive_with_the_last_piece_of_a_tree_that_is_sent_over_several_frame
                 break;
             }
             frames += 1;
-            // Trees and stand-ins of different ages are side by side, each of them sound.
+            // The pools hold trees and stand-ins of different ages. Each of them is sound.
             if std::mem::take(&mut is_due) {
                 check_pmfs(&mut lights, &mut rng);
                 checked += 1;

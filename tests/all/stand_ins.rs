@@ -1,4 +1,4 @@
-//! What shaders find in place of trees that the GPU does not hold.
+//! Stand-ins in shaders, for trees that the GPU does not hold.
 
 use std::collections::BTreeMap;
 
@@ -58,7 +58,7 @@ fn stand_ins_are_sampled_with_their_true_probabilities_and_are_as_bright_as_thei
     let mut world = LightWorld::new();
     let lamp = |rng: &mut Rng| Light::point(rng.place(3.0), Vec3::splat(rng.between(1.0, 4.0)));
     for i in 0..3 {
-        // The third has too few lights to need stand-ins.
+        // The third has too few lights to have stand-ins.
         let tree = (0..[400, 100, 5][i]).map(|_| lamp(&mut rng)).collect();
         let tree = world.add_tree(tree).expect("valid");
         let place = Placement::at(DVec3::new(20.0 * i as f64, 0.0, 0.0));
@@ -89,7 +89,7 @@ fn stand_ins_are_sampled_with_their_true_probabilities_and_are_as_bright_as_thei
         assert!((0.99..1.002).contains(&total), "{total} over {} lights", found.len());
         assert!(found.keys().filter(|(_, light)| *light >= STAND_IN).count() >= 16);
         if far {
-            // From far away, stand-ins and trees cannot be told apart.
+            // From far away, stand-ins shine like their trees.
             let point = ShadingPoint::volume(position);
             let sampler = world.sampler();
             let estimate = |rng: &mut Rng| {

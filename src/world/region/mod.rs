@@ -1,7 +1,7 @@
 //! Regions: trees and instances that enter a world together, and leave it together.
 //!
-//! A region is filled on any thread. All that does not depend on the world is checked and computed
-//! there.
+//! A region is filled on any thread, which checks and computes all that does not depend on the
+//! world.
 
 mod refused;
 
@@ -25,21 +25,20 @@ use crate::tree::LightTree;
 /// Trees, and instances of them, that [`LightWorld::add_region`](crate::LightWorld::add_region)
 /// adds to a world in one call, all or none.
 ///
-/// It is plain data that any thread may fill: a thread that loads a part of the world makes the
-/// trees, and the thread of the world only moves them in. A call that is refused leaves the region
-/// as it was.
+/// A region is plain data that any thread may fill: a loader thread makes the trees, and the thread
+/// of the world only moves them in. A call that returns an error leaves the region as it was.
 ///
 /// | a tree | by | cost on the thread that fills the region |
 /// |---|---|---|
-/// | whose lights shine at once, and which the world builds within its budgets | [`Region::add_placeholder`] | about half of a build |
-/// | that is built, or removed from a world | [`Region::add_tree`] | none |
+/// | whose lights shine at once, and which the world builds later, within its budgets | [`Region::add_placeholder`] | about half of a build |
+/// | that is built, or was removed from a world | [`Region::add_tree`] | none |
 /// | that was baked | [`Region::add_baked`] (feature `bake`) | that of [`LightTree::from_baked`] |
 /// | of the world, which the region does not own | [`Region::add_world_tree`] | none |
 ///
 /// ```
 /// use girandole::glam::{DVec3, Vec3};
 /// use girandole::{FrameBudget, Light, LightWorld, Placement, Policy, Region, RegionInstance};
-/// // On a thread that loads.
+/// // On a loader thread.
 /// let mut region = Region::new();
 /// let lamps = (0..100).map(|i| Light::point(Vec3::X * i as f32, Vec3::ONE)).collect();
 /// let street = region.add_placeholder(lamps)?;
@@ -54,7 +53,7 @@ use crate::tree::LightTree;
 /// assert_eq!(world.region(key).map(|region| region.instances().len()), Some(10));
 /// let report = world.update(FrameBudget::UNLIMITED);
 /// assert_eq!((report.rebuilt_trees, report.placeholder_trees), (1, 0));
-/// // The memory of the trees is freed where this is dropped.
+/// // Dropping this frees the memory of the trees, on any thread.
 /// let removed = world.remove_region(key)?;
 /// assert_eq!((removed.trees().len(), world.light_count()), (1, 0));
 /// # Ok::<(), girandole::WorldError>(())
@@ -65,9 +64,9 @@ pub struct Region {
     pub(super) instances: Vec<PlacedInstance>,
 }
 
-/// Names a tree of the [`Region`] that has returned it, for its instances.
+/// Names a tree of the [`Region`] that returned it, for instances of that tree.
 ///
-/// In another region it names the tree of the same index, or none.
+/// In another region it names the tree of the same index, if there is one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct RegionTree(usize);
 
@@ -120,7 +119,7 @@ pub(super) struct PlacedInstance {
     pub placement: Placement,
     pub policy: Policy,
     pub appearance: Appearance,
-    /// As placed where the origin of the world is that of the instance.
+    /// The placement relative to an origin at the instance's own position.
     pub placed: Option<Placed>,
 }
 
@@ -155,7 +154,7 @@ impl Region {
         Ok(self.add_tree(tree))
     }
 
-    /// Adds a tree that is moved in as by
+    /// Adds a tree without a copy or a build, as
     /// [`LightWorld::insert_tree`](crate::LightWorld::insert_tree). If its lights have changed
     /// since its last refit, it is refitted now. O(1), but for that refit.
     pub fn add_tree(&mut self, mut tree: LightTree) -> RegionTree {
@@ -163,7 +162,8 @@ impl Region {
         self.add(RegionSource::Own { tree: Box::new(tree), has_instance: false })
     }
 
-    /// Adds a tree that [`LightTree::bake`] has written. As [`LightTree::from_baked`].
+    /// Adds a tree that [`LightTree::bake`] has written. Costs as much as
+    /// [`LightTree::from_baked`].
     ///
     /// # Errors
     /// As [`LightTree::from_baked`].
@@ -187,10 +187,10 @@ impl Region {
     /// Adds an instance of a tree of this region. Returns its index: instances are numbered in the
     /// order in which they were added.
     ///
-    /// O(1), but for the first instance of a tree of more than eight lights if it is stretched, as
-    /// in [`LightWorld::add_instance`](crate::LightWorld::add_instance): a tree that is built and
-    /// not made for that instance is built again now. A placeholder is not, and is later built for
-    /// the instance; so is a tree of the world that has no instance yet.
+    /// O(1), unless it is the first instance of a tree of more than eight lights and is stretched,
+    /// as in [`LightWorld::add_instance`](crate::LightWorld::add_instance). Then a built tree that
+    /// was not made for the instance is rebuilt now. A placeholder, or a tree of the world without
+    /// an instance, is built for the instance later.
     ///
     /// # Errors
     /// [`WorldError::NoSuchRegionTree`], [`WorldError::Policy`], [`WorldError::Factor`],
