@@ -19,7 +19,8 @@ use super::scatter::{self, RunCount};
 use super::stored::Stored;
 use crate::effects::Effects;
 use crate::keys::slot_of;
-use crate::tree::LightTree;
+use crate::part::Division;
+use crate::tree::{LightTree, WIDTH};
 use crate::world::{FrameDelta, LightWorld};
 
 /// The room that the changes of a world need on the GPU. Make [`Reservation::new_buffers`], then
@@ -103,6 +104,30 @@ pub(super) enum Source {
     Piece,
     /// Stand-ins of the tree.
     StandIns(Box<LightTree>),
+}
+
+impl TreeWrite {
+    /// The runs of records of parts that are written with these runs of nodes.
+    pub fn record_runs<'a>(
+        &self,
+        world: &'a LightWorld,
+        state: &TreeState,
+        nodes: &'a [Range<u32>],
+    ) -> impl Iterator<Item = Range<u32>> + use<'a> {
+        let records = state.records.clone();
+        let is_partial = matches!(state.division, Division::Sections(_)) && !self.has_new_records;
+        let sections = world.tree_at(self.slot).filter(|_| is_partial).map(|key| world.sections(key));
+        let all = sections.is_none().then(|| records.clone());
+        let of_sections = sections.into_iter().flat_map(move |sections| {
+            // What a section's record says is in the node above it.
+            let of_node =
+                move |node: u32| sections.partition_point(|section| section.place / (WIDTH as u32) < node) as u32;
+            nodes.iter().map(move |run| of_node(run.start)..of_node(run.end))
+        });
+        let start = records.start;
+        let of_sections = of_sections.filter(|run| !run.is_empty()).map(move |run| start + run.start..start + run.end);
+        all.into_iter().chain(of_sections)
+    }
 }
 
 /// The most items of a list whose memory is kept for the next frame.
@@ -292,7 +317,7 @@ impl LightPlanner {
         room.slots = self.instances.alloc(more_slots, growth)?;
         let has_masks = effects.contains(Effects::MASKS);
         self.top.reserve(self.parts.count(), has_masks, growth, (&mut self.ids, &mut room.new_buffers))?;
-        self.find_runs(changes, room);
+        self.find_runs(world, changes, room);
         self.name_buffers(room);
         Ok(())
     }
@@ -324,14 +349,15 @@ impl LightPlanner {
 
     /// Counts the runs of records that will be written, and decides which pools take them from staged
     /// records.
-    fn find_runs(&self, changes: &PendingChanges, room: &mut Room) {
+    fn find_runs(&self, world: &LightWorld, changes: &PendingChanges, room: &mut Room) {
         let [mut node_count, mut light_count, mut tree_count, mut instance_count] =
             [RunCount::default(); scatter::MAX_TARGETS];
         for (write, [nodes, lights]) in &room.trees.writes {
             room.trees.runs[nodes.clone()].iter().for_each(|run| node_count.add(run));
             room.trees.runs[lights.clone()].iter().for_each(|run| light_count.add(run));
             if !matches!(write.source, Source::Piece) {
-                tree_count.add(&self.state_after(write.slot, &room.placed).records);
+                let state = self.state_after(write.slot, &room.placed);
+                write.record_runs(world, state, &room.trees.runs[nodes.clone()]).for_each(|run| tree_count.add(&run));
             }
         }
         room.instances = changes.records();

@@ -14,7 +14,7 @@ use super::scatter::{MAX_TARGETS, Scattered, scatter};
 use crate::effects::Effects;
 use crate::keys::{generation_of, slot_of};
 use crate::part::Division;
-use crate::tree::{LEAF, Node, Target, WIDTH};
+use crate::tree::{LEAF, Node, Target};
 use crate::world::LightWorld;
 
 /// Commands and bytes of a plan besides the records of the large pools: parts and parameters.
@@ -222,22 +222,19 @@ impl LightPlanner {
             // The records of stand-ins describe the whole tree, so nothing changes in the top level
             // when it takes their place.
             let state = self.residency.get(write.slot);
-            if matches!(state.division, Division::Sections(_)) && !write.has_new_records {
-                // What a section's record says is in the node above it.
-                let of_node = |node: u32| sections.partition_point(|section| section.place / (WIDTH as u32) < node);
-                for run in &runs[node_runs.clone()] {
-                    let found = of_node(run.start)..of_node(run.end);
-                    if found.is_empty() {
-                        continue;
-                    }
-                    let target = state.records.start + found.start as u32..state.records.start + found.end as u32;
-                    let fill = sections[found].iter().map(|section| TreeRecord::of_section(tree, section));
-                    self.trees.write(commands, &mut staged.trees, target, fill);
+            let mut records = None;
+            for run in write.record_runs(world, state, &runs[node_runs.clone()]) {
+                let part = run.start - state.records.start..run.end - state.records.start;
+                let part = part.start as usize..part.end as usize;
+                if matches!(state.division, Division::Sections(_)) {
+                    let fill = sections[part].iter().map(|section| TreeRecord::of_section(tree, section));
+                    self.trees.write(commands, &mut staged.trees, run, fill);
+                } else {
+                    let of_tree = || TreeRecord::of(&entry.tree, state.division, &entry.sections);
+                    let fill = records.get_or_insert_with(of_tree)[part].iter().copied();
+                    self.trees.write(commands, &mut staged.trees, run, fill);
                 }
-                continue;
             }
-            let fill = TreeRecord::of(&entry.tree, state.division, &entry.sections).into_iter();
-            self.trees.write(commands, &mut staged.trees, state.records.clone(), fill);
         }
     }
 
