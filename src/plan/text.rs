@@ -302,7 +302,7 @@ pub(crate) fn constants() -> String {
         ("CAP_STEPS", tree::CAP_STEPS),
         ("MIN_FLUX", light::MIN_FLUX),
         ("MAX_FLUX", cluster::MAX_FLUX),
-        ("UNLIMITED_RANGE", tree::UNLIMITED_RANGE),
+        ("UNLIMITED_RANGE", light::UNLIMITED_RANGE),
         ("TINY", f32::MIN_POSITIVE),
         ("MIN_DIST_SQ", emit::MIN_DIST_SQ),
         ("MIN_PDF", emit::MIN_PDF),
