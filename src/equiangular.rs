@@ -11,8 +11,7 @@ use std::f32::consts::FRAC_PI_2;
 
 use glam::Vec3;
 
-use crate::light::UNLIMITED_RANGE;
-use crate::light::{Light, Shape};
+use crate::light::{Light, Shape, UNLIMITED_RANGE};
 use crate::segment::{LocalSegment, SegmentView};
 use crate::shading_point::ShadingPoint;
 use crate::transform::InstanceTransform;

@@ -20,8 +20,7 @@
 use super::super::LightTree;
 use crate::bounds::Aabb;
 use crate::cluster::{Cluster, MAX_FLUX};
-use crate::light::UNLIMITED_RANGE;
-use crate::light::{MAX_COORDINATE, MIN_FLUX};
+use crate::light::{MAX_COORDINATE, MIN_FLUX, UNLIMITED_RANGE};
 use crate::tree::check::CheckError;
 use crate::tree::node::{EMPTY_SLOT, NO_PARENT, Node, Target, WIDTH};
 use crate::tree::pack::{packed_flux, packed_range};
