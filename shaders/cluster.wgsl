@@ -49,10 +49,13 @@ fn linear_of(instance: LightInstance) -> Linear {
     let x = vec3(rows[0].x, rows[1].x, rows[2].x);
     let y = vec3(rows[0].y, rows[1].y, rows[2].y);
     let z = vec3(rows[0].z, rows[1].z, rows[2].z);
-    let mirrored = select(1.0, -1.0, instance.to_local[0].w < 0.0);
+    // The matrix of cofactors is the transposed inverse times the determinant. Cross products would
+    // lose the digits of flattened placements.
+    let inverse = instance.to_local;
+    let volume = abs(inverse[0].w);
     return Linear(
         x, y, z, vec3(rows[0].w, rows[1].w, rows[2].w),
-        cross(y, z) * mirrored, cross(z, x) * mirrored, cross(x, y) * mirrored,
+        inverse[0].xyz * volume, inverse[1].xyz * volume, inverse[2].xyz * volume,
         vec2(instance.cos_turn, instance.sin_turn), instance.to_local[2].w,
     );
 }

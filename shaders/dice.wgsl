@@ -19,16 +19,22 @@ fn light_clamp_unit(u: f32) -> f32 {
     return select(0.0, min(u, LIGHT_ONE_MINUS_EPSILON), u > 0.0);
 }
 
+// A random number below 2^-24.
+fn light_fresh(state: u32) -> f32 {
+    return f32(state >> 8u) * LIGHT_U_STEP * LIGHT_U_STEP;
+}
+
+// Twin of `Dice::new`.
 fn light_dice(u: f32, more: f32) -> LightDice {
-    return LightDice(light_clamp_unit(u), light_hash(bitcast<u32>(u) ^ light_hash(bitcast<u32>(more))));
+    let state = light_hash(bitcast<u32>(u) ^ light_hash(bitcast<u32>(more)));
+    return LightDice(light_clamp_unit(light_clamp_unit(u) + light_fresh(state)), state);
 }
 
 // Remaps the number to [0, 1) after a choice: the chosen interval has `length`, and the number lies
 // `offset` inside it. The low bits are fresh. Twin of `Dice::remap`.
 fn light_remap(dice: LightDice, offset: f32, length: f32) -> LightDice {
     let state = light_hash(dice.state);
-    let fresh = f32(state >> 8u) * LIGHT_U_STEP * LIGHT_U_STEP;
-    return LightDice(light_clamp_unit((offset + fresh) / length), state);
+    return LightDice(light_clamp_unit((offset + light_fresh(state)) / length), state);
 }
 
 // The probability of two independent choices; 0 only if one of them is impossible. Twin of

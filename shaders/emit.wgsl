@@ -250,8 +250,11 @@ fn light_from_sphere(
 
 // Samples a point on a light. Twin of `sample_light`.
 fn light_incident(
-    light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, u: vec2<f32>,
+    light: LightRecord, instance: LightInstance, shading_point: LightShadingPoint, random: vec2<f32>,
 ) -> LightIncident {
+    // #if AREAS
+    let u = vec2(light_clamp_unit(random.x), light_clamp_unit(random.y));
+    // #endif
     // #if CONES | AREAS | DIRECTIONAL
     let kind = light.kind & LIGHT_KIND_MASK;
     // #endif

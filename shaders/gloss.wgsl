@@ -23,7 +23,7 @@ fn light_gloss(normal: vec3<f32>, view: vec3<f32>, roughness: f32, specular: f32
     let has_view = view_sq >= LIGHT_MIN_VIEW_SQ && view_sq <= LIGHT_MAX_VIEW_SQ;
     // NaN and infinity fail one of the comparisons.
     let largest = max(abs(roughness), abs(diffuse));
-    let is_finite = largest <= LIGHT_MAX_FINITE && specular > 0.0 && specular <= LIGHT_MAX_FINITE;
+    let is_finite = largest <= LIGHT_MAX_FINITE && specular >= LIGHT_MIN_SPECULAR && specular <= LIGHT_MAX_FINITE;
     if !has_view || !is_finite || all(normal == vec3(0.0)) {
         return gloss;
     }

@@ -51,9 +51,13 @@ fn group_start(total: u32, pieces: u32, piece: u32, side: u32) -> u32 {
 }
 
 @compute @workgroup_size(TOP_SPLIT_LANES)
-fn top_group(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn top_group(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups_of_pass: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let total = gather_count(lane);
-    let piece = group.x;
+    let piece = group.x + group.y * groups_of_pass.x;
     let left = top_pass.units_after + top_pass.pieces;
     if total <= TOP_ROOT_UNITS {
         // The upper part can hold all units, so they are passed on as the units of the first piece.

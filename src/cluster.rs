@@ -1,7 +1,7 @@
 //! Clusters: summaries of groups of lights. Bounds prove where none of their light arrives, and
 //! moments estimate how much arrives elsewhere.
 
-use glam::{Mat3, Vec2, Vec3};
+use glam::{DMat3, Mat3, Vec2, Vec3};
 
 use crate::bounds::Aabb;
 
@@ -143,7 +143,10 @@ impl Linear {
         let exact = linear.as_dmat3();
         let exact_determinant = exact.determinant();
         let determinant = exact_determinant as f32;
-        let cofactor = Mat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * determinant.signum();
+        // In f32, products that cancel would lose the digits of flattened placements.
+        let [dx, dy, dz] = [exact.x_axis, exact.y_axis, exact.z_axis];
+        let cofactor =
+            (DMat3::from_cols(dy.cross(dz), dz.cross(dx), dx.cross(dy)) * exact_determinant.signum()).as_mat3();
         let mean_square_scale = (x.length_squared() + y.length_squared() + z.length_squared()) / 3.0;
         let gram = linear.transpose() * linear;
         let error = (gram - Mat3::from_diagonal(Vec3::splat(mean_square_scale))).to_cols_array();

@@ -35,8 +35,12 @@ pub(crate) struct Dice {
 
 impl Dice {
     /// Starts from `u` in [0, 1); the bits of `more` go into the hash as well.
+    ///
+    /// The number stands for an interval of 2^-24, so fresh bits follow its own. Otherwise 0 would
+    /// choose the first of all children, however improbable it is.
     pub fn new(u: f32, more: f32) -> Self {
-        Self { u: clamp_unit(u), state: hash(u.to_bits() ^ hash(more.to_bits())) }
+        let state = hash(u.to_bits() ^ hash(more.to_bits()));
+        Self { u: clamp_unit(clamp_unit(u) + fresh(state)), state }
     }
 
     /// The point in [0, `total`) that decides a choice among weights with that sum.
@@ -48,9 +52,13 @@ impl Dice {
     /// lies `offset` inside it, both as shares of all weights.
     pub fn remap(&mut self, offset: f32, length: f32) {
         self.state = hash(self.state);
-        let fresh = (self.state >> 8) as f32 * U_STEP * U_STEP;
-        self.u = clamp_unit((offset + fresh) / length);
+        self.u = clamp_unit((offset + fresh(self.state)) / length);
     }
+}
+
+/// A random number below 2^-24.
+fn fresh(state: u32) -> f32 {
+    (state >> 8) as f32 * U_STEP * U_STEP
 }
 
 /// Clamps to [0, 1). NaN becomes 0: `max` returns the other operand, while `clamp` would keep it.
@@ -92,6 +100,15 @@ mod tests {
             heads += u32::from(head);
         }
         assert!((f64::from(heads) / 4096.0 - 0.5).abs() < 0.04, "{heads}");
+    }
+
+    #[test]
+    fn zero_chooses_a_child_as_often_as_it_is_probable() {
+        // 65,536 numbers that stand for the interval from 0 to 2^-24. A quarter of it holds a share of
+        // 0.25 +- 0.01, but for a probability of 4e-9.
+        let below = |i: u32| Dice::new(0.0, i as f32).point(1.0) < 0.25 * U_STEP;
+        let share = (0..65_536).filter(|i| below(*i)).count() as f64 / 65_536.0;
+        assert!((share - 0.25).abs() < 0.01, "{share}");
     }
 
     #[test]

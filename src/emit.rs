@@ -9,6 +9,7 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
+use crate::dice::clamp_unit;
 use crate::light::{Light, Shape, range_window, spot_falloff};
 use crate::shading_point::ShadingPoint;
 use crate::solid_angle::NearSurface;
@@ -55,7 +56,7 @@ pub(crate) const CLOSE: f32 = 0.1;
 ///
 /// Flat surfaces are sampled uniformly by area, spheres uniformly by the solid angle that they
 /// subtend (PBRT4 6.2.4). With `by_solid_angle`, so are flat surfaces that are large or near
-/// (`solid_angle.rs`).
+/// (`solid_angle.rs`). Numbers of `u` outside [0, 1) are clamped, and NaN counts as 0.
 pub(crate) fn sample_light(
     light: &Light,
     frame: &InstanceTransform,
@@ -65,6 +66,7 @@ pub(crate) fn sample_light(
 ) -> Option<Incident> {
     // A light whose flux rounds to 0 has the probability 0 as well.
     (light.flux() > 0.0).then_some(())?;
+    let u = u.map(clamp_unit);
     match light.shape {
         Shape::Point { position } => from_delta(light, frame.toward(position, shading_point), 1.0, shading_point),
         Shape::Spot { position, direction, inner_angle, outer_angle } => {

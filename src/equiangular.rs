@@ -11,11 +11,10 @@ use std::f32::consts::FRAC_PI_2;
 
 use glam::Vec3;
 
-use crate::light::{Light, Shape};
+use crate::light::{Light, Shape, UNLIMITED_RANGE};
 use crate::segment::{LocalSegment, SegmentView};
 use crate::shading_point::ShadingPoint;
 use crate::transform::InstanceTransform;
-use crate::tree::UNLIMITED_RANGE;
 
 /// The least distance from the line, as a share of that of the farther end. On the line itself the
 /// integral over the segment is infinite, and the density would have no limit.

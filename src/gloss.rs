@@ -17,7 +17,7 @@ use glam::{Mat3, Vec3};
 /// every light above the horizon keeps a probability above 0.
 ///
 /// A surface counts as matte if the length of `view` is out of range, if a number is not finite, or
-/// if `specular` is 0 or less.
+/// if `specular` is below 1e-30.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gloss {
     /// The direction to the viewer, in the space of the shading point, with a length from 1e-15 to
@@ -37,6 +37,8 @@ pub struct Gloss {
 pub(crate) const MIN_VIEW_SQ: f32 = 1.0e-30;
 /// See [`MIN_VIEW_SQ`].
 pub(crate) const MAX_VIEW_SQ: f32 = 1.0e36;
+/// The least specular reflectance. Below it, quotients of reflectances leave f32.
+pub(crate) const MIN_SPECULAR: f32 = 1.0e-30;
 /// The least α. Lobes of mirrors are for rays along the mirrored direction, not for a choice of
 /// lights.
 pub(crate) const MIN_ALPHA: f32 = 1.0e-3;
@@ -80,7 +82,7 @@ impl LocalGloss {
         // NaN fails the comparisons.
         let has_view = (MIN_VIEW_SQ..=MAX_VIEW_SQ).contains(&view_sq);
         let is_finite = [roughness, specular, diffuse].into_iter().all(|value| value.abs() <= f32::MAX);
-        if normal == Vec3::ZERO || !has_view || !is_finite || specular <= 0.0 {
+        if normal == Vec3::ZERO || !has_view || !is_finite || specular < MIN_SPECULAR {
             return None;
         }
         let view = gloss.view / view_sq.sqrt();

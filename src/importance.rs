@@ -14,11 +14,11 @@ use glam::Vec3;
 
 use crate::cluster::Linear;
 use crate::gloss::LocalGloss;
-use crate::light::LAMBERTIAN;
+use crate::light::{LAMBERTIAN, UNLIMITED_RANGE};
 use crate::segment::{LocalSegment, SegmentView, clamped, gap_sq};
 use crate::shading_point::ShadingPoint;
 use crate::simd::{Job, with_vectors};
-use crate::tree::{LEAF, Lanes, Node, NodeGrid, UNLIMITED_RANGE, Unpacked, WIDTH};
+use crate::tree::{LEAF, Lanes, Node, NodeGrid, Unpacked, WIDTH};
 
 /// A shading point in the space of a tree, and how that space affects bounds.
 #[derive(Clone, Copy, Debug)]

@@ -391,8 +391,16 @@ pub fn luminance(rgb: Vec3) -> f32 {
     rgb.dot(Vec3::new(0.2126, 0.7152, 0.0722))
 }
 
-/// The range window of KHR_lights_punctual: 1 at the light, exactly 0 from `range` on.
+/// Represents an unlimited range, in metres: shaders may not rely on infinity. Its square fits
+/// into f32, and it is longer than any distance in a world.
+pub(crate) const UNLIMITED_RANGE: f32 = 1.0e18;
+
+/// The range window of KHR_lights_punctual: 1 at the light, exactly 0 from `range` on. 1 everywhere
+/// for a range from [`UNLIMITED_RANGE`] on.
 pub(crate) fn range_window(dist_sq: f32, range: f32) -> f32 {
+    if range >= UNLIMITED_RANGE {
+        return 1.0;
+    }
     if dist_sq >= range * range {
         return 0.0;
     }

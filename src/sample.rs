@@ -551,10 +551,12 @@ impl<'a> LightSampler<'a> {
 
 /// What a directional light is chosen by: its illuminance at a shading point, as luminance in lux,
 /// times the reflectance of a glossy surface.
+#[allow(clippy::manual_clamp, reason = "not the same for NaN")]
 pub(crate) fn illuminance(light: &DirectionalLight, shading_point: &ShadingPoint) -> f32 {
     let toward = -light.direction.normalize();
     let cosine = if shading_point.normal == glam::Vec3::ZERO { 1.0 } else { shading_point.normal.dot(toward) };
-    let lux = luminance(light.illuminance) * cosine.max(0.0);
+    // At most 1, whatever the length of the normal is, and 0 for NaN.
+    let lux = luminance(light.illuminance) * cosine.max(0.0).min(1.0);
     match LocalShadingPoint::gloss_of(shading_point) {
         Some(gloss) if lux > 0.0 => lux * gloss.toward(toward, cosine),
         _ => lux,

@@ -9,11 +9,11 @@ use glam::{Mat3, Vec3};
 use crate::appearance::Appearance;
 use crate::cluster::Cluster;
 use crate::cut::NO_INSTANCE;
-use crate::light::{DirectionalLight, Light, Shape, spot_falloff};
+use crate::light::{DirectionalLight, Light, Shape, UNLIMITED_RANGE, spot_falloff};
 use crate::part::Division;
 use crate::placement::Placed;
 use crate::sector;
-use crate::tree::{LEAF, LightTree, Section, UNLIMITED_RANGE};
+use crate::tree::{LEAF, LightTree, Section};
 
 /// The bits of [`LightRecord::kind`] that hold the kind.
 pub(crate) const KIND_MASK: u32 = 0xff;
@@ -319,9 +319,9 @@ impl InstanceRecord {
         Self { flags: self.flags | generation << GENERATION_SHIFT, ..self }
     }
 
-    /// The record of an instance with this placement and appearance, whose tree and parts start at `bases` in the
-    /// pools. The inverse of a rigid placement is written as the exact transpose without scale,
-    /// because that is what shaders compute where the inverse is not stored.
+    /// The record of an instance with this placement and appearance, whose tree and parts start at
+    /// `bases` in the pools. The inverse of a rigid placement is written as the exact transpose
+    /// without scale, because that is what shaders compute where the inverse is not stored.
     pub fn of(placed: &Placed, appearance: &Appearance, bases: Bases) -> Self {
         let to_world = &placed.linear.linear;
         let scales = Vec3::new(placed.determinant, placed.range_scale(), placed.linear.mean_square_scale);

@@ -81,6 +81,7 @@ impl LightPlanner {
             self.shares = None;
             self.is_resized = true;
             self.residency.sort();
+            self.residency.unblock_all();
         }
     }
 
@@ -98,7 +99,10 @@ impl LightPlanner {
     /// gaps that trees have left, up to a quarter of the bytes of a frame goes to trees that move
     /// to gaps.
     pub fn set_frame_bytes(&mut self, bytes: Option<u64>) {
-        self.limits.frame_bytes = bytes;
+        if bytes != self.limits.frame_bytes {
+            self.limits.frame_bytes = bytes;
+            self.residency.unblock_all();
+        }
     }
 
     /// Whether shaders see stand-ins of a tree after the last plan. False for a tree that was never

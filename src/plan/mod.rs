@@ -68,7 +68,6 @@ pub(crate) mod kernel;
 pub(crate) mod layout;
 mod limits;
 mod memory;
-mod part_records;
 mod parts;
 mod place;
 pub(crate) mod pool;
@@ -85,6 +84,7 @@ pub(crate) mod stored;
 mod target_hook;
 pub(crate) mod text;
 pub(crate) mod top;
+mod tree_writes;
 mod write;
 
 use std::fmt;

@@ -11,10 +11,11 @@ use super::changes::PendingChanges;
 use super::error::PlanError;
 use super::layout::TreeRecord;
 use super::pool::{Demand, Growth};
-use super::reserve::{Room, Source, TreeWrite};
+use super::reserve::Room;
 use super::residency::{Form, Incoming, NOT_WEIGHED, TreeState, has_room};
 use super::runs::runs;
 use super::stand_in::{may_stand_in, stand_ins};
+use super::tree_writes::{Source, TreeWrite};
 use crate::keys::{TreeKey, slot_of};
 use crate::part::Division;
 use crate::tree::LightTree;
@@ -58,8 +59,12 @@ const MAX_RESTARTS: u32 = 2;
 /// The most waiting trees that a frame looks at.
 const MAX_BROUGHT: usize = 4096;
 
-/// A frame gives up once it has found no room for this many trees.
+/// The most trees for which a frame finds no room before it gives up. They are tried again only once
+/// something has changed, so that the next frame looks at others.
 const MAX_REFUSALS: usize = 8;
+
+/// The most of them that a frame tries again.
+const MAX_RETRIES: usize = 4;
 
 /// A tree of the world, and the key under which shaders know it.
 #[derive(Clone, Copy)]
@@ -136,11 +141,16 @@ impl LightPlanner {
         let is_restarted = room.restarted.is_some();
         room.left = if is_restarted { 0 } else { self.limits.frame_bytes.unwrap_or(u64::MAX) };
         match self.residency.incoming.clone() {
-            Some(incoming) if room.left > 0 => self.go_on(world, incoming, room)?,
+            Some(incoming) if room.left > 0 && !self.is_lost => self.go_on(world, incoming, room)?,
             incoming => room.incoming = incoming,
         }
-        if room.left > 0 && self.residency.waiting_count() > 0 {
+        // A lost device gets what it had first.
+        if room.left > 0 && !self.is_lost && self.residency.waiting_count() > 0 {
             self.stream(world, room)?;
+        }
+        if !changes.trees.as_slice().is_empty() {
+            // The next frames may find room that this one has not found.
+            self.residency.retry();
         }
         for slot in changes.trees.as_slice() {
             // A tree that has just arrived is up to date.
@@ -185,7 +195,11 @@ impl LightPlanner {
         let is_small = !may_stand_in(subject.tree());
         let present = self.residency.get(slot);
         let is_known = present.key == key;
-        if is_coming {
+        let is_lost = present.form == Form::Whole && !present.is_readable();
+        if is_coming && (is_small || is_lost) {
+            // It does not wait any more.
+            room.incoming = None;
+        } else if is_coming {
             // What changes meanwhile is sent with the last piece.
             let state = present.clone();
             return if state.form == Form::Whole { Ok(()) } else { self.show_stand_ins(world, &subject, state, room) };
@@ -193,7 +207,7 @@ impl LightPlanner {
         if is_known && present.form == Form::Whole && has_room_for(present, &subject) {
             let (runs, is_all) = subject.changes_since(present.revision);
             let bytes = self.bytes([length(&runs[0]), length(&runs[1])]);
-            if !is_all || is_small || bytes <= room.left {
+            if !is_all || is_small || is_lost || bytes <= room.left {
                 room.left = room.left.saturating_sub(bytes);
                 return self.write_in_place(world, &subject, runs, room);
             }
@@ -212,7 +226,7 @@ impl LightPlanner {
                 Err(_) => {}
             }
         }
-        if state.form == Form::Whole {
+        if state.is_readable() {
             let usefulness = subject.usefulness(world);
             room.placed.insert(slot, TreeState { waits: true, bytes, usefulness, ..state });
             return Ok(());
@@ -330,6 +344,7 @@ impl LightPlanner {
         for slot in self.residency.next_slots(WEIGHED_PER_FRAME) {
             self.weigh(world, slot);
         }
+        self.residency.unblock(MAX_RETRIES);
         let waiting: Vec<u32> = self.residency.waiting().take(MAX_BROUGHT).collect();
         let mut refusals = 0;
         for slot in waiting {
@@ -341,6 +356,10 @@ impl LightPlanner {
             }
             let is_same = |subject: &Subject| self.residency.get(slot).key == Some(subject.key);
             let Some(subject) = Subject::of(world, slot).filter(is_same) else { continue };
+            if !may_stand_in(subject.tree()) {
+                // It has just become small, and does not wait any more.
+                continue;
+            }
             if self.bring(world, &subject, room)? {
                 continue;
             }
@@ -348,7 +367,25 @@ impl LightPlanner {
                 break;
             }
             refusals += 1;
+            // What the frame has placed already may leave room behind.
+            if room.placed.is_empty() {
+                self.give_up(world, &subject, room)?;
+            }
         }
+        Ok(())
+    }
+
+    /// Leaves a tree for which there is no room. An older version makes room for the present one: it
+    /// would stay for good.
+    fn give_up(&mut self, world: &LightWorld, subject: &Subject, room: &mut Room) -> Result<(), PlanError> {
+        let state = self.residency.get(subject.slot).clone();
+        if state.form == Form::Whole {
+            let result = self.show_stand_ins(world, subject, state, room);
+            if result.is_ok() || room.placed.contains_key(&subject.slot) {
+                return result;
+            }
+        }
+        self.residency.block(subject.slot);
         Ok(())
     }
 
@@ -454,6 +491,7 @@ impl LightPlanner {
         if missing != [0; 2] {
             return Ok(false);
         }
+        let mut has_fallen = false;
         // The next frames evict the rest.
         for slot in fallbacks.into_iter().take(MAX_FALLBACKS) {
             let is_same = |subject: &Subject| self.residency.get(slot).key == Some(subject.key);
@@ -464,8 +502,9 @@ impl LightPlanner {
                 Err(_) if !room.placed.contains_key(&slot) => break,
                 result => result?,
             }
+            has_fallen = true;
         }
-        Ok(true)
+        Ok(has_fallen)
     }
 
     /// Defragments: moves trees of at most `bytes` bytes from the end of each pool to gaps. Returns
@@ -481,6 +520,7 @@ impl LightPlanner {
                 let Some(subject) = Subject::of(world, slot) else { continue };
                 let is_current = state.key == Some(subject.key)
                     && state.form == Form::Whole
+                    && state.division == subject.division
                     && subject.entry.log.since(state.revision) == Some(TreeChanges::default())
                     && has_room_for(&state, &subject);
                 let mut runs = subject.counts().map(all);

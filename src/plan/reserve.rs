@@ -9,7 +9,6 @@ use super::buffers::{BufferId, NewBuffer};
 use super::changes::{PendingChanges, Slots};
 use super::error::PlanError;
 use super::layout::{ParamsRecord, PartRecord, TreeRecord};
-use super::part_records::written_records;
 use super::parts::NewParts;
 use super::pool::{Growth, RestartedPool};
 use super::previous::Copies;
@@ -18,9 +17,9 @@ use super::residency::{Incoming, Residency, TreeState};
 use super::runs::add_runs;
 use super::scatter::{self, RunCount};
 use super::stored::Stored;
+use super::tree_writes::{TreeRuns, written_records};
 use crate::effects::Effects;
 use crate::keys::slot_of;
-use crate::tree::LightTree;
 use crate::world::{FrameDelta, LightWorld};
 
 /// The room that the changes of a world need on the GPU. Make [`Reservation::new_buffers`], then
@@ -76,36 +75,6 @@ pub(super) struct Room {
     pub staging: Option<(BufferId, u64)>,
 }
 
-/// What is written of trees.
-#[derive(Debug, Default)]
-pub(super) struct TreeRuns {
-    /// Runs of nodes and lights within their trees.
-    pub runs: Vec<Range<u32>>,
-    /// What is written, and the ranges of `runs` that are nodes and lights.
-    pub writes: Vec<(TreeWrite, [Range<usize>; 2])>,
-}
-
-/// What is written of one tree.
-#[derive(Debug)]
-pub(super) struct TreeWrite {
-    pub slot: u32,
-    pub source: Source,
-    /// The places in the pools of the first node and the first light of the tree.
-    pub bases: [u32; 2],
-    /// The records of all parts are written, and not only those that change with the nodes and lights.
-    pub has_new_records: bool,
-}
-
-#[derive(Debug)]
-pub(super) enum Source {
-    /// The tree, which is then up to date.
-    Tree,
-    /// Some of the tree.
-    Piece,
-    /// Stand-ins of the tree.
-    StandIns(Box<LightTree>),
-}
-
 /// The most items of a list whose memory is kept for the next frame.
 const KEPT: usize = 4096;
 
@@ -115,17 +84,6 @@ const KEPT: usize = 4096;
 pub(super) struct Lists {
     trees: TreeRuns,
     instance_runs: Vec<Range<u32>>,
-}
-
-impl TreeRuns {
-    pub fn add(&mut self, write: TreeWrite, runs: [Vec<Range<u32>>; 2]) {
-        let ranges = runs.map(|runs| {
-            let start = self.runs.len();
-            self.runs.extend(runs);
-            start..self.runs.len()
-        });
-        self.writes.push((write, ranges));
-    }
 }
 
 /// The trees and their pools before a restart.

@@ -60,6 +60,11 @@ impl TreeState {
         Self { key: Some(key), ..Self::NONE }
     }
 
+    /// Whether shaders can read the whole tree, or an older version of it. Not if the device has lost it.
+    pub fn is_readable(&self) -> bool {
+        self.form == Form::Whole && self.revision > 0
+    }
+
     /// The lengths of new ranges for these numbers of nodes and lights. If either number has grown,
     /// both ranges get a quarter more. So a tree to which lights are added one by one moves within
     /// the pools once for each quarter of its lights.
@@ -98,8 +103,14 @@ pub(super) struct Incoming {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Residency {
     trees: Vec<TreeState>,
-    /// The trees that wait to be sent whole, the most useful last.
+    /// The trees that wait and may find room, the most useful last.
     waiting: BTreeSet<(u32, u32)>,
+    /// The slots of trees that wait and for which there is no room until something changes.
+    blocked: BTreeSet<u32>,
+    /// How many of these are to be tried again.
+    retries: usize,
+    /// The slot after the one that was tried again last.
+    next_retry: u32,
     /// Bytes of the trees that wait.
     waiting_bytes: u64,
     /// The number of trees of which shaders see stand-ins.
@@ -160,14 +171,44 @@ impl Residency {
         self.trees.len() as u32
     }
 
-    /// The trees that wait, the most useful first.
+    /// The trees that wait and may find room, the most useful first.
     pub fn waiting(&self) -> impl Iterator<Item = u32> + '_ {
         self.waiting.iter().rev().map(|(_, slot)| *slot)
     }
 
     /// The number of trees that wait.
     pub fn waiting_count(&self) -> usize {
-        self.waiting.len()
+        self.waiting.len() + self.blocked.len()
+    }
+
+    /// Notes that there is no room for a tree that waits.
+    pub fn block(&mut self, slot: u32) {
+        if self.waiting.remove(&(self.get(slot).usefulness, slot)) {
+            self.blocked.insert(slot);
+        }
+    }
+
+    /// Notes that trees for which there was no room may find some now.
+    pub fn retry(&mut self) {
+        self.retries = self.blocked.len();
+    }
+
+    /// Lets all trees that wait be tried again.
+    pub fn unblock_all(&mut self) {
+        self.retry();
+        self.unblock(usize::MAX);
+    }
+
+    /// Lets some of the trees for which there was no room be tried again, in turn.
+    pub fn unblock(&mut self, count: usize) {
+        for _ in 0..count.min(self.retries) {
+            let next = self.blocked.range(self.next_retry..).chain(&self.blocked).next();
+            let Some(slot) = next.copied() else { break };
+            self.next_retry = slot + 1;
+            self.retries -= 1;
+            self.blocked.remove(&slot);
+            self.waiting.insert((self.get(slot).usefulness, slot));
+        }
     }
 
     /// Bytes of the trees that wait.
@@ -191,6 +232,7 @@ impl Residency {
         self.is_packed &= former.ranges() == state.ranges();
         if former.waits {
             self.waiting.remove(&(former.usefulness, slot));
+            self.blocked.remove(&slot);
             self.waiting_bytes -= former.bytes;
         }
         if state.waits {
@@ -248,6 +290,7 @@ impl Residency {
         if self.get(slot).usefulness != usefulness {
             let state = TreeState { usefulness, ..self.get(slot).clone() };
             self.replace(slot, state);
+            self.retry();
         }
     }
 

@@ -302,7 +302,7 @@ pub(crate) fn constants() -> String {
         ("CAP_STEPS", tree::CAP_STEPS),
         ("MIN_FLUX", light::MIN_FLUX),
         ("MAX_FLUX", cluster::MAX_FLUX),
-        ("UNLIMITED_RANGE", tree::UNLIMITED_RANGE),
+        ("UNLIMITED_RANGE", light::UNLIMITED_RANGE),
         ("TINY", f32::MIN_POSITIVE),
         ("MIN_DIST_SQ", emit::MIN_DIST_SQ),
         ("MIN_PDF", emit::MIN_PDF),
@@ -316,6 +316,7 @@ pub(crate) fn constants() -> String {
         ("MAX_VIEW_SQ", gloss::MAX_VIEW_SQ),
         ("MIN_VIEW_SINE_SQ", gloss::MIN_VIEW_SINE_SQ),
         ("MIN_VIEW_COSINE", gloss::MIN_VIEW_COSINE),
+        ("MIN_SPECULAR", gloss::MIN_SPECULAR),
         ("MIN_ALPHA", gloss::MIN_ALPHA),
         ("GLOSS_WIDTH", gloss::GLOSS_WIDTH),
         ("MIN_GLOSS", gloss::MIN_GLOSS),
@@ -595,7 +596,7 @@ mod tests {
                  LightGloss.tangent LightGloss.alpha LightGloss.bitangent LightGloss.specular LightGloss.view \
                  LightGloss.flat_part LightReflected LightReflected.value LightReflected.doubt \
                  LightShadingPoint.gloss LightLocalShadingPoint.gloss LightFour.tangent LightFour.bitangent \
-                 LIGHT_MIN_VIEW_SQ LIGHT_MAX_VIEW_SQ LIGHT_MIN_VIEW_SINE_SQ LIGHT_MIN_VIEW_COSINE LIGHT_MIN_ALPHA \
+                 LIGHT_MIN_VIEW_SQ LIGHT_MAX_VIEW_SQ LIGHT_MIN_VIEW_SINE_SQ LIGHT_MIN_VIEW_COSINE LIGHT_MIN_SPECULAR LIGHT_MIN_ALPHA \
                  LIGHT_GLOSS_WIDTH LIGHT_MIN_GLOSS",
             ),
             (Effects::SEGMENTS, SEGMENT_NAMES),

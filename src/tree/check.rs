@@ -2,11 +2,10 @@
 
 use super::LightTree;
 use super::node::{EMPTY_SLOT, NO_LEAF, NO_PARENT, Node, Target, WIDTH};
-use super::pack::UNLIMITED_RANGE;
 use super::wide::WideCluster;
 use crate::cluster::{Cluster, MAX_FLUX};
 use crate::cone::angle;
-use crate::light::MIN_FLUX;
+use crate::light::{MIN_FLUX, UNLIMITED_RANGE};
 
 /// Relative error of a sum of up to 2^31 f32 terms over a tree of depth 11 or more: each level adds
 /// at most 3 roundings.

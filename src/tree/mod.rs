@@ -39,7 +39,7 @@ pub use memory::TreeMemory;
 pub use node::{Bytes, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_LEAF, NO_PARENT, Node, Target, WIDTH};
 #[cfg(feature = "gpu-plan")]
 pub(crate) use pack::{CAP_STEPS, DIRECTION_STEPS, STEPS};
-pub(crate) use pack::{NodeGrid, UNLIMITED_RANGE, Unpacked};
+pub(crate) use pack::{NodeGrid, Unpacked};
 pub(crate) use refitted::Refitted;
 pub(crate) use sections::Section;
 

@@ -11,10 +11,7 @@ use super::node::{Bytes, EMPTY_SLOT, NO_PARENT, Node, WIDTH};
 use super::wide::WideCluster;
 use crate::bounds::Aabb;
 use crate::cluster::{Cluster, MIN_AXIS};
-
-/// Represents an unlimited range, in metres: shaders may not rely on infinity. Its square fits
-/// into f32, and it is longer than any distance in a world.
-pub(crate) const UNLIMITED_RANGE: f32 = 1.0e18;
+use crate::light::UNLIMITED_RANGE;
 
 /// Steps of a box, of a share and of a length.
 pub(crate) const STEPS: f32 = 255.0;

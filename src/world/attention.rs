@@ -27,6 +27,10 @@ const ILLUMINANCE_SHARE: f32 = 0.1;
 /// The illuminance of a tree counts as at most this, in lux.
 const MAX_ILLUMINANCE: f32 = 1.0e12;
 
+/// A lux in the units of sums. A running sum of floats would keep the rounding of values that have
+/// long gone.
+const LUX: f64 = (1_u64 << 60) as f64;
+
 /// What the weight of one tree is computed from.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct TreeWeight {
@@ -47,8 +51,8 @@ pub(super) struct TreeWeight {
 pub(super) struct ViewWeights {
     /// In metres, in world coordinates, not relative to [`LightWorld::origin`].
     viewpoint: Option<DVec3>,
-    /// The sum of the illuminance of all trees.
-    total_illuminance: f64,
+    /// The sum of the illuminance of all trees, in units of [`LUX`] and therefore exact.
+    total_illuminance: u128,
     /// The number of batches of usage so far; one call records one batch.
     batch: u32,
     /// The update of the last batch.
@@ -125,13 +129,14 @@ impl LightWorld {
         let weight = self.trees[key].weight;
         if weight.computed_at.is_none_or(|computed_at| frame - computed_at >= ILLUMINANCE_LIFETIME) {
             let illuminance = self.illuminance_of(key);
-            self.view_weights.total_illuminance += f64::from(illuminance) - f64::from(weight.illuminance);
+            let total = &mut self.view_weights.total_illuminance;
+            *total = *total + in_units(illuminance) - in_units(weight.illuminance);
             let weight = &mut self.trees[key].weight;
             weight.illuminance = illuminance;
             weight.computed_at = Some(frame);
         }
         let (weight, view) = (&self.trees[key].weight, &self.view_weights);
-        let total = view.total_illuminance;
+        let total = view.total_illuminance as f64 / LUX;
         let illuminance_share = if total > 0.0 { (f64::from(weight.illuminance) / total) as f32 } else { 0.0 };
         if view.batch == 0 || frame - view.recorded_at > USAGE_LIFETIME {
             return illuminance_share;
@@ -141,7 +146,7 @@ impl LightWorld {
 
     /// Takes a tree that is to be removed out of the sum over all trees.
     pub(super) fn remove_weight(&mut self, key: TreeKey) {
-        self.view_weights.total_illuminance -= f64::from(self.trees[key].weight.illuminance);
+        self.view_weights.total_illuminance -= in_units(self.trees[key].weight.illuminance);
     }
 
     /// The illuminance of a tree at the viewpoint; see [`TreeWeight`].
@@ -178,6 +183,11 @@ impl LightWorld {
         // value would swallow those of all other trees in the sum.
         if sum.is_nan() { 0.0 } else { sum.min(MAX_ILLUMINANCE) }
     }
+}
+
+/// An illuminance in units of [`LUX`].
+fn in_units(illuminance: f32) -> u128 {
+    (f64::from(illuminance) * LUX) as u128
 }
 
 impl TreeWeight {

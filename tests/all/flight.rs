@@ -20,10 +20,11 @@ use program::settings::Settings;
 const INTERVAL: u32 = 100;
 const FRAMES: u32 = 600;
 
-/// The most bytes on the CPU for each light and for each tree in these worlds, tables aside: nodes
-/// of 208 bytes for at least three lights each, with data for refits.
-const BYTES_PER_LIGHT: usize = 400;
-const BYTES_PER_TREE: usize = 4_000;
+/// The most bytes of a tree on the CPU for each of its lights: 60 of the light, and of a node, which
+/// holds at least five of them on average in these worlds, 220 and up to 610 for refits.
+const BYTES_PER_LIGHT: usize = 60 + (220 + 610) / 5;
+/// Of a tree besides: its lists of instances, its share of those of regions, and its logs, 770 here.
+const BYTES_PER_TREE: usize = 1_000;
 
 /// Few blocks with few lights. Only points, since `check` reads these.
 fn settings(limits: PlanLimits) -> Settings {

@@ -20,10 +20,10 @@
 use super::super::LightTree;
 use crate::bounds::Aabb;
 use crate::cluster::{Cluster, MAX_FLUX};
-use crate::light::{MAX_COORDINATE, MIN_FLUX};
+use crate::light::{MAX_COORDINATE, MIN_FLUX, UNLIMITED_RANGE};
 use crate::tree::check::CheckError;
 use crate::tree::node::{EMPTY_SLOT, NO_PARENT, Node, Target, WIDTH};
-use crate::tree::pack::{UNLIMITED_RANGE, packed_flux, packed_range};
+use crate::tree::pack::{packed_flux, packed_range};
 
 /// Nodes that one thread checks in turn.
 #[cfg(feature = "parallel")]

@@ -304,6 +304,8 @@ fn infinite_and_nan_positions_give_valid_probabilities() {
             ShadingPoint::volume(Vec3::splat(bad)),
             ShadingPoint::volume(Vec3::X * bad),
             ShadingPoint::surface(Vec3::ONE, Vec3::splat(bad)),
+            ShadingPoint::surface(Vec3::ONE, Vec3::Y * bad),
+            ShadingPoint::surface(Vec3::ONE, Vec3::X * bad),
             ShadingPoint::surface(Vec3::splat(bad), Vec3::Y),
         ];
         prove(&world, &all, 17);

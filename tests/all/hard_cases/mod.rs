@@ -2,6 +2,7 @@
 //! shading points on lights, and thousands of equal lights.
 
 mod extremes;
+mod inputs;
 mod near_lamps;
 mod shapes;
 
@@ -11,8 +12,8 @@ use girandole::glam::{DVec3, Mat3, Quat, Vec3};
 use girandole::gpu::{GpuLights, SampleRequest};
 use girandole::light::{MAX_COORDINATE, MAX_EMISSION};
 use girandole::{
-    DirectionalLight, Effects, FrameBudget, FrameDelta, Light, LightId, LightSampler, LightTree, LightWorld, MAX_SCALE,
-    Placement, Policy, ShadingPoint, SplitCount,
+    DirectionalLight, Effects, FrameBudget, FrameDelta, Gloss, Light, LightId, LightSampler, LightTree, LightWorld,
+    MAX_SCALE, Placement, Policy, ShadingPoint, SplitCount,
 };
 
 use crate::gpu::{OTHER_PICKS, compare, gpu, sample_by};
@@ -21,6 +22,9 @@ use crate::support::{Rng, SPLITS, all_pmfs};
 /// Rounding of a sum over thousands of lights. Each probability is a product of ratios of sums of
 /// eight, and each ratio rounds by a few 6e-8.
 const SUM_TOLERANCE: f64 = 1.0e-4;
+
+/// Draws that are compared with the sum of all probabilities.
+const DRAWS: u32 = 64;
 
 const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON / 2.0;
 
@@ -45,8 +49,8 @@ fn linear(linear: Mat3) -> Placement {
 }
 
 /// Checks with every number of splits that each light that sends anything has a probability above
-/// 0, that probabilities sum to at most 1, and that picks carry their own. Returns the number of
-/// contributions.
+/// 0, that probabilities sum to at most 1 and to the share of draws that find a light, and that
+/// picks carry their own. Returns the number of contributions.
 fn prove(world: &LightWorld, shading_points: &[ShadingPoint], seed: u64) -> usize {
     let [plain, split] = SPLITS.map(|splits| prove_with(&world.sampler().with_splits(splits), shading_points, seed));
     assert_eq!(plain, split, "splits do not change what arrives");
@@ -73,6 +77,11 @@ fn prove_with(sampler: &LightSampler, shading_points: &[ShadingPoint], seed: u64
             }
         }
         assert!(sum <= 1.0 + SUM_TOLERANCE, "probabilities sum to {sum} at {shading_point:?}");
+        let found = (0..DRAWS).filter(|_| sampler.pick(shading_point, [rng.unit(), rng.unit()]).is_some()).count();
+        let (mean, share) = (f64::from(DRAWS) * sum, sum.clamp(0.0, 1.0));
+        // Six standard deviations and six draws: a false alarm in less than one of 10^8 shading points.
+        let slack = 6.0 * (f64::from(DRAWS) * share * (1.0 - share)).sqrt() + 6.0;
+        assert!((found as f64 - mean).abs() <= slack, "{found} of {mean} draws find a light at {shading_point:?}");
         for u in [0.0, 0.5, ONE_MINUS_EPSILON, rng.unit(), 1.0, -1.0, f32::NAN, f32::INFINITY] {
             for v in [0.0, ONE_MINUS_EPSILON, rng.unit(), f32::NAN] {
                 let Some(pick) = sampler.pick(shading_point, [u, v]) else { continue };

@@ -18,6 +18,8 @@ pub struct Device {
     pub dispatches: HashMap<&'static str, usize>,
     /// Writes of the last plan.
     pub writes: usize,
+    /// The buffers of the last stage that read the parts, instances and trees.
+    pub leaves: Vec<BufferId>,
 }
 
 impl Device {
@@ -90,11 +92,40 @@ impl Device {
                         }
                     }
                     *self.dispatches.entry(kernel.entry()).or_default() += 1;
-                    if kernel.entry() == "scatter" {
-                        self.scatter(buffers, uniform_offset as usize, workgroups);
+                    match kernel.entry() {
+                        "scatter" => self.scatter(buffers, uniform_offset as usize, workgroups),
+                        "relayout" => self.relayout(buffers, uniform_offset as usize),
+                        "top_leaves" => self.leaves = buffers.to_vec(),
+                        _ => {}
                     }
                 }
                 _ => unreachable!("this version has no other commands"),
+            }
+        }
+    }
+
+    /// Fills all buffers with garbage, as a device that lost them might.
+    pub fn forget(&mut self) {
+        self.buffers.values_mut().for_each(|(_, bytes)| bytes.fill(0xcd));
+    }
+
+    /// What the kernel does, written from its description.
+    fn relayout(&mut self, buffers: &[BufferId], offset: usize) {
+        let words = |bytes: &[u8]| -> Vec<u32> {
+            bytes.chunks_exact(4).map(|word| u32::from_le_bytes(word.try_into().expect("a word"))).collect()
+        };
+        let pass = words(&self.content(buffers[0])[offset..]);
+        let [records, before, after] = [0, 1, 2].map(|i| pass[i] as usize);
+        let (sources, values) = pass[4..].split_at((pass.len() - 4).min(52));
+        let former = words(self.content(buffers[1]));
+        for record in 0..records {
+            for word in 0..4 * after {
+                let value = match sources[word] {
+                    u32::MAX => values[word],
+                    source => former[record * before + source as usize],
+                };
+                let at = 4 * (record * 4 * after + word);
+                self.bytes(buffers[2], at as u64, 4).copy_from_slice(&value.to_le_bytes());
             }
         }
     }

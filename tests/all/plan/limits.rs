@@ -13,16 +13,16 @@ use crate::support::Rng;
 /// The most bytes of stand-ins of one tree, with the record of the tree.
 const STAND_IN_BYTES: u64 = 64 * 32 + 10 * 160 + 80;
 
-fn lamp(rng: &mut Rng) -> Light {
+pub fn lamp(rng: &mut Rng) -> Light {
     Light::point(rng.place(20.0), Vec3::splat(rng.between(1.0, 100.0)))
 }
 
-fn lamps(rng: &mut Rng, count: usize) -> Vec<Light> {
+pub fn lamps(rng: &mut Rng, count: usize) -> Vec<Light> {
     (0..count).map(|_| lamp(rng)).collect()
 }
 
 /// Trees of so many lights, 100 m from one another in a row along x.
-fn row(rng: &mut Rng, trees: usize, lights: usize) -> (LightWorld, Vec<TreeKey>) {
+pub fn row(rng: &mut Rng, trees: usize, lights: usize) -> (LightWorld, Vec<TreeKey>) {
     let mut world = LightWorld::new();
     let mut add = |i: usize| {
         let tree = world.add_tree(lamps(rng, lights)).expect("valid");
@@ -34,17 +34,17 @@ fn row(rng: &mut Rng, trees: usize, lights: usize) -> (LightWorld, Vec<TreeKey>)
     (world, keys)
 }
 
-fn played(limits: PlanLimits) -> Played {
+pub fn played(limits: PlanLimits) -> Played {
     Played { planner: LightPlanner::new(limits), device: Device::default() }
 }
 
 /// A frame in which nothing has changed in the world.
-fn idle(played: &mut Played, world: &LightWorld) -> FramePlan {
+pub fn idle(played: &mut Played, world: &LightWorld) -> FramePlan {
     played.frame(world, &FrameDelta::default())
 }
 
 /// Bytes of the nodes and lights of a tree of point lights.
-fn bytes(world: &LightWorld, tree: TreeKey) -> u64 {
+pub fn bytes(world: &LightWorld, tree: TreeKey) -> u64 {
     let tree = world.tree(tree).expect("it lives");
     tree.nodes().len() as u64 * 160 + tree.lights().len() as u64 * 32
 }
@@ -304,7 +304,10 @@ fn what_shaders_see_is_sound_after_any_sequence_of_edits_and_limits() {
                     let bytes = bytes[rng.bits() as usize % 5];
                     played.planner.set_tree_memory(bytes);
                 }
-                2 => played.planner.lose(),
+                2 => {
+                    played.planner.lose();
+                    played.device.forget();
+                }
                 3 => played.planner.keep_previous(frame % 2 == 0),
                 _ => {}
             }

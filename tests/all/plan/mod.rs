@@ -3,6 +3,7 @@
 
 pub mod device;
 mod limits;
+mod same_frame;
 pub mod sound;
 
 use device::{Device, Played, slots};

@@ -2,7 +2,7 @@
 //! lights.
 
 use girandole::tree::{EMPTY_SLOT, LEAF, WIDTH};
-use girandole::{Light, LightTree, LightWorld};
+use girandole::{FrameDelta, Light, LightTree, LightWorld};
 
 use super::device::Played;
 
@@ -105,6 +105,38 @@ pub fn check(played: &Played, world: &LightWorld) -> Found {
         }
     }
     all
+}
+
+/// The records of the parts of a shown instance, as the build of the top level reads them.
+fn part_records(played: &Played, slot: u32, tree: u32) -> Vec<u8> {
+    let [pass, .., parts, _, trees] = played.device.leaves[..] else { unreachable!("seven buffers") };
+    let words = |id, stride| Records { bytes: played.device.content(id), stride };
+    let (count, parts) = (words(pass, 1).word(0, 0), words(parts, 2));
+    let own = (0..count).filter(|part| parts.word(*part, 0) == slot).count();
+    // A record has 80 bytes.
+    played.device.content(trees)[80 * tree as usize..][..80 * own].to_vec()
+}
+
+/// Checks that the top level is built from the same parts as with a new planner, but for trees that
+/// wait. Every instance must be shown, and the last plan must have built the top level.
+pub fn check_parts(played: &Played, world: &LightWorld) {
+    let mut fresh = Played::new();
+    fresh.frame(world, &FrameDelta::everything(world));
+    let instances = |played: &Played| {
+        let [params, _, _, instances, _] = played.planner.bindings().expect("a plan was made");
+        let params = Records { bytes: played.device.content(params), stride: 0 };
+        (instances, 4 * params.word(0, 8) as usize)
+    };
+    for key in world.instances().filter(|key| world.instance_tree(*key).is_some_and(|t| !played.planner.is_waiting(t)))
+    {
+        let slot = world.slot(key).expect("it lives");
+        let records = |played: &Played| {
+            let (id, stride) = instances(played);
+            let tree = Records { bytes: played.device.content(id), stride }.word(slot, 13);
+            part_records(played, slot, tree)
+        };
+        assert!(records(played) == records(&fresh), "the parts of slot {slot}");
+    }
 }
 
 fn check_stand_ins(tree: &LightTree, found: &[(u32, Light)]) {

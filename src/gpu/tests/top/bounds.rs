@@ -7,7 +7,8 @@ use super::{Built, TopRig, build, placement, world_of};
 use crate::cluster::Cluster;
 use crate::cone::angle;
 use crate::gpu::testing::random_vec;
-use crate::tree::{CAP_STEPS, NO_PARENT, Target, UNLIMITED_RANGE, WIDTH};
+use crate::light::UNLIMITED_RANGE;
+use crate::tree::{CAP_STEPS, NO_PARENT, Target, WIDTH};
 use crate::{Light, LightTree, LightWorld, Policy};
 
 /// The first property of `inner` that `outer` does not hold; `outer` is decoded as sampling decodes

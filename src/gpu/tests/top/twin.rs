@@ -6,9 +6,10 @@ use super::bounds::assert_bounds_hold;
 use super::{Built, TopRig, build, placement, world_of};
 use crate::cluster::Cluster;
 use crate::effects::Effects;
+use crate::light::UNLIMITED_RANGE;
 use crate::plan::layout::LeafRecord;
 use crate::top::TopLevel;
-use crate::tree::{EMPTY_SLOT, NO_PARENT, Node, Target, UNLIMITED_RANGE, WIDTH};
+use crate::tree::{EMPTY_SLOT, NO_PARENT, Node, Target, WIDTH};
 use crate::{Light, LightWorld, Placement, Policy};
 
 /// The relative difference of sums of up to eight products in `f32` that are added in different

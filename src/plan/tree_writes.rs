@@ -1,0 +1,72 @@
+//! What a plan writes of trees: runs of their nodes and lights, and the records of their parts.
+
+use std::ops::Range;
+
+use crate::part::Division;
+use crate::tree::{LightTree, Section, WIDTH};
+
+/// What is written of trees.
+#[derive(Debug, Default)]
+pub(super) struct TreeRuns {
+    /// Runs of nodes and lights within their trees.
+    pub runs: Vec<Range<u32>>,
+    /// What is written, and the ranges of `runs` that are nodes and lights.
+    pub writes: Vec<(TreeWrite, [Range<usize>; 2])>,
+}
+
+/// What is written of one tree.
+#[derive(Debug)]
+pub(super) struct TreeWrite {
+    pub slot: u32,
+    pub source: Source,
+    /// The places in the pools of the first node and the first light of the tree.
+    pub bases: [u32; 2],
+    /// The records of all parts are written, and not only those that change with the nodes and lights.
+    pub has_new_records: bool,
+}
+
+#[derive(Debug)]
+pub(super) enum Source {
+    /// The tree, which is then up to date.
+    Tree,
+    /// Some of the tree.
+    Piece,
+    /// Stand-ins of the tree.
+    StandIns(Box<LightTree>),
+}
+
+impl TreeRuns {
+    pub fn add(&mut self, write: TreeWrite, runs: [Vec<Range<u32>>; 2]) {
+        let ranges = runs.map(|runs| {
+            let start = self.runs.len();
+            self.runs.extend(runs);
+            start..self.runs.len()
+        });
+        self.writes.push((write, ranges));
+    }
+}
+
+/// The runs of records that are written along with these runs of nodes and lights. They are relative
+/// to the first of the tree's `count` records.
+///
+/// What the record of a section says is in the node above it, and what that of a light says is in
+/// the light. Other records say something of the whole tree.
+pub(super) fn written_records(
+    write: &TreeWrite,
+    division: Division,
+    sections: &[Section],
+    count: usize,
+    [nodes, lights]: [&[Range<u32>]; 2],
+) -> impl Iterator<Item = Range<u32>> {
+    let none: &[Range<u32>] = &[];
+    let (all, of_nodes, of_lights) = match division {
+        _ if matches!(write.source, Source::Piece) => (0, none, none),
+        Division::Sections(_) if !write.has_new_records => (0, nodes, none),
+        Division::Lights if !write.has_new_records => (0, none, lights),
+        _ => (count as u32, none, none),
+    };
+    let first_below = |node: u32| sections.partition_point(|section| section.place / (WIDTH as u32) < node) as u32;
+    let below = move |run: &Range<u32>| first_below(run.start)..first_below(run.end);
+    let runs = std::iter::once(0..all).chain(of_nodes.iter().map(below)).chain(of_lights.iter().cloned());
+    runs.filter(|run| !run.is_empty())
+}

@@ -1,0 +1,202 @@
+//! What happens to a tree while it waits, moves within the pools, or is lost: it arrives as the world
+//! has it, and waits no longer than it must.
+
+use girandole::glam::{DVec3, Vec3};
+use girandole::plan::PlanLimits;
+use girandole::{InstanceKey, Light, LightWorld, Placement, Policy, TreeKey};
+
+use super::device::Played;
+use super::limits::{bytes, idle, lamp, lamps, played, row};
+use super::sound::{check, check_parts};
+use super::update;
+use crate::support::Rng;
+
+/// Plays frames in which nothing changes. The last of them send nothing.
+fn rest(played: &mut Played, world: &LightWorld) {
+    let is_empty: Vec<bool> = (0..200).map(|_| idle(played, world).is_empty()).collect();
+    assert!(is_empty[150..].iter().all(|is_empty| *is_empty), "{is_empty:?}");
+}
+
+/// A world in little memory with gaps between its trees, and a large tree that waits: there is room
+/// for it once trees have moved to gaps.
+fn with_gaps(rng: &mut Rng, lights: usize) -> (LightWorld, Played, Vec<TreeKey>, TreeKey) {
+    let trees = 12_000 / lights;
+    let (mut world, mut keys) = row(rng, trees, lights);
+    let total: u64 = keys.iter().map(|key| bytes(&world, *key)).sum();
+    let mut played = played(PlanLimits::default().with_tree_memory(total * 6 / 5));
+    let delta = update(&mut world);
+    played.frame(&world, &delta);
+    rest(&mut played, &world);
+    let instances: Vec<_> = world.instances().collect();
+    for (instance, tree) in instances.into_iter().zip(&keys).step_by(2) {
+        world.remove_instance(instance).expect("it lives");
+        world.remove_tree(*tree).expect("no instances");
+    }
+    keys = keys.into_iter().skip(1).step_by(2).collect();
+    let large = world.add_tree(lamps(rng, 3300)).expect("valid");
+    world.add_instance(large, Placement::IDENTITY, Policy::Static).expect("valid");
+    let delta = update(&mut world);
+    played.frame(&world, &delta);
+    assert!(played.planner.stands_in(large), "no gap is long enough");
+    (world, played, keys, large)
+}
+
+#[test]
+fn a_tree_that_is_edited_in_the_frame_in_which_it_would_move_to_a_gap_has_its_edit() {
+    let mut rng = Rng(41);
+    let (mut world, mut played, keys, large) = with_gaps(&mut rng, 300);
+    for key in &keys {
+        // A light that keeps its place, so that the nodes above it are all that changes besides.
+        world.set_emission(*key, 7, Vec3::splat(rng.between(1.0, 100.0))).expect("valid");
+    }
+    let delta = update(&mut world);
+    played.frame(&world, &delta);
+    check(&played, &world);
+    let moved = idle(&mut played, &world);
+    assert!(moved.report.nodes > 0 && played.planner.stands_in(large), "trees move: {:?}", moved.report);
+    check(&played, &world);
+    rest(&mut played, &world);
+    check(&played, &world);
+}
+
+#[test]
+fn a_tree_that_is_opened_in_the_frame_in_which_it_would_move_to_a_gap_has_its_new_parts() {
+    let mut rng = Rng(42);
+    let (mut world, mut played, keys, large) = with_gaps(&mut rng, 100);
+    // Instances that lie within one another open their trees.
+    for key in &keys {
+        for _ in 0..4 {
+            world.add_instance(*key, Placement::at(DVec3::Y * 500.0), Policy::Budgeted).expect("valid");
+        }
+    }
+    let delta = update(&mut world);
+    played.frame(&world, &delta);
+    check_parts(&played, &world);
+    assert!(played.planner.stands_in(large));
+    rest(&mut played, &world);
+    check(&played, &world);
+}
+
+#[test]
+fn a_device_that_has_lost_its_content_gets_everything_in_one_plan_whatever_a_frame_may_send() {
+    for frame_bytes in [0, 3_000, 40_000] {
+        let mut rng = Rng(43);
+        let (mut world, keys) = row(&mut rng, 12, 300);
+        let mut played = played(PlanLimits::default());
+        let delta = update(&mut world);
+        played.frame(&world, &delta);
+        played.planner.set_frame_bytes(Some(frame_bytes));
+        // Shaders see an older version of some, and one has grown beyond its room.
+        for key in &keys[..4] {
+            world.rebuild_tree(*key).expect("it lives");
+        }
+        world.replace_lights(keys[4], lamps(&mut rng, 1000)).expect("valid");
+        let delta = update(&mut world);
+        played.frame(&world, &delta);
+        assert!(keys[..5].iter().any(|key| played.planner.is_waiting(*key)));
+        played.planner.lose();
+        played.device.forget();
+        idle(&mut played, &world);
+        check(&played, &world);
+        for (i, key) in keys.iter().enumerate() {
+            assert!(!played.planner.is_waiting(*key) || i == 4, "{i} with {frame_bytes} bytes");
+        }
+    }
+}
+
+#[test]
+fn a_tree_that_becomes_small_while_it_is_sent_in_pieces_is_sent_at_once() {
+    let mut rng = Rng(44);
+    let (mut world, keys) = row(&mut rng, 1, 3000);
+    let mut played = played(PlanLimits::default().with_frame_bytes(20_000));
+    let delta = update(&mut world);
+    played.frame(&world, &delta);
+    idle(&mut played, &world);
+    played.planner.set_frame_bytes(Some(0));
+    world.replace_lights(keys[0], lamps(&mut rng, 10)).expect("valid");
+    let delta = update(&mut world);
+    played.frame(&world, &delta);
+    assert_eq!(check(&played, &world).lights, 10);
+    assert!(!played.planner.is_waiting(keys[0]));
+    played.planner.set_frame_bytes(None);
+    rest(&mut played, &world);
+    assert_eq!(played.planner.memory().used, bytes(&world, keys[0]), "the pieces are freed");
+}
+
+#[test]
+fn an_older_version_makes_room_for_the_present_one_if_there_is_no_other() {
+    let mut rng = Rng(45);
+    let (mut world, keys) = row(&mut rng, 1, 3000);
+    let memory = bytes(&world, keys[0]) * 8 / 5;
+    let mut played = played(PlanLimits::default().with_tree_memory(memory).with_frame_bytes(20_000));
+    let delta = update(&mut world);
+    played.frame(&world, &delta);
+    rest(&mut played, &world);
+    assert!(!played.planner.is_waiting(keys[0]));
+    world.rebuild_tree(keys[0]).expect("it lives");
+    let delta = update(&mut world);
+    played.frame(&world, &delta);
+    assert!(played.planner.is_waiting(keys[0]), "there is no room beside the older version");
+    rest(&mut played, &world);
+    assert!(!played.planner.is_waiting(keys[0]));
+    check(&played, &world);
+}
+
+#[test]
+fn trees_that_do_not_fit_do_not_keep_others_coming_and_going() {
+    for seed in 0..12 {
+        let mut rng = Rng(500 + seed);
+        let mut world = LightWorld::new();
+        let mut total = 0;
+        for i in 0..40 {
+            let count = [20, 60, 130, 300, 900, 2500][rng.bits() as usize % 6];
+            let tree = world.add_tree(lamps(&mut rng, count)).expect("valid");
+            let place = Placement::at(DVec3::X * 100.0 * f64::from(i));
+            world.add_instance(tree, place, Policy::Budgeted).expect("valid");
+            total += bytes(&world, tree);
+        }
+        let mut played = played(PlanLimits::default().with_tree_memory(total / 3));
+        let delta = update(&mut world);
+        played.frame(&world, &delta);
+        for _ in 0..4 {
+            world.set_viewpoint(DVec3::X * f64::from(rng.between(0.0, 4000.0))).expect("finite");
+            rest(&mut played, &world);
+            check(&played, &world);
+        }
+        // A limit that stays the same changes nothing.
+        played.planner.set_tree_memory(Some(total / 3));
+        played.planner.set_frame_bytes(None);
+        assert!(idle(&mut played, &world).is_empty());
+    }
+}
+
+#[test]
+fn a_large_tree_with_sections_flickers_together_with_many_small_trees() {
+    let mut rng = Rng(46);
+    let mut world = LightWorld::new();
+    let add = |world: &mut LightWorld, lights: Vec<Light>, at: DVec3| -> (TreeKey, InstanceKey) {
+        let tree = world.add_tree(lights).expect("valid");
+        (tree, world.add_instance(tree, Placement::at(at), Policy::Budgeted).expect("valid"))
+    };
+    // Each of the small trees lies within the large one, which thus has sections.
+    let (large, _) = add(&mut world, lamps(&mut rng, 3000), DVec3::ZERO);
+    let small: Vec<TreeKey> =
+        (0..80).map(|_| add(&mut world, vec![lamp(&mut rng)], rng.place(10.0).as_dvec3()).0).collect();
+    let mut played = Played::new();
+    let delta = update(&mut world);
+    played.frame(&world, &delta);
+    idle(&mut played, &world);
+    for _ in 0..3 {
+        for tree in &small {
+            world.set_lights(*tree, &[(0, lamp(&mut rng))]).expect("valid");
+        }
+        for i in 0..40 {
+            world.set_emission(large, 70 * i, Vec3::splat(rng.between(1.0, 100.0))).expect("valid");
+        }
+        let delta = update(&mut world);
+        played.frame(&world, &delta);
+        assert_eq!(played.device.dispatches["scatter"], 3, "nodes, lights and records of parts");
+        check(&played, &world);
+        check_parts(&played, &world);
+    }
+}
