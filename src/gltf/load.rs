@@ -74,8 +74,8 @@ pub struct GltfFile {
 /// files of unknown origin.
 ///
 /// No bytes make this function panic, recurse deeply or run for long. Its memory is limited by
-/// [`GltfOptions::max_bytes`]. The [`Document`] can be read without a panic, except through the gltf crate's readers of
-/// accessors: [`accessor_values`](super::accessor_values) and
+/// [`GltfOptions::max_bytes`]. The [`Document`] can be read without a panic, except through the gltf
+/// crate's readers of accessors: [`accessor_values`](super::accessor_values) and
 /// [`primitive_triangles`](super::primitive_triangles) take their place. The graph of nodes is
 /// checked later, by [`scene_nodes`](super::scene_nodes).
 ///
