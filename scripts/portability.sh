@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Checks that the library compiles where its tests do not run: other targets, the oldest supported
-# Rust, the oldest supported wgpu and glam, and without its default features (with tests).
+# Rust, the oldest supported wgpu and glam, and without its default features (with tests). And that
+# the fuzz target compiles.
 #
 # Needs rustup, and downloads toolchains and targets: CI runs it, and a user's test run does not.
 # `scripts/portability.sh --update-lock` writes scripts/oldest.lock anew.
@@ -59,5 +60,8 @@ RUSTFLAGS= step cargo "+$MINIMUM_RUST" check --locked --lib --features gltf,bake
 copy_library "$COPY"
 cp "$LOCK" "$COPY/Cargo.lock"
 (cd "$COPY" && check --features gltf,bake)
+
+# The fuzz target is a package of its own, which needs a C++ compiler.
+step cargo check --locked --manifest-path fuzz/Cargo.toml
 
 step cargo test --locked --no-default-features

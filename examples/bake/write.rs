@@ -2,7 +2,7 @@
 
 use super::manifest::{FILE, Manifest};
 use crate::city::scene::SceneError;
-use crate::city::scene::gltf_scene::file;
+use crate::city::scene::gltf_scene::open;
 use girandole::gltf::{GltfOptions, load_lights};
 use girandole::{LightWorld, TreeKey};
 use std::fs;
@@ -21,7 +21,7 @@ pub struct Baked {
 
 /// Bakes the trees of a scene into a folder, which is created.
 pub fn write(scene: &Path, out: &Path) -> Result<Baked, SceneError> {
-    let file = file::open(scene)?;
+    let file = open(scene)?;
     let mut world = LightWorld::new();
     let start = Instant::now();
     let lights = load_lights(&mut world, &file.document, &file.buffers, &GltfOptions::default())

@@ -1,10 +1,16 @@
 //! Errors in glTF documents and in how they are loaded.
 
+use std::path::PathBuf;
+
 use crate::error::{LightError, WorldError};
 
-/// Why the lights of a glTF document could not be loaded. The world is as it was before the call.
+/// Characters of a file's text in an error.
+const MAX_SHOWN: usize = 200;
+
+/// Why a glTF file or its lights could not be loaded. The world is as it was before the call.
 ///
-/// Indices are those of the document's arrays. Codes 700 to 711.
+/// Indices are those of the document's arrays. Text from the file is shortened, and its control
+/// characters are escaped. Codes 700 to 717.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum GltfError {
@@ -106,6 +112,76 @@ pub enum GltfError {
         /// The value that was passed.
         value: f32,
     },
+    /// The document requires extensions that are not supported.
+    #[error("the file requires extensions that are not supported: {}", names.join(", "))]
+    UnsupportedExtensions {
+        /// Their names, at most 16.
+        names: Vec<String>,
+    },
+    /// The URI of a buffer is not one that is read: see [`load`](super::load).
+    #[error("buffer {buffer}: its URI {what}: {uri}")]
+    Uri {
+        /// Index of the buffer.
+        buffer: usize,
+        /// The URI.
+        uri: String,
+        /// What is wrong with it; "its URI" is the subject.
+        what: &'static str,
+    },
+    /// A buffer is stored in the binary chunk of a .glb, and there is none, or another buffer has
+    /// it.
+    #[error("buffer {buffer}: its binary chunk is missing")]
+    NoBinaryChunk {
+        /// Index of the buffer.
+        buffer: usize,
+    },
+    /// A buffer has fewer bytes than the document states.
+    #[error("buffer {buffer} has {length} bytes; the document states {stated}")]
+    BufferLength {
+        /// Index of the buffer.
+        buffer: usize,
+        /// Bytes that there are.
+        length: u64,
+        /// Bytes that the document states.
+        stated: u64,
+    },
+    /// A file could not be read.
+    #[error("{}: {message}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        message: String,
+    },
+    /// The file, its buffers and the parsed document need more memory than
+    /// [`GltfOptions::max_bytes`](super::GltfOptions::max_bytes).
+    #[error("loading needs {needed} bytes or more; max_bytes is {limit}")]
+    TooManyBytes {
+        /// Bytes needed up to the point at which loading ended, by estimate.
+        needed: u64,
+        /// The limit.
+        limit: u64,
+    },
+}
+
+/// An error with a message of one line.
+pub(super) fn document_error(message: &str) -> GltfError {
+    GltfError::Document { message: shortened(message) }
+}
+
+/// The beginning of a text, on one line and without control characters.
+pub(super) fn shortened(text: &str) -> String {
+    let words: Vec<&str> = text.split_whitespace().take(MAX_SHOWN + 1).collect();
+    let line = words.join(" ");
+    let mut chars = line.chars();
+    let mut shown = String::new();
+    for c in chars.by_ref().take(MAX_SHOWN) {
+        if c.is_control() { shown.extend(c.escape_default()) } else { shown.push(c) }
+    }
+    if chars.next().is_some() {
+        shown.push_str("...");
+    }
+    shown
 }
 
 impl GltfError {
@@ -125,6 +201,12 @@ impl GltfError {
             Self::World { .. } => 709,
             Self::TooManyLights { .. } => 710,
             Self::SurfaceScale { .. } => 711,
+            Self::UnsupportedExtensions { .. } => 712,
+            Self::Uri { .. } => 713,
+            Self::NoBinaryChunk { .. } => 714,
+            Self::BufferLength { .. } => 715,
+            Self::Read { .. } => 716,
+            Self::TooManyBytes { .. } => 717,
         }
     }
 }
@@ -150,9 +232,26 @@ mod tests {
             (709, GltfError::World { node: 0, source }),
             (710, GltfError::TooManyLights { found: 2, limit: 1 }),
             (711, GltfError::SurfaceScale { value: -1.0 }),
+            (712, GltfError::UnsupportedExtensions { names: vec!["KHR_draco_mesh_compression".into()] }),
+            (713, GltfError::Uri { buffer: 0, uri: "..".into(), what: "is not a path" }),
+            (714, GltfError::NoBinaryChunk { buffer: 1 }),
+            (715, GltfError::BufferLength { buffer: 0, length: 1, stated: 2 }),
+            (716, GltfError::Read { path: "scene.glb".into(), message: "not found".into() }),
+            (717, GltfError::TooManyBytes { needed: 2, limit: 1 }),
         ];
         for (code, error) in errors {
             assert_eq!(error.code(), code, "{error}");
         }
+    }
+
+    #[test]
+    fn text_of_a_file_is_shortened_to_one_printable_line() {
+        assert_eq!(shortened("a\n\n  b\t"), "a b");
+        assert_eq!(shortened("red\u{1b}[31m \0"), "red\\u{1b}[31m \\u{0}");
+        let whole = "\u{e9}".repeat(MAX_SHOWN);
+        assert_eq!(shortened(&whole), whole);
+        assert_eq!(shortened(&(whole.clone() + "a")), whole + "...");
+        assert_eq!(shortened(&"a ".repeat(1000)), "a ".repeat(MAX_SHOWN / 2) + "...");
+        assert_eq!(shortened(""), "");
     }
 }

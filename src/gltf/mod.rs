@@ -1,6 +1,7 @@
 //! Loads light trees and instances from glTF 2.0: emissive surfaces and KHR_lights_punctual.
 //!
-//! [`load_lights`] makes one tree for each mesh with emissive primitives and one for each punctual
+//! [`load`] reads a file and its buffers. No file makes it panic, as the gltf crate's own functions
+//! do. [`load_lights`] makes one tree for each mesh with emissive primitives and one for each punctual
 //! light, and one instance for each node that has them. Nodes with the same mesh or light share a
 //! tree. So do meshes whose emissive primitives have the same accessors and the same emission.
 //!
@@ -11,17 +12,21 @@
 //!
 //! ```no_run
 //! use girandole::gltf::{self, GltfOptions};
-//! let file = gltf::parse(&std::fs::read("scene.glb")?)?;
-//! let buffers: Vec<Vec<u8>> = file.blob.iter().cloned().collect();
+//! let options = GltfOptions::default();
+//! let file = gltf::load("scene.glb", &options)?;
 //! let mut world = girandole::LightWorld::new();
-//! let lights = gltf::load_lights(&mut world, &file.document, &buffers, &GltfOptions::default())?;
+//! let lights = gltf::load_lights(&mut world, &file.document, &file.buffers, &options)?;
 //! println!("{} instances of lights", lights.nodes.len());
-//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! # Ok::<(), girandole::gltf::GltfError>(())
 //! ```
 
 mod error;
 mod options;
+mod budget;
+mod check;
 mod parse;
+mod uri;
+mod load;
 mod nodes;
 mod read;
 mod plan;
@@ -30,6 +35,7 @@ use ::gltf::Document;
 
 pub use ::gltf;
 pub use error::GltfError;
+pub use load::{GltfFile, GltfSource, load};
 pub use nodes::{local_transform, punctual_placement, scene_nodes, world_transforms};
 pub use options::{EmissiveSides, GltfOptions};
 pub use parse::parse;
@@ -70,7 +76,7 @@ pub struct GltfLights {
 
 /// Adds the lights of a document's scene to a world.
 ///
-/// The document must have been validated, as [`parse`] does. `buffers` holds the contents of its
+/// The document must be one that [`load`] or [`parse`] accepted. `buffers` holds the contents of its
 /// buffers, by buffer index.
 ///
 /// # Errors

@@ -1,4 +1,4 @@
-//! Options for loading lights from a document.
+//! Options for loading documents and their lights.
 
 use crate::policy::Policy;
 
@@ -16,7 +16,8 @@ pub enum EmissiveSides {
     Both,
 }
 
-/// What to load from a document, and how.
+/// What to load from a document, and how; and the limits of [`load`](super::load) and
+/// [`load_lights`](super::load_lights).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GltfOptions {
     /// Whether emissive triangles become lights. Default: true.
@@ -38,6 +39,15 @@ pub struct GltfOptions {
     /// describe many lights: primitives with different materials can share one accessor. Default:
     /// 2^22 (4,194,304).
     pub max_lights: usize,
+    /// The most memory that [`load`](super::load) or [`parse`](super::parse) takes, in bytes: that
+    /// of the file, of its buffers and of the parsed document. A file that needs more is refused
+    /// with [`GltfError::TooManyBytes`](super::GltfError::TooManyBytes) before the memory is
+    /// allocated.
+    ///
+    /// The memory of the document is estimated from its text, and never too low: 1 KiB for each
+    /// JSON object, 64 bytes for each list and each comma, and two bytes for each byte. Default:
+    /// 2^32 (4 GiB).
+    pub max_bytes: u64,
 }
 
 impl Default for GltfOptions {
@@ -49,6 +59,7 @@ impl Default for GltfOptions {
             punctual: true,
             policy: Policy::default(),
             max_lights: 1 << 22,
+            max_bytes: 1 << 32,
         }
     }
 }

@@ -1,81 +1,109 @@
-//! Parses files, and refuses those on which the gltf crate panics.
+//! Parses files, and refuses those on which the gltf crate panics or takes too much memory.
 
-use ::gltf::json::validation::{Checked, Validate};
-use ::gltf::json::{Path, Root};
-use ::gltf::{Document, Gltf, Semantic};
+use std::collections::BTreeMap;
 
-use super::error::GltfError;
+use ::gltf::json::{Extras, deserialize};
+use ::gltf::{Document, Gltf};
 
+use super::budget::Budget;
+use super::check::{check, check_extensions};
+use super::error::{GltfError, document_error};
+use super::options::GltfOptions;
+
+/// Bytes of a binary file's header.
+const HEADER_LENGTH: usize = 12;
 /// Bytes of a binary file's header and of the header of its first chunk.
 const MIN_BINARY_LENGTH: usize = 20;
 
-/// Parses and validates a .gltf or .glb file.
+/// The most memory that parsing takes for a JSON object, in bytes: twice the largest record of the
+/// gltf crate, since lists grow by doubling, or the smallest map.
+const OBJECT_BYTES: u64 = 1024;
+/// The most memory for any other value, which is a list or has a comma beside it: twice that of a
+/// `Value`, for the same reason.
+const VALUE_BYTES: u64 = 64;
+
+/// Parses and validates a .gltf or .glb file, without its buffers.
 ///
-/// Prefer this to [`Gltf::from_slice`], which panics on a .glb whose stated length is less than its
-/// header and on positions that refer to no accessor, and accepts animations of nodes that do not
-/// exist.
+/// [`load`](super::load) also reads the buffers. Call this where they are read in another way. Do
+/// not call [`Gltf::from_slice`] on files of unknown origin. It panics on a .glb whose stated length
+/// is less than its header and on positions that refer to no accessor. It takes quadratic time on
+/// accessors with long bounds. It accepts animations of nodes that do not exist, cameras without
+/// their projection and images without a source, and panics when these are read.
+///
+/// No bytes make this function panic. Its memory is limited by
+/// [`GltfOptions::max_bytes`](GltfOptions::max_bytes), and its time is linear in the bytes.
 ///
 /// # Errors
-/// [`GltfError::Document`].
-pub fn parse(bytes: &[u8]) -> Result<Gltf, GltfError> {
-    check_binary_length(bytes)?;
-    let invalid = |error: ::gltf::Error| document_error(&error.to_string());
-    let Gltf { document, blob } = Gltf::from_slice_without_validation(bytes).map_err(invalid)?;
-    check_positions(document.as_json())?;
-    check_animations(document.as_json())?;
-    let document = Document::from_json(document.into_json()).map_err(invalid)?;
-    Ok(Gltf { document, blob })
+/// [`GltfError::UnsupportedExtensions`], [`GltfError::Document`], [`GltfError::TooManyBytes`].
+pub fn parse(bytes: &[u8], options: &GltfOptions) -> Result<Gltf, GltfError> {
+    parse_within(bytes, &mut Budget::new(options.max_bytes))
 }
 
-/// An error with a message of one line.
-fn document_error(message: &str) -> GltfError {
-    let lines: Vec<&str> = message.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
-    GltfError::Document { message: lines.join(" ") }
+/// The same, with the memory taken from a budget: that of the document by estimate, and that of the
+/// binary chunk.
+pub(super) fn parse_within(bytes: &[u8], budget: &mut Budget) -> Result<Gltf, GltfError> {
+    let is_binary = bytes.starts_with(b"glTF");
+    if is_binary {
+        check_binary_length(bytes)?;
+    }
+    let json = if is_binary { json_chunk(bytes) } else { bytes };
+    budget.take(most_memory(json))?;
+    // The copy of the binary chunk.
+    budget.take((bytes.len() - json.len()) as u64)?;
+    let Gltf { document, blob } = Gltf::from_slice_without_validation(bytes).map_err(|error| {
+        let unsupported = required_extensions(json).map(|required| check_extensions(&required));
+        match unsupported {
+            Some(Err(unsupported)) => unsupported,
+            _ => document_error(&error.to_string()),
+        }
+    })?;
+    let root = document.into_json();
+    check(&root)?;
+    Ok(Gltf { document: Document::from_json_without_validation(root), blob })
+}
+
+/// A bound on the memory that parsing takes.
+fn most_memory(json: &[u8]) -> u64 {
+    let (mut objects, mut values) = (0, 1);
+    for byte in json {
+        objects += u64::from(*byte == b'{');
+        values += u64::from(matches!(byte, b',' | b'['));
+    }
+    // Names are copied, and so are extras.
+    objects * OBJECT_BYTES + values * VALUE_BYTES + 2 * json.len() as u64
+}
+
+/// The names of required extensions in a document that is JSON but not valid glTF. Many extensions
+/// make it so.
+fn required_extensions(json: &[u8]) -> Option<Vec<String>> {
+    let fields: BTreeMap<String, Extras> = deserialize::from_slice(json).ok()?;
+    let required = fields.get("extensionsRequired")?.as_ref()?;
+    deserialize::from_str(required.get()).ok()
 }
 
 /// The gltf crate subtracts the size of the header from the stated length without a check.
 fn check_binary_length(bytes: &[u8]) -> Result<(), GltfError> {
-    if !bytes.starts_with(b"glTF") {
-        return Ok(());
+    let Some(length) = number_at(bytes, HEADER_LENGTH - 4) else {
+        return Err(document_error("it is truncated within its header"));
+    };
+    if length < MIN_BINARY_LENGTH {
+        return Err(document_error(&format!("its header states a length of {length} bytes")));
     }
-    let stated = bytes.get(8..12).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
-    match stated {
-        Some(length) if length < MIN_BINARY_LENGTH => {
-            Err(document_error(&format!("its header states a length of {length} bytes")))
-        }
-        Some(length) if length > bytes.len() => {
-            Err(document_error(&format!("it is truncated: {} of {length} bytes", bytes.len())))
-        }
-        Some(_) => Ok(()),
-        None => Err(document_error("it is truncated within its header")),
-    }
-}
-
-/// The gltf crate's validation looks up the accessor of a primitive's positions without a check.
-fn check_positions(root: &Root) -> Result<(), GltfError> {
-    for (index, mesh) in root.meshes.iter().enumerate() {
-        for primitive in &mesh.primitives {
-            let positions = primitive.attributes.get(&Checked::Valid(Semantic::Positions));
-            if positions.is_some_and(|accessor| accessor.value() >= root.accessors.len()) {
-                return Err(document_error(&format!(
-                    "mesh {index}: the positions of a primitive refer to no accessor"
-                )));
-            }
-        }
+    if length > bytes.len() {
+        return Err(document_error(&format!("it is truncated: {} of {length} bytes", bytes.len())));
     }
     Ok(())
 }
 
-/// The gltf crate's validation leaves out the targets of animations, and panics when they are read.
-fn check_animations(root: &Root) -> Result<(), GltfError> {
-    for (index, animation) in root.animations.iter().enumerate() {
-        let mut is_valid = true;
-        for channel in &animation.channels {
-            channel.target.validate(root, Path::new, &mut |_, _| is_valid = false);
-        }
-        if !is_valid {
-            return Err(document_error(&format!("animation {index}: a channel has an invalid target")));
-        }
-    }
-    Ok(())
+/// The first chunk of a binary file of at least [`MIN_BINARY_LENGTH`] bytes.
+fn json_chunk(bytes: &[u8]) -> &[u8] {
+    let rest = &bytes[MIN_BINARY_LENGTH..];
+    let length = number_at(bytes, HEADER_LENGTH).unwrap_or(0);
+    &rest[..length.min(rest.len())]
+}
+
+/// The 32-bit number at an offset.
+fn number_at(bytes: &[u8], offset: usize) -> Option<usize> {
+    let number = bytes.get(offset..offset + 4)?;
+    Some(u32::from_le_bytes([number[0], number[1], number[2], number[3]]) as usize)
 }

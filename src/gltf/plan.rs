@@ -297,9 +297,10 @@ mod tests {
 
     #[test]
     fn a_planned_tree_holds_the_first_node_that_uses_it() {
-        let file = parse(include_bytes!("../../tests/data/small.gltf")).unwrap();
+        let options = GltfOptions::default();
+        let file = parse(include_bytes!("../../tests/data/small.gltf"), &options).unwrap();
         let buffers = [include_bytes!("../../tests/data/small.bin")];
-        let plan = Plan::new(&file.document, &buffers, &GltfOptions::default()).unwrap();
+        let plan = Plan::new(&file.document, &buffers, &options).unwrap();
         let trees: Vec<(usize, usize)> = plan.trees.iter().map(|tree| (tree.node, tree.lights.len())).collect();
         assert_eq!(trees, [(1, 2), (3, 1), (4, 1)]);
         let instances: Vec<(usize, usize)> =

@@ -22,17 +22,21 @@ thread_local! {
     static BYTES: Cell<usize> = const { Cell::new(0) };
     /// The bytes that this thread holds: negative if it frees what another one asked for.
     static LIVE: Cell<isize> = const { Cell::new(0) };
+    /// The most bytes that this thread has held.
+    static PEAK: Cell<isize> = const { Cell::new(0) };
 }
 
 fn count_live(change: isize) {
-    let _ = LIVE.try_with(|live| live.set(live.get() + change));
+    let _ = LIVE.try_with(|live| {
+        live.set(live.get() + change);
+        let _ = PEAK.try_with(|peak| peak.set(peak.get().max(live.get())));
+    });
 }
 
 fn count_request(bytes: usize) {
     // A thread that is about to end has lost its counters.
     let _ = REQUESTS.try_with(|requests| requests.set(requests.get() + 1));
     let _ = BYTES.try_with(|sum| sum.set(sum.get() + bytes));
-    count_live(bytes as isize);
 }
 
 // SAFETY: every call is passed to the system allocator unchanged.
@@ -40,6 +44,7 @@ fn count_request(bytes: usize) {
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count_request(layout.size());
+        count_live(layout.size() as isize);
         unsafe { System.alloc(layout) }
     }
 
@@ -50,12 +55,13 @@ unsafe impl GlobalAlloc for Counting {
 
     unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
         count_request(layout.size());
+        count_live(layout.size() as isize);
         unsafe { System.alloc_zeroed(layout) }
     }
 
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         count_request(size);
-        count_live(-(layout.size() as isize));
+        count_live(size as isize - layout.size() as isize);
         unsafe { System.realloc(pointer, layout, size) }
     }
 }
@@ -71,7 +77,7 @@ fn requests(work: impl FnOnce()) -> usize {
 }
 
 /// Returns the number of bytes that this thread asks for during some work, freed ones included.
-fn requested_bytes(work: impl FnOnce()) -> usize {
+pub fn requested_bytes(work: impl FnOnce()) -> usize {
     let before = BYTES.get();
     work();
     BYTES.get() - before
@@ -82,6 +88,14 @@ fn held_bytes<T>(work: impl FnOnce() -> T) -> (T, isize) {
     let before = LIVE.get();
     let result = work();
     (result, LIVE.get() - before)
+}
+
+/// Returns how many bytes more than before this thread holds at most during some work.
+pub fn peak_bytes(work: impl FnOnce()) -> usize {
+    let before = LIVE.get();
+    PEAK.set(before);
+    work();
+    (PEAK.get() - before) as usize
 }
 
 /// Runs on a pool of one thread, so that all of the work is counted.

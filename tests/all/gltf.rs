@@ -10,7 +10,7 @@ use girandole::gltf::{EmissiveSides, GltfError, GltfLights, GltfOptions, LightSo
 use girandole::{FrameBudget, LightWorld, Shape, WorldError};
 
 use super::city::render::geometry::Geometry;
-use super::city::scene::gltf_scene::{self, file};
+use super::city::scene::gltf_scene;
 use super::city::scene::{Camera, SceneError};
 use super::support::Rng;
 
@@ -55,7 +55,7 @@ fn load_into(
     bytes: Vec<u8>,
     options: &GltfOptions,
 ) -> Result<GltfLights, GltfError> {
-    let file = parse(text.as_bytes()).expect("a valid document");
+    let file = parse(text.as_bytes(), &GltfOptions::default()).expect("a valid document");
     load_lights(world, &file.document, &[bytes], options)
 }
 
@@ -149,7 +149,7 @@ fn malformed_files_are_refused_and_leave_the_world_unchanged() {
     ];
     for (name, (text, bytes)) in cases {
         // The gltf crate refuses some of these files itself.
-        let Ok(file) = parse(text.as_bytes()) else { continue };
+        let Ok(file) = parse(text.as_bytes(), &GltfOptions::default()) else { continue };
         let mut world = LightWorld::new();
         let result = load_lights(&mut world, &file.document, &[bytes], &GltfOptions::default());
         let error = result.expect_err(name);
@@ -162,7 +162,7 @@ fn malformed_files_are_refused_and_leave_the_world_unchanged() {
 fn errors_name_the_element_by_its_index() {
     let mut world = LightWorld::new();
     let text = text();
-    let file = parse(text.as_bytes()).unwrap();
+    let file = parse(text.as_bytes(), &GltfOptions::default()).unwrap();
     let none: [Vec<u8>; 0] = [];
     let missing = load_lights(&mut world, &file.document, &none, &GltfOptions::default());
     assert_eq!(missing, Err(GltfError::MissingBuffer { buffer: 0, given: 0 }));
@@ -334,7 +334,7 @@ fn spoiled_numbers_never_panic() {
             let at = rng.bits() as usize % bytes.len();
             bytes[at] = rng.bits() as u8;
         }
-        if let Ok(file) = parse(text.as_bytes()) {
+        if let Ok(file) = parse(text.as_bytes(), &GltfOptions::default()) {
             let mut world = LightWorld::new();
             let buffers = [bytes.clone()];
             let result = load_lights(&mut world, &file.document, &buffers, &GltfOptions::default());
@@ -383,7 +383,7 @@ fn every_truncation_of_a_binary_file_is_an_error() {
         }
         for file in [cut, consistent] {
             std::fs::write(&path, file).unwrap();
-            let SceneError(message) = file::open(&path).expect_err("a truncated file");
+            let SceneError(message) = gltf_scene::open(&path).expect_err("a truncated file");
             assert!(!message.contains('\n') && message.contains("girandole_truncated"), "{message}");
         }
     }

@@ -34,6 +34,8 @@ mod engine_shader_runs;
 mod flight;
 mod gloss;
 mod gltf;
+mod gltf_fuzz;
+mod gltf_load;
 mod gpu;
 mod gpu_timings;
 mod hard_cases;

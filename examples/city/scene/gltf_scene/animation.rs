@@ -4,10 +4,9 @@
 use girandole::glam::{DAffine3, DQuat, DVec3, Quat, Vec3, Vec4};
 use girandole::gltf::gltf::animation::{Interpolation, Property};
 use girandole::gltf::gltf::scene::Transform;
-use girandole::gltf::{LightSource, accessor_values, local_transform, punctual_placement, scene_nodes};
+use girandole::gltf::{GltfFile, LightSource, accessor_values, local_transform, punctual_placement, scene_nodes};
 use girandole::{DirectionalLight, LightWorld, Placement};
 
-use super::file::GltfFile;
 use super::node_map::{NodeMap, to_single};
 use super::{Animation, Scene, SceneError};
 

@@ -3,22 +3,21 @@
 //! Read in this order:
 //!
 //! 1. this file: how the stage is put together;
-//! 2. `file`: reads a file and its buffers;
-//! 3. `occupancy`, `viewpoint` and `exposure`: a camera and an exposure for scenes without a
+//! 2. `occupancy`, `viewpoint` and `exposure`: a camera and an exposure for scenes without a
 //!    camera;
-//! 4. `node_map`, `animation` and `sway`: the file's animations, or wind where there are none.
+//! 3. `node_map`, `animation` and `sway`: the file's animations, or wind where there are none.
 
 use std::path::Path;
 
 use girandole::glam::{Mat3, Vec3};
 use girandole::gltf::gltf::json::{Value, deserialize};
 use girandole::gltf::gltf::{Document, Material as GltfMaterial, Node};
-use girandole::gltf::{GltfError, GltfOptions, load_lights, material_emission, primitive_triangles, world_transforms};
+use girandole::gltf::{
+    self, GltfError, GltfFile, GltfOptions, load_lights, material_emission, primitive_triangles, world_transforms,
+};
 use girandole::{LightWorld, Policy};
 
 use super::{Animation, Camera, Material, Mesh, Object, Scene, SceneError, Sky, Stage, Triangle, rng};
-
-pub mod file;
 
 pub mod occupancy;
 pub mod viewpoint;
@@ -29,7 +28,6 @@ pub mod animation;
 pub mod sway;
 
 use animation::Player;
-use file::GltfFile;
 use node_map::{NodeMap, to_single};
 use sway::Sway;
 
@@ -37,11 +35,19 @@ use sway::Sway;
 /// metres, nothing casts a shadow of it.
 const LAMP_CLEARANCE: f32 = 0.35;
 
+/// Reads a file and its buffers. An error is one line that begins with the path.
+pub fn open(path: &Path) -> Result<GltfFile, SceneError> {
+    gltf::load(path, &GltfOptions::default()).map_err(|error| match error {
+        GltfError::Read { .. } => SceneError(error.to_string()),
+        _ => SceneError(format!("{}: {error}", path.display())),
+    })
+}
+
 /// Loads a file. The camera is `camera`, else the first perspective camera of the file, else it is
 /// placed among the lights.
 pub fn stage(path: &Path, camera: Option<Camera>) -> Result<Stage, SceneError> {
     let fail = |what: String| SceneError(format!("{}: {what}", path.display()));
-    let file = file::open(path)?;
+    let file = open(path)?;
     let mut world = LightWorld::new();
     let options = GltfOptions { policy: Policy::Budgeted, ..GltfOptions::default() };
     let lights =

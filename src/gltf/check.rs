@@ -1,0 +1,108 @@
+//! Checks of documents that the gltf crate leaves out. It panics or takes quadratic time where they
+//! fail.
+
+use ::gltf::Semantic;
+use ::gltf::json::camera::Type;
+use ::gltf::json::extensions::ENABLED_EXTENSIONS;
+use ::gltf::json::validation::{Checked, Validate};
+use ::gltf::json::{Path, Root, Value};
+
+use super::error::{GltfError, document_error, shortened};
+
+/// Names of extensions in an error.
+const MAX_NAMES: usize = 16;
+
+/// Checks a document, then validates it.
+///
+/// What passes can be read through all of the gltf crate but its readers of accessors.
+pub(super) fn check(root: &Root) -> Result<(), GltfError> {
+    check_extensions(&root.extensions_required)?;
+    check_bounds(root)?;
+    check_positions(root)?;
+    check_animations(root)?;
+    check_cameras(root)?;
+    check_images(root)?;
+    // Only the first error is kept: a small file can have a great many.
+    let mut first = None;
+    root.validate(root, Path::new, &mut |path, error| {
+        first.get_or_insert_with(|| format!("{}: {error}", path()));
+    });
+    first.map_or(Ok(()), |message| Err(document_error(&message)))
+}
+
+/// Refuses what the gltf crate does not support, all of it in one error.
+pub(super) fn check_extensions(required: &[String]) -> Result<(), GltfError> {
+    let unsupported = required.iter().filter(|name| !ENABLED_EXTENSIONS.contains(&name.as_str()));
+    let names: Vec<String> = unsupported.take(MAX_NAMES).map(|name| shortened(name)).collect();
+    if names.is_empty() { Ok(()) } else { Err(GltfError::UnsupportedExtensions { names }) }
+}
+
+/// The gltf crate's validation copies the bounds of an accessor for each primitive that uses it.
+/// glTF allows 1 to 16 numbers.
+fn check_bounds(root: &Root) -> Result<(), GltfError> {
+    let is_valid = |bounds: &Value| bounds.as_array().is_some_and(|b| b.len() <= 16 && b.iter().all(Value::is_number));
+    for (index, accessor) in root.accessors.iter().enumerate() {
+        if ![&accessor.min, &accessor.max].into_iter().flatten().all(is_valid) {
+            return Err(document_error(&format!("accessor {index}: its bounds are not up to 16 numbers")));
+        }
+    }
+    Ok(())
+}
+
+/// The gltf crate's validation looks up the accessor of a primitive's positions without a check.
+fn check_positions(root: &Root) -> Result<(), GltfError> {
+    for (index, mesh) in root.meshes.iter().enumerate() {
+        for primitive in &mesh.primitives {
+            let positions = primitive.attributes.get(&Checked::Valid(Semantic::Positions));
+            if positions.is_some_and(|accessor| accessor.value() >= root.accessors.len()) {
+                return Err(document_error(&format!(
+                    "mesh {index}: the positions of a primitive refer to no accessor"
+                )));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The gltf crate's validation leaves out the targets of animations.
+fn check_animations(root: &Root) -> Result<(), GltfError> {
+    for (index, animation) in root.animations.iter().enumerate() {
+        let mut is_valid = true;
+        for channel in &animation.channels {
+            channel.target.validate(root, Path::new, &mut |_, _| is_valid = false);
+        }
+        if !is_valid {
+            return Err(document_error(&format!("animation {index}: a channel has an invalid target")));
+        }
+    }
+    Ok(())
+}
+
+/// The gltf crate's validation accepts a camera that has only the projection of the other type.
+fn check_cameras(root: &Root) -> Result<(), GltfError> {
+    for (index, camera) in root.cameras.iter().enumerate() {
+        let has_projection = match camera.type_ {
+            Checked::Valid(Type::Perspective) => camera.perspective.is_some(),
+            Checked::Valid(Type::Orthographic) => camera.orthographic.is_some(),
+            Checked::Invalid => false,
+        };
+        if !has_projection {
+            return Err(document_error(&format!("camera {index} has no projection of its type")));
+        }
+    }
+    Ok(())
+}
+
+/// The gltf crate's validation accepts images without a source, and sources without their type.
+fn check_images(root: &Root) -> Result<(), GltfError> {
+    for (index, image) in root.images.iter().enumerate() {
+        let has_source = match image.buffer_view {
+            Some(_) => image.mime_type.is_some(),
+            None => image.uri.is_some(),
+        };
+        if !has_source {
+            return Err(document_error(&format!("image {index} has no source, or one of no type")));
+        }
+    }
+    Ok(())
+}
