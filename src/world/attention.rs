@@ -196,3 +196,43 @@ impl TreeWeight {
         self.usage_share * USAGE_RETENTION.powi(batch.wrapping_sub(self.batch).min(1000) as i32)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{FrameBudget, Light, Placement, Policy};
+    use glam::Vec3;
+
+    #[test]
+    fn shares_add_up_to_one_after_the_viewpoint_was_inside_bright_lamps() {
+        let mut world = LightWorld::new();
+        let trees: Vec<TreeKey> = (0..10)
+            .map(|i| {
+                let candela = if i % 2 == 0 { 1.0e15 } else { 1.0 };
+                let tree = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::splat(candela))]).expect("a valid light");
+                let place = Placement::at(DVec3::new(f64::from(i), 0.0, 0.0));
+                world.add_instance(tree, place, Policy::Budgeted).expect("a valid placement");
+                tree
+            })
+            .collect();
+        let shares = |world: &mut LightWorld, x: f64| {
+            world.set_viewpoint(DVec3::new(x, 0.0, 0.0)).expect("a valid viewpoint");
+            (0..ILLUMINANCE_LIFETIME).for_each(|_| drop(world.update(FrameBudget::NONE)));
+            trees.iter().for_each(|tree| drop(world.weight_of(*tree)));
+            trees.iter().map(|tree| f64::from(world.weight_of(*tree))).sum::<f64>()
+        };
+        for i in 0..1000 {
+            let sum = shares(&mut world, f64::from(i % 10));
+            assert!((sum - 1.0).abs() < 1.0e-6, "inside of lamp {}: {sum}", i % 10);
+        }
+        // 1e8 m away the lamps bring some lux. A sum of floats would have kept the rounding of 1e12 lux.
+        let sum = shares(&mut world, 1.0e8);
+        assert!((sum - 1.0).abs() < 1.0e-6, "{sum}");
+        for tree in trees {
+            let instance = world.instances().next().expect("one for each tree");
+            world.remove_instance(instance).expect("a live key");
+            world.remove_tree(tree).expect("no instances");
+        }
+        assert_eq!(world.view_weights.total_illuminance, 0);
+    }
+}
