@@ -63,7 +63,7 @@ impl Session {
         match test.rng.bits() % 16 {
             0..4 => scatter(&mut test.world, &mut test.rng, tree),
             4..10 => {
-                let changes: Vec<_> = (0..).step_by(7).zip(some(&mut test.rng)).collect();
+                let changes: Vec<_> = (0..).zip(some(&mut test.rng)).collect();
                 test.world.set_lights(tree, &changes).expect("valid lights");
             }
             10..13 => drop(test.world.add_lights(tree, &some(&mut test.rng)).expect("valid lights")),
