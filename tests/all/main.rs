@@ -1,5 +1,6 @@
 //! All integration tests in one binary, so that wgpu is linked only once.
 
+mod absolute;
 mod accuracy;
 mod added_lights;
 mod allocations;
