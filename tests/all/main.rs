@@ -38,6 +38,7 @@ mod gltf;
 mod gpu;
 mod gpu_timings;
 mod hard_cases;
+mod invariance;
 #[path = "../../examples/measuring/mod.rs"]
 #[allow(dead_code, missing_docs, reason = "the programs use what the tests do not")]
 mod measuring;
