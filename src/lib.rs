@@ -179,6 +179,8 @@ pub mod plan;
 pub mod gpu;
 #[cfg(feature = "gltf")]
 pub mod gltf;
+#[cfg(test)]
+mod f64_reference;
 
 pub use along::SegmentPoint;
 pub use appearance::MAX_FACTOR;

@@ -432,4 +432,29 @@ mod tests {
             assert_eq!(Node::EMPTY.target(slot), None);
         }
     }
+
+    #[test]
+    fn the_packed_share_of_surfaces_is_near_the_exact_one_for_every_ratio_of_fluxes() {
+        let mut wide = WideCluster::EMPTY;
+        for i in -3000_i32..=3000 {
+            // Ratios from 1e-30 to 1e30, and fluxes from the least to the greatest.
+            let slot = i.unsigned_abs() as usize % WIDTH;
+            let ratio = 10.0_f64.powf(f64::from(i) / 100.0);
+            for total in [1.0e-18, 1.0, 1.0e34] {
+                let area = (total * ratio / (1.0 + ratio)) as f32;
+                let cluster = Cluster { flux: total as f32, area_flux: area, ..Cluster::EMPTY };
+                wide.set(slot, &cluster);
+                let mut node = Node::EMPTY;
+                node.pack_area_ratios(&wide);
+                let share = f64::from(node.area_share(slot));
+                let exact = f64::from(area) / f64::from(total as f32);
+                // Codes are powers of four, so a ratio is at most a factor of two off.
+                let is_near = |a: f64, b: f64| a <= 2.0001 * b && b <= 2.0001 * a;
+                let is_within = is_near(share, exact) && is_near(1.0 - share, 1.0 - exact);
+                // Ratios beyond 2^13 are those of the last code, or of one kind of lights alone.
+                assert!(is_within || (share - exact).abs() < 1.3e-4, "{ratio}: {share} and not {exact}");
+                assert_eq!(share == 0.0, area == 0.0, "{ratio}");
+            }
+        }
+    }
 }

@@ -1,5 +1,6 @@
 //! All integration tests in one binary, so that wgpu is linked only once.
 
+mod absolute;
 mod accuracy;
 mod added_lights;
 mod allocations;
@@ -40,6 +41,7 @@ mod gltf_load;
 mod gpu;
 mod gpu_timings;
 mod hard_cases;
+mod invariance;
 #[path = "../../examples/measuring/mod.rs"]
 #[allow(dead_code, missing_docs, reason = "the programs use what the tests do not")]
 mod measuring;

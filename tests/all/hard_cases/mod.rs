@@ -1,9 +1,12 @@
 //! Cases that other light samplers got wrong: the ends of every allowed range, degenerate shapes,
 //! shading points on lights, and thousands of equal lights.
 
+mod deep;
 mod extremes;
 mod inputs;
 mod near_lamps;
+mod ranges;
+mod rims;
 mod shapes;
 
 use std::f32::consts::PI;

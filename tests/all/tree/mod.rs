@@ -1,6 +1,7 @@
 //! Trees keep their invariants through builds, refits, rebuilds and random edits.
 
 mod attributes;
+mod many_refits;
 mod rebuild;
 mod refit;
 

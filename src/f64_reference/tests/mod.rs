@@ -1,0 +1,61 @@
+//! The library against the reference. Bounds are those of the measured errors, rounded up, with the
+//! reason beside them.
+
+mod caps;
+mod gloss;
+mod importance;
+mod merge;
+mod pmf;
+
+use glam::{DVec3, Mat3, Quat, Vec3};
+
+use crate::light::Light;
+use crate::shading_point::ShadingPoint;
+use crate::tree::testing::Rng;
+
+/// A number whose logarithm is uniform between those of powers of ten.
+fn size(rng: &mut Rng, least: f32, most: f32) -> f32 {
+    10.0_f32.powf(rng.between(least, most))
+}
+
+fn direction(rng: &mut Rng) -> Vec3 {
+    loop {
+        let v = rng.position(1.0);
+        if v.length_squared() > 1.0e-3 && v.length_squared() < 1.0 {
+            return v.normalize();
+        }
+    }
+}
+
+fn turn(rng: &mut Rng) -> Mat3 {
+    Mat3::from_quat(Quat::from_axis_angle(direction(rng), rng.between(0.0, 6.0)))
+}
+
+/// A light of any shape in a cube, about a tenth of it large. One of eight has a range.
+fn light(rng: &mut Rng, cube: f32, emission: f32) -> Light {
+    let (at, emission) = (rng.position(cube), Vec3::new(rng.unit(), rng.unit(), rng.unit()) * emission);
+    let mut edge = || direction(rng) * (cube * rng.between(0.005, 0.05));
+    let (u, v) = (edge(), edge());
+    let light = match rng.below(6) {
+        0 => Light::point(at, emission),
+        1 => {
+            let outer = rng.between(0.3, 3.0);
+            Light::spot(at, direction(rng), outer * rng.unit(), outer, emission)
+        }
+        2 => Light::rectangle(at, u, v, emission),
+        3 => Light::triangle([at, at + u, at + v], emission),
+        4 => Light::triangle([at, at + u, at + v], emission).two_sided(),
+        _ => Light::sphere(at, cube * rng.between(0.001, 0.03), emission),
+    };
+    if rng.below(8) == 0 { light.with_range(cube * rng.between(0.3, 3.0)) } else { light }
+}
+
+/// A shading point in a cube, one of five in a volume.
+fn shading_point(rng: &mut Rng, cube: f32) -> ShadingPoint {
+    let position = rng.position(cube);
+    if rng.below(5) == 0 { ShadingPoint::volume(position) } else { ShadingPoint::surface(position, direction(rng)) }
+}
+
+fn exact(v: Vec3) -> DVec3 {
+    v.as_dvec3()
+}
