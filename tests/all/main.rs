@@ -35,6 +35,7 @@ mod flight;
 mod gloss;
 mod gltf;
 mod gpu;
+mod gpu_proof;
 mod gpu_timings;
 mod hard_cases;
 #[path = "../../examples/measuring/mod.rs"]
