@@ -2,12 +2,15 @@
 //! anything is chosen with some probability, probabilities add up and are those with which lights
 //! are picked, and no input gives NaN or infinity.
 
+mod assuming_numbers;
 mod edits;
+mod inputs;
 mod proof;
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock};
 
+use assuming_numbers::comparisons_negated;
 use bytemuck::{Pod, Zeroable};
 use girandole::gpu::GpuLights;
 use girandole::{Effects, LightId, LightWorld, ShadingPoint};
@@ -25,7 +28,11 @@ struct Question {
     u: [f32; 4],
     choice: f32,
     mask: u32,
-    padding: [u32; 2],
+    /// For points and for resampling: 0 for a matte point, 1 for a glossy one, 2 for a segment from `position` on.
+    kind: u32,
+    padding: u32,
+    /// The view of a glossy point and its roughness; the direction and the length of a segment.
+    more: [f32; 4],
 }
 
 impl Question {
@@ -43,12 +50,23 @@ impl Question {
 const STAGE: &str = "
     struct Question {
         position: vec3<f32>, instance: u32, normal: vec3<f32>, light: u32,
-        u: vec4<f32>, choice: f32, mask: u32, padding: vec2<u32>,
+        u: vec4<f32>, choice: f32, mask: u32, kind: u32, padding: u32, more: vec4<f32>,
     }
     @group(1) @binding(0) var<storage, read> questions: array<Question>;
     @group(1) @binding(1) var<storage, read_write> answers: array<u32>;
     fn point_of(q: Question) -> LightShadingPoint {
         return light_masked_point(light_surface_point(q.position, q.normal), q.mask);
+    }
+    // Such a point of any kind. Shaders that use it take several times as long to compile.
+    fn any_point_of(q: Question) -> LightShadingPoint {
+        var point = light_surface_point(q.position, q.normal);
+        if q.kind == 1u {
+            point = light_glossy_point(q.position, q.normal, q.more.xyz, q.more.w, q.choice, q.u.w);
+        }
+        if q.kind == 2u {
+            point = light_segment(q.position, q.more.xyz, q.more.w);
+        }
+        return light_masked_point(point, q.mask);
     }
     fn put_sample(at: u32, s: LightSample) {
         answers[at] = bitcast<u32>(s.direction.x);
@@ -62,6 +80,18 @@ const STAGE: &str = "
         answers[at + 8u] = bitcast<u32>(s.pmf);
         answers[at + 9u] = s.instance;
         answers[at + 10u] = s.light;
+    }
+    @compute @workgroup_size(64) fn point(@builtin(global_invocation_id) id: vec3<u32>) {
+        if id.x >= arrayLength(&questions) { return; }
+        let p = any_point_of(questions[id.x]);
+        let vectors = array(p.position, p.normal, p.segment, p.gloss.tangent, p.gloss.bitangent);
+        for (var i = 0u; i < 15u; i++) {
+            answers[20u * id.x + i] = bitcast<u32>(vectors[i / 3u][i % 3u]);
+        }
+        let rest = array(p.gloss.alpha, p.gloss.specular, p.gloss.view.x, p.gloss.view.y, p.gloss.flat_part);
+        for (var i = 0u; i < 5u; i++) {
+            answers[20u * id.x + 15u + i] = bitcast<u32>(rest[i]);
+        }
     }
     @compute @workgroup_size(64) fn pmf(@builtin(global_invocation_id) id: vec3<u32>) {
         if id.x >= arrayLength(&questions) { return; }
@@ -84,7 +114,7 @@ const STAGE: &str = "
     @compute @workgroup_size(64) fn resample(@builtin(global_invocation_id) id: vec3<u32>) {
         if id.x >= arrayLength(&questions) { return; }
         let q = questions[id.x];
-        let kept = light_resample(point_of(q), q.u, q.choice, 4u);
+        let kept = light_resample(any_point_of(q), q.u, q.choice, 4u);
         put_sample(12u * id.x, kept.chosen);
         answers[12u * id.x + 11u] = bitcast<u32>(kept.weight);
     }";
@@ -119,26 +149,48 @@ struct Resampled {
     weight: f32,
 }
 
-/// The probability of the light that each question names.
-fn pmfs(lights: &mut GpuLights, questions: &[Question]) -> Vec<f32> {
-    ask(lights, "pmf", questions)
+/// The text that answers questions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Text {
+    AsItIs,
+    /// With its comparisons negated, as by a compiler that assumes that no float is NaN.
+    AssumingNumbers,
 }
 
-fn picks(lights: &mut GpuLights, questions: &[Question]) -> Vec<Picked> {
-    ask(lights, "pick", questions)
+impl Text {
+    /// The position, the normal, the segment and the gloss of each shading point.
+    fn points(self, lights: &mut GpuLights, questions: &[Question]) -> Vec<[f32; 20]> {
+        self.ask(lights, "point", questions)
+    }
+
+    /// The probability of the light that each question names.
+    fn pmfs(self, lights: &mut GpuLights, questions: &[Question]) -> Vec<f32> {
+        self.ask(lights, "pmf", questions)
+    }
+
+    fn picks(self, lights: &mut GpuLights, questions: &[Question]) -> Vec<Picked> {
+        self.ask(lights, "pick", questions)
+    }
+
+    fn samples(self, lights: &mut GpuLights, questions: &[Question]) -> Vec<Sampled> {
+        self.ask(lights, "sample", questions)
+    }
+
+    fn resamples(self, lights: &mut GpuLights, questions: &[Question]) -> Vec<Resampled> {
+        self.ask(lights, "resample", questions)
+    }
+
+    /// Answers questions with one entry point of the stage.
+    fn ask<A: Pod>(self, lights: &mut GpuLights, entry: &'static str, questions: &[Question]) -> Vec<A> {
+        ask(lights, self, entry, questions)
+    }
 }
 
-fn samples(lights: &mut GpuLights, questions: &[Question]) -> Vec<Sampled> {
-    ask(lights, "sample", questions)
-}
+/// A pipeline that is compiled by the first test that needs it.
+type Place = Arc<OnceLock<wgpu::ComputePipeline>>;
 
-fn resamples(lights: &mut GpuLights, questions: &[Question]) -> Vec<Resampled> {
-    ask(lights, "resample", questions)
-}
-
-/// Answers questions with one entry point of the stage, which is compiled once for all tests.
-fn ask<A: Pod>(lights: &mut GpuLights, entry: &'static str, questions: &[Question]) -> Vec<A> {
-    static PIPELINES: Mutex<BTreeMap<&str, Arc<OnceLock<wgpu::ComputePipeline>>>> = Mutex::new(BTreeMap::new());
+fn ask<A: Pod>(lights: &mut GpuLights, text: Text, entry: &'static str, questions: &[Question]) -> Vec<A> {
+    static PIPELINES: Mutex<BTreeMap<(Text, &str), Place>> = Mutex::new(BTreeMap::new());
     let (device, queue) = gpu();
     let binding = |binding, read_only| wgpu::BindGroupLayoutEntry {
         binding,
@@ -154,12 +206,17 @@ fn ask<A: Pod>(lights: &mut GpuLights, entry: &'static str, questions: &[Questio
         label: None,
         entries: &[binding(0, true), binding(1, false)],
     });
-    let place = PIPELINES.lock().expect("no panic before").entry(entry).or_default().clone();
+    let place = PIPELINES.lock().expect("no panic before").entry((text, entry)).or_default().clone();
     let pipeline = place.get_or_init(|| {
         let shader = lights.shader(0, Effects::all());
+        let written = shader.join(STAGE);
+        let wgsl = match text {
+            Text::AsItIs => written,
+            Text::AssumingNumbers => comparisons_negated(&written),
+        };
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: None,
-            source: wgpu::ShaderSource::Wgsl(shader.join(STAGE).into()),
+            source: wgpu::ShaderSource::Wgsl(wgsl.into()),
         });
         let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             bind_group_layouts: &[Some(&shader.layout), Some(&own)],

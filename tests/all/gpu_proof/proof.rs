@@ -6,7 +6,7 @@ use girandole::gpu::GpuLights;
 use girandole::{FrameDelta, LightWorld, ShadingPoint};
 
 use super::edits::Edited;
-use super::{Picked, Question, named_lights, picks, pmfs};
+use super::{Picked, Question, Text, named_lights};
 use crate::gpu::gpu;
 use crate::plan::device::Played;
 use crate::support::{Rng, SPLITS};
@@ -43,10 +43,10 @@ fn answers(lights: &mut GpuLights, names: &[[u32; 2]], points: &[ShadingPoint], 
             ..Question::at(point)
         }));
     }
-    let pmfs = pmfs(lights, &asked);
+    let pmfs = Text::AsItIs.pmfs(lights, &asked);
     let draw = |(i, u): (usize, &[f32; 2])| Question { u: [u[0], u[1], 0.0, 0.0], ..Question::at(&points[i / DRAWS]) };
     let drawn: Vec<Question> = u.iter().enumerate().map(draw).collect();
-    Answers { pmfs, picks: picks(lights, &drawn) }
+    Answers { pmfs, picks: Text::AsItIs.picks(lights, &drawn) }
 }
 
 /// Checks the answers at one shading point. Returns the number of lights that send something there,
