@@ -605,7 +605,8 @@ mod tests {
             (Effects::SEGMENTS, SEGMENT_NAMES),
             (
                 Effects::FACTORS,
-                "light_brightness light_factored LightInstance.factor LightLocalShadingPoint.brightness",
+                "light_brightness light_factored LightInstance.factor LightLocalShadingPoint.brightness \
+                 LIGHT_MAX_FINITE",
             ),
             (
                 Effects::MASKS,
