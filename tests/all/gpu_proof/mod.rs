@@ -6,6 +6,7 @@ mod assuming_numbers;
 mod edits;
 mod inputs;
 mod proof;
+mod squashed;
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock};
