@@ -210,7 +210,7 @@ fn light_along_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, 
         return 1.0;
     }
     let stretch = light_stretch_of(shading_point, instance, light);
-    let from_a = along - stretch.start;
+    let from_a = light_limited(vec3(along)).x - stretch.start;
     if stretch.extent > 0.0 && from_a >= 0.0 && from_a <= stretch.extent {
         return light_stretch_density(stretch, stretch.a + from_a);
     }

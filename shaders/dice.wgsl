@@ -13,10 +13,11 @@ fn light_hash(x: u32) -> u32 {
     return (word >> 22u) ^ word;
 }
 
-// Clamps to [0, 1).
+// Clamps to [0, 1). NaN becomes 0. Compares bits, because a compiler may assume that a float is no
+// NaN: the bits of negative numbers are above those of infinity, and so are the bits of NaN.
 fn light_clamp_unit(u: f32) -> f32 {
-    // NaN is not above 0; WGSL's max may keep it.
-    return select(0.0, min(u, LIGHT_ONE_MINUS_EPSILON), u > 0.0);
+    let bits = bitcast<u32>(u);
+    return bitcast<f32>(select(0u, min(bits, LIGHT_ONE_MINUS_EPSILON_BITS), bits <= LIGHT_INFINITY_BITS));
 }
 
 // A random number below 2^-24.

@@ -16,15 +16,15 @@ struct LightGloss {
     flat_part: f32,
 }
 
-// Twin of `LocalGloss::of`; `normal` is a unit vector or zero.
+// Twin of `LocalGloss::of`; `normal` is a unit vector or zero, and `view` is limited.
 fn light_gloss(normal: vec3<f32>, view: vec3<f32>, roughness: f32, specular: f32, diffuse: f32) -> LightGloss {
     var gloss: LightGloss;
     let view_sq = dot(view, view);
     let has_view = view_sq >= LIGHT_MIN_VIEW_SQ && view_sq <= LIGHT_MAX_VIEW_SQ;
-    // NaN and infinity fail one of the comparisons.
-    let largest = max(abs(roughness), abs(diffuse));
-    let is_finite = largest <= LIGHT_MAX_FINITE && specular >= LIGHT_MIN_SPECULAR && specular <= LIGHT_MAX_FINITE;
-    if !has_view || !is_finite || all(normal == vec3(0.0)) {
+    // NaN and infinity have all bits of the exponent.
+    let exponents = bitcast<vec3<u32>>(vec3(roughness, specular, diffuse)) & vec3(LIGHT_INFINITY_BITS);
+    let is_finite = all(exponents != vec3(LIGHT_INFINITY_BITS));
+    if !has_view || !is_finite || specular < LIGHT_MIN_SPECULAR || all(normal == vec3(0.0)) {
         return gloss;
     }
     let unit_view = view / sqrt(view_sq);

@@ -21,11 +21,20 @@ struct LightShadingPoint {
     // #endif
 }
 
+// Limits coordinates to LIGHT_UNLIMITED_RANGE, which NaN becomes too. The coordinates of every
+// shading point pass through here, so no other function meets a NaN from outside. Limits bits,
+// because a compiler may assume that a float is no NaN, and drop comparisons that would tell.
+fn light_limited(v: vec3<f32>) -> vec3<f32> {
+    let bits = bitcast<vec3<u32>>(v);
+    let limited = min(bits & vec3(0x7fffffffu), vec3(LIGHT_FARTHEST_BITS));
+    return bitcast<vec3<f32>>((bits & vec3(0x80000000u)) | limited);
+}
+
 // A point on a surface; `normal` is a unit vector that points to the side that is shaded.
 fn light_surface_point(position: vec3<f32>, normal: vec3<f32>) -> LightShadingPoint {
     var shading_point: LightShadingPoint;
-    shading_point.position = position;
-    shading_point.normal = normal;
+    shading_point.position = light_limited(position);
+    shading_point.normal = light_limited(normal);
     // #if MASKS
     shading_point.mask = 0xffffffffu;
     // #endif
@@ -49,7 +58,9 @@ fn light_glossy_point(
 ) -> LightShadingPoint {
     var shading_point = light_surface_point(position, normal);
     // #if GLOSSY
-    shading_point.gloss = light_gloss(light_normalize_or_zero(normal), view, roughness, specular, diffuse);
+    shading_point.gloss = light_gloss(
+        light_normalize_or_zero(shading_point.normal), light_limited(view), roughness, specular, diffuse,
+    );
     // #endif
     return shading_point;
 }
@@ -62,9 +73,9 @@ fn light_volume_point(position: vec3<f32>) -> LightShadingPoint {
 // The segment origin + t * direction of a ray through a volume, for t from 0 to `length`. Twin of
 // `ShadingPoint::segment`. The point in its middle in shaders without SEGMENTS.
 fn light_segment(origin: vec3<f32>, direction: vec3<f32>, length: f32) -> LightShadingPoint {
-    let segment = direction * length;
+    // A vector that is limited is too long for a segment.
+    let segment = light_limited(direction * length);
     let length_sq = dot(segment, segment);
-    // NaN and infinity fail one of the comparisons.
     let is_segment = length_sq >= LIGHT_MIN_SEGMENT_SQ && length_sq <= LIGHT_MAX_SEGMENT_SQ;
     var shading_point = light_volume_point(select(origin, origin + 0.5 * segment, is_segment));
     // #if SEGMENTS
@@ -276,7 +287,8 @@ fn light_estimate(four: LightFour, is_light: vec4<bool>, local: LightLocalShadin
         doubt += select(reflected.doubt, vec4(0.0), is_light);
     }
     // #endif
-    // NaN is not above the least importance; WGSL's max may keep it.
+    // Distances whose squares leave f32 in the space of a tiny tree may give NaN, which is not above
+    // the least importance; WGSL's max may keep it.
     let above_least = select(vec4(LIGHT_MIN_IMPORTANCE), lux, lux > vec4(LIGHT_MIN_IMPORTANCE));
     return LightFourImportances(min(above_least, vec4(LIGHT_MAX_IMPORTANCE)), doubt);
 }

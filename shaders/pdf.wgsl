@@ -96,7 +96,7 @@ fn light_pdf(shading_point: LightShadingPoint, instance: u32, light: u32, point:
         return 0.0;
     }
     let placed = light_instance(instance);
-    let pdf = light_point_pdf(light_record(placed.light_base + light), placed, shading_point, point);
+    let pdf = light_point_pdf(light_record(placed.light_base + light), placed, shading_point, light_limited(point));
     if pdf > 0.0 {
         return pdf * light_pmf(shading_point, instance, light);
     }

@@ -8,6 +8,8 @@ fn light_target_weight(
 ) -> f32 {
     let light_value = LIGHT_TARGET(light_shading_point, light_argument, light_candidate);
     let light_weight = light_clamp_weight(light_value / light_candidate.pdf / light_candidate.pmf);
-    // GPUs may flush subnormal numbers to 0. NaN is not above anything.
-    return select(0.0, light_weight, light_value >= LIGHT_TINY);
+    // GPUs may flush subnormal numbers to 0. The bits of NaN and of negative numbers are above those
+    // of infinity.
+    let light_bits = bitcast<u32>(light_value);
+    return select(0.0, light_weight, light_bits >= LIGHT_TINY_BITS && light_bits <= LIGHT_INFINITY_BITS);
 }

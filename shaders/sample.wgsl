@@ -48,7 +48,7 @@ fn light_illuminance(index: u32, shading_point: LightShadingPoint) -> f32 {
     if any(shading_point.normal != vec3(0.0)) {
         cosine = -dot(shading_point.normal, light.b);
     }
-    // At most 1, whatever the length of the normal is, and 0 for NaN.
+    // At most 1, whatever the length of the normal is.
     var lux = dot(light.emission, vec3(0.2126, 0.7152, 0.0722)) * select(0.0, min(cosine, 1.0), cosine > 0.0);
     // #if GLOSSY
     if lux > 0.0 {

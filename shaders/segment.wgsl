@@ -2,7 +2,7 @@
 // src/importance.rs estimates for segments; these explain it and own the constants. Binds nothing.
 
 // #if SEGMENTS
-// Whether a shading point is a segment. NaN fails the comparisons.
+// Whether a shading point is a segment.
 fn light_is_segment(shading_point: LightShadingPoint) -> bool {
     let length_sq = dot(shading_point.segment, shading_point.segment);
     return length_sq >= LIGHT_MIN_SEGMENT_SQ && length_sq <= LIGHT_MAX_SEGMENT_SQ
@@ -180,7 +180,7 @@ fn light_estimate_along(
         + light_emitted_along(four, view, facing_along, light_halved(middle, b)));
     // #endif
     let lux = four.flux * (1.0 / LIGHT_FOUR_PI) * nearness * (emitted / reach);
-    // NaN is not above the least importance; WGSL's max may keep it.
+    // As in light_estimate.
     let above_least = select(vec4(LIGHT_MIN_IMPORTANCE), lux, lux > vec4(LIGHT_MIN_IMPORTANCE));
     return LightFourImportances(min(above_least, vec4(LIGHT_MAX_IMPORTANCE)), doubt);
 }

@@ -56,8 +56,13 @@ fn top_group(
     @builtin(num_workgroups) groups_of_pass: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let total = gather_count(lane);
     let piece = group.x + group.y * groups_of_pass.x;
+    // A dispatch of two dimensions has workgroups without a piece. The words at their places are
+    // those of the list of units.
+    if piece >= top_pass.pieces {
+        return;
+    }
+    let total = gather_count(lane);
     let left = top_pass.units_after + top_pass.pieces;
     if total <= TOP_ROOT_UNITS {
         // The upper part can hold all units, so they are passed on as the units of the first piece.

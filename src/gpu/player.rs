@@ -19,6 +19,9 @@ pub(super) struct Player {
     groups: Vec<Group>,
     #[cfg(test)]
     pub submissions: usize,
+    /// The most workgroups along the first dimension of a dispatch.
+    #[cfg(test)]
+    pub widest: u32,
 }
 
 /// What kernels with the same bindings share.
@@ -49,6 +52,8 @@ impl Player {
             groups: Vec::new(),
             #[cfg(test)]
             submissions: 0,
+            #[cfg(test)]
+            widest: u32::MAX,
         }
     }
 
@@ -161,6 +166,8 @@ impl Player {
             Command::Copy { from, to, bytes } => recorder.copy(self.buffer(from), self.buffer(to), bytes),
             Command::Clear { buffer, offset, bytes } => recorder.clear(self.buffer(buffer), offset, bytes),
             Command::Dispatch { kernel, buffers, uniform_offset, workgroups } => {
+                #[cfg(test)]
+                let workgroups = self.narrowed(kernel, workgroups);
                 self.compile(kernel);
                 let group = self.group(kernel, buffers);
                 recorder.dispatch(
@@ -228,6 +235,20 @@ impl Player {
         });
         self.groups.push(Group { layout, buffers: buffers.to_vec(), group });
         self.groups.len() - 1
+    }
+}
+
+#[cfg(test)]
+impl Player {
+    /// The same number of workgroups or more, of which at most `widest` are along the first
+    /// dimension. Indices in two dimensions then occur with few records. A sort has as few blocks as
+    /// fit into one dimension.
+    fn narrowed(&self, kernel: Kernel, workgroups: [u32; 3]) -> [u32; 3] {
+        if kernel.stage() == "sort" || workgroups[0] <= self.widest {
+            return workgroups;
+        }
+        let groups: u32 = workgroups.iter().product();
+        [self.widest, groups.div_ceil(self.widest), 1]
     }
 }
 

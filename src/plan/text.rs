@@ -260,6 +260,11 @@ pub(crate) fn constants() -> String {
         ("WAYS", visibility::WAYS as u32),
         ("MIN_IDLE", visibility::MIN_IDLE),
         ("BINS", visibility::BINS as u32),
+        // Bits of floats, for tests that a compiler cannot fold by assuming that no float is NaN.
+        ("INFINITY_BITS", f32::INFINITY.to_bits()),
+        ("TINY_BITS", f32::MIN_POSITIVE.to_bits()),
+        ("ONE_MINUS_EPSILON_BITS", dice::ONE_MINUS_EPSILON.to_bits()),
+        ("FARTHEST_BITS", light::UNLIMITED_RANGE.to_bits()),
         ("BIN_SHIFT", visibility::BIN_SHIFT),
         ("COORDINATE_BITS", visibility::COORDINATE_BITS),
         ("TAG_SEED", visibility::TAG_SEED),
@@ -335,7 +340,6 @@ pub(crate) fn constants() -> String {
         ("MIN_PMF", dice::MIN_PMF),
         ("MIN_DOUBT", cut::MIN_DOUBT),
         ("FOUR_PI", 4.0 * std::f32::consts::PI),
-        ("ONE_MINUS_EPSILON", dice::ONE_MINUS_EPSILON),
         ("U_STEP", dice::U_STEP),
         ("MIN_WEIGHT", resample::MIN_WEIGHT),
         ("MAX_WEIGHT", resample::MAX_WEIGHT),
@@ -518,9 +522,8 @@ mod tests {
                 let own = ["brdf_target", "use_it", "Material", "Material.roughness"].map(String::from);
                 let names = module_names(&text);
                 let added: HashSet<_> = names.difference(&module_names(&plain)).cloned().collect();
-                let ours = ["light_resample_by", "light_target_weight"].map(String::from);
-                let tiny = (!effects.contains(Effects::AREAS)).then(|| String::from("LIGHT_TINY"));
-                assert_eq!(added, own.into_iter().chain(ours).chain(tiny).collect(), "{effects:?}");
+                let ours = ["light_resample_by", "light_target_weight", "LIGHT_TINY_BITS"].map(String::from);
+                assert_eq!(added, own.into_iter().chain(ours).collect(), "{effects:?}");
             }
         }
     }
@@ -602,7 +605,8 @@ mod tests {
             (Effects::SEGMENTS, SEGMENT_NAMES),
             (
                 Effects::FACTORS,
-                "light_brightness light_factored LightInstance.factor LightLocalShadingPoint.brightness",
+                "light_brightness light_factored LightInstance.factor LightLocalShadingPoint.brightness \
+                 LIGHT_MAX_FINITE",
             ),
             (
                 Effects::MASKS,

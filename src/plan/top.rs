@@ -245,4 +245,6 @@ impl TopBuild {
 }
 
 #[cfg(test)]
+mod barriers;
+#[cfg(test)]
 mod tests;

@@ -39,6 +39,7 @@ mod gltf;
 mod gltf_fuzz;
 mod gltf_load;
 mod gpu;
+mod gpu_proof;
 mod gpu_timings;
 mod hard_cases;
 mod invariance;

@@ -9,6 +9,7 @@ use crate::gpu::*;
 use crate::light::Light;
 use crate::placement::Placement;
 use crate::policy::Policy;
+use crate::scheduler::FrameBudget;
 
 #[test]
 fn every_public_type_has_a_debug_form_and_may_be_shared_by_threads() {
@@ -55,4 +56,32 @@ fn two_builds_of_one_upload_give_the_same_top_level() {
     assert!(nodes.iter().any(|word| *word != 0));
     queue.submit([again]);
     assert!(read::<u32>(&device, &queue, lights.buffers()[1]) == nodes);
+}
+
+#[test]
+fn a_frame_without_changes_writes_nothing_into_the_top_level() {
+    let (device, queue) = gpu();
+    let mut world = LightWorld::new();
+    let tree = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
+    for i in 0..300_u32 {
+        world.add_instance(tree, Placement::at(DVec3::X * f64::from(i)), Policy::Static).expect("valid");
+    }
+    let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
+    let frame = |lights: &mut GpuLights, world: &mut LightWorld| {
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        lights.sync(world, FrameBudget::NONE, &mut encoder).expect("room enough");
+        queue.submit([encoder.finish()]);
+    };
+    frame(&mut lights, &mut world);
+    // A build would replace this.
+    let nodes = lights.buffers()[1];
+    let garbage = vec![0x5a_u8; nodes.size() as usize];
+    queue.write_buffer(nodes, 0, &garbage);
+    frame(&mut lights, &mut world);
+    frame(&mut lights, &mut world);
+    assert!(read::<u8>(&device, &queue, lights.buffers()[1]) == garbage);
+    let moved = world.instances().next().expect("300 instances");
+    world.move_instance(moved, Placement::at(DVec3::Y)).expect("valid");
+    frame(&mut lights, &mut world);
+    assert!(read::<u8>(&device, &queue, lights.buffers()[1]) != garbage);
 }

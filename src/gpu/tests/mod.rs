@@ -1,5 +1,6 @@
 //! Tests that need a device: of the plans' commands, one by one, and of [`GpuLights`] as a whole.
 
+mod batch;
 mod lights;
 mod pool;
 mod relayout;

@@ -100,6 +100,41 @@ fn every_packed_child_on_the_way_up_holds_every_light_of_an_instance() {
     assert!(caps > 100 && sheared_caps > 20, "only {caps} caps were checked, {sheared_caps} of them sheared");
 }
 
+/// A box of many instances rounds inward without its padding, most of all far from the origin.
+#[test]
+fn boxes_far_from_the_origin_hold_the_exact_images_of_their_corners() {
+    let mut top = TopRig::new();
+    for distance in [1.0e6, 0.5e9] {
+        let mut world = LightWorld::new();
+        // Trees of one light, whose boxes are those of their lights.
+        let trees: Vec<_> = (0..16)
+            .map(|i| {
+                let (at, u, v) = (20.0 * random_vec(i, 40), 30.0 * random_vec(i, 43), 30.0 * random_vec(i, 46));
+                world.add_tree(vec![Light::triangle([at, at + u, at + v], Vec3::ONE)]).unwrap()
+            })
+            .collect();
+        for i in 0..200 {
+            let mut placed = placement(i);
+            placed.translation = distance * placed.translation.normalize();
+            world.add_instance(trees[i as usize % trees.len()], placed, Policy::Static).unwrap();
+        }
+        let built = build(&mut top, &world);
+        for (part, leaf) in built.parts.iter().zip(&built.leaves) {
+            let instance = world.instance(world.instance_at(part.slot).unwrap()).unwrap();
+            let frame = instance.shown().expect("no instance is hidden").frame(world.home());
+            let inner = world.tree(instance.tree).unwrap().lights()[0].cluster().aabb;
+            for corner in 0..8 {
+                let pick = |axis: usize| if corner >> axis & 1 == 0 { inner.min[axis] } else { inner.max[axis] };
+                let corner = Vec3::new(pick(0), pick(1), pick(2)).as_dvec3();
+                let exact = frame.to_world.as_dmat3() * corner + frame.translation.as_dvec3();
+                let is_inside =
+                    exact.cmpge(leaf.aabb.min.as_dvec3()).all() && exact.cmple(leaf.aabb.max.as_dvec3()).all();
+                assert!(is_inside, "{distance} m: {exact} {:?}", leaf.aabb);
+            }
+        }
+    }
+}
+
 #[test]
 fn caps_of_beams_with_similar_directions_stay_narrow_up_to_the_root() {
     let mut top = TopRig::new();

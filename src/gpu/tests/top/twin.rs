@@ -118,6 +118,18 @@ pub(super) fn check(top: &mut TopRig, world: &LightWorld) -> Built {
     built
 }
 
+/// Dispatches of more than 65,535 workgroups have two dimensions, and more workgroups than are needed.
+#[test]
+fn a_build_by_dispatches_of_two_dimensions_makes_the_same_tree_as_on_the_cpu() {
+    for widest in [1, 3] {
+        let mut top = TopRig::new();
+        top.rig.player.widest = widest;
+        for slots in [3, 300, 1300] {
+            check(&mut top, &world_of(slots, placement));
+        }
+    }
+}
+
 #[test]
 fn any_number_of_slots_makes_the_same_tree_as_on_the_cpu() {
     let mut top = TopRig::new();
