@@ -360,7 +360,7 @@ fn the_gpu_follows_every_move_of_the_origin() {
         // 9,000 km away, numbers are 1 m apart, and probabilities on both sides differ by up to 5e-5. Of
         // 16,384 draws 34 chose the neighbour of the light. Six standard deviations above that mean: a
         // false alarm in less than one of 10^4 runs. Elsewhere none of them did.
-        let mean = 1024.0 * 34.0 / 16_384.0;
+        let mean: f64 = 1024.0 * 34.0 / 16_384.0;
         let limit = if kilometres == 9_000.0 { mean + 6.0 * mean.sqrt() } else { OTHER_PICKS * 1024.0 };
         assert!(mismatches as f64 <= limit, "{kilometres} km: {mismatches} of {limit}");
     }
