@@ -9,6 +9,7 @@ mod bake;
 mod budget;
 mod budget_cases;
 mod budget_strategies;
+mod catalogue;
 #[path = "../../examples/city/modules.rs"]
 #[allow(dead_code, missing_docs, reason = "the example's main uses what the tests do not")]
 mod city;
