@@ -97,28 +97,29 @@ fn squashed_instances_are_covered_and_have_the_probabilities_of_the_cpu_on_the_g
 fn lamps_on_the_horizon_far_from_the_origin_are_covered_on_the_gpu() {
     let mut rng = Rng(911);
     let mut world = LightWorld::new();
-    let lamps: Vec<Light> = (0..9).map(|_| Light::point(rng.place(30.0), Vec3::splat(1.0e4))).collect();
-    let tree = world.add_tree(lamps.clone()).expect("valid lights");
+    // Two lamps at one point have a box without extent, which is not rounded outward.
+    let places: Vec<Vec3> = (0..9).map(|_| rng.place(30.0)).collect();
+    let lamps = |at: &Vec3| vec![Light::point(*at, Vec3::splat(1.0e4)); 2];
+    let trees: Vec<_> = places.iter().map(|at| world.add_tree(lamps(at)).expect("valid lights")).collect();
     let mut placed = Vec::new();
     for distance in [0.0, 1.0e4, 1.0e6] {
-        for _ in 0..4 {
+        for (tree, place) in trees.iter().zip(&places) {
             let translation: DVec3 = (rng.direction() * distance).as_dvec3();
             let linear = turn(&mut rng);
-            let key = world.add_instance(tree, Placement { linear, translation }, Policy::Static).expect("valid");
-            placed.push((key, linear, translation));
+            let key = world.add_instance(*tree, Placement { linear, translation }, Policy::Static).expect("valid");
+            placed.push((key, linear, translation, *place));
         }
     }
     let mut lights = upload(&mut world);
     lights.set_splits(SplitCount::DEFAULT);
     let sampler = world.sampler();
     let (mut questions, mut asked) = (Vec::new(), Vec::new());
-    for (key, linear, translation) in placed {
+    for (key, linear, translation, place) in placed {
         let instance = world.slot(key).expect("a live instance");
-        for i in 0..2000 {
-            let light = i % lamps.len() as u32;
-            let girandole::light::Shape::Point { position } = lamps[light as usize].shape else { continue };
+        for i in 0..1000_u32 {
+            let light = i % 2;
             let at = (linear * rng.place(40.0)).as_dvec3() + translation;
-            let toward = ((linear * position).as_dvec3() + translation - at).as_vec3();
+            let toward = ((linear * place).as_dvec3() + translation - at).as_vec3();
             let across = toward.cross(rng.direction()).normalize();
             let tilt = toward.normalize() * [0.0, 1.0e-8, 1.0e-7][i as usize % 3];
             let point = ShadingPoint::surface(at.as_vec3(), (across + tilt).normalize());
