@@ -35,12 +35,12 @@
 //! since this is the share of the noise that it decides. Errors of this library are not measured
 //! here: its formula in f64 is not part of this program.
 //!
-//! Expect a straight line for `girandole` over distance, and over scale one that rises by 5 % at one
-//! step: the top level is cut along a curve whose cells are powers of two of a metre, so another
-//! scale is another tree. Expect that the other three lose lights from 100 km on, and that nothing of
-//! their choice is left at 10,000 km. The formula of pbrt-v4 compares a squared distance with a
-//! length, so its sigma rises below a scale of 0.1. The run takes about a minute, and `--quick`, with
-//! fewer steps and shading points, some seconds.
+//! Expect a straight line for `girandole` over distance, and over scale one that rises by 5 % at
+//! one step: the top level is cut along a curve whose cells are powers of two of a metre, so
+//! another scale is another tree. Expect that the other three lose lights from 100 km on, and at
+//! 10,000 km at every shading point. The formula of pbrt-v4 compares a squared distance with a
+//! length, so its sigma rises below a scale of 0.1. The run takes about a minute, and `--quick`,
+//! with fewer steps and shading points, some seconds.
 
 #[path = "../common/mod.rs"]
 #[allow(dead_code, reason = "other programs use more of it")]

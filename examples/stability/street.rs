@@ -108,7 +108,7 @@ impl Street {
             objects.iter().map(|lights| lights.iter().map(|_| between(&mut rng, -0.5, 0.5)).collect()).collect();
         let mut instance = |number: usize| {
             let along = ((number / 2) as f64 - 0.5 * (PER_SIDE - 1) as f64) * SPACING;
-            let side = if number % 2 == 0 { -1.0 } else { 1.0 };
+            let side = if number.is_multiple_of(2) { -1.0 } else { 1.0 };
             let position =
                 dvec3(along, 0.0, side * (HALF_WIDTH + HALF_OBJECT.z)) + in_box(&mut rng, dvec3(1.5, 0.2, 1.0));
             let turn = DQuat::from_rotation_y(between(&mut rng, 0.0, 2.0 * PI))

@@ -30,7 +30,10 @@ fn line(rows: &[&Measured], base: f64) -> String {
     match (lost.first(), lost.last()) {
         (Some(first), Some(last)) => {
             let share = rows.iter().map(|row| row.infinite).fold(0.0, f64::max);
-            line += &format!("; infinite from {first:.0e} to {last:.0e}, at up to {:.1} % of the shading points", 100.0 * share);
+            line += &format!(
+                "; infinite from {first:.0e} to {last:.0e}, at up to {:.1} % of the shading points",
+                100.0 * share
+            );
         }
         _ => line += "; finite everywhere",
     }

@@ -111,6 +111,8 @@ fn check_damage(rows: &[Measured]) {
     for sampler in ["pbrt", "cycles"] {
         let error = |value: f64| at(Sweep::Distance, value, sampler).error.expect("it is evaluated in f64");
         assert!(error(0.0).mean < 1.0e-5 && error(1.0e9).mean > 0.5, "{sampler}");
+        // 0.06 m of rounding beside distances of some metres, and no NaN yet.
+        assert!(error(1.0e6).mean > 1.0e-3 && error(1.0e6).mean < 0.1, "{sampler}");
         assert!(error(0.0).high < 1.0e-3 && error(0.0).high > error(0.0).mean, "{sampler}");
     }
     // Shading points at the centre of a box without size.
