@@ -1,9 +1,14 @@
 //! The exact light that a shading point receives from one light, without shadows.
 
-use girandole::glam::{DVec3, Vec3};
-use girandole::light::luminance;
-use girandole::{Light, ShadingPoint, Shape};
+use super::emitter::{Emitter, Form, Receiver};
+use girandole::glam::DVec3;
+use girandole::{Light, ShadingPoint};
 use std::f64::consts::PI;
+
+/// The illuminance by a light at a shading point: see [`exact_irradiance`].
+pub fn irradiance(light: &Light, at: &ShadingPoint) -> f64 {
+    exact_irradiance(&Emitter::from(light), &Receiver::from(at))
+}
 
 /// The illuminance by a light at a surface, in lux; at a point in a volume, where no normal weighs
 /// the directions, the illuminance of a surface that always faces the light.
@@ -12,38 +17,37 @@ use std::f64::consts::PI;
 /// of Snyder (1996) for a sphere that the horizon cuts, as in Lagarde and de Rousiers, Moving
 /// Frostbite to PBR (2014), section 4.7. The window of a light's range is taken at the centre of
 /// the light, so it is exact for points and spots only. 0 inside a sphere and on a light.
-pub fn irradiance(light: &Light, at: &ShadingPoint) -> f64 {
-    let toward = |point: Vec3| point.as_dvec3() - at.position.as_dvec3();
-    let normal = at.normal.as_dvec3().normalize_or_zero();
-    let radiance = f64::from(luminance(light.emission));
-    let (center, unlimited) = match light.shape {
-        Shape::Point { position } => {
+pub fn exact_irradiance(light: &Emitter<f64>, at: &Receiver<f64>) -> f64 {
+    let toward = |point: DVec3| point - at.position;
+    let normal = at.normal.normalize_or_zero();
+    let (center, unlimited) = match light.form {
+        Form::Point { position } => {
             let toward = toward(position);
             (toward, from_point(toward, normal))
         }
-        Shape::Spot { position, direction, inner_angle, outer_angle } => {
+        Form::Spot { position, direction, inner_angle, outer_angle } => {
             let toward = toward(position);
-            let cos = -direction.as_dvec3().normalize().dot(toward.normalize_or_zero());
-            let cos_outer = f64::from(outer_angle.cos());
-            let width = (f64::from(inner_angle.cos()) - cos_outer).max(1.0e-3);
+            let cos = -direction.normalize().dot(toward.normalize_or_zero());
+            let cos_outer = outer_angle.cos();
+            let width = (inner_angle.cos() - cos_outer).max(1.0e-3);
             (toward, ((cos - cos_outer) / width).clamp(0.0, 1.0).powi(2) * from_point(toward, normal))
         }
-        Shape::Rectangle { center, half_u, half_v, two_sided } => {
-            let (center, u, v) = (toward(center), half_u.as_dvec3(), half_v.as_dvec3());
+        Form::Rectangle { center, half_u: u, half_v: v, two_sided } => {
+            let center = toward(center);
             let corners = [center - u - v, center + u - v, center + u + v, center - u + v];
             (center, from_polygon(&corners, two_sided, normal))
         }
-        Shape::Triangle { vertices, two_sided } => {
+        Form::Triangle { vertices, two_sided } => {
             let corners = vertices.map(toward);
             ((corners[0] + corners[1] + corners[2]) / 3.0, from_polygon(&corners, two_sided, normal))
         }
-        Shape::Sphere { center, radius } => {
+        Form::Sphere { center, radius } => {
             let toward = toward(center);
-            (toward, from_sphere(toward, f64::from(radius), normal))
+            (toward, from_sphere(toward, radius, normal))
         }
     };
-    let window = 1.0 - (center.length() / f64::from(light.range)).powi(4);
-    radiance * unlimited * window.max(0.0)
+    let window = 1.0 - (center.length() / light.range).powi(4);
+    light.emission * unlimited * window.max(0.0)
 }
 
 /// By a point of one candela.

@@ -7,6 +7,8 @@
 
 pub mod charts;
 
+pub mod real;
+pub mod emitter;
 pub mod irradiance;
 pub mod in_scattering;
 pub mod reflection;

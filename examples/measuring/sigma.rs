@@ -21,14 +21,17 @@ impl Noise {
     /// probabilities p.
     ///
     /// Sigma is infinite where a light contributes and is never chosen, except below
-    /// [`ROUNDING_SHARE`]. `None` where nothing contributes.
-    pub fn of(contributions: &[f32], pmfs: &[f32]) -> Option<Self> {
-        let sum: f64 = contributions.iter().map(|f| f64::from(*f)).sum();
+    /// [`ROUNDING_SHARE`]. A probability that is NaN counts as 0. `None` where nothing contributes.
+    pub fn of<T: Copy + Into<f64>>(contributions: &[T], pmfs: &[f32]) -> Option<Self> {
+        let contributions = contributions.iter().map(|f| (*f).into());
+        let sum: f64 = contributions.clone().sum();
         let (mut second, mut has_unreached) = (0.0, false);
-        for (f, p) in contributions.iter().zip(pmfs).filter(|(f, _)| **f > 0.0) {
-            has_unreached |= *p <= 0.0;
-            if *p > 0.0 || f64::from(*f) > ROUNDING_SHARE * sum {
-                second += f64::from(*f).powi(2) / f64::from(*p);
+        for (f, p) in contributions.zip(pmfs).filter(|(f, _)| *f > 0.0) {
+            // NaN is not greater.
+            let p = if *p > 0.0 { f64::from(*p) } else { 0.0 };
+            has_unreached |= p == 0.0;
+            if p > 0.0 || f > ROUNDING_SHARE * sum {
+                second += f.powi(2) / p;
             }
         }
         let sigma = (second / (sum * sum) - 1.0).max(0.0).sqrt();

@@ -67,6 +67,7 @@ mod shader_text;
 mod shadow_oracle;
 mod small_scene;
 mod solid_angle;
+mod stability;
 mod stand_ins;
 mod support;
 mod torture;

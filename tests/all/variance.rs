@@ -106,6 +106,7 @@ fn sigma_has_values_computed_by_hand() {
     assert_eq!(noise(&[1.0, 3.0], &[0.25, 0.75]), sigma(0.0, false));
     assert_eq!(noise(&[1.0, 3.0], &[0.0, 1.0]), sigma(f64::INFINITY, true));
     assert_eq!(noise(&[1.0e-9, 1.0], &[0.0, 1.0]), sigma(0.0, true));
+    assert_eq!(noise(&[1.0, 3.0], &[f32::NAN, 1.0]), sigma(f64::INFINITY, true));
     assert_eq!(noise(&[0.0, 0.0], &[0.5, 0.5]), None);
     let hundred: Vec<Noise> = (1..=100).map(|i| Noise { sigma: f64::from(i), has_unreached: i == 7 }).collect();
     // The mean of the squares from 1 to n is (n + 1) (2 n + 1) / 6.

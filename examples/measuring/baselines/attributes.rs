@@ -8,6 +8,7 @@
 use super::bounds::LightBounds;
 use super::saoh::{LEAF, measure};
 use girandole::Attributes;
+use girandole::bounds::Aabb;
 use girandole::glam::DVec3;
 
 /// The power of a group of lights, and where it is.
@@ -47,12 +48,12 @@ pub fn attributes(
         let between;
         (moments[node], between) = merge(moments[a], moments[b]);
         let power = moments[node].power;
-        let length = own.aabb.half_perimeter();
+        let length = Aabb::from(own.aabb).half_perimeter();
         sums.distance += power * between.sqrt();
         sums.variance += power * moments[node].variance;
         sums.cost += f64::from(measure(bounds[a])) + f64::from(measure(bounds[b]));
         if length > 0.0 {
-            let shared = bounds[a].aabb.intersection(&bounds[b].aabb);
+            let shared = Aabb::from(bounds[a].aabb).intersection(&bounds[b].aabb.into());
             let shared = if shared.is_empty() { 0.0 } else { shared.half_perimeter() };
             sums.overlap += power * f64::from(shared / length);
         }

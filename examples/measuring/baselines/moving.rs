@@ -33,7 +33,7 @@ impl<F: Formula> MovingTree<F> {
     /// index and its new value. O(n), however few lights change.
     pub fn refit(&mut self, changes: &[(u32, Light)]) {
         for (index, light) in changes {
-            self.tree.lights[*index as usize] = *light;
+            self.tree.lights[*index as usize] = light.into();
         }
         self.update_nodes();
     }

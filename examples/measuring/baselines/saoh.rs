@@ -39,7 +39,7 @@ fn build_below(lights: &mut [(u32, LightBounds)], nodes: &mut Vec<BuiltNode>) {
         return;
     }
     let bounds = lights[1..].iter().fold(lights[0].1, |all, (_, light)| all.union(light));
-    let middle = split(lights, &bounds.aabb);
+    let middle = split(lights, &bounds.aabb.into());
     nodes.push(BuiltNode { bounds, target: 0 });
     let (first, second) = lights.split_at_mut(middle);
     build_below(first, nodes);
