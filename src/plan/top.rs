@@ -245,6 +245,4 @@ impl TopBuild {
 }
 
 #[cfg(test)]
-mod barriers;
-#[cfg(test)]
 mod tests;

@@ -3,6 +3,7 @@
 //! are picked, and no input gives NaN or infinity.
 
 mod assuming_numbers;
+mod barriers;
 mod edits;
 mod inputs;
 mod proof;

@@ -4,9 +4,8 @@
 
 use std::collections::HashSet;
 
+use girandole::plan::KERNELS;
 use naga::{AddressSpace, Barrier, Block, Expression, Function, GlobalVariable, Handle, Module, Statement};
-
-use super::super::KERNELS;
 
 /// Stages in which each invocation reads only words that it writes itself.
 const WITHOUT_EXCHANGE: [&str; 1] = ["sort_scan"];
