@@ -8,9 +8,12 @@ use std::path::Path;
 #[allow(dead_code, missing_docs, reason = "the program uses what the tests do not")]
 pub mod program;
 
+use crate::measuring::irradiance::exact_irradiance;
+use crate::measuring::sigma::Noise;
 use program::measure::{Measured, measure};
 use program::options::{Options, measure_all};
 use program::record::COLUMNS;
+use program::samplers;
 use program::street::Street;
 use program::sweep::Sweep;
 
@@ -93,6 +96,28 @@ fn noise_is_the_same_at_scales_that_are_powers_of_two() {
             assert!((sigma / base - 1.0).abs() < MOST_CHANGE_BY_TWO, "{sigma} at {scale}, {base} at 1");
         }
     }
+}
+
+#[test]
+fn probabilities_in_f64_are_those_of_lights_that_were_not_rounded() {
+    let street = Street::new(3, 20);
+    let lights = street.lights();
+    // Here all rounded lights are at few places, and the formulas lose most of them.
+    let (_, shift) = Sweep::Distance.at(&street, 1.0e9);
+    let mut compared = 0;
+    for subject in samplers::all(&street, shift).expect("a valid scene") {
+        for at in &street.receivers {
+            let lux: Vec<f64> = lights.iter().map(|light| exact_irradiance(light, at)).collect();
+            let Some(exact) = subject.exact_pmfs(at) else { continue };
+            let sum: f64 = exact.iter().sum();
+            assert!(sum < 1.0 + 1.0e-9, "{} {sum}", subject.name());
+            let pmfs: Vec<f32> = exact.iter().map(|pmf| *pmf as f32).collect();
+            let noise = Noise::of(&lux, &pmfs).expect("a lit shading point");
+            assert!(noise.sigma.is_finite(), "{} loses a light at {at:?}", subject.name());
+            compared += 1;
+        }
+    }
+    assert_eq!(compared, 2 * street.receivers.len(), "both formulas have such probabilities");
 }
 
 /// That the measurements see what rounding does to others.

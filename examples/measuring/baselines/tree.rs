@@ -44,7 +44,7 @@ impl<F: Formula> BinaryTree<F> {
     }
 
     /// Builds a tree over all lights, of which some may get their power later.
-    pub(super) fn with_dark_lights(formula: F, lights: Vec<Light>) -> Self {
+    pub fn with_dark_lights(formula: F, lights: Vec<Light>) -> Self {
         Self::over(formula, lights, |_| true)
     }
 
