@@ -217,8 +217,13 @@ mod tests {
             .collect();
         let shares = |world: &mut LightWorld, x: f64| {
             world.set_viewpoint(DVec3::new(x, 0.0, 0.0)).expect("a valid viewpoint");
-            (0..ILLUMINANCE_LIFETIME).for_each(|_| drop(world.update(FrameBudget::NONE)));
-            trees.iter().for_each(|tree| drop(world.weight_of(*tree)));
+            for _ in 0..ILLUMINANCE_LIFETIME {
+                world.update(FrameBudget::NONE);
+            }
+            // The sum is up to date once all weights have been asked for.
+            for tree in &trees {
+                world.weight_of(*tree);
+            }
             trees.iter().map(|tree| f64::from(world.weight_of(*tree))).sum::<f64>()
         };
         for i in 0..1000 {
