@@ -125,17 +125,28 @@ fn hash(x: u32) -> u32 {
 }
 
 fn clamp_unit(u: f32) -> f32 {
-    return select(0.0, min(u, LIGHT_ONE_MINUS_EPSILON), u > 0.0);
+    let bits = bitcast<u32>(u);
+    return bitcast<f32>(select(0u, min(bits, LIGHT_ONE_MINUS_EPSILON_BITS), bits <= LIGHT_INFINITY_BITS));
+}
+
+fn limited(v: vec3<f32>) -> vec3<f32> {
+    let bits = bitcast<vec3<u32>>(v);
+    let magnitude = min(bits & vec3(0x7fffffffu), vec3(LIGHT_FARTHEST_BITS));
+    return bitcast<vec3<f32>>((bits & vec3(0x80000000u)) | magnitude);
+}
+
+fn fresh(state: u32) -> f32 {
+    return f32(state >> 8u) * LIGHT_U_STEP * LIGHT_U_STEP;
 }
 
 fn new_dice(u: f32, more: f32) -> Dice {
-    return Dice(clamp_unit(u), hash(bitcast<u32>(u) ^ hash(bitcast<u32>(more))));
+    let state = hash(bitcast<u32>(u) ^ hash(bitcast<u32>(more)));
+    return Dice(clamp_unit(clamp_unit(u) + fresh(state)), state);
 }
 
 fn stretch(dice: Dice, offset: f32, length: f32) -> Dice {
     let state = hash(dice.state);
-    let fresh = f32(state >> 8u) * LIGHT_U_STEP * LIGHT_U_STEP;
-    return Dice(clamp_unit((offset + fresh) / length), state);
+    return Dice(clamp_unit((offset + fresh(state)) / length), state);
 }
 
 fn joint(a: f32, b: f32) -> f32 {
@@ -521,7 +532,7 @@ fn by_hand(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups
     if i >= arrayLength(&requests) {
         return;
     }
-    let shading_point = ShadingPoint(requests[i].position, requests[i].normal);
+    let shading_point = ShadingPoint(limited(requests[i].position), limited(requests[i].normal));
     let u = requests[i].u;
     var cut: Cut;
     split_cut(&cut, shading_point);

@@ -14,7 +14,9 @@ use std::time::{Duration, Instant};
 use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Mat3, Quat, Vec3};
 use girandole::gpu::{GpuLights, SampleRecord, SampleRequest};
-use girandole::{DirectionalLight, Effects, FrameBudget, Light, LightWorld, Placement, Policy, WorldError, wgpu};
+use girandole::{
+    DirectionalLight, Effects, FrameBudget, Light, LightWorld, OriginMode, Placement, Policy, WorldError, wgpu,
+};
 
 #[path = "../examples/common/mod.rs"]
 #[allow(dead_code, reason = "examples use more of it")]
@@ -147,10 +149,12 @@ fn stored(machine: &Machine, instances: u32) -> Result<(GpuLights, GpuLights), W
     world.set_solid_angle_sampling(true);
     world.set_glossy_sampling(true);
     world.set_segment_sampling(true);
+    world.set_origin_mode(OriginMode::Grid)?;
     let all = upload(machine, &world, Effects::all());
     world.set_solid_angle_sampling(false);
     world.set_glossy_sampling(false);
     world.set_segment_sampling(false);
+    world.set_origin_mode(OriginMode::Free)?;
     for _ in 0..=EFFECT_HOLD_UPDATES {
         world.update(FrameBudget::UNLIMITED);
     }
