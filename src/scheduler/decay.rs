@@ -14,7 +14,7 @@
 
 /// Ages count as at most this many frames. Otherwise a tree that rested for an hour would count as
 /// one that is going to rest for an hour.
-const MAX_AGE: f32 = 240.0;
+const MAX_AGE: f64 = 240.0;
 
 /// The decay of one tree since its last rebuild. A loss is the extra noise of one frame, in any
 /// unit.
@@ -26,8 +26,9 @@ pub(crate) struct Decay {
     changed_at: u64,
     /// The loss per frame since the last change.
     loss: f32,
-    /// The sum of the losses of all frames from the last rebuild to the last change.
-    accumulated_loss: f32,
+    /// The sum of the losses of all frames from the last rebuild to the last change. In f32 it would
+    /// stop growing after 2^24 frames.
+    accumulated_loss: f64,
     /// The tree has changed since its last rebuild.
     has_changed: bool,
 }
@@ -40,8 +41,8 @@ impl Decay {
 
     /// Records that the tree changed, and has this loss per frame from now on.
     pub fn record_loss(&mut self, frame: u64, loss: f32) {
-        let unchanged = frame.saturating_sub(self.changed_at) as f32;
-        self.accumulated_loss += self.loss * unchanged;
+        let unchanged = frame.saturating_sub(self.changed_at) as f64;
+        self.accumulated_loss += f64::from(self.loss) * unchanged;
         self.changed_at = frame;
         self.loss = loss;
         self.has_changed = true;
@@ -54,10 +55,10 @@ impl Decay {
 
     /// What a rebuild in this frame would save in all, at least the loss of this frame.
     pub fn savings(&self, frame: u64) -> f32 {
-        let age = frame.saturating_sub(self.rebuilt_at) as f32;
-        let saved = self.loss * age - self.accumulated_loss;
+        let age = frame.saturating_sub(self.rebuilt_at) as f64;
+        let saved = f64::from(self.loss) * age - self.accumulated_loss;
         let share = if age > MAX_AGE { MAX_AGE / age } else { 1.0 };
-        (saved * share).max(self.loss)
+        ((saved * share) as f32).max(self.loss)
     }
 }
 
@@ -102,8 +103,23 @@ mod tests {
     fn ages_count_as_at_most_240_frames() {
         let mut decay = Decay::default();
         decay.record_loss(200_000, 2.0);
-        assert!((decay.savings(200_000) - 2.0 * MAX_AGE).abs() < 1.0e-3);
+        assert!((decay.savings(200_000) - 480.0).abs() < 1.0e-3);
         decay.reset(300_000);
         assert_eq!(decay.savings(200_000), 0.0, "an earlier frame counts as age 0");
+    }
+
+    #[test]
+    fn a_tree_that_was_equally_bad_for_six_days_is_worth_one_frame() {
+        let (mut decay, frame) = after(std::iter::repeat_n(3.0, 1 << 25));
+        assert_eq!(decay.savings(frame), 3.0);
+        // Beyond 2^32 frames, of which one in a million was bad.
+        for i in 1..=8192 {
+            decay.record_loss(frame + (i << 20), 0.0);
+            decay.record_loss(frame + (i << 20) + 1, 3.0);
+            decay.record_loss(frame + (i << 20) + 2, 0.0);
+        }
+        let last = frame + (8192 << 20) + 3;
+        decay.record_loss(last, 3.0);
+        assert!((decay.savings(last) - 720.0).abs() < 5.0, "{}", decay.savings(last));
     }
 }
