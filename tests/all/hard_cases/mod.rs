@@ -5,6 +5,7 @@ mod deep;
 mod extremes;
 mod inputs;
 mod near_lamps;
+mod poles;
 mod ranges;
 mod rims;
 mod shapes;
