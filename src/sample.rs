@@ -441,6 +441,24 @@ impl<'a> LightSampler<'a> {
         local.chain(world.directionals().map(|(key, _)| LightId::Directional(key)))
     }
 
+    /// The nodes of the top level, the tree over all instances, for tools that draw or measure trees.
+    /// The root is the first one; without instances it has no children. Boxes are in world space,
+    /// relative to [`LightWorld::origin`]. [`LightSampler::top_leaf`] tells what a leaf stands for.
+    ///
+    /// On a GPU the top level is built there, by the same steps; its nodes may differ by rounding.
+    pub fn top_nodes(&self) -> &'a [Node] {
+        &self.world.top_level().nodes
+    }
+
+    /// What a leaf of the top level stands for: an instance, and the node or the light of the
+    /// instance's tree at which the choice goes on. That node is the root unless the tree is divided
+    /// among several leaves. `leaf` is that of [`Target::Leaf`] in [`LightSampler::top_nodes`]. `None`
+    /// for any other number.
+    pub fn top_leaf(&self, leaf: u32) -> Option<(InstanceKey, Target)> {
+        let part = self.world.top_level().part(leaf)?;
+        Some((self.world.instance_at(part.slot)?, part.target))
+    }
+
     /// Computes the probability of every light, in the order of [`LightSampler::all_lights`]: what
     /// [`LightSampler::pmf`] returns for each, up to rounding.
     ///
