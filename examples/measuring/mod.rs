@@ -15,6 +15,7 @@ pub mod reflection;
 pub mod lights;
 pub mod sigma;
 
+pub mod reference;
 pub mod baselines;
 pub mod samplers;
 

@@ -32,8 +32,9 @@
 //!
 //! The difference of two probabilities is relative to the larger one: 0 if they are equal, and 1 if
 //! one of them is 0 or NaN. A light counts by its share of the illuminance at the shading point,
-//! since this is the share of the noise that it decides. Errors of this library are not measured
-//! here: its formula in f64 is not part of this program.
+//! since this is the share of the noise that it decides. `girandole` is evaluated in f64 from the
+//! nodes as they are stored, by a reference that was written from docs/math.md. `girandole flat` is
+//! not: its nodes hold what rounding has left of the lights.
 //!
 //! Expect a straight line for `girandole` over distance, and over scale one that rises by 5 % at
 //! one step: the top level is cut along a curve whose cells are powers of two of a metre, so

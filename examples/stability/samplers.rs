@@ -4,8 +4,14 @@
 use super::street::{Street, moved};
 use crate::measuring::baselines::{BinaryTree, Cycles, Formula, Pbrt};
 use crate::measuring::emitter::{Emitter, Receiver};
+use crate::measuring::reference::choice::{Below, Tree, distribution};
+use crate::measuring::reference::place::{Map, View};
 use girandole::glam::{DMat3, DVec3};
-use girandole::{Light, LightTree, LightWorld, OriginMode, Placement, Policy, SplitCount, WorldError};
+use girandole::{
+    InstanceKey, Light, LightId, LightSampler, LightTree, LightWorld, OriginMode, Placement, Policy, SplitCount,
+    WorldError,
+};
+use std::collections::BTreeMap;
 
 /// A sampler of the lights of a [`Street`] that was moved away from zero.
 pub trait Subject: Sync {
@@ -17,7 +23,7 @@ pub trait Subject: Sync {
     fn pmfs(&self, at: &Receiver<f64>) -> Vec<f32>;
 
     /// The same probabilities by the same formula and the same tree in f64, from lights and a
-    /// shading point that were not rounded. `None` where this program has no such evaluation.
+    /// shading point that were not rounded. `None` where there is no such evaluation.
     fn exact_pmfs(&self, at: &Receiver<f64>) -> Option<Vec<f64>>;
 }
 
@@ -25,9 +31,15 @@ pub trait Subject: Sync {
 pub struct TwoLevel {
     world: LightWorld,
     shift: DVec3,
-    /// For each instance in the world's order, the first of its lights in the street's order.
-    starts: Vec<usize>,
-    lights_per_instance: Vec<usize>,
+    shown: BTreeMap<InstanceKey, Shown>,
+}
+
+/// An instance as the street has it, without rounding.
+struct Shown {
+    map: Map,
+    position: DVec3,
+    /// The first of its lights in the street's order.
+    start: usize,
 }
 
 impl TwoLevel {
@@ -37,18 +49,28 @@ impl TwoLevel {
         world.set_viewpoint(shift)?;
         let add = |lights: &Vec<Emitter<f64>>| world.add_tree(lights.iter().map(Emitter::rounded).collect());
         let trees = street.objects.iter().map(add).collect::<Result<Vec<_>, _>>()?;
-        let (mut keys, mut start) = (Vec::new(), 0);
+        let (mut shown, mut start) = (BTreeMap::new(), 0);
         for instance in &street.instances {
             let placement = Placement { linear: instance.turn.as_mat3(), translation: instance.position + shift };
-            keys.push((world.add_instance(trees[instance.object], placement, Policy::Static)?, start));
+            let key = world.add_instance(trees[instance.object], placement, Policy::Static)?;
+            shown.insert(key, Shown { map: Map::new(instance.turn), position: instance.position, start });
             start += street.objects[instance.object].len();
         }
-        let start = |key| keys.iter().find(|(other, _)| *other == key).map_or(0, |(_, start)| *start);
-        let starts: Vec<usize> = world.instances().map(start).collect();
-        let count =
-            |key| world.instance_tree(key).and_then(|tree| world.tree(tree)).map_or(0, |tree| tree.lights().len());
-        let lights_per_instance = world.instances().map(count).collect();
-        Ok(Self { world, shift, starts, lights_per_instance })
+        Ok(Self { world, shift, shown })
+    }
+
+    /// The world's origin in the space of the street.
+    fn origin(&self) -> DVec3 {
+        self.world.origin() - self.shift
+    }
+
+    /// The tree of the top level's leaf and the place in it, as a shading point sees it.
+    fn below(&self, sampler: &LightSampler<'_>, leaf: u32, view: View) -> Below<'_> {
+        let (instance, target) = sampler.top_leaf(leaf)?;
+        let tree = self.world.tree(self.world.instance_tree(instance)?)?;
+        let Shown { map, position, .. } = self.shown.get(&instance)?;
+        let view = view.in_tree(map, *position - self.origin(), 1.0);
+        Some((Tree { nodes: tree.nodes(), view, instance: self.world.slot(instance) }, target))
     }
 }
 
@@ -58,20 +80,30 @@ impl Subject for TwoLevel {
     }
 
     fn pmfs(&self, at: &Receiver<f64>) -> Vec<f32> {
+        let sampler = self.world.sampler();
         let mut own = Vec::new();
-        self.world.sampler().distribution(&at.rounded(self.world.origin() - self.shift), &mut own);
+        sampler.distribution(&at.rounded(self.origin()), &mut own);
         let mut pmfs = vec![0.0; own.len()];
-        let mut rest = own.as_slice();
-        for (start, count) in self.starts.iter().zip(&self.lights_per_instance) {
-            let (lights, others) = rest.split_at(*count);
-            pmfs[*start..][..*count].copy_from_slice(lights);
-            rest = others;
+        for (light, pmf) in sampler.all_lights().zip(own) {
+            if let LightId::Local { instance, light } = light {
+                pmfs[self.shown[&instance].start + light as usize] = pmf;
+            }
         }
         pmfs
     }
 
-    fn exact_pmfs(&self, _: &Receiver<f64>) -> Option<Vec<f64>> {
-        None
+    /// From the nodes as they are stored: what packing does to them is a part of the formula.
+    fn exact_pmfs(&self, at: &Receiver<f64>) -> Option<Vec<f64>> {
+        let sampler = self.world.sampler();
+        let view = View::of(at.position - self.origin(), at.normal);
+        let top = Tree { nodes: sampler.top_nodes(), view, instance: None };
+        let below = |leaf| self.below(&sampler, leaf, view);
+        let mut pmfs = vec![0.0; sampler.all_lights().count()];
+        for ((slot, light), pmf) in distribution(&top, SplitCount::DEFAULT.get(), 0.0, &below).lights {
+            let shown = slot.and_then(|slot| self.world.instance_at(slot)).map(|instance| &self.shown[&instance]);
+            pmfs[shown?.start + light as usize] = pmf;
+        }
+        Some(pmfs)
     }
 }
 
@@ -98,6 +130,7 @@ impl Subject for Flat {
         pmfs
     }
 
+    /// `None`: its nodes hold what rounding has left of the lights, so that it has no exact nodes.
     fn exact_pmfs(&self, _: &Receiver<f64>) -> Option<Vec<f64>> {
         None
     }

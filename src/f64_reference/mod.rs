@@ -1,15 +1,12 @@
 //! A reference in f64 for what the library computes in f32: the merging of clusters, their
 //! placement in the world, their importance, and the choice down two levels of trees.
 //!
-//! Written from docs/math.md and not from the code. It shares records and constants with the
-//! library, and no function that computes: a mistake of the code is no mistake of the reference. It
-//! reads packed nodes, which are what the library samples, so packing itself is not a part of the
-//! differences. Only tests use it.
+//! Importance and choice are `formulas`, which programs use too. Only tests use this module.
 
-mod child;
-mod choice;
+#[path = "../../examples/measuring/reference/mod.rs"]
+#[allow(dead_code, missing_docs, reason = "the programs use what the tests do not")]
+mod formulas;
 mod gloss;
-mod importance;
 mod merge;
 mod place;
 mod tests;

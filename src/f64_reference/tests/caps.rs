@@ -8,7 +8,7 @@ use super::{direction, exact};
 use crate::bounds::Aabb;
 use crate::cluster::Cluster;
 use crate::cone::CAP_PADDING;
-use crate::f64_reference::child::Child;
+use crate::f64_reference::formulas::child::Child;
 use crate::f64_reference::merge::angle;
 use crate::importance::{LocalShadingPoint, child_importances};
 use crate::shading_point::ShadingPoint;

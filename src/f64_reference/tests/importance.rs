@@ -2,11 +2,11 @@
 
 use glam::Vec3;
 
-use super::{direction, light, size};
+use super::{direction, exact, light, size};
 use crate::f64_reference::ROUNDING;
-use crate::f64_reference::child::Child;
-use crate::f64_reference::importance::importance;
-use crate::f64_reference::place::View;
+use crate::f64_reference::formulas::child::Child;
+use crate::f64_reference::formulas::importance::importance;
+use crate::f64_reference::formulas::place::View;
 use crate::importance::{LocalShadingPoint, child_importances};
 use crate::shading_point::ShadingPoint;
 use crate::tree::testing::Rng;
@@ -34,7 +34,7 @@ fn importances_are_those_of_the_formula_in_f64() {
             };
             let normal = if rng.below(4) == 0 { Vec3::ZERO } else { direction(&mut rng) };
             let at = ShadingPoint::surface(position, normal);
-            let (local, view) = (LocalShadingPoint::of(&at), View::of(&at));
+            let (local, view) = (LocalShadingPoint::of(&at), View::of(exact(at.position), exact(at.normal)));
             for node in tree.nodes() {
                 let ours = child_importances(node, &local);
                 for slot in 0..WIDTH {

@@ -7,8 +7,9 @@ use crate::bounds::Aabb;
 use crate::cluster::{Cluster, Linear};
 use crate::cone::CAP_PADDING;
 use crate::f64_reference::ROUNDING;
+use crate::f64_reference::formulas::place::Map;
 use crate::f64_reference::merge::{angle, merged};
-use crate::f64_reference::place::{Map, placed};
+use crate::f64_reference::place::placed;
 use crate::tree::testing::Rng;
 use crate::tree::{WIDTH, WideCluster};
 
@@ -124,7 +125,7 @@ fn placed_clusters_have_the_moments_and_caps_of_the_same_maps_in_f64() {
             _ => turn(&mut rng) * Mat3::from_cols(Vec3::X, Vec3::new(rng.between(-1.0, 1.0), 1.0, 0.0), Vec3::Z),
         };
         let translation = direction(&mut rng) * size(&mut rng, -3.0, 7.0);
-        let (map, reference) = (Linear::new(linear), Map::new(&linear));
+        let (map, reference) = (Linear::new(linear), Map::new(linear.as_dmat3()));
         let flux = map.flux(one.flux - one.area_flux, one.area_flux, one.axis);
         let ours = one.transformed(&map, translation, flux);
         let expected = placed(&one, &reference, exact(translation), 1.0);

@@ -4,8 +4,8 @@ use glam::{DVec3, Mat3, Vec3};
 
 use super::{direction, exact, light, shading_point, size, turn};
 use crate::f64_reference::ROUNDING;
-use crate::f64_reference::choice::{Distribution, Tree, distribution};
-use crate::f64_reference::place::{Map, View};
+use crate::f64_reference::formulas::choice::{Distribution, Tree, distribution};
+use crate::f64_reference::formulas::place::{Map, View};
 use crate::keys::slot_of;
 use crate::light::luminance;
 use crate::sample::LightId;
@@ -71,7 +71,8 @@ fn the_probabilities_of_a_tree_are_those_of_the_choice_in_f64() {
         for round in 0..40 {
             let at = shading_point(&mut rng, 1.5 * scale);
             let splits = SPLITS[round % 3];
-            let root = Tree { nodes: tree.nodes(), view: View::of(&at), instance: Some(0) };
+            let root =
+                Tree { nodes: tree.nodes(), view: View::of(exact(at.position), exact(at.normal)), instance: Some(0) };
             let expected = distribution(&root, splits, 0.0, &|_| None);
             let count = SplitCount::new(splits).expect("allowed");
             all.add(&expected, |_, light| tree.pmf(&at, light, count));
@@ -120,13 +121,14 @@ fn the_probabilities_of_a_world_are_those_of_the_choice_in_f64() {
             let splits = SPLITS[round % 3];
             let sampler = world.sampler().with_splits(SplitCount::new(splits).expect("allowed"));
             let top = world.top_level();
+            let here = View::of(exact(at.position), exact(at.normal));
             let below = |leaf: u32| {
                 let part = top.part(leaf)?;
                 let key = world.instance_at(part.slot)?;
                 let placement = world.placement(key)?;
                 let tree = world.tree(world.instance_tree(key)?)?;
                 let brightness = f64::from(luminance(world.factor(key)?));
-                let view = View::in_tree(&at, &Map::new(&placement.linear), placement.translation, brightness);
+                let view = here.in_tree(&Map::new(placement.linear.as_dmat3()), placement.translation, brightness);
                 Some((Tree { nodes: tree.nodes(), view, instance: Some(part.slot) }, part.target))
             };
             let directional: f64 = world
@@ -137,7 +139,7 @@ fn the_probabilities_of_a_world_are_those_of_the_choice_in_f64() {
                     exact(light.illuminance).dot(DVec3::new(0.2126, 0.7152, 0.0722)) * cosine
                 })
                 .sum();
-            let root = Tree { nodes: &top.nodes, view: View::of(&at), instance: None };
+            let root = Tree { nodes: &top.nodes, view: here, instance: None };
             let expected = distribution(&root, splits, directional, &below);
             let pmf = |slot: Option<u32>, light| {
                 let instance = world.instance_at(slot.expect("an instance")).expect("live");

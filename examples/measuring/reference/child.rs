@@ -1,12 +1,11 @@
 //! A child of a packed node, decoded in f64 (docs/math.md, Packed nodes).
 
-use glam::DVec3;
-
-use crate::tree::{Node, Target};
+use girandole::glam::DVec3;
+use girandole::tree::{Node, Target};
 
 /// What a node says about one child.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Child {
+pub struct Child {
     pub target: Target,
     pub flux: f64,
     pub min: DVec3,

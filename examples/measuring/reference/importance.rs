@@ -1,16 +1,14 @@
 //! The importance of a child and the proofs that it is dark (docs/math.md, Importance).
 
-use std::f64::consts::PI;
-
-use glam::DVec3;
-
 use super::child::Child;
 use super::place::View;
-use crate::tree::Node;
+use girandole::glam::DVec3;
+use girandole::tree::Node;
+use std::f64::consts::PI;
 
 /// What a choice needs to know about a child.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Importance {
+pub struct Importance {
     /// In lux. 0 if the child is proved dark.
     pub lux: f64,
     pub doubt: f64,
@@ -55,7 +53,7 @@ fn gap(child: &Child, view: &View, margin: f64) -> f64 {
 }
 
 /// The importance of a child of a node.
-pub(super) fn importance(child: &Child, node: &Node, view: &View, is_light: bool) -> Importance {
+pub fn importance(child: &Child, node: &Node, view: &View, is_light: bool) -> Importance {
     let margin = margin(node, view);
     // The margins cover rounding; a decision within a tenth of them may go either way.
     let verdicts = [0.9, 1.0, 1.1].map(|share| is_dark(child, view, share * margin, share));

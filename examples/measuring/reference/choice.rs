@@ -4,11 +4,11 @@
 use super::child::Child;
 use super::importance::importance;
 use super::place::View;
-use crate::tree::{Node, Target, WIDTH};
+use girandole::tree::{Node, Target, WIDTH};
 
 /// The nodes of a tree and the shading point in their space.
 #[derive(Clone, Copy)]
-pub(super) struct Tree<'a> {
+pub struct Tree<'a> {
     pub nodes: &'a [Node],
     pub view: View,
     /// The number of the instance; `None` in a top level.
@@ -16,11 +16,11 @@ pub(super) struct Tree<'a> {
 }
 
 /// Where a leaf of the top level leads: a tree, and a node or a light of it.
-pub(super) type Below<'a> = Option<(Tree<'a>, Target)>;
+pub type Below<'a> = Option<(Tree<'a>, Target)>;
 
 /// The probabilities at a shading point.
 #[derive(Default)]
-pub(super) struct Distribution {
+pub struct Distribution {
     /// Pairs of an instance with a light, and the probability.
     pub lights: Vec<((Option<u32>, u32), f64)>,
     /// The greatest product of conditions along a path, per light the sum of them.
@@ -150,7 +150,7 @@ impl<'a> Chooser<'a, '_> {
 
 /// The probability of every light that has one. `below` leads from a leaf of the top level into the
 /// tree of an instance.
-pub(super) fn distribution<'a>(
+pub fn distribution<'a>(
     root: &Tree<'a>,
     splits: usize,
     directional: f64,
