@@ -43,7 +43,7 @@ pub(super) struct TreeWeight {
     usage_share: f32,
     batch: u32,
     /// The sum of the counts in the batch that is being recorded.
-    pending_count: u32,
+    pending_count: u64,
 }
 
 /// What the weights of all trees have in common.
@@ -100,7 +100,7 @@ impl LightWorld {
             if count > 0 && weight.pending_count == 0 {
                 view_weights.pending_trees.push(instance.tree);
             }
-            weight.pending_count = weight.pending_count.saturating_add(count);
+            weight.pending_count += u64::from(count);
             total += u64::from(count);
         }
         if total == 0 {
@@ -239,5 +239,26 @@ mod tests {
             world.remove_tree(tree).expect("no instances");
         }
         assert_eq!(world.view_weights.total_illuminance, 0);
+    }
+
+    #[test]
+    fn usage_is_shared_by_counts_that_fill_32_bits() {
+        let mut world = LightWorld::new();
+        let mut add = |instances: u32| {
+            let tree = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("a valid light");
+            for _ in 0..instances {
+                world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("a valid placement");
+            }
+            tree
+        };
+        let trees = [add(6), add(2)];
+        let all: Vec<_> = world.instances().map(|instance| (instance, u32::MAX)).collect();
+        for _ in 0..100 {
+            world.record_usage(all.iter().copied());
+        }
+        for (tree, share) in trees.into_iter().zip([0.75, 0.25]) {
+            let weight = world.trees[tree].weight;
+            assert!((weight.usage_share - share).abs() < 1.0e-6, "{weight:?}");
+        }
     }
 }
