@@ -135,6 +135,23 @@ fn boxes_far_from_the_origin_hold_the_exact_images_of_their_corners() {
     }
 }
 
+/// Steps of grids whose exponents are at the end of f32, where a device may flush denormals.
+#[test]
+fn nodes_of_tiny_extents_hold_what_is_below_them() {
+    let mut top = TopRig::new();
+    for extent in [1.0e-30_f32, 1.0e-36, 1.0e-38, 1.0e-40, 1.0e-44] {
+        for axes in [Vec3::ONE, Vec3::X, Vec3::new(0.0, 1.0, 1.0)] {
+            let mut world = LightWorld::new();
+            let tree = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).unwrap();
+            for i in 0..100 {
+                let at = (random_vec(i, 50) * axes).as_dvec3() * f64::from(extent);
+                world.add_instance(tree, Affine3A::from_translation(at.as_vec3()), Policy::Static).unwrap();
+            }
+            assert_bounds_hold(&build(&mut top, &world));
+        }
+    }
+}
+
 #[test]
 fn caps_of_beams_with_similar_directions_stay_narrow_up_to_the_root() {
     let mut top = TopRig::new();
