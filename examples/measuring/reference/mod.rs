@@ -7,7 +7,13 @@
 //! The library's own tests include this folder as well.
 
 pub mod child;
+pub mod gloss;
 pub mod place;
+
+pub mod terms;
+
+pub mod point;
+pub mod segment;
 
 pub mod importance;
 

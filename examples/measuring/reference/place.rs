@@ -72,6 +72,8 @@ pub struct View {
     pub position: DVec3,
     /// A unit vector, or zero in a volume.
     pub normal: DVec3,
+    /// From the middle of a segment, which is the position, to its end; zero for a point.
+    pub segment: DVec3,
     /// The map to the world if lengths differ there.
     pub to_world: Option<Map>,
     /// The angle by which caps are widened.
@@ -91,6 +93,7 @@ impl View {
         Self {
             position,
             normal: normal.normalize_or_zero(),
+            segment: DVec3::ZERO,
             to_world: None,
             turn: 0.0,
             range_scale: 1.0,
@@ -99,12 +102,18 @@ impl View {
         }
     }
 
+    /// A segment of a ray through a volume, by its middle and the vector from there to its end.
+    pub fn along(middle: DVec3, segment: DVec3) -> Self {
+        Self { segment, ..Self::of(middle, DVec3::ZERO) }
+    }
+
     /// In the space of an instance's tree.
     pub fn in_tree(self, map: &Map, translation: DVec3, brightness: f64) -> Self {
         let condition = (map.mean_square().sqrt() / map.least_scale).max(1.0);
         Self {
             position: map.inverse * (self.position - translation),
             normal: (map.linear.transpose() * self.normal).normalize_or_zero(),
+            segment: map.inverse * self.segment,
             to_world: (!map.is_rotation).then_some(*map),
             turn: if map.is_rotation { 0.0 } else { map.turn },
             range_scale: 1.0 / map.least_scale,

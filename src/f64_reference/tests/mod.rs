@@ -6,9 +6,11 @@ mod gloss;
 mod importance;
 mod merge;
 mod pmf;
+mod segments;
 
 use glam::{DVec3, Mat3, Quat, Vec3};
 
+use super::formulas::place::View;
 use crate::light::Light;
 use crate::shading_point::ShadingPoint;
 use crate::tree::testing::Rng;
@@ -54,6 +56,20 @@ fn light(rng: &mut Rng, cube: f32, emission: f32) -> Light {
 fn shading_point(rng: &mut Rng, cube: f32) -> ShadingPoint {
     let position = rng.position(cube);
     if rng.below(5) == 0 { ShadingPoint::volume(position) } else { ShadingPoint::surface(position, direction(rng)) }
+}
+
+/// A segment of a ray through a cube.
+fn segment(rng: &mut Rng, cube: f32) -> ShadingPoint {
+    let length = cube * size(rng, -3.0, 1.0);
+    ShadingPoint::segment(rng.position(cube), direction(rng), length)
+}
+
+/// The view of a shading point in the space in which it is given.
+fn view(at: &ShadingPoint) -> View {
+    if at.segment == Vec3::ZERO {
+        return View::of(exact(at.position), exact(at.normal));
+    }
+    View::along(exact(at.position), 0.5 * exact(at.segment))
 }
 
 fn exact(v: Vec3) -> DVec3 {

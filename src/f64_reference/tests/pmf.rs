@@ -2,13 +2,14 @@
 
 use glam::{DVec3, Mat3, Vec3};
 
-use super::{direction, exact, light, shading_point, size, turn};
+use super::{direction, exact, light, segment, shading_point, size, turn, view};
 use crate::f64_reference::ROUNDING;
 use crate::f64_reference::formulas::choice::{Distribution, Tree, distribution};
-use crate::f64_reference::formulas::place::{Map, View};
+use crate::f64_reference::formulas::place::Map;
 use crate::keys::slot_of;
 use crate::light::luminance;
 use crate::sample::LightId;
+use crate::shading_point::ShadingPoint;
 use crate::tree::testing::Rng;
 use crate::{DirectionalLight, LightTree, LightWorld, Placement, Policy, SplitCount};
 
@@ -57,9 +58,9 @@ impl Comparison {
     }
 }
 
-#[test]
-fn the_probabilities_of_a_tree_are_those_of_the_choice_in_f64() {
-    let mut rng = Rng(520);
+/// Compares the distributions of random trees.
+fn compare_trees(seed: u64, shading_point: impl Fn(&mut Rng, f32) -> ShadingPoint) -> Comparison {
+    let mut rng = Rng(seed);
     let mut all = Comparison::default();
     for _ in 0..20 {
         let scale = size(&mut rng, -3.0, 3.0);
@@ -71,14 +72,23 @@ fn the_probabilities_of_a_tree_are_those_of_the_choice_in_f64() {
         for round in 0..40 {
             let at = shading_point(&mut rng, 1.5 * scale);
             let splits = SPLITS[round % 3];
-            let root =
-                Tree { nodes: tree.nodes(), view: View::of(exact(at.position), exact(at.normal)), instance: Some(0) };
+            let root = Tree { nodes: tree.nodes(), view: view(&at), instance: Some(0) };
             let expected = distribution(&root, splits, 0.0, &|_| None);
             let count = SplitCount::new(splits).expect("allowed");
             all.add(&expected, |_, light| tree.pmf(&at, light, count));
         }
     }
-    all.check();
+    all
+}
+
+#[test]
+fn the_probabilities_of_a_tree_are_those_of_the_choice_in_f64() {
+    compare_trees(520, shading_point).check();
+}
+
+#[test]
+fn the_probabilities_of_a_tree_along_segments_are_those_of_the_choice_in_f64() {
+    compare_trees(522, segment).check();
 }
 
 /// A world of instances of all kinds, with a moon.
@@ -110,9 +120,9 @@ fn world(rng: &mut Rng) -> LightWorld {
     world
 }
 
-#[test]
-fn the_probabilities_of_a_world_are_those_of_the_choice_in_f64() {
-    let mut rng = Rng(521);
+/// Compares the distributions of random worlds.
+fn compare_worlds(seed: u64, shading_point: impl Fn(&mut Rng, f32) -> ShadingPoint) -> Comparison {
+    let mut rng = Rng(seed);
     let mut all = Comparison::default();
     for _ in 0..15 {
         let world = world(&mut rng);
@@ -121,7 +131,7 @@ fn the_probabilities_of_a_world_are_those_of_the_choice_in_f64() {
             let splits = SPLITS[round % 3];
             let sampler = world.sampler().with_splits(SplitCount::new(splits).expect("allowed"));
             let top = world.top_level();
-            let here = View::of(exact(at.position), exact(at.normal));
+            let here = view(&at);
             let below = |leaf: u32| {
                 let part = top.part(leaf)?;
                 let key = world.instance_at(part.slot)?;
@@ -149,5 +159,15 @@ fn the_probabilities_of_a_world_are_those_of_the_choice_in_f64() {
             all.add(&expected, pmf);
         }
     }
-    all.check();
+    all
+}
+
+#[test]
+fn the_probabilities_of_a_world_are_those_of_the_choice_in_f64() {
+    compare_worlds(521, shading_point).check();
+}
+
+#[test]
+fn the_probabilities_of_a_world_along_segments_are_those_of_the_choice_in_f64() {
+    compare_worlds(523, segment).check();
 }

@@ -1,10 +1,10 @@
 //! The reflectance of a glossy surface for a cluster (docs/math.md, Glossy surfaces).
 
-use glam::{DMat2, DVec2};
+use girandole::glam::{DMat2, DVec2};
 
 /// A surface and its viewer. Names are those of the formula.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Surface {
+pub struct Surface {
     pub alpha: f64,
     pub diffuse: f64,
     pub specular: f64,
@@ -14,7 +14,7 @@ pub(super) struct Surface {
 
 /// The reflectance, and how it magnifies the rounding of its terms.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Reflected {
+pub struct Reflected {
     pub reflectance: f64,
     pub condition: f64,
 }
@@ -24,7 +24,7 @@ fn outer(v: DVec2) -> DMat2 {
 }
 
 /// For the unit vector (x, y, z) to the mean position of a cluster with the angular size p.
-pub(super) fn reflected(surface: &Surface, across: DVec2, z: f64, p: f64) -> Reflected {
+pub fn reflected(surface: &Surface, across: DVec2, z: f64, p: f64) -> Reflected {
     let Surface { alpha, diffuse, specular, view } = *surface;
     let w = view.y;
     let s = DVec2::new(across.x + view.x, across.y) / (z + w);
