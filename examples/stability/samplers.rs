@@ -59,8 +59,25 @@ impl TwoLevel {
         Ok(Self { world, shift, shown })
     }
 
+    /// The world that holds the street.
+    pub fn world(&self) -> &LightWorld {
+        &self.world
+    }
+
+    /// Probabilities in the order of [`Street::lights`], from those in the order of
+    /// [`LightSampler::all_lights`].
+    pub fn in_street_order(&self, own: &[f32]) -> Vec<f32> {
+        let mut pmfs = vec![0.0; own.len()];
+        for (light, pmf) in self.world.sampler().all_lights().zip(own) {
+            if let LightId::Local { instance, light } = light {
+                pmfs[self.shown[&instance].start + light as usize] = *pmf;
+            }
+        }
+        pmfs
+    }
+
     /// The world's origin in the space of the street.
-    fn origin(&self) -> DVec3 {
+    pub fn origin(&self) -> DVec3 {
         self.world.origin() - self.shift
     }
 
@@ -80,16 +97,9 @@ impl Subject for TwoLevel {
     }
 
     fn pmfs(&self, at: &Receiver<f64>) -> Vec<f32> {
-        let sampler = self.world.sampler();
         let mut own = Vec::new();
-        sampler.distribution(&at.rounded(self.origin()), &mut own);
-        let mut pmfs = vec![0.0; own.len()];
-        for (light, pmf) in sampler.all_lights().zip(own) {
-            if let LightId::Local { instance, light } = light {
-                pmfs[self.shown[&instance].start + light as usize] = pmf;
-            }
-        }
-        pmfs
+        self.world.sampler().distribution(&at.rounded(self.origin()), &mut own);
+        self.in_street_order(&own)
     }
 
     /// From the nodes as they are stored: what packing does to them is a part of the formula.

@@ -7,6 +7,7 @@ mod barriers;
 mod edits;
 mod inputs;
 mod proof;
+mod reference;
 mod squashed;
 
 use std::collections::BTreeMap;
@@ -95,6 +96,16 @@ const STAGE: &str = "
             answers[20u * id.x + 15u + i] = bitcast<u32>(rest[i]);
         }
     }
+    // The reflectance of a surface with the normal +Z for a cluster in a direction: `u` without `w`,
+    // with the angular size `position.x`.
+    @compute @workgroup_size(64) fn reflected(@builtin(global_invocation_id) id: vec3<u32>) {
+        if id.x >= arrayLength(&questions) { return; }
+        let q = questions[id.x];
+        let gloss = light_gloss(vec3(0.0, 0.0, 1.0), q.more.xyz, q.more.w, q.choice, q.u.w);
+        let found = light_reflected(gloss, vec4(q.u.x), vec4(q.u.y), vec4(q.u.z), vec4(q.position.x));
+        answers[2u * id.x] = bitcast<u32>(found.value.x);
+        answers[2u * id.x + 1u] = bitcast<u32>(found.doubt.x);
+    }
     @compute @workgroup_size(64) fn pmf(@builtin(global_invocation_id) id: vec3<u32>) {
         if id.x >= arrayLength(&questions) { return; }
         let q = questions[id.x];
@@ -163,6 +174,11 @@ impl Text {
     /// The position, the normal, the segment and the gloss of each shading point.
     fn points(self, lights: &mut GpuLights, questions: &[Question]) -> Vec<[f32; 20]> {
         self.ask(lights, "point", questions)
+    }
+
+    /// The reflectance and the doubt for each surface and cluster.
+    fn reflectances(self, lights: &mut GpuLights, questions: &[Question]) -> Vec<[f32; 2]> {
+        self.ask(lights, "reflected", questions)
     }
 
     /// The probability of the light that each question names.

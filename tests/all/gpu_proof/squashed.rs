@@ -9,7 +9,7 @@ use super::{Question, Text, named_lights};
 use crate::gpu::{close, gpu};
 use crate::support::{Rng, SPLITS};
 
-fn upload(world: &mut LightWorld) -> GpuLights {
+pub(super) fn upload(world: &mut LightWorld) -> GpuLights {
     let (device, queue) = gpu();
     world.update(FrameBudget::NONE);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
