@@ -3,6 +3,7 @@
 
 mod deep;
 mod extremes;
+mod far_lights;
 mod inputs;
 mod near_lamps;
 mod poles;
