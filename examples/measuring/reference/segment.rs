@@ -46,8 +46,9 @@ impl Seen {
 pub fn importance(child: &Child, node: &Node, view: &View, is_light: bool) -> Importance {
     let reach = view.position.abs().element_sum() + view.segment.abs().element_sum();
     let margin = margin(node, view) + view.margin * view.segment.abs().element_sum();
-    // Rounding takes a good part of the margins, because an end of the segment may be far away.
-    let verdicts = [0.5, 1.0, 1.5].map(|share| is_dark(child, view, share * margin, share));
+    // Rounding takes more of the margins than for points, because an end of the segment may be far
+    // away.
+    let verdicts = [0.8, 1.0, 1.2].map(|share| is_dark(child, view, share * margin, share));
     let own = Seen::new(child.mean - view.position, view.segment);
     let error = 3.0e-7 * reach + 2.0e-11;
     let nearness = (own.near().powi(2) + child.variance)

@@ -29,14 +29,15 @@ struct Comparison {
 }
 
 impl Comparison {
-    /// Checks the bounds. Measured: 3.4 roundings per condition, 8e-4 and 1.2e-4.
-    fn check(mut self) {
+    /// Checks the bounds. At most one of `close_each` shading points may have a decision that rounding
+    /// may turn. Measured: 3.4 roundings per condition, 8e-4 and 1.2e-4.
+    fn check(mut self, close_each: usize) {
         self.errors.sort_by(f64::total_cmp);
         let most_of_them = self.errors[self.errors.len() * 999 / 1000];
         let Self { points, close, worst, worst_per_condition, .. } = self;
         assert!(worst_per_condition < 8.0, "{worst_per_condition}");
         assert!(worst < 2.0e-3 && most_of_them < 2.0e-4, "{worst} {most_of_them}");
-        assert!(self.errors.len() > 50_000 && close * 20 < points, "{} {close} {points}", self.errors.len());
+        assert!(self.errors.len() > 50_000 && close * close_each < points, "{} {close} {points}", self.errors.len());
     }
 
     fn add(&mut self, expected: &Distribution, pmf: impl Fn(Option<u32>, u32) -> f32) {
@@ -83,12 +84,12 @@ fn compare_trees(seed: u64, shading_point: impl Fn(&mut Rng, f32) -> ShadingPoin
 
 #[test]
 fn the_probabilities_of_a_tree_are_those_of_the_choice_in_f64() {
-    compare_trees(520, shading_point).check();
+    compare_trees(520, shading_point).check(20);
 }
 
 #[test]
 fn the_probabilities_of_a_tree_along_segments_are_those_of_the_choice_in_f64() {
-    compare_trees(522, segment).check();
+    compare_trees(522, segment).check(20);
 }
 
 /// A world of instances of all kinds, with a moon.
@@ -164,10 +165,10 @@ fn compare_worlds(seed: u64, shading_point: impl Fn(&mut Rng, f32) -> ShadingPoi
 
 #[test]
 fn the_probabilities_of_a_world_are_those_of_the_choice_in_f64() {
-    compare_worlds(521, shading_point).check();
+    compare_worlds(521, shading_point).check(20);
 }
 
 #[test]
 fn the_probabilities_of_a_world_along_segments_are_those_of_the_choice_in_f64() {
-    compare_worlds(523, segment).check();
+    compare_worlds(523, segment).check(8);
 }
