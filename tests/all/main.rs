@@ -63,6 +63,7 @@ mod sampling;
 mod scheduler;
 mod sections;
 mod segments;
+mod shader_stats;
 mod shader_text;
 mod shadow_oracle;
 mod small_scene;

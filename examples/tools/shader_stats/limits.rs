@@ -1,0 +1,94 @@
+//! What the kernels may need at most, on navi21.
+
+use super::record::Row;
+use crate::common::table::markdown_head;
+
+/// The chip for which the limits are.
+pub const CHIP: &str = "navi21";
+
+/// The most CPU time for all kernels of uploads and of the top level, in seconds.
+pub const MOST_SECONDS: f64 = 3.0;
+
+/// What a kernel may need at most.
+pub struct Limit {
+    pub kernel: &'static str,
+    pub effects: &'static str,
+    vgprs: u64,
+    scratch_bytes_per_lane: u64,
+    instructions: u64,
+}
+
+const fn limit(kernel: &'static str, effects: &'static str, most: [u64; 3]) -> Limit {
+    let [vgprs, scratch_bytes_per_lane, instructions] = most;
+    Limit { kernel, effects, vgprs, scratch_bytes_per_lane, instructions }
+}
+
+/// Registers, bytes of scratch memory for each lane, and instructions. Registers and scratch memory
+/// are those that were measured; instructions are rounded up.
+pub const LIMITS: [Limit; 23] = [
+    limit("relayout", "", [16, 0, 150]),
+    limit("scatter", "", [8, 0, 100]),
+    limit("top_leaves", "", [56, 0, 650]),
+    limit("top_keys", "", [16, 0, 500]),
+    limit("sort_count", "", [8, 0, 100]),
+    limit("sort_scan", "", [8, 0, 150]),
+    limit("sort_scatter", "", [16, 0, 300]),
+    limit("top_group", "", [64, 0, 3200]),
+    limit("top_node", "", [200, 0, 4200]),
+    limit("top_root_group", "", [64, 0, 2700]),
+    limit("top_root", "", [200, 0, 4300]),
+    limit("light_sample", "none", [104, 768, 3800]),
+    limit("light_sample", "city", [144, 768, 6100]),
+    limit("light_sample", "all", [216, 768, 13500]),
+    limit("light_resample", "none", [112, 1296, 4100]),
+    limit("light_resample", "city", [152, 1296, 6500]),
+    limit("light_resample", "all", [232, 1296, 13800]),
+    limit("light_pmf", "none", [112, 768, 3400]),
+    limit("light_pmf", "city", [144, 768, 5100]),
+    limit("light_pmf", "all", [216, 768, 11600]),
+    limit("light_pdf", "none", [8, 0, 50]),
+    limit("light_pdf", "city", [144, 768, 5300]),
+    limit("light_pdf", "all", [216, 768, 12300]),
+];
+
+/// What exceeds its limits, one line for each kernel. A kernel without limits exceeds them.
+pub fn exceeded(rows: &[Row]) -> Vec<String> {
+    let mut found: Vec<String> = rows.iter().filter(|row| row.chip == CHIP).filter_map(excess).collect();
+    let own = rows.iter().filter(|row| row.chip == CHIP && row.effects.is_empty());
+    let seconds: f64 = own.map(|row| row.compile_seconds).sum();
+    if seconds > MOST_SECONDS {
+        found.push(format!("uploads and the top level take {seconds:.1} s to compile, of {MOST_SECONDS} s"));
+    }
+    found
+}
+
+fn excess(row: &Row) -> Option<String> {
+    let name = format!("{} {}", row.kernel, row.effects);
+    let Some(limit) = LIMITS.iter().find(|limit| limit.kernel == row.kernel && limit.effects == row.effects) else {
+        return Some(format!("{} has no limits in limits.rs", name.trim()));
+    };
+    let of = [
+        ("registers", row.vgprs, limit.vgprs),
+        ("bytes of scratch memory", row.scratch_bytes_per_lane, limit.scratch_bytes_per_lane),
+        ("instructions", row.instructions, limit.instructions),
+    ];
+    let beyond: Vec<String> = of
+        .iter()
+        .filter(|(_, needed, most)| needed > most)
+        .map(|(what, needed, most)| format!("{needed} {what} of {most}"))
+        .collect();
+    (!beyond.is_empty()).then(|| format!("{} needs {}", name.trim(), beyond.join(", ")))
+}
+
+/// The rows as a Markdown table, without those columns that tell the same of all of them.
+pub fn summary(rows: &[Row]) -> String {
+    let columns = ["kernel", "effects", "chip", "vgprs", "spilled", "scratch", "waves", "instructions", "seconds"];
+    let line = |row: &Row| {
+        let Row { kernel, effects, chip, vgprs, spilled_vgprs, scratch_bytes_per_lane, waves, instructions, .. } = row;
+        format!(
+            "| {kernel} | {effects} | {chip} | {vgprs} | {spilled_vgprs} | {scratch_bytes_per_lane} | {waves} | {instructions} | {:.2} |",
+            row.compile_seconds
+        )
+    };
+    std::iter::once(markdown_head(&columns)).chain(rows.iter().map(line)).collect::<Vec<_>>().join("\n")
+}

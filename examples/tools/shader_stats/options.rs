@@ -1,0 +1,120 @@
+//! The command line, and the whole run.
+
+use super::driver::{CHIP_VARIABLE, MANIFEST_VARIABLE, NullDevice, manifest};
+use super::limits;
+use super::record::{COLUMNS, Row};
+use super::subjects::{self, Subject};
+use super::translate::{Zeroing, translate};
+use crate::common::progress::progress;
+use crate::common::table::Table;
+use clap::Parser;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Duration;
+
+/// The chips for which kernels are compiled: RDNA 2, RDNA 3 and GCN 5.
+pub const CHIPS: [&str; 3] = ["navi21", "gfx1100", "vega10"];
+
+/// Compiles every kernel for GPUs that are not there, and tells what the compiler made of it.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "shader_stats", version)]
+pub struct Options {
+    /// The table
+    #[arg(long, value_name = "FILE.csv", required_unless_present = "child")]
+    pub out: Option<PathBuf>,
+    /// Only this chip; may be given several times
+    #[arg(long, value_name = "NAME", value_parser = CHIPS)]
+    pub chip: Vec<String>,
+    /// Only kernels whose name contains this
+    #[arg(long, value_name = "NAME", default_value = "")]
+    pub kernel: String,
+    /// Who clears workgroup memory
+    #[arg(long, value_enum, default_value = "none")]
+    pub zeroing: Zeroing,
+    /// Fails where a kernel exceeds its limits
+    #[arg(long)]
+    pub check: bool,
+    /// Prints the rows of the chip that the environment names
+    #[arg(long, hide = true)]
+    pub child: bool,
+}
+
+/// Compiles all kernels, and writes the table.
+#[allow(clippy::print_stdout, reason = "a program talks to its user")]
+pub fn run(options: &Options) -> Result<(), String> {
+    if options.child {
+        return rows_of_this_chip(options);
+    }
+    let Some(manifest) = manifest() else {
+        println!("skipped: Mesa's driver RADV is not installed (Debian: mesa-vulkan-drivers)");
+        return Ok(());
+    };
+    let mut table = options.out.as_deref().map(|path| Table::create(path, &COLUMNS)).transpose()?;
+    let chips = if options.chip.is_empty() { CHIPS.map(str::to_owned).to_vec() } else { options.chip.clone() };
+    let bar = progress("shader_stats", chips.len() as u64);
+    let mut rows = Vec::new();
+    for chip in &chips {
+        let found = in_a_process(chip, &manifest, options)?;
+        for row in &found {
+            table.iter_mut().try_for_each(|table| table.add(row.fields()))?;
+        }
+        rows.extend(found);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    println!("{}", limits::summary(&rows));
+    let exceeded = limits::exceeded(&rows);
+    match exceeded.first() {
+        Some(_) if options.check => Err(exceeded.join("; ")),
+        _ => Ok(()),
+    }
+}
+
+/// Compiles for one chip in a process of its own: the driver reads the name of the chip from the
+/// environment.
+fn in_a_process(chip: &str, manifest: &Path, options: &Options) -> Result<Vec<Row>, String> {
+    let own = std::env::current_exe().map_err(|error| format!("cannot find this program: {error}"))?;
+    let zeroing = options.zeroing.name();
+    let child = Command::new(own)
+        .args(["--child", "--chip", chip, "--zeroing", zeroing, "--kernel", &options.kernel])
+        .env(CHIP_VARIABLE, chip)
+        .env(MANIFEST_VARIABLE, manifest)
+        // Compiled pipelines are not taken from a cache.
+        .env("RADV_DEBUG", "nocache")
+        .output()
+        .map_err(|error| format!("cannot start this program again: {error}"))?;
+    if !child.status.success() {
+        return Err(format!("{chip}: {}", String::from_utf8_lossy(&child.stderr).trim()));
+    }
+    let text = String::from_utf8_lossy(&child.stdout).into_owned();
+    text.lines().map(|line| Row::parse(line).ok_or_else(|| format!("{chip}: \"{line}\" is no row"))).collect()
+}
+
+#[allow(clippy::print_stdout, reason = "the process that started this one reads it")]
+fn rows_of_this_chip(options: &Options) -> Result<(), String> {
+    let chip = options.chip.first().ok_or("a chip is missing")?;
+    let device = NullDevice::open().map_err(|error| format!("RADV cannot be opened: {error}"))?;
+    for subject in subjects::all().iter().filter(|subject| subject.kernel.contains(&options.kernel)) {
+        println!("{}", row(&device, subject, chip, options.zeroing)?.line());
+    }
+    Ok(())
+}
+
+fn row(device: &NullDevice, subject: &Subject, chip: &str, zeroing: Zeroing) -> Result<Row, String> {
+    let of = |error: String| format!("{}: {error}", subject.kernel);
+    let shader = translate(&subject.wgsl, subject.entry, zeroing).map_err(of)?;
+    let before = cpu_time();
+    let statistics = device.statistics(&shader, subject.entry).map_err(|error| of(error.to_string()))?;
+    let seconds = cpu_time().saturating_sub(before).as_secs_f64();
+    Row::new(subject, chip, zeroing, &statistics, seconds).map_err(of)
+}
+
+/// The CPU time of all threads of this process.
+#[allow(unsafe_code, reason = "the standard library has no such clock")]
+fn cpu_time() -> Duration {
+    let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
+    // SAFETY: the pointer is that of a value of the right type.
+    let result = unsafe { libc::clock_gettime(libc::CLOCK_PROCESS_CPUTIME_ID, &mut time) };
+    assert_eq!(result, 0, "all platforms with this driver have the clock");
+    Duration::new(time.tv_sec as u64, time.tv_nsec as u32)
+}

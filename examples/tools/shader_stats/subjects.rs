@@ -1,0 +1,68 @@
+//! The kernels that are compiled.
+
+use girandole::Effects;
+use girandole::plan::{self, KERNELS};
+
+/// A kernel of the library, or one that only calls a function of it.
+pub struct Subject {
+    pub kernel: &'static str,
+    /// The name of the effects of the world; empty for kernels that do not read lights.
+    pub effects: &'static str,
+    pub entry: &'static str,
+    pub wgsl: String,
+}
+
+/// The effects of the worlds, by name. Those of the city are what `examples/city` needs.
+fn worlds() -> [(&'static str, Effects); 3] {
+    let city = Effects::CONES | Effects::AREAS | Effects::RANGES | Effects::TWO_SIDED | Effects::DIRECTIONAL;
+    [("none", Effects::empty()), ("city", city), ("all", Effects::all())]
+}
+
+/// The functions that engines call, with the call of each. `q` is the question, `point` the shading
+/// point.
+const FUNCTIONS: [(&str, &str); 4] = [
+    ("light_sample", "let s = light_sample(point, q.u); answers[id.x] = vec4(s.radiance, s.pdf) * s.pmf;"),
+    (
+        "light_resample",
+        "let r = light_resample(point, q.u, q.choice, 8u); answers[id.x] = vec4(r.chosen.radiance, r.weight);",
+    ),
+    ("light_pmf", "answers[id.x] = vec4(light_pmf(point, q.instance, q.light));"),
+    ("light_pdf", "answers[id.x] = vec4(light_pdf(point, q.instance, q.light, q.u.xyz));"),
+];
+
+/// A kernel that calls a function for each question.
+fn caller(effects: Effects, call: &str) -> String {
+    plan::wgsl(0, effects)
+        + "
+struct Question {
+    position: vec3<f32>, instance: u32,
+    normal: vec3<f32>, light: u32,
+    u: vec4<f32>,
+    choice: f32,
+}
+@group(1) @binding(0) var<storage, read> questions: array<Question>;
+@group(1) @binding(1) var<storage, read_write> answers: array<vec4<f32>>;
+@compute @workgroup_size(64)
+fn call(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= arrayLength(&questions) {
+        return;
+    }
+    let q = questions[id.x];
+    let point = light_surface_point(q.position, q.normal);
+    " + call
+        + "\n}\n"
+}
+
+/// All kernels: those of uploads and of the top level, and the functions that engines call.
+pub fn all() -> Vec<Subject> {
+    let own = KERNELS.iter().map(|kernel| Subject {
+        kernel: kernel.entry(),
+        effects: "",
+        entry: kernel.entry(),
+        wgsl: kernel.wgsl(),
+    });
+    let functions = FUNCTIONS.iter().flat_map(|(kernel, call)| {
+        worlds().map(|(effects, set)| Subject { kernel, effects, entry: "call", wgsl: caller(set, call) })
+    });
+    own.chain(functions).collect()
+}
