@@ -1,11 +1,13 @@
 //! The library against the reference. Bounds are those of the measured errors, rounded up, with the
 //! reason beside them.
 
+mod behind;
 mod caps;
 mod gloss;
 mod importance;
 mod merge;
 mod pmf;
+mod resolution;
 mod segments;
 
 use glam::{DVec3, Mat3, Quat, Vec3};
