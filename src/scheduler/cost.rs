@@ -236,6 +236,47 @@ mod tests {
     }
 
     #[test]
+    fn sizes_are_classed_by_powers_of_two() {
+        let classes = [0, 1, 2, 3, 4, 7, 8, 1000, 1 << 20].map(size_class);
+        assert_eq!(classes, [1, 1, 2, 2, 3, 3, 4, 10, 21]);
+        assert_eq!(size_class(usize::MAX), usize::BITS as usize % SIZES);
+    }
+
+    #[test]
+    fn all_slices_of_a_build_together_are_the_build() {
+        for lights in [1, 10, 5_000, 1_000_000] {
+            let whole = units(rebuild(lights));
+            let slice =
+                |lights_of_slice| Work { kind: WorkKind::Slice { tree_lights: lights }, lights: lights_of_slice };
+            assert!((units(slice(lights)) / whole - 1.0).abs() < 1.0e-12);
+            assert!((units(slice(1)) * lights as f64 / whole - 1.0).abs() < 1.0e-12);
+            // A tenth of the units is a tenth of the lights.
+            let tenth = slice_of(lights, (whole / 10.0) as usize);
+            assert!(tenth.lights.abs_diff(lights / 10) <= 1, "{tenth:?} of {lights}");
+        }
+    }
+
+    #[test]
+    fn each_kind_and_size_of_work_has_a_cost_of_its_own() {
+        let mut model = CostModel::default();
+        let slice = Work { kind: WorkKind::Slice { tree_lights: 1000 }, lights: 100 };
+        let background = Work { kind: WorkKind::Background, lights: 1000 };
+        let all = [(rebuild(1000), 10.0), (rebuild(100_000), 20.0), (slice, 40.0), (background, 80.0)];
+        for _ in 0..300 {
+            for (work, nanos) in all {
+                model.learn(work, units(work), Duration::from_nanos((nanos * units(work)) as u64));
+            }
+        }
+        for (work, nanos) in all {
+            assert!((model.nanos(work, 1.0) / nanos - 1.0).abs() < 0.01, "{work:?} {}", model.nanos(work, 1.0));
+        }
+        // A refit is timed with rebuilds; sizes that were not measured cost what the nearest one does.
+        assert_eq!(model.nanos(Work { kind: WorkKind::Refit, lights: 1000 }, 1.0), model.nanos(rebuild(1000), 1.0));
+        assert_eq!(model.nanos(rebuild(2), 1.0), model.nanos(rebuild(1000), 1.0));
+        assert_eq!(model.nanos(rebuild(1 << 22), 1.0), model.nanos(rebuild(100_000), 1.0));
+    }
+
+    #[test]
     fn the_upper_bound_covers_the_slowest_recent_jobs_and_then_falls_back_to_the_least_margin() {
         let mut model = CostModel::default();
         for i in 0..500 {

@@ -92,6 +92,32 @@ mod tests {
         assert!((built.gain(0.0) / (0.301_19 * 0.349_86) - 1.0).abs() < 1.0e-3);
     }
 
+    /// The formulas of docs/math.md, "What a rebuild buys", with the coefficients as they stand there.
+    #[test]
+    fn features_are_those_of_the_fitted_models() {
+        let spot = |i: u32| {
+            let at = Vec3::new((i * 37 % 64) as f32, (i * 11 % 9) as f32, (i * 23 % 40) as f32);
+            Light::spot(at, Vec3::new(0.3, -1.0, 0.01 * i as f32), 0.2, 1.0, Vec3::splat(1.0 + (i % 5) as f32))
+        };
+        for count in [40, 700] {
+            let tree = LightTree::build((0..count).map(spot).collect());
+            let (cluster, attributes) = (tree.cluster(), tree.attributes());
+            let spread = f64::from(cluster.aabb.extent().length_squared()) / f64::from(cluster.variance);
+            let [cost, variance] =
+                [attributes.splitting_cost, attributes.variance].map(|a| (f64::from(a) * spread).ln());
+            let axis = f64::from(cluster.axis.length());
+            assert!(axis > 0.5 && cost.abs() > 0.01 && variance.abs() > 0.01, "{axis} {cost} {variance}");
+            let fresh = -9.46 + 0.389 * f64::from(count).ln() + 4.91 * variance + 3.81 * axis;
+            let features = TreeFeatures::of(&tree);
+            assert!((f64::from(features.ln_cost) - cost).abs() < 1.0e-4, "{features:?} {cost}");
+            assert!((f64::from(features.ln_variance) - fresh).abs() < 1.0e-3, "{features:?} {fresh}");
+            // A placeholder has the variance of its lights, and e times the noise of what is built.
+            let built = features.once_built();
+            assert_eq!(built.ln_variance, features.ln_variance);
+            assert!((features.rise_since(&built) - 1.0).abs() < 1.0e-5, "{built:?}");
+        }
+    }
+
     #[test]
     fn features_of_degenerate_trees_are_finite() {
         let lamp = |x: f32, candela: f32| Light::point(Vec3::new(x, 0.0, 0.0), Vec3::splat(candela));
