@@ -868,6 +868,16 @@ mod tests {
     }
 
     #[test]
+    fn any_number_of_unresolved_children_is_seen() {
+        for count in 0..=WIDTH {
+            let mut importance = [0.5; WIDTH];
+            importance[..count].fill(-2.0);
+            let children = ChildImportances { importance, doubt: [0.0; WIDTH] };
+            assert_eq!(children.has_unresolved(), count > 0, "{count}");
+        }
+    }
+
+    #[test]
     fn unresolved_children_get_half_at_most_and_stay_above_zero() {
         // Two of the unresolved children hold nearly everything; the others keep their importances.
         let importance = [1.0, -3.0e30, 2.0, -1.0e30, 0.0, -1.0e-30, 4.0, 0.0];

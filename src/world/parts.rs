@@ -67,3 +67,34 @@ impl LightWorld {
         cluster.transformed(&placed.linear, placed.translation(self.home()), flux.max(MIN_FLUX))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{Mat3, Vec3};
+
+    use super::*;
+    use crate::{Light, Placement, Policy};
+
+    #[test]
+    fn a_part_has_the_flux_of_its_lights_of_both_kinds() {
+        let lights = || {
+            let at = |x: f32| Vec3::new(x, 0.0, 0.0);
+            vec![
+                Light::point(at(0.0), Vec3::splat(3.0)),
+                Light::rectangle(at(1.0), Vec3::X, Vec3::Y, Vec3::splat(5.0)),
+                Light::spot(at(2.0), Vec3::NEG_Y, 0.2, 0.9, Vec3::splat(7.0)),
+            ]
+        };
+        let [point, rectangle, spot] = lights()[..] else { panic!("three lights") };
+        for (scale, area) in [(1.0, 1.0), (2.0, 4.0)] {
+            let mut world = LightWorld::new();
+            let tree = world.add_tree(lights()).expect("valid lights");
+            let placement = Placement { linear: Mat3::IDENTITY * scale, ..Placement::IDENTITY };
+            world.add_instance(tree, placement, Policy::Static).expect("a valid placement");
+            let sum: f32 = world.parts().iter().map(|(_, cluster)| cluster.flux).sum();
+            // Surfaces grow with the square of the scale, and lights without size do not.
+            let expected = point.flux() + spot.flux() + area * rectangle.flux();
+            assert!((sum / expected - 1.0).abs() < 1.0e-5, "{sum} {expected}");
+        }
+    }
+}
