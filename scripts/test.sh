@@ -46,5 +46,3 @@ step cargo clippy --locked --no-default-features --features gpu-plan --lib -- -D
 RUSTDOCFLAGS='-D warnings' step cargo doc --locked --no-deps --features gltf,bake
 step cargo test --locked
 step cargo test --locked --benches
-# Registers, scratch memory and instructions, by a compiler that needs no GPU.
-step cargo run --locked --example shader_stats -- --out "${CARGO_TARGET_DIR:-target}/shader_stats.csv" --chip navi21 --check

@@ -8,4 +8,5 @@ pub mod gpu;
 pub mod pcg;
 pub mod progress;
 pub mod split_mix;
+pub mod stopwatch;
 pub mod table;

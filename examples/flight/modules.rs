@@ -7,7 +7,6 @@ pub mod blocks;
 pub mod stream;
 pub mod loader;
 pub mod traffic;
-pub mod stopwatch;
 pub mod flight;
 pub mod device;
 pub mod record;

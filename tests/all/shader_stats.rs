@@ -1,5 +1,5 @@
 //! The tool that asks a GPU's compiler about every kernel: its rows and limits, and the translation
-//! of all texts. The driver itself is asked by `scripts/test.sh`.
+//! of all texts. CI asks the driver itself.
 
 #[path = "../../examples/tools/shader_stats/modules.rs"]
 #[allow(dead_code, missing_docs, reason = "a program")]

@@ -27,8 +27,8 @@ const MOST_CHANGE: f64 = 0.02;
 const MOST_CHANGE_BY_TWO: f64 = 1.0e-5;
 
 /// The most by which the probabilities of this library may differ from those of its formulas in f64,
-/// in the mean over all lights that contribute. A whole run comes closest at 1,000 m, with 7.7e-6: so
-/// far the origin stays behind the scene. At the origin it is 5e-7.
+/// in the mean over all lights that contribute. A whole run has up to 7.7e-6, at a distance of
+/// 1,000 m: the origin does not follow the scene until it is farther away. At 0 m it is 5e-7.
 const MOST_ERROR: f64 = 1.0e-5;
 
 /// All rows of a quick run, after checks of its files.

@@ -35,7 +35,7 @@ impl Seen {
         self.line.hypot((self.foot.abs() - self.half).max(0.0))
     }
 
-    /// The least distance from the ends and from the line, and how much larger coordinates are.
+    /// How many times larger the coordinates are than the distance from the segment.
     fn magnification(&self, softened: f64) -> f64 {
         let size = self.toward.abs().element_sum() + self.half;
         size / self.near().max(softened.sqrt())

@@ -21,9 +21,10 @@
 //! | `waves` | waves that fit on a SIMD at once: at most 32 on navi21 and gfx1100, and 10 on vega10 |
 //! | `instructions`, `code_bytes` | the size of the code |
 //! | `inverse_throughput` | the compiler's estimate of the cycles that a wave takes of a SIMD; it weighs loops by a guess |
-//! | `compile_seconds` | CPU time of the driver, for the pipeline |
+//! | `compile_seconds` | CPU time that the driver takes for the pipeline |
 //!
-//! `--check` fails if a kernel exceeds its limits, which are in `limits.rs`. Estimates compare two
+//! `--check` fails if a kernel exceeds its limits, which are in `limits.rs`. They are those of one
+//! version of the driver, so CI checks them and a user's test run does not. Estimates compare two
 //! versions of a kernel; they are no measurements.
 
 #[path = "../../common/mod.rs"]

@@ -6,11 +6,11 @@ use super::record::{COLUMNS, Row};
 use super::subjects::{self, Subject};
 use super::translate::{Zeroing, translate};
 use crate::common::progress::progress;
+use crate::common::stopwatch::thread_time;
 use crate::common::table::Table;
 use clap::Parser;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::time::Duration;
 
 /// The chips for which kernels are compiled: RDNA 2, RDNA 3 and GCN 5.
 pub const CHIPS: [&str; 3] = ["navi21", "gfx1100", "vega10"];
@@ -103,18 +103,8 @@ fn rows_of_this_chip(options: &Options) -> Result<(), String> {
 fn row(device: &NullDevice, subject: &Subject, chip: &str, zeroing: Zeroing) -> Result<Row, String> {
     let of = |error: String| format!("{}: {error}", subject.kernel);
     let shader = translate(&subject.wgsl, subject.entry, zeroing).map_err(of)?;
-    let before = cpu_time();
+    let before = thread_time();
     let statistics = device.statistics(&shader, subject.entry).map_err(|error| of(error.to_string()))?;
-    let seconds = cpu_time().saturating_sub(before).as_secs_f64();
+    let seconds = thread_time().saturating_sub(before).as_secs_f64();
     Row::new(subject, chip, zeroing, &statistics, seconds).map_err(of)
-}
-
-/// The CPU time of all threads of this process.
-#[allow(unsafe_code, reason = "the standard library has no such clock")]
-fn cpu_time() -> Duration {
-    let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
-    // SAFETY: the pointer is that of a value of the right type.
-    let result = unsafe { libc::clock_gettime(libc::CLOCK_PROCESS_CPUTIME_ID, &mut time) };
-    assert_eq!(result, 0, "all platforms with this driver have the clock");
-    Duration::new(time.tv_sec as u64, time.tv_nsec as u32)
 }

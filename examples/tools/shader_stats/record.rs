@@ -37,7 +37,7 @@ pub struct Row {
     pub compile_seconds: f64,
 }
 
-/// Lanes that share a piece of scratch memory in the driver's numbers.
+/// The driver reports scratch memory for this many lanes together.
 const LANES: u64 = 64;
 
 impl Row {

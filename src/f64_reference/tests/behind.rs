@@ -3,14 +3,11 @@
 
 use glam::Vec3;
 
-use super::{direction, size, view};
-use crate::f64_reference::formulas::child::Child;
-use crate::f64_reference::formulas::importance::importance;
-use crate::importance::{LocalShadingPoint, child_importances};
+use super::{both_importances, direction, exact, size};
 use crate::light::Light;
 use crate::shading_point::ShadingPoint;
+use crate::tree::LightTree;
 use crate::tree::testing::Rng;
-use crate::tree::{LEAF, LightTree, WIDTH};
 
 /// Spots in a ball of this radius that shine almost the same way.
 fn beams(rng: &mut Rng, axis: Vec3, radius: f32) -> LightTree {
@@ -25,23 +22,15 @@ fn beams(rng: &mut Rng, axis: Vec3, radius: f32) -> LightTree {
 /// Compares with the reference which children are dark. Returns how many children of more than one
 /// place are dark, and how many are lit, within twice the radius of their box.
 fn compare(tree: &LightTree, at: &ShadingPoint, loose: &mut usize) -> [usize; 2] {
-    let (local, view) = (LocalShadingPoint::of(at), view(at));
+    let position = exact(at.position);
     let mut found = [0; 2];
-    for node in tree.nodes() {
-        let ours = child_importances(node, &local);
-        for slot in 0..WIDTH {
-            let Some(child) = Child::of(node, slot) else { continue };
-            let expected = importance(&child, node, &view, node.targets[slot] & LEAF != 0);
-            if expected.is_close {
-                continue;
-            }
-            let (is_lit, should) = (ours.importance[slot] != 0.0, expected.lux != 0.0);
-            assert!(is_lit || !should, "{child:?} {at:?}");
-            *loose += usize::from(is_lit && !should);
-            let radius = child.half().length();
-            if radius > 0.0 && (child.center() - view.position).length() < 2.0 * radius {
-                found[usize::from(should)] += 1;
-            }
+    for (lux, child, expected) in both_importances(tree, at).into_iter().filter(|(_, _, expected)| !expected.is_close) {
+        let (is_lit, should) = (lux != 0.0, expected.lux != 0.0);
+        assert!(is_lit || !should, "{child:?} {at:?}");
+        *loose += usize::from(is_lit && !should);
+        let radius = child.half().length();
+        if radius > 0.0 && (child.center() - position).length() < 2.0 * radius {
+            found[usize::from(should)] += 1;
         }
     }
     found

@@ -12,10 +12,15 @@ mod segments;
 
 use glam::{DVec3, Mat3, Quat, Vec3};
 
+use super::formulas::child::Child;
+use super::formulas::importance::importance;
 use super::formulas::place::View;
+use super::formulas::terms::Importance;
+use crate::importance::{LocalShadingPoint, child_importances};
 use crate::light::Light;
 use crate::shading_point::ShadingPoint;
 use crate::tree::testing::Rng;
+use crate::tree::{LEAF, LightTree, WIDTH};
 
 /// A number whose logarithm is uniform between those of powers of ten.
 fn size(rng: &mut Rng, least: f32, most: f32) -> f32 {
@@ -72,6 +77,25 @@ fn view(at: &ShadingPoint) -> View {
         return View::of(exact(at.position), exact(at.normal));
     }
     View::along(exact(at.position), 0.5 * exact(at.segment))
+}
+
+/// What the library and the reference say of every child of every node of a tree: the importance,
+/// the child, and the importance in f64. A child that has no flux in the node must have none.
+fn both_importances(tree: &LightTree, at: &ShadingPoint) -> Vec<(f64, Child, Importance)> {
+    let (local, view) = (LocalShadingPoint::of(at), view(at));
+    let mut all = Vec::new();
+    for node in tree.nodes() {
+        let ours = child_importances(node, &local);
+        for slot in 0..WIDTH {
+            let Some(child) = Child::of(node, slot) else {
+                assert_eq!(ours.importance[slot], 0.0);
+                continue;
+            };
+            let expected = importance(&child, node, &view, node.targets[slot] & LEAF != 0);
+            all.push((f64::from(ours.importance[slot]), child, expected));
+        }
+    }
+    all
 }
 
 fn exact(v: Vec3) -> DVec3 {

@@ -1,9 +1,6 @@
 //! Lamps nearer to a shading point than its coordinates can tell.
 
-use super::{direction, exact, size, view};
-use crate::f64_reference::formulas::child::Child;
-use crate::f64_reference::formulas::importance::importance;
-use crate::importance::{LocalShadingPoint, child_importances};
+use super::{both_importances, direction, exact, size};
 use crate::light::Light;
 use crate::shading_point::ShadingPoint;
 use crate::tree::LightTree;
@@ -36,19 +33,17 @@ fn lamps_are_unresolved_up_to_the_distance_that_coordinates_can_tell() {
             true => ShadingPoint::segment(place - 0.5 * along, along / length, length),
             false => ShadingPoint::volume(place),
         };
-        let node = &tree.nodes()[0];
-        let child = Child::of(node, 0).expect("it shines");
-        let expected = importance(&child, node, &view(&at), true);
-        let dist = if is_segment {
-            f64::from(factor * resolution(coordinates))
-        } else {
-            (exact(lamp) - exact(at.position)).length()
+        let [(lux, _, expected)] = both_importances(&tree, &at)[..] else { panic!("it shines") };
+        // Rounding hides the distance from a segment, so nothing is said near the limit.
+        let (dist, doubtful) = match is_segment {
+            true => (f64::from(factor * resolution(coordinates)), 0.5..2.0),
+            false => ((exact(lamp) - exact(at.position)).length(), 0.99..1.01),
         };
         let share = dist / f64::from(resolution(coordinates));
-        if (if is_segment { 0.5..2.0 } else { 0.99..1.01 }).contains(&share) {
+        if doubtful.contains(&share) {
             continue;
         }
-        let is_unresolved = child_importances(node, &LocalShadingPoint::of(&at)).importance[0] < 0.0;
+        let is_unresolved = lux < 0.0;
         assert_eq!(is_unresolved, share < 1.0, "{share} of {lamp} at {at:?}");
         assert!(is_segment || expected.is_unresolved == is_unresolved, "{lamp} at {at:?}");
         found[usize::from(is_unresolved)] += 1;

@@ -1,14 +1,11 @@
 //! Importances of the children of random nodes for segments of rays.
 
-use super::{direction, light, size, view};
+use super::{both_importances, direction, light, size, view};
 use crate::f64_reference::ROUNDING;
-use crate::f64_reference::formulas::child::Child;
-use crate::f64_reference::formulas::importance::importance;
 use crate::f64_reference::formulas::segment::ARC_TANGENT;
-use crate::importance::{LocalShadingPoint, child_importances};
 use crate::shading_point::ShadingPoint;
+use crate::tree::LightTree;
 use crate::tree::testing::Rng;
-use crate::tree::{LEAF, LightTree, WIDTH};
 
 /// The relative error of the arc tangent, and some roundings.
 const MOST_PLAIN_ERROR: f64 = 6.0e-5;
@@ -30,36 +27,30 @@ fn importances_along_segments_are_those_of_the_formula_in_f64() {
             let position = lamp + direction(&mut rng) * size(&mut rng, -6.0, 3.0) * scale;
             let length = size(&mut rng, -4.0, 3.0) * scale;
             let at = ShadingPoint::segment(position, direction(&mut rng), length);
-            let (local, view) = (LocalShadingPoint::of(&at), view(&at));
-            for node in tree.nodes() {
-                let ours = child_importances(node, &local);
-                for slot in 0..WIDTH {
-                    let Some(child) = Child::of(node, slot) else { continue };
-                    let expected = importance(&child, node, &view, node.targets[slot] & LEAF != 0);
-                    if expected.is_close {
-                        close += 1;
-                        continue;
-                    }
-                    let lux = f64::from(ours.importance[slot]);
-                    assert!(lux != 0.0 || expected.lux == 0.0, "{child:?} {at:?} {expected:?}");
-                    if expected.lux == 0.0 {
-                        // On long segments the direction toward the box rounds, which makes a bound
-                        // of the distance lower.
-                        dark += 1;
-                        loose += usize::from(lux != 0.0);
-                        continue;
-                    }
-                    assert_eq!(lux < 0.0, expected.is_unresolved, "{child:?} {at:?}");
-                    compared += 1;
-                    let error = (lux.abs() / expected.lux - 1.0).abs();
-                    let size = child.min.abs().max(child.max.abs()).max(view.position.abs()).element_sum();
-                    let near = expected.gap.max(f64::MIN_POSITIVE);
-                    let magnified = (expected.condition - ARC_TANGENT) * (1.0 + size / near);
-                    worst = worst.max((error - ROUNDING * ARC_TANGENT) / (ROUNDING * magnified));
-                    if magnified < 200.0 {
-                        plain += 1;
-                        worst_plain = worst_plain.max(error);
-                    }
+            let view = view(&at);
+            for (lux, child, expected) in both_importances(&tree, &at) {
+                if expected.is_close {
+                    close += 1;
+                    continue;
+                }
+                assert!(lux != 0.0 || expected.lux == 0.0, "{child:?} {at:?} {expected:?}");
+                if expected.lux == 0.0 {
+                    // On long segments the direction toward the box rounds, which makes a bound
+                    // of the distance lower.
+                    dark += 1;
+                    loose += usize::from(lux != 0.0);
+                    continue;
+                }
+                assert_eq!(lux < 0.0, expected.is_unresolved, "{child:?} {at:?}");
+                compared += 1;
+                let error = (lux.abs() / expected.lux - 1.0).abs();
+                let size = child.min.abs().max(child.max.abs()).max(view.position.abs()).element_sum();
+                let near = expected.gap.max(f64::MIN_POSITIVE);
+                let magnified = (expected.condition - ARC_TANGENT) * (1.0 + size / near);
+                worst = worst.max((error - ROUNDING * ARC_TANGENT) / (ROUNDING * magnified));
+                if magnified < 200.0 {
+                    plain += 1;
+                    worst_plain = worst_plain.max(error);
                 }
             }
         }
