@@ -182,13 +182,20 @@ pub(crate) fn child_importances(node: &Node, local: &LocalShadingPoint) -> Child
     }
 }
 
+/// The squared error of a shading point's position, doubled as [`MEAN_ERROR_SQ`] is, over three axes.
+/// `reach` is the sum of the coordinates.
+#[inline(always)]
+fn position_error_sq(reach: f32) -> f32 {
+    let error = POSITION_ERROR * reach + MIN_POSITION_ERROR;
+    (2.0 * 3.0) * (error * error)
+}
+
 #[inline(always)]
 fn importances(node: &Node, local: &LocalShadingPoint, gloss: Option<&LocalGloss>) -> ChildImportances {
     let grid = node.grid(local.position);
     let coordinates = local.position.abs().element_sum();
     let margin = (node.reach(&grid) + coordinates) * local.margin;
-    let position_error = POSITION_ERROR * coordinates + MIN_POSITION_ERROR;
-    let position_error_sq = (2.0 * 3.0) * (position_error * position_error);
+    let position_error_sq = position_error_sq(coordinates);
     if let Some(to_world) = local.to_world {
         return importances_in_world(node, local, to_world, &grid, (margin, position_error_sq));
     }
@@ -439,8 +446,7 @@ fn importances_along(
     let grid = node.grid(local.position);
     let coordinates = local.position.abs().element_sum() + segment.reach();
     let margin = (node.reach(&grid) + coordinates) * local.margin;
-    let position_error = POSITION_ERROR * coordinates + MIN_POSITION_ERROR;
-    let position_error_sq = (2.0 * 3.0) * (position_error * position_error);
+    let position_error_sq = position_error_sq(coordinates);
     let mut children = ChildImportances { importance: [0.0; WIDTH], doubt: [0.0; WIDTH] };
     for i in 0..WIDTH {
         let mut child = node.unpack(i, &grid);

@@ -1,6 +1,7 @@
 use glam::{DMat3, Mat3};
 
 use super::*;
+use crate::gloss::Gloss;
 use crate::light::{Light, Shape};
 use crate::simd::{Job, with_vectors};
 use crate::tree::LightTree;
@@ -118,6 +119,83 @@ fn flux_and_facing_of_squashed_instances_are_those_of_f64() {
             }
         }
     }
+}
+
+/// A child of one point and of the lights of a cap about an axis, as the shading point sees it.
+fn beam(center: Vec3, axis: Vec3, cos_half_angle: f32) -> Unpacked {
+    Unpacked {
+        toward: center.to_array(),
+        center: center.to_array(),
+        half: [0.0; 3],
+        radius_sq: 0.0,
+        variance: 0.0,
+        deviation_sq: 0.0,
+        axis: axis.to_array(),
+        length: 1.0,
+        cos_half_angle,
+        flux: 1.0,
+        range: UNLIMITED_RANGE,
+    }
+}
+
+#[test]
+fn darkness_is_proven_only_beyond_the_rounding_of_positions() {
+    const MARGIN: f32 = 0.1;
+    let in_volume = LocalShadingPoint::of(&ShadingPoint::volume(Vec3::ZERO));
+    let along_y = |half| LocalSegment { unit: Vec3::Y, half };
+    for (axis, across) in [(Vec3::X, Vec3::Y), (Vec3::Y, Vec3::Z), (Vec3::Z, Vec3::X)] {
+        for (share, is_dark) in [(0.5, false), (2.0, true)] {
+            let inside = share * MARGIN;
+            // Below the horizon.
+            let surface = LocalShadingPoint::of(&ShadingPoint::surface(Vec3::ZERO, axis));
+            let lamp = beam(across - inside * axis, axis, -1.0);
+            let view = ClusterView::new(&lamp, &surface, lamp.gap_sq(MARGIN));
+            assert_eq!(is_provably_dark(&lamp, &view, &surface, MARGIN), is_dark, "{axis} {share}");
+            // Behind the edge of half a sphere.
+            let lamp = beam(across + inside * axis, axis, 0.0);
+            let view = ClusterView::new(&lamp, &in_volume, lamp.gap_sq(MARGIN));
+            assert_eq!(is_provably_dark(&lamp, &view, &in_volume, MARGIN), is_dark, "{axis} {share}");
+            // The same from a short segment across the axis.
+            let segment = LocalSegment { unit: across, half: 1.0e-3 };
+            let dark = segment_is_provably_dark(&lamp, &in_volume, &segment, (1.0, 1.0), MARGIN);
+            assert_eq!(dark, is_dark, "{axis} {share}");
+        }
+    }
+    // Squares of longer distances may be infinite, and then prove nothing.
+    let farthest = MAX_DIST_SQ.sqrt();
+    let is_dark = |center: Vec3, half: f32| {
+        let lamp = beam(farthest * center, Vec3::X, 0.5);
+        let beyond = farthest * farthest * center.length_squared();
+        segment_is_provably_dark(&lamp, &in_volume, &along_y(farthest * half), (beyond, beyond), 0.0)
+    };
+    assert!(is_dark(Vec3::new(0.3, 0.0, 0.3), 0.3));
+    for (center, half) in [
+        (Vec3::new(1.1, 0.0, 0.0), 0.0),
+        (Vec3::new(0.0, 0.0, 1.1), 0.0),
+        (Vec3::new(0.6, 0.0, 0.6), 0.0),
+        (Vec3::new(0.0, 0.0, 0.6), 0.6),
+    ] {
+        assert!(!is_dark(center, half), "{center} {half}");
+    }
+}
+
+#[test]
+fn gloss_adds_to_the_doubt_about_a_cluster() {
+    let tree = tree_of_all_kinds();
+    let (normal, view) = (Vec3::Y, Vec3::new(0.6, 0.8, 0.0));
+    let mut compared = 0;
+    for i in 0..20 {
+        let plain = ShadingPoint::surface(place(10 * i + 3) + 0.4, normal);
+        let glossy = plain.with_gloss(Gloss { view, roughness: 0.3, specular: 0.04, diffuse: 0.5 });
+        for node in tree.nodes() {
+            let [plain, glossy] = [&plain, &glossy].map(|at| child_importances(node, &LocalShadingPoint::of(at)));
+            for slot in (0..node.count()).filter(|slot| node.targets[*slot] & LEAF == 0) {
+                assert!(glossy.doubt[slot] >= plain.doubt[slot]);
+                compared += usize::from(glossy.doubt[slot] > plain.doubt[slot]);
+            }
+        }
+    }
+    assert!(compared > 1000, "{compared}");
 }
 
 #[test]

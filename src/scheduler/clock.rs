@@ -160,3 +160,23 @@ impl Clock for VirtualClock {
         (self.now() >= started.saturating_add(cost)).then_some(cost)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_system_clock_starts_at_zero_and_passes() {
+        let clock = SystemClock::default();
+        let first = clock.now();
+        std::thread::sleep(Duration::from_millis(2));
+        assert!(clock.now() - first >= Duration::from_millis(2));
+    }
+
+    #[test]
+    fn a_virtual_clock_shows_its_time() {
+        let clock = VirtualClock::new(|_| Duration::ZERO);
+        clock.advance(Duration::from_millis(16));
+        assert_eq!(format!("{clock:?}"), "VirtualClock { now: 16ms, .. }");
+    }
+}

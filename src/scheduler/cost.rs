@@ -236,6 +236,21 @@ mod tests {
     }
 
     #[test]
+    fn the_first_measurements_are_averaged() {
+        // Every measurement is 20 % above what was predicted, and counts as one of all so far.
+        let (work, mut model) = (rebuild(100), CostModel::default());
+        for rate in [MAX_LEARNING_RATE, 0.5, 1.0 / 3.0, 0.25] {
+            let typical = model.nanos(work, 1.0);
+            model.learn_ratio(work, typical, 1.2);
+            let learned = model.nanos(work, 1.0) / typical - 1.0;
+            assert!(
+                (learned - 0.2 * rate.clamp(MIN_LEARNING_RATE, MAX_LEARNING_RATE)).abs() < 1.0e-9,
+                "{learned} {rate}"
+            );
+        }
+    }
+
+    #[test]
     fn sizes_are_classed_by_powers_of_two() {
         let classes = [0, 1, 2, 3, 4, 7, 8, 1000, 1 << 20].map(size_class);
         assert_eq!(classes, [1, 1, 2, 2, 3, 3, 4, 10, 21]);
@@ -272,7 +287,9 @@ mod tests {
         }
         // A refit is timed with rebuilds; sizes that were not measured cost what the nearest one does.
         assert_eq!(model.nanos(Work { kind: WorkKind::Refit, lights: 1000 }, 1.0), model.nanos(rebuild(1000), 1.0));
-        assert_eq!(model.nanos(rebuild(2), 1.0), model.nanos(rebuild(1000), 1.0));
+        for lights in [2, 7, 100] {
+            assert_eq!(model.nanos(rebuild(lights), 1.0), model.nanos(rebuild(1000), 1.0));
+        }
         assert_eq!(model.nanos(rebuild(1 << 22), 1.0), model.nanos(rebuild(100_000), 1.0));
     }
 

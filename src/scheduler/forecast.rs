@@ -38,7 +38,6 @@ impl TreeFeatures {
             + by_lights * lights.ln()
             + by_variance * logarithm(attributes.variance)
             + by_axis * cluster.axis.length();
-        let ln_variance = if ln_variance.is_nan() { -MAX_LN_VARIANCE } else { ln_variance };
         Self {
             ln_cost: logarithm(attributes.splitting_cost),
             ln_variance: ln_variance.clamp(-MAX_LN_VARIANCE, MAX_LN_VARIANCE),
