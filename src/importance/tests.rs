@@ -180,6 +180,14 @@ fn darkness_is_proven_only_beyond_the_rounding_of_positions() {
 }
 
 #[test]
+fn the_error_of_a_position_is_that_of_its_coordinates_and_of_the_least_distance() {
+    for (reach, expected) in [(0.0, 2.4e-21), (1.0e-4, 1.5e-20), (1.0e4, 5.4e-5)] {
+        let error_sq = position_error_sq(reach);
+        assert!((error_sq / expected - 1.0).abs() < 1.0e-5, "{reach}: {error_sq}");
+    }
+}
+
+#[test]
 fn gloss_adds_to_the_doubt_about_a_cluster() {
     let tree = tree_of_all_kinds();
     let (normal, view) = (Vec3::Y, Vec3::new(0.6, 0.8, 0.0));
