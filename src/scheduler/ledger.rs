@@ -95,6 +95,15 @@ mod tests {
     }
 
     #[test]
+    fn what_is_given_back_can_be_spent() {
+        let mut ledger = Ledger::default();
+        ledger.grant(10 * MICROSECOND);
+        assert_eq!(ledger.pay(8000.0), 8000.0);
+        ledger.give_back(3000.0);
+        assert_eq!(ledger.balance(), 5 * MICROSECOND);
+    }
+
+    #[test]
     fn an_overdraft_is_paid_back_and_a_stall_is_charged_in_part() {
         let mut ledger = Ledger::default();
         ledger.grant(10 * MICROSECOND);

@@ -234,6 +234,19 @@ mod tests {
     }
 
     #[test]
+    fn the_next_best_is_found_below_and_not_around_the_ring() {
+        let trees = trees(3);
+        // The list of the last rank is in the same word as that of the first, and comes after it.
+        let top = 5;
+        let mut queue = queue(&trees, &[top, top - 2, top + 3 - RANKS]);
+        for tree in trees {
+            assert_eq!(queue.best(), Some(tree));
+            queue.remove(tree);
+        }
+        assert_eq!(queue.best(), None);
+    }
+
+    #[test]
     fn the_best_is_that_of_a_plain_list_after_random_operations() {
         let trees = trees(300);
         let mut queue = Queue::default();

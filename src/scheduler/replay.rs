@@ -133,3 +133,21 @@ impl Clock for ReplayClock {
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scheduler::{VirtualClock, WorkKind};
+
+    #[test]
+    fn a_recording_clock_passes_work_on_and_records_the_times() {
+        let clock = RecordingClock::new(VirtualClock::new(|work| Duration::from_nanos(work.lights as u64)));
+        let work = Work { kind: WorkKind::Rebuild, lights: 70 };
+        clock.worked(work);
+        assert_eq!(clock.now(), Duration::from_nanos(70));
+        assert_eq!(clock.background(Duration::ZERO, work, None), Some(Duration::from_nanos(70)));
+        let ends = Duration::from_nanos(70);
+        assert_eq!(clock.take_events(), [ClockEvent::Now(ends), ClockEvent::Background(Some(ends))]);
+        assert!(clock.take_events().is_empty());
+    }
+}

@@ -1,11 +1,13 @@
 //! The guarantee of the scheduler, on simulated trees: no tree waits longer than the bound, and the
 //! time that frames grant is spent as long as trees wait.
 
+mod accounts;
+
 use slotmap::SlotMap;
 
 use super::constants::{AGING, DOUBTFUL, LEDGER_CAPACITY, VALUE_RANGE};
 use super::*;
-use crate::policy::RebuildRequest;
+use crate::policy::{Excess, RebuildRequest};
 use crate::tree::testing::Rng;
 use crate::tree::units_of_build;
 
