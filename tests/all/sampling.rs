@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 
 use girandole::glam::{DVec3, Mat3, Vec3};
-use girandole::{Light, LightId, LightWorld, Placement, Policy, ShadingPoint};
+use girandole::{DirectionalLight, Light, LightId, LightWorld, Placement, Policy, ShadingPoint};
 
 use crate::support::{Rng, SPLITS, all_pmfs};
 
@@ -74,6 +74,30 @@ fn frequencies_agree_with_the_probabilities() {
         // Chi squared with at most `cells` degrees of freedom exceeds mean + 5 sqrt(2 cells) + 15
         // with a probability below 1e-6.
         assert!(chi_sq < cells + 5.0 * (2.0_f64 * cells).sqrt() + 15.0, "{chi_sq} over {cells}");
+    }
+}
+
+#[test]
+fn each_of_several_suns_is_drawn_as_often_as_its_probability_says() {
+    let mut world = LightWorld::new();
+    let lamp = world.add_tree(vec![Light::point(Vec3::Y, Vec3::splat(2.0))]).expect("a valid light");
+    world.add_instance(lamp, Placement::at(DVec3::ZERO), Policy::Static).expect("a valid placement");
+    for lux in [1.0, 4.0, 2.0] {
+        let sun = DirectionalLight { direction: Vec3::NEG_Y, illuminance: Vec3::splat(lux) };
+        world.add_directional(sun).expect("a valid light");
+    }
+    let (sampler, ground) = (world.sampler(), ShadingPoint::surface(Vec3::ZERO, Vec3::Y));
+    // Evenly spaced numbers, so a share is exact to one draw at each of its ends.
+    let draws = 9000;
+    let mut counts: HashMap<LightId, u32> = HashMap::new();
+    for i in 0..draws {
+        let u = (i as f32 + 0.5) / draws as f32;
+        *counts.entry(sampler.pick(&ground, [u, 0.5]).expect("all of them shine").light).or_default() += 1;
+    }
+    assert_eq!(counts.len(), 4);
+    for (light, count) in counts {
+        let expected = sampler.pmf(&ground, light) * draws as f32;
+        assert!((count as f32 - expected).abs() <= 2.0, "{light:?}: {count} of {expected}");
     }
 }
 
