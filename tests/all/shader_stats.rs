@@ -59,12 +59,15 @@ fn every_kernel_has_a_limit_and_every_limit_a_kernel() {
 #[test]
 fn every_kernel_becomes_spir_v_with_its_buffers() {
     for Subject { kernel, effects, entry, wgsl } in subjects::all() {
-        let shader = translate(&wgsl, entry, Zeroing::None).expect("a valid text");
+        let shader = translate(&wgsl, entry, Zeroing::None, false).expect("a valid text");
         assert_eq!(shader.words[0], 0x0723_0203, "{kernel} {effects}");
         // A world without effects has no densities to compute, and reads no lights for them.
         assert!(shader.buffers.len() >= 2, "{kernel} {effects}: {:?}", shader.buffers);
     }
     let [first, ..] = &subjects::all()[..] else { panic!("there are kernels") };
-    assert_eq!(translate(&first.wgsl, "missing", Zeroing::None).map(drop), Err("no such entry point".to_owned()));
-    assert!(translate("fn", first.entry, Zeroing::None).is_err());
+    assert_eq!(
+        translate(&first.wgsl, "missing", Zeroing::None, false).map(drop),
+        Err("no such entry point".to_owned())
+    );
+    assert!(translate("fn", first.entry, Zeroing::None, false).is_err());
 }
