@@ -3,7 +3,7 @@
 #![allow(unsafe_code, reason = "Vulkan is an unsafe interface")]
 
 use super::translate::Translated;
-use ash::{khr, vk};
+use ash::{ext, khr, vk};
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::ffi::CString;
@@ -54,7 +54,9 @@ impl NullDevice {
             let instance = entry.create_instance(&vk::InstanceCreateInfo::default().application_info(&app), None)?;
             let physical = *instance.enumerate_physical_devices()?.first().ok_or("RADV shows no device")?;
             let queue = [vk::DeviceQueueCreateInfo::default().queue_family_index(0).queue_priorities(&[1.0])];
-            let extensions = [khr::pipeline_executable_properties::NAME.as_ptr()];
+            let extensions = [khr::pipeline_executable_properties::NAME.as_ptr(), ext::robustness2::NAME.as_ptr()];
+            let features = vk::PhysicalDeviceFeatures::default().robust_buffer_access(true);
+            let mut robustness = vk::PhysicalDeviceRobustness2FeaturesEXT::default().robust_buffer_access2(true);
             let mut memory_model = vk::PhysicalDeviceVulkanMemoryModelFeatures::default().vulkan_memory_model(true);
             let mut zero = vk::PhysicalDeviceZeroInitializeWorkgroupMemoryFeatures::default()
                 .shader_zero_initialize_workgroup_memory(true);
@@ -63,6 +65,8 @@ impl NullDevice {
             let create = vk::DeviceCreateInfo::default()
                 .queue_create_infos(&queue)
                 .enabled_extension_names(&extensions)
+                .enabled_features(&features)
+                .push_next(&mut robustness)
                 .push_next(&mut memory_model)
                 .push_next(&mut zero)
                 .push_next(&mut info);

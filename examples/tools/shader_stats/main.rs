@@ -2,7 +2,7 @@
 //! occupancy, instructions, and the time it takes.
 //!
 //! ```text
-//! cargo run --release --example shader_stats -- --out FILE.csv [--chip NAME] [--check]
+//! cargo run --release --example shader_stats -- --out FILE.csv [--chip NAME] [--trusted] [--check]
 //! ```
 //!
 //! No GPU is needed. Mesa's driver RADV compiles for AMD chips that are not there, with the compiler
@@ -22,6 +22,9 @@
 //! | `instructions`, `code_bytes` | the size of the code |
 //! | `inverse_throughput` | the compiler's estimate of the cycles that a wave takes of a SIMD; it weighs loops by a guess |
 //! | `compile_seconds` | CPU time that the driver takes for the pipeline |
+//!
+//! Shaders are compiled with the checks that wgpu adds on these drivers: of indices into arrays and of
+//! loops. `--trusted` leaves them out, as `wgpu::Device::create_shader_module_trusted` can.
 //!
 //! `--check` fails if a kernel exceeds its limits, which are in `limits.rs`. They are those of one
 //! version of the driver, so CI checks them and a user's test run does not. Estimates compare two

@@ -31,6 +31,9 @@ pub struct Options {
     /// Who clears workgroup memory
     #[arg(long, value_enum, default_value = "none")]
     pub zeroing: Zeroing,
+    /// Compiles shaders without the checks of indices and loops that wgpu adds
+    #[arg(long)]
+    pub trusted: bool,
     /// Fails where a kernel exceeds its limits
     #[arg(long)]
     pub check: bool,
@@ -77,6 +80,7 @@ fn in_a_process(chip: &str, manifest: &Path, options: &Options) -> Result<Vec<Ro
     let zeroing = options.zeroing.name();
     let child = Command::new(own)
         .args(["--child", "--chip", chip, "--zeroing", zeroing, "--kernel", &options.kernel])
+        .args(options.trusted.then_some("--trusted"))
         .env(CHIP_VARIABLE, chip)
         .env(MANIFEST_VARIABLE, manifest)
         // Compiled pipelines are not taken from a cache.
@@ -95,16 +99,16 @@ fn rows_of_this_chip(options: &Options) -> Result<(), String> {
     let chip = options.chip.first().ok_or("a chip is missing")?;
     let device = NullDevice::open().map_err(|error| format!("RADV cannot be opened: {error}"))?;
     for subject in subjects::all().iter().filter(|subject| subject.kernel.contains(&options.kernel)) {
-        println!("{}", row(&device, subject, chip, options.zeroing)?.line());
+        println!("{}", row(&device, subject, chip, options)?.line());
     }
     Ok(())
 }
 
-fn row(device: &NullDevice, subject: &Subject, chip: &str, zeroing: Zeroing) -> Result<Row, String> {
+fn row(device: &NullDevice, subject: &Subject, chip: &str, options: &Options) -> Result<Row, String> {
     let of = |error: String| format!("{}: {error}", subject.kernel);
-    let shader = translate(&subject.wgsl, subject.entry, zeroing).map_err(of)?;
+    let shader = translate(&subject.wgsl, subject.entry, options.zeroing, options.trusted).map_err(of)?;
     let before = thread_time();
     let statistics = device.statistics(&shader, subject.entry).map_err(|error| of(error.to_string()))?;
     let seconds = thread_time().saturating_sub(before).as_secs_f64();
-    Row::new(subject, chip, zeroing, &statistics, seconds).map_err(of)
+    Row::new(subject, chip, options.zeroing, &statistics, seconds).map_err(of)
 }

@@ -41,20 +41,21 @@ pub struct Translated {
     pub buffers: Vec<Bound>,
 }
 
-/// Translates one entry point, with the checks of bounds and of loops that wgpu adds.
-pub fn translate(wgsl: &str, entry: &str, zeroing: Zeroing) -> Result<Translated, String> {
+/// Translates one entry point as wgpu does for this driver: reads of buffers are checked by the
+/// hardware, indices of arrays are clamped, and loops are bounded. A trusted shader has no checks, as
+/// from `wgpu::Device::create_shader_module_trusted`.
+pub fn translate(wgsl: &str, entry: &str, zeroing: Zeroing, is_trusted: bool) -> Result<Translated, String> {
     let module = naga::front::wgsl::parse_str(wgsl).map_err(|error| error.emit_to_string(wgsl))?;
     let info = Validator::new(ValidationFlags::all(), Capabilities::all())
         .validate(&module)
         .map_err(|error| error.emit_to_string(wgsl))?;
-    let restrict = BoundsCheckPolicy::Restrict;
     let index = module.entry_points.iter().position(|found| found.name == entry).ok_or("no such entry point")?;
     let options = spv::Options {
-        lang_version: (1, 3),
-        force_loop_bounding: true,
+        lang_version: (1, 6),
+        force_loop_bounding: !is_trusted,
         bounds_check_policies: BoundsCheckPolicies {
-            index: restrict,
-            buffer: restrict,
+            index: if is_trusted { BoundsCheckPolicy::Unchecked } else { BoundsCheckPolicy::Restrict },
+            buffer: BoundsCheckPolicy::Unchecked,
             image_load: BoundsCheckPolicy::Unchecked,
             binding_array: BoundsCheckPolicy::Unchecked,
         },
