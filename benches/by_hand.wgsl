@@ -11,15 +11,12 @@ struct Params {
     splits: u32,
 }
 
-// 160 bytes.
+// 160 bytes. Of each child the target; the minimum corner and the deviation; the maximum corner and
+// the mean along x; the mean along y and z, and the flux.
 struct Node {
     origin: vec3<f32>,
     steps: u32,
-    targets: array<vec4<u32>, 2>,
-    flux: vec4<u32>,
-    // Minimum corners, maximum corners and means, each along x, then y, then z, for children 0 to 3
-    // and 4 to 7; then the deviations.
-    boxes: array<vec4<u32>, 5>,
+    children: array<vec4<u32>, 8>,
     parent: vec4<u32>,
 }
 
@@ -61,8 +58,6 @@ struct Sample {
 @group(1) @binding(0) var<storage, read> requests: array<Request>;
 @group(1) @binding(1) var<storage, read_write> samples: array<Sample>;
 
-const BLOCKS: u32 = LIGHT_MAX_SPLITS + 1u;
-
 struct ShadingPoint {
     position: vec3<f32>,
     normal: vec3<f32>,
@@ -71,9 +66,8 @@ struct ShadingPoint {
 struct View {
     position: vec3<f32>,
     normal: vec3<f32>,
-    has_normal: bool,
     margin: f32,
-    // The bit of a target that marks a single light; 0 in the top level.
+    // The bit of a target that marks a single light.
     light_bit: u32,
 }
 
@@ -82,28 +76,31 @@ struct Dice {
     state: u32,
 }
 
-struct Four {
-    importance: vec4<f32>,
-    doubt: vec4<f32>,
+struct Estimate {
+    lux: f32,
+    doubt: f32,
 }
 
-struct Estimate {
-    importance: mat2x4<f32>,
-    doubt: mat2x4<f32>,
-    has_unresolved: bool,
+struct Eight {
+    a: vec4<f32>,
+    b: vec4<f32>,
+}
+
+struct Place {
+    instance: u32,
+    index: u32,
 }
 
 struct Cut {
     count: u32,
+    links: vec2<u32>,
+    sums: Eight,
     total: f32,
-    has_unresolved: bool,
-    instances: array<u32, BLOCKS>,
-    nodes: array<u32, BLOCKS>,
-    totals: array<f32, BLOCKS>,
-    doubtful: array<u32, BLOCKS>,
-    max_doubt: array<f32, BLOCKS>,
-    values: array<mat2x4<f32>, BLOCKS>,
-    doubts: array<mat2x4<f32>, BLOCKS>,
+    unresolved: f32,
+    unresolved_blocks: u32,
+    keys_a: vec4<u32>,
+    keys_b: vec4<u32>,
+    lux: Eight,
 }
 
 struct Lane {
@@ -165,348 +162,357 @@ fn unit_or_zero(v: vec3<f32>) -> vec3<f32> {
     return vec3(0.0);
 }
 
-fn world_view(shading_point: ShadingPoint) -> View {
-    let normal = unit_or_zero(shading_point.normal);
-    return View(shading_point.position, normal, any(normal != vec3(0.0)), LIGHT_POSITION_MARGIN, 0u);
-}
-
-fn tree_view(instance: u32, shading_point: ShadingPoint) -> View {
+fn view_in(instance: u32, shading_point: ShadingPoint) -> View {
+    if instance == LIGHT_NO_INSTANCE {
+        return View(
+            shading_point.position, unit_or_zero(shading_point.normal), LIGHT_POSITION_MARGIN, LIGHT_SINGLE,
+        );
+    }
     let rows = instances[instance].to_world;
     let p = shading_point.position - vec3(rows[0].w, rows[1].w, rows[2].w);
     let n = shading_point.normal;
-    let normal = unit_or_zero(rows[0].xyz * n.x + rows[1].xyz * n.y + rows[2].xyz * n.z);
     return View(
-        rows[0].xyz * p.x + rows[1].xyz * p.y + rows[2].xyz * p.z, normal, any(normal != vec3(0.0)),
+        rows[0].xyz * p.x + rows[1].xyz * p.y + rows[2].xyz * p.z,
+        unit_or_zero(rows[0].xyz * n.x + rows[1].xyz * n.y + rows[2].xyz * n.z),
         LIGHT_POSITION_MARGIN + LIGHT_RIGID_TOLERANCE, LIGHT_LEAF,
     );
 }
 
-fn view_in(instance: u32, shading_point: ShadingPoint) -> View {
-    if instance == LIGHT_NO_INSTANCE {
-        return world_view(shading_point);
+fn child_at(place: Place, slot: u32) -> vec4<u32> {
+    if place.instance == LIGHT_NO_INSTANCE {
+        return top[place.index].children[slot];
     }
-    return tree_view(instance, shading_point);
+    return nodes[place.index].children[slot];
 }
 
-fn node_at(in_top: bool, index: u32) -> Node {
-    if in_top {
-        return top[index];
+fn below(place: Place, slot: u32) -> Place {
+    let bits = child_at(place, slot).x;
+    var next = Place(place.instance, bits);
+    if place.instance == LIGHT_NO_INSTANCE && (bits & LIGHT_LEAF) != 0u {
+        next = Place(bits & ~LIGHT_LEAF, 0u);
     }
-    return nodes[index];
-}
-
-fn target_of(in_top: bool, index: u32, slot: u32) -> u32 {
-    if in_top {
-        return top[index].targets[slot / 4u][slot % 4u];
+    if next.instance != LIGHT_NO_INSTANCE && (next.index & LIGHT_LEAF) == 0u {
+        next.index += instances[next.instance].node_base;
     }
-    return nodes[index].targets[slot / 4u][slot % 4u];
+    return next;
 }
 
-fn bytes(word: u32) -> vec4<f32> {
-    return vec4<f32>((vec4(word) >> vec4(0u, 8u, 16u, 24u)) & vec4(0xffu));
+fn link_of(links: vec2<u32>, block: u32) -> u32 {
+    return extractBits(select(links.x, links.y, block > 4u), 6u * ((block - 1u) & 3u), 6u);
 }
 
-fn halves(words: vec2<u32>) -> vec4<f32> {
-    return bitcast<vec4<f32>>(vec4(words.x << 16u, words.x & 0xffff0000u, words.y << 16u, words.y & 0xffff0000u));
+fn block_place(links: vec2<u32>, number: u32) -> Place {
+    var slots = 0u;
+    var depth = 0u;
+    for (var block = number; block != 0u; block = link_of(links, block) >> 3u) {
+        slots = (slots << 3u) | (link_of(links, block) & 7u);
+        depth++;
+    }
+    var place = Place(LIGHT_NO_INSTANCE, 0u);
+    for (; depth != 0u; depth--) {
+        place = below(place, slots & 7u);
+        slots >>= 3u;
+    }
+    return place;
 }
 
-fn step_along(steps: u32, axis: u32) -> f32 {
-    return bitcast<f32>(((steps >> (8u * axis)) & 0xffu) << 23u);
+fn opened(cut: ptr<function, Cut>, number: u32) -> u32 {
+    var bits = 0u;
+    for (var block = 1u; block < (*cut).count; block++) {
+        let id = link_of((*cut).links, block);
+        bits |= select(0u, 1u << (id & 7u), (id >> 3u) == number);
+    }
+    return bits;
 }
 
-// The estimated illuminance of four children, and the error that each estimate may have.
-fn estimate_four(
-    low: vec3<u32>, high: vec3<u32>, mean: vec3<u32>, deviations: u32, fluxes: vec2<u32>, targets: vec4<u32>,
-    origin: vec3<f32>, half_step: vec3<f32>, view: View, margin: f32, error_sq: f32,
-) -> Four {
-    let low_x = bytes(low.x);
-    let low_y = bytes(low.y);
-    let low_z = bytes(low.z);
-    let high_x = bytes(high.x);
-    let high_y = bytes(high.y);
-    let high_z = bytes(high.z);
-    let width_x = high_x - low_x;
-    let width_y = high_y - low_y;
-    let width_z = high_z - low_z;
-    let half_x = width_x * half_step.x;
-    let half_y = width_y * half_step.y;
-    let half_z = width_z * half_step.z;
-    let x = origin.x + (low_x + width_x * (bytes(mean.x) * (1.0 / LIGHT_STEPS))) * (2.0 * half_step.x);
-    let y = origin.y + (low_y + width_y * (bytes(mean.y) * (1.0 / LIGHT_STEPS))) * (2.0 * half_step.y);
-    let z = origin.z + (low_z + width_z * (bytes(mean.z) * (1.0 / LIGHT_STEPS))) * (2.0 * half_step.z);
-    let radius_sq = half_x * half_x + half_y * half_y + half_z * half_z;
-    let deviation = bytes(deviations) * (1.0 / LIGHT_STEPS);
-    let variance = deviation * deviation * radius_sq;
-    let flux = halves(fluxes);
+fn byte_of(word: u32, i: u32) -> f32 {
+    return f32((word >> (8u * i)) & 0xffu);
+}
 
+fn add_axes(v: vec3<f32>) -> f32 {
+    return v.x + v.y + v.z;
+}
+
+fn half_steps(steps: u32) -> vec3<f32> {
+    let bits = (vec3(steps) >> vec3(0u, 8u, 16u)) & vec3(0xffu);
+    return 0.5 * bitcast<vec3<f32>>(bits << vec3(23u));
+}
+
+// The estimated illuminance of a child, and the error that the estimate may have.
+fn estimate(child: vec4<u32>, view: View, origin: vec3<f32>, steps: u32, margin: f32) -> Estimate {
+    let half_step = half_steps(steps);
+    let low = vec3(byte_of(child.y, 0u), byte_of(child.y, 1u), byte_of(child.y, 2u));
+    let high = vec3(byte_of(child.z, 0u), byte_of(child.z, 1u), byte_of(child.z, 2u));
+    let mean = vec3(byte_of(child.z, 3u), byte_of(child.w, 0u), byte_of(child.w, 1u));
+    let width = high - low;
+    let half_size = width * half_step;
+    let center = origin + (high + low) * half_step;
+    let toward = origin + (low + width * (mean * (1.0 / LIGHT_STEPS))) * (2.0 * half_step);
+    let outside = max(abs(center) - (half_size + margin), vec3(0.0));
     let n = view.normal;
-    let center_x = origin.x + (high_x + low_x) * half_step.x;
-    let center_y = origin.y + (high_y + low_y) * half_step.y;
-    let center_z = origin.z + (high_z + low_z) * half_step.z;
-    let out_x = max(abs(center_x) - (half_x + margin), vec4(0.0));
-    let out_y = max(abs(center_y) - (half_y + margin), vec4(0.0));
-    let out_z = max(abs(center_z) - (half_z + margin), vec4(0.0));
-    let gap_sq = out_x * out_x + out_y * out_y + out_z * out_z;
-    let dist_sq = max(x * x + y * y + z * z, vec4(LIGHT_MIN_IMPORTANCE));
+    let has_normal = any(n != vec3(0.0));
+    let half_along = n * half_size;
+    let along = add_axes(n * toward);
+    let highest = add_axes(n * center + abs(n) * half_size);
+    let gap_sq = add_axes(outside * outside);
+    let radius_sq = add_axes(half_size * half_size);
+    let deviation = byte_of(child.y, 3u) * (1.0 / LIGHT_STEPS);
+    let variance = deviation * deviation * radius_sq;
+    let normal_variance = min(3.0 * (deviation * deviation) * add_axes(half_along * half_along), variance);
+    let flux = bitcast<f32>(child.w & 0xffff0000u);
+    let is_dark = has_normal && highest + margin * (abs(n.x) + abs(n.y) + abs(n.z)) <= 0.0;
+    let error = LIGHT_POSITION_ERROR * add_axes(abs(view.position)) + LIGHT_MIN_POSITION_ERROR;
+    let error_sq = LIGHT_MEAN_ERROR_SQ * radius_sq + (2.0 * 3.0) * (error * error);
+    let is_unresolved = add_axes(toward * toward) + variance <= error_sq;
+
+    let dist_sq = max(add_axes(toward * toward), LIGHT_MIN_IMPORTANCE);
     let dist = sqrt(dist_sq);
     let spread = variance / (dist_sq + variance);
     let mean_sq = dist_sq + LIGHT_VARIANCE_SHARE * variance;
     let nearer = mean_sq / max(gap_sq + LIGHT_NEAR_VARIANCE * variance, LIGHT_MIN_GAP * mean_sq);
-    let is_light = (targets & vec4(view.light_bit)) != vec4(0u);
-    let doubt = select(spread * nearer, vec4(0.0), is_light);
-    let along = n.x * x + n.y * y + n.z * z;
-    let across_sq = (n.x * half_x) * (n.x * half_x) + (n.y * half_y) * (n.y * half_y) + (n.z * half_z) * (n.z * half_z);
-    let normal_variance = min(3.0 * (deviation * deviation) * across_sq, variance);
+    let doubt = select(spread * nearer, 0.0, (child.x & view.light_bit) != 0u);
     let width_sq = LIGHT_COSINE_WIDTH_SQ * normal_variance * (1.0 - spread);
     let rounded = 0.5 * (along + sqrt(along * along + width_sq));
-    let steep = abs(n);
-    let highest = (n.x * center_x + steep.x * half_x)
-        + (n.y * center_y + steep.y * half_y)
-        + (n.z * center_z + steep.z * half_z);
-    let limited = min(rounded, max(along, vec4(0.0)) + LIGHT_HORIZON_SHARE * highest);
-    let cosine = select(dist, max(limited, LIGHT_MIN_COSINE * dist), view.has_normal);
-    let lux = (flux * (1.0 / LIGHT_FOUR_PI) * (1.0 + LIGHT_NEAR_GAIN * doubt)) * (cosine / dist / mean_sq);
-    let at_least_min = select(vec4(LIGHT_MIN_IMPORTANCE), lux, lux > vec4(LIGHT_MIN_IMPORTANCE));
-
-    // A child that lies wholly below the horizon sends nothing.
-    let is_dark = vec4(view.has_normal) & (highest + margin * (steep.x + steep.y + steep.z) <= vec4(0.0));
-    let is_lit = (flux > vec4(0.0)) & !is_dark;
-    let importance = min(at_least_min, vec4(LIGHT_MAX_IMPORTANCE));
-    let is_unresolved = dist_sq + variance <= LIGHT_MEAN_ERROR_SQ * radius_sq + error_sq;
-    return Four(select(vec4(0.0), select(importance, -importance, is_unresolved), is_lit), doubt);
+    let limited = min(rounded, max(along, 0.0) + LIGHT_HORIZON_SHARE * highest);
+    let cosine = select(dist, max(limited, LIGHT_MIN_COSINE * dist), has_normal);
+    let lux = (flux * (1.0 / LIGHT_FOUR_PI) * (1.0 + LIGHT_NEAR_GAIN * doubt)) * (cosine * (1.0 / dist) / mean_sq);
+    let at_least_min = select(LIGHT_MIN_IMPORTANCE, lux, lux > LIGHT_MIN_IMPORTANCE);
+    let importance = min(at_least_min, LIGHT_MAX_IMPORTANCE);
+    return Estimate(select(select(importance, -importance, is_unresolved), 0.0, is_dark), doubt);
 }
 
-fn sum(v: mat2x4<f32>) -> f32 {
-    return ((v[1].w + v[1].z) + (v[1].y + v[1].x)) + ((v[0].w + v[0].z) + (v[0].y + v[0].x));
+fn sum(v: Eight) -> f32 {
+    return ((v.b.w + v.b.z) + (v.b.y + v.b.x)) + ((v.a.w + v.a.z) + (v.a.y + v.a.x));
 }
 
-fn estimate(node: Node, view: View) -> Estimate {
-    let origin = node.origin - view.position;
-    let half_step = 0.5 * vec3(step_along(node.steps, 0u), step_along(node.steps, 1u), step_along(node.steps, 2u));
-    let far = abs(node.origin) + 2.0 * LIGHT_STEPS * half_step + abs(view.position);
-    let margin = (far.x + far.y + far.z) * view.margin;
-    let own = abs(view.position);
-    let error = LIGHT_POSITION_ERROR * (own.x + own.y + own.z) + LIGHT_MIN_POSITION_ERROR;
-    let error_sq = (2.0 * 3.0) * (error * error);
-    let b = node.boxes;
-    let first = estimate_four(
-        vec3(b[0].x, b[0].z, b[1].x), vec3(b[1].z, b[2].x, b[2].z), vec3(b[3].x, b[3].z, b[4].x), b[4].z,
-        node.flux.xy, node.targets[0], origin, half_step, view, margin, error_sq,
-    );
-    let last = estimate_four(
-        vec3(b[0].y, b[0].w, b[1].y), vec3(b[1].w, b[2].y, b[2].w), vec3(b[3].y, b[3].w, b[4].y), b[4].w,
-        node.flux.zw, node.targets[1], origin, half_step, view, margin, error_sq,
-    );
-    return Estimate(
-        mat2x4(first.importance, last.importance), mat2x4(first.doubt, last.doubt),
-        any(min(first.importance, last.importance) < vec4(0.0)),
-    );
-}
-
-fn resolved_sum(v: mat2x4<f32>) -> f32 {
-    return sum(mat2x4(max(v[0], vec4(0.0)), max(v[1], vec4(0.0))));
-}
-
-fn unresolved_sum(v: mat2x4<f32>) -> f32 {
-    return resolved_sum(mat2x4(-v[0], -v[1]));
+fn resolved_sum(v: Eight) -> f32 {
+    return sum(Eight(max(v.a, vec4(0.0)), max(v.b, vec4(0.0))));
 }
 
 fn unresolved_scale(others: f32, unresolved: f32) -> f32 {
     return select(1.0, others / unresolved, others > 0.0 && unresolved > others);
 }
 
-fn scale_unresolved(v: mat2x4<f32>, scale: f32) -> mat2x4<f32> {
+fn scale_unresolved(v: Eight, scale: f32) -> Eight {
     let least = vec4(LIGHT_MIN_IMPORTANCE);
-    return mat2x4(
-        select(v[0], max(-v[0] * scale, least), v[0] < vec4(0.0)),
-        select(v[1], max(-v[1] * scale, least), v[1] < vec4(0.0)),
+    return Eight(
+        select(v.a, max(-v.a * scale, least), v.a < vec4(0.0)),
+        select(v.b, max(-v.b * scale, least), v.b < vec4(0.0)),
     );
 }
 
-fn weights_of(estimated: Estimate) -> mat2x4<f32> {
-    var weights = estimated.importance;
-    if estimated.has_unresolved {
-        weights = scale_unresolved(weights, unresolved_scale(resolved_sum(weights), unresolved_sum(weights)));
+fn weights_of(v: Eight) -> Eight {
+    if any(min(v.a, v.b) < vec4(0.0)) {
+        return scale_unresolved(v, unresolved_scale(resolved_sum(v), resolved_sum(Eight(-v.a, -v.b))));
     }
-    return weights;
+    return v;
 }
 
-fn total_block(cut: ptr<function, Cut>, block: u32) {
-    (*cut).totals[block] = resolved_sum((*cut).values[block]);
-    var slot = 0u;
-    var greatest = 0u;
-    for (var i = 0u; i < LIGHT_WIDTH; i++) {
-        let doubt = bitcast<u32>((*cut).doubts[block][i / 4u][i % 4u]) & ~(LIGHT_WIDTH - 1u);
-        if doubt > greatest {
-            slot = i;
-            greatest = doubt;
+fn add_to_sum(cut: ptr<function, Cut>, block: u32, lux: f32) {
+    if lux < 0.0 {
+        (*cut).unresolved -= lux;
+        (*cut).unresolved_blocks |= 1u << block;
+        return;
+    }
+    (*cut).sums.a += select(vec4(0.0), vec4(lux), vec4(block) == vec4(0u, 1u, 2u, 3u));
+    (*cut).sums.b += select(vec4(0.0), vec4(lux), vec4(block) == vec4(4u, 5u, 6u, 7u));
+}
+
+// Puts a child in its place among those that may be opened next, if it has any doubt.
+fn add_pending(cut: ptr<function, Cut>, doubt: f32, id: u32, lux: f32) {
+    var added = id;
+    var added_lux = lux;
+    let doubt_bits = bitcast<u32>(doubt) & ~63u;
+    if doubt_bits != 0u {
+        let key = doubt_bits | (63u - id);
+        let ka = (*cut).keys_a;
+        let kb = (*cut).keys_b;
+        let la = (*cut).lux.a;
+        let lb = (*cut).lux.b;
+        let moves_a = vec4(key) > ka;
+        let moves_b = vec4(key) > kb;
+        let follows_a = vec4(false, moves_a.xyz);
+        let follows_b = vec4(moves_a.w, moves_b.xyz);
+        (*cut).keys_a = select(ka, select(vec4(key), vec4(key, ka.xyz), follows_a), moves_a);
+        (*cut).keys_b = select(kb, select(vec4(key), vec4(ka.w, kb.xyz), follows_b), moves_b);
+        (*cut).lux.a = select(la, select(vec4(lux), vec4(lux, la.xyz), follows_a), moves_a);
+        (*cut).lux.b = select(lb, select(vec4(lux), vec4(la.w, lb.xyz), follows_b), moves_b);
+        added = 63u - ((*cut).keys_b.w & 63u);
+        added_lux = (*cut).lux.b.w;
+        (*cut).keys_b.w = 0u;
+        (*cut).lux.b.w = 0.0;
+    }
+    add_to_sum(cut, added >> 3u, added_lux);
+}
+
+fn shift_pending(cut: ptr<function, Cut>) {
+    (*cut).keys_a = vec4((*cut).keys_a.yzw, (*cut).keys_b.x);
+    (*cut).keys_b = vec4((*cut).keys_b.yzw, 0u);
+    (*cut).lux.a = vec4((*cut).lux.a.yzw, (*cut).lux.b.x);
+    (*cut).lux.b = vec4((*cut).lux.b.yzw, 0.0);
+}
+
+fn pass_lane(lane: ptr<function, Lane>, slot: u32, value: f32, before: f32, point: f32) -> f32 {
+    if value > 0.0 && point >= before {
+        *lane = Lane(slot, before, value);
+    }
+    return before + value;
+}
+
+fn pick_lane(all: Eight, start: f32, point: f32) -> Lane {
+    var lane = Lane(0u, start, 0.0);
+    var before = pass_lane(&lane, 0u, all.a.x, start, point);
+    before = pass_lane(&lane, 1u, all.a.y, before, point);
+    before = pass_lane(&lane, 2u, all.a.z, before, point);
+    before = pass_lane(&lane, 3u, all.a.w, before, point);
+    before = pass_lane(&lane, 4u, all.b.x, before, point);
+    before = pass_lane(&lane, 5u, all.b.y, before, point);
+    before = pass_lane(&lane, 6u, all.b.z, before, point);
+    before = pass_lane(&lane, 7u, all.b.w, before, point);
+    return lane;
+}
+
+// Estimates the children of a node: opens it, or returns the estimates.
+fn weigh(cut: ptr<function, Cut>, place: Place, view: View, skipped: u32, is_opened: bool) -> Eight {
+    var corner: vec3<f32>;
+    var steps: u32;
+    if place.instance == LIGHT_NO_INSTANCE {
+        corner = top[place.index].origin;
+        steps = top[place.index].steps;
+    } else {
+        corner = nodes[place.index].origin;
+        steps = nodes[place.index].steps;
+    }
+    let farthest = abs(corner) + 2.0 * LIGHT_STEPS * half_steps(steps) + abs(view.position);
+    let margin = add_axes(farthest) * view.margin;
+    var lanes = Eight(vec4(0.0), vec4(0.0));
+    for (var slot = 0u; slot < 8u; slot++) {
+        let child = child_at(place, slot);
+        if child.w < 0x10000u || (skipped & (1u << slot)) != 0u {
+            continue;
+        }
+        let found = estimate(child, view, corner - view.position, steps, margin);
+        if !is_opened {
+            lanes.a = select(lanes.a, vec4(found.lux), vec4(slot) == vec4(0u, 1u, 2u, 3u));
+            lanes.b = select(lanes.b, vec4(found.lux), vec4(slot) == vec4(4u, 5u, 6u, 7u));
+        } else if found.lux != 0.0 {
+            let is_light = (child.x & view.light_bit) != 0u;
+            let unresolved = select(-found.lux * LIGHT_UNRESOLVED_DOUBT, 0.0, is_light);
+            let doubt = select(found.lux * found.doubt, unresolved, found.lux < 0.0);
+            add_pending(cut, doubt, (*cut).count * 8u + slot, found.lux);
         }
     }
-    (*cut).doubtful[block] = slot;
-    (*cut).max_doubt[block] = bitcast<f32>(greatest);
+    return lanes;
 }
 
-fn add_block(cut: ptr<function, Cut>, instance: u32, index: u32, shading_point: ShadingPoint) {
-    let in_top = instance == LIGHT_NO_INSTANCE;
-    let node = node_at(in_top, index);
-    let view = view_in(instance, shading_point);
-    let estimated = estimate(node, view);
-    let block = (*cut).count;
-    (*cut).count = block + 1u;
-    (*cut).instances[block] = instance;
-    (*cut).nodes[block] = index;
-    (*cut).values[block] = estimated.importance;
-    var doubts = mat2x4(estimated.importance[0] * estimated.doubt[0], estimated.importance[1] * estimated.doubt[1]);
-    if estimated.has_unresolved {
-        (*cut).has_unresolved = true;
-        let first = (node.targets[0] & vec4(view.light_bit)) == vec4(0u);
-        let last = (node.targets[1] & vec4(view.light_bit)) == vec4(0u);
-        let split_first = select(vec4(0.0), estimated.importance[0] * -LIGHT_UNRESOLVED_DOUBT, first);
-        let split_last = select(vec4(0.0), estimated.importance[1] * -LIGHT_UNRESOLVED_DOUBT, last);
-        doubts[0] = select(doubts[0], split_first, estimated.importance[0] < vec4(0.0));
-        doubts[1] = select(doubts[1], split_last, estimated.importance[1] < vec4(0.0));
+// Takes the next child to open from those that are pending, or ends.
+fn open_next(cut: ptr<function, Cut>) -> bool {
+    (*cut).count++;
+    let count = (*cut).count;
+    let total = sum((*cut).sums) + resolved_sum((*cut).lux);
+    let key = (*cut).keys_a.x;
+    if bitcast<f32>(key & ~63u) > LIGHT_MIN_DOUBT * total && count <= min(params.splits, LIGHT_MAX_SPLITS) {
+        let link = (63u - (key & 63u)) << (6u * ((count - 1u) & 3u));
+        (*cut).links |= select(vec2(link, 0u), vec2(0u, link), count > 4u);
+        shift_pending(cut);
+        return true;
     }
-    (*cut).doubts[block] = doubts;
-    total_block(cut, block);
+    while (*cut).keys_a.x != 0u {
+        add_to_sum(cut, (63u - ((*cut).keys_a.x & 63u)) >> 3u, (*cut).lux.a.x);
+        shift_pending(cut);
+    }
+    (*cut).total = sum((*cut).sums);
+    return false;
 }
 
-fn limit_unresolved(cut: ptr<function, Cut>) {
-    var unresolved = 0.0;
-    for (var i = 0u; i < (*cut).count; i++) {
-        unresolved += unresolved_sum((*cut).values[i]);
-    }
-    let scale = unresolved_scale((*cut).total, unresolved);
-    var total = 0.0;
-    for (var i = 0u; i < (*cut).count; i++) {
-        let weights = scale_unresolved((*cut).values[i], scale);
-        (*cut).values[i] = weights;
-        (*cut).totals[i] = sum(weights);
-        total += (*cut).totals[i];
-    }
-    (*cut).total = total;
-}
-
-fn split_cut(cut: ptr<function, Cut>, shading_point: ShadingPoint) {
-    let splits = min(params.splits, LIGHT_MAX_SPLITS);
-    (*cut).count = 0u;
-    (*cut).has_unresolved = false;
-    var instance = LIGHT_NO_INSTANCE;
-    var index = 0u;
+fn make_cut(cut: ptr<function, Cut>, shading_point: ShadingPoint) {
+    var view: View;
+    var viewed = LIGHT_NO_INSTANCE;
+    var block = 0u;
+    var skipped = 0u;
+    var is_opened = true;
     loop {
-        add_block(cut, instance, index, shading_point);
-        let count = (*cut).count;
-        var total = 0.0;
-        for (var i = 0u; i < count; i++) {
-            total += (*cut).totals[i];
+        let place = block_place((*cut).links, block);
+        if block == 0u || place.instance != viewed {
+            view = view_in(place.instance, shading_point);
+            viewed = place.instance;
         }
-        (*cut).total = total;
-        var greatest = LIGHT_MIN_DOUBT * total;
-        var block = count;
-        for (var i = 0u; i < count; i++) {
-            if (*cut).max_doubt[i] > greatest {
-                greatest = (*cut).max_doubt[i];
-                block = i;
+        let lanes = weigh(cut, place, view, skipped, is_opened);
+        if is_opened {
+            if open_next(cut) {
+                block = (*cut).count;
+                continue;
             }
+            (*cut).unresolved = unresolved_scale((*cut).total, (*cut).unresolved);
+            is_opened = false;
+        } else {
+            let value = sum(scale_unresolved(lanes, (*cut).unresolved));
+            (*cut).sums.a = select((*cut).sums.a, vec4(value), vec4(block) == vec4(0u, 1u, 2u, 3u));
+            (*cut).sums.b = select((*cut).sums.b, vec4(value), vec4(block) == vec4(4u, 5u, 6u, 7u));
+            (*cut).total = sum((*cut).sums);
+            (*cut).unresolved_blocks &= ~(1u << block);
         }
-        if block == count || count > splits {
+        if (*cut).unresolved_blocks == 0u {
             break;
         }
-        instance = (*cut).instances[block];
-        let slot = (*cut).doubtful[block];
-        let bits = target_of(instance == LIGHT_NO_INSTANCE, (*cut).nodes[block], slot);
-        if (bits & LIGHT_LEAF) != 0u {
-            instance = bits & ~LIGHT_LEAF;
-            index = instances[instance].node_base;
-        } else if instance == LIGHT_NO_INSTANCE {
-            index = bits;
-        } else {
-            index = instances[instance].node_base + bits;
-        }
-        (*cut).values[block][slot / 4u][slot % 4u] = 0.0;
-        (*cut).doubts[block][slot / 4u][slot % 4u] = 0.0;
-        total_block(cut, block);
-    }
-    if (*cut).has_unresolved {
-        limit_unresolved(cut);
+        block = firstTrailingBit((*cut).unresolved_blocks);
+        skipped = opened(cut, block);
     }
 }
 
-fn pick_lane(all: mat2x4<f32>, start: f32, point: f32) -> Lane {
-    var values = all;
-    var before = start;
-    var chosen = Lane(0u, start, 0.0);
-    for (var slot = 0u; slot < LIGHT_WIDTH; slot++) {
-        let value = values[slot / 4u][slot % 4u];
-        if value > 0.0 && point >= before {
-            chosen = Lane(slot, before, value);
-        }
-        before += value;
-    }
-    return chosen;
-}
-
-fn descend(cut: ptr<function, Cut>, shading_point: ShadingPoint, u: vec2<f32>) -> Pick {
-    let total = (*cut).total;
+fn pick_light(shading_point: ShadingPoint, u: vec2<f32>) -> Pick {
+    var cut: Cut;
+    make_cut(&cut, shading_point);
+    var total = cut.total;
     if total <= 0.0 {
         return Pick(0u, 0u, 0.0);
     }
     var outer = new_dice(u.x, u.y);
     var inner = new_dice(u.y, u.x);
-    let cut_point = outer.u * total;
-    var before = 0.0;
-    var block = 0u;
-    var block_before = 0.0;
-    for (var i = 0u; i < (*cut).count; i++) {
-        if (*cut).totals[i] > 0.0 && cut_point >= before {
-            block = i;
-            block_before = before;
-        }
-        before += (*cut).totals[i];
-    }
-    let first = pick_lane((*cut).values[block], block_before, cut_point);
-    var pmf = share(first.value, total);
-    outer = stretch(outer, (cut_point - first.before) / total, pmf);
-    var instance = (*cut).instances[block];
-    var index = (*cut).nodes[block];
-    var slot = first.slot;
-    var base = 0u;
-    if instance != LIGHT_NO_INSTANCE {
-        base = instances[instance].node_base;
-    }
-    var view = view_in(instance, shading_point);
-    var pick = Pick(0u, 0u, 0.0);
+    var pmf = 1.0;
+    var point = outer.u * total;
+    let chosen = pick_lane(cut.sums, 0.0, point);
+    var start = chosen.before;
+    var skipped = opened(&cut, chosen.slot);
+    var place = block_place(cut.links, chosen.slot);
+    var is_first = true;
+    var view: View;
+    var viewed = LIGHT_NO_INSTANCE;
     loop {
-        let bits = target_of(instance == LIGHT_NO_INSTANCE, index, slot);
-        if (bits & LIGHT_LEAF) == 0u {
-            index = base + bits;
-        } else if instance == LIGHT_NO_INSTANCE {
-            instance = bits & ~LIGHT_LEAF;
-            base = instances[instance].node_base;
-            view = tree_view(instance, shading_point);
-            index = base;
+        if is_first || viewed != place.instance {
+            view = view_in(place.instance, shading_point);
+            viewed = place.instance;
+        }
+        let in_top = place.instance == LIGHT_NO_INSTANCE;
+        var lanes = weigh(&cut, place, view, skipped, false);
+        if is_first {
+            lanes = scale_unresolved(lanes, cut.unresolved);
         } else {
-            pick = Pick(instance, bits & ~LIGHT_LEAF, pmf);
-            break;
+            lanes = weights_of(lanes);
+            total = sum(lanes);
+            if total <= 0.0 {
+                break;
+            }
+            start = 0.0;
+            point = select(inner.u, outer.u, in_top) * total;
         }
-        let in_top = instance == LIGHT_NO_INSTANCE;
-        let weights = weights_of(estimate(node_at(in_top, index), view));
-        let total = sum(weights);
-        if total <= 0.0 {
-            break;
-        }
-        let point = select(inner.u, outer.u, in_top) * total;
-        let lane = pick_lane(weights, 0.0, point);
+        let lane = pick_lane(lanes, start, point);
         let chance = share(lane.value, total);
         pmf = joint(pmf, chance);
         let offset = (point - lane.before) / total;
-        if in_top {
+        if in_top || is_first {
             outer = stretch(outer, offset, chance);
         } else {
             inner = stretch(inner, offset, chance);
         }
-        slot = lane.slot;
+        place = below(place, lane.slot);
+        if (place.index & LIGHT_LEAF) != 0u {
+            return Pick(place.instance, place.index & ~LIGHT_LEAF, pmf);
+        }
+        is_first = false;
+        skipped = 0u;
     }
-    return pick;
+    return Pick(0u, 0u, 0.0);
 }
 
 fn sample_point(pick: Pick, shading_point: ShadingPoint) -> Sample {
@@ -534,9 +540,7 @@ fn by_hand(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups
     }
     let shading_point = ShadingPoint(limited(requests[i].position), limited(requests[i].normal));
     let u = requests[i].u;
-    var cut: Cut;
-    split_cut(&cut, shading_point);
-    let pick = descend(&cut, shading_point, u.xy);
+    let pick = pick_light(shading_point, u.xy);
     if pick.pmf <= 0.0 {
         samples[i] = Sample(vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0u, 0u, 0u);
         return;

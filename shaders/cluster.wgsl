@@ -311,8 +311,21 @@ fn rounded_signed(v: vec4<f32>) -> vec4<f32> {
     return trunc(v + select(vec4(0.5), vec4(-0.5), v < vec4(0.0)));
 }
 
+// Four packed children: the bytes of each property in a word, and halves in two.
+struct PackedFour {
+    low: vec3<u32>,
+    high: vec3<u32>,
+    mean: vec3<u32>,
+    deviation: u32,
+    flux: vec2<u32>,
+    shortness: u32,
+    axis: vec3<u32>,
+    cap: u32,
+    range: vec2<u32>,
+}
+
 // Packs four clusters into a node with this origin and these exponents of its steps.
-fn pack_four(four: ClusterFour, origin: vec3<f32>, bits: vec3<u32>) -> LightPackedFour {
+fn pack_four(four: ClusterFour, origin: vec3<f32>, bits: vec3<u32>) -> PackedFour {
     let is_lit = four.flux > vec4(0.0);
     let x = pack_axis(origin.x, bits.x, four.box_min[0], four.box_max[0], four.mean[0], is_lit);
     let y = pack_axis(origin.y, bits.y, four.box_min[1], four.box_max[1], four.mean[1], is_lit);
@@ -329,14 +342,12 @@ fn pack_four(four: ClusterFour, origin: vec3<f32>, bits: vec3<u32>) -> LightPack
     let inverse = 1.0 / sqrt(axis_x * axis_x + axis_y * axis_y + axis_z * axis_z);
     let caps = cap_about(mat3x4(axis_x * inverse, axis_y * inverse, axis_z * inverse), four);
 
-    return LightPackedFour(
+    return PackedFour(
         vec3(x.low, y.low, z.low),
         vec3(x.high, y.high, z.high),
         vec3(x.mean, y.mean, z.mean),
         pack_bytes(trunc(sqrt(ratio_sq) * LIGHT_STEPS + 0.5)),
         pack_halves(four.flux, 0x8000u),
-        // A top level has no ratios of flux.
-        0u,
         pack_bytes(trunc(sqrt(1.0 - select(vec4(0.0), min(length, vec4(1.0)), is_lit)) * LIGHT_STEPS + 0.5)),
         vec3(pack_signed_bytes(axis_x), pack_signed_bytes(axis_y), pack_signed_bytes(axis_z)),
         pack_bytes(select(vec4(2.0 * LIGHT_CAP_STEPS), ceil((1.0 - caps) * LIGHT_CAP_STEPS), is_lit)),
@@ -359,19 +370,40 @@ fn node_packed(eight: ClusterEight, merged: LightCluster) -> LightNode {
         bitcast<vec3<u32>>(merged.box_min),
         (LIGHT_WIDTH << 24u) | bits.x | (bits.y << 8u) | (bits.z << 16u),
     );
-    node.flux = vec4(a.flux, b.flux);
-    node.boxes = array(
-        vec4(a.low.x, b.low.x, a.low.y, b.low.y),
-        vec4(a.low.z, b.low.z, a.high.x, b.high.x),
-        vec4(a.high.y, b.high.y, a.high.z, b.high.z),
-        vec4(a.mean.x, b.mean.x, a.mean.y, b.mean.y),
-        vec4(a.mean.z, b.mean.z, a.deviation, b.deviation),
+    node.children = array(
+        packed_child(a, 0u), packed_child(a, 1u), packed_child(a, 2u), packed_child(a, 3u),
+        packed_child(b, 0u), packed_child(b, 1u), packed_child(b, 2u), packed_child(b, 3u),
     );
-    node.tail = vec4(0u, 0u, a.shortness, b.shortness);
-    node.cones = array(
-        vec4(a.axis.x, b.axis.x, a.axis.y, b.axis.y),
-        vec4(a.axis.z, b.axis.z, a.cap, b.cap),
+    node.lobes = array(
+        vec4(packed_lobe(a, 0u), packed_lobe(a, 1u)), vec4(packed_lobe(a, 2u), packed_lobe(a, 3u)),
+        vec4(packed_lobe(b, 0u), packed_lobe(b, 1u)), vec4(packed_lobe(b, 2u), packed_lobe(b, 3u)),
     );
-    node.range = vec4(a.range, b.range);
     return node;
+}
+
+// A byte of a word, in its lowest byte.
+fn packed_byte(word: u32, lane: u32) -> u32 {
+    return (word >> (8u * lane)) & 0xffu;
+}
+
+// A half of two words, in its lower half.
+fn packed_half(words: vec2<u32>, lane: u32) -> u32 {
+    return (select(words.x, words.y, lane >= 2u) >> (16u * (lane & 1u))) & 0xffffu;
+}
+
+// One of four children without its target, as a node stores it: see LightPackedChild.
+fn packed_child(four: PackedFour, lane: u32) -> vec4<u32> {
+    let low = packed_byte(four.low.x, lane) | (packed_byte(four.low.y, lane) << 8u)
+        | (packed_byte(four.low.z, lane) << 16u) | (packed_byte(four.deviation, lane) << 24u);
+    let high = packed_byte(four.high.x, lane) | (packed_byte(four.high.y, lane) << 8u)
+        | (packed_byte(four.high.z, lane) << 16u) | (packed_byte(four.mean.x, lane) << 24u);
+    let mean = packed_byte(four.mean.y, lane) | (packed_byte(four.mean.z, lane) << 8u)
+        | (packed_half(four.flux, lane) << 16u);
+    return vec4(0u, low, high, mean);
+}
+
+fn packed_lobe(four: PackedFour, lane: u32) -> vec2<u32> {
+    let axis = packed_byte(four.axis.x, lane) | (packed_byte(four.axis.y, lane) << 8u)
+        | (packed_byte(four.axis.z, lane) << 16u) | (packed_byte(four.cap, lane) << 24u);
+    return vec2(axis, packed_byte(four.shortness, lane) | (packed_half(four.range, lane) << 16u));
 }

@@ -1,39 +1,121 @@
 // Splits the clusters near the shading point, so that one light is chosen among all candidates that
 // are left. Twin of src/cut.rs, which explains it. Reads the buffers that sample.wgsl binds.
+//
+// A GPU has no room for the importances of all candidates, so a cut keeps one sum for each node that
+// was split, and a walk weighs the children of the node that it chooses once more. Of the children
+// that may be split next it keeps as many as there are splits. No array is indexed at run time,
+// because such arrays are in memory.
 
-// The nodes whose children may be candidates: the root and one node for each split.
+// A node of a tree in an instance, or of the top level for LIGHT_NO_INSTANCE. `index` counts from the
+// start of the buffer; for a single light it is LIGHT_LEAF with the index of the light in its tree.
+struct LightPlace {
+    instance: u32,
+    index: u32,
+}
+
+// The nodes that a cut has at most: the root and one node for each split.
 const LIGHT_CUT_NODES: u32 = LIGHT_MAX_SPLITS + 1u;
 
 // The candidates of a shading point: the children of the nodes that were split.
 struct LightCut {
+    // The number of nodes that were split.
     node_count: u32,
+    // The index of each of them, with LIGHT_LEAF for nodes of the top level.
+    first_nodes: vec4<u32>,
+    last_nodes: vec4<u32>,
+    // For each of them but the root: which child of which of them it is. Six bits each.
+    links: vec2<u32>,
+    // For each of them the sum of its children's weights, without unresolved children until the last
+    // split.
+    sums: LightLanes,
     // The sum of all weights: the estimated illuminance by all candidates, in lux.
     total: f32,
-    has_unresolved: bool,
-    // For each split node: the slot of the instance whose tree it is in, or LIGHT_NO_INSTANCE; its
-    // index in its buffer; the sum of the weights, without unresolved children until the last
-    // split.
-    instances: array<u32, LIGHT_CUT_NODES>,
-    nodes: array<u32, LIGHT_CUT_NODES>,
-    totals: array<f32, LIGHT_CUT_NODES>,
-    // The child with the greatest doubt, the first of equals, and its doubt.
-    doubtful_slots: array<u32, LIGHT_CUT_NODES>,
-    max_doubts: array<f32, LIGHT_CUT_NODES>,
-    // The importance of each child; 0 for a child that was split itself. After the last split the
-    // weights: none is negative then, and unresolved ones are limited.
-    weights: array<mat2x4<f32>, LIGHT_CUT_NODES>,
-    // Importance times relative doubt; 0 for what cannot be split.
-    doubts: array<mat2x4<f32>, LIGHT_CUT_NODES>,
+    // A bit for each node with unresolved candidates.
+    unresolved_nodes: u32,
+    // The sum of the importances of unresolved candidates; after the last split what each of them is
+    // multiplied by.
+    unresolved: f32,
+    pending: LightPending,
     // #if LEARNS
     cell: LightCell,
     // #endif
 }
 
-// A child and where its part of the line of weights begins.
-struct LightLane {
-    slot: u32,
-    before: f32,
-    weight: f32,
+// The children that may be split next, the one with the greatest doubt first. They are not in the
+// sums of their nodes. The eighth place is always empty.
+struct LightPending {
+    // Importance times relative doubt, as the bits of a float. The last six bits name the child, so
+    // that of equal doubts the first child has the greatest key: see light_key.
+    first_keys: vec4<u32>,
+    last_keys: vec4<u32>,
+    // The importances.
+    first_lux: vec4<f32>,
+    last_lux: vec4<f32>,
+}
+
+const LIGHT_CHILD_BITS: u32 = 63u;
+
+// The child in a slot of a node of the cut, as a number.
+fn light_child_id(node: u32, slot: u32) -> u32 {
+    return node * LIGHT_WIDTH + slot;
+}
+
+// The bits of a doubt that a key has.
+fn light_doubt_bits(doubt: f32) -> u32 {
+    return bitcast<u32>(doubt) & ~LIGHT_CHILD_BITS;
+}
+
+fn light_id_of_key(key: u32) -> u32 {
+    return LIGHT_CHILD_BITS - (key & LIGHT_CHILD_BITS);
+}
+
+// Which child of which node of the cut a node is, the root excepted.
+fn light_link(links: vec2<u32>, node: u32) -> u32 {
+    return extractBits(select(links.x, links.y, node > 4u), 6u * ((node - 1u) & 3u), 6u);
+}
+
+// The node or the light that a target of a node names.
+fn light_place_below(place: LightPlace, bits: u32) -> LightPlace {
+    var below = LightPlace(place.instance, bits);
+    if place.instance == LIGHT_NO_INSTANCE && (bits & LIGHT_LEAF) != 0u {
+        let part = light_part(bits);
+        below = LightPlace(part.slot, part.target_bits);
+    }
+    if below.instance != LIGHT_NO_INSTANCE && (below.index & LIGHT_LEAF) == 0u {
+        below.index += light_node_base(below.instance);
+    }
+    return below;
+}
+
+// A child of a node, by its slot.
+fn light_child_place(place: LightPlace, slot: u32) -> LightPlace {
+    return light_place_below(place, light_target(place.instance == LIGHT_NO_INSTANCE, place.index, slot));
+}
+
+// A node of the cut: goes down from the root by the links.
+fn light_cut_place(links: vec2<u32>, number: u32) -> LightPlace {
+    var slots = 0u;
+    var depth = 0u;
+    for (var node = number; node != 0u; node = light_link(links, node) / LIGHT_WIDTH) {
+        slots = (slots << 3u) | (light_link(links, node) % LIGHT_WIDTH);
+        depth++;
+    }
+    var place = LightPlace(LIGHT_NO_INSTANCE, 0u);
+    for (; depth != 0u; depth--) {
+        place = light_child_place(place, slots % LIGHT_WIDTH);
+        slots >>= 3u;
+    }
+    return place;
+}
+
+// A bit for each child of a node of the cut that was split itself.
+fn light_split_children(cut: ptr<function, LightCut>, number: u32) -> u32 {
+    var split = 0u;
+    for (var node = 1u; node < (*cut).node_count; node++) {
+        let id = light_link((*cut).links, node);
+        split |= select(0u, 1u << (id % LIGHT_WIDTH), id / LIGHT_WIDTH == number);
+    }
+    return split;
 }
 
 // A shading point in the space of the top level, which is the world.
@@ -114,140 +196,253 @@ fn light_local_to(instance: u32, shading_point: LightShadingPoint) -> LightLocal
     return light_local_to_tree(instance, shading_point);
 }
 
-// Brings the sum and the greatest doubt up to date with a node's children.
-fn light_sum_up(cut: ptr<function, LightCut>, entry: u32) {
-    // One huge unresolved importance would make the doubts about all others look small.
-    (*cut).totals[entry] = light_resolved_sum((*cut).weights[entry]);
-    // Doubts are compared without their last bits, where the CPU keeps the slot.
-    var slot = 0u;
-    var max_doubt = 0u;
-    for (var i = 0u; i < LIGHT_WIDTH; i++) {
-        let doubt = bitcast<u32>((*cut).doubts[entry][i / 4u][i % 4u]) & ~(LIGHT_WIDTH - 1u);
-        if doubt > max_doubt {
-            slot = i;
-            max_doubt = doubt;
+// Adds a candidate to the sum of its node.
+fn light_add_to_sum(cut: ptr<function, LightCut>, node: u32, lux: f32) {
+    if lux < 0.0 {
+        (*cut).unresolved -= lux;
+        (*cut).unresolved_nodes |= 1u << node;
+        return;
+    }
+    (*cut).sums.first += select(vec4(0.0), vec4(lux), vec4(node) == vec4(0u, 1u, 2u, 3u));
+    (*cut).sums.last += select(vec4(0.0), vec4(lux), vec4(node) == vec4(4u, 5u, 6u, 7u));
+}
+
+// Makes a child a candidate: puts it in its place among the pending ones. The last of these is not
+// split any more if all have a place before it; nor is a child whose doubt is too small for a key.
+fn light_add_candidate(cut: ptr<function, LightCut>, doubt: f32, id: u32, lux: f32) {
+    var pending = (*cut).pending;
+    var added_id = id;
+    var added_lux = lux;
+    if light_doubt_bits(doubt) != 0u {
+        let key = light_doubt_bits(doubt) | (LIGHT_CHILD_BITS - id);
+        let keys = pending.first_keys;
+        let last_keys = pending.last_keys;
+        let all_lux = pending.first_lux;
+        let last_lux = pending.last_lux;
+        // The places from the first lower key on move back by one.
+        let moves = vec4(key) > keys;
+        let last_moves = vec4(key) > last_keys;
+        let follows = vec4(false, moves.xyz);
+        let last_follows = vec4(moves.w, last_moves.xyz);
+        pending.first_keys = select(keys, select(vec4(key), vec4(key, keys.xyz), follows), moves);
+        pending.last_keys = select(last_keys, select(vec4(key), vec4(keys.w, last_keys.xyz), last_follows), last_moves);
+        pending.first_lux = select(all_lux, select(vec4(lux), vec4(lux, all_lux.xyz), follows), moves);
+        pending.last_lux = select(last_lux, select(vec4(lux), vec4(all_lux.w, last_lux.xyz), last_follows), last_moves);
+        added_id = light_id_of_key(pending.last_keys.w);
+        added_lux = pending.last_lux.w;
+        pending.last_keys.w = 0u;
+        pending.last_lux.w = 0.0;
+        (*cut).pending = pending;
+    }
+    light_add_to_sum(cut, added_id / LIGHT_WIDTH, added_lux);
+}
+
+// Takes the first pending child out.
+fn light_shift_pending(cut: ptr<function, LightCut>) {
+    let pending = (*cut).pending;
+    (*cut).pending = LightPending(
+        vec4(pending.first_keys.yzw, pending.last_keys.x), vec4(pending.last_keys.yzw, 0u),
+        vec4(pending.first_lux.yzw, pending.last_lux.x), vec4(pending.last_lux.yzw, 0.0),
+    );
+}
+
+// What the children of a node are weighed for.
+struct LightWeighing {
+    // The node's children become candidates; otherwise their importances are returned.
+    is_split: bool,
+    // The node is one of the cut.
+    in_cut: bool,
+    // A bit for each child that is left out.
+    skipped: u32,
+}
+
+// Weighs the children of a node. `local` is the shading point in the node's space.
+fn light_weigh(
+    cut: ptr<function, LightCut>, place: LightPlace, shading_point: LightShadingPoint,
+    local: LightLocalShadingPoint, weighing: LightWeighing,
+) -> LightLanes {
+    let in_top = place.instance == LIGHT_NO_INSTANCE;
+    let at = place.index * light_params.node_stride;
+    let view = light_node_view(light_quad(in_top, at), local);
+    var left_out = weighing.skipped;
+    // #if MASKS
+    left_out |= ~light_met_children(in_top, place.index, shading_point.mask);
+    // #endif
+    // #if COUNTS
+    light_nodes_read++;
+    // #endif
+    var lanes = LightLanes(vec4(0.0), vec4(0.0));
+    // #if SEGMENTS
+    // A loop for each kind of estimate, so that an adapter that runs both sides of a branch runs one
+    // of them once and not eight times.
+    if local.segment.w > 0.0 {
+        for (var slot = 0u; slot < LIGHT_WIDTH; slot++) {
+            let packed = light_packed_child(in_top, at, slot);
+            if light_has_flux(packed) && (left_out & (1u << slot)) == 0u {
+                let estimate = light_importance_along(packed, local, view);
+                light_take(cut, &lanes, place.instance, slot, packed, view, local, weighing, estimate);
+            }
+        }
+        return lanes;
+    }
+    // #endif
+    for (var slot = 0u; slot < LIGHT_WIDTH; slot++) {
+        let packed = light_packed_child(in_top, at, slot);
+        if light_has_flux(packed) && (left_out & (1u << slot)) == 0u {
+            let estimate = light_importance(packed, local, view);
+            light_take(cut, &lanes, place.instance, slot, packed, view, local, weighing, estimate);
         }
     }
-    (*cut).doubtful_slots[entry] = slot;
-    (*cut).max_doubts[entry] = bitcast<f32>(max_doubt);
+    return lanes;
 }
 
-fn light_add_totals(cut: ptr<function, LightCut>) {
-    var total = 0.0;
-    for (var i = 0u; i < (*cut).node_count; i++) {
-        total += (*cut).totals[i];
-    }
-    (*cut).total = total;
-}
-
-// Makes the children of a node candidates.
-fn light_add_children(cut: ptr<function, LightCut>, instance: u32, index: u32, shading_point: LightShadingPoint) {
-    let node = light_node(instance == LIGHT_NO_INSTANCE, index);
-    var local = light_local_to(instance, shading_point);
-    // #if MASKS
-    local.met_children = light_met_children(instance == LIGHT_NO_INSTANCE, index, shading_point.mask);
-    // #endif
-    let children = light_child_importances(node, local);
-    var importance = children.importance;
+// Takes the estimate of a child: makes it a candidate, or sets its lane.
+fn light_take(
+    cut: ptr<function, LightCut>, lanes: ptr<function, LightLanes>, instance: u32, slot: u32,
+    packed: LightPackedChild, view: LightNodeView, local: LightLocalShadingPoint, weighing: LightWeighing,
+    estimate: LightImportance,
+) {
+    var lux = estimate.lux;
     // #if LEARNS
-    let shares = light_visible_shares(node, instance, local.position, (*cut).cell);
-    importance = mat2x4(importance[0] * shares[0], importance[1] * shares[1]);
+    if weighing.in_cut {
+        lux *= light_visible_share(packed, view, instance, (*cut).cell);
+    }
     // #endif
-    var doubts = mat2x4(importance[0] * children.doubt[0], importance[1] * children.doubt[1]);
-    if children.has_unresolved {
-        (*cut).has_unresolved = true;
-        // Single lights cannot be split.
-        let first_is_cluster = (node.targets[0] & vec4(local.light_bit)) == vec4(0u);
-        let last_is_cluster = (node.targets[1] & vec4(local.light_bit)) == vec4(0u);
-        let first = select(vec4(0.0), importance[0] * -LIGHT_UNRESOLVED_DOUBT, first_is_cluster);
-        let last = select(vec4(0.0), importance[1] * -LIGHT_UNRESOLVED_DOUBT, last_is_cluster);
-        doubts[0] = select(doubts[0], first, importance[0] < vec4(0.0));
-        doubts[1] = select(doubts[1], last, importance[1] < vec4(0.0));
+    if !weighing.is_split {
+        light_set_lane(lanes, slot, lux);
+    } else if lux != 0.0 {
+        // What cannot be resolved is split first, but single lights cannot be split.
+        let is_light = (packed.target_bits & local.light_bit) != 0u;
+        let unresolved_doubt = select(-lux * LIGHT_UNRESOLVED_DOUBT, 0.0, is_light);
+        let doubt = select(lux * estimate.doubt, unresolved_doubt, lux < 0.0);
+        light_add_candidate(cut, doubt, light_child_id((*cut).node_count, slot), lux);
     }
-    let entry = (*cut).node_count;
-    (*cut).node_count = entry + 1u;
-    (*cut).instances[entry] = instance;
-    (*cut).nodes[entry] = index;
-    (*cut).weights[entry] = importance;
-    (*cut).doubts[entry] = doubts;
-    light_sum_up(cut, entry);
-    light_add_totals(cut);
 }
 
-// Limits the weights of all unresolved candidates together, relative to the other candidates and
-// the directional lights, and adds them to the sums.
-fn light_limit_unresolved(cut: ptr<function, LightCut>, directional_lux: f32) {
-    var unresolved = 0.0;
-    for (var i = 0u; i < (*cut).node_count; i++) {
-        unresolved += light_unresolved_sum((*cut).weights[i]);
+// Splits the pending child with the greatest doubt, if that is worth its time and allowed. Returns
+// whether it did; the links of the cut then lead to the child as its last node. Otherwise all
+// pending children have been added to the sums of their nodes.
+fn light_split_next(cut: ptr<function, LightCut>) -> bool {
+    (*cut).node_count++;
+    let count = (*cut).node_count;
+    // One huge unresolved importance would make the doubts about all others look small.
+    let total = light_sum((*cut).sums)
+        + light_resolved_sum(LightLanes((*cut).pending.first_lux, (*cut).pending.last_lux));
+    let key = (*cut).pending.first_keys.x;
+    let is_worth = bitcast<f32>(key & ~LIGHT_CHILD_BITS) > LIGHT_MIN_DOUBT * total;
+    if is_worth && count <= min(light_params.splits, LIGHT_MAX_SPLITS) {
+        let link = light_id_of_key(key) << (6u * ((count - 1u) & 3u));
+        (*cut).links |= select(vec2(link, 0u), vec2(0u, link), count > 4u);
+        light_shift_pending(cut);
+        return true;
     }
-    let scale = light_unresolved_scale((*cut).total + directional_lux, unresolved);
-    for (var i = 0u; i < (*cut).node_count; i++) {
-        let weights = light_scale_unresolved((*cut).weights[i], scale);
-        (*cut).weights[i] = weights;
-        (*cut).totals[i] = light_sum(weights);
+    while (*cut).pending.first_keys.x != 0u {
+        light_add_to_sum(cut, light_id_of_key((*cut).pending.first_keys.x) / LIGHT_WIDTH, (*cut).pending.first_lux.x);
+        light_shift_pending(cut);
     }
-    light_add_totals(cut);
+    (*cut).total = light_sum((*cut).sums);
+    return false;
 }
 
-// Splits the root of the top level and then, up to light_params.splits times, the candidate with
-// the greatest doubt. Twin of `Cut::new`.
+// Splits the root of the top level and then, up to light_params.splits times, the candidate with the
+// greatest doubt. Limits the weights of all unresolved candidates together, relative to the other
+// candidates and the directional lights. Twin of `Cut::new`.
 fn light_new_cut(cut: ptr<function, LightCut>, directional_lux: f32, shading_point: LightShadingPoint) {
-    let splits = min(light_params.splits, LIGHT_MAX_SPLITS);
-    (*cut).node_count = 0u;
-    (*cut).has_unresolved = false;
+    var local: LightLocalShadingPoint;
+    var local_instance = LIGHT_NO_INSTANCE;
+    var node = 0u;
+    var skipped = 0u;
+    var is_split = true;
     // #if LEARNS
     (*cut).cell = light_cell(shading_point);
     // #endif
-    var instance = LIGHT_NO_INSTANCE;
-    var index = 0u;
     loop {
-        light_add_children(cut, instance, index, shading_point);
-        let count = (*cut).node_count;
-        var max_doubt = LIGHT_MIN_DOUBT * (*cut).total;
-        var entry = count;
-        for (var i = 0u; i < count; i++) {
-            if (*cut).max_doubts[i] > max_doubt {
-                max_doubt = (*cut).max_doubts[i];
-                entry = i;
-            }
+        let place = light_cut_place((*cut).links, node);
+        if node == 0u || place.instance != local_instance {
+            local = light_local_to(place.instance, shading_point);
+            local_instance = place.instance;
         }
-        if entry == count || count > splits {
+        let lanes = light_weigh(cut, place, shading_point, local, LightWeighing(is_split, true, skipped));
+        if is_split {
+            light_name_node(cut, node, place);
+            if light_split_next(cut) {
+                node = (*cut).node_count;
+                continue;
+            }
+            (*cut).unresolved = light_unresolved_scale((*cut).total + directional_lux, (*cut).unresolved);
+            is_split = false;
+        } else {
+            // The children of a node with unresolved candidates have been weighed once more.
+            var sums = (*cut).sums;
+            light_set_lane(&sums, node, light_sum(light_scale_unresolved(lanes, (*cut).unresolved)));
+            (*cut).sums = sums;
+            (*cut).total = light_sum(sums);
+            (*cut).unresolved_nodes &= ~(1u << node);
+        }
+        if (*cut).unresolved_nodes == 0u {
             break;
         }
-        instance = (*cut).instances[entry];
-        let slot = (*cut).doubtful_slots[entry];
-        let bits = light_target(instance == LIGHT_NO_INSTANCE, (*cut).nodes[entry], slot);
-        if (bits & LIGHT_LEAF) != 0u {
-            // Single lights are never split.
-            let part = light_part(bits);
-            instance = part.slot;
-            index = light_node_base(instance) + part.target_bits;
-        } else if instance == LIGHT_NO_INSTANCE {
-            index = bits;
-        } else {
-            index = light_node_base(instance) + bits;
-        }
-        (*cut).weights[entry][slot / 4u][slot % 4u] = 0.0;
-        (*cut).doubts[entry][slot / 4u][slot % 4u] = 0.0;
-        light_sum_up(cut, entry);
-    }
-    if (*cut).has_unresolved {
-        light_limit_unresolved(cut, directional_lux);
+        node = firstTrailingBit((*cut).unresolved_nodes);
+        skipped = light_split_children(cut, node);
     }
 }
 
-// The lane at a point of the line of weights; `start` is where the first begins.
-fn light_choose_lane(lanes: mat2x4<f32>, start: f32, point: f32) -> LightLane {
-    var weights = lanes;
-    var before = start;
-    var chosen = LightLane(0u, start, 0.0);
-    for (var slot = 0u; slot < LIGHT_WIDTH; slot++) {
-        let weight = weights[slot / 4u][slot % 4u];
-        if weight > 0.0 && point >= before {
-            chosen = LightLane(slot, before, weight);
+// Records which node a node of the cut is.
+fn light_name_node(cut: ptr<function, LightCut>, node: u32, place: LightPlace) {
+    let id = light_node_id(place);
+    (*cut).first_nodes = select((*cut).first_nodes, vec4(id), vec4(node) == vec4(0u, 1u, 2u, 3u));
+    (*cut).last_nodes = select((*cut).last_nodes, vec4(id), vec4(node) == vec4(4u, 5u, 6u, 7u));
+}
+
+fn light_node_id(place: LightPlace) -> u32 {
+    return place.index | select(0u, LIGHT_LEAF, place.instance == LIGHT_NO_INSTANCE);
+}
+
+// The number of a node among those of the cut; LIGHT_CUT_NODES if it is not one.
+fn light_number_in_cut(cut: ptr<function, LightCut>, place: LightPlace) -> u32 {
+    let id = vec4(light_node_id(place));
+    let first = select(vec4(0u), vec4(1u, 2u, 4u, 8u), (*cut).first_nodes == id);
+    let last = select(vec4(0u), vec4(16u, 32u, 64u, 128u), (*cut).last_nodes == id);
+    let found = first | last;
+    // Several instances may have the same nodes.
+    var numbers = (found.x | found.y | found.z | found.w) & ((1u << (*cut).node_count) - 1u);
+    while numbers != 0u {
+        let number = firstTrailingBit(numbers);
+        if light_cut_place((*cut).links, number).instance == place.instance {
+            return number;
         }
-        before += weight;
+        numbers &= numbers - 1u;
     }
+    return LIGHT_CUT_NODES;
+}
+
+// A child and where its part of the line of weights begins.
+struct LightLane {
+    slot: u32,
+    before: f32,
+    weight: f32,
+}
+
+// The lane at a point of the line of weights; `start` is where the first begins. The last lane with
+// a weight that begins at or before the point.
+fn light_choose_lane(lanes: LightLanes, start: f32, point: f32) -> LightLane {
+    var chosen = LightLane(0u, start, 0.0);
+    var before = start;
+    before = light_pass_lane(&chosen, 0u, lanes.first.x, before, point);
+    before = light_pass_lane(&chosen, 1u, lanes.first.y, before, point);
+    before = light_pass_lane(&chosen, 2u, lanes.first.z, before, point);
+    before = light_pass_lane(&chosen, 3u, lanes.first.w, before, point);
+    before = light_pass_lane(&chosen, 4u, lanes.last.x, before, point);
+    before = light_pass_lane(&chosen, 5u, lanes.last.y, before, point);
+    before = light_pass_lane(&chosen, 6u, lanes.last.z, before, point);
+    before = light_pass_lane(&chosen, 7u, lanes.last.w, before, point);
     return chosen;
+}
+
+// Chooses a lane that begins at or before the point. Returns where the next one begins.
+fn light_pass_lane(chosen: ptr<function, LightLane>, slot: u32, weight: f32, before: f32, point: f32) -> f32 {
+    if weight > 0.0 && point >= before {
+        *chosen = LightLane(slot, before, weight);
+    }
+    return before + weight;
 }

@@ -49,13 +49,13 @@ fn light_gloss(normal: vec3<f32>, view: vec3<f32>, roughness: f32, specular: f32
 
 struct LightReflected {
     // The mean of the BRDF, times pi.
-    value: vec4<f32>,
-    doubt: vec4<f32>,
+    value: f32,
+    doubt: f32,
 }
 
 // Twin of `LocalGloss::reflected`.
 fn light_reflected(
-    gloss: LightGloss, x: vec4<f32>, y: vec4<f32>, z: vec4<f32>, spread: vec4<f32>,
+    gloss: LightGloss, x: f32, y: f32, z: f32, spread: f32,
 ) -> LightReflected {
     let alpha_sq = gloss.alpha * gloss.alpha;
     let height = z + gloss.view.y;
@@ -68,13 +68,13 @@ fn light_reflected(
     let xx = alpha_sq + width * (1.0 + slope_x * slope_x - along_x * along_x);
     let xy = width * (slope_x * slope_y - along_x * along_y);
     let yy = alpha_sq + width * (1.0 + slope_y * slope_y - along_y * along_y);
-    let det = max(xx * yy - xy * xy, vec4(alpha_sq * alpha_sq));
+    let det = max(xx * yy - xy * xy, alpha_sq * alpha_sq);
     let square_x = slope_x * slope_x;
     let square_y = slope_y * slope_y;
     let outside = square_x * yy - 2.0 * (slope_x * slope_y) * xy + square_y * xx;
     let slope_sq = square_x + square_y;
     let area = 1.0 + slope_sq * (2.0 * alpha_sq / (xx + yy));
-    let grazing = max(1.0 - 0.5 * height * sqrt(area), vec4(0.0));
+    let grazing = max(1.0 - 0.5 * height * sqrt(area), 0.0);
     let grazing_sq = grazing * grazing;
     let fresnel = gloss.specular + (1.0 - gloss.specular) * (grazing_sq * grazing_sq * grazing);
     let product = 2.0 * z * gloss.view.y;
@@ -90,21 +90,8 @@ fn light_reflectance(gloss: LightGloss, direction: vec3<f32>, cosine: f32) -> f3
     if gloss.alpha <= 0.0 {
         return 1.0;
     }
-    let x = vec4(dot(gloss.tangent, direction));
-    let y = vec4(dot(gloss.bitangent, direction));
-    return light_reflected(gloss, x, y, vec4(cosine), vec4(0.0)).value.x;
-}
-
-// Adds what a glossy surface needs of four children that light_unpack has unpacked.
-fn light_add_tangents(
-    four: ptr<function, LightFour>, packed: LightPackedFour, origin: vec3<f32>, half_step: vec3<f32>, gloss: LightGloss,
-) {
-    let mean = mat3x4(
-        light_mean(packed.low.x, packed.high.x, packed.mean.x, origin.x, half_step.x),
-        light_mean(packed.low.y, packed.high.y, packed.mean.y, origin.y, half_step.y),
-        light_mean(packed.low.z, packed.high.z, packed.mean.z, origin.z, half_step.z),
-    );
-    (*four).tangent = mean * gloss.tangent;
-    (*four).bitangent = mean * gloss.bitangent;
+    let x = dot(gloss.tangent, direction);
+    let y = dot(gloss.bitangent, direction);
+    return light_reflected(gloss, x, y, cosine, 0.0).value;
 }
 // #endif

@@ -1,6 +1,6 @@
 // Estimates how much light each child of a node sends to a shading point; 0 only where the child's
-// bounds prove it. Twin of src/importance.rs, which explains it and owns the constants. Four
-// children at a time, one in each lane. Binds nothing.
+// bounds prove it. Twin of src/importance.rs, which explains it and owns the constants. Binds
+// nothing.
 
 struct LightShadingPoint {
     // Metres, relative to the world's origin.
@@ -104,10 +104,6 @@ struct LightLocalShadingPoint {
     // #if RANGES
     range_scale: f32,
     // #endif
-    // #if MASKS
-    // See `light_met_children`: those of the node whose children are evaluated next.
-    met_children: u32,
-    // #endif
     // #if FACTORS
     // What the flux of the lights is multiplied by.
     brightness: f32,
@@ -122,70 +118,55 @@ struct LightLocalShadingPoint {
     // #endif
 }
 
-// A node as seen from a shading point.
-struct LightNodeView {
-    // The vector from the shading point to the origin of the node's grid.
-    origin: vec3<f32>,
-    half_step: vec3<f32>,
-    // The largest rounding error of a position.
-    margin: f32,
-    // The squared error of a shading point's position, below which children are unresolved.
-    position_error_sq: f32,
+// The importance of a child.
+struct LightImportance {
+    // Negative if the child is unresolved.
+    lux: f32,
+    // The error that the estimate may have, relative to the estimate.
+    doubt: f32,
 }
 
-struct LightFourImportances {
-    importance: vec4<f32>,
-    doubt: vec4<f32>,
+// The importances of all eight children, or their weights.
+struct LightLanes {
+    first: vec4<f32>,
+    last: vec4<f32>,
 }
 
-// Of all eight children: the columns are children 0 to 3 and 4 to 7.
-struct LightChildImportances {
-    // Negative if a child is unresolved.
-    importance: mat2x4<f32>,
-    // The error that the estimate of a child may have, relative to the estimate.
-    doubt: mat2x4<f32>,
-    has_unresolved: bool,
+// A node as seen from a shading point; `head` are its first 16 bytes.
+fn light_node_view(head: vec4<u32>, local: LightLocalShadingPoint) -> LightNodeView {
+    let corner = bitcast<vec3<f32>>(head.xyz);
+    let farthest = abs(corner) + 2.0 * LIGHT_STEPS * light_half_steps(head.w) + abs(local.position);
+    return LightNodeView(corner - local.position, head.w, light_sum_axes(farthest) * local.margin);
 }
 
-// Twin of `child_importances`.
-fn light_child_importances(node: LightNode, local: LightLocalShadingPoint) -> LightChildImportances {
-    let corner = bitcast<vec3<f32>>(node.head.xyz);
-    let origin = corner - local.position;
-    let half_step = light_half_steps(node.head.w);
-    let own = abs(local.position);
-    let farthest = abs(corner) + 2.0 * LIGHT_STEPS * half_step + own;
-    let margin = (farthest.x + farthest.y + farthest.z) * local.margin;
-    let error = LIGHT_POSITION_ERROR * (own.x + own.y + own.z) + LIGHT_MIN_POSITION_ERROR;
-    let error_sq = (2.0 * 3.0) * (error * error);
-    let view = LightNodeView(origin, half_step, margin, error_sq);
-    let first_is_light = (node.targets[0] & vec4(local.light_bit)) != vec4(0u);
-    var first = light_four_importances(light_first_four(node), first_is_light, local, view);
-    let last_is_light = (node.targets[1] & vec4(local.light_bit)) != vec4(0u);
-    var last = light_four_importances(light_last_four(node), last_is_light, local, view);
-    // #if MASKS
-    let bits = vec4(local.met_children);
-    first.importance = select(vec4(0.0), first.importance, (bits & vec4(1u, 2u, 4u, 8u)) != vec4(0u));
-    last.importance = select(vec4(0.0), last.importance, (bits & vec4(16u, 32u, 64u, 128u)) != vec4(0u));
-    // #endif
-    return LightChildImportances(
-        mat2x4(first.importance, last.importance), mat2x4(first.doubt, last.doubt),
-        any(min(first.importance, last.importance) < vec4(0.0)),
-    );
+// The squared error of a shading point's position, below which children are unresolved. `reach` is
+// the sum of the coordinates.
+fn light_position_error_sq(reach: f32) -> f32 {
+    let error = LIGHT_POSITION_ERROR * reach + LIGHT_MIN_POSITION_ERROR;
+    return (2.0 * 3.0) * (error * error);
+}
+
+// Sets the lane of a child.
+fn light_set_lane(lanes: ptr<function, LightLanes>, slot: u32, lux: f32) {
+    (*lanes).first = select((*lanes).first, vec4(lux), vec4(slot) == vec4(0u, 1u, 2u, 3u));
+    (*lanes).last = select((*lanes).last, vec4(lux), vec4(slot) == vec4(4u, 5u, 6u, 7u));
 }
 
 // Adds the halves first, as `running_sums` does.
-fn light_sum(v: mat2x4<f32>) -> f32 {
-    return ((v[1].w + v[1].z) + (v[1].y + v[1].x)) + ((v[0].w + v[0].z) + (v[0].y + v[0].x));
+fn light_sum(lanes: LightLanes) -> f32 {
+    let a = lanes.first;
+    let b = lanes.last;
+    return ((b.w + b.z) + (b.y + b.x)) + ((a.w + a.z) + (a.y + a.x));
 }
 
 // The sum of the resolved importances.
-fn light_resolved_sum(v: mat2x4<f32>) -> f32 {
-    return light_sum(mat2x4(max(v[0], vec4(0.0)), max(v[1], vec4(0.0))));
+fn light_resolved_sum(lanes: LightLanes) -> f32 {
+    return light_sum(LightLanes(max(lanes.first, vec4(0.0)), max(lanes.last, vec4(0.0))));
 }
 
 // The sum of the unresolved importances.
-fn light_unresolved_sum(v: mat2x4<f32>) -> f32 {
-    return light_resolved_sum(mat2x4(-v[0], -v[1]));
+fn light_unresolved_sum(lanes: LightLanes) -> f32 {
+    return light_resolved_sum(LightLanes(-lanes.first, -lanes.last));
 }
 
 // The factor that limits the sum of all unresolved importances to that of the others. Twin of
@@ -195,75 +176,73 @@ fn light_unresolved_scale(others: f32, unresolved: f32) -> f32 {
 }
 
 // Turns importances into weights. Twin of `scale_unresolved`.
-fn light_scale_unresolved(v: mat2x4<f32>, scale: f32) -> mat2x4<f32> {
+fn light_scale_unresolved(lanes: LightLanes, scale: f32) -> LightLanes {
     let least = vec4(LIGHT_MIN_IMPORTANCE);
-    return mat2x4(
-        select(v[0], max(-v[0] * scale, least), v[0] < vec4(0.0)),
-        select(v[1], max(-v[1] * scale, least), v[1] < vec4(0.0)),
+    return LightLanes(
+        select(lanes.first, max(-lanes.first * scale, least), lanes.first < vec4(0.0)),
+        select(lanes.last, max(-lanes.last * scale, least), lanes.last < vec4(0.0)),
     );
 }
 
-// What a walk chooses one of a node's children by: the importances, where those of unresolved
-// children add up to at most the sum of the others. Twin of `child_weights`.
-fn light_child_weights(node: LightNode, local: LightLocalShadingPoint) -> mat2x4<f32> {
-    let children = light_child_importances(node, local);
-    var weights = children.importance;
-    if children.has_unresolved {
-        weights = light_scale_unresolved(
-            weights, light_unresolved_scale(light_resolved_sum(weights), light_unresolved_sum(weights)),
-        );
-    }
-    return weights;
+fn light_has_unresolved(lanes: LightLanes) -> bool {
+    return any(min(lanes.first, lanes.last) < vec4(0.0));
 }
 
-fn light_four_importances(
-    packed: LightPackedFour, is_light: vec4<bool>, local: LightLocalShadingPoint, view: LightNodeView,
-) -> LightFourImportances {
-    // #if SEGMENTS
-    if local.segment.w > 0.0 {
-        return light_four_along(packed, is_light, local, view);
+// What a walk chooses one of a node's children by: the importances, where those of unresolved
+// children add up to at most the sum of the others. Twin of `ChildImportances::weights`.
+fn light_weights(importances: LightLanes) -> LightLanes {
+    if light_has_unresolved(importances) {
+        let scale = light_unresolved_scale(light_resolved_sum(importances), light_unresolved_sum(importances));
+        return light_scale_unresolved(importances, scale);
     }
-    // #endif
-    var four = light_unpack(packed, view.origin, view.half_step, local.normal, view.margin);
+    return importances;
+}
+
+// The importance of a child. Twin of `child_importances`.
+fn light_importance(packed: LightPackedChild, local: LightLocalShadingPoint, view: LightNodeView) -> LightImportance {
+    let is_light = (packed.target_bits & local.light_bit) != 0u;
+    var child = light_unpack(packed, view, local.normal);
     // #if NON_RIGID
     // #if CONES
-    four.cos_half_angle = light_widened(four.cos_half_angle, local.turn);
+    child.cos_half_angle = light_widened(child.cos_half_angle, local.turn);
     // #endif
     // #endif
-    let is_lit = (four.flux > vec4(0.0)) & !light_is_provably_dark(four, local, view.margin);
-    let error_sq = LIGHT_MEAN_ERROR_SQ * four.radius_sq + view.position_error_sq;
-    let is_unresolved = four.dist_sq + four.variance <= error_sq;
+    let is_dark = light_is_provably_dark(child, local, view.margin);
+    let error_sq = LIGHT_MEAN_ERROR_SQ * child.radius_sq + light_position_error_sq(light_sum_axes(abs(local.position)));
+    let is_unresolved = child.dist_sq + child.variance <= error_sq;
     // #if NON_RIGID
     if local.scaled_instance != LIGHT_NO_INSTANCE {
-        light_four_into_world(
-            &four, packed, local.scaled_instance, view.origin, view.half_step, local.normal,
-        );
+        light_into_world(&child, packed, local.scaled_instance, view, local.normal);
     }
     // #endif
     // #if FACTORS
-    four.flux *= local.brightness;
+    child.flux *= local.brightness;
     // #endif
+    var tangents = vec2(0.0);
     // #if GLOSSY
-    light_add_tangents(&four, packed, view.origin, view.half_step, local.gloss);
+    let toward = light_to_mean(packed, view);
+    tangents = vec2(light_sum_axes(local.gloss.tangent * toward), light_sum_axes(local.gloss.bitangent * toward));
     // #endif
-    let estimate = light_estimate(four, is_light, local);
-    let importance = select(estimate.importance, -estimate.importance, is_unresolved);
-    return LightFourImportances(select(vec4(0.0), importance, is_lit), estimate.doubt);
+    let estimate = light_estimate(child, is_light, local, tangents);
+    let lux = select(estimate.lux, -estimate.lux, is_unresolved);
+    return LightImportance(select(lux, 0.0, is_dark), estimate.doubt);
 }
 
-fn light_estimate(four: LightFour, is_light: vec4<bool>, local: LightLocalShadingPoint) -> LightFourImportances {
-    let dist_sq = max(four.dist_sq, vec4(LIGHT_MIN_IMPORTANCE));
+fn light_estimate(
+    child: LightChild, is_light: bool, local: LightLocalShadingPoint, tangents: vec2<f32>,
+) -> LightImportance {
+    let dist_sq = max(child.dist_sq, LIGHT_MIN_IMPORTANCE);
     let dist = sqrt(dist_sq);
-    let spread = four.variance / (dist_sq + four.variance);
+    let spread = child.variance / (dist_sq + child.variance);
 
-    let mean_sq = dist_sq + LIGHT_VARIANCE_SHARE * four.variance;
-    let nearer = mean_sq / max(four.gap_sq + LIGHT_NEAR_VARIANCE * four.variance, LIGHT_MIN_GAP * mean_sq);
-    var doubt = select(spread * nearer, vec4(0.0), is_light);
+    let mean_sq = dist_sq + LIGHT_VARIANCE_SHARE * child.variance;
+    let nearer = mean_sq / max(child.gap_sq + LIGHT_NEAR_VARIANCE * child.variance, LIGHT_MIN_GAP * mean_sq);
+    var doubt = select(spread * nearer, 0.0, is_light);
     let nearness = 1.0 + LIGHT_NEAR_GAIN * doubt;
 
-    let width_sq = LIGHT_COSINE_WIDTH_SQ * four.normal_variance * (1.0 - spread);
-    let rounded = 0.5 * (four.along + sqrt(four.along * four.along + width_sq));
-    let limited = min(rounded, max(four.along, vec4(0.0)) + LIGHT_HORIZON_SHARE * four.highest);
+    let width_sq = LIGHT_COSINE_WIDTH_SQ * child.normal_variance * (1.0 - spread);
+    let rounded = 0.5 * (child.along + sqrt(child.along * child.along + width_sq));
+    let limited = min(rounded, max(child.along, 0.0) + LIGHT_HORIZON_SHARE * child.highest);
     let cosine = select(dist, max(limited, LIGHT_MIN_COSINE * dist), local.has_normal);
 
     var cosines = cosine * (1.0 / dist);
@@ -272,77 +251,80 @@ fn light_estimate(four: LightFour, is_light: vec4<bool>, local: LightLocalShadin
     // quotient is 1; a product with the inverse might not be. So all variants give such lights the
     // same bits.
     // #if CONES
-    let lobe = light_lobe(four, spread, dist_sq, dist);
+    let lobe = light_lobe(child, spread, dist_sq, dist);
     cosines *= lobe.value / dist;
     reach *= lobe.width_sq;
     // #endif
-    var lux = (four.flux * (1.0 / LIGHT_FOUR_PI) * nearness) * (cosines / reach);
+    var lux = (child.flux * (1.0 / LIGHT_FOUR_PI) * nearness) * (cosines / reach);
     // #if GLOSSY
     if local.gloss.alpha > 0.0 {
         let inverse = 1.0 / dist;
-        let reflected = light_reflected(
-            local.gloss, four.tangent * inverse, four.bitangent * inverse, cosine * inverse, spread,
-        );
+        let reflected =
+            light_reflected(local.gloss, tangents.x * inverse, tangents.y * inverse, cosine * inverse, spread);
         lux *= reflected.value;
-        doubt += select(reflected.doubt, vec4(0.0), is_light);
+        doubt += select(reflected.doubt, 0.0, is_light);
     }
     // #endif
-    // Distances whose squares leave f32 in the space of a tiny tree may give NaN, which is not above
-    // the least importance; WGSL's max may keep it.
-    let above_least = select(vec4(LIGHT_MIN_IMPORTANCE), lux, lux > vec4(LIGHT_MIN_IMPORTANCE));
-    return LightFourImportances(min(above_least, vec4(LIGHT_MAX_IMPORTANCE)), doubt);
+    return LightImportance(light_limited_importance(lux), doubt);
 }
 
-fn light_is_provably_dark(four: LightFour, local: LightLocalShadingPoint, margin: f32) -> vec4<bool> {
+// Limits an estimate. Distances whose squares leave f32 in the space of a tiny tree may give NaN,
+// which is not above the least importance; WGSL's max may keep it.
+fn light_limited_importance(lux: f32) -> f32 {
+    let above_least = select(LIGHT_MIN_IMPORTANCE, lux, lux > LIGHT_MIN_IMPORTANCE);
+    return min(above_least, LIGHT_MAX_IMPORTANCE);
+}
+
+fn light_is_provably_dark(child: LightChild, local: LightLocalShadingPoint, margin: f32) -> bool {
     // Everything is below the horizon.
     let steepness = abs(local.normal.x) + abs(local.normal.y) + abs(local.normal.z);
-    var is_dark = vec4(local.has_normal) & (four.highest + margin * steepness <= vec4(0.0));
+    var is_dark = local.has_normal & (child.highest + margin * steepness <= 0.0);
     // #if RANGES
-    is_dark = is_dark | light_is_out_of_range(four, local);
+    is_dark = is_dark | light_is_out_of_range(child, local);
     // #endif
     // #if CONES
-    is_dark = is_dark | light_is_turned_away(four, margin);
+    is_dark = is_dark | light_is_turned_away(child, margin);
     // #endif
     return is_dark;
 }
 
 // #if RANGES
-fn light_is_out_of_range(four: LightFour, local: LightLocalShadingPoint) -> vec4<bool> {
-    let reach = four.range * (local.range_scale * (1.0 + LIGHT_COSINE_MARGIN));
-    return (four.range < vec4(LIGHT_UNLIMITED_RANGE)) & (four.gap_sq > reach * reach)
-        & (four.gap_sq <= vec4(LIGHT_MAX_DIST_SQ));
+fn light_is_out_of_range(child: LightChild, local: LightLocalShadingPoint) -> bool {
+    let reach = child.range * (local.range_scale * (1.0 + LIGHT_COSINE_MARGIN));
+    return (child.range < LIGHT_UNLIMITED_RANGE) & (child.gap_sq > reach * reach)
+        & (child.gap_sq <= LIGHT_MAX_DIST_SQ);
 }
 // #endif
 
 // #if CONES
 struct LightLobe {
     // The mixture of a clamped cosine and all sides, times the distance.
-    value: vec4<f32>,
+    value: f32,
     // The squared width that the value is still to be divided by.
-    width_sq: vec4<f32>,
+    width_sq: f32,
 }
 
-fn light_lobe(four: LightFour, spread: vec4<f32>, dist_sq: vec4<f32>, dist: vec4<f32>) -> LightLobe {
-    let length = min(four.axis_length, vec4(LIGHT_MAX_LOBE_LENGTH));
-    let share = LIGHT_LOBE_SHARE * min(length * (1.0 / LIGHT_LAMBERTIAN), vec4(1.0)) * (1.0 - spread);
-    let min_cos = max(3.0 * length - 2.0, vec4(0.0));
+fn light_lobe(child: LightChild, spread: f32, dist_sq: f32, dist: f32) -> LightLobe {
+    let length = min(child.axis_length, LIGHT_MAX_LOBE_LENGTH);
+    let share = LIGHT_LOBE_SHARE * min(length * (1.0 / LIGHT_LAMBERTIAN), 1.0) * (1.0 - spread);
+    let min_cos = max(3.0 * length - 2.0, 0.0);
     let width_sq = (1.0 - min_cos) * (1.0 - min_cos);
-    let above = -four.facing - min_cos * dist;
+    let above = -child.facing - min_cos * dist;
     let rim = (LIGHT_RIM_WIDTH_SQ * spread + LIGHT_RIM_MIN_SQ * width_sq) * dist_sq;
     let value = (1.0 - share) * width_sq * dist + 2.0 * share * (above + sqrt(above * above + rim));
     return LightLobe(value, width_sq);
 }
 
-fn light_is_turned_away(four: LightFour, margin: f32) -> vec4<bool> {
-    let dist_sq = four.center_sq;
-    let along = -four.center_facing;
-    let across = sqrt(max(dist_sq - along * along, vec4(0.0)));
-    let cos = four.cos_half_angle;
-    let sin = sqrt(max(1.0 - cos * cos, vec4(0.0)));
+fn light_is_turned_away(child: LightChild, margin: f32) -> bool {
+    let dist_sq = child.center_sq;
+    let along = -child.center_facing;
+    let across = sqrt(max(dist_sq - along * along, 0.0));
+    let cos = child.cos_half_angle;
+    let sin = sqrt(max(1.0 - cos * cos, 0.0));
     let slack = LIGHT_ANGLE_MARGIN * (abs(along) + across) + margin;
-    let radius = sqrt(four.radius_sq) + slack;
+    let radius = sqrt(child.radius_sq) + slack;
     let beyond = across * cos - along * sin;
-    let is_behind = (beyond > vec4(0.0)) & (along * cos + across * sin < -slack) & (dist_sq > radius * radius);
-    return (cos > vec4(-1.0)) & ((beyond > radius) | is_behind) & (dist_sq <= vec4(LIGHT_MAX_DIST_SQ));
+    let is_behind = (beyond > 0.0) & (along * cos + across * sin < -slack) & (dist_sq > radius * radius);
+    return (cos > -1.0) & ((beyond > radius) | is_behind) & (dist_sq <= LIGHT_MAX_DIST_SQ);
 }
 // #endif

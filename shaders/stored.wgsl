@@ -3,74 +3,66 @@
 // effect. Reads the buffers that sample.wgsl binds; binds nothing itself.
 
 // #if COUNTS
-// The number of nodes that this invocation has read.
+// The nodes whose children this invocation has weighed.
 var<private> light_nodes_read: u32;
 // #endif
 
-// A node of the top level or of a tree; `index` counts from the start of the buffer.
-fn light_node(in_top: bool, index: u32) -> LightNode {
-    // #if COUNTS
-    light_nodes_read++;
+// 16 bytes of a node of the top level or of a tree.
+fn light_quad(in_top: bool, at: u32) -> vec4<u32> {
+    if in_top {
+        return light_top[at];
+    }
+    return light_nodes[at];
+}
+
+// The child in a slot of a node, which begins at `at`. One branch for all that is read, so that the
+// reads do not wait for each other.
+fn light_packed_child(in_top: bool, at: u32, slot: u32) -> LightPackedChild {
+    let words_at = at + LIGHT_NODE_CHILDREN + slot;
+    // #if CONES | RANGES
+    // Two children share 16 bytes.
+    let lobes_at = at + light_params.node_lobes + slot / 2u;
+    let half = 2u * (slot & 1u);
+    var lobe: vec2<u32>;
+    // #endif
+    var words: vec4<u32>;
+    // #if NON_RIGID
+    var ratios: u32;
     // #endif
     if in_top {
-        return light_top_node(index * light_params.node_stride);
+        words = light_top[words_at];
+        // #if CONES | RANGES
+        lobe = vec2(light_top[lobes_at][half], light_top[lobes_at][half + 1u]);
+        // #endif
+        // #if NON_RIGID
+        ratios = light_top[at + LIGHT_NODE_TAIL].y;
+        // #endif
+    } else {
+        words = light_nodes[words_at];
+        // #if CONES | RANGES
+        lobe = vec2(light_nodes[lobes_at][half], light_nodes[lobes_at][half + 1u]);
+        // #endif
+        // #if NON_RIGID
+        ratios = light_nodes[at + LIGHT_NODE_TAIL].y;
+        // #endif
     }
-    return light_tree_node(index * light_params.node_stride);
+    var child: LightPackedChild;
+    child.target_bits = words.x;
+    child.low = words.y;
+    child.high = words.z;
+    child.mean = words.w;
+    // #if NON_RIGID
+    child.area_ratio = (ratios >> (4u * slot)) & 15u;
+    // #endif
+    // #if CONES | RANGES
+    child.lobe = select(lobe, LIGHT_NO_LOBE, light_params.node_lobes == 0u);
+    // #endif
+    return child;
 }
 
-// A node of the top level; `at` is its offset in the buffer.
-fn light_top_node(at: u32) -> LightNode {
-    var node: LightNode;
-    node.head = light_top[at];
-    node.targets = array(light_top[at + LIGHT_NODE_TARGETS], light_top[at + LIGHT_NODE_TARGETS + 1u]);
-    node.flux = light_top[at + LIGHT_NODE_FLUX];
-    node.boxes = array(
-        light_top[at + LIGHT_NODE_BOXES], light_top[at + LIGHT_NODE_BOXES + 1u],
-        light_top[at + LIGHT_NODE_BOXES + 2u], light_top[at + LIGHT_NODE_BOXES + 3u],
-        light_top[at + LIGHT_NODE_BOXES + 4u],
-    );
-    node.tail = light_top[at + LIGHT_NODE_TAIL];
-    // #if CONES
-    node.cones = LIGHT_NO_CONES;
-    if light_params.node_cones != 0u {
-        node.cones = array(light_top[at + light_params.node_cones], light_top[at + light_params.node_cones + 1u]);
-    }
-    // #endif
-    // #if RANGES
-    node.range = LIGHT_NO_RANGES[0];
-    if light_params.node_range != 0u {
-        node.range = light_top[at + light_params.node_range];
-    }
-    // #endif
-    return node;
-}
-
-// A node of a tree. The same as light_top_node for the other buffer: a function of WGSL cannot take
-// a storage buffer as an argument.
-fn light_tree_node(at: u32) -> LightNode {
-    var node: LightNode;
-    node.head = light_nodes[at];
-    node.targets = array(light_nodes[at + LIGHT_NODE_TARGETS], light_nodes[at + LIGHT_NODE_TARGETS + 1u]);
-    node.flux = light_nodes[at + LIGHT_NODE_FLUX];
-    node.boxes = array(
-        light_nodes[at + LIGHT_NODE_BOXES], light_nodes[at + LIGHT_NODE_BOXES + 1u],
-        light_nodes[at + LIGHT_NODE_BOXES + 2u], light_nodes[at + LIGHT_NODE_BOXES + 3u],
-        light_nodes[at + LIGHT_NODE_BOXES + 4u],
-    );
-    node.tail = light_nodes[at + LIGHT_NODE_TAIL];
-    // #if CONES
-    node.cones = LIGHT_NO_CONES;
-    if light_params.node_cones != 0u {
-        node.cones = array(light_nodes[at + light_params.node_cones], light_nodes[at + light_params.node_cones + 1u]);
-    }
-    // #endif
-    // #if RANGES
-    node.range = LIGHT_NO_RANGES[0];
-    if light_params.node_range != 0u {
-        node.range = light_nodes[at + light_params.node_range];
-    }
-    // #endif
-    return node;
+// The place of a node in its parent: parent * LIGHT_WIDTH + slot.
+fn light_parent(in_top: bool, index: u32) -> u32 {
+    return light_quad(in_top, index * light_params.node_stride + LIGHT_NODE_TAIL).x;
 }
 
 // #if MASKS
@@ -93,11 +85,7 @@ fn light_met_children(in_top: bool, index: u32, mask: u32) -> u32 {
 
 // The target of the child in a slot of a node.
 fn light_target(in_top: bool, index: u32, slot: u32) -> u32 {
-    let at = index * light_params.node_stride + LIGHT_NODE_TARGETS + slot / 4u;
-    if in_top {
-        return light_top[at][slot % 4u];
-    }
-    return light_nodes[at][slot % 4u];
+    return light_quad(in_top, index * light_params.node_stride + LIGHT_NODE_CHILDREN + slot).x;
 }
 
 // A light; `index` counts from the start of the buffer.

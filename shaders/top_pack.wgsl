@@ -40,26 +40,26 @@ fn node_mask(target_bits: u32) -> u32 {
 // where its parent is.
 fn node_pack(node: u32) {
     let stored = node_layout();
-    let at = 4u * (node * stored.stride + LIGHT_NODE_TARGETS);
+    let at = node_target_word(stored, node * LIGHT_WIDTH);
     let eight = ClusterEight(
         cluster_four(
             node_child(nodes[at]),
-            node_child(nodes[at + 1u]),
-            node_child(nodes[at + 2u]),
-            node_child(nodes[at + 3u]),
+            node_child(nodes[at + 4u]),
+            node_child(nodes[at + 8u]),
+            node_child(nodes[at + 12u]),
         ),
         cluster_four(
-            node_child(nodes[at + 4u]),
-            node_child(nodes[at + 5u]),
-            node_child(nodes[at + 6u]),
-            node_child(nodes[at + 7u]),
+            node_child(nodes[at + 16u]),
+            node_child(nodes[at + 20u]),
+            node_child(nodes[at + 24u]),
+            node_child(nodes[at + 28u]),
         ),
     );
     let merged = cluster_merged(eight);
     node_store(stored, node, node_packed(eight, merged), LIGHT_NO_PARENT);
     clusters[top_pass.capacity + node] = merged;
     for (var slot = 0u; slot < LIGHT_WIDTH; slot++) {
-        let bits = nodes[at + slot];
+        let bits = nodes[at + 4u * slot];
         let place = node * LIGHT_WIDTH + slot;
         if top_pass.masks != 0u {
             nodes[top_masks(node) + slot] = node_mask(bits);
@@ -70,7 +70,7 @@ fn node_pack(node: u32) {
         if (bits & LIGHT_LEAF) != 0u {
             let part = bits & ~LIGHT_LEAF;
             nodes[top_part(part) + 2u] = place;
-            nodes[at + slot] = node_leaf(part);
+            nodes[at + 4u * slot] = node_leaf(part);
         } else {
             nodes[4u * (bits * stored.stride + LIGHT_NODE_TAIL)] = place;
         }

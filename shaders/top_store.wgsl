@@ -2,12 +2,11 @@
 // of the stage. `nodes` is an array of words because several invocations write the targets of one
 // node, and a write to one component of a vector may touch the whole vector.
 
-// The stride of nodes and the offsets of the cones and ranges, in units of 16 bytes; an offset is 0
-// if the part is not stored.
+// The stride of nodes and the offset of the lobes, in units of 16 bytes; the offset is 0 if they are
+// not stored.
 struct NodeLayout {
     stride: u32,
-    cones: u32,
-    range: u32,
+    lobes: u32,
 }
 
 // Stores 16 bytes; `at` is in units of 16 bytes.
@@ -22,27 +21,30 @@ fn node_store_words(at: u32, words: vec4<u32>) {
 fn node_store(stored: NodeLayout, index: u32, node: LightNode, parent: u32) {
     let at = index * stored.stride;
     node_store_words(at, node.head);
-    node_store_words(at + LIGHT_NODE_FLUX, node.flux);
-    node_store_words(at + LIGHT_NODE_BOXES, node.boxes[0]);
-    node_store_words(at + LIGHT_NODE_BOXES + 1u, node.boxes[1]);
-    node_store_words(at + LIGHT_NODE_BOXES + 2u, node.boxes[2]);
-    node_store_words(at + LIGHT_NODE_BOXES + 3u, node.boxes[3]);
-    node_store_words(at + LIGHT_NODE_BOXES + 4u, node.boxes[4]);
-    node_store_words(at + LIGHT_NODE_TAIL, vec4(parent, 0u, node.tail.z, node.tail.w));
-    if stored.cones != 0u {
-        node_store_words(at + stored.cones, node.cones[0]);
-        node_store_words(at + stored.cones + 1u, node.cones[1]);
+    for (var slot = 0u; slot < LIGHT_WIDTH; slot++) {
+        let child = 4u * (at + LIGHT_NODE_CHILDREN + slot);
+        nodes[child + 1u] = node.children[slot].y;
+        nodes[child + 2u] = node.children[slot].z;
+        nodes[child + 3u] = node.children[slot].w;
     }
-    if stored.range != 0u {
-        node_store_words(at + stored.range, node.range);
+    node_store_words(at + LIGHT_NODE_TAIL, vec4(parent, 0u, 0u, 0u));
+    if stored.lobes != 0u {
+        for (var two = 0u; two < LIGHT_WIDTH / 2u; two++) {
+            node_store_words(at + stored.lobes + two, node.lobes[two]);
+        }
     }
 }
 
-// Stores the target of the child at a place, which is node * LIGHT_WIDTH + slot.
+// The word of a child's target; `place` is node * LIGHT_WIDTH + slot.
+fn node_target_word(stored: NodeLayout, place: u32) -> u32 {
+    return 4u * ((place / LIGHT_WIDTH) * stored.stride + LIGHT_NODE_CHILDREN + place % LIGHT_WIDTH);
+}
+
+// Stores the target of the child at a place.
 fn node_store_target(stored: NodeLayout, place: u32, target_bits: u32) {
-    nodes[4u * ((place / LIGHT_WIDTH) * stored.stride + LIGHT_NODE_TARGETS) + place % LIGHT_WIDTH] = target_bits;
+    nodes[node_target_word(stored, place)] = target_bits;
 }
 
 fn node_layout() -> NodeLayout {
-    return NodeLayout(top_pass.node_stride, top_pass.node_cones, top_pass.node_range);
+    return NodeLayout(top_pass.node_stride, top_pass.node_lobes);
 }

@@ -25,8 +25,7 @@ struct TopPass {
     first_node: u32,
     // The layout of records: see LightParams.
     node_stride: u32,
-    node_cones: u32,
-    node_range: u32,
+    node_lobes: u32,
     light_stride: u32,
     instance_stride: u32,
     instance_sector: u32,

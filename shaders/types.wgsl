@@ -2,26 +2,18 @@
 // The test `records_have_the_same_layout_in_rust_and_wgsl` there compares every offset and size.
 // Binds nothing.
 
-// Eight packed children and the link to the parent. Twin of `Node` in src/tree/node.rs, which
-// explains the fields in the same order. A word holds four bytes or two halves, the lowest bits
-// first. In buffers, LightParams holds the offsets of the last two fields.
+// A node: eight children and the place of the node itself. Twin of `NodeRecord` in
+// src/plan/node_record.rs, which explains the fields. The lobes are stored in worlds with cones or
+// ranges only.
 struct LightNode {
     // The minimum corner of all boxes, as the bits of floats; the steps of the grid.
     head: vec4<u32>,
-    targets: array<vec4<u32>, 2>,
-    flux: vec4<u32>,
-    // The minimum corners, maximum corners and means: for each axis the children 0 to 3, then the
-    // children 4 to 7. The deviations.
-    boxes: array<vec4<u32>, 5>,
-    // The parent, the ratios of flux by surfaces, and the shortness of the mean directions.
+    // See `LightPackedChild`.
+    children: array<vec4<u32>, 8>,
+    // The parent, and the ratios of flux by surfaces.
     tail: vec4<u32>,
-    // #if CONES
-    // The axes, ordered as the corners are, and the caps.
-    cones: array<vec4<u32>, 2>,
-    // #endif
-    // #if RANGES
-    range: vec4<u32>,
-    // #endif
+    // Two children each.
+    lobes: array<vec4<u32>, 4>,
 }
 
 // A cluster at full precision. Twin of `ClusterRecord`. Of a cluster without flux all fields but
@@ -127,11 +119,10 @@ struct LightParams {
     directional_count: u32,
     // The largest number of clusters that are split.
     splits: u32,
-    // The stride of nodes, and the offsets of a node's cones and ranges; 0 if they are not stored.
-    // All strides and offsets are in units of 16 bytes.
+    // The stride of nodes, and the offset of a node's lobes; 0 if they are not stored. All strides
+    // and offsets are in units of 16 bytes.
     node_stride: u32,
-    node_cones: u32,
-    node_range: u32,
+    node_lobes: u32,
     // The strides of lights and of instances.
     light_stride: u32,
     instance_stride: u32,
@@ -142,6 +133,7 @@ struct LightParams {
     solid_angles: u32,
     // The offset of the parts in the buffer of the top level.
     parts: u32,
+    padding: u32,
     // The sector whose centre the origin is; 0 in worlds without sectors.
     home: vec3<i32>,
     // The offset of the masks in the same buffer; 0 if they are not stored. For each child of each

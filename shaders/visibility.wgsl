@@ -76,36 +76,12 @@ fn light_bin(toward: vec3<f32>) -> u32 {
     return light_hash((key << LIGHT_COORDINATE_BITS) | step.z) >> LIGHT_BIN_SHIFT;
 }
 
-// The byte of a packed node that belongs to a child; `first` is the word of children 0 to 3.
-fn light_child_byte(first: u32, last: u32, slot: u32) -> f32 {
-    return f32((select(first, last, slot >= 4u) >> (8u * (slot % 4u))) & 0xffu);
-}
-
-// The vector from a shading point to the mean position of a child, in the space of a tree. Twin of
-// `Unpacked::toward`.
-fn light_toward_child(node: LightNode, position: vec3<f32>, slot: u32) -> vec3<f32> {
-    let b = node.boxes;
-    let low = vec3(
-        light_child_byte(b[0].x, b[0].y, slot), light_child_byte(b[0].z, b[0].w, slot),
-        light_child_byte(b[1].x, b[1].y, slot),
-    );
-    let high = vec3(
-        light_child_byte(b[1].z, b[1].w, slot), light_child_byte(b[2].x, b[2].y, slot),
-        light_child_byte(b[2].z, b[2].w, slot),
-    );
-    let mean = vec3(
-        light_child_byte(b[3].x, b[3].y, slot), light_child_byte(b[3].z, b[3].w, slot),
-        light_child_byte(b[4].x, b[4].y, slot),
-    );
-    let origin = bitcast<vec3<f32>>(node.head.xyz) - position;
-    return origin + (low + (high - low) * (mean * (1.0 / LIGHT_STEPS))) * (2.0 * light_half_steps(node.head.w));
-}
-
-// The group of a child of a node. Twin of `bin_of_child`.
+// The group of a child, which the shading point sees from the space of its tree. Twin of
+// `bin_of_child`.
 fn light_child_bin(
-    node: LightNode, instance: u32, local_position: vec3<f32>, from_center: vec3<f32>, slot: u32,
+    packed: LightPackedChild, view: LightNodeView, instance: u32, from_center: vec3<f32>,
 ) -> u32 {
-    var toward = light_toward_child(node, local_position, slot);
+    var toward = light_to_mean(packed, view);
     if instance != LIGHT_NO_INSTANCE {
         toward = light_linear(light_instance(instance).to_world, toward);
     }
@@ -120,20 +96,12 @@ fn light_learnt_share(row: u32, bin: u32) -> f32 {
     return (f32((quad[(byte / 4u) % 4u] >> (8u * (byte % 4u))) & 0xffu) + 1.0) * (1.0 / 256.0);
 }
 
-// The learnt share of each child of a node; 1 where nothing is learnt. Twin of
-// `LearntCell::shares`.
-fn light_visible_shares(
-    node: LightNode, instance: u32, local_position: vec3<f32>, cell: LightCell,
-) -> mat2x4<f32> {
-    var shares = mat2x4(vec4(1.0), vec4(1.0));
+// The learnt share of a child; 1 where nothing is learnt. Twin of `LearntCell::shares`.
+fn light_visible_share(packed: LightPackedChild, view: LightNodeView, instance: u32, cell: LightCell) -> f32 {
     if cell.row == LIGHT_NO_ROW {
-        return shares;
+        return 1.0;
     }
-    for (var slot = 0u; slot < LIGHT_WIDTH; slot++) {
-        let bin = light_child_bin(node, instance, local_position, cell.from_center, slot);
-        shares[slot / 4u][slot % 4u] = light_learnt_share(cell.row, bin);
-    }
-    return shares;
+    return light_learnt_share(cell.row, light_child_bin(packed, view, instance, cell.from_center));
 }
 
 // Asks for a row from the next frame on. Twin of `VisibilityTable::row_or_claim`.
@@ -200,12 +168,18 @@ fn light_record_visibility(shading_point: LightShadingPoint, chosen: LightSample
         if instance == LIGHT_NO_INSTANCE && place == LIGHT_NO_PARENT {
             break;
         }
-        let node = light_node(instance == LIGHT_NO_INSTANCE, base + place / LIGHT_WIDTH);
-        let bin = light_child_bin(node, instance, position, cell.from_center, place % LIGHT_WIDTH);
+        let in_top = instance == LIGHT_NO_INSTANCE;
+        let index = base + place / LIGHT_WIDTH;
+        let at = index * light_params.node_stride;
+        let head = light_quad(in_top, at);
+        let view = LightNodeView(bitcast<vec3<f32>>(head.xyz) - position, head.w, 0.0);
+        let bin = light_child_bin(
+            light_packed_child(in_top, at, place % LIGHT_WIDTH), view, instance, cell.from_center,
+        );
         if bin != last {
             atomicAdd(&light_visibility_records[counts + 2u * bin], 1u);
         }
         last = bin;
-        place = node.tail.x;
+        place = light_parent(in_top, index);
     }
 }

@@ -5,7 +5,7 @@ use std::fmt;
 use crate::error::CountError;
 
 /// The largest [`SplitCount`]. It is small because GPUs keep the candidates of a cut in registers.
-pub const MAX_SPLITS: usize = 8;
+pub const MAX_SPLITS: usize = 7;
 
 /// The largest [`CandidateCount`].
 pub const MAX_CANDIDATES: u32 = 32;
@@ -121,7 +121,7 @@ mod tests {
     fn counts_accept_their_limits_and_refuse_one_past_them() {
         assert_eq!(SplitCount::new(MAX_SPLITS), Ok(SplitCount::MAX));
         assert_eq!(SplitCount::new(0), Ok(SplitCount::NONE));
-        assert_eq!(SplitCount::new(MAX_SPLITS + 1).map_err(|e| (e.given, e.max)), Err((9, 8)));
+        assert_eq!(SplitCount::new(MAX_SPLITS + 1).map_err(|e| (e.given, e.max)), Err((8, 7)));
         assert_eq!(CandidateCount::new(MAX_CANDIDATES), Ok(CandidateCount::MAX));
         assert_eq!(CandidateCount::new(1), Ok(CandidateCount::ONE));
         for given in [0, MAX_CANDIDATES + 1] {

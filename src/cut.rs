@@ -94,6 +94,9 @@ const MAX_NODES: usize = MAX_SPLITS + 1;
 /// The bits of a key that name a slot.
 const SLOT_BITS: u32 = WIDTH as u32 - 1;
 
+/// The bits of a key that are no bits of a doubt: a shader names one child of all candidates there.
+const CHILD_BITS: u32 = (MAX_NODES * WIDTH) as u32 - 1;
+
 /// The candidates of a shading point: the children of the nodes that were split.
 ///
 /// The cut depends on the shading point and on the directional lights, and on no random number, so
@@ -282,7 +285,7 @@ impl<'a> Cut<'a> {
         self.totals[index] = resolved_sum(&self.weights[index]);
         let mut max_key = 0;
         for slot in 0..WIDTH {
-            let key = (self.doubts[index][slot].to_bits() & !SLOT_BITS) | (SLOT_BITS - slot as u32);
+            let key = (self.doubts[index][slot].to_bits() & !CHILD_BITS) | (SLOT_BITS - slot as u32);
             max_key = if key > max_key { key } else { max_key };
         }
         self.keys[index] = max_key;
@@ -304,11 +307,11 @@ impl<'a> Cut<'a> {
         let (mut index, mut max_key) = (0, self.keys[0]);
         for (other, key) in self.keys[..self.node_count].iter().enumerate() {
             // Slots of different nodes are not compared.
-            if *key & !SLOT_BITS > max_key & !SLOT_BITS {
+            if *key & !CHILD_BITS > max_key & !CHILD_BITS {
                 (index, max_key) = (other, *key);
             }
         }
-        let is_worth = f32::from_bits(max_key & !SLOT_BITS) > MIN_DOUBT * self.total;
+        let is_worth = f32::from_bits(max_key & !CHILD_BITS) > MIN_DOUBT * self.total;
         is_worth.then_some((index, (SLOT_BITS - (max_key & SLOT_BITS)) as usize))
     }
 }

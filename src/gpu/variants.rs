@@ -317,7 +317,8 @@ fn a_world_whose_effects_come_and_go_is_stored_as_a_fresh_upload_stores_it() {
         check(&mut world, "with one tree less");
     }
     let changes = strides.windows(2).filter(|pair| pair[0] != pair[1]).count();
-    assert_eq!((changes, strides[0]), (6, strides[strides.len() - 1]), "{strides:?}");
+    // With ranges, with the scaled instance and its factor, and without each of them.
+    assert_eq!((changes, strides[0]), (4, strides[strides.len() - 1]), "{strides:?}");
 }
 
 #[test]
@@ -391,7 +392,8 @@ fn the_variant_that_counts_nodes_counts_those_that_a_sample_reads() {
         usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
         mapped_at_creation: false,
     });
-    // The roots of the top level and of the tree: both are split, or the walk reads the second.
+    // The root of the top level for the cut and again for the draw, then the root of the tree: a
+    // single light has no doubt, so it is not split.
     for splits in [SplitCount::NONE, SplitCount::DEFAULT] {
         lights.set_splits(splits);
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -405,6 +407,6 @@ fn the_variant_that_counts_nodes_counts_those_that_a_sample_reads() {
             pass.dispatch_workgroups(1, 1, 1);
         }
         queue.submit([encoder.finish()]);
-        assert_eq!(read::<u32>(&device, &queue, &output), [2], "{splits} splits");
+        assert_eq!(read::<u32>(&device, &queue, &output), [3], "{splits} splits");
     }
 }

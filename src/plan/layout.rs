@@ -1,6 +1,6 @@
 //! The records that the host uploads. `shaders/types.wgsl` has their twins; a test compares them.
 //!
-//! Nodes are uploaded as the CPU walks them: see [`Node`](crate::tree::Node). Which parts of a
+//! Nodes have a file of their own: `plan/node_record.rs`. Which parts of a
 //! record are stored depends on the world's effects: see `plan/stored.rs`.
 
 use bytemuck::{Pod, Zeroable};
@@ -174,10 +174,8 @@ impl PartRecord {
 pub(crate) struct Strides {
     /// From one node to the next.
     pub node: u32,
-    /// From the start of a node to its cones; 0 if they are not stored.
-    pub cones: u32,
-    /// From the start of a node to its ranges; 0 if they are not stored.
-    pub range: u32,
+    /// From the start of a node to its lobes; 0 if they are not stored.
+    pub lobes: u32,
     /// From one light to the next.
     pub light: u32,
     /// From one instance to the next.
@@ -199,6 +197,7 @@ pub(crate) struct ParamsRecord {
     pub solid_angles: u32,
     /// The offset of the parts in the buffer of the top level, in units of 16 bytes.
     pub parts: u32,
+    pub padding: u32,
     /// The sector whose centre the origin is.
     pub home: [i32; 3],
     /// The offset of the masks in the same buffer; 0 if they are not stored.
@@ -423,8 +422,8 @@ mod tests {
 
     use super::*;
     use crate::gpu::{ReservoirRecord, SampleRecord, SampleRequest};
+    use crate::plan::node_record::NodeRecord;
     use crate::plan::text;
-    use crate::tree::Node;
 
     /// The size of each struct of a WGSL text, and the offset of each of its members.
     fn structs(text: &str) -> HashMap<String, (u32, Vec<(String, u32)>)> {
@@ -460,17 +459,9 @@ mod tests {
         let structs = structs(&text);
         record!(
             structs,
-            Node,
+            NodeRecord,
             "LightNode",
-            [
-                origin as "head",
-                targets,
-                flux,
-                low as "boxes",
-                parent as "tail",
-                axis as "cones",
-                range
-            ]
+            [origin as "head", children, parent as "tail", lobes]
         );
         record!(
             structs,
@@ -510,13 +501,13 @@ mod tests {
                 directional_count,
                 splits,
                 strides.node as "node_stride",
-                strides.cones as "node_cones",
-                strides.range as "node_range",
+                strides.lobes as "node_lobes",
                 strides.light as "light_stride",
                 strides.instance as "instance_stride",
                 strides.sector as "instance_sector",
                 solid_angles,
                 parts,
+                padding,
                 home,
                 masks
             ]

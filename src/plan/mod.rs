@@ -68,6 +68,7 @@ pub(crate) mod kernel;
 pub(crate) mod layout;
 mod limits;
 mod memory;
+pub(crate) mod node_record;
 mod parts;
 mod place;
 pub(crate) mod pool;
@@ -110,12 +111,12 @@ pub use text::{wgsl, wgsl_previous, wgsl_with_target};
 use crate::counts::SplitCount;
 use crate::effects::Effects;
 use crate::sector;
-use crate::tree::Node;
 use crate::world::LightWorld;
 use buffers::Ids;
 use changes::PendingChanges;
 use layout::{InstanceRecord, LightRecord, ParamsRecord, Strides, TreeRecord};
 use memory::BufferSizes;
+use node_record::NodeRecord;
 use parts::PartTable;
 use pool::Pool;
 use previous::Previous;
@@ -145,7 +146,7 @@ pub const KERNELS: [Kernel; 11] = [
 pub struct LightPlanner {
     limits: PlanLimits,
     ids: Ids,
-    nodes: Pool<Node>,
+    nodes: Pool<NodeRecord>,
     lights: Pool<LightRecord>,
     /// A table by slot.
     instances: Pool<InstanceRecord>,
@@ -332,6 +333,7 @@ impl LightPlanner {
             strides: Strides::of(effects),
             solid_angles: u32::from(world.solid_angle_sampling()),
             parts: self.top.parts(),
+            padding: 0,
             home: sector::number(world.home()),
             masks: if effects.contains(Effects::MASKS) { self.top.masks() } else { 0 },
         }

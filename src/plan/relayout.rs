@@ -10,7 +10,7 @@ use super::stored::{Missing, Stored};
 const LANES: u32 = 64;
 
 /// The longest record, in units of 16 bytes.
-const MAX_QUADS: usize = 13;
+const MAX_QUADS: usize = 14;
 
 /// The entry of [`RelayoutPass::sources`] for a word that was not stored.
 const NOT_STORED: u32 = u32::MAX;
@@ -94,7 +94,7 @@ mod tests {
 
     use super::*;
     use crate::plan::layout::{InstanceRecord, LightRecord};
-    use crate::tree::Node;
+    use crate::plan::node_record::NodeRecord;
 
     #[test]
     fn the_stage_is_valid_and_its_uniform_has_the_layout_of_the_rust_struct() {
@@ -113,7 +113,7 @@ mod tests {
         ];
         assert_eq!((theirs, *span as usize), (ours.to_vec(), size_of::<RelayoutPass>()));
         assert_eq!(module.entry_points[0].workgroup_size, [LANES, 1, 1]);
-        let longest = [size_of::<Node>(), size_of::<LightRecord>(), size_of::<InstanceRecord>()];
+        let longest = [size_of::<NodeRecord>(), size_of::<LightRecord>(), size_of::<InstanceRecord>()];
         assert_eq!(longest.into_iter().max(), Some(16 * MAX_QUADS));
     }
 }

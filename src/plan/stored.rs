@@ -9,8 +9,8 @@ use std::mem::offset_of;
 use std::ops::Range;
 
 use super::layout::{InstanceRecord, LightRecord, Strides};
+use super::node_record::NodeRecord;
 use crate::effects::Effects;
-use crate::tree::Node;
 
 /// Bytes of a `vec4<u32>`, the unit of strides and offsets.
 const QUAD: usize = 16;
@@ -19,11 +19,9 @@ const WORD: usize = 4;
 /// The most parts that a record is divided into.
 const MAX_PARTS: usize = 4;
 
-/// The offsets of a node's targets, fluxes, boxes and parent, in quads; the same in every layout.
-pub(crate) const NODE_TARGETS: u32 = quads(offset_of!(Node, targets));
-pub(crate) const NODE_FLUX: u32 = quads(offset_of!(Node, flux));
-pub(crate) const NODE_BOXES: u32 = quads(offset_of!(Node, low));
-pub(crate) const NODE_TAIL: u32 = quads(offset_of!(Node, parent));
+/// The offsets of a node's children and parent, in quads; the same in every layout.
+pub(crate) const NODE_CHILDREN: u32 = quads(offset_of!(NodeRecord, children));
+pub(crate) const NODE_TAIL: u32 = quads(offset_of!(NodeRecord, parent));
 /// The offsets of an instance's flags and tree and of its first part, in quads.
 pub(crate) const INSTANCE_TREE: u32 = quads(offset_of!(InstanceRecord, flags));
 pub(crate) const INSTANCE_PART: u32 = quads(offset_of!(InstanceRecord, first_part));
@@ -45,6 +43,9 @@ const fn quads(bytes: usize) -> u32 {
 /// The effects that need more of a light than its first 32 bytes.
 const SHAPES: Effects = Effects::CONES.union(Effects::RANGES).union(Effects::AREAS).union(Effects::DIRECTIONAL);
 
+/// The effects that need the lobes of nodes.
+const LOBES: Effects = Effects::CONES.union(Effects::RANGES);
+
 /// The effects that need the factor and the mask of an instance.
 const APPEARANCES: Effects = Effects::FACTORS.union(Effects::MASKS);
 
@@ -52,11 +53,10 @@ impl Strides {
     /// The strides that a world of these effects is stored with.
     pub(crate) fn of(effects: Effects) -> Self {
         let (nodes, instances) = (Stored::nodes(effects), Stored::instances(effects));
-        let offset = |effect, byte: usize| if effects.contains(effect) { quads(nodes.offset(byte)) } else { 0 };
+        let lobes = quads(nodes.offset(offset_of!(NodeRecord, lobes)));
         Self {
             node: quads(nodes.bytes()),
-            cones: offset(Effects::CONES, offset_of!(Node, axis)),
-            range: offset(Effects::RANGES, offset_of!(Node, range)),
+            lobes: if effects.intersects(LOBES) { lobes } else { 0 },
             light: quads(Stored::lights(effects).bytes()),
             instance: quads(instances.bytes()),
             sector: quads(instances.offset(offset_of!(InstanceRecord, sector))),
@@ -90,9 +90,9 @@ impl Stored {
 
     /// The layout of nodes in a world of these effects.
     pub(crate) fn nodes(effects: Effects) -> Self {
-        let [cones, range] = [offset_of!(Node, axis), offset_of!(Node, range)];
-        let optional = [(Effects::CONES, cones..range), (Effects::RANGES, range..size_of::<Node>())];
-        Self::with_optional::<Node>(cones, optional.into_iter().filter(|(effect, _)| effects.contains(*effect)))
+        let lobes = offset_of!(NodeRecord, lobes);
+        let optional = [(LOBES, lobes..size_of::<NodeRecord>())];
+        Self::with_optional::<NodeRecord>(lobes, optional.into_iter().filter(|(any, _)| effects.intersects(*any)))
     }
 
     /// The layout of lights in a world of these effects.
@@ -160,9 +160,9 @@ impl Stored {
     }
 }
 
-/// A word of a node without cones and ranges.
+/// A word of a node without lobes.
 pub(crate) fn missing_of_node(word: usize) -> Missing {
-    Missing::Value(bytemuck::cast_slice(std::slice::from_ref(&Node::EMPTY))[word])
+    Missing::Value(bytemuck::cast_slice(std::slice::from_ref(&NodeRecord::EMPTY))[word])
 }
 
 /// A word of a light in a world of point lights.
@@ -184,12 +184,11 @@ pub(crate) fn missing_of_instance(word: usize) -> Missing {
     }
 }
 
-/// The words of the cones and of the ranges of a node that has neither, with their names in WGSL.
-pub(crate) fn missing_node_parts() -> [(&'static str, &'static [u32]); 2] {
-    const EMPTY: Node = Node::EMPTY;
+/// The words of the lobe of a child whose lobe is not stored.
+pub(crate) fn missing_lobe() -> &'static [u32] {
+    const EMPTY: NodeRecord = NodeRecord::EMPTY;
     let words: &[u32] = bytemuck::cast_slice(std::slice::from_ref(&EMPTY));
-    let [cones, range] = [offset_of!(Node, axis) / WORD, offset_of!(Node, range) / WORD];
-    [("NO_CONES", &words[cones..range]), ("NO_RANGES", &words[range..])]
+    &words[offset_of!(NodeRecord, lobes) / WORD..][..QUAD / WORD / 2]
 }
 
 #[cfg(test)]
@@ -202,12 +201,12 @@ mod tests {
             let strides = Strides::of(effects);
             [strides.node, strides.light, strides.instance].map(|quads| quads as usize * QUAD)
         };
-        let whole = [size_of::<Node>(), size_of::<LightRecord>(), size_of::<InstanceRecord>()];
-        assert_eq!((bytes(Effects::all()), whole), ([208, 64, 160], [208, 64, 160]));
+        let whole = [size_of::<NodeRecord>(), size_of::<LightRecord>(), size_of::<InstanceRecord>()];
+        assert_eq!((bytes(Effects::all()), whole), ([224, 64, 160], [224, 64, 160]));
         assert_eq!(bytes(Effects::empty()), [160, 32, 80]);
         assert_eq!(bytes(Effects::MOVING | Effects::TWO_SIDED), [160, 32, 80]);
-        assert_eq!(bytes(Effects::RANGES), [176, 64, 80]);
-        assert_eq!(bytes(Effects::CONES), [192, 64, 80]);
+        assert_eq!(bytes(Effects::RANGES), [224, 64, 80]);
+        assert_eq!(bytes(Effects::CONES), [224, 64, 80]);
         assert_eq!(bytes(Effects::AREAS | Effects::NON_RIGID), [160, 64, 128]);
         assert_eq!(bytes(Effects::DIRECTIONAL), [160, 64, 80]);
         assert_eq!(bytes(Effects::FACTORS), [160, 32, 96]);
@@ -220,30 +219,29 @@ mod tests {
         assert_eq!(Strides::of(Effects::empty()).sector, RIGID_STRIDE);
         assert_eq!(Strides::of(Effects::SECTORS | Effects::NON_RIGID).sector, 8);
         assert_eq!(Strides::of(Effects::all()).sector, WITHOUT_SECTOR);
-        let offsets = |effects| (Strides::of(effects).cones, Strides::of(effects).range);
-        assert_eq!(offsets(Effects::empty()), (0, 0));
-        assert_eq!(offsets(Effects::RANGES), (0, 10));
-        assert_eq!(offsets(Effects::CONES | Effects::RANGES), (10, 12));
+        assert_eq!(Strides::of(Effects::empty()).lobes, 0);
+        assert_eq!(Strides::of(Effects::RANGES).lobes, 10);
+        assert_eq!(Strides::of(Effects::CONES | Effects::RANGES).lobes, 10);
     }
 
     #[test]
     fn strip_leaves_out_the_parts_that_are_not_stored() {
         let bytes: Vec<u8> = (0..=255).collect();
-        let record = &bytes[..size_of::<Node>()];
+        let record = &bytes[..size_of::<InstanceRecord>()];
         let two: Vec<u8> = [record, record].concat();
         let strip = |effects| {
             let mut bytes = vec![7];
-            Stored::nodes(effects).strip_into(&two, &mut bytes);
+            Stored::instances(effects).strip_into(&two, &mut bytes);
             assert_eq!(bytes.remove(0), 7, "the bytes are appended");
             bytes
         };
         assert_eq!(strip(Effects::all()), two);
-        let stripped = strip(Effects::RANGES);
-        let expected = [&record[..160], &record[192..208]].concat();
+        let stripped = strip(Effects::SECTORS);
+        let expected = [&record[..80], &record[144..160]].concat();
         assert_eq!(stripped, [&expected[..], &expected[..]].concat());
-        let words: Vec<usize> = Stored::nodes(Effects::RANGES).words().collect();
-        assert_eq!((words.len(), words[39], words[40]), (44, 39, 48));
-        assert_eq!(Stored::nodes(Effects::RANGES).word_offset(49), Some(41));
-        assert_eq!(Stored::nodes(Effects::RANGES).word_offset(40), None);
+        let words: Vec<usize> = Stored::instances(Effects::SECTORS).words().collect();
+        assert_eq!((words.len(), words[19], words[20]), (24, 19, 36));
+        assert_eq!(Stored::instances(Effects::SECTORS).word_offset(37), Some(21));
+        assert_eq!(Stored::instances(Effects::SECTORS).word_offset(20), None);
     }
 }

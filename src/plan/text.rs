@@ -247,9 +247,7 @@ pub(crate) fn constants() -> String {
         ("LATTICE_Y", resample::LATTICE[0]),
         ("LATTICE_Z", resample::LATTICE[1]),
         ("LATTICE_W", resample::LATTICE[2]),
-        ("NODE_TARGETS", stored::NODE_TARGETS),
-        ("NODE_FLUX", stored::NODE_FLUX),
-        ("NODE_BOXES", stored::NODE_BOXES),
+        ("NODE_CHILDREN", stored::NODE_CHILDREN),
         ("NODE_TAIL", stored::NODE_TAIL),
         ("INSTANCE_TREE", stored::INSTANCE_TREE),
         ("INSTANCE_PART", stored::INSTANCE_PART),
@@ -350,11 +348,8 @@ pub(crate) fn constants() -> String {
     ] {
         let _ = writeln!(text, "const LIGHT_{name}: f32 = {value:e};");
     }
-    for (name, words) in stored::missing_node_parts() {
-        let quads: Vec<_> =
-            words.chunks(4).map(|w| format!("vec4({}u, {}u, {}u, {}u)", w[0], w[1], w[2], w[3])).collect();
-        let _ = writeln!(text, "const LIGHT_{name} = array({});", quads.join(", "));
-    }
+    let lobe: Vec<String> = stored::missing_lobe().iter().map(|word| format!("{word}u")).collect();
+    let _ = writeln!(text, "const LIGHT_NO_LOBE = vec2({});", lobe.join(", "));
     text
 }
 
@@ -481,7 +476,7 @@ mod tests {
     }
 
     const LEARNING_NAMES: &str = "light_learnt light_visibility_records light_row_count light_side light_cell light_bin \
-        light_child_byte light_toward_child light_child_bin light_learnt_share light_visible_shares light_claim_row \
+        light_child_bin light_learnt_share light_visible_share light_claim_row \
         light_record_visibility LightCell LightCell.tag LightCell.bucket LightCell.row LightCell.from_center \
         LightCut.cell LIGHT_NO_ROW LIGHT_WAYS LIGHT_MIN_IDLE LIGHT_BINS LIGHT_BIN_SHIFT LIGHT_COORDINATE_BITS \
         LIGHT_TAG_SEED LIGHT_TABLE_HEAD LIGHT_MAX_COORDINATE LIGHT_MAX_DIST LIGHT_ROUNDING";
@@ -552,15 +547,15 @@ mod tests {
 
     const SEGMENT_NAMES: &str = "LIGHT_ARC_TANGENT_3 LIGHT_ARC_TANGENT_5 LIGHT_ARC_TANGENT_7 LIGHT_ARC_TANGENT_9 \
         LIGHT_CONE_MARGIN LIGHT_CONE_SLACK LIGHT_MAX_DENSITY LIGHT_MIN_LINE_SHARE LIGHT_RANGE_SLACK \
-        LightAlong LightAlong.along LightAlong.pdf LightBoxes LightBoxes.center LightBoxes.half_size \
-        LightEnds LightEnds.dist LightEnds.place LightGaps LightGaps.center_sq LightGaps.gap_sq \
+        LightAlong LightAlong.along LightAlong.pdf LightBox LightBox.center LightBox.half_size \
+        LightEnd LightEnd.dist LightEnd.place LightGap LightGap.center_sq LightGap.gap_sq \
         LightLocalShadingPoint.segment light_along LightSegmentView LightSegmentView.foot \
         LightSegmentView.half_length LightSegmentView.line_sq LightShadingPoint.segment LightSource \
         LightSource.axis LightSource.cos LightSource.radius LightSource.toward LightSource.variance \
         LightStretch LightStretch.a LightStretch.angle LightStretch.extent LightStretch.start \
-        LightStretch.soft light_along_pdf light_angle light_are_turned_away light_box_center \
-        light_box_half light_cone_place light_emitted_along light_end light_estimate_along \
-        light_four_along light_gaps light_halved light_is_segment light_local_segment light_near_sq \
+        LightStretch.soft light_along_pdf light_angle light_is_turned_away_along \
+        light_cone_place light_emitted_along light_end light_estimate_along \
+        light_importance_along light_gap light_halved light_is_segment light_local_segment light_near_sq \
         light_point_along light_sample_along light_sample_picked_along light_segment_view \
         light_source light_source_of light_stretch light_stretch_density light_stretch_of \
         light_stretch_sample light_facing_along_in_world";
@@ -571,18 +566,18 @@ mod tests {
         let effects = [
             (
                 Effects::CONES,
-                "light_lobe light_is_turned_away light_from_spot light_unit_axes light_signed_bytes LightLobe LightLobe.value LightLobe.width_sq \
-                 LightNode.cones LightPackedFour.axis LightPackedFour.shortness LightPackedFour.cap LightFour.facing \
-                 LightFour.center_sq LightFour.center_facing LightFour.axis_length LightFour.cos_half_angle LIGHT_NO_CONES LIGHT_KIND_SPOT \
+                "light_lobe light_is_turned_away light_from_spot light_unit_axis LightLobe LightLobe.value LightLobe.width_sq \
+                 LightChild.facing LightChild.center_sq \
+                 LightChild.center_facing LightChild.axis_length LightChild.cos_half_angle LIGHT_KIND_SPOT \
                  LIGHT_LAMBERTIAN LIGHT_LOBE_SHARE LIGHT_RIM_WIDTH_SQ LIGHT_RIM_MIN_SQ LIGHT_MAX_LOBE_LENGTH \
                  LIGHT_CAP_STEPS LIGHT_ANGLE_MARGIN light_widened LightLocalShadingPoint.turn light_end light_halved \
-                 LightEnds LightEnds.place LightEnds.dist light_are_turned_away light_emitted_along \
+                 LightEnd LightEnd.place LightEnd.dist light_is_turned_away_along light_emitted_along \
                  light_facing_along_in_world",
             ),
             (
                 Effects::RANGES,
-                "light_is_out_of_range light_range_window LightNode.range LightPackedFour.range LightFour.range \
-                 LightLocalShadingPoint.range_scale LightRecord.range LIGHT_NO_RANGES LIGHT_COSINE_MARGIN LIGHT_RANGE_SLACK",
+                "light_is_out_of_range light_range_window LightChild.range \
+                 LightLocalShadingPoint.range_scale LightRecord.range LIGHT_COSINE_MARGIN LIGHT_RANGE_SLACK",
             ),
             (
                 Effects::AREAS,
@@ -595,10 +590,10 @@ mod tests {
             (Effects::TWO_SIDED, "LIGHT_TWO_SIDED"),
             (
                 Effects::GLOSSY,
-                "light_gloss light_reflected light_reflectance light_add_tangents LightGloss \
+                "light_gloss light_reflected light_reflectance LightGloss \
                  LightGloss.tangent LightGloss.alpha LightGloss.bitangent LightGloss.specular LightGloss.view \
                  LightGloss.flat_part LightReflected LightReflected.value LightReflected.doubt \
-                 LightShadingPoint.gloss LightLocalShadingPoint.gloss LightFour.tangent LightFour.bitangent \
+                 LightShadingPoint.gloss LightLocalShadingPoint.gloss \
                  LIGHT_MIN_VIEW_SQ LIGHT_MAX_VIEW_SQ LIGHT_MIN_VIEW_SINE_SQ LIGHT_MIN_VIEW_COSINE LIGHT_MIN_SPECULAR LIGHT_MIN_ALPHA \
                  LIGHT_GLOSS_WIDTH LIGHT_MIN_GLOSS",
             ),
@@ -608,10 +603,7 @@ mod tests {
                 "light_brightness light_factored LightInstance.factor LightLocalShadingPoint.brightness \
                  LIGHT_MAX_FINITE",
             ),
-            (
-                Effects::MASKS,
-                "light_met_children LightInstance.mask LightShadingPoint.mask LightLocalShadingPoint.met_children",
-            ),
+            (Effects::MASKS, "light_met_children LightInstance.mask LightShadingPoint.mask"),
             (Effects::SECTORS, "light_from_home LightInstance.sector LIGHT_SECTOR_EDGE"),
             (
                 Effects::DIRECTIONAL,
@@ -619,8 +611,8 @@ mod tests {
             ),
             (
                 Effects::NON_RIGID,
-                "light_rigid_to_local light_area_shares light_four_into_world light_half_sq light_widened LightInstance.to_local \
-                 LightPackedFour.area_ratios LightLocalShadingPoint.scaled_instance LightLocalShadingPoint.turn \
+                "light_rigid_to_local light_area_share light_into_world light_half_size light_widened LightInstance.to_local \
+                 LightPackedChild.area_ratio LightLocalShadingPoint.scaled_instance LightLocalShadingPoint.turn \
                  LIGHT_NON_RIGID LIGHT_MAX_FLUX light_facing_along_in_world",
             ),
         ];

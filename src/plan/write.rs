@@ -8,6 +8,7 @@ use super::changes::UploadReport;
 use super::commands::Commands;
 use super::frame::FramePlan;
 use super::layout::{Bases, InstanceRecord, LightRecord, ParamsRecord, STAND_IN, TreeRecord, stored_place};
+use super::node_record::NodeRecord;
 use super::reserve::{Reservation, Room};
 use super::residency::{Form, Incoming, TreeState};
 use super::scatter::{MAX_TARGETS, Scattered, scatter};
@@ -200,7 +201,7 @@ impl LightPlanner {
                 report.nodes += range.len();
                 let nodes = tree.nodes()[range].iter().map(|node| {
                     let parent = stored_place(node.parent, sections);
-                    with_lights_from(offset, Node { parent, ..*node })
+                    NodeRecord::of(&with_lights_from(offset, Node { parent, ..*node }))
                 });
                 let target = node_base + run.start..node_base + run.end;
                 self.nodes.write(commands, &mut staged.nodes, target, nodes);

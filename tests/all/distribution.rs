@@ -63,7 +63,7 @@ fn the_distribution_of_a_world_is_the_pmf_of_each_light() {
             }
         }
     }
-    assert!(lit > 600 && most > 1.0 - SUM_TOLERANCE, "{lit} {most}");
+    assert!(lit > 500 && most > 1.0 - SUM_TOLERANCE, "{lit} {most}");
 }
 
 #[test]

@@ -333,7 +333,7 @@ fn an_upload_sends_what_changed_and_nothing_else() {
     let tree = world.tree(tree).expect("it lives");
     let (nodes, sides) = (tree.nodes().len() as u64, tree.sides().len() as u64);
     assert!(sides > 1, "lights of all kinds shine to several sides");
-    assert_eq!((edited.bytes, edited.trees, edited.instances), (nodes * 208 + 30 * 64 + sides * 80, 1, 0));
+    assert_eq!((edited.bytes, edited.trees, edited.instances), (nodes * 224 + 30 * 64 + sides * 80, 1, 0));
 }
 
 #[test]
@@ -367,8 +367,8 @@ fn a_world_of_points_sends_no_bytes_for_cones_ranges_and_scales() {
     let spots = world.add_tree((0..20).map(spot).collect()).expect("valid");
     // So far away that the other tree has no sections.
     world.add_instance(spots, Placement::at(DVec3::X * 100.0), Policy::Budgeted).expect("valid");
-    let table = 16 + 2 * 13 * 16;
-    let sent = 20 * 64 + nodes(&world, spots) * 208 + 80 + 80 + 8 + 2 * table + 64 + 4 * 256 + 256;
+    let table = 16 + 2 * 14 * 16;
+    let sent = 20 * 64 + nodes(&world, spots) * 224 + 80 + 80 + 8 + 2 * table + 64 + 4 * 256 + 256;
     assert_eq!(upload(&mut world), sent);
     // A scaled instance lengthens all instances.
     world.move_instance(instance, Placement { linear: 2.0 * Mat3::IDENTITY, ..Placement::IDENTITY }).expect("valid");

@@ -129,12 +129,12 @@ fn the_node_count_is_the_number_of_splits_and_of_steps_down() {
         queue.submit([encoder.finish()]);
         read::<u32>(&device, &queue, &counts)
     };
-    // A sample reads the root of the top level and the root of the tree. A single light has no
-    // spread, so the cut stays at the first root, and each candidate walks down through the other.
+    // A single light has no doubt, so the cut stays at the root of the top level. Each candidate
+    // reads that node again, and then the root of the tree.
     let mut one = upload(&device, &queue, lamps(1, 1));
     for splits in [0, 6] {
-        assert_eq!(count(&mut one, splits, 1), [2; 9]);
-        assert_eq!(count(&mut one, splits, 8)[0], 1 + 8);
+        assert_eq!(count(&mut one, splits, 1), [3; 9]);
+        assert_eq!(count(&mut one, splits, 8)[0], 1 + 2 * 8);
     }
     let mut many = upload(&device, &queue, lamps(64, 64));
     for splits in [0, 6] {

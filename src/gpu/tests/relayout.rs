@@ -9,8 +9,9 @@ use crate::effects::Effects;
 use crate::light::Light;
 use crate::placement::{Anchor, Placed, Placement};
 use crate::plan::layout::{Bases, InstanceRecord, LightRecord};
+use crate::plan::node_record::NodeRecord;
 use crate::plan::stored::{Missing, Stored, missing_of_instance, missing_of_light, missing_of_node};
-use crate::tree::{LightTree, Node};
+use crate::tree::LightTree;
 
 /// Effects that between them use every layout of every record.
 const LAYOUTS: [Effects; 14] = [
@@ -95,8 +96,8 @@ fn a_copy_to_a_new_layout_equals_an_upload_in_that_layout_byte_for_byte() {
     for before in LAYOUTS {
         for after in LAYOUTS {
             let tree = tree(before & after);
-            let nodes: &[Node] = tree.nodes();
-            check(&mut rig, nodes, [before, after].map(Stored::nodes).each_ref(), missing_of_node);
+            let nodes: Vec<NodeRecord> = tree.nodes().iter().map(NodeRecord::of).collect();
+            check(&mut rig, &nodes, [before, after].map(Stored::nodes).each_ref(), missing_of_node);
             let lights: Vec<_> =
                 tree.lights().iter().zip(tree.leaves()).map(|(l, place)| LightRecord::of(l, *place)).collect();
             check(&mut rig, &lights, [before, after].map(Stored::lights).each_ref(), missing_of_light);

@@ -17,6 +17,7 @@ use crate::gpu::testing::{random, random_vec};
 use crate::keys::slot_of;
 use crate::part::{PART, PART_BITS, Part};
 use crate::plan::layout::{Bases, ClusterRecord, InstanceRecord, LeafRecord, PartRecord, Strides, TreeRecord};
+use crate::plan::node_record::NodeRecord;
 use crate::plan::pool::Growth;
 use crate::plan::stored::Missing;
 use crate::plan::top::TopBuild;
@@ -190,7 +191,7 @@ fn build(top: &mut TopRig, world: &LightWorld) -> Built {
         leaves: leaves[..parts.len()].iter().map(cluster_of).collect(),
         parts,
         clusters,
-        nodes: bytemuck::cast_slice(nodes).to_vec(),
+        nodes: bytemuck::cast_slice(nodes).iter().map(NodeRecord::node).collect(),
         masks: bytemuck::cast_slice(masks).to_vec(),
     }
 }

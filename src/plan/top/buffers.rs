@@ -3,10 +3,11 @@
 use super::super::buffers::{BufferId, Ids, NewBuffer};
 use super::super::error::PlanError;
 use super::super::layout::{ClusterRecord, LeafRecord, Strides};
+use super::super::node_record::NodeRecord;
 use super::super::sort::SortBuffers;
 use super::rounds::{Places, Rounds};
 use crate::effects::Effects;
-use crate::tree::{Node, WIDTH};
+use crate::tree::WIDTH;
 
 /// The bytes of the masks of one node: a word for each child.
 pub(super) const MASK_BYTES: u64 = 4 * WIDTH as u64;
@@ -41,7 +42,7 @@ impl TopBuffers {
         limit: u64,
     ) -> Result<Self, PlanError> {
         let rounds = Rounds::new(capacity, capacity, Places::default(), Strides::of(Effects::all()));
-        let parts = u64::from(rounds.nodes) * size_of::<Node>() as u64;
+        let parts = u64::from(rounds.nodes) * size_of::<NodeRecord>() as u64;
         let masks = parts + u64::from(capacity) * size_of::<LeafRecord>() as u64;
         let nodes_bytes = masks + if has_masks { u64::from(rounds.nodes) * MASK_BYTES } else { 0 };
         let clusters = (u64::from(capacity) + u64::from(rounds.nodes)) * size_of::<ClusterRecord>() as u64;

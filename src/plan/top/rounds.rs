@@ -30,7 +30,7 @@ pub(super) struct TopPass {
     pub first_node: u32,
     pub strides: Strides,
     pub masks: u32,
-    pub padding: u32,
+    pub padding: [u32; 2],
     /// The sector whose centre the origin is; not set but in the first pass.
     pub home: [i32; 3],
     pub padding_after: u32,

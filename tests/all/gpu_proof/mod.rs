@@ -102,9 +102,9 @@ const STAGE: &str = "
         if id.x >= arrayLength(&questions) { return; }
         let q = questions[id.x];
         let gloss = light_gloss(vec3(0.0, 0.0, 1.0), q.more.xyz, q.more.w, q.choice, q.u.w);
-        let found = light_reflected(gloss, vec4(q.u.x), vec4(q.u.y), vec4(q.u.z), vec4(q.position.x));
-        answers[2u * id.x] = bitcast<u32>(found.value.x);
-        answers[2u * id.x + 1u] = bitcast<u32>(found.doubt.x);
+        let found = light_reflected(gloss, q.u.x, q.u.y, q.u.z, q.position.x);
+        answers[2u * id.x] = bitcast<u32>(found.value);
+        answers[2u * id.x + 1u] = bitcast<u32>(found.doubt);
     }
     @compute @workgroup_size(64) fn pmf(@builtin(global_invocation_id) id: vec3<u32>) {
         if id.x >= arrayLength(&questions) { return; }

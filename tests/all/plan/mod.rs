@@ -379,7 +379,7 @@ fn a_planner_that_starts_with_a_change_of_user_data_sends_the_tree() {
 #[test]
 fn sizes_are_multiples_of_4_whatever_the_limit_is() {
     let (mut world, _, keys) = lamps(5000);
-    let mut played = Played { planner: LightPlanner::new(PlanLimits::new(700_003)), device: Device::default() };
+    let mut played = Played { planner: LightPlanner::new(PlanLimits::new(740_003)), device: Device::default() };
     let delta = update(&mut world);
     played.frame(&world, &delta);
     let mut rng = Rng(9);
@@ -392,7 +392,7 @@ fn sizes_are_multiples_of_4_whatever_the_limit_is() {
         let plan = played.frame(&world, &delta);
         let staged = plan.new_buffers.iter().filter(|buffer| buffer.what == "staged records");
         let staged: Vec<u64> = staged.map(|buffer| buffer.bytes).collect();
-        assert_eq!(staged, [if period == 9 { 4444 * (INSTANCE_BYTES as u64 + 4) } else { 700_000 }]);
+        assert_eq!(staged, [if period == 9 { 4444 * (INSTANCE_BYTES as u64 + 4) } else { 740_000 }]);
     }
 }
 

@@ -47,7 +47,7 @@ pub fn check(played: &Played, world: &LightWorld) -> Found {
     let [params, _, nodes, instances, lights] = played.planner.bindings().expect("a plan was made");
     let params = Records { bytes: played.device.content(params), stride: 0 };
     let records = |id, word| Records { bytes: played.device.content(id), stride: 4 * params.word(0, word) as usize };
-    let (nodes, lights, instances) = (records(nodes, 4), records(lights, 7), records(instances, 8));
+    let (nodes, lights, instances) = (records(nodes, 4), records(lights, 6), records(instances, 7));
     let mut all = Found::default();
     for key in world.instances() {
         let slot = world.slot(key).expect("it lives");
@@ -63,7 +63,7 @@ pub fn check(played: &Played, world: &LightWorld) -> Found {
                 break;
             }
             for place in 0..WIDTH as u32 {
-                let target = nodes.word(node_base + node, 4 + place as usize);
+                let target = nodes.word(node_base + node, 4 + 4 * place as usize);
                 if target == EMPTY_SLOT {
                     continue;
                 }
@@ -125,7 +125,7 @@ pub fn check_parts(played: &Played, world: &LightWorld) {
     let instances = |played: &Played| {
         let [params, _, _, instances, _] = played.planner.bindings().expect("a plan was made");
         let params = Records { bytes: played.device.content(params), stride: 0 };
-        (instances, 4 * params.word(0, 8) as usize)
+        (instances, 4 * params.word(0, 7) as usize)
     };
     for key in world.instances().filter(|key| world.instance_tree(*key).is_some_and(|t| !played.planner.is_waiting(t)))
     {
