@@ -10,6 +10,8 @@ var<workgroup> digits: array<atomic<u32>, SORT_LANES>;
 
 @compute @workgroup_size(SORT_LANES)
 fn sort_count(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    atomicStore(&digits[lane], 0u);
+    workgroupBarrier();
     let block = group.x;
     let first = block * pass_.rounds * SORT_LANES + lane;
     for (var round = 0u; round < pass_.rounds; round++) {

@@ -20,6 +20,10 @@ var<workgroup> lanes_of: array<array<atomic<u32>, SORT_LANES>, SORT_WORDS>;
 @compute @workgroup_size(SORT_LANES)
 fn sort_scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let block = group.x;
+    for (var word = 0u; word < SORT_WORDS; word++) {
+        atomicStore(&lanes_of[word][lane], 0u);
+    }
+    // Its barriers come before the first bit is set.
     let lower_digits = sort_prefix(lane, histogram[SORT_LANES * pass_.blocks + lane]).x;
     next[lane] = lower_digits + histogram[lane * pass_.blocks + block];
     let first = block * pass_.rounds * SORT_LANES + lane;

@@ -62,6 +62,11 @@ fn top_group(
     if piece >= top_pass.pieces {
         return;
     }
+    split_clear_extremes(lane);
+    if lane < 2u {
+        atomicStore(&group_starts[lane], 0u);
+    }
+    // Its barriers come before the first extreme and the first rank.
     let total = gather_count(lane);
     let left = top_pass.units_after + top_pass.pieces;
     if total <= TOP_ROOT_UNITS {

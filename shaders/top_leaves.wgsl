@@ -79,6 +79,10 @@ fn top_leaves(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
+    if lane < 8u {
+        atomicStore(&group_bounds[lane], 0u);
+    }
+    workgroupBarrier();
     let part = top_index(id, groups);
     if part < top_pass.count {
         let leaf = leaf_of(part);

@@ -11,6 +11,10 @@ var<workgroup> root_depth: u32;
 
 @compute @workgroup_size(TOP_LANES)
 fn top_root(@builtin(local_invocation_index) lane: u32) {
+    if lane == 0u {
+        atomicStore(&root_deepest, 0u);
+    }
+    workgroupBarrier();
     for (var part = lane; part < TOP_ROOT_PARTS; part += TOP_LANES) {
         atomicMax(&root_deepest, units[top_pass.units_after + part]);
     }

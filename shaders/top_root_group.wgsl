@@ -150,6 +150,16 @@ fn root_target(node: u32, slot: u32, bits: u32) {
 
 @compute @workgroup_size(TOP_SPLIT_LANES)
 fn top_root_group(@builtin(local_invocation_index) lane: u32) {
+    split_clear_extremes(lane);
+    for (var part = lane; part < TOP_ROOT_PARTS; part += TOP_SPLIT_LANES) {
+        root_parts[part] = 0u;
+        root_costs[part] = 0u;
+        atomicStore(&root_depths[part], 0u);
+    }
+    for (var place = lane; place < TOP_PIECE; place += TOP_SPLIT_LANES) {
+        root_current[place] = 0u;
+    }
+    // Its barriers come before the first extreme and the first part.
     let count = gather_count(lane);
     var own = 0u;
     if lane < count {

@@ -147,6 +147,13 @@ fn split_put(unit: u32, cluster: LightCluster) {
         | split_direction(cluster.axis.y, 8u) | split_direction(cluster.axis.z, 16u);
 }
 
+// Lets the extremes start anew.
+fn split_clear_extremes(lane: u32) {
+    if lane < 7u {
+        atomicStore(&split_extremes[lane], 0u);
+    }
+}
+
 // Takes a unit into account in the extremes.
 fn split_add_to_extremes(cluster: LightCluster) {
     for (var k = 0u; k < 3u; k++) {

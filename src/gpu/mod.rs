@@ -34,6 +34,8 @@ pub mod measure;
 mod memory;
 mod pipeline_variants;
 mod player;
+#[cfg(test)]
+mod poison;
 mod previous;
 mod probe;
 mod records;

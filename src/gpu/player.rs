@@ -24,6 +24,19 @@ pub(super) struct Player {
     pub widest: u32,
 }
 
+/// Kernels initialise the workgroup memory that they use. Where a driver does not clear it itself,
+/// wgpu would write stores for it that compilers take up to half a minute for.
+pub(super) const UNCLEARED: wgpu::PipelineCompilationOptions<'static> =
+    wgpu::PipelineCompilationOptions { constants: &[], zero_initialize_workgroup_memory: false };
+
+/// The text of a kernel. In unit tests its workgroup memory begins with nonsense.
+fn text_of(kernel: Kernel) -> String {
+    let text = kernel.wgsl();
+    #[cfg(test)]
+    let text = super::poison::poisoned(&text, kernel.entry());
+    text
+}
+
 /// What kernels with the same bindings share.
 #[derive(Debug)]
 struct Layout {
@@ -66,14 +79,14 @@ impl Player {
         let label = Some(kernel.entry());
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label,
-            source: wgpu::ShaderSource::Wgsl(kernel.wgsl().into()),
+            source: wgpu::ShaderSource::Wgsl(text_of(kernel).into()),
         });
         let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label,
             layout: Some(&self.layouts[layout].pipeline),
             module: &module,
             entry_point: label,
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            compilation_options: UNCLEARED,
             cache: None,
         });
         self.pipelines.insert(kernel, pipeline);

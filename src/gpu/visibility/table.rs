@@ -136,7 +136,7 @@ impl Fold {
             layout: Some(&pipeline_layout),
             module: &module,
             entry_point: Some(label),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            compilation_options: player::UNCLEARED,
             cache: None,
         });
         Self { layout, pipeline }
