@@ -130,7 +130,7 @@ pub const DEFAULT_BUDGET: u32 = 300;
 fn splits(candidates: u32, is_quick: bool) -> &'static [usize] {
     match (is_quick, candidates) {
         (true, _) => &[0, 6],
-        (false, 1 | 2 | 4 | 8) => &[0, 2, 4, 6, 8],
+        (false, 1 | 2 | 4 | 8) => &[0, 2, 4, 6, 7],
         (false, _) => &[6],
     }
 }

@@ -73,6 +73,7 @@ mod stand_ins;
 mod support;
 mod torture;
 mod tree;
+mod translations;
 mod trees_made_elsewhere;
 mod usage;
 mod variance;

@@ -3,7 +3,7 @@
 
 #[path = "../../examples/tools/shader_stats/modules.rs"]
 #[allow(dead_code, missing_docs, reason = "a program")]
-mod program;
+pub(crate) mod program;
 
 use program::limits::{CHIP, LIMITS, MOST_SECONDS, exceeded};
 use program::record::Row;
