@@ -26,6 +26,9 @@
 //! Shaders are compiled with the checks that wgpu adds on these drivers: of indices into arrays and of
 //! loops. `--trusted` leaves them out, as `wgpu::Device::create_shader_module_trusted` can.
 //!
+//! `--spirv DIR` writes the kernels as SPIR-V instead, which needs no driver; `.ci/run` hands them to
+//! `spirv-val`.
+//!
 //! `--check` fails if a kernel exceeds its limits, which are in `limits.rs`. They are those of one
 //! version of the driver, so CI checks them and a user's test run does not. Estimates compare two
 //! versions of a kernel; they are no measurements.

@@ -20,7 +20,7 @@ pub const CHIPS: [&str; 3] = ["navi21", "gfx1100", "vega10"];
 #[command(name = "shader_stats", version)]
 pub struct Options {
     /// The table
-    #[arg(long, value_name = "FILE.csv", required_unless_present = "child")]
+    #[arg(long, value_name = "FILE.csv", required_unless_present_any = ["child", "spirv"])]
     pub out: Option<PathBuf>,
     /// Only this chip; may be given several times
     #[arg(long, value_name = "NAME", value_parser = CHIPS)]
@@ -34,6 +34,9 @@ pub struct Options {
     /// Compiles shaders without the checks of indices and loops that wgpu adds
     #[arg(long)]
     pub trusted: bool,
+    /// Writes each kernel as SPIR-V to this folder instead of compiling it
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "check"])]
+    pub spirv: Option<PathBuf>,
     /// Fails where a kernel exceeds its limits
     #[arg(long)]
     pub check: bool,
@@ -47,6 +50,9 @@ pub struct Options {
 pub fn run(options: &Options) -> Result<(), String> {
     if options.child {
         return rows_of_this_chip(options);
+    }
+    if let Some(folder) = &options.spirv {
+        return write_spirv(folder, options);
     }
     let Some(manifest) = manifest() else {
         println!("skipped: Mesa's driver RADV is not installed (Debian: mesa-vulkan-drivers)");
@@ -71,6 +77,21 @@ pub fn run(options: &Options) -> Result<(), String> {
         Some(_) if options.check => Err(exceeded.join("; ")),
         _ => Ok(()),
     }
+}
+
+/// Writes the SPIR-V of every kernel, for `spirv-val`. Needs no driver.
+fn write_spirv(folder: &Path, options: &Options) -> Result<(), String> {
+    let failed = |path: &Path, error: std::io::Error| format!("cannot write {}: {error}", path.display());
+    std::fs::create_dir_all(folder).map_err(|error| failed(folder, error))?;
+    for subject in subjects::all().iter().filter(|subject| subject.kernel.contains(&options.kernel)) {
+        let shader = translate(&subject.wgsl, subject.entry, options.zeroing, options.trusted)
+            .map_err(|error| format!("{}: {error}", subject.kernel))?;
+        let name = [subject.kernel, subject.effects].join("-");
+        let path = folder.join(name.trim_end_matches('-')).with_extension("spv");
+        let bytes: Vec<u8> = shader.words.iter().flat_map(|word| word.to_le_bytes()).collect();
+        std::fs::write(&path, bytes).map_err(|error| failed(&path, error))?;
+    }
+    Ok(())
 }
 
 /// Compiles for one chip in a process of its own: the driver reads the name of the chip from the

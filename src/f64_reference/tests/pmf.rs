@@ -14,7 +14,7 @@ use crate::tree::testing::Rng;
 use crate::{DirectionalLight, LightTree, LightWorld, Placement, Policy, SplitCount};
 
 /// Numbers of splits: none, the default, and the most.
-const SPLITS: [usize; 3] = [0, 6, 8];
+const SPLITS: [usize; 3] = [0, 6, 7];
 
 /// The comparison of many distributions.
 #[derive(Debug, Default)]
