@@ -45,7 +45,7 @@ struct LightCut {
 // sums of their nodes. The eighth place is always empty.
 struct LightPending {
     // Importance times relative doubt, as the bits of a float. The last six bits name the child, so
-    // that of equal doubts the first child has the greatest key: see light_key.
+    // that of equal doubts the first child has the greatest key.
     first_keys: vec4<u32>,
     last_keys: vec4<u32>,
     // The importances.

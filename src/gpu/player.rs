@@ -24,12 +24,12 @@ pub(super) struct Player {
     pub widest: u32,
 }
 
-/// Kernels initialise the workgroup memory that they use. Where a driver does not clear it itself,
-/// wgpu would write stores for it that compilers take up to half a minute for.
+/// Kernels initialise the workgroup memory that they use. For drivers that cannot clear it, wgpu would
+/// add stores to the shader, which some compilers need half a minute for.
 pub(super) const UNCLEARED: wgpu::PipelineCompilationOptions<'static> =
     wgpu::PipelineCompilationOptions { constants: &[], zero_initialize_workgroup_memory: false };
 
-/// The text of a kernel. In unit tests its workgroup memory begins with nonsense.
+/// The text of a kernel. In unit tests, its workgroup memory starts with arbitrary values.
 fn text_of(kernel: Kernel) -> String {
     let text = kernel.wgsl();
     #[cfg(test)]

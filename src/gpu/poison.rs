@@ -1,11 +1,11 @@
-//! Fills workgroup memory with nonsense before a kernel begins, so that tests fail where a kernel
-//! expects zeros. Only unit tests play kernels with this text.
+//! Fills workgroup memory with an arbitrary value at the start of a kernel, so that tests fail if the
+//! kernel relies on zeros. Only unit tests do so.
 
 use std::fmt::Write;
 
 use naga::{AddressSpace, ArraySize, Handle, Module, Type, TypeInner};
 
-/// The text of a kernel that begins with nonsense in its workgroup memory.
+/// The text of a kernel, with stores to all of its workgroup memory at the start.
 pub(super) fn poisoned(text: &str, entry: &str) -> String {
     let module = naga::front::wgsl::parse_str(text).expect("kernels are valid");
     let mut stores = String::new();
@@ -24,11 +24,11 @@ pub(super) fn poisoned(text: &str, entry: &str) -> String {
 
 /// All invocations store the same value, one after the other.
 fn store(module: &Module, stores: &mut String, ty: Handle<Type>, place: &str, depth: usize) {
-    const NONSENSE: &str = "0xdeadbeefu";
+    const VALUE: &str = "0xdeadbeefu";
     let _ = match &module.types[ty].inner {
-        TypeInner::Atomic(_) => writeln!(stores, "atomicStore(&{place}, {NONSENSE});"),
-        TypeInner::Scalar(_) => writeln!(stores, "{place} = {NONSENSE};"),
-        TypeInner::Vector { .. } => writeln!(stores, "{place} = vec2({NONSENSE});"),
+        TypeInner::Atomic(_) => writeln!(stores, "atomicStore(&{place}, {VALUE});"),
+        TypeInner::Scalar(_) => writeln!(stores, "{place} = {VALUE};"),
+        TypeInner::Vector { .. } => writeln!(stores, "{place} = vec2({VALUE});"),
         TypeInner::Array { base, size: ArraySize::Constant(size), .. } => {
             let i = format!("poison_{depth}");
             let _ = writeln!(stores, "for (var {i} = 0u; {i} < {size}u; {i}++) {{");

@@ -1,5 +1,5 @@
-//! What the scheduler knows and tells of single trees: who waits and for how long, what comes first,
-//! and what a piece of work took.
+//! How the scheduler keeps track of single trees: how long each has waited, which one comes first, and
+//! what its jobs cost.
 
 use super::*;
 use crate::scheduler::cost::whole;
