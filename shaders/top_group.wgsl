@@ -1,6 +1,6 @@
 // Top level, the first stage of a round: divides the units into pieces of neighbours along the
 // curve, and splits each piece into groups. A group of several units becomes a node, a single unit
-// stays a unit. Twin of `grouped` in src/top/mod.rs. One workgroup for each piece.
+// stays a unit. Twin of `groups_of_pieces` in src/top/mod.rs. One workgroup for each piece.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
 @group(0) @binding(1) var<storage, read_write> clusters: array<LightCluster>;

@@ -1,6 +1,6 @@
 // Top level, the last stage but one: forms the upper part of the tree from the remaining units, by
 // cost from the root down. A node has the index of the part that it holds; the root has index 0.
-// Twin of `TopLevel::add_root`. One workgroup.
+// Twin of `TopLevel::add_upper`. One workgroup.
 
 @group(0) @binding(0) var<uniform> top_pass: TopPass;
 @group(0) @binding(1) var<storage, read_write> clusters: array<LightCluster>;
@@ -67,7 +67,7 @@ fn split_record(lane: u32, parts: u32) {
     workgroupBarrier();
 }
 
-// Finds the children of a node and writes its targets. Twin of `children_of` in src/top/mod.rs.
+// Finds the children of a node and writes its targets. Twin of `Children::choose`.
 fn root_fill(whole: u32, depth: u32) {
     var children: array<u32, LIGHT_WIDTH>;
     var is_open: array<bool, LIGHT_WIDTH>;

@@ -42,7 +42,7 @@ struct SplitPart {
     count: u32,
 }
 
-// One unit on the grid. Twin of `Item` in src/top/split.rs.
+// One unit on the grid. Twin of `GridItem` in src/top/split.rs.
 struct SplitItem {
     low: vec3<u32>,
     high: vec3<u32>,
@@ -52,7 +52,7 @@ struct SplitItem {
     power: vec3<f32>,
 }
 
-// The box and flux of several units. Twin of `Sums` in src/top/split.rs.
+// The box and flux of several units. Twin of `GridSums` in src/top/split.rs.
 struct SplitSums {
     low: vec3<u32>,
     high: vec3<u32>,
@@ -226,7 +226,7 @@ fn split_middle(count: u32) -> u32 {
 }
 
 // A cut: the last cell of the left side, and the last place in that cell that is on the left. Twin
-// of `Cut` in src/top/split.rs.
+// of `PieceCut` in src/top/split.rs.
 struct SplitCut {
     axis: u32,
     border: u32,

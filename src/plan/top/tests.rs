@@ -95,6 +95,12 @@ fn the_stages_are_valid_and_have_the_sizes_that_the_host_expects() {
         assert_eq!(module.entry_points[0].name, stage.entry);
         let lanes = if stage.piece > 0 { SPLIT_LANES } else { LANES };
         assert_eq!(module.entry_points[0].workgroup_size, [lanes, 1, 1]);
+        let mut layouter = naga::proc::Layouter::default();
+        layouter.update(module.to_ctx()).unwrap();
+        let shared = module.global_variables.iter().filter(|(_, v)| v.space == naga::AddressSpace::WorkGroup);
+        let bytes: u32 = shared.map(|(_, variable)| layouter[variable.ty].size).sum();
+        // WebGPU's default limit.
+        assert!(bytes <= 16_384, "{}: {bytes} bytes of workgroup memory", stage.entry);
         let (_, pass) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some("TopPass")).unwrap();
         let TypeInner::Struct { members, span } = &pass.inner else { panic!("TopPass is a struct") };
         assert_eq!(*span as usize, size_of::<TopPass>());
