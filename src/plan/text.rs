@@ -346,7 +346,8 @@ pub(crate) fn constants() -> String {
         ("MAX_DIST", visibility::MAX_DIST),
         ("ROUNDING", visibility::ROUNDING),
     ] {
-        let _ = writeln!(text, "const LIGHT_{name}: f32 = {value:e};");
+        // As f64: the shortest digits of the greatest f32 are above it, which Tint refuses.
+        let _ = writeln!(text, "const LIGHT_{name}: f32 = {:e};", f64::from(value));
     }
     let lobe: Vec<String> = stored::missing_lobe().iter().map(|word| format!("{word}u")).collect();
     let _ = writeln!(text, "const LIGHT_NO_LOBE = vec2({});", lobe.join(", "));
@@ -391,6 +392,19 @@ mod effect_sets;
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn constants_are_written_as_numbers_of_32_bits() {
+        let constants = constants();
+        let numbers = constants.lines().filter_map(|line| line.split_once(": f32 = "));
+        let mut count = 0;
+        for (name, value) in numbers {
+            let value: f64 = value.trim_end_matches(';').parse().expect(name);
+            assert_eq!(f64::from(value as f32), value, "{name}: Tint refuses what is beyond the greatest f32");
+            count += 1;
+        }
+        assert!(count > 20, "{count}");
+    }
 
     #[test]
     fn a_variant_keeps_the_lines_that_its_effects_need() {

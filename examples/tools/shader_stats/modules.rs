@@ -7,4 +7,5 @@ pub mod translate;
 pub mod driver;
 pub mod record;
 pub mod limits;
+pub mod page;
 pub mod options;

@@ -2,6 +2,7 @@
 
 use super::driver::{CHIP_VARIABLE, MANIFEST_VARIABLE, NullDevice, manifest};
 use super::limits;
+use super::page;
 use super::record::{COLUMNS, Row};
 use super::subjects::{self, Subject};
 use super::translate::{Zeroing, translate};
@@ -20,7 +21,7 @@ pub const CHIPS: [&str; 3] = ["navi21", "gfx1100", "vega10"];
 #[command(name = "shader_stats", version)]
 pub struct Options {
     /// The table
-    #[arg(long, value_name = "FILE.csv", required_unless_present_any = ["child", "spirv"])]
+    #[arg(long, value_name = "FILE.csv", required_unless_present_any = ["child", "spirv", "page"])]
     pub out: Option<PathBuf>,
     /// Only this chip; may be given several times
     #[arg(long, value_name = "NAME", value_parser = CHIPS)]
@@ -37,6 +38,9 @@ pub struct Options {
     /// Writes each kernel as SPIR-V to this folder instead of compiling it
     #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "check"])]
     pub spirv: Option<PathBuf>,
+    /// Writes a web page that compiles each kernel in a browser, instead of compiling it
+    #[arg(long, value_name = "FILE.html", conflicts_with_all = ["out", "check", "spirv"])]
+    pub page: Option<PathBuf>,
     /// Fails where a kernel exceeds its limits
     #[arg(long)]
     pub check: bool,
@@ -53,6 +57,10 @@ pub fn run(options: &Options) -> Result<(), String> {
     }
     if let Some(folder) = &options.spirv {
         return write_spirv(folder, options);
+    }
+    if let Some(path) = &options.page {
+        return std::fs::write(path, page::html(&options.kernel))
+            .map_err(|error| format!("cannot write {}: {error}", path.display()));
     }
     let Some(manifest) = manifest() else {
         println!("skipped: Mesa's driver RADV is not installed (Debian: mesa-vulkan-drivers)");
