@@ -10,6 +10,7 @@ use serde_json::Value;
 #[allow(dead_code, missing_docs, reason = "a program")]
 mod program;
 
+use program::goals::{self, Outcome, Verdict};
 use program::run::{Options, run};
 
 fn number(row: &Value, name: &str) -> f64 {
@@ -31,11 +32,14 @@ fn is_time(time: &Value) -> bool {
 #[test]
 fn the_timings_have_every_row_and_count_bytes_dispatches_and_nodes() {
     let out = std::env::temp_dir().join(format!("girandole_gpu_timings_{}.json", std::process::id()));
-    run(&Options { out: out.clone(), quick: true, adapter: None }).expect("the tool runs");
+    run(&Options { out: out.clone(), quick: true, only: Vec::new(), adapter: None }).expect("the tool runs");
     let text = std::fs::read_to_string(&out).expect("the tool has written the file");
     std::fs::remove_file(&out).expect("the test made the file");
     let all: Value = serde_json::from_str(&text).expect("the file is JSON");
     let rows = |name: &str| all[name].as_array().unwrap_or_else(|| panic!("no {name}")).as_slice();
+
+    let checks = rows("checks");
+    assert!(checks.len() >= 4 && checks.iter().all(|check| check["passed"] == true), "{checks:?}");
 
     let uploads = rows("upload");
     assert_positive(uploads, &["instances", "percent_moved", "moved", "bytes"]);
@@ -74,9 +78,21 @@ fn the_timings_have_every_row_and_count_bytes_dispatches_and_nodes() {
 }
 
 #[test]
+fn goals_are_met_up_to_their_limit_and_times_are_not_judged_on_software() {
+    let verdict = |measured, is_time| Verdict { goal: String::new(), most: 2.0, measured, is_time };
+    assert_eq!(verdict(Some(2.0), true).outcome(false), Outcome::Met);
+    assert_eq!(verdict(Some(2.1), true).outcome(false), Outcome::Missed);
+    assert_eq!(verdict(Some(2.1), true).outcome(true), Outcome::Software);
+    assert_eq!(verdict(Some(2.1), false).outcome(true), Outcome::Missed);
+    assert_eq!(verdict(None, true).outcome(false), Outcome::NotMeasured);
+    assert!(goals::verdicts(&[], &[]).iter().all(|verdict| verdict.measured.is_none()));
+}
+
+#[test]
 fn an_adapter_that_does_not_exist_is_refused_by_name() {
     let out = std::env::temp_dir().join(format!("girandole_no_adapter_{}.json", std::process::id()));
-    let error = run(&Options { out: out.clone(), quick: true, adapter: Some("no such thing".into()) });
+    let error =
+        run(&Options { out: out.clone(), quick: true, only: Vec::new(), adapter: Some("no such thing".into()) });
     std::fs::remove_file(&out).expect("the test made the file");
     assert!(error.expect_err("there is no such adapter").0.starts_with("no adapter named no such thing"));
 }

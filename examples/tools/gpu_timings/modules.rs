@@ -13,5 +13,8 @@ pub mod sampling;
 pub mod top_level;
 pub mod uploads;
 
+pub mod checks;
+pub mod goals;
+
 pub mod report;
 pub mod run;

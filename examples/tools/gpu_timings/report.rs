@@ -1,5 +1,7 @@
 //! The tables, as Markdown.
 
+use super::checks::Check;
+use super::goals::Verdict;
 use super::machine::Machine;
 use super::{sampling, top_level, uploads};
 
@@ -9,6 +11,29 @@ pub fn head(machine: &Machine) {
     let kind = if machine.is_software() { "software, tells nothing about GPUs; " } else { "" };
     println!("{} ({kind}{:?}; {} {})", info.name, info.backend, info.driver, info.driver_info.trim());
     println!("Times are {} in milliseconds: median (least – greatest).", machine.timing());
+}
+
+/// Prints what was compared.
+pub fn checks(all: &[Check]) {
+    println!("\nComparisons before any time is taken.\n");
+    line(["comparison", "found", "result"].map(String::from));
+    line(["---"; 3].map(String::from));
+    for check in all {
+        let result = if check.has_passed { "passed" } else { "FAILED" };
+        line([check.name.to_owned(), check.found.clone(), result.to_owned()]);
+    }
+}
+
+/// Prints what was measured beside the goals.
+pub fn verdicts(machine: &Machine, all: &[Verdict]) {
+    println!("\nGoals.\n");
+    line(["goal", "at most", "measured", "outcome"].map(String::from));
+    line(["---", "---:", "---:", "---"].map(String::from));
+    for verdict in all {
+        let measured = verdict.measured.map_or("–".to_owned(), |value| format!("{value:.2}"));
+        let outcome = verdict.outcome(machine.is_software()).name().to_owned();
+        line([verdict.goal.clone(), verdict.most.to_string(), measured, outcome]);
+    }
 }
 
 /// Prints the table of uploads.
