@@ -8,6 +8,8 @@
 //! - A region of 1,000 instances and 10,000 lights, in 100 trees or in one, of placeholders or built:
 //!   to fill it, to add it, to remove it, and to free it. The throughput is that of lights where it is
 //!   filled, and of instances elsewhere.
+//! - The top level that the CPU builds for the first sampler after a change. The throughput is that of
+//!   instances.
 //! - Frames in which the origin moves, in each mode, and frames in which it does not: the call that
 //!   moves it, the update, the delta and the plan.
 //!
@@ -329,5 +331,36 @@ fn origin(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, moves, lights, regions, origin);
+/// The top level that the CPU builds for the first sampler after a change.
+fn top_level(c: &mut Criterion) {
+    let mut group = c.benchmark_group("top level");
+    group.sample_size(10).sampling_mode(SamplingMode::Flat);
+    group.warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(2));
+    let counts: &[usize] =
+        if std::env::args().any(|a| a == "--bench") { &[1_000, 10_000, 100_000, 1_000_000] } else { &[1_000] };
+    for count in counts.iter().copied() {
+        let mut world = world(count, Kind::Translated, &mut Rng(10));
+        let mover = world.instances().next().expect("there are instances");
+        let mut step = 0.0;
+        group.throughput(Throughput::Elements(count as u64));
+        group.bench_function(BenchmarkId::new("after a move", count), |b| {
+            b.iter_custom(|rounds| {
+                let mut took = Duration::ZERO;
+                for _ in 0..rounds {
+                    step += 1.0;
+                    world.move_instance(mover, Placement::at(DVec3::X * (step % 100.0))).expect("a valid placement");
+                    let start = Instant::now();
+                    let nodes = world.sampler().top_nodes().len();
+                    took += start.elapsed();
+                    // Eight children for a node at most, and mostly so.
+                    assert!(nodes >= count / 8 && nodes <= count, "{nodes}");
+                }
+                took
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, moves, lights, regions, origin, top_level);
 criterion_main!(benches);

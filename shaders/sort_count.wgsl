@@ -1,25 +1,18 @@
-// Radix sort, stage 1 of 3: counts how often each digit occurs in each block. One workgroup for
-// each block.
+// Radix sort: counts the digits of the first pass, where no other stage has done so. One invocation for
+// each key.
 
 @group(0) @binding(0) var<uniform> pass_: SortPass;
 @group(0) @binding(1) var<storage, read> keys_in: array<u32>;
-// [digit][block], then the total of each digit.
-@group(0) @binding(5) var<storage, read_write> histogram: array<u32>;
-
-var<workgroup> digits: array<atomic<u32>, SORT_LANES>;
+@group(0) @binding(5) var<storage, read_write> histogram: array<atomic<u32>>;
 
 @compute @workgroup_size(SORT_LANES)
-fn sort_count(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    atomicStore(&digits[lane], 0u);
-    workgroupBarrier();
-    let block = group.x;
-    let first = block * pass_.rounds * SORT_LANES + lane;
-    for (var round = 0u; round < pass_.rounds; round++) {
-        let i = first + round * SORT_LANES;
-        if i < pass_.count {
-            atomicAdd(&digits[sort_digit(keys_in[i], pass_.shift)], 1u);
-        }
+fn sort_count(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = (group.x + group.y * groups.x) * SORT_LANES + lane;
+    if i < pass_.count {
+        sort_count_key(pass_.counts, pass_.count, pass_.block_keys, i, sort_digit(keys_in[i], pass_.shift));
     }
-    workgroupBarrier();
-    histogram[lane * pass_.blocks + block] = atomicLoad(&digits[lane]);
 }

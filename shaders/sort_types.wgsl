@@ -1,19 +1,21 @@
-// What the three stages of the radix sort share. Binds nothing. src/plan/sort.rs defines two
-// constants: SORT_LANES is the number of invocations in a workgroup and also of the values of a
-// digit, so that lane d can own digit d. SORT_WORDS is the number of words with one bit for each
-// lane.
+// What the stages of the radix sort share. Binds nothing. src/plan/sort.rs defines four constants:
+// SORT_LANES is the number of invocations in a workgroup and also of the values of a digit, so that
+// lane d can own digit d; a digit has SORT_DIGIT_BITS bits. SORT_WORDS is the number of words with one bit for each lane. SORT_GROUP is
+// the number of blocks whose counts are added up.
 
 // Twin of `SortPass` in src/plan/sort.rs. The test
 // `the_stages_have_the_sizes_that_the_host_expects` there compares them.
 struct SortPass {
     // The number of keys.
     count: u32,
-    // The number of blocks. A block is `rounds * SORT_LANES` consecutive keys; the last one may
-    // extend past the keys.
-    blocks: u32,
-    rounds: u32,
+    // The number of keys of a block, a multiple of SORT_LANES. The last block may extend past the keys.
+    block_keys: u32,
     // The lowest bit of the digit of this pass.
     shift: u32,
+    // Where the counts of this pass begin in the histogram.
+    counts: u32,
+    // Where those of the next pass begin; 0 in the last pass.
+    next_counts: u32,
 }
 
 fn sort_digit(key: u32, shift: u32) -> u32 {

@@ -1,18 +1,24 @@
-// Finds the units of a round: the parts in the order of the curve, or the units that the last
-// round has left. Binds nothing; reads the variables `units`, `order` and `bounds` of the stage,
-// and uses `split_order` of top_split.wgsl as scratch memory.
+// Finds the units of a pass: the parts in the order of the curve, or the units that the last
+// pass has left. Binds nothing; reads the variables `units`, `order` and `bounds` of the stage,
+// and uses `split_words` of top_split.wgsl as scratch memory.
 
 var<workgroup> gather_total: u32;
 
-// The number of pieces of the last round whose units one invocation adds up.
+// The first of the three words about a piece of the last pass. The entries of the list follow the
+// last piece.
+fn gather_header(piece: u32) -> u32 {
+    return top_pass.units_before + 1u + 3u * piece;
+}
+
+// The number of pieces of the last pass whose units one invocation adds up.
 fn gather_share() -> u32 {
     return (top_pass.pieces_before + TOP_SPLIT_LANES - 1u) / TOP_SPLIT_LANES;
 }
 
-// The number of units. `split_order` then holds, for each invocation, the number of units before
+// The number of units. `split_words` then holds, for each invocation, the number of units before
 // its share. Call from uniform control flow.
 fn gather_count(lane: u32) -> u32 {
-    if top_pass.units_before == TOP_FIRST_ROUND {
+    if top_pass.units_before == TOP_FIRST_PASS {
         if lane == 0u {
             gather_total = bounds[6];
         }
@@ -21,28 +27,28 @@ fn gather_count(lane: u32) -> u32 {
     let share = gather_share();
     var own = 0u;
     for (var piece = lane * share; piece < min((lane + 1u) * share, top_pass.pieces_before); piece++) {
-        own += units[top_pass.units_before + piece];
+        own += units[gather_header(piece)];
     }
     // A prefix sum after Hillis and Steele (1986).
     var sum = own;
     for (var reach = 1u; reach < TOP_SPLIT_LANES; reach *= 2u) {
-        split_order[lane] = sum;
+        split_words[lane] = sum;
         workgroupBarrier();
         if lane >= reach {
-            sum += split_order[lane - reach];
+            sum += split_words[lane - reach];
         }
         workgroupBarrier();
     }
-    split_order[lane] = sum - own;
+    split_words[lane] = sum - own;
     if lane == TOP_SPLIT_LANES - 1u {
         gather_total = sum;
     }
     return workgroupUniformLoad(&gather_total);
 }
 
-// The unit at an index among all units of the round.
+// The unit at an index among all units of the pass.
 fn gather_unit(index: u32) -> u32 {
-    if top_pass.units_before == TOP_FIRST_ROUND {
+    if top_pass.units_before == TOP_FIRST_PASS {
         return order[index];
     }
     // The last share that begins at or before the index.
@@ -50,19 +56,20 @@ fn gather_unit(index: u32) -> u32 {
     var high = TOP_SPLIT_LANES;
     while high - low > 1u {
         let middle = (low + high) / 2u;
-        if split_order[middle] <= index {
+        if split_words[middle] <= index {
             low = middle;
         } else {
             high = middle;
         }
     }
-    var rest = index - split_order[low];
+    var rest = index - split_words[low];
     var piece = low * gather_share();
-    while rest >= units[top_pass.units_before + piece] {
-        rest -= units[top_pass.units_before + piece];
+    while rest >= units[gather_header(piece)] {
+        rest -= units[gather_header(piece)];
         piece++;
     }
-    return units[top_pass.units_before + top_pass.pieces_before + piece * TOP_MAX_GROUPS + rest];
+    let stride = units[top_pass.units_before];
+    return units[gather_header(top_pass.pieces_before) + piece * stride + rest];
 }
 
 // The target of a child that is this unit. Of a part it is its number until node_pack replaces it.

@@ -1,13 +1,23 @@
 // Packs a node of the top level. Binds nothing; uses the variables `top_pass`, `clusters` and
 // `nodes` of the stage.
 
-// The cluster of a child.
-fn node_child(target_bits: u32) -> LightCluster {
+// The greatest number of nodes of a piece.
+var<workgroup> pack_clusters: array<LightCluster, TOP_MAX_NODES>;
+// For each node of the piece the union of the masks below it.
+var<workgroup> pack_masks: array<u32, TOP_MAX_NODES>;
+
+// The cluster of a child. Nodes of the same piece, which begin at `first`, have theirs in workgroup
+// memory: other invocations of this dispatch may not see what one of them writes to `clusters`.
+fn node_child(target_bits: u32, first: u32) -> LightCluster {
     if target_bits == LIGHT_EMPTY_SLOT {
         return CLUSTER_EMPTY;
     }
     if (target_bits & LIGHT_LEAF) != 0u {
         return clusters[target_bits & ~LIGHT_LEAF];
+    }
+    let in_piece = target_bits - first;
+    if in_piece < TOP_MAX_NODES {
+        return pack_clusters[in_piece];
     }
     return clusters[top_pass.capacity + target_bits];
 }
@@ -22,12 +32,16 @@ fn node_leaf(part: u32) -> u32 {
 }
 
 // The union of the masks of all instances below a child.
-fn node_mask(target_bits: u32) -> u32 {
+fn node_mask(target_bits: u32, first: u32) -> u32 {
     if target_bits == LIGHT_EMPTY_SLOT {
         return 0u;
     }
     if (target_bits & LIGHT_LEAF) != 0u {
         return nodes[top_part(target_bits & ~LIGHT_LEAF) + 3u];
+    }
+    let in_piece = target_bits - first;
+    if in_piece < TOP_MAX_NODES {
+        return pack_masks[in_piece];
     }
     var all_masks = 0u;
     for (var slot = 0u; slot < LIGHT_WIDTH; slot++) {
@@ -36,43 +50,163 @@ fn node_mask(target_bits: u32) -> u32 {
     return all_masks;
 }
 
-// Packs a node from the clusters of the children that its targets name, and writes into each child
-// where its parent is.
-fn node_pack(node: u32) {
+// What the invocations of a node exchange: eight words of each, by word and invocation. Rows have one
+// word more, so that the eight words of a node are in different banks of memory.
+var<workgroup> pack_words: array<u32, LIGHT_WIDTH * (TOP_NODE_LANES + 1u)>;
+// One word for each invocation: what it has made of the eight values of one word.
+var<workgroup> pack_results: array<u32, TOP_NODE_LANES>;
+
+fn pack_word(word: u32, lane: u32) -> u32 {
+    return word * (TOP_NODE_LANES + 1u) + lane;
+}
+
+// A word of the eight invocations of a node, of which `first` is the first.
+fn pack_value(word: u32, first: u32, child: u32) -> f32 {
+    return bitcast<f32>(pack_words[pack_word(word, first + child)]);
+}
+
+// The sum over the children of a node, in the order of `reduce` in src/tree/wide.rs.
+fn pack_sum(word: u32, first: u32) -> f32 {
+    let even = (pack_value(word, first, 0u) + pack_value(word, first, 4u))
+        + (pack_value(word, first, 2u) + pack_value(word, first, 6u));
+    let odd = (pack_value(word, first, 1u) + pack_value(word, first, 5u))
+        + (pack_value(word, first, 3u) + pack_value(word, first, 7u));
+    return even + odd;
+}
+
+fn pack_least(word: u32, first: u32) -> f32 {
+    var least = pack_value(word, first, 0u);
+    for (var child = 1u; child < LIGHT_WIDTH; child++) {
+        least = min(least, pack_value(word, first, child));
+    }
+    return least;
+}
+
+fn pack_greatest(word: u32, first: u32) -> f32 {
+    var greatest = pack_value(word, first, 0u);
+    for (var child = 1u; child < LIGHT_WIDTH; child++) {
+        greatest = max(greatest, pack_value(word, first, child));
+    }
+    return greatest;
+}
+
+fn pack_result(first: u32, word: u32) -> f32 {
+    return bitcast<f32>(pack_results[first + word]);
+}
+
+fn pack_result3(first: u32, word: u32) -> vec3<f32> {
+    return vec3(pack_result(first, word), pack_result(first, word + 1u), pack_result(first, word + 2u));
+}
+
+// Packs a node from the clusters of the children that its targets name, and writes into each part
+// where its leaf is. Twin of `WideCluster::merged` and `Node::pack`. Eight neighbouring invocations
+// pack a node, one for each child; those without a node have `is_used` false. `piece` is the first
+// node of the piece. Call from uniform control flow.
+fn node_pack(lane: u32, node: u32, is_used: bool, piece: u32) {
     let stored = node_layout();
-    let at = node_target_word(stored, node * LIGHT_WIDTH);
-    let eight = ClusterEight(
-        cluster_four(
-            node_child(nodes[at]),
-            node_child(nodes[at + 4u]),
-            node_child(nodes[at + 8u]),
-            node_child(nodes[at + 12u]),
-        ),
-        cluster_four(
-            node_child(nodes[at + 16u]),
-            node_child(nodes[at + 20u]),
-            node_child(nodes[at + 24u]),
-            node_child(nodes[at + 28u]),
-        ),
-    );
-    let merged = cluster_merged(eight);
-    node_store(stored, node, node_packed(eight, merged), LIGHT_NO_PARENT);
-    clusters[top_pass.capacity + node] = merged;
-    for (var slot = 0u; slot < LIGHT_WIDTH; slot++) {
-        let bits = nodes[at + 4u * slot];
-        let place = node * LIGHT_WIDTH + slot;
-        if top_pass.masks != 0u {
-            nodes[top_masks(node) + slot] = node_mask(bits);
+    let slot = lane % LIGHT_WIDTH;
+    let first = lane - slot;
+    let place = node * LIGHT_WIDTH + slot;
+    var target_bits = LIGHT_EMPTY_SLOT;
+    var child = CLUSTER_EMPTY;
+    if is_used {
+        target_bits = nodes[node_target_word(stored, place)];
+        child = node_child(target_bits, piece);
+    }
+    let is_lit = child.flux > 0.0;
+    pack_words[pack_word(0u, lane)] = bitcast<u32>(child.flux);
+    for (var k = 0u; k < 3u; k++) {
+        pack_words[pack_word(1u + k, lane)] = bitcast<u32>(select(NOWHERE, child.box_min[k], is_lit));
+        pack_words[pack_word(4u + k, lane)] = bitcast<u32>(select(-NOWHERE, child.box_max[k], is_lit));
+    }
+    pack_words[pack_word(7u, lane)] = bitcast<u32>(child.range);
+    workgroupBarrier();
+    // Each of the eight invocations finds the result of one word.
+    if slot == 0u {
+        pack_results[lane] = bitcast<u32>(pack_sum(slot, first));
+    } else if slot < 4u {
+        pack_results[lane] = bitcast<u32>(pack_least(slot, first));
+    } else {
+        pack_results[lane] = bitcast<u32>(pack_greatest(slot, first));
+    }
+    workgroupBarrier();
+    let total = pack_result(first, 0u);
+    var merged = CLUSTER_EMPTY;
+    var share = 0.0;
+    if total > 0.0 {
+        share = child.flux * (1.0 / total);
+        merged.flux = min(total, LIGHT_MAX_FLUX);
+        merged.box_min = pack_result3(first, 1u);
+        merged.box_max = pack_result3(first, 4u);
+        merged.range = pack_result(first, 7u);
+    }
+    let middle = 0.5 * (merged.box_min + merged.box_max);
+    for (var k = 0u; k < 3u; k++) {
+        pack_words[pack_word(k, lane)] = bitcast<u32>(share * (child.mean[k] - middle[k]));
+        pack_words[pack_word(3u + k, lane)] = bitcast<u32>(share * child.axis[k]);
+    }
+    pack_words[pack_word(6u, lane)] = bitcast<u32>(share * child.variance);
+    var mask = 0u;
+    if top_pass.masks != 0u {
+        mask = node_mask(target_bits, piece);
+    }
+    pack_words[pack_word(7u, lane)] = mask;
+    workgroupBarrier();
+    if slot < 7u {
+        pack_results[lane] = bitcast<u32>(pack_sum(slot, first));
+    } else {
+        var all_masks = 0u;
+        for (var other = 0u; other < LIGHT_WIDTH; other++) {
+            all_masks |= pack_words[pack_word(7u, first + other)];
         }
-        if bits == LIGHT_EMPTY_SLOT {
-            continue;
-        }
-        if (bits & LIGHT_LEAF) != 0u {
-            let part = bits & ~LIGHT_LEAF;
-            nodes[top_part(part) + 2u] = place;
-            nodes[at + 4u * slot] = node_leaf(part);
+        pack_results[lane] = all_masks;
+    }
+    workgroupBarrier();
+    var unit = vec3(0.0);
+    if total > 0.0 {
+        merged.mean = middle + pack_result3(first, 0u);
+        merged.axis = pack_result3(first, 3u);
+        let length = length(merged.axis);
+        if length <= MIN_AXIS {
+            merged.axis = vec3(0.0);
         } else {
-            nodes[4u * (bits * stored.stride + LIGHT_NODE_TAIL)] = place;
+            unit = merged.axis / length;
         }
     }
+    let way = child.mean - merged.mean;
+    pack_words[pack_word(0u, lane)] = bitcast<u32>(share * (way.x * way.x + way.y * way.y + way.z * way.z));
+    pack_words[pack_word(1u, lane)] = bitcast<u32>(cap_about(unit, child));
+    workgroupBarrier();
+    if is_used {
+        if total > 0.0 {
+            merged.variance = pack_sum(0u, first) + pack_result(first, 6u);
+            merged.cos_half_angle = -1.0;
+            if any(merged.axis != vec3(0.0)) {
+                merged.cos_half_angle = pack_least(1u, first);
+            }
+        }
+        let bits = vec3(
+            step_bits(merged.box_min.x, merged.box_max.x),
+            step_bits(merged.box_min.y, merged.box_max.y),
+            step_bits(merged.box_min.z, merged.box_max.z),
+        );
+        if slot == 0u {
+            let parent = nodes[node_tail_word(stored, node)];
+            node_store(stored, node, merged.box_min, bits, parent);
+            clusters[top_pass.capacity + node] = merged;
+            pack_clusters[node - piece] = merged;
+            pack_masks[node - piece] = pack_results[first + 7u];
+        }
+        node_store_child(stored, place, child_packed(child, merged.box_min, bits));
+        if top_pass.masks != 0u {
+            nodes[top_masks(node) + slot] = mask;
+        }
+        if target_bits != LIGHT_EMPTY_SLOT && (target_bits & LIGHT_LEAF) != 0u {
+            let part = target_bits & ~LIGHT_LEAF;
+            nodes[top_part(part) + 2u] = place;
+            node_store_target(stored, place, node_leaf(part));
+        }
+    }
+    // The words may be written again.
+    workgroupBarrier();
 }

@@ -1,63 +1,93 @@
 // Splits the units of a piece in two, again and again, until every part fits into a node. Twin of
-// src/top/split.rs, which explains the splits. One workgroup splits a piece: it splits all parts in
-// each round, and each invocation tries some cuts. TOP_PIECE is the largest number of units. A
-// stage defines `split_record(lane, parts)`, which is called after each round. Binds nothing.
+// src/top/split.rs, which explains the splits. One workgroup splits a piece. Each invocation holds
+// SPLIT_EACH units and knows which part each is in. Binds nothing.
+//
+// First all large parts are cut, round by round: the units add themselves to bins of their part.
+// Then the units write themselves to their places, and small parts are cut: each unit tries the cut
+// after itself. Small parts are sets of units, one bit for each, so units do not move any more.
 
-// The words of a row with one bit for each place.
-const SPLIT_ROW_WORDS: u32 = TOP_PIECE / 32u;
-// The largest number of parts that a round splits: each has more than LIGHT_WIDTH units.
-const SPLIT_PARTS: u32 = TOP_PIECE / (LIGHT_WIDTH + 1u) + 1u;
 // The number of units for each invocation.
-const SPLIT_EACH: u32 = TOP_PIECE / TOP_SPLIT_LANES;
+const SPLIT_EACH: u32 = (TOP_PIECE + TOP_SPLIT_LANES) / TOP_SPLIT_LANES;
+// The words of a row with one bit for each place.
+const SPLIT_ROW_WORDS: u32 = (TOP_PIECE + 31u) / 32u;
+// The greatest number of large parts of a piece, and of small parts that are cut in one round.
+const SPLIT_LARGE: u32 = TOP_PIECE / (TOP_SMALL + 1u);
+const SPLIT_PARTS: u32 = TOP_PIECE / (LIGHT_WIDTH + 1u);
 const SPLIT_NO_CUT: u32 = 0xffffffffu;
+const SPLIT_LAST_CELL: u32 = (1u << TOP_CELL_BITS) - 1u;
+// The words of a unit: its box along x, y and z (see split_pair), and its flux. Word w of the unit at
+// a place is at w * TOP_PIECE + place.
+const SPLIT_UNIT_WORDS: u32 = 4u;
+// The words of a bin: six extremes as maxima, and a count with the flux above it.
+const SPLIT_BIN_WORDS: u32 = 7u;
+// The words of a large part while it is cut: its bins, and its best cut, which is stored inverted as a
+// maximum.
+const SPLIT_PART_WORDS: u32 = TOP_BINS * SPLIT_BIN_WORDS + 1u;
+const SPLIT_BEST: u32 = TOP_BINS * SPLIT_BIN_WORDS;
+// The words of a small part while it is cut: its best cut, the units on the left side of that cut, and
+// the boxes of its halves.
+const SPLIT_SMALL_WORDS: u32 = 8u;
+// Where the boxes of the halves of large parts are in `split_words`, six words for each part.
+const SPLIT_BOXES: u32 = SPLIT_LARGE * SPLIT_PART_WORDS;
 
-// Six words for each unit, on the grid of the piece. Word w of unit i is at w * TOP_PIECE + i.
-// 0 to 2: the minimum and the maximum of the box along x, y and z, 16 bits each.
-// 3: the mean along x and y.
-// 4: the mean along z, and the upper half of the flux.
-// 5: three bytes of direction.
-var<workgroup> split_words: array<u32, TOP_PIECE * 6u>;
-// For each place its unit and the part that it belongs to: unit | first << 10 | count << 20.
-var<workgroup> split_order: array<u32, TOP_PIECE>;
+// While large parts are cut, the sums of their bins from the first on, and the boxes of their halves.
+// Then the units at their places. Later stages use the words for their own ends.
+var<workgroup> split_words: array<u32, TOP_PIECE * SPLIT_UNIT_WORDS>;
+// What the units of parts find together. The sums of bins up to the last take the place of the bins.
+var<workgroup> split_found: array<atomic<u32>, SPLIT_LARGE * SPLIT_PART_WORDS>;
 // Two rows with a bit for each place. First row: the unit goes to the left. Second row: a part that
-// is split begins here; after the last round any part.
+// is cut begins here.
 var<workgroup> split_bits: array<atomic<u32>, SPLIT_ROW_WORDS * 2u>;
-// The first place of each part that is split.
-var<workgroup> split_heads: array<u32, SPLIT_PARTS>;
-// The cost and the number of the best cut of each part.
-var<workgroup> split_best: array<atomic<u32>, SPLIT_PARTS>;
-// For each part and axis the minimum and the maximum of the means, 16 bits each.
-var<workgroup> split_ranges: array<u32, SPLIT_PARTS * 3u>;
-// The minimum corner as complements, the maximum corner, and the largest flux. All are ordered as
-// integers and found as maxima.
+// For each word of a row the number of bits that are set in the words before it.
+var<workgroup> split_sums: array<u32, SPLIT_ROW_WORDS * 2u>;
+// The extremes of all units of the piece: the minimum corner as complements, the maximum corner, and
+// the largest flux. All are ordered as integers and found as maxima.
 var<workgroup> split_extremes: array<atomic<u32>, 7>;
 var<workgroup> split_part_count: u32;
+
+// All cuts of the piece, each after those that it needs: the part that is cut, as
+// first | count << 9 | left << 18; the bits of its cost; and the numbers of the cuts that cut
+// its sides, the right one above the left one, each plus one, or 0.
+var<workgroup> split_cut_parts: array<u32, TOP_MAX_CUTS>;
+var<workgroup> split_cut_costs: array<u32, TOP_MAX_CUTS>;
+var<workgroup> split_cut_sides: array<atomic<u32>, TOP_MAX_CUTS>;
 
 const SPLIT_LEFT_ROW: u32 = 0u;
 const SPLIT_HEAD_ROW: u32 = SPLIT_ROW_WORDS;
 
-// Consecutive places.
-struct SplitPart {
+// A unit on the grid, and where it is. Twin of `GridItem` in src/top/split.rs.
+struct SplitUnit {
+    // The words of the unit; see SPLIT_UNIT_WORDS.
+    x: u32,
+    y: u32,
+    z: u32,
+    flux: u32,
+    // Its place in the order of the parts.
+    place: u32,
+    // The first place and the number of units of its part.
     first: u32,
     count: u32,
+    // Where the number of the cut of its part belongs: the number of the cut that made the part,
+    // twice, plus one on the right side, plus one; 0 for the whole piece.
+    made_by: u32,
+    // The axis along which a box around its part is longest, with the number of cells above it, and the
+    // least coordinate of that box along the axis.
+    axis: u32,
+    low: u32,
+    // While small parts are cut: the first place of all bits, and the units of the part as bits.
+    base: u32,
+    bits: u32,
 }
 
-// One unit on the grid. Twin of `GridItem` in src/top/split.rs.
-struct SplitItem {
-    low: vec3<u32>,
-    high: vec3<u32>,
-    mean: vec3<u32>,
-    flux: f32,
-    // The flux times the mean direction.
-    power: vec3<f32>,
-}
+// The units of an invocation.
+var<private> split_own: array<SplitUnit, SPLIT_EACH>;
 
-// The box and flux of several units. Twin of `GridSums` in src/top/split.rs.
+// The box, the summed flux and the number of several units. Twin of `GridSums` in src/top/split.rs.
 struct SplitSums {
     low: vec3<u32>,
     high: vec3<u32>,
-    flux: f32,
-    power: vec3<f32>,
+    flux: u32,
+    count: u32,
 }
 
 // The exponent e of a number in [2^e, 2^(e + 1)); -127 for zero. Twin of `exponent` in
@@ -71,31 +101,32 @@ fn split_power_of_two(e: i32) -> f32 {
     return bitcast<f32>(u32(clamp(e, -126, 127) + 127) << 23u);
 }
 
-// The part that a place belongs to.
-fn split_part(place: u32) -> SplitPart {
-    let word = split_order[place];
-    return SplitPart((word >> 10u) & 0x3ffu, word >> 20u);
+// The lowest `count` bits, of at most 32.
+fn split_low_bits(count: u32) -> u32 {
+    return select((1u << (count % 32u)) - 1u, 0xffffffffu, count >= 32u);
 }
 
-// The unit at a place.
-fn split_unit(place: u32) -> u32 {
-    return split_order[place] & 0x3ffu;
-}
-
-// The number of bits of a row that are set from place `begin` to before `end`.
-fn split_count_bits(row: u32, begin: u32, end: u32) -> u32 {
-    var count = 0u;
-    for (var word = begin / 32u; word * 32u < end; word++) {
-        var bits = atomicLoad(&split_bits[row + word]);
-        if word == begin / 32u {
-            bits &= 0xffffffffu << (begin % 32u);
+// Adds up the bits of a row for split_bits_before. Call from uniform control flow, after a barrier,
+// and let another one follow.
+fn split_sum_row(lane: u32, row: u32) {
+    if lane < SPLIT_ROW_WORDS {
+        var sum = 0u;
+        for (var word = 0u; word < lane; word++) {
+            sum += countOneBits(atomicLoad(&split_bits[row + word]));
         }
-        if end - word * 32u < 32u {
-            bits &= (1u << (end % 32u)) - 1u;
-        }
-        count += countOneBits(bits);
+        split_sums[row + lane] = sum;
     }
-    return count;
+}
+
+// The number of bits of a summed row before a place.
+fn split_bits_before(row: u32, place: u32) -> u32 {
+    let word = row + place / 32u;
+    return split_sums[word] + countOneBits(atomicLoad(&split_bits[word]) & split_low_bits(place % 32u));
+}
+
+// Whether the bit of a place is set.
+fn split_has_bit(row: u32, place: u32) -> bool {
+    return ((atomicLoad(&split_bits[row + place / 32u]) >> (place % 32u)) & 1u) == 1u;
 }
 
 fn split_set_bit(row: u32, place: u32) {
@@ -103,48 +134,10 @@ fn split_set_bit(row: u32, place: u32) {
 }
 
 // Clears both rows of bits.
-fn split_clear(lane: u32) {
-    if lane < SPLIT_ROW_WORDS {
+fn split_clear_bits(lane: u32) {
+    if lane < SPLIT_ROW_WORDS * 2u {
         atomicStore(&split_bits[lane], 0u);
-        atomicStore(&split_bits[SPLIT_HEAD_ROW + lane], 0u);
     }
-}
-
-// Two coordinates in one word.
-fn split_pair(low: f32, high: f32) -> u32 {
-    return min(u32(low), TOP_LAST_CELL) | (min(u32(high), TOP_LAST_CELL) << 16u);
-}
-
-// One byte of direction, moved up by `shift` bits.
-fn split_direction(v: f32, shift: u32) -> u32 {
-    return (bitcast<u32>(i32(v * TOP_AXIS_STEPS)) & 0xffu) << shift;
-}
-
-// Writes a unit on the grid. All extremes must be known.
-fn split_put(unit: u32, cluster: LightCluster) {
-    let low_corner = vec3(
-        top_unordered(~atomicLoad(&split_extremes[0])),
-        top_unordered(~atomicLoad(&split_extremes[1])),
-        top_unordered(~atomicLoad(&split_extremes[2])),
-    );
-    let extent = vec3(
-        top_unordered(atomicLoad(&split_extremes[3])),
-        top_unordered(atomicLoad(&split_extremes[4])),
-        top_unordered(atomicLoad(&split_extremes[5])),
-    ) - low_corner;
-    let cells = split_power_of_two(15 - split_exponent(max(extent.x, max(extent.y, extent.z))));
-    let per_flux = split_power_of_two(-split_exponent(bitcast<f32>(atomicLoad(&split_extremes[6]))));
-    let low = (cluster.box_min - low_corner) * cells;
-    let high = (cluster.box_max - low_corner) * cells;
-    let mean = (cluster.mean - low_corner) * cells;
-    split_words[unit] = split_pair(low.x, high.x);
-    split_words[TOP_PIECE + unit] = split_pair(low.y, high.y);
-    split_words[2u * TOP_PIECE + unit] = split_pair(low.z, high.z);
-    split_words[3u * TOP_PIECE + unit] = split_pair(mean.x, mean.y);
-    split_words[4u * TOP_PIECE + unit] =
-        min(u32(mean.z), TOP_LAST_CELL) | (bitcast<u32>(cluster.flux * per_flux) & 0xffff0000u);
-    split_words[5u * TOP_PIECE + unit] = split_direction(cluster.axis.x, 0u)
-        | split_direction(cluster.axis.y, 8u) | split_direction(cluster.axis.z, 16u);
 }
 
 // Lets the extremes start anew.
@@ -163,48 +156,69 @@ fn split_add_to_extremes(cluster: LightCluster) {
     atomicMax(&split_extremes[6], bitcast<u32>(cluster.flux));
 }
 
-// The mean of a unit on the grid.
-fn split_mean(unit: u32) -> vec3<u32> {
-    let xy = split_words[3u * TOP_PIECE + unit];
-    return vec3(xy & 0xffffu, xy >> 16u, split_words[4u * TOP_PIECE + unit] & 0xffffu);
+// Two coordinates in one word.
+fn split_pair(low: f32, high: f32) -> u32 {
+    return min(u32(low), SPLIT_LAST_CELL) | (min(u32(high), SPLIT_LAST_CELL) << 16u);
 }
 
-// A unit on the grid.
-fn split_item(unit: u32) -> SplitItem {
-    let x = split_words[unit];
-    let y = split_words[TOP_PIECE + unit];
-    let z = split_words[2u * TOP_PIECE + unit];
-    let flux = bitcast<f32>(split_words[4u * TOP_PIECE + unit] & 0xffff0000u);
-    let packed = split_words[5u * TOP_PIECE + unit];
-    let direction = vec3<f32>(bitcast<vec3<i32>>(vec3(packed) << vec3(24u, 16u, 8u)) >> vec3(24u));
-    return SplitItem(
-        vec3(x & 0xffffu, y & 0xffffu, z & 0xffffu),
-        vec3(x >> 16u, y >> 16u, z >> 16u),
-        split_mean(unit),
-        flux,
-        flux * (direction * (1.0 / TOP_AXIS_STEPS)),
+// A unit on the grid, in the whole piece of `count` units. All extremes must be known.
+fn split_unit(cluster: LightCluster, place: u32, count: u32) -> SplitUnit {
+    let low_corner = vec3(
+        top_unordered(~atomicLoad(&split_extremes[0])),
+        top_unordered(~atomicLoad(&split_extremes[1])),
+        top_unordered(~atomicLoad(&split_extremes[2])),
     );
+    let extent = vec3(
+        top_unordered(atomicLoad(&split_extremes[3])),
+        top_unordered(atomicLoad(&split_extremes[4])),
+        top_unordered(atomicLoad(&split_extremes[5])),
+    ) - low_corner;
+    let longest = max(extent.x, max(extent.y, extent.z));
+    let most = bitcast<f32>(atomicLoad(&split_extremes[6]));
+    let cells = split_power_of_two(i32(TOP_CELL_BITS) - 1 - split_exponent(longest));
+    let per_flux = split_power_of_two(i32(TOP_FLUX_BITS) - 1 - split_exponent(most));
+    let low = (cluster.box_min - low_corner) * cells;
+    let high = (cluster.box_max - low_corner) * cells;
+    var unit: SplitUnit;
+    unit.x = split_pair(low.x, high.x);
+    unit.y = split_pair(low.y, high.y);
+    unit.z = split_pair(low.z, high.z);
+    unit.flux = max(u32(cluster.flux * per_flux), 1u);
+    unit.place = place;
+    unit.count = count;
+    let all = extent * cells;
+    return split_within(unit, vec3(split_pair(0.0, all.x), split_pair(0.0, all.y), split_pair(0.0, all.z)));
+}
+
+// The low and the high corner of a unit's box.
+fn split_low(unit: SplitUnit) -> vec3<u32> {
+    return vec3(unit.x, unit.y, unit.z) & vec3(0xffffu);
+}
+
+fn split_high(unit: SplitUnit) -> vec3<u32> {
+    return vec3(unit.x, unit.y, unit.z) >> vec3(16u);
+}
+
+// The centre of that box.
+fn split_centre(unit: SplitUnit) -> vec3<u32> {
+    return (split_low(unit) + split_high(unit)) >> vec3(1u);
 }
 
 fn split_empty() -> SplitSums {
-    return SplitSums(vec3(TOP_LAST_CELL), vec3(0u), 0.0, vec3(0.0));
+    return SplitSums(vec3(SPLIT_LAST_CELL), vec3(0u), 0u, 0u);
 }
 
-fn split_add(sums: SplitSums, item: SplitItem) -> SplitSums {
-    return SplitSums(
-        min(sums.low, item.low), max(sums.high, item.high), sums.flux + item.flux, sums.power + item.power,
-    );
+fn split_and(a: SplitSums, b: SplitSums) -> SplitSums {
+    return SplitSums(min(a.low, b.low), max(a.high, b.high), a.flux + b.flux, a.count + b.count);
 }
 
-// The cost of a part. Twin of `Sums::cost`.
+// The cost of some units. Twin of `GridSums::cost`.
 fn split_cost(sums: SplitSums) -> f32 {
-    let e = vec3<f32>(max(sums.high, sums.low) - sums.low);
-    let size = e.x * e.y + e.y * e.z + e.z * e.x + TOP_DIAGONAL_WEIGHT * (e.x * e.x + e.y * e.y + e.z * e.z);
-    let p = sums.power;
-    let axis = sqrt(p.x * p.x + p.y * p.y + p.z * p.z);
-    let wide = 4.0 * sums.flux - (3.0 / LIGHT_LAMBERTIAN) * axis;
-    let narrow = 3.0 * (sums.flux - axis);
-    return size * max(max(wide, narrow), TOP_MIN_ORIENTATION * sums.flux);
+    let e = (max(sums.high, sums.low) - sums.low + vec3(1u)) / vec3(2u);
+    let diagonal = e.x * e.x + e.y * e.y + e.z * e.z;
+    let size = e.x * e.y + e.y * e.z + e.z * e.x + (diagonal + TOP_DIAGONAL_SHARE - 1u) / TOP_DIAGONAL_SHARE;
+    let cost = bitcast<u32>(f32(size) * f32(sums.flux));
+    return bitcast<f32>((cost >> TOP_COST_SLACK) << TOP_COST_SLACK);
 }
 
 // Whether `count` units can be divided into nodes of six or more units each; a single unit needs no
@@ -225,174 +239,413 @@ fn split_middle(count: u32) -> u32 {
     return max(nodes / 2u, 1u) * (count / nodes);
 }
 
-// A cut: the last cell of the left side, and the last place in that cell that is on the left. Twin
-// of `PieceCut` in src/top/split.rs.
-struct SplitCut {
-    axis: u32,
-    border: u32,
-    end: u32,
-}
-
-// The last place on the left side in the border cell. In a part with few units each cut comes after
-// a unit; in a part with many, all units of the border cell are on the left side.
-fn split_end(part: SplitPart, number: u32) -> u32 {
-    return select(part.first + number % TOP_CUTS, part.first + part.count, part.count > TOP_CUTS);
-}
-
-// The last cell on the left side. `range` holds the minimum and the maximum of the part's means.
-fn split_border(part: SplitPart, number: u32, range: u32) -> u32 {
-    if part.count > TOP_CUTS {
-        let low = range & 0xffffu;
-        let high = range >> 16u;
-        return low + (high - low) * (number % TOP_CUTS + 1u) / (TOP_CUTS + 1u);
-    }
-    return split_mean(split_unit(part.first + number % TOP_CUTS))[number / TOP_CUTS];
-}
-
-fn split_is_left_of(cut: SplitCut, mean: vec3<u32>, place: u32) -> bool {
-    return mean[cut.axis] < cut.border || (mean[cut.axis] == cut.border && place <= cut.end);
-}
-
-// The minimum and the maximum of a part's means along an axis, 16 bits each.
-fn split_range(part: SplitPart, axis: u32) -> u32 {
-    var low = TOP_LAST_CELL;
-    var high = 0u;
-    for (var place = part.first; place < part.first + part.count; place++) {
-        let mean = split_mean(split_unit(place))[axis];
-        low = min(low, mean);
-        high = max(high, mean);
-    }
-    return low | (high << 16u);
-}
-
-// The cost and the number of a cut of a part, or SPLIT_NO_CUT.
-fn split_try(head: u32, number: u32) -> u32 {
-    let part = split_part(split_heads[head]);
-    let axis = number / TOP_CUTS;
-    if number % TOP_CUTS >= part.count {
+// The cost of a cut with a number below 32, or SPLIT_NO_CUT if a side would not fill nodes. Twin of
+// `cost_of_cut`.
+fn split_cost_of_cut(left: SplitSums, right: SplitSums, number: u32) -> u32 {
+    if !split_fills_nodes(left.count) || !split_fills_nodes(right.count) {
         return SPLIT_NO_CUT;
     }
-    let ranges = vec3(split_ranges[3u * head], split_ranges[3u * head + 1u], split_ranges[3u * head + 2u]);
-    let extent = (ranges >> vec3(16u)) - (ranges & vec3(0xffffu));
-    if extent[axis] == 0u {
-        return SPLIT_NO_CUT;
-    }
-    let cut = SplitCut(axis, split_border(part, number, ranges[axis]), split_end(part, number));
-    var left = split_empty();
-    var right = split_empty();
-    var count = 0u;
-    for (var place = part.first; place < part.first + part.count; place++) {
-        let item = split_item(split_unit(place));
-        if split_is_left_of(cut, item.mean, place) {
-            left = split_add(left, item);
-            count++;
-        } else {
-            right = split_add(right, item);
-        }
-    }
-    if count == part.count || !split_fills_nodes(count) || !split_fills_nodes(part.count - count) {
-        return SPLIT_NO_CUT;
-    }
-    let stretch = f32(max(extent.x, max(extent.y, extent.z))) / f32(extent[axis]);
-    let cost = stretch * (split_cost(left) + split_cost(right));
-    return ((bitcast<u32>(cost) >> TOP_COST_SLACK) << TOP_CUT_BITS) | number;
+    let cost = bitcast<u32>(split_cost(left) + split_cost(right));
+    return ((cost >> TOP_COST_SLACK) << 5u) | number;
 }
 
 // The number of the best cut.
 fn split_number(best: u32) -> u32 {
-    return best & ((1u << TOP_CUT_BITS) - 1u);
+    return best & 31u;
 }
 
-// Whether the unit at a place of a part goes to the left.
-fn split_is_left(part: SplitPart, place: u32, head: u32) -> bool {
-    let best = atomicLoad(&split_best[head]);
+// The unit in a part with this box; see split_pair.
+fn split_within(before: SplitUnit, box: vec3<u32>) -> SplitUnit {
+    let low = box & vec3(0xffffu);
+    let extent = max(box >> vec3(16u), low) - low;
+    var axis = select(0u, 1u, extent.y > extent.x);
+    axis = select(axis, 2u, extent.z > extent[axis]);
+    var unit = before;
+    unit.axis = axis | ((extent[axis] + 1u) << 2u);
+    unit.low = low[axis];
+    return unit;
+}
+
+// The box of some units; see split_pair.
+fn split_box(sums: SplitSums) -> vec3<u32> {
+    return sums.low | (sums.high << vec3(16u));
+}
+
+// Records a cut: its part, and its number where its part was made. Called by the first invocation of
+// the part.
+fn split_record(cut: u32, unit: SplitUnit, left: u32) {
+    split_cut_parts[cut] = unit.first | (unit.count << 9u) | (left << 18u);
+    if unit.made_by != 0u {
+        let made_by = unit.made_by - 1u;
+        atomicOr(&split_cut_sides[made_by / 2u], (cut + 1u) << (16u * (made_by % 2u)));
+    }
+}
+
+// The unit in its half of the part that is cut by a cut.
+fn split_half(before: SplitUnit, cut: u32, left: u32, is_left: bool) -> SplitUnit {
+    var unit = before;
+    unit.first = select(before.first + left, before.first, is_left);
+    unit.count = select(before.count - left, left, is_left);
+    unit.made_by = 2u * cut + select(2u, 1u, is_left);
+    return unit;
+}
+
+// The sums that are stored in the words of a bin.
+fn split_sums_of(words: array<u32, SPLIT_BIN_WORDS>) -> SplitSums {
+    return SplitSums(
+        vec3(SPLIT_LAST_CELL) - vec3(words[0], words[1], words[2]), vec3(words[3], words[4], words[5]),
+        words[6] >> 9u, words[6] & 0x1ffu,
+    );
+}
+
+// Adds up one word of the bins of a large part, from both ends.
+fn split_sum_bins(part: u32, word: u32) {
+    let first = part * SPLIT_PART_WORDS + word;
+    var sum = 0u;
+    for (var bin = 0u; bin < TOP_BINS; bin++) {
+        let at = first + bin * SPLIT_BIN_WORDS;
+        let own = atomicLoad(&split_found[at]);
+        sum = select(max(sum, own), sum + own, word == SPLIT_BIN_WORDS - 1u);
+        split_words[at] = sum;
+    }
+    sum = 0u;
+    for (var bin = TOP_BINS; bin > 0u; bin--) {
+        let at = first + (bin - 1u) * SPLIT_BIN_WORDS;
+        let own = atomicLoad(&split_found[at]);
+        sum = select(max(sum, own), sum + own, word == SPLIT_BIN_WORDS - 1u);
+        atomicStore(&split_found[at], sum);
+    }
+}
+
+// The bin of a unit in its part.
+fn split_bin_of(unit: SplitUnit) -> u32 {
+    return (split_centre(unit)[unit.axis & 3u] - unit.low) * TOP_BINS / (unit.axis >> 2u);
+}
+
+// Adds a unit to its bin.
+fn split_add_to_bin(unit: SplitUnit, part: u32) {
+    let at = part * SPLIT_PART_WORDS + split_bin_of(unit) * SPLIT_BIN_WORDS;
+    let low = vec3(SPLIT_LAST_CELL) - split_low(unit);
+    let high = split_high(unit);
+    for (var k = 0u; k < 3u; k++) {
+        atomicMax(&split_found[at + k], low[k]);
+        atomicMax(&split_found[at + 3u + k], high[k]);
+    }
+    atomicAdd(&split_found[at + 6u], 1u | (unit.flux << 9u));
+}
+
+// The two sides of the cut of a large part after a bin.
+struct SplitSides {
+    left: SplitSums,
+    right: SplitSums,
+}
+
+// `last` is not the last bin.
+fn split_sides(part: u32, last: u32) -> SplitSides {
+    let at = part * SPLIT_PART_WORDS + last * SPLIT_BIN_WORDS;
+    var left: array<u32, SPLIT_BIN_WORDS>;
+    var right: array<u32, SPLIT_BIN_WORDS>;
+    for (var word = 0u; word < SPLIT_BIN_WORDS; word++) {
+        left[word] = split_words[at + word];
+        right[word] = atomicLoad(&split_found[at + SPLIT_BIN_WORDS + word]);
+    }
+    return SplitSides(split_sums_of(left), split_sums_of(right));
+}
+
+// Tries the cut of a large part after a bin. After the last bin there is no cut; its invocation
+// finds the cost of the part.
+fn split_try_bin(part: u32, last: u32, cut: u32) {
+    if last == TOP_BINS - 1u {
+        let whole = split_sides(part, last - 1u);
+        split_cut_costs[cut] = bitcast<u32>(split_cost(split_and(whole.left, whole.right)));
+        return;
+    }
+    let sides = split_sides(part, last);
+    let cost = split_cost_of_cut(sides.left, sides.right, last);
+    atomicMax(&split_found[part * SPLIT_PART_WORDS + SPLIT_BEST], ~cost);
+}
+
+// Stores the boxes of the halves of a large part that is cut at its best cut.
+fn split_store_boxes(part: u32) {
+    let best = split_best_of_large(part);
     if best == SPLIT_NO_CUT {
-        return place - part.first < split_middle(part.count);
+        return;
     }
-    let number = split_number(best);
-    let axis = number / TOP_CUTS;
-    let cut = SplitCut(axis, split_border(part, number, split_ranges[3u * head + axis]), split_end(part, number));
-    return split_is_left_of(cut, split_mean(split_unit(place)), place);
+    let sides = split_sides(part, split_number(best));
+    let left = split_box(sides.left);
+    let right = split_box(sides.right);
+    for (var k = 0u; k < 3u; k++) {
+        split_words[SPLIT_BOXES + 6u * part + k] = left[k];
+        split_words[SPLIT_BOXES + 6u * part + 3u + k] = right[k];
+    }
 }
 
-// Splits `count` units, which are on the grid already. Call from uniform control flow.
-fn split_all(lane: u32, count: u32) {
-    for (var i = 0u; i < SPLIT_EACH; i++) {
-        let place = lane + i * TOP_SPLIT_LANES;
-        split_order[place] = place | (count << 20u);
+// The best cut of a large part.
+fn split_best_of_large(part: u32) -> u32 {
+    return ~atomicLoad(&split_found[part * SPLIT_PART_WORDS + SPLIT_BEST]);
+}
+
+// The number of parts that are cut in this round, from the row of their first places, which it sums.
+// Call from uniform control flow.
+fn split_parts(lane: u32) -> u32 {
+    workgroupBarrier();
+    split_sum_row(lane, SPLIT_HEAD_ROW);
+    if lane == SPLIT_ROW_WORDS - 1u {
+        let last = SPLIT_HEAD_ROW + SPLIT_ROW_WORDS - 1u;
+        split_part_count = split_sums[last] + countOneBits(atomicLoad(&split_bits[last]));
     }
-    // After TOP_ROUNDS rounds parts are halved, so ten more rounds are enough for any piece.
-    for (var round = 0u; round < TOP_ROUNDS + 10u; round++) {
-        split_clear(lane);
+    return workgroupUniformLoad(&split_part_count);
+}
+
+// The number of a unit's part among those that are cut in this round.
+fn split_part(unit: SplitUnit) -> u32 {
+    return split_bits_before(SPLIT_HEAD_ROW, unit.first);
+}
+
+// Cuts all large parts, twin of `cut_large`. Returns the number of cuts.
+fn split_all_large(lane: u32) -> u32 {
+    var cuts = 0u;
+    // Once parts are halved, five more rounds are enough for any piece.
+    for (var round = 0u; round < TOP_LARGE_ROUNDS + 5u; round++) {
+        split_clear_bits(lane);
         workgroupBarrier();
-        for (var place = lane; place < count; place += TOP_SPLIT_LANES) {
-            let part = split_part(place);
-            if part.first == place && part.count > LIGHT_WIDTH {
-                split_set_bit(SPLIT_HEAD_ROW, place);
+        for (var i = 0u; i < SPLIT_EACH; i++) {
+            let unit = split_own[i];
+            if unit.count > TOP_SMALL && unit.place == unit.first {
+                split_set_bit(SPLIT_HEAD_ROW, unit.first);
             }
         }
-        workgroupBarrier();
-        for (var place = lane; place < count; place += TOP_SPLIT_LANES) {
-            let part = split_part(place);
-            if part.first == place && part.count > LIGHT_WIDTH {
-                let head = split_count_bits(SPLIT_HEAD_ROW, 0u, place);
-                split_heads[head] = place;
-                atomicStore(&split_best[head], SPLIT_NO_CUT);
-            }
-        }
-        if lane == 0u {
-            split_part_count = split_count_bits(SPLIT_HEAD_ROW, 0u, count);
-        }
-        let parts = workgroupUniformLoad(&split_part_count);
+        let parts = split_parts(lane);
         if parts == 0u {
             break;
         }
-        if round < TOP_ROUNDS {
-            for (var task = lane; task < parts * 3u; task += TOP_SPLIT_LANES) {
-                split_ranges[task] = split_range(split_part(split_heads[task / 3u]), task % 3u);
-            }
-            workgroupBarrier();
-            for (var task = lane; task < parts * 3u * TOP_CUTS; task += TOP_SPLIT_LANES) {
-                let head = task / (3u * TOP_CUTS);
-                atomicMin(&split_best[head], split_try(head, task % (3u * TOP_CUTS)));
+        for (var word = lane; word < parts * SPLIT_PART_WORDS; word += TOP_SPLIT_LANES) {
+            atomicStore(&split_found[word], 0u);
+        }
+        workgroupBarrier();
+        var part_of: array<u32, SPLIT_EACH>;
+        for (var i = 0u; i < SPLIT_EACH; i++) {
+            if split_own[i].count > TOP_SMALL {
+                part_of[i] = split_part(split_own[i]);
+                split_add_to_bin(split_own[i], part_of[i]);
             }
         }
         workgroupBarrier();
-        for (var place = lane; place < count; place += TOP_SPLIT_LANES) {
-            let part = split_part(place);
-            if part.count > LIGHT_WIDTH {
-                let head = split_count_bits(SPLIT_HEAD_ROW, 0u, part.first);
-                if split_is_left(part, place, head) {
-                    split_set_bit(SPLIT_LEFT_ROW, place);
+        if lane < parts * SPLIT_BIN_WORDS {
+            split_sum_bins(lane / SPLIT_BIN_WORDS, lane % SPLIT_BIN_WORDS);
+        }
+        workgroupBarrier();
+        if lane < parts * TOP_BINS {
+            split_try_bin(lane / TOP_BINS, lane % TOP_BINS, cuts + lane / TOP_BINS);
+        }
+        workgroupBarrier();
+        if lane < parts {
+            split_store_boxes(lane);
+        }
+        var is_halved: array<bool, SPLIT_EACH>;
+        for (var i = 0u; i < SPLIT_EACH; i++) {
+            let unit = split_own[i];
+            if unit.count > TOP_SMALL {
+                let best = split_best_of_large(part_of[i]);
+                var is_left = split_bin_of(unit) <= split_number(best);
+                is_halved[i] = best == SPLIT_NO_CUT || round >= TOP_LARGE_ROUNDS;
+                if is_halved[i] {
+                    is_left = unit.place - unit.first < split_middle(unit.count);
+                }
+                if is_left {
+                    split_set_bit(SPLIT_LEFT_ROW, unit.place);
                 }
             }
         }
         workgroupBarrier();
-        var moved_to: array<u32, SPLIT_EACH>;
-        var moved: array<u32, SPLIT_EACH>;
+        split_sum_row(lane, SPLIT_LEFT_ROW);
+        workgroupBarrier();
         for (var i = 0u; i < SPLIT_EACH; i++) {
-            let place = lane + i * TOP_SPLIT_LANES;
-            moved_to[i] = place;
-            moved[i] = split_order[place];
-            let part = split_part(place);
-            if place < count && part.count > LIGHT_WIDTH {
-                let lefts = split_count_bits(SPLIT_LEFT_ROW, part.first, part.first + part.count);
-                let before = split_count_bits(SPLIT_LEFT_ROW, part.first, place);
-                let is_left = split_count_bits(SPLIT_LEFT_ROW, place, place + 1u) == 1u;
-                let middle = part.first + lefts;
-                moved_to[i] = select(middle + (place - part.first - before), part.first + before, is_left);
-                moved[i] = split_unit(place) | select(
-                    (middle << 10u) | ((part.count - lefts) << 20u),
-                    (part.first << 10u) | (lefts << 20u),
-                    is_left,
-                );
+            var unit = split_own[i];
+            if unit.count > TOP_SMALL {
+                let cut = cuts + part_of[i];
+                let lefts_before = split_bits_before(SPLIT_LEFT_ROW, unit.first);
+                let left = split_bits_before(SPLIT_LEFT_ROW, unit.first + unit.count) - lefts_before;
+                let before = split_bits_before(SPLIT_LEFT_ROW, unit.place) - lefts_before;
+                let is_left = split_has_bit(SPLIT_LEFT_ROW, unit.place);
+                if unit.place == unit.first {
+                    split_record(cut, unit, left);
+                }
+                if !is_halved[i] {
+                    let at = SPLIT_BOXES + 6u * part_of[i] + select(3u, 0u, is_left);
+                    unit = split_within(unit, vec3(split_words[at], split_words[at + 1u], split_words[at + 2u]));
+                }
+                let steps = unit.place - unit.first;
+                unit = split_half(unit, cut, left, is_left);
+                unit.place = unit.first + select(steps - before, before, is_left);
+                split_own[i] = unit;
+            }
+        }
+        cuts += parts;
+        workgroupBarrier();
+    }
+    return cuts;
+}
+
+// The unit that was written to a place.
+fn split_read(place: u32) -> SplitUnit {
+    var unit: SplitUnit;
+    unit.x = split_words[place];
+    unit.y = split_words[TOP_PIECE + place];
+    unit.z = split_words[2u * TOP_PIECE + place];
+    unit.flux = split_words[3u * TOP_PIECE + place];
+    return unit;
+}
+
+// The cut of a small part after one of its units: the units on the left, the boxes of both sides, and
+// the costs of the part and of the cut.
+struct SplitTry {
+    left: u32,
+    left_box: vec3<u32>,
+    right_box: vec3<u32>,
+    part_cost: u32,
+    cut_cost: u32,
+}
+
+fn split_try_unit(own: SplitUnit) -> SplitTry {
+    let axis = own.axis & 3u;
+    let border = split_centre(own)[axis];
+    let own_bit = own.place - own.base;
+    var left = split_empty();
+    var right = split_empty();
+    var tried = SplitTry();
+    for (var bits = own.bits; bits != 0u; bits &= bits - 1u) {
+        let bit = countTrailingZeros(bits);
+        let unit = split_read(own.base + bit);
+        let sums = SplitSums(split_low(unit), split_high(unit), unit.flux, 1u);
+        let centre = split_centre(unit)[axis];
+        if centre < border || (centre == border && bit <= own_bit) {
+            left = split_and(left, sums);
+            tried.left |= 1u << bit;
+        } else {
+            right = split_and(right, sums);
+        }
+    }
+    tried.left_box = split_box(left);
+    tried.right_box = split_box(right);
+    tried.part_cost = bitcast<u32>(split_cost(split_and(left, right)));
+    tried.cut_cost = split_cost_of_cut(left, right, own_bit);
+    return tried;
+}
+
+// Whether a unit is the first of a small part that is cut.
+fn split_is_head(unit: SplitUnit) -> bool {
+    return unit.count > LIGHT_WIDTH && countTrailingZeros(unit.bits) == unit.place - unit.base;
+}
+
+// Cuts all small parts, twin of `cut_small`, after `before` cuts of large parts. Returns the number
+// of all cuts.
+fn split_all_small(lane: u32, before: u32) -> u32 {
+    for (var i = 0u; i < SPLIT_EACH; i++) {
+        let unit = split_own[i];
+        if unit.count > 0u {
+            split_words[unit.place] = unit.x;
+            split_words[TOP_PIECE + unit.place] = unit.y;
+            split_words[2u * TOP_PIECE + unit.place] = unit.z;
+            split_words[3u * TOP_PIECE + unit.place] = unit.flux;
+        }
+        split_own[i].base = unit.first;
+        split_own[i].bits = split_low_bits(unit.count);
+    }
+    var cuts = before;
+    // Once parts are halved, two more rounds are enough for any part.
+    for (var round = 0u; round < TOP_SMALL_ROUNDS + 2u; round++) {
+        split_clear_bits(lane);
+        if lane < SPLIT_PARTS {
+            atomicStore(&split_found[lane * SPLIT_SMALL_WORDS], SPLIT_NO_CUT);
+        }
+        workgroupBarrier();
+        for (var i = 0u; i < SPLIT_EACH; i++) {
+            if split_is_head(split_own[i]) {
+                split_set_bit(SPLIT_HEAD_ROW, split_own[i].first);
+            }
+        }
+        let parts = split_parts(lane);
+        if parts == 0u {
+            break;
+        }
+        var tried: array<SplitTry, SPLIT_EACH>;
+        var part_of: array<u32, SPLIT_EACH>;
+        for (var i = 0u; i < SPLIT_EACH; i++) {
+            let unit = split_own[i];
+            if unit.count > LIGHT_WIDTH {
+                part_of[i] = split_part(unit);
+                tried[i] = split_try_unit(unit);
+                if round < TOP_SMALL_ROUNDS {
+                    atomicMin(&split_found[part_of[i] * SPLIT_SMALL_WORDS], tried[i].cut_cost);
+                }
+                if split_is_head(unit) {
+                    split_cut_costs[cuts + part_of[i]] = tried[i].part_cost;
+                }
             }
         }
         workgroupBarrier();
         for (var i = 0u; i < SPLIT_EACH; i++) {
-            split_order[moved_to[i]] = moved[i];
+            let unit = split_own[i];
+            if unit.count > LIGHT_WIDTH {
+                let at = part_of[i] * SPLIT_SMALL_WORDS;
+                let best = atomicLoad(&split_found[at]);
+                let to_own = unit.bits & split_low_bits(unit.place - unit.base + 1u);
+                if best == SPLIT_NO_CUT {
+                    if countOneBits(to_own) == split_middle(unit.count) {
+                        atomicStore(&split_found[at + 1u], to_own);
+                    }
+                } else if best == tried[i].cut_cost {
+                    atomicStore(&split_found[at + 1u], tried[i].left);
+                    for (var k = 0u; k < 3u; k++) {
+                        atomicStore(&split_found[at + 2u + k], tried[i].left_box[k]);
+                        atomicStore(&split_found[at + 5u + k], tried[i].right_box[k]);
+                    }
+                }
+            }
         }
         workgroupBarrier();
-        split_record(lane, parts);
+        for (var i = 0u; i < SPLIT_EACH; i++) {
+            var unit = split_own[i];
+            if unit.count > LIGHT_WIDTH {
+                let at = part_of[i] * SPLIT_SMALL_WORDS;
+                let left = atomicLoad(&split_found[at + 1u]);
+                let is_left = ((left >> (unit.place - unit.base)) & 1u) == 1u;
+                if split_is_head(unit) {
+                    split_record(cuts + part_of[i], unit, countOneBits(left));
+                }
+                unit = split_half(unit, cuts + part_of[i], countOneBits(left), is_left);
+                // Only parts that are cut again need an axis.
+                if unit.count > LIGHT_WIDTH && atomicLoad(&split_found[at]) != SPLIT_NO_CUT {
+                    let box = at + select(5u, 2u, is_left);
+                    unit = split_within(unit, vec3(
+                        atomicLoad(&split_found[box]),
+                        atomicLoad(&split_found[box + 1u]),
+                        atomicLoad(&split_found[box + 2u]),
+                    ));
+                }
+                unit.bits = select(unit.bits & ~left, left, is_left);
+                split_own[i] = unit;
+            }
+        }
+        cuts += parts;
+        workgroupBarrier();
     }
+    return cuts;
+}
+
+// Splits the units that `split_own` holds; unused ones have the count 0. Afterwards each unit is in a
+// part that fits into a node, and at its place. Returns the number of cuts. Call from uniform
+// control flow.
+fn split_all(lane: u32) -> u32 {
+    for (var cut = lane; cut < TOP_MAX_CUTS; cut += TOP_SPLIT_LANES) {
+        atomicStore(&split_cut_sides[cut], 0u);
+    }
+    let cuts = split_all_small(lane, split_all_large(lane));
+    for (var i = 0u; i < SPLIT_EACH; i++) {
+        let unit = split_own[i];
+        let before = unit.bits & (split_low_bits(unit.place - unit.base + 1u) >> 1u);
+        split_own[i].place = unit.first + countOneBits(before);
+    }
+    return cuts;
 }

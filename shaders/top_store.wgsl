@@ -17,21 +17,25 @@ fn node_store_words(at: u32, words: vec4<u32>) {
     nodes[4u * at + 3u] = words.w;
 }
 
-// Stores a node without its targets.
-fn node_store(stored: NodeLayout, index: u32, node: LightNode, parent: u32) {
+// Stores a node without its children: the origin and the exponents of the steps of its grid, and the
+// place of its parent.
+fn node_store(stored: NodeLayout, index: u32, origin: vec3<f32>, bits: vec3<u32>, parent: u32) {
     let at = index * stored.stride;
-    node_store_words(at, node.head);
-    for (var slot = 0u; slot < LIGHT_WIDTH; slot++) {
-        let child = 4u * (at + LIGHT_NODE_CHILDREN + slot);
-        nodes[child + 1u] = node.children[slot].y;
-        nodes[child + 2u] = node.children[slot].z;
-        nodes[child + 3u] = node.children[slot].w;
-    }
+    let steps = (LIGHT_WIDTH << 24u) | bits.x | (bits.y << 8u) | (bits.z << 16u);
+    node_store_words(at, vec4(bitcast<vec3<u32>>(origin), steps));
     node_store_words(at + LIGHT_NODE_TAIL, vec4(parent, 0u, 0u, 0u));
+}
+
+// Stores a child without its target; `place` is node * LIGHT_WIDTH + slot.
+fn node_store_child(stored: NodeLayout, place: u32, child: PackedChild) {
+    let word = node_target_word(stored, place);
+    nodes[word + 1u] = child.low;
+    nodes[word + 2u] = child.high;
+    nodes[word + 3u] = child.mean;
     if stored.lobes != 0u {
-        for (var two = 0u; two < LIGHT_WIDTH / 2u; two++) {
-            node_store_words(at + stored.lobes + two, node.lobes[two]);
-        }
+        let lobe = 4u * ((place / LIGHT_WIDTH) * stored.stride + stored.lobes) + 2u * (place % LIGHT_WIDTH);
+        nodes[lobe] = child.lobe.x;
+        nodes[lobe + 1u] = child.lobe.y;
     }
 }
 
@@ -47,4 +51,19 @@ fn node_store_target(stored: NodeLayout, place: u32, target_bits: u32) {
 
 fn node_layout() -> NodeLayout {
     return NodeLayout(top_pass.node_stride, top_pass.node_lobes);
+}
+
+// The first word after the children of a node.
+fn node_tail_word(stored: NodeLayout, node: u32) -> u32 {
+    return 4u * (node * stored.stride + LIGHT_NODE_TAIL);
+}
+
+// Stores the place of a node's parent.
+fn node_store_parent(stored: NodeLayout, node: u32, place: u32) {
+    nodes[node_tail_word(stored, node)] = place;
+}
+
+// Stores which node of a piece is the first of the same depth. Packing removes that again.
+fn node_store_depth(stored: NodeLayout, node: u32, first: u32) {
+    nodes[node_tail_word(stored, node) + 1u] = first;
 }

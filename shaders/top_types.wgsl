@@ -1,8 +1,8 @@
 // What the stages of the top-level build share. Binds nothing.
 
-// One round of the build. A unit is a part of an instance or a node that has no parent yet. The
+// One pass of the build. A unit is a part of an instance or a node that has no parent yet. The
 // number of a unit is that of the part if it is below `capacity`, and otherwise `capacity` plus the
-// node's index. Twin of `TopPass` in src/plan/top/rounds.rs; the test
+// node's index. Twin of `TopPass` in src/plan/top/passes.rs; the test
 // `the_stages_are_valid_and_have_the_sizes_that_the_host_expects` compares them.
 struct TopPass {
     // The number of parts, in use or not.
@@ -12,16 +12,19 @@ struct TopPass {
     capacity: u32,
     // Where the parts begin in the buffer of the nodes, in units of 16 bytes.
     parts: u32,
-    // The place in `units` of what the last round has left, and how many pieces it had.
-    // `units_before` is TOP_FIRST_ROUND in the first round, whose units are the parts in the order
+    // The place in `units` of what the last pass has left, and how many pieces it had.
+    // `units_before` is TOP_FIRST_PASS in the first pass, whose units are the parts in the order
     // of the sort.
     units_before: u32,
     pieces_before: u32,
-    // The place in `units` of what this round leaves: the number of units of each piece, then
-    // TOP_MAX_GROUPS words for each piece, which hold the numbers of these units.
+    // The place in `units` of what this pass leaves. One word: how many entries each piece has.
+    // Three words for each piece: how many units it leaves, its first node, the number of its nodes.
+    // Then the entries, which are the numbers of these units.
     units_after: u32,
+    // The greatest number of pieces; 0 in the last pass, whose one piece is the whole tree.
     pieces: u32,
-    // The first node of this round. Each piece has TOP_MAX_GROUPS nodes, of which it may use fewer.
+    // The first node of this pass. The nodes of a piece begin one node after that for each
+    // TOP_UNITS_PER_NODE units before the piece.
     first_node: u32,
     // The layout of records: see LightParams.
     node_stride: u32,
@@ -32,6 +35,8 @@ struct TopPass {
     // Where the masks of the nodes begin in the buffer of the nodes, in units of 16 bytes; 0 if they
     // are not stored.
     masks: u32,
+    // The number of keys of a block of the sort.
+    sort_block: u32,
     // The sector whose centre the origin is. Only the first stage reads it.
     home: vec3<i32>,
 }

@@ -241,13 +241,13 @@ impl GpuLights {
     /// surface is outdated: the next call records it again. Otherwise nothing is recorded.
     ///
     /// Submit the encoder before the next [`GpuLights::upload`]: the numbers of instances and
-    /// rounds that a build reads are written ahead of the next submission, and the next build
+    /// passes that a build reads are written ahead of the next submission, and the next build
     /// overwrites them. Commands that are neither submitted nor dropped yet count as submitted, so
     /// submit encoders in the order of recording. Submitting more than one build of the same
     /// upload does no harm: each makes the same top level.
     ///
-    /// Records 16 dispatches, and two for each round, of which a hundred thousand instances take
-    /// five.
+    /// Records six dispatches, and two for each pass over the parts: 10 for ten thousand instances,
+    /// and 12 for a million.
     pub fn build_top(&mut self, encoder: &mut wgpu::CommandEncoder) {
         if self.is_dark || !self.top_status.needs_build() {
             return;

@@ -27,8 +27,21 @@ fn store(module: &Module, stores: &mut String, ty: Handle<Type>, place: &str, de
     const VALUE: &str = "0xdeadbeefu";
     let _ = match &module.types[ty].inner {
         TypeInner::Atomic(_) => writeln!(stores, "atomicStore(&{place}, {VALUE});"),
+        TypeInner::Scalar(naga::Scalar { kind: naga::ScalarKind::Float, .. }) => {
+            writeln!(stores, "{place} = bitcast<f32>({VALUE});")
+        }
         TypeInner::Scalar(_) => writeln!(stores, "{place} = {VALUE};"),
-        TypeInner::Vector { .. } => writeln!(stores, "{place} = vec2({VALUE});"),
+        TypeInner::Vector { size, scalar } => {
+            let value = if scalar.kind == naga::ScalarKind::Float { "bitcast<f32>(0xdeadbeefu)" } else { VALUE };
+            writeln!(stores, "{place} = vec{}({value});", *size as u8)
+        }
+        TypeInner::Struct { members, .. } => {
+            for member in members {
+                let name = member.name.as_deref().expect("members have names");
+                store(module, stores, member.ty, &format!("{place}.{name}"), depth);
+            }
+            Ok(())
+        }
         TypeInner::Array { base, size: ArraySize::Constant(size), .. } => {
             let i = format!("poison_{depth}");
             let _ = writeln!(stores, "for (var {i} = 0u; {i} < {size}u; {i}++) {{");

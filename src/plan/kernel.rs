@@ -57,8 +57,8 @@ impl Kernel {
         self.bindings
     }
 
-    /// What it is a part of: `"leaves"`, `"keys"`, `"sort"`, `"groups"`, `"nodes"`,
-    /// `"root groups"` and `"root nodes"` of the top level, `"relayout"` or `"scatter"`.
+    /// What it is a part of: `"leaves"`, `"keys"`, `"sort"`, `"groups"` and `"nodes"` of the top level,
+    /// `"relayout"` or `"scatter"`.
     pub fn stage(&self) -> &'static str {
         self.stage
     }

@@ -6,7 +6,8 @@
 #[non_exhaustive]
 pub struct PlanLimits {
     /// Bytes of the largest storage buffer that the device can make and bind whole. At least
-    /// 131,072. With more, the GPU holds more instances, and more trees whole.
+    /// 131,072, and at most 16 GiB, whose words shaders can count. With more, the GPU holds more
+    /// instances, and more trees whole.
     pub largest_buffer: u64,
     /// Bytes of the buffers that hold the nodes and lights of trees; `None` if only
     /// [`PlanLimits::largest_buffer`] bounds them. See [`LightPlanner::set_tree_memory`].
@@ -22,10 +23,14 @@ pub struct PlanLimits {
 
 impl PlanLimits {
     /// A largest storage buffer of this many bytes, and no other limits. Less than 131,072 counts
-    /// as 131,072.
+    /// as 131,072, and more than 16 GiB as 16 GiB.
     pub fn new(largest_buffer: u64) -> Self {
-        let largest_buffer = largest_buffer.max(MIN_LARGEST_BUFFER);
-        Self { largest_buffer, tree_memory: None, frame_bytes: None }
+        Self { largest_buffer, tree_memory: None, frame_bytes: None }.bounded()
+    }
+
+    /// The same limits, with a largest buffer within the bounds of the field.
+    pub(crate) fn bounded(self) -> Self {
+        Self { largest_buffer: self.largest_buffer.clamp(MIN_LARGEST_BUFFER, MAX_LARGEST_BUFFER), ..self }
     }
 
     /// The same limits, and at most this many bytes for the nodes and lights of trees.
@@ -50,3 +55,18 @@ impl Default for PlanLimits {
 
 /// The size of the largest buffer of an empty world, in bytes.
 pub(crate) const MIN_LARGEST_BUFFER: u64 = 128 * 1024;
+
+/// The largest buffer whose 32-bit words a `u32` can count.
+pub(crate) const MAX_LARGEST_BUFFER: u64 = 1 << 34;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_buffer_stays_within_what_kernels_need_and_can_address() {
+        let largest = |bytes| PlanLimits::new(bytes).largest_buffer;
+        assert_eq!([0, 131_071, 131_073].map(largest), [131_072, 131_072, 131_073]);
+        assert_eq!([(1 << 34) - 1, 1 << 34, u64::MAX].map(largest), [(1 << 34) - 1, 1 << 34, 1 << 34]);
+    }
+}

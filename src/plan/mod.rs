@@ -99,6 +99,8 @@ pub use cursor::PlanCursor;
 pub use error::{PlanError, TargetHookError};
 pub use frame::FramePlan;
 pub use kernel::{Binding, Kernel, UNIFORM_ALIGNMENT};
+#[cfg(test)]
+pub(crate) use limits::MAX_LARGEST_BUFFER;
 #[cfg(feature = "gpu")]
 pub(crate) use limits::MIN_LARGEST_BUFFER;
 pub use limits::PlanLimits;
@@ -125,19 +127,8 @@ use stored::Missing;
 use top::TopBuild;
 
 /// All kernels that plans dispatch. A kernel need not use all of its bindings.
-pub const KERNELS: [Kernel; 11] = [
-    relayout::RELAYOUT,
-    scatter::SCATTER,
-    top::LEAVES,
-    top::KEYS,
-    sort::COUNT,
-    sort::SCAN,
-    sort::SCATTER_KEYS,
-    top::GROUP,
-    top::NODE,
-    top::ROOT_GROUP,
-    top::ROOT,
-];
+pub const KERNELS: [Kernel; 7] =
+    [relayout::RELAYOUT, scatter::SCATTER, top::LEAVES, top::KEYS, sort::SCATTER_KEYS, top::GROUP, top::NODE];
 
 /// What the GPU holds of one [`LightWorld`], and what it has to do to follow the world.
 ///
@@ -195,6 +186,7 @@ const FIRST_RECORDS: u32 = 64;
 impl LightPlanner {
     /// A planner for a device that holds nothing yet.
     pub fn new(limits: PlanLimits) -> Self {
+        let limits = limits.bounded();
         let limit = limits.largest_buffer;
         // Every layout stores whole records of trees.
         let none = |_| Missing::Value(0);

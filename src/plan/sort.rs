@@ -1,12 +1,17 @@
 //! Sorts 32-bit keys, each with a 32-bit value, on the GPU.
 //!
-//! A stable least-significant-digit radix sort in four passes of 8 bits. Each pass counts the
-//! digits of each block, adds up the counts, and scatters the keys. Based on Satish, Harris and
-//! Garland, Designing Efficient Sorting Algorithms for Manycore GPUs (2009). Differs: the rank of a
-//! key among the lanes of its workgroup comes from a bitmap in workgroup memory, one bit for each
-//! lane and digit, so neither subgroups nor a local sort are needed. One-sweep sorts need fewer
-//! passes over the keys, but in them workgroups wait for other workgroups, and WGSL does not
-//! guarantee that those make progress.
+//! A stable least-significant-digit radix sort in four passes of 8 bits, each of which is one dispatch.
+//! Based on Satish, Harris and Garland, Designing Efficient Sorting Algorithms for Manycore GPUs
+//! (2009). Differs:
+//!
+//! - The rank of a key among the lanes of its workgroup comes from a bitmap in workgroup memory, one
+//!   bit for each lane and digit, so neither subgroups nor a local sort are needed.
+//! - A pass that writes a key to its place also counts the key's next digit in the block of that place.
+//!   So no pass begins with a count. Sums over sixteen blocks are counted too, which each workgroup
+//!   adds up by itself, so there is no scan either.
+//!
+//! One-sweep sorts need one dispatch for each pass too, but in them workgroups wait for other
+//! workgroups, and WGSL does not guarantee that those make progress.
 //!
 //! Blocks are as short as it takes to have [`TARGET_BLOCKS`] of them, so that small inputs also
 //! spread over the whole GPU. Blocks stop growing at [`MAX_ROUNDS`] keys a lane, where the counts
@@ -24,6 +29,9 @@ const DIGIT_BITS: u32 = LANES.ilog2();
 const PASSES: u32 = u32::BITS / DIGIT_BITS;
 /// The number of blocks from which on blocks grow. The scan adds up this many counts in one step.
 const TARGET_BLOCKS: u32 = 256;
+/// Blocks whose counts are added up. A workgroup reads at most this many counts of single blocks for
+/// each digit, and one for each group of blocks.
+const GROUP: u32 = 16;
 /// Keys for each lane of a block; more only if a dispatch could not hold all blocks otherwise.
 const MAX_ROUNDS: u32 = 16;
 /// The largest number of keys. The last block may extend past the keys by up to 257 rounds of 256
@@ -32,16 +40,21 @@ const MAX_KEYS: u32 = 1 << 31;
 
 /// The text of a stage: constants, the shared file, and the files of the stage.
 fn text(parts: &[&str]) -> String {
-    let constants = format!("const SORT_LANES: u32 = {LANES}u;\nconst SORT_WORDS: u32 = {}u;\n", LANES / u32::BITS);
-    constants + include_str!("../../shaders/sort_types.wgsl") + &parts.concat()
+    constants() + include_str!("../../shaders/sort_types.wgsl") + HISTOGRAM + &parts.concat()
 }
 
+/// The function that counts keys.
+pub(super) const HISTOGRAM: &str = include_str!("../../shaders/sort_histogram.wgsl");
+
+/// The constants that the files need.
+pub(super) fn constants() -> String {
+    let values = [("LANES", LANES), ("DIGIT_BITS", DIGIT_BITS), ("WORDS", LANES / u32::BITS), ("GROUP", GROUP)];
+    values.map(|(name, value)| format!("const SORT_{name}: u32 = {value}u;\n")).concat()
+}
+
+#[cfg(any(feature = "gpu", test))]
 fn count_text() -> String {
     text(&[include_str!("../../shaders/sort_count.wgsl")])
-}
-
-fn scan_text() -> String {
-    text(&[include_str!("../../shaders/sort_prefix.wgsl"), include_str!("../../shaders/sort_scan.wgsl")])
 }
 
 fn scatter_text() -> String {
@@ -53,9 +66,10 @@ fn scatter_text() -> String {
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 struct SortPass {
     count: u32,
-    blocks: u32,
-    rounds: u32,
+    block_keys: u32,
     shift: u32,
+    counts: u32,
+    next_counts: u32,
 }
 
 /// Keys and values in, keys and values out, histogram.
@@ -68,8 +82,9 @@ const BINDINGS: &[Binding] = &[
     Binding::ReadWrite,
 ];
 
+/// No plan dispatches it: the stage that makes the keys counts them.
+#[cfg(any(feature = "gpu", test))]
 pub(super) const COUNT: Kernel = Kernel::new("sort_count", "sort", BINDINGS, count_text);
-pub(super) const SCAN: Kernel = Kernel::new("sort_scan", "sort", BINDINGS, scan_text);
 pub(super) const SCATTER_KEYS: Kernel = Kernel::new("sort_scatter", "sort", BINDINGS, scatter_text);
 
 /// Keys, values and scratch memory of one sort.
@@ -81,15 +96,16 @@ pub(crate) struct SortBuffers {
     pub values: BufferId,
     scratch_keys: BufferId,
     scratch_values: BufferId,
-    histogram: BufferId,
+    /// The counts of all passes.
+    pub histogram: BufferId,
     passes: BufferId,
     capacity: u32,
     count: u32,
 }
 
 impl SortBuffers {
-    /// Room for `capacity` keys; 0 counts as 1. Adds the buffers to `new`. Takes about 16.3 bytes
-    /// for each key, and 20 where there are few keys.
+    /// Room for `capacity` keys; 0 counts as 1. Adds the buffers to `new`. Takes about 17 bytes
+    /// for each key, and up to 36 where there are few keys.
     ///
     /// Fails with [`PlanError::Full`] if a buffer would be larger than `limit`, or if there are
     /// more than [`MAX_KEYS`].
@@ -97,7 +113,7 @@ impl SortBuffers {
         let capacity = capacity.max(1);
         let keys_bytes = u64::from(capacity) * 4;
         // The counts of few keys are larger than the keys.
-        let histogram_bytes = u64::from(LANES) * (u64::from(max_blocks(capacity)) + 1) * 4;
+        let histogram_bytes = u64::from(PASSES) * 4 * counts(max_blocks(capacity));
         let needed = keys_bytes.max(histogram_bytes);
         let limit = limit.min(u64::from(MAX_KEYS) * 4);
         if needed > limit {
@@ -133,8 +149,15 @@ impl SortBuffers {
         }
         self.count = count;
         let (blocks, rounds) = blocks_and_rounds(count);
-        let passes: [SortPass; PASSES as usize] =
-            std::array::from_fn(|pass| SortPass { count, blocks, rounds, shift: pass as u32 * DIGIT_BITS });
+        // Within the histogram, which a `u32` counts: there are fewer counts than keys, or few keys.
+        let counts_of = |pass: u32| pass * counts(blocks) as u32;
+        let passes: [SortPass; PASSES as usize] = std::array::from_fn(|pass| SortPass {
+            count,
+            block_keys: rounds * LANES,
+            shift: pass as u32 * DIGIT_BITS,
+            counts: counts_of(pass as u32),
+            next_counts: counts_of((pass as u32 + 1) % PASSES),
+        });
         commands.write(self.passes, 0, &pass_bytes(&passes, UNIFORM_ALIGNMENT));
     }
 
@@ -143,9 +166,33 @@ impl SortBuffers {
         self.count = 0;
     }
 
+    /// The number of keys of a block.
+    pub(crate) fn block_keys(count: u32) -> u32 {
+        blocks_and_rounds(count).1 * LANES
+    }
+
+    /// Clears the counts. Comes before the keys are counted.
+    pub(crate) fn clear(&self, commands: &mut Commands) {
+        let (blocks, _) = blocks_and_rounds(self.count);
+        commands.zero(self.histogram, 0..u64::from(PASSES) * 4 * counts(blocks));
+    }
+
     /// Adds the sort, in place, of the first keys and their values; [`SortBuffers::set_count`] sets
-    /// how many. Takes 12 dispatches for any count from 2 on, and none below.
+    /// how many. Takes five dispatches for any count from 2 on, and none below.
+    #[cfg(any(feature = "gpu", test))]
     pub(crate) fn sort(&self, commands: &mut Commands) {
+        if self.count < 2 {
+            return;
+        }
+        self.clear(commands);
+        let buffers = [self.passes, self.keys, self.values, self.scratch_keys, self.scratch_values, self.histogram];
+        commands.dispatch(COUNT, &buffers, 0, self.count.div_ceil(LANES));
+        self.sort_counted(commands);
+    }
+
+    /// The same after [`SortBuffers::clear`] and after another stage has counted the digits of the
+    /// first pass, by the function of [`HISTOGRAM`]. Takes four dispatches for any count from 2 on.
+    pub(crate) fn sort_counted(&self, commands: &mut Commands) {
         if self.count < 2 {
             return;
         }
@@ -158,11 +205,14 @@ impl SortBuffers {
             let [[keys, values], [keys_out, values_out]] =
                 if pass % 2 == 0 { [ours, scratch] } else { [scratch, ours] };
             let buffers = [self.passes, keys, values, keys_out, values_out, self.histogram];
-            for (kernel, groups) in [(COUNT, blocks), (SCAN, LANES), (SCATTER_KEYS, blocks)] {
-                commands.dispatch(kernel, &buffers, pass * UNIFORM_ALIGNMENT, groups);
-            }
+            commands.dispatch(SCATTER_KEYS, &buffers, pass * UNIFORM_ALIGNMENT, blocks);
         }
     }
+}
+
+/// The number of counts of one pass over this many blocks.
+fn counts(blocks: u32) -> u64 {
+    u64::from(LANES) * (u64::from(blocks) + u64::from(blocks.div_ceil(GROUP)))
 }
 
 /// The number of blocks that `count` keys are divided into, and of the keys for each lane of a
@@ -213,8 +263,8 @@ mod tests {
         let limit = 128 << 20;
         let full = |needed, limit| PlanError::Full { what: "sorted keys", needed, limit };
         assert_eq!(refused((limit / 4) as u32 + 1, limit), full(limit + 4, limit));
-        // 2^16 keys fit into 2^18 bytes, but their counts do not.
-        assert_eq!(refused(1 << 16, 1 << 18), full(257 * 1024, 1 << 18));
+        // 2^16 keys fit into 2^18 bytes, but the counts of four passes do not.
+        assert_eq!(refused(1 << 16, 1 << 18), full(4 * (256 + 16) * 1024, 1 << 18));
     }
 
     #[test]
@@ -235,9 +285,7 @@ mod tests {
 
     #[test]
     fn the_stages_have_the_sizes_that_the_host_expects() {
-        for (entry, text) in
-            [("sort_count", count_text()), ("sort_scan", scan_text()), ("sort_scatter", scatter_text())]
-        {
+        for (entry, text) in [("sort_count", count_text()), ("sort_scatter", scatter_text())] {
             let module = naga::front::wgsl::parse_str(&text).expect(entry);
             assert_eq!(module.entry_points.len(), 1);
             assert_eq!(module.entry_points[0].name, entry);
@@ -250,9 +298,10 @@ mod tests {
                 offsets,
                 [
                     ("count", std::mem::offset_of!(SortPass, count)),
-                    ("blocks", std::mem::offset_of!(SortPass, blocks)),
-                    ("rounds", std::mem::offset_of!(SortPass, rounds)),
+                    ("block_keys", std::mem::offset_of!(SortPass, block_keys)),
                     ("shift", std::mem::offset_of!(SortPass, shift)),
+                    ("counts", std::mem::offset_of!(SortPass, counts)),
+                    ("next_counts", std::mem::offset_of!(SortPass, next_counts)),
                 ]
             );
             let workgroup_bytes: u32 = module

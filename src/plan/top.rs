@@ -8,22 +8,22 @@
 //! The build has these stages; `shaders/top_*.wgsl` are their sources.
 //!
 //! 1. The leaves: the cluster of each part, and the bounds of their means.
-//! 2. The keys: the place of each part on a curve through space.
+//! 2. The keys: the place of each part on a curve through space, counted for the sort.
 //! 3. The sort along the curve.
-//! 4. Rounds of two stages each. The first divides the units into pieces of neighbours and forms
-//!    groups within each piece. The second makes a node of each group.
-//! 5. The upper part of the tree, again in two stages, once few units are left.
+//! 4. Passes of two stages each. The first divides the units into pieces of neighbours, splits each
+//!    piece and chooses the children of its nodes. The second packs these nodes. The last pass, once
+//!    few units are left, makes the root.
 //!
-//! Only the GPU knows how many units a round leaves, so the build records as many rounds as the
-//! worst case needs, and the last rounds may find nothing to do. No workgroup waits for another:
-//! the bounds are maxima, which do not depend on the order of the operations.
+//! Only the GPU knows how many units a pass leaves, so the build records as many passes as the worst
+//! case needs, and some may only hand their units on. No workgroup waits for another: the bounds are
+//! maxima, which do not depend on the order of the operations.
 
 mod buffers;
-mod rounds;
+mod passes;
 mod stage;
 
 use buffers::{BOUNDS_BYTES, TopBuffers};
-use rounds::{MAX_GROUPS, MAX_PASSES, Places, Rounds, TopPass};
+use passes::{MAX_PASSES, Passes, Places, TopPass};
 use stage::{LANES, Stage};
 
 use super::buffers::{BufferId, Ids, NewBuffer};
@@ -33,9 +33,9 @@ use super::kernel::{Binding, Kernel, UNIFORM_ALIGNMENT, pass_bytes};
 use super::layout::Strides;
 use super::pool::Growth;
 
-/// The largest number of stages of a build: five, and two for each round.
+/// The largest number of stages of a build: three, and two for each pass.
 #[cfg(feature = "gpu")]
-pub(crate) const MAX_STAGES: u32 = 5 + 2 * (MAX_PASSES - 1);
+pub(crate) const MAX_STAGES: u32 = 3 + 2 * MAX_PASSES;
 
 /// Parts that the first buffers have room for.
 const FIRST_CAPACITY: u32 = 64;
@@ -45,6 +45,10 @@ const UNIFORM: Binding = Binding::Uniform { bytes: size_of::<TopPass>() as u32 }
 /// Clusters, bounds and nodes; parts, instances and trees.
 const LEAF_BINDINGS: &[Binding] =
     &[UNIFORM, Binding::ReadWrite, Binding::ReadWrite, Binding::ReadWrite, Binding::Read, Binding::Read, Binding::Read];
+
+/// Clusters and bounds; keys, order and the histogram of the sort.
+const KEY_BINDINGS: &[Binding] =
+    &[UNIFORM, Binding::ReadWrite, Binding::ReadWrite, Binding::ReadWrite, Binding::ReadWrite, Binding::ReadWrite];
 
 /// Clusters, bounds and nodes; keys, order and units.
 const BINDINGS: &[Binding] = &[
@@ -62,11 +66,9 @@ const fn kernel(stage: &'static Stage, name: &'static str, text: fn() -> String)
 }
 
 pub(super) const LEAVES: Kernel = Kernel::new(stage::LEAVES.entry, "leaves", LEAF_BINDINGS, || stage::LEAVES.text());
-pub(super) const KEYS: Kernel = kernel(&stage::KEYS, "keys", || stage::KEYS.text());
+pub(super) const KEYS: Kernel = Kernel::new(stage::KEYS.entry, "keys", KEY_BINDINGS, || stage::KEYS.text());
 pub(super) const GROUP: Kernel = kernel(&stage::GROUP, "groups", || stage::GROUP.text());
 pub(super) const NODE: Kernel = kernel(&stage::NODE, "nodes", || stage::NODE.text());
-pub(super) const ROOT_GROUP: Kernel = kernel(&stage::ROOT_GROUP, "root groups", || stage::ROOT_GROUP.text());
-pub(super) const ROOT: Kernel = kernel(&stage::ROOT, "root nodes", || stage::ROOT.text());
 
 /// The buffers of the top level, and what the next build makes of them.
 ///
@@ -76,19 +78,19 @@ pub(crate) struct TopBuild {
     limit: u64,
     /// `None` before the first plan.
     buffers: Option<TopBuffers>,
-    passes: Option<BufferId>,
+    uniforms: Option<BufferId>,
     /// The buffers after this frame, if they are others.
     replacement: Option<TopBuffers>,
-    new_passes: Option<BufferId>,
-    /// The rounds of the last build; `None` before the first build and after the buffers were
+    new_uniforms: Option<BufferId>,
+    /// The passes of the last build; `None` before the first build and after the buffers were
     /// replaced.
-    rounds: Option<Rounds>,
+    passes: Option<Passes>,
 }
 
 impl TopBuild {
     /// No buffers yet. None will be larger than `limit` bytes.
     pub(crate) fn new(limit: u64) -> Self {
-        Self { limit, buffers: None, passes: None, replacement: None, new_passes: None, rounds: None }
+        Self { limit, buffers: None, uniforms: None, replacement: None, new_uniforms: None, passes: None }
     }
 
     /// Makes room for `parts` parts, and for masks if `has_masks` or if there is room for them
@@ -119,10 +121,10 @@ impl TopBuild {
             self.replacement = Some(made);
             new.extend(buffers);
         }
-        if self.passes.is_none() {
-            let passes = ids.uniform("top level passes", u64::from(MAX_PASSES * UNIFORM_ALIGNMENT));
-            self.new_passes = Some(passes.id);
-            new.push(passes);
+        if self.uniforms.is_none() {
+            let uniforms = ids.uniform("top level passes", u64::from(MAX_PASSES * UNIFORM_ALIGNMENT));
+            self.new_uniforms = Some(uniforms.id);
+            new.push(uniforms);
         }
         Ok(())
     }
@@ -135,10 +137,10 @@ impl TopBuild {
     /// Takes new buffers into use. Adds former ones, which no later command uses, to `freed`. In
     /// new buffers all nodes are zero, so that sampling finds no light before the first build.
     pub(crate) fn adopt(&mut self, commands: &mut Commands, freed: &mut Vec<BufferId>) {
-        self.passes = self.new_passes.take().or(self.passes);
+        self.uniforms = self.new_uniforms.take().or(self.uniforms);
         let Some(new) = self.replacement.take() else { return };
         commands.zero(new.nodes, 0..new.nodes_bytes);
-        self.rounds = None;
+        self.passes = None;
         if let Some(old) = self.buffers.replace(new) {
             freed.extend(old.ids());
         }
@@ -147,12 +149,12 @@ impl TopBuild {
     /// Drops what was reserved.
     pub(crate) fn undo(&mut self) {
         self.replacement = None;
-        self.new_passes = None;
+        self.new_uniforms = None;
     }
 
     /// The device may lack what was written, so the next [`TopBuild::prepare`] sends all of it.
     pub(crate) fn lose(&mut self) {
-        self.rounds = None;
+        self.passes = None;
         if let Some(buffers) = &mut self.buffers {
             buffers.sort.lose();
         }
@@ -168,46 +170,45 @@ impl TopBuild {
         strides: Strides,
         (masks, home): (u32, [i32; 3]),
     ) {
-        let (Some(buffers), Some(passes)) = (&mut self.buffers, self.passes) else { return };
+        let (Some(buffers), Some(uniforms)) = (&mut self.buffers, self.uniforms) else { return };
         buffers.sort.set_count(commands, parts);
         let is_same = |pass: &TopPass| (pass.count, pass.strides, pass.masks) == (parts, strides, masks);
-        if let Some(rounds) = self.rounds.as_mut().filter(|rounds| is_same(&rounds.passes[0])) {
+        if let Some(Passes { passes, .. }) = self.passes.as_mut().filter(|all| is_same(&all.passes[0])) {
             // Only the leaves are placed, by the first pass.
-            if rounds.passes[0].home != home {
-                rounds.passes[0].home = home;
-                commands.write(passes, 0, bytemuck::bytes_of(&rounds.passes[0]));
+            if passes[0].home != home {
+                passes[0].home = home;
+                commands.write(uniforms, 0, bytemuck::bytes_of(&passes[0]));
             }
             return;
         }
         let places = Places { masks, ..buffers.places };
-        let mut rounds = Rounds::new(parts, buffers.capacity, places, strides);
-        rounds.passes[0].home = home;
-        commands.write(passes, 0, &pass_bytes(&rounds.passes, UNIFORM_ALIGNMENT));
-        self.rounds = Some(rounds);
+        let mut all = Passes::new(parts, buffers.capacity, places, strides);
+        all.passes[0].home = home;
+        commands.write(uniforms, 0, &pass_bytes(&all.passes, UNIFORM_ALIGNMENT));
+        self.passes = Some(all);
     }
 
     /// Adds the build from these buffers of parts, instances and trees. Adds nothing before the
     /// first [`TopBuild::prepare`].
     ///
-    /// Takes 4 dispatches, 12 more for the sort, and 2 for each round: 26 for 100,000 parts.
+    /// Takes 2 dispatches, 4 more for the sort, and 2 for each pass: 12 for a million parts.
     pub(crate) fn build(&self, commands: &mut Commands, [parts, instances, trees]: [BufferId; 3]) {
-        let (Some(buffers), Some(passes), Some(rounds)) = (&self.buffers, self.passes, &self.rounds) else { return };
+        let (Some(buffers), Some(uniforms), Some(all)) = (&self.buffers, self.uniforms, &self.passes) else { return };
         let TopBuffers { bounds, nodes, clusters, units, sort, .. } = buffers;
         commands.zero(*bounds, 0..BOUNDS_BYTES);
-        let leaves = [passes, *clusters, *bounds, *nodes, parts, instances, trees];
-        let work = [passes, *clusters, *bounds, *nodes, sort.keys, sort.values, *units];
-        let groups = rounds.passes[0].count.div_ceil(LANES);
+        sort.clear(commands);
+        let leaves = [uniforms, *clusters, *bounds, *nodes, parts, instances, trees];
+        let work = [uniforms, *clusters, *bounds, *nodes, sort.keys, sort.values, *units];
+        let groups = all.passes[0].count.div_ceil(LANES);
         commands.dispatch(LEAVES, &leaves, 0, groups);
-        commands.dispatch(KEYS, &work, 0, groups);
-        sort.sort(commands);
-        let root = rounds.passes.len() as u32 - 1;
-        for (round, index) in rounds.passes[..root as usize].iter().zip(0..) {
-            commands.dispatch(GROUP, &work, index * UNIFORM_ALIGNMENT, round.pieces);
-            let groups = (round.pieces * MAX_GROUPS).div_ceil(LANES);
-            commands.dispatch(NODE, &work, index * UNIFORM_ALIGNMENT, groups);
+        let keys = [uniforms, *clusters, *bounds, sort.keys, sort.values, sort.histogram];
+        commands.dispatch(KEYS, &keys, 0, groups);
+        sort.sort_counted(commands);
+        for (pass, index) in all.passes.iter().zip(0..) {
+            for kernel in [GROUP, NODE] {
+                commands.dispatch(kernel, &work, index * UNIFORM_ALIGNMENT, pass.pieces.max(1));
+            }
         }
-        commands.dispatch(ROOT_GROUP, &work, root * UNIFORM_ALIGNMENT, 1);
-        commands.dispatch(ROOT, &work, root * UNIFORM_ALIGNMENT, 1);
     }
 
     /// Where the parts begin in the buffer of the nodes, in units of 16 bytes.

@@ -2,13 +2,13 @@
 //!
 //! Twin of the stages in `plan/top.rs`, which build the same tree on the GPU; a test there compares
 //! both. The parts are sorted along a curve through space (Lauterbach et al. 2009) and cut into
-//! pieces of neighbours. Each piece is split by cost (`split.rs`) into groups, and each group
-//! becomes a node. The nodes of all pieces, still in the order of the curve, are cut into pieces
-//! again, and so on. The last few units become a tree by cost from the root down.
+//! pieces of neighbours. Each piece is split by cost (`split.rs`). Its few costliest parts are the
+//! units of the next pass, and all below them becomes nodes. The units of all pieces, still in the
+//! order of the curve, are cut into pieces again, and so on. The last piece is the whole tree.
 //!
 //! Differs from trees along a curve: the curve only decides which units are split together. Each
-//! step is one dispatch over pieces that fit into a workgroup, so no workgroup waits for another
-//! (docs/decisions.md, 4).
+//! pass works on pieces that fit into a workgroup, so no workgroup waits for another
+//! (docs/decisions.md, 66).
 
 mod split;
 
@@ -17,23 +17,26 @@ use crate::cluster::Cluster;
 use crate::curve::{Curve, NO_KEY};
 use crate::part::{PART, PART_BITS, Part};
 use crate::tree::{Children, EMPTY_SLOT, NO_PARENT, Node, Target, WIDTH, WideCluster};
-#[cfg(feature = "gpu-plan")]
-pub(crate) use split::{AXIS_STEPS, COST_SLACK, CUT_BITS, CUTS, LAST_CELL, ROUNDS};
-use split::{PiecePart, split};
+#[cfg(any(feature = "gpu-plan", test))]
+pub(crate) use split::{
+    BINS, CELL_BITS, COST_SLACK, DIAGONAL_SHARE, FLUX_BITS, LARGE_ROUNDS, MAX_CUTS, SMALL, SMALL_ROUNDS,
+};
+use split::{PiecePart, SplitPiece};
 
-/// Units that are split together, at most: as many as a workgroup has memory for. Half as many cost
-/// 15 % more noise.
-pub(crate) const PIECE: usize = 512;
+/// Units that are split together, at most: as many as a workgroup has memory for, and as nine bits
+/// count.
+pub(crate) const PIECE: usize = 511;
 
 /// A piece begins where the curve enters its largest cell, at most this many units before or after
 /// an even share. Ragged borders cost 10 % more noise.
 pub(crate) const WINDOW: usize = 64;
 
 /// The largest mean number of units of a piece.
-pub(crate) const SHARE: usize = PIECE - 2 * WINDOW;
+pub(crate) const SHARE: usize = PIECE + 1 - 2 * WINDOW;
 
-/// Up to this many units become the upper part of the tree at once.
-pub(crate) const ROOT_UNITS: usize = 256;
+/// The number of units that a piece leaves, unless there are few pieces. Fewer hide from the next
+/// pass what it could split; more make more passes (docs/decisions.md, 66).
+pub(crate) const LEFT: usize = 8;
 
 /// A tree over parts of instances.
 #[derive(Clone, Debug)]
@@ -64,12 +67,37 @@ enum UnitKind {
     Part(u32),
     /// The index of a node.
     Node(u32),
+    /// The number of a node within its piece.
+    InPiece(u32),
 }
 
-/// The largest number of units that a piece of `count` units may leave. A piece that would leave
-/// more is cut into groups of eight instead. So each round leaves at most a quarter of the units.
-pub(crate) const fn most_units(count: usize) -> usize {
-    count.div_ceil(4)
+impl UnitKind {
+    /// The same unit once the nodes of its piece begin at `first`.
+    fn above(self, first: u32) -> Self {
+        match self {
+            Self::InPiece(number) => Self::Node(first + number),
+            other => other,
+        }
+    }
+}
+
+/// The largest number of units that each of `pieces` pieces leaves. Few pieces leave as many as the
+/// last piece can split.
+pub(crate) const fn units_left(pieces: usize) -> usize {
+    let share = PIECE / pieces;
+    if share > LEFT { share } else { LEFT }
+}
+
+/// Pieces have at most one node for this many units.
+#[cfg(any(feature = "gpu-plan", test))]
+pub(crate) const UNITS_PER_NODE: usize = 4;
+
+/// At least the number of nodes of a piece of `count` units; of one that is the whole tree with one
+/// more. The sum over pieces is at most that of all their units. The test
+/// `no_piece_has_more_cuts_or_nodes_than_there_is_room_for` finds 0.225 per unit in the worst case.
+#[cfg(any(feature = "gpu-plan", test))]
+pub(crate) const fn most_nodes(count: usize) -> usize {
+    count / UNITS_PER_NODE
 }
 
 /// The first unit of a piece; for `piece == pieces`, the number of units. `keys` are the units'
@@ -96,22 +124,25 @@ impl TopLevel {
         let mut top = Self::without_nodes(parts, slots);
         let bounds = Aabb::around(parts.iter().map(|(_, c)| c).filter(|c| c.flux > 0.0).map(|c| c.mean));
         let curve = Curve::new(&bounds);
-        let lit = parts.iter().zip(0..).filter(|((_, c), _)| c.flux > 0.0);
-        let mut order: Vec<(u32, u32)> = lit.map(|((_, c), part)| (curve.key(c.mean), part)).collect();
-        order.sort_unstable();
-        debug_assert!(order.last().is_none_or(|(key, _)| *key < NO_KEY));
+        let keys = map_all(parts, |(_, c)| if c.flux > 0.0 { curve.key(c.mean) } else { NO_KEY });
+        let mut order: Vec<(u32, u32)> = keys.into_iter().zip(0..).filter(|(key, _)| *key < NO_KEY).collect();
+        sort(&mut order);
         let unit = |(_, part): &(u32, u32)| Unit { cluster: parts[*part as usize].1, kind: UnitKind::Part(*part) };
-        let mut units: Vec<Unit> = order.iter().map(unit).collect();
-        while units.len() > ROOT_UNITS {
-            let mut left = Vec::with_capacity(units.len() / 4);
-            for groups in groups_of_pieces(&units, &curve) {
-                for group in groups {
-                    left.push(if let [alone] = group[..] { alone } else { top.add(&group, None) });
-                }
+        let mut units: Vec<Unit> = map_all(&order, unit);
+        let mut keys: Vec<u32> = order.iter().map(|(key, _)| *key).collect();
+        while units.len() > PIECE {
+            let mut left = Vec::with_capacity(units.len() / 32);
+            for piece in pieces_of(&units, &keys) {
+                top.append(piece, &mut left);
             }
             units = left;
+            keys = map_all(&units, |unit| curve.key(unit.cluster.mean));
         }
-        top.add_upper(&units);
+        let mut root = PieceTree::default();
+        let split = SplitPiece::new(units.iter().map(|unit| &unit.cluster));
+        let in_order: Vec<Unit> = split.order.iter().map(|unit| units[*unit]).collect();
+        root.add_part(&in_order, &split.parts, split.parts[0]);
+        top.append(root, &mut Vec::new());
         top
     }
 
@@ -158,82 +189,123 @@ impl TopLevel {
         &self.places[first..end]
     }
 
-    /// Makes a node of some units, at `index` or at the end, and links them to it. Returns the node
-    /// as a unit.
-    fn add(&mut self, units: &[Unit], index: Option<u32>) -> Unit {
-        let index = index.unwrap_or_else(|| {
-            self.nodes.push(Node::EMPTY);
-            self.nodes.len() as u32 - 1
-        });
-        let mut wide = WideCluster::EMPTY;
-        let mut targets = [EMPTY_SLOT; WIDTH];
-        for (slot, unit) in units.iter().enumerate() {
-            let place = index * WIDTH as u32 + slot as u32;
-            wide.set(slot, &unit.cluster);
-            match unit.kind {
-                UnitKind::Part(part) => {
-                    self.places[part as usize] = place;
-                    targets[slot] = self.parts[part as usize].leaf(part);
-                }
-                UnitKind::Node(node) => {
-                    self.nodes[node as usize].parent = place;
-                    targets[slot] = node;
-                }
+    /// Appends the nodes of a piece, and its units to `left`. The last node of a piece without units
+    /// is the root.
+    fn append(&mut self, piece: PieceTree, left: &mut Vec<Unit>) {
+        let first = self.nodes.len() as u32;
+        let root = if piece.left.is_empty() { piece.nodes.len() - 1 } else { usize::MAX };
+        for (number, PieceNode { node, children }) in piece.nodes.into_iter().enumerate() {
+            let index = if number == root { 0 } else { self.nodes.len() as u32 };
+            if number == root {
+                self.nodes[0] = node;
+            } else {
+                self.nodes.push(node);
+            }
+            for (slot, child) in children.into_iter().enumerate() {
+                let place = index * WIDTH as u32 + slot as u32;
+                self.nodes[index as usize].targets[slot] = match child.map(|child| child.above(first)) {
+                    None => EMPTY_SLOT,
+                    Some(UnitKind::Part(part)) => {
+                        self.places[part as usize] = place;
+                        self.parts[part as usize].leaf(part)
+                    }
+                    Some(UnitKind::Node(node) | UnitKind::InPiece(node)) => {
+                        self.nodes[node as usize].parent = place;
+                        node
+                    }
+                };
             }
         }
-        let cluster = wide.merged().cluster;
-        let node = &mut self.nodes[index as usize];
-        node.targets = targets;
-        node.parent = NO_PARENT;
-        node.pack(&wide, &cluster.aabb, WIDTH);
-        Unit { cluster, kind: UnitKind::Node(index) }
+        left.extend(piece.left.into_iter().map(|unit| Unit { kind: unit.kind.above(first), ..unit }));
     }
+}
 
-    /// Makes the upper part of the tree, from the root down.
-    fn add_upper(&mut self, units: &[Unit]) {
-        let split = split(units.iter().map(|unit| &unit.cluster));
+/// The nodes of a piece, each after its children, and the units that it leaves.
+#[derive(Default)]
+struct PieceTree {
+    nodes: Vec<PieceNode>,
+    left: Vec<Unit>,
+}
+
+/// A node without targets, and its children.
+struct PieceNode {
+    node: Node,
+    children: [Option<UnitKind>; WIDTH],
+}
+
+impl PieceTree {
+    /// Makes the nodes below the costliest parts of a piece, of which it leaves at most `most`.
+    fn new(units: &[Unit], most: usize) -> Self {
+        let split = SplitPiece::new(units.iter().map(|unit| &unit.cluster));
         let in_order: Vec<Unit> = split.order.iter().map(|unit| units[*unit]).collect();
-        self.add_part(&in_order, &split.parts, split.parts[0], Some(0));
+        let mut tree = Self::default();
+        for part in split.costliest_parts(most) {
+            let unit =
+                if part.count == 1 { in_order[part.first] } else { tree.add_part(&in_order, &split.parts, part) };
+            tree.left.push(unit);
+        }
+        tree
     }
 
     /// Makes the node of one of `parts` and the nodes below it. `units` are in the order of the
     /// parts.
-    fn add_part(&mut self, units: &[Unit], parts: &[PiecePart], part: PiecePart, index: Option<u32>) -> Unit {
+    fn add_part(&mut self, units: &[Unit], parts: &[PiecePart], part: PiecePart) -> Unit {
         let children = Children::choose(part, |_, part| Some(part.halves?.map(|half| parts[half])));
         let mut below = Vec::with_capacity(WIDTH);
         for (child, is_open) in children.iter() {
             if is_open || child.count <= 1 {
                 below.extend_from_slice(&units[child.first..child.first + child.count]);
             } else {
-                below.push(self.add_part(units, parts, *child, None));
+                below.push(self.add_part(units, parts, *child));
             }
         }
-        self.add(&below, index)
+        self.add_node(&below)
+    }
+
+    /// Makes a node of at most [`WIDTH`] units.
+    fn add_node(&mut self, units: &[Unit]) -> Unit {
+        let mut wide = WideCluster::EMPTY;
+        let mut children = [None; WIDTH];
+        for (slot, unit) in units.iter().enumerate() {
+            wide.set(slot, &unit.cluster);
+            children[slot] = Some(unit.kind);
+        }
+        let cluster = wide.merged().cluster;
+        let mut node = Node::EMPTY;
+        node.pack(&wide, &cluster.aabb, WIDTH);
+        self.nodes.push(PieceNode { node, children });
+        Unit { cluster, kind: UnitKind::InPiece(self.nodes.len() as u32 - 1) }
     }
 }
 
-/// Splits the units of each piece into groups, one for each node. All in the order of the curve.
-fn groups_of_pieces(units: &[Unit], curve: &Curve) -> Vec<Vec<Vec<Unit>>> {
-    let keys: Vec<u32> = units.iter().map(|unit| curve.key(unit.cluster.mean)).collect();
+/// The trees of all pieces, in the order of the curve. `keys` are the units' places on it.
+fn pieces_of(units: &[Unit], keys: &[u32]) -> Vec<PieceTree> {
     let pieces = units.len().div_ceil(SHARE);
-    let groups_of = |piece: usize| {
-        let units = &units[piece_start(&keys, pieces, piece)..piece_start(&keys, pieces, piece + 1)];
-        let split = split(units.iter().map(|unit| &unit.cluster));
-        let mut leaves: Vec<PiecePart> = split.parts.into_iter().filter(|part| part.halves.is_none()).collect();
-        leaves.sort_unstable_by_key(|part| part.first);
-        let group = |places: &[usize]| places.iter().map(|place| units[*place]).collect::<Vec<Unit>>();
-        if leaves.len() > most_units(units.len()) {
-            return split.order.chunks(WIDTH).map(group).collect();
-        }
-        leaves.iter().map(|part| group(&split.order[part.first..part.first + part.count])).collect::<Vec<_>>()
-    };
+    let ranges: Vec<[usize; 2]> =
+        (0..pieces).map(|piece| [piece, piece + 1].map(|piece| piece_start(keys, pieces, piece))).collect();
+    map_all(&ranges, |[start, end]| PieceTree::new(&units[*start..*end], units_left(pieces)))
+}
+
+/// The results of a function for all items, in their order. On all threads with the feature `parallel`.
+fn map_all<T: Sync, R: Send>(items: &[T], result: impl Fn(&T) -> R + Sync + Send) -> Vec<R> {
     #[cfg(feature = "parallel")]
     {
         use rayon::prelude::*;
-        (0..pieces).into_par_iter().map(groups_of).collect()
+        items.par_iter().map(result).collect()
     }
     #[cfg(not(feature = "parallel"))]
-    (0..pieces).map(groups_of).collect()
+    items.iter().map(result).collect()
+}
+
+/// Sorts pairs of which no two are equal, so the result does not depend on the threads.
+fn sort(pairs: &mut [(u32, u32)]) {
+    #[cfg(feature = "parallel")]
+    {
+        use rayon::prelude::*;
+        pairs.par_sort_unstable();
+    }
+    #[cfg(not(feature = "parallel"))]
+    pairs.sort_unstable();
 }
 
 #[cfg(test)]

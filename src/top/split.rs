@@ -3,39 +3,56 @@
 //!
 //! Twin of `shaders/top_split.wgsl`. Based on CK18 4.2-4.4. Differs:
 //!
-//! - Each cut is tried on its own, which one invocation can do without memory for bins.
-//! - Units are rounded to a grid of the piece: 16 bits per axis for box and mean, 8 bits for the
-//!   flux and for each coordinate of the direction. So a piece fits into a workgroup's 16 KiB.
-//! - Costs are compared to 1 part in 8192, and cuts of equal cost by number. So CPU and GPU choose
-//!   the same cuts, except where two costs agree to about that.
+//! - A part is cut across one axis only, along which its box is longest. Units are ordered by the
+//!   centres of their boxes. Large parts are cut between bins, small parts between any two units.
+//! - The cost is flux times size; directions do not count (docs/decisions.md, 66).
+//! - Units are rounded to a grid of the piece: 16 bits per axis, and 14 bits for the flux. So a piece
+//!   fits into a workgroup's 16 KiB, and sums are integers, which do not depend on the order in which
+//!   the invocations of a workgroup add to them.
+//! - Costs are rounded after each operation, so that no compiler can fuse two of them. CPU and GPU
+//!   choose the same cuts.
 
 use crate::cluster::Cluster;
 use crate::curve::{exponent, power_of_two};
-use crate::tree::{ChildGroup, WIDTH, build_cost, build_size, fills_nodes, middle};
+use crate::tree::{ChildGroup, WIDTH, fills_nodes, middle};
 
-/// Cuts that are tried along each axis, evenly spaced in space. Up to this many units, all cuts are
-/// tried. Cuts that are evenly spaced in the number of units are noisier (docs/decisions.md, 4).
-pub(crate) const CUTS: usize = 16;
-/// After this many rounds, parts are split into halves. This bounds chains of ever smaller parts.
-pub(crate) const ROUNDS: usize = 12;
+/// Bins of a large part.
+pub(crate) const BINS: usize = 12;
+/// A part of at most this many units is small. One bit of a word for each unit is enough for it.
+pub(crate) const SMALL: usize = 31;
+/// A part is halved once it comes from this many cuts of large parts. This bounds chains of cuts
+/// that each take away a single unit.
+pub(crate) const LARGE_ROUNDS: usize = 8;
+/// The same for cuts of small parts.
+pub(crate) const SMALL_ROUNDS: usize = 6;
+/// The greatest number of cuts of a piece. The test
+/// `no_piece_has_more_cuts_or_nodes_than_there_is_room_for` finds 225 in the worst case.
+pub(crate) const MAX_CUTS: usize = 226;
+/// Bits of a coordinate of a piece's grid.
+pub(crate) const CELL_BITS: u32 = 16;
+/// Bits of the flux of a unit.
+pub(crate) const FLUX_BITS: u32 = 14;
+/// The lowest bits of a cost, which are cleared.
+pub(crate) const COST_SLACK: u32 = 4;
+/// One over the weight of the squared diagonal beside the half area, as in `tree/cost.rs`.
+pub(crate) const DIAGONAL_SHARE: u32 = 20;
+
 /// The greatest coordinate of a piece's grid.
-pub(crate) const LAST_CELL: u32 = 0xffff;
-/// The lowest bits of a cost, which rounding on either side may change. They are not compared.
-pub(crate) const COST_SLACK: u32 = 10;
-/// Bits of a cut's number.
-pub(crate) const CUT_BITS: u32 = (3 * CUTS).ilog2() + 1;
-/// Steps of a coordinate of a unit's mean direction.
-pub(crate) const AXIS_STEPS: f32 = 127.0;
+const LAST_CELL: u32 = (1 << CELL_BITS) - 1;
 
 /// A unit on the grid of its piece.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct GridItem {
     low: [u32; 3],
     high: [u32; 3],
-    mean: [u32; 3],
-    flux: f32,
-    /// Flux times mean direction.
-    power: [f32; 3],
+    flux: u32,
+}
+
+impl GridItem {
+    /// The centre of its box along an axis.
+    fn centre(&self, axis: usize) -> u32 {
+        (self.low[axis] + self.high[axis]) / 2
+    }
 }
 
 /// A part of a piece: consecutive places of its order.
@@ -43,11 +60,17 @@ struct GridItem {
 pub(super) struct PiecePart {
     pub first: usize,
     pub count: usize,
-    /// The bits of its cost; 0 for the whole piece.
+    /// The bits of its cost; 0 for a part of at most [`WIDTH`] units.
     pub cost: u32,
-    /// The indices of the two parts that it was split into. `None` for a part of at most [`WIDTH`]
+    /// The indices of the two parts that it was cut into. `None` for a part of at most [`WIDTH`]
     /// units.
     pub halves: Option<[usize; 2]>,
+}
+
+impl PiecePart {
+    const fn new(first: usize, count: usize) -> Self {
+        Self { first, count, cost: 0, halves: None }
+    }
 }
 
 impl ChildGroup for PiecePart {
@@ -58,7 +81,7 @@ impl ChildGroup for PiecePart {
     }
 
     fn cost(&self) -> u32 {
-        self.cost >> COST_SLACK
+        self.cost
     }
 
     fn is_tiny(&self) -> bool {
@@ -74,35 +97,63 @@ pub(super) struct SplitPiece {
     pub parts: Vec<PiecePart>,
 }
 
-/// Splits units until no part holds more than [`WIDTH`] of them.
-pub(super) fn split<'a>(units: impl ExactSizeIterator<Item = &'a Cluster> + Clone) -> SplitPiece {
-    let items = items(units);
-    let mut order: Vec<usize> = (0..items.len()).collect();
-    let mut parts = vec![PiecePart { first: 0, count: items.len(), cost: 0, halves: None }];
-    let mut round = 0;
-    let mut begin = 0;
-    while begin < parts.len() {
-        let end = parts.len();
-        for place in begin..end {
+impl SplitPiece {
+    /// Splits units until no part holds more than [`WIDTH`] of them. O(n log n).
+    pub fn new<'a>(units: impl ExactSizeIterator<Item = &'a Cluster> + Clone) -> Self {
+        let items = items(units);
+        let mut order: Vec<usize> = (0..items.len()).collect();
+        let mut parts = vec![PiecePart::new(0, items.len())];
+        // For each part its box, and the number of cuts of its kind that it comes from.
+        let whole = items.iter().fold(GridSums::EMPTY, |all, item| all.and(&GridSums::of(item)));
+        let mut ranges = vec![(whole, 0)];
+        let mut place = 0;
+        while place < parts.len() {
             let PiecePart { first, count, .. } = parts[place];
             if count > WIDTH {
                 let part = &mut order[first..first + count];
-                let cut = if round < ROUNDS { best_cut(&items, part) } else { None };
-                let left = match cut {
-                    Some(cut) => partition(&items, part, &cut),
-                    None => middle(count),
+                let (range, round) = ranges[place];
+                let cut = match count > SMALL {
+                    true => cut_large(&items, part, &range, round < LARGE_ROUNDS),
+                    false => cut_small(&items, part, &range, round < SMALL_ROUNDS),
                 };
-                let cost = |places: &[usize]| cost_of(&items, places).to_bits();
-                let costs = [cost(&part[..left]), cost(&part[left..])];
+                parts[place].cost = cut.cost;
                 parts[place].halves = Some([parts.len(), parts.len() + 1]);
-                parts.push(PiecePart { first, count: left, cost: costs[0], halves: None });
-                parts.push(PiecePart { first: first + left, count: count - left, cost: costs[1], halves: None });
+                let left = cut.left;
+                let halves = [PiecePart::new(first, left), PiecePart::new(first + left, count - left)];
+                for (half, range) in halves.into_iter().zip(cut.ranges) {
+                    parts.push(half);
+                    ranges.push((range, if (half.count > SMALL) == (count > SMALL) { round + 1 } else { 0 }));
+                }
+            }
+            place += 1;
+        }
+        debug_assert!(parts.len() <= 2 * MAX_CUTS + 1);
+        Self { order, parts }
+    }
+
+    /// The parts that the costliest cuts leave, at most `most` of them, in the order of their
+    /// places. A cut is as costly as the part that it cuts; of equal cuts that of the larger part
+    /// comes first, then the first. No part is costlier than one that holds it, so each cut comes
+    /// after those that it needs.
+    pub fn costliest_parts(&self, most: usize) -> Vec<PiecePart> {
+        let cut = |part: &usize| self.parts[*part].halves.is_some();
+        let mut cuts: Vec<usize> = (0..self.parts.len()).filter(cut).collect();
+        let rank = |part: &usize| {
+            let PiecePart { first, count, cost, .. } = self.parts[*part];
+            (std::cmp::Reverse((cost, count)), first)
+        };
+        cuts.sort_unstable_by_key(rank);
+        cuts.truncate(most - 1);
+        let mut left = Vec::with_capacity(cuts.len() + 1);
+        let mut stack = vec![0];
+        while let Some(part) = stack.pop() {
+            match self.parts[part].halves.filter(|_| cuts.contains(&part)) {
+                Some([first, second]) => stack.extend([second, first]),
+                None => left.push(self.parts[part]),
             }
         }
-        begin = end;
-        round += 1;
+        left
     }
-    SplitPiece { order, parts }
 }
 
 /// Rounds units to the grid of their piece.
@@ -116,20 +167,15 @@ fn items<'a>(units: impl ExactSizeIterator<Item = &'a Cluster> + Clone) -> Vec<G
         most = most.max(unit.flux);
     }
     let longest = (max[0] - min[0]).max(max[1] - min[1]).max(max[2] - min[2]);
-    // Powers of two keep products exact. The extent gets below 2^16 cells, the flux below 2.
-    let cells = power_of_two(15 - exponent(longest));
-    let per_flux = power_of_two(-exponent(most));
+    // Powers of two keep products exact. The extent and the flux get as many bits as there are.
+    let cells = power_of_two(CELL_BITS as i32 - 1 - exponent(longest));
+    let per_flux = power_of_two(FLUX_BITS as i32 - 1 - exponent(most));
     let item = |unit: &Cluster| {
         let cell = |p: f32, k: usize| (((p - min[k]) * cells) as u32).min(LAST_CELL);
-        // The GPU stores the upper half of the float, in half a word.
-        let flux = f32::from_bits((unit.flux * per_flux).to_bits() & 0xffff_0000);
-        let step = |v: f32| (v * AXIS_STEPS) as i32 as f32 * (1.0 / AXIS_STEPS);
         GridItem {
             low: [0, 1, 2].map(|k| cell(unit.aabb.min[k], k)),
             high: [0, 1, 2].map(|k| cell(unit.aabb.max[k], k)),
-            mean: [0, 1, 2].map(|k| cell(unit.mean[k], k)),
-            flux,
-            power: [0, 1, 2].map(|k| flux * step(unit.axis[k])),
+            flux: ((unit.flux * per_flux) as u32).max(1),
         }
     };
     units.map(item).collect()
@@ -140,111 +186,153 @@ fn items<'a>(units: impl ExactSizeIterator<Item = &'a Cluster> + Clone) -> Vec<G
 struct GridSums {
     low: [u32; 3],
     high: [u32; 3],
-    flux: f32,
-    power: [f32; 3],
+    flux: u32,
+    count: usize,
 }
 
 impl GridSums {
-    const EMPTY: Self = Self { low: [LAST_CELL; 3], high: [0; 3], flux: 0.0, power: [0.0; 3] };
+    const EMPTY: Self = Self { low: [LAST_CELL; 3], high: [0; 3], flux: 0, count: 0 };
 
-    #[inline(always)]
-    fn add(&mut self, item: &GridItem) {
-        for k in 0..3 {
-            self.low[k] = self.low[k].min(item.low[k]);
-            self.high[k] = self.high[k].max(item.high[k]);
-            self.power[k] += item.power[k];
-        }
-        self.flux += item.flux;
+    fn of(item: &GridItem) -> Self {
+        Self { low: item.low, high: item.high, flux: item.flux, count: 1 }
     }
 
-    /// The cost, with lengths in cells.
+    #[inline(always)]
+    fn and(&self, other: &Self) -> Self {
+        Self {
+            low: [0, 1, 2].map(|k| self.low[k].min(other.low[k])),
+            high: [0, 1, 2].map(|k| self.high[k].max(other.high[k])),
+            flux: self.flux + other.flux,
+            count: self.count + other.count,
+        }
+    }
+
+    /// The axis along which the box is longest, of equals the first, with its length.
+    fn longest(&self) -> (usize, u32) {
+        let extent = [0, 1, 2].map(|k| self.high[k].saturating_sub(self.low[k]));
+        let axis = usize::from(extent[1] > extent[0]);
+        let axis = if extent[2] > extent[axis] { 2 } else { axis };
+        (axis, extent[axis])
+    }
+
+    /// The cost, with lengths in pairs of cells. It has no meaning for no items.
     #[inline(always)]
     fn cost(&self) -> f32 {
-        let edges = [0, 1, 2].map(|k| self.high[k].saturating_sub(self.low[k]) as f32);
-        build_cost(build_size(edges), self.power, self.flux)
+        let [x, y, z] = [0, 1, 2].map(|k| self.high[k].saturating_sub(self.low[k]).div_ceil(2));
+        // Below 2^32, since edges are at most 2^15. Rounded up, so that a row of lamps has a size.
+        let size = x * y + y * z + z * x + (x * x + y * y + z * z).div_ceil(DIAGONAL_SHARE);
+        rounded(size as f32 * self.flux as f32)
     }
 }
 
-fn cost_of(items: &[GridItem], places: &[usize]) -> f32 {
-    let mut sums = GridSums::EMPTY;
-    places.iter().for_each(|place| sums.add(&items[*place]));
-    sums.cost()
+/// A cost without its lowest bits, which compilers may compute differently.
+fn rounded(cost: f32) -> f32 {
+    f32::from_bits(cost.to_bits() >> COST_SLACK << COST_SLACK)
 }
 
-/// A cut of a part in two.
-#[derive(Clone, Copy)]
-struct PieceCut {
-    axis: usize,
-    /// The last cell of the left side.
-    border: u32,
-    /// The last place of the part whose unit, if it is in that cell, belongs to the left side.
-    end: usize,
+/// The cost of a cut, for comparison; `None` if a side would not fill nodes.
+fn cost_of_cut(left: &GridSums, right: &GridSums) -> Option<u32> {
+    let fills = fills_nodes(left.count) && fills_nodes(right.count);
+    fills.then(|| (left.cost() + right.cost()).to_bits() >> COST_SLACK)
 }
 
-impl PieceCut {
-    fn new(items: &[GridItem], part: &[usize], axis: usize, [low, high]: [u32; 2], number: usize) -> Self {
-        if part.len() > CUTS {
-            let border = low + (high - low) * (number as u32 + 1) / (CUTS as u32 + 1);
-            Self { axis, border, end: part.len() }
+/// A part that has been cut.
+struct Cut {
+    /// The bits of the cost of the part.
+    cost: u32,
+    /// The number of units on the left.
+    left: usize,
+    /// A box around each half.
+    ranges: [GridSums; 2],
+}
+
+impl Cut {
+    /// A cut of a part in half, without regard to cost. `range` is a box around the part.
+    fn middle(whole: &GridSums, range: &GridSums) -> Self {
+        Self { cost: whole.cost().to_bits(), left: middle(whole.count), ranges: [*range; 2] }
+    }
+}
+
+/// Cuts a part at the border between two bins where the cut costs least, of equals at the first;
+/// where no cut fills nodes on both sides, or without `may_bin`, in half. Moves the left side to the
+/// front, with each side in its former order. The bins divide `range`, a box around the part.
+fn cut_large(items: &[GridItem], part: &mut [usize], range: &GridSums, may_bin: bool) -> Cut {
+    let (axis, extent) = range.longest();
+    let bin_of = |unit: usize| ((items[unit].centre(axis) - range.low[axis]) * BINS as u32 / (extent + 1)) as usize;
+    let mut bins = [GridSums::EMPTY; BINS];
+    for unit in part.iter() {
+        let bin = &mut bins[bin_of(*unit)];
+        *bin = bin.and(&GridSums::of(&items[*unit]));
+    }
+    // `from[b]` has the sums of bin b and all after it.
+    let mut from = bins;
+    for bin in (0..BINS - 1).rev() {
+        from[bin] = from[bin + 1].and(&bins[bin]);
+    }
+    let mut best = (u32::MAX, 0, [GridSums::EMPTY; 2]);
+    let mut to = GridSums::EMPTY;
+    for bin in 0..BINS - 1 {
+        to = to.and(&bins[bin]);
+        if let Some(cost) = cost_of_cut(&to, &from[bin + 1]).filter(|cost| *cost < best.0) {
+            best = (cost, bin, [to, from[bin + 1]]);
+        }
+    }
+    if best.0 == u32::MAX || !may_bin {
+        return Cut::middle(&from[0], range);
+    }
+    let (_, last, ranges) = best;
+    Cut { cost: from[0].cost().to_bits(), left: partition(part, |_, unit| bin_of(unit) <= last), ranges }
+}
+
+/// Cuts a small part after the unit where the cut costs least, as [`cut_large`] does.
+fn cut_small(items: &[GridItem], part: &mut [usize], range: &GridSums, may_search: bool) -> Cut {
+    let (axis, _) = range.longest();
+    let count = part.len();
+    // The units' centres and places in the part, in the order of the centres.
+    let mut sorted = [(0, 0); SMALL];
+    let sorted = &mut sorted[..count];
+    for (place, unit) in part.iter().enumerate() {
+        sorted[place] = (items[*unit].centre(axis), place);
+    }
+    sorted.sort_unstable();
+    let mut from = [GridSums::EMPTY; SMALL + 1];
+    for rank in (0..count).rev() {
+        from[rank] = from[rank + 1].and(&GridSums::of(&items[part[sorted[rank].1]]));
+    }
+    let mut best = (u32::MAX, 0, [GridSums::EMPTY; 2]);
+    let mut to = GridSums::EMPTY;
+    for rank in 0..count {
+        let place = sorted[rank].1;
+        to = to.and(&GridSums::of(&items[part[place]]));
+        if let Some(cost) = cost_of_cut(&to, &from[rank + 1])
+            && (cost, place) < (best.0, best.1)
+        {
+            best = (cost, place, [to, from[rank + 1]]);
+        }
+    }
+    if best.0 == u32::MAX || !may_search {
+        return Cut::middle(&from[0], range);
+    }
+    let (_, last, ranges) = best;
+    let border = (items[part[last]].centre(axis), last);
+    let left = partition(part, |place, unit| (items[unit].centre(axis), place) <= border);
+    Cut { cost: from[0].cost().to_bits(), left, ranges }
+}
+
+/// Moves the units on the left, by their places and numbers, to the front, with each side in its
+/// former order. Returns how many these are.
+fn partition(part: &mut [usize], is_left: impl Fn(usize, usize) -> bool) -> usize {
+    let mut right = Vec::with_capacity(part.len());
+    let mut left = 0;
+    for place in 0..part.len() {
+        let unit = part[place];
+        if is_left(place, unit) {
+            part[left] = unit;
+            left += 1;
         } else {
-            Self { axis, border: items[part[number]].mean[axis], end: number }
+            right.push(unit);
         }
     }
-
-    /// Whether the unit at a place of the part belongs to the left side.
-    #[inline(always)]
-    fn is_left(&self, item: &GridItem, place: usize) -> bool {
-        item.mean[self.axis] < self.border || item.mean[self.axis] == self.border && place <= self.end
-    }
-}
-
-/// The cut of the least cost; of equals the first. `None` if no cut leaves counts that fill nodes
-/// on both sides.
-fn best_cut(items: &[GridItem], part: &[usize]) -> Option<PieceCut> {
-    let (mut low, mut high) = ([LAST_CELL; 3], [0; 3]);
-    for place in part {
-        for k in 0..3 {
-            low[k] = low[k].min(items[*place].mean[k]);
-            high[k] = high[k].max(items[*place].mean[k]);
-        }
-    }
-    let extent = [0, 1, 2].map(|k| high[k] - low[k]);
-    let longest = extent[0].max(extent[1]).max(extent[2]);
-    let cut_of = |number: usize| {
-        let axis = number / CUTS;
-        PieceCut::new(items, part, axis, [low[axis], high[axis]], number % CUTS)
-    };
-    let mut best = u32::MAX;
-    for axis in (0..3).filter(|axis| extent[*axis] > 0) {
-        // Thin slices are worse than their area tells (CK18 equation 3).
-        let stretch = longest as f32 / extent[axis] as f32;
-        for number in (axis * CUTS..).take(part.len().min(CUTS)) {
-            let cut = cut_of(number);
-            let mut sides = [GridSums::EMPTY; 2];
-            let mut left = 0;
-            for (place, unit) in part.iter().enumerate() {
-                let is_left = cut.is_left(&items[*unit], place);
-                sides[usize::from(!is_left)].add(&items[*unit]);
-                left += usize::from(is_left);
-            }
-            if left < part.len() && fills_nodes(left) && fills_nodes(part.len() - left) {
-                let cost = stretch * (sides[0].cost() + sides[1].cost());
-                best = best.min((cost.to_bits() >> COST_SLACK) << CUT_BITS | number as u32);
-            }
-        }
-    }
-    let number = (best & ((1 << CUT_BITS) - 1)) as usize;
-    (best < u32::MAX).then(|| cut_of(number))
-}
-
-/// Moves the left side to the front, with each side in its former order. Returns the number of
-/// units on the left.
-fn partition(items: &[GridItem], part: &mut [usize], cut: &PieceCut) -> usize {
-    let before = part.to_vec();
-    let is_left = |place: &usize| cut.is_left(&items[before[*place]], *place);
-    let left = (0..before.len()).filter(is_left);
-    let right = (0..before.len()).filter(|place| !is_left(place));
-    let count = left.clone().count();
-    part.iter_mut().zip(left.chain(right)).for_each(|(unit, place)| *unit = before[place]);
-    count
+    part[left..].copy_from_slice(&right);
+    left
 }

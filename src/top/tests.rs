@@ -1,3 +1,5 @@
+use std::collections::HashMap;
+
 use glam::{DVec3, Quat, Vec3};
 
 use super::*;
@@ -7,7 +9,7 @@ use crate::policy::Policy;
 use crate::sample::{LightId, LightSampler};
 use crate::shading_point::ShadingPoint;
 use crate::tree::testing::Rng;
-use crate::tree::{BuildItem, LEAF, shape};
+use crate::tree::{BuildItem, LEAF, fills_nodes, middle, shape};
 use crate::world::LightWorld;
 
 /// A number in [0, 1) for each index and purpose.
@@ -55,8 +57,7 @@ fn by_cost(parts: &[(Part, Cluster)], slots: usize) -> TopLevel {
     let item = |(part, i): (&u32, u32)| BuildItem::new(&parts[*part as usize].1, i);
     let mut items: Vec<BuildItem> = lit.iter().zip(0..).map(item).collect();
     let shape = shape(&mut items);
-    let mut top = TopLevel::without_nodes(parts, slots);
-    top.nodes = vec![Node::EMPTY; shape.len()];
+    let mut tree = PieceTree::default();
     let mut made: Vec<Option<Unit>> = vec![None; shape.len()];
     for (index, node) in shape.iter().enumerate().rev() {
         let units: Vec<Unit> = node.targets[..node.count as usize]
@@ -69,8 +70,10 @@ fn by_cost(parts: &[(Part, Cluster)], slots: usize) -> TopLevel {
                 }
             })
             .collect();
-        made[index] = Some(top.add(&units, Some(index as u32)));
+        made[index] = Some(tree.add_node(&units));
     }
+    let mut top = TopLevel::without_nodes(parts, slots);
+    top.append(tree, &mut Vec::new());
     top
 }
 
@@ -113,4 +116,101 @@ fn the_top_level_is_at_most_20_percent_noisier_than_a_bottom_level_build_over_th
     // Measured: 1.02 and 1.13. Only the bottom-level build divides by directions; compared with one
     // that does not, the medians were 1.07.
     assert!(means < 1.2 && medians < 1.2, "{means} {medians}");
+}
+
+/// The most cuts of a part of `count` units that comes from `round` cuts of its kind, whatever its
+/// units are.
+fn most_cuts(count: usize, round: usize, known: &mut HashMap<(usize, usize), usize>) -> usize {
+    if count <= WIDTH {
+        return 0;
+    }
+    if let Some(most) = known.get(&(count, round)) {
+        return *most;
+    }
+    let is_large = |count: usize| count > SMALL;
+    let last = if is_large(count) { LARGE_ROUNDS } else { SMALL_ROUNDS };
+    let cuts = |left: usize| round < last && fills_nodes(left) && fills_nodes(count - left);
+    let mut most = 0;
+    for left in (1..count).filter(|left| *left == middle(count) || cuts(*left)) {
+        let halves = [left, count - left].map(|half| {
+            let next = if is_large(half) == is_large(count) { last.min(round + 1) } else { 0 };
+            most_cuts(half, next, known)
+        });
+        most = most.max(1 + halves[0] + halves[1]);
+    }
+    known.insert((count, round), most);
+    most
+}
+
+/// Whether a side of a cut can have `count` units.
+fn is_side(count: usize) -> bool {
+    fills_nodes(count) || [middle(31), 31 - middle(31)].contains(&count)
+}
+
+/// For each number of units the most nodes that they need, as one part that is a node.
+fn most_nodes_of_parts() -> Vec<usize> {
+    // Nodes without nodes below them but those of full parts: `parts` parts of 1 or of 6 to 8 units.
+    let mut most: Vec<usize> = (0..=PIECE).map(|count| usize::from(count > 1)).collect();
+    for (singles, sixes, sevens) in (0..9).flat_map(|a| (0..9).flat_map(move |b| (0..9).map(move |c| (a, b, c)))) {
+        for eights in 0..9 {
+            let parts = singles + sixes + sevens + eights;
+            let count = singles + 6 * sixes + 7 * sevens + 8 * eights;
+            if !(2..=WIDTH).contains(&parts) || count <= WIDTH {
+                continue;
+            }
+            let sizes = [1; WIDTH].into_iter().take(singles).chain([6; WIDTH].into_iter().take(sixes));
+            let sizes = sizes.chain([7; WIDTH].into_iter().take(sevens)).chain([8; WIDTH].into_iter().take(eights));
+            let mut room = WIDTH - parts;
+            let closed = sizes.filter(|size| {
+                let is_open = *size - 1 <= room;
+                room -= if is_open { *size - 1 } else { 0 };
+                !is_open
+            });
+            most[count] = most[count].max(1 + closed.count());
+        }
+    }
+    // No cut of 10 or 11 leaves full parts, and 9 and 17 leave one unit alone.
+    for count in [9, 10, 11, 17] {
+        most[count] = most[count].max(2 + count / 10);
+    }
+    // Other nodes have eight children: `below[k][count]` is the most nodes of k children.
+    let mut below = vec![[None::<usize>; PIECE + 1]; WIDTH + 1];
+    below[0][0] = Some(0);
+    for count in 1..=PIECE {
+        for children in 2..=WIDTH {
+            let of = |child: usize| Some(below[children - 1][count - child]? + if child > 1 { most[child] } else { 0 });
+            below[children][count] = (1..count).filter(|child| is_side(*child)).filter_map(of).max();
+        }
+        if count > WIDTH {
+            most[count] = most[count].max(below[WIDTH][count].map_or(0, |nodes| nodes + 1));
+        }
+        below[1][count] = is_side(count).then_some(if count > 1 { most[count] } else { 0 });
+    }
+    most
+}
+
+#[test]
+fn no_piece_has_more_cuts_or_nodes_than_there_is_room_for() {
+    let known = &mut HashMap::new();
+    let cuts = (0..=PIECE).map(|count| most_cuts(count, 0, known)).max();
+    assert!(cuts.is_some_and(|cuts| (200..=MAX_CUTS).contains(&cuts)), "{cuts:?}");
+    // The number of the first cut of a part has eight bits and is not 0.
+    const { assert!(MAX_CUTS < 256 && PIECE < 512) };
+    // The nodes of a piece that leaves any number of parts.
+    let of_part = most_nodes_of_parts();
+    let mut most = vec![0; PIECE + 1];
+    for count in 1..=PIECE {
+        let sides = (1..=count).filter(|part| is_side(*part));
+        let nodes = sides.map(|part| most[count - part] + if part > 1 { of_part[part] } else { 0 });
+        most[count] = nodes.max().unwrap_or(0);
+    }
+    // The smallest of several pieces has 128 units.
+    for count in 2 * WINDOW..=PIECE {
+        assert!(most[count] <= most_nodes(count), "{count}: {}", most[count]);
+    }
+    // The whole tree has a root even for one unit, and one node more is reserved for it.
+    for count in 0..=PIECE {
+        assert!(of_part[count].max(1) <= most_nodes(count) + 1, "{count}: {}", of_part[count]);
+    }
+    assert!(most[PIECE] > PIECE / 5, "the bound is not far from the worst case");
 }

@@ -32,9 +32,6 @@ pub use attributes::{Attribute, Attributes};
 #[cfg(feature = "bake")]
 pub use bake::BakeError;
 pub use check::CheckError;
-#[cfg(feature = "gpu-plan")]
-pub(crate) use cost::{DIAGONAL_WEIGHT, MIN_ORIENTATION};
-pub(crate) use cost::{build_cost, size as build_size};
 pub use memory::TreeMemory;
 pub use node::{Bytes, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_LEAF, NO_PARENT, Node, Target, WIDTH};
 #[cfg(feature = "gpu-plan")]

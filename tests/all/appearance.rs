@@ -94,9 +94,9 @@ fn edits_of_one_instance_send_one_record_and_edits_without_effect_send_nothing()
     world.set_factor(car, Vec3::new(0.1, 0.2, 0.3)).expect("valid");
     assert_eq!(upload(&mut world), (96, 0, 1, true));
     // The first mask makes room for the masks of the top level, so the uniforms are sent too: that
-    // of shaders, those of the four passes of a sort, and those of four rounds.
+    // of shaders, those of the four passes of a sort, and those of two passes of the top level.
     world.set_mask(car, 3).expect("it lives");
-    assert_eq!(upload(&mut world), (96 + 64 + 4 * 256 + 4 * 256, 0, 1, true));
+    assert_eq!(upload(&mut world), (96 + 64 + 4 * 256 + 2 * 256, 0, 1, true));
     world.set_mask(car, 3).expect("it lives");
     assert_eq!(upload(&mut world), nothing);
     world.set_mask(car, 4).expect("it lives");

@@ -12,7 +12,7 @@ use program::translate::{Zeroing, translate};
 
 fn row(vgprs: u64, instructions: u64) -> Row {
     Row {
-        kernel: "sort_count".to_owned(),
+        kernel: "sort_scatter".to_owned(),
         effects: String::new(),
         chip: CHIP.to_owned(),
         zeroing: "none".to_owned(),
@@ -31,7 +31,7 @@ fn row(vgprs: u64, instructions: u64) -> Row {
 fn rows_beyond_a_limit_and_rows_without_one_are_named() {
     assert_eq!(exceeded(&[row(1, 1)]), Vec::<String>::new());
     let [one] = &exceeded(&[row(1_000, 1)])[..] else { panic!("one limit is exceeded") };
-    assert!(one.starts_with("sort_count needs 1000 registers of "), "{one}");
+    assert!(one.starts_with("sort_scatter needs 1000 registers of "), "{one}");
     let unknown = Row { kernel: "other".to_owned(), ..row(1, 1) };
     assert_eq!(exceeded(&[unknown]), ["other has no limits in limits.rs"]);
     let elsewhere = Row { chip: "vega10".to_owned(), ..row(1_000, 1) };

@@ -25,19 +25,15 @@ const fn limit(kernel: &'static str, effects: &'static str, most: [u64; 3]) -> L
 
 /// Registers, bytes of scratch memory for each lane, and instructions. Registers and scratch memory
 /// are those that were measured; instructions are rounded up. Mesa
-/// 22.3.6, 2026-11-23, by `cargo run --release --example shader_stats -- --out FILE.csv`.
-pub const LIMITS: [Limit; 23] = [
+/// 22.3.6, 2026-11-24, by `cargo run --release --example shader_stats -- --out FILE.csv`.
+pub const LIMITS: [Limit; 19] = [
     limit("relayout", "", [16, 0, 100]),
     limit("scatter", "", [8, 0, 100]),
     limit("top_leaves", "", [56, 0, 600]),
-    limit("top_keys", "", [16, 0, 500]),
-    limit("sort_count", "", [8, 0, 100]),
-    limit("sort_scan", "", [8, 0, 150]),
-    limit("sort_scatter", "", [16, 0, 300]),
-    limit("top_group", "", [64, 0, 3200]),
-    limit("top_node", "", [192, 0, 3800]),
-    limit("top_root_group", "", [64, 0, 2800]),
-    limit("top_root", "", [192, 0, 3900]),
+    limit("top_keys", "", [16, 0, 600]),
+    limit("sort_scatter", "", [16, 0, 400]),
+    limit("top_group", "", [80, 0, 5800]),
+    limit("top_node", "", [64, 0, 1300]),
     limit("light_sample", "none", [88, 0, 2000]),
     limit("light_sample", "city", [96, 0, 3100]),
     limit("light_sample", "all", [144, 0, 5900]),

@@ -17,7 +17,7 @@ pub struct KeySort {
     buffers: SortBuffers,
     sort: Commands,
     /// The keys before the sort.
-    pub(super) unsorted: wgpu::Buffer,
+    unsorted: wgpu::Buffer,
 }
 
 impl KeySort {
@@ -50,6 +50,11 @@ impl KeySort {
         let mut recorder = Recorder::apart(encoder, "girandole sort", queries);
         self.player.record(&mut recorder, &self.sort);
         recorder.finish().iter().map(|stage| stage.dispatches).sum()
+    }
+
+    /// The keys before the sort, as `u32`.
+    pub fn unsorted(&self) -> &wgpu::Buffer {
+        &self.unsorted
     }
 
     /// The keys, as `u32`; in ascending order once the sort has run.

@@ -53,7 +53,7 @@ fn a_build_in_separate_passes_makes_the_same_top_level_as_a_build_in_one_pass() 
     assert!(stages.len() >= 4 && stages.len() <= MAX_TOP_STAGES as usize, "{stages:?}");
     assert!(stages.iter().all(|stage| stage.dispatches > 0), "{stages:?}");
     let sort: Vec<_> = stages.iter().filter(|stage| stage.name == "sort").collect();
-    assert!(matches!(sort[..], [TopStage { dispatches: 12, .. }]), "{stages:?}");
+    assert!(matches!(sort[..], [TopStage { dispatches: 4, .. }]), "{stages:?}");
 }
 
 #[test]
@@ -94,12 +94,12 @@ fn a_key_sort_sorts_the_same_keys_each_time_that_it_is_recorded() {
         let mut sort = KeySort::new(&device, &queue, count).expect("room enough");
         for _ in 0..2 {
             let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            assert_eq!(sort.record(&mut encoder, None), if count > 1 { 12 } else { 0 });
+            assert_eq!(sort.record(&mut encoder, None), if count > 1 { 5 } else { 0 });
             queue.submit([encoder.finish()]);
             let keys = read::<u32>(&device, &queue, sort.keys());
             assert!(keys.is_sorted() && keys.len() == count as usize && keys[0] > 0, "{keys:?}");
         }
-        assert!(!read::<u32>(&device, &queue, &sort.unsorted).is_sorted() || count == 1);
+        assert!(!read::<u32>(&device, &queue, sort.unsorted()).is_sorted() || count == 1);
     }
 }
 

@@ -70,7 +70,7 @@ fn blocks_of_several_rounds_sort_stably() {
 }
 
 #[test]
-fn more_blocks_than_one_scan_step_adds_up_sort_stably() {
+fn many_groups_of_blocks_sort_stably() {
     let mut rig = Rig::new();
     let count = 1_050_000;
     let mut buffers = buffers(&mut rig, count);

@@ -5,7 +5,7 @@ use super::super::error::PlanError;
 use super::super::layout::{ClusterRecord, LeafRecord, Strides};
 use super::super::node_record::NodeRecord;
 use super::super::sort::SortBuffers;
-use super::rounds::{Places, Rounds};
+use super::passes::{Passes, Places};
 use crate::effects::Effects;
 use crate::tree::WIDTH;
 
@@ -26,7 +26,7 @@ pub(super) struct TopBuffers {
     pub nodes_bytes: u64,
     /// The clusters of all parts, then of all nodes.
     pub clusters: BufferId,
-    /// The lists of units that the rounds leave.
+    /// The lists of units that the passes leave.
     pub units: BufferId,
     pub sort: SortBuffers,
 }
@@ -41,11 +41,11 @@ impl TopBuffers {
         has_masks: bool,
         limit: u64,
     ) -> Result<Self, PlanError> {
-        let rounds = Rounds::new(capacity, capacity, Places::default(), Strides::of(Effects::all()));
-        let parts = u64::from(rounds.nodes) * size_of::<NodeRecord>() as u64;
+        let passes = Passes::new(capacity, capacity, Places::default(), Strides::of(Effects::all()));
+        let parts = u64::from(passes.nodes) * size_of::<NodeRecord>() as u64;
         let masks = parts + u64::from(capacity) * size_of::<LeafRecord>() as u64;
-        let nodes_bytes = masks + if has_masks { u64::from(rounds.nodes) * MASK_BYTES } else { 0 };
-        let clusters = (u64::from(capacity) + u64::from(rounds.nodes)) * size_of::<ClusterRecord>() as u64;
+        let nodes_bytes = masks + if has_masks { u64::from(passes.nodes) * MASK_BYTES } else { 0 };
+        let clusters = (u64::from(capacity) + u64::from(passes.nodes)) * size_of::<ClusterRecord>() as u64;
         for (what, needed) in [("top-level clusters", clusters), ("top-level nodes", nodes_bytes)] {
             if needed > limit {
                 return Err(PlanError::Full { what, needed, limit });
@@ -66,7 +66,7 @@ impl TopBuffers {
             nodes: add("top level nodes", nodes_bytes),
             nodes_bytes,
             clusters: add("top level clusters", clusters),
-            units: add("top level units", u64::from(rounds.words) * 4),
+            units: add("top level units", u64::from(passes.words) * 4),
         })
     }
 

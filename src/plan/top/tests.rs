@@ -1,15 +1,18 @@
-//! Sizes: of buffers, rounds, workgroups and uniforms.
+//! Sizes: of buffers, passes, workgroups and uniforms.
 
 use std::mem::offset_of;
 
 use naga::TypeInner;
 
-use super::rounds::{MAX_PASSES, Places, Rounds, TopPass};
-use super::stage::{GROUP, KEYS, LANES, LEAVES, NODE, ROOT, ROOT_GROUP, SPLIT_LANES};
+use super::passes::{MAX_PASSES, Passes, Places, TopPass};
+use super::stage::{GROUP, KEYS, LANES, LEAVES, NODE, NODE_LANES, SPLIT_LANES};
 use super::*;
 use crate::effects::Effects;
+use crate::plan::kernel::MAX_WORKGROUPS;
 use crate::plan::layout::{ClusterRecord, LeafRecord};
 use crate::plan::node_record::NodeRecord;
+use crate::plan::{Command, MAX_LARGEST_BUFFER};
+use crate::top;
 
 /// Reserves and takes into use. Returns the bytes of the new buffers by what they hold.
 fn reserve(top: &mut TopBuild, parts: u32, has_masks: bool, growth: Growth) -> Result<Vec<NewBuffer>, PlanError> {
@@ -28,7 +31,7 @@ fn more_parts_than_the_device_can_bind_are_refused_and_change_nothing() {
     assert_eq!(reserve(&mut top, 64, false, Growth::Double), Ok(Vec::new()));
     // The largest number of parts whose clusters and nodes fit, and one more.
     let needed = |parts: u32| {
-        let nodes = u64::from(Rounds::new(parts, parts, Places::default(), Strides::of(Effects::all())).nodes);
+        let nodes = u64::from(Passes::new(parts, parts, Places::default(), Strides::of(Effects::all())).nodes);
         let clusters = (u64::from(parts) + nodes) * size_of::<ClusterRecord>() as u64;
         let records = u64::from(parts) * size_of::<LeafRecord>() as u64;
         [("top-level clusters", clusters), ("top-level nodes", nodes * size_of::<NodeRecord>() as u64 + records)]
@@ -49,6 +52,32 @@ fn more_parts_than_the_device_can_bind_are_refused_and_change_nothing() {
     assert_eq!((top.nodes(), top.capacity()), before);
     assert_eq!(reserve(&mut top, fits, false, Growth::Double).map(|new| new.len()), Ok(10));
     assert_eq!(top.capacity(), fits);
+}
+
+#[test]
+fn forty_million_parts_are_covered_by_dispatches_of_two_dimensions_and_words_of_32_bits() {
+    const PARTS: u32 = 40_000_000;
+    let mut top = TopBuild::new(MAX_LARGEST_BUFFER);
+    let new = reserve(&mut top, PARTS, true, Growth::Exact).expect("large buffers");
+    // Kernels count the words of a buffer in 32 bits.
+    assert!(new.iter().all(|buffer| buffer.bytes / 4 <= 1 << 32), "{new:?}");
+    let mut commands = Commands::default();
+    top.prepare(&mut commands, PARTS, Strides::of(Effects::all()), (top.masks(), [0; 3]));
+    top.build(&mut commands, [0; 3].map(|_| Ids::default().storage("read only", 4).id));
+    let mut groups = Vec::new();
+    for command in commands.iter() {
+        if let Command::Dispatch { kernel, workgroups: [x, y, z], .. } = command {
+            assert!(x <= MAX_WORKGROUPS && y <= MAX_WORKGROUPS && z == 1, "{kernel:?}");
+            groups.push((kernel.entry(), u64::from(x) * u64::from(y)));
+        }
+    }
+    let lanes = |entry: &str| groups.iter().find(|(other, _)| *other == entry).map(|(_, groups)| *groups);
+    assert!(lanes("top_leaves").is_some_and(|groups| groups * u64::from(LANES) >= u64::from(PARTS)));
+    let pieces = u64::from(PARTS.div_ceil(top::SHARE as u32));
+    assert!(pieces > u64::from(MAX_WORKGROUPS), "one dimension is too short");
+    assert!(lanes("top_group").is_some_and(|groups| groups >= pieces));
+    // Leaves, keys, four passes of the sort, and two stages for each of four passes.
+    assert_eq!(groups.len(), 14);
 }
 
 #[test]
@@ -74,17 +103,17 @@ fn buffers_double_or_grow_to_what_is_needed_and_make_room_for_masks_once() {
 }
 
 #[test]
-fn the_rounds_for_any_number_of_parts_fit_into_the_uniform() {
-    for parts in [0, 1, 256, 257, 512, 513, 100_000, 1 << 20, 1 << 30, u32::MAX] {
-        let rounds = Rounds::new(parts, parts, Places::default(), Strides::of(Effects::all()));
-        assert!(rounds.passes.len() <= MAX_PASSES as usize, "{parts}: {}", rounds.passes.len());
-        assert!(u64::from(rounds.nodes) <= u64::from(parts) / 2 + 1024, "{parts}: {}", rounds.nodes);
+fn the_passes_for_any_number_of_parts_fit_into_the_uniform() {
+    for parts in [0, 1, 511, 512, 513, 100_000, 1 << 20, 1 << 30, u32::MAX] {
+        let all = Passes::new(parts, parts, Places::default(), Strides::of(Effects::all()));
+        assert!(all.passes.len() <= MAX_PASSES as usize, "{parts}: {}", all.passes.len());
+        assert!(u64::from(all.nodes) <= u64::from(parts) / 4 + u64::from(parts) / 150 + 512, "{parts}: {}", all.nodes);
     }
 }
 
 #[test]
 fn the_stages_are_valid_and_have_the_sizes_that_the_host_expects() {
-    for stage in [&LEAVES, &KEYS, &GROUP, &NODE, &ROOT_GROUP, &ROOT] {
+    for (stage, lanes) in [(&LEAVES, LANES), (&KEYS, LANES), (&GROUP, SPLIT_LANES), (&NODE, NODE_LANES)] {
         let text = stage.text();
         let module = naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect(stage.entry);
         naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::default())
@@ -93,13 +122,12 @@ fn the_stages_are_valid_and_have_the_sizes_that_the_host_expects() {
             .expect(stage.entry);
         assert_eq!(module.entry_points.len(), 1);
         assert_eq!(module.entry_points[0].name, stage.entry);
-        let lanes = if stage.piece > 0 { SPLIT_LANES } else { LANES };
         assert_eq!(module.entry_points[0].workgroup_size, [lanes, 1, 1]);
         let mut layouter = naga::proc::Layouter::default();
         layouter.update(module.to_ctx()).unwrap();
         let shared = module.global_variables.iter().filter(|(_, v)| v.space == naga::AddressSpace::WorkGroup);
-        let bytes: u32 = shared.map(|(_, variable)| layouter[variable.ty].size).sum();
-        // WebGPU's default limit.
+        // WebGPU counts multiples of 16 bytes for each variable, and allows 16 KiB by default.
+        let bytes: u32 = shared.map(|(_, variable)| layouter[variable.ty].size.next_multiple_of(16)).sum();
         assert!(bytes <= 16_384, "{}: {bytes} bytes of workgroup memory", stage.entry);
         let (_, pass) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some("TopPass")).unwrap();
         let TypeInner::Struct { members, span } = &pass.inner else { panic!("TopPass is a struct") };
@@ -122,6 +150,7 @@ fn the_stages_are_valid_and_have_the_sizes_that_the_host_expects() {
                 ("instance_stride", offset_of!(TopPass, strides.instance)),
                 ("instance_sector", offset_of!(TopPass, strides.sector)),
                 ("masks", offset_of!(TopPass, masks)),
+                ("sort_block", offset_of!(TopPass, sort_block)),
                 ("home", offset_of!(TopPass, home)),
             ]
         );
