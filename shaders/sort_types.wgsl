@@ -1,7 +1,8 @@
 // What the stages of the radix sort share. Binds nothing. src/plan/sort.rs defines four constants:
-// SORT_LANES is the number of invocations in a workgroup and also of the values of a digit, so that
-// lane d can own digit d; a digit has SORT_DIGIT_BITS bits. SORT_WORDS is the number of words with one bit for each lane. SORT_GROUP is
-// the number of blocks whose counts are added up.
+// - SORT_LANES: the invocations in a workgroup. A digit has as many values, so lane d owns digit d.
+// - SORT_DIGIT_BITS: the bits of a digit.
+// - SORT_WORDS: the words of a bitmap with one bit for each lane.
+// - SORT_GROUP: the blocks in a group of blocks, for which the histogram has sums.
 
 // Twin of `SortPass` in src/plan/sort.rs. The test
 // `the_stages_have_the_sizes_that_the_host_expects` there compares them.

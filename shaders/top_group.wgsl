@@ -80,8 +80,8 @@ fn group_entries() -> u32 {
     return top_pass.units_after + 1u + 3u * top_pass.pieces;
 }
 
-// A part that the piece leaves: writes its unit, which is a node unless it is a single unit, and
-// enters that node into the queue.
+// Writes the unit of a part that the piece leaves. A part of one unit stays that unit. Any other part
+// becomes a node, which enters the queue.
 fn group_leave(part: u32, entries: u32, first_node: u32) {
     let first = children_first(part);
     let place = entries + split_bits_before(GROUP_LEFT_ROW, first);

@@ -7,7 +7,8 @@
 @group(0) @binding(3) var<storage, read_write> nodes: array<u32>;
 @group(0) @binding(6) var<storage, read_write> units: array<u32>;
 
-// The first node of the piece, of the deepest nodes that are not packed yet, and the one after these.
+// The first node of the piece. The deepest nodes that are not packed yet are those from node_begin up
+// to, but not including, node_end.
 var<workgroup> node_first: u32;
 var<workgroup> node_begin: u32;
 var<workgroup> node_end: u32;

@@ -1,7 +1,7 @@
 // Packs a node of the top level. Binds nothing; uses the variables `top_pass`, `clusters` and
 // `nodes` of the stage.
 
-// The greatest number of nodes of a piece.
+// The cluster of each node of the piece that is packed already.
 var<workgroup> pack_clusters: array<LightCluster, TOP_MAX_NODES>;
 // For each node of the piece the union of the masks below it.
 var<workgroup> pack_masks: array<u32, TOP_MAX_NODES>;

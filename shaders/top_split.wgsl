@@ -67,8 +67,8 @@ struct SplitUnit {
     // The first place and the number of units of its part.
     first: u32,
     count: u32,
-    // Where the number of the cut of its part belongs: the number of the cut that made the part,
-    // twice, plus one on the right side, plus one; 0 for the whole piece.
+    // Which side of which cut its part is: 2 * c + 1 for the left side of cut c, 2 * c + 2 for the
+    // right side, 0 for the whole piece. The cut of the part stores its number there.
     made_by: u32,
     // The axis along which a box around its part is longest, with the number of cells above it, and the
     // least coordinate of that box along the axis.

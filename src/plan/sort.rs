@@ -14,8 +14,8 @@
 //! workgroups, and WGSL does not guarantee that those make progress.
 //!
 //! Blocks are as short as it takes to have [`TARGET_BLOCKS`] of them, so that small inputs also
-//! spread over the whole GPU. Blocks stop growing at [`MAX_ROUNDS`] keys a lane, where the counts
-//! take a sixteenth of the memory of the keys.
+//! spread over the whole GPU. Blocks stop growing at [`MAX_ROUNDS`] keys a lane, where the
+//! counts of all passes take about a quarter of the memory of the keys.
 
 use super::buffers::{BufferId, Ids, NewBuffer};
 use super::commands::Commands;
@@ -27,7 +27,7 @@ const LANES: u32 = 256;
 const DIGIT_BITS: u32 = LANES.ilog2();
 /// An even number, so that the sorted keys end in the buffer that held the unsorted keys.
 const PASSES: u32 = u32::BITS / DIGIT_BITS;
-/// The number of blocks from which on blocks grow. The scan adds up this many counts in one step.
+/// The number of blocks that few keys are divided into. With more keys, blocks grow first.
 const TARGET_BLOCKS: u32 = 256;
 /// Blocks whose counts are added up. A workgroup reads at most this many counts of single blocks for
 /// each digit, and one for each group of blocks.
@@ -105,7 +105,8 @@ pub(crate) struct SortBuffers {
 
 impl SortBuffers {
     /// Room for `capacity` keys; 0 counts as 1. Adds the buffers to `new`. Takes about 17 bytes
-    /// for each key, and up to 36 where there are few keys.
+    /// for each key from a million keys on, and 33 for each of 65,536 keys. The counts take at least
+    /// 8 KiB.
     ///
     /// Fails with [`PlanError::Full`] if a buffer would be larger than `limit`, or if there are
     /// more than [`MAX_KEYS`].

@@ -92,8 +92,9 @@ pub(crate) const fn units_left(pieces: usize) -> usize {
 #[cfg(any(feature = "gpu-plan", test))]
 pub(crate) const UNITS_PER_NODE: usize = 4;
 
-/// At least the number of nodes of a piece of `count` units; of one that is the whole tree with one
-/// more. The sum over pieces is at most that of all their units. The test
+/// An upper bound for the number of nodes of a piece of `count` units. The piece that is the whole
+/// tree may have one node more. The bounds of several pieces add up to at most the bound of all their
+/// units. The test
 /// `no_piece_has_more_cuts_or_nodes_than_there_is_room_for` finds 0.225 per unit in the worst case.
 #[cfg(any(feature = "gpu-plan", test))]
 pub(crate) const fn most_nodes(count: usize) -> usize {

@@ -253,9 +253,10 @@ impl Cut {
     }
 }
 
-/// Cuts a part at the border between two bins where the cut costs least, of equals at the first;
-/// where no cut fills nodes on both sides, or without `may_bin`, in half. Moves the left side to the
-/// front, with each side in its former order. The bins divide `range`, a box around the part.
+/// Cuts a part at the border between two bins where the cut costs least; of equal cuts it takes the
+/// first. Halves the part if no cut fills nodes on both sides, or if `may_bin` is false. Moves the left
+/// side to the front and keeps the order within each side. The bins divide `range`, a box around the
+/// part.
 fn cut_large(items: &[GridItem], part: &mut [usize], range: &GridSums, may_bin: bool) -> Cut {
     let (axis, extent) = range.longest();
     let bin_of = |unit: usize| ((items[unit].centre(axis) - range.low[axis]) * BINS as u32 / (extent + 1)) as usize;

@@ -102,7 +102,7 @@ fn sigmas(sampler: &LightSampler<'_>, shading_points: &[ShadingPoint]) -> Vec<f6
 
 #[test]
 fn the_top_level_is_at_most_20_percent_noisier_than_a_bottom_level_build_over_the_instances() {
-    // Enough instances for two rounds of pieces before the upper part.
+    // Enough instances for a pass of several pieces before the last pass.
     let world = city(6000);
     let (parts, slots) = (world.parts(), world.slot_count());
     let (ours, best) = (TopLevel::build(&parts, slots), by_cost(&parts, slots));

@@ -5,8 +5,8 @@ use super::scene::procedural::Size;
 use super::{sampling, top_level};
 use serde_json::{Value, json};
 
-/// The instances for which the top level has goals, and its greatest number of dispatches up to a
-/// million.
+/// The number of instances for which the time of the top level has goals. The goal for dispatches
+/// holds for any number of instances up to a million.
 const INSTANCES: u32 = 100_000;
 const MOST_DISPATCHES: u32 = 12;
 /// The most milliseconds of that top level, and the greatest ratio to a sort of as many keys.
