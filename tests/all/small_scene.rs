@@ -38,6 +38,7 @@ fn build(is_still: bool) -> Result<Stage, Box<dyn std::error::Error>> {
         },
         lamp_clearance: 0.3,
         exposure: 0.12,
+        warnings: Vec::new(),
     };
     let asphalt = material(&mut scene, Vec3::splat(0.12), 0.35, 0.0);
     let brick = material(&mut scene, Vec3::new(0.45, 0.22, 0.16), 0.9, 0.0);

@@ -137,6 +137,8 @@ mod tests {
             "--gltf a.glb --lamps b.csv",
             "--gltf a.glb --cars 5",
             "--traffic a.xml --world S",
+            "--net a.net.xml --world S",
+            "--gltf a.glb --net b.net.xml",
             "--unknown",
         ] {
             let line = parse(bad).unwrap_err().0;

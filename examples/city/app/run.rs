@@ -17,6 +17,7 @@ const TICKS: u64 = 1000;
 /// first file is written.
 pub fn run(options: &Options, print: &mut dyn FnMut(&str)) -> Result<(), SceneError> {
     let stage = options.scene.load()?;
+    stage.scene.warnings.iter().for_each(|warning| print(&format!("warning: {warning}")));
     let chosen = backend::choose(options.backend)?;
     print(&chosen.to_string());
     let mut session = Session::new(stage, options.settings(), options.pace(), chosen)?;

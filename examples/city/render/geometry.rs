@@ -357,6 +357,7 @@ mod tests {
             sky: Sky { zenith: Vec3::ZERO, horizon: Vec3::ZERO, ambient: Vec3::ZERO },
             lamp_clearance: 0.1,
             exposure: 1.0,
+            warnings: Vec::new(),
         }
     }
 

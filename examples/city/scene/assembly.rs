@@ -51,6 +51,7 @@ impl Assembly {
             sky,
             lamp_clearance: 0.1,
             exposure: 1.0,
+            warnings: Vec::new(),
         };
         Self { scene, world }
     }

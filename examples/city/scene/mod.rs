@@ -132,6 +132,8 @@ pub struct Scene {
     pub lamp_clearance: f32,
     /// Factor on radiance before tone mapping.
     pub exposure: f32,
+    /// What the user should know about the files: one line each.
+    pub warnings: Vec<String>,
 }
 
 /// What moves a stage. `time` is in seconds from the start and never decreases.

@@ -70,6 +70,7 @@ pub fn stage(path: &Path, camera: Option<Camera>) -> Result<Stage, SceneError> {
         sky,
         lamp_clearance: LAMP_CLEARANCE,
         exposure: 1.0,
+        warnings: Vec::new(),
     };
     scene.camera = camera.or(own_camera).unwrap_or_else(|| viewpoint::among_lights(&scene, &world));
     scene.exposure = exposure::exposure(&scene, &world);

@@ -1,15 +1,13 @@
 //! Reads floating car data, which `sumo --fcd-output` writes. The file is read as a stream: only
 //! one time step is in memory.
 
-use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::io::BufRead;
 use std::path::Path;
 
-use quick_xml::XmlVersion;
 use quick_xml::events::{BytesStart, Event};
-use quick_xml::reader::Reader;
 
 use super::SceneError;
+use super::xml::{AnySource, XmlFile};
 
 /// A vehicle in a time step.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,6 +22,8 @@ pub struct FcdVehicle {
     pub north: f64,
     /// Direction in degrees, clockwise from north.
     pub angle: f32,
+    /// Metres per second, if the file states it.
+    pub speed: Option<f64>,
 }
 
 /// All vehicles at one time.
@@ -37,9 +37,7 @@ pub struct Timestep {
 
 /// Reads one time step after the other.
 pub struct FcdReader<R> {
-    reader: Reader<R>,
-    /// Name of the file, for errors.
-    name: String,
+    file: XmlFile<R>,
     buffer: Vec<u8>,
     /// Number of open elements.
     depth: usize,
@@ -50,26 +48,22 @@ pub struct FcdReader<R> {
     last_time: f64,
 }
 
-impl FcdReader<BufReader<File>> {
+impl FcdReader<AnySource> {
     /// Opens a file.
     pub fn open(path: &Path) -> Result<Self, SceneError> {
-        let file = File::open(path).map_err(|error| SceneError(format!("{}: {error}", path.display())))?;
-        Ok(FcdReader::new(BufReader::with_capacity(1 << 16, file), path.display().to_string()))
+        Ok(Self::new(XmlFile::open(path)?))
     }
 }
 
 impl<R: BufRead> FcdReader<R> {
-    /// Reads from any source. Errors begin with `name`.
-    pub fn new(source: R, name: String) -> Self {
-        let mut reader = Reader::from_reader(source);
-        reader.config_mut().check_end_names = true;
+    /// Reads from any source.
+    pub fn new(file: XmlFile<R>) -> Self {
         let (buffer, last_time) = (Vec::new(), f64::NEG_INFINITY);
-        Self { reader, name, buffer, depth: 0, in_export: false, finished: false, last_time }
+        Self { file, buffer, depth: 0, in_export: false, finished: false, last_time }
     }
 
     fn fail(&self, what: impl std::fmt::Display) -> SceneError {
-        let what = what.to_string().replace('\n', " ");
-        SceneError(format!("{}: byte {}: {what}", self.name, self.reader.buffer_position()))
+        self.file.fail(what)
     }
 
     /// The next time step; `None` at the end of a complete file.
@@ -80,11 +74,7 @@ impl<R: BufRead> FcdReader<R> {
         let mut step: Option<Timestep> = None;
         loop {
             let mut buffer = std::mem::take(&mut self.buffer);
-            buffer.clear();
-            let event = match self.reader.read_event_into(&mut buffer) {
-                Ok(event) => event,
-                Err(error) => return Err(self.fail(error)),
-            };
+            let event = self.file.next(&mut buffer)?;
             let is_step_end = match &event {
                 Event::Start(element) => {
                     self.open_element(element, &mut step)?;
@@ -121,7 +111,7 @@ impl<R: BufRead> FcdReader<R> {
             (0, "fcd-export") => self.in_export = true,
             (0, other) => return Err(self.fail(format!("expected <fcd-export>, found <{other}>"))),
             (1, "timestep") => {
-                let time = self.number(element, "time", self.text(element, "time")?)?;
+                let time = self.file.number(element, "time")?;
                 if time <= self.last_time {
                     return Err(self.fail(format!("time {time} does not follow {}", self.last_time)));
                 }
@@ -129,13 +119,18 @@ impl<R: BufRead> FcdReader<R> {
                 *step = Some(Timestep { time, vehicles: Vec::new() });
             }
             (2, "vehicle") => {
-                let number = |name: &str| self.number(element, name, self.text(element, name)?);
+                let number = |name: &str| self.file.number(element, name);
+                let speed = match self.file.text(element, "speed")? {
+                    Some(_) => Some(number("speed")?),
+                    None => None,
+                };
                 let vehicle = FcdVehicle {
-                    id: self.text(element, "id")?.ok_or_else(|| self.fail("<vehicle> without \"id\""))?,
-                    kind: self.text(element, "type")?.unwrap_or_default(),
+                    id: self.file.text(element, "id")?.ok_or_else(|| self.fail("<vehicle> without \"id\""))?,
+                    kind: self.file.text(element, "type")?.unwrap_or_default(),
                     east: number("x")?,
                     north: number("y")?,
                     angle: number("angle")? as f32,
+                    speed,
                 };
                 if let Some(step) = step {
                     step.vehicles.push(vehicle);
@@ -146,24 +141,6 @@ impl<R: BufRead> FcdReader<R> {
         }
         Ok(())
     }
-
-    fn text(&self, element: &BytesStart<'_>, name: &str) -> Result<Option<String>, SceneError> {
-        let attribute = element.try_get_attribute(name).map_err(|error| self.fail(error))?;
-        let Some(attribute) = attribute else { return Ok(None) };
-        let value = attribute.normalized_value(XmlVersion::Implicit1_0).map_err(|error| self.fail(error))?;
-        Ok(Some(value.into_owned()))
-    }
-
-    fn number(&self, element: &BytesStart<'_>, name: &str, text: Option<String>) -> Result<f64, SceneError> {
-        let tag = element.name();
-        let text = text.ok_or_else(|| self.fail(format!("<{}> without \"{name}\"", tag.as_ref())))?;
-        match text.trim().parse::<f64>() {
-            Ok(number) if number.is_finite() && number.abs() <= 1e8 => Ok(number),
-            Ok(_) | Err(_) => {
-                Err(self.fail(format!("\"{name}\" of <{}> is {text:?}, not a number of at most 1e8", tag.as_ref())))
-            }
-        }
-    }
 }
 
 #[cfg(test)]
@@ -171,7 +148,7 @@ mod tests {
     use super::*;
 
     fn steps(text: &str) -> Result<Vec<Timestep>, SceneError> {
-        let mut reader = FcdReader::new(text.as_bytes(), "test.xml".into());
+        let mut reader = FcdReader::new(XmlFile::new(text.as_bytes(), "test.xml".into()));
         let mut steps = Vec::new();
         while let Some(step) = reader.next_step()? {
             steps.push(step);
@@ -218,6 +195,35 @@ mod tests {
             let SceneError(message) = steps(text).expect_err(text);
             assert!(message.contains(expected) && !message.contains('\n'), "{text}: {message}");
         }
+    }
+
+    #[test]
+    fn compressed_files_are_read_as_others() {
+        use std::io::Write;
+        let plain = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/fcd_small.xml");
+        let path = std::env::temp_dir().join(format!("girandole_fcd_{}.xml.gz", std::process::id()));
+        let mut encoder = flate2::write::GzEncoder::new(std::fs::File::create(&path).unwrap(), Default::default());
+        encoder.write_all(&std::fs::read(plain).unwrap()).unwrap();
+        encoder.finish().unwrap();
+        let all = |path: &Path| {
+            let mut reader = FcdReader::open(path).unwrap();
+            std::iter::from_fn(|| reader.next_step().unwrap()).collect::<Vec<_>>()
+        };
+        let (compressed, expected) = (all(&path), all(Path::new(plain)));
+        // A file that ends too early is refused.
+        let bytes = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+        let mut cut = FcdReader::open(&path).unwrap();
+        let refused = loop {
+            match cut.next_step() {
+                Ok(Some(_)) => {}
+                Ok(None) => panic!("half of a file is no file"),
+                Err(SceneError(message)) => break message,
+            }
+        };
+        std::fs::remove_file(&path).unwrap();
+        assert_eq!(compressed, expected);
+        assert!(!refused.contains('\n'), "{refused}");
     }
 
     #[test]

@@ -62,12 +62,41 @@ pub fn road_segments(lamps: &[Vec2], seed: u64) -> (Vec<RoadSegment>, Vec<Vec2>)
     (segments, arms)
 }
 
+/// Turns the arms of lamps to the nearest road.
+pub fn turn_arms(lamps: &[Vec2], segments: &[RoadSegment], arms: &mut [Vec2]) {
+    /// A lamp that is farther away than this from every road keeps its direction, metres.
+    const REACH: f32 = 40.0;
+    // A road is found from any of its points, which are closer to each other than the reach.
+    let mut points = Vec::new();
+    let mut owners = Vec::new();
+    for (index, segment) in segments.iter().enumerate() {
+        let count = (segment.from.distance(segment.to) / REACH).ceil().max(1.0) as usize;
+        for step in 0..=count {
+            points.push(segment.from.lerp(segment.to, step as f32 / count as f32));
+            owners.push(index);
+        }
+    }
+    let grid = Grid::new(points, 2.0 * REACH);
+    for (lamp, arm) in lamps.iter().zip(arms) {
+        let near = grid.near(*lamp, 2.0 * REACH).map(|point| segments[owners[point]]);
+        let nearest = near.min_by(|a, b| a.distance(*lamp).total_cmp(&b.distance(*lamp)));
+        if let Some(segment) = nearest.filter(|segment| segment.distance(*lamp) < REACH) {
+            *arm = (segment.nearest(*lamp) - *lamp).normalize_or(*arm);
+        }
+    }
+}
+
 impl RoadSegment {
-    /// Distance of a point from the middle line of the road, metres.
-    pub fn distance(&self, at: Vec2) -> f32 {
+    /// The point of the middle line that is nearest to a point.
+    pub fn nearest(&self, at: Vec2) -> Vec2 {
         let along = self.to - self.from;
         let t = ((at - self.from).dot(along) / along.length_squared()).clamp(0.0, 1.0);
-        at.distance(self.from + along * t)
+        self.from + along * t
+    }
+
+    /// Distance of a point from the middle line of the road, metres.
+    pub fn distance(&self, at: Vec2) -> f32 {
+        at.distance(self.nearest(at))
     }
 }
 
@@ -151,9 +180,7 @@ pub fn house_places(
             continue;
         }
         // The front faces the nearest road.
-        let along = closest.to - closest.from;
-        let t = ((at - closest.from).dot(along) / along.length_squared()).clamp(0.0, 1.0);
-        let toward = closest.from + along * t - at;
+        let toward = closest.nearest(at) - at;
         let turn = Quat::from_rotation_y(toward.x.atan2(toward.y));
         // The origin of a lot is the middle of its front edge, and the lot is 24 m deep.
         let front = turn * Vec3::Z * 12.0;

@@ -1,12 +1,12 @@
-//! A real city: its street lamps from a CSV file, its traffic from a SUMO simulation, or one of the
-//! two.
+//! A real city: its street lamps from a CSV file, its traffic from a SUMO simulation, its roads from a
+//! SUMO network, or some of these.
 //!
 //! Read in this order:
 //!
 //! 1. this file: how the city is put together;
-//! 2. `lamp_table` and `fcd`: readers of the two file formats;
+//! 2. `lamp_table`, `fcd` and `net`: readers of the file formats, the last two on top of `xml`;
 //! 3. `grid` and `ground`: roads and houses, which are derived from the positions of lamps and
-//!    vehicles;
+//!    vehicles, and `roads`: those of a network;
 //! 4. `traffic`: vehicles that follow the file.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -24,10 +24,13 @@ use super::rng::Rng;
 use super::{Animation, Camera, Scene, SceneError, Stage, assembly, palette, part, rng};
 
 pub mod lamp_table;
+pub mod xml;
 pub mod fcd;
+pub mod net;
 
 pub mod grid;
 pub mod ground;
+pub mod roads;
 
 pub mod traffic;
 
@@ -35,15 +38,18 @@ use fcd::FcdReader;
 use grid::{Grid, to_plane};
 use ground::{DRIVEN_CELL, RoadSegment};
 use lamp_table::LampRecord;
+use net::Network;
 use traffic::{Survey, Traffic};
 
-/// What the city is built from. At least one of the two files must be given.
+/// What the city is built from. At least one of the files must be given.
 #[derive(Clone, Debug, Default)]
 pub struct RealCityOptions {
     /// Street lamps; see [`lamp_table`].
     pub lamps: Option<PathBuf>,
     /// Traffic; see [`fcd`].
     pub traffic: Option<PathBuf>,
+    /// Roads, and the offset of the traffic; see [`net`].
+    pub net: Option<PathBuf>,
     /// Number of cars that are parked along the roads if there is no traffic file; `None` for 60.
     pub cars: Option<usize>,
     /// Determines what the files do not: the colours of vehicles, houses, and parked cars.
@@ -57,6 +63,11 @@ const HOUSE_REACH: f32 = 420.0;
 /// close.
 const MAX_OFFSET: f64 = 50_000.0;
 
+/// Traffic within this distance of a lamp is lit by it, metres. If less than this share of the traffic
+/// is, the files probably have different coordinates.
+const LIT_DISTANCE: f32 = 150.0;
+const LEAST_LIT: f32 = 0.05;
+
 /// Number of parked cars by default.
 const DEFAULT_PARKED_CARS: usize = 60;
 
@@ -64,40 +75,64 @@ const DEFAULT_PARKED_CARS: usize = 60;
 pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
     let lamps = options.lamps.as_deref().map(lamp_table::read).transpose()?.unwrap_or_default();
     let survey = options.traffic.as_deref().map(|path| Survey::read(path, options.seed)).transpose()?;
-    let first =
-        lamps.first().map(|lamp| dvec2(lamp.east, lamp.north)).or(survey.as_ref().and_then(|survey| survey.first));
+    let network = options.net.as_deref().map(Network::read).transpose()?;
+    // The simulation has the positions of the network.
+    let offset = network.as_ref().map_or(DVec2::ZERO, |network| network.offset);
+    let first = lamps
+        .first()
+        .map(|lamp| dvec2(lamp.east, lamp.north))
+        .or(survey.as_ref().and_then(|survey| survey.first).map(|first| first - offset))
+        .or(network.as_ref().and_then(|network| network.lanes.first()).map(|lane| lane.line[0]));
     let Some(first) = first else {
-        return Err(SceneError("the files contain neither lamps nor vehicles".into()));
+        return Err(SceneError("the files contain neither lamps nor vehicles nor roads".into()));
     };
     let shift = if first.abs().max_element() > MAX_OFFSET { (first / 1000.0).round() * 1000.0 } else { DVec2::ZERO };
     let mut assembly = Assembly::new();
     let mut palette = Palette::default();
     let lamp_positions: Vec<Vec2> = lamps.iter().map(|lamp| to_plane(dvec2(lamp.east, lamp.north) - shift)).collect();
-    let (segments, arms) = ground::road_segments(&lamp_positions, options.seed);
+    let (guessed, mut arms) = ground::road_segments(&lamp_positions, options.seed);
+    let segments = network.as_ref().map_or(guessed, |network| roads::segments(network, shift));
+    if network.is_some() {
+        ground::turn_arms(&lamp_positions, &segments, &mut arms);
+    }
     place_lamps(&mut assembly, &mut palette, &lamps, &lamp_positions, &arms)?;
 
     let mut driven_cells = BTreeSet::new();
     let mut positions = lamp_positions.clone();
     for &(x, y) in survey.iter().flat_map(|survey| &survey.cells) {
-        let at = to_plane(dvec2(f64::from(x), f64::from(y)) * f64::from(DRIVEN_CELL) - shift);
+        let at = to_plane(dvec2(f64::from(x), f64::from(y)) * f64::from(DRIVEN_CELL) - offset - shift);
         driven_cells.insert(grid::key(at, DRIVEN_CELL));
         positions.push(at);
     }
+    positions.extend(segments.iter().flat_map(|segment| [segment.from, segment.to]).filter(|_| network.is_some()));
     let low = positions.iter().copied().reduce(Vec2::min).unwrap_or(Vec2::ZERO);
     let high = positions.iter().copied().reduce(Vec2::max).unwrap_or(Vec2::ZERO);
-    let land = ground::land(&segments, &driven_cells, low, high, &mut palette);
-    let land = assembly.mesh(land.mesh);
-    assembly.object(land, Affine3A::IDENTITY);
+    // A network has the roads on which vehicles drive.
+    let land = match &network {
+        Some(_) => ground::land(&[], &BTreeSet::new(), low, high, &mut palette),
+        None => ground::land(&segments, &driven_cells, low, high, &mut palette),
+    };
+    let paved = network.as_ref().map(|network| roads::pave(network, shift, &mut palette));
+    for part in std::iter::once(land).chain(paved) {
+        let mesh = assembly.mesh(part.mesh);
+        assembly.object(mesh, Affine3A::IDENTITY);
+    }
     // The view is centred where most vehicles drive or, without traffic, where most lamps are.
-    let driven: Vec<Vec2> =
-        if driven_cells.is_empty() { lamp_positions.clone() } else { positions[lamp_positions.len()..].to_vec() };
+    let driven: Vec<Vec2> = match () {
+        () if !driven_cells.is_empty() => positions[lamp_positions.len()..][..driven_cells.len()].to_vec(),
+        () if !lamp_positions.is_empty() => lamp_positions.clone(),
+        () => positions.clone(),
+    };
+    let warnings = far_from_lamps(&lamp_positions, &driven, &driven_cells, network.is_some());
     let middle = Grid::new(driven, 240.0).densest().map_or(Vec2::ZERO, |(middle, _)| middle);
     let lamp_grid = Grid::new(lamp_positions, 90.0);
     place_houses(&mut assembly, &mut palette, &lamp_grid, &segments, &driven_cells, middle, options.seed)?;
 
     let kinds = car_designs(&mut assembly, &mut palette)?;
     let traffic = match (survey, &options.traffic) {
-        (Some(survey), Some(path)) => Some(Traffic::new(&mut assembly, &kinds, FcdReader::open(path)?, survey, shift)?),
+        (Some(survey), Some(path)) => {
+            Some(Traffic::new(&mut assembly, &kinds, FcdReader::open(path)?, survey, offset + shift)?)
+        }
         _ => {
             park_cars(
                 &mut assembly,
@@ -116,12 +151,36 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
     scene.camera = camera(&segments, middle);
     scene.lamp_clearance = 0.1;
     scene.exposure = 0.5;
+    scene.warnings = warnings;
     let mut stage = Stage { scene, world, animation: Box::new(Still) };
     if let Some(mut traffic) = traffic {
         traffic.advance(0.0, &mut stage.scene, &mut stage.world)?;
         stage.animation = Box::new(traffic);
     }
     Ok(stage)
+}
+
+/// A warning if hardly any of the traffic is near a lamp.
+fn far_from_lamps(
+    lamps: &[Vec2],
+    driven: &[Vec2],
+    driven_cells: &BTreeSet<(i32, i32)>,
+    has_network: bool,
+) -> Vec<String> {
+    if lamps.is_empty() || driven_cells.is_empty() {
+        return Vec::new();
+    }
+    let grid = Grid::new(lamps.to_vec(), LIT_DISTANCE);
+    let lit = driven.iter().filter(|at| grid.near(**at, LIT_DISTANCE).next().is_some()).count();
+    let share = lit as f32 / driven.len() as f32;
+    if share >= LEAST_LIT {
+        return Vec::new();
+    }
+    let advice = match has_network {
+        true => "is the network of the same place, in the coordinates of the lamps?",
+        false => "netconvert moves a network to an origin of its own; name the network with --net FILE.net.xml",
+    };
+    vec![format!("only {:.0} % of the traffic is within {LIT_DISTANCE} m of a lamp: {advice}", (100.0 * share).floor())]
 }
 
 /// A camera above the roofs that looks down along the road nearest to `middle`.
@@ -236,7 +295,7 @@ mod tests {
     fn load(lamps: bool, traffic: bool) -> Result<Stage, SceneError> {
         let lamps = lamps.then(|| sample("lamps_small.csv")).flatten();
         let traffic = traffic.then(|| sample("fcd_small.xml")).flatten();
-        stage(&RealCityOptions { lamps, traffic, cars: Some(0), seed: 1 })
+        stage(&RealCityOptions { lamps, traffic, net: None, cars: Some(0), seed: 1 })
     }
 
     #[test]
@@ -259,5 +318,70 @@ mod tests {
     #[test]
     fn a_city_without_files_is_refused() {
         assert!(load(false, false).is_err());
+    }
+
+    /// Files of the test `name`, with the sample of the traffic moved by an offset.
+    fn with_moved_traffic(name: &str, offset: (f64, f64), net: Option<&str>) -> Result<Stage, SceneError> {
+        let folder = std::env::temp_dir().join(format!("girandole_city_{}_{name}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let text = std::fs::read_to_string(sample("fcd_small.xml").unwrap()).unwrap();
+        let moved: String = text
+            .split_inclusive('"')
+            .scan(None, |axis: &mut Option<f64>, piece| {
+                let value = axis.take().and_then(|by| Some(by + piece.strip_suffix('"')?.parse::<f64>().ok()?));
+                *axis = if piece.ends_with(" x=\"") {
+                    Some(offset.0)
+                } else if piece.ends_with(" y=\"") {
+                    Some(offset.1)
+                } else {
+                    None
+                };
+                Some(value.map_or(piece.to_owned(), |value| format!("{value:.2}\"")))
+            })
+            .collect();
+        let (traffic, network) = (folder.join("fcd.xml"), folder.join("city.net.xml"));
+        std::fs::write(&traffic, moved).unwrap();
+        let net = net.map(|text| {
+            std::fs::write(&network, text).unwrap();
+            network
+        });
+        let traffic = Some(traffic);
+        let loaded = stage(&RealCityOptions { lamps: sample("lamps_small.csv"), traffic, net, cars: Some(0), seed: 1 });
+        std::fs::remove_dir_all(&folder).unwrap();
+        loaded
+    }
+
+    /// The network of the sample, moved as netconvert does it.
+    const MOVED: &str = r#"<net><location netOffset="7000.00,-3000.00"/>
+        <edge id="e"><lane id="e_0" shape="6900.00,-3001.60 7100.00,-3001.60"/></edge></net>"#;
+
+    #[test]
+    fn traffic_of_a_moved_network_is_moved_back_and_without_the_network_there_is_a_warning() {
+        let place = |stage: &Stage| {
+            let mut places: Vec<_> =
+                stage.world.instances().map(|key| stage.world.placement(key).unwrap().translation).collect();
+            places.retain(|at| (at.z - 1.6).abs() < 1e-3 && at.x < -55.0 && at.y == 0.0);
+            places
+        };
+        let in_place = load(true, true).unwrap();
+        assert_eq!((place(&in_place).len(), in_place.scene.warnings.len()), (1, 0));
+        let back = with_moved_traffic("back", (7000.0, -3000.0), Some(MOVED)).unwrap();
+        assert_eq!((place(&back).len(), back.scene.warnings.len()), (1, 0));
+        assert!((place(&back)[0] - place(&in_place)[0]).length() < 1e-3);
+        let apart = with_moved_traffic("apart", (7000.0, -3000.0), None).unwrap();
+        assert_eq!(apart.scene.warnings.len(), 1);
+        assert!(apart.scene.warnings[0].contains("--net"), "{:?}", apart.scene.warnings);
+    }
+
+    #[test]
+    fn a_network_alone_is_a_city_of_roads_and_one_of_another_place_is_warned_about() {
+        let wrong = MOVED.replace("7000.00,-3000.00\"/>", "0.00,0.00\"/>");
+        let apart = with_moved_traffic("wrong", (7000.0, -3000.0), Some(&wrong)).unwrap();
+        assert!(apart.scene.warnings[0].contains("same place"), "{:?}", apart.scene.warnings);
+        let path = std::env::temp_dir().join(format!("girandole_net_{}.net.xml", std::process::id()));
+        std::fs::write(&path, MOVED).unwrap();
+        let alone = stage(&RealCityOptions { net: Some(path.clone()), cars: Some(0), ..RealCityOptions::default() });
+        std::fs::remove_file(&path).unwrap();
+        assert!(!alone.unwrap().scene.objects.is_empty());
     }
 }

@@ -4,8 +4,6 @@
 //! appearance that are on the road at once, and [`Traffic`] plays the file.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::File;
-use std::io::BufReader;
 use std::path::Path;
 
 use girandole::glam::{Affine3A, DVec2, Quat, Vec2, Vec3, dvec2, vec2};
@@ -17,6 +15,7 @@ use super::grid::to_plane;
 use super::ground::DRIVEN_CELL;
 use super::rng::Rng;
 use super::vehicles::{Appearance, Body, car_transform};
+use super::xml::AnySource;
 use super::{Animation, Scene, SceneError};
 
 /// The result of the first reading of a traffic file.
@@ -29,15 +28,35 @@ pub struct Survey {
     pub cells: BTreeSet<(i32, i32)>,
     /// Position of the first vehicle, metres east and north.
     pub first: Option<DVec2>,
+    /// How far vehicles went between time steps, and how far they would have gone at their speeds,
+    /// metres.
+    moved: f64,
+    driven: f64,
     seed: u64,
 }
+
+/// Vehicles that moved less than this share of the way at their speeds have positions in degrees, which
+/// are about 1e-5 for a metre.
+const LEAST_MOVED: f64 = 1e-3;
+/// Metres that have to be driven for that to be judged.
+const LEAST_DRIVEN: f64 = 20.0;
 
 impl Survey {
     /// Reads a file. The seed determines the appearance of vehicles.
     pub fn read(path: &Path, seed: u64) -> Result<Self, SceneError> {
         let mut reader = FcdReader::open(path)?;
-        let mut survey = Self { start: 0.0, max_counts: BTreeMap::new(), cells: BTreeSet::new(), first: None, seed };
+        let mut survey = Self {
+            start: 0.0,
+            max_counts: BTreeMap::new(),
+            cells: BTreeSet::new(),
+            first: None,
+            moved: 0.0,
+            driven: 0.0,
+            seed,
+        };
         let mut is_first = true;
+        // The time step before, by the names of the vehicles.
+        let mut last: (f64, BTreeMap<String, DVec2>) = (0.0, BTreeMap::new());
         while let Some(step) = reader.next_step()? {
             if std::mem::take(&mut is_first) {
                 survey.start = step.time;
@@ -47,15 +66,33 @@ impl Survey {
                 *present.entry(appearance(vehicle, seed)).or_default() += 1;
                 let at = dvec2(vehicle.east, vehicle.north);
                 survey.first.get_or_insert(at);
+                if let (Some(before), Some(speed)) = (last.1.get(&vehicle.id), vehicle.speed) {
+                    survey.moved += before.distance(at);
+                    survey.driven += speed.abs() * (step.time - last.0);
+                }
                 let cell = (at / f64::from(DRIVEN_CELL)).floor();
                 survey.cells.insert((cell.x as i32, cell.y as i32));
             }
+            let places = step.vehicles.iter().map(|vehicle| (vehicle.id.clone(), dvec2(vehicle.east, vehicle.north)));
+            last = (step.time, places.collect());
             for (appearance, count) in present {
                 let max_count = survey.max_counts.entry(appearance).or_default();
                 *max_count = count.max(*max_count);
             }
         }
+        if survey.is_geographic() {
+            return Err(SceneError(format!(
+                "{}: the positions are degrees of longitude and latitude; write them in metres, without \
+                 --fcd-output.geo",
+                path.display()
+            )));
+        }
         Ok(survey)
+    }
+
+    /// Whether the positions are degrees: then vehicles hardly move for their speed.
+    fn is_geographic(&self) -> bool {
+        self.driven >= LEAST_DRIVEN && self.moved < LEAST_MOVED * self.driven
     }
 }
 
@@ -84,7 +121,7 @@ struct PoolCar {
 
 /// The vehicles of a file.
 pub struct Traffic {
-    reader: FcdReader<BufReader<File>>,
+    reader: FcdReader<AnySource>,
     designs: BTreeMap<Appearance, Design>,
     pool: Vec<PoolCar>,
     /// Cars of the pool that are hidden.
@@ -105,7 +142,7 @@ impl Traffic {
     pub fn new(
         assembly: &mut Assembly,
         kinds: &[(Body, Vec<Design>)],
-        reader: FcdReader<BufReader<File>>,
+        reader: FcdReader<AnySource>,
         survey: Survey,
         shift: DVec2,
     ) -> Result<Self, SceneError> {
@@ -239,6 +276,30 @@ mod tests {
     fn load() -> Stage {
         let file = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/fcd_small.xml"));
         stage(&RealCityOptions { traffic: Some(file), cars: Some(0), ..RealCityOptions::default() }).unwrap()
+    }
+
+    #[test]
+    fn positions_in_degrees_are_refused_and_standing_traffic_is_not() {
+        let survey = |name: &str, step: f64, speed: f64| {
+            let path = std::env::temp_dir().join(format!("girandole_geo_{}_{name}.xml", std::process::id()));
+            let vehicle = |second: u32| {
+                let x = -88.24 + step * f64::from(second);
+                format!(
+                    "<timestep time=\"{second}\"><vehicle id=\"a\" x=\"{x:.6}\" y=\"40.11\" angle=\"90\" \
+                     speed=\"{speed}\"/></timestep>"
+                )
+            };
+            let steps: String = (0..5).map(vehicle).collect();
+            std::fs::write(&path, format!("<fcd-export>{steps}</fcd-export>")).unwrap();
+            let survey = Survey::read(&path, 1);
+            std::fs::remove_file(&path).unwrap();
+            survey.map(|_| ())
+        };
+        // 10 m east at this latitude are 1.2e-4 degrees.
+        let SceneError(message) = survey("degrees", 1.2e-4, 10.0).unwrap_err();
+        assert!(message.contains("--fcd-output.geo") && !message.contains('\n'), "{message}");
+        assert!(survey("metres", 10.0, 10.0).is_ok());
+        assert!(survey("jam", 0.0, 0.0).is_ok());
     }
 
     #[test]
