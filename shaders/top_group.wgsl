@@ -267,8 +267,10 @@ fn top_group(
                 units[group_entries() + unit] = gather_unit(unit);
             }
         }
-        if lane == 0u {
+        if lane == 0u && piece == 0u {
             units[top_pass.units_after] = TOP_PIECE;
+        }
+        if lane == 0u {
             group_write_header(piece, select(0u, total, piece == 0u), 0u, 0u);
         }
         return;

@@ -405,8 +405,8 @@ fn split_part(unit: SplitUnit) -> u32 {
 // Cuts all large parts, twin of `cut_large`. Returns the number of cuts.
 fn split_all_large(lane: u32) -> u32 {
     var cuts = 0u;
-    // Once parts are halved, five more rounds are enough for any piece.
-    for (var round = 0u; round < TOP_LARGE_ROUNDS + 5u; round++) {
+    // Then parts are halved, so these rounds are enough for any piece.
+    for (var round = 0u; round < TOP_LARGE_ROUNDS + TOP_LARGE_HALVINGS; round++) {
         split_clear_bits(lane);
         workgroupBarrier();
         for (var i = 0u; i < SPLIT_EACH; i++) {
@@ -553,8 +553,8 @@ fn split_all_small(lane: u32, before: u32) -> u32 {
         split_own[i].bits = split_low_bits(unit.count);
     }
     var cuts = before;
-    // Once parts are halved, two more rounds are enough for any part.
-    for (var round = 0u; round < TOP_SMALL_ROUNDS + 2u; round++) {
+    // Then parts are halved, so these rounds are enough for any part.
+    for (var round = 0u; round < TOP_SMALL_ROUNDS + TOP_SMALL_HALVINGS; round++) {
         split_clear_bits(lane);
         if lane < SPLIT_PARTS {
             atomicStore(&split_found[lane * SPLIT_SMALL_WORDS], SPLIT_NO_CUT);

@@ -34,7 +34,7 @@ const TARGET_BLOCKS: u32 = 256;
 const GROUP: u32 = 16;
 /// Keys for each lane of a block; more only if a dispatch could not hold all blocks otherwise.
 const MAX_ROUNDS: u32 = 16;
-/// The largest number of keys. The last block may extend past the keys by up to 257 rounds of 256
+/// The largest number of keys. The last block may extend past the keys by up to 129 rounds of 256
 /// lanes, and the shaders count these places in a `u32` too.
 const MAX_KEYS: u32 = 1 << 31;
 

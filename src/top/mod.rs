@@ -19,7 +19,8 @@ use crate::part::{PART, PART_BITS, Part};
 use crate::tree::{Children, EMPTY_SLOT, NO_PARENT, Node, Target, WIDTH, WideCluster};
 #[cfg(any(feature = "gpu-plan", test))]
 pub(crate) use split::{
-    BINS, CELL_BITS, COST_SLACK, DIAGONAL_SHARE, FLUX_BITS, LARGE_ROUNDS, MAX_CUTS, SMALL, SMALL_ROUNDS,
+    BINS, CELL_BITS, COST_SLACK, DIAGONAL_SHARE, FLUX_BITS, LARGE_HALVINGS, LARGE_ROUNDS, MAX_CUTS, SMALL,
+    SMALL_HALVINGS, SMALL_ROUNDS,
 };
 use split::{PiecePart, SplitPiece};
 

@@ -25,6 +25,13 @@ pub(crate) const SMALL: usize = 31;
 pub(crate) const LARGE_ROUNDS: usize = 8;
 /// The same for cuts of small parts.
 pub(crate) const SMALL_ROUNDS: usize = 6;
+/// After so many rounds of halving no large part is left, whatever the cuts before were. The test
+/// `no_piece_needs_more_rounds_than_shaders_make` finds that these are just enough.
+#[cfg(any(feature = "gpu-plan", test))]
+pub(crate) const LARGE_HALVINGS: usize = 5;
+/// The same for small parts.
+#[cfg(any(feature = "gpu-plan", test))]
+pub(crate) const SMALL_HALVINGS: usize = 2;
 /// The greatest number of cuts of a piece. The test
 /// `no_piece_has_more_cuts_or_nodes_than_there_is_room_for` finds 225 in the worst case.
 pub(crate) const MAX_CUTS: usize = 226;

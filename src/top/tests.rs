@@ -142,6 +142,36 @@ fn most_cuts(count: usize, round: usize, known: &mut HashMap<(usize, usize), usi
     most
 }
 
+/// The most rounds in which a part of `count` units that comes from `round` cuts of its kind, and the
+/// parts of the same kind that it is cut into, are cut.
+fn most_rounds(count: usize, round: usize, known: &mut HashMap<(usize, usize), usize>) -> usize {
+    if count <= WIDTH {
+        return 0;
+    }
+    if let Some(most) = known.get(&(count, round)) {
+        return *most;
+    }
+    let is_large = |count: usize| count > SMALL;
+    let last = if is_large(count) { LARGE_ROUNDS } else { SMALL_ROUNDS };
+    let cuts = |left: usize| round < last && fills_nodes(left) && fills_nodes(count - left);
+    let mut most = 0;
+    for left in (1..count).filter(|left| *left == middle(count) || cuts(*left)) {
+        for half in [left, count - left].into_iter().filter(|half| is_large(*half) == is_large(count)) {
+            most = most.max(most_rounds(half, last.min(round + 1), known));
+        }
+    }
+    known.insert((count, round), 1 + most);
+    1 + most
+}
+
+#[test]
+fn no_piece_needs_more_rounds_than_shaders_make() {
+    let known = &mut HashMap::new();
+    let large = (SMALL + 1..=PIECE).map(|count| most_rounds(count, 0, known)).max();
+    let small = (WIDTH + 1..=SMALL).map(|count| most_rounds(count, 0, known)).max();
+    assert_eq!((large, small), (Some(LARGE_ROUNDS + LARGE_HALVINGS), Some(SMALL_ROUNDS + SMALL_HALVINGS)));
+}
+
 /// Whether a side of a cut can have `count` units.
 fn is_side(count: usize) -> bool {
     fills_nodes(count) || [middle(31), 31 - middle(31)].contains(&count)

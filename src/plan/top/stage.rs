@@ -77,6 +77,8 @@ impl Stage {
             ("SMALL", top::SMALL as u32),
             ("LARGE_ROUNDS", top::LARGE_ROUNDS as u32),
             ("SMALL_ROUNDS", top::SMALL_ROUNDS as u32),
+            ("LARGE_HALVINGS", top::LARGE_HALVINGS as u32),
+            ("SMALL_HALVINGS", top::SMALL_HALVINGS as u32),
             ("MAX_CUTS", top::MAX_CUTS as u32),
             ("CELL_BITS", top::CELL_BITS),
             ("FLUX_BITS", top::FLUX_BITS),
