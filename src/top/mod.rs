@@ -17,11 +17,10 @@ use crate::cluster::Cluster;
 use crate::curve::{Curve, NO_KEY};
 use crate::part::{PART, PART_BITS, Part};
 use crate::tree::{Children, EMPTY_SLOT, NO_PARENT, Node, Target, WIDTH, WideCluster};
+#[cfg(feature = "gpu-plan")]
+pub(crate) use split::{BINS, CELL_BITS, COST_SLACK, DIAGONAL_SHARE, FLUX_BITS};
 #[cfg(any(feature = "gpu-plan", test))]
-pub(crate) use split::{
-    BINS, CELL_BITS, COST_SLACK, DIAGONAL_SHARE, FLUX_BITS, LARGE_HALVINGS, LARGE_ROUNDS, MAX_CUTS, SMALL,
-    SMALL_HALVINGS, SMALL_ROUNDS,
-};
+pub(crate) use split::{LARGE_HALVINGS, LARGE_ROUNDS, MAX_CUTS, SMALL, SMALL_HALVINGS, SMALL_ROUNDS};
 use split::{PiecePart, SplitPiece};
 
 /// Units that are split together, at most: as many as a workgroup has memory for, and as nine bits

@@ -10,7 +10,7 @@ use std::fmt;
 /// The values of `--backend`. These comments are part of the help text.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum BackendChoice {
-    /// A GPU or a software Vulkan adapter if there is one, else the CPU
+    /// A GPU if there is one, else the CPU, which is faster than a software Vulkan adapter
     #[default]
     Auto,
     /// A GPU or a software Vulkan adapter, through wgpu
@@ -32,6 +32,8 @@ pub struct Gpu {
     /// Whether the device has timestamps within encoders.
     pub timestamps: bool,
     name: String,
+    /// A CPU stands in for a GPU.
+    is_software: bool,
 }
 
 /// Where frames are rendered.
@@ -70,6 +72,9 @@ pub fn choose(choice: BackendChoice) -> Result<ChosenBackend, SceneError> {
             Ok(ChosenBackend { backend: Backend::Gpu(Box::new(gpu)), reason: "chosen by --backend".into() })
         }
         BackendChoice::Auto => Ok(match open_gpu() {
+            Ok(gpu) if gpu.is_software => {
+                cpu(format!("the only adapter is {}, which is slower; --backend gpu uses it", gpu.name))
+            }
             Ok(gpu) => ChosenBackend { backend: Backend::Gpu(Box::new(gpu)), reason: "the best adapter found".into() },
             Err(e) => cpu(e.0),
         }),
@@ -91,6 +96,23 @@ fn open_gpu() -> Result<Gpu, SceneError> {
     };
     let (device, queue) = open_device(&adapter, features, limits).map_err(SceneError)?;
     let info = adapter.get_info();
-    let kind = if info.device_type == wgpu::DeviceType::Cpu { "software, " } else { "" };
-    Ok(Gpu { device, queue, timestamps, name: format!("{} ({kind}{:?})", info.name, info.backend) })
+    let is_software = info.device_type == wgpu::DeviceType::Cpu;
+    let kind = if is_software { "software, " } else { "" };
+    let name = format!("{} ({kind}{:?})", info.name, info.backend);
+    Ok(Gpu { device, queue, timestamps, name, is_software })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_software_adapter_is_taken_only_on_request() {
+        let Backend::Gpu(gpu) = choose(BackendChoice::Gpu).expect("tests have an adapter").backend else {
+            panic!("an adapter was asked for");
+        };
+        let auto = choose(BackendChoice::Auto).expect("it never fails");
+        assert_eq!(matches!(auto.backend, Backend::Cpu), gpu.is_software, "{auto}");
+        assert_eq!(auto.to_string().contains("--backend gpu"), gpu.is_software, "{auto}");
+    }
 }
