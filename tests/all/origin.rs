@@ -105,6 +105,11 @@ fn nothing_jumps_when_the_origin_moves() {
     // f32 holds these exactly, so only the world's own rounding is left.
     let points = points_at(FAR, 300.0, 40);
     let (pmfs, places) = lights_at(&world, &points);
+    let children = |world: &LightWorld| {
+        let nodes = world.sampler().top_nodes();
+        nodes.iter().map(|node| std::array::from_fn::<_, 8, _>(|slot| node.target(slot))).collect::<Vec<_>>()
+    };
+    let tree = children(&world);
     for step in [DVec3::X, DVec3::new(-1.0, 0.0, 1.0), DVec3::new(2.0, 1.0, -2.0)] {
         world.set_origin(FAR + step * ORIGIN_GRID).expect("on the grid");
         let (new_pmfs, new_places) = lights_at(&world, &points);
@@ -119,6 +124,7 @@ fn nothing_jumps_when_the_origin_moves() {
         let (largest, mean) =
             (ratios.iter().copied().fold(0.0, f64::max), ratios.iter().sum::<f64>() / ratios.len() as f64);
         assert_eq!(apart, 0.0);
+        assert_eq!(children(&world), tree, "the top level is the same tree");
         // The nodes of the top level hold boxes in 255 steps, and a coordinate that rounds
         // differently may take another step: a hundredth of a probability, for few lights. Origins
         // differ by 1e-4 m of rounding, and a node of 60 m has steps of 0.24 m. So one in 2,400 of
