@@ -118,57 +118,46 @@ fn the_top_level_is_at_most_20_percent_noisier_than_a_bottom_level_build_over_th
     assert!(means < 1.2 && medians < 1.2, "{means} {medians}");
 }
 
-/// The most cuts of a part of `count` units that comes from `round` cuts of its kind, whatever its
-/// units are.
-fn most_cuts(count: usize, round: usize, known: &mut HashMap<(usize, usize), usize>) -> usize {
-    if count <= WIDTH {
-        return 0;
-    }
-    if let Some(most) = known.get(&(count, round)) {
-        return *most;
-    }
-    let is_large = |count: usize| count > SMALL;
-    let last = if is_large(count) { LARGE_ROUNDS } else { SMALL_ROUNDS };
-    let cuts = |left: usize| round < last && fills_nodes(left) && fills_nodes(count - left);
-    let mut most = 0;
-    for left in (1..count).filter(|left| *left == middle(count) || cuts(*left)) {
-        let halves = [left, count - left].map(|half| {
-            let next = if is_large(half) == is_large(count) { last.min(round + 1) } else { 0 };
-            most_cuts(half, next, known)
-        });
-        most = most.max(1 + halves[0] + halves[1]);
-    }
-    known.insert((count, round), most);
-    most
+/// The worst that can become of a part, whatever its units are.
+#[derive(Clone, Copy, Default)]
+struct Worst {
+    /// The cuts of the part and of all that it is cut into.
+    cuts: usize,
+    /// The rounds in which the part, and parts of its kind that it is cut into, are cut.
+    rounds: usize,
 }
 
-/// The most rounds in which a part of `count` units that comes from `round` cuts of its kind, and the
-/// parts of the same kind that it is cut into, are cut.
-fn most_rounds(count: usize, round: usize, known: &mut HashMap<(usize, usize), usize>) -> usize {
+/// The worst for a part of `count` units that comes from `round` cuts of its kind.
+fn worst(count: usize, round: usize, known: &mut HashMap<(usize, usize), Worst>) -> Worst {
     if count <= WIDTH {
-        return 0;
+        return Worst::default();
     }
-    if let Some(most) = known.get(&(count, round)) {
-        return *most;
+    if let Some(worst) = known.get(&(count, round)) {
+        return *worst;
     }
     let is_large = |count: usize| count > SMALL;
     let last = if is_large(count) { LARGE_ROUNDS } else { SMALL_ROUNDS };
     let cuts = |left: usize| round < last && fills_nodes(left) && fills_nodes(count - left);
-    let mut most = 0;
+    let mut all = Worst::default();
     for left in (1..count).filter(|left| *left == middle(count) || cuts(*left)) {
-        for half in [left, count - left].into_iter().filter(|half| is_large(*half) == is_large(count)) {
-            most = most.max(most_rounds(half, last.min(round + 1), known));
+        let mut both = Worst { cuts: 1, rounds: 1 };
+        for half in [left, count - left] {
+            let is_alike = is_large(half) == is_large(count);
+            let below = worst(half, if is_alike { last.min(round + 1) } else { 0 }, known);
+            both.cuts += below.cuts;
+            both.rounds = both.rounds.max(if is_alike { 1 + below.rounds } else { 0 });
         }
+        all = Worst { cuts: all.cuts.max(both.cuts), rounds: all.rounds.max(both.rounds) };
     }
-    known.insert((count, round), 1 + most);
-    1 + most
+    known.insert((count, round), all);
+    all
 }
 
 #[test]
 fn no_piece_needs_more_rounds_than_shaders_make() {
     let known = &mut HashMap::new();
-    let large = (SMALL + 1..=PIECE).map(|count| most_rounds(count, 0, known)).max();
-    let small = (WIDTH + 1..=SMALL).map(|count| most_rounds(count, 0, known)).max();
+    let large = (SMALL + 1..=PIECE).map(|count| worst(count, 0, known).rounds).max();
+    let small = (WIDTH + 1..=SMALL).map(|count| worst(count, 0, known).rounds).max();
     assert_eq!((large, small), (Some(LARGE_ROUNDS + LARGE_HALVINGS), Some(SMALL_ROUNDS + SMALL_HALVINGS)));
 }
 
@@ -222,7 +211,7 @@ fn most_nodes_of_parts() -> Vec<usize> {
 #[test]
 fn no_piece_has_more_cuts_or_nodes_than_there_is_room_for() {
     let known = &mut HashMap::new();
-    let cuts = (0..=PIECE).map(|count| most_cuts(count, 0, known)).max();
+    let cuts = (0..=PIECE).map(|count| worst(count, 0, known).cuts).max();
     assert!(cuts.is_some_and(|cuts| (200..=MAX_CUTS).contains(&cuts)), "{cuts:?}");
     // The number of the first cut of a part has eight bits and is not 0.
     const { assert!(MAX_CUTS < 256 && PIECE < 512) };
