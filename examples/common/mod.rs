@@ -5,6 +5,8 @@
 
 pub mod exit;
 pub mod gpu;
+pub mod hash;
+pub mod lattice;
 pub mod pcg;
 pub mod progress;
 pub mod split_mix;

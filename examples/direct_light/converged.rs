@@ -3,7 +3,7 @@
 use super::draw::reflected;
 use super::renderer::Renderer;
 use super::view::{SUBPIXELS, Surface};
-use crate::city::render::shading::{Dimension, random};
+use crate::common::lattice::{Dimension, random};
 use girandole::glam::Vec3;
 use girandole::light::luminance;
 use girandole::{LightId, LightSampler};

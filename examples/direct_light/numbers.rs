@@ -1,6 +1,6 @@
 //! The random numbers of samples.
 
-use crate::city::render::shading::{Dimension, random};
+use crate::common::lattice::{Dimension, random};
 
 /// The fractional part of the golden ratio times 2^32.
 const GOLDEN: u32 = 0x9e37_79b9;

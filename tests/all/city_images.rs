@@ -13,13 +13,13 @@ use crate::small_scene;
 use crate::support::Rng;
 use std::path::Path;
 
-use girandole::FrameBudget;
 use girandole::glam::{DVec3, Vec3};
+use girandole::{CandidateCount, FrameBudget};
 
 const PACE: Pace = Pace { fps: 24.0, budget: FrameBudget::UNLIMITED };
 
 fn settings(width: u32, height: u32, spp: u32, seed: u64) -> Settings {
-    Settings { width, height, spp, seed, light_choice: LightChoice::Tree }
+    Settings { width, height, spp, candidates: CandidateCount::of::<4>(), seed, light_choice: LightChoice::Tree }
 }
 
 fn small_scene_session(is_still: bool, settings: Settings, choice: BackendChoice) -> Session {

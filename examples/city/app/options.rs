@@ -7,7 +7,7 @@ use super::scene_options::{SceneOptions, parse_size};
 use super::session::Pace;
 use crate::common::exit::one_line;
 use clap::Parser;
-use girandole::FrameBudget;
+use girandole::{CandidateCount, FrameBudget, MAX_CANDIDATES};
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -33,6 +33,10 @@ pub struct Options {
     /// Samples per pixel; each sample uses one light
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SPP)))]
     pub spp: u32,
+    /// Candidates of which each sample keeps one light: more lower the noise, and cost time but no
+    /// shadow rays
+    #[arg(long, value_name = "N", default_value = "4", value_parser = parse_candidates)]
+    pub candidates: CandidateCount,
     #[command(flatten)]
     pub scene: SceneOptions,
     /// Time that rebuilds of light trees may take per frame, in milliseconds
@@ -77,6 +81,7 @@ impl Options {
             width: self.size.0,
             height: self.size.1,
             spp: self.spp,
+            candidates: self.candidates,
             seed: self.scene.seed,
             light_choice: LightChoice::Tree,
         }
@@ -86,6 +91,11 @@ impl Options {
     pub fn pace(&self) -> Pace {
         Pace { fps: self.fps, budget: FrameBudget::new(Duration::from_secs_f64(self.budget_ms * 1e-3)) }
     }
+}
+
+fn parse_candidates(text: &str) -> Result<CandidateCount, String> {
+    let count = text.parse().ok().and_then(|count| CandidateCount::new(count).ok());
+    count.ok_or_else(|| format!("expected a number from 1 to {MAX_CANDIDATES}"))
 }
 
 fn parse_budget(text: &str) -> Result<f64, String> {
@@ -124,6 +134,8 @@ mod tests {
             "--size 16385x1",
             "--size -1x4",
             "--spp 0",
+            "--candidates 0",
+            "--candidates 33",
             "--frames 0",
             "--budget-ms nan",
             "--budget-ms -1",

@@ -8,8 +8,8 @@ use super::render::cpu::{self, UsageCounters};
 use super::render::geometry::{Geometry, GeometryChange};
 use super::render::gpu::{GpuRenderer, GpuUpdate};
 use super::render::image::{Image, ShadowRays};
+use super::render::sequence::frame_seed;
 use super::render::settings::Settings;
-use super::render::shading::frame_seed;
 use super::scene::{Scene, SceneError, Stage};
 use girandole::{Effects, FrameBudget};
 use std::time::{Duration, Instant};
@@ -100,7 +100,9 @@ pub struct Session {
 
 impl Session {
     /// Builds the hierarchies of the geometry and, on a GPU, uploads them.
-    pub fn new(stage: Stage, settings: Settings, pace: Pace, chosen: ChosenBackend) -> Result<Self, SceneError> {
+    pub fn new(mut stage: Stage, settings: Settings, pace: Pace, chosen: ChosenBackend) -> Result<Self, SceneError> {
+        // Lights are chosen by what surfaces reflect toward the viewer, not by illuminance alone.
+        stage.world.set_glossy_sampling(true);
         let geometry = Geometry::new(&stage.scene)?;
         let renderer = match chosen.backend {
             Backend::Cpu => Renderer::Cpu(UsageCounters::default()),

@@ -4,12 +4,13 @@
 use super::geometry::Geometry;
 use super::image::{Image, ShadowRays};
 use super::scene::{Material, Scene};
+use super::sequence::{PixelSequence, SampleNumbers};
 use super::settings::{LightChoice, Settings};
-use super::shading::{Dimension, View, brdf, random, shadow_offset, sky_radiance};
+use super::shading::{View, brdf, gloss, shadow_offset, sky_radiance};
 use girandole::glam::{Vec2, Vec3, Vec4};
 use girandole::gpu::DEFAULT_USAGE_INTERVAL;
 use girandole::light::luminance;
-use girandole::{Incident, InstanceKey, LightId, LightSampler, ShadingPoint};
+use girandole::{CandidateCount, Incident, InstanceKey, LightId, LightSample, LightSampler, ShadingPoint};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Add;
@@ -53,21 +54,20 @@ pub fn render(
 ) -> (Image, ShadowRays, UsageCounters) {
     let (width, height) = (settings.width as usize, settings.height as usize);
     let view = View::new(&scene.camera, settings.width, settings.height);
-    let integrator = Integrator { scene, geometry, sampler, choice: settings.light_choice };
+    let integrator =
+        Integrator { scene, geometry, sampler, choice: settings.light_choice, candidates: settings.candidates };
     let size = Vec2::new(width as f32, height as f32);
     let mut sums = vec![Vec4::ZERO; width * height];
     let done = AtomicUsize::new(0);
     let rows = sums.par_chunks_mut(width).enumerate().map(|(y, row)| {
         let mut tally = Tally::default();
         for (x, sum) in row.iter_mut().enumerate() {
-            let index = (y * width + x) as u32;
+            let sequence = PixelSequence::new(x as u32, y as u32, settings.spp, seed);
             let corner = Vec2::new(x as f32, y as f32);
             for sample in 0..settings.spp {
-                let [jitter_x, jitter_y, count_draw, _] = random(index, sample, seed, Dimension::Pixel);
-                let direction = view.direction(corner + Vec2::new(jitter_x, jitter_y), size);
-                let u = random(index, sample, seed, Dimension::Light);
-                let is_counted = count_draw * (DEFAULT_USAGE_INTERVAL as f32) < 1.0;
-                let color = integrator.radiance(view.eye, direction, u, is_counted, &mut tally);
+                let numbers = sequence.sample(sample);
+                let direction = view.direction(corner + Vec2::from(numbers.jitter), size);
+                let color = integrator.radiance(view.eye, direction, &numbers, &mut tally);
                 *sum += color.extend(luminance(color).powi(2));
             }
         }
@@ -84,6 +84,7 @@ struct Integrator<'a> {
     geometry: &'a Geometry,
     sampler: &'a LightSampler<'a>,
     choice: LightChoice,
+    candidates: CandidateCount,
 }
 
 /// A point that a camera ray met.
@@ -94,9 +95,22 @@ struct Surface<'a> {
     view: Vec3,
 }
 
+impl Surface<'_> {
+    /// The radiance that one point of a light adds if nothing blocks it, not yet divided by a
+    /// density.
+    fn reflected(&self, incident: &Incident) -> Vec3 {
+        let normal = self.shading_point.normal;
+        let cosine = normal.dot(incident.direction);
+        if cosine <= 0.0 {
+            return Vec3::ZERO;
+        }
+        brdf(self.material, normal, self.view, incident.direction) * incident.radiance * cosine
+    }
+}
+
 impl Integrator<'_> {
     /// One sample of the radiance along a camera ray.
-    fn radiance(&self, eye: Vec3, direction: Vec3, u: [f32; 4], is_counted: bool, tally: &mut Tally) -> Vec3 {
+    fn radiance(&self, eye: Vec3, direction: Vec3, numbers: &SampleNumbers, tally: &mut Tally) -> Vec3 {
         let Some(hit) = self.geometry.nearest(eye, direction) else {
             return sky_radiance(&self.scene.sky, direction);
         };
@@ -115,41 +129,48 @@ impl Integrator<'_> {
 
         let surface = eye + direction * hit.distance;
         let position = surface + normal * shadow_offset(surface, hit.distance);
-        let surface = Surface { material, shading_point: ShadingPoint::surface(position, normal), view };
+        let shading_point = ShadingPoint::surface(position, normal).with_gloss(gloss(material, view));
+        let surface = Surface { material, shading_point, view };
         sum + match self.choice {
-            LightChoice::Tree => match self.sampler.sample(&surface.shading_point, u) {
-                Some(sample) => {
-                    if let LightId::Local { instance, .. } = sample.light
-                        && is_counted
-                    {
-                        *tally.usage.entry(instance).or_default() += 1;
-                    }
-                    self.reflected(&surface, &sample.incident, &mut tally.rays) / sample.pmf
-                }
-                None => Vec3::ZERO,
-            },
-            LightChoice::Exhaustive => self
-                .sampler
-                .all_lights()
-                .filter_map(|light| self.sampler.sample_light(&surface.shading_point, light, [u[2], u[3]]))
-                .map(|incident| self.reflected(&surface, &incident, &mut tally.rays))
-                .sum(),
+            LightChoice::Tree => self.by_tree(&surface, numbers, tally),
+            LightChoice::Exhaustive => self.by_all(&surface, numbers, tally),
         }
     }
 
-    /// The radiance that one sample of one light adds, not yet divided by the pmf of the light.
-    fn reflected(&self, surface: &Surface, incident: &Incident, rays: &mut ShadowRays) -> Vec3 {
-        let ShadingPoint { position, normal, .. } = surface.shading_point;
-        let cosine = normal.dot(incident.direction);
-        if cosine <= 0.0 {
-            return Vec3::ZERO;
+    /// The light of one sample: of several candidates, one is kept in proportion to what it
+    /// reflects without shadows, and gets a shadow ray.
+    fn by_tree(&self, surface: &Surface<'_>, numbers: &SampleNumbers, tally: &mut Tally) -> Vec3 {
+        let [a, b, x, y] = numbers.light;
+        let u = [a, b, x, y, numbers.choice];
+        let target = |sample: &LightSample| luminance(surface.reflected(&sample.incident));
+        let kept = self.sampler.resample_by(&surface.shading_point, u, self.candidates, target);
+        let Some(kept) = kept else { return Vec3::ZERO };
+        let LightSample { light, incident, .. } = kept.chosen;
+        let is_counted = numbers.count * (DEFAULT_USAGE_INTERVAL as f32) < 1.0;
+        if let LightId::Local { instance, .. } = light
+            && is_counted
+        {
+            *tally.usage.entry(instance).or_default() += 1;
         }
-        let contribution = brdf(surface.material, normal, surface.view, incident.direction)
-            * incident.radiance
-            * (cosine / incident.pdf);
-        if contribution.max_element() <= 0.0 {
-            return Vec3::ZERO;
-        }
+        let contribution = surface.reflected(&incident) * kept.weight;
+        if self.is_lit(surface, &incident, &mut tally.rays) { contribution } else { Vec3::ZERO }
+    }
+
+    /// The light of all lights, with one shadow ray to a point on each.
+    fn by_all(&self, surface: &Surface<'_>, numbers: &SampleNumbers, tally: &mut Tally) -> Vec3 {
+        let [.., x, y] = numbers.light;
+        let one = |light: LightId| {
+            let incident = self.sampler.sample_light(&surface.shading_point, light, [x, y])?;
+            let contribution = surface.reflected(&incident) / incident.pdf;
+            let is_lit = contribution.max_element() > 0.0 && self.is_lit(surface, &incident, &mut tally.rays);
+            is_lit.then_some(contribution)
+        };
+        self.sampler.all_lights().filter_map(one).sum()
+    }
+
+    /// Whether nothing opaque lies between a surface and a point on a light.
+    fn is_lit(&self, surface: &Surface<'_>, incident: &Incident, rays: &mut ShadowRays) -> bool {
+        let position = surface.shading_point.position;
         let limit = if incident.is_delta {
             incident.dist - self.scene.lamp_clearance
         } else {
@@ -157,9 +178,9 @@ impl Integrator<'_> {
         };
         if !self.geometry.occluders.may_block(position, incident.direction, limit) {
             rays.skipped += 1;
-            return contribution;
+            return true;
         }
         rays.traced += 1;
-        if self.geometry.occluded(position, incident.direction, limit) { Vec3::ZERO } else { contribution }
+        !self.geometry.occluded(position, incident.direction, limit)
     }
 }

@@ -3,7 +3,7 @@
 //! Read in this order:
 //!
 //! 1. `settings` and `image`: what goes in and what comes out;
-//! 2. `shading`: camera rays, random numbers and the BRDF;
+//! 2. `sequence` and `shading`: random numbers, camera rays and the BRDF;
 //! 3. `nodes`, `geometry` and `rays`: the hierarchies that rays traverse;
 //! 4. `cpu`: the whole renderer on threads, which is the easier one to read;
 //! 5. `backend` and `gpu`: the same renderer as a compute shader.
@@ -13,6 +13,7 @@ use super::scene;
 pub mod settings;
 pub mod image;
 
+pub mod sequence;
 pub mod shading;
 
 pub mod nodes;

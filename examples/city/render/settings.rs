@@ -1,5 +1,7 @@
 //! How to render.
 
+use girandole::CandidateCount;
+
 /// Settings of a renderer.
 #[derive(Clone, Debug)]
 pub struct Settings {
@@ -9,6 +11,9 @@ pub struct Settings {
     pub height: u32,
     /// Samples per pixel. The noise falls with its square root.
     pub spp: u32,
+    /// Candidates of which each sample keeps one. More of them lower the noise of reflections and
+    /// cost time, but no shadow rays.
+    pub candidates: CandidateCount,
     /// Of the random numbers.
     pub seed: u64,
     /// How lights are sampled. The GPU backend always uses the light trees.

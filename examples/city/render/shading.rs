@@ -1,65 +1,16 @@
-//! Random numbers, camera rays, sky and BRDF. `render.wgsl` has the same functions;
-//! `tests/all/city_images.rs` compares the pictures of both.
-//!
-//! The hash is pcg4d of Jarzynski and Olano, "Hash Functions for GPU Rendering" (JCGT 2020). It
-//! shifts Roberts' R sequences (2018): each sample is uniform, and the samples of a pixel are
-//! evenly distributed, which lowers the noise without bias.
+//! Camera rays, sky and BRDF. `render.wgsl` has the same functions; `tests/all/city_images.rs`
+//! compares the pictures of both.
 
 use super::scene::{Camera, Material, Sky};
+use girandole::Gloss;
 use girandole::glam::{Vec2, Vec3};
+use girandole::light::luminance;
 use std::f32::consts::PI;
-
-/// What random numbers are used for. Those of different dimensions are independent.
-#[derive(Clone, Copy, Debug)]
-#[repr(u32)]
-pub enum Dimension {
-    /// The choice of a light (x, y) and of a point on it (z, w).
-    Light = 0,
-    /// The position within the pixel (x, y), and whether the chosen light is counted (z).
-    Pixel = 1,
-}
-
-/// Fractional parts of the powers of 1/phi_4 times 2^32, where phi_d is the root of x^(d+1) = x +
-/// 1.
-const R4: [u32; 4] = [0xdb4f_0b91, 0xbbe0_5633, 0xa0f2_ec76, 0x89e1_8285];
-/// The same for phi_2, twice.
-const R2: [u32; 4] = [0xc13f_a9a9, 0x91e1_0da6, 0xc13f_a9a9, 0x91e1_0da6];
 
 /// Reflectance of dielectrics at normal incidence.
 const DIELECTRIC_F0: f32 = 0.04;
 /// With a smaller GGX alpha, highlights are too narrow for f32.
 const MIN_ALPHA: f32 = 1e-3;
-
-fn pcg4d(mut v: [u32; 4]) -> [u32; 4] {
-    for x in &mut v {
-        *x = x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-    }
-    let mix = |v: &mut [u32; 4]| {
-        v[0] = v[0].wrapping_add(v[1].wrapping_mul(v[3]));
-        v[1] = v[1].wrapping_add(v[2].wrapping_mul(v[0]));
-        v[2] = v[2].wrapping_add(v[0].wrapping_mul(v[1]));
-        v[3] = v[3].wrapping_add(v[1].wrapping_mul(v[2]));
-    };
-    mix(&mut v);
-    for x in &mut v {
-        *x ^= *x >> 16;
-    }
-    mix(&mut v);
-    v
-}
-
-/// Four random numbers in [0, 1), which depend on the arguments only.
-pub fn random(pixel: u32, sample: u32, seed: u32, dimension: Dimension) -> [f32; 4] {
-    let shift = pcg4d([pixel, seed, dimension as u32, 0x9e37_79b9]);
-    let steps = if matches!(dimension, Dimension::Light) { R4 } else { R2 };
-    // 24 bits are exact in a float, so that the result is below 1.
-    std::array::from_fn(|i| (shift[i].wrapping_add(sample.wrapping_mul(steps[i])) >> 8) as f32 * (1.0 / 16_777_216.0))
-}
-
-/// The seed of a frame, from the seed of the run.
-pub fn frame_seed(seed: u64, frame: u32) -> u32 {
-    pcg4d([seed as u32, (seed >> 32) as u32, frame, 0x51ed_270b])[3]
-}
 
 /// A camera's position and axes.
 #[derive(Clone, Copy, Debug)]
@@ -130,6 +81,16 @@ pub fn specular_reflectance(material: &Material) -> Vec3 {
     Vec3::splat(DIELECTRIC_F0).lerp(material.base_color, material.metallic)
 }
 
+/// How the surface reflects toward the viewer, for the choice of lights.
+pub fn gloss(material: &Material, view: Vec3) -> Gloss {
+    Gloss {
+        view,
+        roughness: material.roughness,
+        specular: luminance(specular_reflectance(material)),
+        diffuse: luminance(material.base_color) * (1.0 - material.metallic),
+    }
+}
+
 /// The distance of the origin of shadow rays from the surface. It exceeds the rounding of a hit at
 /// `position` that is `distance` along a ray.
 pub fn shadow_offset(position: Vec3, distance: f32) -> f32 {
@@ -139,6 +100,7 @@ pub fn shadow_offset(position: Vec3, distance: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::common::lattice::{Dimension, random};
 
     #[test]
     fn a_white_dielectric_reflects_at_most_what_it_receives_except_at_grazing_angles() {
@@ -161,24 +123,6 @@ mod tests {
                     sum / count as f32
                 );
             }
-        }
-    }
-
-    #[test]
-    fn random_numbers_are_below_one_and_uniform_in_the_mean() {
-        let mut mean = [0.0f64; 4];
-        for pixel in 0..1000 {
-            for sample in 0..16 {
-                let u = random(pixel, sample, 3, Dimension::Light);
-                for (m, x) in mean.iter_mut().zip(u) {
-                    assert!((0.0..1.0).contains(&x));
-                    *m += f64::from(x) / 16_000.0;
-                }
-            }
-        }
-        for m in mean {
-            // 1000 independent shifts: the mean's deviation is at most sqrt(1/12/1000) = 0.009.
-            assert!((m - 0.5).abs() < 0.04, "{mean:?}");
         }
     }
 }

@@ -2,7 +2,8 @@
 
 use super::geometry::Geometry;
 use super::scene::{Scene, SceneError};
-use super::shading::{Dimension, View, random, shadow_offset};
+use super::shading::{View, shadow_offset};
+use crate::common::lattice::{Dimension, random};
 use girandole::glam::Vec2;
 use girandole::gpu::SampleRequest;
 use rayon::prelude::*;

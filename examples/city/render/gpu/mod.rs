@@ -8,17 +8,18 @@
 //!
 //! 1. this file: the frames;
 //! 2. `buffers` and `records`: what is on the device, and in which layout;
-//! 3. `pipeline` and `render.wgsl`: the shader.
+//! 3. `pipeline`, `sequence.wgsl` and `render.wgsl`: the shader.
 
 use super::backend::{self, Gpu, USAGE_STORAGE_BUFFERS};
 use super::geometry::{self, Geometry, GeometryChange};
 use super::image::{Image, ShadowRays};
 use super::scene::{self, Scene, SceneError};
+use super::sequence::{self, block_bits, tile_bits};
 use super::settings::Settings;
 use super::shading::View;
 use crate::common::gpu::{map, wait};
 use girandole::glam::Vec4;
-use girandole::gpu::{DEFAULT_USAGE_INTERVAL, GpuLights, LightShader, UsageCounts};
+use girandole::gpu::{DEFAULT_USAGE_INTERVAL, GpuLights, LightShader, TargetHook, UsageCounts};
 use girandole::wgpu;
 use girandole::{Effects, FrameDelta, LightWorld};
 use std::time::Duration;
@@ -28,7 +29,7 @@ mod buffers;
 mod pipeline;
 
 use buffers::{Buffers, PIXEL_BYTES, TIMESTAMP_BYTES};
-use pipeline::{LIGHT_GROUP, WORKGROUP, pipeline, stack_size};
+use pipeline::{LIGHT_GROUP, TARGET, TARGET_ARGUMENT, WORKGROUP, pipeline, stack_size};
 use records::{FrameUniform, Record};
 
 /// Most pixels of a band.
@@ -86,12 +87,14 @@ impl GpuRenderer {
         let mut lights = GpuLights::new(device, &gpu.queue).map_err(|e| SceneError(e.to_string()))?;
         let effects = effects - Effects::MOVING;
         let has_buffers = device.limits().max_storage_buffers_per_shader_stage >= USAGE_STORAGE_BUFFERS;
+        let target = TargetHook::new(TARGET, TARGET_ARGUMENT).map_err(|e| SceneError(e.to_string()))?;
         let shader = if counts_usage && has_buffers {
             lights.count_usage(DEFAULT_USAGE_INTERVAL);
             lights.usage_shader(LIGHT_GROUP, effects)
         } else {
             lights.shader(LIGHT_GROUP, effects)
         };
+        let shader = shader.with_target(target);
         let stack_size = stack_size(geometry);
         let pipeline = pipeline(device, &layout, &shader, stack_size);
         let first_object = scene.materials.len();
@@ -135,6 +138,7 @@ impl GpuRenderer {
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<(Image, ShadowRays), SceneError> {
         let view = View::new(&scene.camera, settings.width, settings.height);
+        let block_bits = block_bits(settings.spp);
         let mut frame = FrameUniform {
             eye: view.eye,
             width: settings.width,
@@ -149,11 +153,11 @@ impl GpuRenderer {
             horizon: scene.sky.horizon,
             first_object: self.first_object as u32,
             ambient: scene.sky.ambient,
-            padding: 0,
+            candidates: settings.candidates.get(),
             occluder_min: geometry.occluders.min,
-            padding_a: 0,
+            block_bits,
             occluder_max: geometry.occluders.max,
-            padding_b: 0,
+            tile_bits: tile_bits(block_bits),
             sample_begin: 0,
             sample_end: 0,
             row_begin: 0,

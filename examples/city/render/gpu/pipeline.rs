@@ -1,6 +1,7 @@
 //! The render shader, joined with the library's text, and its pipeline.
 
 use super::geometry::Geometry;
+use super::sequence::DIRECTIONS;
 use girandole::gpu::LightShader;
 use girandole::wgpu;
 
@@ -9,14 +10,31 @@ pub const LIGHT_GROUP: u32 = 1;
 /// Invocations along each side of a workgroup.
 pub const WORKGROUP: u32 = 8;
 
+/// The function in `render.wgsl` by which candidates are weighed.
+pub const TARGET: &str = "reflected_luminance";
+/// The type in `render.wgsl` that the function takes beside a shading point and a light.
+pub const TARGET_ARGUMENT: &str = "Surface";
+
 /// The text of the shader. `light` is the library's text. `records_usage` is whether the shader
 /// counts the lights that it samples.
 pub fn shader_source(light: &str, records_usage: bool, stack_size: usize) -> String {
-    let body = if records_usage { "light_record_usage(instance, u);" } else { "" };
+    let body = if records_usage { "light_record_usage(instance, vec4<f32>(number));" } else { "" };
     format!(
-        "{light}\nconst STACK_SIZE: u32 = {stack_size}u;\nfn record_usage(instance: u32, u: vec4<f32>) {{ {body} }}\n{}",
+        "{light}\nconst STACK_SIZE: u32 = {stack_size}u;\nfn record_usage(instance: u32, number: f32) {{ {body} }}\n{}\n{}\n{}",
+        sobol_text(),
+        include_str!("sequence.wgsl"),
         include_str!("render.wgsl")
     )
+}
+
+/// The function `sobol`: the coordinates of a point, as fractions of 2^32. Compilers keep constants
+/// in the instructions of an unrolled loop, but copy a table into the memory of each invocation.
+fn sobol_text() -> String {
+    let line = |(bit, [a, b, c, d]): (usize, &[u32; 4])| {
+        format!("    x ^= vec4<u32>({a:#x}u, {b:#x}u, {c:#x}u, {d:#x}u) * ((index >> {bit}u) & 1u);\n")
+    };
+    let lines: String = DIRECTIONS.iter().enumerate().map(line).collect();
+    format!("fn sobol(index: u32) -> vec4<u32> {{\n    var x = vec4<u32>(0u);\n{lines}    return x;\n}}\n")
 }
 
 /// The size of the traversal stack, rounded up so that a slightly deeper upper hierarchy needs no

@@ -22,11 +22,11 @@ pub struct FrameUniform {
     pub horizon: Vec3,
     pub first_object: u32,
     pub ambient: Vec3,
-    pub padding: u32,
+    pub candidates: u32,
     pub occluder_min: Vec3,
-    pub padding_a: u32,
+    pub block_bits: u32,
     pub occluder_max: Vec3,
-    pub padding_b: u32,
+    pub tile_bits: u32,
     pub sample_begin: u32,
     pub sample_end: u32,
     pub row_begin: u32,
@@ -74,9 +74,10 @@ impl Record {
 mod tests {
     use super::super::super::nodes::Node;
     use super::super::geometry::PackedTriangle;
-    use super::super::pipeline::{LIGHT_GROUP, shader_source};
+    use super::super::pipeline::{LIGHT_GROUP, TARGET, TARGET_ARGUMENT, shader_source};
     use super::*;
     use girandole::Effects;
+    use girandole::plan::{TargetHook, wgsl_with_target};
     use std::mem::offset_of;
 
     /// The members of a struct with their offsets, and its size.
@@ -91,7 +92,8 @@ mod tests {
 
     #[test]
     fn structs_have_the_same_layout_in_rust_and_wgsl() {
-        let source = shader_source(&girandole::gpu::wgsl(LIGHT_GROUP, Effects::all()), false, 32);
+        let target = TargetHook::new(TARGET, TARGET_ARGUMENT).expect("identifiers");
+        let source = shader_source(&wgsl_with_target(LIGHT_GROUP, Effects::all(), &target), false, 32);
         let module = naga::front::wgsl::parse_str(&source).unwrap_or_else(|e| panic!("{e:?}"));
         macro_rules! same {
             ($name:literal, $ty:ty, $($field:ident),+) => {
@@ -115,11 +117,11 @@ mod tests {
             horizon,
             first_object,
             ambient,
-            padding,
+            candidates,
             occluder_min,
-            padding_a,
+            block_bits,
             occluder_max,
-            padding_b,
+            tile_bits,
             sample_begin,
             sample_end,
             row_begin,

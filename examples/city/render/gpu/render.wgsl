@@ -1,10 +1,10 @@
-// Each invocation renders one pixel: camera ray, nearest hit, one light from the library, shadow
-// ray, shading.
+// Each invocation renders one pixel: camera ray, nearest hit, several candidates from the library of
+// which one is kept, shadow ray, shading.
 //
-// The library's text (group 1) precedes this file and defines `light_sample`. `pipeline.rs` defines
-// `STACK_SIZE` and `record_usage`. Random numbers, sky and BRDF are twins of `shading.rs`, the
-// nodes of `nodes.rs` and `trace` of `rays.rs`. The test `both_backends_render_the_same_picture`
-// compares them.
+// The library's text (group 1) precedes this file and defines `light_resample_by`. `pipeline.rs`
+// defines `STACK_SIZE` and `record_usage`. Sky and BRDF are twins of `shading.rs`, the nodes of
+// `nodes.rs` and `trace` of `rays.rs`. The test `both_backends_render_the_same_picture` compares
+// them.
 
 struct Frame {
     eye: vec3<f32>,
@@ -22,12 +22,13 @@ struct Frame {
     // The records before it are materials.
     first_object: u32,
     ambient: vec3<f32>,
-    padding: u32,
+    candidates: u32,
     // The box of everything that casts shadows.
     occluder_min: vec3<f32>,
-    padding_a: u32,
+    // The random numbers' `block_bits` and `tile_bits`.
+    block_bits: u32,
     occluder_max: vec3<f32>,
-    padding_b: u32,
+    tile_bits: u32,
     // The samples [begin, end) and the rows [begin, end) of this dispatch.
     sample_begin: u32,
     sample_end: u32,
@@ -79,25 +80,6 @@ const FIRST_MASK: u32 = 0x0fffffffu;
 const SEE_THROUGH: u32 = 1u;
 const FAR: f32 = 3.0e38;
 const SLAB_ROUNDING: f32 = 1.0000004;
-
-fn pcg4d(seed: vec4<u32>) -> vec4<u32> {
-    var v = seed * 1664525u + 1013904223u;
-    v.x += v.y * v.w;
-    v.y += v.z * v.x;
-    v.z += v.x * v.y;
-    v.w += v.y * v.z;
-    v ^= v >> vec4<u32>(16u);
-    v.x += v.y * v.w;
-    v.y += v.z * v.x;
-    v.z += v.x * v.y;
-    v.w += v.y * v.z;
-    return v;
-}
-
-fn random(pixel: u32, index: u32, dimension: u32, steps: vec4<u32>) -> vec4<f32> {
-    let bits = pcg4d(vec4<u32>(pixel, frame.seed, dimension, 0x9e3779b9u)) + index * steps;
-    return vec4<f32>(bits >> vec4<u32>(8u)) * (1.0 / 16777216.0);
-}
 
 struct Hit {
     dist: f32,
@@ -207,10 +189,26 @@ fn sky_radiance(direction: vec3<f32>) -> vec3<f32> {
     return mix(frame.horizon, frame.zenith, sqrt(max(direction.y, 0.0)));
 }
 
-fn brdf(material: Record, normal: vec3<f32>, view: vec3<f32>, light: vec3<f32>) -> vec3<f32> {
-    let base_color = material.row0.xyz;
-    let roughness = material.row0.w;
-    let metallic = material.row1.w;
+// A point that a camera ray met. The target of candidates needs it.
+struct Surface {
+    base_color: vec3<f32>,
+    roughness: f32,
+    normal: vec3<f32>,
+    metallic: f32,
+    // The unit direction to the camera.
+    view: vec3<f32>,
+}
+
+fn specular_reflectance(surface: Surface) -> vec3<f32> {
+    return mix(vec3<f32>(0.04), surface.base_color, surface.metallic);
+}
+
+fn brdf(surface: Surface, light: vec3<f32>) -> vec3<f32> {
+    let base_color = surface.base_color;
+    let roughness = surface.roughness;
+    let metallic = surface.metallic;
+    let normal = surface.normal;
+    let view = surface.view;
     let halfway = normalize(view + light);
     let n_dot_l = max(dot(normal, light), 0.0);
     let n_dot_v = max(dot(normal, view), 1e-4);
@@ -227,12 +225,30 @@ fn brdf(material: Record, normal: vec3<f32>, view: vec3<f32>, light: vec3<f32>) 
     let lambda_l = n_dot_v * sqrt(n_dot_l * n_dot_l * (1.0 - alpha_sq) + alpha_sq);
     let visibility = 0.5 / max(lambda_v + lambda_l, 1e-12);
 
-    let f0 = mix(vec3<f32>(0.04), base_color, metallic);
+    let f0 = specular_reflectance(surface);
     let grazing = 1.0 - v_dot_h;
     let grazing_sq = grazing * grazing;
     let fresnel = f0 + (1.0 - f0) * (grazing_sq * grazing_sq * grazing);
     let diffuse = base_color * ((1.0 - metallic) / PI);
     return (1.0 - fresnel) * diffuse + fresnel * (distribution * visibility);
+}
+
+fn luminance(color: vec3<f32>) -> f32 {
+    return dot(color, vec3<f32>(0.2126, 0.7152, 0.0722));
+}
+
+// The radiance that one point of a light adds if nothing blocks it, not yet divided by a density.
+fn reflected(surface: Surface, light: LightSample) -> vec3<f32> {
+    let cosine = dot(surface.normal, light.direction);
+    if cosine <= 0.0 {
+        return vec3<f32>(0.0);
+    }
+    return brdf(surface, light.direction) * light.radiance * cosine;
+}
+
+// The library keeps candidates in proportion to this.
+fn reflected_luminance(at: LightShadingPoint, surface: Surface, light: LightSample) -> f32 {
+    return luminance(reflected(surface, light));
 }
 
 // Whether something may block a ray within a distance. Twin of `Occluders::may_block` in
@@ -246,9 +262,8 @@ fn may_be_occluded(origin: vec3<f32>, direction: vec3<f32>, limit: f32) -> bool 
 // block them.
 var<private> shadow_rays: vec2<f32>;
 
-fn radiance(pixel: u32, corner: vec2<f32>, index: u32) -> vec3<f32> {
-    let jitter = random(pixel, index, 1u, vec4<u32>(0xc13fa9a9u, 0x91e10da6u, 0xc13fa9a9u, 0x91e10da6u)).xy;
-    let across = (corner + jitter) / vec2<f32>(f32(frame.width), f32(frame.height)) * 2.0 - 1.0;
+fn radiance(corner: vec2<f32>, numbers: SampleNumbers) -> vec3<f32> {
+    let across = (corner + numbers.pixel.xy) / vec2<f32>(f32(frame.width), f32(frame.height)) * 2.0 - 1.0;
     let direction = normalize(frame.forward + frame.right * across.x - frame.up * across.y);
     let hit = trace(frame.eye, direction, FAR, false);
     if hit.object == NOTHING {
@@ -270,23 +285,21 @@ fn radiance(pixel: u32, corner: vec2<f32>, index: u32) -> vec3<f32> {
         sum += material.row1.xyz * bitcast<f32>(placed.words.y);
     }
 
-    let surface = frame.eye + direction * hit.dist;
-    let extent = max(max(abs(surface.x), abs(surface.y)), max(abs(surface.z), hit.dist));
-    let position = surface + normal * (max(extent, 1.0) * 2e-5);
-    let u = random(pixel, index, 0u, vec4<u32>(0xdb4f0b91u, 0xbbe05633u, 0xa0f2ec76u, 0x89e18285u));
-    let light = light_sample(light_surface_point(position, normal), u);
-    if light.pmf > 0.0 {
-        record_usage(light.instance, u);
-    }
-    let cosine = dot(normal, light.direction);
-    if light.pmf <= 0.0 || cosine <= 0.0 {
+    let place = frame.eye + direction * hit.dist;
+    let extent = max(max(abs(place.x), abs(place.y)), max(abs(place.z), hit.dist));
+    let position = place + normal * (max(extent, 1.0) * 2e-5);
+    let surface = Surface(material.row0.xyz, material.row0.w, normal, material.row1.w, view);
+    let at = light_glossy_point(
+        position, normal, view, surface.roughness, luminance(specular_reflectance(surface)),
+        luminance(surface.base_color) * (1.0 - surface.metallic),
+    );
+    let kept = light_resample_by(at, surface, numbers.light, numbers.pixel.w, frame.candidates);
+    if kept.weight <= 0.0 {
         return sum;
     }
-    let weight = cosine / (light.pmf * light.pdf);
-    let contribution = brdf(material, normal, view, light.direction) * light.radiance * weight;
-    if all(contribution <= vec3<f32>(0.0)) {
-        return sum;
-    }
+    let light = kept.chosen;
+    record_usage(light.instance, numbers.pixel.z);
+    let contribution = reflected(surface, light) * kept.weight;
     var limit = light.dist * (1.0 - 1e-3);
     if light.is_delta != 0u {
         limit = light.dist - frame.lamp_clearance;
@@ -308,7 +321,6 @@ fn render(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= frame.width || row >= frame.row_end {
         return;
     }
-    let pixel = row * frame.width + id.x;
     let slot = id.y * frame.width + id.x;
     // The counts of shadow rays follow the sums of the whole band. The first dispatch of a band
     // starts both.
@@ -318,10 +330,10 @@ fn render(@builtin(global_invocation_id) id: vec3<u32>) {
         sum = image[slot];
         shadow_rays = image[counts_slot].xy;
     }
+    let sequence = pixel_sequence(vec2<u32>(id.x, row), frame.block_bits, frame.tile_bits);
     for (var index = frame.sample_begin; index < frame.sample_end; index += 1u) {
-        let color = radiance(pixel, vec2<f32>(f32(id.x), f32(row)), index);
-        let luminance = dot(color, vec3<f32>(0.2126, 0.7152, 0.0722));
-        sum += vec4<f32>(color, luminance * luminance);
+        let color = radiance(vec2<f32>(f32(id.x), f32(row)), sample_numbers(sequence, index));
+        sum += vec4<f32>(color, luminance(color) * luminance(color));
     }
     image[slot] = sum;
     image[counts_slot] = vec4<f32>(shadow_rays, 0.0, 0.0);
