@@ -1,10 +1,11 @@
 //! The CPU backend. It renders rows in parallel, with the library's sampler and the same estimator
 //! as `render.wgsl`.
 
+use super::choice::Choice;
 use super::geometry::Geometry;
 use super::image::{Image, ShadowRays};
 use super::scene::{Material, Scene};
-use super::settings::{LightChoice, Settings};
+use super::settings::Settings;
 use super::shading::{Dimension, View, brdf, random, shadow_offset, sky_radiance};
 use girandole::glam::{Vec2, Vec3, Vec4};
 use girandole::gpu::DEFAULT_USAGE_INTERVAL;
@@ -42,18 +43,28 @@ impl Add for Tally {
     }
 }
 
-/// Renders a frame. `progress` receives the finished share, from 0 to 1, on any thread.
+/// The lights of a frame and how each sample chooses among them.
+#[derive(Clone, Copy)]
+pub struct Lights<'a> {
+    /// Knows all lights and the light trees.
+    pub sampler: LightSampler<'a>,
+    /// How lights are chosen.
+    pub choice: Choice<'a>,
+}
+
+/// Renders a frame. Lights are chosen as `lights` says; [`Settings::light_choice`] is not read.
+/// `progress` receives the finished share, from 0 to 1, on any thread.
 pub fn render(
     scene: &Scene,
     geometry: &Geometry,
-    sampler: &LightSampler<'_>,
+    lights: Lights<'_>,
     settings: &Settings,
     seed: u32,
     progress: &(dyn Fn(f64) + Sync),
 ) -> (Image, ShadowRays, UsageCounters) {
     let (width, height) = (settings.width as usize, settings.height as usize);
     let view = View::new(&scene.camera, settings.width, settings.height);
-    let integrator = Integrator { scene, geometry, sampler, choice: settings.light_choice };
+    let integrator = Integrator { scene, geometry, lights };
     let size = Vec2::new(width as f32, height as f32);
     let mut sums = vec![Vec4::ZERO; width * height];
     let done = AtomicUsize::new(0);
@@ -82,8 +93,7 @@ pub fn render(
 struct Integrator<'a> {
     scene: &'a Scene,
     geometry: &'a Geometry,
-    sampler: &'a LightSampler<'a>,
-    choice: LightChoice,
+    lights: Lights<'a>,
 }
 
 /// A point that a camera ray met.
@@ -116,8 +126,9 @@ impl Integrator<'_> {
         let surface = eye + direction * hit.distance;
         let position = surface + normal * shadow_offset(surface, hit.distance);
         let surface = Surface { material, shading_point: ShadingPoint::surface(position, normal), view };
-        sum + match self.choice {
-            LightChoice::Tree => match self.sampler.sample(&surface.shading_point, u) {
+        let Lights { sampler, choice } = &self.lights;
+        sum + match choice {
+            Choice::Trees => match sampler.sample(&surface.shading_point, u) {
                 Some(sample) => {
                     if let LightId::Local { instance, .. } = sample.light
                         && is_counted
@@ -128,10 +139,17 @@ impl Integrator<'_> {
                 }
                 None => Vec3::ZERO,
             },
-            LightChoice::Exhaustive => self
-                .sampler
+            // The trees learn only which of their own choices are used, so nothing is counted here.
+            Choice::Baseline(baseline) => baseline
+                .choose(&surface.shading_point, [u[0], u[1]])
+                .and_then(|pick| {
+                    let incident = sampler.sample_light(&surface.shading_point, pick.light, [u[2], u[3]])?;
+                    Some(self.reflected(&surface, &incident, &mut tally.rays) / pick.pmf)
+                })
+                .unwrap_or_default(),
+            Choice::All => sampler
                 .all_lights()
-                .filter_map(|light| self.sampler.sample_light(&surface.shading_point, light, [u[2], u[3]]))
+                .filter_map(|light| sampler.sample_light(&surface.shading_point, light, [u[2], u[3]]))
                 .map(|incident| self.reflected(&surface, &incident, &mut tally.rays))
                 .sum(),
         }
