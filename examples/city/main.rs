@@ -20,6 +20,9 @@ mod city;
 #[path = "../common/mod.rs"]
 #[allow(dead_code, reason = "other programs use more of it")]
 mod common;
+#[path = "../measuring/mod.rs"]
+#[allow(dead_code, reason = "other programs use more of it")]
+mod measuring;
 
 use city::app::options::{Options, Parsed};
 use std::process::ExitCode;

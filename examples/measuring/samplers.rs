@@ -5,6 +5,7 @@ use super::baselines::{BinaryTree, Cycles, Formula, Pbrt};
 use super::sigma::{Noise, Summary};
 use girandole::{Light, LightId, LightPick, LightSampler, LightTree, LightWorld, ShadingPoint, SplitCount, WorldError};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// A way to choose one of many lights.
 pub trait Chooser: Sync {
@@ -23,11 +24,11 @@ pub trait Chooser: Sync {
 }
 
 /// Every light has the same probability.
-struct Uniform<'a> {
-    ids: &'a [LightId],
+struct Uniform {
+    ids: Arc<[LightId]>,
 }
 
-impl Chooser for Uniform<'_> {
+impl Chooser for Uniform {
     fn name(&self) -> &'static str {
         "uniform"
     }
@@ -47,13 +48,13 @@ impl Chooser for Uniform<'_> {
 }
 
 /// Probabilities in proportion to flux: a binary search in running sums.
-struct Flux<'a> {
-    ids: &'a [LightId],
+struct Flux {
+    ids: Arc<[LightId]>,
     sums: Vec<f64>,
 }
 
-impl<'a> Flux<'a> {
-    fn new(lights: &[Light], ids: &'a [LightId]) -> Self {
+impl Flux {
+    fn new(lights: &[Light], ids: Arc<[LightId]>) -> Self {
         let add = |sum: &mut f64, light: &Light| {
             *sum += f64::from(light.flux());
             Some(*sum)
@@ -67,7 +68,7 @@ impl<'a> Flux<'a> {
     }
 }
 
-impl Chooser for Flux<'_> {
+impl Chooser for Flux {
     fn name(&self) -> &'static str {
         "flux"
     }
@@ -88,13 +89,13 @@ impl Chooser for Flux<'_> {
 }
 
 /// A published light tree.
-struct Published<'a, F: Formula> {
+struct Published<F: Formula> {
     name: &'static str,
-    ids: &'a [LightId],
+    ids: Arc<[LightId]>,
     tree: BinaryTree<F>,
 }
 
-impl<F: Formula> Chooser for Published<'_, F> {
+impl<F: Formula> Chooser for Published<F> {
     fn name(&self) -> &'static str {
         self.name
     }
@@ -182,23 +183,50 @@ impl Chooser for Flat<'_> {
     }
 }
 
+/// One divided by the number of values of 24 bits.
+const STEP_OF_24_BITS: f64 = 1.0 / 16_777_216.0;
+
 /// Joins two numbers of 24 bits into one in [0, 1) with 48 bits.
 pub fn wide(u: [f32; 2]) -> f64 {
-    f64::from(u[0]) + f64::from(u[1]) / f64::from(1 << 24)
+    f64::from(u[0]) + f64::from(u[1]) * STEP_OF_24_BITS
+}
+
+/// Splits a number in [0, 1) into two of 24 bits, both below 1, that [`wide`] joins again.
+pub fn narrow(u: f64) -> [f32; 2] {
+    let first = (u / STEP_OF_24_BITS).floor() * STEP_OF_24_BITS;
+    let second = ((u - first) / STEP_OF_24_BITS / STEP_OF_24_BITS).floor() * STEP_OF_24_BITS;
+    [first as f32, second as f32]
+}
+
+/// Chooses every light with the same probability. `ids` as for [`published`].
+pub fn uniform(ids: Arc<[LightId]>) -> Box<dyn Chooser> {
+    Box::new(Uniform { ids })
+}
+
+/// Chooses lights in proportion to their flux. `lights` and `ids` as for [`published`].
+pub fn flux(lights: &[Light], ids: Arc<[LightId]>) -> Box<dyn Chooser> {
+    Box::new(Flux::new(lights, ids))
+}
+
+/// Chooses lights by the formula of pbrt-v4. `lights` and `ids` as for [`published`].
+pub fn pbrt(lights: &[Light], ids: Arc<[LightId]>) -> Box<dyn Chooser> {
+    let tree = BinaryTree::new(Pbrt { is_opaque: false }, lights.to_vec());
+    Box::new(Published { name: "pbrt", ids, tree })
 }
 
 /// The samplers that this library is compared with: uniform, flux, pbrt, pbrt opaque and cycles.
 ///
 /// `lights` are the world's lights one by one, and `ids` their names, both in the order of
 /// [`LightSampler::all_lights`].
-pub fn published<'a>(lights: &[Light], ids: &'a [LightId]) -> [Box<dyn Chooser + 'a>; 5] {
-    let pbrt = |is_opaque| BinaryTree::new(Pbrt { is_opaque }, lights.to_vec());
+pub fn published(lights: &[Light], ids: &[LightId]) -> [Box<dyn Chooser>; 5] {
+    let ids: Arc<[LightId]> = ids.into();
+    let opaque = BinaryTree::new(Pbrt { is_opaque: true }, lights.to_vec());
     let cycles = BinaryTree::new(Cycles, lights.to_vec());
     [
-        Box::new(Uniform { ids }),
-        Box::new(Flux::new(lights, ids)),
-        Box::new(Published { name: "pbrt", ids, tree: pbrt(false) }),
-        Box::new(Published { name: "pbrt opaque", ids, tree: pbrt(true) }),
+        uniform(ids.clone()),
+        flux(lights, ids.clone()),
+        pbrt(lights, ids.clone()),
+        Box::new(Published { name: "pbrt opaque", ids: ids.clone(), tree: opaque }),
         Box::new(Published { name: "cycles", ids, tree: cycles }),
     ]
 }
@@ -220,7 +248,7 @@ pub fn all<'a>(
     lights: &[Light],
     ids: &'a [LightId],
 ) -> Result<Vec<Box<dyn Chooser + 'a>>, WorldError> {
-    let mut all = Vec::from(published(lights, ids));
+    let mut all: Vec<Box<dyn Chooser + 'a>> = Vec::from(published(lights, ids));
     all.push(two_level(world));
     let tree = LightTree::new(lights.to_vec())?;
     let flat = |name, splits| -> Box<dyn Chooser + 'a> { Box::new(Flat { name, ids, tree: tree.clone(), splits }) };
@@ -245,4 +273,20 @@ pub fn noise(chooser: &dyn Chooser, shading_points: &[ShadingPoint], lux: &[Vec<
     };
     let (noises, dead): (Vec<Noise>, Vec<f64>) = shading_points.par_iter().zip(lux).filter_map(one).unzip();
     (Summary::of(&noises), dead.iter().sum::<f64>() / dead.len() as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{narrow, wide};
+
+    #[test]
+    fn numbers_of_48_bits_are_split_and_joined_without_loss() {
+        let smallest = 0.5_f64.powi(48);
+        for u in [0.0, smallest, 0.25, 1.0 / 3.0, 0.999, 1.0 - smallest] {
+            let rounded = (u / smallest).floor() * smallest;
+            let parts = narrow(u);
+            assert!(parts.iter().all(|part| (0.0..1.0).contains(part)), "{parts:?}");
+            assert_eq!(wide(parts), rounded);
+        }
+    }
 }

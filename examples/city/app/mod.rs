@@ -3,7 +3,7 @@
 //! Read in this order:
 //!
 //! 1. `scene_options` and `options`: the command line;
-//! 2. `session`: the loop, which shows how an engine uses the library;
+//! 2. `stage_times` and `session`: the loop, which shows how an engine uses the library;
 //! 3. `denoiser` and `tone_mapping`: from radiance to a picture for a screen;
 //! 4. `output`: the files;
 //! 5. `run`: the whole program.
@@ -13,6 +13,7 @@ use super::{render, scene};
 pub mod scene_options;
 pub mod options;
 
+pub mod stage_times;
 pub mod session;
 
 pub mod denoiser;

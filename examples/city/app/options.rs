@@ -45,6 +45,13 @@ pub struct Options {
     /// Where to render
     #[arg(long, value_name = "WHERE", value_enum, default_value_t = BackendChoice::Auto)]
     pub backend: BackendChoice,
+    /// How samples choose lights; all but girandole are rendered by the CPU, even with --backend gpu
+    #[arg(long, value_name = "NAME", value_enum, default_value_t = LightChoice::Girandole)]
+    pub sampler: LightChoice,
+    /// Sum up all lights in every sample instead of choosing one, on the CPU: slow, but without the
+    /// noise of the choice
+    #[arg(long, conflicts_with = "sampler")]
+    pub sum: bool,
     /// Folder for the pictures and frames.csv; created if it does not exist
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,
@@ -83,7 +90,7 @@ impl Options {
             spp: self.spp,
             candidates: self.candidates,
             seed: self.scene.seed,
-            light_choice: LightChoice::Tree,
+            light_choice: if self.sum { LightChoice::Exhaustive } else { self.sampler },
         }
     }
 
@@ -151,6 +158,9 @@ mod tests {
             "--traffic a.xml --world S",
             "--net a.net.xml --world S",
             "--gltf a.glb --net b.net.xml",
+            "--sampler all",
+            "--sampler exhaustive",
+            "--sum --sampler flux",
             "--unknown",
         ] {
             let line = parse(bad).unwrap_err().0;
@@ -165,5 +175,9 @@ mod tests {
         assert_eq!(options.scene.camera, Some((Vec3::new(-8.0, 2.0, 6.0), Vec3::new(2.0, 3.5, -14.0))));
         assert_eq!(options.scene.world, Size::M);
         assert_eq!(parse("").unwrap().backend, BackendChoice::Auto);
+        let choice = |args| parse(args).unwrap().settings().light_choice;
+        assert_eq!(choice(""), LightChoice::Girandole);
+        assert_eq!(choice("--sampler pbrt"), LightChoice::Pbrt);
+        assert_eq!(choice("--sum"), LightChoice::Exhaustive);
     }
 }

@@ -131,11 +131,11 @@ fn row(stats: &FrameStats) -> [String; 20] {
         micros(stats.deciding),
         micros(stats.overrun),
         stats.upload_bytes.to_string(),
-        stats.top_build.map(micros).unwrap_or_default(),
+        stats.times.top_build.map(micros).unwrap_or_default(),
         effect_names(stats.effects),
         stats.shadow_rays.traced.to_string(),
         stats.shadow_rays.skipped.to_string(),
-        format!("{:.2}", stats.frame_time.as_secs_f64() * 1e3),
+        format!("{:.2}", stats.times.total().as_secs_f64() * 1e3),
     ]
 }
 

@@ -35,7 +35,7 @@ pub fn run(options: &Options, print: &mut dyn FnMut(&str)) -> Result<(), SceneEr
         lights = frame.stats.lights;
         effects |= frame.stats.effects;
         rays = rays + frame.stats.shadow_rays;
-        total += frame.stats.frame_time;
+        total += frame.stats.times.total();
     }
     bar.finish_and_clear();
     output.finish()?;

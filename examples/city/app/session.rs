@@ -4,15 +4,17 @@
 
 use super::denoiser::denoise;
 use super::render::backend::{Backend, ChosenBackend};
-use super::render::cpu::{self, UsageCounters};
+use super::render::choice::Baselines;
+use super::render::cpu::{self, Lights, UsageCounters};
 use super::render::geometry::{Geometry, GeometryChange};
 use super::render::gpu::{GpuRenderer, GpuUpdate};
 use super::render::image::{Image, ShadowRays};
 use super::render::sequence::frame_seed;
-use super::render::settings::Settings;
+use super::render::settings::{LightChoice, Settings};
 use super::scene::{Scene, SceneError, Stage};
-use girandole::{Effects, FrameBudget};
-use std::time::{Duration, Instant};
+use super::stage_times::{Laps, StageTimes};
+use girandole::{Effects, FrameBudget, FrameReport};
+use std::time::Duration;
 
 /// How time passes from frame to frame.
 #[derive(Clone, Copy, Debug)]
@@ -56,14 +58,12 @@ pub struct FrameStats {
     pub overrun: Duration,
     /// Bytes of light data that were uploaded; 0 on the CPU backend.
     pub upload_bytes: u64,
-    /// Time of the top-level build; `None` if it was not measured.
-    pub top_build: Option<Duration>,
     /// Effects that the light world needs.
     pub effects: Effects,
     /// Shadow rays of the picture.
     pub shadow_rays: ShadowRays,
-    /// Time of the whole frame, without writing files.
-    pub frame_time: Duration,
+    /// Time of each stage. The session leaves those after rendering at zero.
+    pub times: StageTimes,
 }
 
 /// A rendered frame.
@@ -87,11 +87,32 @@ enum Renderer {
     Gpu(Box<GpuRenderer>),
 }
 
+/// What happened before a frame was rendered.
+struct Advance {
+    /// Number of the frame.
+    number: u32,
+    report: FrameReport,
+    update: GpuUpdate,
+    recorded_usage: u64,
+    times: StageTimes,
+}
+
+/// A picture of the present state of the stage.
+pub struct Rendered {
+    /// The picture.
+    pub image: Image,
+    /// Its shadow rays.
+    pub shadow_rays: ShadowRays,
+    /// Times of the top-level build on the CPU, of the sampler's build and of rendering.
+    pub times: StageTimes,
+}
+
 /// Renders the frames of a stage one after the other.
 pub struct Session {
     stage: Stage,
     geometry: Geometry,
     renderer: Renderer,
+    baselines: Baselines,
     settings: Settings,
     pace: Pace,
     /// Number of the next frame.
@@ -114,12 +135,19 @@ impl Session {
                 Renderer::Gpu(Box::new(renderer))
             }
         };
-        Ok(Self { stage, geometry, renderer, settings, pace, next: 0 })
+        Ok(Self { stage, geometry, renderer, baselines: Baselines::default(), settings, pace, next: 0 })
     }
 
     /// The scene as of the last frame.
     pub fn scene(&self) -> &Scene {
         &self.stage.scene
+    }
+
+    /// Sets how lights are sampled from the next frame on. The CPU renders all frames whose choice is
+    /// not [`LightChoice::Girandole`], even if the backend is a GPU, which is kept up to date.
+    #[cfg_attr(not(test), allow(dead_code, reason = "only tests switch between frames"))]
+    pub fn set_light_choice(&mut self, choice: LightChoice) {
+        self.settings.light_choice = choice;
     }
 
     /// A picture of the last frame with less noise.
@@ -129,54 +157,10 @@ impl Session {
 
     /// Renders the next frame. `progress` receives the finished share, from 0 to 1.
     pub fn frame(&mut self, progress: &(dyn Fn(f64) + Sync)) -> Result<Frame, SceneError> {
-        let start = Instant::now();
-        let Self { stage: Stage { scene, world, animation }, geometry, settings, pace, .. } = self;
-        let number = self.next;
-        // A still animation is advanced once, and the geometry is compared with the scene once.
-        let moves = number == 0 || !animation.is_still();
-        if moves {
-            animation.advance(f64::from(number) / pace.fps, scene, world)?;
-        }
-        // The light world learns which lights earlier frames used, and where the camera is.
-        let mut recorded_usage = 0;
-        match &mut self.renderer {
-            Renderer::Cpu(usage) => {
-                recorded_usage = usage.values().map(|count| u64::from(*count)).sum();
-                world.record_usage(std::mem::take(usage));
-            }
-            Renderer::Gpu(renderer) => {
-                if let Some(usage) = renderer.take_usage() {
-                    recorded_usage = usage.total();
-                    world.record_usage(usage.iter());
-                }
-            }
-        }
-        world.set_viewpoint(scene.camera.eye.as_dvec3())?;
-        let report = world.update(pace.budget);
-        let change = if moves { geometry.update(scene)? } else { GeometryChange::default() };
-        let delta = world.take_delta();
-        let seed = frame_seed(settings.seed, number);
-        let (image, shadow_rays, update) = match &mut self.renderer {
-            Renderer::Cpu(last_usage) => {
-                let before = Instant::now();
-                let sampler = world.sampler();
-                let top_build = before.elapsed();
-                let (image, rays, usage) = cpu::render(scene, geometry, &sampler, settings, seed, progress);
-                *last_usage = usage;
-                (image, rays, GpuUpdate { top_build: Some(top_build), ..GpuUpdate::default() })
-            }
-            Renderer::Gpu(renderer) => {
-                let is_up_to_date = number > 0 && change.is_empty() && delta.is_empty();
-                let update = if is_up_to_date {
-                    GpuUpdate::default()
-                } else {
-                    renderer.update(geometry, &change, world, &delta)?
-                };
-                let (image, rays) = renderer.render(scene, geometry, settings, seed, progress)?;
-                (image, rays, update)
-            }
-        };
-        self.next += 1;
+        let Advance { number, report, update, recorded_usage, times } = self.advance()?;
+        let (settings, seed) = (self.settings.clone(), frame_seed(self.settings.seed, number));
+        let Rendered { image, shadow_rays, times: later } = self.render(&settings, seed, progress)?;
+        let world = &self.stage.world;
         let stats = FrameStats {
             frame: number,
             instances: world.instance_count(),
@@ -193,11 +177,89 @@ impl Session {
             deciding: report.deciding,
             overrun: report.overrun,
             upload_bytes: update.light_bytes,
-            top_build: update.top_build,
             effects: world.effects(),
             shadow_rays,
-            frame_time: start.elapsed(),
+            times: times + later,
         };
         Ok(Frame { image, stats, geometry_bytes: update.geometry_bytes, recorded_usage })
+    }
+
+    /// Moves the stage to the next frame and brings everything up to date, without rendering.
+    fn advance(&mut self) -> Result<Advance, SceneError> {
+        let mut laps = Laps::start();
+        let mut times = StageTimes::default();
+        let Self { stage: Stage { scene, world, animation }, geometry, pace, .. } = self;
+        let number = self.next;
+        self.next += 1;
+        // A still animation is advanced once, and the geometry is compared with the scene once.
+        let moves = number == 0 || !animation.is_still();
+        if moves {
+            animation.advance(f64::from(number) / pace.fps, scene, world)?;
+        }
+        times.animation = laps.lap();
+        // The light world learns which lights earlier frames used, and where the camera is.
+        let mut recorded_usage = 0;
+        match &mut self.renderer {
+            Renderer::Cpu(usage) => {
+                recorded_usage = usage.values().map(|count| u64::from(*count)).sum();
+                world.record_usage(std::mem::take(usage));
+            }
+            Renderer::Gpu(renderer) => {
+                if let Some(usage) = renderer.take_usage() {
+                    recorded_usage = usage.total();
+                    world.record_usage(usage.iter());
+                }
+            }
+        }
+        world.set_viewpoint(scene.camera.eye.as_dvec3())?;
+        let report = world.update(pace.budget);
+        let delta = world.take_delta();
+        if !delta.is_empty() {
+            self.baselines.clear();
+        }
+        times.light_update = laps.lap();
+        let change = if moves { geometry.update(scene)? } else { GeometryChange::default() };
+        times.geometry = laps.lap();
+        let update = match &mut self.renderer {
+            Renderer::Cpu(_) => GpuUpdate::default(),
+            Renderer::Gpu(_) if number > 0 && change.is_empty() && delta.is_empty() => GpuUpdate::default(),
+            Renderer::Gpu(renderer) => renderer.update(geometry, &change, world, &delta)?,
+        };
+        // An upload waits for the top level if it measures it.
+        times.top_build = update.top_build;
+        times.upload = laps.lap().saturating_sub(update.top_build.unwrap_or_default());
+        Ok(Advance { number, report, update, recorded_usage, times })
+    }
+
+    /// Renders the present state of the stage with other settings than those of its frames, for
+    /// comparisons. The size must be that of the session if it has a GPU.
+    fn render(
+        &mut self,
+        settings: &Settings,
+        seed: u32,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Rendered, SceneError> {
+        let mut laps = Laps::start();
+        let mut times = StageTimes::default();
+        let Self { stage: Stage { scene, world, .. }, geometry, renderer, baselines, .. } = self;
+        let (image, shadow_rays) = match renderer {
+            Renderer::Gpu(renderer) if settings.light_choice == LightChoice::Girandole => {
+                renderer.render(scene, geometry, settings, seed, progress)?
+            }
+            renderer => {
+                let sampler = world.sampler();
+                times.top_build = Some(laps.lap());
+                let choice = baselines.get(settings.light_choice, world, geometry.occluders.radius());
+                times.baseline_build = laps.lap();
+                let lights = Lights { sampler, choice };
+                let (image, rays, usage) = cpu::render(scene, geometry, lights, settings, seed, progress);
+                if let Renderer::Cpu(last_usage) = renderer {
+                    *last_usage = usage;
+                }
+                (image, rays)
+            }
+        };
+        times.rendering = laps.lap();
+        Ok(Rendered { image, shadow_rays, times })
     }
 }

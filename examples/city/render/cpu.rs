@@ -1,11 +1,13 @@
 //! The CPU backend. It renders rows in parallel, with the library's sampler and the same estimator
 //! as `render.wgsl`.
 
+use super::baseline::Baseline;
+use super::choice::Choice;
 use super::geometry::Geometry;
 use super::image::{Image, ShadowRays};
 use super::scene::{Material, Scene};
 use super::sequence::{PixelSequence, SampleNumbers};
-use super::settings::{LightChoice, Settings};
+use super::settings::Settings;
 use super::shading::{View, brdf, gloss, shadow_offset, sky_radiance};
 use girandole::glam::{Vec2, Vec3, Vec4};
 use girandole::gpu::DEFAULT_USAGE_INTERVAL;
@@ -43,19 +45,28 @@ impl Add for Tally {
     }
 }
 
-/// Renders a frame. `progress` receives the finished share, from 0 to 1, on any thread.
+/// The lights of a frame and how each sample chooses among them.
+#[derive(Clone, Copy)]
+pub struct Lights<'a> {
+    /// Knows all lights and the light trees.
+    pub sampler: LightSampler<'a>,
+    /// How lights are chosen.
+    pub choice: Choice<'a>,
+}
+
+/// Renders a frame. Lights are chosen as `lights` says; [`Settings::light_choice`] is not read.
+/// `progress` receives the finished share, from 0 to 1, on any thread.
 pub fn render(
     scene: &Scene,
     geometry: &Geometry,
-    sampler: &LightSampler<'_>,
+    lights: Lights<'_>,
     settings: &Settings,
     seed: u32,
     progress: &(dyn Fn(f64) + Sync),
 ) -> (Image, ShadowRays, UsageCounters) {
     let (width, height) = (settings.width as usize, settings.height as usize);
     let view = View::new(&scene.camera, settings.width, settings.height);
-    let integrator =
-        Integrator { scene, geometry, sampler, choice: settings.light_choice, candidates: settings.candidates };
+    let integrator = Integrator { scene, geometry, lights, candidates: settings.candidates };
     let size = Vec2::new(width as f32, height as f32);
     let mut sums = vec![Vec4::ZERO; width * height];
     let done = AtomicUsize::new(0);
@@ -82,8 +93,7 @@ pub fn render(
 struct Integrator<'a> {
     scene: &'a Scene,
     geometry: &'a Geometry,
-    sampler: &'a LightSampler<'a>,
-    choice: LightChoice,
+    lights: Lights<'a>,
     candidates: CandidateCount,
 }
 
@@ -131,19 +141,20 @@ impl Integrator<'_> {
         let position = surface + normal * shadow_offset(surface, hit.distance);
         let shading_point = ShadingPoint::surface(position, normal).with_gloss(gloss(material, view));
         let surface = Surface { material, shading_point, view };
-        sum + match self.choice {
-            LightChoice::Tree => self.by_tree(&surface, numbers, tally),
-            LightChoice::Exhaustive => self.by_all(&surface, numbers, tally),
+        sum + match self.lights.choice {
+            Choice::Trees => self.by_trees(&surface, numbers, tally),
+            Choice::Baseline(baseline) => self.by_baseline(&surface, baseline, numbers, tally),
+            Choice::All => self.by_all(&surface, numbers, tally),
         }
     }
 
     /// The light of one sample: of several candidates, one is kept in proportion to what it
     /// reflects without shadows, and gets a shadow ray.
-    fn by_tree(&self, surface: &Surface<'_>, numbers: &SampleNumbers, tally: &mut Tally) -> Vec3 {
+    fn by_trees(&self, surface: &Surface<'_>, numbers: &SampleNumbers, tally: &mut Tally) -> Vec3 {
         let [a, b, x, y] = numbers.light;
         let u = [a, b, x, y, numbers.choice];
         let target = |sample: &LightSample| luminance(surface.reflected(&sample.incident));
-        let kept = self.sampler.resample_by(&surface.shading_point, u, self.candidates, target);
+        let kept = self.lights.sampler.resample_by(&surface.shading_point, u, self.candidates, target);
         let Some(kept) = kept else { return Vec3::ZERO };
         let LightSample { light, incident, .. } = kept.chosen;
         let is_counted = numbers.count * (DEFAULT_USAGE_INTERVAL as f32) < 1.0;
@@ -156,16 +167,36 @@ impl Integrator<'_> {
         if self.is_lit(surface, &incident, &mut tally.rays) { contribution } else { Vec3::ZERO }
     }
 
+    /// The light of one sample, from a sampler to compare with. The trees learn only which of their
+    /// own choices are used, so nothing is counted here.
+    fn by_baseline(
+        &self,
+        surface: &Surface<'_>,
+        baseline: &Baseline,
+        numbers: &SampleNumbers,
+        tally: &mut Tally,
+    ) -> Vec3 {
+        let [a, b, x, y] = numbers.light;
+        let mut sample = || {
+            let pick = baseline.choose(&surface.shading_point, [a, b])?;
+            let incident = self.lights.sampler.sample_light(&surface.shading_point, pick.light, [x, y])?;
+            let contribution = surface.reflected(&incident) / (incident.pdf * pick.pmf);
+            let is_lit = contribution.max_element() > 0.0 && self.is_lit(surface, &incident, &mut tally.rays);
+            is_lit.then_some(contribution)
+        };
+        sample().unwrap_or_default()
+    }
+
     /// The light of all lights, with one shadow ray to a point on each.
     fn by_all(&self, surface: &Surface<'_>, numbers: &SampleNumbers, tally: &mut Tally) -> Vec3 {
         let [.., x, y] = numbers.light;
         let one = |light: LightId| {
-            let incident = self.sampler.sample_light(&surface.shading_point, light, [x, y])?;
+            let incident = self.lights.sampler.sample_light(&surface.shading_point, light, [x, y])?;
             let contribution = surface.reflected(&incident) / incident.pdf;
             let is_lit = contribution.max_element() > 0.0 && self.is_lit(surface, &incident, &mut tally.rays);
             is_lit.then_some(contribution)
         };
-        self.sampler.all_lights().filter_map(one).sum()
+        self.lights.sampler.all_lights().filter_map(one).sum()
     }
 
     /// Whether nothing opaque lies between a surface and a point on a light.

@@ -75,6 +75,11 @@ impl Occluders {
     /// Nothing casts shadows.
     const NONE: Self = Self { min: Vec3::MAX, max: Vec3::MIN };
 
+    /// The radius of a sphere around the box, metres; 0 if nothing casts shadows.
+    pub fn radius(&self) -> f32 {
+        if self.min.cmple(self.max).all() { (self.max - self.min).length() * 0.5 } else { 0.0 }
+    }
+
     /// Whether something may block a ray within the distance `limit`; where not, no shadow ray is
     /// needed.
     ///

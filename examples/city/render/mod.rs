@@ -5,8 +5,9 @@
 //! 1. `settings` and `image`: what goes in and what comes out;
 //! 2. `sequence` and `shading`: random numbers, camera rays and the BRDF;
 //! 3. `nodes`, `geometry` and `rays`: the hierarchies that rays traverse;
-//! 4. `cpu`: the whole renderer on threads, which is the easier one to read;
-//! 5. `backend` and `gpu`: the same renderer as a compute shader.
+//! 4. `baseline` and `choice`: samplers to compare with, and how samples choose lights;
+//! 5. `cpu`: the whole renderer on threads, which is the easier one to read;
+//! 6. `backend` and `gpu`: the same renderer as a compute shader.
 
 use super::scene;
 
@@ -19,6 +20,9 @@ pub mod shading;
 pub mod nodes;
 pub mod geometry;
 pub mod rays;
+
+pub mod baseline;
+pub mod choice;
 
 pub mod cpu;
 

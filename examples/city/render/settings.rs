@@ -1,5 +1,6 @@
 //! How to render.
 
+use clap::ValueEnum;
 use girandole::CandidateCount;
 
 /// Settings of a renderer.
@@ -16,17 +17,25 @@ pub struct Settings {
     pub candidates: CandidateCount,
     /// Of the random numbers.
     pub seed: u64,
-    /// How lights are sampled. The GPU backend always uses the light trees.
+    /// How lights are sampled. The GPU renders only [`LightChoice::Girandole`]; the CPU renders all
+    /// others, even if the backend is a GPU.
     pub light_choice: LightChoice,
 }
 
-/// How lights are sampled at a surface.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// How lights are sampled at a surface. The comments on the variants of `--sampler` are part of the
+/// help text.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum LightChoice {
-    /// One light per sample, from the light trees.
+    /// One light per sample, from the light trees
     #[default]
-    Tree,
-    /// All lights in every sample: slow, for tests.
-    #[cfg_attr(not(test), allow(dead_code, reason = "only tests use it"))]
+    Girandole,
+    /// One light per sample; all have the same probability
+    Uniform,
+    /// One light per sample, in proportion to its flux
+    Flux,
+    /// One light per sample, from a light tree with the formula of pbrt-v4
+    Pbrt,
+    /// All lights in every sample, without a choice. The cost of a sample grows with their number.
+    #[value(skip)]
     Exhaustive,
 }

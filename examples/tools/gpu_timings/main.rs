@@ -25,6 +25,9 @@ mod city;
 #[path = "../../common/mod.rs"]
 #[allow(dead_code, reason = "other programs use more of it")]
 mod common;
+#[path = "../../measuring/mod.rs"]
+#[allow(dead_code, reason = "other programs use more of it")]
+mod measuring;
 #[path = "modules.rs"]
 mod modules;
 
