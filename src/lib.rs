@@ -208,7 +208,7 @@ pub use visibility::{VisibilityOptions, VisibilityTable};
 #[cfg(feature = "gpu")]
 pub use wgpu;
 pub use world::{
-    BackgroundReport, FrameDelta, FrameReport, JobReport, LightWorld, OriginMode, RefusedRegion, Region,
+    BackgroundReport, FrameDelta, FrameReport, JobReport, LightWorld, OriginMode, RebuildState, RefusedRegion, Region,
     RegionInstance, RegionTree, RegionView, RemovedRegion, WorldMemory,
 };
 

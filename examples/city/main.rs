@@ -24,11 +24,15 @@ mod common;
 #[allow(dead_code, reason = "other programs use more of it")]
 mod measuring;
 
+#[path = "window/mod.rs"]
+mod window;
+
 use city::app::options::{Options, Parsed};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
     let result = match Options::read(std::env::args_os()) {
+        Ok(Parsed::Run(options)) if options.window => window::run(&options, &mut |line| println!("{line}")),
         Ok(Parsed::Run(options)) => city::app::run::run(&options, &mut |line| println!("{line}")),
         Ok(Parsed::Help(text)) => {
             print!("{text}");

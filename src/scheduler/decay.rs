@@ -39,6 +39,11 @@ impl Decay {
         *self = Self { rebuilt_at: frame, changed_at: frame, ..Self::default() };
     }
 
+    /// The frame of the last rebuild.
+    pub fn rebuilt_at(&self) -> u64 {
+        self.rebuilt_at
+    }
+
     /// Records that the tree changed, and has this loss per frame from now on.
     pub fn record_loss(&mut self, frame: u64, loss: f32) {
         let unchanged = frame.saturating_sub(self.changed_at) as f64;

@@ -179,6 +179,19 @@ impl Scheduler {
         self.queue.contains(tree) || self.is_open(tree)
     }
 
+    /// The frames for which a tree has waited for a rebuild, in the queue or for its open build;
+    /// `None` if it does not wait.
+    pub fn wait_of(&self, tree: TreeKey) -> Option<u64> {
+        let open = self.open.as_ref().filter(|open| open.tree == Some(tree) && !open.is_built);
+        let queued = || self.queue.contains(tree).then(|| self.queue.entry(tree).since_frame);
+        open.map(|open| open.since_frame).or_else(queued).map(|since| self.frame - since)
+    }
+
+    /// The frames since a tree was last built.
+    pub fn age_of(&self, tree: TreeKey) -> u64 {
+        self.frame - self.trees[tree].decay.rebuilt_at()
+    }
+
     /// Adds a tree that was just built.
     pub fn add(&mut self, tree: TreeKey, features: TreeFeatures, lights: usize) {
         let mut state = TreeState::default();

@@ -43,7 +43,7 @@ use delta::Changes;
 pub use delta::FrameDelta;
 pub use memory::WorldMemory;
 pub use origin::OriginMode;
-pub use rebuild::JobReport;
+pub use rebuild::{JobReport, RebuildState};
 pub use region::{RefusedRegion, Region, RegionInstance, RegionTree};
 pub use region_table::RegionView;
 pub use regions::RemovedRegion;

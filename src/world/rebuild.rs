@@ -26,7 +26,26 @@ pub struct JobReport {
     pub waited: u64,
 }
 
+/// How long ago a tree was built, and whether it waits for a rebuild: for overlays and statistics.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct RebuildState {
+    /// The number of updates since the tree was last built, or added.
+    pub age: u64,
+    /// The number of updates since the tree requested a rebuild that it did not get yet; `None` if
+    /// it does not wait. A tree waits until its open build, in slices or in the background, ends.
+    pub waited: Option<u64>,
+}
+
 impl LightWorld {
+    /// Returns how long ago a tree was built and for how long it has waited for a rebuild, as of
+    /// the last [`LightWorld::update`]; `None` for a stale key. O(1).
+    pub fn rebuild_state(&self, tree: TreeKey) -> Option<RebuildState> {
+        self.trees
+            .contains_key(tree)
+            .then(|| RebuildState { age: self.scheduler.age_of(tree), waited: self.scheduler.wait_of(tree) })
+    }
+
     /// Returns the jobs of the last [`LightWorld::update`], in the order in which they were done.
     pub fn jobs(&self) -> &[JobReport] {
         &self.jobs

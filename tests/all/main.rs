@@ -78,4 +78,7 @@ mod trees_made_elsewhere;
 mod usage;
 mod variance;
 mod visibility;
+#[path = "../../examples/city/window/mod.rs"]
+#[allow(dead_code, missing_docs, reason = "the example's main opens the window, the tests do not")]
+mod window;
 mod world;

@@ -7,7 +7,7 @@ use super::scene_options::{SceneOptions, parse_size};
 use super::session::Pace;
 use crate::common::exit::one_line;
 use clap::Parser;
-use girandole::{CandidateCount, FrameBudget, MAX_CANDIDATES};
+use girandole::{CandidateCount, FrameBudget, MAX_CANDIDATES, MAX_SPLITS, SplitCount};
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -24,6 +24,12 @@ const MAX_SPP: u32 = 1 << 20;
 #[derive(Clone, Debug, Parser)]
 #[command(name = "city", version)]
 pub struct Options {
+    /// Open a window to fly through the scene; --out receives the pictures that are saved there
+    #[arg(long, conflicts_with_all = ["frames", "size", "spp", "keep_noise"])]
+    pub window: bool,
+    /// Width and height of the window in pixels [default: 1280x720]
+    #[arg(long, value_name = "WxH", requires = "window", value_parser = |text: &str| parse_size(text, 64..=MAX_SIDE))]
+    pub window_size: Option<(u32, u32)>,
     /// Number of frames to render
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_FRAMES)))]
     pub frames: u32,
@@ -33,6 +39,10 @@ pub struct Options {
     /// Samples per pixel; each sample uses one light
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SPP)))]
     pub spp: u32,
+    /// Clusters of lights that a sample splits before it chooses a light: more lower the noise, and
+    /// cost time
+    #[arg(long, value_name = "N", default_value = "6", value_parser = parse_splits)]
+    pub splits: SplitCount,
     /// Candidates of which each sample keeps one light: more lower the noise, and cost time but no
     /// shadow rays
     #[arg(long, value_name = "N", default_value = "4", value_parser = parse_candidates)]
@@ -88,6 +98,7 @@ impl Options {
             width: self.size.0,
             height: self.size.1,
             spp: self.spp,
+            splits: self.splits,
             candidates: self.candidates,
             seed: self.scene.seed,
             light_choice: if self.sum { LightChoice::Exhaustive } else { self.sampler },
@@ -103,6 +114,11 @@ impl Options {
 fn parse_candidates(text: &str) -> Result<CandidateCount, String> {
     let count = text.parse().ok().and_then(|count| CandidateCount::new(count).ok());
     count.ok_or_else(|| format!("expected a number from 1 to {MAX_CANDIDATES}"))
+}
+
+fn parse_splits(text: &str) -> Result<SplitCount, String> {
+    let count = text.parse().ok().and_then(|count| SplitCount::new(count).ok());
+    count.ok_or_else(|| format!("expected a number from 0 to {MAX_SPLITS}"))
 }
 
 fn parse_budget(text: &str) -> Result<f64, String> {
@@ -141,6 +157,7 @@ mod tests {
             "--size 16385x1",
             "--size -1x4",
             "--spp 0",
+            "--splits 9",
             "--candidates 0",
             "--candidates 33",
             "--frames 0",

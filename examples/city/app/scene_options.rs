@@ -62,6 +62,12 @@ impl SceneOptions {
         Ok(stage)
     }
 
+    /// The number of cars, if it can be chosen: in the procedural city.
+    pub fn procedural_cars(&self) -> Option<usize> {
+        let files = [&self.gltf, &self.lamps, &self.traffic, &self.net];
+        files.iter().all(|file| file.is_none()).then(|| self.cars.unwrap_or_else(|| self.world.default_cars()))
+    }
+
     /// The name of the scene for titles.
     #[allow(dead_code, reason = "only measuring programs have titles")]
     pub fn name(&self) -> String {

@@ -11,9 +11,9 @@ use super::render::gpu::{GpuRenderer, GpuUpdate};
 use super::render::image::{Image, ShadowRays};
 use super::render::sequence::frame_seed;
 use super::render::settings::{LightChoice, Settings};
-use super::scene::{Scene, SceneError, Stage};
+use super::scene::{Camera, Scene, SceneError, Stage};
 use super::stage_times::{Laps, StageTimes};
-use girandole::{Effects, FrameBudget, FrameReport};
+use girandole::{Effects, FrameBudget, FrameReport, InstanceKey, LightWorld};
 use std::time::Duration;
 
 /// How time passes from frame to frame.
@@ -75,10 +75,9 @@ pub struct Frame {
     /// Bytes of objects and of the upper hierarchy that were uploaded; 0 on the CPU backend.
     #[cfg_attr(not(test), allow(dead_code, reason = "only tests read it"))]
     pub geometry_bytes: u64,
-    /// Usage of earlier frames, in samples, that the light world received before it chose what to
-    /// rebuild.
-    #[cfg_attr(not(test), allow(dead_code, reason = "only tests read it"))]
-    pub recorded_usage: u64,
+    /// Usage of earlier frames, in samples by instance, that the light world received before it
+    /// chose what to rebuild.
+    pub recorded_usage: Vec<(InstanceKey, u32)>,
 }
 
 enum Renderer {
@@ -93,7 +92,7 @@ struct Advance {
     number: u32,
     report: FrameReport,
     update: GpuUpdate,
-    recorded_usage: u64,
+    recorded_usage: Vec<(InstanceKey, u32)>,
     times: StageTimes,
 }
 
@@ -117,6 +116,9 @@ pub struct Session {
     pace: Pace,
     /// Number of the next frame.
     next: u32,
+    /// The scene's time in the next frame, in frames from the start.
+    clock: u32,
+    is_frozen: bool,
 }
 
 impl Session {
@@ -135,7 +137,17 @@ impl Session {
                 Renderer::Gpu(Box::new(renderer))
             }
         };
-        Ok(Self { stage, geometry, renderer, baselines: Baselines::default(), settings, pace, next: 0 })
+        Ok(Self {
+            stage,
+            geometry,
+            renderer,
+            baselines: Baselines::default(),
+            settings,
+            pace,
+            next: 0,
+            clock: 0,
+            is_frozen: false,
+        })
     }
 
     /// The scene as of the last frame.
@@ -143,11 +155,56 @@ impl Session {
         &self.stage.scene
     }
 
-    /// Sets how lights are sampled from the next frame on. The CPU renders all frames whose choice is
-    /// not [`LightChoice::Girandole`], even if the backend is a GPU, which is kept up to date.
-    #[cfg_attr(not(test), allow(dead_code, reason = "only tests switch between frames"))]
-    pub fn set_light_choice(&mut self, choice: LightChoice) {
-        self.settings.light_choice = choice;
+    /// The light world as of the last frame.
+    pub fn world(&self) -> &LightWorld {
+        &self.stage.world
+    }
+
+    /// What rays hit, as of the last frame.
+    pub fn geometry(&self) -> &Geometry {
+        &self.geometry
+    }
+
+    /// Whether nothing will move in the next frame.
+    pub fn is_still(&self) -> bool {
+        self.is_frozen || self.stage.animation.is_still()
+    }
+
+    /// How the next frames are rendered. The CPU renders all frames whose choice of lights is not
+    /// [`LightChoice::Girandole`], even if the backend is a GPU, which is kept up to date.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Changes how the next frames are rendered. Fails if a GPU has no memory for the new size.
+    pub fn set_settings(&mut self, settings: Settings) -> Result<(), SceneError> {
+        if let Renderer::Gpu(renderer) = &mut self.renderer {
+            renderer.set_settings(&settings)?;
+        }
+        self.settings = settings;
+        Ok(())
+    }
+
+    /// Changes the camera of the next frames.
+    pub fn set_camera(&mut self, camera: Camera) {
+        self.stage.scene.camera = camera;
+    }
+
+    /// Changes the frame rate and the budget of the next frames.
+    pub fn set_pace(&mut self, pace: Pace) {
+        self.pace = pace;
+    }
+
+    /// Stops the scene's time, or lets it go on.
+    pub fn set_frozen(&mut self, is_frozen: bool) {
+        self.is_frozen = is_frozen;
+    }
+
+    /// Destroys the device of a GPU, as a driver that crashed would. The next frame fails.
+    pub fn lose_device(&self) {
+        if let Renderer::Gpu(renderer) = &self.renderer {
+            renderer.lose_device();
+        }
     }
 
     /// A picture of the last frame with less noise.
@@ -192,25 +249,18 @@ impl Session {
         let number = self.next;
         self.next += 1;
         // A still animation is advanced once, and the geometry is compared with the scene once.
-        let moves = number == 0 || !animation.is_still();
+        let moves = number == 0 || !(self.is_frozen || animation.is_still());
         if moves {
-            animation.advance(f64::from(number) / pace.fps, scene, world)?;
+            animation.advance(f64::from(self.clock) / pace.fps, scene, world)?;
+            self.clock += 1;
         }
         times.animation = laps.lap();
         // The light world learns which lights earlier frames used, and where the camera is.
-        let mut recorded_usage = 0;
-        match &mut self.renderer {
-            Renderer::Cpu(usage) => {
-                recorded_usage = usage.values().map(|count| u64::from(*count)).sum();
-                world.record_usage(std::mem::take(usage));
-            }
-            Renderer::Gpu(renderer) => {
-                if let Some(usage) = renderer.take_usage() {
-                    recorded_usage = usage.total();
-                    world.record_usage(usage.iter());
-                }
-            }
-        }
+        let recorded_usage: Vec<(InstanceKey, u32)> = match &mut self.renderer {
+            Renderer::Cpu(usage) => std::mem::take(usage).into_iter().collect(),
+            Renderer::Gpu(renderer) => renderer.take_usage().map(|usage| usage.iter().collect()).unwrap_or_default(),
+        };
+        world.record_usage(recorded_usage.iter().copied());
         world.set_viewpoint(scene.camera.eye.as_dvec3())?;
         let report = world.update(pace.budget);
         let delta = world.take_delta();
@@ -247,7 +297,7 @@ impl Session {
                 renderer.render(scene, geometry, settings, seed, progress)?
             }
             renderer => {
-                let sampler = world.sampler();
+                let sampler = world.sampler().with_splits(settings.splits);
                 times.top_build = Some(laps.lap());
                 let choice = baselines.get(settings.light_choice, world, geometry.occluders.radius());
                 times.baseline_build = laps.lap();

@@ -1,7 +1,7 @@
 //! How to render.
 
 use clap::ValueEnum;
-use girandole::CandidateCount;
+use girandole::{CandidateCount, SplitCount};
 
 /// Settings of a renderer.
 #[derive(Clone, Debug)]
@@ -12,6 +12,8 @@ pub struct Settings {
     pub height: u32,
     /// Samples per pixel. The noise falls with its square root.
     pub spp: u32,
+    /// Clusters that are split before a light is chosen. More of them lower the noise and cost time.
+    pub splits: SplitCount,
     /// Candidates of which each sample keeps one. More of them lower the noise of reflections and
     /// cost time, but no shadow rays.
     pub candidates: CandidateCount,

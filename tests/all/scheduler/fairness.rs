@@ -39,6 +39,13 @@ fn a_frame_rebuilds_what_fits_its_budget_and_reports_it() {
         let jobs = test.world.jobs();
         assert_eq!(jobs.iter().map(|job| job.took).sum::<Duration>(), report.spent);
         assert_eq!(jobs.iter().map(|job| job.predicted).sum::<Duration>(), report.predicted);
+        let states = trees.iter().map(|tree| test.world.rebuild_state(*tree).expect("a live tree"));
+        let (waiting, built): (Vec<_>, Vec<_>) = states.partition(|state| state.waited.is_some());
+        // The tree whose build is cut waits, too, but is not among those that are counted.
+        assert!((report.waiting_trees..=report.waiting_trees + 1).contains(&waiting.len()), "{report:?}");
+        assert!(waiting.iter().all(|state| state.waited == Some(frame) && state.age >= frame), "{waiting:?}");
+        assert!(built.iter().all(|state| state.age < frame), "{built:?}");
+        assert!(report.rebuilt_trees <= built.iter().filter(|state| state.age == 0).count());
     }
     // The rest of each frame goes to slices of another tree.
     assert_eq!(rebuilt, [2, 2, 2, 0]);
@@ -50,6 +57,11 @@ fn a_frame_rebuilds_what_fits_its_budget_and_reports_it() {
     }
     check_trees(&test.world);
     assert!(trees.iter().all(|tree| test.is_as_new(*tree)));
+    test.world.rebuild_tree(trees[0]).expect("a live tree");
+    let rebuilt = test.world.rebuild_state(trees[0]).map(|state| (state.age, state.waited));
+    assert_eq!(rebuilt, Some((0, None)));
+    test.world.remove_tree(trees[0]).expect("a tree without instances");
+    assert_eq!(test.world.rebuild_state(trees[0]), None);
 }
 
 /// Runs frames until nothing is left to do, and returns the trees in the order of their first jobs.

@@ -70,14 +70,14 @@ impl Buffers {
             device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
         };
         use wgpu::BufferUsages as Usage;
-        let image_bytes = band_pixels * PIXEL_BYTES;
+        let [image, image_readback] = band_buffers(device, band_pixels);
         let buffers = Self {
             uniform: empty("city frame", size_of::<FrameUniform>() as u64, Usage::UNIFORM | Usage::COPY_DST),
             nodes: filled("city nodes", nodes, Usage::STORAGE | Usage::COPY_DST),
             triangles: filled("city triangles", triangles, Usage::STORAGE),
             records: filled("city records", records, Usage::STORAGE | Usage::COPY_DST),
-            image: empty("city image", image_bytes, Usage::STORAGE | Usage::COPY_SRC),
-            image_readback: empty("city image readback", image_bytes, Usage::MAP_READ | Usage::COPY_DST),
+            image,
+            image_readback,
             timer: gpu.timestamps.then(|| Timer {
                 queries: device.create_query_set(&wgpu::QuerySetDescriptor {
                     label: Some("city top-level build"),
@@ -92,6 +92,21 @@ impl Buffers {
             Some(error) => Err(SceneError(format!("the adapter does not have enough memory: {error}"))),
             None => Ok(buffers),
         }
+    }
+
+    /// Makes the buffers of a band larger or smaller. Returns whether they changed, so that they must
+    /// be bound again.
+    pub fn set_band(&mut self, gpu: &Gpu, pixels: u64) -> Result<bool, SceneError> {
+        if self.image.size() == pixels * PIXEL_BYTES {
+            return Ok(false);
+        }
+        let memory = gpu.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let [image, image_readback] = band_buffers(&gpu.device, pixels);
+        if let Some(error) = pollster::block_on(memory.pop()) {
+            return Err(SceneError(format!("the adapter does not have enough memory: {error}")));
+        }
+        (self.image, self.image_readback) = (image, image_readback);
+        Ok(true)
     }
 
     /// Bind group 0 of the render shader, and its layout.
@@ -126,4 +141,18 @@ impl Buffers {
         });
         (layout, group)
     }
+}
+
+/// The buffer of a band of pixels, and the one that receives a copy of it.
+fn band_buffers(device: &wgpu::Device, pixels: u64) -> [wgpu::Buffer; 2] {
+    use wgpu::BufferUsages as Usage;
+    let usages = [Usage::STORAGE | Usage::COPY_SRC, Usage::MAP_READ | Usage::COPY_DST];
+    usages.map(|usage| {
+        device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("city image"),
+            size: pixels * PIXEL_BYTES,
+            usage,
+            mapped_at_creation: false,
+        })
+    })
 }

@@ -66,6 +66,11 @@ pub struct GpuRenderer {
     band_rows: u32,
 }
 
+/// The rows of a band.
+fn band_rows(settings: &Settings) -> u32 {
+    (BAND_PIXELS / settings.width).clamp(1, settings.height)
+}
+
 impl GpuRenderer {
     /// Uploads the geometry and compiles a shader for a light world with these effects. The shader
     /// counts the lights that it samples if `counts_usage` is set and the device has enough storage
@@ -81,10 +86,11 @@ impl GpuRenderer {
         settings: &Settings,
     ) -> Result<Self, SceneError> {
         let device = &gpu.device;
-        let band_rows = (BAND_PIXELS / settings.width).clamp(1, settings.height);
+        let band_rows = band_rows(settings);
         let buffers = Buffers::new(&gpu, scene, geometry, u64::from(settings.width) * u64::from(band_rows))?;
         let (layout, bind_group) = buffers.bind(device);
         let mut lights = GpuLights::new(device, &gpu.queue).map_err(|e| SceneError(e.to_string()))?;
+        lights.set_splits(settings.splits);
         let effects = effects - Effects::MOVING;
         let has_buffers = device.limits().max_storage_buffers_per_shader_stage >= USAGE_STORAGE_BUFFERS;
         let target = TargetHook::new(TARGET, TARGET_ARGUMENT).map_err(|e| SceneError(e.to_string()))?;
@@ -99,6 +105,22 @@ impl GpuRenderer {
         let pipeline = pipeline(device, &layout, &shader, stack_size);
         let first_object = scene.materials.len();
         Ok(Self { gpu, lights, buffers, layout, bind_group, shader, stack_size, pipeline, first_object, band_rows })
+    }
+
+    /// Destroys the device, as a driver that crashed would.
+    pub fn lose_device(&self) {
+        self.gpu.device.destroy();
+    }
+
+    /// Prepares for pictures with other settings. Fails if the device has no memory for their size.
+    pub fn set_settings(&mut self, settings: &Settings) -> Result<(), SceneError> {
+        self.lights.set_splits(settings.splits);
+        self.band_rows = band_rows(settings);
+        let band_pixels = u64::from(settings.width) * u64::from(self.band_rows);
+        if self.buffers.set_band(&self.gpu, band_pixels)? {
+            (self.layout, self.bind_group) = self.buffers.bind(&self.gpu.device);
+        }
+        Ok(())
     }
 
     /// How often lights were sampled in earlier frames, if such counts have arrived.

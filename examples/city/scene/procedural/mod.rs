@@ -83,6 +83,11 @@ struct Plan {
 }
 
 impl Size {
+    /// The number of cars of a city of this size.
+    pub fn default_cars(self) -> usize {
+        self.plan().cars
+    }
+
     fn plan(self) -> Plan {
         match self {
             Size::S => Plan { blocks: 5, cars: 230, festoon_streets: 1, drones: 560, towers: [0.0, 0.04] },
