@@ -11,6 +11,7 @@ use super::render::image::Image;
 use super::render::shading::View;
 use super::scene::{Camera, Scene};
 use girandole::glam::{Affine3A, Vec2, Vec3};
+use girandole::light::luminance;
 use rayon::prelude::*;
 
 /// Frames that count while anything moves. More of them lower the noise, and light lags behind.
@@ -18,6 +19,8 @@ const MAX_FRAMES_IN_MOTION: f32 = 12.0;
 /// A pixel of the last picture shows the same surface if the surface was within this many widths of
 /// a pixel of its plane.
 const TOLERANCE: f32 = 2.0;
+/// Fewer frames do not estimate their own variance well.
+const MIN_FRAMES_FOR_VARIANCE: f32 = 6.0;
 /// The object of pixels that show the sky.
 const SKY: u32 = u32::MAX;
 
@@ -39,10 +42,26 @@ struct Visible {
 struct Pixel {
     visible: Visible,
     mean: Vec3,
-    /// The square of the standard error of the mean's luminance.
+    /// The mean of the square of the frames' luminance.
+    mean_square: f32,
+    /// The square of the standard error of the mean's luminance, as the frames estimate it.
     variance: f32,
     /// Frames in the mean.
     frames: f32,
+}
+
+impl Pixel {
+    /// The square of the standard error of the mean's luminance: from the differences between
+    /// frames if there are enough of them. A frame of one sample does not show its error.
+    fn variance(&self) -> f32 {
+        if self.frames < MIN_FRAMES_FOR_VARIANCE {
+            return self.variance;
+        }
+        let square = luminance(self.mean).powi(2);
+        // Rounding of the squares must not look like noise.
+        let spread = self.mean_square - square;
+        if spread < square * 1e-5 { 0.0 } else { spread / (self.frames - 1.0) }
+    }
 }
 
 /// The accumulated picture and what is needed to look up a surface in it.
@@ -83,7 +102,7 @@ impl Accumulation {
             width: image.width,
             height: image.height,
             pixels: last.pixels.iter().map(|pixel| pixel.mean).collect(),
-            variance: last.pixels.iter().map(|pixel| pixel.variance).collect(),
+            variance: last.pixels.iter().map(Pixel::variance).collect(),
         };
         self.last = Some(last);
         accumulated
@@ -110,7 +129,7 @@ fn reprojected(image: &Image, scene: &Scene, geometry: &Geometry, last: Option<&
         });
         match old {
             Some(old) => Pixel { visible, ..add(&old, (mean, variance)) },
-            None => Pixel { visible, mean, variance, frames: 1.0 },
+            None => Pixel { visible, mean, mean_square: luminance(mean).powi(2), variance, frames: 1.0 },
         }
     };
     fresh(image).enumerate().map(pixel).collect()
@@ -128,6 +147,7 @@ fn add(old: &Pixel, (mean, variance): (Vec3, f32)) -> Pixel {
     Pixel {
         visible: old.visible,
         mean: old.mean * kept + mean * added,
+        mean_square: old.mean_square * kept + luminance(mean).powi(2) * added,
         variance: old.variance * kept * kept + variance * added * added,
         frames,
     }
@@ -175,7 +195,8 @@ impl Last {
         let size = Vec2::new(self.width as f32, self.height as f32);
         let at = (Vec2::new(across(view.right), -across(view.up)) + 1.0) * 0.5 * size - 0.5;
         let corner = at.floor();
-        let (mut weight_sum, mut mean, mut variance, mut frames) = (0.0, Vec3::ZERO, 0.0, f32::INFINITY);
+        let (mut weight_sum, mut mean, mut mean_square) = (0.0, Vec3::ZERO, 0.0);
+        let (mut variance, mut frames) = (0.0, f32::INFINITY);
         let mut nearest: Option<Visible> = None;
         for offset in [Vec2::ZERO, Vec2::X, Vec2::Y, Vec2::ONE] {
             let tap = corner + offset;
@@ -192,13 +213,14 @@ impl Last {
             let weight = shares.x * shares.y;
             weight_sum += weight;
             mean += pixel.mean * weight;
+            mean_square += pixel.mean_square * weight;
             variance += pixel.variance * weight;
             frames = frames.min(pixel.frames);
             nearest = nearest.or(Some(pixel.visible));
         }
         let visible = nearest.filter(|_| weight_sum > 0.01)?;
-        let (mean, variance) = (mean / weight_sum, variance / weight_sum);
-        Some(Pixel { visible, mean, variance, frames: frames.min(MAX_FRAMES_IN_MOTION - 1.0) })
+        let (mean, mean_square, variance) = (mean / weight_sum, mean_square / weight_sum, variance / weight_sum);
+        Some(Pixel { visible, mean, mean_square, variance, frames: frames.min(MAX_FRAMES_IN_MOTION - 1.0) })
     }
 }
 
@@ -241,8 +263,27 @@ mod tests {
             last = accumulation.add(&picture(frame as f32, None), &scene, &geometry, frame > 0);
         }
         assert!(last.pixels.iter().all(|pixel| (pixel.x - 49.5).abs() < 1e-3), "{:?}", last.pixels[0]);
-        assert!(last.variance.iter().all(|variance| (variance - 0.01).abs() < 1e-4), "{:?}", last.variance[0]);
+        // The variance of the numbers from 0 to 99 is (100 * 100 - 1) / 12.
+        let expected = 9999.0 / 12.0 / 99.0;
+        assert!(
+            last.variance.iter().all(|variance| (variance / expected - 1.0).abs() < 1e-3),
+            "{:?}",
+            last.variance[0]
+        );
         assert_eq!(accumulation.mean_frames(), 100.0);
+    }
+
+    #[test]
+    fn equal_frames_have_no_noise() {
+        let scene = scene();
+        let geometry = Geometry::new(&scene).expect("a valid scene");
+        let mut accumulation = Accumulation::default();
+        for frame in 0..300 {
+            let shown = accumulation.add(&picture(0.123, None), &scene, &geometry, frame > 0);
+            // A few frames know only what each of them says.
+            let expected = if frame < 5 { 1.0 / (frame + 1) as f32 } else { 0.0 };
+            assert!(shown.variance.iter().all(|variance| (variance - expected).abs() < 1e-6), "frame {frame}");
+        }
     }
 
     #[test]

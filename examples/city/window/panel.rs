@@ -9,13 +9,26 @@ use super::recording::{Record, Recording};
 use super::render::settings::LightChoice;
 use super::viewer::Shown;
 use egui::{Color32, RichText, Slider, Ui};
-use egui_plot::{Corner, Legend, Line, Plot, PlotPoints};
+use egui_plot::{Line, Plot, PlotPoints};
 use girandole::{MAX_CANDIDATES, MAX_SPLITS};
 
 /// Width of the panel, points.
 pub const WIDTH: f32 = 300.0;
 /// Height of a plot, points.
 const PLOT_HEIGHT: f32 = 110.0;
+/// Colours of the stages of a frame (Okabe and Ito, 2008, and two greys).
+const STAGE_COLORS: [Color32; 10] = [
+    Color32::from_gray(150),
+    Color32::from_rgb(230, 159, 0),
+    Color32::from_rgb(86, 180, 233),
+    Color32::from_rgb(0, 158, 115),
+    Color32::from_rgb(240, 228, 66),
+    Color32::from_gray(220),
+    Color32::from_rgb(90, 160, 255),
+    Color32::from_rgb(213, 94, 0),
+    Color32::from_rgb(204, 121, 167),
+    Color32::from_rgb(120, 200, 120),
+];
 /// Most samples per pixel and frame.
 const MAX_SPP: u32 = 16;
 /// Most cars that the slider offers.
@@ -156,7 +169,7 @@ fn legend(ui: &mut Ui, view: ViewKind) {
         }
         ViewKind::Noise => {
             ui.small("Relative standard error of each pixel.");
-            scale(ui, inferno, RANGE.map(|power| format!("{}", 2f32.powf(power))));
+            scale(ui, inferno, RANGE.map(percent));
         }
         ViewKind::Trees => {
             ui.small("Boxes of the light trees, by updates since the last build.");
@@ -164,6 +177,11 @@ fn legend(ui: &mut Ui, view: ViewKind) {
             ui.small(RichText::new("waits for a rebuild").color(color(WAITING)));
         }
     }
+}
+
+/// A power of two as a percentage.
+fn percent(power: f32) -> String {
+    format!("{:.0} %", 100.0 * power.exp2())
 }
 
 fn numbers(ui: &mut Ui, status: &Status<'_>) {
@@ -188,21 +206,23 @@ fn numbers(ui: &mut Ui, status: &Status<'_>) {
 
 fn plots(ui: &mut Ui, recording: &Recording) {
     let stage = |index: usize| move |record: &Record| record.times.named()[index].1.as_secs_f64() * 1e3;
+    let lines = StageTimes::default().named().into_iter().enumerate().zip(STAGE_COLORS);
+    let lines = lines.map(|((index, (name, _)), color)| (name, color, recording.points(stage(index))));
     // Stages that never take a visible time would only lengthen the legend.
-    let names: Vec<(usize, &str)> =
-        StageTimes::default().named().into_iter().map(|(name, _)| name).enumerate().collect();
-    let lines = names.into_iter().map(|(index, name)| (name, recording.points(stage(index))));
-    let visible = lines.filter(|(_, points)| points.iter().any(|[_, y]| *y > 0.5)).collect();
+    let visible = lines.filter(|(_, _, points)| points.iter().any(|[_, y]| *y > 1.0)).collect();
     plot(ui, "Time by stage, ms", visible);
-    let budget = recording.points(|record| record.budget_us);
-    let spent = recording.points(|record| record.spent_us);
-    plot(ui, "Rebuilds, µs", vec![("budget", budget), ("spent", spent)]);
+    let [budget, spent] = [|record: &Record| record.budget_us, |record: &Record| record.spent_us];
+    let lines = [("budget", STAGE_COLORS[8], budget), ("spent", STAGE_COLORS[6], spent)];
+    let lines = lines.into_iter().map(|(name, color, value)| (name, color, recording.points(value)));
+    plot(ui, "Rebuilds, µs", lines.collect());
     let uploads = recording.points(|record| record.upload_bytes as f64 / 1024.0);
-    plot(ui, "Upload, KiB", vec![("lights", uploads)]);
+    plot(ui, "Upload of lights, KiB", vec![("", STAGE_COLORS[6], uploads)]);
 }
 
-fn plot(ui: &mut Ui, title: &str, lines: Vec<(&str, Vec<[f64; 2]>)>) {
+/// A plot over the last frames, with its legend below: it has no room for both.
+fn plot(ui: &mut Ui, title: &str, lines: Vec<(&str, Color32, Vec<[f64; 2]>)>) {
     ui.label(title);
+    let names: Vec<(&str, Color32)> = lines.iter().map(|(name, color, _)| (*name, *color)).collect();
     Plot::new(title)
         .height(PLOT_HEIGHT)
         .include_y(0.0)
@@ -210,10 +230,14 @@ fn plot(ui: &mut Ui, title: &str, lines: Vec<(&str, Vec<[f64; 2]>)>) {
         .allow_zoom(false)
         .allow_scroll(false)
         .show_x(false)
-        .legend(Legend::default().position(Corner::LeftTop))
         .show(ui, |plot| {
-            for (name, points) in lines {
-                plot.line(Line::new(name, PlotPoints::from(points)));
+            for (name, color, points) in lines {
+                plot.line(Line::new(name, PlotPoints::from(points)).color(color));
             }
         });
+    ui.horizontal_wrapped(|ui| {
+        for (name, color) in names {
+            ui.small(RichText::new(name).color(color));
+        }
+    });
 }

@@ -268,7 +268,8 @@ mod tests {
         let frozen = Controls { is_frozen: true, ..controls() };
         // The first frame brings the scene to its start, whatever the controls say.
         shown(&mut viewer, frozen);
-        let transforms = |viewer: &Viewer| -> Vec<_> { viewer.session.scene().objects.iter().map(|o| o.transform).collect() };
+        let transforms =
+            |viewer: &Viewer| -> Vec<_> { viewer.session.scene().objects.iter().map(|o| o.transform).collect() };
         let start = transforms(&viewer);
         assert_eq!(shown(&mut viewer, frozen).stats.moved_instances, 0);
         assert!(transforms(&viewer) == start);
@@ -320,7 +321,8 @@ mod tests {
             let first = shown(&mut viewer, Controls { is_accumulated: true, ..controls() });
             let mut camera = viewer.camera();
             (camera.eye, camera.target) = (camera.eye + Vec3::Y * 20.0, camera.target + Vec3::Y * 20.0);
-            let controls = Controls { is_accumulated: true, is_filtered: true, splits: 2, candidates: 1, spp: 2, ..controls() };
+            let controls =
+                Controls { is_accumulated: true, is_filtered: true, splits: 2, candidates: 1, spp: 2, ..controls() };
             let wish = Wish { controls, camera: Some(camera), size: (33, 20) };
             let moved = viewer.frame(&wish, false).expect("a scene that renders");
             assert_eq!((moved.width, moved.height, moved.pixels.len()), (33, 20, 33 * 20 * 3));
