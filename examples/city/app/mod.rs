@@ -5,7 +5,7 @@
 //! 1. `scene_options` and `options`: the command line;
 //! 2. `stage_times` and `session`: the loop, which shows how an engine uses the library;
 //! 3. `denoiser` and `tone_mapping`: from radiance to a picture for a screen;
-//! 4. `output`: the files;
+//! 4. `files` and `output`: the files;
 //! 5. `run`: the whole program.
 
 use super::{render, scene};
@@ -19,6 +19,7 @@ pub mod session;
 pub mod denoiser;
 pub mod tone_mapping;
 
+pub mod files;
 pub mod output;
 
 pub mod run;
