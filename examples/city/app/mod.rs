@@ -6,7 +6,8 @@
 //! 2. `stage_times` and `session`: the loop, which shows how an engine uses the library;
 //! 3. `denoiser` and `tone_mapping`: from radiance to a picture for a screen;
 //! 4. `files` and `output`: the files;
-//! 5. `run`: the whole program.
+//! 5. `compare`: several samplers in equal time;
+//! 6. `run`: the whole program.
 
 use super::{render, scene};
 
@@ -21,5 +22,7 @@ pub mod tone_mapping;
 
 pub mod files;
 pub mod output;
+
+pub mod compare;
 
 pub mod run;

@@ -45,9 +45,14 @@ pub struct Options {
     #[arg(long, value_name = "NAME", value_enum, default_value_t = LightChoice::Girandole)]
     pub sampler: LightChoice,
     /// Sum up all lights in every sample instead of choosing one, on the CPU: slow, but without the
-    /// noise of the choice
+    /// noise of the choice. With --compare, the reference is such a picture
     #[arg(long, conflicts_with = "sampler")]
     pub sum: bool,
+    /// Compare the samplers in equal time, that of --spp samples of girandole, at the first frame
+    /// and on the CPU; writes compare.csv, compare.svg, compare_error.svg and pictures. The
+    /// reference has 64 times the samples of girandole, or is the sum over all lights with --sum
+    #[arg(long, conflicts_with_all = ["frames", "sampler", "keep_noise", "fps"])]
+    pub compare: bool,
     /// Folder for the pictures and frames.csv; created if it does not exist
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,
@@ -72,6 +77,9 @@ impl Options {
     /// Reads the arguments, of which the first is the name of the program. An error is one line.
     pub fn read(args: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Result<Parsed, SceneError> {
         match Self::try_parse_from(args) {
+            Ok(options) if options.compare && options.backend == BackendChoice::Gpu => {
+                Err(SceneError("--compare renders on the CPU and cannot be used with --backend gpu; see --help".into()))
+            }
             Ok(options) => Ok(Parsed::Run(Box::new(options))),
             Err(error) if error.use_stderr() => Err(SceneError(one_line(&error))),
             Err(help) => Ok(Parsed::Help(help.to_string())),
@@ -149,6 +157,10 @@ mod tests {
             "--sampler all",
             "--sampler exhaustive",
             "--sum --sampler flux",
+            "--compare --frames 2",
+            "--compare --sampler flux",
+            "--compare --keep-noise",
+            "--compare --backend gpu",
             "--unknown",
         ] {
             let line = parse(bad).unwrap_err().0;
