@@ -72,6 +72,7 @@ fn invalid_options_are_refused() {
     assert_refused("blind", &["--camera", "1,2,3,1,2,3"], "camera");
     assert_refused("inf", &["--camera", "1,2,inf,1,2,3"], "camera");
     assert_refused("compare", &["--compare"], "frames");
+    assert_refused("formless", &["--video", "film"], "extension");
     assert_refused("unknown", &["--colour", "red"], "--colour");
 }
 

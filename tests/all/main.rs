@@ -14,6 +14,7 @@ mod catalogue;
 #[allow(dead_code, missing_docs, reason = "the example's main uses what the tests do not")]
 mod city;
 mod city_compare;
+mod city_films;
 mod city_images;
 mod city_refusals;
 #[path = "../../examples/common/mod.rs"]

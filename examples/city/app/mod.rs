@@ -5,7 +5,7 @@
 //! 1. `scene_options` and `options`: the command line;
 //! 2. `stage_times` and `session`: the loop, which shows how an engine uses the library;
 //! 3. `denoiser` and `tone_mapping`: from radiance to a picture for a screen;
-//! 4. `files` and `output`: the files;
+//! 4. `files`, `output` and `video`: the files;
 //! 5. `compare`: several samplers in equal time;
 //! 6. `run`: the whole program.
 
@@ -22,6 +22,7 @@ pub mod tone_mapping;
 
 pub mod files;
 pub mod output;
+pub mod video;
 
 pub mod compare;
 

@@ -5,11 +5,12 @@ use super::render::settings::{LightChoice, Settings};
 use super::scene::SceneError;
 use super::scene_options::{SceneOptions, parse_size};
 use super::session::Pace;
+use super::video::film::has_format;
 use crate::common::exit::one_line;
 use clap::Parser;
 use girandole::FrameBudget;
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Longest side of a picture, pixels.
@@ -53,10 +54,15 @@ pub struct Options {
     /// reference has 64 times the samples of girandole, or is the sum over all lights with --sum
     #[arg(long, conflicts_with_all = ["frames", "sampler", "keep_noise", "fps"])]
     pub compare: bool,
-    /// Folder for the pictures and frames.csv; created if it does not exist
-    #[arg(long, value_name = "DIR", default_value = "out")]
-    pub out: PathBuf,
-    /// Keep the noise in the PNG pictures; by default it is filtered (EXR pictures are never
+    /// Folder for the pictures and frames.csv; created if it does not exist [default: out; with
+    /// --video alone, no pictures and no table are written]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Write all frames into one film: .y4m without compression, any other format (.mp4, .webm)
+    /// through ffmpeg, which must be installed
+    #[arg(long, value_name = "FILE", value_parser = parse_film, conflicts_with = "compare")]
+    pub video: Option<PathBuf>,
+    /// Keep the noise in PNG pictures and films; by default it is filtered (EXR pictures are never
     /// filtered)
     #[arg(long)]
     pub keep_noise: bool,
@@ -97,6 +103,15 @@ impl Options {
         }
     }
 
+    /// The folder for pictures and tables; `None` if only a film is written.
+    pub fn folder(&self) -> Option<&Path> {
+        match (&self.out, &self.video) {
+            (Some(folder), _) => Some(folder),
+            (None, None) => Some(Path::new("out")),
+            (None, Some(_)) => None,
+        }
+    }
+
     /// The frame rate, and the budget for rebuilds.
     pub fn pace(&self) -> Pace {
         Pace { fps: self.fps, budget: FrameBudget::new(Duration::from_secs_f64(self.budget_ms * 1e-3)) }
@@ -108,6 +123,15 @@ fn parse_budget(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(ms) if (0.0..=3.6e6).contains(&ms) => Ok(ms),
         _ => Err("expected milliseconds, from 0 to 3600000".into()),
+    }
+}
+
+fn parse_film(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    if has_format(&path) {
+        Ok(path)
+    } else {
+        Err("expected a file name with an extension, such as .y4m or .mp4".into())
     }
 }
 
@@ -161,6 +185,9 @@ mod tests {
             "--compare --sampler flux",
             "--compare --keep-noise",
             "--compare --backend gpu",
+            "--compare --video a.y4m",
+            "--video film",
+            "--video .mp4",
             "--unknown",
         ] {
             let line = parse(bad).unwrap_err().0;
@@ -175,6 +202,10 @@ mod tests {
         assert_eq!(options.scene.camera, Some((Vec3::new(-8.0, 2.0, 6.0), Vec3::new(2.0, 3.5, -14.0))));
         assert_eq!(options.scene.world, Size::M);
         assert_eq!(parse("").unwrap().backend, BackendChoice::Auto);
+        let folder = |args| parse(args).unwrap().folder().map(|folder| folder.display().to_string());
+        assert_eq!(folder("").as_deref(), Some("out"));
+        assert_eq!(folder("--out a --video b.mp4").as_deref(), Some("a"));
+        assert_eq!(folder("--video b.mp4"), None);
         let choice = |args| parse(args).unwrap().settings().light_choice;
         assert_eq!(choice(""), LightChoice::Girandole);
         assert_eq!(choice("--sampler pbrt"), LightChoice::Pbrt);

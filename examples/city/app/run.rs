@@ -8,6 +8,7 @@ use super::scene::SceneError;
 use super::session::{Frame, FrameStats, Session};
 use super::stage_times::{Laps, StageTimes};
 use super::tone_mapping::tone_map;
+use super::video::film::{FFMPEG, Film};
 use crate::common::progress::progress;
 use girandole::Effects;
 use std::time::Duration;
@@ -23,11 +24,15 @@ pub fn run(options: &Options, print: &mut dyn FnMut(&str)) -> Result<(), SceneEr
     let chosen = backend::choose(options.backend)?;
     print(&chosen.to_string());
     let mut session = Session::new(stage, options.settings(), options.pace(), chosen)?;
-    let mut output = Output::new(&options.out)?;
-    let removed = output.remove_later_frames(options.frames)?;
-    if removed > 0 {
-        let folder = output.folder().display();
-        print(&format!("removed {removed} picture(s) of later frames of an earlier run from {folder}"));
+    let film = options.video.as_ref().map(|path| Film::new(path, options.size, options.fps, FFMPEG.as_ref()));
+    let mut film = film.transpose()?;
+    let mut output = options.folder().map(Output::new).transpose()?;
+    if let Some(output) = &output {
+        let removed = output.remove_later_frames(options.frames)?;
+        if removed > 0 {
+            let folder = output.folder().display();
+            print(&format!("removed {removed} picture(s) of later frames of an earlier run from {folder}"));
+        }
     }
 
     let bar = progress("", u64::from(options.frames) * TICKS);
@@ -42,11 +47,19 @@ pub fn run(options: &Options, print: &mut dyn FnMut(&str)) -> Result<(), SceneEr
         stats.times.denoising = laps.lap();
         let bytes = tone_map(filtered.as_ref().unwrap_or(&image), session.scene().exposure);
         stats.times.tone_mapping = laps.lap();
-        output.write_pictures(number, &image, &bytes)?;
+        if let Some(output) = &output {
+            output.write_pictures(number, &image, &bytes)?;
+        }
+        if let Some(film) = &mut film {
+            film.add(&bytes)?;
+        }
         stats.times.writing = laps.lap();
-        output.write_row(&stats)?;
+        if let Some(output) = &mut output {
+            output.write_row(&stats)?;
+        }
         sum.add(&stats);
     }
+    film.map_or(Ok(()), Film::finish)?;
     bar.finish_and_clear();
     sum.print(options, print);
     Ok(())
@@ -71,14 +84,18 @@ impl Sum {
 
     fn print(&self, options: &Options, print: &mut dyn FnMut(&str)) {
         let (width, height) = options.size;
+        let places: Vec<String> = [("pictures", options.folder()), ("film", options.video.as_deref())]
+            .iter()
+            .filter_map(|(what, path)| Some(format!("{what} in {}", path.as_ref()?.display())))
+            .collect();
         let per_frame = |time: Duration| time.as_secs_f64() / f64::from(options.frames);
         print(&format!(
-            "{} frame(s) of {width}x{height} pixels, {} samples per pixel, {} lights: {:.2} s per frame; pictures in {}",
+            "{} frame(s) of {width}x{height} pixels, {} samples per pixel, {} lights: {:.2} s per frame; {}",
             options.frames,
             options.spp,
             self.lights,
             per_frame(self.times.total()),
-            options.out.display(),
+            places.join(", "),
         ));
         let stages = self.times.named().map(|(name, time)| format!("{name} {:.1}", per_frame(time) * 1e3));
         print(&format!("milliseconds per frame: {}", stages.join(", ")));

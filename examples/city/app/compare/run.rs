@@ -9,6 +9,7 @@ use super::session::Session;
 use crate::common::progress::progress;
 use crate::common::table::short;
 use std::fs;
+use std::path::Path;
 
 /// Steps of the progress bar.
 const TICKS: u64 = 1000;
@@ -22,7 +23,7 @@ pub fn compare(options: &Options, print: &mut dyn FnMut(&str)) -> Result<Compari
     print(&chosen.to_string());
     let plan = Plan::new(&options.settings(), stage.world.light_count());
     let mut session = Session::new(stage, options.settings(), options.pace(), chosen)?;
-    let folder = &options.out;
+    let folder = options.folder().unwrap_or(Path::new("."));
     fs::create_dir_all(folder).map_err(|e| SceneError(format!("cannot write to {}: {e}", folder.display())))?;
 
     let bar = progress("compare", TICKS);
