@@ -2,7 +2,7 @@
 
 use super::settings::{Change, DEFAULT, KNOB_SAMPLES, Sampler, Setting};
 use super::table::Row;
-use crate::direct_light::score::Estimate;
+use crate::measuring::score::Estimate;
 
 /// A frame with one default sample per pixel takes so many milliseconds on the page.
 pub const DEFAULT_FRAME_MS: f64 = 0.5;

@@ -2,21 +2,17 @@
 
 use super::answers::{Answers, BUDGETS, is_plain};
 use super::settings::{Change, DEFAULT, Sampler, resampled_default};
-use super::table::{Row, short};
-use crate::measuring::charts::{FONT, Mark, PALETTE, Stroke, legend, line, log_label, text};
-use plotters::coord::combinators::LogCoord;
+use super::table::Row;
+use crate::common::table::short;
+use crate::measuring::charts::{FONT, Mark, PALETTE, Stroke, legend, line, text};
+use crate::measuring::log_log::{LABEL_FONT, LEGEND_FONT, LEGEND_LINE, SIZE, around, log_log};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use std::ops::Range;
 
-/// The size of a plot, in pixels: a phone shows it without scaling it down much.
-const SIZE: (u32, u32) = (480, 420);
-/// The height of the legend below a plot, for each entry.
-const LEGEND_LINE: u32 = 22;
-const LEGEND_FONT: u32 = 15;
-const LABEL_FONT: u32 = 14;
-/// So many lines of the grid that 1, 2 and 5 are among them.
-const LABELS: usize = 30;
+/// What the horizontal axes show.
+const TIME: &str = "time of a frame, ms of the page";
+/// What the vertical axes show.
+const ERROR: &str = "error, relMSE";
 
 /// A plot as SVG text.
 type Plot = Result<String, String>;
@@ -76,7 +72,7 @@ pub fn error_over_time(rows: &[Row], answers: &Answers) -> Plot {
         (Mark::Line(Stroke::new(RGBColor(150, 150, 150), 1, true)), "budgets of 0.5, 1 and 4 ms"),
     ];
     let (x, y) = (around(all.iter().map(|at| at.0)).start..end, around(all.iter().map(|at| at.1)));
-    draw((x.clone(), y.clone()), &entries, |chart| {
+    log_log((x.clone(), y.clone()), (TIME, ERROR), &entries, |chart| {
         for budget in BUDGETS {
             let stroke = Stroke::new(RGBColor(150, 150, 150), 1, true);
             line(chart, vec![(budget, y.start), (budget, y.end)], stroke)?;
@@ -126,7 +122,7 @@ pub fn alternatives(rows: &[Row], answers: &Answers, is_quick: bool) -> Plot {
     let stroke = |curve: &Curve| Stroke::new(curve.color, 2, curve.is_dashed);
     let entry = |curve| (Mark::Line(stroke(curve)), curve.name.as_str());
     let entries: Vec<(Mark, &str)> = curves.iter().rev().map(entry).collect();
-    draw(ranges, &entries, |chart| {
+    log_log(ranges, (TIME, ERROR), &entries, |chart| {
         for curve in &curves {
             line(chart, curve.points.clone(), stroke(curve))?;
             let marks = curve.points.iter().map(|at| Circle::new(*at, 3, curve.color.filled()));
@@ -134,55 +130,6 @@ pub fn alternatives(rows: &[Row], answers: &Answers, is_quick: bool) -> Plot {
         }
         Ok(())
     })
-}
-
-type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<LogCoord<f64>, LogCoord<f64>>>;
-
-/// The range of a logarithmic axis around values.
-fn around(values: impl Iterator<Item = f64>) -> Range<f64> {
-    let values = values.filter(|value| value.is_finite() && *value > 0.0);
-    let range =
-        values.fold(f64::INFINITY..0.0, |range: Range<f64>, value| range.start.min(value)..range.end.max(value));
-    if range.is_empty() { 0.1..10.0 } else { range.start / 1.4..range.end * 1.4 }
-}
-
-/// Draws a plot of error over time with logarithmic axes, and its legend below.
-fn draw(
-    (x, y): (Range<f64>, Range<f64>),
-    entries: &[(Mark, &str)],
-    content: impl Fn(&mut Chart<'_, '_>) -> Result<(), String>,
-) -> Plot {
-    let mut svg = String::new();
-    let size = (SIZE.0, SIZE.1 + LEGEND_LINE * (entries.len() as u32 + 1));
-    {
-        let root = SVGBackend::with_string(&mut svg, size).into_drawing_area();
-        root.fill(&WHITE).map_err(text)?;
-        let (upper, lower) = root.split_vertically(SIZE.1);
-        let mut chart = ChartBuilder::on(&upper)
-            .margin(10)
-            .x_label_area_size(46)
-            .y_label_area_size(64)
-            .build_cartesian_2d(x.log_scale(), y.log_scale())
-            .map_err(text)?;
-        chart
-            .configure_mesh()
-            .light_line_style(TRANSPARENT)
-            .bold_line_style(BLACK.mix(0.12))
-            .x_desc("time of a frame, ms of the page")
-            .y_desc("error, relMSE")
-            .x_labels(LABELS)
-            .y_labels(LABELS)
-            .x_label_formatter(&|x| log_label(*x))
-            .y_label_formatter(&|y| log_label(*y))
-            .label_style((FONT, LABEL_FONT))
-            .axis_desc_style((FONT, LABEL_FONT + 1))
-            .draw()
-            .map_err(text)?;
-        content(&mut chart)?;
-        legend(&lower, entries, LEGEND_FONT)?;
-        root.present().map_err(text)?;
-    }
-    Ok(svg)
 }
 
 /// The stages of a sample, in microseconds of one core, for each sampler.

@@ -16,7 +16,7 @@ use crate::direct_light::converged;
 use crate::direct_light::draw::{Draw, Resampled};
 use crate::direct_light::reference::Reference;
 use crate::direct_light::renderer::{Renderer, StageTimes};
-use crate::direct_light::score::{FLOOR, mean};
+use crate::measuring::score::{FLOOR, mean};
 use girandole::glam::Vec3;
 use girandole::light::luminance;
 use girandole::{CandidateCount, LightWorld, SplitCount};

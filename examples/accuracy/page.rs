@@ -1,13 +1,14 @@
 //! The page: `page.html` with the answers filled in.
 
 use super::answers::{Answers, DEFAULT_FRAME_MS, Knob, Purchase, Ratio};
-use super::crops::Crops;
 use super::measured::{Measured, REFERENCE_CANDIDATES, REFERENCE_SAMPLES};
 use super::options::Options;
 use super::pictures::Errors;
 use super::settings::{Change, DEFAULT, KNOB_SAMPLES, MOST_LIGHTS, Sampler};
-use super::table::{COLUMNS, Row, short};
-use crate::direct_light::score::Estimate;
+use super::table::{COLUMNS, Row};
+use crate::common::table::short;
+use crate::measuring::crops::{Crop, Crops};
+use crate::measuring::score::Estimate;
 
 const TEMPLATE: &str = include_str!("page.html");
 
@@ -277,7 +278,7 @@ fn equal_time_row(row: &Row) -> String {
     ])
 }
 
-fn crop(crop: &super::crops::Crop) -> String {
+fn crop(crop: &Crop) -> String {
     format!(
         "<figure><img alt=\"{0}\" src=\"{2}\"><figcaption>{0}: {1}</figcaption></figure>\n",
         crop.title, crop.caption, crop.image

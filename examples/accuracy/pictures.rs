@@ -2,7 +2,7 @@
 
 use crate::direct_light::draw::Draw;
 use crate::direct_light::renderer::{Renderer, StageTimes};
-use crate::direct_light::score::{Estimate, Score};
+use crate::measuring::score::{Estimate, Score};
 use girandole::glam::Vec3;
 use girandole::{LightId, LightSampler};
 use rayon::prelude::*;

@@ -2,7 +2,7 @@
 
 use super::answers::Answers;
 use super::charts;
-use super::crops::Crops;
+use super::crops::crops;
 use super::measured::{Measured, measure};
 use super::options::Options;
 use super::page::{FRONT_COLUMNS, Plots, front, page};
@@ -28,7 +28,8 @@ pub fn run(options: &Options) -> Result<Measured, SceneError> {
         alternatives: draw(charts::alternatives(&measured.rows, &answers, options.quick))?,
         stages: draw(charts::stages(&measured.rows, measured.shaded_pixels, options.quick))?,
     };
-    let crops = draw_crops(&measured)?;
+    let crops = crops(&measured, measured.view.scene.exposure)
+        .map_err(|error| SceneError(format!("cannot encode a picture: {error}")))?;
     let write = |name: &str, text: &str| {
         let path = out.join(name);
         fs::write(&path, text).map_err(|error| SceneError(format!("cannot write {}: {error}", path.display())))
@@ -47,9 +48,4 @@ pub fn run(options: &Options) -> Result<Measured, SceneError> {
         out.join("accuracy.html").display()
     );
     Ok(measured)
-}
-
-fn draw_crops(measured: &Measured) -> Result<Crops, SceneError> {
-    Crops::new(measured, measured.view.scene.exposure)
-        .map_err(|error| SceneError(format!("cannot encode a picture: {error}")))
 }

@@ -129,9 +129,3 @@ pub fn mark_front(rows: &mut [Row]) {
         row.on_front = !row.setting.change.is_biased() && !unbiased.iter().any(|(t, e)| *t <= time && *e < error);
     }
 }
-
-/// A number with two significant digits.
-pub fn short(value: f64) -> String {
-    let digits = (1.0 - value.abs().max(1.0e-9).log10().floor()).clamp(0.0, 6.0) as usize;
-    format!("{value:.digits$}")
-}

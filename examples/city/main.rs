@@ -7,8 +7,9 @@
 //!
 //! This renders two frames into the folder `out`: a picture for the screen (`frame_0000.png`), its
 //! radiance (`frame_0000.exr`), and the costs of each frame (`frames.csv`). At the end it prints
-//! which effects the lights needed and how many shadow rays were traced. `--help` lists the
-//! options: other sizes of city, glTF scenes, and the lamps and the traffic of a real city.
+//! which effects the lights needed and how many shadow rays were traced. `--compare` renders the
+//! same view by other samplers in equal time, with their errors. `--help` lists the options: other
+//! sizes of city, glTF scenes, and the lamps and the traffic of a real city.
 //!
 //! `modules.rs` lists the parts: `scene` (what is drawn), `render` (how) and `app` (the program).
 //! Each folder's `mod.rs` states the order in which to read its files; `app/session.rs` shows how
@@ -33,6 +34,9 @@ use std::process::ExitCode;
 fn main() -> ExitCode {
     let result = match Options::read(std::env::args_os()) {
         Ok(Parsed::Run(options)) if options.window => window::run(&options, &mut |line| println!("{line}")),
+        Ok(Parsed::Run(options)) if options.compare => {
+            city::app::compare::run::compare(&options, &mut |line| println!("{line}")).map(drop)
+        }
         Ok(Parsed::Run(options)) => city::app::run::run(&options, &mut |line| println!("{line}")),
         Ok(Parsed::Help(text)) => {
             print!("{text}");

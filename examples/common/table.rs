@@ -35,3 +35,9 @@ fn refusal(path: &Path, error: &csv::Error) -> String {
 pub fn markdown_head(columns: &[&str]) -> String {
     format!("| {} |\n|{}", columns.join(" | "), "---|".repeat(columns.len()))
 }
+
+/// A number with two significant digits.
+pub fn short(value: f64) -> String {
+    let digits = (1.0 - value.abs().max(1.0e-9).log10().floor()).clamp(0.0, 6.0) as usize;
+    format!("{value:.digits$}")
+}

@@ -14,5 +14,4 @@ pub mod draw;
 pub mod renderer;
 pub mod converged;
 
-pub mod score;
 pub mod reference;

@@ -1,4 +1,4 @@
-//! What measuring tools share: charts, lights one by one, the exact noise of a sample, and
+//! What measuring tools share: charts, errors of pictures, lights one by one, the exact noise of a sample, and
 //! published samplers to compare with.
 //!
 //! The root of a program includes this folder with `#[path]` as `mod measuring`; all other files
@@ -6,6 +6,10 @@
 //! passes through them.
 
 pub mod charts;
+pub mod log_log;
+
+pub mod score;
+pub mod crops;
 
 pub mod real;
 pub mod emitter;

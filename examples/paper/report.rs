@@ -6,7 +6,7 @@ use super::stages::Timing;
 use super::strategies::{ATTRIBUTES, TreeKind, attribute_name};
 use crate::city::scene::SceneError;
 use crate::common::table::{Table, markdown_head};
-use crate::direct_light::score::Estimate;
+use crate::measuring::score::Estimate;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 

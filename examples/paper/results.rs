@@ -4,7 +4,7 @@
 use super::decisions::Rule;
 use super::pool::Step;
 use super::strategies::{Strategy, TreeKind};
-use crate::direct_light::score::Estimate;
+use crate::measuring::score::Estimate;
 
 /// One frame of a run.
 #[derive(Clone, Debug)]

@@ -5,13 +5,18 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// Runs the example's binary, which `cargo test` builds together with the tests.
-fn city(arguments: &[&str]) -> Output {
+/// The path of an example's binary, which `cargo test` builds together with the tests.
+pub fn binary(example: &str) -> PathBuf {
     let tests = std::env::current_exe().expect("the path of this test");
     let profile = tests.parent().and_then(Path::parent).expect("target/<profile>/deps/<test>");
-    let binary = profile.join("examples").join(format!("city{}", std::env::consts::EXE_SUFFIX));
-    assert!(binary.exists(), "the binary does not exist; build it with: cargo build --example city");
-    Command::new(binary).args(arguments).output().expect("a binary that starts")
+    let binary = profile.join("examples").join(format!("{example}{}", std::env::consts::EXE_SUFFIX));
+    assert!(binary.exists(), "the binary does not exist; build it with: cargo build --example {example}");
+    binary
+}
+
+/// Runs the example's binary.
+fn city(arguments: &[&str]) -> Output {
+    Command::new(binary("city")).args(arguments).output().expect("a binary that starts")
 }
 
 /// The path of a folder that does not exist, for one test only.
@@ -66,6 +71,8 @@ fn invalid_options_are_refused() {
     assert_refused("camera", &["--camera", "1,2,3"], "camera");
     assert_refused("blind", &["--camera", "1,2,3,1,2,3"], "camera");
     assert_refused("inf", &["--camera", "1,2,inf,1,2,3"], "camera");
+    assert_refused("compare", &["--compare"], "frames");
+    assert_refused("formless", &["--video", "film"], "extension");
     assert_refused("unknown", &["--colour", "red"], "--colour");
 }
 

@@ -13,6 +13,8 @@ mod catalogue;
 #[path = "../../examples/city/modules.rs"]
 #[allow(dead_code, missing_docs, reason = "the example's main uses what the tests do not")]
 mod city;
+mod city_compare;
+mod city_films;
 mod city_images;
 mod city_refusals;
 #[path = "../../examples/common/mod.rs"]

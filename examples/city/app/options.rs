@@ -5,11 +5,12 @@ use super::render::settings::{LightChoice, Settings};
 use super::scene::SceneError;
 use super::scene_options::{SceneOptions, parse_size};
 use super::session::Pace;
+use super::video::film::has_format;
 use crate::common::exit::one_line;
 use clap::Parser;
 use girandole::{CandidateCount, FrameBudget, MAX_CANDIDATES, MAX_SPLITS, SplitCount};
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Longest side of a picture, pixels.
@@ -25,7 +26,7 @@ const MAX_SPP: u32 = 1 << 20;
 #[command(name = "city", version)]
 pub struct Options {
     /// Open a window to fly through the scene; --out receives the pictures that are saved there
-    #[arg(long, conflicts_with_all = ["frames", "size", "spp", "keep_noise"])]
+    #[arg(long, conflicts_with_all = ["frames", "size", "spp", "keep_noise", "sum", "compare", "video"])]
     pub window: bool,
     /// Width and height of the window in pixels [default: 1280x720]
     #[arg(long, value_name = "WxH", requires = "window", value_parser = |text: &str| parse_size(text, 64..=MAX_SIDE))]
@@ -59,13 +60,23 @@ pub struct Options {
     #[arg(long, value_name = "NAME", value_enum, default_value_t = LightChoice::Girandole)]
     pub sampler: LightChoice,
     /// Sum up all lights in every sample instead of choosing one, on the CPU: slow, but without the
-    /// noise of the choice
+    /// noise of the choice. With --compare, the reference is such a picture
     #[arg(long, conflicts_with = "sampler")]
     pub sum: bool,
-    /// Folder for the pictures and frames.csv; created if it does not exist
-    #[arg(long, value_name = "DIR", default_value = "out")]
-    pub out: PathBuf,
-    /// Keep the noise in the PNG pictures; by default it is filtered (EXR pictures are never
+    /// Compare the samplers in equal time, that of --spp samples of girandole, at the first frame
+    /// and on the CPU; writes compare.csv, compare.svg, compare_error.svg and pictures. The
+    /// reference has 64 times the samples of girandole, or is the sum over all lights with --sum
+    #[arg(long, conflicts_with_all = ["frames", "sampler", "keep_noise", "fps"])]
+    pub compare: bool,
+    /// Folder for the pictures and frames.csv; created if it does not exist [default: out; with
+    /// --video alone, no pictures and no table are written]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Write all frames into one film: .y4m without compression, any other format (.mp4, .webm)
+    /// through ffmpeg, which must be installed
+    #[arg(long, value_name = "FILE", value_parser = parse_film, conflicts_with = "compare")]
+    pub video: Option<PathBuf>,
+    /// Keep the noise in PNG pictures and films; by default it is filtered (EXR pictures are never
     /// filtered)
     #[arg(long)]
     pub keep_noise: bool,
@@ -86,6 +97,9 @@ impl Options {
     /// Reads the arguments, of which the first is the name of the program. An error is one line.
     pub fn read(args: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Result<Parsed, SceneError> {
         match Self::try_parse_from(args) {
+            Ok(options) if options.compare && options.backend == BackendChoice::Gpu => {
+                Err(SceneError("--compare renders on the CPU and cannot be used with --backend gpu; see --help".into()))
+            }
             Ok(options) => Ok(Parsed::Run(Box::new(options))),
             Err(error) if error.use_stderr() => Err(SceneError(one_line(&error))),
             Err(help) => Ok(Parsed::Help(help.to_string())),
@@ -102,6 +116,15 @@ impl Options {
             candidates: self.candidates,
             seed: self.scene.seed,
             light_choice: if self.sum { LightChoice::Exhaustive } else { self.sampler },
+        }
+    }
+
+    /// The folder for pictures and tables; `None` if only a film is written.
+    pub fn folder(&self) -> Option<&Path> {
+        match (&self.out, &self.video) {
+            (Some(folder), _) => Some(folder),
+            (None, None) => Some(Path::new("out")),
+            (None, Some(_)) => None,
         }
     }
 
@@ -126,6 +149,15 @@ fn parse_budget(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(ms) if (0.0..=3.6e6).contains(&ms) => Ok(ms),
         _ => Err("expected milliseconds, from 0 to 3600000".into()),
+    }
+}
+
+fn parse_film(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    if has_format(&path) {
+        Ok(path)
+    } else {
+        Err("expected a file name with an extension, such as .y4m or .mp4".into())
     }
 }
 
@@ -178,6 +210,13 @@ mod tests {
             "--sampler all",
             "--sampler exhaustive",
             "--sum --sampler flux",
+            "--compare --frames 2",
+            "--compare --sampler flux",
+            "--compare --keep-noise",
+            "--compare --backend gpu",
+            "--compare --video a.y4m",
+            "--video film",
+            "--video .mp4",
             "--unknown",
         ] {
             let line = parse(bad).unwrap_err().0;
@@ -192,6 +231,10 @@ mod tests {
         assert_eq!(options.scene.camera, Some((Vec3::new(-8.0, 2.0, 6.0), Vec3::new(2.0, 3.5, -14.0))));
         assert_eq!(options.scene.world, Size::M);
         assert_eq!(parse("").unwrap().backend, BackendChoice::Auto);
+        let folder = |args| parse(args).unwrap().folder().map(|folder| folder.display().to_string());
+        assert_eq!(folder("").as_deref(), Some("out"));
+        assert_eq!(folder("--out a --video b.mp4").as_deref(), Some("a"));
+        assert_eq!(folder("--video b.mp4"), None);
         let choice = |args| parse(args).unwrap().settings().light_choice;
         assert_eq!(choice(""), LightChoice::Girandole);
         assert_eq!(choice("--sampler pbrt"), LightChoice::Pbrt);

@@ -87,7 +87,7 @@ enum Renderer {
 }
 
 /// What happened before a frame was rendered.
-struct Advance {
+pub struct Advance {
     /// Number of the frame.
     number: u32,
     report: FrameReport,
@@ -242,7 +242,7 @@ impl Session {
     }
 
     /// Moves the stage to the next frame and brings everything up to date, without rendering.
-    fn advance(&mut self) -> Result<Advance, SceneError> {
+    pub fn advance(&mut self) -> Result<Advance, SceneError> {
         let mut laps = Laps::start();
         let mut times = StageTimes::default();
         let Self { stage: Stage { scene, world, animation }, geometry, pace, .. } = self;
@@ -281,9 +281,9 @@ impl Session {
         Ok(Advance { number, report, update, recorded_usage, times })
     }
 
-    /// Renders the present state of the stage with other settings than those of its frames, for
-    /// comparisons. The size must be that of the session if it has a GPU.
-    fn render(
+    /// Renders the present state of the stage, with the settings of its frames or, for comparisons,
+    /// with others. The size must be that of the session if a GPU renders.
+    pub fn render(
         &mut self,
         settings: &Settings,
         seed: u32,

@@ -62,11 +62,15 @@ impl fmt::Display for ChosenBackend {
     }
 }
 
+/// The CPU backend, for a reason that is shown to the user.
+pub fn cpu(reason: impl Into<String>) -> ChosenBackend {
+    ChosenBackend { backend: Backend::Cpu, reason: reason.into() }
+}
+
 /// Opens the backend that the user chose. Fails only for `gpu` without an adapter.
 pub fn choose(choice: BackendChoice) -> Result<ChosenBackend, SceneError> {
-    let cpu = |reason: String| ChosenBackend { backend: Backend::Cpu, reason };
     match choice {
-        BackendChoice::Cpu => Ok(cpu("chosen by --backend".into())),
+        BackendChoice::Cpu => Ok(cpu("chosen by --backend")),
         BackendChoice::Gpu => {
             let gpu = open_gpu().map_err(|e| SceneError(format!("{e}; {HOW_TO_GET_AN_ADAPTER}")))?;
             Ok(ChosenBackend { backend: Backend::Gpu(Box::new(gpu)), reason: "chosen by --backend".into() })

@@ -41,6 +41,9 @@ impl Baseline {
     ///   pbrt-v4's `PowerLightSampler`.
     /// - `Pbrt`: each is as probable as the whole tree, as in pbrt-v4's `BVHLightSampler`.
     pub fn new(choice: LightChoice, world: &LightWorld, scene_radius: f32) -> Option<Self> {
+        if matches!(choice, LightChoice::Girandole | LightChoice::Exhaustive) {
+            return None;
+        }
         let is_local = |light: &LightId| matches!(light, LightId::Local { .. });
         let ids: Arc<[LightId]> = world.sampler().all_lights().filter(is_local).collect();
         // Uniform choices need no light but its name.
@@ -54,8 +57,7 @@ impl Baseline {
                 let sum = lights.iter().map(|light| f64::from(light.flux())).sum();
                 (samplers::flux(&lights, ids), sum)
             }
-            LightChoice::Pbrt => (samplers::pbrt(&lights, ids), local_count.min(1.0)),
-            LightChoice::Girandole | LightChoice::Exhaustive => return None,
+            _ => (samplers::pbrt(&lights, ids), local_count.min(1.0)),
         };
         let weigh = |light| if choice == LightChoice::Flux { flux(light) } else { 1.0 };
         let distant_weight =

@@ -7,7 +7,6 @@ use super::overlay::Overlay;
 use super::panel::{self, Press, Status};
 use super::presenter::Presenter;
 use super::recording::Recording;
-use super::render::settings::LightChoice;
 use super::save::save_picture;
 use super::scene::SceneError;
 use super::viewer::{Shown, Wish};
@@ -19,6 +18,7 @@ use egui_winit::winit::event::WindowEvent;
 use egui_winit::winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
 use egui_winit::winit::window::{Window, WindowId};
 use girandole::glam::Vec2;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -48,7 +48,7 @@ pub fn run(options: &Options, print: &mut dyn FnMut(&str)) -> Result<(), SceneEr
 fn first_controls(options: &Options) -> Controls {
     Controls {
         view: ViewKind::Picture,
-        sampler: LightChoice::Girandole,
+        sampler: options.sampler,
         budget_ms: options.budget_ms,
         splits: options.splits.get(),
         candidates: options.candidates.get(),
@@ -64,7 +64,10 @@ fn first_controls(options: &Options) -> Controls {
 
 /// The state of the window.
 struct Shell {
-    options: Options,
+    /// Of the window at first, pixels.
+    window_size: (u32, u32),
+    /// Receives saved pictures.
+    folder: PathBuf,
     worker: Worker,
     presenter: Option<Presenter>,
     controls: Controls,
@@ -93,7 +96,8 @@ impl Shell {
             let _ = proxy.send_event(());
         };
         Self {
-            options: options.clone(),
+            window_size: options.window_size.unwrap_or(WINDOW_SIZE),
+            folder: options.folder().unwrap_or(Path::new(".")).to_owned(),
             worker: Worker::start(options, controls, wake),
             presenter: None,
             controls,
@@ -285,7 +289,7 @@ impl Shell {
     /// Saves the picture that is shown.
     fn save(&mut self) {
         let Some(shown) = &self.shown else { return };
-        let path = self.options.out.join(format!("window_{:04}.png", self.saved));
+        let path = self.folder.join(format!("window_{:04}.png", self.saved));
         self.message = match save_picture(&path, shown) {
             Ok(()) => format!("saved {}", path.display()),
             Err(error) => error.to_string(),
@@ -339,7 +343,7 @@ impl ApplicationHandler for Shell {
             return;
         }
         event_loop.set_control_flow(ControlFlow::Wait);
-        let (width, height) = self.options.window_size.unwrap_or(WINDOW_SIZE);
+        let (width, height) = self.window_size;
         let attributes = Window::default_attributes()
             .with_title("Girandole: city")
             .with_inner_size(PhysicalSize::new(width, height));
