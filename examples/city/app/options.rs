@@ -139,6 +139,7 @@ mod tests {
             "--traffic a.xml --world S",
             "--net a.net.xml --world S",
             "--gltf a.glb --net b.net.xml",
+            "--vtypes a.rou.xml",
             "--unknown",
         ] {
             let line = parse(bad).unwrap_err().0;

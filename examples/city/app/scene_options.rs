@@ -36,6 +36,10 @@ pub struct SceneOptions {
     /// with gzip or not
     #[arg(long, value_name = "FILE.xml")]
     pub traffic: Option<PathBuf>,
+    /// The classes and sizes of the vehicles of --traffic: SUMO's route files or additional files with
+    /// their types, compressed with gzip or not, separated by commas; may be given several times
+    #[arg(long, value_name = "FILE.rou.xml", value_delimiter = ',', requires = "traffic")]
+    pub vtypes: Vec<PathBuf>,
     /// Use the roads of a SUMO network, and the offset by which netconvert has moved it and the
     /// traffic on it
     #[arg(long, value_name = "FILE.net.xml")]
@@ -48,11 +52,11 @@ pub struct SceneOptions {
 impl SceneOptions {
     /// Loads the scene.
     pub fn load(&self) -> Result<Stage, SceneError> {
-        let Self { gltf, lamps, traffic, net, seed, cars, world, .. } = self.clone();
+        let Self { gltf, lamps, traffic, vtypes, net, seed, cars, world, .. } = self.clone();
         let mut stage = if let Some(path) = gltf {
             return gltf_scene::stage(&path, self.camera());
         } else if lamps.is_some() || traffic.is_some() || net.is_some() {
-            real_city::stage(&RealCityOptions { lamps, traffic, net, cars, seed })?
+            real_city::stage(&RealCityOptions { lamps, traffic, vehicle_types: vtypes, net, cars, seed })?
         } else {
             procedural::stage(&CityOptions { size: world, cars, seed })?
         };

@@ -4,7 +4,8 @@
 //! Read in this order:
 //!
 //! 1. this file: how the city is put together;
-//! 2. `lamp_table`, `fcd` and `net`: readers of the file formats, the last two on top of `xml`;
+//! 2. `lamp_table`, `vehicle_types`, `fcd` and `net`: readers of the file formats, the last three on
+//!    top of `xml`; `vehicle_class`: the classes of vehicles;
 //! 3. `grid` and `ground`: roads and houses, which are derived from the positions of lamps and
 //!    vehicles, and `roads`: those of a network;
 //! 4. `traffic`: vehicles that follow the file.
@@ -18,13 +19,17 @@ use girandole::{LightWorld, Policy};
 use super::assembly::{Assembly, Design};
 use super::designs::buildings::{self, Lot};
 use super::designs::furniture::{self, Lamp};
-use super::designs::vehicles::{self, Body, car_designs, car_transform};
+use super::designs::vehicles;
+use super::designs::vehicles::body::Body;
+use super::designs::vehicles::fleet::{car_designs, car_transform};
 use super::palette::Palette;
 use super::rng::Rng;
 use super::{Animation, Camera, Scene, SceneError, Stage, assembly, palette, part, rng};
 
 pub mod lamp_table;
 pub mod xml;
+pub mod vehicle_class;
+pub mod vehicle_types;
 pub mod fcd;
 pub mod net;
 
@@ -40,6 +45,7 @@ use ground::{DRIVEN_CELL, RoadSegment};
 use lamp_table::LampRecord;
 use net::Network;
 use traffic::{Survey, Traffic};
+use vehicle_types::VehicleTypes;
 
 /// What the city is built from. At least one of the files must be given.
 #[derive(Clone, Debug, Default)]
@@ -48,6 +54,8 @@ pub struct RealCityOptions {
     pub lamps: Option<PathBuf>,
     /// Traffic; see [`fcd`].
     pub traffic: Option<PathBuf>,
+    /// Types of the vehicles of the traffic; see [`vehicle_types`].
+    pub vehicle_types: Vec<PathBuf>,
     /// Roads, and the offset of the traffic; see [`net`].
     pub net: Option<PathBuf>,
     /// Number of cars that are parked along the roads if there is no traffic file; `None` for 60.
@@ -74,7 +82,8 @@ const DEFAULT_PARKED_CARS: usize = 60;
 /// Loads the files.
 pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
     let lamps = options.lamps.as_deref().map(lamp_table::read).transpose()?.unwrap_or_default();
-    let survey = options.traffic.as_deref().map(|path| Survey::read(path, options.seed)).transpose()?;
+    let types = VehicleTypes::read(&options.vehicle_types)?;
+    let survey = options.traffic.as_deref().map(|path| Survey::read(path, types, options.seed)).transpose()?;
     let network = options.net.as_deref().map(Network::read).transpose()?;
     // The simulation has the positions of the network.
     let offset = network.as_ref().map_or(DVec2::ZERO, |network| network.offset);
@@ -123,17 +132,18 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
         () if !lamp_positions.is_empty() => lamp_positions.clone(),
         () => positions.clone(),
     };
-    let warnings = far_from_lamps(&lamp_positions, &driven, &driven_cells, network.is_some());
+    let mut warnings = far_from_lamps(&lamp_positions, &driven, &driven_cells, network.is_some());
+    warnings.extend(survey.as_ref().and_then(Survey::warning));
     let middle = Grid::new(driven, 240.0).densest().map_or(Vec2::ZERO, |(middle, _)| middle);
     let lamp_grid = Grid::new(lamp_positions, 90.0);
     place_houses(&mut assembly, &mut palette, &lamp_grid, &segments, &driven_cells, middle, options.seed)?;
 
-    let kinds = car_designs(&mut assembly, &mut palette)?;
     let traffic = match (survey, &options.traffic) {
         (Some(survey), Some(path)) => {
-            Some(Traffic::new(&mut assembly, &kinds, FcdReader::open(path)?, survey, offset + shift)?)
+            Some(Traffic::new(&mut assembly, &mut palette, FcdReader::open(path)?, survey, offset + shift)?)
         }
         _ => {
+            let kinds = car_designs(&mut assembly, &mut palette)?;
             park_cars(
                 &mut assembly,
                 &kinds,
@@ -295,7 +305,7 @@ mod tests {
     fn load(lamps: bool, traffic: bool) -> Result<Stage, SceneError> {
         let lamps = lamps.then(|| sample("lamps_small.csv")).flatten();
         let traffic = traffic.then(|| sample("fcd_small.xml")).flatten();
-        stage(&RealCityOptions { lamps, traffic, net: None, cars: Some(0), seed: 1 })
+        stage(&RealCityOptions { lamps, traffic, cars: Some(0), seed: 1, ..RealCityOptions::default() })
     }
 
     #[test]
@@ -346,7 +356,9 @@ mod tests {
             network
         });
         let traffic = Some(traffic);
-        let loaded = stage(&RealCityOptions { lamps: sample("lamps_small.csv"), traffic, net, cars: Some(0), seed: 1 });
+        let lamps = sample("lamps_small.csv");
+        let loaded =
+            stage(&RealCityOptions { lamps, traffic, net, cars: Some(0), seed: 1, ..RealCityOptions::default() });
         std::fs::remove_dir_all(&folder).unwrap();
         loaded
     }

@@ -13,8 +13,12 @@ use super::assembly::{Assembly, Design};
 use super::fcd::{FcdReader, FcdVehicle, Timestep};
 use super::grid::to_plane;
 use super::ground::DRIVEN_CELL;
+use super::palette::Palette;
 use super::rng::Rng;
-use super::vehicles::{Appearance, Body, car_transform};
+use super::vehicle_class::VehicleClass;
+use super::vehicle_types::VehicleTypes;
+use super::vehicles::body::Appearance;
+use super::vehicles::fleet::{Fleet, car_transform};
 use super::xml::AnySource;
 use super::{Animation, Scene, SceneError};
 
@@ -32,6 +36,9 @@ pub struct Survey {
     /// metres.
     moved: f64,
     driven: f64,
+    /// The types whose class is unknown.
+    unknown_types: BTreeSet<String>,
+    types: VehicleTypes,
     seed: u64,
 }
 
@@ -42,8 +49,8 @@ const LEAST_MOVED: f64 = 1e-3;
 const LEAST_DRIVEN: f64 = 20.0;
 
 impl Survey {
-    /// Reads a file. The seed determines the appearance of vehicles.
-    pub fn read(path: &Path, seed: u64) -> Result<Self, SceneError> {
+    /// Reads a file. The types and the seed determine the appearance of vehicles.
+    pub fn read(path: &Path, types: VehicleTypes, seed: u64) -> Result<Self, SceneError> {
         let mut reader = FcdReader::open(path)?;
         let mut survey = Self {
             start: 0.0,
@@ -52,6 +59,8 @@ impl Survey {
             first: None,
             moved: 0.0,
             driven: 0.0,
+            unknown_types: BTreeSet::new(),
+            types,
             seed,
         };
         let mut is_first = true;
@@ -63,7 +72,10 @@ impl Survey {
             }
             let mut present: BTreeMap<Appearance, usize> = BTreeMap::new();
             for vehicle in &step.vehicles {
-                *present.entry(appearance(vehicle, seed)).or_default() += 1;
+                *present.entry(appearance(vehicle, &survey.types, seed)).or_default() += 1;
+                if vehicle.class.is_none() && survey.types.get(&vehicle.kind).is_none() {
+                    survey.unknown_types.insert(vehicle.kind.clone());
+                }
                 let at = dvec2(vehicle.east, vehicle.north);
                 survey.first.get_or_insert(at);
                 if let (Some(before), Some(speed)) = (last.1.get(&vehicle.id), vehicle.speed) {
@@ -90,26 +102,38 @@ impl Survey {
         Ok(survey)
     }
 
+    /// A warning if the class of a type is unknown.
+    pub fn warning(&self) -> Option<String> {
+        /// Number of types that are named.
+        const NAMED: usize = 3;
+        let count = self.unknown_types.len();
+        let names: Vec<String> = self.unknown_types.iter().take(NAMED).map(|name| format!("{name:?}")).collect();
+        let (names, more) = (names.join(", "), if count > NAMED { ", ..." } else { "" });
+        (count > 0).then(|| {
+            format!(
+                "the classes of {count} vehicle type(s) are unknown ({names}{more}), and their vehicles are drawn as \
+                 cars; name the files that define them with --vtypes FILE.rou.xml"
+            )
+        })
+    }
+
     /// Whether the positions are degrees: then vehicles hardly move for their speed.
     fn is_geographic(&self) -> bool {
         self.driven >= LEAST_DRIVEN && self.moved < LEAST_MOVED * self.driven
     }
 }
 
-/// The appearance of a vehicle in all time steps. Its body follows from its type if the type names
-/// one, else from its name. Its paint follows from its name.
-fn appearance(vehicle: &FcdVehicle, seed: u64) -> Appearance {
+/// The appearance of a vehicle in all time steps. Its body and size follow from its class and its
+/// type. Where a class has several bodies, the name of the vehicle chooses one, and its paint too.
+fn appearance(vehicle: &FcdVehicle, types: &VehicleTypes, seed: u64) -> Appearance {
     // FNV-1a, since the hashes of the standard library may change between releases.
     let hash = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
     let mut rng = Rng::new(seed, vehicle.id.bytes().fold(0xcbf2_9ce4_8422_2325, hash));
-    let kind = vehicle.kind.to_ascii_lowercase();
-    let body = match () {
-        () if kind.contains("bus") => Body::Bus,
-        () if kind.contains("truck") || kind.contains("van") || kind.contains("delivery") => Body::Van,
-        () if kind.contains("taxi") => Body::Taxi,
-        () => rng.pick(&[Body::Sedan, Body::Sedan, Body::Hatch]),
-    };
-    Appearance { body, paint: rng.below(body.paints()) }
+    let kind = types.get(&vehicle.kind);
+    let class = vehicle.class.or(kind.map(|kind| kind.class)).unwrap_or_else(VehicleClass::passenger);
+    let body = rng.pick(class.bodies());
+    let size = class.size(body, kind.map_or([None; 3], |kind| kind.extents));
+    Appearance { body, size, paint: rng.below(body.paints()) }
 }
 
 /// A car of the pool.
@@ -141,17 +165,16 @@ impl Traffic {
     /// Adds a pool that is large enough for every time step. All cars are hidden.
     pub fn new(
         assembly: &mut Assembly,
-        kinds: &[(Body, Vec<Design>)],
+        palette: &mut Palette,
         reader: FcdReader<AnySource>,
         survey: Survey,
         shift: DVec2,
     ) -> Result<Self, SceneError> {
-        let mut designs = BTreeMap::new();
+        let (mut fleet, mut designs) = (Fleet::default(), BTreeMap::new());
         let mut pool = Vec::new();
         let mut free: BTreeMap<Appearance, Vec<usize>> = BTreeMap::new();
         for (&appearance, &count) in &survey.max_counts {
-            let Some((_, paints)) = kinds.iter().find(|(body, _)| *body == appearance.body) else { continue };
-            let design = paints[appearance.paint];
+            let design = fleet.design(appearance, assembly, palette)?;
             designs.insert(appearance, design);
             for _ in 0..count {
                 let object = assembly.object(design.mesh, Affine3A::IDENTITY);
@@ -206,12 +229,12 @@ impl Traffic {
         scene: &mut Scene,
         world: &mut LightWorld,
     ) -> Result<(), SceneError> {
-        let appearance = appearance(vehicle, self.survey.seed);
+        let appearance = appearance(vehicle, &self.survey.types, self.survey.seed);
         let known = self.shown.get(&vehicle.id).filter(|known| known.0 == appearance).map(|known| known.1);
         // A vehicle that changes its type or appears twice in a time step may find no free car. It
         // is then not shown.
         let Some(car) = known.or_else(|| self.free.get_mut(&appearance)?.pop()) else { return Ok(()) };
-        let (at, angle) = pose(appearance.body.length());
+        let (at, angle) = pose(appearance.size.length());
         let transform = car_transform(at, angle);
         let pooled = &mut self.pool[car];
         let object = &mut scene.objects[pooled.object];
@@ -291,7 +314,7 @@ mod tests {
             };
             let steps: String = (0..5).map(vehicle).collect();
             std::fs::write(&path, format!("<fcd-export>{steps}</fcd-export>")).unwrap();
-            let survey = Survey::read(&path, 1);
+            let survey = Survey::read(&path, VehicleTypes::default(), 1);
             std::fs::remove_file(&path).unwrap();
             survey.map(|_| ())
         };
