@@ -5,7 +5,7 @@ use super::geometry::Geometry;
 use super::image::{Image, ShadowRays};
 use super::scene::{Material, Scene};
 use super::settings::{LightChoice, Settings};
-use super::shading::{Dimension, View, brdf, random, shadow_offset, sky_radiance};
+use super::shading::{Dimension, View, brdf, random, shadow_offset, sky_radiance, through_haze};
 use girandole::glam::{Vec2, Vec3, Vec4};
 use girandole::gpu::DEFAULT_USAGE_INTERVAL;
 use girandole::light::luminance;
@@ -116,25 +116,27 @@ impl Integrator<'_> {
         let surface = eye + direction * hit.distance;
         let position = surface + normal * shadow_offset(surface, hit.distance);
         let surface = Surface { material, shading_point: ShadingPoint::surface(position, normal), view };
-        sum + match self.choice {
-            LightChoice::Tree => match self.sampler.sample(&surface.shading_point, u) {
-                Some(sample) => {
-                    if let LightId::Local { instance, .. } = sample.light
-                        && is_counted
-                    {
-                        *tally.usage.entry(instance).or_default() += 1;
+        let radiance = sum
+            + match self.choice {
+                LightChoice::Tree => match self.sampler.sample(&surface.shading_point, u) {
+                    Some(sample) => {
+                        if let LightId::Local { instance, .. } = sample.light
+                            && is_counted
+                        {
+                            *tally.usage.entry(instance).or_default() += 1;
+                        }
+                        self.reflected(&surface, &sample.incident, &mut tally.rays) / sample.pmf
                     }
-                    self.reflected(&surface, &sample.incident, &mut tally.rays) / sample.pmf
-                }
-                None => Vec3::ZERO,
-            },
-            LightChoice::Exhaustive => self
-                .sampler
-                .all_lights()
-                .filter_map(|light| self.sampler.sample_light(&surface.shading_point, light, [u[2], u[3]]))
-                .map(|incident| self.reflected(&surface, &incident, &mut tally.rays))
-                .sum(),
-        }
+                    None => Vec3::ZERO,
+                },
+                LightChoice::Exhaustive => self
+                    .sampler
+                    .all_lights()
+                    .filter_map(|light| self.sampler.sample_light(&surface.shading_point, light, [u[2], u[3]]))
+                    .map(|incident| self.reflected(&surface, &incident, &mut tally.rays))
+                    .sum(),
+            };
+        through_haze(&self.scene.sky, radiance, hit.distance)
     }
 
     /// The radiance that one sample of one light adds, not yet divided by the pmf of the light.

@@ -111,6 +111,9 @@ pub struct Sky {
     pub horizon: Vec3,
     /// Added to every surface as albedo times ambient. It is not sampled.
     pub ambient: Vec3,
+    /// The share of the light of surfaces that haze replaces by the radiance at the horizon on each
+    /// metre to the camera; 0 for clear air.
+    pub haze: f32,
 }
 
 /// Everything that a renderer needs, except for the lights.

@@ -149,7 +149,7 @@ impl GpuRenderer {
             horizon: scene.sky.horizon,
             first_object: self.first_object as u32,
             ambient: scene.sky.ambient,
-            padding: 0,
+            haze: scene.sky.haze,
             occluder_min: geometry.occluders.min,
             padding_a: 0,
             occluder_max: geometry.occluders.max,

@@ -22,7 +22,7 @@ struct Frame {
     // The records before it are materials.
     first_object: u32,
     ambient: vec3<f32>,
-    padding: u32,
+    haze: f32,
     // The box of everything that casts shadows.
     occluder_min: vec3<f32>,
     padding_a: u32,
@@ -207,6 +207,11 @@ fn sky_radiance(direction: vec3<f32>) -> vec3<f32> {
     return mix(frame.horizon, frame.zenith, sqrt(max(direction.y, 0.0)));
 }
 
+fn through_haze(radiance: vec3<f32>, dist: f32) -> vec3<f32> {
+    let clear = exp(-dist * frame.haze);
+    return radiance * clear + frame.horizon * (1.0 - clear);
+}
+
 fn brdf(material: Record, normal: vec3<f32>, view: vec3<f32>, light: vec3<f32>) -> vec3<f32> {
     let base_color = material.row0.xyz;
     let roughness = material.row0.w;
@@ -254,7 +259,11 @@ fn radiance(pixel: u32, corner: vec2<f32>, index: u32) -> vec3<f32> {
     if hit.object == NOTHING {
         return sky_radiance(direction);
     }
+    return through_haze(surface_radiance(pixel, direction, hit, index), hit.dist);
+}
 
+// The radiance that the surface of a hit sends against the direction of the ray.
+fn surface_radiance(pixel: u32, direction: vec3<f32>, hit: Hit, index: u32) -> vec3<f32> {
     let facet = triangles[hit.triangle];
     let placed = records[frame.first_object + hit.object];
     let material = records[facet.material];

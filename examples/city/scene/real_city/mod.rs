@@ -19,6 +19,7 @@ use girandole::{LightWorld, Policy};
 use super::assembly::{Assembly, Design};
 use super::designs::buildings::{self, Lot};
 use super::designs::furniture::{self, Lamp};
+use super::designs::land;
 use super::designs::vehicles;
 use super::designs::vehicles::body::Body;
 use super::designs::vehicles::fleet::{car_designs, car_transform};
@@ -76,6 +77,11 @@ const MAX_OFFSET: f64 = 50_000.0;
 const LIT_DISTANCE: f32 = 150.0;
 const LEAST_LIT: f32 = 0.05;
 
+/// Height of the land below the roads, metres.
+const LAND_HEIGHT: f32 = -0.06;
+/// How far the part of the land that is near reaches beyond all positions, metres.
+const LAND_MARGIN: f32 = 1_500.0;
+
 /// Number of parked cars by default.
 const DEFAULT_PARKED_CARS: usize = 60;
 
@@ -116,13 +122,15 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
     positions.extend(segments.iter().flat_map(|segment| [segment.from, segment.to]).filter(|_| network.is_some()));
     let low = positions.iter().copied().reduce(Vec2::min).unwrap_or(Vec2::ZERO);
     let high = positions.iter().copied().reduce(Vec2::max).unwrap_or(Vec2::ZERO);
+    let margin = Vec2::splat(LAND_MARGIN);
+    let near = [low - margin, high + margin].map(|corner| corner.to_array());
+    let land = land::land(near, LAND_HEIGHT, [0.075, 0.08, 0.06], &mut palette);
     // A network has the roads on which vehicles drive.
-    let land = match &network {
-        Some(_) => ground::land(&[], &BTreeSet::new(), low, high, &mut palette),
-        None => ground::land(&segments, &driven_cells, low, high, &mut palette),
+    let paved = match &network {
+        Some(network) => roads::pave(network, shift, &mut palette),
+        None => ground::roads(&segments, &driven_cells, &mut palette),
     };
-    let paved = network.as_ref().map(|network| roads::pave(network, shift, &mut palette));
-    for part in std::iter::once(land).chain(paved) {
+    for part in land.into_iter().chain([paved]).filter(|part| !part.mesh.triangles.is_empty()) {
         let mesh = assembly.mesh(part.mesh);
         assembly.object(mesh, Affine3A::IDENTITY);
     }
