@@ -7,8 +7,9 @@
 //! 2. `lamp_table`, `vehicle_types`, `fcd` and `net`: readers of the file formats, the last three on
 //!    top of `xml`; `vehicle_class`: the classes of vehicles;
 //! 3. `grid` and `ground`: roads and houses, which are derived from the positions of lamps and
-//!    vehicles, and `roads`: those of a network;
-//! 4. `traffic`: vehicles that follow the file.
+//!    vehicles;
+//! 4. `strips`, `lane_lines` and `roads`: the roads of a network;
+//! 5. `traffic`: vehicles that follow the file.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -36,6 +37,8 @@ pub mod net;
 
 pub mod grid;
 pub mod ground;
+pub mod strips;
+pub mod lane_lines;
 pub mod roads;
 
 pub mod traffic;
