@@ -19,8 +19,8 @@ const MAX_FRAMES: u32 = 100_000;
 /// Most samples per pixel.
 const MAX_SPP: u32 = 1 << 20;
 
-/// Renders a night city, a glTF scene, or the lamps and traffic of a real city, lit through
-/// two-level light trees
+/// Renders a night city, a glTF scene, or the lamps, traffic, roads and buildings of a real city, lit
+/// through two-level light trees
 #[derive(Clone, Debug, Parser)]
 #[command(name = "city", version)]
 pub struct Options {
@@ -140,6 +140,8 @@ mod tests {
             "--net a.net.xml --world S",
             "--gltf a.glb --net b.net.xml",
             "--vtypes a.rou.xml",
+            "--buildings a.geojson --world S",
+            "--gltf a.glb --buildings b.geojson",
             "--unknown",
         ] {
             let line = parse(bad).unwrap_err().0;

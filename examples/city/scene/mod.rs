@@ -1,9 +1,9 @@
 //! Scenes: what the example draws, how it moves, and the light world that goes with it.
 //!
 //! A loader returns a [`Stage`]: geometry, lights and an animation. There are three loaders, each
-//! in a folder: `procedural` builds a city, `real_city` reads the street lamps and the traffic of a
-//! real one, and `gltf_scene` reads a file. Renderers take any stage and do not depend on the
-//! loader.
+//! in a folder: `procedural` builds a city, `real_city` reads the lamps, the traffic, the roads and
+//! the buildings of a real one, and `gltf_scene` reads a file. Renderers take any stage and do not
+//! depend on the loader.
 //!
 //! Metres, right-handed, Y up. Radiance and emission are in nits, per linear Rec. 709 channel.
 //!

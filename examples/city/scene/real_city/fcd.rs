@@ -7,8 +7,9 @@ use std::path::Path;
 use quick_xml::events::{BytesStart, Event};
 
 use super::SceneError;
+use super::source::Source;
 use super::vehicle_class::VehicleClass;
-use super::xml::{AnySource, XmlFile};
+use super::xml::XmlFile;
 
 /// A vehicle, a person or a container in a time step.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,7 +53,7 @@ pub struct FcdReader<R> {
     last_time: f64,
 }
 
-impl FcdReader<AnySource> {
+impl FcdReader<Source> {
     /// Opens a file.
     pub fn open(path: &Path) -> Result<Self, SceneError> {
         Ok(Self::new(XmlFile::open(path)?))

@@ -1,15 +1,17 @@
 //! A real city: its street lamps from a CSV file, its traffic from a SUMO simulation, its roads from a
-//! SUMO network, or some of these.
+//! SUMO network, its buildings from GeoJSON, or some of these.
 //!
 //! Read in this order:
 //!
 //! 1. this file: how the city is put together;
-//! 2. `lamp_table`, `vehicle_types`, `fcd` and `net`: readers of the file formats, the last three on
-//!    top of `xml`; `vehicle_class`: the classes of vehicles;
+//! 2. `source` and `xml`: what the readers of the file formats read from; `lamp_table`,
+//!    `vehicle_types`, `fcd`, `net` and `footprints`: those readers; `vehicle_class`: the classes of
+//!    vehicles;
 //! 3. `grid` and `ground`: roads and houses, which are derived from the positions of lamps and
 //!    vehicles;
 //! 4. `strips`, `lane_lines` and `roads`: the roads of a network;
-//! 5. `traffic`: vehicles that follow the file.
+//! 5. `blocks`: buildings on footprints;
+//! 6. `survey` and `traffic`: vehicles that follow the file.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -19,6 +21,7 @@ use girandole::{LightWorld, Policy};
 
 use super::assembly::{Assembly, Design};
 use super::designs::buildings::{self, Lot};
+use super::designs::facade;
 use super::designs::furniture::{self, Lamp};
 use super::designs::land;
 use super::designs::vehicles;
@@ -29,11 +32,13 @@ use super::rng::Rng;
 use super::{Animation, Camera, Scene, SceneError, Stage, assembly, palette, part, rng};
 
 pub mod lamp_table;
+pub mod source;
 pub mod xml;
 pub mod vehicle_class;
 pub mod vehicle_types;
 pub mod fcd;
 pub mod net;
+pub mod footprints;
 
 pub mod grid;
 pub mod ground;
@@ -41,14 +46,19 @@ pub mod strips;
 pub mod lane_lines;
 pub mod roads;
 
+pub mod blocks;
+
+pub mod survey;
 pub mod traffic;
 
 use fcd::FcdReader;
+use footprints::Footprints;
 use grid::{Grid, to_plane};
 use ground::{DRIVEN_CELL, RoadSegment};
 use lamp_table::LampRecord;
 use net::Network;
-use traffic::{Survey, Traffic};
+use survey::Survey;
+use traffic::Traffic;
 use vehicle_types::VehicleTypes;
 
 /// What the city is built from. At least one of the files must be given.
@@ -62,6 +72,9 @@ pub struct RealCityOptions {
     pub vehicle_types: Vec<PathBuf>,
     /// Roads, and the offset of the traffic; see [`net`].
     pub net: Option<PathBuf>,
+    /// Buildings, in the coordinates of the lamps; see [`footprints`]. Without it, houses are placed
+    /// beside the roads.
+    pub buildings: Option<PathBuf>,
     /// Number of cars that are parked along the roads if there is no traffic file; `None` for 60.
     pub cars: Option<usize>,
     /// Determines what the files do not: the colours of vehicles, houses, and parked cars.
@@ -85,6 +98,10 @@ const LAND_HEIGHT: f32 = -0.06;
 /// How far the part of the land that is near reaches beyond all positions, metres.
 const LAND_MARGIN: f32 = 1_500.0;
 
+/// The camera is above all roofs within this distance, by this height, metres.
+const ROOF_REACH: f32 = 25.0;
+const ROOF_CLEARANCE: f32 = 15.0;
+
 /// Number of parked cars by default.
 const DEFAULT_PARKED_CARS: usize = 60;
 
@@ -94,15 +111,18 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
     let types = VehicleTypes::read(&options.vehicle_types)?;
     let survey = options.traffic.as_deref().map(|path| Survey::read(path, types, options.seed)).transpose()?;
     let network = options.net.as_deref().map(Network::read).transpose()?;
+    let footprints = options.buildings.as_deref().map(Footprints::read).transpose()?;
+    let buildings = footprints.as_ref().map_or(&[][..], |footprints| &footprints.all);
     // The simulation has the positions of the network.
     let offset = network.as_ref().map_or(DVec2::ZERO, |network| network.offset);
     let first = lamps
         .first()
         .map(|lamp| dvec2(lamp.east, lamp.north))
         .or(survey.as_ref().and_then(|survey| survey.first).map(|first| first - offset))
-        .or(network.as_ref().and_then(|network| network.lanes.first()).map(|lane| lane.line[0]));
+        .or(network.as_ref().and_then(|network| network.lanes.first()).map(|lane| lane.line[0]))
+        .or(buildings.first().map(|footprint| footprint.rings[0][0]));
     let Some(first) = first else {
-        return Err(SceneError("the files contain neither lamps nor vehicles nor roads".into()));
+        return Err(SceneError("the files contain neither lamps nor vehicles, roads or buildings".into()));
     };
     let shift = if first.abs().max_element() > MAX_OFFSET { (first / 1000.0).round() * 1000.0 } else { DVec2::ZERO };
     let mut assembly = Assembly::new();
@@ -123,6 +143,7 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
         positions.push(at);
     }
     positions.extend(segments.iter().flat_map(|segment| [segment.from, segment.to]).filter(|_| network.is_some()));
+    positions.extend(blocks::bounds(buildings, shift).into_iter().flatten());
     let low = positions.iter().copied().reduce(Vec2::min).unwrap_or(Vec2::ZERO);
     let high = positions.iter().copied().reduce(Vec2::max).unwrap_or(Vec2::ZERO);
     let margin = Vec2::splat(LAND_MARGIN);
@@ -137,17 +158,25 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
         let mesh = assembly.mesh(part.mesh);
         assembly.object(mesh, Affine3A::IDENTITY);
     }
-    // The view is centred where most vehicles drive or, without traffic, where most lamps are.
+    // The view is centred where most vehicles drive or, without traffic, where most lamps are, else among
+    // the roads or the buildings.
     let driven: Vec<Vec2> = match () {
         () if !driven_cells.is_empty() => positions[lamp_positions.len()..][..driven_cells.len()].to_vec(),
         () if !lamp_positions.is_empty() => lamp_positions.clone(),
-        () => positions.clone(),
+        () if network.is_some() => positions.clone(),
+        () => buildings.iter().map(|footprint| to_plane(footprint.rings[0][0] - shift)).collect(),
     };
     let mut warnings = far_from_lamps(&lamp_positions, &driven, &driven_cells, network.is_some());
+    warnings.extend(footprints.iter().flat_map(Footprints::warnings));
     warnings.extend(survey.as_ref().and_then(Survey::warning));
     let middle = Grid::new(driven, 240.0).densest().map_or(Vec2::ZERO, |(middle, _)| middle);
     let lamp_grid = Grid::new(lamp_positions, 90.0);
-    place_houses(&mut assembly, &mut palette, &lamp_grid, &segments, &driven_cells, middle, options.seed)?;
+    match footprints {
+        Some(_) => blocks::place(&mut assembly, &mut palette, buildings, shift, middle, options.seed)?,
+        None => {
+            place_houses(&mut assembly, &mut palette, &lamp_grid, &segments, &driven_cells, middle, options.seed)?;
+        }
+    }
 
     let traffic = match (survey, &options.traffic) {
         (Some(survey), Some(path)) => {
@@ -169,7 +198,11 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
     assembly.add_night()?;
     let Assembly { mut scene, world } = assembly;
     scene.materials = palette.materials;
-    scene.camera = camera(&segments, middle);
+    // Buildings may stand beside the road.
+    scene.camera = camera(&segments, middle, if buildings.is_empty() { 30.0 } else { 0.0 });
+    let below = vec2(scene.camera.eye.x, scene.camera.eye.z);
+    let roof = blocks::highest_near(buildings, below, ROOF_REACH, shift);
+    scene.camera.eye.y = scene.camera.eye.y.max(roof + ROOF_CLEARANCE);
     scene.lamp_clearance = 0.1;
     scene.exposure = 0.5;
     scene.warnings = warnings;
@@ -204,12 +237,13 @@ fn far_from_lamps(
     vec![format!("only {:.0} % of the traffic is within {LIT_DISTANCE} m of a lamp: {advice}", (100.0 * share).floor())]
 }
 
-/// A camera above the roofs that looks down along the road nearest to `middle`.
-fn camera(segments: &[RoadSegment], middle: Vec2) -> Camera {
+/// A camera above the roofs that looks down along the road nearest to `middle`, from `side` metres beside
+/// the road.
+fn camera(segments: &[RoadSegment], middle: Vec2, side: f32) -> Camera {
     let nearest = segments.iter().min_by(|a, b| a.distance(middle).total_cmp(&b.distance(middle)));
     let along = nearest.map_or(vec2(0.0, -1.0), |segment| (segment.to - segment.from).normalize_or(vec2(0.0, -1.0)));
     let center = nearest.map_or(middle, |segment| (segment.from + segment.to) * 0.5);
-    let eye = center - along * 110.0 + vec2(-along.y, along.x) * 30.0;
+    let eye = center - along * 110.0 + vec2(-along.y, along.x) * side;
     Camera { eye: vec3(eye.x, 52.0, eye.y), target: vec3(center.x, 0.0, center.y), vertical_fov: 0.8 }
 }
 
@@ -307,6 +341,8 @@ impl Animation for Still {
 
 #[cfg(test)]
 mod tests {
+    use girandole::glam::Vec3;
+
     use super::*;
 
     fn sample(name: &str) -> Option<PathBuf> {
@@ -394,6 +430,33 @@ mod tests {
         let apart = with_moved_traffic("apart", (7000.0, -3000.0), None).unwrap();
         assert_eq!(apart.scene.warnings.len(), 1);
         assert!(apart.scene.warnings[0].contains("--net"), "{:?}", apart.scene.warnings);
+    }
+
+    #[test]
+    fn buildings_have_the_coordinates_of_the_lamps_and_take_the_place_of_houses() {
+        let path = std::env::temp_dir().join(format!("girandole_city_{}.geojson", std::process::id()));
+        let ring = "[[-90,30],[-60,30],[-60,50],[-90,50],[-90,30]]";
+        let text = format!(
+            r#"{{"type":"FeatureCollection","features":[{{"type":"Feature","properties":{{"height":"11 m"}},
+            "geometry":{{"type":"Polygon","coordinates":[{ring}]}}}}]}}"#
+        );
+        std::fs::write(&path, text).unwrap();
+        let lamps = sample("lamps_small.csv");
+        let buildings = Some(path.clone());
+        let loaded = stage(&RealCityOptions { lamps, buildings, cars: Some(0), seed: 1, ..RealCityOptions::default() });
+        std::fs::remove_file(&path).unwrap();
+        let stage = loaded.unwrap();
+        let is_high = |object: &&super::super::Object| {
+            let triangles = &stage.scene.meshes[object.mesh as usize].triangles;
+            triangles.iter().flat_map(|triangle| triangle.vertices).any(|vertex| vertex.y == 11.0)
+        };
+        let high: Vec<_> = stage.scene.objects.iter().filter(is_high).collect();
+        assert_eq!(high.len(), 1);
+        let corners = stage.scene.meshes[high[0].mesh as usize].triangles.iter().flat_map(|triangle| triangle.vertices);
+        let placed = corners.map(|corner| high[0].transform.transform_point3(corner));
+        let [low, high] = placed.fold([Vec3::MAX, Vec3::MIN], |[low, high], at| [low.min(at), high.max(at)]);
+        // Windows lie in front of the walls.
+        assert!(low.abs_diff_eq(vec3(-90.0, 0.0, -50.0), 0.05) && high.abs_diff_eq(vec3(-60.0, 11.0, -30.0), 0.05));
     }
 
     #[test]
