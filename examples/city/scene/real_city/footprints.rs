@@ -1,19 +1,17 @@
-//! Reads the footprints and heights of buildings from GeoJSON. The file is read as a stream: only one
-//! feature is in memory besides the footprints.
+//! Reads the footprints and heights of buildings from GeoJSON.
 //!
 //! Heights follow from the properties by which OpenStreetMap describes buildings: `height` in metres,
 //! else `building:levels` or `levels`; `min_height` is the height of the lower side.
 
 use std::collections::BTreeSet;
-use std::fmt;
 use std::path::Path;
 
 use earcut::{Earcut, deviation};
 use girandole::glam::{DVec2, dvec2};
-use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use serde_json::Value;
 
 use super::SceneError;
+use super::geojson;
 use super::source::{self, Source};
 
 /// The most footprints of a file, and the most corners of all of them.
@@ -69,9 +67,7 @@ impl Footprints {
     pub fn parse(source: Source, name: &str) -> Result<Self, SceneError> {
         let fail = |what: String| SceneError(format!("{name}: {}", what.replace('\n', " ")));
         let mut footprints = Self::default();
-        let mut json = serde_json::Deserializer::from_reader(source);
-        let read = Collection(&mut footprints).deserialize(&mut json).and_then(|()| json.end());
-        read.map_err(|error| fail(error.to_string()))?;
+        geojson::read(source, &mut |feature, number| footprints.take(feature, number)).map_err(fail)?;
         if footprints.all.is_empty() && footprints.skipped == 0 {
             return Err(fail("there is no Polygon or MultiPolygon".into()));
         }
@@ -238,74 +234,6 @@ fn footprint(mut rings: Vec<Vec<DVec2>>, heights: [f32; 2]) -> Option<Footprint>
 fn area(ring: &[DVec2], origin: DVec2) -> f64 {
     let next = ring.iter().cycle().skip(1);
     0.5 * ring.iter().zip(next).map(|(a, b)| (*a - origin).perp_dot(*b - origin)).sum::<f64>()
-}
-
-/// Reads a feature collection.
-struct Collection<'a>(&'a mut Footprints);
-
-/// Reads its features one by one.
-struct Features<'a>(&'a mut Footprints);
-
-impl<'de> DeserializeSeed<'de> for Collection<'_> {
-    type Value = ();
-
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
-        deserializer.deserialize_map(self)
-    }
-}
-
-impl<'de> Visitor<'de> for Collection<'_> {
-    type Value = ();
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a FeatureCollection of GeoJSON")
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<(), A::Error> {
-        let (mut kind, mut has_features) = (Value::Null, false);
-        while let Some(key) = map.next_key::<String>()? {
-            match key.as_str() {
-                "type" => kind = map.next_value()?,
-                "features" => {
-                    has_features = true;
-                    map.next_value_seed(Features(&mut *self.0))?;
-                }
-                _ => {
-                    map.next_value::<IgnoredAny>()?;
-                }
-            }
-        }
-        match (kind.as_str(), has_features) {
-            (Some("FeatureCollection"), true) => Ok(()),
-            (Some("FeatureCollection"), false) => Err(A::Error::custom("there are no \"features\"")),
-            _ => Err(A::Error::custom(format!("\"type\" is {kind}, not \"FeatureCollection\""))),
-        }
-    }
-}
-
-impl<'de> DeserializeSeed<'de> for Features<'_> {
-    type Value = ();
-
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
-        deserializer.deserialize_seq(self)
-    }
-}
-
-impl<'de> Visitor<'de> for Features<'_> {
-    type Value = ();
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a list of features")
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut features: A) -> Result<(), A::Error> {
-        let mut number = 0;
-        while let Some(feature) = features.next_element::<Value>()? {
-            self.0.take(&feature, number).map_err(A::Error::custom)?;
-            number += 1;
-        }
-        Ok(())
-    }
 }
 
 #[cfg(test)]

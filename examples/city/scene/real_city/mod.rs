@@ -5,30 +5,24 @@
 //!
 //! 1. this file: how the city is put together;
 //! 2. `source` and `xml`: what the readers of the file formats read from; `lamp_table`,
-//!    `vehicle_types`, `fcd`, `net` and `footprints`: those readers; `vehicle_class`: the classes of
+//!    `vehicle_types`, `fcd`, `net`, `geojson` and `footprints`: those readers; `vehicle_class`: the classes of
 //!    vehicles;
 //! 3. `grid` and `ground`: roads and houses, which are derived from the positions of lamps and
 //!    vehicles;
 //! 4. `strips`, `lane_lines` and `roads`: the roads of a network;
-//! 5. `blocks`: buildings on footprints;
+//! 5. `placing`: lamps, houses and parked cars; `blocks`: buildings on footprints;
 //! 6. `survey` and `traffic`: vehicles that follow the file.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use girandole::glam::{Affine3A, DVec2, Quat, Vec2, dvec2, vec2, vec3};
-use girandole::{LightWorld, Policy};
+use girandole::LightWorld;
+use girandole::glam::{Affine3A, DVec2, Vec2, dvec2, vec2, vec3};
 
-use super::assembly::{Assembly, Design};
-use super::designs::buildings::{self, Lot};
-use super::designs::facade;
-use super::designs::furniture::{self, Lamp};
-use super::designs::land;
-use super::designs::vehicles;
-use super::designs::vehicles::body::Body;
-use super::designs::vehicles::fleet::{car_designs, car_transform};
+use super::assembly::Assembly;
+use super::designs::vehicles::fleet::car_designs;
+use super::designs::{buildings, facade, furniture, land, vehicles};
 use super::palette::Palette;
-use super::rng::Rng;
 use super::{Animation, Camera, Scene, SceneError, Stage, assembly, palette, part, rng};
 
 pub mod lamp_table;
@@ -38,6 +32,7 @@ pub mod vehicle_class;
 pub mod vehicle_types;
 pub mod fcd;
 pub mod net;
+pub mod geojson;
 pub mod footprints;
 
 pub mod grid;
@@ -46,6 +41,7 @@ pub mod strips;
 pub mod lane_lines;
 pub mod roads;
 
+pub mod placing;
 pub mod blocks;
 
 pub mod survey;
@@ -55,7 +51,6 @@ use fcd::FcdReader;
 use footprints::Footprints;
 use grid::{Grid, to_plane};
 use ground::{DRIVEN_CELL, RoadSegment};
-use lamp_table::LampRecord;
 use net::Network;
 use survey::Survey;
 use traffic::Traffic;
@@ -81,8 +76,6 @@ pub struct RealCityOptions {
     pub seed: u64,
 }
 
-/// Houses are placed within this distance of the middle of the view, metres.
-const HOUSE_REACH: f32 = 420.0;
 /// Positions in national grids can lie megametres from (0, 0). If the first position is farther
 /// away than this, in metres, all positions are shifted by a multiple of a kilometre that brings it
 /// close.
@@ -133,7 +126,7 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
     if network.is_some() {
         ground::turn_arms(&lamp_positions, &segments, &mut arms);
     }
-    place_lamps(&mut assembly, &mut palette, &lamps, &lamp_positions, &arms)?;
+    placing::place_lamps(&mut assembly, &mut palette, &lamps, &lamp_positions, &arms)?;
 
     let mut driven_cells = BTreeSet::new();
     let mut positions = lamp_positions.clone();
@@ -174,7 +167,15 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
     match footprints {
         Some(_) => blocks::place(&mut assembly, &mut palette, buildings, shift, middle, options.seed)?,
         None => {
-            place_houses(&mut assembly, &mut palette, &lamp_grid, &segments, &driven_cells, middle, options.seed)?;
+            placing::place_houses(
+                &mut assembly,
+                &mut palette,
+                &lamp_grid,
+                &segments,
+                &driven_cells,
+                middle,
+                options.seed,
+            )?;
         }
     }
 
@@ -184,7 +185,7 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
         }
         _ => {
             let kinds = car_designs(&mut assembly, &mut palette)?;
-            park_cars(
+            placing::park_cars(
                 &mut assembly,
                 &kinds,
                 &segments,
@@ -245,85 +246,6 @@ fn camera(segments: &[RoadSegment], middle: Vec2, side: f32) -> Camera {
     let center = nearest.map_or(middle, |segment| (segment.from + segment.to) * 0.5);
     let eye = center - along * 110.0 + vec2(-along.y, along.x) * side;
     Camera { eye: vec3(eye.x, 52.0, eye.y), target: vec3(center.x, 0.0, center.y), vertical_fov: 0.8 }
-}
-
-fn place_lamps(
-    assembly: &mut Assembly,
-    palette: &mut Palette,
-    lamps: &[LampRecord],
-    positions: &[Vec2],
-    arms: &[Vec2],
-) -> Result<(), SceneError> {
-    // Lamps with the same height and flux share a tree and a mesh; real tables have few kinds.
-    let mut designs: BTreeMap<(u32, u32), Design> = BTreeMap::new();
-    for ((lamp, position), arm) in lamps.iter().zip(positions).zip(arms) {
-        let kind = match lamp.height {
-            height if height < 5.5 => Lamp::Globe,
-            _ if lamp.lumens > 12_000.0 => Lamp::Sodium,
-            _ => Lamp::Led,
-        };
-        let design = match designs.get(&(lamp.height.to_bits(), lamp.lumens.to_bits())) {
-            Some(&known) => known,
-            None => {
-                let design = assembly.design(furniture::lamp(kind, lamp.height, lamp.lumens, palette))?;
-                designs.insert((lamp.height.to_bits(), lamp.lumens.to_bits()), design);
-                design
-            }
-        };
-        let turn = Quat::from_rotation_y(arm.x.atan2(arm.y));
-        let place = Affine3A::from_rotation_translation(turn, vec3(position.x, 0.0, position.y));
-        assembly.place(design, place, Policy::Static)?;
-    }
-    Ok(())
-}
-
-fn place_houses(
-    assembly: &mut Assembly,
-    palette: &mut Palette,
-    lamps: &Grid,
-    segments: &[RoadSegment],
-    driven_cells: &BTreeSet<(i32, i32)>,
-    middle: Vec2,
-    seed: u64,
-) -> Result<(), SceneError> {
-    let places = ground::house_places(lamps, segments, driven_cells, middle, HOUSE_REACH, seed);
-    let mut designs = Vec::new();
-    for (index, floors) in [1, 1, 2, 2, 3, 4].into_iter().enumerate() {
-        let mut rng = Rng::new(seed, 0x6000 + index as u64);
-        designs.push(assembly.design(buildings::building(Lot::Detached, floors, palette, &mut rng))?);
-    }
-    let mut rng = Rng::new(seed, 0x6fff);
-    for place in places {
-        assembly.place(rng.pick(&designs), place, Policy::Static)?;
-    }
-    Ok(())
-}
-
-/// Parks `count` cars at the kerbs of the roads near the middle.
-fn park_cars(
-    assembly: &mut Assembly,
-    kinds: &[(Body, Vec<Design>)],
-    segments: &[RoadSegment],
-    middle: Vec2,
-    count: usize,
-    seed: u64,
-) -> Result<(), SceneError> {
-    let mut rng = Rng::new(seed, 0x9a2c);
-    let mut near: Vec<&RoadSegment> = segments.iter().collect();
-    near.sort_by(|a, b| a.distance(middle).total_cmp(&b.distance(middle)));
-    near.truncate(count.div_ceil(2));
-    for car in 0..if near.is_empty() { 0 } else { count } {
-        let segment = near[car % near.len()];
-        let along = (segment.to - segment.from).normalize_or(vec2(1.0, 0.0));
-        // After one car on each road, the next ones stand on the other side and face the other way.
-        let along = if (car / near.len()).is_multiple_of(2) { along } else { -along };
-        let at = segment.from.lerp(segment.to, rng.range(0.25, 0.75)) + vec2(-along.y, along.x) * 2.2;
-        let kind = rng.below(3);
-        let design = rng.pick(&kinds[kind].1);
-        let angle = (-along.x).atan2(-along.y);
-        assembly.place(design, car_transform(at, angle), Policy::RefitOnly)?;
-    }
-    Ok(())
 }
 
 /// The animation of a city without traffic.
