@@ -1,7 +1,8 @@
 //! Vehicles with head and tail lights that drive through a scene along a line, over and over.
 
 use crate::city::scene::assembly::{Assembly, Placed};
-use crate::city::scene::designs::vehicles::{Body, car_designs};
+use crate::city::scene::designs::vehicles::body::Body;
+use crate::city::scene::designs::vehicles::fleet::car_designs;
 use crate::city::scene::palette::Palette;
 use crate::city::scene::{Animation, Scene, SceneError, Stage};
 use girandole::glam::{Affine3A, Quat, Vec3};

@@ -118,6 +118,43 @@ fn malformed_traffic_files_are_refused() {
 }
 
 #[test]
+fn malformed_vehicle_types_are_refused() {
+    let traffic = data("fcd_small.xml");
+    let traffic = ["--traffic", traffic.to_str().expect("UTF-8"), "--vtypes"];
+    let with = |types: &str| [traffic[0], traffic[1], traffic[2], types].map(str::to_owned);
+    let refused = |name: &str, types: &str, hint: &str| {
+        let arguments = with(types);
+        assert_refused(name, &arguments.each_ref().map(String::as_str), hint);
+    };
+    let valid = file("valid.rou.xml", b"<routes><vType id=\"bus\" vClass=\"coach\"/></routes>");
+    let unknown = file("unknown.rou.xml", b"<routes><vType id=\"a\" vClass=\"hovercraft\"/></routes>");
+    refused("missing-types", "no-such-file.rou.xml", "no-such-file.rou.xml");
+    refused("second-types", &format!("{valid},{unknown}"), "\"hovercraft\"");
+    refused("no-types", &file("none.rou.xml", b"<routes/>"), "no <vType>");
+    assert_refused("types-alone", &["--vtypes", &valid], "--traffic");
+}
+
+#[test]
+fn malformed_buildings_are_refused() {
+    assert_refused("missing-geojson", &["--buildings", "no-such-file.geojson"], "no-such-file.geojson");
+    assert_refused("not-geojson", &["--buildings", &file("not.geojson", b"<html>")], "not.geojson");
+    let feature = |ring: &str, properties: &str| {
+        format!(
+            r#"{{"type":"FeatureCollection","features":[{{"type":"Feature","properties":{properties},"geometry":{{"type":"Polygon","coordinates":[{ring}]}}}}]}}"#
+        )
+    };
+    for (name, ring, properties, hint) in [
+        ("short.geojson", "[[0,0],[9,0],[0,0]]", "{}", "2 corner(s)"),
+        ("low.geojson", "[[0,0],[9,0],[9,9],[0,0]]", r#"{"height":-1}"#, "\"height\" is -1"),
+        ("infinite.geojson", "[[0,0],[1e400,0],[9,9],[0,0]]", "{}", "out of range"),
+        ("degrees.geojson", "[[8.4,49.0],[8.4001,49.0],[8.4001,49.0001],[8.4,49.0]]", "{}", "EPSG:32632"),
+    ] {
+        let path = file(name, feature(ring, properties).as_bytes());
+        assert_refused(name, &["--buildings", &path], hint);
+    }
+}
+
+#[test]
 fn gltf_files_with_infinite_numbers_are_refused() {
     let text = fs::read_to_string(data("small.gltf")).expect("a test file");
     let folder = fresh_folder("infinite");

@@ -35,6 +35,8 @@ fn build(is_still: bool) -> Result<Stage, Box<dyn std::error::Error>> {
             zenith: Vec3::new(0.02, 0.03, 0.08),
             horizon: Vec3::new(0.20, 0.14, 0.12),
             ambient: Vec3::new(0.02, 0.02, 0.03),
+            // Both backends look through the same haze.
+            haze: 0.01,
         },
         lamp_clearance: 0.3,
         exposure: 0.12,

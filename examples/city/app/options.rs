@@ -20,8 +20,8 @@ const MAX_FRAMES: u32 = 100_000;
 /// Most samples per pixel.
 const MAX_SPP: u32 = 1 << 20;
 
-/// Renders a night city, a glTF scene, or the lamps and traffic of a real city, lit through
-/// two-level light trees
+/// Renders a night city, a glTF scene, or the lamps, traffic, roads and buildings of a real city, lit
+/// through two-level light trees
 #[derive(Clone, Debug, Parser)]
 #[command(name = "city", version)]
 pub struct Options {
@@ -217,6 +217,9 @@ mod tests {
             "--compare --video a.y4m",
             "--video film",
             "--video .mp4",
+            "--vtypes a.rou.xml",
+            "--buildings a.geojson --world S",
+            "--gltf a.glb --buildings b.geojson",
             "--unknown",
         ] {
             let line = parse(bad).unwrap_err().0;

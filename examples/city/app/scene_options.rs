@@ -16,7 +16,7 @@ const FIELD_OF_VIEW: f32 = std::f32::consts::FRAC_PI_3;
 #[derive(Clone, Debug, Args)]
 pub struct SceneOptions {
     /// Size of the procedural city
-    #[arg(long, value_name = "SIZE", value_enum, ignore_case = true, default_value_t = Size::S, conflicts_with_all = ["gltf", "lamps", "traffic", "net"])]
+    #[arg(long, value_name = "SIZE", value_enum, ignore_case = true, default_value_t = Size::S, conflicts_with_all = ["gltf", "lamps", "traffic", "net", "buildings"])]
     pub world: Size,
     /// Number of cars in the procedural city, or parked in a real city without traffic [default:
     /// depends on the city]
@@ -26,7 +26,7 @@ pub struct SceneOptions {
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
     /// Use this glTF scene (.gltf or .glb) instead of the procedural city
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["lamps", "traffic", "net"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["lamps", "traffic", "net", "buildings"])]
     pub gltf: Option<PathBuf>,
     /// Use the street lamps of a real city: a CSV file with the columns x_m, y_m, est_height_m
     /// (metres) and est_lumens
@@ -36,10 +36,19 @@ pub struct SceneOptions {
     /// with gzip or not
     #[arg(long, value_name = "FILE.xml")]
     pub traffic: Option<PathBuf>,
+    /// The classes and sizes of the vehicles of --traffic: SUMO's route files or additional files with
+    /// their types, compressed with gzip or not, separated by commas; may be given several times
+    #[arg(long, value_name = "FILE.rou.xml", value_delimiter = ',', requires = "traffic")]
+    pub vtypes: Vec<PathBuf>,
     /// Use the roads of a SUMO network, and the offset by which netconvert has moved it and the
     /// traffic on it
     #[arg(long, value_name = "FILE.net.xml")]
     pub net: Option<PathBuf>,
+    /// Use these buildings: GeoJSON with footprints in the metres of the lamps, compressed with gzip or
+    /// not. Their heights are the properties `height` or `building:levels` [default: houses beside the
+    /// roads]
+    #[arg(long, value_name = "FILE.geojson")]
+    pub buildings: Option<PathBuf>,
     /// Camera: position and target in metres [default: depends on the scene]
     #[arg(long, value_name = "x,y,z,x,y,z", value_parser = parse_camera, allow_hyphen_values = true)]
     pub camera: Option<(Vec3, Vec3)>,
@@ -48,11 +57,12 @@ pub struct SceneOptions {
 impl SceneOptions {
     /// Loads the scene.
     pub fn load(&self) -> Result<Stage, SceneError> {
-        let Self { gltf, lamps, traffic, net, seed, cars, world, .. } = self.clone();
+        let Self { gltf, lamps, traffic, vtypes, net, buildings, seed, cars, world, .. } = self.clone();
         let mut stage = if let Some(path) = gltf {
             return gltf_scene::stage(&path, self.camera());
-        } else if lamps.is_some() || traffic.is_some() || net.is_some() {
-            real_city::stage(&RealCityOptions { lamps, traffic, net, cars, seed })?
+        } else if [&lamps, &traffic, &net, &buildings].into_iter().any(Option::is_some) {
+            let vehicle_types = vtypes;
+            real_city::stage(&RealCityOptions { lamps, traffic, vehicle_types, net, buildings, cars, seed })?
         } else {
             procedural::stage(&CityOptions { size: world, cars, seed })?
         };
@@ -64,16 +74,20 @@ impl SceneOptions {
 
     /// The number of cars, if it can be chosen: in the procedural city.
     pub fn procedural_cars(&self) -> Option<usize> {
-        let files = [&self.gltf, &self.lamps, &self.traffic, &self.net];
-        files.iter().all(|file| file.is_none()).then(|| self.cars.unwrap_or_else(|| self.world.default_cars()))
+        self.files().next().is_none().then(|| self.cars.unwrap_or_else(|| self.world.default_cars()))
     }
 
     /// The name of the scene for titles.
     #[allow(dead_code, reason = "only measuring programs have titles")]
     pub fn name(&self) -> String {
         let stem = |path: &PathBuf| path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-        let file = [&self.gltf, &self.lamps, &self.traffic, &self.net].into_iter().flatten().next();
+        let file = self.files().next();
         file.map_or_else(|| format!("city {:?}", self.world), stem)
+    }
+
+    /// The files of a scene that is not the procedural city.
+    fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        [&self.gltf, &self.lamps, &self.traffic, &self.net, &self.buildings].into_iter().flatten()
     }
 
     /// The camera of `--camera`.

@@ -8,7 +8,7 @@ use super::image::{Image, ShadowRays};
 use super::scene::{Material, Scene};
 use super::sequence::{PixelSequence, SampleNumbers};
 use super::settings::Settings;
-use super::shading::{View, brdf, gloss, shadow_offset, sky_radiance};
+use super::shading::{View, brdf, gloss, shadow_offset, sky_radiance, through_haze};
 use girandole::glam::{Vec2, Vec3, Vec4};
 use girandole::gpu::DEFAULT_USAGE_INTERVAL;
 use girandole::light::luminance;
@@ -141,11 +141,12 @@ impl Integrator<'_> {
         let position = surface + normal * shadow_offset(surface, hit.distance);
         let shading_point = ShadingPoint::surface(position, normal).with_gloss(gloss(material, view));
         let surface = Surface { material, shading_point, view };
-        sum + match self.lights.choice {
+        let reflected = match self.lights.choice {
             Choice::Trees => self.by_trees(&surface, numbers, tally),
             Choice::Baseline(baseline) => self.by_baseline(&surface, baseline, numbers, tally),
             Choice::All => self.by_all(&surface, numbers, tally),
-        }
+        };
+        through_haze(&self.scene.sky, sum + reflected, hit.distance)
     }
 
     /// The light of one sample: of several candidates, one is kept in proportion to what it

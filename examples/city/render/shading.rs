@@ -47,6 +47,13 @@ pub fn sky_radiance(sky: &Sky, direction: Vec3) -> Vec3 {
     sky.horizon.lerp(sky.zenith, direction.y.max(0.0).sqrt())
 }
 
+/// What arrives of the radiance of a surface at `distance` metres through haze, which shines like the
+/// horizon.
+pub fn through_haze(sky: &Sky, radiance: Vec3, distance: f32) -> Vec3 {
+    let clear = (-distance * sky.haze).exp();
+    radiance * clear + sky.horizon * (1.0 - clear)
+}
+
 /// The BRDF, per steradian: a Lambertian base under GGX with Smith's height-correlated masking and
 /// Schlick's Fresnel term, combined as in appendix B of glTF 2.0. Directions are unit vectors that
 /// point away from the surface.
@@ -124,5 +131,16 @@ mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn haze_hides_what_is_far_and_clear_air_nothing() {
+        let horizon = Vec3::new(0.2, 0.14, 0.17);
+        let sky = |haze| Sky { zenith: Vec3::ZERO, horizon, ambient: Vec3::ZERO, haze };
+        let radiance = Vec3::new(3.0, 0.1, 1.0);
+        assert_eq!(through_haze(&sky(0.0), radiance, 1e8), radiance);
+        let half = through_haze(&sky(1e-3), radiance, 1e3 * std::f32::consts::LN_2);
+        assert!(half.abs_diff_eq(0.5 * (radiance + horizon), 1e-5), "{half}");
+        assert!(through_haze(&sky(1e-3), radiance, 1e5).abs_diff_eq(horizon, 1e-6));
     }
 }

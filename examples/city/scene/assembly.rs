@@ -7,6 +7,9 @@ use girandole::{DirectionalLight, InstanceKey, LightWorld, Policy, TreeKey};
 use super::part::Part;
 use super::{Camera, Mesh, Object, Scene, SceneError, Sky};
 
+/// Haze of the night, per metre: things of high contrast are visible up to 35 km.
+const HAZE: f32 = 1.0 / 9_000.0;
+
 /// A stage under construction.
 pub struct Assembly {
     /// Geometry so far.
@@ -42,7 +45,7 @@ impl Assembly {
     /// An empty scene and the given light world, which may have a clock of its own.
     pub fn with_world(world: LightWorld) -> Self {
         let camera = Camera { eye: Vec3::Y, target: Vec3::Z, vertical_fov: 1.0 };
-        let sky = Sky { zenith: Vec3::ZERO, horizon: Vec3::ZERO, ambient: Vec3::ZERO };
+        let sky = Sky { zenith: Vec3::ZERO, horizon: Vec3::ZERO, ambient: Vec3::ZERO, haze: 0.0 };
         let scene = Scene {
             materials: Vec::new(),
             meshes: Vec::new(),
@@ -56,10 +59,15 @@ impl Assembly {
         Self { scene, world }
     }
 
-    /// Adds a deep blue sky with a city's glow at the horizon, and a dim moon.
+    /// Adds a deep blue sky with a city's glow at the horizon, haze that hides the end of the land, and
+    /// a dim moon.
     pub fn add_night(&mut self) -> Result<(), SceneError> {
-        self.scene.sky =
-            Sky { zenith: vec3(0.02, 0.042, 0.14), horizon: vec3(0.2, 0.14, 0.17), ambient: vec3(0.03, 0.035, 0.05) };
+        self.scene.sky = Sky {
+            zenith: vec3(0.02, 0.042, 0.14),
+            horizon: vec3(0.2, 0.14, 0.17),
+            ambient: vec3(0.03, 0.035, 0.05),
+            haze: HAZE,
+        };
         let direction = vec3(0.42, -0.8, -0.43).normalize();
         self.world.add_directional(DirectionalLight { direction, illuminance: vec3(0.16, 0.21, 0.32) })?;
         Ok(())

@@ -1,9 +1,9 @@
 //! Scenes: what the example draws, how it moves, and the light world that goes with it.
 //!
 //! A loader returns a [`Stage`]: geometry, lights and an animation. There are three loaders, each
-//! in a folder: `procedural` builds a city, `real_city` reads the street lamps and the traffic of a
-//! real one, and `gltf_scene` reads a file. Renderers take any stage and do not depend on the
-//! loader.
+//! in a folder: `procedural` builds a city, `real_city` reads the lamps, the traffic, the roads and
+//! the buildings of a real one, and `gltf_scene` reads a file. Renderers take any stage and do not
+//! depend on the loader.
 //!
 //! Metres, right-handed, Y up. Radiance and emission are in nits, per linear Rec. 709 channel.
 //!
@@ -111,6 +111,9 @@ pub struct Sky {
     pub horizon: Vec3,
     /// Added to every surface as albedo times ambient. It is not sampled.
     pub ambient: Vec3,
+    /// The share of the light of surfaces that haze replaces by the radiance at the horizon on each
+    /// metre to the camera; 0 for clear air.
+    pub haze: f32,
 }
 
 /// Everything that a renderer needs, except for the lights.

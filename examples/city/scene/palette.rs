@@ -36,6 +36,12 @@ impl Palette {
         self.glossy([red, green, blue], 0.85)
     }
 
+    /// A matte surface that shadow rays pass: for flat ground, below which nothing is lit.
+    pub fn shadowless(&mut self, color: [f32; 3]) -> u32 {
+        let material = Material { base_color: color.into(), roughness: 0.85, ..Material::default() };
+        self.index_of(Material { see_through: true, ..material })
+    }
+
     /// A dielectric surface with the given perceptual roughness.
     pub fn glossy(&mut self, color: [f32; 3], roughness: f32) -> u32 {
         self.index_of(Material { base_color: color.into(), roughness, ..Material::default() })

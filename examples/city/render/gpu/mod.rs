@@ -184,6 +184,10 @@ impl GpuRenderer {
             sample_end: 0,
             row_begin: 0,
             row_end: 0,
+            haze: scene.sky.haze,
+            padding_a: 0,
+            padding_b: 0,
+            padding_c: 0,
         };
         let mut rays = ShadowRays::default();
         let mut sums: Vec<Vec4> = Vec::with_capacity(settings.width as usize * settings.height as usize);

@@ -31,6 +31,10 @@ pub struct FrameUniform {
     pub sample_end: u32,
     pub row_begin: u32,
     pub row_end: u32,
+    pub haze: f32,
+    pub padding_a: u32,
+    pub padding_b: u32,
+    pub padding_c: u32,
 }
 
 /// A material or an object. `Record` in `render.wgsl`.
@@ -125,7 +129,11 @@ mod tests {
             sample_begin,
             sample_end,
             row_begin,
-            row_end
+            row_end,
+            haze,
+            padding_a,
+            padding_b,
+            padding_c
         );
         same!("Node", Node, min0, child0, max0, padding0, min1, child1, max1, padding1);
         same!("Triangle", PackedTriangle, corner, material, edge1, flags, edge2, padding);

@@ -34,6 +34,10 @@ struct Frame {
     sample_end: u32,
     row_begin: u32,
     row_end: u32,
+    haze: f32,
+    padding_a: u32,
+    padding_b: u32,
+    padding_c: u32,
 }
 
 struct Node {
@@ -189,6 +193,11 @@ fn sky_radiance(direction: vec3<f32>) -> vec3<f32> {
     return mix(frame.horizon, frame.zenith, sqrt(max(direction.y, 0.0)));
 }
 
+fn through_haze(radiance: vec3<f32>, dist: f32) -> vec3<f32> {
+    let clear = exp(-dist * frame.haze);
+    return radiance * clear + frame.horizon * (1.0 - clear);
+}
+
 // A point that a camera ray met. The target of candidates needs it.
 struct Surface {
     base_color: vec3<f32>,
@@ -269,7 +278,11 @@ fn radiance(corner: vec2<f32>, numbers: SampleNumbers) -> vec3<f32> {
     if hit.object == NOTHING {
         return sky_radiance(direction);
     }
+    return through_haze(surface_radiance(direction, hit, numbers), hit.dist);
+}
 
+// The radiance that the surface of a hit sends against the direction of the ray.
+fn surface_radiance(direction: vec3<f32>, hit: Hit, numbers: SampleNumbers) -> vec3<f32> {
     let facet = triangles[hit.triangle];
     let placed = records[frame.first_object + hit.object];
     let material = records[facet.material];

@@ -24,11 +24,13 @@ impl Plane {
         self.origin + self.right * x + Vec3::Y * y + self.right.cross(Vec3::Y) * out
     }
 
-    fn rectangle(&self, part: &mut Part, x: [f32; 2], y: [f32; 2], out: f32, material: u32) {
+    /// A rectangle that is parallel to the plane.
+    pub fn rectangle(&self, part: &mut Part, x: [f32; 2], y: [f32; 2], out: f32, material: u32) {
         part.quad([(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])].map(|(x, y)| self.at(x, y, out)), material);
     }
 
-    fn glow(&self, part: &mut Part, x: [f32; 2], y: [f32; 2], out: f32, glow: Glow) {
+    /// An emissive rectangle and its light.
+    pub fn glow(&self, part: &mut Part, x: [f32; 2], y: [f32; 2], out: f32, glow: Glow) {
         let center = self.at((x[0] + x[1]) * 0.5, (y[0] + y[1]) * 0.5, out);
         part.glow(center, self.right * ((x[1] - x[0]) * 0.5), Vec3::Y * ((y[1] - y[0]) * 0.5), glow);
     }
@@ -82,7 +84,7 @@ pub struct Style {
 }
 
 /// The colour, radiance in nits and material of a lit room.
-fn room(palette: &mut Palette, rng: &mut Rng, office: bool) -> (Vec3, f32, Glow) {
+pub fn room(palette: &mut Palette, rng: &mut Rng, office: bool) -> (Vec3, f32, Glow) {
     let color = match (office, rng.unit()) {
         (true, roll) if roll < 0.6 => NEUTRAL,
         (true, _) => COOL,

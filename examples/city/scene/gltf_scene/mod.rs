@@ -60,6 +60,7 @@ pub fn stage(path: &Path, camera: Option<Camera>) -> Result<Stage, SceneError> {
         zenith: Vec3::new(0.004, 0.007, 0.018),
         horizon: Vec3::new(0.02, 0.018, 0.02),
         ambient: Vec3::new(0.012, 0.014, 0.02),
+        haze: 0.0,
     };
     let own_camera = file_camera(&file.document).map_err(|error| fail(error.to_string()))?;
     let mut scene = Scene {

@@ -7,7 +7,8 @@ use super::palette::Palette;
 use super::rng::Rng;
 use super::roads::Roads;
 use super::traffic::Traffic;
-use super::vehicles::{Body, car_designs, car_transform};
+use super::vehicles::body::Body;
+use super::vehicles::fleet::{car_designs, car_transform};
 use super::{Scene, SceneError};
 
 /// All cars of the city.
@@ -35,7 +36,7 @@ impl Cars {
             let (body, designs) = &kinds[kind];
             chosen.push((*body, rng.pick(designs)));
         }
-        let lengths: Vec<f32> = chosen.iter().map(|(body, _)| body.length()).collect();
+        let lengths: Vec<f32> = chosen.iter().map(|(body, _)| body.size().length()).collect();
         let traffic = Traffic::new(roads, &lengths, seed)?;
         let mut placed = Vec::with_capacity(count);
         for (car, (_, design)) in chosen.into_iter().enumerate() {

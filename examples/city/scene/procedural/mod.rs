@@ -15,9 +15,8 @@ use girandole::LightWorld;
 use girandole::glam::{Affine3A, Vec2, vec2, vec3};
 
 use super::assembly::Assembly;
-use super::designs::{buildings, furniture, signs, vehicles};
+use super::designs::{buildings, furniture, land, signs, vehicles};
 use super::palette::Palette;
-use super::part::Part;
 use super::rng::Rng;
 use super::{Animation, Camera, Scene, SceneError, Stage, assembly, palette, part, rng};
 
@@ -149,13 +148,13 @@ fn place_blocks(assembly: &mut Assembly, kit: &mut Kit, plan: &Plan, seed: u64) 
     Ok(())
 }
 
-/// Adds dark land that reaches 2 km beyond the city.
+/// Adds dark land up to the horizon.
 fn place_land(assembly: &mut Assembly, palette: &mut Palette, reach: f32) {
-    let mut part = Part::default();
     let reach = reach + 2_000.0;
-    part.floor([-reach; 2], [reach; 2], -0.05, palette.matte(0.03, 0.03, 0.03));
-    let mesh = assembly.mesh(part.mesh);
-    assembly.object(mesh, Affine3A::IDENTITY);
+    for part in land::land([[-reach; 2], [reach; 2]], -0.05, [0.03; 3], palette) {
+        let mesh = assembly.mesh(part.mesh);
+        assembly.object(mesh, Affine3A::IDENTITY);
+    }
 }
 
 /// Everything that moves.

@@ -7,15 +7,20 @@ use std::path::Path;
 use quick_xml::events::{BytesStart, Event};
 
 use super::SceneError;
-use super::xml::{AnySource, XmlFile};
+use super::source::Source;
+use super::vehicle_class::VehicleClass;
+use super::xml::XmlFile;
 
-/// A vehicle in a time step.
+/// A vehicle, a person or a container in a time step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FcdVehicle {
-    /// Its name.
+    /// Its name. Those of persons and containers follow the name of the element, since a vehicle may
+    /// have the same name.
     pub id: String,
-    /// Its vehicle type, such as `passenger`; may be empty.
+    /// The id of its type; may be empty.
     pub kind: String,
+    /// Its class: that which the file states, or that of persons and containers.
+    pub class: Option<VehicleClass>,
     /// Position of the front bumper, metres east.
     pub east: f64,
     /// Position of the front bumper, metres north.
@@ -48,7 +53,7 @@ pub struct FcdReader<R> {
     last_time: f64,
 }
 
-impl FcdReader<AnySource> {
+impl FcdReader<Source> {
     /// Opens a file.
     pub fn open(path: &Path) -> Result<Self, SceneError> {
         Ok(Self::new(XmlFile::open(path)?))
@@ -118,29 +123,47 @@ impl<R: BufRead> FcdReader<R> {
                 self.last_time = time;
                 *step = Some(Timestep { time, vehicles: Vec::new() });
             }
-            (2, "vehicle") => {
-                let number = |name: &str| self.file.number(element, name);
-                let speed = match self.file.text(element, "speed")? {
-                    Some(_) => Some(number("speed")?),
-                    None => None,
-                };
-                let vehicle = FcdVehicle {
-                    id: self.file.text(element, "id")?.ok_or_else(|| self.fail("<vehicle> without \"id\""))?,
-                    kind: self.file.text(element, "type")?.unwrap_or_default(),
-                    east: number("x")?,
-                    north: number("y")?,
-                    angle: number("angle")? as f32,
-                    speed,
-                };
-                if let Some(step) = step {
+            (2, tag @ ("vehicle" | "person" | "container")) => {
+                let vehicle = self.vehicle(element, tag)?;
+                if let Some(step) = step.as_mut().filter(|step| !is_aboard(&vehicle, tag, step)) {
                     step.vehicles.push(vehicle);
                 }
             }
-            // Persons, containers, and elements of later versions.
+            // Elements of later versions.
             _ => {}
         }
         Ok(())
     }
+
+    /// What an element states.
+    fn vehicle(&self, element: &BytesStart<'_>, tag: &str) -> Result<FcdVehicle, SceneError> {
+        let number = |name: &str| self.file.number(element, name);
+        let id = self.file.text(element, "id")?.ok_or_else(|| self.fail(format!("<{tag}> without \"id\"")))?;
+        let speed = match self.file.text(element, "speed")? {
+            Some(_) => Some(number("speed")?),
+            None => None,
+        };
+        let kind = self.file.text(element, "type")?.unwrap_or_default();
+        let class = match self.file.text(element, "vClass")? {
+            Some(name) => Some(VehicleClass::named(&name).ok_or_else(|| {
+                self.fail(format!("the \"vClass\" of <{tag}> {id:?} is {name:?}, which SUMO does not have"))
+            })?),
+            // Persons and containers have a type in later versions only.
+            None if kind.is_empty() && tag == "person" => VehicleClass::named("pedestrian"),
+            None if kind.is_empty() && tag == "container" => VehicleClass::named("container"),
+            None => None,
+        };
+        let id = if tag == "vehicle" { id } else { format!("{tag} {id}") };
+        let (east, north, angle) = (number("x")?, number("y")?, number("angle")? as f32);
+        Ok(FcdVehicle { id, kind, class, east, north, angle, speed })
+    }
+}
+
+/// Whether a person or a container is aboard a vehicle. SUMO writes those after their vehicle, with
+/// its position.
+fn is_aboard(carried: &FcdVehicle, tag: &str, step: &Timestep) -> bool {
+    let carrier = step.vehicles.last().filter(|_| tag != "vehicle");
+    carrier.is_some_and(|carrier| (carrier.east, carrier.north) == (carried.east, carried.north))
 }
 
 #[cfg(test)]
@@ -161,11 +184,12 @@ mod tests {
         let text = r#"<?xml version="1.0"?><!-- a comment --><fcd-export>
             <timestep time="0.00"/>
             <timestep time="1.00"><vehicle id="a&amp;b" x="1.5" y="-2" angle="90" type="bus" speed="3" lane="e_0"/>
-                <person id="p" x="0" y="0"/></timestep></fcd-export>"#;
+                </timestep></fcd-export>"#;
         let steps = steps(text).unwrap();
         assert_eq!(steps.len(), 2);
         assert!(steps[0].vehicles.is_empty());
         let car = &steps[1].vehicles[0];
+        assert_eq!(car.class, None);
         assert_eq!(
             (car.id.as_str(), car.kind.as_str(), car.east, car.north, car.angle),
             ("a&b", "bus", 1.5, -2.0, 90.0)
@@ -173,8 +197,35 @@ mod tests {
     }
 
     #[test]
+    fn persons_and_containers_are_read_unless_they_are_aboard_a_vehicle() {
+        let text = r#"<fcd-export><timestep time="0">
+            <vehicle id="a" x="1" y="2" angle="0" type="t" vClass="tram"/>
+            <person id="rider" x="1" y="2" angle="0" type="DEFAULT_PEDTYPE"/>
+            <person id="a" x="5" y="2" angle="0"/><container id="a" x="9" y="2" angle="0"/>
+            <person id="b" x="6" y="2" angle="0" type="walker"/></timestep></fcd-export>"#;
+        let steps = steps(text).unwrap();
+        let read: Vec<_> = steps[0].vehicles.iter().map(|vehicle| (vehicle.id.as_str(), vehicle.class)).collect();
+        let class = VehicleClass::named;
+        let expected = [
+            ("a", class("tram")),
+            ("person a", class("pedestrian")),
+            ("container a", class("container")),
+            ("person b", None),
+        ];
+        assert_eq!(read, expected);
+    }
+
+    #[test]
     fn malformed_files_are_refused_with_one_line() {
         for (text, expected) in [
+            (
+                "<fcd-export><timestep time=\"0\"><vehicle id=\"a\" x=\"1\" y=\"1\" angle=\"0\" vClass=\"ufo\"/></timestep></fcd-export>",
+                "<vehicle> \"a\" is \"ufo\"",
+            ),
+            (
+                "<fcd-export><timestep time=\"0\"><person x=\"1\" y=\"1\" angle=\"0\"/></timestep></fcd-export>",
+                "<person> without",
+            ),
             ("", "no <fcd-export>"),
             ("<routes></routes>", "found <routes>"),
             ("<fcd-export><timestep time=\"0\">", "ends within"),

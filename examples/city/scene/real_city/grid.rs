@@ -9,6 +9,11 @@ pub fn to_plane(at: DVec2) -> Vec2 {
     vec2(at.x as f32, -at.y as f32)
 }
 
+/// A line in metres east and north to one in x and z, relative to `shift`.
+pub fn plane_line(line: &[DVec2], shift: DVec2) -> Vec<Vec2> {
+    line.iter().map(|at| to_plane(*at - shift)).collect()
+}
+
 /// Points in square cells.
 pub struct Grid {
     /// Edge of a cell, metres.

@@ -100,18 +100,9 @@ impl RoadSegment {
     }
 }
 
-/// Land, roads and their markings as one part.
-pub fn land(
-    segments: &[RoadSegment],
-    driven_cells: &BTreeSet<(i32, i32)>,
-    low: Vec2,
-    high: Vec2,
-    palette: &mut Palette,
-) -> Part {
+/// Roads and their markings as one part; empty if there are none.
+pub fn roads(segments: &[RoadSegment], driven_cells: &BTreeSet<(i32, i32)>, palette: &mut Palette) -> Part {
     let mut part = Part::default();
-    let margin = Vec2::splat(1_500.0);
-    let (low, high) = (low - margin, high + margin);
-    part.floor(low.to_array(), high.to_array(), -0.06, palette.matte(0.075, 0.08, 0.06));
     let asphalt = [0.32, 0.4, 0.48].map(|roughness| palette.glossy([0.045, 0.045, 0.048], roughness));
     let walk = palette.matte(0.21, 0.2, 0.19);
     let white = palette.glossy([0.6, 0.6, 0.58], 0.6);

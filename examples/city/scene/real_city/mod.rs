@@ -1,45 +1,60 @@
 //! A real city: its street lamps from a CSV file, its traffic from a SUMO simulation, its roads from a
-//! SUMO network, or some of these.
+//! SUMO network, its buildings from GeoJSON, or some of these.
 //!
 //! Read in this order:
 //!
 //! 1. this file: how the city is put together;
-//! 2. `lamp_table`, `fcd` and `net`: readers of the file formats, the last two on top of `xml`;
+//! 2. `source` and `xml`: what the readers of the file formats read from; `lamp_table`,
+//!    `vehicle_types`, `fcd`, `net`, `geojson` and `footprints`: those readers; `vehicle_class`: the classes of
+//!    vehicles;
 //! 3. `grid` and `ground`: roads and houses, which are derived from the positions of lamps and
-//!    vehicles, and `roads`: those of a network;
-//! 4. `traffic`: vehicles that follow the file.
+//!    vehicles;
+//! 4. `strips`, `lane_lines` and `roads`: the roads of a network;
+//! 5. `placing`: lamps, houses and parked cars; `blocks`: buildings on footprints;
+//! 6. `survey` and `traffic`: vehicles that follow the file.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use girandole::glam::{Affine3A, DVec2, Quat, Vec2, dvec2, vec2, vec3};
-use girandole::{LightWorld, Policy};
+use girandole::LightWorld;
+use girandole::glam::{Affine3A, DVec2, Vec2, dvec2, vec2, vec3};
 
-use super::assembly::{Assembly, Design};
-use super::designs::buildings::{self, Lot};
-use super::designs::furniture::{self, Lamp};
-use super::designs::vehicles::{self, Body, car_designs, car_transform};
+use super::assembly::Assembly;
+use super::designs::vehicles::fleet::car_designs;
+use super::designs::{buildings, facade, furniture, land, vehicles};
 use super::palette::Palette;
-use super::rng::Rng;
 use super::{Animation, Camera, Scene, SceneError, Stage, assembly, palette, part, rng};
 
 pub mod lamp_table;
+pub mod source;
 pub mod xml;
+pub mod vehicle_class;
+pub mod vehicle_types;
 pub mod fcd;
 pub mod net;
+pub mod geojson;
+pub mod footprints;
 
 pub mod grid;
 pub mod ground;
+pub mod strips;
+pub mod lane_lines;
 pub mod roads;
 
+pub mod placing;
+pub mod blocks;
+
+pub mod survey;
 pub mod traffic;
 
 use fcd::FcdReader;
+use footprints::Footprints;
 use grid::{Grid, to_plane};
 use ground::{DRIVEN_CELL, RoadSegment};
-use lamp_table::LampRecord;
 use net::Network;
-use traffic::{Survey, Traffic};
+use survey::Survey;
+use traffic::Traffic;
+use vehicle_types::VehicleTypes;
 
 /// What the city is built from. At least one of the files must be given.
 #[derive(Clone, Debug, Default)]
@@ -48,16 +63,19 @@ pub struct RealCityOptions {
     pub lamps: Option<PathBuf>,
     /// Traffic; see [`fcd`].
     pub traffic: Option<PathBuf>,
+    /// Types of the vehicles of the traffic; see [`vehicle_types`].
+    pub vehicle_types: Vec<PathBuf>,
     /// Roads, and the offset of the traffic; see [`net`].
     pub net: Option<PathBuf>,
+    /// Buildings, in the coordinates of the lamps; see [`footprints`]. Without it, houses are placed
+    /// beside the roads.
+    pub buildings: Option<PathBuf>,
     /// Number of cars that are parked along the roads if there is no traffic file; `None` for 60.
     pub cars: Option<usize>,
     /// Determines what the files do not: the colours of vehicles, houses, and parked cars.
     pub seed: u64,
 }
 
-/// Houses are placed within this distance of the middle of the view, metres.
-const HOUSE_REACH: f32 = 420.0;
 /// Positions in national grids can lie megametres from (0, 0). If the first position is farther
 /// away than this, in metres, all positions are shifted by a multiple of a kilometre that brings it
 /// close.
@@ -68,23 +86,36 @@ const MAX_OFFSET: f64 = 50_000.0;
 const LIT_DISTANCE: f32 = 150.0;
 const LEAST_LIT: f32 = 0.05;
 
+/// Height of the land below the roads, metres.
+const LAND_HEIGHT: f32 = -0.06;
+/// How far the part of the land that is near reaches beyond all positions, metres.
+const LAND_MARGIN: f32 = 1_500.0;
+
+/// The camera is above all roofs within this distance, by this height, metres.
+const ROOF_REACH: f32 = 25.0;
+const ROOF_CLEARANCE: f32 = 15.0;
+
 /// Number of parked cars by default.
 const DEFAULT_PARKED_CARS: usize = 60;
 
 /// Loads the files.
 pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
     let lamps = options.lamps.as_deref().map(lamp_table::read).transpose()?.unwrap_or_default();
-    let survey = options.traffic.as_deref().map(|path| Survey::read(path, options.seed)).transpose()?;
+    let types = VehicleTypes::read(&options.vehicle_types)?;
+    let survey = options.traffic.as_deref().map(|path| Survey::read(path, types, options.seed)).transpose()?;
     let network = options.net.as_deref().map(Network::read).transpose()?;
+    let footprints = options.buildings.as_deref().map(Footprints::read).transpose()?;
+    let buildings = footprints.as_ref().map_or(&[][..], |footprints| &footprints.all);
     // The simulation has the positions of the network.
     let offset = network.as_ref().map_or(DVec2::ZERO, |network| network.offset);
     let first = lamps
         .first()
         .map(|lamp| dvec2(lamp.east, lamp.north))
         .or(survey.as_ref().and_then(|survey| survey.first).map(|first| first - offset))
-        .or(network.as_ref().and_then(|network| network.lanes.first()).map(|lane| lane.line[0]));
+        .or(network.as_ref().and_then(|network| network.lanes.first()).map(|lane| lane.line[0]))
+        .or(buildings.first().map(|footprint| footprint.rings[0][0]));
     let Some(first) = first else {
-        return Err(SceneError("the files contain neither lamps nor vehicles nor roads".into()));
+        return Err(SceneError("the files contain neither lamps nor vehicles, roads or buildings".into()));
     };
     let shift = if first.abs().max_element() > MAX_OFFSET { (first / 1000.0).round() * 1000.0 } else { DVec2::ZERO };
     let mut assembly = Assembly::new();
@@ -95,7 +126,7 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
     if network.is_some() {
         ground::turn_arms(&lamp_positions, &segments, &mut arms);
     }
-    place_lamps(&mut assembly, &mut palette, &lamps, &lamp_positions, &arms)?;
+    placing::place_lamps(&mut assembly, &mut palette, &lamps, &lamp_positions, &arms)?;
 
     let mut driven_cells = BTreeSet::new();
     let mut positions = lamp_positions.clone();
@@ -105,36 +136,56 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
         positions.push(at);
     }
     positions.extend(segments.iter().flat_map(|segment| [segment.from, segment.to]).filter(|_| network.is_some()));
+    positions.extend(blocks::bounds(buildings, shift).into_iter().flatten());
     let low = positions.iter().copied().reduce(Vec2::min).unwrap_or(Vec2::ZERO);
     let high = positions.iter().copied().reduce(Vec2::max).unwrap_or(Vec2::ZERO);
+    let margin = Vec2::splat(LAND_MARGIN);
+    let near = [low - margin, high + margin].map(|corner| corner.to_array());
+    let land = land::land(near, LAND_HEIGHT, [0.075, 0.08, 0.06], &mut palette);
     // A network has the roads on which vehicles drive.
-    let land = match &network {
-        Some(_) => ground::land(&[], &BTreeSet::new(), low, high, &mut palette),
-        None => ground::land(&segments, &driven_cells, low, high, &mut palette),
+    let paved = match &network {
+        Some(network) => roads::pave(network, shift, &mut palette),
+        None => ground::roads(&segments, &driven_cells, &mut palette),
     };
-    let paved = network.as_ref().map(|network| roads::pave(network, shift, &mut palette));
-    for part in std::iter::once(land).chain(paved) {
+    for part in land.into_iter().chain([paved]).filter(|part| !part.mesh.triangles.is_empty()) {
         let mesh = assembly.mesh(part.mesh);
         assembly.object(mesh, Affine3A::IDENTITY);
     }
-    // The view is centred where most vehicles drive or, without traffic, where most lamps are.
+    // The view is centred where most vehicles drive or, without traffic, where most lamps are, else among
+    // the roads or the buildings.
     let driven: Vec<Vec2> = match () {
         () if !driven_cells.is_empty() => positions[lamp_positions.len()..][..driven_cells.len()].to_vec(),
         () if !lamp_positions.is_empty() => lamp_positions.clone(),
-        () => positions.clone(),
+        () if network.is_some() => positions.clone(),
+        () => buildings.iter().map(|footprint| to_plane(footprint.rings[0][0] - shift)).collect(),
     };
-    let warnings = far_from_lamps(&lamp_positions, &driven, &driven_cells, network.is_some());
+    let mut warnings = far_from_lamps(&lamp_positions, &driven, &driven_cells, network.is_some());
+    warnings.extend(footprints.iter().flat_map(Footprints::warnings));
+    warnings.extend(survey.as_ref().and_then(Survey::warning));
     let middle = Grid::new(driven, 240.0).densest().map_or(Vec2::ZERO, |(middle, _)| middle);
     let lamp_grid = Grid::new(lamp_positions, 90.0);
-    place_houses(&mut assembly, &mut palette, &lamp_grid, &segments, &driven_cells, middle, options.seed)?;
+    match footprints {
+        Some(_) => blocks::place(&mut assembly, &mut palette, buildings, shift, middle, options.seed)?,
+        None => {
+            placing::place_houses(
+                &mut assembly,
+                &mut palette,
+                &lamp_grid,
+                &segments,
+                &driven_cells,
+                middle,
+                options.seed,
+            )?;
+        }
+    }
 
-    let kinds = car_designs(&mut assembly, &mut palette)?;
     let traffic = match (survey, &options.traffic) {
         (Some(survey), Some(path)) => {
-            Some(Traffic::new(&mut assembly, &kinds, FcdReader::open(path)?, survey, offset + shift)?)
+            Some(Traffic::new(&mut assembly, &mut palette, FcdReader::open(path)?, survey, offset + shift)?)
         }
         _ => {
-            park_cars(
+            let kinds = car_designs(&mut assembly, &mut palette)?;
+            placing::park_cars(
                 &mut assembly,
                 &kinds,
                 &segments,
@@ -148,7 +199,11 @@ pub fn stage(options: &RealCityOptions) -> Result<Stage, SceneError> {
     assembly.add_night()?;
     let Assembly { mut scene, world } = assembly;
     scene.materials = palette.materials;
-    scene.camera = camera(&segments, middle);
+    // Buildings may stand beside the road.
+    scene.camera = camera(&segments, middle, if buildings.is_empty() { 30.0 } else { 0.0 });
+    let below = vec2(scene.camera.eye.x, scene.camera.eye.z);
+    let roof = blocks::highest_near(buildings, below, ROOF_REACH, shift);
+    scene.camera.eye.y = scene.camera.eye.y.max(roof + ROOF_CLEARANCE);
     scene.lamp_clearance = 0.1;
     scene.exposure = 0.5;
     scene.warnings = warnings;
@@ -183,92 +238,14 @@ fn far_from_lamps(
     vec![format!("only {:.0} % of the traffic is within {LIT_DISTANCE} m of a lamp: {advice}", (100.0 * share).floor())]
 }
 
-/// A camera above the roofs that looks down along the road nearest to `middle`.
-fn camera(segments: &[RoadSegment], middle: Vec2) -> Camera {
+/// A camera above the roofs that looks down along the road nearest to `middle`, from `side` metres beside
+/// the road.
+fn camera(segments: &[RoadSegment], middle: Vec2, side: f32) -> Camera {
     let nearest = segments.iter().min_by(|a, b| a.distance(middle).total_cmp(&b.distance(middle)));
     let along = nearest.map_or(vec2(0.0, -1.0), |segment| (segment.to - segment.from).normalize_or(vec2(0.0, -1.0)));
     let center = nearest.map_or(middle, |segment| (segment.from + segment.to) * 0.5);
-    let eye = center - along * 110.0 + vec2(-along.y, along.x) * 30.0;
+    let eye = center - along * 110.0 + vec2(-along.y, along.x) * side;
     Camera { eye: vec3(eye.x, 52.0, eye.y), target: vec3(center.x, 0.0, center.y), vertical_fov: 0.8 }
-}
-
-fn place_lamps(
-    assembly: &mut Assembly,
-    palette: &mut Palette,
-    lamps: &[LampRecord],
-    positions: &[Vec2],
-    arms: &[Vec2],
-) -> Result<(), SceneError> {
-    // Lamps with the same height and flux share a tree and a mesh; real tables have few kinds.
-    let mut designs: BTreeMap<(u32, u32), Design> = BTreeMap::new();
-    for ((lamp, position), arm) in lamps.iter().zip(positions).zip(arms) {
-        let kind = match lamp.height {
-            height if height < 5.5 => Lamp::Globe,
-            _ if lamp.lumens > 12_000.0 => Lamp::Sodium,
-            _ => Lamp::Led,
-        };
-        let design = match designs.get(&(lamp.height.to_bits(), lamp.lumens.to_bits())) {
-            Some(&known) => known,
-            None => {
-                let design = assembly.design(furniture::lamp(kind, lamp.height, lamp.lumens, palette))?;
-                designs.insert((lamp.height.to_bits(), lamp.lumens.to_bits()), design);
-                design
-            }
-        };
-        let turn = Quat::from_rotation_y(arm.x.atan2(arm.y));
-        let place = Affine3A::from_rotation_translation(turn, vec3(position.x, 0.0, position.y));
-        assembly.place(design, place, Policy::Static)?;
-    }
-    Ok(())
-}
-
-fn place_houses(
-    assembly: &mut Assembly,
-    palette: &mut Palette,
-    lamps: &Grid,
-    segments: &[RoadSegment],
-    driven_cells: &BTreeSet<(i32, i32)>,
-    middle: Vec2,
-    seed: u64,
-) -> Result<(), SceneError> {
-    let places = ground::house_places(lamps, segments, driven_cells, middle, HOUSE_REACH, seed);
-    let mut designs = Vec::new();
-    for (index, floors) in [1, 1, 2, 2, 3, 4].into_iter().enumerate() {
-        let mut rng = Rng::new(seed, 0x6000 + index as u64);
-        designs.push(assembly.design(buildings::building(Lot::Detached, floors, palette, &mut rng))?);
-    }
-    let mut rng = Rng::new(seed, 0x6fff);
-    for place in places {
-        assembly.place(rng.pick(&designs), place, Policy::Static)?;
-    }
-    Ok(())
-}
-
-/// Parks `count` cars at the kerbs of the roads near the middle.
-fn park_cars(
-    assembly: &mut Assembly,
-    kinds: &[(Body, Vec<Design>)],
-    segments: &[RoadSegment],
-    middle: Vec2,
-    count: usize,
-    seed: u64,
-) -> Result<(), SceneError> {
-    let mut rng = Rng::new(seed, 0x9a2c);
-    let mut near: Vec<&RoadSegment> = segments.iter().collect();
-    near.sort_by(|a, b| a.distance(middle).total_cmp(&b.distance(middle)));
-    near.truncate(count.div_ceil(2));
-    for car in 0..if near.is_empty() { 0 } else { count } {
-        let segment = near[car % near.len()];
-        let along = (segment.to - segment.from).normalize_or(vec2(1.0, 0.0));
-        // After one car on each road, the next ones stand on the other side and face the other way.
-        let along = if (car / near.len()).is_multiple_of(2) { along } else { -along };
-        let at = segment.from.lerp(segment.to, rng.range(0.25, 0.75)) + vec2(-along.y, along.x) * 2.2;
-        let kind = rng.below(3);
-        let design = rng.pick(&kinds[kind].1);
-        let angle = (-along.x).atan2(-along.y);
-        assembly.place(design, car_transform(at, angle), Policy::RefitOnly)?;
-    }
-    Ok(())
 }
 
 /// The animation of a city without traffic.
@@ -286,6 +263,8 @@ impl Animation for Still {
 
 #[cfg(test)]
 mod tests {
+    use girandole::glam::Vec3;
+
     use super::*;
 
     fn sample(name: &str) -> Option<PathBuf> {
@@ -295,7 +274,7 @@ mod tests {
     fn load(lamps: bool, traffic: bool) -> Result<Stage, SceneError> {
         let lamps = lamps.then(|| sample("lamps_small.csv")).flatten();
         let traffic = traffic.then(|| sample("fcd_small.xml")).flatten();
-        stage(&RealCityOptions { lamps, traffic, net: None, cars: Some(0), seed: 1 })
+        stage(&RealCityOptions { lamps, traffic, cars: Some(0), seed: 1, ..RealCityOptions::default() })
     }
 
     #[test]
@@ -346,7 +325,9 @@ mod tests {
             network
         });
         let traffic = Some(traffic);
-        let loaded = stage(&RealCityOptions { lamps: sample("lamps_small.csv"), traffic, net, cars: Some(0), seed: 1 });
+        let lamps = sample("lamps_small.csv");
+        let loaded =
+            stage(&RealCityOptions { lamps, traffic, net, cars: Some(0), seed: 1, ..RealCityOptions::default() });
         std::fs::remove_dir_all(&folder).unwrap();
         loaded
     }
@@ -371,6 +352,33 @@ mod tests {
         let apart = with_moved_traffic("apart", (7000.0, -3000.0), None).unwrap();
         assert_eq!(apart.scene.warnings.len(), 1);
         assert!(apart.scene.warnings[0].contains("--net"), "{:?}", apart.scene.warnings);
+    }
+
+    #[test]
+    fn buildings_have_the_coordinates_of_the_lamps_and_take_the_place_of_houses() {
+        let path = std::env::temp_dir().join(format!("girandole_city_{}.geojson", std::process::id()));
+        let ring = "[[-90,30],[-60,30],[-60,50],[-90,50],[-90,30]]";
+        let text = format!(
+            r#"{{"type":"FeatureCollection","features":[{{"type":"Feature","properties":{{"height":"11 m"}},
+            "geometry":{{"type":"Polygon","coordinates":[{ring}]}}}}]}}"#
+        );
+        std::fs::write(&path, text).unwrap();
+        let lamps = sample("lamps_small.csv");
+        let buildings = Some(path.clone());
+        let loaded = stage(&RealCityOptions { lamps, buildings, cars: Some(0), seed: 1, ..RealCityOptions::default() });
+        std::fs::remove_file(&path).unwrap();
+        let stage = loaded.unwrap();
+        let is_high = |object: &&super::super::Object| {
+            let triangles = &stage.scene.meshes[object.mesh as usize].triangles;
+            triangles.iter().flat_map(|triangle| triangle.vertices).any(|vertex| vertex.y == 11.0)
+        };
+        let high: Vec<_> = stage.scene.objects.iter().filter(is_high).collect();
+        assert_eq!(high.len(), 1);
+        let corners = stage.scene.meshes[high[0].mesh as usize].triangles.iter().flat_map(|triangle| triangle.vertices);
+        let placed = corners.map(|corner| high[0].transform.transform_point3(corner));
+        let [low, high] = placed.fold([Vec3::MAX, Vec3::MIN], |[low, high], at| [low.min(at), high.max(at)]);
+        // Windows lie in front of the walls.
+        assert!(low.abs_diff_eq(vec3(-90.0, 0.0, -50.0), 0.05) && high.abs_diff_eq(vec3(-60.0, 11.0, -30.0), 0.05));
     }
 
     #[test]

@@ -32,6 +32,9 @@ pub struct Lane {
     /// Metres.
     pub width: f32,
     pub usage: LaneUse,
+    /// Index into [`Network::edges`]. The lanes of an edge follow each other, from its outer side to its
+    /// inner side.
+    pub edge: usize,
 }
 
 /// The roads of a city. All positions are those from which `netconvert` has made the network.
@@ -40,6 +43,10 @@ pub struct Network {
     /// The offset that `netconvert` added to all positions, in metres east and north. Positions of a
     /// simulation on this network include it; positions in this struct do not.
     pub offset: DVec2,
+    /// Whether vehicles drive on the left, so that the inner side of an edge is its right one.
+    pub is_left_hand: bool,
+    /// The junctions at the start and at the end of each edge; empty names where the file has none.
+    pub edges: Vec<[String; 2]>,
     /// Without the lanes within junctions.
     pub lanes: Vec<Lane>,
     /// The borders of the junctions.
@@ -61,9 +68,16 @@ impl Network {
             match file.next(&mut buffer)? {
                 Event::Start(element) => {
                     match (depth, element.name().as_ref()) {
-                        (0, "net") => {}
+                        (0, "net") => {
+                            let side = file.text(&element, "lefthand")?.unwrap_or_default();
+                            network.is_left_hand = ["1", "true", "yes", "on"].contains(&side.as_str());
+                        }
                         (0, other) => return Err(file.fail(format!("expected <net>, found <{other}>"))),
-                        (1, "edge") => is_within_junction = is_internal(&file, &element)?,
+                        (1, "edge") => {
+                            is_within_junction = is_internal(&file, &element)?;
+                            let end = |name: &str| Ok::<_, SceneError>(file.text(&element, name)?.unwrap_or_default());
+                            network.edges.push([end("from")?, end("to")?]);
+                        }
                         _ => network.take(&file, &element, is_within_junction, &mut has_location)?,
                     }
                     depth += 1;
@@ -100,7 +114,8 @@ impl Network {
                 let [offset] = offset[..] else { return Err(file.fail("\"netOffset\" is not one position")) };
                 (self.offset, *has_location) = (offset, true);
             }
-            "lane" if !is_within_junction => {
+            // Lanes belong to the last edge.
+            "lane" if !is_within_junction && !self.edges.is_empty() => {
                 let line = positions(file, element, "shape")?;
                 let width = match file.text(element, "width")? {
                     Some(_) => file.number(element, "width")? as f32,
@@ -108,7 +123,8 @@ impl Network {
                 };
                 let usage = usage(&file.text(element, "allow")?.unwrap_or_default());
                 if line.len() >= 2 && width > 0.0 {
-                    self.lanes.push(Lane { line, width, usage });
+                    let edge = self.edges.len() - 1;
+                    self.lanes.push(Lane { line, width, usage, edge });
                 }
             }
             // Junctions within others have no border of their own, and dead ends an empty one.
@@ -194,6 +210,7 @@ mod tests {
             (dvec2(500.0, -91.0), DEFAULT_WIDTH, LaneUse::Rail),
         ];
         assert_eq!(lanes, expected);
+        assert!(!network.is_left_hand && network.lanes.iter().all(|lane| network.edges[lane.edge] == ["a", "b"]));
         assert_eq!(
             network.junctions,
             [[(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(x, y)| dvec2(x + 500.0, y - 100.0)).to_vec()]

@@ -1,10 +1,9 @@
 //! Vehicles that follow a traffic file, taken from a pool of cars that are shown, moved and hidden.
 //!
-//! The file is read twice, since it may not fit in memory: [`Survey`] counts the cars of each
+//! The file is read twice, since it may not fit in memory: [`Survey`] counts the vehicles of each
 //! appearance that are on the road at once, and [`Traffic`] plays the file.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
 
 use girandole::glam::{Affine3A, DVec2, Quat, Vec2, Vec3, dvec2, vec2};
 use girandole::{InstanceKey, LightWorld, Policy};
@@ -12,105 +11,12 @@ use girandole::{InstanceKey, LightWorld, Policy};
 use super::assembly::{Assembly, Design};
 use super::fcd::{FcdReader, FcdVehicle, Timestep};
 use super::grid::to_plane;
-use super::ground::DRIVEN_CELL;
-use super::rng::Rng;
-use super::vehicles::{Appearance, Body, car_transform};
-use super::xml::AnySource;
+use super::palette::Palette;
+use super::source::Source;
+use super::survey::Survey;
+use super::vehicles::body::Appearance;
+use super::vehicles::fleet::{Fleet, car_transform};
 use super::{Animation, Scene, SceneError};
-
-/// The result of the first reading of a traffic file.
-pub struct Survey {
-    /// Time of the first time step, seconds.
-    start: f64,
-    /// The most vehicles of each appearance that are on the road at once.
-    max_counts: BTreeMap<Appearance, usize>,
-    /// Where vehicles drive: cells of [`DRIVEN_CELL`] metres, east and north.
-    pub cells: BTreeSet<(i32, i32)>,
-    /// Position of the first vehicle, metres east and north.
-    pub first: Option<DVec2>,
-    /// How far vehicles went between time steps, and how far they would have gone at their speeds,
-    /// metres.
-    moved: f64,
-    driven: f64,
-    seed: u64,
-}
-
-/// Vehicles that moved less than this share of the way at their speeds have positions in degrees, which
-/// are about 1e-5 for a metre.
-const LEAST_MOVED: f64 = 1e-3;
-/// Metres that have to be driven for that to be judged.
-const LEAST_DRIVEN: f64 = 20.0;
-
-impl Survey {
-    /// Reads a file. The seed determines the appearance of vehicles.
-    pub fn read(path: &Path, seed: u64) -> Result<Self, SceneError> {
-        let mut reader = FcdReader::open(path)?;
-        let mut survey = Self {
-            start: 0.0,
-            max_counts: BTreeMap::new(),
-            cells: BTreeSet::new(),
-            first: None,
-            moved: 0.0,
-            driven: 0.0,
-            seed,
-        };
-        let mut is_first = true;
-        // The time step before, by the names of the vehicles.
-        let mut last: (f64, BTreeMap<String, DVec2>) = (0.0, BTreeMap::new());
-        while let Some(step) = reader.next_step()? {
-            if std::mem::take(&mut is_first) {
-                survey.start = step.time;
-            }
-            let mut present: BTreeMap<Appearance, usize> = BTreeMap::new();
-            for vehicle in &step.vehicles {
-                *present.entry(appearance(vehicle, seed)).or_default() += 1;
-                let at = dvec2(vehicle.east, vehicle.north);
-                survey.first.get_or_insert(at);
-                if let (Some(before), Some(speed)) = (last.1.get(&vehicle.id), vehicle.speed) {
-                    survey.moved += before.distance(at);
-                    survey.driven += speed.abs() * (step.time - last.0);
-                }
-                let cell = (at / f64::from(DRIVEN_CELL)).floor();
-                survey.cells.insert((cell.x as i32, cell.y as i32));
-            }
-            let places = step.vehicles.iter().map(|vehicle| (vehicle.id.clone(), dvec2(vehicle.east, vehicle.north)));
-            last = (step.time, places.collect());
-            for (appearance, count) in present {
-                let max_count = survey.max_counts.entry(appearance).or_default();
-                *max_count = count.max(*max_count);
-            }
-        }
-        if survey.is_geographic() {
-            return Err(SceneError(format!(
-                "{}: the positions are degrees of longitude and latitude; write them in metres, without \
-                 --fcd-output.geo",
-                path.display()
-            )));
-        }
-        Ok(survey)
-    }
-
-    /// Whether the positions are degrees: then vehicles hardly move for their speed.
-    fn is_geographic(&self) -> bool {
-        self.driven >= LEAST_DRIVEN && self.moved < LEAST_MOVED * self.driven
-    }
-}
-
-/// The appearance of a vehicle in all time steps. Its body follows from its type if the type names
-/// one, else from its name. Its paint follows from its name.
-fn appearance(vehicle: &FcdVehicle, seed: u64) -> Appearance {
-    // FNV-1a, since the hashes of the standard library may change between releases.
-    let hash = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
-    let mut rng = Rng::new(seed, vehicle.id.bytes().fold(0xcbf2_9ce4_8422_2325, hash));
-    let kind = vehicle.kind.to_ascii_lowercase();
-    let body = match () {
-        () if kind.contains("bus") => Body::Bus,
-        () if kind.contains("truck") || kind.contains("van") || kind.contains("delivery") => Body::Van,
-        () if kind.contains("taxi") => Body::Taxi,
-        () => rng.pick(&[Body::Sedan, Body::Sedan, Body::Hatch]),
-    };
-    Appearance { body, paint: rng.below(body.paints()) }
-}
 
 /// A car of the pool.
 struct PoolCar {
@@ -121,7 +27,7 @@ struct PoolCar {
 
 /// The vehicles of a file.
 pub struct Traffic {
-    reader: FcdReader<AnySource>,
+    reader: FcdReader<Source>,
     designs: BTreeMap<Appearance, Design>,
     pool: Vec<PoolCar>,
     /// Cars of the pool that are hidden.
@@ -141,17 +47,16 @@ impl Traffic {
     /// Adds a pool that is large enough for every time step. All cars are hidden.
     pub fn new(
         assembly: &mut Assembly,
-        kinds: &[(Body, Vec<Design>)],
-        reader: FcdReader<AnySource>,
+        palette: &mut Palette,
+        reader: FcdReader<Source>,
         survey: Survey,
         shift: DVec2,
     ) -> Result<Self, SceneError> {
-        let mut designs = BTreeMap::new();
+        let (mut fleet, mut designs) = (Fleet::default(), BTreeMap::new());
         let mut pool = Vec::new();
         let mut free: BTreeMap<Appearance, Vec<usize>> = BTreeMap::new();
         for (&appearance, &count) in &survey.max_counts {
-            let Some((_, paints)) = kinds.iter().find(|(body, _)| *body == appearance.body) else { continue };
-            let design = paints[appearance.paint];
+            let design = fleet.design(appearance, assembly, palette)?;
             designs.insert(appearance, design);
             for _ in 0..count {
                 let object = assembly.object(design.mesh, Affine3A::IDENTITY);
@@ -206,12 +111,12 @@ impl Traffic {
         scene: &mut Scene,
         world: &mut LightWorld,
     ) -> Result<(), SceneError> {
-        let appearance = appearance(vehicle, self.survey.seed);
+        let appearance = self.survey.appearance(vehicle);
         let known = self.shown.get(&vehicle.id).filter(|known| known.0 == appearance).map(|known| known.1);
         // A vehicle that changes its type or appears twice in a time step may find no free car. It
         // is then not shown.
         let Some(car) = known.or_else(|| self.free.get_mut(&appearance)?.pop()) else { return Ok(()) };
-        let (at, angle) = pose(appearance.body.length());
+        let (at, angle) = pose(appearance.size.length());
         let transform = car_transform(at, angle);
         let pooled = &mut self.pool[car];
         let object = &mut scene.objects[pooled.object];
@@ -279,27 +184,29 @@ mod tests {
     }
 
     #[test]
-    fn positions_in_degrees_are_refused_and_standing_traffic_is_not() {
-        let survey = |name: &str, step: f64, speed: f64| {
-            let path = std::env::temp_dir().join(format!("girandole_geo_{}_{name}.xml", std::process::id()));
-            let vehicle = |second: u32| {
-                let x = -88.24 + step * f64::from(second);
-                format!(
-                    "<timestep time=\"{second}\"><vehicle id=\"a\" x=\"{x:.6}\" y=\"40.11\" angle=\"90\" \
-                     speed=\"{speed}\"/></timestep>"
-                )
-            };
-            let steps: String = (0..5).map(vehicle).collect();
-            std::fs::write(&path, format!("<fcd-export>{steps}</fcd-export>")).unwrap();
-            let survey = Survey::read(&path, 1);
-            std::fs::remove_file(&path).unwrap();
-            survey.map(|_| ())
+    fn long_vehicles_trail_behind_their_position_and_follow_from_their_types() {
+        let path = |name: &str| std::env::temp_dir().join(format!("girandole_tram_{}_{name}", std::process::id()));
+        let (traffic, types) = (path("fcd.xml"), path("types.rou.xml"));
+        let step = r#"<vehicle id="a" x="100" y="-20" angle="90" type="line_7" speed="0"/>
+            <person id="a" x="50" y="5" angle="0"/>"#;
+        std::fs::write(&traffic, format!("<fcd-export><timestep time=\"0\">{step}</timestep></fcd-export>")).unwrap();
+        std::fs::write(&types, r#"<additional><vType id="line_7" vClass="tram" length="30"/></additional>"#).unwrap();
+        let options =
+            |vehicle_types| RealCityOptions { traffic: Some(traffic.clone()), vehicle_types, ..Default::default() };
+        let [with, without] = [vec![types.clone()], Vec::new()].map(|types| stage(&options(types)).unwrap());
+        [&traffic, &types].into_iter().for_each(|path| std::fs::remove_file(path).unwrap());
+        let vehicles = |stage: &Stage| -> Vec<Vec3> {
+            let objects = stage.scene.objects.iter().rev().take(2);
+            objects.map(|object| object.transform.translation.into()).collect()
         };
-        // 10 m east at this latitude are 1.2e-4 degrees.
-        let SceneError(message) = survey("degrees", 1.2e-4, 10.0).unwrap_err();
-        assert!(message.contains("--fcd-output.geo") && !message.contains('\n'), "{message}");
-        assert!(survey("metres", 10.0, 10.0).is_ok());
-        assert!(survey("jam", 0.0, 0.0).is_ok());
+        assert!(with.scene.warnings.is_empty());
+        assert!(vehicles(&with).iter().any(|at| at.abs_diff_eq(vec3(85.0, 0.0, 20.0), 1e-3)), "{:?}", vehicles(&with));
+        // Half of a person's length of 0.3 m.
+        assert!(vehicles(&with).iter().any(|at| at.abs_diff_eq(vec3(50.0, 0.0, -4.85), 1e-3)), "{:?}", vehicles(&with));
+        // Without the types, the tram is a car.
+        assert!(vehicles(&without).iter().any(|at| (97.0..98.5).contains(&at.x)), "{:?}", vehicles(&without));
+        let [warning] = &without.scene.warnings[..] else { panic!("{:?}", without.scene.warnings) };
+        assert!(warning.contains("1 vehicle type(s)") && warning.contains("--vtypes"), "{warning}");
     }
 
     #[test]

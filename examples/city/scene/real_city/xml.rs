@@ -1,25 +1,17 @@
 //! XML files that are read as a stream, compressed with gzip or not.
 
-use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::io::BufRead;
 use std::path::Path;
 
-use flate2::bufread::MultiGzDecoder;
 use quick_xml::XmlVersion;
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::reader::Reader;
 
 use super::SceneError;
+use super::source::{self, Source};
 
-/// Bytes that a file is read by at a time.
-const CHUNK: usize = 1 << 16;
-/// The first bytes of a file that gzip has compressed.
-const GZIP: [u8; 2] = [0x1f, 0x8b];
 /// The greatest coordinate, in metres or degrees.
 const MOST: f64 = 1e8;
-
-/// A file of either kind.
-pub type AnySource = Box<dyn BufRead + Send>;
 
 /// A reader whose errors are one line, with the name of the file and the byte.
 pub struct XmlFile<R> {
@@ -27,18 +19,10 @@ pub struct XmlFile<R> {
     name: String,
 }
 
-impl XmlFile<AnySource> {
-    /// Opens a file. Its content decides whether it is compressed, not its name.
+impl XmlFile<Source> {
+    /// Opens a file.
     pub fn open(path: &Path) -> Result<Self, SceneError> {
-        let fail = |error: std::io::Error| SceneError(format!("{}: {error}", path.display()));
-        let mut file = BufReader::with_capacity(CHUNK, File::open(path).map_err(fail)?);
-        let is_compressed = file.fill_buf().map_err(fail)?.starts_with(&GZIP);
-        let source: AnySource = if is_compressed {
-            Box::new(BufReader::with_capacity(CHUNK, MultiGzDecoder::new(file)))
-        } else {
-            Box::new(file)
-        };
-        Ok(Self::new(source, path.display().to_string()))
+        Ok(Self::new(source::open(path)?, path.display().to_string()))
     }
 }
 

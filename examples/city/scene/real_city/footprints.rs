@@ -1,0 +1,381 @@
+//! Reads the footprints and heights of buildings from GeoJSON.
+//!
+//! Heights follow from the properties by which OpenStreetMap describes buildings: `height` in metres,
+//! else `building:levels` or `levels`; `min_height` is the height of the lower side.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use earcut::{Earcut, deviation};
+use girandole::glam::{DVec2, dvec2};
+use serde_json::Value;
+
+use super::SceneError;
+use super::geojson;
+use super::source::{self, Source};
+
+/// The most footprints of a file, and the most corners of all of them.
+const MAX_FOOTPRINTS: usize = 1_000_000;
+const MAX_CORNERS: usize = 20_000_000;
+/// The greatest coordinate, metres. That of lamps is the same.
+const MAX_COORDINATE: f64 = 2e7;
+/// The greatest height, metres, and the most levels.
+const MAX_HEIGHT: f64 = 2_000.0;
+const MAX_LEVELS: f64 = 500.0;
+/// The height of a level, metres.
+const LEVEL: f64 = 3.2;
+/// The height of a building that states none, metres: two levels.
+const DEFAULT_HEIGHT: f64 = 2.0 * LEVEL;
+/// A file whose coordinates could be degrees has degrees if no footprint is larger than this: a tenth of
+/// a degree is 11 km, and a tenth of a metre is no building.
+const LEAST_EXTENT: f64 = 0.1;
+/// The triangles of a footprint may differ from its area by this share, by rounding. They differ by more
+/// if its rings cross themselves or each other.
+const MAX_DEVIATION: f64 = 1e-4;
+
+/// A building or a part of one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Footprint {
+    /// The outer ring, counter-clockwise seen from above, then the holes, clockwise. Metres east and
+    /// north. The last corner of a ring differs from the first.
+    pub rings: Vec<Vec<DVec2>>,
+    /// Triangles, counter-clockwise seen from above, as indices into the corners of all rings.
+    pub triangles: Vec<u32>,
+    /// Heights of the lower side and of the roof, metres.
+    pub heights: [f32; 2],
+}
+
+/// The content of a file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Footprints {
+    /// In the order of the file.
+    pub all: Vec<Footprint>,
+    /// Footprints without an area or a height, and those whose rings touch or cross themselves.
+    skipped: usize,
+    /// Buildings whose stated height is no number.
+    unread_heights: usize,
+    corners: usize,
+}
+
+impl Footprints {
+    /// Reads a file.
+    pub fn read(path: &Path) -> Result<Self, SceneError> {
+        Self::parse(source::open(path)?, &path.display().to_string())
+    }
+
+    /// Reads from any source. Errors begin with `name`.
+    pub fn parse(source: Source, name: &str) -> Result<Self, SceneError> {
+        let fail = |what: String| SceneError(format!("{name}: {}", what.replace('\n', " ")));
+        let mut footprints = Self::default();
+        geojson::read(source, &mut |feature, number| footprints.take(feature, number)).map_err(fail)?;
+        if footprints.all.is_empty() && footprints.skipped == 0 {
+            return Err(fail("there is no Polygon or MultiPolygon".into()));
+        }
+        match footprints.degrees() {
+            None => Ok(footprints),
+            Some(at) => {
+                // The zone of UTM, whose codes are 32601 to 32660, and 32701 to 32760 in the south.
+                let zone =
+                    ((at.x + 180.0) / 6.0).floor().clamp(0.0, 59.0) + if at.y < 0.0 { 32_701.0 } else { 32_601.0 };
+                Err(fail(format!(
+                    "the positions are degrees of longitude and latitude; project them to the metres of the lamps, \
+                     for example with: ogr2ogr -t_srs EPSG:{zone} metres.geojson FILE"
+                )))
+            }
+        }
+    }
+
+    /// What the user should know about the file: one line each.
+    pub fn warnings(&self) -> Vec<String> {
+        let skipped = (self.skipped > 0).then(|| {
+            format!(
+                "{} building(s) are left out, since their rings touch or cross, or have no area or height",
+                self.skipped
+            )
+        });
+        let unread = (self.unread_heights > 0).then(|| {
+            format!("the heights of {} building(s) are no numbers of metres, and are not used", self.unread_heights)
+        });
+        skipped.into_iter().chain(unread).collect()
+    }
+
+    /// A corner of the footprints if their coordinates are degrees.
+    fn degrees(&self) -> Option<DVec2> {
+        let outer = || self.all.iter().map(|footprint| &footprint.rings[0]);
+        let first = *outer().next()?.first()?;
+        let is_small = |ring: &Vec<DVec2>| {
+            let [low, high] = ring.iter().fold([ring[0]; 2], |[low, high], at| [low.min(*at), high.max(*at)]);
+            low.x >= -180.0
+                && low.y >= -90.0
+                && high.x <= 180.0
+                && high.y <= 90.0
+                && (high - low).max_element() < LEAST_EXTENT
+        };
+        outer().all(is_small).then_some(first)
+    }
+
+    /// Takes the polygons of a feature.
+    fn take(&mut self, feature: &Value, number: usize) -> Result<(), String> {
+        let fail = |what: String| format!("feature {number}: {what}");
+        if feature.get("type").and_then(Value::as_str) != Some("Feature") {
+            return Err(fail("\"type\" is not \"Feature\"".into()));
+        }
+        let geometry = &feature["geometry"];
+        let one = std::slice::from_ref(&geometry["coordinates"]);
+        let polygons = match geometry["type"].as_str() {
+            Some("Polygon") => one,
+            Some("MultiPolygon") => list(&geometry["coordinates"]).map_err(fail)?,
+            // Points and lines, and features without a geometry.
+            _ => return Ok(()),
+        };
+        let (heights, is_read) = heights(&feature["properties"]).map_err(fail)?;
+        self.unread_heights += usize::from(!is_read);
+        for polygon in polygons {
+            let rings: Vec<Vec<DVec2>> =
+                list(polygon).and_then(|rings| rings.iter().map(ring).collect()).map_err(fail)?;
+            self.corners += rings.iter().map(Vec::len).sum::<usize>();
+            if self.all.len() == MAX_FOOTPRINTS || self.corners > MAX_CORNERS {
+                return Err(fail(format!("the limit is {MAX_FOOTPRINTS} footprints with {MAX_CORNERS} corners")));
+            }
+            match footprint(rings, heights) {
+                Some(footprint) => self.all.push(footprint),
+                None => self.skipped += 1,
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The lower and the upper height that the properties of a feature state, in metres, and whether all of
+/// them could be read.
+fn heights(properties: &Value) -> Result<([f32; 2], bool), String> {
+    let mut is_read = true;
+    let mut number = |name: &str, max: f64| match &properties[name] {
+        Value::Null => Ok(None),
+        value => {
+            let text = |text: &str| text.trim().trim_end_matches('m').trim_end().parse::<f64>().ok();
+            match value.as_f64().or_else(|| text(value.as_str()?)) {
+                Some(number) if (0.0..=max).contains(&number) => Ok(Some(number)),
+                Some(number) => Err(format!("\"{name}\" is {number}, which is not between 0 and {max}")),
+                None => {
+                    is_read = false;
+                    Ok(None)
+                }
+            }
+        }
+    };
+    let [height, low] = [number("height", MAX_HEIGHT)?, number("min_height", MAX_HEIGHT)?];
+    let [levels, others] = [number("building:levels", MAX_LEVELS)?, number("levels", MAX_LEVELS)?];
+    let high = height.or(levels.or(others).map(|levels| levels * LEVEL)).unwrap_or(DEFAULT_HEIGHT);
+    Ok(([low.unwrap_or(0.0) as f32, high as f32], is_read))
+}
+
+fn list(value: &Value) -> Result<&[Value], String> {
+    value.as_array().map(Vec::as_slice).ok_or_else(|| "\"coordinates\" have the wrong depth".into())
+}
+
+/// The corners of a ring, of which the last differs from the first.
+fn ring(value: &Value) -> Result<Vec<DVec2>, String> {
+    let mut corners = Vec::new();
+    for position in list(value)? {
+        let axis = |axis: usize| position.get(axis).and_then(Value::as_f64).filter(|at| at.abs() <= MAX_COORDINATE);
+        let (Some(east), Some(north)) = (axis(0), axis(1)) else {
+            return Err(format!("{position} is not a position of two numbers of at most {MAX_COORDINATE}"));
+        };
+        corners.push(dvec2(east, north));
+    }
+    // A ring that is not closed is closed here.
+    if corners.len() > 1 && corners.first() == corners.last() {
+        corners.pop();
+    }
+    if corners.len() < 3 {
+        return Err(format!("a ring has {} corner(s), and needs three", corners.len()));
+    }
+    Ok(corners)
+}
+
+/// A footprint whose rings run as they should; `None` if it has no area or height, or if a ring touches
+/// or crosses itself or another one.
+fn footprint(mut rings: Vec<Vec<DVec2>>, heights: [f32; 2]) -> Option<Footprint> {
+    let origin = *rings.first()?.first()?;
+    for (index, ring) in rings.iter_mut().enumerate() {
+        ring.dedup();
+        let corners: BTreeSet<[u64; 2]> = ring.iter().map(|at| at.to_array().map(f64::to_bits)).collect();
+        let area = area(ring, origin);
+        if corners.len() < ring.len() || ring.len() < 3 || area == 0.0 {
+            return None;
+        }
+        if (area > 0.0) != (index == 0) {
+            ring.reverse();
+        }
+    }
+    // Corners relative to the first one, since rounding grows with the distance from (0, 0).
+    let corners: Vec<[f64; 2]> = rings.iter().flatten().map(|at| (*at - origin).to_array()).collect();
+    let mut holes: Vec<u32> = Vec::new();
+    for ring in &rings[..rings.len() - 1] {
+        holes.push(holes.last().unwrap_or(&0) + ring.len() as u32);
+    }
+    let mut triangles: Vec<u32> = Vec::new();
+    Earcut::new().earcut(corners.iter().copied(), &holes, &mut triangles);
+    let is_whole = deviation(corners.iter().copied(), &holes, &triangles) < MAX_DEVIATION;
+    if triangles.is_empty() || !is_whole || heights[0] >= heights[1] {
+        return None;
+    }
+    for triangle in triangles.chunks_exact_mut(3) {
+        let [a, b, c] = [0, 1, 2].map(|corner: usize| DVec2::from(corners[triangle[corner] as usize]));
+        if (b - a).perp_dot(c - a) < 0.0 {
+            triangle.swap(1, 2);
+        }
+    }
+    Some(Footprint { rings, triangles, heights })
+}
+
+/// The area of a ring, which is negative if it runs clockwise.
+fn area(ring: &[DVec2], origin: DVec2) -> f64 {
+    let next = ring.iter().cycle().skip(1);
+    0.5 * ring.iter().zip(next).map(|(a, b)| (*a - origin).perp_dot(*b - origin)).sum::<f64>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A file of features with these geometries and properties.
+    fn file(features: &[(&str, &str, &str)]) -> String {
+        let features: Vec<String> = features
+            .iter()
+            .map(|(kind, coordinates, properties)| {
+                format!(
+                    r#"{{"type":"Feature","properties":{properties},"geometry":{{"type":"{kind}","coordinates":{coordinates}}}}}"#
+                )
+            })
+            .collect();
+        format!(r#"{{"features":[{}],"name":"a","type":"FeatureCollection"}}"#, features.join(","))
+    }
+
+    fn parse(text: &str) -> Result<Footprints, SceneError> {
+        Footprints::parse(Box::new(std::io::Cursor::new(text.to_owned())), "test.geojson")
+    }
+
+    fn roof(footprint: &Footprint) -> f64 {
+        let corners: Vec<DVec2> = footprint.rings.iter().flatten().copied().collect();
+        let triangle = |index: &[u32]| {
+            let [a, b, c] = [0, 1, 2].map(|corner: usize| corners[index[corner] as usize]);
+            0.5 * (b - a).perp_dot(c - a)
+        };
+        footprint.triangles.chunks_exact(3).map(triangle).inspect(|area| assert!(*area > 0.0)).sum()
+    }
+
+    const SQUARE: &str = "[[[0,0],[20,0],[20,10],[0,10],[0,0]]]";
+
+    #[test]
+    fn rings_are_turned_and_holes_are_cut_out() {
+        let holed = "[[[500000,4400000],[500000,4400020],[500030,4400020],[500030,4400000],[500000,4400000]],\
+                     [[500010,4400005],[500020,4400005],[500020,4400015],[500010,4400015],[500010,4400005]]]";
+        let both = format!("[{SQUARE},{holed}]");
+        let read =
+            parse(&file(&[("Polygon", SQUARE, "{}"), ("MultiPolygon", &both, "null"), ("Point", "[1,2]", "{}")]));
+        let read = read.unwrap();
+        assert_eq!(read.all.iter().map(|footprint| roof(footprint).round()).collect::<Vec<_>>(), [200.0, 200.0, 500.0]);
+        assert!(read.warnings().is_empty());
+        let rings = &read.all[2].rings;
+        let origin = rings[0][0];
+        assert_eq!([area(&rings[0], origin), area(&rings[1], origin)], [600.0, -100.0]);
+    }
+
+    #[test]
+    fn heights_follow_from_the_properties() {
+        for (properties, expected) in [
+            ("{}", [0.0, 6.4]),
+            (r#"{"height":12.5}"#, [0.0, 12.5]),
+            (r#"{"height":"12 m","levels":9}"#, [0.0, 12.0]),
+            (r#"{"height":"9.5m","min_height":"3"}"#, [3.0, 9.5]),
+            (r#"{"building:levels":"5"}"#, [0.0, 16.0]),
+            (r#"{"height":null,"levels":2.5}"#, [0.0, 8.0]),
+        ] {
+            let read = parse(&file(&[("Polygon", SQUARE, properties)])).unwrap();
+            assert_eq!((read.all[0].heights, read.warnings().len()), (expected, 0), "{properties}");
+        }
+        let read = parse(&file(&[("Polygon", SQUARE, r#"{"height":"tall","levels":3}"#)])).unwrap();
+        assert!((read.all[0].heights[1] - 9.6).abs() < 1e-5);
+        assert!(read.warnings()[0].contains("heights of 1 building"), "{:?}", read.warnings());
+    }
+
+    #[test]
+    fn rings_that_are_not_closed_are_closed() {
+        let open = "[[[0,0],[20,0],[20,10],[0,10]]]";
+        let [open, closed] = [open, SQUARE].map(|ring| parse(&file(&[("Polygon", ring, "{}")])).unwrap());
+        assert_eq!(open, closed);
+    }
+
+    #[test]
+    fn degenerate_footprints_are_left_out_with_one_warning() {
+        let read = parse(&file(&[
+            ("Polygon", SQUARE, "{}"),
+            // Crosses itself.
+            ("Polygon", "[[[0,0],[20,10],[20,0],[0,10],[0,0]]]", "{}"),
+            // Touches itself in (10, 5).
+            ("Polygon", "[[[0,0],[10,5],[20,0],[20,10],[10,5],[0,10],[0,0]]]", "{}"),
+            // Has no area.
+            ("Polygon", "[[[0,0],[10,0],[20,0],[0,0]]]", "{}"),
+            // Its hole crosses the outer ring.
+            ("Polygon", "[[[0,0],[20,0],[20,10],[0,10],[0,0]],[[5,5],[25,5],[25,8],[5,8],[5,5]]]", "{}"),
+            // Its roof is below its lower side.
+            ("Polygon", SQUARE, r#"{"height":3,"min_height":5}"#),
+        ]));
+        let read = read.unwrap();
+        assert_eq!(read.all.len(), 1);
+        assert!(read.warnings().len() == 1 && read.warnings()[0].starts_with("5 building(s)"), "{:?}", read.warnings());
+    }
+
+    #[test]
+    fn degrees_are_refused_with_the_zone_to_project_to() {
+        let town = "[[[-88.24,40.11],[-88.2398,40.11],[-88.2398,40.1102],[-88.24,40.1102],[-88.24,40.11]]]";
+        let south = "[[[151.2,-33.87],[151.2003,-33.87],[151.2003,-33.8698],[151.2,-33.87]]]";
+        for (ring, zone) in [(town, "EPSG:32616"), (south, "EPSG:32756")] {
+            let SceneError(message) = parse(&file(&[("Polygon", ring, "{}")])).unwrap_err();
+            assert!(message.contains("degrees") && message.contains(zone) && !message.contains('\n'), "{message}");
+        }
+        // Metres near the origin.
+        assert!(parse(&file(&[("Polygon", SQUARE, "{}")])).is_ok());
+    }
+
+    #[test]
+    fn malformed_files_are_refused_with_one_line() {
+        let polygon = |ring: &str| file(&[("Polygon", SQUARE, "{}"), ("Polygon", ring, "{}")]);
+        for (text, expected) in [
+            (String::new(), "EOF"),
+            ("[]".into(), "expected a FeatureCollection"),
+            ("{\"type\":\"Topology\"}".into(), "\"type\" is \"Topology\""),
+            ("{\"type\":\"FeatureCollection\"}".into(), "no \"features\""),
+            ("{\"type\":\"FeatureCollection\",\"features\":[]}".into(), "no Polygon"),
+            ("{\"type\":\"FeatureCollection\",\"features\":[{}]}".into(), "feature 0: \"type\" is not \"Feature\""),
+            (format!("{} x", file(&[("Polygon", SQUARE, "{}")])), "trailing characters"),
+            (file(&[("Polygon", SQUARE, "{}")])[..80].into(), "EOF"),
+            (polygon("[[[0,0],[1,0],[0,0]]]"), "feature 1: a ring has 2 corner(s)"),
+            (polygon("[[0,0],[20,0],[20,10]]"), "feature 1: "),
+            (polygon("[[[0,0],[1,null],[1,1],[0,0]]]"), "feature 1: [1,null]"),
+            (polygon("[[[0,0],[1e999,0],[1,1],[0,0]]]"), "out of range"),
+            (polygon("[[[0,0],[1e9,0],[1,1],[0,0]]]"), "feature 1: [1000000000.0,0]"),
+            (polygon("7"), "feature 1: \"coordinates\" have the wrong depth"),
+            (file(&[("Polygon", SQUARE, r#"{"height":-3}"#)]), "feature 0: \"height\" is -3"),
+            (file(&[("Polygon", SQUARE, r#"{"height":"-3 m"}"#)]), "feature 0: \"height\" is -3"),
+            (file(&[("Polygon", SQUARE, r#"{"levels":1e6}"#)]), "feature 0: \"levels\" is 1000000"),
+        ] {
+            let SceneError(message) = parse(&text).expect_err(&text);
+            assert!(message.contains(expected) && !message.contains('\n'), "{text}: {message}");
+        }
+    }
+
+    #[test]
+    fn compressed_files_are_read_as_others() {
+        use std::io::Write;
+        let path = std::env::temp_dir().join(format!("girandole_blocks_{}.geojson.gz", std::process::id()));
+        let mut encoder = flate2::write::GzEncoder::new(std::fs::File::create(&path).unwrap(), Default::default());
+        encoder.write_all(file(&[("Polygon", SQUARE, "{}")]).as_bytes()).unwrap();
+        encoder.finish().unwrap();
+        let read = Footprints::read(&path);
+        std::fs::remove_file(&path).unwrap();
+        assert_eq!(read.unwrap().all.len(), 1);
+    }
+}
