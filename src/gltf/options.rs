@@ -39,6 +39,13 @@ pub struct GltfOptions {
     /// describe many lights: primitives with different materials can share one accessor. Default:
     /// 2^22 (4,194,304).
     pub max_lights: usize,
+    /// The most instances that one call creates; a document with more is refused with
+    /// [`GltfError::TooManyInstances`](super::GltfError::TooManyInstances) before memory is allocated
+    /// for those beyond the limit.
+    ///
+    /// The limit exists because nodes can share the accessors of EXT_mesh_gpu_instancing. Default:
+    /// 2^22 (4,194,304).
+    pub max_instances: usize,
     /// The most memory that [`load`](super::load) or [`parse`](super::parse) takes, in bytes: that
     /// of the file, of its buffers and of the parsed document. A file that needs more is refused
     /// with [`GltfError::TooManyBytes`](super::GltfError::TooManyBytes) before the memory is
@@ -59,6 +66,7 @@ impl Default for GltfOptions {
             punctual: true,
             policy: Policy::default(),
             max_lights: 1 << 22,
+            max_instances: 1 << 22,
             max_bytes: 1 << 32,
         }
     }

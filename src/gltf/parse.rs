@@ -57,8 +57,8 @@ pub(super) fn parse_within(bytes: &[u8], budget: &mut Budget) -> Result<Gltf, Gl
             _ => document_error(&error.to_string()),
         }
     })?;
-    let root = document.into_json();
-    check(&root)?;
+    let mut root = document.into_json();
+    check(&mut root)?;
     Ok(Gltf { document: Document::from_json_without_validation(root), blob })
 }
 

@@ -187,7 +187,8 @@ fn required_extensions_that_are_not_supported_are_named_together_before_all_else
     let name = |i: usize| format!("\"EXT_{i}\"");
     let many: Vec<String> = (0..40).map(name).collect();
     // Supported, not supported, and a document that is wrong in other ways too.
-    let others = "\"KHR_lights_punctual\",\"KHR_draco_mesh_compression\",\"EXT_meshopt_compression\"";
+    let others = "\"KHR_lights_punctual\",\"KHR_draco_mesh_compression\",\"EXT_meshopt_compression\",\
+                  \"KHR_mesh_quantization\",\"KHR_draco_mesh_compression\"";
     for wrong in
         ["", ",\"scene\":7", ",\"nodes\":3", ",\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":7}}]}]"]
     {
