@@ -33,7 +33,8 @@ pub fn read_image(
     };
     let uri = match found.source() {
         Source::View { view, .. } => {
-            let bytes = view_bytes(&view, &file.buffers).ok_or_else(|| refused("its view is beyond its buffer".into()))?;
+            let bytes =
+                view_bytes(&view, &file.buffers).ok_or_else(|| refused("its view is beyond its buffer".into()))?;
             budget.take(bytes.len() as u64)?;
             return Ok(bytes.to_vec());
         }

@@ -21,11 +21,9 @@ pub(super) struct Instances<'a> {
 impl<'a> Instances<'a> {
     /// One instance for a node without the extension.
     pub fn new<B: AsRef<[u8]>>(document: &Document, node: &Node<'_>, buffers: &'a [B]) -> Result<Self, GltfError> {
-        let mut instances =
-            Self { node: node.index(), count: 1, translations: None, rotations: None, scales: None };
+        let mut instances = Self { node: node.index(), count: 1, translations: None, rotations: None, scales: None };
         let Some(extension) = node.extension_value("EXT_mesh_gpu_instancing") else { return Ok(instances) };
-        let invalid =
-            |what: &str| document_error(&format!("node {}: EXT_mesh_gpu_instancing {what}", instances.node));
+        let invalid = |what: &str| document_error(&format!("node {}: EXT_mesh_gpu_instancing {what}", instances.node));
         let Some(attributes) = extension.get("attributes").and_then(Value::as_object) else {
             return Err(invalid("has no attributes"));
         };

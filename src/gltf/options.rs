@@ -51,9 +51,9 @@ pub struct GltfOptions {
     /// with [`GltfError::TooManyBytes`](super::GltfError::TooManyBytes) before the memory is
     /// allocated.
     ///
-    /// The memory of the document is estimated from its text, and never too low: 1 KiB for each
-    /// JSON object, 64 bytes for each list and each comma, and two bytes for each byte. Default:
-    /// 2^32 (4 GiB).
+    /// The memory of the document is estimated from its text, and never too low: 1,280
+    /// bytes for each JSON object, 256 bytes for each list and each comma, and two bytes for each
+    /// byte. Default: 2^32 (4 GiB).
     pub max_bytes: u64,
 }
 

@@ -6,6 +6,7 @@ use super::image::{Image, ShadowRays};
 use super::scene::{Material, Scene};
 use super::settings::{LightChoice, Settings};
 use super::shading::{Dimension, View, brdf, random, shadow_offset, sky_radiance};
+use super::textures::OpacitySeed;
 use girandole::glam::{Vec2, Vec3, Vec4};
 use girandole::gpu::DEFAULT_USAGE_INTERVAL;
 use girandole::light::luminance;
@@ -67,7 +68,8 @@ pub fn render(
                 let direction = view.direction(corner + Vec2::new(jitter_x, jitter_y), size);
                 let u = random(index, sample, seed, Dimension::Light);
                 let is_counted = count_draw * (DEFAULT_USAGE_INTERVAL as f32) < 1.0;
-                let color = integrator.radiance(view.eye, direction, u, is_counted, &mut tally);
+                let opacity_seed = OpacitySeed::new(index, sample, seed);
+                let color = integrator.radiance(view.eye, direction, opacity_seed, u, is_counted, &mut tally);
                 *sum += color.extend(luminance(color).powi(2));
             }
         }
@@ -96,13 +98,20 @@ struct Surface<'a> {
 
 impl Integrator<'_> {
     /// One sample of the radiance along a camera ray.
-    fn radiance(&self, eye: Vec3, direction: Vec3, u: [f32; 4], is_counted: bool, tally: &mut Tally) -> Vec3 {
-        let Some(hit) = self.geometry.nearest(eye, direction) else {
+    fn radiance(
+        &self,
+        eye: Vec3,
+        direction: Vec3,
+        opacity_seed: OpacitySeed,
+        u: [f32; 4],
+        is_counted: bool,
+        tally: &mut Tally,
+    ) -> Vec3 {
+        let Some(hit) = self.geometry.nearest_at_random(eye, direction, opacity_seed) else {
             return sky_radiance(&self.scene.sky, direction);
         };
-        let triangle = &self.geometry.triangles[hit.triangle as usize];
         let object = &self.geometry.objects[hit.object as usize];
-        let material = &self.scene.materials[triangle.material as usize];
+        let material = &self.geometry.material(self.scene, &hit);
         let front = self.geometry.normal(&hit);
         let view = -direction;
         let is_front = front.dot(view) >= 0.0;
@@ -160,6 +169,6 @@ impl Integrator<'_> {
             return contribution;
         }
         rays.traced += 1;
-        if self.geometry.occluded(position, incident.direction, limit) { Vec3::ZERO } else { contribution }
+        contribution * self.geometry.transmittance(position, incident.direction, limit)
     }
 }

@@ -30,7 +30,8 @@ const DIELECTRIC_F0: f32 = 0.04;
 /// With a smaller GGX alpha, highlights are too narrow for f32.
 const MIN_ALPHA: f32 = 1e-3;
 
-fn pcg4d(mut v: [u32; 4]) -> [u32; 4] {
+/// A hash of four numbers.
+pub fn pcg4d(mut v: [u32; 4]) -> [u32; 4] {
     for x in &mut v {
         *x = x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
     }

@@ -7,8 +7,8 @@
 //! Read in this order:
 //!
 //! 1. this file: the frames;
-//! 2. `buffers` and `records`: what is on the device, and in which layout;
-//! 3. `pipeline` and `render.wgsl`: the shader.
+//! 2. `records`, `texels` and `buffers`: what is on the device, and in which layout;
+//! 3. `pipeline`, `textures.wgsl` and `render.wgsl`: the shader.
 
 use super::backend::{self, Gpu, USAGE_STORAGE_BUFFERS};
 use super::geometry::{self, Geometry, GeometryChange};
@@ -24,6 +24,7 @@ use girandole::{Effects, FrameDelta, LightWorld};
 use std::time::Duration;
 
 mod records;
+mod texels;
 mod buffers;
 mod pipeline;
 
@@ -94,7 +95,7 @@ impl GpuRenderer {
         };
         let stack_size = stack_size(geometry);
         let pipeline = pipeline(device, &layout, &shader, stack_size);
-        let first_object = scene.materials.len();
+        let first_object = scene.materials.len() + scene.textures.len();
         Ok(Self { gpu, lights, buffers, layout, bind_group, shader, stack_size, pipeline, first_object, band_rows })
     }
 
@@ -149,7 +150,7 @@ impl GpuRenderer {
             horizon: scene.sky.horizon,
             first_object: self.first_object as u32,
             ambient: scene.sky.ambient,
-            padding: 0,
+            first_tex_coords: geometry.triangles.len() as u32,
             occluder_min: geometry.occluders.min,
             padding_a: 0,
             occluder_max: geometry.occluders.max,

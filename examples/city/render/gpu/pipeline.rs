@@ -1,6 +1,7 @@
 //! The render shader, joined with the library's text, and its pipeline.
 
 use super::geometry::Geometry;
+use super::texels::TEXEL_ROW;
 use girandole::gpu::LightShader;
 use girandole::wgpu;
 
@@ -14,7 +15,9 @@ pub const WORKGROUP: u32 = 8;
 pub fn shader_source(light: &str, records_usage: bool, stack_size: usize) -> String {
     let body = if records_usage { "light_record_usage(instance, u);" } else { "" };
     format!(
-        "{light}\nconst STACK_SIZE: u32 = {stack_size}u;\nfn record_usage(instance: u32, u: vec4<f32>) {{ {body} }}\n{}",
+        "{light}\nconst STACK_SIZE: u32 = {stack_size}u;\nconst TEXEL_ROW: u32 = {TEXEL_ROW}u;\n\
+         fn record_usage(instance: u32, u: vec4<f32>) {{ {body} }}\n{}\n{}",
+        include_str!("textures.wgsl"),
         include_str!("render.wgsl")
     )
 }
