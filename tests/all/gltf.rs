@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 
 use girandole::glam::{DAffine3, DVec3, Mat3, Vec3, vec3};
 use girandole::gltf::gltf::{Glb, binary as container};
-use girandole::gltf::{EmissiveSides, GltfError, GltfLights, GltfOptions, LightSource, load_lights, parse, surface_placement};
+use girandole::gltf::{
+    EmissiveSides, GltfError, GltfLights, GltfOptions, LightSource, load_lights, parse, surface_placement,
+};
 use girandole::{FrameBudget, LightWorld, Shape, WorldError};
 
 use super::city::render::geometry::Geometry;
@@ -439,6 +441,8 @@ fn a_node_whose_animated_scale_is_zero_is_hidden() {
     std::fs::write(&path, replaced("\"path\": \"translation\"", "\"path\": \"scale\"")).unwrap();
     let mut bytes = binary();
     bytes[252..264].fill(0);
+    // A scale of zero along one axis hides the node too, so the second key gets one.
+    bytes[264..268].copy_from_slice(&1f32.to_le_bytes());
     std::fs::write(folder.join("small.bin"), bytes).unwrap();
     let mut stage = gltf_scene::stage(&path, None).unwrap();
     std::fs::remove_dir_all(&folder).unwrap();

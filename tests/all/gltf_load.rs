@@ -142,7 +142,7 @@ fn memory_is_limited_over_the_document_and_all_of_its_buffers() {
     let path = folder.write("scene/scene.gltf", &text);
     let within = |max_bytes: u64| load(&path, &GltfOptions { max_bytes, ..GltfOptions::default() });
     // 22 objects, 40 commas, 1 list, and the document.
-    let needed = (20 << 20) + 3 * text.len() as u64 + 22 * 1024 + 42 * 64;
+    let needed = (20 << 20) + 3 * text.len() as u64 + 22 * 1280 + 42 * 256;
     assert_eq!(within(needed).expect("enough").buffers.len(), 20);
     let refused = within(needed - 1).err();
     assert_eq!(refused, Some(GltfError::TooManyBytes { needed, limit: needed - 1 }));

@@ -13,6 +13,7 @@ mod catalogue;
 #[path = "../../examples/city/modules.rs"]
 #[allow(dead_code, missing_docs, reason = "the example's main uses what the tests do not")]
 mod city;
+mod city_gltf;
 mod city_images;
 mod city_refusals;
 #[path = "../../examples/common/mod.rs"]
@@ -37,6 +38,8 @@ mod engine_shader_runs;
 mod flight;
 mod gloss;
 mod gltf;
+mod gltf_documents;
+mod gltf_features;
 mod gltf_fuzz;
 mod gltf_load;
 mod gpu;
