@@ -9,31 +9,42 @@ use ::gltf::json::{Path, Root, Value};
 
 use super::error::{GltfError, document_error, shortened};
 
+/// Extensions that the library reads itself, and the gltf crate does not know.
+const OWN_EXTENSIONS: [&str; 2] = ["KHR_mesh_quantization", "EXT_mesh_gpu_instancing"];
 /// Names of extensions in an error.
 const MAX_NAMES: usize = 16;
 
 /// Checks a document, then validates it.
 ///
 /// What passes can be read through all of the gltf crate but its readers of accessors.
-pub(super) fn check(root: &Root) -> Result<(), GltfError> {
+pub(super) fn check(root: &mut Root) -> Result<(), GltfError> {
     check_extensions(&root.extensions_required)?;
     check_bounds(root)?;
     check_positions(root)?;
     check_animations(root)?;
     check_cameras(root)?;
     check_images(root)?;
+    // The crate's validation refuses what it does not know. All required extensions passed above.
+    let required = std::mem::take(&mut root.extensions_required);
     // Only the first error is kept: a small file can have a great many.
     let mut first = None;
     root.validate(root, Path::new, &mut |path, error| {
         first.get_or_insert_with(|| format!("{}: {error}", path()));
     });
+    root.extensions_required = required;
     first.map_or(Ok(()), |message| Err(document_error(&message)))
 }
 
-/// Refuses what the gltf crate does not support, all of it in one error.
+/// Refuses required extensions that are not supported: all of them in one error, each once.
 pub(super) fn check_extensions(required: &[String]) -> Result<(), GltfError> {
-    let unsupported = required.iter().filter(|name| !ENABLED_EXTENSIONS.contains(&name.as_str()));
-    let names: Vec<String> = unsupported.take(MAX_NAMES).map(|name| shortened(name)).collect();
+    let is_supported = |name: &str| ENABLED_EXTENSIONS.contains(&name) || OWN_EXTENSIONS.contains(&name);
+    let mut names: Vec<String> = Vec::new();
+    for name in required.iter().filter(|name| !is_supported(name)) {
+        let name = shortened(name);
+        if !names.contains(&name) && names.len() < MAX_NAMES {
+            names.push(name);
+        }
+    }
     if names.is_empty() { Ok(()) } else { Err(GltfError::UnsupportedExtensions { names }) }
 }
 

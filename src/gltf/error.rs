@@ -10,7 +10,7 @@ const MAX_SHOWN: usize = 200;
 /// Why a glTF file or its lights could not be loaded. The world is as it was before the call.
 ///
 /// Indices are those of the document's arrays. Text from the file is shortened, and its control
-/// characters are escaped. Codes 700 to 717.
+/// characters are escaped. Codes 700 to 719.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum GltfError {
@@ -64,8 +64,9 @@ pub enum GltfError {
         /// Index of the mesh.
         mesh: usize,
     },
-    /// A node's transform is not finite, or leaves a rotation or a light's direction undefined.
-    #[error("node {node}: its transform is not finite, or has no direction")]
+    /// The transform of a node or of an instance of its mesh is not finite, or its rotation has no
+    /// length.
+    #[error("node {node}: its transform is not finite, or its rotation has no length")]
     Transform {
         /// Index of the node.
         node: usize,
@@ -88,8 +89,8 @@ pub enum GltfError {
     },
     /// The world refused a tree, an instance or a directional light.
     ///
-    /// The usual cause is a node whose scale is zero along one or two axes. A scale that is zero
-    /// along all three is not an error: it hides the node.
+    /// The usual cause is a node that lies too far from the origin, or whose scale is too large or
+    /// too small. A scale of zero is not an error: it hides the node.
     #[error("node {node}: {source}")]
     World {
         /// Index of the node. Of a tree that several nodes share, the first.
@@ -115,7 +116,7 @@ pub enum GltfError {
     /// The document requires extensions that are not supported.
     #[error("the file requires extensions that are not supported: {}", names.join(", "))]
     UnsupportedExtensions {
-        /// Their names, at most 16.
+        /// Their names, each once, at most 16.
         names: Vec<String>,
     },
     /// The URI of a buffer is not one that is read: see [`load`](super::load).
@@ -162,6 +163,23 @@ pub enum GltfError {
         /// The limit.
         limit: u64,
     },
+    /// An image has no bytes, or its pixels are not those of its size.
+    #[error("image {image}: {message}")]
+    Image {
+        /// Index of the image.
+        image: usize,
+        /// What is wrong.
+        message: String,
+    },
+    /// The document has more instances of emissive meshes and lights than
+    /// [`GltfOptions::max_instances`](super::GltfOptions::max_instances).
+    #[error("the document has {found} instances of lights; max_instances is {limit}")]
+    TooManyInstances {
+        /// Number of instances up to the point at which loading ended.
+        found: u64,
+        /// The limit.
+        limit: usize,
+    },
 }
 
 /// An error with a message of one line.
@@ -207,6 +225,8 @@ impl GltfError {
             Self::BufferLength { .. } => 715,
             Self::Read { .. } => 716,
             Self::TooManyBytes { .. } => 717,
+            Self::Image { .. } => 718,
+            Self::TooManyInstances { .. } => 719,
         }
     }
 }
@@ -238,6 +258,8 @@ mod tests {
             (715, GltfError::BufferLength { buffer: 0, length: 1, stated: 2 }),
             (716, GltfError::Read { path: "scene.glb".into(), message: "not found".into() }),
             (717, GltfError::TooManyBytes { needed: 2, limit: 1 }),
+            (718, GltfError::Image { image: 0, message: "it is missing".into() }),
+            (719, GltfError::TooManyInstances { found: 2, limit: 1 }),
         ];
         for (code, error) in errors {
             assert_eq!(error.code(), code, "{error}");

@@ -81,7 +81,7 @@ pub struct GltfFile {
 ///
 /// Buffers are the binary chunk of a .glb, base64 in data URIs, or regular files. The URI of a file
 /// is a relative path without `..`, so that it stays in the folder of the document. A link in that
-/// folder is followed. Images are not read.
+/// folder is followed. Images are not read: [`read_image`](super::read_image) reads them.
 ///
 /// # Errors
 /// Those of [`parse`](super::parse), which come first, then [`GltfError::Uri`],
@@ -162,13 +162,13 @@ fn check_length(buffer: &Buffer<'_>, length: u64) -> Result<(), GltfError> {
 }
 
 /// The length of a regular file. Others may have no end, or wait for a writer when they are opened.
-fn file_length(path: &Path) -> Result<u64, GltfError> {
+pub(super) fn file_length(path: &Path) -> Result<u64, GltfError> {
     let metadata = fs::metadata(path).map_err(|error| read_error(path, &error))?;
     if metadata.is_file() { Ok(metadata.len()) } else { Err(read_error(path, &"it is not a regular file")) }
 }
 
 /// The first `length` bytes of a file, or all if there are fewer.
-fn read(path: &Path, length: u64, budget: &mut Budget) -> Result<Vec<u8>, GltfError> {
+pub(super) fn read(path: &Path, length: u64, budget: &mut Budget) -> Result<Vec<u8>, GltfError> {
     budget.take(length)?;
     let mut bytes = Vec::new();
     let reserved = usize::try_from(length).is_ok_and(|length| bytes.try_reserve_exact(length).is_ok());

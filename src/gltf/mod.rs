@@ -6,9 +6,16 @@
 //! tree. So do meshes whose emissive primitives have the same accessors and the same emission.
 //!
 //! Emission is `emissiveFactor` times the strength of KHR_materials_emissive_strength, in nits.
-//! Emissive textures, skins and morph targets are ignored. A node whose scale is zero along all
-//! axes is hidden: it becomes an instance that contributes nothing until it is moved. Many files
-//! describe one lamp twice, by a light and by an emissive surface; [`GltfOptions`] selects either.
+//! [`load_lights_with_textures`] also multiplies it by the average of the emissive texture over each
+//! triangle, if the caller passes the decoded images. Alpha, skins and morph targets are ignored.
+//! Many files describe one lamp twice, by a light and by an emissive surface; [`GltfOptions`] selects
+//! either.
+//!
+//! A node whose scale is zero along one or more axes is hidden, as [`is_hidden`] tells: it becomes an
+//! instance that contributes nothing until it is moved to a placement that is not hidden.
+//!
+//! Quantized meshes (KHR_mesh_quantization), instances of meshes (EXT_mesh_gpu_instancing), texture
+//! transforms (KHR_texture_transform) and sparse accessors are read.
 //!
 //! ```no_run
 //! use girandole::gltf::{self, GltfOptions};
@@ -29,27 +36,35 @@ mod uri;
 mod load;
 mod nodes;
 mod read;
+mod image;
+mod instancing;
+mod texture;
+mod average;
 mod plan;
 
 use ::gltf::Document;
+use glam::DAffine3;
 
 pub use ::gltf;
 pub use error::GltfError;
+pub use image::read_image;
+pub use instancing::node_instances;
 pub use load::{GltfFile, GltfSource, load};
-pub use nodes::{local_transform, punctual_placement, scene_nodes, world_transforms};
+pub use nodes::{is_hidden, local_transform, punctual_placement, scene_nodes, surface_placement, world_transforms};
 pub use options::{EmissiveSides, GltfOptions};
 pub use parse::parse;
 pub use plan::{LightSource, material_emission};
-pub use read::{accessor_values, primitive_triangles};
+pub use read::{accessor_values, primitive_tex_coords, primitive_triangles};
+pub use texture::{TextureImage, TextureUse, TextureWrap};
 
 use crate::error::WorldError;
 use crate::keys::{DirectionalKey, InstanceKey, TreeKey};
 use crate::policy::Policy;
 use crate::world::LightWorld;
-use plan::Plan;
+use plan::{Plan, PlannedInstance};
 
-/// An instance that a node became. A node with both an emissive mesh and a light becomes two
-/// instances.
+/// An instance that a node became. A node becomes one instance for each instance of its emissive mesh,
+/// and one for its light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct NodeLights {
@@ -59,9 +74,12 @@ pub struct NodeLights {
     pub source: LightSource,
     /// The tree, which other nodes may share.
     pub tree: TreeKey,
-    /// The instance. When the node moves, move the instance to the node's transform if its lights
-    /// are surfaces, and to the transform's [`punctual_placement`] otherwise.
+    /// The instance. When the node moves to a transform `node`, move the instance to the
+    /// [`surface_placement`] of `node * local` if its lights are surfaces, and to the
+    /// [`punctual_placement`] of `node` otherwise.
     pub instance: InstanceKey,
+    /// The transform of the instance to the space of the node: that of [`node_instances`].
+    pub local: DAffine3,
 }
 
 /// What a document added to a world.
@@ -70,7 +88,8 @@ pub struct NodeLights {
 pub struct GltfLights {
     /// Instances, in the order of [`scene_nodes`].
     pub nodes: Vec<NodeLights>,
-    /// Nodes and their directional lights. Hidden nodes are left out: they have no direction.
+    /// Nodes and their directional lights. Hidden nodes are left out, since they may have no
+    /// direction.
     pub directional: Vec<(usize, DirectionalKey)>,
 }
 
@@ -84,15 +103,45 @@ pub struct GltfLights {
 /// world is then as it was before the call.
 ///
 /// # Cost
-/// Linear in the nodes of the document and in the lights of its trees, plus the builds of these
-/// trees.
+/// Linear in the nodes and instances of the document and in the lights of its trees, plus the builds
+/// of these trees.
 pub fn load_lights<B: AsRef<[u8]>>(
     world: &mut LightWorld,
     document: &Document,
     buffers: &[B],
     options: &GltfOptions,
 ) -> Result<GltfLights, GltfError> {
-    let plan = Plan::new(document, buffers, options)?;
+    load_lights_with_textures(world, document, buffers, &[], options)
+}
+
+/// As [`load_lights`], with emissive textures: the emission of each triangle is multiplied by the
+/// average colour of its emissive texture over the triangle.
+///
+/// `images` holds decoded images by their index in the document; [`read_image`] reads the bytes to
+/// decode. Images that are `None` or beyond the end of the list count as white, and so do textures
+/// whose coordinates the primitive lacks. [`TextureUse`] tells how a material uses an image: wrap
+/// modes, KHR_texture_transform and the set of coordinates are regarded. Colours are decoded from
+/// sRGB, and alpha is ignored. Texels count as squares of one colour, whatever the filter.
+///
+/// A triangle over which the texture is black becomes no light. A mesh of such triangles only becomes
+/// no tree, and no instance.
+///
+/// # Errors
+/// Those of [`load_lights`], and [`GltfError::Image`] for an image of a wrong number of bytes that an
+/// emissive material uses.
+///
+/// # Cost
+/// That of [`load_lights`], plus up to 10,000 steps for each triangle with a texture: the average is
+/// exact for triangles of up to 128 texels along each axis, and larger ones are averaged over a
+/// reduced copy of the image.
+pub fn load_lights_with_textures<B: AsRef<[u8]>>(
+    world: &mut LightWorld,
+    document: &Document,
+    buffers: &[B],
+    images: &[Option<TextureImage<'_>>],
+    options: &GltfOptions,
+) -> Result<GltfLights, GltfError> {
+    let plan = Plan::new(document, buffers, images, options)?;
     let mut lights = GltfLights::default();
     let mut trees = Vec::with_capacity(plan.trees.len());
     let result = add(plan, world, options.policy, &mut trees, &mut lights);
@@ -120,7 +169,8 @@ fn add(
     for planned in plan.instances {
         let tree = trees[planned.tree];
         let instance = world.add_instance(tree, planned.placement, policy).map_err(refused(planned.node))?;
-        lights.nodes.push(NodeLights { node: planned.node, source: planned.source, tree, instance });
+        let PlannedInstance { node, source, local, .. } = planned;
+        lights.nodes.push(NodeLights { node, source, tree, instance, local });
     }
     for (node, light) in plan.directional {
         lights.directional.push((node, world.add_directional(light).map_err(refused(node))?));

@@ -8,7 +8,10 @@ use super::error::GltfError;
 use crate::placement::Placement;
 
 /// A rotation whose squared length is below this has no direction.
-const MIN_ROTATION_LENGTH_SQ: f64 = 1e-12;
+pub(super) const MIN_ROTATION_LENGTH_SQ: f64 = 1e-12;
+/// A determinant below this share of the product of the columns' lengths is zero but for rounding,
+/// which is 2^-53 for each of some ten products.
+const MAX_FLAT_DETERMINANT: f64 = 1e-12;
 
 /// A node's transform to the space of its parent.
 ///
@@ -94,17 +97,26 @@ pub fn world_transforms(document: &Document) -> Result<Vec<Option<DAffine3>>, Gl
     Ok(world)
 }
 
+/// The placement of a node's emissive surfaces: its transform, in the precision of a [`Placement`].
+///
+/// A transform that [`is_hidden`] gives a linear part of zero, so that the instance contributes
+/// nothing until it is moved.
+pub fn surface_placement(transform: &DAffine3) -> Placement {
+    let linear = if is_hidden(transform) { Mat3::ZERO } else { transform.matrix3.as_mat3() };
+    Placement { linear, translation: transform.translation }
+}
+
 /// The placement of a node's point or spot light. glTF ignores scale for lights, except for the
 /// direction of -Z.
 ///
-/// A transform whose linear part is all zero hides its node: the placement then has a linear part
-/// of zero too. Returns `None` if the transform is not finite, or flattens -Z but not all of space.
+/// A transform that [`is_hidden`] gives a linear part of zero, so that the instance contributes
+/// nothing until it is moved. Returns `None` if the transform is not finite.
 pub fn punctual_placement(transform: &DAffine3) -> Option<Placement> {
-    if !transform.translation.is_finite() {
+    if !transform.is_finite() {
         return None;
     }
     if is_hidden(transform) {
-        return Some((*transform).into());
+        return Some(surface_placement(transform));
     }
     let forward = (transform.matrix3 * DVec3::NEG_Z).try_normalize()?.as_vec3();
     let rotation = Quat::from_rotation_arc(Vec3::NEG_Z, forward.normalize());
@@ -112,8 +124,13 @@ pub fn punctual_placement(transform: &DAffine3) -> Option<Placement> {
     Some(DAffine3::from_mat3_translation(linear, transform.translation).into())
 }
 
-/// Whether a node's scale, or that of an ancestor, is zero along all axes, in the precision of a
-/// [`Placement`].
-pub(super) fn is_hidden(transform: &DAffine3) -> bool {
-    transform.matrix3.as_mat3() == Mat3::ZERO
+/// Whether the scale of a node or of an ancestor is zero along one or more axes, as that of nodes
+/// that a file hides, or too small for f32.
+///
+/// The product of scales and rotations is rounded, so a transform counts as flat if its determinant
+/// is below 1e-12 of the product of its columns' lengths.
+pub fn is_hidden(transform: &DAffine3) -> bool {
+    let matrix = &transform.matrix3;
+    let lengths = matrix.x_axis.length() * matrix.y_axis.length() * matrix.z_axis.length();
+    matrix.as_mat3() == Mat3::ZERO || matrix.determinant().abs() <= MAX_FLAT_DETERMINANT * lengths
 }

@@ -39,14 +39,21 @@ pub struct GltfOptions {
     /// describe many lights: primitives with different materials can share one accessor. Default:
     /// 2^22 (4,194,304).
     pub max_lights: usize,
+    /// The most instances that one call creates; a document with more is refused with
+    /// [`GltfError::TooManyInstances`](super::GltfError::TooManyInstances) before memory is allocated
+    /// for those beyond the limit.
+    ///
+    /// The limit exists because nodes can share the accessors of EXT_mesh_gpu_instancing. Default:
+    /// 2^22 (4,194,304).
+    pub max_instances: usize,
     /// The most memory that [`load`](super::load) or [`parse`](super::parse) takes, in bytes: that
     /// of the file, of its buffers and of the parsed document. A file that needs more is refused
     /// with [`GltfError::TooManyBytes`](super::GltfError::TooManyBytes) before the memory is
     /// allocated.
     ///
-    /// The memory of the document is estimated from its text, and never too low: 1 KiB for each
-    /// JSON object, 64 bytes for each list and each comma, and two bytes for each byte. Default:
-    /// 2^32 (4 GiB).
+    /// The memory of the document is estimated from its text, and never too low: 1,280
+    /// bytes for each JSON object, 256 bytes for each list and each comma, and two bytes for each
+    /// byte. Default: 2^32 (4 GiB).
     pub max_bytes: u64,
 }
 
@@ -59,6 +66,7 @@ impl Default for GltfOptions {
             punctual: true,
             policy: Policy::default(),
             max_lights: 1 << 22,
+            max_instances: 1 << 22,
             max_bytes: 1 << 32,
         }
     }

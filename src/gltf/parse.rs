@@ -17,10 +17,10 @@ const MIN_BINARY_LENGTH: usize = 20;
 
 /// The most memory that parsing takes for a JSON object, in bytes: twice the largest record of the
 /// gltf crate, since lists grow by doubling, or the smallest map.
-const OBJECT_BYTES: u64 = 1024;
-/// The most memory for any other value, which is a list or has a comma beside it: twice that of a
-/// `Value`, for the same reason.
-const VALUE_BYTES: u64 = 64;
+const OBJECT_BYTES: u64 = 1280;
+/// The most memory for any other value, which is a list or has a comma beside it. An entry of an
+/// extension takes most: it is read into a list of pairs, and from there into a map.
+const VALUE_BYTES: u64 = 256;
 
 /// Parses and validates a .gltf or .glb file, without its buffers.
 ///
@@ -57,8 +57,8 @@ pub(super) fn parse_within(bytes: &[u8], budget: &mut Budget) -> Result<Gltf, Gl
             _ => document_error(&error.to_string()),
         }
     })?;
-    let root = document.into_json();
-    check(&root)?;
+    let mut root = document.into_json();
+    check(&mut root)?;
     Ok(Gltf { document: Document::from_json_without_validation(root), blob })
 }
 

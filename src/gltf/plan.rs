@@ -9,10 +9,13 @@ use ::gltf::khr_lights_punctual::{self, Kind};
 use ::gltf::{Document, Material, Mesh, Node, Primitive, Semantic};
 use glam::{DAffine3, Vec3};
 
+use super::average::Averager;
 use super::error::GltfError;
-use super::nodes::{is_hidden, punctual_placement, scene_nodes, world_transforms};
+use super::instancing::Instances;
+use super::nodes::{is_hidden, punctual_placement, scene_nodes, surface_placement, world_transforms};
 use super::options::{EmissiveSides, GltfOptions};
-use super::read::Triangles;
+use super::read::{TexCoords, Triangles};
+use super::texture::{TextureImage, TextureUse, TextureWrap};
 use crate::light::{DirectionalLight, Light};
 use crate::placement::Placement;
 
@@ -21,14 +24,14 @@ use crate::placement::Placement;
 pub enum LightSource {
     /// The emissive triangles of the node's mesh: one light each, in the order of the primitives. A
     /// primitive with the accessors and the emission of an earlier one of its mesh adds no lights,
-    /// since it covers the same surface.
+    /// since it covers the same surface. Triangles whose emissive texture is black add none.
     Surfaces,
     /// The node's point or spot light.
     Punctual,
 }
 
 /// The radiance that a material emits, in nits: `emissiveFactor` times the strength of
-/// KHR_materials_emissive_strength. Textures are ignored.
+/// KHR_materials_emissive_strength. Textures are not regarded.
 pub fn material_emission(material: &Material<'_>) -> Vec3 {
     Vec3::from(material.emissive_factor()) * material.emissive_strength().unwrap_or(1.0)
 }
@@ -55,21 +58,28 @@ pub(super) struct PlannedInstance {
     /// Index into [`Plan::trees`].
     pub tree: usize,
     pub placement: Placement,
+    /// The transform to the space of the node.
+    pub local: DAffine3,
 }
 
 impl Plan {
-    pub fn new<B: AsRef<[u8]>>(document: &Document, buffers: &[B], options: &GltfOptions) -> Result<Self, GltfError> {
+    pub fn new<B: AsRef<[u8]>>(
+        document: &Document,
+        buffers: &[B],
+        images: &[Option<TextureImage<'_>>],
+        options: &GltfOptions,
+    ) -> Result<Self, GltfError> {
         let value = options.surface_scale;
         if !(value.is_finite() && value >= 0.0) {
             return Err(GltfError::SurfaceScale { value });
         }
         let nodes: Vec<Node<'_>> = document.nodes().collect();
         let transforms = world_transforms(document)?;
-        let mut outline = Outline::new(buffers, options);
+        let mut outline = Outline::new(document, buffers, images, options);
         for (index, _) in scene_nodes(document)? {
             let (node, Some(transform)) = (&nodes[index], transforms[index]) else { continue };
             if let Some(mesh) = node.mesh().filter(|_| options.surfaces) {
-                outline.add_mesh(index, &mesh, &transform)?;
+                outline.add_mesh(node, &mesh, &transform)?;
             }
             if let Some(light) = node.light().filter(|_| options.punctual) {
                 outline.add_light(index, &light, &transform)?;
@@ -101,6 +111,13 @@ struct Surface<'a> {
     triangles: Triangles<'a>,
     radiance: Vec3,
     two_sided: bool,
+    texture: Option<SurfaceTexture<'a>>,
+}
+
+/// An emissive texture whose image and coordinates are there.
+struct SurfaceTexture<'a> {
+    coordinates: TexCoords<'a>,
+    texture: TextureUse,
 }
 
 /// What the lights of a primitive depend on: primitives with equal keys have equal lights.
@@ -112,11 +129,24 @@ struct SurfaceKey {
     /// Bits of the radiance.
     radiance: [u32; 3],
     two_sided: bool,
+    texture: Option<TextureKey>,
+}
+
+/// What the average of a texture depends on.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct TextureKey {
+    image: usize,
+    coordinates: Option<usize>,
+    /// Bits of the transform.
+    transform: [u32; 6],
+    wrap: [TextureWrap; 2],
 }
 
 /// The first pass: trees by what they are made from, instances, and the number of lights.
 struct Outline<'a, B> {
+    document: &'a Document,
     buffers: &'a [B],
+    images: &'a [Option<TextureImage<'a>>],
     options: &'a GltfOptions,
     /// The tree of each mesh that was met; `None` for meshes that do not emit.
     meshes: BTreeMap<usize, Option<usize>>,
@@ -133,9 +163,16 @@ struct Outline<'a, B> {
 }
 
 impl<'a, B: AsRef<[u8]>> Outline<'a, B> {
-    fn new(buffers: &'a [B], options: &'a GltfOptions) -> Self {
+    fn new(
+        document: &'a Document,
+        buffers: &'a [B],
+        images: &'a [Option<TextureImage<'a>>],
+        options: &'a GltfOptions,
+    ) -> Self {
         Self {
+            document,
             buffers,
+            images,
             options,
             meshes: BTreeMap::new(),
             surfaces: BTreeMap::new(),
@@ -147,21 +184,35 @@ impl<'a, B: AsRef<[u8]>> Outline<'a, B> {
         }
     }
 
-    /// Adds an instance of a node's mesh if the mesh emits.
-    fn add_mesh(&mut self, node: usize, mesh: &Mesh<'_>, transform: &DAffine3) -> Result<(), GltfError> {
+    /// Adds the instances of a node's mesh if the mesh emits.
+    fn add_mesh(&mut self, node: &Node<'_>, mesh: &Mesh<'_>, transform: &DAffine3) -> Result<(), GltfError> {
         let tree = match self.meshes.get(&mesh.index()) {
             Some(&known) => known,
             None => {
-                let tree = self.mesh_tree(node, mesh)?;
+                let tree = self.mesh_tree(node.index(), mesh)?;
                 self.meshes.insert(mesh.index(), tree);
                 tree
             }
         };
-        if let Some(tree) = tree {
-            let (source, placement) = (LightSource::Surfaces, (*transform).into());
-            self.instances.push(PlannedInstance { node, source, tree, placement });
+        let Some(tree) = tree else { return Ok(()) };
+        let instances = Instances::new(self.document, node, self.buffers)?;
+        self.check_instances(instances.count())?;
+        for local in instances.iter() {
+            let local = local?;
+            let (node, source) = (node.index(), LightSource::Surfaces);
+            let world = *transform * local;
+            if !world.is_finite() {
+                return Err(GltfError::Transform { node });
+            }
+            self.instances.push(PlannedInstance { node, source, tree, placement: surface_placement(&world), local });
         }
         Ok(())
+    }
+
+    /// Refuses more instances than the limit.
+    fn check_instances(&self, added: usize) -> Result<(), GltfError> {
+        let (found, limit) = (self.instances.len() as u64 + added as u64, self.options.max_instances);
+        if found <= limit as u64 { Ok(()) } else { Err(GltfError::TooManyInstances { found, limit }) }
     }
 
     /// The tree of a mesh's emissive triangles, which may be the tree of another mesh; `None` if
@@ -202,14 +253,35 @@ impl<'a, B: AsRef<[u8]>> Outline<'a, B> {
             EmissiveSides::Front => false,
             EmissiveSides::Both => true,
         };
+        let texture = self.surface_texture(&material, primitive)?;
         let key = SurfaceKey {
             mode: primitive.mode().as_gl_enum(),
             positions: primitive.get(&Semantic::Positions).map(|accessor| accessor.index()),
             indices: primitive.indices().map(|accessor| accessor.index()),
             radiance: radiance.to_array().map(f32::to_bits),
             two_sided,
+            texture: texture.as_ref().map(|texture| texture.key(primitive)),
         };
-        Ok(Some((key, Surface { mesh, triangles, radiance, two_sided })))
+        Ok(Some((key, Surface { mesh, triangles, radiance, two_sided, texture })))
+    }
+
+    /// The emissive texture of a material; `None` if there is none, or its image or its coordinates
+    /// are not there.
+    fn surface_texture(
+        &self,
+        material: &Material<'_>,
+        primitive: &Primitive<'_>,
+    ) -> Result<Option<SurfaceTexture<'a>>, GltfError> {
+        let Some(info) = material.emissive_texture() else { return Ok(None) };
+        let texture = TextureUse::of(&info);
+        let Some(image) = self.images.get(texture.image).copied().flatten() else { return Ok(None) };
+        image.check(texture.image)?;
+        if !texture.transform.is_finite() {
+            let message = "the transform of its texture is not finite".into();
+            return Err(GltfError::Image { image: texture.image, message });
+        }
+        let coordinates = TexCoords::new(primitive, texture.tex_coord, self.buffers)?;
+        Ok(coordinates.map(|coordinates| SurfaceTexture { coordinates, texture }))
     }
 
     /// Adds an instance of a node's point or spot light, or a directional light.
@@ -220,19 +292,14 @@ impl<'a, B: AsRef<[u8]>> Outline<'a, B> {
         transform: &DAffine3,
     ) -> Result<(), GltfError> {
         let emission = Vec3::from(light.color()) * light.intensity();
-        let placement = match punctual_placement(transform) {
-            Some(placement) => placement,
-            // The light of a point has no direction to lose.
-            None if matches!(light.kind(), Kind::Point) => Placement::at(transform.translation),
-            None => return Err(GltfError::Transform { node }),
-        };
+        let placement = punctual_placement(transform).ok_or(GltfError::Transform { node })?;
         let local = match light.kind() {
             Kind::Point => Light::point(Vec3::ZERO, emission),
             Kind::Spot { inner_cone_angle: inner, outer_cone_angle: outer } => {
                 Light::spot(Vec3::ZERO, Vec3::NEG_Z, inner, outer, emission)
             }
             Kind::Directional => {
-                // A hidden node gives its light no direction.
+                // A hidden node may give its light no direction.
                 if !is_hidden(transform) {
                     let direction = placement.linear * Vec3::NEG_Z;
                     self.directional.push((node, DirectionalLight { direction, illuminance: emission }));
@@ -251,7 +318,9 @@ impl<'a, B: AsRef<[u8]>> Outline<'a, B> {
                 tree
             }
         };
-        self.instances.push(PlannedInstance { node, source: LightSource::Punctual, tree, placement });
+        self.check_instances(1)?;
+        let (source, local) = (LightSource::Punctual, DAffine3::IDENTITY);
+        self.instances.push(PlannedInstance { node, source, tree, placement, local });
         Ok(())
     }
 
@@ -261,30 +330,71 @@ impl<'a, B: AsRef<[u8]>> Outline<'a, B> {
         self.trees.len() - 1
     }
 
-    /// The second pass: reads and checks the lights of all trees.
+    /// The second pass: reads and checks the lights of all trees. Leaves out trees without lights.
     fn read(self) -> Result<Plan, GltfError> {
-        let read = |tree: TreeOutline<'_>| {
+        let mut averagers = Averagers { images: self.images, averagers: BTreeMap::new() };
+        let (mut trees, mut kept) = (Vec::new(), Vec::with_capacity(self.trees.len()));
+        for tree in self.trees {
             let lights = match tree.lights {
-                LightsOutline::Surfaces(surfaces) => surface_lights(&surfaces)?,
+                LightsOutline::Surfaces(surfaces) => surface_lights(&surfaces, &mut averagers)?,
                 LightsOutline::Punctual(light) => vec![light],
             };
-            Ok(PlannedTree { node: tree.node, lights })
-        };
-        let trees = self.trees.into_iter().map(read).collect::<Result<_, GltfError>>()?;
-        Ok(Plan { trees, instances: self.instances, directional: self.directional })
+            kept.push((!lights.is_empty()).then_some(trees.len()));
+            if !lights.is_empty() {
+                trees.push(PlannedTree { node: tree.node, lights });
+            }
+        }
+        let renumbered = |planned: PlannedInstance| Some(PlannedInstance { tree: kept[planned.tree]?, ..planned });
+        let instances = self.instances.into_iter().filter_map(renumbered).collect();
+        Ok(Plan { trees, instances, directional: self.directional })
     }
 }
 
-/// One light for each triangle.
-fn surface_lights(surfaces: &[Surface<'_>]) -> Result<Vec<Light>, GltfError> {
+impl SurfaceTexture<'_> {
+    fn key(&self, primitive: &Primitive<'_>) -> TextureKey {
+        let TextureUse { image, tex_coord, transform, wrap, .. } = self.texture;
+        TextureKey {
+            image,
+            coordinates: primitive.get(&Semantic::TexCoords(tex_coord)).map(|accessor| accessor.index()),
+            transform: transform.to_cols_array().map(f32::to_bits),
+            wrap,
+        }
+    }
+}
+
+/// The averagers of images, by the index of the image.
+struct Averagers<'a> {
+    images: &'a [Option<TextureImage<'a>>],
+    averagers: BTreeMap<usize, Averager<'a>>,
+}
+
+impl<'a> Averagers<'a> {
+    /// The averager of an image; `None` if it is not there.
+    fn get(&mut self, image: usize) -> Option<&mut Averager<'a>> {
+        let found = self.images.get(image).copied().flatten()?;
+        Some(self.averagers.entry(image).or_insert_with(|| Averager::new(found)))
+    }
+}
+
+/// One light for each triangle, without those over which the texture is black.
+fn surface_lights(surfaces: &[Surface<'_>], averagers: &mut Averagers<'_>) -> Result<Vec<Light>, GltfError> {
     let mut lights = Vec::with_capacity(surfaces.iter().map(|surface| surface.triangles.count()).sum());
     for surface in surfaces {
         let invalid = |source| GltfError::Light { what: "mesh", index: surface.mesh, source };
-        for vertices in surface.triangles.iter() {
-            let light = Light::triangle(vertices?, surface.radiance);
+        for (triangle, vertices) in surface.triangles.iter().enumerate() {
+            let vertices = vertices?;
+            let mut radiance = surface.radiance;
+            if let Some(SurfaceTexture { coordinates, texture }) = &surface.texture {
+                let corners = surface.triangles.tex_coords(triangle, coordinates)?;
+                let average = averagers.get(texture.image).map(|averager| averager.average(corners, texture));
+                radiance *= average.unwrap_or(Vec3::ONE);
+            }
+            let light = Light::triangle(vertices, radiance);
             let light = if surface.two_sided { light.two_sided() } else { light };
             light.validate().map_err(invalid)?;
-            lights.push(light);
+            if radiance != Vec3::ZERO {
+                lights.push(light);
+            }
         }
     }
     Ok(lights)
@@ -300,7 +410,7 @@ mod tests {
         let options = GltfOptions::default();
         let file = parse(include_bytes!("../../tests/data/small.gltf"), &options).unwrap();
         let buffers = [include_bytes!("../../tests/data/small.bin")];
-        let plan = Plan::new(&file.document, &buffers, &options).unwrap();
+        let plan = Plan::new(&file.document, &buffers, &[], &options).unwrap();
         let trees: Vec<(usize, usize)> = plan.trees.iter().map(|tree| (tree.node, tree.lights.len())).collect();
         assert_eq!(trees, [(1, 2), (3, 1), (4, 1)]);
         let instances: Vec<(usize, usize)> =

@@ -16,7 +16,7 @@ use std::path::Path;
 use girandole::glam::{DVec3, Vec3};
 use girandole::{CandidateCount, FrameBudget, SplitCount};
 
-const PACE: Pace = Pace { fps: 24.0, budget: FrameBudget::UNLIMITED };
+pub const PACE: Pace = Pace { fps: 24.0, budget: FrameBudget::UNLIMITED };
 
 fn settings(width: u32, height: u32, spp: u32, seed: u64) -> Settings {
     Settings {
@@ -73,7 +73,7 @@ const MAX_REL_MSE: f64 = 6e-4;
 
 /// Returns the usage that the light world received before each frame, on the CPU and on the GPU
 /// backend.
-fn assert_same_pictures(name: &str, stage: impl Fn() -> Stage, frames: u32) -> Vec<[u64; 2]> {
+pub fn assert_same_pictures(name: &str, stage: impl Fn() -> Stage, frames: u32) -> Vec<[u64; 2]> {
     let settings = settings(48, 27, 16, 5);
     let mut cpu = session(stage(), settings.clone(), BackendChoice::Cpu);
     let mut gpu = session(stage(), settings, BackendChoice::Gpu);

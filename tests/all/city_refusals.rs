@@ -73,6 +73,8 @@ fn invalid_options_are_refused() {
     assert_refused("inf", &["--camera", "1,2,inf,1,2,3"], "camera");
     assert_refused("compare", &["--compare"], "frames");
     assert_refused("formless", &["--video", "film"], "extension");
+    assert_refused("exposure", &["--exposure", "20.5"], "exposure");
+    assert_refused("exposure-nan", &["--exposure", "nan"], "exposure");
     assert_refused("unknown", &["--colour", "red"], "--colour");
 }
 
@@ -80,6 +82,13 @@ fn invalid_options_are_refused() {
 fn an_output_folder_that_cannot_be_created_is_refused() {
     let taken = file("taken", b"a file with the name of the folder");
     assert_refused("folder", &["--out", &taken], "taken");
+}
+
+/// The bytes of a text with one passage replaced.
+fn replaced(text: &[u8], from: &str, to: &str) -> Vec<u8> {
+    let text = std::str::from_utf8(text).expect("UTF-8");
+    assert!(text.contains(from), "the test file does not contain {from}");
+    text.replacen(from, to, 1).into_bytes()
 }
 
 #[test]
@@ -90,6 +99,11 @@ fn malformed_gltf_files_are_refused() {
     assert_refused("truncated", &["--gltf", &cut], "cut.gltf");
     let lonely = file("lonely.gltf", &whole);
     assert_refused("no-buffer", &["--gltf", &lonely], "lonely.gltf");
+    let outside = file("outside.gltf", &replaced(&whole, "\"uri\": \"small.bin\"", "\"uri\": \"../small.bin\""));
+    assert_refused("outside", &["--gltf", &outside], "has .. in it");
+    let required = "\"extensionsRequired\": [\"EXT_a\", \"EXT_a\", \"EXT_b\"], \"extensionsUsed\"";
+    let required = file("required.gltf", &replaced(&whole, "\"extensionsUsed\"", required));
+    assert_refused("required", &["--gltf", &required], "not supported: EXT_a, EXT_b");
     let glb = file("short.glb", b"glTF\x02\x00\x00\x00\xff\xff\x00\x00");
     assert_refused("short", &["--gltf", &glb], "short.glb");
 }

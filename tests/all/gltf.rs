@@ -4,9 +4,11 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use girandole::glam::{Mat3, Vec3, vec3};
+use girandole::glam::{DAffine3, DVec3, Mat3, Vec3, vec3};
 use girandole::gltf::gltf::{Glb, binary as container};
-use girandole::gltf::{EmissiveSides, GltfError, GltfLights, GltfOptions, LightSource, load_lights, parse};
+use girandole::gltf::{
+    EmissiveSides, GltfError, GltfLights, GltfOptions, LightSource, load_lights, parse, surface_placement,
+};
 use girandole::{FrameBudget, LightWorld, Shape, WorldError};
 
 use super::city::render::geometry::Geometry;
@@ -136,8 +138,6 @@ fn malformed_files_are_refused_and_leave_the_world_unchanged() {
         ("transform that overflows", swap("[0.0, 1.5, -2.0]", "[0.0, 1e39, -2.0]")),
         ("node too far from the origin", swap("[0.0, 1.5, -2.0]", "[0.0, 1e12, -2.0]")),
         ("rotation without length", swap("[0.0, 0.3826834, 0.0, 0.9238795]", "[0.0, 0.0, 0.0, 0.0]")),
-        ("scale that is zero along one axis", swap("[0.5, 0.5, 0.5] }", "[0.5, 0.0, 0.5] }")),
-        ("spot without a direction", swap("[-0.5, 0.0, 0.0, 0.8660254]", "[0, 0, 0, 1], \"scale\": [1, 1, 0]")),
         (
             "node that is its own child",
             swap("\"name\": \"Ground\", \"mesh\": 0 }", "\"name\": \"Ground\", \"mesh\": 0, \"children\": [0] }"),
@@ -168,9 +168,9 @@ fn errors_name_the_element_by_its_index() {
     assert_eq!(missing, Err(GltfError::MissingBuffer { buffer: 0, given: 0 }));
     let short = load_into(&mut world, &text, binary()[..295].to_vec(), &GltfOptions::default());
     assert_eq!(short, Err(GltfError::OutOfBounds { accessor: 6, what: "buffer", end: 300, length: 295 }));
-    let flat = text.replace("[0.5, 0.5, 0.5] }", "[0.5, 0.0, 0.5] }");
-    let flat = load_into(&mut world, &flat, binary(), &GltfOptions::default());
-    assert!(matches!(flat, Err(GltfError::World { node: 6, source: WorldError::Placement(_) })), "{flat:?}");
+    let far = text.replace("[-3.0, 1.0, 0.0]", "[-3e12, 1.0, 0.0]");
+    let far = load_into(&mut world, &far, binary(), &GltfOptions::default());
+    assert!(matches!(far, Err(GltfError::World { node: 6, source: WorldError::Placement(_) })), "{far:?}");
 }
 
 #[test]
@@ -197,18 +197,38 @@ fn a_surface_scale_that_is_not_a_factor_is_refused() {
 
 #[test]
 fn nodes_scaled_to_zero_are_loaded_and_hidden() {
-    let text = replaced("[0.5, 0.5, 0.5] }", "[0.0, 0.0, 0.0] }")
-        .replace("\"translation\": [2.5, 4.0, 2.0],", "\"translation\": [2.5, 4.0, 2.0], \"scale\": [0, 0, 0],")
-        .replace("\"translation\": [-2.0, 3.0, 1.0],", "\"translation\": [-2.0, 3.0, 1.0], \"scale\": [1, 1, 0],");
+    for scale in ["[0, 0, 0]", "[0, 1, 1]", "[1, 1, 0]", "[0, 2, 0]"] {
+        let text = replaced("[0.5, 0.5, 0.5] }", &format!("{scale} }}"))
+            .replace("[2.5, 4.0, 2.0],", &format!("[2.5, 4.0, 2.0], \"scale\": {scale},"))
+            .replace("[-2.0, 3.0, 1.0],", &format!("[-2.0, 3.0, 1.0], \"scale\": {scale},"));
+        let mut world = LightWorld::new();
+        let lights = load_into(&mut world, &text, binary(), &GltfOptions::default()).unwrap();
+        let linear = |node: usize| {
+            let node = lights.nodes.iter().find(|lights| lights.node == node).unwrap();
+            world.placement(node.instance).unwrap().linear
+        };
+        // The scaled copy of the sign, the point light and the spot light.
+        assert_eq!([6, 3, 4].map(linear), [Mat3::ZERO; 3], "{scale}");
+        assert_eq!(linear(1), Mat3::IDENTITY);
+        // A hidden instance appears when it is moved to a placement that is not hidden.
+        let copy = lights.nodes.iter().find(|lights| lights.node == 6).unwrap();
+        let shown = surface_placement(&DAffine3::from_scale(DVec3::splat(0.5)));
+        world.move_instance(copy.instance, shown).unwrap();
+        assert_eq!(world.placement(copy.instance), Some(shown));
+    }
+}
+
+#[test]
+fn a_hidden_ancestor_hides_its_turned_descendants() {
+    // The rotation of the child is rounded, so that its determinant is not exactly zero.
+    let flat = "\"name\": \"Ground\", \"scale\": [1, 0, 1], \"rotation\": [0.1, 0.7, 0.3, 0.6], \"children\": [6] }";
+    let text = replaced("\"name\": \"Ground\", \"mesh\": 0 }", flat)
+        .replace("[0, 1, 2, 3, 4, 5, 6] }]", "[0, 1, 2, 3, 4, 5] }]")
+        .replace("[0.0, 0.3826834, 0.0, 0.9238795]", "[0.3, 0.1, 0.7, 0.5]");
     let mut world = LightWorld::new();
     let lights = load_into(&mut world, &text, binary(), &GltfOptions::default()).unwrap();
-    let scales = |node: usize| {
-        let node = lights.nodes.iter().find(|lights| lights.node == node).unwrap();
-        world.placement(node.instance).unwrap().linear
-    };
-    // The scaled copy of the sign and the spot light; a point light needs no direction.
-    assert_eq!([6, 4].map(scales), [Mat3::ZERO; 2]);
-    assert_eq!(scales(3), Mat3::IDENTITY);
+    let copy = lights.nodes.iter().find(|lights| lights.node == 6).unwrap();
+    assert_eq!(world.placement(copy.instance).unwrap().linear, Mat3::ZERO);
 }
 
 /// The sample file with one triangle of the sign for each of `primitives` primitives. All share the
@@ -421,6 +441,8 @@ fn a_node_whose_animated_scale_is_zero_is_hidden() {
     std::fs::write(&path, replaced("\"path\": \"translation\"", "\"path\": \"scale\"")).unwrap();
     let mut bytes = binary();
     bytes[252..264].fill(0);
+    // A scale of zero along one axis hides the node too, so the second key gets one.
+    bytes[264..268].copy_from_slice(&1f32.to_le_bytes());
     std::fs::write(folder.join("small.bin"), bytes).unwrap();
     let mut stage = gltf_scene::stage(&path, None).unwrap();
     std::fs::remove_dir_all(&folder).unwrap();

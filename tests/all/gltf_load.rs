@@ -142,7 +142,7 @@ fn memory_is_limited_over_the_document_and_all_of_its_buffers() {
     let path = folder.write("scene/scene.gltf", &text);
     let within = |max_bytes: u64| load(&path, &GltfOptions { max_bytes, ..GltfOptions::default() });
     // 22 objects, 40 commas, 1 list, and the document.
-    let needed = (20 << 20) + 3 * text.len() as u64 + 22 * 1024 + 42 * 64;
+    let needed = (20 << 20) + 3 * text.len() as u64 + 22 * 1280 + 42 * 256;
     assert_eq!(within(needed).expect("enough").buffers.len(), 20);
     let refused = within(needed - 1).err();
     assert_eq!(refused, Some(GltfError::TooManyBytes { needed, limit: needed - 1 }));
@@ -187,7 +187,8 @@ fn required_extensions_that_are_not_supported_are_named_together_before_all_else
     let name = |i: usize| format!("\"EXT_{i}\"");
     let many: Vec<String> = (0..40).map(name).collect();
     // Supported, not supported, and a document that is wrong in other ways too.
-    let others = "\"KHR_lights_punctual\",\"KHR_draco_mesh_compression\",\"EXT_meshopt_compression\"";
+    let others = "\"KHR_lights_punctual\",\"KHR_draco_mesh_compression\",\"EXT_meshopt_compression\",\
+                  \"KHR_mesh_quantization\",\"KHR_draco_mesh_compression\"";
     for wrong in
         ["", ",\"scene\":7", ",\"nodes\":3", ",\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":7}}]}]"]
     {

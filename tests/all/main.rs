@@ -15,6 +15,7 @@ mod catalogue;
 mod city;
 mod city_compare;
 mod city_films;
+mod city_gltf;
 mod city_images;
 mod city_refusals;
 #[path = "../../examples/common/mod.rs"]
@@ -39,6 +40,8 @@ mod engine_shader_runs;
 mod flight;
 mod gloss;
 mod gltf;
+mod gltf_documents;
+mod gltf_features;
 mod gltf_fuzz;
 mod gltf_load;
 mod gpu;

@@ -28,6 +28,7 @@ fn build(is_still: bool) -> Result<Stage, Box<dyn std::error::Error>> {
     let mut world = LightWorld::new();
     let mut scene = Scene {
         materials: Vec::new(),
+        textures: Vec::new(),
         meshes: Vec::new(),
         objects: Vec::new(),
         camera: Camera { eye: Vec3::new(-9.0, 4.5, 11.0), target: Vec3::new(0.5, 1.2, -1.0), vertical_fov: 0.8 },
@@ -127,7 +128,7 @@ fn signs(scene: &mut Scene, world: &mut LightWorld) -> Result<(), Box<dyn std::e
         .map(|triangle| Light::triangle(triangle.vertices, pink))
         .chain([Light::rectangle(Vec3::Z * 1.2, half_u * 0.5, half_v, blue).two_sided()])
         .collect();
-    let shape = mesh(scene, Mesh { triangles: [front.triangles, side.triangles].concat() });
+    let shape = mesh(scene, Mesh { triangles: [front.triangles, side.triangles].concat(), ..Default::default() });
     let tree = world.add_tree(lights)?;
     for (x, mirror) in [(-5.0, 1.0), (0.5, -1.0), (5.5, 1.0)] {
         let placement = Affine3A {
@@ -251,14 +252,15 @@ fn object(scene: &mut Scene, mesh: u32, transform: Affine3A) -> usize {
 /// A parallelogram; its front is the side of `half_u` x `half_v`.
 fn quad(center: Vec3, half_u: Vec3, half_v: Vec3, material: u32) -> Mesh {
     let [a, b, c, d] = [-half_u - half_v, half_u - half_v, half_u + half_v, -half_u + half_v].map(|v| center + v);
-    Mesh { triangles: vec![Triangle { vertices: [a, b, c], material }, Triangle { vertices: [a, c, d], material }] }
+    let triangles = [[a, b, c], [a, c, d]].map(|vertices| Triangle { vertices, material }).to_vec();
+    Mesh { triangles, ..Default::default() }
 }
 
 /// A cube from -1 to 1.
 fn cube(material: u32) -> Mesh {
     let axes = [(Vec3::X, Vec3::Y, Vec3::Z), (Vec3::Y, Vec3::Z, Vec3::X), (Vec3::Z, Vec3::X, Vec3::Y)];
     let sides = axes.into_iter().flat_map(|(n, u, v)| [quad(n, u, v, material), quad(-n, v, u, material)]);
-    Mesh { triangles: sides.flat_map(|side| side.triangles).collect() }
+    Mesh { triangles: sides.flat_map(|side| side.triangles).collect(), ..Default::default() }
 }
 
 /// A ball of radius 1: an octahedron whose triangles are split into four `levels` times.
@@ -279,5 +281,6 @@ fn octahedron(material: u32, levels: u32) -> Mesh {
             })
             .collect();
     }
-    Mesh { triangles: faces.into_iter().map(|vertices| Triangle { vertices, material }).collect() }
+    let triangles = faces.into_iter().map(|vertices| Triangle { vertices, material }).collect();
+    Mesh { triangles, ..Default::default() }
 }

@@ -90,7 +90,7 @@ fn guides(image: &Image, scene: &Scene, geometry: &Geometry) -> Vec<Guide> {
     let spread = view.up.length() * 2.0 / size.y;
     let visible = |place: Vec2| {
         let hit = geometry.nearest(view.eye, view.direction(place, size))?;
-        Some((hit, &scene.materials[geometry.triangles[hit.triangle as usize].material as usize]))
+        Some((hit, geometry.material(scene, &hit)))
     };
     let guide = |index: usize| {
         let middle = Vec2::new((index % image.width as usize) as f32, (index / image.width as usize) as f32) + 0.5;

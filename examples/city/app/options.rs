@@ -201,6 +201,10 @@ mod tests {
             "--camera 1,2,3,1,2,3",
             "--camera 1,2,nan,1,2,4",
             "--world XL",
+            "--exposure nan",
+            "--exposure 20.5",
+            "--exposure -21",
+            "--exposure bright",
             "--backend gl",
             "--gltf a.glb --lamps b.csv",
             "--gltf a.glb --cars 5",
@@ -233,6 +237,7 @@ mod tests {
         assert_eq!(options.size, (64, 36));
         assert_eq!(options.scene.camera, Some((Vec3::new(-8.0, 2.0, 6.0), Vec3::new(2.0, 3.5, -14.0))));
         assert_eq!(options.scene.world, Size::M);
+        assert_eq!([parse("--exposure -20").unwrap().scene.exposure, parse("").unwrap().scene.exposure], [-20.0, 0.0]);
         assert_eq!(parse("").unwrap().backend, BackendChoice::Auto);
         let folder = |args| parse(args).unwrap().folder().map(|folder| folder.display().to_string());
         assert_eq!(folder("").as_deref(), Some("out"));

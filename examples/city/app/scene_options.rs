@@ -52,6 +52,9 @@ pub struct SceneOptions {
     /// Camera: position and target in metres [default: depends on the scene]
     #[arg(long, value_name = "x,y,z,x,y,z", value_parser = parse_camera, allow_hyphen_values = true)]
     pub camera: Option<(Vec3, Vec3)>,
+    /// Correction of the exposure in stops: 1 makes pictures twice as bright [from -20 to 20]
+    #[arg(long, value_name = "EV", default_value_t = 0.0, value_parser = parse_exposure, allow_negative_numbers = true)]
+    pub exposure: f32,
 }
 
 impl SceneOptions {
@@ -59,7 +62,7 @@ impl SceneOptions {
     pub fn load(&self) -> Result<Stage, SceneError> {
         let Self { gltf, lamps, traffic, vtypes, net, buildings, seed, cars, world, .. } = self.clone();
         let mut stage = if let Some(path) = gltf {
-            return gltf_scene::stage(&path, self.camera());
+            gltf_scene::stage(&path, self.camera())?
         } else if [&lamps, &traffic, &net, &buildings].into_iter().any(Option::is_some) {
             let vehicle_types = vtypes;
             real_city::stage(&RealCityOptions { lamps, traffic, vehicle_types, net, buildings, cars, seed })?
@@ -69,6 +72,7 @@ impl SceneOptions {
         if let Some(camera) = self.camera() {
             stage.scene.camera = camera;
         }
+        stage.scene.exposure *= self.exposure.exp2();
         Ok(stage)
     }
 
@@ -103,6 +107,14 @@ pub fn parse_size(text: &str, sides: RangeInclusive<u32>) -> Result<(u32, u32), 
         Some((w, h)) if sides.contains(&w) && sides.contains(&h) => Ok((w, h)),
         Some(_) => Err(format!("each side must be from {} to {} pixels", sides.start(), sides.end())),
         None => Err("expected a width and a height, such as 640x360".into()),
+    }
+}
+
+/// Parses a correction of the exposure, in stops.
+fn parse_exposure(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(stops) if (-20.0..=20.0).contains(&stops) => Ok(stops),
+        _ => Err("expected a number of stops, from -20 to 20".into()),
     }
 }
 

@@ -9,6 +9,7 @@ use super::scene::{Material, Scene};
 use super::sequence::{PixelSequence, SampleNumbers};
 use super::settings::Settings;
 use super::shading::{View, brdf, gloss, shadow_offset, sky_radiance, through_haze};
+use super::textures::OpacitySeed;
 use girandole::glam::{Vec2, Vec3, Vec4};
 use girandole::gpu::DEFAULT_USAGE_INTERVAL;
 use girandole::light::luminance;
@@ -78,7 +79,8 @@ pub fn render(
             for sample in 0..settings.spp {
                 let numbers = sequence.sample(sample);
                 let direction = view.direction(corner + Vec2::from(numbers.jitter), size);
-                let color = integrator.radiance(view.eye, direction, &numbers, &mut tally);
+                let opacity_seed = OpacitySeed::new((y * width + x) as u32, sample, seed);
+                let color = integrator.radiance(view.eye, direction, opacity_seed, &numbers, &mut tally);
                 *sum += color.extend(luminance(color).powi(2));
             }
         }
@@ -120,13 +122,19 @@ impl Surface<'_> {
 
 impl Integrator<'_> {
     /// One sample of the radiance along a camera ray.
-    fn radiance(&self, eye: Vec3, direction: Vec3, numbers: &SampleNumbers, tally: &mut Tally) -> Vec3 {
-        let Some(hit) = self.geometry.nearest(eye, direction) else {
+    fn radiance(
+        &self,
+        eye: Vec3,
+        direction: Vec3,
+        opacity_seed: OpacitySeed,
+        numbers: &SampleNumbers,
+        tally: &mut Tally,
+    ) -> Vec3 {
+        let Some(hit) = self.geometry.nearest_at_random(eye, direction, opacity_seed) else {
             return sky_radiance(&self.scene.sky, direction);
         };
-        let triangle = &self.geometry.triangles[hit.triangle as usize];
         let object = &self.geometry.objects[hit.object as usize];
-        let material = &self.scene.materials[triangle.material as usize];
+        let material = &self.geometry.material(self.scene, &hit);
         let front = self.geometry.normal(&hit);
         let view = -direction;
         let is_front = front.dot(view) >= 0.0;
@@ -165,7 +173,7 @@ impl Integrator<'_> {
             *tally.usage.entry(instance).or_default() += 1;
         }
         let contribution = surface.reflected(&incident) * kept.weight;
-        if self.is_lit(surface, &incident, &mut tally.rays) { contribution } else { Vec3::ZERO }
+        contribution * self.transmittance(surface, &incident, &mut tally.rays)
     }
 
     /// The light of one sample, from a sampler to compare with. The trees learn only which of their
@@ -182,8 +190,8 @@ impl Integrator<'_> {
             let pick = baseline.choose(&surface.shading_point, [a, b])?;
             let incident = self.lights.sampler.sample_light(&surface.shading_point, pick.light, [x, y])?;
             let contribution = surface.reflected(&incident) / (incident.pdf * pick.pmf);
-            let is_lit = contribution.max_element() > 0.0 && self.is_lit(surface, &incident, &mut tally.rays);
-            is_lit.then_some(contribution)
+            let reflects = contribution.max_element() > 0.0;
+            reflects.then(|| contribution * self.transmittance(surface, &incident, &mut tally.rays))
         };
         sample().unwrap_or_default()
     }
@@ -194,14 +202,14 @@ impl Integrator<'_> {
         let one = |light: LightId| {
             let incident = self.lights.sampler.sample_light(&surface.shading_point, light, [x, y])?;
             let contribution = surface.reflected(&incident) / incident.pdf;
-            let is_lit = contribution.max_element() > 0.0 && self.is_lit(surface, &incident, &mut tally.rays);
-            is_lit.then_some(contribution)
+            let reflects = contribution.max_element() > 0.0;
+            reflects.then(|| contribution * self.transmittance(surface, &incident, &mut tally.rays))
         };
         self.lights.sampler.all_lights().filter_map(one).sum()
     }
 
-    /// Whether nothing opaque lies between a surface and a point on a light.
-    fn is_lit(&self, surface: &Surface<'_>, incident: &Incident, rays: &mut ShadowRays) -> bool {
+    /// The share of the light from a point on a light that reaches a surface.
+    fn transmittance(&self, surface: &Surface<'_>, incident: &Incident, rays: &mut ShadowRays) -> f32 {
         let position = surface.shading_point.position;
         let limit = if incident.is_delta {
             incident.dist - self.scene.lamp_clearance
@@ -210,9 +218,9 @@ impl Integrator<'_> {
         };
         if !self.geometry.occluders.may_block(position, incident.direction, limit) {
             rays.skipped += 1;
-            return true;
+            return 1.0;
         }
         rays.traced += 1;
-        !self.geometry.occluded(position, incident.direction, limit)
+        self.geometry.transmittance(position, incident.direction, limit)
     }
 }

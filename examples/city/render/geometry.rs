@@ -5,9 +5,10 @@
 //! boxes of the objects.
 
 use super::nodes::{MAX_REFERENCE, Node, Subtree, collect_nodes, leaf_reference};
-use super::scene::{Mesh, Object, Scene, SceneError};
+use super::scene::{Alpha, Mesh, Object, Scene, SceneError};
+use super::textures::Opacity;
 use bytemuck::{Pod, Zeroable};
-use girandole::glam::{Affine3A, Vec3, Vec3A};
+use girandole::glam::{Affine3A, Vec2, Vec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
@@ -30,6 +31,10 @@ const FAR: f32 = 3.0e38;
 const MAX_COORDINATE: f32 = 1e8;
 /// A flag of [`PackedTriangle::flags`]: shadow rays pass through.
 pub const SEE_THROUGH: u32 = 1;
+/// A flag of [`PackedTriangle::flags`]: rays may pass through, as the opacity states.
+pub const TRANSLUCENT: u32 = 2;
+/// [`PackedTriangle::tex_coords`] of a triangle without texture coordinates.
+pub const NO_TEX_COORDS: u32 = u32::MAX;
 
 /// A triangle as both backends read it. `Triangle` in `render.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -41,13 +46,17 @@ pub struct PackedTriangle {
     pub material: u32,
     /// From the first corner to the second.
     pub edge1: Vec3,
-    /// [`SEE_THROUGH`] or 0.
+    /// [`SEE_THROUGH`], [`TRANSLUCENT`], both or 0.
     pub flags: u32,
     /// From the first corner to the third.
     pub edge2: Vec3,
-    /// Zero.
-    pub padding: u32,
+    /// Index into [`Geometry::tex_coords`], or [`NO_TEX_COORDS`].
+    pub tex_coords: u32,
 }
+
+/// The texture coordinates of a triangle, of the size of a [`PackedTriangle`], whose buffer they share
+/// on a device: two for each corner.
+pub type PackedTexCoords = [[Vec2; 3]; 2];
 
 /// An object as ray queries need it.
 #[derive(Clone, Copy, Debug)]
@@ -110,6 +119,10 @@ pub struct Geometry {
     pub mesh_depth: u32,
     /// The triangles of all meshes, in the order of the leaves.
     pub triangles: Vec<PackedTriangle>,
+    /// The texture coordinates of triangles whose material has textures.
+    pub tex_coords: Vec<PackedTexCoords>,
+    /// The opacity of surfaces, as of the construction.
+    pub opacity: Opacity,
     /// The objects of the scene, in the same order.
     pub objects: Vec<PlacedObject>,
     /// What casts shadows.
@@ -151,11 +164,12 @@ impl Geometry {
         let built: Vec<BuiltMesh> = scene.meshes.par_iter().map(build_mesh).collect();
         let mut nodes = vec![Node::zeroed(); scene.objects.len().max(1)];
         let mut triangles = Vec::with_capacity(scene.meshes.iter().map(|mesh| mesh.triangles.len()).sum());
+        let mut tex_coords = Vec::new();
         let mut roots = Vec::with_capacity(built.len());
         let mut mesh_depth = 0;
         for (mesh, built) in scene.meshes.iter().zip(&built) {
             let first = triangles.len() as u32;
-            triangles.extend(built.order.iter().map(|&i| pack(scene, mesh, i as usize)));
+            triangles.extend(built.order.iter().map(|&i| pack(scene, mesh, i as usize, &mut tex_coords)));
             let subtree = match &built.bvh {
                 Some(bvh) => {
                     collect_nodes(bvh, &mut nodes, |node| leaf_reference(first + node.first_index, node.prim_count))
@@ -171,6 +185,8 @@ impl Geometry {
             top: Subtree::EMPTY,
             mesh_depth,
             triangles,
+            tex_coords,
+            opacity: Opacity::new(scene),
             objects: Vec::new(),
             occluders: Occluders::NONE,
             casts_shadows: scene.meshes.iter().map(|mesh| casts_shadows(scene, mesh)).collect(),
@@ -290,9 +306,15 @@ fn check(scene: &Scene) -> Result<(), SceneError> {
             if !triangle.vertices.iter().all(is_valid) {
                 return Err(SceneError(format!("mesh {i} has a vertex that is not within {MAX_COORDINATE} m")));
             }
-            if triangle.material as usize >= scene.materials.len() {
+            let Some(material) = scene.materials.get(triangle.material as usize) else {
                 return Err(SceneError(format!("mesh {i} uses material {}, which does not exist", triangle.material)));
+            };
+            if let Some(texture) = material.textures().find(|&texture| texture as usize >= scene.textures.len()) {
+                return Err(SceneError(format!("mesh {i} uses texture {texture}, which does not exist")));
             }
+        }
+        if !mesh.tex_coords.is_empty() && mesh.tex_coords.len() != mesh.triangles.len() {
+            return Err(SceneError(format!("mesh {i} does not have texture coordinates for each triangle")));
         }
     }
     for (i, object) in scene.objects.iter().enumerate() {
@@ -332,12 +354,31 @@ fn casts_shadows(scene: &Scene, mesh: &Mesh) -> bool {
     mesh.triangles.iter().any(|triangle| !scene.materials[triangle.material as usize].see_through)
 }
 
-/// A triangle of a mesh as both backends read it.
-fn pack(scene: &Scene, mesh: &Mesh, index: usize) -> PackedTriangle {
+/// A triangle of a mesh as both backends read it. Its texture coordinates are appended to
+/// `tex_coords` if it needs them.
+fn pack(scene: &Scene, mesh: &Mesh, index: usize, tex_coords: &mut Vec<PackedTexCoords>) -> PackedTriangle {
     let triangle = &mesh.triangles[index];
+    let material = &scene.materials[triangle.material as usize];
     let [a, b, c] = triangle.vertices;
-    let flags = if scene.materials[triangle.material as usize].see_through { SEE_THROUGH } else { 0 };
-    PackedTriangle { corner: a, material: triangle.material, edge1: b - a, flags, edge2: c - a, padding: 0 }
+    let mut flags = if material.see_through { SEE_THROUGH } else { 0 };
+    if material.alpha != Alpha::Opaque {
+        flags |= TRANSLUCENT;
+    }
+    let mut packed = PackedTriangle {
+        corner: a,
+        material: triangle.material,
+        edge1: b - a,
+        flags,
+        edge2: c - a,
+        tex_coords: NO_TEX_COORDS,
+    };
+    if let Some(&coordinates) = mesh.tex_coords.get(index)
+        && material.textures().next().is_some()
+    {
+        packed.tex_coords = tex_coords.len() as u32;
+        tex_coords.push(coordinates);
+    }
+    packed
 }
 
 #[cfg(test)]
@@ -347,7 +388,8 @@ mod tests {
 
     /// Two objects with the same mesh, whose transforms have the given scales.
     fn scene(scales: [Vec3; 2]) -> Scene {
-        let mesh = Mesh { triangles: vec![Triangle { vertices: [Vec3::ZERO, Vec3::X, Vec3::Y], material: 0 }] };
+        let triangles = vec![Triangle { vertices: [Vec3::ZERO, Vec3::X, Vec3::Y], material: 0 }];
+        let mesh = Mesh { triangles, ..Mesh::default() };
         let object = |scale: Vec3| Object {
             mesh: 0,
             transform: Affine3A::from_scale(scale),
@@ -356,6 +398,7 @@ mod tests {
         };
         Scene {
             materials: vec![Material::default()],
+            textures: Vec::new(),
             meshes: vec![mesh],
             objects: scales.map(object).to_vec(),
             camera: Camera { eye: Vec3::Z, target: Vec3::ZERO, vertical_fov: 1.0 },

@@ -4,7 +4,8 @@
 //!
 //! 1. `settings` and `image`: what goes in and what comes out;
 //! 2. `sequence` and `shading`: random numbers, camera rays and the BRDF;
-//! 3. `nodes`, `geometry` and `rays`: the hierarchies that rays traverse;
+//! 3. `textures`, `nodes`, `geometry` and `rays`: textured surfaces, and the hierarchies that rays
+//!    traverse;
 //! 4. `baseline` and `choice`: samplers to compare with, and how samples choose lights;
 //! 5. `cpu`: the whole renderer on threads, which is the easier one to read;
 //! 6. `backend` and `gpu`: the same renderer as a compute shader.
@@ -17,6 +18,7 @@ pub mod image;
 pub mod sequence;
 pub mod shading;
 
+pub mod textures;
 pub mod nodes;
 pub mod geometry;
 pub mod rays;

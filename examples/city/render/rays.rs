@@ -1,8 +1,10 @@
 //! Ray queries on the CPU. `trace` in `render.wgsl` is the twin of [`Geometry::trace`].
 
-use super::geometry::{Geometry, PackedTriangle, SEE_THROUGH};
+use super::geometry::{Geometry, NO_TEX_COORDS, PackedTriangle, SEE_THROUGH, TRANSLUCENT};
 use super::nodes::{COUNT_SHIFT, FIRST_MASK, LEAF, LEAVE, NOTHING};
-use girandole::glam::{Vec3, Vec3A, Vec4};
+use super::scene::{Material, Scene};
+use super::textures::{OpacitySeed, textured};
+use girandole::glam::{Vec2, Vec3, Vec3A, Vec4};
 
 /// Widens the far end of the slab test by its rounding (Ize, JCGT 2013), so that no hit on a side
 /// of a box is lost.
@@ -17,6 +19,9 @@ pub struct Hit {
     pub object: u32,
     /// Index into [`Geometry::triangles`].
     pub triangle: u32,
+    /// Weights of the second and of the third corner of the triangle; that of the first is the rest to
+    /// 1.
+    pub weights: Vec2,
 }
 
 #[derive(Clone, Copy)]
@@ -44,14 +49,15 @@ impl Ray {
         if near <= far { near } else { f32::INFINITY }
     }
 
-    /// The distance at which the ray meets a triangle, or infinity.
+    /// The distance at which the ray meets a triangle, or infinity, and the weights of the second and
+    /// the third corner.
     #[inline(always)]
-    fn intersect(&self, triangle: &PackedTriangle) -> f32 {
+    fn intersect(&self, triangle: &PackedTriangle) -> (f32, Vec2) {
         let [corner, edge1, edge2] = bytemuck::cast_ref::<_, [Vec4; 3]>(triangle).map(Vec3A::from_vec4);
         let p = self.direction.cross(edge2);
         let determinant = edge1.dot(p);
         if determinant == 0.0 {
-            return f32::INFINITY;
+            return (f32::INFINITY, Vec2::ZERO);
         }
         let inverse = 1.0 / determinant;
         let s = self.origin - corner;
@@ -59,26 +65,87 @@ impl Ray {
         let q = s.cross(edge1);
         let v = self.direction.dot(q) * inverse;
         let t = edge2.dot(q) * inverse;
-        if u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 { t } else { f32::INFINITY }
+        let is_hit = u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0;
+        (if is_hit { t } else { f32::INFINITY }, Vec2::new(u, v))
     }
 }
 
 /// Which hit a query looks for.
-#[derive(Clone, Copy, PartialEq)]
 enum Query {
-    Nearest,
-    AnyOpaque,
+    /// The nearest. Translucent surfaces are met at random, by a seed, or if they cover more than half.
+    Nearest(Option<OpacitySeed>),
+    /// Any that stops the light that is left.
+    Shadow {
+        /// The share of the light that the surfaces met so far let through.
+        transmittance: f32,
+    },
 }
 
 impl Geometry {
-    /// The nearest hit in front of `origin`.
+    /// The nearest hit in front of `origin` of a surface that covers more than half of what lies behind
+    /// it.
     pub fn nearest(&self, origin: Vec3, direction: Vec3) -> Option<Hit> {
-        self.trace(origin, direction, f32::INFINITY, Query::Nearest)
+        self.trace(origin, direction, f32::INFINITY, &mut Query::Nearest(None))
     }
 
-    /// Whether something opaque lies within the distance `limit`.
+    /// The nearest hit in front of `origin`, where surfaces that cover a share are met in that share of
+    /// all seeds.
+    pub fn nearest_at_random(&self, origin: Vec3, direction: Vec3, seed: OpacitySeed) -> Option<Hit> {
+        self.trace(origin, direction, f32::INFINITY, &mut Query::Nearest(Some(seed)))
+    }
+
+    /// Whether no light comes from within the distance `limit`.
+    #[allow(dead_code, reason = "only measuring programs and tests use it")]
     pub fn occluded(&self, origin: Vec3, direction: Vec3, limit: f32) -> bool {
-        limit > 0.0 && self.trace(origin, direction, limit, Query::AnyOpaque).is_some()
+        self.transmittance(origin, direction, limit) == 0.0
+    }
+
+    /// The share of the light that arrives from the distance `limit`.
+    pub fn transmittance(&self, origin: Vec3, direction: Vec3, limit: f32) -> f32 {
+        if limit <= 0.0 {
+            return 1.0;
+        }
+        let mut query = Query::Shadow { transmittance: 1.0 };
+        match (self.trace(origin, direction, limit, &mut query), query) {
+            (None, Query::Shadow { transmittance }) => transmittance,
+            _ => 0.0,
+        }
+    }
+
+    /// The material at a hit, with its textures.
+    pub fn material(&self, scene: &Scene, hit: &Hit) -> Material {
+        let triangle = &self.triangles[hit.triangle as usize];
+        let material = &scene.materials[triangle.material as usize];
+        self.tex_coords_at(triangle, hit.weights)
+            .map_or(*material, |coordinates| textured(material, &scene.textures, coordinates))
+    }
+
+    /// The texture coordinates at a point of a triangle, if it has any.
+    fn tex_coords_at(&self, triangle: &PackedTriangle, weights: Vec2) -> Option<[Vec2; 2]> {
+        if triangle.tex_coords == NO_TEX_COORDS {
+            return None;
+        }
+        let at = |[a, b, c]: [Vec2; 3]| a + (b - a) * weights.x + (c - a) * weights.y;
+        Some(self.tex_coords[triangle.tex_coords as usize].map(at))
+    }
+
+    /// Whether a query ends, or goes on from, a triangle that its ray meets.
+    #[inline(always)]
+    fn is_met(&self, query: &mut Query, triangle: &PackedTriangle, hit: &Hit) -> bool {
+        if triangle.flags == 0 {
+            return true;
+        }
+        let coverage = || self.opacity.coverage(triangle.material, self.tex_coords_at(triangle, hit.weights));
+        let is_translucent = triangle.flags & TRANSLUCENT != 0;
+        match query {
+            Query::Shadow { .. } if triangle.flags & SEE_THROUGH != 0 => false,
+            _ if !is_translucent => true,
+            Query::Shadow { transmittance } => {
+                *transmittance *= 1.0 - coverage();
+                *transmittance <= 0.0
+            }
+            Query::Nearest(seed) => seed.map_or(0.5, |seed| seed.draw(hit.object, hit.triangle)) < coverage(),
+        }
     }
 
     /// The unit normal of the front of a triangle that was hit, in world space.
@@ -96,7 +163,7 @@ impl Geometry {
     }
 
     #[inline(always)]
-    fn trace(&self, origin: Vec3, direction: Vec3, limit: f32, query: Query) -> Option<Hit> {
+    fn trace(&self, origin: Vec3, direction: Vec3, limit: f32, query: &mut Query) -> Option<Hit> {
         // Only unusually deep hierarchies need the vector.
         const USUAL: usize = 96;
         let needed = self.stack_size();
@@ -108,10 +175,17 @@ impl Geometry {
     }
 
     #[inline(always)]
-    fn trace_with(&self, stack: &mut [u32], origin: Vec3, direction: Vec3, limit: f32, query: Query) -> Option<Hit> {
+    fn trace_with(
+        &self,
+        stack: &mut [u32],
+        origin: Vec3,
+        direction: Vec3,
+        limit: f32,
+        query: &mut Query,
+    ) -> Option<Hit> {
         let world_ray = Ray::new(origin.into(), direction.into());
         let mut ray = world_ray;
-        let mut hit = Hit { distance: limit, object: NOTHING, triangle: 0 };
+        let mut hit = Hit { distance: limit, object: NOTHING, triangle: 0, weights: Vec2::ZERO };
         let mut object = NOTHING;
         // NOTHING ends the traversal, LEAVE the traversal of an object.
         stack[0] = NOTHING;
@@ -159,10 +233,14 @@ impl Geometry {
                 let count = (reference >> COUNT_SHIFT & 7) + 1;
                 for index in first..first + count {
                     let triangle = &self.triangles[index as usize];
-                    let distance = ray.intersect(triangle);
-                    if distance < hit.distance && (query == Query::Nearest || triangle.flags & SEE_THROUGH == 0) {
-                        hit = Hit { distance, object, triangle: index };
-                        if query == Query::AnyOpaque {
+                    let (distance, weights) = ray.intersect(triangle);
+                    if distance >= hit.distance {
+                        continue;
+                    }
+                    let found = Hit { distance, object, triangle: index, weights };
+                    if self.is_met(query, triangle, &found) {
+                        hit = found;
+                        if matches!(query, Query::Shadow { .. }) {
                             return Some(hit);
                         }
                     }

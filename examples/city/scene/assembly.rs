@@ -48,6 +48,7 @@ impl Assembly {
         let sky = Sky { zenith: Vec3::ZERO, horizon: Vec3::ZERO, ambient: Vec3::ZERO, haze: 0.0 };
         let scene = Scene {
             materials: Vec::new(),
+            textures: Vec::new(),
             meshes: Vec::new(),
             objects: Vec::new(),
             camera,

@@ -9,11 +9,13 @@
 //!
 //! Read in this order:
 //!
-//! 1. this file: the types of a stage;
+//! 1. this file and `texture`: the types of a stage;
 //! 2. `palette`, `part` and `assembly`: materials, and meshes that are built together with their
 //!    lights (`rng` is in `examples/common/pcg.rs`);
 //! 3. `designs`: buildings, street furniture, signs and vehicles;
 //! 4. the loaders, in any order; each folder's `mod.rs` states the order of its files.
+
+pub mod texture;
 
 pub mod palette;
 pub mod part;
@@ -29,7 +31,21 @@ pub mod real_city;
 pub use crate::common::pcg as rng;
 
 use girandole::LightWorld;
-use girandole::glam::{Affine3A, Vec3};
+use girandole::glam::{Affine3A, Vec2, Vec3};
+use texture::Texture;
+
+/// Whether light passes through a surface, as glTF states it. A surface that covers a share of what
+/// lies behind it stops that share of the light.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Alpha {
+    /// It covers all.
+    #[default]
+    Opaque,
+    /// It covers all where its opacity is at least this, and nothing elsewhere.
+    Mask(f32),
+    /// It covers a share that equals its opacity.
+    Blend,
+}
 
 /// How a surface scatters and emits light: GGX over a diffuse base, the metallic-roughness model of
 /// glTF.
@@ -47,6 +63,25 @@ pub struct Material {
     pub two_sided_emission: bool,
     /// Whether shadow rays pass through.
     pub see_through: bool,
+    /// Whether light passes through for camera and shadow rays alike.
+    pub alpha: Alpha,
+    /// The opacity, from 0 to 1, that `alpha` refers to.
+    pub opacity: f32,
+    /// A texture by whose colour the base colour is multiplied, and by whose alpha the opacity: an
+    /// index into [`Scene::textures`].
+    pub base_color_texture: Option<u32>,
+    /// A texture by whose colour the emission is multiplied.
+    pub emission_texture: Option<u32>,
+    /// A texture by whose green channel the roughness is multiplied, and by whose blue one the
+    /// metallic factor.
+    pub roughness_texture: Option<u32>,
+}
+
+impl Material {
+    /// The textures that it uses.
+    pub fn textures(&self) -> impl Iterator<Item = u32> {
+        [self.base_color_texture, self.emission_texture, self.roughness_texture].into_iter().flatten()
+    }
 }
 
 impl Default for Material {
@@ -58,6 +93,11 @@ impl Default for Material {
             emission: Vec3::ZERO,
             two_sided_emission: false,
             see_through: false,
+            alpha: Alpha::Opaque,
+            opacity: 1.0,
+            base_color_texture: None,
+            emission_texture: None,
+            roughness_texture: None,
         }
     }
 }
@@ -76,6 +116,9 @@ pub struct Triangle {
 pub struct Mesh {
     /// Not empty in a scene that a loader returns.
     pub triangles: Vec<Triangle>,
+    /// Two texture coordinates for each corner of each triangle, or nothing if no material of the mesh
+    /// has a texture.
+    pub tex_coords: Vec<[[Vec2; 3]; 2]>,
 }
 
 /// A placed mesh.
@@ -121,6 +164,8 @@ pub struct Sky {
 pub struct Scene {
     /// Materials, by index.
     pub materials: Vec<Material>,
+    /// Textures, by index. They do not change after loading.
+    pub textures: Vec<Texture>,
     /// Meshes, by index.
     pub meshes: Vec<Mesh>,
     /// Placed meshes. Their number and their meshes do not change after loading: objects that

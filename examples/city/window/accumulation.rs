@@ -234,6 +234,7 @@ mod tests {
         let corners = [Vec3::new(-90.0, -90.0, 0.0), Vec3::new(90.0, -90.0, 0.0), Vec3::new(0.0, 180.0, 0.0)];
         Scene {
             materials: vec![Material::default()],
+            textures: Vec::new(),
             meshes: vec![Mesh { triangles: vec![Triangle { vertices: corners, material: 0 }] }],
             objects: vec![Object { mesh: 0, transform: Affine3A::IDENTITY, emission_scale: 1.0, visible: true }],
             camera: Camera { eye: Vec3::new(0.0, 0.0, 10.0), target: Vec3::ZERO, vertical_fov: 0.8 },

@@ -4,12 +4,15 @@ use std::hint::black_box;
 
 use girandole::glam::Vec3;
 use girandole::gltf::gltf::Document;
-use girandole::gltf::{self, GltfError, GltfOptions, accessor_values, primitive_triangles};
+use girandole::gltf::{
+    self, GltfError, GltfOptions, TextureImage, TextureUse, accessor_values, node_instances, primitive_tex_coords,
+    primitive_triangles, read_image,
+};
 use girandole::{FrameBudget, LightWorld, ShadingPoint};
 
 /// Limits that keep a file of some kilobytes from taking seconds.
 pub fn options() -> GltfOptions {
-    GltfOptions { max_lights: 1 << 14, max_bytes: 1 << 26, ..GltfOptions::default() }
+    GltfOptions { max_lights: 1 << 14, max_instances: 1 << 14, max_bytes: 1 << 26, ..GltfOptions::default() }
 }
 
 /// Loads a file, reads all of its document, adds its lights to a world, updates the world, and
@@ -17,6 +20,13 @@ pub fn options() -> GltfOptions {
 pub fn exercise(bytes: &[u8]) -> Result<usize, GltfError> {
     let file = gltf::load(bytes, &options())?;
     read(&file.document, &file.buffers);
+    for image in 0..=file.document.images().len() {
+        look(read_image(&file, image, None, &options()));
+    }
+    // With every image white, textures change no light that is finite.
+    let white = TextureImage { width: 1, height: 1, rgba: &[255; 4] };
+    let images = vec![Some(white); file.document.images().len()];
+    look(gltf::load_lights_with_textures(&mut LightWorld::new(), &file.document, &file.buffers, &images, &options()));
     let mut world = LightWorld::new();
     if let Err(error) = gltf::load_lights(&mut world, &file.document, &file.buffers, &options()) {
         assert_eq!((world.tree_count(), world.instance_count(), world.light_count()), (0, 0, 0), "{error}");
@@ -44,6 +54,7 @@ fn read(document: &Document, buffers: &[Vec<u8>]) {
         look(node.transform().decomposed());
         look((node.camera().map(|camera| camera.index()), node.skin().map(|skin| skin.index())));
         look(node.light().map(|light| light.index()));
+        look(node_instances(document, &node, buffers));
     }
     for skin in document.skins() {
         look((skin.skeleton(), skin.inverse_bind_matrices()));
@@ -56,6 +67,7 @@ fn read(document: &Document, buffers: &[Vec<u8>]) {
             look((primitive.bounding_box(), primitive.material().index(), primitive.indices()));
             // Bad accessors are errors.
             look(primitive_triangles(mesh.index(), &primitive, buffers));
+            look(primitive_tex_coords(mesh.index(), &primitive, 0, buffers));
         }
     }
     for accessor in document.accessors() {
@@ -85,6 +97,7 @@ fn read(document: &Document, buffers: &[Vec<u8>]) {
         let surface = material.pbr_metallic_roughness();
         look((surface.base_color_texture(), surface.metallic_roughness_texture(), material.alpha_mode()));
         look((material.normal_texture(), material.occlusion_texture(), material.emissive_texture()));
+        look(material.emissive_texture().map(|info| TextureUse::of(&info)));
     }
 }
 

@@ -130,6 +130,9 @@ fn no_list_takes_more_memory_than_is_estimated() {
         ("accessors", format!("{{{accessor},\"min\":[[0]]}}")),
         ("meshes", "{\"primitives\":[]}".into()),
         ("meshes", attributes.into()),
+        ("nodes", "{\"extensions\":{\"\":0}}".into()),
+        ("nodes", "{\"extensions\":{\"EXT_mesh_gpu_instancing\":{\"attributes\":{}}}}".into()),
+        ("materials", "{\"extensions\":{\"\":{}},\"emissiveTexture\":{\"index\":0,\"extensions\":{\"\":0}}}".into()),
         ("extensionsUsed", "\"\"".into()),
         ("extensionsRequired", "\"a\"".into()),
     ];
@@ -149,6 +152,8 @@ fn no_list_takes_more_memory_than_is_estimated() {
     let names: String = (0..5000).map(|i| format!("\"{i}\":0,")).collect();
     // Not a document, so that its required extensions are sought.
     check(format!("{{{names}\"asset\":0}}"));
+    check(format!("{{\"asset\":{{\"version\":\"2.0\"}},\"nodes\":[{{\"extensions\":{{{names}\"a\":0}}}}]}}"));
+    check(format!("{{\"asset\":{{\"version\":\"2.0\"}},\"nodes\":[{{\"extensions\":{{\"a\":{{{names}\"a\":0}}}}}}]}}"));
     let numbers = "0,".repeat(4096);
     check(format!("{{\"asset\":{{\"version\":\"2.0\"}},\"nodes\":[{{\"children\":[{numbers}0]}}]}}"));
     check(format!("{{\"asset\":{{\"version\":\"2.0\"}},\"accessors\":[{{{accessor},\"min\":[{numbers}0]}}]}}"));

@@ -4,6 +4,7 @@ use super::backend::Gpu;
 use super::geometry::{Geometry, PackedTriangle};
 use super::records::{FrameUniform, Record};
 use super::scene::{Scene, SceneError};
+use super::texels::Texels;
 use bytemuck::Zeroable;
 use girandole::wgpu::{self, util::DeviceExt};
 
@@ -16,9 +17,12 @@ pub const TIMESTAMP_BYTES: u64 = 16;
 pub struct Buffers {
     pub uniform: wgpu::Buffer,
     pub nodes: wgpu::Buffer,
+    /// Triangles, then texture coordinates.
     triangles: wgpu::Buffer,
-    /// Materials, then objects.
+    /// Materials, then textures, then objects.
     pub records: wgpu::Buffer,
+    /// The texels of all images.
+    texels: wgpu::TextureView,
     /// The pixels of a band.
     pub image: wgpu::Buffer,
     /// Receives a copy of `image`.
@@ -50,14 +54,20 @@ impl Buffers {
                 "the {what} of the scene need {bytes} bytes; the limit of this adapter is {limit}; try --backend cpu"
             )))
         };
-        let materials = scene.materials.iter().map(Record::of_material);
-        let records: Vec<Record> = materials.chain(geometry.objects.iter().map(Record::of_object)).collect();
+        let texels = Texels::new(scene, &limits)?;
+        let first_texture = scene.materials.len() as u32;
+        let materials = scene.materials.iter().map(|material| Record::of_material(material, first_texture));
+        let textures =
+            scene.textures.iter().zip(&texels.first).map(|(texture, &first)| Record::of_texture(texture, first));
+        let records: Vec<Record> =
+            materials.chain(textures).chain(geometry.objects.iter().map(Record::of_object)).collect();
         let records: &[u8] = bytemuck::cast_slice(&records);
         let nodes: &[u8] = bytemuck::cast_slice(&geometry.nodes);
         // WebGPU refuses an empty binding. No node refers to the triangle that takes its place.
         let unused = [PackedTriangle::zeroed()];
         let triangles = if geometry.triangles.is_empty() { &unused[..] } else { &geometry.triangles };
-        let triangles: &[u8] = bytemuck::cast_slice(triangles);
+        let tex_coords: &[u8] = bytemuck::cast_slice(&geometry.tex_coords);
+        let triangles = &[bytemuck::cast_slice(triangles), tex_coords].concat();
         checked("nodes", nodes.len())?;
         checked("triangles", triangles.len())?;
         checked("objects", records.len())?;
@@ -76,6 +86,7 @@ impl Buffers {
             nodes: filled("city nodes", nodes, Usage::STORAGE | Usage::COPY_DST),
             triangles: filled("city triangles", triangles, Usage::STORAGE),
             records: filled("city records", records, Usage::STORAGE | Usage::COPY_DST),
+            texels: texels.upload(device, &gpu.queue),
             image,
             image_readback,
             timer: gpu.timestamps.then(|| Timer {
@@ -125,15 +136,28 @@ impl Buffers {
             ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
             count: None,
         };
-        let layout_entries: Vec<_> = (0..).zip(&bindings).map(layout_entry).collect();
+        let texels = bindings.len() as u32;
+        let mut layout_entries: Vec<_> = (0..).zip(&bindings).map(layout_entry).collect();
+        layout_entries.push(wgpu::BindGroupLayoutEntry {
+            binding: texels,
+            visibility: wgpu::ShaderStages::COMPUTE,
+            ty: wgpu::BindingType::Texture {
+                sample_type: wgpu::TextureSampleType::Uint,
+                view_dimension: wgpu::TextureViewDimension::D2Array,
+                multisampled: false,
+            },
+            count: None,
+        });
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("city"),
             entries: &layout_entries,
         });
-        let entries: Vec<_> = (0..)
+        let mut entries: Vec<_> = (0..)
             .zip(&bindings)
             .map(|(binding, (buffer, _))| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
             .collect();
+        let resource = wgpu::BindingResource::TextureView(&self.texels);
+        entries.push(wgpu::BindGroupEntry { binding: texels, resource });
         let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("city"),
             layout: &layout,

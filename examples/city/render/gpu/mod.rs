@@ -7,8 +7,8 @@
 //! Read in this order:
 //!
 //! 1. this file: the frames;
-//! 2. `buffers` and `records`: what is on the device, and in which layout;
-//! 3. `pipeline`, `sequence.wgsl` and `render.wgsl`: the shader.
+//! 2. `records`, `texels` and `buffers`: what is on the device, and in which layout;
+//! 3. `pipeline`, `sequence.wgsl`, `textures.wgsl` and `render.wgsl`: the shader.
 
 use super::backend::{self, Gpu, USAGE_STORAGE_BUFFERS};
 use super::geometry::{self, Geometry, GeometryChange};
@@ -25,6 +25,7 @@ use girandole::{Effects, FrameDelta, LightWorld};
 use std::time::Duration;
 
 mod records;
+mod texels;
 mod buffers;
 mod pipeline;
 
@@ -103,7 +104,7 @@ impl GpuRenderer {
         let shader = shader.with_target(target);
         let stack_size = stack_size(geometry);
         let pipeline = pipeline(device, &layout, &shader, stack_size);
-        let first_object = scene.materials.len();
+        let first_object = scene.materials.len() + scene.textures.len();
         Ok(Self { gpu, lights, buffers, layout, bind_group, shader, stack_size, pipeline, first_object, band_rows })
     }
 
@@ -185,9 +186,9 @@ impl GpuRenderer {
             row_begin: 0,
             row_end: 0,
             haze: scene.sky.haze,
+            first_tex_coords: geometry.triangles.len() as u32,
             padding_a: 0,
             padding_b: 0,
-            padding_c: 0,
         };
         let mut rays = ShadowRays::default();
         let mut sums: Vec<Vec4> = Vec::with_capacity(settings.width as usize * settings.height as usize);

@@ -2,6 +2,7 @@
 
 use super::geometry::Geometry;
 use super::sequence::DIRECTIONS;
+use super::texels::TEXEL_ROW;
 use girandole::gpu::LightShader;
 use girandole::wgpu;
 
@@ -20,9 +21,11 @@ pub const TARGET_ARGUMENT: &str = "Surface";
 pub fn shader_source(light: &str, records_usage: bool, stack_size: usize) -> String {
     let body = if records_usage { "light_record_usage(instance, vec4<f32>(number));" } else { "" };
     format!(
-        "{light}\nconst STACK_SIZE: u32 = {stack_size}u;\nfn record_usage(instance: u32, number: f32) {{ {body} }}\n{}\n{}\n{}",
+        "{light}\nconst STACK_SIZE: u32 = {stack_size}u;\nconst TEXEL_ROW: u32 = {TEXEL_ROW}u;\n\
+         fn record_usage(instance: u32, number: f32) {{ {body} }}\n{}\n{}\n{}\n{}",
         sobol_text(),
         include_str!("sequence.wgsl"),
+        include_str!("textures.wgsl"),
         include_str!("render.wgsl")
     )
 }

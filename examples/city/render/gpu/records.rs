@@ -1,9 +1,11 @@
 //! The uniform and the records that `render.wgsl` reads.
 
 use super::geometry::PlacedObject;
-use super::scene::Material;
+use super::scene::texture::Texture;
+use super::scene::{Alpha, Material};
 use bytemuck::{Pod, Zeroable};
 use girandole::glam::{Vec3, Vec4};
+use girandole::gltf::TextureWrap;
 
 /// What a dispatch needs to know. `Frame` in `render.wgsl`.
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -32,12 +34,12 @@ pub struct FrameUniform {
     pub row_begin: u32,
     pub row_end: u32,
     pub haze: f32,
+    pub first_tex_coords: u32,
     pub padding_a: u32,
     pub padding_b: u32,
-    pub padding_c: u32,
 }
 
-/// A material or an object. `Record` in `render.wgsl`.
+/// A material, a texture or an object. `Record` in `render.wgsl`.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 pub struct Record {
@@ -45,16 +47,56 @@ pub struct Record {
     pub words: [u32; 4],
 }
 
+// Flags of materials and textures. The constants of `textures.wgsl`.
+const TWO_SIDED: u32 = 1;
+const MASK: u32 = 2;
+const BLEND: u32 = 4;
+const NEAREST: u32 = 16;
+const SRGB: u32 = 32;
+const SECOND_COORDINATES: u32 = 64;
+
 impl Record {
-    /// The record of a material.
-    pub fn of_material(material: &Material) -> Self {
+    /// The record of a material. The record of texture n is `first_texture` + n.
+    pub fn of_material(material: &Material, first_texture: u32) -> Self {
+        let (alpha, cutoff) = match material.alpha {
+            Alpha::Opaque => (0, 0.0),
+            Alpha::Mask(cutoff) => (MASK, cutoff),
+            Alpha::Blend => (BLEND, 0.0),
+        };
+        let texture = |index: Option<u32>| index.map_or(0, |index| first_texture + index);
         Self {
             rows: [
                 material.base_color.extend(material.roughness),
                 material.emission.extend(material.metallic),
+                Vec4::new(material.opacity, cutoff, 0.0, 0.0),
+            ],
+            words: [
+                if material.two_sided_emission { TWO_SIDED } else { 0 } | alpha,
+                texture(material.base_color_texture),
+                texture(material.emission_texture),
+                texture(material.roughness_texture),
+            ],
+        }
+    }
+
+    /// The record of a texture, whose image begins at a texel.
+    pub fn of_texture(texture: &Texture, first_texel: u32) -> Self {
+        let Texture { pixels, coordinates, transform, wrap, is_nearest, is_srgb } = texture;
+        let [wrap_x, wrap_y] = wrap.map(|wrap| match wrap {
+            TextureWrap::Repeat => 0,
+            TextureWrap::Mirror => 1,
+            TextureWrap::Clamp => 2,
+        });
+        let flag = |is_set: bool, flag: u32| if is_set { flag } else { 0 };
+        let flags = flag(*is_nearest, NEAREST) | flag(*is_srgb, SRGB) | flag(*coordinates != 0, SECOND_COORDINATES);
+        let (linear, moved) = (transform.matrix2, transform.translation);
+        Self {
+            rows: [
+                Vec4::new(linear.x_axis.x, linear.y_axis.x, moved.x, 0.0),
+                Vec4::new(linear.x_axis.y, linear.y_axis.y, moved.y, 0.0),
                 Vec4::ZERO,
             ],
-            words: [u32::from(material.two_sided_emission), 0, 0, 0],
+            words: [first_texel, pixels.width | pixels.height << 16, flags | wrap_x | wrap_y << 2, 0],
         }
     }
 
@@ -131,12 +173,12 @@ mod tests {
             row_begin,
             row_end,
             haze,
+            first_tex_coords,
             padding_a,
-            padding_b,
-            padding_c
+            padding_b
         );
         same!("Node", Node, min0, child0, max0, padding0, min1, child1, max1, padding1);
-        same!("Triangle", PackedTriangle, corner, material, edge1, flags, edge2, padding);
+        same!("Triangle", PackedTriangle, corner, material, edge1, flags, edge2, tex_coords);
         // The three rows of a record are one array in Rust.
         let (members, size) = layout(&module, "Record");
         assert_eq!((members[1].1, members[3].1, size), (16, offset_of!(Record, words), size_of::<Record>()));

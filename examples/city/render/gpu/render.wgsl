@@ -2,7 +2,7 @@
 // which one is kept, shadow ray, shading.
 //
 // The library's text (group 1) precedes this file and defines `light_resample_by`. `pipeline.rs`
-// defines `STACK_SIZE` and `record_usage`. Sky and BRDF are twins of `shading.rs`, the nodes of
+// defines `STACK_SIZE`, `TEXEL_ROW` and `record_usage`. Sky and BRDF are twins of `shading.rs`, the nodes of
 // `nodes.rs` and `trace` of `rays.rs`. The test `both_backends_render_the_same_picture` compares
 // them.
 
@@ -19,7 +19,7 @@ struct Frame {
     zenith: vec3<f32>,
     top_root: u32,
     horizon: vec3<f32>,
-    // The records before it are materials.
+    // The records before it are materials and textures.
     first_object: u32,
     ambient: vec3<f32>,
     candidates: u32,
@@ -35,9 +35,10 @@ struct Frame {
     row_begin: u32,
     row_end: u32,
     haze: f32,
+    // The triangles from it on are texture coordinates.
+    first_tex_coords: u32,
     padding_a: u32,
     padding_b: u32,
-    padding_c: u32,
 }
 
 struct Node {
@@ -57,12 +58,13 @@ struct Triangle {
     edge1: vec3<f32>,
     flags: u32,
     edge2: vec3<f32>,
-    padding: u32,
+    tex_coords: u32,
 }
 
-// A material (base color and roughness; emission and metallic; zero; two_sided, 0, 0, 0) or an
-// object (rows of world to mesh; root, bits of the emission scale, 0, 0). They share a buffer,
-// since WebGPU guarantees only eight.
+// A material (base color and roughness; emission and metallic; opacity and cutoff; flags, and the
+// records of the textures of base color, emission and roughness, 0 for none), a texture (rows of the
+// transform; zero; first texel, size, flags, 0) or an object (rows of world to mesh; root, bits of the
+// emission scale, 0, 0). They share a buffer, since WebGPU guarantees only eight.
 struct Record {
     row0: vec4<f32>,
     row1: vec4<f32>,
@@ -75,6 +77,9 @@ struct Record {
 @group(0) @binding(2) var<storage, read> triangles: array<Triangle>;
 @group(0) @binding(3) var<storage, read> records: array<Record>;
 @group(0) @binding(4) var<storage, read_write> image: array<vec4<f32>>;
+// The texels of all images, one after the other, in rows of TEXEL_ROW texels and layers of as many
+// rows.
+@group(0) @binding(5) var texels: texture_2d_array<u32>;
 
 const PI: f32 = 3.14159265358979;
 const LEAF: u32 = 0x80000000u;
@@ -89,6 +94,8 @@ struct Hit {
     dist: f32,
     object: u32,
     triangle: u32,
+    // Of the second and the third corner.
+    weights: vec2<f32>,
 }
 
 // A large number where a component is zero: infinity would give 0 * infinity for an origin on a
@@ -108,8 +115,14 @@ fn enter_box(low: vec3<f32>, high: vec3<f32>, origin: vec3<f32>, inverse: vec3<f
     return select(FAR, near, near <= far);
 }
 
-fn trace(world_origin: vec3<f32>, world_direction: vec3<f32>, limit: f32, any_opaque: bool) -> Hit {
-    var hit = Hit(limit, NOTHING, 0u);
+// The share of the light that the translucent surfaces that a shadow ray met let through.
+var<private> transmittance: f32;
+
+// The nearest hit of a camera ray, or any hit of a shadow ray that stops the light that is left. `seed`
+// is that of a camera ray's decisions at translucent surfaces.
+fn trace(world_origin: vec3<f32>, world_direction: vec3<f32>, limit: f32, is_shadow: bool, seed: vec2<u32>) -> Hit {
+    var hit = Hit(limit, NOTHING, 0u, vec2<f32>(0.0));
+    transmittance = 1.0;
     // NOTHING ends the traversal, LEAVE the traversal of an object.
     var stack: array<u32, STACK_SIZE>;
     stack[0] = NOTHING;
@@ -175,9 +188,18 @@ fn trace(world_origin: vec3<f32>, world_direction: vec3<f32>, limit: f32, any_op
                 let v = dot(direction, q) * scale;
                 let t = dot(corner.edge2, q) * scale;
                 let inside = determinant != 0.0 && u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < hit.dist;
-                if inside && !(any_opaque && (corner.flags & SEE_THROUGH) != 0u) {
-                    hit = Hit(t, object, index);
-                    if any_opaque {
+                if inside && !(is_shadow && (corner.flags & SEE_THROUGH) != 0u) {
+                    let weights = vec2<f32>(u, v);
+                    if (corner.flags & TRANSLUCENT) != 0u {
+                        let covered = coverage(corner, weights);
+                        transmittance *= 1.0 - covered;
+                        let is_passed = opacity_draw(seed, object, index) >= covered;
+                        if select(is_passed, transmittance > 0.0, is_shadow) {
+                            continue;
+                        }
+                    }
+                    hit = Hit(t, object, index, weights);
+                    if is_shadow {
                         return hit;
                     }
                 }
@@ -271,10 +293,10 @@ fn may_be_occluded(origin: vec3<f32>, direction: vec3<f32>, limit: f32) -> bool 
 // block them.
 var<private> shadow_rays: vec2<f32>;
 
-fn radiance(corner: vec2<f32>, numbers: SampleNumbers) -> vec3<f32> {
+fn radiance(pixel: u32, index: u32, corner: vec2<f32>, numbers: SampleNumbers) -> vec3<f32> {
     let across = (corner + numbers.pixel.xy) / vec2<f32>(f32(frame.width), f32(frame.height)) * 2.0 - 1.0;
     let direction = normalize(frame.forward + frame.right * across.x - frame.up * across.y);
-    let hit = trace(frame.eye, direction, FAR, false);
+    let hit = trace(frame.eye, direction, FAR, false, opacity_seed(pixel, index));
     if hit.object == NOTHING {
         return sky_radiance(direction);
     }
@@ -285,7 +307,7 @@ fn radiance(corner: vec2<f32>, numbers: SampleNumbers) -> vec3<f32> {
 fn surface_radiance(direction: vec3<f32>, hit: Hit, numbers: SampleNumbers) -> vec3<f32> {
     let facet = triangles[hit.triangle];
     let placed = records[frame.first_object + hit.object];
-    let material = records[facet.material];
+    let material = textured(facet, hit.weights);
     // Normals are transformed by the transpose of the inverse.
     let mesh_normal = cross(facet.edge1, facet.edge2);
     let front = normalize(placed.row0.xyz * mesh_normal.x + placed.row1.xyz * mesh_normal.y + placed.row2.xyz * mesh_normal.z);
@@ -294,7 +316,7 @@ fn surface_radiance(direction: vec3<f32>, hit: Hit, numbers: SampleNumbers) -> v
     let normal = select(-front, front, seen_from_front);
 
     var sum = frame.ambient * material.row0.xyz;
-    if seen_from_front || material.words.x != 0u {
+    if seen_from_front || (material.words.x & TWO_SIDED) != 0u {
         sum += material.row1.xyz * bitcast<f32>(placed.words.y);
     }
 
@@ -322,10 +344,10 @@ fn surface_radiance(direction: vec3<f32>, hit: Hit, numbers: SampleNumbers) -> v
         return sum + contribution;
     }
     shadow_rays.x += 1.0;
-    if trace(position, light.direction, min(limit, FAR), true).object != NOTHING {
+    if trace(position, light.direction, min(limit, FAR), true, vec2<u32>(0u)).object != NOTHING {
         return sum;
     }
-    return sum + contribution;
+    return sum + contribution * transmittance;
 }
 
 @compute @workgroup_size(8, 8)
@@ -334,6 +356,7 @@ fn render(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= frame.width || row >= frame.row_end {
         return;
     }
+    let pixel = row * frame.width + id.x;
     let slot = id.y * frame.width + id.x;
     // The counts of shadow rays follow the sums of the whole band. The first dispatch of a band
     // starts both.
@@ -345,7 +368,7 @@ fn render(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let sequence = pixel_sequence(vec2<u32>(id.x, row), frame.block_bits, frame.tile_bits);
     for (var index = frame.sample_begin; index < frame.sample_end; index += 1u) {
-        let color = radiance(vec2<f32>(f32(id.x), f32(row)), sample_numbers(sequence, index));
+        let color = radiance(pixel, index, vec2<f32>(f32(id.x), f32(row)), sample_numbers(sequence, index));
         sum += vec4<f32>(color, luminance(color) * luminance(color));
     }
     image[slot] = sum;

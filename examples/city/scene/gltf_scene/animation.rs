@@ -1,18 +1,16 @@
 //! Plays the animations of a glTF file: translations, rotations and scales of nodes. All animations
 //! play at once, each in a loop.
 
-use girandole::glam::{DAffine3, DQuat, DVec3, Quat, Vec3, Vec4};
+use girandole::glam::{DAffine3, DVec3, Quat, Vec3, Vec4};
 use girandole::gltf::gltf::animation::{Interpolation, Property};
 use girandole::gltf::gltf::scene::Transform;
-use girandole::gltf::{GltfFile, LightSource, accessor_values, local_transform, punctual_placement, scene_nodes};
-use girandole::{DirectionalLight, LightWorld, Placement};
+use girandole::gltf::{
+    GltfFile, LightSource, accessor_values, local_transform, punctual_placement, scene_nodes, surface_placement,
+};
+use girandole::{DirectionalLight, LightWorld};
 
 use super::node_map::{NodeMap, to_single};
 use super::{Animation, Scene, SceneError};
-
-/// Smallest scale along an axis, unless all axes are 0. A light's placement is either invertible or
-/// all zero.
-const MIN_SCALE: f32 = 1e-4;
 
 /// A property of a node over time.
 struct Channel {
@@ -175,11 +173,8 @@ impl Channel {
 impl Pose {
     /// The transform to the parent.
     fn transform(&self) -> DAffine3 {
-        let at_least_min = |scale: f32| if scale.abs() < MIN_SCALE { MIN_SCALE.copysign(scale) } else { scale };
-        // A scale of zero hides the node.
-        let scale = if self.scale == Vec3::ZERO { self.scale } else { self.scale.map(at_least_min) };
-        let rotation: DQuat = self.rotation.as_dquat();
-        DAffine3::from_scale_rotation_translation(scale.as_dvec3(), rotation.normalize(), self.translation.as_dvec3())
+        let (scale, rotation) = (self.scale.as_dvec3(), self.rotation.as_dquat().normalize());
+        DAffine3::from_scale_rotation_translation(scale, rotation, self.translation.as_dvec3())
     }
 }
 
@@ -202,14 +197,14 @@ impl Animation for Player {
             if !self.is_animated[node] {
                 continue;
             }
-            if let Some(object) = self.node_map.objects[node] {
-                scene.objects[object].transform = to_single(transforms[node]);
+            for object in &self.node_map.objects[node] {
+                scene.objects[object.object].transform = to_single(transforms[node] * object.local);
             }
         }
         for lights in self.node_map.lights.nodes.iter().filter(|lights| self.is_animated[lights.node]) {
             let transform = transforms[lights.node];
             let placement = match lights.source {
-                LightSource::Surfaces => Some(Placement::from(transform)),
+                LightSource::Surfaces => Some(surface_placement(&(transform * lights.local))),
                 LightSource::Punctual => punctual_placement(&transform),
             };
             if let Some(placement) = placement {

@@ -3,22 +3,28 @@
 //! Read in this order:
 //!
 //! 1. this file: how the stage is put together;
-//! 2. `occupancy`, `viewpoint` and `exposure`: a camera and an exposure for scenes without a
+//! 2. `images` and `materials`: textured surfaces;
+//! 3. `extent`, `occupancy`, `viewpoint` and `exposure`: a camera and an exposure for scenes without a
 //!    camera;
-//! 3. `node_map`, `animation` and `sway`: the file's animations, or wind where there are none.
+//! 4. `node_map`, `animation` and `sway`: the file's animations, or wind where there are none.
 
 use std::path::Path;
 
 use girandole::glam::{Mat3, Vec3};
-use girandole::gltf::gltf::json::{Value, deserialize};
-use girandole::gltf::gltf::{Document, Material as GltfMaterial, Node};
+use girandole::gltf::gltf::{Document, Node, Primitive};
 use girandole::gltf::{
-    self, GltfError, GltfFile, GltfOptions, load_lights, material_emission, primitive_triangles, world_transforms,
+    self, GltfError, GltfFile, GltfOptions, load_lights_with_textures, node_instances, primitive_tex_coords,
+    primitive_triangles, world_transforms,
 };
-use girandole::{LightWorld, Policy};
+use girandole::{DirectionalLight, LightWorld, Policy};
 
-use super::{Animation, Camera, Material, Mesh, Object, Scene, SceneError, Sky, Stage, Triangle, rng};
+use super::texture::{self, Texture};
+use super::{Alpha, Animation, Camera, Material, Mesh, Object, Scene, SceneError, Sky, Stage, Triangle, rng};
 
+pub mod images;
+pub mod materials;
+
+pub mod extent;
 pub mod occupancy;
 pub mod viewpoint;
 pub mod exposure;
@@ -28,12 +34,26 @@ pub mod animation;
 pub mod sway;
 
 use animation::Player;
-use node_map::{NodeMap, to_single};
+use images::Images;
+use materials::Materials;
+use node_map::{NodeMap, NodeObject, to_single};
 use sway::Sway;
 
 /// Point lights often lie inside the mesh of their lamp. Within this distance of a light, in
 /// metres, nothing casts a shadow of it.
 const LAMP_CLEARANCE: f32 = 0.35;
+/// The same for small scenes, as a share of their size.
+const LAMP_CLEARANCE_SHARE: f32 = 0.02;
+/// Most placed meshes: nodes can share the accessors of their instances, so that a small file could
+/// describe more than fit into memory.
+const MAX_OBJECTS: usize = 1 << 24;
+/// The sky above files, which have none.
+const SKY: Sky = Sky {
+    zenith: Vec3::new(0.004, 0.007, 0.018),
+    horizon: Vec3::new(0.02, 0.018, 0.02),
+    ambient: Vec3::new(0.012, 0.014, 0.02),
+    haze: 0.0,
+};
 
 /// Reads a file and its buffers. An error is one line that begins with the path.
 pub fn open(path: &Path) -> Result<GltfFile, SceneError> {
@@ -44,36 +64,39 @@ pub fn open(path: &Path) -> Result<GltfFile, SceneError> {
 }
 
 /// Loads a file. The camera is `camera`, else the first perspective camera of the file, else it is
-/// placed among the lights.
+/// placed where it shows the scene.
 pub fn stage(path: &Path, camera: Option<Camera>) -> Result<Stage, SceneError> {
     let fail = |what: String| SceneError(format!("{}: {what}", path.display()));
     let file = open(path)?;
+    let images = images::load(&file, path.parent()).map_err(|error| fail(error.0))?;
     let mut world = LightWorld::new();
     let options = GltfOptions { policy: Policy::Budgeted, ..GltfOptions::default() };
-    let lights =
-        load_lights(&mut world, &file.document, &file.buffers, &options).map_err(|error| fail(error.to_string()))?;
-    let placed = place(&file).map_err(|error| fail(error.0))?;
+    let lights = load_lights_with_textures(&mut world, &file.document, &file.buffers, &images.for_lights(), &options)
+        .map_err(|error| fail(error.to_string()))?;
+    let placed = place(&file, &images).map_err(|error| fail(error.0))?;
     if placed.objects.is_empty() {
         return Err(fail("its scene has no triangles".into()));
     }
-    let sky = Sky {
-        zenith: Vec3::new(0.004, 0.007, 0.018),
-        horizon: Vec3::new(0.02, 0.018, 0.02),
-        ambient: Vec3::new(0.012, 0.014, 0.02),
-        haze: 0.0,
-    };
     let own_camera = file_camera(&file.document).map_err(|error| fail(error.to_string()))?;
     let mut scene = Scene {
         materials: placed.materials,
+        textures: placed.textures,
         meshes: placed.meshes,
         objects: placed.objects,
         camera: Camera { eye: Vec3::ZERO, target: Vec3::NEG_Z, vertical_fov: viewpoint::FIELD_OF_VIEW },
-        sky,
+        sky: SKY,
         lamp_clearance: LAMP_CLEARANCE,
         exposure: 1.0,
-        warnings: Vec::new(),
+        warnings: images.warnings,
     };
-    scene.camera = camera.or(own_camera).unwrap_or_else(|| viewpoint::among_lights(&scene, &world));
+    scene.warnings.extend(placed.warnings);
+    let extent = extent::Extent::of(&scene);
+    scene.lamp_clearance = LAMP_CLEARANCE.min(extent.size() * LAMP_CLEARANCE_SHARE);
+    if world.light_count() == 0 && world.directionals().next().is_none() {
+        scene.warnings.push("the file has no lights; a moon is added".into());
+        world.add_directional(moon())?;
+    }
+    scene.camera = camera.or(own_camera).unwrap_or_else(|| viewpoint::camera(&scene, &world, &extent));
     scene.exposure = exposure::exposure(&scene, &world);
     let node_map = NodeMap::new(&file.document, &placed.node_objects, &lights);
     let animation: Box<dyn Animation> = match Player::new(&file, node_map.clone()).map_err(|error| fail(error.0))? {
@@ -83,38 +106,41 @@ pub fn stage(path: &Path, camera: Option<Camera>) -> Result<Stage, SceneError> {
     Ok(Stage { scene, world, animation })
 }
 
+/// A light for files without lights, from above and from behind the usual camera.
+fn moon() -> DirectionalLight {
+    DirectionalLight { direction: Vec3::new(-0.5, -0.75, -0.43).normalize(), illuminance: Vec3::new(0.16, 0.21, 0.32) }
+}
+
 /// The geometry of a file.
 struct PlacedMeshes {
     materials: Vec<Material>,
+    textures: Vec<Texture>,
     meshes: Vec<Mesh>,
     objects: Vec<Object>,
-    /// Pairs of a node and its object.
-    node_objects: Vec<(usize, usize)>,
+    node_objects: Vec<NodeObject>,
+    warnings: Vec<String>,
 }
 
 /// Converts the materials and meshes of a file and places its nodes.
-fn place(file: &GltfFile) -> Result<PlacedMeshes, SceneError> {
+fn place(file: &GltfFile, images: &Images) -> Result<PlacedMeshes, SceneError> {
     let document = &file.document;
     let error = |error: GltfError| SceneError(error.to_string());
-    let mut materials: Vec<Material> = document.materials().map(|material| convert(&material)).collect();
-    let default_material = materials.len() as u32;
-    materials.push(Material { base_color: Vec3::ONE, roughness: 1.0, ..Material::default() });
+    let mut materials = Materials::new(images);
+    materials.add_all(document);
     let transforms = world_transforms(document).map_err(error)?;
     let mut mesh_indices: Vec<Option<u32>> = vec![None; document.meshes().len()];
     let mut meshes: Vec<Mesh> = Vec::new();
-    for mesh in document.meshes() {
-        let mut triangles = Vec::new();
-        for primitive in mesh.primitives() {
-            let material = primitive.material().index().map_or(default_material, |index| index as u32);
-            let corners = primitive_triangles(mesh.index(), &primitive, &file.buffers).map_err(error)?;
-            if corners.iter().flatten().any(|vertex| !vertex.is_finite()) {
-                return Err(SceneError(format!("mesh {}: a position is not a finite number", mesh.index())));
-            }
-            triangles.extend(corners.into_iter().map(|vertices| Triangle { vertices, material }));
+    for source in document.meshes() {
+        let mut mesh = Mesh::default();
+        for primitive in source.primitives() {
+            add_primitive(&mut mesh, source.index(), &primitive, &file.buffers, &mut materials).map_err(error)?;
         }
-        if !triangles.is_empty() {
-            mesh_indices[mesh.index()] = Some(meshes.len() as u32);
-            meshes.push(Mesh { triangles });
+        if mesh.triangles.iter().flat_map(|triangle| triangle.vertices).any(|vertex| !vertex.is_finite()) {
+            return Err(SceneError(format!("mesh {}: a position is not a finite number", source.index())));
+        }
+        if !mesh.triangles.is_empty() {
+            mesh_indices[source.index()] = Some(meshes.len() as u32);
+            meshes.push(mesh);
         }
     }
     let mut objects = Vec::new();
@@ -122,29 +148,43 @@ fn place(file: &GltfFile) -> Result<PlacedMeshes, SceneError> {
     for node in document.nodes() {
         let mesh = node.mesh().and_then(|mesh| mesh_indices[mesh.index()]);
         let (Some(mesh), Some(transform)) = (mesh, transforms[node.index()]) else { continue };
-        node_objects.push((node.index(), objects.len()));
-        objects.push(Object { mesh, transform: to_single(transform), emission_scale: 1.0, visible: true });
+        for local in node_instances(document, &node, &file.buffers).map_err(error)? {
+            if objects.len() == MAX_OBJECTS {
+                return Err(SceneError(format!("its nodes place more than {MAX_OBJECTS} meshes")));
+            }
+            node_objects.push(NodeObject { node: node.index(), object: objects.len(), local });
+            let transform = to_single(transform * local);
+            objects.push(Object { mesh, transform, emission_scale: 1.0, visible: true });
+        }
     }
-    Ok(PlacedMeshes { materials, meshes, objects, node_objects })
+    let Materials { materials, textures, warnings, .. } = materials;
+    Ok(PlacedMeshes { materials, textures, meshes, objects, node_objects, warnings })
 }
 
-fn convert(material: &GltfMaterial<'_>) -> Material {
-    let surface = material.pbr_metallic_roughness();
-    let [red, green, blue, _] = surface.base_color_factor();
-    Material {
-        base_color: Vec3::new(red, green, blue).clamp(Vec3::ZERO, Vec3::ONE),
-        roughness: surface.roughness_factor().clamp(0.0, 1.0),
-        metallic: surface.metallic_factor().clamp(0.0, 1.0),
-        emission: material_emission(material),
-        two_sided_emission: material.double_sided(),
-        see_through: see_through(material),
+/// Adds the triangles of a primitive to a mesh, with the texture coordinates that its material uses.
+fn add_primitive(
+    mesh: &mut Mesh,
+    index: usize,
+    primitive: &Primitive<'_>,
+    buffers: &[Vec<u8>],
+    materials: &mut Materials<'_>,
+) -> Result<(), GltfError> {
+    let corners = primitive_triangles(index, primitive, buffers)?;
+    let (material, sets) = materials.of(primitive);
+    let first = mesh.triangles.len();
+    mesh.triangles.extend(corners.into_iter().map(|vertices| Triangle { vertices, material }));
+    for (slot, set) in sets.into_iter().enumerate() {
+        let Some(set) = set else { continue };
+        let Some(coordinates) = primitive_tex_coords(index, primitive, set, buffers)? else { continue };
+        mesh.tex_coords.resize(mesh.triangles.len(), Default::default());
+        for (corners, found) in mesh.tex_coords[first..].iter_mut().zip(coordinates) {
+            corners[slot] = found;
+        }
     }
-}
-
-/// Whether the material's extras contain `"see_through": true`.
-fn see_through(material: &GltfMaterial<'_>) -> bool {
-    let extras = material.extras().as_ref().and_then(|raw| deserialize::from_str::<Value>(raw.get()).ok());
-    extras.and_then(|extras| extras.get("see_through")?.as_bool()).unwrap_or(false)
+    if !mesh.tex_coords.is_empty() {
+        mesh.tex_coords.resize(mesh.triangles.len(), Default::default());
+    }
+    Ok(())
 }
 
 /// The first perspective camera of the scene.

@@ -67,9 +67,10 @@ impl Sway {
                 names.entry(group).or_default().push(node.index());
             }
         }
+        // Nodes that place their mesh many times stay where they are.
         let mut groups = Vec::new();
         for (index, nodes) in names.into_values().enumerate() {
-            let objects: Vec<usize> = nodes.iter().filter_map(|&node| node_map.objects[node]).collect();
+            let objects: Vec<usize> = nodes.iter().filter_map(|&node| node_map.only_object(node)).collect();
             let points: Vec<Vec3> = objects.iter().flat_map(|&object| vertices(scene, object)).collect();
             let Some((pivot, axis, is_string)) = suspension(&points) else { continue };
             let objects = objects.into_iter().map(|object| (object, scene.objects[object].transform)).collect();
@@ -131,7 +132,7 @@ impl Animation for Sway {
                 scene.objects[object].transform = swing * rest;
             }
             for lights in self.node_map.lights.nodes.iter().filter(|lights| group.nodes.contains(&lights.node)) {
-                let object = self.node_map.objects[lights.node];
+                let object = self.node_map.only_object(lights.node);
                 let Some(object) = object else { continue };
                 let transform = scene.objects[object].transform;
                 match lights.source {

@@ -5,6 +5,7 @@ use std::f32::consts::{PI, TAU};
 use girandole::glam::{Vec2, Vec3, vec2, vec3};
 use girandole::{LightWorld, Shape};
 
+use super::extent::Extent;
 use super::occupancy::Occupancy;
 use super::{Camera, Scene};
 
@@ -14,6 +15,8 @@ pub const FIELD_OF_VIEW: f32 = PI / 3.0;
 const EYE_HEIGHT: f32 = 2.0;
 /// Distance within which a view is examined, metres.
 const REACH: f32 = 40.0;
+/// Scenes with a smaller diagonal, in metres, are no place for an eye of this height.
+const MIN_STREET_SIZE: f32 = 15.0;
 /// Slope of the viewing direction: it rises a little, since lamps hang above the camera.
 const SLOPE: f32 = 0.06;
 
@@ -49,14 +52,20 @@ fn triangles(scene: &Scene) -> Vec<[Vec3; 3]> {
     scene.objects.iter().filter(|object| object.visible).flat_map(placed).collect()
 }
 
+/// A camera among the lights if the scene is large enough to stand in and shows lights from there, and
+/// else one that sees all of it from outside.
+pub fn camera(scene: &Scene, world: &LightWorld, extent: &Extent) -> Camera {
+    let inside = (extent.size() >= MIN_STREET_SIZE).then(|| among_lights(scene, world)).flatten();
+    inside.unwrap_or_else(|| outside(scene, extent))
+}
+
 /// A camera two metres above the ground, near the brightest lights, in the direction with the best
-/// mix of a clear view and lights in it.
-pub fn among_lights(scene: &Scene, world: &LightWorld) -> Camera {
+/// mix of a clear view and lights in it; `None` if no light is in any clear view.
+fn among_lights(scene: &Scene, world: &LightWorld) -> Option<Camera> {
     let all = triangles(scene);
-    let (low, high) = all.iter().flatten().fold((Vec3::MAX, Vec3::MIN), |(low, high), v| (low.min(*v), high.max(*v)));
-    let mut lights = bright_lights(world);
+    let lights = bright_lights(world);
     if lights.is_empty() {
-        lights.push(((low + high) * 0.5, 1.0));
+        return None;
     }
     let total: f32 = lights.iter().map(|light| light.1.max(1e-6)).sum();
     // The light with the least flux-weighted distance to the others: a median, which ignores
@@ -102,17 +111,12 @@ pub fn among_lights(scene: &Scene, world: &LightWorld) -> Camera {
         };
         let lit: f32 = lights.iter().map(visible_flux).sum();
         let clear_width = clear.min(clear_aside[0] * 2.0).min(clear_aside[1] * 2.0);
-        if clear_width < 3.0 { 0.0 } else { (lit + 1e-6) * clear_width.sqrt() }
+        if clear_width < 3.0 { 0.0 } else { lit * clear_width.sqrt() }
     };
     let scores: Vec<f32> = views.iter().map(score).collect();
     let best = (0..views.len()).max_by(|a, b| scores[*a].total_cmp(&scores[*b])).filter(|&best| scores[best] > 0.0);
-    match best {
-        Some(best) => {
-            let (eye, direction) = views[best];
-            Camera { eye, target: eye + direction * 10.0, vertical_fov: FIELD_OF_VIEW }
-        }
-        None => outside(low, high),
-    }
+    let (eye, direction) = views[best?];
+    Some(Camera { eye, target: eye + direction * 10.0, vertical_fov: FIELD_OF_VIEW })
 }
 
 /// The height of the highest surface at (x, z) that is at least 0.5 m below `top`.
@@ -128,8 +132,44 @@ fn ground(triangles: &[[Vec3; 3]], at: Vec2, top: f32) -> Option<f32> {
     triangles.iter().filter_map(height).max_by(f32::total_cmp)
 }
 
-/// A camera that sees the whole scene from outside and above.
-fn outside(low: Vec3, high: Vec3) -> Camera {
-    let (middle, size) = ((low + high) * 0.5, (high - low).length().max(0.1));
-    Camera { eye: middle + vec3(0.35, 0.3, 0.6) * size * 1.4, target: middle, vertical_fov: FIELD_OF_VIEW }
+/// A camera that sees the whole scene from outside and above, from the side that shows most of its
+/// emissive surfaces.
+fn outside(scene: &Scene, extent: &Extent) -> Camera {
+    let sides = [(0.37, 0.64), (-0.64, 0.37), (0.64, -0.37), (-0.37, -0.64)];
+    let directions = sides.map(|(x, z)| vec3(x, 0.32, z));
+    let mut shown = [0.0f32; 4];
+    for object in scene.objects.iter().filter(|object| object.visible) {
+        for triangle in &scene.meshes[object.mesh as usize].triangles {
+            let material = &scene.materials[triangle.material as usize];
+            let [a, b, c] = triangle.vertices.map(|vertex| object.transform.transform_point3(vertex));
+            let front = (b - a).cross(c - a);
+            // Of surfaces that do not emit, a tenth of the area counts.
+            let weight = if material.emission == Vec3::ZERO { 0.1 } else { 1.0 };
+            for (shown, direction) in shown.iter_mut().zip(directions) {
+                let facing = front.dot(direction);
+                *shown += weight * if material.two_sided_emission { facing.abs() } else { facing.max(0.0) };
+            }
+        }
+    }
+    // The first side unless another shows clearly more.
+    shown[0] *= 1.1;
+    let best =
+        (0..4).max_by(|a, b| shown[*a].total_cmp(&shown[*b])).filter(|&best| shown[best] > shown[0]).unwrap_or(0);
+    let (target, toward_eye) = (extent.middle(), directions[best].normalize());
+    Camera { eye: target + toward_eye * fitting_distance(extent, toward_eye), target, vertical_fov: FIELD_OF_VIEW }
+}
+
+/// The distance from the middle of a box, along a unit vector, from which the whole box fits into a picture
+/// of 4:3 or wider, with some room around it.
+fn fitting_distance(extent: &Extent, toward_eye: Vec3) -> f32 {
+    let right = Vec3::Y.cross(toward_eye).normalize();
+    let up = toward_eye.cross(right);
+    let half_height = (FIELD_OF_VIEW * 0.5).tan();
+    let distance = |corner: usize| {
+        let side = |axis: usize| if corner >> axis & 1 == 0 { extent.low[axis] } else { extent.high[axis] };
+        let at = vec3(side(0), side(1), side(2)) - extent.middle();
+        let across = (at.dot(right).abs() * 0.75).max(at.dot(up).abs());
+        across / half_height + at.dot(toward_eye)
+    };
+    1.1 * (0..8).map(distance).fold(extent.size() * 0.1, f32::max)
 }

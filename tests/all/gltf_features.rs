@@ -1,0 +1,293 @@
+//! Features of glTF files in the lights that they become: emissive textures, quantized meshes, instances
+//! of meshes, and sparse accessors.
+
+use girandole::glam::{DVec3, Mat3, Vec3, vec3};
+use girandole::gltf::{
+    GltfError, GltfFile, GltfLights, GltfOptions, TextureImage, load, load_lights, load_lights_with_textures,
+    read_image,
+};
+use girandole::{Light, LightWorld, Shape};
+
+use crate::gltf_documents::{Document, SQUARE, SQUARE_INDICES, data_uri, floats, png, square, square_primitive};
+
+fn open(text: &str) -> GltfFile {
+    load(text.as_bytes(), &GltfOptions::default()).unwrap_or_else(|error| panic!("{error}: {text}"))
+}
+
+/// The lights of the world's only tree.
+fn lights(world: &LightWorld) -> Vec<Light> {
+    let keys: Vec<_> = world.trees().collect();
+    assert_eq!(keys.len(), 1);
+    world.tree(keys[0]).expect("a tree").lights().to_vec()
+}
+
+/// An image of black and white pixels.
+fn pixels(width: u32, height: u32, is_white: impl Fn(u32, u32) -> bool) -> Vec<u8> {
+    let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+    places.flat_map(|(x, y)| if is_white(x, y) { [255; 4] } else { [0, 0, 0, 255] }).collect()
+}
+
+/// A square image.
+fn image(side: u32, rgba: &[u8]) -> Option<TextureImage<'_>> {
+    Some(TextureImage { width: side, height: side, rgba })
+}
+
+/// A square that emits 10 nits times a texture; `texture` are more fields of the texture's use.
+fn textured_square(texture: &str) -> String {
+    square().text(&format!(
+        "'nodes':[{{'mesh':0}}],'meshes':[{{'primitives':[{}]}}],'images':[{{'uri':'white.png'}}],\
+         'textures':[{{'source':0}}],'materials':[{{'emissiveFactor':[1,1,1],\
+         'emissiveTexture':{{'index':0{texture}}},\
+         'extensions':{{'KHR_materials_emissive_strength':{{'emissiveStrength':10}}}}}}]",
+        square_primitive(0)
+    ))
+}
+
+/// Loads a document with one image. `None` is an image that is not decoded.
+fn load_textured(text: &str, image: Option<TextureImage<'_>>) -> (LightWorld, Result<GltfLights, GltfError>) {
+    let (file, mut world) = (open(text), LightWorld::new());
+    let result =
+        load_lights_with_textures(&mut world, &file.document, &file.buffers, &[image], &GltfOptions::default());
+    (world, result)
+}
+
+fn emissions(text: &str, image: Option<TextureImage<'_>>) -> Vec<f32> {
+    let (world, result) = load_textured(text, image);
+    result.expect("a valid document");
+    lights(&world).iter().map(|light| light.emission.x).collect()
+}
+
+#[test]
+fn each_triangle_emits_the_average_of_its_texture() {
+    // White above the diagonal from the upper left to the lower right corner of the image; both
+    // triangles, which the other diagonal separates, have a half of it.
+    let rgba = pixels(64, 64, |x, y| x > y);
+    let halves = emissions(&textured_square(""), image(64, &rgba));
+    assert!(halves.iter().all(|emission| (emission - 5.0).abs() < 0.1), "{halves:?}");
+    // White in the lower half: three quarters of the first triangle, and a quarter of the second.
+    let rgba = pixels(64, 64, |_, y| y >= 32);
+    let found = emissions(&textured_square(""), image(64, &rgba));
+    assert!((found[0] - 7.5).abs() < 1e-4 && (found[1] - 2.5).abs() < 1e-4, "{found:?}");
+    // Without the image, and with an image that is not decoded, the texture is white.
+    assert_eq!(emissions(&textured_square(""), None), [10.0, 10.0]);
+    let (file, mut world) = (open(&textured_square("")), LightWorld::new());
+    load_lights(&mut world, &file.document, &file.buffers, &GltfOptions::default()).expect("a valid document");
+    assert_eq!(lights(&world).len(), 2);
+}
+
+#[test]
+fn triangles_whose_texture_is_black_have_no_lights() {
+    let of_white = |texel| emissions(&textured_square(""), image(4, &pixels(4, 4, |x, y| (x, y) == texel)));
+    // One texel is an eighth of a triangle. That in the lower right corner is part of the first
+    // triangle only, and that in the lower left corner of a half of both.
+    let found = of_white((3, 3));
+    assert!(found.len() == 1 && (found[0] - 1.25).abs() < 1e-4, "{found:?}");
+    let found = of_white((0, 3));
+    assert!(found.len() == 2 && found.iter().all(|emission| (emission - 0.625).abs() < 1e-4), "{found:?}");
+    // A mesh of black triangles becomes no tree and no instance.
+    let (world, result) = load_textured(&textured_square(""), image(4, &pixels(4, 4, |_, _| false)));
+    assert_eq!(result.map(|lights| lights.nodes.len()), Ok(0));
+    assert_eq!((world.tree_count(), world.instance_count()), (0, 0));
+}
+
+#[test]
+fn texture_transforms_and_sets_of_coordinates_are_regarded() {
+    let rgba = pixels(2, 1, |x, _| x == 0);
+    let image = Some(TextureImage { width: 2, height: 1, rgba: &rgba });
+    let transformed = |transform: &str| {
+        let transform = format!(",'extensions':{{'KHR_texture_transform':{{{transform}}}}}");
+        emissions(&textured_square(&transform), image)
+    };
+    let white = transformed("'scale':[0.5,1]");
+    assert!(white.iter().all(|emission| (emission - 10.0).abs() < 1e-4), "{white:?}");
+    let black = load_textured(
+        &textured_square(",'extensions':{'KHR_texture_transform':{'scale':[0.5,1],'offset':[0.5,0]}}"),
+        image,
+    );
+    assert_eq!(black.1.map(|lights| lights.nodes.len()), Ok(0));
+    // The primitive lacks the set, so that the texture counts as white.
+    assert_eq!(emissions(&textured_square(",'texCoord':1"), image), [10.0, 10.0]);
+    assert_eq!(transformed("'texCoord':1"), [10.0, 10.0]);
+}
+
+#[test]
+fn invalid_textures_are_refused() {
+    fn refused(text: &str, image: TextureImage<'_>) -> GltfError {
+        let (world, result) = load_textured(text, Some(image));
+        let error = result.expect_err("an invalid texture");
+        assert_eq!((world.tree_count(), world.instance_count()), (0, 0));
+        assert!(!error.to_string().contains('\n'), "{error}");
+        error
+    }
+    for (width, height, bytes) in [(2, 2, 15), (2, 2, 17), (0, 2, 0), (u32::MAX, u32::MAX, 4)] {
+        let rgba = vec![0; bytes];
+        let error = refused(&textured_square(""), TextureImage { width, height, rgba: &rgba });
+        assert!(matches!(error, GltfError::Image { image: 0, .. }), "{error}");
+    }
+    let white = TextureImage { width: 1, height: 1, rgba: &[255; 4] };
+    let error = refused(&textured_square(",'extensions':{'KHR_texture_transform':{'scale':[1e39,1]}}"), white);
+    assert!(matches!(error, GltfError::Image { image: 0, .. }), "{error}");
+    // A coordinate that is NaN.
+    let mut document = Document::default();
+    document.vec3(&SQUARE.0);
+    let mut coordinates = SQUARE.1;
+    coordinates[3][0] = f32::NAN;
+    document.vec2(&coordinates);
+    document.accessor(&SQUARE_INDICES, 6, "'componentType':5121,'type':'SCALAR'");
+    let fields = textured_square("");
+    let fields = &fields[fields.find("\"nodes\"").expect("its nodes")..fields.len() - 1];
+    let error = refused(&document.text(fields), white);
+    assert!(matches!(error, GltfError::Accessor { accessor: 1, .. }), "{error}");
+}
+
+#[test]
+fn images_are_read_from_views_uris_and_files_of_the_folder() {
+    let bytes = png(1, 1, |_, _| [9; 4]);
+    let mut document = Document::default();
+    let view = document.view(&bytes);
+    let text = |image: &str| document.text(&format!("'images':[{image}]"));
+    let read = |image: &str, folder: Option<&std::path::Path>| {
+        read_image(&open(&text(image)), 0, folder, &GltfOptions::default())
+    };
+    assert_eq!(read(&format!("{{'bufferView':{view},'mimeType':'image/png'}}"), None), Ok(bytes.clone()));
+    assert_eq!(read(&format!("{{'uri':'{}'}}", data_uri(&bytes)), None), Ok(bytes.clone()));
+    let folder = std::env::temp_dir().join(format!("girandole_images_{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a writable folder");
+    std::fs::write(folder.join("a b.png"), &bytes).expect("a writable folder");
+    assert_eq!(read("{'uri':'a%20b.png'}", Some(&folder)), Ok(bytes.clone()));
+    for (uri, hint) in [("../a.png", "has .. in it"), ("/a.png", "absolute"), ("http://a/b.png", "scheme")] {
+        let error = read(&format!("{{'uri':'{uri}'}}"), Some(&folder)).expect_err("a refused URI");
+        assert!(matches!(error, GltfError::Image { image: 0, .. }) && error.to_string().contains(hint), "{error}");
+    }
+    let missing = read("{'uri':'missing.png'}", Some(&folder)).expect_err("no such file");
+    assert!(matches!(missing, GltfError::Read { .. }), "{missing}");
+    let unknown = read("{'uri':'a%20b.png'}", None).expect_err("no folder");
+    assert!(unknown.to_string().contains("folder of the document is unknown"), "{unknown}");
+    let file = open(&text("{'uri':'a%20b.png'}"));
+    let small = GltfOptions { max_bytes: 10, ..GltfOptions::default() };
+    let limited = read_image(&file, 0, Some(&folder), &small);
+    assert_eq!(limited, Err(GltfError::TooManyBytes { needed: bytes.len() as u64, limit: 10 }));
+    assert!(matches!(read_image(&file, 1, None, &small), Err(GltfError::Image { image: 1, .. })));
+    std::fs::remove_dir_all(&folder).expect("a folder of this test");
+}
+
+/// An emissive triangle whose positions are an accessor of these bytes and fields.
+fn emissive_triangle(bytes: &[u8], fields: &str) -> String {
+    let mut document = Document::default();
+    document.accessor(bytes, 3, &format!("{fields},'type':'VEC3','min':[0,0,0],'max':[1,1,1]"));
+    document.text(
+        "'extensionsRequired':['KHR_mesh_quantization','EXT_mesh_gpu_instancing','KHR_texture_transform'],\
+         'nodes':[{'mesh':0}],'meshes':[{'primitives':[{'attributes':{'POSITION':0},'material':0}]}],\
+         'materials':[{'emissiveFactor':[1,1,1]}]",
+    )
+}
+
+#[test]
+fn quantized_positions_are_read() {
+    let vertices = |bytes: &[u8], fields: &str| {
+        let (file, mut world) = (open(&emissive_triangle(bytes, fields)), LightWorld::new());
+        load_lights(&mut world, &file.document, &file.buffers, &GltfOptions::default()).expect("a valid document");
+        let Shape::Triangle { vertices, .. } = lights(&world)[0].shape else { panic!("not a triangle") };
+        vertices
+    };
+    let bytes = [0, 0, 0, 127, 0, 0, 0, 129, 1];
+    let unsigned = [Vec3::ZERO, vec3(127.0, 0.0, 0.0), vec3(0.0, 129.0, 1.0)];
+    assert_eq!(vertices(&bytes, "'componentType':5121"), unsigned);
+    assert_eq!(vertices(&bytes, "'componentType':5120")[2], vec3(0.0, -127.0, 1.0));
+    assert_eq!(vertices(&bytes, "'componentType':5120,'normalized':true")[2], vec3(0.0, -1.0, 1.0 / 127.0));
+    assert_eq!(vertices(&bytes, "'componentType':5121,'normalized':true")[2], vec3(0.0, 129.0, 1.0) / 255.0);
+    let shorts: Vec<u8> = [0, 0, 0, 300, 0, 0, 0, -300, 32767].iter().flat_map(|x: &i16| x.to_le_bytes()).collect();
+    assert_eq!(vertices(&shorts, "'componentType':5122")[2], vec3(0.0, -300.0, 32767.0));
+    assert_eq!(vertices(&shorts, "'componentType':5122,'normalized':true")[2].z, 1.0);
+    assert_eq!(vertices(&shorts, "'componentType':5123")[1], vec3(300.0, 0.0, 0.0));
+    // Integers of 32 bits are no positions.
+    let file = open(&emissive_triangle(&[0; 36], "'componentType':5125"));
+    let result = load_lights(&mut LightWorld::new(), &file.document, &file.buffers, &GltfOptions::default());
+    assert!(matches!(result, Err(GltfError::Accessor { accessor: 0, .. })), "{result:?}");
+}
+
+#[test]
+fn sparse_accessors_replace_elements() {
+    let mut document = square();
+    let indices = document.view(&[1, 3]);
+    let values = document.view(&floats(&[5.0, 6.0, 7.0, 8.0, 9.0, 10.0]));
+    let text = |count: usize| {
+        let fields = format!(
+            "'nodes':[{{'mesh':0}}],'meshes':[{{'primitives':[{}]}}],'materials':[{{'emissiveFactor':[1,1,1]}}]",
+            square_primitive(0)
+        );
+        let sparse = format!(
+            "\"count\":4,\"sparse\":{{\"count\":{count},\"indices\":{{\"bufferView\":{indices},\
+             \"componentType\":5121}},\"values\":{{\"bufferView\":{values}}}}}"
+        );
+        document.text(&fields).replacen("\"count\":4", &sparse, 1)
+    };
+    let (file, mut world) = (open(&text(2)), LightWorld::new());
+    load_lights(&mut world, &file.document, &file.buffers, &GltfOptions::default()).expect("a valid document");
+    let shapes: Vec<_> = lights(&world).iter().map(|light| light.shape).collect();
+    let Shape::Triangle { vertices, .. } = shapes[1] else { panic!("not a triangle") };
+    assert_eq!(vertices, [vec3(-1.0, -1.0, 0.0), vec3(1.0, 1.0, 0.0), vec3(8.0, 9.0, 10.0)]);
+    let Shape::Triangle { vertices, .. } = shapes[0] else { panic!("not a triangle") };
+    assert_eq!(vertices[1], vec3(5.0, 6.0, 7.0));
+    let file = open(&text(3));
+    let result = load_lights(&mut LightWorld::new(), &file.document, &file.buffers, &GltfOptions::default());
+    assert!(matches!(result, Err(GltfError::OutOfBounds { accessor: 0, .. })), "{result:?}");
+}
+
+/// A square that a node places many times, with these attributes of its instances and this extension.
+fn instanced(document: &mut Document, extension: &str) -> String {
+    document.text(&format!(
+        "'extensionsRequired':['EXT_mesh_gpu_instancing'],'nodes':[{{'mesh':0,'translation':[10,0,0],\
+         'extensions':{{'EXT_mesh_gpu_instancing':{extension}}}}}],'meshes':[{{'primitives':[{}]}}],\
+         'materials':[{{'emissiveFactor':[1,1,1]}}]",
+        square_primitive(0)
+    ))
+}
+
+#[test]
+fn instances_of_a_mesh_become_instances_of_its_lights() {
+    let mut document = square();
+    let places = document.vec3(&[[0.0; 3], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]]);
+    let scales = document.vec3(&[[1.0; 3], [2.0; 3], [0.0, 1.0, 1.0]]);
+    let text =
+        instanced(&mut document, &format!("{{'attributes':{{'TRANSLATION':{places},'SCALE':{scales},'_ID':0}}}}"));
+    let (file, mut world) = (open(&text), LightWorld::new());
+    let found = load_lights(&mut world, &file.document, &file.buffers, &GltfOptions::default()).expect("valid");
+    assert_eq!((world.tree_count(), world.instance_count(), found.nodes.len()), (1, 3, 3));
+    let placements: Vec<_> = found.nodes.iter().filter_map(|node| world.placement(node.instance)).collect();
+    assert_eq!(placements[1].translation, DVec3::new(10.0, 2.0, 0.0));
+    assert_eq!(placements[1].linear.x_axis, vec3(2.0, 0.0, 0.0));
+    // The third is flat, and hidden.
+    assert_eq!(placements[2].linear, Mat3::ZERO);
+    assert_eq!(found.nodes[2].local.translation, DVec3::new(0.0, 0.0, 3.0));
+    // The limit counts instances.
+    let options = GltfOptions { max_instances: 2, ..GltfOptions::default() };
+    let result = load_lights(&mut LightWorld::new(), &file.document, &file.buffers, &options);
+    assert_eq!(result, Err(GltfError::TooManyInstances { found: 3, limit: 2 }));
+}
+
+#[test]
+fn invalid_instances_are_refused() {
+    let mut document = square();
+    let two = document.vec3(&[[0.0; 3]; 2]);
+    let infinite = document.vec3(&[[f32::INFINITY; 3]; 2]);
+    let turned = document.accessor(&floats(&[0.0; 8]), 2, "'componentType':5126,'type':'VEC4'");
+    let cases = [
+        ("{}".to_owned(), 700),
+        ("7".into(), 700),
+        ("{'attributes':{}}".into(), 700),
+        ("{'attributes':{'TRANSLATION':'a'}}".into(), 700),
+        ("{'attributes':{'TRANSLATION':99}}".into(), 700),
+        (format!("{{'attributes':{{'TRANSLATION':{two},'SCALE':0}}}}"), 700),
+        (format!("{{'attributes':{{'TRANSLATION':{turned}}}}}"), 703),
+        (format!("{{'attributes':{{'TRANSLATION':{infinite}}}}}"), 706),
+        (format!("{{'attributes':{{'ROTATION':{turned}}}}}"), 706),
+    ];
+    for (extension, code) in cases {
+        let (file, mut world) = (open(&instanced(&mut document, &extension)), LightWorld::new());
+        let error =
+            load_lights(&mut world, &file.document, &file.buffers, &GltfOptions::default()).expect_err(&extension);
+        assert_eq!(error.code(), code, "{extension}: {error}");
+        assert!(!error.to_string().contains('\n') && world.tree_count() == 0, "{extension}: {error}");
+    }
+}
