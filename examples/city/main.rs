@@ -43,7 +43,7 @@ use std::process::ExitCode;
 
 fn main() -> ExitCode {
     let result = match Options::read(std::env::args_os()) {
-        Ok(Parsed::Run(options)) if options.window => window::run(&options, &mut |line| println!("{line}")),
+        Ok(Parsed::Run(options)) if options.window => window::shell::run(&options, &mut |line| println!("{line}")),
         Ok(Parsed::Run(options)) if options.compare => {
             city::app::compare::run::compare(&options, &mut |line| println!("{line}")).map(drop)
         }

@@ -30,14 +30,12 @@ pub fn random(pixel: u32, sample: u32, seed: u32, dimension: Dimension) -> [f32;
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-
     #[test]
     fn random_numbers_are_below_one_and_uniform_in_the_mean() {
         let mut mean = [0.0f64; 4];
         for pixel in 0..1000 {
             for sample in 0..16 {
-                let u = random(pixel, sample, 3, Dimension::Light);
+                let u = super::random(pixel, sample, 3, super::Dimension::Light);
                 for (m, x) in mean.iter_mut().zip(u) {
                     assert!((0.0..1.0).contains(&x));
                     *m += f64::from(x) / 16_000.0;

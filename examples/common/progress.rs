@@ -106,13 +106,11 @@ impl Lines {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-
     #[test]
     fn lines_come_at_most_every_five_seconds() {
-        let start = Instant::now();
-        let after = |seconds| start + Duration::from_secs(seconds);
-        let mut lines = Lines::new(start);
+        let start = super::Instant::now();
+        let after = |seconds| start + super::Duration::from_secs(seconds);
+        let mut lines = super::Lines::new(start);
         assert_eq!(lines.next(after(4), "frame 0", 0.1), None);
         let line = lines.next(after(5), "frame 0", 0.2).expect("five seconds have passed");
         assert_eq!(line, "frame 0: 20 %, 5 s elapsed, 20 s left");
@@ -123,11 +121,11 @@ mod tests {
 
     #[test]
     fn the_time_that_is_left_follows_from_what_was_done_since_the_start() {
-        let start = Instant::now();
-        let mut lines = Lines::from(start, 0.5);
-        let after = start + Duration::from_secs(10);
+        let start = super::Instant::now();
+        let mut lines = super::Lines::from(start, 0.5);
+        let after = start + super::Duration::from_secs(10);
         assert_eq!(lines.next(after, "a", 0.5).expect("a line"), "a: 50 %, 10 s elapsed, unknown time left");
-        let after = start + Duration::from_secs(20);
+        let after = start + super::Duration::from_secs(20);
         assert_eq!(lines.next(after, "a", 0.75).expect("a line"), "a: 75 %, 20 s elapsed, 20 s left");
     }
 }

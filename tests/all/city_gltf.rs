@@ -5,6 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use girandole::glam::{Vec2, Vec3};
+use girandole::{CandidateCount, SplitCount};
 
 use crate::city::app::session::Session;
 use crate::city::app::tone_mapping::agx;
@@ -206,7 +207,15 @@ fn files_without_a_camera_give_a_usable_picture() {
         assert_eq!(told, warnings, "{name}: {:?}", stage.scene.warnings);
         let (exposure, camera) = (stage.scene.exposure, stage.scene.camera);
         let geometry = Geometry::new(&stage.scene).expect("a valid scene");
-        let settings = Settings { width: 32, height: 18, spp: 32, seed: 3, light_choice: LightChoice::Tree };
+        let settings = Settings {
+            width: 32,
+            height: 18,
+            spp: 32,
+            splits: SplitCount::DEFAULT,
+            candidates: CandidateCount::of::<4>(),
+            seed: 3,
+            light_choice: LightChoice::Girandole,
+        };
         let chosen = backend::choose(BackendChoice::Cpu).expect("threads");
         let mut session = Session::new(stage, settings, PACE, chosen).expect("a valid scene");
         let image = session.frame(&|_| {}).expect("a scene that renders").image;

@@ -33,5 +33,3 @@ pub mod panel;
 
 pub mod presenter;
 pub mod shell;
-
-pub use shell::run;
