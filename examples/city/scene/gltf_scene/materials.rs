@@ -16,6 +16,9 @@ use super::{Alpha, Material};
 /// The opacity at which a mask cuts where the file does not state it.
 const DEFAULT_CUTOFF: f32 = 0.5;
 
+/// The index of a material in the scene, and the two sets of texture coordinates that it uses.
+type Made = (u32, [Option<u32>; 2]);
+
 /// The materials of a scene, made when a primitive needs them.
 pub struct Materials<'a> {
     images: &'a Images,
@@ -25,7 +28,7 @@ pub struct Materials<'a> {
     pub textures: Vec<Texture>,
     /// Materials that were made, by the index in the file and the sets of coordinates that the primitive
     /// lacks.
-    known: BTreeMap<(Option<usize>, Vec<u32>), (u32, [Option<u32>; 2])>,
+    known: BTreeMap<(Option<usize>, Vec<u32>), Made>,
     /// What the user should know: one line each.
     pub warnings: Vec<String>,
 }
@@ -44,9 +47,8 @@ impl<'a> Materials<'a> {
         }
     }
 
-    /// The index of the material of a primitive, and the two sets of texture coordinates that it uses.
-    /// Textures whose coordinates the primitive lacks are left out.
-    pub fn of(&mut self, primitive: &Primitive<'_>) -> (u32, [Option<u32>; 2]) {
+    /// The material of a primitive. Textures whose coordinates the primitive lacks are left out.
+    pub fn of(&mut self, primitive: &Primitive<'_>) -> Made {
         let material = primitive.material();
         let sets = infos(&material).into_iter().flatten().map(|info| TextureUse::of(&info).tex_coord);
         let mut lacking: Vec<u32> = sets.filter(|&set| primitive.get(&Semantic::TexCoords(set)).is_none()).collect();
@@ -55,7 +57,7 @@ impl<'a> Materials<'a> {
         self.add(&material, &lacking)
     }
 
-    fn add(&mut self, material: &GltfMaterial<'_>, lacking: &[u32]) -> (u32, [Option<u32>; 2]) {
+    fn add(&mut self, material: &GltfMaterial<'_>, lacking: &[u32]) -> Made {
         let key = (material.index(), lacking.to_vec());
         if let Some(&known) = self.known.get(&key) {
             return known;
