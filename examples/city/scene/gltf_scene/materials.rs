@@ -16,7 +16,7 @@ use super::{Alpha, Material};
 /// The opacity at which a mask cuts where the file does not state it.
 const DEFAULT_CUTOFF: f32 = 0.5;
 
-/// The index of a material, and the two sets of texture coordinates that it uses.
+/// The index of a material in the scene, and the two sets of texture coordinates that it uses.
 type Made = (u32, [Option<u32>; 2]);
 
 /// The materials of a scene, made when a primitive needs them.
@@ -47,8 +47,7 @@ impl<'a> Materials<'a> {
         }
     }
 
-    /// The index of the material of a primitive, and the two sets of texture coordinates that it uses.
-    /// Textures whose coordinates the primitive lacks are left out.
+    /// The material of a primitive. Textures whose coordinates the primitive lacks are left out.
     pub fn of(&mut self, primitive: &Primitive<'_>) -> Made {
         let material = primitive.material();
         let sets = infos(&material).into_iter().flatten().map(|info| TextureUse::of(&info).tex_coord);
