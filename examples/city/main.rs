@@ -8,8 +8,13 @@
 //! This renders two frames into the folder `out`: a picture for the screen (`frame_0000.png`), its
 //! radiance (`frame_0000.exr`), and the costs of each frame (`frames.csv`). At the end it prints
 //! which effects the lights needed and how many shadow rays were traced. `--compare` renders the
-//! same view by other samplers in equal time, with their errors. `--help` lists the options: other
-//! sizes of city, glTF scenes, and the lamps and the traffic of a real city.
+//! same view by other samplers in equal time, with their errors. `--video FILE` writes a film.
+//! `--help` lists the options: other sizes of city, glTF scenes, and the lamps and the traffic of a
+//! real city.
+//!
+//! `frames.csv` has a row for each finished frame at any moment of the run. `app/output.rs` explains
+//! its columns; `frame_ms` is the sum of the times of all stages, from moving the scene to writing the
+//! pictures.
 //!
 //! `modules.rs` lists the parts: `scene` (what is drawn), `render` (how) and `app` (the program).
 //! Each folder's `mod.rs` states the order in which to read its files; `app/session.rs` shows how
