@@ -8,18 +8,9 @@
 //! This renders two frames into the folder `out`: a picture for the screen (`frame_0000.png`), its
 //! radiance (`frame_0000.exr`), and the costs of each frame (`frames.csv`). At the end it prints
 //! which effects the lights needed and how many shadow rays were traced. `--window` opens a window to
-//! fly through the scene, and `--compare` renders the same view by other samplers in equal time, with
-//! their errors. `--help` lists the options: other sizes of city, glTF scenes, films, and the lamps,
-//! the traffic, the roads and the buildings of a real city. All files of a real city fit together if
-//! they have the same metres:
-//!
-//! ```text
-//! cargo run --release --example city -- --lamps lamps.csv --traffic fcd.xml \
-//!     --vtypes types.rou.xml --net city.net.xml --buildings buildings.geojson
-//! ```
-//!
-//! Lamps and buildings have the metres that the network had before `netconvert` moved it. Traffic has
-//! those after, which `--net` undoes.
+//! fly through the scene, `--compare` renders the same view by other samplers in equal time, with
+//! their errors, and `--video FILE` writes a film. `docs/city.md` and `--help` tell the rest: other
+//! sizes of city, glTF scenes, and the lamps, traffic, roads and buildings of a real city.
 //!
 //! `modules.rs` lists the parts: `scene` (what is drawn), `render` (how) and `app` (the program).
 //! Each folder's `mod.rs` states the order in which to read its files; `app/session.rs` shows how

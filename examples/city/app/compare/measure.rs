@@ -1,7 +1,9 @@
 //! Renders the same view by several samplers in equal time, and by a reference.
 //!
-//! The CPU renders everything, so that all samplers trace the same rays with the same code. The
-//! samplers take turns in all that is timed: other load on the machine meets all of them.
+//! The CPU renders everything, so that all samplers trace the same rays with the same code. The time
+//! of a sample is measured in short passes, in which the samplers take turns: other load on the
+//! machine meets all of them. The pictures themselves are not timed, because load may differ from one
+//! to the next.
 
 use super::render::image::Image;
 use super::render::sequence::frame_seed;
@@ -16,7 +18,7 @@ use std::time::Duration;
 pub const SAMPLERS: [LightChoice; 4] =
     [LightChoice::Uniform, LightChoice::Flux, LightChoice::Pbrt, LightChoice::Girandole];
 /// Rounds in which the time of one sample is measured.
-const TIMING_ROUNDS: u32 = 4;
+const TIMING_ROUNDS: u32 = 8;
 /// A round has a part of the samples of the comparison: one in so many.
 const TIMING_PART: u32 = 8;
 /// The reference has so many times the samples of Girandole, so that its own error hardly counts.
@@ -29,7 +31,8 @@ const REFERENCE_FRAME: u32 = 1 << 31;
 pub struct Row {
     /// How its lights were chosen.
     pub sampler: LightChoice,
-    /// Time of rendering, without the build of the sampler.
+    /// Time of rendering, without the build of the sampler: the number of samples times the mean
+    /// time of one.
     pub time: Duration,
     /// Samples per pixel.
     pub samples: u32,
@@ -130,10 +133,11 @@ impl Plan {
                     LightChoice::Girandole => step,
                     _ => ((f64::from(step) * girandole / seconds) as u32).max(1),
                 };
-                let Rendered { image, times, .. } =
+                let Rendered { image, .. } =
                     self.render(session, (sampler, samples), frame, f64::from(step), progress)?;
                 let score = Score::new(&image.pixels, &reference.pixels);
-                let row = Row { sampler, time: times.rendering, samples, score };
+                let time = Duration::from_secs_f64(f64::from(samples) * seconds);
+                let row = Row { sampler, time, samples, score };
                 rows.push(row);
                 if is_last {
                     equal_time.push((row, image));

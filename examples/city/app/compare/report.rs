@@ -16,8 +16,8 @@ use plotters::prelude::*;
 use std::io::Write;
 use std::path::Path;
 
-/// The columns of `compare.csv`. `time_ms` is the time of rendering and `samples` the number per
-/// pixel.
+/// The columns of `compare.csv`: the sampler's name as on the command line, [`Row::time`], the
+/// samples per pixel, and both errors of [`Row::score`].
 pub const COLUMNS: [&str; 5] = ["sampler", "time_ms", "samples", "rel_mse", "mape"];
 /// The part of the pictures that is shown beside each other, in pixels, at most.
 const CROP: (usize, usize) = (240, 135);
