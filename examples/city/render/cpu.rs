@@ -4,7 +4,7 @@
 use super::baseline::Baseline;
 use super::choice::Choice;
 use super::geometry::Geometry;
-use super::image::{Image, ShadowRays};
+use super::image::{Image, ShadowRays, first_half};
 use super::scene::{Material, Scene};
 use super::sequence::{PixelSequence, SampleNumbers};
 use super::settings::Settings;
@@ -70,6 +70,7 @@ pub fn render(
     let integrator = Integrator { scene, geometry, lights, candidates: settings.candidates };
     let size = Vec2::new(width as f32, height as f32);
     let mut sums = vec![Vec4::ZERO; width * height];
+    let first_half = first_half(settings.spp);
     let done = AtomicUsize::new(0);
     let rows = sums.par_chunks_mut(width).enumerate().map(|(y, row)| {
         let mut tally = Tally::default();
@@ -81,7 +82,7 @@ pub fn render(
                 let direction = view.direction(corner + Vec2::from(numbers.jitter), size);
                 let opacity_seed = OpacitySeed::new((y * width + x) as u32, sample, seed);
                 let color = integrator.radiance(view.eye, direction, opacity_seed, &numbers, &mut tally);
-                *sum += color.extend(luminance(color).powi(2));
+                *sum += color.extend(if sample < first_half { luminance(color) } else { 0.0 });
             }
         }
         progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / height as f64);

@@ -188,11 +188,11 @@ mod tests {
             set.for_each(|bit| (0..4).for_each(|dimension| bits[dimension] ^= DIRECTIONS[bit][dimension]));
             bits.map(|bits: u32| f64::from(bits) / 4_294_967_296.0)
         };
-        // Joe and Kuo's table of new-joe-kuo-6.21201, points 1 to 4 without Gray code.
+        // Joe and Kuo list the points in the order of the Gray code: 1, 3, 2, 6.
         assert_eq!(of(1), [0.5, 0.5, 0.5, 0.5]);
-        assert_eq!(of(2), [0.25, 0.75, 0.75, 0.75]);
         assert_eq!(of(3), [0.75, 0.25, 0.25, 0.25]);
-        assert_eq!(of(4), [0.125, 0.625, 0.875, 0.125]);
+        assert_eq!(of(2), [0.25, 0.75, 0.75, 0.75]);
+        assert_eq!(of(6), [0.375, 0.375, 0.625, 0.875]);
     }
 
     #[test]

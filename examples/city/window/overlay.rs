@@ -161,7 +161,8 @@ mod tests {
         let half = 0.5 / (9.0 * 0.5f32.tan());
         let highest = overlay.lines.iter().flat_map(|line| line.ends).map(|end| end.y).fold(f32::MAX, f32::min);
         assert!((highest - (0.5 - half)).abs() < 1e-5, "{highest}");
-        assert!(overlay.lines.iter().all(|line| line.color == viridis(0.0)));
+        // One update has passed: an eighth of the way from 1 to 256 on a logarithmic scale.
+        assert!(overlay.lines.iter().all(|line| line.color == viridis(0.125)));
     }
 
     #[test]

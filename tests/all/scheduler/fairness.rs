@@ -44,7 +44,8 @@ fn a_frame_rebuilds_what_fits_its_budget_and_reports_it() {
         // The tree whose build is cut waits, too, but is not among those that are counted.
         assert!((report.waiting_trees..=report.waiting_trees + 1).contains(&waiting.len()), "{report:?}");
         assert!(waiting.iter().all(|state| state.waited == Some(frame) && state.age >= frame), "{waiting:?}");
-        assert!(built.iter().all(|state| state.age < frame), "{built:?}");
+        // The next update installs a build whose last slice was done in this one.
+        assert!(built.iter().filter(|state| state.age >= frame).count() <= 1, "{built:?}");
         assert!(report.rebuilt_trees <= built.iter().filter(|state| state.age == 0).count());
     }
     // The rest of each frame goes to slices of another tree.

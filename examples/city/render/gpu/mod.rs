@@ -12,7 +12,7 @@
 
 use super::backend::{self, Gpu, USAGE_STORAGE_BUFFERS};
 use super::geometry::{self, Geometry, GeometryChange};
-use super::image::{Image, ShadowRays};
+use super::image::{Image, ShadowRays, first_half};
 use super::scene::{self, Scene, SceneError};
 use super::sequence::{self, block_bits, tile_bits};
 use super::settings::Settings;
@@ -187,8 +187,8 @@ impl GpuRenderer {
             row_end: 0,
             haze: scene.sky.haze,
             first_tex_coords: geometry.triangles.len() as u32,
-            padding_a: 0,
-            padding_b: 0,
+            first_half: first_half(settings.spp),
+            padding: 0,
         };
         let mut rays = ShadowRays::default();
         let mut sums: Vec<Vec4> = Vec::with_capacity(settings.width as usize * settings.height as usize);

@@ -35,8 +35,8 @@ pub struct FrameUniform {
     pub row_end: u32,
     pub haze: f32,
     pub first_tex_coords: u32,
-    pub padding_a: u32,
-    pub padding_b: u32,
+    pub first_half: u32,
+    pub padding: u32,
 }
 
 /// A material, a texture or an object. `Record` in `render.wgsl`.
@@ -174,8 +174,8 @@ mod tests {
             row_end,
             haze,
             first_tex_coords,
-            padding_a,
-            padding_b
+            first_half,
+            padding
         );
         same!("Node", Node, min0, child0, max0, padding0, min1, child1, max1, padding1);
         same!("Triangle", PackedTriangle, corner, material, edge1, flags, edge2, tex_coords);

@@ -37,8 +37,9 @@ struct Frame {
     haze: f32,
     // The triangles from it on are texture coordinates.
     first_tex_coords: u32,
-    padding_a: u32,
-    padding_b: u32,
+    // The number of samples whose luminance is summed up for the estimate of the error.
+    first_half: u32,
+    padding: u32,
 }
 
 struct Node {
@@ -369,7 +370,7 @@ fn render(@builtin(global_invocation_id) id: vec3<u32>) {
     let sequence = pixel_sequence(vec2<u32>(id.x, row), frame.block_bits, frame.tile_bits);
     for (var index = frame.sample_begin; index < frame.sample_end; index += 1u) {
         let color = radiance(pixel, index, vec2<f32>(f32(id.x), f32(row)), sample_numbers(sequence, index));
-        sum += vec4<f32>(color, luminance(color) * luminance(color));
+        sum += vec4<f32>(color, select(0.0, luminance(color), index < frame.first_half));
     }
     image[slot] = sum;
     image[counts_slot] = vec4<f32>(shadow_rays, 0.0, 0.0);

@@ -11,6 +11,9 @@ use super::vehicles::body::Body;
 use super::vehicles::fleet::{car_designs, car_transform};
 use super::{Scene, SceneError};
 
+/// Most cars; no city has room for as many.
+const MAX_CARS: usize = 1 << 20;
+
 /// All cars of the city.
 pub struct Cars {
     traffic: Traffic,
@@ -27,6 +30,9 @@ impl Cars {
         count: usize,
         seed: u64,
     ) -> Result<Self, SceneError> {
+        if count > MAX_CARS {
+            return Err(SceneError(format!("{count} cars: the limit is {MAX_CARS}")));
+        }
         let kinds = car_designs(assembly, palette)?;
         let mut rng = Rng::new(seed, 0xca45);
         let mut chosen: Vec<(Body, Design)> = Vec::with_capacity(count);
