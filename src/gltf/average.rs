@@ -24,7 +24,7 @@ pub(super) struct Averager<'a> {
     image: TextureImage<'a>,
     /// The linear value of each byte.
     linear: Box<[f32; 256]>,
-    /// Reduced images by the powers of two of their reductions.
+    /// Reduced images, by the exponents of their reductions along both axes.
     reduced: BTreeMap<[u32; 2], Rc<Reduced>>,
 }
 
@@ -117,8 +117,8 @@ fn shares(full: usize, size: usize) -> Vec<[(usize, f64); 2]> {
     (0..full).map(share).collect()
 }
 
-/// The power of two by which an image is reduced along an axis, of which a triangle covers the
-/// texels between the ends.
+/// The exponent of the power of two by which an image is reduced along an axis. `ends` holds the
+/// coordinates of a triangle's corners along this axis, in texels.
 fn reduction(ends: [f64; 3], size: u32, wrap: TextureWrap) -> u32 {
     let limit = f64::from(size);
     let ends = if wrap == TextureWrap::Clamp { ends.map(|end| end.clamp(0.0, limit)) } else { ends };

@@ -163,7 +163,8 @@ pub enum GltfError {
         /// The limit.
         limit: u64,
     },
-    /// An image has no bytes, or its pixels are not those of its size.
+    /// An image does not exist, cannot be read or has the wrong number of bytes, or the transform
+    /// of its texture is not finite.
     #[error("image {image}: {message}")]
     Image {
         /// Index of the image.

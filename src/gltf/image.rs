@@ -14,12 +14,12 @@ use super::uri::{Location, decode_base64};
 /// The bytes of an image as the file stores them, such as those of a PNG file. They are not decoded.
 ///
 /// An image is a data URI, a view of a buffer, or a file in `folder`, which is the folder of the
-/// document. The URI of a file is a relative path without `..`, as that of a buffer.
+/// document. As for buffers, the URI of a file is a relative path without `..`.
 ///
 /// # Errors
-/// [`GltfError::Image`] if there is no such image, its URI is not one that is read, or its view is
-/// beyond its buffer; [`GltfError::Read`]; [`GltfError::TooManyBytes`] if the image alone takes more
-/// than [`GltfOptions::max_bytes`].
+/// [`GltfError::Image`] if there is no such image, its URI is refused, or its view reaches beyond
+/// its buffer; [`GltfError::Read`]; [`GltfError::TooManyBytes`] if the image alone takes more than
+/// [`GltfOptions::max_bytes`].
 pub fn read_image(
     file: &GltfFile,
     image: usize,

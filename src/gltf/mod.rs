@@ -1,9 +1,11 @@
 //! Loads light trees and instances from glTF 2.0: emissive surfaces and KHR_lights_punctual.
 //!
-//! [`load`] reads a file and its buffers. No file makes it panic, as the gltf crate's own functions
-//! do. [`load_lights`] makes one tree for each mesh with emissive primitives and one for each punctual
-//! light, and one instance for each node that has them. Nodes with the same mesh or light share a
-//! tree. So do meshes whose emissive primitives have the same accessors and the same emission.
+//! [`load`] reads a file and its buffers. No file makes it panic, unlike the gltf crate's own
+//! functions. [`load_lights`] makes one tree for each mesh with emissive primitives and one for
+//! each punctual light. It makes one instance for each node that has them, or several if
+//! EXT_mesh_gpu_instancing places the node's mesh several times. Nodes with the same mesh or light
+//! share a tree. So do meshes whose emissive primitives have the same accessors and the same
+//! emission.
 //!
 //! Emission is `emissiveFactor` times the strength of KHR_materials_emissive_strength, in nits.
 //! [`load_lights_with_textures`] also multiplies it by the average of the emissive texture over each
@@ -119,16 +121,16 @@ pub fn load_lights<B: AsRef<[u8]>>(
 ///
 /// `images` holds decoded images by their index in the document; [`read_image`] reads the bytes to
 /// decode. Images that are `None` or beyond the end of the list count as white, and so do textures
-/// whose coordinates the primitive lacks. [`TextureUse`] tells how a material uses an image: wrap
-/// modes, KHR_texture_transform and the set of coordinates are regarded. Colours are decoded from
-/// sRGB, and alpha is ignored. Texels count as squares of one colour, whatever the filter.
+/// whose coordinates the primitive lacks. The wrap modes, KHR_texture_transform and the set of
+/// coordinates are respected; [`TextureUse`] holds them. Colours are converted from sRGB to linear,
+/// and alpha is ignored. Texels count as squares of one colour, whatever the filter.
 ///
-/// A triangle over which the texture is black becomes no light. A mesh of such triangles only becomes
-/// no tree, and no instance.
+/// A triangle over which the texture is black becomes no light. A mesh with only such triangles
+/// gets neither a tree nor instances.
 ///
 /// # Errors
-/// Those of [`load_lights`], and [`GltfError::Image`] for an image of a wrong number of bytes that an
-/// emissive material uses.
+/// Those of [`load_lights`], and [`GltfError::Image`] if an image that an emissive material uses
+/// has the wrong number of bytes, or if the transform of its texture is not finite.
 ///
 /// # Cost
 /// That of [`load_lights`], plus up to 10,000 steps for each triangle with a texture: the average is

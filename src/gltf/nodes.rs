@@ -124,8 +124,8 @@ pub fn punctual_placement(transform: &DAffine3) -> Option<Placement> {
     Some(DAffine3::from_mat3_translation(linear, transform.translation).into())
 }
 
-/// Whether the scale of a node or of an ancestor is zero along one or more axes, as that of nodes
-/// that a file hides, or too small for f32.
+/// Whether the scale of a node or of an ancestor is zero along one or more axes, or too small for
+/// f32. Files hide nodes by a scale of zero.
 ///
 /// The product of scales and rotations is rounded, so a transform counts as flat if its determinant
 /// is below 1e-12 of the product of its columns' lengths.

@@ -8,8 +8,8 @@ use super::error::GltfError;
 
 /// A decoded image: rows from the top, four bytes for each pixel.
 ///
-/// The bytes are red, green, blue and alpha as the file stores them. Emissive and base colour
-/// textures are sRGB-encoded, and the library decodes them where it averages emission.
+/// The bytes are red, green, blue and alpha as the file stores them. Emissive textures are
+/// sRGB-encoded; the library converts them to linear values when it averages emission.
 #[derive(Clone, Copy, Debug)]
 pub struct TextureImage<'a> {
     /// Pixels in a row, at least 1.

@@ -32,7 +32,7 @@ pub struct JobReport {
 pub struct RebuildState {
     /// The number of updates since the tree was last built, or added.
     pub age: u64,
-    /// The number of updates since the tree requested a rebuild that it did not get yet; `None` if
+    /// The number of updates since the tree requested a rebuild that is not done yet; `None` if
     /// it does not wait. A tree waits until its open build, in slices or in the background, ends;
     /// the next update installs that build.
     pub waited: Option<u64>,

@@ -1,9 +1,9 @@
-//! Filters the noise of a picture. Only PNG pictures are filtered.
+//! Filters the noise of pictures for a screen: PNG files, films and the window.
 //!
 //! Based on edge-avoiding a-trous wavelets [Dammertz et al. 2010], guided by surfaces and by the
-//! noise of each pixel as in SVGF [Schied et al. 2017]. Differs: the noise is estimated from the
-//! samples of the frame, so that the filter fades as their number grows, and earlier frames are not
-//! used.
+//! noise of each pixel as in SVGF [Schied et al. 2017]. Differs: the caller passes an estimate of
+//! the noise with the picture, so that the filter fades as the number of samples grows, and the
+//! filter itself uses no earlier frames.
 
 use super::render::geometry::Geometry;
 use super::render::image::Image;

@@ -40,12 +40,12 @@ pub struct Options {
     /// Samples per pixel; each sample uses one light
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SPP)))]
     pub spp: u32,
-    /// Clusters of lights that a sample splits before it chooses a light: more lower the noise, and
-    /// cost time
+    /// Clusters of lights that a sample splits before it chooses a light; more splits lower the
+    /// noise and cost time
     #[arg(long, value_name = "N", default_value = "6", value_parser = parse_splits)]
     pub splits: SplitCount,
-    /// Candidates of which each sample keeps one light: more lower the noise, and cost time but no
-    /// shadow rays
+    /// Candidate lights, of which each sample keeps one; more candidates lower the noise and cost
+    /// time, but no shadow rays
     #[arg(long, value_name = "N", default_value = "4", value_parser = parse_candidates)]
     pub candidates: CandidateCount,
     #[command(flatten)]
@@ -56,16 +56,18 @@ pub struct Options {
     /// Where to render
     #[arg(long, value_name = "WHERE", value_enum, default_value_t = BackendChoice::Auto)]
     pub backend: BackendChoice,
-    /// How samples choose lights; all but girandole are rendered by the CPU, even with --backend gpu
+    /// How samples choose lights; frames of all samplers but girandole are rendered on the CPU,
+    /// even with --backend gpu
     #[arg(long, value_name = "NAME", value_enum, default_value_t = LightChoice::Girandole)]
     pub sampler: LightChoice,
     /// Sum up all lights in every sample instead of choosing one, on the CPU: slow, but without the
     /// noise of the choice. With --compare, the reference is such a picture
     #[arg(long, conflicts_with = "sampler")]
     pub sum: bool,
-    /// Compare the samplers in equal time, that of --spp samples of girandole, at the first frame
-    /// and on the CPU; writes compare.csv, compare.svg, compare_error.svg and pictures. The
-    /// reference has 64 times the samples of girandole, or is the sum over all lights with --sum
+    /// Compare the samplers at the first frame, on the CPU, in the time that girandole takes for
+    /// --spp samples; writes compare.csv, compare.svg, compare_error.svg and pictures. The
+    /// reference is a picture by girandole with 64 times the samples, or the sum over all lights
+    /// with --sum
     #[arg(long, conflicts_with_all = ["frames", "sampler", "keep_noise", "fps"])]
     pub compare: bool,
     /// Folder for the pictures and frames.csv; created if it does not exist [default: out; with

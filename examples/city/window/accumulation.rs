@@ -14,10 +14,14 @@ use girandole::glam::{Affine3A, Vec2, Vec3};
 use girandole::light::luminance;
 use rayon::prelude::*;
 
-/// Frames that count while anything moves. More of them lower the noise, and light lags behind.
+/// Most frames of a pixel while anything moves. More of them lower the noise, but changes of light
+/// appear later.
 const MAX_FRAMES_IN_MOTION: f32 = 12.0;
-/// A pixel of the last picture shows the same surface if the surface was within this many widths of
-/// a pixel of its plane.
+/// The same for pixels that show the sky or an emissive surface. Such pixels have no noise but at
+/// edges, and are so bright that old frames would leave trails behind moving lamps.
+const MAX_CLEAR_FRAMES_IN_MOTION: f32 = 2.0;
+/// A pixel of the last picture shows the same surface if the distance of the surface from the plane
+/// of that pixel was at most this many widths of the pixel.
 const TOLERANCE: f32 = 2.0;
 /// Fewer frames do not estimate their own variance well.
 const MIN_FRAMES_FOR_VARIANCE: f32 = 6.0;
@@ -35,6 +39,8 @@ struct Visible {
     normal: Vec3,
     /// Width of the pixel at this place, metres.
     footprint: f32,
+    /// Whether it is the sky or an emissive surface.
+    is_clear: bool,
 }
 
 /// A pixel of the accumulated picture.
@@ -122,7 +128,7 @@ fn reprojected(image: &Image, scene: &Scene, geometry: &Geometry, last: Option<&
     let past = last.map(|last| (last, View::new(&last.camera, last.width, last.height)));
     let pixel = |(index, (mean, variance)): (usize, (Vec3, f32))| {
         let middle = Vec2::new((index as u32 % image.width) as f32, (index as u32 / image.width) as f32) + 0.5;
-        let visible = visible(geometry, &view, middle, size);
+        let visible = visible(scene, geometry, &view, middle, size);
         let old = past.as_ref().and_then(|(last, view)| {
             let place = last.place_of(&visible, scene)?;
             last.look_up(view, visible.object, place)
@@ -154,7 +160,7 @@ fn add(old: &Pixel, (mean, variance): (Vec3, f32)) -> Pixel {
 }
 
 /// What the middle of a pixel shows.
-fn visible(geometry: &Geometry, view: &View, middle: Vec2, size: Vec2) -> Visible {
+fn visible(scene: &Scene, geometry: &Geometry, view: &View, middle: Vec2, size: Vec2) -> Visible {
     let direction = view.direction(middle, size);
     let spread = view.up.length() * 2.0 / size.y;
     match geometry.nearest(view.eye, direction) {
@@ -163,8 +169,9 @@ fn visible(geometry: &Geometry, view: &View, middle: Vec2, size: Vec2) -> Visibl
             place: view.eye + direction * hit.distance,
             normal: geometry.normal(&hit),
             footprint: hit.distance * spread,
+            is_clear: geometry.material(scene, &hit).emission != Vec3::ZERO,
         },
-        None => Visible { object: SKY, place: direction, normal: Vec3::ZERO, footprint: spread },
+        None => Visible { object: SKY, place: direction, normal: Vec3::ZERO, footprint: spread, is_clear: true },
     }
 }
 
@@ -219,8 +226,9 @@ impl Last {
             nearest = nearest.or(Some(pixel.visible));
         }
         let visible = nearest.filter(|_| weight_sum > 0.01)?;
+        let most = if visible.is_clear { MAX_CLEAR_FRAMES_IN_MOTION } else { MAX_FRAMES_IN_MOTION };
         let (mean, mean_square, variance) = (mean / weight_sum, mean_square / weight_sum, variance / weight_sum);
-        Some(Pixel { visible, mean, mean_square, variance, frames: frames.min(MAX_FRAMES_IN_MOTION - 1.0) })
+        Some(Pixel { visible, mean, mean_square, variance, frames: frames.min(most - 1.0) })
     }
 }
 
@@ -328,6 +336,23 @@ mod tests {
         let geometry = Geometry::new(&other).expect("a valid scene");
         accumulation.add(&picture(1.0, None), &other, &geometry, false);
         assert_eq!(accumulation.mean_frames(), 1.0);
+    }
+
+    #[test]
+    fn in_motion_lamps_leave_no_trails() {
+        let mut scene = scene();
+        scene.materials[0].emission = Vec3::ONE;
+        let geometry = Geometry::new(&scene).expect("a valid scene");
+        let mut accumulation = Accumulation::default();
+        for frame in 0..20 {
+            let image = picture(if frame < 10 { 1000.0 } else { 0.0 }, None);
+            let shown = accumulation.add(&image, &scene, &geometry, false);
+            if frame == 19 {
+                // 1000 / 2^10 is left.
+                assert!(shown.pixels.iter().all(|pixel| pixel.x < 1.0), "{:?}", shown.pixels[0]);
+            }
+        }
+        assert_eq!(accumulation.mean_frames(), MAX_CLEAR_FRAMES_IN_MOTION);
     }
 
     #[test]

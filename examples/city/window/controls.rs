@@ -12,7 +12,7 @@ pub enum ViewKind {
     Picks,
     /// The relative standard error of each pixel.
     Noise,
-    /// The boxes of the light trees, by their age and by who waits for a rebuild.
+    /// The boxes of the light trees, coloured by their age and by whether they wait for a rebuild.
     Trees,
 }
 

@@ -5,7 +5,8 @@ use super::render::image::Image;
 use girandole::light::luminance;
 use rayon::prelude::*;
 
-/// Relative standard errors from black to white, as powers of two: 1/64 to 4.
+/// Relative standard errors at the dark and the bright end of the colours, as exponents of two:
+/// 1/64 and 4.
 pub const RANGE: [f32; 2] = [-6.0, 2.0];
 
 /// The relative standard error of each pixel's luminance: three sRGB bytes per pixel.

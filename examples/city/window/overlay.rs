@@ -87,8 +87,8 @@ fn in_front(world: &LightWorld, view: &View) -> Vec<(InstanceKey, [Vec3; 8])> {
     found.into_iter().map(|(_, instance, corners)| (instance, corners)).collect()
 }
 
-/// The boxes of all instances: violet after a build, yellow [`OLD`] updates later, and red while
-/// their tree waits for a rebuild.
+/// The boxes of the `MAX_INSTANCES` nearest instances in front of the camera: violet after a
+/// build, yellow [`OLD`] updates later, and red while their tree waits for a rebuild.
 pub fn tree_boxes(world: &LightWorld, view: &View) -> Overlay {
     let mut overlay = Overlay::default();
     for (instance, corners) in in_front(world, view) {

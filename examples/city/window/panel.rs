@@ -16,7 +16,8 @@ use girandole::{MAX_CANDIDATES, MAX_SPLITS};
 pub const WIDTH: f32 = 300.0;
 /// Height of a plot, points.
 const PLOT_HEIGHT: f32 = 110.0;
-/// Colours of the stages of a frame (Okabe and Ito, 2008, and two greys).
+/// Colours of the stages of a frame: those of Okabe and Ito (2008) with a lighter blue, and two
+/// greys and a green.
 const STAGE_COLORS: [Color32; 10] = [
     Color32::from_gray(150),
     Color32::from_rgb(230, 159, 0),

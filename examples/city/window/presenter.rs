@@ -13,7 +13,7 @@ use std::num::NonZeroU32;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Behind everything, and around a picture of another shape than the window.
+/// The colour of the window where nothing is drawn: until the first picture arrives.
 const BACKGROUND: [f32; 4] = [0.02, 0.02, 0.02, 1.0];
 
 /// The window, egui's state, and the device that draws both.

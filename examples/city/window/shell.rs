@@ -184,7 +184,7 @@ impl Shell {
         if asked.quits {
             event_loop.exit();
         }
-        // The camera glides while a key is held, without events.
+        // A key that is held moves the camera in each redraw, without further events.
         if asked.moves || presenter.is_lost() {
             presenter.window().request_redraw();
         }
@@ -372,7 +372,7 @@ impl ApplicationHandler for Shell {
         match event {
             WindowEvent::CloseRequested => event_loop.exit(),
             WindowEvent::RedrawRequested => self.draw(event_loop),
-            // Hidden windows are told so by events, without a redraw.
+            // A window that is hidden gets these events, but no request to redraw.
             WindowEvent::Resized(_) | WindowEvent::Occluded(_) => self.draw(event_loop),
             _ => {}
         }

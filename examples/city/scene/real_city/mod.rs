@@ -4,9 +4,8 @@
 //! Read in this order:
 //!
 //! 1. this file: how the city is put together;
-//! 2. `source` and `xml`: what the readers of the file formats read from; `lamp_table`,
-//!    `vehicle_types`, `fcd`, `net`, `geojson` and `footprints`: those readers; `vehicle_class`: the classes of
-//!    vehicles;
+//! 2. `source` and `xml`: files as streams; `lamp_table`, `vehicle_types`, `fcd`, `net`, `geojson`
+//!    and `footprints`: readers of the file formats; `vehicle_class`: the classes of vehicles;
 //! 3. `grid` and `ground`: roads and houses, which are derived from the positions of lamps and
 //!    vehicles;
 //! 4. `strips`, `lane_lines` and `roads`: the roads of a network;

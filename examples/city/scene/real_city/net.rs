@@ -37,7 +37,7 @@ pub struct Lane {
     pub edge: usize,
 }
 
-/// The roads of a city. All positions are those from which `netconvert` has made the network.
+/// The roads of a city. All positions are those before `netconvert` moved them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Network {
     /// The offset that `netconvert` added to all positions, in metres east and north. Positions of a

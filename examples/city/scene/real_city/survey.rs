@@ -37,7 +37,7 @@ pub struct Survey {
 /// Vehicles that moved less than this share of the way at their speeds have positions in degrees, which
 /// are about 1e-5 for a metre.
 const LEAST_MOVED: f64 = 1e-3;
-/// Metres that have to be driven for that to be judged.
+/// The distance that vehicles must have driven at their speeds before this is decided, metres.
 const LEAST_DRIVEN: f64 = 20.0;
 
 impl Survey {

@@ -23,10 +23,10 @@ pub fn lens(palette: &mut Palette) -> Glow {
     palette.glow(WHITE, 900.0)
 }
 
-/// A headlight that faces -Z. `lens` is the middle of its lens, `half` half the width and height of
-/// that, and `beam` the direction of the light.
+/// A headlight that faces -Z. `lens` is the middle of its lens, `half` half the width and half the
+/// height of the lens, and `beam` the direction of the light.
 ///
-/// The lens is only visible; the spot just in front of it lights the road.
+/// The lens is visible but is no light; a spot just in front of it lights the road.
 pub fn headlight(part: &mut Part, lens: Vec3, half: [f32; 2], beam: Vec3, candela: f32, palette: &mut Palette) {
     let white = self::lens(palette);
     let [x, y] = half;
