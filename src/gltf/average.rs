@@ -13,6 +13,8 @@ use super::texture::{TextureImage, TextureUse, TextureWrap};
 
 /// Most texels that a triangle is averaged over along each axis.
 const MAX_CELLS: f64 = 128.0;
+/// Texels of reduced images that are kept for later triangles, 12 bytes each.
+const MAX_HELD: usize = 1 << 25;
 /// A triangle whose area is below this share of the square over its longest edge has no area: that of
 /// three points on a line is not exactly 0 after rounding.
 const MIN_AREA_SHARE: f64 = 1e-9;
@@ -26,6 +28,8 @@ pub(super) struct Averager<'a> {
     linear: Box<[f32; 256]>,
     /// Reduced images, by the exponents of their reductions along both axes.
     reduced: BTreeMap<[u32; 2], Rc<Reduced>>,
+    /// Texels of all reduced images.
+    held: usize,
 }
 
 /// A reduced image, in linear colours.
@@ -43,7 +47,7 @@ impl<'a> Averager<'a> {
     /// `image` has passed its check.
     pub fn new(image: TextureImage<'a>) -> Self {
         let linear = Box::new(std::array::from_fn(|byte| srgb_to_linear(byte as f32 / 255.0)));
-        Self { image, linear, reduced: BTreeMap::new() }
+        Self { image, linear, reduced: BTreeMap::new(), held: 0 }
     }
 
     /// The average linear colour over a triangle, whose texture coordinates are finite.
@@ -82,23 +86,53 @@ impl<'a> Averager<'a> {
         }
         let full = [self.image.width as usize, self.image.height as usize];
         let size = [0, 1].map(|axis| full[axis].div_ceil(1 << levels[axis]));
-        let columns = shares(full[0], size[0]);
-        let rows = shares(full[1], size[1]);
-        let mut sums = vec![DVec3::ZERO; size[0] * size[1]];
-        for (y, row_shares) in rows.iter().enumerate() {
-            for (x, column_shares) in columns.iter().enumerate() {
-                let texel = self.texel(x, y).as_dvec3();
-                for (row, row_share) in row_shares.iter().filter(|(_, share)| *share > 0.0) {
-                    for (column, share) in column_shares.iter().filter(|(_, share)| *share > 0.0) {
-                        sums[row * size[0] + column] += texel * (row_share * share);
-                    }
-                }
+        // The axes are reduced one after the other, so that images that are reduced along both need few
+        // passes over the whole image.
+        let texels = match levels {
+            [_, 0] => shrink_rows(full, size[0], |x, y| self.texel(x, y)),
+            [0, _] => shrink_columns(full, size[1], |x, y| self.texel(x, y)),
+            [columns, _] => {
+                let narrow = self.reduced([columns, 0]);
+                shrink_columns(narrow.size, size[1], |x, y| narrow.texels[y * narrow.size[0] + x])
             }
+        };
+        if self.held + texels.len() > MAX_HELD {
+            self.reduced.clear();
+            self.held = 0;
         }
-        let reduced = Rc::new(Reduced { size, texels: sums.into_iter().map(|sum| sum.as_vec3()).collect() });
+        self.held += texels.len();
+        let reduced = Rc::new(Reduced { size, texels });
         self.reduced.insert(levels, reduced.clone());
         reduced
     }
+}
+
+/// The texels of an image of the same height that is `columns` wide.
+fn shrink_rows(full: [usize; 2], columns: usize, texel: impl Fn(usize, usize) -> Vec3) -> Vec<Vec3> {
+    let shares = shares(full[0], columns);
+    let mut texels = Vec::with_capacity(columns * full[1]);
+    let mut sums = vec![DVec3::ZERO; columns];
+    for y in 0..full[1] {
+        sums.fill(DVec3::ZERO);
+        for (x, shares) in shares.iter().enumerate() {
+            let color = texel(x, y).as_dvec3();
+            shares.iter().for_each(|(column, share)| sums[*column] += color * *share);
+        }
+        texels.extend(sums.iter().map(|sum| sum.as_vec3()));
+    }
+    texels
+}
+
+/// The texels of an image of the same width that is `rows` high.
+fn shrink_columns(full: [usize; 2], rows: usize, texel: impl Fn(usize, usize) -> Vec3) -> Vec<Vec3> {
+    let mut sums = vec![DVec3::ZERO; full[0] * rows];
+    for (y, shares) in shares(full[1], rows).iter().enumerate() {
+        for x in 0..full[0] {
+            let color = texel(x, y).as_dvec3();
+            shares.iter().for_each(|(row, share)| sums[row * full[0] + x] += color * *share);
+        }
+    }
+    sums.into_iter().map(|sum| sum.as_vec3()).collect()
 }
 
 /// For each texel along an axis, the one or two reduced texels that it overlaps, and its share of
@@ -124,7 +158,8 @@ fn reduction(ends: [f64; 3], size: u32, wrap: TextureWrap) -> u32 {
     let ends = if wrap == TextureWrap::Clamp { ends.map(|end| end.clamp(0.0, limit)) } else { ends };
     let extent = ends.into_iter().fold(f64::MIN, f64::max) - ends.into_iter().fold(f64::MAX, f64::min);
     let last = u32::BITS - (size - 1).leading_zeros();
-    (0..last).find(|level| extent <= MAX_CELLS * f64::from(1u32 << level)).unwrap_or(last)
+    let cells = |level: u32| extent * f64::from(size.div_ceil(1 << level)) / limit;
+    (0..last).find(|level| cells(*level) <= MAX_CELLS).unwrap_or(last)
 }
 
 /// The texels along one axis of an image, with what lies beyond its sides. A cell is the square of a

@@ -134,8 +134,9 @@ pub fn load_lights<B: AsRef<[u8]>>(
 ///
 /// # Cost
 /// That of [`load_lights`], plus up to 10,000 steps for each triangle with a texture: the average is
-/// exact for triangles of up to 128 texels along each axis, and larger ones are averaged over a
-/// reduced copy of the image.
+/// exact for triangles of up to 128 texels along each axis, and larger ones are averaged over reduced
+/// copies of the image. Copies take passes over the image, one or two for each size of triangle, and up
+/// to 0.4 GB.
 pub fn load_lights_with_textures<B: AsRef<[u8]>>(
     world: &mut LightWorld,
     document: &Document,

@@ -8,7 +8,7 @@ use super::overlay::OLD;
 use super::recording::{Record, Recording};
 use super::render::settings::LightChoice;
 use super::viewer::Shown;
-use egui::{Color32, RichText, Slider, Ui};
+use egui::{Color32, RichText, Slider, SliderClamping, Ui};
 use egui_plot::{Line, Plot, PlotPoints};
 use girandole::{MAX_CANDIDATES, MAX_SPLITS};
 
@@ -105,6 +105,8 @@ fn sliders(ui: &mut Ui, controls: &mut Controls) {
             .logarithmic(true)
             .smallest_positive(0.01)
             .suffix(" ms")
+            // Values of the command line beyond the range stay as they are.
+            .clamping(SliderClamping::Edits)
             .text("budget"),
     );
     let is_girandole = controls.sampler == LightChoice::Girandole;
@@ -115,7 +117,8 @@ fn sliders(ui: &mut Ui, controls: &mut Controls) {
         // The scene is loaded anew, so wait until the user lets go.
         let id = egui::Id::unique("cars");
         let mut wanted = ui.data(|data| data.get_temp(id)).unwrap_or(*cars);
-        let slider = ui.add(Slider::new(&mut wanted, 0..=MAX_CARS).logarithmic(true).text("cars"));
+        let slider = ui
+            .add(Slider::new(&mut wanted, 0..=MAX_CARS).logarithmic(true).clamping(SliderClamping::Edits).text("cars"));
         if slider.dragged() || slider.has_focus() {
             ui.data_mut(|data| data.insert_temp(id, wanted));
         } else {

@@ -289,7 +289,12 @@ impl Shell {
     /// Saves the picture that is shown.
     fn save(&mut self) {
         let Some(shown) = &self.shown else { return };
-        let path = self.folder.join(format!("window_{:04}.png", self.saved));
+        let place = |number| self.folder.join(format!("window_{number:04}.png"));
+        // Pictures of earlier sessions stay.
+        while place(self.saved).exists() {
+            self.saved += 1;
+        }
+        let path = place(self.saved);
         self.message = match save_picture(&path, shown) {
             Ok(()) => format!("saved {}", path.display()),
             Err(error) => error.to_string(),

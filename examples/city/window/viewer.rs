@@ -123,7 +123,11 @@ impl Viewer {
             let again = Self::new(&self.options, &wish.controls);
             *self = again.or_else(|_| Self::with_backend(&self.options, &wish.controls, BackendChoice::Cpu))?;
             notice = Some(format!("{error}; {}", self.backend));
-            self.try_frame(wish, step)
+            self.try_frame(wish, step).or_else(|_| {
+                *self = Self::with_backend(&self.options, &wish.controls, BackendChoice::Cpu)?;
+                notice = Some(format!("{error}; {}", self.backend));
+                self.try_frame(wish, step)
+            })
         })?;
         Ok(Shown { notice, ..shown })
     }

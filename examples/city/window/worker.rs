@@ -4,6 +4,7 @@ use super::app::options::Options;
 use super::controls::Controls;
 use super::scene::{Camera, SceneError};
 use super::viewer::{Shown, Viewer, Wish};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread::{self, JoinHandle};
 
@@ -58,7 +59,9 @@ impl Worker {
                 wake();
                 is_heard
             };
-            if let Err(error) = work(&options, &controls, &inbox, &send) {
+            let worked = catch_unwind(AssertUnwindSafe(|| work(&options, &controls, &inbox, &send)));
+            let panicked = || SceneError("the thread that renders has panicked".into());
+            if let Err(error) = worked.unwrap_or_else(|_| Err(panicked())) {
                 send(Reply::Failed(error));
             }
         });
@@ -99,8 +102,8 @@ fn work(
     let mut viewer = Viewer::new(options, controls)?;
     send(Reply::Ready { backend: viewer.backend().into(), camera: viewer.camera(), warnings: viewer.warnings() });
     let mut wish: Option<Wish> = None;
+    let (mut steps, mut rewinds) = (0, false);
     loop {
-        let (mut steps, mut rewinds) = (0, false);
         // Without a wish there is nothing to render.
         let mut next =
             if wish.is_none() { inbox.recv().map_err(|_| TryRecvError::Disconnected) } else { inbox.try_recv() };
@@ -117,14 +120,18 @@ fn work(
             next = inbox.try_recv();
         }
         let Some(wish) = &wish else { continue };
-        if rewinds {
-            viewer.rewind(&wish.controls)?;
+        let mut notice = None;
+        if std::mem::take(&mut rewinds) {
+            // A scene that cannot be loaded again goes on as it is.
+            notice = viewer.rewind(&wish.controls).err().map(|error| error.to_string());
         }
+        let steps = std::mem::take(&mut steps);
         for _ in 1..steps {
-            viewer.frame(wish, true)?;
+            notice = viewer.frame(wish, true)?.notice.or(notice);
         }
         let shown = viewer.frame(wish, steps > 0)?;
-        if !send(Reply::Picture(Box::new(shown))) {
+        let notice = shown.notice.clone().or(notice);
+        if !send(Reply::Picture(Box::new(Shown { notice, ..shown }))) {
             return Ok(());
         }
     }

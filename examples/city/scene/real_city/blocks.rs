@@ -29,6 +29,8 @@ const WINDOW: [f32; 2] = [1.3, 1.5];
 const OUT: f32 = 0.02;
 /// The most windows of a wall. Longer walls have wider bays.
 const MAX_WINDOWS: f32 = 4_000.0;
+/// The most windows of all buildings, which bounds the memory that they take.
+const MAX_ALL_WINDOWS: f64 = 2e7;
 /// Buildings of at least this height are offices, metres.
 const OFFICE: f32 = 28.0;
 
@@ -52,6 +54,10 @@ pub fn place(
     middle: Vec2,
     seed: u64,
 ) -> Result<(), SceneError> {
+    let windows: f64 = footprints.iter().map(window_count).sum();
+    if windows > MAX_ALL_WINDOWS {
+        return Err(SceneError(format!("the buildings have {windows:.0} windows; the limit is {MAX_ALL_WINDOWS}")));
+    }
     let mut cells: BTreeMap<(i32, i32), Part> = BTreeMap::new();
     for (index, footprint) in footprints.iter().enumerate() {
         let at = to_plane(footprint.rings[0][0] - shift);
@@ -128,11 +134,27 @@ struct Style {
     lit: f32,
 }
 
+/// The numbers of floors, and of windows on each, of a wall. Its sides are in metres.
+fn grid_of_windows(width: f32, height: f32) -> [f32; 2] {
+    let floors = (height / FLOOR).round().max(1.0);
+    [floors, (width / BAY).floor().min((MAX_WINDOWS / floors).floor())]
+}
+
+/// The windows of all walls of a building.
+fn window_count(footprint: &Footprint) -> f64 {
+    let [low, high] = footprint.heights;
+    let walls = footprint.rings.iter().flat_map(|ring| ring.iter().zip(ring.iter().cycle().skip(1)));
+    let windows = |(from, to): (&DVec2, &DVec2)| {
+        let [floors, bays] = grid_of_windows(from.distance(*to) as f32, high - low);
+        f64::from(floors * bays)
+    };
+    walls.map(windows).sum()
+}
+
 /// A wall between two heights, with its windows.
 fn wall(part: &mut Part, plane: &Plane, [low, high]: [f32; 2], style: &Style, palette: &mut Palette, rng: &mut Rng) {
     plane.rectangle(part, [0.0, plane.width], [low, high], 0.0, style.wall);
-    let floors = ((high - low) / FLOOR).round().max(1.0);
-    let bays = (plane.width / BAY).floor().min((MAX_WINDOWS / floors).floor());
+    let [floors, bays] = grid_of_windows(plane.width, high - low);
     let (floor, bay) = ((high - low) / floors, plane.width / bays);
     // Low walls have low windows, and those of sheds have none.
     let height = WINDOW[1].min(0.5 * floor);

@@ -185,7 +185,7 @@ fn ring(value: &Value) -> Result<Vec<DVec2>, String> {
         corners.push(dvec2(east, north));
     }
     // A ring that is not closed is closed here.
-    if corners.len() > 1 && corners.first() == corners.last() {
+    while corners.len() > 1 && corners.first() == corners.last() {
         corners.pop();
     }
     if corners.len() < 3 {

@@ -102,11 +102,12 @@ pub fn paint(part: &mut Part, network: &Network, shift: DVec2, height: f32, pale
                 }
                 None => {
                     let [from, to] = &network.edges[edge];
-                    let back = inner_borders.get(&[to.as_str(), from.as_str()]);
+                    let is_named = !from.is_empty() && !to.is_empty();
+                    let back = inner_borders.get(&[to.as_str(), from.as_str()]).filter(|_| is_named);
                     let own = painter.border(lane, true, 0.0);
                     let middle = piece(&own, [0.5 * length(&own), length(&own)]).first().copied();
                     let touches = |border: &[Vec2]| middle.is_some_and(|at| distance(at, border) < TOUCH);
-                    match back.into_iter().flatten().find(|(_, border)| touches(border)) {
+                    match back.into_iter().flatten().find(|(other, border)| *other != edge && touches(border)) {
                         // The first of both edges draws the line.
                         Some((other, _)) if *other < edge => {}
                         Some(_) => {

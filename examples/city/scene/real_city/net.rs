@@ -13,6 +13,10 @@ use super::xml::{XmlFile, parse_number};
 /// The width of a lane that states none, in metres, as SUMO has it.
 const DEFAULT_WIDTH: f32 = 3.2;
 
+/// The most metres of all lanes together: a thousand large cities. It bounds the memory of the lines
+/// on roads.
+const MAX_LANES_LENGTH: f64 = 1e8;
+
 /// Who may use a lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LaneUse {
@@ -93,6 +97,11 @@ impl Network {
         }
         if !has_location {
             return Err(file.fail("there is no <net> with a <location>"));
+        }
+        let length = |lane: &Lane| lane.line.windows(2).map(|ends| ends[0].distance(ends[1])).sum::<f64>();
+        let all: f64 = network.lanes.iter().map(length).sum();
+        if all > MAX_LANES_LENGTH {
+            return Err(file.fail(format!("its lanes are {all:.0} m long; the limit is {MAX_LANES_LENGTH} m")));
         }
         let offset = network.offset;
         let lines = network.lanes.iter_mut().map(|lane| &mut lane.line).chain(&mut network.junctions);

@@ -112,7 +112,10 @@ impl Traffic {
         world: &mut LightWorld,
     ) -> Result<(), SceneError> {
         let appearance = self.survey.appearance(vehicle);
-        let known = self.shown.get(&vehicle.id).filter(|known| known.0 == appearance).map(|known| known.1);
+        if self.shown.get(&vehicle.id).is_some_and(|known| known.0 != appearance) {
+            self.hide(&vehicle.id, scene, world)?;
+        }
+        let known = self.shown.get(&vehicle.id).map(|known| known.1);
         // A vehicle that changes its type or appears twice in a time step may find no free car. It
         // is then not shown.
         let Some(car) = known.or_else(|| self.free.get_mut(&appearance)?.pop()) else { return Ok(()) };
