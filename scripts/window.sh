@@ -74,10 +74,16 @@ differs() {
 press space
 first=$picture
 [ "$(stat -c %s "$first")" -gt 4000 ] || fail 'the picture is empty'
-for key in 2 3 4; do
+shows() {
+    [ "$(xdotool getwindowname "$id")" = "Girandole: $1" ]
+}
+for view in '2 picks' '3 noise' '4 trees' '1 picture'; do
+    read -r key name <<<"$view"
     press "$key"
-    differs "$first" "$picture"
+    shows "$name" || fail "the key $key does not show $name"
 done
+press 3
+differs "$first" "$picture"
 press 1
 xdotool keydown w
 sleep 2

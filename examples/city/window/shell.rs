@@ -86,6 +86,13 @@ struct Shell {
     frames: u64,
     replaced: u32,
     saved: u32,
+    /// The view that the title of the window names.
+    titled: Option<ViewKind>,
+}
+
+/// The title of the window.
+fn title(view: ViewKind) -> String {
+    format!("Girandole: {}", view.name().to_lowercase())
 }
 
 impl Shell {
@@ -114,6 +121,7 @@ impl Shell {
             frames: 0,
             replaced: 0,
             saved: 0,
+            titled: None,
         }
     }
 
@@ -178,6 +186,10 @@ impl Shell {
             panel.show(ui, |ui| asked.press = self.panel(ui).or(asked.press));
             egui::CentralPanel::no_frame().show(ui, |ui| self.picture(ui, seconds, &mut asked));
         });
+        if self.titled != Some(self.controls.view) {
+            presenter.window().set_title(&title(self.controls.view));
+            self.titled = Some(self.controls.view);
+        }
         if asked.loses_device {
             presenter.lose_device();
         }
@@ -350,7 +362,7 @@ impl ApplicationHandler for Shell {
         event_loop.set_control_flow(ControlFlow::Wait);
         let (width, height) = self.window_size;
         let attributes = Window::default_attributes()
-            .with_title("Girandole: city")
+            .with_title(title(ViewKind::Picture))
             .with_inner_size(PhysicalSize::new(width, height));
         let window = event_loop.create_window(attributes).map(Arc::new);
         let presenter = match window {
