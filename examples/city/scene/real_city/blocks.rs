@@ -211,6 +211,18 @@ mod tests {
     }
 
     #[test]
+    fn more_windows_than_memory_holds_are_refused() {
+        let tower = Footprint { heights: [0.0, 2000.0], ..block() };
+        // Walls of 30, 40 and 10 m have 6 windows on each of 625 floors, or three where there is no room.
+        assert_eq!(window_count(&tower), 625.0 * f64::from(6 + 6 + 6 + 6 + 4 * 3));
+        let mut assembly = Assembly::new();
+        let all = vec![tower; 1000];
+        let placed = place(&mut assembly, &mut Palette::default(), &all, dvec2(5e5, 4e6), Vec2::ZERO, 1);
+        assert!(placed.is_err_and(|error| error.0.contains("the limit is 20000000")));
+        assert!(assembly.scene.meshes.is_empty());
+    }
+
+    #[test]
     fn walls_face_away_from_the_building_and_have_lit_windows() {
         let part = built(7);
         let (mut outer, mut inner) = (0.0, 0.0);

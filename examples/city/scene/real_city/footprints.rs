@@ -284,6 +284,15 @@ mod tests {
     }
 
     #[test]
+    fn a_ring_may_be_closed_more_than_once_or_not_at_all() {
+        for coordinates in ["[[[0,0],[20,0],[20,10],[0,10],[0,0],[0,0]]]", "[[[0,0],[20,0],[20,10],[0,10]]]"] {
+            let read = parse(&file(&[("Polygon", coordinates, "{}")])).unwrap();
+            assert!(read.warnings().is_empty(), "{coordinates}: {:?}", read.warnings());
+            assert_eq!((read.all.len(), roof(&read.all[0]).round()), (1, 200.0));
+        }
+    }
+
+    #[test]
     fn heights_follow_from_the_properties() {
         for (properties, expected) in [
             ("{}", [0.0, 6.4]),

@@ -165,6 +165,14 @@ mod tests {
         })
     }
 
+    #[test]
+    fn a_road_that_leads_back_to_its_start_has_no_centre_line() {
+        for ends in [["", ""], ["a", "a"]] {
+            let one_way = Network { edges: vec![ends.map(str::to_owned)], ..road(&[1.5], &[], false) };
+            assert_eq!(painted(&one_way, [-9.0, 9.0])[1], 0.0, "{ends:?}");
+        }
+    }
+
     /// A road of 90 m to the east, 3 m wide lanes at these distances north of its middle, and back.
     fn road(norths: &[f64], back: &[f64], is_left_hand: bool) -> Network {
         let lane = |north: f64, edge: usize| {

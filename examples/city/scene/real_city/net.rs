@@ -229,6 +229,7 @@ mod tests {
     #[test]
     fn malformed_networks_are_refused_with_one_line() {
         for (text, expected) in [
+            (SMALL.replace("0,9 10,9", "-9e7,9 9e7,9").as_str(), "the limit is 100000000 m"),
             ("", "no <net>"),
             ("<net></net>", "<location>"),
             ("<routes></routes>", "found <routes>"),

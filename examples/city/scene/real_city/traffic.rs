@@ -213,6 +213,26 @@ mod tests {
     }
 
     #[test]
+    fn a_vehicle_that_changes_its_class_leaves_nothing_behind() {
+        let path = std::env::temp_dir().join(format!("girandole_class_{}_fcd.xml", std::process::id()));
+        let vehicle = |class: &str| format!(r#"<vehicle id="a" x="0" y="0" angle="90" vClass="{class}"/>"#);
+        let steps = [vehicle("passenger"), vehicle("bus"), String::new()];
+        let steps = (0..).zip(steps).map(|(time, text)| format!("<timestep time=\"{time}\">{text}</timestep>"));
+        std::fs::write(&path, format!("<fcd-export>{}</fcd-export>", steps.collect::<String>())).unwrap();
+        let options = RealCityOptions { traffic: Some(path.clone()), cars: Some(0), ..Default::default() };
+        let mut stage = stage(&options).unwrap();
+        let visible = |stage: &Stage| stage.scene.objects.iter().filter(|object| object.visible).count();
+        let mut counts = Vec::new();
+        for time in [0.0, 1.0, 2.5] {
+            stage.animation.advance(time, &mut stage.scene, &mut stage.world).unwrap();
+            counts.push((visible(&stage), stage.world.instance_count()));
+        }
+        std::fs::remove_file(path).unwrap();
+        let (objects, instances) = counts[2];
+        assert_eq!(counts[..2], [(objects + 1, instances + 1); 2], "{counts:?}");
+    }
+
+    #[test]
     fn vehicles_appear_and_disappear_with_the_file() {
         let mut stage = load();
         let hidden = |stage: &Stage| stage.scene.objects.iter().filter(|object| !object.visible).count();
