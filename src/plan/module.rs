@@ -1,0 +1,44 @@
+//! The WGSL functions as a module that shader composers import.
+
+/// Returns a text of [`wgsl`](super::wgsl) as a module for naga_oil, the composer of Bevy 0.19, with
+/// the import path `girandole`.
+///
+/// ```text
+/// #import girandole::{light_surface_point, light_sample}
+/// ```
+///
+/// `text` may come from [`wgsl`](super::wgsl), [`wgsl_with_target`](super::wgsl_with_target) or
+/// `girandole::gpu::LightShader`, with [`wgsl_previous`](super::wgsl_previous) appended or not. Add one module to a
+/// composer: its bindings are those of the group that the text was made for.
+///
+/// naga_oil allows no circular imports, so the function of a [`TargetHook`](super::TargetHook) has to be
+/// part of the module: append its text to the result. That text may import other modules, but not
+/// this one.
+///
+/// WESL, the composer of Bevy 0.20, needs no such call: every text is a module of WESL as it is. Add it to the
+/// resolver under the path `girandole`, and write `import girandole::{light_surface_point, light_sample};`.
+#[must_use]
+pub fn naga_oil_module(text: &str) -> String {
+    format!("#define_import_path girandole\n{text}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::Effects;
+    use crate::plan::{TargetHook, wgsl_previous, wgsl_with_target};
+
+    /// naga_oil reads each line with `#` as a directive or as the use of a definition, and reads names
+    /// with `X_naga_oil` as its own. Its composition of these texts is tested with Bevy.
+    #[test]
+    fn the_only_directive_of_a_module_is_its_import_path() {
+        let hook = TargetHook::new("weigh", "Surface").expect("identifiers");
+        for effects in [Effects::all(), Effects::empty()] {
+            let module = naga_oil_module(&(wgsl_with_target(2, effects, &hook) + &wgsl_previous(3, effects)));
+            let directives: Vec<&str> = module.lines().filter(|line| line.contains('#')).collect();
+            assert_eq!(directives, ["#define_import_path girandole"], "{effects:?}");
+            assert!(!module.contains("naga_oil"));
+            assert!(module.contains("\nfn light_sample(") && module.contains("\nfn light_pmf_previous("));
+        }
+    }
+}
