@@ -6,9 +6,11 @@ use std::path::{Path, PathBuf};
 /// Folders whose files are searched, and whose names begin a path.
 const FOLDERS: [&str; 7] = ["src", "shaders", "tests", "benches", "examples", "scripts", "docs"];
 
+/// The files of a folder and of those in it. `target` folders of the packages in `examples` are left out.
 fn files(folder: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).expect("a folder of the crate").map(|entry| entry.expect("readable").path());
-    entries.flat_map(|path| if path.is_dir() { files(&path) } else { vec![path] }).collect()
+    let sources = entries.filter(|path| !path.ends_with("target"));
+    sources.flat_map(|path| if path.is_dir() { files(&path) } else { vec![path] }).collect()
 }
 
 /// The words of a text that look like the path of a file from the root of the crate.
