@@ -60,6 +60,18 @@ impl Palette {
     }
 }
 
+/// Linear colours of the walls of houses.
+pub const WALLS: [[f32; 3]; 8] = [
+    [0.30, 0.13, 0.09],
+    [0.36, 0.19, 0.13],
+    [0.42, 0.36, 0.28],
+    [0.50, 0.45, 0.38],
+    [0.34, 0.33, 0.32],
+    [0.46, 0.42, 0.42],
+    [0.25, 0.22, 0.21],
+    [0.48, 0.38, 0.30],
+];
+
 /// Tungsten, about 2,700 K.
 pub const WARM: Vec3 = vec3(1.0, 0.46, 0.13);
 /// Halogen, about 3,300 K.

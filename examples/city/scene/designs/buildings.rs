@@ -6,7 +6,7 @@ use std::f32::consts::FRAC_PI_2;
 use girandole::glam::{Quat, Vec3, vec3};
 
 use super::facade::{self, Plane, Style};
-use super::palette::{NEON, Palette};
+use super::palette::{NEON, Palette, WALLS};
 use super::part::Part;
 use super::rng::Rng;
 
@@ -50,18 +50,8 @@ impl Volume {
 
 fn style(rng: &mut Rng, floors: usize, palette: &mut Palette) -> Style {
     let office = floors > 9 || rng.chance(0.12);
-    let walls = [
-        [0.30, 0.13, 0.09],
-        [0.36, 0.19, 0.13],
-        [0.42, 0.36, 0.28],
-        [0.50, 0.45, 0.38],
-        [0.34, 0.33, 0.32],
-        [0.46, 0.42, 0.42],
-        [0.25, 0.22, 0.21],
-        [0.48, 0.38, 0.30],
-    ];
     let office_walls = [[0.12, 0.13, 0.15], [0.3, 0.3, 0.31], [0.22, 0.2, 0.19], [0.4, 0.39, 0.37]];
-    let [red, green, blue] = if office { rng.pick(&office_walls) } else { rng.pick(&walls) };
+    let [red, green, blue] = if office { rng.pick(&office_walls) } else { rng.pick(&WALLS) };
     let wall = palette.matte(red, green, blue);
     let trim = if office { palette.metal([0.35, 0.36, 0.38], 0.45) } else { palette.matte(0.45, 0.43, 0.4) };
     let glass = palette.glossy([0.015, 0.02, 0.028], 0.12);

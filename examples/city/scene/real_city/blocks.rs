@@ -12,7 +12,7 @@ use super::assembly::Assembly;
 use super::facade::{Plane, room};
 use super::footprints::Footprint;
 use super::grid::{self, to_plane};
-use super::palette::Palette;
+use super::palette::{Palette, WALLS};
 use super::part::Part;
 use super::rng::Rng;
 
@@ -33,17 +33,6 @@ const MAX_WINDOWS: f32 = 4_000.0;
 const MAX_ALL_WINDOWS: f64 = 2e7;
 /// Buildings of at least this height are offices, metres.
 const OFFICE: f32 = 28.0;
-
-/// Linear colours of walls.
-const WALLS: [[f32; 3]; 7] = [
-    [0.30, 0.13, 0.09],
-    [0.36, 0.19, 0.13],
-    [0.42, 0.36, 0.28],
-    [0.50, 0.45, 0.38],
-    [0.34, 0.33, 0.32],
-    [0.46, 0.42, 0.42],
-    [0.25, 0.22, 0.21],
-];
 
 /// Adds all buildings. Positions are relative to `shift`, and `middle` is the middle of the view.
 pub fn place(

@@ -221,15 +221,26 @@ mod tests {
         std::fs::write(&path, format!("<fcd-export>{}</fcd-export>", steps.collect::<String>())).unwrap();
         let options = RealCityOptions { traffic: Some(path.clone()), cars: Some(0), ..Default::default() };
         let mut stage = stage(&options).unwrap();
-        let visible = |stage: &Stage| stage.scene.objects.iter().filter(|object| object.visible).count();
-        let mut counts = Vec::new();
+        let mut seen: Vec<(Vec<u32>, usize)> = Vec::new();
         for time in [0.0, 1.0, 2.5] {
             stage.animation.advance(time, &mut stage.scene, &mut stage.world).unwrap();
-            counts.push((visible(&stage), stage.world.instance_count()));
+            let visible = stage.scene.objects.iter().filter(|object| object.visible);
+            seen.push((visible.map(|object| object.mesh).collect(), stage.world.instance_count()));
         }
         std::fs::remove_file(path).unwrap();
-        let (objects, instances) = counts[2];
-        assert_eq!(counts[..2], [(objects + 1, instances + 1); 2], "{counts:?}");
+        let (rest, instances) = seen.pop().unwrap();
+        // What is seen beyond the rest, and its length.
+        let lengths = seen.into_iter().map(|(mut meshes, count)| {
+            assert_eq!(count, instances + 1);
+            for mesh in &rest {
+                meshes.swap_remove(meshes.iter().position(|other| other == mesh).expect("the rest is always visible"));
+            }
+            let [mesh] = meshes[..] else { panic!("{meshes:?}") };
+            let depths = stage.scene.meshes[mesh as usize].triangles.iter().flat_map(|t| t.vertices.map(|v| v.z));
+            depths.clone().fold(f32::MIN, f32::max) - depths.fold(f32::MAX, f32::min)
+        });
+        let lengths: Vec<f32> = lengths.collect();
+        assert!((3.0..6.0).contains(&lengths[0]) && (10.0..14.0).contains(&lengths[1]), "{lengths:?}");
     }
 
     #[test]
