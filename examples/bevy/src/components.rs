@@ -3,7 +3,6 @@
 use bevy::camera::Hdr;
 use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass, MotionVectorPrepass};
 use bevy::prelude::*;
-use bevy::render::extract_component::ExtractComponent;
 
 /// Hands the light of an entity to Girandole.
 ///
@@ -12,10 +11,9 @@ use bevy::render::extract_component::ExtractComponent;
 /// counts as that light alone.
 ///
 /// Bevy does not light with the entity any more, so nothing is counted twice: the plugin removes
-/// [`ViewVisibility`] and [`SyncToRenderWorld`](bevy::render::sync_world::SyncToRenderWorld) from
-/// entities with a light component, without which no system of Bevy considers them. Both come back
-/// when this marker is removed. The light component stays, and the application goes on to change
-/// it as before. Meshes stay as they are, since Bevy still draws them.
+/// [`ViewVisibility`] from entities with a light component, without which Bevy neither clusters nor
+/// extracts them. It comes back when this marker is removed. The light component stays, and the
+/// application goes on to change it as before. Meshes stay as they are, since Bevy still draws them.
 ///
 /// [`GirandoleSettings::all_lights`](crate::GirandoleSettings::all_lights) adds the marker to every
 /// entity with a light component that has no [`NoGirandole`].
@@ -34,7 +32,7 @@ pub struct NoGirandole;
 /// Spawn it with [`Msaa::Off`], which Bevy's deferred renderer requires, and make materials deferred:
 /// `DefaultOpaqueRendererMethod::deferred()` does so for all of them. Surfaces that are drawn by the
 /// forward renderer, such as transparent ones, get none of this light.
-#[derive(Component, Clone, Copy, Debug, ExtractComponent, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq)]
 #[require(Camera3d, Hdr, DepthPrepass, DeferredPrepass, MotionVectorPrepass)]
 pub struct GirandoleCamera {
     /// Lights that are drawn for each sample, of which one is kept: 1 to 32. More of them lower the

@@ -7,7 +7,6 @@ use bevy::camera::visibility::{ViewVisibility, VisibilitySystems};
 use bevy::ecs::system::SystemParam;
 use bevy::light::{DirectionalLight, PointLight, SpotLight};
 use bevy::prelude::*;
-use bevy::render::sync_world::SyncToRenderWorld;
 
 use crate::components::{GirandoleLight, NoGirandole};
 use crate::edits::Edit;
@@ -48,10 +47,12 @@ fn mark_all(
 /// new.
 fn take_over(
     mut commands: Commands,
+    mut changes: ResMut<Changes>,
     lights: Query<Entity, (AnyLight, With<GirandoleLight>, With<ViewVisibility>, Without<Mesh3d>)>,
 ) {
     for entity in &lights {
-        commands.entity(entity).remove::<(ViewVisibility, SyncToRenderWorld)>();
+        commands.entity(entity).remove::<ViewVisibility>();
+        changes.bypass_change_detection().taken.push(entity);
     }
 }
 
@@ -59,17 +60,14 @@ fn take_over(
 fn give_back(
     mut commands: Commands,
     mut unmarked: RemovedComponents<GirandoleLight>,
-    entities: Query<(Has<ViewVisibility>, Has<SyncToRenderWorld>), Without<GirandoleLight>>,
+    entities: Query<Has<ViewVisibility>, Without<GirandoleLight>>,
 ) {
     for entity in unmarked.read() {
-        let Ok((is_seen, is_synced)) = entities.get(entity) else { continue };
+        let Ok(is_seen) = entities.get(entity) else { continue };
         let mut commands = commands.entity(entity);
         commands.remove::<Gathered>();
         if !is_seen {
             commands.insert(ViewVisibility::default());
-        }
-        if !is_synced {
-            commands.insert(SyncToRenderWorld);
         }
     }
 }

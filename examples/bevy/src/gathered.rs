@@ -59,6 +59,8 @@ pub struct Found<'a> {
 pub struct Changes {
     pub edits: Edits,
     pub kinds: Kinds,
+    /// Lights that Bevy had before.
+    pub taken: Vec<Entity>,
     free: Vec<u32>,
     /// Numbers that are free from the next extraction on, so that a move that was found before a
     /// removal does not reach the next light of the same number.

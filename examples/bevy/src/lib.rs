@@ -7,21 +7,26 @@
 //!
 //! Data passes through the modules in this order: `components` and `settings` come from the
 //! application; `gather` finds what changed, `gathered` and `kinds` number it, and `edits` is what
-//! crosses to the render world; `world` follows the edits, `gpu` uploads them, and `pass` draws with
+//! crosses to the render world by `extract`; `world` follows the edits, `gpu` uploads them, and `pass` draws with
 //! the texts of `shader` and the textures of `history`.
 
 mod components;
 mod edits;
+mod extract;
 mod gather;
 mod gathered;
 mod gpu;
 mod history;
 mod kinds;
+#[cfg(not(feature = "wesl"))]
+mod naga_oil;
 mod pass;
 mod plugin;
 mod settings;
 mod shader;
 mod units;
+#[cfg(feature = "wesl")]
+mod wesl;
 mod world;
 
 pub use components::{Estimate, GirandoleCamera, GirandoleLight, NoGirandole};

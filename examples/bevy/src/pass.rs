@@ -84,6 +84,7 @@ pub fn start(
 impl SpecializedRenderPipeline for PassPipelines {
     type Key = MeshPipelineKey;
 
+    #[allow(clippy::needless_update)]
     fn specialize(&self, key: MeshPipelineKey) -> RenderPipelineDescriptor {
         let layout = self.mesh_pipeline.get_view_layout(key.into());
         let add = BlendComponent {
@@ -106,6 +107,8 @@ impl SpecializedRenderPipeline for PassPipelines {
                 shader_defs: shader_defs(&self.mesh_pipeline, key),
                 entry_point: Some("girandole_fragment".into()),
                 targets: targets.map(target).to_vec(),
+                // Bevy 0.20 has a field more.
+                ..default()
             }),
             ..default()
         }

@@ -5,19 +5,15 @@ use bevy::core_pipeline::schedule::{Core3d, Core3dSystems};
 use bevy::pbr::MeshPipelineSystems;
 use bevy::pbr::deferred::deferred_lighting;
 use bevy::prelude::*;
-use bevy::render::extract_component::ExtractComponentPlugin;
-use bevy::render::extract_resource::ExtractResourcePlugin;
 use bevy::render::render_resource::SpecializedRenderPipelines;
 use bevy::render::renderer::{RenderGraph, RenderGraphSystems};
-use bevy::render::{ExtractSchedule, MainWorld, Render, RenderApp, RenderStartup, RenderSystems};
+use bevy::render::{ExtractSchedule, Render, RenderApp, RenderStartup, RenderSystems};
 use bevy::shader::Shader;
 
-use crate::components::GirandoleCamera;
-use crate::gathered::Changes;
 use crate::pass::{PassPipelines, PassShader};
 use crate::settings::{GirandoleSettings, GirandoleStats};
 use crate::world::Lights;
-use crate::{gather, gpu, history, pass, shader};
+use crate::{extract, gather, gpu, history, pass, shader};
 
 /// Adds Girandole to an application, after Bevy's own plugins.
 #[derive(Clone, Copy, Debug, Default)]
@@ -48,19 +44,10 @@ impl Plugin for GirandolePlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<GirandoleSettings>().init_resource::<GirandoleStats>();
         gather::add_systems(app);
-        app.add_plugins((
-            ExtractComponentPlugin::<GirandoleCamera>::default(),
-            ExtractResourcePlugin::<GirandoleSettings>::default(),
-        ));
         let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
         let text = if self.importing { shader::importing() } else { shader::joined() };
-        let pass_shader = PassShader(shaders.add(Shader::from_wgsl(text, "girandole/pass.wgsl")));
-        let modules = Modules {
-            _handles: [
-                shaders.add(Shader::from_wgsl(shader::lights_module(), "girandole/lights.wgsl")),
-                shaders.add(Shader::from_wgsl(shader::shading_module(), "girandole/shading.wgsl")),
-            ],
-        };
+        let pass_shader = PassShader(shaders.add(text));
+        let modules = Modules { _handles: shader::modules().map(|module| shaders.add(module)) };
         app.insert_resource(modules);
         let stats = app.world().resource::<GirandoleStats>().clone();
         let settings = app.world().resource::<GirandoleSettings>().clone();
@@ -72,7 +59,7 @@ impl Plugin for GirandolePlugin {
             .init_resource::<Lights>()
             .init_resource::<SpecializedRenderPipelines<PassPipelines>>()
             .add_systems(RenderStartup, (gpu::start, pass::start.after(MeshPipelineSystems)))
-            .add_systems(ExtractSchedule, extract)
+            .add_systems(ExtractSchedule, (extract::edits, extract::cameras))
             .add_systems(
                 Render,
                 (
@@ -94,11 +81,4 @@ impl Plugin for GirandolePlugin {
                     .before(main_opaque_pass_3d),
             );
     }
-}
-
-/// Takes the edits of the main world. The worlds meet here alone, for as long as it takes to move two
-/// lists. The render world follows them in `gpu::prepare`, while the main world goes on.
-fn extract(mut main_world: ResMut<MainWorld>, mut lights: ResMut<Lights>) {
-    let edits = main_world.resource_mut::<Changes>().bypass_change_detection().take();
-    lights.edits = edits;
 }

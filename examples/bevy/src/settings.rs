@@ -5,11 +5,10 @@ use std::time::Duration;
 
 use bevy::camera::Exposure;
 use bevy::prelude::*;
-use bevy::render::extract_resource::ExtractResource;
 use girandole::FrameBudget;
 
 /// Settings that may change in any frame.
-#[derive(Resource, Clone, ExtractResource)]
+#[derive(Resource, Clone)]
 pub struct GirandoleSettings {
     /// The time that a frame may spend on rebuilds of light trees.
     pub budget: FrameBudget,

@@ -2,4 +2,6 @@
 //! enough.
 
 mod agrees_with_bevy;
+mod changes;
 mod harness;
+mod unbiased;
