@@ -14,14 +14,15 @@ use crate::gathered::{Changes, Found, Gathered, Shape};
 use crate::settings::GirandoleSettings;
 use crate::units;
 
-type AnyLight = Or<(With<PointLight>, With<SpotLight>, With<DirectionalLight>)>;
+/// Light components on entities that Bevy need not see.
+type AnyLight = (Or<(With<PointLight>, With<SpotLight>, With<DirectionalLight>)>, Without<Mesh3d>);
 
 pub fn add_systems(app: &mut App) {
     app.init_resource::<Changes>().add_systems(
         PostUpdate,
         (
             (mark_all, take_over, give_back).chain().before(VisibilitySystems::CheckVisibility),
-            (begin, forget, gather_lights, gather_meshes, gather_visibility, gather_moves, end)
+            (forget, gather_lights, gather_meshes, gather_visibility, gather_moves)
                 .chain()
                 .after(TransformSystems::Propagate)
                 .after(VisibilitySystems::VisibilityPropagate)
@@ -48,7 +49,7 @@ fn mark_all(
 fn take_over(
     mut commands: Commands,
     mut changes: ResMut<Changes>,
-    lights: Query<Entity, (AnyLight, With<GirandoleLight>, With<ViewVisibility>, Without<Mesh3d>)>,
+    lights: Query<Entity, (AnyLight, With<GirandoleLight>, With<ViewVisibility>)>,
 ) {
     for entity in &lights {
         commands.entity(entity).remove::<ViewVisibility>();
@@ -69,19 +70,6 @@ fn give_back(
         if !is_seen {
             commands.insert(ViewVisibility::default());
         }
-    }
-}
-
-#[derive(Resource)]
-struct Started(Instant);
-
-fn begin(mut commands: Commands) {
-    commands.insert_resource(Started(Instant::now()));
-}
-
-fn end(started: Option<Res<Started>>, mut changes: ResMut<Changes>) {
-    if let Some(started) = started {
-        changes.bypass_change_detection().edits.gather += started.0.elapsed();
     }
 }
 
@@ -139,6 +127,7 @@ fn gather_lights(
     meshes: Res<Assets<Mesh>>,
     mut lights: Query<LightQuery, (With<GirandoleLight>, AnyLight, ChangedLight)>,
 ) {
+    let started = Instant::now();
     for (entity, point, spot, directional, transform, visibility, gathered) in &mut lights {
         let shown = visibility.get();
         let next = match (point, spot, directional) {
@@ -157,6 +146,7 @@ fn gather_lights(
         };
         store(&mut commands, entity, gathered, next);
     }
+    changes.took(started);
 }
 
 /// Stores what is known of an entity.
@@ -211,6 +201,7 @@ fn gather_meshes(
     new: Query<(), (EmissiveMesh, ChangedMesh)>,
     mut lights: Query<MeshQuery, EmissiveMesh>,
 ) {
+    let started = Instant::now();
     let changed_meshes: Vec<_> = assets.events_of_meshes.read().filter_map(changed).collect();
     let changed_materials: Vec<_> = assets.events_of_materials.read().filter_map(changed).collect();
     let all = settings.is_changed();
@@ -236,6 +227,7 @@ fn gather_meshes(
         });
         store(&mut commands, entity, gathered, next);
     }
+    changes.took(started);
 }
 
 type PlacedLight =
@@ -243,6 +235,7 @@ type PlacedLight =
 
 /// Lights that were hidden or shown.
 fn gather_visibility(mut changes: ResMut<Changes>, lights: Query<PlacedLight, Changed<InheritedVisibility>>) {
+    let started = Instant::now();
     for (gathered, transform, visibility, directional) in &lights {
         let (light, shown) = (gathered.light, visibility.get());
         changes.edits.edits.push(match (gathered.shape, directional) {
@@ -252,10 +245,12 @@ fn gather_visibility(mut changes: ResMut<Changes>, lights: Query<PlacedLight, Ch
             _ => Edit::Show { light, shown },
         });
     }
+    changes.took(started);
 }
 
 /// Lights that were moved, by the application or with their parents.
 fn gather_moves(mut changes: ResMut<Changes>, lights: Query<PlacedLight, Changed<GlobalTransform>>) {
+    let started = Instant::now();
     let edits = &mut changes.bypass_change_detection().edits;
     for (gathered, transform, visibility, directional) in &lights {
         let light = gathered.light;
@@ -267,4 +262,5 @@ fn gather_moves(mut changes: ResMut<Changes>, lights: Query<PlacedLight, Changed
             (shape, _) => edits.moves.push((light, shape.placement(transform))),
         }
     }
+    changes.took(started);
 }

@@ -1,5 +1,7 @@
 //! The numbers of lights and kinds, and the edits that have been found since the last extraction.
 
+use std::time::Instant;
+
 use bevy::ecs::lifecycle::HookContext;
 use bevy::ecs::world::DeferredWorld;
 use bevy::prelude::*;
@@ -143,6 +145,11 @@ impl Changes {
         self.edits.edits.push(Edit::Remove { light: gathered.light });
         self.release(gathered.kind);
         self.freed.push(gathered.light);
+    }
+
+    /// Adds to the time that the search for changes took.
+    pub fn took(&mut self, started: Instant) {
+        self.edits.gather += started.elapsed();
     }
 
     /// Takes all changes.

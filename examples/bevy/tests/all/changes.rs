@@ -1,5 +1,6 @@
 //! What the plugin does in a frame follows from what changed in it, counted.
 
+use bevy::camera::visibility::NoFrustumCulling;
 use bevy::prelude::*;
 use girandole_bevy::{GirandoleLight, GirandolePlugin, GirandoleReport, NoGirandole};
 
@@ -170,4 +171,10 @@ fn bevy_lights_with_what_is_not_marked() {
     assert_eq!(sum(&mut app), 0.0, "Bevy does not light with a light that is marked later");
     app.world_mut().entity_mut(entity).remove::<GirandoleLight>();
     assert_eq!(sum(&mut app), of_bevy, "and lights with it again when the marker goes");
+
+    // Bevy has to see an entity with a mesh, so it keeps the light of that entity, too.
+    let mesh = app.world_mut().resource_mut::<Assets<Mesh>>().add(Sphere::new(0.01));
+    app.world_mut().entity_mut(entity).insert((Mesh3d(mesh), NoFrustumCulling, GirandoleLight));
+    assert_eq!(sum(&mut app), of_bevy);
+    assert_eq!(report(&app).lights, 0);
 }
