@@ -34,3 +34,8 @@ pub use gpu::{GirandoleGpu, buffer_entry, effects, lights_layout};
 pub use plugin::{GirandolePlugin, GirandoleSystems};
 pub use settings::{GirandoleReport, GirandoleSettings, GirandoleStats};
 pub use shader::LIGHTS_GROUP;
+
+/// The program in the documents compiles.
+#[cfg(doctest)]
+#[doc = include_str!("../../../docs/bevy.md")]
+struct Page;

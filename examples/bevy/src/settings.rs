@@ -8,7 +8,7 @@ use bevy::prelude::*;
 use girandole::FrameBudget;
 
 /// Settings that may change in any frame.
-#[derive(Resource, Clone)]
+#[derive(Resource, Clone, Default)]
 pub struct GirandoleSettings {
     /// The time that a frame may spend on rebuilds of light trees.
     pub budget: FrameBudget,
@@ -19,12 +19,6 @@ pub struct GirandoleSettings {
     /// chosen. Bevy's emissive colours are in units of the picture, so what they emit depends on the
     /// exposure of the camera. The picture is right for any exposure; noise is lowest for this one.
     pub exposure: Exposure,
-}
-
-impl Default for GirandoleSettings {
-    fn default() -> Self {
-        Self { budget: FrameBudget::default(), all_lights: false, exposure: Exposure::default() }
-    }
 }
 
 /// What the plugin did for the last frame.

@@ -1,4 +1,4 @@
-//! What frames took, as medians at the end.
+//! What frames took, at the end.
 
 use std::time::{Duration, Instant};
 
@@ -43,10 +43,12 @@ fn record(
     }
 }
 
-fn median<T: Ord + Copy + Default>(values: impl Iterator<Item = T>) -> T {
-    let mut values: Vec<T> = values.collect();
-    values.sort_unstable();
-    values.get(values.len() / 2).copied().unwrap_or_default()
+/// The median and the least of some times, in milliseconds.
+fn millis(times: impl Iterator<Item = Duration>) -> String {
+    let mut times: Vec<Duration> = times.collect();
+    times.sort_unstable();
+    let [median, least] = [times.len() / 2, 0].map(|i| 1000.0 * times[i].as_secs_f64());
+    format!("{median:10.3} ms {least:10.3} ms")
 }
 
 fn print(mut exits: MessageReader<AppExit>, frames: Res<Frames>) {
@@ -54,16 +56,16 @@ fn print(mut exits: MessageReader<AppExit>, frames: Res<Frames>) {
         return;
     }
     for (name, frames) in [("moving", &frames.moving), ("still", &frames.still)] {
-        let millis = |part: fn(&GirandoleReport) -> Duration| {
-            1000.0 * median(frames.iter().map(|(_, report)| part(report))).as_secs_f64()
-        };
         let Some((_, last)) = frames.last() else { continue };
-        println!("{} frames {name}, {} lights in {} trees; medians:", frames.len(), last.lights, last.trees);
-        println!("  {:8.1} ms  frame", 1000.0 * median(frames.iter().map(|(took, _)| *took)).as_secs_f64());
-        println!("  {:8.3} ms  search for changes, main world", millis(|report| report.gather));
-        println!("  {:8.3} ms  edits, render world", millis(|report| report.apply));
-        println!("  {:8.3} ms  refits and rebuilds, render world", millis(|report| report.update));
-        println!("  {:8.3} ms  upload, render world", millis(|report| report.upload));
-        println!("  {:8}     bytes uploaded", median(frames.iter().map(|(_, report)| report.bytes)));
+        println!("{} frames {name}, {} lights in {} trees; median and least:", frames.len(), last.lights, last.trees);
+        println!("  {}  frame", millis(frames.iter().map(|(took, _)| *took)));
+        let part = |name, part: fn(&GirandoleReport) -> Duration| {
+            println!("  {}  {name}", millis(frames.iter().map(|(_, report)| part(report))));
+        };
+        part("search for changes, main world", |report| report.gather);
+        part("edits, render world", |report| report.apply);
+        part("refits and rebuilds, render world", |report| report.update);
+        part("upload, render world", |report| report.upload);
+        println!("  {} bytes uploaded in the last of them", last.bytes);
     }
 }
