@@ -30,7 +30,7 @@ pub enum Wrap {
     Clamp,
 }
 
-/// How a material uses an image. `textures.wgsl` has the same functions.
+/// How a material uses an image. `texels.wgsl` has the same functions.
 #[derive(Clone, Debug)]
 pub struct Texture {
     /// The image, which other textures may share.

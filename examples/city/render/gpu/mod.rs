@@ -8,7 +8,7 @@
 //!
 //! 1. this file: the frames;
 //! 2. `records`, `texels`, `scene_buffers` and `buffers`: what is on the device, and in which layout;
-//! 3. `pipeline`, `sequence.wgsl`, `textures.wgsl` and `render.wgsl`: the shader.
+//! 3. `pipeline`, `sequence.wgsl`, `texels.wgsl`, `textures.wgsl` and `render.wgsl`: the shader.
 
 use super::backend::{self, Gpu, USAGE_STORAGE_BUFFERS};
 use super::geometry::{self, Geometry, GeometryChange};
@@ -31,7 +31,7 @@ mod buffers;
 mod pipeline;
 
 use buffers::{Buffers, PIXEL_BYTES, TIMESTAMP_BYTES};
-use pipeline::{LIGHT_GROUP, TARGET, TARGET_ARGUMENT, WORKGROUP, pipeline, stack_size};
+use pipeline::{LIGHT_GROUP, Needs, TARGET, TARGET_ARGUMENT, WORKGROUP, pipeline};
 use records::{FrameUniform, PictureOptions};
 
 /// Most pixels of a band.
@@ -59,8 +59,8 @@ pub struct GpuRenderer {
     bind_group: wgpu::BindGroup,
     /// The library's text that `pipeline` was compiled with.
     shader: LightShader,
-    /// The size of the traversal stack that `pipeline` was compiled with.
-    stack_size: usize,
+    /// What `pipeline` was compiled for.
+    needs: Needs,
     pipeline: wgpu::ComputePipeline,
     /// Rows of a band.
     band_rows: u32,
@@ -101,9 +101,9 @@ impl GpuRenderer {
             lights.shader(LIGHT_GROUP, effects)
         };
         let shader = shader.with_target(target);
-        let stack_size = stack_size(geometry);
-        let pipeline = pipeline(device, &layout, &shader, stack_size);
-        Ok(Self { gpu, lights, buffers, layout, bind_group, shader, stack_size, pipeline, band_rows })
+        let needs = Needs::new(scene, geometry);
+        let pipeline = pipeline(device, &layout, &shader, needs);
+        Ok(Self { gpu, lights, buffers, layout, bind_group, shader, needs, pipeline, band_rows })
     }
 
     /// Destroys the device, as a driver that crashed would.
@@ -141,10 +141,9 @@ impl GpuRenderer {
         // `gpu::PipelineVariants`, which never blocks. This one blocks on purpose, so that the same
         // seed always gives the same picture.
         let effects = world.effects() - Effects::MOVING;
-        if stack_size(geometry) > self.stack_size || effects != self.shader.effects {
-            self.stack_size = self.stack_size.max(stack_size(geometry));
+        if self.needs.grow(geometry) || effects != self.shader.effects {
             self.shader = self.shader.with_effects(effects);
-            self.pipeline = pipeline(&self.gpu.device, &self.layout, &self.shader, self.stack_size);
+            self.pipeline = pipeline(&self.gpu.device, &self.layout, &self.shader, self.needs);
         }
         Ok(GpuUpdate { light_bytes, geometry_bytes, top_build: self.build_top()? })
     }

@@ -174,7 +174,7 @@ impl Record {
 mod tests {
     use super::super::super::nodes::Node;
     use super::super::geometry::PackedTriangle;
-    use super::super::pipeline::{LIGHT_GROUP, TARGET, TARGET_ARGUMENT, shader_source};
+    use super::super::pipeline::{LIGHT_GROUP, Needs, TARGET, TARGET_ARGUMENT, shader_source};
     use super::*;
     use girandole::Effects;
     use girandole::plan::{TargetHook, wgsl_with_target};
@@ -193,8 +193,14 @@ mod tests {
     #[test]
     fn structs_have_the_same_layout_in_rust_and_wgsl() {
         let target = TargetHook::new(TARGET, TARGET_ARGUMENT).expect("identifiers");
-        let source = shader_source(&wgsl_with_target(LIGHT_GROUP, Effects::all(), &target), false, 32);
-        let module = naga::front::wgsl::parse_str(&source).unwrap_or_else(|e| panic!("{e:?}"));
+        let light = wgsl_with_target(LIGHT_GROUP, Effects::all(), &target);
+        let parse = |textures| {
+            let source = shader_source(&light, false, Needs { stack_size: 32, textures });
+            naga::front::wgsl::parse_str(&source).unwrap_or_else(|e| panic!("{e:?}"))
+        };
+        // A scene without textures has a shader of its own.
+        parse(false);
+        let module = parse(true);
         macro_rules! same {
             ($name:literal, $ty:ty, $($field:ident),+) => {
                 let expected = vec![$((stringify!($field).to_owned(), offset_of!($ty, $field))),+];

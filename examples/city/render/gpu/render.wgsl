@@ -294,6 +294,8 @@ fn may_be_occluded(origin: vec3<f32>, direction: vec3<f32>, limit: f32) -> bool 
 // The numbers of shadow rays that this invocation traced, and that it skipped because nothing could
 // block them.
 var<private> shadow_rays: vec2<f32>;
+// The distance of the last hit of a camera ray, or FAR.
+var<private> camera_distance: f32;
 
 // The direction of a camera ray through a pixel.
 fn camera_direction(corner: vec2<f32>, jitter: vec2<f32>) -> vec3<f32> {
@@ -305,6 +307,7 @@ fn camera_direction(corner: vec2<f32>, jitter: vec2<f32>) -> vec3<f32> {
 fn radiance(pixel: u32, index: u32, corner: vec2<f32>, numbers: SampleNumbers) -> vec3<f32> {
     let direction = camera_direction(corner, numbers.pixel.xy);
     let hit = trace(frame.eye, direction, FAR, false, opacity_seed(pixel, index));
+    camera_distance = hit.dist;
     if hit.object == NOTHING {
         return sky_radiance(direction);
     }
@@ -387,8 +390,8 @@ fn render(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let pixel = row * frame.width + id.x;
     let slot = id.y * frame.width + id.x;
-    // The counts of shadow rays follow the sums of the whole band. The first dispatch of a band
-    // starts both.
+    // The counts of shadow rays and the distance of the last sample follow the sums of the whole band.
+    // The first dispatch of a band starts both.
     let counts_slot = (frame.row_end - frame.row_begin) * frame.width + slot;
     var sum = vec4<f32>(0.0);
     if frame.sample_begin > 0u {
@@ -401,5 +404,5 @@ fn render(@builtin(global_invocation_id) id: vec3<u32>) {
         sum += vec4<f32>(color, select(0.0, luminance(color), index < frame.first_half));
     }
     image[slot] = sum;
-    image[counts_slot] = vec4<f32>(shadow_rays, 0.0, 0.0);
+    image[counts_slot] = vec4<f32>(shadow_rays, camera_distance, 0.0);
 }
