@@ -88,7 +88,7 @@ pub unsafe extern "C" fn girandole_kernel_shader(
     call(|| {
         // SAFETY: see the crate's documentation.
         let (target, out) = unsafe { (object(target, "target")?, result(shader, "shader")?) };
-        let source = Source::checked(known(index)?.wgsl())?;
+        let source = Source::checked(known(index)?.wgsl())?.without_zeroing();
         // SAFETY: see the crate's documentation.
         out.set(Box::into_raw(Box::new(unsafe { translate(&source, target)? })));
         Ok(())

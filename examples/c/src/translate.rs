@@ -24,6 +24,8 @@ pub(crate) struct Source {
     text: String,
     module: Module,
     info: ModuleInfo,
+    /// Whether variables of workgroups start at zero, as WGSL promises.
+    zeroes_workgroups: bool,
 }
 
 impl Source {
@@ -33,7 +35,13 @@ impl Source {
         let module = naga::front::wgsl::parse_str(&text).map_err(|error| refused(error.emit_to_string(&text)))?;
         let info = Validator::new(ValidationFlags::all(), Capabilities::all()).validate(&module);
         let info = info.map_err(|error| refused(error.emit_to_string(&text)))?;
-        Ok(Self { text, module, info })
+        Ok(Self { text, module, info, zeroes_workgroups: true })
+    }
+
+    /// The same for a text that writes all variables of workgroups before it reads them. The kernels of the
+    /// library do. Drivers may take minutes for the code that sets large ones to zero.
+    pub fn without_zeroing(self) -> Self {
+        Self { zeroes_workgroups: false, ..self }
     }
 }
 
@@ -142,6 +150,10 @@ fn spirv(
         fake_missing_bindings: false,
         bounds_check_policies: checks(is_unchecked),
         force_loop_bounding: false,
+        zero_initialize_workgroup_memory: match source.zeroes_workgroups {
+            true => spv::ZeroInitializeWorkgroupMemoryMode::Polyfill,
+            false => spv::ZeroInitializeWorkgroupMemoryMode::None,
+        },
         ..spv::Options::default()
     };
     let target = |bound: &Bound| {
@@ -193,6 +205,7 @@ fn hlsl_text(
         fake_missing_bindings: false,
         restrict_indexing,
         force_loop_bounding: false,
+        zero_initialize_workgroup_memory: source.zeroes_workgroups,
         ..hlsl::Options::default()
     };
     let pipeline = hlsl::PipelineOptions { entry_point: selected(module, entry) };
@@ -236,6 +249,7 @@ fn msl_text(
         fake_missing_bindings: false,
         bounds_check_policies: checks(is_unchecked),
         force_loop_bounding: false,
+        zero_initialize_workgroup_memory: source.zeroes_workgroups,
         ..msl::Options::default()
     };
     let pipeline = msl::PipelineOptions { entry_point: selected(module, entry), ..Default::default() };
