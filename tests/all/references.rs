@@ -8,6 +8,8 @@ const FOLDERS: [&str; 7] = ["src", "shaders", "tests", "benches", "examples", "s
 
 fn files(folder: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).expect("a folder of the crate").map(|entry| entry.expect("readable").path());
+    // Packages in folders of their own have build outputs there.
+    let entries = entries.filter(|path| path.file_name().is_none_or(|name| name != "target"));
     entries.flat_map(|path| if path.is_dir() { files(&path) } else { vec![path] }).collect()
 }
 
