@@ -386,17 +386,6 @@ typedef struct GirandoleDeltaView {
     uint32_t is_empty;
 } GirandoleDeltaView;
 
-// The limits of a planner.
-typedef struct GirandoleLimits {
-    // Bytes of the largest storage buffer that the device can make and bind whole. Less than 131,072 counts
-    // as 131,072, and more than 16 GiB as 16 GiB.
-    uint64_t largest_buffer;
-    // Bytes of the buffers of nodes and lights, or GIRANDOLE_NO_LIMIT.
-    uint64_t tree_memory;
-    // Bytes of new trees that one frame sends, or GIRANDOLE_NO_LIMIT.
-    uint64_t frame_bytes;
-} GirandoleLimits;
-
 // What a buffer is bound as: one of GIRANDOLE_BUFFER_*.
 typedef uint32_t GirandoleBufferUsage;
 
@@ -468,61 +457,16 @@ typedef struct GirandolePlanView {
     size_t waiting_trees;
 } GirandolePlanView;
 
-// How a kernel binds a buffer: one of GIRANDOLE_BINDING_*.
-typedef uint32_t GirandoleBindingKind;
-
-// A binding of a kernel.
-typedef struct GirandoleKernelBinding {
-    // One of GIRANDOLE_BINDING_*.
-    GirandoleBindingKind kind;
-    // UNIFORM: the bytes that the kernel reads from uniform_offset on. 0 for other kinds.
-    uint32_t uniform_size;
-} GirandoleKernelBinding;
-
-// A compute shader of the library.
-typedef struct GirandoleKernel {
-    // The name of its entry point.
-    const char *name;
-    // Its bindings in group 0, by binding number. The first is always the uniform buffer.
-    const struct GirandoleKernelBinding *bindings;
-    // How many.
-    size_t binding_count;
-} GirandoleKernel;
-
-// A language of shaders: one of GIRANDOLE_LANGUAGE_*.
-typedef uint32_t GirandoleLanguage;
-
-// Where a binding of a WGSL text goes.
-typedef struct GirandoleBindTarget {
-    // The number in @group.
-    uint32_t group;
-    // The number in @binding.
-    uint32_t binding;
-    // SPIR-V: the descriptor set. HLSL: the space, at most 255. MSL: ignored.
-    uint32_t space;
-    // SPIR-V: the binding. HLSL: the register, whose letter follows from the kind of the binding. MSL: the
-    // index of the buffer, texture or sampler, at most 255.
-    uint32_t index;
-} GirandoleBindTarget;
-
-// The language of a translation, and where bindings go. Zero all fields, then set what differs.
-typedef struct GirandoleTarget {
-    // One of GIRANDOLE_LANGUAGE_*.
-    GirandoleLanguage language;
-    // The version of the language, as in 6.0; 0 and 0 for the default.
-    uint32_t major_version;
-    // See major_version.
-    uint32_t minor_version;
-    // Bits of GIRANDOLE_TRANSLATE_*.
-    uint32_t flags;
-    // The entry point that is translated, with what it uses; NULL for all of them.
-    const char *entry_point;
-    // Where bindings go that are not where they would go by default. By default the group is the space and
-    // the binding is the index; for MSL, bindings get the indices from 0 on in the order of group and binding.
-    const struct GirandoleBindTarget *bindings;
-    // How many.
-    size_t binding_count;
-} GirandoleTarget;
+// The limits of a planner.
+typedef struct GirandoleLimits {
+    // Bytes of the largest storage buffer that the device can make and bind whole. Less than 131,072 counts
+    // as 131,072, and more than 16 GiB as 16 GiB.
+    uint64_t largest_buffer;
+    // Bytes of the buffers of nodes and lights, or GIRANDOLE_NO_LIMIT.
+    uint64_t tree_memory;
+    // Bytes of new trees that one frame sends, or GIRANDOLE_NO_LIMIT.
+    uint64_t frame_bytes;
+} GirandoleLimits;
 
 // The stage of an entry point: one of GIRANDOLE_STAGE_*.
 typedef uint32_t GirandoleStage;
@@ -539,6 +483,9 @@ typedef struct GirandoleEntryPoint {
     // for each dispatch.
     uint32_t workgroup_size[3];
 } GirandoleEntryPoint;
+
+// How a kernel binds a buffer: one of GIRANDOLE_BINDING_*.
+typedef uint32_t GirandoleBindingKind;
 
 // A row of the table of bindings of a translated shader.
 typedef struct GirandoleShaderBinding {
@@ -579,6 +526,59 @@ typedef struct GirandoleShaderView {
     // and include texts.
     uint32_t sizes_index;
 } GirandoleShaderView;
+
+// A language of shaders: one of GIRANDOLE_LANGUAGE_*.
+typedef uint32_t GirandoleLanguage;
+
+// Where a binding of a WGSL text goes.
+typedef struct GirandoleBindTarget {
+    // The number in @group.
+    uint32_t group;
+    // The number in @binding.
+    uint32_t binding;
+    // SPIR-V: the descriptor set. HLSL: the space, at most 255. MSL: ignored.
+    uint32_t space;
+    // SPIR-V: the binding. HLSL: the register, whose letter follows from the kind of the binding. MSL: the
+    // index of the buffer, texture or sampler, at most 255.
+    uint32_t index;
+} GirandoleBindTarget;
+
+// The language of a translation, and where bindings go. Zero all fields, then set what differs.
+typedef struct GirandoleTarget {
+    // One of GIRANDOLE_LANGUAGE_*.
+    GirandoleLanguage language;
+    // The version of the language, as in 6.0; 0 and 0 for the default.
+    uint32_t major_version;
+    // See major_version.
+    uint32_t minor_version;
+    // Bits of GIRANDOLE_TRANSLATE_*.
+    uint32_t flags;
+    // The entry point that is translated, with what it uses; NULL for all of them.
+    const char *entry_point;
+    // Where bindings go that are not where they would go by default. By default the group is the space and
+    // the binding is the index; for MSL, bindings get the indices from 0 on in the order of group and binding.
+    const struct GirandoleBindTarget *bindings;
+    // How many.
+    size_t binding_count;
+} GirandoleTarget;
+
+// A binding of a kernel.
+typedef struct GirandoleKernelBinding {
+    // One of GIRANDOLE_BINDING_*.
+    GirandoleBindingKind kind;
+    // UNIFORM: the bytes that the kernel reads from uniform_offset on. 0 for other kinds.
+    uint32_t uniform_size;
+} GirandoleKernelBinding;
+
+// A compute shader of the library.
+typedef struct GirandoleKernel {
+    // The name of its entry point.
+    const char *name;
+    // Its bindings in group 0, by binding number. The first is always the uniform buffer.
+    const struct GirandoleKernelBinding *bindings;
+    // How many.
+    size_t binding_count;
+} GirandoleKernel;
 
 // The call has done what it is for.
 #define GIRANDOLE_OK 0
@@ -1105,6 +1105,25 @@ GirandoleStatus girandole_delta_view(const struct GirandoleDelta *delta, struct 
 // Frees a delta. NULL is allowed.
 void girandole_delta_destroy(struct GirandoleDelta *delta);
 
+// Stores what a plan holds. The arrays are valid until the plan is destroyed.
+GirandoleStatus girandole_plan_view(const struct GirandolePlan *plan, struct GirandolePlanView *view);
+
+// Frees a plan. NULL is allowed.
+void girandole_plan_destroy(struct GirandolePlan *plan);
+
+// Creates a cursor that expects the plan with number 1. Destroy it with girandole_cursor_destroy.
+GirandoleStatus girandole_cursor_create(struct GirandoleCursor **cursor);
+
+// To be called before a plan is played. Returns GIRANDOLE_ERROR_OUT_OF_ORDER if the plan was played before,
+// or if one before it was not; then do not play it.
+GirandoleStatus girandole_cursor_advance(struct GirandoleCursor *cursor, const struct GirandolePlan *plan);
+
+// Makes a plan the next one, after girandole_planner_lose. Then call girandole_cursor_advance for it.
+GirandoleStatus girandole_cursor_skip_to(struct GirandoleCursor *cursor, const struct GirandolePlan *plan);
+
+// Frees a cursor. NULL is allowed.
+void girandole_cursor_destroy(struct GirandoleCursor *cursor);
+
 // Creates a planner for a device that holds nothing yet. limits may be NULL for a largest buffer of 128 MiB
 // and no other limits. Destroy it with girandole_planner_destroy.
 GirandoleStatus girandole_planner_create(const struct GirandoleLimits *limits,
@@ -1123,29 +1142,6 @@ GirandoleStatus girandole_planner_set_splits(struct GirandolePlanner *planner, u
 
 // Keeps the buffers of the last frame from the next plan on (1), or drops them (0), for light_pmf_previous.
 GirandoleStatus girandole_planner_keep_previous(struct GirandolePlanner *planner, uint32_t is_kept);
-
-// Finds out which buffers the GPU needs to follow the world. Changes nothing that shaders read.
-//
-// exactly: 0 for buffers with room to grow, 1 for buffers no larger than needed. new_buffers and count get
-// the buffers to make; the array belongs to the planner and is valid until the reservation ends.
-//
-// The reservation ends with girandole_planner_plan, or, if there is no memory for a buffer, with
-// girandole_planner_cancel. Until then calls that change the world or use the planner otherwise are refused
-// with GIRANDOLE_ERROR_RESERVED; calls for a const world work. The delta may be destroyed at once.
-//
-// On GIRANDOLE_ERROR_FULL the changes are kept for the next call.
-GirandoleStatus girandole_planner_reserve(struct GirandolePlanner *planner,
-                                          const struct GirandoleWorld *world,
-                                          const struct GirandoleDelta *delta,
-                                          uint32_t exactly,
-                                          const struct GirandoleNewBuffer **new_buffers,
-                                          size_t *count);
-
-// Ends the reservation with a plan: the commands of the frame. Destroy it with girandole_plan_destroy.
-GirandoleStatus girandole_planner_plan(struct GirandolePlanner *planner, struct GirandolePlan **plan);
-
-// Ends the reservation without a plan. Its changes belong to the next reservation.
-GirandoleStatus girandole_planner_cancel(struct GirandolePlanner *planner);
 
 // Makes a plan that only brings girandole_planner_set_splits to the device before the next frame, often an
 // empty one. Its number is 0, and cursors do not count it. Play it before the next plan.
@@ -1173,36 +1169,34 @@ GirandoleStatus girandole_planner_effects(struct GirandolePlanner *planner, uint
 // Stores the bytes of all buffers.
 GirandoleStatus girandole_planner_memory(struct GirandolePlanner *planner, uint64_t *bytes);
 
-// Stores what a plan holds. The arrays are valid until the plan is destroyed.
-GirandoleStatus girandole_plan_view(const struct GirandolePlan *plan, struct GirandolePlanView *view);
+// Finds out which buffers the GPU needs to follow the world. Changes nothing that shaders read.
+//
+// exactly: 0 for buffers with room to grow, 1 for buffers no larger than needed. new_buffers and count get
+// the buffers to make; the array belongs to the planner and is valid until the reservation ends.
+//
+// The reservation ends with girandole_planner_plan, or, if there is no memory for a buffer, with
+// girandole_planner_cancel. Until then calls that change the world or use the planner otherwise are refused
+// with GIRANDOLE_ERROR_RESERVED; calls for a const world work. The delta may be destroyed at once.
+//
+// On GIRANDOLE_ERROR_FULL the changes are kept for the next call.
+GirandoleStatus girandole_planner_reserve(struct GirandolePlanner *planner,
+                                          const struct GirandoleWorld *world,
+                                          const struct GirandoleDelta *delta,
+                                          uint32_t exactly,
+                                          const struct GirandoleNewBuffer **new_buffers,
+                                          size_t *count);
 
-// Frees a plan. NULL is allowed.
-void girandole_plan_destroy(struct GirandolePlan *plan);
+// Ends the reservation with a plan: the commands of the frame. Destroy it with girandole_plan_destroy.
+GirandoleStatus girandole_planner_plan(struct GirandolePlanner *planner, struct GirandolePlan **plan);
 
-// Creates a cursor that expects the plan with number 1. Destroy it with girandole_cursor_destroy.
-GirandoleStatus girandole_cursor_create(struct GirandoleCursor **cursor);
+// Ends the reservation without a plan. Its changes belong to the next reservation.
+GirandoleStatus girandole_planner_cancel(struct GirandolePlanner *planner);
 
-// To be called before a plan is played. Returns GIRANDOLE_ERROR_OUT_OF_ORDER if the plan was played before,
-// or if one before it was not; then do not play it.
-GirandoleStatus girandole_cursor_advance(struct GirandoleCursor *cursor, const struct GirandolePlan *plan);
+// Stores what a shader holds. The pointers are valid until the shader is destroyed.
+GirandoleStatus girandole_shader_view(const struct GirandoleShader *shader, struct GirandoleShaderView *view);
 
-// Makes a plan the next one, after girandole_planner_lose. Then call girandole_cursor_advance for it.
-GirandoleStatus girandole_cursor_skip_to(struct GirandoleCursor *cursor, const struct GirandolePlan *plan);
-
-// Frees a cursor. NULL is allowed.
-void girandole_cursor_destroy(struct GirandoleCursor *cursor);
-
-// Returns the number of kernels. Their indices and texts are those of one version of the library.
-uint32_t girandole_kernel_count(void);
-
-// Stores the name and the bindings of a kernel. Both are valid as long as the process.
-GirandoleStatus girandole_kernel(uint32_t index, struct GirandoleKernel *kernel);
-
-// Makes the code of a kernel in the language of a target. Takes milliseconds, so do it once, or when the
-// engine is built. Destroy it with girandole_shader_destroy.
-GirandoleStatus girandole_kernel_shader(uint32_t index,
-                                        const struct GirandoleTarget *target,
-                                        struct GirandoleShader **shader);
+// Frees a shader. NULL is allowed.
+void girandole_shader_destroy(struct GirandoleShader *shader);
 
 // Translates a WGSL text, for example the text of girandole_shader_include and the engine's own text, one
 // after the other, to another language. Destroy the shader with girandole_shader_destroy.
@@ -1216,11 +1210,17 @@ GirandoleStatus girandole_translate(const char *wgsl,
                                     const struct GirandoleTarget *target,
                                     struct GirandoleShader **shader);
 
-// Stores what a shader holds. The pointers are valid until the shader is destroyed.
-GirandoleStatus girandole_shader_view(const struct GirandoleShader *shader, struct GirandoleShaderView *view);
+// Returns the number of kernels. Their indices and texts are those of one version of the library.
+uint32_t girandole_kernel_count(void);
 
-// Frees a shader. NULL is allowed.
-void girandole_shader_destroy(struct GirandoleShader *shader);
+// Stores the name and the bindings of a kernel. Both are valid as long as the process.
+GirandoleStatus girandole_kernel(uint32_t index, struct GirandoleKernel *kernel);
+
+// Makes the code of a kernel in the language of a target. Takes milliseconds, so do it once, or when the
+// engine is built. Destroy it with girandole_shader_destroy.
+GirandoleStatus girandole_kernel_shader(uint32_t index,
+                                        const struct GirandoleTarget *target,
+                                        struct GirandoleShader **shader);
 
 // Makes the text that an engine's shader includes: the functions light_sample, light_resample, light_pmf and
 // others, without an entry point. docs/integration.md describes them. Destroy the shader with
