@@ -175,8 +175,11 @@ void picture(vulkan::Device &device, Player &player, double time, const std::str
         const double up = y * 0.90045 + z * 0.43497;
         const int px = static_cast<int>(256.0 + 144.0 / 0.65 * at.x / ahead);
         const int py = static_cast<int>(144.0 - 144.0 / 0.65 * up / ahead);
-        if (ahead < 0.1 || px < 0 || py < 0 || px >= int(WIDTH) || py >= int(HEIGHT)) continue;
-        for (int c = 0; c < 3; c++) pixels[4 * (py * WIDTH + px) + c] += 6.0f;
+        if (ahead < 0.1 || px < 0 || py < 0 || px + 1 >= int(WIDTH) || py + 1 >= int(HEIGHT)) continue;
+        for (int dot = 0; dot < 4; dot++) {
+            float *pixel = &pixels[4 * ((py + dot / 2) * WIDTH + px + dot % 2)];
+            for (int c = 0; c < 3; c++) pixel[c] += 3.0f;
+        }
     }
     std::ofstream file(path, std::ios::binary);
     file << "P6\n" << WIDTH << " " << HEIGHT << "\n255\n";
