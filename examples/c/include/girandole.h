@@ -114,6 +114,11 @@ typedef struct GirandolePlan GirandolePlan;
 // Threads: one thread at a time.
 typedef struct GirandolePlanner GirandolePlanner;
 
+// Trees and instances that are to be added to a world as a whole, for example a block of houses.
+//
+// Threads: one thread at a time, which need not be that of the world. After GIRANDOLE_ERROR_PANIC, destroy it.
+typedef struct GirandoleRegion GirandoleRegion;
+
 // A translated shader. Any thread may use it.
 typedef struct GirandoleShader GirandoleShader;
 
@@ -328,6 +333,24 @@ typedef struct GirandolePolicy {
     // BOUNDED: the ceiling. DEVIATION: the factor. Others ignore it.
     float b;
 } GirandolePolicy;
+
+// An instance of a region. girandole_region_instance makes one.
+typedef struct GirandoleRegionInstance {
+    // Where it is.
+    struct GirandolePlacement placement;
+    // When it requests rebuilds of its tree.
+    struct GirandolePolicy policy;
+    // The index of its tree in the region.
+    uint32_t tree;
+    // See girandole_world_set_enabled.
+    uint32_t is_enabled;
+    // See girandole_world_set_factor.
+    struct GirandoleVec3 factor;
+    // See girandole_world_set_mask.
+    uint32_t mask;
+    // See girandole_world_set_user_data.
+    uint32_t user_data;
+} GirandoleRegionInstance;
 
 // What a GirandoleLightId names: one of GIRANDOLE_ID_*.
 typedef uint32_t GirandoleIdKind;
@@ -645,6 +668,12 @@ typedef struct GirandoleKernel {
 
 // The light of this index was removed.
 #define GIRANDOLE_ERROR_REMOVED_LIGHT 210
+
+// No region has this key.
+#define GIRANDOLE_ERROR_NO_SUCH_REGION 211
+
+// A tree of the region has instances outside of it.
+#define GIRANDOLE_ERROR_REGION_IN_USE 213
 
 // A buffer would outgrow the limits of the planner. The changes are kept for the next call.
 #define GIRANDOLE_ERROR_FULL 600
@@ -1020,6 +1049,71 @@ GirandoleStatus girandole_world_record_usage(struct GirandoleWorld *world,
                                              const uint64_t *instances,
                                              const uint32_t *counts,
                                              size_t count);
+
+// Returns an instance of a tree of a region that is enabled, with a factor of 1, all bits of the mask, and
+// GIRANDOLE_POLICY_BUDGETED. Checks nothing.
+struct GirandoleRegionInstance girandole_region_instance(uint32_t tree, struct GirandolePlacement placement);
+
+// Creates an empty region. Destroy it with girandole_region_destroy.
+GirandoleStatus girandole_region_create(struct GirandoleRegion **region);
+
+// Adds a tree as a placeholder, which a later update of the world builds within its budget, and stores its
+// index in the region.
+GirandoleStatus girandole_region_add_placeholder(struct GirandoleRegion *region,
+                                                 const struct GirandoleLight *light_list,
+                                                 size_t count,
+                                                 uint32_t *tree);
+
+// As girandole_region_add_placeholder, and builds the tree on the calling thread.
+GirandoleStatus girandole_region_add_tree(struct GirandoleRegion *region,
+                                          const struct GirandoleLight *light_list,
+                                          size_t count,
+                                          uint32_t *tree);
+
+// As girandole_region_add_placeholder, from the bytes of girandole_world_bake_tree.
+GirandoleStatus girandole_region_add_baked(struct GirandoleRegion *region,
+                                           const uint8_t *bytes,
+                                           size_t size,
+                                           uint32_t *tree);
+
+// Adds a tree that is in the world already, by its key, and stores its index in the region. The key is
+// checked when the region is added.
+GirandoleStatus girandole_region_add_world_tree(struct GirandoleRegion *region, uint64_t key, uint32_t *tree);
+
+// Adds an instance to a region.
+GirandoleStatus girandole_region_add_instance(struct GirandoleRegion *region,
+                                              const struct GirandoleRegionInstance *instance);
+
+// Adds everything in a region to a world, and stores the key of the region there. The region is empty then,
+// and may be filled again. If it is refused, it keeps its content.
+GirandoleStatus girandole_world_add_region(struct GirandoleWorld *world,
+                                           struct GirandoleRegion *region,
+                                           uint64_t *key);
+
+// Removes the trees and instances that were added with a region, without those that were removed before.
+// Refused if an instance outside of the region uses one of its trees.
+GirandoleStatus girandole_world_remove_region(struct GirandoleWorld *world, uint64_t region);
+
+// Lists the keys of the trees of a region, in the order of their indices.
+//
+// keys has room for capacity elements, and may be NULL if capacity is 0. count gets the number of elements; if
+// it is above capacity, the call stores nothing else and returns GIRANDOLE_ERROR_NO_SPACE.
+GirandoleStatus girandole_world_region_trees(const struct GirandoleWorld *world,
+                                             uint64_t region,
+                                             uint64_t *keys,
+                                             size_t capacity,
+                                             size_t *count);
+
+// Lists the keys of the instances of a region, in the order in which they were added to it. The arguments are
+// those of girandole_world_region_trees.
+GirandoleStatus girandole_world_region_instances(const struct GirandoleWorld *world,
+                                                 uint64_t region,
+                                                 uint64_t *keys,
+                                                 size_t capacity,
+                                                 size_t *count);
+
+// Frees a region that was not added to a world, or what is left of one that was. NULL is allowed.
+void girandole_region_destroy(struct GirandoleRegion *region);
 
 // Chooses a light and a point on it for each shading point.
 //

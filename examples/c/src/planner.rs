@@ -148,3 +148,40 @@ impl GirandolePlanner {
         self.held.take().ok_or_else(none)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use girandole::FrameDelta;
+
+    use super::*;
+    use crate::status::{GIRANDOLE_ERROR_PANIC, GIRANDOLE_OK, call};
+
+    #[test]
+    fn a_panic_breaks_the_planner_and_frees_the_world() {
+        let (world, mut planner) = (GirandoleWorld::new(), GirandolePlanner::new(PlanLimits::default()));
+        let everything = FrameDelta::everything(world.read().expect("it is whole"));
+        let delta = GirandoleDelta { delta: everything, world: world.id };
+        assert_eq!(call(|| planner.edit(|planner| planner.reserve(&world, &delta, false))), GIRANDOLE_OK);
+        assert_eq!(call(|| world.edit(|_| Ok(()))), GIRANDOLE_ERROR_RESERVED);
+        let dies = call(|| {
+            planner.edit(|planner| {
+                let _held = planner.take()?;
+                panic!("a test")
+            })
+        });
+        assert_eq!(dies, GIRANDOLE_ERROR_PANIC);
+        assert_eq!(call(|| planner.edit(|planner| planner.free().map(drop))), GIRANDOLE_ERROR_BROKEN);
+        assert_eq!(call(|| world.edit(|_| Ok(()))), GIRANDOLE_OK);
+    }
+
+    #[test]
+    fn a_planner_that_is_dropped_ends_its_reservation() {
+        let (world, mut planner) = (GirandoleWorld::new(), GirandolePlanner::new(PlanLimits::default()));
+        let everything = FrameDelta::everything(world.read().expect("it is whole"));
+        let delta = GirandoleDelta { delta: everything, world: world.id };
+        planner.reserve(&world, &delta, true).expect("it fits");
+        assert_eq!(world.reservations.load(Ordering::Acquire), 1);
+        drop(planner);
+        assert_eq!(world.reservations.load(Ordering::Acquire), 0);
+    }
+}

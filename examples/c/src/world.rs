@@ -51,7 +51,7 @@ const _: () = {
 static WORLDS: AtomicU64 = AtomicU64::new(0);
 
 impl GirandoleWorld {
-    fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             world: UnsafeCell::new(LightWorld::new()),
             id: WORLDS.fetch_add(1, Ordering::Relaxed),
