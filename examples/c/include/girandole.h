@@ -114,6 +114,11 @@ typedef struct GirandolePlan GirandolePlan;
 // Threads: one thread at a time.
 typedef struct GirandolePlanner GirandolePlanner;
 
+// Trees and instances that are to be added to a world as a whole, for example a block of houses.
+//
+// Threads: one thread at a time, which need not be that of the world. After GIRANDOLE_ERROR_PANIC, destroy it.
+typedef struct GirandoleRegion GirandoleRegion;
+
 // A translated shader. Any thread may use it.
 typedef struct GirandoleShader GirandoleShader;
 
@@ -329,6 +334,24 @@ typedef struct GirandolePolicy {
     float b;
 } GirandolePolicy;
 
+// An instance of a region. girandole_region_instance makes one.
+typedef struct GirandoleRegionInstance {
+    // Where it is.
+    struct GirandolePlacement placement;
+    // When it requests rebuilds of its tree.
+    struct GirandolePolicy policy;
+    // The index of its tree in the region.
+    uint32_t tree;
+    // See girandole_world_set_enabled.
+    uint32_t is_enabled;
+    // See girandole_world_set_factor.
+    struct GirandoleVec3 factor;
+    // See girandole_world_set_mask.
+    uint32_t mask;
+    // See girandole_world_set_user_data.
+    uint32_t user_data;
+} GirandoleRegionInstance;
+
 // What a GirandoleLightId names: one of GIRANDOLE_ID_*.
 typedef uint32_t GirandoleIdKind;
 
@@ -385,17 +408,6 @@ typedef struct GirandoleDeltaView {
     // 1 if nothing changed, else 0.
     uint32_t is_empty;
 } GirandoleDeltaView;
-
-// The limits of a planner.
-typedef struct GirandoleLimits {
-    // Bytes of the largest storage buffer that the device can make and bind whole. Less than 131,072 counts
-    // as 131,072, and more than 16 GiB as 16 GiB.
-    uint64_t largest_buffer;
-    // Bytes of the buffers of nodes and lights, or GIRANDOLE_NO_LIMIT.
-    uint64_t tree_memory;
-    // Bytes of new trees that one frame sends, or GIRANDOLE_NO_LIMIT.
-    uint64_t frame_bytes;
-} GirandoleLimits;
 
 // What a buffer is bound as: one of GIRANDOLE_BUFFER_*.
 typedef uint32_t GirandoleBufferUsage;
@@ -468,61 +480,16 @@ typedef struct GirandolePlanView {
     size_t waiting_trees;
 } GirandolePlanView;
 
-// How a kernel binds a buffer: one of GIRANDOLE_BINDING_*.
-typedef uint32_t GirandoleBindingKind;
-
-// A binding of a kernel.
-typedef struct GirandoleKernelBinding {
-    // One of GIRANDOLE_BINDING_*.
-    GirandoleBindingKind kind;
-    // UNIFORM: the bytes that the kernel reads from uniform_offset on. 0 for other kinds.
-    uint32_t uniform_size;
-} GirandoleKernelBinding;
-
-// A compute shader of the library.
-typedef struct GirandoleKernel {
-    // The name of its entry point.
-    const char *name;
-    // Its bindings in group 0, by binding number. The first is always the uniform buffer.
-    const struct GirandoleKernelBinding *bindings;
-    // How many.
-    size_t binding_count;
-} GirandoleKernel;
-
-// A language of shaders: one of GIRANDOLE_LANGUAGE_*.
-typedef uint32_t GirandoleLanguage;
-
-// Where a binding of a WGSL text goes.
-typedef struct GirandoleBindTarget {
-    // The number in @group.
-    uint32_t group;
-    // The number in @binding.
-    uint32_t binding;
-    // SPIR-V: the descriptor set. HLSL: the space, at most 255. MSL: ignored.
-    uint32_t space;
-    // SPIR-V: the binding. HLSL: the register, whose letter follows from the kind of the binding. MSL: the
-    // index of the buffer, texture or sampler, at most 255.
-    uint32_t index;
-} GirandoleBindTarget;
-
-// The language of a translation, and where bindings go. Zero all fields, then set what differs.
-typedef struct GirandoleTarget {
-    // One of GIRANDOLE_LANGUAGE_*.
-    GirandoleLanguage language;
-    // The version of the language, as in 6.0; 0 and 0 for the default.
-    uint32_t major_version;
-    // See major_version.
-    uint32_t minor_version;
-    // Bits of GIRANDOLE_TRANSLATE_*.
-    uint32_t flags;
-    // The entry point that is translated, with what it uses; NULL for all of them.
-    const char *entry_point;
-    // Where bindings go that are not where they would go by default. By default the group is the space and
-    // the binding is the index; for MSL, bindings get the indices from 0 on in the order of group and binding.
-    const struct GirandoleBindTarget *bindings;
-    // How many.
-    size_t binding_count;
-} GirandoleTarget;
+// The limits of a planner.
+typedef struct GirandoleLimits {
+    // Bytes of the largest storage buffer that the device can make and bind whole. Less than 131,072 counts
+    // as 131,072, and more than 16 GiB as 16 GiB.
+    uint64_t largest_buffer;
+    // Bytes of the buffers of nodes and lights, or GIRANDOLE_NO_LIMIT.
+    uint64_t tree_memory;
+    // Bytes of new trees that one frame sends, or GIRANDOLE_NO_LIMIT.
+    uint64_t frame_bytes;
+} GirandoleLimits;
 
 // The stage of an entry point: one of GIRANDOLE_STAGE_*.
 typedef uint32_t GirandoleStage;
@@ -539,6 +506,9 @@ typedef struct GirandoleEntryPoint {
     // for each dispatch.
     uint32_t workgroup_size[3];
 } GirandoleEntryPoint;
+
+// How a kernel binds a buffer: one of GIRANDOLE_BINDING_*.
+typedef uint32_t GirandoleBindingKind;
 
 // A row of the table of bindings of a translated shader.
 typedef struct GirandoleShaderBinding {
@@ -579,6 +549,59 @@ typedef struct GirandoleShaderView {
     // and include texts.
     uint32_t sizes_index;
 } GirandoleShaderView;
+
+// A language of shaders: one of GIRANDOLE_LANGUAGE_*.
+typedef uint32_t GirandoleLanguage;
+
+// Where a binding of a WGSL text goes.
+typedef struct GirandoleBindTarget {
+    // The number in @group.
+    uint32_t group;
+    // The number in @binding.
+    uint32_t binding;
+    // SPIR-V: the descriptor set. HLSL: the space, at most 255. MSL: ignored.
+    uint32_t space;
+    // SPIR-V: the binding. HLSL: the register, whose letter follows from the kind of the binding. MSL: the
+    // index of the buffer, texture or sampler, at most 255.
+    uint32_t index;
+} GirandoleBindTarget;
+
+// The language of a translation, and where bindings go. Zero all fields, then set what differs.
+typedef struct GirandoleTarget {
+    // One of GIRANDOLE_LANGUAGE_*.
+    GirandoleLanguage language;
+    // The version of the language, as in 6.0; 0 and 0 for the default.
+    uint32_t major_version;
+    // See major_version.
+    uint32_t minor_version;
+    // Bits of GIRANDOLE_TRANSLATE_*.
+    uint32_t flags;
+    // The entry point that is translated, with what it uses; NULL for all of them.
+    const char *entry_point;
+    // Where bindings go that are not where they would go by default. By default the group is the space and
+    // the binding is the index; for MSL, bindings get the indices from 0 on in the order of group and binding.
+    const struct GirandoleBindTarget *bindings;
+    // How many.
+    size_t binding_count;
+} GirandoleTarget;
+
+// A binding of a kernel.
+typedef struct GirandoleKernelBinding {
+    // One of GIRANDOLE_BINDING_*.
+    GirandoleBindingKind kind;
+    // UNIFORM: the bytes that the kernel reads from uniform_offset on. 0 for other kinds.
+    uint32_t uniform_size;
+} GirandoleKernelBinding;
+
+// A compute shader of the library.
+typedef struct GirandoleKernel {
+    // The name of its entry point.
+    const char *name;
+    // Its bindings in group 0, by binding number. The first is always the uniform buffer.
+    const struct GirandoleKernelBinding *bindings;
+    // How many.
+    size_t binding_count;
+} GirandoleKernel;
 
 // The call has done what it is for.
 #define GIRANDOLE_OK 0
@@ -645,6 +668,12 @@ typedef struct GirandoleShaderView {
 
 // The light of this index was removed.
 #define GIRANDOLE_ERROR_REMOVED_LIGHT 210
+
+// No region has this key.
+#define GIRANDOLE_ERROR_NO_SUCH_REGION 211
+
+// A tree of the region has instances outside of it.
+#define GIRANDOLE_ERROR_REGION_IN_USE 213
 
 // A buffer would outgrow the limits of the planner. The changes are kept for the next call.
 #define GIRANDOLE_ERROR_FULL 600
@@ -1021,6 +1050,71 @@ GirandoleStatus girandole_world_record_usage(struct GirandoleWorld *world,
                                              const uint32_t *counts,
                                              size_t count);
 
+// Returns an instance of a tree of a region that is enabled, with a factor of 1, all bits of the mask, and
+// GIRANDOLE_POLICY_BUDGETED. Checks nothing.
+struct GirandoleRegionInstance girandole_region_instance(uint32_t tree, struct GirandolePlacement placement);
+
+// Creates an empty region. Destroy it with girandole_region_destroy.
+GirandoleStatus girandole_region_create(struct GirandoleRegion **region);
+
+// Adds a tree as a placeholder, which a later update of the world builds within its budget, and stores its
+// index in the region.
+GirandoleStatus girandole_region_add_placeholder(struct GirandoleRegion *region,
+                                                 const struct GirandoleLight *light_list,
+                                                 size_t count,
+                                                 uint32_t *tree);
+
+// As girandole_region_add_placeholder, and builds the tree on the calling thread.
+GirandoleStatus girandole_region_add_tree(struct GirandoleRegion *region,
+                                          const struct GirandoleLight *light_list,
+                                          size_t count,
+                                          uint32_t *tree);
+
+// As girandole_region_add_placeholder, from the bytes of girandole_world_bake_tree.
+GirandoleStatus girandole_region_add_baked(struct GirandoleRegion *region,
+                                           const uint8_t *bytes,
+                                           size_t size,
+                                           uint32_t *tree);
+
+// Adds a tree that is in the world already, by its key, and stores its index in the region. The key is
+// checked when the region is added.
+GirandoleStatus girandole_region_add_world_tree(struct GirandoleRegion *region, uint64_t key, uint32_t *tree);
+
+// Adds an instance to a region.
+GirandoleStatus girandole_region_add_instance(struct GirandoleRegion *region,
+                                              const struct GirandoleRegionInstance *instance);
+
+// Adds everything in a region to a world, and stores the key of the region there. The region is empty then,
+// and may be filled again. If it is refused, it keeps its content.
+GirandoleStatus girandole_world_add_region(struct GirandoleWorld *world,
+                                           struct GirandoleRegion *region,
+                                           uint64_t *key);
+
+// Removes the trees and instances that were added with a region, without those that were removed before.
+// Refused if an instance outside of the region uses one of its trees.
+GirandoleStatus girandole_world_remove_region(struct GirandoleWorld *world, uint64_t region);
+
+// Lists the keys of the trees of a region, in the order of their indices.
+//
+// keys has room for capacity elements, and may be NULL if capacity is 0. count gets the number of elements; if
+// it is above capacity, the call stores nothing else and returns GIRANDOLE_ERROR_NO_SPACE.
+GirandoleStatus girandole_world_region_trees(const struct GirandoleWorld *world,
+                                             uint64_t region,
+                                             uint64_t *keys,
+                                             size_t capacity,
+                                             size_t *count);
+
+// Lists the keys of the instances of a region, in the order in which they were added to it. The arguments are
+// those of girandole_world_region_trees.
+GirandoleStatus girandole_world_region_instances(const struct GirandoleWorld *world,
+                                                 uint64_t region,
+                                                 uint64_t *keys,
+                                                 size_t capacity,
+                                                 size_t *count);
+
+// Frees a region that was not added to a world, or what is left of one that was. NULL is allowed.
+void girandole_region_destroy(struct GirandoleRegion *region);
+
 // Chooses a light and a point on it for each shading point.
 //
 // Lights are as of the last update. The first call after a change builds the top level, in O(n log n) for n
@@ -1105,6 +1199,25 @@ GirandoleStatus girandole_delta_view(const struct GirandoleDelta *delta, struct 
 // Frees a delta. NULL is allowed.
 void girandole_delta_destroy(struct GirandoleDelta *delta);
 
+// Stores what a plan holds. The arrays are valid until the plan is destroyed.
+GirandoleStatus girandole_plan_view(const struct GirandolePlan *plan, struct GirandolePlanView *view);
+
+// Frees a plan. NULL is allowed.
+void girandole_plan_destroy(struct GirandolePlan *plan);
+
+// Creates a cursor that expects the plan with number 1. Destroy it with girandole_cursor_destroy.
+GirandoleStatus girandole_cursor_create(struct GirandoleCursor **cursor);
+
+// To be called before a plan is played. Returns GIRANDOLE_ERROR_OUT_OF_ORDER if the plan was played before,
+// or if one before it was not; then do not play it.
+GirandoleStatus girandole_cursor_advance(struct GirandoleCursor *cursor, const struct GirandolePlan *plan);
+
+// Makes a plan the next one, after girandole_planner_lose. Then call girandole_cursor_advance for it.
+GirandoleStatus girandole_cursor_skip_to(struct GirandoleCursor *cursor, const struct GirandolePlan *plan);
+
+// Frees a cursor. NULL is allowed.
+void girandole_cursor_destroy(struct GirandoleCursor *cursor);
+
 // Creates a planner for a device that holds nothing yet. limits may be NULL for a largest buffer of 128 MiB
 // and no other limits. Destroy it with girandole_planner_destroy.
 GirandoleStatus girandole_planner_create(const struct GirandoleLimits *limits,
@@ -1123,29 +1236,6 @@ GirandoleStatus girandole_planner_set_splits(struct GirandolePlanner *planner, u
 
 // Keeps the buffers of the last frame from the next plan on (1), or drops them (0), for light_pmf_previous.
 GirandoleStatus girandole_planner_keep_previous(struct GirandolePlanner *planner, uint32_t is_kept);
-
-// Finds out which buffers the GPU needs to follow the world. Changes nothing that shaders read.
-//
-// exactly: 0 for buffers with room to grow, 1 for buffers no larger than needed. new_buffers and count get
-// the buffers to make; the array belongs to the planner and is valid until the reservation ends.
-//
-// The reservation ends with girandole_planner_plan, or, if there is no memory for a buffer, with
-// girandole_planner_cancel. Until then calls that change the world or use the planner otherwise are refused
-// with GIRANDOLE_ERROR_RESERVED; calls for a const world work. The delta may be destroyed at once.
-//
-// On GIRANDOLE_ERROR_FULL the changes are kept for the next call.
-GirandoleStatus girandole_planner_reserve(struct GirandolePlanner *planner,
-                                          const struct GirandoleWorld *world,
-                                          const struct GirandoleDelta *delta,
-                                          uint32_t exactly,
-                                          const struct GirandoleNewBuffer **new_buffers,
-                                          size_t *count);
-
-// Ends the reservation with a plan: the commands of the frame. Destroy it with girandole_plan_destroy.
-GirandoleStatus girandole_planner_plan(struct GirandolePlanner *planner, struct GirandolePlan **plan);
-
-// Ends the reservation without a plan. Its changes belong to the next reservation.
-GirandoleStatus girandole_planner_cancel(struct GirandolePlanner *planner);
 
 // Makes a plan that only brings girandole_planner_set_splits to the device before the next frame, often an
 // empty one. Its number is 0, and cursors do not count it. Play it before the next plan.
@@ -1173,36 +1263,34 @@ GirandoleStatus girandole_planner_effects(struct GirandolePlanner *planner, uint
 // Stores the bytes of all buffers.
 GirandoleStatus girandole_planner_memory(struct GirandolePlanner *planner, uint64_t *bytes);
 
-// Stores what a plan holds. The arrays are valid until the plan is destroyed.
-GirandoleStatus girandole_plan_view(const struct GirandolePlan *plan, struct GirandolePlanView *view);
+// Finds out which buffers the GPU needs to follow the world. Changes nothing that shaders read.
+//
+// exactly: 0 for buffers with room to grow, 1 for buffers no larger than needed. new_buffers and count get
+// the buffers to make; the array belongs to the planner and is valid until the reservation ends.
+//
+// The reservation ends with girandole_planner_plan, or, if there is no memory for a buffer, with
+// girandole_planner_cancel. Until then calls that change the world or use the planner otherwise are refused
+// with GIRANDOLE_ERROR_RESERVED; calls for a const world work. The delta may be destroyed at once.
+//
+// On GIRANDOLE_ERROR_FULL the changes are kept for the next call.
+GirandoleStatus girandole_planner_reserve(struct GirandolePlanner *planner,
+                                          const struct GirandoleWorld *world,
+                                          const struct GirandoleDelta *delta,
+                                          uint32_t exactly,
+                                          const struct GirandoleNewBuffer **new_buffers,
+                                          size_t *count);
 
-// Frees a plan. NULL is allowed.
-void girandole_plan_destroy(struct GirandolePlan *plan);
+// Ends the reservation with a plan: the commands of the frame. Destroy it with girandole_plan_destroy.
+GirandoleStatus girandole_planner_plan(struct GirandolePlanner *planner, struct GirandolePlan **plan);
 
-// Creates a cursor that expects the plan with number 1. Destroy it with girandole_cursor_destroy.
-GirandoleStatus girandole_cursor_create(struct GirandoleCursor **cursor);
+// Ends the reservation without a plan. Its changes belong to the next reservation.
+GirandoleStatus girandole_planner_cancel(struct GirandolePlanner *planner);
 
-// To be called before a plan is played. Returns GIRANDOLE_ERROR_OUT_OF_ORDER if the plan was played before,
-// or if one before it was not; then do not play it.
-GirandoleStatus girandole_cursor_advance(struct GirandoleCursor *cursor, const struct GirandolePlan *plan);
+// Stores what a shader holds. The pointers are valid until the shader is destroyed.
+GirandoleStatus girandole_shader_view(const struct GirandoleShader *shader, struct GirandoleShaderView *view);
 
-// Makes a plan the next one, after girandole_planner_lose. Then call girandole_cursor_advance for it.
-GirandoleStatus girandole_cursor_skip_to(struct GirandoleCursor *cursor, const struct GirandolePlan *plan);
-
-// Frees a cursor. NULL is allowed.
-void girandole_cursor_destroy(struct GirandoleCursor *cursor);
-
-// Returns the number of kernels. Their indices and texts are those of one version of the library.
-uint32_t girandole_kernel_count(void);
-
-// Stores the name and the bindings of a kernel. Both are valid as long as the process.
-GirandoleStatus girandole_kernel(uint32_t index, struct GirandoleKernel *kernel);
-
-// Makes the code of a kernel in the language of a target. Takes milliseconds, so do it once, or when the
-// engine is built. Destroy it with girandole_shader_destroy.
-GirandoleStatus girandole_kernel_shader(uint32_t index,
-                                        const struct GirandoleTarget *target,
-                                        struct GirandoleShader **shader);
+// Frees a shader. NULL is allowed.
+void girandole_shader_destroy(struct GirandoleShader *shader);
 
 // Translates a WGSL text, for example the text of girandole_shader_include and the engine's own text, one
 // after the other, to another language. Destroy the shader with girandole_shader_destroy.
@@ -1216,11 +1304,17 @@ GirandoleStatus girandole_translate(const char *wgsl,
                                     const struct GirandoleTarget *target,
                                     struct GirandoleShader **shader);
 
-// Stores what a shader holds. The pointers are valid until the shader is destroyed.
-GirandoleStatus girandole_shader_view(const struct GirandoleShader *shader, struct GirandoleShaderView *view);
+// Returns the number of kernels. Their indices and texts are those of one version of the library.
+uint32_t girandole_kernel_count(void);
 
-// Frees a shader. NULL is allowed.
-void girandole_shader_destroy(struct GirandoleShader *shader);
+// Stores the name and the bindings of a kernel. Both are valid as long as the process.
+GirandoleStatus girandole_kernel(uint32_t index, struct GirandoleKernel *kernel);
+
+// Makes the code of a kernel in the language of a target. Takes milliseconds, so do it once, or when the
+// engine is built. Destroy it with girandole_shader_destroy.
+GirandoleStatus girandole_kernel_shader(uint32_t index,
+                                        const struct GirandoleTarget *target,
+                                        struct GirandoleShader **shader);
 
 // Makes the text that an engine's shader includes: the functions light_sample, light_resample, light_pmf and
 // others, without an entry point. docs/integration.md describes them. Destroy the shader with

@@ -160,7 +160,7 @@ static void edits(GirandoleWorld *world, uint64_t tree, uint64_t instance)
     moon.direction = none, moon.illuminance = none;
     EXPECT(102, girandole_world_add_directional(world, &moon, &key));
     EXPECT(GIRANDOLE_ERROR_NO_SUCH_DIRECTIONAL, girandole_world_remove_directional(world, 1));
-    EXPECT(1100, girandole_world_add_baked(world, (const uint8_t *)"not a tree, but long enough for a header", 40, &key));
+    EXPECT(1100, girandole_world_add_baked(world, (const uint8_t *)"not a tree, but long enough", 27, &key));
     EXPECT(1103, girandole_world_add_baked(world, NULL, 0, &key));
     EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_removed_lights(world, &removed, 1, NULL));
     REQUIRE(key == 7);
@@ -299,6 +299,41 @@ static void plans(GirandoleWorld *world)
     EXPECT(GIRANDOLE_OK, girandole_world_destroy(other_world));
 }
 
+static void regions(GirandoleWorld *world)
+{
+    const GirandoleLight good = bulb(5.0f), bad = bulb(-1.0f);
+    GirandoleRegion *region = NULL;
+    GirandoleRegionInstance instance;
+    uint32_t tree = 7;
+    uint64_t key = 7;
+    size_t count = 7;
+    const State before = state_of(world);
+
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_region_create(NULL));
+    EXPECT(GIRANDOLE_OK, girandole_region_create(&region));
+    EXPECT(101, girandole_region_add_tree(region, &bad, 1, &tree));
+    EXPECT(101, girandole_region_add_placeholder(region, &bad, 1, &tree));
+    EXPECT(1103, girandole_region_add_baked(region, NULL, 0, &tree));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_region_add_tree(NULL, &good, 1, &tree));
+    instance = girandole_region_instance(0, girandole_placement_at(0.0, 0.0, 0.0));
+    EXPECT(212, girandole_region_add_instance(region, &instance));
+    REQUIRE(tree == 7);
+    EXPECT(GIRANDOLE_OK, girandole_region_add_tree(region, &good, 1, &tree));
+    instance.is_enabled = 2;
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_region_add_instance(region, &instance));
+    instance.is_enabled = 1, instance.policy.kind = 99;
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_region_add_instance(region, &instance));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_add_region(world, NULL, &key));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_add_region(world, region, NULL));
+    EXPECT(GIRANDOLE_ERROR_NO_SUCH_REGION, girandole_world_remove_region(world, 3));
+    EXPECT(GIRANDOLE_ERROR_NO_SUCH_REGION, girandole_world_region_trees(world, 3, &key, 1, &count));
+    REQUIRE(key == 7 && count == 7);
+    REQUIRE(is_same(before, state_of(world)));
+    /* With its content: no leak. */
+    girandole_region_destroy(region);
+    girandole_region_destroy(NULL);
+}
+
 static void shaders(void)
 {
     GirandoleTarget target, bad;
@@ -354,6 +389,7 @@ int main(void)
     EXPECT(GIRANDOLE_OK, girandole_world_update(world, 300.0, NULL));
     edits(world, tree, instance);
     sampling(world);
+    regions(world);
     plans(world);
     shaders();
     EXPECT(GIRANDOLE_OK, girandole_world_destroy(world));

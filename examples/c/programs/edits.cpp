@@ -1,5 +1,5 @@
-// Edits of a world from C++: every kind of light, moves, factors, masks, lights that come and go, baked trees, a
-// moving origin, and sampling on several threads.
+// Edits of a world from C++: every kind of light, moves, factors, masks, lights that come and go, baked trees,
+// regions, a moving origin, and sampling on several threads.
 //
 // Each step is compared with a closed form or with the sum over all lights. The program ends with 1 at the
 // first difference.
@@ -19,8 +19,8 @@ const double PI = 3.14159265358979323846;
 // Rounding of single precision over a few dozen operations, also 1,024 m from the origin.
 const double ROUNDING = 1e-4;
 // Standard errors that a mean may be off by. A normal variable is outside with a probability of 5.7e-7; the
-// program compares 5 means, with fixed random numbers, so a wrong alarm after a change of these numbers has a
-// probability of 3e-6.
+// program compares 6 means, with fixed random numbers, so a wrong alarm after a change of these numbers has a
+// probability of 4e-6.
 const double SIGMAS = 5.0;
 
 void require(bool holds, const std::string &what) {
@@ -309,6 +309,67 @@ void far_away() {
     require(same == instance && generation >= 1, "slots");
 }
 
+// A loader thread fills regions, which the thread of the world adds and removes.
+void regions() {
+    auto world = make_world();
+    auto region = make<GirandoleRegion>(girandole_region_create);
+    std::thread loader([&] {
+        std::vector<GirandoleLight> lights;
+        for (int i = 0; i < 30; i++) lights.push_back(girandole_point_light(vec3(0.2f * i, 3, 0), grey(10)));
+        uint32_t built = 0, placeholder = 0;
+        check(girandole_region_add_tree(region.get(), lights.data(), lights.size(), &built));
+        check(girandole_region_add_placeholder(region.get(), lights.data(), 20, &placeholder));
+        for (int i = 0; i < 12; i++) {
+            auto instance = girandole_region_instance(i % 2 ? built : placeholder, girandole_placement_at(3 * i, 0, i));
+            instance.user_data = 100 + i;
+            instance.factor = grey(i == 0 ? 2 : 1);
+            check(girandole_region_add_instance(region.get(), &instance));
+        }
+    });
+    loader.join();
+    uint64_t key = 0;
+    check(girandole_world_add_region(world.get(), region.get(), &key));
+    GirandoleUpdateReport report;
+    check(girandole_world_update(world.get(), INFINITY, &report));
+    require(report.rebuilt_trees == 1 && report.placeholder_trees == 0, "the placeholder of the region");
+    const auto ground = girandole_surface_point(vec3(10, 0, 5), vec3(0, 1, 0));
+    require_unbiased(world.get(), ground, "region");
+    uint64_t trees[2], instances[12];
+    size_t count = 0;
+    check(girandole_world_region_trees(world.get(), key, trees, 2, &count));
+    require(count == 2, "trees of the region");
+    check(girandole_world_region_instances(world.get(), key, instances, 12, &count));
+    require(count == 12, "instances of the region");
+    // The first one goes dark.
+    const double before = exhaustive_lux(world.get(), ground);
+    check(girandole_world_set_factor(world.get(), instances[0], grey(0)));
+    require(exhaustive_lux(world.get(), ground) < before, "an instance of the region keeps its light");
+
+    // A refused region keeps its content: here it names a tree that is gone.
+    uint32_t index = 0;
+    check(girandole_region_add_world_tree(region.get(), 1, &index));
+    const auto instance = girandole_region_instance(index, girandole_placement_at(0, 0, 0));
+    check(girandole_region_add_instance(region.get(), &instance));
+    uint64_t other = 0;
+    for (int i = 0; i < 2; i++) {
+        require(girandole_world_add_region(world.get(), region.get(), &other) == GIRANDOLE_ERROR_NO_SUCH_TREE,
+                "a region with a stale tree is added");
+    }
+    const auto beyond = girandole_region_instance(index + 1, girandole_placement_at(0, 0, 0));
+    require(girandole_region_add_instance(region.get(), &beyond) == 212, "an instance without a tree is added");
+
+    const auto outside = add_instance(world.get(), trees[0], 0, 0, 0);
+    require(girandole_world_remove_region(world.get(), key) == GIRANDOLE_ERROR_REGION_IN_USE,
+            "a region in use is removed");
+    check(girandole_world_remove_instance(world.get(), outside));
+    check(girandole_world_remove_region(world.get(), key));
+    require(girandole_world_remove_region(world.get(), key) == GIRANDOLE_ERROR_NO_SUCH_REGION,
+            "a region is removed twice");
+    GirandoleCounts counts;
+    check(girandole_world_counts(world.get(), &counts));
+    require(counts.trees == 0 && counts.instances == 0 && counts.lights == 0, "a removed region leaves something");
+}
+
 }  // namespace
 
 int main() {
@@ -317,6 +378,7 @@ int main() {
         every_kind();
         moves_and_edits();
         far_away();
+        regions();
     } catch (const std::exception &error) {
         std::fprintf(stderr, "%s\n", error.what());
         return 1;

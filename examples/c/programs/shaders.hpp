@@ -46,9 +46,9 @@ fn measure(@builtin(global_invocation_id) id: vec3<u32>) {
 @compute @workgroup_size(8, 8)
 fn shade(@builtin(global_invocation_id) id: vec3<u32>) {
     let screen = (vec2<f32>(id.xy) + 0.5 - vec2(256.0, 144.0)) / 144.0;
-    // The view is tilted down by 0.35 radians.
+    // The view is tilted down by 0.45 radians.
     let view = vec3(0.65 * screen.x, -0.65 * screen.y, 1.0);
-    let tilted = vec3(view.x, view.y * 0.93937 - view.z * 0.34290, view.y * 0.34290 + view.z * 0.93937);
+    let tilted = vec3(view.x, view.y * 0.90045 - view.z * 0.43497, view.y * 0.43497 + view.z * 0.90045);
     let ray = normalize(tilted);
     let pixel = id.y * 512u + id.x;
     if ray.y > -0.01 {

@@ -171,12 +171,15 @@ void picture(vulkan::Device &device, Player &player, double time, const std::str
     for (size_t i = 0; i < 480; i++) {
         const auto at = Scene::place(i, time).translation;
         // The inverse of the view in shade.
-        const double y = at.y - 7.0, z = at.z + 17.0, ahead = z * 0.93937 - y * 0.34290;
-        const double up = y * 0.93937 + z * 0.34290;
+        const double y = at.y - 7.0, z = at.z + 17.0, ahead = z * 0.90045 - y * 0.43497;
+        const double up = y * 0.90045 + z * 0.43497;
         const int px = static_cast<int>(256.0 + 144.0 / 0.65 * at.x / ahead);
         const int py = static_cast<int>(144.0 - 144.0 / 0.65 * up / ahead);
-        if (ahead < 0.1 || px < 0 || py < 0 || px >= int(WIDTH) || py >= int(HEIGHT)) continue;
-        for (int c = 0; c < 3; c++) pixels[4 * (py * WIDTH + px) + c] += 6.0f;
+        if (ahead < 0.1 || px < 0 || py < 0 || px + 1 >= int(WIDTH) || py + 1 >= int(HEIGHT)) continue;
+        for (int dot = 0; dot < 4; dot++) {
+            float *pixel = &pixels[4 * ((py + dot / 2) * WIDTH + px + dot % 2)];
+            for (int c = 0; c < 3; c++) pixel[c] += 3.0f;
+        }
     }
     std::ofstream file(path, std::ios::binary);
     file << "P6\n" << WIDTH << " " << HEIGHT << "\n255\n";
@@ -186,7 +189,7 @@ void picture(vulkan::Device &device, Player &player, double time, const std::str
             const float x = pixels[4 * i + c];
             require(std::isfinite(x) && x >= 0.0f, "a pixel is not a number of at least 0");
             sum += x;
-            const float shown = 1.0f - std::exp(-0.35f * x);
+            const float shown = 1.0f - std::exp(-0.6f * x);
             file.put(static_cast<char>(static_cast<int>(255.0f * std::pow(shown, 1.0f / 2.2f) + 0.5f)));
         }
     }

@@ -62,7 +62,8 @@ public:
     void begin();
     // All later commands see what all earlier ones have done.
     void barrier();
-    void copy(const Buffer &from, VkDeviceSize from_offset, const Buffer &to, VkDeviceSize to_offset, VkDeviceSize size);
+    void copy(const Buffer &from, VkDeviceSize from_offset, const Buffer &to, VkDeviceSize to_offset,
+              VkDeviceSize size);
     void clear(const Buffer &buffer, VkDeviceSize offset, VkDeviceSize size);
     void dispatch(const Pipeline &pipeline, const std::vector<std::vector<Bound>> &sets, const uint32_t groups[3]);
     void submit_and_wait();

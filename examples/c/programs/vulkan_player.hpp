@@ -29,7 +29,8 @@ public:
                                     : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER);
             }
             kernels_.push_back(kernel);
-            pipelines_.push_back(device.make_pipeline(view.code, view.size, view.entry_points[0].name_in_code, {types}));
+            const char *entry = view.entry_points[0].name_in_code;
+            pipelines_.push_back(device.make_pipeline(view.code, view.size, entry, {types}));
         }
     }
 

@@ -21,34 +21,50 @@
 #![warn(missing_docs, missing_debug_implementations)]
 #![allow(clippy::missing_safety_doc, reason = "all functions have the same rules, stated above")]
 
-mod names;
-mod memory;
 mod status;
+mod memory;
+mod names;
 mod vectors;
 mod light;
 mod place;
 mod shading_point;
 mod blob;
 mod world;
+mod origin;
+mod directional;
 mod trees;
 mod instances;
+mod region;
 mod sampling;
 mod delta;
-mod planner;
+mod buffers;
 mod plan;
-mod kernels;
-mod translate;
+mod planner;
+mod planners;
+mod reservations;
+mod bindings;
 mod shader;
+mod source;
+mod writers;
+mod translate;
+mod kernels;
 mod shader_text;
 
+pub use bindings::*;
 pub use blob::*;
+pub use buffers::*;
 pub use delta::*;
+pub use directional::*;
 pub use instances::*;
 pub use kernels::*;
 pub use light::*;
+pub use origin::*;
 pub use place::*;
 pub use plan::*;
 pub use planner::*;
+pub use planners::*;
+pub use region::*;
+pub use reservations::*;
 pub use sampling::*;
 pub use shader::*;
 pub use shader_text::*;

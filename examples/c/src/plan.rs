@@ -4,8 +4,8 @@ use std::ptr;
 
 use girandole::plan::{BufferId, Command, Commands, FramePlan, KERNELS, PlanCursor};
 
+use crate::buffers::{GirandoleNewBuffer, new_buffers};
 use crate::memory::{object, object_mut, result};
-use crate::planner::{GirandoleNewBuffer, new_buffers};
 use crate::status::{Failure, GirandoleStatus, call};
 
 /// What a command does: one of GIRANDOLE_COMMAND_*.

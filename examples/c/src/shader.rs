@@ -2,7 +2,7 @@
 
 use std::ffi::{CString, c_char, c_void};
 
-use crate::kernels::GirandoleBindingKind;
+use crate::bindings::GirandoleBindingKind;
 use crate::memory::{object, result};
 use crate::status::{GirandoleStatus, call};
 

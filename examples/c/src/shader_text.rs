@@ -8,8 +8,9 @@ use std::fmt::Write;
 
 use crate::memory::{object, result};
 use crate::shader::*;
+use crate::source::Source;
 use crate::status::{Failure, GIRANDOLE_ERROR_BAD_VALUE, GirandoleStatus, call};
-use crate::translate::{Source, translate};
+use crate::translate::translate;
 use crate::vectors::flag;
 
 /// A light emits into less than all directions: a spot, or a surface with one emitting side.
@@ -73,24 +74,37 @@ pub unsafe extern "C" fn girandole_shader_include(
     call(|| {
         // SAFETY: see the crate's documentation.
         let (target, out) = unsafe { (object(target, "target")?, result(shader, "shader")?) };
-        let (effects, has_previous) = (known_effects(effects)?, flag(has_previous, "has_previous")?);
-        if group >= LAST_GROUP || !target.entry_point.is_null() {
-            let message = "a group below 255 and no entry point are allowed";
-            return Err(Failure::new(GIRANDOLE_ERROR_BAD_VALUE, message));
-        }
-        let mut wgsl = plan::wgsl(group, effects);
-        if has_previous {
-            wgsl.push_str(&plan::wgsl_previous(group + 1, effects));
-        }
-        let source = Source::checked(wgsl)?;
+        let has_previous = flag(has_previous, "has_previous")?;
         // SAFETY: see the crate's documentation.
-        let mut made = unsafe { translate(&source, target)? };
-        if let (GIRANDOLE_LANGUAGE_HLSL, Code::Text(text)) = (target.language, &made.code) {
-            made.code = Code::Text(hlsl_include(text, &made, group));
-        }
-        out.set(Box::into_raw(Box::new(made)));
+        out.set(Box::into_raw(Box::new(unsafe { include(effects, group, has_previous, target)? })));
         Ok(())
     })
+}
+
+/// # Safety
+/// The pointers of the target are as the crate's documentation says.
+unsafe fn include(
+    effects: u32,
+    group: u32,
+    has_previous: bool,
+    target: &GirandoleTarget,
+) -> Result<GirandoleShader, Failure> {
+    let effects = known_effects(effects)?;
+    if group >= LAST_GROUP || !target.entry_point.is_null() {
+        let message = "a group below 255 and no entry point are allowed";
+        return Err(Failure::new(GIRANDOLE_ERROR_BAD_VALUE, message));
+    }
+    let mut wgsl = plan::wgsl(group, effects);
+    if has_previous {
+        wgsl.push_str(&plan::wgsl_previous(group + 1, effects));
+    }
+    let source = Source::checked(wgsl)?;
+    // SAFETY: the caller's promise.
+    let mut made = unsafe { translate(&source, target)? };
+    if let (GIRANDOLE_LANGUAGE_HLSL, Code::Text(text)) = (target.language, &made.code) {
+        made.code = Code::Text(hlsl_include(text, &made, group));
+    }
+    Ok(made)
 }
 
 /// The text of naga with include guards, a table of bindings and macros for the spaces.
@@ -124,6 +138,54 @@ fn hlsl_include(text: &CString, made: &GirandoleShader, group: u32) -> CString {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn text(effects: u32, group: u32, has_previous: bool, language: GirandoleLanguage) -> String {
+        let (entry_point, bindings) = (std::ptr::null(), std::ptr::null());
+        let target = GirandoleTarget {
+            language,
+            major_version: 0,
+            minor_version: 0,
+            flags: 0,
+            entry_point,
+            bindings,
+            binding_count: 0,
+        };
+        // SAFETY: both pointers are null, which is allowed.
+        let made = unsafe { include(effects, group, has_previous, &target) }.expect("it is translated");
+        assert_eq!(made.bindings.len(), if has_previous { 10 } else { 5 });
+        let Code::Text(text) = made.code else { panic!("a text is no SPIR-V") };
+        text.into_string().expect("UTF-8")
+    }
+
+    #[test]
+    fn public_names_are_the_same_in_every_language() {
+        for language in [GIRANDOLE_LANGUAGE_WGSL, GIRANDOLE_LANGUAGE_HLSL, GIRANDOLE_LANGUAGE_MSL] {
+            for effects in [0, GIRANDOLE_ALL_EFFECTS] {
+                let text = text(effects, 1, true, language);
+                for name in ["surface_point", "sample", "resample", "pick", "pmf", "pdf", "hash", "pmf_previous"] {
+                    assert!(text.contains(&format!(" light_{name}(")), "light_{name} in language {language}");
+                }
+                for name in ["Sample", "ShadingPoint", "Reservoir"] {
+                    assert!(text.contains(&format!("struct Light{name} {{")), "Light{name} in language {language}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_register_of_an_include_text_has_the_macro_of_its_space() {
+        for (group, has_previous) in [(0, false), (0, true), (1, false), (3, true), (11, true)] {
+            let text = text(GIRANDOLE_ALL_EFFECTS, group, has_previous, GIRANDOLE_LANGUAGE_HLSL);
+            let registers: Vec<_> = text.lines().filter(|line| line.contains("register(")).collect();
+            let of = |space: &str| registers.iter().filter(|line| line.contains(&format!(", {space})"))).count();
+            let previous = if has_previous { 5 } else { 0 };
+            assert_eq!([of("GIRANDOLE_SPACE"), of("GIRANDOLE_PREVIOUS_SPACE")], [5, previous], "{registers:#?}");
+            assert_eq!(registers.len(), 5 + previous, "{registers:#?}");
+            assert!(text.contains(&format!("#define GIRANDOLE_SPACE space{group}\n")));
+            let defined = text.contains(&format!("#define GIRANDOLE_PREVIOUS_SPACE space{}\n", group + 1));
+            assert_eq!(defined, has_previous);
+        }
+    }
 
     #[test]
     fn effects_are_those_of_the_library() {

@@ -68,6 +68,10 @@ pub const GIRANDOLE_ERROR_TREE_IN_USE: GirandoleStatus = 205;
 pub const GIRANDOLE_ERROR_STATIC_TREE: GirandoleStatus = 206;
 /// The light of this index was removed.
 pub const GIRANDOLE_ERROR_REMOVED_LIGHT: GirandoleStatus = 210;
+/// No region has this key.
+pub const GIRANDOLE_ERROR_NO_SUCH_REGION: GirandoleStatus = 211;
+/// A tree of the region has instances outside of it.
+pub const GIRANDOLE_ERROR_REGION_IN_USE: GirandoleStatus = 213;
 /// A buffer would outgrow the limits of the planner. The changes are kept for the next call.
 pub const GIRANDOLE_ERROR_FULL: GirandoleStatus = 600;
 /// A plan was played twice, or one before it was left out.
@@ -179,8 +183,8 @@ mod tests {
     #[test]
     fn constants_are_the_codes_of_the_library() {
         use girandole::plan::PlanError;
-        use girandole::{DirectionalKey, InstanceKey, TreeKey, WorldError};
-        let tree = TreeKey::from(0);
+        use girandole::{DirectionalKey, InstanceKey, RegionKey, TreeKey, WorldError};
+        let (tree, region) = (TreeKey::from(0), RegionKey::from(0));
         for (error, code) in [
             (WorldError::NoSuchLight { index: 0, count: 0 }, GIRANDOLE_ERROR_NO_SUCH_LIGHT),
             (WorldError::NoSuchTree(tree), GIRANDOLE_ERROR_NO_SUCH_TREE),
@@ -188,6 +192,8 @@ mod tests {
             (WorldError::NoSuchDirectional(DirectionalKey::from(0)), GIRANDOLE_ERROR_NO_SUCH_DIRECTIONAL),
             (WorldError::TreeInUse { tree, instances: 1 }, GIRANDOLE_ERROR_TREE_IN_USE),
             (WorldError::StaticTree(tree), GIRANDOLE_ERROR_STATIC_TREE),
+            (WorldError::NoSuchRegion(region), GIRANDOLE_ERROR_NO_SUCH_REGION),
+            (WorldError::RegionInUse { region, tree, instances: 1 }, GIRANDOLE_ERROR_REGION_IN_USE),
             (WorldError::RemovedLight { index: 0 }, GIRANDOLE_ERROR_REMOVED_LIGHT),
         ] {
             assert_eq!(error.code() as GirandoleStatus, code, "{error}");

@@ -1,65 +1,18 @@
 //! Translates WGSL to the languages of drivers, by naga.
 
-use std::collections::BTreeMap;
 use std::ffi::{CStr, CString, c_char};
 
-use naga::back::{hlsl, msl, spv};
-use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
-use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
-use naga::{AddressSpace, Module, ResourceBinding, ShaderStage, StorageAccess, TypeInner};
+use naga::{AddressSpace, ShaderStage, StorageAccess, TypeInner};
 
-use crate::kernels::{
+use crate::bindings::{
     GIRANDOLE_BINDING_OTHER, GIRANDOLE_BINDING_READ, GIRANDOLE_BINDING_READ_WRITE, GIRANDOLE_BINDING_UNIFORM,
     GirandoleBindingKind,
 };
 use crate::memory::{array, object, result};
 use crate::shader::*;
-use crate::status::{
-    Failure, GIRANDOLE_ERROR_BAD_TEXT, GIRANDOLE_ERROR_BAD_VALUE, GIRANDOLE_ERROR_TRANSLATION, GIRANDOLE_ERROR_WGSL,
-    GirandoleStatus, call,
-};
-
-/// A WGSL text that was checked.
-pub(crate) struct Source {
-    text: String,
-    module: Module,
-    info: ModuleInfo,
-    /// Whether variables of workgroups start at zero, as WGSL promises.
-    zeroes_workgroups: bool,
-}
-
-impl Source {
-    /// Checks a text. Any feature of WGSL is allowed: whether a device has it is the engine's concern.
-    pub fn checked(text: String) -> Result<Self, Failure> {
-        let refused = |message| Failure::new(GIRANDOLE_ERROR_WGSL, message);
-        let module = naga::front::wgsl::parse_str(&text).map_err(|error| refused(error.emit_to_string(&text)))?;
-        let info = Validator::new(ValidationFlags::all(), Capabilities::all()).validate(&module);
-        let info = info.map_err(|error| refused(error.emit_to_string(&text)))?;
-        Ok(Self { text, module, info, zeroes_workgroups: true })
-    }
-
-    /// The same for a text that writes all variables of workgroups before it reads them. The kernels of the
-    /// library do. Drivers may take minutes for the code that sets large ones to zero.
-    pub fn without_zeroing(self) -> Self {
-        Self { zeroes_workgroups: false, ..self }
-    }
-}
-
-/// A resource of a text, and where it goes.
-#[derive(Clone)]
-struct Bound {
-    name: String,
-    from: ResourceBinding,
-    kind: GirandoleBindingKind,
-    letter: u8,
-    size: u32,
-    space: u32,
-    index: u32,
-}
-
-fn translation_error(error: impl std::fmt::Display) -> Failure {
-    Failure::new(GIRANDOLE_ERROR_TRANSLATION, error.to_string())
-}
+use crate::source::{Bound, Source};
+use crate::status::{Failure, GIRANDOLE_ERROR_BAD_TEXT, GIRANDOLE_ERROR_BAD_VALUE, GirandoleStatus, call};
+use crate::writers::{hlsl_text, msl_text, spirv, translation_error};
 
 /// The kind of a resource, and the letter of its register in HLSL.
 fn kind_of(space: AddressSpace, inner: &TypeInner) -> (GirandoleBindingKind, u8) {
@@ -121,141 +74,6 @@ fn place(bound: &mut [Bound], targets: &[GirandoleBindTarget], language: Girando
         }
     }
     Ok(())
-}
-
-fn checks(is_unchecked: bool) -> BoundsCheckPolicies {
-    let policy = if is_unchecked { BoundsCheckPolicy::Unchecked } else { BoundsCheckPolicy::Restrict };
-    BoundsCheckPolicies {
-        index: policy,
-        buffer: policy,
-        image_load: policy,
-        binding_array: BoundsCheckPolicy::Unchecked,
-    }
-}
-
-fn spirv(
-    source: &Source,
-    bound: &[Bound],
-    version: (u32, u32),
-    entry: Option<usize>,
-    is_unchecked: bool,
-) -> Result<Vec<u32>, Failure> {
-    let Source { module, info, .. } = source;
-    if module.entry_points.is_empty() {
-        return Err(translation_error("SPIR-V needs an entry point: join the text with one of your own"));
-    }
-    let mut options = spv::Options {
-        lang_version: (version.0 as u8, version.1 as u8),
-        flags: spv::WriterFlags::LABEL_VARYINGS,
-        fake_missing_bindings: false,
-        bounds_check_policies: checks(is_unchecked),
-        force_loop_bounding: false,
-        zero_initialize_workgroup_memory: match source.zeroes_workgroups {
-            true => spv::ZeroInitializeWorkgroupMemoryMode::Polyfill,
-            false => spv::ZeroInitializeWorkgroupMemoryMode::None,
-        },
-        ..spv::Options::default()
-    };
-    let target = |bound: &Bound| {
-        (bound.from, spv::BindingInfo { descriptor_set: bound.space, binding: bound.index, binding_array_size: None })
-    };
-    options.binding_map = bound.iter().map(target).collect();
-    let pipeline = entry.map(|index| spv::PipelineOptions {
-        shader_stage: module.entry_points[index].stage,
-        entry_point: module.entry_points[index].name.clone(),
-    });
-    spv::write_vec(module, info, &options, pipeline.as_ref()).map_err(translation_error)
-}
-
-/// A text, and the names of entry points in it by their index.
-type Written = (String, Vec<String>);
-
-fn selected(module: &Module, entry: Option<usize>) -> Option<(ShaderStage, String)> {
-    entry.map(|index| (module.entry_points[index].stage, module.entry_points[index].name.clone()))
-}
-
-fn hlsl_text(
-    source: &Source,
-    bound: &[Bound],
-    version: (u32, u32),
-    entry: Option<usize>,
-    is_unchecked: bool,
-) -> Result<Written, Failure> {
-    let Source { module, info, .. } = source;
-    let shader_model = match version {
-        (5, 1) => hlsl::ShaderModel::V5_1,
-        (6, 0) => hlsl::ShaderModel::V6_0,
-        (6, 1) => hlsl::ShaderModel::V6_1,
-        (6, 2) => hlsl::ShaderModel::V6_2,
-        (6, 3) => hlsl::ShaderModel::V6_3,
-        (6, 4) => hlsl::ShaderModel::V6_4,
-        (6, 5) => hlsl::ShaderModel::V6_5,
-        (6, 6) => hlsl::ShaderModel::V6_6,
-        _ => hlsl::ShaderModel::V6_7,
-    };
-    let restrict_indexing = !is_unchecked;
-    let target = |bound: &Bound| {
-        let (space, register) = (bound.space as u8, bound.index);
-        let target = hlsl::BindTarget { space, register, restrict_indexing, ..hlsl::BindTarget::default() };
-        (bound.from, target)
-    };
-    let options = hlsl::Options {
-        shader_model,
-        binding_map: bound.iter().map(target).collect(),
-        fake_missing_bindings: false,
-        restrict_indexing,
-        force_loop_bounding: false,
-        zero_initialize_workgroup_memory: source.zeroes_workgroups,
-        ..hlsl::Options::default()
-    };
-    let pipeline = hlsl::PipelineOptions { entry_point: selected(module, entry) };
-    let mut text = String::new();
-    let names = hlsl::Writer::new(&mut text, &options, &pipeline).write(module, info, None);
-    let names = names.map_err(translation_error)?.entry_point_names;
-    Ok((text, names.into_iter().collect::<Result<_, _>>().map_err(translation_error)?))
-}
-
-fn msl_text(
-    source: &Source,
-    bound: &[Bound],
-    version: (u32, u32),
-    entry: Option<usize>,
-    is_unchecked: bool,
-    sizes_index: u32,
-) -> Result<Written, Failure> {
-    let Source { module, info, .. } = source;
-    let target = |bound: &Bound| {
-        let slot = bound.index as u8;
-        let mut target = msl::BindTarget { mutable: bound.kind == GIRANDOLE_BINDING_READ_WRITE, ..Default::default() };
-        match (bound.kind, bound.letter) {
-            (GIRANDOLE_BINDING_OTHER, b's') => target.sampler = Some(msl::BindSamplerTarget::Resource(slot)),
-            (GIRANDOLE_BINDING_OTHER, letter) => {
-                target.texture = Some(slot);
-                target.mutable = letter == b'u';
-            }
-            _ => target.buffer = Some(slot),
-        }
-        (bound.from, target)
-    };
-    let resources = msl::EntryPointResources {
-        resources: bound.iter().map(target).collect(),
-        sizes_buffer: Some(sizes_index as u8),
-        ..Default::default()
-    };
-    let entries = module.entry_points.iter().map(|entry| (entry.name.clone(), resources.clone()));
-    let options = msl::Options {
-        lang_version: (version.0 as u8, version.1 as u8),
-        per_entry_point_map: entries.collect::<BTreeMap<_, _>>(),
-        fake_missing_bindings: false,
-        bounds_check_policies: checks(is_unchecked),
-        force_loop_bounding: false,
-        zero_initialize_workgroup_memory: source.zeroes_workgroups,
-        ..msl::Options::default()
-    };
-    let pipeline = msl::PipelineOptions { entry_point: selected(module, entry), ..Default::default() };
-    let (text, names) = msl::write_string(module, info, &options, &pipeline).map_err(translation_error)?;
-    let names = names.entry_point_names.into_iter().collect::<Result<_, _>>();
-    Ok((text, names.map_err(|error| translation_error(format!("{error:?}")))?))
 }
 
 /// The version of a language: the given one, or its default.

@@ -5,15 +5,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::time::Duration;
 
-use girandole::{DirectionalKey, FrameBudget, LightWorld};
+use girandole::{FrameBudget, LightWorld};
 
-use crate::light::GirandoleDirectionalLight;
 use crate::memory::{object, result, wanted};
-use crate::place::{GirandoleOriginMode, origin_mode};
 use crate::status::{
     Failure, GIRANDOLE_ERROR_BAD_VALUE, GIRANDOLE_ERROR_BROKEN, GIRANDOLE_ERROR_RESERVED, GirandoleStatus, call,
 };
-use crate::vectors::GirandoleDVec3;
 
 /// The version of this header: major * 0x10000 + minor * 0x100 + patch.
 pub const GIRANDOLE_VERSION: u32 = 0x000100;
@@ -54,7 +51,7 @@ const _: () = {
 static WORLDS: AtomicU64 = AtomicU64::new(0);
 
 impl GirandoleWorld {
-    fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             world: UnsafeCell::new(LightWorld::new()),
             id: WORLDS.fetch_add(1, Ordering::Relaxed),
@@ -281,105 +278,6 @@ pub unsafe extern "C" fn girandole_world_set_sampling(world: *mut GirandoleWorld
             world.set_segment_sampling(bits & GIRANDOLE_SAMPLING_SEGMENTS != 0);
             Ok(())
         })
-    })
-}
-
-/// Sets how the origin moves: one of GIRANDOLE_ORIGIN_*. Best called before instances are added.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn girandole_world_set_origin_mode(
-    world: *mut GirandoleWorld,
-    mode: GirandoleOriginMode,
-) -> GirandoleStatus {
-    call(|| {
-        // SAFETY: see the crate's documentation.
-        let world = unsafe { object(world, "world")? };
-        let mode = origin_mode(mode)?;
-        world.edit(|world| Ok(world.set_origin_mode(mode)?))
-    })
-}
-
-/// Moves the origin, which shading points are relative to. Metres.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn girandole_world_set_origin(
-    world: *mut GirandoleWorld,
-    origin: GirandoleDVec3,
-) -> GirandoleStatus {
-    call(|| {
-        // SAFETY: see the crate's documentation.
-        let world = unsafe { object(world, "world")? };
-        world.edit(|world| Ok(world.set_origin(origin.into())?))
-    })
-}
-
-/// Stores the origin, in metres.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn girandole_world_origin(
-    world: *const GirandoleWorld,
-    origin: *mut GirandoleDVec3,
-) -> GirandoleStatus {
-    call(|| {
-        // SAFETY: see the crate's documentation.
-        let (world, origin) = unsafe { (object(world, "world")?.read()?, result(origin, "origin")?) };
-        origin.set(world.origin().into());
-        Ok(())
-    })
-}
-
-/// Tells where the camera is, in metres, before the delta of a frame is taken: rebuilds of near trees count
-/// more. With GIRANDOLE_ORIGIN_FOLLOWING the origin may move.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn girandole_world_set_viewpoint(
-    world: *mut GirandoleWorld,
-    viewpoint: GirandoleDVec3,
-) -> GirandoleStatus {
-    call(|| {
-        // SAFETY: see the crate's documentation.
-        let world = unsafe { object(world, "world")? };
-        world.edit(|world| Ok(world.set_viewpoint(viewpoint.into())?))
-    })
-}
-
-/// Adds a directional light and stores its key.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn girandole_world_add_directional(
-    world: *mut GirandoleWorld,
-    light: *const GirandoleDirectionalLight,
-    directional: *mut u64,
-) -> GirandoleStatus {
-    call(|| {
-        // SAFETY: see the crate's documentation.
-        let (world, light) = unsafe { (object(world, "world")?, object(light, "light")?) };
-        // SAFETY: see the crate's documentation.
-        let key = unsafe { result(directional, "directional")? };
-        key.set(world.edit(|world| Ok(world.add_directional(light.into())?))?.into());
-        Ok(())
-    })
-}
-
-/// Changes a directional light.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn girandole_world_set_directional(
-    world: *mut GirandoleWorld,
-    directional: u64,
-    light: *const GirandoleDirectionalLight,
-) -> GirandoleStatus {
-    call(|| {
-        // SAFETY: see the crate's documentation.
-        let (world, light) = unsafe { (object(world, "world")?, object(light, "light")?) };
-        world.edit(|world| Ok(world.set_directional(DirectionalKey::from(directional), light.into())?))
-    })
-}
-
-/// Removes a directional light.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn girandole_world_remove_directional(
-    world: *mut GirandoleWorld,
-    directional: u64,
-) -> GirandoleStatus {
-    call(|| {
-        // SAFETY: see the crate's documentation.
-        let world = unsafe { object(world, "world")? };
-        world.edit(|world| Ok(world.remove_directional(DirectionalKey::from(directional))?))
     })
 }
 
