@@ -1,0 +1,55 @@
+//! Frames without a window, the last of which is written to a file.
+
+use std::time::Duration;
+
+use bevy::app::ScheduleRunnerPlugin;
+use bevy::camera::RenderTarget;
+use bevy::prelude::*;
+use bevy::render::RenderPlugin;
+use bevy::render::render_resource::TextureFormat;
+use bevy::render::view::screenshot::{Screenshot, ScreenshotCaptured, save_to_disk};
+use bevy::window::{ExitCondition, WindowPlugin};
+use bevy::winit::WinitPlugin;
+
+use crate::options::Options;
+
+pub fn add_plugins(app: &mut App, _options: &Options) {
+    let window = WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() };
+    let render = RenderPlugin { synchronous_pipeline_compilation: true, ..default() };
+    app.add_plugins(DefaultPlugins.set(window).set(render).disable::<WinitPlugin>())
+        .add_plugins(ScheduleRunnerPlugin::run_loop(Duration::ZERO))
+        .add_systems(Startup, spawn_camera)
+        .add_systems(Last, finish);
+}
+
+#[derive(Resource)]
+struct Target(Handle<Image>);
+
+fn spawn_camera(mut commands: Commands, options: Res<Options>, mut images: ResMut<Assets<Image>>) {
+    let [width, height] = options.size;
+    let target = images.add(Image::new_target_texture(width, height, TextureFormat::Rgba8UnormSrgb, None));
+    commands.spawn((crate::camera(&options), RenderTarget::Image(target.clone().into())));
+    commands.insert_resource(Target(target));
+}
+
+fn finish(
+    mut commands: Commands,
+    mut frame: Local<u32>,
+    options: Res<Options>,
+    target: Res<Target>,
+    mut exit: MessageWriter<AppExit>,
+) {
+    *frame += 1;
+    if *frame != options.frames.max(1) {
+        return;
+    }
+    let Some(out) = &options.out else {
+        exit.write(AppExit::Success);
+        return;
+    };
+    commands.spawn(Screenshot::image(target.0.clone())).observe(save_to_disk(out.clone())).observe(
+        |_: On<ScreenshotCaptured>, mut exit: MessageWriter<AppExit>| {
+            exit.write(AppExit::Success);
+        },
+    );
+}

@@ -1,0 +1,97 @@
+//! The options of the command line.
+
+use bevy::prelude::Resource;
+
+pub const USAGE: &str = "Options:
+  --lamps N        number of lamps (100000)
+  --candidates N   candidates for each sample (8)
+  --samples N      samples for each pixel and frame (1)
+  --size WxH       size of the picture (960x540)
+  --bevy-lights    leaves the lamps to Bevy
+  --headless       draws without a window
+  --frames N       frames to draw without a window (24)
+  --settle N       frames after which the lamps stand still (all)
+  --out FILE.png   where the last frame without a window goes";
+
+#[derive(Resource, Clone, Debug, PartialEq)]
+pub struct Options {
+    pub lamps: u32,
+    pub candidates: u32,
+    pub samples: u32,
+    pub size: [u32; 2],
+    pub bevy_lights: bool,
+    pub headless: bool,
+    pub frames: u32,
+    pub settle: u32,
+    pub out: Option<String>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            lamps: 100_000,
+            candidates: 8,
+            samples: 1,
+            size: [960, 540],
+            bevy_lights: false,
+            headless: false,
+            frames: 24,
+            settle: u32::MAX,
+            out: None,
+        }
+    }
+}
+
+impl Options {
+    /// Reads the options; returns a message if they make no sense.
+    pub fn parse(mut words: impl Iterator<Item = String>) -> Result<Self, String> {
+        let mut options = Self::default();
+        while let Some(word) = words.next() {
+            let mut value = || words.next().ok_or_else(|| format!("{word} needs a value.\n{USAGE}"));
+            match word.as_str() {
+                "--lamps" => options.lamps = number(&value()?)?,
+                "--candidates" => options.candidates = number(&value()?)?,
+                "--samples" => options.samples = number(&value()?)?,
+                "--frames" => options.frames = number(&value()?)?,
+                "--settle" => options.settle = number(&value()?)?,
+                "--size" => options.size = size(&value()?)?,
+                "--out" => options.out = Some(value()?),
+                "--bevy-lights" => options.bevy_lights = true,
+                "--headless" => options.headless = true,
+                _ => return Err(format!("{word} is no option.\n{USAGE}")),
+            }
+        }
+        Ok(options)
+    }
+}
+
+fn number(word: &str) -> Result<u32, String> {
+    word.parse().map_err(|_| format!("{word} is not a number.\n{USAGE}"))
+}
+
+fn size(word: &str) -> Result<[u32; 2], String> {
+    let Some((width, height)) = word.split_once('x') else { return Err(format!("{word} is not WxH.\n{USAGE}")) };
+    let size = [number(width)?, number(height)?];
+    if size.contains(&0) {
+        return Err(format!("{word} has no pixels.\n{USAGE}"));
+    }
+    Ok(size)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(line: &str) -> Result<Options, String> {
+        Options::parse(line.split_whitespace().map(String::from))
+    }
+
+    #[test]
+    fn options_are_read_or_refused() {
+        let options = parse("--headless --size 64x48 --frames 3 --out a.png").unwrap();
+        assert_eq!((options.size, options.frames, options.out.as_deref()), ([64, 48], 3, Some("a.png")));
+        for line in ["--size 64", "--size 0x3", "--frames", "--frames many", "--nothing"] {
+            assert!(parse(line).is_err_and(|message| message.contains(USAGE)), "{line}");
+        }
+    }
+}

@@ -1,0 +1,80 @@
+//! What an application adds to its entities.
+
+use bevy::camera::Hdr;
+use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass, MotionVectorPrepass};
+use bevy::prelude::*;
+
+/// Hands the light of an entity to Girandole.
+///
+/// The entity has one of [`PointLight`], [`SpotLight`] and [`DirectionalLight`], or a [`Mesh3d`] whose
+/// [`StandardMaterial`] is emissive. An entity with both a mesh and a light component is left to Bevy:
+/// put the light on a child.
+///
+/// Bevy does not light with the entity any more, so nothing is counted twice: the plugin removes
+/// [`ViewVisibility`] from entities with a light component, without which Bevy neither clusters nor
+/// extracts them. It comes back when this marker is removed. The light component stays, and the
+/// application goes on to change it as before. Meshes stay as they are, since Bevy still draws them.
+///
+/// [`GirandoleSettings::all_lights`](crate::GirandoleSettings::all_lights) adds the marker to every
+/// entity with a light component that has no [`NoGirandole`].
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub struct GirandoleLight;
+
+/// Leaves the light of an entity to Bevy, whatever
+/// [`GirandoleSettings::all_lights`](crate::GirandoleSettings::all_lights) says. A [`GirandoleLight`]
+/// beside it takes precedence.
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub struct NoGirandole;
+
+/// Adds the light of all entities with [`GirandoleLight`] to the picture of a camera.
+///
+/// It requires Bevy's deferred renderer, whose buffers it reads, and a target in high dynamic range.
+/// Spawn it with [`Msaa::Off`], which Bevy's deferred renderer requires, and make materials deferred:
+/// `DefaultOpaqueRendererMethod::deferred()` does so for all of them. Surfaces that are drawn by the
+/// forward renderer, such as transparent ones, get none of this light.
+#[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[require(Camera3d, Hdr, DepthPrepass, DeferredPrepass, MotionVectorPrepass)]
+pub struct GirandoleCamera {
+    /// Lights that are drawn for each sample, of which one is kept: 1 to 32. More of them lower the
+    /// noise and cost time. Other numbers are clamped by the shader.
+    pub candidates: u32,
+    /// Samples for each pixel and frame. Twice as many halve the variance and take twice as long.
+    /// With 0 the pass adds nothing but the past.
+    pub samples: u32,
+    /// Frames over which the mean is taken while a pixel or any light moves. More of them lower the
+    /// noise, and let the light lag behind.
+    pub moving_frames: u32,
+    /// Frames over which the mean is taken while nothing moves; at least `moving_frames`.
+    pub still_frames: u32,
+    /// Seeds the random numbers. Two cameras with different seeds have independent noise.
+    pub seed: u32,
+    /// What the pass computes.
+    pub estimate: Estimate,
+    /// Changes of this number discard the mean of the frames before. Change it when materials change.
+    pub history: u32,
+}
+
+/// What the pass of a camera computes for each pixel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Estimate {
+    /// Light samples that the trees choose.
+    #[default]
+    Sampled,
+    /// The sum over all lights, for comparisons. It takes time in proportion to their number. Only
+    /// the points on surfaces are drawn at random.
+    Exhaustive,
+}
+
+impl Default for GirandoleCamera {
+    fn default() -> Self {
+        Self {
+            candidates: 8,
+            samples: 1,
+            moving_frames: 12,
+            still_frames: 4096,
+            seed: 0,
+            estimate: Estimate::Sampled,
+            history: 0,
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! What the main world tells the render world: the changes of one frame.
+
+use std::time::Duration;
+
+use bevy::math::Vec3;
+use girandole::{DirectionalLight, Light, Placement};
+
+use crate::kinds::KindRecord;
+
+/// One change. Numbers name lights and kinds; the main world gives them out.
+#[derive(Clone, Debug)]
+pub enum Edit {
+    /// A kind of light, which is one tree.
+    AddKind {
+        kind: u32,
+        lights: Vec<Light>,
+        record: KindRecord,
+    },
+    /// A mesh that has changed.
+    ReplaceKind {
+        kind: u32,
+        lights: Vec<Light>,
+        record: KindRecord,
+    },
+    /// The last light of a kind is gone.
+    RemoveKind {
+        kind: u32,
+    },
+    /// A light, which is one instance of the tree of its kind.
+    Add {
+        light: u32,
+        state: State,
+    },
+    /// The light is of another kind, brightness or visibility.
+    Set {
+        light: u32,
+        state: State,
+    },
+    Show {
+        light: u32,
+        shown: bool,
+    },
+    /// Adds a directional light or changes it.
+    Directional {
+        light: u32,
+        shown: bool,
+        value: DirectionalLight,
+    },
+    Remove {
+        light: u32,
+    },
+}
+
+/// All of a light but its number.
+#[derive(Clone, Copy, Debug)]
+pub struct State {
+    pub kind: u32,
+    pub placement: Placement,
+    /// Multiplies the emission of the kind.
+    pub factor: Vec3,
+    pub shown: bool,
+}
+
+/// The changes of one frame: first the edits in order, then the moves.
+#[derive(Debug, Default)]
+pub struct Edits {
+    pub edits: Vec<Edit>,
+    pub moves: Vec<(u32, Placement)>,
+    /// The time that it took to find them.
+    pub gather: Duration,
+}

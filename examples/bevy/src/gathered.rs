@@ -1,0 +1,160 @@
+//! The numbers of lights and kinds, and the edits that have been found since the last extraction.
+
+use std::time::Instant;
+
+use bevy::ecs::lifecycle::HookContext;
+use bevy::ecs::world::DeferredWorld;
+use bevy::prelude::*;
+use girandole::Placement;
+
+use crate::edits::{Edit, Edits, State};
+use crate::kinds::{KindKey, Kinds};
+use crate::units::{self, Emitted};
+
+/// What the plugin knows of an entity. When it goes, for whatever reason, the light goes.
+#[derive(Component, Clone, Copy, Debug)]
+#[component(on_remove = forget)]
+pub struct Gathered {
+    /// The number of the light.
+    pub light: u32,
+    pub shape: Shape,
+    /// The number of the kind; 0 for directional lights.
+    pub kind: u32,
+}
+
+/// What a light takes of its transform.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    Point,
+    Spot,
+    Directional,
+    Mesh,
+}
+
+impl Shape {
+    pub fn placement(self, transform: &GlobalTransform) -> Placement {
+        match self {
+            Self::Point | Self::Directional => units::point_placement(transform),
+            Self::Spot => units::spot_placement(transform),
+            Self::Mesh => units::mesh_placement(transform),
+        }
+    }
+}
+
+fn forget(mut world: DeferredWorld, context: HookContext) {
+    let Some(&gathered) = world.get::<Gathered>(context.entity) else { return };
+    if let Some(mut changes) = world.get_resource_mut::<Changes>() {
+        changes.remove(gathered);
+    }
+}
+
+/// A light as it was found.
+pub struct Found<'a> {
+    pub shape: Shape,
+    pub emitted: Emitted,
+    pub transform: &'a GlobalTransform,
+    pub shown: bool,
+}
+
+/// The changes since the last extraction.
+#[derive(Resource, Debug, Default)]
+pub struct Changes {
+    pub edits: Edits,
+    pub kinds: Kinds,
+    /// Lights that Bevy had before.
+    pub taken: Vec<Entity>,
+    free: Vec<u32>,
+    /// Numbers that are free from the next extraction on, so that a move that was found before a
+    /// removal does not reach the next light of the same number.
+    freed: Vec<u32>,
+    count: u32,
+}
+
+impl Changes {
+    /// A number for a new light.
+    fn number(&mut self) -> u32 {
+        self.free.pop().unwrap_or_else(|| {
+            self.count += 1;
+            self.count - 1
+        })
+    }
+
+    /// Counts one user of a kind less.
+    fn release(&mut self, kind: u32) {
+        if kind != 0 && self.kinds.release(kind) {
+            self.edits.edits.push(Edit::RemoveKind { kind });
+        }
+    }
+
+    /// The number of a kind, with one more user; `None` if the kind has no lights.
+    fn acquire(&mut self, key: KindKey, meshes: &Assets<Mesh>) -> Option<u32> {
+        let tree = if self.kinds.contains(key) { None } else { Some(key.tree(meshes)?) };
+        let (kind, _) = self.kinds.acquire(key);
+        if let Some((lights, record)) = tree {
+            self.edits.edits.push(Edit::AddKind { kind, lights, record });
+        }
+        Some(kind)
+    }
+
+    /// Adds a light, or changes the one that an entity has. Returns what to store with the entity;
+    /// `None` if the kind has no lights.
+    pub fn put(&mut self, present: Option<&Gathered>, found: &Found, meshes: &Assets<Mesh>) -> Option<Gathered> {
+        let kind = self.acquire(found.emitted.key, meshes)?;
+        let Found { shape, shown, .. } = *found;
+        let state = State { kind, placement: shape.placement(found.transform), factor: found.emitted.factor, shown };
+        let light = match present {
+            Some(gathered) => {
+                self.edits.edits.push(Edit::Set { light: gathered.light, state });
+                self.release(gathered.kind);
+                gathered.light
+            }
+            None => {
+                let light = self.number();
+                self.edits.edits.push(Edit::Add { light, state });
+                light
+            }
+        };
+        Some(Gathered { light, shape, kind })
+    }
+
+    /// The same for a directional light.
+    pub fn put_directional(
+        &mut self,
+        present: Option<&Gathered>,
+        value: girandole::DirectionalLight,
+        shown: bool,
+    ) -> Gathered {
+        let light = present.map_or_else(|| self.number(), |gathered| gathered.light);
+        self.edits.edits.push(Edit::Directional { light, shown, value });
+        if let Some(gathered) = present {
+            self.release(gathered.kind);
+        }
+        Gathered { light, shape: Shape::Directional, kind: 0 }
+    }
+
+    /// Sends the triangles of a mesh again.
+    pub fn replace_mesh(&mut self, mesh: AssetId<Mesh>, meshes: &Assets<Mesh>) {
+        for (kind, key) in self.kinds.of_mesh(mesh) {
+            if let Some((lights, record)) = key.tree(meshes) {
+                self.edits.edits.push(Edit::ReplaceKind { kind, lights, record });
+            }
+        }
+    }
+
+    fn remove(&mut self, gathered: Gathered) {
+        self.edits.edits.push(Edit::Remove { light: gathered.light });
+        self.release(gathered.kind);
+        self.freed.push(gathered.light);
+    }
+
+    /// Adds to the time that the search for changes took.
+    pub fn took(&mut self, started: Instant) {
+        self.edits.gather += started.elapsed();
+    }
+
+    /// Takes all changes.
+    pub fn take(&mut self) -> Edits {
+        self.free.append(&mut self.freed);
+        std::mem::take(&mut self.edits)
+    }
+}

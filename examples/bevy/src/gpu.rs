@@ -1,0 +1,162 @@
+//! The lights on Bevy's device: upload, the build of the top level, and the bind groups of passes.
+
+use std::time::Instant;
+
+use bevy::log::error_once;
+use bevy::prelude::*;
+use bevy::render::render_resource::{
+    BindGroup, BindGroupLayoutDescriptor, BindGroupLayoutEntry, BindingType, Buffer, BufferBindingType,
+    BufferInitDescriptor, BufferUsages, ShaderStages,
+};
+use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue};
+use girandole::gpu::GpuLights;
+use girandole::{Effects, FrameDelta};
+
+use crate::kinds::KindRecord;
+use crate::settings::{GirandoleReport, GirandoleSettings, GirandoleStats};
+use crate::world::Lights;
+
+/// What the lights of this plugin may call for: everything but fog, masks and sampling by solid
+/// angle. The shader text supports these.
+pub fn effects() -> Effects {
+    Effects::CONES
+        | Effects::RANGES
+        | Effects::AREAS
+        | Effects::TWO_SIDED
+        | Effects::DIRECTIONAL
+        | Effects::NON_RIGID
+        | Effects::FACTORS
+        | Effects::GLOSSY
+}
+
+/// The lights on the GPU, in the render world.
+#[derive(Resource)]
+pub struct GirandoleGpu {
+    lights: GpuLights,
+    kinds: Option<Buffer>,
+    bind_group: Option<BindGroup>,
+    frames: u64,
+    /// Whether any light changed in this frame.
+    pub has_changed: bool,
+    /// Slots of instances, and directional lights, for sums over all lights.
+    pub counts: [u32; 2],
+}
+
+impl GirandoleGpu {
+    /// The lights, to be bound at the group of the shader's module; `None` before the first upload.
+    /// It has the layout of [`lights_layout`].
+    pub fn bind_group(&self) -> Option<&BindGroup> {
+        self.bind_group.as_ref()
+    }
+
+    /// The buffer with one record for each kind of light, which the module binds as
+    /// `girandole_kinds`; `None` before the first upload.
+    pub fn kinds(&self) -> Option<&Buffer> {
+        self.kinds.as_ref()
+    }
+}
+
+/// The layout of [`GirandoleGpu::bind_group`], as Bevy's pipelines describe it.
+pub fn lights_layout() -> BindGroupLayoutDescriptor {
+    let storage = BufferBindingType::Storage { read_only: true };
+    let types = [BufferBindingType::Uniform, storage, storage, storage, storage];
+    let entries: Vec<_> = types.into_iter().zip(0..).map(|(ty, binding)| buffer_entry(binding, ty)).collect();
+    BindGroupLayoutDescriptor::new("girandole lights", &entries)
+}
+
+/// A buffer for compute and fragment shaders.
+pub fn buffer_entry(binding: u32, ty: BufferBindingType) -> BindGroupLayoutEntry {
+    BindGroupLayoutEntry {
+        binding,
+        visibility: ShaderStages::COMPUTE | ShaderStages::FRAGMENT,
+        ty: BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
+        count: None,
+    }
+}
+
+/// Creates the lights on a device, also on a new one after the former was lost.
+pub fn start(mut commands: Commands, device: Res<RenderDevice>, queue: Res<RenderQueue>) {
+    match GpuLights::new(device.wgpu_device(), &queue) {
+        Ok(lights) => commands.insert_resource(GirandoleGpu {
+            lights,
+            kinds: None,
+            bind_group: None,
+            frames: 0,
+            has_changed: false,
+            counts: [0; 2],
+        }),
+        Err(error) => error_once!("girandole: {error}"),
+    }
+}
+
+/// Updates the light world and uploads what changed.
+pub fn prepare(
+    mut lights: ResMut<Lights>,
+    gpu: Option<ResMut<GirandoleGpu>>,
+    settings: Res<GirandoleSettings>,
+    device: Res<RenderDevice>,
+    stats: Res<GirandoleStats>,
+) {
+    let Some(mut gpu) = gpu else { return };
+    let lights = &mut *lights;
+    lights.apply();
+    let start = Instant::now();
+    let frame = lights.update(settings.budget);
+    let update = start.elapsed();
+    let start = Instant::now();
+    let mut delta = lights.world.take_delta();
+    if gpu.frames == 0 {
+        // A new device knows nothing of the world yet.
+        delta = FrameDelta::everything(&lights.world);
+    }
+    let (mut bytes, mut instances) = (0, 0);
+    match gpu.lights.upload(&lights.world, &delta) {
+        Ok(report) => (bytes, instances) = (report.bytes, report.instances),
+        Err(error) => error_once!("girandole: {error}"),
+    }
+    if lights.has_new_records || gpu.kinds.is_none() {
+        bytes += upload_kinds(&mut gpu, &device, &lights.records);
+        lights.has_new_records = false;
+    }
+    if !effects().contains(gpu.lights.effects()) && gpu.frames > 0 {
+        error_once!("girandole: the lights need effects that the shader lacks: {:?}", gpu.lights.effects());
+    }
+    gpu.bind_group = Some(gpu.lights.bind_group().clone().into());
+    gpu.frames += 1;
+    gpu.has_changed = lights.counts.any() || frame.rebuilt_trees > 0 || frame.refit_trees > 0;
+    gpu.counts = [lights.slot_count, lights.world.directionals().count() as u32];
+    let counts = lights.counts;
+    stats.set(GirandoleReport {
+        frames: gpu.frames,
+        added: counts.added,
+        removed: counts.removed,
+        moved: counts.moved,
+        changed: counts.changed,
+        bytes,
+        instances,
+        trees: lights.world.tree_count(),
+        lights: lights.world.instance_count(),
+        gather: counts.gather,
+        apply: counts.apply,
+        update,
+        upload: start.elapsed(),
+        refused: counts.refused,
+    });
+}
+
+fn upload_kinds(gpu: &mut GirandoleGpu, device: &RenderDevice, records: &[KindRecord]) -> u64 {
+    let contents = bytemuck::cast_slice(records);
+    gpu.kinds = Some(device.create_buffer_with_data(&BufferInitDescriptor {
+        label: Some("girandole kinds"),
+        contents,
+        usage: BufferUsages::STORAGE,
+    }));
+    contents.len() as u64
+}
+
+/// Records the build of the top level, ahead of the passes of all cameras.
+pub fn build_top(gpu: Option<ResMut<GirandoleGpu>>, mut context: RenderContext) {
+    if let Some(mut gpu) = gpu {
+        gpu.lights.build_top(context.command_encoder());
+    }
+}

@@ -1,0 +1,12 @@
+
+// One sample of all light that a surface reflects, kept among several candidates. Without shadows:
+// trace a ray along `kept.chosen.direction` to `kept.chosen.dist` here.
+fn girandole_sample(surface: LightingInput, candidates: u32, seed: u32) -> vec3<f32> {
+    let numbers = girandole_numbers(seed);
+    let at = girandole_shading_point(surface);
+    let kept = light_resample_by(at, surface, numbers.u, numbers.choice, candidates);
+    if kept.weight <= 0.0 {
+        return vec3(0.0);
+    }
+    return girandole_reflected(surface, kept.chosen) * kept.weight;
+}

@@ -1,0 +1,41 @@
+//! Girandole as a plugin for Bevy: a picture with any number of lights.
+//!
+//! [`GirandolePlugin`] follows the lights of an application's world by change detection, keeps them
+//! in a [`LightWorld`](girandole::LightWorld) in the render world, and adds their light to the
+//! picture of each camera with a [`GirandoleCamera`]. `docs/bevy.md` tells how, what it costs and what
+//! it lacks.
+//!
+//! Data passes through the modules in this order: `components` and `settings` come from the
+//! application; `gather` finds what changed, `gathered` and `kinds` number it, and `edits` is what
+//! crosses to the render world by `extract`; `world` follows the edits, `gpu` uploads them, and `pass` draws with
+//! the texts of `shader` and the textures of `history`.
+
+mod components;
+mod edits;
+mod extract;
+mod gather;
+mod gathered;
+mod gpu;
+mod history;
+mod kinds;
+#[cfg(not(feature = "wesl"))]
+mod naga_oil;
+mod pass;
+mod plugin;
+mod settings;
+mod shader;
+mod units;
+#[cfg(feature = "wesl")]
+mod wesl;
+mod world;
+
+pub use components::{Estimate, GirandoleCamera, GirandoleLight, NoGirandole};
+pub use gpu::{GirandoleGpu, buffer_entry, effects, lights_layout};
+pub use plugin::{GirandolePlugin, GirandoleSystems};
+pub use settings::{GirandoleReport, GirandoleSettings, GirandoleStats};
+pub use shader::LIGHTS_GROUP;
+
+/// The program in the documents compiles.
+#[cfg(doctest)]
+#[doc = include_str!("../../../docs/bevy.md")]
+struct Page;

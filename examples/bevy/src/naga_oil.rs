@@ -1,0 +1,38 @@
+//! What the shader texts need for Bevy 0.19, which composes them with naga_oil.
+//!
+//! naga_oil replaces imported names wherever they occur, also where they name a field. So functions
+//! and variables of Bevy are written with their modules.
+
+use bevy::shader::Shader;
+use girandole::plan::naga_oil_module;
+
+pub const SHADING_IMPORTS: &str = "#import bevy_pbr::{
+    lighting, lighting::LightingInput, mesh_view_bindings, pbr_functions, pbr_types::PbrInput,
+}
+";
+
+pub const PASS_IMPORTS: &str = "#import bevy_pbr::{
+    pbr_deferred_functions::pbr_input_from_deferred_gbuffer, pbr_types::STANDARD_MATERIAL_FLAGS_UNLIT_BIT,
+}
+";
+
+pub const LIGHT_IMPORTS: &str = "#import girandole::{
+    LightShadingPoint, LightSample, LightPick, LIGHT_DIRECTIONAL, light_glossy_point, light_user_data, light_hash,
+    light_resample, light_sample_picked,
+}
+";
+
+pub const GIRANDOLE_IMPORTS: &str = "#import girandole::shading::{
+    girandole_surface, girandole_shading_point, girandole_reflected, girandole_sample, girandole_numbers,
+    girandole_kinds,
+}
+";
+
+/// A text as the module of a path.
+pub fn module(path: &str, text: String) -> Shader {
+    let text = match path {
+        "girandole" => naga_oil_module(&text),
+        _ => format!("#define_import_path {path}\n{text}"),
+    };
+    Shader::from_wgsl(text, format!("{path}.wgsl"))
+}

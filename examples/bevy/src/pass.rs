@@ -1,0 +1,233 @@
+//! The pass that adds the light to the picture of a camera, in Bevy's schedule of 3D cameras.
+
+use bevy::core_pipeline::FullscreenShader;
+use bevy::pbr::{MeshPipeline, MeshPipelineKey, MeshViewBindGroup, ViewKeyCache};
+use bevy::prelude::*;
+use bevy::render::camera::ExtractedCamera;
+use bevy::render::render_resource::{
+    BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntry, BindingType, BlendComponent, BlendFactor,
+    BlendOperation, BlendState, BufferBindingType, BufferInitDescriptor, BufferUsages, CachedRenderPipelineId,
+    ColorTargetState, ColorWrites, FragmentState, LoadOp, Operations, PipelineCache, RenderPassColorAttachment,
+    RenderPassDescriptor, RenderPipelineDescriptor, ShaderStages, SpecializedRenderPipeline,
+    SpecializedRenderPipelines, StoreOp, TextureSampleType, TextureViewDimension,
+};
+use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
+use bevy::render::view::{ExtractedView, ViewTarget};
+use bevy::shader::{Shader, ShaderDefVal};
+use bytemuck::{Pod, Zeroable};
+
+use crate::components::{Estimate, GirandoleCamera};
+use crate::gpu::{GirandoleGpu, buffer_entry, lights_layout};
+use crate::history::{DIST_FORMAT, History, MEAN_FORMAT};
+
+/// Numbers for the pass of one camera. Twin of `GirandoleView` in pass.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct ViewUniform {
+    seed: u32,
+    frame: u32,
+    candidates: u32,
+    samples: u32,
+    still_frames: u32,
+    moving_frames: u32,
+    is_exhaustive: u32,
+    slots: u32,
+    directionals: u32,
+    has_history: u32,
+    lights_moved: u32,
+    padding: u32,
+}
+
+/// Makes the pipelines of the pass.
+#[derive(Resource)]
+pub struct PassPipelines {
+    mesh_pipeline: MeshPipeline,
+    fullscreen: FullscreenShader,
+    shader: Handle<Shader>,
+    layout: BindGroupLayoutDescriptor,
+}
+
+/// The shader of the pass, which the main world has made.
+#[derive(Resource, Clone)]
+pub struct PassShader(pub Handle<Shader>);
+
+/// The pipeline of one camera.
+#[derive(Component)]
+pub struct PassPipeline(CachedRenderPipelineId);
+
+pub fn start(
+    mut commands: Commands,
+    mesh_pipeline: Res<MeshPipeline>,
+    fullscreen: Res<FullscreenShader>,
+    shader: Res<PassShader>,
+) {
+    let texture = |binding| BindGroupLayoutEntry {
+        binding,
+        visibility: ShaderStages::FRAGMENT,
+        ty: BindingType::Texture {
+            sample_type: TextureSampleType::Float { filterable: false },
+            view_dimension: TextureViewDimension::D2,
+            multisampled: false,
+        },
+        count: None,
+    };
+    let kinds = buffer_entry(0, BufferBindingType::Storage { read_only: true });
+    let view = buffer_entry(1, BufferBindingType::Uniform);
+    commands.insert_resource(PassPipelines {
+        mesh_pipeline: mesh_pipeline.clone(),
+        fullscreen: fullscreen.clone(),
+        shader: shader.0.clone(),
+        layout: BindGroupLayoutDescriptor::new("girandole pass", &[kinds, view, texture(2), texture(3)]),
+    });
+}
+
+impl SpecializedRenderPipeline for PassPipelines {
+    type Key = MeshPipelineKey;
+
+    #[allow(clippy::needless_update)]
+    fn specialize(&self, key: MeshPipelineKey) -> RenderPipelineDescriptor {
+        let layout = self.mesh_pipeline.get_view_layout(key.into());
+        let add = BlendComponent {
+            src_factor: BlendFactor::One,
+            dst_factor: BlendFactor::One,
+            operation: BlendOperation::Add,
+        };
+        let targets = [
+            (key.target_format(), Some(BlendState { color: add, alpha: add })),
+            (MEAN_FORMAT, None),
+            (DIST_FORMAT, None),
+        ];
+        let target = |(format, blend)| Some(ColorTargetState { format, blend, write_mask: ColorWrites::ALL });
+        RenderPipelineDescriptor {
+            label: Some("girandole pass".into()),
+            layout: vec![layout.main_layout, layout.binding_array_layout, self.layout.clone(), lights_layout()],
+            vertex: self.fullscreen.to_vertex_state(),
+            fragment: Some(FragmentState {
+                shader: self.shader.clone(),
+                shader_defs: shader_defs(&self.mesh_pipeline, key),
+                entry_point: Some("girandole_fragment".into()),
+                targets: targets.map(target).to_vec(),
+                // Bevy 0.20 has a field more.
+                ..default()
+            }),
+            ..default()
+        }
+    }
+}
+
+/// What Bevy's shader modules need to know of the pipeline, as in Bevy's deferred lighting.
+fn shader_defs(mesh_pipeline: &MeshPipeline, key: MeshPipelineKey) -> Vec<ShaderDefVal> {
+    let mut defs: Vec<ShaderDefVal> = [
+        "DEFERRED_LIGHTING_PIPELINE",
+        "STANDARD_MATERIAL_CLEARCOAT",
+        "DEFERRED_PREPASS",
+        "DEPTH_PREPASS",
+        "MOTION_VECTOR_PREPASS",
+    ]
+    .map(Into::into)
+    .to_vec();
+    if key.contains(MeshPipelineKey::NORMAL_PREPASS) {
+        defs.push("NORMAL_PREPASS".into());
+    }
+    if mesh_pipeline.binding_arrays_are_usable {
+        defs.push("MULTIPLE_LIGHT_PROBES_IN_ARRAY".into());
+    }
+    defs
+}
+
+/// Chooses the pipeline of each camera.
+pub fn specialize(
+    mut commands: Commands,
+    cache: Res<PipelineCache>,
+    keys: Res<ViewKeyCache>,
+    mut made: ResMut<SpecializedRenderPipelines<PassPipelines>>,
+    pipelines: Res<PassPipelines>,
+    cameras: Query<(Entity, &ExtractedView), (With<GirandoleCamera>, With<ExtractedCamera>)>,
+) {
+    for (entity, view) in &cameras {
+        let Some(&key) = keys.get(&view.retained_view_entity) else { continue };
+        let needed = MeshPipelineKey::DEFERRED_PREPASS | MeshPipelineKey::MOTION_VECTOR_PREPASS;
+        if !key.contains(needed) || key.msaa_samples() != 1 {
+            warn_once!("girandole: a camera needs the deferred and motion vector prepasses, and Msaa::Off");
+            commands.entity(entity).remove::<PassPipeline>();
+            continue;
+        }
+        commands.entity(entity).insert(PassPipeline(made.specialize(&cache, &pipelines, key)));
+    }
+}
+
+type PassView = (
+    &'static GirandoleCamera,
+    &'static ExtractedCamera,
+    &'static MeshViewBindGroup,
+    &'static ViewTarget,
+    &'static PassPipeline,
+    &'static mut History,
+);
+
+/// Records the pass of one camera.
+pub fn draw(
+    view: ViewQuery<PassView>,
+    cache: Res<PipelineCache>,
+    pipelines: Res<PassPipelines>,
+    gpu: Option<Res<GirandoleGpu>>,
+    mut context: RenderContext,
+) {
+    let (settings, camera, mesh_view, target, pipeline, mut history) = view.into_inner();
+    let Some(gpu) = gpu else { return };
+    let Some(pipeline) = cache.get_render_pipeline(pipeline.0) else { return };
+    let (Some(kinds), Some(lights)) = (gpu.kinds(), gpu.bind_group()) else { return };
+    let frame = history.next_frame(settings.history);
+    let uniform = ViewUniform {
+        seed: settings.seed,
+        frame: frame.number,
+        candidates: settings.candidates,
+        samples: settings.samples,
+        still_frames: settings.still_frames.max(settings.moving_frames),
+        moving_frames: settings.moving_frames,
+        is_exhaustive: u32::from(settings.estimate == Estimate::Exhaustive),
+        slots: gpu.counts[0],
+        directionals: gpu.counts[1],
+        has_history: u32::from(frame.has_past),
+        lights_moved: u32::from(gpu.has_changed),
+        padding: 0,
+    };
+    let device: &RenderDevice = context.render_device();
+    let uniform = device.create_buffer_with_data(&BufferInitDescriptor {
+        label: Some("girandole view"),
+        contents: bytemuck::bytes_of(&uniform),
+        usage: BufferUsages::UNIFORM,
+    });
+    let entries = BindGroupEntries::sequential((
+        kinds.as_entire_binding(),
+        uniform.as_entire_binding(),
+        &frame.past.mean,
+        &frame.past.dist,
+    ));
+    let own = device.create_bind_group("girandole pass", &cache.get_bind_group_layout(&pipelines.layout), &entries);
+    let write = |view| {
+        let ops = Operations { load: LoadOp::Clear(default()), store: StoreOp::Store };
+        Some(RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops })
+    };
+    let mut pass = context.begin_tracked_render_pass(RenderPassDescriptor {
+        label: Some("girandole pass"),
+        color_attachments: &[
+            Some(target.get_color_attachment()),
+            write(&frame.present.mean),
+            write(&frame.present.dist),
+        ],
+        depth_stencil_attachment: None,
+        timestamp_writes: None,
+        occlusion_query_set: None,
+        multiview_mask: None,
+    });
+    if let Some(viewport) = &camera.viewport {
+        pass.set_camera_viewport(viewport);
+    }
+    pass.set_render_pipeline(pipeline);
+    pass.set_bind_group(0, &mesh_view.main, &mesh_view.main_offsets);
+    pass.set_bind_group(1, &mesh_view.binding_array, &[]);
+    pass.set_bind_group(2, &own, &[]);
+    pass.set_bind_group(3, lights, &[]);
+    pass.draw(0..3, 0..1);
+}

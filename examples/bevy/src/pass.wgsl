@@ -1,0 +1,129 @@
+
+// The pass that adds Girandole's light to the picture, after Bevy's deferred lighting.
+
+// Twin of `ViewUniform` in pass.rs.
+struct GirandoleView {
+    seed: u32,
+    frame: u32,
+    candidates: u32,
+    samples: u32,
+    still_frames: u32,
+    moving_frames: u32,
+    is_exhaustive: u32,
+    // Slots of instances, and directional lights.
+    slots: u32,
+    directionals: u32,
+    has_history: u32,
+    lights_moved: u32,
+    padding: u32,
+}
+
+@group(2) @binding(1) var<uniform> girandole_view: GirandoleView;
+// The mean before, and the frames that it is of.
+@group(2) @binding(2) var girandole_past: texture_2d<f32>;
+// The distance from the camera before, in metres; 0 for the sky.
+@group(2) @binding(3) var girandole_past_dist: texture_2d<f32>;
+
+struct GirandoleOutput {
+    // Is added to the picture.
+    @location(0) color: vec4<f32>,
+    @location(1) mean: vec4<f32>,
+    @location(2) dist: f32,
+}
+
+// How much the distance of a point may differ between two frames, as a share.
+const GIRANDOLE_SAME_DIST: f32 = 0.05;
+// Pixels by which a surface moves and still counts as still.
+const GIRANDOLE_STILL: f32 = 0.01;
+
+// The sum over all lights. One point is drawn on each light with a surface.
+fn girandole_all(surface: LightingInput, seed: u32) -> vec3<f32> {
+    let at = girandole_shading_point(surface);
+    var sum = vec3(0.0);
+    for (var i = 0u; i < girandole_view.directionals; i++) {
+        sum += girandole_reflected(surface, light_sample_picked(at, LightPick(LIGHT_DIRECTIONAL, i, 1.0), vec2(0.5)));
+    }
+    for (var slot = 0u; slot < girandole_view.slots; slot++) {
+        let kind = light_user_data(slot);
+        if kind == 0u {
+            continue;
+        }
+        for (var i = 0u; i < girandole_kinds[kind].lights; i++) {
+            let numbers = girandole_numbers(seed ^ light_hash(slot ^ light_hash(i)));
+            let light = light_sample_picked(at, LightPick(slot, i, 1.0), numbers.u.xy);
+            if light.pmf > 0.0 {
+                sum += girandole_reflected(surface, light) / light.pdf;
+            }
+        }
+    }
+    return sum;
+}
+
+// The mean of the frames before at a place in pixels, with the number of frames.
+fn girandole_mean_at(place: vec2<f32>, dist: f32) -> vec4<f32> {
+    let size = vec2<i32>(textureDimensions(girandole_past));
+    let corner = place - 0.5;
+    let first = floor(corner);
+    let share = corner - first;
+    var sum = vec4(0.0);
+    var weights = 0.0;
+    for (var i = 0; i < 4; i++) {
+        let offset = vec2(i & 1, i >> 1u);
+        let texel = vec2<i32>(first) + offset;
+        let weight_xy = select(1.0 - share, share, offset == vec2(1));
+        let weight = weight_xy.x * weight_xy.y;
+        if any(texel < vec2(0)) || any(texel >= size) || weight < 0.001 {
+            continue;
+        }
+        let past_dist = textureLoad(girandole_past_dist, texel, 0).x;
+        if abs(past_dist - dist) > GIRANDOLE_SAME_DIST * dist {
+            continue;
+        }
+        sum += weight * textureLoad(girandole_past, texel, 0);
+        weights += weight;
+    }
+    if weights < 0.001 {
+        return vec4(0.0);
+    }
+    return sum / weights;
+}
+
+@fragment
+fn girandole_fragment(@builtin(position) position: vec4<f32>) -> GirandoleOutput {
+    let texel = vec2<i32>(position.xy);
+    let packed = textureLoad(mesh_view_bindings::deferred_prepass_texture, texel, 0);
+    let depth = textureLoad(mesh_view_bindings::depth_prepass_texture, texel, 0);
+    if depth <= 0.0 || all(packed == vec4(0u)) {
+        return GirandoleOutput(vec4(0.0), vec4(0.0), 0.0);
+    }
+    let pbr = pbr_input_from_deferred_gbuffer(vec4(position.xy, depth, 0.0), packed);
+    if (pbr.material.flags & STANDARD_MATERIAL_FLAGS_UNLIT_BIT) != 0u {
+        return GirandoleOutput(vec4(0.0), vec4(0.0), 0.0);
+    }
+    let surface = girandole_surface(pbr);
+    let pixel = light_hash(u32(texel.x) ^ light_hash(u32(texel.y)));
+    let seed = pixel ^ light_hash(girandole_view.frame ^ light_hash(girandole_view.seed));
+
+    var estimate = vec3(0.0);
+    if girandole_view.is_exhaustive != 0u {
+        estimate = girandole_all(surface, seed);
+    } else {
+        for (var i = 0u; i < girandole_view.samples; i++) {
+            estimate += girandole_sample(surface, girandole_view.candidates, light_hash(seed + i));
+        }
+        estimate /= f32(max(girandole_view.samples, 1u));
+    }
+
+    let dist = distance(mesh_view_bindings::view.world_position, surface.P);
+    var mean = estimate;
+    var frames = 1.0;
+    if girandole_view.has_history != 0u {
+        let motion = textureLoad(mesh_view_bindings::motion_vector_prepass_texture, texel, 0).xy * mesh_view_bindings::view.viewport.zw;
+        let past = girandole_mean_at(position.xy - motion, dist);
+        let is_still = girandole_view.lights_moved == 0u && all(abs(motion) < vec2(GIRANDOLE_STILL));
+        let limit = f32(select(girandole_view.moving_frames, girandole_view.still_frames, is_still));
+        frames = max(min(past.w + 1.0, limit), 1.0);
+        mean = past.xyz + (estimate - past.xyz) / frames;
+    }
+    return GirandoleOutput(vec4(mean * mesh_view_bindings::view.exposure, 0.0), vec4(mean, frames), dist);
+}

@@ -1,0 +1,84 @@
+//! The plugin: which systems run where.
+
+use bevy::core_pipeline::core_3d::main_opaque_pass_3d;
+use bevy::core_pipeline::schedule::{Core3d, Core3dSystems};
+use bevy::pbr::MeshPipelineSystems;
+use bevy::pbr::deferred::deferred_lighting;
+use bevy::prelude::*;
+use bevy::render::render_resource::SpecializedRenderPipelines;
+use bevy::render::renderer::{RenderGraph, RenderGraphSystems};
+use bevy::render::{ExtractSchedule, Render, RenderApp, RenderStartup, RenderSystems};
+use bevy::shader::Shader;
+
+use crate::pass::{PassPipelines, PassShader};
+use crate::settings::{GirandoleSettings, GirandoleStats};
+use crate::world::Lights;
+use crate::{extract, gather, gpu, history, pass, shader};
+
+/// Adds Girandole to an application, after Bevy's own plugins.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct GirandolePlugin {
+    /// Whether the pass imports the modules that applications import, instead of one text in which
+    /// candidates are weighed by Bevy's BRDF. Noisier; for tests of the modules.
+    pub importing: bool,
+}
+
+/// The steps in the render world, to order systems by.
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum GirandoleSystems {
+    /// In [`Render`]: the light world is updated and uploaded.
+    Upload,
+    /// In [`RenderGraph`]: the build of the top level is recorded. Passes that sample come later.
+    BuildTop,
+    /// In [`Core3d`]: the light is added to the picture of a camera.
+    Draw,
+}
+
+/// Keeps the modules alive, so that they can be imported.
+#[derive(Resource)]
+struct Modules {
+    _handles: [Handle<Shader>; 2],
+}
+
+impl Plugin for GirandolePlugin {
+    fn build(&self, app: &mut App) {
+        app.init_resource::<GirandoleSettings>().init_resource::<GirandoleStats>();
+        gather::add_systems(app);
+        let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
+        let text = if self.importing { shader::importing() } else { shader::joined() };
+        let pass_shader = PassShader(shaders.add(text));
+        let modules = Modules { _handles: shader::modules().map(|module| shaders.add(module)) };
+        app.insert_resource(modules);
+        let stats = app.world().resource::<GirandoleStats>().clone();
+        let settings = app.world().resource::<GirandoleSettings>().clone();
+        let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
+        render_app
+            .insert_resource(pass_shader)
+            .insert_resource(stats)
+            .insert_resource(settings)
+            .init_resource::<Lights>()
+            .init_resource::<SpecializedRenderPipelines<PassPipelines>>()
+            .add_systems(RenderStartup, (gpu::start, pass::start.after(MeshPipelineSystems)))
+            .add_systems(ExtractSchedule, (extract::edits, extract::cameras))
+            .add_systems(
+                Render,
+                (
+                    gpu::prepare.in_set(GirandoleSystems::Upload).in_set(RenderSystems::PrepareResources),
+                    history::prepare.in_set(RenderSystems::PrepareResources),
+                    pass::specialize.in_set(RenderSystems::Prepare),
+                ),
+            )
+            .add_systems(
+                RenderGraph,
+                gpu::build_top.in_set(GirandoleSystems::BuildTop).in_set(RenderGraphSystems::Begin),
+            )
+            .add_systems(
+                Core3d,
+                pass::draw
+                    .in_set(GirandoleSystems::Draw)
+                    .in_set(Core3dSystems::MainPass)
+                    .after(deferred_lighting)
+                    .before(main_opaque_pass_3d),
+            );
+    }
+}

@@ -1,0 +1,70 @@
+//! Settings of the plugin, and what it reports.
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use bevy::camera::Exposure;
+use bevy::prelude::*;
+use girandole::FrameBudget;
+
+/// Settings that may change in any frame.
+#[derive(Resource, Clone, Default)]
+pub struct GirandoleSettings {
+    /// The time that a frame may spend on rebuilds of light trees.
+    pub budget: FrameBudget,
+    /// Whether every entity with a light component gets a [`GirandoleLight`](crate::GirandoleLight),
+    /// unless it has a [`NoGirandole`](crate::NoGirandole). False at first.
+    pub all_lights: bool,
+    /// The exposure by which emissive surfaces are weighed against other lights while a light is
+    /// chosen. Bevy's emissive colours are in units of the picture, so what they emit depends on the
+    /// exposure of the camera. The picture is right for any exposure; noise is lowest for this one.
+    pub exposure: Exposure,
+}
+
+/// What the plugin did for the last frame.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct GirandoleReport {
+    /// Frames that reached the render world so far. The other fields are of the last one.
+    pub frames: u64,
+    /// Lights that were added.
+    pub added: usize,
+    /// Lights that were removed.
+    pub removed: usize,
+    /// Moves of lights that were sent to the render world.
+    pub moved: usize,
+    /// Other changes: of brightness, of parameters, of visibility.
+    pub changed: usize,
+    /// Bytes that were written to the GPU.
+    pub bytes: u64,
+    /// Records of instances that were written to the GPU.
+    pub instances: usize,
+    /// Trees that the world has: one for each kind of light.
+    pub trees: usize,
+    /// Instances that the world has.
+    pub lights: usize,
+    /// Time in the main world: the search for changes.
+    pub gather: Duration,
+    /// Time in the render world: the edits of the light world.
+    pub apply: Duration,
+    /// Time in the render world: refits and rebuilds.
+    pub update: Duration,
+    /// Time in the render world: the upload.
+    pub upload: Duration,
+    /// Lights that were refused: see the log.
+    pub refused: u64,
+}
+
+/// The report of the last frame, which both worlds share.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct GirandoleStats(Arc<Mutex<GirandoleReport>>);
+
+impl GirandoleStats {
+    /// Returns the report of the last frame that the render world has begun.
+    pub fn report(&self) -> GirandoleReport {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(crate) fn set(&self, report: GirandoleReport) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = report;
+    }
+}

@@ -1,0 +1,150 @@
+// Bevy's lighting by one light that Girandole chose: what `point_light`, `spot_light` and
+// `directional_light` of bevy_pbr compute, with Bevy's own BRDF.
+
+// What differs between kinds of light. Twin of `KindRecord` in kinds.rs.
+struct GirandoleKind {
+    range: f32,
+    radius: f32,
+    weight: f32,
+    nits: f32,
+    lights: u32,
+    padding_a: u32,
+    padding_b: u32,
+    padding_c: u32,
+}
+
+@group(2) @binding(0) var<storage, read> girandole_kinds: array<GirandoleKind>;
+
+// The factor between the light that Girandole's sample brings and that of Bevy's light. Girandole has
+// the window of glTF, of which Bevy takes the square. Bevy's lights stop to grow at a distance of a
+// centimetre. What emissive surfaces emit depends on the exposure.
+fn girandole_factor(kind: GirandoleKind, is_delta: bool, dist: f32) -> f32 {
+    if !is_delta {
+        let exposure = mesh_view_bindings::view.exposure;
+        return mix(1.0, exposure, kind.weight) / (exposure * kind.nits);
+    }
+    let dist_sq = dist * dist;
+    let ratio_sq = dist_sq / (kind.range * kind.range);
+    return saturate(1.0 - ratio_sq * ratio_sq) * dist_sq / max(dist_sq, 0.0001);
+}
+
+// What Bevy's lighting functions need to know of a surface: the first lines of `apply_pbr_lighting`.
+fn girandole_surface(pbr: PbrInput) -> LightingInput {
+    let color = pbr.material.base_color.rgb;
+    let rough = pbr.material.perceptual_roughness;
+    let n_dot_v = max(dot(pbr.N, pbr.V), 0.0001);
+    var surface: LightingInput;
+    surface.layers[lighting::LAYER_BASE].NdotV = n_dot_v;
+    surface.layers[lighting::LAYER_BASE].N = pbr.N;
+    surface.layers[lighting::LAYER_BASE].R = reflect(-pbr.V, pbr.N);
+    surface.layers[lighting::LAYER_BASE].perceptual_roughness = rough;
+    surface.layers[lighting::LAYER_BASE].roughness = lighting::perceptualRoughnessToRoughness(rough);
+    let coat_rough = pbr.material.clearcoat_perceptual_roughness;
+    surface.layers[lighting::LAYER_CLEARCOAT].NdotV = max(dot(pbr.clearcoat_N, pbr.V), 0.0001);
+    surface.layers[lighting::LAYER_CLEARCOAT].N = pbr.clearcoat_N;
+    surface.layers[lighting::LAYER_CLEARCOAT].R = reflect(-pbr.V, pbr.clearcoat_N);
+    surface.layers[lighting::LAYER_CLEARCOAT].perceptual_roughness = coat_rough;
+    surface.layers[lighting::LAYER_CLEARCOAT].roughness = lighting::perceptualRoughnessToRoughness(coat_rough);
+    surface.clearcoat_strength = pbr.material.clearcoat;
+    surface.P = pbr.world_position.xyz;
+    surface.V = pbr.V;
+    surface.diffuse_color = pbr_functions::calculate_diffuse_color(
+        color, pbr.material.metallic, pbr.material.specular_transmission, pbr.material.diffuse_transmission);
+    surface.metallic = pbr.material.metallic;
+    surface.F0_dielectric = pbr_functions::calculate_F0_dielectric(pbr.material.reflectance);
+    surface.F0_metallic = color;
+    surface.F_ab = lighting::F_AB(rough, n_dot_v);
+    return surface;
+}
+
+// The point for which Girandole chooses lights.
+fn girandole_shading_point(surface: LightingInput) -> LightShadingPoint {
+    let luminance = vec3(0.2126, 0.7152, 0.0722);
+    let specular = dot(mix(surface.F0_dielectric, surface.F0_metallic, surface.metallic), luminance);
+    let layer = surface.layers[lighting::LAYER_BASE];
+    return light_glossy_point(
+        surface.P, layer.N, surface.V, sqrt(layer.roughness), specular, dot(surface.diffuse_color, luminance));
+}
+
+struct GirandoleLobe {
+    // Toward the light as the highlight sees it.
+    derived: lighting::DerivedLightingInput,
+    roughness: f32,
+    intensity: f32,
+    // What the horizon leaves of a light with a radius.
+    visible: f32,
+}
+
+// The highlight of a layer by a light with a radius, as in Bevy's `point_light`.
+fn girandole_lobe(input: ptr<function, LightingInput>, layer: u32, to_light: vec3<f32>, radius: f32) -> GirandoleLobe {
+    let dist = length(to_light);
+    let normal = (*input).layers[layer].N;
+    let alpha = (*input).layers[layer].roughness;
+    let values = lighting::compute_specular_layer_values_for_point_light(input, layer, (*input).V, to_light, radius, dist);
+    var lobe: GirandoleLobe;
+    lobe.derived = lighting::derive_lighting_input(normal, (*input).V, values.xyz);
+    let normalization = alpha / values.w;
+    lobe.intensity = normalization * normalization;
+    lobe.roughness = mix(alpha, values.w, lighting::specular_fix_remap(alpha));
+    lobe.visible = 1.0;
+    if radius > 0.0 {
+        let solid_angle = radius * radius / (dist * dist);
+        lobe.visible = saturate(lobe.derived.NdotL / max(lobe.derived.NdotL + solid_angle, 1e-4));
+    }
+    return lobe;
+}
+
+// The BRDF times the cosine, for a vector to a light in metres.
+fn girandole_brdf(surface: LightingInput, to_light: vec3<f32>, radius: f32) -> vec3<f32> {
+    var input = surface;
+    // Pointers to members of structures cannot be passed on, so both are copied.
+    let base = girandole_lobe(&input, lighting::LAYER_BASE, to_light, radius);
+    var base_derived = base.derived;
+    let specular_light =
+        lighting::specular(&input, &base_derived, base.roughness, base.intensity) * base.visible;
+    let coat = girandole_lobe(&input, lighting::LAYER_CLEARCOAT, to_light, radius);
+    var coat_derived = coat.derived;
+    let fc_frc = lighting::specular_clearcoat(
+        &input, &coat_derived, input.clearcoat_strength, coat.roughness, coat.intensity);
+    let under = 1.0 - fc_frc.x;
+    var derived = lighting::derive_lighting_input(input.layers[lighting::LAYER_BASE].N, input.V, normalize(to_light));
+    let diffuse = input.diffuse_color * lighting::Fd_Burley(&input, &derived);
+    return (diffuse * derived.NdotL + specular_light * base.derived.NdotL * under) * under
+        + fc_frc.y * coat.visible * coat.derived.NdotL;
+}
+
+// The light that a surface reflects of a sample, before division by its probability. Without shadows.
+fn girandole_reflected(surface: LightingInput, light: LightSample) -> vec3<f32> {
+    if light.pmf <= 0.0 {
+        return vec3(0.0);
+    }
+    if light.instance == LIGHT_DIRECTIONAL {
+        return girandole_brdf(surface, light.direction, 0.0) * light.radiance;
+    }
+    let kind = girandole_kinds[light_user_data(light.instance)];
+    let is_delta = light.is_delta == 1u;
+    let radius = select(0.0, kind.radius, is_delta);
+    let brdf = girandole_brdf(surface, light.direction * light.dist, radius);
+    return brdf * light.radiance * girandole_factor(kind, is_delta, light.dist);
+}
+
+// By what candidates are kept: the luminance that each would bring.
+fn girandole_target(shading_point: LightShadingPoint, surface: LightingInput, candidate: LightSample) -> f32 {
+    return dot(girandole_reflected(surface, candidate), vec3(0.2126, 0.7152, 0.0722));
+}
+
+// Five random numbers in [0, 1).
+struct GirandoleNumbers {
+    u: vec4<f32>,
+    choice: f32,
+}
+
+fn girandole_numbers(seed: u32) -> GirandoleNumbers {
+    var state = seed;
+    var numbers: array<f32, 5>;
+    for (var i = 0u; i < 5u; i++) {
+        state = light_hash(state + 0x9e3779b9u);
+        numbers[i] = f32(state >> 8u) / 16777216.0;
+    }
+    return GirandoleNumbers(vec4(numbers[0], numbers[1], numbers[2], numbers[3]), numbers[4]);
+}

@@ -1,0 +1,47 @@
+//! The WGSL of the plugin: Girandole's text, Bevy's lighting by one light, and the pass.
+//!
+//! The pass is one text, in which candidates are weighed by Bevy's BRDF. Materials and passes of an
+//! application import the same functions as modules.
+
+use bevy::shader::Shader;
+use girandole::plan::{self, TargetHook};
+
+use crate::gpu::effects;
+
+/// The bind group of [`GirandoleGpu::bind_group`](crate::GirandoleGpu::bind_group) in the modules.
+pub const LIGHTS_GROUP: u32 = 3;
+
+#[cfg(not(feature = "wesl"))]
+use crate::naga_oil::{GIRANDOLE_IMPORTS, LIGHT_IMPORTS, PASS_IMPORTS, SHADING_IMPORTS, module};
+#[cfg(feature = "wesl")]
+use crate::wesl::{GIRANDOLE_IMPORTS, LIGHT_IMPORTS, PASS_IMPORTS, SHADING_IMPORTS, module};
+
+/// The pass in one text. Candidates are kept in proportion to what Bevy's BRDF reflects of them.
+pub fn joined() -> Shader {
+    let hook = TargetHook::new("girandole_target", "LightingInput").expect("both are names");
+    let library = plan::wgsl_with_target(LIGHTS_GROUP, effects(), &hook);
+    let parts = [
+        SHADING_IMPORTS,
+        PASS_IMPORTS,
+        &library,
+        include_str!("shade.wgsl"),
+        include_str!("joined.wgsl"),
+        include_str!("pass.wgsl"),
+    ];
+    module("girandole::pass", parts.concat())
+}
+
+/// The same pass, which imports the modules. Candidates are kept by Girandole's own estimate of what
+/// the surface reflects, since a module cannot call what imports it.
+pub fn importing() -> Shader {
+    let imports = [SHADING_IMPORTS, PASS_IMPORTS, LIGHT_IMPORTS, GIRANDOLE_IMPORTS].concat();
+    module("girandole::pass", imports + include_str!("pass.wgsl"))
+}
+
+/// The modules for applications: `girandole`, with the functions that the documentation of
+/// [`LightShader`](girandole::gpu::LightShader) lists, and `girandole::shading`, Bevy's lighting by one
+/// light.
+pub fn modules() -> [Shader; 2] {
+    let shading = [SHADING_IMPORTS, LIGHT_IMPORTS, include_str!("shade.wgsl"), include_str!("module.wgsl")];
+    [module("girandole", plan::wgsl(LIGHTS_GROUP, effects())), module("girandole::shading", shading.concat())]
+}

@@ -1,0 +1,30 @@
+//! What the shader texts need for Bevy 0.20, which composes them with WESL.
+
+use bevy::shader::Shader;
+
+pub const SHADING_IMPORTS: &str = "import bevy_pbr::render::{
+    pbr_lighting as lighting, pbr_lighting::LightingInput, mesh_view_bindings, pbr_functions, pbr_types::PbrInput,
+};
+";
+
+pub const PASS_IMPORTS: &str = "import bevy_pbr::{
+    deferred::functions::pbr_input_from_deferred_gbuffer, render::pbr_types::STANDARD_MATERIAL_FLAGS_UNLIT_BIT,
+};
+";
+
+pub const LIGHT_IMPORTS: &str = "import girandole::{
+    LightShadingPoint, LightSample, LightPick, LIGHT_DIRECTIONAL, light_glossy_point, light_user_data, light_hash,
+    light_resample, light_sample_picked,
+};
+";
+
+pub const GIRANDOLE_IMPORTS: &str = "import girandole::shading::{
+    girandole_surface, girandole_shading_point, girandole_reflected, girandole_sample, girandole_numbers,
+    girandole_kinds,
+};
+";
+
+/// A text as the module of a path. Bevy takes the path from that of the file.
+pub fn module(path: &str, text: String) -> Shader {
+    Shader::from_wesl(text, format!("embedded://{}.wesl", path.replace("::", "/")))
+}

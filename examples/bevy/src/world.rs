@@ -1,0 +1,236 @@
+//! The light world of the render world, and the edits that it follows.
+
+use std::time::{Duration, Instant};
+
+use bevy::ecs::resource::Resource;
+use bevy::log::warn_once;
+use girandole::{
+    DirectionalKey, DirectionalLight, FrameBudget, FrameReport, InstanceKey, Light, LightWorld, Placement, Policy,
+    TreeKey, WorldError,
+};
+
+use crate::edits::{Edit, Edits, State};
+use crate::kinds::KindRecord;
+
+/// What one number of a light stands for.
+#[derive(Clone, Copy, Debug, Default)]
+enum Slot {
+    #[default]
+    Empty,
+    Instance(InstanceKey, u32),
+    /// A directional light; `None` while it is hidden.
+    Directional(Option<DirectionalKey>),
+}
+
+/// The lights of the render world.
+#[derive(Resource, Debug)]
+pub struct Lights {
+    pub world: LightWorld,
+    trees: Vec<Option<TreeKey>>,
+    slots: Vec<Slot>,
+    /// Slots of instances in use, free ones between them included.
+    pub slot_count: u32,
+    /// What the shader knows of each kind.
+    pub records: Vec<KindRecord>,
+    /// Whether `records` have changed since the last upload.
+    pub has_new_records: bool,
+    moves: Vec<(InstanceKey, Placement)>,
+    /// The edits of this frame, which were extracted and not yet followed.
+    pub edits: Edits,
+    pub counts: Counts,
+}
+
+/// What was done with the edits of one frame.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Counts {
+    pub added: usize,
+    pub removed: usize,
+    pub moved: usize,
+    pub changed: usize,
+    /// Over all frames.
+    pub refused: u64,
+    pub gather: Duration,
+    pub apply: Duration,
+}
+
+impl Counts {
+    /// Whether any light has changed.
+    pub fn any(&self) -> bool {
+        self.added + self.removed + self.moved + self.changed > 0
+    }
+}
+
+impl Default for Lights {
+    fn default() -> Self {
+        Self {
+            world: {
+                let mut world = LightWorld::new();
+                world.set_glossy_sampling(true);
+                world
+            },
+            trees: Vec::new(),
+            slots: Vec::new(),
+            slot_count: 0,
+            records: vec![KindRecord::default()],
+            has_new_records: true,
+            moves: Vec::new(),
+            edits: Edits::default(),
+            counts: Counts::default(),
+        }
+    }
+}
+
+impl Lights {
+    /// Follows the edits of this frame.
+    pub fn apply(&mut self) {
+        let started = Instant::now();
+        let edits = std::mem::take(&mut self.edits);
+        self.counts = Counts { refused: self.counts.refused, gather: edits.gather, ..Counts::default() };
+        for edit in edits.edits {
+            if let Err(error) = self.edit(edit) {
+                self.counts.refused += 1;
+                warn_once!("girandole: a light was refused: {error}");
+            }
+        }
+        self.follow(&edits.moves);
+        self.counts.apply = started.elapsed();
+    }
+
+    /// Refits and rebuilds trees within a budget.
+    pub fn update(&mut self, budget: FrameBudget) -> FrameReport {
+        self.world.update(budget)
+    }
+
+    fn edit(&mut self, edit: Edit) -> Result<(), WorldError> {
+        match edit {
+            Edit::AddKind { kind, lights, record } => self.add_kind(kind, lights, record),
+            Edit::ReplaceKind { kind, lights, record } => {
+                self.record(kind, record);
+                let Some(tree) = self.trees.get(kind as usize).copied().flatten() else { return Ok(()) };
+                self.world.replace_lights(tree, lights)
+            }
+            Edit::RemoveKind { kind } => match self.trees.get_mut(kind as usize).and_then(Option::take) {
+                Some(tree) => self.world.remove_tree(tree),
+                None => Ok(()),
+            },
+            Edit::Add { light, state } => {
+                self.counts.added += 1;
+                self.put(light, state)
+            }
+            Edit::Set { light, state } => {
+                self.counts.changed += 1;
+                self.set(light, state)
+            }
+            Edit::Show { light, shown } => {
+                self.counts.changed += 1;
+                match self.slot(light) {
+                    Slot::Instance(key, _) => self.world.set_enabled(key, shown),
+                    _ => Ok(()),
+                }
+            }
+            Edit::Directional { light, shown, value } => {
+                self.counts.changed += 1;
+                self.directional(light, shown, value)
+            }
+            Edit::Remove { light } => {
+                self.counts.removed += 1;
+                self.remove(light)
+            }
+        }
+    }
+
+    fn record(&mut self, kind: u32, record: KindRecord) {
+        let kind = kind as usize;
+        if self.records.len() <= kind {
+            self.records.resize(kind + 1, KindRecord::default());
+        }
+        self.has_new_records |= self.records[kind] != record;
+        self.records[kind] = record;
+    }
+
+    fn add_kind(&mut self, kind: u32, lights: Vec<Light>, record: KindRecord) -> Result<(), WorldError> {
+        self.record(kind, record);
+        if self.trees.len() <= kind as usize {
+            self.trees.resize(kind as usize + 1, None);
+        }
+        self.trees[kind as usize] = None;
+        self.trees[kind as usize] = Some(self.world.add_tree(lights)?);
+        Ok(())
+    }
+
+    fn slot(&self, light: u32) -> Slot {
+        self.slots.get(light as usize).copied().unwrap_or_default()
+    }
+
+    fn put(&mut self, light: u32, state: State) -> Result<(), WorldError> {
+        if self.slots.len() <= light as usize {
+            self.slots.resize(light as usize + 1, Slot::Empty);
+        }
+        self.slots[light as usize] = Slot::Empty;
+        // The kind was refused, and that was reported.
+        let Some(tree) = self.trees.get(state.kind as usize).copied().flatten() else { return Ok(()) };
+        let key = self.world.add_instance(tree, state.placement, Policy::Budgeted)?;
+        self.slots[light as usize] = Slot::Instance(key, state.kind);
+        self.slot_count = self.slot_count.max(self.world.slot(key).map_or(0, |slot| slot + 1));
+        self.world.set_user_data(key, state.kind)?;
+        self.world.set_factor(key, state.factor)?;
+        self.world.set_enabled(key, state.shown)
+    }
+
+    fn set(&mut self, light: u32, state: State) -> Result<(), WorldError> {
+        match self.slot(light) {
+            Slot::Instance(key, kind) if kind == state.kind => {
+                self.world.move_instance(key, state.placement)?;
+                self.world.set_factor(key, state.factor)?;
+                self.world.set_enabled(key, state.shown)
+            }
+            _ => {
+                self.remove(light)?;
+                self.put(light, state)
+            }
+        }
+    }
+
+    fn directional(&mut self, light: u32, shown: bool, value: DirectionalLight) -> Result<(), WorldError> {
+        if self.slots.len() <= light as usize {
+            self.slots.resize(light as usize + 1, Slot::Empty);
+        }
+        match self.slots[light as usize] {
+            Slot::Directional(Some(key)) if shown => return self.world.set_directional(key, value),
+            _ => self.remove(light)?,
+        }
+        let key = if shown { Some(self.world.add_directional(value)?) } else { None };
+        self.slots[light as usize] = Slot::Directional(key);
+        Ok(())
+    }
+
+    fn remove(&mut self, light: u32) -> Result<(), WorldError> {
+        let Some(slot) = self.slots.get_mut(light as usize) else { return Ok(()) };
+        match std::mem::take(slot) {
+            Slot::Instance(key, _) => self.world.remove_instance(key),
+            Slot::Directional(Some(key)) => self.world.remove_directional(key),
+            Slot::Directional(None) | Slot::Empty => Ok(()),
+        }
+    }
+
+    /// Moves all lights in one call or, if one of the moves is refused, each by itself.
+    fn follow(&mut self, moves: &[(u32, Placement)]) {
+        let mut instances = std::mem::take(&mut self.moves);
+        instances.clear();
+        for &(light, placement) in moves {
+            if let Slot::Instance(key, _) = self.slot(light) {
+                instances.push((key, placement));
+            }
+        }
+        self.counts.moved = instances.len();
+        if self.world.move_instances(&instances).is_err() {
+            for &(key, placement) in &instances {
+                if let Err(error) = self.world.move_instance(key, placement) {
+                    self.counts.refused += 1;
+                    warn_once!("girandole: a move was refused: {error}");
+                }
+            }
+        }
+        self.moves = instances;
+    }
+}

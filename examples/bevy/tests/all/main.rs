@@ -1,0 +1,7 @@
+//! Tests of the plugin, without a window. They need a Vulkan driver, of which Mesa's lavapipe is
+//! enough.
+
+mod agrees_with_bevy;
+mod changes;
+mod harness;
+mod unbiased;
