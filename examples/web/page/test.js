@@ -2,12 +2,12 @@
 "use strict";
 
 // Frames of the moving city before its lights are compared.
-const FRAMES = 30;
+const FRAMES = 20;
 const FRAME_MILLIS = 1000 / 30;
 
 async function test(city, canvas) {
     const log = (line) => console.log(`test: ${line}`);
-    [canvas.width, canvas.height] = [16, 9];
+    [canvas.width, canvas.height] = [12, 8];
     city.set_size(canvas.width, canvas.height);
     city.set_budget(1);
     let begin = performance.now();
