@@ -2,7 +2,7 @@
 //! shadow rays.
 //!
 //! All samples of a pixel pass through its middle and take the same point on a light, so the sum over
-//! all lights is exact. The picture chooses a light for each sample. It is computed several times with
+//! all lights is exact. That needs samples of one candidate: the points of several differ. The picture chooses a light for each sample. It is computed several times with
 //! other random numbers, and its standard error follows from the spread of the results. Whole pictures
 //! are compared, and their tiles.
 
@@ -17,7 +17,7 @@ use crate::pipelines::Listed;
 /// Pictures with random numbers of their own.
 const PICTURES: u32 = 32;
 /// Samples of each pixel of such a picture.
-const SAMPLES: u32 = 32;
+const SAMPLES: u32 = 64;
 /// Lights that a dispatch adds, so that it is short.
 const LIGHTS_AT_ONCE: u32 = 2_000;
 /// Columns and rows of tiles.
@@ -106,6 +106,7 @@ impl City {
     async fn picture_means(&mut self, seed: u32) -> Result<Vec<f64>, String> {
         let mut frame = self.frame_uniform(SAMPLES, seed);
         frame.is_spread = 0;
+        frame.candidates = 1;
         frame.sample_end = SAMPLES;
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         self.record(&mut encoder, &frame, None);

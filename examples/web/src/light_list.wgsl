@@ -59,7 +59,7 @@ fn render_uniform(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 
 // Adds the light of the lights [sample_begin, sample_end) of the list, from the points on them that
-// `render` takes where samples are not spread. The first dispatch starts the sum with what the surface
+// `render` takes where samples are not spread and have one candidate. The first dispatch starts the sum with what the surface
 // emits, or with the sky.
 @compute @workgroup_size(8, 8)
 fn add_all_lights(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -76,11 +76,7 @@ fn add_all_lights(@builtin(global_invocation_id) id: vec3<u32>) {
     let at = met_surface(direction, hit);
     var sum = vec3<f32>(0.0);
     for (var number = frame.sample_begin; number < frame.sample_end; number += 1u) {
-        // Each candidate takes a point of its own, and counts as much as the others.
-        for (var candidate = 0u; candidate < frame.candidates; candidate += 1u) {
-            let u = light_candidate_numbers(vec4<f32>(0.0, 0.0, fixed_numbers(slot)), candidate, frame.candidates);
-            sum += arriving(at, listed_light(number, 1.0, at, u.zw)) / f32(frame.candidates);
-        }
+        sum += arriving(at, listed_light(number, 1.0, at, fixed_numbers(slot)));
     }
     // What haze takes from the light, it takes from each part of the sum.
     let clear = exp(-hit.dist * frame.haze);
