@@ -58,20 +58,9 @@ fn render_uniform(@builtin(global_invocation_id) id: vec3<u32>) {
     image[frame.row_end * frame.width + slot] = vec4<f32>(shadow_rays, camera_distance, 0.0);
 }
 
-// Points on a light that `add_all_lights` takes, by its distance in metres. Near lights vary most.
-const NEAR: f32 = 20.0;
-const NEAR_POINTS: u32 = 48u;
-const FAR_POINTS: u32 = 2u;
-
-// Two random numbers for a point on a light.
-fn point_numbers(slot: u32, number: u32, point: u32) -> vec2<f32> {
-    let bits = pcg4d(vec4<u32>(slot, number, frame.seed, point)).xy;
-    return vec2<f32>(bits >> vec2<u32>(8u)) * (1.0 / 16777216.0);
-}
-
-// Adds the light of the lights [sample_begin, sample_end) of the list, from some points on each. The
-// first dispatch starts the sum with what the surface emits, or with the sky. Rays pass through the
-// middle of each pixel.
+// Adds the light of the lights [sample_begin, sample_end) of the list, from the points on them that
+// `render` takes where samples are not spread and have one candidate. The first dispatch starts the sum with what the surface
+// emits, or with the sky.
 @compute @workgroup_size(8, 8)
 fn add_all_lights(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= frame.width || id.y >= frame.row_end {
@@ -87,15 +76,7 @@ fn add_all_lights(@builtin(global_invocation_id) id: vec3<u32>) {
     let at = met_surface(direction, hit);
     var sum = vec3<f32>(0.0);
     for (var number = frame.sample_begin; number < frame.sample_end; number += 1u) {
-        // This point only decides how many others are taken, so that it biases nothing.
-        let probe = listed_light(number, 1.0, at, point_numbers(slot, number, 0u));
-        let is_near = probe.is_delta == 0u && probe.dist < NEAR;
-        let points = select(FAR_POINTS, NEAR_POINTS, is_near);
-        var part = vec3<f32>(0.0);
-        for (var point = 1u; point <= points; point += 1u) {
-            part += arriving(at, listed_light(number, 1.0, at, point_numbers(slot, number, point)));
-        }
-        sum += part / f32(points);
+        sum += arriving(at, listed_light(number, 1.0, at, fixed_numbers(slot)));
     }
     // What haze takes from the light, it takes from each part of the sum.
     let clear = exp(-hit.dist * frame.haze);

@@ -8,6 +8,10 @@ use crate::render::geometry::Geometry;
 use crate::render::gpu::pipeline::{LIGHT_GROUP, Needs, TARGET, TARGET_ARGUMENT, pipeline, shader_source};
 use crate::scene::Scene;
 
+/// Places of the traversal stack that the first hierarchy does not need. As objects move, its depth changes
+/// by a few nodes, and a deeper one would compile all pipelines anew.
+const SPARE_STACK: usize = 16;
+
 /// The entry points of `light_list.wgsl`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Listed {
@@ -54,7 +58,8 @@ impl Pipelines {
         let all = Effects::all();
         let shader = if counts_usage { lights.usage_shader(LIGHT_GROUP, all) } else { lights.shader(LIGHT_GROUP, all) };
         let shader = shader.with_target(target);
-        let needs = Needs::new(scene, geometry);
+        let mut needs = Needs::new(scene, geometry);
+        needs.stack_size += SPARE_STACK;
         let variants = variants(device, layout, &shader, needs);
         Ok(Self { device: device.clone(), layout: layout.clone(), shader, needs, variants, listed: None })
     }

@@ -38,8 +38,9 @@ pub struct FrameUniform {
     pub haze: f32,
     pub first_tex_coords: u32,
     pub first_half: u32,
-    /// 1 if the samples of a pixel are spread over it, 0 if all pass through its middle.
-    pub jitters: u32,
+    /// 1 if samples are spread over the pixel and over lights, 0 if all pass through its middle and take
+    /// the same points on lights.
+    pub is_spread: u32,
 }
 
 /// What a picture is made with.
@@ -88,7 +89,7 @@ impl FrameUniform {
             haze: scene.sky.haze,
             first_tex_coords: geometry.triangles.len() as u32,
             first_half: first_half(spp),
-            jitters: 1,
+            is_spread: 1,
         }
     }
 }
@@ -235,7 +236,7 @@ mod tests {
             haze,
             first_tex_coords,
             first_half,
-            jitters
+            is_spread
         );
         same!("Node", Node, min0, child0, max0, padding0, min1, child1, max1, padding1);
         same!("Triangle", PackedTriangle, corner, material, edge1, flags, edge2, tex_coords);

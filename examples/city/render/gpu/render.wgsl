@@ -39,8 +39,9 @@ struct Frame {
     first_tex_coords: u32,
     // The number of samples whose luminance is summed up for the estimate of the error.
     first_half: u32,
-    // 1 if the samples of a pixel are spread over it, 0 if all pass through its middle.
-    jitters: u32,
+    // 1 if samples are spread over the pixel and over lights. 0 if all pass through its middle and take
+    // the same points on lights, so that their mean estimates a sum that has no integral.
+    is_spread: u32,
 }
 
 struct Node {
@@ -299,9 +300,23 @@ var<private> camera_distance: f32;
 
 // The direction of a camera ray through a pixel.
 fn camera_direction(corner: vec2<f32>, jitter: vec2<f32>) -> vec3<f32> {
-    let place = corner + select(vec2<f32>(0.5), jitter, frame.jitters != 0u);
-    let across = place / vec2<f32>(f32(frame.width), f32(frame.height)) * 2.0 - 1.0;
+    let across = (corner + jitter) / vec2<f32>(f32(frame.width), f32(frame.height)) * 2.0 - 1.0;
     return normalize(frame.forward + frame.right * across.x - frame.up * across.y);
+}
+
+// The numbers by which all samples of a pixel choose points on lights if they are not spread.
+fn fixed_numbers(pixel: u32) -> vec2<f32> {
+    return vec2<f32>(pcg4d(vec4<u32>(pixel, 0u, 0u, 0x2545f491u)).xy >> vec2<u32>(8u)) * (1.0 / 16777216.0);
+}
+
+fn spread(pixel: u32, numbers: SampleNumbers) -> SampleNumbers {
+    if frame.is_spread != 0u {
+        return numbers;
+    }
+    return SampleNumbers(
+        vec4<f32>(numbers.light.xy, fixed_numbers(pixel)),
+        vec4<f32>(0.5, 0.5, numbers.pixel.zw),
+    );
 }
 
 fn radiance(pixel: u32, index: u32, corner: vec2<f32>, numbers: SampleNumbers) -> vec3<f32> {
@@ -400,7 +415,8 @@ fn render(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let sequence = pixel_sequence(vec2<u32>(id.x, row), frame.block_bits, frame.tile_bits);
     for (var index = frame.sample_begin; index < frame.sample_end; index += 1u) {
-        let color = radiance(pixel, index, vec2<f32>(f32(id.x), f32(row)), sample_numbers(sequence, index));
+        let numbers = spread(pixel, sample_numbers(sequence, index));
+        let color = radiance(pixel, index, vec2<f32>(f32(id.x), f32(row)), numbers);
         sum += vec4<f32>(color, select(0.0, luminance(color), index < frame.first_half));
     }
     image[slot] = sum;
