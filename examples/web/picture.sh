@@ -13,6 +13,6 @@ timeout 1200 chromium --headless --no-sandbox --user-data-dir="$profile" --enabl
     --use-vulkan=swiftshader --enable-features=Vulkan --use-angle=vulkan \
     --disable-quic --no-first-run --disable-background-networking --disable-component-update --disable-sync \
     --window-size=960,540 --hide-scrollbars --screenshot="$picture" \
-    "file://$PWD/target/page/index.html?picture=${FRAMES:-8}&scale=${SCALE:-40}" 2>"$profile/log" || true
+    "file://$PWD/target/page/index.html?picture=${FRAMES:-12}&size=384x216" 2>"$profile/log" || true
 grep -o 'CONSOLE.*' "$profile/log" | cut -d'"' -f2- || true
 ls -l "$picture"

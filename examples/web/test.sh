@@ -23,6 +23,7 @@ software=(--enable-unsafe-webgpu --enable-unsafe-swiftshader --use-webgpu-adapte
 # console are in the file of the name.
 visit() {
     local name=$1 address=$2 seconds=$3
+    touch "$work/$name-log"
     shift 3
     chromium --headless --no-sandbox --user-data-dir="$work/$name-profile" --enable-logging=stderr "$@" \
         --disable-quic --no-first-run --disable-background-networking --disable-component-update --disable-sync \

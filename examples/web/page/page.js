@@ -1,9 +1,9 @@
 // Opens the city, draws frames, and shows what they cost. A frame is submitted once the last one is
 // done, so that the time between is the time of a frame.
 //
-// Options in the address: `?city=M` builds the larger city. `?picture=N&scale=PERCENT` stops the time,
-// and delays the page's load event until N frames have been averaged, so that a browser that takes a
-// picture waits for them. `?test` runs the checks of examples/web/test.sh.
+// Options in the address: `?city=M` builds the larger city. `?picture=N&size=WIDTHxHEIGHT` stops the
+// time, and delays the page's load event until N frames of that size have been averaged, so that a
+// browser that takes a picture waits for them. `?test` runs the checks of examples/web/test.sh.
 "use strict";
 
 const element = (id) => document.getElementById(id);
@@ -74,7 +74,8 @@ function fit(city, state) {
     const canvas = element("canvas");
     const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((side) => side * devicePixelRatio);
     const largest = Math.sqrt(city.max_pixels() / (width * height));
-    const [x, y] = [width, height].map((side) => Math.max(1, Math.floor(side * Math.min(state.scale, largest))));
+    const scaled = (side) => Math.max(1, Math.floor(side * Math.min(state.scale, largest)));
+    const [x, y] = state.size ?? [scaled(width), scaled(height)];
     if (canvas.width !== x || canvas.height !== y || !state.isSized) {
         [canvas.width, canvas.height] = [x, y];
         city.set_size(x, y);
@@ -157,7 +158,7 @@ async function main() {
         return test(city, element("canvas"));
     }
     const isSoftware = JSON.parse(city.status()).software;
-    const state = { scale: 1, followsTime: true, isSized: false, times: [], last: null, picture: Infinity };
+    const state = { scale: 1, followsTime: true, isSized: false, times: [], last: null, picture: Infinity, size: undefined };
     connectPanel(city, state);
     setScale(state, isSoftware ? 0.3 : 1);
     element("message").hidden = true;
@@ -165,13 +166,13 @@ async function main() {
     if (options.has("picture")) {
         state.picture = Number(options.get("picture"));
         state.followsTime = false;
-        setScale(state, Number(options.get("scale") ?? 100) / 100);
+        state.size = options.get("size")?.split("x").map(Number);
         element("frozen").click();
         // Ends the flight by itself.
         city.turn(0, 0);
     }
     await run(city, new Controls(element("canvas")), state);
-    release();
+    release?.();
 }
 
 // A panic of the wasm leaves promises that are never kept.

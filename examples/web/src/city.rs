@@ -145,7 +145,7 @@ impl City {
         let size = [width.max(1), height.max(1)];
         if size != self.picture.size {
             self.picture = Picture::new(&self.gpu, &self.buffers, size);
-            self.since = Since::Restart;
+            self.restart();
         }
     }
 
@@ -175,7 +175,7 @@ impl City {
     /// Chooses among all lights with the same probability, or by the light trees.
     pub fn set_uniform(&mut self, is_uniform: bool) {
         self.is_uniform = is_uniform;
-        self.since = Since::Restart;
+        self.restart();
     }
 
     /// Turns the view by a drag, in heights of the picture. The user flies from now on.
@@ -268,6 +268,12 @@ impl City {
 }
 
 impl City {
+    /// Begins a picture that has nothing in common with the last one.
+    fn restart(&mut self) {
+        self.since = Since::Restart;
+        self.still_frames = 0;
+    }
+
     fn take_over(&mut self) {
         if self.tour.take().is_some() {
             self.flight = Flight::new(&self.stage.scene.camera);
