@@ -3,7 +3,7 @@
 use crate::memory::{object, result};
 use crate::status::{GirandoleStatus, call};
 
-/// Bytes that belong to the interface: a baked tree.
+/// The bytes of a baked tree, which the interface owns.
 #[derive(Debug)]
 pub struct GirandoleBlob(pub(crate) Vec<u8>);
 

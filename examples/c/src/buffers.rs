@@ -15,17 +15,17 @@ pub const GIRANDOLE_BUFFER_UNIFORM: GirandoleBufferUsage = 0;
 /// TRANSFER_SRC, TRANSFER_DST.
 pub const GIRANDOLE_BUFFER_STORAGE: GirandoleBufferUsage = 1;
 
-/// A buffer that the engine has to make.
+/// A buffer that the engine must create.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct GirandoleNewBuffer {
-    /// Its number in all later plans. A planner uses no number twice.
+    /// Its number in all later plans. A planner never reuses a number.
     pub id: u32,
     /// One of GIRANDOLE_BUFFER_*.
     pub usage: GirandoleBufferUsage,
     /// Bytes, a multiple of 4. The content may be undefined at first.
     pub size: u64,
-    /// What it holds, for graphics debuggers. Valid as long as the process.
+    /// A name for graphics debuggers, which says what the buffer holds. Valid until the process ends.
     pub what: *const c_char,
 }
 

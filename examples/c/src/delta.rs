@@ -31,8 +31,8 @@ pub unsafe extern "C" fn girandole_world_take_delta(
     })
 }
 
-/// Makes the delta of a whole world, for a new planner of a world that was used before, and after a delta was
-/// lost. Does not take the changes.
+/// Makes a delta that contains the whole world: for a new planner of a world that was used before, or after a
+/// delta was lost. The changes remain for girandole_world_take_delta.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_whole_delta(
     world: *const GirandoleWorld,
@@ -47,7 +47,7 @@ pub unsafe extern "C" fn girandole_world_whole_delta(
     })
 }
 
-/// What a delta tells to renderers that keep samples from frame to frame.
+/// What renderers that keep samples from frame to frame need to know of a delta.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct GirandoleDeltaView {
@@ -66,7 +66,7 @@ pub struct GirandoleDeltaView {
     pub is_empty: u32,
 }
 
-/// Stores what a delta tells. The arrays are valid until the delta is destroyed.
+/// Stores a view of a delta. The arrays are valid until the delta is destroyed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_delta_view(
     delta: *const GirandoleDelta,

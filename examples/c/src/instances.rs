@@ -68,8 +68,8 @@ pub unsafe extern "C" fn girandole_world_move_instance(
     })
 }
 
-/// Moves instances[i] to placements[i], for i below count: all of them or, if one move is refused, none. Of
-/// several moves of one instance the last one counts. Threads share the work of many moves.
+/// Moves instances[i] to placements[i], for i below count: all of them or, if one move is refused, none. If
+/// an instance is given several times, its last move counts. Large batches are moved by several threads.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_move_instances(
     world: *mut GirandoleWorld,
@@ -110,7 +110,7 @@ pub unsafe extern "C" fn girandole_world_set_factor(
     unsafe { change(world, instance, |world, key| Ok(world.set_factor(key, factor.into())?)) }
 }
 
-/// Limits the lights of an instance to shading points whose mask has a bit in common.
+/// Limits the lights of an instance to shading points whose mask shares a bit with this mask.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_set_mask(
     world: *mut GirandoleWorld,
@@ -121,7 +121,7 @@ pub unsafe extern "C" fn girandole_world_set_mask(
     unsafe { change(world, instance, |world, key| Ok(world.set_mask(key, mask)?)) }
 }
 
-/// Sets what light_user_data returns in shaders, and user_data of a sample.
+/// Sets the number that light_user_data returns in shaders, and that samples have as user_data.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_set_user_data(
     world: *mut GirandoleWorld,
@@ -147,8 +147,8 @@ pub unsafe extern "C" fn girandole_world_set_policy(
     })
 }
 
-/// Stores the number by which shaders refer to an instance, and the generation of that slot, which changes
-/// when the slot gets another instance.
+/// Stores the slot of an instance, which is its number in shaders, and the generation of the slot, which
+/// changes when the slot gets another instance.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_instance_slot(
     world: *const GirandoleWorld,
@@ -184,8 +184,8 @@ pub unsafe extern "C" fn girandole_world_instance_at(
     })
 }
 
-/// Tells how often the lights of instances were chosen in a frame: instances[i] was chosen counts[i] times.
-/// Rebuilds of trees that are chosen often count more. Stale keys are skipped.
+/// Records how often the lights of instances were chosen in a frame: instances[i] was chosen counts[i] times.
+/// Rebuilds of trees that are chosen often get more weight. Stale keys are skipped.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_record_usage(
     world: *mut GirandoleWorld,

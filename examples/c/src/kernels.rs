@@ -50,7 +50,7 @@ fn known(index: u32) -> Result<&'static Kernel, Failure> {
     kernel.ok_or_else(|| Failure::bad_value(&format!("index of a kernel below {}", KERNELS.len()), index))
 }
 
-/// Returns the number of kernels. Their indices and texts are those of one version of the library.
+/// Returns the number of kernels. Indices and texts may differ between versions of the library.
 #[unsafe(no_mangle)]
 pub extern "C" fn girandole_kernel_count() -> u32 {
     KERNELS.len() as u32

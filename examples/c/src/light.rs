@@ -35,9 +35,9 @@ pub struct GirandoleSpotShape {
     pub position: GirandoleVec3,
     /// The axis of the cone: a unit vector, to within 0.001.
     pub direction: GirandoleVec3,
-    /// Radians from the axis up to which the intensity is full: 0 to outer_angle.
+    /// The angle from the axis up to which the intensity is full, in radians: 0 to outer_angle.
     pub inner_angle: f32,
-    /// Radians from the axis from which on the intensity is 0: 0 to pi.
+    /// The angle from the axis at and beyond which the intensity is 0, in radians: 0 to pi.
     pub outer_angle: f32,
 }
 
@@ -71,7 +71,7 @@ pub struct GirandoleSphereShape {
     pub radius: f32,
 }
 
-/// The shape of a light. Which member counts follows from the kind of the light.
+/// The shape of a light. The kind of the light decides which member is used.
 #[repr(C)]
 #[derive(Clone, Copy)]
 #[allow(missing_docs, reason = "named after the kinds")]
@@ -93,7 +93,7 @@ pub struct GirandoleLight {
     pub two_sided: u32,
     /// Linear Rec. 709, in candela for points and spots and in nits for the others; 0 to 1e15.
     pub emission: GirandoleVec3,
-    /// The distance in metres from which on the light is exactly 0. Above 0; INFINITY for no limit.
+    /// The distance in metres at and beyond which the light is exactly 0. Above 0; INFINITY for no limit.
     pub range: f32,
     /// The member that the kind names.
     pub shape: GirandoleShape,
@@ -174,8 +174,8 @@ pub extern "C" fn girandole_spot_light(
     unlimited(GIRANDOLE_LIGHT_SPOT, GirandoleShape { spot }, candela)
 }
 
-/// Returns a one-sided parallelogram with edges of 2 half_u and 2 half_v. nits: radiance per channel. Checks
-/// nothing.
+/// Returns a one-sided parallelogram with the edges 2 * half_u and 2 * half_v. nits: radiance per channel.
+/// Checks nothing.
 #[unsafe(no_mangle)]
 pub extern "C" fn girandole_parallelogram_light(
     center: GirandoleVec3,

@@ -20,7 +20,7 @@ pub unsafe extern "C" fn girandole_world_set_origin_mode(
     })
 }
 
-/// Moves the origin, which shading points are relative to. Metres.
+/// Moves the origin, in metres. Shading points are relative to it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_set_origin(
     world: *mut GirandoleWorld,
@@ -47,8 +47,8 @@ pub unsafe extern "C" fn girandole_world_origin(
     })
 }
 
-/// Tells where the camera is, in metres, before the delta of a frame is taken: rebuilds of near trees count
-/// more. With GIRANDOLE_ORIGIN_FOLLOWING the origin may move.
+/// Sets the position of the camera, in metres. Call it before the delta of a frame is taken. Rebuilds of
+/// nearby trees get more weight, and with GIRANDOLE_ORIGIN_FOLLOWING the origin may move.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_set_viewpoint(
     world: *mut GirandoleWorld,

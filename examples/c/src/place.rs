@@ -10,8 +10,8 @@ use crate::vectors::{GirandoleDVec3, GirandoleVec3};
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct GirandolePlacement {
-    /// The images of the three axes. Either they have an inverse, with scales from 1e-9 to 1e9, or all are
-    /// exactly 0, which hides the instance.
+    /// The images of the three axes: the columns of a matrix. Either the matrix has an inverse, with scales
+    /// from 1e-9 to 1e9, or all axes are exactly 0, which hides the instance.
     pub axes: [GirandoleVec3; 3],
     /// Metres. Along each axis at most 1e9 from the world's origin.
     pub translation: GirandoleDVec3,
@@ -32,7 +32,8 @@ pub extern "C" fn girandole_placement_at(x: f64, y: f64, z: f64) -> GirandolePla
 
 /// When an instance requests a rebuild of its tree: one of GIRANDOLE_POLICY_*.
 pub type GirandolePolicyKind = u32;
-/// A rebuild is weighed against those of all other trees once the tree has become noisy. The default.
+/// Once the tree has become noisy, its rebuild shares the budget with the rebuilds of all other trees. The
+/// default.
 pub const GIRANDOLE_POLICY_BUDGETED: GirandolePolicyKind = 0;
 /// The lights never change: edits of them are refused.
 pub const GIRANDOLE_POLICY_STATIC: GirandolePolicyKind = 1;
@@ -40,14 +41,14 @@ pub const GIRANDOLE_POLICY_STATIC: GirandolePolicyKind = 1;
 pub const GIRANDOLE_POLICY_REFIT_ONLY: GirandolePolicyKind = 2;
 /// As BUDGETED, with bounds on the excess noise: a is the floor and b the ceiling.
 pub const GIRANDOLE_POLICY_BOUNDED: GirandolePolicyKind = 3;
-/// Rebuilds when the splitting cost exceeds its least value by b standard deviations of a.
+/// Requests a rebuild when the splitting cost exceeds its minimum since the last rebuild by more than a * b.
 pub const GIRANDOLE_POLICY_DEVIATION: GirandolePolicyKind = 4;
-/// Rebuilds when the splitting cost exceeds a times its least value.
+/// Requests a rebuild when the splitting cost exceeds a times its minimum since the last rebuild.
 pub const GIRANDOLE_POLICY_RATIO: GirandolePolicyKind = 5;
 /// Requests an urgent rebuild whenever the lights change.
 pub const GIRANDOLE_POLICY_ALWAYS_REBUILD: GirandolePolicyKind = 6;
 
-/// A policy with its numbers.
+/// A policy and its parameters.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct GirandolePolicy {
@@ -76,7 +77,7 @@ pub(crate) fn policy(policy: &GirandolePolicy) -> Result<Policy, Failure> {
 
 /// How the origin of a world moves: one of GIRANDOLE_ORIGIN_*.
 pub type GirandoleOriginMode = u32;
-/// The origin is anywhere. Moving it costs time for each instance. The default.
+/// The origin may be anywhere. Moving it costs time for each instance. The default.
 pub const GIRANDOLE_ORIGIN_FREE: GirandoleOriginMode = 0;
 /// The origin is a multiple of 1024 m along each axis. Moving it is cheap.
 pub const GIRANDOLE_ORIGIN_GRID: GirandoleOriginMode = 1;

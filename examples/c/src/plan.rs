@@ -19,8 +19,8 @@ pub const GIRANDOLE_COMMAND_CLEAR: GirandoleCommandKind = 2;
 /// Runs kernel with buffers, at uniform_offset in the first of them.
 pub const GIRANDOLE_COMMAND_DISPATCH: GirandoleCommandKind = 3;
 
-/// A command. Each sees what all commands before it have done: put a barrier between a command and the next
-/// one, except between writes. Fields that the kind does not use are 0 or NULL.
+/// A command. Each command sees the effects of all commands before it: put a barrier between a command and
+/// the next one, except between writes. Fields that the kind does not use are 0 or NULL.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct GirandoleCommand {
@@ -149,7 +149,7 @@ impl GirandolePlan {
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct GirandolePlanView {
-    /// Plans are numbered from 1 on, and have to be played in this order, each once.
+    /// Plans are numbered from 1, and must be played in this order, each exactly once.
     pub number: u64,
     /// The buffers of the reservation, which the engine has made.
     pub new_buffers: *const GirandoleNewBuffer,
@@ -169,7 +169,7 @@ pub struct GirandolePlanView {
     pub freed_count: usize,
     /// Bytes that the writes carry.
     pub bytes: u64,
-    /// Trees that wait to be sent whole; shaders see stand-ins or an older version of them.
+    /// Trees that wait to be sent in full; until then, shaders see stand-ins or an older version of them.
     pub waiting_trees: usize,
 }
 
@@ -208,7 +208,7 @@ pub unsafe extern "C" fn girandole_plan_destroy(plan: *mut GirandolePlan) {
     }
 }
 
-/// Checks that plans are played in order. Keep one beside the buffers that the plans are played on.
+/// Checks that plans are played in order. Keep one for each set of buffers on which plans are played.
 #[derive(Debug)]
 pub struct GirandoleCursor(PlanCursor);
 
@@ -222,8 +222,8 @@ pub unsafe extern "C" fn girandole_cursor_create(cursor: *mut *mut GirandoleCurs
     })
 }
 
-/// To be called before a plan is played. Returns GIRANDOLE_ERROR_OUT_OF_ORDER if the plan was played before,
-/// or if one before it was not; then do not play it.
+/// Call it before each plan is played. Returns GIRANDOLE_ERROR_OUT_OF_ORDER if the plan was played before, or
+/// if an earlier plan was skipped; do not play the plan then.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_cursor_advance(
     cursor: *mut GirandoleCursor,
@@ -236,7 +236,8 @@ pub unsafe extern "C" fn girandole_cursor_advance(
     })
 }
 
-/// Makes a plan the next one, after girandole_planner_lose. Then call girandole_cursor_advance for it.
+/// Lets the cursor expect this plan next, after girandole_planner_lose. Then call girandole_cursor_advance
+/// for the plan.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_cursor_skip_to(
     cursor: *mut GirandoleCursor,

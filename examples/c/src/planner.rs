@@ -21,12 +21,12 @@ pub const GIRANDOLE_NO_LIMIT: u64 = u64::MAX;
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct GirandoleLimits {
-    /// Bytes of the largest storage buffer that the device can make and bind whole. Less than 131,072 counts
-    /// as 131,072, and more than 16 GiB as 16 GiB.
+    /// Bytes of the largest storage buffer that the device can make and bind whole. Values below 131,072
+    /// count as 131,072, and values above 16 GiB as 16 GiB.
     pub largest_buffer: u64,
-    /// Bytes of the buffers of nodes and lights, or GIRANDOLE_NO_LIMIT.
+    /// The most bytes that the buffers of nodes and lights may take together, or GIRANDOLE_NO_LIMIT.
     pub tree_memory: u64,
-    /// Bytes of new trees that one frame sends, or GIRANDOLE_NO_LIMIT.
+    /// The most bytes of new trees that one frame may send, or GIRANDOLE_NO_LIMIT.
     pub frame_bytes: u64,
 }
 
@@ -34,8 +34,8 @@ pub(crate) fn limit(bytes: u64) -> Option<u64> {
     (bytes != GIRANDOLE_NO_LIMIT).then_some(bytes)
 }
 
-/// What the GPU holds of one world, and what it has to do to follow the world. Keep one for each world and
-/// device. It holds no GPU object.
+/// Tracks what the GPU holds of one world, and plans the work that brings it up to date. Keep one for each
+/// world and device. It owns no GPU objects.
 ///
 /// Threads: one thread at a time.
 #[derive(Debug)]

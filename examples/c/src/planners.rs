@@ -86,7 +86,8 @@ pub unsafe extern "C" fn girandole_planner_set_splits(planner: *mut GirandolePla
     })
 }
 
-/// Keeps the buffers of the last frame from the next plan on (1), or drops them (0), for light_pmf_previous.
+/// Sets whether the buffers of the last frame are kept for light_pmf_previous (1) or dropped (0), from the
+/// next plan on.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_planner_keep_previous(
     planner: *mut GirandolePlanner,
@@ -103,8 +104,9 @@ pub unsafe extern "C" fn girandole_planner_keep_previous(
     })
 }
 
-/// Makes a plan that only brings girandole_planner_set_splits to the device before the next frame, often an
-/// empty one. Its number is 0, and cursors do not count it. Play it before the next plan.
+/// Makes a plan that only sends the setting of girandole_planner_set_splits to the device, before the plan of
+/// the next frame. It may be empty. Its number is 0, and cursors do not count it. Play it before the next
+/// plan.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_planner_settings(
     planner: *mut GirandolePlanner,
@@ -121,8 +123,8 @@ pub unsafe extern "C" fn girandole_planner_settings(
     })
 }
 
-/// Tells that the device may lack some of what was planned: a plan was not played, or not to its end. The
-/// next plan sends everything again, into the same buffers; skip to it with girandole_cursor_skip_to.
+/// Reports that a plan was not played, or only in part, so that the device may lack some of what was planned.
+/// The next plan sends everything again, into the same buffers; pass it to girandole_cursor_skip_to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_planner_lose(planner: *mut GirandolePlanner) -> GirandoleStatus {
     call(|| {
@@ -135,7 +137,8 @@ pub unsafe extern "C" fn girandole_planner_lose(planner: *mut GirandolePlanner) 
     })
 }
 
-/// Tells that the part "top" of the last plan alone was not played, so that the next plan has another one.
+/// Reports that of the last plan only the commands in top were not played. The next plan then builds the top
+/// level again.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_planner_lose_top(planner: *mut GirandolePlanner) -> GirandoleStatus {
     call(|| {
@@ -202,7 +205,7 @@ pub unsafe extern "C" fn girandole_planner_effects(
     })
 }
 
-/// Stores the bytes of all buffers.
+/// Stores the total size of all buffers, in bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_planner_memory(planner: *mut GirandolePlanner, bytes: *mut u64) -> GirandoleStatus {
     call(|| {

@@ -11,7 +11,8 @@ use crate::world::GirandoleWorld;
 
 /// Trees and instances that are to be added to a world as a whole, for example a block of houses.
 ///
-/// Threads: one thread at a time, which need not be that of the world. After GIRANDOLE_ERROR_PANIC, destroy it.
+/// Threads: one thread at a time, which need not be the thread that uses the world. After
+/// GIRANDOLE_ERROR_PANIC, destroy it.
 #[derive(Debug, Default)]
 pub struct GirandoleRegion {
     region: Region,
@@ -39,8 +40,8 @@ pub struct GirandoleRegionInstance {
     pub user_data: u32,
 }
 
-/// Returns an instance of a tree of a region that is enabled, with a factor of 1, all bits of the mask, and
-/// GIRANDOLE_POLICY_BUDGETED. Checks nothing.
+/// Returns an instance of the tree with this index in a region. The instance is enabled and has a factor of
+/// 1, all bits of the mask, and GIRANDOLE_POLICY_BUDGETED. Checks nothing.
 #[unsafe(no_mangle)]
 pub extern "C" fn girandole_region_instance(tree: u32, placement: GirandolePlacement) -> GirandoleRegionInstance {
     GirandoleRegionInstance {
@@ -91,7 +92,7 @@ pub unsafe extern "C" fn girandole_region_add_placeholder(
     })
 }
 
-/// As girandole_region_add_placeholder, and builds the tree on the calling thread.
+/// Builds a tree on the calling thread, adds it to the region, and stores its index there.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_region_add_tree(
     region: *mut GirandoleRegion,
@@ -110,7 +111,7 @@ pub unsafe extern "C" fn girandole_region_add_tree(
     })
 }
 
-/// As girandole_region_add_placeholder, from the bytes of girandole_world_bake_tree.
+/// As girandole_region_add_tree, but from the bytes of girandole_world_bake_tree and without a build.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_region_add_baked(
     region: *mut GirandoleRegion,
@@ -168,8 +169,8 @@ pub unsafe extern "C" fn girandole_region_add_instance(
     })
 }
 
-/// Adds everything in a region to a world, and stores the key of the region there. The region is empty then,
-/// and may be filled again. If it is refused, it keeps its content.
+/// Adds everything in a region to a world, and stores the key that the region has in the world. The region
+/// object is empty afterwards, and may be filled again. If the call is refused, it keeps its content.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_add_region(
     world: *mut GirandoleWorld,
@@ -193,7 +194,7 @@ pub unsafe extern "C" fn girandole_world_add_region(
     })
 }
 
-/// Removes the trees and instances that were added with a region, without those that were removed before.
+/// Removes all trees and instances that were added with a region, except any that were removed earlier.
 /// Refused if an instance outside of the region uses one of its trees.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_remove_region(world: *mut GirandoleWorld, region: u64) -> GirandoleStatus {
@@ -226,8 +227,8 @@ pub unsafe extern "C" fn girandole_world_region_trees(
     })
 }
 
-/// Lists the keys of the instances of a region, in the order in which they were added to it. The arguments are
-/// those of girandole_world_region_trees.
+/// Lists the keys of the instances of a region, in the order in which they were added to it. The arguments
+/// are as for girandole_world_region_trees.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_region_instances(
     world: *const GirandoleWorld,
@@ -246,7 +247,7 @@ pub unsafe extern "C" fn girandole_world_region_instances(
     })
 }
 
-/// Frees a region that was not added to a world, or what is left of one that was. NULL is allowed.
+/// Frees a region object. What it has added to a world stays in the world. NULL is allowed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_region_destroy(region: *mut GirandoleRegion) {
     if !region.is_null() {

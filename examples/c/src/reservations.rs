@@ -9,14 +9,16 @@ use crate::status::{GirandoleStatus, call};
 use crate::vectors::flag;
 use crate::world::GirandoleWorld;
 
-/// Finds out which buffers the GPU needs to follow the world. Changes nothing that shaders read.
+/// Determines which buffers the GPU needs for the current state of the world. Changes nothing that shaders
+/// read.
 ///
 /// exactly: 0 for buffers with room to grow, 1 for buffers no larger than needed. new_buffers and count get
 /// the buffers to make; the array belongs to the planner and is valid until the reservation ends.
 ///
 /// The reservation ends with girandole_planner_plan, or, if there is no memory for a buffer, with
-/// girandole_planner_cancel. Until then calls that change the world or use the planner otherwise are refused
-/// with GIRANDOLE_ERROR_RESERVED; calls for a const world work. The delta may be destroyed at once.
+/// girandole_planner_cancel. Until then, calls that change the world and other calls that use the planner are
+/// refused with GIRANDOLE_ERROR_RESERVED; calls that take a const world work. The delta may be destroyed
+/// immediately.
 ///
 /// On GIRANDOLE_ERROR_FULL the changes are kept for the next call.
 #[unsafe(no_mangle)]
@@ -63,7 +65,7 @@ pub unsafe extern "C" fn girandole_planner_plan(
     })
 }
 
-/// Ends the reservation without a plan. Its changes belong to the next reservation.
+/// Ends the reservation without a plan. Its changes become part of the next reservation.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_planner_cancel(planner: *mut GirandolePlanner) -> GirandoleStatus {
     call(|| {

@@ -10,7 +10,7 @@ use crate::status::{Failure, GirandoleStatus, call};
 use crate::vectors::GirandoleVec3;
 use crate::world::GirandoleWorld;
 
-/// The number of splits to pass if in doubt. 0 to 7 are allowed; more have less noise and take longer.
+/// The number of splits to use by default. 0 to 7 are allowed; more splits lower the noise and take longer.
 pub const GIRANDOLE_DEFAULT_SPLITS: u32 = 6;
 
 /// What a GirandoleLightId names: one of GIRANDOLE_ID_*.
@@ -22,7 +22,7 @@ pub const GIRANDOLE_ID_INSTANCE: GirandoleIdKind = 1;
 /// A directional light.
 pub const GIRANDOLE_ID_DIRECTIONAL: GirandoleIdKind = 2;
 
-/// The name of a light that can be sampled.
+/// Identifies a light that can be sampled.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct GirandoleLightId {
@@ -55,10 +55,11 @@ fn id(given: &GirandoleLightId) -> Result<Option<LightId>, Failure> {
     }
 }
 
-/// A light, a point on it, and what arrives from there, not yet shadowed.
+/// A light, a point on it, and the light that arrives from there without shadows.
 ///
-/// brdf * cosine * radiance * weight estimates the light that arrives from all lights, if the point is not in
-/// shadow. A sample without a light, whose weight is 0, counts as black.
+/// Unless a shadow ray to the point is blocked, brdf * cosine * radiance * weight estimates the reflected
+/// light of all lights. A blocked sample counts as black, and so does a sample without a light, whose weight
+/// is 0.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GirandoleSample {
@@ -133,14 +134,14 @@ unsafe fn ids(pointer: *const GirandoleLightId, count: usize) -> Result<Vec<Opti
 /// Chooses a light and a point on it for each shading point.
 ///
 /// Lights are as of the last update. The first call after a change builds the top level, in O(n log n) for n
-/// instances. Any number of threads may sample one world at once. The numbers of the arrays:
+/// instances. Any number of threads may sample one world at once. The arrays:
 ///
 ///   points   count shading points
 ///   u        4 * count random numbers, uniform in [0, 1): two choose the light, two the point. The same numbers
 ///            give the same light. Numbers outside are clamped, and NaN counts as 0.
 ///   samples  room for count samples
 ///
-/// splits: 0 to 7, see GIRANDOLE_DEFAULT_SPLITS. About a microsecond for each sample.
+/// splits: 0 to 7, see GIRANDOLE_DEFAULT_SPLITS. A sample takes one to two microseconds.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_sample(
     world: *const GirandoleWorld,
@@ -161,8 +162,9 @@ pub unsafe extern "C" fn girandole_world_sample(
     })
 }
 
-/// As girandole_world_sample, and keeps one of several candidates in proportion to its unshadowed light: one
-/// shadow ray then has the noise of many. The estimate is brdf * cosine * radiance * weight.
+/// As girandole_world_sample, and keeps one of several candidates in proportion to its unshadowed light. A
+/// single shadow ray then gives about as little noise as several. The estimate is brdf * cosine * radiance *
+/// weight.
 ///
 /// candidates: 1 to 32. u: 5 * count random numbers, of which the fifth of each sample chooses among the
 /// candidates.
@@ -242,7 +244,8 @@ pub unsafe extern "C" fn girandole_world_pdf(
 }
 
 /// Chooses a point on light_ids[i] as seen from shading_points[i], for sums over all lights: the pmf of these
-/// samples is 1. u: 2 * count random numbers. Where the point sends nothing, the sample has no light.
+/// samples is 1. u: 2 * count random numbers. If no light arrives from the chosen point, the sample has no
+/// light and a weight of 0.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_sample_lights(
     world: *const GirandoleWorld,
@@ -268,7 +271,7 @@ pub unsafe extern "C" fn girandole_world_sample_lights(
     })
 }
 
-/// Lists all lights that can be sampled, those of each tree once for each of its instances.
+/// Lists all lights that can be sampled. The lights of a tree are listed once for each of its instances.
 ///
 /// light_ids has room for capacity elements, and may be NULL if capacity is 0. count gets the number of
 /// elements; if it is above capacity, the call stores nothing else and returns GIRANDOLE_ERROR_NO_SPACE.

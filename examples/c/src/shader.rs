@@ -8,16 +8,16 @@ use crate::status::{GirandoleStatus, call};
 
 /// A language of shaders: one of GIRANDOLE_LANGUAGE_*.
 pub type GirandoleLanguage = u32;
-/// WGSL: the text is checked and comes out as it is.
+/// WGSL: the text is checked and returned unchanged.
 pub const GIRANDOLE_LANGUAGE_WGSL: GirandoleLanguage = 0;
-/// SPIR-V for Vulkan, versions 1.0 to 1.6; 1.3 by default, which Vulkan 1.1 reads.
+/// SPIR-V for Vulkan, versions 1.0 to 1.6; 1.3 by default, which Vulkan 1.1 accepts.
 pub const GIRANDOLE_LANGUAGE_SPIRV: GirandoleLanguage = 1;
 /// HLSL, shader models 5.1 to 6.7; 6.0 by default.
 pub const GIRANDOLE_LANGUAGE_HLSL: GirandoleLanguage = 2;
 /// MSL, versions 1.0 to 3.1; 2.1 by default.
 pub const GIRANDOLE_LANGUAGE_MSL: GirandoleLanguage = 3;
 
-/// No index, or no limit of one.
+/// No index.
 pub const GIRANDOLE_NO_INDEX: u32 = u32::MAX;
 
 /// Where a binding of a WGSL text goes.
@@ -35,8 +35,8 @@ pub struct GirandoleBindTarget {
     pub index: u32,
 }
 
-/// Leaves out the checks that keep indices of buffers and arrays within bounds, for texts that are known to
-/// stay within. The library's own texts do.
+/// Omits the checks that keep indices into buffers and arrays within bounds. Only for texts whose indices are
+/// known to stay within bounds, such as the library's own texts.
 pub const GIRANDOLE_TRANSLATE_UNCHECKED: u32 = 1;
 
 /// The language of a translation, and where bindings go. Zero all fields, then set what differs.
@@ -51,10 +51,10 @@ pub struct GirandoleTarget {
     pub minor_version: u32,
     /// Bits of GIRANDOLE_TRANSLATE_*.
     pub flags: u32,
-    /// The entry point that is translated, with what it uses; NULL for all of them.
+    /// The only entry point to translate, with everything that it uses; NULL for all entry points.
     pub entry_point: *const c_char,
-    /// Where bindings go that are not where they would go by default. By default the group is the space and
-    /// the binding is the index; for MSL, bindings get the indices from 0 on in the order of group and binding.
+    /// Overrides of the default places of bindings. By default the group is the space and the binding is the
+    /// index; for MSL, bindings get the indices from 0 on in the order of group and binding.
     pub bindings: *const GirandoleBindTarget,
     /// How many.
     pub binding_count: usize,
@@ -104,7 +104,7 @@ pub struct GirandoleShaderBinding {
     pub index: u32,
     /// HLSL: the letter of the register: 'b', 't', 'u' or 's'. 0 for other languages.
     pub register_letter: c_char,
-    /// The least size of the buffer in bytes; 0 for what is no buffer.
+    /// The minimum size of the buffer in bytes; 0 if the binding is not a buffer.
     pub size: u32,
 }
 
@@ -139,7 +139,7 @@ impl GirandoleShader {
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct GirandoleShaderView {
-    /// The words of SPIR-V, aligned to 4 bytes; or a text that ends with a zero, which size does not count.
+    /// The words of SPIR-V, aligned to 4 bytes; or a zero-terminated text, whose size excludes the zero.
     pub code: *const c_void,
     /// Bytes of the code.
     pub size: usize,
@@ -147,7 +147,7 @@ pub struct GirandoleShaderView {
     pub entry_points: *const GirandoleEntryPoint,
     /// How many.
     pub entry_point_count: usize,
-    /// The bindings that the entry point uses; all if all entry points are translated.
+    /// The bindings that the selected entry point uses, or all bindings if none was selected.
     pub bindings: *const GirandoleShaderBinding,
     /// How many.
     pub binding_count: usize,

@@ -9,7 +9,7 @@ use crate::vectors::{GirandoleVec3, flag};
 /// What a light is chosen for: a point on a surface, a point in a volume, or a segment of a ray. The
 /// functions girandole_surface_point, girandole_volume_point and girandole_segment make one.
 ///
-/// Numbers that are not finite do no harm: such a point is far from all lights.
+/// Numbers that are not finite are allowed: such a point counts as far from all lights.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct GirandoleShadingPoint {
@@ -19,9 +19,9 @@ pub struct GirandoleShadingPoint {
     pub normal: GirandoleVec3,
     /// From the start of a segment to its end, in metres; zero for a point.
     pub segment: GirandoleVec3,
-    /// Only lights of instances whose mask has a bit in common reach the point. All bits by default.
+    /// Only lights of instances whose mask shares a bit with this mask reach the point. All bits by default.
     pub mask: u32,
-    /// 1 if the surface is glossy, and the following four fields count; else 0.
+    /// 1 if the surface is glossy, else 0. The following four fields are used only if it is 1.
     pub is_glossy: u32,
     /// The direction to the viewer. Need not be of unit length.
     pub view: GirandoleVec3,
@@ -68,7 +68,7 @@ pub extern "C" fn girandole_surface_point(position: GirandoleVec3, normal: Giran
     ShadingPoint::surface(position.into(), normal.into()).into()
 }
 
-/// Returns a point that light may reach from all sides. Checks nothing.
+/// Returns a point in a volume, which light may reach from all sides. Checks nothing.
 #[unsafe(no_mangle)]
 pub extern "C" fn girandole_volume_point(position: GirandoleVec3) -> GirandoleShadingPoint {
     ShadingPoint::volume(position.into()).into()

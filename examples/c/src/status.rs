@@ -22,11 +22,11 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 ///   1100 to 1199  bytes are no baked tree
 pub type GirandoleStatus = i32;
 
-/// The call has done what it is for.
+/// The call has succeeded.
 pub const GIRANDOLE_OK: GirandoleStatus = 0;
-/// A pointer is NULL that must not be.
+/// A pointer that must not be NULL is NULL.
 pub const GIRANDOLE_ERROR_NULL: GirandoleStatus = 1;
-/// A number stands for no kind, flag or index that the call knows.
+/// A number is not a valid kind, flag or index for the call.
 pub const GIRANDOLE_ERROR_BAD_VALUE: GirandoleStatus = 2;
 /// A number of elements is larger than memory can hold.
 pub const GIRANDOLE_ERROR_BAD_LENGTH: GirandoleStatus = 3;
@@ -39,22 +39,22 @@ pub const GIRANDOLE_ERROR_BAD_TEXT: GirandoleStatus = 6;
 /// The library has panicked: this is a bug in it. The call has not finished. If it was given a world or a
 /// planner that it may change, later calls refuse that object with GIRANDOLE_ERROR_BROKEN.
 pub const GIRANDOLE_ERROR_PANIC: GirandoleStatus = 10;
-/// An earlier call on this object has panicked, or another thread is in a call that changes it. Apart from
-/// the latter, which the rules for threads forbid, all that can be done is to destroy the object.
+/// An earlier call on this object has panicked: the object can only be destroyed. Also returned while another
+/// thread is in a call that changes the object, which the rules for threads forbid.
 pub const GIRANDOLE_ERROR_BROKEN: GirandoleStatus = 11;
-/// A planner has a reservation for this world, or on this planner: end it with girandole_planner_plan or
+/// The world or the planner is part of a reservation: end the reservation with girandole_planner_plan or
 /// girandole_planner_cancel first.
 pub const GIRANDOLE_ERROR_RESERVED: GirandoleStatus = 12;
 /// The planner has no reservation: call girandole_planner_reserve first.
 pub const GIRANDOLE_ERROR_NOT_RESERVED: GirandoleStatus = 13;
 /// The planner or the delta belongs to another world.
 pub const GIRANDOLE_ERROR_OTHER_WORLD: GirandoleStatus = 14;
-/// A shader text is not valid WGSL. The message has the line.
+/// A shader text is not valid WGSL. The message contains the line.
 pub const GIRANDOLE_ERROR_WGSL: GirandoleStatus = 20;
 /// A valid shader cannot be written in the language that was asked for.
 pub const GIRANDOLE_ERROR_TRANSLATION: GirandoleStatus = 21;
 
-/// The tree has no light of this index.
+/// The tree has no light with this index.
 pub const GIRANDOLE_ERROR_NO_SUCH_LIGHT: GirandoleStatus = 201;
 /// No tree has this key: it was removed, or never existed.
 pub const GIRANDOLE_ERROR_NO_SUCH_TREE: GirandoleStatus = 202;
@@ -66,7 +66,7 @@ pub const GIRANDOLE_ERROR_NO_SUCH_DIRECTIONAL: GirandoleStatus = 204;
 pub const GIRANDOLE_ERROR_TREE_IN_USE: GirandoleStatus = 205;
 /// All instances of the tree have the policy STATIC, so its lights cannot change.
 pub const GIRANDOLE_ERROR_STATIC_TREE: GirandoleStatus = 206;
-/// The light of this index was removed.
+/// The light with this index was removed.
 pub const GIRANDOLE_ERROR_REMOVED_LIGHT: GirandoleStatus = 210;
 /// No region has this key.
 pub const GIRANDOLE_ERROR_NO_SUCH_REGION: GirandoleStatus = 211;
@@ -74,7 +74,7 @@ pub const GIRANDOLE_ERROR_NO_SUCH_REGION: GirandoleStatus = 211;
 pub const GIRANDOLE_ERROR_REGION_IN_USE: GirandoleStatus = 213;
 /// A buffer would outgrow the limits of the planner. The changes are kept for the next call.
 pub const GIRANDOLE_ERROR_FULL: GirandoleStatus = 600;
-/// A plan was played twice, or one before it was left out.
+/// A plan was played twice, or an earlier plan was skipped.
 pub const GIRANDOLE_ERROR_OUT_OF_ORDER: GirandoleStatus = 604;
 
 /// Why a call is refused.

@@ -207,7 +207,7 @@ pub(crate) unsafe fn translate(source: &Source, target: &GirandoleTarget) -> Res
 /// milliseconds.
 ///
 /// Errors: GIRANDOLE_ERROR_WGSL if the text is not valid, with the place in the message;
-/// GIRANDOLE_ERROR_TRANSLATION if the language lacks something.
+/// GIRANDOLE_ERROR_TRANSLATION if the language lacks something that the text needs.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_translate(
     wgsl: *const c_char,

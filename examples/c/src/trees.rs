@@ -14,7 +14,7 @@ fn tree(world: &LightWorld, key: u64) -> Result<&LightTree, Failure> {
 }
 
 /// Builds a tree over lights, adds it and stores its key, which is never 0. The lights have the indices 0 to
-/// count - 1. Without instances it contributes nothing. O(n log n).
+/// count - 1. A tree without instances contributes no light. Takes O(n log n).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_add_tree(
     world: *mut GirandoleWorld,
@@ -73,8 +73,8 @@ pub unsafe extern "C" fn girandole_world_add_baked(
     })
 }
 
-/// Stores a tree as bytes that girandole_world_add_baked reads, about 100 for each light. The same on every
-/// machine. Destroy the blob with girandole_blob_destroy.
+/// Stores a tree as bytes that girandole_world_add_baked reads, about 100 bytes per light. The bytes are the
+/// same on every machine. Destroy the blob with girandole_blob_destroy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_bake_tree(
     world: *const GirandoleWorld,
@@ -109,8 +109,8 @@ pub unsafe extern "C" fn girandole_world_rebuild_tree(world: *mut GirandoleWorld
     })
 }
 
-/// Stores the number of lights of a tree as of the last update: those that exist, and the number of indices,
-/// which includes removed lights.
+/// Stores two counts for a tree as of the last update: the lights that exist, and the indices, which include
+/// the indices of removed lights.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_tree_lights(
     world: *const GirandoleWorld,
@@ -131,7 +131,7 @@ pub unsafe extern "C" fn girandole_world_tree_lights(
 }
 
 /// Changes lights of a tree in place, at the next update: light indices[i] becomes light_list[i], for i below
-/// count. Of two changes of one light the last one counts. All instances of the tree change.
+/// count. If a light is given twice, its last change counts. All instances of the tree change.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_set_lights(
     world: *mut GirandoleWorld,
@@ -150,8 +150,8 @@ pub unsafe extern "C" fn girandole_world_set_lights(
     })
 }
 
-/// Adds lights to a tree at the next update, without a build, and stores their indices: room for count
-/// numbers. They may be passed to girandole_world_set_lights at once.
+/// Adds lights to a tree at the next update, without a build, and stores their indices. The array has room
+/// for count indices, which may be passed to girandole_world_set_lights immediately.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_add_lights(
     world: *mut GirandoleWorld,
@@ -187,7 +187,8 @@ pub unsafe extern "C" fn girandole_world_remove_lights(
     })
 }
 
-/// Replaces all lights of a tree at once and builds it. Kept samples of the tree mean nothing any more.
+/// Replaces all lights of a tree at once and builds it. Samples of the tree that were kept from earlier
+/// frames become invalid.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_replace_lights(
     world: *mut GirandoleWorld,
@@ -213,7 +214,7 @@ pub struct GirandoleTreeLight {
     pub light: u32,
 }
 
-/// Lists the lights that the last update removed from trees. Drop what was kept of them.
+/// Lists the lights that the last update removed from trees. Discard kept samples of these lights.
 ///
 /// light_list has room for capacity elements, and may be NULL if capacity is 0. count gets the number of
 /// elements; if it is above capacity, the call stores nothing else and returns GIRANDOLE_ERROR_NO_SPACE.

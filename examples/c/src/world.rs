@@ -24,8 +24,8 @@ pub extern "C" fn girandole_version() -> u32 {
 
 /// All lights of a scene: trees, instances of them, and directional lights.
 ///
-/// Threads: any number of them may be in calls that take a const world, as long as no thread is in a call
-/// that takes one without const. Different worlds are independent of each other.
+/// Threads: any number of threads may be in calls that take a const world, as long as no thread is in a call
+/// that takes a world that is not const. Different worlds are independent of each other.
 #[derive(Debug)]
 pub struct GirandoleWorld {
     /// Shared references exist during calls for a const world and during reservations, and a mutable one
@@ -118,8 +118,8 @@ pub unsafe extern "C" fn girandole_world_create(world: *mut *mut GirandoleWorld)
     })
 }
 
-/// Destroys a world and everything in it. NULL is allowed. Refused with GIRANDOLE_ERROR_RESERVED, and then
-/// nothing is destroyed, while a planner has a reservation for the world.
+/// Destroys a world and everything in it. NULL is allowed. While a planner has a reservation for the world,
+/// the call is refused with GIRANDOLE_ERROR_RESERVED and destroys nothing.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_destroy(world: *mut GirandoleWorld) -> GirandoleStatus {
     call(|| {
@@ -142,13 +142,14 @@ pub struct GirandoleCounts {
     pub trees: usize,
     /// Instances, hidden ones included.
     pub instances: usize,
-    /// The lights of each tree once for each of its instances, and the directional lights.
+    /// All lights: the lights of a tree count once for each of its instances, and directional lights count
+    /// too.
     pub lights: usize,
     /// Directional lights.
     pub directionals: usize,
     /// The effects that shaders should be made for: bits of GIRANDOLE_EFFECT_*.
     pub effects: u32,
-    /// Bytes that the world takes on the CPU.
+    /// Bytes of CPU memory that the world uses.
     pub memory: usize,
 }
 
@@ -206,8 +207,8 @@ fn micros(time: Duration) -> f64 {
 /// Brings trees up to date with the edits since the last call, and rebuilds noisy trees within a time budget.
 /// Call it once a frame.
 ///
-/// budget_us: microseconds for rebuilds. 0 rebuilds nothing, INFINITY rebuilds all that gain something;
-/// negative values and NaN are refused. report may be NULL.
+/// budget_us: microseconds for rebuilds. 0 rebuilds nothing, INFINITY rebuilds every tree that would gain
+/// from it; negative values and NaN are refused. report may be NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_update(
     world: *mut GirandoleWorld,

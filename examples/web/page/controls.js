@@ -1,4 +1,4 @@
-// What the user holds and drags: keys and the pointer fly the camera.
+// The input: keys and the pointer fly the camera.
 "use strict";
 
 const KEYS = {

@@ -1,16 +1,16 @@
-// Opens the city, draws frames, and shows what they cost. A frame is submitted once the last one is
-// done, so that the time between is the time of a frame.
+// Opens the city, draws frames, and shows what they cost. A frame is submitted only when the last
+// one is done, so the frame time is the time from its submission until the GPU has finished it.
 //
 // Options in the address: `?city=M` builds the larger city. `?picture=N&size=WIDTHxHEIGHT` stops the
 // time, and delays the page's load event until N frames of that size have been averaged, so that a
-// browser that takes a picture waits for them. `?test` runs the checks of examples/web/test.sh.
+// browser that takes a screenshot waits for them. `?test` runs the checks of examples/web/test.sh.
 "use strict";
 
 const element = (id) => document.getElementById(id);
 const options = new URLSearchParams(location.search);
 // Frames over which the shown time is averaged.
 const SHOWN_FRAMES = 10;
-// The size of the picture follows the frame time, in milliseconds, until someone sets it.
+// The resolution follows the frame time, in milliseconds, until the user sets it.
 const SLOW_FRAME = 60;
 const FAST_FRAME = 14;
 
@@ -27,7 +27,7 @@ function missing() {
     if (!("gpu" in navigator)) {
         return isSecureContext
             ? "This browser has no WebGPU, which this page needs: open it in a recent Chrome, Edge, Firefox or Safari."
-            : "WebGPU needs a secure page: open this one by https, from localhost, or from a file.";
+            : "WebGPU needs a secure page: open this one over HTTPS, from localhost, or from a file.";
     }
     return null;
 }
@@ -38,7 +38,7 @@ async function open() {
     return wasm_bindgen.City.open(element("canvas"), options.get("city") ?? "S");
 }
 
-/** Sets up the panel, and returns what the sliders have set. */
+/** Connects the controls of the panel to the city and to the state. */
 function connectPanel(city, state) {
     const slider = (id, unit, set) => {
         const change = () => {
@@ -102,7 +102,7 @@ function show(city, state) {
     return status;
 }
 
-/** Makes the picture smaller or larger if frames take too long or little time. */
+/** Lowers or raises the resolution if frames take too long or too little time. */
 function followTime(state) {
     if (!state.followsTime || state.times.length < SHOWN_FRAMES) {
         return;
@@ -168,13 +168,13 @@ async function main() {
         state.followsTime = false;
         state.size = options.get("size")?.split("x").map(Number);
         element("frozen").click();
-        // Ends the flight by itself.
+        // Ends the automatic flight.
         city.turn(0, 0);
     }
     await run(city, new Controls(element("canvas")), state);
     release?.();
 }
 
-// A panic of the wasm leaves promises that are never kept.
-addEventListener("error", (event) => fail(`The page has stopped by an error, which the console tells: ${event.message}.`));
-main().catch((error) => fail(typeof error === "string" ? error : `The page has stopped by an error: ${error}`));
+// After a panic in the WebAssembly code, its promises never settle.
+addEventListener("error", (event) => fail(`An error has stopped the page; see the console: ${event.message}.`));
+main().catch((error) => fail(typeof error === "string" ? error : `An error has stopped the page: ${error}`));
