@@ -2,23 +2,22 @@
  *
  * This file is generated from the sources of girandole-c. Do not edit it.
  *
- * Rules for all calls, unless a call says otherwise:
+ * Rules for all calls, unless the comment of a call says otherwise:
  *
  *   Status     Calls that can fail return a GirandoleStatus: 0, or a code. A call that returns a code has
- *              changed nothing and stored nothing. girandole_last_error_message has a sentence about it.
+ *              changed nothing and stored nothing. girandole_last_error_message returns a sentence about it.
  *   Pointers   NULL, pointers that are not aligned and impossible lengths are refused. Other pointers cannot
  *              be checked: each must point to as many values as the call says. An array of no elements may be
- *              NULL. What a call stores must not overlap with what it reads.
- *   Ownership  Objects (GirandoleWorld, GirandolePlanner, GirandolePlan, ...) come from a call that creates
- *              them, and end with their destroy function. After that, neither the object nor pointers into it
- *              may be used. Everything else is copied during the call. Strings that are given out are UTF-8
- *              and end with a zero.
+ *              NULL. The memory that a call writes must not overlap the memory that it reads.
+ *   Ownership  Objects (GirandoleWorld, GirandolePlanner, GirandolePlan, ...) are created by a call, and
+ *              destroyed by their destroy function. After that, neither the object nor pointers into it may be
+ *              used. Everything else is copied during the call. Returned strings are UTF-8 and zero-terminated.
  *   Keys       Trees, instances and directional lights have keys, which are never 0. The key of something that
  *              was removed is refused. A key of another world may name something else.
  *   Threads    Calls that take a const object may run on any number of threads at once, while no other call
- *              uses that object. Other calls need the object alone, on any thread.
- *   Panics     No panic of the library leaves a call: it becomes GIRANDOLE_ERROR_PANIC. Running out of memory
- *              aborts the process.
+ *              uses that object. Other calls need exclusive access to the object, on any thread.
+ *   Panics     A panic in the library does not leave the call: it becomes GIRANDOLE_ERROR_PANIC. Running out
+ *              of memory aborts the process.
  *   Units      Metres, radians, candela, nits and lux. Colours are linear Rec. 709. Axes are right-handed.
  */
 
@@ -41,7 +40,7 @@
 // Shaders that are made for the world's effects choose lights for segments of rays.
 #define GIRANDOLE_SAMPLING_SEGMENTS 4
 
-// The number of splits to pass if in doubt. 0 to 7 are allowed; more have less noise and take longer.
+// The number of splits to use by default. 0 to 7 are allowed; more splits lower the noise and take longer.
 #define GIRANDOLE_DEFAULT_SPLITS 6
 
 // No limit.
@@ -50,11 +49,11 @@
 // The number of buffers that shaders bind.
 #define GIRANDOLE_SHADER_BUFFERS 5
 
-// No index, or no limit of one.
+// No index.
 #define GIRANDOLE_NO_INDEX UINT32_MAX
 
-// Leaves out the checks that keep indices of buffers and arrays within bounds, for texts that are known to
-// stay within. The library's own texts do.
+// Omits the checks that keep indices into buffers and arrays within bounds. Only for texts whose indices are
+// known to stay within bounds, such as the library's own texts.
 #define GIRANDOLE_TRANSLATE_UNCHECKED 1
 
 // A light emits into less than all directions: a spot, or a surface with one emitting side.
@@ -96,10 +95,10 @@
 // All effects: a shader for them reads the buffers of any world, and is the longest.
 #define GIRANDOLE_ALL_EFFECTS 8127
 
-// Bytes that belong to the interface: a baked tree.
+// The bytes of a baked tree, which the interface owns.
 typedef struct GirandoleBlob GirandoleBlob;
 
-// Checks that plans are played in order. Keep one beside the buffers that the plans are played on.
+// Checks that plans are played in order. Keep one for each set of buffers on which plans are played.
 typedef struct GirandoleCursor GirandoleCursor;
 
 // The changes of a world since the last delta. Belongs to one world.
@@ -108,15 +107,16 @@ typedef struct GirandoleDelta GirandoleDelta;
 // The commands of one frame. It does not depend on the planner and the world, and any thread may use it.
 typedef struct GirandolePlan GirandolePlan;
 
-// What the GPU holds of one world, and what it has to do to follow the world. Keep one for each world and
-// device. It holds no GPU object.
+// Tracks what the GPU holds of one world, and plans the work that brings it up to date. Keep one for each
+// world and device. It owns no GPU objects.
 //
 // Threads: one thread at a time.
 typedef struct GirandolePlanner GirandolePlanner;
 
 // Trees and instances that are to be added to a world as a whole, for example a block of houses.
 //
-// Threads: one thread at a time, which need not be that of the world. After GIRANDOLE_ERROR_PANIC, destroy it.
+// Threads: one thread at a time, which need not be the thread that uses the world. After
+// GIRANDOLE_ERROR_PANIC, destroy it.
 typedef struct GirandoleRegion GirandoleRegion;
 
 // A translated shader. Any thread may use it.
@@ -124,8 +124,8 @@ typedef struct GirandoleShader GirandoleShader;
 
 // All lights of a scene: trees, instances of them, and directional lights.
 //
-// Threads: any number of them may be in calls that take a const world, as long as no thread is in a call
-// that takes one without const. Different worlds are independent of each other.
+// Threads: any number of threads may be in calls that take a const world, as long as no thread is in a call
+// that takes a world that is not const. Different worlds are independent of each other.
 typedef struct GirandoleWorld GirandoleWorld;
 
 // The kind of a light: one of GIRANDOLE_LIGHT_*.
@@ -150,9 +150,9 @@ typedef struct GirandoleSpotShape {
     struct GirandoleVec3 position;
     // The axis of the cone: a unit vector, to within 0.001.
     struct GirandoleVec3 direction;
-    // Radians from the axis up to which the intensity is full: 0 to outer_angle.
+    // The angle from the axis up to which the intensity is full, in radians: 0 to outer_angle.
     float inner_angle;
-    // Radians from the axis from which on the intensity is 0: 0 to pi.
+    // The angle from the axis at and beyond which the intensity is 0, in radians: 0 to pi.
     float outer_angle;
 } GirandoleSpotShape;
 
@@ -180,7 +180,7 @@ typedef struct GirandoleSphereShape {
     float radius;
 } GirandoleSphereShape;
 
-// The shape of a light. Which member counts follows from the kind of the light.
+// The shape of a light. The kind of the light decides which member is used.
 typedef union GirandoleShape {
     struct GirandolePointShape point;
     struct GirandoleSpotShape spot;
@@ -197,7 +197,7 @@ typedef struct GirandoleLight {
     uint32_t two_sided;
     // Linear Rec. 709, in candela for points and spots and in nits for the others; 0 to 1e15.
     struct GirandoleVec3 emission;
-    // The distance in metres from which on the light is exactly 0. Above 0; INFINITY for no limit.
+    // The distance in metres at and beyond which the light is exactly 0. Above 0; INFINITY for no limit.
     float range;
     // The member that the kind names.
     union GirandoleShape shape;
@@ -212,8 +212,8 @@ typedef struct GirandoleDVec3 {
 
 // Where an instance is: an affine map from the space of its tree to the world.
 typedef struct GirandolePlacement {
-    // The images of the three axes. Either they have an inverse, with scales from 1e-9 to 1e9, or all are
-    // exactly 0, which hides the instance.
+    // The images of the three axes: the columns of a matrix. Either the matrix has an inverse, with scales
+    // from 1e-9 to 1e9, or all axes are exactly 0, which hides the instance.
     struct GirandoleVec3 axes[3];
     // Metres. Along each axis at most 1e9 from the world's origin.
     struct GirandoleDVec3 translation;
@@ -222,7 +222,7 @@ typedef struct GirandolePlacement {
 // What a light is chosen for: a point on a surface, a point in a volume, or a segment of a ray. The
 // functions girandole_surface_point, girandole_volume_point and girandole_segment make one.
 //
-// Numbers that are not finite do no harm: such a point is far from all lights.
+// Numbers that are not finite are allowed: such a point counts as far from all lights.
 typedef struct GirandoleShadingPoint {
     // Metres, relative to the world's origin; for a segment, its middle.
     struct GirandoleVec3 position;
@@ -230,9 +230,9 @@ typedef struct GirandoleShadingPoint {
     struct GirandoleVec3 normal;
     // From the start of a segment to its end, in metres; zero for a point.
     struct GirandoleVec3 segment;
-    // Only lights of instances whose mask has a bit in common reach the point. All bits by default.
+    // Only lights of instances whose mask shares a bit with this mask reach the point. All bits by default.
     uint32_t mask;
-    // 1 if the surface is glossy, and the following four fields count; else 0.
+    // 1 if the surface is glossy, else 0. The following four fields are used only if it is 1.
     uint32_t is_glossy;
     // The direction to the viewer. Need not be of unit length.
     struct GirandoleVec3 view;
@@ -268,13 +268,14 @@ typedef struct GirandoleCounts {
     size_t trees;
     // Instances, hidden ones included.
     size_t instances;
-    // The lights of each tree once for each of its instances, and the directional lights.
+    // All lights: the lights of a tree count once for each of its instances, and directional lights count
+    // too.
     size_t lights;
     // Directional lights.
     size_t directionals;
     // The effects that shaders should be made for: bits of GIRANDOLE_EFFECT_*.
     uint32_t effects;
-    // Bytes that the world takes on the CPU.
+    // Bytes of CPU memory that the world uses.
     size_t memory;
 } GirandoleCounts;
 
@@ -324,7 +325,7 @@ typedef struct GirandoleTreeLight {
 // When an instance requests a rebuild of its tree: one of GIRANDOLE_POLICY_*.
 typedef uint32_t GirandolePolicyKind;
 
-// A policy with its numbers.
+// A policy and its parameters.
 typedef struct GirandolePolicy {
     // One of GIRANDOLE_POLICY_*.
     GirandolePolicyKind kind;
@@ -355,7 +356,7 @@ typedef struct GirandoleRegionInstance {
 // What a GirandoleLightId names: one of GIRANDOLE_ID_*.
 typedef uint32_t GirandoleIdKind;
 
-// The name of a light that can be sampled.
+// Identifies a light that can be sampled.
 typedef struct GirandoleLightId {
     // The key of the instance or of the directional light; 0 for GIRANDOLE_ID_NONE.
     uint64_t key;
@@ -365,10 +366,11 @@ typedef struct GirandoleLightId {
     uint32_t light;
 } GirandoleLightId;
 
-// A light, a point on it, and what arrives from there, not yet shadowed.
+// A light, a point on it, and the light that arrives from there without shadows.
 //
-// brdf * cosine * radiance * weight estimates the light that arrives from all lights, if the point is not in
-// shadow. A sample without a light, whose weight is 0, counts as black.
+// Unless a shadow ray to the point is blocked, brdf * cosine * radiance * weight estimates the reflected
+// light of all lights. A blocked sample counts as black, and so does a sample without a light, whose weight
+// is 0.
 typedef struct GirandoleSample {
     // The light.
     struct GirandoleLightId light;
@@ -392,7 +394,7 @@ typedef struct GirandoleSample {
     uint32_t user_data;
 } GirandoleSample;
 
-// What a delta tells to renderers that keep samples from frame to frame.
+// What renderers that keep samples from frame to frame need to know of a delta.
 typedef struct GirandoleDeltaView {
     // By how much the origin moved, in metres: subtract it from positions that are kept relative to the
     // origin. 0 if it did not move.
@@ -412,23 +414,23 @@ typedef struct GirandoleDeltaView {
 // What a buffer is bound as: one of GIRANDOLE_BUFFER_*.
 typedef uint32_t GirandoleBufferUsage;
 
-// A buffer that the engine has to make.
+// A buffer that the engine must create.
 typedef struct GirandoleNewBuffer {
-    // Its number in all later plans. A planner uses no number twice.
+    // Its number in all later plans. A planner never reuses a number.
     uint32_t id;
     // One of GIRANDOLE_BUFFER_*.
     GirandoleBufferUsage usage;
     // Bytes, a multiple of 4. The content may be undefined at first.
     uint64_t size;
-    // What it holds, for graphics debuggers. Valid as long as the process.
+    // A name for graphics debuggers, which says what the buffer holds. Valid until the process ends.
     const char *what;
 } GirandoleNewBuffer;
 
 // What a command does: one of GIRANDOLE_COMMAND_*.
 typedef uint32_t GirandoleCommandKind;
 
-// A command. Each sees what all commands before it have done: put a barrier between a command and the next
-// one, except between writes. Fields that the kind does not use are 0 or NULL.
+// A command. Each command sees the effects of all commands before it: put a barrier between a command and
+// the next one, except between writes. Fields that the kind does not use are 0 or NULL.
 typedef struct GirandoleCommand {
     // One of GIRANDOLE_COMMAND_*.
     GirandoleCommandKind kind;
@@ -456,7 +458,7 @@ typedef struct GirandoleCommand {
 
 // What a plan holds. All arrays belong to the plan.
 typedef struct GirandolePlanView {
-    // Plans are numbered from 1 on, and have to be played in this order, each once.
+    // Plans are numbered from 1, and must be played in this order, each exactly once.
     uint64_t number;
     // The buffers of the reservation, which the engine has made.
     const struct GirandoleNewBuffer *new_buffers;
@@ -476,18 +478,18 @@ typedef struct GirandolePlanView {
     size_t freed_count;
     // Bytes that the writes carry.
     uint64_t bytes;
-    // Trees that wait to be sent whole; shaders see stand-ins or an older version of them.
+    // Trees that wait to be sent in full; until then, shaders see stand-ins or an older version of them.
     size_t waiting_trees;
 } GirandolePlanView;
 
 // The limits of a planner.
 typedef struct GirandoleLimits {
-    // Bytes of the largest storage buffer that the device can make and bind whole. Less than 131,072 counts
-    // as 131,072, and more than 16 GiB as 16 GiB.
+    // Bytes of the largest storage buffer that the device can make and bind whole. Values below 131,072
+    // count as 131,072, and values above 16 GiB as 16 GiB.
     uint64_t largest_buffer;
-    // Bytes of the buffers of nodes and lights, or GIRANDOLE_NO_LIMIT.
+    // The most bytes that the buffers of nodes and lights may take together, or GIRANDOLE_NO_LIMIT.
     uint64_t tree_memory;
-    // Bytes of new trees that one frame sends, or GIRANDOLE_NO_LIMIT.
+    // The most bytes of new trees that one frame may send, or GIRANDOLE_NO_LIMIT.
     uint64_t frame_bytes;
 } GirandoleLimits;
 
@@ -526,13 +528,13 @@ typedef struct GirandoleShaderBinding {
     uint32_t index;
     // HLSL: the letter of the register: 'b', 't', 'u' or 's'. 0 for other languages.
     char register_letter;
-    // The least size of the buffer in bytes; 0 for what is no buffer.
+    // The minimum size of the buffer in bytes; 0 if the binding is not a buffer.
     uint32_t size;
 } GirandoleShaderBinding;
 
 // What a shader holds. All pointers belong to the shader.
 typedef struct GirandoleShaderView {
-    // The words of SPIR-V, aligned to 4 bytes; or a text that ends with a zero, which size does not count.
+    // The words of SPIR-V, aligned to 4 bytes; or a zero-terminated text, whose size excludes the zero.
     const void *code;
     // Bytes of the code.
     size_t size;
@@ -540,7 +542,7 @@ typedef struct GirandoleShaderView {
     const struct GirandoleEntryPoint *entry_points;
     // How many.
     size_t entry_point_count;
-    // The bindings that the entry point uses; all if all entry points are translated.
+    // The bindings that the selected entry point uses, or all bindings if none was selected.
     const struct GirandoleShaderBinding *bindings;
     // How many.
     size_t binding_count;
@@ -576,10 +578,10 @@ typedef struct GirandoleTarget {
     uint32_t minor_version;
     // Bits of GIRANDOLE_TRANSLATE_*.
     uint32_t flags;
-    // The entry point that is translated, with what it uses; NULL for all of them.
+    // The only entry point to translate, with everything that it uses; NULL for all entry points.
     const char *entry_point;
-    // Where bindings go that are not where they would go by default. By default the group is the space and
-    // the binding is the index; for MSL, bindings get the indices from 0 on in the order of group and binding.
+    // Overrides of the default places of bindings. By default the group is the space and the binding is the
+    // index; for MSL, bindings get the indices from 0 on in the order of group and binding.
     const struct GirandoleBindTarget *bindings;
     // How many.
     size_t binding_count;
@@ -603,13 +605,13 @@ typedef struct GirandoleKernel {
     size_t binding_count;
 } GirandoleKernel;
 
-// The call has done what it is for.
+// The call has succeeded.
 #define GIRANDOLE_OK 0
 
-// A pointer is NULL that must not be.
+// A pointer that must not be NULL is NULL.
 #define GIRANDOLE_ERROR_NULL 1
 
-// A number stands for no kind, flag or index that the call knows.
+// A number is not a valid kind, flag or index for the call.
 #define GIRANDOLE_ERROR_BAD_VALUE 2
 
 // A number of elements is larger than memory can hold.
@@ -628,11 +630,11 @@ typedef struct GirandoleKernel {
 // planner that it may change, later calls refuse that object with GIRANDOLE_ERROR_BROKEN.
 #define GIRANDOLE_ERROR_PANIC 10
 
-// An earlier call on this object has panicked, or another thread is in a call that changes it. Apart from
-// the latter, which the rules for threads forbid, all that can be done is to destroy the object.
+// An earlier call on this object has panicked: the object can only be destroyed. Also returned while another
+// thread is in a call that changes the object, which the rules for threads forbid.
 #define GIRANDOLE_ERROR_BROKEN 11
 
-// A planner has a reservation for this world, or on this planner: end it with girandole_planner_plan or
+// The world or the planner is part of a reservation: end the reservation with girandole_planner_plan or
 // girandole_planner_cancel first.
 #define GIRANDOLE_ERROR_RESERVED 12
 
@@ -642,13 +644,13 @@ typedef struct GirandoleKernel {
 // The planner or the delta belongs to another world.
 #define GIRANDOLE_ERROR_OTHER_WORLD 14
 
-// A shader text is not valid WGSL. The message has the line.
+// A shader text is not valid WGSL. The message contains the line.
 #define GIRANDOLE_ERROR_WGSL 20
 
 // A valid shader cannot be written in the language that was asked for.
 #define GIRANDOLE_ERROR_TRANSLATION 21
 
-// The tree has no light of this index.
+// The tree has no light with this index.
 #define GIRANDOLE_ERROR_NO_SUCH_LIGHT 201
 
 // No tree has this key: it was removed, or never existed.
@@ -666,7 +668,7 @@ typedef struct GirandoleKernel {
 // All instances of the tree have the policy STATIC, so its lights cannot change.
 #define GIRANDOLE_ERROR_STATIC_TREE 206
 
-// The light of this index was removed.
+// The light with this index was removed.
 #define GIRANDOLE_ERROR_REMOVED_LIGHT 210
 
 // No region has this key.
@@ -678,7 +680,7 @@ typedef struct GirandoleKernel {
 // A buffer would outgrow the limits of the planner. The changes are kept for the next call.
 #define GIRANDOLE_ERROR_FULL 600
 
-// A plan was played twice, or one before it was left out.
+// A plan was played twice, or an earlier plan was skipped.
 #define GIRANDOLE_ERROR_OUT_OF_ORDER 604
 
 // A point that emits equally in all directions. Emission in candela.
@@ -697,7 +699,8 @@ typedef struct GirandoleKernel {
 // A sphere that emits evenly outward. Emission in nits.
 #define GIRANDOLE_LIGHT_SPHERE 4
 
-// A rebuild is weighed against those of all other trees once the tree has become noisy. The default.
+// Once the tree has become noisy, its rebuild shares the budget with the rebuilds of all other trees. The
+// default.
 #define GIRANDOLE_POLICY_BUDGETED 0
 
 // The lights never change: edits of them are refused.
@@ -709,16 +712,16 @@ typedef struct GirandoleKernel {
 // As BUDGETED, with bounds on the excess noise: a is the floor and b the ceiling.
 #define GIRANDOLE_POLICY_BOUNDED 3
 
-// Rebuilds when the splitting cost exceeds its least value by b standard deviations of a.
+// Requests a rebuild when the splitting cost exceeds its minimum since the last rebuild by more than a * b.
 #define GIRANDOLE_POLICY_DEVIATION 4
 
-// Rebuilds when the splitting cost exceeds a times its least value.
+// Requests a rebuild when the splitting cost exceeds a times its minimum since the last rebuild.
 #define GIRANDOLE_POLICY_RATIO 5
 
 // Requests an urgent rebuild whenever the lights change.
 #define GIRANDOLE_POLICY_ALWAYS_REBUILD 6
 
-// The origin is anywhere. Moving it costs time for each instance. The default.
+// The origin may be anywhere. Moving it costs time for each instance. The default.
 #define GIRANDOLE_ORIGIN_FREE 0
 
 // The origin is a multiple of 1024 m along each axis. Moving it is cheap.
@@ -767,10 +770,10 @@ typedef struct GirandoleKernel {
 // A texture, sampler or anything else. Kernels have none; an engine's own shader may.
 #define GIRANDOLE_BINDING_OTHER 3
 
-// WGSL: the text is checked and comes out as it is.
+// WGSL: the text is checked and returned unchanged.
 #define GIRANDOLE_LANGUAGE_WGSL 0
 
-// SPIR-V for Vulkan, versions 1.0 to 1.6; 1.3 by default, which Vulkan 1.1 reads.
+// SPIR-V for Vulkan, versions 1.0 to 1.6; 1.3 by default, which Vulkan 1.1 accepts.
 #define GIRANDOLE_LANGUAGE_SPIRV 1
 
 // HLSL, shader models 5.1 to 6.7; 6.0 by default.
@@ -812,8 +815,8 @@ struct GirandoleLight girandole_spot_light(struct GirandoleVec3 position,
                                            float outer_angle,
                                            struct GirandoleVec3 candela);
 
-// Returns a one-sided parallelogram with edges of 2 half_u and 2 half_v. nits: radiance per channel. Checks
-// nothing.
+// Returns a one-sided parallelogram with the edges 2 * half_u and 2 * half_v. nits: radiance per channel.
+// Checks nothing.
 struct GirandoleLight girandole_parallelogram_light(struct GirandoleVec3 center,
                                                     struct GirandoleVec3 half_u,
                                                     struct GirandoleVec3 half_v,
@@ -837,7 +840,7 @@ struct GirandolePlacement girandole_placement_at(double x, double y, double z);
 struct GirandoleShadingPoint girandole_surface_point(struct GirandoleVec3 position,
                                                      struct GirandoleVec3 normal);
 
-// Returns a point that light may reach from all sides. Checks nothing.
+// Returns a point in a volume, which light may reach from all sides. Checks nothing.
 struct GirandoleShadingPoint girandole_volume_point(struct GirandoleVec3 position);
 
 // Returns the segment of a ray from start along direction, a unit vector, of a length in metres. Checks
@@ -859,8 +862,8 @@ uint32_t girandole_version(void);
 // Creates an empty world. Destroy it with girandole_world_destroy.
 GirandoleStatus girandole_world_create(struct GirandoleWorld **world);
 
-// Destroys a world and everything in it. NULL is allowed. Refused with GIRANDOLE_ERROR_RESERVED, and then
-// nothing is destroyed, while a planner has a reservation for the world.
+// Destroys a world and everything in it. NULL is allowed. While a planner has a reservation for the world,
+// the call is refused with GIRANDOLE_ERROR_RESERVED and destroys nothing.
 GirandoleStatus girandole_world_destroy(struct GirandoleWorld *world);
 
 // Stores the sizes of a world. Cheap.
@@ -869,8 +872,8 @@ GirandoleStatus girandole_world_counts(const struct GirandoleWorld *world, struc
 // Brings trees up to date with the edits since the last call, and rebuilds noisy trees within a time budget.
 // Call it once a frame.
 //
-// budget_us: microseconds for rebuilds. 0 rebuilds nothing, INFINITY rebuilds all that gain something;
-// negative values and NaN are refused. report may be NULL.
+// budget_us: microseconds for rebuilds. 0 rebuilds nothing, INFINITY rebuilds every tree that would gain
+// from it; negative values and NaN are refused. report may be NULL.
 GirandoleStatus girandole_world_update(struct GirandoleWorld *world,
                                        double budget_us,
                                        struct GirandoleUpdateReport *report);
@@ -884,14 +887,14 @@ GirandoleStatus girandole_world_set_sampling(struct GirandoleWorld *world, uint3
 // Sets how the origin moves: one of GIRANDOLE_ORIGIN_*. Best called before instances are added.
 GirandoleStatus girandole_world_set_origin_mode(struct GirandoleWorld *world, GirandoleOriginMode mode);
 
-// Moves the origin, which shading points are relative to. Metres.
+// Moves the origin, in metres. Shading points are relative to it.
 GirandoleStatus girandole_world_set_origin(struct GirandoleWorld *world, struct GirandoleDVec3 origin);
 
 // Stores the origin, in metres.
 GirandoleStatus girandole_world_origin(const struct GirandoleWorld *world, struct GirandoleDVec3 *origin);
 
-// Tells where the camera is, in metres, before the delta of a frame is taken: rebuilds of near trees count
-// more. With GIRANDOLE_ORIGIN_FOLLOWING the origin may move.
+// Sets the position of the camera, in metres. Call it before the delta of a frame is taken. Rebuilds of
+// nearby trees get more weight, and with GIRANDOLE_ORIGIN_FOLLOWING the origin may move.
 GirandoleStatus girandole_world_set_viewpoint(struct GirandoleWorld *world, struct GirandoleDVec3 viewpoint);
 
 // Adds a directional light and stores its key.
@@ -908,7 +911,7 @@ GirandoleStatus girandole_world_set_directional(struct GirandoleWorld *world,
 GirandoleStatus girandole_world_remove_directional(struct GirandoleWorld *world, uint64_t directional);
 
 // Builds a tree over lights, adds it and stores its key, which is never 0. The lights have the indices 0 to
-// count - 1. Without instances it contributes nothing. O(n log n).
+// count - 1. A tree without instances contributes no light. Takes O(n log n).
 GirandoleStatus girandole_world_add_tree(struct GirandoleWorld *world,
                                          const struct GirandoleLight *light_list,
                                          size_t count,
@@ -928,8 +931,8 @@ GirandoleStatus girandole_world_add_baked(struct GirandoleWorld *world,
                                           size_t size,
                                           uint64_t *tree);
 
-// Stores a tree as bytes that girandole_world_add_baked reads, about 100 for each light. The same on every
-// machine. Destroy the blob with girandole_blob_destroy.
+// Stores a tree as bytes that girandole_world_add_baked reads, about 100 bytes per light. The bytes are the
+// same on every machine. Destroy the blob with girandole_blob_destroy.
 GirandoleStatus girandole_world_bake_tree(const struct GirandoleWorld *world,
                                           uint64_t tree_key,
                                           struct GirandoleBlob **blob);
@@ -940,23 +943,23 @@ GirandoleStatus girandole_world_remove_tree(struct GirandoleWorld *world, uint64
 // Builds a tree anew at once, regardless of budgets.
 GirandoleStatus girandole_world_rebuild_tree(struct GirandoleWorld *world, uint64_t tree);
 
-// Stores the number of lights of a tree as of the last update: those that exist, and the number of indices,
-// which includes removed lights.
+// Stores two counts for a tree as of the last update: the lights that exist, and the indices, which include
+// the indices of removed lights.
 GirandoleStatus girandole_world_tree_lights(const struct GirandoleWorld *world,
                                             uint64_t tree_key,
                                             size_t *existing,
                                             size_t *indices);
 
 // Changes lights of a tree in place, at the next update: light indices[i] becomes light_list[i], for i below
-// count. Of two changes of one light the last one counts. All instances of the tree change.
+// count. If a light is given twice, its last change counts. All instances of the tree change.
 GirandoleStatus girandole_world_set_lights(struct GirandoleWorld *world,
                                            uint64_t tree,
                                            const uint32_t *indices,
                                            const struct GirandoleLight *light_list,
                                            size_t count);
 
-// Adds lights to a tree at the next update, without a build, and stores their indices: room for count
-// numbers. They may be passed to girandole_world_set_lights at once.
+// Adds lights to a tree at the next update, without a build, and stores their indices. The array has room
+// for count indices, which may be passed to girandole_world_set_lights immediately.
 GirandoleStatus girandole_world_add_lights(struct GirandoleWorld *world,
                                            uint64_t tree,
                                            const struct GirandoleLight *light_list,
@@ -970,13 +973,14 @@ GirandoleStatus girandole_world_remove_lights(struct GirandoleWorld *world,
                                               const uint32_t *indices,
                                               size_t count);
 
-// Replaces all lights of a tree at once and builds it. Kept samples of the tree mean nothing any more.
+// Replaces all lights of a tree at once and builds it. Samples of the tree that were kept from earlier
+// frames become invalid.
 GirandoleStatus girandole_world_replace_lights(struct GirandoleWorld *world,
                                                uint64_t tree,
                                                const struct GirandoleLight *light_list,
                                                size_t count);
 
-// Lists the lights that the last update removed from trees. Drop what was kept of them.
+// Lists the lights that the last update removed from trees. Discard kept samples of these lights.
 //
 // light_list has room for capacity elements, and may be NULL if capacity is 0. count gets the number of
 // elements; if it is above capacity, the call stores nothing else and returns GIRANDOLE_ERROR_NO_SPACE.
@@ -1001,8 +1005,8 @@ GirandoleStatus girandole_world_move_instance(struct GirandoleWorld *world,
                                               uint64_t instance,
                                               const struct GirandolePlacement *placement);
 
-// Moves instances[i] to placements[i], for i below count: all of them or, if one move is refused, none. Of
-// several moves of one instance the last one counts. Threads share the work of many moves.
+// Moves instances[i] to placements[i], for i below count: all of them or, if one move is refused, none. If
+// an instance is given several times, its last move counts. Large batches are moved by several threads.
 GirandoleStatus girandole_world_move_instances(struct GirandoleWorld *world,
                                                const uint64_t *instances,
                                                const struct GirandolePlacement *placements,
@@ -1018,10 +1022,10 @@ GirandoleStatus girandole_world_set_factor(struct GirandoleWorld *world,
                                            uint64_t instance,
                                            struct GirandoleVec3 factor);
 
-// Limits the lights of an instance to shading points whose mask has a bit in common.
+// Limits the lights of an instance to shading points whose mask shares a bit with this mask.
 GirandoleStatus girandole_world_set_mask(struct GirandoleWorld *world, uint64_t instance, uint32_t mask);
 
-// Sets what light_user_data returns in shaders, and user_data of a sample.
+// Sets the number that light_user_data returns in shaders, and that samples have as user_data.
 GirandoleStatus girandole_world_set_user_data(struct GirandoleWorld *world,
                                               uint64_t instance,
                                               uint32_t user_data);
@@ -1031,8 +1035,8 @@ GirandoleStatus girandole_world_set_policy(struct GirandoleWorld *world,
                                            uint64_t instance,
                                            const struct GirandolePolicy *policy);
 
-// Stores the number by which shaders refer to an instance, and the generation of that slot, which changes
-// when the slot gets another instance.
+// Stores the slot of an instance, which is its number in shaders, and the generation of the slot, which
+// changes when the slot gets another instance.
 GirandoleStatus girandole_world_instance_slot(const struct GirandoleWorld *world,
                                               uint64_t instance,
                                               uint32_t *slot,
@@ -1043,15 +1047,15 @@ GirandoleStatus girandole_world_instance_at(const struct GirandoleWorld *world,
                                             uint32_t slot,
                                             uint64_t *instance);
 
-// Tells how often the lights of instances were chosen in a frame: instances[i] was chosen counts[i] times.
-// Rebuilds of trees that are chosen often count more. Stale keys are skipped.
+// Records how often the lights of instances were chosen in a frame: instances[i] was chosen counts[i] times.
+// Rebuilds of trees that are chosen often get more weight. Stale keys are skipped.
 GirandoleStatus girandole_world_record_usage(struct GirandoleWorld *world,
                                              const uint64_t *instances,
                                              const uint32_t *counts,
                                              size_t count);
 
-// Returns an instance of a tree of a region that is enabled, with a factor of 1, all bits of the mask, and
-// GIRANDOLE_POLICY_BUDGETED. Checks nothing.
+// Returns an instance of the tree with this index in a region. The instance is enabled and has a factor of
+// 1, all bits of the mask, and GIRANDOLE_POLICY_BUDGETED. Checks nothing.
 struct GirandoleRegionInstance girandole_region_instance(uint32_t tree, struct GirandolePlacement placement);
 
 // Creates an empty region. Destroy it with girandole_region_destroy.
@@ -1064,13 +1068,13 @@ GirandoleStatus girandole_region_add_placeholder(struct GirandoleRegion *region,
                                                  size_t count,
                                                  uint32_t *tree);
 
-// As girandole_region_add_placeholder, and builds the tree on the calling thread.
+// Builds a tree on the calling thread, adds it to the region, and stores its index there.
 GirandoleStatus girandole_region_add_tree(struct GirandoleRegion *region,
                                           const struct GirandoleLight *light_list,
                                           size_t count,
                                           uint32_t *tree);
 
-// As girandole_region_add_placeholder, from the bytes of girandole_world_bake_tree.
+// As girandole_region_add_tree, but from the bytes of girandole_world_bake_tree and without a build.
 GirandoleStatus girandole_region_add_baked(struct GirandoleRegion *region,
                                            const uint8_t *bytes,
                                            size_t size,
@@ -1084,13 +1088,13 @@ GirandoleStatus girandole_region_add_world_tree(struct GirandoleRegion *region, 
 GirandoleStatus girandole_region_add_instance(struct GirandoleRegion *region,
                                               const struct GirandoleRegionInstance *instance);
 
-// Adds everything in a region to a world, and stores the key of the region there. The region is empty then,
-// and may be filled again. If it is refused, it keeps its content.
+// Adds everything in a region to a world, and stores the key that the region has in the world. The region
+// object is empty afterwards, and may be filled again. If the call is refused, it keeps its content.
 GirandoleStatus girandole_world_add_region(struct GirandoleWorld *world,
                                            struct GirandoleRegion *region,
                                            uint64_t *key);
 
-// Removes the trees and instances that were added with a region, without those that were removed before.
+// Removes all trees and instances that were added with a region, except any that were removed earlier.
 // Refused if an instance outside of the region uses one of its trees.
 GirandoleStatus girandole_world_remove_region(struct GirandoleWorld *world, uint64_t region);
 
@@ -1104,28 +1108,28 @@ GirandoleStatus girandole_world_region_trees(const struct GirandoleWorld *world,
                                              size_t capacity,
                                              size_t *count);
 
-// Lists the keys of the instances of a region, in the order in which they were added to it. The arguments are
-// those of girandole_world_region_trees.
+// Lists the keys of the instances of a region, in the order in which they were added to it. The arguments
+// are as for girandole_world_region_trees.
 GirandoleStatus girandole_world_region_instances(const struct GirandoleWorld *world,
                                                  uint64_t region,
                                                  uint64_t *keys,
                                                  size_t capacity,
                                                  size_t *count);
 
-// Frees a region that was not added to a world, or what is left of one that was. NULL is allowed.
+// Frees a region object. What it has added to a world stays in the world. NULL is allowed.
 void girandole_region_destroy(struct GirandoleRegion *region);
 
 // Chooses a light and a point on it for each shading point.
 //
 // Lights are as of the last update. The first call after a change builds the top level, in O(n log n) for n
-// instances. Any number of threads may sample one world at once. The numbers of the arrays:
+// instances. Any number of threads may sample one world at once. The arrays:
 //
 //   points   count shading points
 //   u        4 * count random numbers, uniform in [0, 1): two choose the light, two the point. The same numbers
 //            give the same light. Numbers outside are clamped, and NaN counts as 0.
 //   samples  room for count samples
 //
-// splits: 0 to 7, see GIRANDOLE_DEFAULT_SPLITS. About a microsecond for each sample.
+// splits: 0 to 7, see GIRANDOLE_DEFAULT_SPLITS. A sample takes one to two microseconds.
 GirandoleStatus girandole_world_sample(const struct GirandoleWorld *world,
                                        uint32_t splits,
                                        const struct GirandoleShadingPoint *shading_points,
@@ -1133,8 +1137,9 @@ GirandoleStatus girandole_world_sample(const struct GirandoleWorld *world,
                                        size_t count,
                                        struct GirandoleSample *samples);
 
-// As girandole_world_sample, and keeps one of several candidates in proportion to its unshadowed light: one
-// shadow ray then has the noise of many. The estimate is brdf * cosine * radiance * weight.
+// As girandole_world_sample, and keeps one of several candidates in proportion to its unshadowed light. A
+// single shadow ray then gives about as little noise as several. The estimate is brdf * cosine * radiance *
+// weight.
 //
 // candidates: 1 to 32. u: 5 * count random numbers, of which the fifth of each sample chooses among the
 // candidates.
@@ -1167,7 +1172,8 @@ GirandoleStatus girandole_world_pdf(const struct GirandoleWorld *world,
                                     float *pdf);
 
 // Chooses a point on light_ids[i] as seen from shading_points[i], for sums over all lights: the pmf of these
-// samples is 1. u: 2 * count random numbers. Where the point sends nothing, the sample has no light.
+// samples is 1. u: 2 * count random numbers. If no light arrives from the chosen point, the sample has no
+// light and a weight of 0.
 GirandoleStatus girandole_world_sample_lights(const struct GirandoleWorld *world,
                                               const struct GirandoleShadingPoint *shading_points,
                                               const struct GirandoleLightId *light_ids,
@@ -1175,7 +1181,7 @@ GirandoleStatus girandole_world_sample_lights(const struct GirandoleWorld *world
                                               size_t count,
                                               struct GirandoleSample *samples);
 
-// Lists all lights that can be sampled, those of each tree once for each of its instances.
+// Lists all lights that can be sampled. The lights of a tree are listed once for each of its instances.
 //
 // light_ids has room for capacity elements, and may be NULL if capacity is 0. count gets the number of
 // elements; if it is above capacity, the call stores nothing else and returns GIRANDOLE_ERROR_NO_SPACE.
@@ -1188,12 +1194,12 @@ GirandoleStatus girandole_world_lights(const struct GirandoleWorld *world,
 // the planner, in order, and destroy it with girandole_delta_destroy.
 GirandoleStatus girandole_world_take_delta(struct GirandoleWorld *world, struct GirandoleDelta **delta);
 
-// Makes the delta of a whole world, for a new planner of a world that was used before, and after a delta was
-// lost. Does not take the changes.
+// Makes a delta that contains the whole world: for a new planner of a world that was used before, or after a
+// delta was lost. The changes remain for girandole_world_take_delta.
 GirandoleStatus girandole_world_whole_delta(const struct GirandoleWorld *world,
                                             struct GirandoleDelta **delta);
 
-// Stores what a delta tells. The arrays are valid until the delta is destroyed.
+// Stores a view of a delta. The arrays are valid until the delta is destroyed.
 GirandoleStatus girandole_delta_view(const struct GirandoleDelta *delta, struct GirandoleDeltaView *view);
 
 // Frees a delta. NULL is allowed.
@@ -1208,11 +1214,12 @@ void girandole_plan_destroy(struct GirandolePlan *plan);
 // Creates a cursor that expects the plan with number 1. Destroy it with girandole_cursor_destroy.
 GirandoleStatus girandole_cursor_create(struct GirandoleCursor **cursor);
 
-// To be called before a plan is played. Returns GIRANDOLE_ERROR_OUT_OF_ORDER if the plan was played before,
-// or if one before it was not; then do not play it.
+// Call it before each plan is played. Returns GIRANDOLE_ERROR_OUT_OF_ORDER if the plan was played before, or
+// if an earlier plan was skipped; do not play the plan then.
 GirandoleStatus girandole_cursor_advance(struct GirandoleCursor *cursor, const struct GirandolePlan *plan);
 
-// Makes a plan the next one, after girandole_planner_lose. Then call girandole_cursor_advance for it.
+// Lets the cursor expect this plan next, after girandole_planner_lose. Then call girandole_cursor_advance
+// for the plan.
 GirandoleStatus girandole_cursor_skip_to(struct GirandoleCursor *cursor, const struct GirandolePlan *plan);
 
 // Frees a cursor. NULL is allowed.
@@ -1234,18 +1241,21 @@ GirandoleStatus girandole_planner_set_limits(struct GirandolePlanner *planner,
 // Sets the number of splits of shaders from the next plan on: 0 to 7.
 GirandoleStatus girandole_planner_set_splits(struct GirandolePlanner *planner, uint32_t splits);
 
-// Keeps the buffers of the last frame from the next plan on (1), or drops them (0), for light_pmf_previous.
+// Sets whether the buffers of the last frame are kept for light_pmf_previous (1) or dropped (0), from the
+// next plan on.
 GirandoleStatus girandole_planner_keep_previous(struct GirandolePlanner *planner, uint32_t is_kept);
 
-// Makes a plan that only brings girandole_planner_set_splits to the device before the next frame, often an
-// empty one. Its number is 0, and cursors do not count it. Play it before the next plan.
+// Makes a plan that only sends the setting of girandole_planner_set_splits to the device, before the plan of
+// the next frame. It may be empty. Its number is 0, and cursors do not count it. Play it before the next
+// plan.
 GirandoleStatus girandole_planner_settings(struct GirandolePlanner *planner, struct GirandolePlan **plan);
 
-// Tells that the device may lack some of what was planned: a plan was not played, or not to its end. The
-// next plan sends everything again, into the same buffers; skip to it with girandole_cursor_skip_to.
+// Reports that a plan was not played, or only in part, so that the device may lack some of what was planned.
+// The next plan sends everything again, into the same buffers; pass it to girandole_cursor_skip_to.
 GirandoleStatus girandole_planner_lose(struct GirandolePlanner *planner);
 
-// Tells that the part "top" of the last plan alone was not played, so that the next plan has another one.
+// Reports that of the last plan only the commands in top were not played. The next plan then builds the top
+// level again.
 GirandoleStatus girandole_planner_lose_top(struct GirandolePlanner *planner);
 
 // Stores the numbers of the buffers that the engine's shaders bind after the last plan, at the bindings 0 to
@@ -1260,17 +1270,19 @@ GirandoleStatus girandole_planner_previous_bindings(struct GirandolePlanner *pla
 // GIRANDOLE_EFFECT_*. All before the first plan.
 GirandoleStatus girandole_planner_effects(struct GirandolePlanner *planner, uint32_t *effects);
 
-// Stores the bytes of all buffers.
+// Stores the total size of all buffers, in bytes.
 GirandoleStatus girandole_planner_memory(struct GirandolePlanner *planner, uint64_t *bytes);
 
-// Finds out which buffers the GPU needs to follow the world. Changes nothing that shaders read.
+// Determines which buffers the GPU needs for the current state of the world. Changes nothing that shaders
+// read.
 //
 // exactly: 0 for buffers with room to grow, 1 for buffers no larger than needed. new_buffers and count get
 // the buffers to make; the array belongs to the planner and is valid until the reservation ends.
 //
 // The reservation ends with girandole_planner_plan, or, if there is no memory for a buffer, with
-// girandole_planner_cancel. Until then calls that change the world or use the planner otherwise are refused
-// with GIRANDOLE_ERROR_RESERVED; calls for a const world work. The delta may be destroyed at once.
+// girandole_planner_cancel. Until then, calls that change the world and other calls that use the planner are
+// refused with GIRANDOLE_ERROR_RESERVED; calls that take a const world work. The delta may be destroyed
+// immediately.
 //
 // On GIRANDOLE_ERROR_FULL the changes are kept for the next call.
 GirandoleStatus girandole_planner_reserve(struct GirandolePlanner *planner,
@@ -1283,7 +1295,7 @@ GirandoleStatus girandole_planner_reserve(struct GirandolePlanner *planner,
 // Ends the reservation with a plan: the commands of the frame. Destroy it with girandole_plan_destroy.
 GirandoleStatus girandole_planner_plan(struct GirandolePlanner *planner, struct GirandolePlan **plan);
 
-// Ends the reservation without a plan. Its changes belong to the next reservation.
+// Ends the reservation without a plan. Its changes become part of the next reservation.
 GirandoleStatus girandole_planner_cancel(struct GirandolePlanner *planner);
 
 // Stores what a shader holds. The pointers are valid until the shader is destroyed.
@@ -1299,12 +1311,12 @@ void girandole_shader_destroy(struct GirandoleShader *shader);
 // milliseconds.
 //
 // Errors: GIRANDOLE_ERROR_WGSL if the text is not valid, with the place in the message;
-// GIRANDOLE_ERROR_TRANSLATION if the language lacks something.
+// GIRANDOLE_ERROR_TRANSLATION if the language lacks something that the text needs.
 GirandoleStatus girandole_translate(const char *wgsl,
                                     const struct GirandoleTarget *target,
                                     struct GirandoleShader **shader);
 
-// Returns the number of kernels. Their indices and texts are those of one version of the library.
+// Returns the number of kernels. Indices and texts may differ between versions of the library.
 uint32_t girandole_kernel_count(void);
 
 // Stores the name and the bindings of a kernel. Both are valid as long as the process.
