@@ -70,7 +70,7 @@ impl Kernel {
         Self { source, layout, variants: OnceLock::new() }
     }
 
-    /// The best variant that is ready. The first call compiles the one for all effects.
+    /// The best variant that is ready. The first call compiles the one for all effects, except in browsers.
     pub fn pipeline(&self, effects: Effects) -> wgpu::ComputePipeline {
         self.variants().get(effects).clone()
     }
@@ -78,12 +78,18 @@ impl Kernel {
     pub fn variants(&self) -> MutexGuard<'_, PipelineVariants<wgpu::ComputePipeline>> {
         let make = || {
             let source = self.source.clone();
-            Mutex::new(PipelineVariants::new(self.compile(Effects::all()), move |effects| source.compile(effects)))
+            let compile = move |effects| source.compile(effects);
+            #[cfg(not(target_family = "wasm"))]
+            let variants = PipelineVariants::new(compile(Effects::all()), compile);
+            #[cfg(target_family = "wasm")]
+            let variants = PipelineVariants::on_demand(compile);
+            Mutex::new(variants)
         };
         self.variants.get_or_init(make).lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Compiles a variant on the calling thread.
+    #[cfg(test)]
     pub fn compile(&self, effects: Effects) -> wgpu::ComputePipeline {
         self.source.compile(effects)
     }

@@ -23,7 +23,9 @@
 //! - The loss of the device and the lack of memory are not noticed: [`GpuError::DeviceLost`] and
 //!   [`GpuError::OutOfMemory`] do not occur. The engine learns of both from its own callbacks and
 //!   error scopes.
-//! - [`PipelineVariants::get`] compiles a missing variant before it returns.
+//! - [`PipelineVariants::get`] makes a missing variant before it returns. It returns soon, since
+//!   another process of the browser compiles, but nothing is drawn until that has finished. Call
+//!   [`PipelineVariants::on_demand`] to avoid the pipeline for all effects, which takes longest.
 
 mod bindings;
 mod candidates;

@@ -34,6 +34,9 @@ pub const MAX_VARIANTS: usize = 8;
 ///
 /// Dropping the cache waits for the variant that is being made.
 ///
+/// In browsers, `get` makes each variant before it returns, so the pipeline for all effects, whose
+/// compilation takes longest, would never be used. [`PipelineVariants::on_demand`] makes none.
+///
 /// ```
 /// use girandole::Effects;
 /// use girandole::gpu::PipelineVariants;
@@ -46,7 +49,8 @@ pub const MAX_VARIANTS: usize = 8;
 /// }
 /// ```
 pub struct PipelineVariants<P> {
-    general: Variant<P>,
+    /// `None` in a cache that makes all pipelines on demand.
+    general: Option<Variant<P>>,
     special: Vec<Variant<P>>,
     /// Sets whose making panicked.
     failed: Vec<Effects>,
@@ -68,23 +72,27 @@ impl<P> PipelineVariants<P> {
     /// others.
     ///
     /// If none is made for just these effects, `get` starts to make one, unless another is being
-    /// made. It waits for that only where no thread can be started.
+    /// made. It waits for that only where no thread can be started, and in a cache that makes
+    /// pipelines [on demand](PipelineVariants::on_demand).
     pub fn get(&mut self, effects: Effects) -> &P {
         let effects = key(effects);
         self.calls += 1;
         if let Some((effects, made)) = self.maker.take_finished() {
             self.keep(effects, made);
         }
-        if !self.has(effects)
-            && !self.failed.contains(&effects)
-            && !self.maker.is_busy()
-            && let Some(made) = self.maker.start(effects)
-        {
-            self.keep(effects, made);
+        if !self.has(effects) && !self.failed.contains(&effects) && !self.maker.is_busy() {
+            if self.general.is_none() {
+                // Without a pipeline that could serve instead, a panic goes to the caller.
+                let pipeline = (self.maker.make)(effects);
+                self.keep(effects, Ok(pipeline));
+            } else if let Some(made) = self.maker.start(effects) {
+                self.keep(effects, made);
+            }
         }
         let calls = self.calls;
-        let fitting = self.special.iter_mut().filter(|variant| variant.effects.contains(effects));
-        let best = fitting.min_by_key(|variant| variant.effects.bits().count_ones()).unwrap_or(&mut self.general);
+        let fitting = self.general.iter_mut().chain(&mut self.special).filter(|one| one.effects.contains(effects));
+        let best = fitting.min_by_key(|variant| variant.effects.bits().count_ones());
+        let best = best.expect("there is a general pipeline, or the variant was made and no panic was caught");
         best.last_used = calls;
         &best.pipeline
     }
@@ -95,9 +103,9 @@ impl<P> PipelineVariants<P> {
     }
 
     /// The sets that pipelines are ready for, without [`Effects::MOVING`]; the set of all effects
-    /// is first.
+    /// is first if there is a general pipeline.
     pub fn ready(&self) -> impl Iterator<Item = Effects> {
-        std::iter::once(&self.general).chain(&self.special).map(|variant| variant.effects)
+        self.general.iter().chain(&self.special).map(|variant| variant.effects)
     }
 
     /// Keeps a variant that was made, or remembers that its making panicked.
@@ -113,8 +121,8 @@ impl<P> PipelineVariants<P> {
         self.special.push(Variant { effects, pipeline, last_used: self.calls });
     }
 
-    fn with_maker(general: P, maker: VariantMaker<P>) -> Self {
-        let general = Variant { effects: key(Effects::all()), pipeline: general, last_used: 0 };
+    fn with_maker(general: Option<P>, maker: VariantMaker<P>) -> Self {
+        let general = general.map(|pipeline| Variant { effects: key(Effects::all()), pipeline, last_used: 0 });
         Self { general, special: Vec::new(), failed: Vec::new(), calls: 0, maker }
     }
 }
@@ -127,7 +135,17 @@ impl<P: Send + 'static> PipelineVariants<P> {
     /// The function is given sets without [`Effects::MOVING`]. It is called on other threads; it
     /// must own what it needs, such as a [`LightShader`](super::LightShader).
     pub fn new(general: P, make: impl Fn(Effects) -> P + Send + Sync + 'static) -> Self {
-        Self::with_maker(general, VariantMaker::with_threads(make))
+        Self::with_maker(Some(general), VariantMaker::with_threads(make))
+    }
+
+    /// Creates a cache without a pipeline for all effects, which makes each pipeline inside of
+    /// [`PipelineVariants::get`] when it is asked for first. It is for platforms where compilation
+    /// on another thread gains nothing, such as browsers; elsewhere each new set of effects delays a
+    /// frame.
+    ///
+    /// The function is given sets without [`Effects::MOVING`]. If it panics, so does `get`.
+    pub fn on_demand(make: impl Fn(Effects) -> P + Send + Sync + 'static) -> Self {
+        Self::with_maker(None, VariantMaker::without_threads(Box::new(make)))
     }
 }
 
@@ -138,7 +156,15 @@ impl<P> PipelineVariants<P> {
     ///
     /// The function is given sets without [`Effects::MOVING`].
     pub fn new(general: P, make: impl Fn(Effects) -> P + 'static) -> Self {
-        Self::with_maker(general, VariantMaker { make: Box::new(make), start: None, job: None })
+        Self::with_maker(Some(general), VariantMaker::without_threads(Box::new(make)))
+    }
+
+    /// Creates a cache without a pipeline for all effects, which makes each pipeline inside of
+    /// [`PipelineVariants::get`] when it is asked for first.
+    ///
+    /// The function is given sets without [`Effects::MOVING`]. If it panics, so does `get`.
+    pub fn on_demand(make: impl Fn(Effects) -> P + 'static) -> Self {
+        Self::with_maker(None, VariantMaker::without_threads(Box::new(make)))
     }
 }
 
@@ -185,6 +211,10 @@ struct Job<P> {
 }
 
 impl<P> VariantMaker<P> {
+    fn without_threads(make: Box<Make<P>>) -> Self {
+        Self { make, start: None, job: None }
+    }
+
     #[cfg(not(target_family = "wasm"))]
     fn with_threads(make: impl Fn(Effects) -> P + Send + Sync + 'static) -> Self
     where
@@ -282,7 +312,7 @@ mod tests {
             assert!(effects != Effects::AREAS, "a panic that the test asked for");
             effects
         };
-        (PipelineVariants::with_maker(GENERAL, VariantMaker { make: Box::new(make), start, job: None }), started)
+        (PipelineVariants::with_maker(Some(GENERAL), VariantMaker { make: Box::new(make), start, job: None }), started)
     }
 
     /// Calls `get` until a variant is ready. The bound only ends a test that fails.
@@ -390,6 +420,28 @@ mod tests {
         }
         assert_eq!(*variants.get(Effects::CONES), Effects::CONES);
         assert_eq!(started.try_iter().collect::<Vec<_>>(), [Effects::AREAS, Effects::CONES]);
+    }
+
+    #[test]
+    fn on_demand_only_what_is_asked_for_is_made_and_a_panic_reaches_the_caller() {
+        let (report, started) = channel();
+        let report = Mutex::new(report);
+        let mut variants = PipelineVariants::on_demand(move |effects: Effects| {
+            report.lock().expect("no panic before").send(effects).expect("the test listens");
+            effects
+        });
+        assert_eq!(variants.ready().count(), 0);
+        for _ in 0..2 {
+            assert_eq!(*variants.get(Effects::all()), GENERAL);
+            assert_eq!(*variants.get(Effects::CONES | Effects::MOVING), Effects::CONES);
+        }
+        assert_eq!(variants.ready().collect::<Vec<_>>(), [GENERAL, Effects::CONES]);
+        assert_eq!(started.try_iter().collect::<Vec<_>>(), [GENERAL, Effects::CONES]);
+        let mut broken = PipelineVariants::on_demand(|_| -> Effects { panic!("a panic that the test asked for") });
+        let get = |broken: &mut PipelineVariants<Effects>| {
+            catch_unwind(AssertUnwindSafe(|| *broken.get(Effects::CONES))).is_err()
+        };
+        assert!(get(&mut broken) && get(&mut broken));
     }
 
     #[test]

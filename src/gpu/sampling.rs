@@ -16,8 +16,8 @@ impl GpuLights {
     ///
     /// The first call compiles a pipeline for all effects and waits for it. A faster pipeline, for
     /// just the effects of the world, is then compiled on another thread; a more general one serves
-    /// until it is ready. Where no thread can be started, as in browsers, the call compiles it at
-    /// once. Each call makes a bind group.
+    /// until it is ready. Where no thread can be started the call compiles it at once. In browsers it
+    /// compiles only that pipeline. Each call makes a bind group.
     pub fn sample(
         &self,
         encoder: &mut wgpu::CommandEncoder,

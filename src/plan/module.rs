@@ -1,22 +1,21 @@
 //! The WGSL functions as a module that shader composers import.
 
-/// Returns a text of [`wgsl`](super::wgsl) as a module for naga_oil, the composer of Bevy 0.19, with
-/// the import path `girandole`.
+/// Turns a text of [`wgsl`](super::wgsl) into a module for naga_oil, the composer of Bevy 0.19, with the import path
+/// `girandole`.
 ///
 /// ```text
 /// #import girandole::{light_surface_point, light_sample}
 /// ```
 ///
 /// `text` may come from [`wgsl`](super::wgsl), [`wgsl_with_target`](super::wgsl_with_target) or
-/// `girandole::gpu::LightShader`, with [`wgsl_previous`](super::wgsl_previous) appended or not. Add one module to a
-/// composer: its bindings are those of the group that the text was made for.
+/// `girandole::gpu::LightShader`, with or without [`wgsl_previous`](super::wgsl_previous) appended. Add only one such
+/// module to a composer. Its bindings belong to the group that the text was made for.
 ///
-/// naga_oil allows no circular imports, so the function of a [`TargetHook`](super::TargetHook) has to be
-/// part of the module: append its text to the result. That text may import other modules, but not
-/// this one.
+/// naga_oil allows no circular imports, so the function of a [`TargetHook`](super::TargetHook) must be part of the
+/// module: append its text to the result. The function may import other modules, but not this one.
 ///
-/// WESL, the composer of Bevy 0.20, needs no such call: every text is a module of WESL as it is. Add it to the
-/// resolver under the path `girandole`, and write `import girandole::{light_surface_point, light_sample};`.
+/// WESL, the composer of Bevy 0.20, needs no such call: every text already is a WESL module. Add it to the resolver
+/// under the path `girandole`, and write `import girandole::{light_surface_point, light_sample};`.
 #[must_use]
 pub fn naga_oil_module(text: &str) -> String {
     format!("#define_import_path girandole\n{text}")

@@ -12,12 +12,11 @@ use girandole::glam::{Affine3A, Vec2, Vec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
-use obvhs::bvh2::builder::build_bvh2;
+use obvhs::bvh2::leaf_collapser::collapse;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 use rayon::prelude::*;
 use std::ops::Range;
-use std::time::Duration;
 
 /// At most 8, for which a reference to a leaf has three bits.
 const MAX_LEAF_TRIANGLES: u32 = 4;
@@ -343,10 +342,24 @@ fn build_mesh(mesh: &Mesh) -> BuiltMesh {
     if boxes.len() <= MAX_LEAF_TRIANGLES as usize {
         return BuiltMesh { bvh: None, order: (0..boxes.len() as u32).collect(), bounds };
     }
-    let params = BvhBuildParams { max_prims_per_leaf: MAX_LEAF_TRIANGLES, ..BvhBuildParams::medium_build() };
-    let bvh = build_bvh2(&boxes, params, &mut Duration::default());
+    let bvh = build_bvh(&boxes);
     let order = bvh.primitive_indices.clone();
     BuiltMesh { bvh: Some(bvh), order, bounds }
+}
+
+/// Builds as `build_bvh2` of obvhs does, which also reads a clock that browsers lack.
+fn build_bvh(boxes: &[Aabb]) -> Bvh2 {
+    let params = BvhBuildParams::medium_build();
+    let indices = (0..boxes.len() as u32).collect();
+    let mut builder = PlocBuilder::with_capacity(boxes.len());
+    let (distance, depth) = (params.ploc_search_distance, params.search_depth_threshold);
+    let mut bvh = builder.build(distance, boxes, indices, params.sort_precision, depth);
+    let mut optimizer = ReinsertionOptimizer::default();
+    optimizer.run(&mut bvh, params.reinsertion_batch_ratio, None);
+    collapse(&mut bvh, MAX_LEAF_TRIANGLES, params.collapse_traversal_cost);
+    let ratio = params.reinsertion_batch_ratio * params.post_collapse_reinsertion_batch_ratio_multiplier;
+    optimizer.run(&mut bvh, ratio, None);
+    bvh
 }
 
 /// Whether any triangle of a mesh is opaque.

@@ -9,13 +9,15 @@
 //!
 //! Read in this order:
 //!
-//! 1. this file and `texture`: the types of a stage;
+//! 1. `texture` and `stage`: the types of a stage;
 //! 2. `palette`, `part` and `assembly`: materials, and meshes that are built together with their
 //!    lights (`rng` is in `examples/common/pcg.rs`);
 //! 3. `designs`: buildings, street furniture, signs and vehicles;
-//! 4. the loaders, in any order; each folder's `mod.rs` states the order of its files.
+//! 4. the loaders, in any order; each folder's `mod.rs` states the order of its files;
+//! 5. `size_argument`: the sizes of the procedural city on a command line.
 
 pub mod texture;
+mod stage;
 
 pub mod palette;
 pub mod part;
@@ -27,208 +29,9 @@ pub mod gltf_scene;
 pub mod procedural;
 pub mod real_city;
 
+mod size_argument;
+
 /// Random numbers.
 pub use crate::common::pcg as rng;
 
-use girandole::LightWorld;
-use girandole::glam::{Affine3A, Vec2, Vec3};
-use texture::Texture;
-
-/// Whether light passes through a surface, as glTF states it. A surface that covers a share of what
-/// lies behind it stops that share of the light.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum Alpha {
-    /// It covers all.
-    #[default]
-    Opaque,
-    /// It covers all where its opacity is at least this, and nothing elsewhere.
-    Mask(f32),
-    /// It covers a share that equals its opacity.
-    Blend,
-}
-
-/// How a surface scatters and emits light: GGX over a diffuse base, the metallic-roughness model of
-/// glTF.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Material {
-    /// Linear base colour; each channel is in [0, 1].
-    pub base_color: Vec3,
-    /// Perceptual roughness in [0, 1]; GGX alpha is its square.
-    pub roughness: f32,
-    /// 0 for dielectrics, 1 for metals.
-    pub metallic: f32,
-    /// Emitted radiance in nits, from the front (counter-clockwise) side.
-    pub emission: Vec3,
-    /// Whether the back side emits too.
-    pub two_sided_emission: bool,
-    /// Whether shadow rays pass through.
-    pub see_through: bool,
-    /// Whether light passes through for camera and shadow rays alike.
-    pub alpha: Alpha,
-    /// The opacity, from 0 to 1, that `alpha` refers to.
-    pub opacity: f32,
-    /// A texture by whose colour the base colour is multiplied, and by whose alpha the opacity: an
-    /// index into [`Scene::textures`].
-    pub base_color_texture: Option<u32>,
-    /// A texture by whose colour the emission is multiplied.
-    pub emission_texture: Option<u32>,
-    /// A texture by whose green channel the roughness is multiplied, and by whose blue one the
-    /// metallic factor.
-    pub roughness_texture: Option<u32>,
-}
-
-impl Material {
-    /// The textures that it uses.
-    pub fn textures(&self) -> impl Iterator<Item = u32> {
-        [self.base_color_texture, self.emission_texture, self.roughness_texture].into_iter().flatten()
-    }
-}
-
-impl Default for Material {
-    fn default() -> Self {
-        Self {
-            base_color: Vec3::splat(0.5),
-            roughness: 0.8,
-            metallic: 0.0,
-            emission: Vec3::ZERO,
-            two_sided_emission: false,
-            see_through: false,
-            alpha: Alpha::Opaque,
-            opacity: 1.0,
-            base_color_texture: None,
-            emission_texture: None,
-            roughness_texture: None,
-        }
-    }
-}
-
-/// A triangle in the space of its mesh.
-#[derive(Clone, Copy, Debug)]
-pub struct Triangle {
-    /// Counter-clockwise from the front.
-    pub vertices: [Vec3; 3],
-    /// Index into [`Scene::materials`].
-    pub material: u32,
-}
-
-/// Triangles that any number of objects share.
-#[derive(Clone, Debug, Default)]
-pub struct Mesh {
-    /// Not empty in a scene that a loader returns.
-    pub triangles: Vec<Triangle>,
-    /// Two texture coordinates for each corner of each triangle, or nothing if no material of the mesh
-    /// has a texture.
-    pub tex_coords: Vec<[[Vec2; 3]; 2]>,
-}
-
-/// A placed mesh.
-#[derive(Clone, Copy, Debug)]
-pub struct Object {
-    /// Index into [`Scene::meshes`].
-    pub mesh: u32,
-    /// Mesh space to world space.
-    pub transform: Affine3A,
-    /// Factor on the emission of its materials: 0 for a lamp that is switched off.
-    pub emission_scale: f32,
-    /// Objects that are not visible cast no shadows either.
-    pub visible: bool,
-}
-
-/// A pinhole camera.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Camera {
-    /// Position.
-    pub eye: Vec3,
-    /// A point that appears in the middle of the picture.
-    pub target: Vec3,
-    /// Radians.
-    pub vertical_fov: f32,
-}
-
-/// The radiance of the sky, and the faint light without shadows that it adds to surfaces. Nits.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sky {
-    /// Radiance straight up.
-    pub zenith: Vec3,
-    /// Radiance at the horizon and below, where a city's glow is.
-    pub horizon: Vec3,
-    /// Added to every surface as albedo times ambient. It is not sampled.
-    pub ambient: Vec3,
-    /// The share of the light of surfaces that haze replaces by the radiance at the horizon on each
-    /// metre to the camera; 0 for clear air.
-    pub haze: f32,
-}
-
-/// Everything that a renderer needs, except for the lights.
-#[derive(Clone, Debug)]
-pub struct Scene {
-    /// Materials, by index.
-    pub materials: Vec<Material>,
-    /// Textures, by index. They do not change after loading.
-    pub textures: Vec<Texture>,
-    /// Meshes, by index.
-    pub meshes: Vec<Mesh>,
-    /// Placed meshes. Their number and their meshes do not change after loading: objects that
-    /// appear and disappear change their visibility.
-    pub objects: Vec<Object>,
-    /// The camera.
-    pub camera: Camera,
-    /// The sky.
-    pub sky: Sky,
-    /// Shadow rays towards point and spot lights end this many metres before the light, because
-    /// such lights often lie inside the mesh of their lamp.
-    pub lamp_clearance: f32,
-    /// Factor on radiance before tone mapping.
-    pub exposure: f32,
-    /// What the user should know about the files: one line each.
-    pub warnings: Vec<String>,
-}
-
-/// What moves a stage. `time` is in seconds from the start and never decreases.
-pub trait Animation {
-    /// Moves objects and lights to where they are at `time`. Changes nothing else.
-    fn advance(&mut self, time: f64, scene: &mut Scene, world: &mut LightWorld) -> Result<(), SceneError>;
-
-    /// Whether nothing moves after the first call of [`Animation::advance`], so that it needs no
-    /// other.
-    fn is_still(&self) -> bool {
-        false
-    }
-}
-
-/// A scene, its lights, and what moves both.
-pub struct Stage {
-    /// Geometry, materials and camera.
-    pub scene: Scene,
-    /// Lights.
-    pub world: LightWorld,
-    /// Motion.
-    pub animation: Box<dyn Animation>,
-}
-
-impl Stage {
-    /// Removes the lights at infinity, which belong to no tree.
-    #[allow(dead_code, reason = "only measuring programs compare samplers that lack such lights")]
-    pub fn remove_directionals(&mut self) -> Result<(), SceneError> {
-        let keys: Vec<_> = self.world.directionals().map(|(key, _)| key).collect();
-        keys.into_iter().try_for_each(|key| Ok(self.world.remove_directional(key)?))
-    }
-}
-
-/// Why a stage could not be loaded, moved or rendered: one line for the user.
-#[derive(Debug)]
-pub struct SceneError(pub String);
-
-impl std::fmt::Display for SceneError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
-impl std::error::Error for SceneError {}
-
-impl From<girandole::WorldError> for SceneError {
-    fn from(error: girandole::WorldError) -> Self {
-        Self(error.to_string())
-    }
-}
+pub use stage::*;

@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use girandole::glam::{Affine2, Vec2, Vec3, Vec4};
-use girandole::gltf::{TextureImage, TextureWrap};
 
 /// Longest side of an image, pixels. The renderer packs a side into 16 bits, and larger images show
 /// no more in pictures of usual sizes.
@@ -20,14 +19,18 @@ pub struct Pixels {
     pub rgba: Vec<[u8; 4]>,
 }
 
-impl Pixels {
-    /// The image as the library averages it.
-    pub fn as_texture_image(&self) -> TextureImage<'_> {
-        TextureImage { width: self.width, height: self.height, rgba: self.rgba.as_flattened() }
-    }
+/// What a texture shows beyond the sides of its image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wrap {
+    /// The image again.
+    Repeat,
+    /// The image again, each copy mirrored.
+    Mirror,
+    /// The texels at its sides.
+    Clamp,
 }
 
-/// How a material uses an image. `textures.wgsl` has the same functions.
+/// How a material uses an image. `texels.wgsl` has the same functions.
 #[derive(Clone, Debug)]
 pub struct Texture {
     /// The image, which other textures may share.
@@ -38,7 +41,7 @@ pub struct Texture {
     /// corner.
     pub transform: Affine2,
     /// What lies beyond the sides, along x and along y.
-    pub wrap: [TextureWrap; 2],
+    pub wrap: [Wrap; 2],
     /// Whether texels are squares of one colour. Otherwise colours are interpolated.
     pub is_nearest: bool,
     /// Whether red, green and blue are sRGB-encoded.
@@ -51,14 +54,14 @@ pub fn srgb_to_linear(encoded: f32) -> f32 {
 }
 
 /// The texel that shows at a place along an axis.
-fn wrapped(place: i32, size: i32, wrap: TextureWrap) -> i32 {
+fn wrapped(place: i32, size: i32, wrap: Wrap) -> i32 {
     match wrap {
-        TextureWrap::Repeat => place.rem_euclid(size),
-        TextureWrap::Mirror => {
+        Wrap::Repeat => place.rem_euclid(size),
+        Wrap::Mirror => {
             let place = place.rem_euclid(2 * size);
             place.min(2 * size - 1 - place)
         }
-        TextureWrap::Clamp => place.clamp(0, size - 1),
+        Wrap::Clamp => place.clamp(0, size - 1),
     }
 }
 
@@ -112,7 +115,7 @@ mod tests {
             pixels: Arc::new(pixels),
             coordinates: 1,
             transform: Affine2::IDENTITY,
-            wrap: [TextureWrap::Repeat; 2],
+            wrap: [Wrap::Repeat; 2],
             is_nearest: false,
             is_srgb: true,
         };
@@ -120,9 +123,9 @@ mod tests {
         assert_eq!(at(&texture, 0.25), Vec4::new(0.0, 0.0, 0.0, 1.0));
         assert_eq!(at(&texture, 0.5), Vec4::new(0.5, 0.5, 0.5, 0.5));
         assert_eq!(at(&texture, 1.0).x, 0.5);
-        texture.wrap[0] = TextureWrap::Clamp;
+        texture.wrap[0] = Wrap::Clamp;
         assert_eq!([at(&texture, -3.0).x, at(&texture, 1.0).x], [0.0, 1.0]);
-        texture.wrap[0] = TextureWrap::Mirror;
+        texture.wrap[0] = Wrap::Mirror;
         assert_eq!([at(&texture, 1.25).x, at(&texture, 1.75).x], [1.0, 0.0]);
         texture.is_nearest = true;
         assert_eq!([at(&texture, 0.49).x, at(&texture, 0.51).x, at(&texture, 1e30).x], [0.0, 1.0, 0.0]);

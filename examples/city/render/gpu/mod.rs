@@ -7,16 +7,16 @@
 //! Read in this order:
 //!
 //! 1. this file: the frames;
-//! 2. `records`, `texels` and `buffers`: what is on the device, and in which layout;
-//! 3. `pipeline`, `sequence.wgsl`, `textures.wgsl` and `render.wgsl`: the shader.
+//! 2. `records`, `texels`, `scene_buffers` and `buffers`: what is on the device, and in which layout;
+//! 3. `pipeline`, `sequence.wgsl`, `texels.wgsl`, `textures.wgsl` and `render.wgsl`: the shader.
 
 use super::backend::{self, Gpu, USAGE_STORAGE_BUFFERS};
 use super::geometry::{self, Geometry, GeometryChange};
-use super::image::{Image, ShadowRays, first_half};
+use super::image::{self, Image, ShadowRays};
 use super::scene::{self, Scene, SceneError};
-use super::sequence::{self, block_bits, tile_bits};
+use super::sequence;
 use super::settings::Settings;
-use super::shading::View;
+use super::shading;
 use crate::common::gpu::{map, wait};
 use girandole::glam::Vec4;
 use girandole::gpu::{DEFAULT_USAGE_INTERVAL, GpuLights, LightShader, TargetHook, UsageCounts};
@@ -26,12 +26,13 @@ use std::time::Duration;
 
 mod records;
 mod texels;
+mod scene_buffers;
 mod buffers;
 mod pipeline;
 
 use buffers::{Buffers, PIXEL_BYTES, TIMESTAMP_BYTES};
-use pipeline::{LIGHT_GROUP, TARGET, TARGET_ARGUMENT, WORKGROUP, pipeline, stack_size};
-use records::{FrameUniform, Record};
+use pipeline::{LIGHT_GROUP, Needs, TARGET, TARGET_ARGUMENT, WORKGROUP, pipeline};
+use records::{FrameUniform, PictureOptions};
 
 /// Most pixels of a band.
 const BAND_PIXELS: u32 = 1 << 20;
@@ -58,11 +59,9 @@ pub struct GpuRenderer {
     bind_group: wgpu::BindGroup,
     /// The library's text that `pipeline` was compiled with.
     shader: LightShader,
-    /// The size of the traversal stack that `pipeline` was compiled with.
-    stack_size: usize,
+    /// What `pipeline` was compiled for.
+    needs: Needs,
     pipeline: wgpu::ComputePipeline,
-    /// Number of records that precede those of the objects.
-    first_object: usize,
     /// Rows of a band.
     band_rows: u32,
 }
@@ -102,10 +101,9 @@ impl GpuRenderer {
             lights.shader(LIGHT_GROUP, effects)
         };
         let shader = shader.with_target(target);
-        let stack_size = stack_size(geometry);
-        let pipeline = pipeline(device, &layout, &shader, stack_size);
-        let first_object = scene.materials.len() + scene.textures.len();
-        Ok(Self { gpu, lights, buffers, layout, bind_group, shader, stack_size, pipeline, first_object, band_rows })
+        let needs = Needs::new(scene, geometry);
+        let pipeline = pipeline(device, &layout, &shader, needs);
+        Ok(Self { gpu, lights, buffers, layout, bind_group, shader, needs, pipeline, band_rows })
     }
 
     /// Destroys the device, as a driver that crashed would.
@@ -137,16 +135,15 @@ impl GpuRenderer {
         world: &LightWorld,
         delta: &FrameDelta,
     ) -> Result<GpuUpdate, SceneError> {
-        let geometry_bytes = self.upload_geometry(geometry, change);
+        let geometry_bytes = self.buffers.scene.upload(&self.gpu.queue, geometry, change);
         let light_bytes = self.lights.upload(world, delta).map_err(|e| SceneError(e.to_string()))?.bytes;
         // The effect MOVING changes no shader. An interactive program would use
         // `gpu::PipelineVariants`, which never blocks. This one blocks on purpose, so that the same
         // seed always gives the same picture.
         let effects = world.effects() - Effects::MOVING;
-        if stack_size(geometry) > self.stack_size || effects != self.shader.effects {
-            self.stack_size = self.stack_size.max(stack_size(geometry));
+        if self.needs.grow(geometry) || effects != self.shader.effects {
             self.shader = self.shader.with_effects(effects);
-            self.pipeline = pipeline(&self.gpu.device, &self.layout, &self.shader, self.stack_size);
+            self.pipeline = pipeline(&self.gpu.device, &self.layout, &self.shader, self.needs);
         }
         Ok(GpuUpdate { light_bytes, geometry_bytes, top_build: self.build_top()? })
     }
@@ -160,36 +157,13 @@ impl GpuRenderer {
         seed: u32,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<(Image, ShadowRays), SceneError> {
-        let view = View::new(&scene.camera, settings.width, settings.height);
-        let block_bits = block_bits(settings.spp);
-        let mut frame = FrameUniform {
-            eye: view.eye,
-            width: settings.width,
-            right: view.right,
-            height: settings.height,
-            up: view.up,
-            seed,
-            forward: view.forward,
-            lamp_clearance: scene.lamp_clearance,
-            zenith: scene.sky.zenith,
-            top_root: geometry.top.root,
-            horizon: scene.sky.horizon,
-            first_object: self.first_object as u32,
-            ambient: scene.sky.ambient,
+        let options = PictureOptions {
+            size: [settings.width, settings.height],
+            spp: settings.spp,
             candidates: settings.candidates.get(),
-            occluder_min: geometry.occluders.min,
-            block_bits,
-            occluder_max: geometry.occluders.max,
-            tile_bits: tile_bits(block_bits),
-            sample_begin: 0,
-            sample_end: 0,
-            row_begin: 0,
-            row_end: 0,
-            haze: scene.sky.haze,
-            first_tex_coords: geometry.triangles.len() as u32,
-            first_half: first_half(settings.spp),
-            padding: 0,
+            seed,
         };
+        let mut frame = FrameUniform::new(scene, geometry, self.buffers.scene.first_object(), &options);
         let mut rays = ShadowRays::default();
         let mut sums: Vec<Vec4> = Vec::with_capacity(settings.width as usize * settings.height as usize);
         while frame.row_end < settings.height {
@@ -216,24 +190,6 @@ impl GpuRenderer {
         Ok((Image::from_sums(settings.width, settings.height, settings.spp, sums.into_iter()), rays))
     }
 
-    /// Uploads what changed and returns the number of bytes.
-    fn upload_geometry(&self, geometry: &Geometry, change: &GeometryChange) -> u64 {
-        let mut uploaded = 0;
-        let mut write = |buffer: &wgpu::Buffer, offset: usize, bytes: &[u8]| {
-            self.gpu.queue.write_buffer(buffer, offset as u64, bytes);
-            uploaded += bytes.len() as u64;
-        };
-        for range in &change.objects {
-            let records: Vec<Record> = geometry.objects[range.clone()].iter().map(Record::of_object).collect();
-            let offset = (self.first_object + range.start) * size_of::<Record>();
-            write(&self.buffers.records, offset, bytemuck::cast_slice(&records));
-        }
-        if change.top {
-            write(&self.buffers.nodes, 0, bytemuck::cast_slice(geometry.top_nodes()));
-        }
-        uploaded
-    }
-
     /// Builds the top level of the light trees and returns the time that it took on the device.
     fn build_top(&mut self) -> Result<Option<Duration>, SceneError> {
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
@@ -258,7 +214,7 @@ impl GpuRenderer {
     }
 
     fn dispatch(&self, frame: &FrameUniform) -> Result<(), SceneError> {
-        self.gpu.queue.write_buffer(&self.buffers.uniform, 0, bytemuck::bytes_of(frame));
+        self.gpu.queue.write_buffer(&self.buffers.scene.uniform, 0, bytemuck::bytes_of(frame));
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         let mut pass = encoder.begin_compute_pass(&Default::default());
         pass.set_pipeline(&self.pipeline);

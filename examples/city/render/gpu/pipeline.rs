@@ -1,6 +1,7 @@
 //! The render shader, joined with the library's text, and its pipeline.
 
 use super::geometry::Geometry;
+use super::scene::Scene;
 use super::sequence::DIRECTIONS;
 use super::texels::TEXEL_ROW;
 use girandole::gpu::LightShader;
@@ -16,15 +17,51 @@ pub const TARGET: &str = "reflected_luminance";
 /// The type in `render.wgsl` that the function takes beside a shading point and a light.
 pub const TARGET_ARGUMENT: &str = "Surface";
 
+/// `sample_texture` for scenes without textures, in which nothing calls it.
+const NO_TEXELS: &str = "fn sample_texture(record: u32, coordinates: vec4<f32>) -> vec4<f32> {
+    return vec4<f32>(1.0);
+}
+";
+
+/// What the shader's text depends on, beside the library's text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Needs {
+    /// The size of the traversal stack.
+    pub stack_size: usize,
+    /// Whether any surface has a texture.
+    pub textures: bool,
+}
+
+impl Needs {
+    /// The needs of a scene. The stack is rounded up so that a slightly deeper upper hierarchy needs no
+    /// other shader.
+    pub fn new(scene: &Scene, geometry: &Geometry) -> Self {
+        let mut needs = Self { stack_size: 0, textures: !scene.textures.is_empty() };
+        needs.grow(geometry);
+        needs
+    }
+
+    /// Makes the stack larger if the hierarchies are too deep for it. Returns whether they were.
+    pub fn grow(&mut self, geometry: &Geometry) -> bool {
+        let is_small = self.stack_size < geometry.stack_size() + 4;
+        if is_small {
+            self.stack_size = (geometry.stack_size() + 4).next_multiple_of(16);
+        }
+        is_small
+    }
+}
+
 /// The text of the shader. `light` is the library's text. `records_usage` is whether the shader
 /// counts the lights that it samples.
-pub fn shader_source(light: &str, records_usage: bool, stack_size: usize) -> String {
+pub fn shader_source(light: &str, records_usage: bool, needs: Needs) -> String {
     let body = if records_usage { "light_record_usage(instance, vec4<f32>(number));" } else { "" };
+    let stack_size = needs.stack_size;
     format!(
         "{light}\nconst STACK_SIZE: u32 = {stack_size}u;\nconst TEXEL_ROW: u32 = {TEXEL_ROW}u;\n\
-         fn record_usage(instance: u32, number: f32) {{ {body} }}\n{}\n{}\n{}\n{}",
+         fn record_usage(instance: u32, number: f32) {{ {body} }}\n{}\n{}\n{}\n{}\n{}",
         sobol_text(),
         include_str!("sequence.wgsl"),
+        if needs.textures { include_str!("texels.wgsl") } else { NO_TEXELS },
         include_str!("textures.wgsl"),
         include_str!("render.wgsl")
     )
@@ -40,22 +77,16 @@ fn sobol_text() -> String {
     format!("fn sobol(index: u32) -> vec4<u32> {{\n    var x = vec4<u32>(0u);\n{lines}    return x;\n}}\n")
 }
 
-/// The size of the traversal stack, rounded up so that a slightly deeper upper hierarchy needs no
-/// other shader.
-pub fn stack_size(geometry: &Geometry) -> usize {
-    (geometry.stack_size() + 4).next_multiple_of(16)
-}
-
 /// Compiles the pipeline.
 pub fn pipeline(
     device: &wgpu::Device,
     layout: &wgpu::BindGroupLayout,
     shader: &LightShader,
-    stack_size: usize,
+    needs: Needs,
 ) -> wgpu::ComputePipeline {
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("city render"),
-        source: wgpu::ShaderSource::Wgsl(shader_source(&shader.wgsl, shader.records_usage, stack_size).into()),
+        source: wgpu::ShaderSource::Wgsl(shader_source(&shader.wgsl, shader.records_usage, needs).into()),
     });
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("city render"),

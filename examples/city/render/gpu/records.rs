@@ -1,11 +1,13 @@
 //! The uniform and the records that `render.wgsl` reads.
 
-use super::geometry::PlacedObject;
-use super::scene::texture::Texture;
-use super::scene::{Alpha, Material};
+use super::geometry::{Geometry, PlacedObject};
+use super::image::first_half;
+use super::scene::texture::{Texture, Wrap};
+use super::scene::{Alpha, Material, Scene};
+use super::sequence::{block_bits, tile_bits};
+use super::shading::View;
 use bytemuck::{Pod, Zeroable};
 use girandole::glam::{Vec3, Vec4};
-use girandole::gltf::TextureWrap;
 
 /// What a dispatch needs to know. `Frame` in `render.wgsl`.
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -36,7 +38,60 @@ pub struct FrameUniform {
     pub haze: f32,
     pub first_tex_coords: u32,
     pub first_half: u32,
-    pub padding: u32,
+    /// 1 if samples are spread over the pixel and over lights, 0 if all pass through its middle and take
+    /// the same points on lights.
+    pub is_spread: u32,
+}
+
+/// What a picture is made with.
+#[derive(Clone, Copy, Debug)]
+pub struct PictureOptions {
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+    /// Samples per pixel, for which random numbers are evenly distributed.
+    pub spp: u32,
+    /// Candidates of which each sample keeps one.
+    pub candidates: u32,
+    /// Of the random numbers.
+    pub seed: u32,
+}
+
+impl FrameUniform {
+    /// The uniform of a picture, without samples and rows. `first_object` is the number of records that
+    /// precede those of the objects.
+    pub fn new(scene: &Scene, geometry: &Geometry, first_object: u32, options: &PictureOptions) -> Self {
+        let PictureOptions { size: [width, height], spp, candidates, seed } = *options;
+        let view = View::new(&scene.camera, width, height);
+        let block_bits = block_bits(spp);
+        Self {
+            eye: view.eye,
+            width,
+            right: view.right,
+            height,
+            up: view.up,
+            seed,
+            forward: view.forward,
+            lamp_clearance: scene.lamp_clearance,
+            zenith: scene.sky.zenith,
+            top_root: geometry.top.root,
+            horizon: scene.sky.horizon,
+            first_object,
+            ambient: scene.sky.ambient,
+            candidates,
+            occluder_min: geometry.occluders.min,
+            block_bits,
+            occluder_max: geometry.occluders.max,
+            tile_bits: tile_bits(block_bits),
+            sample_begin: 0,
+            sample_end: 0,
+            row_begin: 0,
+            row_end: 0,
+            haze: scene.sky.haze,
+            first_tex_coords: geometry.triangles.len() as u32,
+            first_half: first_half(spp),
+            is_spread: 1,
+        }
+    }
 }
 
 /// A material, a texture or an object. `Record` in `render.wgsl`.
@@ -83,9 +138,9 @@ impl Record {
     pub fn of_texture(texture: &Texture, first_texel: u32) -> Self {
         let Texture { pixels, coordinates, transform, wrap, is_nearest, is_srgb } = texture;
         let [wrap_x, wrap_y] = wrap.map(|wrap| match wrap {
-            TextureWrap::Repeat => 0,
-            TextureWrap::Mirror => 1,
-            TextureWrap::Clamp => 2,
+            Wrap::Repeat => 0,
+            Wrap::Mirror => 1,
+            Wrap::Clamp => 2,
         });
         let flag = |is_set: bool, flag: u32| if is_set { flag } else { 0 };
         let flags = flag(*is_nearest, NEAREST) | flag(*is_srgb, SRGB) | flag(*coordinates != 0, SECOND_COORDINATES);
@@ -120,7 +175,7 @@ impl Record {
 mod tests {
     use super::super::super::nodes::Node;
     use super::super::geometry::PackedTriangle;
-    use super::super::pipeline::{LIGHT_GROUP, TARGET, TARGET_ARGUMENT, shader_source};
+    use super::super::pipeline::{LIGHT_GROUP, Needs, TARGET, TARGET_ARGUMENT, shader_source};
     use super::*;
     use girandole::Effects;
     use girandole::plan::{TargetHook, wgsl_with_target};
@@ -139,8 +194,14 @@ mod tests {
     #[test]
     fn structs_have_the_same_layout_in_rust_and_wgsl() {
         let target = TargetHook::new(TARGET, TARGET_ARGUMENT).expect("identifiers");
-        let source = shader_source(&wgsl_with_target(LIGHT_GROUP, Effects::all(), &target), false, 32);
-        let module = naga::front::wgsl::parse_str(&source).unwrap_or_else(|e| panic!("{e:?}"));
+        let light = wgsl_with_target(LIGHT_GROUP, Effects::all(), &target);
+        let parse = |textures| {
+            let source = shader_source(&light, false, Needs { stack_size: 32, textures });
+            naga::front::wgsl::parse_str(&source).unwrap_or_else(|e| panic!("{e:?}"))
+        };
+        // A scene without textures has a shader of its own.
+        parse(false);
+        let module = parse(true);
         macro_rules! same {
             ($name:literal, $ty:ty, $($field:ident),+) => {
                 let expected = vec![$((stringify!($field).to_owned(), offset_of!($ty, $field))),+];
@@ -175,7 +236,7 @@ mod tests {
             haze,
             first_tex_coords,
             first_half,
-            padding
+            is_spread
         );
         same!("Node", Node, min0, child0, max0, padding0, min1, child1, max1, padding1);
         same!("Triangle", PackedTriangle, corner, material, edge1, flags, edge2, tex_coords);

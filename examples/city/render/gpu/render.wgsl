@@ -39,7 +39,9 @@ struct Frame {
     first_tex_coords: u32,
     // The number of samples whose luminance is summed up for the estimate of the error.
     first_half: u32,
-    padding: u32,
+    // 1 if samples are spread over the pixel and over lights. 0 if all pass through its middle and take
+    // the same points on lights, so that their mean estimates a sum that has no integral.
+    is_spread: u32,
 }
 
 struct Node {
@@ -293,19 +295,50 @@ fn may_be_occluded(origin: vec3<f32>, direction: vec3<f32>, limit: f32) -> bool 
 // The numbers of shadow rays that this invocation traced, and that it skipped because nothing could
 // block them.
 var<private> shadow_rays: vec2<f32>;
+// The distance of the last hit of a camera ray, or FAR.
+var<private> camera_distance: f32;
+
+// The direction of a camera ray through a pixel.
+fn camera_direction(corner: vec2<f32>, jitter: vec2<f32>) -> vec3<f32> {
+    let across = (corner + jitter) / vec2<f32>(f32(frame.width), f32(frame.height)) * 2.0 - 1.0;
+    return normalize(frame.forward + frame.right * across.x - frame.up * across.y);
+}
+
+// The numbers by which all samples of a pixel choose points on lights if they are not spread.
+fn fixed_numbers(pixel: u32) -> vec2<f32> {
+    return vec2<f32>(pcg4d(vec4<u32>(pixel, 0u, 0u, 0x2545f491u)).xy >> vec2<u32>(8u)) * (1.0 / 16777216.0);
+}
+
+fn spread(pixel: u32, numbers: SampleNumbers) -> SampleNumbers {
+    if frame.is_spread != 0u {
+        return numbers;
+    }
+    return SampleNumbers(
+        vec4<f32>(numbers.light.xy, fixed_numbers(pixel)),
+        vec4<f32>(0.5, 0.5, numbers.pixel.zw),
+    );
+}
 
 fn radiance(pixel: u32, index: u32, corner: vec2<f32>, numbers: SampleNumbers) -> vec3<f32> {
-    let across = (corner + numbers.pixel.xy) / vec2<f32>(f32(frame.width), f32(frame.height)) * 2.0 - 1.0;
-    let direction = normalize(frame.forward + frame.right * across.x - frame.up * across.y);
+    let direction = camera_direction(corner, numbers.pixel.xy);
     let hit = trace(frame.eye, direction, FAR, false, opacity_seed(pixel, index));
+    camera_distance = hit.dist;
     if hit.object == NOTHING {
         return sky_radiance(direction);
     }
     return through_haze(surface_radiance(direction, hit, numbers), hit.dist);
 }
 
-// The radiance that the surface of a hit sends against the direction of the ray.
-fn surface_radiance(direction: vec3<f32>, hit: Hit, numbers: SampleNumbers) -> vec3<f32> {
+// A surface as a camera ray meets it.
+struct MetSurface {
+    surface: Surface,
+    // The origin of shadow rays, a little in front of the surface.
+    position: vec3<f32>,
+    // What it sends to the camera without any light: its emission, and the faint light of the sky.
+    emitted: vec3<f32>,
+}
+
+fn met_surface(direction: vec3<f32>, hit: Hit) -> MetSurface {
     let facet = triangles[hit.triangle];
     let placed = records[frame.first_object + hit.object];
     let material = textured(facet, hit.weights);
@@ -316,39 +349,52 @@ fn surface_radiance(direction: vec3<f32>, hit: Hit, numbers: SampleNumbers) -> v
     let seen_from_front = dot(front, view) >= 0.0;
     let normal = select(-front, front, seen_from_front);
 
-    var sum = frame.ambient * material.row0.xyz;
+    var emitted = frame.ambient * material.row0.xyz;
     if seen_from_front || (material.words.x & TWO_SIDED) != 0u {
-        sum += material.row1.xyz * bitcast<f32>(placed.words.y);
+        emitted += material.row1.xyz * bitcast<f32>(placed.words.y);
     }
 
     let place = frame.eye + direction * hit.dist;
     let extent = max(max(abs(place.x), abs(place.y)), max(abs(place.z), hit.dist));
     let position = place + normal * (max(extent, 1.0) * 2e-5);
-    let surface = Surface(material.row0.xyz, material.row0.w, normal, material.row1.w, view);
-    let at = light_glossy_point(
-        position, normal, view, surface.roughness, luminance(specular_reflectance(surface)),
+    return MetSurface(Surface(material.row0.xyz, material.row0.w, normal, material.row1.w, view), position, emitted);
+}
+
+fn shading_point(at: MetSurface) -> LightShadingPoint {
+    let surface = at.surface;
+    return light_glossy_point(
+        at.position, surface.normal, surface.view, surface.roughness, luminance(specular_reflectance(surface)),
         luminance(surface.base_color) * (1.0 - surface.metallic),
     );
-    let kept = light_resample_by(at, surface, numbers.light, numbers.pixel.w, frame.candidates);
-    if kept.weight <= 0.0 {
-        return sum;
-    }
-    let light = kept.chosen;
-    record_usage(light.instance, numbers.pixel.z);
-    let contribution = reflected(surface, light) * kept.weight;
+}
+
+// The share of the light of a sample that arrives past other surfaces.
+fn unblocked_share(position: vec3<f32>, light: LightSample) -> f32 {
     var limit = light.dist * (1.0 - 1e-3);
     if light.is_delta != 0u {
         limit = light.dist - frame.lamp_clearance;
     }
     if !may_be_occluded(position, light.direction, limit) {
         shadow_rays.y += 1.0;
-        return sum + contribution;
+        return 1.0;
     }
     shadow_rays.x += 1.0;
     if trace(position, light.direction, min(limit, FAR), true, vec2<u32>(0u)).object != NOTHING {
-        return sum;
+        return 0.0;
     }
-    return sum + contribution * transmittance;
+    return transmittance;
+}
+
+// The radiance that the surface of a hit sends against the direction of the ray.
+fn surface_radiance(direction: vec3<f32>, hit: Hit, numbers: SampleNumbers) -> vec3<f32> {
+    let at = met_surface(direction, hit);
+    let kept = light_resample_by(shading_point(at), at.surface, numbers.light, numbers.pixel.w, frame.candidates);
+    if kept.weight <= 0.0 {
+        return at.emitted;
+    }
+    record_usage(kept.chosen.instance, numbers.pixel.z);
+    let contribution = reflected(at.surface, kept.chosen) * kept.weight;
+    return at.emitted + contribution * unblocked_share(at.position, kept.chosen);
 }
 
 @compute @workgroup_size(8, 8)
@@ -359,8 +405,8 @@ fn render(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let pixel = row * frame.width + id.x;
     let slot = id.y * frame.width + id.x;
-    // The counts of shadow rays follow the sums of the whole band. The first dispatch of a band
-    // starts both.
+    // The counts of shadow rays and the distance of the last sample follow the sums of the whole band.
+    // The first dispatch of a band starts both.
     let counts_slot = (frame.row_end - frame.row_begin) * frame.width + slot;
     var sum = vec4<f32>(0.0);
     if frame.sample_begin > 0u {
@@ -369,9 +415,10 @@ fn render(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let sequence = pixel_sequence(vec2<u32>(id.x, row), frame.block_bits, frame.tile_bits);
     for (var index = frame.sample_begin; index < frame.sample_end; index += 1u) {
-        let color = radiance(pixel, index, vec2<f32>(f32(id.x), f32(row)), sample_numbers(sequence, index));
+        let numbers = spread(pixel, sample_numbers(sequence, index));
+        let color = radiance(pixel, index, vec2<f32>(f32(id.x), f32(row)), numbers);
         sum += vec4<f32>(color, select(0.0, luminance(color), index < frame.first_half));
     }
     image[slot] = sum;
-    image[counts_slot] = vec4<f32>(shadow_rays, 0.0, 0.0);
+    image[counts_slot] = vec4<f32>(shadow_rays, camera_distance, 0.0);
 }

@@ -68,8 +68,13 @@ impl Images {
     /// The images as the library averages them.
     pub fn for_lights(&self) -> Vec<Option<TextureImage<'_>>> {
         let decoded = self.pixels.iter().map(Option::as_deref);
-        decoded.map(|pixels| pixels.map(Pixels::as_texture_image)).collect()
+        decoded.map(|pixels| pixels.map(as_texture_image)).collect()
     }
+}
+
+/// An image as the library averages it.
+fn as_texture_image(pixels: &Pixels) -> TextureImage<'_> {
+    TextureImage { width: pixels.width, height: pixels.height, rgba: pixels.rgba.as_flattened() }
 }
 
 /// The pixels of an image file, whatever its size; `None` if the format is not one that is decoded.

@@ -7,10 +7,10 @@ use girandole::gltf::gltf::json::{Value, deserialize};
 use girandole::gltf::gltf::material::AlphaMode;
 use girandole::gltf::gltf::texture::Info;
 use girandole::gltf::gltf::{Document, Material as GltfMaterial, Primitive, Semantic};
-use girandole::gltf::{TextureUse, material_emission};
+use girandole::gltf::{TextureUse, TextureWrap, material_emission};
 
 use super::images::Images;
-use super::texture::Texture;
+use super::texture::{Texture, Wrap};
 use super::{Alpha, Material};
 
 /// The opacity at which a mask cuts where the file does not state it.
@@ -78,6 +78,7 @@ impl<'a> Materials<'a> {
                 return None;
             };
             let TextureUse { transform, wrap, is_nearest, .. } = texture;
+            let wrap = wrap.map(wrap_of);
             self.textures.push(Texture { pixels, coordinates, transform, wrap, is_nearest, is_srgb });
             Some(self.textures.len() as u32 - 1)
         });
@@ -96,6 +97,14 @@ impl<'a> Materials<'a> {
 fn infos<'a>(material: &GltfMaterial<'a>) -> [Option<Info<'a>>; 3] {
     let surface = material.pbr_metallic_roughness();
     [surface.base_color_texture(), material.emissive_texture(), surface.metallic_roughness_texture()]
+}
+
+fn wrap_of(wrap: TextureWrap) -> Wrap {
+    match wrap {
+        TextureWrap::Repeat => Wrap::Repeat,
+        TextureWrap::Mirror => Wrap::Mirror,
+        TextureWrap::Clamp => Wrap::Clamp,
+    }
 }
 
 /// The place of a set of texture coordinates among the two of a material.

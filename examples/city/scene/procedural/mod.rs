@@ -44,17 +44,14 @@ use roads::{PITCH, Roads};
 use swarm::Swarm;
 use traffic_lights::TrafficLights;
 
-/// Size of a city. The comments on the variants are part of the help text.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+/// Size of a city. `size_argument.rs` has their names on a command line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Size {
-    /// 25 blocks, about 1,000 instances and 20,000 lights
-    #[value(name = "S", alias = "s")]
+    /// 25 blocks, about 1,000 instances and 20,000 lights.
     S,
-    /// 256 blocks, about 10,000 instances and 300,000 lights
-    #[value(name = "M", alias = "m")]
+    /// 256 blocks, about 10,000 instances and 300,000 lights.
     M,
-    /// 2,500 blocks, about 100,000 instances and 3,000,000 lights
-    #[value(name = "L", alias = "l")]
+    /// 2,500 blocks, about 100,000 instances and 3,000,000 lights.
     L,
 }
 

@@ -1,0 +1,406 @@
+/* What the interface refuses, and that a refusal changes nothing.
+ *
+ * Run it with AddressSanitizer and UndefinedBehaviorSanitizer, as test.sh does: a call that follows a bad
+ * pointer, or that leaks, fails there.
+ */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "girandole.h"
+
+static int failures = 0;
+
+static void expect_at(int line, const char *what, GirandoleStatus given, GirandoleStatus expected)
+{
+    if (given != expected) {
+        fprintf(stderr, "line %d: %s returns %d instead of %d: %s\n", line, what, (int)given, (int)expected,
+                girandole_last_error_message());
+        failures++;
+    }
+    if (given != GIRANDOLE_OK && girandole_last_error_message()[0] == 0) {
+        fprintf(stderr, "line %d: %s has no message\n", line, what);
+        failures++;
+    }
+}
+#define EXPECT(expected, call) expect_at(__LINE__, #call, call, expected)
+#define REQUIRE(holds) ((holds) ? (void)0 : (void)(fprintf(stderr, "line %d: %s\n", __LINE__, #holds), failures++))
+
+/* What a refused call must not change: the sizes of the world, and what arrives at a point. */
+typedef struct State {
+    GirandoleCounts counts;
+    GirandoleSample sample;
+} State;
+
+static State state_of(const GirandoleWorld *world)
+{
+    static const float u[4] = {0.3f, 0.6f, 0.2f, 0.9f};
+    GirandoleVec3 at = {0.5f, 0.0f, 0.5f}, up = {0.0f, 1.0f, 0.0f};
+    GirandoleShadingPoint ground = girandole_surface_point(at, up);
+    State state;
+    memset(&state, 0, sizeof state);
+    EXPECT(GIRANDOLE_OK, girandole_world_counts(world, &state.counts));
+    EXPECT(GIRANDOLE_OK, girandole_world_sample(world, 6, &ground, u, 1, &state.sample));
+    return state;
+}
+
+static int is_same(State a, State b)
+{
+    return a.counts.trees == b.counts.trees && a.counts.instances == b.counts.instances &&
+           a.counts.lights == b.counts.lights && a.counts.effects == b.counts.effects &&
+           a.counts.directionals == b.counts.directionals && a.sample.light.key == b.sample.light.key &&
+           a.sample.light.light == b.sample.light.light && a.sample.weight == b.sample.weight;
+}
+
+static GirandoleLight bulb(float candela)
+{
+    GirandoleVec3 at = {0.0f, 3.0f, 0.0f}, emission;
+    emission.x = emission.y = emission.z = candela;
+    return girandole_point_light(at, emission);
+}
+
+static void edits(GirandoleWorld *world, uint64_t tree, uint64_t instance)
+{
+    const GirandoleLight good = bulb(5.0f);
+    GirandoleLight bad[6];
+    GirandolePlacement place = girandole_placement_at(1.0, 0.0, 0.0), nowhere = girandole_placement_at(NAN, 0, 0);
+    GirandolePlacement flat = place;
+    GirandolePolicy policy = {99, 0.0f, 0.0f}, ratio = {GIRANDOLE_POLICY_RATIO, 0.5f, 0.0f};
+    GirandoleDVec3 far = {1e300, 0.0, 0.0}, nan3 = {0.0, NAN, 0.0};
+    GirandoleVec3 negative = {-1.0f, 0.0f, 0.0f}, none = {0.0f, 0.0f, 0.0f};
+    GirandoleDirectionalLight moon;
+    const GirandoleLightKind unknown = 77;
+    uint64_t key = 7, stale_tree, stale, moved[2];
+    uint32_t index[2] = {0, 0}, beyond = 1000, slot = 7, generation = 7;
+    size_t count = 7, other = 7;
+    GirandolePlacement places[2];
+    GirandoleTreeLight removed;
+    const State before = state_of(world);
+    int i;
+
+    for (i = 0; i < 6; i++) bad[i] = good;
+    bad[0].emission.y = NAN;
+    bad[1].kind = unknown;
+    bad[2].two_sided = 2;
+    bad[3].range = -1.0f;
+    bad[4] = girandole_spot_light(none, none, 0.1f, 0.2f, none);
+    bad[5].emission.x = -1.0f;
+    EXPECT(100, girandole_world_add_tree(world, &bad[0], 1, &key));
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_add_tree(world, &bad[1], 1, &key));
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_add_tree(world, &bad[2], 1, &key));
+    EXPECT(104, girandole_world_add_tree(world, &bad[3], 1, &key));
+    EXPECT(102, girandole_world_add_tree(world, &bad[4], 1, &key));
+    EXPECT(101, girandole_world_add_tree(world, &bad[5], 1, &key));
+    EXPECT(101, girandole_world_add_placeholder(world, &bad[5], 1, &key));
+    /* A good light before a bad one. */
+    bad[4] = good;
+    EXPECT(101, girandole_world_add_tree(world, &bad[4], 2, &key));
+    EXPECT(101, girandole_world_add_lights(world, tree, &bad[4], 2, index));
+    EXPECT(101, girandole_world_replace_lights(world, tree, &bad[4], 2));
+    index[0] = 0, index[1] = 1;
+    EXPECT(101, girandole_world_set_lights(world, tree, index, &bad[4], 2));
+    EXPECT(GIRANDOLE_ERROR_NO_SUCH_LIGHT, girandole_world_set_lights(world, tree, &beyond, &good, 1));
+    EXPECT(GIRANDOLE_ERROR_NO_SUCH_LIGHT, girandole_world_remove_lights(world, tree, &beyond, 1));
+    index[1] = 0;
+    EXPECT(GIRANDOLE_ERROR_REMOVED_LIGHT, girandole_world_remove_lights(world, tree, index, 2));
+
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_add_tree(NULL, &good, 1, &key));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_add_tree(world, NULL, 1, &key));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_add_tree(world, &good, 1, NULL));
+    EXPECT(GIRANDOLE_ERROR_BAD_LENGTH, girandole_world_add_tree(world, &good, SIZE_MAX, &key));
+    EXPECT(GIRANDOLE_ERROR_BAD_LENGTH, girandole_world_add_tree(world, &good, SIZE_MAX / sizeof good, &key));
+    EXPECT(GIRANDOLE_ERROR_MISALIGNED,
+           girandole_world_add_tree(world, (const GirandoleLight *)((const char *)bad + 1), 1, &key));
+    REQUIRE(key == 7);
+
+    EXPECT(GIRANDOLE_ERROR_TREE_IN_USE, girandole_world_remove_tree(world, tree));
+    EXPECT(GIRANDOLE_ERROR_NO_SUCH_TREE, girandole_world_remove_tree(world, 0));
+    EXPECT(GIRANDOLE_ERROR_NO_SUCH_TREE, girandole_world_remove_tree(world, UINT64_MAX));
+    EXPECT(GIRANDOLE_ERROR_NO_SUCH_TREE, girandole_world_remove_tree(world, tree & 0xffffffffu));
+    EXPECT(GIRANDOLE_ERROR_NO_SUCH_INSTANCE, girandole_world_remove_instance(world, 0));
+    EXPECT(300, girandole_world_add_instance(world, tree, &nowhere, NULL, &key));
+    EXPECT(300, girandole_world_move_instance(world, instance, &nowhere));
+    flat.axes[1] = none;
+    EXPECT(302, girandole_world_move_instance(world, instance, &flat));
+    moved[0] = instance, moved[1] = 0, places[0] = place, places[1] = place;
+    EXPECT(GIRANDOLE_ERROR_NO_SUCH_INSTANCE, girandole_world_move_instances(world, moved, places, 2));
+    moved[1] = instance, places[1] = nowhere;
+    EXPECT(300, girandole_world_move_instances(world, moved, places, 2));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_move_instances(world, moved, NULL, 2));
+    EXPECT(GIRANDOLE_OK, girandole_world_move_instances(world, NULL, NULL, 0));
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_set_policy(world, instance, &policy));
+    EXPECT(207, girandole_world_set_policy(world, instance, &ratio));
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_add_instance(world, tree, &place, &policy, &key));
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_set_enabled(world, instance, 2));
+    EXPECT(209, girandole_world_set_factor(world, instance, negative));
+    EXPECT(GIRANDOLE_ERROR_NO_SUCH_INSTANCE, girandole_world_instance_slot(world, 1, &slot, &generation));
+    REQUIRE(slot == 7 && generation == 7);
+
+    /* Keys of what was removed. */
+    EXPECT(GIRANDOLE_OK, girandole_world_add_tree(world, &good, 1, &stale_tree));
+    EXPECT(GIRANDOLE_OK, girandole_world_add_instance(world, stale_tree, &place, NULL, &stale));
+    EXPECT(GIRANDOLE_OK, girandole_world_remove_instance(world, stale));
+    EXPECT(GIRANDOLE_OK, girandole_world_remove_tree(world, stale_tree));
+    EXPECT(GIRANDOLE_ERROR_NO_SUCH_INSTANCE, girandole_world_remove_instance(world, stale));
+    EXPECT(GIRANDOLE_ERROR_NO_SUCH_INSTANCE, girandole_world_move_instance(world, stale, &place));
+    EXPECT(GIRANDOLE_ERROR_NO_SUCH_TREE, girandole_world_remove_tree(world, stale_tree));
+    EXPECT(GIRANDOLE_ERROR_NO_SUCH_TREE, girandole_world_add_instance(world, stale_tree, &place, NULL, &key));
+    EXPECT(GIRANDOLE_ERROR_NO_SUCH_TREE, girandole_world_add_lights(world, stale_tree, &good, 1, index));
+    EXPECT(GIRANDOLE_ERROR_NO_SUCH_TREE, girandole_world_tree_lights(world, stale_tree, &count, &other));
+    REQUIRE(count == 7 && other == 7);
+
+    EXPECT(400, girandole_world_update(world, NAN, NULL));
+    EXPECT(400, girandole_world_update(world, -1.0, NULL));
+    EXPECT(208, girandole_world_set_origin(world, nan3));
+    EXPECT(303, girandole_world_set_origin(world, far));
+    EXPECT(208, girandole_world_set_viewpoint(world, nan3));
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_set_origin_mode(world, 3));
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_set_sampling(world, 8));
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_set_background_builds(world, 2));
+    moon.direction = none, moon.illuminance = none;
+    EXPECT(102, girandole_world_add_directional(world, &moon, &key));
+    EXPECT(GIRANDOLE_ERROR_NO_SUCH_DIRECTIONAL, girandole_world_remove_directional(world, 1));
+    EXPECT(1100, girandole_world_add_baked(world, (const uint8_t *)"not a tree, but long enough", 27, &key));
+    EXPECT(1103, girandole_world_add_baked(world, NULL, 0, &key));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_removed_lights(world, &removed, 1, NULL));
+    REQUIRE(key == 7);
+    REQUIRE(is_same(before, state_of(world)));
+}
+
+static void sampling(const GirandoleWorld *world)
+{
+    GirandoleVec3 at = {0.5f, 0.0f, 0.5f}, up = {0.0f, 1.0f, 0.0f}, nan3 = {NAN, NAN, NAN};
+    GirandoleShadingPoint ground = girandole_surface_point(at, up), bad = ground;
+    GirandoleLightId id = {0, 9, 0}, ids[1];
+    const float u[5] = {0.5f, 0.5f, 0.5f, 0.5f, 0.5f}, wild[4] = {NAN, -1.0f, INFINITY, 2.0f};
+    GirandoleSample sample;
+    float pmf = 7.0f;
+    size_t count = 0;
+
+    memset(&sample, 0x55, sizeof sample);
+    EXPECT(500, girandole_world_sample(world, 8, &ground, u, 1, &sample));
+    EXPECT(500, girandole_world_resample(world, 6, 0, &ground, u, 1, &sample));
+    EXPECT(500, girandole_world_resample(world, 6, 33, &ground, u, 1, &sample));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_sample(NULL, 6, &ground, u, 1, &sample));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_sample(world, 6, NULL, u, 1, &sample));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_sample(world, 6, &ground, NULL, 1, &sample));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_sample(world, 6, &ground, u, 1, NULL));
+    EXPECT(GIRANDOLE_ERROR_BAD_LENGTH, girandole_world_sample(world, 6, &ground, u, SIZE_MAX / 8, &sample));
+    bad.is_glossy = 9;
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_sample(world, 6, &bad, u, 1, &sample));
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_world_pmf(world, 6, &ground, &id, 1, &pmf));
+    REQUIRE(pmf == 7.0f && sample.is_delta == 0x55555555u);
+    /* No sample, no pointers. */
+    EXPECT(GIRANDOLE_OK, girandole_world_sample(world, 6, NULL, NULL, 0, NULL));
+    /* Stale names and numbers that are not finite are ordinary: nothing arrives. */
+    id.kind = GIRANDOLE_ID_INSTANCE, id.key = 12345;
+    EXPECT(GIRANDOLE_OK, girandole_world_pmf(world, 6, &ground, &id, 1, &pmf));
+    REQUIRE(pmf == 0.0f);
+    EXPECT(GIRANDOLE_OK, girandole_world_sample_lights(world, &ground, &id, u, 1, &sample));
+    REQUIRE(sample.light.kind == GIRANDOLE_ID_NONE && sample.weight == 0.0f);
+    bad = girandole_surface_point(nan3, nan3);
+    EXPECT(GIRANDOLE_OK, girandole_world_sample(world, 6, &bad, wild, 1, &sample));
+    EXPECT(GIRANDOLE_OK, girandole_world_sample(world, 6, &ground, wild, 1, &sample));
+    REQUIRE(sample.light.kind != GIRANDOLE_ID_NONE && isfinite(sample.weight));
+    EXPECT(GIRANDOLE_ERROR_NO_SPACE, girandole_world_lights(world, ids, 1, &count));
+    REQUIRE(count > 1);
+}
+
+static void plans(GirandoleWorld *world)
+{
+    GirandoleWorld *other_world = NULL;
+    GirandolePlanner *planner = NULL, *small = NULL, *reserved = NULL;
+    GirandoleCursor *cursor = NULL;
+    GirandoleDelta *delta = NULL, *foreign = NULL, *again = NULL;
+    GirandolePlan *first = NULL, *second = NULL, *plan = NULL;
+    GirandolePlanView view;
+    const GirandoleNewBuffer *buffers = NULL;
+    uint32_t ids[GIRANDOLE_SHADER_BUFFERS];
+    size_t count = 0;
+
+    EXPECT(GIRANDOLE_OK, girandole_world_create(&other_world));
+    EXPECT(GIRANDOLE_OK, girandole_planner_create(NULL, &planner));
+    EXPECT(GIRANDOLE_OK, girandole_cursor_create(&cursor));
+    EXPECT(GIRANDOLE_OK, girandole_world_take_delta(world, &delta));
+    EXPECT(GIRANDOLE_OK, girandole_world_take_delta(other_world, &foreign));
+    EXPECT(GIRANDOLE_OK, girandole_planner_bindings(planner, ids));
+    REQUIRE(ids[0] == UINT32_MAX && ids[4] == UINT32_MAX);
+    EXPECT(500, girandole_planner_set_splits(planner, 8));
+    EXPECT(GIRANDOLE_ERROR_NOT_RESERVED, girandole_planner_plan(planner, &plan));
+    EXPECT(GIRANDOLE_ERROR_NOT_RESERVED, girandole_planner_cancel(planner));
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_planner_reserve(planner, world, delta, 2, &buffers, &count));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_planner_reserve(planner, world, NULL, 0, &buffers, &count));
+    EXPECT(GIRANDOLE_ERROR_OTHER_WORLD, girandole_planner_reserve(planner, world, foreign, 0, &buffers, &count));
+    REQUIRE(plan == NULL && count == 0);
+
+    /* A reservation that is cancelled has changed nothing; the next one needs the same buffers. */
+    EXPECT(GIRANDOLE_OK, girandole_planner_reserve(planner, world, delta, 0, &buffers, &count));
+    REQUIRE(count >= 5);
+    EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_world_update(world, 0.0, NULL));
+    EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_world_destroy(world));
+    EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_planner_bindings(planner, ids));
+    EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_planner_lose(planner));
+    EXPECT(GIRANDOLE_ERROR_RESERVED, girandole_planner_reserve(planner, world, delta, 0, &buffers, &count));
+    state_of(world); /* calls for a const world work */
+    EXPECT(GIRANDOLE_OK, girandole_planner_cancel(planner));
+    EXPECT(GIRANDOLE_OK, girandole_world_update(world, 0.0, NULL));
+    EXPECT(GIRANDOLE_ERROR_OTHER_WORLD,
+           girandole_planner_reserve(planner, other_world, foreign, 0, &buffers, &count));
+    EXPECT(GIRANDOLE_OK, girandole_world_take_delta(world, &again));
+    EXPECT(GIRANDOLE_OK, girandole_planner_reserve(planner, world, again, 1, &buffers, &count));
+    REQUIRE(count >= 5);
+    EXPECT(GIRANDOLE_OK, girandole_planner_plan(planner, &first));
+    EXPECT(GIRANDOLE_ERROR_NOT_RESERVED, girandole_planner_plan(planner, &second));
+
+    /* Plans that are played twice or out of order. */
+    EXPECT(GIRANDOLE_OK, girandole_planner_lose(planner));
+    EXPECT(GIRANDOLE_OK, girandole_planner_reserve(planner, world, delta, 0, &buffers, &count));
+    EXPECT(GIRANDOLE_OK, girandole_planner_plan(planner, &second));
+    EXPECT(GIRANDOLE_ERROR_OUT_OF_ORDER, girandole_cursor_advance(cursor, second));
+    EXPECT(GIRANDOLE_OK, girandole_cursor_advance(cursor, first));
+    EXPECT(GIRANDOLE_ERROR_OUT_OF_ORDER, girandole_cursor_advance(cursor, first));
+    EXPECT(GIRANDOLE_OK, girandole_cursor_skip_to(cursor, second));
+    EXPECT(GIRANDOLE_OK, girandole_cursor_advance(cursor, second));
+    EXPECT(GIRANDOLE_OK, girandole_plan_view(second, &view));
+    REQUIRE(view.number == 2 && view.upload_count > 0 && view.top_count > 0);
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_plan_view(NULL, &view));
+
+    /* A planner that ends with its reservation frees the world. */
+    EXPECT(GIRANDOLE_OK, girandole_planner_create(NULL, &reserved));
+    EXPECT(GIRANDOLE_OK, girandole_planner_reserve(reserved, world, delta, 0, &buffers, &count));
+    girandole_planner_destroy(reserved);
+    EXPECT(GIRANDOLE_OK, girandole_world_update(world, 0.0, NULL));
+
+    {   /* A world that does not fit. */
+        const GirandoleLimits limits = {131072, GIRANDOLE_NO_LIMIT, GIRANDOLE_NO_LIMIT};
+        const GirandoleLight light = bulb(1.0f);
+        const GirandolePlacement place = girandole_placement_at(0.0, 0.0, 0.0);
+        GirandoleDelta *whole = NULL;
+        uint64_t tree, instance;
+        int i;
+        EXPECT(GIRANDOLE_OK, girandole_world_add_tree(other_world, &light, 1, &tree));
+        for (i = 0; i < 5000; i++) {
+            EXPECT(GIRANDOLE_OK, girandole_world_add_instance(other_world, tree, &place, NULL, &instance));
+        }
+        EXPECT(GIRANDOLE_OK, girandole_world_whole_delta(other_world, &whole));
+        EXPECT(GIRANDOLE_OK, girandole_planner_create(&limits, &small));
+        EXPECT(GIRANDOLE_ERROR_FULL, girandole_planner_reserve(small, other_world, whole, 0, &buffers, &count));
+        EXPECT(GIRANDOLE_OK, girandole_world_update(other_world, 0.0, NULL));
+        girandole_delta_destroy(whole);
+    }
+    girandole_plan_destroy(first);
+    girandole_plan_destroy(second);
+    girandole_delta_destroy(delta);
+    girandole_delta_destroy(foreign);
+    girandole_delta_destroy(again);
+    girandole_cursor_destroy(cursor);
+    girandole_planner_destroy(planner);
+    girandole_planner_destroy(small);
+    EXPECT(GIRANDOLE_OK, girandole_world_destroy(other_world));
+}
+
+static void regions(GirandoleWorld *world)
+{
+    const GirandoleLight good = bulb(5.0f), bad = bulb(-1.0f);
+    GirandoleRegion *region = NULL;
+    GirandoleRegionInstance instance;
+    uint32_t tree = 7;
+    uint64_t key = 7;
+    size_t count = 7;
+    const State before = state_of(world);
+
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_region_create(NULL));
+    EXPECT(GIRANDOLE_OK, girandole_region_create(&region));
+    EXPECT(101, girandole_region_add_tree(region, &bad, 1, &tree));
+    EXPECT(101, girandole_region_add_placeholder(region, &bad, 1, &tree));
+    EXPECT(1103, girandole_region_add_baked(region, NULL, 0, &tree));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_region_add_tree(NULL, &good, 1, &tree));
+    instance = girandole_region_instance(0, girandole_placement_at(0.0, 0.0, 0.0));
+    EXPECT(212, girandole_region_add_instance(region, &instance));
+    REQUIRE(tree == 7);
+    EXPECT(GIRANDOLE_OK, girandole_region_add_tree(region, &good, 1, &tree));
+    instance.is_enabled = 2;
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_region_add_instance(region, &instance));
+    instance.is_enabled = 1, instance.policy.kind = 99;
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_region_add_instance(region, &instance));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_add_region(world, NULL, &key));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_add_region(world, region, NULL));
+    EXPECT(GIRANDOLE_ERROR_NO_SUCH_REGION, girandole_world_remove_region(world, 3));
+    EXPECT(GIRANDOLE_ERROR_NO_SUCH_REGION, girandole_world_region_trees(world, 3, &key, 1, &count));
+    REQUIRE(key == 7 && count == 7);
+    REQUIRE(is_same(before, state_of(world)));
+    /* With its content: no leak. */
+    girandole_region_destroy(region);
+    girandole_region_destroy(NULL);
+}
+
+static void shaders(void)
+{
+    GirandoleTarget target, bad;
+    GirandoleShader *shader = NULL;
+    GirandoleKernel kernel;
+    GirandoleBindTarget far = {0, 0, 256, 0};
+    const char *text = "@compute @workgroup_size(1) fn main() {}";
+
+    memset(&target, 0, sizeof target);
+    target.language = GIRANDOLE_LANGUAGE_SPIRV;
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_kernel(girandole_kernel_count(), &kernel));
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_kernel_shader(UINT32_MAX, &target, &shader));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_translate(NULL, &target, &shader));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_translate(text, NULL, &shader));
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_translate(text, &target, NULL));
+    EXPECT(GIRANDOLE_ERROR_WGSL, girandole_translate("fn main( {", &target, &shader));
+    EXPECT(GIRANDOLE_ERROR_WGSL, girandole_translate("fn f() -> u32 { return 1.5f; }", &target, &shader));
+    EXPECT(GIRANDOLE_ERROR_BAD_TEXT, girandole_translate("// \xff\xfe", &target, &shader));
+    EXPECT(GIRANDOLE_ERROR_TRANSLATION, girandole_translate("fn f() {}", &target, &shader));
+    bad = target, bad.language = 4;
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_translate(text, &bad, &shader));
+    bad = target, bad.major_version = 9;
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_translate(text, &bad, &shader));
+    bad = target, bad.flags = 2;
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_translate(text, &bad, &shader));
+    bad = target, bad.entry_point = "other";
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_translate(text, &bad, &shader));
+    bad = target, bad.binding_count = 1;
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_translate(text, &bad, &shader));
+    bad = target, bad.language = GIRANDOLE_LANGUAGE_HLSL, bad.bindings = &far, bad.binding_count = 1;
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_kernel_shader(0, &bad, &shader));
+    EXPECT(GIRANDOLE_ERROR_TRANSLATION, girandole_shader_include(GIRANDOLE_ALL_EFFECTS, 1, 0, &target, &shader));
+    bad = target, bad.language = GIRANDOLE_LANGUAGE_HLSL;
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_shader_include(1u << 16, 1, 0, &bad, &shader));
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_shader_include(0, 1000, 0, &bad, &shader));
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_shader_include(0, 1, 7, &bad, &shader));
+    REQUIRE(shader == NULL);
+    EXPECT(GIRANDOLE_OK, girandole_translate(text, &target, &shader));
+    girandole_shader_destroy(shader);
+}
+
+int main(void)
+{
+    GirandoleWorld *world = NULL;
+    const GirandoleLight bulbs[2] = {bulb(10.0f), bulb(20.0f)};
+    const GirandolePlacement place = girandole_placement_at(0.0, 0.0, 0.0);
+    uint64_t tree = 0, instance = 0;
+
+    EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_create(NULL));
+    EXPECT(GIRANDOLE_OK, girandole_world_create(&world));
+    EXPECT(GIRANDOLE_OK, girandole_world_add_tree(world, bulbs, 2, &tree));
+    EXPECT(GIRANDOLE_OK, girandole_world_add_instance(world, tree, &place, NULL, &instance));
+    EXPECT(GIRANDOLE_OK, girandole_world_update(world, 300.0, NULL));
+    edits(world, tree, instance);
+    sampling(world);
+    regions(world);
+    plans(world);
+    shaders();
+    EXPECT(GIRANDOLE_OK, girandole_world_destroy(world));
+    /* NULL may be destroyed. */
+    EXPECT(GIRANDOLE_OK, girandole_world_destroy(NULL));
+    girandole_planner_destroy(NULL);
+    girandole_plan_destroy(NULL);
+    girandole_delta_destroy(NULL);
+    girandole_cursor_destroy(NULL);
+    girandole_shader_destroy(NULL);
+    girandole_blob_destroy(NULL);
+    printf("%d refusals differ from what is expected\n", failures);
+    return failures != 0;
+}

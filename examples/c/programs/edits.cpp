@@ -1,0 +1,388 @@
+// Edits of a world from C++: every kind of light, moves, factors, masks, lights that come and go, baked trees,
+// regions, a moving origin, and sampling on several threads.
+//
+// Each step is compared with a closed form or with the sum over all lights. The program ends with 1 at the
+// first difference.
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <stdexcept>
+#include <thread>
+
+#include "girandole.hpp"
+
+using namespace girandole;
+
+namespace {
+
+const double PI = 3.14159265358979323846;
+// Rounding of single precision over a few dozen operations, also 1,024 m from the origin.
+const double ROUNDING = 1e-4;
+// Standard errors that a mean may be off by. A normal variable is outside with a probability of 5.7e-7; the
+// program compares 6 means, with fixed random numbers, so a wrong alarm after a change of these numbers has a
+// probability of 4e-6.
+const double SIGMAS = 5.0;
+
+void require(bool holds, const std::string &what) {
+    if (!holds) throw std::runtime_error(what);
+}
+
+void require_near(double given, double expected, const std::string &what) {
+    require(std::fabs(given - expected) <= ROUNDING * std::fabs(expected),
+            what + ": " + std::to_string(given) + " instead of " + std::to_string(expected));
+}
+
+// PCG with a fixed seed.
+struct Random {
+    uint32_t state = 1;
+    float next() {
+        state = state * 747796405u + 2891336453u;
+        uint32_t word = ((state >> ((state >> 28) + 4)) ^ state) * 277803737u;
+        return static_cast<float>(((word >> 22) ^ word) >> 8) / 16777216.0f;
+    }
+};
+
+uint64_t add_tree(GirandoleWorld *world, const std::vector<GirandoleLight> &lights) {
+    uint64_t key = 0;
+    check(girandole_world_add_tree(world, lights.data(), lights.size(), &key));
+    return key;
+}
+
+uint64_t add_instance(GirandoleWorld *world, uint64_t tree, double x, double y, double z) {
+    const GirandolePlacement at = girandole_placement_at(x, y, z);
+    uint64_t key = 0;
+    check(girandole_world_add_instance(world, tree, &at, nullptr, &key));
+    return key;
+}
+
+void update(GirandoleWorld *world) { check(girandole_world_update(world, 300.0, nullptr)); }
+
+// The mean of many samples against the sum over all lights, and each pmf against girandole_world_pmf.
+void require_unbiased(const GirandoleWorld *world, const GirandoleShadingPoint &point, const std::string &what) {
+    const size_t count = 20000;
+    const std::vector<GirandoleShadingPoint> points(count, point);
+    std::vector<float> u(4 * count);
+    Random random;
+    for (auto &x : u) x = random.next();
+    std::vector<GirandoleSample> samples(count);
+    check(girandole_world_sample(world, GIRANDOLE_DEFAULT_SPLITS, points.data(), u.data(), count, samples.data()));
+    double sum = 0.0, sum_sq = 0.0;
+    std::vector<GirandoleLightId> ids;
+    for (const auto &s : samples) {
+        const auto n = point.normal, d = s.direction;
+        const double lux = s.radiance.y * (n.x * d.x + n.y * d.y + n.z * d.z) * s.weight;
+        sum += lux;
+        sum_sq += lux * lux;
+        ids.push_back(s.light);
+    }
+    std::vector<float> pmf(count);
+    check(girandole_world_pmf(world, GIRANDOLE_DEFAULT_SPLITS, points.data(), ids.data(), count, pmf.data()));
+    for (size_t i = 0; i < count; i++) {
+        if (samples[i].pmf > 0.0f) require_near(pmf[i], samples[i].pmf, what + ", pmf");
+    }
+    const double mean = sum / count, exact = exhaustive_lux(world, point);
+    const double error = std::sqrt((sum_sq / count - mean * mean) / count);
+    require(std::fabs(mean - exact) <= SIGMAS * error + ROUNDING * exact,
+            what + ": mean " + std::to_string(mean) + ", sum " + std::to_string(exact));
+    std::printf("%s: %.4f lux from samples, %.4f lux as the sum\n", what.c_str(), mean, exact);
+}
+
+void closed_forms() {
+    auto world = make_world();
+    const auto up = girandole_surface_point(vec3(0, 0, 0), vec3(0, 1, 0));
+    const auto sphere = add_tree(world.get(), {girandole_sphere_light(vec3(0, 5, 0), 0.5f, grey(100))});
+    const auto instance = add_instance(world.get(), sphere, 0, 0, 0);
+    update(world.get());
+    // A sphere of radius r and radiance L, straight above: pi L (r / d)^2. All its samples are equal in weight
+    // and differ in the cosine, so the mean over a grid of numbers is taken.
+    double lux = 0.0;
+    const int steps = 64;
+    for (int i = 0; i < steps * steps; i++) {
+        const float u[] = {0.5f, 0.5f, (i % steps + 0.5f) / steps, (i / steps + 0.5f) / steps};
+        GirandoleSample s;
+        check(girandole_world_sample(world.get(), 0, &up, u, 1, &s));
+        require(s.is_delta == 0 && s.light.key == instance && s.light.light == 0, "the sphere was not chosen");
+        lux += s.radiance.y * s.direction.y * s.weight / (steps * steps);
+    }
+    require_near(lux, PI * 100 * 0.01, "sphere");
+
+    // The factor of an instance multiplies, and a disabled instance is dark.
+    const auto emission = [&] {
+        GirandoleSample s;
+        const float u[] = {0.5f, 0.5f, 0.5f, 0.5f};
+        check(girandole_world_sample(world.get(), 0, &up, u, 1, &s));
+        return s.light.kind == GIRANDOLE_ID_NONE ? 0.0f : s.radiance.y;
+    };
+    check(girandole_world_set_factor(world.get(), instance, vec3(1, 0.25f, 0)));
+    require_near(emission(), 25.0, "factor");
+    check(girandole_world_set_enabled(world.get(), instance, 0));
+    require(emission() == 0.0f, "a disabled instance shines");
+    check(girandole_world_set_enabled(world.get(), instance, 1));
+    check(girandole_world_set_mask(world.get(), instance, 2));
+    require_near(emission(), 25.0, "mask");
+    auto masked = up;
+    masked.mask = 1;
+    GirandoleSample s;
+    const float u[] = {0.5f, 0.5f, 0.5f, 0.5f};
+    check(girandole_world_sample(world.get(), 0, &masked, u, 1, &s));
+    require(s.light.kind == GIRANDOLE_ID_NONE && s.weight == 0.0f, "a mask hides nothing");
+    check(girandole_world_set_user_data(world.get(), instance, 77));
+    check(girandole_world_sample(world.get(), 0, &up, u, 1, &s));
+    require(s.user_data == 77, "user data");
+
+    // The density of a direction to a hit is that of the sample.
+    const auto hit = vec3(s.direction.x * s.dist, s.direction.y * s.dist, s.direction.z * s.dist);
+    float pdf = 0.0f;
+    check(girandole_world_pdf(world.get(), 0, &up, &s.light, &hit, 1, &pdf));
+    require_near(pdf, s.pmf * s.pdf, "pdf");
+
+    // A directional light of 10 lux, 60 degrees from the zenith.
+    check(girandole_world_remove_instance(world.get(), instance));
+    check(girandole_world_remove_tree(world.get(), sphere));
+    const GirandoleDirectionalLight moon = {vec3(std::sqrt(0.75f), -0.5f, 0), grey(10)};
+    uint64_t key = 0;
+    check(girandole_world_add_directional(world.get(), &moon, &key));
+    require_near(exhaustive_lux(world.get(), up), 5.0, "directional light");
+    check(girandole_world_remove_directional(world.get(), key));
+    require(exhaustive_lux(world.get(), up) == 0.0, "a removed directional light shines");
+}
+
+void every_kind() {
+    auto world = make_world();
+    auto lamp = girandole_point_light(vec3(0, 3, 0), grey(100));
+    lamp.range = 30.0f;
+    auto panel = girandole_parallelogram_light(vec3(2, 3, 0), vec3(0.1f, 0, 0), vec3(0, 0, 0.1f), grey(1000));
+    panel.two_sided = 1;
+    const auto tree = add_tree(world.get(), {
+        lamp,
+        girandole_spot_light(vec3(1, 3, 1), vec3(0, -1, 0), 0.3f, 0.9f, grey(500)),
+        panel,
+        girandole_triangle_light(vec3(3, 3, 0), vec3(3.2f, 3, 0), vec3(3, 3, 0.2f), grey(1000)),
+        girandole_sphere_light(vec3(-2, 3, 0), 0.05f, grey(3000)),
+    });
+    std::vector<uint64_t> instances;
+    for (int i = 0; i < 50; i++) instances.push_back(add_instance(world.get(), tree, 3 * (i % 10), 0, 3 * (i / 10)));
+    update(world.get());
+    GirandoleCounts counts;
+    check(girandole_world_counts(world.get(), &counts));
+    require(counts.trees == 1 && counts.instances == 50 && counts.lights == 250, "counts");
+    const auto ground = girandole_surface_point(vec3(7, 0, 5), vec3(0, 1, 0));
+    require(all_lights(world.get()).size() == 250, "lights");
+
+    // The probabilities of all lights sum up to 1, where some light shines.
+    const auto ids = all_lights(world.get());
+    const std::vector<GirandoleShadingPoint> points(ids.size(), ground);
+    std::vector<float> pmf(ids.size());
+    check(girandole_world_pmf(world.get(), 6, points.data(), ids.data(), ids.size(), pmf.data()));
+    double sum = 0.0;
+    for (const float p : pmf) sum += p;
+    require(sum > 0.5 && sum <= 1.0 + ROUNDING, "the probabilities sum up to " + std::to_string(sum));
+
+    // All samples on many threads at once are those of one thread.
+    const size_t count = 1000;
+    const std::vector<GirandoleShadingPoint> many(count, ground);
+    std::vector<float> u(5 * count);
+    Random random;
+    for (auto &x : u) x = random.next();
+    std::vector<std::vector<GirandoleSample>> results(4, std::vector<GirandoleSample>(count));
+    // The first call after a change builds the top level; all threads try it.
+    check(girandole_world_set_user_data(world.get(), instances[0], 1));
+    std::vector<std::thread> threads;
+    for (auto &result : results) {
+        threads.emplace_back([&] {
+            check(girandole_world_resample(world.get(), 6, 8, many.data(), u.data(), count, result.data()));
+        });
+    }
+    for (auto &thread : threads) thread.join();
+    for (size_t i = 0; i < count; i++) {
+        for (const auto &result : results) {
+            const auto &a = results[0][i], &b = result[i];
+            require(a.light.key == b.light.key && a.light.light == b.light.light && a.weight == b.weight, "threads");
+        }
+    }
+}
+
+void moves_and_edits() {
+    auto world = make_world();
+    std::vector<GirandoleLight> bulbs;
+    for (int i = 0; i < 20; i++) bulbs.push_back(girandole_point_light(vec3(0.3f * i, 4, 0), grey(20.0f + i)));
+    const auto tree = add_tree(world.get(), bulbs);
+    std::vector<uint64_t> instances;
+    for (int i = 0; i < 200; i++) instances.push_back(add_instance(world.get(), tree, i, 0, i % 7));
+    update(world.get());
+    const auto ground = girandole_surface_point(vec3(20, 0, 3), vec3(0, 1, 0));
+    require_unbiased(world.get(), ground, "built");
+
+    // All instances turn by a quarter about the vertical axis and move; then the lights dim.
+    std::vector<GirandolePlacement> places;
+    for (size_t i = 0; i < instances.size(); i++) {
+        auto place = girandole_placement_at(0.5 * i, 0.1 * i, 0.0);
+        place.axes[0] = vec3(0, 0, -1);
+        place.axes[2] = vec3(1, 0, 0);
+        places.push_back(place);
+    }
+    check(girandole_world_move_instances(world.get(), instances.data(), places.data(), instances.size()));
+    update(world.get());
+    require_unbiased(world.get(), ground, "moved");
+    std::vector<uint32_t> indices;
+    for (uint32_t i = 0; i < 10; i++) {
+        indices.push_back(i);
+        bulbs[i].emission = grey(1);
+    }
+    const double before = exhaustive_lux(world.get(), ground);
+    check(girandole_world_set_lights(world.get(), tree, indices.data(), bulbs.data(), indices.size()));
+    update(world.get());
+    require(exhaustive_lux(world.get(), ground) < before, "dimmed lights are as bright as before");
+    require_unbiased(world.get(), ground, "dimmed");
+
+    // Lights come and go, without a build.
+    const GirandoleLight flashes[] = {girandole_point_light(vec3(0, 2, 0), grey(200)),
+                                      girandole_point_light(vec3(1, 2, 0), grey(300))};
+    uint32_t added[2];
+    check(girandole_world_add_lights(world.get(), tree, flashes, 2, added));
+    update(world.get());
+    require_unbiased(world.get(), ground, "two lights added");
+    check(girandole_world_remove_lights(world.get(), tree, added, 1));
+    update(world.get());
+    GirandoleTreeLight removed;
+    size_t count = 0;
+    check(girandole_world_removed_lights(world.get(), &removed, 1, &count));
+    require(count == 1 && removed.tree == tree && removed.light == added[0], "the removed light is not listed");
+    require_unbiased(world.get(), ground, "one light removed");
+    size_t existing = 0, all = 0;
+    check(girandole_world_tree_lights(world.get(), tree, &existing, &all));
+    require(existing == 21 && all == 22, "numbers of lights");
+
+    // A baked tree gives the same bytes again, and the same samples.
+    const auto baked = make<GirandoleBlob>(
+        [&](GirandoleBlob **it) { return girandole_world_bake_tree(world.get(), tree, it); });
+    const uint8_t *bytes = nullptr;
+    size_t size = 0;
+    check(girandole_blob_bytes(baked.get(), &bytes, &size));
+    auto other = make_world();
+    uint64_t loaded = 0;
+    check(girandole_world_add_baked(other.get(), bytes, size, &loaded));
+    for (const auto &place : places) {
+        uint64_t key = 0;
+        check(girandole_world_add_instance(other.get(), loaded, &place, nullptr, &key));
+    }
+    update(other.get());
+    require_near(exhaustive_lux(other.get(), ground), exhaustive_lux(world.get(), ground), "baked");
+    const auto again = make<GirandoleBlob>(
+        [&](GirandoleBlob **it) { return girandole_world_bake_tree(other.get(), loaded, it); });
+    const uint8_t *same = nullptr;
+    size_t same_size = 0;
+    check(girandole_blob_bytes(again.get(), &same, &same_size));
+    require(same_size == size && std::memcmp(same, bytes, size) == 0, "a baked tree changes when it is loaded");
+
+    // A placeholder shines at once and is built later.
+    uint64_t placeholder = 0;
+    check(girandole_world_add_placeholder(world.get(), bulbs.data(), bulbs.size(), &placeholder));
+    add_instance(world.get(), placeholder, 20, 0, 3);
+    GirandoleUpdateReport report;
+    check(girandole_world_update(world.get(), 0.0, &report));
+    require(report.placeholder_trees == 1, "a placeholder is built without a budget");
+    check(girandole_world_record_usage(world.get(), instances.data(), indices.data(), indices.size()));
+    check(girandole_world_update(world.get(), INFINITY, &report));
+    require(report.placeholder_trees == 0 && report.rebuilt_trees >= 1, "a placeholder is not built");
+}
+
+void far_away() {
+    auto world = make_world();
+    check(girandole_world_set_origin_mode(world.get(), GIRANDOLE_ORIGIN_FOLLOWING));
+    const auto tree = add_tree(world.get(), {girandole_point_light(vec3(0, 2, 0), grey(8))});
+    const auto instance = add_instance(world.get(), tree, 1.0e6 + 1.0, 0, 0);
+    check(girandole_world_set_viewpoint(world.get(), GirandoleDVec3{1.0e6, 0, 0}));
+    update(world.get());
+    const auto delta = take_delta(world.get());
+    GirandoleDeltaView view;
+    check(girandole_delta_view(delta.get(), &view));
+    GirandoleDVec3 origin;
+    check(girandole_world_origin(world.get(), &origin));
+    require(view.origin_shift.x == origin.x && std::fmod(origin.x, 1024.0) == 0.0, "the origin is not on the grid");
+    const auto below = girandole_surface_point(vec3(static_cast<float>(1.0e6 + 1.0 - origin.x), 0, 0), vec3(0, 1, 0));
+    require_near(exhaustive_lux(world.get(), below), 2.0, "a lamp far away");
+    uint32_t slot = 0, generation = 0;
+    check(girandole_world_instance_slot(world.get(), instance, &slot, &generation));
+    uint64_t same = 0;
+    check(girandole_world_instance_at(world.get(), slot, &same));
+    require(same == instance && generation >= 1, "slots");
+}
+
+// A loader thread fills regions, which the thread of the world adds and removes.
+void regions() {
+    auto world = make_world();
+    auto region = make<GirandoleRegion>(girandole_region_create);
+    std::thread loader([&] {
+        std::vector<GirandoleLight> lights;
+        for (int i = 0; i < 30; i++) lights.push_back(girandole_point_light(vec3(0.2f * i, 3, 0), grey(10)));
+        uint32_t built = 0, placeholder = 0;
+        check(girandole_region_add_tree(region.get(), lights.data(), lights.size(), &built));
+        check(girandole_region_add_placeholder(region.get(), lights.data(), 20, &placeholder));
+        for (int i = 0; i < 12; i++) {
+            auto instance = girandole_region_instance(i % 2 ? built : placeholder, girandole_placement_at(3 * i, 0, i));
+            instance.user_data = 100 + i;
+            instance.factor = grey(i == 0 ? 2 : 1);
+            check(girandole_region_add_instance(region.get(), &instance));
+        }
+    });
+    loader.join();
+    uint64_t key = 0;
+    check(girandole_world_add_region(world.get(), region.get(), &key));
+    GirandoleUpdateReport report;
+    check(girandole_world_update(world.get(), INFINITY, &report));
+    require(report.rebuilt_trees == 1 && report.placeholder_trees == 0, "the placeholder of the region");
+    const auto ground = girandole_surface_point(vec3(10, 0, 5), vec3(0, 1, 0));
+    require_unbiased(world.get(), ground, "region");
+    uint64_t trees[2], instances[12];
+    size_t count = 0;
+    check(girandole_world_region_trees(world.get(), key, trees, 2, &count));
+    require(count == 2, "trees of the region");
+    check(girandole_world_region_instances(world.get(), key, instances, 12, &count));
+    require(count == 12, "instances of the region");
+    // The first one goes dark.
+    const double before = exhaustive_lux(world.get(), ground);
+    check(girandole_world_set_factor(world.get(), instances[0], grey(0)));
+    require(exhaustive_lux(world.get(), ground) < before, "an instance of the region keeps its light");
+
+    // A refused region keeps its content: here it names a tree that is gone.
+    uint32_t index = 0;
+    check(girandole_region_add_world_tree(region.get(), 1, &index));
+    const auto instance = girandole_region_instance(index, girandole_placement_at(0, 0, 0));
+    check(girandole_region_add_instance(region.get(), &instance));
+    uint64_t other = 0;
+    for (int i = 0; i < 2; i++) {
+        require(girandole_world_add_region(world.get(), region.get(), &other) == GIRANDOLE_ERROR_NO_SUCH_TREE,
+                "a region with a stale tree is added");
+    }
+    const auto beyond = girandole_region_instance(index + 1, girandole_placement_at(0, 0, 0));
+    require(girandole_region_add_instance(region.get(), &beyond) == 212, "an instance without a tree is added");
+
+    const auto outside = add_instance(world.get(), trees[0], 0, 0, 0);
+    require(girandole_world_remove_region(world.get(), key) == GIRANDOLE_ERROR_REGION_IN_USE,
+            "a region in use is removed");
+    check(girandole_world_remove_instance(world.get(), outside));
+    check(girandole_world_remove_region(world.get(), key));
+    require(girandole_world_remove_region(world.get(), key) == GIRANDOLE_ERROR_NO_SUCH_REGION,
+            "a region is removed twice");
+    GirandoleCounts counts;
+    check(girandole_world_counts(world.get(), &counts));
+    require(counts.trees == 0 && counts.instances == 0 && counts.lights == 0, "a removed region leaves something");
+}
+
+}  // namespace
+
+int main() {
+    try {
+        closed_forms();
+        every_kind();
+        moves_and_edits();
+        far_away();
+        regions();
+    } catch (const std::exception &error) {
+        std::fprintf(stderr, "%s\n", error.what());
+        return 1;
+    }
+    std::printf("all edits are as expected\n");
+    return 0;
+}

@@ -1,0 +1,275 @@
+// An engine on Vulkan: plays the plans of the library on its own device, over frames in which lamps move, and
+// samples lights in its own shaders.
+//
+//   vulkan FOLDER [MEASURE.SPV]
+//
+// Writes lights.ppm, a picture of the ground under the lamps, and measure.spv, the shader that was run, into
+// FOLDER. Compares the mean of many samples at 16 shading points with the sum over all lights, by the engine's
+// shader in WGSL and, if it is given, by the same shader in HLSL that DXC has compiled to SPIR-V. A single lamp
+// is compared with the closed form.
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <iterator>
+
+#include "girandole.hpp"
+#include "shaders.hpp"
+#include "vulkan_player.hpp"
+
+using namespace girandole;
+
+namespace {
+
+// Standard errors that a mean may be off by. A normal variable is outside with a probability of 5.7e-7. The
+// program compares at most 32 means of 8,192 samples, so a wrong alarm has a probability of 2e-5. The random
+// numbers are fixed: it either always comes or never.
+const double SIGMAS = 5.0;
+// Rounding: shaders divide with an error of 2.5 units in the last place and take square roots with more, and a
+// sum of 64 terms in single precision is off by up to 64 units in the last place.
+const double ROUNDING = 1e-4;
+
+void require(bool holds, const std::string &what) {
+    if (!holds) throw std::runtime_error(what);
+}
+
+// Lamps on 24 rings, which turn at their own speeds.
+struct Scene {
+    Owned<GirandoleWorld> world = make_world();
+    std::vector<uint64_t> instances;
+
+    Scene() {
+        // Lanterns of eight bulbs and a spot each, in six colours.
+        const GirandoleVec3 colors[] = {{9, 4, 1}, {1, 4, 9}, {8, 1, 4}, {2, 8, 3}, {6, 6, 5}, {7, 5, 1}};
+        std::vector<uint64_t> trees;
+        for (const auto color : colors) {
+            std::vector<GirandoleLight> lights;
+            for (int i = 0; i < 8; i++) {
+                const float angle = 0.785398f * static_cast<float>(i), bright = 0.006f * static_cast<float>(i + 4);
+                lights.push_back(girandole_point_light(
+                    vec3(0.2f * std::cos(angle), 0.0f, 0.2f * std::sin(angle)),
+                    vec3(bright * color.x, bright * color.y, bright * color.z)));
+                lights.back().range = 6.0f;
+            }
+            lights.push_back(girandole_spot_light(vec3(0, 0, 0), vec3(0, -1, 0), 0.2f, 0.5f, color));
+            uint64_t tree = 0;
+            check(girandole_world_add_tree(world.get(), lights.data(), lights.size(), &tree));
+            trees.push_back(tree);
+        }
+        for (size_t i = 0; i < 480; i++) {
+            const auto at = place(i, 0.0);
+            uint64_t key = 0;
+            check(girandole_world_add_instance(world.get(), trees[i % trees.size()], &at, nullptr, &key));
+            instances.push_back(key);
+        }
+    }
+
+    // Where lantern i is at a time in seconds.
+    static GirandolePlacement place(size_t i, double time) {
+        const size_t ring = i % 24;
+        const double radius = 1.0 + 0.9 * static_cast<double>(ring);
+        const double angle = 6.2831853 * static_cast<double>(i / 24) / 20.0 + static_cast<double>(ring) +
+                             (ring % 2 ? 1.0 : -1.0) * time * 3.0 / radius;
+        return girandole_placement_at(radius * std::cos(angle), 0.7 + 0.12 * static_cast<double>(ring % 7),
+                                      radius * std::sin(angle));
+    }
+
+    void move(double time) {
+        std::vector<GirandolePlacement> places;
+        for (size_t i = 0; i < instances.size(); i++) places.push_back(place(i, time));
+        check(girandole_world_move_instances(world.get(), instances.data(), places.data(), places.size()));
+    }
+};
+
+// The engine's own text after the library's, as SPIR-V.
+Owned<GirandoleShader> engine_shader(uint32_t effects, const char *entry) {
+    GirandoleTarget target = {};
+    target.language = GIRANDOLE_LANGUAGE_WGSL;
+    const auto include = make<GirandoleShader>(
+        [&](GirandoleShader **it) { return girandole_shader_include(effects, 1, 0, &target, it); });
+    GirandoleShaderView view;
+    check(girandole_shader_view(include.get(), &view));
+    const std::string text = std::string(static_cast<const char *>(view.code), view.size) + ENGINE_WGSL;
+    target.language = GIRANDOLE_LANGUAGE_SPIRV;
+    target.entry_point = entry;
+    return make<GirandoleShader>([&](GirandoleShader **it) { return girandole_translate(text.c_str(), &target, it); });
+}
+
+// Runs a shader of the engine once, and returns what it wrote.
+std::vector<float> run(vulkan::Device &device, Player &player, const void *code, size_t size, const char *entry,
+                       size_t floats, const uint32_t groups[3]) {
+    auto pipeline = device.make_pipeline(code, size, entry,
+                                         {{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER}, Player::binding_types()});
+    const auto out = device.make_buffer(4 * floats, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT, true);
+    device.begin();
+    device.dispatch(pipeline, {{{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, out.buffer}}, player.bindings()}, groups);
+    device.submit_and_wait();
+    std::vector<float> result(floats);
+    device.read(out, result.data(), 4 * floats);
+    device.free_buffer(out);
+    device.free_pipeline(pipeline);
+    return result;
+}
+
+// Compares the means of samples with sums over all lights.
+void compare(vulkan::Device &device, Player &player, const GirandoleWorld *world, const void *code, size_t size,
+             const char *what) {
+    const uint32_t groups[] = {INVOCATIONS / 64, POINTS, 1};
+    const auto sums = run(device, player, code, size, "measure", 4 * POINTS * INVOCATIONS, groups);
+    double worst = 0.0;
+    for (uint32_t point = 0; point < POINTS; point++) {
+        double sum = 0.0, sum_sq = 0.0;
+        for (uint32_t i = 0; i < INVOCATIONS; i++) {
+            sum += sums[4 * (point * INVOCATIONS + i)];
+            sum_sq += sums[4 * (point * INVOCATIONS + i) + 1];
+        }
+        const double count = double(INVOCATIONS) * SAMPLES, mean = sum / count;
+        const double error = std::sqrt(std::fmax(sum_sq / count - mean * mean, 0.0) / count);
+        const auto ground = girandole_surface_point(vec3(measured_x(point), 0, measured_z(point)), vec3(0, 1, 0));
+        const double exact = exhaustive_lux(world, ground);
+        require(exact > 0.0, "no light");
+        const double off = std::fabs(mean - exact), allowed = SIGMAS * error + ROUNDING * exact;
+        require(off <= allowed, std::string(what) + ", point " + std::to_string(point) + ": " + std::to_string(mean) +
+                                    " lux instead of " + std::to_string(exact));
+        worst = std::fmax(worst, off / allowed);
+    }
+    std::printf("%s: %u means within %.2f of what is allowed\n", what, POINTS, worst);
+}
+
+// A lamp of 800 candela at 6 m: I h / (h^2 + x^2)^(3/2).
+void single_lamp(vulkan::Device &device) {
+    auto world = make_world();
+    const auto lamp = girandole_point_light(vec3(0, 6, 0), grey(800));
+    const auto at = girandole_placement_at(0, 0, 0);
+    uint64_t tree = 0, instance = 0;
+    check(girandole_world_add_tree(world.get(), &lamp, 1, &tree));
+    check(girandole_world_add_instance(world.get(), tree, &at, nullptr, &instance));
+    check(girandole_world_update(world.get(), 300.0, nullptr));
+    Player player(device);
+    player.frame(world.get());
+    const auto shader = engine_shader(player.effects(), "measure");
+    GirandoleShaderView view;
+    check(girandole_shader_view(shader.get(), &view));
+    const uint32_t groups[] = {INVOCATIONS / 64, POINTS, 1};
+    const auto sums = run(device, player, view.code, view.size, "measure", 4 * POINTS * INVOCATIONS, groups);
+    for (uint32_t point = 0; point < POINTS; point++) {
+        const double x = measured_x(point), z = measured_z(point);
+        const double exact = 800.0 * 6.0 / std::pow(36.0 + x * x + z * z, 1.5);
+        const double lux = sums[4 * point * INVOCATIONS] / SAMPLES;
+        require(std::fabs(lux / exact - 1.0) <= ROUNDING, "single lamp: " + std::to_string(lux) + " lux instead of " +
+                                                              std::to_string(exact));
+    }
+    std::printf("single lamp: %u points as the closed form says\n", POINTS);
+}
+
+// A picture of the ground, with the lanterns as dots.
+void picture(vulkan::Device &device, Player &player, double time, const std::string &path) {
+    const auto shader = engine_shader(player.effects(), "shade");
+    GirandoleShaderView view;
+    check(girandole_shader_view(shader.get(), &view));
+    const uint32_t groups[] = {WIDTH / 8, HEIGHT / 8, 1};
+    auto pixels = run(device, player, view.code, view.size, "shade", 4 * WIDTH * HEIGHT, groups);
+    for (size_t i = 0; i < 480; i++) {
+        const auto at = Scene::place(i, time).translation;
+        // The inverse of the view in shade.
+        const double y = at.y - 7.0, z = at.z + 17.0, ahead = z * 0.90045 - y * 0.43497;
+        const double up = y * 0.90045 + z * 0.43497;
+        const int px = static_cast<int>(256.0 + 144.0 / 0.65 * at.x / ahead);
+        const int py = static_cast<int>(144.0 - 144.0 / 0.65 * up / ahead);
+        if (ahead < 0.1 || px < 0 || py < 0 || px + 1 >= int(WIDTH) || py + 1 >= int(HEIGHT)) continue;
+        for (int dot = 0; dot < 4; dot++) {
+            float *pixel = &pixels[4 * ((py + dot / 2) * WIDTH + px + dot % 2)];
+            for (int c = 0; c < 3; c++) pixel[c] += 3.0f;
+        }
+    }
+    std::ofstream file(path, std::ios::binary);
+    file << "P6\n" << WIDTH << " " << HEIGHT << "\n255\n";
+    double sum = 0.0;
+    for (size_t i = 0; i < size_t(WIDTH) * HEIGHT; i++) {
+        for (size_t c = 0; c < 3; c++) {
+            const float x = pixels[4 * i + c];
+            require(std::isfinite(x) && x >= 0.0f, "a pixel is not a number of at least 0");
+            sum += x;
+            const float shown = 1.0f - std::exp(-0.6f * x);
+            file.put(static_cast<char>(static_cast<int>(255.0f * std::pow(shown, 1.0f / 2.2f) + 0.5f)));
+        }
+    }
+    file.close();
+    require(!file.fail(), path + " cannot be written");
+    require(sum > 0.0, "the picture is black");
+}
+
+void write(const std::string &path, const void *bytes, size_t size) {
+    std::ofstream file(path, std::ios::binary);
+    file.write(static_cast<const char *>(bytes), static_cast<std::streamsize>(size));
+    file.close();
+    require(!file.fail(), path + " cannot be written");
+}
+
+void all(const std::string &folder, const char *measure_spv) {
+    vulkan::Device device;
+    std::printf("%s\n", device.name().c_str());
+    single_lamp(device);
+
+    Scene scene;
+    Player player(device);
+    const int frames = 6;
+    for (int frame = 0; frame < frames; frame++) {
+        scene.move(0.1 * frame);
+        if (frame == 3) {
+            // Lights in a tree change, one lantern grows and is sheared, and one gets a factor and a mask, which
+            // change the layout of records.
+            const auto bright = girandole_point_light(vec3(0, 0.5f, 0), grey(3));
+            uint32_t index = 0;
+            const auto key = scene.instances[100];
+            auto sheared = Scene::place(100, 0.3);
+            sheared.axes[0] = vec3(3, 0.5f, 0);
+            check(girandole_world_move_instance(scene.world.get(), key, &sheared));
+            check(girandole_world_set_factor(scene.world.get(), scene.instances[50], vec3(2, 0.5f, 1)));
+            check(girandole_world_set_mask(scene.world.get(), scene.instances[51], 0));
+            const auto extra = girandole_placement_at(-5, 0, -5);
+            uint64_t tree = 0, instance = 0;
+            check(girandole_world_add_tree(scene.world.get(), &bright, 1, &tree));
+            check(girandole_world_add_instance(scene.world.get(), tree, &extra, nullptr, &instance));
+            check(girandole_world_add_lights(scene.world.get(), tree, &bright, 1, &index));
+        }
+        check(girandole_world_update(scene.world.get(), 300.0, nullptr));
+        const size_t commands = player.frame(scene.world.get());
+        std::printf("frame %d: %zu commands\n", frame, commands);
+        require(commands > 0, "a frame with moves plays no commands");
+    }
+    // Nothing has changed.
+    check(girandole_world_update(scene.world.get(), 0.0, nullptr));
+    require(player.frame(scene.world.get()) == 0, "a frame without changes plays commands");
+
+    const auto shader = engine_shader(player.effects(), "measure");
+    GirandoleShaderView view;
+    check(girandole_shader_view(shader.get(), &view));
+    require(view.binding_count == 6 && view.entry_point_count == 1, "the table of bindings");
+    write(folder + "/measure.spv", view.code, view.size);
+    compare(device, player, scene.world.get(), view.code, view.size, "WGSL");
+    if (measure_spv) {
+        std::ifstream file(measure_spv, std::ios::binary);
+        const std::vector<char> bytes{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+        require(!bytes.empty() && bytes.size() % 4 == 0, std::string(measure_spv) + " is no SPIR-V");
+        std::vector<uint32_t> words(bytes.size() / 4);
+        std::memcpy(words.data(), bytes.data(), bytes.size());
+        compare(device, player, scene.world.get(), words.data(), bytes.size(), "HLSL");
+    }
+    picture(device, player, 0.1 * (frames - 1), folder + "/lights.ppm");
+}
+
+}  // namespace
+
+int main(int count, char **arguments) {
+    if (count < 2) {
+        std::fprintf(stderr, "usage: vulkan FOLDER [MEASURE.SPV]\n");
+        return 1;
+    }
+    try {
+        all(arguments[1], count > 2 ? arguments[2] : nullptr);
+    } catch (const std::exception &error) {
+        std::fprintf(stderr, "%s\n", error.what());
+        return 1;
+    }
+    return 0;
+}

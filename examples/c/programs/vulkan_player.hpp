@@ -1,0 +1,156 @@
+// Plays plans on a Vulkan device: makes and frees buffers, compiles the kernels, and records commands.
+#pragma once
+
+#include <map>
+
+#include "girandole.hpp"
+#include "vulkan_device.hpp"
+
+class Player {
+public:
+    explicit Player(vulkan::Device &device) : device_(device) {
+        const GirandoleLimits limits = {device.largest_storage_buffer(), GIRANDOLE_NO_LIMIT, GIRANDOLE_NO_LIMIT};
+        planner_ = girandole::make<GirandolePlanner>(
+            [&](GirandolePlanner **it) { return girandole_planner_create(&limits, it); });
+        cursor_ = girandole::make<GirandoleCursor>(girandole_cursor_create);
+        GirandoleTarget target = {};
+        target.language = GIRANDOLE_LANGUAGE_SPIRV;
+        for (uint32_t i = 0; i < girandole_kernel_count(); i++) {
+            GirandoleKernel kernel;
+            girandole::check(girandole_kernel(i, &kernel));
+            const auto shader = girandole::make<GirandoleShader>(
+                [&](GirandoleShader **it) { return girandole_kernel_shader(i, &target, it); });
+            GirandoleShaderView view;
+            girandole::check(girandole_shader_view(shader.get(), &view));
+            std::vector<VkDescriptorType> types;
+            for (size_t b = 0; b < kernel.binding_count; b++) {
+                types.push_back(kernel.bindings[b].kind == GIRANDOLE_BINDING_UNIFORM
+                                    ? VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER
+                                    : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER);
+            }
+            kernels_.push_back(kernel);
+            const char *entry = view.entry_points[0].name_in_code;
+            pipelines_.push_back(device.make_pipeline(view.code, view.size, entry, {types}));
+        }
+    }
+
+    ~Player() {
+        for (auto &pipeline : pipelines_) device_.free_pipeline(pipeline);
+        for (auto &buffer : buffers_) device_.free_buffer(buffer.second);
+    }
+
+    Player(const Player &) = delete;
+    Player &operator=(const Player &) = delete;
+
+    // Brings the device up to date with the world, after girandole_world_update. Returns the commands played.
+    size_t frame(GirandoleWorld *world) {
+        const auto delta = girandole::take_delta(world);
+        const GirandoleNewBuffer *wanted = nullptr;
+        size_t count = 0;
+        girandole::check(girandole_planner_reserve(planner_.get(), world, delta.get(), 0, &wanted, &count));
+        for (size_t i = 0; i < count; i++) {
+            const bool is_uniform = wanted[i].usage == GIRANDOLE_BUFFER_UNIFORM;
+            const VkBufferUsageFlags usage =
+                is_uniform ? VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT
+                           : VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT |
+                                 VK_BUFFER_USAGE_TRANSFER_DST_BIT;
+            // An engine that has no memory left calls girandole_planner_cancel, and draws with the last frame.
+            buffers_[wanted[i].id] = device_.make_buffer(wanted[i].size, usage, false);
+        }
+        const auto plan = girandole::make<GirandolePlan>(
+            [&](GirandolePlan **it) { return girandole_planner_plan(planner_.get(), it); });
+        girandole::check(girandole_cursor_advance(cursor_.get(), plan.get()));
+        GirandolePlanView view;
+        girandole::check(girandole_plan_view(plan.get(), &view));
+
+        vulkan::Buffer staging;
+        if (view.bytes > 0) {
+            staging = device_.make_buffer(view.bytes, VK_BUFFER_USAGE_TRANSFER_SRC_BIT, true);
+        }
+        VkDeviceSize used = 0;
+        device_.begin();
+        play(view.upload, view.upload_count, staging, used);
+        play(view.top, view.top_count, staging, used);
+        device_.submit_and_wait();
+        // The device has finished the frame.
+        if (view.bytes > 0) device_.free_buffer(staging);
+        for (size_t i = 0; i < view.freed_count; i++) {
+            device_.free_buffer(buffers_.at(view.freed[i]));
+            buffers_.erase(view.freed[i]);
+        }
+        return view.upload_count + view.top_count;
+    }
+
+    // What shaders bind, at the group that their text was made for.
+    std::vector<vulkan::Bound> bindings() {
+        uint32_t ids[GIRANDOLE_SHADER_BUFFERS];
+        girandole::check(girandole_planner_bindings(planner_.get(), ids));
+        std::vector<vulkan::Bound> bound;
+        for (const uint32_t id : ids) {
+            const auto type = bound.empty() ? VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
+            bound.push_back({type, buffers_.at(id).buffer});
+        }
+        return bound;
+    }
+
+    static std::vector<VkDescriptorType> binding_types() {
+        std::vector<VkDescriptorType> types(GIRANDOLE_SHADER_BUFFERS, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER);
+        types[0] = VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER;
+        return types;
+    }
+
+    uint32_t effects() {
+        uint32_t effects = 0;
+        girandole::check(girandole_planner_effects(planner_.get(), &effects));
+        return effects;
+    }
+
+private:
+    void play(const GirandoleCommand *commands, size_t count, const vulkan::Buffer &staging, VkDeviceSize &used) {
+        bool was_write = false;
+        for (size_t i = 0; i < count; i++) {
+            const GirandoleCommand &command = commands[i];
+            // Writes do not depend on each other.
+            if (!(was_write && command.kind == GIRANDOLE_COMMAND_WRITE)) device_.barrier();
+            was_write = command.kind == GIRANDOLE_COMMAND_WRITE;
+            switch (command.kind) {
+            case GIRANDOLE_COMMAND_WRITE:
+                device_.write(staging, used, command.bytes, command.size);
+                device_.copy(staging, used, buffers_.at(command.buffer), command.offset, command.size);
+                used += command.size;
+                break;
+            case GIRANDOLE_COMMAND_COPY:
+                device_.copy(buffers_.at(command.source), 0, buffers_.at(command.buffer), 0, command.size);
+                break;
+            case GIRANDOLE_COMMAND_CLEAR:
+                device_.clear(buffers_.at(command.buffer), command.offset, command.size);
+                break;
+            case GIRANDOLE_COMMAND_DISPATCH: dispatch(command); break;
+            default: throw std::runtime_error("a command of a later version");
+            }
+        }
+        device_.barrier();
+    }
+
+    void dispatch(const GirandoleCommand &command) {
+        const GirandoleKernel &kernel = kernels_.at(command.kernel);
+        std::vector<vulkan::Bound> bound;
+        for (uint32_t b = 0; b < command.buffer_count; b++) {
+            const auto &buffer = buffers_.at(command.buffers[b]);
+            if (kernel.bindings[b].kind == GIRANDOLE_BINDING_UNIFORM) {
+                bound.push_back({VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, buffer.buffer, command.uniform_offset,
+                                 kernel.bindings[b].uniform_size});
+            } else {
+                bound.push_back({VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, buffer.buffer});
+            }
+        }
+        device_.dispatch(pipelines_.at(command.kernel), {bound}, command.workgroups);
+    }
+
+    vulkan::Device &device_;
+    girandole::Owned<GirandolePlanner> planner_;
+    girandole::Owned<GirandoleCursor> cursor_;
+    std::vector<GirandoleKernel> kernels_;
+    std::vector<vulkan::Pipeline> pipelines_;
+    std::map<uint32_t, vulkan::Buffer> buffers_;
+};

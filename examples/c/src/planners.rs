@@ -1,0 +1,218 @@
+//! The calls that create planners, set them up and ask them.
+
+use girandole::SplitCount;
+use girandole::plan::{BufferId, FramePlan, LightPlanner, PlanLimits};
+
+use crate::memory::{object, object_mut, result};
+use crate::plan::GirandolePlan;
+use crate::planner::{GirandoleLimits, GirandolePlanner, limit};
+use crate::status::{Failure, GirandoleStatus, call};
+use crate::vectors::flag;
+
+/// Runs a call that changes a planner without a reservation.
+unsafe fn change<R>(
+    planner: *mut GirandolePlanner,
+    change: impl FnOnce(&mut LightPlanner) -> Result<R, Failure>,
+) -> Result<R, Failure> {
+    // SAFETY: see the crate's documentation.
+    unsafe { object_mut(planner, "planner")? }.edit(|planner| change(planner.free()?))
+}
+
+/// Creates a planner for a device that holds nothing yet. limits may be NULL for a largest buffer of 128 MiB
+/// and no other limits. Destroy it with girandole_planner_destroy.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn girandole_planner_create(
+    limits: *const GirandoleLimits,
+    planner: *mut *mut GirandolePlanner,
+) -> GirandoleStatus {
+    call(|| {
+        // SAFETY: see the crate's documentation.
+        let out = unsafe { result(planner, "planner")? };
+        let mut given = PlanLimits::default();
+        if !limits.is_null() {
+            // SAFETY: see the crate's documentation.
+            let limits = unsafe { object(limits, "limits")? };
+            given = PlanLimits::new(limits.largest_buffer);
+            given.tree_memory = limit(limits.tree_memory);
+            given.frame_bytes = limit(limits.frame_bytes);
+        }
+        out.set(Box::into_raw(Box::new(GirandolePlanner::new(given))));
+        Ok(())
+    })
+}
+
+/// Destroys a planner, and its reservation if it has one. NULL is allowed.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn girandole_planner_destroy(planner: *mut GirandolePlanner) {
+    if !planner.is_null() {
+        // The status is of no use: a panic here is a bug that leaks memory.
+        let _ = call(|| {
+            // SAFETY: made by `Box::into_raw`, and see the crate's documentation.
+            drop(unsafe { Box::from_raw(planner) });
+            Ok(())
+        });
+    }
+}
+
+/// Sets the limits of memory and of bytes per frame from the next plan on: bytes, or GIRANDOLE_NO_LIMIT.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn girandole_planner_set_limits(
+    planner: *mut GirandolePlanner,
+    tree_memory: u64,
+    frame_bytes: u64,
+) -> GirandoleStatus {
+    call(|| {
+        let set = |planner: &mut LightPlanner| {
+            planner.set_tree_memory(limit(tree_memory));
+            planner.set_frame_bytes(limit(frame_bytes));
+            Ok(())
+        };
+        // SAFETY: see the crate's documentation.
+        unsafe { change(planner, set) }
+    })
+}
+
+/// Sets the number of splits of shaders from the next plan on: 0 to 7.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn girandole_planner_set_splits(planner: *mut GirandolePlanner, splits: u32) -> GirandoleStatus {
+    call(|| {
+        let splits = SplitCount::new(splits as usize)?;
+        let set = |planner: &mut LightPlanner| {
+            planner.set_splits(splits);
+            Ok(())
+        };
+        // SAFETY: see the crate's documentation.
+        unsafe { change(planner, set) }
+    })
+}
+
+/// Sets whether the buffers of the last frame are kept for light_pmf_previous (1) or dropped (0), from the
+/// next plan on.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn girandole_planner_keep_previous(
+    planner: *mut GirandolePlanner,
+    is_kept: u32,
+) -> GirandoleStatus {
+    call(|| {
+        let is_kept = flag(is_kept, "is_kept")?;
+        let set = |planner: &mut LightPlanner| {
+            planner.keep_previous(is_kept);
+            Ok(())
+        };
+        // SAFETY: see the crate's documentation.
+        unsafe { change(planner, set) }
+    })
+}
+
+/// Makes a plan that only sends the setting of girandole_planner_set_splits to the device, before the plan of
+/// the next frame. It may be empty. Its number is 0, and cursors do not count it. Play it before the next
+/// plan.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn girandole_planner_settings(
+    planner: *mut GirandolePlanner,
+    plan: *mut *mut GirandolePlan,
+) -> GirandoleStatus {
+    call(|| {
+        // SAFETY: see the crate's documentation.
+        let out = unsafe { result(plan, "plan")? };
+        let mut frame = FramePlan::default();
+        // SAFETY: see the crate's documentation.
+        frame.upload = unsafe { change(planner, |planner| Ok(planner.settings()))? };
+        out.set(Box::into_raw(Box::new(GirandolePlan::new(frame)?)));
+        Ok(())
+    })
+}
+
+/// Reports that a plan was not played, or only in part, so that the device may lack some of what was planned.
+/// The next plan sends everything again, into the same buffers; pass it to girandole_cursor_skip_to.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn girandole_planner_lose(planner: *mut GirandolePlanner) -> GirandoleStatus {
+    call(|| {
+        let lose = |planner: &mut LightPlanner| {
+            planner.lose();
+            Ok(())
+        };
+        // SAFETY: see the crate's documentation.
+        unsafe { change(planner, lose) }
+    })
+}
+
+/// Reports that of the last plan only the commands in top were not played. The next plan then builds the top
+/// level again.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn girandole_planner_lose_top(planner: *mut GirandolePlanner) -> GirandoleStatus {
+    call(|| {
+        let lose = |planner: &mut LightPlanner| {
+            planner.lose_top();
+            Ok(())
+        };
+        // SAFETY: see the crate's documentation.
+        unsafe { change(planner, lose) }
+    })
+}
+
+/// The number of buffers that shaders bind.
+pub const GIRANDOLE_SHADER_BUFFERS: usize = 5;
+
+unsafe fn bindings(
+    planner: *mut GirandolePlanner,
+    buffers: *mut u32,
+    get: impl FnOnce(&LightPlanner) -> Option<[BufferId; GIRANDOLE_SHADER_BUFFERS]>,
+) -> Result<(), Failure> {
+    // SAFETY: see the crate's documentation.
+    let out = unsafe { result(buffers.cast::<[u32; GIRANDOLE_SHADER_BUFFERS]>(), "buffers")? };
+    // SAFETY: see the crate's documentation.
+    let ids = unsafe { change(planner, |planner| Ok(get(planner)))? };
+    out.set(ids.map_or([u32::MAX; GIRANDOLE_SHADER_BUFFERS], |ids| ids.map(BufferId::get)));
+    Ok(())
+}
+
+/// Stores the numbers of the buffers that the engine's shaders bind after the last plan, at the bindings 0 to
+/// 4 of their group: a uniform buffer of 64 bytes, and four storage buffers that are only read, each bound
+/// whole. UINT32_MAX before the first plan. buffers has room for GIRANDOLE_SHADER_BUFFERS numbers.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn girandole_planner_bindings(
+    planner: *mut GirandolePlanner,
+    buffers: *mut u32,
+) -> GirandoleStatus {
+    // SAFETY: see the crate's documentation.
+    call(|| unsafe { bindings(planner, buffers, LightPlanner::bindings) })
+}
+
+/// As girandole_planner_bindings, for the buffers of the last frame, if they are kept.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn girandole_planner_previous_bindings(
+    planner: *mut GirandolePlanner,
+    buffers: *mut u32,
+) -> GirandoleStatus {
+    // SAFETY: see the crate's documentation.
+    call(|| unsafe { bindings(planner, buffers, LightPlanner::previous_bindings) })
+}
+
+/// Stores the effects that shaders must support to read the buffers of the last plan: bits of
+/// GIRANDOLE_EFFECT_*. All before the first plan.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn girandole_planner_effects(
+    planner: *mut GirandolePlanner,
+    effects: *mut u32,
+) -> GirandoleStatus {
+    call(|| {
+        // SAFETY: see the crate's documentation.
+        let out = unsafe { result(effects, "effects")? };
+        // SAFETY: see the crate's documentation.
+        out.set(unsafe { change(planner, |planner| Ok(planner.effects().bits().into()))? });
+        Ok(())
+    })
+}
+
+/// Stores the total size of all buffers, in bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn girandole_planner_memory(planner: *mut GirandolePlanner, bytes: *mut u64) -> GirandoleStatus {
+    call(|| {
+        // SAFETY: see the crate's documentation.
+        let out = unsafe { result(bytes, "bytes")? };
+        // SAFETY: see the crate's documentation.
+        out.set(unsafe { change(planner, |planner| Ok(planner.memory().buffers))? });
+        Ok(())
+    })
+}

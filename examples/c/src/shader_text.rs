@@ -1,0 +1,211 @@
+//! The text with light_sample and the other functions, for an engine's own shaders.
+
+use girandole::Effects;
+use girandole::plan;
+
+use std::ffi::CString;
+use std::fmt::Write;
+
+use crate::memory::{object, result};
+use crate::shader::*;
+use crate::source::Source;
+use crate::status::{Failure, GIRANDOLE_ERROR_BAD_VALUE, GirandoleStatus, call};
+use crate::translate::translate;
+use crate::vectors::flag;
+
+/// A light emits into less than all directions: a spot, or a surface with one emitting side.
+pub const GIRANDOLE_EFFECT_CONES: u32 = 1;
+/// A light has a finite range.
+pub const GIRANDOLE_EFFECT_RANGES: u32 = 2;
+/// A light is a surface.
+pub const GIRANDOLE_EFFECT_AREAS: u32 = 4;
+/// A surface emits from both sides.
+pub const GIRANDOLE_EFFECT_TWO_SIDED: u32 = 8;
+/// There is a directional light.
+pub const GIRANDOLE_EFFECT_DIRECTIONAL: u32 = 16;
+/// An instance is scaled, sheared or mirrored.
+pub const GIRANDOLE_EFFECT_NON_RIGID: u32 = 32;
+/// GIRANDOLE_SAMPLING_SOLID_ANGLE is set.
+pub const GIRANDOLE_EFFECT_SOLID_ANGLES: u32 = 128;
+/// GIRANDOLE_SAMPLING_GLOSSY is set.
+pub const GIRANDOLE_EFFECT_GLOSSY: u32 = 256;
+/// GIRANDOLE_SAMPLING_SEGMENTS is set.
+pub const GIRANDOLE_EFFECT_SEGMENTS: u32 = 512;
+/// An instance has a factor other than 1.
+pub const GIRANDOLE_EFFECT_FACTORS: u32 = 1024;
+/// An instance has a mask with a bit that is not set.
+pub const GIRANDOLE_EFFECT_MASKS: u32 = 2048;
+/// The origin lies on a grid.
+pub const GIRANDOLE_EFFECT_SECTORS: u32 = 4096;
+/// All effects: a shader for them reads the buffers of any world, and is the longest.
+pub const GIRANDOLE_ALL_EFFECTS: u32 = 0x1fbf;
+
+fn known_effects(bits: u32) -> Result<Effects, Failure> {
+    if bits & !GIRANDOLE_ALL_EFFECTS != 0 {
+        let message = format!("effects {bits:#x} have other bits than {GIRANDOLE_ALL_EFFECTS:#x}");
+        return Err(Failure::new(GIRANDOLE_ERROR_BAD_VALUE, message));
+    }
+    Ok(Effects::from_bits_truncate(bits as u16))
+}
+
+/// The last number that a group may have. Descriptor sets and spaces are few.
+const LAST_GROUP: u32 = 255;
+
+/// Makes the text that an engine's shader includes: the functions light_sample, light_resample, light_pmf and
+/// others, without an entry point. docs/integration.md describes them. Destroy the shader with
+/// girandole_shader_destroy.
+///
+///   effects       bits of GIRANDOLE_EFFECT_*: at least those of girandole_planner_effects
+///   group         the group of the bindings in WGSL, and by default the space in HLSL: 0 to 255
+///   has_previous  1 for light_pmf_previous too, which binds the buffers of the last frame at group + 1; else 0
+///   target        WGSL, HLSL or MSL; its entry_point must be NULL. SPIR-V has no texts to include: join the
+///                 WGSL text with your own and pass both to girandole_translate
+///
+/// HLSL: the spaces are macros, GIRANDOLE_SPACE and GIRANDOLE_PREVIOUS_SPACE, which a program may define
+/// before it includes the text. MSL: functions take the buffers that they read as further arguments.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn girandole_shader_include(
+    effects: u32,
+    group: u32,
+    has_previous: u32,
+    target: *const GirandoleTarget,
+    shader: *mut *mut GirandoleShader,
+) -> GirandoleStatus {
+    call(|| {
+        // SAFETY: see the crate's documentation.
+        let (target, out) = unsafe { (object(target, "target")?, result(shader, "shader")?) };
+        let has_previous = flag(has_previous, "has_previous")?;
+        // SAFETY: see the crate's documentation.
+        out.set(Box::into_raw(Box::new(unsafe { include(effects, group, has_previous, target)? })));
+        Ok(())
+    })
+}
+
+/// # Safety
+/// The pointers of the target are as the crate's documentation says.
+unsafe fn include(
+    effects: u32,
+    group: u32,
+    has_previous: bool,
+    target: &GirandoleTarget,
+) -> Result<GirandoleShader, Failure> {
+    let effects = known_effects(effects)?;
+    if group >= LAST_GROUP || !target.entry_point.is_null() {
+        let message = "a group below 255 and no entry point are allowed";
+        return Err(Failure::new(GIRANDOLE_ERROR_BAD_VALUE, message));
+    }
+    let mut wgsl = plan::wgsl(group, effects);
+    if has_previous {
+        wgsl.push_str(&plan::wgsl_previous(group + 1, effects));
+    }
+    let source = Source::checked(wgsl)?;
+    // SAFETY: the caller's promise.
+    let mut made = unsafe { translate(&source, target)? };
+    if let (GIRANDOLE_LANGUAGE_HLSL, Code::Text(text)) = (target.language, &made.code) {
+        made.code = Code::Text(hlsl_include(text, &made, group));
+    }
+    Ok(made)
+}
+
+/// The text of naga with include guards, a table of bindings and macros for the spaces.
+fn hlsl_include(text: &CString, made: &GirandoleShader, group: u32) -> CString {
+    let mut head = String::from("// Made by girandole_shader_include. Do not edit.\n//\n");
+    head.push_str("// register  space                      name\n");
+    let mut macros = String::new();
+    let mut body = text.to_string_lossy().into_owned();
+    for (index, row) in made.bindings.iter().enumerate() {
+        let letter = row.register_letter as u8 as char;
+        let space = if row.group == group { "GIRANDOLE_SPACE" } else { "GIRANDOLE_PREVIOUS_SPACE" };
+        // Two names are kept for each entry point, of which there are none.
+        let name = made.names[index].to_string_lossy();
+        let _ = writeln!(head, "// {letter}{:<8} {space:<26} {name}", row.index);
+        let define = format!("#ifndef {space}\n#define {space} space{}\n#endif\n", row.space);
+        if !macros.contains(&define) {
+            macros.push_str(&define);
+        }
+        let register = format!("register({letter}{}", row.index);
+        let plain = if row.space == 0 { format!("{register})") } else { format!("{register}, space{})", row.space) };
+        body = body.replace(&plain, &format!("{register}, {space})"));
+    }
+    // naga puts every condition in two pairs of parentheses.
+    let quiet = "#ifdef __hlsl_dx_compiler\n#pragma dxc diagnostic push\n\
+        #pragma dxc diagnostic ignored \"-Wparentheses-equality\"\n#endif\n";
+    let end = "#ifdef __hlsl_dx_compiler\n#pragma dxc diagnostic pop\n#endif\n#endif\n";
+    let all = format!("{head}#ifndef GIRANDOLE_HLSLI\n#define GIRANDOLE_HLSLI\n{macros}{quiet}{body}{end}");
+    CString::new(all).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn text(effects: u32, group: u32, has_previous: bool, language: GirandoleLanguage) -> String {
+        let (entry_point, bindings) = (std::ptr::null(), std::ptr::null());
+        let target = GirandoleTarget {
+            language,
+            major_version: 0,
+            minor_version: 0,
+            flags: 0,
+            entry_point,
+            bindings,
+            binding_count: 0,
+        };
+        // SAFETY: both pointers are null, which is allowed.
+        let made = unsafe { include(effects, group, has_previous, &target) }.expect("it is translated");
+        assert_eq!(made.bindings.len(), if has_previous { 10 } else { 5 });
+        let Code::Text(text) = made.code else { panic!("a text is no SPIR-V") };
+        text.into_string().expect("UTF-8")
+    }
+
+    #[test]
+    fn public_names_are_the_same_in_every_language() {
+        for language in [GIRANDOLE_LANGUAGE_WGSL, GIRANDOLE_LANGUAGE_HLSL, GIRANDOLE_LANGUAGE_MSL] {
+            for effects in [0, GIRANDOLE_ALL_EFFECTS] {
+                let text = text(effects, 1, true, language);
+                for name in ["surface_point", "sample", "resample", "pick", "pmf", "pdf", "hash", "pmf_previous"] {
+                    assert!(text.contains(&format!(" light_{name}(")), "light_{name} in language {language}");
+                }
+                for name in ["Sample", "ShadingPoint", "Reservoir"] {
+                    assert!(text.contains(&format!("struct Light{name} {{")), "Light{name} in language {language}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_register_of_an_include_text_has_the_macro_of_its_space() {
+        for (group, has_previous) in [(0, false), (0, true), (1, false), (3, true), (11, true)] {
+            let text = text(GIRANDOLE_ALL_EFFECTS, group, has_previous, GIRANDOLE_LANGUAGE_HLSL);
+            let registers: Vec<_> = text.lines().filter(|line| line.contains("register(")).collect();
+            let of = |space: &str| registers.iter().filter(|line| line.contains(&format!(", {space})"))).count();
+            let previous = if has_previous { 5 } else { 0 };
+            assert_eq!([of("GIRANDOLE_SPACE"), of("GIRANDOLE_PREVIOUS_SPACE")], [5, previous], "{registers:#?}");
+            assert_eq!(registers.len(), 5 + previous, "{registers:#?}");
+            assert!(text.contains(&format!("#define GIRANDOLE_SPACE space{group}\n")));
+            let defined = text.contains(&format!("#define GIRANDOLE_PREVIOUS_SPACE space{}\n", group + 1));
+            assert_eq!(defined, has_previous);
+        }
+    }
+
+    #[test]
+    fn effects_are_those_of_the_library() {
+        for (bit, effect) in [
+            (GIRANDOLE_EFFECT_CONES, Effects::CONES),
+            (GIRANDOLE_EFFECT_RANGES, Effects::RANGES),
+            (GIRANDOLE_EFFECT_AREAS, Effects::AREAS),
+            (GIRANDOLE_EFFECT_TWO_SIDED, Effects::TWO_SIDED),
+            (GIRANDOLE_EFFECT_DIRECTIONAL, Effects::DIRECTIONAL),
+            (GIRANDOLE_EFFECT_NON_RIGID, Effects::NON_RIGID),
+            (GIRANDOLE_EFFECT_SOLID_ANGLES, Effects::SOLID_ANGLES),
+            (GIRANDOLE_EFFECT_GLOSSY, Effects::GLOSSY),
+            (GIRANDOLE_EFFECT_SEGMENTS, Effects::SEGMENTS),
+            (GIRANDOLE_EFFECT_FACTORS, Effects::FACTORS),
+            (GIRANDOLE_EFFECT_MASKS, Effects::MASKS),
+            (GIRANDOLE_EFFECT_SECTORS, Effects::SECTORS),
+        ] {
+            assert_eq!(bit, u32::from(effect.bits()), "{effect:?}");
+        }
+        assert_eq!(GIRANDOLE_ALL_EFFECTS, u32::from((Effects::all() - Effects::MOVING).bits()));
+        assert!(known_effects(64).is_err() && known_effects(1 << 16).is_err());
+    }
+}

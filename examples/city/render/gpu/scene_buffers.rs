@@ -1,0 +1,148 @@
+//! The buffers that the shader reads, and how it binds them.
+
+use super::geometry::{Geometry, GeometryChange, PackedTriangle};
+use super::records::{FrameUniform, Record};
+use super::scene::{Scene, SceneError};
+use super::texels::Texels;
+use bytemuck::Zeroable;
+use girandole::wgpu::{self, util::DeviceExt};
+
+/// The scene on a device.
+pub struct SceneBuffers {
+    pub uniform: wgpu::Buffer,
+    nodes: wgpu::Buffer,
+    /// Triangles, then texture coordinates.
+    triangles: wgpu::Buffer,
+    /// Materials, then textures, then objects.
+    records: wgpu::Buffer,
+    /// The texels of all images.
+    texels: wgpu::TextureView,
+    /// Number of records that precede those of the objects.
+    first_object: usize,
+}
+
+impl SceneBuffers {
+    /// Allocates the buffers and uploads the geometry. Refuses a scene that exceeds the limits of the
+    /// device.
+    pub fn new(
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        scene: &Scene,
+        geometry: &Geometry,
+    ) -> Result<Self, SceneError> {
+        let limits = device.limits();
+        let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        let checked = |what: &str, bytes: usize| {
+            if bytes as u64 <= limit {
+                return Ok(());
+            }
+            Err(SceneError(format!(
+                "the {what} of the scene need {bytes} bytes; the limit of this adapter is {limit}; try --backend cpu"
+            )))
+        };
+        let texels = Texels::new(scene, &limits)?;
+        let first_texture = scene.materials.len() as u32;
+        let materials = scene.materials.iter().map(|material| Record::of_material(material, first_texture));
+        let textures =
+            scene.textures.iter().zip(&texels.first).map(|(texture, &first)| Record::of_texture(texture, first));
+        let records: Vec<Record> =
+            materials.chain(textures).chain(geometry.objects.iter().map(Record::of_object)).collect();
+        let records: &[u8] = bytemuck::cast_slice(&records);
+        let nodes: &[u8] = bytemuck::cast_slice(&geometry.nodes);
+        // WebGPU refuses an empty binding. No node refers to the triangle that takes its place.
+        let unused = [PackedTriangle::zeroed()];
+        let triangles = if geometry.triangles.is_empty() { &unused[..] } else { &geometry.triangles };
+        let tex_coords: &[u8] = bytemuck::cast_slice(&geometry.tex_coords);
+        let triangles = &[bytemuck::cast_slice(triangles), tex_coords].concat();
+        checked("nodes", nodes.len())?;
+        checked("triangles", triangles.len())?;
+        checked("objects", records.len())?;
+
+        let filled = |label, contents, usage| {
+            device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: Some(label), contents, usage })
+        };
+        use wgpu::BufferUsages as Usage;
+        Ok(Self {
+            uniform: device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("city frame"),
+                size: size_of::<FrameUniform>() as u64,
+                usage: Usage::UNIFORM | Usage::COPY_DST,
+                mapped_at_creation: false,
+            }),
+            nodes: filled("city nodes", nodes, Usage::STORAGE | Usage::COPY_DST),
+            triangles: filled("city triangles", triangles, Usage::STORAGE),
+            records: filled("city records", records, Usage::STORAGE | Usage::COPY_DST),
+            texels: texels.upload(device, queue),
+            first_object: scene.materials.len() + scene.textures.len(),
+        })
+    }
+
+    /// Number of records that precede those of the objects.
+    pub fn first_object(&self) -> u32 {
+        self.first_object as u32
+    }
+
+    /// Uploads what changed and returns the number of bytes.
+    pub fn upload(&self, queue: &wgpu::Queue, geometry: &Geometry, change: &GeometryChange) -> u64 {
+        let mut uploaded = 0;
+        let mut write = |buffer: &wgpu::Buffer, offset: usize, bytes: &[u8]| {
+            queue.write_buffer(buffer, offset as u64, bytes);
+            uploaded += bytes.len() as u64;
+        };
+        for range in &change.objects {
+            let records: Vec<Record> = geometry.objects[range.clone()].iter().map(Record::of_object).collect();
+            let offset = (self.first_object + range.start) * size_of::<Record>();
+            write(&self.records, offset, bytemuck::cast_slice(&records));
+        }
+        if change.top {
+            write(&self.nodes, 0, bytemuck::cast_slice(geometry.top_nodes()));
+        }
+        uploaded
+    }
+
+    /// Bind group 0 of the render shader, with the pixels that it writes, and its layout.
+    pub fn bind(&self, device: &wgpu::Device, image: &wgpu::Buffer) -> (wgpu::BindGroupLayout, wgpu::BindGroup) {
+        let storage = |read_only| wgpu::BufferBindingType::Storage { read_only };
+        let bindings = [
+            (&self.uniform, wgpu::BufferBindingType::Uniform),
+            (&self.nodes, storage(true)),
+            (&self.triangles, storage(true)),
+            (&self.records, storage(true)),
+            (image, storage(false)),
+        ];
+        let layout_entry = |(binding, &(_, ty)): (u32, &(_, _))| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: wgpu::ShaderStages::COMPUTE,
+            ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
+            count: None,
+        };
+        let texels = bindings.len() as u32;
+        let mut layout_entries: Vec<_> = (0..).zip(&bindings).map(layout_entry).collect();
+        layout_entries.push(wgpu::BindGroupLayoutEntry {
+            binding: texels,
+            visibility: wgpu::ShaderStages::COMPUTE,
+            ty: wgpu::BindingType::Texture {
+                sample_type: wgpu::TextureSampleType::Uint,
+                view_dimension: wgpu::TextureViewDimension::D2Array,
+                multisampled: false,
+            },
+            count: None,
+        });
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("city"),
+            entries: &layout_entries,
+        });
+        let mut entries: Vec<_> = (0..)
+            .zip(&bindings)
+            .map(|(binding, (buffer, _))| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+            .collect();
+        let resource = wgpu::BindingResource::TextureView(&self.texels);
+        entries.push(wgpu::BindGroupEntry { binding: texels, resource });
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("city"),
+            layout: &layout,
+            entries: &entries,
+        });
+        (layout, group)
+    }
+}

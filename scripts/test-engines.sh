@@ -1,0 +1,12 @@
+#!/usr/bin/env bash
+# Builds and tests what takes the library into engines: the C interface, the browser page and the Bevy
+# plugin. Each is a package of its own in examples/, with a script that also runs alone and installs
+# what it needs on Debian. Needs rustup and no GPU; from nothing it takes about half an hour on two cores.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+for engine in c web bevy; do
+    SECONDS=0
+    bash "examples/$engine/test.sh"
+    printf '\n== examples/%s passed in %d s\n' "$engine" "$SECONDS"
+done
