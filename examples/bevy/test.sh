@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Everything that must hold of the plugin: format, lints, the tests with Bevy 0.19 and with Bevy 0.20, and
 # the swarm, small and without a window. Installs what is missing: software Vulkan, and through rustup
-# the toolchain that Bevy 0.20 needs. From cold this takes about 20 minutes on two cores.
+# the toolchain that Bevy 0.20 needs. Bevy is built twice, which takes most of the time.
 set -euo pipefail
 cd "$(dirname "$0")"
 

@@ -14,8 +14,9 @@ use crate::gathered::{Changes, Found, Gathered, Shape};
 use crate::settings::GirandoleSettings;
 use crate::units;
 
+type AnyLightComponent = Or<(With<PointLight>, With<SpotLight>, With<DirectionalLight>)>;
 /// Light components on entities that Bevy need not see.
-type AnyLight = (Or<(With<PointLight>, With<SpotLight>, With<DirectionalLight>)>, Without<Mesh3d>);
+type AnyLight = (AnyLightComponent, Without<Mesh3d>);
 
 pub fn add_systems(app: &mut App) {
     app.init_resource::<Changes>().add_systems(
@@ -73,10 +74,12 @@ fn give_back(
     }
 }
 
-/// Lights whose light component or mesh was removed.
+/// Lights whose light component or mesh was removed, and those that are left to Bevy because their
+/// entity got both.
 fn forget(
     mut commands: Commands,
     mut removed: Removed,
+    both: Query<Entity, (With<Gathered>, With<Mesh3d>, AnyLightComponent)>,
     entities: Query<(&Gathered, Has<PointLight>, Has<SpotLight>, Has<DirectionalLight>, Has<Mesh3d>)>,
 ) {
     for entity in removed.read() {
@@ -90,6 +93,9 @@ fn forget(
         if !remains {
             commands.entity(entity).remove::<Gathered>();
         }
+    }
+    for entity in &both {
+        commands.entity(entity).remove::<Gathered>();
     }
 }
 

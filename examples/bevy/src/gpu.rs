@@ -128,6 +128,7 @@ pub fn prepare(
     let counts = lights.counts;
     stats.set(GirandoleReport {
         frames: gpu.frames,
+        passes: 0,
         added: counts.added,
         removed: counts.removed,
         moved: counts.moved,

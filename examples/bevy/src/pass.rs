@@ -19,6 +19,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::components::{Estimate, GirandoleCamera};
 use crate::gpu::{GirandoleGpu, buffer_entry, lights_layout};
 use crate::history::{DIST_FORMAT, History, MEAN_FORMAT};
+use crate::settings::GirandoleStats;
 
 /// Numbers for the pass of one camera. Twin of `GirandoleView` in pass.wgsl.
 #[repr(C)]
@@ -171,6 +172,7 @@ pub fn draw(
     cache: Res<PipelineCache>,
     pipelines: Res<PassPipelines>,
     gpu: Option<Res<GirandoleGpu>>,
+    stats: Res<GirandoleStats>,
     mut context: RenderContext,
 ) {
     let (settings, camera, mesh_view, target, pipeline, mut history) = view.into_inner();
@@ -230,4 +232,5 @@ pub fn draw(
     pass.set_bind_group(2, &own, &[]);
     pass.set_bind_group(3, lights, &[]);
     pass.draw(0..3, 0..1);
+    stats.count_pass();
 }

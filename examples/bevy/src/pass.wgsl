@@ -118,7 +118,8 @@ fn girandole_fragment(@builtin(position) position: vec4<f32>) -> GirandoleOutput
     var mean = estimate;
     var frames = 1.0;
     if girandole_view.has_history != 0u {
-        let motion = textureLoad(mesh_view_bindings::motion_vector_prepass_texture, texel, 0).xy * mesh_view_bindings::view.viewport.zw;
+        let motion_uv = textureLoad(mesh_view_bindings::motion_vector_prepass_texture, texel, 0).xy;
+        let motion = motion_uv * mesh_view_bindings::view.viewport.zw;
         let past = girandole_mean_at(position.xy - motion, dist);
         let is_still = girandole_view.lights_moved == 0u && all(abs(motion) < vec2(GIRANDOLE_STILL));
         let limit = f32(select(girandole_view.moving_frames, girandole_view.still_frames, is_still));

@@ -43,6 +43,10 @@ struct Modules {
 impl Plugin for GirandolePlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<GirandoleSettings>().init_resource::<GirandoleStats>();
+        if app.get_sub_app(RenderApp).is_none() {
+            // Nothing is drawn, so nothing would take the edits.
+            return;
+        }
         gather::add_systems(app);
         let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
         let text = if self.importing { shader::importing() } else { shader::joined() };

@@ -1,5 +1,6 @@
 //! Settings of the plugin, and what it reports.
 
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
@@ -24,8 +25,11 @@ pub struct GirandoleSettings {
 /// What the plugin did for the last frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GirandoleReport {
-    /// Frames that reached the render world so far. The other fields are of the last one.
+    /// Frames that reached the render world so far. The other fields but `passes` and
+    /// `refused` are of the last one.
     pub frames: u64,
+    /// Passes over pictures that were recorded so far. None are while shaders are compiled.
+    pub passes: u64,
     /// Lights that were added.
     pub added: usize,
     /// Lights that were removed.
@@ -56,15 +60,23 @@ pub struct GirandoleReport {
 
 /// The report of the last frame, which both worlds share.
 #[derive(Resource, Clone, Debug, Default)]
-pub struct GirandoleStats(Arc<Mutex<GirandoleReport>>);
+pub struct GirandoleStats {
+    report: Arc<Mutex<GirandoleReport>>,
+    passes: Arc<AtomicU64>,
+}
 
 impl GirandoleStats {
     /// Returns the report of the last frame that the render world has begun.
     pub fn report(&self) -> GirandoleReport {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        let report = *self.report.lock().unwrap_or_else(PoisonError::into_inner);
+        GirandoleReport { passes: self.passes.load(Ordering::Relaxed), ..report }
+    }
+
+    pub(crate) fn count_pass(&self) {
+        self.passes.fetch_add(1, Ordering::Relaxed);
     }
 
     pub(crate) fn set(&self, report: GirandoleReport) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = report;
+        *self.report.lock().unwrap_or_else(PoisonError::into_inner) = report;
     }
 }

@@ -80,7 +80,8 @@ fn girandole_lobe(input: ptr<function, LightingInput>, layer: u32, to_light: vec
     let dist = length(to_light);
     let normal = (*input).layers[layer].N;
     let alpha = (*input).layers[layer].roughness;
-    let values = lighting::compute_specular_layer_values_for_point_light(input, layer, (*input).V, to_light, radius, dist);
+    let values = lighting::compute_specular_layer_values_for_point_light(
+        input, layer, (*input).V, to_light, radius, dist);
     var lobe: GirandoleLobe;
     lobe.derived = lighting::derive_lighting_input(normal, (*input).V, values.xyz);
     let normalization = alpha / values.w;

@@ -174,7 +174,9 @@ fn bevy_lights_with_what_is_not_marked() {
 
     // Bevy has to see an entity with a mesh, so it keeps the light of that entity, too.
     let mesh = app.world_mut().resource_mut::<Assets<Mesh>>().add(Sphere::new(0.01));
-    app.world_mut().entity_mut(entity).insert((Mesh3d(mesh), NoFrustumCulling, GirandoleLight));
+    app.world_mut().entity_mut(entity).insert(GirandoleLight);
+    settle(&mut app);
+    app.world_mut().entity_mut(entity).insert((Mesh3d(mesh), NoFrustumCulling));
     assert_eq!(sum(&mut app), of_bevy);
     assert_eq!(report(&app).lights, 0);
 }

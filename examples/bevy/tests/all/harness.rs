@@ -19,7 +19,7 @@ pub const WIDTH: u32 = 32;
 pub const HEIGHT: u32 = 24;
 pub const PIXELS: usize = (WIDTH * HEIGHT) as usize;
 
-/// Frames after which all shaders are compiled, and the first pictures have come back.
+/// Frames after which the pictures of former frames have come back.
 const WARM_UP: usize = 6;
 
 pub type Picture = Vec<Vec3>;
@@ -101,8 +101,23 @@ fn half(bits: u16) -> f32 {
     }
 }
 
-/// Runs until `count` more pictures have come back, after the first ones. Returns them.
+/// Frames within which the shaders of the pass are found and compiled.
+const MAX_START_FRAMES: usize = 1000;
+
+/// Runs until the pass is drawn.
+pub fn start(app: &mut App) {
+    for _ in 0..MAX_START_FRAMES {
+        if report(app).passes > 0 {
+            return;
+        }
+        app.update();
+    }
+    panic!("the pass is not drawn");
+}
+
+/// Runs until `count` more pictures have come back. Returns them.
 pub fn pictures(app: &mut App, count: usize) -> Vec<Picture> {
+    start(app);
     let received = app.world().resource::<Pictures>().clone();
     received.0.lock().unwrap().clear();
     for _ in 0..10 * (count + WARM_UP) {

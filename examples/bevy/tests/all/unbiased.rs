@@ -22,6 +22,10 @@ const LIMIT: f64 = 5.3;
 /// most 2⁻¹¹, and the mean of many frames by less.
 const ROUNDING: f64 = 1.0 / 1024.0;
 
+/// Frames by which two applications may be apart, and frames that are compared.
+const SHIFT: usize = 12;
+const COMPARED: usize = 3;
+
 struct Means {
     mean: Vec<[f64; 3]>,
     error_sq: Vec<[f64; 3]>,
@@ -148,10 +152,13 @@ fn importing_the_modules_gives_the_numbers_of_the_joined_text() {
     let camera = GirandoleCamera { candidates: 1, samples: 2, seed: 9, ..single_frames() };
     let [joined, importing] = [false, true].map(|importing| {
         let mut app = scene(GirandolePlugin { importing }, camera);
-        pictures(&mut app, 3)
+        pictures(&mut app, 2 * SHIFT + COMPARED)
     });
-    assert!(joined[0] != joined[1], "frames are independent");
-    assert_eq!(joined, importing);
+    assert!(joined[SHIFT] != joined[SHIFT + 1], "frames are independent");
+    // Pictures come back some frames late, and not always equally late.
+    let middle = &joined[SHIFT..SHIFT + COMPARED];
+    let is_equal = importing.windows(COMPARED).any(|frames| frames == middle);
+    assert!(is_equal, "the same frames must be the same pictures");
 
     let mut app = scene(GirandolePlugin { importing: true }, GirandoleCamera { samples: 4, ..single_frames() });
     let sampled = means(&pictures(&mut app, FRAMES));
