@@ -7,6 +7,7 @@ cd "$(dirname "$0")"
 
 profile=$(mktemp -d)
 trap 'rm -rf "$profile"' EXIT
+rm -f "$picture"
 # The page delays its load event, for which Chromium waits, until it has averaged these frames.
 timeout 1200 chromium --headless --no-sandbox --user-data-dir="$profile" --enable-logging=stderr \
     --enable-unsafe-webgpu --enable-unsafe-swiftshader --use-webgpu-adapter=swiftshader \

@@ -2,7 +2,7 @@
 # Builds the page and checks it in headless Chromium, on its software adapter. Needs no GPU.
 # Installs Chromium on Debian if there is none.
 #
-# - The picture agrees with the sum over all lights, and trees were rebuilt within budgets.
+# - The picture agrees with the sum over all lights, and trees were rebuilt.
 # - A browser that lacks WebGPU, has no adapter, or takes the device away gets a sentence.
 set -euo pipefail
 cd "$(dirname "$0")"
@@ -11,7 +11,11 @@ if ! command -v chromium >/dev/null; then
     apt-get update -qq
     DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium >/dev/null
 fi
+cargo fmt --check
+(cd pack && cargo fmt --check)
 ./build.sh target/page
+# The flags of the build, so that dependencies are built once.
+cargo clippy --quiet --locked --release --target wasm32-unknown-unknown --target-dir target -- -D warnings
 
 work=$(mktemp -d)
 browser=

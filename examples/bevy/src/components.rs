@@ -10,10 +10,11 @@ use bevy::prelude::*;
 /// [`StandardMaterial`] is emissive. An entity with both a mesh and a light component is left to Bevy:
 /// put the light on a child.
 ///
-/// Bevy does not light with the entity any more, so nothing is counted twice: the plugin removes
+/// Bevy no longer lights the scene with the entity, so nothing is counted twice: the plugin removes
 /// [`ViewVisibility`] from entities with a light component, without which Bevy neither clusters nor
-/// extracts them. It comes back when this marker is removed. The light component stays, and the
-/// application goes on to change it as before. Meshes stay as they are, since Bevy still draws them.
+/// extracts them. The plugin inserts it again when this marker is removed. The light component
+/// stays, and the application may change it as before. Meshes stay as they are, since Bevy still
+/// draws them.
 ///
 /// [`GirandoleSettings::all_lights`](crate::GirandoleSettings::all_lights) adds the marker to every
 /// entity with a light component that has no [`NoGirandole`].
@@ -35,22 +36,24 @@ pub struct NoGirandole;
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
 #[require(Camera3d, Hdr, DepthPrepass, DeferredPrepass, MotionVectorPrepass)]
 pub struct GirandoleCamera {
-    /// Lights that are drawn for each sample, of which one is kept: 1 to 32. More of them lower the
-    /// noise and cost time. Other numbers are clamped by the shader.
+    /// Lights that are drawn for each sample, of which one is kept: 1 to 32. More candidates lower
+    /// the noise and take longer. The shader clamps other numbers to this range.
     pub candidates: u32,
     /// Samples for each pixel and frame. Twice as many halve the variance and take twice as long.
-    /// With 0 the pass adds nothing but the past.
+    /// With 0 there are no new samples, and the light fades from the mean.
     pub samples: u32,
-    /// Frames over which the mean is taken while a pixel or any light moves. More of them lower the
-    /// noise, and let the light lag behind.
+    /// Frames over which the mean is taken while the surface in a pixel moves or any light changes.
+    /// More frames lower the noise, and let the picture lag further behind.
     pub moving_frames: u32,
-    /// Frames over which the mean is taken while nothing moves; at least `moving_frames`.
+    /// Frames over which the mean is taken while nothing changes; should be at least
+    /// `moving_frames`.
     pub still_frames: u32,
     /// Seeds the random numbers. Two cameras with different seeds have independent noise.
     pub seed: u32,
     /// What the pass computes.
     pub estimate: Estimate,
-    /// Changes of this number discard the mean of the frames before. Change it when materials change.
+    /// A change of this number discards the mean of all earlier frames. Change it when materials
+    /// change.
     pub history: u32,
 }
 
@@ -61,7 +64,7 @@ pub enum Estimate {
     #[default]
     Sampled,
     /// The sum over all lights, for comparisons. It takes time in proportion to their number. Only
-    /// the points on surfaces are drawn at random.
+    /// the points on lights that are surfaces are random.
     Exhaustive,
 }
 

@@ -1,4 +1,4 @@
-//! What the main world tells the render world: the changes of one frame.
+//! What the main world sends to the render world: the changes of one frame.
 
 use std::time::Duration;
 
@@ -31,7 +31,7 @@ pub enum Edit {
         light: u32,
         state: State,
     },
-    /// The light is of another kind, brightness or visibility.
+    /// The light has a new kind, placement, brightness or visibility.
     Set {
         light: u32,
         state: State,
@@ -51,7 +51,7 @@ pub enum Edit {
     },
 }
 
-/// All of a light but its number.
+/// Everything about a light except its number.
 #[derive(Clone, Copy, Debug)]
 pub struct State {
     pub kind: u32,

@@ -1,4 +1,4 @@
-//! What crosses from the main world to the render world, while both wait.
+//! Moves data from the main world to the render world, while both wait.
 
 use bevy::pbr::{ExtractedDirectionalLight, ExtractedPointLight};
 use bevy::prelude::*;
@@ -12,8 +12,8 @@ use crate::pass::PassPipeline;
 use crate::settings::GirandoleSettings;
 use crate::world::Lights;
 
-/// Takes the edits and the settings. This moves two lists; the render world follows the edits in
-/// `gpu::prepare`, while the main world goes on.
+/// Takes the edits and the settings. This moves two lists; the render world applies the edits in
+/// `gpu::prepare`, while the main world continues.
 pub fn edits(
     mut commands: Commands,
     mut main_world: ResMut<MainWorld>,

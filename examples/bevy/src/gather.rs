@@ -15,7 +15,7 @@ use crate::settings::GirandoleSettings;
 use crate::units;
 
 type AnyLightComponent = Or<(With<PointLight>, With<SpotLight>, With<DirectionalLight>)>;
-/// Light components on entities that Bevy need not see.
+/// Entities with a light component and no mesh. Only these can be hidden from Bevy.
 type AnyLight = (AnyLightComponent, Without<Mesh3d>);
 
 pub fn add_systems(app: &mut App) {
@@ -45,8 +45,8 @@ fn mark_all(
     }
 }
 
-/// Takes lights away from Bevy. The query is of components alone, and is empty unless a light is
-/// new.
+/// Takes lights away from Bevy. The query matches by component types alone, and is empty unless a
+/// light is new.
 fn take_over(
     mut commands: Commands,
     mut changes: ResMut<Changes>,
@@ -58,7 +58,7 @@ fn take_over(
     }
 }
 
-/// Gives lights back to Bevy that are not marked any more.
+/// Gives lights that are no longer marked back to Bevy.
 fn give_back(
     mut commands: Commands,
     mut unmarked: RemovedComponents<GirandoleLight>,
@@ -169,7 +169,7 @@ fn store(commands: &mut Commands, entity: Entity, present: Option<Mut<Gathered>>
     }
 }
 
-/// What of the assets has changed.
+/// The events of assets since the last frame.
 #[derive(SystemParam)]
 struct AssetChanges<'w, 's> {
     events_of_meshes: MessageReader<'w, 's, AssetEvent<Mesh>>,

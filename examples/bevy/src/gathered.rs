@@ -11,7 +11,8 @@ use crate::edits::{Edit, Edits, State};
 use crate::kinds::{KindKey, Kinds};
 use crate::units::{self, Emitted};
 
-/// What the plugin knows of an entity. When it goes, for whatever reason, the light goes.
+/// What the plugin knows of an entity. When this component is removed, for whatever reason, the
+/// light is removed.
 #[derive(Component, Clone, Copy, Debug)]
 #[component(on_remove = forget)]
 pub struct Gathered {
@@ -22,7 +23,7 @@ pub struct Gathered {
     pub kind: u32,
 }
 
-/// What a light takes of its transform.
+/// The shape of a light, which decides what part of the transform it uses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
     Point,
@@ -61,7 +62,7 @@ pub struct Found<'a> {
 pub struct Changes {
     pub edits: Edits,
     pub kinds: Kinds,
-    /// Lights that Bevy had before.
+    /// Entities whose lights the plugin has taken over from Bevy since the last extraction.
     pub taken: Vec<Entity>,
     free: Vec<u32>,
     /// Numbers that are free from the next extraction on, so that a move that was found before a
@@ -79,7 +80,7 @@ impl Changes {
         })
     }
 
-    /// Counts one user of a kind less.
+    /// Removes one user of a kind.
     fn release(&mut self, kind: u32) {
         if kind != 0 && self.kinds.release(kind) {
             self.edits.edits.push(Edit::RemoveKind { kind });
@@ -117,7 +118,7 @@ impl Changes {
         Some(Gathered { light, shape, kind })
     }
 
-    /// The same for a directional light.
+    /// As [`Self::put`], for a directional light.
     pub fn put_directional(
         &mut self,
         present: Option<&Gathered>,

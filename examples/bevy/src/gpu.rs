@@ -16,8 +16,8 @@ use crate::kinds::KindRecord;
 use crate::settings::{GirandoleReport, GirandoleSettings, GirandoleStats};
 use crate::world::Lights;
 
-/// What the lights of this plugin may call for: everything but fog, masks and sampling by solid
-/// angle. The shader text supports these.
+/// What the lights of this plugin may call for: everything but segments, masks, origins on a grid,
+/// and sampling by solid angle. The shader text supports the effects that are returned.
 pub fn effects() -> Effects {
     Effects::CONES
         | Effects::RANGES
@@ -74,7 +74,7 @@ pub fn buffer_entry(binding: u32, ty: BufferBindingType) -> BindGroupLayoutEntry
     }
 }
 
-/// Creates the lights on a device, also on a new one after the former was lost.
+/// Creates the lights on a device, including a new device after the previous one was lost.
 pub fn start(mut commands: Commands, device: Res<RenderDevice>, queue: Res<RenderQueue>) {
     match GpuLights::new(device.wgpu_device(), &queue) {
         Ok(lights) => commands.insert_resource(GirandoleGpu {

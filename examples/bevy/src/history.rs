@@ -9,7 +9,8 @@ use bevy::render::renderer::RenderDevice;
 
 use crate::components::GirandoleCamera;
 
-/// The mean, and the number of frames. 32 bits, so that a mean of thousands of frames still moves.
+/// The mean, and the number of frames. 32 bits, so that a sample still changes a mean of thousands
+/// of frames.
 pub const MEAN_FORMAT: TextureFormat = TextureFormat::Rgba32Float;
 /// The distance from the camera.
 pub const DIST_FORMAT: TextureFormat = TextureFormat::R32Float;
@@ -21,7 +22,7 @@ pub struct Past {
     pub dist: TextureView,
 }
 
-/// The textures of a camera, in turn read and written.
+/// The textures of a camera, which are read and written in alternate frames.
 #[derive(Component)]
 pub struct History {
     size: UVec2,
@@ -59,7 +60,7 @@ impl History {
         Self { size, sides: [side(), side()], number: 0, setting: None }
     }
 
-    /// Turns to the next frame.
+    /// Advances to the next frame.
     pub fn next_frame(&mut self, setting: u32) -> HistoryFrame {
         let number = self.number;
         self.number = number.wrapping_add(1);

@@ -31,7 +31,7 @@ pub struct KindRecord {
     pub padding: [u32; 3],
 }
 
-/// By what kinds differ. Floats are compared by their bits.
+/// The parameters in which kinds differ. Floats are compared by their bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum KindKey {
     Point { range: u32, radius: u32 },
@@ -120,7 +120,7 @@ impl Kinds {
         (number, true)
     }
 
-    /// Counts one user less. Returns whether it was the last one.
+    /// Removes one user of a kind. Returns whether it was the last one.
     pub fn release(&mut self, number: u32) -> bool {
         let Some(kind) = &mut self.kinds[number as usize] else { return false };
         kind.users -= 1;

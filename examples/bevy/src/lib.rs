@@ -2,13 +2,13 @@
 //!
 //! [`GirandolePlugin`] follows the lights of an application's world by change detection, keeps them
 //! in a [`LightWorld`](girandole::LightWorld) in the render world, and adds their light to the
-//! picture of each camera with a [`GirandoleCamera`]. `docs/bevy.md` tells how, what it costs and what
-//! it lacks.
+//! picture of each camera with a [`GirandoleCamera`]. `docs/bevy.md` describes how to use it, what
+//! it costs, and its limits.
 //!
 //! Data passes through the modules in this order: `components` and `settings` come from the
-//! application; `gather` finds what changed, `gathered` and `kinds` number it, and `edits` is what
-//! crosses to the render world by `extract`; `world` follows the edits, `gpu` uploads them, and `pass` draws with
-//! the texts of `shader` and the textures of `history`.
+//! application; `gather` finds what changed, `gathered` and `kinds` assign numbers to it, and
+//! `extract` moves the `edits` to the render world; `world` applies the edits, `gpu` uploads the
+//! result, and `pass` draws with the texts of `shader` and the textures of `history`.
 
 mod components;
 mod edits;

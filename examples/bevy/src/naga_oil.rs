@@ -1,7 +1,7 @@
 //! What the shader texts need for Bevy 0.19, which composes them with naga_oil.
 //!
-//! naga_oil replaces imported names wherever they occur, also where they name a field. So functions
-//! and variables of Bevy are written with their modules.
+//! naga_oil replaces imported names wherever they occur, even where they name a field. So Bevy's
+//! functions and variables are qualified with their modules.
 
 use bevy::shader::Shader;
 use girandole::plan::naga_oil_module;

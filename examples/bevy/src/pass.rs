@@ -108,7 +108,7 @@ impl SpecializedRenderPipeline for PassPipelines {
                 shader_defs: shader_defs(&self.mesh_pipeline, key),
                 entry_point: Some("girandole_fragment".into()),
                 targets: targets.map(target).to_vec(),
-                // Bevy 0.20 has a field more.
+                // Bevy 0.20 has one more field.
                 ..default()
             }),
             ..default()

@@ -18,8 +18,9 @@ use crate::{extract, gather, gpu, history, pass, shader};
 /// Adds Girandole to an application, after Bevy's own plugins.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GirandolePlugin {
-    /// Whether the pass imports the modules that applications import, instead of one text in which
-    /// candidates are weighed by Bevy's BRDF. Noisier; for tests of the modules.
+    /// Whether the pass imports the same modules as applications do, instead of being one text in
+    /// which candidates are weighted by Bevy's BRDF. This is noisier, and is meant for tests of the
+    /// modules.
     pub importing: bool,
 }
 

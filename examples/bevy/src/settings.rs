@@ -44,7 +44,7 @@ pub struct GirandoleReport {
     pub instances: usize,
     /// Trees that the world has: one for each kind of light.
     pub trees: usize,
-    /// Instances that the world has.
+    /// Instances that the world has: all lights except directional ones.
     pub lights: usize,
     /// Time in the main world: the search for changes.
     pub gather: Duration,
@@ -54,7 +54,7 @@ pub struct GirandoleReport {
     pub update: Duration,
     /// Time in the render world: the upload.
     pub upload: Duration,
-    /// Lights that were refused: see the log.
+    /// Lights and moves that were refused in all frames so far: see the log.
     pub refused: u64,
 }
 

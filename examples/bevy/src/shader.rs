@@ -1,7 +1,7 @@
 //! The WGSL of the plugin: Girandole's text, Bevy's lighting by one light, and the pass.
 //!
-//! The pass is one text, in which candidates are weighed by Bevy's BRDF. Materials and passes of an
-//! application import the same functions as modules.
+//! The pass is one text, in which candidates are weighted by Bevy's BRDF. Materials and passes of
+//! an application import the same functions as modules.
 
 use bevy::shader::Shader;
 use girandole::plan::{self, TargetHook};
@@ -16,7 +16,8 @@ use crate::naga_oil::{GIRANDOLE_IMPORTS, LIGHT_IMPORTS, PASS_IMPORTS, SHADING_IM
 #[cfg(feature = "wesl")]
 use crate::wesl::{GIRANDOLE_IMPORTS, LIGHT_IMPORTS, PASS_IMPORTS, SHADING_IMPORTS, module};
 
-/// The pass in one text. Candidates are kept in proportion to what Bevy's BRDF reflects of them.
+/// The pass in one text. Candidates are kept in proportion to the light that Bevy's BRDF reflects
+/// of them.
 pub fn joined() -> Shader {
     let hook = TargetHook::new("girandole_target", "LightingInput").expect("both are names");
     let library = plan::wgsl_with_target(LIGHTS_GROUP, effects(), &hook);
@@ -32,7 +33,7 @@ pub fn joined() -> Shader {
 }
 
 /// The same pass, which imports the modules. Candidates are kept by Girandole's own estimate of what
-/// the surface reflects, since a module cannot call what imports it.
+/// the surface reflects, since a module cannot call functions of the text that imports it.
 pub fn importing() -> Shader {
     let imports = [SHADING_IMPORTS, PASS_IMPORTS, LIGHT_IMPORTS, GIRANDOLE_IMPORTS].concat();
     module("girandole::pass", imports + include_str!("pass.wgsl"))

@@ -18,14 +18,15 @@ use girandole::Placement;
 
 use crate::kinds::KindKey;
 
-/// The emission of all trees, in candela or nits. The factor of an instance, which is at most 10⁴,
-/// makes of it what the light has: up to 10⁸ candela, which are 1.2 10⁹ lumens.
+/// The emission of every light in a tree, in candela or nits. The factor of an instance, which is
+/// at most 10⁴, scales it to the emission of the light: up to 10⁸ candela, which is 1.26 · 10⁹
+/// lumens.
 pub const UNIT: f32 = 1.0e4;
 
-/// The angle to which Bevy reduces the outer angle of a spot of a right angle or more.
+/// The outer angle to which Bevy reduces any outer angle of a right angle or more.
 const MAX_OUTER_ANGLE: f32 = FRAC_PI_2 - 1.0e-4;
 
-/// What a light is, and how much brighter than its kind.
+/// The kind of a light, and the factor between its emission and that of the kind.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Emitted {
     pub key: KindKey,

@@ -24,7 +24,7 @@ pub const GIRANDOLE_IMPORTS: &str = "import girandole::shading::{
 };
 ";
 
-/// A text as the module of a path. Bevy takes the path from that of the file.
+/// A text as the module of a path. Bevy derives the path of the module from the path of the file.
 pub fn module(path: &str, text: String) -> Shader {
     Shader::from_wesl(text, format!("embedded://{}.wesl", path.replace("::", "/")))
 }

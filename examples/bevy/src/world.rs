@@ -1,4 +1,4 @@
-//! The light world of the render world, and the edits that it follows.
+//! The light world of the render world, and the edits that are applied to it.
 
 use std::time::{Duration, Instant};
 
@@ -12,7 +12,7 @@ use girandole::{
 use crate::edits::{Edit, Edits, State};
 use crate::kinds::KindRecord;
 
-/// What one number of a light stands for.
+/// What the number of a light refers to.
 #[derive(Clone, Copy, Debug, Default)]
 enum Slot {
     #[default]
@@ -35,7 +35,7 @@ pub struct Lights {
     /// Whether `records` have changed since the last upload.
     pub has_new_records: bool,
     moves: Vec<(InstanceKey, Placement)>,
-    /// The edits of this frame, which were extracted and not yet followed.
+    /// The edits of this frame, which were extracted and not yet applied.
     pub edits: Edits,
     pub counts: Counts,
 }
@@ -81,7 +81,7 @@ impl Default for Lights {
 }
 
 impl Lights {
-    /// Follows the edits of this frame.
+    /// Applies the edits of this frame.
     pub fn apply(&mut self) {
         let started = Instant::now();
         let edits = std::mem::take(&mut self.edits);

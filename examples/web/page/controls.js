@@ -14,11 +14,16 @@ class Controls {
         this.drag = [0, 0];
         this.steps = 0;
         addEventListener("keydown", (event) => {
+            const field = event.target.tagName;
+            const isForField = field === "SELECT" || (field === "INPUT" && event.code.startsWith("Arrow"));
+            if (isForField || event.ctrlKey || event.metaKey || event.altKey) {
+                return;
+            }
             if (event.code in KEYS || event.code.startsWith("Shift")) {
                 this.pressed.add(event.code);
             }
-            // Arrows move a slider that has the focus, and fly otherwise.
-            if (event.code.startsWith("Arrow") && event.target.tagName !== "INPUT") {
+            // Arrows would scroll.
+            if (event.code.startsWith("Arrow")) {
                 event.preventDefault();
             }
         });
@@ -35,7 +40,8 @@ class Controls {
             }
         });
         canvas.addEventListener("wheel", (event) => {
-            this.steps -= Math.sign(event.deltaY);
+            // A notch of a wheel is about 100; a trackpad sends many small events.
+            this.steps -= Math.max(-1, Math.min(1, event.deltaY / 100));
             event.preventDefault();
         }, { passive: false });
     }

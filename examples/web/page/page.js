@@ -53,7 +53,11 @@ function connectPanel(city, state) {
     slider("samples", "", (count) => city.set_samples(count));
     state.showScale = slider("scale", " %", (percent) => state.scale = percent / 100);
     element("scale").addEventListener("input", () => state.followsTime = false);
-    element("sampler").addEventListener("change", () => city.set_uniform(element("sampler").value === "uniform"));
+    element("sampler").addEventListener("change", () => {
+        city.set_uniform(element("sampler").value === "uniform");
+        // The next key flies, and does not choose.
+        element("canvas").focus();
+    });
     element("frozen").addEventListener("change", () => city.set_frozen(element("frozen").checked));
     element("tour").addEventListener("click", () => city.start_tour());
     addEventListener("keydown", (event) => {
@@ -73,7 +77,7 @@ function setScale(state, scale) {
 function fit(city, state) {
     const canvas = element("canvas");
     const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((side) => side * devicePixelRatio);
-    const largest = Math.sqrt(city.max_pixels() / (width * height));
+    const largest = Math.min(Math.sqrt(city.max_pixels() / (width * height)), city.max_side() / Math.max(width, height));
     const scaled = (side) => Math.max(1, Math.floor(side * Math.min(state.scale, largest)));
     const [x, y] = state.size ?? [scaled(width), scaled(height)];
     if (canvas.width !== x || canvas.height !== y || !state.isSized) {
@@ -125,6 +129,8 @@ async function run(city, controls, state) {
         const begin = performance.now();
         city.frame(now);
         await city.done();
+        // The first frame compiles the pipelines.
+        element("message").hidden = true;
         state.times.push(performance.now() - begin);
         state.times.splice(0, state.times.length - SHOWN_FRAMES);
         state.last = now;
@@ -161,7 +167,6 @@ async function main() {
     const state = { scale: 1, followsTime: true, isSized: false, times: [], last: null, picture: Infinity, size: undefined };
     connectPanel(city, state);
     setScale(state, isSoftware ? 0.3 : 1);
-    element("message").hidden = true;
     element("panel").hidden = false;
     if (options.has("picture")) {
         state.picture = Number(options.get("picture"));
@@ -177,4 +182,5 @@ async function main() {
 
 // After a panic in the WebAssembly code, its promises never settle.
 addEventListener("error", (event) => fail(`An error has stopped the page; see the console: ${event.message}.`));
+addEventListener("unhandledrejection", (event) => fail(`An error has stopped the page: ${event.reason}`));
 main().catch((error) => fail(typeof error === "string" ? error : `An error has stopped the page: ${error}`));

@@ -52,6 +52,14 @@ impl Picture {
     }
 }
 
+/// A browser frees a buffer when it collects garbage, which may be late.
+impl Drop for Picture {
+    fn drop(&mut self) {
+        self.sums.destroy();
+        self.resolver.pictures.iter().for_each(wgpu::Buffer::destroy);
+    }
+}
+
 /// The totals of all frames.
 #[derive(Clone, Copy, Debug, Default)]
 struct Totals {
@@ -79,6 +87,8 @@ pub struct City {
     last_now: Option<f64>,
     is_frozen: bool,
     is_uniform: bool,
+    /// The lights among which the uniform sampler has chosen last.
+    list: Option<LightList>,
     budget: FrameBudget,
     spp: u32,
     since: Since,
@@ -130,6 +140,7 @@ impl City {
             last_now: None,
             is_frozen: false,
             is_uniform: false,
+            list: None,
             budget: FrameBudget::default(),
             spp: 1,
             since: Since::Restart,
@@ -147,6 +158,11 @@ impl City {
             self.picture = Picture::new(&self.gpu, &self.buffers, size);
             self.restart();
         }
+    }
+
+    /// The longest side of a picture, in pixels.
+    pub fn max_side(&self) -> u32 {
+        self.gpu.device.limits().max_texture_dimension_2d
     }
 
     /// The most pixels of a picture.
@@ -219,9 +235,9 @@ impl City {
             let frame_number = self.totals.frames as u32;
             let mut frame = self.frame_uniform(self.spp, frame_seed(SEED, frame_number));
             frame.sample_end = self.spp;
-            let listed = self.is_uniform.then_some(Listed::Uniform);
-            let list = listed.map(|_| LightList::new(&self.gpu.device, &self.gpu.queue, &self.stage.world));
-            self.record(&mut encoder, &frame, listed.zip(list.as_ref()));
+            let list = self.is_uniform.then(|| self.uniform_list());
+            self.record(&mut encoder, &frame, list.as_ref().map(|list| (Listed::Uniform, list)));
+            self.list = list.or(self.list.take());
             self.picture.resolver.record(&self.gpu, &mut encoder, &frame, self.spp, self.since);
         }
         let Self { gpu, picture, stage, .. } = self;
@@ -274,6 +290,15 @@ impl City {
         self.still_frames = 0;
     }
 
+    /// The present lights, in a new list if the last one is out of date.
+    fn uniform_list(&mut self) -> LightList {
+        let Self { gpu, stage, .. } = self;
+        match self.list.take() {
+            Some(list) if list.is_of(&stage.world) => list,
+            _ => LightList::new(&gpu.device, &gpu.queue, &stage.world),
+        }
+    }
+
     fn take_over(&mut self) {
         if self.tour.take().is_some() {
             self.flight = Flight::new(&self.stage.scene.camera);
@@ -317,7 +342,7 @@ impl City {
         };
         let is_still = self.is_frozen && camera == self.stage.scene.camera;
         self.stage.scene.camera = camera;
-        self.still_frames = if is_still { self.still_frames + 1 } else { 0 };
+        self.still_frames = if is_still && self.since != Since::Restart { self.still_frames + 1 } else { 0 };
         if is_still && self.since == Since::Motion {
             self.since = Since::Nothing;
         }

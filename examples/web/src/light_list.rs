@@ -14,6 +14,20 @@ pub struct LightList {
     pub group: wgpu::BindGroup,
     /// The number of lights.
     pub count: u32,
+    /// The numbers of instances and lights of the world that it was made for.
+    of: [usize; 2],
+    texture: wgpu::Texture,
+}
+
+/// A browser frees a texture when it collects garbage, which may be late.
+impl Drop for LightList {
+    fn drop(&mut self) {
+        self.texture.destroy();
+    }
+}
+
+fn counts(world: &LightWorld) -> [usize; 2] {
+    [world.instance_count(), world.light_count()]
 }
 
 impl LightList {
@@ -66,6 +80,12 @@ impl LightList {
             layout: &layout,
             entries: &[wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(&view) }],
         });
-        Self { layout, group, count }
+        Self { layout, group, count, of: counts(world), texture }
+    }
+
+    /// Whether it names the lights of a world. The city only changes its lights together with their
+    /// number.
+    pub fn is_of(&self, world: &LightWorld) -> bool {
+        self.of == counts(world)
     }
 }

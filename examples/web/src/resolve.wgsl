@@ -32,6 +32,10 @@ fn details(pixel: vec4<f32>) -> vec2<f32> {
     return unpack2x16float(bitcast<u32>(pixel.w));
 }
 
+fn is_finite(color: vec3<f32>) -> bool {
+    return all((bitcast<vec3<u32>>(color) & vec3<u32>(0x7f800000u)) != vec3<u32>(0x7f800000u));
+}
+
 // The radiance of a surface in the last picture, and the number of frames that it comes from; 0 if it
 // was not visible.
 fn last_color(pixel: vec2<u32>, dist: f32) -> vec4<f32> {
@@ -66,7 +70,8 @@ fn last_color(pixel: vec2<u32>, dist: f32) -> vec4<f32> {
             continue;
         }
         let old = last[u32(at.y) * view.width + u32(at.x)];
-        if abs(details(old).x - expected) > expected * SAME_SURFACE {
+        // A color that is not finite would stay, and spread.
+        if !is_finite(old.xyz) || abs(details(old).x - expected) > expected * SAME_SURFACE {
             continue;
         }
         let sides = mix(1.0 - share, share, offset);
@@ -83,7 +88,8 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let slot = id.y * view.width + id.x;
-    let color = sums[slot].xyz / abs(view.samples);
+    let sum = sums[slot].xyz / abs(view.samples);
+    let color = select(vec3<f32>(0.0), sum, is_finite(sum));
     let dist = min(sums[view.width * view.height + slot].z, FARTHEST);
     var frames = 1.0;
     var mixed = color;

@@ -66,7 +66,7 @@ fn build(mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>, mut materials
             commands.spawn((Mesh3d(mesh.clone()), MeshMaterial3d(kind), place));
         }
     }
-    // The ball in the middle, in which the swarm is mirrored.
+    // The ball in the middle, which reflects the swarm.
     let middle = Transform::from_xyz(0.0, 2.4, 0.0).with_scale(Vec3::splat(4.8));
     let fine = meshes.add(Sphere::new(0.5).mesh().uv(64, 32));
     commands.spawn((Mesh3d(fine), MeshMaterial3d(materials.add(material([0.9, 0.9, 0.92], 1.0, 0.25, 0.0))), middle));

@@ -1,4 +1,4 @@
-//! Frames without a window, the last of which is written to a file.
+//! Renders frames without a window, and writes the last one to a file.
 
 use std::time::Duration;
 

@@ -11,7 +11,7 @@ use girandole_bevy::GirandoleLight;
 
 use crate::options::Options;
 
-/// The seconds that a frame lasts in the swarm, however long it takes.
+/// The seconds by which a frame advances the swarm, however long the frame takes.
 const STEP: f32 = 1.0 / 60.0;
 /// Arms of the swarm.
 const ARMS: u32 = 5;
@@ -32,7 +32,7 @@ pub struct Clock {
     pub is_stopped: bool,
 }
 
-/// Five numbers in [0, 1) that follow from a number.
+/// Five pseudo-random numbers in [0, 1) from a seed.
 pub fn random(number: u32) -> [f32; 5] {
     let mut state = number;
     std::array::from_fn(|_| {
@@ -42,7 +42,8 @@ pub fn random(number: u32) -> [f32; 5] {
     })
 }
 
-/// The path of one lamp: around the middle, faster near to it, up and down.
+/// The path of one lamp: a circle around the middle, faster near the middle, with a vertical
+/// oscillation.
 #[derive(Component, Clone, Copy)]
 struct Lamp {
     radius: f32,
@@ -127,7 +128,8 @@ fn tick(mut clock: ResMut<Clock>, options: Res<Options>) {
     }
 }
 
-/// Moves the lamps. Lamps that stand still are not touched, so nothing follows from them.
+/// Moves the lamps. Transforms of lamps that stand still are not touched, so change detection finds
+/// nothing.
 fn fly(clock: Res<Clock>, mut last: Local<u32>, mut lamps: Query<(&Lamp, &mut Transform)>) {
     if clock.frame == std::mem::replace(&mut *last, clock.frame) {
         return;
@@ -154,7 +156,7 @@ fn show(
     let (mut places, mut colors) = (Vec::with_capacity(3 * count), Vec::with_capacity(3 * count));
     for (lamp, transform) in &lamps {
         let middle = transform.translation;
-        // Far dots are not smaller than a pixel, but as bright as if they were.
+        // Far dots are drawn larger and darker instead, so that none is smaller than a pixel.
         let distance = middle.distance(camera.translation);
         let growth = (distance / 40.0).max(1.0);
         let glow = (lamp.color * (GLOW / (growth * growth))).extend(1.0).to_array();

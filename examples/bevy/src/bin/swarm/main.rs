@@ -61,7 +61,8 @@ fn camera(options: &Options) -> impl Bundle {
 /// For lamps of some hundred lumens at night.
 const EXPOSURE: Exposure = Exposure { ev100: 5.5 };
 
-/// Where the camera stands, by the angle around the field and the share of its distance.
+/// The camera's transform, by the angle around the field in radians and a factor of its default
+/// distance.
 fn place(angle: f32, zoom: f32) -> Transform {
     let (sin, cos) = angle.sin_cos();
     Transform::from_xyz(70.0 * zoom * sin, 17.0 * zoom, 70.0 * zoom * cos).looking_at(Vec3::new(0.0, 1.0, 0.0), Vec3::Y)

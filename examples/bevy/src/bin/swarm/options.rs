@@ -10,8 +10,8 @@ pub const USAGE: &str = "Options:
   --bevy-lights    leaves the lamps to Bevy
   --headless       draws without a window
   --frames N       frames to draw without a window (24)
-  --settle N       frames after which the lamps stand still (all)
-  --out FILE.png   where the last frame without a window goes";
+  --settle N       frames after which the lamps stand still (never)
+  --out FILE.png   the file of the last frame without a window";
 
 #[derive(Resource, Clone, Debug, PartialEq)]
 pub struct Options {
@@ -58,7 +58,7 @@ impl Options {
                 "--out" => options.out = Some(value()?),
                 "--bevy-lights" => options.bevy_lights = true,
                 "--headless" => options.headless = true,
-                _ => return Err(format!("{word} is no option.\n{USAGE}")),
+                _ => return Err(format!("{word} is not an option.\n{USAGE}")),
             }
         }
         Ok(options)

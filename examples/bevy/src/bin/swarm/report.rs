@@ -18,7 +18,7 @@ struct Frames {
     still: Vec<(Duration, GirandoleReport)>,
 }
 
-/// Frames that load and compile.
+/// The first frames, which load assets and compile shaders, are not reported.
 const FIRST: usize = 3;
 
 fn record(
@@ -43,7 +43,7 @@ fn record(
     }
 }
 
-/// The median and the least of some times, in milliseconds.
+/// The median and the minimum of some times, in milliseconds.
 fn millis(times: impl Iterator<Item = Duration>) -> String {
     let mut times: Vec<Duration> = times.collect();
     times.sort_unstable();
@@ -57,7 +57,7 @@ fn print(mut exits: MessageReader<AppExit>, frames: Res<Frames>) {
     }
     for (name, frames) in [("moving", &frames.moving), ("still", &frames.still)] {
         let Some((_, last)) = frames.last() else { continue };
-        println!("{} frames {name}, {} lights in {} trees; median and least:", frames.len(), last.lights, last.trees);
+        println!("{} frames {name}, {} lights in {} trees; median and minimum:", frames.len(), last.lights, last.trees);
         println!("  {}  frame", millis(frames.iter().map(|(took, _)| *took)));
         let part = |name, part: fn(&GirandoleReport) -> Duration| {
             println!("  {}  {name}", millis(frames.iter().map(|(_, report)| part(report))));
