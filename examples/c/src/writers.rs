@@ -29,7 +29,9 @@ fn checks(is_unchecked: bool) -> BoundsCheckPolicies {
 pub(crate) fn without_panics<R>(write: impl FnOnce() -> Result<R, Failure>) -> Result<R, Failure> {
     catch_unwind(AssertUnwindSafe(write)).unwrap_or_else(|payload| {
         // Dropping a payload could panic again.
-        std::mem::forget(payload);
+        if let Err(again) = catch_unwind(AssertUnwindSafe(|| drop(payload))) {
+            std::mem::forget(again);
+        }
         Err(translation_error("naga cannot write this text in the language"))
     })
 }
