@@ -28,7 +28,10 @@ need /usr/share/vulkan/explicit_layer.d/VkLayer_khronos_validation.json vulkan-v
 ls /usr/share/vulkan/icd.d/*.json >/dev/null 2>&1 || packages+=(mesa-vulkan-drivers)
 if [ "${#packages[@]}" -gt 0 ]; then
     step "install ${packages[*]}"
-    apt-get update -qq && apt-get install -y -qq "${packages[@]}" >/dev/null
+    sudo=()
+    [ "$(id -u)" -eq 0 ] || sudo=(sudo)
+    "${sudo[@]}" apt-get update -qq
+    "${sudo[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "${packages[@]}" >/dev/null
 fi
 
 step "format, lints, unit tests, and whether the header is up to date"
@@ -84,12 +87,15 @@ done
 
 step "HLSL by DXC"
 dxc_folder="$target/dxc"
+sdist_sha256=5052caf9e955d8e7a48e22f536e82b44b72e83af46e824a9e99157c7809de691
 sdist="${GIRANDOLE_DXC_SDIST:-$dxc_folder/compushady-0.17.5.tar.gz}"
 measure_spv=""
 if [ "$(uname -m)" != x86_64 ]; then
     skipped="HLSL (this machine is no x86_64)"
-elif ! [ -e "$sdist" ] && ! python3 -m pip download -q compushady==0.17.5 --no-deps -d "$dxc_folder"; then
+elif ! [ -e "$sdist" ] && ! python3 -m pip download -q compushady==0.17.5 --no-binary compushady --no-deps -d "$dxc_folder"; then
     skipped="HLSL (DXC cannot be downloaded)"
+elif ! echo "$sdist_sha256  $sdist" | sha256sum --check --status; then
+    skipped="HLSL ($sdist has another SHA-256 than $sdist_sha256)"
 else
     mkdir -p "$dxc_folder"
     backends=compushady-0.17.5/compushady/backends
@@ -118,10 +124,17 @@ for link in static shared; do
     "${cpp[@]}" -O1 programs/vulkan.cpp programs/vulkan_device.cpp -o "$out/vulkan-$link" "${library[@]}" \
         -lvulkan "${libraries[@]}"
 done
-# With Khronos' validation, of barriers too.
-VK_INSTANCE_LAYERS=VK_LAYER_KHRONOS_validation \
-    VK_LAYER_ENABLES=VK_VALIDATION_FEATURE_ENABLE_SYNCHRONIZATION_VALIDATION_EXT \
-    "$out/vulkan-static" "$out" $measure_spv | tee "$out/vulkan.txt"
+# With Khronos' validation, of barriers too. The loader ignores a layer that is missing, so validation first has
+# to find a hazard that is there.
+validated=(env VK_INSTANCE_LAYERS=VK_LAYER_KHRONOS_validation
+    VK_LAYER_ENABLES=VK_VALIDATION_FEATURE_ENABLE_SYNCHRONIZATION_VALIDATION_EXT)
+"${validated[@]}" "$out/vulkan-static" --hazard > "$out/hazard.txt" 2>&1
+if ! grep -q SYNC-HAZARD-WRITE-AFTER-WRITE "$out/hazard.txt"; then
+    cat "$out/hazard.txt"
+    echo "Khronos' validation is not on: it does not report a hazard" >&2
+    exit 1
+fi
+"${validated[@]}" "$out/vulkan-static" "$out" ${measure_spv:+"$measure_spv"} 2>&1 | tee "$out/vulkan.txt"
 if grep -E "VUID|Validation Error|SYNC-HAZARD" "$out/vulkan.txt"; then
     echo "Khronos' validation has found errors" >&2
     exit 1

@@ -458,7 +458,8 @@ typedef struct GirandoleCommand {
 
 // What a plan holds. All arrays belong to the plan.
 typedef struct GirandolePlanView {
-    // Plans are numbered from 1, and must be played in this order, each exactly once.
+    // Plans are numbered from 1, and must be played in this order, each exactly once. 0 for a plan of
+    // girandole_planner_settings.
     uint64_t number;
     // The buffers of the reservation, which the engine has made.
     const struct GirandoleNewBuffer *new_buffers;
@@ -526,7 +527,7 @@ typedef struct GirandoleShaderBinding {
     uint32_t space;
     // SPIR-V: the binding. HLSL: the number of the register. MSL: the index of the buffer, texture or sampler.
     uint32_t index;
-    // HLSL: the letter of the register: 'b', 't', 'u' or 's'. 0 for other languages.
+    // HLSL: the letter of the register: 'b', 't' or 'u'. 0 for other languages.
     char register_letter;
     // The minimum size of the buffer in bytes; 0 if the binding is not a buffer.
     uint32_t size;
@@ -564,7 +565,7 @@ typedef struct GirandoleBindTarget {
     // SPIR-V: the descriptor set. HLSL: the space, at most 255. MSL: ignored.
     uint32_t space;
     // SPIR-V: the binding. HLSL: the register, whose letter follows from the kind of the binding. MSL: the
-    // index of the buffer, texture or sampler, at most 255.
+    // index of the buffer, texture or sampler, at most 254.
     uint32_t index;
 } GirandoleBindTarget;
 
@@ -581,7 +582,8 @@ typedef struct GirandoleTarget {
     // The only entry point to translate, with everything that it uses; NULL for all entry points.
     const char *entry_point;
     // Overrides of the default places of bindings. By default the group is the space and the binding is the
-    // index; for MSL, bindings get the indices from 0 on in the order of group and binding.
+    // index; for MSL, bindings get the indices from 0 on in the order of group and binding. Variables with the
+    // same group and binding have the same index. None are allowed for WGSL.
     const struct GirandoleBindTarget *bindings;
     // How many.
     size_t binding_count;
@@ -776,10 +778,10 @@ typedef struct GirandoleKernel {
 // SPIR-V for Vulkan, versions 1.0 to 1.6; 1.3 by default, which Vulkan 1.1 accepts.
 #define GIRANDOLE_LANGUAGE_SPIRV 1
 
-// HLSL, shader models 5.1 to 6.7; 6.0 by default.
+// HLSL, shader models 5.1 and 6.0 to 6.7; 6.0 by default. Without samplers.
 #define GIRANDOLE_LANGUAGE_HLSL 2
 
-// MSL, versions 1.0 to 3.1; 2.1 by default.
+// MSL, versions 1.0 to 1.2, 2.0 to 2.4, 3.0 and 3.1; 2.1 by default.
 #define GIRANDOLE_LANGUAGE_MSL 3
 
 // A compute shader.
@@ -944,7 +946,7 @@ GirandoleStatus girandole_world_remove_tree(struct GirandoleWorld *world, uint64
 GirandoleStatus girandole_world_rebuild_tree(struct GirandoleWorld *world, uint64_t tree);
 
 // Stores two counts for a tree as of the last update: the lights that exist, and the indices, which include
-// the indices of removed lights.
+// the indices of removed lights. Either pointer may be NULL.
 GirandoleStatus girandole_world_tree_lights(const struct GirandoleWorld *world,
                                             uint64_t tree_key,
                                             size_t *existing,
@@ -1036,7 +1038,7 @@ GirandoleStatus girandole_world_set_policy(struct GirandoleWorld *world,
                                            const struct GirandolePolicy *policy);
 
 // Stores the slot of an instance, which is its number in shaders, and the generation of the slot, which
-// changes when the slot gets another instance.
+// changes when the slot gets another instance. Either pointer may be NULL.
 GirandoleStatus girandole_world_instance_slot(const struct GirandoleWorld *world,
                                               uint64_t instance,
                                               uint32_t *slot,
@@ -1215,11 +1217,12 @@ void girandole_plan_destroy(struct GirandolePlan *plan);
 GirandoleStatus girandole_cursor_create(struct GirandoleCursor **cursor);
 
 // Call it before each plan is played. Returns GIRANDOLE_ERROR_OUT_OF_ORDER if the plan was played before, or
-// if an earlier plan was skipped; do not play the plan then.
+// if an earlier plan was skipped; do not play the plan then. Plans of girandole_planner_settings are refused
+// with GIRANDOLE_ERROR_BAD_VALUE: play them without a cursor.
 GirandoleStatus girandole_cursor_advance(struct GirandoleCursor *cursor, const struct GirandolePlan *plan);
 
 // Lets the cursor expect this plan next, after girandole_planner_lose. Then call girandole_cursor_advance
-// for the plan.
+// for the plan. Plans of girandole_planner_settings are refused with GIRANDOLE_ERROR_BAD_VALUE.
 GirandoleStatus girandole_cursor_skip_to(struct GirandoleCursor *cursor, const struct GirandolePlan *plan);
 
 // Frees a cursor. NULL is allowed.
@@ -1246,8 +1249,8 @@ GirandoleStatus girandole_planner_set_splits(struct GirandolePlanner *planner, u
 GirandoleStatus girandole_planner_keep_previous(struct GirandolePlanner *planner, uint32_t is_kept);
 
 // Makes a plan that only sends the setting of girandole_planner_set_splits to the device, before the plan of
-// the next frame. It may be empty. Its number is 0, and cursors do not count it. Play it before the next
-// plan.
+// the next frame. It may be empty. Its number is 0. Play it before the next plan, and do not pass it to a
+// cursor, which refuses it.
 GirandoleStatus girandole_planner_settings(struct GirandolePlanner *planner, struct GirandolePlan **plan);
 
 // Reports that a plan was not played, or only in part, so that the device may lack some of what was planned.
@@ -1295,7 +1298,8 @@ GirandoleStatus girandole_planner_reserve(struct GirandolePlanner *planner,
 // Ends the reservation with a plan: the commands of the frame. Destroy it with girandole_plan_destroy.
 GirandoleStatus girandole_planner_plan(struct GirandolePlanner *planner, struct GirandolePlan **plan);
 
-// Ends the reservation without a plan. Its changes become part of the next reservation.
+// Ends the reservation without a plan. Its changes become part of the next reservation, which has new numbers
+// for its buffers: free the buffers of this reservation that were already made.
 GirandoleStatus girandole_planner_cancel(struct GirandolePlanner *planner);
 
 // Stores what a shader holds. The pointers are valid until the shader is destroyed.
@@ -1308,10 +1312,14 @@ void girandole_shader_destroy(struct GirandoleShader *shader);
 // after the other, to another language. Destroy the shader with girandole_shader_destroy.
 //
 // wgsl: a UTF-8 text that ends with a zero. Any feature of WGSL that naga knows is allowed. Takes
-// milliseconds.
+// milliseconds. naga reads texts recursively: expressions that are nested very deeply, such as a sum of 20,000
+// terms, may overflow the stack and so end the process. Do not pass texts of strangers.
+//
+// Overrides get their default values. Without a default value, the text cannot be translated.
 //
 // Errors: GIRANDOLE_ERROR_WGSL if the text is not valid, with the place in the message;
-// GIRANDOLE_ERROR_TRANSLATION if the language lacks something that the text needs.
+// GIRANDOLE_ERROR_TRANSLATION if the language, or naga's writer for it, lacks something that the text needs.
+// Samplers and immediates cannot be written in HLSL, and external textures not in SPIR-V.
 GirandoleStatus girandole_translate(const char *wgsl,
                                     const struct GirandoleTarget *target,
                                     struct GirandoleShader **shader);
@@ -1333,13 +1341,14 @@ GirandoleStatus girandole_kernel_shader(uint32_t index,
 // girandole_shader_destroy.
 //
 //   effects       bits of GIRANDOLE_EFFECT_*: at least those of girandole_planner_effects
-//   group         the group of the bindings in WGSL, and by default the space in HLSL: 0 to 255
+//   group         the group of the bindings in WGSL, and by default the space in HLSL: 0 to 254
 //   has_previous  1 for light_pmf_previous too, which binds the buffers of the last frame at group + 1; else 0
 //   target        WGSL, HLSL or MSL; its entry_point must be NULL. SPIR-V has no texts to include: join the
 //                 WGSL text with your own and pass both to girandole_translate
 //
 // HLSL: the spaces are macros, GIRANDOLE_SPACE and GIRANDOLE_PREVIOUS_SPACE, which a program may define
-// before it includes the text. MSL: functions take the buffers that they read as further arguments.
+// before it includes the text. A binding that target moves to another space than the first binding of its
+// group gets a space of its own instead of the macro. MSL: functions take the buffers that they read as further arguments.
 GirandoleStatus girandole_shader_include(uint32_t effects,
                                          uint32_t group,
                                          uint32_t has_previous,

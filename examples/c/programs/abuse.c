@@ -49,7 +49,9 @@ static int is_same(State a, State b)
     return a.counts.trees == b.counts.trees && a.counts.instances == b.counts.instances &&
            a.counts.lights == b.counts.lights && a.counts.effects == b.counts.effects &&
            a.counts.directionals == b.counts.directionals && a.sample.light.key == b.sample.light.key &&
-           a.sample.light.light == b.sample.light.light && a.sample.weight == b.sample.weight;
+           a.sample.light.light == b.sample.light.light && a.sample.weight == b.sample.weight &&
+           a.sample.pmf == b.sample.pmf && a.sample.radiance.x == b.sample.radiance.x &&
+           a.sample.radiance.y == b.sample.radiance.y && a.sample.radiance.z == b.sample.radiance.z;
 }
 
 static GirandoleLight bulb(float candela)
@@ -62,12 +64,13 @@ static GirandoleLight bulb(float candela)
 static void edits(GirandoleWorld *world, uint64_t tree, uint64_t instance)
 {
     const GirandoleLight good = bulb(5.0f);
-    GirandoleLight bad[6];
+    GirandoleLight bad[6], ignored = good;
     GirandolePlacement place = girandole_placement_at(1.0, 0.0, 0.0), nowhere = girandole_placement_at(NAN, 0, 0);
     GirandolePlacement flat = place;
     GirandolePolicy policy = {99, 0.0f, 0.0f}, ratio = {GIRANDOLE_POLICY_RATIO, 0.5f, 0.0f};
     GirandoleDVec3 far = {1e300, 0.0, 0.0}, nan3 = {0.0, NAN, 0.0};
     GirandoleVec3 negative = {-1.0f, 0.0f, 0.0f}, none = {0.0f, 0.0f, 0.0f};
+    GirandoleVec3 up = {0.0f, 1.0f, 0.0f}, side = {1.0f, 0.0f, 0.0f};
     GirandoleDirectionalLight moon;
     const GirandoleLightKind unknown = 77;
     uint64_t key = 7, stale_tree, stale, moved[2];
@@ -81,7 +84,7 @@ static void edits(GirandoleWorld *world, uint64_t tree, uint64_t instance)
     for (i = 0; i < 6; i++) bad[i] = good;
     bad[0].emission.y = NAN;
     bad[1].kind = unknown;
-    bad[2].two_sided = 2;
+    bad[2] = girandole_triangle_light(none, up, side, none), bad[2].two_sided = 2;
     bad[3].range = -1.0f;
     bad[4] = girandole_spot_light(none, none, 0.1f, 0.2f, none);
     bad[5].emission.x = -1.0f;
@@ -136,7 +139,17 @@ static void edits(GirandoleWorld *world, uint64_t tree, uint64_t instance)
     EXPECT(GIRANDOLE_ERROR_NO_SUCH_INSTANCE, girandole_world_instance_slot(world, 1, &slot, &generation));
     REQUIRE(slot == 7 && generation == 7);
 
-    /* Keys of what was removed. */
+    /* Results that are not wanted, and one place for two. */
+    EXPECT(GIRANDOLE_OK, girandole_world_tree_lights(world, tree, NULL, NULL));
+    EXPECT(GIRANDOLE_OK, girandole_world_tree_lights(world, tree, &count, &count));
+    REQUIRE(count == 2);
+    EXPECT(GIRANDOLE_OK, girandole_world_instance_slot(world, instance, &slot, NULL));
+    count = 7;
+
+    /* Keys of what was removed. A point light ignores two_sided. */
+    ignored.two_sided = 99;
+    EXPECT(GIRANDOLE_OK, girandole_world_add_tree(world, &ignored, 1, &stale_tree));
+    EXPECT(GIRANDOLE_OK, girandole_world_remove_tree(world, stale_tree));
     EXPECT(GIRANDOLE_OK, girandole_world_add_tree(world, &good, 1, &stale_tree));
     EXPECT(GIRANDOLE_OK, girandole_world_add_instance(world, stale_tree, &place, NULL, &stale));
     EXPECT(GIRANDOLE_OK, girandole_world_remove_instance(world, stale));
@@ -164,6 +177,8 @@ static void edits(GirandoleWorld *world, uint64_t tree, uint64_t instance)
     EXPECT(1103, girandole_world_add_baked(world, NULL, 0, &key));
     EXPECT(GIRANDOLE_ERROR_NULL, girandole_world_removed_lights(world, &removed, 1, NULL));
     REQUIRE(key == 7);
+    /* Edits of lights take effect at the next update. */
+    EXPECT(GIRANDOLE_OK, girandole_world_update(world, 0.0, NULL));
     REQUIRE(is_same(before, state_of(world)));
 }
 
@@ -233,6 +248,13 @@ static void plans(GirandoleWorld *world)
     EXPECT(GIRANDOLE_ERROR_OTHER_WORLD, girandole_planner_reserve(planner, world, foreign, 0, &buffers, &count));
     REQUIRE(plan == NULL && count == 0);
 
+    /* A planner whose first reservation is refused follows no world. */
+    EXPECT(GIRANDOLE_OK, girandole_planner_create(NULL, &reserved));
+    EXPECT(GIRANDOLE_ERROR_OTHER_WORLD, girandole_planner_reserve(reserved, world, foreign, 0, &buffers, &count));
+    EXPECT(GIRANDOLE_OK, girandole_planner_reserve(reserved, other_world, foreign, 0, &buffers, &count));
+    girandole_planner_destroy(reserved);
+    count = 0;
+
     /* A reservation that is cancelled has changed nothing; the next one needs the same buffers. */
     EXPECT(GIRANDOLE_OK, girandole_planner_reserve(planner, world, delta, 0, &buffers, &count));
     REQUIRE(count >= 5);
@@ -264,6 +286,16 @@ static void plans(GirandoleWorld *world)
     EXPECT(GIRANDOLE_OK, girandole_plan_view(second, &view));
     REQUIRE(view.number == 2 && view.upload_count > 0 && view.top_count > 0);
     EXPECT(GIRANDOLE_ERROR_NULL, girandole_plan_view(NULL, &view));
+
+    /* A plan of settings has one write, and no place in the order of plans. */
+    EXPECT(GIRANDOLE_OK, girandole_planner_set_splits(planner, 3));
+    EXPECT(GIRANDOLE_OK, girandole_planner_settings(planner, &plan));
+    EXPECT(GIRANDOLE_OK, girandole_plan_view(plan, &view));
+    REQUIRE(view.number == 0 && view.upload_count == 1 && view.bytes == 64 && view.upload[0].size == 64);
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_cursor_advance(cursor, plan));
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_cursor_skip_to(cursor, plan));
+    EXPECT(GIRANDOLE_ERROR_OUT_OF_ORDER, girandole_cursor_advance(cursor, first));
+    girandole_plan_destroy(plan);
 
     /* A planner that ends with its reservation frees the world. */
     EXPECT(GIRANDOLE_OK, girandole_planner_create(NULL, &reserved));
@@ -328,6 +360,8 @@ static void regions(GirandoleWorld *world)
     EXPECT(GIRANDOLE_ERROR_NO_SUCH_REGION, girandole_world_remove_region(world, 3));
     EXPECT(GIRANDOLE_ERROR_NO_SUCH_REGION, girandole_world_region_trees(world, 3, &key, 1, &count));
     REQUIRE(key == 7 && count == 7);
+    /* Edits of lights take effect at the next update. */
+    EXPECT(GIRANDOLE_OK, girandole_world_update(world, 0.0, NULL));
     REQUIRE(is_same(before, state_of(world)));
     /* With its content: no leak. */
     girandole_region_destroy(region);
@@ -341,6 +375,12 @@ static void shaders(void)
     GirandoleKernel kernel;
     GirandoleBindTarget far = {0, 0, 256, 0};
     const char *text = "@compute @workgroup_size(1) fn main() {}";
+    const char *sampled = "@group(0) @binding(0) var t: texture_2d<f32>; @group(0) @binding(1) var s: sampler;"
+                          "@fragment fn f() -> @location(0) vec4<f32> { return textureSample(t, s, vec2(0.5)); }";
+    const char *external = "@group(0) @binding(0) var t: texture_external;"
+                           "@fragment fn f() -> @location(0) vec4<f32> { return textureLoad(t, vec2(0, 0)); }";
+    const char *immediate = "var<immediate> i: vec4<f32>;"
+                            "@fragment fn f() -> @location(0) vec4<f32> { return i; }";
 
     memset(&target, 0, sizeof target);
     target.language = GIRANDOLE_LANGUAGE_SPIRV;
@@ -370,7 +410,20 @@ static void shaders(void)
     EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_shader_include(1u << 16, 1, 0, &bad, &shader));
     EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_shader_include(0, 1000, 0, &bad, &shader));
     EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_shader_include(0, 1, 7, &bad, &shader));
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_shader_include(0, 255, 0, &bad, &shader));
+    bad.minor_version = 99, bad.major_version = 1, bad.language = GIRANDOLE_LANGUAGE_MSL;
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_translate(text, &bad, &shader));
+    bad = target, bad.language = GIRANDOLE_LANGUAGE_WGSL, bad.bindings = &far, bad.binding_count = 1;
+    EXPECT(GIRANDOLE_ERROR_BAD_VALUE, girandole_translate(text, &bad, &shader));
+    /* Valid texts that naga cannot write. */
+    EXPECT(GIRANDOLE_ERROR_TRANSLATION, girandole_translate(external, &target, &shader));
+    bad = target, bad.language = GIRANDOLE_LANGUAGE_HLSL;
+    EXPECT(GIRANDOLE_ERROR_TRANSLATION, girandole_translate(sampled, &bad, &shader));
+    REQUIRE(strstr(girandole_last_error_message(), "sampler") != NULL);
+    EXPECT(GIRANDOLE_ERROR_TRANSLATION, girandole_translate(immediate, &bad, &shader));
     REQUIRE(shader == NULL);
+    EXPECT(GIRANDOLE_OK, girandole_translate(sampled, &target, &shader));
+    girandole_shader_destroy(shader);
     EXPECT(GIRANDOLE_OK, girandole_translate(text, &target, &shader));
     girandole_shader_destroy(shader);
 }

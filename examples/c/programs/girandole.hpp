@@ -34,6 +34,8 @@ struct Destroy {
     void operator()(GirandoleBlob *it) const { girandole_blob_destroy(it); }
 };
 
+// Objects end in the reverse order of their declarations. Declare a planner after its world, since a world with a
+// reservation refuses to end.
 template <typename T>
 using Owned = std::unique_ptr<T, Destroy>;
 
@@ -58,9 +60,11 @@ inline GirandoleVec3 grey(float x) { return GirandoleVec3{x, x, x}; }
 inline std::vector<GirandoleLightId> all_lights(const GirandoleWorld *world) {
     std::vector<GirandoleLightId> ids;
     size_t count = 0;
-    while (girandole_world_lights(world, ids.data(), ids.size(), &count) == GIRANDOLE_ERROR_NO_SPACE) {
+    GirandoleStatus status;
+    while ((status = girandole_world_lights(world, ids.data(), ids.size(), &count)) == GIRANDOLE_ERROR_NO_SPACE) {
         ids.resize(count);
     }
+    check(status);
     ids.resize(count);
     return ids;
 }

@@ -2,11 +2,12 @@
 // samples lights in its own shaders.
 //
 //   vulkan FOLDER [MEASURE.SPV]
+//   vulkan --hazard
 //
 // Writes lights.ppm, a picture of the ground under the lamps, and measure.spv, the shader that was run, into
 // FOLDER. Compares the mean of many samples at 16 shading points with the sum over all lights, by the engine's
 // shader in WGSL and, if it is given, by the same shader in HLSL that DXC has compiled to SPIR-V. A single lamp
-// is compared with the closed form.
+// is compared with the closed form. --hazard records two writes without a barrier, to show that validation is on.
 #include <cmath>
 #include <cstdio>
 #include <fstream>
@@ -21,7 +22,7 @@ using namespace girandole;
 namespace {
 
 // Standard errors that a mean may be off by. A normal variable is outside with a probability of 5.7e-7. The
-// program compares at most 32 means of 8,192 samples, so a wrong alarm has a probability of 2e-5. The random
+// program compares at most 64 means of 8,192 samples and 4 sums, so a wrong alarm has a probability of 4e-5. The random
 // numbers are fixed: it either always comes or never.
 const double SIGMAS = 5.0;
 // Rounding: shaders divide with an error of 2.5 units in the last place and take square roots with more, and a
@@ -110,12 +111,19 @@ std::vector<float> run(vulkan::Device &device, Player &player, const void *code,
     return result;
 }
 
-// Compares the means of samples with sums over all lights.
-void compare(vulkan::Device &device, Player &player, const GirandoleWorld *world, const void *code, size_t size,
-             const char *what) {
+// A shading point: the sum over all lights, and how far a mean of samples may be off.
+struct Measured {
+    double exact, allowed;
+};
+
+// Compares the means of samples with sums over all lights: each on its own, and all together, which finds a bias
+// that is too small for one point.
+std::vector<Measured> compare(vulkan::Device &device, Player &player, const GirandoleWorld *world, const void *code,
+                              size_t size, const char *what) {
     const uint32_t groups[] = {INVOCATIONS / 64, POINTS, 1};
     const auto sums = run(device, player, code, size, "measure", 4 * POINTS * INVOCATIONS, groups);
-    double worst = 0.0;
+    std::vector<Measured> measured;
+    double worst = 0.0, sum_z = 0.0;
     for (uint32_t point = 0; point < POINTS; point++) {
         double sum = 0.0, sum_sq = 0.0;
         for (uint32_t i = 0; i < INVOCATIONS; i++) {
@@ -126,13 +134,21 @@ void compare(vulkan::Device &device, Player &player, const GirandoleWorld *world
         const double error = std::sqrt(std::fmax(sum_sq / count - mean * mean, 0.0) / count);
         const auto ground = girandole_surface_point(vec3(measured_x(point), 0, measured_z(point)), vec3(0, 1, 0));
         const double exact = exhaustive_lux(world, ground);
-        require(exact > 0.0, "no light");
+        require(exact > 0.0 && error > 0.0, "no light, or samples without variance");
         const double off = std::fabs(mean - exact), allowed = SIGMAS * error + ROUNDING * exact;
         require(off <= allowed, std::string(what) + ", point " + std::to_string(point) + ": " + std::to_string(mean) +
                                     " lux instead of " + std::to_string(exact));
         worst = std::fmax(worst, off / allowed);
+        sum_z += (mean - exact) / error;
+        measured.push_back({exact, allowed});
     }
-    std::printf("%s: %u means within %.2f of what is allowed\n", what, POINTS, worst);
+    // The points have independent random numbers, so this is a standard normal variable.
+    const double joint = sum_z / std::sqrt(double(POINTS));
+    require(std::fabs(joint) <= SIGMAS, std::string(what) + ": all points together are off by " +
+                                            std::to_string(joint) + " standard errors");
+    std::printf("%s: %u means within %.2f of what is allowed; together %.2f standard errors off\n", what, POINTS,
+                worst, joint);
+    return measured;
 }
 
 // A lamp of 800 candela at 6 m: I h / (h^2 + x^2)^(3/2).
@@ -205,6 +221,56 @@ void write(const std::string &path, const void *bytes, size_t size) {
     require(!file.fail(), path + " cannot be written");
 }
 
+// The engine's text for the effects of the player, which is written to FOLDER/measure.spv.
+std::vector<Measured> compare_wgsl(vulkan::Device &device, Player &player, const GirandoleWorld *world,
+                                   const char *what, const std::string &folder) {
+    const auto shader = engine_shader(player.effects(), "measure");
+    GirandoleShaderView view;
+    check(girandole_shader_view(shader.get(), &view));
+    require(view.binding_count == 6 && view.entry_point_count == 1, "the table of bindings");
+    write(folder + "/measure.spv", view.code, view.size);
+    return compare(device, player, world, view.code, view.size, what);
+}
+
+// Edits that the measured points see. A lantern gets a factor, one is sheared, one gets a mask, which change the
+// layout of records; a tree with an instance comes, and lights come to a tree.
+void edit(const Scene &scene, double time) {
+    // The lantern next to point 5 shines 20 times brighter.
+    const auto dist = [&](size_t i) {
+        const auto at = Scene::place(i, time).translation;
+        return std::hypot(at.x - measured_x(5), at.y, at.z - measured_z(5));
+    };
+    size_t nearest = 0;
+    for (size_t i = 1; i < scene.instances.size(); i++) {
+        if (dist(i) < dist(nearest)) nearest = i;
+    }
+    const size_t count = scene.instances.size(), other = (nearest + 1) % count, hidden = (nearest + 2) % count;
+    GirandoleWorld *world = scene.world.get();
+    check(girandole_world_set_factor(world, scene.instances[nearest], vec3(20, 20, 20)));
+    auto sheared = Scene::place(other, time);
+    sheared.axes[0] = vec3(3, 0.5f, 0);
+    check(girandole_world_move_instance(world, scene.instances[other], &sheared));
+    check(girandole_world_set_mask(world, scene.instances[hidden], 0));
+    const auto bright = girandole_point_light(vec3(0, 0.5f, 0), grey(3));
+    const auto extra = girandole_placement_at(-5, 0, -5);
+    uint64_t tree = 0, instance = 0;
+    uint32_t index = 0;
+    check(girandole_world_add_tree(world, &bright, 1, &tree));
+    check(girandole_world_add_instance(world, tree, &extra, nullptr, &instance));
+    check(girandole_world_add_lights(world, tree, &bright, 1, &index));
+}
+
+// Fills one range twice without a barrier, which synchronization validation has to report. Shows that it is on.
+void hazard() {
+    vulkan::Device device;
+    const auto buffer = device.make_buffer(64, VK_BUFFER_USAGE_TRANSFER_DST_BIT, false);
+    device.begin();
+    device.clear(buffer, 0, 64);
+    device.clear(buffer, 0, 64);
+    device.submit_and_wait();
+    device.free_buffer(buffer);
+}
+
 void all(const std::string &folder, const char *measure_spv) {
     vulkan::Device device;
     std::printf("%s\n", device.name().c_str());
@@ -213,25 +279,9 @@ void all(const std::string &folder, const char *measure_spv) {
     Scene scene;
     Player player(device);
     const int frames = 6;
+    const double time = 0.1 * (frames - 1);
     for (int frame = 0; frame < frames; frame++) {
         scene.move(0.1 * frame);
-        if (frame == 3) {
-            // Lights in a tree change, one lantern grows and is sheared, and one gets a factor and a mask, which
-            // change the layout of records.
-            const auto bright = girandole_point_light(vec3(0, 0.5f, 0), grey(3));
-            uint32_t index = 0;
-            const auto key = scene.instances[100];
-            auto sheared = Scene::place(100, 0.3);
-            sheared.axes[0] = vec3(3, 0.5f, 0);
-            check(girandole_world_move_instance(scene.world.get(), key, &sheared));
-            check(girandole_world_set_factor(scene.world.get(), scene.instances[50], vec3(2, 0.5f, 1)));
-            check(girandole_world_set_mask(scene.world.get(), scene.instances[51], 0));
-            const auto extra = girandole_placement_at(-5, 0, -5);
-            uint64_t tree = 0, instance = 0;
-            check(girandole_world_add_tree(scene.world.get(), &bright, 1, &tree));
-            check(girandole_world_add_instance(scene.world.get(), tree, &extra, nullptr, &instance));
-            check(girandole_world_add_lights(scene.world.get(), tree, &bright, 1, &index));
-        }
         check(girandole_world_update(scene.world.get(), 300.0, nullptr));
         const size_t commands = player.frame(scene.world.get());
         std::printf("frame %d: %zu commands\n", frame, commands);
@@ -241,12 +291,24 @@ void all(const std::string &folder, const char *measure_spv) {
     check(girandole_world_update(scene.world.get(), 0.0, nullptr));
     require(player.frame(scene.world.get()) == 0, "a frame without changes plays commands");
 
-    const auto shader = engine_shader(player.effects(), "measure");
-    GirandoleShaderView view;
-    check(girandole_shader_view(shader.get(), &view));
-    require(view.binding_count == 6 && view.entry_point_count == 1, "the table of bindings");
-    write(folder + "/measure.spv", view.code, view.size);
-    compare(device, player, scene.world.get(), view.code, view.size, "WGSL");
+    picture(device, player, time, folder + "/lights.ppm");
+    const auto before = compare_wgsl(device, player, scene.world.get(), "WGSL, moved", folder);
+
+    // Another number of splits: a plan of one write, and none if nothing changes.
+    require(player.set_splits(2) == 1, "a plan of settings is not one command");
+    require(player.set_splits(2) == 0, "settings that do not change are sent");
+    compare_wgsl(device, player, scene.world.get(), "WGSL, 2 splits", folder);
+
+    edit(scene, time);
+    check(girandole_world_update(scene.world.get(), 300.0, nullptr));
+    require(player.frame(scene.world.get()) > 0, "a frame with edits plays no commands");
+    const auto after = compare_wgsl(device, player, scene.world.get(), "WGSL, edited", folder);
+    double largest = 0.0;
+    for (size_t i = 0; i < POINTS; i++) {
+        const double allowed = std::fmax(before[i].allowed, after[i].allowed);
+        largest = std::fmax(largest, std::fabs(after[i].exact - before[i].exact) / allowed);
+    }
+    require(largest > 2.0, "the edits are too small to be seen");
     if (measure_spv) {
         std::ifstream file(measure_spv, std::ios::binary);
         const std::vector<char> bytes{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
@@ -255,17 +317,20 @@ void all(const std::string &folder, const char *measure_spv) {
         std::memcpy(words.data(), bytes.data(), bytes.size());
         compare(device, player, scene.world.get(), words.data(), bytes.size(), "HLSL");
     }
-    picture(device, player, 0.1 * (frames - 1), folder + "/lights.ppm");
 }
 
 }  // namespace
 
 int main(int count, char **arguments) {
     if (count < 2) {
-        std::fprintf(stderr, "usage: vulkan FOLDER [MEASURE.SPV]\n");
+        std::fprintf(stderr, "usage: vulkan FOLDER [MEASURE.SPV]\n       vulkan --hazard\n");
         return 1;
     }
     try {
+        if (std::string(arguments[1]) == "--hazard") {
+            hazard();
+            return 0;
+        }
         all(arguments[1], count > 2 ? arguments[2] : nullptr);
     } catch (const std::exception &error) {
         std::fprintf(stderr, "%s\n", error.what());

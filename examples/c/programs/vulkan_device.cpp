@@ -84,6 +84,16 @@ Buffer Device::make_buffer(VkDeviceSize size, VkBufferUsageFlags usage, bool is_
     info.size = size;
     info.usage = usage;
     VK(vkCreateBuffer(device_, &info, nullptr, &made.buffer));
+    try {
+        allocate(made, is_mapped);
+    } catch (...) {
+        free_buffer(made);
+        throw;
+    }
+    return made;
+}
+
+void Device::allocate(Buffer &made, bool is_mapped) {
     VkMemoryRequirements needs;
     vkGetBufferMemoryRequirements(device_, made.buffer, &needs);
     VkMemoryAllocateInfo memory = {};
@@ -94,7 +104,6 @@ Buffer Device::make_buffer(VkDeviceSize size, VkBufferUsageFlags usage, bool is_
                                         : VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT);
     VK(vkAllocateMemory(device_, &memory, nullptr, &made.memory));
     VK(vkBindBufferMemory(device_, made.buffer, made.memory, 0));
-    return made;
 }
 
 void Device::free_buffer(Buffer buffer) {

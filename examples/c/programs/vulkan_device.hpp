@@ -69,6 +69,7 @@ public:
     void submit_and_wait();
 
 private:
+    void allocate(Buffer &made, bool is_mapped);
     uint32_t memory_type(uint32_t bits, VkMemoryPropertyFlags wanted) const;
 
     VkInstance instance_ = VK_NULL_HANDLE;

@@ -48,37 +48,28 @@ public:
         const GirandoleNewBuffer *wanted = nullptr;
         size_t count = 0;
         girandole::check(girandole_planner_reserve(planner_.get(), world, delta.get(), 0, &wanted, &count));
-        for (size_t i = 0; i < count; i++) {
-            const bool is_uniform = wanted[i].usage == GIRANDOLE_BUFFER_UNIFORM;
-            const VkBufferUsageFlags usage =
-                is_uniform ? VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT
-                           : VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT |
-                                 VK_BUFFER_USAGE_TRANSFER_DST_BIT;
-            // An engine that has no memory left calls girandole_planner_cancel, and draws with the last frame.
-            buffers_[wanted[i].id] = device_.make_buffer(wanted[i].size, usage, false);
+        std::vector<vulkan::Buffer> made;
+        try {
+            for (size_t i = 0; i < count; i++) made.push_back(make_buffer(wanted[i]));
+        } catch (...) {
+            // An engine that has no memory left draws with the last frame. The next reservation has new numbers.
+            for (const auto &buffer : made) device_.free_buffer(buffer);
+            girandole::check(girandole_planner_cancel(planner_.get()));
+            throw;
         }
+        for (size_t i = 0; i < count; i++) buffers_[wanted[i].id] = made[i];
         const auto plan = girandole::make<GirandolePlan>(
             [&](GirandolePlan **it) { return girandole_planner_plan(planner_.get(), it); });
         girandole::check(girandole_cursor_advance(cursor_.get(), plan.get()));
-        GirandolePlanView view;
-        girandole::check(girandole_plan_view(plan.get(), &view));
+        return play(plan.get());
+    }
 
-        vulkan::Buffer staging;
-        if (view.bytes > 0) {
-            staging = device_.make_buffer(view.bytes, VK_BUFFER_USAGE_TRANSFER_SRC_BIT, true);
-        }
-        VkDeviceSize used = 0;
-        device_.begin();
-        play(view.upload, view.upload_count, staging, used);
-        play(view.top, view.top_count, staging, used);
-        device_.submit_and_wait();
-        // The device has finished the frame.
-        if (view.bytes > 0) device_.free_buffer(staging);
-        for (size_t i = 0; i < view.freed_count; i++) {
-            device_.free_buffer(buffers_.at(view.freed[i]));
-            buffers_.erase(view.freed[i]);
-        }
-        return view.upload_count + view.top_count;
+    // Sends a number of splits to the device, before the next frame. Returns the commands played.
+    size_t set_splits(uint32_t splits) {
+        girandole::check(girandole_planner_set_splits(planner_.get(), splits));
+        const auto plan = girandole::make<GirandolePlan>(
+            [&](GirandolePlan **it) { return girandole_planner_settings(planner_.get(), it); });
+        return play(plan.get());
     }
 
     // What shaders bind, at the group that their text was made for.
@@ -106,6 +97,37 @@ public:
     }
 
 private:
+    vulkan::Buffer make_buffer(const GirandoleNewBuffer &wanted) {
+        const bool is_uniform = wanted.usage == GIRANDOLE_BUFFER_UNIFORM;
+        const VkBufferUsageFlags usage =
+            is_uniform ? VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT
+                       : VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT |
+                             VK_BUFFER_USAGE_TRANSFER_DST_BIT;
+        return device_.make_buffer(wanted.size, usage, false);
+    }
+
+    size_t play(const GirandolePlan *plan) {
+        GirandolePlanView view;
+        girandole::check(girandole_plan_view(plan, &view));
+
+        vulkan::Buffer staging;
+        if (view.bytes > 0) {
+            staging = device_.make_buffer(view.bytes, VK_BUFFER_USAGE_TRANSFER_SRC_BIT, true);
+        }
+        VkDeviceSize used = 0;
+        device_.begin();
+        play(view.upload, view.upload_count, staging, used);
+        play(view.top, view.top_count, staging, used);
+        device_.submit_and_wait();
+        // The device has finished the frame.
+        if (view.bytes > 0) device_.free_buffer(staging);
+        for (size_t i = 0; i < view.freed_count; i++) {
+            device_.free_buffer(buffers_.at(view.freed[i]));
+            buffers_.erase(view.freed[i]);
+        }
+        return view.upload_count + view.top_count;
+    }
+
     void play(const GirandoleCommand *commands, size_t count, const vulkan::Buffer &staging, VkDeviceSize &used) {
         bool was_write = false;
         for (size_t i = 0; i < count; i++) {

@@ -1,6 +1,6 @@
 //! Bytes that this interface has made.
 
-use crate::memory::{object, result};
+use crate::memory::{destroy, object, result};
 use crate::status::{GirandoleStatus, call};
 
 /// The bytes of a baked tree, which the interface owns.
@@ -26,8 +26,6 @@ pub unsafe extern "C" fn girandole_blob_bytes(
 /// Frees a blob. NULL is allowed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_blob_destroy(blob: *mut GirandoleBlob) {
-    if !blob.is_null() {
-        // SAFETY: made by `Box::into_raw`, and see the crate's documentation.
-        drop(unsafe { Box::from_raw(blob) });
-    }
+    // SAFETY: made by `Box::into_raw`, and see the crate's documentation.
+    unsafe { destroy(blob) }
 }

@@ -3,7 +3,7 @@
 use girandole::FrameDelta;
 use girandole::glam::DVec3;
 
-use crate::memory::{object, result};
+use crate::memory::{destroy, object, result};
 use crate::status::{GirandoleStatus, call};
 use crate::vectors::GirandoleDVec3;
 use crate::world::GirandoleWorld;
@@ -90,8 +90,6 @@ pub unsafe extern "C" fn girandole_delta_view(
 /// Frees a delta. NULL is allowed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_delta_destroy(delta: *mut GirandoleDelta) {
-    if !delta.is_null() {
-        // SAFETY: made by `Box::into_raw`, and see the crate's documentation.
-        drop(unsafe { Box::from_raw(delta) });
-    }
+    // SAFETY: made by `Box::into_raw`, and see the crate's documentation.
+    unsafe { destroy(delta) }
 }

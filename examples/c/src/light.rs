@@ -114,7 +114,8 @@ impl std::fmt::Debug for GirandoleLight {
 
 /// Checks the kind only; the library checks the numbers.
 fn light(light: &GirandoleLight) -> Result<Light, Failure> {
-    let two_sided = flag(light.two_sided, "two_sided")?;
+    // Read for the kinds that have it only, since others may leave it undefined.
+    let two_sided = || flag(light.two_sided, "two_sided");
     let shape = light.shape;
     // SAFETY: all members consist of f32 alone, and the caller has filled the one that the kind names.
     let shape = unsafe {
@@ -130,10 +131,10 @@ fn light(light: &GirandoleLight) -> Result<Light, Failure> {
                 center: shape.parallelogram.center.into(),
                 half_u: shape.parallelogram.half_u.into(),
                 half_v: shape.parallelogram.half_v.into(),
-                two_sided,
+                two_sided: two_sided()?,
             },
             GIRANDOLE_LIGHT_TRIANGLE => {
-                Shape::Triangle { vertices: shape.triangle.vertices.map(Into::into), two_sided }
+                Shape::Triangle { vertices: shape.triangle.vertices.map(Into::into), two_sided: two_sided()? }
             }
             GIRANDOLE_LIGHT_SPHERE => Shape::Sphere { center: shape.sphere.center.into(), radius: shape.sphere.radius },
             other => return Err(Failure::bad_value("kind of light", other)),

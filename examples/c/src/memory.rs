@@ -1,10 +1,11 @@
 //! Reads and writes the caller's memory: the only module that follows pointers to values.
 
-use std::mem::MaybeUninit;
+use std::marker::PhantomData;
 use std::slice;
 
 use crate::status::{
     Failure, GIRANDOLE_ERROR_BAD_LENGTH, GIRANDOLE_ERROR_MISALIGNED, GIRANDOLE_ERROR_NO_SPACE, GIRANDOLE_ERROR_NULL,
+    call,
 };
 
 fn check<T>(pointer: *const T, what: &str) -> Result<(), Failure> {
@@ -63,26 +64,44 @@ pub(crate) unsafe fn array<'a, T>(pointer: *const T, count: usize, what: &str) -
     Ok(unsafe { slice::from_raw_parts(pointer, count) })
 }
 
-/// An array of the caller that a call fills. Its content may be undefined.
-pub(crate) struct Output<'a, T>(&'a mut [MaybeUninit<T>]);
+/// Frees an object that this interface has made. NULL is allowed. A panic is a bug that leaks memory.
+///
+/// # Safety
+/// `pointer` is NULL or comes from `Box::into_raw`, and nothing uses the object any more.
+pub(crate) unsafe fn destroy<T>(pointer: *mut T) {
+    if !pointer.is_null() {
+        // The caller has no use for the status.
+        let _ = call(|| {
+            // SAFETY: the caller's promise.
+            drop(unsafe { Box::from_raw(pointer) });
+            Ok(())
+        });
+    }
+}
+
+/// An array of the caller that a call fills. Its content may be undefined. It is no reference, since a caller
+/// may pass one place for two results; the last result that is stored remains.
+pub(crate) struct Output<'a, T> {
+    places: *mut T,
+    count: usize,
+    lives: PhantomData<&'a T>,
+}
 
 /// # Safety
-/// `pointer` is NULL or points to room for `count` values that nothing else uses for as long as `'a`.
+/// `pointer` is NULL or points to room for `count` values, which no reference and no other thread uses for as
+/// long as `'a`.
 pub(crate) unsafe fn output<'a, T>(pointer: *mut T, count: usize, what: &str) -> Result<Output<'a, T>, Failure> {
     check_array(pointer, count, what)?;
-    if count == 0 {
-        return Ok(Output(&mut []));
-    }
-    // SAFETY: not null, aligned, its size fits into `isize`; values may be undefined in this type, and the rest
-    // is the caller's promise.
-    Ok(Output(unsafe { slice::from_raw_parts_mut(pointer.cast(), count) }))
+    Ok(Output { places: pointer, count, lives: PhantomData })
 }
 
 impl<T> Output<'_, T> {
     /// Fills the places in order, up to the shorter of both lengths.
     pub fn fill(self, values: impl IntoIterator<Item = T>) {
-        for (place, value) in self.0.iter_mut().zip(values) {
-            place.write(value);
+        for (index, value) in (0..self.count).zip(values) {
+            // SAFETY: `output` has checked the pointer, and its caller promises room for `count` values. Nothing
+            // is dropped or read.
+            unsafe { self.places.add(index).write(value) };
         }
     }
 }
@@ -153,6 +172,17 @@ mod tests {
                 assert_eq!(code(words.as_ptr(), count), Err(GIRANDOLE_ERROR_BAD_LENGTH), "{count}");
             }
         }
+    }
+
+    #[test]
+    fn one_place_for_two_results_gets_the_last_one() {
+        let mut place = 7_u32;
+        let pointer = &raw mut place;
+        // SAFETY: `place` lives, and only these results use it.
+        let (first, second) = unsafe { (result(pointer, "first"), result(pointer, "second")) };
+        first.expect("a pointer to a value").set(1);
+        second.expect("a pointer to a value").set(2);
+        assert_eq!(place, 2);
     }
 
     #[test]

@@ -61,15 +61,15 @@ pub struct GirandolePolicy {
 }
 
 pub(crate) fn policy(policy: &GirandolePolicy) -> Result<Policy, Failure> {
-    let GirandolePolicy { kind, a, b } = *policy;
     let attribute = Attribute::SplittingCost;
-    Ok(match kind {
+    // Each kind reads its own parameters only, since the others may be undefined.
+    Ok(match policy.kind {
         GIRANDOLE_POLICY_BUDGETED => Policy::Budgeted,
         GIRANDOLE_POLICY_STATIC => Policy::Static,
         GIRANDOLE_POLICY_REFIT_ONLY => Policy::RefitOnly,
-        GIRANDOLE_POLICY_BOUNDED => Policy::Bounded { floor: a, ceiling: b },
-        GIRANDOLE_POLICY_DEVIATION => Policy::Deviation { attribute, deviation: a, factor: b },
-        GIRANDOLE_POLICY_RATIO => Policy::Ratio { attribute, factor: a },
+        GIRANDOLE_POLICY_BOUNDED => Policy::Bounded { floor: policy.a, ceiling: policy.b },
+        GIRANDOLE_POLICY_DEVIATION => Policy::Deviation { attribute, deviation: policy.a, factor: policy.b },
+        GIRANDOLE_POLICY_RATIO => Policy::Ratio { attribute, factor: policy.a },
         GIRANDOLE_POLICY_ALWAYS_REBUILD => Policy::AlwaysRebuild,
         other => return Err(Failure::bad_value("policy", other)),
     })

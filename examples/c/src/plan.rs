@@ -5,8 +5,8 @@ use std::ptr;
 use girandole::plan::{BufferId, Command, Commands, FramePlan, KERNELS, PlanCursor};
 
 use crate::buffers::{GirandoleNewBuffer, new_buffers};
-use crate::memory::{object, object_mut, result};
-use crate::status::{Failure, GirandoleStatus, call};
+use crate::memory::{destroy, object, object_mut, result};
+use crate::status::{Failure, GIRANDOLE_ERROR_BAD_VALUE, GirandoleStatus, call};
 
 /// What a command does: one of GIRANDOLE_COMMAND_*.
 pub type GirandoleCommandKind = u32;
@@ -134,6 +134,15 @@ fn flat(command: Command<'_>, rest: &mut &[u32]) -> Result<GirandoleCommand, Fai
 }
 
 impl GirandolePlan {
+    /// The frame of a numbered plan, for cursors.
+    fn numbered(&self) -> Result<&FramePlan, Failure> {
+        if self.frame.number == 0 {
+            let message = "a plan of girandole_planner_settings has no number: cursors do not take it";
+            return Err(Failure::new(GIRANDOLE_ERROR_BAD_VALUE, message));
+        }
+        Ok(&self.frame)
+    }
+
     pub(crate) fn new(frame: FramePlan) -> Result<Self, Failure> {
         Ok(Self {
             new_buffers: new_buffers(&frame.new_buffers)?,
@@ -149,7 +158,8 @@ impl GirandolePlan {
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct GirandolePlanView {
-    /// Plans are numbered from 1, and must be played in this order, each exactly once.
+    /// Plans are numbered from 1, and must be played in this order, each exactly once. 0 for a plan of
+    /// girandole_planner_settings.
     pub number: u64,
     /// The buffers of the reservation, which the engine has made.
     pub new_buffers: *const GirandoleNewBuffer,
@@ -202,10 +212,8 @@ pub unsafe extern "C" fn girandole_plan_view(
 /// Frees a plan. NULL is allowed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_plan_destroy(plan: *mut GirandolePlan) {
-    if !plan.is_null() {
-        // SAFETY: made by `Box::into_raw`, and see the crate's documentation.
-        drop(unsafe { Box::from_raw(plan) });
-    }
+    // SAFETY: made by `Box::into_raw`, and see the crate's documentation.
+    unsafe { destroy(plan) }
 }
 
 /// Checks that plans are played in order. Keep one for each set of buffers on which plans are played.
@@ -223,7 +231,8 @@ pub unsafe extern "C" fn girandole_cursor_create(cursor: *mut *mut GirandoleCurs
 }
 
 /// Call it before each plan is played. Returns GIRANDOLE_ERROR_OUT_OF_ORDER if the plan was played before, or
-/// if an earlier plan was skipped; do not play the plan then.
+/// if an earlier plan was skipped; do not play the plan then. Plans of girandole_planner_settings are refused
+/// with GIRANDOLE_ERROR_BAD_VALUE: play them without a cursor.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_cursor_advance(
     cursor: *mut GirandoleCursor,
@@ -232,12 +241,12 @@ pub unsafe extern "C" fn girandole_cursor_advance(
     call(|| {
         // SAFETY: see the crate's documentation.
         let (cursor, plan) = unsafe { (object_mut(cursor, "cursor")?, object(plan, "plan")?) };
-        Ok(cursor.0.advance(&plan.frame)?)
+        Ok(cursor.0.advance(plan.numbered()?)?)
     })
 }
 
 /// Lets the cursor expect this plan next, after girandole_planner_lose. Then call girandole_cursor_advance
-/// for the plan.
+/// for the plan. Plans of girandole_planner_settings are refused with GIRANDOLE_ERROR_BAD_VALUE.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_cursor_skip_to(
     cursor: *mut GirandoleCursor,
@@ -246,7 +255,7 @@ pub unsafe extern "C" fn girandole_cursor_skip_to(
     call(|| {
         // SAFETY: see the crate's documentation.
         let (cursor, plan) = unsafe { (object_mut(cursor, "cursor")?, object(plan, "plan")?) };
-        cursor.0.skip_to(&plan.frame);
+        cursor.0.skip_to(plan.numbered()?);
         Ok(())
     })
 }
@@ -254,8 +263,6 @@ pub unsafe extern "C" fn girandole_cursor_skip_to(
 /// Frees a cursor. NULL is allowed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_cursor_destroy(cursor: *mut GirandoleCursor) {
-    if !cursor.is_null() {
-        // SAFETY: made by `Box::into_raw`, and see the crate's documentation.
-        drop(unsafe { Box::from_raw(cursor) });
-    }
+    // SAFETY: made by `Box::into_raw`, and see the crate's documentation.
+    unsafe { destroy(cursor) }
 }

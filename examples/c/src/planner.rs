@@ -124,14 +124,14 @@ impl GirandolePlanner {
         exactly: bool,
     ) -> Result<(), Failure> {
         self.free()?;
-        let follows = *self.world.get_or_insert(world.id);
-        if follows != world.id || delta.world != world.id {
+        if delta.world != world.id || self.world.is_some_and(|follows| follows != world.id) {
             let message = "the planner or the delta belongs to another world";
             return Err(Failure::new(GIRANDOLE_ERROR_OTHER_WORLD, message));
         }
         let borrow = Borrow::new(&world.reservations);
         // SAFETY: `borrow` counts the reservation, and is dropped after it.
         let lights = unsafe { world.read_while_reserved()? };
+        self.world = Some(world.id);
         // SAFETY: from a box that is dropped after `held`; `free` gives out no reference while it is set.
         let planner: &'static mut LightPlanner = unsafe { &mut *self.planner.as_ptr() };
         let reservation = match exactly {
@@ -172,6 +172,17 @@ mod tests {
         assert_eq!(dies, GIRANDOLE_ERROR_PANIC);
         assert_eq!(call(|| planner.edit(|planner| planner.free().map(drop))), GIRANDOLE_ERROR_BROKEN);
         assert_eq!(call(|| world.edit(|_| Ok(()))), GIRANDOLE_OK);
+    }
+
+    #[test]
+    fn a_refused_reservation_does_not_bind_the_planner_to_a_world() {
+        let (world, other) = (GirandoleWorld::new(), GirandoleWorld::new());
+        let mut planner = GirandolePlanner::new(PlanLimits::default());
+        let everything = FrameDelta::everything(other.read().expect("it is whole"));
+        let delta = GirandoleDelta { delta: everything, world: other.id };
+        let refused = planner.reserve(&world, &delta, false).map_err(|failure| failure.code);
+        assert_eq!(refused, Err(GIRANDOLE_ERROR_OTHER_WORLD));
+        assert_eq!(planner.reserve(&other, &delta, false).map_err(|failure| failure.code), Ok(()));
     }
 
     #[test]

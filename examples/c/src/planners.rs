@@ -3,7 +3,7 @@
 use girandole::SplitCount;
 use girandole::plan::{BufferId, FramePlan, LightPlanner, PlanLimits};
 
-use crate::memory::{object, object_mut, result};
+use crate::memory::{destroy, object, object_mut, result};
 use crate::plan::GirandolePlan;
 use crate::planner::{GirandoleLimits, GirandolePlanner, limit};
 use crate::status::{Failure, GirandoleStatus, call};
@@ -44,14 +44,8 @@ pub unsafe extern "C" fn girandole_planner_create(
 /// Destroys a planner, and its reservation if it has one. NULL is allowed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_planner_destroy(planner: *mut GirandolePlanner) {
-    if !planner.is_null() {
-        // The status is of no use: a panic here is a bug that leaks memory.
-        let _ = call(|| {
-            // SAFETY: made by `Box::into_raw`, and see the crate's documentation.
-            drop(unsafe { Box::from_raw(planner) });
-            Ok(())
-        });
-    }
+    // SAFETY: made by `Box::into_raw`, and see the crate's documentation.
+    unsafe { destroy(planner) }
 }
 
 /// Sets the limits of memory and of bytes per frame from the next plan on: bytes, or GIRANDOLE_NO_LIMIT.
@@ -105,8 +99,8 @@ pub unsafe extern "C" fn girandole_planner_keep_previous(
 }
 
 /// Makes a plan that only sends the setting of girandole_planner_set_splits to the device, before the plan of
-/// the next frame. It may be empty. Its number is 0, and cursors do not count it. Play it before the next
-/// plan.
+/// the next frame. It may be empty. Its number is 0. Play it before the next plan, and do not pass it to a
+/// cursor, which refuses it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_planner_settings(
     planner: *mut GirandolePlanner,
@@ -118,6 +112,7 @@ pub unsafe extern "C" fn girandole_planner_settings(
         let mut frame = FramePlan::default();
         // SAFETY: see the crate's documentation.
         frame.upload = unsafe { change(planner, |planner| Ok(planner.settings()))? };
+        frame.report.bytes = frame.upload.bytes_written();
         out.set(Box::into_raw(Box::new(GirandolePlan::new(frame)?)));
         Ok(())
     })

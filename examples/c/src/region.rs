@@ -3,7 +3,7 @@
 use girandole::{LightTree, Region, RegionInstance, RegionKey, RegionTree, WorldError};
 
 use crate::light::{GirandoleLight, lights};
-use crate::memory::{array, list, object, object_mut, result};
+use crate::memory::{array, destroy, list, object, object_mut, result};
 use crate::place::{GirandolePlacement, GirandolePolicy, policy};
 use crate::status::{Failure, GirandoleStatus, call};
 use crate::vectors::{GirandoleVec3, flag};
@@ -250,8 +250,6 @@ pub unsafe extern "C" fn girandole_world_region_instances(
 /// Frees a region object. What it has added to a world stays in the world. NULL is allowed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_region_destroy(region: *mut GirandoleRegion) {
-    if !region.is_null() {
-        // SAFETY: made by `Box::into_raw`, and see the crate's documentation.
-        drop(unsafe { Box::from_raw(region) });
-    }
+    // SAFETY: made by `Box::into_raw`, and see the crate's documentation.
+    unsafe { destroy(region) }
 }

@@ -65,7 +65,8 @@ pub unsafe extern "C" fn girandole_planner_plan(
     })
 }
 
-/// Ends the reservation without a plan. Its changes become part of the next reservation.
+/// Ends the reservation without a plan. Its changes become part of the next reservation, which has new numbers
+/// for its buffers: free the buffers of this reservation that were already made.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_planner_cancel(planner: *mut GirandolePlanner) -> GirandoleStatus {
     call(|| {

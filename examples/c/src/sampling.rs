@@ -117,7 +117,7 @@ unsafe fn sampler<'a>(world: *const GirandoleWorld, splits: u32) -> Result<Light
 
 unsafe fn points(pointer: *const GirandoleShadingPoint, count: usize) -> Result<Vec<ShadingPoint>, Failure> {
     // SAFETY: see the crate's documentation.
-    unsafe { array(pointer, count, "points")? }.iter().map(shading_point).collect()
+    unsafe { array(pointer, count, "shading_points")? }.iter().map(shading_point).collect()
 }
 
 /// Random numbers, `N` for each sample.

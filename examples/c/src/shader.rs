@@ -3,7 +3,7 @@
 use std::ffi::{CString, c_char, c_void};
 
 use crate::bindings::GirandoleBindingKind;
-use crate::memory::{object, result};
+use crate::memory::{destroy, object, result};
 use crate::status::{GirandoleStatus, call};
 
 /// A language of shaders: one of GIRANDOLE_LANGUAGE_*.
@@ -12,9 +12,9 @@ pub type GirandoleLanguage = u32;
 pub const GIRANDOLE_LANGUAGE_WGSL: GirandoleLanguage = 0;
 /// SPIR-V for Vulkan, versions 1.0 to 1.6; 1.3 by default, which Vulkan 1.1 accepts.
 pub const GIRANDOLE_LANGUAGE_SPIRV: GirandoleLanguage = 1;
-/// HLSL, shader models 5.1 to 6.7; 6.0 by default.
+/// HLSL, shader models 5.1 and 6.0 to 6.7; 6.0 by default. Without samplers.
 pub const GIRANDOLE_LANGUAGE_HLSL: GirandoleLanguage = 2;
-/// MSL, versions 1.0 to 3.1; 2.1 by default.
+/// MSL, versions 1.0 to 1.2, 2.0 to 2.4, 3.0 and 3.1; 2.1 by default.
 pub const GIRANDOLE_LANGUAGE_MSL: GirandoleLanguage = 3;
 
 /// No index.
@@ -31,7 +31,7 @@ pub struct GirandoleBindTarget {
     /// SPIR-V: the descriptor set. HLSL: the space, at most 255. MSL: ignored.
     pub space: u32,
     /// SPIR-V: the binding. HLSL: the register, whose letter follows from the kind of the binding. MSL: the
-    /// index of the buffer, texture or sampler, at most 255.
+    /// index of the buffer, texture or sampler, at most 254.
     pub index: u32,
 }
 
@@ -54,7 +54,8 @@ pub struct GirandoleTarget {
     /// The only entry point to translate, with everything that it uses; NULL for all entry points.
     pub entry_point: *const c_char,
     /// Overrides of the default places of bindings. By default the group is the space and the binding is the
-    /// index; for MSL, bindings get the indices from 0 on in the order of group and binding.
+    /// index; for MSL, bindings get the indices from 0 on in the order of group and binding. Variables with the
+    /// same group and binding have the same index. None are allowed for WGSL.
     pub bindings: *const GirandoleBindTarget,
     /// How many.
     pub binding_count: usize,
@@ -102,7 +103,7 @@ pub struct GirandoleShaderBinding {
     pub space: u32,
     /// SPIR-V: the binding. HLSL: the number of the register. MSL: the index of the buffer, texture or sampler.
     pub index: u32,
-    /// HLSL: the letter of the register: 'b', 't', 'u' or 's'. 0 for other languages.
+    /// HLSL: the letter of the register: 'b', 't' or 'u'. 0 for other languages.
     pub register_letter: c_char,
     /// The minimum size of the buffer in bytes; 0 if the binding is not a buffer.
     pub size: u32,
@@ -128,10 +129,8 @@ pub(crate) enum Code {
 impl GirandoleShader {
     /// Keeps a name, and returns where it is.
     pub(crate) fn keep(&mut self, name: &str) -> *const c_char {
-        let name = CString::new(name).unwrap_or_default();
-        let pointer = name.as_ptr();
-        self.names.push(name);
-        pointer
+        self.names.push(CString::new(name).unwrap_or_default());
+        self.names.last().map_or(std::ptr::null(), |name| name.as_ptr())
     }
 }
 
@@ -186,8 +185,6 @@ pub unsafe extern "C" fn girandole_shader_view(
 /// Frees a shader. NULL is allowed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_shader_destroy(shader: *mut GirandoleShader) {
-    if !shader.is_null() {
-        // SAFETY: made by `Box::into_raw`, and see the crate's documentation.
-        drop(unsafe { Box::from_raw(shader) });
-    }
+    // SAFETY: made by `Box::into_raw`, and see the crate's documentation.
+    unsafe { destroy(shader) }
 }

@@ -48,21 +48,22 @@ fn known_effects(bits: u32) -> Result<Effects, Failure> {
     Ok(Effects::from_bits_truncate(bits as u16))
 }
 
-/// The last number that a group may have. Descriptor sets and spaces are few.
-const LAST_GROUP: u32 = 255;
+/// The last number that the group may have, so that group + 1 is a space of HLSL too.
+const LAST_GROUP: u32 = 254;
 
 /// Makes the text that an engine's shader includes: the functions light_sample, light_resample, light_pmf and
 /// others, without an entry point. docs/integration.md describes them. Destroy the shader with
 /// girandole_shader_destroy.
 ///
 ///   effects       bits of GIRANDOLE_EFFECT_*: at least those of girandole_planner_effects
-///   group         the group of the bindings in WGSL, and by default the space in HLSL: 0 to 255
+///   group         the group of the bindings in WGSL, and by default the space in HLSL: 0 to 254
 ///   has_previous  1 for light_pmf_previous too, which binds the buffers of the last frame at group + 1; else 0
 ///   target        WGSL, HLSL or MSL; its entry_point must be NULL. SPIR-V has no texts to include: join the
 ///                 WGSL text with your own and pass both to girandole_translate
 ///
 /// HLSL: the spaces are macros, GIRANDOLE_SPACE and GIRANDOLE_PREVIOUS_SPACE, which a program may define
-/// before it includes the text. MSL: functions take the buffers that they read as further arguments.
+/// before it includes the text. A binding that target moves to another space than the first binding of its
+/// group gets a space of its own instead of the macro. MSL: functions take the buffers that they read as further arguments.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_shader_include(
     effects: u32,
@@ -90,8 +91,11 @@ unsafe fn include(
     target: &GirandoleTarget,
 ) -> Result<GirandoleShader, Failure> {
     let effects = known_effects(effects)?;
-    if group >= LAST_GROUP || !target.entry_point.is_null() {
-        let message = "a group below 255 and no entry point are allowed";
+    if group > LAST_GROUP {
+        return Err(Failure::bad_value("group; 0 to 254 are", group));
+    }
+    if !target.entry_point.is_null() {
+        let message = "target.entry_point is not NULL, but an include text has no entry points";
         return Err(Failure::new(GIRANDOLE_ERROR_BAD_VALUE, message));
     }
     let mut wgsl = plan::wgsl(group, effects);
@@ -115,11 +119,22 @@ fn hlsl_include(text: &CString, made: &GirandoleShader, group: u32) -> CString {
     let mut body = text.to_string_lossy().into_owned();
     for (index, row) in made.bindings.iter().enumerate() {
         let letter = row.register_letter as u8 as char;
-        let space = if row.group == group { "GIRANDOLE_SPACE" } else { "GIRANDOLE_PREVIOUS_SPACE" };
+        let own_space = format!("space{}", row.space);
+        let first = made.bindings.iter().find(|first| first.group == row.group);
+        // A macro is for the space of the first binding of the group.
+        let has_macro = first.is_none_or(|first| first.space == row.space);
+        let space = match (has_macro, row.group == group) {
+            (false, _) => own_space.as_str(),
+            (true, true) => "GIRANDOLE_SPACE",
+            (true, false) => "GIRANDOLE_PREVIOUS_SPACE",
+        };
         // Two names are kept for each entry point, of which there are none.
         let name = made.names[index].to_string_lossy();
         let _ = writeln!(head, "// {letter}{:<8} {space:<26} {name}", row.index);
-        let define = format!("#ifndef {space}\n#define {space} space{}\n#endif\n", row.space);
+        if !has_macro {
+            continue;
+        }
+        let define = format!("#ifndef {space}\n#define {space} {own_space}\n#endif\n");
         if !macros.contains(&define) {
             macros.push_str(&define);
         }
@@ -184,6 +199,35 @@ mod tests {
             assert!(text.contains(&format!("#define GIRANDOLE_SPACE space{group}\n")));
             let defined = text.contains(&format!("#define GIRANDOLE_PREVIOUS_SPACE space{}\n", group + 1));
             assert_eq!(defined, has_previous);
+        }
+    }
+
+    #[test]
+    fn a_binding_in_a_space_of_its_own_keeps_it_in_the_text() {
+        let moved = [
+            GirandoleBindTarget { group: 1, binding: 2, space: 7, index: 4 },
+            GirandoleBindTarget { group: 1, binding: 3, space: 0, index: 9 },
+        ];
+        let target = GirandoleTarget {
+            language: GIRANDOLE_LANGUAGE_HLSL,
+            major_version: 0,
+            minor_version: 0,
+            flags: 0,
+            entry_point: std::ptr::null(),
+            bindings: moved.as_ptr(),
+            binding_count: moved.len(),
+        };
+        // SAFETY: the array lives.
+        let made = unsafe { include(GIRANDOLE_ALL_EFFECTS, 1, false, &target) }.expect("it is translated");
+        let Code::Text(text) = made.code else { panic!("a text is no SPIR-V") };
+        let text = text.into_string().expect("UTF-8");
+        for register in ["(b0, GIRANDOLE_SPACE)", "(t1, GIRANDOLE_SPACE)", "(t4, space7)", "(t9)"] {
+            assert_eq!(text.matches(&format!("register{register}")).count(), 1, "{register}");
+        }
+        assert_eq!(text.matches("#define GIRANDOLE_SPACE ").count(), 1);
+        assert!(text.contains("#define GIRANDOLE_SPACE space1\n"));
+        for row in ["// t4        space7 ", "// t9        space0 ", "// t1        GIRANDOLE_SPACE "] {
+            assert!(text.contains(row), "{row}");
         }
     }
 

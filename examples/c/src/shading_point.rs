@@ -55,8 +55,9 @@ pub(crate) fn shading_point(given: &GirandoleShadingPoint) -> Result<ShadingPoin
     let mut point = ShadingPoint::surface(given.position.into(), given.normal.into());
     point.segment = given.segment.into();
     point.mask = given.mask;
-    let GirandoleShadingPoint { view, roughness, specular, diffuse, .. } = *given;
     if flag(given.is_glossy, "is_glossy")? {
+        // Read here only, since the fields of other points may be undefined.
+        let GirandoleShadingPoint { view, roughness, specular, diffuse, .. } = *given;
         point.gloss = Some(Gloss { view: view.into(), roughness, specular, diffuse });
     }
     Ok(point)

@@ -4,7 +4,7 @@ use girandole::{LightTree, LightWorld, TreeKey, WorldError};
 
 use crate::blob::GirandoleBlob;
 use crate::light::{GirandoleLight, lights};
-use crate::memory::{array, list, object, output, result};
+use crate::memory::{array, list, object, output, result, wanted};
 use crate::status::{Failure, GirandoleStatus, call};
 use crate::world::GirandoleWorld;
 
@@ -110,7 +110,7 @@ pub unsafe extern "C" fn girandole_world_rebuild_tree(world: *mut GirandoleWorld
 }
 
 /// Stores two counts for a tree as of the last update: the lights that exist, and the indices, which include
-/// the indices of removed lights.
+/// the indices of removed lights. Either pointer may be NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn girandole_world_tree_lights(
     world: *const GirandoleWorld,
@@ -122,7 +122,7 @@ pub unsafe extern "C" fn girandole_world_tree_lights(
         // SAFETY: see the crate's documentation.
         let world = unsafe { object(world, "world")?.read()? };
         // SAFETY: see the crate's documentation.
-        let (existing, indices) = unsafe { (result(existing, "existing")?, result(indices, "indices")?) };
+        let (existing, indices) = unsafe { (wanted(existing, "existing")?, wanted(indices, "indices")?) };
         let tree = tree(world, tree_key)?;
         existing.set(tree.light_count());
         indices.set(tree.lights().len());

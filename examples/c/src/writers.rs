@@ -1,13 +1,14 @@
 //! The back ends of naga, with the options of this interface.
 
 use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use naga::back::{hlsl, msl, spv};
 use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
 use naga::{Module, ShaderStage};
 
-use crate::bindings::{GIRANDOLE_BINDING_OTHER, GIRANDOLE_BINDING_READ_WRITE};
-use crate::source::{Bound, Source};
+use crate::bindings::GIRANDOLE_BINDING_READ_WRITE;
+use crate::source::{Bound, Constant, Sort, Source};
 use crate::status::{Failure, GIRANDOLE_ERROR_TRANSLATION};
 
 pub(crate) fn translation_error(error: impl std::fmt::Display) -> Failure {
@@ -24,14 +25,25 @@ fn checks(is_unchecked: bool) -> BoundsCheckPolicies {
     }
 }
 
+/// Runs a writer. Some texts that are valid make it panic.
+pub(crate) fn without_panics<R>(write: impl FnOnce() -> Result<R, Failure>) -> Result<R, Failure> {
+    catch_unwind(AssertUnwindSafe(write)).unwrap_or_else(|payload| {
+        // Dropping a payload could panic again.
+        if let Err(again) = catch_unwind(AssertUnwindSafe(|| drop(payload))) {
+            std::mem::forget(again);
+        }
+        Err(translation_error("naga cannot write this text in the language"))
+    })
+}
+
 pub(crate) fn spirv(
     source: &Source,
+    (module, info): &Constant<'_>,
     bound: &[Bound],
     version: (u32, u32),
     entry: Option<usize>,
     is_unchecked: bool,
 ) -> Result<Vec<u32>, Failure> {
-    let Source { module, info, .. } = source;
     if module.entry_points.is_empty() {
         return Err(translation_error("SPIR-V needs an entry point: join the text with one of your own"));
     }
@@ -67,12 +79,12 @@ fn selected(module: &Module, entry: Option<usize>) -> Option<(ShaderStage, Strin
 
 pub(crate) fn hlsl_text(
     source: &Source,
+    (module, info): &Constant<'_>,
     bound: &[Bound],
     version: (u32, u32),
     entry: Option<usize>,
     is_unchecked: bool,
 ) -> Result<Written, Failure> {
-    let Source { module, info, .. } = source;
     let shader_model = match version {
         (5, 1) => hlsl::ShaderModel::V5_1,
         (6, 0) => hlsl::ShaderModel::V6_0,
@@ -108,32 +120,38 @@ pub(crate) fn hlsl_text(
 
 pub(crate) fn msl_text(
     source: &Source,
+    (module, info): &Constant<'_>,
     bound: &[Bound],
     version: (u32, u32),
     entry: Option<usize>,
     is_unchecked: bool,
     sizes_index: u32,
 ) -> Result<Written, Failure> {
-    let Source { module, info, .. } = source;
     let target = |bound: &Bound| {
         let slot = bound.index as u8;
         let mut target = msl::BindTarget { mutable: bound.kind == GIRANDOLE_BINDING_READ_WRITE, ..Default::default() };
-        match (bound.kind, bound.letter) {
-            (GIRANDOLE_BINDING_OTHER, b's') => target.sampler = Some(msl::BindSamplerTarget::Resource(slot)),
-            (GIRANDOLE_BINDING_OTHER, letter) => {
+        match bound.sort {
+            Sort::Sampler => target.sampler = Some(msl::BindSamplerTarget::Resource(slot)),
+            Sort::Texture => {
                 target.texture = Some(slot);
-                target.mutable = letter == b'u';
+                target.mutable = bound.letter == b'u';
             }
-            _ => target.buffer = Some(slot),
+            // Arrays are argument buffers.
+            Sort::Buffer | Sort::Array => target.buffer = Some(slot),
         }
         (bound.from, target)
     };
-    let resources = msl::EntryPointResources {
-        resources: bound.iter().map(target).collect(),
-        sizes_buffer: Some(sizes_index as u8),
-        ..Default::default()
+    // Two entry points may use different variables at one binding.
+    let resources = |index: usize| {
+        let used = |bound: &&Bound| !source.info.get_entry_point(index)[bound.variable].is_empty();
+        msl::EntryPointResources {
+            resources: bound.iter().filter(used).map(target).collect(),
+            sizes_buffer: Some(sizes_index as u8),
+            ..Default::default()
+        }
     };
-    let entries = module.entry_points.iter().map(|entry| (entry.name.clone(), resources.clone()));
+    let entries = module.entry_points.iter().enumerate();
+    let entries = entries.map(|(index, entry)| (entry.name.clone(), resources(index)));
     let options = msl::Options {
         lang_version: (version.0 as u8, version.1 as u8),
         per_entry_point_map: entries.collect::<BTreeMap<_, _>>(),
