@@ -25,6 +25,8 @@ cargo "+$toolchain" --version >/dev/null 2>&1 || rustup toolchain install "$tool
 # Mesa complains where this is unset, on every device that a test opens.
 export XDG_RUNTIME_DIR="${XDG_RUNTIME_DIR:-$(mktemp -d)}"
 export RUST_LOG="${RUST_LOG:-error}"
+# A layer of Khronos that is older than wgpu refuses SPIR-V for its number of the source language.
+export WGPU_VALIDATION="${WGPU_VALIDATION:-0}"
 # Both packages in one folder, so that they share what they have in common.
 export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-$PWD/target}"
 
@@ -38,7 +40,8 @@ step cargo clippy --locked --all-targets -- -D warnings
 step cargo test --locked
 picture=$(mktemp --suffix .png)
 step cargo run --locked --bin swarm -- --headless --lamps 2000 --size 96x54 --frames 4 --settle 2 --out "$picture"
-test -s "$picture"
+# A black picture takes about 200 bytes.
+[ "$(stat -c %s "$picture")" -gt 2000 ]
 rm "$picture"
 
 cd ../bevy20

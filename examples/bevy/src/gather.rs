@@ -74,21 +74,27 @@ fn give_back(
     }
 }
 
-/// Lights whose light component or mesh was removed, and those that are left to Bevy because their
+/// Lights whose light component, mesh or material was removed, and those that are left to Bevy because their
 /// entity got both.
 fn forget(
     mut commands: Commands,
     mut removed: Removed,
     both: Query<Entity, (With<Gathered>, With<Mesh3d>, AnyLightComponent)>,
-    entities: Query<(&Gathered, Has<PointLight>, Has<SpotLight>, Has<DirectionalLight>, Has<Mesh3d>)>,
+    entities: Query<(
+        &Gathered,
+        Has<PointLight>,
+        Has<SpotLight>,
+        Has<DirectionalLight>,
+        (Has<Mesh3d>, Has<MeshMaterial3d<StandardMaterial>>),
+    )>,
 ) {
     for entity in removed.read() {
-        let Ok((gathered, point, spot, directional, mesh)) = entities.get(entity) else { continue };
+        let Ok((gathered, point, spot, directional, (mesh, material))) = entities.get(entity) else { continue };
         let remains = match gathered.shape {
             Shape::Point => point,
             Shape::Spot => spot,
             Shape::Directional => directional,
-            Shape::Mesh => mesh,
+            Shape::Mesh => mesh && material,
         };
         if !remains {
             commands.entity(entity).remove::<Gathered>();
@@ -105,12 +111,13 @@ struct Removed<'w, 's> {
     spots: RemovedComponents<'w, 's, SpotLight>,
     directionals: RemovedComponents<'w, 's, DirectionalLight>,
     meshes: RemovedComponents<'w, 's, Mesh3d>,
+    materials: RemovedComponents<'w, 's, MeshMaterial3d<StandardMaterial>>,
 }
 
 impl Removed<'_, '_> {
     fn read(&mut self) -> Vec<Entity> {
         let lights = self.points.read().chain(self.spots.read()).chain(self.directionals.read());
-        lights.chain(self.meshes.read()).collect()
+        lights.chain(self.meshes.read()).chain(self.materials.read()).collect()
     }
 }
 
@@ -124,9 +131,10 @@ type LightQuery = (
     Option<&'static mut Gathered>,
 );
 
-type ChangedLight = Or<(Changed<PointLight>, Changed<SpotLight>, Changed<DirectionalLight>, Added<GirandoleLight>)>;
+type ChangedLight = Or<(Changed<PointLight>, Changed<SpotLight>, Changed<DirectionalLight>, Without<Gathered>)>;
 
-/// Lights that are new or whose component was changed.
+/// Lights that are new or whose component was changed. `Without<Gathered>` matches by component types
+/// alone, and nothing once all lights are known.
 fn gather_lights(
     mut commands: Commands,
     mut changes: ResMut<Changes>,
@@ -180,7 +188,7 @@ struct AssetChanges<'w, 's> {
 
 fn changed<A: Asset>(event: &AssetEvent<A>) -> Option<AssetId<A>> {
     match event {
-        AssetEvent::Added { id } | AssetEvent::Modified { id } => Some(*id),
+        AssetEvent::Added { id } | AssetEvent::Modified { id } | AssetEvent::Removed { id } => Some(*id),
         _ => None,
     }
 }
@@ -204,21 +212,26 @@ fn gather_meshes(
     mut changes: ResMut<Changes>,
     settings: Res<GirandoleSettings>,
     mut assets: AssetChanges,
+    mut removed: Removed,
+    mut last_exposure: Local<Option<u32>>,
     new: Query<(), (EmissiveMesh, ChangedMesh)>,
     mut lights: Query<MeshQuery, EmissiveMesh>,
 ) {
     let started = Instant::now();
     let changed_meshes: Vec<_> = assets.events_of_meshes.read().filter_map(changed).collect();
     let changed_materials: Vec<_> = assets.events_of_materials.read().filter_map(changed).collect();
-    let all = settings.is_changed();
-    if !all && changed_meshes.is_empty() && changed_materials.is_empty() && new.is_empty() {
+    // Meshes that had a light component, which counted alone.
+    let bared = removed.read();
+    let exposure = settings.exposure.ev100.to_bits();
+    let all = last_exposure.replace(exposure) != Some(exposure);
+    if !all && bared.is_empty() && changed_meshes.is_empty() && changed_materials.is_empty() && new.is_empty() {
         return;
     }
     for &id in &changed_meshes {
         changes.replace_mesh(id, &assets.meshes);
     }
     for (entity, marker, mesh, material, transform, visibility, gathered) in &mut lights {
-        let is_new = all || marker.is_added() || mesh.is_changed() || material.is_changed();
+        let is_new = all || bared.contains(&entity) || marker.is_added() || mesh.is_changed() || material.is_changed();
         let has_new_mesh = gathered.is_none() && changed_meshes.contains(&mesh.id());
         if !(is_new || has_new_mesh || changed_materials.contains(&material.id())) {
             continue;

@@ -35,7 +35,8 @@ pub struct GirandoleGpu {
     lights: GpuLights,
     kinds: Option<Buffer>,
     bind_group: Option<BindGroup>,
-    frames: u64,
+    /// The number of the frame, from 1 on.
+    pub(crate) frames: u64,
     /// Whether any light changed in this frame.
     pub has_changed: bool,
     /// Slots of instances, and directional lights, for sums over all lights.

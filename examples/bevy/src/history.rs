@@ -28,8 +28,21 @@ pub struct History {
     size: UVec2,
     sides: [Past; 2],
     number: u32,
-    /// The setting `history` of the frame before.
-    setting: Option<u32>,
+    /// Under what the last mean was computed; `None` before the first.
+    last: Option<Conditions>,
+}
+
+/// Under what a frame is drawn. The mean goes on from the frame before under the same conditions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Conditions {
+    /// The number of the frame. A camera that was not drawn in the frame before has no past.
+    pub frame: u64,
+    /// `GirandoleCamera::history`.
+    pub setting: u32,
+    /// The exposure of the camera, on which the emission of surfaces depends.
+    pub exposure: f32,
+    /// Position and size of the viewport in pixels.
+    pub viewport: Option<(UVec2, UVec2)>,
 }
 
 /// What the pass of one frame reads and writes.
@@ -57,15 +70,16 @@ impl History {
         };
         let side =
             || Past { mean: texture("girandole mean", MEAN_FORMAT), dist: texture("girandole distance", DIST_FORMAT) };
-        Self { size, sides: [side(), side()], number: 0, setting: None }
+        Self { size, sides: [side(), side()], number: 0, last: None }
     }
 
     /// Advances to the next frame.
-    pub fn next_frame(&mut self, setting: u32) -> HistoryFrame {
+    pub fn next_frame(&mut self, conditions: Conditions) -> HistoryFrame {
         let number = self.number;
         self.number = number.wrapping_add(1);
-        let has_past = self.setting == Some(setting);
-        self.setting = Some(setting);
+        let before = Conditions { frame: conditions.frame.wrapping_sub(1), ..conditions };
+        let has_past = self.last == Some(before);
+        self.last = Some(conditions);
         let [past, present] = if number.is_multiple_of(2) { [0, 1] } else { [1, 0] };
         HistoryFrame { number, has_past, past: self.sides[past].clone(), present: self.sides[present].clone() }
     }

@@ -8,7 +8,7 @@ use bevy::asset::{AssetId, Assets};
 use bevy::camera::Exposure;
 use bevy::log::warn_once;
 use bevy::math::Vec3;
-use bevy::mesh::Mesh;
+use bevy::mesh::{Mesh, PrimitiveTopology};
 use bytemuck::{Pod, Zeroable};
 use girandole::Light;
 
@@ -67,8 +67,20 @@ impl KindKey {
     }
 }
 
+/// The corners of all triangles of a mesh, with indices or without.
+fn corners(mesh: &Mesh) -> Option<Vec<[Vec3; 3]>> {
+    if let Ok(triangles) = mesh.triangles() {
+        return Some(triangles.map(|triangle| triangle.vertices).collect());
+    }
+    let is_list = mesh.primitive_topology() == PrimitiveTopology::TriangleList;
+    let has_no_indices = matches!(mesh.try_indices_option(), Ok(None));
+    let positions = mesh.try_attribute(Mesh::ATTRIBUTE_POSITION).ok()?.as_float3()?;
+    let corners = positions.chunks_exact(3).map(|at| [at[0], at[1], at[2]].map(Vec3::from));
+    (is_list && has_no_indices).then(|| corners.collect())
+}
+
 fn triangles(mesh: &Mesh, two_sided: bool) -> Option<Vec<Light>> {
-    let Ok(triangles) = mesh.triangles() else {
+    let Some(triangles) = corners(mesh) else {
         warn_once!("girandole: a mesh without readable triangles is not sampled as a light");
         return None;
     };
@@ -76,7 +88,7 @@ fn triangles(mesh: &Mesh, two_sided: bool) -> Option<Vec<Light>> {
         let light = Light::triangle(vertices, Vec3::splat(UNIT));
         if two_sided { light.two_sided() } else { light }
     };
-    let lights: Vec<Light> = triangles.map(|triangle| light(triangle.vertices)).collect();
+    let lights: Vec<Light> = triangles.into_iter().map(light).collect();
     (!lights.is_empty()).then_some(lights)
 }
 

@@ -18,7 +18,7 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::components::{Estimate, GirandoleCamera};
 use crate::gpu::{GirandoleGpu, buffer_entry, lights_layout};
-use crate::history::{DIST_FORMAT, History, MEAN_FORMAT};
+use crate::history::{Conditions, DIST_FORMAT, History, MEAN_FORMAT};
 use crate::settings::GirandoleStats;
 
 /// Numbers for the pass of one camera. Twin of `GirandoleView` in pass.wgsl.
@@ -143,13 +143,14 @@ pub fn specialize(
     keys: Res<ViewKeyCache>,
     mut made: ResMut<SpecializedRenderPipelines<PassPipelines>>,
     pipelines: Res<PassPipelines>,
-    cameras: Query<(Entity, &ExtractedView), (With<GirandoleCamera>, With<ExtractedCamera>)>,
+    cameras: Query<(Entity, &ExtractedView, &ExtractedCamera), With<GirandoleCamera>>,
 ) {
-    for (entity, view) in &cameras {
+    for (entity, view, camera) in &cameras {
         let Some(&key) = keys.get(&view.retained_view_entity) else { continue };
-        let needed = MeshPipelineKey::DEFERRED_PREPASS | MeshPipelineKey::MOTION_VECTOR_PREPASS;
-        if !key.contains(needed) || key.msaa_samples() != 1 {
-            warn_once!("girandole: a camera needs the deferred and motion vector prepasses, and Msaa::Off");
+        let needed =
+            MeshPipelineKey::DEPTH_PREPASS | MeshPipelineKey::DEFERRED_PREPASS | MeshPipelineKey::MOTION_VECTOR_PREPASS;
+        if !key.contains(needed) || key.msaa_samples() != 1 || !camera.hdr {
+            warn_once!("girandole: a camera needs the depth, deferred and motion vector prepasses, Hdr and Msaa::Off");
             commands.entity(entity).remove::<PassPipeline>();
             continue;
         }
@@ -179,7 +180,12 @@ pub fn draw(
     let Some(gpu) = gpu else { return };
     let Some(pipeline) = cache.get_render_pipeline(pipeline.0) else { return };
     let (Some(kinds), Some(lights)) = (gpu.kinds(), gpu.bind_group()) else { return };
-    let frame = history.next_frame(settings.history);
+    let frame = history.next_frame(Conditions {
+        frame: gpu.frames,
+        setting: settings.history,
+        exposure: camera.exposure,
+        viewport: camera.viewport.as_ref().map(|part| (part.physical_position, part.physical_size)),
+    });
     let uniform = ViewUniform {
         seed: settings.seed,
         frame: frame.number,

@@ -59,6 +59,10 @@ fn girandole_all(surface: LightingInput, seed: u32) -> vec3<f32> {
     return sum;
 }
 
+fn girandole_is_finite(color: vec3<f32>) -> bool {
+    return all((bitcast<vec3<u32>>(color) & vec3(0x7f800000u)) != vec3(0x7f800000u));
+}
+
 // The mean of the frames before at a place in pixels, with the number of frames.
 fn girandole_mean_at(place: vec2<f32>, dist: f32) -> vec4<f32> {
     let size = vec2<i32>(textureDimensions(girandole_past));
@@ -79,7 +83,12 @@ fn girandole_mean_at(place: vec2<f32>, dist: f32) -> vec4<f32> {
         if abs(past_dist - dist) > GIRANDOLE_SAME_DIST * dist {
             continue;
         }
-        sum += weight * textureLoad(girandole_past, texel, 0);
+        let past = textureLoad(girandole_past, texel, 0);
+        // What is not finite would stay, and spread.
+        if !girandole_is_finite(past.xyz) {
+            continue;
+        }
+        sum += weight * past;
         weights += weight;
     }
     if weights < 0.001 {
@@ -113,6 +122,9 @@ fn girandole_fragment(@builtin(position) position: vec4<f32>) -> GirandoleOutput
         }
         estimate /= f32(max(girandole_view.samples, 1u));
     }
+    if !girandole_is_finite(estimate) {
+        estimate = vec3(0.0);
+    }
 
     let dist = distance(mesh_view_bindings::view.world_position, surface.P);
     var mean = estimate;
@@ -125,6 +137,11 @@ fn girandole_fragment(@builtin(position) position: vec4<f32>) -> GirandoleOutput
         let limit = f32(select(girandole_view.moving_frames, girandole_view.still_frames, is_still));
         frames = max(min(past.w + 1.0, limit), 1.0);
         mean = past.xyz + (estimate - past.xyz) / frames;
+        if girandole_view.samples == 0u && girandole_view.is_exhaustive == 0u {
+            // Nothing is added to the past.
+            mean = past.xyz;
+            frames = past.w;
+        }
     }
     return GirandoleOutput(vec4(mean * mesh_view_bindings::view.exposure, 0.0), vec4(mean, frames), dist);
 }

@@ -20,6 +20,8 @@ enum Slot {
     Instance(InstanceKey, u32),
     /// A directional light; `None` while it is hidden.
     Directional(Option<DirectionalKey>),
+    /// A light whose placement was refused. It is added with a placement that is not.
+    Unplaced(State),
 }
 
 /// The lights of the render world.
@@ -105,9 +107,11 @@ impl Lights {
         match edit {
             Edit::AddKind { kind, lights, record } => self.add_kind(kind, lights, record),
             Edit::ReplaceKind { kind, lights, record } => {
-                self.record(kind, record);
                 let Some(tree) = self.trees.get(kind as usize).copied().flatten() else { return Ok(()) };
-                self.world.replace_lights(tree, lights)
+                self.world.replace_lights(tree, lights)?;
+                self.record(kind, record);
+                self.counts.changed += 1;
+                Ok(())
             }
             Edit::RemoveKind { kind } => match self.trees.get_mut(kind as usize).and_then(Option::take) {
                 Some(tree) => self.world.remove_tree(tree),
@@ -123,8 +127,12 @@ impl Lights {
             }
             Edit::Show { light, shown } => {
                 self.counts.changed += 1;
-                match self.slot(light) {
-                    Slot::Instance(key, _) => self.world.set_enabled(key, shown),
+                match self.slots.get_mut(light as usize) {
+                    Some(Slot::Instance(key, _)) => self.world.set_enabled(*key, shown),
+                    Some(Slot::Unplaced(state)) => {
+                        state.shown = shown;
+                        Ok(())
+                    }
                     _ => Ok(()),
                 }
             }
@@ -169,20 +177,38 @@ impl Lights {
         self.slots[light as usize] = Slot::Empty;
         // The kind was refused, and that was reported.
         let Some(tree) = self.trees.get(state.kind as usize).copied().flatten() else { return Ok(()) };
-        let key = self.world.add_instance(tree, state.placement, Policy::Budgeted)?;
+        let key = match self.world.add_instance(tree, state.placement, Policy::Budgeted) {
+            Ok(key) => key,
+            Err(error) => {
+                self.slots[light as usize] = Slot::Unplaced(state);
+                return Err(error);
+            }
+        };
         self.slots[light as usize] = Slot::Instance(key, state.kind);
         self.slot_count = self.slot_count.max(self.world.slot(key).map_or(0, |slot| slot + 1));
-        self.world.set_user_data(key, state.kind)?;
+        let done = self.world.set_user_data(key, state.kind).and_then(|()| self.adjust(key, state));
+        self.undo_refused(light, done)
+    }
+
+    /// Sets the brightness and the visibility of an instance.
+    fn adjust(&mut self, key: InstanceKey, state: State) -> Result<(), WorldError> {
         self.world.set_factor(key, state.factor)?;
         self.world.set_enabled(key, state.shown)
+    }
+
+    /// Removes a light of which a part was refused, so that it does not shine as it was or by default.
+    fn undo_refused(&mut self, light: u32, done: Result<(), WorldError>) -> Result<(), WorldError> {
+        if done.is_err() {
+            self.remove(light)?;
+        }
+        done
     }
 
     fn set(&mut self, light: u32, state: State) -> Result<(), WorldError> {
         match self.slot(light) {
             Slot::Instance(key, kind) if kind == state.kind => {
-                self.world.move_instance(key, state.placement)?;
-                self.world.set_factor(key, state.factor)?;
-                self.world.set_enabled(key, state.shown)
+                let done = self.world.move_instance(key, state.placement).and_then(|()| self.adjust(key, state));
+                self.undo_refused(light, done)
             }
             _ => {
                 self.remove(light)?;
@@ -209,7 +235,7 @@ impl Lights {
         match std::mem::take(slot) {
             Slot::Instance(key, _) => self.world.remove_instance(key),
             Slot::Directional(Some(key)) => self.world.remove_directional(key),
-            Slot::Directional(None) | Slot::Empty => Ok(()),
+            Slot::Directional(None) | Slot::Unplaced(_) | Slot::Empty => Ok(()),
         }
     }
 
@@ -218,8 +244,12 @@ impl Lights {
         let mut instances = std::mem::take(&mut self.moves);
         instances.clear();
         for &(light, placement) in moves {
-            if let Slot::Instance(key, _) = self.slot(light) {
-                instances.push((key, placement));
+            match self.slot(light) {
+                Slot::Instance(key, _) => instances.push((key, placement)),
+                Slot::Unplaced(state) if self.put(light, State { placement, ..state }).is_ok() => {
+                    self.counts.changed += 1;
+                }
+                _ => {}
             }
         }
         self.counts.moved = instances.len();

@@ -9,7 +9,8 @@ use bevy::pbr::DefaultOpaqueRendererMethod;
 use bevy::prelude::*;
 use bevy::render::gpu_readback::{Readback, ReadbackComplete};
 use bevy::render::pipelined_rendering::PipelinedRenderingPlugin;
-use bevy::render::render_resource::{TextureFormat, TextureUsages};
+use bevy::render::render_resource::{PollType, TextureFormat, TextureUsages};
+use bevy::render::renderer::RenderDevice;
 use bevy::render::{RenderPlugin, settings::RenderCreation};
 use bevy::window::{ExitCondition, WindowPlugin};
 use bevy::winit::WinitPlugin;
@@ -122,9 +123,13 @@ pub fn pictures(app: &mut App, count: usize) -> Vec<Picture> {
     received.0.lock().unwrap().clear();
     for _ in 0..10 * (count + WARM_UP) {
         app.update();
+        // On a busy machine, pictures would come back later than `WARM_UP` says.
+        app.world().resource::<RenderDevice>().poll(PollType::wait_indefinitely()).expect("the device works");
         let mut received = received.0.lock().unwrap();
         if received.len() >= count + WARM_UP {
-            return received.split_off(WARM_UP);
+            received.drain(..WARM_UP);
+            received.truncate(count);
+            return std::mem::take(&mut *received);
         }
     }
     panic!("pictures do not come back");
