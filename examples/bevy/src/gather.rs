@@ -1,8 +1,10 @@
 //! Finds what has changed in the main world. Every search is by change detection or by events, so
 //! a frame in which nothing changes finds nothing.
 
+use std::collections::HashSet;
 use std::time::Instant;
 
+use bevy::asset::UntypedAssetId;
 use bevy::camera::visibility::{ViewVisibility, VisibilitySystems};
 use bevy::ecs::system::SystemParam;
 use bevy::light::{DirectionalLight, PointLight, SpotLight};
@@ -206,7 +208,7 @@ type EmissiveMesh = (With<GirandoleLight>, Without<PointLight>, Without<SpotLigh
 type ChangedMesh = Or<(Changed<Mesh3d>, Changed<MeshMaterial3d<StandardMaterial>>, Added<GirandoleLight>)>;
 
 /// Emissive meshes that are new, or of which the mesh or the material was changed. After an event
-/// of a mesh or a material, it looks through the marked meshes for those that use it.
+/// of a mesh or a material that a marked mesh uses, it looks through the marked meshes for its users.
 fn gather_meshes(
     mut commands: Commands,
     mut changes: ResMut<Changes>,
@@ -214,6 +216,8 @@ fn gather_meshes(
     mut assets: AssetChanges,
     mut removed: Removed,
     mut last_exposure: Local<Option<u32>>,
+    // The meshes and materials of all marked entities, as of the last look through them.
+    mut in_use: Local<HashSet<UntypedAssetId>>,
     new: Query<(), (EmissiveMesh, ChangedMesh)>,
     mut lights: Query<MeshQuery, EmissiveMesh>,
 ) {
@@ -224,13 +228,17 @@ fn gather_meshes(
     let bared = removed.read();
     let exposure = settings.exposure.ev100.to_bits();
     let all = last_exposure.replace(exposure) != Some(exposure);
-    if !all && bared.is_empty() && changed_meshes.is_empty() && changed_materials.is_empty() && new.is_empty() {
+    let is_used = changed_meshes.iter().any(|id| in_use.contains(&id.untyped()))
+        || changed_materials.iter().any(|id| in_use.contains(&id.untyped()));
+    if !all && bared.is_empty() && !is_used && new.is_empty() {
         return;
     }
+    in_use.clear();
     for &id in &changed_meshes {
         changes.replace_mesh(id, &assets.meshes);
     }
     for (entity, marker, mesh, material, transform, visibility, gathered) in &mut lights {
+        in_use.extend([mesh.id().untyped(), material.id().untyped()]);
         let is_new = all || bared.contains(&entity) || marker.is_added() || mesh.is_changed() || material.is_changed();
         let has_new_mesh = gathered.is_none() && changed_meshes.contains(&mesh.id());
         if !(is_new || has_new_mesh || changed_materials.contains(&material.id())) {

@@ -21,6 +21,8 @@ pub struct Gathered {
     pub shape: Shape,
     /// The number of the kind; 0 for directional lights.
     pub kind: u32,
+    /// How much brighter than its kind it is; 1 for directional lights.
+    factor: Vec3,
 }
 
 /// The shape of a light, which decides what part of the transform it uses.
@@ -100,6 +102,12 @@ impl Changes {
     /// Adds a light, or changes the one that an entity has. Returns what to store with the entity;
     /// `None` if the kind has no lights.
     pub fn put(&mut self, present: Option<&Gathered>, found: &Found, meshes: &Assets<Mesh>) -> Option<Gathered> {
+        // A component or an asset may be written without a change of the light. Moves and visibility are found
+        // elsewhere.
+        let same = present.filter(|known| known.shape == found.shape && known.factor == found.emitted.factor);
+        if let Some(known) = same.filter(|known| self.kinds.number(found.emitted.key) == Some(known.kind)) {
+            return Some(*known);
+        }
         let kind = self.acquire(found.emitted.key, meshes)?;
         let Found { shape, shown, .. } = *found;
         let state = State { kind, placement: shape.placement(found.transform), factor: found.emitted.factor, shown };
@@ -115,7 +123,7 @@ impl Changes {
                 light
             }
         };
-        Some(Gathered { light, shape, kind })
+        Some(Gathered { light, shape, kind, factor: state.factor })
     }
 
     /// As [`Self::put`], for a directional light.
@@ -130,7 +138,7 @@ impl Changes {
         if let Some(gathered) = present {
             self.release(gathered.kind);
         }
-        Gathered { light, shape: Shape::Directional, kind: 0 }
+        Gathered { light, shape: Shape::Directional, kind: 0, factor: Vec3::ONE }
     }
 
     /// Sends the triangles of a mesh again.

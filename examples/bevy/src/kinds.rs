@@ -112,6 +112,11 @@ impl Kinds {
         self.by_key.contains_key(&key)
     }
 
+    /// The number of a kind of which lights exist.
+    pub fn number(&self, key: KindKey) -> Option<u32> {
+        self.by_key.get(&key).copied()
+    }
+
     /// Counts one more user of a kind. Returns its number, and whether it is new.
     pub fn acquire(&mut self, key: KindKey) -> (u32, bool) {
         if let Some(&number) = self.by_key.get(&key) {

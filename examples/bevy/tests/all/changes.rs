@@ -62,6 +62,9 @@ fn a_frame_does_what_changed_in_it_and_nothing_else() {
     let dimmed = after(&mut app, |world| world.get_mut::<PointLight>(entities[0]).unwrap().intensity = 100.0);
     assert_eq!((dimmed.changed, dimmed.instances, dimmed.trees), (1, 1, 1), "the dimmed lamp keeps its tree");
 
+    let same = after(&mut app, |world| world.get_mut::<PointLight>(entities[0]).unwrap().intensity = 100.0);
+    assert!(nothing(&same), "a component that is written without a change sends nothing, but {same:?}");
+
     let other = after(&mut app, |world| world.get_mut::<PointLight>(entities[0]).unwrap().range = 5.0);
     assert_eq!((other.changed, other.trees), (1, 2), "a lamp with another range is of another kind");
     let back = after(&mut app, |world| world.get_mut::<PointLight>(entities[0]).unwrap().range = 10.0);
