@@ -4,7 +4,7 @@ use bevy::camera::visibility::NoFrustumCulling;
 use bevy::prelude::*;
 use girandole_bevy::{GirandoleLight, GirandolePlugin, GirandoleReport, NoGirandole};
 
-use crate::harness::{Setup, add_scene, app, pictures, report, set_camera, settle, single_frames};
+use crate::harness::{Setup, add_scene, app, brightness, pictures, report, set_camera, settle, single_frames};
 
 const LAMPS: usize = 1000;
 
@@ -130,11 +130,6 @@ fn lights_of_all_kinds_come_and_go_with_their_entities() {
     for &entity in &all {
         app.world_mut().entity_mut(entity).insert(Visibility::Hidden);
     }
-    let brightness = |app: &mut App| {
-        let picture = pictures(app, 1).remove(0);
-        // Below the balls, where the glowing mesh is not in the picture.
-        picture[picture.len() / 2..].iter().map(|pixel| pixel.element_sum()).sum::<f32>()
-    };
     assert_eq!(brightness(&mut app), 0.0, "all lights are hidden");
     for &entity in &all {
         app.world_mut().entity_mut(entity).insert(Visibility::Visible);
