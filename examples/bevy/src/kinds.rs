@@ -8,7 +8,7 @@ use bevy::asset::{AssetId, Assets};
 use bevy::camera::Exposure;
 use bevy::log::warn_once;
 use bevy::math::Vec3;
-use bevy::mesh::Mesh;
+use bevy::mesh::{Mesh, PrimitiveTopology};
 use bytemuck::{Pod, Zeroable};
 use girandole::Light;
 
@@ -68,16 +68,28 @@ impl KindKey {
 }
 
 fn triangles(mesh: &Mesh, two_sided: bool) -> Option<Vec<Light>> {
-    let Ok(triangles) = mesh.triangles() else {
-        warn_once!("girandole: a mesh without readable triangles is not sampled as a light");
-        return None;
-    };
     let light = |vertices| {
         let light = Light::triangle(vertices, Vec3::splat(UNIT));
         if two_sided { light.two_sided() } else { light }
     };
-    let lights: Vec<Light> = triangles.map(|triangle| light(triangle.vertices)).collect();
-    (!lights.is_empty()).then_some(lights)
+    let lights: Option<Vec<Light>> = match mesh.triangles() {
+        Ok(triangles) => Some(triangles.map(|triangle| light(triangle.vertices)).collect()),
+        // Bevy's iterator needs indices.
+        Err(_) => unindexed(mesh).map(|triangles| triangles.map(light).collect()),
+    };
+    if lights.is_none() {
+        warn_once!("girandole: a mesh without readable triangles is not sampled as a light");
+    }
+    lights.filter(|lights| !lights.is_empty())
+}
+
+/// The triangles of a mesh without indices, of which each three vertices are one.
+fn unindexed(mesh: &Mesh) -> Option<impl Iterator<Item = [Vec3; 3]>> {
+    if mesh.primitive_topology() != PrimitiveTopology::TriangleList || mesh.try_indices_option().ok()?.is_some() {
+        return None;
+    }
+    let positions = mesh.try_attribute(Mesh::ATTRIBUTE_POSITION).ok()?.as_float3()?;
+    Some(positions.chunks_exact(3).map(|corners| [0, 1, 2].map(|i| Vec3::from(corners[i]))))
 }
 
 #[derive(Debug)]
@@ -144,7 +156,22 @@ impl Kinds {
 
 #[cfg(test)]
 mod tests {
+    use bevy::asset::RenderAssetUsages;
+    use bevy::math::primitives::Cuboid;
+    use bevy::mesh::Meshable;
+
     use super::*;
+
+    #[test]
+    fn a_mesh_has_the_same_triangles_with_and_without_indices() {
+        let indexed = Mesh::from(Cuboid::new(1.0, 2.0, 3.0).mesh());
+        let plain = indexed.clone().with_duplicated_vertices();
+        assert!(plain.indices().is_none());
+        let lights = triangles(&plain, false).expect("a cuboid has triangles");
+        assert_eq!(lights.len(), 12);
+        assert_eq!(Some(lights), triangles(&indexed, false));
+        assert_eq!(triangles(&Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::all()), false), None);
+    }
 
     #[test]
     fn a_kind_lives_as_long_as_a_light_of_it() {
