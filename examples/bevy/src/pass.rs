@@ -18,7 +18,7 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::components::{Estimate, GirandoleCamera};
 use crate::gpu::{GirandoleGpu, buffer_entry, lights_layout};
-use crate::history::{DIST_FORMAT, History, MEAN_FORMAT};
+use crate::history::{DIST_FORMAT, FrameKey, History, MEAN_FORMAT};
 use crate::settings::GirandoleStats;
 
 /// Numbers for the pass of one camera. Twin of `GirandoleView` in pass.wgsl.
@@ -147,9 +147,10 @@ pub fn specialize(
 ) {
     for (entity, view) in &cameras {
         let Some(&key) = keys.get(&view.retained_view_entity) else { continue };
-        let needed = MeshPipelineKey::DEFERRED_PREPASS | MeshPipelineKey::MOTION_VECTOR_PREPASS;
+        let needed =
+            MeshPipelineKey::DEPTH_PREPASS | MeshPipelineKey::DEFERRED_PREPASS | MeshPipelineKey::MOTION_VECTOR_PREPASS;
         if !key.contains(needed) || key.msaa_samples() != 1 {
-            warn_once!("girandole: a camera needs the deferred and motion vector prepasses, and Msaa::Off");
+            warn_once!("girandole: a camera needs the depth, deferred and motion vector prepasses, and Msaa::Off");
             commands.entity(entity).remove::<PassPipeline>();
             continue;
         }
@@ -179,7 +180,12 @@ pub fn draw(
     let Some(gpu) = gpu else { return };
     let Some(pipeline) = cache.get_render_pipeline(pipeline.0) else { return };
     let (Some(kinds), Some(lights)) = (gpu.kinds(), gpu.bind_group()) else { return };
-    let frame = history.next_frame(settings.history);
+    let frame = history.next_frame(FrameKey {
+        frame: gpu.frames,
+        setting: settings.history,
+        viewport: camera.viewport.as_ref().map(|viewport| [viewport.physical_position, viewport.physical_size]),
+        exposure: camera.exposure,
+    });
     let uniform = ViewUniform {
         seed: settings.seed,
         frame: frame.number,
@@ -191,7 +197,7 @@ pub fn draw(
         slots: gpu.counts[0],
         directionals: gpu.counts[1],
         has_history: u32::from(frame.has_past),
-        lights_moved: u32::from(gpu.has_changed),
+        lights_moved: u32::from(gpu.has_changed || frame.has_new_exposure),
         padding: 0,
     };
     let device: &RenderDevice = context.render_device();
