@@ -59,6 +59,11 @@ fn girandole_all(surface: LightingInput, seed: u32) -> vec3<f32> {
     return sum;
 }
 
+// Whether no component is infinite or NaN. Compilers may assume that floats are finite, so this tests bits.
+fn girandole_is_finite(value: vec4<f32>) -> bool {
+    return all((bitcast<vec4<u32>>(value) & vec4(0x7f800000u)) != vec4(0x7f800000u));
+}
+
 // The mean of the frames before at a place in pixels, with the number of frames.
 fn girandole_mean_at(place: vec2<f32>, dist: f32) -> vec4<f32> {
     let size = vec2<i32>(textureDimensions(girandole_past));
@@ -79,7 +84,11 @@ fn girandole_mean_at(place: vec2<f32>, dist: f32) -> vec4<f32> {
         if abs(past_dist - dist) > GIRANDOLE_SAME_DIST * dist {
             continue;
         }
-        sum += weight * textureLoad(girandole_past, texel, 0);
+        let past = textureLoad(girandole_past, texel, 0);
+        if !girandole_is_finite(past) {
+            continue;
+        }
+        sum += weight * past;
         weights += weight;
     }
     if weights < 0.001 {
@@ -112,6 +121,10 @@ fn girandole_fragment(@builtin(position) position: vec4<f32>) -> GirandoleOutput
             estimate += girandole_sample(surface, girandole_view.candidates, light_hash(seed + i));
         }
         estimate /= f32(max(girandole_view.samples, 1u));
+    }
+
+    if !girandole_is_finite(vec4(estimate, 0.0)) {
+        estimate = vec3(0.0);
     }
 
     let dist = distance(mesh_view_bindings::view.world_position, surface.P);
