@@ -157,8 +157,7 @@ impl Kinds {
 #[cfg(test)]
 mod tests {
     use bevy::asset::RenderAssetUsages;
-    use bevy::math::primitives::Cuboid;
-    use bevy::mesh::Meshable;
+    use bevy::prelude::{Cuboid, Meshable};
 
     use super::*;
 
