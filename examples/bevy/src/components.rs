@@ -40,7 +40,7 @@ pub struct GirandoleCamera {
     /// the noise and take longer. The shader clamps other numbers to this range.
     pub candidates: u32,
     /// Samples for each pixel and frame. Twice as many halve the variance and take twice as long.
-    /// With 0 there are no new samples, and the mean stays as it is.
+    /// With 0 there are no new samples, and the light fades from the mean.
     pub samples: u32,
     /// Frames over which the mean is taken while the surface in a pixel moves or any light changes.
     /// More frames lower the noise, and let the picture lag further behind.

@@ -23,6 +23,8 @@ pub fn edits(
     settings.clone_from(main_world.resource::<GirandoleSettings>());
     let mut changes = main_world.resource_mut::<Changes>();
     let changes = changes.bypass_change_detection();
+    // Those of a frame that was not rendered are still there.
+    lights.apply();
     lights.edits = changes.take();
     let taken = std::mem::take(&mut changes.taken);
     for entity in taken {

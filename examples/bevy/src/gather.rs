@@ -4,7 +4,6 @@
 use std::collections::HashSet;
 use std::time::Instant;
 
-use bevy::asset::UntypedAssetId;
 use bevy::camera::visibility::{ViewVisibility, VisibilitySystems};
 use bevy::ecs::system::SystemParam;
 use bevy::light::{DirectionalLight, PointLight, SpotLight};
@@ -76,21 +75,17 @@ fn give_back(
     }
 }
 
-/// Lights whose light component, mesh or material was removed, and those that are left to Bevy because their
-/// entity got both.
+/// Lights whose light component, mesh or material was removed, and those that are left to Bevy
+/// because their entity got both.
 fn forget(
     mut commands: Commands,
     mut removed: Removed,
+    mut meshes: RemovedComponents<Mesh3d>,
+    mut materials: RemovedComponents<MeshMaterial3d<StandardMaterial>>,
     both: Query<Entity, (With<Gathered>, With<Mesh3d>, AnyLightComponent)>,
-    entities: Query<(
-        &Gathered,
-        Has<PointLight>,
-        Has<SpotLight>,
-        Has<DirectionalLight>,
-        (Has<Mesh3d>, Has<MeshMaterial3d<StandardMaterial>>),
-    )>,
+    entities: Query<(&Gathered, Has<PointLight>, Has<SpotLight>, Has<DirectionalLight>, EmissiveParts)>,
 ) {
-    for entity in removed.read() {
+    for entity in removed.read().into_iter().chain(meshes.read()).chain(materials.read()) {
         let Ok((gathered, point, spot, directional, (mesh, material))) = entities.get(entity) else { continue };
         let remains = match gathered.shape {
             Shape::Point => point,
@@ -107,19 +102,19 @@ fn forget(
     }
 }
 
+type EmissiveParts = (Has<Mesh3d>, Has<MeshMaterial3d<StandardMaterial>>);
+
+/// Entities that have lost a light component since the last frame.
 #[derive(SystemParam)]
 struct Removed<'w, 's> {
     points: RemovedComponents<'w, 's, PointLight>,
     spots: RemovedComponents<'w, 's, SpotLight>,
     directionals: RemovedComponents<'w, 's, DirectionalLight>,
-    meshes: RemovedComponents<'w, 's, Mesh3d>,
-    materials: RemovedComponents<'w, 's, MeshMaterial3d<StandardMaterial>>,
 }
 
 impl Removed<'_, '_> {
     fn read(&mut self) -> Vec<Entity> {
-        let lights = self.points.read().chain(self.spots.read()).chain(self.directionals.read());
-        lights.chain(self.meshes.read()).chain(self.materials.read()).collect()
+        self.points.read().chain(self.spots.read()).chain(self.directionals.read()).collect()
     }
 }
 
@@ -135,8 +130,8 @@ type LightQuery = (
 
 type ChangedLight = Or<(Changed<PointLight>, Changed<SpotLight>, Changed<DirectionalLight>, Without<Gathered>)>;
 
-/// Lights that are new or whose component was changed. `Without<Gathered>` matches by component types
-/// alone, and nothing once all lights are known.
+/// Lights that are new or whose component was changed. All lights have a [`Gathered`] after this, so
+/// the last part of the filter matches nothing that is not new.
 fn gather_lights(
     mut commands: Commands,
     mut changes: ResMut<Changes>,
@@ -179,13 +174,22 @@ fn store(commands: &mut Commands, entity: Entity, present: Option<Mut<Gathered>>
     }
 }
 
-/// The events of assets since the last frame.
+/// The assets that marked meshes used when they were last looked through, and the exposure then.
+#[derive(Default)]
+struct Seen {
+    meshes: HashSet<AssetId<Mesh>>,
+    materials: HashSet<AssetId<StandardMaterial>>,
+    ev100: Option<f32>,
+}
+
+/// The events of assets since the last frame, and the assets in use.
 #[derive(SystemParam)]
 struct AssetChanges<'w, 's> {
     events_of_meshes: MessageReader<'w, 's, AssetEvent<Mesh>>,
     events_of_materials: MessageReader<'w, 's, AssetEvent<StandardMaterial>>,
     meshes: Res<'w, Assets<Mesh>>,
     materials: Res<'w, Assets<StandardMaterial>>,
+    seen: Local<'s, Seen>,
 }
 
 fn changed<A: Asset>(event: &AssetEvent<A>) -> Option<AssetId<A>> {
@@ -207,39 +211,37 @@ type MeshQuery = (
 type EmissiveMesh = (With<GirandoleLight>, Without<PointLight>, Without<SpotLight>, Without<DirectionalLight>);
 type ChangedMesh = Or<(Changed<Mesh3d>, Changed<MeshMaterial3d<StandardMaterial>>, Added<GirandoleLight>)>;
 
-/// Emissive meshes that are new, or of which the mesh or the material was changed. After an event
-/// of a mesh or a material that a marked mesh uses, it looks through the marked meshes for its users.
+/// Emissive meshes that are new, or of which the mesh or the material was changed, and those that
+/// have lost a light component. After an event of a mesh or a material that marked meshes use, it
+/// looks through all of them.
 fn gather_meshes(
     mut commands: Commands,
     mut changes: ResMut<Changes>,
     settings: Res<GirandoleSettings>,
     mut assets: AssetChanges,
     mut removed: Removed,
-    mut last_exposure: Local<Option<u32>>,
-    // The meshes and materials of all marked entities, as of the last look through them.
-    mut in_use: Local<HashSet<UntypedAssetId>>,
     new: Query<(), (EmissiveMesh, ChangedMesh)>,
     mut lights: Query<MeshQuery, EmissiveMesh>,
 ) {
     let started = Instant::now();
-    let changed_meshes: Vec<_> = assets.events_of_meshes.read().filter_map(changed).collect();
-    let changed_materials: Vec<_> = assets.events_of_materials.read().filter_map(changed).collect();
-    // Meshes that had a light component, which counted alone.
-    let bared = removed.read();
-    let exposure = settings.exposure.ev100.to_bits();
-    let all = last_exposure.replace(exposure) != Some(exposure);
-    let is_used = changed_meshes.iter().any(|id| in_use.contains(&id.untyped()))
-        || changed_materials.iter().any(|id| in_use.contains(&id.untyped()));
-    if !all && bared.is_empty() && !is_used && new.is_empty() {
+    let changed_meshes: HashSet<_> = assets.events_of_meshes.read().filter_map(changed).collect();
+    let changed_materials: HashSet<_> = assets.events_of_materials.read().filter_map(changed).collect();
+    let without_light: HashSet<_> = removed.read().into_iter().filter(|&entity| lights.contains(entity)).collect();
+    let all = assets.seen.ev100 != Some(settings.exposure.ev100);
+    let uses_none =
+        changed_meshes.is_disjoint(&assets.seen.meshes) && changed_materials.is_disjoint(&assets.seen.materials);
+    if !all && uses_none && new.is_empty() && without_light.is_empty() {
         return;
     }
-    in_use.clear();
+    *assets.seen = Seen { ev100: Some(settings.exposure.ev100), ..default() };
     for &id in &changed_meshes {
         changes.replace_mesh(id, &assets.meshes);
     }
     for (entity, marker, mesh, material, transform, visibility, gathered) in &mut lights {
-        in_use.extend([mesh.id().untyped(), material.id().untyped()]);
-        let is_new = all || bared.contains(&entity) || marker.is_added() || mesh.is_changed() || material.is_changed();
+        assets.seen.meshes.insert(mesh.id());
+        assets.seen.materials.insert(material.id());
+        let is_new = all || marker.is_added() || mesh.is_changed() || material.is_changed();
+        let is_new = is_new || without_light.contains(&entity);
         let has_new_mesh = gathered.is_none() && changed_meshes.contains(&mesh.id());
         if !(is_new || has_new_mesh || changed_materials.contains(&material.id())) {
             continue;

@@ -21,8 +21,8 @@ pub struct Gathered {
     pub shape: Shape,
     /// The number of the kind; 0 for directional lights.
     pub kind: u32,
-    /// How much brighter than its kind it is; 1 for directional lights.
-    factor: Vec3,
+    /// What the light was last sent with: the factor, or the illuminance of a directional light.
+    pub factor: Vec3,
 }
 
 /// The shape of a light, which decides what part of the transform it uses.
@@ -102,16 +102,16 @@ impl Changes {
     /// Adds a light, or changes the one that an entity has. Returns what to store with the entity;
     /// `None` if the kind has no lights.
     pub fn put(&mut self, present: Option<&Gathered>, found: &Found, meshes: &Assets<Mesh>) -> Option<Gathered> {
-        // A component or an asset may be written without a change of the light. Moves and visibility are found
-        // elsewhere.
-        let same = present.filter(|known| known.shape == found.shape && known.factor == found.emitted.factor);
-        if let Some(known) = same.filter(|known| self.kinds.number(found.emitted.key) == Some(known.kind)) {
-            return Some(*known);
-        }
         let kind = self.acquire(found.emitted.key, meshes)?;
         let Found { shape, shown, .. } = *found;
-        let state = State { kind, placement: shape.placement(found.transform), factor: found.emitted.factor, shown };
+        let factor = found.emitted.factor;
+        let state = State { kind, placement: shape.placement(found.transform), factor, shown };
         let light = match present {
+            Some(gathered) if (gathered.shape, gathered.kind, gathered.factor) == (shape, kind, factor) => {
+                // Moves and visibility are sent by themselves.
+                self.release(kind);
+                gathered.light
+            }
             Some(gathered) => {
                 self.edits.edits.push(Edit::Set { light: gathered.light, state });
                 self.release(gathered.kind);
@@ -123,7 +123,7 @@ impl Changes {
                 light
             }
         };
-        Some(Gathered { light, shape, kind, factor: state.factor })
+        Some(Gathered { light, shape, kind, factor })
     }
 
     /// As [`Self::put`], for a directional light.
@@ -133,20 +133,24 @@ impl Changes {
         value: girandole::DirectionalLight,
         shown: bool,
     ) -> Gathered {
+        let (shape, factor) = (Shape::Directional, value.illuminance);
         let light = present.map_or_else(|| self.number(), |gathered| gathered.light);
+        let next = Gathered { light, shape, kind: 0, factor };
+        if present.is_some_and(|gathered| (gathered.shape, gathered.factor) == (shape, factor)) {
+            return next;
+        }
         self.edits.edits.push(Edit::Directional { light, shown, value });
         if let Some(gathered) = present {
             self.release(gathered.kind);
         }
-        Gathered { light, shape: Shape::Directional, kind: 0, factor: Vec3::ONE }
+        next
     }
 
-    /// Sends the triangles of a mesh again.
+    /// Sends the triangles of a mesh again, or none if it no longer has any.
     pub fn replace_mesh(&mut self, mesh: AssetId<Mesh>, meshes: &Assets<Mesh>) {
         for (kind, key) in self.kinds.of_mesh(mesh) {
-            if let Some((lights, record)) = key.tree(meshes) {
-                self.edits.edits.push(Edit::ReplaceKind { kind, lights, record });
-            }
+            let (lights, record) = key.tree(meshes).unwrap_or_default();
+            self.edits.edits.push(Edit::ReplaceKind { kind, lights, record });
         }
     }
 

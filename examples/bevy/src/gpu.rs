@@ -35,7 +35,7 @@ pub struct GirandoleGpu {
     lights: GpuLights,
     kinds: Option<Buffer>,
     bind_group: Option<BindGroup>,
-    /// The number of the frame, from 1 on.
+    /// Frames since the device was made.
     pub(crate) frames: u64,
     /// Whether any light changed in this frame.
     pub has_changed: bool,
@@ -124,9 +124,9 @@ pub fn prepare(
     }
     gpu.bind_group = Some(gpu.lights.bind_group().clone().into());
     gpu.frames += 1;
-    gpu.has_changed = lights.counts.any() || frame.rebuilt_trees > 0 || frame.refit_trees > 0;
+    let counts = lights.take_counts();
+    gpu.has_changed = counts.any() || frame.rebuilt_trees > 0 || frame.refit_trees > 0;
     gpu.counts = [lights.slot_count, lights.world.directionals().count() as u32];
-    let counts = lights.counts;
     stats.set(GirandoleReport {
         frames: gpu.frames,
         passes: 0,

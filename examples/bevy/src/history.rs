@@ -8,6 +8,7 @@ use bevy::render::render_resource::{
 use bevy::render::renderer::RenderDevice;
 
 use crate::components::GirandoleCamera;
+use crate::pass::PassPipeline;
 
 /// The mean, and the number of frames. 32 bits, so that a sample still changes a mean of thousands
 /// of frames.
@@ -28,27 +29,35 @@ pub struct History {
     size: UVec2,
     sides: [Past; 2],
     number: u32,
-    /// Under what the last mean was computed; `None` before the first.
-    last: Option<Conditions>,
+    /// What the last frame that was drawn was of.
+    last: Option<FrameKey>,
 }
 
-/// Under what a frame is drawn. The mean goes on from the frame before under the same conditions.
+/// What must be known of two frames to tell whether the second one can go on with the mean.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Conditions {
-    /// The number of the frame. A camera that was not drawn in the frame before has no past.
+pub struct FrameKey {
+    /// The number of the frame of the render world.
     pub frame: u64,
-    /// `GirandoleCamera::history`.
+    /// The setting `history` of the camera.
     pub setting: u32,
-    /// The exposure of the camera, on which the emission of surfaces depends.
+    /// Position and size in pixels, if the camera does not fill its target.
+    pub viewport: Option<[UVec2; 2]>,
     pub exposure: f32,
-    /// Position and size of the viewport in pixels.
-    pub viewport: Option<(UVec2, UVec2)>,
+}
+
+impl FrameKey {
+    /// Whether the mean goes on: this is the next frame of the same picture.
+    fn follows(&self, last: &Self) -> bool {
+        self.frame == last.frame + 1 && self.setting == last.setting && self.viewport == last.viewport
+    }
 }
 
 /// What the pass of one frame reads and writes.
 pub struct HistoryFrame {
     pub number: u32,
     pub has_past: bool,
+    /// Whether the exposure is another one than in the frame before.
+    pub has_new_exposure: bool,
     pub past: Past,
     pub present: Past,
 }
@@ -74,14 +83,22 @@ impl History {
     }
 
     /// Advances to the next frame.
-    pub fn next_frame(&mut self, conditions: Conditions) -> HistoryFrame {
+    pub fn next_frame(&mut self, key: FrameKey) -> HistoryFrame {
         let number = self.number;
         self.number = number.wrapping_add(1);
-        let before = Conditions { frame: conditions.frame.wrapping_sub(1), ..conditions };
-        let has_past = self.last == Some(before);
-        self.last = Some(conditions);
+        let last = self.last.replace(key);
+        let has_past = last.is_some_and(|last| key.follows(&last));
+        let has_new_exposure = last.is_some_and(|last| key.exposure != last.exposure);
         let [past, present] = if number.is_multiple_of(2) { [0, 1] } else { [1, 0] };
-        HistoryFrame { number, has_past, past: self.sides[past].clone(), present: self.sides[present].clone() }
+        let [past, present] = [past, present].map(|side| self.sides[side].clone());
+        HistoryFrame { number, has_past, has_new_exposure, past, present }
+    }
+}
+
+/// Removes what belongs to a device that was lost.
+pub fn forget(mut commands: Commands, cameras: Query<Entity, Or<(With<History>, With<PassPipeline>)>>) {
+    for entity in &cameras {
+        commands.entity(entity).remove::<(History, PassPipeline)>();
     }
 }
 

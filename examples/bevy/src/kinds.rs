@@ -67,29 +67,29 @@ impl KindKey {
     }
 }
 
-/// The corners of all triangles of a mesh, with indices or without.
-fn corners(mesh: &Mesh) -> Option<Vec<[Vec3; 3]>> {
-    if let Ok(triangles) = mesh.triangles() {
-        return Some(triangles.map(|triangle| triangle.vertices).collect());
-    }
-    let is_list = mesh.primitive_topology() == PrimitiveTopology::TriangleList;
-    let has_no_indices = matches!(mesh.try_indices_option(), Ok(None));
-    let positions = mesh.try_attribute(Mesh::ATTRIBUTE_POSITION).ok()?.as_float3()?;
-    let corners = positions.chunks_exact(3).map(|at| [at[0], at[1], at[2]].map(Vec3::from));
-    (is_list && has_no_indices).then(|| corners.collect())
-}
-
 fn triangles(mesh: &Mesh, two_sided: bool) -> Option<Vec<Light>> {
-    let Some(triangles) = corners(mesh) else {
-        warn_once!("girandole: a mesh without readable triangles is not sampled as a light");
-        return None;
-    };
     let light = |vertices| {
         let light = Light::triangle(vertices, Vec3::splat(UNIT));
         if two_sided { light.two_sided() } else { light }
     };
-    let lights: Vec<Light> = triangles.into_iter().map(light).collect();
-    (!lights.is_empty()).then_some(lights)
+    let lights: Option<Vec<Light>> = match mesh.triangles() {
+        Ok(triangles) => Some(triangles.map(|triangle| light(triangle.vertices)).collect()),
+        // Bevy's iterator needs indices.
+        Err(_) => unindexed(mesh).map(|triangles| triangles.map(light).collect()),
+    };
+    if lights.is_none() {
+        warn_once!("girandole: a mesh without readable triangles is not sampled as a light");
+    }
+    lights.filter(|lights| !lights.is_empty())
+}
+
+/// The triangles of a mesh without indices, of which each three vertices are one.
+fn unindexed(mesh: &Mesh) -> Option<impl Iterator<Item = [Vec3; 3]>> {
+    if mesh.primitive_topology() != PrimitiveTopology::TriangleList || mesh.try_indices_option().ok()?.is_some() {
+        return None;
+    }
+    let positions = mesh.try_attribute(Mesh::ATTRIBUTE_POSITION).ok()?.as_float3()?;
+    Some(positions.chunks_exact(3).map(|corners| [0, 1, 2].map(|i| Vec3::from(corners[i]))))
 }
 
 #[derive(Debug)]
@@ -110,11 +110,6 @@ impl Kinds {
     /// Whether lights of a kind exist.
     pub fn contains(&self, key: KindKey) -> bool {
         self.by_key.contains_key(&key)
-    }
-
-    /// The number of a kind of which lights exist.
-    pub fn number(&self, key: KindKey) -> Option<u32> {
-        self.by_key.get(&key).copied()
     }
 
     /// Counts one more user of a kind. Returns its number, and whether it is new.
@@ -161,7 +156,21 @@ impl Kinds {
 
 #[cfg(test)]
 mod tests {
+    use bevy::asset::RenderAssetUsages;
+    use bevy::prelude::{Cuboid, Meshable};
+
     use super::*;
+
+    #[test]
+    fn a_mesh_has_the_same_triangles_with_and_without_indices() {
+        let indexed = Mesh::from(Cuboid::new(1.0, 2.0, 3.0).mesh());
+        let plain = indexed.clone().with_duplicated_vertices();
+        assert!(plain.indices().is_none());
+        let lights = triangles(&plain, false).expect("a cuboid has triangles");
+        assert_eq!(lights.len(), 12);
+        assert_eq!(Some(lights), triangles(&indexed, false));
+        assert_eq!(triangles(&Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::all()), false), None);
+    }
 
     #[test]
     fn a_kind_lives_as_long_as_a_light_of_it() {

@@ -18,7 +18,7 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::components::{Estimate, GirandoleCamera};
 use crate::gpu::{GirandoleGpu, buffer_entry, lights_layout};
-use crate::history::{Conditions, DIST_FORMAT, History, MEAN_FORMAT};
+use crate::history::{DIST_FORMAT, FrameKey, History, MEAN_FORMAT};
 use crate::settings::GirandoleStats;
 
 /// Numbers for the pass of one camera. Twin of `GirandoleView` in pass.wgsl.
@@ -180,11 +180,11 @@ pub fn draw(
     let Some(gpu) = gpu else { return };
     let Some(pipeline) = cache.get_render_pipeline(pipeline.0) else { return };
     let (Some(kinds), Some(lights)) = (gpu.kinds(), gpu.bind_group()) else { return };
-    let frame = history.next_frame(Conditions {
+    let frame = history.next_frame(FrameKey {
         frame: gpu.frames,
         setting: settings.history,
+        viewport: camera.viewport.as_ref().map(|viewport| [viewport.physical_position, viewport.physical_size]),
         exposure: camera.exposure,
-        viewport: camera.viewport.as_ref().map(|part| (part.physical_position, part.physical_size)),
     });
     let uniform = ViewUniform {
         seed: settings.seed,
@@ -197,7 +197,7 @@ pub fn draw(
         slots: gpu.counts[0],
         directionals: gpu.counts[1],
         has_history: u32::from(frame.has_past),
-        lights_moved: u32::from(gpu.has_changed),
+        lights_moved: u32::from(gpu.has_changed || frame.has_new_exposure),
         padding: 0,
     };
     let device: &RenderDevice = context.render_device();

@@ -59,8 +59,9 @@ fn girandole_all(surface: LightingInput, seed: u32) -> vec3<f32> {
     return sum;
 }
 
-fn girandole_is_finite(color: vec3<f32>) -> bool {
-    return all((bitcast<vec3<u32>>(color) & vec3(0x7f800000u)) != vec3(0x7f800000u));
+// Whether no component is infinite or NaN. Compilers may assume that floats are finite, so this tests bits.
+fn girandole_is_finite(value: vec4<f32>) -> bool {
+    return all((bitcast<vec4<u32>>(value) & vec4(0x7f800000u)) != vec4(0x7f800000u));
 }
 
 // The mean of the frames before at a place in pixels, with the number of frames.
@@ -84,8 +85,7 @@ fn girandole_mean_at(place: vec2<f32>, dist: f32) -> vec4<f32> {
             continue;
         }
         let past = textureLoad(girandole_past, texel, 0);
-        // What is not finite would stay, and spread.
-        if !girandole_is_finite(past.xyz) {
+        if !girandole_is_finite(past) {
             continue;
         }
         sum += weight * past;
@@ -122,7 +122,8 @@ fn girandole_fragment(@builtin(position) position: vec4<f32>) -> GirandoleOutput
         }
         estimate /= f32(max(girandole_view.samples, 1u));
     }
-    if !girandole_is_finite(estimate) {
+
+    if !girandole_is_finite(vec4(estimate, 0.0)) {
         estimate = vec3(0.0);
     }
 
@@ -137,11 +138,6 @@ fn girandole_fragment(@builtin(position) position: vec4<f32>) -> GirandoleOutput
         let limit = f32(select(girandole_view.moving_frames, girandole_view.still_frames, is_still));
         frames = max(min(past.w + 1.0, limit), 1.0);
         mean = past.xyz + (estimate - past.xyz) / frames;
-        if girandole_view.samples == 0u && girandole_view.is_exhaustive == 0u {
-            // Nothing is added to the past.
-            mean = past.xyz;
-            frames = past.w;
-        }
     }
     return GirandoleOutput(vec4(mean * mesh_view_bindings::view.exposure, 0.0), vec4(mean, frames), dist);
 }

@@ -7,7 +7,7 @@ use bevy::pbr::deferred::deferred_lighting;
 use bevy::prelude::*;
 use bevy::render::render_resource::SpecializedRenderPipelines;
 use bevy::render::renderer::{RenderGraph, RenderGraphSystems};
-use bevy::render::{ExtractSchedule, Render, RenderApp, RenderStartup, RenderSystems};
+use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems};
 use bevy::shader::Shader;
 
 use crate::pass::{PassPipelines, PassShader};
@@ -62,8 +62,8 @@ impl Plugin for GirandolePlugin {
             .insert_resource(stats)
             .insert_resource(settings)
             .init_resource::<Lights>()
-            .init_resource::<SpecializedRenderPipelines<PassPipelines>>()
-            .add_systems(RenderStartup, (gpu::start, pass::start.after(MeshPipelineSystems)))
+            .init_gpu_resource::<SpecializedRenderPipelines<PassPipelines>>()
+            .add_systems(RenderStartup, (gpu::start, history::forget, pass::start.after(MeshPipelineSystems)))
             .add_systems(ExtractSchedule, (extract::edits, extract::cameras))
             .add_systems(
                 Render,

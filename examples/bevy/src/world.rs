@@ -20,8 +20,8 @@ enum Slot {
     Instance(InstanceKey, u32),
     /// A directional light; `None` while it is hidden.
     Directional(Option<DirectionalKey>),
-    /// A light whose placement was refused. It is added with a placement that is not.
-    Unplaced(State),
+    /// A light that the world refused. It is tried again when it moves or changes.
+    Refused(State),
 }
 
 /// The lights of the render world.
@@ -42,7 +42,7 @@ pub struct Lights {
     pub counts: Counts,
 }
 
-/// What was done with the edits of one frame.
+/// What was done with the edits since the last report.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Counts {
     pub added: usize,
@@ -83,19 +83,27 @@ impl Default for Lights {
 }
 
 impl Lights {
-    /// Applies the edits of this frame.
+    /// Applies the edits that were extracted, and adds to the counts.
     pub fn apply(&mut self) {
         let started = Instant::now();
         let edits = std::mem::take(&mut self.edits);
-        self.counts = Counts { refused: self.counts.refused, gather: edits.gather, ..Counts::default() };
+        self.counts.gather += edits.gather;
         for edit in edits.edits {
+            // A kind is refused for each of its lights.
+            let is_light = !matches!(edit, Edit::AddKind { .. });
             if let Err(error) = self.edit(edit) {
-                self.counts.refused += 1;
+                self.counts.refused += u64::from(is_light);
                 warn_once!("girandole: a light was refused: {error}");
             }
         }
         self.follow(&edits.moves);
-        self.counts.apply = started.elapsed();
+        self.counts.apply += started.elapsed();
+    }
+
+    /// Returns the counts since the last call. Only `refused` goes on.
+    pub fn take_counts(&mut self) -> Counts {
+        let refused = self.counts.refused;
+        std::mem::replace(&mut self.counts, Counts { refused, ..Counts::default() })
     }
 
     /// Refits and rebuilds trees within a budget.
@@ -107,10 +115,15 @@ impl Lights {
         match edit {
             Edit::AddKind { kind, lights, record } => self.add_kind(kind, lights, record),
             Edit::ReplaceKind { kind, lights, record } => {
-                let Some(tree) = self.trees.get(kind as usize).copied().flatten() else { return Ok(()) };
-                self.world.replace_lights(tree, lights)?;
-                self.record(kind, record);
                 self.counts.changed += 1;
+                let Some(tree) = self.trees.get(kind as usize).copied().flatten() else { return Ok(()) };
+                if let Err(error) = self.world.replace_lights(tree, lights) {
+                    // The former triangles are no longer those of the mesh.
+                    self.record(kind, KindRecord { lights: 0, ..record });
+                    self.world.replace_lights(tree, Vec::new())?;
+                    return Err(error);
+                }
+                self.record(kind, record);
                 Ok(())
             }
             Edit::RemoveKind { kind } => match self.trees.get_mut(kind as usize).and_then(Option::take) {
@@ -129,7 +142,7 @@ impl Lights {
                 self.counts.changed += 1;
                 match self.slots.get_mut(light as usize) {
                     Some(Slot::Instance(key, _)) => self.world.set_enabled(*key, shown),
-                    Some(Slot::Unplaced(state)) => {
+                    Some(Slot::Refused(state)) => {
                         state.shown = shown;
                         Ok(())
                     }
@@ -170,45 +183,45 @@ impl Lights {
         self.slots.get(light as usize).copied().unwrap_or_default()
     }
 
+    /// Adds a light. One that is refused leaves nothing in the world.
     fn put(&mut self, light: u32, state: State) -> Result<(), WorldError> {
         if self.slots.len() <= light as usize {
             self.slots.resize(light as usize + 1, Slot::Empty);
         }
-        self.slots[light as usize] = Slot::Empty;
-        // The kind was refused, and that was reported.
-        let Some(tree) = self.trees.get(state.kind as usize).copied().flatten() else { return Ok(()) };
-        let key = match self.world.add_instance(tree, state.placement, Policy::Budgeted) {
-            Ok(key) => key,
-            Err(error) => {
-                self.slots[light as usize] = Slot::Unplaced(state);
-                return Err(error);
-            }
+        self.slots[light as usize] = Slot::Refused(state);
+        let Some(tree) = self.trees.get(state.kind as usize).copied().flatten() else {
+            // The log has the reason for which the kind was refused.
+            self.counts.refused += 1;
+            return Ok(());
         };
+        let key = self.world.add_instance(tree, state.placement, Policy::Budgeted)?;
+        if let Err(error) = self.adjust(key, state) {
+            self.world.remove_instance(key)?;
+            return Err(error);
+        }
         self.slots[light as usize] = Slot::Instance(key, state.kind);
         self.slot_count = self.slot_count.max(self.world.slot(key).map_or(0, |slot| slot + 1));
-        let done = self.world.set_user_data(key, state.kind).and_then(|()| self.adjust(key, state));
-        self.undo_refused(light, done)
+        Ok(())
     }
 
-    /// Sets the brightness and the visibility of an instance.
+    /// Gives an instance the state of a light of the same kind.
     fn adjust(&mut self, key: InstanceKey, state: State) -> Result<(), WorldError> {
+        self.world.set_user_data(key, state.kind)?;
+        self.world.move_instance(key, state.placement)?;
         self.world.set_factor(key, state.factor)?;
         self.world.set_enabled(key, state.shown)
     }
 
-    /// Removes a light of which a part was refused, so that it does not shine as it was or by default.
-    fn undo_refused(&mut self, light: u32, done: Result<(), WorldError>) -> Result<(), WorldError> {
-        if done.is_err() {
-            self.remove(light)?;
-        }
-        done
-    }
-
+    /// Changes a light. One that is refused goes dark.
     fn set(&mut self, light: u32, state: State) -> Result<(), WorldError> {
         match self.slot(light) {
             Slot::Instance(key, kind) if kind == state.kind => {
-                let done = self.world.move_instance(key, state.placement).and_then(|()| self.adjust(key, state));
-                self.undo_refused(light, done)
+                let result = self.adjust(key, state);
+                if result.is_err() {
+                    self.remove(light)?;
+                    self.slots[light as usize] = Slot::Refused(state);
+                }
+                result
             }
             _ => {
                 self.remove(light)?;
@@ -235,24 +248,25 @@ impl Lights {
         match std::mem::take(slot) {
             Slot::Instance(key, _) => self.world.remove_instance(key),
             Slot::Directional(Some(key)) => self.world.remove_directional(key),
-            Slot::Directional(None) | Slot::Unplaced(_) | Slot::Empty => Ok(()),
+            Slot::Directional(None) | Slot::Refused(_) | Slot::Empty => Ok(()),
         }
     }
 
-    /// Moves all lights in one call or, if one of the moves is refused, each by itself.
+    /// Moves all lights in one call or, if one of the moves is refused, each by itself. Lights that
+    /// were refused are tried again at their new place.
     fn follow(&mut self, moves: &[(u32, Placement)]) {
         let mut instances = std::mem::take(&mut self.moves);
         instances.clear();
         for &(light, placement) in moves {
             match self.slot(light) {
                 Slot::Instance(key, _) => instances.push((key, placement)),
-                Slot::Unplaced(state) if self.put(light, State { placement, ..state }).is_ok() => {
-                    self.counts.changed += 1;
+                Slot::Refused(state) if state.placement != placement => {
+                    self.retry(light, State { placement, ..state });
                 }
                 _ => {}
             }
         }
-        self.counts.moved = instances.len();
+        self.counts.moved += instances.len();
         if self.world.move_instances(&instances).is_err() {
             for &(key, placement) in &instances {
                 if let Err(error) = self.world.move_instance(key, placement) {
@@ -262,5 +276,16 @@ impl Lights {
             }
         }
         self.moves = instances;
+    }
+
+    /// Tries to add a light that was refused before.
+    fn retry(&mut self, light: u32, state: State) {
+        match self.put(light, state) {
+            Ok(()) => self.counts.changed += usize::from(matches!(self.slot(light), Slot::Instance(..))),
+            Err(error) => {
+                self.counts.refused += 1;
+                warn_once!("girandole: a light was refused: {error}");
+            }
+        }
     }
 }

@@ -105,13 +105,19 @@ fn half(bits: u16) -> f32 {
 /// Frames within which the shaders of the pass are found and compiled.
 const MAX_START_FRAMES: usize = 1000;
 
+/// Draws one frame, and waits until the device has done so. Pictures then come back equally late.
+pub fn frame(app: &mut App) {
+    app.update();
+    app.world().resource::<RenderDevice>().poll(PollType::wait_indefinitely()).expect("the device must answer");
+}
+
 /// Runs until the pass is drawn.
 pub fn start(app: &mut App) {
     for _ in 0..MAX_START_FRAMES {
         if report(app).passes > 0 {
             return;
         }
-        app.update();
+        frame(app);
     }
     panic!("the pass is not drawn");
 }
@@ -122,14 +128,10 @@ pub fn pictures(app: &mut App, count: usize) -> Vec<Picture> {
     let received = app.world().resource::<Pictures>().clone();
     received.0.lock().unwrap().clear();
     for _ in 0..10 * (count + WARM_UP) {
-        app.update();
-        // On a busy machine, pictures would come back later than `WARM_UP` says.
-        app.world().resource::<RenderDevice>().poll(PollType::wait_indefinitely()).expect("the device works");
+        frame(app);
         let mut received = received.0.lock().unwrap();
         if received.len() >= count + WARM_UP {
-            received.drain(..WARM_UP);
-            received.truncate(count);
-            return std::mem::take(&mut *received);
+            return received.drain(WARM_UP..).take(count).collect();
         }
     }
     panic!("pictures do not come back");
@@ -138,7 +140,7 @@ pub fn pictures(app: &mut App, count: usize) -> Vec<Picture> {
 /// Runs some frames, after which everything that was changed before is drawn.
 pub fn settle(app: &mut App) {
     for _ in 0..WARM_UP {
-        app.update();
+        frame(app);
     }
 }
 
@@ -182,4 +184,10 @@ pub fn add_scene(app: &mut App) {
     world.spawn((Mesh3d(plane), MeshMaterial3d(plastic)));
     world.spawn((Mesh3d(ball.clone()), MeshMaterial3d(metal), Transform::from_xyz(-1.5, 1.0, 0.0)));
     world.spawn((Mesh3d(ball), MeshMaterial3d(coated), Transform::from_xyz(1.5, 1.0, 0.0)));
+}
+
+/// The sum over the lower half of a picture, where a mesh above the balls is not seen.
+pub fn brightness(app: &mut App) -> f32 {
+    let picture = pictures(app, 1).remove(0);
+    picture[picture.len() / 2..].iter().map(|pixel| pixel.element_sum()).sum()
 }

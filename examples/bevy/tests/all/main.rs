@@ -4,4 +4,6 @@
 mod agrees_with_bevy;
 mod changes;
 mod harness;
+mod lifecycle;
+mod refusals;
 mod unbiased;
