@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Builds and tests what takes the library into engines: the C interface, the browser page and the Bevy
 # plugin. Each is a package of its own in examples/, with a script that also runs alone and installs
-# what it needs on Debian. Needs rustup and no GPU; from nothing it takes about half an hour on two cores.
+# what it needs on Debian. Needs rustup and no GPU. The last line of each part says how long it took.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
