@@ -1,5 +1,6 @@
 // Splits the clusters near the shading point, so that one light is chosen among all candidates that
-// are left. Twin of src/cut.rs, which explains it. Reads the buffers that sample.wgsl binds.
+// are left. Twin of src/sampling/cut.rs, which explains it. Reads the buffers that sample.wgsl
+// binds.
 //
 // A GPU has no room for the importances of all candidates, so a cut keeps one sum for each node that
 // was split, and a walk weighs the children of the node that it chooses once more. Of the children

@@ -1,5 +1,6 @@
-// A segment of a ray as the choice of lights sees it. Twin of src/segment.rs, and of what
-// src/importance.rs estimates for segments; these explain it and own the constants. Binds nothing.
+// A segment of a ray as the choice of lights sees it. Twin of src/shading/segment.rs, and of what
+// src/shading/importance.rs estimates for segments; these explain it and own the constants. Binds
+// nothing.
 
 // #if SEGMENTS
 // Whether a shading point is a segment.

@@ -6,13 +6,13 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat3, Vec3};
 
-use crate::appearance::Appearance;
 use crate::cluster::Cluster;
-use crate::cut::NO_INSTANCE;
+use crate::instance::appearance::Appearance;
+use crate::instance::part::Division;
+use crate::instance::placement::Placed;
+use crate::instance::sector;
 use crate::light::{DirectionalLight, Light, Shape, UNLIMITED_RANGE, spot_falloff};
-use crate::part::Division;
-use crate::placement::Placed;
-use crate::sector;
+use crate::sampling::cut::NO_INSTANCE;
 use crate::tree::{LEAF, LightTree, Section};
 
 /// The bits of [`LightRecord::kind`] that hold the kind.

@@ -112,9 +112,9 @@ pub use reserve::Reservation;
 pub use target_hook::TargetHook;
 pub use text::{wgsl, wgsl_previous, wgsl_with_target};
 
-use crate::counts::SplitCount;
 use crate::effects::Effects;
-use crate::sector;
+use crate::instance::sector;
+use crate::sampling::counts::SplitCount;
 use crate::world::LightWorld;
 use buffers::Ids;
 use changes::PendingChanges;

@@ -16,8 +16,8 @@ use super::residency::{Form, Incoming, NOT_WEIGHED, TreeState, has_room};
 use super::runs::runs;
 use super::stand_in::{may_stand_in, stand_ins};
 use super::tree_writes::{Source, TreeWrite};
+use crate::instance::part::Division;
 use crate::keys::{TreeKey, slot_of};
-use crate::part::Division;
 use crate::tree::LightTree;
 use crate::world::{LightWorld, TreeChanges, TreeEntry};
 

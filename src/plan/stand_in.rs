@@ -7,8 +7,8 @@
 //! point (as in Yuksel, Stochastic Lightcuts, 2019). The draw depends on the tree alone, so it
 //! stays the same from frame to frame.
 
-use crate::dice::hash;
 use crate::light::{Light, MAX_EMISSION};
+use crate::math::dice::hash;
 use crate::tree::{LightTree, Target, WIDTH};
 
 /// A tree of up to this many lights is never replaced by stand-ins: they would take half as much

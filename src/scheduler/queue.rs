@@ -1,7 +1,7 @@
 //! The queue of trees that wait for a rebuild.
 
 use crate::keys::TreeKey;
-use crate::lists::Lists;
+use crate::keys::lists::Lists;
 
 /// Lists by rank. The ranks of all trees at one time lie within a range of this length; ranks
 /// beyond it count as its ends. A tree would have to wait for more than 100 rounds to need more.

@@ -12,10 +12,10 @@
 
 mod split;
 
-use crate::bounds::Aabb;
 use crate::cluster::Cluster;
-use crate::curve::{Curve, NO_KEY};
-use crate::part::{PART, PART_BITS, Part};
+use crate::cluster::bounds::Aabb;
+use crate::instance::part::{PART, PART_BITS, Part};
+use crate::tree::curve::{Curve, NO_KEY};
 use crate::tree::{Children, EMPTY_SLOT, NO_PARENT, Node, Target, WIDTH, WideCluster};
 #[cfg(feature = "gpu-plan")]
 pub(crate) use split::{BINS, CELL_BITS, COST_SLACK, DIAGONAL_SHARE, FLUX_BITS};

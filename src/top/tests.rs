@@ -3,11 +3,11 @@ use std::collections::HashMap;
 use glam::{DVec3, Quat, Vec3};
 
 use super::*;
+use crate::instance::placement::Placement;
 use crate::light::{Light, luminance};
-use crate::placement::Placement;
 use crate::policy::Policy;
-use crate::sample::{LightId, LightSampler};
-use crate::shading_point::ShadingPoint;
+use crate::sampling::sample::{LightId, LightSampler};
+use crate::shading::shading_point::ShadingPoint;
 use crate::tree::testing::Rng;
 use crate::tree::{BuildItem, LEAF, fills_nodes, middle, shape};
 use crate::world::LightWorld;

@@ -3,8 +3,8 @@
 use super::LightTree;
 use super::node::{EMPTY_SLOT, NO_LEAF, NO_PARENT, Node, Target, WIDTH};
 use super::wide::WideCluster;
+use crate::cluster::cone::angle;
 use crate::cluster::{Cluster, MAX_FLUX};
-use crate::cone::angle;
 use crate::light::{MIN_FLUX, UNLIMITED_RANGE};
 
 /// Relative error of a sum of up to 2^31 f32 terms over a tree of depth 11 or more: each level adds

@@ -6,6 +6,7 @@ mod bake;
 mod build;
 mod check;
 mod cost;
+pub(crate) mod curve;
 mod dirty;
 mod edited;
 mod freeze;

@@ -9,7 +9,7 @@ use glam::Vec3;
 
 use super::node::{Bytes, EMPTY_SLOT, NO_PARENT, Node, WIDTH};
 use super::wide::WideCluster;
-use crate::bounds::Aabb;
+use crate::cluster::bounds::Aabb;
 use crate::cluster::{Cluster, MIN_AXIS};
 use crate::light::UNLIMITED_RANGE;
 
@@ -335,7 +335,7 @@ fn signed_byte(x: f32) -> i8 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cone::angle;
+    use crate::cluster::cone::angle;
 
     fn pack(clusters: &[Cluster]) -> Node {
         let mut wide = WideCluster::EMPTY;

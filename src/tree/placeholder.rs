@@ -10,10 +10,10 @@ use super::layout::PlacedLight;
 use super::node::{EMPTY_SLOT, LEAF, NO_PARENT, WIDTH};
 use super::shape::{ShapeNode, TreeShape};
 use super::{LightTree, check_light_count, check_lights};
-use crate::bounds::Aabb;
-use crate::curve::{Curve, KEY_BITS};
+use crate::cluster::bounds::Aabb;
 use crate::error::WorldError;
 use crate::light::Light;
+use crate::tree::curve::{Curve, KEY_BITS};
 
 /// Bits of the digits by which keys are sorted. Three digits hold a key.
 const DIGIT_BITS: u32 = 11;

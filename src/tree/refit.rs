@@ -9,7 +9,7 @@ use super::node::{NO_PARENT, Node, Target, WIDTH};
 use super::tasks::{RefitTask, RefitTasks};
 use super::wide::WideCluster;
 use crate::cluster::Cluster;
-use crate::simd::{Job, with_vectors};
+use crate::math::simd::{Job, with_vectors};
 
 /// A refit visits a list of nodes if fewer than one in this many changed, and sweeps over all nodes
 /// otherwise. The list is a heap, which costs about as much per node as the refit of a node.

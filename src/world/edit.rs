@@ -4,12 +4,12 @@ use glam::Vec3;
 
 use super::staged::StagedLights;
 use super::{Instance, LightWorld, TreeEntry, set_slot};
-use crate::appearance::Appearance;
 use crate::effects::Effects;
 use crate::error::WorldError;
+use crate::instance::appearance::Appearance;
+use crate::instance::placement::{Placed, Placement};
 use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
 use crate::light::{DirectionalLight, Light};
-use crate::placement::{Placed, Placement};
 use crate::policy::{AttributeHistory, Policy};
 use crate::scheduler::TreeFeatures;
 use crate::tree::{LightTree, TreeBuild, check_distinct, check_light_count, check_lights};

@@ -49,11 +49,11 @@ pub use region_table::RegionView;
 pub use regions::RemovedRegion;
 pub use update::{BackgroundReport, FrameReport};
 
-use crate::appearance::Appearance;
 use crate::effects::{EffectCounts, Effects, HeldEffects};
+use crate::instance::appearance::Appearance;
+use crate::instance::placement::{Placed, Placement};
 use crate::keys::{DirectionalKey, InstanceKey, RegionKey, TreeKey, generation_of, slot_of};
 use crate::light::DirectionalLight;
-use crate::placement::{Placed, Placement};
 use crate::policy::{AttributeHistory, Policy, PolicySet};
 use crate::scheduler::{Clock, Scheduler, SystemClock};
 use crate::top::TopLevel;

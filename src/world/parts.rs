@@ -2,9 +2,9 @@
 
 use super::LightWorld;
 use crate::cluster::{Cluster, MAX_FLUX};
+use crate::instance::part::{Division, Part};
 use crate::keys::InstanceKey;
 use crate::light::MIN_FLUX;
-use crate::part::{Division, Part};
 use crate::tree::Target;
 
 impl LightWorld {

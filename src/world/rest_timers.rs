@@ -12,7 +12,7 @@
 
 use crate::effects::EFFECT_HOLD_UPDATES;
 use crate::keys::TreeKey;
-use crate::lists::Lists;
+use crate::keys::lists::Lists;
 
 /// The most trees that are frozen in one update: freeing their memory takes time, and many trees
 /// may be due at once.

@@ -2,8 +2,8 @@
 
 use super::LightWorld;
 use super::overlap::MAX_OPEN;
+use crate::instance::part::Division;
 use crate::keys::{TreeKey, slot_of};
-use crate::part::Division;
 use crate::tree::{Section, WIDTH};
 
 /// The largest number of sections of a tree. Each of them takes 80 bytes on the GPU. For each

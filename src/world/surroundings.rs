@@ -285,9 +285,9 @@ mod tests {
     use glam::{DVec3, Mat3};
 
     use super::*;
+    use crate::instance::part::Division;
+    use crate::instance::placement::Placement;
     use crate::light::Light;
-    use crate::part::Division;
-    use crate::placement::Placement;
     use crate::policy::Policy;
     use crate::scheduler::FrameBudget;
 

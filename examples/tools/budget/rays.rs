@@ -2,7 +2,7 @@
 
 use super::scene::{Camera, Object, Scene};
 use girandole::ShadingPoint;
-use girandole::bounds::Aabb;
+use girandole::cluster::Aabb;
 use girandole::glam::{Affine3A, Mat3, Vec3};
 
 /// The distance of shading points from their surface, in metres.

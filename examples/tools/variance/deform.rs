@@ -10,7 +10,7 @@ use super::stages::{CITY_BOUNDS, swarm_at};
 use crate::common::table::{Table, markdown_head};
 use crate::measuring::lights::{carried, illuminances};
 use crate::measuring::sigma::{Noise, Summary};
-use girandole::bounds::Aabb;
+use girandole::cluster::Aabb;
 use girandole::glam::{Vec3, vec3};
 use girandole::{FrameBudget, Light, LightTree, ShadingPoint, SplitCount};
 use rayon::prelude::*;

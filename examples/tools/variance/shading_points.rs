@@ -3,7 +3,7 @@
 use super::scene::rng::Rng;
 use super::scene::{Scene, SceneError};
 use girandole::ShadingPoint;
-use girandole::bounds::Aabb;
+use girandole::cluster::Aabb;
 use girandole::glam::Vec3;
 
 /// The distance of shading points from their surface, in metres.

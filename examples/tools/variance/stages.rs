@@ -6,7 +6,7 @@ use super::scene::procedural::swarm::{self, Swarm};
 use super::scene::procedural::{self, CityOptions, Size};
 use super::scene::{SceneError, Stage, gltf_scene};
 use super::shading_points::shading_points;
-use girandole::bounds::Aabb;
+use girandole::cluster::Aabb;
 use girandole::glam::{Vec3, vec3};
 use girandole::{FrameBudget, LightWorld, ShadingPoint};
 use std::path::Path;

@@ -5,13 +5,13 @@ use std::f64::consts::PI;
 use glam::{DVec3, Vec3};
 
 use super::{direction, exact};
-use crate::bounds::Aabb;
 use crate::cluster::Cluster;
-use crate::cone::CAP_PADDING;
+use crate::cluster::bounds::Aabb;
+use crate::cluster::cone::CAP_PADDING;
 use crate::f64_reference::formulas::child::Child;
 use crate::f64_reference::merge::angle;
-use crate::importance::{LocalShadingPoint, child_importances};
-use crate::shading_point::ShadingPoint;
+use crate::shading::importance::{LocalShadingPoint, child_importances};
+use crate::shading::shading_point::ShadingPoint;
 use crate::tree::testing::Rng;
 use crate::tree::{LEAF, Node, WideCluster};
 

@@ -5,7 +5,7 @@ use glam::{DVec2, Vec3};
 use super::{exact, size};
 use crate::f64_reference::ROUNDING;
 use crate::f64_reference::formulas::gloss::{Surface, reflected};
-use crate::gloss::{Gloss, LocalGloss};
+use crate::shading::gloss::{Gloss, LocalGloss};
 use crate::tree::testing::Rng;
 
 #[test]

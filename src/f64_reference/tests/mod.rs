@@ -16,9 +16,9 @@ use super::formulas::child::Child;
 use super::formulas::importance::importance;
 use super::formulas::place::View;
 use super::formulas::terms::Importance;
-use crate::importance::{LocalShadingPoint, child_importances};
 use crate::light::Light;
-use crate::shading_point::ShadingPoint;
+use crate::shading::importance::{LocalShadingPoint, child_importances};
+use crate::shading::shading_point::ShadingPoint;
 use crate::tree::testing::Rng;
 use crate::tree::{LEAF, LightTree, WIDTH};
 

@@ -8,8 +8,8 @@ use crate::f64_reference::formulas::choice::{Distribution, Tree, distribution};
 use crate::f64_reference::formulas::place::Map;
 use crate::keys::slot_of;
 use crate::light::luminance;
-use crate::sample::LightId;
-use crate::shading_point::ShadingPoint;
+use crate::sampling::sample::LightId;
+use crate::shading::shading_point::ShadingPoint;
 use crate::tree::testing::Rng;
 use crate::{DirectionalLight, LightTree, LightWorld, Placement, Policy, SplitCount};
 

@@ -3,7 +3,7 @@
 use super::{both_importances, direction, light, size, view};
 use crate::f64_reference::ROUNDING;
 use crate::f64_reference::formulas::segment::ARC_TANGENT;
-use crate::shading_point::ShadingPoint;
+use crate::shading::shading_point::ShadingPoint;
 use crate::tree::LightTree;
 use crate::tree::testing::Rng;
 

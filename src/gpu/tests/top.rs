@@ -10,12 +10,12 @@ use glam::{EulerRot, Mat3, Quat, Vec3};
 
 use super::Rig;
 use super::pool::TestPool;
-use crate::bounds::Aabb;
 use crate::cluster::Cluster;
+use crate::cluster::bounds::Aabb;
 use crate::effects::Effects;
 use crate::gpu::testing::{random, random_vec};
+use crate::instance::part::{PART, PART_BITS, Part};
 use crate::keys::slot_of;
-use crate::part::{PART, PART_BITS, Part};
 use crate::plan::layout::{Bases, ClusterRecord, InstanceRecord, LeafRecord, PartRecord, Strides, TreeRecord};
 use crate::plan::node_record::NodeRecord;
 use crate::plan::pool::Growth;
@@ -177,7 +177,7 @@ fn build(top: &mut TopRig, world: &LightWorld) -> Built {
     top.rig.play(&new, |commands| {
         build.adopt(commands, &mut Vec::new());
         let masks = if has_masks { build.masks() } else { 0 };
-        build.prepare(commands, count, strides, (masks, crate::sector::number(world.home())));
+        build.prepare(commands, count, strides, (masks, crate::instance::sector::number(world.home())));
         build.build(commands, pools);
     });
     let (top, rig) = (&top.top, &top.rig);

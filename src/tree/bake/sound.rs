@@ -18,7 +18,7 @@
 //! leave lights out. [`LightTree::check`] checks it too, in eight times the time of a load.
 
 use super::super::LightTree;
-use crate::bounds::Aabb;
+use crate::cluster::bounds::Aabb;
 use crate::cluster::{Cluster, MAX_FLUX};
 use crate::light::{MAX_COORDINATE, MIN_FLUX, UNLIMITED_RANGE};
 use crate::tree::check::CheckError;

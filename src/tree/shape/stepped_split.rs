@@ -144,8 +144,8 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use crate::bounds::Aabb;
     use crate::cluster::Cluster;
+    use crate::cluster::bounds::Aabb;
     use crate::tree::shape::split::split;
     use crate::tree::testing::Rng;
 

@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use super::costed::TINY_SHARE;
 use super::counts::FULL;
 use super::*;
-use crate::bounds::Aabb;
+use crate::cluster::bounds::Aabb;
 use crate::cluster::{Cluster, MAX_FLUX};
 use crate::tree::testing::Rng;
 

@@ -5,7 +5,7 @@ use glam::{Affine3A, Quat, Vec3};
 use super::twin::check;
 use super::{Built, TopRig, build, placement, world_of};
 use crate::cluster::Cluster;
-use crate::cone::angle;
+use crate::cluster::cone::angle;
 use crate::gpu::testing::random_vec;
 use crate::light::UNLIMITED_RANGE;
 use crate::tree::{CAP_STEPS, NO_PARENT, Target, WIDTH};

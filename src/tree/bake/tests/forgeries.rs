@@ -5,7 +5,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::policy::Policy;
-use crate::shading_point::ShadingPoint;
+use crate::shading::shading_point::ShadingPoint;
 use crate::tree::bake::content::seal;
 use crate::tree::bake::header::HEADER_BYTES;
 use crate::tree::testing::Rng;

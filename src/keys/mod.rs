@@ -1,6 +1,8 @@
 //! Keys of trees, instances, directional lights and regions, and their conversion to and from
 //! `u64`.
 
+pub(crate) mod lists;
+
 use slotmap::{Key, KeyData, new_key_type};
 
 new_key_type! {

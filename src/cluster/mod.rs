@@ -1,9 +1,16 @@
 //! Clusters: summaries of groups of lights. Bounds prove where none of their light arrives, and
 //! moments estimate how much arrives elsewhere.
+//!
+//! Tools that look into trees need this module; engines do not. Its types follow what the trees
+//! store, so any release may change them.
+
+pub(crate) mod bounds;
+pub(crate) mod cone;
 
 use glam::{DMat3, Mat3, Vec2, Vec3};
 
-use crate::bounds::Aabb;
+pub use bounds::Aabb;
+pub use cone::Cone;
 
 /// A matrix whose scaled Gram matrix is this close to the identity preserves angles to about 1e-5
 /// rad. This is inside the margin that the sampling code leaves around every cap.

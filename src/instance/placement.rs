@@ -7,11 +7,11 @@ pub use crate::cluster::MAX_SCALE;
 use crate::cluster::{Linear, RIGID_TOLERANCE};
 use crate::effects::Effects;
 use crate::error::PlacementError;
-use crate::importance::{CANDELA_PER_LUMEN, LocalShadingPoint, POSITION_MARGIN};
-use crate::sector::SectorPoint;
-use crate::segment::LocalSegment;
-use crate::shading_point::ShadingPoint;
-use crate::transform::InstanceTransform;
+use crate::instance::sector::SectorPoint;
+use crate::instance::transform::InstanceTransform;
+use crate::shading::importance::{CANDELA_PER_LUMEN, LocalShadingPoint, POSITION_MARGIN};
+use crate::shading::segment::LocalSegment;
+use crate::shading::shading_point::ShadingPoint;
 use crate::tree::LEAF;
 
 /// Largest distance of an instance from [`LightWorld::origin`](crate::LightWorld::origin) along
@@ -247,7 +247,7 @@ fn is_nearly_rotation(linear: &Mat3) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dice::hash;
+    use crate::math::dice::hash;
 
     fn place(placement: Placement) -> Result<Option<Placed>, PlacementError> {
         Placed::new(&placement, Anchor::Point(DVec3::ZERO))

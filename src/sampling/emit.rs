@@ -9,11 +9,11 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
-use crate::dice::clamp_unit;
+use crate::instance::transform::InstanceTransform;
 use crate::light::{Light, Shape, range_window, spot_falloff};
-use crate::shading_point::ShadingPoint;
-use crate::solid_angle::NearSurface;
-use crate::transform::InstanceTransform;
+use crate::math::dice::clamp_unit;
+use crate::math::solid_angle::NearSurface;
+use crate::shading::shading_point::ShadingPoint;
 
 /// The light that arrives at a shading point from a point on a light, not yet shadowed.
 #[derive(Clone, Copy, Debug, PartialEq)]

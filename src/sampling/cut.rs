@@ -6,13 +6,13 @@
 //! bounded, and with it the time. Bottom- level trees and the top level are split alike, and a
 //! split continues from a leaf of the top level into the instance's tree.
 
-use crate::counts::{MAX_SPLITS, SplitCount};
-use crate::importance::{
+use crate::instance::part::SINGLE;
+use crate::sampling::counts::{MAX_SPLITS, SplitCount};
+use crate::shading::importance::{
     ChildImportances, LocalShadingPoint, UNRESOLVED_DOUBT, child_importances, resolved_sum, running_sums,
     scale_unresolved, unresolved_scale, unresolved_sum,
 };
-use crate::part::SINGLE;
-use crate::shading_point::ShadingPoint;
+use crate::shading::shading_point::ShadingPoint;
 use crate::tree::{Lanes, Node, Target, WIDTH};
 
 /// A candidate is split only while its doubt is more than this share of the importance of all

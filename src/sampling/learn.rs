@@ -2,11 +2,11 @@
 
 use glam::Mat3;
 
-use crate::sample::{LightId, LightSampler};
-use crate::shading_point::ShadingPoint;
+use crate::sampling::sample::{LightId, LightSampler};
+use crate::sampling::walk::LeafPath;
+use crate::shading::shading_point::ShadingPoint;
 use crate::tree::WIDTH;
 use crate::visibility::bin_of_child;
-use crate::walk::LeafPath;
 
 impl LightSampler<'_> {
     /// Records whether a light that was sampled is visible from a shading point: whether a shadow

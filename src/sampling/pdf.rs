@@ -7,13 +7,13 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
-use crate::emit::{CLOSE, MIN_DIST_SQ, is_density, is_lit_side};
+use crate::instance::transform::InstanceTransform;
 use crate::light::{Light, Shape, range_window};
-use crate::sample::{LightId, LightSampler};
-use crate::segment::LocalSegment;
-use crate::shading_point::ShadingPoint;
-use crate::solid_angle::NearSurface;
-use crate::transform::InstanceTransform;
+use crate::math::solid_angle::NearSurface;
+use crate::sampling::emit::{CLOSE, MIN_DIST_SQ, is_density, is_lit_side};
+use crate::sampling::sample::{LightId, LightSampler};
+use crate::shading::segment::LocalSegment;
+use crate::shading::shading_point::ShadingPoint;
 
 impl LightSampler<'_> {
     /// Returns the density with which [`LightSampler::sample`] chooses a light and the direction to

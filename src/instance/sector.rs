@@ -63,7 +63,7 @@ pub(crate) fn number(center: Vec3) -> [i32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dice::hash;
+    use crate::math::dice::hash;
 
     /// A coordinate of up to 2^`bits` metres, in steps of 2^-22 m.
     fn coordinate(i: u32, bits: i32) -> f64 {

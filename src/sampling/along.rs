@@ -2,10 +2,10 @@
 //!
 //! Twin of `light_sample_along` and `light_along_pdf` in `shaders/along.wgsl`.
 
-use crate::dice::clamp_unit;
-use crate::sample::{LightId, LightSampler};
-use crate::segment::LocalSegment;
-use crate::shading_point::ShadingPoint;
+use crate::math::dice::clamp_unit;
+use crate::sampling::sample::{LightId, LightSampler};
+use crate::shading::segment::LocalSegment;
+use crate::shading::shading_point::ShadingPoint;
 
 /// A point of a segment, which [`LightSampler::sample_along`] chose for a light.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -9,7 +9,7 @@
 
 use glam::Vec3;
 
-use crate::bounds::Aabb;
+use crate::cluster::bounds::Aabb;
 
 /// Bits of a key. One more bit is left for [`NO_KEY`], which sorts after all keys.
 pub(crate) const KEY_BITS: u32 = 31;

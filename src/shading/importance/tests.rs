@@ -1,9 +1,9 @@
 use glam::{DMat3, Mat3};
 
 use super::*;
-use crate::gloss::Gloss;
 use crate::light::{Light, Shape};
-use crate::simd::{Job, with_vectors};
+use crate::math::simd::{Job, with_vectors};
+use crate::shading::gloss::Gloss;
 use crate::tree::LightTree;
 
 struct Importances<'a>(&'a Node, &'a LocalShadingPoint<'a>);

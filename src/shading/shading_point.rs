@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use crate::gloss::Gloss;
+use crate::shading::gloss::Gloss;
 
 /// The squared length of the shortest segment, in square metres. With the limits of placements, the
 /// squared length stays a normal number in the space of any tree.

@@ -1,6 +1,6 @@
 //! Presets of the settings that trade the time of a sample for its accuracy.
 
-use crate::counts::{CandidateCount, SplitCount};
+use crate::sampling::counts::{CandidateCount, SplitCount};
 
 /// How much time a sample may take.
 ///

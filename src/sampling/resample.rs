@@ -8,16 +8,16 @@
 //! unbiased), and one number chooses among them after all are weighed. Choosing in one pass, with
 //! the number rescaled after each decision, had 3 to 5 % more error (docs/decisions.md, 20).
 
-use crate::counts::{CandidateCount, MAX_CANDIDATES, SplitCount};
-use crate::cut::{Cut, InstanceTrees, TreeView};
-use crate::dice::{U_STEP, clamp_unit};
-use crate::emit::MIN_PDF;
-use crate::importance::LocalShadingPoint;
 use crate::light::luminance;
-use crate::sample::{LightSample, LightSampler, with_surroundings};
-use crate::shading_point::ShadingPoint;
-use crate::simd::{Job, with_vectors};
-use crate::walk::{Outcome, draw};
+use crate::math::dice::{U_STEP, clamp_unit};
+use crate::math::simd::{Job, with_vectors};
+use crate::sampling::counts::{CandidateCount, MAX_CANDIDATES, SplitCount};
+use crate::sampling::cut::{Cut, InstanceTrees, TreeView};
+use crate::sampling::emit::MIN_PDF;
+use crate::sampling::sample::{LightSample, LightSampler, with_surroundings};
+use crate::sampling::walk::{Outcome, draw};
+use crate::shading::importance::LocalShadingPoint;
+use crate::shading::shading_point::ShadingPoint;
 
 /// The steps from one candidate's second, third and fourth random number to the next candidate's,
 /// in 2^-32. They are the powers of 1 / 1.2207440846, where 1.2207440846 is the root of x^4 = x +

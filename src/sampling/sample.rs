@@ -7,23 +7,23 @@ use std::fmt;
 
 use glam::Mat3;
 
-use crate::counts::SplitCount;
-use crate::cut::{InstanceTrees, NO_INSTANCE, NoInstances, TreeView};
-use crate::dice::{choice_pmf, clamp_unit, hashed_unit};
-use crate::distribution::DistributionJob;
-use crate::emit::{Incident, MIN_INVERSE_PDF, MIN_PDF, sample_light};
-use crate::equiangular::Stretch;
-use crate::importance::LocalShadingPoint;
+use crate::instance::part::{Part, SINGLE};
 use crate::keys::{DirectionalKey, InstanceKey, slot_of};
 use crate::light::{DirectionalLight, luminance};
-use crate::part::{Part, SINGLE};
-use crate::segment::LocalSegment;
-use crate::shading_point::ShadingPoint;
-use crate::simd::with_vectors;
+use crate::math::dice::{choice_pmf, clamp_unit, hashed_unit};
+use crate::math::simd::with_vectors;
+use crate::sampling::counts::SplitCount;
+use crate::sampling::cut::{InstanceTrees, NO_INSTANCE, NoInstances, TreeView};
+use crate::sampling::distribution::DistributionJob;
+use crate::sampling::emit::{Incident, MIN_INVERSE_PDF, MIN_PDF, sample_light};
+use crate::sampling::equiangular::Stretch;
+use crate::sampling::walk::{DrawJob, LeafPath, Outcome, PmfJob, PmfTarget, TopPath, TreeLight};
+use crate::shading::importance::LocalShadingPoint;
+use crate::shading::segment::LocalSegment;
+use crate::shading::shading_point::ShadingPoint;
 use crate::top::TopLevel;
 use crate::tree::{Lanes, LightTree, NO_LEAF, Node, Target, WIDTH};
 use crate::visibility::{CellGrid, LearntCell, VisibilityTable};
-use crate::walk::{DrawJob, LeafPath, Outcome, PmfJob, PmfTarget, TopPath, TreeLight};
 use crate::world::LightWorld;
 
 /// The name of a light that can be sampled.

@@ -11,10 +11,10 @@ use std::f32::consts::FRAC_PI_2;
 
 use glam::Vec3;
 
+use crate::instance::transform::InstanceTransform;
 use crate::light::{Light, Shape, UNLIMITED_RANGE};
-use crate::segment::{LocalSegment, SegmentView};
-use crate::shading_point::ShadingPoint;
-use crate::transform::InstanceTransform;
+use crate::shading::segment::{LocalSegment, SegmentView};
+use crate::shading::shading_point::ShadingPoint;
 
 /// The least distance from the line, as a share of that of the farther end. On the line itself the
 /// integral over the segment is infinite, and the density would have no limit.

@@ -2,7 +2,7 @@
 
 use glam::{Mat3, Vec3};
 
-use crate::shading_point::ShadingPoint;
+use crate::shading::shading_point::ShadingPoint;
 
 /// An affine map from a tree's space to the world (relative to its origin), and the linear part of
 /// its inverse.

@@ -13,11 +13,11 @@
 use glam::Vec3;
 
 use crate::cluster::Linear;
-use crate::gloss::LocalGloss;
 use crate::light::{LAMBERTIAN, UNLIMITED_RANGE};
-use crate::segment::{LocalSegment, SegmentView, clamped, gap_sq};
-use crate::shading_point::ShadingPoint;
-use crate::simd::{Job, with_vectors};
+use crate::math::simd::{Job, with_vectors};
+use crate::shading::gloss::LocalGloss;
+use crate::shading::segment::{LocalSegment, SegmentView, clamped, gap_sq};
+use crate::shading::shading_point::ShadingPoint;
 use crate::tree::{LEAF, Lanes, Node, NodeGrid, Unpacked, WIDTH};
 
 /// A shading point in the space of a tree, and how that space affects bounds.

@@ -3,12 +3,12 @@
 //! The cut and the ratios are those of `walk.rs`, but probabilities are multiplied from the cut
 //! down instead of from a light up: each node is evaluated once for all lights below it.
 
-use crate::counts::SplitCount;
-use crate::cut::{Cut, InstanceTrees, NO_INSTANCE, NoInstances, TreeView, seen_importances};
-use crate::dice::{choice_pmf, joint_pmf};
-use crate::importance::running_sums;
-use crate::shading_point::ShadingPoint;
-use crate::simd::{Job, with_vectors};
+use crate::math::dice::{choice_pmf, joint_pmf};
+use crate::math::simd::{Job, with_vectors};
+use crate::sampling::counts::SplitCount;
+use crate::sampling::cut::{Cut, InstanceTrees, NO_INSTANCE, NoInstances, TreeView, seen_importances};
+use crate::shading::importance::running_sums;
+use crate::shading::shading_point::ShadingPoint;
 use crate::tree::{LightTree, Target, WIDTH};
 
 impl LightTree {

@@ -7,9 +7,9 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
-use crate::bounds::Aabb;
+use crate::cluster::bounds::Aabb;
+use crate::cluster::cone::{CAP_PADDING, Cone};
 use crate::cluster::{Cluster, MAX_FLUX};
-use crate::cone::{CAP_PADDING, Cone};
 use crate::effects::Effects;
 use crate::error::LightError;
 

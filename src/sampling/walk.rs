@@ -4,12 +4,12 @@
 //! Twin of `shaders/walk.wgsl`. No trail of the way down is recorded: the nodes know their parents,
 //! so the depth of trees has no cap.
 
-use crate::counts::SplitCount;
-use crate::cut::{Choice, Cut, InstanceTrees, NO_INSTANCE, TreeView, choose_lane, seen_importances};
-use crate::dice::{Dice, choice_pmf, joint_pmf};
-use crate::importance::running_sums;
-use crate::part::Division;
-use crate::simd::Job;
+use crate::instance::part::Division;
+use crate::math::dice::{Dice, choice_pmf, joint_pmf};
+use crate::math::simd::Job;
+use crate::sampling::counts::SplitCount;
+use crate::sampling::cut::{Choice, Cut, InstanceTrees, NO_INSTANCE, TreeView, choose_lane, seen_importances};
+use crate::shading::importance::running_sums;
 use crate::tree::{NO_PARENT, Section, Target, WIDTH};
 
 /// A light of a tree and the probability of its choice.

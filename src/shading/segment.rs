@@ -9,7 +9,7 @@
 
 use glam::{Mat3, Vec3};
 
-use crate::shading_point::{MAX_SEGMENT_SQ, MIN_SEGMENT_SQ, ShadingPoint};
+use crate::shading::shading_point::{MAX_SEGMENT_SQ, MIN_SEGMENT_SQ, ShadingPoint};
 use crate::tree::Unpacked;
 
 /// The coefficients of the odd powers from the third on in a polynomial for the arc tangent of
