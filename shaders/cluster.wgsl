@@ -182,7 +182,7 @@ fn rounded_signed(x: f32) -> f32 {
     return trunc(x + select(0.5, -0.5, x < 0.0));
 }
 
-// A child as a node stores it: see LightPackedChild. The target is missing.
+// A child as a node stores it: see LightPackedChild. Its child bits are missing.
 struct PackedChild {
     low: u32,
     high: u32,

@@ -92,7 +92,7 @@ struct LightLocalShadingPoint {
     // False in a volume.
     has_normal: bool,
     margin: f32,
-    // The bit of a target that marks a single light; 0 in the top level.
+    // The bit of child bits that marks a single light; 0 in the top level.
     light_bit: u32,
     // #if GLOSSY
     gloss: LightGloss,
@@ -200,7 +200,7 @@ fn light_weights(importances: LightLanes) -> LightLanes {
 
 // The importance of a child. Twin of `child_importances`.
 fn light_importance(packed: LightPackedChild, local: LightLocalShadingPoint, view: LightNodeView) -> LightImportance {
-    let is_light = (packed.target_bits & local.light_bit) != 0u;
+    let is_light = (packed.child_bits & local.light_bit) != 0u;
     var child = light_unpack(packed, view, local.normal);
     // #if NON_RIGID
     // #if CONES

@@ -172,7 +172,7 @@ fn light_emitted_along(child: LightChild, view: LightSegmentView, facing_along: 
 fn light_importance_along(
     packed: LightPackedChild, local: LightLocalShadingPoint, view: LightNodeView,
 ) -> LightImportance {
-    let is_light = (packed.target_bits & local.light_bit) != 0u;
+    let is_light = (packed.child_bits & local.light_bit) != 0u;
     let segment = local.segment;
     let own_reach = dot(abs(segment.xyz), vec3(1.0)) * segment.w;
     let wide = LightNodeView(view.origin, view.steps, view.margin + own_reach * local.margin);

@@ -1,19 +1,19 @@
 //! The parts of instances, which are the leaves of the top level.
 
-use crate::tree::{LEAF, Target};
+use crate::tree::{ChildRef, LEAF};
 
-/// This bit is set in the target of a leaf whose other bits name a [`Part`]; without it they name
-/// the slot of an instance that is a leaf as a whole.
+/// This bit is set in the child bits of a leaf whose other bits name a [`Part`]; without it they
+/// name the slot of an instance that is a leaf as a whole.
 pub(crate) const PART: u32 = 1 << 30;
 
-/// This bit is set in the target of a leaf that is a single light.
+/// This bit is set in the child bits of a leaf that is a single light.
 pub(crate) const SINGLE: u32 = 1 << 29;
 
-/// The bits of a leaf's target that hold the number of a part or the slot of an instance.
+/// The child bits of a leaf that hold the number of a part or the slot of an instance.
 pub(crate) const PART_BITS: u32 = SINGLE - 1;
 
 /// Which parts of a tree are leaves of the top level. A tree of [`Division::Sides`] is *divided*,
-/// one of [`Division::Lights`] is *open*.
+/// one of [`Division::Lights`] has *light parts*.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Division {
     /// The tree as a whole.
@@ -32,16 +32,16 @@ pub(crate) struct Part {
     /// The slot of the instance.
     pub slot: u32,
     /// Where a walk goes on in the tree: the root, the node of a side or section, or a light.
-    pub target: Target,
+    pub entry: ChildRef,
 }
 
 impl Part {
-    /// The target of the leaf that is this part, the one with number `index`.
+    /// The child bits of the leaf that is this part, the one with number `index`.
     pub fn leaf(&self, index: u32) -> u32 {
-        match self.target {
-            Target::Node(0) => LEAF | self.slot,
-            Target::Node(_) => LEAF | PART | index,
-            Target::Leaf(_) => LEAF | PART | SINGLE | index,
+        match self.entry {
+            ChildRef::Node(0) => LEAF | self.slot,
+            ChildRef::Node(_) => LEAF | PART | index,
+            ChildRef::Leaf(_) => LEAF | PART | SINGLE | index,
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Keys of trees, instances, directional lights and regions, and their conversion to and from
 //! `u64`.
 
-pub(crate) mod lists;
+pub(crate) mod linked_lists;
 
 use slotmap::{Key, KeyData, new_key_type};
 

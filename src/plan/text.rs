@@ -362,25 +362,25 @@ pub(crate) fn constants() -> String {
 /// Panics on an unknown name and on an unbalanced directive: the texts are part of this crate.
 pub(crate) fn variant(text: &str, effects: Effects, extras: Extras) -> String {
     let mut kept = String::with_capacity(text.len());
-    let mut open: Vec<bool> = Vec::new();
+    let mut conditions: Vec<bool> = Vec::new();
     for line in text.lines() {
         match line.trim_start().strip_prefix("// #") {
-            Some("endif") => assert!(open.pop().is_some(), "`#endif` without `#if`"),
+            Some("endif") => assert!(conditions.pop().is_some(), "`#endif` without `#if`"),
             Some(directive) => {
                 let names = directive.strip_prefix("if ").unwrap_or_else(|| panic!("an unknown directive: {line}"));
-                open.push(names.split(" | ").any(|name| {
+                conditions.push(names.split(" | ").any(|name| {
                     let kept = Effects::from_name(name).map(|effect| effects.contains(effect));
                     kept.or(extras.keep(name)).unwrap_or_else(|| panic!("an unknown effect: {name}"))
                 }));
             }
-            None if open.iter().all(|kept| *kept) => {
+            None if conditions.iter().all(|kept| *kept) => {
                 kept += line;
                 kept.push('\n');
             }
             None => {}
         }
     }
-    assert!(open.is_empty(), "`#if` without `#endif`");
+    assert!(conditions.is_empty(), "`#if` without `#endif`");
     kept
 }
 

@@ -16,7 +16,7 @@ use super::scatter::{MAX_TARGETS, Scattered, scatter};
 use super::tree_writes::{Source, TreeRuns, written_records};
 use crate::effects::Effects;
 use crate::keys::{generation_of, slot_of};
-use crate::tree::{LEAF, Node, Target};
+use crate::tree::{ChildRef, LEAF, Node};
 use crate::world::LightWorld;
 
 /// Commands and bytes of a plan besides the records of the large pools: parts and parameters.
@@ -108,9 +108,9 @@ impl Reservation<'_> {
 /// A node whose lights have indices from `offset` on.
 fn with_lights_from(offset: u32, mut node: Node) -> Node {
     if offset > 0 {
-        for target in &mut node.targets {
-            if let Some(Target::Leaf(light)) = Target::of(*target) {
-                *target = LEAF | (light + offset);
+        for child in &mut node.children {
+            if let Some(ChildRef::Leaf(light)) = ChildRef::of(*child) {
+                *child = LEAF | (light + offset);
             }
         }
     }

@@ -13,7 +13,7 @@ use crate::shading::importance::{
     scale_unresolved, unresolved_scale, unresolved_sum,
 };
 use crate::shading::shading_point::ShadingPoint;
-use crate::tree::{Lanes, Node, Target, WIDTH};
+use crate::tree::{ChildRef, Lanes, Node, WIDTH};
 
 /// A candidate is split only while its doubt is more than this share of the importance of all
 /// candidates.
@@ -48,7 +48,7 @@ impl<'a> TreeView<'a> {
 pub(crate) trait InstanceTrees<'a> {
     /// The tree below a leaf of the top level, and where in it a walk goes on. `None` if there is
     /// no such leaf, or if the tree has no nodes.
-    fn tree_view(&self, leaf: u32) -> Option<(TreeView<'a>, Target)>;
+    fn tree_view(&self, leaf: u32) -> Option<(TreeView<'a>, ChildRef)>;
 
     /// The learnt visible share of each child of a node, in (0, 1]; `None` if nothing is learnt
     /// here. Shares multiply importances in the cut, and nowhere below it: so all that reads
@@ -83,7 +83,7 @@ pub(crate) fn seen_importances<'a>(
 pub(crate) struct NoInstances;
 
 impl<'a> InstanceTrees<'a> for NoInstances {
-    fn tree_view(&self, _: u32) -> Option<(TreeView<'a>, Target)> {
+    fn tree_view(&self, _: u32) -> Option<(TreeView<'a>, ChildRef)> {
         None
     }
 }
@@ -160,10 +160,10 @@ impl<'a> Cut<'a> {
                 break;
             }
             let Some((index, slot)) = cut.most_doubtful() else { break };
-            next = match cut.target(index, slot) {
-                Some(Target::Node(node)) => (cut.tree_of[index], node),
-                Some(Target::Leaf(leaf)) => match instance_trees.tree_view(leaf) {
-                    Some((tree, Target::Node(node))) => (cut.add_tree(tree), node),
+            next = match cut.child(index, slot) {
+                Some(ChildRef::Node(node)) => (cut.tree_of[index], node),
+                Some(ChildRef::Leaf(leaf)) => match instance_trees.tree_view(leaf) {
+                    Some((tree, ChildRef::Node(node))) => (cut.add_tree(tree), node),
                     // The doubt about a single light is 0.
                     _ => break,
                 },
@@ -203,17 +203,17 @@ impl<'a> Cut<'a> {
         let (index, before) = chosen;
         let weights = &self.weights[index];
         let (slot, offset) = choose_lane(weights, &running_sums(weights), point - before);
-        Some(Choice { tree: *self.tree(index)?, target: self.target(index, slot)?, weight: weights[slot], offset })
+        Some(Choice { tree: *self.tree(index)?, child: self.child(index, slot)?, weight: weights[slot], offset })
     }
 
     /// Every candidate with a weight. None where all are proved dark.
     #[inline(always)]
-    pub fn candidates(&self) -> impl Iterator<Item = (&TreeView<'a>, Target, f32)> {
+    pub fn candidates(&self) -> impl Iterator<Item = (&TreeView<'a>, ChildRef, f32)> {
         (0..self.node_count).flat_map(move |index| {
             (0..WIDTH).filter_map(move |slot| {
                 let weight = self.weights[index][slot];
                 let tree = self.tree(index).filter(|_| weight > 0.0)?;
-                Some((tree, self.target(index, slot)?, weight))
+                Some((tree, self.child(index, slot)?, weight))
             })
         })
     }
@@ -229,8 +229,8 @@ impl<'a> Cut<'a> {
         self.trees[self.tree_of[index]].as_ref()
     }
 
-    fn target(&self, index: usize, slot: usize) -> Option<Target> {
-        self.tree(index)?.nodes[self.nodes[index] as usize].target(slot)
+    fn child(&self, index: usize, slot: usize) -> Option<ChildRef> {
+        self.tree(index)?.nodes[self.nodes[index] as usize].child(slot)
     }
 
     /// Adds a tree. It may be here already, if another part of the same instance was split before.
@@ -260,7 +260,7 @@ impl<'a> Cut<'a> {
         }
         if children.has_unresolved() {
             self.has_unresolved = true;
-            doubt_unresolved(&mut self.doubts[index], &importance, &record.targets, local.light_bit);
+            doubt_unresolved(&mut self.doubts[index], &importance, &record.children, local.light_bit);
         }
         self.weights[index] = importance;
         self.tree_of[index] = tree;
@@ -319,10 +319,10 @@ impl<'a> Cut<'a> {
 /// Makes the doubts about a node's unresolved children the greatest. Takes only what it needs: a
 /// reference to the whole cut would keep its scalars out of registers.
 #[cold]
-fn doubt_unresolved(doubts: &mut Lanes, importance: &Lanes, targets: &[u32; WIDTH], light_bit: u32) {
+fn doubt_unresolved(doubts: &mut Lanes, importance: &Lanes, children: &[u32; WIDTH], light_bit: u32) {
     for slot in 0..WIDTH {
         if importance[slot] < 0.0 {
-            let is_light = targets[slot] & light_bit != 0;
+            let is_light = children[slot] & light_bit != 0;
             doubts[slot] = if is_light { 0.0 } else { -importance[slot] * UNRESOLVED_DOUBT };
         }
     }
@@ -343,7 +343,7 @@ fn limit_unresolved(weights: &mut [Lanes], totals: &mut [f32], others: f32) {
 /// A candidate of a cut that was chosen.
 pub(crate) struct Choice<'a> {
     pub tree: TreeView<'a>,
-    pub target: Target,
+    pub child: ChildRef,
     /// Part of the sum of all weights.
     pub weight: f32,
     /// How far the point lies inside the candidate's part of the line.

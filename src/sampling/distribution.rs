@@ -9,7 +9,7 @@ use crate::sampling::counts::SplitCount;
 use crate::sampling::cut::{Cut, InstanceTrees, NO_INSTANCE, NoInstances, TreeView, seen_importances};
 use crate::shading::importance::running_sums;
 use crate::shading::shading_point::ShadingPoint;
-use crate::tree::{LightTree, Target, WIDTH};
+use crate::tree::{ChildRef, LightTree, WIDTH};
 
 impl LightTree {
     /// Computes the probability of every light, by its index: what [`LightTree::pmf`] returns for
@@ -51,40 +51,40 @@ impl<'a, T: InstanceTrees<'a>> Job for DistributionJob<'a, '_, T> {
         let total = cut.total() + directional_lux;
         let cut_pmf = if directional_lux > 0.0 { choice_pmf(cut.total(), total) } else { 1.0 };
         let (mut stack, mut inner_stack) = (Vec::new(), Vec::new());
-        for (tree, target, weight) in cut.candidates() {
+        for (tree, child, weight) in cut.candidates() {
             let pmf = joint_pmf(cut_pmf, choice_pmf(weight, cut.total()));
             if !tree.is_top() {
                 let start = if tree.instance == NO_INSTANCE { 0 } else { starts[tree.instance as usize] };
-                visit_leaves(tree, target, pmf, instance_trees, &mut inner_stack, |light, pmf| {
+                visit_leaves(tree, child, pmf, instance_trees, &mut inner_stack, |light, pmf| {
                     pmfs[start + light as usize] = pmf
                 });
                 continue;
             }
-            visit_leaves(tree, target, pmf, instance_trees, &mut stack, |leaf, pmf| {
-                let Some((tree, target)) = instance_trees.tree_view(leaf) else { return };
+            visit_leaves(tree, child, pmf, instance_trees, &mut stack, |leaf, pmf| {
+                let Some((tree, child)) = instance_trees.tree_view(leaf) else { return };
                 let start = starts[tree.instance as usize];
                 let visit = |light: u32, pmf| pmfs[start + light as usize] = pmf;
-                visit_leaves(&tree, target, pmf, instance_trees, &mut inner_stack, visit);
+                visit_leaves(&tree, child, pmf, instance_trees, &mut inner_stack, visit);
             });
         }
         total
     }
 }
 
-/// Visits every leaf of a tree at or below `target` with its probability; `pmf` is that of
-/// `target`. `stack` is empty before and after.
+/// Visits every leaf of a tree at or below `child` with its probability; `pmf` is that of
+/// `child`. `stack` is empty before and after.
 #[inline(always)]
 fn visit_leaves<'a>(
     tree: &TreeView<'a>,
-    target: Target,
+    child: ChildRef,
     pmf: f32,
     instance_trees: &impl InstanceTrees<'a>,
     stack: &mut Vec<(u32, f32)>,
     mut visit: impl FnMut(u32, f32),
 ) {
-    match target {
-        Target::Leaf(leaf) => return visit(leaf, pmf),
-        Target::Node(node) => stack.push((node, pmf)),
+    match child {
+        ChildRef::Leaf(leaf) => return visit(leaf, pmf),
+        ChildRef::Node(node) => stack.push((node, pmf)),
     }
     while let Some((node, pmf)) = stack.pop() {
         let record = &tree.nodes[node as usize];
@@ -95,9 +95,9 @@ fn visit_leaves<'a>(
                 continue;
             }
             let pmf = joint_pmf(pmf, choice_pmf(weights[slot], total));
-            match record.target(slot) {
-                Some(Target::Leaf(leaf)) => visit(leaf, pmf),
-                Some(Target::Node(node)) => stack.push((node, pmf)),
+            match record.child(slot) {
+                Some(ChildRef::Leaf(leaf)) => visit(leaf, pmf),
+                Some(ChildRef::Node(node)) => stack.push((node, pmf)),
                 None => {}
             }
         }

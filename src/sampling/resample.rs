@@ -14,7 +14,7 @@ use crate::math::simd::{Job, with_vectors};
 use crate::sampling::counts::{CandidateCount, MAX_CANDIDATES, SplitCount};
 use crate::sampling::cut::{Cut, InstanceTrees, TreeView};
 use crate::sampling::emit::MIN_PDF;
-use crate::sampling::sample::{LightSample, LightSampler, with_surroundings};
+use crate::sampling::sample::{LightSample, LightSampler, with_instance_trees};
 use crate::sampling::walk::{Outcome, draw};
 use crate::shading::importance::LocalShadingPoint;
 use crate::shading::shading_point::ShadingPoint;
@@ -125,7 +125,7 @@ impl LightSampler<'_> {
         let count = candidates.get();
         let (root, splits) = (self.root(shading_point), self.splits);
         let directional_lux = self.directional_lux(shading_point);
-        let outcomes = with_surroundings!(self, shading_point, |instance_trees| {
+        let outcomes = with_instance_trees!(self, shading_point, |instance_trees| {
             with_vectors(DrawManyJob { root, splits, directional_lux, u, count, instance_trees })
         });
         let mut samples = [const { None }; MAX_CANDIDATES as usize];

@@ -17,12 +17,12 @@ use crate::sampling::cut::{InstanceTrees, NO_INSTANCE, NoInstances, TreeView};
 use crate::sampling::distribution::DistributionJob;
 use crate::sampling::emit::{Incident, MIN_INVERSE_PDF, MIN_PDF, sample_light};
 use crate::sampling::equiangular::Stretch;
-use crate::sampling::walk::{DrawJob, LeafPath, Outcome, PmfJob, PmfTarget, TopPath, TreeLight};
+use crate::sampling::walk::{DrawJob, LeafPath, Outcome, PmfJob, PmfQuery, TopPath, TreeLight};
 use crate::shading::importance::LocalShadingPoint;
 use crate::shading::segment::LocalSegment;
 use crate::shading::shading_point::ShadingPoint;
 use crate::top::TopLevel;
-use crate::tree::{Lanes, LightTree, NO_LEAF, Node, Target, WIDTH};
+use crate::tree::{ChildRef, Lanes, LightTree, NO_LEAF, Node, WIDTH};
 use crate::visibility::{CellGrid, LearntCell, VisibilityTable};
 use crate::world::LightWorld;
 
@@ -133,50 +133,50 @@ impl fmt::Debug for LightSampler<'_> {
 
 /// The trees of a sampler's instances as seen from a shading point.
 #[derive(Clone, Copy)]
-pub(crate) struct Surroundings<'a, 's> {
+pub(crate) struct WorldTrees<'a, 's> {
     sampler: &'s LightSampler<'a>,
     shading_point: &'s ShadingPoint,
 }
 
 /// The same, where something is learnt. A type of its own, because one branch for each node would
 /// cost all samplers 1.6 % more instructions.
-pub(crate) struct LearntSurroundings<'a, 's> {
-    trees: Surroundings<'a, 's>,
+pub(crate) struct LearntWorldTrees<'a, 's> {
+    trees: WorldTrees<'a, 's>,
     learnt: LearntCell<'a>,
 }
 
 /// The same, where masks hide some lights, and whatever is learnt. A type of its own for the same
 /// reason.
-pub(crate) struct MaskedSurroundings<'a, 's> {
-    trees: Surroundings<'a, 's>,
+pub(crate) struct MaskedWorldTrees<'a, 's> {
+    trees: WorldTrees<'a, 's>,
     learnt: Option<LearntCell<'a>>,
     /// [`TopLevel::masks`].
     masks: &'a [[u32; WIDTH]],
 }
 
-impl<'a> InstanceTrees<'a> for Surroundings<'a, '_> {
-    fn tree_view(&self, leaf: u32) -> Option<(TreeView<'a>, Target)> {
+impl<'a> InstanceTrees<'a> for WorldTrees<'a, '_> {
+    fn tree_view(&self, leaf: u32) -> Option<(TreeView<'a>, ChildRef)> {
         let sampler = self.sampler;
-        let Part { slot, target } = sampler.top.part(leaf)?;
+        let Part { slot, entry } = sampler.top.part(leaf)?;
         let (_, tree) = sampler.tree_view(sampler.world.instance_at(slot)?, self.shading_point)?;
-        (!tree.nodes.is_empty()).then_some((tree, target))
+        (!tree.nodes.is_empty()).then_some((tree, entry))
     }
 }
 
-impl<'a, 's> Surroundings<'a, 's> {
+impl<'a, 's> WorldTrees<'a, 's> {
     /// The same with what is learnt about the cell of the shading point.
-    pub fn with(self, learnt: LearntCell<'a>) -> LearntSurroundings<'a, 's> {
-        LearntSurroundings { trees: self, learnt }
+    pub fn with(self, learnt: LearntCell<'a>) -> LearntWorldTrees<'a, 's> {
+        LearntWorldTrees { trees: self, learnt }
     }
 
     /// The same with the masks of the top level.
-    pub fn with_masks(self, masks: &'a [[u32; WIDTH]], learnt: Option<LearntCell<'a>>) -> MaskedSurroundings<'a, 's> {
-        MaskedSurroundings { trees: self, learnt, masks }
+    pub fn with_masks(self, masks: &'a [[u32; WIDTH]], learnt: Option<LearntCell<'a>>) -> MaskedWorldTrees<'a, 's> {
+        MaskedWorldTrees { trees: self, learnt, masks }
     }
 }
 
-impl<'a> InstanceTrees<'a> for LearntSurroundings<'a, '_> {
-    fn tree_view(&self, leaf: u32) -> Option<(TreeView<'a>, Target)> {
+impl<'a> InstanceTrees<'a> for LearntWorldTrees<'a, '_> {
+    fn tree_view(&self, leaf: u32) -> Option<(TreeView<'a>, ChildRef)> {
         self.trees.tree_view(leaf)
     }
 
@@ -186,8 +186,8 @@ impl<'a> InstanceTrees<'a> for LearntSurroundings<'a, '_> {
     }
 }
 
-impl<'a> InstanceTrees<'a> for MaskedSurroundings<'a, '_> {
-    fn tree_view(&self, leaf: u32) -> Option<(TreeView<'a>, Target)> {
+impl<'a> InstanceTrees<'a> for MaskedWorldTrees<'a, '_> {
+    fn tree_view(&self, leaf: u32) -> Option<(TreeView<'a>, ChildRef)> {
         self.trees.tree_view(leaf)
     }
 
@@ -212,9 +212,9 @@ impl<'a> InstanceTrees<'a> for MaskedSurroundings<'a, '_> {
 
 /// Evaluates an expression with a reference to the trees around a shading point, whatever is learnt
 /// there and whether masks hide lights.
-macro_rules! with_surroundings {
+macro_rules! with_instance_trees {
     ($sampler:expr, $shading_point:expr, |$trees:ident| $run:expr) => {{
-        let trees = $sampler.surroundings($shading_point);
+        let trees = $sampler.world_trees($shading_point);
         match ($sampler.masks($shading_point), $sampler.learnt($shading_point)) {
             (Some(masks), learnt) => {
                 let $trees = &trees.with_masks(masks, learnt);
@@ -231,7 +231,7 @@ macro_rules! with_surroundings {
         }
     }};
 }
-pub(crate) use with_surroundings;
+pub(crate) use with_instance_trees;
 
 impl LightWorld {
     /// Returns a sampler of the world as it is now, with lights as of the last
@@ -312,7 +312,7 @@ impl<'a> LightSampler<'a> {
     pub fn pick(&self, shading_point: &ShadingPoint, u: [f32; 2]) -> Option<LightPick> {
         let (root, splits) = (self.root(shading_point), self.splits);
         let directional_lux = self.directional_lux(shading_point);
-        let outcome = with_surroundings!(self, shading_point, |instance_trees| {
+        let outcome = with_instance_trees!(self, shading_point, |instance_trees| {
             with_vectors(DrawJob { root, splits, directional_lux, u, instance_trees })
         });
         self.picked(shading_point, outcome)
@@ -337,19 +337,19 @@ impl<'a> LightSampler<'a> {
     /// of [`LightSampler::pick`].
     pub fn pmf(&self, shading_point: &ShadingPoint, light: LightId) -> f32 {
         let root = self.root(shading_point);
-        let target = match light {
+        let query = match light {
             LightId::Directional(key) => match self.world.directional(key) {
-                Some(light) => PmfTarget::Directional(illuminance(light, shading_point)),
+                Some(light) => PmfQuery::Directional(illuminance(light, shading_point)),
                 None => return 0.0,
             },
             LightId::Local { instance, light } => match self.leaf_path(instance, light, shading_point) {
-                Some(path) => PmfTarget::Light(path),
+                Some(path) => PmfQuery::Light(path),
                 None => return 0.0,
             },
         };
         let (splits, directional_lux) = (self.splits, self.directional_lux(shading_point));
-        with_surroundings!(self, shading_point, |instance_trees| {
-            with_vectors(PmfJob { root, splits, directional_lux, target, instance_trees })
+        with_instance_trees!(self, shading_point, |instance_trees| {
+            with_vectors(PmfJob { root, splits, directional_lux, query, instance_trees })
         })
     }
 
@@ -452,11 +452,11 @@ impl<'a> LightSampler<'a> {
 
     /// What a leaf of the top level stands for: an instance, and the node or the light of the
     /// instance's tree at which the choice goes on. That node is the root unless the tree is divided
-    /// among several leaves. `leaf` is that of [`Target::Leaf`] in [`LightSampler::top_nodes`]. `None`
+    /// among several leaves. `leaf` is that of [`ChildRef::Leaf`] in [`LightSampler::top_nodes`]. `None`
     /// for any other number.
-    pub fn top_leaf(&self, leaf: u32) -> Option<(InstanceKey, Target)> {
+    pub fn top_leaf(&self, leaf: u32) -> Option<(InstanceKey, ChildRef)> {
         let part = self.world.top_level().part(leaf)?;
-        Some((self.world.instance_at(part.slot)?, part.target))
+        Some((self.world.instance_at(part.slot)?, part.entry))
     }
 
     /// Computes the probability of every light, in the order of [`LightSampler::all_lights`]: what
@@ -477,7 +477,7 @@ impl<'a> LightSampler<'a> {
         pmfs.resize(lights, 0.0);
         let (root, directional_lux) = (self.root(shading_point), self.directional_lux(shading_point));
         let (splits, starts) = (self.splits, &starts);
-        let total = with_surroundings!(self, shading_point, |instance_trees| {
+        let total = with_instance_trees!(self, shading_point, |instance_trees| {
             with_vectors(DistributionJob { root, splits, directional_lux, instance_trees, starts, pmfs })
         });
         pmfs.extend(world.directionals().map(|(_, light)| {
@@ -492,8 +492,8 @@ impl<'a> LightSampler<'a> {
     }
 
     /// The trees of all instances as seen from a shading point.
-    pub(crate) fn surroundings<'s>(&'s self, shading_point: &'s ShadingPoint) -> Surroundings<'a, 's> {
-        Surroundings { sampler: self, shading_point }
+    pub(crate) fn world_trees<'s>(&'s self, shading_point: &'s ShadingPoint) -> WorldTrees<'a, 's> {
+        WorldTrees { sampler: self, shading_point }
     }
 
     /// The masks of the top level; `None` if no mask hides anything from a shading point.
@@ -600,7 +600,7 @@ impl LightTree {
     pub fn pmf(&self, shading_point: &ShadingPoint, light: u32, splits: SplitCount) -> f32 {
         let Some(place) = self.leaves().get(light as usize).filter(|place| **place != NO_LEAF) else { return 0.0 };
         let root = TreeView::of_tree(self.nodes(), shading_point);
-        let target = PmfTarget::Light(LeafPath { tree: root, light, place: *place, top: None });
-        with_vectors(PmfJob { root, splits, directional_lux: 0.0, target, instance_trees: &NoInstances })
+        let query = PmfQuery::Light(LeafPath { tree: root, light, place: *place, top: None });
+        with_vectors(PmfJob { root, splits, directional_lux: 0.0, query, instance_trees: &NoInstances })
     }
 }

@@ -10,7 +10,7 @@ use crate::math::simd::Job;
 use crate::sampling::counts::SplitCount;
 use crate::sampling::cut::{Choice, Cut, InstanceTrees, NO_INSTANCE, TreeView, choose_lane, seen_importances};
 use crate::shading::importance::running_sums;
-use crate::tree::{NO_PARENT, Section, Target, WIDTH};
+use crate::tree::{ChildRef, NO_PARENT, Section, WIDTH};
 
 /// A light of a tree and the probability of its choice.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,20 +72,20 @@ fn descend<'a>(
     mut inner: Dice,
     instance_trees: &impl InstanceTrees<'a>,
 ) -> Option<TreeLight> {
-    let Choice { mut tree, mut target, weight, offset } = cut.choose(outer.point(cut.total()))?;
+    let Choice { mut tree, mut child, weight, offset } = cut.choose(outer.point(cut.total()))?;
     let mut pmf = choice_pmf(weight, cut.total());
     outer.remap(offset / cut.total(), pmf);
     loop {
-        let node = match target {
-            Target::Leaf(leaf) if tree.is_top() => {
-                (tree, target) = instance_trees.tree_view(leaf)?;
-                match target {
-                    Target::Node(node) => node,
-                    Target::Leaf(light) => return Some(TreeLight { instance: tree.instance, light, pmf }),
+        let node = match child {
+            ChildRef::Leaf(leaf) if tree.is_top() => {
+                (tree, child) = instance_trees.tree_view(leaf)?;
+                match child {
+                    ChildRef::Node(node) => node,
+                    ChildRef::Leaf(light) => return Some(TreeLight { instance: tree.instance, light, pmf }),
                 }
             }
-            Target::Leaf(light) => return Some(TreeLight { instance: tree.instance, light, pmf }),
-            Target::Node(node) => node,
+            ChildRef::Leaf(light) => return Some(TreeLight { instance: tree.instance, light, pmf }),
+            ChildRef::Node(node) => node,
         };
         let dice = if tree.instance == NO_INSTANCE { &mut outer } else { &mut inner };
         let record = tree.nodes.get(node as usize)?;
@@ -99,7 +99,7 @@ fn descend<'a>(
         let child_pmf = choice_pmf(weights[slot], total);
         pmf = joint_pmf(pmf, child_pmf);
         dice.remap(offset / total, child_pmf);
-        target = record.target(slot)?;
+        child = record.child(slot)?;
     }
 }
 
@@ -194,7 +194,7 @@ impl<'a, T: InstanceTrees<'a>> Job for DrawJob<'a, '_, T> {
 
 /// A light whose probability is computed.
 #[allow(clippy::large_enum_variant, reason = "one exists at a time, on the stack")]
-pub(crate) enum PmfTarget<'a> {
+pub(crate) enum PmfQuery<'a> {
     Light(LeafPath<'a>),
     /// A directional light that brings so many lux.
     Directional(f32),
@@ -206,7 +206,7 @@ pub(crate) struct PmfJob<'a, 't, T> {
     pub splits: SplitCount,
     /// The illuminance by all directional lights.
     pub directional_lux: f32,
-    pub target: PmfTarget<'a>,
+    pub query: PmfQuery<'a>,
     pub instance_trees: &'t T,
 }
 
@@ -215,16 +215,16 @@ impl<'a, T: InstanceTrees<'a>> Job for PmfJob<'a, '_, T> {
 
     #[inline(always)]
     fn run(self) -> f32 {
-        let Self { root, splits, directional_lux, target, instance_trees } = self;
+        let Self { root, splits, directional_lux, query, instance_trees } = self;
         let cut = Cut::new(root, splits, directional_lux, instance_trees);
         let total = cut.total() + directional_lux;
-        match target {
+        match query {
             _ if total <= 0.0 => 0.0,
-            PmfTarget::Light(leaf) => {
+            PmfQuery::Light(leaf) => {
                 let pmf = if directional_lux > 0.0 { choice_pmf(cut.total(), total) } else { 1.0 };
                 joint_pmf(pmf, climb(&cut, &leaf, instance_trees))
             }
-            PmfTarget::Directional(lux) => choice_pmf(lux, total),
+            PmfQuery::Directional(lux) => choice_pmf(lux, total),
         }
     }
 }

@@ -34,7 +34,7 @@ pub(crate) struct LocalShadingPoint<'a> {
     /// The largest rounding error of a position, per metre of its coordinates. It grows where the
     /// space is squeezed.
     pub margin: f32,
-    /// The bit of [`Node::targets`] that marks single lights: [`LEAF`] in a tree,
+    /// The bit of [`Node::children`] that marks single lights: [`LEAF`] in a tree,
     /// `part::SINGLE` in a top level, whose leaves are parts of instances.
     pub light_bit: u32,
     /// The intensity of a light that shines to all sides, per unit of flux and after the factor of
@@ -203,7 +203,7 @@ fn importances(node: &Node, local: &LocalShadingPoint, gloss: Option<&LocalGloss
     for i in 0..WIDTH {
         let child = node.unpack(i, &grid);
         let gap_sq = child.gap_sq(margin);
-        let is_light = node.targets[i] & local.light_bit != 0;
+        let is_light = node.children[i] & local.light_bit != 0;
         let view = ClusterView::new(&child, local, gap_sq);
         let (importance, doubt) = estimate(&child, &view, is_light, local, gloss, position_error_sq);
         let is_lit = (child.flux > 0.0) & !is_provably_dark(&child, &view, local, margin);
@@ -232,7 +232,7 @@ fn importances_in_world(
         let mut child = node.unpack(i, grid);
         child.cos_half_angle = to_world.widened(child.cos_half_angle);
         let gap_sq = child.gap_sq(margin);
-        let is_light = node.targets[i] & local.light_bit != 0;
+        let is_light = node.children[i] & local.light_bit != 0;
         let view = ClusterView::new(&child, local, gap_sq);
         let is_lit = (child.flux > 0.0) & !is_provably_dark(&child, &view, local, margin);
         let view = view.in_world(&child, &map, node.area_share(i));
@@ -462,7 +462,7 @@ fn importances_along(
             Some(world) => cluster.in_world(&child, segment, world, node.area_share(i)),
             None => cluster,
         };
-        let is_light = node.targets[i] & local.light_bit != 0;
+        let is_light = node.children[i] & local.light_bit != 0;
         let (importance, doubt) = cluster.estimate(child.length, is_light, local.candela_per_lumen);
         let importance = if is_unresolved { -importance } else { importance };
         children.importance[i] = if (child.flux > 0.0) & !is_dark { importance } else { 0.0 };

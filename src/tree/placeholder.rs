@@ -126,9 +126,9 @@ fn add_group(order: &[u32], lights: usize, parent: u32, nodes: &mut Vec<ShapeNod
     let own = nodes.len();
     let chunks = order.chunks(lights);
     let count = chunks.len() as u32;
-    nodes.push(ShapeNode { targets: [EMPTY_SLOT; WIDTH], count, parent, span: 1 });
+    nodes.push(ShapeNode { children: [EMPTY_SLOT; WIDTH], count, parent, span: 1 });
     for (slot, chunk) in chunks.enumerate() {
-        nodes[own].targets[slot] = match chunk {
+        nodes[own].children[slot] = match chunk {
             [light] => LEAF | light,
             _ => {
                 let child = nodes.len() as u32;

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::LightTree;
 use super::attributes::AttributeSums;
-use super::node::{NO_PARENT, Node, Target, WIDTH};
+use super::node::{ChildRef, NO_PARENT, Node, WIDTH};
 use super::tasks::{RefitTask, RefitTasks};
 use super::wide::WideCluster;
 use crate::cluster::Cluster;
@@ -164,7 +164,7 @@ impl NodeSlices<'_> {
         if MEASURE {
             let mut sums = AttributeSums::of(wide, &merged);
             for slot in 0..count {
-                if let Some(Target::Node(below)) = node.target(slot) {
+                if let Some(ChildRef::Node(below)) = node.child(slot) {
                     sums.add(&self.sums[below as usize - self.base]);
                 }
             }

@@ -69,7 +69,7 @@ impl LightWorld {
                 self.rebuild_now(tree);
                 return;
             }
-            // A build that is open does not know the map.
+            // A build that is under way does not know the map.
             self.cancel_build(tree);
             self.await_first_build(tree);
             self.recount(tree);

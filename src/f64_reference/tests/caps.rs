@@ -31,7 +31,7 @@ fn node_of(half: Vec3, axis: Vec3, half_angle: f32) -> Node {
     wide.set(0, &cluster);
     let mut node = Node::EMPTY;
     node.pack(&wide, &wide.merged().cluster.aabb, 1);
-    node.targets[0] = LEAF;
+    node.children[0] = LEAF;
     node
 }
 

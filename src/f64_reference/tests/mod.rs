@@ -91,7 +91,7 @@ fn both_importances(tree: &LightTree, at: &ShadingPoint) -> Vec<(f64, Child, Imp
                 assert_eq!(ours.importance[slot], 0.0);
                 continue;
             };
-            let expected = importance(&child, node, &view, node.targets[slot] & LEAF != 0);
+            let expected = importance(&child, node, &view, node.children[slot] & LEAF != 0);
             all.push((f64::from(ours.importance[slot]), child, expected));
         }
     }

@@ -140,7 +140,7 @@ fn compare_worlds(seed: u64, shading_point: impl Fn(&mut Rng, f32) -> ShadingPoi
                 let tree = world.tree(world.instance_tree(key)?)?;
                 let brightness = f64::from(luminance(world.factor(key)?));
                 let view = here.in_tree(&Map::new(placement.linear.as_dmat3()), placement.translation, brightness);
-                Some((Tree { nodes: tree.nodes(), view, instance: Some(part.slot) }, part.target))
+                Some((Tree { nodes: tree.nodes(), view, instance: Some(part.slot) }, part.entry))
             };
             let directional: f64 = world
                 .directionals()

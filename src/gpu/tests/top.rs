@@ -21,7 +21,7 @@ use crate::plan::node_record::NodeRecord;
 use crate::plan::pool::Growth;
 use crate::plan::stored::Missing;
 use crate::plan::top::TopBuild;
-use crate::tree::{Node, Target, WIDTH};
+use crate::tree::{ChildRef, Node, WIDTH};
 use crate::{InstanceKey, Light, LightWorld, Placement, Policy, TreeKey};
 
 /// What a build on the GPU has written. Some nodes may be left over: no other node refers to them.
@@ -50,10 +50,10 @@ impl Built {
 
     /// The cluster from which the child at a place was packed.
     fn child(&self, place: usize) -> Cluster {
-        match self.nodes[place / WIDTH].target(place % WIDTH) {
+        match self.nodes[place / WIDTH].child(place % WIDTH) {
             None => Cluster::EMPTY,
-            Some(Target::Leaf(leaf)) => self.leaves[self.part_of(leaf)],
-            Some(Target::Node(node)) => cluster_of(&self.clusters[node as usize]),
+            Some(ChildRef::Leaf(leaf)) => self.leaves[self.part_of(leaf)],
+            Some(ChildRef::Node(node)) => cluster_of(&self.clusters[node as usize]),
         }
     }
 
@@ -63,8 +63,8 @@ impl Built {
         let mut next = 0;
         while let Some(node) = reached.get(next) {
             let children: Vec<usize> = (0..WIDTH)
-                .filter_map(|slot| match self.nodes[*node].target(slot) {
-                    Some(Target::Node(child)) => Some(child as usize),
+                .filter_map(|slot| match self.nodes[*node].child(slot) {
+                    Some(ChildRef::Node(child)) => Some(child as usize),
                     _ => None,
                 })
                 .collect();

@@ -197,7 +197,7 @@ fn gloss_adds_to_the_doubt_about_a_cluster() {
         let glossy = plain.with_gloss(Gloss { view, roughness: 0.3, specular: 0.04, diffuse: 0.5 });
         for node in tree.nodes() {
             let [plain, glossy] = [&plain, &glossy].map(|at| child_importances(node, &LocalShadingPoint::of(at)));
-            for slot in (0..node.count()).filter(|slot| node.targets[*slot] & LEAF == 0) {
+            for slot in (0..node.count()).filter(|slot| node.children[*slot] & LEAF == 0) {
                 assert!(glossy.doubt[slot] >= plain.doubt[slot]);
                 compared += usize::from(glossy.doubt[slot] > plain.doubt[slot]);
             }

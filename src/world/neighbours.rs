@@ -61,7 +61,7 @@ struct Large {
 
 /// The instances of large trees, filed by size and position.
 #[derive(Debug, Default)]
-pub(super) struct Surroundings {
+pub(super) struct Neighbours {
     cells: HashMap<GridCell, Vec<InstanceKey>>,
     /// The numbers of listed instances by size, in ascending order of size. None is 0.
     sizes: Vec<(i32, u32)>,
@@ -95,7 +95,7 @@ impl ThickBox {
     }
 }
 
-impl Surroundings {
+impl Neighbours {
     /// Files an instance of a large tree. Returns whether it is new or has another box.
     fn file(&mut self, key: InstanceKey, bounds: ThickBox) -> bool {
         let former = self.large.get(key).copied();
@@ -186,7 +186,7 @@ impl LightWorld {
     /// Notes an instance that was added or whose tree changed. The next update judges it.
     pub(super) fn judge_later(&mut self, key: InstanceKey) {
         self.file_new(key);
-        self.surroundings.new.push(key);
+        self.neighbours.new.push(key);
         let tree = self.instances[key].tree;
         if !self.trees[tree].sections.is_empty() {
             // With more instances, each may have fewer sections.
@@ -195,8 +195,8 @@ impl LightWorld {
     }
 
     /// Forgets an instance that leaves its tree, or whose tree is not large any more.
-    pub(super) fn forget_surroundings(&mut self, key: InstanceKey, tree: TreeKey) {
-        if self.surroundings.forget(key) {
+    pub(super) fn forget_neighbours(&mut self, key: InstanceKey, tree: TreeKey) {
+        if self.neighbours.forget(key) {
             self.trees[tree].among_others -= 1;
             self.judge_tree(tree);
         }
@@ -204,23 +204,23 @@ impl LightWorld {
 
     /// Judges the instances that were added since the last update. Until all instances have been
     /// judged after the last move, judges some others too. O(1) for each.
-    pub(super) fn judge_surroundings(&mut self, has_moved: bool) {
-        let new = std::mem::take(&mut self.surroundings.new);
+    pub(super) fn judge_neighbours(&mut self, has_moved: bool) {
+        let new = std::mem::take(&mut self.neighbours.new);
         for key in &new {
             self.file_large(*key);
         }
-        if self.surroundings.large.is_empty() {
-            self.surroundings.round.end();
+        if self.neighbours.large.is_empty() {
+            self.neighbours.round.end();
             return;
         }
         for key in new {
             self.meet_others(key);
         }
         if has_moved {
-            self.surroundings.round.restart(self.slot_count());
+            self.neighbours.round.restart(self.slot_count());
         }
         for _ in 0..SLOTS_PER_UPDATE {
-            let Some(slot) = self.surroundings.round.visit(self.slot_count()) else { break };
+            let Some(slot) = self.neighbours.round.visit(self.slot_count()) else { break };
             if let Some(key) = self.instance_at(slot) {
                 self.file_large(key);
                 self.meet_others(key);
@@ -234,12 +234,12 @@ impl LightWorld {
         let Some(tree) = self.instances.get(key).map(|instance| instance.tree) else { return };
         match self.thick_box(key).filter(|_| self.is_large(tree)) {
             Some(bounds) => {
-                if self.surroundings.file(key, bounds) {
+                if self.neighbours.file(key, bounds) {
                     // Any other instance may be its neighbour.
-                    self.surroundings.round.restart(self.slot_count());
+                    self.neighbours.round.restart(self.slot_count());
                 }
             }
-            None => self.forget_surroundings(key, tree),
+            None => self.forget_neighbours(key, tree),
         }
     }
 
@@ -247,7 +247,7 @@ impl LightWorld {
     fn meet_others(&mut self, key: InstanceKey) {
         let Some(bounds) = self.thick_box(key) else { return };
         let mut changed = Vec::new();
-        self.surroundings.meet(key, &bounds, |other| changed.push(other));
+        self.neighbours.meet(key, &bounds, |other| changed.push(other));
         for other in changed {
             let tree = self.instances[other].tree;
             self.trees[tree].among_others += 1;
@@ -257,12 +257,12 @@ impl LightWorld {
 
     /// Drops the neighbours of a large instance that are gone.
     fn part_from_others(&mut self, key: InstanceKey) {
-        let Some(large) = self.surroundings.large.get(key).copied() else { return };
+        let Some(large) = self.neighbours.large.get(key).copied() else { return };
         let is_near =
             |other: &InstanceKey| self.thick_box(*other).is_some_and(|bounds| large.bounds.share(&bounds) >= MIN_SHARE);
         let neighbours = large.neighbours.map(|other| other.filter(is_near));
         let is_among_others = large.is_among_others && neighbours.iter().any(Option::is_some);
-        self.surroundings.large[key] = Large { neighbours, is_among_others, ..large };
+        self.neighbours.large[key] = Large { neighbours, is_among_others, ..large };
         if is_among_others != large.is_among_others {
             let tree = self.instances[key].tree;
             self.trees[tree].among_others -= 1;
@@ -371,7 +371,7 @@ mod tests {
         assert!(has_sections(&world, tree));
         // Everything was judged, so updates do nothing more.
         world.update(FrameBudget::NONE);
-        assert_eq!((world.surroundings.round.visit(world.slot_count()), world.surroundings.new.len()), (None, 0));
+        assert_eq!((world.neighbours.round.visit(world.slot_count()), world.neighbours.new.len()), (None, 0));
     }
 
     #[test]
@@ -402,11 +402,11 @@ mod tests {
             .collect();
         world.update(FrameBudget::NONE);
         let check = |world: &LightWorld, filed: usize| {
-            let surroundings = &world.surroundings;
-            let listed: usize = surroundings.cells.values().map(Vec::len).sum();
-            let counted: u32 = surroundings.sizes.iter().map(|(_, count)| count).sum();
-            assert_eq!((listed, counted as usize, surroundings.large.len()), (filed, filed, filed));
-            let among = surroundings.large.values().filter(|large| large.is_among_others).count();
+            let neighbours = &world.neighbours;
+            let listed: usize = neighbours.cells.values().map(Vec::len).sum();
+            let counted: u32 = neighbours.sizes.iter().map(|(_, count)| count).sum();
+            assert_eq!((listed, counted as usize, neighbours.large.len()), (filed, filed, filed));
+            let among = neighbours.large.values().filter(|large| large.is_among_others).count();
             assert_eq!(world.trees.values().map(|entry| entry.among_others as usize).sum::<usize>(), among);
         };
         check(&world, 10);
@@ -428,6 +428,6 @@ mod tests {
         }
         world.update(FrameBudget::NONE);
         check(&world, 0);
-        assert!(world.surroundings.cells.is_empty() && world.section_count == 0);
+        assert!(world.neighbours.cells.is_empty() && world.section_count == 0);
     }
 }

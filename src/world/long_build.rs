@@ -10,9 +10,9 @@ use super::update::FrameReport;
 use crate::keys::TreeKey;
 use crate::tree::TreeBuild;
 
-/// The build that the scheduler has opened.
+/// Does the long build that the scheduler has begun.
 #[derive(Debug, Default)]
-pub(super) struct OpenBuild {
+pub(super) struct LongBuilder {
     state: State,
     thread: BuildThread,
     /// Builds never go on in the background.
@@ -28,7 +28,7 @@ enum State {
     InBackground(Option<TreeKey>, RunningBuild),
 }
 
-impl OpenBuild {
+impl LongBuilder {
     /// Whether a build runs in the background or waits to be installed.
     pub fn is_in_background(&self) -> bool {
         matches!(self.state, State::InBackground(..))
@@ -44,19 +44,19 @@ impl LightWorld {
     /// the budgets of frames in either case. Without the feature `parallel`, and where no thread
     /// can be created, all builds stay in frames. A build that already runs goes on.
     pub fn set_background_builds(&mut self, are_allowed: bool) {
-        self.open_build.is_kept_in_frames = !are_allowed;
+        self.long_builder.is_kept_in_frames = !are_allowed;
     }
 
-    /// Does a slice of the open build, and begins it if need be. Returns the time at the end.
+    /// Does a slice of the long build, and begins it if need be. Returns the time at the end.
     pub(super) fn go_on(&mut self, tree: TreeKey, units: usize, begin: Duration, report: &mut FrameReport) -> Duration {
-        let mut build = match std::mem::take(&mut self.open_build.state) {
-            State::InFrames(open, build) if open == tree => build,
+        let mut build = match std::mem::take(&mut self.long_builder.state) {
+            State::InFrames(of, build) if of == tree => build,
             _ => {
                 let tree = &self.trees[tree].tree;
                 Box::new(TreeBuild::new(tree.lights().len(), tree.reference()))
             }
         };
-        let OpenBuild { state, thread, is_kept_in_frames } = &mut self.open_build;
+        let LongBuilder { state, thread, is_kept_in_frames } = &mut self.long_builder;
         let goes_to_background = !*is_kept_in_frames && thread.is_available();
         let lights = self.trees[tree].tree.lights();
         let units = if goes_to_background { build.copy_lights(lights, units) } else { build.step(lights, units) };
@@ -86,15 +86,15 @@ impl LightWorld {
     /// Passes a build that has ended in the background to its tree, if the clock allows it. The
     /// refit that follows installs it.
     pub(super) fn take_finished_build(&mut self, report: &mut FrameReport) {
-        let (tree, running) = match std::mem::take(&mut self.open_build.state) {
+        let (tree, running) = match std::mem::take(&mut self.long_builder.state) {
             State::InBackground(tree, running) => (tree, running),
-            other => return self.open_build.state = other,
+            other => return self.long_builder.state = other,
         };
         let Some(took) = self.clock.background(running.started, running.work, running.done()) else {
-            self.open_build.state = State::InBackground(tree, running);
+            self.long_builder.state = State::InBackground(tree, running);
             return;
         };
-        report.longest_wait = report.longest_wait.max(self.scheduler.open_wait());
+        report.longest_wait = report.longest_wait.max(self.scheduler.long_build_wait());
         report.background.spent = took;
         self.scheduler.finish_background(running.work, took);
         match (tree, running.wait()) {
@@ -114,23 +114,23 @@ impl LightWorld {
         }
     }
 
-    /// Forgets the open build of a tree, and its result.
+    /// Forgets the long build of a tree, and its result.
     pub(super) fn cancel_build(&mut self, tree: TreeKey) {
-        drop(self.take_open_build(tree));
+        drop(self.take_long_build(tree));
         if self.trees[tree].successor.take().is_some() {
             self.recount(tree);
         }
     }
 
-    /// Forgets the open build of a tree, and returns what frames have done of it.
-    pub(super) fn take_open_build(&mut self, tree: TreeKey) -> Option<Box<TreeBuild>> {
+    /// Forgets the long build of a tree, and returns what frames have done of it.
+    pub(super) fn take_long_build(&mut self, tree: TreeKey) -> Option<Box<TreeBuild>> {
         self.scheduler.cancel(tree);
-        match &mut self.open_build.state {
-            State::InFrames(open, _) if *open == tree => match std::mem::take(&mut self.open_build.state) {
+        match &mut self.long_builder.state {
+            State::InFrames(of, _) if *of == tree => match std::mem::take(&mut self.long_builder.state) {
                 State::InFrames(_, build) => return Some(build),
-                other => self.open_build.state = other,
+                other => self.long_builder.state = other,
             },
-            State::InBackground(open, _) if *open == Some(tree) => *open = None,
+            State::InBackground(of, _) if *of == Some(tree) => *of = None,
             _ => {}
         }
         None

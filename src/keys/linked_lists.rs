@@ -7,7 +7,7 @@ use slotmap::{Key, SecondaryMap};
 /// Some lists of keys, each of which has a value. A key is in at most one of the lists, and the
 /// caller knows which. All operations are O(1).
 #[derive(Debug)]
-pub(crate) struct Lists<K: Key, T> {
+pub(crate) struct LinkedLists<K: Key, T> {
     ends: Vec<Ends<K>>,
     items: SecondaryMap<K, Item<K, T>>,
 }
@@ -27,7 +27,7 @@ struct Item<K, T> {
     value: T,
 }
 
-impl<K: Key, T> Lists<K, T> {
+impl<K: Key, T> LinkedLists<K, T> {
     /// Some empty lists, and no keys.
     pub fn new(count: usize) -> Self {
         Self { ends: vec![Ends { first: None, last: None }; count], items: SecondaryMap::new() }
@@ -83,7 +83,7 @@ impl<K: Key, T> Lists<K, T> {
 }
 
 #[cfg(test)]
-impl<K: Key, T> Lists<K, T> {
+impl<K: Key, T> LinkedLists<K, T> {
     pub fn len(&self) -> usize {
         self.items.len()
     }
@@ -97,7 +97,7 @@ impl<K: Key, T> Lists<K, T> {
     }
 }
 
-impl<K: Key, T> Index<K> for Lists<K, T> {
+impl<K: Key, T> Index<K> for LinkedLists<K, T> {
     type Output = T;
 
     fn index(&self, key: K) -> &T {
@@ -105,7 +105,7 @@ impl<K: Key, T> Index<K> for Lists<K, T> {
     }
 }
 
-impl<K: Key, T> IndexMut<K> for Lists<K, T> {
+impl<K: Key, T> IndexMut<K> for LinkedLists<K, T> {
     fn index_mut(&mut self, key: K) -> &mut T {
         &mut self.items[key].value
     }
@@ -125,7 +125,7 @@ mod tests {
     fn lists_hold_the_keys_that_plain_lists_do_after_random_operations() {
         let mut keys = SlotMap::<TreeKey, ()>::with_key();
         let keys: Vec<TreeKey> = (0..40).map(|_| keys.insert(())).collect();
-        let (mut lists, mut plain) = (Lists::new(3), [const { VecDeque::new() }; 3]);
+        let (mut lists, mut plain) = (LinkedLists::new(3), [const { VecDeque::new() }; 3]);
         keys.iter().for_each(|key| lists.insert(*key, *key));
         let mut rng = Rng(3);
         for _ in 0..20_000 {
