@@ -12,7 +12,7 @@ use criterion::{
     criterion_main,
 };
 use girandole::glam::Vec3;
-use girandole::tree::{Node, Target, WIDTH};
+use girandole::tree::{ChildRef, Node, WIDTH};
 use girandole::{Light, LightTree, ShadingPoint, Shape, SplitCount};
 
 use testbed::measuring::baselines::{BinaryTree, Pbrt};
@@ -168,8 +168,8 @@ fn time_refits(b: &mut Bencher, tree: &mut LightTree, both: &[Vec<(u32, Light)>;
 fn rebuilds(group: &mut BenchmarkGroup<WallTime>, lights: &[Light]) {
     let mut rng = Rng(9);
     let mut tree = built(lights);
-    let child = |slot| match tree.nodes()[0].target(slot) {
-        Some(Target::Node(node)) => node,
+    let child = |slot| match tree.nodes()[0].child(slot) {
+        Some(ChildRef::Node(node)) => node,
         other => panic!("the root has a node in every slot, not {other:?}"),
     };
     let below = child(3)..child(4);

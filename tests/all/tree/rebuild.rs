@@ -1,7 +1,7 @@
 //! Rebuilds of the worst subtrees while the lights of a tree move.
 
 use girandole::glam::{Quat, Vec3};
-use girandole::tree::{Target, WIDTH};
+use girandole::tree::{ChildRef, WIDTH};
 use girandole::{Light, LightTree, ShadingPoint};
 
 use super::{changed, checked, moved};
@@ -117,8 +117,8 @@ fn a_tree_whose_lights_all_moved_is_rebuilt_whole_once_the_credit_is_enough() {
 
 /// Permutes the positions of the lights below one child of the root.
 fn scramble_child(rng: &mut Rng, tree: &mut LightTree) {
-    let child = |slot| match tree.nodes()[0].target(slot) {
-        Some(Target::Node(node)) => node,
+    let child = |slot| match tree.nodes()[0].child(slot) {
+        Some(ChildRef::Node(node)) => node,
         other => panic!("the root has a node in every slot, not {other:?}"),
     };
     let below = child(3)..child(4);
