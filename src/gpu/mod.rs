@@ -4,8 +4,7 @@
 //! Everything runs on the engine's own device and queue, and is recorded into the engine's own
 //! encoder. There are two exceptions, which an upload submits at once: the copy of a buffer that
 //! grows or changes its layout, and the pass that brings many changed records to their places.
-//! Nothing waits for the GPU. Nothing is read back except usage counts, and
-//! those only on request ([`GpuLights::count_usage`]).
+//! Nothing waits for the GPU, and nothing is read back.
 //!
 //! A frame has two steps:
 //!
@@ -52,7 +51,6 @@ mod testing;
 mod tests;
 mod top_status;
 mod upload;
-mod usage;
 #[cfg(test)]
 mod variants;
 mod visibility;
@@ -75,8 +73,6 @@ pub use records::{ReservoirRecord, SampleRecord, SampleRequest};
 pub use shader::LightShader;
 pub use sync::SyncReport;
 use top_status::TopStatus;
-use usage::UsageCounters;
-pub use usage::{DEFAULT_USAGE_INTERVAL, UsageCounts};
 use visibility::LearntTable;
 
 use crate::counts::SplitCount;
@@ -134,13 +130,9 @@ pub struct GpuLights {
     /// Made at first use.
     node_counter: OnceLock<CountKernel>,
     /// Made at first use.
-    usage: OnceLock<UsageCounters>,
-    /// Made at first use.
     learnt: OnceLock<LearntTable>,
     /// The world's origin at the last upload.
     origin: DVec3,
-    /// Bound as usage counters until the first upload that counts.
-    no_usage: wgpu::Buffer,
     /// An upload was refused memory, so the buffers are incomplete: `dark` is bound in their place.
     is_dark: bool,
     dark: DarkBuffers,
@@ -156,15 +148,18 @@ pub struct GpuLights {
 struct DarkBuffers {
     params: wgpu::Buffer,
     storage: wgpu::Buffer,
+    /// Bound as the records of shaders that learn, while there is no table.
+    records: wgpu::Buffer,
 }
 
 impl DarkBuffers {
     fn new(device: &wgpu::Device) -> Result<Self, GpuError> {
         // The root node and more: shaders never read past the end of a buffer.
-        let storage = memory::create_buffer(device, "no lights", 256, wgpu::BufferUsages::STORAGE)?;
+        let zeros = |what| memory::create_buffer(device, what, 256, wgpu::BufferUsages::STORAGE);
+        let (storage, records) = (zeros("no lights")?, zeros("no records of visibility")?);
         let usage = wgpu::BufferUsages::UNIFORM;
         let params = memory::create_buffer(device, "no parameters", size_of::<ParamsRecord>() as u64, usage)?;
-        Ok(Self { params, storage })
+        Ok(Self { params, storage, records })
     }
 }
 
@@ -185,7 +180,6 @@ impl GpuLights {
 
     fn make(device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Self, GpuError> {
         let candidates = CandidateTable::new(device, queue)?;
-        let no_usage = usage::zeros(device, 0)?;
         let dark = DarkBuffers::new(device)?;
         let layout = light_layout(device);
         let storage = &dark.storage;
@@ -201,10 +195,8 @@ impl GpuLights {
             resampling: Kernel::resampling(device, &layout),
             candidates,
             node_counter: OnceLock::new(),
-            usage: OnceLock::new(),
             learnt: OnceLock::new(),
             origin: DVec3::ZERO,
-            no_usage,
             is_dark: true,
             dark,
             layout,
@@ -301,16 +293,7 @@ impl GpuLights {
     pub fn shader(&self, group: u32, effects: Effects) -> LightShader {
         let wgsl = wgsl(group, effects);
         let layout = self.layout.clone();
-        LightShader {
-            wgsl,
-            group,
-            effects,
-            records_usage: false,
-            learns_visibility: false,
-            target: None,
-            previous_group: None,
-            layout,
-        }
+        LightShader { wgsl, group, effects, learns_visibility: false, target: None, previous_group: None, layout }
     }
 
     /// Replaces bind groups whose buffers were replaced. A former bind group keeps the former
@@ -322,16 +305,12 @@ impl GpuLights {
             self.bind_group = bind_lights(&self.device, &self.layout, &self.buffers());
         }
         self.rebind_previous();
-        self.rebind_usage();
         self.rebind_visibility();
     }
 
     /// Binds buffers of zeros, in which shaders find no light, until an upload succeeds.
     fn make_dark(&mut self) {
         self.is_dark = true;
-        if let Some(usage) = self.usage.get_mut() {
-            usage.restart();
-        }
         self.rebind();
     }
 
@@ -340,7 +319,7 @@ impl GpuLights {
         if let Some(bound) = self.bound {
             return bound.map(|id| self.player.buffer(id));
         }
-        let DarkBuffers { params, storage } = &self.dark;
+        let DarkBuffers { params, storage, .. } = &self.dark;
         [params, storage, storage, storage, storage]
     }
 }

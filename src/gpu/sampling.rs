@@ -3,7 +3,6 @@
 use super::GpuLights;
 use super::bindings::records;
 use super::records::{SampleRecord, SampleRequest};
-use super::usage::RecordKind;
 
 impl GpuLights {
     /// Records a pass that samples one light for each of the first `count` requests, as
@@ -27,7 +26,6 @@ impl GpuLights {
     ) {
         if count > 0 {
             self.sample_with(&self.sampling.pipeline(self.effects()), encoder, requests, samples, count);
-            self.record_usage_of(encoder, (requests, samples), RecordKind::Sample, count);
         }
     }
 

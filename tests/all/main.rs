@@ -80,7 +80,6 @@ mod torture;
 mod tree;
 mod translations;
 mod trees_made_elsewhere;
-mod usage;
 mod variance;
 mod visibility;
 #[path = "../../examples/city/window/mod.rs"]

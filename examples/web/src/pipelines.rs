@@ -44,20 +44,16 @@ pub struct Pipelines {
 }
 
 impl Pipelines {
-    /// Compiles nothing yet. `layout` is that of group 0. The shader counts the lights
-    /// that it samples if `counts_usage` is set.
+    /// Compiles nothing yet. `layout` is that of group 0.
     pub fn new(
         device: &wgpu::Device,
         layout: &wgpu::BindGroupLayout,
         lights: &GpuLights,
         scene: &Scene,
         geometry: &Geometry,
-        counts_usage: bool,
     ) -> Result<Self, String> {
         let target = TargetHook::new(TARGET, TARGET_ARGUMENT).map_err(|error| error.to_string())?;
-        let all = Effects::all();
-        let shader = if counts_usage { lights.usage_shader(LIGHT_GROUP, all) } else { lights.shader(LIGHT_GROUP, all) };
-        let shader = shader.with_target(target);
+        let shader = lights.shader(LIGHT_GROUP, Effects::all()).with_target(target);
         let mut needs = Needs::new(scene, geometry);
         needs.stack_size += SPARE_STACK;
         let variants = variants(device, layout, &shader, needs);
@@ -99,7 +95,7 @@ impl Pipelines {
 
     fn make_listed(&self, listed: Listed, effects: Effects, list: &LightList) -> wgpu::ComputePipeline {
         let shader = self.shader.with_effects(effects);
-        let text = shader_source(&shader.wgsl, shader.records_usage, self.needs);
+        let text = shader_source(&shader.wgsl, self.needs);
         let text = format!("{text}\n{}", include_str!("light_list.wgsl"));
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("light list"),

@@ -10,7 +10,7 @@
 //! 2. `records`, `texels`, `scene_buffers` and `buffers`: what is on the device, and in which layout;
 //! 3. `pipeline`, `sequence.wgsl`, `texels.wgsl`, `textures.wgsl` and `render.wgsl`: the shader.
 
-use super::backend::{self, Gpu, USAGE_STORAGE_BUFFERS};
+use super::backend::{self, Gpu};
 use super::geometry::{self, Geometry, GeometryChange};
 use super::image::{self, Image, ShadowRays};
 use super::scene::{self, Scene, SceneError};
@@ -19,7 +19,7 @@ use super::settings::Settings;
 use super::shading;
 use crate::common::gpu::{map, wait};
 use girandole::glam::Vec4;
-use girandole::gpu::{DEFAULT_USAGE_INTERVAL, GpuLights, LightShader, TargetHook, UsageCounts};
+use girandole::gpu::{GpuLights, LightShader, TargetHook};
 use girandole::wgpu;
 use girandole::{Effects, FrameDelta, LightWorld};
 use std::time::Duration;
@@ -72,9 +72,7 @@ fn band_rows(settings: &Settings) -> u32 {
 }
 
 impl GpuRenderer {
-    /// Uploads the geometry and compiles a shader for a light world with these effects. The shader
-    /// counts the lights that it samples if `counts_usage` is set and the device has enough storage
-    /// buffers.
+    /// Uploads the geometry and compiles a shader for a light world with these effects.
     ///
     /// Refuses a scene that exceeds the limits or the memory of the device.
     pub fn new(
@@ -82,7 +80,6 @@ impl GpuRenderer {
         scene: &Scene,
         geometry: &Geometry,
         effects: Effects,
-        counts_usage: bool,
         settings: &Settings,
     ) -> Result<Self, SceneError> {
         let device = &gpu.device;
@@ -92,15 +89,8 @@ impl GpuRenderer {
         let mut lights = GpuLights::new(device, &gpu.queue).map_err(|e| SceneError(e.to_string()))?;
         lights.set_splits(settings.splits);
         let effects = effects - Effects::MOVING;
-        let has_buffers = device.limits().max_storage_buffers_per_shader_stage >= USAGE_STORAGE_BUFFERS;
         let target = TargetHook::new(TARGET, TARGET_ARGUMENT).map_err(|e| SceneError(e.to_string()))?;
-        let shader = if counts_usage && has_buffers {
-            lights.count_usage(DEFAULT_USAGE_INTERVAL);
-            lights.usage_shader(LIGHT_GROUP, effects)
-        } else {
-            lights.shader(LIGHT_GROUP, effects)
-        };
-        let shader = shader.with_target(target);
+        let shader = lights.shader(LIGHT_GROUP, effects).with_target(target);
         let needs = Needs::new(scene, geometry);
         let pipeline = pipeline(device, &layout, &shader, needs);
         Ok(Self { gpu, lights, buffers, layout, bind_group, shader, needs, pipeline, band_rows })
@@ -120,11 +110,6 @@ impl GpuRenderer {
             (self.layout, self.bind_group) = self.buffers.bind(&self.gpu.device);
         }
         Ok(())
-    }
-
-    /// How often lights were sampled in earlier frames, if such counts have arrived.
-    pub fn take_usage(&mut self) -> Option<UsageCounts<'_>> {
-        self.lights.take_usage()
     }
 
     /// Uploads what changed and builds the top level of the light trees.
@@ -193,9 +178,6 @@ impl GpuRenderer {
     /// Builds the top level of the light trees and returns the time that it took on the device.
     fn build_top(&mut self) -> Result<Option<Duration>, SceneError> {
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-        // Collects what the last frame counted. A frame in which nothing changes has no encoder and
-        // collects nothing.
-        self.lights.collect_usage(&mut encoder);
         let timer = self.buffers.timer.as_ref();
         if let Some(timer) = timer {
             encoder.write_timestamp(&timer.queries, 0);
@@ -219,9 +201,7 @@ impl GpuRenderer {
         let mut pass = encoder.begin_compute_pass(&Default::default());
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.bind_group, &[]);
-        let records_usage = self.shader.records_usage;
-        let lights = if records_usage { self.lights.usage_bind_group() } else { self.lights.bind_group() };
-        pass.set_bind_group(self.shader.group, lights, &[]);
+        pass.set_bind_group(self.shader.group, self.lights.bind_group(), &[]);
         let rows = frame.row_end - frame.row_begin;
         pass.dispatch_workgroups(frame.width.div_ceil(WORKGROUP), rows.div_ceil(WORKGROUP), 1);
         drop(pass);
