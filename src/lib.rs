@@ -111,7 +111,7 @@
 //! |---|---|
 //! | [`light`] | lights: shapes, units, limits |
 //! | [`cone`], [`bounds`], [`cluster`] | the summary of a group of lights: directions, boxes, flux and moments |
-//! | [`tree`] | bottom-level trees: build, refit, partial rebuild, attributes, soundness check |
+//! | [`tree`] | bottom-level trees: build, refit, attributes, soundness check |
 //! | [`policy`] | when a tree requests a rebuild |
 //! | [`scheduler`] | the frame budget; clocks for tests and replays |
 //! | [`effects`] | the features that a scene has, for which shaders and layouts are specialized |
