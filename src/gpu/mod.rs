@@ -22,18 +22,18 @@
 //! - The loss of the device and the lack of memory are not noticed: [`GpuError::DeviceLost`] and
 //!   [`GpuError::OutOfMemory`] do not occur. The engine learns of both from its own callbacks and
 //!   error scopes.
-//! - [`PipelineVariants::get`] makes a missing variant before it returns. It returns soon, since
-//!   another process of the browser compiles, but nothing is drawn until that has finished. Call
-//!   [`PipelineVariants::on_demand`] to avoid the pipeline for all effects, which takes longest.
+//! - The making of a pipeline returns soon, since another process of the browser compiles, but nothing
+//!   is drawn until that has finished. Make pipelines for [`GpuLights::effects`] only when a frame asks
+//!   for them: the pipeline for all effects takes longest.
 
 mod bindings;
 mod candidates;
 mod error;
 mod kernel;
 mod limits;
+#[doc(hidden)]
 pub mod measure;
 mod memory;
-mod pipeline_variants;
 mod player;
 #[cfg(test)]
 mod poison;
@@ -65,8 +65,6 @@ use candidates::CandidateTable;
 pub use error::GpuError;
 use error::{check_limits, largest_storage_buffer};
 use kernel::Kernel;
-use measure::CountKernel;
-pub use pipeline_variants::{MAX_VARIANTS, PipelineVariants};
 use player::Player;
 use recorder::Recorder;
 pub use records::{ReservoirRecord, SampleRecord, SampleRequest};
@@ -127,8 +125,6 @@ pub struct GpuLights {
     sampling: Kernel,
     resampling: Kernel,
     candidates: CandidateTable,
-    /// Made at first use.
-    node_counter: OnceLock<CountKernel>,
     /// Made at first use.
     learnt: OnceLock<LearntTable>,
     /// The world's origin at the last upload.
@@ -194,7 +190,6 @@ impl GpuLights {
             sampling: Kernel::sampling(device, &layout),
             resampling: Kernel::resampling(device, &layout),
             candidates,
-            node_counter: OnceLock::new(),
             learnt: OnceLock::new(),
             origin: DVec3::ZERO,
             is_dark: true,

@@ -123,9 +123,9 @@ pub struct LightShader {
 }
 
 impl LightShader {
-    /// Returns the same shader for other effects. This needs no [`GpuLights`](super::GpuLights),
-    /// so it works on the threads of [`PipelineVariants`](super::PipelineVariants). Joins texts and
-    /// compiles nothing.
+    /// Returns the same shader for other effects. This needs no [`GpuLights`](super::GpuLights), so it
+    /// works on the threads of an engine that compiles its pipelines there. Joins texts and compiles
+    /// nothing.
     #[must_use]
     pub fn with_effects(&self, effects: Effects) -> Self {
         let mut wgsl = text::wgsl_of_shader(self.group, effects, self.learns_visibility, self.target.as_ref());

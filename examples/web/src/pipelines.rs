@@ -1,6 +1,8 @@
 //! The pipelines that render: a variant for the effects of the lights, and those that know no tree.
 
-use girandole::gpu::{GpuLights, LightShader, PipelineVariants, TargetHook};
+use std::collections::HashMap;
+
+use girandole::gpu::{GpuLights, LightShader, TargetHook};
 use girandole::{Effects, wgpu};
 
 use crate::light_list::LightList;
@@ -39,7 +41,9 @@ pub struct Pipelines {
     shader: LightShader,
     /// What the pipelines are compiled for.
     needs: Needs,
-    variants: PipelineVariants<wgpu::ComputePipeline>,
+    /// By the effects that they serve. Each is compiled when a frame asks for it: on a page, another
+    /// thread would gain nothing.
+    variants: HashMap<Effects, wgpu::ComputePipeline>,
     listed: Option<(Listed, Effects, wgpu::ComputePipeline)>,
 }
 
@@ -56,31 +60,32 @@ impl Pipelines {
         let shader = lights.shader(LIGHT_GROUP, Effects::all()).with_target(target);
         let mut needs = Needs::new(scene, geometry);
         needs.stack_size += SPARE_STACK;
-        let variants = variants(device, layout, &shader, needs);
+        let variants = HashMap::new();
         Ok(Self { device: device.clone(), layout: layout.clone(), shader, needs, variants, listed: None })
     }
 
     /// Drops all pipelines if the hierarchies have become too deep for them.
     pub fn fit(&mut self, geometry: &Geometry) {
         if self.needs.grow(geometry) {
-            self.variants = variants(&self.device, &self.layout, &self.shader, self.needs);
+            self.variants.clear();
             self.listed = None;
         }
     }
 
-    /// The best pipeline for lights with these effects.
+    /// The pipeline for lights with these effects.
     pub fn get(&mut self, effects: Effects) -> &wgpu::ComputePipeline {
-        self.variants.get(effects)
+        let Self { device, layout, shader, needs, variants, .. } = self;
+        variants.entry(effects).or_insert_with(|| pipeline(device, layout, &shader.with_effects(effects), *needs))
     }
 
-    /// The number of pipelines that were compiled for fewer than all effects.
+    /// The number of pipelines that were compiled.
     pub fn variant_count(&self) -> usize {
-        self.variants.ready().filter(|&effects| effects != Effects::all() - Effects::MOVING).count()
+        self.variants.len()
     }
 
     /// Whether a pipeline for just these effects is ready.
     pub fn has(&self, effects: Effects) -> bool {
-        self.variants.has(effects)
+        self.variants.contains_key(&effects)
     }
 
     /// A pipeline that knows no tree. It is compiled when it is asked for first, and when the effects of
@@ -115,16 +120,4 @@ impl Pipelines {
             cache: None,
         })
     }
-}
-
-/// An empty cache.
-fn variants(
-    device: &wgpu::Device,
-    layout: &wgpu::BindGroupLayout,
-    shader: &LightShader,
-    needs: Needs,
-) -> PipelineVariants<wgpu::ComputePipeline> {
-    let (device, layout, shader) = (device.clone(), layout.clone(), shader.clone());
-    let make = move |effects| pipeline(&device, &layout, &shader.with_effects(effects), needs);
-    PipelineVariants::on_demand(make)
 }

@@ -122,9 +122,9 @@ impl GpuRenderer {
     ) -> Result<GpuUpdate, SceneError> {
         let geometry_bytes = self.buffers.scene.upload(&self.gpu.queue, geometry, change);
         let light_bytes = self.lights.upload(world, delta).map_err(|e| SceneError(e.to_string()))?.bytes;
-        // The effect MOVING changes no shader. An interactive program would use
-        // `gpu::PipelineVariants`, which never blocks. This one blocks on purpose, so that the same
-        // seed always gives the same picture.
+        // The effect MOVING changes no shader. An interactive program would compile on another thread
+        // and use a more general pipeline until then. This one blocks on purpose, so that the same seed
+        // always gives the same picture.
         let effects = world.effects() - Effects::MOVING;
         if self.needs.grow(geometry) || effects != self.shader.effects {
             self.shader = self.shader.with_effects(effects);
