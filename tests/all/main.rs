@@ -40,7 +40,6 @@ mod stand_ins;
 mod torture;
 mod tree;
 mod trees_made_elsewhere;
-mod usage;
 mod variance;
 mod visibility;
 mod world;
