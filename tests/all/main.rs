@@ -22,6 +22,7 @@ mod city_refusals;
 #[allow(dead_code, missing_docs, clippy::duplicate_mod, reason = "engine_shader.rs, a program, includes it too")]
 mod common;
 mod concurrency;
+mod decisions;
 mod dependencies;
 #[path = "../../examples/direct_light/mod.rs"]
 #[allow(dead_code, missing_docs, reason = "the programs use what the tests do not")]
