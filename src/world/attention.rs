@@ -4,8 +4,9 @@
 use glam::DVec3;
 
 use super::LightWorld;
+use super::rebuilds::Rebuilds;
+use super::scene::{Scene, TreeEntry, TreeWeight};
 use crate::cluster::Cluster;
-use crate::error::{WorldError, check_finite};
 use crate::keys::{InstanceKey, TreeKey};
 
 /// The illuminance of a tree that requests a rebuild is recomputed after this many updates.
@@ -31,26 +32,11 @@ const MAX_ILLUMINANCE: f32 = 1.0e12;
 /// long gone.
 const LUX: f64 = (1_u64 << 60) as f64;
 
-/// What the weight of one tree is computed from.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct TreeWeight {
-    /// The illuminance at the viewpoint without cosines, in lux; the flux in lumens if the
-    /// viewpoint is unknown.
-    illuminance: f32,
-    /// The update in which the illuminance was computed, if it was.
-    computed_at: Option<u64>,
-    /// The tree's share of all usage, as of `batch`.
-    usage_share: f32,
-    batch: u32,
-    /// The sum of the counts in the batch that is being recorded.
-    pending_count: u64,
-}
-
 /// What the weights of all trees have in common.
 #[derive(Debug, Default)]
 pub(super) struct ViewWeights {
-    /// In metres, in world coordinates, not relative to [`LightWorld::origin`].
-    viewpoint: Option<DVec3>,
+    /// In metres, in world coordinates, not relative to the origin.
+    pub viewpoint: Option<DVec3>,
     /// The sum of the illuminance of all trees, in units of [`LUX`] and therefore exact.
     total_illuminance: u128,
     /// The number of batches of usage so far; one call records one batch.
@@ -61,26 +47,70 @@ pub(super) struct ViewWeights {
     pending_trees: Vec<TreeKey>,
 }
 
-impl LightWorld {
-    /// Sets the viewpoint: the position of the camera, in metres in world coordinates. Trees whose
-    /// light is strong there are rebuilt first. Trees whose lights change get their new priorities
-    /// within eight updates; of the waiting trees whose lights do not change, one gets its new
-    /// priority in each update. O(1).
-    ///
-    /// With [`OriginMode::Following`](crate::OriginMode::Following) this also moves the origin if the
-    /// viewpoint is far from it. Call it before [`LightWorld::take_delta`] in every frame then.
-    ///
-    /// # Errors
-    /// [`WorldError::NotFinite`] for a coordinate that is NaN or infinite. If the origin follows the
-    /// viewpoint, [`WorldError::OriginTooFar`] for a coordinate beyond
-    /// [`MAX_DISTANCE`](crate::MAX_DISTANCE).
-    pub fn set_viewpoint(&mut self, viewpoint: DVec3) -> Result<(), WorldError> {
-        check_finite("a coordinate of the viewpoint", viewpoint)?;
-        self.follow(viewpoint)?;
-        self.view_weights.viewpoint = Some(viewpoint);
-        Ok(())
+impl ViewWeights {
+    /// The weight of a tree: its share of the illuminance of all trees, or of usage where it is
+    /// known.
+    pub fn of(&mut self, key: TreeKey, frame: u64, scene: &mut Scene) -> f32 {
+        let weight = scene.trees[key].weight;
+        if weight.computed_at.is_none_or(|computed_at| frame - computed_at >= ILLUMINANCE_LIFETIME) {
+            let illuminance = self.illuminance_of(key, scene);
+            let total = &mut self.total_illuminance;
+            *total = *total + in_units(illuminance) - in_units(weight.illuminance);
+            let weight = &mut scene.trees[key].weight;
+            weight.illuminance = illuminance;
+            weight.computed_at = Some(frame);
+        }
+        let (weight, view) = (&scene.trees[key].weight, &*self);
+        let total = view.total_illuminance as f64 / LUX;
+        let illuminance_share = if total > 0.0 { (f64::from(weight.illuminance) / total) as f32 } else { 0.0 };
+        if view.batch == 0 || frame - view.recorded_at > USAGE_LIFETIME {
+            return illuminance_share;
+        }
+        (1.0 - ILLUMINANCE_SHARE) * weight.usage_share_at(view.batch) + ILLUMINANCE_SHARE * illuminance_share
     }
 
+    /// Takes a tree that is to be removed out of the sum over all trees.
+    pub fn remove(&mut self, entry: &TreeEntry) {
+        self.total_illuminance -= in_units(entry.weight.illuminance);
+    }
+
+    /// The illuminance of a tree at the viewpoint; see [`TreeWeight`].
+    fn illuminance_of(&self, key: TreeKey, scene: &Scene) -> f32 {
+        self.sum_over_instances(key, scene, |cluster, dist_sq| cluster.flux / dist_sq)
+    }
+
+    /// About how wrong the illuminance at the viewpoint may be, in lux, if a few lights stand in for
+    /// those of a tree: its illuminance times its squared angular size, at most 1. Without a
+    /// viewpoint its flux. Not negative.
+    #[cfg(feature = "gpu-plan")]
+    pub fn error_of_stand_ins(&self, key: TreeKey, scene: &Scene) -> f32 {
+        let has_viewpoint = self.viewpoint.is_some();
+        self.sum_over_instances(key, scene, |cluster, dist_sq| {
+            let angular_size = if has_viewpoint { (cluster.variance / dist_sq).min(1.0) } else { 1.0 };
+            cluster.flux / dist_sq * angular_size
+        })
+    }
+
+    /// The sum of a function of the clusters of a tree's instances and of their mean squared
+    /// distances from the viewpoint, 1 without a viewpoint. Many instances are estimated from some.
+    fn sum_over_instances(&self, key: TreeKey, scene: &Scene, f: impl Fn(&Cluster, f32) -> f32) -> f32 {
+        let instances = &scene.trees[key].instances;
+        let step = instances.len().div_ceil(MAX_SAMPLED_INSTANCES).max(1);
+        let viewpoint = self.viewpoint.map(|viewpoint| (viewpoint - scene.origin.position).as_vec3());
+        let values = instances.iter().step_by(step).map(|instance| {
+            let cluster = scene.cluster(*instance);
+            let dist_sq =
+                viewpoint.map_or(1.0, |viewpoint| viewpoint.distance_squared(cluster.mean) + cluster.variance);
+            f(&cluster, dist_sq.max(f32::MIN_POSITIVE))
+        });
+        let sum = values.sum::<f32>() * step as f32;
+        // At a viewpoint inside the only lamp of a tree the illuminance has no bound. A greater
+        // value would swallow those of all other trees in the sum.
+        if sum.is_nan() { 0.0 } else { sum.min(MAX_ILLUMINANCE) }
+    }
+}
+
+impl LightWorld {
     /// Records how often the lights of each instance were sampled lately. Trees whose lights are
     /// sampled often are rebuilt first. This works better than [`LightWorld::set_viewpoint`] alone,
     /// because usage reflects what is visible.
@@ -92,13 +122,13 @@ impl LightWorld {
     ///
     /// O(instances in `usage`).
     pub fn record_usage(&mut self, usage: impl IntoIterator<Item = (InstanceKey, u32)>) {
-        let Self { trees, instances, view_weights, .. } = self;
+        let (scene, Rebuilds { weights: view, scheduler, .. }) = (&mut self.scene, &mut self.rebuilds);
         let mut total = 0_u64;
         for (instance, count) in usage {
-            let Some(instance) = instances.get(instance) else { continue };
-            let weight = &mut trees[instance.tree].weight;
+            let Some(instance) = scene.instances.get(instance) else { continue };
+            let weight = &mut scene.trees[instance.tree].weight;
             if count > 0 && weight.pending_count == 0 {
-                view_weights.pending_trees.push(instance.tree);
+                view.pending_trees.push(instance.tree);
             }
             weight.pending_count += u64::from(count);
             total += u64::from(count);
@@ -106,82 +136,20 @@ impl LightWorld {
         if total == 0 {
             return;
         }
-        view_weights.batch = view_weights.batch.wrapping_add(1);
-        view_weights.recorded_at = self.scheduler.frame();
-        let mut pending_trees = std::mem::take(&mut view_weights.pending_trees);
+        view.batch = view.batch.wrapping_add(1);
+        view.recorded_at = scheduler.frame();
+        let mut pending_trees = std::mem::take(&mut view.pending_trees);
         for key in pending_trees.drain(..) {
-            let batch = self.view_weights.batch;
-            let weight = &mut self.trees[key].weight;
+            let batch = self.rebuilds.weights.batch;
+            let weight = &mut self.scene.trees[key].weight;
             let share = std::mem::take(&mut weight.pending_count) as f32 / total as f32;
             weight.usage_share = weight.usage_share_at(batch) + (1.0 - USAGE_RETENTION) * share;
             weight.batch = batch;
-            if self.scheduler.waits(key) {
-                self.update_request(key);
+            if self.rebuilds.scheduler.waits(key) {
+                self.rebuilds.update_request(key, &mut self.scene);
             }
         }
-        self.view_weights.pending_trees = pending_trees;
-    }
-
-    /// The weight of a tree: its share of the illuminance of all trees, or of usage where it is
-    /// known.
-    pub(super) fn weight_of(&mut self, key: TreeKey) -> f32 {
-        let frame = self.scheduler.frame();
-        let weight = self.trees[key].weight;
-        if weight.computed_at.is_none_or(|computed_at| frame - computed_at >= ILLUMINANCE_LIFETIME) {
-            let illuminance = self.illuminance_of(key);
-            let total = &mut self.view_weights.total_illuminance;
-            *total = *total + in_units(illuminance) - in_units(weight.illuminance);
-            let weight = &mut self.trees[key].weight;
-            weight.illuminance = illuminance;
-            weight.computed_at = Some(frame);
-        }
-        let (weight, view) = (&self.trees[key].weight, &self.view_weights);
-        let total = view.total_illuminance as f64 / LUX;
-        let illuminance_share = if total > 0.0 { (f64::from(weight.illuminance) / total) as f32 } else { 0.0 };
-        if view.batch == 0 || frame - view.recorded_at > USAGE_LIFETIME {
-            return illuminance_share;
-        }
-        (1.0 - ILLUMINANCE_SHARE) * weight.usage_share_at(view.batch) + ILLUMINANCE_SHARE * illuminance_share
-    }
-
-    /// Takes a tree that is to be removed out of the sum over all trees.
-    pub(super) fn remove_weight(&mut self, key: TreeKey) {
-        self.view_weights.total_illuminance -= in_units(self.trees[key].weight.illuminance);
-    }
-
-    /// The illuminance of a tree at the viewpoint; see [`TreeWeight`].
-    fn illuminance_of(&self, key: TreeKey) -> f32 {
-        self.sum_over_instances(key, |cluster, dist_sq| cluster.flux / dist_sq)
-    }
-
-    /// About how wrong the illuminance at the viewpoint may be, in lux, if a few lights stand in for
-    /// those of a tree: its illuminance times its squared angular size, at most 1. Without a
-    /// viewpoint its flux. Not negative.
-    #[cfg(feature = "gpu-plan")]
-    pub(crate) fn error_of_stand_ins(&self, key: TreeKey) -> f32 {
-        let has_viewpoint = self.view_weights.viewpoint.is_some();
-        self.sum_over_instances(key, |cluster, dist_sq| {
-            let angular_size = if has_viewpoint { (cluster.variance / dist_sq).min(1.0) } else { 1.0 };
-            cluster.flux / dist_sq * angular_size
-        })
-    }
-
-    /// The sum of a function of the clusters of a tree's instances and of their mean squared
-    /// distances from the viewpoint, 1 without a viewpoint. Many instances are estimated from some.
-    fn sum_over_instances(&self, key: TreeKey, f: impl Fn(&Cluster, f32) -> f32) -> f32 {
-        let instances = &self.trees[key].instances;
-        let step = instances.len().div_ceil(MAX_SAMPLED_INSTANCES).max(1);
-        let viewpoint = self.view_weights.viewpoint.map(|viewpoint| (viewpoint - self.origin()).as_vec3());
-        let values = instances.iter().step_by(step).map(|instance| {
-            let cluster = self.cluster(*instance);
-            let dist_sq =
-                viewpoint.map_or(1.0, |viewpoint| viewpoint.distance_squared(cluster.mean) + cluster.variance);
-            f(&cluster, dist_sq.max(f32::MIN_POSITIVE))
-        });
-        let sum = values.sum::<f32>() * step as f32;
-        // At a viewpoint inside the only lamp of a tree the illuminance has no bound. A greater
-        // value would swallow those of all other trees in the sum.
-        if sum.is_nan() { 0.0 } else { sum.min(MAX_ILLUMINANCE) }
+        self.rebuilds.weights.pending_trees = pending_trees;
     }
 }
 
@@ -203,6 +171,11 @@ mod tests {
     use crate::{FrameBudget, Light, Placement, Policy};
     use glam::Vec3;
 
+    fn weight_of(world: &mut LightWorld, tree: TreeKey) -> f32 {
+        let frame = world.rebuilds.scheduler.frame();
+        world.rebuilds.weights.of(tree, frame, &mut world.scene)
+    }
+
     #[test]
     fn shares_add_up_to_one_after_the_viewpoint_was_inside_bright_lamps() {
         let mut world = LightWorld::new();
@@ -222,9 +195,9 @@ mod tests {
             }
             // The sum is up to date once all weights have been asked for.
             for tree in &trees {
-                world.weight_of(*tree);
+                weight_of(world, *tree);
             }
-            trees.iter().map(|tree| f64::from(world.weight_of(*tree))).sum::<f64>()
+            trees.iter().map(|tree| f64::from(weight_of(world, *tree))).sum::<f64>()
         };
         for i in 0..1000 {
             let sum = shares(&mut world, f64::from(i % 10));
@@ -238,7 +211,7 @@ mod tests {
             world.remove_instance(instance).expect("a live key");
             world.remove_tree(tree).expect("no instances");
         }
-        assert_eq!(world.view_weights.total_illuminance, 0);
+        assert_eq!(world.rebuilds.weights.total_illuminance, 0);
     }
 
     #[test]
@@ -257,7 +230,7 @@ mod tests {
             world.record_usage(all.iter().copied());
         }
         for (tree, share) in trees.into_iter().zip([0.75, 0.25]) {
-            let weight = world.trees[tree].weight;
+            let weight = world.scene.trees[tree].weight;
             assert!((weight.usage_share - share).abs() < 1.0e-6, "{weight:?}");
         }
     }
