@@ -157,9 +157,6 @@ pub mod gpu;
 pub mod gltf;
 #[cfg(test)]
 mod f64_reference;
-// What tests share with programs names the library from outside.
-#[cfg(test)]
-extern crate self as girandole;
 
 pub use effects::{EffectCounts, Effects};
 pub use error::{BudgetError, CountError, LightError, PlacementError, VisibilityError, WorldError};
