@@ -5,8 +5,8 @@ use std::f64::consts::PI;
 use glam::{DVec3, Vec3};
 
 use super::{direction, exact};
-use crate::cluster::Cluster;
 use crate::cluster::Aabb;
+use crate::cluster::Cluster;
 use crate::cluster::cone::CAP_PADDING;
 use crate::f64_reference::merge::angle;
 use crate::shading::importance::{LocalShadingPoint, child_importances};
