@@ -39,12 +39,6 @@ impl Reservation<'_> {
     pub fn new_buffers(&self) -> &[NewBuffer] {
         &self.room.new_buffers
     }
-
-    /// The slots of instances that were added, moved, changed or removed, in ascending order.
-    #[cfg(feature = "gpu")]
-    pub(crate) fn changed_instances(&self) -> &[u32] {
-        self.changes.instances.as_slice()
-    }
 }
 
 impl fmt::Debug for Reservation<'_> {

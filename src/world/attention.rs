@@ -1,29 +1,20 @@
 //! The weight of each tree: how much it matters to the picture. It is the tree's share of the
-//! recorded usage, or of the illuminance at the viewpoint.
+//! illuminance at the viewpoint.
+//!
+//! Counts of how often lights were sampled, read back from the GPU, were tried as weights. They
+//! recovered no more of the gap than the illuminance alone (docs/decisions-archive.md, 22).
 
 use glam::DVec3;
 
-use super::LightWorld;
-use super::rebuilds::Rebuilds;
-use super::scene::{Scene, TreeEntry, TreeWeight};
+use super::scene::{Scene, TreeEntry};
 use crate::cluster::Cluster;
-use crate::keys::{InstanceKey, TreeKey};
+use crate::keys::TreeKey;
 
 /// The illuminance of a tree that requests a rebuild is recomputed after this many updates.
 const ILLUMINANCE_LIFETIME: u64 = 8;
 
 /// The instances of a tree that its illuminance is computed from, evenly chosen if it has more.
 const MAX_SAMPLED_INSTANCES: usize = 16;
-
-/// The part of earlier usage that is left when new counts come.
-const USAGE_RETENTION: f32 = 0.8;
-
-/// Usage is forgotten this many updates after the last counts.
-const USAGE_LIFETIME: u64 = 240;
-
-/// The share of the illuminance in the weight where usage is known: the next picture may show what
-/// this one does not.
-const ILLUMINANCE_SHARE: f32 = 0.1;
 
 /// The illuminance of a tree counts as at most this, in lux.
 const MAX_ILLUMINANCE: f32 = 1.0e12;
@@ -39,17 +30,10 @@ pub(super) struct ViewWeights {
     pub viewpoint: Option<DVec3>,
     /// The sum of the illuminance of all trees, in units of [`LUX`] and therefore exact.
     total_illuminance: u128,
-    /// The number of batches of usage so far; one call records one batch.
-    batch: u32,
-    /// The update of the last batch.
-    recorded_at: u64,
-    /// The trees in the batch that is being recorded; kept for its allocation.
-    pending_trees: Vec<TreeKey>,
 }
 
 impl ViewWeights {
-    /// The weight of a tree: its share of the illuminance of all trees, or of usage where it is
-    /// known.
+    /// The weight of a tree: its share of the illuminance of all trees.
     pub fn of(&mut self, key: TreeKey, frame: u64, scene: &mut Scene) -> f32 {
         let weight = scene.trees[key].weight;
         if weight.computed_at.is_none_or(|computed_at| frame - computed_at >= ILLUMINANCE_LIFETIME) {
@@ -60,13 +44,9 @@ impl ViewWeights {
             weight.illuminance = illuminance;
             weight.computed_at = Some(frame);
         }
-        let (weight, view) = (&scene.trees[key].weight, &*self);
-        let total = view.total_illuminance as f64 / LUX;
-        let illuminance_share = if total > 0.0 { (f64::from(weight.illuminance) / total) as f32 } else { 0.0 };
-        if view.batch == 0 || frame - view.recorded_at > USAGE_LIFETIME {
-            return illuminance_share;
-        }
-        (1.0 - ILLUMINANCE_SHARE) * weight.usage_share_at(view.batch) + ILLUMINANCE_SHARE * illuminance_share
+        let total = self.total_illuminance as f64 / LUX;
+        let illuminance = f64::from(scene.trees[key].weight.illuminance);
+        if total > 0.0 { (illuminance / total) as f32 } else { 0.0 }
     }
 
     /// Takes a tree that is to be removed out of the sum over all trees.
@@ -74,7 +54,7 @@ impl ViewWeights {
         self.total_illuminance -= in_units(entry.weight.illuminance);
     }
 
-    /// The illuminance of a tree at the viewpoint; see [`TreeWeight`].
+    /// The illuminance of a tree at the viewpoint; see [`TreeWeight`](super::scene::TreeWeight).
     fn illuminance_of(&self, key: TreeKey, scene: &Scene) -> f32 {
         self.sum_over_instances(key, scene, |cluster, dist_sq| cluster.flux / dist_sq)
     }
@@ -110,65 +90,15 @@ impl ViewWeights {
     }
 }
 
-impl LightWorld {
-    /// Records how often the lights of each instance were sampled lately. Trees whose lights are
-    /// sampled often are rebuilt first. This works better than [`LightWorld::set_viewpoint`] alone,
-    /// because usage reflects what is visible.
-    ///
-    /// The counts may cover one frame or several, and all samples or a part of them: only their
-    /// ratios matter. With each call the earlier counts lose a fifth of their weight; 240 updates
-    /// after the last call they are forgotten. A call whose counts are all 0 does nothing.
-    /// Instances that no longer exist are skipped.
-    ///
-    /// O(instances in `usage`).
-    pub fn record_usage(&mut self, usage: impl IntoIterator<Item = (InstanceKey, u32)>) {
-        let (scene, Rebuilds { weights: view, scheduler, .. }) = (&mut self.scene, &mut self.rebuilds);
-        let mut total = 0_u64;
-        for (instance, count) in usage {
-            let Some(instance) = scene.instances.get(instance) else { continue };
-            let weight = &mut scene.trees[instance.tree].weight;
-            if count > 0 && weight.pending_count == 0 {
-                view.pending_trees.push(instance.tree);
-            }
-            weight.pending_count += u64::from(count);
-            total += u64::from(count);
-        }
-        if total == 0 {
-            return;
-        }
-        view.batch = view.batch.wrapping_add(1);
-        view.recorded_at = scheduler.frame();
-        let mut pending_trees = std::mem::take(&mut view.pending_trees);
-        for key in pending_trees.drain(..) {
-            let batch = self.rebuilds.weights.batch;
-            let weight = &mut self.scene.trees[key].weight;
-            let share = std::mem::take(&mut weight.pending_count) as f32 / total as f32;
-            weight.usage_share = weight.usage_share_at(batch) + (1.0 - USAGE_RETENTION) * share;
-            weight.batch = batch;
-            if self.rebuilds.scheduler.waits(key) {
-                self.rebuilds.update_request(key, &mut self.scene);
-            }
-        }
-        self.rebuilds.weights.pending_trees = pending_trees;
-    }
-}
-
 /// An illuminance in units of [`LUX`].
 fn in_units(illuminance: f32) -> u128 {
     (f64::from(illuminance) * LUX) as u128
 }
 
-impl TreeWeight {
-    /// The tree's share of usage as of a later batch.
-    fn usage_share_at(&self, batch: u32) -> f32 {
-        self.usage_share * USAGE_RETENTION.powi(batch.wrapping_sub(self.batch).min(1000) as i32)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{FrameBudget, Light, Placement, Policy};
+    use crate::{FrameBudget, Light, LightWorld, Placement, Policy};
     use glam::Vec3;
 
     fn weight_of(world: &mut LightWorld, tree: TreeKey) -> f32 {
@@ -212,26 +142,5 @@ mod tests {
             world.remove_tree(tree).expect("no instances");
         }
         assert_eq!(world.rebuilds.weights.total_illuminance, 0);
-    }
-
-    #[test]
-    fn usage_is_shared_by_counts_that_fill_32_bits() {
-        let mut world = LightWorld::new();
-        let mut add = |instances: u32| {
-            let tree = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE)]).expect("a valid light");
-            for _ in 0..instances {
-                world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("a valid placement");
-            }
-            tree
-        };
-        let trees = [add(6), add(2)];
-        let all: Vec<_> = world.instances().map(|instance| (instance, u32::MAX)).collect();
-        for _ in 0..100 {
-            world.record_usage(all.iter().copied());
-        }
-        for (tree, share) in trees.into_iter().zip([0.75, 0.25]) {
-            let weight = world.scene.trees[tree].weight;
-            assert!((weight.usage_share - share).abs() < 1.0e-6, "{weight:?}");
-        }
     }
 }

@@ -64,11 +64,6 @@ pub(crate) struct TreeWeight {
     pub illuminance: f32,
     /// The update in which the illuminance was computed, if it was.
     pub computed_at: Option<u64>,
-    /// The tree's share of all usage, as of `batch`.
-    pub usage_share: f32,
-    pub batch: u32,
-    /// The sum of the counts in the batch that is being recorded.
-    pub pending_count: u64,
 }
 
 /// An instance of a world.

@@ -23,8 +23,8 @@ impl LightWorld {
     ///    next call, and 256 others in each call while anything moves.
     /// 3. Trees whose policies request a rebuild are rebuilt, those whose rebuild removes the most
     ///    noise per millisecond first. The noise is estimated from the tree's attributes, and
-    ///    weighted by the tree's share of the picture ([`LightWorld::record_usage`],
-    ///    [`LightWorld::set_viewpoint`]). A rebuild starts only if it will probably end within the
+    ///    weighted by the tree's share of the illuminance at the viewpoint
+    ///    ([`LightWorld::set_viewpoint`]). A rebuild starts only if it will probably end within the
     ///    budget.
     /// 4. A tree that does not fit into the budget of a frame is built in slices over several
     ///    frames, or on another thread ([`LightWorld::set_background_builds`]).
