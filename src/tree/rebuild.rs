@@ -146,9 +146,9 @@ impl LightTree {
         let mut lights = Vec::with_capacity(self.light_counts[root] as usize);
         for node in root..root + span {
             for slot in 0..self.nodes[node].count() {
-                let target = self.nodes[node].targets[slot];
-                if target & LEAF != 0 {
-                    lights.push(PlacedLight { index: target & !LEAF, cluster: self.wide[node].get(slot) });
+                let child = self.nodes[node].children[slot];
+                if child & LEAF != 0 {
+                    lights.push(PlacedLight { index: child & !LEAF, cluster: self.wide[node].get(slot) });
                 }
             }
         }
@@ -179,7 +179,7 @@ mod tests {
     use super::*;
     use crate::light::Light;
     use crate::tree::testing::Rng;
-    use crate::tree::{NO_PARENT, Target, WIDTH};
+    use crate::tree::{ChildRef, NO_PARENT, WIDTH};
 
     /// A position in a cube of edge `size`.
     fn position(rng: &mut Rng, size: f32) -> Vec3 {
@@ -250,12 +250,12 @@ mod tests {
     fn a_rebuild_of_a_subtree_changes_no_node_outside_of_it_but_its_ancestors() {
         let mut rng = Rng(1);
         let mut tree = random_tree(&mut rng, 3000);
-        let children: Vec<_> = tree.nodes[0].targets.iter().filter_map(|target| Target::of(*target)).collect();
+        let children: Vec<_> = tree.nodes[0].children.iter().filter_map(|child| ChildRef::of(*child)).collect();
         let mut rebuilt = 0;
         for child in children {
-            let Target::Node(child) = child else { continue };
-            let lower = tree.nodes[child as usize].targets.iter().filter_map(|target| Target::of(*target)).next();
-            let lower = if let Some(Target::Node(node)) = lower { node } else { child };
+            let ChildRef::Node(child) = child else { continue };
+            let lower = tree.nodes[child as usize].children.iter().filter_map(|child| ChildRef::of(*child)).next();
+            let lower = if let Some(ChildRef::Node(node)) = lower { node } else { child };
             for root in [child as usize, lower as usize] {
                 move_lights_below(&mut tree, root, |_| position(&mut rng, 100.0));
                 tree.check().expect("the tree is sound after the refit");
@@ -271,7 +271,7 @@ mod tests {
                 for node in (0..tree.nodes.len()).filter(|node| !(root..root + span).contains(node)) {
                     if ancestors.contains(&node) {
                         let [now, then] =
-                            [&tree, &before].map(|tree| (tree.nodes[node].targets, tree.nodes[node].parent));
+                            [&tree, &before].map(|tree| (tree.nodes[node].children, tree.nodes[node].parent));
                         assert_eq!(now, then);
                         let [now, then] = [&tree, &before].map(|tree| (tree.spans[node], tree.light_counts[node]));
                         assert_eq!(now, then);
@@ -298,7 +298,7 @@ mod tests {
         let corner = |i: usize| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2 & 1) as f32);
         let grid = |i: usize| 1000.0 * corner(i >> 6) + 50.0 * corner(i >> 3) + corner(i);
         let mut tree = LightTree::build((0..512).map(|i| lamp(grid(i) + position(&mut rng, 0.1))).collect());
-        let root = tree.nodes[0].targets[0] as usize;
+        let root = tree.nodes[0].children[0] as usize;
         assert_eq!(tree.light_counts[root], 64);
         move_lights_below(&mut tree, root, |i| {
             Vec3::X * 0.5_f32.powi(i as i32 % 24) * 100.0 + position(&mut rng, 1.0e-5)

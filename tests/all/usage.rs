@@ -9,9 +9,9 @@ use girandole::{
     CandidateCount, Effects, FrameDelta, InstanceKey, Light, LightWorld, Placement, Policy, TreeKey, wgpu,
 };
 
-use crate::effect_sets::effect_sets;
 use crate::gpu::{buffer, gpu, limited_gpu, read, requests};
-use crate::support::Rng;
+use testbed::testing::effect_sets::effect_sets;
+use testbed::testing::support::Rng;
 
 type Counts = BTreeMap<InstanceKey, u32>;
 
