@@ -111,7 +111,7 @@
 //! |---|---|
 //! | [`light`] | lights: shapes, units, limits |
 //! | [`cluster`] | the summary of a group of lights, for tools: box, cone of directions, flux and moments |
-//! | [`tree`] | bottom-level trees: build, refit, partial rebuild, attributes, soundness check |
+//! | [`tree`] | bottom-level trees: build, refit, attributes, soundness check |
 //! | [`policy`] | when a tree requests a rebuild |
 //! | [`scheduler`] | the frame budget; clocks for tests and replays |
 //! | [`effects`] | the features that a scene has, for which shaders and layouts are specialized |

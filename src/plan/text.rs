@@ -106,23 +106,11 @@ pub(crate) fn wgsl_counting(group: u32, effects: Effects) -> String {
     joined(group, effects, Extras { counts: true, ..Extras::default() }, None)
 }
 
-/// What a shader records, with the bindings that it needs for it.
+/// The same as [`wgsl`], with `light_record_visibility` and choices that depend on what it recorded
+/// if the shader learns, and with `light_resample_by` if it has a target.
 #[cfg(feature = "gpu")]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Records {
-    Nothing,
-    /// `light_record_usage`.
-    Usage,
-    /// `light_record_visibility`. Choices depend on what was recorded.
-    Visibility,
-}
-
-/// The same as [`wgsl`], with the function that records, and with `light_resample_by` if it has a
-/// target.
-#[cfg(feature = "gpu")]
-pub(crate) fn wgsl_of_shader(group: u32, effects: Effects, records: Records, target: Option<&TargetHook>) -> String {
-    let text = joined(group, effects, Extras { learns: records == Records::Visibility, ..Extras::default() }, target);
-    if records == Records::Usage { text + &usage(group) } else { text }
+pub(crate) fn wgsl_of_shader(group: u32, effects: Effects, learns: bool, target: Option<&TargetHook>) -> String {
+    joined(group, effects, Extras { learns, ..Extras::default() }, target)
 }
 
 /// The stage that folds what was recorded about visibility.
@@ -130,17 +118,6 @@ pub(crate) fn wgsl_of_shader(group: u32, effects: Effects, records: Records, tar
 pub(crate) fn wgsl_of_visibility_fold() -> String {
     let body = include_str!("../../shaders/visibility_fold.wgsl");
     constants_of(body) + body
-}
-
-/// `light_record_usage` and the functions that it calls, for a shader that chooses no light.
-#[cfg(feature = "gpu")]
-pub(crate) fn wgsl_of_usage(group: u32) -> String {
-    constants() + include_str!("../../shaders/dice.wgsl") + &usage(group)
-}
-
-#[cfg(feature = "gpu")]
-fn usage(group: u32) -> String {
-    include_str!("../../shaders/usage.wgsl").replace("LIGHT_GROUP", &group.to_string())
 }
 
 /// `light_resample`, and `light_resample_by` if the engine weighs candidates.
@@ -495,7 +472,7 @@ mod tests {
         let all = Effects::all() - Effects::MOVING;
         let sets = all.iter().flat_map(|effect| [effect, all - effect]).chain([all, Effects::empty()]);
         for effects in sets {
-            let text = wgsl_of_shader(2, effects, Records::Visibility, None);
+            let text = wgsl_of_shader(2, effects, true, None);
             let (names, plain) = (module_names(&text), module_names(&wgsl(2, effects)));
             let added: HashSet<&str> = names.difference(&plain).map(String::as_str).collect();
             assert_eq!(added, LEARNING_NAMES.split_whitespace().collect(), "{effects:?}");
@@ -519,10 +496,10 @@ mod tests {
             }";
         let hook = TargetHook::new("brdf_target", "Material").expect("identifiers");
         for effects in text_variants() {
-            for records in [Records::Nothing, Records::Usage] {
-                let plain = wgsl_of_shader(2, effects, records, None);
-                assert!(plain.starts_with(&wgsl(2, effects)), "{effects:?}");
-                let text = wgsl_of_shader(2, effects, records, Some(&hook)) + engine;
+            for learns in [false, true] {
+                let plain = wgsl_of_shader(2, effects, learns, None);
+                assert!(learns || plain == wgsl(2, effects), "{effects:?}");
+                let text = wgsl_of_shader(2, effects, learns, Some(&hook)) + engine;
                 let own = ["brdf_target", "use_it", "Material", "Material.roughness"].map(String::from);
                 let names = module_names(&text);
                 let added: HashSet<_> = names.difference(&module_names(&plain)).cloned().collect();

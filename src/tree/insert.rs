@@ -162,7 +162,6 @@ impl LightTree {
             self.wide.push(WideCluster::EMPTY);
             self.spans.push(0);
             self.light_counts.push(0);
-            self.built_costs.push(0.0);
             self.attribute_sums.push(AttributeSums::default());
             self.dirty.grow(self.nodes.len());
             self.edited.append_node();

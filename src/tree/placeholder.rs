@@ -57,8 +57,7 @@ impl LightTree {
         }
         let placed = Self::placed_lights(&lights);
         let shape = TreeShape { nodes: grouped(&order_along_curve(&placed)), sides: 0 };
-        let count = shape.nodes.len();
-        let mut tree = Self::of_shape(lights, &placed, &shape, count, None, BTreeSet::new());
+        let mut tree = Self::of_shape(lights, &placed, &shape, None, BTreeSet::new());
         tree.is_placeholder = true;
         Ok(tree)
     }

@@ -110,23 +110,6 @@ impl LightTree {
         sweep_tasks::<MEASURE>(&mut tasks.subtrees, slices);
         with_vectors(SweepUpper::<MEASURE>(self));
     }
-
-    /// Refits a subtree all of whose nodes are marked, and marks the node above it.
-    pub(super) fn refit_subtree(&mut self, root: usize) {
-        if root == 0 {
-            return self.refit_all::<true>();
-        }
-        self.refitted.add_all();
-        let Self { nodes, wide, attribute_sums: sums, dirty, spans, .. } = self;
-        let end = root + spans[root] as usize;
-        let (_, slices) = NodeSlices { base: 0, nodes, wide, sums, is_dirty: dirty.flags_mut() }.split(root);
-        let (slices, _) = slices.split(end);
-        let parent = slices.nodes[0].parent as usize;
-        if let Some(cluster) = with_vectors(Sweep::<true>(slices)) {
-            self.wide[parent / WIDTH].set(parent % WIDTH, &cluster);
-            self.dirty.insert(parent / WIDTH);
-        }
-    }
 }
 
 /// The same piece of all arrays of a tree.

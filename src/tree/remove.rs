@@ -104,7 +104,6 @@ impl LightTree {
         self.attribute_sums[node] = AttributeSums::default();
         self.spans[node] = 0;
         self.light_counts[node] = 0;
-        self.built_costs[node] = 0.0;
         self.dirty.remove(node);
         self.edited.free(node);
     }

@@ -9,12 +9,12 @@ use std::fmt;
 
 use super::LightTree;
 use super::attributes::AttributeSums;
-use super::layout::{Layout, PlacedLight, build_item, with_spare};
-use super::node::{NO_LEAF, NO_PARENT, Node};
+use super::layout::{PlacedLight, build_item};
+use super::node::{NO_LEAF, Node};
 use super::refitted::RefittedNodes;
 use super::shape::SteppedShape;
 use super::units::{
-    ALLOCATE_TICKS, COST_TICKS, REFIT_TICKS, TASK_TICKS, UNIT, build_units, copy_ticks, lay_out_ticks, place_ticks,
+    ALLOCATE_TICKS, REFIT_TICKS, TASK_TICKS, UNIT, build_units, copy_ticks, lay_out_ticks, place_ticks,
 };
 use super::wide::WideCluster;
 use crate::cluster::{Cluster, Linear};
@@ -34,9 +34,6 @@ const NODES_PER_PIECE: usize = 2;
 
 /// Refit tasks that are listed at once.
 const TASKS_PER_PIECE: usize = 8;
-
-/// Nodes whose costs are computed at once.
-const COSTS_PER_PIECE: usize = 32;
 
 /// No piece of work has more units than this, so no step exceeds its limit by more.
 pub(crate) const MAX_EXTRA_UNITS: usize = 64;
@@ -78,8 +75,6 @@ enum BuildPhase {
     ListTasks,
     /// Refit the nodes, the last node first.
     Refit,
-    /// Compute the costs of all subtrees.
-    Costs,
     Done,
 }
 
@@ -144,11 +139,10 @@ impl TreeBuild {
                 let nodes = self.count.div_ceil(5);
                 (UNIT * build_units(self.count)).saturating_sub(self.ticks).max(self.node_ticks(nodes))
             }
-            BuildPhase::AllocateNodes => self.node_ticks(self.layout().span),
-            BuildPhase::LayOut => self.node_ticks(self.layout().span) - lay_out_ticks(self.count) * self.next,
-            BuildPhase::ListTasks => (REFIT_TICKS + COST_TICKS) * self.layout().span,
-            BuildPhase::Refit => REFIT_TICKS * self.next + COST_TICKS * self.layout().span,
-            BuildPhase::Costs => COST_TICKS * (self.layout().span - self.next),
+            BuildPhase::AllocateNodes => self.node_ticks(self.node_count()),
+            BuildPhase::LayOut => self.node_ticks(self.node_count()) - lay_out_ticks(self.count) * self.next,
+            BuildPhase::ListTasks => REFIT_TICKS * self.node_count(),
+            BuildPhase::Refit => REFIT_TICKS * self.next,
         };
         (ticks / UNIT).max(1)
     }
@@ -162,14 +156,14 @@ impl TreeBuild {
         self.tree
     }
 
-    fn layout(&self) -> Layout {
-        let used = self.shape.as_ref().map_or(0, |shape| shape.nodes().len());
-        Layout { root: 0, parent: NO_PARENT, used, span: with_spare(used) }
+    /// The nodes of the finished shape.
+    fn node_count(&self) -> usize {
+        self.shape.as_ref().map_or(0, |shape| shape.nodes().len())
     }
 
     /// The ticks of all phases from the lay-out on, for some nodes.
     fn node_ticks(&self, nodes: usize) -> usize {
-        (lay_out_ticks(self.count) + REFIT_TICKS + COST_TICKS) * nodes
+        (lay_out_ticks(self.count) + REFIT_TICKS) * nodes
     }
 
     /// Does a piece of work. Returns its ticks.
@@ -200,7 +194,6 @@ impl TreeBuild {
             BuildPhase::LayOut => self.lay_out(),
             BuildPhase::ListTasks => self.list_tasks(),
             BuildPhase::Refit => self.refit(),
-            BuildPhase::Costs => self.compute_costs(),
             BuildPhase::Done => 0,
         }
     }
@@ -266,15 +259,14 @@ impl TreeBuild {
 
     /// Allocates one of the arrays of the tree.
     fn allocate_nodes(&mut self) -> usize {
-        let count = self.layout().span;
+        let count = self.node_count();
         let tree = &mut self.tree;
         match self.next {
             0 => tree.nodes.reserve_exact(count),
             1 => tree.wide.reserve_exact(count),
             2 => tree.spans.reserve_exact(count),
             3 => tree.light_counts.reserve_exact(count),
-            4 => tree.built_costs.reserve_exact(count),
-            5 => tree.attribute_sums.reserve_exact(count),
+            4 => tree.attribute_sums.reserve_exact(count),
             _ => {
                 tree.dirty.reserve(count);
                 tree.refitted = RefittedNodes::empty(count);
@@ -287,24 +279,22 @@ impl TreeBuild {
     }
 
     fn lay_out(&mut self) -> usize {
-        let layout = self.layout();
-        let (first, end) = (self.next, layout.used.min(self.next + NODES_PER_PIECE));
+        let count = self.node_count();
+        let (first, end) = (self.next, count.min(self.next + NODES_PER_PIECE));
         let Self { tree, placed, shape, .. } = self;
         let shape = shape.as_mut().expect("the shape was allocated");
-        let nodes = layout.position(end);
-        tree.nodes.resize(nodes, Node::EMPTY);
-        tree.wide.resize(nodes, WideCluster::EMPTY);
-        tree.spans.resize(nodes, 0);
-        tree.light_counts.resize(nodes, 0);
-        tree.built_costs.resize(nodes, 0.0);
-        tree.attribute_sums.resize(nodes, AttributeSums::default());
-        tree.dirty.grow(nodes);
-        for i in first..end {
-            shape.link_children(i);
-            tree.lay_out_node(&layout, &shape.nodes()[i], i, placed);
+        tree.nodes.resize(end, Node::EMPTY);
+        tree.wide.resize(end, WideCluster::EMPTY);
+        tree.spans.resize(end, 0);
+        tree.light_counts.resize(end, 0);
+        tree.attribute_sums.resize(end, AttributeSums::default());
+        tree.dirty.grow(end);
+        for node in first..end {
+            shape.link_children(node);
+            tree.lay_out_node(&shape.nodes()[node], node, placed);
         }
         self.next = end;
-        if end == layout.used {
+        if end == count {
             self.begin(BuildPhase::ListTasks);
         }
         lay_out_ticks(self.count) * (end - first)
@@ -331,26 +321,12 @@ impl TreeBuild {
         self.tree.refit_nodes(nodes.clone());
         self.next = nodes.start;
         if self.next == 0 {
-            self.begin(BuildPhase::Costs);
-        }
-        REFIT_TICKS * nodes.len()
-    }
-
-    fn compute_costs(&mut self) -> usize {
-        let tree = &mut self.tree;
-        let nodes = self.next..tree.nodes.len().min(self.next + COSTS_PER_PIECE);
-        for node in nodes.clone() {
-            tree.built_costs[node] = tree.cost_per_spread(node);
-        }
-        self.next = nodes.end;
-        if nodes.end == tree.nodes.len() {
             let sides = self.shape.as_ref().map_or(0, |shape| shape.sides());
-            tree.sides = vec![Cluster::EMPTY; sides];
-            tree.update_sides();
-            tree.update_attributes();
+            self.tree.sides = vec![Cluster::EMPTY; sides];
+            self.tree.finish_build();
             self.begin(BuildPhase::Done);
         }
-        COST_TICKS * nodes.len()
+        REFIT_TICKS * nodes.len()
     }
 }
 

@@ -23,9 +23,6 @@ fn every_public_type_has_a_debug_form_and_may_be_shared_by_threads() {
     check::<TargetHook>();
     check::<TargetHookError>();
     check::<UploadReport>();
-    check::<UsageCounts<'static>>();
-    fn has_debug_form<T: fmt::Debug>() {}
-    has_debug_form::<PipelineVariants<wgpu::ComputePipeline>>();
     let (device, queue) = gpu();
     let lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let text = format!("{lights:?}");

@@ -68,13 +68,8 @@ impl LightTree {
     fn node_fault(&self, index: usize) -> Option<CheckError> {
         let node = &self.nodes[index];
         let fail = |slot, what| Some(CheckError { node: index, slot, what });
-        let is_spare = self.spans[index] == 0;
-        if self.built_costs[index].is_nan() || self.built_costs[index] < 0.0 {
-            return fail(0, "the cost of the subtree is negative or not a number");
-        }
-        if is_spare {
-            let is_empty = *node == Node::EMPTY && self.light_counts[index] == 0;
-            return if is_empty { None } else { fail(0, "the spare node is not empty") };
+        if self.spans[index] == 0 {
+            return fail(0, "the node has no subtree");
         }
         let end = index + self.spans[index] as usize;
         if end > self.nodes.len() {
