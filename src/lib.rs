@@ -84,7 +84,7 @@
 //! # }
 //! ```
 //!
-//! `docs/integration.md` explains every step; `examples/engine_shader.rs` is a complete program.
+//! `docs/integration.md` explains every step; the package `engine_shader` is a complete program.
 //!
 //! # Conventions
 //!
@@ -190,8 +190,35 @@ pub use world::{
 #[doc = include_str!("../README.md")]
 struct Readme;
 
-/// The programs of the guide for engines, compiled and run as documentation tests. A test in
-/// `gpu/shader.rs` checks its shaders.
+/// The programs of the guide for engines and of its pages, compiled and run as documentation tests. A
+/// test in `tests/all/references.rs` finds the pages that are missing here, and one in
+/// `gpu/shader.rs` checks their shaders.
 #[cfg(all(doctest, feature = "gpu"))]
-#[doc = include_str!("../docs/integration.md")]
-struct Integration;
+mod pages {
+    #[doc = include_str!("../docs/integration.md")]
+    struct Integration;
+    #[doc = include_str!("../docs/edits.md")]
+    struct Edits;
+    #[doc = include_str!("../docs/rebuilds.md")]
+    struct Rebuilds;
+    #[doc = include_str!("../docs/shaders.md")]
+    struct Shaders;
+    #[doc = include_str!("../docs/reuse.md")]
+    struct Reuse;
+    #[doc = include_str!("../docs/visibility.md")]
+    struct Visibility;
+    #[doc = include_str!("../docs/streaming.md")]
+    #[cfg(feature = "bake")]
+    struct Streaming;
+    #[doc = include_str!("../docs/large-worlds.md")]
+    struct LargeWorlds;
+    #[doc = include_str!("../docs/memory.md")]
+    struct Memory;
+    #[doc = include_str!("../docs/plans.md")]
+    struct Plans;
+    #[doc = include_str!("../docs/gltf.md")]
+    #[cfg(feature = "gltf")]
+    struct Gltf;
+    #[doc = include_str!("../docs/browser.md")]
+    struct Browser;
+}
