@@ -208,8 +208,8 @@ pub use visibility::{VisibilityOptions, VisibilityTable};
 #[cfg(feature = "gpu")]
 pub use wgpu;
 pub use world::{
-    BackgroundReport, FrameDelta, FrameReport, JobReport, LightWorld, OriginMode, RebuildState, RefusedRegion, Region,
-    RegionInstance, RegionTree, RegionView, RemovedRegion, WorldMemory,
+    BackgroundReport, Changes, FrameDelta, FrameReport, JobReport, LightWorld, OriginMode, RebuildState, RefusedRegion,
+    Region, RegionInstance, RegionTree, RegionView, RemovedRegion, Revision, WorldMemory,
 };
 
 /// The README's programs, compiled and run as documentation tests.

@@ -30,9 +30,9 @@ pub struct UploadReport {
 pub(super) struct PendingChanges {
     pub trees: Slots,
     pub instances: Slots,
-    /// Slots of instances whose user data changed.
-    pub user_data: Slots,
     pub directionals: bool,
+    /// More changed than user data, so that the top level must be built again.
+    pub concern_lights: bool,
 }
 
 /// A set of slots: ascending, each once, after [`Slots::sort`].
@@ -59,30 +59,15 @@ impl Slots {
 
 impl PendingChanges {
     pub fn is_empty(&self) -> bool {
-        !self.concern_lights() && self.user_data.as_slice().is_empty()
-    }
-
-    /// Whether more changes than user data, so that the top level must be built again.
-    pub fn concern_lights(&self) -> bool {
-        !self.trees.as_slice().is_empty() || !self.instances.as_slice().is_empty() || self.directionals
-    }
-
-    /// The slots of instances whose records change, in ascending order.
-    pub fn records(&self) -> Slots {
-        let mut records = self.instances.clone();
-        if !self.user_data.as_slice().is_empty() {
-            records.extend(self.user_data.as_slice().iter().copied());
-            records.sort();
-        }
-        records
+        self.trees.as_slice().is_empty() && self.instances.as_slice().is_empty() && !self.directionals
     }
 
     pub fn add(&mut self, delta: &FrameDelta) {
         self.trees.extend(delta.trees.iter().copied());
         self.instances.extend(delta.instances.iter().copied());
-        self.user_data.extend(delta.user_data.iter().copied());
         self.directionals |= delta.directionals;
-        [&mut self.trees, &mut self.instances, &mut self.user_data].into_iter().for_each(Slots::sort);
+        self.concern_lights |= delta.concerns_lights;
+        [&mut self.trees, &mut self.instances].into_iter().for_each(Slots::sort);
     }
 
     /// Adds all slots, for a device whose records may be undefined. No instance has slot 0, but

@@ -571,6 +571,7 @@ impl LightPlanner {
                 continue;
             }
             if let Some(entry) = world.tree_at(*slot).and_then(|key| world.tree_entry(key)) {
+                changes.concern_lights |= !entry.instances.is_empty();
                 changes.instances.extend(entry.instances.iter().map(|key| slot_of(*key)));
             }
         }

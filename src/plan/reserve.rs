@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use super::LightPlanner;
 use super::buffers::{BufferId, NewBuffer};
-use super::changes::{PendingChanges, Slots};
+use super::changes::PendingChanges;
 use super::error::PlanError;
 use super::layout::{ParamsRecord, PartRecord, TreeRecord};
 use super::parts::NewParts;
@@ -59,8 +59,7 @@ pub(super) struct Room {
     pub slots: Range<u32>,
     pub directionals: Option<Range<u32>>,
     pub trees: TreeRuns,
-    /// The slots of the instances that are written, and their runs.
-    pub instances: Slots,
+    /// The runs of slots of the instances that are written.
     pub instance_runs: Vec<Range<u32>>,
     /// The runs of records that are written to these pools: nodes, lights, trees, instances.
     pub run_counts: [RunCount; scatter::MAX_TARGETS],
@@ -258,7 +257,7 @@ impl LightPlanner {
 
     /// Adds the trees that changed instances need and that were never sent.
     fn add_missing_trees(&mut self, world: &LightWorld, changes: &mut PendingChanges) {
-        for slot in changes.instances.as_slice().iter().chain(changes.user_data.as_slice()) {
+        for slot in changes.instances.as_slice() {
             let tree = world.instance_at(*slot).and_then(|key| world.instance_tree(key));
             if let Some(tree) = tree
                 && self.residency.get(slot_of(tree)).key != Some(tree)
@@ -295,8 +294,7 @@ impl LightPlanner {
             let written = written_records(write, state.division, world.sections(key), state.records.len(), runs);
             written.for_each(|run| tree_count.add(&run));
         }
-        room.instances = changes.records();
-        add_runs(&mut room.instance_runs, room.instances.as_slice().iter().copied(), 0);
+        add_runs(&mut room.instance_runs, changes.instances.as_slice().iter().copied(), 0);
         room.instance_runs.iter().for_each(|run| instance_count.add(run));
         let staged = [
             self.nodes.staged_bytes(&node_count),

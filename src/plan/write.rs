@@ -61,7 +61,7 @@ impl Reservation<'_> {
         let replaced = [planner.nodes.is_replaced(), planner.instances.is_replaced(), planner.lights.is_replaced()];
         let room = planner.adopt(room, &mut plan);
         let mut staged = planner.make_lists(&room, &mut plan.upload);
-        let Room { placed, incoming, is_packed, parts, directionals, trees, instances, instance_runs, .. } = room;
+        let Room { placed, incoming, is_packed, parts, directionals, trees, instance_runs, .. } = room;
         planner.place(placed, incoming);
         planner.residency.is_packed |= is_packed;
         if let Some(range) = directionals {
@@ -72,7 +72,7 @@ impl Reservation<'_> {
         planner.parts.write(commands, parts);
         let mut report = UploadReport {
             trees: changes.trees.as_slice().len(),
-            instances: instances.as_slice().len(),
+            instances: changes.instances.as_slice().len(),
             ..planner.waiting_report()
         };
         planner.write_trees(commands, &mut staged, world, &trees, &mut report);
@@ -90,7 +90,7 @@ impl Reservation<'_> {
         report.bytes = commands.bytes_written();
         plan.report = report;
         planner.is_lost = false;
-        if changes.concern_lights() || is_new_top || former != (strides, masks, home) || planner.is_top_due {
+        if changes.concern_lights || is_new_top || former != (strides, masks, home) || planner.is_top_due {
             planner.finish_top(&mut plan.top);
         }
         planner.previous.changed([

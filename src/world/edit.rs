@@ -55,7 +55,7 @@ impl LightWorld {
         self.recount(key);
         self.wake(key);
         set_slot(&mut self.tree_slots, slot_of(key), Some(key));
-        self.changes.tree(slot_of(key));
+        self.log.tree(slot_of(key));
         key
     }
 
@@ -84,7 +84,7 @@ impl LightWorld {
         self.effects.change(|counts| counts.remove_all(entry.tree.effects()));
         self.pending.remove(tree);
         set_slot(&mut self.tree_slots, slot_of(tree), None);
-        self.changes.tree(slot_of(tree));
+        self.log.tree(slot_of(tree));
         RemovedTree { entry, build }
     }
 
@@ -328,7 +328,7 @@ impl LightWorld {
         self.attach(key, tree, policy);
         self.build_for_first(key, builds_later);
         self.judge_later(key);
-        self.changes.added(slot_of(key));
+        self.log.added(slot_of(key));
         self.top.take();
         key
     }
@@ -343,7 +343,7 @@ impl LightWorld {
         self.forget_overlap(key, instance.tree);
         self.forget_surroundings(key, instance.tree);
         self.detach(instance.tree, instance.index_in_tree, instance.policy);
-        self.changes.removed(slot_of(key));
+        self.log.removed(slot_of(key));
         self.top.take();
         Ok(())
     }
@@ -424,7 +424,7 @@ impl LightWorld {
     /// [`WorldError::Directional`].
     pub fn add_directional(&mut self, light: DirectionalLight) -> Result<DirectionalKey, WorldError> {
         check_directional(&light)?;
-        self.changes.directionals = true;
+        self.log.directionals();
         self.effects.change(|counts| counts.add(Effects::DIRECTIONAL));
         Ok(self.directionals.insert(light))
     }
@@ -438,7 +438,7 @@ impl LightWorld {
         let present = self.directionals.get_mut(key).ok_or(WorldError::NoSuchDirectional(key))?;
         if *present != light {
             *present = light;
-            self.changes.directionals = true;
+            self.log.directionals();
         }
         Ok(())
     }
@@ -449,7 +449,7 @@ impl LightWorld {
     /// [`WorldError::NoSuchDirectional`].
     pub fn remove_directional(&mut self, key: DirectionalKey) -> Result<(), WorldError> {
         self.directionals.remove(key).ok_or(WorldError::NoSuchDirectional(key))?;
-        self.changes.directionals = true;
+        self.log.directionals();
         self.effects.change(|counts| counts.remove(Effects::DIRECTIONAL));
         Ok(())
     }
@@ -554,12 +554,12 @@ impl LightWorld {
     /// Records that all nodes and lights of a tree changed.
     pub(super) fn whole_tree_changed(&mut self, key: TreeKey) {
         self.trees[key].log.restart();
-        self.changes.tree(slot_of(key));
+        self.log.tree(slot_of(key));
     }
 
     /// Records that an instance was shown or hidden, or got another tree.
     pub(super) fn instance_changed(&mut self, key: InstanceKey) {
-        self.changes.reported(slot_of(key));
+        self.log.shown(slot_of(key));
         self.top.take();
     }
 }

@@ -9,6 +9,7 @@ mod delta;
 mod edit;
 mod instance_map;
 mod key_set;
+mod log;
 mod memory;
 mod moves;
 mod open_build;
@@ -29,6 +30,7 @@ mod sections;
 mod slot_round;
 mod slot_set;
 mod staged;
+mod stamps;
 mod surroundings;
 mod update;
 
@@ -39,8 +41,8 @@ use slotmap::SlotMap;
 
 #[cfg(feature = "gpu-plan")]
 pub(crate) use change_log::TreeChanges;
-use delta::Changes;
 pub use delta::FrameDelta;
+pub use log::{Changes, Revision};
 pub use memory::WorldMemory;
 pub use origin::OriginMode;
 pub use rebuild::{JobReport, RebuildState};
@@ -61,6 +63,7 @@ use crate::tree::{LightTree, Section};
 use change_log::ChangeLog;
 use instance_map::InstanceMap;
 use key_set::KeySet;
+use log::WorldLog;
 use memory::Counted;
 use region_table::Regions;
 use rest_timers::RestTimers;
@@ -90,7 +93,9 @@ pub struct LightWorld {
     /// What the last update added and removed.
     added_lights: Vec<(TreeKey, u32)>,
     removed_lights: Vec<(TreeKey, u32)>,
-    changes: Changes,
+    log: WorldLog,
+    /// The revision of the last delta.
+    taken: Revision,
     move_scratch: moves::MoveScratch,
     scheduler: Scheduler,
     open_build: open_build::OpenBuild,
@@ -243,7 +248,8 @@ impl LightWorld {
             pending: KeySet::default(),
             added_lights: Vec::new(),
             removed_lights: Vec::new(),
-            changes: Changes::default(),
+            log: WorldLog::default(),
+            taken: Revision::of_new_world(),
             move_scratch: moves::MoveScratch::default(),
             scheduler: Scheduler::default(),
             open_build: open_build::OpenBuild::default(),

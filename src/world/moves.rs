@@ -80,7 +80,7 @@ impl LightWorld {
         let mut effects = EffectChanges::default();
         if instance.place(&placement.into(), self.origin.anchor(), &mut effects)? {
             self.effects.change(|counts| effects.apply(counts));
-            self.changes.moved(slot_of(key));
+            self.log.moved(slot_of(key));
             self.top.take();
         }
         Ok(())
@@ -124,8 +124,8 @@ impl LightWorld {
         let effects = self.place_all(moves);
         self.effects.change(|counts| effects.apply(counts));
         let moved = &mut self.move_scratch.moved;
-        self.changes.all_moved(moved);
-        if moved.clear() > 0 {
+        if moved.len() > 0 {
+            self.log.all_moved(moved);
             self.top.take();
         }
         Ok(())
@@ -164,7 +164,7 @@ impl LightWorld {
                 moved.insert(slot_of(*key));
             }
         }
-        done.clear();
+        done.drain(|_| {});
         effects
     }
 

@@ -168,7 +168,7 @@ impl LightWorld {
             instance.placed = placed;
         }
         for key in self.instances.keys() {
-            self.changes.instance(slot_of(key));
+            self.log.altered(slot_of(key));
         }
         self.top.take();
         Ok(())

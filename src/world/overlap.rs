@@ -290,7 +290,7 @@ impl LightWorld {
         let share = entry.surrounded as f32 / entry.instances.len().max(1) as f32;
         let is_open = share > if entry.is_open { 0.5 * OPEN_SHARE } else { OPEN_SHARE };
         if std::mem::replace(&mut entry.is_open, is_open) != is_open {
-            self.changes.tree(slot_of(tree));
+            self.log.tree(slot_of(tree));
             self.top.take();
         }
     }

@@ -121,7 +121,7 @@ impl LightWorld {
             self.update_request(key);
         }
         if changes_nodes {
-            self.changes.tree(slot_of(key));
+            self.log.tree(slot_of(key));
             if is_replaced {
                 self.renew_sections(key)
             } else if !added.is_empty() || !removed.is_empty() {

@@ -93,7 +93,7 @@ impl LightWorld {
         let records = tree.nodes().len() + tree.lights().len();
         entry.log.add(&nodes, lights.into_iter(), records);
         self.recount(key);
-        self.changes.tree(slot_of(key));
+        self.log.tree(slot_of(key));
         self.top.take();
     }
 }
