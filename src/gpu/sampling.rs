@@ -96,9 +96,8 @@ mod tests {
             usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
             mapped_at_creation: false,
         });
-        let mut frame = |lights: &mut GpuLights| {
-            let delta = world.take_delta();
-            lights.upload(&world, &delta).expect("it fits");
+        let frame = |lights: &mut GpuLights| {
+            lights.upload(&world).expect("it fits");
             let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
             lights.build_top(&mut encoder);
             lights.sample(&mut encoder, &requests, &samples, 200);

@@ -1,6 +1,6 @@
 //! What a planner remembers between frames, and what it reports.
 
-use crate::world::{FrameDelta, LightWorld};
+use crate::world::{LightWorld, Revision};
 
 /// What a plan sends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -24,10 +24,10 @@ pub struct UploadReport {
     pub stand_ins: usize,
 }
 
-/// Slots to be written: those of a delta and of the deltas that failed before it, and the slots
-/// that change as a consequence.
+/// Slots to be written: those that changed in the world since the last plan, and those that change
+/// as a consequence.
 #[derive(Clone, Debug, Default)]
-pub(super) struct PendingChanges {
+pub(super) struct FrameChanges {
     pub trees: Slots,
     pub instances: Slots,
     pub directionals: bool,
@@ -57,23 +57,28 @@ impl Slots {
     }
 }
 
-impl PendingChanges {
+impl FrameChanges {
     pub fn is_empty(&self) -> bool {
         self.trees.as_slice().is_empty() && self.instances.as_slice().is_empty() && !self.directionals
     }
 
-    pub fn add(&mut self, delta: &FrameDelta) {
-        self.trees.extend(delta.trees.iter().copied());
-        self.instances.extend(delta.instances.iter().copied());
-        self.directionals |= delta.directionals;
-        self.concern_lights |= delta.concerns_lights;
-        [&mut self.trees, &mut self.instances].into_iter().for_each(Slots::sort);
+    /// What changed since a revision.
+    pub fn since(revision: Revision, world: &LightWorld) -> Self {
+        let changes = world.changes_since(revision);
+        Self {
+            trees: Slots(changes.trees().collect()),
+            instances: Slots(changes.instance_records().collect()),
+            directionals: changes.directionals(),
+            concern_lights: changes.concern_lights(),
+        }
     }
 
-    /// Adds all slots, for a device whose records may be undefined. No instance has slot 0, but
-    /// shaders may read its record.
-    pub fn add_everything(&mut self, world: &LightWorld) {
-        self.instances.extend([0].into_iter().filter(|_| world.slot_count() > 0));
-        self.add(&FrameDelta::everything(world));
+    /// Everything, for a device whose records may be undefined. No instance has slot 0, but shaders
+    /// may read its record.
+    pub fn everything(world: &LightWorld) -> Self {
+        let mut all = Self { directionals: true, concern_lights: true, ..Self::since(Revision::default(), world) };
+        all.instances.extend([0].into_iter().filter(|_| world.slot_count() > 0));
+        all.instances.sort();
+        all
     }
 }

@@ -6,7 +6,8 @@
 //!
 //! A frame has these steps:
 //!
-//! 1. [`LightPlanner::reserve`] finds out which buffers the changes of a world need.
+//! 1. [`LightPlanner::reserve`] finds out which buffers the changes of a world need since the last
+//!    plan.
 //! 2. The engine makes [`Reservation::new_buffers`]. If it has no memory for one, it drops the
 //!    reservation, and nothing has changed.
 //! 3. [`Reservation::plan`] returns the [`FramePlan`] of the frame.
@@ -16,19 +17,18 @@
 //!
 //! ```
 //! use girandole::plan::{Command, FramePlan, LightPlanner, NewBuffer, PlanError, PlanLimits};
-//! use girandole::{FrameDelta, LightWorld};
+//! use girandole::LightWorld;
 //!
 //! fn make_buffer(buffer: &NewBuffer) { /* The engine's own code. */ }
 //!
-//! fn frame(planner: &mut LightPlanner, world: &mut LightWorld) -> Result<FramePlan, PlanError> {
-//!     let delta = world.take_delta();
-//!     let reservation = planner.reserve(world, &delta)?;
+//! fn frame(planner: &mut LightPlanner, world: &LightWorld) -> Result<FramePlan, PlanError> {
+//!     let reservation = planner.reserve(world)?;
 //!     reservation.new_buffers().iter().for_each(make_buffer);
 //!     Ok(reservation.plan())
 //! }
 //!
 //! let mut planner = LightPlanner::new(PlanLimits::default());
-//! let plan = frame(&mut planner, &mut LightWorld::new())?;
+//! let plan = frame(&mut planner, &LightWorld::new())?;
 //! for command in plan.upload.iter().chain(plan.top.iter()) {
 //!     match command {
 //!         Command::Write { buffer, offset, bytes } => { /* ... */ }
@@ -115,9 +115,8 @@ pub use text::{wgsl, wgsl_previous, wgsl_with_target};
 use crate::counts::SplitCount;
 use crate::effects::Effects;
 use crate::sector;
-use crate::world::LightWorld;
+use crate::world::{LightWorld, Revision};
 use buffers::Ids;
-use changes::PendingChanges;
 use layout::{InstanceRecord, LightRecord, ParamsRecord, Strides, TreeRecord};
 use memory::BufferSizes;
 use node_record::NodeRecord;
@@ -153,8 +152,8 @@ pub struct LightPlanner {
     /// The bytes of all buffers.
     buffers: BufferSizes,
     parts: PartTable,
-    /// The changes of reservations that were dropped, and of lost plans.
-    pending: PendingChanges,
+    /// How far the plans have followed the world.
+    revision: Revision,
     /// A range of the light pool.
     directionals: Range<u32>,
     /// What the uniform holds.
@@ -205,7 +204,7 @@ impl LightPlanner {
             is_resized: false,
             buffers: BufferSizes::default(),
             parts: PartTable::new(limit),
-            pending: PendingChanges::default(),
+            revision: Revision::default(),
             directionals: 0..0,
             params: ParamsRecord { strides: Strides::of(Effects::all()), ..ParamsRecord::default() },
             wanted_splits: SplitCount::DEFAULT.get() as u32,
@@ -235,11 +234,24 @@ impl LightPlanner {
         Some([params, self.top.nodes(), self.nodes.buffer(), self.instances.buffer(), self.lights.buffer()])
     }
 
+    /// The revision of the world at the last plan; `Revision::default()` before the first one.
+    /// [`LightWorld::changes_since`](crate::LightWorld::changes_since) tells what the next plan
+    /// will send.
+    pub fn revision(&self) -> Revision {
+        self.revision
+    }
+
     /// The effects that the text of [`wgsl`] must support to read these buffers: those of
     /// [`LightWorld::effects`] at the last plan, and all before the first one. Never contains
     /// [`Effects::MOVING`], on which no shader depends.
     pub fn effects(&self) -> Effects {
         self.effects
+    }
+
+    /// Goes back to an earlier revision, because the last plan was not played.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn rewind(&mut self, revision: Revision) {
+        self.revision = revision;
     }
 
     /// Reports all effects until the next plan.

@@ -7,7 +7,7 @@
 use std::ops::Range;
 
 use super::LightPlanner;
-use super::changes::PendingChanges;
+use super::changes::FrameChanges;
 use super::error::PlanError;
 use super::layout::TreeRecord;
 use super::pool::{Demand, Growth};
@@ -134,7 +134,7 @@ impl LightPlanner {
     pub(super) fn place_trees(
         &mut self,
         world: &LightWorld,
-        changes: &PendingChanges,
+        changes: &FrameChanges,
         room: &mut Room,
     ) -> Result<(), PlanError> {
         // After a restart all trees start as stand-ins, which leaves as much room as possible.
@@ -563,7 +563,7 @@ impl LightPlanner {
     }
 
     /// Adds the slots of instances whose tree has another place or form after the frame.
-    pub(super) fn add_placed_instances(&self, world: &LightWorld, room: &Room, changes: &mut PendingChanges) {
+    pub(super) fn add_placed_instances(&self, world: &LightWorld, room: &Room, changes: &mut FrameChanges) {
         for (slot, state) in &room.placed {
             let former = self.residency.get(*slot);
             let is_same = former.ranges() == state.ranges() && former.form == state.form;

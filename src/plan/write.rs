@@ -39,6 +39,7 @@ impl Reservation<'_> {
         let mut room = std::mem::take(&mut self.room);
         let (planner, world, changes, effects) = (&mut *self.planner, self.world, &self.changes, self.effects);
         planner.number += 1;
+        planner.revision = world.revision();
         planner.effects = effects;
         let mut plan = FramePlan { number: planner.number, ..FramePlan::default() };
         plan.new_buffers = std::mem::take(&mut room.new_buffers);

@@ -68,7 +68,7 @@ impl LightWorld {
     /// priority in each update. O(1).
     ///
     /// With [`OriginMode::Following`](crate::OriginMode::Following) this also moves the origin if the
-    /// viewpoint is far from it. Call it before [`LightWorld::take_delta`] in every frame then.
+    /// viewpoint is far from it. Call it before the upload in every frame then.
     ///
     /// # Errors
     /// [`WorldError::NotFinite`] for a coordinate that is NaN or infinite. If the origin follows the

@@ -22,13 +22,6 @@ pub struct Revision {
     origin: DVec3,
 }
 
-impl Revision {
-    /// The revision of a world before its first change.
-    pub(super) fn of_new_world() -> Self {
-        Self { number: WorldLog::default().number, origin: DVec3::ZERO }
-    }
-}
-
 /// What changed in a world since a [`Revision`]: see [`LightWorld::changes_since`].
 ///
 /// Slots are the numbers that shaders know instances by ([`LightWorld::slot`]). All lists are in
@@ -85,22 +78,26 @@ impl<'w> Changes<'w> {
     }
 
     /// The slots of trees that were added, edited, rebuilt or removed.
+    #[cfg(feature = "gpu-plan")]
     pub(crate) fn trees(&self) -> impl Iterator<Item = u32> + use<'w> {
         slots_after([&self.world.log.trees], self.since.number)
     }
 
     /// The slots of instances whose record on a GPU changed.
+    #[cfg(feature = "gpu-plan")]
     pub(crate) fn instance_records(&self) -> impl Iterator<Item = u32> + use<'w> {
         let WorldLog { added, removed, moved, shown, altered, user_data, .. } = &self.world.log;
         slots_after([added, removed, moved, shown, altered, user_data], self.since.number)
     }
 
     /// Whether some directional light was added, changed or removed.
+    #[cfg(feature = "gpu-plan")]
     pub(crate) fn directionals(&self) -> bool {
         self.world.log.directionals > self.since.number
     }
 
     /// Whether more changed than user data, which the top level does not depend on.
+    #[cfg(feature = "gpu-plan")]
     pub(crate) fn concern_lights(&self) -> bool {
         self.world.log.lights > self.since.number
     }

@@ -1,11 +1,10 @@
-//! The light world: trees, instances of them and directional lights. Edits go in, one
-//! [`FrameDelta`] a frame comes out.
+//! The light world: trees, instances of them and directional lights. Edits go in, and
+//! readers follow the [`Changes`].
 
 mod appearance;
 mod attention;
 mod build_thread;
 mod change_log;
-mod delta;
 mod edit;
 mod instance_map;
 mod key_set;
@@ -41,7 +40,6 @@ use slotmap::SlotMap;
 
 #[cfg(feature = "gpu-plan")]
 pub(crate) use change_log::TreeChanges;
-pub use delta::FrameDelta;
 pub use log::{Changes, Revision};
 pub use memory::WorldMemory;
 pub use origin::OriginMode;
@@ -94,8 +92,6 @@ pub struct LightWorld {
     added_lights: Vec<(TreeKey, u32)>,
     removed_lights: Vec<(TreeKey, u32)>,
     log: WorldLog,
-    /// The revision of the last delta.
-    taken: Revision,
     move_scratch: moves::MoveScratch,
     scheduler: Scheduler,
     open_build: open_build::OpenBuild,
@@ -249,7 +245,6 @@ impl LightWorld {
             added_lights: Vec::new(),
             removed_lights: Vec::new(),
             log: WorldLog::default(),
-            taken: Revision::of_new_world(),
             move_scratch: moves::MoveScratch::default(),
             scheduler: Scheduler::default(),
             open_build: open_build::OpenBuild::default(),

@@ -105,12 +105,12 @@ impl LightWorld {
     /// let cars: Vec<_> = (0..100)
     ///     .map(|_| world.add_instance(lamp, Placement::IDENTITY, Policy::Budgeted))
     ///     .collect::<Result<_, _>>()?;
-    /// world.take_delta();
+    /// let before = world.revision();
     /// let moves: Vec<_> =
     ///     (0..50).map(|i| (cars[2 * i], Placement::at(DVec3::X * i as f64))).collect();
     /// world.move_instances(&moves)?;
     /// // The first one is where it was.
-    /// assert_eq!(world.take_delta().moved_instances().len(), 49);
+    /// assert_eq!(world.changes_since(before).moved_instances().count(), 49);
     /// # Ok::<(), girandole::WorldError>(())
     /// ```
     ///

@@ -85,9 +85,9 @@ impl LightWorld {
     /// The point that sampling coordinates are relative to, in metres. Zero until
     /// [`LightWorld::set_origin`] is called or the origin follows the viewpoint.
     ///
-    /// A shader sees a new origin after the upload of the next delta, whose
-    /// [`FrameDelta::origin_shift`](crate::FrameDelta::origin_shift) is the move. A
-    /// [`LightSampler`](crate::LightSampler) sees it at once.
+    /// A shader sees a new origin after the next upload; [`Changes::origin_shift`](crate::Changes)
+    /// tells how far it moved since an earlier one. A [`LightSampler`](crate::LightSampler) sees it at
+    /// once.
     pub fn origin(&self) -> DVec3 {
         self.origin.position
     }

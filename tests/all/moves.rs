@@ -6,8 +6,8 @@ use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::{GpuLights, UploadReport};
 use girandole::{
-    FrameBudget, FrameDelta, InstanceKey, LightTree, LightWorld, MAX_DISTANCE, OriginMode, Placement, PlacementError,
-    Policy, Revision, WorldError,
+    FrameBudget, InstanceKey, LightTree, LightWorld, MAX_DISTANCE, OriginMode, Placement, PlacementError, Policy,
+    Revision, WorldError,
 };
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -93,6 +93,12 @@ fn state(world: &LightWorld, seed: u64) -> impl PartialEq + std::fmt::Debug + us
     (placements, trees, pmfs, *world.effect_counts())
 }
 
+/// The slots of instances that were moved, added and removed.
+fn lists(world: &LightWorld, since: Revision) -> [Vec<u32>; 3] {
+    let changes = world.changes_since(since);
+    [changes.moved_instances().collect(), changes.added_instances().collect(), changes.removed_instances().collect()]
+}
+
 /// An update without its times.
 fn update(world: &mut LightWorld) -> [usize; 5] {
     let report = world.update(FrameBudget::NONE);
@@ -111,6 +117,7 @@ proptest! {
     #[test]
     fn many_moves_in_one_call_do_what_they_do_one_by_one(seed in any::<u64>(), steps in 1_usize..12) {
         let [mut together, mut last, mut all] = [0; 3].map(|_| world(seed));
+        let mut seen = [together.revision(), last.revision()];
         let mut rng = Rng(seed ^ 1);
         for _ in 0..steps {
             // Few, or more than one thread takes.
@@ -121,7 +128,8 @@ proptest! {
             one_by_one(&mut all, &moves);
             prop_assert_eq!(together.effects(), last.effects());
             if rng.bits().is_multiple_of(2) {
-                prop_assert_eq!(together.take_delta(), last.take_delta());
+                prop_assert_eq!(lists(&together, seen[0]), lists(&last, seen[1]));
+                seen = [together.revision(), last.revision()];
             }
             let updates = if rng.bits().is_multiple_of(6) { EFFECT_HOLD_UPDATES as usize + 2 } else { below(&mut rng, 3) };
             for _ in 0..updates {
@@ -239,8 +247,7 @@ fn a_refused_move_is_named_and_no_other_move_is_done() {
     let gone = world.instances().last().expect("some instance");
     world.remove_instance(gone).expect("it lives");
     world.update(FrameBudget::NONE);
-    world.take_delta();
-    let before = state(&world, 1);
+    let (before, revision) = (state(&world, 1), world.revision());
     // Few are done in turn, and many on threads.
     let good = last_ones(&random_moves(&world, &mut Rng(563), 2000));
     let far = Placement::at(DVec3::X * MAX_DISTANCE.next_up());
@@ -255,8 +262,8 @@ fn a_refused_move_is_named_and_no_other_move_is_done() {
             moves.splice(at..at, [(key, placement), (gone, far), (first, singular), (first, Placement::IDENTITY)]);
             assert_eq!(source.code(), WorldError::Move { index: at, source: Box::new(source.clone()) }.code());
             assert_eq!(world.move_instances(&moves), Err(WorldError::Move { index: at, source: Box::new(source) }));
-            assert_eq!(world.take_delta(), FrameDelta::default());
             assert_eq!(update(&mut world)[0], 0);
+            assert_eq!(world.revision(), revision);
         };
         refuse(gone, Placement::IDENTITY, WorldError::NoSuchInstance(gone));
         refuse(InstanceKey::default(), far, WorldError::NoSuchInstance(InstanceKey::default()));
@@ -275,8 +282,8 @@ fn moves_to_where_instances_are_cost_nothing() {
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let mut sent = |world: &mut LightWorld| {
         let moved = world.update(FrameBudget::NONE).moved_instances;
-        let delta = world.take_delta();
-        (moved, delta.is_empty(), lights.upload(world, &delta).expect("room enough"))
+        let is_empty = world.changes_since(lights.revision()).is_empty();
+        (moved, is_empty, lights.upload(world).expect("room enough"))
     };
     sent(&mut world);
     let present: Moves = world.instances().map(|key| (key, world.placement(key).expect("it lives"))).collect();

@@ -5,9 +5,7 @@ use std::sync::OnceLock;
 
 use girandole::glam::{DVec3, Vec3};
 use girandole::gpu::{DEFAULT_USAGE_INTERVAL, GpuLights, ReservoirRecord, SampleRecord, SampleRequest, UploadReport};
-use girandole::{
-    CandidateCount, Effects, FrameDelta, InstanceKey, Light, LightWorld, Placement, Policy, TreeKey, wgpu,
-};
+use girandole::{CandidateCount, Effects, InstanceKey, Light, LightWorld, Placement, Policy, TreeKey, wgpu};
 
 use crate::effect_sets::effect_sets;
 use crate::gpu::{buffer, gpu, limited_gpu, read, requests};
@@ -47,8 +45,7 @@ fn collect(lights: &mut GpuLights) -> Counts {
 }
 
 fn upload(lights: &mut GpuLights, world: &mut LightWorld) -> UploadReport {
-    let delta = world.take_delta();
-    lights.upload(world, &delta).expect("room enough")
+    lights.upload(world).expect("room enough")
 }
 
 /// Records a pass of an engine's own shader that calls `light_record_usage` for each of these
@@ -359,8 +356,7 @@ fn without_counting_there_is_no_usage_and_an_upload_without_changes_sends_nothin
     let mut plain = GpuLights::new(&device, &queue).expect("default limits are enough");
     let mut counting = GpuLights::new(&device, &queue).expect("default limits are enough");
     counting.count_usage(DEFAULT_USAGE_INTERVAL);
-    let delta = world.take_delta();
-    let [without, with] = [&mut plain, &mut counting].map(|l| l.upload(&world, &delta).expect("room enough").bytes);
+    let [without, with] = [&mut plain, &mut counting].map(|l| l.upload(&world).expect("room enough").bytes);
     assert_eq!(with, without + 4, "the interval");
     for lights in [&mut plain, &mut counting] {
         assert_eq!(upload(lights, &mut world), UploadReport::default());
@@ -429,7 +425,7 @@ fn a_lost_device_brings_no_usage_and_does_no_harm() {
         lights.collect_usage(&mut encoder);
         drop(encoder);
         lights.count_usage(2);
-        assert!(lights.upload(&world, &FrameDelta::default()).is_err());
+        assert!(lights.upload(&world).is_err());
     }
     drop(collected);
     assert!(lights.take_usage().is_none());

@@ -13,7 +13,7 @@ use super::render::sequence::frame_seed;
 use super::render::settings::{LightChoice, Settings};
 use super::scene::{Camera, Scene, SceneError, Stage};
 use super::stage_times::{Laps, StageTimes};
-use girandole::{Effects, FrameBudget, FrameReport, InstanceKey, LightWorld};
+use girandole::{Effects, FrameBudget, FrameReport, InstanceKey, LightWorld, Revision};
 use std::time::Duration;
 
 /// How time passes from frame to frame.
@@ -118,6 +118,8 @@ pub struct Session {
     next: u32,
     /// The scene's time in the next frame, in frames from the start.
     clock: u32,
+    /// The revision of the light world in the last frame.
+    seen: Revision,
     is_frozen: bool,
 }
 
@@ -146,6 +148,7 @@ impl Session {
             pace,
             next: 0,
             clock: 0,
+            seen: Revision::default(),
             is_frozen: false,
         })
     }
@@ -263,8 +266,9 @@ impl Session {
         world.record_usage(recorded_usage.iter().copied());
         world.set_viewpoint(scene.camera.eye.as_dvec3())?;
         let report = world.update(pace.budget);
-        let delta = world.take_delta();
-        if !delta.is_empty() {
+        let is_changed = !world.changes_since(self.seen).is_empty();
+        self.seen = world.revision();
+        if is_changed {
             self.baselines.clear();
         }
         times.light_update = laps.lap();
@@ -272,8 +276,8 @@ impl Session {
         times.geometry = laps.lap();
         let update = match &mut self.renderer {
             Renderer::Cpu(_) => GpuUpdate::default(),
-            Renderer::Gpu(_) if number > 0 && change.is_empty() && delta.is_empty() => GpuUpdate::default(),
-            Renderer::Gpu(renderer) => renderer.update(geometry, &change, world, &delta)?,
+            Renderer::Gpu(_) if number > 0 && change.is_empty() && !is_changed => GpuUpdate::default(),
+            Renderer::Gpu(renderer) => renderer.update(geometry, &change, world)?,
         };
         // An upload waits for the top level if it measures it.
         times.top_build = update.top_build;

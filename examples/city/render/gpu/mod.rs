@@ -21,7 +21,7 @@ use crate::common::gpu::{map, wait};
 use girandole::glam::Vec4;
 use girandole::gpu::{DEFAULT_USAGE_INTERVAL, GpuLights, LightShader, TargetHook, UsageCounts};
 use girandole::wgpu;
-use girandole::{Effects, FrameDelta, LightWorld};
+use girandole::{Effects, LightWorld};
 use std::time::Duration;
 
 mod records;
@@ -133,10 +133,9 @@ impl GpuRenderer {
         geometry: &Geometry,
         change: &GeometryChange,
         world: &LightWorld,
-        delta: &FrameDelta,
     ) -> Result<GpuUpdate, SceneError> {
         let geometry_bytes = self.buffers.scene.upload(&self.gpu.queue, geometry, change);
-        let light_bytes = self.lights.upload(world, delta).map_err(|e| SceneError(e.to_string()))?.bytes;
+        let light_bytes = self.lights.upload(world).map_err(|e| SceneError(e.to_string()))?.bytes;
         // The effect MOVING changes no shader. An interactive program would use
         // `gpu::PipelineVariants`, which never blocks. This one blocks on purpose, so that the same
         // seed always gives the same picture.
