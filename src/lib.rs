@@ -180,9 +180,6 @@ pub mod gpu;
 pub mod gltf;
 #[cfg(test)]
 mod f64_reference;
-// What tests share with programs names the library from outside.
-#[cfg(test)]
-extern crate self as girandole;
 
 pub use along::SegmentPoint;
 pub use appearance::MAX_FACTOR;

@@ -28,7 +28,7 @@ use crate::counts::{CandidateCount, SplitCount};
 /// The numbers below are those of one sample per pixel in city S, relative to plain sampling with
 /// six splits and one candidate. Time is that of a whole frame on one core, with one shadow ray per
 /// sample; error is relMSE, on diffuse materials and with the city's glossy ones. Measured by
-/// `cargo run --release --example accuracy -- --out DIR --pictures 4 [--matte]` on an Intel Xeon, 2026-11-22;
+/// `cargo run --release -p accuracy -- --out DIR --pictures 4 [--matte]` on an Intel Xeon, 2026-11-22;
 /// `docs/accuracy.md` has the intervals and the other settings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Quality {

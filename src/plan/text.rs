@@ -384,11 +384,6 @@ pub(crate) fn variant(text: &str, effects: Effects, extras: Extras) -> String {
     kept
 }
 
-/// Joined to the tests of this file and to those of the text in `tests/all`.
-#[cfg(test)]
-#[path = "../../tests/all/effect_sets.rs"]
-mod effect_sets;
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -419,7 +414,7 @@ mod tests {
 
     /// Sets that have any four effects in every combination. Whether lights move changes no text.
     fn text_variants() -> impl Iterator<Item = Effects> {
-        let sets = effect_sets::effect_sets(Effects::all().bits(), Effects::MOVING.bits());
+        let sets = testbed::testing::effect_sets::effect_sets(Effects::all().bits(), Effects::MOVING.bits());
         sets.into_iter().map(Effects::from_bits_truncate)
     }
 

@@ -7,9 +7,9 @@ use girandole::glam::{DVec3, Vec3};
 use girandole::gpu::{DEFAULT_USAGE_INTERVAL, GpuLights, ReservoirRecord, SampleRecord, SampleRequest, UploadReport};
 use girandole::{CandidateCount, Effects, InstanceKey, Light, LightWorld, Placement, Policy, TreeKey, wgpu};
 
-use crate::effect_sets::effect_sets;
 use crate::gpu::{buffer, gpu, limited_gpu, read, requests};
-use crate::support::Rng;
+use testbed::testing::effect_sets::effect_sets;
+use testbed::testing::support::Rng;
 
 type Counts = BTreeMap<InstanceKey, u32>;
 

@@ -92,8 +92,7 @@ fn the_report_of_a_frame_covers_frames_that_were_refused() {
     let (device, queue) = noop();
     let mut world = LightWorld::new();
     let tree = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
-    let add =
-        |world: &mut LightWorld| world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
+    let add = |world: &mut LightWorld| world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
     let keys = [0; 3].map(|_| add(&mut world));
     let slots = keys.map(|key| world.slot(key).expect("it lives"));
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");

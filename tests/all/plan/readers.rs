@@ -4,11 +4,11 @@
 use girandole::glam::{DVec3, Vec3};
 use girandole::{DirectionalLight, InstanceKey, LightWorld, OriginMode, Placement, Policy, Revision, TreeKey};
 
-use super::device::{Played, slots};
 use super::limits::{lamp, lamps};
-use super::sound::check_parts;
 use super::update;
-use crate::support::Rng;
+use testbed::testing::plan_device::{Played, slots};
+use testbed::testing::plan_records::check_parts;
+use testbed::testing::support::Rng;
 
 /// The words of an instance record that say where its tree is.
 const PLACES: std::ops::Range<usize> = 13..17;
@@ -49,7 +49,7 @@ fn edit(world: &mut LightWorld, rng: &mut Rng) {
     let suns: Vec<_> = world.directionals().map(|(key, _)| key).collect();
     let is_yes = rng.bits().is_multiple_of(2);
     let sun = DirectionalLight { direction: Vec3::NEG_Y, illuminance: Vec3::splat(rng.between(0.1, 1.0)) };
-    let place = |rng: &mut Rng| Placement::at(rng.place(200.0).as_dvec3());
+    let place = |rng: &mut Rng| Placement::at(rng.position(200.0).as_dvec3());
     match rng.bits() % 20 {
         0 | 1 => {
             let count = [1, 5, 17, 60, 300][pick(5, rng)];

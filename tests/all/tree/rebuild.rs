@@ -5,7 +5,7 @@ use girandole::tree::{Target, WIDTH};
 use girandole::{Light, LightTree, ShadingPoint};
 
 use super::{changed, checked, moved};
-use crate::support::{Rng, SPLITS};
+use testbed::testing::support::{Rng, SPLITS};
 
 /// Limit for the splitting cost in units of that of a fresh tree. Subtrees are rebuilt once their
 /// cost has risen by 5 %, and it may rise further while they wait for credit.
@@ -63,7 +63,7 @@ fn a_rise_in_cost_is_found_while_the_box_of_all_lights_grows() {
     // A cube rotates about its diagonal, faster near its centre. A cost relative to its box would
     // fall as the box grows.
     let mut rng = Rng(47);
-    let mut tree = checked((0..3000).map(|_| Light::point(rng.place(10.0), Vec3::ONE)).collect());
+    let mut tree = checked((0..3000).map(|_| Light::point(rng.position(10.0), Vec3::ONE)).collect());
     let mut refitted = tree.clone();
     for _ in 0..120 {
         let changes = changed(&tree, |light| {
@@ -104,7 +104,7 @@ fn nothing_is_rebuilt_if_no_cost_has_risen_or_without_credit() {
 fn a_tree_whose_lights_all_moved_is_rebuilt_whole_once_the_credit_is_enough() {
     let mut rng = Rng(42);
     let mut tree = points(&mut rng, 2000);
-    tree.set_lights(&changed(&tree, |light| moved(light, rng.place(20.0) - light.cluster().mean)))
+    tree.set_lights(&changed(&tree, |light| moved(light, rng.position(20.0) - light.cluster().mean)))
         .expect("the lights are valid");
     tree.refit();
     let mut given = 0;
@@ -161,7 +161,7 @@ fn tiny_and_dark_trees_can_be_rebuilt() {
     for count in [0, 1, 8, 9, 32] {
         let mut tree = points(&mut rng, count);
         for _ in 0..20 {
-            tree.set_lights(&changed(&tree, |light| moved(light, rng.place(100.0)))).expect("the lights are valid");
+            tree.set_lights(&changed(&tree, |light| moved(light, rng.position(100.0)))).expect("the lights are valid");
             tree.refit();
             assert!(tree.rebuild_worst(count) <= count);
             tree.check().expect("the tree is sound");
@@ -195,7 +195,7 @@ fn a_swarm_stays_sound_and_its_pmf_sums_to_1_for_a_thousand_frames() {
         }
         tree.check().expect("the tree is sound");
         // No point light is proven dark in a volume, so the probability of no light is 0.
-        let shading_point = ShadingPoint::volume(rng.place(20.0));
+        let shading_point = ShadingPoint::volume(rng.position(20.0));
         for splits in SPLITS {
             let sum: f64 = (0..250).map(|light| f64::from(tree.pmf(&shading_point, light, splits))).sum();
             assert!((sum - 1.0).abs() < 1e-5, "frame {frame}: {sum}");
