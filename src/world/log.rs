@@ -26,7 +26,7 @@ pub struct Revision {
 ///
 /// Slots are the numbers that shaders know instances by ([`LightWorld::slot`]). All lists are in
 /// ascending order, name each slot once, and allocate nothing. Reading one is O(slots that it
-/// names), with up to 64 comparisons for each, and a look at 8 bytes for each 4096 slots.
+/// names), with up to 128 comparisons for each, and a look at 8 bytes for each 4096 slots.
 #[derive(Clone, Copy)]
 pub struct Changes<'w> {
     world: &'w LightWorld,

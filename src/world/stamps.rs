@@ -9,69 +9,72 @@ use super::slot_set::{BITS, bits_of};
 /// ever changed.
 #[derive(Debug, Default)]
 pub(super) struct Stamps {
-    slots: Vec<u64>,
-    words: Vec<u64>,
-    groups: Vec<u64>,
+    /// Of slots, of words of 64 slots, and of groups of 64 words.
+    levels: [Vec<u64>; 3],
 }
 
 impl Stamps {
     /// The number of the last change of a slot.
     pub fn get(&self, slot: u32) -> u64 {
-        self.slots.get(slot as usize).copied().unwrap_or(0)
+        self.levels[0].get(slot as usize).copied().unwrap_or(0)
     }
 
     /// Records a change. Numbers must not fall. O(1).
     pub fn set(&mut self, slot: u32, number: u64) {
-        let slot = slot as usize;
-        let word = slot / BITS;
-        if self.words.len() <= word {
-            self.slots.resize((word + 1) * BITS, 0);
-            self.words.resize(word + 1, 0);
-            self.groups.resize(word / BITS + 1, 0);
+        let mut index = slot as usize;
+        for level in &mut self.levels {
+            if level.len() <= index {
+                level.resize((index / BITS + 1) * BITS, 0);
+            }
+            level[index] = number;
+            index /= BITS;
         }
-        self.slots[slot] = number;
-        self.words[word] = number;
-        self.groups[word / BITS] = number;
     }
 
-    /// Which of 64 slots changed after a number, as bits.
-    fn word_after(&self, word: usize, number: u64) -> u64 {
-        if self.words.get(word).is_none_or(|latest| *latest <= number) {
-            return 0;
+    /// Which of the numbers below one are later than another, as bits.
+    fn below(&self, level: usize, index: usize, than: u64) -> u64 {
+        match self.levels[level].get(index) {
+            Some(latest) if *latest > than => later(&self.levels[level - 1][index * BITS..][..BITS], than),
+            _ => 0,
         }
-        let slots = self.slots[word * BITS..].iter().take(BITS);
-        slots.rev().fold(0, |bits, last| bits << 1 | u64::from(*last > number))
     }
 
     /// The size in bytes.
     pub fn memory_bytes(&self) -> usize {
-        size_of::<u64>() * (self.slots.capacity() + self.words.capacity() + self.groups.capacity())
+        self.levels.iter().map(|level| size_of::<u64>() * level.capacity()).sum()
     }
 }
 
-/// The words of slots of which any of `kinds` changed after a number, with their indices.
-fn words_after<const N: usize>(kinds: [&Stamps; N], number: u64) -> impl Iterator<Item = (usize, u64)> {
-    let groups = kinds.iter().map(|stamps| stamps.groups.len()).max().unwrap_or(0);
-    let is_later = move |group: &usize| {
-        kinds.iter().any(|stamps| stamps.groups.get(*group).is_some_and(|latest| *latest > number))
-    };
-    let words = (0..groups).filter(is_later).flat_map(|group| group * BITS..(group + 1) * BITS);
-    words
-        .map(move |word| (word, kinds.iter().fold(0, |bits, stamps| bits | stamps.word_after(word, number))))
-        .filter(|(_, bits)| *bits != 0)
+/// Which of 64 numbers, all below 2⁶³, are later than another, as bits.
+fn later(numbers: &[u64], than: u64) -> u64 {
+    // The sign of the difference: comparisons of 64 bits are slow on older machines. Eight are independent.
+    let eight = |numbers: &[u64]| (0..8).fold(0, |bits, i| bits | ((than.wrapping_sub(numbers[i]) >> 63) << i));
+    numbers.chunks_exact(8).rev().fold(0, |bits, numbers| (bits << 8) | eight(numbers))
+}
+
+/// As [`Stamps::below`] for several kinds of changes.
+fn below<const N: usize>(kinds: [&Stamps; N], level: usize, index: usize, than: u64) -> u64 {
+    kinds.iter().fold(0, |bits, stamps| bits | stamps.below(level, index, than))
+}
+
+/// The words that have slots of which any of `kinds` changed after a number, as indices.
+fn words_after<const N: usize>(kinds: [&Stamps; N], number: u64) -> impl Iterator<Item = usize> {
+    let groups = kinds.iter().map(|stamps| stamps.levels[2].len()).max().unwrap_or(0);
+    (0..groups).flat_map(move |group| bits_of(below(kinds, 2, group, number)).map(move |bit| group * BITS + bit))
 }
 
 /// The slots of which any of `kinds` changed after a number, in ascending order.
 ///
-/// O(slots that changed), at most 64 comparisons for each of them and each kind, and a look at 8
+/// O(slots that changed), at most 128 comparisons for each of them and each kind, and a look at 8
 /// bytes for each 4096 slots.
 pub(super) fn slots_after<const N: usize>(kinds: [&Stamps; N], number: u64) -> impl Iterator<Item = u32> {
-    words_after(kinds, number).flat_map(|(word, bits)| bits_of(bits).map(move |bit| (word * BITS + bit) as u32))
+    words_after(kinds, number)
+        .flat_map(move |word| bits_of(below(kinds, 1, word, number)).map(move |bit| (word * BITS + bit) as u32))
 }
 
 /// The number of slots of which any of `kinds` changed after a number.
 pub(super) fn count_after<const N: usize>(kinds: [&Stamps; N], number: u64) -> usize {
-    words_after(kinds, number).map(|(_, bits)| bits.count_ones() as usize).sum()
+    words_after(kinds, number).map(|word| below(kinds, 1, word, number).count_ones() as usize).sum()
 }
 
 #[cfg(test)]

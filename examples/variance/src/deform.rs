@@ -4,7 +4,7 @@
 
 use super::shading_points::shading_points;
 use super::stages::{CITY_BOUNDS, swarm_at};
-use girandole::cluster::Aabb;
+use girandole::bounds::Aabb;
 use girandole::glam::{Vec3, vec3};
 use girandole::{FrameBudget, Light, LightTree, ShadingPoint, SplitCount};
 use rayon::prelude::*;
