@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 
 use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Mat3, Quat, Vec3};
+use girandole::gpu::measure::record_bytes;
 use girandole::gpu::{GpuLights, SampleRecord, SampleRequest};
 use girandole::{
     DirectionalLight, Effects, FrameBudget, Light, LightWorld, OriginMode, Placement, Policy, WorldError, wgpu,
@@ -261,7 +262,7 @@ fn report(machine: &Machine, size: &Size, cases: &[Case], [bare, all]: [&GpuLigh
     let fastest_by_hand = quarters(&cases[0].seconds)[0];
     for case in cases {
         let (stored, lights) = if case.is_stored_for_all { ("all effects", all) } else { ("no effect", bare) };
-        let bytes = lights.record_bytes();
+        let bytes = record_bytes(lights);
         let [fastest, low, middle, high, _] =
             quarters(&case.seconds).map(|seconds| seconds * 1e9 / f64::from(size.shading_points));
         // Ratios are taken within a round: other work of the machine slows both kernels.

@@ -1,5 +1,5 @@
 //! Times bottom-level trees by stage and size: builds (compared with a published binary build), the
-//! parts of a refit (compared with a copy of as many bytes), rebuilds of a subtree, picks and pmf.
+//! parts of a refit (compared with a copy of as many bytes), picks and pmf.
 //!
 //! `cargo bench --bench trees`; set `RAYON_NUM_THREADS=1` for the figures of one core. As a test
 //! (`cargo test --benches`) every case runs once, at the smallest size.
@@ -12,7 +12,7 @@ use criterion::{
     criterion_main,
 };
 use girandole::glam::Vec3;
-use girandole::tree::{Node, Target, WIDTH};
+use girandole::tree::{Node, WIDTH};
 use girandole::{Light, LightTree, ShadingPoint, Shape, SplitCount};
 
 use testbed::measuring::baselines::{BinaryTree, Pbrt};
@@ -74,7 +74,6 @@ fn trees(c: &mut Criterion) {
         group.throughput(Throughput::Elements(count as u64));
         builds(&mut group, &lights);
         refits(&mut group, &lights);
-        rebuilds(&mut group, &lights);
         group.throughput(Throughput::Elements(1));
         picks(&mut group, &lights);
         group.finish();
@@ -160,36 +159,6 @@ fn time_refits(b: &mut Bencher, tree: &mut LightTree, both: &[Vec<(u32, Light)>;
             start.elapsed()
         };
         (0..rounds).map(round).sum()
-    });
-}
-
-/// Permutes the positions of the lights below one child of the root. The child or a part of it is
-/// rebuilt.
-fn rebuilds(group: &mut BenchmarkGroup<WallTime>, lights: &[Light]) {
-    let mut rng = Rng(9);
-    let mut tree = built(lights);
-    let child = |slot| match tree.nodes()[0].target(slot) {
-        Some(Target::Node(node)) => node,
-        other => panic!("the root has a node in every slot, not {other:?}"),
-    };
-    let below = child(3)..child(4);
-    let below: Vec<usize> = (0..lights.len()).filter(|i| below.contains(&(tree.leaves()[*i] / WIDTH as u32))).collect();
-    let mut positions: Vec<Vec3> = below.iter().map(|i| lights[*i].cluster().mean).collect();
-    (1..positions.len()).for_each(|i| positions.swap(i, rng.bits() as usize % (i + 1)));
-    let changes: Vec<_> = below.iter().zip(positions).map(|(i, to)| (*i as u32, moved_to(lights[*i], to))).collect();
-    tree.set_lights(&changes).expect("the lights are valid");
-    tree.refit();
-
-    let credit = lights.len() / 2;
-    let mut repaired = tree.clone();
-    let rebuilt = repaired.rebuild_worst(credit);
-    repaired.check().expect("the tree is sound after a rebuild");
-    assert!((1..=credit).contains(&rebuilt));
-    assert!(repaired.attributes().splitting_cost < tree.attributes().splitting_cost);
-
-    group.throughput(Throughput::Elements(rebuilt as u64));
-    group.bench_function(BenchmarkId::new("rebuild_worst", format!("{rebuilt} of {}", lights.len())), |b| {
-        b.iter_batched_ref(|| tree.clone(), |tree| tree.rebuild_worst(credit), BatchSize::PerIteration);
     });
 }
 

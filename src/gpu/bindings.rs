@@ -13,16 +13,6 @@ pub(super) fn light_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     })
 }
 
-/// The same layout with the usage counters, which both stages may write.
-pub(super) fn usage_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
-    let counts = wgpu::BindGroupLayoutEntry { visibility: VISIBILITY, ..storage_entry(5, false) };
-    let entries: Vec<_> = light_entries().into_iter().chain([counts]).collect();
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("girandole lights and usage"),
-        entries: &entries,
-    })
-}
-
 /// The same layout with what is learnt about visibility, and the records of a frame.
 pub(super) fn visibility_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     let records = wgpu::BindGroupLayoutEntry { visibility: VISIBILITY, ..storage_entry(6, false) };

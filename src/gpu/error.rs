@@ -132,12 +132,12 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use crate::counts::CandidateCount;
     use crate::gpu::GpuLights;
     use crate::gpu::testing::limited_gpu;
+    use crate::instance::placement::Placement;
     use crate::light::Light;
-    use crate::placement::Placement;
     use crate::policy::Policy;
+    use crate::sampling::counts::CandidateCount;
     use crate::world::LightWorld;
 
     /// The limits that `check_limits` requires, and the minimum of all others.
@@ -198,7 +198,6 @@ mod tests {
         let (device, queue) = limited_gpu(&required(), wgpu::Features::empty());
         let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
         let mut lights = GpuLights::new(&device, &queue).expect("the required limits");
-        lights.count_usage(1);
         let mut world = LightWorld::new();
         let lamp = world.add_tree(vec![Light::point(Vec3::Y, Vec3::ONE)]).expect("valid");
         world.add_instance(lamp, Placement::IDENTITY, Policy::Static).expect("valid");
@@ -215,7 +214,6 @@ mod tests {
         lights.build_top(&mut encoder);
         lights.sample(&mut encoder, &buffer(), &buffer(), 1);
         lights.resample(&mut encoder, &buffer(), &buffer(), 1, CandidateCount::ONE);
-        lights.collect_usage(&mut encoder);
         queue.submit([encoder.finish()]);
         let error = pollster::block_on(scope.pop());
         assert!(error.is_none(), "{error:?}");

@@ -1,9 +1,9 @@
 //! A kernel of our own over the buffers of an engine, in a variant for each set of effects.
 
-use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::collections::HashMap;
+use std::sync::{Mutex, PoisonError};
 
 use super::bindings::{bind, storage_entry, uniform_entry};
-use super::pipeline_variants::PipelineVariants;
 use super::player::dispatch;
 use crate::effects::Effects;
 use crate::plan::text;
@@ -13,7 +13,7 @@ const BATCH: &str = concat!(include_str!("../../shaders/request.wgsl"), include_
 /// The stage of [`GpuLights::resample`](super::GpuLights::resample).
 const BATCH_RESAMPLE: &str =
     concat!(include_str!("../../shaders/request.wgsl"), include_str!("../../shaders/batch_resample.wgsl"));
-/// The stage of [`GpuLights::count_nodes`](super::GpuLights::count_nodes).
+/// The stage of [`NodeCounter`](super::measure::NodeCounter).
 pub(super) const BATCH_COUNT: &str =
     concat!(include_str!("../../shaders/request.wgsl"), include_str!("../../shaders/batch_count.wgsl"));
 
@@ -23,20 +23,14 @@ pub(super) const LANES: u32 = 64;
 /// Reads the lights at group 0 and the engine's buffers at group 1, with one invocation for each of
 /// their records.
 pub(super) struct Kernel {
-    source: KernelSource,
-    layout: wgpu::BindGroupLayout,
-    /// Made at first use. A caller holds the lock while it looks for a variant; it compiles one
-    /// under the lock only where no thread can be started.
-    variants: OnceLock<Mutex<PipelineVariants<wgpu::ComputePipeline>>>,
-}
-
-/// What a variant is compiled from, on any thread.
-#[derive(Clone)]
-struct KernelSource {
     device: wgpu::Device,
-    layout: wgpu::PipelineLayout,
+    /// The layout of group 1.
+    layout: wgpu::BindGroupLayout,
+    pipeline_layout: wgpu::PipelineLayout,
     entry: &'static str,
     text: &'static str,
+    /// By the effects that they serve.
+    pipelines: Mutex<HashMap<Effects, wgpu::ComputePipeline>>,
 }
 
 impl Kernel {
@@ -66,32 +60,29 @@ impl Kernel {
             bind_group_layouts: &[Some(lights), Some(&layout)],
             ..Default::default()
         });
-        let source = KernelSource { device: device.clone(), layout: pipeline_layout, entry, text };
-        Self { source, layout, variants: OnceLock::new() }
+        Self { device: device.clone(), layout, pipeline_layout, entry, text, pipelines: Mutex::default() }
     }
 
-    /// The best variant that is ready. The first call compiles the one for all effects, except in browsers.
+    /// The pipeline for these effects, which the first call for them compiles.
     pub fn pipeline(&self, effects: Effects) -> wgpu::ComputePipeline {
-        self.variants().get(effects).clone()
+        let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        pipelines.entry(effects).or_insert_with(|| self.compile(effects)).clone()
     }
 
-    pub fn variants(&self) -> MutexGuard<'_, PipelineVariants<wgpu::ComputePipeline>> {
-        let make = || {
-            let source = self.source.clone();
-            let compile = move |effects| source.compile(effects);
-            #[cfg(not(target_family = "wasm"))]
-            let variants = PipelineVariants::new(compile(Effects::all()), compile);
-            #[cfg(target_family = "wasm")]
-            let variants = PipelineVariants::on_demand(compile);
-            Mutex::new(variants)
-        };
-        self.variants.get_or_init(make).lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Compiles a variant on the calling thread.
-    #[cfg(test)]
     pub fn compile(&self, effects: Effects) -> wgpu::ComputePipeline {
-        self.source.compile(effects)
+        let label = Some(self.entry);
+        let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label,
+            source: wgpu::ShaderSource::Wgsl((text::wgsl(0, effects) + self.text).into()),
+        });
+        self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label,
+            layout: Some(&self.pipeline_layout),
+            module: &module,
+            entry_point: Some(self.entry),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        })
     }
 
     /// Records the work on `count` records. `own` are the engine's buffers, in the order of their
@@ -104,32 +95,14 @@ impl Kernel {
         own: &[wgpu::BindingResource],
         count: u32,
     ) {
-        let label = self.source.entry;
-        let group = bind(&self.source.device, label, &self.layout, own);
+        let label = self.entry;
+        let group = bind(&self.device, label, &self.layout, own);
         let mut pass =
             encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes: None });
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, lights, &[]);
         pass.set_bind_group(1, &group, &[]);
         dispatch(&mut pass, count.div_ceil(LANES));
-    }
-}
-
-impl KernelSource {
-    fn compile(&self, effects: Effects) -> wgpu::ComputePipeline {
-        let label = Some(self.entry);
-        let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label,
-            source: wgpu::ShaderSource::Wgsl((text::wgsl(0, effects) + self.text).into()),
-        });
-        self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label,
-            layout: Some(&self.layout),
-            module: &module,
-            entry_point: Some(self.entry),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        })
     }
 }
 

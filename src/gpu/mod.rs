@@ -4,8 +4,7 @@
 //! Everything runs on the engine's own device and queue, and is recorded into the engine's own
 //! encoder. There are two exceptions, which an upload submits at once: the copy of a buffer that
 //! grows or changes its layout, and the pass that brings many changed records to their places.
-//! Nothing waits for the GPU. Nothing is read back except usage counts, and
-//! those only on request ([`GpuLights::count_usage`]).
+//! Nothing waits for the GPU, and nothing is read back.
 //!
 //! A frame has two steps:
 //!
@@ -23,18 +22,18 @@
 //! - The loss of the device and the lack of memory are not noticed: [`GpuError::DeviceLost`] and
 //!   [`GpuError::OutOfMemory`] do not occur. The engine learns of both from its own callbacks and
 //!   error scopes.
-//! - [`PipelineVariants::get`] makes a missing variant before it returns. It returns soon, since
-//!   another process of the browser compiles, but nothing is drawn until that has finished. Call
-//!   [`PipelineVariants::on_demand`] to avoid the pipeline for all effects, which takes longest.
+//! - The making of a pipeline returns soon, since another process of the browser compiles, but nothing
+//!   is drawn until that has finished. Make pipelines for [`GpuLights::effects`] only when a frame asks
+//!   for them: the pipeline for all effects takes longest.
 
 mod bindings;
 mod candidates;
 mod error;
 mod kernel;
 mod limits;
+#[doc(hidden)]
 pub mod measure;
 mod memory;
-mod pipeline_variants;
 mod player;
 #[cfg(test)]
 mod poison;
@@ -52,7 +51,6 @@ mod testing;
 mod tests;
 mod top_status;
 mod upload;
-mod usage;
 #[cfg(test)]
 mod variants;
 mod visibility;
@@ -67,24 +65,20 @@ use candidates::CandidateTable;
 pub use error::GpuError;
 use error::{check_limits, largest_storage_buffer};
 use kernel::Kernel;
-use measure::CountKernel;
-pub use pipeline_variants::{MAX_VARIANTS, PipelineVariants};
 use player::Player;
 use recorder::Recorder;
 pub use records::{ReservoirRecord, SampleRecord, SampleRequest};
 pub use shader::LightShader;
 pub use sync::SyncReport;
 use top_status::TopStatus;
-use usage::UsageCounters;
-pub use usage::{DEFAULT_USAGE_INTERVAL, UsageCounts};
 use visibility::LearntTable;
 
-use crate::counts::SplitCount;
 use crate::effects::Effects;
 use crate::plan::layout::ParamsRecord;
 use crate::plan::pool::Growth;
 use crate::plan::{BufferId, Commands, KERNELS, LightPlanner, PlanLimits};
 pub use crate::plan::{GpuMemory, TargetHook, TargetHookError, UploadReport, wgsl};
+use crate::sampling::counts::SplitCount;
 use crate::world::{LightWorld, Revision};
 
 /// The lights of one [`LightWorld`] on a GPU: the buffers and the bind group that shaders read, and
@@ -132,15 +126,9 @@ pub struct GpuLights {
     resampling: Kernel,
     candidates: CandidateTable,
     /// Made at first use.
-    node_counter: OnceLock<CountKernel>,
-    /// Made at first use.
-    usage: OnceLock<UsageCounters>,
-    /// Made at first use.
     learnt: OnceLock<LearntTable>,
     /// The world's origin at the last upload.
     origin: DVec3,
-    /// Bound as usage counters until the first upload that counts.
-    no_usage: wgpu::Buffer,
     /// An upload was refused memory, so the buffers are incomplete: `dark` is bound in their place.
     is_dark: bool,
     dark: DarkBuffers,
@@ -156,15 +144,18 @@ pub struct GpuLights {
 struct DarkBuffers {
     params: wgpu::Buffer,
     storage: wgpu::Buffer,
+    /// Bound as the records of shaders that learn, while there is no table.
+    records: wgpu::Buffer,
 }
 
 impl DarkBuffers {
     fn new(device: &wgpu::Device) -> Result<Self, GpuError> {
         // The root node and more: shaders never read past the end of a buffer.
-        let storage = memory::create_buffer(device, "no lights", 256, wgpu::BufferUsages::STORAGE)?;
+        let zeros = |what| memory::create_buffer(device, what, 256, wgpu::BufferUsages::STORAGE);
+        let (storage, records) = (zeros("no lights")?, zeros("no records of visibility")?);
         let usage = wgpu::BufferUsages::UNIFORM;
         let params = memory::create_buffer(device, "no parameters", size_of::<ParamsRecord>() as u64, usage)?;
-        Ok(Self { params, storage })
+        Ok(Self { params, storage, records })
     }
 }
 
@@ -185,7 +176,6 @@ impl GpuLights {
 
     fn make(device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Self, GpuError> {
         let candidates = CandidateTable::new(device, queue)?;
-        let no_usage = usage::zeros(device, 0)?;
         let dark = DarkBuffers::new(device)?;
         let layout = light_layout(device);
         let storage = &dark.storage;
@@ -200,11 +190,8 @@ impl GpuLights {
             sampling: Kernel::sampling(device, &layout),
             resampling: Kernel::resampling(device, &layout),
             candidates,
-            node_counter: OnceLock::new(),
-            usage: OnceLock::new(),
             learnt: OnceLock::new(),
             origin: DVec3::ZERO,
-            no_usage,
             is_dark: true,
             dark,
             layout,
@@ -308,16 +295,7 @@ impl GpuLights {
     pub fn shader(&self, group: u32, effects: Effects) -> LightShader {
         let wgsl = wgsl(group, effects);
         let layout = self.layout.clone();
-        LightShader {
-            wgsl,
-            group,
-            effects,
-            records_usage: false,
-            learns_visibility: false,
-            target: None,
-            previous_group: None,
-            layout,
-        }
+        LightShader { wgsl, group, effects, learns_visibility: false, target: None, previous_group: None, layout }
     }
 
     /// Replaces bind groups whose buffers were replaced. A former bind group keeps the former
@@ -329,16 +307,12 @@ impl GpuLights {
             self.bind_group = bind_lights(&self.device, &self.layout, &self.buffers());
         }
         self.rebind_previous();
-        self.rebind_usage();
         self.rebind_visibility();
     }
 
     /// Binds buffers of zeros, in which shaders find no light, until an upload succeeds.
     fn make_dark(&mut self) {
         self.is_dark = true;
-        if let Some(usage) = self.usage.get_mut() {
-            usage.restart();
-        }
         self.rebind();
     }
 
@@ -347,7 +321,7 @@ impl GpuLights {
         if let Some(bound) = self.bound {
             return bound.map(|id| self.player.buffer(id));
         }
-        let DarkBuffers { params, storage } = &self.dark;
+        let DarkBuffers { params, storage, .. } = &self.dark;
         [params, storage, storage, storage, storage]
     }
 }

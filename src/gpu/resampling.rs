@@ -3,8 +3,7 @@
 use super::GpuLights;
 use super::bindings::records;
 use super::records::{ReservoirRecord, SampleRequest};
-use super::usage::RecordKind;
-use crate::counts::CandidateCount;
+use crate::sampling::counts::CandidateCount;
 
 impl GpuLights {
     /// Records a pass that draws `candidates` lights for each of the first `count` requests and
@@ -33,6 +32,5 @@ impl GpuLights {
             self.candidates.binding(candidates),
         ];
         self.resampling.record(encoder, &pipeline, &self.bind_group, &own, count);
-        self.record_usage_of(encoder, (requests, reservoirs), RecordKind::Reservoir, count);
     }
 }

@@ -65,10 +65,9 @@ use crate::plan::text;
 /// fn light_hash(bits: u32) -> u32
 /// ```
 ///
-/// [`GpuLights::usage_shader`](super::GpuLights::usage_shader) adds a function that records which
-/// lights are chosen, and [`GpuLights::visibility_shader`](super::GpuLights::visibility_shader) one
-/// that records which are visible. [`LightShader::with_target`] adds `light_resample_by`, which
-/// weighs candidates by a function of the engine.
+/// [`GpuLights::visibility_shader`](super::GpuLights::visibility_shader) adds a function that records
+/// which of the chosen lights are visible. [`LightShader::with_target`] adds `light_resample_by`,
+/// which weighs candidates by a function of the engine.
 ///
 /// # Measures
 ///
@@ -110,9 +109,6 @@ pub struct LightShader {
     /// The effects that the text supports. It may be used while
     /// [`GpuLights::effects`](super::GpuLights::effects) contains no others.
     pub effects: Effects,
-    /// Whether the text has `light_record_usage`: see
-    /// [`GpuLights::usage_shader`](super::GpuLights::usage_shader).
-    pub records_usage: bool,
     /// Whether choices depend on learnt visibility, and the text has `light_record_visibility`: see
     /// [`GpuLights::visibility_shader`](super::GpuLights::visibility_shader).
     pub learns_visibility: bool,
@@ -127,20 +123,12 @@ pub struct LightShader {
 }
 
 impl LightShader {
-    fn records(&self) -> text::Records {
-        match (self.records_usage, self.learns_visibility) {
-            (_, true) => text::Records::Visibility,
-            (true, _) => text::Records::Usage,
-            _ => text::Records::Nothing,
-        }
-    }
-
-    /// Returns the same shader for other effects. This needs no [`GpuLights`](super::GpuLights),
-    /// so it works on the threads of [`PipelineVariants`](super::PipelineVariants). Joins texts and
-    /// compiles nothing.
+    /// Returns the same shader for other effects. This needs no [`GpuLights`](super::GpuLights), so it
+    /// works on the threads of an engine that compiles its pipelines there. Joins texts and compiles
+    /// nothing.
     #[must_use]
     pub fn with_effects(&self, effects: Effects) -> Self {
-        let mut wgsl = text::wgsl_of_shader(self.group, effects, self.records(), self.target.as_ref());
+        let mut wgsl = text::wgsl_of_shader(self.group, effects, self.learns_visibility, self.target.as_ref());
         if let Some(group) = self.previous_group {
             wgsl += &text::wgsl_previous(group, effects);
         }
@@ -281,20 +269,16 @@ mod tests {
     fn the_shaders_of_the_guide_are_valid_for_all_effects_and_for_none() {
         let guide = include_str!("../../docs/integration.md");
         let blocks: Vec<_> = guide.split("```wgsl").skip(1).filter_map(|rest| rest.split("```").next()).collect();
-        assert_eq!(blocks.len(), 9);
+        assert_eq!(blocks.len(), 8);
         for effects in [Effects::all(), Effects::empty()] {
             // Only shaders that know segments have the distance along one.
             let knows = |block: &&&str| effects.contains(Effects::SEGMENTS) || !block.contains("light_segment(");
             for block in blocks.iter().filter(knows) {
-                let records = match () {
-                    () if block.contains("light_record_usage") => text::Records::Usage,
-                    () if block.contains("light_record_visibility") => text::Records::Visibility,
-                    () => text::Records::Nothing,
-                };
+                let learns = block.contains("light_record_visibility");
                 let hook = TargetHook::new("engine_target", "EngineSurface").expect("identifiers");
                 let hook = block.contains("light_resample_by").then_some(&hook);
                 let previous = block.contains("light_pmf_previous").then(|| text::wgsl_previous(2, effects));
-                let text = text::wgsl_of_shader(1, effects, records, hook) + &previous.unwrap_or_default();
+                let text = text::wgsl_of_shader(1, effects, learns, hook) + &previous.unwrap_or_default();
                 let text = text + STUBS + block;
                 let module =
                     naga::front::wgsl::parse_str(&text).map_err(|e| e.emit_to_string(&text)).expect("it parses");

@@ -58,20 +58,12 @@ impl GpuLights {
     }
 
     fn try_send(&mut self, world: &LightWorld, effects: Effects, growth: Growth) -> Result<UploadReport, GpuError> {
-        let Self { planner, player, usage, device, queue, .. } = self;
+        let Self { planner, player, .. } = self;
         let reservation = planner.reserve_as(world, effects, growth)?;
-        let counters = match usage.get() {
-            Some(usage) => usage.reserve(device, world.slot_count() as u32)?,
-            None => None,
-        };
         player.create(reservation.new_buffers())?;
-        let mut bytes = 0;
-        if let Some(usage) = usage.get_mut() {
-            bytes += usage.follow((device, queue), counters, reservation.changed_instances(), world);
-        }
         let plan = reservation.plan();
         player.play(&plan.upload);
-        bytes += self.follow_origin(world.origin());
+        let bytes = self.follow_origin(world.origin());
         self.is_dark = false;
         self.rebind();
         // Bind groups that are still in use keep the former buffers.

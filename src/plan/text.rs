@@ -8,21 +8,21 @@ use super::items::renamed;
 use super::target_hook::TargetHook;
 use super::{layout, stored};
 use crate::cluster;
-use crate::counts;
-use crate::cut;
-use crate::dice;
 use crate::effects::Effects;
-use crate::emit;
-use crate::equiangular;
-use crate::gloss;
-use crate::importance;
+use crate::instance::part;
+use crate::instance::sector;
 use crate::light;
-use crate::part;
-use crate::resample;
-use crate::sector;
-use crate::segment;
-use crate::shading_point;
-use crate::solid_angle;
+use crate::math::dice;
+use crate::math::solid_angle;
+use crate::sampling::counts;
+use crate::sampling::cut;
+use crate::sampling::emit;
+use crate::sampling::equiangular;
+use crate::sampling::resample;
+use crate::shading::gloss;
+use crate::shading::importance;
+use crate::shading::segment;
+use crate::shading::shading_point;
 use crate::tree;
 use crate::visibility;
 
@@ -106,23 +106,11 @@ pub(crate) fn wgsl_counting(group: u32, effects: Effects) -> String {
     joined(group, effects, Extras { counts: true, ..Extras::default() }, None)
 }
 
-/// What a shader records, with the bindings that it needs for it.
+/// The same as [`wgsl`], with `light_record_visibility` and choices that depend on what it recorded
+/// if the shader learns, and with `light_resample_by` if it has a target.
 #[cfg(feature = "gpu")]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Records {
-    Nothing,
-    /// `light_record_usage`.
-    Usage,
-    /// `light_record_visibility`. Choices depend on what was recorded.
-    Visibility,
-}
-
-/// The same as [`wgsl`], with the function that records, and with `light_resample_by` if it has a
-/// target.
-#[cfg(feature = "gpu")]
-pub(crate) fn wgsl_of_shader(group: u32, effects: Effects, records: Records, target: Option<&TargetHook>) -> String {
-    let text = joined(group, effects, Extras { learns: records == Records::Visibility, ..Extras::default() }, target);
-    if records == Records::Usage { text + &usage(group) } else { text }
+pub(crate) fn wgsl_of_shader(group: u32, effects: Effects, learns: bool, target: Option<&TargetHook>) -> String {
+    joined(group, effects, Extras { learns, ..Extras::default() }, target)
 }
 
 /// The stage that folds what was recorded about visibility.
@@ -130,17 +118,6 @@ pub(crate) fn wgsl_of_shader(group: u32, effects: Effects, records: Records, tar
 pub(crate) fn wgsl_of_visibility_fold() -> String {
     let body = include_str!("../../shaders/visibility_fold.wgsl");
     constants_of(body) + body
-}
-
-/// `light_record_usage` and the functions that it calls, for a shader that chooses no light.
-#[cfg(feature = "gpu")]
-pub(crate) fn wgsl_of_usage(group: u32) -> String {
-    constants() + include_str!("../../shaders/dice.wgsl") + &usage(group)
-}
-
-#[cfg(feature = "gpu")]
-fn usage(group: u32) -> String {
-    include_str!("../../shaders/usage.wgsl").replace("LIGHT_GROUP", &group.to_string())
 }
 
 /// `light_resample`, and `light_resample_by` if the engine weighs candidates.
@@ -362,25 +339,25 @@ pub(crate) fn constants() -> String {
 /// Panics on an unknown name and on an unbalanced directive: the texts are part of this crate.
 pub(crate) fn variant(text: &str, effects: Effects, extras: Extras) -> String {
     let mut kept = String::with_capacity(text.len());
-    let mut open: Vec<bool> = Vec::new();
+    let mut conditions: Vec<bool> = Vec::new();
     for line in text.lines() {
         match line.trim_start().strip_prefix("// #") {
-            Some("endif") => assert!(open.pop().is_some(), "`#endif` without `#if`"),
+            Some("endif") => assert!(conditions.pop().is_some(), "`#endif` without `#if`"),
             Some(directive) => {
                 let names = directive.strip_prefix("if ").unwrap_or_else(|| panic!("an unknown directive: {line}"));
-                open.push(names.split(" | ").any(|name| {
+                conditions.push(names.split(" | ").any(|name| {
                     let kept = Effects::from_name(name).map(|effect| effects.contains(effect));
                     kept.or(extras.keep(name)).unwrap_or_else(|| panic!("an unknown effect: {name}"))
                 }));
             }
-            None if open.iter().all(|kept| *kept) => {
+            None if conditions.iter().all(|kept| *kept) => {
                 kept += line;
                 kept.push('\n');
             }
             None => {}
         }
     }
-    assert!(open.is_empty(), "`#if` without `#endif`");
+    assert!(conditions.is_empty(), "`#if` without `#endif`");
     kept
 }
 
@@ -495,7 +472,7 @@ mod tests {
         let all = Effects::all() - Effects::MOVING;
         let sets = all.iter().flat_map(|effect| [effect, all - effect]).chain([all, Effects::empty()]);
         for effects in sets {
-            let text = wgsl_of_shader(2, effects, Records::Visibility, None);
+            let text = wgsl_of_shader(2, effects, true, None);
             let (names, plain) = (module_names(&text), module_names(&wgsl(2, effects)));
             let added: HashSet<&str> = names.difference(&plain).map(String::as_str).collect();
             assert_eq!(added, LEARNING_NAMES.split_whitespace().collect(), "{effects:?}");
@@ -519,10 +496,10 @@ mod tests {
             }";
         let hook = TargetHook::new("brdf_target", "Material").expect("identifiers");
         for effects in text_variants() {
-            for records in [Records::Nothing, Records::Usage] {
-                let plain = wgsl_of_shader(2, effects, records, None);
-                assert!(plain.starts_with(&wgsl(2, effects)), "{effects:?}");
-                let text = wgsl_of_shader(2, effects, records, Some(&hook)) + engine;
+            for learns in [false, true] {
+                let plain = wgsl_of_shader(2, effects, learns, None);
+                assert!(learns || plain == wgsl(2, effects), "{effects:?}");
+                let text = wgsl_of_shader(2, effects, learns, Some(&hook)) + engine;
                 let own = ["brdf_target", "use_it", "Material", "Material.roughness"].map(String::from);
                 let names = module_names(&text);
                 let added: HashSet<_> = names.difference(&module_names(&plain)).cloned().collect();

@@ -65,7 +65,7 @@ impl<C: Clock> Clock for RecordingClock<C> {
 
 /// A clock that repeats the answers that a [`RecordingClock`] recorded.
 ///
-/// A world with the same edits, budgets, viewpoints and usage as in the recorded run makes the
+/// A world with the same edits, budgets and viewpoints as in the recorded run makes the
 /// same decisions and ends with the same trees. Both runs must use the same build of the program.
 /// An update waits for a build in the background where the recorded run installed one.
 ///

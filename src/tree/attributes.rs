@@ -97,20 +97,14 @@ impl AttributeSums {
         self.cost += other.cost;
     }
 
-    /// The splitting cost of a subtree relative to its flux times its variance of position. 0 for a
-    /// dark subtree and for lights at one point.
+    /// The splitting cost of a tree relative to its flux times its variance of position. 0 for a
+    /// dark tree and for lights at one point.
     ///
     /// Flux and variance depend on the lights alone. A box would also grow as the tree degrades,
     /// or as lights only rotate.
     pub(super) fn cost_per_spread(&self, all: &Cluster) -> f32 {
         let spread = f64::from(all.flux) * f64::from(all.variance);
         if spread > 0.0 { (self.cost / spread) as f32 } else { 0.0 }
-    }
-
-    /// The part of the splitting cost that was added since the build, if the cost has risen by the
-    /// share `rise`. All of it for an infinite rise: the cost was 0.
-    pub(super) fn added_cost(&self, rise: f32) -> f64 {
-        self.cost * (1.0 - 1.0 / (1.0 + f64::from(rise)))
     }
 
     /// The attributes: the sums divided by the flux and size of the whole tree's cluster.
@@ -172,15 +166,4 @@ fn overlap(wide: &WideCluster) -> f32 {
         }
     }
     sum(&shared)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_cost_that_rose_from_zero_was_added_completely() {
-        let sums = AttributeSums { cost: 8.0, ..AttributeSums::default() };
-        assert_eq!([0.0, 1.0, f32::INFINITY].map(|rise| sums.added_cost(rise)), [0.0, 4.0, 8.0]);
-    }
 }

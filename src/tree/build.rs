@@ -6,7 +6,7 @@ use super::LightTree;
 use super::attributes::{AttributeSums, Attributes};
 use super::dirty::DirtyNodes;
 use super::edited::Edited;
-use super::layout::{PlacedLight, build_items, with_spare};
+use super::layout::{PlacedLight, build_items};
 use super::node::{NO_LEAF, Node};
 use super::refitted::RefittedNodes;
 use super::shape::{TreeShape, shape_tree};
@@ -33,19 +33,18 @@ impl LightTree {
     pub(crate) fn build_for(lights: Vec<Light>, reference: Option<Box<Linear>>, vacant: BTreeSet<u32>) -> Self {
         let placed = if vacant.is_empty() { Self::placed_lights(&lights) } else { placed_lights_of_some(&lights) };
         let shape = shape_tree(&mut build_items(&placed, reference.as_deref()));
-        let count = with_spare(shape.nodes.len());
-        Self::of_shape(lights, &placed, &shape, count, reference, vacant)
+        Self::of_shape(lights, &placed, &shape, reference, vacant)
     }
 
-    /// Makes a tree of a shape over some of the lights, `placed`, in `count` nodes.
+    /// Makes a tree of a shape over some of the lights, `placed`.
     pub(super) fn of_shape(
         lights: Vec<Light>,
         placed: &[PlacedLight],
         shape: &TreeShape,
-        count: usize,
         reference: Option<Box<Linear>>,
         vacant: BTreeSet<u32>,
     ) -> Self {
+        let count = shape.nodes.len();
         let mut tree = Self {
             leaves: vec![NO_LEAF; lights.len()],
             effects: effects_of(&lights),
@@ -54,8 +53,7 @@ impl LightTree {
             wide: vec![WideCluster::EMPTY; count],
             spans: vec![0; count],
             light_counts: vec![0; count],
-            built_costs: vec![0.0; count],
-            rebuild_credit: 0,
+            built_cost: 0.0,
             attribute_sums: vec![AttributeSums::default(); count],
             has_stale_sums: false,
             dirty: DirtyNodes::empty(count),
@@ -69,7 +67,7 @@ impl LightTree {
             is_placeholder: false,
         };
         if count > 0 {
-            tree.lay_out(&shape.nodes, placed, 0, count);
+            tree.lay_out(&shape.nodes, placed);
         }
         tree
     }

@@ -1,7 +1,6 @@
 //! What additions and removals of lights have changed in a tree since it was built.
 
 use std::collections::BTreeSet;
-use std::ops::Range;
 
 /// What additions and removals have changed since the last build. Nothing is allocated before the
 /// first of them.
@@ -9,8 +8,7 @@ use std::ops::Range;
 pub(super) struct Edited {
     /// The indices that have no light.
     vacant: BTreeSet<u32>,
-    /// The spare nodes that removals and rebuilt subtrees have left. The spare nodes of a build are
-    /// not among them.
+    /// The nodes that removals and rebuilt subtrees have left spare. A build leaves none.
     free: BTreeSet<u32>,
     /// For each node the number of lights below it when it was made. Empty before the first
     /// addition.
@@ -93,12 +91,6 @@ impl Edited {
         if let Some(built) = self.built_lights.get_mut(node) {
             *built = lights;
         }
-    }
-
-    /// Records that a subtree will be laid out again in its own range of nodes.
-    pub fn will_lay_out(&mut self, range: Range<usize>) {
-        self.free.retain(|node| !range.contains(&(*node as usize)));
-        self.has_stale_tasks = false;
     }
 
     /// Records that a node is spare now.

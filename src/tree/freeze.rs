@@ -95,7 +95,7 @@ mod tests {
             let changes: Vec<_> = (0..tree.lights.len()).step_by(7).map(|i| (i as u32, lamp(i + 5000))).collect();
             tree.apply(&changes);
         };
-        let next: [(&str, Step); 6] = [
+        let next: [(&str, Step); 5] = [
             ("edit, refit", |tree| {
                 tree.apply(&[(0, lamp(9000))]);
                 tree.refit();
@@ -105,10 +105,6 @@ mod tests {
                 tree.refit_without_attributes();
                 tree.apply(&[(0, lamp(9001))]);
                 tree.refit();
-            }),
-            ("rebuild worst", |tree| {
-                tree.rebuild_worst(tree.lights.len() / 3);
-                tree.rebuild_worst(tree.lights.len());
             }),
             ("rebuild", LightTree::rebuild),
             ("refit", LightTree::refit),

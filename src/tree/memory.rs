@@ -45,8 +45,8 @@ impl LightTree {
     /// The memory of the tree on the heap, by use. Each index in a set of removed lights counts as
     /// 4 bytes. O(1).
     pub fn memory(&self) -> TreeMemory {
-        let Self { lights, leaves, nodes, wide, spans, light_counts, built_costs, attribute_sums, sides, .. } = self;
-        let words = spans.capacity() + light_counts.capacity() + built_costs.capacity();
+        let Self { lights, leaves, nodes, wide, spans, light_counts, attribute_sums, sides, .. } = self;
+        let words = spans.capacity() + light_counts.capacity();
         let reference = self.reference.as_ref().map_or(0, |_| size_of::<Linear>());
         TreeMemory {
             nodes: size_of::<Node>() * nodes.capacity()

@@ -6,6 +6,7 @@ mod bake;
 mod build;
 mod check;
 mod cost;
+pub(crate) mod curve;
 mod dirty;
 mod edited;
 mod freeze;
@@ -33,7 +34,7 @@ pub use attributes::{Attribute, Attributes};
 pub use bake::BakeError;
 pub use check::CheckError;
 pub use memory::TreeMemory;
-pub use node::{Bytes, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_LEAF, NO_PARENT, Node, Target, WIDTH};
+pub use node::{Bytes, ChildRef, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_LEAF, NO_PARENT, Node, WIDTH};
 #[cfg(feature = "gpu-plan")]
 pub(crate) use pack::{CAP_STEPS, DIRECTION_STEPS, STEPS};
 pub(crate) use pack::{NodeGrid, Unpacked};
@@ -82,15 +83,13 @@ pub struct LightTree {
     /// The clusters that each node is packed from. Edits change the lanes of lights, refits the
     /// lanes of nodes. Empty in a frozen tree.
     wide: Vec<WideCluster>,
-    /// The number of nodes in each node's subtree, itself and spare nodes included; 0 for a spare
-    /// node.
+    /// The number of nodes in each node's subtree as it was built, itself included; 0 for a node that
+    /// edits have left spare.
     spans: Vec<u32>,
     /// The number of lights in each node's subtree.
     light_counts: Vec<u32>,
-    /// The splitting cost of each subtree relative to the spread of its lights, when it was built.
-    built_costs: Vec<f32>,
-    /// Lights that [`LightTree::rebuild_worst`] may still rebuild.
-    rebuild_credit: usize,
+    /// The splitting cost relative to the spread of the lights, when the tree was built.
+    built_cost: f32,
     /// Each subtree's part of the attributes. Empty in a frozen tree.
     attribute_sums: Vec<AttributeSums>,
     /// Some of these sums are older than the nodes.
@@ -159,7 +158,7 @@ impl LightTree {
         &self.effects
     }
 
-    /// The nodes, the root first. Spare nodes among them have no children.
+    /// The nodes, the root first. Nodes that removals of lights have left have no children.
     pub fn nodes(&self) -> &[Node] {
         &self.nodes
     }
@@ -310,14 +309,6 @@ impl LightTree {
         self.edited.forget_moved();
     }
 
-    /// Rebuilds all nodes from the present lights. Lights keep their indices. O(n log n).
-    pub fn rebuild(&mut self) {
-        let vacant = self.edited.take_vacant();
-        let builds = self.edited.builds();
-        *self = Self::build_for(std::mem::take(&mut self.lights), self.reference.take(), vacant);
-        self.edited.count_build_after(builds);
-    }
-
     /// The map for which builds divide the lights; `None` for the tree's own space.
     pub(crate) fn reference(&self) -> Option<&Linear> {
         self.reference.as_deref()
@@ -326,19 +317,6 @@ impl LightTree {
     /// Sets that map for later builds.
     pub(crate) fn set_reference(&mut self, reference: Option<Linear>) {
         self.reference = reference.map(Box::new);
-    }
-
-    /// The cluster of a node at full precision.
-    fn cluster_of(&self, node: usize) -> Cluster {
-        match self.nodes[node].parent {
-            NO_PARENT => self.root,
-            place => self.wide[place as usize / WIDTH].get(place as usize % WIDTH),
-        }
-    }
-
-    /// The splitting cost of a subtree relative to the spread of its lights.
-    fn cost_per_spread(&self, node: usize) -> f32 {
-        self.attribute_sums[node].cost_per_spread(&self.cluster_of(node))
     }
 }
 

@@ -5,11 +5,11 @@ use std::ops::Range;
 
 use super::LightTree;
 use super::attributes::AttributeSums;
-use super::node::{NO_PARENT, Node, Target, WIDTH};
+use super::node::{ChildRef, NO_PARENT, Node, WIDTH};
 use super::tasks::{RefitTask, RefitTasks};
 use super::wide::WideCluster;
 use crate::cluster::Cluster;
-use crate::simd::{Job, with_vectors};
+use crate::math::simd::{Job, with_vectors};
 
 /// A refit visits a list of nodes if fewer than one in this many changed, and sweeps over all nodes
 /// otherwise. The list is a heap, which costs about as much per node as the refit of a node.
@@ -110,23 +110,6 @@ impl LightTree {
         sweep_tasks::<MEASURE>(&mut tasks.subtrees, slices);
         with_vectors(SweepUpper::<MEASURE>(self));
     }
-
-    /// Refits a subtree all of whose nodes are marked, and marks the node above it.
-    pub(super) fn refit_subtree(&mut self, root: usize) {
-        if root == 0 {
-            return self.refit_all::<true>();
-        }
-        self.refitted.add_all();
-        let Self { nodes, wide, attribute_sums: sums, dirty, spans, .. } = self;
-        let end = root + spans[root] as usize;
-        let (_, slices) = NodeSlices { base: 0, nodes, wide, sums, is_dirty: dirty.flags_mut() }.split(root);
-        let (slices, _) = slices.split(end);
-        let parent = slices.nodes[0].parent as usize;
-        if let Some(cluster) = with_vectors(Sweep::<true>(slices)) {
-            self.wide[parent / WIDTH].set(parent % WIDTH, &cluster);
-            self.dirty.insert(parent / WIDTH);
-        }
-    }
 }
 
 /// The same piece of all arrays of a tree.
@@ -164,7 +147,7 @@ impl NodeSlices<'_> {
         if MEASURE {
             let mut sums = AttributeSums::of(wide, &merged);
             for slot in 0..count {
-                if let Some(Target::Node(below)) = node.target(slot) {
+                if let Some(ChildRef::Node(below)) = node.child(slot) {
                     sums.add(&self.sums[below as usize - self.base]);
                 }
             }

@@ -9,12 +9,12 @@ use std::fmt;
 
 use super::LightTree;
 use super::attributes::AttributeSums;
-use super::layout::{Layout, PlacedLight, build_item, with_spare};
-use super::node::{NO_LEAF, NO_PARENT, Node};
+use super::layout::{PlacedLight, build_item};
+use super::node::{NO_LEAF, Node};
 use super::refitted::RefittedNodes;
 use super::shape::SteppedShape;
 use super::units::{
-    ALLOCATE_TICKS, COST_TICKS, REFIT_TICKS, TASK_TICKS, UNIT, build_units, copy_ticks, lay_out_ticks, place_ticks,
+    ALLOCATE_TICKS, REFIT_TICKS, TASK_TICKS, UNIT, build_units, copy_ticks, lay_out_ticks, place_ticks,
 };
 use super::wide::WideCluster;
 use crate::cluster::{Cluster, Linear};
@@ -35,9 +35,6 @@ const NODES_PER_PIECE: usize = 2;
 /// Refit tasks that are listed at once.
 const TASKS_PER_PIECE: usize = 8;
 
-/// Nodes whose costs are computed at once.
-const COSTS_PER_PIECE: usize = 32;
-
 /// No piece of work has more units than this, so no step exceeds its limit by more.
 pub(crate) const MAX_EXTRA_UNITS: usize = 64;
 
@@ -45,8 +42,8 @@ pub(crate) const MAX_EXTRA_UNITS: usize = 64;
 pub(crate) struct TreeBuild {
     /// The number of lights.
     count: usize,
-    stage: Stage,
-    /// The lights, nodes or entries that the stage has handled.
+    phase: BuildPhase,
+    /// The lights, nodes or entries that the phase has handled.
     next: usize,
     tree: LightTree,
     /// The clusters of the lights.
@@ -59,7 +56,7 @@ pub(crate) struct TreeBuild {
 
 /// What a build does next.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Stage {
+enum BuildPhase {
     /// Allocate the arrays for the lights.
     AllocateLights,
     /// Copy the lights.
@@ -78,8 +75,6 @@ enum Stage {
     ListTasks,
     /// Refit the nodes, the last node first.
     Refit,
-    /// Compute the costs of all subtrees.
-    Costs,
     Done,
 }
 
@@ -89,7 +84,7 @@ impl TreeBuild {
     pub fn new(lights: usize, reference: Option<&Linear>) -> Self {
         Self {
             count: lights,
-            stage: if lights == 0 { Stage::Done } else { Stage::AllocateLights },
+            phase: if lights == 0 { BuildPhase::Done } else { BuildPhase::AllocateLights },
             next: 0,
             tree: LightTree { reference: reference.map(|map| Box::new(*map)), ..LightTree::default() },
             placed: Vec::new(),
@@ -132,23 +127,22 @@ impl TreeBuild {
 
     /// Whether the tree is finished.
     pub fn is_done(&self) -> bool {
-        self.stage == Stage::Done
+        self.phase == BuildPhase::Done
     }
 
     /// An estimate of the units that are left. 0 if the tree is finished, and at least 1 before.
     pub fn units_left(&self) -> usize {
-        let ticks = match self.stage {
-            Stage::Done => return 0,
+        let ticks = match self.phase {
+            BuildPhase::Done => return 0,
             // A build of other than random lights may take more than the estimate.
-            Stage::AllocateLights | Stage::Copy | Stage::Place | Stage::Sum | Stage::Shape => {
+            BuildPhase::AllocateLights | BuildPhase::Copy | BuildPhase::Place | BuildPhase::Sum | BuildPhase::Shape => {
                 let nodes = self.count.div_ceil(5);
                 (UNIT * build_units(self.count)).saturating_sub(self.ticks).max(self.node_ticks(nodes))
             }
-            Stage::AllocateNodes => self.node_ticks(self.layout().span),
-            Stage::LayOut => self.node_ticks(self.layout().span) - lay_out_ticks(self.count) * self.next,
-            Stage::ListTasks => (REFIT_TICKS + COST_TICKS) * self.layout().span,
-            Stage::Refit => REFIT_TICKS * self.next + COST_TICKS * self.layout().span,
-            Stage::Costs => COST_TICKS * (self.layout().span - self.next),
+            BuildPhase::AllocateNodes => self.node_ticks(self.node_count()),
+            BuildPhase::LayOut => self.node_ticks(self.node_count()) - lay_out_ticks(self.count) * self.next,
+            BuildPhase::ListTasks => REFIT_TICKS * self.node_count(),
+            BuildPhase::Refit => REFIT_TICKS * self.next,
         };
         (ticks / UNIT).max(1)
     }
@@ -162,52 +156,51 @@ impl TreeBuild {
         self.tree
     }
 
-    fn layout(&self) -> Layout {
-        let used = self.shape.as_ref().map_or(0, |shape| shape.nodes().len());
-        Layout { root: 0, parent: NO_PARENT, used, span: with_spare(used) }
+    /// The nodes of the finished shape.
+    fn node_count(&self) -> usize {
+        self.shape.as_ref().map_or(0, |shape| shape.nodes().len())
     }
 
-    /// The ticks of all stages from the lay-out on, for some nodes.
+    /// The ticks of all phases from the lay-out on, for some nodes.
     fn node_ticks(&self, nodes: usize) -> usize {
-        (lay_out_ticks(self.count) + REFIT_TICKS + COST_TICKS) * nodes
+        (lay_out_ticks(self.count) + REFIT_TICKS) * nodes
     }
 
     /// Does a piece of work. Returns its ticks.
     fn advance(&mut self, lights: &[Light]) -> usize {
-        match self.stage {
-            Stage::AllocateLights => self.allocate_lights(),
-            Stage::Copy => self.copy(lights),
-            Stage::Place => self.place(),
-            Stage::Sum => {
+        match self.phase {
+            BuildPhase::AllocateLights => self.allocate_lights(),
+            BuildPhase::Copy => self.copy(lights),
+            BuildPhase::Place => self.place(),
+            BuildPhase::Sum => {
                 let shape = self.shape.as_mut().expect("the shape was allocated");
                 if !shape.has_sums() {
                     return shape.sum(LIGHTS_PER_SUM);
                 }
                 let ticks = shape.start();
                 let is_done = shape.is_done();
-                self.begin(if is_done { Stage::AllocateNodes } else { Stage::Shape });
+                self.begin(if is_done { BuildPhase::AllocateNodes } else { BuildPhase::Shape });
                 ticks
             }
-            Stage::Shape => {
+            BuildPhase::Shape => {
                 let shape = self.shape.as_mut().expect("the shape was allocated");
                 let ticks = shape.advance();
                 if shape.is_done() {
-                    self.begin(Stage::AllocateNodes);
+                    self.begin(BuildPhase::AllocateNodes);
                 }
                 ticks
             }
-            Stage::AllocateNodes => self.allocate_nodes(),
-            Stage::LayOut => self.lay_out(),
-            Stage::ListTasks => self.list_tasks(),
-            Stage::Refit => self.refit(),
-            Stage::Costs => self.compute_costs(),
-            Stage::Done => 0,
+            BuildPhase::AllocateNodes => self.allocate_nodes(),
+            BuildPhase::LayOut => self.lay_out(),
+            BuildPhase::ListTasks => self.list_tasks(),
+            BuildPhase::Refit => self.refit(),
+            BuildPhase::Done => 0,
         }
     }
 
-    /// Starts a stage.
-    fn begin(&mut self, stage: Stage) {
-        self.stage = stage;
+    /// Starts a phase.
+    fn begin(&mut self, phase: BuildPhase) {
+        self.phase = phase;
         self.next = 0;
     }
 
@@ -223,7 +216,7 @@ impl TreeBuild {
             3 => shape.reserve_items(count),
             _ => {
                 shape.reserve_nodes(count);
-                self.begin(Stage::Copy);
+                self.begin(BuildPhase::Copy);
                 return ALLOCATE_TICKS;
             }
         }
@@ -236,7 +229,7 @@ impl TreeBuild {
         let end = self.count.min(first + LIGHTS_PER_COPY);
         self.tree.lights.extend_from_slice(&lights[first..end]);
         if end == self.count {
-            self.begin(Stage::Place);
+            self.begin(BuildPhase::Place);
         }
         copy_ticks(self.count) * (end - first)
     }
@@ -259,26 +252,25 @@ impl TreeBuild {
         tree.leaves.resize(end, NO_LEAF);
         *next = end;
         if end == self.count {
-            self.begin(if self.placed.is_empty() { Stage::Done } else { Stage::Sum });
+            self.begin(if self.placed.is_empty() { BuildPhase::Done } else { BuildPhase::Sum });
         }
         place_ticks(self.count) * (end - first)
     }
 
     /// Allocates one of the arrays of the tree.
     fn allocate_nodes(&mut self) -> usize {
-        let count = self.layout().span;
+        let count = self.node_count();
         let tree = &mut self.tree;
         match self.next {
             0 => tree.nodes.reserve_exact(count),
             1 => tree.wide.reserve_exact(count),
             2 => tree.spans.reserve_exact(count),
             3 => tree.light_counts.reserve_exact(count),
-            4 => tree.built_costs.reserve_exact(count),
-            5 => tree.attribute_sums.reserve_exact(count),
+            4 => tree.attribute_sums.reserve_exact(count),
             _ => {
                 tree.dirty.reserve(count);
                 tree.refitted = RefittedNodes::empty(count);
-                self.begin(Stage::LayOut);
+                self.begin(BuildPhase::LayOut);
                 return ALLOCATE_TICKS;
             }
         }
@@ -287,25 +279,23 @@ impl TreeBuild {
     }
 
     fn lay_out(&mut self) -> usize {
-        let layout = self.layout();
-        let (first, end) = (self.next, layout.used.min(self.next + NODES_PER_PIECE));
+        let count = self.node_count();
+        let (first, end) = (self.next, count.min(self.next + NODES_PER_PIECE));
         let Self { tree, placed, shape, .. } = self;
         let shape = shape.as_mut().expect("the shape was allocated");
-        let nodes = layout.position(end);
-        tree.nodes.resize(nodes, Node::EMPTY);
-        tree.wide.resize(nodes, WideCluster::EMPTY);
-        tree.spans.resize(nodes, 0);
-        tree.light_counts.resize(nodes, 0);
-        tree.built_costs.resize(nodes, 0.0);
-        tree.attribute_sums.resize(nodes, AttributeSums::default());
-        tree.dirty.grow(nodes);
-        for i in first..end {
-            shape.link_children(i);
-            tree.lay_out_node(&layout, &shape.nodes()[i], i, placed);
+        tree.nodes.resize(end, Node::EMPTY);
+        tree.wide.resize(end, WideCluster::EMPTY);
+        tree.spans.resize(end, 0);
+        tree.light_counts.resize(end, 0);
+        tree.attribute_sums.resize(end, AttributeSums::default());
+        tree.dirty.grow(end);
+        for node in first..end {
+            shape.link_children(node);
+            tree.lay_out_node(&shape.nodes()[node], node, placed);
         }
         self.next = end;
-        if end == layout.used {
-            self.begin(Stage::ListTasks);
+        if end == count {
+            self.begin(BuildPhase::ListTasks);
         }
         lay_out_ticks(self.count) * (end - first)
     }
@@ -319,7 +309,7 @@ impl TreeBuild {
         }
         if self.next == spans.len() {
             let nodes = spans.len();
-            self.begin(Stage::Refit);
+            self.begin(BuildPhase::Refit);
             self.next = nodes;
         }
         TASK_TICKS * added
@@ -331,26 +321,12 @@ impl TreeBuild {
         self.tree.refit_nodes(nodes.clone());
         self.next = nodes.start;
         if self.next == 0 {
-            self.begin(Stage::Costs);
+            let sides = self.shape.as_ref().map_or(0, |shape| shape.sides());
+            self.tree.sides = vec![Cluster::EMPTY; sides];
+            self.tree.finish_build();
+            self.begin(BuildPhase::Done);
         }
         REFIT_TICKS * nodes.len()
-    }
-
-    fn compute_costs(&mut self) -> usize {
-        let tree = &mut self.tree;
-        let nodes = self.next..tree.nodes.len().min(self.next + COSTS_PER_PIECE);
-        for node in nodes.clone() {
-            tree.built_costs[node] = tree.cost_per_spread(node);
-        }
-        self.next = nodes.end;
-        if nodes.end == tree.nodes.len() {
-            let sides = self.shape.as_ref().map_or(0, |shape| shape.sides());
-            tree.sides = vec![Cluster::EMPTY; sides];
-            tree.update_sides();
-            tree.update_attributes();
-            self.begin(Stage::Done);
-        }
-        COST_TICKS * nodes.len()
     }
 }
 
@@ -359,7 +335,7 @@ impl fmt::Debug for TreeBuild {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("TreeBuild")
             .field("lights", &self.count)
-            .field("stage", &self.stage)
+            .field("phase", &self.phase)
             .field("next", &self.next)
             .field("units_done", &(self.ticks / UNIT))
             .finish_non_exhaustive()

@@ -14,9 +14,9 @@ pub(crate) struct State {
 
 /// The complete state of a tree but for its lights.
 pub(crate) fn state_of(tree: &LightTree) -> State {
-    let LightTree { nodes, leaves, wide, spans, light_counts, built_costs, .. } = tree;
+    let LightTree { nodes, leaves, wide, spans, light_counts, built_cost, .. } = tree;
     let LightTree { attribute_sums, has_stale_sums, dirty, tasks, .. } = tree;
-    let LightTree { rebuild_credit, root, sides, attributes, effects, .. } = tree;
+    let LightTree { root, sides, attributes, effects, .. } = tree;
     let bits = |floats: &[f32]| floats.iter().map(|v| v.to_bits()).collect::<Vec<u32>>();
     let wide = wide.iter().flat_map(|lanes| {
         let vectors = [lanes.min, lanes.max, lanes.mean, lanes.axis];
@@ -29,12 +29,11 @@ pub(crate) fn state_of(tree: &LightTree) -> State {
         wide.collect(),
         spans.clone(),
         light_counts.clone(),
-        bits(built_costs),
+        vec![built_cost.to_bits()],
         cluster_bits(root),
         sides.iter().flat_map(cluster_bits).collect(),
     ];
-    let text =
-        format!("{attribute_sums:?} {has_stale_sums} {dirty:?} {tasks:?} {rebuild_credit} {attributes:?} {effects:?}");
+    let text = format!("{attribute_sums:?} {has_stale_sums} {dirty:?} {tasks:?} {attributes:?} {effects:?}");
     State { words, text }
 }
 

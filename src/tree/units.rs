@@ -33,8 +33,6 @@ pub(super) const NODE_TICKS: usize = 110;
 pub(super) const TASK_TICKS: usize = 150;
 /// The refit of a node.
 pub(super) const REFIT_TICKS: usize = 740;
-/// The cost of a built node.
-pub(super) const COST_TICKS: usize = 20;
 
 /// The doublings of the number of lights beyond 1024, at most 8. Pieces that write to new memory
 /// take longer in large trees, whose memory is neither in the cache nor mapped yet.

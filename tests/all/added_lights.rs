@@ -733,7 +733,6 @@ fn additions_to_a_tree_at_rest_thaw_it() {
     tree.set_lights(&[(5, lamp(1.0))]).expect("valid");
     tree.refit();
     tree.check().expect("the tree is sound");
-    assert!(tree.rebuild_worst(2_000) == 0 || tree.check().is_ok());
 }
 
 #[cfg(feature = "bake")]

@@ -21,7 +21,7 @@ fn below(rng: &mut Rng, end: usize) -> usize {
     (rng.bits() % end as u64) as usize
 }
 
-/// A world of small trees, which may be opened, and of trees that are divided by side. The first
+/// A world of small trees, which may have light parts, and of trees that are divided by side. The first
 /// instance of a tree of each kind is stretched. Half of the worlds have sectors.
 fn world(seed: u64) -> LightWorld {
     let mut rng = Rng(seed);

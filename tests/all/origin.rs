@@ -107,7 +107,7 @@ fn nothing_jumps_when_the_origin_moves() {
     let (pmfs, places) = lights_at(&world, &points);
     let children = |world: &LightWorld| {
         let nodes = world.sampler().top_nodes();
-        nodes.iter().map(|node| std::array::from_fn::<_, 8, _>(|slot| node.target(slot))).collect::<Vec<_>>()
+        nodes.iter().map(|node| std::array::from_fn::<_, 8, _>(|slot| node.child(slot))).collect::<Vec<_>>()
     };
     let tree = children(&world);
     for step in [DVec3::X, DVec3::new(-1.0, 0.0, 1.0), DVec3::new(2.0, 1.0, -2.0)] {

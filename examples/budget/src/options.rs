@@ -74,13 +74,8 @@ const MAX_SHARE: f64 = 1_000.0;
 const DRAWN_SHARE: f64 = 0.1;
 
 /// The strategies of `--quick`.
-const QUICK: [Strategy; 5] = [
-    Strategy::RoundRobin,
-    Strategy::Ratio(Attribute::SplittingCost),
-    Strategy::Girandole,
-    Strategy::GirandoleUsage,
-    Strategy::Oracle,
-];
+const QUICK: [Strategy; 4] =
+    [Strategy::RoundRobin, Strategy::Ratio(Attribute::SplittingCost), Strategy::Girandole, Strategy::Oracle];
 
 /// How closely a scene is measured. Frames of larger scenes take more time, so fewer are measured.
 fn plan(kind: SceneKind, is_quick: bool) -> Plan {

@@ -4,24 +4,13 @@ use super::costs::{Costs, PlayedClock};
 use super::reference::{Reference, instances, set_policies};
 use super::stage::{Stage, StageOptions};
 use super::strategies::Strategy;
-use girandole::{FrameBudget, InstanceKey, LightId};
-use std::collections::{HashMap, VecDeque};
+use girandole::FrameBudget;
 use std::sync::Arc;
 use std::time::Duration;
 use testbed::scene::SceneError;
-use testbed::scene::rng::Rng;
 
 /// The time from one frame to the next.
 pub const FRAME: Duration = Duration::from_nanos(16_666_667);
-
-/// The number of samples whose usage is counted in a frame.
-const USAGE_SAMPLES: u32 = 2_000;
-/// Usage is counted every n-th frame, since the CPU builds a top level each time.
-const USAGE_EVERY: u32 = 4;
-/// Frames from the count to the scheduler, as with counts that are read back from a GPU.
-const USAGE_DELAY: u32 = 3;
-/// Seeds the samples.
-const SEED: u64 = 0x61c8_8647;
 
 /// The time that a frame spent.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -44,9 +33,6 @@ pub struct Player<'a> {
     /// What this player shares with the other players of its stage.
     pub reference: &'a Reference,
     external: External,
-    /// Counts on their way to the scheduler: the frame in which they arrive, and the usage of each
-    /// instance.
-    usage: VecDeque<(u32, HashMap<InstanceKey, u32>)>,
 }
 
 /// The state of a strategy that does not use the library's scheduler.
@@ -85,15 +71,16 @@ impl<'a> Player<'a> {
             next: 0,
             credit: 0.0,
         };
-        let usage = VecDeque::new();
-        Ok(Self { stage, strategy, budget, clock, costs, reference, external, usage })
+        Ok(Self { stage, strategy, budget, clock, costs, reference, external })
     }
 
     /// Plays the next frame. The first frame is 1.
     pub fn play(&mut self, frame: u32) -> Result<Spent, SceneError> {
         self.clock.advance(FRAME);
         self.stage.advance(frame)?;
-        self.inform_scheduler(frame);
+        if matches!(self.strategy, Strategy::Girandole | Strategy::GirandoleInFrames) {
+            self.stage.world.set_viewpoint(self.stage.eye).expect("a finite eye");
+        }
         let background = self.clock.background_time();
         let report = self.stage.world.update(if self.strategy.is_external() { FrameBudget::NONE } else { self.budget });
         let mut spent = Spent {
@@ -104,37 +91,7 @@ impl<'a> Player<'a> {
         if self.strategy.is_external() {
             spent = self.rebuild(frame)?;
         }
-        if self.strategy == Strategy::GirandoleUsage && frame.is_multiple_of(USAGE_EVERY) {
-            self.count_usage(frame);
-        }
         Ok(spent)
-    }
-
-    /// Gives the library's scheduler what its strategy may know: the camera and the usage.
-    fn inform_scheduler(&mut self, frame: u32) {
-        if matches!(self.strategy, Strategy::Girandole | Strategy::GirandoleUsage | Strategy::GirandoleInFrames) {
-            self.stage.world.set_viewpoint(self.stage.eye).expect("a finite eye");
-        }
-        if self.usage.front().is_some_and(|(arrival, _)| *arrival <= frame) {
-            let (_, usage) = self.usage.pop_front().unwrap_or_default();
-            self.stage.world.record_usage(usage);
-        }
-    }
-
-    /// Chooses lights as a renderer does, for all shading points in turn, and counts them by
-    /// instance.
-    fn count_usage(&mut self, frame: u32) {
-        let sampler = self.stage.world.sampler();
-        let mut rng = Rng::new(SEED, u64::from(frame));
-        let mut counts = HashMap::new();
-        for i in 0..USAGE_SAMPLES as usize {
-            let at = &self.stage.shading_points[i % self.stage.shading_points.len()];
-            let pick = sampler.pick(at, [rng.unit(), rng.unit()]);
-            if let Some(LightId::Local { instance, .. }) = pick.map(|pick| pick.light) {
-                *counts.entry(instance).or_default() += 1;
-            }
-        }
-        self.usage.push_back((frame + USAGE_DELAY, counts));
     }
 
     /// Rebuilds trees in the order of the strategy, as far as the time goes. A tree that takes

@@ -34,13 +34,12 @@ const fn style(name: &'static str, legend: &'static str, color: RGBColor, width:
 }
 
 /// The styles in drawing order.
-const STYLES: [Style; 7] = [
+const STYLES: [Style; 6] = [
     style("SS 1", "SS 1 within the budget, by attribute", PALETTE[6], 1, false),
     style("SS 2", "SS 2 within the budget, by attribute", PALETTE[7], 1, false),
     style("round robin", "round robin", PALETTE[1], 2, false),
     style("oldest first", "oldest first", PALETTE[3], 2, false),
     style("oracle", "oracle", PALETTE[0], 2, true),
-    style("girandole usage", "girandole, told of camera and usage", PALETTE[2], 3, false),
     style("girandole", "girandole, told of the camera", PALETTE[5], 3, false),
 ];
 

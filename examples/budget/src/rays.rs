@@ -1,7 +1,7 @@
 //! Finds shading points: the first surfaces that rays from the camera or from lights meet.
 
 use girandole::ShadingPoint;
-use girandole::bounds::Aabb;
+use girandole::cluster::Aabb;
 use girandole::glam::{Affine3A, Mat3, Vec3};
 use testbed::scene::{Camera, Object, Scene};
 

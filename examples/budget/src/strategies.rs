@@ -21,8 +21,6 @@ pub enum Strategy {
     Ratio(Attribute),
     /// The library's scheduler with the position of the camera.
     Girandole,
-    /// The library's scheduler with the position of the camera and the usage of instances.
-    GirandoleUsage,
     /// [`Strategy::Girandole`] without builds in the background: large trees are built in slices
     /// within frames.
     GirandoleInFrames,
@@ -35,7 +33,7 @@ use Attribute::{Distance, Overlap, SplittingCost, Variance};
 
 impl Strategy {
     /// All strategies, the two ends of the gap first.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 15] = [
         Self::UpdateOnly,
         Self::AlwaysRebuild,
         Self::RoundRobin,
@@ -49,7 +47,6 @@ impl Strategy {
         Self::Ratio(Variance),
         Self::Ratio(SplittingCost),
         Self::Girandole,
-        Self::GirandoleUsage,
         Self::GirandoleInFrames,
         Self::Oracle,
     ];
@@ -70,7 +67,6 @@ impl Strategy {
             Self::Deviation(attribute) => format!("SS 1 {}", of(attribute)),
             Self::Ratio(attribute) => format!("SS 2 {}", of(attribute)),
             Self::Girandole => "girandole".into(),
-            Self::GirandoleUsage => "girandole usage".into(),
             Self::GirandoleInFrames => "girandole in frames".into(),
             Self::Oracle => "oracle".into(),
         }
@@ -96,7 +92,7 @@ impl Strategy {
         match self {
             Self::UpdateOnly | Self::RoundRobin | Self::OldestFirst | Self::Oracle => Policy::RefitOnly,
             Self::AlwaysRebuild => Policy::AlwaysRebuild,
-            Self::Girandole | Self::GirandoleUsage | Self::GirandoleInFrames => Policy::Budgeted,
+            Self::Girandole | Self::GirandoleInFrames => Policy::Budgeted,
             Self::Deviation(attribute) => {
                 let deviation = ATTRIBUTES.iter().position(|a| *a == attribute).map_or(0.0, |i| deviations[i]);
                 Policy::Deviation { attribute, deviation, factor: DEVIATIONS }

@@ -1057,13 +1057,6 @@ GirandoleStatus girandole_world_instance_at(const struct GirandoleWorld *world,
                                             uint32_t slot,
                                             uint64_t *instance);
 
-// Records how often the lights of instances were chosen in a frame: instances[i] was chosen counts[i] times.
-// Rebuilds of trees that are chosen often get more weight. Stale keys are skipped.
-GirandoleStatus girandole_world_record_usage(struct GirandoleWorld *world,
-                                             const uint64_t *instances,
-                                             const uint32_t *counts,
-                                             size_t count);
-
 // Returns an instance of the tree with this index in a region. The instance is enabled and has a factor of
 // 1, all bits of the mask, and GIRANDOLE_POLICY_BUDGETED. Checks nothing.
 struct GirandoleRegionInstance girandole_region_instance(uint32_t tree, struct GirandolePlacement placement);

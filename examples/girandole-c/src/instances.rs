@@ -183,25 +183,3 @@ pub unsafe extern "C" fn girandole_world_instance_at(
         Ok(())
     })
 }
-
-/// Records how often the lights of instances were chosen in a frame: instances[i] was chosen counts[i] times.
-/// Rebuilds of trees that are chosen often get more weight. Stale keys are skipped.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn girandole_world_record_usage(
-    world: *mut GirandoleWorld,
-    instances: *const u64,
-    counts: *const u32,
-    count: usize,
-) -> GirandoleStatus {
-    call(|| {
-        // SAFETY: see the crate's documentation.
-        let (world, keys) = unsafe { (object(world, "world")?, array(instances, count, "instances")?) };
-        // SAFETY: see the crate's documentation.
-        let counts = unsafe { array(counts, count, "counts")? };
-        let usage = keys.iter().zip(counts).map(|(key, count)| (InstanceKey::from(*key), *count));
-        world.edit(|world| {
-            world.record_usage(usage);
-            Ok(())
-        })
-    })
-}

@@ -1,6 +1,6 @@
 //! The city on the page: what JavaScript calls.
 
-use girandole::gpu::{DEFAULT_USAGE_INTERVAL, GpuLights};
+use girandole::gpu::GpuLights;
 use girandole::{CandidateCount, FrameBudget, FrameReport, SplitCount, wgpu};
 use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::future_to_promise;
@@ -118,12 +118,9 @@ impl City {
         let buffers = SceneBuffers::new(&gpu.device, &gpu.queue, &stage.scene, &geometry).map_err(text)?;
         let mut lights = GpuLights::new(&gpu.device, &gpu.queue).map_err(text)?;
         lights.set_splits(SplitCount::DEFAULT);
-        if gpu.counts_usage {
-            lights.count_usage(DEFAULT_USAGE_INTERVAL);
-        }
         let picture = Picture::new(&gpu, &buffers, [1, 1]);
         let (layout, _) = buffers.bind(&gpu.device, &picture.sums);
-        let pipelines = Pipelines::new(&gpu.device, &layout, &lights, &stage.scene, &geometry, gpu.counts_usage)?;
+        let pipelines = Pipelines::new(&gpu.device, &layout, &lights, &stage.scene, &geometry)?;
         let start = stage.scene.camera;
         Ok(Self {
             gpu,
@@ -265,7 +262,7 @@ impl City {
             self.report;
         let millis = |time: std::time::Duration| time.as_secs_f64() * 1e3;
         format!(
-            r#"{{"lights": {}, "instances": {}, "moved": {moved_instances}, "refitted": {refit_trees}, "rebuilt": {rebuilt_trees}, "waiting": {waiting_trees}, "spent": {:.3}, "refit": {:.3}, "frames": {}, "rebuiltSoFar": {}, "refittedSoFar": {}, "variants": {}, "hasVariant": {}, "countsUsage": {}, "software": {}, "stillFrames": {}, "adapter": "{}"}}"#,
+            r#"{{"lights": {}, "instances": {}, "moved": {moved_instances}, "refitted": {refit_trees}, "rebuilt": {rebuilt_trees}, "waiting": {waiting_trees}, "spent": {:.3}, "refit": {:.3}, "frames": {}, "rebuiltSoFar": {}, "refittedSoFar": {}, "variants": {}, "hasVariant": {}, "software": {}, "stillFrames": {}, "adapter": "{}"}}"#,
             world.light_count(),
             world.instance_count(),
             millis(spent),
@@ -275,7 +272,6 @@ impl City {
             self.totals.refit_trees,
             self.pipelines.variant_count(),
             self.pipelines.has(self.lights.effects()),
-            self.gpu.counts_usage,
             self.gpu.is_software,
             self.still_frames,
             self.gpu.name.replace(['"', '\\'], "'"),
@@ -314,9 +310,6 @@ impl City {
             self.time += seconds;
             animation.advance(self.time, scene, world).map_err(text)?;
         }
-        if let Some(usage) = lights.take_usage() {
-            world.record_usage(usage.iter());
-        }
         world.set_viewpoint(scene.camera.eye.as_dvec3()).map_err(text)?;
         self.report = world.update(self.budget);
         self.totals.rebuilt_trees += self.report.rebuilt_trees;
@@ -324,7 +317,6 @@ impl City {
         let change = if moves { geometry.update(scene).map_err(text)? } else { GeometryChange::default() };
         self.buffers.upload(&gpu.queue, geometry, &change);
         lights.upload(world).map_err(text)?;
-        lights.collect_usage(encoder);
         lights.build_top(encoder);
         self.pipelines.fit(geometry);
         Ok(())
@@ -375,8 +367,7 @@ impl City {
             None => pass.set_pipeline(self.pipelines.get(effects)),
         }
         pass.set_bind_group(0, &self.picture.group, &[]);
-        let lights = if self.gpu.counts_usage { self.lights.usage_bind_group() } else { self.lights.bind_group() };
-        pass.set_bind_group(LIGHT_GROUP, lights, &[]);
+        pass.set_bind_group(LIGHT_GROUP, self.lights.bind_group(), &[]);
         pass.dispatch_workgroups(frame.width.div_ceil(WORKGROUP), frame.height.div_ceil(WORKGROUP), 1);
     }
 }

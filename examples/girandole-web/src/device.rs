@@ -8,10 +8,6 @@ use web_sys::HtmlCanvasElement;
 
 use crate::signal::Signal;
 
-/// Storage buffers of a shader that counts the lights that it samples: one more than WebGPU
-/// guarantees.
-const USAGE_STORAGE_BUFFERS: u32 = 9;
-
 /// The first thing that went wrong after the device was opened: one sentence for the user.
 #[derive(Clone, Default)]
 pub struct Trouble(Arc<Mutex<Option<String>>>);
@@ -41,13 +37,10 @@ pub struct Gpu {
     pub name: String,
     /// A CPU stands in for a GPU.
     pub is_software: bool,
-    /// Whether shaders may bind the counters of usage.
-    pub counts_usage: bool,
     pub trouble: Trouble,
 }
 
-/// Opens the best adapter. The limits are WebGPU's defaults, except for larger buffers and, where the
-/// adapter has it, one storage buffer more.
+/// Opens the best adapter. The limits are WebGPU's defaults, except for larger buffers.
 pub async fn open(canvas: HtmlCanvasElement) -> Result<Gpu, String> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
         backends: wgpu::Backends::BROWSER_WEBGPU,
@@ -67,10 +60,7 @@ pub async fn open(canvas: HtmlCanvasElement) -> Result<Gpu, String> {
             "This browser has WebGPU, but it offers no adapter: it found no GPU that it supports.".to_owned()
         })?;
     let (default, offered) = (wgpu::Limits::default(), adapter.limits());
-    let buffers = offered.max_storage_buffers_per_shader_stage;
     let required_limits = wgpu::Limits {
-        max_storage_buffers_per_shader_stage: buffers
-            .clamp(default.max_storage_buffers_per_shader_stage, USAGE_STORAGE_BUFFERS),
         max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
         max_buffer_size: offered.max_buffer_size,
         ..default
@@ -93,7 +83,6 @@ pub async fn open(canvas: HtmlCanvasElement) -> Result<Gpu, String> {
     let format = format.ok_or("The browser offers no format for a canvas that WebGPU draws to.")?;
     let info = adapter.get_info();
     Ok(Gpu {
-        counts_usage: device.limits().max_storage_buffers_per_shader_stage >= USAGE_STORAGE_BUFFERS,
         device,
         queue,
         surface,

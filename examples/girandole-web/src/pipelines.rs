@@ -1,6 +1,8 @@
 //! The pipelines that render: a variant for the effects of the lights, and those that know no tree.
 
-use girandole::gpu::{GpuLights, LightShader, PipelineVariants, TargetHook};
+use std::collections::HashMap;
+
+use girandole::gpu::{GpuLights, LightShader, TargetHook};
 use girandole::{Effects, wgpu};
 
 use crate::light_list::LightList;
@@ -39,52 +41,51 @@ pub struct Pipelines {
     shader: LightShader,
     /// What the pipelines are compiled for.
     needs: Needs,
-    variants: PipelineVariants<wgpu::ComputePipeline>,
+    /// By the effects that they serve. Each is compiled when a frame asks for it: on a page, another
+    /// thread would gain nothing.
+    variants: HashMap<Effects, wgpu::ComputePipeline>,
     listed: Option<(Listed, Effects, wgpu::ComputePipeline)>,
 }
 
 impl Pipelines {
-    /// Compiles nothing yet. `layout` is that of group 0. The shader counts the lights
-    /// that it samples if `counts_usage` is set.
+    /// Compiles nothing yet. `layout` is that of group 0.
     pub fn new(
         device: &wgpu::Device,
         layout: &wgpu::BindGroupLayout,
         lights: &GpuLights,
         scene: &Scene,
         geometry: &Geometry,
-        counts_usage: bool,
     ) -> Result<Self, String> {
         let target = TargetHook::new(TARGET, TARGET_ARGUMENT).map_err(|error| error.to_string())?;
-        let all = Effects::all();
-        let shader = if counts_usage { lights.usage_shader(LIGHT_GROUP, all) } else { lights.shader(LIGHT_GROUP, all) };
-        let shader = shader.with_target(target);
+        let shader = lights.shader(LIGHT_GROUP, Effects::all()).with_target(target);
         let mut needs = Needs::new(scene, geometry);
         needs.stack_size += SPARE_STACK;
-        let variants = variants(device, layout, &shader, needs);
+        let variants = HashMap::new();
         Ok(Self { device: device.clone(), layout: layout.clone(), shader, needs, variants, listed: None })
     }
 
     /// Drops all pipelines if the hierarchies have become too deep for them.
     pub fn fit(&mut self, geometry: &Geometry) {
         if self.needs.grow(geometry) {
-            self.variants = variants(&self.device, &self.layout, &self.shader, self.needs);
+            self.variants.clear();
             self.listed = None;
         }
     }
 
-    /// The best pipeline for lights with these effects.
+    /// The pipeline for lights with these effects.
     pub fn get(&mut self, effects: Effects) -> &wgpu::ComputePipeline {
-        self.variants.get(effects)
+        let Self { device, layout, shader, needs, variants, .. } = self;
+        variants.entry(effects).or_insert_with(|| pipeline(device, layout, &shader.with_effects(effects), *needs))
     }
 
-    /// The number of pipelines that were compiled for fewer than all effects.
+    /// The number of pipelines that were compiled.
     pub fn variant_count(&self) -> usize {
-        self.variants.ready().filter(|&effects| effects != Effects::all() - Effects::MOVING).count()
+        self.variants.len()
     }
 
     /// Whether a pipeline for just these effects is ready.
     pub fn has(&self, effects: Effects) -> bool {
-        self.variants.has(effects)
+        self.variants.contains_key(&effects)
     }
 
     /// A pipeline that knows no tree. It is compiled when it is asked for first, and when the effects of
@@ -99,7 +100,7 @@ impl Pipelines {
 
     fn make_listed(&self, listed: Listed, effects: Effects, list: &LightList) -> wgpu::ComputePipeline {
         let shader = self.shader.with_effects(effects);
-        let text = shader_source(&shader.wgsl, shader.records_usage, self.needs);
+        let text = shader_source(&shader.wgsl, self.needs);
         let text = format!("{text}\n{}", include_str!("light_list.wgsl"));
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("light list"),
@@ -119,16 +120,4 @@ impl Pipelines {
             cache: None,
         })
     }
-}
-
-/// An empty cache.
-fn variants(
-    device: &wgpu::Device,
-    layout: &wgpu::BindGroupLayout,
-    shader: &LightShader,
-    needs: Needs,
-) -> PipelineVariants<wgpu::ComputePipeline> {
-    let (device, layout, shader) = (device.clone(), layout.clone(), shader.clone());
-    let make = move |effects| pipeline(&device, &layout, &shader.with_effects(effects), needs);
-    PipelineVariants::on_demand(make)
 }

@@ -4,6 +4,7 @@ use super::machine::Machine;
 use super::shading_points::requests;
 use super::spread::Spread;
 use super::timer::Timer;
+use girandole::gpu::measure::{NodeCounter, record_bytes};
 use girandole::gpu::{GpuLights, SampleRequest};
 use girandole::{CandidateCount, FrameBudget, wgpu};
 use serde_json::{Value, json};
@@ -79,13 +80,14 @@ pub fn measure(machine: &Machine, timer: &Timer, size: Size, picture: (u32, u32)
     machine.queue.write_buffer(&input, 0, bytemuck::cast_slice(&requests));
     let pixels = machine.storage("pixels", u64::from(count) * PIXEL_BYTES);
     let counts = machine.storage("node counts", u64::from(count) * 4);
-    let record_bytes = lights.record_bytes();
+    let record_bytes = record_bytes(&lights);
+    let counter = NodeCounter::new(&lights);
     let mut rows = Vec::new();
     for candidates in CANDIDATES {
         let kernel = Kernel::new(machine, &lights, &world, [&input, &pixels], candidates);
         let time = timer.time(|encoder, queries| kernel.record(encoder, queries, &lights, count))?.total;
         let mut encoder = machine.device.create_command_encoder(&Default::default());
-        lights.count_nodes(&mut encoder, &input, &counts, count, candidates);
+        counter.record(&lights, &mut encoder, (&input, &counts), count, candidates);
         machine.queue.submit([encoder.finish()]);
         let read: Vec<u32> = timer.read(&counts)?;
         let nodes = read.iter().map(|count| f64::from(*count)).sum::<f64>() / f64::from(count);

@@ -5,7 +5,7 @@ use super::machine::Machine;
 use super::spread::Spread;
 use super::timer::{Timer, Times};
 use girandole::glam::{DVec3, Vec3};
-use girandole::gpu::measure::KeySort;
+use girandole::gpu::measure::{KeySort, build_top_timed};
 use girandole::gpu::{GpuError, GpuLights};
 use girandole::{InstanceKey, Light, LightWorld, Placement, Policy};
 use serde_json::{Value, json};
@@ -109,7 +109,7 @@ pub fn measure(machine: &Machine, timer: &Timer, instances: u32) -> Result<Row, 
     }
     let mut stages = Vec::new();
     let build = timer.time(|encoder, queries| {
-        stages = lights.build_top_timed(encoder, queries);
+        stages = build_top_timed(&mut lights, encoder, queries);
         stages.len()
     })?;
     let mut keys = match KeySort::new(&machine.device, &machine.queue, instances) {

@@ -1,10 +1,10 @@
-//! Trees whose lights move: the noise that refits add, the noise that rebuilds of the worst
-//! subtrees remove, and the time of both. One flat tree holds all lights of a scene and follows
+//! Trees whose lights move: the noise that refits add, the noise that rebuilds remove, and the time
+//! of both. One flat tree holds all lights of a scene and follows
 //! them frame by frame.
 
 use super::shading_points::shading_points;
 use super::stages::{CITY_BOUNDS, swarm_at};
-use girandole::bounds::Aabb;
+use girandole::cluster::Aabb;
 use girandole::glam::{Vec3, vec3};
 use girandole::{FrameBudget, Light, LightTree, ShadingPoint, SplitCount};
 use rayon::prelude::*;
@@ -36,8 +36,6 @@ enum Strategy {
     Refit,
     /// A rebuild of the whole tree every n-th frame.
     RebuildEvery(usize),
-    /// In each frame, rebuilds of the worst subtrees, with credit for one n-th of the lights.
-    Worst(usize),
 }
 
 /// A row of the table.
@@ -104,15 +102,7 @@ fn noise(tree: &LightTree, lux: &[Vec<f32>], shading_points: &[ShadingPoint]) ->
 }
 
 fn measure(motion: &Motion) -> Result<Vec<Row>, SceneError> {
-    let strategies = [
-        Strategy::Refit,
-        Strategy::RebuildEvery(1),
-        Strategy::RebuildEvery(10),
-        Strategy::Worst(4),
-        Strategy::Worst(8),
-        Strategy::Worst(16),
-        Strategy::Worst(32),
-    ];
+    let strategies = [Strategy::Refit, Strategy::RebuildEvery(1), Strategy::RebuildEvery(10)];
     // For each frame in which noise is measured: sigma of a fresh build, and the contribution of
     // each light at each shading point.
     let mut fresh = Vec::new();
@@ -151,7 +141,6 @@ fn play(motion: &Motion, strategy: Strategy, fresh: &[(f64, Vec<Vec<f32>>)]) -> 
                 tree.rebuild();
                 rebuilt += count;
             }
-            Strategy::Worst(share) => rebuilt += tree.rebuild_worst(count / share),
             Strategy::Refit | Strategy::RebuildEvery(_) => {}
         }
         cost += start.elapsed().as_secs_f64();
@@ -167,7 +156,6 @@ fn play(motion: &Motion, strategy: Strategy, fresh: &[(f64, Vec<Vec<f32>>)]) -> 
         Strategy::Refit => "refit".to_owned(),
         Strategy::RebuildEvery(1) => "rebuild".to_owned(),
         Strategy::RebuildEvery(every) => format!("rebuild every {every}"),
-        Strategy::Worst(share) => format!("worst, 1/{share} of the lights a frame"),
     };
     let rebuilt = rebuilt as f64 / (count * FRAMES) as f64;
     Ok(Row { scene: String::new(), strategy, sigma, loss, cost, rebuilt })

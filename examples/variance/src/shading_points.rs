@@ -1,7 +1,7 @@
 //! Shading points on the surfaces of a scene: random, uniform in area, and the same in every run.
 
 use girandole::ShadingPoint;
-use girandole::bounds::Aabb;
+use girandole::cluster::Aabb;
 use girandole::glam::Vec3;
 use testbed::scene::rng::Rng;
 use testbed::scene::{Scene, SceneError};

@@ -1,7 +1,7 @@
 //! The scenes that are measured, after one second of motion, and shading points on their surfaces.
 
 use super::shading_points::shading_points;
-use girandole::bounds::Aabb;
+use girandole::cluster::Aabb;
 use girandole::glam::{Vec3, vec3};
 use girandole::{FrameBudget, LightWorld, ShadingPoint};
 use std::path::Path;

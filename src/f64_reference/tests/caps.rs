@@ -5,12 +5,12 @@ use std::f64::consts::PI;
 use glam::{DVec3, Vec3};
 
 use super::{direction, exact};
-use crate::bounds::Aabb;
+use crate::cluster::Aabb;
 use crate::cluster::Cluster;
-use crate::cone::CAP_PADDING;
+use crate::cluster::cone::CAP_PADDING;
 use crate::f64_reference::merge::angle;
-use crate::importance::{LocalShadingPoint, child_importances};
-use crate::shading_point::ShadingPoint;
+use crate::shading::importance::{LocalShadingPoint, child_importances};
+use crate::shading::shading_point::ShadingPoint;
 use crate::tree::testing::Rng;
 use crate::tree::{LEAF, Node, WideCluster};
 use testbed::measuring::reference::child::Child;
@@ -31,7 +31,7 @@ fn node_of(half: Vec3, axis: Vec3, half_angle: f32) -> Node {
     wide.set(0, &cluster);
     let mut node = Node::EMPTY;
     node.pack(&wide, &wide.merged().cluster.aabb, 1);
-    node.targets[0] = LEAF;
+    node.children[0] = LEAF;
     node
 }
 

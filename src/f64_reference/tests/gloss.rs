@@ -4,7 +4,7 @@ use glam::{DVec2, Vec3};
 
 use super::{exact, size};
 use crate::f64_reference::ROUNDING;
-use crate::gloss::{Gloss, LocalGloss};
+use crate::shading::gloss::{Gloss, LocalGloss};
 use crate::tree::testing::Rng;
 use testbed::measuring::reference::gloss::{Surface, reflected};
 

@@ -3,9 +3,9 @@
 use glam::{DVec3, Mat3, Vec3};
 
 use super::{direction, exact, size, turn};
-use crate::bounds::Aabb;
+use crate::cluster::bounds::Aabb;
+use crate::cluster::cone::CAP_PADDING;
 use crate::cluster::{Cluster, Linear};
-use crate::cone::CAP_PADDING;
 use crate::f64_reference::ROUNDING;
 use crate::f64_reference::merge::{angle, merged};
 use crate::f64_reference::place::placed;

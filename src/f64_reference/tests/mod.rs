@@ -12,9 +12,9 @@ mod segments;
 
 use glam::{DVec3, Mat3, Quat, Vec3};
 
-use crate::importance::{LocalShadingPoint, child_importances};
 use crate::light::Light;
-use crate::shading_point::ShadingPoint;
+use crate::shading::importance::{LocalShadingPoint, child_importances};
+use crate::shading::shading_point::ShadingPoint;
 use crate::tree::testing::Rng;
 use crate::tree::{LEAF, LightTree, WIDTH};
 use testbed::measuring::reference::child::Child;
@@ -92,7 +92,7 @@ fn both_importances(tree: &LightTree, at: &ShadingPoint) -> Vec<(f64, Child, Imp
                 assert_eq!(ours.importance[slot], 0.0);
                 continue;
             };
-            let expected = importance(&child, record, &view, node.targets[slot] & LEAF != 0);
+            let expected = importance(&child, record, &view, node.children[slot] & LEAF != 0);
             all.push((f64::from(ours.importance[slot]), child, expected));
         }
     }

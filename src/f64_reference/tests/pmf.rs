@@ -6,9 +6,9 @@ use super::{direction, exact, light, segment, shading_point, size, turn, view};
 use crate::f64_reference::ROUNDING;
 use crate::keys::slot_of;
 use crate::light::luminance;
-use crate::sample::LightId;
-use crate::shading_point::ShadingPoint;
-use crate::tree::Target;
+use crate::sampling::sample::LightId;
+use crate::shading::shading_point::ShadingPoint;
+use crate::tree::ChildRef;
 use crate::tree::testing::Rng;
 use crate::{DirectionalLight, LightTree, LightWorld, Placement, Policy, SplitCount};
 use testbed::measuring::reference::choice::{Distribution, Tree, distribution};
@@ -141,9 +141,9 @@ fn compare_worlds(seed: u64, shading_point: impl Fn(&mut Rng, f32) -> ShadingPoi
                 let tree = world.tree(world.instance_tree(key)?)?;
                 let brightness = f64::from(luminance(world.factor(key)?));
                 let view = here.in_tree(&Map::new(placement.linear.as_dmat3()), placement.translation, brightness);
-                let target = match part.target {
-                    Target::Node(index) => girandole::tree::Target::Node(index),
-                    Target::Leaf(index) => girandole::tree::Target::Leaf(index),
+                let target = match part.entry {
+                    ChildRef::Node(index) => girandole::tree::ChildRef::Node(index),
+                    ChildRef::Leaf(index) => girandole::tree::ChildRef::Leaf(index),
                 };
                 Some((Tree { nodes: bytemuck::cast_slice(tree.nodes()), view, instance: Some(part.slot) }, target))
             };

@@ -4,19 +4,21 @@ use super::super::bindings::{bind, records, storage_entry, uniform_entry};
 use super::super::kernel::{BATCH_COUNT, LANES};
 use super::super::records::SampleRequest;
 use super::super::{GpuLights, player};
-use crate::counts::CandidateCount;
 use crate::effects::Effects;
 use crate::plan::text;
+use crate::sampling::counts::CandidateCount;
 
-/// The pipeline of `shaders/batch_count.wgsl`.
+/// Counts the nodes that each sample reads.
 #[derive(Debug)]
-pub(in crate::gpu) struct CountKernel {
+pub struct NodeCounter {
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
 }
 
-impl CountKernel {
-    fn new(device: &wgpu::Device, lights: &wgpu::BindGroupLayout) -> Self {
+impl NodeCounter {
+    /// Compiles the pipeline, for all effects.
+    pub fn new(lights: &GpuLights) -> Self {
+        let device = &lights.device;
         let label = Some("girandole count");
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label,
@@ -28,7 +30,7 @@ impl CountKernel {
         });
         let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label,
-            bind_group_layouts: &[Some(lights), Some(&layout)],
+            bind_group_layouts: &[Some(&lights.layout), Some(&layout)],
             ..Default::default()
         });
         let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
@@ -41,41 +43,38 @@ impl CountKernel {
         });
         Self { pipeline, layout }
     }
-}
 
-impl GpuLights {
     /// Counts the nodes of both levels that each sample reads. Does the work of
     /// [`GpuLights::resample`], which for one candidate is that of [`GpuLights::sample`], but
     /// writes to `counts` a `u32` for each request instead of a sample. A node that is read twice
     /// counts twice.
     ///
     /// `requests` is an array of [`SampleRequest`]; both buffers have room for `count` records. The
-    /// top level must have been built after the last upload. The first call compiles the pipeline;
-    /// each call makes a bind group and a buffer of 16 bytes.
-    pub fn count_nodes(
+    /// top level must have been built after the last upload. Each call makes a bind group and a buffer
+    /// of 16 bytes.
+    pub fn record(
         &self,
+        lights: &GpuLights,
         encoder: &mut wgpu::CommandEncoder,
-        requests: &wgpu::Buffer,
-        counts: &wgpu::Buffer,
+        (requests, counts): (&wgpu::Buffer, &wgpu::Buffer),
         count: u32,
         candidates: CandidateCount,
     ) {
         if count == 0 {
             return;
         }
-        let kernel = self.node_counter.get_or_init(|| CountKernel::new(&self.device, &self.layout));
         let resources = [
             records(requests, count, size_of::<SampleRequest>()),
             records(counts, count, size_of::<u32>()),
-            self.candidates.binding(candidates),
+            lights.candidates.binding(candidates),
         ];
-        let group = bind(&self.device, "girandole count", &kernel.layout, &resources);
+        let group = bind(&lights.device, "girandole count", &self.layout, &resources);
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("girandole count"),
             timestamp_writes: None,
         });
-        pass.set_pipeline(&kernel.pipeline);
-        pass.set_bind_group(0, &self.bind_group, &[]);
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &lights.bind_group, &[]);
         pass.set_bind_group(1, &group, &[]);
         player::dispatch(&mut pass, count.div_ceil(LANES));
     }

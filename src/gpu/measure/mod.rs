@@ -1,11 +1,13 @@
 //! Measurements on the GPU: the stages of the top-level build one by one, its sort alone, and the
-//! number of nodes that a sample reads. No frame needs this module. The example `gpu_timings` makes
-//! its tables with it.
+//! number of nodes that a sample reads.
+//!
+//! This module is no part of the API: it serves the tests, benches and measuring tools of this
+//! project, and may change with any version.
 
 mod count;
 mod key_sort;
 
-pub(super) use count::CountKernel;
+pub use count::NodeCounter;
 pub use key_sort::KeySort;
 
 use super::GpuLights;
@@ -31,32 +33,29 @@ pub struct RecordBytes {
     pub instance: u32,
 }
 
-impl GpuLights {
-    /// Records the build of the top level with each stage in a compute pass of its own. Unlike
-    /// [`GpuLights::build_top`] it records the build even if nothing was uploaded since the last
-    /// one.
-    ///
-    /// Returns the stages in order. If `queries` is given, the i-th stage begins at its timestamp
-    /// 2 i and ends at 2 i + 1. The set must have room for twice [`MAX_TOP_STAGES`] timestamps.
-    ///
-    /// Separate passes have a cost of their own. Compare the sum of the stages with the time of
-    /// `build_top` before you rely on it.
-    pub fn build_top_timed(
-        &mut self,
-        encoder: &mut wgpu::CommandEncoder,
-        queries: Option<&wgpu::QuerySet>,
-    ) -> Vec<TopStage> {
-        self.top_status.record(encoder);
-        let mut recorder = Recorder::apart(encoder, "girandole top level", queries);
-        self.player.record(&mut recorder, &self.top);
-        recorder.finish()
-    }
+/// Records the build of the top level with each stage in a compute pass of its own. Unlike
+/// [`GpuLights::build_top`] it records the build even if nothing was uploaded since the last one.
+///
+/// Returns the stages in order. If `queries` is given, the i-th stage begins at its timestamp 2 i
+/// and ends at 2 i + 1. The set must have room for twice [`MAX_TOP_STAGES`] timestamps.
+///
+/// Separate passes have a cost of their own. Compare the sum of the stages with the time of
+/// `build_top` before you rely on it.
+pub fn build_top_timed(
+    lights: &mut GpuLights,
+    encoder: &mut wgpu::CommandEncoder,
+    queries: Option<&wgpu::QuerySet>,
+) -> Vec<TopStage> {
+    lights.top_status.record(encoder);
+    let mut recorder = Recorder::apart(encoder, "girandole top level", queries);
+    lights.player.record(&mut recorder, &lights.top);
+    recorder.finish()
+}
 
-    /// The sizes of all records as of the last upload.
-    pub fn record_bytes(&self) -> RecordBytes {
-        let strides = self.planner.strides();
-        RecordBytes { node: 16 * strides.node, light: 16 * strides.light, instance: 16 * strides.instance }
-    }
+/// The sizes of all records as of the last upload.
+pub fn record_bytes(lights: &GpuLights) -> RecordBytes {
+    let strides = lights.planner.strides();
+    RecordBytes { node: 16 * strides.node, light: 16 * strides.light, instance: 16 * strides.instance }
 }
 
 #[cfg(test)]

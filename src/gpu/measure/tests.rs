@@ -2,13 +2,13 @@ use glam::{DVec3, Vec3};
 use wgpu::util::DeviceExt;
 
 use super::*;
-use crate::counts::{CandidateCount, SplitCount};
 use crate::gpu::SampleRequest;
 use crate::gpu::testing::{gpu, limited_gpu, read};
+use crate::instance::placement::Placement;
 use crate::light::Light;
-use crate::placement::Placement;
 use crate::policy::Policy;
-use crate::resample::candidate_numbers;
+use crate::sampling::counts::{CandidateCount, SplitCount};
+use crate::sampling::resample::candidate_numbers;
 use crate::world::LightWorld;
 
 /// A world of one tree of point lights with some instances.
@@ -38,7 +38,7 @@ fn a_build_in_separate_passes_makes_the_same_top_level_as_a_build_in_one_pass() 
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.clear_buffer(lights.buffers()[1], 0, None);
         let stages = if is_timed {
-            lights.build_top_timed(&mut encoder, None)
+            build_top_timed(&mut lights, &mut encoder, None)
         } else {
             lights.build_top(&mut encoder);
             Vec::new()
@@ -60,7 +60,7 @@ fn a_build_before_the_first_upload_has_no_stages() {
     let (device, queue) = gpu();
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    assert_eq!(lights.build_top_timed(&mut encoder, None), []);
+    assert_eq!(build_top_timed(&mut lights, &mut encoder, None), []);
 }
 
 #[test]
@@ -72,7 +72,7 @@ fn each_stage_writes_the_timestamps_of_its_start_and_end() {
     let queries =
         device.create_query_set(&wgpu::QuerySetDescriptor { label: None, ty: wgpu::QueryType::Timestamp, count });
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    let stages = lights.build_top_timed(&mut encoder, Some(&queries));
+    let stages = build_top_timed(&mut lights, &mut encoder, Some(&queries));
     let written = 2 * stages.len() as u32;
     let ticks = device.create_buffer(&wgpu::BufferDescriptor {
         label: None,
@@ -124,7 +124,8 @@ fn the_node_count_is_the_number_of_splits_and_of_steps_down() {
         lights.set_splits(SplitCount::new(splits as usize).expect("few"));
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         lights.build_top(&mut encoder);
-        lights.count_nodes(&mut encoder, &requests, &counts, 9, CandidateCount::new(candidates).expect("few"));
+        let candidates = CandidateCount::new(candidates).expect("few");
+        NodeCounter::new(lights).record(lights, &mut encoder, (&requests, &counts), 9, candidates);
         queue.submit([encoder.finish()]);
         read::<u32>(&device, &queue, &counts)
     };

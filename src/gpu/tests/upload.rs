@@ -5,8 +5,8 @@ use glam::{DVec3, Mat3, Vec3};
 use crate::gpu::memory::refusals::Refusals;
 use crate::gpu::testing::{gpu, noop, read};
 use crate::gpu::*;
+use crate::instance::placement::Placement;
 use crate::light::{DirectionalLight, Light};
-use crate::placement::Placement;
 use crate::policy::Policy;
 
 /// Fewer than the first buffers hold.
@@ -40,9 +40,8 @@ fn each_buffer_of_an_upload_may_be_refused_and_the_next_upload_sends_what_is_mis
     for successes in 0.. {
         let mut world = small_world();
         let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-        lights.count_usage(1);
         lights.upload(&world).expect("room enough");
-        let before = (lights.bind_group().clone(), lights.usage_bind_group().clone(), lights.effects());
+        let before = (lights.bind_group().clone(), lights.effects());
         grow(&mut world);
         let refusals = Refusals::of_buffers_after(successes);
         let result = lights.upload(&world);
@@ -53,23 +52,16 @@ fn each_buffer_of_an_upload_may_be_refused_and_the_next_upload_sends_what_is_mis
         drop(refusals);
         let Err(GpuError::OutOfMemory { what, bytes }) = result else { panic!("{result:?}") };
         assert!(bytes > 0, "{what}");
-        let after = (lights.bind_group().clone(), lights.usage_bind_group().clone(), lights.effects());
+        let after = (lights.bind_group().clone(), lights.effects());
         assert!(after == before, "{what}: shaders go on reading what they read");
         refused.push(what);
         let report = lights.upload(&world).expect("there is memory again");
         assert!(report.trees >= 40 && report.instances >= 400, "{what}: {report:?}");
         assert_eq!(lights.upload(&world), Ok(UploadReport::default()));
     }
-    for what in [
-        "light tree nodes",
-        "lights",
-        "instances",
-        "light trees",
-        "relayout",
-        "sampling parameters",
-        "usage counters",
-        "sort keys",
-    ] {
+    for what in
+        ["light tree nodes", "lights", "instances", "light trees", "relayout", "sampling parameters", "sort keys"]
+    {
         assert!(refused.contains(&what), "{what} never refused: {refused:?}");
     }
 }

@@ -1,8 +1,7 @@
 //! Learnt visibility on the GPU: shaders record what shadow rays found, a kernel folds the records
 //! into a table once a frame, and the next frame's choices read it.
 //!
-//! Shaders that learn have bindings of their own, as those that count usage have. They are no
-//! variant of the others: a shader that reads a table could not run with the bind group of lights
+//! Shaders that learn have bindings of their own. They are no variant of the others: a shader that reads a table could not run with the bind group of lights
 //! that have none, and every other shader would have to bind a table that it does not read.
 
 mod table;
@@ -39,7 +38,7 @@ impl GpuLights {
         let result = match options {
             Some(options) => learnt.start((&device, &queue), options, origin),
             None => {
-                learnt.stop(self.dark.storage.clone(), self.no_usage.clone());
+                learnt.stop(self.dark.storage.clone(), self.dark.records.clone());
                 Ok(())
             }
         };
@@ -66,22 +65,13 @@ impl GpuLights {
     /// The layout has two more storage buffers, of which one is written. It takes
     /// [`GpuLights::visibility_bind_group`] in place of [`GpuLights::bind_group`]. In fragment
     /// shaders it needs `wgpu::DownlevelFlags::FRAGMENT_WRITABLE_STORAGE`, which every WebGPU
-    /// device has. Such a shader does not count usage. Without a table (before
+    /// device has. Without a table (before
     /// [`GpuLights::learn_visibility`]), lights are chosen as by other shaders.
     /// [`GpuLights::sample`] and [`GpuLights::resample`] do not use the table.
     pub fn visibility_shader(&self, group: u32, effects: Effects) -> LightShader {
-        let wgsl = text::wgsl_of_shader(group, effects, text::Records::Visibility, None);
+        let wgsl = text::wgsl_of_shader(group, effects, true, None);
         let layout = self.learnt_table().layout.clone();
-        LightShader {
-            wgsl,
-            group,
-            effects,
-            records_usage: false,
-            learns_visibility: true,
-            target: None,
-            previous_group: None,
-            layout,
-        }
+        LightShader { wgsl, group, effects, learns_visibility: true, target: None, previous_group: None, layout }
     }
 
     /// The bind group for a [`GpuLights::visibility_shader`]. Call this in each frame after
@@ -110,7 +100,7 @@ impl GpuLights {
     /// Makes the layout and a bind group without a table when they are first needed.
     fn learnt_table(&self) -> &LearntTable {
         self.learnt.get_or_init(|| {
-            LearntTable::new(&self.device, self.dark.storage.clone(), self.no_usage.clone(), &self.buffers())
+            LearntTable::new(&self.device, self.dark.storage.clone(), self.dark.records.clone(), &self.buffers())
         })
     }
 

@@ -26,7 +26,7 @@ const SWAPPED_MARK: u32 = BYTE_ORDER_MARK.swap_bytes();
 
 /// The version of the format. It rises with every change of a record or of what its values mean:
 /// `Node` and what packs and samples it, `Cluster`, `Light`, the header.
-pub(super) const VERSION: u32 = 1;
+pub(super) const VERSION: u32 = 2;
 
 /// Bytes that have the same meaning in every version.
 const IDENTITY_BYTES: usize = MAGIC.len() + 2 * WORD;
@@ -34,8 +34,9 @@ const IDENTITY_BYTES: usize = MAGIC.len() + 2 * WORD;
 /// The place of the checksum, which is not part of what it sums.
 pub(super) const CHECKSUM: Range<usize> = IDENTITY_BYTES..IDENTITY_BYTES + WORD;
 
-/// Numbers after the checksum: flags, four counts, the attributes, the cluster, the reference.
-const VALUE_WORDS: usize = 1 + 4 + 4 + CLUSTER_WORDS + 9;
+/// Numbers after the checksum: flags, three counts, the cost, the attributes, the cluster, the
+/// reference.
+const VALUE_WORDS: usize = 1 + 3 + 1 + 4 + CLUSTER_WORDS + 9;
 
 /// Bytes of the header.
 pub(super) const HEADER_BYTES: usize = CHECKSUM.end + VALUE_WORDS * WORD;
@@ -52,7 +53,8 @@ const MAX_NODES: u32 = u32::MAX / WIDTH as u32;
 #[derive(Clone, Debug)]
 pub(super) struct Header {
     pub counts: Counts,
-    pub rebuild_credit: usize,
+    /// The cost of the tree as it was built.
+    pub built_cost: f32,
     pub has_stale_sums: bool,
     pub attributes: Attributes,
     pub root: Cluster,
@@ -83,13 +85,11 @@ pub(super) struct Sections<'a> {
     pub spans: &'a [u8],
     /// A number for each node.
     pub light_counts: &'a [u8],
-    /// A number for each node.
-    pub built_costs: &'a [u8],
 }
 
 impl Counts {
     /// The bytes of each section.
-    fn sizes(&self) -> [u64; 7] {
+    fn sizes(&self) -> [u64; 6] {
         let size = |count: usize, bytes: usize| count as u64 * bytes as u64;
         let words = |count: usize| size(count, WORD);
         [
@@ -97,7 +97,6 @@ impl Counts {
             size(self.lights, LIGHT_BYTES),
             size(self.nodes, NODE_BYTES),
             words(self.lights),
-            words(self.nodes),
             words(self.nodes),
             words(self.nodes),
         ]
@@ -119,27 +118,27 @@ impl<'a> Sections<'a> {
     /// Divides a file of the right length.
     fn of(bytes: &'a [u8], counts: &Counts) -> Self {
         let mut rest = &bytes[HEADER_BYTES..];
-        let [sides, lights, nodes, leaves, spans, light_counts, built_costs] = counts.sizes().map(|size| {
+        let [sides, lights, nodes, leaves, spans, light_counts] = counts.sizes().map(|size| {
             // The file is this long, so its parts fit into `usize`.
             let (section, others) = rest.split_at(size as usize);
             rest = others;
             section
         });
-        Self { sides, lights, nodes, leaves, spans, light_counts, built_costs }
+        Self { sides, lights, nodes, leaves, spans, light_counts }
     }
 }
 
 impl Header {
     /// Appends the header, with a checksum of 0.
     pub fn write(&self, out: &mut Vec<u8>) {
-        let Self { counts, rebuild_credit, has_stale_sums, attributes, root, reference } = self;
+        let Self { counts, built_cost, has_stale_sums, attributes, root, reference } = self;
         let Attributes { distance, overlap, variance, splitting_cost } = *attributes;
         let flag = |is_set: bool, bit: u32| if is_set { bit } else { 0 };
         let flags = flag(*has_stale_sums, HAS_STALE_SUMS) | flag(reference.is_some(), HAS_REFERENCE);
         out.extend_from_slice(&MAGIC);
         words::write([BYTE_ORDER_MARK, VERSION, 0, flags], out);
-        words::write([counts.lights, counts.nodes, counts.sides, *rebuild_credit].map(|count| count as u32), out);
-        words::write([distance, overlap, variance, splitting_cost].map(f32::to_bits), out);
+        words::write([counts.lights, counts.nodes, counts.sides].map(|count| count as u32), out);
+        words::write([*built_cost, distance, overlap, variance, splitting_cost].map(f32::to_bits), out);
         words::write(words::of_cluster(root), out);
         words::write(reference.unwrap_or(Mat3::ZERO).to_cols_array().map(f32::to_bits), out);
     }
@@ -170,15 +169,18 @@ impl Header {
         let refuse = |what| Err(BakeError::Record { what, index: 0 });
         let mut words = words::read(&bytes[CHECKSUM.end..HEADER_BYTES]);
         let mut next = || words.next().unwrap_or_default();
-        let [flags, _, _, _, credit] = [(); 5].map(|()| next());
+        let [flags, _, _, _, built_cost] = [(); 5].map(|()| next());
         let attributes = [(); 4].map(|()| f32::from_bits(next()));
         let root = words::to_cluster([(); CLUSTER_WORDS].map(|()| next()));
         let matrix = [(); 9].map(|()| next());
-        let rebuild_credit = limited("lights of credit", credit, counts.lights as u32)?;
+        let built_cost = f32::from_bits(built_cost);
         if flags & !(HAS_STALE_SUMS | HAS_REFERENCE) != 0 {
             return refuse("the header: a flag");
         }
         // Not below 0, and not NaN.
+        if !(built_cost >= 0.0) {
+            return refuse("the header: the cost of the tree");
+        }
         if !attributes.iter().all(|attribute| *attribute >= 0.0) {
             return refuse("the header: an attribute");
         }
@@ -189,7 +191,7 @@ impl Header {
         let [distance, overlap, variance, splitting_cost] = attributes;
         let attributes = Attributes { distance, overlap, variance, splitting_cost };
         let has_stale_sums = flags & HAS_STALE_SUMS != 0;
-        Ok(Self { counts, rebuild_credit, has_stale_sums, attributes, root, reference })
+        Ok(Self { counts, built_cost, has_stale_sums, attributes, root, reference })
     }
 }
 

@@ -13,7 +13,7 @@
 //! | 56 per light | the lights; zeros for a light that was removed |
 //! | 208 per node | the nodes |
 //! | 4 per light | the places of the lights; all bits for a light that was removed |
-//! | 12 per node | spans, numbers of lights, costs when built |
+//! | 8 per node | spans, numbers of lights |
 //!
 //! Files are checked in this order, so that each fault has one name: what the file is, its version,
 //! its length, its checksum, its lights, its nodes. Nothing is allocated before the length is
@@ -68,11 +68,11 @@ impl LightTree {
             built.rebuild();
             return built.bake();
         }
-        let Self { lights, leaves, nodes, spans, light_counts, built_costs, sides, .. } = self;
+        let Self { lights, leaves, nodes, spans, light_counts, sides, .. } = self;
         let counts = Counts { lights: lights.len(), nodes: nodes.len(), sides: sides.len() };
         let header = Header {
             counts,
-            rebuild_credit: self.rebuild_credit,
+            built_cost: self.built_cost,
             has_stale_sums: self.has_stale_sums,
             attributes: self.attributes,
             root: self.root,
@@ -86,7 +86,6 @@ impl LightTree {
         for numbers in [leaves, spans, light_counts] {
             words::write(numbers.iter().copied(), &mut bytes);
         }
-        words::write(built_costs.iter().map(|cost| cost.to_bits()), &mut bytes);
         content::seal(&mut bytes);
         bytes
     }
@@ -94,9 +93,8 @@ impl LightTree {
     /// Loads a tree that [`LightTree::bake`] has written, on this machine or another one.
     ///
     /// The tree is the one that was baked after [`LightTree::freeze`], bit for bit: its lights,
-    /// nodes, attributes and division into sides, the map that later builds divide for, and what
-    /// [`LightTree::rebuild_worst`] has saved. It is frozen, so its first edit allocates what refits
-    /// need, and the refit after it visits all nodes.
+    /// nodes, attributes and division into sides, and the map that later builds divide for. It is
+    /// frozen, so its first edit allocates what refits need, and the refit after it visits all nodes.
     ///
     /// Nothing is built or refitted. O(bytes): 1.5 times as long as a copy into new memory for a
     /// million lights, on one thread (`docs/benchmarks.md`). The work is shared with rayon's threads; an engine that loads while
@@ -127,7 +125,7 @@ impl LightTree {
     pub fn from_baked(bytes: &[u8]) -> Result<Self, BakeError> {
         let (counts, sections) = Header::measure(bytes)?;
         let (effects, removed) = content::check(bytes, counts.place_of_lights())?;
-        let Header { rebuild_credit, has_stale_sums, attributes, root, reference, .. } = Header::read(bytes, counts)?;
+        let Header { built_cost, has_stale_sums, attributes, root, reference, .. } = Header::read(bytes, counts)?;
         let numbers = |section| words::read(section).collect();
         let light = |bytes: &[u8]| light_record::decode_accepted(&light_record::read(bytes));
         let cluster = |bytes| words::to_cluster(words::read_array(bytes));
@@ -141,8 +139,7 @@ impl LightTree {
             wide: Vec::new(),
             spans: numbers(sections.spans),
             light_counts: numbers(sections.light_counts),
-            built_costs: words::read(sections.built_costs).map(f32::from_bits).collect(),
-            rebuild_credit,
+            built_cost,
             attribute_sums: Vec::new(),
             has_stale_sums,
             dirty: DirtyNodes::default(),

@@ -7,8 +7,8 @@ mod round_trips;
 
 use glam::{Mat3, Vec3};
 
+use crate::instance::placement::Placement;
 use crate::light::Light;
-use crate::placement::Placement;
 use crate::tree::LightTree;
 use crate::tree::testing::{Rng, State, state_of};
 
@@ -35,7 +35,7 @@ fn any_lights(rng: &mut Rng, count: usize) -> Vec<Light> {
 }
 
 /// Trees of all kinds: of no light, of one node, divided into sides, deep, built for a stretched
-/// instance, edited and degraded, with stale attributes, with credit for rebuilds, frozen.
+/// instance, edited and degraded, with stale attributes, frozen.
 fn trees() -> Vec<LightTree> {
     let mut rng = Rng(11);
     let mut trees: Vec<_> =
@@ -52,9 +52,6 @@ fn trees() -> Vec<LightTree> {
         refit(&mut edited);
         trees.push(edited.clone());
     }
-    edited.rebuild_worst(100);
-    edited.rebuild_worst(250);
-    trees.push(edited.clone());
     edited.freeze();
     trees.push(edited);
     trees.push(LightTree::build((0..40).map(|i| Light::point(Vec3::X * i as f32, Vec3::ZERO)).collect()));

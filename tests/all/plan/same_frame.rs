@@ -60,10 +60,10 @@ fn a_tree_that_is_edited_in_the_frame_in_which_it_would_move_to_a_gap_has_its_ed
 }
 
 #[test]
-fn a_tree_that_is_opened_in_the_frame_in_which_it_would_move_to_a_gap_has_its_new_parts() {
+fn a_tree_that_gets_light_parts_in_the_frame_in_which_it_would_move_to_a_gap_has_its_new_parts() {
     let mut rng = Rng(42);
     let (mut world, mut played, keys, large) = with_gaps(&mut rng, 100);
-    // Instances that lie within one another open their trees.
+    // Instances that lie within one another give their trees light parts.
     for key in &keys {
         for _ in 0..4 {
             world.add_instance(*key, Placement::at(DVec3::Y * 500.0), Policy::Budgeted).expect("valid");

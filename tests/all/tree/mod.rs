@@ -96,7 +96,7 @@ fn the_public_accessors_of_a_node_take_any_slot() {
     let tree = checked(Rng(7).lights(100, 10.0));
     for node in tree.nodes() {
         for slot in [node.count(), WIDTH, WIDTH + 1, usize::MAX] {
-            assert_eq!((node.target(slot), node.cluster(slot)), (None, Cluster::EMPTY));
+            assert_eq!((node.child(slot), node.cluster(slot)), (None, Cluster::EMPTY));
         }
     }
 }

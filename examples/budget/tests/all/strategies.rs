@@ -89,7 +89,7 @@ fn strategies_keep_to_their_budgets_and_repeat_exactly() {
     let strategies = [
         Strategy::RoundRobin,
         Strategy::OldestFirst,
-        Strategy::GirandoleUsage,
+        Strategy::Girandole,
         Strategy::GirandoleInFrames,
         Strategy::Oracle,
     ];
@@ -111,7 +111,7 @@ fn strategies_keep_to_their_budgets_and_repeat_exactly() {
         // Builds in the background add to the cost, and the last of them is paid for after the run.
         assert!(row.cost_share > 0.0 && row.cost_share < 1.5, "{name}: {}", row.cost_share);
         assert!(row.gap_recovered != 0.0 && row.gap_recovered.is_finite(), "{name}");
-        if ![Strategy::GirandoleUsage, Strategy::GirandoleInFrames].iter().any(|strategy| *name == strategy.name()) {
+        if ![Strategy::Girandole, Strategy::GirandoleInFrames].iter().any(|strategy| *name == strategy.name()) {
             // These strategies know the costs, which are constant.
             assert_eq!((row.within_budget, row.worst_overrun_us), (1.0, 0.0), "{name}");
         }

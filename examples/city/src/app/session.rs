@@ -4,11 +4,11 @@
 
 use super::denoiser::denoise;
 use super::stage_times::{Laps, StageTimes};
-use girandole::{Effects, FrameBudget, FrameReport, InstanceKey, LightWorld, Revision};
+use girandole::{Effects, FrameBudget, FrameReport, LightWorld, Revision};
 use std::time::Duration;
 use testbed::render::backend::{Backend, ChosenBackend};
 use testbed::render::choice::Baselines;
-use testbed::render::cpu::{self, Lights, UsageCounters};
+use testbed::render::cpu::{self, Lights};
 use testbed::render::geometry::{Geometry, GeometryChange};
 use testbed::render::gpu::{GpuRenderer, GpuUpdate};
 use testbed::render::image::{Image, ShadowRays};
@@ -75,14 +75,10 @@ pub struct Frame {
     /// Bytes of objects and of the upper hierarchy that were uploaded; 0 on the CPU backend.
     #[cfg_attr(not(test), allow(dead_code, reason = "only tests read it"))]
     pub geometry_bytes: u64,
-    /// Usage of earlier frames, in samples by instance, that the light world received before it
-    /// chose what to rebuild.
-    pub recorded_usage: Vec<(InstanceKey, u32)>,
 }
 
 enum Renderer {
-    /// Holds the usage of the last frame.
-    Cpu(UsageCounters),
+    Cpu,
     Gpu(Box<GpuRenderer>),
 }
 
@@ -92,7 +88,6 @@ pub struct Advance {
     number: u32,
     report: FrameReport,
     update: GpuUpdate,
-    recorded_usage: Vec<(InstanceKey, u32)>,
     times: StageTimes,
 }
 
@@ -130,12 +125,10 @@ impl Session {
         stage.world.set_glossy_sampling(true);
         let geometry = Geometry::new(&stage.scene)?;
         let renderer = match chosen.backend {
-            Backend::Cpu => Renderer::Cpu(UsageCounters::default()),
+            Backend::Cpu => Renderer::Cpu,
             Backend::Gpu(gpu) => {
                 let effects = stage.world.effects();
-                // Usage only serves to choose rebuilds, and where nothing moves there are none.
-                let counts_usage = !stage.animation.is_still();
-                let renderer = GpuRenderer::new(gpu, &stage.scene, &geometry, effects, counts_usage, &settings)?;
+                let renderer = GpuRenderer::new(gpu, &stage.scene, &geometry, effects, &settings)?;
                 Renderer::Gpu(Box::new(renderer))
             }
         };
@@ -217,7 +210,7 @@ impl Session {
 
     /// Renders the next frame. `progress` receives the finished share, from 0 to 1.
     pub fn frame(&mut self, progress: &(dyn Fn(f64) + Sync)) -> Result<Frame, SceneError> {
-        let Advance { number, report, update, recorded_usage, times } = self.advance()?;
+        let Advance { number, report, update, times } = self.advance()?;
         let (settings, seed) = (self.settings.clone(), frame_seed(self.settings.seed, number));
         let Rendered { image, shadow_rays, times: later } = self.render(&settings, seed, progress)?;
         let world = &self.stage.world;
@@ -241,7 +234,7 @@ impl Session {
             shadow_rays,
             times: times + later,
         };
-        Ok(Frame { image, stats, geometry_bytes: update.geometry_bytes, recorded_usage })
+        Ok(Frame { image, stats, geometry_bytes: update.geometry_bytes })
     }
 
     /// Moves the stage to the next frame and brings everything up to date, without rendering.
@@ -258,12 +251,6 @@ impl Session {
             self.clock += 1;
         }
         times.animation = laps.lap();
-        // The light world learns which lights earlier frames used, and where the camera is.
-        let recorded_usage: Vec<(InstanceKey, u32)> = match &mut self.renderer {
-            Renderer::Cpu(usage) => std::mem::take(usage).into_iter().collect(),
-            Renderer::Gpu(renderer) => renderer.take_usage().map(|usage| usage.iter().collect()).unwrap_or_default(),
-        };
-        world.record_usage(recorded_usage.iter().copied());
         world.set_viewpoint(scene.camera.eye.as_dvec3())?;
         let report = world.update(pace.budget);
         let is_changed = !world.changes_since(self.seen).is_empty();
@@ -275,14 +262,14 @@ impl Session {
         let change = if moves { geometry.update(scene)? } else { GeometryChange::default() };
         times.geometry = laps.lap();
         let update = match &mut self.renderer {
-            Renderer::Cpu(_) => GpuUpdate::default(),
+            Renderer::Cpu => GpuUpdate::default(),
             Renderer::Gpu(_) if number > 0 && change.is_empty() && !is_changed => GpuUpdate::default(),
             Renderer::Gpu(renderer) => renderer.update(geometry, &change, world)?,
         };
         // An upload waits for the top level if it measures it.
         times.top_build = update.top_build;
         times.upload = laps.lap().saturating_sub(update.top_build.unwrap_or_default());
-        Ok(Advance { number, report, update, recorded_usage, times })
+        Ok(Advance { number, report, update, times })
     }
 
     /// Renders the present state of the stage, with the settings of its frames or, for comparisons,
@@ -300,17 +287,13 @@ impl Session {
             Renderer::Gpu(renderer) if settings.light_choice == LightChoice::Girandole => {
                 renderer.render(scene, geometry, settings, seed, progress)?
             }
-            renderer => {
+            _ => {
                 let sampler = world.sampler().with_splits(settings.splits);
                 times.top_build = Some(laps.lap());
                 let choice = baselines.get(settings.light_choice, world, geometry.occluders.radius());
                 times.baseline_build = laps.lap();
                 let lights = Lights { sampler, choice };
-                let (image, rays, usage) = cpu::render(scene, geometry, lights, settings, seed, progress);
-                if let Renderer::Cpu(last_usage) = renderer {
-                    *last_usage = usage;
-                }
-                (image, rays)
+                cpu::render(scene, geometry, lights, settings, seed, progress)
             }
         };
         times.rendering = laps.lap();

@@ -8,8 +8,6 @@ pub enum ViewKind {
     /// The picture.
     #[default]
     Picture,
-    /// How often the lights of each instance are picked.
-    Picks,
     /// The relative standard error of each pixel.
     Noise,
     /// The boxes of the light trees, coloured by their age and by whether they wait for a rebuild.
@@ -17,14 +15,13 @@ pub enum ViewKind {
 }
 
 impl ViewKind {
-    /// All views, in the order of their keys: 1 to 4.
-    pub const ALL: [Self; 4] = [Self::Picture, Self::Picks, Self::Noise, Self::Trees];
+    /// All views, in the order of their keys: 1 to 3.
+    pub const ALL: [Self; 3] = [Self::Picture, Self::Noise, Self::Trees];
 
     /// The name in the panel.
     pub fn name(self) -> &'static str {
         match self {
             Self::Picture => "Picture",
-            Self::Picks => "Picks",
             Self::Noise => "Noise",
             Self::Trees => "Trees",
         }

@@ -1,6 +1,6 @@
-//! Drawings over a darkened picture: the boxes of light trees, and where lights are picked.
+//! Drawings over a darkened picture: the boxes of light trees.
 
-use super::colors::{Rgb, WAITING, inferno, viridis};
+use super::colors::{Rgb, WAITING, viridis};
 use girandole::glam::{Vec2, Vec3};
 use girandole::{InstanceKey, LightWorld};
 use testbed::render::shading::View;
@@ -21,24 +21,11 @@ pub struct Line {
     pub color: Rgb,
 }
 
-/// A disc in the picture.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Disc {
-    /// Its middle, in shares of the picture's width and height.
-    pub center: Vec2,
-    /// Its radius, in shares of the picture's height.
-    pub radius: f32,
-    /// Its colour.
-    pub color: Rgb,
-}
-
 /// What is drawn over a picture.
 #[derive(Clone, Debug, Default)]
 pub struct Overlay {
     /// Lines.
     pub lines: Vec<Line>,
-    /// Discs, the least important first.
-    pub discs: Vec<Disc>,
 }
 
 /// The corners of an instance's box in the space of the view: to the right, up, and in depth.
@@ -104,32 +91,6 @@ pub fn tree_boxes(world: &LightWorld, view: &View) -> Overlay {
     overlay
 }
 
-/// A disc at each instance whose lights were picked: larger and brighter for more picks, which are
-/// counted for each instance.
-pub fn picks(world: &LightWorld, view: &View, counts: &[(InstanceKey, u32)]) -> Overlay {
-    let most = counts.iter().map(|(_, count)| *count).max().unwrap_or(0).max(1);
-    let mut discs: Vec<(u32, Disc)> = counts
-        .iter()
-        .filter(|(_, count)| *count > 0)
-        .filter_map(|(instance, count)| {
-            let center = corners(world, view, *instance)?.iter().sum::<Vec3>() / 8.0;
-            if center.z <= NEAR {
-                return None;
-            }
-            // The areas of discs are in proportion to the logarithms of counts.
-            let share = (1.0 + *count as f32).log2() / (1.0 + most as f32).log2();
-            let disc = Disc {
-                center: place(center),
-                radius: 0.004 + 0.016 * share.sqrt(),
-                color: inferno(0.25 + 0.75 * share),
-            };
-            Some((*count, disc))
-        })
-        .collect();
-    discs.sort_by_key(|(count, _)| *count);
-    Overlay { lines: Vec::new(), discs: discs.into_iter().map(|(_, disc)| disc).collect() }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -174,15 +135,5 @@ mod tests {
         // The far face and the four edges toward it.
         assert_eq!(lines.len(), 8);
         assert!(lines.iter().flat_map(|line| line.ends).all(|end| end.is_finite()));
-    }
-
-    #[test]
-    fn instances_that_are_picked_more_often_have_larger_discs_on_top() {
-        let places = [0.0, 3.0, -3.0].map(|x| DVec3::new(x, 0.0, -10.0));
-        let (world, instances) = world(&places);
-        let discs = picks(&world, &view(), &[(instances[0], 1000), (instances[1], 10), (instances[2], 0)]).discs;
-        assert_eq!(discs.len(), 2);
-        assert!(discs[0].radius < discs[1].radius && discs[1].color == inferno(1.0), "{discs:?}");
-        assert!((discs[1].center - Vec2::splat(0.5)).length() < 1e-5);
     }
 }

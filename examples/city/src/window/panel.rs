@@ -167,10 +167,6 @@ fn legend(ui: &mut Ui, view: ViewKind) {
     };
     match view {
         ViewKind::Picture => {}
-        ViewKind::Picks => {
-            ui.small("How often the lights of each instance are picked.");
-            scale(ui, |share| inferno(0.25 + 0.75 * share), ["rarely".into(), "most often".into()]);
-        }
         ViewKind::Noise => {
             ui.small("Relative standard error of each pixel.");
             scale(ui, inferno, RANGE.map(percent));

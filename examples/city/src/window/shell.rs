@@ -255,7 +255,7 @@ impl Shell {
 
     fn keys(&mut self, ui: &Ui, asked: &mut Asked) {
         let pressed = |key| ui.input(|input| input.key_pressed(key));
-        for (view, key) in ViewKind::ALL.into_iter().zip([Key::Num1, Key::Num2, Key::Num3, Key::Num4]) {
+        for (view, key) in ViewKind::ALL.into_iter().zip([Key::Num1, Key::Num2, Key::Num3]) {
             if pressed(key) {
                 self.controls.view = view;
             }
@@ -348,9 +348,6 @@ fn paint(overlay: &Overlay, ui: &Ui, area: Rect) {
     let color = |[r, g, b]: [u8; 3]| Color32::from_rgb(r, g, b);
     for line in &overlay.lines {
         painter.line_segment(line.ends.map(at), Stroke::new(1.0, color(line.color)));
-    }
-    for disc in &overlay.discs {
-        painter.circle_filled(at(disc.center), disc.radius * area.height(), color(disc.color));
     }
 }
 

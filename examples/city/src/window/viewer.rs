@@ -6,18 +6,14 @@ use super::app::session::{FrameStats, Pace, Session};
 use super::app::stage_times::Laps;
 use super::controls::{Controls, ViewKind};
 use super::noise_view::noise_picture;
-use super::overlay::{Overlay, picks, tree_boxes};
-use girandole::{CandidateCount, FrameBudget, InstanceKey, SplitCount};
-use std::collections::BTreeMap;
+use super::overlay::{Overlay, tree_boxes};
+use girandole::{CandidateCount, FrameBudget, SplitCount};
 use std::time::Duration;
 use testbed::render::backend::{self, BackendChoice};
 use testbed::render::settings::Settings;
 use testbed::render::shading::View;
 use testbed::scene::{Camera, SceneError};
 use testbed::tone_mapping::tone_map;
-
-/// Share of the picks of earlier frames that a new frame keeps.
-const FADING: f64 = 0.9;
 
 /// A picture and what is drawn over it.
 #[derive(Clone, Debug)]
@@ -59,8 +55,6 @@ pub struct Viewer {
     accumulation: Accumulation,
     /// The controls of the last picture.
     last: Controls,
-    /// Picks of each instance's lights in the last frames, fading.
-    picks: BTreeMap<InstanceKey, f64>,
 }
 
 impl Viewer {
@@ -78,7 +72,7 @@ impl Viewer {
         let backend = chosen.to_string();
         let session = Session::new(options.scene.load()?, options.settings(), options.pace(), chosen)?;
         let accumulation = Accumulation::default();
-        Ok(Self { options, session, backend, accumulation, last: *controls, picks: BTreeMap::new() })
+        Ok(Self { options, session, backend, accumulation, last: *controls })
     }
 
     /// Where frames are rendered.
@@ -145,7 +139,6 @@ impl Viewer {
             self.accumulation.clear();
         }
         self.last = *controls;
-        self.count_picks(&frame.recorded_usage);
 
         let mut laps = Laps::start();
         let mut stats = frame.stats;
@@ -189,24 +182,10 @@ impl Viewer {
         Ok(())
     }
 
-    fn count_picks(&mut self, counts: &[(InstanceKey, u32)]) {
-        self.picks.retain(|_, picks| {
-            *picks *= FADING;
-            *picks > 0.5
-        });
-        for (instance, count) in counts {
-            *self.picks.entry(*instance).or_default() += f64::from(*count);
-        }
-    }
-
     fn overlay(&self, controls: &Controls, (width, height): (u32, u32)) -> Option<Overlay> {
         let view = View::new(&self.camera(), width, height);
         match controls.view {
             ViewKind::Picture | ViewKind::Noise => None,
-            ViewKind::Picks => {
-                let counts: Vec<_> = self.picks.iter().map(|(instance, picks)| (*instance, *picks as u32)).collect();
-                Some(picks(self.session.world(), &view, &counts))
-            }
             ViewKind::Trees => Some(tree_boxes(self.session.world(), &view)),
         }
     }
@@ -293,13 +272,9 @@ mod tests {
             assert!(picture.pixels.len() == bytes && picture.overlay.is_none());
             assert!(picture.pixels.iter().any(|byte| *byte > 100), "{sampler:?} is dark");
         }
-        // Picks arrive one frame later.
-        shown(&mut viewer, controls());
         let with = |viewer: &mut Viewer, view| shown(viewer, Controls { view, ..controls() });
-        let picks = with(&mut viewer, ViewKind::Picks).overlay.expect("an overlay");
-        assert!(picks.discs.len() > 5 && picks.lines.is_empty());
         let trees = with(&mut viewer, ViewKind::Trees).overlay.expect("an overlay");
-        assert!(trees.lines.len() > 1000 && trees.discs.is_empty());
+        assert!(trees.lines.len() > 1000);
         let noise = with(&mut viewer, ViewKind::Noise);
         assert!(noise.overlay.is_none() && noise.pixels.iter().any(|byte| *byte > 200));
     }

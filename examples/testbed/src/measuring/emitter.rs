@@ -4,7 +4,7 @@
 //! was not rounded.
 
 use super::real::{Real, Vector};
-use girandole::bounds::Aabb;
+use girandole::cluster::Aabb;
 use girandole::glam::{DVec3, Vec3};
 use girandole::light::luminance;
 use girandole::{Light, ShadingPoint, Shape};

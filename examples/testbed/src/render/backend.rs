@@ -19,10 +19,6 @@ pub enum BackendChoice {
     Cpu,
 }
 
-/// Storage buffers of a shader that counts the lights that it samples: one more than WebGPU
-/// guarantees.
-pub const USAGE_STORAGE_BUFFERS: u32 = 9;
-
 /// An open device.
 pub struct Gpu {
     /// The example's own device, which the library uses too.
@@ -85,20 +81,13 @@ pub fn choose(choice: BackendChoice) -> Result<ChosenBackend, SceneError> {
     }
 }
 
-/// Opens the best adapter. The limits are WebGPU's defaults, except for larger buffers and, where
-/// the adapter has it, one storage buffer more.
+/// Opens the best adapter. The limits are WebGPU's defaults, except for larger buffers.
 fn open_gpu() -> Result<Gpu, SceneError> {
     let adapter = find_adapter(None).map_err(SceneError)?;
     let timing = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_ENCODERS;
     let timestamps = adapter.features().contains(timing);
     let features = if timestamps { timing } else { wgpu::Features::empty() };
-    let default_buffers = wgpu::Limits::default().max_storage_buffers_per_shader_stage;
-    let offered_buffers = adapter.limits().max_storage_buffers_per_shader_stage;
-    let limits = wgpu::Limits {
-        max_storage_buffers_per_shader_stage: offered_buffers.clamp(default_buffers, USAGE_STORAGE_BUFFERS),
-        ..large_buffers(&adapter)
-    };
-    let (device, queue) = open_device(&adapter, features, limits).map_err(SceneError)?;
+    let (device, queue) = open_device(&adapter, features, large_buffers(&adapter)).map_err(SceneError)?;
     let info = adapter.get_info();
     let is_software = info.device_type == wgpu::DeviceType::Cpu;
     let kind = if is_software { "software, " } else { "" };

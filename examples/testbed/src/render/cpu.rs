@@ -11,40 +11,13 @@ use super::settings::Settings;
 use super::shading::{View, brdf, gloss, shadow_offset, sky_radiance, through_haze};
 use super::textures::OpacitySeed;
 use girandole::glam::{Vec2, Vec3, Vec4};
-use girandole::gpu::DEFAULT_USAGE_INTERVAL;
 use girandole::light::luminance;
-use girandole::{CandidateCount, Incident, InstanceKey, LightId, LightSample, LightSampler, ShadingPoint};
+use girandole::{CandidateCount, Incident, LightId, LightSample, LightSampler, ShadingPoint};
 use rayon::prelude::*;
-use std::collections::BTreeMap;
-use std::ops::Add;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Shadow rays end at this share of the distance to an area light, just before its surface.
 const SHADOW_RAY_SHARE: f32 = 1.0 - 1e-3;
-
-/// How often the lights of each instance were sampled, in a random one of
-/// [`DEFAULT_USAGE_INTERVAL`] samples. Ordered by key, so that equal pictures report equal
-/// sequences to the light world.
-pub type UsageCounters = BTreeMap<InstanceKey, u32>;
-
-/// What is counted while a row is rendered.
-#[derive(Default)]
-struct Tally {
-    rays: ShadowRays,
-    usage: UsageCounters,
-}
-
-impl Add for Tally {
-    type Output = Self;
-
-    fn add(mut self, other: Self) -> Self {
-        self.rays = self.rays + other.rays;
-        for (instance, count) in other.usage {
-            *self.usage.entry(instance).or_default() += count;
-        }
-        self
-    }
-}
 
 /// The lights of a frame and how each sample chooses among them.
 #[derive(Clone, Copy)]
@@ -64,7 +37,7 @@ pub fn render(
     settings: &Settings,
     seed: u32,
     progress: &(dyn Fn(f64) + Sync),
-) -> (Image, ShadowRays, UsageCounters) {
+) -> (Image, ShadowRays) {
     let (width, height) = (settings.width as usize, settings.height as usize);
     let view = View::new(&scene.camera, settings.width, settings.height);
     let integrator = Integrator { scene, geometry, lights, candidates: settings.candidates };
@@ -73,7 +46,7 @@ pub fn render(
     let first_half = first_half(settings.spp);
     let done = AtomicUsize::new(0);
     let rows = sums.par_chunks_mut(width).enumerate().map(|(y, row)| {
-        let mut tally = Tally::default();
+        let mut rays = ShadowRays::default();
         for (x, sum) in row.iter_mut().enumerate() {
             let sequence = PixelSequence::new(x as u32, y as u32, settings.spp, seed);
             let corner = Vec2::new(x as f32, y as f32);
@@ -81,15 +54,15 @@ pub fn render(
                 let numbers = sequence.sample(sample);
                 let direction = view.direction(corner + Vec2::from(numbers.jitter), size);
                 let opacity_seed = OpacitySeed::new((y * width + x) as u32, sample, seed);
-                let color = integrator.radiance(view.eye, direction, opacity_seed, &numbers, &mut tally);
+                let color = integrator.radiance(view.eye, direction, opacity_seed, &numbers, &mut rays);
                 *sum += color.extend(if sample < first_half { luminance(color) } else { 0.0 });
             }
         }
         progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / height as f64);
-        tally
+        rays
     });
-    let Tally { rays, usage } = rows.reduce(Tally::default, |a, b| a + b);
-    (Image::from_sums(settings.width, settings.height, settings.spp, sums.into_iter()), rays, usage)
+    let rays = rows.reduce(ShadowRays::default, |a, b| a + b);
+    (Image::from_sums(settings.width, settings.height, settings.spp, sums.into_iter()), rays)
 }
 
 /// Computes the radiance of camera rays.
@@ -129,7 +102,7 @@ impl Integrator<'_> {
         direction: Vec3,
         opacity_seed: OpacitySeed,
         numbers: &SampleNumbers,
-        tally: &mut Tally,
+        rays: &mut ShadowRays,
     ) -> Vec3 {
         let Some(hit) = self.geometry.nearest_at_random(eye, direction, opacity_seed) else {
             return sky_radiance(&self.scene.sky, direction);
@@ -151,40 +124,33 @@ impl Integrator<'_> {
         let shading_point = ShadingPoint::surface(position, normal).with_gloss(gloss(material, view));
         let surface = Surface { material, shading_point, view };
         let reflected = match self.lights.choice {
-            Choice::Trees => self.by_trees(&surface, numbers, tally),
-            Choice::Baseline(baseline) => self.by_baseline(&surface, baseline, numbers, tally),
-            Choice::All => self.by_all(&surface, numbers, tally),
+            Choice::Trees => self.by_trees(&surface, numbers, rays),
+            Choice::Baseline(baseline) => self.by_baseline(&surface, baseline, numbers, rays),
+            Choice::All => self.by_all(&surface, numbers, rays),
         };
         through_haze(&self.scene.sky, sum + reflected, hit.distance)
     }
 
     /// The light of one sample: of several candidates, one is kept in proportion to what it
     /// reflects without shadows, and gets a shadow ray.
-    fn by_trees(&self, surface: &Surface<'_>, numbers: &SampleNumbers, tally: &mut Tally) -> Vec3 {
+    fn by_trees(&self, surface: &Surface<'_>, numbers: &SampleNumbers, rays: &mut ShadowRays) -> Vec3 {
         let [a, b, x, y] = numbers.light;
         let u = [a, b, x, y, numbers.choice];
         let target = |sample: &LightSample| luminance(surface.reflected(&sample.incident));
         let kept = self.lights.sampler.resample_by(&surface.shading_point, u, self.candidates, target);
         let Some(kept) = kept else { return Vec3::ZERO };
-        let LightSample { light, incident, .. } = kept.chosen;
-        let is_counted = numbers.count * (DEFAULT_USAGE_INTERVAL as f32) < 1.0;
-        if let LightId::Local { instance, .. } = light
-            && is_counted
-        {
-            *tally.usage.entry(instance).or_default() += 1;
-        }
+        let incident = kept.chosen.incident;
         let contribution = surface.reflected(&incident) * kept.weight;
-        contribution * self.transmittance(surface, &incident, &mut tally.rays)
+        contribution * self.transmittance(surface, &incident, rays)
     }
 
-    /// The light of one sample, from a sampler to compare with. The trees learn only which of their
-    /// own choices are used, so nothing is counted here.
+    /// The light of one sample, from a sampler to compare with.
     fn by_baseline(
         &self,
         surface: &Surface<'_>,
         baseline: &Baseline,
         numbers: &SampleNumbers,
-        tally: &mut Tally,
+        rays: &mut ShadowRays,
     ) -> Vec3 {
         let [a, b, x, y] = numbers.light;
         let mut sample = || {
@@ -192,19 +158,19 @@ impl Integrator<'_> {
             let incident = self.lights.sampler.sample_light(&surface.shading_point, pick.light, [x, y])?;
             let contribution = surface.reflected(&incident) / (incident.pdf * pick.pmf);
             let reflects = contribution.max_element() > 0.0;
-            reflects.then(|| contribution * self.transmittance(surface, &incident, &mut tally.rays))
+            reflects.then(|| contribution * self.transmittance(surface, &incident, rays))
         };
         sample().unwrap_or_default()
     }
 
     /// The light of all lights, with one shadow ray to a point on each.
-    fn by_all(&self, surface: &Surface<'_>, numbers: &SampleNumbers, tally: &mut Tally) -> Vec3 {
+    fn by_all(&self, surface: &Surface<'_>, numbers: &SampleNumbers, rays: &mut ShadowRays) -> Vec3 {
         let [.., x, y] = numbers.light;
         let one = |light: LightId| {
             let incident = self.lights.sampler.sample_light(&surface.shading_point, light, [x, y])?;
             let contribution = surface.reflected(&incident) / incident.pdf;
             let reflects = contribution.max_element() > 0.0;
-            reflects.then(|| contribution * self.transmittance(surface, &incident, &mut tally.rays))
+            reflects.then(|| contribution * self.transmittance(surface, &incident, rays))
         };
         self.lights.sampler.all_lights().filter_map(one).sum()
     }

@@ -28,8 +28,6 @@ pub struct SampleNumbers {
     pub light: [f32; 4],
     /// The position within the pixel.
     pub jitter: [f32; 2],
-    /// Whether the chosen light is counted as used.
-    pub count: f32,
     /// Which of several candidates is kept.
     pub choice: f32,
 }
@@ -66,8 +64,8 @@ impl PixelSequence {
         let scramble = pcg4d([x, y, seed, round]);
         let index = self.first | sample & self.block_mask;
         let light = point(index, scramble[0], scramble[1]);
-        let [jitter_x, jitter_y, count, choice] = point(index, scramble[2], scramble[3]);
-        SampleNumbers { light, jitter: [jitter_x, jitter_y], count, choice }
+        let [jitter_x, jitter_y, _, choice] = point(index, scramble[2], scramble[3]);
+        SampleNumbers { light, jitter: [jitter_x, jitter_y], choice }
     }
 }
 
@@ -167,9 +165,9 @@ mod tests {
     use super::*;
 
     /// All numbers of a sample.
-    fn numbers(sample: SampleNumbers) -> [f32; 8] {
-        let SampleNumbers { light: [a, b, c, d], jitter: [x, y], count, choice } = sample;
-        [a, b, c, d, x, y, count, choice]
+    fn numbers(sample: SampleNumbers) -> [f32; 7] {
+        let SampleNumbers { light: [a, b, c, d], jitter: [x, y], choice } = sample;
+        [a, b, c, d, x, y, choice]
     }
 
     /// Whether values fill each of as many equal intervals once.
@@ -199,8 +197,8 @@ mod tests {
     fn the_samples_of_a_pixel_are_stratified() {
         for (spp, seed) in [(1, 1), (4, 2), (16, 3), (64, 4), (1 << 20, 5)] {
             let sequence = PixelSequence::new(37, 1030, spp, seed);
-            let samples: Vec<[f32; 8]> = (0..spp.min(256)).map(|i| numbers(sequence.sample(i))).collect();
-            for dimension in 0..8 {
+            let samples: Vec<[f32; 7]> = (0..spp.min(256)).map(|i| numbers(sequence.sample(i))).collect();
+            for dimension in 0..7 {
                 assert!(is_stratified(samples.iter().map(|u| u[dimension])), "{spp} samples, dimension {dimension}");
             }
             // Elementary intervals of the first two dimensions of both sets: a (0, 2) sequence.
@@ -209,7 +207,7 @@ mod tests {
                 let mut columns = 1.0;
                 while columns <= count {
                     let rows = count / columns;
-                    let cell = |u: &[f32; 8]| ((u[x] * columns).floor() * rows + (u[y] * rows).floor()) as usize;
+                    let cell = |u: &[f32; 7]| ((u[x] * columns).floor() * rows + (u[y] * rows).floor()) as usize;
                     let mut cells: Vec<usize> = samples.iter().map(cell).collect();
                     cells.sort_unstable();
                     assert!(cells.iter().copied().eq(0..samples.len()), "{spp} samples, {columns} columns");
@@ -223,8 +221,8 @@ mod tests {
     fn the_samples_of_a_square_of_pixels_are_stratified_together() {
         for side in [2, 4, 8] {
             let pixels = (0..side * side).map(|i| PixelSequence::new(640 + i % side, 16 + i / side, 1, 9));
-            let samples: Vec<[f32; 8]> = pixels.map(|pixel| numbers(pixel.sample(0))).collect();
-            for dimension in 0..8 {
+            let samples: Vec<[f32; 7]> = pixels.map(|pixel| numbers(pixel.sample(0))).collect();
+            for dimension in 0..7 {
                 assert!(is_stratified(samples.iter().map(|u| u[dimension])), "side {side}, dimension {dimension}");
             }
         }
@@ -243,14 +241,14 @@ mod tests {
     fn the_mean_of_each_number_is_a_half() {
         // Pixels 1024 apart have independent scrambles, and 3 samples of a block of 4 are not
         // balanced: the standard deviation of the mean of 4000 pixels is below
-        // sqrt(1 / 12 / 4000) = 0.0046. Five of them have a false-alarm rate of 5e-6 for 8 numbers.
-        let mut mean = [0.0; 8];
+        // sqrt(1 / 12 / 4000) = 0.0046. Five of them have a false-alarm rate of 4e-6 for 7 numbers.
+        let mut mean = [0.0; 7];
         for pixel in 0..4000 {
             let sequence = PixelSequence::new(pixel * 1024, 7, 4, 3);
             for (m, x) in mean.iter_mut().zip(
                 (0..3)
                     .map(|i| numbers(sequence.sample(i)))
-                    .fold([0.0; 8], |sum, u| std::array::from_fn(|i| sum[i] + f64::from(u[i]) / 3.0)),
+                    .fold([0.0; 7], |sum, u| std::array::from_fn(|i| sum[i] + f64::from(u[i]) / 3.0)),
             ) {
                 *m += x / 4000.0;
             }

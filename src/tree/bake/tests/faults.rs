@@ -52,8 +52,8 @@ fn a_file_of_another_format_or_byte_order_is_refused() {
 }
 
 #[test]
-fn a_file_of_a_newer_version_is_refused_whatever_follows() {
-    for given in [0, VERSION + 1, u32::MAX] {
+fn a_file_of_another_version_is_refused_whatever_follows() {
+    for given in [0, VERSION - 1, VERSION + 1, u32::MAX] {
         let expected = BakeError::Version { given, supported: VERSION };
         assert_eq!(forged(|bytes| put(bytes, 12, given)), expected);
         assert_eq!(refusal(|bytes| put(bytes, 12, given)), expected);
@@ -84,7 +84,6 @@ fn numbers_of_records_that_do_not_fit_the_file_are_refused_before_anything_is_re
     assert_eq!(forged(|bytes| put(bytes, 24, u32::MAX)), limit("lights", (1 << 31) - 1));
     assert_eq!(forged(|bytes| put(bytes, 28, u32::MAX)), limit("nodes", (1 << 29) - 1));
     assert_eq!(forged(|bytes| put(bytes, 32, u32::MAX)), limit("sides", 8));
-    assert_eq!(forged(|bytes| put(bytes, 36, u32::MAX)), limit("lights of credit", 300));
     for (at, most) in [(24, (1 << 31) - 1), (28, (1 << 29) - 1)] {
         assert!(
             matches!(forged(|bytes| put(bytes, at, most)), BakeError::Length { expected, .. } if expected > 1 << 36)
@@ -108,6 +107,9 @@ fn any_flipped_bit_is_found() {
 fn values_that_are_never_written_are_refused_although_the_checksum_is_right() {
     let record = |what, index| BakeError::Record { what, index };
     assert_eq!(forged(|bytes| put(bytes, 20, 4)), record("the header: a flag", 0));
+    for cost in [f32::NAN, -1.0] {
+        assert_eq!(forged(|bytes| put(bytes, 36, cost.to_bits())), record("the header: the cost of the tree", 0));
+    }
     assert_eq!(forged(|bytes| put(bytes, 40, f32::NAN.to_bits())), record("the header: an attribute", 0));
     assert_eq!(forged(|bytes| put(bytes, 128, 1)), record("the header: the reference", 0));
     for (entry, value) in [(0, f32::NAN), (4, f32::INFINITY), (8, 2.0e9), (0, 0.0)] {
@@ -131,22 +133,22 @@ fn values_that_are_never_written_are_refused_although_the_checksum_is_right() {
 
 #[test]
 fn each_broken_link_between_nodes_is_named_with_its_place() {
-    let first_child = tree().nodes[0].targets[0];
+    let first_child = tree().nodes[0].children[0];
     assert_eq!(first_child, 1);
     assert!(broken(|tree| tree.nodes[0].parent = 8).starts_with("node 0, slot 0: the node is not a child"));
     assert!(broken(|tree| tree.nodes[1].parent = NO_PARENT).starts_with("node 0, slot 0: the child's link"));
     assert!(broken(|tree| tree.nodes[1].parent ^= 1).contains("slot 0: the child's link to its parent"));
     let swap = |tree: &mut LightTree| {
-        let [first, second, ..] = tree.nodes[0].targets.map(|target| target as usize);
-        tree.nodes[0].targets.swap(0, 1);
+        let [first, second, ..] = tree.nodes[0].children.map(|child| child as usize);
+        tree.nodes[0].children.swap(0, 1);
         tree.nodes[0].flux.swap(0, 1);
         (tree.nodes[first].parent, tree.nodes[second].parent) = (1, 0);
     };
     assert!(broken(swap).contains("slot 1: the child does not lie behind its siblings"));
-    assert!(broken(|tree| tree.nodes[0].targets[0] = u32::MAX / 2).contains("the child does not lie behind"));
-    assert!(broken(|tree| tree.nodes[0].targets[0] = 0).contains("the child does not lie behind"));
-    assert!(broken(|tree| tree.nodes[0].targets[1] = EMPTY_SLOT).contains("slot 1: the slot is in use"));
-    assert!(broken(|tree| tree.nodes[0].targets[1] = LEAF | 300).contains("slot 1: the tree has no such light"));
+    assert!(broken(|tree| tree.nodes[0].children[0] = u32::MAX / 2).contains("the child does not lie behind"));
+    assert!(broken(|tree| tree.nodes[0].children[0] = 0).contains("the child does not lie behind"));
+    assert!(broken(|tree| tree.nodes[0].children[1] = EMPTY_SLOT).contains("slot 1: the slot is in use"));
+    assert!(broken(|tree| tree.nodes[0].children[1] = LEAF | 300).contains("slot 1: the tree has no such light"));
     assert!(broken(|tree| tree.leaves.swap(3, 4)).contains("the light names another leaf"));
     assert!(broken(|tree| tree.leaves[299] = u32::MAX).contains("the light names another leaf"));
     let message = broken(|tree| tree.lights[7] = Light::REMOVED);
@@ -163,12 +165,20 @@ fn each_broken_link_between_nodes_is_named_with_its_place() {
     assert!(broken(|tree| tree.spans[1] = u32::MAX).contains("the child's subtree reaches beyond the node's"));
     assert!(broken(|tree| tree.spans[0] -= 1).contains("the child's subtree reaches beyond the node's"));
     assert!(broken(|tree| tree.light_counts[1] += 1).contains("the number of lights is not the sum"));
-    assert!(broken(|tree| tree.built_costs[2] = f32::NAN).contains("node 2, slot 0: the cost of the subtree"));
-    let spare = tree().spans.iter().position(|span| *span == 0).expect("a spare node");
-    let message = broken(|tree| tree.nodes[spare].parent = 0);
-    assert_eq!(message, format!("node {spare}, slot 0: the spare node is not empty"));
-    let orphan = broken(|tree| tree.spans[spare] = 1);
-    assert!(orphan.starts_with(&format!("node {spare}, slot 0: the node is not a child of the node")), "{orphan}");
+    let last = tree().nodes.len() - 1;
+    let message = broken(|tree| tree.spans[last] = 0);
+    assert!(message.ends_with("the child does not lie behind its siblings within the subtree"), "{message}");
+    // A node that no other names.
+    let orphan = |span: u32| {
+        broken(|tree| {
+            tree.nodes.push(Node::EMPTY);
+            tree.spans.push(span);
+            tree.light_counts.push(0);
+        })
+    };
+    let place = format!("node {}, slot 0", last + 1);
+    assert_eq!(orphan(0), format!("{place}: the node has no subtree"));
+    assert!(orphan(1).starts_with(&format!("{place}: the node is not a child of the node")), "{}", orphan(1));
 }
 
 #[test]
@@ -217,7 +227,7 @@ fn an_empty_tree_has_no_nodes_and_no_lights() {
     assert!(error.to_string().ends_with("there are lights or sides without a node"), "{error}");
     let mut tree = LightTree::build(Vec::new());
     (tree.nodes, tree.spans) = (vec![Node::EMPTY], vec![0]);
-    (tree.light_counts, tree.built_costs) = (vec![0], vec![0.0]);
-    let error = LightTree::from_baked(&tree.bake()).expect_err("a root that is spare");
-    assert!(error.to_string().ends_with("the root's subtree is not the whole tree"), "{error}");
+    tree.light_counts = vec![0];
+    let error = LightTree::from_baked(&tree.bake()).expect_err("a root without children");
+    assert!(error.to_string().ends_with("the node has no subtree"), "{error}");
 }

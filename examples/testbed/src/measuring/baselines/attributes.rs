@@ -8,7 +8,7 @@
 use super::bounds::LightBounds;
 use super::saoh::{LEAF, measure};
 use girandole::Attributes;
-use girandole::bounds::Aabb;
+use girandole::cluster::Aabb;
 use girandole::glam::DVec3;
 
 /// The power of a group of lights, and where it is.

@@ -7,7 +7,7 @@
 //! instead of in their order, which can only help the baseline.
 
 use super::bounds::LightBounds;
-use girandole::bounds::Aabb;
+use girandole::cluster::Aabb;
 use girandole::glam::Vec3;
 use std::f32::consts::PI;
 

@@ -1,12 +1,12 @@
 //! A child of a packed node, decoded in f64 (docs/math.md, Packed nodes).
 
 use girandole::glam::DVec3;
-use girandole::tree::{Node, Target};
+use girandole::tree::{ChildRef, Node};
 
 /// What a node says about one child.
 #[derive(Clone, Copy, Debug)]
 pub struct Child {
-    pub target: Target,
+    pub target: ChildRef,
     pub flux: f64,
     pub min: DVec3,
     pub max: DVec3,
@@ -27,7 +27,7 @@ pub struct Child {
 impl Child {
     /// `None` for an unused slot and for a dark child.
     pub fn of(node: &Node, slot: usize) -> Option<Self> {
-        let target = node.target(slot)?;
+        let target = node.child(slot)?;
         let upper_half = |bits: u16| f64::from(f32::from_bits(u32::from(bits) << 16));
         let flux = upper_half(node.flux[slot]);
         if flux <= 0.0 {

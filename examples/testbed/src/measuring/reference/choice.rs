@@ -4,7 +4,7 @@
 use super::child::Child;
 use super::importance::importance;
 use super::place::View;
-use girandole::tree::{Node, Target, WIDTH};
+use girandole::tree::{ChildRef, Node, WIDTH};
 
 /// The nodes of a tree and the shading point in their space.
 #[derive(Clone, Copy)]
@@ -16,7 +16,7 @@ pub struct Tree<'a> {
 }
 
 /// Where a leaf of the top level leads: a tree, and a node or a light of it.
-pub type Below<'a> = Option<(Tree<'a>, Target)>;
+pub type Below<'a> = Option<(Tree<'a>, ChildRef)>;
 
 /// The probabilities at a shading point.
 #[derive(Default)]
@@ -33,7 +33,7 @@ pub struct Distribution {
 #[derive(Clone, Copy)]
 struct Member<'a> {
     tree: Tree<'a>,
-    target: Target,
+    target: ChildRef,
     lux: f64,
     /// Importance times doubt.
     product: f64,
@@ -57,11 +57,11 @@ fn limit(members: &mut [Member], directional: f64) {
 
 impl<'a> Chooser<'a, '_> {
     /// Whether a target is one light.
-    fn is_light(&self, tree: &Tree<'a>, target: Target) -> bool {
+    fn is_light(&self, tree: &Tree<'a>, target: ChildRef) -> bool {
         match target {
-            Target::Node(_) => false,
-            Target::Leaf(_) if tree.instance.is_some() => true,
-            Target::Leaf(leaf) => matches!((self.below)(leaf), Some((_, Target::Leaf(_)))),
+            ChildRef::Node(_) => false,
+            ChildRef::Leaf(_) if tree.instance.is_some() => true,
+            ChildRef::Leaf(leaf) => matches!((self.below)(leaf), Some((_, ChildRef::Leaf(_)))),
         }
     }
 
@@ -92,11 +92,11 @@ impl<'a> Chooser<'a, '_> {
     /// The node that a member stands for, in its tree.
     fn node_of(&self, member: &Member<'a>) -> Option<(Tree<'a>, u32)> {
         match member.target {
-            Target::Node(node) => Some((member.tree, node)),
-            Target::Leaf(_) if member.tree.instance.is_some() => None,
-            Target::Leaf(leaf) => match (self.below)(leaf)? {
-                (tree, Target::Node(node)) => Some((tree, node)),
-                (_, Target::Leaf(_)) => None,
+            ChildRef::Node(node) => Some((member.tree, node)),
+            ChildRef::Leaf(_) if member.tree.instance.is_some() => None,
+            ChildRef::Leaf(leaf) => match (self.below)(leaf)? {
+                (tree, ChildRef::Node(node)) => Some((tree, node)),
+                (_, ChildRef::Leaf(_)) => None,
             },
         }
     }
@@ -127,12 +127,12 @@ impl<'a> Chooser<'a, '_> {
     fn descend(&mut self, member: &Member<'a>, pmf: f64, condition: f64, found: &mut Distribution) {
         let Some((tree, node)) = self.node_of(member) else {
             let (instance, light) = match member.target {
-                Target::Leaf(leaf) if member.tree.instance.is_none() => match (self.below)(leaf) {
-                    Some((tree, Target::Leaf(light))) => (tree.instance, light),
+                ChildRef::Leaf(leaf) if member.tree.instance.is_none() => match (self.below)(leaf) {
+                    Some((tree, ChildRef::Leaf(light))) => (tree.instance, light),
                     _ => return,
                 },
-                Target::Leaf(light) => (member.tree.instance, light),
-                Target::Node(_) => return,
+                ChildRef::Leaf(light) => (member.tree.instance, light),
+                ChildRef::Node(_) => return,
             };
             found.lights.push(((instance, light), pmf));
             found.conditions.push(condition);

@@ -51,14 +51,11 @@ impl Needs {
     }
 }
 
-/// The text of the shader. `light` is the library's text. `records_usage` is whether the shader
-/// counts the lights that it samples.
-pub fn shader_source(light: &str, records_usage: bool, needs: Needs) -> String {
-    let body = if records_usage { "light_record_usage(instance, vec4<f32>(number));" } else { "" };
+/// The text of the shader. `light` is the library's text.
+pub fn shader_source(light: &str, needs: Needs) -> String {
     let stack_size = needs.stack_size;
     format!(
-        "{light}\nconst STACK_SIZE: u32 = {stack_size}u;\nconst TEXEL_ROW: u32 = {TEXEL_ROW}u;\n\
-         fn record_usage(instance: u32, number: f32) {{ {body} }}\n{}\n{}\n{}\n{}\n{}",
+        "{light}\nconst STACK_SIZE: u32 = {stack_size}u;\nconst TEXEL_ROW: u32 = {TEXEL_ROW}u;\n{}\n{}\n{}\n{}\n{}",
         sobol_text(),
         include_str!("sequence.wgsl"),
         if needs.textures { include_str!("texels.wgsl") } else { NO_TEXELS },
@@ -86,7 +83,7 @@ pub fn pipeline(
 ) -> wgpu::ComputePipeline {
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("city render"),
-        source: wgpu::ShaderSource::Wgsl(shader_source(&shader.wgsl, shader.records_usage, needs).into()),
+        source: wgpu::ShaderSource::Wgsl(shader_source(&shader.wgsl, needs).into()),
     });
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("city render"),

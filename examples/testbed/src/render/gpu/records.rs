@@ -196,7 +196,7 @@ mod tests {
         let target = TargetHook::new(TARGET, TARGET_ARGUMENT).expect("identifiers");
         let light = wgsl_with_target(LIGHT_GROUP, Effects::all(), &target);
         let parse = |textures| {
-            let source = shader_source(&light, false, Needs { stack_size: 32, textures });
+            let source = shader_source(&light, Needs { stack_size: 32, textures });
             naga::front::wgsl::parse_str(&source).unwrap_or_else(|e| panic!("{e:?}"))
         };
         // A scene without textures has a shader of its own.

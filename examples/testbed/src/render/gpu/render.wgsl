@@ -2,7 +2,7 @@
 // which one is kept, shadow ray, shading.
 //
 // The library's text (group 1) precedes this file and defines `light_resample_by`. `pipeline.rs`
-// defines `STACK_SIZE`, `TEXEL_ROW` and `record_usage`. Sky and BRDF are twins of `shading.rs`, the nodes of
+// defines `STACK_SIZE` and `TEXEL_ROW`. Sky and BRDF are twins of `shading.rs`, the nodes of
 // `nodes.rs` and `trace` of `rays.rs`. The test `both_backends_render_the_same_picture` compares
 // them.
 
@@ -392,7 +392,6 @@ fn surface_radiance(direction: vec3<f32>, hit: Hit, numbers: SampleNumbers) -> v
     if kept.weight <= 0.0 {
         return at.emitted;
     }
-    record_usage(kept.chosen.instance, numbers.pixel.z);
     let contribution = reflected(at.surface, kept.chosen) * kept.weight;
     return at.emitted + contribution * unblocked_share(at.position, kept.chosen);
 }

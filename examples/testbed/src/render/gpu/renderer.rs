@@ -1,13 +1,13 @@
 //! The frames of the GPU backend.
 
-use super::backend::{Gpu, USAGE_STORAGE_BUFFERS};
+use super::backend::Gpu;
 use super::geometry::{Geometry, GeometryChange};
 use super::image::{Image, ShadowRays};
 use super::scene::{Scene, SceneError};
 use super::settings::Settings;
 use crate::common::gpu::{map, wait};
 use girandole::glam::Vec4;
-use girandole::gpu::{DEFAULT_USAGE_INTERVAL, GpuLights, LightShader, TargetHook, UsageCounts};
+use girandole::gpu::{GpuLights, LightShader, TargetHook};
 use girandole::wgpu;
 use girandole::{Effects, LightWorld};
 use std::time::Duration;
@@ -54,9 +54,7 @@ fn band_rows(settings: &Settings) -> u32 {
 }
 
 impl GpuRenderer {
-    /// Uploads the geometry and compiles a shader for a light world with these effects. The shader
-    /// counts the lights that it samples if `counts_usage` is set and the device has enough storage
-    /// buffers.
+    /// Uploads the geometry and compiles a shader for a light world with these effects.
     ///
     /// Refuses a scene that exceeds the limits or the memory of the device.
     pub fn new(
@@ -64,7 +62,6 @@ impl GpuRenderer {
         scene: &Scene,
         geometry: &Geometry,
         effects: Effects,
-        counts_usage: bool,
         settings: &Settings,
     ) -> Result<Self, SceneError> {
         let device = &gpu.device;
@@ -74,15 +71,8 @@ impl GpuRenderer {
         let mut lights = GpuLights::new(device, &gpu.queue).map_err(|e| SceneError(e.to_string()))?;
         lights.set_splits(settings.splits);
         let effects = effects - Effects::MOVING;
-        let has_buffers = device.limits().max_storage_buffers_per_shader_stage >= USAGE_STORAGE_BUFFERS;
         let target = TargetHook::new(TARGET, TARGET_ARGUMENT).map_err(|e| SceneError(e.to_string()))?;
-        let shader = if counts_usage && has_buffers {
-            lights.count_usage(DEFAULT_USAGE_INTERVAL);
-            lights.usage_shader(LIGHT_GROUP, effects)
-        } else {
-            lights.shader(LIGHT_GROUP, effects)
-        };
-        let shader = shader.with_target(target);
+        let shader = lights.shader(LIGHT_GROUP, effects).with_target(target);
         let needs = Needs::new(scene, geometry);
         let pipeline = pipeline(device, &layout, &shader, needs);
         Ok(Self { gpu, lights, buffers, layout, bind_group, shader, needs, pipeline, band_rows })
@@ -104,11 +94,6 @@ impl GpuRenderer {
         Ok(())
     }
 
-    /// How often lights were sampled in earlier frames, if such counts have arrived.
-    pub fn take_usage(&mut self) -> Option<UsageCounts<'_>> {
-        self.lights.take_usage()
-    }
-
     /// Uploads what changed and builds the top level of the light trees.
     pub fn update(
         &mut self,
@@ -118,9 +103,9 @@ impl GpuRenderer {
     ) -> Result<GpuUpdate, SceneError> {
         let geometry_bytes = self.buffers.scene.upload(&self.gpu.queue, geometry, change);
         let light_bytes = self.lights.upload(world).map_err(|e| SceneError(e.to_string()))?.bytes;
-        // The effect MOVING changes no shader. An interactive program would use
-        // `gpu::PipelineVariants`, which never blocks. This one blocks on purpose, so that the same
-        // seed always gives the same picture.
+        // The effect MOVING changes no shader. An interactive program would compile on another thread
+        // and use a more general pipeline until then. This one blocks on purpose, so that the same seed
+        // always gives the same picture.
         let effects = world.effects() - Effects::MOVING;
         if self.needs.grow(geometry) || effects != self.shader.effects {
             self.shader = self.shader.with_effects(effects);
@@ -174,9 +159,6 @@ impl GpuRenderer {
     /// Builds the top level of the light trees and returns the time that it took on the device.
     fn build_top(&mut self) -> Result<Option<Duration>, SceneError> {
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-        // Collects what the last frame counted. A frame in which nothing changes has no encoder and
-        // collects nothing.
-        self.lights.collect_usage(&mut encoder);
         let timer = self.buffers.timer.as_ref();
         if let Some(timer) = timer {
             encoder.write_timestamp(&timer.queries, 0);
@@ -200,9 +182,7 @@ impl GpuRenderer {
         let mut pass = encoder.begin_compute_pass(&Default::default());
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.bind_group, &[]);
-        let records_usage = self.shader.records_usage;
-        let lights = if records_usage { self.lights.usage_bind_group() } else { self.lights.bind_group() };
-        pass.set_bind_group(self.shader.group, lights, &[]);
+        pass.set_bind_group(self.shader.group, self.lights.bind_group(), &[]);
         let rows = frame.row_end - frame.row_begin;
         pass.dispatch_workgroups(frame.width.div_ceil(WORKGROUP), rows.div_ceil(WORKGROUP), 1);
         drop(pass);

@@ -11,8 +11,7 @@ struct PixelSequence {
 struct SampleNumbers {
     // The choice of a light (xy) and of a point on it (zw).
     light: vec4<f32>,
-    // The position within the pixel (xy), whether the light is counted (z), and which candidate is
-    // kept (w).
+    // The position within the pixel (xy), and which candidate is kept (w).
     pixel: vec4<f32>,
 }
 
