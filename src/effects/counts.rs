@@ -71,6 +71,11 @@ impl EffectCounts {
         indices(effects).map(|kind| self.counts[kind]).sum()
     }
 
+    /// Whether something has an effect, a single one. O(1).
+    pub(crate) fn has(&self, effect: Effects) -> bool {
+        self.counts[effect.bits().trailing_zeros() as usize] > 0
+    }
+
     /// The effects with a count above 0.
     pub fn effects(&self) -> Effects {
         let has_some = |kind: &usize| self.counts[*kind] > 0;
