@@ -49,7 +49,7 @@
 //! ```
 //! # #[cfg(feature = "gpu")] mod engine {
 //! use girandole::gpu::{GpuError, GpuLights};
-//! use girandole::{Effects, LightWorld, wgpu};
+//! use girandole::{Effects, FrameBudget, LightWorld, wgpu};
 //!
 //! const ENGINE: &str = "
 //!     @group(0) @binding(0) var<storage, read_write> lux: array<f32>;
@@ -69,15 +69,14 @@
 //!     Ok((lights, source))
 //! }
 //!
-//! /// Every frame, after `LightWorld::update`.
+//! /// Every frame, after the edits of the world.
 //! fn frame(
 //!     lights: &mut GpuLights,
 //!     world: &mut LightWorld,
 //!     encoder: &mut wgpu::CommandEncoder,
 //! ) -> Result<(), GpuError> {
-//!     let delta = world.take_delta();
-//!     lights.upload(world, &delta)?; // what changed, and nothing else
-//!     lights.build_top(encoder);
+//!     // Refits edited trees, sends what changed and nothing else, and builds the top level.
+//!     lights.sync(world, FrameBudget::NONE, encoder)?;
 //!     // Then the engine's own passes, with `lights.bind_group()` at group 1.
 //!     Ok(())
 //! }
@@ -181,8 +180,8 @@ pub use visibility::{VisibilityOptions, VisibilityTable};
 #[cfg(feature = "gpu")]
 pub use wgpu;
 pub use world::{
-    BackgroundReport, FrameDelta, FrameReport, JobReport, LightWorld, OriginMode, RebuildState, RefusedRegion, Region,
-    RegionInstance, RegionTree, RegionView, RemovedRegion, WorldMemory,
+    BackgroundReport, Changes, FrameReport, JobReport, LightWorld, OriginMode, RebuildState, RefusedRegion, Region,
+    RegionInstance, RegionTree, RegionView, RemovedRegion, Revision, WorldMemory,
 };
 
 /// The README's programs, compiled and run as documentation tests.
