@@ -59,8 +59,7 @@ fn edits_of_one_instance_send_one_record_and_edits_without_effect_send_nothing()
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
     let mut upload = |world: &mut LightWorld| {
         world.update(FrameBudget::NONE);
-        let delta = world.take_delta();
-        let report = lights.upload(world, &delta).expect("room enough");
+        let report = lights.upload(world).expect("room enough");
         let needs_build = format!("{lights:?}").contains("needs_build: true");
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         lights.build_top(&mut encoder);

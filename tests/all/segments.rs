@@ -358,10 +358,9 @@ const STAGE: &str = "
 fn the_shader_gives_the_answers_of_the_cpu_and_takes_the_middle_without_the_effect() {
     let (device, queue) = gpu();
     let mut rng = Rng(607);
-    let mut world = rng.world(4, 25, 3, 15.0);
+    let world = rng.world(4, 25, 3, 15.0);
     let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");
-    let delta = world.take_delta();
-    lights.upload(&world, &delta).expect("room enough");
+    lights.upload(&world).expect("room enough");
     let sampler = world.sampler();
     let (mut questions, mut expected, mut middles) = (Vec::new(), Vec::new(), Vec::new());
     for i in 0..40 {
