@@ -111,7 +111,7 @@ mod tests {
 
     use super::*;
     use crate::plan::PlanLimits;
-    use crate::{FrameDelta, Light, Placement, Policy};
+    use crate::{Light, LightWorld, Placement, Policy};
 
     #[test]
     fn instances_take_the_bytes_that_the_documents_state() {
@@ -124,7 +124,7 @@ mod tests {
                 world.add_instance(tree, placement, Policy::Static).expect("valid");
             }
             let mut planner = LightPlanner::new(PlanLimits::default());
-            let _ = planner.reserve(&world, &FrameDelta::everything(&world)).expect("it fits").plan();
+            let _ = planner.reserve(&world).expect("it fits").plan();
             let memory = planner.memory();
             let bytes = (memory.buffers - memory.trees) as f64 / f64::from(count);
             assert!((bytes - 270.0).abs() < 10.0, "{bytes} bytes for each of {count} instances");
