@@ -1,6 +1,8 @@
 //! Edits of lights that wait for the next update.
 
+use super::key_set::KeySet;
 use crate::error::WorldError;
+use crate::keys::TreeKey;
 use crate::light::Light;
 use crate::tree::{LightTree, check_indices};
 
@@ -111,6 +113,17 @@ impl StagedLights {
         self.changes.drain(..).for_each(|(index, _)| self.places[index as usize] = 0);
         (self.next_vacant, self.used_vacant, self.appended) = (0, 0, 0);
     }
+}
+
+/// What edits of lights have asked for, and what the last update did of it.
+#[derive(Debug, Default)]
+pub(super) struct Edits {
+    /// Trees that the next update refits, or whose rebuild request it updates.
+    pub pending: KeySet<TreeKey>,
+    /// The lights that the last update added to trees.
+    pub added: Vec<(TreeKey, u32)>,
+    /// The lights that the last update removed from trees.
+    pub removed: Vec<(TreeKey, u32)>,
 }
 
 #[cfg(test)]
