@@ -180,6 +180,8 @@ pub mod gpu;
 #[cfg(feature = "gltf")]
 pub mod gltf;
 #[cfg(test)]
+mod documented;
+#[cfg(test)]
 mod f64_reference;
 // What tests share with programs names the library from outside.
 #[cfg(test)]

@@ -40,7 +40,7 @@ pub enum Quality {
     /// one, two or four samples per pixel.
     #[default]
     Balanced,
-    /// Eight splits, eight candidates: 2.0 times the time, 0.42 of the error on diffuse materials,
+    /// Seven splits, eight candidates: 2.0 times the time, 0.42 of the error on diffuse materials,
     /// 0.65 on glossy ones. It has less error per shadow ray than [`Quality::Balanced`] on diffuse
     /// materials, and no measured difference on glossy ones. If shadow rays are not the limit, take
     /// two samples of `Balanced` instead.
@@ -67,6 +67,23 @@ impl Quality {
             Self::Fast => CandidateCount::ONE,
             Self::Balanced => CandidateCount::of::<4>(),
             Self::High => CandidateCount::of::<8>(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::documented::{assert_says, word};
+
+    #[test]
+    fn the_documentation_of_the_presets_names_their_settings() {
+        for quality in Quality::ALL {
+            let [splits, candidates] = [quality.splits().get(), quality.candidates().get() as usize].map(word);
+            let plural = if candidates == "one" { "candidate" } else { "candidates" };
+            let (first, rest) = splits.split_at(1);
+            let sentence = format!("{}{rest} splits, {candidates} {plural}: ", first.to_uppercase());
+            assert_says(include_str!("quality.rs"), &sentence);
         }
     }
 }

@@ -69,8 +69,8 @@ impl LightPlanner {
     /// little is ever copied. While it grows, the old and the new buffer together exceed the share
     /// by at most a sixteenth. Without a limit, buffers double. A lower limit than before may send
     /// all trees again. A limit below 131,072 counts as 131,072. Instances and the top level do not
-    /// count towards the limit: they take about 320 bytes for each instance, and up to twice as
-    /// much because their buffers double.
+    /// count towards the limit: they take about 250 bytes for each instance, 330 with all
+    /// effects, and up to twice as much because their buffers double.
     ///
     /// A plan fails with [`PlanError::Full`](super::PlanError::Full) if there is not even room for
     /// stand-ins, of up to 3.5 KB for each tree, and for trees of up to 16 lights, which are always

@@ -34,7 +34,7 @@ const MARGIN: f32 = 0.1;
 const OPEN_SHARE: f32 = 0.5;
 
 /// Instances that an update judges again while anything moves.
-const JUDGED_PER_UPDATE: usize = 4;
+pub(super) const JUDGED_PER_UPDATE: usize = 4;
 
 /// Slots that an update looks at to find them.
 const SLOTS_PER_UPDATE: usize = 64;

@@ -33,7 +33,7 @@ const THICKNESS: f64 = 0.02;
 const MIN_AMONG: f32 = 0.5;
 
 /// Slots that an update visits while anything moves.
-const SLOTS_PER_UPDATE: usize = 64;
+pub(super) const SLOTS_PER_UPDATE: usize = 64;
 
 /// The largest number of large instances that are compared with one instance.
 const MAX_LOOKED_AT: usize = 64;

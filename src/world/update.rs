@@ -80,7 +80,7 @@ impl LightWorld {
     ///    four others in each call while anything moves. A larger tree is divided into up to 2,048
     ///    *sections* if most of its instances lie among others, of any size up to twice their own.
     ///    The top level sorts the sections by position. Instances that were added are judged in the
-    ///    next call, and 256 others in each call while anything moves.
+    ///    next call, and 64 others in each call while anything moves.
     /// 3. Trees whose policies request a rebuild are rebuilt, those whose rebuild removes the most
     ///    noise per millisecond first. The noise is estimated from the tree's attributes, and
     ///    weighted by the tree's share of the illuminance at the viewpoint
@@ -126,5 +126,20 @@ impl LightWorld {
     pub fn rebuild_tree(&mut self, tree: TreeKey) -> Result<Duration, WorldError> {
         self.entry(tree)?;
         Ok(self.rebuild_now(tree))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{overlap, sections, surroundings};
+    use crate::documented::{assert_says, grouped, word};
+
+    #[test]
+    fn the_documentation_of_an_update_names_its_limits() {
+        let says = |sentence: &str| assert_says(include_str!("update.rs"), sentence);
+        says(&format!("A tree of up to {} lights that is not divided by side is *opened*", overlap::MAX_OPEN));
+        says(&format!("{} others in each call while anything moves. A larger", word(overlap::JUDGED_PER_UPDATE)));
+        says(&format!("is divided into up to {} *sections*", grouped(sections::MAX_SECTIONS)));
+        says(&format!("and {} others in each call while anything moves. 3.", surroundings::SLOTS_PER_UPDATE));
     }
 }
