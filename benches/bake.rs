@@ -11,19 +11,13 @@ use criterion::{
 use girandole::glam::Vec3;
 use girandole::{Light, LightTree, LightWorld};
 
-#[path = "../examples/common/mod.rs"]
-#[allow(dead_code, reason = "examples use more of it")]
-mod common;
-#[path = "../tests/all/support.rs"]
-#[allow(dead_code, reason = "tests use more of it")]
-mod support;
-use support::Rng;
+use testbed::testing::support::Rng;
 
 /// Lights of three kinds in a flat block.
 fn lights(count: usize) -> Vec<Light> {
     let mut rng = Rng(count as u64);
     let mut light = || {
-        let position = rng.place(500.0) * Vec3::new(1.0, 0.1, 1.0);
+        let position = rng.position(500.0) * Vec3::new(1.0, 0.1, 1.0);
         match rng.bits() % 3 {
             0 => Light::point(position, Vec3::splat(rng.between(1.0, 100.0))),
             1 => Light::spot(position, rng.direction(), 0.2, 0.6, Vec3::splat(rng.between(100.0, 1000.0))),

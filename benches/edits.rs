@@ -27,13 +27,7 @@ use girandole::{
     Region, RegionInstance, TreeKey,
 };
 
-#[path = "../examples/common/mod.rs"]
-#[allow(dead_code, reason = "examples use more of it")]
-mod common;
-#[path = "../tests/all/support.rs"]
-#[allow(dead_code, reason = "tests use more of it")]
-mod support;
-use support::Rng;
+use testbed::testing::support::Rng;
 
 /// The trees that the instances share.
 const TREES: usize = 100;
@@ -53,7 +47,7 @@ enum Kind {
 impl Kind {
     fn place(self, rng: &mut Rng) -> Placement {
         match self {
-            Self::Translated => Placement::at(DVec3::from(rng.place(SIZE))),
+            Self::Translated => Placement::at(DVec3::from(rng.position(SIZE))),
             Self::Affine => rng.affine(SIZE).into(),
         }
     }
@@ -177,7 +171,7 @@ fn replace(world: &mut LightWorld, tree: TreeKey, light: u32, rng: &mut Rng) {
     if is_light {
         world.remove_lights(tree, &[light]).expect("it is a light");
     }
-    world.add_lights(tree, &[Light::point(rng.place(SIZE), Vec3::ONE)]).expect("valid");
+    world.add_lights(tree, &[Light::point(rng.position(SIZE), Vec3::ONE)]).expect("valid");
 }
 
 fn lights(c: &mut Criterion) {
@@ -189,7 +183,7 @@ fn lights(c: &mut Criterion) {
         for (name, edit) in edits {
             let mut rng = Rng(7);
             let mut world = LightWorld::new();
-            let lamp = |rng: &mut Rng| Light::point(rng.place(SIZE), Vec3::ONE);
+            let lamp = |rng: &mut Rng| Light::point(rng.position(SIZE), Vec3::ONE);
             let tree = world.add_tree((0..count).map(|_| lamp(&mut rng)).collect()).expect("valid");
             world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
             world.update(FrameBudget::NONE);

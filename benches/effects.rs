@@ -19,14 +19,8 @@ use girandole::{
     DirectionalLight, Effects, FrameBudget, Light, LightWorld, OriginMode, Placement, Policy, WorldError, wgpu,
 };
 
-#[path = "../examples/common/mod.rs"]
-#[allow(dead_code, reason = "examples use more of it")]
-mod common;
-#[path = "../tests/all/support.rs"]
-#[allow(dead_code, reason = "tests use more of it")]
-mod support;
-use common::gpu;
-use support::Rng;
+use testbed::common::gpu;
+use testbed::testing::support::Rng;
 
 /// Relative difference of products of some twenty terms that are taken in different orders.
 const ROUNDING: f32 = 1.0e-5;
@@ -120,14 +114,14 @@ fn stored(machine: &Machine, instances: u32) -> Result<(GpuLights, GpuLights), W
     let mut trees = Vec::new();
     for _ in 0..instances.div_ceil(40) {
         let count = 10 + rng.bits() % 31;
-        let mut lamp = || Light::point(rng.place(4.0), Vec3::splat(rng.between(10.0, 1000.0)));
+        let mut lamp = || Light::point(rng.position(4.0), Vec3::splat(rng.between(10.0, 1000.0)));
         trees.push(world.add_tree((0..count).map(|_| lamp()).collect())?);
     }
     // The density does not depend on the number of instances, and is that of a town.
     let side = 8.0 * (instances as f32).sqrt();
     for i in 0..instances as usize {
         let turn = Mat3::from_quat(Quat::from_axis_angle(rng.direction(), rng.between(0.0, 6.0)));
-        let Vec3 { x, z, .. } = rng.place(0.5 * side);
+        let Vec3 { x, z, .. } = rng.position(0.5 * side);
         let translation = DVec3::new(f64::from(x), f64::from(rng.between(5.0, 30.0)), f64::from(z));
         world.add_instance(trees[i % trees.len()], Placement { linear: turn, translation }, Policy::Static)?;
     }
@@ -176,7 +170,7 @@ fn upload(machine: &Machine, world: &LightWorld, effects: Effects) -> GpuLights 
 fn requests(count: u32) -> Vec<SampleRequest> {
     let mut rng = Rng(19);
     let mut request = || {
-        let Vec3 { x, z, .. } = rng.place(200.0);
+        let Vec3 { x, z, .. } = rng.position(200.0);
         let in_air = rng.bits().is_multiple_of(8);
         SampleRequest {
             position: [x, if in_air { rng.between(1.0, 20.0) } else { 0.0 }, z],

@@ -13,13 +13,7 @@ use criterion::{BenchmarkGroup, BenchmarkId, Criterion, SamplingMode, criterion_
 use girandole::glam::{DVec3, Vec3};
 use girandole::{Effects, FrameBudget, FrameReport, Light, LightWorld, Placement, Policy, TreeKey};
 
-#[path = "../examples/common/mod.rs"]
-#[allow(dead_code, reason = "examples use more of it")]
-mod common;
-#[path = "../tests/all/support.rs"]
-#[allow(dead_code, reason = "tests use more of it")]
-mod support;
-use support::Rng;
+use testbed::testing::support::Rng;
 
 /// The lights of each of many trees: more than one node holds.
 const LIGHTS: usize = 12;
@@ -44,7 +38,7 @@ fn is_bench() -> bool {
 
 /// Random point lights within `size` metres of the origin, with their indices.
 fn random_lights(count: usize, size: f32, rng: &mut Rng) -> Vec<(u32, Light)> {
-    (0..count as u32).map(|light| (light, Light::point(rng.place(size), Vec3::splat(10.0)))).collect()
+    (0..count as u32).map(|light| (light, Light::point(rng.position(size), Vec3::splat(10.0)))).collect()
 }
 
 fn lights(changes: &[(u32, Light)]) -> Vec<Light> {

@@ -15,17 +15,8 @@ use girandole::glam::Vec3;
 use girandole::tree::{Node, WIDTH};
 use girandole::{Light, LightTree, ShadingPoint, Shape, SplitCount};
 
-#[path = "../examples/common/mod.rs"]
-#[allow(dead_code, reason = "examples use more of it")]
-mod common;
-#[path = "../examples/measuring/mod.rs"]
-#[allow(dead_code, unused_imports, reason = "examples use more of it")]
-mod measuring;
-#[path = "../tests/all/support.rs"]
-#[allow(dead_code, reason = "tests use more of it")]
-mod support;
-use measuring::baselines::{BinaryTree, Pbrt};
-use support::Rng;
+use testbed::measuring::baselines::{BinaryTree, Pbrt};
+use testbed::testing::support::Rng;
 
 /// Bytes of a node that a refit reads and writes in addition to the packed node: 17 properties of
 /// eight children, in f32.
@@ -42,7 +33,7 @@ const PMF_TOLERANCE: f32 = 1.0e-5;
 fn lights(count: usize) -> Vec<Light> {
     let mut rng = Rng(count as u64);
     let mut light = || {
-        let Vec3 { x, y, z } = rng.place(500.0);
+        let Vec3 { x, y, z } = rng.position(500.0);
         let position = Vec3::new(x, 0.1 * y, z);
         match rng.bits() % 3 {
             0 => Light::point(position, Vec3::splat(rng.between(1.0, 100.0))),
@@ -116,7 +107,7 @@ fn refits(group: &mut BenchmarkGroup<WallTime>, lights: &[Light]) {
     let count = lights.len();
     let mut rng = Rng(8);
     let mut tree = built(lights);
-    let near = |light: &Light, rng: &mut Rng| moved_to(*light, light.cluster().mean + rng.place(0.5));
+    let near = |light: &Light, rng: &mut Rng| moved_to(*light, light.cluster().mean + rng.position(0.5));
     let here: Vec<(u32, Light)> = (0..).zip(lights.iter().copied()).collect();
     let there: Vec<(u32, Light)> = here.iter().map(|(index, light)| (*index, near(light, &mut rng))).collect();
     let few = |lights: &[(u32, Light)]| lights.iter().copied().skip(7).step_by(100).collect();

@@ -6,7 +6,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 # The tests of the C interface come last: they install validation layers, which slow others down.
-for engine in web bevy c; do
+for engine in girandole-web bevy_girandole girandole-c; do
     SECONDS=0
     bash "examples/$engine/test.sh"
     printf '\n== examples/%s passed in %d s\n' "$engine" "$SECONDS"

@@ -10,7 +10,7 @@ if ! command -v chromium >/dev/null; then
 fi
 
 mkdir -p target
-cargo run --locked --example shader_stats -- --page target/kernels.html
+cargo run --locked -p shader_stats -- --page target/kernels.html
 
 profile=$(mktemp -d)
 log=$profile/log

@@ -13,7 +13,7 @@ if ! command -v Xvfb >/dev/null || ! command -v xdotool >/dev/null; then
         xvfb xdotool libx11-xcb1 libxcursor1 libxi6 libxkbcommon-x11-0 >/dev/null
 fi
 
-cargo build --locked --example city
+cargo build --locked -p city --features window
 
 work=$(mktemp -d)
 out=${1:-$work/out}

@@ -1,5 +1,6 @@
 // The point of a segment at which the light of a chosen light is gathered. Twin of
-// src/equiangular.rs and src/along.rs, which explain it. Reads the buffers that sample.wgsl binds.
+// src/sampling/equiangular.rs and src/sampling/along.rs, which explain it. Reads the buffers that
+// sample.wgsl binds.
 
 // #if SEGMENTS
 // The distance in metres from the start of a segment to the point at which the light of a sample

@@ -1,5 +1,5 @@
-// Transforms and packs clusters for the top level. Twin of src/cluster.rs and of `Node::pack`; the
-// tests in src/gpu/tests/top compare them. Binds nothing.
+// Transforms and packs clusters for the top level. Twin of src/cluster/mod.rs and of `Node::pack`;
+// the tests in src/gpu/tests/top compare them. Binds nothing.
 
 // The corner of an empty box. WGSL has no infinity, and no box extends farther.
 const NOWHERE: f32 = 3.4e38;
@@ -26,7 +26,7 @@ fn normalize_or(v: vec3<f32>, other: vec3<f32>) -> vec3<f32> {
     return normalize(v / largest);
 }
 
-// The map of a placement. Twin of `Linear` in src/cluster.rs.
+// The map of a placement. Twin of `Linear` in src/cluster/mod.rs.
 struct Linear {
     // The columns of the matrix.
     x: vec3<f32>,
@@ -97,7 +97,7 @@ fn cluster_transformed(cluster: LightCluster, map: Linear, flux: f32) -> LightCl
 }
 
 // The cosine of the cap around a unit vector that holds a cluster's cap; 1 for a dark cluster. Twin
-// of `cap_about` in src/cone.rs.
+// of `cap_about` in src/cluster/cone.rs.
 fn cap_about(unit: vec3<f32>, cluster: LightCluster) -> f32 {
     let axis = cluster.axis;
     let length = sqrt(axis.x * axis.x + axis.y * axis.y + axis.z * axis.z);
@@ -182,7 +182,7 @@ fn rounded_signed(x: f32) -> f32 {
     return trunc(x + select(0.5, -0.5, x < 0.0));
 }
 
-// A child as a node stores it: see LightPackedChild. The target is missing.
+// A child as a node stores it: see LightPackedChild. Its child bits are missing.
 struct PackedChild {
     low: u32,
     high: u32,

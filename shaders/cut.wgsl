@@ -1,5 +1,6 @@
 // Splits the clusters near the shading point, so that one light is chosen among all candidates that
-// are left. Twin of src/cut.rs, which explains it. Reads the buffers that sample.wgsl binds.
+// are left. Twin of src/sampling/cut.rs, which explains it. Reads the buffers that sample.wgsl
+// binds.
 //
 // A GPU has no room for the importances of all candidates, so a cut keeps one sum for each node that
 // was split, and a walk weighs the children of the node that it chooses once more. Of the children
@@ -74,12 +75,12 @@ fn light_link(links: vec2<u32>, node: u32) -> u32 {
     return extractBits(select(links.x, links.y, node > 4u), 6u * ((node - 1u) & 3u), 6u);
 }
 
-// The node or the light that a target of a node names.
+// The node or the light that the child bits of a node name.
 fn light_place_below(place: LightPlace, bits: u32) -> LightPlace {
     var below = LightPlace(place.instance, bits);
     if place.instance == LIGHT_NO_INSTANCE && (bits & LIGHT_LEAF) != 0u {
         let part = light_part(bits);
-        below = LightPlace(part.slot, part.target_bits);
+        below = LightPlace(part.slot, part.child_bits);
     }
     if below.instance != LIGHT_NO_INSTANCE && (below.index & LIGHT_LEAF) == 0u {
         below.index += light_node_base(below.instance);
@@ -89,7 +90,7 @@ fn light_place_below(place: LightPlace, bits: u32) -> LightPlace {
 
 // A child of a node, by its slot.
 fn light_child_place(place: LightPlace, slot: u32) -> LightPlace {
-    return light_place_below(place, light_target(place.instance == LIGHT_NO_INSTANCE, place.index, slot));
+    return light_place_below(place, light_child_bits(place.instance == LIGHT_NO_INSTANCE, place.index, slot));
 }
 
 // A node of the cut: goes down from the root by the links.
@@ -312,7 +313,7 @@ fn light_take(
         light_set_lane(lanes, slot, lux);
     } else if lux != 0.0 {
         // What cannot be resolved is split first, but single lights cannot be split.
-        let is_light = (packed.target_bits & local.light_bit) != 0u;
+        let is_light = (packed.child_bits & local.light_bit) != 0u;
         let unresolved_doubt = select(-lux * LIGHT_UNRESOLVED_DOUBT, 0.0, is_light);
         let doubt = select(lux * estimate.doubt, unresolved_doubt, lux < 0.0);
         light_add_candidate(cut, doubt, light_child_id((*cut).node_count, slot), lux);

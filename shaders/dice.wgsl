@@ -1,5 +1,5 @@
 // Random numbers for chains of choices, and the arithmetic of their probabilities. Twin of
-// src/dice.rs. Binds nothing.
+// src/math/dice.rs. Binds nothing.
 
 // A random number that serves any number of choices in turn.
 struct LightDice {

@@ -1,4 +1,5 @@
-// Samples a point on a chosen light. Twin of src/emit.rs, which explains it. Binds nothing.
+// Samples a point on a chosen light. Twin of src/sampling/emit.rs, which explains it. Binds
+// nothing.
 
 // The light that arrives from a point on a light, not yet shadowed. Twin of `Incident`.
 struct LightIncident {

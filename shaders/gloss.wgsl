@@ -1,5 +1,5 @@
 // Reflection by a rough surface: a diffuse part and a GGX part, widened by the size of a cluster.
-// Twin of src/gloss.rs, which explains it and owns the constants. Binds nothing.
+// Twin of src/shading/gloss.rs, which explains it and owns the constants. Binds nothing.
 
 // #if GLOSSY
 // How a shading point reflects. Twin of `LocalGloss`.

@@ -1,6 +1,6 @@
 // Estimates how much light each child of a node sends to a shading point; 0 only where the child's
-// bounds prove it. Twin of src/importance.rs, which explains it and owns the constants. Binds
-// nothing.
+// bounds prove it. Twin of src/shading/importance.rs, which explains it and owns the constants.
+// Binds nothing.
 
 struct LightShadingPoint {
     // Metres, relative to the world's origin.
@@ -52,7 +52,7 @@ fn light_masked_point(shading_point: LightShadingPoint, mask: u32) -> LightShadi
 }
 
 // A point on a glossy surface. `view` points to the viewer, and the other arguments are the fields
-// of `Gloss` in src/gloss.rs. The same as light_surface_point in shaders without GLOSSY.
+// of `Gloss` in src/shading/gloss.rs. The same as light_surface_point in shaders without GLOSSY.
 fn light_glossy_point(
     position: vec3<f32>, normal: vec3<f32>, view: vec3<f32>, roughness: f32, specular: f32, diffuse: f32,
 ) -> LightShadingPoint {
@@ -92,7 +92,7 @@ struct LightLocalShadingPoint {
     // False in a volume.
     has_normal: bool,
     margin: f32,
-    // The bit of a target that marks a single light: LIGHT_LEAF in a tree, LIGHT_SINGLE in the top
+    // The bit of child bits that marks a single light: LIGHT_LEAF in a tree, LIGHT_SINGLE in the top
     // level.
     light_bit: u32,
     // #if GLOSSY
@@ -201,7 +201,7 @@ fn light_weights(importances: LightLanes) -> LightLanes {
 
 // The importance of a child. Twin of `child_importances`.
 fn light_importance(packed: LightPackedChild, local: LightLocalShadingPoint, view: LightNodeView) -> LightImportance {
-    let is_light = (packed.target_bits & local.light_bit) != 0u;
+    let is_light = (packed.child_bits & local.light_bit) != 0u;
     var child = light_unpack(packed, view, local.normal);
     // #if NON_RIGID
     // #if CONES

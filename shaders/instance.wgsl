@@ -1,5 +1,5 @@
 // Transforms points and normals between an instance's tree and the world. Twin of
-// `InstanceTransform` in src/transform.rs and of `InstanceRecord::of`. Binds nothing.
+// `InstanceTransform` in src/instance/transform.rs and of `InstanceRecord::of`. Binds nothing.
 
 // The linear part of a map, given by its rows, times a vector.
 fn light_linear(rows: array<vec4<f32>, 3>, v: vec3<f32>) -> vec3<f32> {

@@ -6,7 +6,7 @@
 // The packed data of a child, as `NodeRecord` in src/plan/node_record.rs stores it.
 struct LightPackedChild {
     // The child's node, or LIGHT_LEAF with what the leaf is.
-    target_bits: u32,
+    child_bits: u32,
     // Bytes, the lowest first: the minimum corner and the deviation.
     low: u32,
     // The maximum corner, and the mean position along x.

@@ -1,5 +1,5 @@
 // The density with which light_sample chooses the direction to a point on a light. Twin of
-// src/pdf.rs, which explains it.
+// src/sampling/pdf.rs, which explains it.
 
 // #if AREAS
 // `to_plane` is the vector from the shading point to any point of the surface. Twin of

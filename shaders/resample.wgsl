@@ -1,4 +1,4 @@
-// Chooses one of several candidates. Twin of src/resample.rs, which explains it.
+// Chooses one of several candidates. Twin of src/sampling/resample.rs, which explains it.
 
 // The candidate that light_resample kept, and its weight. brdf * cosine * chosen.radiance * weight
 // estimates the light that arrives from all lights, if the point is not in shadow: `weight`

@@ -1,6 +1,6 @@
 // The functions that an engine calls: they choose a light for a shading point, and return the
-// probability of a light. Twin of src/sample.rs. The caller of `girandole::gpu::wgsl` chooses the
-// group of the bindings.
+// probability of a light. Twin of src/sampling/sample.rs. The caller of `girandole::gpu::wgsl`
+// chooses the group of the bindings.
 
 @group(LIGHT_GROUP) @binding(0) var<uniform> light_params: LightParams;
 @group(LIGHT_GROUP) @binding(1) var<storage, read> light_top: array<vec4<u32>>;

@@ -1,6 +1,6 @@
 // Children of a tree whose instance is scaled, sheared or mirrored, as the world sees them. Twin of
-// `ClusterView::in_world` in src/importance.rs. Reads the instance again instead of keeping its
-// matrices, which would need registers in every walk. Reads the buffers that sample.wgsl binds;
+// `ClusterView::in_world` in src/shading/importance.rs. Reads the instance again instead of keeping
+// its matrices, which would need registers in every walk. Reads the buffers that sample.wgsl binds;
 // binds nothing itself.
 
 // #if NON_RIGID

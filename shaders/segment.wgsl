@@ -1,5 +1,6 @@
-// A segment of a ray as the choice of lights sees it. Twin of src/segment.rs, and of what
-// src/importance.rs estimates for segments; these explain it and own the constants. Binds nothing.
+// A segment of a ray as the choice of lights sees it. Twin of src/shading/segment.rs, and of what
+// src/shading/importance.rs estimates for segments; these explain it and own the constants. Binds
+// nothing.
 
 // #if SEGMENTS
 // Whether a shading point is a segment.
@@ -171,7 +172,7 @@ fn light_emitted_along(child: LightChild, view: LightSegmentView, facing_along: 
 fn light_importance_along(
     packed: LightPackedChild, local: LightLocalShadingPoint, view: LightNodeView,
 ) -> LightImportance {
-    let is_light = (packed.target_bits & local.light_bit) != 0u;
+    let is_light = (packed.child_bits & local.light_bit) != 0u;
     let segment = local.segment;
     let own_reach = dot(abs(segment.xyz), vec3(1.0)) * segment.w;
     let wide = LightNodeView(view.origin, view.steps, view.margin + own_reach * local.margin);

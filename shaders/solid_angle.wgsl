@@ -1,5 +1,5 @@
 // Samples flat emitters uniformly by the solid angle that they subtend. Twin of
-// src/solid_angle.rs, which explains it. Reads light_params; binds nothing itself.
+// src/math/solid_angle.rs, which explains it. Reads light_params; binds nothing itself.
 
 // #if AREAS
 // #if SOLID_ANGLES

@@ -47,7 +47,7 @@ fn light_packed_child(in_top: bool, at: u32, slot: u32) -> LightPackedChild {
         // #endif
     }
     var child: LightPackedChild;
-    child.target_bits = words.x;
+    child.child_bits = words.x;
     child.low = words.y;
     child.high = words.z;
     child.mean = words.w;
@@ -83,8 +83,8 @@ fn light_met_children(in_top: bool, index: u32, mask: u32) -> u32 {
 }
 // #endif
 
-// The target of the child in a slot of a node.
-fn light_target(in_top: bool, index: u32, slot: u32) -> u32 {
+// The child bits of the child in a slot of a node.
+fn light_child_bits(in_top: bool, index: u32, slot: u32) -> u32 {
     return light_quad(in_top, index * light_params.node_stride + LIGHT_NODE_CHILDREN + slot).x;
 }
 
@@ -208,7 +208,7 @@ fn light_stands_in(instance: u32) -> bool {
     return (flags & LIGHT_STANDS_IN) != 0u;
 }
 
-// The part that a leaf of the top level is; `bits` are its target.
+// The part that a leaf of the top level is; `bits` are its child bits.
 fn light_part(bits: u32) -> LightPart {
     if (bits & LIGHT_PART) == 0u {
         return LightPart(bits & LIGHT_PART_BITS, 0u, 0u, 0u);

@@ -5,7 +5,7 @@
 // it, plus one, or 0. The lists of children are in `split_words`, eight words for each node.
 
 // Set in the word of a part whose units are children of the node themselves.
-const CHILDREN_OPEN: u32 = 0x80000000u;
+const CHILDREN_INLINED: u32 = 0x80000000u;
 
 fn children_first(part: u32) -> u32 {
     return part & 0x1ffu;
@@ -80,9 +80,9 @@ fn children_divide(at: u32, whole: u32) -> u32 {
     return count;
 }
 
-// Opens the smallest of `count` children while the node has room. Returns how many children are
+// Inlines the smallest of `count` children while the node has room. Returns how many children are
 // nodes.
-fn children_open(at: u32, count: u32) -> u32 {
+fn children_inline(at: u32, count: u32) -> u32 {
     var room = LIGHT_WIDTH - count;
     var nodes = 0u;
     for (var i = 0u; i < count; i++) {
@@ -94,7 +94,7 @@ fn children_open(at: u32, count: u32) -> u32 {
         for (var i = 0u; i < count; i++) {
             let part = split_words[at + i];
             let size = children_count(part);
-            if size > 1u && (part & CHILDREN_OPEN) == 0u && size < smallest {
+            if size > 1u && (part & CHILDREN_INLINED) == 0u && size < smallest {
                 place = i;
                 smallest = size;
             }
@@ -102,7 +102,7 @@ fn children_open(at: u32, count: u32) -> u32 {
         if smallest - 1u > room {
             break;
         }
-        split_words[at + place] |= CHILDREN_OPEN;
+        split_words[at + place] |= CHILDREN_INLINED;
         room -= smallest - 1u;
         nodes--;
     }

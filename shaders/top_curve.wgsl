@@ -1,6 +1,6 @@
-// The place of a position on a curve through space. Twin of src/curve.rs, which explains the curve.
-// Both use only subtractions, powers of two and integers, so they get the same bits. Binds nothing;
-// `curve_key_of` reads the variable `bounds` of the stage.
+// The place of a position on a curve through space. Twin of src/tree/curve.rs, which explains the
+// curve. Both use only subtractions, powers of two and integers, so they get the same bits. Binds
+// nothing; `curve_key_of` reads the variable `bounds` of the stage.
 
 // The exponent e of a number in [2^e, 2^(e + 1)); -127 for zero.
 fn curve_exponent(x: f32) -> i32 {

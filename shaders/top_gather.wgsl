@@ -72,8 +72,9 @@ fn gather_unit(index: u32) -> u32 {
     return units[gather_header(top_pass.pieces_before) + piece * stride + rest];
 }
 
-// The target of a child that is this unit. Of a part it is its number until node_pack replaces it.
-fn gather_target(unit: u32) -> u32 {
+// The child bits of a child that is this unit. Of a part they are its number until node_pack
+// replaces them.
+fn gather_child(unit: u32) -> u32 {
     if unit < top_pass.capacity {
         return LIGHT_LEAF | unit;
     }

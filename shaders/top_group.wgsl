@@ -109,7 +109,7 @@ fn group_mark(part: u32) {
 // Whether a part is cut by one of the costliest cuts.
 fn group_is_cut(part: u32) -> bool {
     let cut = children_cut(part);
-    return cut != 0u && (split_cut_parts[max(cut, 1u) - 1u] & CHILDREN_OPEN) != 0u;
+    return cut != 0u && (split_cut_parts[max(cut, 1u) - 1u] & CHILDREN_INLINED) != 0u;
 }
 
 // The word of the whole piece.
@@ -139,7 +139,7 @@ fn group_leave_all(lane: u32, count: u32, cuts: u32, most: u32, entries: u32, fi
     }
     workgroupBarrier();
     if is_costly {
-        split_cut_parts[lane] |= CHILDREN_OPEN;
+        split_cut_parts[lane] |= CHILDREN_INLINED;
     }
     workgroupBarrier();
     let whole = group_whole(count, cuts);
@@ -177,17 +177,17 @@ fn group_leave_all(lane: u32, count: u32, cuts: u32, most: u32, entries: u32, fi
     }
 }
 
-// Writes the targets of a node's children. Those that are nodes enter the queue from `next` on.
-fn group_write_targets(node: u32, children: u32, count: u32, first_node: u32, next: u32) {
+// Writes the child bits of a node. Those children that are nodes enter the queue from `next` on.
+fn group_write_children(node: u32, children: u32, count: u32, first_node: u32, next: u32) {
     var slot = 0u;
     var below = next;
     for (var i = 0u; i < count; i++) {
         let part = split_words[children + i];
-        if (part & CHILDREN_OPEN) == 0u && children_count(part) > 1u {
+        if (part & CHILDREN_INLINED) == 0u && children_count(part) > 1u {
             let place = (first_node + node) * LIGHT_WIDTH + slot;
             split_words[GROUP_NODE_PARTS + below] = part;
             split_words[GROUP_PARENTS + below] = place;
-            node_store_target(node_layout(), place, first_node + below);
+            node_store_child_bits(node_layout(), place, first_node + below);
             below++;
             slot++;
         } else {
@@ -195,7 +195,7 @@ fn group_write_targets(node: u32, children: u32, count: u32, first_node: u32, ne
             for (var unit = first; unit < first + children_count(part); unit++) {
                 let place = (first_node + node) * LIGHT_WIDTH + slot;
                 let below_node = split_words[unit];
-                node_store_target(node_layout(), place, gather_target(below_node));
+                node_store_child_bits(node_layout(), place, gather_child(below_node));
                 if below_node >= top_pass.capacity {
                     node_store_parent(node_layout(), below_node - top_pass.capacity, place);
                 }
@@ -204,7 +204,7 @@ fn group_write_targets(node: u32, children: u32, count: u32, first_node: u32, ne
         }
     }
     for (; slot < LIGHT_WIDTH; slot++) {
-        node_store_target(node_layout(), (first_node + node) * LIGHT_WIDTH + slot, LIGHT_EMPTY_SLOT);
+        node_store_child_bits(node_layout(), (first_node + node) * LIGHT_WIDTH + slot, LIGHT_EMPTY_SLOT);
     }
 }
 
@@ -220,7 +220,7 @@ fn group_make_nodes(lane: u32, tops: u32, first_node: u32) -> u32 {
         var count = 0u;
         if node < end {
             count = children_divide(children, split_words[GROUP_NODE_PARTS + node]);
-            split_words[GROUP_BELOW + lane] = children_open(children, count);
+            split_words[GROUP_BELOW + lane] = children_inline(children, count);
         }
         workgroupBarrier();
         if node < end {
@@ -228,7 +228,7 @@ fn group_make_nodes(lane: u32, tops: u32, first_node: u32) -> u32 {
             for (var other = 0u; other < lane; other++) {
                 next += split_words[GROUP_BELOW + other];
             }
-            group_write_targets(node, children, count, first_node, next);
+            group_write_children(node, children, count, first_node, next);
             node_store_parent(node_layout(), first_node + node, split_words[GROUP_PARENTS + node]);
             node_store_depth(node_layout(), first_node + node, first_node + begin);
             if node == end - 1u {

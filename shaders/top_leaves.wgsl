@@ -56,7 +56,7 @@ fn leaf_of(index: u32) -> LightCluster {
     }
     let tree = trees[instance.tree + part.y];
     nodes[top_part(index)] = part.x;
-    nodes[top_part(index) + 1u] = tree.target_bits;
+    nodes[top_part(index) + 1u] = tree.child_bits;
     // A dark part has no leaf.
     nodes[top_part(index) + 2u] = LIGHT_NO_PARENT;
     if top_pass.masks != 0u {

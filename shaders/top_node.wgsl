@@ -1,4 +1,4 @@
-// Top level, the second stage of a pass: packs the nodes whose targets the first stage has written,
+// Top level, the second stage of a pass: packs the nodes whose child bits the first stage has written,
 // the deepest of each piece first. Twin of `PieceTree::add_node`. One workgroup for each piece, and
 // eight invocations for each node.
 

@@ -8,21 +8,21 @@ var<workgroup> pack_masks: array<u32, TOP_MAX_NODES>;
 
 // The cluster of a child. Nodes of the same piece, which begin at `first`, have theirs in workgroup
 // memory: other invocations of this dispatch may not see what one of them writes to `clusters`.
-fn node_child(target_bits: u32, first: u32) -> LightCluster {
-    if target_bits == LIGHT_EMPTY_SLOT {
+fn node_child(child_bits: u32, first: u32) -> LightCluster {
+    if child_bits == LIGHT_EMPTY_SLOT {
         return CLUSTER_EMPTY;
     }
-    if (target_bits & LIGHT_LEAF) != 0u {
-        return clusters[target_bits & ~LIGHT_LEAF];
+    if (child_bits & LIGHT_LEAF) != 0u {
+        return clusters[child_bits & ~LIGHT_LEAF];
     }
-    let in_piece = target_bits - first;
+    let in_piece = child_bits - first;
     if in_piece < TOP_MAX_NODES {
         return pack_clusters[in_piece];
     }
-    return clusters[top_pass.capacity + target_bits];
+    return clusters[top_pass.capacity + child_bits];
 }
 
-// The target of the leaf that is a part. Twin of `Part::leaf`.
+// The child bits of the leaf that is a part. Twin of `Part::leaf`.
 fn node_leaf(part: u32) -> u32 {
     let below = nodes[top_part(part) + 1u];
     if below == 0u {
@@ -32,20 +32,20 @@ fn node_leaf(part: u32) -> u32 {
 }
 
 // The union of the masks of all instances below a child.
-fn node_mask(target_bits: u32, first: u32) -> u32 {
-    if target_bits == LIGHT_EMPTY_SLOT {
+fn node_mask(child_bits: u32, first: u32) -> u32 {
+    if child_bits == LIGHT_EMPTY_SLOT {
         return 0u;
     }
-    if (target_bits & LIGHT_LEAF) != 0u {
-        return nodes[top_part(target_bits & ~LIGHT_LEAF) + 3u];
+    if (child_bits & LIGHT_LEAF) != 0u {
+        return nodes[top_part(child_bits & ~LIGHT_LEAF) + 3u];
     }
-    let in_piece = target_bits - first;
+    let in_piece = child_bits - first;
     if in_piece < TOP_MAX_NODES {
         return pack_masks[in_piece];
     }
     var all_masks = 0u;
     for (var slot = 0u; slot < LIGHT_WIDTH; slot++) {
-        all_masks |= nodes[top_masks(target_bits) + slot];
+        all_masks |= nodes[top_masks(child_bits) + slot];
     }
     return all_masks;
 }
@@ -98,7 +98,7 @@ fn pack_result3(first: u32, word: u32) -> vec3<f32> {
     return vec3(pack_result(first, word), pack_result(first, word + 1u), pack_result(first, word + 2u));
 }
 
-// Packs a node from the clusters of the children that its targets name, and writes into each part
+// Packs a node from the clusters of the children that its child bits name, and writes into each part
 // where its leaf is. Twin of `WideCluster::merged` and `Node::pack`. Eight neighbouring invocations
 // pack a node, one for each child; those without a node have `is_used` false. `piece` is the first
 // node of the piece. Call from uniform control flow.
@@ -107,11 +107,11 @@ fn node_pack(lane: u32, node: u32, is_used: bool, piece: u32) {
     let slot = lane % LIGHT_WIDTH;
     let first = lane - slot;
     let place = node * LIGHT_WIDTH + slot;
-    var target_bits = LIGHT_EMPTY_SLOT;
+    var child_bits = LIGHT_EMPTY_SLOT;
     var child = CLUSTER_EMPTY;
     if is_used {
-        target_bits = nodes[node_target_word(stored, place)];
-        child = node_child(target_bits, piece);
+        child_bits = nodes[node_child_word(stored, place)];
+        child = node_child(child_bits, piece);
     }
     let is_lit = child.flux > 0.0;
     pack_words[pack_word(0u, lane)] = bitcast<u32>(child.flux);
@@ -148,7 +148,7 @@ fn node_pack(lane: u32, node: u32, is_used: bool, piece: u32) {
     pack_words[pack_word(6u, lane)] = bitcast<u32>(share * child.variance);
     var mask = 0u;
     if top_pass.masks != 0u {
-        mask = node_mask(target_bits, piece);
+        mask = node_mask(child_bits, piece);
     }
     pack_words[pack_word(7u, lane)] = mask;
     workgroupBarrier();
@@ -201,10 +201,10 @@ fn node_pack(lane: u32, node: u32, is_used: bool, piece: u32) {
         if top_pass.masks != 0u {
             nodes[top_masks(node) + slot] = mask;
         }
-        if target_bits != LIGHT_EMPTY_SLOT && (target_bits & LIGHT_LEAF) != 0u {
-            let part = target_bits & ~LIGHT_LEAF;
+        if child_bits != LIGHT_EMPTY_SLOT && (child_bits & LIGHT_LEAF) != 0u {
+            let part = child_bits & ~LIGHT_LEAF;
             nodes[top_part(part) + 2u] = place;
-            node_store_target(stored, place, node_leaf(part));
+            node_store_child_bits(stored, place, node_leaf(part));
         }
     }
     // The words may be written again.

@@ -91,12 +91,12 @@ struct SplitSums {
 }
 
 // The exponent e of a number in [2^e, 2^(e + 1)); -127 for zero. Twin of `exponent` in
-// src/curve.rs.
+// src/tree/curve.rs.
 fn split_exponent(x: f32) -> i32 {
     return i32(bitcast<u32>(x) >> 23u) - 127;
 }
 
-// 2^e, or the nearest normal power of two. Twin of `power_of_two` in src/curve.rs.
+// 2^e, or the nearest normal power of two. Twin of `power_of_two` in src/tree/curve.rs.
 fn split_power_of_two(e: i32) -> f32 {
     return bitcast<f32>(u32(clamp(e, -126, 127) + 127) << 23u);
 }

@@ -1,5 +1,5 @@
 // Stores nodes of the top level as sampling reads them. Binds nothing; writes the variable `nodes`
-// of the stage. `nodes` is an array of words because several invocations write the targets of one
+// of the stage. `nodes` is an array of words because several invocations write the child bits of one
 // node, and a write to one component of a vector may touch the whole vector.
 
 // The stride of nodes and the offset of the lobes, in units of 16 bytes; the offset is 0 if they are
@@ -26,9 +26,9 @@ fn node_store(stored: NodeLayout, index: u32, origin: vec3<f32>, bits: vec3<u32>
     node_store_words(at + LIGHT_NODE_TAIL, vec4(parent, 0u, 0u, 0u));
 }
 
-// Stores a child without its target; `place` is node * LIGHT_WIDTH + slot.
+// Stores a child without its child bits; `place` is node * LIGHT_WIDTH + slot.
 fn node_store_child(stored: NodeLayout, place: u32, child: PackedChild) {
-    let word = node_target_word(stored, place);
+    let word = node_child_word(stored, place);
     nodes[word + 1u] = child.low;
     nodes[word + 2u] = child.high;
     nodes[word + 3u] = child.mean;
@@ -39,14 +39,14 @@ fn node_store_child(stored: NodeLayout, place: u32, child: PackedChild) {
     }
 }
 
-// The word of a child's target; `place` is node * LIGHT_WIDTH + slot.
-fn node_target_word(stored: NodeLayout, place: u32) -> u32 {
+// The word of a child's bits; `place` is node * LIGHT_WIDTH + slot.
+fn node_child_word(stored: NodeLayout, place: u32) -> u32 {
     return 4u * ((place / LIGHT_WIDTH) * stored.stride + LIGHT_NODE_CHILDREN + place % LIGHT_WIDTH);
 }
 
-// Stores the target of the child at a place.
-fn node_store_target(stored: NodeLayout, place: u32, target_bits: u32) {
-    nodes[node_target_word(stored, place)] = target_bits;
+// Stores the child bits of the child at a place.
+fn node_store_child_bits(stored: NodeLayout, place: u32, child_bits: u32) {
+    nodes[node_child_word(stored, place)] = child_bits;
 }
 
 fn node_layout() -> NodeLayout {

@@ -93,7 +93,7 @@ struct LightTree {
     punctual_flux: f32,
     area_flux: f32,
     // As in LightPart.
-    target_bits: u32,
+    child_bits: u32,
     padding: u32,
 }
 
@@ -103,7 +103,7 @@ struct LightPart {
     // The slot of the instance.
     slot: u32,
     // Where a walk goes on in the instance's tree: a node, or LIGHT_LEAF with a light.
-    target_bits: u32,
+    child_bits: u32,
     // The place of the part's leaf: node * LIGHT_WIDTH + slot. LIGHT_NO_PARENT for a dark part.
     place: u32,
     // The mask of the instance; not set unless masks are stored.

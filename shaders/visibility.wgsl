@@ -1,5 +1,6 @@
 // Learnt visibility: which groups of lights reach the cell of a shading point. Twin of
-// src/visibility/cell.rs and src/learn.rs, which explain it. src/gpu/visibility owns the buffers.
+// src/visibility/cell.rs and src/sampling/learn.rs, which explain it. src/gpu/visibility owns the
+// buffers.
 
 // Four quads of parameters; the tags and the idle frames of all rows, four rows in a quad; the
 // shares of all rows, four in a word.

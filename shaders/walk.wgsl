@@ -1,6 +1,6 @@
 // Draws a light: chooses a candidate of the cut and descends from it to a leaf. Computes the
-// probability of a light on the way up. Twin of src/walk.rs. Reads the buffers that sample.wgsl
-// binds.
+// probability of a light on the way up. Twin of src/sampling/walk.rs. Reads the buffers that
+// sample.wgsl binds.
 
 // Chooses a light, or returns a pmf of 0. The numbers of `start_outer` decide in the top level,
 // those of `start_inner` in the tree of an instance. Twin of `descend`.

@@ -110,7 +110,7 @@
 //! | module | contents |
 //! |---|---|
 //! | [`light`] | lights: shapes, units, limits |
-//! | [`cone`], [`bounds`], [`cluster`] | the summary of a group of lights: directions, boxes, flux and moments |
+//! | [`cluster`] | the summary of a group of lights, for tools: box, cone of directions, flux and moments |
 //! | [`tree`] | bottom-level trees: build, refit, attributes, soundness check |
 //! | [`policy`] | when a tree requests a rebuild |
 //! | [`scheduler`] | the frame budget; clocks for tests and replays |
@@ -134,45 +134,21 @@
 
 // Modules are in the order in which data passes through them. A module imports only from modules
 // above it; `tests/all/dependencies.rs` checks that.
-mod simd;
 mod keys;
-mod lists;
 pub mod effects;
 pub mod error;
-mod counts;
-mod quality;
-mod dice;
-mod gloss;
-mod shading_point;
-mod transform;
-pub mod bounds;
-pub mod cone;
+mod math;
 pub mod cluster;
 pub mod light;
-mod appearance;
-mod curve;
 pub mod tree;
 pub mod policy;
 pub mod scheduler;
-mod solid_angle;
-mod emit;
-mod segment;
-mod equiangular;
-mod importance;
-mod sector;
-mod placement;
+mod shading;
+mod instance;
 mod visibility;
-mod part;
-mod cut;
-mod walk;
-mod distribution;
 mod top;
 mod world;
-mod sample;
-mod along;
-mod resample;
-mod pdf;
-mod learn;
+mod sampling;
 #[cfg(feature = "gpu-plan")]
 pub mod plan;
 #[cfg(feature = "gpu")]
@@ -183,28 +159,25 @@ pub mod gltf;
 mod documented;
 #[cfg(test)]
 mod f64_reference;
-// What tests share with programs names the library from outside.
-#[cfg(test)]
-extern crate self as girandole;
 
-pub use along::SegmentPoint;
-pub use appearance::MAX_FACTOR;
-pub use counts::{CandidateCount, MAX_CANDIDATES, MAX_SPLITS, SplitCount};
 pub use effects::{EffectCounts, Effects};
-pub use emit::Incident;
 pub use error::{BudgetError, CountError, LightError, PlacementError, VisibilityError, WorldError};
 pub use glam;
-pub use gloss::Gloss;
+pub use instance::appearance::MAX_FACTOR;
+pub use instance::placement::{MAX_DISTANCE, MAX_SCALE, Placement};
+pub use instance::sector::ORIGIN_GRID;
 pub use keys::{DirectionalKey, InstanceKey, RegionKey, TreeKey};
 pub use light::{DirectionalLight, Light, Shape};
-pub use placement::{MAX_DISTANCE, MAX_SCALE, Placement};
 pub use policy::Policy;
-pub use quality::Quality;
-pub use resample::Reservoir;
-pub use sample::{LightId, LightPick, LightSample, LightSampler};
+pub use sampling::along::SegmentPoint;
+pub use sampling::counts::{CandidateCount, MAX_CANDIDATES, MAX_SPLITS, SplitCount};
+pub use sampling::emit::Incident;
+pub use sampling::quality::Quality;
+pub use sampling::resample::Reservoir;
+pub use sampling::sample::{LightId, LightPick, LightSample, LightSampler};
 pub use scheduler::FrameBudget;
-pub use sector::ORIGIN_GRID;
-pub use shading_point::ShadingPoint;
+pub use shading::gloss::Gloss;
+pub use shading::shading_point::ShadingPoint;
 pub use tree::{Attribute, Attributes, LightTree};
 pub use visibility::{VisibilityOptions, VisibilityTable};
 #[cfg(feature = "gpu")]

@@ -5,6 +5,7 @@
 
 #![no_main]
 
+// By path: the package of the tests is built without sanitizers.
 #[path = "../../tests/all/gltf_fuzz/exercise.rs"]
 mod exercise;
 

@@ -1,11 +1,10 @@
 //! A reference in f64 for what the library computes in f32: the merging of clusters, their
 //! placement in the world, their importance, and the choice down two levels of trees.
 //!
-//! Importance, gloss and choice are `formulas`, which programs use too. Only tests use this module.
+//! Importance, gloss and choice are in `testbed`, since programs use them too. It is built with the
+//! library as its users see it, whose records have other types than those of the tests and the same
+//! bytes.
 
-#[path = "../../examples/measuring/reference/mod.rs"]
-#[allow(dead_code, missing_docs, reason = "the programs use what the tests do not")]
-mod formulas;
 mod merge;
 mod place;
 mod tests;

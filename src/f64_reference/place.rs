@@ -4,8 +4,8 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::formulas::place::Map;
 use crate::cluster::Cluster;
+use testbed::measuring::reference::place::Map;
 
 /// A cluster in f64 without its cap.
 #[derive(Clone, Copy, Debug)]

@@ -5,7 +5,7 @@ use ::gltf::{Document, Node};
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Mat3, Quat, Vec3};
 
 use super::error::GltfError;
-use crate::placement::Placement;
+use crate::instance::placement::Placement;
 
 /// A rotation whose squared length is below this has no direction.
 pub(super) const MIN_ROTATION_LENGTH_SQ: f64 = 1e-12;

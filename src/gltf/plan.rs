@@ -16,8 +16,8 @@ use super::nodes::{is_hidden, punctual_placement, scene_nodes, surface_placement
 use super::options::{EmissiveSides, GltfOptions};
 use super::read::{TexCoords, Triangles};
 use super::texture::{TextureImage, TextureUse, TextureWrap};
+use crate::instance::placement::Placement;
 use crate::light::{DirectionalLight, Light};
-use crate::placement::Placement;
 
 /// Where the lights of an instance come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,9 +2,9 @@
 
 use super::error::GpuError;
 use super::memory;
-use crate::counts::{CandidateCount, MAX_CANDIDATES};
 use crate::plan::UNIFORM_ALIGNMENT;
 use crate::plan::kernel::pass_bytes;
+use crate::sampling::counts::{CandidateCount, MAX_CANDIDATES};
 
 /// A `vec4<u32>` for each possible count, so that a call of
 /// [`GpuLights::resample`](super::GpuLights::resample) neither makes a buffer nor writes one.

@@ -132,12 +132,12 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use crate::counts::CandidateCount;
     use crate::gpu::GpuLights;
     use crate::gpu::testing::limited_gpu;
+    use crate::instance::placement::Placement;
     use crate::light::Light;
-    use crate::placement::Placement;
     use crate::policy::Policy;
+    use crate::sampling::counts::CandidateCount;
     use crate::world::LightWorld;
 
     /// The limits that `check_limits` requires, and the minimum of all others.

@@ -73,12 +73,12 @@ pub use sync::SyncReport;
 use top_status::TopStatus;
 use visibility::LearntTable;
 
-use crate::counts::SplitCount;
 use crate::effects::Effects;
 use crate::plan::layout::ParamsRecord;
 use crate::plan::pool::Growth;
 use crate::plan::{BufferId, Commands, KERNELS, LightPlanner, PlanLimits};
 pub use crate::plan::{GpuMemory, TargetHook, TargetHookError, UploadReport, wgsl};
+use crate::sampling::counts::SplitCount;
 use crate::world::{FrameDelta, LightWorld};
 
 /// The lights of one [`LightWorld`] on a GPU: the buffers and the bind group that shaders read, and

@@ -3,7 +3,7 @@
 use super::GpuLights;
 use super::bindings::records;
 use super::records::{ReservoirRecord, SampleRequest};
-use crate::counts::CandidateCount;
+use crate::sampling::counts::CandidateCount;
 
 impl GpuLights {
     /// Records a pass that draws `candidates` lights for each of the first `count` requests and

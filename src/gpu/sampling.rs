@@ -51,8 +51,8 @@ mod tests {
     use super::*;
     use crate::effects::Effects;
     use crate::gpu::testing::{gpu, read};
+    use crate::instance::placement::Placement;
     use crate::light::Light;
-    use crate::placement::Placement;
     use crate::policy::Policy;
     use crate::world::LightWorld;
 

@@ -4,11 +4,7 @@
 use std::sync::OnceLock;
 
 use glam::Vec3;
-
-/// The code that examples, tests and benches open devices with.
-#[path = "../../examples/common/gpu.rs"]
-#[allow(dead_code, reason = "examples use more of it")]
-mod shared;
+use testbed::common::gpu as shared;
 
 /// The shared device and its queue, made once for each process.
 ///

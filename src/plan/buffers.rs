@@ -1,5 +1,7 @@
 //! The names of buffers, which the engine makes and the plans use.
 
+use std::collections::BTreeMap;
+
 /// The number of a buffer. A planner gives each buffer a number of its own and never uses it again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct BufferId(u32);
@@ -54,5 +56,30 @@ impl Ids {
         let id = BufferId(self.0);
         self.0 += 1;
         id
+    }
+}
+
+/// The sizes of the buffers that exist.
+#[derive(Debug, Default)]
+pub(super) struct BufferSizes {
+    bytes: BTreeMap<BufferId, u64>,
+    total: u64,
+}
+
+impl BufferSizes {
+    /// Records buffers that were made and freed.
+    pub fn change(&mut self, new: &[NewBuffer], freed: &[BufferId]) {
+        for buffer in new {
+            self.total += buffer.bytes;
+            self.bytes.insert(buffer.id, buffer.bytes);
+        }
+        for id in freed {
+            self.total -= self.bytes.remove(id).unwrap_or(0);
+        }
+    }
+
+    /// The bytes of all buffers.
+    pub fn total(&self) -> u64 {
+        self.total
     }
 }

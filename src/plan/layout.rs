@@ -6,13 +6,13 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat3, Vec3};
 
-use crate::appearance::Appearance;
 use crate::cluster::Cluster;
-use crate::cut::NO_INSTANCE;
+use crate::instance::appearance::Appearance;
+use crate::instance::part::Division;
+use crate::instance::placement::Placed;
+use crate::instance::sector;
 use crate::light::{DirectionalLight, Light, Shape, UNLIMITED_RANGE, spot_falloff};
-use crate::part::Division;
-use crate::placement::Placed;
-use crate::sector;
+use crate::sampling::cut::NO_INSTANCE;
 use crate::tree::{LEAF, LightTree, Section};
 
 /// The bits of [`LightRecord::kind`] that hold the kind.
@@ -124,7 +124,7 @@ pub(crate) struct ClusterRecord {
 }
 
 /// What the top-level build reads of one part of a tree: the whole tree, one side of a divided
-/// tree, one section, or one light of an open tree. `LightTree` in WGSL; 80 bytes.
+/// tree, one section, or one light part. `LightTree` in WGSL; 80 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct TreeRecord {
@@ -132,8 +132,8 @@ pub(crate) struct TreeRecord {
     pub cluster: ClusterRecord,
     pub punctual_flux: f32,
     pub area_flux: f32,
-    /// Where a walk goes on: 0 for the root, or as in [`Node::targets`](crate::tree::Node).
-    pub target: u32,
+    /// Where a walk goes on: 0 for the root, or as in [`Node::children`](crate::tree::Node).
+    pub child_bits: u32,
     pub padding: u32,
 }
 
@@ -154,7 +154,7 @@ pub(crate) struct LeafRecord {
     /// The slot of the instance.
     pub slot: u32,
     /// As in [`TreeRecord`].
-    pub target: u32,
+    pub child_bits: u32,
     /// The place of the part's leaf in the top level; [`NO_PARENT`](crate::tree::NO_PARENT) for a
     /// dark part.
     pub place: u32,
@@ -396,18 +396,20 @@ impl TreeRecord {
         let part = index as usize;
         match division {
             Division::Whole => Self::of_cluster(&tree.cluster(), 0),
-            Division::Sides => Self::of_cluster(&tree.sides()[part], tree.nodes()[0].targets[part]),
-            Division::Sections(_) => Self::of_cluster(&tree.section_cluster(&sections[part]), sections[part].target),
+            Division::Sides => Self::of_cluster(&tree.sides()[part], tree.nodes()[0].children[part]),
+            Division::Sections(_) => {
+                Self::of_cluster(&tree.section_cluster(&sections[part]), sections[part].child_bits)
+            }
             Division::Lights => Self::of_cluster(&tree.lights()[part].cluster(), LEAF | index),
         }
     }
 
-    fn of_cluster(cluster: &Cluster, target: u32) -> Self {
+    fn of_cluster(cluster: &Cluster, child_bits: u32) -> Self {
         Self {
             cluster: ClusterRecord::of(cluster),
             punctual_flux: cluster.punctual_flux(),
             area_flux: cluster.area_flux,
-            target,
+            child_bits,
             padding: 0,
         }
     }
@@ -479,13 +481,8 @@ mod tests {
                 factor, mask, sector
             ]
         );
-        record!(
-            structs,
-            TreeRecord,
-            "LightTree",
-            [cluster, punctual_flux, area_flux, target as "target_bits", padding]
-        );
-        record!(structs, LeafRecord, "LightPart", [slot, target as "target_bits", place, mask]);
+        record!(structs, TreeRecord, "LightTree", [cluster, punctual_flux, area_flux, child_bits, padding]);
+        record!(structs, LeafRecord, "LightPart", [slot, child_bits, place, mask]);
         record!(structs, SampleRequest, "Request", [position, choice, normal, padding, u]);
         record!(structs, SampleRecord, "LightSample", [direction, dist, radiance, pdf, pmf, instance, light, is_delta]);
         // WGSL pads the struct without naming the padding.

@@ -1,9 +1,6 @@
 //! The memory that the GPU side takes, and how a limit of it is divided between nodes and lights.
 
-use std::collections::BTreeMap;
-
 use super::LightPlanner;
-use super::buffers::{BufferId, NewBuffer};
 use super::residency::Form;
 use super::stored::Stored;
 use crate::effects::Effects;
@@ -32,26 +29,6 @@ pub struct GpuMemory {
     pub used: u64,
     /// Bytes of gaps between nodes and lights in use: fragmentation.
     pub gaps: u64,
-}
-
-/// The sizes of the buffers that exist.
-#[derive(Debug, Default)]
-pub(super) struct BufferSizes {
-    bytes: BTreeMap<BufferId, u64>,
-    total: u64,
-}
-
-impl BufferSizes {
-    /// Records buffers that were made and freed.
-    pub fn change(&mut self, new: &[NewBuffer], freed: &[BufferId]) {
-        for buffer in new {
-            self.total += buffer.bytes;
-            self.bytes.insert(buffer.id, buffer.bytes);
-        }
-        for id in freed {
-            self.total -= self.bytes.remove(id).unwrap_or(0);
-        }
-    }
 }
 
 impl LightPlanner {
@@ -125,7 +102,7 @@ impl LightPlanner {
             (self.nodes.bytes(), self.nodes.taken(), self.nodes.used(), self.nodes.stride()),
             (self.lights.bytes(), self.lights.taken(), self.lights.used(), self.lights.stride()),
         ];
-        let mut memory = GpuMemory { buffers: self.buffers.total, ..GpuMemory::default() };
+        let mut memory = GpuMemory { buffers: self.buffers.total(), ..GpuMemory::default() };
         for (bytes, taken, end, stride) in pools {
             memory.trees += bytes;
             memory.used += taken * stride;

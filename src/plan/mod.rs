@@ -78,6 +78,7 @@ mod ranges;
 pub(crate) mod relayout;
 mod reserve;
 mod residency;
+mod room;
 mod runs;
 pub(crate) mod scatter;
 pub(crate) mod sort;
@@ -107,24 +108,23 @@ pub(crate) use limits::MIN_LARGEST_BUFFER;
 pub use limits::PlanLimits;
 pub use memory::GpuMemory;
 pub use module::naga_oil_module;
-use reserve::Lists;
 pub use reserve::Reservation;
 pub use target_hook::TargetHook;
 pub use text::{wgsl, wgsl_previous, wgsl_with_target};
 
-use crate::counts::SplitCount;
 use crate::effects::Effects;
-use crate::sector;
+use crate::instance::sector;
+use crate::sampling::counts::SplitCount;
 use crate::world::LightWorld;
-use buffers::Ids;
+use buffers::{BufferSizes, Ids};
 use changes::PendingChanges;
 use layout::{InstanceRecord, LightRecord, ParamsRecord, Strides, TreeRecord};
-use memory::BufferSizes;
 use node_record::NodeRecord;
 use parts::PartTable;
 use pool::Pool;
-use previous::Previous;
+use previous::{BUFFERS, Previous};
 use residency::Residency;
+use room::ReusedLists;
 use stored::Missing;
 use top::TopBuild;
 
@@ -177,7 +177,7 @@ pub struct LightPlanner {
     effects: Effects,
     /// Plans that were made.
     number: u64,
-    lists: Lists,
+    lists: ReusedLists,
     /// What the last build of the top level took.
     top_sizes: CommandSizes,
 }
@@ -219,7 +219,7 @@ impl LightPlanner {
             is_lost: false,
             effects: Effects::all() - Effects::MOVING,
             number: 0,
-            lists: Lists::default(),
+            lists: ReusedLists::default(),
             top_sizes: CommandSizes::default(),
         }
     }
@@ -233,6 +233,41 @@ impl LightPlanner {
     pub fn bindings(&self) -> Option<[BufferId; 5]> {
         let params = self.params_buffer?;
         Some([params, self.top.nodes(), self.nodes.buffer(), self.instances.buffer(), self.lights.buffer()])
+    }
+
+    /// Keeps the buffers of the last frame, from the next plan on, or drops them. They take as much
+    /// memory as the present ones, and a plan copies those that the plan before it changed. See
+    /// [`wgsl_previous`].
+    ///
+    /// Make one plan for each frame then, also if nothing has changed: a frame is what lies between
+    /// two plans. After [`LightPlanner::lose`], the last frame has no lights until the second plan.
+    pub fn keep_previous(&mut self, is_kept: bool) {
+        self.previous.is_kept = is_kept;
+    }
+
+    /// The buffers of the last frame, as [`LightPlanner::bindings`] was then, but with buffers of
+    /// their own; `None` before the first plan after [`LightPlanner::keep_previous`]. In that plan's
+    /// frame they are those of the plan before it.
+    pub fn previous_bindings(&self) -> Option<[BufferId; 5]> {
+        self.previous.bindings()
+    }
+
+    /// Tells that a build of the top level is played that need not be one of the last plan.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn top_changed(&mut self) {
+        self.previous.changed([true, false, false, false]);
+    }
+
+    /// The buffers that shaders bind, with the bytes that are in use and their sizes.
+    fn present(&self) -> Option<[(BufferId, u64, u64); BUFFERS]> {
+        let [_, top, nodes, instances, lights] = self.bindings()?;
+        let top_bytes = self.top.nodes_bytes();
+        Some([
+            (top, top_bytes, top_bytes),
+            (nodes, self.nodes.used() * self.nodes.stride(), self.nodes.bytes()),
+            (instances, self.instances.used() * self.instances.stride(), self.instances.bytes()),
+            (lights, self.lights.used() * self.lights.stride(), self.lights.bytes()),
+        ])
     }
 
     /// The effects that the text of [`wgsl`] must support to read these buffers: those of

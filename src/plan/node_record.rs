@@ -29,7 +29,7 @@ pub(crate) struct NodeRecord {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(crate) struct ChildRecord {
-    pub target: u32,
+    pub child_bits: u32,
     pub low: [u8; 3],
     pub deviation: u8,
     pub high: [u8; 3],
@@ -57,7 +57,7 @@ impl NodeRecord {
         let mut record = Self {
             origin: node.origin,
             steps: node.steps,
-            children: [ChildRecord { target: 0, low: [0; 3], deviation: 0, high: [0; 3], mean: [0; 3], flux: 0 };
+            children: [ChildRecord { child_bits: 0, low: [0; 3], deviation: 0, high: [0; 3], mean: [0; 3], flux: 0 };
                 WIDTH],
             parent: node.parent,
             area_ratios: node.area_ratios,
@@ -68,7 +68,7 @@ impl NodeRecord {
         let mut i = 0;
         while i < WIDTH {
             record.children[i] = ChildRecord {
-                target: node.targets[i],
+                child_bits: node.children[i],
                 low: [node.low[0][i], node.low[1][i], node.low[2][i]],
                 deviation: node.deviation[i],
                 high: [node.high[0][i], node.high[1][i], node.high[2][i]],
@@ -98,7 +98,7 @@ impl NodeRecord {
             ..Node::EMPTY
         };
         for (i, (child, lobe)) in self.children.iter().zip(&self.lobes).enumerate() {
-            node.targets[i] = child.target;
+            node.children[i] = child.child_bits;
             (node.deviation[i], node.flux[i]) = (child.deviation, child.flux);
             for k in 0..3 {
                 (node.low[k][i], node.high[k][i], node.mean[k][i]) = (child.low[k], child.high[k], child.mean[k]);

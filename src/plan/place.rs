@@ -11,13 +11,13 @@ use super::changes::PendingChanges;
 use super::error::PlanError;
 use super::layout::TreeRecord;
 use super::pool::{Demand, Growth};
-use super::reserve::Room;
 use super::residency::{Form, Incoming, NOT_WEIGHED, TreeState, has_room};
+use super::room::Room;
 use super::runs::runs;
 use super::stand_in::{may_stand_in, stand_ins};
 use super::tree_writes::{Source, TreeWrite};
+use crate::instance::part::Division;
 use crate::keys::{TreeKey, slot_of};
-use crate::part::Division;
 use crate::tree::LightTree;
 use crate::world::{LightWorld, TreeChanges, TreeEntry};
 
@@ -265,7 +265,7 @@ impl LightPlanner {
         let has_new_records = state.waits || state.division != subject.division || state.records.len() != count;
         if has_new_records {
             let state = TreeState { waits: false, ..state.clone() };
-            self.stage(world, subject, state, subject.division, room)?;
+            self.set_state(world, subject, state, subject.division, room)?;
         }
         room.trees.add(TreeWrite { slot: subject.slot, source: Source::Tree, bases, has_new_records }, runs);
         Ok(())
@@ -282,7 +282,7 @@ impl LightPlanner {
     ) -> Result<(), PlanError> {
         let bases = [nodes.start, lights.start];
         let state = TreeState { form: Form::Whole, waits: false, nodes, lights, ..state };
-        self.stage(world, subject, state, subject.division, room)?;
+        self.set_state(world, subject, state, subject.division, room)?;
         room.trees.add(
             TreeWrite { slot: subject.slot, source: Source::Tree, bases, has_new_records: true },
             subject.counts().map(all),
@@ -308,7 +308,7 @@ impl LightPlanner {
         let bases = [nodes.start, lights.start];
         let bytes = self.bytes(subject.counts());
         let state = TreeState { form: Form::StandIns, waits: true, bytes, nodes, lights, ..state };
-        self.stage(world, subject, state, Division::Whole, room)?;
+        self.set_state(world, subject, state, Division::Whole, room)?;
         room.trees.add(
             TreeWrite { slot: subject.slot, source: Source::StandIns(Box::new(few)), bases, has_new_records: true },
             counts.map(all),
@@ -317,7 +317,7 @@ impl LightPlanner {
     }
 
     /// Records the state of a tree after the frame, with room for the records of its parts.
-    fn stage(
+    fn set_state(
         &mut self,
         world: &LightWorld,
         subject: &Subject,
@@ -461,7 +461,7 @@ impl LightPlanner {
         let Incoming { nodes, lights, .. } = incoming;
         let state = self.residency.get(subject.slot).clone();
         let state = TreeState { form: Form::Whole, waits: false, nodes, lights, ..state };
-        self.stage(world, &subject, state, subject.division, room)?;
+        self.set_state(world, &subject, state, subject.division, room)?;
         room.trees.add(TreeWrite { slot: subject.slot, source: Source::Tree, bases, has_new_records: true }, runs);
         Ok(())
     }
@@ -537,7 +537,7 @@ impl LightPlanner {
                 has_moved = true;
                 let bases = [ranges[0].start, ranges[1].start];
                 let [nodes, lights] = ranges;
-                self.stage(world, &subject, TreeState { nodes, lights, ..state }, subject.division, room)?;
+                self.set_state(world, &subject, TreeState { nodes, lights, ..state }, subject.division, room)?;
                 room.trees.add(TreeWrite { slot, source: Source::Piece, bases, has_new_records: false }, runs);
             }
         }

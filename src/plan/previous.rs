@@ -3,13 +3,12 @@
 //! Each plan begins with copies of the buffers that the plan before it changed. So a pool that rests
 //! costs nothing, and a plan may change all buffers freely afterwards.
 
-use super::LightPlanner;
 use super::buffers::{BufferId, Ids, NewBuffer};
 use super::commands::Commands;
 use super::layout::ParamsRecord;
 
 /// Storage buffers that shaders bind: top level, nodes, instances, lights.
-const BUFFERS: usize = 4;
+pub(super) const BUFFERS: usize = 4;
 
 /// Bytes of a buffer for a frame in which there was nothing: as much as shaders read of it.
 const EMPTY_BYTES: u64 = 256;
@@ -142,42 +141,5 @@ impl Previous {
         for (is_stale, is_changed) in self.is_stale.iter_mut().zip(is_changed) {
             *is_stale |= is_changed;
         }
-    }
-}
-
-impl LightPlanner {
-    /// Keeps the buffers of the last frame, from the next plan on, or drops them. They take as much
-    /// memory as the present ones, and a plan copies those that the plan before it changed. See
-    /// [`wgsl_previous`](super::wgsl_previous).
-    ///
-    /// Make one plan for each frame then, also if nothing has changed: a frame is what lies between
-    /// two plans. After [`LightPlanner::lose`], the last frame has no lights until the second plan.
-    pub fn keep_previous(&mut self, is_kept: bool) {
-        self.previous.is_kept = is_kept;
-    }
-
-    /// The buffers of the last frame, as [`LightPlanner::bindings`] was then, but with buffers of
-    /// their own; `None` before the first plan after [`LightPlanner::keep_previous`]. In that plan's
-    /// frame they are those of the plan before it.
-    pub fn previous_bindings(&self) -> Option<[BufferId; 5]> {
-        self.previous.bindings()
-    }
-
-    /// Tells that a build of the top level is played that need not be one of the last plan.
-    #[cfg(feature = "gpu")]
-    pub(crate) fn top_changed(&mut self) {
-        self.previous.changed([true, false, false, false]);
-    }
-
-    /// The buffers that shaders bind, with the bytes that are in use and their sizes.
-    pub(super) fn present(&self) -> Option<[(BufferId, u64, u64); BUFFERS]> {
-        let [_, top, nodes, instances, lights] = self.bindings()?;
-        let top_bytes = self.top.nodes_bytes();
-        Some([
-            (top, top_bytes, top_bytes),
-            (nodes, self.nodes.used() * self.nodes.stride(), self.nodes.bytes()),
-            (instances, self.instances.used() * self.instances.stride(), self.instances.bytes()),
-            (lights, self.lights.used() * self.lights.stride(), self.lights.bytes()),
-        ])
     }
 }

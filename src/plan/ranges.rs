@@ -102,7 +102,7 @@ impl Ranges {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dice::hash;
+    use crate::math::dice::hash;
 
     /// The same, one record after the other.
     #[derive(Default)]

@@ -5,19 +5,18 @@ use std::fmt;
 use std::ops::Range;
 
 use super::LightPlanner;
-use super::buffers::{BufferId, NewBuffer};
-use super::changes::{PendingChanges, Slots};
+use super::buffers::NewBuffer;
+use super::changes::PendingChanges;
 use super::error::PlanError;
 use super::layout::{ParamsRecord, PartRecord, TreeRecord};
-use super::parts::NewParts;
-use super::pool::{Growth, RestartedPool};
-use super::previous::Copies;
+use super::pool::Growth;
 use super::relayout::RELAYOUT_STRIDE;
-use super::residency::{Incoming, Residency, TreeState};
+use super::residency::{Incoming, TreeState};
+use super::room::{Restarted, ReusedLists, Room};
 use super::runs::add_runs;
 use super::scatter::{self, RunCount};
 use super::stored::Stored;
-use super::tree_writes::{TreeRuns, written_records};
+use super::tree_writes::written_records;
 use crate::effects::Effects;
 use crate::keys::slot_of;
 use crate::world::{FrameDelta, LightWorld};
@@ -34,65 +33,6 @@ pub struct Reservation<'a> {
     pub(super) room: Room,
     /// The room was taken into use, so that there is nothing to undo.
     pub(super) is_used: bool,
-}
-
-/// What a frame needs before it changes anything.
-#[derive(Debug, Default)]
-pub(super) struct Room {
-    /// Nothing has changed in what shaders read.
-    pub is_idle: bool,
-    pub new_buffers: Vec<NewBuffer>,
-    /// The trees whose place or form changes, by slot.
-    pub placed: BTreeMap<u32, TreeState>,
-    /// The tree that is sent in pieces, after this frame.
-    pub incoming: Option<Incoming>,
-    /// Bytes of new trees that may still be sent.
-    pub left: u64,
-    /// No tree was found that can move to a gap.
-    pub is_packed: bool,
-    pub growth: Growth,
-    /// What was in the pools of trees before they were begun anew.
-    pub restarted: Option<Box<Restarted>>,
-    /// New ranges for the parts of instances.
-    pub parts: NewParts,
-    /// The continuation of the table of instances.
-    pub slots: Range<u32>,
-    pub directionals: Option<Range<u32>>,
-    pub trees: TreeRuns,
-    /// The slots of the instances that are written, and their runs.
-    pub instances: Slots,
-    pub instance_runs: Vec<Range<u32>>,
-    /// The runs of records that are written to these pools: nodes, lights, trees, instances.
-    pub run_counts: [RunCount; scatter::MAX_TARGETS],
-    /// Which of these pools take their short runs from staged records.
-    pub is_scattered: [bool; scatter::MAX_TARGETS],
-    pub staged_bytes: u64,
-    pub params: Option<BufferId>,
-    /// Copies of the present buffers, for shaders that read those of the last frame.
-    pub copies: Copies,
-    pub relayout_uniform: Option<BufferId>,
-    pub scatter_uniform: Option<BufferId>,
-    pub staging: Option<(BufferId, u64)>,
-}
-
-/// The most items of a list whose memory is kept for the next frame.
-const KEPT: usize = 4096;
-
-/// Lists that each frame fills anew. Their memory is kept: lists that grow are copied, and large
-/// requests take the allocator longer than small ones.
-#[derive(Debug, Default)]
-pub(super) struct Lists {
-    trees: TreeRuns,
-    instance_runs: Vec<Range<u32>>,
-}
-
-/// The trees and their pools before a restart.
-#[derive(Debug)]
-pub(super) struct Restarted {
-    nodes: RestartedPool,
-    lights: RestartedPool,
-    residency: Residency,
-    directionals: Range<u32>,
 }
 
 impl Reservation<'_> {
@@ -197,7 +137,7 @@ impl LightPlanner {
     }
 
     fn new_room(&mut self, growth: Growth) -> Room {
-        let Lists { trees, instance_runs } = std::mem::take(&mut self.lists);
+        let ReusedLists { trees, instance_runs } = std::mem::take(&mut self.lists);
         let mut room = Room { growth, trees, instance_runs, ..Room::default() };
         let present = if self.previous.is_kept { self.present() } else { None };
         room.copies = self.previous.reserve(present, (&mut self.ids, &mut room.new_buffers));
@@ -344,20 +284,9 @@ impl LightPlanner {
         }
     }
 
-    /// Keeps the memory of the lists of a frame for the next one.
-    pub(super) fn keep_lists(&mut self, mut trees: TreeRuns, mut instance_runs: Vec<Range<u32>>) {
-        trees.runs.clear();
-        trees.writes.clear();
-        instance_runs.clear();
-        trees.runs.shrink_to(KEPT);
-        trees.writes.shrink_to(KEPT);
-        instance_runs.shrink_to(KEPT);
-        self.lists = Lists { trees, instance_runs };
-    }
-
     /// Takes back what was reserved.
     fn undo(&mut self, room: Room) {
-        self.keep_lists(room.trees, room.instance_runs);
+        self.lists.keep(room.trees, room.instance_runs);
         for (slot, state) in room.placed {
             let former = self.residency.get(slot).clone();
             self.release_others(&state, &former);

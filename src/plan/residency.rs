@@ -3,8 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
+use crate::instance::part::Division;
 use crate::keys::TreeKey;
-use crate::part::Division;
 
 /// The usefulness of a tree that was not weighed yet, or is always whole: it is not evicted.
 pub(super) const NOT_WEIGHED: u32 = u32::MAX;

@@ -7,9 +7,9 @@
 //! point (as in Yuksel, Stochastic Lightcuts, 2019). The draw depends on the tree alone, so it
 //! stays the same from frame to frame.
 
-use crate::dice::hash;
 use crate::light::{Light, MAX_EMISSION};
-use crate::tree::{LightTree, Target, WIDTH};
+use crate::math::dice::hash;
+use crate::tree::{ChildRef, LightTree, WIDTH};
 
 /// A tree of up to this many lights is never replaced by stand-ins: they would take half as much
 /// memory.
@@ -39,39 +39,39 @@ pub(super) fn stand_ins(tree: &LightTree) -> LightTree {
 
 /// A cluster that gets a stand-in.
 #[derive(Clone, Copy, Debug)]
-struct Part {
-    target: Target,
+struct Represented {
+    child: ChildRef,
     flux: f32,
     /// Flux times the diagonal of the box, in metres: the cluster with the largest is split next. 0
     /// for a single light.
     spread: f32,
 }
 
-impl Part {
+impl Represented {
     fn of(tree: &LightTree, node: u32, slot: usize) -> Option<Self> {
         let node = &tree.nodes()[node as usize];
-        let (target, cluster) = (node.target(slot)?, node.cluster(slot));
+        let (child, cluster) = (node.child(slot)?, node.cluster(slot));
         let extent = cluster.aabb.extent().length();
-        let spread = if matches!(target, Target::Node(_)) { cluster.flux * extent } else { 0.0 };
-        (cluster.flux > 0.0).then_some(Self { target, flux: cluster.flux, spread })
+        let spread = if matches!(child, ChildRef::Node(_)) { cluster.flux * extent } else { 0.0 };
+        (cluster.flux > 0.0).then_some(Self { child, flux: cluster.flux, spread })
     }
 }
 
 /// The children of a node that are not dark.
-fn children(tree: &LightTree, node: u32) -> impl Iterator<Item = Part> + '_ {
-    (0..WIDTH).filter_map(move |slot| Part::of(tree, node, slot))
+fn children(tree: &LightTree, node: u32) -> impl Iterator<Item = Represented> + '_ {
+    (0..WIDTH).filter_map(move |slot| Represented::of(tree, node, slot))
 }
 
 /// At most `wanted` clusters that hold all lights but dark ones; all children of the root if these
 /// are more.
-fn divide(tree: &LightTree, wanted: usize) -> Vec<Part> {
+fn divide(tree: &LightTree, wanted: usize) -> Vec<Represented> {
     if tree.nodes().is_empty() {
         return Vec::new();
     }
-    let mut parts: Vec<Part> = children(tree, 0).collect();
+    let mut parts: Vec<Represented> = children(tree, 0).collect();
     loop {
         let largest = (0..parts.len()).max_by(|a, b| parts[*a].spread.total_cmp(&parts[*b].spread));
-        let Some((index, Target::Node(node))) = largest.map(|index| (index, parts[index].target)) else { break };
+        let Some((index, ChildRef::Node(node))) = largest.map(|index| (index, parts[index].child)) else { break };
         if parts.len() - 1 + tree.nodes()[node as usize].count() > wanted {
             break;
         }
@@ -83,14 +83,14 @@ fn divide(tree: &LightTree, wanted: usize) -> Vec<Part> {
 
 /// A light of a cluster, with the flux of the cluster; `random` decides which. `None` if all of
 /// them are dark.
-fn stand_in(tree: &LightTree, part: &Part, random: u32) -> Option<Light> {
-    let (mut target, mut random) = (part.target, random);
+fn stand_in(tree: &LightTree, part: &Represented, random: u32) -> Option<Light> {
+    let (mut child, mut random) = (part.child, random);
     let index = loop {
-        match target {
-            Target::Leaf(light) => break light,
-            Target::Node(node) => {
+        match child {
+            ChildRef::Leaf(light) => break light,
+            ChildRef::Node(node) => {
                 random = hash(random);
-                target = draw(tree, node, random)?;
+                child = draw(tree, node, random)?;
             }
         }
     };
@@ -102,14 +102,14 @@ fn stand_in(tree: &LightTree, part: &Part, random: u32) -> Option<Light> {
 }
 
 /// A child of a node, drawn by flux.
-fn draw(tree: &LightTree, node: u32, random: u32) -> Option<Target> {
+fn draw(tree: &LightTree, node: u32, random: u32) -> Option<ChildRef> {
     let node = &tree.nodes()[node as usize];
     // Unused slots have no flux.
     let flux = node.flux.map(|half| f32::from_bits(u32::from(half) << 16));
     let mut left = random as f32 / u32::MAX as f32 * flux.iter().sum::<f32>();
     let mut chosen = None;
     for (slot, flux) in flux.into_iter().enumerate().filter(|(_, flux)| *flux > 0.0) {
-        chosen = node.target(slot);
+        chosen = node.child(slot);
         left -= flux;
         if left < 0.0 {
             break;
@@ -168,11 +168,11 @@ mod tests {
         }
         for part in &parts {
             // Five standard deviations, and the rounding of flux in nodes.
-            let mut below = vec![part.target];
-            while let Some(target) = below.pop() {
-                match target {
-                    Target::Node(node) => below.extend(children(&tree, node).map(|child| child.target)),
-                    Target::Leaf(light) => {
+            let mut below = vec![part.child];
+            while let Some(child) = below.pop() {
+                match child {
+                    ChildRef::Node(node) => below.extend(children(&tree, node).map(|child| child.child)),
+                    ChildRef::Leaf(light) => {
                         let share = tree.lights()[light as usize].flux() / part.flux;
                         let expected = share * draws as f32;
                         let difference = (counts[light as usize] as f32 - expected).abs();

@@ -8,21 +8,21 @@ use super::items::renamed;
 use super::target_hook::TargetHook;
 use super::{layout, stored};
 use crate::cluster;
-use crate::counts;
-use crate::cut;
-use crate::dice;
 use crate::effects::Effects;
-use crate::emit;
-use crate::equiangular;
-use crate::gloss;
-use crate::importance;
+use crate::instance::part;
+use crate::instance::sector;
 use crate::light;
-use crate::part;
-use crate::resample;
-use crate::sector;
-use crate::segment;
-use crate::shading_point;
-use crate::solid_angle;
+use crate::math::dice;
+use crate::math::solid_angle;
+use crate::sampling::counts;
+use crate::sampling::cut;
+use crate::sampling::emit;
+use crate::sampling::equiangular;
+use crate::sampling::resample;
+use crate::shading::gloss;
+use crate::shading::importance;
+use crate::shading::segment;
+use crate::shading::shading_point;
 use crate::tree;
 use crate::visibility;
 
@@ -339,32 +339,27 @@ pub(crate) fn constants() -> String {
 /// Panics on an unknown name and on an unbalanced directive: the texts are part of this crate.
 pub(crate) fn variant(text: &str, effects: Effects, extras: Extras) -> String {
     let mut kept = String::with_capacity(text.len());
-    let mut open: Vec<bool> = Vec::new();
+    let mut conditions: Vec<bool> = Vec::new();
     for line in text.lines() {
         match line.trim_start().strip_prefix("// #") {
-            Some("endif") => assert!(open.pop().is_some(), "`#endif` without `#if`"),
+            Some("endif") => assert!(conditions.pop().is_some(), "`#endif` without `#if`"),
             Some(directive) => {
                 let names = directive.strip_prefix("if ").unwrap_or_else(|| panic!("an unknown directive: {line}"));
-                open.push(names.split(" | ").any(|name| {
+                conditions.push(names.split(" | ").any(|name| {
                     let kept = Effects::from_name(name).map(|effect| effects.contains(effect));
                     kept.or(extras.keep(name)).unwrap_or_else(|| panic!("an unknown effect: {name}"))
                 }));
             }
-            None if open.iter().all(|kept| *kept) => {
+            None if conditions.iter().all(|kept| *kept) => {
                 kept += line;
                 kept.push('\n');
             }
             None => {}
         }
     }
-    assert!(open.is_empty(), "`#if` without `#endif`");
+    assert!(conditions.is_empty(), "`#if` without `#endif`");
     kept
 }
-
-/// Joined to the tests of this file and to those of the text in `tests/all`.
-#[cfg(test)]
-#[path = "../../tests/all/effect_sets.rs"]
-mod effect_sets;
 
 #[cfg(test)]
 mod tests {
@@ -396,7 +391,7 @@ mod tests {
 
     /// Sets that have any four effects in every combination. Whether lights move changes no text.
     fn text_variants() -> impl Iterator<Item = Effects> {
-        let sets = effect_sets::effect_sets(Effects::all().bits(), Effects::MOVING.bits());
+        let sets = testbed::testing::effect_sets::effect_sets(Effects::all().bits(), Effects::MOVING.bits());
         sets.into_iter().map(Effects::from_bits_truncate)
     }
 

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::part::Division;
+use crate::instance::part::Division;
 use crate::tree::{LightTree, Section, WIDTH};
 
 /// What is written of trees.

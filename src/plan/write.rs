@@ -9,13 +9,14 @@ use super::commands::Commands;
 use super::frame::FramePlan;
 use super::layout::{Bases, InstanceRecord, LightRecord, ParamsRecord, STAND_IN, TreeRecord, stored_place};
 use super::node_record::NodeRecord;
-use super::reserve::{Reservation, Room};
+use super::reserve::Reservation;
 use super::residency::{Form, Incoming, TreeState};
+use super::room::Room;
 use super::scatter::{MAX_TARGETS, Scattered, scatter};
 use super::tree_writes::{Source, TreeRuns, written_records};
 use crate::effects::Effects;
 use crate::keys::{generation_of, slot_of};
-use crate::tree::{LEAF, Node, Target};
+use crate::tree::{ChildRef, LEAF, Node};
 use crate::world::LightWorld;
 
 /// Commands and bytes of a plan besides the records of the large pools: parts and parameters.
@@ -46,7 +47,7 @@ impl Reservation<'_> {
         let copies = std::mem::take(&mut room.copies);
         planner.previous.adopt(copies, planner.params, (&mut plan.upload, &mut plan.freed));
         if room.is_idle {
-            planner.keep_lists(room.trees, room.instance_runs);
+            planner.lists.keep(room.trees, room.instance_runs);
             if planner.is_top_due {
                 planner.finish_top(&mut plan.top);
             }
@@ -77,7 +78,7 @@ impl Reservation<'_> {
         };
         planner.write_trees(commands, &mut staged, world, &trees, &mut report);
         planner.write_instances(commands, &mut staged, world, &instance_runs);
-        planner.keep_lists(trees, instance_runs);
+        planner.lists.keep(trees, instance_runs);
         if changes.directionals {
             let run = planner.directionals.clone();
             let records = world.directionals().map(|(_, light)| LightRecord::directional(light));
@@ -107,9 +108,9 @@ impl Reservation<'_> {
 /// A node whose lights have indices from `offset` on.
 fn with_lights_from(offset: u32, mut node: Node) -> Node {
     if offset > 0 {
-        for target in &mut node.targets {
-            if let Some(Target::Leaf(light)) = Target::of(*target) {
-                *target = LEAF | (light + offset);
+        for child in &mut node.children {
+            if let Some(ChildRef::Leaf(light)) = ChildRef::of(*child) {
+                *child = LEAF | (light + offset);
             }
         }
     }

@@ -38,7 +38,7 @@ pub(super) const DOUBT: f32 = 1.0;
 /// after this many.
 pub(super) const MAX_PASSED_OVER: usize = 8;
 
-/// A tree that was passed over is opened at the end of a frame only if it may take more than one in
+/// A tree that was passed over gets a long build at the end of a frame only if it may take more than one in
 /// this many of the frame's budget. To wake the thread for smaller trees took most of the budget:
 /// 18 trees of 12 lights were rebuilt in 0.3 ms, where there is time for 80.
 pub(super) const MAX_UNSPENT_SHARE: u32 = 8;

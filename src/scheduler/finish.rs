@@ -6,7 +6,7 @@ use super::clock::{Work, WorkKind};
 use super::constants::MAX_CHARGE_RATIO;
 use super::cost::{self, CostModel, size_class, slice_of, smallest_slice, whole};
 use super::ledger::nanos;
-use super::state::{BatchedTree, OpenBuild};
+use super::state::{BatchedTree, LongBuild};
 use super::{Scheduler, TreeState};
 use crate::keys::TreeKey;
 use crate::tree::WIDTH;
@@ -27,9 +27,9 @@ impl Scheduler {
         whole(self.trees[tree].lights)
     }
 
-    /// The work of a slice of the open build.
+    /// The work of a slice of the long build.
     pub fn work_of_slice(&self, units: usize) -> Work {
-        slice_of(self.open.as_ref().map_or(0, |open| open.lights), units)
+        slice_of(self.long_build.as_ref().map_or(0, |build| build.lights), units)
     }
 
     /// Records the time of the batch, which was rebuilt. It is divided among the trees in
@@ -68,30 +68,30 @@ impl Scheduler {
         self.costs.learn(whole(lights), units, took);
     }
 
-    /// Records a slice of the open build: its units, and those that are left.
+    /// Records a slice of the long build: its units, and those that are left.
     pub fn finish_slice(&mut self, units: usize, units_left: usize, took: Duration) -> DoneJob {
         let frame = self.frame;
         let (mut waited, mut work) = (0, smallest_slice(WIDTH));
-        if let Some(open) = &mut self.open {
-            open.units_left = units_left;
-            open.is_built = units_left == 0;
-            (waited, work) = (frame - open.since_frame, slice_of(open.lights, units));
+        if let Some(build) = &mut self.long_build {
+            build.units_left = units_left;
+            build.is_built = units_left == 0;
+            (waited, work) = (frame - build.since_frame, slice_of(build.lights, units));
         }
-        self.close_if_done();
+        self.end_if_done();
         let units = cost::units(work);
         let predicted = self.costs.learn(work, units, took);
         self.finish(took, nanos(predicted), units);
         DoneJob { work, predicted, took, waited }
     }
 
-    /// Records that the open build goes on in the background, and returns its work. The ledger pays
+    /// Records that the long build goes on in the background, and returns its work. The ledger pays
     /// for the predicted time as it can.
     pub fn go_on_in_background(&mut self) -> Work {
-        let lights = self.open.as_ref().map_or(0, |open| open.lights);
+        let lights = self.long_build.as_ref().map_or(0, |build| build.lights);
         let work = Work { kind: WorkKind::Background, lights };
         let predicted = nanos(self.costs.predict(work));
-        if let Some(open) = &mut self.open {
-            open.unpaid = Some(predicted);
+        if let Some(build) = &mut self.long_build {
+            build.unpaid = Some(predicted);
         }
         work
     }
@@ -99,12 +99,12 @@ impl Scheduler {
     /// Records that the build in the background has ended, and corrects its price.
     pub fn finish_background(&mut self, work: Work, took: Duration) {
         let predicted = nanos(self.costs.learn(work, cost::units(work), took));
-        let Some(OpenBuild { unpaid: Some(unpaid), is_built, .. }) = &mut self.open else { return };
+        let Some(LongBuild { unpaid: Some(unpaid), is_built, .. }) = &mut self.long_build else { return };
         // As for other jobs, a machine that was suspended during the build does not pay for hours.
         let due = *unpaid + nanos(took).min(MAX_CHARGE_RATIO * predicted) - predicted;
         *unpaid = due.max(0.0);
         self.ledger.give_back((-due).max(0.0));
         *is_built = true;
-        self.close_if_done();
+        self.end_if_done();
     }
 }

@@ -7,7 +7,7 @@ use super::constants::{LEDGER_CAPACITY, MAX_PASSED_OVER, MAX_UNSPENT_SHARE, MIN_
 use super::cost::{smallest_slice, whole};
 use super::ledger::nanos;
 use super::queue::Entry;
-use super::state::{BatchedTree, FrameTime, OpenBuild};
+use super::state::{BatchedTree, FrameTime, LongBuild};
 use super::{Scheduler, TreeState};
 use crate::keys::TreeKey;
 use crate::tree::{MAX_EXTRA_UNITS, WIDTH, units_of_build};
@@ -17,7 +17,7 @@ use crate::tree::{MAX_EXTRA_UNITS, WIDTH, units_of_build};
 pub(crate) enum Job {
     /// Rebuild the trees of [`Scheduler::batch`], one after the other.
     Rebuild,
-    /// Go on with the open build, or begin it, and do at most about this many units of work.
+    /// Go on with the long build, or begin it, and do at most about this many units of work.
     Slice { tree: TreeKey, units: usize },
 }
 
@@ -30,19 +30,20 @@ impl Scheduler {
 
     /// Whether there is anything to do or to pay for.
     pub fn has_jobs(&self) -> bool {
-        !self.queue.is_empty() || self.open.is_some()
+        !self.queue.is_empty() || self.long_build.is_some()
     }
 
     /// Returns the next job, or `None` at the end of the frame.
     ///
-    /// 1. The tree or the open build with the greatest priority comes first.
+    /// 1. The tree or the long build with the greatest priority comes first.
     /// 2. A tree that fits into the rest of the frame is rebuilt. Small trees are rebuilt in
     ///    batches of at most a slice.
-    /// 3. A tree that exceeds even the whole budget of the frame is opened: from now on it is built
-    ///    in slices. It is passed over if it would fit into a whole frame, or if another build is
-    ///    open.
-    /// 4. The time that is left at the end goes to the open build. If there is none, the first tree
-    ///    that was passed over is opened, unless it is so small that little time is left.
+    /// 3. A tree that exceeds even the whole budget of the frame gets a *long build*: from now on it is
+    ///    built in slices. It is passed over if it would fit into a whole frame, or if there is a
+    ///    long build of another tree.
+    /// 4. The time that is left at the end goes to the long build. If there is none, the one
+    ///    of the first tree that was passed over begins, unless the tree is so small that little
+    ///    time is left.
     pub fn next_job(&mut self, now: Duration) -> Option<Job> {
         if self.time.budget.is_zero() {
             return None;
@@ -53,18 +54,18 @@ impl Scheduler {
             if !self.batch.is_empty() {
                 return Some(Job::Rebuild);
             }
-            // The first tree does not fit, or the open build comes first.
+            // The first tree does not fit, or the long build comes first.
             let Some(tree) = self.first() else {
-                let is_due = self.open.as_ref().is_some_and(OpenBuild::is_due);
+                let is_due = self.long_build.as_ref().is_some_and(LongBuild::is_due);
                 if !is_due || !self.pay() {
                     break;
                 }
-                // The trees that were passed over because a build was open may be opened now.
+                // The trees that were passed over because of the long build may get theirs now.
                 self.queue.restore();
                 continue;
             };
-            if self.upper_bound(tree) > self.time.budget && self.open.is_none() {
-                self.open(tree);
+            if self.upper_bound(tree) > self.time.budget && self.long_build.is_none() {
+                self.begin_long_build(tree);
             } else if left < self.time.smallest_rebuild {
                 break;
             } else {
@@ -73,8 +74,8 @@ impl Scheduler {
         }
         let min_cost = self.time.budget / MAX_UNSPENT_SHARE;
         let passed_over = self.queue.restore().filter(|tree| self.upper_bound(*tree) > min_cost);
-        if self.open.is_none() && self.left(now) >= self.costs.upper_bound(smallest_slice(WIDTH)) {
-            self.open(passed_over?);
+        if self.long_build.is_none() && self.left(now) >= self.costs.upper_bound(smallest_slice(WIDTH)) {
+            self.begin_long_build(passed_over?);
         }
         self.pay();
         self.slice(now)
@@ -107,12 +108,12 @@ impl Scheduler {
         &self.batch
     }
 
-    /// The first tree that waits, if it comes before the open build and its priority has reached 0.
+    /// The first tree that waits, if it comes before the long build and its priority has reached 0.
     fn first(&self) -> Option<TreeKey> {
         let tree = self.queue.best()?;
         let rank = self.queue.entry(tree).rank;
-        let open = self.open.as_ref().filter(|open| open.is_due());
-        (self.priority(rank) >= 0.0 && open.is_none_or(|open| rank > open.rank)).then_some(tree)
+        let build = self.long_build.as_ref().filter(|build| build.is_due());
+        (self.priority(rank) >= 0.0 && build.is_none_or(|build| rank > build.rank)).then_some(tree)
     }
 
     /// The time that the rebuild of a tree that waits hardly ever exceeds.
@@ -125,15 +126,15 @@ impl Scheduler {
         self.time.left(now).min(self.ledger.balance())
     }
 
-    /// Takes a tree out of the queue and opens a build of it.
-    fn open(&mut self, tree: TreeKey) {
+    /// Takes a tree out of the queue and begins a long build of it.
+    fn begin_long_build(&mut self, tree: TreeKey) {
         let Entry { since_frame, nanos, rank, .. } = self.queue.entry(tree);
         self.withdraw(tree);
         // The tree waits until the build is done and paid for.
         self.waiting_nanos += nanos;
         let TreeState { lights, units, .. } = self.trees[tree];
         let units_left = units as usize;
-        self.open = Some(OpenBuild {
+        self.long_build = Some(LongBuild {
             tree: Some(tree),
             rank,
             since_frame,
@@ -145,55 +146,55 @@ impl Scheduler {
         });
     }
 
-    /// The next slice of the open build, if there is time for it.
+    /// The next slice of the long build, if there is time for it.
     fn slice(&self, now: Duration) -> Option<Job> {
-        let open = self.open.as_ref().filter(|open| open.unpaid.is_none())?;
+        let build = self.long_build.as_ref().filter(|build| build.unpaid.is_none())?;
         // A slice may take more units than it is given. On a slow machine even the smallest one is
         // longer than `SLICE`.
-        let most = self.costs.slice_upper_bound(MIN_SLICE_UNITS + MAX_EXTRA_UNITS + 1, open.lights).max(SLICE);
-        let units = self.costs.units_within(self.left(now).min(most), open.lights).saturating_sub(MAX_EXTRA_UNITS);
+        let most = self.costs.slice_upper_bound(MIN_SLICE_UNITS + MAX_EXTRA_UNITS + 1, build.lights).max(SLICE);
+        let units = self.costs.units_within(self.left(now).min(most), build.lights).saturating_sub(MAX_EXTRA_UNITS);
         // In frames that are too short for any slice, one is done whenever the ledger has saved up
         // enough for it, or as much as it can hold.
         let is_first = self.time.min_spent.is_zero();
-        let saved = self.costs.upper_bound(smallest_slice(open.lights)).min(LEDGER_CAPACITY);
+        let saved = self.costs.upper_bound(smallest_slice(build.lights)).min(LEDGER_CAPACITY);
         let is_saved = is_first && self.ledger.balance() >= saved;
-        let is_enough = units >= MIN_SLICE_UNITS.min(open.units_left) || is_saved;
-        is_enough.then_some(Job::Slice { tree: open.tree?, units: units.max(MIN_SLICE_UNITS) })
+        let is_enough = units >= MIN_SLICE_UNITS.min(build.units_left) || is_saved;
+        is_enough.then_some(Job::Slice { tree: build.tree?, units: units.max(MIN_SLICE_UNITS) })
     }
 
-    /// Pays for the open build in the background, as far as the ledger can. Returns whether nothing
+    /// Pays for the long build in the background, as far as the ledger can. Returns whether nothing
     /// is left to pay for.
     fn pay(&mut self) -> bool {
-        let Some(OpenBuild { unpaid: Some(unpaid), .. }) = &mut self.open else { return false };
+        let Some(LongBuild { unpaid: Some(unpaid), .. }) = &mut self.long_build else { return false };
         *unpaid -= self.ledger.pay(*unpaid);
         let is_paid = *unpaid <= 0.0;
-        self.close_if_done();
+        self.end_if_done();
         is_paid
     }
 
-    /// Closes the open build if it is done and paid for.
-    pub(super) fn close_if_done(&mut self) {
-        let is_done = |open: &mut OpenBuild| {
+    /// Ends the long build if it is done and paid for.
+    pub(super) fn end_if_done(&mut self) {
+        let is_done = |build: &mut LongBuild| {
             // A build in the background cannot be stopped.
-            let has_ended = open.is_built || (open.tree.is_none() && open.unpaid.is_none());
-            has_ended && !open.unpaid.is_some_and(|unpaid| unpaid > 0.0)
+            let has_ended = build.is_built || (build.tree.is_none() && build.unpaid.is_none());
+            has_ended && !build.unpaid.is_some_and(|unpaid| unpaid > 0.0)
         };
-        if let Some(open) = self.open.take_if(is_done) {
-            self.waiting_nanos -= open.nanos;
+        if let Some(build) = self.long_build.take_if(is_done) {
+            self.waiting_nanos -= build.nanos;
         }
     }
 
-    /// Forgets that a tree needs the open build. What the background does for it must still be paid
+    /// Forgets that a tree needs the long build. What the background does for it must still be paid
     /// for.
     pub fn cancel(&mut self, tree: TreeKey) {
-        if let Some(open) = self.open.as_mut().filter(|open| open.tree == Some(tree)) {
-            open.tree = None;
-            self.close_if_done();
+        if let Some(build) = self.long_build.as_mut().filter(|build| build.tree == Some(tree)) {
+            build.tree = None;
+            self.end_if_done();
         }
     }
 
-    /// How many frames the tree of the open build has waited.
-    pub fn open_wait(&self) -> u64 {
-        self.open.as_ref().map_or(0, |open| self.frame - open.since_frame)
+    /// How many frames the tree of the long build has waited.
+    pub fn long_build_wait(&self) -> u64 {
+        self.long_build.as_ref().map_or(0, |build| self.frame - build.since_frame)
     }
 }

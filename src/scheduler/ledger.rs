@@ -11,7 +11,7 @@ use super::constants::{LEDGER_CAPACITY, MAX_CHARGE_RATIO};
 /// does not save up for a long frame.
 ///
 /// Over any number of frames, all jobs together take no more than the budgets of these frames, plus
-/// the capacity, plus the time by which the last job exceeded its prediction, plus what an open
+/// the capacity, plus the time by which the last job exceeded its prediction, plus what a long
 /// build in the background has not been paid for yet.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Ledger {

@@ -77,7 +77,7 @@ use cost::CostModel;
 use decay::Decay;
 use ledger::Ledger;
 use queue::Queue;
-use state::{BatchedTree, FrameTime, OpenBuild};
+use state::{BatchedTree, FrameTime, LongBuild};
 
 /// Decides which tree is rebuilt next.
 ///
@@ -98,15 +98,15 @@ use state::{BatchedTree, FrameTime, OpenBuild};
 /// 0. Starts lie within a fixed range, so the wait has a bound in rounds that holds for any
 /// sequence of budgets (`docs/math.md`, "How long a tree waits").
 ///
-/// A tree that does not fit into the frame is built in slices, or on another thread. One such build
-/// is open at a time; it keeps the priority of its tree (`jobs.rs`).
+/// A tree that does not fit into the frame is built in slices, or on another thread. There is one
+/// such *long build* at a time; it keeps the priority of its tree (`jobs.rs`).
 #[derive(Debug, Default)]
 pub(crate) struct Scheduler {
     trees: SecondaryMap<TreeKey, TreeState>,
     queue: Queue,
     /// The trees to rebuild next, or that were rebuilt last.
     batch: Vec<BatchedTree>,
-    open: Option<OpenBuild>,
+    long_build: Option<LongBuild>,
     ledger: Ledger,
     costs: CostModel,
     /// The number of frames so far.
@@ -152,16 +152,16 @@ impl Scheduler {
         self.frame
     }
 
-    /// The number of trees that wait, without the tree of an open build.
+    /// The number of trees that wait, without the tree of an long build.
     pub fn waiting_trees(&self) -> usize {
         self.queue.len()
     }
 
-    /// The longest wait in frames of the trees that wait, that of an open build included.
+    /// The longest wait in frames of the trees that wait, that of an long build included.
     pub fn longest_wait(&self) -> u64 {
         let oldest = self.queue.oldest().map(|tree| self.queue.entry(tree).since_frame);
-        let open = self.open.as_ref().filter(|open| !open.is_built).map(|open| open.since_frame);
-        oldest.into_iter().chain(open).map(|since| self.frame - since).max().unwrap_or(0)
+        let build = self.long_build.as_ref().filter(|build| !build.is_built).map(|build| build.since_frame);
+        oldest.into_iter().chain(build).map(|since| self.frame - since).max().unwrap_or(0)
     }
 
     /// One of the trees that wait, another one with each call.
@@ -169,22 +169,22 @@ impl Scheduler {
         self.queue.next_in_turn()
     }
 
-    /// Whether a build of the tree is open, so that requests for it wait until its end.
-    pub fn is_open(&self, tree: TreeKey) -> bool {
-        self.open.as_ref().is_some_and(|open| open.tree == Some(tree) && !open.is_built)
+    /// Whether the long build is of this tree, so that requests for it wait until its end.
+    pub fn is_long_build_of(&self, tree: TreeKey) -> bool {
+        self.long_build.as_ref().is_some_and(|build| build.tree == Some(tree) && !build.is_built)
     }
 
-    /// Whether the tree waits for a rebuild, in the queue or for its open build.
+    /// Whether the tree waits for a rebuild, in the queue or for its long build.
     pub fn waits(&self, tree: TreeKey) -> bool {
-        self.queue.contains(tree) || self.is_open(tree)
+        self.queue.contains(tree) || self.is_long_build_of(tree)
     }
 
-    /// The frames for which a tree has waited for a rebuild, in the queue or for its open build;
+    /// The frames for which a tree has waited for a rebuild, in the queue or for its long build;
     /// `None` if it does not wait.
     pub fn wait_of(&self, tree: TreeKey) -> Option<u64> {
-        let open = self.open.as_ref().filter(|open| open.tree == Some(tree) && !open.is_built);
+        let build = self.long_build.as_ref().filter(|build| build.tree == Some(tree) && !build.is_built);
         let queued = || self.queue.contains(tree).then(|| self.queue.entry(tree).since_frame);
-        open.map(|open| open.since_frame).or_else(queued).map(|since| self.frame - since)
+        build.map(|build| build.since_frame).or_else(queued).map(|since| self.frame - since)
     }
 
     /// The frames since a tree was last built.

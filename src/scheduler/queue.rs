@@ -1,7 +1,7 @@
 //! The queue of trees that wait for a rebuild.
 
 use crate::keys::TreeKey;
-use crate::lists::Lists;
+use crate::keys::linked_lists::LinkedLists;
 
 /// Lists by rank. The ranks of all trees at one time lie within a range of this length; ranks
 /// beyond it count as its ends. A tree would have to wait for more than 100 rounds to need more.
@@ -17,10 +17,10 @@ const WAITING: usize = 0;
 /// Trees in the order of their ranks, and in the order in which they came. All operations are O(1).
 #[derive(Debug)]
 pub(super) struct Queue {
-    by_arrival: Lists<TreeKey, ()>,
+    by_arrival: LinkedLists<TreeKey, ()>,
     len: usize,
     /// One list per rank, at its remainder by [`RANKS`].
-    by_rank: Lists<TreeKey, Entry>,
+    by_rank: LinkedLists<TreeKey, Entry>,
     /// A bit per list of `by_rank`: whether it has any tree.
     is_filled: [u64; WORDS],
     /// The greatest rank of all trees in `by_rank`, and a rank that none of them is below.
@@ -49,9 +49,9 @@ pub(super) struct Entry {
 impl Default for Queue {
     fn default() -> Self {
         Self {
-            by_arrival: Lists::new(1),
+            by_arrival: LinkedLists::new(1),
             len: 0,
-            by_rank: Lists::new(RANKS as usize),
+            by_rank: LinkedLists::new(RANKS as usize),
             is_filled: [0; WORDS],
             top: 0,
             bottom: 0,

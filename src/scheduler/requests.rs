@@ -70,7 +70,7 @@ impl Scheduler {
     /// A tree that already waits keeps its age. The time for which it was doubtful counts towards
     /// its age as a doubtful tree only.
     pub fn set_request(&mut self, tree: TreeKey, request: RebuildRequest, share: f32) {
-        if request == RebuildRequest::None || self.is_open(tree) {
+        if request == RebuildRequest::None || self.is_long_build_of(tree) {
             return self.withdraw(tree);
         }
         let (start, nanos) = self.start_of(tree, request, share);

@@ -37,9 +37,9 @@ pub(crate) struct BatchedTree {
     pub nanos: f64,
 }
 
-/// A build that is cut: it goes on in slices, or in the background.
+/// A build that takes more than a frame: it goes on in slices, or in the background.
 #[derive(Clone, Debug)]
-pub(super) struct OpenBuild {
+pub(super) struct LongBuild {
     /// `None` if the tree no longer needs the build.
     pub tree: Option<TreeKey>,
     pub rank: i64,
@@ -50,13 +50,13 @@ pub(super) struct OpenBuild {
     pub lights: usize,
     pub units_left: usize,
     /// `None` for a build in frames, whose slices are charged as they are done. In the background:
-    /// the nanoseconds that the ledger has not paid for yet. The build is open until it is built
-    /// and paid for.
+    /// the nanoseconds that the ledger has not paid for yet. It ends once it is built and paid
+    /// for.
     pub unpaid: Option<f64>,
     pub is_built: bool,
 }
 
-impl OpenBuild {
+impl LongBuild {
     /// Whether the build needs time of this frame or of the ledger.
     pub fn is_due(&self) -> bool {
         self.unpaid.is_none_or(|unpaid| unpaid > 0.0)

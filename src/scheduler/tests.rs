@@ -27,8 +27,8 @@ struct Simulation {
     now: Duration,
     nanos_per_unit: f64,
     has_thread: bool,
-    /// Units of the open build that are done, and the tree.
-    open: Option<(TreeKey, usize)>,
+    /// Units of the long build that are done, and the tree.
+    long_build: Option<(TreeKey, usize)>,
     /// The tree that is built in the background, its work, its time, and when it ends.
     background: Option<(TreeKey, Work, Duration, Duration)>,
     /// Time that frames granted and did not spend although trees waited, in nanoseconds.
@@ -68,7 +68,7 @@ impl Simulation {
             now: Duration::ZERO,
             nanos_per_unit: NANOS_PER_UNIT,
             has_thread,
-            open: None,
+            long_build: None,
             background: None,
             unspent: 0.0,
             granted: 0.0,
@@ -127,8 +127,8 @@ impl Simulation {
         while let Some(job) = self.scheduler.next_job(time) {
             time += self.work(job, time);
         }
-        // While a build that is paid for still runs in the background, no other can be opened.
-        let is_blocked = self.scheduler.open.as_ref().is_some_and(|open| open.unpaid == Some(0.0));
+        // While a build that is paid for still runs in the background, no other can begin.
+        let is_blocked = self.scheduler.long_build.as_ref().is_some_and(|build| build.unpaid == Some(0.0));
         if self.scheduler.waiting_trees() > 0 && !is_blocked {
             self.unspent += (ledger::nanos(budget) - (self.scheduler.ledger.charged() - before)).max(0.0);
         }
@@ -153,13 +153,13 @@ impl Simulation {
             }
             Job::Slice { tree, units } => {
                 let all = units_of_build(self.tree(tree).lights) as usize;
-                let done = self.open.take().filter(|(open, _)| *open == tree).map_or(0, |(_, done)| done);
+                let done = self.long_build.take().filter(|(of, _)| *of == tree).map_or(0, |(_, done)| done);
                 // A tenth of the build is the copy of the lights, after which a thread goes on.
                 let end = if self.has_thread { all.div_ceil(10) } else { all };
                 let units = units.min(end - done);
                 let took = self.time(units as f64);
                 if done + units < end {
-                    self.open = Some((tree, done + units));
+                    self.long_build = Some((tree, done + units));
                 } else if self.has_thread {
                     let work = self.scheduler.go_on_in_background();
                     let build = self.time(all as f64);

@@ -12,11 +12,11 @@
 
 mod split;
 
-use crate::bounds::Aabb;
 use crate::cluster::Cluster;
-use crate::curve::{Curve, NO_KEY};
-use crate::part::{PART, PART_BITS, Part};
-use crate::tree::{Children, EMPTY_SLOT, NO_PARENT, Node, Target, WIDTH, WideCluster};
+use crate::cluster::bounds::Aabb;
+use crate::instance::part::{PART, PART_BITS, Part};
+use crate::tree::curve::{Curve, NO_KEY};
+use crate::tree::{ChildRef, Children, EMPTY_SLOT, NO_PARENT, Node, WIDTH, WideCluster};
 #[cfg(feature = "gpu-plan")]
 pub(crate) use split::{BINS, CELL_BITS, COST_SLACK, DIAGONAL_SHARE, FLUX_BITS};
 #[cfg(any(feature = "gpu-plan", test))]
@@ -153,9 +153,9 @@ impl TopLevel {
         self.masks = vec![[0; WIDTH]; self.nodes.len()];
         // Children come before their parents, and the root is the parent of the last ones.
         for node in (1..self.nodes.len()).chain([0]) {
-            self.masks[node] = std::array::from_fn(|slot| match self.nodes[node].target(slot) {
-                Some(Target::Leaf(leaf)) => self.part(leaf).map_or(0, |part| mask_of(part.slot)),
-                Some(Target::Node(child)) => self.masks[child as usize].iter().fold(0, |all, mask| all | mask),
+            self.masks[node] = std::array::from_fn(|slot| match self.nodes[node].child(slot) {
+                Some(ChildRef::Leaf(leaf)) => self.part(leaf).map_or(0, |part| mask_of(part.slot)),
+                Some(ChildRef::Node(child)) => self.masks[child as usize].iter().fold(0, |all, mask| all | mask),
                 None => 0,
             });
         }
@@ -173,11 +173,11 @@ impl TopLevel {
         Self { nodes: vec![Node::EMPTY], places, parts, first_parts, masks: Vec::new() }
     }
 
-    /// The part that a leaf is. `leaf` are the bits of its target below [`LEAF`]. `None` if there
+    /// The part that a leaf is. `leaf` are its child bits below [`LEAF`]. `None` if there
     /// is no such part.
     pub fn part(&self, leaf: u32) -> Option<Part> {
         if leaf & PART == 0 {
-            return Some(Part { slot: leaf, target: Target::Node(0) });
+            return Some(Part { slot: leaf, entry: ChildRef::Node(0) });
         }
         self.parts.get((leaf & PART_BITS) as usize).copied()
     }
@@ -204,7 +204,7 @@ impl TopLevel {
             }
             for (slot, child) in children.into_iter().enumerate() {
                 let place = index * WIDTH as u32 + slot as u32;
-                self.nodes[index as usize].targets[slot] = match child.map(|child| child.above(first)) {
+                self.nodes[index as usize].children[slot] = match child.map(|child| child.above(first)) {
                     None => EMPTY_SLOT,
                     Some(UnitKind::Part(part)) => {
                         self.places[part as usize] = place;
@@ -228,7 +228,7 @@ struct PieceTree {
     left: Vec<Unit>,
 }
 
-/// A node without targets, and its children.
+/// A node whose children are not named yet, and these children.
 struct PieceNode {
     node: Node,
     children: [Option<UnitKind>; WIDTH],
@@ -253,8 +253,8 @@ impl PieceTree {
     fn add_part(&mut self, units: &[Unit], parts: &[PiecePart], part: PiecePart) -> Unit {
         let children = Children::choose(part, |_, part| Some(part.halves?.map(|half| parts[half])));
         let mut below = Vec::with_capacity(WIDTH);
-        for (child, is_open) in children.iter() {
-            if is_open || child.count <= 1 {
+        for (child, is_inlined) in children.iter() {
+            if is_inlined || child.count <= 1 {
                 below.extend_from_slice(&units[child.first..child.first + child.count]);
             } else {
                 below.push(self.add_part(units, parts, *child));

@@ -13,7 +13,7 @@
 //!   choose the same cuts.
 
 use crate::cluster::Cluster;
-use crate::curve::{exponent, power_of_two};
+use crate::tree::curve::{exponent, power_of_two};
 use crate::tree::{ChildGroup, WIDTH, fills_nodes, middle};
 
 /// Bins of a large part.

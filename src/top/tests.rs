@@ -3,11 +3,11 @@ use std::collections::HashMap;
 use glam::{DVec3, Quat, Vec3};
 
 use super::*;
+use crate::instance::placement::Placement;
 use crate::light::{Light, luminance};
-use crate::placement::Placement;
 use crate::policy::Policy;
-use crate::sample::{LightId, LightSampler};
-use crate::shading_point::ShadingPoint;
+use crate::sampling::sample::{LightId, LightSampler};
+use crate::shading::shading_point::ShadingPoint;
 use crate::tree::testing::Rng;
 use crate::tree::{BuildItem, LEAF, fills_nodes, middle, shape};
 use crate::world::LightWorld;
@@ -60,12 +60,12 @@ fn by_cost(parts: &[(Part, Cluster)], slots: usize) -> TopLevel {
     let mut tree = PieceTree::default();
     let mut made: Vec<Option<Unit>> = vec![None; shape.len()];
     for (index, node) in shape.iter().enumerate().rev() {
-        let units: Vec<Unit> = node.targets[..node.count as usize]
+        let units: Vec<Unit> = node.children[..node.count as usize]
             .iter()
-            .map(|target| match target & LEAF {
-                0 => made[*target as usize].expect("children come after their parents"),
+            .map(|child| match child & LEAF {
+                0 => made[*child as usize].expect("children come after their parents"),
                 _ => {
-                    let part = lit[(target & !LEAF) as usize];
+                    let part = lit[(child & !LEAF) as usize];
                     Unit { cluster: parts[part as usize].1, kind: UnitKind::Part(part) }
                 }
             })
@@ -181,9 +181,9 @@ fn most_nodes_of_parts() -> Vec<usize> {
             let sizes = sizes.chain([7; WIDTH].into_iter().take(sevens)).chain([8; WIDTH].into_iter().take(eights));
             let mut room = WIDTH - parts;
             let closed = sizes.filter(|size| {
-                let is_open = *size - 1 <= room;
-                room -= if is_open { *size - 1 } else { 0 };
-                !is_open
+                let is_inlined = *size - 1 <= room;
+                room -= if is_inlined { *size - 1 } else { 0 };
+                !is_inlined
             });
             most[count] = most[count].max(1 + closed.count());
         }

@@ -1,10 +1,10 @@
 //! Proves that a tree keeps its invariants. Every test of trees calls it after every step.
 
 use super::LightTree;
-use super::node::{EMPTY_SLOT, NO_LEAF, NO_PARENT, Node, Target, WIDTH};
+use super::node::{ChildRef, EMPTY_SLOT, NO_LEAF, NO_PARENT, Node, WIDTH};
 use super::wide::WideCluster;
+use crate::cluster::cone::angle;
 use crate::cluster::{Cluster, MAX_FLUX};
-use crate::cone::angle;
 use crate::light::{MIN_FLUX, UNLIMITED_RANGE};
 
 /// Relative error of a sum of up to 2^31 f32 terms over a tree of depth 11 or more: each level adds
@@ -77,16 +77,16 @@ impl LightTree {
             let end = if is_contiguous { node + self.spans[node] as usize } else { self.nodes.len() };
             let mut lights = 0;
             for slot in record.count()..WIDTH {
-                if record.targets[slot] != EMPTY_SLOT || record.flux[slot] != 0 || self.wide[node].flux[slot] != 0.0 {
+                if record.children[slot] != EMPTY_SLOT || record.flux[slot] != 0 || self.wide[node].flux[slot] != 0.0 {
                     return fail(slot, "the slot is unused but not empty");
                 }
             }
             for slot in 0..record.count() {
                 let place = (node * WIDTH + slot) as u32;
                 let exact = self.wide[node].get(slot);
-                match record.target(slot) {
-                    None => return fail(slot, "the slot is in use but has no target"),
-                    Some(Target::Leaf(light)) => {
+                match record.child(slot) {
+                    None => return fail(slot, "the slot is in use but has no child"),
+                    Some(ChildRef::Leaf(light)) => {
                         let Some(has_leaf) = has_leaf.get_mut(light as usize) else {
                             return fail(slot, "the tree has no light of the leaf's index");
                         };
@@ -104,7 +104,7 @@ impl LightTree {
                             return fail(slot, "the cluster at full precision is not the light's");
                         }
                     }
-                    Some(Target::Node(below)) => {
+                    Some(ChildRef::Node(below)) => {
                         reached += 1;
                         let below = below as usize;
                         let Some(lower) = self.nodes.get(below) else {

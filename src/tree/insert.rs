@@ -91,17 +91,17 @@ impl LightTree {
                 self.put_leaf(node, count, index, &own);
                 return;
             };
-            let target = self.nodes[node].targets[choice.slot];
+            let child = self.nodes[node].children[choice.slot];
             if own.flux > 0.0 {
                 // Later additions see the box as it will be.
                 self.wide[node].set(choice.slot, &choice.merged);
             }
-            if target & LEAF != 0 {
-                let pair = self.share_node(node * WIDTH + choice.slot, target & !LEAF);
+            if child & LEAF != 0 {
+                let pair = self.share_node(node * WIDTH + choice.slot, child & !LEAF);
                 self.put_leaf(pair, 1, index, &own);
                 return self.rebuild_grown(pair);
             }
-            node = target as usize;
+            node = child as usize;
         }
     }
 
@@ -112,16 +112,16 @@ impl LightTree {
         let has_room = record.count() < WIDTH;
         let mut best: Option<Choice> = None;
         for slot in 0..record.count() {
-            let target = record.targets[slot];
-            let is_light = target & LEAF != 0;
+            let child = record.children[slot];
+            let is_light = child & LEAF != 0;
             if is_light && has_room {
                 continue;
             }
-            let child = self.wide[node].get(slot);
-            let merged = merged(&child, light);
-            let present = cost(&child);
+            let cluster = self.wide[node].get(slot);
+            let merged = merged(&cluster, light);
+            let present = cost(&cluster);
             let rise = cost(&merged) - present;
-            let lights = if is_light { 1 } else { self.light_counts[target as usize] };
+            let lights = if is_light { 1 } else { self.light_counts[child as usize] };
             let is_better = |best: &Choice| rise < best.rise || rise == best.rise && lights < best.lights;
             if best.as_ref().is_none_or(is_better) {
                 best = Some(Choice { slot, merged, cost: present, rise, lights });
@@ -132,7 +132,7 @@ impl LightTree {
 
     /// Writes a light to a slot of a node.
     fn put_leaf(&mut self, node: usize, slot: usize, index: u32, cluster: &Cluster) {
-        self.nodes[node].targets[slot] = index | LEAF;
+        self.nodes[node].children[slot] = index | LEAF;
         self.wide[node].set(slot, cluster);
         self.place_leaf(index, node * WIDTH + slot);
         self.dirty.insert(node);
@@ -142,7 +142,7 @@ impl LightTree {
     /// second. Returns the node.
     fn share_node(&mut self, place: usize, light: u32) -> usize {
         let pair = self.new_node_after(place / WIDTH);
-        self.nodes[place / WIDTH].targets[place % WIDTH] = pair as u32;
+        self.nodes[place / WIDTH].children[place % WIDTH] = pair as u32;
         self.nodes[pair].parent = place as u32;
         self.nodes[pair].set_count(2);
         self.light_counts[pair] = 2;
@@ -196,7 +196,7 @@ impl LightTree {
         let mut below = vec![root];
         while let Some(node) = below.pop() {
             for slot in 0..self.nodes[node].count() {
-                match self.nodes[node].targets[slot] {
+                match self.nodes[node].children[slot] {
                     light if light & LEAF != 0 => {
                         lights.push(PlacedLight { index: light & !LEAF, cluster: self.wide[node].get(slot) });
                     }
@@ -216,13 +216,13 @@ impl LightTree {
         self.wide[root] = WideCluster::EMPTY;
         for (shaped, node) in shape.iter().zip(&places) {
             self.nodes[*node].set_count(shaped.count as usize);
-            for (slot, target) in shaped.targets[..shaped.count as usize].iter().enumerate() {
-                if target & LEAF != 0 {
-                    let PlacedLight { index, cluster } = lights[(target & !LEAF) as usize];
+            for (slot, child) in shaped.children[..shaped.count as usize].iter().enumerate() {
+                if child & LEAF != 0 {
+                    let PlacedLight { index, cluster } = lights[(child & !LEAF) as usize];
                     self.put_leaf(*node, slot, index, &cluster);
                 } else {
-                    let child = places[*target as usize];
-                    self.nodes[*node].targets[slot] = child as u32;
+                    let child = places[*child as usize];
+                    self.nodes[*node].children[slot] = child as u32;
                     self.nodes[child].parent = (*node * WIDTH + slot) as u32;
                 }
             }

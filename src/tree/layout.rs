@@ -68,21 +68,21 @@ impl LightTree {
     /// Lays out a node of a shape and marks it for the next refit.
     #[inline(always)]
     pub(super) fn lay_out_node(&mut self, shaped: &ShapeNode, node: usize, lights: &[PlacedLight]) {
-        let mut targets = shaped.targets;
+        let mut children = shaped.children;
         // Load all at once: they are anywhere in memory, and waiting for one after the other takes
         // longer than all the rest.
-        let is_light = |target: u32| target != EMPTY_SLOT && target & LEAF != 0;
+        let is_light = |child: u32| child != EMPTY_SLOT && child & LEAF != 0;
         let loaded: [PlacedLight; WIDTH] =
-            targets.map(|target| if is_light(target) { lights[(target & !LEAF) as usize] } else { PlacedLight::NONE });
-        for (slot, target) in targets[..shaped.count as usize].iter_mut().enumerate() {
-            if *target & LEAF != 0 {
+            children.map(|child| if is_light(child) { lights[(child & !LEAF) as usize] } else { PlacedLight::NONE });
+        for (slot, child) in children[..shaped.count as usize].iter_mut().enumerate() {
+            if *child & LEAF != 0 {
                 let PlacedLight { index, cluster } = &loaded[slot];
                 self.leaves[*index as usize] = (node * WIDTH + slot) as u32;
                 self.wide[node].set(slot, cluster);
-                *target = index | LEAF;
+                *child = index | LEAF;
             }
         }
-        self.nodes[node] = Node { targets, parent: shaped.parent, steps: shaped.count << 24, ..Node::EMPTY };
+        self.nodes[node] = Node { children, parent: shaped.parent, steps: shaped.count << 24, ..Node::EMPTY };
         self.spans[node] = shaped.span;
         self.dirty.flags_mut()[node] = true;
     }
@@ -90,9 +90,9 @@ impl LightTree {
     /// Counts the lights below a node whose child nodes have been counted.
     #[inline(always)]
     pub(super) fn count_lights(&mut self, node: usize) {
-        self.light_counts[node] = self.nodes[node].targets[..self.nodes[node].count()]
+        self.light_counts[node] = self.nodes[node].children[..self.nodes[node].count()]
             .iter()
-            .map(|target| if target & LEAF != 0 { 1 } else { self.light_counts[*target as usize] })
+            .map(|child| if child & LEAF != 0 { 1 } else { self.light_counts[*child as usize] })
             .sum();
     }
 }

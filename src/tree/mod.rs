@@ -6,6 +6,7 @@ mod bake;
 mod build;
 mod check;
 mod cost;
+pub(crate) mod curve;
 mod dirty;
 mod edited;
 mod freeze;
@@ -33,7 +34,7 @@ pub use attributes::{Attribute, Attributes};
 pub use bake::BakeError;
 pub use check::CheckError;
 pub use memory::TreeMemory;
-pub use node::{Bytes, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_LEAF, NO_PARENT, Node, Target, WIDTH};
+pub use node::{Bytes, ChildRef, EMPTY_SLOT, LEAF, MAX_LIGHTS, NO_LEAF, NO_PARENT, Node, WIDTH};
 #[cfg(feature = "gpu-plan")]
 pub(crate) use pack::{CAP_STEPS, DIRECTION_STEPS, STEPS};
 pub(crate) use pack::{NodeGrid, Unpacked};

@@ -10,14 +10,14 @@ use bytemuck::{Pod, Zeroable};
 /// compares the noise of 8, 16 and 32.
 pub const WIDTH: usize = 8;
 
-/// This bit is set in [`Node::targets`] if the child is one light (in a top level, one part of an
+/// This bit is set in [`Node::children`] if the child is one light (in a top level, one part of an
 /// instance).
 pub const LEAF: u32 = 1 << 31;
 
 /// The largest number of lights in a tree: the number that 31 bits can index beside the leaf bit.
 pub const MAX_LIGHTS: usize = (LEAF - 1) as usize;
 
-/// The target of an unused slot.
+/// The entry of an unused slot in [`Node::children`].
 pub const EMPTY_SLOT: u32 = u32::MAX;
 
 /// The place of the leaf of a light that was removed: see
@@ -46,7 +46,7 @@ pub struct Node {
     pub steps: u32,
     /// For each child the index of its node; or [`LEAF`] with the index of its light; or
     /// [`EMPTY_SLOT`].
-    pub targets: [u32; WIDTH],
+    pub children: [u32; WIDTH],
     /// Lumens, as the upper half of an f32. 0 if all lights below are dark.
     pub flux: [u16; WIDTH],
     /// Least corner of the child's box, in steps from `origin`, rounded down.
@@ -78,15 +78,15 @@ pub struct Node {
 
 /// The kind and the index of a child.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Target {
+pub enum ChildRef {
     /// The index of a node.
     Node(u32),
     /// The index of a light; in a top level, the bits that name a part of an instance.
     Leaf(u32),
 }
 
-impl Target {
-    /// Decodes an entry of [`Node::targets`]. `None` for an unused slot.
+impl ChildRef {
+    /// Decodes an entry of [`Node::children`]. `None` for an unused slot.
     pub fn of(bits: u32) -> Option<Self> {
         match bits {
             EMPTY_SLOT => None,
@@ -109,8 +109,8 @@ impl Node {
 
     /// The child in a slot. `None` for an unused slot and for a slot outside the node (from
     /// [`WIDTH`] on).
-    pub fn target(&self, slot: usize) -> Option<Target> {
-        self.targets.get(slot).and_then(|bits| Target::of(*bits))
+    pub fn child(&self, slot: usize) -> Option<ChildRef> {
+        self.children.get(slot).and_then(|bits| ChildRef::of(*bits))
     }
 }
 
@@ -119,11 +119,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_slot_that_is_unused_or_outside_the_node_has_no_target() {
-        let mut node = Node { targets: [EMPTY_SLOT; WIDTH], ..Node::zeroed() };
-        (node.targets[0], node.targets[7]) = (5, LEAF | 6);
-        assert_eq!((node.target(0), node.target(7)), (Some(Target::Node(5)), Some(Target::Leaf(6))));
-        assert!([1, WIDTH, WIDTH + 1, usize::MAX].into_iter().all(|slot| node.target(slot).is_none()));
+    fn a_slot_that_is_unused_or_outside_the_node_has_no_child() {
+        let mut node = Node { children: [EMPTY_SLOT; WIDTH], ..Node::zeroed() };
+        (node.children[0], node.children[7]) = (5, LEAF | 6);
+        assert_eq!((node.child(0), node.child(7)), (Some(ChildRef::Node(5)), Some(ChildRef::Leaf(6))));
+        assert!([1, WIDTH, WIDTH + 1, usize::MAX].into_iter().all(|slot| node.child(slot).is_none()));
     }
 
     #[test]

@@ -9,7 +9,7 @@ use glam::Vec3;
 
 use super::node::{Bytes, EMPTY_SLOT, NO_PARENT, Node, WIDTH};
 use super::wide::WideCluster;
-use crate::bounds::Aabb;
+use crate::cluster::bounds::Aabb;
 use crate::cluster::{Cluster, MIN_AXIS};
 use crate::light::UNLIMITED_RANGE;
 
@@ -75,7 +75,7 @@ impl Node {
     pub const EMPTY: Self = Self {
         origin: [0.0; 3],
         steps: 0,
-        targets: [EMPTY_SLOT; WIDTH],
+        children: [EMPTY_SLOT; WIDTH],
         flux: [0; WIDTH],
         low: [[0; WIDTH]; 3],
         high: [[0; WIDTH]; 3],
@@ -125,7 +125,7 @@ impl Node {
     pub(crate) fn pack(&mut self, wide: &WideCluster, bounds: &Aabb, count: usize) {
         self.steps = (count as u32) << 24;
         if bounds.is_empty() {
-            *self = Self { steps: self.steps, parent: self.parent, targets: self.targets, ..Self::EMPTY };
+            *self = Self { steps: self.steps, parent: self.parent, children: self.children, ..Self::EMPTY };
             return;
         }
         let mut half_diagonal_sq = [0.0; WIDTH];
@@ -335,7 +335,7 @@ fn signed_byte(x: f32) -> i8 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cone::angle;
+    use crate::cluster::cone::angle;
 
     fn pack(clusters: &[Cluster]) -> Node {
         let mut wide = WideCluster::EMPTY;
@@ -429,7 +429,7 @@ mod tests {
         assert!(node.cluster(0).flux > 0.0);
         for slot in [1, WIDTH - 1, WIDTH, WIDTH + 1, usize::MAX] {
             assert_eq!(node.cluster(slot), Cluster::EMPTY);
-            assert_eq!(Node::EMPTY.target(slot), None);
+            assert_eq!(Node::EMPTY.child(slot), None);
         }
     }
 

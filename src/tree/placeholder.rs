@@ -10,10 +10,10 @@ use super::layout::PlacedLight;
 use super::node::{EMPTY_SLOT, LEAF, NO_PARENT, WIDTH};
 use super::shape::{ShapeNode, TreeShape};
 use super::{LightTree, check_light_count, check_lights};
-use crate::bounds::Aabb;
-use crate::curve::{Curve, KEY_BITS};
+use crate::cluster::bounds::Aabb;
 use crate::error::WorldError;
 use crate::light::Light;
+use crate::tree::curve::{Curve, KEY_BITS};
 
 /// Bits of the digits by which keys are sorted. Three digits hold a key.
 const DIGIT_BITS: u32 = 11;
@@ -125,9 +125,9 @@ fn add_group(order: &[u32], lights: usize, parent: u32, nodes: &mut Vec<ShapeNod
     let own = nodes.len();
     let chunks = order.chunks(lights);
     let count = chunks.len() as u32;
-    nodes.push(ShapeNode { targets: [EMPTY_SLOT; WIDTH], count, parent, span: 1 });
+    nodes.push(ShapeNode { children: [EMPTY_SLOT; WIDTH], count, parent, span: 1 });
     for (slot, chunk) in chunks.enumerate() {
-        nodes[own].targets[slot] = match chunk {
+        nodes[own].children[slot] = match chunk {
             [light] => LEAF | light,
             _ => {
                 let child = nodes.len() as u32;

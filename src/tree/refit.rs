@@ -5,11 +5,11 @@ use std::ops::Range;
 
 use super::LightTree;
 use super::attributes::AttributeSums;
-use super::node::{NO_PARENT, Node, Target, WIDTH};
+use super::node::{ChildRef, NO_PARENT, Node, WIDTH};
 use super::tasks::{RefitTask, RefitTasks};
 use super::wide::WideCluster;
 use crate::cluster::Cluster;
-use crate::simd::{Job, with_vectors};
+use crate::math::simd::{Job, with_vectors};
 
 /// A refit visits a list of nodes if fewer than one in this many changed, and sweeps over all nodes
 /// otherwise. The list is a heap, which costs about as much per node as the refit of a node.
@@ -147,7 +147,7 @@ impl NodeSlices<'_> {
         if MEASURE {
             let mut sums = AttributeSums::of(wide, &merged);
             for slot in 0..count {
-                if let Some(Target::Node(below)) = node.target(slot) {
+                if let Some(ChildRef::Node(below)) = node.child(slot) {
                     sums.add(&self.sums[below as usize - self.base]);
                 }
             }

@@ -62,7 +62,7 @@ impl LightTree {
             self.move_child(node * WIDTH + last, place);
         }
         let record = &mut self.nodes[node];
-        record.targets[last] = EMPTY_SLOT;
+        record.children[last] = EMPTY_SLOT;
         record.set_count(last);
         self.wide[node].set(last, &Cluster::EMPTY);
         self.dirty.insert(node);
@@ -78,16 +78,16 @@ impl LightTree {
 
     /// Moves a child from one place to another, whose former child is gone.
     fn move_child(&mut self, from: usize, to: usize) {
-        let target = self.nodes[from / WIDTH].targets[from % WIDTH];
+        let child = self.nodes[from / WIDTH].children[from % WIDTH];
         let cluster = self.wide[from / WIDTH].get(from % WIDTH);
-        self.nodes[to / WIDTH].targets[to % WIDTH] = target;
+        self.nodes[to / WIDTH].children[to % WIDTH] = child;
         self.wide[to / WIDTH].set(to % WIDTH, &cluster);
-        if target & LEAF != 0 {
-            self.place_leaf(target & !LEAF, to);
+        if child & LEAF != 0 {
+            self.place_leaf(child & !LEAF, to);
         } else {
-            self.nodes[target as usize].parent = to as u32;
+            self.nodes[child as usize].parent = to as u32;
             // So that the node is sent with its new link.
-            self.dirty.insert(target as usize);
+            self.dirty.insert(child as usize);
         }
     }
 

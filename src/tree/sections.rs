@@ -6,7 +6,7 @@
 use std::collections::BinaryHeap;
 
 use super::LightTree;
-use super::node::{LEAF, Target, WIDTH};
+use super::node::{ChildRef, LEAF, WIDTH};
 use crate::cluster::Cluster;
 
 /// A cluster of a cut through a tree: the child of a node.
@@ -14,8 +14,8 @@ use crate::cluster::Cluster;
 pub(crate) struct Section {
     /// Where the child is: `node * WIDTH + slot`.
     pub place: u32,
-    /// The child, as in [`Node::targets`](super::Node::targets).
-    pub target: u32,
+    /// The child, as in [`Node::children`](super::Node::children).
+    pub child_bits: u32,
 }
 
 impl LightTree {
@@ -28,26 +28,26 @@ impl LightTree {
         if count(0) > most {
             return sections;
         }
-        let mut open = Some(0);
-        while let Some(node) = open {
+        let mut next = Some(0);
+        while let Some(node) = next {
             for section in self.children(node) {
-                match Target::of(section.target) {
+                match ChildRef::of(section.child_bits) {
                     // Of equal boxes the one with the least place.
-                    Some(Target::Node(child)) => {
+                    Some(ChildRef::Node(child)) => {
                         let extent = self.section_box_sq(&section).to_bits();
                         clusters.push((extent, !section.place, child));
                     }
                     _ => sections.push(section),
                 }
             }
-            open = None;
+            next = None;
             if let Some((.., child)) = clusters.peek()
                 && sections.len() + clusters.len() - 1 + count(*child) <= most
             {
-                open = clusters.pop().map(|(.., child)| child);
+                next = clusters.pop().map(|(.., child)| child);
             }
         }
-        sections.extend(clusters.into_iter().map(|(_, place, target)| Section { place: !place, target }));
+        sections.extend(clusters.into_iter().map(|(_, place, child_bits)| Section { place: !place, child_bits }));
         sections.sort_unstable_by_key(|section| section.place);
         sections
     }
@@ -55,15 +55,15 @@ impl LightTree {
     /// Whether these sections, in the order of their places, are still a cut of the tree.
     /// O(sections).
     pub(crate) fn has_sections(&self, sections: &[Section]) -> bool {
-        let mut open = vec![0];
+        let mut below = vec![0];
         let mut found = 0;
-        while let Some(node) = open.pop() {
+        while let Some(node) = below.pop() {
             for section in self.children(node) {
                 match sections.binary_search_by_key(&section.place, |section| section.place) {
                     Ok(index) if sections[index] == section => found += 1,
                     Ok(_) => return false,
-                    Err(_) => match Target::of(section.target) {
-                        Some(Target::Node(child)) => open.push(child),
+                    Err(_) => match ChildRef::of(section.child_bits) {
+                        Some(ChildRef::Node(child)) => below.push(child),
                         _ => return false,
                     },
                 }
@@ -74,8 +74,8 @@ impl LightTree {
 
     /// The cluster of a section, in the tree's space.
     pub(crate) fn section_cluster(&self, section: &Section) -> Cluster {
-        match Target::of(section.target) {
-            Some(Target::Leaf(light)) => self.lights()[light as usize].cluster(),
+        match ChildRef::of(section.child_bits) {
+            Some(ChildRef::Leaf(light)) => self.lights()[light as usize].cluster(),
             _ => self.nodes()[section.place as usize / WIDTH].cluster(section.place as usize % WIDTH),
         }
     }
@@ -88,8 +88,8 @@ impl LightTree {
     fn children(&self, node: u32) -> impl Iterator<Item = Section> + '_ {
         let record = self.nodes().get(node as usize);
         let section = move |slot: usize| {
-            let target = record?.targets[slot];
-            Target::of(target).map(|_| Section { place: node * WIDTH as u32 + slot as u32, target })
+            let child_bits = record?.children[slot];
+            ChildRef::of(child_bits).map(|_| Section { place: node * WIDTH as u32 + slot as u32, child_bits })
         };
         (0..WIDTH).filter_map(section)
     }
@@ -98,7 +98,7 @@ impl LightTree {
 impl Section {
     /// The light that is the section; `None` if it is a cluster.
     pub fn light(&self) -> Option<u32> {
-        (self.target & LEAF != 0).then_some(self.target & !LEAF)
+        (self.child_bits & LEAF != 0).then_some(self.child_bits & !LEAF)
     }
 }
 
@@ -117,11 +117,11 @@ mod tests {
     /// How often each light is in a section.
     fn counts(tree: &LightTree, sections: &[Section]) -> Vec<u32> {
         let mut counts = vec![0; tree.lights().len()];
-        let mut open: Vec<u32> = sections.iter().map(|section| section.target).collect();
-        while let Some(target) = open.pop() {
-            match Target::of(target) {
-                Some(Target::Leaf(light)) => counts[light as usize] += 1,
-                Some(Target::Node(node)) => open.extend(tree.children(node).map(|child| child.target)),
+        let mut below: Vec<u32> = sections.iter().map(|section| section.child_bits).collect();
+        while let Some(child_bits) = below.pop() {
+            match ChildRef::of(child_bits) {
+                Some(ChildRef::Leaf(light)) => counts[light as usize] += 1,
+                Some(ChildRef::Node(node)) => below.extend(tree.children(node).map(|child| child.child_bits)),
                 None => {}
             }
         }
@@ -152,7 +152,7 @@ mod tests {
         // Boxes are stored coarsely, each on the grid of its parent.
         for node in parents {
             let place = tree.nodes()[node as usize].parent;
-            let parent = tree.section_box_sq(&Section { place, target: node });
+            let parent = tree.section_box_sq(&Section { place, child_bits: node });
             assert!(parent >= 0.9 * largest, "{parent} {largest}");
         }
     }

@@ -42,8 +42,8 @@ pub(crate) const MAX_EXTRA_UNITS: usize = 64;
 pub(crate) struct TreeBuild {
     /// The number of lights.
     count: usize,
-    stage: Stage,
-    /// The lights, nodes or entries that the stage has handled.
+    phase: BuildPhase,
+    /// The lights, nodes or entries that the phase has handled.
     next: usize,
     tree: LightTree,
     /// The clusters of the lights.
@@ -56,7 +56,7 @@ pub(crate) struct TreeBuild {
 
 /// What a build does next.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Stage {
+enum BuildPhase {
     /// Allocate the arrays for the lights.
     AllocateLights,
     /// Copy the lights.
@@ -84,7 +84,7 @@ impl TreeBuild {
     pub fn new(lights: usize, reference: Option<&Linear>) -> Self {
         Self {
             count: lights,
-            stage: if lights == 0 { Stage::Done } else { Stage::AllocateLights },
+            phase: if lights == 0 { BuildPhase::Done } else { BuildPhase::AllocateLights },
             next: 0,
             tree: LightTree { reference: reference.map(|map| Box::new(*map)), ..LightTree::default() },
             placed: Vec::new(),
@@ -127,22 +127,22 @@ impl TreeBuild {
 
     /// Whether the tree is finished.
     pub fn is_done(&self) -> bool {
-        self.stage == Stage::Done
+        self.phase == BuildPhase::Done
     }
 
     /// An estimate of the units that are left. 0 if the tree is finished, and at least 1 before.
     pub fn units_left(&self) -> usize {
-        let ticks = match self.stage {
-            Stage::Done => return 0,
+        let ticks = match self.phase {
+            BuildPhase::Done => return 0,
             // A build of other than random lights may take more than the estimate.
-            Stage::AllocateLights | Stage::Copy | Stage::Place | Stage::Sum | Stage::Shape => {
+            BuildPhase::AllocateLights | BuildPhase::Copy | BuildPhase::Place | BuildPhase::Sum | BuildPhase::Shape => {
                 let nodes = self.count.div_ceil(5);
                 (UNIT * build_units(self.count)).saturating_sub(self.ticks).max(self.node_ticks(nodes))
             }
-            Stage::AllocateNodes => self.node_ticks(self.node_count()),
-            Stage::LayOut => self.node_ticks(self.node_count()) - lay_out_ticks(self.count) * self.next,
-            Stage::ListTasks => REFIT_TICKS * self.node_count(),
-            Stage::Refit => REFIT_TICKS * self.next,
+            BuildPhase::AllocateNodes => self.node_ticks(self.node_count()),
+            BuildPhase::LayOut => self.node_ticks(self.node_count()) - lay_out_ticks(self.count) * self.next,
+            BuildPhase::ListTasks => REFIT_TICKS * self.node_count(),
+            BuildPhase::Refit => REFIT_TICKS * self.next,
         };
         (ticks / UNIT).max(1)
     }
@@ -161,46 +161,46 @@ impl TreeBuild {
         self.shape.as_ref().map_or(0, |shape| shape.nodes().len())
     }
 
-    /// The ticks of all stages from the lay-out on, for some nodes.
+    /// The ticks of all phases from the lay-out on, for some nodes.
     fn node_ticks(&self, nodes: usize) -> usize {
         (lay_out_ticks(self.count) + REFIT_TICKS) * nodes
     }
 
     /// Does a piece of work. Returns its ticks.
     fn advance(&mut self, lights: &[Light]) -> usize {
-        match self.stage {
-            Stage::AllocateLights => self.allocate_lights(),
-            Stage::Copy => self.copy(lights),
-            Stage::Place => self.place(),
-            Stage::Sum => {
+        match self.phase {
+            BuildPhase::AllocateLights => self.allocate_lights(),
+            BuildPhase::Copy => self.copy(lights),
+            BuildPhase::Place => self.place(),
+            BuildPhase::Sum => {
                 let shape = self.shape.as_mut().expect("the shape was allocated");
                 if !shape.has_sums() {
                     return shape.sum(LIGHTS_PER_SUM);
                 }
                 let ticks = shape.start();
                 let is_done = shape.is_done();
-                self.begin(if is_done { Stage::AllocateNodes } else { Stage::Shape });
+                self.begin(if is_done { BuildPhase::AllocateNodes } else { BuildPhase::Shape });
                 ticks
             }
-            Stage::Shape => {
+            BuildPhase::Shape => {
                 let shape = self.shape.as_mut().expect("the shape was allocated");
                 let ticks = shape.advance();
                 if shape.is_done() {
-                    self.begin(Stage::AllocateNodes);
+                    self.begin(BuildPhase::AllocateNodes);
                 }
                 ticks
             }
-            Stage::AllocateNodes => self.allocate_nodes(),
-            Stage::LayOut => self.lay_out(),
-            Stage::ListTasks => self.list_tasks(),
-            Stage::Refit => self.refit(),
-            Stage::Done => 0,
+            BuildPhase::AllocateNodes => self.allocate_nodes(),
+            BuildPhase::LayOut => self.lay_out(),
+            BuildPhase::ListTasks => self.list_tasks(),
+            BuildPhase::Refit => self.refit(),
+            BuildPhase::Done => 0,
         }
     }
 
-    /// Starts a stage.
-    fn begin(&mut self, stage: Stage) {
-        self.stage = stage;
+    /// Starts a phase.
+    fn begin(&mut self, phase: BuildPhase) {
+        self.phase = phase;
         self.next = 0;
     }
 
@@ -216,7 +216,7 @@ impl TreeBuild {
             3 => shape.reserve_items(count),
             _ => {
                 shape.reserve_nodes(count);
-                self.begin(Stage::Copy);
+                self.begin(BuildPhase::Copy);
                 return ALLOCATE_TICKS;
             }
         }
@@ -229,7 +229,7 @@ impl TreeBuild {
         let end = self.count.min(first + LIGHTS_PER_COPY);
         self.tree.lights.extend_from_slice(&lights[first..end]);
         if end == self.count {
-            self.begin(Stage::Place);
+            self.begin(BuildPhase::Place);
         }
         copy_ticks(self.count) * (end - first)
     }
@@ -252,7 +252,7 @@ impl TreeBuild {
         tree.leaves.resize(end, NO_LEAF);
         *next = end;
         if end == self.count {
-            self.begin(if self.placed.is_empty() { Stage::Done } else { Stage::Sum });
+            self.begin(if self.placed.is_empty() { BuildPhase::Done } else { BuildPhase::Sum });
         }
         place_ticks(self.count) * (end - first)
     }
@@ -270,7 +270,7 @@ impl TreeBuild {
             _ => {
                 tree.dirty.reserve(count);
                 tree.refitted = RefittedNodes::empty(count);
-                self.begin(Stage::LayOut);
+                self.begin(BuildPhase::LayOut);
                 return ALLOCATE_TICKS;
             }
         }
@@ -295,7 +295,7 @@ impl TreeBuild {
         }
         self.next = end;
         if end == count {
-            self.begin(Stage::ListTasks);
+            self.begin(BuildPhase::ListTasks);
         }
         lay_out_ticks(self.count) * (end - first)
     }
@@ -309,7 +309,7 @@ impl TreeBuild {
         }
         if self.next == spans.len() {
             let nodes = spans.len();
-            self.begin(Stage::Refit);
+            self.begin(BuildPhase::Refit);
             self.next = nodes;
         }
         TASK_TICKS * added
@@ -324,7 +324,7 @@ impl TreeBuild {
             let sides = self.shape.as_ref().map_or(0, |shape| shape.sides());
             self.tree.sides = vec![Cluster::EMPTY; sides];
             self.tree.finish_build();
-            self.begin(Stage::Done);
+            self.begin(BuildPhase::Done);
         }
         REFIT_TICKS * nodes.len()
     }
@@ -335,7 +335,7 @@ impl fmt::Debug for TreeBuild {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("TreeBuild")
             .field("lights", &self.count)
-            .field("stage", &self.stage)
+            .field("phase", &self.phase)
             .field("next", &self.next)
             .field("units_done", &(self.ticks / UNIT))
             .finish_non_exhaustive()

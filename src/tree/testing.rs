@@ -1,27 +1,9 @@
 //! Random numbers and comparisons for the unit tests of trees.
 
-use glam::Vec3;
-
 use super::LightTree;
 use crate::cluster::Cluster;
 
-/// The generator of the integration tests.
-#[path = "../../examples/common/split_mix.rs"]
-mod split_mix;
-
-pub(crate) use split_mix::Rng;
-
-impl Rng {
-    /// A number below `end`.
-    pub fn below(&mut self, end: usize) -> usize {
-        (self.bits() % end as u64) as usize
-    }
-
-    /// A position in the cube of half edge `size` about the origin.
-    pub fn position(&mut self, size: f32) -> Vec3 {
-        Vec3::new(self.between(-size, size), self.between(-size, size), self.between(-size, size))
-    }
-}
+pub(crate) use testbed::common::split_mix::Rng;
 
 /// The complete state of a tree but for its lights. Floats are equal if their bits are.
 #[derive(PartialEq)]

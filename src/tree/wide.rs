@@ -7,9 +7,9 @@
 use glam::Vec3;
 
 use super::node::WIDTH;
-use crate::bounds::Aabb;
+use crate::cluster::bounds::Aabb;
+use crate::cluster::cone::cap_about;
 use crate::cluster::{Cluster, MAX_FLUX, MIN_AXIS};
-use crate::cone::cap_about;
 
 /// One number for each child.
 pub(crate) type Lanes = [f32; WIDTH];

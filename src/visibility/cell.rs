@@ -6,8 +6,8 @@
 use glam::{DVec3, Mat3, Vec3};
 
 use super::fold::share;
-use crate::dice::hash;
-use crate::shading_point::ShadingPoint;
+use crate::math::dice::hash;
+use crate::shading::shading_point::ShadingPoint;
 use crate::tree::{Lanes, Node, WIDTH};
 
 /// Groups of lights in a cell. 64 have 7 % more noise in ten rooms, 256 have 3 % less.

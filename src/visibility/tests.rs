@@ -3,7 +3,7 @@ use glam::{DVec3, Mat3, Vec3};
 use super::cell::bins;
 use super::*;
 use crate::light::Light;
-use crate::shading_point::ShadingPoint;
+use crate::shading::shading_point::ShadingPoint;
 use crate::tree::{LightTree, WIDTH};
 
 fn table(cells: usize) -> VisibilityTable {

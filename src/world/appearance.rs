@@ -3,8 +3,8 @@
 use glam::Vec3;
 
 use super::LightWorld;
-use crate::appearance::{Appearance, check_factor};
 use crate::error::WorldError;
+use crate::instance::appearance::{Appearance, check_factor};
 use crate::keys::{InstanceKey, slot_of};
 
 impl LightWorld {

@@ -4,12 +4,12 @@ use glam::Vec3;
 
 use super::staged::StagedLights;
 use super::{Instance, LightWorld, TreeEntry, set_slot};
-use crate::appearance::Appearance;
 use crate::effects::Effects;
 use crate::error::WorldError;
+use crate::instance::appearance::Appearance;
+use crate::instance::placement::{Placed, Placement};
 use crate::keys::{DirectionalKey, InstanceKey, TreeKey, slot_of};
 use crate::light::{DirectionalLight, Light};
-use crate::placement::{Placed, Placement};
 use crate::policy::{AttributeHistory, Policy};
 use crate::scheduler::TreeFeatures;
 use crate::tree::{LightTree, TreeBuild, check_distinct, check_light_count, check_lights};
@@ -76,7 +76,7 @@ impl LightWorld {
     /// for it. Frees nothing. O(1).
     pub(super) fn take_tree(&mut self, tree: TreeKey) -> RemovedTree {
         self.remove_rest_timer(tree);
-        let build = self.take_open_build(tree);
+        let build = self.take_long_build(tree);
         self.scheduler.remove(tree);
         self.remove_weight(tree);
         let entry = self.trees.remove(tree).expect("a live tree");
@@ -99,7 +99,7 @@ impl LightWorld {
     /// [`WorldError::NoSuchTree`], [`WorldError::StaticTree`], [`WorldError::NoSuchLight`],
     /// [`WorldError::RemovedLight`], [`WorldError::Light`].
     pub fn set_lights(&mut self, tree: TreeKey, changes: &[(u32, Light)]) -> Result<(), WorldError> {
-        self.stage(tree, changes.iter().map(|(index, light)| (*index, light)))
+        self.stage_lights(tree, changes.iter().map(|(index, light)| (*index, light)))
     }
 
     /// [`LightWorld::set_lights`] for the consecutive lights from index `first` on.
@@ -107,7 +107,7 @@ impl LightWorld {
     /// # Errors
     /// As [`LightWorld::set_lights`].
     pub fn set_light_range(&mut self, tree: TreeKey, first: u32, lights: &[Light]) -> Result<(), WorldError> {
-        self.stage(tree, lights.iter().zip(0..).map(|(light, i)| (first.saturating_add(i), light)))
+        self.stage_lights(tree, lights.iter().zip(0..).map(|(light, i)| (first.saturating_add(i), light)))
     }
 
     /// Adds lights to a tree, for all its instances, at the next [`LightWorld::update`]. Returns
@@ -160,7 +160,7 @@ impl LightWorld {
         let entry = self.entry(tree)?;
         entry.staged.check_indices(lights.iter().copied(), &entry.tree)?;
         check_distinct(lights)?;
-        self.stage_checked(tree, removed)
+        self.stage_checked_lights(tree, removed)
     }
 
     /// The lights that the last [`LightWorld::update`] removed from trees, as
@@ -192,11 +192,11 @@ impl LightWorld {
         entry.staged.check_indices(std::iter::once(light), &entry.tree)?;
         let present = entry.staged.get(light).unwrap_or_else(|| &lights[light as usize]);
         let changed = Light { emission, ..*present };
-        self.stage(tree, std::iter::once((light, &changed)))
+        self.stage_lights(tree, std::iter::once((light, &changed)))
     }
 
     /// Checks changes of lights, and stages them.
-    fn stage<'a>(
+    fn stage_lights<'a>(
         &mut self,
         tree: TreeKey,
         changes: impl Iterator<Item = (u32, &'a Light)> + Clone,
@@ -204,11 +204,11 @@ impl LightWorld {
         let entry = self.entry(tree)?;
         entry.staged.check_indices(changes.clone().map(|(index, _)| index), &entry.tree)?;
         check_lights(changes.clone().map(|(index, light)| (index as usize, light)))?;
-        self.stage_checked(tree, changes)
+        self.stage_checked_lights(tree, changes)
     }
 
     /// Stages changes of lights that have been checked.
-    fn stage_checked<'a>(
+    fn stage_checked_lights<'a>(
         &mut self,
         tree: TreeKey,
         changes: impl Iterator<Item = (u32, &'a Light)>,
@@ -341,7 +341,7 @@ impl LightWorld {
         let instance = self.instances.remove(key).ok_or(WorldError::NoSuchInstance(key))?;
         self.effects.change(|counts| counts.remove(instance.effects()));
         self.forget_overlap(key, instance.tree);
-        self.forget_surroundings(key, instance.tree);
+        self.forget_neighbours(key, instance.tree);
         self.detach(instance.tree, instance.index_in_tree, instance.policy);
         self.changes.removed(slot_of(key));
         self.top.take();
@@ -404,7 +404,7 @@ impl LightWorld {
         self.recount(own);
         self.scheduler.copy(shared, own);
         self.forget_overlap(key, shared);
-        self.forget_surroundings(key, shared);
+        self.forget_neighbours(key, shared);
         self.detach(shared, index_in_tree, policy);
         self.attach(key, own, policy);
         self.instances[key].tree = own;
@@ -542,7 +542,7 @@ impl LightWorld {
         self.forget_requests_that_no_policy_allows(tree);
     }
 
-    /// Withdraws the request of a tree, and drops its open build, if none of its policies can
+    /// Withdraws the request of a tree, and drops its long build, if none of its policies can
     /// request a rebuild any more. A placeholder keeps them.
     fn forget_requests_that_no_policy_allows(&mut self, tree: TreeKey) {
         if !self.trees[tree].may_rebuild() {

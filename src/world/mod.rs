@@ -11,7 +11,7 @@ mod instance_map;
 mod key_set;
 mod memory;
 mod moves;
-mod open_build;
+mod long_build;
 mod origin;
 mod overlap;
 mod parts;
@@ -29,7 +29,7 @@ mod sections;
 mod slot_round;
 mod slot_set;
 mod staged;
-mod surroundings;
+mod neighbours;
 mod update;
 
 use std::fmt;
@@ -49,11 +49,11 @@ pub use region_table::RegionView;
 pub use regions::RemovedRegion;
 pub use update::{BackgroundReport, FrameReport};
 
-use crate::appearance::Appearance;
 use crate::effects::{EffectCounts, Effects, HeldEffects};
+use crate::instance::appearance::Appearance;
+use crate::instance::placement::{Placed, Placement};
 use crate::keys::{DirectionalKey, InstanceKey, RegionKey, TreeKey, generation_of, slot_of};
 use crate::light::DirectionalLight;
-use crate::placement::{Placed, Placement};
 use crate::policy::{AttributeHistory, Policy, PolicySet};
 use crate::scheduler::{Clock, Scheduler, SystemClock};
 use crate::top::TopLevel;
@@ -93,12 +93,12 @@ pub struct LightWorld {
     changes: Changes,
     move_scratch: moves::MoveScratch,
     scheduler: Scheduler,
-    open_build: open_build::OpenBuild,
+    long_builder: long_build::LongBuilder,
     /// The jobs of the last update.
     jobs: Vec<JobReport>,
     view_weights: attention::ViewWeights,
     overlaps: overlap::Overlaps,
-    surroundings: surroundings::Surroundings,
+    neighbours: neighbours::Neighbours,
     /// The number of sections of all instances.
     section_count: usize,
     regions: Regions,
@@ -126,7 +126,7 @@ pub(crate) struct TreeEntry {
     /// The number of instances that lie within others.
     surrounded: u32,
     /// Each light is a leaf of the top level.
-    is_open: bool,
+    has_light_parts: bool,
     /// The number of instances of a large tree that lie among others.
     among_others: u32,
     /// Enough of them do for the tree to have sections.
@@ -166,7 +166,7 @@ impl TreeEntry {
             has_new_policy: false,
             weight: attention::TreeWeight::default(),
             surrounded: 0,
-            is_open: false,
+            has_light_parts: false,
             among_others: 0,
             is_among_others: false,
             sections: Vec::new(),
@@ -246,11 +246,11 @@ impl LightWorld {
             changes: Changes::default(),
             move_scratch: moves::MoveScratch::default(),
             scheduler: Scheduler::default(),
-            open_build: open_build::OpenBuild::default(),
+            long_builder: long_build::LongBuilder::default(),
             jobs: Vec::new(),
             view_weights: attention::ViewWeights::default(),
             overlaps: overlap::Overlaps::default(),
-            surroundings: surroundings::Surroundings::default(),
+            neighbours: neighbours::Neighbours::default(),
             section_count: 0,
             regions: Regions::default(),
             new_placeholders: Vec::new(),

@@ -4,8 +4,8 @@ use super::slot_set::SlotSet;
 use super::{Instance, LightWorld};
 use crate::effects::EffectCounts;
 use crate::error::{PlacementError, WorldError};
+use crate::instance::placement::{Anchor, Placed, Placement};
 use crate::keys::{InstanceKey, slot_of};
-use crate::placement::{Anchor, Placed, Placement};
 
 /// Threads take this many moves at a time, and share the work of four times as many: about 300 µs,
 /// several times what it takes to wake a thread.

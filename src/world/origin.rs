@@ -5,9 +5,9 @@ use glam::{DVec3, Vec3};
 use super::LightWorld;
 use crate::effects::Effects;
 use crate::error::{WorldError, check_finite};
+use crate::instance::placement::{Anchor, MAX_DISTANCE, Placed};
+use crate::instance::sector::{self, ORIGIN_GRID};
 use crate::keys::slot_of;
-use crate::placement::{Anchor, MAX_DISTANCE, Placed};
-use crate::sector::{self, ORIGIN_GRID};
 
 /// How [`LightWorld::origin`] moves.
 ///

@@ -18,10 +18,10 @@ use super::LightWorld;
 use super::slot_round::SlotRound;
 use crate::keys::{InstanceKey, TreeKey, slot_of};
 
-/// Trees of more lights stay whole: each light of an open tree is a leaf of the top level, which is
-/// built anew when anything moves. So do trees that are divided into sides: as single lights they
+/// Trees of more lights stay whole: each *light part* of a tree, one for each light, is a leaf of the
+/// top level, which is built anew when anything moves. So do trees that are divided into sides: as single lights they
 /// are noisier, because the top level divides by position alone.
-pub(super) const MAX_OPEN: usize = 128;
+pub(super) const MAX_LIGHT_PARTS: usize = 128;
 
 /// An instance is surrounded if its middle lies within this many others.
 const MIN_SURROUNDING: usize = 4;
@@ -29,9 +29,9 @@ const MIN_SURROUNDING: usize = 4;
 /// Boxes count as larger by this share of their diagonal, because flat ones rarely meet.
 const MARGIN: f32 = 0.1;
 
-/// A tree is opened when more than this share of its instances is surrounded. It is closed when the
-/// share is at most half of this.
-const OPEN_SHARE: f32 = 0.5;
+/// A tree gets light parts when more than this share of its instances is surrounded. It is whole again
+/// when the share is at most half of this.
+const LIGHT_PARTS_SHARE: f32 = 0.5;
 
 /// Instances that an update judges again while anything moves.
 pub(super) const JUDGED_PER_UPDATE: usize = 4;
@@ -78,7 +78,7 @@ struct Filed {
     is_surrounded: bool,
 }
 
-/// The instances of trees that may be opened, filed by size and position.
+/// The instances of trees that may have light parts, filed by size and position.
 #[derive(Debug, Default)]
 pub(super) struct Overlaps {
     cells: HashMap<GridCell, Vec<(InstanceKey, WorldBox)>>,
@@ -200,27 +200,27 @@ impl Overlaps {
     }
 }
 
-/// Whether a tree of so many lights may be opened.
-pub(super) fn may_open(lights: usize) -> bool {
-    (2..=MAX_OPEN).contains(&lights)
+/// Whether a tree of so many lights may have light parts.
+pub(super) fn may_have_light_parts(lights: usize) -> bool {
+    (2..=MAX_LIGHT_PARTS).contains(&lights)
 }
 
 impl LightWorld {
-    /// Files an instance of a tree that may be opened. The next update judges it.
+    /// Files an instance of a tree that may have light parts. The next update judges it.
     pub(super) fn file_new(&mut self, key: InstanceKey) {
         if self.file(key) {
             self.overlaps.new.push(key);
         }
     }
 
-    /// Files an instance, or forgets it if it is hidden or its tree may not be opened. Returns
-    /// whether it is filed.
+    /// Files an instance, or forgets it if it is hidden or its tree may not have light parts.
+    /// Returns whether it is filed.
     fn file(&mut self, key: InstanceKey) -> bool {
         let Some(instance) = self.instances.get(key) else { return false };
         let tree = &self.trees[instance.tree].tree;
         let (cluster, count) = (tree.cluster(), tree.light_count());
-        let may_open = may_open(count) && tree.sides().is_empty() && cluster.flux > 0.0;
-        let placed = instance.shown().filter(|_| may_open);
+        let may_have_light_parts = may_have_light_parts(count) && tree.sides().is_empty() && cluster.flux > 0.0;
+        let placed = instance.shown().filter(|_| may_have_light_parts);
         let Some(placed) = placed else {
             self.forget_overlap(key, instance.tree);
             return false;
@@ -235,11 +235,11 @@ impl LightWorld {
         true
     }
 
-    /// Forgets an instance that leaves its tree, or that may not be opened any more.
+    /// Forgets an instance that leaves its tree, or whose tree may not have light parts any more.
     pub(super) fn forget_overlap(&mut self, key: InstanceKey, tree: TreeKey) {
         if self.overlaps.forget(key) {
             self.trees[tree].surrounded -= 1;
-            self.open_or_close(tree);
+            self.judge_light_parts(tree);
         }
     }
 
@@ -264,7 +264,7 @@ impl LightWorld {
         }
     }
 
-    /// Judges one instance. Returns whether its tree may be opened.
+    /// Judges one instance. Returns whether its tree may have light parts.
     fn judge(&mut self, key: InstanceKey) -> bool {
         if !self.file(key) {
             return false;
@@ -279,17 +279,18 @@ impl LightWorld {
             } else {
                 *surrounded -= 1
             }
-            self.open_or_close(tree);
+            self.judge_light_parts(tree);
         }
         true
     }
 
-    /// Opens or closes a tree according to the share of its instances that are surrounded.
-    fn open_or_close(&mut self, tree: TreeKey) {
+    /// Gives a tree light parts, or makes it whole, according to the share of its instances that are
+    /// surrounded.
+    fn judge_light_parts(&mut self, tree: TreeKey) {
         let entry = &mut self.trees[tree];
         let share = entry.surrounded as f32 / entry.instances.len().max(1) as f32;
-        let is_open = share > if entry.is_open { 0.5 * OPEN_SHARE } else { OPEN_SHARE };
-        if std::mem::replace(&mut entry.is_open, is_open) != is_open {
+        let has_light_parts = share > if entry.has_light_parts { 0.5 * LIGHT_PARTS_SHARE } else { LIGHT_PARTS_SHARE };
+        if std::mem::replace(&mut entry.has_light_parts, has_light_parts) != has_light_parts {
             self.changes.tree(slot_of(tree));
             self.top.take();
         }
@@ -301,9 +302,9 @@ mod tests {
     use glam::{DVec3, Mat3};
 
     use super::*;
+    use crate::instance::part::Division;
+    use crate::instance::placement::Placement;
     use crate::light::Light;
-    use crate::part::Division;
-    use crate::placement::Placement;
     use crate::policy::Policy;
     use crate::scheduler::FrameBudget;
 
@@ -327,23 +328,23 @@ mod tests {
         (world, keys)
     }
 
-    fn open_count(world: &LightWorld) -> usize {
+    fn light_parts_count(world: &LightWorld) -> usize {
         world.trees().filter(|tree| world.division(*tree) == Division::Lights).count()
     }
 
     #[test]
-    fn strings_that_cross_are_opened_by_the_next_update_and_strings_in_a_row_are_not() {
+    fn strings_that_cross_have_light_parts_after_the_next_update_and_strings_in_a_row_are_not() {
         let (mut world, _) = world_of((0..5).map(|i| crossing(i as f32)), 40);
-        assert_eq!(open_count(&world), 0);
+        assert_eq!(light_parts_count(&world), 0);
         world.update(FrameBudget::NONE);
-        assert_eq!(open_count(&world), 5);
+        assert_eq!(light_parts_count(&world), 5);
         assert_eq!(world.parts().len(), 5 * 40);
         // Side by side, ten metres apart or end to end.
         let row = (0..20).map(|i| Placement::at(DVec3::new(0.0, 0.0, 10.0 * f64::from(i))));
         let chain = (0..20).map(|i| Placement::at(DVec3::new(41.0 * f64::from(i), 50.0, 0.0)));
         let (mut world, _) = world_of(row.chain(chain), 40);
         world.update(FrameBudget::NONE);
-        assert_eq!((open_count(&world), world.parts().len()), (0, 40));
+        assert_eq!((light_parts_count(&world), world.parts().len()), (0, 40));
     }
 
     #[test]
@@ -358,7 +359,7 @@ mod tests {
             // The origin stays at zero, from where f32 resolves a metre.
             let (mut world, _) = world_of((0..5).map(at), 40);
             world.update(FrameBudget::NONE);
-            open_count(&world)
+            light_parts_count(&world)
         };
         assert_eq!(strings(0.0), 5);
         assert_eq!(strings(60.0), 0);
@@ -368,31 +369,31 @@ mod tests {
     fn four_strings_more_than_128_lights_and_small_objects_in_large_ones_stay_whole() {
         let (mut world, _) = world_of((0..4).map(|i| crossing(i as f32)), 40);
         world.update(FrameBudget::NONE);
-        assert_eq!(open_count(&world), 0);
-        let (mut world, _) = world_of((0..5).map(|i| crossing(i as f32)), MAX_OPEN + 1);
+        assert_eq!(light_parts_count(&world), 0);
+        let (mut world, _) = world_of((0..5).map(|i| crossing(i as f32)), MAX_LIGHT_PARTS + 1);
         world.update(FrameBudget::NONE);
-        assert_eq!(open_count(&world), 0);
-        let (mut world, _) = world_of((0..5).map(|i| crossing(i as f32)), MAX_OPEN);
+        assert_eq!(light_parts_count(&world), 0);
+        let (mut world, _) = world_of((0..5).map(|i| crossing(i as f32)), MAX_LIGHT_PARTS);
         let lantern = world.add_tree(string(2)).expect("valid");
         world.add_instance(lantern, Placement::IDENTITY, Policy::Budgeted).expect("valid");
         world.update(FrameBudget::NONE);
-        assert_eq!((open_count(&world), world.division(lantern)), (5, Division::Whole));
+        assert_eq!((light_parts_count(&world), world.division(lantern)), (5, Division::Whole));
     }
 
     #[test]
-    fn strings_that_move_apart_are_closed_after_some_updates_of_bounded_work() {
+    fn strings_that_move_apart_are_whole_after_some_updates_of_bounded_work() {
         let (mut world, keys) = world_of((0..40).map(|i| crossing(0.01 * i as f32)), 20);
         world.update(FrameBudget::NONE);
-        assert_eq!(open_count(&world), 40);
+        assert_eq!(light_parts_count(&world), 40);
         for (key, i) in keys.iter().zip(0..) {
             world.move_instance(*key, Placement::at(DVec3::Z * 100.0 * f64::from(i))).expect("valid");
         }
-        let mut before = open_count(&world);
+        let mut before = light_parts_count(&world);
         // Once for the moves, and once more because those that came first met the former places of
         // others. Slot 0 is never in use.
         for _ in 0..21 {
             world.update(FrameBudget::NONE);
-            let now = open_count(&world);
+            let now = light_parts_count(&world);
             assert!(before - now <= JUDGED_PER_UPDATE, "{before} {now}");
             before = now;
         }
@@ -407,7 +408,7 @@ mod tests {
         let (mut world, keys) = world_of((0..1000).map(|_| crossing(0.0)), 3);
         world.update(FrameBudget::NONE);
         assert!(world.overlaps.cells.values().all(|listed| listed.len() <= MAX_LISTED));
-        assert_eq!(open_count(&world), 1000);
+        assert_eq!(light_parts_count(&world), 1000);
         let point = world.add_tree(vec![Light::point(Vec3::ZERO, Vec3::ONE); 2]).expect("valid");
         for i in 0..1000 {
             let translation = DVec3::new(f64::from(i), -1.0e9 + f64::from(i), 1.0e9);
@@ -445,7 +446,7 @@ mod tests {
         let second = world.add_instance(shared, crossing(0.5), Policy::Budgeted).expect("valid");
         world.make_unique(second).expect("it lives");
         world.update(FrameBudget::NONE);
-        assert_eq!((filed(&world), open_count(&world)), (8, 8));
+        assert_eq!((filed(&world), light_parts_count(&world)), (8, 8));
         let round = world.overlaps.round;
         world.set_origin(DVec3::new(1.0e4, 0.0, 7.0)).expect("near");
         // Nothing is filed again.
@@ -455,11 +456,11 @@ mod tests {
         for _ in 0..4 {
             world.update(FrameBudget::NONE);
         }
-        assert_eq!((filed(&world), open_count(&world)), (6, 6));
+        assert_eq!((filed(&world), light_parts_count(&world)), (6, 6));
         keys[2..].iter().for_each(|key| world.remove_instance(*key).expect("it lives"));
         world.update(FrameBudget::NONE);
         world.update(FrameBudget::NONE);
-        assert_eq!((filed(&world), open_count(&world)), (1, 0));
+        assert_eq!((filed(&world), light_parts_count(&world)), (1, 0));
         assert_eq!(world.overlaps.cells.len(), 1);
     }
 }

@@ -2,10 +2,10 @@
 
 use super::LightWorld;
 use crate::cluster::{Cluster, MAX_FLUX};
+use crate::instance::part::{Division, Part};
 use crate::keys::InstanceKey;
 use crate::light::MIN_FLUX;
-use crate::part::{Division, Part};
-use crate::tree::Target;
+use crate::tree::ChildRef;
 
 impl LightWorld {
     /// The parts of all instances in the order of their slots, with their clusters in the world.
@@ -30,23 +30,23 @@ impl LightWorld {
         let tree = &self.trees[tree_key].tree;
         match self.division(tree_key) {
             Division::Whole => {
-                parts.push((Part { slot, target: Target::Node(0) }, self.cluster_of(key, &tree.cluster())));
+                parts.push((Part { slot, entry: ChildRef::Node(0) }, self.cluster_of(key, &tree.cluster())));
             }
             Division::Sides => {
                 for (index, side) in tree.sides().iter().enumerate() {
-                    let target = tree.nodes()[0].target(index).expect("each side has a target");
-                    parts.push((Part { slot, target }, self.cluster_of(key, side)));
+                    let entry = tree.nodes()[0].child(index).expect("each side has a child");
+                    parts.push((Part { slot, entry }, self.cluster_of(key, side)));
                 }
             }
             Division::Sections(_) => {
                 for section in self.sections(tree_key) {
-                    let target = Target::of(section.target).expect("a section is a child");
-                    parts.push((Part { slot, target }, self.cluster_of(key, &tree.section_cluster(section))));
+                    let entry = ChildRef::of(section.child_bits).expect("a section is a child");
+                    parts.push((Part { slot, entry }, self.cluster_of(key, &tree.section_cluster(section))));
                 }
             }
             Division::Lights => {
                 for (index, light) in (0..).zip(tree.lights()) {
-                    let part = Part { slot, target: Target::Leaf(index) };
+                    let part = Part { slot, entry: ChildRef::Leaf(index) };
                     parts.push((part, self.cluster_of(key, &light.cluster())));
                 }
             }

@@ -33,7 +33,7 @@ pub struct RebuildState {
     /// The number of updates since the tree was last built, or added.
     pub age: u64,
     /// The number of updates since the tree requested a rebuild that is not done yet; `None` if
-    /// it does not wait. A tree waits until its open build, in slices or in the background, ends;
+    /// it does not wait. A tree waits until its long build, in slices or in the background, ends;
     /// the next update installs that build.
     pub waited: Option<u64>,
 }
@@ -77,7 +77,7 @@ impl LightWorld {
         report.overrun = if self.jobs.is_empty() { Duration::ZERO } else { elapsed.saturating_sub(report.budget) };
         report.longest_wait = report.longest_wait.max(self.scheduler.longest_wait());
         report.waiting_trees = self.scheduler.waiting_trees();
-        report.background.running = usize::from(self.open_build.is_in_background());
+        report.background.running = usize::from(self.long_builder.is_in_background());
     }
 
     /// Rebuilds the trees that the scheduler has chosen. Returns the time at the end.

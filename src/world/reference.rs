@@ -9,9 +9,9 @@ use glam::DVec3;
 use super::LightWorld;
 use crate::cluster::Linear;
 use crate::error::WorldError;
+use crate::instance::placement::{Anchor, Placed, Placement};
 use crate::keys::InstanceKey;
 use crate::light::Light;
-use crate::placement::{Anchor, Placed, Placement};
 use crate::tree::{LightTree, WIDTH};
 
 /// A tree is built again if directions turn against each other by more than the angle of this
@@ -69,7 +69,7 @@ impl LightWorld {
                 self.rebuild_now(tree);
                 return;
             }
-            // A build that is open does not know the map.
+            // A build that is under way does not know the map.
             self.cancel_build(tree);
             self.await_first_build(tree);
             self.recount(tree);
@@ -82,8 +82,8 @@ mod tests {
     use glam::{DVec3, Mat3, Vec3};
 
     use super::*;
+    use crate::instance::placement::Placement;
     use crate::light::Light;
-    use crate::placement::Placement;
     use crate::policy::Policy;
 
     /// A row of pairs: neighbours along x are nearer than the two of a pair.

@@ -2,7 +2,7 @@
 
 use super::LightWorld;
 use super::change_log::ChangeLog;
-use super::overlap::may_open;
+use super::overlap::may_have_light_parts;
 use super::staged::StagedLights;
 use super::update::FrameReport;
 use crate::effects::EffectCounts;
@@ -131,7 +131,7 @@ impl LightWorld {
         self.recount(key);
         self.added_lights.extend(added.into_iter().map(|light| (key, light)));
         self.removed_lights.extend(removed.into_iter().map(|light| (key, light)));
-        if is_divided != was_divided || may_open(lights) != may_open(former_lights) {
+        if is_divided != was_divided || may_have_light_parts(lights) != may_have_light_parts(former_lights) {
             for index in 0..self.trees[key].instances.len() {
                 self.judge_later(self.trees[key].instances[index]);
             }

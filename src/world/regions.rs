@@ -7,8 +7,8 @@ use super::region::{PlacedInstance, RefusedRegion, Region, RegionSource};
 use super::region_table::{RegionEntry, RegionView};
 use super::{Instance, LightWorld};
 use crate::error::WorldError;
+use crate::instance::placement::Placed;
 use crate::keys::{InstanceKey, RegionKey, TreeKey};
-use crate::placement::Placed;
 use crate::tree::LightTree;
 
 /// The trees of a region that was removed, with all that the world kept for them. Freeing the

@@ -12,7 +12,7 @@
 
 use crate::effects::EFFECT_HOLD_UPDATES;
 use crate::keys::TreeKey;
-use crate::lists::Lists;
+use crate::keys::linked_lists::LinkedLists;
 
 /// The most trees that are frozen in one update: freeing their memory takes time, and many trees
 /// may be due at once.
@@ -53,7 +53,7 @@ fn freeze_delay(doublings: u8) -> u64 {
 #[derive(Debug)]
 pub(super) struct RestTimers {
     /// Each list is sorted by [`Timer::changed_at`].
-    timers: Lists<TreeKey, Timer>,
+    timers: LinkedLists<TreeKey, Timer>,
     /// The number of updates so far, as of [`RestTimers::count_update`].
     updates: u64,
     /// The number of times that the timer of some tree was accessed.
@@ -80,7 +80,7 @@ struct Timer {
 impl Default for RestTimers {
     fn default() -> Self {
         Self {
-            timers: Lists::new(settled(MAX_DOUBLINGS) + 1),
+            timers: LinkedLists::new(settled(MAX_DOUBLINGS) + 1),
             updates: 0,
             #[cfg(test)]
             accesses: 0,

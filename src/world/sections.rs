@@ -1,9 +1,9 @@
 //! The sections of trees in a world: which trees have them, and how they follow changes of a tree.
 
 use super::LightWorld;
-use super::overlap::MAX_OPEN;
+use super::overlap::MAX_LIGHT_PARTS;
+use crate::instance::part::Division;
 use crate::keys::{TreeKey, slot_of};
-use crate::part::Division;
 use crate::tree::{Section, WIDTH};
 
 /// The largest number of sections of a tree. Each of them takes 80 bytes on the GPU. For each
@@ -25,7 +25,7 @@ impl LightWorld {
         match &entry.tree {
             _ if !entry.sections.is_empty() => Division::Sections(entry.sections.len() as u32),
             tree if !tree.sides().is_empty() => Division::Sides,
-            tree if entry.is_open && tree.lights().len() <= MAX_OPEN => Division::Lights,
+            tree if entry.has_light_parts && tree.lights().len() <= MAX_LIGHT_PARTS => Division::Lights,
             _ => Division::Whole,
         }
     }
@@ -35,10 +35,10 @@ impl LightWorld {
         &self.trees[tree].sections
     }
 
-    /// Whether a tree may have sections. Smaller ones may be opened instead.
+    /// Whether a tree may have sections. Smaller ones may have light parts instead.
     pub(super) fn is_large(&self, tree: TreeKey) -> bool {
         let tree = &self.trees[tree].tree;
-        tree.light_count() > MAX_OPEN && tree.sides().is_empty()
+        tree.light_count() > MAX_LIGHT_PARTS && tree.sides().is_empty()
     }
 
     /// Chooses the sections of a tree anew, after its nodes were replaced.
@@ -83,7 +83,7 @@ impl LightWorld {
         for section in former.iter().chain(&entry.sections) {
             match section.light() {
                 Some(light) if (light as usize) < tree.lights().len() => lights.push(light),
-                None if (section.target as usize) < tree.nodes().len() => nodes.push(section.target),
+                None if (section.child_bits as usize) < tree.nodes().len() => nodes.push(section.child_bits),
                 _ => {}
             }
         }

@@ -25,10 +25,10 @@ pub struct FrameReport {
     /// Trees that were rebuilt within the frame.
     pub rebuilt_trees: usize,
     /// Trees that request a rebuild and wait for a later frame, without the tree whose build is
-    /// open: in slices, or in the background.
+    /// under way: in slices, or in the background.
     pub waiting_trees: usize,
     /// [Placeholders](LightWorld::add_placeholder) that have yet to be built, those whose build is
-    /// open included.
+    /// under way included.
     pub placeholder_trees: usize,
     /// The longest wait in updates, of the trees that were served in this update and of the trees
     /// that still wait.
@@ -74,9 +74,9 @@ impl LightWorld {
     /// budget. Call it once a frame.
     ///
     /// 1. Edited trees are refitted, in parallel.
-    /// 2. A tree of up to 128 lights that is not divided by side is *opened* if most of its
-    ///    instances lie within others, and closed again if few do. The top level sorts the lights
-    ///    of an open tree by position. Instances that were added are judged in the next call, and
+    /// 2. A tree of up to 128 lights that is not divided by side is divided into its lights if most
+    ///    of its instances lie within others, and whole again if few do. The top level sorts these
+    ///    lights by position. Instances that were added are judged in the next call, and
     ///    four others in each call while anything moves. A larger tree is divided into up to 2,048
     ///    *sections* if most of its instances lie among others, of any size up to twice their own.
     ///    The top level sorts the sections by position. Instances that were added are judged in the
@@ -109,7 +109,7 @@ impl LightWorld {
         self.refit_edited(&mut report);
         self.request_first_builds();
         self.judge_overlaps(report.moved_instances > 0);
-        self.judge_surroundings(report.moved_instances > 0);
+        self.judge_neighbours(report.moved_instances > 0);
         self.do_jobs(&mut report);
         self.effects.count_update();
         self.freeze_resting();
@@ -131,15 +131,15 @@ impl LightWorld {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{overlap, sections, surroundings};
+    use super::super::{neighbours, overlap, sections};
     use crate::documented::{assert_says, grouped, word};
 
     #[test]
     fn the_documentation_of_an_update_names_its_limits() {
         let says = |sentence: &str| assert_says(include_str!("update.rs"), sentence);
-        says(&format!("A tree of up to {} lights that is not divided by side is *opened*", overlap::MAX_OPEN));
+        says(&format!("A tree of up to {} lights that is not divided by side is divided", overlap::MAX_LIGHT_PARTS));
         says(&format!("{} others in each call while anything moves. A larger", word(overlap::JUDGED_PER_UPDATE)));
         says(&format!("is divided into up to {} *sections*", grouped(sections::MAX_SECTIONS)));
-        says(&format!("and {} others in each call while anything moves. 3.", surroundings::SLOTS_PER_UPDATE));
+        says(&format!("and {} others in each call while anything moves. 3.", neighbours::SLOTS_PER_UPDATE));
     }
 }

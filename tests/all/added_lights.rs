@@ -16,8 +16,8 @@ use girandole::{
 use proptest::prelude::*;
 
 use crate::gpu::{ask, gpu, requests, sample};
-use crate::measuring::sigma::{Noise, Summary};
-use crate::support::{Rng, SPLITS, all_pmfs};
+use testbed::measuring::sigma::{Noise, Summary};
+use testbed::testing::support::{Rng, SPLITS, all_pmfs};
 
 fn below(rng: &mut Rng, end: usize) -> usize {
     (rng.bits() % end as u64) as usize
@@ -29,7 +29,7 @@ fn lamp(x: f32) -> Light {
 
 /// A lamp in a cube of 100 m.
 fn any_lamp(rng: &mut Rng) -> Light {
-    Light::point(rng.place(50.0), Vec3::splat(rng.between(1.0, 9.0)))
+    Light::point(rng.position(50.0), Vec3::splat(rng.between(1.0, 9.0)))
 }
 
 fn lamps(rng: &mut Rng, count: usize) -> Vec<Light> {
@@ -515,12 +515,12 @@ fn divided_and_open_trees_follow_additions_and_removals_on_both_sides() {
     let mut rng = Rng(408);
     // Panels that face two ways make sides; lamps in overlapping instances make single lights.
     let panel = |rng: &mut Rng, sign: f32| {
-        Light::rectangle(rng.place(3.0), Vec3::X * 0.2, Vec3::Y * (0.2 * sign), Vec3::splat(4.0))
+        Light::rectangle(rng.position(3.0), Vec3::X * 0.2, Vec3::Y * (0.2 * sign), Vec3::splat(4.0))
     };
     let mut world = LightWorld::new();
     let panels = (0..30).map(|i| panel(&mut rng, if i % 2 == 0 { 1.0 } else { -1.0 })).collect();
     let divided = world.add_tree(panels).expect("valid");
-    let open = world.add_tree((0..100).map(|_| Light::point(rng.place(5.0), Vec3::ONE)).collect()).expect("valid");
+    let open = world.add_tree((0..100).map(|_| Light::point(rng.position(5.0), Vec3::ONE)).collect()).expect("valid");
     for i in 0..20 {
         let at = |x: f64| Placement::at(DVec3::new(x, 0.0, 0.0));
         world.add_instance(divided, at(8.0 * f64::from(i)), Policy::Budgeted).expect("valid");
@@ -546,7 +546,7 @@ fn divided_and_open_trees_follow_additions_and_removals_on_both_sides() {
             let new: Vec<_> = (0..count)
                 .map(|i| match is_divided {
                     true => panel(&mut rng, if i % 2 == 0 || (12..18).contains(&round) { -1.0 } else { 1.0 }),
-                    false => Light::point(rng.place(5.0), Vec3::ONE),
+                    false => Light::point(rng.position(5.0), Vec3::ONE),
                 })
                 .collect();
             world.add_lights(tree, &new).expect("valid");
@@ -559,7 +559,7 @@ fn divided_and_open_trees_follow_additions_and_removals_on_both_sides() {
         let mut fresh = GpuLights::new(&device, &queue).expect("default limits are enough");
         fresh.upload(&world, &FrameDelta::everything(&world)).expect("room enough");
         assert!(records == sample(&mut fresh, &mut world, SplitCount::DEFAULT, &requests), "round {round}");
-        let at = ShadingPoint::volume(rng.place(10.0));
+        let at = ShadingPoint::volume(rng.position(10.0));
         let (sampler, mut distribution) = (world.sampler(), Vec::new());
         sampler.distribution(&at, &mut distribution);
         for ((light, pmf), listed) in all_pmfs(&sampler, &at).into_iter().zip(distribution) {
@@ -641,7 +641,7 @@ fn mean_sigma(tree: &LightTree) -> f64 {
     let mut pmfs = Vec::new();
     let noises: Vec<_> = (0..200)
         .map(|_| {
-            let at = rng.place(50.0);
+            let at = rng.position(50.0);
             tree.distribution(&ShadingPoint::volume(at), SplitCount::DEFAULT, &mut pmfs);
             let arriving = |light: &Light| light.emission.x / light.cluster().mean.distance_squared(at);
             let contributions: Vec<f32> = tree.lights().iter().map(arriving).collect();
@@ -656,16 +656,16 @@ fn mean_sigma(tree: &LightTree) -> f64 {
 fn a_tree_whose_lights_were_replaced_one_by_one_is_little_worse_and_a_rebuild_makes_it_new() {
     for (count, clustered) in [(1_000, false), (10_000, false), (10_000, true)] {
         let mut rng = Rng(410);
-        let mut middles: Vec<Vec3> = (0..40).map(|_| rng.place(45.0)).collect();
+        let mut middles: Vec<Vec3> = (0..40).map(|_| rng.position(45.0)).collect();
         let mut light = |rng: &mut Rng, is_new: bool| match clustered {
             false => any_lamp(rng),
             // The new lights are around places where there were none.
             true => {
                 if is_new && middles.len() == 40 {
-                    middles = (0..41).map(|_| rng.place(45.0)).collect();
+                    middles = (0..41).map(|_| rng.position(45.0)).collect();
                 }
                 let middle = middles[below(rng, middles.len())];
-                Light::point(middle + rng.place(2.0), Vec3::splat(rng.between(1.0, 9.0)))
+                Light::point(middle + rng.position(2.0), Vec3::splat(rng.between(1.0, 9.0)))
             }
         };
         let lights = (0..count).map(|_| light(&mut rng, false)).collect();
@@ -698,7 +698,7 @@ fn a_tree_that_has_degraded_by_additions_requests_a_rebuild_and_gets_it() {
     let mut rng = Rng(412);
     let group = |rng: &mut Rng, at: f32| {
         let middle = 45.0 * Vec3::new((at * 1.7).sin(), (at * 2.3).sin(), (at * 3.1).sin());
-        Light::point(middle + rng.place(2.0), Vec3::splat(rng.between(1.0, 9.0)))
+        Light::point(middle + rng.position(2.0), Vec3::splat(rng.between(1.0, 9.0)))
     };
     let lights = (0..2_000).map(|i| group(&mut rng, (i % 40) as f32)).collect();
     let (mut world, tree, _) = world_of(lights, Policy::Budgeted);

@@ -11,7 +11,7 @@ use girandole::{
     Region, RegionInstance, TreeKey,
 };
 
-use crate::support::Rng;
+use testbed::testing::support::Rng;
 
 /// The system allocator with counts of the requests of each thread and of their bytes.
 struct Counting;

@@ -10,7 +10,7 @@ use girandole::{
 };
 
 use crate::gpu::{OTHER_PICKS, ask, close, gpu, requests, sample};
-use crate::support::{Rng, SPLITS, all_pmfs, user_data_of};
+use testbed::testing::support::{Rng, SPLITS, all_pmfs, user_data_of};
 
 /// Cars in a row along x that share a tree of one lamp.
 fn cars(count: u32) -> (LightWorld, Vec<InstanceKey>) {
@@ -26,7 +26,7 @@ fn disabled_instances_send_nothing_and_come_back_with_the_same_probabilities() {
     let mut rng = Rng(300);
     let mut world = rng.world(4, 20, 5, 15.0);
     let keys: Vec<InstanceKey> = world.instances().collect();
-    let shading_point = ShadingPoint::volume(rng.place(15.0));
+    let shading_point = ShadingPoint::volume(rng.position(15.0));
     let before = all_pmfs(&world.sampler(), &shading_point);
     let disabled: Vec<InstanceKey> = keys.iter().copied().step_by(3).collect();
     for key in &disabled {
@@ -40,7 +40,7 @@ fn disabled_instances_send_nothing_and_come_back_with_the_same_probabilities() {
         if disabled.contains(&instance) {
             assert_eq!(pmf, 0.0);
             assert_eq!(sampler.sample_light(&shading_point, light, [0.5; 2]), None);
-            assert_eq!(sampler.pdf(&shading_point, light, rng.place(15.0)), 0.0);
+            assert_eq!(sampler.pdf(&shading_point, light, rng.position(15.0)), 0.0);
         } else {
             others += usize::from(pmf > 0.0);
         }
@@ -152,12 +152,12 @@ fn the_mean_over_a_masked_world_is_that_of_the_lights_that_reach_the_point() {
     }
     // Lights without size, so that the sum over all lights is exact.
     for tree in world.trees().collect::<Vec<_>>() {
-        let points = (0..10).map(|_| Light::point(rng.place(1.0), Vec3::splat(rng.between(0.1, 10.0)))).collect();
+        let points = (0..10).map(|_| Light::point(rng.position(1.0), Vec3::splat(rng.between(0.1, 10.0)))).collect();
         world.replace_lights(tree, points).expect("valid");
     }
     let sampler = world.sampler();
     for mask in [0b0001, 0b0110, 0b1111] {
-        let at = ShadingPoint::volume(rng.place(10.0)).with_mask(mask);
+        let at = ShadingPoint::volume(rng.position(10.0)).with_mask(mask);
         let (mut exact, mut second) = (0.0, 0.0);
         for (light, pmf) in all_pmfs(&sampler, &at) {
             let Some(incident) = sampler.sample_light(&at, light, [0.5; 2]) else { continue };
@@ -177,7 +177,7 @@ fn the_mean_over_a_masked_world_is_that_of_the_lights_that_reach_the_point() {
 fn masks_without_a_common_bit_leave_the_directional_lights() {
     let mut rng = Rng(307);
     let mut world = rng.world(2, 10, 3, 10.0);
-    let nowhere = ShadingPoint::volume(rng.place(5.0)).with_mask(0);
+    let nowhere = ShadingPoint::volume(rng.position(5.0)).with_mask(0);
     let only_directionals = |world: &LightWorld, at: &ShadingPoint| {
         let sampler = world.sampler();
         let mut sum = 0.0;
@@ -210,7 +210,7 @@ fn learnt_visibility_and_segments_follow_masks() {
     let mut rng = Rng(308);
     let world = rng.varied_world(4, 20, 6, 10.0);
     let mut table = VisibilityTable::default();
-    let at = ShadingPoint::volume(rng.place(5.0)).with_mask(0b10);
+    let at = ShadingPoint::volume(rng.position(5.0)).with_mask(0b10);
     for _ in 0..8 {
         let sampler = world.sampler().with_visibility(&table);
         for _ in 0..32 {
@@ -219,7 +219,7 @@ fn learnt_visibility_and_segments_follow_masks() {
         }
         table.end_frame();
     }
-    let ray = ShadingPoint::segment(rng.place(5.0), rng.direction(), 6.0).with_mask(0b10);
+    let ray = ShadingPoint::segment(rng.position(5.0), rng.direction(), 6.0).with_mask(0b10);
     for (sampler, at) in [(world.sampler().with_visibility(&table), at), (world.sampler(), ray)] {
         let mut drawn = 0;
         for _ in 0..500 {
@@ -386,8 +386,8 @@ fn the_greatest_and_the_least_factors_leave_all_results_finite() {
     for factor in [MAX_FACTOR, 1.0e-12, 1.0e-37, 1.0e-45, 0.0] {
         let mut world = LightWorld::new();
         let mut lights = rng.lights(30, 3.0);
-        lights.extend([MAX_EMISSION, 1.0e-20].map(|candela| Light::point(rng.place(3.0), Vec3::splat(candela))));
-        lights.push(Light::sphere(rng.place(3.0), 1.0, Vec3::splat(MAX_EMISSION)));
+        lights.extend([MAX_EMISSION, 1.0e-20].map(|candela| Light::point(rng.position(3.0), Vec3::splat(candela))));
+        lights.push(Light::sphere(rng.position(3.0), 1.0, Vec3::splat(MAX_EMISSION)));
         let lamp = lights[30].aabb().center();
         let tree = world.add_tree(lights).expect("valid");
         let instance = world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");

@@ -13,7 +13,7 @@ use std::time::{Duration, SystemTime};
 use girandole::{FrameBudget, LightId, LightWorld, Policy, TreeKey};
 
 use crate::scheduler::{TestWorld, check_trees, random_light, scatter};
-use crate::support::Rng;
+use testbed::testing::support::Rng;
 
 /// Threads that sample.
 const THREADS: u64 = 8;

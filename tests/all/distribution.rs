@@ -6,7 +6,7 @@ use girandole::{
     SplitCount,
 };
 
-use crate::support::{Rng, all_pmfs};
+use testbed::testing::support::{Rng, all_pmfs};
 
 /// Rounding of products of up to two dozen ratios in another order: each step rounds by 6e-8 of the
 /// probability.
@@ -72,10 +72,10 @@ fn the_distribution_of_a_tree_is_the_pmf_of_each_light_and_sums_to_one() {
     let mut pmfs = Vec::new();
     for count in [0, 1, 2, 9, 100, 3000] {
         // Point lights reach everything: no draw ends without a light.
-        let lights = (0..count).map(|_| Light::point(rng.place(20.0), Vec3::splat(rng.unit() + 0.01))).collect();
+        let lights = (0..count).map(|_| Light::point(rng.position(20.0), Vec3::splat(rng.unit() + 0.01))).collect();
         let tree = LightTree::new(lights).expect("valid lights");
         for splits in (0..=MAX_SPLITS).filter_map(|count| SplitCount::new(count).ok()) {
-            let shading_point = ShadingPoint::volume(rng.place(30.0));
+            let shading_point = ShadingPoint::volume(rng.position(30.0));
             tree.distribution(&shading_point, splits, &mut pmfs);
             assert_eq!(pmfs.len(), count);
             for (light, pmf) in (0..).zip(&pmfs) {

@@ -8,7 +8,7 @@ use girandole::tree::{NO_PARENT, WIDTH};
 use girandole::{FrameBudget, FrameDelta, FrameReport, Light, LightWorld, Placement, Policy, SplitCount, TreeKey};
 
 use crate::gpu::{gpu, requests, sample};
-use crate::support::Rng;
+use testbed::testing::support::Rng;
 
 fn below(rng: &mut Rng, end: usize) -> usize {
     (rng.bits() % end as u64) as usize
@@ -16,7 +16,7 @@ fn below(rng: &mut Rng, end: usize) -> usize {
 
 /// Lamps that are spread over a square of 100 m.
 fn lamps(rng: &mut Rng, count: usize) -> Vec<Light> {
-    (0..count).map(|_| Light::point(rng.place(50.0), Vec3::splat(rng.between(1.0, 9.0)))).collect()
+    (0..count).map(|_| Light::point(rng.position(50.0), Vec3::splat(rng.between(1.0, 9.0)))).collect()
 }
 
 fn world_of(lights: Vec<Light>) -> (LightWorld, TreeKey) {

@@ -10,7 +10,7 @@ use girandole::{
 };
 use proptest::prelude::*;
 
-use crate::support::Rng;
+use testbed::testing::support::Rng;
 
 fn moon() -> DirectionalLight {
     DirectionalLight { direction: Vec3::NEG_Y, illuminance: Vec3::ONE }

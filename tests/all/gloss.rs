@@ -10,8 +10,8 @@ use girandole::{
 };
 
 use crate::gpu::{ask, close, gpu};
-use crate::measuring::reflection::brdf;
-use crate::support::{Rng, SPLITS, all_pmfs, assert_frequencies};
+use testbed::measuring::reflection::brdf;
+use testbed::testing::support::{Rng, SPLITS, all_pmfs, assert_frequencies};
 
 /// A gloss of any kind: coated or metal, nearly a mirror or rough, seen from anywhere above or
 /// below.
@@ -89,7 +89,7 @@ fn frequencies_are_the_probabilities() {
     let world = world_of(rng.lights(60, 6.0), Placement::IDENTITY);
     let sampler = world.sampler();
     for _ in 0..6 {
-        let at = ShadingPoint::surface(rng.place(5.0), rng.direction()).with_gloss(gloss(&mut rng));
+        let at = ShadingPoint::surface(rng.position(5.0), rng.direction()).with_gloss(gloss(&mut rng));
         assert_frequencies(&sampler, &at, DRAWS, &mut rng);
     }
 }
@@ -101,7 +101,7 @@ fn points_without_a_highlight_and_points_in_volumes_have_the_bits_of_matte_ones(
     let sampler = world.sampler();
     let bits = |at: &ShadingPoint| distribution(&sampler, at).into_iter().map(f32::to_bits).collect::<Vec<_>>();
     for _ in 0..10 {
-        let at = ShadingPoint::surface(rng.place(15.0), rng.direction());
+        let at = ShadingPoint::surface(rng.position(15.0), rng.direction());
         let matte = bits(&at);
         for gloss in without_highlight() {
             assert_eq!(bits(&at.with_gloss(gloss)), matte, "{gloss:?}");
@@ -116,7 +116,8 @@ fn two_lamps_are_chosen_in_proportion_to_what_is_reflected_of_them() {
     let mut rng = Rng(504);
     let mut compared = 0;
     for _ in 0..200 {
-        let lights = [0, 1].map(|_| Light::point(rng.place(5.0) + Vec3::Y * 6.0, Vec3::splat(rng.between(1.0, 9.0))));
+        let lights =
+            [0, 1].map(|_| Light::point(rng.position(5.0) + Vec3::Y * 6.0, Vec3::splat(rng.between(1.0, 9.0))));
         let view = (rng.direction() + Vec3::Y * 1.2).normalize();
         let gloss = Gloss { view, roughness: rng.between(0.1, 1.0), specular: 0.3, diffuse: rng.unit() };
         let at = ShadingPoint::surface(Vec3::ZERO, Vec3::Y).with_gloss(gloss);
@@ -145,13 +146,13 @@ fn two_lamps_are_chosen_in_proportion_to_what_is_reflected_of_them() {
 #[test]
 fn a_turned_world_has_the_same_probabilities() {
     let mut rng = Rng(505);
-    let lights: Vec<Light> = (0..80).map(|_| Light::point(rng.place(8.0), Vec3::splat(rng.unit()))).collect();
+    let lights: Vec<Light> = (0..80).map(|_| Light::point(rng.position(8.0), Vec3::splat(rng.unit()))).collect();
     let straight = world_of(lights.clone(), Placement::IDENTITY);
     let turn = Mat3::from_quat(Quat::from_axis_angle(rng.direction(), 1.7));
     let shift = DVec3::new(3.0, -5.0, 2.0);
     let turned = world_of(lights, Placement { linear: turn, translation: shift });
     for _ in 0..40 {
-        let at = ShadingPoint::surface(rng.place(8.0), rng.direction());
+        let at = ShadingPoint::surface(rng.position(8.0), rng.direction());
         let gloss = Gloss { view: rng.direction(), roughness: rng.between(0.2, 0.9), specular: 0.1, diffuse: 0.2 };
         let there = ShadingPoint::surface(turn * at.position + shift.as_vec3(), turn * at.normal)
             .with_gloss(Gloss { view: turn * gloss.view, ..gloss });
@@ -186,7 +187,7 @@ fn a_directional_light_competes_by_what_is_reflected_of_it() {
 fn candidates_are_kept_in_proportion_to_what_is_reflected_of_them() {
     let mut rng = Rng(506);
     let world = world_of(
-        (0..50).map(|_| Light::point(rng.place(9.0) + Vec3::Y * 10.0, Vec3::ONE)).collect(),
+        (0..50).map(|_| Light::point(rng.position(9.0) + Vec3::Y * 10.0, Vec3::ONE)).collect(),
         Placement::IDENTITY,
     );
     let view = Vec3::new(0.5, 0.8, 0.1).normalize();

@@ -11,10 +11,10 @@ use girandole::gltf::{
 };
 use girandole::{FrameBudget, LightWorld, Shape, WorldError};
 
-use super::city::render::geometry::Geometry;
-use super::city::scene::gltf_scene;
-use super::city::scene::{Camera, SceneError};
-use super::support::Rng;
+use testbed::render::geometry::Geometry;
+use testbed::scene::gltf_scene;
+use testbed::scene::{Camera, SceneError};
+use testbed::testing::support::Rng;
 
 fn sample(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name)

@@ -8,7 +8,9 @@ use girandole::gltf::{
 };
 use girandole::{Light, LightWorld, Shape};
 
-use crate::gltf_documents::{Document, SQUARE, SQUARE_INDICES, data_uri, floats, png, square, square_primitive};
+use testbed::testing::gltf_documents::{
+    Document, SQUARE, SQUARE_INDICES, data_uri, floats, png, square, square_primitive,
+};
 
 fn open(text: &str) -> GltfFile {
     load(text.as_bytes(), &GltfOptions::default()).unwrap_or_else(|error| panic!("{error}: {text}"))

@@ -10,8 +10,8 @@ use girandole::{
     Effects, FrameBudget, FrameDelta, Light, LightId, LightWorld, Placement, Policy, ShadingPoint, SplitCount,
 };
 
-use crate::common::gpu as device;
-use crate::support::{Rng, SPLITS};
+use testbed::common::gpu as device;
+use testbed::testing::support::{Rng, SPLITS};
 
 /// The share of samples that may name another light. Where a random number falls within rounding of
 /// the border between two lights, the GPU may choose the other one: WGSL allows division an error
@@ -341,7 +341,8 @@ fn a_world_of_points_sends_no_bytes_for_cones_ranges_and_scales() {
     let (device, queue) = gpu();
     let mut rng = Rng(51);
     let mut world = LightWorld::new();
-    let points = |rng: &mut Rng, count| (0..count).map(|_| Light::point(rng.place(5.0), Vec3::ONE)).collect::<Vec<_>>();
+    let points =
+        |rng: &mut Rng, count| (0..count).map(|_| Light::point(rng.position(5.0), Vec3::ONE)).collect::<Vec<_>>();
     let tree = world.add_tree(points(&mut rng, 300)).expect("valid");
     let instance = world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
     world.add_instance(tree, Placement::at(DVec3::X), Policy::Budgeted).expect("valid");
@@ -363,7 +364,7 @@ fn a_world_of_points_sends_no_bytes_for_cones_ranges_and_scales() {
     // upload sends the tree, its instance, the part of the instance, two tables for the conversion,
     // the uniform of shaders, and those of the top level: of the four passes of its sort, since
     // there is one part more, and of its only round.
-    let spot = |_| Light::spot(rng.place(5.0), Vec3::NEG_Y, 0.1, 0.4, Vec3::ONE).with_range(9.0);
+    let spot = |_| Light::spot(rng.position(5.0), Vec3::NEG_Y, 0.1, 0.4, Vec3::ONE).with_range(9.0);
     let spots = world.add_tree((0..20).map(spot).collect()).expect("valid");
     // So far away that the other tree has no sections.
     world.add_instance(spots, Placement::at(DVec3::X * 100.0), Policy::Budgeted).expect("valid");
@@ -502,7 +503,7 @@ fn an_upload_that_does_not_fit_in_its_longer_layout_leaves_the_last_one_in_place
     let mut world = LightWorld::new();
     for _ in 0..750 {
         // Trees of 16 lights have no stand-ins.
-        let points = (0..16).map(|_| Light::point(rng.place(5.0), Vec3::ONE)).collect();
+        let points = (0..16).map(|_| Light::point(rng.position(5.0), Vec3::ONE)).collect();
         let tree = world.add_tree(points).expect("valid");
         world.add_instance(tree, Placement::IDENTITY, Policy::Static).expect("valid");
     }
@@ -512,7 +513,7 @@ fn an_upload_that_does_not_fit_in_its_longer_layout_leaves_the_last_one_in_place
     let requests = requests(&mut rng, 512, 10.0);
     let before = sample_again(&limited, &mut lights, &requests);
     // At 64 bytes each, 12,000 lights fit into a mebibyte, and 18,000 do not.
-    let mut spot = |_| Light::spot(rng.place(5.0), Vec3::NEG_Y, 0.1, 0.4, Vec3::ONE);
+    let mut spot = |_| Light::spot(rng.position(5.0), Vec3::NEG_Y, 0.1, 0.4, Vec3::ONE);
     let mut add = |_| world.add_tree((0..16).map(&mut spot).collect()).expect("valid");
     let spots: Vec<_> = (0..375).map(&mut add).collect();
     let instance = world.add_instance(spots[0], Placement::IDENTITY, Policy::Static).expect("valid");

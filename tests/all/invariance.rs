@@ -4,7 +4,7 @@
 use girandole::glam::{Mat3, Quat, Vec3};
 use girandole::{DirectionalLight, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint, Shape, SplitCount};
 
-use crate::support::{Rng, SPLITS, all_pmfs};
+use testbed::testing::support::{Rng, SPLITS, all_pmfs};
 
 /// What a world is made of.
 struct Scene {
@@ -159,7 +159,7 @@ fn moving_turning_and_scaling_an_instance_changes_probabilities_by_rounding_only
             let factor = if kind == 2 { scale * scale } else { 1.0 };
             let sent = |light: &Light| Light { range: light.range * scale, ..dimmed(light, factor) };
             let plain = one(lights.clone(), Placement::IDENTITY);
-            let placement = Placement { linear: turn * scale, translation: (rng.place(20.0) * scale).as_dvec3() };
+            let placement = Placement { linear: turn * scale, translation: (rng.position(20.0) * scale).as_dvec3() };
             let other = one(lights.iter().map(sent).collect(), placement);
             for _ in 0..20 {
                 let at = rng.shading_point(8.0);

@@ -13,7 +13,7 @@ use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
 use crate::gpu::gpu;
-use crate::support::{Rng, SPLITS, vary};
+use testbed::testing::support::{Rng, SPLITS, vary};
 
 type Moves = Vec<(InstanceKey, Placement)>;
 
@@ -21,7 +21,7 @@ fn below(rng: &mut Rng, end: usize) -> usize {
     (rng.bits() % end as u64) as usize
 }
 
-/// A world of small trees, which may be opened, and of trees that are divided by side. The first
+/// A world of small trees, which may have light parts, and of trees that are divided by side. The first
 /// instance of a tree of each kind is stretched. Half of the worlds have sectors.
 fn world(seed: u64) -> LightWorld {
     let mut rng = Rng(seed);
@@ -45,7 +45,7 @@ fn world(seed: u64) -> LightWorld {
 /// So much that a tree whose first instance this is would be divided in another way.
 fn stretched(rng: &mut Rng) -> Placement {
     let scale = Vec3::new(rng.between(0.1, 0.3), rng.between(0.5, 1.0), rng.between(2.0, 5.0));
-    Placement { linear: Mat3::from_diagonal(scale), translation: rng.place(10.0).as_dvec3() }
+    Placement { linear: Mat3::from_diagonal(scale), translation: rng.position(10.0).as_dvec3() }
 }
 
 /// Moves of random instances, some of them several times: apart and into one another, to where they
@@ -54,9 +54,9 @@ fn random_moves(world: &LightWorld, rng: &mut Rng, count: usize) -> Moves {
     let keys: Vec<_> = world.instances().collect();
     let place = |key, rng: &mut Rng| match below(rng, 8) {
         0 => world.placement(key).expect("it lives"),
-        1 => Placement { linear: Mat3::ZERO, translation: rng.place(10.0).as_dvec3() },
+        1 => Placement { linear: Mat3::ZERO, translation: rng.position(10.0).as_dvec3() },
         2 => stretched(rng),
-        3 | 4 => Placement::at(rng.place(0.5).as_dvec3()),
+        3 | 4 => Placement::at(rng.position(0.5).as_dvec3()),
         _ => rng.affine(20.0).into(),
     };
     let mut one = |_| {
@@ -158,7 +158,7 @@ proptest! {
                     1 => world.remove_instance(key).expect("it lives"),
                     2 => world.set_enabled(key, rng.bits().is_multiple_of(2)).expect("it lives"),
                     3 => drop(world.make_unique(key).expect("it lives")),
-                    4 => world.set_origin(rng.place(5.0).as_dvec3()).expect("near"),
+                    4 => world.set_origin(rng.position(5.0).as_dvec3()).expect("near"),
                     5 => world.move_instance(key, rng.affine(9.0)).expect("valid"),
                     _ => {
                         let moves = random_moves(&world, &mut rng, 5);

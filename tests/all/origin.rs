@@ -9,7 +9,7 @@ use girandole::{
 };
 
 use crate::gpu::{OTHER_PICKS, compare, gpu, requests, sample};
-use crate::support::{Rng, all_pmfs};
+use testbed::testing::support::{Rng, all_pmfs};
 
 /// 10,000 km from zero, on the grid.
 const FAR: DVec3 = DVec3::new(9_766.0 * ORIGIN_GRID, -8_000.0 * ORIGIN_GRID, 9_766.0 * ORIGIN_GRID);
@@ -48,7 +48,7 @@ fn world_at(around: DVec3, size: f32, mode: OriginMode) -> LightWorld {
 /// Points of the world near its instances, with their normals.
 fn points_at(around: DVec3, size: f32, count: usize) -> Vec<(DVec3, Vec3)> {
     let mut rng = Rng(91);
-    (0..count).map(|_| (around + stepped(rng.place(size).as_dvec3()), rng.direction())).collect()
+    (0..count).map(|_| (around + stepped(rng.position(size).as_dvec3()), rng.direction())).collect()
 }
 
 fn seen(world: &LightWorld, (position, normal): (DVec3, Vec3)) -> ShadingPoint {
@@ -107,7 +107,7 @@ fn nothing_jumps_when_the_origin_moves() {
     let (pmfs, places) = lights_at(&world, &points);
     let children = |world: &LightWorld| {
         let nodes = world.sampler().top_nodes();
-        nodes.iter().map(|node| std::array::from_fn::<_, 8, _>(|slot| node.target(slot))).collect::<Vec<_>>()
+        nodes.iter().map(|node| std::array::from_fn::<_, 8, _>(|slot| node.child(slot))).collect::<Vec<_>>()
     };
     let tree = children(&world);
     for step in [DVec3::X, DVec3::new(-1.0, 0.0, 1.0), DVec3::new(2.0, 1.0, -2.0)] {
@@ -148,7 +148,7 @@ fn lamps_with_all_digits_are_where_they_are_to_an_ulp_of_their_coordinates() {
         let metres = f64::from(rng.unit()) * 1.0e7;
         let camera = on_flight(metres / 1000.0);
         world.set_viewpoint(camera).expect("within the limits");
-        let away = |rng: &mut Rng| rng.place(25.0).as_dvec3() / 3.0;
+        let away = |rng: &mut Rng| rng.position(25.0).as_dvec3() / 3.0;
         let (lamp, point) = (camera + away(&mut rng), camera + 3.0 * away(&mut rng));
         let key = world.add_instance(tree, Placement::at(lamp), Policy::Static).expect("within the limits");
         let at = ShadingPoint::volume((point - world.origin()).as_vec3());

@@ -6,7 +6,7 @@ use girandole::gpu::GpuLights;
 use girandole::{FrameBudget, InstanceKey, Light, LightId, LightWorld, Placement, Policy, TreeKey};
 
 use crate::gpu::{OTHER_PICKS, compare, gpu, requests, sample};
-use crate::support::{Rng, SPLITS, assert_probabilities};
+use testbed::testing::support::{Rng, SPLITS, assert_probabilities};
 
 /// A string of lamps along x, one of them dark.
 fn string(rng: &mut Rng, lamps: usize) -> Vec<Light> {
@@ -57,7 +57,7 @@ fn street(rng: &mut Rng) -> Street {
 /// Somewhere near the origin, at any angle and some size.
 fn crossing(rng: &mut Rng) -> Placement {
     let linear = Mat3::from_rotation_y(rng.between(0.0, 6.3)) * rng.between(0.8, 1.2);
-    Placement { linear, translation: rng.place(2.0).as_dvec3() + DVec3::Y * 5.0 }
+    Placement { linear, translation: rng.position(2.0).as_dvec3() + DVec3::Y * 5.0 }
 }
 
 /// Changes the world in the way of one of eight rounds.

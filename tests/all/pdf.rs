@@ -5,7 +5,7 @@ use girandole::gpu::GpuLights;
 use girandole::{Effects, Light, LightId, LightSampler, LightWorld, Placement, Policy, ShadingPoint, Shape};
 
 use crate::gpu::{ask, gpu};
-use crate::support::{Rng, SPLITS};
+use testbed::testing::support::{Rng, SPLITS};
 
 /// Rounding of products of some forty factors on both sides.
 const TOLERANCE: f32 = 1.0e-4;
@@ -105,13 +105,13 @@ fn densities_agree_very_near_lights() {
         let sampler = world.sampler();
         for _ in 0..400 {
             let u = [rng.unit(), rng.unit(), rng.unit(), rng.unit()];
-            let Some(sample) = sampler.sample(&ShadingPoint::volume(rng.place(5.0)), u) else { continue };
+            let Some(sample) = sampler.sample(&ShadingPoint::volume(rng.position(5.0)), u) else { continue };
             if sample.incident.is_delta {
                 continue;
             }
             // A point on a light, and a shading point up to a decimetre from it.
             let from = rng.direction() * 10.0_f32.powf(rng.between(-4.0, -1.0));
-            let at = ShadingPoint::volume(rng.place(5.0));
+            let at = ShadingPoint::volume(rng.position(5.0));
             if let Some(near) = sampler.sample_light(&at, sample.light, [rng.unit(), rng.unit()]) {
                 let shading_point = ShadingPoint::volume(at.position + near.direction * near.dist + from);
                 for _ in 0..4 {
@@ -266,7 +266,7 @@ fn compare_densities(rng: &mut Rng, far: f64, by_solid_angle: bool) {
         let Some(pick) = sampler.pick(&shading_point, [rng.unit(), rng.unit()]) else { continue };
         let LightId::Local { instance, light } = pick.light else { continue };
         // Sampled from another place, so that some points lie on backs and below horizons.
-        let at = ShadingPoint::volume(rng.place(15.0) + far as f32);
+        let at = ShadingPoint::volume(rng.position(15.0) + far as f32);
         let Some(incident) = sampler.sample_light(&at, pick.light, [rng.unit(), rng.unit()]) else { continue };
         let point = at.position + incident.direction * incident.dist;
         if expected.len() % 3 == 0 {

@@ -13,9 +13,9 @@ use girandole::{
 };
 
 use crate::gpu::{OTHER_PICKS, close, gpu, requests, sample};
-use crate::measuring::lights::{carried, illuminances};
 use crate::scheduler::{TestWorld, random_light, rebuild_jobs};
-use crate::support::{Rng, assert_frequencies};
+use testbed::measuring::lights::{carried, illuminances};
+use testbed::testing::support::{Rng, assert_frequencies};
 
 /// Lights with a smaller share of the illuminance may be above the horizon only by rounding.
 const ROUNDING_SHARE: f32 = 1.0e-6;
@@ -196,7 +196,7 @@ fn a_thousand_small_placeholders_are_built_in_batches_that_use_the_budgets() {
     let lights: Vec<_> = (0..1000).map(|_| lamps(&mut test.rng, 30)).collect();
     let keys: Vec<_> = lights.iter().map(|lights| test.world.add_placeholder(lights.clone()).expect("valid")).collect();
     for key in &keys {
-        let place = test.rng.place(500.0).as_dvec3();
+        let place = test.rng.position(500.0).as_dvec3();
         test.world.add_instance(*key, Placement::at(place), Policy::Static).expect("valid");
     }
     // All builds take 3 ms, ten budgets.
@@ -362,7 +362,7 @@ fn a_copy_for_one_instance_is_a_placeholder_of_its_own() {
 fn a_placeholder_is_built_for_its_stretched_first_instance_and_adding_that_builds_nothing() {
     let mut rng = Rng(440);
     let lights: Vec<Light> =
-        (0..LARGE).map(|_| Light::point(rng.place(10.0) * Vec3::new(1.0, 1.0, 30.0), Vec3::ONE)).collect();
+        (0..LARGE).map(|_| Light::point(rng.position(10.0) * Vec3::new(1.0, 1.0, 30.0), Vec3::ONE)).collect();
     let expected = LightTree::new_for(lights.clone(), squashed()).expect("valid");
     assert_ne!(expected.nodes(), built(&lights).nodes());
     // The instance comes before the build is opened, and while it is open.

@@ -7,9 +7,9 @@ use girandole::{
 };
 use wgpu::util::DeviceExt;
 
-use crate::common::gpu as device;
 use crate::gpu::read;
-use crate::support::Rng;
+use testbed::common::gpu as device;
+use testbed::testing::support::Rng;
 
 const TEXT: &str = "
     struct Query { position: vec3<f32>, instance: u32, light: u32, a: u32, b: u32, c: u32 }
@@ -128,7 +128,7 @@ impl Asker {
 
 fn tree(world: &mut LightWorld, rng: &mut Rng, round: u32) -> TreeKey {
     let light = |rng: &mut Rng| {
-        let (at, emission) = (rng.place(4.0), Vec3::splat(rng.between(1.0, 9.0)));
+        let (at, emission) = (rng.position(4.0), Vec3::splat(rng.between(1.0, 9.0)));
         match round {
             // Other layouts of nodes and lights.
             8.. => Light::spot(at, Vec3::NEG_Y, 0.2, 1.4, emission).with_range(300.0),
@@ -151,7 +151,7 @@ fn the_last_frames_probabilities_are_those_that_it_had() {
             for _ in 0..1 + round % 7 * 9 {
                 let tree = tree(&mut world, &mut rng, round);
                 let lights = world.tree(tree).expect("it lives").lights().len() as u32;
-                let at = Placement::at(rng.place(30.0).as_dvec3());
+                let at = Placement::at(rng.position(30.0).as_dvec3());
                 let key = world.add_instance(tree, at, Policy::Budgeted).expect("valid");
                 instances.push((key, lights));
             }
@@ -159,7 +159,7 @@ fn the_last_frames_probabilities_are_those_that_it_had() {
                 match rng.bits() % 10 {
                     0 => {
                         let scale = Mat3::IDENTITY * if round > 12 { 2.0 } else { 1.0 };
-                        let at = Placement { linear: scale, ..Placement::at(rng.place(30.0).as_dvec3()) };
+                        let at = Placement { linear: scale, ..Placement::at(rng.position(30.0).as_dvec3()) };
                         world.move_instance(instances[i].0, at).expect("valid");
                     }
                     1 => {
@@ -184,7 +184,7 @@ fn the_last_frames_probabilities_are_those_that_it_had() {
             .map(|_| {
                 let (key, lights) = instances[(rng.bits() % instances.len() as u64) as usize];
                 Query {
-                    position: rng.place(30.0).to_array(),
+                    position: rng.position(30.0).to_array(),
                     instance: world.slot(key).expect("it lives"),
                     light: rng.bits() as u32 % lights,
                     padding: [0; 3],
@@ -256,12 +256,12 @@ fn the_last_frame_keeps_the_origin_that_it_had() {
     let mut keys = Vec::new();
     for round in 0..30 {
         let tree = tree(&mut world, &mut rng, round % 8);
-        let at = Placement::at(start + rng.place(60.0).as_dvec3());
+        let at = Placement::at(start + rng.position(60.0).as_dvec3());
         keys.push(world.add_instance(tree, at, Policy::Budgeted).expect("valid"));
     }
     let queries: Vec<Query> = (0..200)
         .map(|i| Query {
-            position: (start + rng.place(50.0).as_dvec3() - world.origin()).as_vec3().to_array(),
+            position: (start + rng.position(50.0).as_dvec3() - world.origin()).as_vec3().to_array(),
             instance: world.slot(keys[i % keys.len()]).expect("it lives"),
             light: i as u32 % 4,
             padding: [0; 3],

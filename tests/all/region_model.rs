@@ -11,7 +11,7 @@ use girandole::{
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
-use crate::support::{Rng, all_pmfs};
+use testbed::testing::support::{Rng, all_pmfs};
 
 /// Rounding of a sum of some hundred products of about ten factors each.
 const SUM_TOLERANCE: f32 = 1.0e-3;
@@ -55,7 +55,7 @@ struct Run {
 
 /// A light that every point in a volume receives.
 fn lamp(rng: &mut Rng) -> Light {
-    Light::point(rng.place(9.0), Vec3::splat(rng.between(0.5, 5.0)))
+    Light::point(rng.position(9.0), Vec3::splat(rng.between(0.5, 5.0)))
 }
 
 fn lamps(rng: &mut Rng, most: u64) -> Vec<Light> {
@@ -297,7 +297,7 @@ impl Run {
         assert_eq!(world.light_count(), expected);
         let bytes: usize = world.trees().map(|key| world.tree(key).expect("it lives").memory_bytes()).sum();
         assert_eq!(world.memory().trees.total(), bytes);
-        let at = ShadingPoint::volume(rng.place(30.0));
+        let at = ShadingPoint::volume(rng.position(30.0));
         let (mut sum, mut live) = (0.0, 0);
         for (light, pmf) in all_pmfs(&world.sampler(), &at) {
             let LightId::Local { instance, light } = light else { panic!("there is no directional light") };

@@ -6,7 +6,7 @@ use girandole::{
     Region, RegionInstance, RegionKey, RegionTree, RemovedRegion, ShadingPoint, TreeKey, WorldError,
 };
 
-use crate::support::{Rng, all_pmfs, assert_frequencies};
+use testbed::testing::support::{Rng, all_pmfs, assert_frequencies};
 
 /// A region of a placeholder, a built tree, a baked tree and a tree of the world, with two
 /// instances of each.
@@ -363,7 +363,7 @@ fn trees_of_stretched_first_instances_are_divided_for_them_but_never_in_the_call
     let mut rng = Rng(514);
     let stretched = Placement { linear: Mat3::from_diagonal(Vec3::new(1.0, 1.0, 0.01)), ..Placement::IDENTITY };
     let lights: Vec<Light> =
-        (0..200).map(|_| Light::point(rng.place(10.0) * Vec3::new(1.0, 1.0, 30.0), Vec3::ONE)).collect();
+        (0..200).map(|_| Light::point(rng.position(10.0) * Vec3::new(1.0, 1.0, 30.0), Vec3::ONE)).collect();
     let expected = LightTree::new_for(lights.clone(), stretched).expect("valid");
     let plain = LightTree::new(lights.clone()).expect("valid");
     assert_ne!(expected.nodes(), plain.nodes());

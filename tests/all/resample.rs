@@ -9,7 +9,7 @@ use girandole::{
 };
 
 use crate::gpu::{OTHER_PICKS, ask, buffer, close, gpu, read, shading_point};
-use crate::support::Rng;
+use testbed::testing::support::Rng;
 
 fn random_numbers(rng: &mut Rng) -> [f32; 5] {
     [rng.unit(), rng.unit(), rng.unit(), rng.unit(), rng.unit()]

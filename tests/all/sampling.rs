@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::{DirectionalLight, Light, LightId, LightWorld, Placement, Policy, ShadingPoint};
 
-use crate::support::{Rng, SPLITS, all_pmfs};
+use testbed::testing::support::{Rng, SPLITS, all_pmfs};
 
 /// Probabilities are products of at most two dozen ratios of sums of eight; each rounds by a few
 /// 6e-8.

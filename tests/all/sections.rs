@@ -10,7 +10,7 @@ use girandole::{
 };
 
 use crate::gpu::{OTHER_PICKS, ask, compare, gpu, question_at, requests, sample};
-use crate::support::{Rng, SPLITS, all_pmfs, assert_probabilities};
+use testbed::testing::support::{Rng, SPLITS, all_pmfs, assert_probabilities};
 
 /// Lamps over a square of 40 m, some of them dark.
 fn lamps(rng: &mut Rng, count: usize) -> Vec<Light> {
@@ -79,7 +79,7 @@ fn change(town: &mut Town, rng: &mut Rng, round: usize) {
         // More instances of one tree, a copy, and another origin.
         6 => {
             for _ in 0..6 {
-                let place = Placement::at(rng.place(10.0).as_dvec3());
+                let place = Placement::at(rng.position(10.0).as_dvec3());
                 world.add_instance(trees[0], place, Policy::Budgeted).expect("valid");
             }
             world.make_unique(large[0]).expect("it lives");
@@ -123,7 +123,7 @@ const TEXT: &str = "
 
 /// Checks that a shader that walks up from a light finds the probability of its sample.
 fn check_pmfs(lights: &mut GpuLights, rng: &mut Rng) {
-    let questions: Vec<_> = (0..512).map(|_| question_at(rng.place(15.0), rng)).collect();
+    let questions: Vec<_> = (0..512).map(|_| question_at(rng.position(15.0), rng)).collect();
     let answers: Vec<[f32; 2]> = ask(lights, wgsl(1, Effects::all()) + TEXT, &questions, questions.len());
     let mut compared = 0;
     for [pmf, asked] in answers.into_iter().filter(|[pmf, _]| *pmf > 0.0) {
@@ -233,7 +233,7 @@ fn regions_that_overlap_come_and_go_with_their_sections() {
     let region = |rng: &mut Rng| {
         let mut region = Region::new();
         let tree = region.add_tree(LightTree::new(lamps(rng, 500)).expect("valid"));
-        let place = Placement::at(rng.place(5.0).as_dvec3());
+        let place = Placement::at(rng.position(5.0).as_dvec3());
         region.add_instance(RegionInstance::new(tree, place, Policy::Static)).expect("valid");
         region
     };

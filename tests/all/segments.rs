@@ -10,13 +10,13 @@ use girandole::{
 };
 
 use crate::gpu::{ask, close, gpu};
-use crate::measuring::in_scattering::{Ray, in_scattered};
-use crate::measuring::lights::carried;
-use crate::support::{Rng, SPLITS, all_pmfs, assert_frequencies};
+use testbed::measuring::in_scattering::{Ray, in_scattered};
+use testbed::measuring::lights::carried;
+use testbed::testing::support::{Rng, SPLITS, all_pmfs, assert_frequencies};
 
 /// A segment in the cube from `-size` to `size`, from a millimetre to a few hundred metres long.
 fn segment(rng: &mut Rng, size: f32) -> ShadingPoint {
-    ShadingPoint::segment(rng.place(size), rng.direction(), 10.0_f32.powf(rng.between(-3.0, 2.5)))
+    ShadingPoint::segment(rng.position(size), rng.direction(), 10.0_f32.powf(rng.between(-3.0, 2.5)))
 }
 
 /// The point of a segment at a share of its length.
@@ -101,7 +101,7 @@ fn short_segments_have_the_probabilities_of_points_and_what_is_no_segment_has_th
     let world = rng.world(3, 30, 3, 15.0);
     let sampler = world.sampler();
     for _ in 0..20 {
-        let (origin, direction) = (rng.place(15.0), rng.direction());
+        let (origin, direction) = (rng.position(15.0), rng.direction());
         let of_point = distribution(&sampler, &ShadingPoint::volume(origin));
         let of_segment = distribution(&sampler, &ShadingPoint::segment(origin, direction, 1.0e-5));
         for (a, b) in of_point.iter().zip(of_segment) {
@@ -146,7 +146,7 @@ fn two_lamps_are_chosen_in_proportion_to_the_closed_forms() {
     let mut rng = Rng(604);
     for i in 0..200 {
         // Whole metres lie on the grid of a node, so positions are exact.
-        let places = [rng.place(40.0).round(), rng.place(40.0).round()];
+        let places = [rng.position(40.0).round(), rng.position(40.0).round()];
         let candela = [0, 1].map(|_| rng.between(1.0, 9.0));
         let lamps = [0, 1].map(|k| Light::point(places[k], Vec3::splat(candela[k])));
         let world = world_of(lamps.to_vec());
@@ -170,7 +170,7 @@ fn samples_estimate_the_integral_over_the_segment_and_candidates_do_so_with_less
     let draws = 20_000;
     let mut less = 0;
     for length in [0.01, 1.0, 10.0, 60.0, 200.0] {
-        let at = ShadingPoint::segment(rng.place(10.0), rng.direction(), length);
+        let at = ShadingPoint::segment(rng.position(10.0), rng.direction(), length);
         let ray = Ray::of(&at);
         let from_suns: f64 = directional.iter().map(|sun| f64::from(luminance(sun.illuminance)) * ray.length).sum();
         // A sphere that its instance flattens has another shape there: the sum is over the others.
@@ -254,7 +254,7 @@ fn distances_follow_their_density_and_make_the_estimate_of_a_point_light_exact()
             assert!((sum - 1.0).abs() < 0.02, "{sum}: {at:?}");
         }
         let candela = rng.between(1.0, 9.0);
-        let place = rng.place(6.0);
+        let place = rng.position(6.0);
         let lamp = world_of(vec![Light::point(place, Vec3::splat(candela))]);
         let light = lamp.sampler().all_lights().next().expect("a lamp");
         let exact = f64::from(candela) * equiangular(place.as_dvec3(), &ray);
@@ -365,7 +365,7 @@ fn the_shader_gives_the_answers_of_the_cpu_and_takes_the_middle_without_the_effe
     let sampler = world.sampler();
     let (mut questions, mut expected, mut middles) = (Vec::new(), Vec::new(), Vec::new());
     for i in 0..40 {
-        let (origin, direction) = (rng.place(20.0), rng.direction());
+        let (origin, direction) = (rng.position(20.0), rng.direction());
         let length = if i % 8 == 7 { 0.0 } else { 10.0_f32.powf(rng.between(-2.0, 2.3)) };
         let at = ShadingPoint::segment(origin, direction, length);
         for light in sampler.all_lights() {

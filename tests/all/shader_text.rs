@@ -1,9 +1,9 @@
 //! The WGSL that engines join to their own: no compiler warns of it or renames what engines name.
 
-use crate::effect_sets::effect_sets;
 use girandole::Effects;
 use girandole::gpu::wgsl;
 use naga::{Block, Module, Statement};
+use testbed::testing::effect_sets::effect_sets;
 
 /// The text of variants that have any four effects in every combination. Whether lights move
 /// changes no text.

@@ -11,8 +11,8 @@ use girandole::{
 };
 
 use crate::gpu::{OTHER_PICKS, compare, gpu, sample, sample_by};
-use crate::measuring::irradiance::irradiance;
-use crate::support::Rng;
+use testbed::measuring::irradiance::irradiance;
+use testbed::testing::support::Rng;
 
 const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON / 2.0;
 
@@ -118,7 +118,7 @@ fn means_are_lamberts_irradiance() {
             let placed = transformed(&light, linear);
             for distance in [0.03, 0.1, 0.3, 1.0] {
                 let side = if rng.bits().is_multiple_of(2) { 1.0 } else { -1.0 };
-                let place = rng.place(1.0);
+                let place = rng.position(1.0);
                 let at = linear * Vec3::new(place.x, place.y, side * distance);
                 let normals = [-at.normalize(), at.normalize().any_orthonormal_vector(), rng.direction(), Vec3::ZERO];
                 for normal in normals {
@@ -338,7 +338,7 @@ fn panels(rng: &mut Rng) -> LightWorld {
     let mut world = LightWorld::new();
     for _ in 0..3 {
         let panel = |rng: &mut Rng| {
-            let (place, u, v) = (rng.place(4.0), rng.direction() * 1.5, rng.direction() * rng.between(0.2, 1.5));
+            let (place, u, v) = (rng.position(4.0), rng.direction() * 1.5, rng.direction() * rng.between(0.2, 1.5));
             match rng.bits() % 4 {
                 0 => Light::rectangle(place, u, v, Vec3::ONE),
                 1 => Light::rectangle(place, u, v, Vec3::ONE).two_sided(),

@@ -7,7 +7,7 @@ use girandole::gpu::{GpuLights, wgsl};
 use girandole::{Effects, FrameBudget, FrameDelta, Light, LightWorld, Placement, Policy, ShadingPoint};
 
 use crate::gpu::{ask, gpu, question_at};
-use crate::support::Rng;
+use testbed::testing::support::Rng;
 
 /// The index of the first stand-in of a tree.
 const STAND_IN: u32 = 1 << 30;
@@ -56,7 +56,7 @@ fn stand_ins_are_sampled_with_their_true_probabilities_and_are_as_bright_as_thei
     let (device, queue) = gpu();
     let mut rng = Rng(71);
     let mut world = LightWorld::new();
-    let lamp = |rng: &mut Rng| Light::point(rng.place(3.0), Vec3::splat(rng.between(1.0, 4.0)));
+    let lamp = |rng: &mut Rng| Light::point(rng.position(3.0), Vec3::splat(rng.between(1.0, 4.0)));
     for i in 0..3 {
         // The third has too few lights to have stand-ins.
         let tree = (0..[400, 100, 5][i]).map(|_| lamp(&mut rng)).collect();

@@ -1,15 +1,15 @@
 //! The scenes that are hard for a choice of lights, and the exact light by which they are judged.
 
-use crate::measuring::irradiance::irradiance;
-use crate::measuring::lights::{carried, reflections};
-use crate::measuring::reflection::{brdf, reflection};
-use crate::measuring::samplers::{self, Chooser};
-use crate::measuring::torture::cuts::TOWN;
-use crate::measuring::torture::scenes;
-use crate::measuring::torture::table::{TortureRow, rows};
-use crate::support::Rng;
 use girandole::glam::Vec3;
 use girandole::{Gloss, Light, LightId, LightWorld, Placement, Policy, ShadingPoint, Shape};
+use testbed::measuring::irradiance::irradiance;
+use testbed::measuring::lights::{carried, reflections};
+use testbed::measuring::reflection::{brdf, reflection};
+use testbed::measuring::samplers::{self, Chooser};
+use testbed::measuring::torture::cuts::TOWN;
+use testbed::measuring::torture::scenes;
+use testbed::measuring::torture::table::{TortureRow, rows};
+use testbed::testing::support::Rng;
 
 /// The goals: sigma relative to the least of other samplers, and to one tree over the same lights.
 const OF_OTHERS: f64 = 0.6;
@@ -85,7 +85,7 @@ fn illuminances_are_the_means_of_sampled_points() {
         let sampler = world.sampler();
         let Some(id) = sampler.all_lights().next() else { continue };
         for normal in [Vec3::ZERO, rng.direction(), rng.direction()] {
-            let at = ShadingPoint::surface(rng.place(9.0), normal);
+            let at = ShadingPoint::surface(rng.position(9.0), normal);
             let (mut sum, mut squares) = (0.0, 0.0);
             for _ in 0..DRAWS {
                 let lux = sampler.sample_light(&at, id, [rng.unit(), rng.unit()]).map_or(0.0, |incident| {
@@ -121,7 +121,7 @@ fn reflections_are_the_means_of_sampled_points() {
         let normal = rng.direction();
         let view = normal + rng.direction() * 0.9;
         let gloss = Gloss { view, roughness: rng.between(0.2, 1.0), specular: 0.3, diffuse: 0.1 };
-        let at = ShadingPoint::surface(rng.place(9.0), normal).with_gloss(gloss);
+        let at = ShadingPoint::surface(rng.position(9.0), normal).with_gloss(gloss);
         let (mut sum, mut squares) = (0.0, 0.0);
         for _ in 0..DRAWS {
             let value = sampler.sample_light(&at, id, [rng.unit(), rng.unit()]).map_or(0.0, |incident| {

@@ -12,7 +12,7 @@ use girandole::{
     Effects, FrameBudget, Light, LightTree, LightWorld, Placement, Policy, ShadingPoint, TreeKey, WorldError,
 };
 
-use crate::support::{Rng, all_pmfs};
+use testbed::testing::support::{Rng, all_pmfs};
 
 fn placements(rng: &mut Rng) -> Vec<Placement> {
     (0..6).map(|_| Placement::from(rng.affine(30.0))).collect()

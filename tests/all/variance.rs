@@ -1,10 +1,10 @@
 //! The measure of the variance example, and the published samplers that it compares with.
 
-use crate::measuring::baselines::{BinaryTree, Cycles, Formula, Pbrt};
-use crate::measuring::lights::{carried, contributions};
-use crate::measuring::sigma::{Noise, Summary};
-use crate::support::Rng;
 use girandole::{Light, LightId, LightWorld, Placement, Policy, ShadingPoint, Shape};
+use testbed::measuring::baselines::{BinaryTree, Cycles, Formula, Pbrt};
+use testbed::measuring::lights::{carried, contributions};
+use testbed::measuring::sigma::{Noise, Summary};
+use testbed::testing::support::Rng;
 
 /// The share of a shading point's light by which one light may differ between both spaces, by
 /// rounding near the horizon.
@@ -19,7 +19,7 @@ fn check_formula<F: Formula>(formula: F, lights: &[Light], rng: &mut Rng) {
     let ids: Vec<LightId> = sampler.all_lights().collect();
     let binary = BinaryTree::new(formula, lights.to_vec());
     for _ in 0..60 {
-        let shading_point = ShadingPoint::surface(rng.place(12.0), rng.direction());
+        let shading_point = ShadingPoint::surface(rng.position(12.0), rng.direction());
         let pmfs = binary.pmfs(&shading_point);
         let sum: f64 = pmfs.iter().map(|p| f64::from(*p)).sum();
         assert!(sum <= 1.0 + SUM_TOLERANCE, "{sum}");
@@ -65,7 +65,7 @@ fn lights_transformed_out_of_their_instances_contribute_as_before() {
     let flat_ids: Vec<LightId> = flat_sampler.all_lights().collect();
     assert_eq!((ids.len(), flat_ids.len()), (flat.len(), flat.len()));
     for _ in 0..50 {
-        let shading_point = ShadingPoint::surface(rng.place(10.0), rng.direction());
+        let shading_point = ShadingPoint::surface(rng.position(10.0), rng.direction());
         let before = contributions(&sampler, &ids, &shading_point);
         let after = contributions(&flat_sampler, &flat_ids, &shading_point);
         let sum: f32 = before.iter().sum();
@@ -82,7 +82,7 @@ fn lights_transformed_out_of_their_instances_contribute_as_before() {
 fn picks_of_a_published_sampler_are_as_frequent_as_their_pmfs() {
     let mut rng = Rng(42);
     let binary = BinaryTree::new(Cycles, rng.lights(12, 10.0));
-    let shading_point = ShadingPoint::volume(rng.place(10.0));
+    let shading_point = ShadingPoint::volume(rng.position(10.0));
     let pmfs = binary.pmfs(&shading_point);
     let mut counts = [0_u32; 12];
     let draws = 40_000;

@@ -9,7 +9,7 @@ use girandole::{
 };
 use rayon::prelude::*;
 
-use crate::support::{Rng, SPLITS, all_pmfs};
+use testbed::testing::support::{Rng, SPLITS, all_pmfs};
 
 /// As in `sampling.rs`: rounding of products of two dozen ratios.
 const SUM_TOLERANCE: f64 = 1.0e-4;

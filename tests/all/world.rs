@@ -14,7 +14,7 @@ use proptest::prelude::*;
 use rayon::prelude::*;
 
 use crate::gpu::{OTHER_PICKS, ask, compare, gpu, requests, sample};
-use crate::support::{Rng, SPLITS, all_pmfs};
+use testbed::testing::support::{Rng, SPLITS, all_pmfs};
 
 fn lamp(x: f32) -> Light {
     Light::point(Vec3::new(x, 0.0, 0.0), Vec3::ONE)
@@ -31,7 +31,7 @@ fn hidden(x: f64) -> Placement {
 
 /// A change of every one of `count` lights.
 fn scattered(rng: &mut Rng, count: u32) -> Vec<(u32, Light)> {
-    (0..count).map(|index| (index, Light::point(rng.place(50.0), Vec3::ONE))).collect()
+    (0..count).map(|index| (index, Light::point(rng.position(50.0), Vec3::ONE))).collect()
 }
 
 /// Everything about a world that a refused call must not change.

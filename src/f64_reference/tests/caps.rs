@@ -5,15 +5,15 @@ use std::f64::consts::PI;
 use glam::{DVec3, Vec3};
 
 use super::{direction, exact};
-use crate::bounds::Aabb;
+use crate::cluster::Aabb;
 use crate::cluster::Cluster;
-use crate::cone::CAP_PADDING;
-use crate::f64_reference::formulas::child::Child;
+use crate::cluster::cone::CAP_PADDING;
 use crate::f64_reference::merge::angle;
-use crate::importance::{LocalShadingPoint, child_importances};
-use crate::shading_point::ShadingPoint;
+use crate::shading::importance::{LocalShadingPoint, child_importances};
+use crate::shading::shading_point::ShadingPoint;
 use crate::tree::testing::Rng;
 use crate::tree::{LEAF, Node, WideCluster};
+use testbed::measuring::reference::child::Child;
 
 /// A node with one child, which has this box and cap.
 fn node_of(half: Vec3, axis: Vec3, half_angle: f32) -> Node {
@@ -31,7 +31,7 @@ fn node_of(half: Vec3, axis: Vec3, half_angle: f32) -> Node {
     wide.set(0, &cluster);
     let mut node = Node::EMPTY;
     node.pack(&wide, &wide.merged().cluster.aabb, 1);
-    node.targets[0] = LEAF;
+    node.children[0] = LEAF;
     node
 }
 
@@ -44,7 +44,7 @@ fn caps_prove_nothing_up_to_their_limit_and_darkness_beyond_the_margin() {
         let half = Vec3::new(rng.unit(), rng.unit(), rng.unit()) * [0.0, 1.0, 1.0, 0.01][round / 10 % 4];
         let axis = direction(&mut rng);
         let node = node_of(half, axis, half_angle);
-        let Some(child) = Child::of(&node, 0) else { panic!("a lit child") };
+        let Some(child) = Child::of(&bytemuck::cast(node), 0) else { panic!("a lit child") };
         // From the packed cap, which is wider than the one that was given.
         let Some(packed) = child.half_angle else { continue };
         let (radius, dist) = (child.half().length(), f64::from(rng.between(2.0, 50.0)));

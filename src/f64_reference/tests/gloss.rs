@@ -4,9 +4,9 @@ use glam::{DVec2, Vec3};
 
 use super::{exact, size};
 use crate::f64_reference::ROUNDING;
-use crate::f64_reference::formulas::gloss::{Surface, reflected};
-use crate::gloss::{Gloss, LocalGloss};
+use crate::shading::gloss::{Gloss, LocalGloss};
 use crate::tree::testing::Rng;
+use testbed::measuring::reference::gloss::{Surface, reflected};
 
 #[test]
 fn reflectances_are_positive_and_finite_and_those_of_the_formula_in_f64() {

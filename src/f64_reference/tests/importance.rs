@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::{both_importances, direction, light, size, view};
 use crate::f64_reference::ROUNDING;
-use crate::shading_point::ShadingPoint;
+use crate::shading::shading_point::ShadingPoint;
 use crate::tree::LightTree;
 use crate::tree::testing::Rng;
 

@@ -3,15 +3,15 @@
 use glam::{DVec3, Mat3, Vec3};
 
 use super::{direction, exact, size, turn};
-use crate::bounds::Aabb;
+use crate::cluster::bounds::Aabb;
+use crate::cluster::cone::CAP_PADDING;
 use crate::cluster::{Cluster, Linear};
-use crate::cone::CAP_PADDING;
 use crate::f64_reference::ROUNDING;
-use crate::f64_reference::formulas::place::Map;
 use crate::f64_reference::merge::{angle, merged};
 use crate::f64_reference::place::placed;
 use crate::tree::testing::Rng;
 use crate::tree::{WIDTH, WideCluster};
+use testbed::measuring::reference::place::Map;
 
 /// A random cluster whose box has this extent, about a centre.
 fn cluster(rng: &mut Rng, center: Vec3, extent: f32) -> Cluster {

@@ -12,15 +12,15 @@ mod segments;
 
 use glam::{DVec3, Mat3, Quat, Vec3};
 
-use super::formulas::child::Child;
-use super::formulas::importance::importance;
-use super::formulas::place::View;
-use super::formulas::terms::Importance;
-use crate::importance::{LocalShadingPoint, child_importances};
 use crate::light::Light;
-use crate::shading_point::ShadingPoint;
+use crate::shading::importance::{LocalShadingPoint, child_importances};
+use crate::shading::shading_point::ShadingPoint;
 use crate::tree::testing::Rng;
 use crate::tree::{LEAF, LightTree, WIDTH};
+use testbed::measuring::reference::child::Child;
+use testbed::measuring::reference::importance::importance;
+use testbed::measuring::reference::place::View;
+use testbed::measuring::reference::terms::Importance;
 
 /// A number whose logarithm is uniform between those of powers of ten.
 fn size(rng: &mut Rng, least: f32, most: f32) -> f32 {
@@ -86,12 +86,13 @@ fn both_importances(tree: &LightTree, at: &ShadingPoint) -> Vec<(f64, Child, Imp
     let mut all = Vec::new();
     for node in tree.nodes() {
         let ours = child_importances(node, &local);
+        let record = bytemuck::cast_ref(node);
         for slot in 0..WIDTH {
-            let Some(child) = Child::of(node, slot) else {
+            let Some(child) = Child::of(record, slot) else {
                 assert_eq!(ours.importance[slot], 0.0);
                 continue;
             };
-            let expected = importance(&child, node, &view, node.targets[slot] & LEAF != 0);
+            let expected = importance(&child, record, &view, node.children[slot] & LEAF != 0);
             all.push((f64::from(ours.importance[slot]), child, expected));
         }
     }

@@ -4,14 +4,15 @@ use glam::{DVec3, Mat3, Vec3};
 
 use super::{direction, exact, light, segment, shading_point, size, turn, view};
 use crate::f64_reference::ROUNDING;
-use crate::f64_reference::formulas::choice::{Distribution, Tree, distribution};
-use crate::f64_reference::formulas::place::Map;
 use crate::keys::slot_of;
 use crate::light::luminance;
-use crate::sample::LightId;
-use crate::shading_point::ShadingPoint;
+use crate::sampling::sample::LightId;
+use crate::shading::shading_point::ShadingPoint;
+use crate::tree::ChildRef;
 use crate::tree::testing::Rng;
 use crate::{DirectionalLight, LightTree, LightWorld, Placement, Policy, SplitCount};
+use testbed::measuring::reference::choice::{Distribution, Tree, distribution};
+use testbed::measuring::reference::place::Map;
 
 /// Numbers of splits: none, the default, and the most.
 const SPLITS: [usize; 3] = [0, 6, 7];
@@ -73,7 +74,7 @@ fn compare_trees(seed: u64, shading_point: impl Fn(&mut Rng, f32) -> ShadingPoin
         for round in 0..40 {
             let at = shading_point(&mut rng, 1.5 * scale);
             let splits = SPLITS[round % 3];
-            let root = Tree { nodes: tree.nodes(), view: view(&at), instance: Some(0) };
+            let root = Tree { nodes: bytemuck::cast_slice(tree.nodes()), view: view(&at), instance: Some(0) };
             let expected = distribution(&root, splits, 0.0, &|_| None);
             let count = SplitCount::new(splits).expect("allowed");
             all.add(&expected, |_, light| tree.pmf(&at, light, count));
@@ -140,7 +141,11 @@ fn compare_worlds(seed: u64, shading_point: impl Fn(&mut Rng, f32) -> ShadingPoi
                 let tree = world.tree(world.instance_tree(key)?)?;
                 let brightness = f64::from(luminance(world.factor(key)?));
                 let view = here.in_tree(&Map::new(placement.linear.as_dmat3()), placement.translation, brightness);
-                Some((Tree { nodes: tree.nodes(), view, instance: Some(part.slot) }, part.target))
+                let target = match part.entry {
+                    ChildRef::Node(index) => girandole::tree::ChildRef::Node(index),
+                    ChildRef::Leaf(index) => girandole::tree::ChildRef::Leaf(index),
+                };
+                Some((Tree { nodes: bytemuck::cast_slice(tree.nodes()), view, instance: Some(part.slot) }, target))
             };
             let directional: f64 = world
                 .directionals()
@@ -150,7 +155,7 @@ fn compare_worlds(seed: u64, shading_point: impl Fn(&mut Rng, f32) -> ShadingPoi
                     exact(light.illuminance).dot(DVec3::new(0.2126, 0.7152, 0.0722)) * cosine
                 })
                 .sum();
-            let root = Tree { nodes: &top.nodes, view: here, instance: None };
+            let root = Tree { nodes: bytemuck::cast_slice(&top.nodes), view: here, instance: None };
             let expected = distribution(&root, splits, directional, &below);
             let pmf = |slot: Option<u32>, light| {
                 let instance = world.instance_at(slot.expect("an instance")).expect("live");

@@ -2,7 +2,7 @@
 
 use super::{both_importances, direction, exact, size};
 use crate::light::Light;
-use crate::shading_point::ShadingPoint;
+use crate::shading::shading_point::ShadingPoint;
 use crate::tree::LightTree;
 use crate::tree::testing::Rng;
 

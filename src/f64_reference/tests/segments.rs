@@ -2,10 +2,10 @@
 
 use super::{both_importances, direction, light, size, view};
 use crate::f64_reference::ROUNDING;
-use crate::f64_reference::formulas::segment::ARC_TANGENT;
-use crate::shading_point::ShadingPoint;
+use crate::shading::shading_point::ShadingPoint;
 use crate::tree::LightTree;
 use crate::tree::testing::Rng;
+use testbed::measuring::reference::segment::ARC_TANGENT;
 
 /// The relative error of the arc tangent, and some roundings.
 const MOST_PLAIN_ERROR: f64 = 6.0e-5;

@@ -4,9 +4,9 @@ use super::super::bindings::{bind, records, storage_entry, uniform_entry};
 use super::super::kernel::{BATCH_COUNT, LANES};
 use super::super::records::SampleRequest;
 use super::super::{GpuLights, player};
-use crate::counts::CandidateCount;
 use crate::effects::Effects;
 use crate::plan::text;
+use crate::sampling::counts::CandidateCount;
 
 /// Counts the nodes that each sample reads.
 #[derive(Debug)]

@@ -4,7 +4,7 @@ use super::super::error::{GpuError, largest_storage_buffer};
 use super::super::memory;
 use super::super::player::Player;
 use super::super::recorder::Recorder;
-use crate::dice::hash;
+use crate::math::dice::hash;
 use crate::plan::Commands;
 use crate::plan::buffers::Ids;
 use crate::plan::sort::SortBuffers;

@@ -2,13 +2,13 @@ use glam::{DVec3, Vec3};
 use wgpu::util::DeviceExt;
 
 use super::*;
-use crate::counts::{CandidateCount, SplitCount};
 use crate::gpu::SampleRequest;
 use crate::gpu::testing::{gpu, limited_gpu, read};
+use crate::instance::placement::Placement;
 use crate::light::Light;
-use crate::placement::Placement;
 use crate::policy::Policy;
-use crate::resample::candidate_numbers;
+use crate::sampling::counts::{CandidateCount, SplitCount};
+use crate::sampling::resample::candidate_numbers;
 use crate::world::LightWorld;
 
 /// A world of one tree of point lights with some instances.

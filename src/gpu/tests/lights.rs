@@ -6,8 +6,8 @@ use glam::{DVec3, Vec3};
 
 use crate::gpu::testing::{gpu, read};
 use crate::gpu::*;
+use crate::instance::placement::Placement;
 use crate::light::Light;
-use crate::placement::Placement;
 use crate::policy::Policy;
 use crate::scheduler::FrameBudget;
 

@@ -4,10 +4,10 @@ use glam::{DVec3, Mat3, Quat, Vec3};
 
 use super::Rig;
 use super::pool::TestPool;
-use crate::appearance::Appearance;
 use crate::effects::Effects;
+use crate::instance::appearance::Appearance;
+use crate::instance::placement::{Anchor, Placed, Placement};
 use crate::light::Light;
-use crate::placement::{Anchor, Placed, Placement};
 use crate::plan::layout::{Bases, InstanceRecord, LightRecord};
 use crate::plan::node_record::NodeRecord;
 use crate::plan::stored::{Missing, Stored, missing_of_instance, missing_of_light, missing_of_node};

@@ -2,7 +2,7 @@
 
 use super::Rig;
 use super::pool::TestPool;
-use crate::dice::hash;
+use crate::math::dice::hash;
 use crate::plan::scatter::{MAX_TARGETS, RunCount, UNIFORM_BYTES, scatter};
 use crate::plan::stored::Missing;
 

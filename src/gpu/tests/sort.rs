@@ -1,8 +1,8 @@
 //! The sort of keys.
 
 use super::Rig;
-use crate::dice::hash;
 use crate::gpu::testing::gpu;
+use crate::math::dice::hash;
 use crate::plan::sort::SortBuffers;
 
 /// The same keys every time, with only the bits of `mask`.

@@ -10,18 +10,18 @@ use glam::{EulerRot, Mat3, Quat, Vec3};
 
 use super::Rig;
 use super::pool::TestPool;
-use crate::bounds::Aabb;
 use crate::cluster::Cluster;
+use crate::cluster::bounds::Aabb;
 use crate::effects::Effects;
 use crate::gpu::testing::{random, random_vec};
+use crate::instance::part::{PART, PART_BITS, Part};
 use crate::keys::slot_of;
-use crate::part::{PART, PART_BITS, Part};
 use crate::plan::layout::{Bases, ClusterRecord, InstanceRecord, LeafRecord, PartRecord, Strides, TreeRecord};
 use crate::plan::node_record::NodeRecord;
 use crate::plan::pool::Growth;
 use crate::plan::stored::Missing;
 use crate::plan::top::TopBuild;
-use crate::tree::{Node, Target, WIDTH};
+use crate::tree::{ChildRef, Node, WIDTH};
 use crate::{InstanceKey, Light, LightWorld, Placement, Policy, TreeKey};
 
 /// What a build on the GPU has written. Some nodes may be left over: no other node refers to them.
@@ -50,10 +50,10 @@ impl Built {
 
     /// The cluster from which the child at a place was packed.
     fn child(&self, place: usize) -> Cluster {
-        match self.nodes[place / WIDTH].target(place % WIDTH) {
+        match self.nodes[place / WIDTH].child(place % WIDTH) {
             None => Cluster::EMPTY,
-            Some(Target::Leaf(leaf)) => self.leaves[self.part_of(leaf)],
-            Some(Target::Node(node)) => cluster_of(&self.clusters[node as usize]),
+            Some(ChildRef::Leaf(leaf)) => self.leaves[self.part_of(leaf)],
+            Some(ChildRef::Node(node)) => cluster_of(&self.clusters[node as usize]),
         }
     }
 
@@ -63,8 +63,8 @@ impl Built {
         let mut next = 0;
         while let Some(node) = reached.get(next) {
             let children: Vec<usize> = (0..WIDTH)
-                .filter_map(|slot| match self.nodes[*node].target(slot) {
-                    Some(Target::Node(child)) => Some(child as usize),
+                .filter_map(|slot| match self.nodes[*node].child(slot) {
+                    Some(ChildRef::Node(child)) => Some(child as usize),
                     _ => None,
                 })
                 .collect();
@@ -177,7 +177,7 @@ fn build(top: &mut TopRig, world: &LightWorld) -> Built {
     top.rig.play(&new, |commands| {
         build.adopt(commands, &mut Vec::new());
         let masks = if has_masks { build.masks() } else { 0 };
-        build.prepare(commands, count, strides, (masks, crate::sector::number(world.home())));
+        build.prepare(commands, count, strides, (masks, crate::instance::sector::number(world.home())));
         build.build(commands, pools);
     });
     let (top, rig) = (&top.top, &top.rig);

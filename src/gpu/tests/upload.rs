@@ -5,8 +5,8 @@ use glam::{DVec3, Mat3, Vec3};
 use crate::gpu::memory::refusals::Refusals;
 use crate::gpu::testing::{gpu, noop, read};
 use crate::gpu::*;
+use crate::instance::placement::Placement;
 use crate::light::{DirectionalLight, Light};
-use crate::placement::Placement;
 use crate::policy::Policy;
 
 /// Fewer than the first buffers hold.

@@ -7,12 +7,12 @@ use wgpu::util::DeviceExt;
 use super::super::memory::refusals::Refusals;
 use super::super::testing::{gpu, noop, read};
 use super::*;
-use crate::dice::hash;
+use crate::instance::placement::Placement;
 use crate::light::{DirectionalLight, Light};
-use crate::placement::Placement;
+use crate::math::dice::hash;
 use crate::policy::Policy;
-use crate::sample::{LightId, LightSampler};
-use crate::shading_point::ShadingPoint;
+use crate::sampling::sample::{LightId, LightSampler};
+use crate::shading::shading_point::ShadingPoint;
 use crate::visibility::{TABLE_HEAD, VisibilityTable};
 use crate::world::{FrameDelta, LightWorld};
 

@@ -5,13 +5,13 @@ use std::fmt::Write;
 use super::super::sort;
 use super::super::text::{Extras, constants, variant};
 use super::passes::{FIRST_PASS, MAX_NODES};
-use crate::bounds;
 use crate::cluster;
-use crate::cone;
-use crate::curve;
+use crate::cluster::bounds;
+use crate::cluster::cone;
 use crate::effects::Effects;
 use crate::top;
 use crate::tree;
+use crate::tree::curve;
 
 /// Invocations in a workgroup of the stages that take parts one by one. Half of WebGPU's limit,
 /// because merging clusters takes many registers.

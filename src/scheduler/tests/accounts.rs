@@ -44,30 +44,30 @@ fn is_slice(job: Option<Job>) -> bool {
 }
 
 #[test]
-fn waits_are_counted_in_frames_in_the_queue_and_for_an_open_build() {
+fn waits_are_counted_in_frames_in_the_queue_and_for_a_long_build() {
     let (mut scheduler, [tree]) = scheduler_of([LARGE]);
     assert!(!scheduler.has_jobs() && !scheduler.waits(tree));
     scheduler.start_frame(BUDGET);
     ask(&mut scheduler, tree, 1.0);
     (0..3).for_each(|_| scheduler.start_frame(Duration::ZERO));
     assert_eq!((scheduler.frame(), scheduler.longest_wait(), scheduler.waiting_trees()), (4, 3, 1));
-    assert!(scheduler.has_jobs() && scheduler.waits(tree) && !scheduler.is_open(tree));
+    assert!(scheduler.has_jobs() && scheduler.waits(tree) && !scheduler.is_long_build_of(tree));
 
     assert!(is_slice(first_job(&mut scheduler)));
-    assert_eq!((scheduler.longest_wait(), scheduler.open_wait(), scheduler.waiting_trees()), (4, 4, 0));
-    assert!(scheduler.has_jobs() && scheduler.waits(tree) && scheduler.is_open(tree));
+    assert_eq!((scheduler.longest_wait(), scheduler.long_build_wait(), scheduler.waiting_trees()), (4, 4, 0));
+    assert!(scheduler.has_jobs() && scheduler.waits(tree) && scheduler.is_long_build_of(tree));
 
-    // A build that has ended is open until it is paid for, but its tree no longer waits.
+    // A long build that has ended stays until it is paid for, but its tree no longer waits.
     let work = scheduler.go_on_in_background();
     scheduler.finish_background(work, scheduler.costs.predict(work));
     scheduler.was_rebuilt(tree, TreeFeatures::default());
-    assert_eq!((scheduler.longest_wait(), scheduler.open_wait()), (0, 4));
-    assert!(scheduler.has_jobs() && !scheduler.waits(tree) && !scheduler.is_open(tree));
+    assert_eq!((scheduler.longest_wait(), scheduler.long_build_wait()), (0, 4));
+    assert!(scheduler.has_jobs() && !scheduler.waits(tree) && !scheduler.is_long_build_of(tree));
     // Frames pay for it.
     for _ in 0..10_000 {
         assert!(first_job(&mut scheduler).is_none());
     }
-    assert!(!scheduler.has_jobs() && scheduler.open_wait() == 0);
+    assert!(!scheduler.has_jobs() && scheduler.long_build_wait() == 0);
 }
 
 #[test]
@@ -81,7 +81,7 @@ fn a_slice_that_ends_a_build_closes_it() {
 }
 
 #[test]
-fn the_tree_with_the_greater_priority_comes_before_an_open_build_and_others_come_after() {
+fn the_tree_with_the_greater_priority_comes_before_a_long_build_and_others_come_after() {
     // The small tree costs 30,000 times less, which a share with a power of 0.3 makes up for.
     for (share, comes_first) in [(1.0, true), (1.0e-18, false)] {
         let (mut scheduler, [large, small]) = scheduler_of([LARGE, 100]);
@@ -175,7 +175,7 @@ fn trees_that_are_replaced_resized_or_removed_are_known_as_what_they_are_now() {
     assert_eq!((scheduler.waiting_trees(), scheduler.tree_in_turn()), (1, Some(resized)));
     assert!(!scheduler.waits(replaced) && scheduler.waits(resized));
 
-    // A tree whose build is open, and then is no longer needed.
+    // A tree that has the long build, and then is no longer needed.
     let (mut scheduler, [tree]) = scheduler_of([LARGE]);
     ask(&mut scheduler, tree, 1.0);
     assert!(is_slice(first_job(&mut scheduler)));

@@ -27,7 +27,7 @@ fn reversed(node: &Node) -> Node {
     Node {
         origin: node.origin.map(|v| f32::from_bits(v.to_bits().swap_bytes())),
         steps: node.steps.swap_bytes(),
-        targets: node.targets.map(u32::swap_bytes),
+        children: node.children.map(u32::swap_bytes),
         flux: node.flux.map(u16::swap_bytes),
         parent: node.parent.swap_bytes(),
         area_ratios: node.area_ratios.swap_bytes(),

@@ -18,11 +18,11 @@
 //! leave lights out. [`LightTree::check`] checks it too, in eight times the time of a load.
 
 use super::super::LightTree;
-use crate::bounds::Aabb;
+use crate::cluster::bounds::Aabb;
 use crate::cluster::{Cluster, MAX_FLUX};
 use crate::light::{MAX_COORDINATE, MIN_FLUX, UNLIMITED_RANGE};
 use crate::tree::check::CheckError;
-use crate::tree::node::{EMPTY_SLOT, NO_PARENT, Node, Target, WIDTH};
+use crate::tree::node::{ChildRef, EMPTY_SLOT, NO_PARENT, Node, WIDTH};
 use crate::tree::pack::{packed_flux, packed_range};
 
 /// Nodes that one thread checks in turn.
@@ -85,20 +85,20 @@ impl LightTree {
         if count == 0 || count > WIDTH {
             return fail(0, "the number of children is outside 1 to 8");
         }
-        if let Some(slot) = (count..WIDTH).find(|slot| node.targets[*slot] != EMPTY_SLOT || node.flux[*slot] != 0) {
+        if let Some(slot) = (count..WIDTH).find(|slot| node.children[*slot] != EMPTY_SLOT || node.flux[*slot] != 0) {
             return fail(slot, "the slot is unused but not empty");
         }
         let (mut lights, mut next) = (0, index + 1);
         for slot in 0..count {
-            match node.target(slot) {
-                None => return fail(slot, "the slot is in use but has no target"),
-                Some(Target::Leaf(light)) => {
+            match node.child(slot) {
+                None => return fail(slot, "the slot is in use but has no child"),
+                Some(ChildRef::Leaf(light)) => {
                     if self.leaves.get(light as usize) != Some(&((index * WIDTH + slot) as u32)) {
                         return fail(slot, "the tree has no such light, or the light names another leaf");
                     }
                     lights += 1;
                 }
-                Some(Target::Node(below)) => {
+                Some(ChildRef::Node(below)) => {
                     let below = below as usize;
                     if below < next || below >= end || self.spans[below] == 0 {
                         return fail(slot, "the child does not lie behind its siblings within the subtree");
@@ -130,7 +130,7 @@ impl LightTree {
             return node.parent == NO_PARENT;
         }
         let (parent, slot) = (node.parent as usize / WIDTH, node.parent as usize % WIDTH);
-        parent < index && self.nodes[parent].targets[slot] == index as u32
+        parent < index && self.nodes[parent].children[slot] == index as u32
     }
 
     /// What is wrong with the tree as a whole, whose nodes are sound.

@@ -7,8 +7,8 @@ mod round_trips;
 
 use glam::{Mat3, Vec3};
 
+use crate::instance::placement::Placement;
 use crate::light::Light;
-use crate::placement::Placement;
 use crate::tree::LightTree;
 use crate::tree::testing::{Rng, State, state_of};
 

@@ -2,8 +2,8 @@
 
 use glam::Vec3;
 
-use crate::bounds::Aabb;
 use crate::cluster::Cluster;
+use crate::cluster::bounds::Aabb;
 
 /// Bytes of a number.
 pub(super) const WORD: usize = size_of::<u32>();

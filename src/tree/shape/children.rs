@@ -1,7 +1,7 @@
 //! Chooses which groups of lights become the children of one node.
 //!
 //! Bottom-level and top-level builds choose alike: the costliest group that no node can hold is
-//! replaced by its two parts while the node has room, then the smallest groups are opened. Both
+//! replaced by its two parts while the node has room, then the smallest groups are inlined. Both
 //! keep nodes full, which decides the memory of a tree and the time of its refits.
 
 use crate::tree::WIDTH;
@@ -23,8 +23,8 @@ pub(crate) trait ChildGroup: Copy {
 /// The children of a node, in the order of their lights.
 pub(crate) struct Children<G> {
     groups: [G; WIDTH],
-    /// The lights of an open group are children of the node themselves.
-    is_open: [bool; WIDTH],
+    /// The lights of an inlined group are children of the node themselves.
+    is_inlined: [bool; WIDTH],
     count: usize,
 }
 
@@ -80,22 +80,22 @@ impl<G: ChildGroup> ChildChooser<G> {
         self.count += 1;
     }
 
-    /// Ends the division and opens the smallest groups.
+    /// Ends the division and inlines the smallest groups.
     #[inline(always)]
     pub fn finish(&self) -> Children<G> {
         let Self { groups, count } = *self;
-        let mut is_open = [false; WIDTH];
+        let mut is_inlined = [false; WIDTH];
         let mut room = WIDTH - count;
         // The smallest group first, since it takes the least room; of equals the first.
         while let Some(place) = (0..count)
-            .filter(|i| groups[*i].count() > 1 && !groups[*i].is_tiny() && !is_open[*i])
+            .filter(|i| groups[*i].count() > 1 && !groups[*i].is_tiny() && !is_inlined[*i])
             .min_by_key(|i| groups[*i].count())
             && groups[place].count() - 1 <= room
         {
-            is_open[place] = true;
+            is_inlined[place] = true;
             room -= groups[place].count() - 1;
         }
-        Children { groups, is_open, count }
+        Children { groups, is_inlined, count }
     }
 }
 
@@ -113,11 +113,11 @@ impl<G: ChildGroup> Children<G> {
         chooser.finish()
     }
 
-    /// Children that stay whole. There is at least one.
-    pub fn closed(groups: impl Iterator<Item = G>) -> Self {
+    /// Children none of which is inlined. There is at least one.
+    pub fn of_groups(groups: impl Iterator<Item = G>) -> Self {
         let mut groups = groups.peekable();
         let first = *groups.peek().expect("a node has children");
-        let mut children = Self { groups: [first; WIDTH], is_open: [false; WIDTH], count: 0 };
+        let mut children = Self { groups: [first; WIDTH], is_inlined: [false; WIDTH], count: 0 };
         for group in groups {
             children.groups[children.count] = group;
             children.count += 1;
@@ -130,14 +130,14 @@ impl<G: ChildGroup> Children<G> {
         self.count
     }
 
-    /// The groups and whether each is open.
+    /// The groups and whether each is inlined.
     pub fn iter(&self) -> impl Iterator<Item = (&G, bool)> {
-        self.groups[..self.count].iter().zip(self.is_open)
+        self.groups[..self.count].iter().zip(self.is_inlined)
     }
 
-    /// The group at a place and whether it is open. `None` after the last group.
+    /// The group at a place and whether it is inlined. `None` after the last group.
     pub fn get(&self, place: usize) -> Option<(&G, bool)> {
-        self.groups[..self.count].get(place).zip(self.is_open.get(place).copied())
+        self.groups[..self.count].get(place).zip(self.is_inlined.get(place).copied())
     }
 }
 
@@ -165,7 +165,7 @@ mod tests {
         }
     }
 
-    /// The counts of the children of a node over `whole` lights, open ones in parentheses, and the
+    /// The counts of the children of a node over `whole` lights, inlined ones in parentheses, and the
     /// places of the splits.
     fn children(whole: usize, left: impl Fn(usize) -> usize) -> (String, Vec<usize>) {
         let mut places = Vec::new();
@@ -174,8 +174,9 @@ mod tests {
             let left = left(group.0);
             Some([Lights(left), Lights(group.0 - left)])
         });
-        let name =
-            |(group, is_open): (&Lights, bool)| if is_open { format!("({})", group.0) } else { group.0.to_string() };
+        let name = |(group, is_inlined): (&Lights, bool)| {
+            if is_inlined { format!("({})", group.0) } else { group.0.to_string() }
+        };
         (children.iter().map(name).collect::<Vec<_>>().join(" "), places)
     }
 
@@ -187,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn the_smallest_groups_that_fit_are_opened_and_single_lights_stay() {
+    fn the_smallest_groups_that_fit_are_inlined_and_single_lights_stay() {
         assert_eq!(children(0, |_| 1).0, "0");
         assert_eq!(children(1, |_| 1).0, "1");
         assert_eq!(children(8, |_| 1).0, "(8)");
@@ -201,6 +202,9 @@ mod tests {
     #[test]
     fn a_group_that_cannot_be_split_stays_whole() {
         let children = Children::choose(Lights(100), |_, _| None);
-        assert_eq!(children.iter().map(|(group, is_open)| (group.0, is_open)).collect::<Vec<_>>(), [(100, false)]);
+        assert_eq!(
+            children.iter().map(|(group, is_inlined)| (group.0, is_inlined)).collect::<Vec<_>>(),
+            [(100, false)]
+        );
     }
 }

@@ -42,7 +42,7 @@ const MAX_COST_DEPTH: u32 = 32;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ShapeNode {
     /// [`LEAF`] with an item's index, or a node's index. [`EMPTY_SLOT`] from `count` on.
-    pub(crate) targets: [u32; WIDTH],
+    pub(crate) children: [u32; WIDTH],
     pub(crate) count: u32,
     /// `node * WIDTH + slot`, or [`NO_PARENT`].
     pub(super) parent: u32,
@@ -51,10 +51,10 @@ pub(crate) struct ShapeNode {
 }
 
 impl ShapeNode {
-    const EMPTY: Self = Self { targets: [EMPTY_SLOT; WIDTH], count: 0, parent: NO_PARENT, span: 1 };
+    const EMPTY: Self = Self { children: [EMPTY_SLOT; WIDTH], count: 0, parent: NO_PARENT, span: 1 };
 
-    fn push(&mut self, target: u32) {
-        self.targets[self.count as usize] = target;
+    fn push(&mut self, child: u32) {
+        self.children[self.count as usize] = child;
         self.count += 1;
     }
 
@@ -107,10 +107,10 @@ fn link(nodes: &mut [ShapeNode]) {
 #[inline(always)]
 fn link_children(nodes: &mut [ShapeNode], node: usize) {
     for slot in 0..nodes[node].count as usize {
-        let target = nodes[node].targets[slot];
-        if target & LEAF == 0 {
-            let child = node + target as usize;
-            nodes[node].targets[slot] = child as u32;
+        let child = nodes[node].children[slot];
+        if child & LEAF == 0 {
+            let child = node + child as usize;
+            nodes[node].children[slot] = child as u32;
             nodes[child].parent = (node * WIDTH + slot) as u32;
         }
     }
@@ -143,10 +143,10 @@ fn shape_children(
     let count = items.len();
     let mut subtrees = Subtrees::default();
     let mut rest = items;
-    for (child, is_open) in children.iter() {
+    for (child, is_inlined) in children.iter() {
         let (items, others) = rest.split_at_mut(child.group.count);
         rest = others;
-        if is_open || items.len() == 1 {
+        if is_inlined || items.len() == 1 {
             node.push_leaves(items);
         } else {
             let slot = node.count as usize;
@@ -157,12 +157,12 @@ fn shape_children(
     #[cfg(feature = "parallel")]
     if count >= PARALLEL_ITEMS {
         for (slot, subtree) in shape_in_parallel(std::mem::take(&mut subtrees), depth + 1) {
-            node.targets[slot] = (nodes.len() - own) as u32;
+            node.children[slot] = (nodes.len() - own) as u32;
             nodes.extend(subtree);
         }
     }
     for (slot, items, group) in subtrees.into_iter().flatten() {
-        node.targets[slot] = (nodes.len() - own) as u32;
+        node.children[slot] = (nodes.len() - own) as u32;
         shape_below(items, group, depth + 1, nodes);
     }
     node.span = (nodes.len() - own) as u32;

@@ -84,7 +84,7 @@ pub(super) fn sides(items: &mut [BuildItem]) -> Option<Children<CostedGroup>> {
         rest = others;
         CostedGroup::whole(&Group::around(own))
     });
-    Some(Children::closed(groups))
+    Some(Children::of_groups(groups))
 }
 
 #[cfg(test)]
@@ -93,7 +93,7 @@ mod tests {
 
     use super::*;
     use crate::light::Light;
-    use crate::tree::{LightTree, Target};
+    use crate::tree::{ChildRef, LightTree};
 
     fn beam(direction: Vec3) -> Light {
         Light::spot(direction, direction, 0.1, 0.3, Vec3::ONE)
@@ -126,19 +126,19 @@ mod tests {
 
     /// The lights of each side of a tree, in ascending order of indices.
     fn all_sides_of(lights: Vec<Light>) -> Vec<Vec<u32>> {
-        fn below(tree: &LightTree, target: Target) -> Vec<u32> {
-            match target {
-                Target::Leaf(light) => vec![light],
-                Target::Node(node) => {
+        fn below(tree: &LightTree, child: ChildRef) -> Vec<u32> {
+            match child {
+                ChildRef::Leaf(light) => vec![light],
+                ChildRef::Node(node) => {
                     let node = &tree.nodes()[node as usize];
-                    (0..WIDTH).filter_map(|slot| node.target(slot)).flat_map(|target| below(tree, target)).collect()
+                    (0..WIDTH).filter_map(|slot| node.child(slot)).flat_map(|child| below(tree, child)).collect()
                 }
             }
         }
         let tree = LightTree::new(lights).expect("valid lights");
         tree.check().expect("the tree is sound");
-        let targets = (0..tree.sides().len()).map(|side| tree.nodes()[0].target(side).expect("a side has a target"));
-        let mut sides: Vec<_> = targets.map(|target| below(&tree, target)).collect();
+        let children = (0..tree.sides().len()).map(|side| tree.nodes()[0].child(side).expect("a side has a child"));
+        let mut sides: Vec<_> = children.map(|child| below(&tree, child)).collect();
         sides.iter_mut().for_each(|side| side.sort_unstable());
         sides
     }

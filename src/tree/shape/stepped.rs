@@ -35,11 +35,11 @@ struct Unfinished {
     depth: u32,
     /// The first item that is below the node and not below one of its complete children.
     first: usize,
-    stage: Stage,
+    phase: ShapePhase,
 }
 
 /// What an unfinished node needs next.
-enum Stage {
+enum ShapePhase {
     /// Choose the children of the group `whole`. `splitting` is the place of the group that is
     /// being split in steps.
     Choose { whole: Group, chooser: ChildChooser<CostedGroup>, splitting: Option<usize> },
@@ -102,7 +102,12 @@ impl SteppedShape {
         if let Some(children) = sides(&mut self.items) {
             self.sides = children.len();
             self.nodes.push(ShapeNode::EMPTY);
-            self.unfinished.push(Unfinished { node: 0, depth: 0, first: 0, stage: Stage::Shape { children, next: 0 } });
+            self.unfinished.push(Unfinished {
+                node: 0,
+                depth: 0,
+                first: 0,
+                phase: ShapePhase::Shape { children, next: 0 },
+            });
             return whole_split_ticks(self.items.len());
         }
         let whole = *self.whole.get();
@@ -129,19 +134,19 @@ impl SteppedShape {
         let node = self.nodes.len();
         self.nodes.push(ShapeNode::EMPTY);
         let chooser = ChildChooser::new(CostedGroup::whole(group));
-        let stage = Stage::Choose { whole: *group, chooser, splitting: None };
-        self.unfinished.push(Unfinished { node, depth, first, stage });
+        let phase = ShapePhase::Choose { whole: *group, chooser, splitting: None };
+        self.unfinished.push(Unfinished { node, depth, first, phase });
         NODE_TICKS
     }
 
     /// Advances the lowest unfinished node. Returns the ticks.
     pub fn advance(&mut self) -> usize {
         let Some(top) = self.unfinished.last_mut() else { return 0 };
-        match &mut top.stage {
-            Stage::Choose { whole, chooser, splitting } => {
+        match &mut top.phase {
+            ShapePhase::Choose { whole, chooser, splitting } => {
                 let halve = top.depth >= MAX_COST_DEPTH;
                 let Some(place) = splitting.or_else(|| chooser.next_split()) else {
-                    top.stage = Stage::Shape { children: chooser.finish(), next: 0 };
+                    top.phase = ShapePhase::Shape { children: chooser.finish(), next: 0 };
                     return NODE_TICKS;
                 };
                 let group = chooser.group(place).group;
@@ -163,17 +168,17 @@ impl SteppedShape {
                 }
                 ticks
             }
-            Stage::Shape { children, next } => {
+            ShapePhase::Shape { children, next } => {
                 let place = *next;
                 *next += 1;
-                let Some((child, is_open)) = children.get(place) else {
+                let Some((child, is_inlined)) = children.get(place) else {
                     self.nodes[top.node].span = (self.nodes.len() - top.node) as u32;
                     self.unfinished.pop();
                     return NODE_TICKS;
                 };
                 let first = top.first;
                 top.first += child.group.count;
-                if is_open || child.group.count == 1 {
+                if is_inlined || child.group.count == 1 {
                     self.nodes[top.node].push_leaves(&self.items[first..top.first]);
                     return NODE_TICKS;
                 }

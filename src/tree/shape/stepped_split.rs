@@ -18,7 +18,7 @@ const PIECE: usize = 64;
 
 /// The state of a split.
 pub(super) struct SteppedSplit {
-    stage: Stage,
+    phase: SplitPhase,
     grid: BinGrid,
     bins: SumsOfRuns<Bins<16>>,
     /// The best cut, once it is chosen.
@@ -29,7 +29,7 @@ pub(super) struct SteppedSplit {
 }
 
 /// What a split does next.
-enum Stage {
+enum SplitPhase {
     /// Sum the items in bins.
     Bin,
     /// Choose the best cut.
@@ -47,7 +47,7 @@ enum Stage {
 impl SteppedSplit {
     pub fn new() -> Self {
         Self {
-            stage: Stage::Sum,
+            phase: SplitPhase::Sum,
             grid: BinGrid::new(&Group::EMPTY, 16.0),
             bins: SumsOfRuns::new(Bins::EMPTY, Bins::EMPTY),
             cut: None,
@@ -64,40 +64,40 @@ impl SteppedSplit {
         }
         self.grid = BinGrid::new(whole, 16.0);
         self.bins.clear();
-        self.stage = Stage::Bin;
+        self.phase = SplitPhase::Bin;
     }
 
     /// Starts a split near the median.
     fn start_middle(&mut self, whole: &Group) {
         self.halves.iter_mut().for_each(SumsOfRuns::clear);
-        self.stage = match longest_axis(&whole.means) {
-            Some(axis) => Stage::Select(Box::new(Selection::new(axis, middle(whole.count))), 0),
-            None => Stage::Sum,
+        self.phase = match longest_axis(&whole.means) {
+            Some(axis) => SplitPhase::Select(Box::new(Selection::new(axis, middle(whole.count))), 0),
+            None => SplitPhase::Sum,
         };
     }
 
     /// Works on a piece of the items of the group, and adds its ticks to `ticks`. Returns both
     /// parts once the split is done.
     pub fn advance(&mut self, items: &mut [BuildItem], whole: &Group, ticks: &mut usize) -> Option<[Group; 2]> {
-        match &mut self.stage {
-            Stage::Bin => {
+        match &mut self.phase {
+            SplitPhase::Bin => {
                 let grid = &self.grid;
                 *ticks += BIN_TICKS * self.bins.add_some(items, PIECE, |bins, items| bins.add_items(items, grid));
                 if self.bins.added() == items.len() {
-                    self.stage = Stage::Cut;
+                    self.phase = SplitPhase::Cut;
                 }
             }
-            Stage::Cut => {
+            SplitPhase::Cut => {
                 *ticks += CUT_TICKS;
                 self.cut = self.bins.get().cut(whole, &self.grid);
                 if self.cut.is_some() {
                     self.sides = Sides::EMPTY;
-                    self.stage = Stage::Partition;
+                    self.phase = SplitPhase::Partition;
                 } else {
                     self.start_middle(whole);
                 }
             }
-            Stage::Partition => {
+            SplitPhase::Partition => {
                 let cut = self.cut.as_mut()?;
                 let handled = self.sides.advance_along(items, &self.grid, cut);
                 *ticks += CLASSIFY_TICKS * handled.max(1);
@@ -106,7 +106,7 @@ impl SteppedSplit {
                     return Some(of_tree(whole, cut.groups));
                 }
             }
-            Stage::Select(selection, counted) => {
+            SplitPhase::Select(selection, counted) => {
                 let end = items.len().min(*counted + PIECE);
                 selection.count(&items[*counted..end]);
                 *ticks += SELECT_TICKS * (end - *counted);
@@ -115,17 +115,17 @@ impl SteppedSplit {
                     *ticks += DIGIT_TICKS;
                     *counted = 0;
                     if let Some(limit) = selection.fix_digit() {
-                        self.stage = Stage::Halve(KeyPartition::new(selection.axis(), limit, items.len()));
+                        self.phase = SplitPhase::Halve(KeyPartition::new(selection.axis(), limit, items.len()));
                     }
                 }
             }
-            Stage::Halve(partition) => {
+            SplitPhase::Halve(partition) => {
                 *ticks += MOVE_TICKS * PIECE;
                 if partition.advance(items, PIECE) {
-                    self.stage = Stage::Sum;
+                    self.phase = SplitPhase::Sum;
                 }
             }
-            Stage::Sum => {
+            SplitPhase::Sum => {
                 let (left, right) = items.split_at(middle(whole.count));
                 let [left_sums, right_sums] = &mut self.halves;
                 let (half, sums) = if left_sums.added() < left.len() { (left, left_sums) } else { (right, right_sums) };
@@ -144,8 +144,8 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use crate::bounds::Aabb;
     use crate::cluster::Cluster;
+    use crate::cluster::bounds::Aabb;
     use crate::tree::shape::split::split;
     use crate::tree::testing::Rng;
 

@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use super::costed::TINY_SHARE;
 use super::counts::FULL;
 use super::*;
-use crate::bounds::Aabb;
+use crate::cluster::bounds::Aabb;
 use crate::cluster::{Cluster, MAX_FLUX};
 use crate::tree::testing::Rng;
 
@@ -55,10 +55,10 @@ fn sound_shape(clusters: &[Cluster]) -> Vec<ShapeNode> {
 fn diagonals_sq(nodes: &[ShapeNode], clusters: &[Cluster]) -> Vec<f32> {
     let mut boxes = vec![Aabb::EMPTY; nodes.len()];
     for (index, node) in nodes.iter().enumerate().rev() {
-        boxes[index] = node.targets[..node.count as usize].iter().fold(Aabb::EMPTY, |all, target| {
-            all.union(&match target & LEAF {
-                0 => boxes[*target as usize],
-                _ => clusters[(target ^ LEAF) as usize].aabb,
+        boxes[index] = node.children[..node.count as usize].iter().fold(Aabb::EMPTY, |all, child| {
+            all.union(&match child & LEAF {
+                0 => boxes[*child as usize],
+                _ => clusters[(child ^ LEAF) as usize].aabb,
             })
         });
     }
@@ -74,17 +74,17 @@ fn check(nodes: &[ShapeNode], clusters: &[Cluster]) -> u32 {
     for (index, node) in nodes.iter().enumerate() {
         let count = node.count as usize;
         assert!((1..=WIDTH).contains(&count));
-        assert!(node.targets[count..].iter().all(|target| *target == EMPTY_SLOT));
+        assert!(node.children[count..].iter().all(|child| *child == EMPTY_SLOT));
         assert_eq!(index == 0, node.parent == NO_PARENT);
         let mut next = index + 1;
         let mut smallest_child = None;
-        for (slot, target) in node.targets[..count].iter().enumerate() {
-            if target & LEAF != 0 {
-                let light = (target ^ LEAF) as usize;
+        for (slot, child) in node.children[..count].iter().enumerate() {
+            if child & LEAF != 0 {
+                let light = (child ^ LEAF) as usize;
                 assert!(!std::mem::replace(&mut has_leaf[light], true), "light {light} has two leaves");
                 continue;
             }
-            assert_eq!(*target as usize, next, "the child follows its parent or the subtree of its sibling");
+            assert_eq!(*child as usize, next, "the child follows its parent or the subtree of its sibling");
             let child = nodes[next];
             assert_eq!(child.parent as usize, index * WIDTH + slot);
             depths[next] = depths[index] + 1;
@@ -94,8 +94,8 @@ fn check(nodes: &[ShapeNode], clusters: &[Cluster]) -> u32 {
         assert_eq!(next - index, node.span as usize);
         // A sparse node is the root, or its children are full of lights and none fits into its
         // room, or it has a tiny child that stayed whole.
-        let has_tiny_child = node.targets[..count].iter().any(|target| {
-            target & LEAF == 0 && diagonals_sq[*target as usize] < TINY_SHARE * TINY_SHARE * diagonals_sq[index]
+        let has_tiny_child = node.children[..count].iter().any(|child| {
+            child & LEAF == 0 && diagonals_sq[*child as usize] < TINY_SHARE * TINY_SHARE * diagonals_sq[index]
         });
         let is_full = node.count as usize >= FULL || has_tiny_child;
         if let (false, Some((count, span))) = (is_full, smallest_child) {
@@ -268,10 +268,10 @@ fn summed_cost(nodes: &[ShapeNode], lights: &[Cluster]) -> f64 {
     let mut sums = vec![Exact::EMPTY; nodes.len()];
     let mut cost = 0.0;
     for (index, node) in nodes.iter().enumerate().rev() {
-        for target in &node.targets[..node.count as usize] {
-            let child = match target & LEAF {
-                0 => sums[*target as usize],
-                _ => Exact::of(&lights[(target ^ LEAF) as usize]),
+        for child in &node.children[..node.count as usize] {
+            let child = match child & LEAF {
+                0 => sums[*child as usize],
+                _ => Exact::of(&lights[(child ^ LEAF) as usize]),
             };
             cost += child.cost();
             sums[index] = sums[index].union(&child);
@@ -303,9 +303,9 @@ fn sweep_below(lights: &[Cluster], order: &mut [u32], parent: u32, nodes: &mut V
         groups.extend(group.chunks_mut(1));
     }
     for (group, slot) in groups.into_iter().zip(0..) {
-        let target = if let [light] = group { LEAF | *light } else { nodes.len() as u32 };
-        nodes[own].push(target);
-        if target & LEAF == 0 {
+        let child = if let [light] = group { LEAF | *light } else { nodes.len() as u32 };
+        nodes[own].push(child);
+        if child & LEAF == 0 {
             sweep_below(lights, group, (own * WIDTH) as u32 + slot, nodes);
         }
     }

@@ -12,11 +12,11 @@ use std::fmt;
 use glam::Vec3;
 
 use super::reference::reference_for;
-use crate::appearance::{Appearance, check_factor};
 use crate::error::WorldError;
+use crate::instance::appearance::{Appearance, check_factor};
+use crate::instance::placement::{Anchor, Placed, Placement};
 use crate::keys::TreeKey;
 use crate::light::Light;
-use crate::placement::{Anchor, Placed, Placement};
 use crate::policy::Policy;
 #[cfg(feature = "bake")]
 use crate::tree::BakeError;

@@ -6,7 +6,7 @@ use girandole::glam::{DVec3, Vec3};
 use girandole::{Light, ShadingPoint, Shape};
 
 use super::{exact, squares, world_of};
-use crate::support::Rng;
+use testbed::testing::support::Rng;
 
 /// The solid angle of a spherical triangle by Girard's theorem: the sum of its angles, less π.
 fn girard(corners: [DVec3; 3]) -> f64 {
@@ -73,7 +73,7 @@ fn shapes() -> [Light; 5] {
 fn girards_theorem_and_the_closed_form_of_a_rectangle_agree() {
     let mut rng = Rng(430);
     for _ in 0..1000 {
-        let at = exact(rng.place(2.0));
+        let at = exact(rng.position(2.0));
         let (a, b) = (solid_angle(&square(), at), of_square(at));
         assert!((a - b).abs() < 1.0e-12, "{at}: {a} {b}");
     }
@@ -123,7 +123,7 @@ fn densities_by_solid_angle_are_the_inverse_of_the_exact_solid_angle() {
             // Over the light, and from a thousandth of its size to the limit of what counts as near.
             let foot = corners(&light)[0].lerp(corners(&light)[2], rng.unit().into()).as_vec3();
             let height = 10.0_f32.powf(rng.between(-3.0, 0.5));
-            let at = foot + 0.3 * rng.place(1.0) * Vec3::new(1.0, 1.0, 0.0) + Vec3::Z * height;
+            let at = foot + 0.3 * rng.position(1.0) * Vec3::new(1.0, 1.0, 0.0) + Vec3::Z * height;
             let (shading_point, u) = (ShadingPoint::volume(at), [rng.unit(), rng.unit()]);
             world.set_solid_angle_sampling(false);
             let by_area = world.sampler().sample_light(&shading_point, id, u);

@@ -6,7 +6,7 @@ use girandole::glam::{DVec3, Vec3};
 use girandole::{Light, LightId, LightSampler, ShadingPoint, Shape};
 
 use super::{exact, integral, squares, world_of};
-use crate::support::Rng;
+use testbed::testing::support::Rng;
 
 /// A light of every shape, with a size in metres, about the origin.
 fn shapes(rng: &mut Rng, size: f32) -> [Light; 7] {

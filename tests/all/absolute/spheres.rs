@@ -6,7 +6,7 @@ use girandole::glam::Vec3;
 use girandole::{Light, ShadingPoint};
 
 use super::{exact, squares, world_of};
-use crate::support::Rng;
+use testbed::testing::support::Rng;
 
 /// Radii, as shares of the distance of the centre.
 const RATIOS: [f64; 16] = [

@@ -7,7 +7,7 @@ use girandole::light::MAX_EMISSION;
 use girandole::{Light, ShadingPoint};
 
 use super::{exact, integral, world_of};
-use crate::support::Rng;
+use testbed::testing::support::Rng;
 
 /// Outer angles in radians. 0.0447 is where the least width of the falloff is that of the spot.
 const OUTER: [f32; 19] = [

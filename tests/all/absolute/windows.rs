@@ -4,7 +4,7 @@ use girandole::glam::Vec3;
 use girandole::{Light, ShadingPoint};
 
 use super::world_of;
-use crate::support::Rng;
+use testbed::testing::support::Rng;
 
 /// The factor of KHR_lights_punctual at a distance.
 fn window(dist: f64, range: f64) -> f64 {

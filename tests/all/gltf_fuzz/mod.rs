@@ -18,11 +18,11 @@ use std::time::SystemTime;
 use girandole::gltf::{GltfError, GltfOptions, load};
 
 use crate::allocations::{peak_bytes, requested_bytes};
-use crate::support::Rng;
 use exercise::{exercise, options};
 use files::{Parts, large, small_binary, small_text};
 use hostile::hostile;
 use mutate::mutant;
+use testbed::testing::support::Rng;
 
 /// What a load takes besides what it estimates: lists of one element that have room for four, and
 /// the texts of errors.

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::files::Parts;
-use crate::support::Rng;
+use testbed::testing::support::Rng;
 
 /// Numbers that a file should not hold at most places.
 const NUMBERS: [&str; 24] = [
@@ -63,15 +63,8 @@ const STRINGS: [&str; 22] = [
 const VALUES: [&str; 10] =
     ["null", "true", "false", "[]", "{}", "[[]]", "[0]", "{\"a\":0}", "[0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0]", "\"\""];
 
-impl Rng {
-    /// Below `count`, which is not 0.
-    fn below(&mut self, count: usize) -> usize {
-        (self.bits() % count as u64) as usize
-    }
-
-    fn pick<'a, T: ?Sized>(&mut self, list: &[&'a T]) -> &'a T {
-        list[self.below(list.len())]
-    }
+fn pick<'a, T: ?Sized>(rng: &mut Rng, list: &[&'a T]) -> &'a T {
+    list[rng.below(list.len())]
 }
 
 /// A damaged file: one of `files` after one to five mutations, half of the time after one. Bytes of
@@ -160,7 +153,7 @@ fn mutate_json(json: &mut Vec<u8>, rng: &mut Rng) {
                 let other = tokens[numbers[rng.below(numbers.len())]].clone();
                 (at, json[other].to_vec())
             } else {
-                (at, rng.pick(&NUMBERS).as_bytes().to_vec())
+                (at, pick(rng, &NUMBERS).as_bytes().to_vec())
             }
         }
         // A string or a name, in the same way.
@@ -174,14 +167,14 @@ fn mutate_json(json: &mut Vec<u8>, rng: &mut Rng) {
                 let other = tokens[strings[rng.below(strings.len())]].clone();
                 (at, json[other].to_vec())
             } else {
-                (at, format!("\"{}\"", rng.pick(&STRINGS)).into_bytes())
+                (at, format!("\"{}\"", pick(rng, &STRINGS)).into_bytes())
             }
         }
         // A whole value, by another one of the file, by a list of itself, or by a fixed one.
         6 | 7 => {
             let at = value(json, &tokens, any);
             let text = match rng.below(4) {
-                0 => rng.pick(&VALUES).as_bytes().to_vec(),
+                0 => pick(rng, &VALUES).as_bytes().to_vec(),
                 1 => [b"[", &json[at.clone()], b"]"].concat(),
                 _ => {
                     let other = rng.below(tokens.len());

@@ -3,7 +3,7 @@
 use girandole::glam::{DVec3, Vec3};
 use girandole::{DirectionalLight, FrameBudget, InstanceKey, Light, LightWorld, Policy, Region, RegionKey, TreeKey};
 
-use crate::support::Rng;
+use testbed::testing::support::Rng;
 
 /// Half the size of the cube in metres that the instances are in.
 pub const SIZE: f32 = 30.0;
@@ -46,7 +46,7 @@ impl Edited {
                 self.world.replace_lights(tree, self.rng.lights(count, 1.0)).expect("a live tree");
             }
             2 => self.replace_tree(),
-            3 => self.world.set_origin(self.rng.place(3.0).as_dvec3()).expect("near"),
+            3 => self.world.set_origin(self.rng.position(3.0).as_dvec3()).expect("near"),
             4 => self.change_directionals(),
             5 => self.change_region(),
             _ => {
@@ -90,7 +90,7 @@ impl Edited {
             0 => self.world.set_enabled(key, false),
             1 | 2 => self.world.set_enabled(key, true),
             3 => {
-                let factor = (self.rng.place(0.5) + 0.5) * 10.0_f32.powf(self.rng.between(-2.0, 2.0));
+                let factor = (self.rng.position(0.5) + 0.5) * 10.0_f32.powf(self.rng.between(-2.0, 2.0));
                 self.world.set_factor(key, factor)
             }
             4 => self.world.set_mask(key, [u32::MAX, 0b01, 0b10, 0b11][self.rng.bits() as usize % 4]),

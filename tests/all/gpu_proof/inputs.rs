@@ -8,7 +8,7 @@ use girandole::{
 
 use super::{Question, Sampled, Text, named_lights};
 use crate::gpu::gpu;
-use crate::support::Rng;
+use testbed::testing::support::Rng;
 
 /// Coordinates that no caller should pass, and some that are at the limits.
 const COORDINATES: [f32; 10] = [
@@ -95,7 +95,7 @@ fn positions_normals_and_numbers_that_are_none_give_finite_answers_on_the_gpu() 
     };
     let mut questions = Vec::new();
     for i in 0..6000 {
-        let mut position = rng.place(15.0);
+        let mut position = rng.position(15.0);
         let mut normal = rng.direction();
         if i % 5 != 0 {
             position = Vec3::new(coordinate(&mut rng), coordinate(&mut rng), coordinate(&mut rng));

@@ -8,8 +8,8 @@ use girandole::{FrameDelta, LightWorld, ShadingPoint};
 use super::edits::Edited;
 use super::{Picked, Question, Text, named_lights};
 use crate::gpu::gpu;
-use crate::plan::device::Played;
-use crate::support::{Rng, SPLITS};
+use testbed::testing::plan_device::Played;
+use testbed::testing::support::{Rng, SPLITS};
 
 /// Frames of edits before each proof.
 const FRAMES: usize = 300;

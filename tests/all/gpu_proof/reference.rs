@@ -6,10 +6,10 @@ use girandole::gpu::GpuLights;
 
 use super::{Question, Text, named_lights};
 use crate::gpu::gpu;
-use crate::measuring::reference::gloss::{Surface, reflected};
-use crate::stability::program::samplers::{Subject, TwoLevel};
-use crate::stability::program::street::Street;
-use crate::support::Rng;
+use testbed::measuring::reference::gloss::{Surface, reflected};
+use testbed::measuring::street::Street;
+use testbed::measuring::street_samplers::{Subject, TwoLevel};
+use testbed::testing::support::Rng;
 
 /// Half of the sum over all lights of the absolute differences at a shading point, at most.
 const MOST_DISTANCE: f64 = 1.0e-5;

@@ -7,7 +7,7 @@ use girandole::{FrameBudget, FrameDelta, Light, LightWorld, Placement, Policy, S
 
 use super::{Question, Text, named_lights};
 use crate::gpu::{close, gpu};
-use crate::support::{Rng, SPLITS};
+use testbed::testing::support::{Rng, SPLITS};
 
 pub(super) fn upload(world: &mut LightWorld) -> GpuLights {
     let (device, queue) = gpu();
@@ -28,7 +28,7 @@ const COMPARED_POWER: i32 = 3;
 fn squashed(rng: &mut Rng, thin: f32) -> LightWorld {
     let mut world = LightWorld::new();
     let lights = (0..12).map(|i| {
-        let (at, direction) = (rng.place(2.0), rng.direction());
+        let (at, direction) = (rng.position(2.0), rng.direction());
         match i % 2 {
             0 => Light::rectangle(at, direction, direction.any_orthonormal_vector(), Vec3::ONE),
             _ => Light::spot(at, direction, 0.2, 1.0 + 0.1 * i as f32, Vec3::splat(30.0)),
@@ -38,7 +38,7 @@ fn squashed(rng: &mut Rng, thin: f32) -> LightWorld {
     for scale in [Vec3::new(1.0, 1.0, thin), Vec3::new(1.0, thin, thin)] {
         for _ in 0..4 {
             let linear = turn(rng) * Mat3::from_diagonal(scale) * turn(rng);
-            let placement = Placement { linear, translation: rng.place(8.0).as_dvec3() };
+            let placement = Placement { linear, translation: rng.position(8.0).as_dvec3() };
             world.add_instance(tree, placement, Policy::Static).expect("a valid placement");
         }
     }
@@ -98,7 +98,7 @@ fn lamps_on_the_horizon_far_from_the_origin_are_covered_on_the_gpu() {
     let mut rng = Rng(911);
     let mut world = LightWorld::new();
     // Two lamps at one point have a box without extent, which is not rounded outward.
-    let places: Vec<Vec3> = (0..9).map(|_| rng.place(30.0)).collect();
+    let places: Vec<Vec3> = (0..9).map(|_| rng.position(30.0)).collect();
     let lamps = |at: &Vec3| vec![Light::point(*at, Vec3::splat(1.0e4)); 2];
     let trees: Vec<_> = places.iter().map(|at| world.add_tree(lamps(at)).expect("valid lights")).collect();
     let mut placed = Vec::new();
@@ -118,7 +118,7 @@ fn lamps_on_the_horizon_far_from_the_origin_are_covered_on_the_gpu() {
         let instance = world.slot(key).expect("a live instance");
         for i in 0..1000_u32 {
             let light = i % 2;
-            let at = (linear * rng.place(40.0)).as_dvec3() + translation;
+            let at = (linear * rng.position(40.0)).as_dvec3() + translation;
             let toward = ((linear * place).as_dvec3() + translation - at).as_vec3();
             let across = toward.cross(rng.direction()).normalize();
             let tilt = toward.normalize() * [0.0, 1.0e-8, 1.0e-7][i as usize % 3];

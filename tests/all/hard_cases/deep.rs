@@ -1,7 +1,7 @@
 //! Frequencies at the bottom of deep trees, below the resolution of one random number.
 
 use super::*;
-use girandole::tree::{NO_PARENT, Target, WIDTH};
+use girandole::tree::{ChildRef, NO_PARENT, WIDTH};
 
 /// A row of lamps at falling distances from the origin, to one side of it. There, each of the first
 /// is half as bright as the one before it, and all others are as bright as the last of these.
@@ -13,23 +13,23 @@ fn row(count: i32, side: f32) -> Vec<Light> {
     (0..count).map(lamp).collect()
 }
 
-/// The probabilities of the lights below a target, in sum.
-fn below(tree: &LightTree, target: Target, pmfs: &[f32]) -> f64 {
-    match target {
-        Target::Leaf(light) => f64::from(pmfs[light as usize]),
-        Target::Node(node) => {
+/// The probabilities of the lights below a child, in sum.
+fn below(tree: &LightTree, child: ChildRef, pmfs: &[f32]) -> f64 {
+    match child {
+        ChildRef::Leaf(light) => f64::from(pmfs[light as usize]),
+        ChildRef::Node(node) => {
             let record = &tree.nodes()[node as usize];
-            (0..WIDTH).filter_map(|slot| record.target(slot)).map(|child| below(tree, child, pmfs)).sum()
+            (0..WIDTH).filter_map(|slot| record.child(slot)).map(|child| below(tree, child, pmfs)).sum()
         }
     }
 }
 
-fn lights_below(tree: &LightTree, target: Target) -> Vec<u32> {
-    match target {
-        Target::Leaf(light) => vec![light],
-        Target::Node(node) => {
+fn lights_below(tree: &LightTree, child: ChildRef) -> Vec<u32> {
+    match child {
+        ChildRef::Leaf(light) => vec![light],
+        ChildRef::Node(node) => {
             let record = &tree.nodes()[node as usize];
-            (0..WIDTH).filter_map(|slot| record.target(slot)).flat_map(|child| lights_below(tree, child)).collect()
+            (0..WIDTH).filter_map(|slot| record.child(slot)).flat_map(|child| lights_below(tree, child)).collect()
         }
     }
 }
@@ -64,12 +64,12 @@ fn check_deepest(tree: &LightTree, seed: u64) -> bool {
     let (mut node, mut low, mut length) = (0, 0.0, 1.0);
     while length > 2.0_f64.powi(-12) {
         let record = &tree.nodes()[node as usize];
-        let children: Vec<Target> = (0..WIDTH).filter_map(|slot| record.target(slot)).collect();
+        let children: Vec<ChildRef> = (0..WIDTH).filter_map(|slot| record.child(slot)).collect();
         let on_the_way = children.iter().position(|child| lights_below(tree, *child).contains(&deepest));
         let slot = on_the_way.expect("one child holds it");
         low += children[..slot].iter().map(|child| below(tree, *child, &pmfs)).sum::<f64>();
         length = below(tree, children[slot], &pmfs);
-        let Target::Node(child) = children[slot] else { panic!("the subtree is too small") };
+        let ChildRef::Node(child) = children[slot] else { panic!("the subtree is too small") };
         node = child;
     }
     // Few of the 2^24 numbers lie in it. The sums of f32 may be off by two of them at its ends.
@@ -91,7 +91,7 @@ fn check_deepest(tree: &LightTree, seed: u64) -> bool {
     let per_step = f64::from(draws) / numbers as f64;
     let (mut from, mut chi_sq, mut cells, mut rare) = (low, 0.0, 0.0, 0);
     let (mut observed, mut expected) = (0.0, 0.0);
-    for light in lights_below(tree, Target::Node(node)) {
+    for light in lights_below(tree, ChildRef::Node(node)) {
         let pmf = f64::from(pmfs[light as usize]);
         let to = from + pmf;
         if inside.contains(&from) && inside.contains(&to) {

@@ -33,9 +33,9 @@ fn twenty_four_decades_of_brightness_in_one_tree_are_covered() {
                 let power = (spread * (i as f32 / 199.5 - 1.0)).clamp(-44.9, 15.0);
                 let emission = Vec3::splat(10.0_f32.powf(power).min(MAX_EMISSION));
                 match i % 3 {
-                    0 => Light::point(rng.place(10.0), emission),
-                    1 => Light::sphere(rng.place(10.0), 0.1, emission),
-                    _ => Light::rectangle(rng.place(10.0), rng.direction(), rng.direction(), emission).two_sided(),
+                    0 => Light::point(rng.position(10.0), emission),
+                    1 => Light::sphere(rng.position(10.0), 0.1, emission),
+                    _ => Light::rectangle(rng.position(10.0), rng.direction(), rng.direction(), emission).two_sided(),
                 }
             })
             .collect();
@@ -109,7 +109,7 @@ fn centimetres_count_ten_thousand_kilometres_from_the_origin() {
     }
     // Far from the origin positions are a metre apart; every light is still covered.
     let far: Vec<_> =
-        (0..10).map(|_| ShadingPoint::surface(origin.as_vec3() + rng.place(3.0), rng.direction())).collect();
+        (0..10).map(|_| ShadingPoint::surface(origin.as_vec3() + rng.position(3.0), rng.direction())).collect();
     prove(&world, &far, 13);
     prove_on_gpu(&mut world, &far, 13);
     world.set_origin(origin).expect("near enough");
@@ -139,7 +139,7 @@ fn a_lamp_post_far_from_the_origin_keeps_its_horizon_and_its_range() {
         // f32 rounds the positions; offsets within two metres are tried at every distance.
         let all: Vec<_> = (0..60)
             .map(|_| {
-                let offset = rng.place(2.0);
+                let offset = rng.position(2.0);
                 let place = translation.as_vec3() + offset;
                 ShadingPoint::surface(place, rng.direction())
             })
@@ -163,7 +163,7 @@ fn the_largest_coordinates_and_scales_are_covered() {
         lights.push(Light::sphere(corner, m, bright));
         lights.push(Light::sphere(corner, 1.0, bright).with_range(1.0e30));
     }
-    lights.extend((0..60).map(|_| Light::rectangle(rng.place(m), Vec3::X * m, Vec3::Y * m, bright)));
+    lights.extend((0..60).map(|_| Light::rectangle(rng.position(m), Vec3::X * m, Vec3::Y * m, bright)));
     let turn = Mat3::from_quat(Quat::from_axis_angle(rng.direction(), 1.0));
     let even = |s: f32| Mat3::from_diagonal(Vec3::splat(s));
     let least = 1.001 / MAX_SCALE;
@@ -208,12 +208,12 @@ fn ill_conditioned_placements_are_covered_or_refused() {
         lights.extend(ranged);
         let mut world = LightWorld::new();
         let tree = world.add_tree(lights).expect("allowed");
-        let placement = Placement { linear: shape, translation: rng.place(100.0).as_dvec3() };
+        let placement = Placement { linear: shape, translation: rng.position(100.0).as_dvec3() };
         if world.add_instance(tree, placement, Policy::Static).is_err() {
             continue;
         }
         let middle = placement.translation.as_vec3();
-        let all: Vec<_> = (0..40).map(|_| ShadingPoint::surface(middle + rng.place(1.2), rng.direction())).collect();
+        let all: Vec<_> = (0..40).map(|_| ShadingPoint::surface(middle + rng.position(1.2), rng.direction())).collect();
         prove(&world, &all, round);
     }
 }
@@ -225,7 +225,7 @@ fn twenty_thousand_refits_leave_a_tree_no_looser_than_its_lights() {
     let mut tree = LightTree::new(lights.clone()).expect("allowed");
     for round in 0..20_000_u32 {
         let index = (rng.bits() % 40) as usize;
-        let step = rng.place(0.05);
+        let step = rng.position(0.05);
         lights[index] = moved(&lights[index], step);
         tree.set_lights(&[(index as u32, lights[index])]).expect("allowed");
         tree.refit();
@@ -290,7 +290,7 @@ fn normals_that_are_not_of_unit_length_give_valid_probabilities() {
     let world = rng.world(3, 40, 3, 10.0);
     let mut all = Vec::new();
     for length in [0.0, 1.0e-44, 1.0e-30, 1.0e-20, 1.0e-3, 0.5, 2.0, 1.0e6, 1.0e15] {
-        all.extend((0..5).map(|_| ShadingPoint::surface(rng.place(12.0), rng.direction() * length)));
+        all.extend((0..5).map(|_| ShadingPoint::surface(rng.position(12.0), rng.direction() * length)));
     }
     assert!(prove(&world, &all, 16) > 1000);
 }
@@ -350,7 +350,7 @@ fn random_allowed_scenes_are_covered() {
         let middle = any_place(&mut rng, -3.0, 8.0);
         let lights: Vec<Light> = (0..30)
             .map(|i| {
-                let at = if i % 7 == 0 { middle } else { middle + rng.place(size) };
+                let at = if i % 7 == 0 { middle } else { middle + rng.position(size) };
                 let (u, v) = (any_place(&mut rng, -9.0, 1.0) * size, any_place(&mut rng, -9.0, 1.0) * size);
                 let emission = Vec3::new(rng.unit(), rng.unit(), rng.unit()) * any_size(&mut rng, -20.0, 14.9).abs();
                 let outer = any_size(&mut rng, -6.0, 0.49).abs();

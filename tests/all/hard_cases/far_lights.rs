@@ -1,8 +1,8 @@
 //! One light far from all others, although boxes and means of a node are bytes on one grid.
 
 use super::*;
-use crate::measuring::lights::{carried, reflections};
-use crate::measuring::samplers::{noise, two_level};
+use testbed::measuring::lights::{carried, reflections};
+use testbed::measuring::samplers::{noise, two_level};
 
 /// The most by which sigma among near lamps may grow when a far light joins their tree, or one tree
 /// of them. Measured: 1.25 in the tree, where the others move one node down, and 1.0 beside it.
@@ -36,7 +36,7 @@ fn sigma(near: Near, far: Far, distance: f32, lux: f32) -> f64 {
         let tree = world.add_tree(lights).expect("valid lights");
         world.add_instance(tree, Placement::at(at.as_dvec3()), Policy::Static).expect("a valid placement");
     };
-    let flat = |rng: &mut Rng, size: f32| rng.place(size) * Vec3::new(1.0, 0.05, 1.0);
+    let flat = |rng: &mut Rng, size: f32| rng.position(size) * Vec3::new(1.0, 0.05, 1.0);
     let sphere = |center: Vec3| Light::sphere(center, distance / 100.0, Vec3::splat(lux * 1.0e4 / PI));
     match near {
         Near::Tree => {
@@ -49,7 +49,7 @@ fn sigma(near: Near, far: Far, distance: f32, lux: f32) -> f64 {
         Near::Instances => {
             for i in 0..512 {
                 let center = flat(&mut rng, 100.0);
-                let mut lights: Vec<Light> = (0..8).map(|_| lamp(rng.place(1.0))).collect();
+                let mut lights: Vec<Light> = (0..8).map(|_| lamp(rng.position(1.0))).collect();
                 if i == 0 && far == Far::InTheTree {
                     lights.push(sphere(at - center));
                 }

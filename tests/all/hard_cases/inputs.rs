@@ -63,7 +63,7 @@ fn faint_and_denormal_reflectances_give_valid_probabilities() {
     let mut all = Vec::new();
     for specular in [f32::from_bits(1), 1.0e-44, f32::MIN_POSITIVE, 1.0e-31, 1.0e-30, 1.0e-20, 1.0e-6] {
         for roughness in [0.0, 0.1, 1.0] {
-            let (position, normal) = (rng.place(12.0), rng.direction());
+            let (position, normal) = (rng.position(12.0), rng.direction());
             let view = normal + 0.5 * rng.direction();
             let gloss = Gloss { view, roughness, specular, diffuse: 0.0 };
             all.push(ShadingPoint::surface(position, normal).with_gloss(gloss));

@@ -60,7 +60,7 @@ fn glossy_points_with_normals_and_views_along_the_axes_keep_every_light() {
         // Along the normal, where any two tangents will do, and just beside it.
         for view in [normal, normal + 1.0e-7 * normal.yzx(), normal + normal.yzx()] {
             let gloss = Gloss { view, roughness: 0.3, specular: 0.5, diffuse: 0.1 };
-            all.push(ShadingPoint::surface(rng.place(8.0), normal).with_gloss(gloss));
+            all.push(ShadingPoint::surface(rng.position(8.0), normal).with_gloss(gloss));
         }
     }
     assert!(prove(&world, &all, 141) > 1000);

@@ -12,10 +12,10 @@ fn lamps_whose_range_ends_at_the_shading_point_to_the_last_bit_are_covered() {
         let far = [0.0, 100.0, 1.0e6][round % 3];
         let placement = Placement { linear: turn * scale, translation: (rng.direction() * far).as_dvec3() };
         let size = 10.0_f32.powf(rng.between(-2.0, 2.0));
-        let lamps: Vec<Vec3> = (0..12).map(|_| rng.place(size) / scale).collect();
+        let lamps: Vec<Vec3> = (0..12).map(|_| rng.position(size) / scale).collect();
         let unlimited = placed(lamps.iter().map(|lamp| Light::point(*lamp, Vec3::ONE)).collect(), [placement]);
         let instance = unlimited.instances().next().expect("one");
-        let position = placement.translation.as_vec3() + rng.place(size);
+        let position = placement.translation.as_vec3() + rng.position(size);
         let at = ShadingPoint::surface(position, rng.direction());
         // The distance that sampling itself computes.
         let volume = ShadingPoint::volume(position);

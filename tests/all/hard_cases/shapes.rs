@@ -9,7 +9,7 @@ fn emitters_back_to_back_light_both_sides() {
         let (u, v) = (rng.direction(), rng.direction());
         let mut lights = vec![];
         for i in 0..30 {
-            let at = rng.place(1.0e-3);
+            let at = rng.position(1.0e-3);
             lights.push(if i % 2 == 0 {
                 Light::rectangle(at, u, v, Vec3::ONE)
             } else {
@@ -37,7 +37,7 @@ fn beams_whose_mean_direction_cancels_keep_their_probabilities_at_every_scale() 
         let faint = Light::spot(Vec3::ZERO, third, 0.1, 0.3, Vec3::splat(10.0_f32.powi(8 - k)));
         let beam = |axis| Light::spot(Vec3::ZERO, axis, 0.1, 0.2, bright);
         // Other lights put the beams below the root.
-        let others = (0..12).map(|_| Light::spot(rng.place(1.0) + 99.0, axis, 0.4, 0.5, faint.emission));
+        let others = (0..12).map(|_| Light::spot(rng.position(1.0) + 99.0, axis, 0.4, 0.5, faint.emission));
         let below: Vec<_> = [beam(axis), beam(-axis), faint].into_iter().chain(others).collect();
         for lights in [below[..3].to_vec(), below] {
             for scale in [1.0, 1.0e-2, 1.0e-4, 1.0e-6, 1.0e-8] {
@@ -150,7 +150,7 @@ fn every_kind_of_light_is_covered_in_every_kind_of_placement() {
     let mut rng = Rng(103);
     for round in 0..400 {
         let size = 10.0_f32.powf(rng.between(-3.0, 3.0));
-        let at = rng.place(10.0 * size);
+        let at = rng.position(10.0 * size);
         let mut lights = one_of_each(&mut rng, at, size);
         let with_range: Vec<_> = lights.iter().map(|l| l.with_range(rng.between(0.5, 20.0) * size)).collect();
         lights.extend(with_range);
@@ -168,7 +168,7 @@ fn every_kind_of_light_is_covered_in_every_kind_of_placement() {
         // have them on the horizon.
         let mut all = Vec::new();
         for i in 0..60 {
-            let away = rng.place(3.0 * size);
+            let away = rng.position(3.0 * size);
             let mut shading_point = ShadingPoint::surface(middle + shape * away, rng.direction());
             if i % 2 == 0 {
                 let toward = (shape * away).normalize_or(Vec3::X);
@@ -187,7 +187,7 @@ fn every_kind_of_light_is_covered_in_every_kind_of_placement() {
 fn rotated_slivers_and_degenerate_triangles_keep_their_sides() {
     let mut rng = Rng(104);
     for round in 0..300 {
-        let at = rng.place(10.0);
+        let at = rng.position(10.0);
         let edge = rng.direction();
         let mut lights = Vec::new();
         for k in 0..8 {
@@ -199,13 +199,13 @@ fn rotated_slivers_and_degenerate_triangles_keep_their_sides() {
         lights.push(Light::rectangle(at, edge, edge * 3.0, Vec3::ONE));
         lights.push(Light::triangle([at, at, at], Vec3::ONE));
         let turn = Mat3::from_quat(Quat::from_axis_angle(rng.direction(), rng.between(0.0, 6.0)));
-        let mut world = placed(lights, [Placement { linear: turn, translation: rng.place(100.0).as_dvec3() }]);
+        let mut world = placed(lights, [Placement { linear: turn, translation: rng.position(100.0).as_dvec3() }]);
         let middle = world
             .placement(world.instances().next().expect("one instance"))
             .expect("a live instance")
             .translation
             .as_vec3();
-        let all: Vec<_> = (0..20).map(|_| ShadingPoint::volume(middle + turn * (at + rng.place(3.0)))).collect();
+        let all: Vec<_> = (0..20).map(|_| ShadingPoint::volume(middle + turn * (at + rng.position(3.0)))).collect();
         prove(&world, &all, round);
         if round % 50 == 0 {
             prove_on_gpu(&mut world, &all, round);
@@ -222,7 +222,7 @@ fn spots_of_every_width_are_covered() {
         let axis = rng.direction();
         for outer in widths {
             for inner in [0.0, 0.5 * outer, outer] {
-                lights.push(Light::spot(rng.place(1.0e-3), axis, inner, outer, Vec3::splat(1000.0)));
+                lights.push(Light::spot(rng.position(1.0e-3), axis, inner, outer, Vec3::splat(1000.0)));
             }
         }
         let turn = Mat3::from_quat(Quat::from_axis_angle(rng.direction(), rng.between(0.0, 6.0)));
@@ -252,7 +252,7 @@ fn tiny_and_huge_lights_in_one_tree_are_covered() {
     for round in 0..30 {
         let mut lights = Vec::new();
         for k in -44..=8 {
-            let at = rng.place(10.0);
+            let at = rng.position(10.0);
             let size = 10.0_f32.powi(k);
             let (u, v) = (rng.direction() * size, rng.direction() * size);
             let emission = Vec3::splat(10.0_f32.powf(rng.between(-12.0, 12.0)));

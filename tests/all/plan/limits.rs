@@ -5,16 +5,16 @@ use girandole::glam::{DVec3, Vec3};
 use girandole::plan::{FramePlan, LightPlanner, PlanLimits};
 use girandole::{FrameDelta, Light, LightWorld, Placement, Policy, TreeKey};
 
-use super::device::{Device, Played};
-use super::sound::{Found, check};
 use super::update;
-use crate::support::Rng;
+use testbed::testing::plan_device::{Device, Played};
+use testbed::testing::plan_records::{Found, check};
+use testbed::testing::support::Rng;
 
 /// The most bytes of stand-ins of one tree, with the record of the tree.
 const STAND_IN_BYTES: u64 = 64 * 32 + 10 * 160 + 80;
 
 pub fn lamp(rng: &mut Rng) -> Light {
-    Light::point(rng.place(20.0), Vec3::splat(rng.between(1.0, 100.0)))
+    Light::point(rng.position(20.0), Vec3::splat(rng.between(1.0, 100.0)))
 }
 
 pub fn lamps(rng: &mut Rng, count: usize) -> Vec<Light> {
@@ -267,7 +267,7 @@ fn what_shaders_see_is_sound_after_any_sequence_of_edits_and_limits() {
                         let count = [3, 16, 17, 60, 300, 2000][rng.bits() as usize % 6];
                         let tree = world.add_tree(lamps(&mut rng, count)).expect("valid");
                         for _ in 0..rng.bits() % 4 {
-                            let place = Placement::at(rng.place(1000.0).as_dvec3());
+                            let place = Placement::at(rng.position(1000.0).as_dvec3());
                             world.add_instance(tree, place, Policy::Budgeted).expect("valid");
                         }
                         trees.push(tree);
@@ -291,7 +291,7 @@ fn what_shaders_see_is_sound_after_any_sequence_of_edits_and_limits() {
                         let count = rng.bits() as usize % 500;
                         world.replace_lights(trees[pick], lamps(&mut rng, count + 2)).expect("valid");
                     }
-                    _ => world.set_viewpoint(rng.place(1000.0).as_dvec3()).expect("finite"),
+                    _ => world.set_viewpoint(rng.position(1000.0).as_dvec3()).expect("finite"),
                 }
             }
             match rng.bits() % 40 {

@@ -1,20 +1,19 @@
 //! Plans of frames: their commands, their cost, and what happens to lost, repeated and refused
 //! ones. The kernels run on GPUs in other tests, by way of `GpuLights`, which plays these plans.
 
-pub mod device;
 mod limits;
 mod same_frame;
-pub mod sound;
 
-use device::{Device, Played, slots};
 use girandole::glam::{DVec3, Vec3};
 use girandole::plan::{Command, FramePlan, KERNELS, LightPlanner, PlanCursor, PlanError, PlanLimits};
 use girandole::{FrameBudget, FrameDelta, InstanceKey, Light, LightTree, LightWorld, Placement, Policy, TreeKey};
+use testbed::testing::plan_device::{Device, Played, slots};
+use testbed::testing::plan_records::check;
 
-use crate::support::Rng;
+use testbed::testing::support::Rng;
 
 fn place(rng: &mut Rng) -> Placement {
-    Placement::at(rng.place(5000.0).as_dvec3())
+    Placement::at(rng.position(5000.0).as_dvec3())
 }
 
 /// Instances of one lamp each.
@@ -71,7 +70,7 @@ fn ten_thousand_scattered_moves_go_up_in_one_write_and_one_pass() {
 #[test]
 fn many_flickering_trees_go_up_in_one_write() {
     let (mut world, mut rng) = (LightWorld::new(), Rng(7));
-    let lamp = |rng: &mut Rng| Light::point(rng.place(1.0), Vec3::splat(rng.between(1.0, 2.0)));
+    let lamp = |rng: &mut Rng| Light::point(rng.position(1.0), Vec3::splat(rng.between(1.0, 2.0)));
     let mut trees = Vec::new();
     for _ in 0..1000 {
         let tree = world.add_tree((0..4).map(|_| lamp(&mut rng)).collect()).expect("valid");
@@ -105,7 +104,7 @@ fn many_flickering_trees_go_up_in_one_write() {
 #[test]
 fn changed_lights_of_trees_in_sections_and_open_trees_go_up_alone_beside_many_small_trees() {
     let (mut world, mut rng) = (LightWorld::new(), Rng(8));
-    let lamp = |rng: &mut Rng| Light::point(rng.place(50.0), Vec3::splat(rng.between(1.0, 2.0)));
+    let lamp = |rng: &mut Rng| Light::point(rng.position(50.0), Vec3::splat(rng.between(1.0, 2.0)));
     let mut add = |world: &mut LightWorld, lights: usize| {
         let tree = world.add_tree((0..lights).map(|_| lamp(&mut rng)).collect()).expect("valid");
         world.add_instance(tree, Placement::IDENTITY, Policy::Budgeted).expect("valid");
@@ -186,7 +185,7 @@ fn a_dropped_reservation_changes_nothing_and_its_changes_come_with_the_next() {
     let mut rng = Rng(8);
     for round in 0..4 {
         // More of everything than the buffers hold, also in another layout.
-        let lights = (0..300).map(|_| Light::sphere(rng.place(5.0), 0.1, Vec3::ONE)).collect();
+        let lights = (0..300).map(|_| Light::sphere(rng.position(5.0), 0.1, Vec3::ONE)).collect();
         let tree = world.add_tree(lights).expect("valid");
         for _ in 0..200 << round {
             world.add_instance(tree, place(&mut rng), Policy::Static).expect("valid");
@@ -411,19 +410,19 @@ fn a_world_that_does_not_fit_is_refused_and_fits_once_it_holds_less() {
         let refused = played.planner.reserve(&world, delta).map(|_| ()).expect_err("too many lights");
         let PlanError::Full { needed, limit, .. } = refused else { panic!("{refused:?}") };
         assert!(needed > limit && (131_000..=131_072).contains(&limit), "{refused:?}");
-        sound::check(&played, &world);
+        check(&played, &world);
     }
     trees.into_iter().for_each(|tree| world.remove_tree(tree).expect("it has no instances"));
     let delta = update(&mut world);
     let plan = played.frame(&world, &delta);
     assert_eq!((plan.report.instances, plan.report.lights), (1, 0), "the move was kept");
-    sound::check(&played, &world);
+    check(&played, &world);
 }
 
 #[test]
 fn a_loaded_tree_is_sent_as_the_tree_that_was_baked() {
     let mut rng = Rng(11);
-    let light = |rng: &mut Rng| Light::spot(rng.place(9.0), Vec3::NEG_Y, 0.2, 0.9, Vec3::ONE).with_range(50.0);
+    let light = |rng: &mut Rng| Light::spot(rng.position(9.0), Vec3::NEG_Y, 0.2, 0.9, Vec3::ONE).with_range(50.0);
     let tree = LightTree::new((0..500).map(|_| light(&mut rng)).collect()).expect("valid");
     let baked = tree.bake();
     let loaded = LightTree::from_baked(&baked).expect("it was just baked");

@@ -5,11 +5,11 @@ use girandole::glam::{DVec3, Vec3};
 use girandole::plan::PlanLimits;
 use girandole::{InstanceKey, Light, LightWorld, Placement, Policy, TreeKey};
 
-use super::device::Played;
 use super::limits::{bytes, idle, lamp, lamps, played, row};
-use super::sound::{check, check_parts};
 use super::update;
-use crate::support::Rng;
+use testbed::testing::plan_device::Played;
+use testbed::testing::plan_records::{check, check_parts};
+use testbed::testing::support::Rng;
 
 /// Plays frames in which nothing changes. The last of them send nothing.
 fn rest(played: &mut Played, world: &LightWorld) {
@@ -60,10 +60,10 @@ fn a_tree_that_is_edited_in_the_frame_in_which_it_would_move_to_a_gap_has_its_ed
 }
 
 #[test]
-fn a_tree_that_is_opened_in_the_frame_in_which_it_would_move_to_a_gap_has_its_new_parts() {
+fn a_tree_that_gets_light_parts_in_the_frame_in_which_it_would_move_to_a_gap_has_its_new_parts() {
     let mut rng = Rng(42);
     let (mut world, mut played, keys, large) = with_gaps(&mut rng, 100);
-    // Instances that lie within one another open their trees.
+    // Instances that lie within one another give their trees light parts.
     for key in &keys {
         for _ in 0..4 {
             world.add_instance(*key, Placement::at(DVec3::Y * 500.0), Policy::Budgeted).expect("valid");
@@ -181,7 +181,7 @@ fn a_large_tree_with_sections_flickers_together_with_many_small_trees() {
     // Each of the small trees lies within the large one, which thus has sections.
     let (large, _) = add(&mut world, lamps(&mut rng, 3000), DVec3::ZERO);
     let small: Vec<TreeKey> =
-        (0..80).map(|_| add(&mut world, vec![lamp(&mut rng)], rng.place(10.0).as_dvec3()).0).collect();
+        (0..80).map(|_| add(&mut world, vec![lamp(&mut rng)], rng.position(10.0).as_dvec3()).0).collect();
     let mut played = Played::new();
     let delta = update(&mut world);
     played.frame(&world, &delta);

@@ -8,7 +8,7 @@ use girandole::scheduler::WorkKind;
 use girandole::{FrameBudget, FrameReport, Light, LightWorld, Placement, Policy, Shape, TreeKey};
 
 use super::{TestWorld, random_light};
-use crate::support::Rng;
+use testbed::testing::support::Rng;
 
 /// A world with a tree whose lights have all moved. Its build takes 2 ms, four budgets of 0.5 ms.
 fn world_with_large_tree(seed: u64) -> (TestWorld, TreeKey) {

@@ -11,7 +11,7 @@ use girandole::scheduler::{Clock, RecordingClock, ReplayClock, SystemClock, Virt
 use girandole::{FrameBudget, FrameReport, JobReport, Light, LightWorld, Placement, Policy, TreeKey};
 
 use super::{FRAME_INTERVAL, TestWorld, check_trees, random_light, scatter, tree_contents};
-use crate::support::Rng;
+use testbed::testing::support::Rng;
 
 /// A clock whose time is a function of the number of calls so far.
 struct CallClock {
@@ -96,8 +96,9 @@ fn run_frames(clock: Arc<dyn Clock>, advance: impl Fn()) -> (LightWorld, Vec<(Fr
     for frame in 0..60_usize {
         for (i, tree) in trees.iter().enumerate().filter(|(i, _)| (frame + i) % 5 < 2) {
             let count = world.tree(*tree).expect("the tree exists").lights().len() as u32;
-            let changes: Vec<_> =
-                (0..count / 4).map(|_| (rng.bits() as u32 % count, Light::point(rng.place(10.0), Vec3::ONE))).collect();
+            let changes: Vec<_> = (0..count / 4)
+                .map(|_| (rng.bits() as u32 % count, Light::point(rng.position(10.0), Vec3::ONE)))
+                .collect();
             // The largest tree changes only once, so that its build in the background stays
             // current.
             if i != 4 || frame == 6 {

@@ -17,7 +17,7 @@ use girandole::{
     FrameBudget, FrameReport, InstanceKey, JobReport, Light, LightTree, LightWorld, Placement, Policy, TreeKey,
 };
 
-use crate::support::Rng;
+use testbed::testing::support::Rng;
 
 /// The time between two frames, at sixty frames per second.
 const FRAME_INTERVAL: Duration = Duration::from_micros(16_667);
@@ -40,7 +40,7 @@ pub struct TestWorld {
 
 /// A point light somewhere in the cube from `-size` to `size`.
 pub fn random_light(rng: &mut Rng, size: f32) -> Light {
-    Light::point(rng.place(size), Vec3::ONE)
+    Light::point(rng.position(size), Vec3::ONE)
 }
 
 impl TestWorld {
@@ -57,7 +57,7 @@ impl TestWorld {
     pub fn add_tree(&mut self, lights: usize, policy: Policy) -> TreeKey {
         let lights = (0..lights).map(|_| random_light(&mut self.rng, 10.0)).collect();
         let tree = self.world.add_tree(lights).expect("valid lights");
-        let translation = self.rng.place(100.0).as_dvec3();
+        let translation = self.rng.position(100.0).as_dvec3();
         self.world.add_instance(tree, Placement::at(translation), policy).expect("a valid instance");
         tree
     }

@@ -4,12 +4,12 @@ use girandole::glam::Vec3;
 use girandole::{Attribute, Light, Shape};
 
 use super::{checked, mapped};
-use crate::support::Rng;
+use testbed::testing::support::Rng;
 
 #[test]
 fn attributes_do_not_change_when_everything_is_moved_scaled_or_dimmed() {
     let mut rng = Rng(6);
-    let base: Vec<_> = (0..200).map(|_| (rng.place(10.0), rng.between(1.0, 100.0))).collect();
+    let base: Vec<_> = (0..200).map(|_| (rng.position(10.0), rng.between(1.0, 100.0))).collect();
     let tree = |scale: f32, shift: Vec3, dim: f32| {
         checked(base.iter().map(|(p, i)| Light::point(*p * scale + shift, Vec3::splat(i * dim))).collect()).attributes()
     };

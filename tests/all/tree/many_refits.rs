@@ -4,7 +4,7 @@ use girandole::glam::{Mat3, Quat, Vec3};
 use girandole::{Light, ShadingPoint, SplitCount};
 
 use super::{changed, checked, mapped};
-use crate::support::Rng;
+use testbed::testing::support::Rng;
 
 /// The light after a move, a turn about its place, and a change of its brightness; dark at times.
 fn edited(light: &Light, first: &Light, rng: &mut Rng) -> Light {
@@ -12,7 +12,7 @@ fn edited(light: &Light, first: &Light, rng: &mut Rng) -> Light {
     let turn = Mat3::from_quat(Quat::from_axis_angle(rng.direction(), rng.between(0.0, 6.0)));
     // Light stays near its first place, so that a million steps do not lead out of the world.
     let back = (first.aabb().center() - place) * 0.01;
-    let step = back + rng.place(0.05);
+    let step = back + rng.position(0.05);
     let emission = match rng.bits() % 16 {
         0 => Vec3::ZERO,
         _ => first.emission * 10.0_f32.powf(rng.between(-12.0, 12.0)),

@@ -10,7 +10,7 @@ use girandole::glam::Vec3;
 use girandole::tree::WIDTH;
 use girandole::{Light, LightTree, Shape};
 
-use crate::support::Rng;
+use testbed::testing::support::Rng;
 
 /// A tree that has passed the check.
 fn checked(lights: Vec<Light>) -> LightTree {
@@ -84,7 +84,7 @@ fn a_tree_holds_24_decades_of_flux() {
     let mut rng = Rng(5);
     let lights = (0..200).map(|i| {
         let exponent = -12.0 + 24.0 * i as f32 / 199.0;
-        Light::point(rng.place(10.0), Vec3::splat(10.0_f32.powf(exponent)))
+        Light::point(rng.position(10.0), Vec3::splat(10.0_f32.powf(exponent)))
     });
     let tree = checked(lights.collect());
     let mut fluxes = tree.nodes().iter().flat_map(|node| (0..node.count()).map(|slot| node.cluster(slot).flux));
@@ -96,7 +96,7 @@ fn the_public_accessors_of_a_node_take_any_slot() {
     let tree = checked(Rng(7).lights(100, 10.0));
     for node in tree.nodes() {
         for slot in [node.count(), WIDTH, WIDTH + 1, usize::MAX] {
-            assert_eq!((node.target(slot), node.cluster(slot)), (None, Cluster::EMPTY));
+            assert_eq!((node.child(slot), node.cluster(slot)), (None, Cluster::EMPTY));
         }
     }
 }

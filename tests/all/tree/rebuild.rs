@@ -4,7 +4,7 @@ use girandole::glam::{Quat, Vec3};
 use girandole::{Light, LightTree, ShadingPoint};
 
 use super::{changed, checked, moved};
-use crate::support::{Rng, SPLITS};
+use testbed::testing::support::{Rng, SPLITS};
 
 /// A tree of points in an upright cylinder of radius 20 m.
 fn points(rng: &mut Rng, count: usize) -> LightTree {
@@ -35,7 +35,7 @@ fn a_rise_in_cost_is_found_while_the_box_of_all_lights_grows() {
     // A cube rotates about its diagonal, faster near its centre. A cost relative to its box would
     // fall as the box grows.
     let mut rng = Rng(47);
-    let mut tree = checked((0..3000).map(|_| Light::point(rng.place(10.0), Vec3::ONE)).collect());
+    let mut tree = checked((0..3000).map(|_| Light::point(rng.position(10.0), Vec3::ONE)).collect());
     for _ in 0..120 {
         let changes = changed(&tree, |light| {
             let position = light.cluster().mean;
@@ -56,7 +56,7 @@ fn tiny_and_dark_trees_can_be_rebuilt() {
     for count in [0, 1, 8, 9, 32] {
         let mut tree = points(&mut rng, count);
         for _ in 0..20 {
-            tree.set_lights(&changed(&tree, |light| moved(light, rng.place(100.0)))).expect("the lights are valid");
+            tree.set_lights(&changed(&tree, |light| moved(light, rng.position(100.0)))).expect("the lights are valid");
             tree.refit();
             tree.check().expect("the tree is sound");
             tree.rebuild();
@@ -94,7 +94,7 @@ fn a_swarm_stays_sound_and_its_pmf_sums_to_1_for_a_thousand_frames() {
         }
         tree.check().expect("the tree is sound");
         // No point light is proven dark in a volume, so the probability of no light is 0.
-        let shading_point = ShadingPoint::volume(rng.place(20.0));
+        let shading_point = ShadingPoint::volume(rng.position(20.0));
         for splits in SPLITS {
             let sum: f64 = (0..250).map(|light| f64::from(tree.pmf(&shading_point, light, splits))).sum();
             assert!((sum - 1.0).abs() < 1e-5, "frame {frame}: {sum}");

@@ -7,7 +7,7 @@ use girandole::{Attributes, Light, LightTree};
 use proptest::prelude::*;
 
 use super::{changed, checked, moved};
-use crate::support::Rng;
+use testbed::testing::support::Rng;
 
 #[test]
 fn lamps_that_are_switched_off_and_on_again_leave_the_tree_as_it_was() {
@@ -60,7 +60,7 @@ fn all_set_again(tree: &LightTree) -> (Vec<Node>, Attributes, Cluster) {
 fn some_moved(rng: &mut Rng, tree: &LightTree, count: usize) -> Vec<(u32, Light)> {
     let mut change = |_| {
         let index = (rng.bits() % tree.lights().len() as u64) as usize;
-        (index as u32, moved(&tree.lights()[index], rng.place(3.0)))
+        (index as u32, moved(&tree.lights()[index], rng.position(3.0)))
     };
     (0..count).map(&mut change).collect()
 }

@@ -5,10 +5,10 @@ use glam::{Affine3A, Quat, Vec3};
 use super::twin::check;
 use super::{Built, TopRig, build, placement, world_of};
 use crate::cluster::Cluster;
-use crate::cone::angle;
+use crate::cluster::cone::angle;
 use crate::gpu::testing::random_vec;
 use crate::light::UNLIMITED_RANGE;
-use crate::tree::{CAP_STEPS, NO_PARENT, Target, WIDTH};
+use crate::tree::{CAP_STEPS, ChildRef, NO_PARENT, WIDTH};
 use crate::{Light, LightTree, LightWorld, Policy};
 
 /// The first property of `inner` that `outer` does not hold; `outer` is decoded as sampling decodes
@@ -41,20 +41,20 @@ pub(super) fn assert_bounds_hold(built: &Built) {
                     break;
                 }
                 let above = node.parent as usize;
-                assert_eq!(built.nodes[above / WIDTH].targets[above % WIDTH] as usize, place / WIDTH);
+                assert_eq!(built.nodes[above / WIDTH].children[above % WIDTH] as usize, place / WIDTH);
                 place = above;
             }
         }
     }
 }
 
-/// The lights of a tree at or below a target.
-fn lights_below(tree: &LightTree, target: Target) -> Vec<Light> {
-    match target {
-        Target::Leaf(light) => vec![tree.lights()[light as usize]],
-        Target::Node(node) => {
+/// The lights of a tree at or below a child.
+fn lights_below(tree: &LightTree, child: ChildRef) -> Vec<Light> {
+    match child {
+        ChildRef::Leaf(light) => vec![tree.lights()[light as usize]],
+        ChildRef::Node(node) => {
             let node = &tree.nodes()[node as usize];
-            (0..WIDTH).filter_map(|slot| node.target(slot)).flat_map(|target| lights_below(tree, target)).collect()
+            (0..WIDTH).filter_map(|slot| node.child(slot)).flat_map(|child| lights_below(tree, child)).collect()
         }
     }
 }
@@ -70,10 +70,10 @@ fn every_packed_child_on_the_way_up_holds_every_light_of_an_instance() {
         let placed = instance.shown().expect("no test hides an instance");
         let (frame, linear) = (placed.frame(world.home()), placed.linear);
         let tree = world.tree(instance.tree).unwrap();
-        for light in lights_below(tree, part.target).into_iter().filter(|light| light.flux() > 0.0) {
+        for light in lights_below(tree, part.entry).into_iter().filter(|light| light.flux() > 0.0) {
             let inner = light.cluster();
             let mut place = built.records[index].place as usize;
-            assert_eq!(built.nodes[place / WIDTH].targets[place % WIDTH], part.leaf(index as u32));
+            assert_eq!(built.nodes[place / WIDTH].children[place % WIDTH], part.leaf(index as u32));
             while place != NO_PARENT as usize {
                 let node = &built.nodes[place / WIDTH];
                 let outer = node.cluster(place % WIDTH);

@@ -9,7 +9,7 @@ use crate::effects::Effects;
 use crate::light::UNLIMITED_RANGE;
 use crate::plan::layout::LeafRecord;
 use crate::top::TopLevel;
-use crate::tree::{EMPTY_SLOT, NO_PARENT, Node, Target, WIDTH};
+use crate::tree::{ChildRef, EMPTY_SLOT, NO_PARENT, Node, WIDTH};
 use crate::{Light, LightWorld, Placement, Policy};
 
 /// The relative difference of sums of up to eight products in `f32` that are added in different
@@ -74,8 +74,8 @@ fn assert_same_tree(built: &Built, twin: &TopLevel) {
             assert_eq!(built.masks[ours], twin.masks[theirs], "node {ours} and {theirs}");
         }
         for slot in 0..WIDTH {
-            match (node.target(slot), other.target(slot)) {
-                (Some(Target::Node(a)), Some(Target::Node(b))) => pairs.push((a as usize, b as usize)),
+            match (node.child(slot), other.child(slot)) {
+                (Some(ChildRef::Node(a)), Some(ChildRef::Node(b))) => pairs.push((a as usize, b as usize)),
                 (a, b) => assert_eq!(a, b, "node {ours} and {theirs}, child {slot}"),
             }
         }
@@ -112,15 +112,15 @@ pub(super) fn check(top: &mut TopRig, world: &LightWorld) -> Built {
         }
     }
     for (index, (part, leaf)) in parts.iter().enumerate() {
-        let LeafRecord { slot, target, place, .. } = built.records[index];
-        let below = if target == 0 { Target::Node(0) } else { Target::of(target).unwrap() };
-        assert_eq!((slot, below), (part.slot, part.target), "part {index}");
+        let LeafRecord { slot, child_bits, place, .. } = built.records[index];
+        let below = if child_bits == 0 { ChildRef::Node(0) } else { ChildRef::of(child_bits).unwrap() };
+        assert_eq!((slot, below), (part.slot, part.entry), "part {index}");
         if leaf.flux <= 0.0 {
             assert_eq!(place, NO_PARENT, "part {index} is dark");
             continue;
         }
         let place = place as usize;
-        assert_eq!(built.nodes[place / WIDTH].targets[place % WIDTH], part.leaf(index as u32));
+        assert_eq!(built.nodes[place / WIDTH].children[place % WIDTH], part.leaf(index as u32));
         assert_eq!(built.child(place), *leaf, "part {index}");
     }
     assert_same_tree(&built, &twin);
@@ -191,5 +191,5 @@ fn a_world_without_light_has_a_root_of_empty_slots() {
     }
     let built = check(&mut top, &world);
     let root = &built.nodes[0];
-    assert_eq!((root.flux, root.targets, root.parent), ([0; WIDTH], [EMPTY_SLOT; WIDTH], NO_PARENT));
+    assert_eq!((root.flux, root.children, root.parent), ([0; WIDTH], [EMPTY_SLOT; WIDTH], NO_PARENT));
 }

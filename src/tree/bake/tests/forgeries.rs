@@ -5,7 +5,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::policy::Policy;
-use crate::shading_point::ShadingPoint;
+use crate::shading::shading_point::ShadingPoint;
 use crate::tree::bake::content::seal;
 use crate::tree::bake::header::HEADER_BYTES;
 use crate::tree::testing::Rng;
@@ -91,8 +91,8 @@ proptest! {
         for (kind, a, b) in changes {
             let (node, slot) = (a % nodes, a / nodes % 8);
             match kind {
-                0 => tree.nodes[node].targets[slot] = (b % nodes) as u32,
-                1 => tree.nodes[node].targets[slot] = crate::tree::LEAF | (b % count) as u32,
+                0 => tree.nodes[node].children[slot] = (b % nodes) as u32,
+                1 => tree.nodes[node].children[slot] = crate::tree::LEAF | (b % count) as u32,
                 2 => tree.nodes[node].parent = (b % (8 * nodes)) as u32,
                 3 => tree.leaves.swap(a % count, b % count),
                 4 => tree.spans[node] = (b % (nodes + 1)) as u32,

@@ -1,0 +1,132 @@
+//! Makes what the settings name: ways to draw a light, their probabilities, and their memory.
+
+use super::settings::{STREAMED, Sampler};
+use girandole::tree::Node;
+use girandole::{
+    CandidateCount, FrameBudget, Light, LightId, LightSampler, LightWorld, Placement, Policy, ShadingPoint, SplitCount,
+};
+use testbed::direct_light::draw::{Draw, Resampled, ResampledByBrdf, ResampledWithGloss, Single, Streaming};
+use testbed::measuring::lights::carried;
+use testbed::measuring::samplers::{self, Chooser};
+use testbed::scene::SceneError;
+
+/// The bytes of a light on a GPU.
+const LIGHT_BYTES: usize = 64;
+/// The bytes of an instance on a GPU.
+const INSTANCE_BYTES: usize = 128;
+
+/// The lights of a world in all forms that samplers need.
+pub struct Prepared {
+    /// The lights one by one, in the order of [`LightSampler::all_lights`].
+    pub lights: Vec<Light>,
+    pub ids: Vec<LightId>,
+    /// One instance of one tree over all of them.
+    one_level: LightWorld,
+}
+
+impl Prepared {
+    /// Carries all lights to world space and builds one tree over them.
+    pub fn new(world: &LightWorld) -> Result<Self, SceneError> {
+        let lights = carried(world);
+        let ids = world.sampler().all_lights().collect();
+        let mut one_level = LightWorld::new();
+        let tree = one_level.add_tree(lights.clone())?;
+        one_level.add_instance(tree, Placement::IDENTITY, Policy::Static)?;
+        one_level.update(FrameBudget::UNLIMITED);
+        Ok(Self { lights, ids, one_level })
+    }
+}
+
+/// All samplers over the same lights.
+pub struct Samplers<'a> {
+    world: &'a LightWorld,
+    prepared: &'a Prepared,
+    published: [Box<dyn Chooser + 'a>; 5],
+}
+
+impl<'a> Samplers<'a> {
+    /// Builds the trees of the samplers to compare with.
+    pub fn new(world: &'a LightWorld, prepared: &'a Prepared) -> Self {
+        Self { world, prepared, published: samplers::published(&prepared.lights, &prepared.ids) }
+    }
+
+    /// A way to draw; `None` for the sum over all lights, and for a sampler or a count that does
+    /// not exist.
+    pub fn draw(&self, sampler: Sampler) -> Option<Box<dyn Draw + '_>> {
+        Some(match sampler {
+            Sampler::TwoLevels { splits, candidates } => resampled(self.world, splits, candidates)?,
+            Sampler::ByBrdf { splits, candidates } => {
+                let lights = self.world.sampler().with_splits(SplitCount::new(splits).ok()?);
+                Box::new(ResampledByBrdf { lights, candidates: CandidateCount::new(candidates).ok()? })
+            }
+            Sampler::WithGloss { splits, candidates } => {
+                let lights = self.world.sampler().with_splits(SplitCount::new(splits).ok()?);
+                Box::new(ResampledWithGloss { lights, candidates: CandidateCount::new(candidates).ok()? })
+            }
+            Sampler::OneLevel { splits, candidates } => resampled(&self.prepared.one_level, splits, candidates)?,
+            Sampler::Published(name) => {
+                Box::new(Single { chooser: self.published(name)?, lights: self.world.sampler() })
+            }
+            Sampler::Streaming => {
+                Box::new(Streaming { lights: self.world.sampler(), ids: &self.prepared.ids, candidates: STREAMED })
+            }
+            Sampler::AllLights => return None,
+        })
+    }
+
+    /// The probabilities of all lights in one draw; `None` for samplers that choose among
+    /// candidates.
+    pub fn pmfs(&self, sampler: Sampler, shading_point: &ShadingPoint) -> Option<Vec<f32>> {
+        let of_world = |world: &LightWorld, splits| {
+            let mut pmfs = Vec::new();
+            let sampler = world.sampler().with_splits(SplitCount::new(splits).ok()?);
+            sampler.distribution(shading_point, &mut pmfs);
+            Some(pmfs)
+        };
+        match sampler {
+            Sampler::TwoLevels { splits, candidates: 1 } => of_world(self.world, splits),
+            Sampler::OneLevel { splits, candidates: 1 } => of_world(&self.prepared.one_level, splits),
+            Sampler::Published(name) => Some(self.published(name)?.pmfs(shading_point)),
+            _ => None,
+        }
+    }
+
+    /// The bytes that samples may read: nodes, lights and instances, in the library's GPU format.
+    pub fn memory_bytes(&self, sampler: Sampler) -> usize {
+        let of_world = |world: &LightWorld| {
+            let trees: Vec<_> = world.trees().filter_map(|key| world.tree(key)).collect();
+            let nodes: usize = trees.iter().map(|tree| tree.nodes().len()).sum();
+            let lights: usize = trees.iter().map(|tree| tree.lights().len()).sum();
+            let top = samplers::top_level_nodes(world.instance_count());
+            (nodes + top) * size_of::<Node>() + lights * LIGHT_BYTES + world.instance_count() * INSTANCE_BYTES
+        };
+        match sampler {
+            Sampler::TwoLevels { .. } | Sampler::ByBrdf { .. } | Sampler::WithGloss { .. } => of_world(self.world),
+            Sampler::OneLevel { .. } => of_world(&self.prepared.one_level),
+            Sampler::Published(name) => {
+                self.published(name).map_or(0, Chooser::bytes) + self.prepared.lights.len() * LIGHT_BYTES
+            }
+            Sampler::Streaming | Sampler::AllLights => self.prepared.lights.len() * LIGHT_BYTES,
+        }
+    }
+
+    /// The world's own sampler, which knows every light's point and radiance.
+    pub fn lights(&self) -> LightSampler<'_> {
+        self.world.sampler()
+    }
+
+    /// The names of all lights.
+    pub fn ids(&self) -> &[LightId] {
+        &self.prepared.ids
+    }
+
+    fn published(&self, name: &str) -> Option<&dyn Chooser> {
+        self.published.iter().find(|chooser| chooser.name() == name).map(AsRef::as_ref)
+    }
+}
+
+/// A way to draw from a world; `None` for counts beyond their limits.
+pub fn resampled(world: &LightWorld, splits: usize, candidates: u32) -> Option<Box<dyn Draw + '_>> {
+    let lights = world.sampler().with_splits(SplitCount::new(splits).ok()?);
+    Some(Box::new(Resampled { lights, candidates: CandidateCount::new(candidates).ok()? }))
+}

@@ -1,0 +1,168 @@
+//! The program that shows what accuracy costs in time.
+
+use std::collections::HashMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::Parser;
+
+use accuracy::options::Options;
+use accuracy::run::run;
+use accuracy::settings::Sampler;
+
+fn options(out: &Path, more: &[&str]) -> Options {
+    let out = out.to_string_lossy();
+    let arguments = ["accuracy", "--quick", "--out", &out].into_iter().chain(more.iter().copied());
+    Options::try_parse_from(arguments).expect("valid arguments")
+}
+
+fn folder(name: &str) -> PathBuf {
+    std::env::temp_dir().join(format!("girandole_accuracy_{name}_{}", std::process::id()))
+}
+
+/// The rows of a table by the value of its first column.
+fn table(path: &Path) -> (Vec<String>, HashMap<String, Vec<String>>) {
+    let mut reader = csv::Reader::from_path(path).expect("a table");
+    let columns = reader.headers().expect("a line of names").iter().map(str::to_owned).collect();
+    let rows = reader.records().map(|row| row.expect("a row").iter().map(str::to_owned).collect::<Vec<_>>());
+    (columns, rows.map(|row| (row[0].clone(), row)).collect())
+}
+
+/// A page without the data of its pictures, whose letters are arbitrary.
+fn without_pictures(page: &str) -> String {
+    let mut parts = page.split(";base64,");
+    let first = parts.next().unwrap_or_default();
+    let rest = parts.map(|part| part.find('"').map_or(part, |end| &part[end..]));
+    std::iter::once(first).chain(rest).collect()
+}
+
+#[test]
+fn a_quick_run_writes_a_table_plots_and_a_page_that_needs_nothing_else() {
+    let out = folder("quick");
+    let measured = run(&options(&out, &[])).expect("it runs");
+    let (columns, rows) = table(&out.join("accuracy.csv"));
+    let expected = "setting time_ms update_ms upload_ms top_level_ms choosing_ms shadow_rays_ms shading_ms sigma \
+                    sigma_visible dead rel_mse rel_mse_low rel_mse_high mape mape_low mape_high memory_bytes on_front";
+    assert_eq!(columns.join(" "), expected);
+    assert_eq!(rows.len(), measured.rows.len(), "settings have names of their own");
+    let number = |name: &str, column: &str| -> f64 {
+        let index = columns.iter().position(|own| own == column).expect("a column");
+        rows[name][index].parse().unwrap_or_else(|_| panic!("{name}: {column} is {:?}", rows[name][index]))
+    };
+    for name in rows.keys() {
+        let stages = ["update_ms", "top_level_ms", "choosing_ms", "shadow_rays_ms", "shading_ms"];
+        let upload = if rows[name][3].is_empty() { 0.0 } else { number(name, "upload_ms") };
+        let sum: f64 = stages.iter().map(|stage| number(name, stage)).sum::<f64>() + upload;
+        let time = number(name, "time_ms");
+        // Numbers have four digits after the point.
+        assert!((sum - time).abs() < 5.0e-4 && time > 0.0, "{name}: {sum}, {time}");
+        for error in ["rel_mse", "mape"] {
+            let [low, high] = ["low", "high"].map(|end| number(name, &format!("{error}_{end}")));
+            let mean = number(name, error);
+            assert!(0.0 < low && low <= mean && mean <= high, "{name}: {error}");
+        }
+    }
+    // The exact noise does not depend on random numbers: with shadows there is more of it, and
+    // splits lower it.
+    let [default, no_splits] =
+        ["Girandole / 6 splits / 1 candidate / 1 spp", "Girandole / 0 splits / 1 candidate / 1 spp"];
+    assert!(number(default, "sigma") < number(default, "sigma_visible"));
+    assert!(number(default, "sigma") < number(no_splits, "sigma"));
+    assert!(number(default, "sigma") < 0.5 * number("pbrt-v4's formula, opaque / 1 spp", "sigma"));
+    assert!((0.0..0.5).contains(&number(default, "dead")) && number("uniform / 1 spp", "dead") < 1.0e-3);
+
+    // Instances share their trees. The lights alone have 64 bytes each.
+    let [two, one] =
+        [default, "Girandole, one tree / 6 splits / 1 candidate / 1 spp"].map(|name| number(name, "memory_bytes"));
+    assert!(two < one && number("uniform / 1 spp", "memory_bytes") == 64.0 * measured.lights as f64);
+
+    // Settings that are off by default change the picture, and the table takes memory.
+    let [off, solid_angles, learnt] = ["", " / solid angles", " / learnt visibility"]
+        .map(|switch| format!("Girandole / 6 splits / 1 candidate / 4 spp{switch}"));
+    assert_ne!(number(&off, "rel_mse"), number(&learnt, "rel_mse"));
+    assert_ne!(number(&off, "rel_mse"), number(&solid_angles, "rel_mse"));
+    assert!(number(&learnt, "memory_bytes") > number(&off, "memory_bytes"));
+
+    let front: Vec<_> = measured.rows.iter().filter(|row| row.on_front).collect();
+    assert!(!front.is_empty());
+    for row in &front {
+        let is_better = |other: &&accuracy::table::Row| {
+            let is_fair = !other.setting.change.is_biased() && other.time_ms() <= row.time_ms();
+            is_fair && other.errors.rel_mse.mean < row.errors.rel_mse.mean
+        };
+        assert!(!measured.rows.iter().any(|other| is_better(&other)), "{:?}", row.setting);
+    }
+    for panel in &measured.equal_time {
+        let times = [panel, &measured.equal_time[0]].map(|panel| panel.row.samples.total());
+        let is_equal = (times[0] / times[1] - 1.0).abs() < 1.0e-6;
+        assert!(is_equal || panel.row.setting.samples == 1.0, "{:?}: {times:?}", panel.row.setting);
+    }
+    let has = |sampler| measured.equal_time.iter().any(|panel| panel.row.setting.sampler == sampler);
+    assert!(has(Sampler::Published("uniform")) && has(Sampler::Streaming) && has(accuracy::settings::DEFAULT));
+
+    let page = without_pictures(&fs::read_to_string(out.join("accuracy.html")).expect("a page"));
+    assert!(!page.contains("{{") && !page.contains("NaN"), "something is not filled in");
+    let links = page.matches("http").count() - page.matches("http://www.w3.org/2000/svg").count();
+    assert_eq!(links, 0, "the page needs no network");
+    // Samplers have the names of the table everywhere.
+    for panel in &measured.equal_time {
+        let name = panel.row.setting.sampler.name();
+        assert!(rows.keys().any(|row| row.starts_with(&format!("{name} / "))), "{name}");
+        for file in ["alternatives.svg", "stages.svg", "equal_time.svg"] {
+            let text = fs::read_to_string(out.join(file)).expect("a figure").replace("&apos;", "'");
+            assert!(text.contains(&name), "{file}: {name}");
+        }
+        assert!(page.contains(&name), "{name}");
+    }
+    assert!(!page.contains("1 candidates"));
+    // The page lists the points of the front.
+    let list = page.split("<th>time, ms of the page</th>").nth(1).and_then(|rest| rest.split("</table>").next());
+    let list = list.expect("a list of the front");
+    assert_eq!(list.matches("<tr>").count(), front.len());
+    for row in &front {
+        assert!(list.contains(&format!("<td>{}</td>", row.setting.name())), "{:?}", row.setting);
+    }
+    for question in ["What do I get for 0.5, 1 and 4 ms", "halving the error", "Which knob", "Where does the time go"] {
+        assert!(page.contains(question), "{question}");
+    }
+    for (name, axis) in [("error_over_time.svg", "relMSE"), ("alternatives.svg", "relMSE"), ("stages.svg", "µs")] {
+        assert!(fs::read_to_string(out.join(name)).expect("a plot").contains(axis), "{name}");
+    }
+    // The sum over all lights takes a hundred times the time of any other row. The plot names it
+    // instead of stretching its axis.
+    let all_lights = front.iter().any(|row| row.setting.sampler == Sampler::AllLights);
+    let plot = fs::read_to_string(out.join("error_over_time.svg")).expect("a plot");
+    assert!(all_lights && plot.contains("all lights: relMSE") && !plot.contains("\n100\n"));
+    assert_eq!(fs::read_to_string(out.join("equal_time.svg")).expect("a figure").matches("<image").count(), 9);
+    fs::remove_dir_all(&out).expect("the test made it");
+}
+
+#[test]
+fn bad_arguments_and_scenes_are_refused_in_one_line() {
+    for bad in [
+        &["--out", "x", "--size", "8x8"][..],
+        &["--out", "x", "--size", "huge"],
+        &["--out", "x", "--pictures", "1"],
+        &["--out", "x", "--passes", "0"],
+        &["--out", "x", "--world", "XL"],
+        &["--out", "x", "--gltf", "a.glb", "--lamps", "b.csv"],
+        &[],
+    ] {
+        let error = Options::try_parse_from(["accuracy"].iter().chain(bad)).expect_err("it is refused");
+        let line = testbed::common::exit::one_line(&error);
+        assert!(!line.is_empty() && !line.contains('\n'), "{line}");
+    }
+    let out = folder("refused");
+    fs::create_dir_all(&out).expect("a writable folder");
+    fs::write(out.join("accuracy.csv"), "of an earlier run").expect("a writable folder");
+    for (more, cause) in [
+        (&["--gltf", "/nowhere/at/all.glb"][..], "/nowhere/at/all.glb"),
+        // From above the clouds, away from the ground.
+        (&["--camera", "0,9000,0,0,9999,1"], "no surface"),
+    ] {
+        let error = run(&options(&out, more)).err().expect("it is refused").to_string();
+        assert!(error.contains(cause) && !error.contains('\n'), "{error}");
+    }
+    assert_eq!(fs::read_to_string(out.join("accuracy.csv")).expect("it is still there"), "of an earlier run");
+    fs::remove_dir_all(&out).expect("the test made it");
+}

@@ -1,0 +1,69 @@
+//! A swarm of 100,000 moving lamps over a field of metal and plastic columns.
+//!
+//! ```sh
+//! cargo run --release --bin swarm                                   # in a window
+//! cargo run --release --bin swarm -- --headless --frames 24 --settle 8 --out swarm.png
+//! ```
+//!
+//! The first `--settle` frames move all lamps, each of which is a `PointLight`; the frames after them
+//! stand still, so that the picture converges. `--bevy-lights` leaves the lamps to Bevy. The program
+//! ends with a report of what each frame took. In the window, the arrow keys turn and zoom, and the
+//! space bar stops the lamps.
+
+mod field;
+mod headless;
+mod lamps;
+mod options;
+mod report;
+mod window;
+
+use bevy::camera::Exposure;
+use bevy::core_pipeline::tonemapping::Tonemapping;
+use bevy::pbr::DefaultOpaqueRendererMethod;
+use bevy::post_process::bloom::Bloom;
+use bevy::prelude::*;
+use bevy_girandole::{GirandoleCamera, GirandolePlugin};
+
+use options::Options;
+
+fn main() -> AppExit {
+    let options = match Options::parse(std::env::args().skip(1)) {
+        Ok(options) => options,
+        Err(message) => {
+            eprintln!("{message}");
+            return AppExit::error();
+        }
+    };
+    let mut app = App::new();
+    if options.headless {
+        headless::add_plugins(&mut app, &options);
+    } else {
+        window::add_plugins(&mut app, &options);
+    }
+    app.add_plugins(GirandolePlugin::default())
+        .insert_resource(DefaultOpaqueRendererMethod::deferred())
+        .insert_resource(ClearColor(Color::linear_rgb(0.0006, 0.0008, 0.002)))
+        .insert_resource(GlobalAmbientLight { brightness: 0.3, ..default() })
+        .insert_resource(options);
+    field::add_systems(&mut app);
+    lamps::add_systems(&mut app);
+    report::add_systems(&mut app);
+    app.run()
+}
+
+/// The camera, at an angle in radians around the field.
+fn camera(options: &Options) -> impl Bundle {
+    let samples = if options.bevy_lights { 0 } else { options.samples };
+    let view = GirandoleCamera { candidates: options.candidates, samples, ..default() };
+    (Camera3d::default(), view, Msaa::Off, Tonemapping::AcesFitted, Bloom::NATURAL, EXPOSURE, place(0.0, 1.0))
+}
+
+/// For lamps of some hundred lumens at night.
+const EXPOSURE: Exposure = Exposure { ev100: 5.5 };
+
+/// The camera's transform, by the angle around the field in radians and a factor of its default
+/// distance.
+fn place(angle: f32, zoom: f32) -> Transform {
+    let (sin, cos) = angle.sin_cos();
+    Transform::from_xyz(70.0 * zoom * sin, 17.0 * zoom, 70.0 * zoom * cos).looking_at(Vec3::new(0.0, 1.0, 0.0), Vec3::Y)
+}

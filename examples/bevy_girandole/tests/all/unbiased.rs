@@ -1,0 +1,167 @@
+//! The mean of many frames is the sum over all lights.
+//!
+//! Cells of pixels are compared by the standard error of their mean over independent frames. The
+//! sum over all lights draws one point on each triangle, so it has a standard error, too.
+
+use bevy::prelude::*;
+use bevy_girandole::{Estimate, GirandoleCamera, GirandoleLight, GirandolePlugin};
+
+use crate::harness::{HEIGHT, Picture, Setup, WIDTH, add_scene, app, pictures, set_camera, single_frames};
+
+/// Independent frames of which a mean is taken.
+const FRAMES: usize = 96;
+
+/// Edge of a cell in pixels.
+const CELL: u32 = 4;
+
+/// Standard errors by which a mean may differ. There are 48 cells of three channels. For Student's
+/// distribution with 95 degrees of freedom, all 144 stay within in all but 1 of 10,000 seeds.
+const LIMIT: f64 = 5.3;
+
+/// The share of a value by which rounding to halves may shift it: each picture is rounded twice, by at
+/// most 2⁻¹¹, and the mean of many frames by less.
+const ROUNDING: f64 = 1.0 / 1024.0;
+
+/// Frames by which two applications may be apart, and frames that are compared.
+const SHIFT: usize = 12;
+const COMPARED: usize = 3;
+
+struct Means {
+    mean: Vec<[f64; 3]>,
+    error_sq: Vec<[f64; 3]>,
+}
+
+/// The mean brightness of each cell, and the square of its standard error.
+fn means(frames: &[Picture]) -> Means {
+    let cells = (WIDTH / CELL * (HEIGHT / CELL)) as usize;
+    let mut sums = vec![[0.0; 3]; cells];
+    let mut squares = vec![[0.0; 3]; cells];
+    for frame in frames {
+        let mut cell_sums = vec![[0.0; 3]; cells];
+        for (i, pixel) in (0..).zip(frame) {
+            let (x, y) = (i % WIDTH / CELL, i / WIDTH / CELL);
+            for (channel, value) in pixel.to_array().into_iter().enumerate() {
+                cell_sums[(y * (WIDTH / CELL) + x) as usize][channel] += f64::from(value);
+            }
+        }
+        for (cell, values) in cell_sums.iter().enumerate() {
+            for channel in 0..3 {
+                sums[cell][channel] += values[channel];
+                squares[cell][channel] += values[channel] * values[channel];
+            }
+        }
+    }
+    let n = frames.len() as f64;
+    let mean: Vec<[f64; 3]> = sums.iter().map(|sum| sum.map(|sum| sum / n)).collect();
+    let error_sq = squares
+        .iter()
+        .zip(&mean)
+        .map(|(square, mean)| std::array::from_fn(|i| (square[i] / n - mean[i] * mean[i]).max(0.0) / (n - 1.0)))
+        .collect();
+    Means { mean, error_sq }
+}
+
+fn check(name: &str, sampled: &Means, exhaustive: &Means) {
+    let brightest = exhaustive.mean.iter().flatten().fold(0.0, |most: f64, &value| most.max(value));
+    assert!(brightest > 0.0);
+    let mut lit = 0;
+    for cell in 0..sampled.mean.len() {
+        for channel in 0..3 {
+            let [ours, all] = [sampled, exhaustive].map(|means| means.mean[cell][channel]);
+            let error = (sampled.error_sq[cell][channel] + exhaustive.error_sq[cell][channel]).sqrt();
+            let allowed = LIMIT * error + ROUNDING * all + 1.0e-6 * brightest;
+            assert!(
+                (ours - all).abs() <= allowed,
+                "{name}, cell {cell}, channel {channel}: {ours} is not {all}, standard error {error}"
+            );
+            lit += usize::from(all > 1.0e-3 * brightest);
+            // The test tells little where the error is as large as the value.
+            assert!(error <= 0.2 * all.max(0.1 * brightest), "{name}: {error} of {all}");
+        }
+    }
+    assert!(lit > 72, "{name}: {lit} of 144 values are lit");
+}
+
+/// Lamps of all kinds around the scene.
+fn add_lights(app: &mut App) {
+    let (mesh, material) = {
+        let mesh = app.world_mut().resource_mut::<Assets<Mesh>>().add(Cuboid::new(0.5, 0.2, 0.3));
+        let glowing = StandardMaterial { emissive: LinearRgba::rgb(2.0, 8.0, 3.0), ..default() };
+        (mesh, app.world_mut().resource_mut::<Assets<StandardMaterial>>().add(glowing))
+    };
+    let world = app.world_mut();
+    for i in 0..60u32 {
+        let [a, b, c] = [7, 11, 5].map(|step| (i * step % 60) as f32 / 60.0);
+        let place = Transform::from_xyz(10.0 * a - 5.0, 0.4 + 3.0 * b, 8.0 * c - 5.0);
+        let color = Color::linear_rgb(0.2 + a, 0.2 + b, 0.2 + c);
+        let intensity = 500.0 + 20_000.0 * a * b;
+        if i.is_multiple_of(3) {
+            let spot = SpotLight { color, intensity, range: 8.0, outer_angle: 1.2, inner_angle: 0.4, ..default() };
+            world.spawn((spot, GirandoleLight, place.looking_at(Vec3::new(a, 0.0, b), Vec3::Y)));
+        } else {
+            let range = if i.is_multiple_of(2) { 6.0 } else { 20.0 };
+            world.spawn((PointLight { color, intensity, range, ..default() }, GirandoleLight, place));
+        }
+    }
+    for i in 0..8u32 {
+        let place = Transform::from_xyz(i as f32 - 4.0, 2.5, -1.0).with_rotation(Quat::from_rotation_z(i as f32));
+        let place = place.with_scale(Vec3::new(1.0, 0.5 + 0.2 * i as f32, 1.0));
+        world.spawn((Mesh3d(mesh.clone()), MeshMaterial3d(material.clone()), GirandoleLight, place));
+    }
+    let sun = DirectionalLight { illuminance: 40.0, ..default() };
+    world.spawn((sun, GirandoleLight, Transform::from_xyz(1.0, 2.0, 1.0).looking_at(Vec3::ZERO, Vec3::Y)));
+}
+
+fn scene(plugin: GirandolePlugin, camera: GirandoleCamera) -> App {
+    let mut app = app(Setup { plugin, camera, ..default() });
+    add_scene(&mut app);
+    add_lights(&mut app);
+    app
+}
+
+#[test]
+fn the_mean_of_many_frames_is_the_sum_over_all_lights() {
+    let mut app = scene(GirandolePlugin::default(), GirandoleCamera { samples: 4, ..single_frames() });
+    set_camera(&mut app, |camera| camera.estimate = Estimate::Exhaustive);
+    let exhaustive = means(&pictures(&mut app, FRAMES));
+    for candidates in [1, 8] {
+        set_camera(&mut app, |camera| {
+            camera.estimate = Estimate::Sampled;
+            camera.candidates = candidates;
+            camera.seed = candidates;
+        });
+        check(&format!("{candidates} candidates"), &means(&pictures(&mut app, FRAMES)), &exhaustive);
+    }
+
+    // The history takes the same mean: of as many frames as have been drawn, it is as near.
+    let single = means(&pictures(&mut app, FRAMES));
+    set_camera(&mut app, |camera| {
+        camera.moving_frames = 12;
+        camera.still_frames = 4096;
+        camera.history = 1;
+        camera.seed = 3;
+    });
+    let last = pictures(&mut app, FRAMES).pop().expect("there are frames");
+    let mean = Means { error_sq: single.error_sq, ..means(&[last.clone(), last]) };
+    check("history", &mean, &exhaustive);
+}
+
+#[test]
+fn importing_the_modules_gives_the_numbers_of_the_joined_text() {
+    // With one candidate, nothing is weighed: both draw the same light by the same numbers.
+    let camera = GirandoleCamera { candidates: 1, samples: 2, seed: 9, ..single_frames() };
+    let [joined, importing] = [false, true].map(|importing| {
+        let mut app = scene(GirandolePlugin { importing }, camera);
+        pictures(&mut app, 2 * SHIFT + COMPARED)
+    });
+    assert!(joined[SHIFT] != joined[SHIFT + 1], "frames are independent");
+    // Pictures come back some frames late, and not always equally late.
+    let middle = &joined[SHIFT..SHIFT + COMPARED];
+    let is_equal = importing.windows(COMPARED).any(|frames| frames == middle);
+    assert!(is_equal, "the same frames must be the same pictures");
+
+    let mut app = scene(GirandolePlugin { importing: true }, GirandoleCamera { samples: 4, ..single_frames() });
+    let sampled = means(&pictures(&mut app, FRAMES));
+    set_camera(&mut app, |camera| camera.estimate = Estimate::Exhaustive);
+    check("modules", &sampled, &means(&pictures(&mut app, FRAMES)));
+}

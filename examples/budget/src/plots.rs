@@ -1,0 +1,207 @@
+//! Plots of one scene as SVG, with a panel for each motion: the recovered gap over the time spent,
+//! and noise over time.
+
+use super::report::Row;
+use plotters::prelude::*;
+use std::path::Path;
+use testbed::measuring::charts::{Area, FONT, Mark, PALETTE, Stroke, legend, line, text};
+use testbed::scene::SceneError;
+
+/// The size of a panel, in pixels.
+const SIZE: (u32, u32) = (440, 340);
+/// The most panels side by side. The legend takes the place of one.
+const COLUMNS: usize = 3;
+/// The size of the font of legends, in pixels.
+const LEGEND: u32 = 17;
+
+/// The least share of time on the axis.
+const MIN_COST: f64 = 0.004;
+/// The greatest share of time on the axis.
+const MAX_COST: f64 = 2.0;
+/// The goal: a share of the time, and a share of the gap.
+const GOAL: (f64, f64) = (0.1, 0.9);
+
+/// How a strategy is drawn.
+struct Style {
+    /// The strategy's name in tables, or the beginning of the names of [SS]'s.
+    name: &'static str,
+    legend: &'static str,
+    stroke: Stroke,
+}
+
+const fn style(name: &'static str, legend: &'static str, color: RGBColor, width: u32, is_dashed: bool) -> Style {
+    Style { name, legend, stroke: Stroke::new(color, width, is_dashed) }
+}
+
+/// The styles in drawing order.
+const STYLES: [Style; 6] = [
+    style("SS 1", "SS 1 within the budget, by attribute", PALETTE[6], 1, false),
+    style("SS 2", "SS 2 within the budget, by attribute", PALETTE[7], 1, false),
+    style("round robin", "round robin", PALETTE[1], 2, false),
+    style("oldest first", "oldest first", PALETTE[3], 2, false),
+    style("oracle", "oracle", PALETTE[0], 2, true),
+    style("girandole", "girandole, told of the camera", PALETTE[5], 3, false),
+];
+
+/// The styles of both ends of the gap, in plots over time.
+const ENDS: [Style; 2] = [
+    style("update only", "update only", RGBColor(150, 150, 150), 2, true),
+    style("always rebuild", "always rebuild", RGBColor(150, 150, 150), 2, false),
+];
+
+/// The attribute of [SS]'s algorithms in plots over time.
+const OF_SS: &str = "splitting cost";
+
+fn refusal(path: &Path, error: &impl std::fmt::Display) -> SceneError {
+    SceneError(format!("cannot draw {}: {error}", path.display()))
+}
+
+/// The strategies of a style, each once and in the order of the rows.
+fn of_style(style: &Style, rows: &[&Row]) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for row in rows {
+        let is_ss = style.name.starts_with("SS") && row.strategy.starts_with(style.name);
+        if (is_ss || row.strategy == style.name) && !names.contains(&row.strategy) {
+            names.push(row.strategy.clone());
+        }
+    }
+    names
+}
+
+/// Draws a file with a panel for each motion of the rows, and the legend.
+fn figure(
+    path: &Path,
+    title: &str,
+    rows: &[Row],
+    entries: &[(Mark, &str)],
+    panel: impl Fn(&Area<'_>, &str, &[&Row]) -> Result<(), String>,
+) -> Result<(), SceneError> {
+    let mut motions: Vec<&str> = Vec::new();
+    for row in rows {
+        if !motions.contains(&row.motion.as_str()) {
+            motions.push(&row.motion);
+        }
+    }
+    let cells = motions.len() + 1;
+    let columns = cells.min(COLUMNS);
+    let lines = cells.div_ceil(columns);
+    let size = (SIZE.0 * columns as u32, SIZE.1 * lines as u32 + 36);
+    let draw = || -> Result<(), String> {
+        let root = SVGBackend::new(path, size).into_drawing_area();
+        root.fill(&WHITE).map_err(text)?;
+        let root = root.titled(title, (FONT, 22).into_font()).map_err(text)?;
+        let areas = root.split_evenly((lines, columns));
+        for (motion, area) in motions.iter().zip(&areas) {
+            let of_motion: Vec<&Row> = rows.iter().filter(|row| row.motion == *motion).collect();
+            panel(area, motion, &of_motion)?;
+        }
+        legend(&areas[motions.len()], entries, LEGEND)?;
+        root.present().map_err(text)
+    };
+    draw().map_err(|error| refusal(path, &error))
+}
+
+/// Plots the recovered gap over the share of time spent.
+pub fn gap(path: &Path, scene: &str, rows: &[Row]) -> Result<(), SceneError> {
+    let mut entries: Vec<(Mark, &str)> =
+        STYLES.iter().rev().map(|style| (Mark::Line(style.stroke), style.legend)).collect();
+    entries.push((Mark::Circle(STYLES[0].stroke.color, false), "SS 1 without a budget"));
+    entries.push((Mark::Circle(STYLES[1].stroke.color, false), "SS 2 without a budget"));
+    entries.push((Mark::Cross, "goal: 90 % for 10 %"));
+    let title = format!("{scene}: gap recovered over time spent, both relative to always rebuilding");
+    figure(path, &title, rows, &entries, |area, motion, rows| {
+        let mut chart = ChartBuilder::on(area)
+            .caption(motion, (FONT, 19))
+            .margin(6)
+            .x_label_area_size(44)
+            .y_label_area_size(52)
+            .build_cartesian_2d((MIN_COST..MAX_COST).log_scale(), -0.1..1.15)
+            .map_err(text)?;
+        chart
+            .configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(BLACK.mix(0.12))
+            .x_desc("time spent")
+            .y_desc("gap recovered")
+            .x_labels(4)
+            .x_label_formatter(&|x| format!("{x}"))
+            .y_label_formatter(&|y| format!("{y:.1}"))
+            .label_style((FONT, 15))
+            .axis_desc_style((FONT, 16))
+            .draw()
+            .map_err(text)?;
+        for style in &STYLES {
+            for name in of_style(style, rows) {
+                let is_drawn = |row: &&&Row| row.strategy == name && row.budget_share.is_finite();
+                let mut points: Vec<(f64, f64)> = rows
+                    .iter()
+                    .filter(is_drawn)
+                    .map(|row| (row.cost_share, row.gap_recovered.clamp(-0.1, 1.15)))
+                    .collect();
+                points.retain(|(cost, _)| *cost >= MIN_COST);
+                line(&mut chart, points, style.stroke)?;
+                let is_free = |row: &&&Row| row.strategy == name && row.budget_share.is_infinite();
+                let free: Vec<_> = rows.iter().filter(is_free).collect();
+                let point = |row: &&&Row| (row.cost_share.max(MIN_COST), row.gap_recovered.clamp(-0.1, 1.15));
+                let circles = free.iter().map(point).map(|at| Circle::new(at, 4, style.stroke.color.stroke_width(2)));
+                chart.draw_series(circles).map_err(text)?;
+            }
+        }
+        chart.draw_series([Cross::new(GOAL, 6, BLACK.stroke_width(2))]).map_err(text)?;
+        Ok(())
+    })
+}
+
+/// Plots noise over time, with a budget of `share`.
+pub fn over_time(path: &Path, scene: &str, share: f64, rows: &[Row]) -> Result<(), SceneError> {
+    let mut entries: Vec<(Mark, &str)> =
+        STYLES.iter().rev().map(|style| (Mark::Line(style.stroke), style.legend)).collect();
+    entries.retain(|(_, name)| !name.starts_with("SS"));
+    entries.push((Mark::Line(STYLES[1].stroke), "SS 2, splitting cost, within the budget"));
+    entries.push((Mark::Line(STYLES[0].stroke), "SS 1, splitting cost, within the budget"));
+    entries.extend(ENDS.iter().map(|style| (Mark::Line(style.stroke), style.legend)));
+    let title = format!("{scene}: noise over time, with {share} of the time of always rebuilding");
+    figure(path, &title, rows, &entries, |area, motion, rows| {
+        let is_drawn = |row: &&&Row| {
+            let is_end = ENDS.iter().any(|style| style.name == row.strategy);
+            (is_end || row.budget_share == share) && (!row.strategy.starts_with("SS") || row.strategy.ends_with(OF_SS))
+        };
+        let drawn: Vec<&Row> = rows.iter().filter(is_drawn).copied().collect();
+        let points = || drawn.iter().flat_map(|row| &row.over_time);
+        let last = points().map(|(frame, _)| *frame).max().unwrap_or(1);
+        let range = points().fold(f64::INFINITY..0.0, |range: std::ops::Range<f64>, (_, sigma)| {
+            range.start.min(*sigma)..range.end.max(*sigma)
+        });
+        let margin = 0.05 * (range.end - range.start).max(1.0e-3);
+        let mut chart = ChartBuilder::on(area)
+            .caption(motion, (FONT, 19))
+            .margin(6)
+            .x_label_area_size(44)
+            .y_label_area_size(60)
+            .build_cartesian_2d(0.0..f64::from(last), range.start - margin..range.end + margin)
+            .map_err(text)?;
+        chart
+            .configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(BLACK.mix(0.12))
+            .x_desc("frame")
+            .y_desc("sigma")
+            .x_labels(6)
+            .y_labels(6)
+            .x_label_formatter(&|x| format!("{x:.0}"))
+            .y_label_formatter(&|y| format!("{y:.2}"))
+            .label_style((FONT, 15))
+            .axis_desc_style((FONT, 16))
+            .draw()
+            .map_err(text)?;
+        for style in ENDS.iter().chain(&STYLES) {
+            for name in of_style(style, &drawn) {
+                for row in drawn.iter().filter(|row| row.strategy == name) {
+                    let points = row.over_time.iter().map(|(frame, sigma)| (f64::from(*frame), *sigma)).collect();
+                    line(&mut chart, points, style.stroke)?;
+                }
+            }
+        }
+        Ok(())
+    })
+}

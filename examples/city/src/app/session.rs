@@ -1,0 +1,298 @@
+//! The loop over frames: move the light world, update its trees, upload what changed, render.
+//!
+//! A [`Session`] returns frames. It neither prints nor writes files, so that tests can run it.
+
+use super::denoiser::denoise;
+use super::stage_times::{Laps, StageTimes};
+use girandole::{Effects, FrameBudget, FrameReport, LightWorld};
+use std::time::Duration;
+use testbed::render::backend::{Backend, ChosenBackend};
+use testbed::render::choice::Baselines;
+use testbed::render::cpu::{self, Lights};
+use testbed::render::geometry::{Geometry, GeometryChange};
+use testbed::render::gpu::{GpuRenderer, GpuUpdate};
+use testbed::render::image::{Image, ShadowRays};
+use testbed::render::sequence::frame_seed;
+use testbed::render::settings::{LightChoice, Settings};
+use testbed::scene::{Camera, Scene, SceneError, Stage};
+
+/// How time passes from frame to frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Pace {
+    /// Frames per second of the scene's time.
+    pub fps: f64,
+    /// What rebuilds of light trees may cost in each frame.
+    pub budget: FrameBudget,
+}
+
+/// What a frame did and cost: a line of `frames.csv`.
+#[derive(Clone, Debug)]
+pub struct FrameStats {
+    /// Number of the frame, from 0.
+    pub frame: u32,
+    /// Instances in the light world.
+    pub instances: usize,
+    /// Lights, summed over all instances.
+    pub lights: usize,
+    /// Instances that moved.
+    pub moved_instances: usize,
+    /// Light trees that were refitted.
+    pub refit_trees: usize,
+    /// Light trees that were rebuilt.
+    pub rebuilt_trees: usize,
+    /// Light trees that were replaced by one that was built in the background.
+    pub background_trees: usize,
+    /// Light trees that wait for a rebuild.
+    pub waiting_trees: usize,
+    /// The longest wait of a tree for its rebuild, in frames.
+    pub longest_wait: u64,
+    /// Time that rebuilds were allowed to take.
+    pub budget: Duration,
+    /// Time that the rebuilds were predicted to take.
+    pub predicted: Duration,
+    /// Time that the rebuilds took.
+    pub spent: Duration,
+    /// Time that the choice of rebuilds took.
+    pub deciding: Duration,
+    /// Time by which rebuilds and their choice exceeded the budget.
+    pub overrun: Duration,
+    /// Bytes of light data that were uploaded; 0 on the CPU backend.
+    pub upload_bytes: u64,
+    /// Effects that the light world needs.
+    pub effects: Effects,
+    /// Shadow rays of the picture.
+    pub shadow_rays: ShadowRays,
+    /// Time of each stage. The session leaves those after rendering at zero.
+    pub times: StageTimes,
+}
+
+/// A rendered frame.
+pub struct Frame {
+    /// The picture.
+    pub image: Image,
+    /// What it did and cost.
+    pub stats: FrameStats,
+    /// Bytes of objects and of the upper hierarchy that were uploaded; 0 on the CPU backend.
+    #[cfg_attr(not(test), allow(dead_code, reason = "only tests read it"))]
+    pub geometry_bytes: u64,
+}
+
+enum Renderer {
+    Cpu,
+    Gpu(Box<GpuRenderer>),
+}
+
+/// What happened before a frame was rendered.
+pub struct Advance {
+    /// Number of the frame.
+    number: u32,
+    report: FrameReport,
+    update: GpuUpdate,
+    times: StageTimes,
+}
+
+/// A picture of the present state of the stage.
+pub struct Rendered {
+    /// The picture.
+    pub image: Image,
+    /// Its shadow rays.
+    pub shadow_rays: ShadowRays,
+    /// Times of the top-level build on the CPU, of the sampler's build and of rendering.
+    pub times: StageTimes,
+}
+
+/// Renders the frames of a stage one after the other.
+pub struct Session {
+    stage: Stage,
+    geometry: Geometry,
+    renderer: Renderer,
+    baselines: Baselines,
+    settings: Settings,
+    pace: Pace,
+    /// Number of the next frame.
+    next: u32,
+    /// The scene's time in the next frame, in frames from the start.
+    clock: u32,
+    is_frozen: bool,
+}
+
+impl Session {
+    /// Builds the hierarchies of the geometry and, on a GPU, uploads them.
+    pub fn new(mut stage: Stage, settings: Settings, pace: Pace, chosen: ChosenBackend) -> Result<Self, SceneError> {
+        // Lights are chosen by what surfaces reflect toward the viewer, not by illuminance alone.
+        stage.world.set_glossy_sampling(true);
+        let geometry = Geometry::new(&stage.scene)?;
+        let renderer = match chosen.backend {
+            Backend::Cpu => Renderer::Cpu,
+            Backend::Gpu(gpu) => {
+                let effects = stage.world.effects();
+                let renderer = GpuRenderer::new(gpu, &stage.scene, &geometry, effects, &settings)?;
+                Renderer::Gpu(Box::new(renderer))
+            }
+        };
+        Ok(Self {
+            stage,
+            geometry,
+            renderer,
+            baselines: Baselines::default(),
+            settings,
+            pace,
+            next: 0,
+            clock: 0,
+            is_frozen: false,
+        })
+    }
+
+    /// The scene as of the last frame.
+    pub fn scene(&self) -> &Scene {
+        &self.stage.scene
+    }
+
+    /// The light world as of the last frame.
+    pub fn world(&self) -> &LightWorld {
+        &self.stage.world
+    }
+
+    /// What rays hit, as of the last frame.
+    pub fn geometry(&self) -> &Geometry {
+        &self.geometry
+    }
+
+    /// Whether nothing will move in the next frame.
+    pub fn is_still(&self) -> bool {
+        self.is_frozen || self.stage.animation.is_still()
+    }
+
+    /// How the next frames are rendered. The CPU renders all frames whose choice of lights is not
+    /// [`LightChoice::Girandole`], even if the backend is a GPU, which is kept up to date.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Changes how the next frames are rendered. Fails if a GPU has no memory for the new size.
+    pub fn set_settings(&mut self, settings: Settings) -> Result<(), SceneError> {
+        if let Renderer::Gpu(renderer) = &mut self.renderer {
+            renderer.set_settings(&settings)?;
+        }
+        self.settings = settings;
+        Ok(())
+    }
+
+    /// Changes the camera of the next frames.
+    pub fn set_camera(&mut self, camera: Camera) {
+        self.stage.scene.camera = camera;
+    }
+
+    /// Changes the frame rate and the budget of the next frames.
+    pub fn set_pace(&mut self, pace: Pace) {
+        self.pace = pace;
+    }
+
+    /// Stops the scene's time, or lets it go on.
+    pub fn set_frozen(&mut self, is_frozen: bool) {
+        self.is_frozen = is_frozen;
+    }
+
+    /// Destroys the device of a GPU, as a driver that crashed would. The next frame fails.
+    pub fn lose_device(&self) {
+        if let Renderer::Gpu(renderer) = &self.renderer {
+            renderer.lose_device();
+        }
+    }
+
+    /// A picture of the last frame with less noise.
+    pub fn denoise(&self, image: &Image) -> Image {
+        denoise(image, &self.stage.scene, &self.geometry)
+    }
+
+    /// Renders the next frame. `progress` receives the finished share, from 0 to 1.
+    pub fn frame(&mut self, progress: &(dyn Fn(f64) + Sync)) -> Result<Frame, SceneError> {
+        let Advance { number, report, update, times } = self.advance()?;
+        let (settings, seed) = (self.settings.clone(), frame_seed(self.settings.seed, number));
+        let Rendered { image, shadow_rays, times: later } = self.render(&settings, seed, progress)?;
+        let world = &self.stage.world;
+        let stats = FrameStats {
+            frame: number,
+            instances: world.instance_count(),
+            lights: world.light_count(),
+            moved_instances: report.moved_instances,
+            refit_trees: report.refit_trees,
+            rebuilt_trees: report.rebuilt_trees,
+            background_trees: report.background.taken,
+            waiting_trees: report.waiting_trees,
+            longest_wait: report.longest_wait,
+            budget: report.budget,
+            predicted: report.predicted,
+            spent: report.spent,
+            deciding: report.deciding,
+            overrun: report.overrun,
+            upload_bytes: update.light_bytes,
+            effects: world.effects(),
+            shadow_rays,
+            times: times + later,
+        };
+        Ok(Frame { image, stats, geometry_bytes: update.geometry_bytes })
+    }
+
+    /// Moves the stage to the next frame and brings everything up to date, without rendering.
+    pub fn advance(&mut self) -> Result<Advance, SceneError> {
+        let mut laps = Laps::start();
+        let mut times = StageTimes::default();
+        let Self { stage: Stage { scene, world, animation }, geometry, pace, .. } = self;
+        let number = self.next;
+        self.next += 1;
+        // A still animation is advanced once, and the geometry is compared with the scene once.
+        let moves = number == 0 || !(self.is_frozen || animation.is_still());
+        if moves {
+            animation.advance(f64::from(self.clock) / pace.fps, scene, world)?;
+            self.clock += 1;
+        }
+        times.animation = laps.lap();
+        world.set_viewpoint(scene.camera.eye.as_dvec3())?;
+        let report = world.update(pace.budget);
+        let delta = world.take_delta();
+        if !delta.is_empty() {
+            self.baselines.clear();
+        }
+        times.light_update = laps.lap();
+        let change = if moves { geometry.update(scene)? } else { GeometryChange::default() };
+        times.geometry = laps.lap();
+        let update = match &mut self.renderer {
+            Renderer::Cpu => GpuUpdate::default(),
+            Renderer::Gpu(_) if number > 0 && change.is_empty() && delta.is_empty() => GpuUpdate::default(),
+            Renderer::Gpu(renderer) => renderer.update(geometry, &change, world, &delta)?,
+        };
+        // An upload waits for the top level if it measures it.
+        times.top_build = update.top_build;
+        times.upload = laps.lap().saturating_sub(update.top_build.unwrap_or_default());
+        Ok(Advance { number, report, update, times })
+    }
+
+    /// Renders the present state of the stage, with the settings of its frames or, for comparisons,
+    /// with others. The size must be that of the session if a GPU renders.
+    pub fn render(
+        &mut self,
+        settings: &Settings,
+        seed: u32,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Rendered, SceneError> {
+        let mut laps = Laps::start();
+        let mut times = StageTimes::default();
+        let Self { stage: Stage { scene, world, .. }, geometry, renderer, baselines, .. } = self;
+        let (image, shadow_rays) = match renderer {
+            Renderer::Gpu(renderer) if settings.light_choice == LightChoice::Girandole => {
+                renderer.render(scene, geometry, settings, seed, progress)?
+            }
+            _ => {
+                let sampler = world.sampler().with_splits(settings.splits);
+                times.top_build = Some(laps.lap());
+                let choice = baselines.get(settings.light_choice, world, geometry.occluders.radius());
+                times.baseline_build = laps.lap();
+                let lights = Lights { sampler, choice };
+                cpu::render(scene, geometry, lights, settings, seed, progress)
+            }
+        };
+        times.rendering = laps.lap();
+        Ok(Rendered { image, shadow_rays, times })
+    }
+}

@@ -1,0 +1,48 @@
+//! A night city with moving cars, lit through two-level light trees: each sample uses one light out
+//! of all.
+//!
+//! ```text
+//! cargo run --release -p city
+//! ```
+//!
+//! This renders two frames into the folder `out`: a picture for the screen (`frame_0000.png`), its
+//! radiance (`frame_0000.exr`), and the costs of each frame (`frames.csv`). At the end it prints
+//! which effects the lights needed and how many shadow rays were traced. `--window` opens a window to
+//! fly through the scene, `--compare` renders the same view by other samplers in equal time, with
+//! their errors, and `--video FILE` writes a film. `docs/city.md` and `--help` tell the rest: other
+//! sizes of city, glTF scenes, and the lamps, traffic, roads and buildings of a real city.
+//!
+//! Scenes and the renderer are in the package `testbed`, and `app` is the program. Each folder's `mod.rs` states the order in which to read its files; `app/session.rs` shows how
+//! the library is used.
+#![allow(clippy::print_stdout, reason = "a program prints for its user")]
+
+use city::app::options::{Options, Parsed};
+use std::process::ExitCode;
+use testbed::scene::SceneError;
+
+#[cfg(feature = "window")]
+fn open_window(options: &Options) -> Result<(), SceneError> {
+    city::window::shell::run(options, &mut |line| println!("{line}"))
+}
+
+#[cfg(not(feature = "window"))]
+fn open_window(_: &Options) -> Result<(), SceneError> {
+    let command = "cargo run --release -p city --features window -- --window";
+    Err(SceneError(format!("this build has no window; run `{command}`")))
+}
+
+fn main() -> ExitCode {
+    let result = match Options::read(std::env::args_os()) {
+        Ok(Parsed::Run(options)) if options.window => open_window(&options),
+        Ok(Parsed::Run(options)) if options.compare => {
+            city::app::compare::run::compare(&options, &mut |line| println!("{line}")).map(drop)
+        }
+        Ok(Parsed::Run(options)) => city::app::run::run(&options, &mut |line| println!("{line}")),
+        Ok(Parsed::Help(text)) => {
+            print!("{text}");
+            Ok(())
+        }
+        Err(error) => Err(error),
+    };
+    testbed::common::exit::exit_code(result)
+}

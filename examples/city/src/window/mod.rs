@@ -1,0 +1,34 @@
+//! The window to fly through a scene.
+//!
+//! A thread renders pictures as fast as it can; the window shows the latest one and stays responsive.
+//! Requests go one way and pictures the other.
+//!
+//! Read in this order:
+//!
+//! 1. `controls`: what the panel changes;
+//! 2. `accumulation`: pictures of several frames become one with less noise;
+//! 3. `colors`, `overlay` and `noise_view`: the views that are not pictures;
+//! 4. `viewer`: renders what the controls ask for;
+//! 5. `worker`: runs a viewer on a thread of its own;
+//! 6. `save`, `recording` and `panel`: saved pictures, the plots and the panel;
+//! 7. `presenter`, `shell`: the window itself.
+
+use super::app;
+
+pub mod controls;
+
+pub mod accumulation;
+
+pub mod colors;
+pub mod overlay;
+pub mod noise_view;
+
+pub mod viewer;
+pub mod worker;
+
+pub mod save;
+pub mod recording;
+pub mod panel;
+
+pub mod presenter;
+pub mod shell;

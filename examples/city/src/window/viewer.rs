@@ -1,0 +1,323 @@
+//! Renders what the controls ask for, one picture after the other.
+
+use super::accumulation::Accumulation;
+use super::app::options::Options;
+use super::app::session::{FrameStats, Pace, Session};
+use super::app::stage_times::Laps;
+use super::controls::{Controls, ViewKind};
+use super::noise_view::noise_picture;
+use super::overlay::{Overlay, tree_boxes};
+use girandole::{CandidateCount, FrameBudget, SplitCount};
+use std::time::Duration;
+use testbed::render::backend::{self, BackendChoice};
+use testbed::render::settings::Settings;
+use testbed::render::shading::View;
+use testbed::scene::{Camera, SceneError};
+use testbed::tone_mapping::tone_map;
+
+/// A picture and what is drawn over it.
+#[derive(Clone, Debug)]
+pub struct Shown {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Three sRGB bytes per pixel, row by row from the top.
+    pub pixels: Vec<u8>,
+    /// Drawn over the picture, which is darkened for it.
+    pub overlay: Option<Overlay>,
+    /// What the frame did and cost.
+    pub stats: FrameStats,
+    /// Frames that are accumulated in a pixel, on average.
+    pub frames: f32,
+    /// What the user should know: why a wish was not granted, or where frames are rendered since a
+    /// device was lost.
+    pub notice: Option<String>,
+}
+
+/// What the window asks a viewer for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wish {
+    /// The controls.
+    pub controls: Controls,
+    /// The camera; `None` for that of the scene.
+    pub camera: Option<Camera>,
+    /// Width and height of the picture in pixels.
+    pub size: (u32, u32),
+}
+
+/// Renders a scene that the user flies through.
+pub struct Viewer {
+    options: Options,
+    session: Session,
+    /// Where frames are rendered, for the user.
+    backend: String,
+    accumulation: Accumulation,
+    /// The controls of the last picture.
+    last: Controls,
+}
+
+impl Viewer {
+    /// Loads the scene of the options.
+    pub fn new(options: &Options, controls: &Controls) -> Result<Self, SceneError> {
+        Self::with_backend(options, controls, options.backend)
+    }
+
+    fn with_backend(options: &Options, controls: &Controls, choice: BackendChoice) -> Result<Self, SceneError> {
+        let mut options = options.clone();
+        if let Some(cars) = controls.cars {
+            options.scene.cars = Some(cars);
+        }
+        let chosen = backend::choose(choice)?;
+        let backend = chosen.to_string();
+        let session = Session::new(options.scene.load()?, options.settings(), options.pace(), chosen)?;
+        let accumulation = Accumulation::default();
+        Ok(Self { options, session, backend, accumulation, last: *controls })
+    }
+
+    /// Where frames are rendered.
+    pub fn backend(&self) -> &str {
+        &self.backend
+    }
+
+    /// The present camera.
+    pub fn camera(&self) -> Camera {
+        self.session.scene().camera
+    }
+
+    /// What the user should know about the scene's files.
+    pub fn warnings(&self) -> Vec<String> {
+        self.session.scene().warnings.clone()
+    }
+
+    /// Goes back to the start of the scene, with the same seed. The camera stays.
+    pub fn rewind(&mut self, controls: &Controls) -> Result<(), SceneError> {
+        let camera = self.camera();
+        *self = Self::new(&self.options, controls)?;
+        self.session.set_camera(camera);
+        Ok(())
+    }
+
+    /// Destroys the device that renders, if there is one, as a driver that crashed would.
+    pub fn lose_device(&self) {
+        self.session.lose_device();
+    }
+
+    /// Renders the next frame. `step` lets the scene's time go on by one frame although it stands
+    /// still. After a lost device, the scene starts again on a new one, or else on the CPU.
+    pub fn frame(&mut self, wish: &Wish, step: bool) -> Result<Shown, SceneError> {
+        let mut notice = None;
+        if wish.controls.cars != self.last.cars
+            && let Err(error) = self.rewind(&wish.controls)
+        {
+            // The scene stays as it is, and this number of cars is not tried again.
+            (self.last.cars, notice) = (wish.controls.cars, Some(error.to_string()));
+        }
+        let shown = self.try_frame(wish, step).or_else(|error| {
+            let again = Self::new(&self.options, &wish.controls);
+            *self = again.or_else(|_| Self::with_backend(&self.options, &wish.controls, BackendChoice::Cpu))?;
+            notice = Some(format!("{error}; {}", self.backend));
+            self.try_frame(wish, step).or_else(|_| {
+                *self = Self::with_backend(&self.options, &wish.controls, BackendChoice::Cpu)?;
+                notice = Some(format!("{error}; {}", self.backend));
+                self.try_frame(wish, step)
+            })
+        })?;
+        Ok(Shown { notice, ..shown })
+    }
+
+    fn try_frame(&mut self, wish: &Wish, step: bool) -> Result<Shown, SceneError> {
+        let Wish { controls, camera, size } = wish;
+        self.apply(controls, *size)?;
+        if let Some(camera) = camera {
+            self.session.set_camera(*camera);
+        }
+        self.session.set_frozen(controls.is_frozen && !step);
+        let is_still = self.session.is_still();
+        let frame = self.session.frame(&|_| {})?;
+        if controls.sampler != self.last.sampler || !controls.is_accumulated {
+            self.accumulation.clear();
+        }
+        self.last = *controls;
+
+        let mut laps = Laps::start();
+        let mut stats = frame.stats;
+        let scene = self.session.scene();
+        let accumulated = self.accumulation.add(&frame.image, scene, self.session.geometry(), is_still);
+        let is_filtered = controls.is_filtered && controls.view != ViewKind::Noise;
+        let image = if is_filtered { self.session.denoise(&accumulated) } else { accumulated };
+        stats.times.denoising = laps.lap();
+        let exposure = scene.exposure * controls.exposure_ev.exp2();
+        let pixels = match controls.view {
+            ViewKind::Noise => noise_picture(&image),
+            _ => tone_map(&image, exposure),
+        };
+        stats.times.tone_mapping = laps.lap();
+        let frames = self.accumulation.mean_frames();
+        Ok(Shown {
+            width: size.0,
+            height: size.1,
+            pixels,
+            overlay: self.overlay(controls, *size),
+            stats,
+            frames,
+            notice: None,
+        })
+    }
+
+    /// Takes over the controls that are settings of the renderer.
+    fn apply(&mut self, controls: &Controls, (width, height): (u32, u32)) -> Result<(), SceneError> {
+        let settings = Settings {
+            width,
+            height,
+            spp: controls.spp,
+            splits: SplitCount::new(controls.splits).unwrap_or_default(),
+            candidates: CandidateCount::new(controls.candidates).unwrap_or(CandidateCount::of::<1>()),
+            light_choice: controls.sampler,
+            ..self.session.settings().clone()
+        };
+        self.session.set_settings(settings)?;
+        let budget = FrameBudget::new(Duration::from_secs_f64(controls.budget_ms.max(0.0) * 1e-3));
+        self.session.set_pace(Pace { fps: self.options.fps, budget });
+        Ok(())
+    }
+
+    fn overlay(&self, controls: &Controls, (width, height): (u32, u32)) -> Option<Overlay> {
+        let view = View::new(&self.camera(), width, height);
+        match controls.view {
+            ViewKind::Picture | ViewKind::Noise => None,
+            ViewKind::Trees => Some(tree_boxes(self.session.world(), &view)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::app::options::Parsed;
+    use super::*;
+    use girandole::glam::Vec3;
+    use testbed::render::settings::LightChoice;
+
+    const SIZE: (u32, u32) = (48, 27);
+
+    fn controls() -> Controls {
+        Controls {
+            view: ViewKind::Picture,
+            sampler: LightChoice::Girandole,
+            budget_ms: 1.0,
+            splits: 6,
+            candidates: 4,
+            spp: 1,
+            cars: Some(40),
+            exposure_ev: 0.0,
+            pixel_size: 4,
+            is_filtered: false,
+            is_accumulated: false,
+            is_frozen: false,
+        }
+    }
+
+    fn viewer(backend: &str) -> Viewer {
+        let Ok(Parsed::Run(options)) = Options::read(["city", "--window", "--backend", backend]) else {
+            panic!("valid options");
+        };
+        Viewer::new(&options, &controls()).expect("the city is valid")
+    }
+
+    fn wish(controls: Controls) -> Wish {
+        Wish { controls, camera: None, size: SIZE }
+    }
+
+    /// The next picture.
+    fn shown(viewer: &mut Viewer, controls: Controls) -> Shown {
+        viewer.frame(&wish(controls), false).expect("a scene that renders")
+    }
+
+    #[test]
+    fn a_rewound_scene_repeats_its_pictures() {
+        let mut viewer = viewer("cpu");
+        let first: Vec<Shown> = (0..3).map(|_| shown(&mut viewer, controls())).collect();
+        assert_ne!(first[0].pixels, first[2].pixels);
+        viewer.rewind(&controls()).expect("the city is valid");
+        for picture in first {
+            let again = shown(&mut viewer, controls());
+            assert_eq!((again.stats.frame, again.pixels == picture.pixels), (picture.stats.frame, true));
+        }
+    }
+
+    #[test]
+    fn time_stands_still_while_frozen_and_steps_on_request() {
+        let mut viewer = viewer("cpu");
+        let frozen = Controls { is_frozen: true, ..controls() };
+        // The first frame brings the scene to its start, whatever the controls say.
+        shown(&mut viewer, frozen);
+        let transforms =
+            |viewer: &Viewer| -> Vec<_> { viewer.session.scene().objects.iter().map(|o| o.transform).collect() };
+        let start = transforms(&viewer);
+        assert_eq!(shown(&mut viewer, frozen).stats.moved_instances, 0);
+        assert!(transforms(&viewer) == start);
+        viewer.frame(&wish(frozen), true).expect("a scene that renders");
+        let stepped = transforms(&viewer);
+        assert!(stepped != start);
+        shown(&mut viewer, frozen);
+        assert!(transforms(&viewer) == stepped);
+    }
+
+    #[test]
+    fn each_view_and_each_sampler_shows_something_of_its_own() {
+        let mut viewer = viewer("cpu");
+        let bytes = (SIZE.0 * SIZE.1 * 3) as usize;
+        for (sampler, _) in super::super::controls::SAMPLERS {
+            let picture = shown(&mut viewer, Controls { sampler, ..controls() });
+            assert!(picture.pixels.len() == bytes && picture.overlay.is_none());
+            assert!(picture.pixels.iter().any(|byte| *byte > 100), "{sampler:?} is dark");
+        }
+        let with = |viewer: &mut Viewer, view| shown(viewer, Controls { view, ..controls() });
+        let trees = with(&mut viewer, ViewKind::Trees).overlay.expect("an overlay");
+        assert!(trees.lines.len() > 1000);
+        let noise = with(&mut viewer, ViewKind::Noise);
+        assert!(noise.overlay.is_none() && noise.pixels.iter().any(|byte| *byte > 200));
+    }
+
+    #[test]
+    fn another_number_of_cars_loads_the_scene_anew_unless_it_is_refused() {
+        let mut viewer = viewer("cpu");
+        let before = shown(&mut viewer, controls()).stats.instances;
+        let more = shown(&mut viewer, Controls { cars: Some(60), ..controls() });
+        assert_eq!((more.stats.frame, more.notice), (0, None));
+        assert!(more.stats.instances > before);
+        let too_many = Controls { cars: Some(usize::MAX), ..controls() };
+        let refused = shown(&mut viewer, too_many);
+        assert!(refused.notice.is_some_and(|notice| notice.contains("cars")));
+        assert_eq!((refused.stats.frame, refused.stats.instances), (1, more.stats.instances));
+        assert_eq!(shown(&mut viewer, too_many).notice, None, "it is said once");
+    }
+
+    #[test]
+    fn a_moved_camera_a_new_size_and_other_settings_apply_at_once() {
+        for backend in ["cpu", "gpu"] {
+            let mut viewer = viewer(backend);
+            let first = shown(&mut viewer, Controls { is_accumulated: true, ..controls() });
+            let mut camera = viewer.camera();
+            (camera.eye, camera.target) = (camera.eye + Vec3::Y * 20.0, camera.target + Vec3::Y * 20.0);
+            let controls =
+                Controls { is_accumulated: true, is_filtered: true, splits: 2, candidates: 1, spp: 2, ..controls() };
+            let wish = Wish { controls, camera: Some(camera), size: (33, 20) };
+            let moved = viewer.frame(&wish, false).expect("a scene that renders");
+            assert_eq!((moved.width, moved.height, moved.pixels.len()), (33, 20, 33 * 20 * 3));
+            assert_eq!((first.frames, moved.frames), (1.0, 1.0));
+            assert_eq!(viewer.camera(), camera);
+        }
+    }
+
+    #[test]
+    fn a_lost_device_is_replaced() {
+        let mut viewer = viewer("gpu");
+        assert_eq!(shown(&mut viewer, controls()).notice, None);
+        viewer.lose_device();
+        let again = shown(&mut viewer, controls());
+        assert!(again.notice.is_some_and(|notice| notice.contains("backend: ")));
+        assert_eq!(again.stats.frame, 0, "the scene starts again");
+        assert_eq!(shown(&mut viewer, controls()).notice, None);
+    }
+}

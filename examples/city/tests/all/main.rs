@@ -1,0 +1,7 @@
+//! The tests of the program in one binary, so that wgpu is linked only once.
+
+mod compare;
+mod films;
+mod gltf;
+mod images;
+mod refusals;

@@ -1,0 +1,182 @@
+//! Invalid input gives one line that names the fault, exit code 2, and no
+//! files.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// Runs the program.
+fn city(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_city")).args(arguments).output().expect("a binary that starts")
+}
+
+/// The path of a folder that does not exist, for one test only.
+fn fresh_folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("refusal-{name}-{}", std::process::id()));
+    let _ = fs::remove_dir_all(&folder);
+    folder
+}
+
+fn data(file: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data").join(file)
+}
+
+/// Runs the city with an output folder, and asserts that it fails with one line that contains
+/// `hint` and writes no file.
+fn assert_refused(name: &str, arguments: &[&str], hint: &str) {
+    let out = fresh_folder(&format!("{name}-out"));
+    let small = ["--backend", "cpu", "--frames", "1", "--size", "16x9", "--spp", "1", "--out"];
+    let given = |option: &str| arguments.contains(&option);
+    let mut all: Vec<&str> = arguments.to_vec();
+    for pair in small.chunks(2).filter(|pair| !given(pair[0])) {
+        all.extend(if pair[0] == "--out" { ["--out", out.to_str().expect("UTF-8")] } else { [pair[0], pair[1]] });
+    }
+    let output = city(&all);
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{name}: {message}");
+    let lines: Vec<_> = message.lines().filter(|line| line.starts_with("error: ")).collect();
+    assert!(lines.len() == 1 && message.lines().count() == 1, "{name}: {message}");
+    assert!(lines[0].contains(hint), "{name}: `{}` does not contain `{hint}`", lines[0]);
+    let files = fs::read_dir(&out).map_or(0, Iterator::count);
+    assert_eq!(files, 0, "{name} wrote files");
+}
+
+/// Writes a file into a folder of its own and returns its path.
+fn file(name: &str, content: &[u8]) -> String {
+    let folder = fresh_folder(name);
+    fs::create_dir_all(&folder).expect("a writable target folder");
+    let path = folder.join(name);
+    fs::write(&path, content).expect("a writable target folder");
+    path.to_str().expect("UTF-8").to_owned()
+}
+
+#[test]
+fn invalid_options_are_refused() {
+    assert_refused("size", &["--size", "0x9"], "size");
+    assert_refused("huge", &["--size", "99999x9"], "size");
+    assert_refused("word", &["--size", "large"], "size");
+    assert_refused("spp", &["--spp", "0"], "spp");
+    assert_refused("frames", &["--frames", "0"], "frames");
+    assert_refused("nan", &["--budget-ms", "nan"], "budget");
+    assert_refused("negative", &["--budget-ms", "-1"], "budget");
+    assert_refused("camera", &["--camera", "1,2,3"], "camera");
+    assert_refused("blind", &["--camera", "1,2,3,1,2,3"], "camera");
+    assert_refused("inf", &["--camera", "1,2,inf,1,2,3"], "camera");
+    assert_refused("compare", &["--compare"], "frames");
+    assert_refused("formless", &["--video", "film"], "extension");
+    assert_refused("exposure", &["--exposure", "20.5"], "exposure");
+    assert_refused("exposure-nan", &["--exposure", "nan"], "exposure");
+    assert_refused("unknown", &["--colour", "red"], "--colour");
+}
+
+#[test]
+fn an_output_folder_that_cannot_be_created_is_refused() {
+    let taken = file("taken", b"a file with the name of the folder");
+    assert_refused("folder", &["--out", &taken], "taken");
+}
+
+/// The bytes of a text with one passage replaced.
+fn replaced(text: &[u8], from: &str, to: &str) -> Vec<u8> {
+    let text = std::str::from_utf8(text).expect("UTF-8");
+    assert!(text.contains(from), "the test file does not contain {from}");
+    text.replacen(from, to, 1).into_bytes()
+}
+
+#[test]
+fn malformed_gltf_files_are_refused() {
+    assert_refused("missing", &["--gltf", "no-such-file.glb"], "no-such-file.glb");
+    let whole = fs::read(data("small.gltf")).expect("a test file");
+    let cut = file("cut.gltf", &whole[..whole.len() / 2]);
+    assert_refused("truncated", &["--gltf", &cut], "cut.gltf");
+    let lonely = file("lonely.gltf", &whole);
+    assert_refused("no-buffer", &["--gltf", &lonely], "lonely.gltf");
+    let outside = file("outside.gltf", &replaced(&whole, "\"uri\": \"small.bin\"", "\"uri\": \"../small.bin\""));
+    assert_refused("outside", &["--gltf", &outside], "has .. in it");
+    let required = "\"extensionsRequired\": [\"EXT_a\", \"EXT_a\", \"EXT_b\"], \"extensionsUsed\"";
+    let required = file("required.gltf", &replaced(&whole, "\"extensionsUsed\"", required));
+    assert_refused("required", &["--gltf", &required], "not supported: EXT_a, EXT_b");
+    let glb = file("short.glb", b"glTF\x02\x00\x00\x00\xff\xff\x00\x00");
+    assert_refused("short", &["--gltf", &glb], "short.glb");
+}
+
+#[test]
+fn malformed_lamp_tables_are_refused() {
+    assert_refused("missing-csv", &["--lamps", "no-such-file.csv"], "no-such-file.csv");
+    assert_refused("columns", &["--lamps", &file("columns.csv", b"x_m,y_m\n1,2\n")], "est_height_m");
+    let nan = b"x_m,y_m,est_height_m,est_lumens\n1,2,9,8000\n1,NaN,9,8000\n";
+    assert_refused("nan-csv", &["--lamps", &file("nan.csv", nan)], "y_m");
+    let word = b"x_m,y_m,est_height_m,est_lumens\n1,2,high,8000\n";
+    assert_refused("word-csv", &["--lamps", &file("word.csv", word)], "est_height_m");
+    let ragged = b"x_m,y_m,est_height_m,est_lumens\n1,2\n";
+    assert_refused("ragged", &["--lamps", &file("ragged.csv", ragged)], "ragged.csv");
+}
+
+#[test]
+fn malformed_traffic_files_are_refused() {
+    assert_refused("missing-xml", &["--traffic", "no-such-file.xml"], "no-such-file.xml");
+    let whole = fs::read(data("fcd_small.xml")).expect("a test file");
+    assert_refused("cut-xml", &["--traffic", &file("cut.xml", &whole[..whole.len() / 2])], "cut.xml");
+    let nan = b"<fcd-export><timestep time=\"0\"><vehicle id=\"a\" x=\"NaN\" y=\"0\" angle=\"0\" speed=\"1\"/></timestep></fcd-export>";
+    assert_refused("nan-xml", &["--traffic", &file("nan.xml", nan)], "nan.xml");
+    assert_refused("not-xml", &["--traffic", &file("not.xml", b"<fcd-export><timestep")], "not.xml");
+    assert_refused("empty-xml", &["--traffic", &file("empty.xml", b"")], "empty.xml");
+}
+
+#[test]
+fn malformed_vehicle_types_are_refused() {
+    let traffic = data("fcd_small.xml");
+    let traffic = ["--traffic", traffic.to_str().expect("UTF-8"), "--vtypes"];
+    let with = |types: &str| [traffic[0], traffic[1], traffic[2], types].map(str::to_owned);
+    let refused = |name: &str, types: &str, hint: &str| {
+        let arguments = with(types);
+        assert_refused(name, &arguments.each_ref().map(String::as_str), hint);
+    };
+    let valid = file("valid.rou.xml", b"<routes><vType id=\"bus\" vClass=\"coach\"/></routes>");
+    let unknown = file("unknown.rou.xml", b"<routes><vType id=\"a\" vClass=\"hovercraft\"/></routes>");
+    refused("missing-types", "no-such-file.rou.xml", "no-such-file.rou.xml");
+    refused("second-types", &format!("{valid},{unknown}"), "\"hovercraft\"");
+    refused("no-types", &file("none.rou.xml", b"<routes/>"), "no <vType>");
+    assert_refused("types-alone", &["--vtypes", &valid], "--traffic");
+}
+
+#[test]
+fn malformed_buildings_are_refused() {
+    assert_refused("missing-geojson", &["--buildings", "no-such-file.geojson"], "no-such-file.geojson");
+    assert_refused("not-geojson", &["--buildings", &file("not.geojson", b"<html>")], "not.geojson");
+    let feature = |ring: &str, properties: &str| {
+        format!(
+            r#"{{"type":"FeatureCollection","features":[{{"type":"Feature","properties":{properties},"geometry":{{"type":"Polygon","coordinates":[{ring}]}}}}]}}"#
+        )
+    };
+    for (name, ring, properties, hint) in [
+        ("short.geojson", "[[0,0],[9,0],[0,0]]", "{}", "2 corner(s)"),
+        ("low.geojson", "[[0,0],[9,0],[9,9],[0,0]]", r#"{"height":-1}"#, "\"height\" is -1"),
+        ("infinite.geojson", "[[0,0],[1e400,0],[9,9],[0,0]]", "{}", "out of range"),
+        ("degrees.geojson", "[[8.4,49.0],[8.4001,49.0],[8.4001,49.0001],[8.4,49.0]]", "{}", "EPSG:32632"),
+    ] {
+        let path = file(name, feature(ring, properties).as_bytes());
+        assert_refused(name, &["--buildings", &path], hint);
+    }
+}
+
+#[test]
+fn gltf_files_with_infinite_numbers_are_refused() {
+    let text = fs::read_to_string(data("small.gltf")).expect("a test file");
+    let folder = fresh_folder("infinite");
+    fs::create_dir_all(&folder).expect("a writable target folder");
+    for entry in fs::read_dir(data("")).expect("test data").map(|e| e.expect("readable").path()) {
+        if entry.extension().is_some_and(|e| e == "bin") {
+            fs::copy(&entry, folder.join(entry.file_name().expect("a name"))).expect("a writable target folder");
+        }
+    }
+    // 1e39 exceeds the range of f32 and is read as infinity, in a transform and in a light.
+    for (name, from, to) in [
+        ("transform", "\"translation\"", "\"scale\":[1e39,1,1],\"translation\""),
+        ("light", "\"intensity\"", "\"color\":[1e39,1,1],\"intensity\""),
+    ] {
+        assert!(text.contains(from), "the test file does not contain {from}");
+        let path = folder.join(format!("{name}.gltf"));
+        fs::write(&path, text.replacen(from, to, 1)).expect("a writable target folder");
+        assert_refused(name, &["--gltf", path.to_str().expect("UTF-8")], &format!("{name}.gltf"));
+    }
+}

@@ -1,0 +1,83 @@
+#!/usr/bin/env bash
+# Builds the page and checks it in headless Chromium, on its software adapter. Needs no GPU.
+# Installs Chromium on Debian if there is none.
+#
+# - The picture agrees with the sum over all lights, and trees were rebuilt.
+# - A browser that lacks WebGPU, has no adapter, or takes the device away gets a sentence.
+set -euo pipefail
+cd "$(dirname "$0")"
+
+if ! command -v chromium >/dev/null; then
+    apt-get update -qq
+    DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium >/dev/null
+fi
+cargo fmt --check
+(cd pack && cargo fmt --check)
+./build.sh target/page
+# The flags of the build, so that dependencies are built once.
+cargo clippy --quiet --locked --release --target wasm32-unknown-unknown --target-dir target -- -D warnings
+
+work=$(mktemp -d)
+browser=
+trap '[ -z "$browser" ] || kill "$browser" 2>/dev/null || true; wait 2>/dev/null || true; rm -rf "$work"' EXIT
+software=(--enable-unsafe-webgpu --enable-unsafe-swiftshader --use-webgpu-adapter=swiftshader
+    --use-vulkan=swiftshader --enable-features=Vulkan --use-angle=vulkan)
+
+# Opens an address with options of Chromium, until the page says that it has stopped. The lines of its
+# console are in the file of the name.
+visit() {
+    local name=$1 address=$2 seconds=$3
+    touch "$work/$name-log"
+    shift 3
+    chromium --headless --no-sandbox --user-data-dir="$work/$name-profile" --enable-logging=stderr "$@" \
+        --disable-quic --no-first-run --disable-background-networking --disable-component-update --disable-sync \
+        "$address" 2>"$work/$name-log" &
+    browser=$!
+    for ((second = 0; second < seconds; second++)); do
+        if grep -q 'CONSOLE.*"stopped: ' "$work/$name-log"; then
+            break
+        fi
+        sleep 1
+    done
+    kill "$browser" 2>/dev/null || true
+    wait "$browser" 2>/dev/null || true
+    browser=
+    grep -o 'CONSOLE.*' "$work/$name-log" | sed -e 's/^[^"]*"//' -e 's/", source: .*//' >"$work/$name" || true
+}
+
+# Fails unless a line of the console contains a text.
+expect() {
+    if ! grep -qF -- "$2" "$work/$1"; then
+        echo "examples/girandole-web/test.sh: \"$2\" is missing in what the page said:" >&2
+        cat "$work/$1" >&2
+        exit 1
+    fi
+}
+
+visit check "file://$PWD/target/page/index.html?test" 330 "${software[@]}"
+cat "$work/check"
+expect check 'test: verdict: agree'
+if ! grep -q '^test: rebuilds: [1-9]' "$work/check" || ! grep -q '^test: variants: [1-9]' "$work/check"; then
+    echo 'examples/girandole-web/test.sh: no tree was rebuilt, or no pipeline was compiled for the effects of the lights' >&2
+    exit 1
+fi
+expect check 'stopped: The browser took the GPU away from this page'
+
+# Without the options there is no adapter.
+visit blocked "file://$PWD/target/page/index.html" 30
+cat "$work/blocked"
+expect blocked 'stopped: This browser has WebGPU, but it offers no adapter'
+
+# Browsers hide WebGPU from pages that are not secure, such as this one in a data address. It needs
+# neither styles nor the wasm to say so.
+inline() {
+    grep -v -e '<script' -e 'rel="stylesheet"' target/page/index.html
+    for script in controls test page; do
+        echo '<script>'
+        cat "target/page/$script.js"
+        echo '</script>'
+    done
+}
+visit without "data:text/html;base64,$(inline | base64 -w 0)" 30 "${software[@]}"
+cat "$work/without"
+expect without 'stopped: WebGPU needs a secure page'

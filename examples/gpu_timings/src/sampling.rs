@@ -1,0 +1,193 @@
+//! Sampling: one light sample per pixel of a picture of each city.
+
+use super::machine::Machine;
+use super::shading_points::requests;
+use super::spread::Spread;
+use super::timer::Timer;
+use girandole::gpu::measure::{NodeCounter, record_bytes};
+use girandole::gpu::{GpuLights, SampleRequest};
+use girandole::{CandidateCount, FrameBudget, wgpu};
+use serde_json::{Value, json};
+use testbed::scene::procedural::{self, CityOptions, Size};
+use testbed::scene::{SceneError, Stage};
+
+/// How long the city has moved, in seconds.
+const TIME: f64 = 1.0;
+/// The numbers of candidates that are measured.
+const CANDIDATES: [CandidateCount; 2] = [CandidateCount::ONE, CandidateCount::of::<8>()];
+/// The bind group of the lights.
+const LIGHT_GROUP: u32 = 1;
+/// Invocations of a workgroup, as in `sample.wgsl`; a test compares both.
+pub const LANES: u32 = 64;
+/// Bytes of a pixel in `sample.wgsl`.
+const PIXEL_BYTES: u64 = 16;
+
+/// Times of one city with one number of candidates.
+pub struct Row {
+    pub city: String,
+    pub lights: usize,
+    pub instances: usize,
+    /// Pixels, width and height.
+    pub picture: (u32, u32),
+    pub candidates: CandidateCount,
+    /// The time of the whole picture.
+    pub time: Spread,
+    /// Nodes that a sample reads, in the mean.
+    pub nodes: f64,
+    /// Bytes of these nodes, and of an instance and a light for each candidate.
+    pub bytes: f64,
+}
+
+impl Row {
+    /// The rate of chosen samples; candidates do not count.
+    pub fn samples_per_second(&self) -> f64 {
+        f64::from(self.picture.0 * self.picture.1) / self.time.median
+    }
+
+    pub fn to_json(&self) -> Value {
+        json!({
+            "city": self.city,
+            "lights": self.lights,
+            "instances": self.instances,
+            "width": self.picture.0,
+            "height": self.picture.1,
+            "candidates": self.candidates.get(),
+            "picture": self.time.to_json(),
+            "samples_per_second": self.samples_per_second(),
+            "nodes_per_sample": self.nodes,
+            "bytes_per_sample": self.bytes,
+        })
+    }
+}
+
+/// Measures one sample per pixel of a picture of a city, for each number of candidates.
+pub fn measure(machine: &Machine, timer: &Timer, size: Size, picture: (u32, u32)) -> Result<Vec<Row>, SceneError> {
+    let refuse = |refusal| SceneError(format!("city {size:?}: {refusal}"));
+    let Stage { mut scene, mut world, mut animation } = procedural::stage(&CityOptions { size, cars: None, seed: 1 })?;
+    animation.advance(TIME, &mut scene, &mut world)?;
+    world.update(FrameBudget::UNLIMITED);
+    let requests = requests(&scene, picture)?;
+    drop(scene);
+
+    let mut lights = GpuLights::new(&machine.device, &machine.queue).map_err(refuse)?;
+    let delta = world.take_delta();
+    lights.upload(&world, &delta).map_err(refuse)?;
+    let mut encoder = machine.device.create_command_encoder(&Default::default());
+    lights.build_top(&mut encoder);
+    machine.queue.submit([encoder.finish()]);
+
+    let count = requests.len() as u32;
+    let input = machine.storage("requests", size_of_val(&requests[..]) as u64);
+    machine.queue.write_buffer(&input, 0, bytemuck::cast_slice(&requests));
+    let pixels = machine.storage("pixels", u64::from(count) * PIXEL_BYTES);
+    let counts = machine.storage("node counts", u64::from(count) * 4);
+    let record_bytes = record_bytes(&lights);
+    let counter = NodeCounter::new(&lights);
+    let mut rows = Vec::new();
+    for candidates in CANDIDATES {
+        let kernel = Kernel::new(machine, &lights, &world, [&input, &pixels], candidates);
+        let time = timer.time(|encoder, queries| kernel.record(encoder, queries, &lights, count))?.total;
+        let mut encoder = machine.device.create_command_encoder(&Default::default());
+        counter.record(&lights, &mut encoder, (&input, &counts), count, candidates);
+        machine.queue.submit([encoder.finish()]);
+        let read: Vec<u32> = timer.read(&counts)?;
+        let nodes = read.iter().map(|count| f64::from(*count)).sum::<f64>() / f64::from(count);
+        let each = f64::from(candidates.get()) * f64::from(record_bytes.instance + record_bytes.light);
+        rows.push(Row {
+            city: format!("{size:?}"),
+            lights: world.light_count(),
+            instances: world.instance_count(),
+            picture,
+            candidates,
+            time,
+            nodes,
+            bytes: nodes * f64::from(record_bytes.node) + each,
+        });
+    }
+    Ok(rows)
+}
+
+/// A compute shader as in an engine, for exactly the effects of the world.
+struct Kernel {
+    pipeline: wgpu::ComputePipeline,
+    group: wgpu::BindGroup,
+}
+
+impl Kernel {
+    fn new(
+        machine: &Machine,
+        lights: &GpuLights,
+        world: &girandole::LightWorld,
+        [requests, pixels]: [&wgpu::Buffer; 2],
+        candidates: CandidateCount,
+    ) -> Self {
+        let device = &machine.device;
+        let shader = lights.shader(LIGHT_GROUP, world.effects());
+        let stage = concat!(include_str!("../../../shaders/request.wgsl"), include_str!("sample.wgsl"));
+        let text = shader.join(&format!("const CANDIDATES = {candidates}u;\n{stage}"));
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("sample"),
+            source: wgpu::ShaderSource::Wgsl(text.into()),
+        });
+        let entry = |binding, read_only, stride: usize| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: wgpu::ShaderStages::COMPUTE,
+            ty: wgpu::BindingType::Buffer {
+                ty: wgpu::BufferBindingType::Storage { read_only },
+                has_dynamic_offset: false,
+                min_binding_size: wgpu::BufferSize::new(stride as u64),
+            },
+            count: None,
+        };
+        let own = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("sample"),
+            entries: &[entry(0, true, size_of::<SampleRequest>()), entry(1, false, PIXEL_BYTES as usize)],
+        });
+        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some("sample"),
+            bind_group_layouts: &[Some(&own), Some(&shader.layout)],
+            ..Default::default()
+        });
+        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some("sample"),
+            layout: Some(&layout),
+            module: &module,
+            entry_point: Some("sample"),
+            compilation_options: Default::default(),
+            cache: None,
+        });
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("sample"),
+            layout: &own,
+            entries: &[
+                wgpu::BindGroupEntry { binding: 0, resource: requests.as_entire_binding() },
+                wgpu::BindGroupEntry { binding: 1, resource: pixels.as_entire_binding() },
+            ],
+        });
+        Self { pipeline, group }
+    }
+
+    /// Records one timed pass and returns the number of passes.
+    fn record(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        queries: Option<&wgpu::QuerySet>,
+        lights: &GpuLights,
+        count: u32,
+    ) -> usize {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("sample"),
+            timestamp_writes: queries.map(|query_set| wgpu::ComputePassTimestampWrites {
+                query_set,
+                beginning_of_pass_write_index: Some(0),
+                end_of_pass_write_index: Some(1),
+            }),
+        });
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &self.group, &[]);
+        pass.set_bind_group(LIGHT_GROUP, lights.bind_group(), &[]);
+        // A picture of 1920 x 1080 pixels takes half of the workgroups that one dimension may have.
+        pass.dispatch_workgroups(count.div_ceil(LANES), 1, 1);
+        1
+    }
+}

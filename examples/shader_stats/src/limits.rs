@@ -1,0 +1,91 @@
+//! What the kernels may need at most, on navi21.
+
+use super::record::Row;
+use testbed::common::table::markdown_head;
+
+/// The chip for which the limits are.
+pub const CHIP: &str = "navi21";
+
+/// The most CPU time for all kernels of uploads and of the top level, in seconds.
+pub const MOST_SECONDS: f64 = 3.0;
+
+/// What a kernel may need at most.
+pub struct Limit {
+    pub kernel: &'static str,
+    pub effects: &'static str,
+    vgprs: u64,
+    scratch_bytes_per_lane: u64,
+    instructions: u64,
+}
+
+const fn limit(kernel: &'static str, effects: &'static str, most: [u64; 3]) -> Limit {
+    let [vgprs, scratch_bytes_per_lane, instructions] = most;
+    Limit { kernel, effects, vgprs, scratch_bytes_per_lane, instructions }
+}
+
+/// Registers, bytes of scratch memory for each lane, and instructions. Registers and scratch memory
+/// are those that were measured; instructions are rounded up. Mesa
+/// 22.3.6, 2026-11-24, by `cargo run --release -p shader_stats -- --out FILE.csv`.
+pub const LIMITS: [Limit; 19] = [
+    limit("relayout", "", [16, 0, 100]),
+    limit("scatter", "", [8, 0, 100]),
+    limit("top_leaves", "", [56, 0, 600]),
+    limit("top_keys", "", [16, 0, 600]),
+    limit("sort_scatter", "", [16, 0, 400]),
+    limit("top_group", "", [80, 0, 5800]),
+    limit("top_node", "", [64, 0, 1300]),
+    limit("light_sample", "none", [88, 0, 2000]),
+    limit("light_sample", "city", [96, 0, 3100]),
+    limit("light_sample", "all", [144, 0, 5900]),
+    limit("light_resample", "none", [88, 528, 2300]),
+    limit("light_resample", "city", [96, 528, 3500]),
+    limit("light_resample", "all", [152, 528, 6300]),
+    limit("light_pmf", "none", [104, 0, 1800]),
+    limit("light_pmf", "city", [104, 0, 2100]),
+    limit("light_pmf", "all", [152, 0, 4400]),
+    limit("light_pdf", "none", [8, 0, 50]),
+    limit("light_pdf", "city", [120, 0, 2400]),
+    limit("light_pdf", "all", [168, 0, 5000]),
+];
+
+/// What exceeds its limits, one line for each kernel. A kernel without limits exceeds them.
+pub fn exceeded(rows: &[Row]) -> Vec<String> {
+    let mut found: Vec<String> = rows.iter().filter(|row| row.chip == CHIP).filter_map(excess).collect();
+    let own = rows.iter().filter(|row| row.chip == CHIP && row.effects.is_empty());
+    let seconds: f64 = own.map(|row| row.compile_seconds).sum();
+    if seconds > MOST_SECONDS {
+        found.push(format!("uploads and the top level take {seconds:.1} s to compile, of {MOST_SECONDS} s"));
+    }
+    found
+}
+
+fn excess(row: &Row) -> Option<String> {
+    let name = format!("{} {}", row.kernel, row.effects);
+    let Some(limit) = LIMITS.iter().find(|limit| limit.kernel == row.kernel && limit.effects == row.effects) else {
+        return Some(format!("{} has no limits in limits.rs", name.trim()));
+    };
+    let of = [
+        ("registers", row.vgprs, limit.vgprs),
+        ("bytes of scratch memory", row.scratch_bytes_per_lane, limit.scratch_bytes_per_lane),
+        ("instructions", row.instructions, limit.instructions),
+    ];
+    let beyond: Vec<String> = of
+        .iter()
+        .filter(|(_, needed, most)| needed > most)
+        .map(|(what, needed, most)| format!("{needed} {what} of {most}"))
+        .collect();
+    (!beyond.is_empty()).then(|| format!("{} needs {}", name.trim(), beyond.join(", ")))
+}
+
+/// The rows as a Markdown table, with the columns that limits and comparisons need.
+pub fn summary(rows: &[Row]) -> String {
+    let columns = ["kernel", "effects", "chip", "vgprs", "spilled", "scratch", "waves", "instructions", "seconds"];
+    let line = |row: &Row| {
+        let Row { kernel, effects, chip, vgprs, spilled_vgprs, scratch_bytes_per_lane, waves, instructions, .. } = row;
+        format!(
+            "| {kernel} | {effects} | {chip} | {vgprs} | {spilled_vgprs} | {scratch_bytes_per_lane} | {waves} | {instructions} | {:.2} |",
+            row.compile_seconds
+        )
+    };
+    std::iter::once(markdown_head(&columns)).chain(rows.iter().map(line)).collect::<Vec<_>>().join("\n")
+}

@@ -1,0 +1,18 @@
+//! What every program needs: a command line, tables, progress, random numbers, a device.
+
+#[cfg(feature = "native")]
+pub mod exit;
+#[cfg(feature = "native")]
+pub mod gpu;
+pub mod hash;
+#[cfg(feature = "native")]
+pub mod lattice;
+pub mod pcg;
+#[cfg(feature = "native")]
+pub mod progress;
+#[cfg(feature = "native")]
+pub mod split_mix;
+#[cfg(feature = "native")]
+pub mod stopwatch;
+#[cfg(feature = "native")]
+pub mod table;

@@ -1,0 +1,138 @@
+//! Ways to draw a point on a light for one sample.
+
+use super::view::Surface;
+use crate::common::split_mix;
+use crate::measuring::samplers::Chooser;
+use crate::render::shading::{brdf, specular_reflectance};
+use crate::scene::Material;
+use girandole::glam::Vec3;
+use girandole::light::luminance;
+use girandole::{CandidateCount, Gloss, Incident, LightId, LightSample, LightSampler};
+
+/// A point on a light, and the factor that turns its light into an estimate of the light by all
+/// lights.
+#[derive(Clone, Copy, Debug)]
+pub struct Drawn {
+    pub incident: Incident,
+    /// One over the probability density of the point, or the unbiased estimate of it by a
+    /// reservoir.
+    pub weight: f32,
+}
+
+/// A way to draw a point on a light.
+pub trait Draw: Sync {
+    /// Draws a point for a surface. `u` are uniform in [0, 1); the fifth chooses among candidates.
+    /// `None` where the draw ends without light: the sample is black.
+    fn draw(&self, surface: &Surface, material: &Material, u: [f32; 5]) -> Option<Drawn>;
+}
+
+/// Chooses one light, then a point on it.
+pub struct Single<'a> {
+    pub chooser: &'a dyn Chooser,
+    pub lights: LightSampler<'a>,
+}
+
+impl Draw for Single<'_> {
+    fn draw(&self, surface: &Surface, _: &Material, [a, b, x, y, _]: [f32; 5]) -> Option<Drawn> {
+        let pick = self.chooser.choose(&surface.shading_point, [a, b])?;
+        let incident = self.lights.sample_light(&surface.shading_point, pick.light, [x, y])?;
+        Some(Drawn { incident, weight: 1.0 / (incident.pdf * pick.pmf) })
+    }
+}
+
+/// Draws several candidates from the light trees and keeps one.
+pub struct Resampled<'a> {
+    pub lights: LightSampler<'a>,
+    pub candidates: CandidateCount,
+}
+
+impl Draw for Resampled<'_> {
+    fn draw(&self, surface: &Surface, _: &Material, u: [f32; 5]) -> Option<Drawn> {
+        let reservoir = self.lights.resample(&surface.shading_point, u, self.candidates)?;
+        Some(Drawn { incident: reservoir.chosen.incident, weight: reservoir.weight })
+    }
+}
+
+/// Draws several candidates from the light trees and keeps one in proportion to the light that it
+/// reflects without shadows.
+pub struct ResampledByBrdf<'a> {
+    pub lights: LightSampler<'a>,
+    pub candidates: CandidateCount,
+}
+
+impl Draw for ResampledByBrdf<'_> {
+    fn draw(&self, surface: &Surface, material: &Material, u: [f32; 5]) -> Option<Drawn> {
+        let target = |sample: &LightSample| luminance(reflected(surface, material, &sample.incident));
+        let reservoir = self.lights.resample_by(&surface.shading_point, u, self.candidates, target)?;
+        Some(Drawn { incident: reservoir.chosen.incident, weight: reservoir.weight })
+    }
+}
+
+/// Draws several candidates, which are chosen and weighed by the light that a glossy surface
+/// reflects.
+pub struct ResampledWithGloss<'a> {
+    pub lights: LightSampler<'a>,
+    pub candidates: CandidateCount,
+}
+
+impl Draw for ResampledWithGloss<'_> {
+    fn draw(&self, surface: &Surface, material: &Material, u: [f32; 5]) -> Option<Drawn> {
+        let at = surface.shading_point.with_gloss(gloss(surface, material));
+        let reservoir = self.lights.resample(&at, u, self.candidates)?;
+        Some(Drawn { incident: reservoir.chosen.incident, weight: reservoir.weight })
+    }
+}
+
+/// What the library is told of a surface.
+fn gloss(surface: &Surface, material: &Material) -> Gloss {
+    let specular = luminance(specular_reflectance(material));
+    let diffuse = luminance(material.base_color) * (1.0 - material.metallic);
+    Gloss { view: surface.toward_eye, roughness: material.roughness, specular, diffuse }
+}
+
+/// Streams uniformly chosen lights through a reservoir and keeps one in proportion to the light
+/// that it reflects without shadows.
+///
+/// Source: Bitterli et al., Spatiotemporal Reservoir Resampling (2020), algorithm 3, without reuse
+/// between pixels or frames.
+pub struct Streaming<'a> {
+    pub lights: LightSampler<'a>,
+    pub ids: &'a [LightId],
+    pub candidates: u32,
+}
+
+impl Draw for Streaming<'_> {
+    fn draw(&self, surface: &Surface, material: &Material, u: [f32; 5]) -> Option<Drawn> {
+        let mut state = u.iter().fold(0, |state, u| split_mix::mix(state ^ u64::from(u.to_bits())));
+        let mut unit = || (split_mix::next(&mut state) >> 40) as f32 * (1.0 / 16_777_216.0);
+        let (mut total, mut kept) = (0.0, None);
+        for _ in 0..self.candidates {
+            let light =
+                self.ids[((f64::from(unit()) + f64::from(unit()) / 16_777_216.0) * self.ids.len() as f64) as usize];
+            let point = [unit(), unit()];
+            let keep = unit();
+            let Some(incident) = self.lights.sample_light(&surface.shading_point, light, point) else { continue };
+            let target = luminance(reflected(surface, material, &incident));
+            if target > 0.0 {
+                let weight = target * self.ids.len() as f32 / incident.pdf;
+                total += weight;
+                if keep * total < weight {
+                    kept = Some((incident, target));
+                }
+            }
+        }
+        let (incident, target) = kept?;
+        Some(Drawn { incident, weight: total / (self.candidates as f32 * target) })
+    }
+}
+
+/// The integrand of direct light: BRDF times incident radiance times cosine, not yet divided by a
+/// density. Zero from behind.
+pub fn reflected(surface: &Surface, material: &Material, incident: &Incident) -> Vec3 {
+    let normal = surface.shading_point.normal;
+    let cosine = normal.dot(incident.direction);
+    if cosine <= 0.0 {
+        return Vec3::ZERO;
+    }
+    brdf(material, normal, surface.toward_eye, incident.direction) * incident.radiance * cosine
+}

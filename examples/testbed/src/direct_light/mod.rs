@@ -1,0 +1,16 @@
+//! Pictures of direct light with shadows and materials, drawn with one chosen light per sample:
+//! what the programs that judge samplers render.
+//!
+//! Read the files in the order of the list
+//! below, in which data passes through them.
+
+pub mod stage;
+pub mod view;
+pub mod shadows;
+
+pub mod numbers;
+pub mod draw;
+pub mod renderer;
+pub mod converged;
+
+pub mod reference;

@@ -1,0 +1,75 @@
+//! A child of a packed node, decoded in f64 (docs/math.md, Packed nodes).
+
+use girandole::glam::DVec3;
+use girandole::tree::{ChildRef, Node};
+
+/// What a node says about one child.
+#[derive(Clone, Copy, Debug)]
+pub struct Child {
+    pub target: ChildRef,
+    pub flux: f64,
+    pub min: DVec3,
+    pub max: DVec3,
+    pub mean: DVec3,
+    pub variance: f64,
+    /// A unit vector.
+    pub axis: DVec3,
+    /// The length of the mean direction.
+    pub length: f64,
+    /// The half-angle of the cap in radians; `None` for all directions.
+    pub half_angle: Option<f64>,
+    /// `None` for an unlimited one.
+    pub range: Option<f64>,
+    /// The share of the flux that comes from surfaces.
+    pub area_share: f64,
+}
+
+impl Child {
+    /// `None` for an unused slot and for a dark child.
+    pub fn of(node: &Node, slot: usize) -> Option<Self> {
+        let target = node.child(slot)?;
+        let upper_half = |bits: u16| f64::from(f32::from_bits(u32::from(bits) << 16));
+        let flux = upper_half(node.flux[slot]);
+        if flux <= 0.0 {
+            return None;
+        }
+        let corner = |bytes: &[[u8; 8]; 3]| {
+            DVec3::from([0, 1, 2].map(|k| {
+                let exponent = (node.steps >> (8 * k) & 0xff) as i32 - 127;
+                // An exponent of 0 stands for no extent.
+                let step = if exponent > -127 { 2.0_f64.powi(exponent) } else { 0.0 };
+                f64::from(node.origin[k]) + f64::from(bytes[k][slot]) * step
+            }))
+        };
+        let (min, max) = (corner(&node.low), corner(&node.high));
+        let shares = DVec3::from([0, 1, 2].map(|k| f64::from(node.mean[k][slot]) / 255.0));
+        let half_diagonal = 0.5 * (max - min).length();
+        let shortness = f64::from(node.shortness[slot]) / 255.0;
+        let range = upper_half(node.range[slot]);
+        let code = node.area_ratios >> (4 * slot) & 15;
+        let ratio = 2.0_f64.powi(2 * code as i32 - 15);
+        Some(Self {
+            target,
+            flux,
+            min,
+            max,
+            mean: min + (max - min) * shares,
+            variance: (f64::from(node.deviation[slot]) / 255.0 * half_diagonal).powi(2),
+            axis: DVec3::from([0, 1, 2].map(|k| f64::from(node.axis[k][slot]))).normalize(),
+            length: 1.0 - shortness * shortness,
+            half_angle: (node.cap[slot] < 254).then(|| (1.0 - f64::from(node.cap[slot]) / 127.0).acos()),
+            range: (range < 1.0e18).then_some(range),
+            area_share: [ratio / (1.0 + ratio), 0.0, 1.0][usize::from(code == 0) + 2 * usize::from(code == 15)],
+        })
+    }
+
+    /// The centre of the box.
+    pub fn center(&self) -> DVec3 {
+        0.5 * (self.min + self.max)
+    }
+
+    /// Half the edges of the box.
+    pub fn half(&self) -> DVec3 {
+        0.5 * (self.max - self.min)
+    }
+}

@@ -1,0 +1,203 @@
+//! The frames of the GPU backend.
+
+use super::backend::Gpu;
+use super::geometry::{Geometry, GeometryChange};
+use super::image::{Image, ShadowRays};
+use super::scene::{Scene, SceneError};
+use super::settings::Settings;
+use crate::common::gpu::{map, wait};
+use girandole::glam::Vec4;
+use girandole::gpu::{GpuLights, LightShader, TargetHook};
+use girandole::wgpu;
+use girandole::{Effects, FrameDelta, LightWorld};
+use std::time::Duration;
+
+use super::buffers::{Buffers, PIXEL_BYTES, TIMESTAMP_BYTES};
+use super::pipeline::{LIGHT_GROUP, Needs, TARGET, TARGET_ARGUMENT, WORKGROUP, pipeline};
+use super::records::{FrameUniform, PictureOptions};
+
+/// Most pixels of a band.
+const BAND_PIXELS: u32 = 1 << 20;
+/// Samples per dispatch: a fraction of a second on the slowest driver, which runs on the CPU.
+const DISPATCH_SAMPLES: u32 = 1 << 18;
+
+/// What an update of the device cost.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct GpuUpdate {
+    /// Bytes of light data that the library uploaded.
+    pub light_bytes: u64,
+    /// Bytes of objects and of the upper hierarchy that the renderer uploaded.
+    pub geometry_bytes: u64,
+    /// Time of the library's top-level build, if the adapter has timestamps.
+    pub top_build: Option<Duration>,
+}
+
+/// Renders frames on a device.
+pub struct GpuRenderer {
+    gpu: Box<Gpu>,
+    lights: GpuLights,
+    buffers: Buffers,
+    layout: wgpu::BindGroupLayout,
+    bind_group: wgpu::BindGroup,
+    /// The library's text that `pipeline` was compiled with.
+    shader: LightShader,
+    /// What `pipeline` was compiled for.
+    needs: Needs,
+    pipeline: wgpu::ComputePipeline,
+    /// Rows of a band.
+    band_rows: u32,
+}
+
+/// The rows of a band.
+fn band_rows(settings: &Settings) -> u32 {
+    (BAND_PIXELS / settings.width).clamp(1, settings.height)
+}
+
+impl GpuRenderer {
+    /// Uploads the geometry and compiles a shader for a light world with these effects.
+    ///
+    /// Refuses a scene that exceeds the limits or the memory of the device.
+    pub fn new(
+        gpu: Box<Gpu>,
+        scene: &Scene,
+        geometry: &Geometry,
+        effects: Effects,
+        settings: &Settings,
+    ) -> Result<Self, SceneError> {
+        let device = &gpu.device;
+        let band_rows = band_rows(settings);
+        let buffers = Buffers::new(&gpu, scene, geometry, u64::from(settings.width) * u64::from(band_rows))?;
+        let (layout, bind_group) = buffers.bind(device);
+        let mut lights = GpuLights::new(device, &gpu.queue).map_err(|e| SceneError(e.to_string()))?;
+        lights.set_splits(settings.splits);
+        let effects = effects - Effects::MOVING;
+        let target = TargetHook::new(TARGET, TARGET_ARGUMENT).map_err(|e| SceneError(e.to_string()))?;
+        let shader = lights.shader(LIGHT_GROUP, effects).with_target(target);
+        let needs = Needs::new(scene, geometry);
+        let pipeline = pipeline(device, &layout, &shader, needs);
+        Ok(Self { gpu, lights, buffers, layout, bind_group, shader, needs, pipeline, band_rows })
+    }
+
+    /// Destroys the device, as a driver that crashed would.
+    pub fn lose_device(&self) {
+        self.gpu.device.destroy();
+    }
+
+    /// Prepares for pictures with other settings. Fails if the device has no memory for their size.
+    pub fn set_settings(&mut self, settings: &Settings) -> Result<(), SceneError> {
+        self.lights.set_splits(settings.splits);
+        self.band_rows = band_rows(settings);
+        let band_pixels = u64::from(settings.width) * u64::from(self.band_rows);
+        if self.buffers.set_band(&self.gpu, band_pixels)? {
+            (self.layout, self.bind_group) = self.buffers.bind(&self.gpu.device);
+        }
+        Ok(())
+    }
+
+    /// Uploads what changed and builds the top level of the light trees.
+    pub fn update(
+        &mut self,
+        geometry: &Geometry,
+        change: &GeometryChange,
+        world: &LightWorld,
+        delta: &FrameDelta,
+    ) -> Result<GpuUpdate, SceneError> {
+        let geometry_bytes = self.buffers.scene.upload(&self.gpu.queue, geometry, change);
+        let light_bytes = self.lights.upload(world, delta).map_err(|e| SceneError(e.to_string()))?.bytes;
+        // The effect MOVING changes no shader. An interactive program would compile on another thread
+        // and use a more general pipeline until then. This one blocks on purpose, so that the same seed
+        // always gives the same picture.
+        let effects = world.effects() - Effects::MOVING;
+        if self.needs.grow(geometry) || effects != self.shader.effects {
+            self.shader = self.shader.with_effects(effects);
+            self.pipeline = pipeline(&self.gpu.device, &self.layout, &self.shader, self.needs);
+        }
+        Ok(GpuUpdate { light_bytes, geometry_bytes, top_build: self.build_top()? })
+    }
+
+    /// Renders a frame. `progress` receives the finished share, from 0 to 1.
+    pub fn render(
+        &self,
+        scene: &Scene,
+        geometry: &Geometry,
+        settings: &Settings,
+        seed: u32,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<(Image, ShadowRays), SceneError> {
+        let options = PictureOptions {
+            size: [settings.width, settings.height],
+            spp: settings.spp,
+            candidates: settings.candidates.get(),
+            seed,
+        };
+        let mut frame = FrameUniform::new(scene, geometry, self.buffers.scene.first_object(), &options);
+        let mut rays = ShadowRays::default();
+        let mut sums: Vec<Vec4> = Vec::with_capacity(settings.width as usize * settings.height as usize);
+        while frame.row_end < settings.height {
+            frame.row_begin = frame.row_end;
+            frame.row_end = (frame.row_begin + self.band_rows).min(settings.height);
+            let band = settings.width * (frame.row_end - frame.row_begin);
+            let step = (DISPATCH_SAMPLES / band).max(1);
+            frame.sample_end = 0;
+            while frame.sample_end < settings.spp {
+                frame.sample_begin = frame.sample_end;
+                frame.sample_end = frame.sample_begin.saturating_add(step).min(settings.spp);
+                self.dispatch(&frame)?;
+                let band_share = f64::from(frame.sample_end) / f64::from(settings.spp);
+                let rows = f64::from(frame.row_begin) + band_share * f64::from(frame.row_end - frame.row_begin);
+                progress(rows / f64::from(settings.height));
+            }
+            let bytes = self.read(&self.buffers.image, &self.buffers.image_readback, u64::from(band) * PIXEL_BYTES)?;
+            let (colors, counts) = bytemuck::cast_slice::<_, Vec4>(&bytes).split_at(band as usize);
+            sums.extend_from_slice(colors);
+            // Whole numbers of at most the samples per pixel, which f32 holds exactly.
+            let count = |pixel: &Vec4| ShadowRays { traced: pixel.x as u64, skipped: pixel.y as u64 };
+            rays = counts.iter().map(count).fold(rays, |a, b| a + b);
+        }
+        Ok((Image::from_sums(settings.width, settings.height, settings.spp, sums.into_iter()), rays))
+    }
+
+    /// Builds the top level of the light trees and returns the time that it took on the device.
+    fn build_top(&mut self) -> Result<Option<Duration>, SceneError> {
+        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        let timer = self.buffers.timer.as_ref();
+        if let Some(timer) = timer {
+            encoder.write_timestamp(&timer.queries, 0);
+        }
+        self.lights.build_top(&mut encoder);
+        if let Some(timer) = timer {
+            encoder.write_timestamp(&timer.queries, 1);
+            encoder.resolve_query_set(&timer.queries, 0..2, &timer.resolved, 0);
+        }
+        self.gpu.queue.submit([encoder.finish()]);
+        let Some(timer) = timer else { return Ok(None) };
+        let bytes = self.read(&timer.resolved, &timer.readback, TIMESTAMP_BYTES)?;
+        let ticks: &[u64] = bytemuck::cast_slice(&bytes);
+        let nanoseconds = ticks[1].saturating_sub(ticks[0]) as f64 * f64::from(self.gpu.queue.get_timestamp_period());
+        Ok(Some(Duration::from_secs_f64(nanoseconds * 1e-9)))
+    }
+
+    fn dispatch(&self, frame: &FrameUniform) -> Result<(), SceneError> {
+        self.gpu.queue.write_buffer(&self.buffers.scene.uniform, 0, bytemuck::bytes_of(frame));
+        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &self.bind_group, &[]);
+        pass.set_bind_group(self.shader.group, self.lights.bind_group(), &[]);
+        let rows = frame.row_end - frame.row_begin;
+        pass.dispatch_workgroups(frame.width.div_ceil(WORKGROUP), rows.div_ceil(WORKGROUP), 1);
+        drop(pass);
+        self.gpu.queue.submit([encoder.finish()]);
+        // Waiting keeps the progress bar accurate and the queue short. It costs little beside a
+        // dispatch.
+        wait(&self.gpu.device).map_err(SceneError)
+    }
+
+    /// Reads the first `size` bytes of a buffer, which are copied to `readback` first.
+    fn read(&self, buffer: &wgpu::Buffer, readback: &wgpu::Buffer, size: u64) -> Result<Vec<u8>, SceneError> {
+        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(buffer, 0, readback, 0, size);
+        self.gpu.queue.submit([encoder.finish()]);
+        map(&self.gpu.device, readback, size).map_err(SceneError)
+    }
+}

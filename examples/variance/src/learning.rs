@@ -1,0 +1,193 @@
+//! Learnt visibility: the noise with shadows after some frames, and the time of a sample.
+//!
+//! In each frame rays leave every eye in random directions. Each surface that they meet takes one
+//! sample and one shadow ray, whose result is recorded.
+
+use super::shadow_oracle::places::{self, Place};
+use super::shadow_oracle::receivers::{Receiver, receivers};
+use girandole::glam::vec3;
+use girandole::{LightId, LightSampler, ShadingPoint, VisibilityOptions, VisibilityTable};
+use rayon::prelude::*;
+use std::f32::consts::TAU;
+use std::hint::black_box;
+use std::path::Path;
+use std::time::Instant;
+use testbed::common::table::{Table, markdown_head};
+use testbed::direct_light::shadows::Shadows;
+use testbed::direct_light::view::first_surface;
+use testbed::measuring::sigma::{Noise, Summary};
+use testbed::scene::SceneError;
+use testbed::scene::rng::Rng;
+
+/// Rays from each eye in a frame. They are spread over all directions, as thinly as the pixels of a
+/// picture of 23 by 13 with a field of view of 70 degrees.
+const RAYS: usize = 4_096;
+/// The frames after which noise is measured. Cells get their rows in the first one.
+const FRAMES: [usize; 6] = [1, 2, 5, 17, 33, 65];
+/// Seeds the rays and samples.
+const SEED: u64 = 4_711;
+/// Forms of a sample take turns for this many rounds, and the fastest round counts.
+const ROUNDS: usize = 25;
+
+const COLUMNS: [&str; 11] = [
+    "scene",
+    "table",
+    "samples_per_cell",
+    "sigma_mean",
+    "sigma_median",
+    "sigma_p95",
+    "sigma_rms",
+    "gain_mean",
+    "gain_median",
+    "gain_rms",
+    "cells",
+];
+
+/// A place, what is measured in it, and what blocks its light.
+struct Learner<'a> {
+    name: &'a str,
+    sampler: LightSampler<'a>,
+    receivers: &'a [Receiver],
+    place: &'a Place,
+    /// Nothing is hidden, neither for the table nor for the measure.
+    is_all_visible: bool,
+}
+
+/// A row of the table.
+struct Row {
+    what: String,
+    samples_per_cell: f64,
+    sigma: Summary,
+    cells: usize,
+}
+
+impl Learner<'_> {
+    /// Plays one frame. Returns the number of samples.
+    fn teach(&self, table: &mut VisibilityTable, frame: usize) -> usize {
+        let (sampler, geometry) = (self.sampler.with_visibility(table), &self.place.geometry);
+        let shadows = Shadows::new(&self.place.scene, geometry);
+        let ray = |index: usize| {
+            let mut rng = Rng::new(SEED + frame as u64, index as u64);
+            let eye = self.place.eyes[index % self.place.eyes.len()];
+            let slope = rng.range(-1.0, 1.0);
+            let (sin, cos) = (rng.unit() * TAU).sin_cos();
+            let level = (1.0 - slope * slope).sqrt();
+            let at = first_surface(geometry, eye, vec3(cos * level, slope, sin * level))?.shading_point;
+            let sample = sampler.sample(&at, std::array::from_fn(|_| rng.unit()))?;
+            let is_visible = self.is_all_visible || !shadows.is_shadowed(&at, &sample.incident);
+            sampler.record_visibility(&at, sample.light, is_visible);
+            Some(())
+        };
+        let samples = (0..RAYS * self.place.eyes.len()).into_par_iter().filter_map(ray).count();
+        table.end_frame();
+        samples
+    }
+
+    fn sigma(&self, sampler: &LightSampler<'_>) -> Summary {
+        let at = |receiver: &Receiver| {
+            let mut pmfs = Vec::new();
+            sampler.distribution(&receiver.shading_point, &mut pmfs);
+            let lux = &receiver.illuminance;
+            Noise::of(if self.is_all_visible { &lux.all } else { &lux.visible }, &pmfs)
+        };
+        let noises: Vec<Noise> = self.receivers.par_iter().filter_map(at).collect();
+        Summary::of(&noises)
+    }
+
+    /// The noise without a table and then after some frames.
+    fn measure(&self, table: &mut VisibilityTable, what: &str) -> Vec<Row> {
+        let without = self.sigma(&self.sampler);
+        let mut rows = vec![Row { what: "none".into(), samples_per_cell: 0.0, sigma: without, cells: 0 }];
+        let mut samples = 0;
+        for frame in 1..=FRAMES[FRAMES.len() - 1] {
+            samples += self.teach(table, frame);
+            if FRAMES.contains(&frame) {
+                let cells = table.cell_count();
+                rows.push(Row {
+                    what: format!("{what}{frame} frames"),
+                    samples_per_cell: samples as f64 / cells as f64,
+                    sigma: self.sigma(&self.sampler.with_visibility(table)),
+                    cells,
+                });
+            }
+        }
+        rows
+    }
+
+    /// Nanoseconds of a pick without and with a table, and of a record, on one thread.
+    fn nanoseconds(&self, table: &VisibilityTable) -> [f64; 3] {
+        let with = self.sampler.with_visibility(table);
+        let mut fastest = [f64::INFINITY; 3];
+        let light = self.sampler.all_lights().next();
+        let mut time = |which: usize, run: &mut dyn FnMut(&ShadingPoint, [f32; 2])| {
+            let mut rng = Rng::new(SEED, which as u64);
+            let start = Instant::now();
+            for receiver in self.receivers.iter().cycle().take(8_000) {
+                run(&receiver.shading_point, [rng.unit(), rng.unit()]);
+            }
+            fastest[which] = fastest[which].min(start.elapsed().as_secs_f64() * 1.0e9 / 8_000.0);
+        };
+        for _ in 0..ROUNDS {
+            time(0, &mut |at, u| _ = black_box(self.sampler.pick(at, u)));
+            time(1, &mut |at, u| _ = black_box(with.pick(at, u)));
+            time(2, &mut |at, u| {
+                if let Some(light) = light {
+                    with.record_visibility(at, light, u[0] < 0.5);
+                }
+            });
+        }
+        fastest
+    }
+}
+
+/// Measures, prints the table and writes it.
+#[allow(clippy::print_stdout, reason = "a program talks to its user")]
+pub fn run(count: usize, out: &Path) -> Result<(), SceneError> {
+    let mut csv = Table::create(out, &COLUMNS).map_err(SceneError)?;
+    println!("{}", markdown_head(&COLUMNS));
+    let mut report = |name: &str, rows: &[Row]| {
+        for row in rows {
+            let (sigma, without) = (row.sigma, rows[0].sigma);
+            let sigmas = [sigma.mean, sigma.median, sigma.p95, sigma.rms].map(|sigma| format!("{sigma:.3}"));
+            let gains = [without.mean / sigma.mean, without.median / sigma.median, without.rms / sigma.rms];
+            let head = [name.to_owned(), row.what.clone(), format!("{:.0}", row.samples_per_cell)];
+            let tail = gains.map(|gain| format!("{gain:.2}")).into_iter().chain([row.cells.to_string()]);
+            let fields: Vec<String> = head.into_iter().chain(sigmas).chain(tail).collect();
+            println!("| {} |", fields.join(" | "));
+            csv.add(fields).map_err(SceneError)?;
+        }
+        Ok::<(), SceneError>(())
+    };
+    let table = |edge: f32, cells: usize| {
+        VisibilityOptions::new(edge, cells).map(VisibilityTable::new).map_err(|error| SceneError(error.to_string()))
+    };
+    for (place, cells) in [(places::rooms()?, 8_192), (places::street()?, 65_536)] {
+        let sampler = place.world.sampler();
+        let ids: Vec<LightId> = sampler.all_lights().collect();
+        let receivers = receivers(&place, &sampler, &ids, count)?;
+        let is_rooms = cells == 8_192;
+        let learner = |name| Learner { name, sampler, receivers: &receivers, place: &place, is_all_visible: false };
+        for edge in if is_rooms { [0.5, 1.0, 2.0].as_slice() } else { [1.0, 2.0].as_slice() } {
+            let learner = learner(&place.name);
+            let mut learnt = table(*edge, cells.max(32_768 * usize::from(*edge < 1.0)))?;
+            report(learner.name, &learner.measure(&mut learnt, &format!("{edge} m, ")))?;
+            if *edge == 1.0 {
+                let [plain, with, record] = learner.nanoseconds(&learnt);
+                println!("{}: {plain:.0} ns a pick, {with:.0} ns with the table, {record:.0} ns a record", place.name);
+            }
+        }
+        if is_rooms {
+            let open = Learner { is_all_visible: true, ..learner("ten rooms, nothing hidden") };
+            report(open.name, &open.measure(&mut table(1.0, cells)?, "1 m, "))?;
+            // All doors are closed for as long as the table remembers, and then open at once.
+            let closed = places::rooms_with_doors(false)?;
+            let before = Learner { place: &closed, ..learner("ten rooms, doors closed") };
+            let mut learnt = table(1.0, cells)?;
+            before.measure(&mut learnt, "");
+            let after = learner("ten rooms, doors just opened");
+            let rows = after.measure(&mut learnt, "1 m, ");
+            report(after.name, &rows)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,15 @@
+//! What the program measures, one file for each form of its command line.
+#![allow(clippy::print_stdout, reason = "a program talks to its user")]
+
+pub mod stages;
+pub mod shading_points;
+pub mod measure;
+pub mod report;
+pub mod timing;
+pub mod deform;
+pub mod candidates;
+pub mod gloss;
+pub mod segments;
+pub mod torture;
+pub mod shadow_oracle;
+pub mod learning;

@@ -1,0 +1,61 @@
+//! The rows of one scene: all samplers, measured at the same shading points.
+
+use super::stages::Lit;
+use super::timing::nanoseconds;
+use girandole::LightId;
+use rayon::prelude::*;
+use testbed::measuring::lights::{carried, illuminances};
+use testbed::measuring::samplers;
+use testbed::measuring::sigma::Summary;
+use testbed::scene::SceneError;
+
+/// One sampler on one scene.
+pub struct Row {
+    pub scene: String,
+    pub sampler: &'static str,
+    pub sigma: Summary,
+    /// The share of draws that end without a light, as a mean over the lit shading points.
+    pub dead: f64,
+    pub ns_per_sample: f64,
+    pub bytes_per_light: f64,
+}
+
+/// The rows of a scene, and the scene in numbers.
+pub struct Measured {
+    pub rows: Vec<Row>,
+    pub lights: usize,
+    pub instances: usize,
+    /// Shading points that any light reaches. The others say nothing about a sampler.
+    pub lit_shading_points: usize,
+}
+
+/// Measures all samplers on a scene.
+pub fn measure(lit: &Lit) -> Result<Measured, SceneError> {
+    let lights = carried(&lit.world);
+    let sampler = lit.world.sampler();
+    let ids: Vec<LightId> = sampler.all_lights().collect();
+    let choosers = samplers::all(&lit.world, &lights, &ids)?;
+    let lux: Vec<Vec<f32>> = lit.shading_points.par_iter().map(|at| illuminances(&lights, at)).collect();
+    let lit_shading_points = lux.iter().filter(|lux| lux.iter().any(|lux| *lux > 0.0)).count();
+    if lit_shading_points == 0 {
+        return Err(SceneError(format!("{}: no light reaches any shading point", lit.name)));
+    }
+    let times = nanoseconds(&choosers, &lit.shading_points);
+    let rows = choosers.iter().zip(times).map(|(chooser, ns_per_sample)| {
+        let (sigma, dead) = samplers::noise(chooser.as_ref(), &lit.shading_points, &lux);
+        Row {
+            scene: lit.name.clone(),
+            sampler: chooser.name(),
+            sigma,
+            dead,
+            ns_per_sample,
+            bytes_per_light: chooser.bytes() as f64 / lights.len() as f64,
+        }
+    });
+    Ok(Measured {
+        rows: rows.collect(),
+        lights: lights.len(),
+        instances: lit.world.instance_count(),
+        lit_shading_points,
+    })
+}

@@ -1,0 +1,44 @@
+//! The noise on scenes that are hard for a choice of lights.
+
+use std::path::Path;
+use testbed::common::table::{Table, markdown_head};
+use testbed::measuring::torture;
+use testbed::measuring::torture::table::{TortureRow, rows};
+use testbed::scene::SceneError;
+
+const COLUMNS: [&str; 8] =
+    ["scene", "sampler", "sigma_mean", "sigma_median", "sigma_p95", "sigma_p999", "sigma_rms", "dead"];
+/// The columns of the summary in the terminal: sigma of the library in two levels and in one, the
+/// least sigma of the others, and the ratios of the first to both.
+const SUMMARY: [&str; 9] = ["scene", "two levels", "rms", "p999", "dead", "flat", "others", "of others", "of flat"];
+
+fn fields(row: &TortureRow) -> [String; 8] {
+    let sigma = &row.sigma;
+    let [mean, median, p95, p999, rms] =
+        [sigma.mean, sigma.median, sigma.p95, sigma.p999, sigma.rms].map(|sigma| format!("{sigma:.3}"));
+    [row.scene.to_owned(), row.sampler.to_owned(), mean, median, p95, p999, rms, format!("{:.4}", row.dead)]
+}
+
+/// One line of the summary. The rows are those of [`rows`].
+fn summary(rows: &[TortureRow]) -> Option<String> {
+    let [others @ .., two, flat] = rows else { return None };
+    let other = others.iter().map(|row| row.sigma.mean).fold(f64::INFINITY, f64::min);
+    let sigma = two.sigma;
+    let numbers = [sigma.mean, sigma.rms, sigma.p999, two.dead, flat.sigma.mean, other];
+    let ratios = [sigma.mean / other, sigma.mean / flat.sigma.mean];
+    let cells = numbers.map(|x| format!("{x:.3}")).into_iter().chain(ratios.map(|x| format!("{x:.2}")));
+    Some(format!("| {} | {} |", two.scene, cells.collect::<Vec<_>>().join(" | ")))
+}
+
+/// Measures, prints the summary and writes the table.
+#[allow(clippy::print_stdout, reason = "a program talks to its user")]
+pub fn run(out: &Path) -> Result<(), SceneError> {
+    let mut table = Table::create(out, &COLUMNS).map_err(SceneError)?;
+    println!("{}", markdown_head(&SUMMARY));
+    for scene in torture::scenes()? {
+        let measured = rows(&scene)?;
+        measured.iter().try_for_each(|row| table.add(fields(row))).map_err(SceneError)?;
+        summary(&measured).iter().for_each(|line| println!("{line}"));
+    }
+    Ok(())
+}

@@ -1,0 +1,360 @@
+//! The placement of an instance: a linear part in f32 and a translation in f64, which resolves
+//! centimetres 10^7 m from the origin.
+
+use glam::{Affine3A, DAffine3, DVec3, Mat3, Mat4, Vec3};
+
+pub use crate::cluster::MAX_SCALE;
+use crate::cluster::{Linear, RIGID_TOLERANCE};
+use crate::effects::Effects;
+use crate::error::PlacementError;
+use crate::instance::sector::SectorPoint;
+use crate::instance::transform::InstanceTransform;
+use crate::shading::importance::{CANDELA_PER_LUMEN, LocalShadingPoint, POSITION_MARGIN};
+use crate::shading::segment::LocalSegment;
+use crate::shading::shading_point::ShadingPoint;
+use crate::tree::LEAF;
+
+/// Largest distance of an instance from [`LightWorld::origin`](crate::LightWorld::origin) along
+/// each axis, in metres. Where the origin lies on a grid, it and all instances are at most this far
+/// from zero instead: see [`OriginMode`](crate::OriginMode).
+pub const MAX_DISTANCE: f64 = 1.0e9;
+
+/// An affine map from the space of a tree to the world: rotation, scale, mirror or shear, and a
+/// translation.
+///
+/// Points and spots keep their intensity and range under any scale, as glTF specifies; surfaces
+/// keep their radiance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placement {
+    /// The linear part. Its columns are the images of the axes. It is one of two kinds:
+    ///
+    /// - It has an inverse. Entries are at most [`MAX_SCALE`] and scales at least 1 /
+    ///   [`MAX_SCALE`].
+    /// - All its entries are exactly 0. The instance is hidden: it keeps its key, slot and policy,
+    ///   and contributes nothing until it is moved to a placement of the first kind. Engines hide
+    ///   objects by a scale of zero.
+    pub linear: Mat3,
+    /// The translation to the world, in metres: along each axis at most [`MAX_DISTANCE`] from
+    /// [`LightWorld::origin`](crate::LightWorld::origin), or from zero where the origin lies on a
+    /// grid.
+    pub translation: DVec3,
+}
+
+impl Placement {
+    /// The identity: the space of the tree is that of the world.
+    pub const IDENTITY: Self = Self { linear: Mat3::IDENTITY, translation: DVec3::ZERO };
+
+    /// Creates a placement that only translates, in metres.
+    pub fn at(translation: DVec3) -> Self {
+        Self { translation, ..Self::IDENTITY }
+    }
+}
+
+impl Default for Placement {
+    fn default() -> Self {
+        Self::IDENTITY
+    }
+}
+
+impl From<Affine3A> for Placement {
+    fn from(a: Affine3A) -> Self {
+        Self { linear: a.matrix3.into(), translation: Vec3::from(a.translation).as_dvec3() }
+    }
+}
+
+impl From<Mat4> for Placement {
+    /// Takes an affine matrix; the last row is ignored.
+    fn from(m: Mat4) -> Self {
+        Self { linear: Mat3::from_mat4(m), translation: m.w_axis.truncate().as_dvec3() }
+    }
+}
+
+impl From<DAffine3> for Placement {
+    /// Rounds the linear part to f32.
+    fn from(a: DAffine3) -> Self {
+        Self { linear: a.matrix3.as_mat3(), translation: a.translation }
+    }
+}
+
+/// What translations are stored relative to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Anchor {
+    /// A point, which is the origin of the world. All centres of sectors are 0.
+    Point(DVec3),
+    /// The centre of the sector that each lies in. The origin of the world is the centre of any
+    /// sector.
+    Sector,
+}
+
+/// A placement with what sampling derives from it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Placed {
+    pub linear: Linear,
+    /// The linear part of the inverse.
+    pub to_local: Mat3,
+    pub determinant: f32,
+    /// Whether the placement only rotates and translates.
+    pub is_rigid: bool,
+    /// The translation.
+    pub place: SectorPoint,
+}
+
+impl Placed {
+    /// Checks a placement and derives the rest; `None` for a linear part of all zeros, which hides
+    /// the instance.
+    pub fn new(placement: &Placement, anchor: Anchor) -> Result<Option<Self>, PlacementError> {
+        check_entries(&placement.linear)?;
+        let place = place(placement.translation, anchor)?;
+        if placement.linear == Mat3::ZERO {
+            return Ok(None);
+        }
+        let exact = placement.linear.as_dmat3();
+        let determinant = exact.determinant() as f32;
+        // Normal numbers only: a denormal determinant has lost the digits that the inverse needs.
+        // Checked before anything is inverted, since glam's assertions panic where there is no
+        // inverse.
+        if !determinant.is_normal() {
+            return Err(PlacementError::Singular { determinant });
+        }
+        let to_local = exact.inverse().as_mat3();
+        let linear = Linear::new(placement.linear);
+        if !(to_local.is_finite() && linear.least_scale >= 1.0 / MAX_SCALE) {
+            return Err(PlacementError::Singular { determinant });
+        }
+        Ok(Some(Self { linear, to_local, determinant, is_rigid: linear.is_rigid(), place }))
+    }
+
+    /// As [`Placed::new`], for an instance that is at `present`, from which `placed` was derived. Bit
+    /// for bit the same, and faster where the linear part stays the same.
+    pub fn moved(
+        placed: Option<&Self>,
+        present: &Placement,
+        placement: &Placement,
+        anchor: Anchor,
+    ) -> Result<Option<Self>, PlacementError> {
+        if placement.linear != present.linear {
+            return Self::new(placement, anchor);
+        }
+        let place = place(placement.translation, anchor)?;
+        Ok(placed.map(|placed| Self { place, ..*placed }))
+    }
+
+    /// Whether [`Placed::moved`] accepts a placement. Derives nothing if the linear part stays the
+    /// same, or is nearly a rotation.
+    pub fn check(present: &Placement, placement: &Placement, anchor: Anchor) -> Result<(), PlacementError> {
+        if placement.linear == present.linear || is_nearly_rotation(&placement.linear) {
+            return place(placement.translation, anchor).map(drop);
+        }
+        Self::new(placement, anchor).map(drop)
+    }
+
+    /// The translation relative to the world's origin, which is the centre `home` of a sector.
+    pub fn translation(&self, home: Vec3) -> Vec3 {
+        self.place.relative_to(home)
+    }
+
+    /// The map to the world relative to its origin, which is the centre `home` of a sector.
+    pub fn frame(&self, home: Vec3) -> InstanceTransform {
+        InstanceTransform {
+            to_world: self.linear.linear,
+            translation: self.translation(home),
+            to_local: self.to_local,
+            determinant: self.determinant,
+        }
+    }
+
+    /// The effects of an instance that is placed here.
+    pub fn effects(&self) -> Effects {
+        if self.is_rigid { Effects::empty() } else { Effects::NON_RIGID }
+    }
+
+    /// A shading point of the world, relative to the centre `home` of a sector, as seen in the
+    /// space of the tree. `brightness` is what the flux of the instance's lights is multiplied by.
+    pub fn local_shading_point(
+        &self,
+        shading_point: &ShadingPoint,
+        home: Vec3,
+        brightness: f32,
+    ) -> LocalShadingPoint<'_> {
+        // Normals are carried back by the transpose: the horizon stays the horizon under any linear
+        // map.
+        let normal = (self.linear.linear.transpose() * shading_point.normal).normalize_or_zero();
+        LocalShadingPoint {
+            position: self.to_local * (shading_point.position - self.translation(home)),
+            normal,
+            has_normal: normal != Vec3::ZERO,
+            range_scale: self.range_scale(),
+            margin: POSITION_MARGIN * (self.linear.mean_square_scale.sqrt() * self.range_scale()).max(1.0)
+                + RIGID_TOLERANCE,
+            light_bit: LEAF,
+            candela_per_lumen: CANDELA_PER_LUMEN * brightness,
+            to_world: (!self.is_rigid).then_some(&self.linear),
+            gloss: LocalShadingPoint::gloss_of(shading_point).map(|gloss| gloss.carried(&self.linear.linear)),
+            segment: LocalSegment::of(shading_point).map(|segment| segment.carried(&self.to_local)),
+        }
+    }
+
+    /// The most metres in the space of the tree per metre of the world.
+    pub fn range_scale(&self) -> f32 {
+        1.0 / self.linear.least_scale
+    }
+}
+
+fn check_entries(linear: &Mat3) -> Result<(), PlacementError> {
+    let entries = linear.to_cols_array();
+    if let Some(value) = entries.into_iter().find(|e| !e.is_finite()) {
+        return Err(PlacementError::NotFinite { what: "an entry of the linear part", value: value.into() });
+    }
+    match entries.into_iter().find(|e| e.abs() > MAX_SCALE) {
+        Some(value) => Err(PlacementError::TooLarge { value, limit: MAX_SCALE }),
+        None => Ok(()),
+    }
+}
+
+/// A translation as it is stored.
+fn place(translation: DVec3, anchor: Anchor) -> Result<SectorPoint, PlacementError> {
+    if let Some(value) = translation.to_array().into_iter().find(|e| !e.is_finite()) {
+        return Err(PlacementError::NotFinite { what: "a coordinate of the translation", value });
+    }
+    match anchor {
+        Anchor::Point(origin) => {
+            let offset = translation - origin;
+            let distance = offset.abs().max_element();
+            if distance > MAX_DISTANCE {
+                return Err(PlacementError::TooFar { distance, limit: MAX_DISTANCE });
+            }
+            Ok(SectorPoint { center: Vec3::ZERO, rest: offset.as_vec3() })
+        }
+        Anchor::Sector => {
+            let distance = translation.abs().max_element();
+            if distance > MAX_DISTANCE {
+                return Err(PlacementError::TooFarFromZero { distance, limit: MAX_DISTANCE });
+            }
+            Ok(SectorPoint::new(translation))
+        }
+    }
+}
+
+/// Whether lengths change by less than a factor of 4 and angles stay near: such a linear part is
+/// never refused. By Gershgorin's theorem the squared scales lie between 0.1 and 2.4. False for NaN.
+fn is_nearly_rotation(linear: &Mat3) -> bool {
+    let [x, y, z] = [linear.x_axis, linear.y_axis, linear.z_axis];
+    let is_near_one = |column: Vec3| (0.5..2.0).contains(&column.length_squared());
+    let is_small = |product: f32| product.abs() < 0.2;
+    [x, y, z].into_iter().all(is_near_one) && [x.dot(y), y.dot(z), z.dot(x)].into_iter().all(is_small)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::dice::hash;
+
+    fn place(placement: Placement) -> Result<Option<Placed>, PlacementError> {
+        Placed::new(&placement, Anchor::Point(DVec3::ZERO))
+    }
+
+    fn scaled(x: f32, y: f32, z: f32) -> Placement {
+        Placement { linear: Mat3::from_diagonal(Vec3::new(x, y, z)), ..Placement::IDENTITY }
+    }
+
+    #[test]
+    fn scales_are_accepted_up_to_the_limits_and_refused_beyond_them() {
+        let placed = place(scaled(MAX_SCALE, MAX_SCALE, MAX_SCALE)).unwrap().unwrap();
+        assert!(placed.linear.flux(1.0, 1.0, Vec3::X).is_finite());
+        let above = MAX_SCALE.next_up();
+        assert!(matches!(place(scaled(above, above, above)), Err(PlacementError::TooLarge { .. })));
+        let least = 1.001 / MAX_SCALE;
+        assert!(place(scaled(least, least, least)).unwrap().unwrap().linear.is_similarity);
+        let below = 0.9 / MAX_SCALE;
+        assert!(matches!(place(scaled(below, below, below)), Err(PlacementError::Singular { .. })));
+    }
+
+    #[test]
+    fn a_linear_part_of_all_zeros_hides_and_any_other_singular_one_is_refused() {
+        assert!(place(scaled(0.0, 0.0, 0.0)).unwrap().is_none());
+        assert!(place(scaled(-0.0, 0.0, -0.0)).unwrap().is_none());
+        let least = f32::from_bits(1);
+        let rank_2 = Mat3::from_cols(Vec3::X, Vec3::Y, Vec3::X + Vec3::Y);
+        let singular = [
+            scaled(1.0, 0.0, 1.0),
+            scaled(0.0, 0.0, 1.0),
+            scaled(0.0, least, 0.0),
+            scaled(least, least, least),
+            Placement { linear: rank_2, ..Placement::IDENTITY },
+            Placement { linear: Mat3::from_cols(Vec3::ONE, Vec3::ONE, Vec3::ONE), ..Placement::IDENTITY },
+        ];
+        for placement in singular {
+            assert!(matches!(place(placement), Err(PlacementError::Singular { .. })), "{placement:?}");
+        }
+    }
+
+    #[test]
+    fn a_hidden_placement_is_refused_for_its_translation_like_any_other() {
+        let hidden = |x| Placement { linear: Mat3::ZERO, translation: DVec3::X * x };
+        assert!(matches!(place(hidden(f64::NAN)), Err(PlacementError::NotFinite { .. })));
+        assert!(matches!(place(hidden(2.0 * MAX_DISTANCE)), Err(PlacementError::TooFar { .. })));
+    }
+
+    #[test]
+    fn translations_are_accepted_up_to_the_limit_and_refused_beyond_it() {
+        let nan = Placement::at(DVec3::new(0.0, f64::NAN, 0.0));
+        assert!(matches!(place(nan), Err(PlacementError::NotFinite { .. })));
+        assert!(place(Placement::at(DVec3::X * MAX_DISTANCE)).is_ok());
+        let beyond = Placement::at(DVec3::X * MAX_DISTANCE.next_up());
+        assert!(matches!(place(beyond), Err(PlacementError::TooFar { .. })));
+        assert!(Placed::new(&beyond, Anchor::Point(DVec3::X)).is_ok());
+    }
+
+    #[test]
+    fn a_check_accepts_what_a_move_accepts_and_a_move_is_the_same_as_a_new_placement() {
+        let random = |i: u32| (hash(i) >> 8) as f32 / (1 << 23) as f32 - 1.0;
+        let bad = [f32::NAN, f32::INFINITY, 0.0, MAX_SCALE, 2.0 * MAX_SCALE, 1.0e-12, 1.0];
+        let (mut refused, mut quick) = (0, 0);
+        let mut present = Placement::IDENTITY;
+        for i in 0..20_000 {
+            let r = |j: u32| random(12 * i + j);
+            let mut linear = match i % 4 {
+                0 => present.linear,
+                1 => Mat3::from_rotation_y(9.0 * r(0)) * Mat3::from_rotation_x(9.0 * r(1)) * (1.0 + 0.6 * r(2)),
+                _ => Mat3::from_cols_array(&std::array::from_fn(|j| r(j as u32))),
+            };
+            if i % 7 == 0 {
+                linear.col_mut(i as usize % 3)[i as usize / 3 % 3] = bad[i as usize % bad.len()];
+            }
+            let far = if i % 11 == 0 { MAX_DISTANCE } else { 100.0 };
+            let translation = DVec3::new(r(9).into(), r(10).into(), r(11).into()) * far * 1.5;
+            let placement = Placement { linear, translation };
+            let anchor = if i % 2 == 0 { Anchor::Point(DVec3::new(3.0, -7.0, 0.5)) } else { Anchor::Sector };
+            let before = Placed::new(&present, anchor).expect("it was accepted");
+            let expected = Placed::new(&placement, anchor);
+            let moved = Placed::moved(before.as_ref(), &present, &placement, anchor);
+            // NaN differs from itself, so errors and placements are compared as text.
+            assert_eq!(format!("{moved:?}"), format!("{expected:?}"), "{placement:?}");
+            let checked = Placed::check(&present, &placement, anchor);
+            assert_eq!(format!("{checked:?}"), format!("{:?}", expected.as_ref().map(|_| ())), "{placement:?}");
+            quick += usize::from(is_nearly_rotation(&linear));
+            match expected {
+                Ok(_) => present = placement,
+                Err(_) => refused += 1,
+            }
+        }
+        assert!(refused > 1000 && quick > 1000, "{refused} {quick}");
+    }
+
+    #[test]
+    fn centimetres_are_kept_ten_thousand_kilometres_from_the_origin() {
+        let origin = DVec3::new(1.0e7, 0.0, -1.0e7);
+        let placement = Placement::at(origin + DVec3::new(0.01, 0.0, 0.0));
+        let placed = Placed::new(&placement, Anchor::Point(origin)).unwrap().unwrap();
+        assert_eq!(placed.translation(Vec3::ZERO), Vec3::new(0.01, 0.0, 0.0));
+    }
+
+    #[test]
+    fn with_sectors_the_limit_counts_from_zero() {
+        let placed = |x| Placed::new(&Placement::at(DVec3::NEG_Y * x), Anchor::Sector);
+        let at_limit = placed(MAX_DISTANCE).unwrap().unwrap();
+        assert_eq!(at_limit.translation(Vec3::ZERO), Vec3::NEG_Y * MAX_DISTANCE as f32);
+        assert!(matches!(placed(MAX_DISTANCE.next_up()), Err(PlacementError::TooFarFromZero { .. })));
+        assert!(matches!(placed(f64::INFINITY), Err(PlacementError::NotFinite { .. })));
+    }
+}

@@ -1,0 +1,133 @@
+//! Keys of trees, instances, directional lights and regions, and their conversion to and from
+//! `u64`.
+
+pub(crate) mod linked_lists;
+
+use slotmap::{Key, KeyData, new_key_type};
+
+new_key_type! {
+    /// Identifies a light tree of a [`LightWorld`](crate::LightWorld).
+    ///
+    /// The key of a removed tree is *stale*: calls refuse it. A key repeats only after its slot has
+    /// been reused 2³¹ times.
+    ///
+    /// # As a number
+    /// A key converts to a `u64` and back, for engines that keep handles in C or in files of one
+    /// session. The number is never 0. A number that belongs to no key is refused like a stale
+    /// key, so a forged number does no harm. A number that equals that of a live key identifies the
+    /// same object as the key.
+    ///
+    /// ```
+    /// use girandole::{LightWorld, TreeKey};
+    /// let mut world = LightWorld::new();
+    /// let key = world.add_tree(Vec::new())?;
+    /// let handle = u64::from(key);
+    /// assert_eq!(TreeKey::from(handle), key);
+    /// assert!(world.tree(TreeKey::from(0)).is_none());
+    /// # Ok::<(), girandole::WorldError>(())
+    /// ```
+    pub struct TreeKey;
+
+    /// Identifies an instance of a tree. Becomes stale and converts to a number as [`TreeKey`]
+    /// does.
+    pub struct InstanceKey;
+
+    /// Identifies a directional light of a world. Becomes stale and converts to a number as
+    /// [`TreeKey`] does.
+    pub struct DirectionalKey;
+
+    /// Identifies a region of a world. Becomes stale and converts to a number as [`TreeKey`] does.
+    pub struct RegionKey;
+}
+
+macro_rules! convert_to_and_from_u64 {
+    ($($key:ident),*) => {$(
+        impl From<$key> for u64 {
+            fn from(key: $key) -> Self {
+                key.data().as_ffi()
+            }
+        }
+
+        impl From<u64> for $key {
+            fn from(number: u64) -> Self {
+                key_data(number).into()
+            }
+        }
+    )*};
+}
+
+convert_to_and_from_u64!(TreeKey, InstanceKey, DirectionalKey, RegionKey);
+
+/// The inverse of [`KeyData::as_ffi`]; the null key, which is never live, for a number that no key
+/// has.
+///
+/// The high word holds the slot's version, which is odd while the slot is in use.
+/// [`KeyData::from_ffi`] would make an even one odd, so that a bare slot number named the first
+/// occupant of that slot.
+fn key_data(number: u64) -> KeyData {
+    let is_of_a_key = (number >> 32) & 1 == 1;
+    if is_of_a_key { KeyData::from_ffi(number) } else { KeyData::default() }
+}
+
+/// The slot number of a key: small, dense, and reused by a later key once this one is removed.
+pub(crate) fn slot_of(key: impl Key) -> u32 {
+    (key.data().as_ffi() & 0xffff_ffff) as u32
+}
+
+/// A number that differs between the instances that a slot holds one after the other: at least 1 and
+/// below 2²⁴. It repeats after 2²⁴ - 1 of them.
+pub(crate) fn generation_of(key: impl Key) -> u32 {
+    let version = (key.data().as_ffi() >> 32) as u32;
+    (version >> 1) % 0xff_ffff + 1
+}
+
+#[cfg(test)]
+mod tests {
+    use slotmap::SlotMap;
+
+    use super::*;
+
+    #[test]
+    fn a_key_becomes_a_number_and_back() {
+        let mut map = SlotMap::<InstanceKey, ()>::with_key();
+        for _ in 0..100 {
+            let (kept, removed) = (map.insert(()), map.insert(()));
+            map.remove(removed);
+            for key in [kept, removed] {
+                let number = u64::from(key);
+                assert_ne!(number, 0);
+                assert_eq!(number as u32, slot_of(key));
+                assert_eq!(InstanceKey::from(number), key);
+            }
+        }
+        assert_eq!(TreeKey::from(u64::from(TreeKey::null())), TreeKey::null());
+    }
+
+    #[test]
+    fn the_instances_of_a_slot_have_different_generations() {
+        let mut map = SlotMap::<InstanceKey, ()>::with_key();
+        let mut generations = Vec::new();
+        for _ in 0..100 {
+            let key = map.insert(());
+            assert_eq!(slot_of(key), 1);
+            generations.push(generation_of(key));
+            map.remove(key);
+        }
+        assert!(generations.iter().eq(&(1..=100).collect::<Vec<_>>()), "{generations:?}");
+        let last = InstanceKey::from(u64::from(u32::MAX) << 32 | 1);
+        assert!((1..1 << 24).contains(&generation_of(last)));
+    }
+
+    #[test]
+    fn a_number_that_no_key_has_names_nothing() {
+        let mut map = SlotMap::<DirectionalKey, ()>::with_key();
+        let key = map.insert(());
+        let slot = u64::from(slot_of(key));
+        assert!(map.contains_key(DirectionalKey::from(u64::from(key))));
+        for forged in [0, slot, slot | 2 << 32, slot | 3 << 32, u64::from(key) + 1, u64::MAX, 1 << 32] {
+            assert!(!map.contains_key(DirectionalKey::from(forged)), "{forged:#x}");
+        }
+        map.remove(key);
+        assert!(!map.contains_key(DirectionalKey::from(u64::from(key))), "stale");
+    }
+}

@@ -1,0 +1,367 @@
+//! The cut through the trees that a light is chosen from: the clusters near the shading point are
+//! split, so that one larger choice is made among all candidates that are left.
+//!
+//! Twin of `shaders/cut.wgsl`. Based on CK18 5 (adaptive tree splitting). Differs: one light is
+//! chosen among all candidates together, instead of one light for each; and the number of splits is
+//! bounded, and with it the time. Bottom-level trees and the top level are split alike, and a
+//! split continues from a leaf of the top level into the instance's tree.
+
+use crate::instance::part::SINGLE;
+use crate::sampling::counts::{MAX_SPLITS, SplitCount};
+use crate::shading::importance::{
+    ChildImportances, LocalShadingPoint, UNRESOLVED_DOUBT, child_importances, resolved_sum, running_sums,
+    scale_unresolved, unresolved_scale, unresolved_sum,
+};
+use crate::shading::shading_point::ShadingPoint;
+use crate::tree::{ChildRef, Lanes, Node, WIDTH};
+
+/// A candidate is split only while its doubt is more than this share of the importance of all
+/// candidates.
+pub(crate) const MIN_DOUBT: f32 = 0.002;
+
+/// [`TreeView::instance`] of the top level, and of a tree that is sampled by itself.
+pub(crate) const NO_INSTANCE: u32 = u32::MAX;
+
+/// The nodes of a tree, and the shading point in their space.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TreeView<'a> {
+    pub nodes: &'a [Node],
+    pub local: LocalShadingPoint<'a>,
+    /// The slot of the instance whose tree this is, or [`NO_INSTANCE`].
+    pub instance: u32,
+}
+
+impl<'a> TreeView<'a> {
+    /// A tree that is sampled by itself, in its own space.
+    pub fn of_tree(nodes: &'a [Node], shading_point: &ShadingPoint) -> Self {
+        Self { nodes, local: LocalShadingPoint::of(shading_point), instance: NO_INSTANCE }
+    }
+
+    /// Whether this is a top level, whose leaves are parts of instances.
+    #[inline(always)]
+    pub fn is_top(&self) -> bool {
+        self.local.light_bit == SINGLE
+    }
+}
+
+/// Finds the trees of the parts of instances that are the leaves of a top level.
+pub(crate) trait InstanceTrees<'a> {
+    /// The tree below a leaf of the top level, and where in it a walk goes on. `None` if there is
+    /// no such leaf, or if the tree has no nodes.
+    fn tree_view(&self, leaf: u32) -> Option<(TreeView<'a>, ChildRef)>;
+
+    /// The learnt visible share of each child of a node, in (0, 1]; `None` if nothing is learnt
+    /// here. Shares multiply importances in the cut, and nowhere below it: so all that reads
+    /// weights from the cut stays exact.
+    #[inline(always)]
+    fn visible_shares(&self, _tree: &TreeView<'a>, _node: &Node) -> Option<Lanes> {
+        None
+    }
+
+    /// Sets the importances of those children to 0 which no light is below that reaches the shading
+    /// point by its mask.
+    #[inline(always)]
+    fn hide_masked(&self, _tree: &TreeView<'a>, _node: u32, _importance: &mut Lanes) {}
+}
+
+/// The importances of the children of a node, which is in `tree`. 0 where masks hide all lights.
+///
+/// All choices are made by these, in the cut and below it, so masked lights are never drawn.
+#[inline(always)]
+pub(crate) fn seen_importances<'a>(
+    tree: &TreeView<'a>,
+    node: u32,
+    record: &Node,
+    instance_trees: &impl InstanceTrees<'a>,
+) -> ChildImportances {
+    let mut children = child_importances(record, &tree.local);
+    instance_trees.hide_masked(tree, node, &mut children.importance);
+    children
+}
+
+/// Serves a tree whose leaves are lights.
+pub(crate) struct NoInstances;
+
+impl<'a> InstanceTrees<'a> for NoInstances {
+    fn tree_view(&self, _: u32) -> Option<(TreeView<'a>, ChildRef)> {
+        None
+    }
+}
+
+/// The nodes whose children may be candidates: the root and one node for each split.
+const MAX_NODES: usize = MAX_SPLITS + 1;
+
+/// The bits of a key that name a slot.
+const SLOT_BITS: u32 = WIDTH as u32 - 1;
+
+/// The bits of a key that are no bits of a doubt: a shader names one child of all candidates there.
+const CHILD_BITS: u32 = (MAX_NODES * WIDTH) as u32 - 1;
+
+/// The candidates of a shading point: the children of the nodes that were split.
+///
+/// The cut depends on the shading point and on the directional lights, and on no random number, so
+/// the probability of any light can be computed later. It has one array per property, which keeps
+/// the data in registers.
+pub(crate) struct Cut<'a> {
+    /// The trees of the split nodes, the root's first.
+    trees: [Option<TreeView<'a>>; MAX_NODES],
+    tree_count: usize,
+    /// The number of split nodes.
+    node_count: usize,
+    /// For each split node the index of its tree in `trees`.
+    tree_of: [usize; MAX_NODES],
+    nodes: [u32; MAX_NODES],
+    /// The importance of each child; 0 for a child that was split itself. After the last split the
+    /// weights: no importance is negative then, and unresolved ones are limited.
+    weights: [Lanes; MAX_NODES],
+    /// How much light the estimate of a child may be wrong by: the importance times the relative
+    /// doubt. 0 for what cannot be split.
+    doubts: [Lanes; MAX_NODES],
+    has_unresolved: bool,
+    /// The sums of the weights, without unresolved children until the last split.
+    totals: [f32; MAX_NODES],
+    /// The greatest doubt of each node. The bits of a positive float order as integers do. The last
+    /// bits hold 7 less the slot, so the maximum of eight keys takes three steps and finds the
+    /// first of equal doubts.
+    keys: [u32; MAX_NODES],
+    /// The sum of all weights: the estimated illuminance by all candidates, in lux.
+    total: f32,
+}
+
+impl<'a> Cut<'a> {
+    /// Splits the root and then, up to `splits` times, the candidate with the greatest doubt.
+    ///
+    /// `directional_lux` is the illuminance by directional lights, which are chosen beside the
+    /// candidates.
+    #[inline(always)]
+    pub fn new(
+        root: TreeView<'a>,
+        splits: SplitCount,
+        directional_lux: f32,
+        instance_trees: &impl InstanceTrees<'a>,
+    ) -> Self {
+        let mut cut = Cut {
+            trees: [const { None }; MAX_NODES],
+            tree_count: 0,
+            node_count: 0,
+            tree_of: [0; MAX_NODES],
+            nodes: [0; MAX_NODES],
+            weights: [[0.0; WIDTH]; MAX_NODES],
+            doubts: [[0.0; WIDTH]; MAX_NODES],
+            has_unresolved: false,
+            totals: [0.0; MAX_NODES],
+            keys: [0; MAX_NODES],
+            total: 0.0,
+        };
+        let mut next = (cut.add_tree(root), 0);
+        loop {
+            let (tree, node) = next;
+            if cut.add_children(tree, node, instance_trees).is_none() || cut.node_count > splits.get() {
+                break;
+            }
+            let Some((index, slot)) = cut.most_doubtful() else { break };
+            next = match cut.child(index, slot) {
+                Some(ChildRef::Node(node)) => (cut.tree_of[index], node),
+                Some(ChildRef::Leaf(leaf)) => match instance_trees.tree_view(leaf) {
+                    Some((tree, ChildRef::Node(node))) => (cut.add_tree(tree), node),
+                    // The doubt about a single light is 0.
+                    _ => break,
+                },
+                None => break,
+            };
+            cut.remove(index, slot);
+        }
+        if cut.has_unresolved {
+            let count = cut.node_count;
+            limit_unresolved(&mut cut.weights[..count], &mut cut.totals[..count], cut.total + directional_lux);
+            cut.add_totals();
+        }
+        cut
+    }
+
+    /// The sum of all weights: the estimated illuminance by all candidates, in lux.
+    pub fn total(&self) -> f32 {
+        self.total
+    }
+
+    /// The candidate at a point of the line from 0 to the sum of all weights; `None` if there are
+    /// no candidates.
+    #[inline(always)]
+    pub fn choose(&self, point: f32) -> Option<Choice<'a>> {
+        if self.total <= 0.0 {
+            return None;
+        }
+        let mut before = 0.0;
+        let mut chosen = (0, 0.0);
+        for (index, total) in self.totals[..self.node_count].iter().enumerate() {
+            // If rounding lets the point pass all of them, the last with a weight is chosen.
+            if *total > 0.0 && point >= before {
+                chosen = (index, before);
+            }
+            before += total;
+        }
+        let (index, before) = chosen;
+        let weights = &self.weights[index];
+        let (slot, offset) = choose_lane(weights, &running_sums(weights), point - before);
+        Some(Choice { tree: *self.tree(index)?, child: self.child(index, slot)?, weight: weights[slot], offset })
+    }
+
+    /// Every candidate with a weight. None where all are proved dark.
+    #[inline(always)]
+    pub fn candidates(&self) -> impl Iterator<Item = (&TreeView<'a>, ChildRef, f32)> {
+        (0..self.node_count).flat_map(move |index| {
+            (0..WIDTH).filter_map(move |slot| {
+                let weight = self.weights[index][slot];
+                let tree = self.tree(index).filter(|_| weight > 0.0)?;
+                Some((tree, self.child(index, slot)?, weight))
+            })
+        })
+    }
+
+    /// The weight of a node's child; `None` if the node was not split.
+    #[inline(always)]
+    pub fn weight(&self, tree: &TreeView, node: u32, slot: usize) -> Option<f32> {
+        let is_node = |i: &usize| self.nodes[*i] == node && self.tree(*i).is_some_and(|t| t.instance == tree.instance);
+        (0..self.node_count).find(is_node).map(|index| self.weights[index][slot])
+    }
+
+    fn tree(&self, index: usize) -> Option<&TreeView<'a>> {
+        self.trees[self.tree_of[index]].as_ref()
+    }
+
+    fn child(&self, index: usize, slot: usize) -> Option<ChildRef> {
+        self.tree(index)?.nodes[self.nodes[index] as usize].child(slot)
+    }
+
+    /// Adds a tree. It may be here already, if another part of the same instance was split before.
+    #[inline(always)]
+    fn add_tree(&mut self, tree: TreeView<'a>) -> usize {
+        self.trees[self.tree_count] = Some(tree);
+        self.tree_count += 1;
+        self.tree_count - 1
+    }
+
+    /// Makes a node's children candidates. `None` and no change if there is no such node.
+    #[inline(always)]
+    fn add_children(&mut self, tree: usize, node: u32, instance_trees: &impl InstanceTrees<'a>) -> Option<()> {
+        let view = self.trees[tree].as_ref()?;
+        let TreeView { nodes, local, .. } = view;
+        let record = nodes.get(node as usize)?;
+        let mut children = seen_importances(view, node, record, instance_trees);
+        if let Some(shares) = instance_trees.visible_shares(view, record) {
+            for i in 0..WIDTH {
+                children.importance[i] *= shares[i];
+            }
+        }
+        let ChildImportances { importance, doubt } = children;
+        let index = self.node_count;
+        for i in 0..WIDTH {
+            self.doubts[index][i] = importance[i] * doubt[i];
+        }
+        if children.has_unresolved() {
+            self.has_unresolved = true;
+            doubt_unresolved(&mut self.doubts[index], &importance, &record.children, local.light_bit);
+        }
+        self.weights[index] = importance;
+        self.tree_of[index] = tree;
+        self.nodes[index] = node;
+        self.node_count += 1;
+        self.sum_up(index);
+        Some(())
+    }
+
+    /// Removes a candidate, whose own children replace it.
+    #[inline(always)]
+    fn remove(&mut self, index: usize, slot: usize) {
+        self.weights[index][slot] = 0.0;
+        self.doubts[index][slot] = 0.0;
+        self.sum_up(index);
+    }
+
+    /// Brings the sums and the greatest doubt up to date with a node's children.
+    #[inline(always)]
+    fn sum_up(&mut self, index: usize) {
+        // One huge unresolved importance would make the doubts about all others look small.
+        self.totals[index] = resolved_sum(&self.weights[index]);
+        let mut max_key = 0;
+        for slot in 0..WIDTH {
+            let key = (self.doubts[index][slot].to_bits() & !CHILD_BITS) | (SLOT_BITS - slot as u32);
+            max_key = if key > max_key { key } else { max_key };
+        }
+        self.keys[index] = max_key;
+        self.add_totals();
+    }
+
+    #[inline(always)]
+    fn add_totals(&mut self) {
+        self.total = 0.0;
+        for total in &self.totals[..self.node_count] {
+            self.total += total;
+        }
+    }
+
+    /// The candidate with the greatest doubt, the first of equals, as node and slot; `None` if no
+    /// split is worth its time.
+    #[inline(always)]
+    fn most_doubtful(&self) -> Option<(usize, usize)> {
+        let (mut index, mut max_key) = (0, self.keys[0]);
+        for (other, key) in self.keys[..self.node_count].iter().enumerate() {
+            // Slots of different nodes are not compared.
+            if *key & !CHILD_BITS > max_key & !CHILD_BITS {
+                (index, max_key) = (other, *key);
+            }
+        }
+        let is_worth = f32::from_bits(max_key & !CHILD_BITS) > MIN_DOUBT * self.total;
+        is_worth.then_some((index, (SLOT_BITS - (max_key & SLOT_BITS)) as usize))
+    }
+}
+
+/// Makes the doubts about a node's unresolved children the greatest. Takes only what it needs: a
+/// reference to the whole cut would keep its scalars out of registers.
+#[cold]
+fn doubt_unresolved(doubts: &mut Lanes, importance: &Lanes, children: &[u32; WIDTH], light_bit: u32) {
+    for slot in 0..WIDTH {
+        if importance[slot] < 0.0 {
+            let is_light = children[slot] & light_bit != 0;
+            doubts[slot] = if is_light { 0.0 } else { -importance[slot] * UNRESOLVED_DOUBT };
+        }
+    }
+}
+
+/// Limits the weights of all unresolved candidates together to the weight of the `others`: resolved
+/// candidates and directional lights. Adds them to the totals of their nodes.
+#[cold]
+fn limit_unresolved(weights: &mut [Lanes], totals: &mut [f32], others: f32) {
+    let unresolved = weights.iter().map(unresolved_sum).sum();
+    let scale = unresolved_scale(others, unresolved);
+    for (weights, total) in weights.iter_mut().zip(totals) {
+        *weights = scale_unresolved(weights, scale);
+        *total = running_sums(weights)[WIDTH - 1];
+    }
+}
+
+/// A candidate of a cut that was chosen.
+pub(crate) struct Choice<'a> {
+    pub tree: TreeView<'a>,
+    pub child: ChildRef,
+    /// Part of the sum of all weights.
+    pub weight: f32,
+    /// How far the point lies inside the candidate's part of the line.
+    pub offset: f32,
+}
+
+/// The lane at a point of the line from 0 to the sum of all lanes, and how far the point lies
+/// inside the lane's part. `sums` are the running sums of the weights.
+#[inline(always)]
+pub(crate) fn choose_lane(weights: &Lanes, sums: &Lanes, point: f32) -> (usize, f32) {
+    let mut slot = 0;
+    for sum in &sums[..WIDTH - 1] {
+        slot += usize::from(*sum <= point);
+    }
+    // The rounding of the sums may let the point fall between two lanes, on one without a weight.
+    if weights[slot] <= 0.0 {
+        let has_weight = |slot: &usize| weights[*slot] > 0.0;
+        slot = (0..slot).rev().find(has_weight).or_else(|| (slot..WIDTH).find(has_weight)).unwrap_or(slot);
+    }
+    (slot, point - (sums[slot] - weights[slot]))
+}

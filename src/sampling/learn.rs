@@ -1,0 +1,47 @@
+//! Records what a shadow ray found, for learnt visibility.
+
+use glam::Mat3;
+
+use crate::sampling::sample::{LightId, LightSampler};
+use crate::sampling::walk::LeafPath;
+use crate::shading::shading_point::ShadingPoint;
+use crate::tree::WIDTH;
+use crate::visibility::bin_of_child;
+
+impl LightSampler<'_> {
+    /// Records whether a light that was sampled is visible from a shading point: whether a shadow
+    /// ray to the chosen point on the light met nothing.
+    ///
+    /// Goes to the table that the sampler was made [`with`](Self::with_visibility), and changes
+    /// what that returns from its next [`end_frame`](crate::VisibilityTable::end_frame) on. Without
+    /// a table, for directional lights and for lights that do not exist, nothing is recorded.
+    /// Record all samples, or a random part of them: a share is the visible part of what is
+    /// recorded. Any threads may call this at once; additions to shared counters are all that they
+    /// contend for.
+    ///
+    /// The cost is one node for each level above the light, about a fifth of a sample.
+    pub fn record_visibility(&self, shading_point: &ShadingPoint, light: LightId, is_visible: bool) {
+        let Some((table, grid)) = &self.visibility else { return };
+        let LightId::Local { instance, light } = light else { return };
+        let Some(mut path) = self.leaf_path(instance, light, shading_point) else { return };
+        let cell = grid.cell(shading_point);
+        let Some(row) = table.row_or_claim(&cell) else { return };
+        let mut to_world = self.world_of(&path.tree);
+        let mut last = None;
+        // Each cluster that holds the light may be a member of the cut.
+        while path.enter_top() {
+            let LeafPath { tree, place, top, .. } = &path;
+            if top.is_none() {
+                to_world = Mat3::IDENTITY;
+            }
+            let (node, slot) = (&tree.nodes[*place as usize / WIDTH], *place as usize % WIDTH);
+            let bin = bin_of_child(node, slot, tree.local.position, &to_world, &cell, grid.edge);
+            // A sample counts once in a group that holds a cluster and its parent.
+            if last != Some(bin) {
+                table.count(row, bin, is_visible);
+            }
+            last = Some(bin);
+            path.place = node.parent;
+        }
+    }
+}

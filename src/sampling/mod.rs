@@ -1,0 +1,14 @@
+//! How a light is chosen for a shading point, with its probability, and then a point on the light.
+
+pub(crate) mod along;
+pub(crate) mod counts;
+pub(crate) mod cut;
+mod distribution;
+pub(crate) mod emit;
+pub(crate) mod equiangular;
+mod learn;
+mod pdf;
+pub(crate) mod quality;
+pub(crate) mod resample;
+pub(crate) mod sample;
+mod walk;

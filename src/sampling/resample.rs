@@ -1,0 +1,296 @@
+//! Resampling: chooses one of several candidates in proportion to its unshadowed light or to a
+//! function of the caller, with a weight that keeps the estimate unbiased.
+//!
+//! Twin of `shaders/resample.wgsl`, `shaders/resample_loop.wgsl` and `shaders/resample_by.wgsl`.
+//! Source: Talbot, Cline and Egbert, Importance Resampling for Global Illumination (2005); the
+//! weight W as in Bitterli et al., Spatiotemporal Reservoir Resampling (2020). Differs: all
+//! candidates come from one cut, each is drawn from its own stratum (docs/math.md says why that is
+//! unbiased), and one number chooses among them after all are weighed. Choosing in one pass, with
+//! the number rescaled after each decision, had 3 to 5 % more error (docs/decisions.md, 20).
+
+use crate::light::luminance;
+use crate::math::dice::{U_STEP, clamp_unit};
+use crate::math::simd::{Job, with_vectors};
+use crate::sampling::counts::{CandidateCount, MAX_CANDIDATES, SplitCount};
+use crate::sampling::cut::{Cut, InstanceTrees, TreeView};
+use crate::sampling::emit::MIN_PDF;
+use crate::sampling::sample::{LightSample, LightSampler, with_instance_trees};
+use crate::sampling::walk::{Outcome, draw};
+use crate::shading::importance::LocalShadingPoint;
+use crate::shading::shading_point::ShadingPoint;
+
+/// The steps from one candidate's second, third and fourth random number to the next candidate's,
+/// in 2^-32. They are the powers of 1 / 1.2207440846, where 1.2207440846 is the root of x^4 = x +
+/// 1, and spread points evenly in three dimensions (Roberts, The Unreasonable Effectiveness of
+/// Quasirandom Sequences, 2018).
+pub(crate) const LATTICE: [u32; 3] = [3_518_319_155, 2_882_110_345, 2_360_945_575];
+
+/// Weights of candidates are clamped to [`MIN_WEIGHT`, `MAX_WEIGHT`], so that their sum stays
+/// inside f32. Which weights are used changes the noise only, never the mean.
+pub(crate) const MIN_WEIGHT: f32 = 1.0e-30;
+/// See [`MIN_WEIGHT`].
+pub(crate) const MAX_WEIGHT: f32 = 1.0e30;
+
+/// The largest W. Only a candidate whose share of the weights is below 2^-24 and whose density is
+/// tiny has one; infinity would become NaN where it is multiplied by a BRDF of 0.
+pub(crate) const MAX_RESERVOIR_WEIGHT: f32 = f32::MAX;
+
+/// The candidate that [`LightSampler::resample`] kept, and its weight.
+///
+/// `brdf * cosine * chosen.incident.radiance * weight` estimates the light that arrives from all
+/// lights, if the point is not in shadow: `weight` replaces `1 / (pmf * pdf)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reservoir {
+    /// The candidate that was kept, with its own `pmf` and `pdf`.
+    pub chosen: LightSample,
+    /// The W of ReSTIR, in steradians for surfaces and without unit for lights without size. It is
+    /// unbiased, and `1 / (pmf * pdf)` for a single candidate.
+    pub weight: f32,
+}
+
+impl LightSampler<'_> {
+    /// Draws several candidates and chooses one of them in proportion to its unshadowed light: the
+    /// luminance of `radiance * cosine / (pmf * pdf)`. One shadow ray then has the noise of many
+    /// where little is shadowed.
+    ///
+    /// The first four numbers of `u` are as for [`LightSampler::sample`], which this equals for one
+    /// candidate. The fifth chooses among the candidates: it is uniform in [0, 1) too. Numbers that
+    /// are evenly distributed over the samples of a pixel give less noise than a hash. `None` if no
+    /// candidate sends anything to the shading point: count that as black.
+    ///
+    /// Clusters are split once for all candidates. Each candidate costs a walk down the trees and a
+    /// point on a light. No memory is allocated.
+    pub fn resample(&self, shading_point: &ShadingPoint, u: [f32; 5], candidates: CandidateCount) -> Option<Reservoir> {
+        self.keep_one(shading_point, u, candidates, |sample| illuminance_weight(shading_point, sample))
+    }
+
+    /// Does the same as [`LightSampler::resample`], but chooses in proportion to
+    /// `target / (pmf * pdf)`, where the function `target` is the caller's.
+    ///
+    /// The best target is the light that the candidate would reflect without shadows: the luminance
+    /// of `brdf * cosine * radiance`. The library divides it by `pmf * pdf`.
+    ///
+    /// A target that is NaN or below [`f32::MIN_POSITIVE`] means that the candidate is not wanted.
+    /// It is never kept, but counts as a candidate. The estimate is unbiased if the target is
+    /// positive wherever the integrand is: a candidate that is not wanted must reflect nothing.
+    /// Beyond that the target changes the noise only. Its scale has no effect while
+    /// `target / (pmf * pdf)` is within 1e-30 and 1e30, to which it is clamped; infinity counts as
+    /// the upper end. `None` if no candidate is wanted: count that as black.
+    ///
+    /// `target` is called once for each candidate that sends light to the shading point.
+    ///
+    /// ```
+    /// use girandole::glam::Vec3;
+    /// use girandole::light::luminance;
+    /// use girandole::{CandidateCount, Light, LightWorld, Placement, Policy, ShadingPoint};
+    ///
+    /// let mut world = LightWorld::new();
+    /// let lamps = (0..9).map(|i| Light::point(Vec3::new(i as f32, 3.0, 0.0), Vec3::splat(100.0)));
+    /// let tree = world.add_tree(lamps.collect())?;
+    /// world.add_instance(tree, Placement::IDENTITY, Policy::Static)?;
+    ///
+    /// let ground = ShadingPoint::surface(Vec3::ZERO, Vec3::Y);
+    /// let mirrored = Vec3::new(0.8, 0.6, 0.0); // the view direction, reflected at the ground
+    /// let brdf = |direction: Vec3| 0.1 + direction.dot(mirrored).max(0.0).powi(50);
+    /// let reflected = |incident: &girandole::Incident| {
+    ///     incident.radiance * brdf(incident.direction) * incident.direction.dot(ground.normal)
+    /// };
+    /// let kept = world.sampler().resample_by(&ground, [0.1, 0.2, 0.3, 0.4, 0.5], CandidateCount::of::<8>(), |sample| {
+    ///     luminance(reflected(&sample.incident))
+    /// });
+    /// let kept = kept.expect("lamps are in sight");
+    /// let estimate = reflected(&kept.chosen.incident) * kept.weight; // after one shadow ray
+    /// assert!(estimate.x > 0.0);
+    /// # Ok::<(), girandole::WorldError>(())
+    /// ```
+    pub fn resample_by(
+        &self,
+        shading_point: &ShadingPoint,
+        u: [f32; 5],
+        candidates: CandidateCount,
+        mut target: impl FnMut(&LightSample) -> f32,
+    ) -> Option<Reservoir> {
+        self.keep_one(shading_point, u, candidates, |sample| target_weight(target(sample), sample))
+    }
+
+    /// `weight` returns 0 for candidates that are not wanted.
+    fn keep_one(
+        &self,
+        shading_point: &ShadingPoint,
+        [a, b, x, y, choice]: [f32; 5],
+        candidates: CandidateCount,
+        mut weight: impl FnMut(&LightSample) -> f32,
+    ) -> Option<Reservoir> {
+        let u = [a, b, x, y];
+        let count = candidates.get();
+        let (root, splits) = (self.root(shading_point), self.splits);
+        let directional_lux = self.directional_lux(shading_point);
+        let outcomes = with_instance_trees!(self, shading_point, |instance_trees| {
+            with_vectors(DrawManyJob { root, splits, directional_lux, u, count, instance_trees })
+        });
+        let mut samples = [const { None }; MAX_CANDIDATES as usize];
+        let mut weights = [0.0; MAX_CANDIDATES as usize];
+        for (i, outcome) in (0..count).zip(outcomes) {
+            let [.., x, y] = candidate_numbers(u, i, count);
+            let pick = self.picked(shading_point, outcome);
+            samples[i as usize] = pick.and_then(|pick| self.sample_picked(shading_point, pick, [x, y]));
+            weights[i as usize] = samples[i as usize].as_ref().map_or(0.0, &mut weight);
+        }
+        let total = weights.iter().sum();
+        let kept = kept_candidate(&weights[..count as usize], total, choice)?;
+        let (chosen, weight) = (samples[kept]?, weights[kept]);
+        let density = (chosen.pmf * chosen.incident.pdf).max(MIN_PDF);
+        Some(Reservoir { chosen, weight: (total / (count as f32 * weight) / density).min(MAX_RESERVOIR_WEIGHT) })
+    }
+}
+
+/// The unshadowed illuminance by a candidate in lux, times the reflectance of a glossy surface and
+/// divided by its probability density.
+#[allow(clippy::manual_clamp, reason = "not the same for NaN, which becomes the least")]
+fn illuminance_weight(shading_point: &ShadingPoint, sample: &LightSample) -> f32 {
+    let is_volume = shading_point.normal == glam::Vec3::ZERO;
+    let cosine = if is_volume { 1.0 } else { shading_point.normal.dot(sample.incident.direction) };
+    let lux = luminance(sample.incident.radiance) * cosine;
+    let lux = match LocalShadingPoint::gloss_of(shading_point) {
+        Some(gloss) if lux > 0.0 => lux * gloss.toward(sample.incident.direction, cosine),
+        _ => lux,
+    };
+    (lux / sample.incident.pdf / sample.pmf).max(MIN_WEIGHT).min(MAX_WEIGHT)
+}
+
+/// The target of a candidate divided by its probability density; 0 if the candidate is not wanted.
+fn target_weight(target: f32, sample: &LightSample) -> f32 {
+    let weight = (target / sample.incident.pdf / sample.pmf).clamp(MIN_WEIGHT, MAX_WEIGHT);
+    // GPUs may flush subnormal numbers to 0. NaN is not above anything.
+    if target >= f32::MIN_POSITIVE { weight } else { 0.0 }
+}
+
+/// The candidate that `choice` in [0, 1) keeps: the one at `choice * total` on the line on which
+/// the weights lie one after the other. `None` if all weights are 0. `total` is their sum.
+///
+/// The number stands for an interval of 2^-24: at 0, the middle of that interval decides. Otherwise
+/// a first candidate with a tiny share would be kept far too often, with a huge weight.
+fn kept_candidate(weights: &[f32], total: f32, choice: f32) -> Option<usize> {
+    let point = clamp_unit(choice).max(0.5 * U_STEP) * total;
+    let mut kept = None;
+    let mut before = 0.0;
+    for (i, weight) in weights.iter().enumerate() {
+        if *weight > 0.0 && point >= before {
+            kept = Some(i);
+        }
+        before += weight;
+    }
+    kept
+}
+
+/// The random numbers of candidate `i`: the first lies in the candidate's stratum of [0, 1), the
+/// others are shifted along a lattice.
+///
+/// It uses integers and sums only, so that GPUs compute the same bits: the numbers that choose a
+/// light are hashed later.
+pub(crate) fn candidate_numbers(u: [f32; 4], i: u32, count: u32) -> [f32; 4] {
+    if count == 1 {
+        return u;
+    }
+    let fixed_point = (clamp_unit(u[0]) / U_STEP) as u32;
+    let first = ((i << 24) + fixed_point) / count;
+    let shifted = |which: usize| {
+        let sum = clamp_unit(u[which + 1]) + (i.wrapping_mul(LATTICE[which]) >> 8) as f32 * U_STEP;
+        if sum >= 1.0 { sum - 1.0 } else { sum }
+    };
+    [first as f32 * U_STEP, shifted(0), shifted(1), shifted(2)]
+}
+
+/// Draws several lights from one cut; the first `count` entries of the output are filled in.
+struct DrawManyJob<'a, 't, T> {
+    root: TreeView<'a>,
+    splits: SplitCount,
+    /// The illuminance by all directional lights.
+    directional_lux: f32,
+    u: [f32; 4],
+    count: u32,
+    instance_trees: &'t T,
+}
+
+impl<'a, T: InstanceTrees<'a>> Job for DrawManyJob<'a, '_, T> {
+    type Output = [Outcome; MAX_CANDIDATES as usize];
+
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        let Self { root, splits, directional_lux, u, count, instance_trees } = self;
+        let cut = Cut::new(root, splits, directional_lux, instance_trees);
+        let mut outcomes = [Outcome::Nothing; MAX_CANDIDATES as usize];
+        for (i, outcome) in (0..count).zip(&mut outcomes) {
+            let [a, b, ..] = candidate_numbers(u, i, count);
+            *outcome = draw(&cut, directional_lux, [a, b], instance_trees);
+        }
+        outcomes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn first_numbers_lie_in_their_strata_and_the_others_spread_over_the_unit_cube() {
+        for count in [2, 3, 7, MAX_CANDIDATES] {
+            for u in [[0.0; 4], [0.999_999_94; 4], [0.5, 0.1, 0.7, 0.3]] {
+                let mut seen = Vec::new();
+                for i in 0..count {
+                    let all = candidate_numbers(u, i, count);
+                    assert!(all.iter().all(|x| (0.0..1.0).contains(x)), "{all:?}");
+                    // Strata end between 24-bit numbers, unless the count is a power of two.
+                    let within = all[0] * count as f32 - i as f32;
+                    assert!((-1.0e-5..1.0).contains(&within), "{all:?}");
+                    // The gaps of such a lattice are more than 0.2 of an even spacing.
+                    assert!(seen.iter().all(|x: &f32| (x - all[1]).abs() > 0.2 / count as f32));
+                    seen.push(all[1]);
+                }
+            }
+        }
+        let nan = candidate_numbers([f32::NAN, -1.0, f32::INFINITY, 2.0], 3, 5);
+        assert!(nan.iter().all(|x| (0.0..1.0).contains(x)), "{nan:?}");
+    }
+
+    #[test]
+    fn numbers_that_choose_are_divided_in_proportion_to_the_weights_and_in_their_order() {
+        let rows: [&[f32]; 5] =
+            [&[1.0], &[0.0, 2.0, 0.0, 1.0, 0.0], &[1.0; 32], &[1.0e-30, 1.0, 0.0, 3.0], &[1.0e30, 1.0e-30, 1.0e30]];
+        let steps = 1 << 16;
+        for weights in rows {
+            let total: f32 = weights.iter().sum();
+            let mut counts = vec![0; weights.len()];
+            let mut last = 0;
+            for step in 0..steps {
+                let kept = kept_candidate(weights, total, step as f32 / steps as f32).expect("one is positive");
+                assert!(kept >= last, "{weights:?}");
+                counts[kept] += 1;
+                last = kept;
+            }
+            for (weight, count) in weights.iter().zip(counts) {
+                // A step on each side, and nothing for a weight of 0.
+                let expected = f64::from(*weight) / f64::from(total) * f64::from(steps);
+                assert!((f64::from(count) - expected).abs() <= 1.0, "{weights:?}: {count} {expected}");
+                assert!(*weight > 0.0 || count == 0, "{weights:?}");
+            }
+        }
+        assert_eq!(kept_candidate(&[0.0; 4], 0.0, 0.5), None);
+        assert_eq!(kept_candidate(&[], 0.0, 0.5), None);
+    }
+
+    #[test]
+    fn the_ends_of_the_unit_interval_choose_candidates_that_weigh_something() {
+        let weights = [0.0, 1.0e-30, 5.0, 0.7, 0.0];
+        let total = weights.iter().sum();
+        for (choice, kept) in [(0.0, 2), (-1.0, 2), (f32::NAN, 2), (0.999_999_94, 3), (1.0, 3), (f32::INFINITY, 3)] {
+            assert_eq!(kept_candidate(&weights, total, choice), Some(kept), "{choice}");
+        }
+    }
+
+    #[test]
+    fn one_candidate_keeps_the_numbers_it_was_given() {
+        let u = [0.123_456_79, 1.0e-9, 0.999_999_94, 0.0];
+        assert_eq!(candidate_numbers(u, 0, 1), u);
+    }
+}

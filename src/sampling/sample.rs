@@ -1,0 +1,606 @@
+//! Sampling and probabilities on the CPU: the top level, then the tree of one instance, and
+//! directional lights beside them.
+//!
+//! Twin of `shaders/sample.wgsl`.
+
+use std::fmt;
+
+use glam::Mat3;
+
+use crate::instance::part::{Part, SINGLE};
+use crate::keys::{DirectionalKey, InstanceKey, slot_of};
+use crate::light::{DirectionalLight, luminance};
+use crate::math::dice::{choice_pmf, clamp_unit, hashed_unit};
+use crate::math::simd::with_vectors;
+use crate::sampling::counts::SplitCount;
+use crate::sampling::cut::{InstanceTrees, NO_INSTANCE, NoInstances, TreeView};
+use crate::sampling::distribution::DistributionJob;
+use crate::sampling::emit::{Incident, MIN_INVERSE_PDF, MIN_PDF, sample_light};
+use crate::sampling::equiangular::Stretch;
+use crate::sampling::walk::{DrawJob, LeafPath, Outcome, PmfJob, PmfQuery, TopPath, TreeLight};
+use crate::shading::importance::LocalShadingPoint;
+use crate::shading::segment::LocalSegment;
+use crate::shading::shading_point::ShadingPoint;
+use crate::top::TopLevel;
+use crate::tree::{ChildRef, Lanes, LightTree, NO_LEAF, Node, WIDTH};
+use crate::visibility::{CellGrid, LearntCell, VisibilityTable};
+use crate::world::LightWorld;
+
+/// The name of a light that can be sampled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum LightId {
+    /// A light of an instance's tree.
+    Local {
+        /// The instance.
+        instance: InstanceKey,
+        /// The light's index in the tree.
+        light: u32,
+    },
+    /// A directional light of the world.
+    Directional(DirectionalKey),
+}
+
+/// A light that [`LightSampler::pick`] chose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightPick {
+    /// The light.
+    pub light: LightId,
+    /// The probability of this choice, in (0, 1].
+    pub pmf: f32,
+}
+
+/// A light and a point on it that [`LightSampler::sample`] chose.
+///
+/// `brdf * cosine * incident.radiance / (pmf * incident.pdf)` estimates the light that arrives from
+/// all lights, if the point is not in shadow. For a segment,
+/// `phase * incident.radiance / (pmf * incident.pdf)` estimates the integral of what arrives over
+/// the segment, where the phase function and any factor of the medium are those at
+/// [`Incident::along`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightSample {
+    /// The light.
+    pub light: LightId,
+    /// The probability of the light, in (0, 1].
+    pub pmf: f32,
+    /// The light that arrives from the point, and the density of the point's direction.
+    pub incident: Incident,
+    /// The user data of the light's instance ([`LightWorld::set_user_data`]); 0 for a directional
+    /// light.
+    pub user_data: u32,
+}
+
+/// Chooses lights of a [`LightWorld`] on the CPU, in proportion to the light that each of them
+/// probably sends to a shading point.
+///
+/// [`LightWorld::sampler`] makes one. It borrows the world as it is, is `Copy`, and any number of
+/// threads may share it.
+///
+/// | method | returns |
+/// |---|---|
+/// | [`sample`](Self::sample) | a light, a point on it, and what arrives from there |
+/// | [`pick`](Self::pick) | a light and its probability |
+/// | [`pmf`](Self::pmf) | the probability of a given light |
+/// | [`pdf`](Self::pdf) | the density of a point that a ray hit, for multiple importance sampling |
+/// | [`resample`](Self::resample) | the best of several samples, weighted |
+/// | [`resample_by`](Self::resample_by) | the same, by a function of the caller |
+/// | [`distribution`](Self::distribution) | the probabilities of all lights |
+///
+/// A light that sends anything to the shading point, unshadowed, has a probability above 0. The
+/// probabilities of all lights and the probability of "no light" add up to 1, to rounding.
+///
+/// ```
+/// use girandole::glam::{DVec3, Vec3};
+/// use girandole::{Light, LightWorld, Placement, Policy, ShadingPoint};
+///
+/// let mut world = LightWorld::new();
+/// let lamp = world.add_tree(vec![Light::point(Vec3::new(0.0, 6.0, 0.0), Vec3::splat(800.0))])?;
+/// for x in [0.0, 10.0, 20.0] {
+///     world.add_instance(lamp, Placement::at(DVec3::new(x, 0.0, 0.0)), Policy::Budgeted)?;
+/// }
+/// let sampler = world.sampler();
+/// let ground = ShadingPoint::surface(Vec3::new(1.0, 0.0, 1.0), Vec3::Y);
+///
+/// // The mean of many samples is the illuminance by all lamps.
+/// let mut lux = 0.0;
+/// for i in 0..1000 {
+///     let u = [(i as f32 + 0.5) / 1000.0, 0.5, 0.5, 0.5];
+///     if let Some(sample) = sampler.sample(&ground, u) {
+///         let cosine = sample.incident.direction.dot(ground.normal);
+///         lux += sample.incident.radiance.x * cosine / (sample.pmf * sample.incident.pdf) / 1000.0;
+///     }
+/// }
+/// let exact: f32 = sampler.all_lights().filter_map(|light| sampler.sample_light(&ground, light, [0.5, 0.5]))
+///     .map(|incident| incident.radiance.x * incident.direction.dot(ground.normal))
+///     .sum();
+/// assert!((lux / exact - 1.0).abs() < 0.01);
+/// # Ok::<(), girandole::WorldError>(())
+/// ```
+#[derive(Clone, Copy)]
+pub struct LightSampler<'a> {
+    pub(crate) world: &'a LightWorld,
+    pub(crate) top: &'a TopLevel,
+    pub(crate) splits: SplitCount,
+    /// What is learnt, and its cells relative to the world's origin.
+    pub(crate) visibility: Option<(&'a VisibilityTable, CellGrid)>,
+}
+
+impl fmt::Debug for LightSampler<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (instances, splits) = (self.world.instances().count(), self.splits);
+        f.debug_struct("LightSampler").field("instances", &instances).field("splits", &splits).finish_non_exhaustive()
+    }
+}
+
+/// The trees of a sampler's instances as seen from a shading point.
+#[derive(Clone, Copy)]
+pub(crate) struct WorldTrees<'a, 's> {
+    sampler: &'s LightSampler<'a>,
+    shading_point: &'s ShadingPoint,
+}
+
+/// The same, where something is learnt. A type of its own, because one branch for each node would
+/// cost all samplers 1.6 % more instructions.
+pub(crate) struct LearntWorldTrees<'a, 's> {
+    trees: WorldTrees<'a, 's>,
+    learnt: LearntCell<'a>,
+}
+
+/// The same, where masks hide some lights, and whatever is learnt. A type of its own for the same
+/// reason.
+pub(crate) struct MaskedWorldTrees<'a, 's> {
+    trees: WorldTrees<'a, 's>,
+    learnt: Option<LearntCell<'a>>,
+    /// [`TopLevel::masks`].
+    masks: &'a [[u32; WIDTH]],
+}
+
+impl<'a> InstanceTrees<'a> for WorldTrees<'a, '_> {
+    fn tree_view(&self, leaf: u32) -> Option<(TreeView<'a>, ChildRef)> {
+        let sampler = self.sampler;
+        let Part { slot, entry } = sampler.top.part(leaf)?;
+        let (_, tree) = sampler.tree_view(sampler.world.instance_at(slot)?, self.shading_point)?;
+        (!tree.nodes.is_empty()).then_some((tree, entry))
+    }
+}
+
+impl<'a, 's> WorldTrees<'a, 's> {
+    /// The same with what is learnt about the cell of the shading point.
+    pub fn with(self, learnt: LearntCell<'a>) -> LearntWorldTrees<'a, 's> {
+        LearntWorldTrees { trees: self, learnt }
+    }
+
+    /// The same with the masks of the top level.
+    pub fn with_masks(self, masks: &'a [[u32; WIDTH]], learnt: Option<LearntCell<'a>>) -> MaskedWorldTrees<'a, 's> {
+        MaskedWorldTrees { trees: self, learnt, masks }
+    }
+}
+
+impl<'a> InstanceTrees<'a> for LearntWorldTrees<'a, '_> {
+    fn tree_view(&self, leaf: u32) -> Option<(TreeView<'a>, ChildRef)> {
+        self.trees.tree_view(leaf)
+    }
+
+    #[inline(always)]
+    fn visible_shares(&self, tree: &TreeView<'a>, node: &Node) -> Option<Lanes> {
+        Some(self.learnt.shares(node, tree.local.position, &self.trees.sampler.world_of(tree)))
+    }
+}
+
+impl<'a> InstanceTrees<'a> for MaskedWorldTrees<'a, '_> {
+    fn tree_view(&self, leaf: u32) -> Option<(TreeView<'a>, ChildRef)> {
+        self.trees.tree_view(leaf)
+    }
+
+    #[inline(always)]
+    fn visible_shares(&self, tree: &TreeView<'a>, node: &Node) -> Option<Lanes> {
+        let learnt = self.learnt.as_ref()?;
+        Some(learnt.shares(node, tree.local.position, &self.trees.sampler.world_of(tree)))
+    }
+
+    #[inline(always)]
+    fn hide_masked(&self, tree: &TreeView<'a>, node: u32, importance: &mut Lanes) {
+        // Below the top level all lights have the mask of one instance.
+        if tree.is_top() {
+            let mask = self.trees.shading_point.mask;
+            let masks = self.masks.get(node as usize).unwrap_or(&[u32::MAX; WIDTH]);
+            for slot in 0..WIDTH {
+                importance[slot] = if masks[slot] & mask == 0 { 0.0 } else { importance[slot] };
+            }
+        }
+    }
+}
+
+/// Evaluates an expression with a reference to the trees around a shading point, whatever is learnt
+/// there and whether masks hide lights.
+macro_rules! with_instance_trees {
+    ($sampler:expr, $shading_point:expr, |$trees:ident| $run:expr) => {{
+        let trees = $sampler.world_trees($shading_point);
+        match ($sampler.masks($shading_point), $sampler.learnt($shading_point)) {
+            (Some(masks), learnt) => {
+                let $trees = &trees.with_masks(masks, learnt);
+                $run
+            }
+            (None, Some(learnt)) => {
+                let $trees = &trees.with(learnt);
+                $run
+            }
+            (None, None) => {
+                let $trees = &trees;
+                $run
+            }
+        }
+    }};
+}
+pub(crate) use with_instance_trees;
+
+impl LightWorld {
+    /// Returns a sampler of the world as it is now, with lights as of the last
+    /// [`LightWorld::update`].
+    ///
+    /// The first call after a change builds the top level, which takes O(n log n) in parts;
+    /// later calls cost nothing. Engines that sample on the GPU only never pay for it.
+    ///
+    /// Any thread may call this, also inside a rayon job. Threads that make the first call at once
+    /// may each build the top level; to build it once, call this before the parallel loop.
+    pub fn sampler(&self) -> LightSampler<'_> {
+        LightSampler { world: self, top: self.top_level(), splits: SplitCount::DEFAULT, visibility: None }
+    }
+}
+
+impl<'a> LightSampler<'a> {
+    /// Chooses a light and a point on it. Call it once per sample and trace one shadow ray to the
+    /// result.
+    ///
+    /// The four numbers of `u` are uniform in [0, 1), random or of a low-discrepancy sequence: two
+    /// choose the light, two the point. Numbers outside are clamped, and NaN counts as 0.
+    ///
+    /// `None` if no light can reach the shading point, or if the chosen point sends nothing to it.
+    /// Both are ordinary: count the sample as black. The cost is that of [`LightSampler::pick`].
+    pub fn sample(&self, shading_point: &ShadingPoint, u: [f32; 4]) -> Option<LightSample> {
+        self.sample_picked(shading_point, self.pick(shading_point, [u[0], u[1]])?, [u[2], u[3]])
+    }
+
+    /// Chooses a point on a light that was picked.
+    pub(crate) fn sample_picked(
+        &self,
+        shading_point: &ShadingPoint,
+        pick: LightPick,
+        u: [f32; 2],
+    ) -> Option<LightSample> {
+        let LightPick { light, pmf } = pick;
+        let incident = self.sample_light(shading_point, light, u)?;
+        let user_data = match light {
+            LightId::Local { instance, .. } => self.world.user_data(instance).unwrap_or(0),
+            LightId::Directional(_) => 0,
+        };
+        Some(LightSample { light, pmf, incident, user_data })
+    }
+
+    /// Returns the same sampler with another number of splits; [`LightWorld::sampler`] has
+    /// [`SplitCount::DEFAULT`].
+    ///
+    /// A split replaces a cluster of lights near the shading point by its children before a light
+    /// is chosen. More splits lower the noise near lights, and each of them takes the time of one
+    /// node. The probabilities of lights depend on the number: call all methods with the same one
+    /// for one estimate.
+    pub fn with_splits(self, splits: SplitCount) -> Self {
+        Self { splits, ..self }
+    }
+
+    /// Returns the same sampler with learnt visibility: lights that shadow rays did not reach from
+    /// the neighbourhood of a shading point are chosen less often, down to a tenth as often.
+    ///
+    /// All methods use it, with exact probabilities: call them with the same table for one
+    /// estimate. Where the table knows nothing, they return the same bits as without it. A sample
+    /// takes about 1.3 times as long (docs/benchmarks.md). [`VisibilityTable`] says when to use it.
+    pub fn with_visibility(self, table: &'a VisibilityTable) -> Self {
+        Self { visibility: Some((table, table.grid(self.world.origin()))), ..self }
+    }
+
+    /// The same sampler over another top level of the same world.
+    #[cfg(test)]
+    pub(crate) fn with_top(self, top: &'a TopLevel) -> Self {
+        Self { top, ..self }
+    }
+
+    /// Chooses a light, without a point on it. `u` is as the first two numbers of
+    /// [`LightSampler::sample`].
+    ///
+    /// `None` if no light can reach the shading point. The cost is one node for each split and for
+    /// each level below the clusters, whatever the number of lights: about a microsecond. Source:
+    /// CK18 5; `cut.rs` names the differences.
+    pub fn pick(&self, shading_point: &ShadingPoint, u: [f32; 2]) -> Option<LightPick> {
+        let (root, splits) = (self.root(shading_point), self.splits);
+        let directional_lux = self.directional_lux(shading_point);
+        let outcome = with_instance_trees!(self, shading_point, |instance_trees| {
+            with_vectors(DrawJob { root, splits, directional_lux, u, instance_trees })
+        });
+        self.picked(shading_point, outcome)
+    }
+
+    /// The pick that the result of a draw stands for.
+    pub(crate) fn picked(&self, shading_point: &ShadingPoint, outcome: Outcome) -> Option<LightPick> {
+        match outcome {
+            Outcome::Light(TreeLight { instance, light, pmf }) => {
+                Some(LightPick { light: LightId::Local { instance: self.world.instance_at(instance)?, light }, pmf })
+            }
+            Outcome::Directional { offset, total } => self.pick_directional(shading_point, offset, total),
+            Outcome::Nothing => None,
+        }
+    }
+
+    /// Returns the probability with which [`LightSampler::pick`] and [`LightSampler::sample`]
+    /// choose a light.
+    ///
+    /// It is in [0, 1], and agrees with the `pmf` that they return up to rounding. 0 for a light
+    /// that is dark, that cannot reach the shading point, or that does not exist. The cost is that
+    /// of [`LightSampler::pick`].
+    pub fn pmf(&self, shading_point: &ShadingPoint, light: LightId) -> f32 {
+        let root = self.root(shading_point);
+        let query = match light {
+            LightId::Directional(key) => match self.world.directional(key) {
+                Some(light) => PmfQuery::Directional(illuminance(light, shading_point)),
+                None => return 0.0,
+            },
+            LightId::Local { instance, light } => match self.leaf_path(instance, light, shading_point) {
+                Some(path) => PmfQuery::Light(path),
+                None => return 0.0,
+            },
+        };
+        let (splits, directional_lux) = (self.splits, self.directional_lux(shading_point));
+        with_instance_trees!(self, shading_point, |instance_trees| {
+            with_vectors(PmfJob { root, splits, directional_lux, query, instance_trees })
+        })
+    }
+
+    /// Chooses a point on a given light. `u` is as the last two numbers of
+    /// [`LightSampler::sample`].
+    ///
+    /// `None` if the point sends nothing to the shading point, or if the light does not exist.
+    ///
+    /// For a segment this is a point of the light as seen from a point of the segment: see
+    /// [`Incident::along`]. The first number chooses the point of the segment as
+    /// [`LightSampler::sample_along`] does; the second, and a hash of both, the point on the light.
+    pub fn sample_light(&self, shading_point: &ShadingPoint, light: LightId, u: [f32; 2]) -> Option<Incident> {
+        match LocalSegment::of(shading_point) {
+            None => self.sample_light_from(shading_point, light, u),
+            Some(segment) => self.sample_light_along(shading_point, &segment, light, u),
+        }
+    }
+
+    fn sample_light_along(
+        &self,
+        shading_point: &ShadingPoint,
+        segment: &LocalSegment,
+        light: LightId,
+        u: [f32; 2],
+    ) -> Option<Incident> {
+        let (along, pdf) = self.stretch(shading_point, segment, light)?.sample(clamp_unit(u[0]));
+        let from = ShadingPoint::volume(shading_point.position + segment.unit * (along - segment.half));
+        let from = from.with_mask(shading_point.mask);
+        let incident = self.sample_light_from(&from, light, [u[1], hashed_unit(u)])?;
+        let pdf = (incident.pdf * pdf).clamp(MIN_PDF, 1.0 / MIN_INVERSE_PDF);
+        Some(Incident { along, pdf, ..incident })
+    }
+
+    /// The part of a segment that a light may reach; `None` if there is none.
+    pub(crate) fn stretch(
+        &self,
+        shading_point: &ShadingPoint,
+        segment: &LocalSegment,
+        light: LightId,
+    ) -> Option<Stretch> {
+        match light {
+            LightId::Directional(key) => self.world.directional(key).map(|_| Stretch::uniform(segment)),
+            LightId::Local { instance, light } => {
+                let placed = self.world.instance(instance)?;
+                let light = self.world.tree(placed.tree)?.lights().get(light as usize)?;
+                Stretch::of(light, &placed.shown()?.frame(self.world.home()), shading_point, segment)
+            }
+        }
+    }
+
+    /// [`LightSampler::sample_light`] for a point.
+    fn sample_light_from(&self, shading_point: &ShadingPoint, light: LightId, u: [f32; 2]) -> Option<Incident> {
+        match light {
+            LightId::Directional(key) => {
+                let light = self.world.directional(key)?;
+                (illuminance(light, shading_point) > 0.0).then(|| Incident {
+                    direction: -light.direction.normalize(),
+                    dist: f32::INFINITY,
+                    radiance: light.illuminance,
+                    pdf: 1.0,
+                    is_delta: true,
+                    along: 0.0,
+                })
+            }
+            LightId::Local { instance, light } => {
+                let placed = self.world.instance(instance)?;
+                (placed.appearance.mask & shading_point.mask != 0).then_some(())?;
+                let light = self.world.tree(placed.tree)?.lights().get(light as usize)?;
+                let by_solid_angle = self.world.solid_angle_sampling();
+                let frame = &placed.shown()?.frame(self.world.home());
+                // Two calls, so that what is returned without a factor is not copied.
+                if !placed.appearance.has_factor() {
+                    return sample_light(light, frame, shading_point, by_solid_angle, u);
+                }
+                let incident = sample_light(light, frame, shading_point, by_solid_angle, u)?;
+                Some(Incident { radiance: placed.appearance.arriving(incident.radiance)?, ..incident })
+            }
+        }
+    }
+
+    /// Iterates over every light that can be sampled: those of all instances, then the directional
+    /// lights. The indices of removed lights are among them, until they are used again.
+    pub fn all_lights(&self) -> impl Iterator<Item = LightId> + use<'a> {
+        let world = self.world;
+        let local = world.instances().flat_map(move |instance| {
+            let lights = world.instance(instance).and_then(|i| world.tree(i.tree)).map_or(0, |t| t.lights().len());
+            (0..lights as u32).map(move |light| LightId::Local { instance, light })
+        });
+        local.chain(world.directionals().map(|(key, _)| LightId::Directional(key)))
+    }
+
+    /// The nodes of the top level, the tree over all instances, for tools that draw or measure trees.
+    /// The root is the first one; without instances it has no children. Boxes are in world space,
+    /// relative to [`LightWorld::origin`]. [`LightSampler::top_leaf`] tells what a leaf stands for.
+    ///
+    /// On a GPU the top level is built there, by the same steps; its nodes may differ by rounding.
+    pub fn top_nodes(&self) -> &'a [Node] {
+        &self.world.top_level().nodes
+    }
+
+    /// What a leaf of the top level stands for: an instance, and the node or the light of the
+    /// instance's tree at which the choice goes on. That node is the root unless the tree is divided
+    /// among several leaves. `leaf` is that of [`ChildRef::Leaf`] in [`LightSampler::top_nodes`]. `None`
+    /// for any other number.
+    pub fn top_leaf(&self, leaf: u32) -> Option<(InstanceKey, ChildRef)> {
+        let part = self.world.top_level().part(leaf)?;
+        Some((self.world.instance_at(part.slot)?, part.entry))
+    }
+
+    /// Computes the probability of every light, in the order of [`LightSampler::all_lights`]: what
+    /// [`LightSampler::pmf`] returns for each, up to rounding.
+    ///
+    /// Replaces the content of `pmfs`. Their sum is 1 less the probability of "no light"; all are 0
+    /// where no light can be chosen. O(lights of all instances), though clusters that are proved
+    /// dark cost only their zeros. Allocates eight bytes per slot besides `pmfs`.
+    pub fn distribution(&self, shading_point: &ShadingPoint, pmfs: &mut Vec<f32>) {
+        let world = self.world;
+        let mut starts = vec![0; world.slot_count()];
+        let mut lights = 0;
+        for key in world.instances() {
+            starts[slot_of(key) as usize] = lights;
+            lights += world.instance(key).and_then(|i| world.tree(i.tree)).map_or(0, |tree| tree.lights().len());
+        }
+        pmfs.clear();
+        pmfs.resize(lights, 0.0);
+        let (root, directional_lux) = (self.root(shading_point), self.directional_lux(shading_point));
+        let (splits, starts) = (self.splits, &starts);
+        let total = with_instance_trees!(self, shading_point, |instance_trees| {
+            with_vectors(DistributionJob { root, splits, directional_lux, instance_trees, starts, pmfs })
+        });
+        pmfs.extend(world.directionals().map(|(_, light)| {
+            let lux = illuminance(light, shading_point);
+            if total > 0.0 { choice_pmf(lux, total) } else { 0.0 }
+        }));
+    }
+
+    /// The illuminance by all directional lights, in lux.
+    pub(crate) fn directional_lux(&self, shading_point: &ShadingPoint) -> f32 {
+        self.world.directionals().map(|(_, light)| illuminance(light, shading_point)).sum()
+    }
+
+    /// The trees of all instances as seen from a shading point.
+    pub(crate) fn world_trees<'s>(&'s self, shading_point: &'s ShadingPoint) -> WorldTrees<'a, 's> {
+        WorldTrees { sampler: self, shading_point }
+    }
+
+    /// The masks of the top level; `None` if no mask hides anything from a shading point.
+    pub(crate) fn masks(&self, shading_point: &ShadingPoint) -> Option<&'a [[u32; WIDTH]]> {
+        let masks = &self.top.masks;
+        (!masks.is_empty() || shading_point.mask == 0).then_some(masks)
+    }
+
+    /// What is learnt about the cell of a shading point.
+    pub(crate) fn learnt(&self, shading_point: &ShadingPoint) -> Option<LearntCell<'a>> {
+        let (table, grid) = self.visibility.as_ref()?;
+        table.cell(&grid.cell(shading_point))
+    }
+
+    /// The linear part of the map from the space of a tree to the world.
+    pub(crate) fn world_of(&self, tree: &TreeView<'_>) -> Mat3 {
+        let instance = self.world.instance_at(tree.instance).and_then(|key| self.world.instance(key));
+        instance.and_then(|instance| instance.shown()).map_or(Mat3::IDENTITY, |placed| placed.linear.linear)
+    }
+
+    /// The top level.
+    pub(crate) fn root(&self, shading_point: &ShadingPoint) -> TreeView<'a> {
+        let local = LocalShadingPoint { light_bit: SINGLE, ..LocalShadingPoint::of(shading_point) };
+        TreeView { nodes: &self.top.nodes, local, instance: NO_INSTANCE }
+    }
+
+    /// The way up from a light of an instance; `None` if there is no such light.
+    pub(crate) fn leaf_path(
+        &self,
+        instance: InstanceKey,
+        light: u32,
+        shading_point: &ShadingPoint,
+    ) -> Option<LeafPath<'a>> {
+        let (lights, tree) = self.tree_view(instance, shading_point)?;
+        let place = *lights.leaves().get(light as usize).filter(|place| **place != NO_LEAF)?;
+        let tree_key = self.world.instance(instance)?.tree;
+        let top = TopPath {
+            tree: self.root(shading_point),
+            places: self.top.places(slot_of(instance)),
+            division: self.world.division(tree_key),
+            sections: self.world.sections(tree_key),
+        };
+        Some(LeafPath { tree, light, place, top: Some(top) })
+    }
+
+    /// The directional light at a point of the line from 0 to the illuminance by all of them.
+    /// `total` includes the trees.
+    fn pick_directional(&self, shading_point: &ShadingPoint, point: f32, total: f32) -> Option<LightPick> {
+        let mut chosen = None;
+        let mut before = 0.0;
+        for (key, light) in self.world.directionals() {
+            let lux = illuminance(light, shading_point);
+            if lux > 0.0 && point >= before {
+                chosen = Some(LightPick { light: LightId::Directional(key), pmf: choice_pmf(lux, total) });
+            }
+            before += lux;
+        }
+        chosen
+    }
+
+    pub(crate) fn tree_view(
+        &self,
+        key: InstanceKey,
+        shading_point: &ShadingPoint,
+    ) -> Option<(&'a LightTree, TreeView<'a>)> {
+        let instance = self.world.instance(key)?;
+        let tree = self.world.tree(instance.tree)?;
+        let (home, brightness) = (self.world.home(), instance.appearance.brightness());
+        let local = instance.shown()?.local_shading_point(shading_point, home, brightness);
+        Some((tree, TreeView { nodes: tree.nodes(), local, instance: slot_of(key) }))
+    }
+}
+
+/// What a directional light is chosen by: its illuminance at a shading point, as luminance in lux,
+/// times the reflectance of a glossy surface.
+#[allow(clippy::manual_clamp, reason = "not the same for NaN")]
+pub(crate) fn illuminance(light: &DirectionalLight, shading_point: &ShadingPoint) -> f32 {
+    let toward = -light.direction.normalize();
+    let cosine = if shading_point.normal == glam::Vec3::ZERO { 1.0 } else { shading_point.normal.dot(toward) };
+    // At most 1, whatever the length of the normal is, and 0 for NaN.
+    let lux = luminance(light.illuminance) * cosine.max(0.0).min(1.0);
+    match LocalShadingPoint::gloss_of(shading_point) {
+        Some(gloss) if lux > 0.0 => lux * gloss.toward(toward, cosine),
+        _ => lux,
+    }
+}
+
+impl LightTree {
+    /// Chooses a light of this tree alone: returns its index and its probability.
+    ///
+    /// The shading point is in the tree's space. `u` and the result are as for
+    /// [`LightSampler::pick`], `splits` as for [`LightSampler::with_splits`].
+    pub fn pick(&self, shading_point: &ShadingPoint, u: [f32; 2], splits: SplitCount) -> Option<(u32, f32)> {
+        let root = TreeView::of_tree(self.nodes(), shading_point);
+        let job = DrawJob { root, splits, directional_lux: 0.0, u, instance_trees: &NoInstances };
+        match with_vectors(job) {
+            Outcome::Light(TreeLight { light, pmf, .. }) => Some((light, pmf)),
+            Outcome::Directional { .. } | Outcome::Nothing => None,
+        }
+    }
+
+    /// Returns the probability with which [`LightTree::pick`] chooses a light; 0 for an index that
+    /// the tree does not have and for that of a removed light.
+    pub fn pmf(&self, shading_point: &ShadingPoint, light: u32, splits: SplitCount) -> f32 {
+        let Some(place) = self.leaves().get(light as usize).filter(|place| **place != NO_LEAF) else { return 0.0 };
+        let root = TreeView::of_tree(self.nodes(), shading_point);
+        let query = PmfQuery::Light(LeafPath { tree: root, light, place: *place, top: None });
+        with_vectors(PmfJob { root, splits, directional_lux: 0.0, query, instance_trees: &NoInstances })
+    }
+}

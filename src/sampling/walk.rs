@@ -1,0 +1,230 @@
+//! Draws a light: chooses a candidate of the cut and descends from it to a leaf. Computes the
+//! probability of a light on the way up.
+//!
+//! Twin of `shaders/walk.wgsl`. No trail of the way down is recorded: the nodes know their parents,
+//! so the depth of trees has no cap.
+
+use crate::instance::part::Division;
+use crate::math::dice::{Dice, choice_pmf, joint_pmf};
+use crate::math::simd::Job;
+use crate::sampling::counts::SplitCount;
+use crate::sampling::cut::{Choice, Cut, InstanceTrees, NO_INSTANCE, TreeView, choose_lane, seen_importances};
+use crate::shading::importance::running_sums;
+use crate::tree::{ChildRef, NO_PARENT, Section, WIDTH};
+
+/// A light of a tree and the probability of its choice.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct TreeLight {
+    /// See [`TreeView::instance`].
+    pub instance: u32,
+    pub light: u32,
+    pub pmf: f32,
+}
+
+/// The result of a draw.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Outcome {
+    Light(TreeLight),
+    /// The directional light `offset` lux into the illuminance by all of them. `total` includes the
+    /// trees.
+    Directional {
+        offset: f32,
+        total: f32,
+    },
+    /// Bounds prove that no light arrives.
+    Nothing,
+}
+
+/// Draws a light of a cut, or a directional light; those bring `directional_lux` together.
+#[inline(always)]
+pub(crate) fn draw<'a>(
+    cut: &Cut<'a>,
+    directional_lux: f32,
+    u: [f32; 2],
+    instance_trees: &impl InstanceTrees<'a>,
+) -> Outcome {
+    let total = cut.total() + directional_lux;
+    if total <= 0.0 {
+        return Outcome::Nothing;
+    }
+    let (mut outer, inner) = (Dice::new(u[0], u[1]), Dice::new(u[1], u[0]));
+    let mut pmf = 1.0;
+    if directional_lux > 0.0 {
+        let point = outer.point(total);
+        if point >= cut.total() {
+            return Outcome::Directional { offset: point - cut.total(), total };
+        }
+        pmf = choice_pmf(cut.total(), total);
+        outer.remap(point / total, pmf);
+    }
+    match descend(cut, outer, inner, instance_trees) {
+        Some(light) => Outcome::Light(TreeLight { pmf: joint_pmf(pmf, light.pmf), ..light }),
+        None => Outcome::Nothing,
+    }
+}
+
+/// Chooses a light. The numbers of `outer` decide in the root's tree, those of `inner` in the tree
+/// of an instance. `None` if everything below a node is proved dark.
+#[inline(always)]
+fn descend<'a>(
+    cut: &Cut<'a>,
+    mut outer: Dice,
+    mut inner: Dice,
+    instance_trees: &impl InstanceTrees<'a>,
+) -> Option<TreeLight> {
+    let Choice { mut tree, mut child, weight, offset } = cut.choose(outer.point(cut.total()))?;
+    let mut pmf = choice_pmf(weight, cut.total());
+    outer.remap(offset / cut.total(), pmf);
+    loop {
+        let node = match child {
+            ChildRef::Leaf(leaf) if tree.is_top() => {
+                (tree, child) = instance_trees.tree_view(leaf)?;
+                match child {
+                    ChildRef::Node(node) => node,
+                    ChildRef::Leaf(light) => return Some(TreeLight { instance: tree.instance, light, pmf }),
+                }
+            }
+            ChildRef::Leaf(light) => return Some(TreeLight { instance: tree.instance, light, pmf }),
+            ChildRef::Node(node) => node,
+        };
+        let dice = if tree.instance == NO_INSTANCE { &mut outer } else { &mut inner };
+        let record = tree.nodes.get(node as usize)?;
+        let weights = seen_importances(&tree, node, record, instance_trees).weights();
+        let sums = running_sums(&weights);
+        let total = sums[WIDTH - 1];
+        if total <= 0.0 {
+            return None;
+        }
+        let (slot, offset) = choose_lane(&weights, &sums, dice.point(total));
+        let child_pmf = choice_pmf(weights[slot], total);
+        pmf = joint_pmf(pmf, child_pmf);
+        dice.remap(offset / total, child_pmf);
+        child = record.child(slot)?;
+    }
+}
+
+/// The way from the leaf of a light to a root.
+#[derive(Clone, Copy)]
+pub(crate) struct LeafPath<'a> {
+    pub tree: TreeView<'a>,
+    pub light: u32,
+    /// The place of the leaf in the tree: `node * WIDTH + slot`.
+    pub place: u32,
+    /// How it goes on above the tree, if there is a top level.
+    pub top: Option<TopPath<'a>>,
+}
+
+/// The way from a tree to the top level.
+#[derive(Clone, Copy)]
+pub(crate) struct TopPath<'a> {
+    pub tree: TreeView<'a>,
+    /// The places of the leaves that are the parts of the instance.
+    pub places: &'a [u32],
+    pub division: Division,
+    /// The sections of the tree, if it is divided into them.
+    pub sections: &'a [Section],
+}
+
+impl<'a> LeafPath<'a> {
+    /// Enters the top level if the next node on the way is above the instance's parts. Returns
+    /// false if the way ends here.
+    #[inline(always)]
+    pub fn enter_top(&mut self) -> bool {
+        let part = match (self.place, &self.top) {
+            (NO_PARENT, _) => 0,
+            (place, Some(top)) if top.division == Division::Sides && place < WIDTH as u32 => place as usize,
+            (place, Some(TopPath { division: Division::Sections(_), sections, .. })) => {
+                match sections.binary_search_by_key(&place, |section| section.place) {
+                    Ok(part) => part,
+                    Err(_) => return true,
+                }
+            }
+            (_, Some(top)) if top.division == Division::Lights => self.light as usize,
+            _ => return true,
+        };
+        let Some(TopPath { tree, places, .. }) = self.top.take() else { return false };
+        let Some(place) = places.get(part) else { return false };
+        (self.tree, self.place) = (tree, *place);
+        // A dark part has no leaf.
+        *place != NO_PARENT
+    }
+}
+
+/// The probability that [`descend`] ends at a leaf.
+#[inline(always)]
+fn climb<'a>(cut: &Cut<'a>, leaf: &LeafPath<'a>, instance_trees: &impl InstanceTrees<'a>) -> f32 {
+    let mut path = *leaf;
+    let mut pmf = 1.0;
+    while path.enter_top() {
+        let LeafPath { tree, place, .. } = &path;
+        let (node, slot) = (place / WIDTH as u32, *place as usize % WIDTH);
+        if let Some(weight) = cut.weight(tree, node, slot) {
+            return joint_pmf(pmf, choice_pmf(weight, cut.total()));
+        }
+        let record = &tree.nodes[node as usize];
+        let weights = seen_importances(tree, node, record, instance_trees).weights();
+        pmf = joint_pmf(pmf, choice_pmf(weights[slot], running_sums(&weights)[WIDTH - 1]));
+        if pmf <= 0.0 {
+            return 0.0;
+        }
+        path.place = record.parent;
+    }
+    0.0
+}
+
+/// Draws one light.
+pub(crate) struct DrawJob<'a, 't, T> {
+    pub root: TreeView<'a>,
+    pub splits: SplitCount,
+    /// The illuminance by all directional lights.
+    pub directional_lux: f32,
+    pub u: [f32; 2],
+    pub instance_trees: &'t T,
+}
+
+impl<'a, T: InstanceTrees<'a>> Job for DrawJob<'a, '_, T> {
+    type Output = Outcome;
+
+    #[inline(always)]
+    fn run(self) -> Outcome {
+        let Self { root, splits, directional_lux, u, instance_trees } = self;
+        draw(&Cut::new(root, splits, directional_lux, instance_trees), directional_lux, u, instance_trees)
+    }
+}
+
+/// A light whose probability is computed.
+#[allow(clippy::large_enum_variant, reason = "one exists at a time, on the stack")]
+pub(crate) enum PmfQuery<'a> {
+    Light(LeafPath<'a>),
+    /// A directional light that brings so many lux.
+    Directional(f32),
+}
+
+/// Computes the probability that a [`DrawJob`] chooses a light.
+pub(crate) struct PmfJob<'a, 't, T> {
+    pub root: TreeView<'a>,
+    pub splits: SplitCount,
+    /// The illuminance by all directional lights.
+    pub directional_lux: f32,
+    pub query: PmfQuery<'a>,
+    pub instance_trees: &'t T,
+}
+
+impl<'a, T: InstanceTrees<'a>> Job for PmfJob<'a, '_, T> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn run(self) -> f32 {
+        let Self { root, splits, directional_lux, query, instance_trees } = self;
+        let cut = Cut::new(root, splits, directional_lux, instance_trees);
+        let total = cut.total() + directional_lux;
+        match query {
+            _ if total <= 0.0 => 0.0,
+            PmfQuery::Light(leaf) => {
+                let pmf = if directional_lux > 0.0 { choice_pmf(cut.total(), total) } else { 1.0 };
+                joint_pmf(pmf, climb(&cut, &leaf, instance_trees))
+            }
+            PmfQuery::Directional(lux) => choice_pmf(lux, total),
+        }
+    }
+}

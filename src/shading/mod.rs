@@ -1,0 +1,6 @@
+//! Shading points, and how much light each cluster is estimated to send there.
+
+pub(crate) mod gloss;
+pub(crate) mod importance;
+pub(crate) mod segment;
+pub(crate) mod shading_point;
