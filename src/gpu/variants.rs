@@ -1,10 +1,10 @@
 //! Tests that any variant of the shaders reads any layout of the buffers and samples the same
 //! lights, as long as both serve the effects of the world.
 
-use std::collections::BTreeMap;
+use std::collections::HashMap;
 use std::mem::offset_of;
 use std::ops::Range;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, LazyLock, Mutex};
 
 use glam::{DVec3, Mat3, Quat, Vec3};
 
@@ -119,9 +119,10 @@ fn requests() -> Vec<SampleRequest> {
 
 /// The pipeline for these effects, compiled once for all tests.
 fn pipeline(lights: &GpuLights, variant: Effects) -> wgpu::ComputePipeline {
-    static PIPELINES: Mutex<BTreeMap<u16, Arc<OnceLock<wgpu::ComputePipeline>>>> = Mutex::new(BTreeMap::new());
+    static PIPELINES: LazyLock<Mutex<HashMap<Effects, Arc<OnceLock<wgpu::ComputePipeline>>>>> =
+        LazyLock::new(Mutex::default);
     let variant = variant - Effects::MOVING;
-    let place = PIPELINES.lock().unwrap().entry(variant.bits()).or_default().clone();
+    let place = PIPELINES.lock().unwrap().entry(variant).or_default().clone();
     place.get_or_init(|| lights.sampling.compile(variant)).clone()
 }
 

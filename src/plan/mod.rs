@@ -93,7 +93,7 @@ mod write;
 use std::fmt;
 use std::ops::Range;
 
-pub use buffers::{BufferId, BufferKind, NewBuffer};
+pub use buffers::{BufferId, BufferKind, NewBuffer, ShaderBuffers};
 pub use changes::UploadReport;
 use commands::CommandSizes;
 pub use commands::{Command, Commands};
@@ -129,8 +129,8 @@ use stored::Missing;
 use top::TopBuild;
 
 /// All kernels that plans dispatch. A kernel need not use all of its bindings.
-pub const KERNELS: [Kernel; 7] =
-    [relayout::RELAYOUT, scatter::SCATTER, top::LEAVES, top::KEYS, sort::SCATTER_KEYS, top::GROUP, top::NODE];
+pub const KERNELS: &[Kernel] =
+    &[relayout::RELAYOUT, scatter::SCATTER, top::LEAVES, top::KEYS, sort::SCATTER_KEYS, top::GROUP, top::NODE];
 
 /// What the GPU holds of one [`LightWorld`], and what it has to do to follow the world.
 ///
@@ -230,9 +230,15 @@ impl LightPlanner {
     ///
     /// A plan that replaces one of them replaces the first one too. So commands that were recorded
     /// before go on reading the former buffers, as long as these are not freed.
-    pub fn bindings(&self) -> Option<[BufferId; 5]> {
+    pub fn bindings(&self) -> Option<ShaderBuffers> {
         let params = self.params_buffer?;
-        Some([params, self.top.nodes(), self.nodes.buffer(), self.instances.buffer(), self.lights.buffer()])
+        Some(ShaderBuffers([
+            params,
+            self.top.nodes(),
+            self.nodes.buffer(),
+            self.instances.buffer(),
+            self.lights.buffer(),
+        ]))
     }
 
     /// Keeps the buffers of the last frame, from the next plan on, or drops them. They take as much
@@ -248,7 +254,7 @@ impl LightPlanner {
     /// The buffers of the last frame, as [`LightPlanner::bindings`] was then, but with buffers of
     /// their own; `None` before the first plan after [`LightPlanner::keep_previous`]. In that plan's
     /// frame they are those of the plan before it.
-    pub fn previous_bindings(&self) -> Option<[BufferId; 5]> {
+    pub fn previous_bindings(&self) -> Option<ShaderBuffers> {
         self.previous.bindings()
     }
 
@@ -260,7 +266,7 @@ impl LightPlanner {
 
     /// The buffers that shaders bind, with the bytes that are in use and their sizes.
     fn present(&self) -> Option<[(BufferId, u64, u64); BUFFERS]> {
-        let [_, top, nodes, instances, lights] = self.bindings()?;
+        let ShaderBuffers([_, top, nodes, instances, lights]) = self.bindings()?;
         let top_bytes = self.top.nodes_bytes();
         Some([
             (top, top_bytes, top_bytes),

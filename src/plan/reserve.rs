@@ -173,7 +173,7 @@ impl LightPlanner {
         self.add_missing_trees(world, changes);
         self.place_trees(world, changes, room)?;
         self.add_placed_instances(world, room, changes);
-        let directionals = world.directionals().count() as u32;
+        let directionals = world.directional_count() as u32;
         if changes.directionals && directionals as usize != self.directionals.len() {
             room.directionals = Some(self.lights.alloc(directionals, growth)?);
         }

@@ -81,7 +81,7 @@ impl Reservation<'_> {
         planner.lists.keep(trees, instance_runs);
         if changes.directionals {
             let run = planner.directionals.clone();
-            let records = world.directionals().map(|(_, light)| LightRecord::directional(light));
+            let records = world.directional_lights().map(|(_, light)| LightRecord::directional(light));
             planner.lights.write(commands, &mut Scattered::default(), run, records);
         }
         planner.scatter(commands, staged);

@@ -270,6 +270,11 @@ impl LightWorld {
         self.instances.len()
     }
 
+    /// The number of directional lights.
+    pub fn directional_count(&self) -> usize {
+        self.directionals.len()
+    }
+
     /// The number of lights that have a [`LightId`](crate::LightId): the lights of each tree once
     /// per instance, hidden instances included, and the directional lights. Lights that were added
     /// or removed count from the next [`LightWorld::update`] on.
@@ -337,8 +342,13 @@ impl LightWorld {
         self.directionals.get(key)
     }
 
-    /// All directional lights.
-    pub fn directionals(&self) -> impl Iterator<Item = (DirectionalKey, &DirectionalLight)> {
+    /// The keys of all directional lights.
+    pub fn directionals(&self) -> impl Iterator<Item = DirectionalKey> {
+        self.directionals.keys()
+    }
+
+    /// All directional lights with their keys, in the order of the keys.
+    pub(crate) fn directional_lights(&self) -> impl Iterator<Item = (DirectionalKey, &DirectionalLight)> {
         self.directionals.iter()
     }
 

@@ -198,7 +198,7 @@ fn masks_without_a_common_bit_leave_the_directional_lights() {
     assert!((only_directionals(&world, &nowhere) - 1.0).abs() < 1.0e-5);
     // Bits that no instance has.
     assert!((only_directionals(&world, &nowhere.with_mask(!0b1000)) - 1.0).abs() < 1.0e-5);
-    for key in world.directionals().map(|(key, _)| key).collect::<Vec<_>>() {
+    for key in world.directionals().collect::<Vec<_>>() {
         world.remove_directional(key).expect("it lives");
     }
     assert_eq!(world.sampler().sample(&nowhere, [0.5; 4]), None);

@@ -1,6 +1,6 @@
 //! The effects of a world, which follow from counts that every edit keeps up to date.
 
-use std::collections::BTreeMap;
+use std::collections::HashMap;
 
 use girandole::effects::EFFECT_HOLD_UPDATES;
 use girandole::glam::{DVec3, Mat3, Vec3};
@@ -17,10 +17,10 @@ fn moon() -> DirectionalLight {
 }
 
 /// The counts of all effects but [`Effects::MOVING`], from a visit of everything.
-fn counted(world: &LightWorld) -> BTreeMap<u16, u64> {
+fn counted(world: &LightWorld) -> HashMap<Effects, u64> {
     let all = Effects::all() - Effects::MOVING;
-    let mut counts: BTreeMap<u16, u64> = all.iter().map(|effect| (effect.bits(), 0)).collect();
-    let mut add = |effects: Effects| effects.iter().for_each(|effect| *counts.entry(effect.bits()).or_default() += 1);
+    let mut counts: HashMap<Effects, u64> = all.iter().map(|effect| (effect, 0)).collect();
+    let mut add = |effects: Effects| effects.iter().for_each(|effect| *counts.entry(effect).or_default() += 1);
     for tree in world.trees() {
         let tree = world.tree(tree).expect("it lives");
         tree.lights().iter().for_each(|light| add(light.effects()));
@@ -51,8 +51,8 @@ fn counted(world: &LightWorld) -> BTreeMap<u16, u64> {
 }
 
 /// The same as the world keeps them.
-fn kept(counts: &EffectCounts) -> BTreeMap<u16, u64> {
-    (Effects::all() - Effects::MOVING).iter().map(|effect| (effect.bits(), counts.of(effect))).collect()
+fn kept(counts: &EffectCounts) -> HashMap<Effects, u64> {
+    (Effects::all() - Effects::MOVING).iter().map(|effect| (effect, counts.of(effect))).collect()
 }
 
 #[test]

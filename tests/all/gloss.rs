@@ -255,7 +255,7 @@ fn question(world: &LightWorld, at: &ShadingPoint, light: LightId) -> [u32; 16] 
     let (instance, index) = match light {
         LightId::Local { instance, light } => (world.slot(instance).expect("it lives"), light),
         LightId::Directional(key) => {
-            (u32::MAX, world.directionals().position(|(other, _)| other == key).expect("listed") as u32)
+            (u32::MAX, world.directionals().position(|other| other == key).expect("listed") as u32)
         }
     };
     let none = Gloss { view: Vec3::ZERO, roughness: 0.0, specular: 0.0, diffuse: 0.0 };

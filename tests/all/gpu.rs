@@ -1,8 +1,8 @@
 //! The GPU samples as the CPU does: the same random numbers give the same lights, to float
 //! rounding.
 
-use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, OnceLock};
+use std::collections::HashMap;
+use std::sync::{Arc, LazyLock, Mutex, OnceLock};
 
 use girandole::glam::{DVec3, Mat3, Vec3};
 use girandole::gpu::{GpuError, GpuLights, SampleRecord, SampleRequest, wgsl};
@@ -115,7 +115,8 @@ fn sample_again(
 /// Samples the lights of the last upload with a pipeline for these effects. It has the text of
 /// `GpuLights::sample` and is compiled once for all tests, while each `GpuLights` compiles its own.
 pub(crate) fn sample_by(effects: Effects, lights: &mut GpuLights, requests: &[SampleRequest]) -> Vec<SampleRecord> {
-    static PIPELINES: Mutex<BTreeMap<u16, Arc<OnceLock<wgpu::ComputePipeline>>>> = Mutex::new(BTreeMap::new());
+    static PIPELINES: LazyLock<Mutex<HashMap<Effects, Arc<OnceLock<wgpu::ComputePipeline>>>>> =
+        LazyLock::new(Mutex::default);
     let (device, queue) = gpu();
     let entry = |binding, read_only| wgpu::BindGroupLayoutEntry {
         binding,
@@ -131,7 +132,7 @@ pub(crate) fn sample_by(effects: Effects, lights: &mut GpuLights, requests: &[Sa
         label: None,
         entries: &[entry(0, true), entry(1, false)],
     });
-    let place = PIPELINES.lock().expect("no panic before").entry(effects.bits()).or_default().clone();
+    let place = PIPELINES.lock().expect("no panic before").entry(effects).or_default().clone();
     let pipeline = place.get_or_init(|| {
         let shader = lights.shader(0, effects);
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -199,7 +200,7 @@ pub(crate) fn compare(
     records: &[SampleRecord],
 ) -> usize {
     let sampler = world.sampler().with_splits(splits);
-    let directionals: Vec<_> = world.directionals().map(|(key, _)| key).collect();
+    let directionals: Vec<_> = world.directionals().collect();
     let mut mismatches = 0;
     for (request, record) in requests.iter().zip(records) {
         let shading_point = shading_point(request);
@@ -239,7 +240,7 @@ fn the_gpu_chooses_the_same_lights_with_the_same_probabilities() {
         let requests = requests(&mut rng, 4096, 40.0);
         for has_directionals in [true, false] {
             if !has_directionals {
-                let keys: Vec<_> = world.directionals().map(|(key, _)| key).collect();
+                let keys: Vec<_> = world.directionals().collect();
                 keys.into_iter().for_each(|key| world.remove_directional(key).expect("a live key"));
             }
             for splits in SPLITS {
@@ -574,7 +575,7 @@ fn the_shader_function_for_a_pmf_gives_the_probabilities_of_the_cpu() {
 
     // Every light at a few shading points, as position, instance, normal and light.
     let sampler = world.sampler();
-    let directionals: Vec<_> = world.directionals().map(|(key, _)| key).collect();
+    let directionals: Vec<_> = world.directionals().collect();
     let mut questions: Vec<[u32; 8]> = Vec::new();
     // The probability with each number of splits.
     let mut expected: Vec<[f32; 2]> = Vec::new();

@@ -295,7 +295,7 @@ fn others(
     resample: impl Fn(&LightSampler<'_>, &SampleRequest) -> Option<Reservoir>,
 ) -> usize {
     let sampler = world.sampler();
-    let directionals: Vec<_> = world.directionals().map(|(key, _)| key).collect();
+    let directionals: Vec<_> = world.directionals().collect();
     let differs = |(request, record): (&SampleRequest, &ReservoirRecord)| {
         let twin = resample(&sampler, request);
         let (Some(twin), true) = (twin, record.weight > 0.0) else { return twin.is_some() != (record.weight > 0.0) };
@@ -325,7 +325,7 @@ fn the_gpu_keeps_the_same_candidates_with_the_same_weights() {
     for (trees, per_tree, instances) in [(5, 50, 5), (0, 0, 0)] {
         let mut world = rng.world(trees, per_tree, instances, 20.0);
         if trees == 0 {
-            let keys: Vec<_> = world.directionals().map(|(key, _)| key).collect();
+            let keys: Vec<_> = world.directionals().collect();
             keys.into_iter().for_each(|key| world.remove_directional(key).expect("a live key"));
         }
         let mut lights = GpuLights::new(&device, &queue).expect("default limits are enough");

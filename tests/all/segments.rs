@@ -165,7 +165,8 @@ fn two_lamps_are_chosen_in_proportion_to_the_closed_forms() {
 fn samples_estimate_the_integral_over_the_segment_and_candidates_do_so_with_less_noise() {
     let mut rng = Rng(605);
     let world = rng.world(3, 20, 3, 10.0);
-    let directional: Vec<DirectionalLight> = world.directionals().map(|(_, light)| *light).collect();
+    let directional: Vec<DirectionalLight> =
+        world.directionals().filter_map(|key| world.directional(key).copied()).collect();
     let (sampler, lights) = (world.sampler(), carried(&world));
     let draws = 20_000;
     let mut less = 0;
@@ -372,7 +373,7 @@ fn the_shader_gives_the_answers_of_the_cpu_and_takes_the_middle_without_the_effe
             let (instance, index) = match light {
                 LightId::Local { instance, light } => (world.slot(instance).expect("it lives"), light),
                 LightId::Directional(key) => {
-                    (u32::MAX, world.directionals().position(|(other, _)| other == key).expect("listed") as u32)
+                    (u32::MAX, world.directionals().position(|other| other == key).expect("listed") as u32)
                 }
             };
             let u = [rng.unit(), rng.unit()];

@@ -56,7 +56,7 @@ fn in_place(lights: Vec<Light>) -> LightWorld {
 fn lights_transformed_out_of_their_instances_contribute_as_before() {
     let mut rng = Rng(43);
     let mut world = rng.world(3, 20, 6, 10.0);
-    let directionals: Vec<_> = world.directionals().map(|(key, _)| key).collect();
+    let directionals: Vec<_> = world.directionals().collect();
     directionals.into_iter().for_each(|key| world.remove_directional(key).expect("a live key"));
     let flat = carried(&world);
     let flat_world = in_place(flat.clone());

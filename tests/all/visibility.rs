@@ -302,7 +302,7 @@ fn directional_lights_stale_lights_and_samplers_without_a_table_record_nothing()
     let instance = world.instances().next().expect("an instance");
     let mut table = VisibilityTable::default();
     let at = ShadingPoint::surface(Vec3::ZERO, Vec3::Y);
-    let directional = world.directionals().next().map(|(key, _)| LightId::Directional(key)).expect("a sun");
+    let directional = world.directionals().next().map(LightId::Directional).expect("a sun");
     let lost = LightId::Local { instance, light: 5 };
     world.sampler().record_visibility(&at, LightId::Local { instance, light: 0 }, true);
     let sampler = world.sampler().with_visibility(&table);

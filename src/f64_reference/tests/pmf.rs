@@ -148,7 +148,7 @@ fn compare_worlds(seed: u64, shading_point: impl Fn(&mut Rng, f32) -> ShadingPoi
                 Some((Tree { nodes: bytemuck::cast_slice(tree.nodes()), view, instance: Some(part.slot) }, target))
             };
             let directional: f64 = world
-                .directionals()
+                .directional_lights()
                 .map(|(_, light)| {
                     let toward = -exact(light.direction).normalize();
                     let cosine = if at.normal == Vec3::ZERO { 1.0 } else { exact(at.normal).dot(toward).max(0.0) };

@@ -123,7 +123,7 @@ impl Edited {
 
     /// Adds a directional light, or removes one of two.
     fn change_directionals(&mut self) {
-        let keys: Vec<_> = self.world.directionals().map(|(key, _)| key).collect();
+        let keys: Vec<_> = self.world.directionals().collect();
         if keys.len() < 2 {
             let light = DirectionalLight { direction: self.rng.direction(), illuminance: Vec3::splat(0.1) };
             self.world.add_directional(light).expect("a valid light");

@@ -94,7 +94,7 @@ fn many_flickering_trees_go_up_in_one_write() {
         let mut fresh = Played::new();
         fresh.frame(&world, &FrameDelta::everything(&world));
         let content = |played: &Played| {
-            let [_, _, nodes, _, lights] = played.planner.bindings().expect("a plan was made");
+            let [_, _, nodes, _, lights] = played.bound();
             (played.device.content(nodes)[..1000 * 160].to_vec(), played.device.content(lights)[..4000 * 32].to_vec())
         };
         assert!(content(&played) == content(&fresh));
@@ -323,17 +323,18 @@ fn after_a_loss_the_last_frame_has_no_lights_until_the_second_plan() {
     played.frame(&world, &delta);
     played.planner.lose();
     let zeros = |played: &Played| {
-        let [params, buffers @ ..] = played.planner.previous_bindings().expect("they are kept");
+        let bound = played.planner.previous_bindings().expect("they are kept");
+        let (params, buffers) = bound.split_first().expect("five buffers");
         let is_zero = |bytes: &[u8]| bytes.iter().all(|byte| *byte == 0);
         // The numbers of slots and of directional lights, and all buffers.
-        is_zero(&played.device.content(params)[..12]) && buffers.iter().all(|id| is_zero(played.device.content(*id)))
+        is_zero(&played.device.content(*params)[..12]) && buffers.iter().all(|id| is_zero(played.device.content(*id)))
     };
     played.frame(&world, &FrameDelta::default());
     assert!(zeros(&played));
     played.frame(&world, &FrameDelta::default());
     assert!(!zeros(&played));
-    let [[.., present, _], [.., previous, _]] =
-        [played.planner.bindings(), played.planner.previous_bindings()].map(|ids| ids.expect("a plan was made"));
+    let [present, previous] =
+        [played.planner.bindings(), played.planner.previous_bindings()].map(|ids| ids.expect("a plan was made")[3]);
     let used = slots(&world) * INSTANCE_BYTES;
     assert!(played.device.content(present)[..used] == played.device.content(previous)[..used]);
 }
@@ -358,7 +359,7 @@ fn indices_of_lights_that_never_were_are_sent_as_removed_lights() {
     let mut fresh = Played::new();
     fresh.frame(&world, &FrameDelta::everything(&world));
     let lights = |played: &Played| {
-        let [_, _, _, _, lights] = played.planner.bindings().expect("a plan was made");
+        let [_, _, _, _, lights] = played.bound();
         let base = u32::from_le_bytes(played.instances(&world, INSTANCE_BYTES)[60..64].try_into().expect("a word"));
         played.device.content(lights)[base as usize * 32..][..105 * 32].to_vec()
     };
@@ -433,7 +434,7 @@ fn a_loaded_tree_is_sent_as_the_tree_that_was_baked() {
         let mut played = Played::new();
         let delta = update(&mut world);
         let report = played.frame(&world, &delta).report;
-        let [_, _, nodes, instances, lights] = played.planner.bindings().expect("a plan was made");
+        let [_, _, nodes, instances, lights] = played.bound();
         (report, [nodes, instances, lights].map(|id| played.device.content(id).to_vec()))
     });
     assert_eq!(sent[0].0.lights, 500);
